@@ -2,7 +2,7 @@
 //! the watchdog of a WAGO 750. Written from the makers' manuals and the Modbus specification; it shares neither codec
 //! nor checks with the code under test.
 
-use ob1_cpu::Nanos;
+use ob1_time::{Instant, Span};
 
 /// Watchdog time in 100 ms.
 const TIME: u16 = 0x1000;
@@ -12,7 +12,7 @@ const RUNNING: u16 = 0x1006;
 const STOP: u16 = 0x1008;
 /// 1: every telegram triggers the watchdog, the next one starts it.
 const ALTERNATIVE: u16 = 0x100A;
-const UNIT: Nanos = 100_000_000;
+const UNIT: Span = Span::from_millis(100);
 
 const ILLEGAL_FUNCTION: u8 = 1;
 const ILLEGAL_ADDRESS: u8 = 2;
@@ -33,12 +33,12 @@ pub struct Coupler {
     /// Telegrams that read input registers.
     pub reads: u64,
     /// The last telegram that it understood.
-    pub heard: Nanos,
+    pub heard: Instant,
     time: u16,
     armed: bool,
     expired: bool,
     /// When its outputs go off.
-    until: Option<Nanos>,
+    until: Option<Instant>,
 }
 
 impl Coupler {
@@ -51,7 +51,7 @@ impl Coupler {
             driven: vec![0; words],
             writes: Vec::new(),
             reads: 0,
-            heard: 0,
+            heard: Instant::START,
             time: 0,
             armed: false,
             expired: false,
@@ -61,12 +61,12 @@ impl Coupler {
 
     /// When [`Self::look`] has something to do.
     #[must_use]
-    pub fn deadline(&self) -> Nanos {
-        self.until.unwrap_or(Nanos::MAX)
+    pub fn deadline(&self) -> Instant {
+        self.until.unwrap_or(Instant::NEVER)
     }
 
     /// Its watchdog.
-    pub fn look(&mut self, now: Nanos) {
+    pub fn look(&mut self, now: Instant) {
         if self.until.is_some_and(|until| now >= until) {
             (self.until, self.expired, self.armed) = (None, true, false);
             self.driven.fill(0);
@@ -74,7 +74,7 @@ impl Coupler {
     }
 
     /// Answers a request: unit, function, data. Nothing: it is not for this one, or makes no sense.
-    pub fn hear(&mut self, now: Nanos, request: &[u8]) -> Option<Vec<u8>> {
+    pub fn hear(&mut self, now: Instant, request: &[u8]) -> Option<Vec<u8>> {
         self.look(now);
         let &[unit, function, a, b, c, d, ref rest @ ..] = request else { return None };
         if self.unit != 255 && unit != self.unit {
@@ -87,7 +87,7 @@ impl Coupler {
             Err(DEVICE_FAILURE)
         } else {
             if self.armed {
-                self.until = Some(now + Nanos::from(self.time) * UNIT);
+                self.until = Some(now + u64::from(self.time) * UNIT);
             }
             self.obey(function, first, value, rest)
         };
@@ -220,32 +220,34 @@ pub fn crc(bytes: &[u8]) -> [u8; 2] {
 mod tests {
     use super::*;
 
-    const MS: Nanos = 1_000_000;
-
     #[test]
     fn a_watchdog_that_is_set_switches_off_and_is_cleared() {
         let mut coupler = Coupler::new(1, 2);
         let drive = [1, 0x10, 0, 0, 0, 2, 4, 0, 7, 0, 8];
         let done = Some(vec![1, 0x10, 0, 0, 0, 2]);
-        assert_eq!(coupler.hear(0, &drive), done);
-        coupler.look(Nanos::MAX);
+        assert_eq!(coupler.hear(Instant::START, &drive), done);
+        coupler.look(Instant::NEVER);
         assert_eq!(coupler.driven, [7, 8], "nobody has set it");
         for (at, value) in [(0x10, 0), (0, 2), (0x0A, 1)] {
-            assert!(coupler.hear(0, &[1, 6, 0x10, at, 0, value]).is_some());
+            assert!(coupler.hear(Instant::START, &[1, 6, 0x10, at, 0, value]).is_some());
         }
-        coupler.look(5 * MS);
-        assert_eq!(coupler.deadline(), Nanos::MAX, "the next telegram starts it");
-        assert_eq!(coupler.hear(10 * MS, &drive), done);
-        assert_eq!(coupler.hear(20 * MS, &[1, 6, 0x10, 0x00, 0, 9]), Some(vec![1, 0x86, ILLEGAL_VALUE]), "it runs");
-        assert_eq!(coupler.hear(20 * MS, &[1, 3, 0x10, 6, 0, 1]), Some(vec![1, 3, 2, 0, 1]));
-        coupler.look(219 * MS);
+        coupler.look(Instant::from_millis(5));
+        assert_eq!(coupler.deadline(), Instant::NEVER, "the next telegram starts it");
+        assert_eq!(coupler.hear(Instant::from_millis(10), &drive), done);
+        assert_eq!(
+            coupler.hear(Instant::from_millis(20), &[1, 6, 0x10, 0x00, 0, 9]),
+            Some(vec![1, 0x86, ILLEGAL_VALUE]),
+            "it runs"
+        );
+        assert_eq!(coupler.hear(Instant::from_millis(20), &[1, 3, 0x10, 6, 0, 1]), Some(vec![1, 3, 2, 0, 1]));
+        coupler.look(Instant::from_millis(219));
         assert_eq!(coupler.driven, [7, 8]);
-        coupler.look(220 * MS);
+        coupler.look(Instant::from_millis(220));
         assert_eq!(coupler.driven, [0, 0]);
-        assert_eq!(coupler.hear(230 * MS, &[1, 4, 0, 0, 0, 1]), Some(vec![1, 0x84, DEVICE_FAILURE]));
-        assert!(coupler.hear(230 * MS, &[1, 6, 0x10, 8, 0x55, 0xAA]).is_some());
-        assert_eq!(coupler.hear(240 * MS, &[1, 4, 0, 0, 0, 1]), Some(vec![1, 4, 2, 0, 0]));
-        assert_eq!(coupler.hear(240 * MS, &[2, 4, 0, 0, 0, 1]), None, "another's");
+        assert_eq!(coupler.hear(Instant::from_millis(230), &[1, 4, 0, 0, 0, 1]), Some(vec![1, 0x84, DEVICE_FAILURE]));
+        assert!(coupler.hear(Instant::from_millis(230), &[1, 6, 0x10, 8, 0x55, 0xAA]).is_some());
+        assert_eq!(coupler.hear(Instant::from_millis(240), &[1, 4, 0, 0, 0, 1]), Some(vec![1, 4, 2, 0, 0]));
+        assert_eq!(coupler.hear(Instant::from_millis(240), &[2, 4, 0, 0, 0, 1]), None, "another's");
     }
 
     #[test]

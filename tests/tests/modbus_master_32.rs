@@ -4,11 +4,12 @@
 
 use ob1_line::sim::SplitMix64;
 use ob1_protocols::modbus_master_32::{Driver, Input, Order, Owner, Parameters};
-use ob1_protocols::{LineFault, LineInput, MS, Nanos, SECOND, Wire};
+use ob1_protocols::{LineFault, LineInput, MS, SECOND, Wire};
 use ob1_tests::modbus_slave::{LONG_FIRST, LONGS, ModbusSlave, SIZE};
+use ob1_time::{Instant, Span};
 
 /// Ten bits at 9600 bit/s.
-const CHARACTER: Nanos = SECOND / 960;
+const CHARACTER: Span = Span::of_rate(960);
 
 #[derive(Default)]
 struct Cpu {
@@ -51,21 +52,21 @@ enum Damage {
 struct Bench {
     driver: Driver,
     slave: ModbusSlave,
-    now: Nanos,
-    due: Option<Nanos>,
+    now: Instant,
+    due: Option<Instant>,
 }
 
 impl Bench {
     fn new(parameters: Parameters) -> Self {
         let mut driver = Driver::new(parameters);
         let mut cpu = Cpu::default();
-        let due = driver.step(0, Input::Tick, &mut cpu);
+        let due = driver.step(Instant::START, Input::Tick, &mut cpu);
         assert!(driver.is_ready() && cpu.entries.is_empty());
-        Self { driver, slave: ModbusSlave::new(5), now: 0, due }
+        Self { driver, slave: ModbusSlave::new(5), now: Instant::START, due }
     }
 
     /// Time passes up to `end`, with a tick at each deadline.
-    fn pass(&mut self, end: Nanos, cpu: &mut Cpu) {
+    fn pass(&mut self, end: Instant, cpu: &mut Cpu) {
         while let Some(at) = self.due.filter(|at| *at < end) {
             self.due = self.driver.step(at, Input::Tick, cpu);
             assert_ne!(self.due, Some(at), "the driver does not get past {at}");
@@ -82,7 +83,7 @@ impl Bench {
         let mut cpu = Cpu::default();
         self.step(Input::Order(Order::Job { r_typ: b'X', source }), &mut cpu);
         let request = std::mem::take(&mut cpu.line);
-        self.pass(self.now + CHARACTER * request.len() as Nanos, &mut cpu);
+        self.pass(self.now + CHARACTER * request.len() as u64, &mut cpu);
         let reply = self.slave.hear(&request);
         if !request.is_empty() {
             self.step(Input::Line(LineInput::TxDone), &mut cpu);

@@ -2,6 +2,7 @@
 
 mod common;
 
+use ob1_time::Span;
 use std::path::PathBuf;
 
 use common::pair::{self, run};
@@ -19,8 +20,12 @@ fn replay(seed: u64) -> String {
 
 #[test]
 fn a_good_line_loses_nothing() {
-    let scenario =
-        Scenario { faults: FaultRates::NONE, kill_every: 0, duration: 20 * SECOND, ..Scenario::demo(&folder(), 7) };
+    let scenario = Scenario {
+        faults: FaultRates::NONE,
+        kill_every: Span::ZERO,
+        duration: 20 * SECOND,
+        ..Scenario::demo(&folder(), 7)
+    };
     let outcome = run(&scenario);
     assert_eq!(outcome.verdict.broken, Vec::<String>::new(), "{}", outcome.log);
     for column in ["error", "aborted", "wrong", "doubled", "late", "lost", "undetectable"] {
@@ -75,7 +80,7 @@ fn without_a_cable_no_order_is_ever_done() {
     // Every character is lost: the guard against "done" without an acknowledgement.
     let scenario = Scenario {
         faults: FaultRates { lose: 1_000_000, ..FaultRates::NONE },
-        kill_every: 0,
+        kill_every: Span::ZERO,
         duration: 60 * SECOND,
         ..Scenario::demo(&folder(), 3)
     };
@@ -123,7 +128,7 @@ fn late_echoes_of_short_telegrams_are_known_as_such() {
         std::fs::write(folder.path().join(name), text).expect("room for a file");
     }
     let demo = Scenario::demo(folder.path(), 7);
-    let outcome = run(&Scenario { faults: FaultRates::NONE, kill_every: 0, duration: 60 * SECOND, ..demo });
+    let outcome = run(&Scenario { faults: FaultRates::NONE, kill_every: Span::ZERO, duration: 60 * SECOND, ..demo });
     let [lost, late] = ["lost", "late"].map(|column| outcome.verdict.get(column));
     assert!(lost > 2 && late > 2, "{}", outcome.log);
     assert_eq!((outcome.verdict.get("wrong"), outcome.verdict.get("undetectable")), (0, 0), "{}", outcome.log);

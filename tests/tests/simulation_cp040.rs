@@ -3,6 +3,7 @@
 
 mod common;
 
+use ob1_time::Span;
 use std::path::PathBuf;
 
 use common::pair::{self, run};
@@ -15,8 +16,12 @@ fn folder() -> PathBuf {
 
 #[test]
 fn a_good_line_loses_nothing() {
-    let scenario =
-        Scenario { faults: FaultRates::NONE, kill_every: 0, duration: 20 * SECOND, ..Scenario::demo(&folder(), 7) };
+    let scenario = Scenario {
+        faults: FaultRates::NONE,
+        kill_every: Span::ZERO,
+        duration: 20 * SECOND,
+        ..Scenario::demo(&folder(), 7)
+    };
     let outcome = run(&scenario);
     assert_eq!(outcome.verdict.broken, Vec::<String>::new(), "{}", outcome.log);
     for column in ["error", "aborted", "wrong", "doubled", "late", "lost", "undetectable"] {
@@ -33,7 +38,7 @@ fn fb_65_does_both() {
         stations: ["station-com.toml", "station-b.toml"].map(|name| folder().join(name)).to_vec(),
         ..Scenario::demo(&folder(), seed)
     };
-    let good = Scenario { faults: FaultRates::NONE, kill_every: 0, duration: 20 * SECOND, ..scenario(7) };
+    let good = Scenario { faults: FaultRates::NONE, kill_every: Span::ZERO, duration: 20 * SECOND, ..scenario(7) };
     let outcome = run(&good);
     assert_eq!(outcome.verdict.broken, Vec::<String>::new(), "{}", outcome.log);
     for column in ["error", "aborted", "wrong", "doubled", "late", "lost"] {

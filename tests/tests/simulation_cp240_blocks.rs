@@ -12,6 +12,7 @@ use ob1_firmware::LineFault;
 use ob1_model::Area;
 use ob1_tests::sim::device::{Bench, Device};
 use ob1_tests::sim::{MS, SECOND};
+use ob1_time::Instant;
 
 const STX: u8 = 0x02;
 const ETX: u8 = 0x03;
@@ -44,7 +45,7 @@ fn rtu(telegram: &[u8]) -> Vec<u8> {
 }
 
 impl Device for Partner {
-    fn hear(&mut self, _now: u64, bytes: &[u8], out: &mut Vec<u8>) -> Option<u64> {
+    fn hear(&mut self, _now: Instant, bytes: &[u8], out: &mut Vec<u8>) -> Option<Instant> {
         for byte in bytes {
             self.heard.push(*byte);
             match self.from {

@@ -8,19 +8,24 @@ use std::fs;
 
 use common::cp341::data_block;
 use common::pair::{self, run};
-use ob1_cpu::{Cell, CellWidth, Nanos};
+use ob1_cpu::{Cell, CellWidth};
 use ob1_line::sim::FaultRates;
 use ob1_tests::sim::device::{Bench, Device};
 use ob1_tests::sim::station::SimStation;
 use ob1_tests::sim::{self, MS, SECOND, Scenario};
+use ob1_time::{Instant, Span};
 
 // ---- the example ----
 
 #[test]
 fn the_pair_loses_nothing_on_a_good_line() {
     let folder = pair::example("cp340-pair");
-    let scenario =
-        Scenario { faults: FaultRates::NONE, kill_every: 0, duration: 30 * SECOND, ..Scenario::demo(&folder, 7) };
+    let scenario = Scenario {
+        faults: FaultRates::NONE,
+        kill_every: Span::ZERO,
+        duration: 30 * SECOND,
+        ..Scenario::demo(&folder, 7)
+    };
     let outcome = run(&scenario);
     assert_eq!(outcome.verdict.broken, Vec::<String>::new(), "{}", outcome.log);
     for column in ["error", "aborted", "wrong", "doubled", "late", "lost", "undetectable"] {
@@ -185,7 +190,8 @@ fn exchange(kinds: [&str; 2], params: [&str; 2], jobs: Vec<Job>) {
         fs::write(folder.path().join(format!("station-{name}.toml")), file).expect("a station file");
     }
     let duration = 900 * SECOND;
-    let scenario = Scenario { faults: FaultRates::NONE, kill_every: 0, duration, ..Scenario::demo(folder.path(), 1) };
+    let scenario =
+        Scenario { faults: FaultRates::NONE, kill_every: Span::ZERO, duration, ..Scenario::demo(folder.path(), 1) };
     let mut operator = Operator { jobs, ..Operator::default() };
     let outcome = sim::run_with(&scenario, |place, station| {
         operator.look(place, station);
@@ -259,7 +265,7 @@ struct Partner {
 }
 
 impl Device for Partner {
-    fn hear(&mut self, _: Nanos, bytes: &[u8], out: &mut Vec<u8>) -> Option<Nanos> {
+    fn hear(&mut self, _: Instant, bytes: &[u8], out: &mut Vec<u8>) -> Option<Instant> {
         for byte in bytes {
             self.heard.push(*byte);
             match self.heard[..] {
@@ -326,7 +332,7 @@ impl Site {
         put(&mut self.bench.station, db, byte, CellWidth::Byte, value.into());
     }
 
-    fn pass(&mut self, time: Nanos) {
+    fn pass(&mut self, time: Span) {
         let Self { bench, ends, reports } = self;
         bench.until(time, |station| {
             let (send, receive) = (block(station, 60), block(station, 61));
@@ -343,7 +349,7 @@ impl Site {
     }
 
     /// An edge of REQ, and so long.
-    fn send(&mut self, len: u8, time: Nanos) -> Vec<u16> {
+    fn send(&mut self, len: u8, time: Span) -> Vec<u16> {
         self.set(60, 3, len);
         self.set(60, 0, 1);
         self.pass(2 * MS);

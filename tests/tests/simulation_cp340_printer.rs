@@ -6,9 +6,10 @@ mod common;
 use std::fs;
 
 use common::cp341::data_block;
-use ob1_cpu::{Cell, CellWidth, Nanos};
+use ob1_cpu::{Cell, CellWidth};
 use ob1_tests::sim::device::{Bench, Device};
 use ob1_tests::sim::{MS, SECOND};
+use ob1_time::{Instant, Span};
 
 const XON: u8 = 0x11;
 const XOFF: u8 = 0x13;
@@ -26,7 +27,7 @@ struct Paper {
 }
 
 impl Device for Paper {
-    fn hear(&mut self, _: Nanos, bytes: &[u8], out: &mut Vec<u8>) -> Option<Nanos> {
+    fn hear(&mut self, _: Instant, bytes: &[u8], out: &mut Vec<u8>) -> Option<Instant> {
         for byte in bytes.iter().filter(|byte| ![XON, XOFF].contains(*byte)) {
             self.bytes.push(*byte);
             if self.stops_after == Some(self.bytes.len()) {
@@ -108,7 +109,7 @@ impl Site {
         self.word(50, 30, format.len() as u16);
     }
 
-    fn pass(&mut self, time: Nanos) {
+    fn pass(&mut self, time: Span) {
         let Self { bench, ends } = self;
         bench.until(time, |station| {
             let block = station.cpu.data_block(60).expect("DB 60");

@@ -3,6 +3,7 @@
 
 mod common;
 
+use ob1_time::Span;
 use std::path::PathBuf;
 
 use common::pair::{self, run};
@@ -21,8 +22,12 @@ fn cell(outcome: &Outcome, station: &str, db: u16, byte: usize) -> u32 {
 
 #[test]
 fn a_good_line_loses_nothing() {
-    let scenario =
-        Scenario { faults: FaultRates::NONE, kill_every: 0, duration: 20 * SECOND, ..Scenario::demo(&folder(), 7) };
+    let scenario = Scenario {
+        faults: FaultRates::NONE,
+        kill_every: Span::ZERO,
+        duration: 20 * SECOND,
+        ..Scenario::demo(&folder(), 7)
+    };
     let outcome = run(&scenario);
     assert_eq!(outcome.verdict.broken, Vec::<String>::new(), "{}", outcome.log);
     for column in ["error", "aborted", "wrong", "doubled", "late", "lost", "undetectable"] {

@@ -4,6 +4,7 @@
 
 mod common;
 
+use ob1_time::Span;
 use std::fs;
 
 use common::cp341::{INSTANCES, data_block};
@@ -238,8 +239,12 @@ fn instances_multi_instances_numbers_and_symbols() {
         );
         fs::write(folder.path().join(format!("station-{name}.toml")), file).expect("a station file");
     }
-    let scenario =
-        Scenario { faults: FaultRates::NONE, kill_every: 0, duration: 30 * SECOND, ..Scenario::demo(folder.path(), 1) };
+    let scenario = Scenario {
+        faults: FaultRates::NONE,
+        kill_every: Span::ZERO,
+        duration: 30 * SECOND,
+        ..Scenario::demo(folder.path(), 1)
+    };
     let mut seen = [Seen::default(), Seen::default()];
     let outcome = sim::run_with(&scenario, |place, station| {
         seen[place].look(place, station);

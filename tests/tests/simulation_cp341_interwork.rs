@@ -1,5 +1,6 @@
 //! CP 341, CP 340 and CP 240 on one line, in virtual time: 3964R and RK 512, each in the active role.
 
+use ob1_time::Span;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -15,7 +16,7 @@ fn text(file: &str) -> String {
 }
 
 /// Station A of an example against a station B that is written here.
-fn run(example: &str, sources: &[(&str, String)], module: &str, duration: u64, faults: FaultRates) -> Outcome {
+fn run(example: &str, sources: &[(&str, String)], module: &str, duration: Span, faults: FaultRates) -> Outcome {
     let a = text(&format!("{example}/station-a.toml"));
     run_with(example, &a, sources, ["cp341", module], duration, faults)
 }
@@ -26,7 +27,7 @@ fn run_with(
     station_a: &str,
     sources: &[(&str, String)],
     [kind, module]: [&str; 2],
-    duration: u64,
+    duration: Span,
     faults: FaultRates,
 ) -> Outcome {
     let folder = tempfile::tempdir().expect("a folder");
@@ -40,7 +41,7 @@ fn run_with(
          [[plugin]]\npath = \"ob1_{kind}\"\n[[module]]\ntype = \"{kind}\"\nname = \"cp\"\n{module}\n"
     );
     fs::write(folder.path().join("station-b.toml"), b).expect("station B");
-    let scenario = Scenario { faults, kill_every: 0, duration, ..Scenario::demo(folder.path(), 3) };
+    let scenario = Scenario { faults, kill_every: Span::ZERO, duration, ..Scenario::demo(folder.path(), 3) };
     sim::run(&scenario).unwrap_or_else(|message| panic!("{message}\nrun: cargo xtask test"))
 }
 

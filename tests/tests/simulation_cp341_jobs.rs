@@ -4,6 +4,7 @@
 //! Station A gives the jobs one after the other out of DB 60 and writes their ends into DB 61; station B writes what
 //! P_RCV_RK reports into DB 71.
 
+use ob1_time::Span;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
@@ -338,13 +339,13 @@ fn write_a(folder: &Path, jobs: &[(Job, u16, Report)]) {
         .expect("station-a.toml");
 }
 
-fn simulate(folder: &Path, duration: u64) -> Outcome {
-    let scenario = Scenario { faults: FaultRates::NONE, kill_every: 0, duration, ..Scenario::demo(folder, 1) };
+fn simulate(folder: &Path, duration: Span) -> Outcome {
+    let scenario = Scenario { faults: FaultRates::NONE, kill_every: Span::ZERO, duration, ..Scenario::demo(folder, 1) };
     sim::run(&scenario).unwrap_or_else(|message| panic!("{message}\nrun: cargo xtask test"))
 }
 
 /// Runs the jobs; B goes to STOP 30 scans after so many reports.
-fn run(jobs: &[(Job, u16, Report)], stop_at: usize, duration: u64) -> Outcome {
+fn run(jobs: &[(Job, u16, Report)], stop_at: usize, duration: Span) -> Outcome {
     let folder = tempfile::tempdir().expect("a folder");
     write_a(folder.path(), jobs);
     let log = copy_words(36, &["MW20", "MW22", "MW24", "MW30", "MW32", "MW26"], &["DBW [MD 36]"; 6]);

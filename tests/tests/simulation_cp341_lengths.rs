@@ -9,6 +9,7 @@
 
 mod common;
 
+use ob1_time::Span;
 use std::fs;
 
 use common::cp341::{INSTANCES, data_block};
@@ -398,7 +399,8 @@ fn run_at(cycle: &str, protocol: &str, jobs: [Vec<Job>; 2]) {
         fs::write(folder.path().join(format!("station-{name}.toml")), file).expect("a station file");
     }
     let duration = 600 * SECOND;
-    let scenario = Scenario { faults: FaultRates::NONE, kill_every: 0, duration, ..Scenario::demo(folder.path(), 1) };
+    let scenario =
+        Scenario { faults: FaultRates::NONE, kill_every: Span::ZERO, duration, ..Scenario::demo(folder.path(), 1) };
     let [of_a, of_b] = jobs;
     let mut directions = [Direction::new(0, of_a), Direction::new(1, of_b)];
     let outcome = sim::run_with(&scenario, |place, station| {

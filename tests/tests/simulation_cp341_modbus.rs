@@ -7,13 +7,14 @@ use std::path::Path;
 
 use ob1_cpu::{Cell, CellWidth};
 use ob1_model::Area;
-use ob1_protocols::{MS, Nanos};
+use ob1_protocols::MS;
 use ob1_tests::modbus_slave::{LONG_FIRST, ModbusSlave};
 use ob1_tests::sim::SECOND;
 use ob1_tests::sim::device::{Bench, Device};
+use ob1_time::{Instant, Span};
 
 /// The slave thinks so long before it answers.
-const THINKS: Nanos = 20 * MS;
+const THINKS: Span = Span::from_millis(20);
 
 /// What the CP enters when it starts: the CPU is in RUN, the parameters are accepted. [reference 3.2]
 const STARTED: &[u16] = &[0x0008, 0x0003];
@@ -24,13 +25,13 @@ type Damage = fn(Vec<u8>) -> Vec<u8>;
 /// The slave on its line, and what is wrong with it.
 struct OnLine {
     slave: ModbusSlave,
-    answers: VecDeque<(Nanos, Vec<u8>)>,
+    answers: VecDeque<(Instant, Vec<u8>)>,
     /// Is done to each answer.
     damage: Damage,
 }
 
 impl Device for OnLine {
-    fn hear(&mut self, now: Nanos, bytes: &[u8], out: &mut Vec<u8>) -> Option<Nanos> {
+    fn hear(&mut self, now: Instant, bytes: &[u8], out: &mut Vec<u8>) -> Option<Instant> {
         let answer = (self.damage)(self.slave.hear(bytes));
         if !answer.is_empty() {
             self.answers.push_back((now + THINKS, answer));

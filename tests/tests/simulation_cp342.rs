@@ -4,9 +4,10 @@
 #[expect(dead_code, reason = "what judges the whole plant is not needed here")]
 mod plant;
 
+use ob1_tests::sim::MS;
+use ob1_time::Instant;
 use plant::cp342::{Call, End, Plant, STATIONS};
 
-const MS: u64 = 1_000_000;
 const DONE: End = (true, false, 0);
 const WAITS: End = (false, false, 0x8180);
 const NOTHING: End = (false, false, 0x8182);
@@ -80,7 +81,7 @@ fn while_the_bus_starts_8180h_is_no_error() {
     let mut seen = Vec::new();
     while plant.end(1) != DONE {
         plant.scan();
-        assert!(plant.now() < 3000 * MS, "{seen:?}");
+        assert!(plant.now() < Instant::from_millis(3000), "{seen:?}");
         if seen.last() != Some(&plant.end(1)) {
             seen.push(plant.end(1));
         }

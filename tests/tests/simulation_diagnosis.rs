@@ -12,12 +12,13 @@ use ob1_host::module::CpSettings;
 use ob1_line::sim::FaultRates;
 use ob1_tests::sim::device::{Bench, Device};
 use ob1_tests::sim::{MS, SECOND};
+use ob1_time::Instant;
 
 /// Nobody at the other end.
 struct Silent;
 
 impl Device for Silent {
-    fn hear(&mut self, _now: u64, _bytes: &[u8], _out: &mut Vec<u8>) -> Option<u64> {
+    fn hear(&mut self, _now: Instant, _bytes: &[u8], _out: &mut Vec<u8>) -> Option<Instant> {
         None
     }
 }

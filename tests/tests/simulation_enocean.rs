@@ -6,23 +6,24 @@ use std::path::Path;
 use ob1_cpu::{Cell, CellWidth, Command};
 use ob1_line::sim::FaultRates;
 use ob1_model::Area;
+use ob1_protocols::MS;
 use ob1_protocols::esp2::{Button, Radio, Switch, Telegram};
-use ob1_protocols::{MS, Nanos};
 use ob1_tests::sim::SECOND;
 use ob1_tests::sim::device::{Bench, Device};
 use ob1_tests::sim::station::SimStation;
 use ob1_tests::tcm120::{Eeprom, Input, Output, Tcm120, script};
+use ob1_time::{Instant, Span};
 
 const ID_BASE: u32 = 0xFF80_0080;
 
 /// The module and what it has sent by radio.
 struct Air {
     module: Tcm120,
-    sent: Vec<(Nanos, Radio)>,
+    sent: Vec<(Instant, Radio)>,
 }
 
 impl Air {
-    fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut Vec<u8>) -> Option<Nanos> {
+    fn step(&mut self, now: Instant, input: Input<'_>, out: &mut Vec<u8>) -> Option<Instant> {
         let mut output = Output::default();
         let due = self.module.step(now, input, &mut output);
         out.extend(output.serial);
@@ -32,7 +33,7 @@ impl Air {
 }
 
 impl Device for Air {
-    fn hear(&mut self, now: Nanos, bytes: &[u8], out: &mut Vec<u8>) -> Option<Nanos> {
+    fn hear(&mut self, now: Instant, bytes: &[u8], out: &mut Vec<u8>) -> Option<Instant> {
         self.step(now, if bytes.is_empty() { Input::Tick } else { Input::Rx(bytes) }, out)
     }
 }
@@ -55,7 +56,7 @@ fn example_on(file: &str, faults: FaultRates) -> Bench<Air> {
 }
 
 /// A line of the script happens on the radio side; `time` passes.
-fn air(bench: &mut Bench<Air>, line: &str, time: Nanos) {
+fn air(bench: &mut Bench<Air>, line: &str, time: Span) {
     let input = script::line(line).expect("understood").expect("something");
     bench.meanwhile(|air, now, out| air.step(now, input, out));
     bench.pass(time);
@@ -201,7 +202,7 @@ fn the_module_s_commands() {
 #[test]
 fn repeated_telegrams_do_not_toggle_the_light() {
     let mut bench = example("toggle.toml");
-    let heard: [&[(&str, Nanos)]; 5] = [
+    let heard: [&[(&str, u64)]; 5] = [
         &[("", 0)],
         &[("", 20), (" repeat 1", 0)],
         &[("", 20), (" repeat 1", 40), (" repeat 2", 0)],
@@ -214,7 +215,7 @@ fn repeated_telegrams_do_not_toggle_the_light() {
     for _ in 0..6 {
         for copies in heard {
             for (suffix, then) in copies {
-                air(&mut bench, &format!("press 00121c7a AI{suffix}"), then * MS);
+                air(&mut bench, &format!("press 00121c7a AI{suffix}"), *then * MS);
                 telegrams += 1;
             }
             bench.pass(150 * MS);

@@ -4,6 +4,7 @@
 //!
 //! Station A of the demo, with organization blocks more that count in DB 90.
 
+use ob1_time::Span;
 use std::fs;
 use std::path::Path;
 
@@ -123,9 +124,14 @@ fn stations(key: &str, address: u16) -> tempfile::TempDir {
     folder
 }
 
-fn run(folder: &tempfile::TempDir, faults: FaultRates, kill_every: u64) -> Outcome {
-    let scenario =
-        Scenario { faults, kill_every, duration: 40 * SECOND, coalesce: 0, ..Scenario::demo(folder.path(), 3) };
+fn run(folder: &tempfile::TempDir, faults: FaultRates, kill_every: Span) -> Outcome {
+    let scenario = Scenario {
+        faults,
+        kill_every,
+        duration: 40 * SECOND,
+        coalesce: Span::ZERO,
+        ..Scenario::demo(folder.path(), 3)
+    };
     let outcome = sim::run(&scenario).unwrap_or_else(|message| {
         panic!("{message}\nThis test needs the plugins that `cargo xtask test` builds; run: cargo xtask test")
     });
@@ -140,7 +146,7 @@ fn cell(outcome: &Outcome, byte: usize) -> u32 {
 #[test]
 fn what_lights_er_raises_ob_82() {
     let framing = FaultRates { framing: 100, ..FaultRates::NONE };
-    let outcome = run(&stations("diagnostics = true", 0), framing, 0);
+    let outcome = run(&stations("diagnostics = true", 0), framing, Span::ZERO);
     let (comes, goes) = (cell(&outcome, count::DIAGNOSIS_COMES), cell(&outcome, count::DIAGNOSIS_GOES));
     // ER stays on for 4 s and the line is good in the last part of the run: each error that came has gone.
     assert!(comes > 0 && comes == goes, "{comes} came, {goes} went\n{}", outcome.log);
@@ -151,7 +157,7 @@ fn what_lights_er_raises_ob_82() {
 #[test]
 fn without_the_switch_there_is_no_ob_82() {
     let framing = FaultRates { framing: 100, ..FaultRates::NONE };
-    let outcome = run(&stations("diagnostics = false", 0), framing, 0);
+    let outcome = run(&stations("diagnostics = false", 0), framing, Span::ZERO);
     assert_eq!(cell(&outcome, count::DIAGNOSIS_COMES), 0, "{}", outcome.log);
     assert!(outcome.verdict.get("good") > 0, "{}", outcome.verdict);
 }

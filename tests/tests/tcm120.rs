@@ -1,23 +1,24 @@
 //! The TCM 120 simulator held against the manual, telegram by telegram, in virtual time.
 //! [S1 "Command Telegrams and Messages"]
 
+use ob1_protocols::MS;
 use ob1_protocols::esp2::frame::encode;
 use ob1_protocols::esp2::{Command, Field, Message, Radio, Telegram, WAKE};
-use ob1_protocols::{MS, Nanos};
 use ob1_tests::tcm120::{Eeprom, ID_BASE_CHANGES, Input, MODEM_TIME, Output, Tcm120, script};
+use ob1_time::{Instant, Span};
 
 const ID_BASE: u32 = 0xFF80_0080;
 
 /// The module between a CP and the air.
 struct Bench {
     module: Tcm120,
-    now: Nanos,
-    due: Option<Nanos>,
+    now: Instant,
+    due: Option<Instant>,
 }
 
 impl Bench {
     fn new() -> Self {
-        Self { module: Tcm120::new(Eeprom::new(ID_BASE)), now: 0, due: None }
+        Self { module: Tcm120::new(Eeprom::new(ID_BASE)), now: Instant::START, due: None }
     }
 
     fn step(&mut self, input: Input<'_>) -> Output {
@@ -62,7 +63,7 @@ impl Bench {
         said
     }
 
-    fn pass(&mut self, time: Nanos) -> Vec<String> {
+    fn pass(&mut self, time: Span) -> Vec<String> {
         let end = self.now + time;
         let mut serial = Vec::new();
         while let Some(due) = self.due.filter(|due| *due <= end) {
@@ -177,15 +178,15 @@ fn a_modem_telegram_wants_its_acknowledgement_within_100_ms() {
     let not = |text: &str| vec![text.to_owned()];
     let mut bench = Bench::new();
     assert_eq!(bench.send(modem(7)).1, [modem(7)]);
-    assert_eq!(bench.pass(MODEM_TIME - 1), [""; 0]);
+    assert_eq!(bench.pass(MODEM_TIME - Span::from_nanos(1)), [""; 0]);
     assert_eq!(bench.hears("mda 8"), [""; 0], "another modem's");
     assert_eq!(bench.hears("mda 7"), ["received MDA of modem 0007"]);
     assert_eq!(bench.hears("mda 7"), not("ERR_MODEM_NOTWANTEDACK"), "a second one");
     assert_eq!(bench.pass(MODEM_TIME), [""; 0]);
 
     bench.send(modem(9));
-    assert_eq!(bench.pass(MODEM_TIME - 1), [""; 0]);
-    assert_eq!(bench.pass(1), ["ERR_MODEM_NOTACK"]);
+    assert_eq!(bench.pass(MODEM_TIME - Span::from_nanos(1)), [""; 0]);
+    assert_eq!(bench.pass(Span::from_nanos(1)), ["ERR_MODEM_NOTACK"]);
     assert_eq!(bench.hears("mda 9"), not("ERR_MODEM_NOTWANTEDACK"), "late");
     assert_eq!(bench.pass(1000 * MS), [""; 0], "told once");
     bench.send(modem(10));

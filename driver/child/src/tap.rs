@@ -6,7 +6,7 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use ob1_line::Nanos;
+use ob1_line::Instant;
 use ob1_line::seqpacket::{Channel, Listener, Sent};
 use ob1_protocols::trace::record::{Kind, Record, VERSION};
 use serde_json::Value;
@@ -48,9 +48,9 @@ impl Tap {
     }
 
     /// Who this is, for all listeners and those to come: JSON. The time at 0 is added; `wall` is the time now.
-    pub fn introduce(&mut self, now: Nanos, wall: SystemTime, mut about: Value) {
+    pub fn introduce(&mut self, now: Instant, wall: SystemTime, mut about: Value) {
         let since_1970 = wall.duration_since(UNIX_EPOCH).unwrap_or_default();
-        let at_zero = u64::try_from(since_1970.as_nanos()).unwrap_or(0).saturating_sub(now);
+        let at_zero = u64::try_from(since_1970.as_nanos()).unwrap_or(0).saturating_sub(now.nanos());
         about["version"] = VERSION.into();
         about["unix_ns"] = at_zero.into();
         self.hello = Record::head(now, Kind::Hello).to_vec();
@@ -67,7 +67,7 @@ impl Tap {
     }
 
     /// Lets in who has called.
-    pub fn admit(&mut self, now: Nanos) {
+    pub fn admit(&mut self, now: Instant) {
         let Some(socket) = &self.socket else { return };
         for _ in 0..CALLERS {
             let Ok(Some(channel)) = socket.accept() else { return };
@@ -86,7 +86,7 @@ impl Tap {
     }
 
     /// Tells one thing. With nobody listening it costs a comparison.
-    pub fn tell(&mut self, now: Nanos, kind: Kind, data: &[u8]) {
+    pub fn tell(&mut self, now: Instant, kind: Kind, data: &[u8]) {
         if self.listeners.is_empty() {
             return;
         }
@@ -106,7 +106,7 @@ impl Tap {
 
 impl Ear {
     /// False when it is gone.
-    fn tell(&mut self, now: Nanos, message: &[u8]) -> bool {
+    fn tell(&mut self, now: Instant, message: &[u8]) -> bool {
         match self.try_tell(now, message) {
             Ok(Sent::Yes) => true,
             Ok(Sent::Full) => {
@@ -117,7 +117,7 @@ impl Ear {
         }
     }
 
-    fn try_tell(&mut self, now: Nanos, message: &[u8]) -> io::Result<Sent> {
+    fn try_tell(&mut self, now: Instant, message: &[u8]) -> io::Result<Sent> {
         if self.lost > 0 {
             let mut gap = Record::head(now, Kind::Lost).to_vec();
             gap.extend(self.lost.to_le_bytes());
@@ -141,14 +141,14 @@ mod tests {
         let dir = tempfile::tempdir().expect("a folder");
         let path = dir.path().join("cp.trace");
         let mut tap = Tap::default();
-        tap.tell(0, Kind::Up, &[]);
+        tap.tell(Instant::START, Kind::Up, &[]);
         tap.open(Some(&path));
-        tap.introduce(5, UNIX_EPOCH, json!({ "name": "cp" }));
+        tap.introduce(Instant::from_nanos(5), UNIX_EPOCH, json!({ "name": "cp" }));
         let ear = Channel::connect(&path).expect("the tap listens");
-        tap.admit(9);
+        tap.admit(Instant::from_nanos(9));
         // Nobody fetches these: the tap neither waits nor grows.
         for time in 0..100_000 {
-            tap.tell(time, Kind::In, &[0x55; 100]);
+            tap.tell(Instant::from_nanos(time), Kind::In, &[0x55; 100]);
         }
         let mut buffer = [0; MESSAGE_MAX];
         let mut seen = 0;
@@ -160,7 +160,7 @@ mod tests {
         while ear.receive(&mut buffer).expect("alive").is_some() {
             seen += 1;
         }
-        tap.tell(100_000, Kind::Done, &[]);
+        tap.tell(Instant::from_nanos(100_000), Kind::Done, &[]);
         let gap = Record::read(ear.receive(&mut buffer).expect("alive").expect("a record")).expect("a record");
         assert_eq!(gap.kind, Kind::Lost);
         let lost = u64::from_le_bytes(gap.data.try_into().expect("8 bytes"));
@@ -168,12 +168,12 @@ mod tests {
         let last = ear.receive(&mut buffer).expect("alive").expect("a record");
         assert_eq!(Record::read(last).map(|record| record.kind), Some(Kind::Done));
         drop(ear);
-        tap.tell(100_001, Kind::Up, &[]);
+        tap.tell(Instant::from_nanos(100_001), Kind::Up, &[]);
         assert!(tap.listeners.is_empty(), "who is gone is forgotten");
         // Long data come in pieces.
         let ear = Channel::connect(&path).expect("the tap listens");
-        tap.admit(0);
-        tap.tell(0, Kind::Out, &[1; CHUNK + 1]);
+        tap.admit(Instant::START);
+        tap.tell(Instant::START, Kind::Out, &[1; CHUNK + 1]);
         let lengths: Vec<usize> =
             std::iter::from_fn(|| ear.receive(&mut buffer).ok().flatten().map(<[u8]>::len)).skip(1).collect();
         assert_eq!(lengths, [9 + CHUNK, 9 + 1]);

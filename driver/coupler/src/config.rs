@@ -2,8 +2,8 @@
 
 pub use crate::dp::{DpConfig, DpSlave};
 use crate::gpio::GpioConfig;
-pub use ob1_protocols::Nanos;
 pub use ob1_protocols::modbus::pdu::exception_text;
+pub use ob1_protocols::{Instant, Span};
 use serde::{Deserialize, Serialize};
 
 /// A bus: the lines of one process, and the bytes they carry.
@@ -17,7 +17,8 @@ pub struct BusConfig {
     /// Output bytes of all couplers.
     pub output_bytes: usize,
     /// A scan that gives no sign of life for so long drives nothing any more: the outputs go off.
-    pub scan_timeout: Nanos,
+    #[serde(with = "nanos")]
+    pub scan_timeout: Span,
     /// Its lines.
     pub lines: Vec<LineConfig>,
 }
@@ -45,7 +46,8 @@ pub struct LineConfig {
     /// How characters travel; none: Modbus TCP.
     pub serial: Option<Serial>,
     /// Longest wait for an answer.
-    pub timeout: Nanos,
+    #[serde(with = "nanos")]
+    pub timeout: Span,
     /// Who is on it.
     pub couplers: Vec<CouplerConfig>,
     /// PROFIBUS DP instead of Modbus.
@@ -112,11 +114,14 @@ pub struct CouplerConfig {
     /// Its address on the line, or behind its connection.
     pub unit: u8,
     /// Time from one reading of its inputs to the next.
-    pub period: Nanos,
+    #[serde(with = "nanos")]
+    pub period: Span,
     /// Outputs that do not change are written again after this time.
-    pub refresh: Nanos,
+    #[serde(with = "nanos")]
+    pub refresh: Span,
     /// A coupler that has not answered for so long is lost.
-    pub lost_after: Nanos,
+    #[serde(with = "nanos")]
+    pub lost_after: Span,
     /// What it is written on each connect, before anything else.
     pub setup: Vec<Setup>,
     /// How it says that its watchdog runs as it is set there. `None`: it does not.
@@ -244,4 +249,20 @@ pub struct Setup {
     pub at: u16,
     /// What; a coil: 0 or 1.
     pub value: u16,
+}
+
+/// A span in a text: nanoseconds.
+pub(crate) mod nanos {
+    use serde::{Deserialize as _, Deserializer, Serializer};
+
+    use super::Span;
+
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
+    pub(crate) fn serialize<S: Serializer>(span: &Span, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_u64(span.nanos())
+    }
+
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Span, D::Error> {
+        u64::deserialize(from).map(Span::from_nanos)
+    }
 }

@@ -3,18 +3,18 @@
 use ob1_protocols::modbus::pdu::{self, Function};
 
 use crate::codec;
-use crate::config::{CouplerConfig, Nanos, Proof, Range, Setup, Table};
+use crate::config::{CouplerConfig, Instant, Proof, Range, Setup, Span, Table};
 use crate::image::{Image, RANGES_MAX, Refusal, State};
 use crate::plan::{self, Chunk};
 
 /// A coupler gets so long to answer for the first time, if it is not lost later anyway.
-const START: Nanos = 2_000_000_000;
+const START: Span = Span::from_secs(2);
 /// What a coupler has refused is tried again after this time, or before it would count as lost.
-const REFUSED_AGAIN: Nanos = 1_000_000_000;
+const REFUSED_AGAIN: Span = Span::from_secs(1);
 /// After the second request without an answer the next waits so long, then twice as long each time.
-const SHORTEST_PAUSE: Nanos = 10_000_000;
+const SHORTEST_PAUSE: Span = Span::from_millis(10);
 /// At most so long.
-const LONGEST_PAUSE: Nanos = 1_000_000_000;
+const LONGEST_PAUSE: Span = Span::from_secs(1);
 
 /// After so many requests in a row without an answer a coupler may have been without power: it knows nothing any more,
 /// its watchdog least of all.
@@ -51,8 +51,8 @@ struct Outputs {
     chunk: Chunk,
     /// What the coupler has, as it travels; `None`: nobody knows.
     acknowledged: Option<Vec<u8>>,
-    at: Nanos,
-    not_before: Nanos,
+    at: Instant,
+    not_before: Instant,
 }
 
 pub(crate) struct Coupler {
@@ -66,26 +66,26 @@ pub(crate) struct Coupler {
     staged: Vec<u8>,
     /// The next request of the round under way.
     round: Option<usize>,
-    round_began: Nanos,
+    round_began: Instant,
     /// A round was completed on this connection.
     has_read: bool,
-    due: Nanos,
-    not_before: Nanos,
+    due: Instant,
+    not_before: Instant,
     /// The last answer, or the beginning.
-    heard: Nanos,
-    patience: Nanos,
+    heard: Instant,
+    patience: Span,
     misses: u32,
     /// It does not know function 17h.
     never_both: bool,
     wrote_last: bool,
     /// When a device failure is answered by the set-up again, at the earliest.
-    set_up_again: Nanos,
+    set_up_again: Instant,
     sending: Vec<u8>,
 }
 
 impl Coupler {
-    pub(crate) fn new(config: &CouplerConfig, index: usize, input_bytes: usize, now: Nanos) -> Self {
-        let outputs = |chunk| Outputs { chunk, acknowledged: None, at: 0, not_before: 0 };
+    pub(crate) fn new(config: &CouplerConfig, index: usize, input_bytes: usize, now: Instant) -> Self {
+        let outputs = |chunk| Outputs { chunk, acknowledged: None, at: Instant::START, not_before: Instant::START };
         Self {
             index,
             phase: Phase::Proof,
@@ -93,16 +93,16 @@ impl Coupler {
             writes: plan::writes(&config.outputs).into_iter().map(outputs).collect(),
             staged: vec![0; input_bytes],
             round: None,
-            round_began: 0,
+            round_began: Instant::START,
             has_read: false,
-            due: 0,
-            not_before: 0,
+            due: Instant::START,
+            not_before: Instant::START,
             heard: now,
             patience: config.lost_after.max(START),
             misses: 0,
             never_both: false,
             wrote_last: false,
-            set_up_again: 0,
+            set_up_again: Instant::START,
             sending: Vec::new(),
             config: config.clone(),
         }
@@ -113,7 +113,7 @@ impl Coupler {
     }
 
     /// The connection is new, or was given up: the coupler may have forgotten everything.
-    pub(crate) fn connect(&mut self, now: Nanos) {
+    pub(crate) fn connect(&mut self, now: Instant) {
         (self.has_read, self.due) = (false, now);
         (self.not_before, self.misses, self.never_both) = (now, 0, false);
         self.set_up();
@@ -123,12 +123,12 @@ impl Coupler {
     fn set_up(&mut self) {
         (self.phase, self.round) = (Phase::Proof, None);
         for outputs in &mut self.writes {
-            (outputs.acknowledged, outputs.not_before) = (None, 0);
+            (outputs.acknowledged, outputs.not_before) = (None, Instant::START);
         }
     }
 
     /// Time has passed.
-    pub(crate) fn tick(&mut self, now: Nanos, image: &mut Image) {
+    pub(crate) fn tick(&mut self, now: Instant, image: &mut Image) {
         let state = image.status.get(self.index).map(|status| status.state);
         if state != Some(State::Lost) && now >= self.lost_at() {
             let pause = (self.not_before, self.misses);
@@ -143,26 +143,26 @@ impl Coupler {
     }
 
     /// When it is lost if it does not answer before.
-    pub(crate) const fn lost_at(&self) -> Nanos {
+    pub(crate) const fn lost_at(&self) -> Instant {
         self.heard.saturating_add(self.patience)
     }
 
     /// When [`Self::tick`] or [`Self::next`] has something to do, whatever the outputs are.
-    pub(crate) fn due(&self, is_lost: bool) -> Nanos {
-        let lost = if is_lost { Nanos::MAX } else { self.lost_at() };
+    pub(crate) fn due(&self, is_lost: bool) -> Instant {
+        let lost = if is_lost { Instant::NEVER } else { self.lost_at() };
         let work = match self.phase {
-            Phase::Proof | Phase::Setup(_) => 0,
-            Phase::Exchange if self.round.is_some() => 0,
+            Phase::Proof | Phase::Setup(_) => Instant::START,
+            Phase::Exchange if self.round.is_some() => Instant::START,
             Phase::Exchange => {
-                let read = if self.reads.is_empty() { Nanos::MAX } else { self.due };
-                self.writes.iter().map(|outputs| outputs.due(self.config.refresh)).fold(read, Nanos::min)
+                let read = if self.reads.is_empty() { Instant::NEVER } else { self.due };
+                self.writes.iter().map(|outputs| outputs.due(self.config.refresh)).fold(read, Instant::min)
             }
         };
         lost.min(work.max(self.not_before))
     }
 
     /// What it is to be asked now.
-    pub(crate) fn next(&mut self, now: Nanos, image: &Image) -> Option<Job> {
+    pub(crate) fn next(&mut self, now: Instant, image: &Image) -> Option<Job> {
         if now < self.not_before {
             return None;
         }
@@ -239,11 +239,11 @@ impl Coupler {
     }
 
     /// The request went out and nothing that can be used came back.
-    pub(crate) fn failed(&mut self, now: Nanos, job: Job, image: &mut Image) {
+    pub(crate) fn failed(&mut self, now: Instant, job: Job, image: &mut Image) {
         self.misses = self.misses.saturating_add(1);
         // Once at once, then with pauses.
         if let Some(doublings) = self.misses.checked_sub(2) {
-            let pause = SHORTEST_PAUSE.saturating_mul(1 << doublings.min(20)).min(LONGEST_PAUSE);
+            let pause = SHORTEST_PAUSE.times(1 << doublings.min(20)).min(LONGEST_PAUSE);
             self.not_before = now.saturating_add(pause);
         }
         // What is written on connect is a sequence: one that broke off begins again. A watchdog that has been set, and
@@ -265,7 +265,7 @@ impl Coupler {
     }
 
     /// An answer that belongs to the request.
-    pub(crate) fn answered(&mut self, now: Nanos, job: Job, answer: &[u8], image: &mut Image) {
+    pub(crate) fn answered(&mut self, now: Instant, job: Job, answer: &[u8], image: &mut Image) {
         if let &[_, code, exception] = answer
             && code & pdu::ERROR_BIT != 0
         {
@@ -301,10 +301,10 @@ impl Coupler {
         self.wrote_last = matches!(job, Job::Write(_));
     }
 
-    fn has_written(&mut self, now: Nanos, write: usize, image: &mut Image) {
+    fn has_written(&mut self, now: Instant, write: usize, image: &mut Image) {
         let Some(outputs) = self.writes.get_mut(write) else { return };
         outputs.acknowledged = Some(std::mem::take(&mut self.sending));
-        (outputs.at, outputs.not_before) = (now, 0);
+        (outputs.at, outputs.not_before) = (now, Instant::START);
         let chunk = outputs.chunk;
         self.mark(&chunk, true, None, image);
         if self.reads.is_empty() {
@@ -312,7 +312,7 @@ impl Coupler {
         }
     }
 
-    fn has_read_one(&mut self, now: Nanos, read: usize, data: &[u8], image: &mut Image) {
+    fn has_read_one(&mut self, now: Instant, read: usize, data: &[u8], image: &mut Image) {
         let Some(chunk) = self.reads.get(read).copied() else { return };
         for range in self.config.inputs.iter().filter(|range| chunk.meets(range)) {
             codec::unpack(range, chunk.first, chunk.count, data, &mut self.staged);
@@ -321,7 +321,7 @@ impl Coupler {
         self.next_read(now, read, image);
     }
 
-    fn next_read(&mut self, now: Nanos, read: usize, image: &mut Image) {
+    fn next_read(&mut self, now: Instant, read: usize, image: &mut Image) {
         if read + 1 < self.reads.len() {
             self.round = Some(read + 1);
             return;
@@ -346,12 +346,12 @@ impl Coupler {
     }
 
     /// A round is complete; the coupler runs as soon as it has its outputs too.
-    fn completed(&self, now: Nanos, began: Nanos, image: &mut Image) {
+    fn completed(&self, now: Instant, began: Instant, image: &mut Image) {
         let whole = (self.has_read || self.reads.is_empty())
-            && self.writes.iter().all(|outputs| outputs.acknowledged.is_some() || outputs.not_before > 0);
+            && self.writes.iter().all(|outputs| outputs.acknowledged.is_some() || outputs.not_before > Instant::START);
         image.tell(self.index, |status| {
             status.exchanges += 1;
-            status.round = now.saturating_sub(began);
+            status.round = now.since(began);
             if whole && status.state != State::Running {
                 status.state = State::Running;
                 // What was refused on connect is refused no more.
@@ -361,7 +361,7 @@ impl Coupler {
     }
 
     /// It answers, but will not do it.
-    fn refused(&mut self, now: Nanos, job: Job, function: u8, exception: u8, image: &mut Image) {
+    fn refused(&mut self, now: Instant, job: Job, function: u8, exception: u8, image: &mut Image) {
         image.tell(self.index, |status| status.exceptions += 1);
         if matches!(exception, 10 | 11) {
             // A gateway that does not reach it.
@@ -410,7 +410,7 @@ impl Coupler {
     }
 
     /// When what was refused is tried again.
-    fn again(&self, now: Nanos) -> Nanos {
+    fn again(&self, now: Instant) -> Instant {
         now.saturating_add(REFUSED_AGAIN.min(self.config.lost_after / 2))
     }
 
@@ -441,15 +441,15 @@ impl Coupler {
     /// Whether it has the outputs as they are now, as far as it takes any.
     pub(crate) fn has_outputs(&self, image: &Image) -> bool {
         self.writes.iter().all(|outputs| {
-            outputs.not_before > 0
+            outputs.not_before > Instant::START
                 || outputs.acknowledged.as_ref() == Some(&gathered(&self.config.outputs, &outputs.chunk, image))
         })
     }
 }
 
 impl Outputs {
-    fn due(&self, refresh: Nanos) -> Nanos {
-        let refreshed = if self.acknowledged.is_some() { self.at.saturating_add(refresh) } else { 0 };
+    fn due(&self, refresh: Span) -> Instant {
+        let refreshed = if self.acknowledged.is_some() { self.at.saturating_add(refresh) } else { Instant::START };
         refreshed.max(self.not_before)
     }
 }

@@ -6,7 +6,7 @@ pub use ob1_protocols::profibus::diagnosis::{DIAGNOSIS_BYTES, Refused, SHORT};
 pub use ob1_protocols::profibus::{Block, Diagnosis};
 use serde::{Deserialize, Serialize};
 
-use crate::config::Nanos;
+use crate::config::{Span, nanos};
 use crate::image::Image;
 
 /// A line with one master: us.
@@ -24,7 +24,8 @@ pub struct DpConfig {
     /// A telegram without an answer is repeated so often.
     pub retries: u8,
     /// The watchdog of the slaves.
-    pub watchdog: Nanos,
+    #[serde(with = "nanos")]
+    pub watchdog: Span,
     /// Who is on it.
     pub slaves: Vec<DpSlave>,
 }
@@ -46,7 +47,8 @@ pub struct DpSlave {
     /// Its user parameters.
     pub parameters: Vec<u8>,
     /// A slave that has not been heard for so long since the start is lost.
-    pub lost_after: Nanos,
+    #[serde(with = "nanos")]
+    pub lost_after: Span,
     /// First byte in the inputs of the bus, and how many.
     pub inputs: (usize, usize),
     /// The same of the outputs.

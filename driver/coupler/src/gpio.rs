@@ -3,11 +3,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::config::Nanos;
+use crate::config::{Instant, Span, nanos};
 use crate::image::{Image, State};
 
 /// A chip that could not be used is tried again after this time.
-const AGAIN: Nanos = 1_000_000_000;
+const AGAIN: Span = Span::SECOND;
 
 /// The lines of one chip.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -18,7 +18,8 @@ pub struct GpioConfig {
     /// The device: `/dev/gpiochip0`.
     pub chip: String,
     /// Time from one reading of its inputs to the next.
-    pub period: Nanos,
+    #[serde(with = "nanos")]
+    pub period: Span,
     /// What is read.
     pub inputs: Vec<GpioLine>,
     /// What is driven.
@@ -42,8 +43,8 @@ pub struct GpioLine {
     #[serde(default)]
     pub bias: Bias,
     /// An input has changed when it has been stable for so long; 0: at once.
-    #[serde(default)]
-    pub debounce: Nanos,
+    #[serde(default, with = "nanos")]
+    pub debounce: Span,
     /// Of an output.
     #[serde(default)]
     pub drive: Drive,
@@ -112,7 +113,7 @@ pub struct GpioMaster {
     /// Its place in the image's list.
     index: usize,
     pins: Option<Box<dyn Pins>>,
-    due: Nanos,
+    due: Instant,
     levels: Vec<bool>,
     driven: Vec<bool>,
     why: Option<String>,
@@ -128,13 +129,13 @@ impl GpioMaster {
             config: config.clone(),
             index,
             pins: None,
-            due: 0,
+            due: Instant::START,
             why: None,
         }
     }
 
     /// Drives what is to be driven, and reads what is due; when to call again at the latest.
-    pub fn step(&mut self, now: Nanos, image: &mut Image, open: OpenPins<'_>) -> Nanos {
+    pub fn step(&mut self, now: Instant, image: &mut Image, open: OpenPins<'_>) -> Instant {
         if let Err(why) = self.work(now, image, open) {
             (self.pins, self.due) = (None, now + AGAIN);
             self.why = Some(why);
@@ -148,7 +149,7 @@ impl GpioMaster {
         self.due
     }
 
-    fn work(&mut self, now: Nanos, image: &mut Image, open: OpenPins<'_>) -> Result<(), String> {
+    fn work(&mut self, now: Instant, image: &mut Image, open: OpenPins<'_>) -> Result<(), String> {
         if self.pins.is_none() {
             if now < self.due {
                 return Ok(());

@@ -1,6 +1,6 @@
 //! The inputs and outputs of a bus as its process has them, and how its couplers stand.
 
-use crate::config::{BusConfig, Table, exception_text};
+use crate::config::{BusConfig, Span, Table, exception_text};
 
 /// How a coupler stands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -80,15 +80,15 @@ pub struct Status {
     pub exceptions: u64,
     /// Times it was lost.
     pub losses: u64,
-    /// Duration of the last round, in nanoseconds.
-    pub round: u64,
+    /// Duration of the last round.
+    pub round: Span,
     /// Counts the diagnoses that differed from the one before: of a DP slave, whose diagnosis lies behind its inputs.
     pub diagnosis: u64,
 }
 
 impl Status {
     /// As it lies in the image of the bus: state, exception, function, table and first element of the refusal (0: none)
-    /// from the lowest byte on; then the other fields in turn.
+    /// from the lowest byte on; then the other fields in turn, the duration in nanoseconds.
     #[must_use]
     pub fn to_words(self) -> [u64; 8] {
         let refusal = self.refusal.map_or(0, |refusal| {
@@ -99,7 +99,16 @@ impl Status {
                 | u64::from(refusal.first) << 32
         });
         let state = refusal | u64::from(self.state as u8);
-        [state, self.bad, self.exchanges, self.failures, self.exceptions, self.losses, self.round, self.diagnosis]
+        [
+            state,
+            self.bad,
+            self.exchanges,
+            self.failures,
+            self.exceptions,
+            self.losses,
+            self.round.nanos(),
+            self.diagnosis,
+        ]
     }
 
     /// Out of the image of a bus; `None`: words that have no meaning.
@@ -116,6 +125,7 @@ impl Status {
                 first: u16::from_le_bytes([at[0], at[1]]),
             }),
         };
+        let round = Span::from_nanos(round);
         Some(Self { state: State::of(state)?, refusal, bad, exchanges, failures, exceptions, losses, round, diagnosis })
     }
 }
@@ -177,7 +187,7 @@ mod tests {
                     failures: 2,
                     exceptions: 3,
                     losses: 4,
-                    round: 5,
+                    round: Span::from_nanos(5),
                     diagnosis: 6,
                 };
                 assert_eq!(Status::from_words(&status.to_words()), Some(status));

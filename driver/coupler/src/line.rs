@@ -7,7 +7,7 @@ use core::convert::Infallible;
 
 use ob1_protocols::{Input, LineFault, LineInput};
 
-use crate::config::{LineConfig, Nanos};
+use crate::config::{Instant, LineConfig};
 use crate::coupler::{Coupler, Job};
 use crate::image::{Image, State};
 use crate::wire::{Outcome, Wire};
@@ -34,7 +34,7 @@ pub struct LineMaster {
 impl LineMaster {
     /// The master of a line whose couplers begin at `first` in [`Image::status`].
     #[must_use]
-    pub fn new(config: &LineConfig, first: usize, input_bytes: usize, now: Nanos) -> Self {
+    pub fn new(config: &LineConfig, first: usize, input_bytes: usize, now: Instant) -> Self {
         let coupler = |(n, config)| Coupler::new(config, first + n, input_bytes, now);
         Self {
             wire: Wire::new(config),
@@ -48,7 +48,7 @@ impl LineMaster {
     }
 
     /// Takes what has happened; `out` gets what is to be sent. The result is when to call again at the latest.
-    pub fn step(&mut self, now: Nanos, input: MasterInput<'_>, image: &mut Image, out: &mut Vec<u8>) -> Nanos {
+    pub fn step(&mut self, now: Instant, input: MasterInput<'_>, image: &mut Image, out: &mut Vec<u8>) -> Instant {
         match input {
             Input::Line(LineInput::Fault(LineFault::Back)) => {
                 (self.is_up, self.reconnect, self.silent) = (true, false, 0);
@@ -100,7 +100,7 @@ impl LineMaster {
     }
 
     /// The next coupler that has something to do, beginning behind the last.
-    fn choose(&mut self, now: Nanos, image: &Image) -> Option<(usize, Job)> {
+    fn choose(&mut self, now: Instant, image: &Image) -> Option<(usize, Job)> {
         let count = self.couplers.len();
         for step in 1..=count {
             let who = (self.turn + step) % count;
@@ -112,7 +112,7 @@ impl LineMaster {
         None
     }
 
-    fn ended(&mut self, now: Nanos, outcome: Outcome, image: &mut Image) {
+    fn ended(&mut self, now: Instant, outcome: Outcome, image: &mut Image) {
         let Some((who, job)) = self.asked.take() else { return };
         let Some(coupler) = self.couplers.get_mut(who) else { return };
         match outcome {
@@ -128,15 +128,15 @@ impl LineMaster {
         }
     }
 
-    fn deadline(&self, image: &Image) -> Nanos {
+    fn deadline(&self, image: &Image) -> Instant {
         let is_lost =
             |coupler: &Coupler| image.status.get(coupler.index()).is_some_and(|status| status.state == State::Lost);
         let busy = self.asked.is_some() || !self.is_up;
         let coupler = |coupler: &Coupler| match (busy, is_lost(coupler)) {
-            (true, true) => Nanos::MAX,
+            (true, true) => Instant::NEVER,
             (true, false) => coupler.lost_at(),
             (false, is_lost) => coupler.due(is_lost),
         };
-        self.couplers.iter().map(coupler).chain(self.wire.deadline()).fold(Nanos::MAX, Nanos::min)
+        self.couplers.iter().map(coupler).chain(self.wire.deadline()).fold(Instant::NEVER, Instant::min)
     }
 }

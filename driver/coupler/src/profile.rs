@@ -1,11 +1,11 @@
 //! What couplers of known makes want to be told: Modbus has no common watchdog.
 
-use crate::config::{Nanos, Proof, Setup, Table};
+use crate::config::{Proof, Setup, Span, Table};
 
 /// 100 ms: the unit of WAGO's watchdog.
-const WAGO_UNIT: Nanos = 100_000_000;
+const WAGO_UNIT: Span = Span::from_millis(100);
 /// 1 ms: that of Beckhoff.
-const BECKHOFF_UNIT: Nanos = 1_000_000;
+const BECKHOFF_UNIT: Span = Span::MILLISECOND;
 
 /// A make of coupler whose watchdog is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,10 +25,10 @@ impl Profile {
 
     /// The watchdog times that can be set; `None`: none over Modbus.
     #[must_use]
-    pub const fn times(self) -> Option<std::ops::RangeInclusive<Nanos>> {
+    pub const fn times(self) -> Option<std::ops::RangeInclusive<Span>> {
         match self {
-            Self::Wago750 => Some(WAGO_UNIT..=WAGO_UNIT * 0xFFFF),
-            Self::BeckhoffBk => Some(BECKHOFF_UNIT..=BECKHOFF_UNIT * 0xFFFF),
+            Self::Wago750 => Some(WAGO_UNIT..=WAGO_UNIT.times(0xFFFF)),
+            Self::BeckhoffBk => Some(BECKHOFF_UNIT..=BECKHOFF_UNIT.times(0xFFFF)),
             Self::MoxaIoLogik => None,
         }
     }
@@ -49,7 +49,7 @@ impl Profile {
     /// What sets the watchdog, behind [`Self::reset`]: a running one cannot be changed. Times are rounded up to what
     /// the coupler can do.
     #[must_use]
-    pub fn watchdog(self, time: Nanos) -> Vec<Setup> {
+    pub fn watchdog(self, time: Span) -> Vec<Setup> {
         match self {
             // 1000h the time, 100Ah the alternative watchdog: every telegram triggers it, it begins with the next.
             Self::Wago750 => vec![word(0x1000, units(time, WAGO_UNIT)), word(0x100A, 1)],
@@ -61,7 +61,7 @@ impl Profile {
 
     /// What says that a watchdog of this time runs; `skips` of what is written on connect are what sets it.
     #[must_use]
-    pub fn proof(self, time: Nanos, skips: usize) -> Option<Proof> {
+    pub fn proof(self, time: Span, skips: usize) -> Option<Proof> {
         match self {
             // 1000h the time, 1006h how it stands: 1, it runs.
             Self::Wago750 => {
@@ -72,7 +72,7 @@ impl Profile {
     }
 }
 
-fn units(time: Nanos, unit: Nanos) -> u16 {
+fn units(time: Span, unit: Span) -> u16 {
     time.div_ceil(unit).clamp(1, 0xFFFF) as u16
 }
 
@@ -84,15 +84,15 @@ const fn word(at: u16, value: u16) -> Setup {
 mod tests {
     use super::*;
 
-    fn told(profile: Profile, time: Nanos) -> Vec<(u16, u16)> {
+    fn told(profile: Profile, time: Span) -> Vec<(u16, u16)> {
         profile.reset().into_iter().chain(profile.watchdog(time)).map(|setup| (setup.at, setup.value)).collect()
     }
 
     #[test]
     fn a_watchdog_is_stopped_before_it_is_set() {
-        assert_eq!(told(Profile::Wago750, 250_000_000), [(0x1008, 0x55AA), (0x1000, 3), (0x100A, 1)]);
+        assert_eq!(told(Profile::Wago750, Span::from_nanos(250_000_000)), [(0x1008, 0x55AA), (0x1000, 3), (0x100A, 1)]);
         let beckhoff = [(0x1121, 0xBECF), (0x1121, 0xAFFE), (0x1120, 250), (0x1122, 0)];
-        assert_eq!(told(Profile::BeckhoffBk, 250_000_000), beckhoff);
-        assert_eq!(told(Profile::MoxaIoLogik, 250_000_000), [(4144, 1)]);
+        assert_eq!(told(Profile::BeckhoffBk, Span::from_nanos(250_000_000)), beckhoff);
+        assert_eq!(told(Profile::MoxaIoLogik, Span::from_nanos(250_000_000)), [(4144, 1)]);
     }
 }

@@ -5,11 +5,11 @@ use ob1_protocols::modbus::pdu::{self, Match};
 use ob1_protocols::modbus::{Master, Mode, TELEGRAM_BYTES, frame, master, tcp};
 use ob1_protocols::{Event, Input, LineFault, LineInput, Machine as _, Order, SendError, Sink, Wire as LineEnd};
 
-use crate::config::{LineConfig, Nanos, Parity, Serial};
+use crate::config::{Instant, LineConfig, Parity, Serial, Span};
 use crate::line::MasterInput;
 
 /// How late a device may hand characters over: a UART with a FIFO, a USB adapter.
-const BURSTS: Nanos = 20_000_000;
+const BURSTS: Span = Span::from_millis(20);
 
 /// What became of a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -34,7 +34,7 @@ impl Wire {
     }
 
     /// Sends a request; one at a time.
-    pub(crate) fn ask(&mut self, now: Nanos, telegram: &[u8], out: &mut Vec<u8>) -> Option<Outcome> {
+    pub(crate) fn ask(&mut self, now: Instant, telegram: &[u8], out: &mut Vec<u8>) -> Option<Outcome> {
         match self {
             Self::Tcp(tcp) => tcp.ask(now, telegram, out),
             Self::Serial(rtu) => rtu.step(now, Input::Order(Order::Send(telegram)), out),
@@ -42,7 +42,7 @@ impl Wire {
     }
 
     /// Takes what has happened on the line; the end of the request, if it is that.
-    pub(crate) fn step(&mut self, now: Nanos, input: MasterInput<'_>, out: &mut Vec<u8>) -> Option<Outcome> {
+    pub(crate) fn step(&mut self, now: Instant, input: MasterInput<'_>, out: &mut Vec<u8>) -> Option<Outcome> {
         match self {
             Self::Tcp(tcp) => tcp.step(now, input),
             Self::Serial(rtu) => {
@@ -56,7 +56,7 @@ impl Wire {
         }
     }
 
-    pub(crate) fn deadline(&self) -> Option<Nanos> {
+    pub(crate) fn deadline(&self) -> Option<Instant> {
         match self {
             Self::Tcp(tcp) => tcp.pending.as_ref().map(|pending| pending.until),
             Self::Serial(rtu) => rtu.deadline,
@@ -76,12 +76,12 @@ impl Wire {
 
 struct Pending {
     transaction: u16,
-    until: Nanos,
+    until: Instant,
     request: Vec<u8>,
 }
 
 pub(crate) struct Tcp {
-    timeout: Nanos,
+    timeout: Span,
     transaction: u16,
     pending: Option<Pending>,
     receiver: tcp::Receiver,
@@ -89,11 +89,11 @@ pub(crate) struct Tcp {
 }
 
 impl Tcp {
-    fn new(timeout: Nanos) -> Self {
+    fn new(timeout: Span) -> Self {
         Self { timeout, transaction: 0, pending: None, receiver: tcp::Receiver::new(), broken: false }
     }
 
-    fn ask(&mut self, now: Nanos, telegram: &[u8], out: &mut Vec<u8>) -> Option<Outcome> {
+    fn ask(&mut self, now: Instant, telegram: &[u8], out: &mut Vec<u8>) -> Option<Outcome> {
         let mut frame = [0; tcp::FRAME_BYTES];
         // Never the number of the request before: its answer may come late.
         self.transaction = self.transaction.wrapping_add(1);
@@ -104,7 +104,7 @@ impl Tcp {
         None
     }
 
-    fn step(&mut self, now: Nanos, input: MasterInput<'_>) -> Option<Outcome> {
+    fn step(&mut self, now: Instant, input: MasterInput<'_>) -> Option<Outcome> {
         match input {
             Input::Line(LineInput::Rx(bytes)) => return self.received(bytes),
             Input::Line(LineInput::Fault(LineFault::Back | LineFault::Gone)) => {
@@ -148,17 +148,17 @@ impl Tcp {
 
 pub(crate) struct Rtu {
     master: Master,
-    deadline: Option<Nanos>,
+    deadline: Option<Instant>,
 }
 
 impl Rtu {
-    fn new(serial: &Serial, timeout: Nanos) -> Self {
+    fn new(serial: &Serial, timeout: Span) -> Self {
         let char_time = char_time(serial);
         let frame = frame::Config::new(Mode::Rtu, serial.baud, char_time).with_bursts(BURSTS);
         Self { master: Master::new(master::Config { frame, wait: timeout }), deadline: None }
     }
 
-    fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut Vec<u8>) -> Option<Outcome> {
+    fn step(&mut self, now: Instant, input: Input<'_>, out: &mut Vec<u8>) -> Option<Outcome> {
         let mut ear = Ear { out, answer: None, sent: None };
         self.deadline = self.master.step(now, input, &mut ear);
         match (ear.sent?, ear.answer) {
@@ -169,9 +169,9 @@ impl Rtu {
 }
 
 /// Time of one character.
-fn char_time(serial: &Serial) -> Nanos {
+fn char_time(serial: &Serial) -> Span {
     let bits = 9 + u64::from(serial.parity != Parity::None) + u64::from(serial.stop_bits.clamp(1, 2));
-    (bits * 1_000_000_000).div_ceil(u64::from(serial.baud.max(1)))
+    (bits * Span::SECOND).over_ceil(serial.baud.max(1).into())
 }
 
 /// What the serial master has to say.

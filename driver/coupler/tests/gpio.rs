@@ -4,10 +4,11 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
+use ob1_coupler::config::{Instant, Span};
 use ob1_coupler::gpio::{GpioConfig, GpioLine, GpioMaster, Pins};
 use ob1_coupler::{BusConfig, Image, LineConfig, State};
 
-const MS: u64 = 1_000_000;
+const MS: Span = Span::MILLISECOND;
 
 /// What stands at the chip.
 #[derive(Default)]
@@ -45,7 +46,7 @@ struct Bench {
     chip: Rc<RefCell<Chip>>,
     master: GpioMaster,
     image: Image,
-    now: u64,
+    now: Instant,
 }
 
 /// Inputs E 0.0 and E 1.7, outputs A 0.3 and A 0.0.
@@ -61,7 +62,7 @@ fn bench() -> Bench {
     let of_line = LineConfig {
         line: String::new(),
         serial: None,
-        timeout: 0,
+        timeout: Span::ZERO,
         couplers: Vec::new(),
         dp: None,
         gpio: Some(gpio.clone()),
@@ -69,11 +70,16 @@ fn bench() -> Bench {
     let bus = BusConfig { input_bytes: 2, output_bytes: 1, lines: vec![of_line], ..BusConfig::default() };
     assert_eq!((bus.stations().collect::<Vec<_>>(), bus.lines[0].protocol()), (vec!["panel"], "gpio"));
     let chip = Chip { inputs: vec![false; 2], ..Chip::default() };
-    Bench { chip: Rc::new(RefCell::new(chip)), master: GpioMaster::new(&gpio, 0), image: Image::new(&bus), now: 0 }
+    Bench {
+        chip: Rc::new(RefCell::new(chip)),
+        master: GpioMaster::new(&gpio, 0),
+        image: Image::new(&bus),
+        now: Instant::START,
+    }
 }
 
 impl Bench {
-    fn step(&mut self, after: u64) -> u64 {
+    fn step(&mut self, after: Span) -> Span {
         self.now += after;
         let chip = Rc::clone(&self.chip);
         let mut open = |_: &GpioConfig| -> Result<Box<dyn Pins>, String> {
@@ -97,7 +103,7 @@ impl Bench {
 fn inputs_are_read_each_period_and_outputs_driven_when_they_change() {
     let mut bench = bench();
     bench.image.outputs = vec![0b1000];
-    assert_eq!(bench.step(0), 5 * MS);
+    assert_eq!(bench.step(Span::ZERO), 5 * MS);
     assert_eq!((bench.state(), bench.chip.borrow().writes), (State::Running, 0), "nobody says that they are driven");
     bench.chip.borrow_mut().inputs = vec![true, true];
     assert_eq!(bench.step(MS), 4 * MS, "not due");
@@ -124,7 +130,7 @@ fn inputs_are_read_each_period_and_outputs_driven_when_they_change() {
 fn a_chip_that_goes_is_lost_once_and_driven_again_when_it_returns() {
     let mut bench = bench();
     (bench.image.driven, bench.image.outputs) = (true, vec![0b1001]);
-    bench.step(0);
+    bench.step(Span::ZERO);
     bench.chip.borrow_mut().gone = true;
     assert_eq!(bench.step(5 * MS), 1000 * MS);
     assert_eq!((bench.state(), bench.master.take_why().as_deref()), (State::Lost, Some("gone")));
@@ -145,7 +151,7 @@ fn a_chip_that_goes_is_lost_once_and_driven_again_when_it_returns() {
 fn a_chip_that_was_never_there_is_lost() {
     let mut bench = bench();
     bench.chip.borrow_mut().gone = true;
-    bench.step(0);
+    bench.step(Span::ZERO);
     assert_eq!((bench.state(), bench.master.take_why().as_deref()), (State::Lost, Some("no such device")));
 }
 
@@ -154,6 +160,6 @@ fn a_chip_that_was_never_there_is_lost() {
 fn places_outside_the_image_are_passed_over() {
     let mut bench = bench();
     (bench.image.inputs, bench.image.outputs, bench.image.driven) = (Vec::new(), Vec::new(), true);
-    bench.step(0);
+    bench.step(Span::ZERO);
     assert_eq!(bench.state(), State::Running);
 }

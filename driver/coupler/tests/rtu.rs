@@ -1,16 +1,16 @@
 //! Couplers on two wires, in virtual time, with characters that are lost, doubled and changed, and couplers that are
 //! switched off: by seeds. The couplers are slaves of `ob1-protocols`.
 
-use ob1_coupler::config::Parity;
+use ob1_coupler::config::{Parity, Span};
 use ob1_coupler::{
     BusConfig, CouplerConfig, Image, LineConfig, LineMaster, MasterInput, Order, Range, Serial, State, Table,
 };
 use ob1_line::LineSettings;
 use ob1_line::sim::{BusConfig as WiresConfig, FaultRates, Frame, Participant, SimBus, SplitMix64};
 use ob1_protocols::modbus::{Mode, Slave, frame, slave};
-use ob1_protocols::{Event, Input, LineFault, LineInput, Machine as _, SendError, Sink, Wire};
+use ob1_protocols::{Event, Input, Instant, LineFault, LineInput, Machine as _, SendError, Sink, Wire};
 
-const MS: u64 = 1_000_000;
+const MS: Span = Span::MILLISECOND;
 const COUPLERS: usize = 4;
 /// Bytes of each, each way.
 const BYTES: usize = 8;
@@ -37,16 +37,16 @@ impl Sink for Mouth {
 struct Coupler {
     slave: Slave,
     who: Participant,
-    deadline: Option<u64>,
+    deadline: Option<Instant>,
     off: bool,
 }
 
 struct Wires {
-    now: u64,
+    now: Instant,
     bus: SimBus,
     master: LineMaster,
     me: Participant,
-    deadline: u64,
+    deadline: Instant,
     image: Image,
     couplers: Vec<Coupler>,
     lost: Vec<u32>,
@@ -94,9 +94,9 @@ impl Wires {
         let couplers = (1..=COUPLERS as u8).map(coupler).collect();
         let mut image = Image::new(&config);
         image.driven = true;
-        let master = LineMaster::new(&config.lines[0], 0, config.input_bytes, 0);
+        let master = LineMaster::new(&config.lines[0], 0, config.input_bytes, Instant::START);
         let lost = vec![0; COUPLERS];
-        let mut wires = Self { now: 0, bus, master, me, deadline: 0, image, couplers, lost };
+        let mut wires = Self { now: Instant::START, bus, master, me, deadline: Instant::START, image, couplers, lost };
         wires.ask(Input::Line(LineInput::Fault(LineFault::Back)));
         wires
     }
@@ -131,12 +131,12 @@ impl Wires {
         self.bus.write(coupler.who, self.now, &mouth.0);
     }
 
-    fn run(&mut self, time: u64) {
+    fn run(&mut self, time: Span) {
         let until = self.now + time;
         let mut buffer = [0; 256];
         loop {
             let slaves = self.couplers.iter().filter(|c| !c.off).filter_map(|c| c.deadline);
-            let next = slaves.chain(self.bus.next_event()).fold(self.deadline, u64::min);
+            let next = slaves.chain(self.bus.next_event()).fold(self.deadline, Instant::min);
             if next > until {
                 self.now = until;
                 return;
@@ -235,7 +235,7 @@ fn a_hundred_lines_on_which_much_goes_wrong() {
                 wires.switch(n, off);
                 switched[n] += u32::from(wires.couplers[n].off);
             }
-            wires.run(50 * MS + random.below(150 * MS));
+            wires.run(50 * MS + random.span_below(150 * MS));
             wires.check(round, seed);
         }
         (0..COUPLERS).for_each(|n| wires.switch(n, false));

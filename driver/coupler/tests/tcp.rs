@@ -2,6 +2,7 @@
 
 mod device;
 
+use ob1_coupler::config::{Instant, Span};
 use std::collections::VecDeque;
 
 use device::Device;
@@ -11,8 +12,8 @@ use ob1_coupler::{
 };
 use ob1_protocols::modbus::tcp;
 
-const MS: u64 = 1_000_000;
-const LATENCY: u64 = MS / 2;
+const MS: Span = Span::MILLISECOND;
+const LATENCY: Span = Span::from_micros(500);
 
 fn range(table: Table, first: u16, count: u16, at: usize) -> Range {
     Range { table, first, count, order: Order::Big, at }
@@ -34,21 +35,21 @@ fn coupler(unit: u8, inputs: Vec<Range>, outputs: Vec<Range>) -> CouplerConfig {
 
 /// A connection with couplers behind it.
 struct Net {
-    now: u64,
+    now: Instant,
     config: BusConfig,
     master: LineMaster,
     image: Image,
     devices: Vec<Device>,
     receiver: tcp::Receiver,
     /// Bytes on their way to the master.
-    back: VecDeque<(u64, Vec<u8>)>,
+    back: VecDeque<(Instant, Vec<u8>)>,
     /// How long the next answers take, where that is not the usual.
-    delays: VecDeque<u64>,
+    delays: VecDeque<Span>,
     open: bool,
     /// The connection is being made until then.
-    opens_at: Option<u64>,
+    opens_at: Option<Instant>,
     reconnects: u32,
-    deadline: u64,
+    deadline: Instant,
     states: Vec<(usize, State)>,
 }
 
@@ -76,17 +77,17 @@ impl Net {
         let mut image = Image::new(&config);
         image.driven = true;
         Self {
-            now: 0,
-            master: LineMaster::new(line, 0, config.input_bytes, 0),
+            now: Instant::START,
+            master: LineMaster::new(line, 0, config.input_bytes, Instant::START),
             image,
             devices: line.couplers.iter().map(|coupler| Device::new(coupler.unit)).collect(),
             receiver: tcp::Receiver::new(),
             back: VecDeque::new(),
             delays: VecDeque::new(),
             open: false,
-            opens_at: Some(0),
+            opens_at: Some(Instant::START),
             reconnects: 0,
-            deadline: 0,
+            deadline: Instant::START,
             states: Vec::new(),
             config,
         }
@@ -120,7 +121,7 @@ impl Net {
     }
 
     /// The connection is gone; another is made after a time.
-    fn cut(&mut self, time: u64) {
+    fn cut(&mut self, time: Span) {
         self.open = false;
         self.back.clear();
         self.receiver = tcp::Receiver::new();
@@ -128,11 +129,11 @@ impl Net {
         self.step(Input::Line(LineInput::Fault(LineFault::Gone)));
     }
 
-    fn run(&mut self, time: u64) {
+    fn run(&mut self, time: Span) {
         let until = self.now + time;
         loop {
-            let answer = self.back.front().map_or(u64::MAX, |(at, _)| *at);
-            let next = answer.min(self.deadline).min(self.opens_at.unwrap_or(u64::MAX));
+            let answer = self.back.front().map_or(Instant::NEVER, |(at, _)| *at);
+            let next = answer.min(self.deadline).min(self.opens_at.unwrap_or(Instant::NEVER));
             if next > until {
                 self.now = until;
                 return;

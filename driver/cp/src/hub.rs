@@ -10,14 +10,14 @@ use std::os::unix::fs::{DirBuilderExt as _, OpenOptionsExt as _};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time;
 
 use ob1_backplane::{Counter, CpSide, DriverState};
 use ob1_child::doorbell_closed;
 use ob1_cp::HEARTBEAT;
-use ob1_line::Nanos;
 use ob1_line::hub::{Hub, Partner};
 use ob1_line::sim::{Bursts, BusConfig, FaultRates};
+use ob1_line::{Instant, Span};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
@@ -72,7 +72,7 @@ struct BurstRates {
 impl Rates {
     const fn rates(self) -> FaultRates {
         let Self { flip, lose, double, delay, parity, framing, break_, delay_max_ns } = self;
-        FaultRates { flip, lose, double, delay, parity, framing, break_, delay_max: delay_max_ns }
+        FaultRates { flip, lose, double, delay, parity, framing, break_, delay_max: Span::from_nanos(delay_max_ns) }
     }
 }
 
@@ -83,7 +83,11 @@ impl HubConfig {
     }
 
     fn bus(&self) -> BusConfig {
-        let bursts = self.bursts.map(|b| Bursts { every: b.every_ns, length: b.length_ns, faults: b.faults.rates() });
+        let bursts = self.bursts.map(|b| Bursts {
+            every: Span::from_nanos(b.every_ns),
+            length: Span::from_nanos(b.length_ns),
+            faults: b.faults.rates(),
+        });
         BusConfig { faults: self.faults.rates(), bursts, ..BusConfig::new(self.half_duplex) }
     }
 
@@ -101,8 +105,8 @@ impl HubConfig {
 /// # Errors
 /// When waiting or opening the line fails.
 pub(crate) fn run(config: &HubConfig, mut segment: CpSide, terminate: &Arc<AtomicBool>) -> io::Result<End> {
-    let start = Instant::now();
-    let clock = || u64::try_from(start.elapsed().as_nanos()).unwrap_or(Nanos::MAX);
+    let start = time::Instant::now();
+    let clock = || Instant::START + start.elapsed().into();
     let mut hub = None;
     let mut lock = None;
     let (mut told, mut log_lost) = ((0, 0), 0);
@@ -128,7 +132,7 @@ pub(crate) fn run(config: &HubConfig, mut segment: CpSide, terminate: &Arc<Atomi
             }
             deadline = hub.deadline().map_or(deadline, |at| at.min(deadline));
         }
-        let ready = wait(hub.as_ref(), deadline.saturating_sub(clock()))?;
+        let ready = wait(hub.as_ref(), deadline.since(clock()))?;
         if terminate.load(Ordering::Relaxed) || ready && doorbell_closed()? {
             drop(hub);
             drop(lock);
@@ -154,13 +158,13 @@ fn own(path: &Path) -> io::Result<Option<File>> {
 }
 
 /// Waits; whether standard input has something to say.
-fn wait(hub: Option<&Hub>, timeout: Nanos) -> io::Result<bool> {
+fn wait(hub: Option<&Hub>, timeout: Span) -> io::Result<bool> {
     let stdin = rustix::stdio::stdin();
     let mut fds = vec![PollFd::new(&stdin, PollFlags::IN)];
     if let Some(hub) = hub {
         hub.poll_fds(&mut fds);
     }
-    let timeout = Timespec { tv_sec: (timeout / 1_000_000_000) as i64, tv_nsec: (timeout % 1_000_000_000) as i64 };
+    let timeout = Timespec { tv_sec: timeout.secs() as i64, tv_nsec: timeout.subsec_nanos() as i64 };
     match poll(&mut fds, Some(&timeout)) {
         Ok(_) => Ok(fds.first().is_some_and(|fd| !fd.revents().is_empty())),
         Err(Errno::INTR) => Ok(false),
@@ -179,8 +183,11 @@ mod tests {
         let config = HubConfig::parse(text).expect("right");
         let bus = config.bus();
         assert!(bus.half_duplex);
-        assert_eq!((bus.faults.flip, bus.faults.delay_max), (10, 5));
-        assert_eq!(bus.bursts.map(|b| (b.every, b.length, b.faults.break_)), Some((100, 10, 9)));
+        assert_eq!((bus.faults.flip, bus.faults.delay_max), (10, Span::from_nanos(5)));
+        assert_eq!(
+            bus.bursts.map(|b| (b.every, b.length, b.faults.break_)),
+            Some((Span::from_nanos(100), Span::from_nanos(10), 9))
+        );
         assert_eq!(config.partner(), Partner::Echo);
         for wrong in ["", "{}", r#"{"path":"/x","later":1}"#, r#"{"path":"/x","seed":-1}"#] {
             assert!(HubConfig::parse(wrong).is_err(), "{wrong}");

@@ -1,6 +1,6 @@
 //! The line as the pump needs it.
 
-use ob1_firmware::{CpEvent, LineSettings, Nanos};
+use ob1_firmware::{CpEvent, Instant, LineSettings, Span};
 
 use crate::keys::CpType;
 
@@ -16,35 +16,35 @@ pub trait LinePort {
     ///
     /// # Errors
     /// [`Refused`]: the pump shows it; the CP goes on with the line it has, or none.
-    fn configure(&mut self, now: Nanos, json: &[u8]) -> Result<(), Refused> {
+    fn configure(&mut self, now: Instant, json: &[u8]) -> Result<(), Refused> {
         let _ = (now, json);
         Ok(())
     }
 
     /// The parameter bytes that came with it, if it was not refused.
-    fn introduce(&mut self, now: Nanos, parameters: &[u8; 16]) {
+    fn introduce(&mut self, now: Instant, parameters: &[u8; 16]) {
         let _ = (now, parameters);
     }
 
     /// Sets baud rate and character frame.
-    fn apply(&mut self, now: Nanos, settings: &LineSettings);
+    fn apply(&mut self, now: Instant, settings: &LineSettings);
 
     /// Sends characters behind those before.
-    fn transmit(&mut self, now: Nanos, bytes: &[u8]);
+    fn transmit(&mut self, now: Instant, bytes: &[u8]);
 
     /// Takes back what has not begun to leave; answers how many characters.
-    fn take_back(&mut self, now: Nanos) -> usize {
+    fn take_back(&mut self, now: Instant) -> usize {
         let _ = now;
         0
     }
 
     /// How late characters that have come in may be handed over, because they come in bursts.
-    fn lateness(&self) -> Nanos {
-        0
+    fn lateness(&self) -> Span {
+        Span::ZERO
     }
 
     /// Sets RTS and DTR.
-    fn set_modem_lines(&mut self, now: Nanos, rts: bool, dtr: bool) {
+    fn set_modem_lines(&mut self, now: Instant, rts: bool, dtr: bool) {
         let _ = (now, rts, dtr);
     }
 
@@ -59,7 +59,7 @@ pub trait LinePort {
     }
 
     /// Something for the log.
-    fn trace(&mut self, now: Nanos, event: &CpEvent<'_>) {
+    fn trace(&mut self, now: Instant, event: &CpEvent<'_>) {
         let _ = (now, event);
     }
 }

@@ -1,6 +1,6 @@
 //! The firmware behind the segment: a CP of the type the configuration names, and when it wants to be called.
 
-use ob1_firmware::{Cp, CpInput, CpPort, Nanos};
+use ob1_firmware::{Cp, CpInput, CpPort, Instant};
 use ob1_params::CpKind;
 
 use crate::keys::CpType;
@@ -9,7 +9,7 @@ use crate::keys::CpType;
 pub(crate) struct Module {
     kind: CpKind,
     firmware: Box<dyn Cp>,
-    due: Option<Nanos>,
+    due: Option<Instant>,
 }
 
 impl Module {
@@ -24,7 +24,7 @@ impl Module {
     }
 
     /// When a [`CpInput::Tick`] is due.
-    pub(crate) const fn due(&self) -> Option<Nanos> {
+    pub(crate) const fn due(&self) -> Option<Instant> {
         self.due
     }
 
@@ -38,12 +38,12 @@ impl Module {
     }
 
     /// Takes one input.
-    pub(crate) fn step(&mut self, now: Nanos, input: CpInput<'_>, port: &mut dyn CpPort) {
+    pub(crate) fn step(&mut self, now: Instant, input: CpInput<'_>, port: &mut dyn CpPort) {
         self.due = self.firmware.step(now, input, port);
     }
 
     /// Parameters: the 16 bytes, or the keys of a type that has keys.
-    pub(crate) fn parametrise(&mut self, now: Nanos, bytes: &[u8; 16], kind: &CpType, port: &mut dyn CpPort) {
+    pub(crate) fn parametrise(&mut self, now: Instant, bytes: &[u8; 16], kind: &CpType, port: &mut dyn CpPort) {
         let input = match &kind.keys {
             Some(keys) => CpInput::Keys(keys.as_ref()),
             None => CpInput::Parameters(bytes),

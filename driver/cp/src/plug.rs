@@ -3,7 +3,7 @@
 use ob1_backplane::{Channel as SegmentChannel, CpSide, DriverState, Event, EventKind, ModemOutputs};
 use ob1_firmware::cp341::{Channel, ChannelBlock};
 use ob1_firmware::{
-    CpCounter, CpEvent, CpPort, Leds, LineSettings, ModemLines, Nanos, ParameterFault, StartReason, Wire,
+    CpCounter, CpEvent, CpPort, Instant, Leds, LineSettings, ModemLines, ParameterFault, Span, StartReason, Wire,
 };
 
 use crate::line_port::LinePort;
@@ -50,9 +50,9 @@ impl End {
     }
 
     /// A message for the diagnostic buffer.
-    pub(crate) fn emit(&mut self, now: Nanos, code: u32, data: &[u8]) {
+    pub(crate) fn emit(&mut self, now: Instant, code: u32, data: &[u8]) {
         // A full ring counts what it could not take.
-        self.segment.emit_event(Event::new(now, EventKind::Message, code, data));
+        self.segment.emit_event(Event::new(now.nanos(), EventKind::Message, code, data));
     }
 
     /// Shows a text as the diagnostic record.
@@ -85,7 +85,7 @@ impl End {
         (rts, dtr)
     }
 
-    pub(crate) fn drive_modem<L: LinePort + ?Sized>(&mut self, now: Nanos, line: &mut L) {
+    pub(crate) fn drive_modem<L: LinePort + ?Sized>(&mut self, now: Instant, line: &mut L) {
         let (rts, dtr) = self.modem_levels();
         line.set_modem_lines(now, rts, dtr);
         self.show_modem();
@@ -101,7 +101,7 @@ impl End {
 pub(crate) struct Plug<'a, L: ?Sized> {
     pub(crate) end: &'a mut End,
     pub(crate) line: &'a mut L,
-    pub(crate) now: Nanos,
+    pub(crate) now: Instant,
 }
 
 impl<L: LinePort + ?Sized> Wire for Plug<'_, L> {
@@ -141,7 +141,7 @@ impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
         self.line.apply(self.now, settings);
     }
 
-    fn lateness(&self) -> Nanos {
+    fn lateness(&self) -> Span {
         self.line.lateness()
     }
 
@@ -158,7 +158,7 @@ impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
         self.end.segment.count(translate::counter(counter), n);
     }
 
-    fn event(&mut self, now: Nanos, event: CpEvent<'_>) {
+    fn event(&mut self, now: Instant, event: CpEvent<'_>) {
         match &event {
             CpEvent::Startup { number, reason } => {
                 let reason = u8::from(*reason == StartReason::ResetRequest);
@@ -179,11 +179,11 @@ impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
             CpEvent::Diagnosis { incoming, data } => {
                 let kind = if *incoming { EventKind::DiagnosticIncoming } else { EventKind::DiagnosticOutgoing };
                 let number = u32::from(u16::from_be_bytes([data[4], data[5]]));
-                self.end.segment.emit_event(Event::new(now, kind, number, data));
+                self.end.segment.emit_event(Event::new(now.nanos(), kind, number, data));
             }
             CpEvent::Record { incoming, record } => {
                 let kind = if *incoming { EventKind::DiagnosticIncoming } else { EventKind::DiagnosticOutgoing };
-                self.end.segment.emit_event(Event::new(now, kind, 0, record));
+                self.end.segment.emit_event(Event::new(now.nanos(), kind, 0, record));
             }
             CpEvent::Protocol(event) => {
                 if let Some(number) = event.number() {

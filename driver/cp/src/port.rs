@@ -3,7 +3,7 @@
 use ob1_child::tap::Tap;
 use ob1_cp::{CpType, LinePort, Refused};
 use ob1_firmware::trace::record::Kind;
-use ob1_firmware::{CpEvent, LineSettings, Nanos};
+use ob1_firmware::{CpEvent, Instant, LineSettings, Span};
 use ob1_line::RealLine;
 use tracing::{debug, info, trace, warn};
 
@@ -12,7 +12,7 @@ use crate::tap;
 
 /// How late a real line may hand characters over: the FIFO of a UART, the latency timer of a USB adapter (16 ms), a
 /// busy machine.
-const LATENESS: Nanos = 50_000_000;
+const LATENESS: Span = Span::from_millis(50);
 
 /// A real line, or none yet.
 #[derive(Default)]
@@ -41,7 +41,7 @@ impl Port {
 }
 
 impl LinePort for Port {
-    fn configure(&mut self, _now: Nanos, json: &[u8]) -> Result<(), Refused> {
+    fn configure(&mut self, _now: Instant, json: &[u8]) -> Result<(), Refused> {
         let config = Config::parse(json).inspect_err(|refused| warn!("{refused}"))?;
         // Each STOP -> RUN of the CPU transfers everything again: a line that stays the same stays open.
         if self.config.as_ref() != Some(&config) {
@@ -65,13 +65,13 @@ impl LinePort for Port {
         self.config.as_ref().map_or(CpType::CP240, |config| config.cp_type.clone())
     }
 
-    fn introduce(&mut self, now: Nanos, parameters: &[u8; 16]) {
+    fn introduce(&mut self, now: Instant, parameters: &[u8; 16]) {
         if let Some(config) = &self.config {
             tap::introduce(&mut self.tap, now, config, parameters);
         }
     }
 
-    fn apply(&mut self, _now: Nanos, settings: &LineSettings) {
+    fn apply(&mut self, _now: Instant, settings: &LineSettings) {
         if let Some(line) = &mut self.line {
             info!(%settings, "line settings");
             // Refused settings also come as an event of the line, with their reason.
@@ -79,7 +79,7 @@ impl LinePort for Port {
         }
     }
 
-    fn transmit(&mut self, now: Nanos, bytes: &[u8]) {
+    fn transmit(&mut self, now: Instant, bytes: &[u8]) {
         trace!(tx = ?bytes);
         self.tap.tell(now, Kind::Out, bytes);
         if let Some(line) = &mut self.line {
@@ -90,30 +90,30 @@ impl LinePort for Port {
         }
     }
 
-    fn take_back(&mut self, now: Nanos) -> usize {
+    fn take_back(&mut self, now: Instant) -> usize {
         let taken = self.line.as_mut().map_or(0, |line| line.take_back(now));
         self.tap.tell(now, Kind::TakenBack, &u32::try_from(taken).unwrap_or(u32::MAX).to_le_bytes());
         taken
     }
 
-    fn lateness(&self) -> Nanos {
+    fn lateness(&self) -> Span {
         LATENESS
     }
 
-    fn set_modem_lines(&mut self, _now: Nanos, rts: bool, dtr: bool) {
+    fn set_modem_lines(&mut self, _now: Instant, rts: bool, dtr: bool) {
         if let Some(line) = &mut self.line {
             line.set_modem_lines(rts, dtr);
         }
     }
 
-    fn trace(&mut self, now: Nanos, event: &CpEvent<'_>) {
+    fn trace(&mut self, now: Instant, event: &CpEvent<'_>) {
         tap::note(&mut self.tap, now, event);
         match event {
-            CpEvent::Startup { .. } | CpEvent::Working => info!(now, ?event),
-            CpEvent::NoParameters(_) => warn!(now, ?event),
-            CpEvent::Order(telegram) => debug!(now, length = telegram.len(), "order"),
-            CpEvent::Received(telegram) => debug!(now, length = telegram.len(), "received"),
-            _ => debug!(now, ?event),
+            CpEvent::Startup { .. } | CpEvent::Working => info!(now = now.nanos(), ?event),
+            CpEvent::NoParameters(_) => warn!(now = now.nanos(), ?event),
+            CpEvent::Order(telegram) => debug!(now = now.nanos(), length = telegram.len(), "order"),
+            CpEvent::Received(telegram) => debug!(now = now.nanos(), length = telegram.len(), "received"),
+            _ => debug!(now = now.nanos(), ?event),
         }
     }
 }

@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::{self, Duration};
 
 use ob1_backplane::CpSide;
 use ob1_child::doorbell_closed;
 use ob1_cp::{CpPump, HEARTBEAT};
 use ob1_firmware::trace::record::{Kind, number_of};
-use ob1_firmware::{LineFault, LineInput, ModemLines, Nanos};
+use ob1_firmware::{Instant, LineFault, LineInput, ModemLines, Span};
 use ob1_line::{LineEvent, PollFds, RealLine};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
@@ -20,7 +20,7 @@ use crate::port::Port;
 const PASSES: u32 = 16;
 
 /// Who wakes up so much later than he wanted to was held up by the system.
-const HELD_UP: Nanos = 5_000_000;
+const HELD_UP: Span = Span::from_millis(5);
 
 /// Events of the line in one pass: then the heart beats, and the CPU has its turn. Who sends as fast as it is read must
 /// not keep the driver from anything else.
@@ -50,13 +50,13 @@ struct Ready {
 pub(crate) struct Process {
     pump: CpPump,
     port: Port,
-    start: Instant,
+    start: time::Instant,
     spin: Duration,
     terminate: Arc<AtomicBool>,
     /// The firmware has been told that the line is gone.
     told_gone: bool,
     modem: Option<ModemLines>,
-    modem_at: Nanos,
+    modem_at: Instant,
     /// Lost log lines that are counted in the segment.
     log_lost: u64,
 }
@@ -66,18 +66,18 @@ impl Process {
         Self {
             pump: CpPump::new(segment),
             port: Port::default(),
-            start: Instant::now(),
+            start: time::Instant::now(),
             spin,
             terminate,
             told_gone: false,
             modem: None,
-            modem_at: 0,
+            modem_at: Instant::START,
             log_lost: 0,
         }
     }
 
-    fn now(&self) -> Nanos {
-        u64::try_from(self.start.elapsed().as_nanos()).unwrap_or(Nanos::MAX)
+    fn now(&self) -> Instant {
+        Instant::START + self.start.elapsed().into()
     }
 
     pub(crate) fn run(&mut self) -> Result<End, Errno> {
@@ -93,7 +93,7 @@ impl Process {
             self.pump.count_lost_log(lost - std::mem::replace(&mut self.log_lost, lost));
             // Line events may have moved the deadline, and the pump's own work the registers.
             let deadline = self.pump.poll(now, &mut self.port);
-            let line = self.port.line_ref().and_then(RealLine::deadline).unwrap_or(Nanos::MAX);
+            let line = self.port.line_ref().and_then(RealLine::deadline).unwrap_or(Instant::NEVER);
 
             if changed && self.changes_soon() || !self.pump.prepare_sleep() {
                 passes += 1;
@@ -103,9 +103,9 @@ impl Process {
                 self.pump.awake();
             }
             let due = deadline.min(line);
-            let timeout = if passes >= PASSES || more { 0 } else { due.saturating_sub(self.now()) };
+            let timeout = if passes >= PASSES || more { Span::ZERO } else { due.since(self.now()) };
             (passes, changed) = (0, false);
-            let ready = self.wait(Duration::from_nanos(timeout))?;
+            let ready = self.wait(timeout.into())?;
             self.pump.awake();
             if self.terminate.load(Ordering::Relaxed) {
                 return Ok(End::Terminated);
@@ -121,7 +121,7 @@ impl Process {
                 // A process that was held up finds times expired, and beside them the answer that came in time: the
                 // line first. Otherwise the times: a silence that is over has ended what came before it.
                 let now = self.now();
-                if now.saturating_sub(due) > HELD_UP {
+                if now.since(due) > HELD_UP {
                     self.line_events(now);
                 }
             }
@@ -143,12 +143,12 @@ impl Process {
         if self.spin.is_zero() {
             return false;
         }
-        let end = Instant::now() + self.spin;
+        let end = time::Instant::now() + self.spin;
         loop {
             if self.pump.has_changes() {
                 return true;
             }
-            if Instant::now() >= end {
+            if time::Instant::now() >= end {
                 return false;
             }
             std::hint::spin_loop();
@@ -179,7 +179,7 @@ impl Process {
     }
 
     /// Takes what the line has to tell; true if that may not have been everything.
-    fn line_events(&mut self, now: Nanos) -> bool {
+    fn line_events(&mut self, now: Instant) -> bool {
         let mut buffer = [0; BUFFER];
         let mut more = true;
         for _ in 0..EVENTS {
@@ -230,14 +230,14 @@ impl Process {
         more
     }
 
-    fn line_is_gone(&mut self, now: Nanos) {
+    fn line_is_gone(&mut self, now: Instant) {
         if !self.told_gone {
             self.told_gone = true;
             self.pump.line_event(now, LineInput::Fault(LineFault::Gone), &mut self.port);
         }
     }
 
-    fn line_is_up(&mut self, now: Nanos) {
+    fn line_is_up(&mut self, now: Instant) {
         if self.told_gone {
             self.told_gone = false;
             self.pump.line_event(now, LineInput::Fault(LineFault::Back), &mut self.port);
@@ -245,7 +245,7 @@ impl Process {
     }
 
     /// Modem lines cannot be polled for; they are looked at with the heartbeat, where there are any.
-    fn sample_modem(&mut self, now: Nanos) {
+    fn sample_modem(&mut self, now: Instant) {
         if now < self.modem_at {
             return;
         }

@@ -3,7 +3,7 @@
 
 use ob1_backplane::{ChangeMark, Channel as SegmentChannel, Counter, CpSide, CpuState, Freshness};
 use ob1_firmware::cp341::{Channel, ChannelBlock};
-use ob1_firmware::{CpInput, IO_BYTES, LineFault, LineInput, Nanos};
+use ob1_firmware::{CpInput, IO_BYTES, Instant, LineFault, LineInput, Span};
 
 use ob1_params::CpKind;
 
@@ -13,10 +13,10 @@ use crate::plug::{End, Parameters, Plug};
 use crate::translate::EventCode;
 
 /// Time between two beats of an idle driver.
-pub const HEARTBEAT: Nanos = 50_000_000;
+pub const HEARTBEAT: Span = Span::from_millis(50);
 
 /// When the other end is found in the middle of a write, look again after this.
-const LOOK_AGAIN: Nanos = 50_000;
+const LOOK_AGAIN: Span = Span::from_micros(50);
 
 /// [`DriverState::ParameterError`](ob1_backplane::DriverState::ParameterError) when it is the JSON that is refused;
 /// smaller codes are the number of the parameter byte.
@@ -33,7 +33,7 @@ pub struct CpPump {
     look_again: bool,
     params_revision: u64,
     cpu_running: Option<bool>,
-    next_beat: Nanos,
+    next_beat: Instant,
 }
 
 impl CpPump {
@@ -46,7 +46,7 @@ impl CpPump {
             look_again: false,
             params_revision: 0,
             cpu_running: None,
-            next_beat: 0,
+            next_beat: Instant::START,
         }
     }
 
@@ -70,7 +70,7 @@ impl CpPump {
     /// Looks at the segment and the time; the result is when to call again at the latest.
     ///
     /// With nothing to do this is a handful of comparisons.
-    pub fn poll<L: LinePort + ?Sized>(&mut self, now: Nanos, line: &mut L) -> Nanos {
+    pub fn poll<L: LinePort + ?Sized>(&mut self, now: Instant, line: &mut L) -> Instant {
         if now >= self.next_beat {
             self.end.segment.beat();
             self.next_beat = now + HEARTBEAT;
@@ -87,7 +87,7 @@ impl CpPump {
     }
 
     /// Hands in what happened on the line; the result is as of [`Self::poll`].
-    pub fn line_event<L: LinePort + ?Sized>(&mut self, now: Nanos, input: LineInput<'_>, line: &mut L) -> Nanos {
+    pub fn line_event<L: LinePort + ?Sized>(&mut self, now: Instant, input: LineInput<'_>, line: &mut L) -> Instant {
         match input {
             LineInput::Fault(LineFault::Back) => self.line_up(now),
             LineInput::Fault(LineFault::Gone) if self.end.line_error.is_none() => self.line_error(now, 0, "gone"),
@@ -103,7 +103,7 @@ impl CpPump {
 
     /// Tells why the line is gone: the operating system's error number (0: none) and a text. The firmware learns of it
     /// by [`Self::line_event`].
-    pub fn line_error(&mut self, now: Nanos, errno: u32, reason: &str) {
+    pub fn line_error(&mut self, now: Instant, errno: u32, reason: &str) {
         self.end.line_error = Some(errno);
         self.end.emit(now, EventCode::LineGone as u32, &errno.to_be_bytes());
         self.write_text(reason);
@@ -125,16 +125,16 @@ impl CpPump {
         self.end.segment.awake();
     }
 
-    fn line_up(&mut self, now: Nanos) {
+    fn line_up(&mut self, now: Instant) {
         self.end.line_error = None;
         self.end.emit(now, EventCode::LineUp as u32, &[]);
         self.write_text("");
         self.end.show_state();
     }
 
-    fn deadline(&self, now: Nanos) -> Nanos {
+    fn deadline(&self, now: Instant) -> Instant {
         let again = self.look_again.then_some(now + LOOK_AGAIN);
-        self.module.due().into_iter().chain(again).fold(self.next_beat, Nanos::min)
+        self.module.due().into_iter().chain(again).fold(self.next_beat, Instant::min)
     }
 
     /// A text about the line, where the module has not its own record in that place.
@@ -144,12 +144,12 @@ impl CpPump {
         }
     }
 
-    fn step<L: LinePort + ?Sized>(&mut self, now: Nanos, input: CpInput<'_>, line: &mut L) {
+    fn step<L: LinePort + ?Sized>(&mut self, now: Instant, input: CpInput<'_>, line: &mut L) {
         self.module.step(now, input, &mut Plug { end: &mut self.end, line, now });
     }
 
     /// What the handling blocks show in the channels.
-    fn look_channels<L: LinePort + ?Sized>(&mut self, now: Nanos, line: &mut L) {
+    fn look_channels<L: LinePort + ?Sized>(&mut self, now: Instant, line: &mut L) {
         for (channel, name) in [(SegmentChannel::Send, Channel::Send), (SegmentChannel::Receive, Channel::Receive)] {
             if !self.end.segment.channel_changed(channel) {
                 continue;
@@ -162,7 +162,7 @@ impl CpPump {
         }
     }
 
-    fn look<L: LinePort + ?Sized>(&mut self, now: Nanos, line: &mut L) {
+    fn look<L: LinePort + ?Sized>(&mut self, now: Instant, line: &mut L) {
         self.look_again = false;
         self.look_cpu(now, line);
         let modem = self.end.segment.modem_outputs();
@@ -183,7 +183,7 @@ impl CpPump {
         self.end.show_state();
     }
 
-    fn look_outputs<L: LinePort + ?Sized>(&mut self, now: Nanos, line: &mut L) {
+    fn look_outputs<L: LinePort + ?Sized>(&mut self, now: Instant, line: &mut L) {
         let mut outputs = [0; *IO_BYTES.end()];
         let outputs = &mut outputs[..self.end.segment.io_bytes().min(*IO_BYTES.end())];
         if self.end.segment.read_outputs(outputs) == Freshness::Stale {
@@ -194,7 +194,7 @@ impl CpPump {
 
     /// The configuration says what the module is: if that is another than before, it is so from now on, with the world
     /// as it stands.
-    fn adopt<L: LinePort + ?Sized>(&mut self, now: Nanos, kind: CpKind, line: &mut L) {
+    fn adopt<L: LinePort + ?Sized>(&mut self, now: Instant, kind: CpKind, line: &mut L) {
         if self.module.kind() == kind {
             return;
         }
@@ -210,7 +210,7 @@ impl CpPump {
         }
     }
 
-    fn look_cpu<L: LinePort + ?Sized>(&mut self, now: Nanos, line: &mut L) {
+    fn look_cpu<L: LinePort + ?Sized>(&mut self, now: Instant, line: &mut L) {
         let running = match self.end.segment.cpu_state() {
             Ok(CpuState::Stop) => false,
             Ok(CpuState::Startup | CpuState::Run) => true,
@@ -222,7 +222,7 @@ impl CpPump {
         }
     }
 
-    fn look_params<L: LinePort + ?Sized>(&mut self, now: Nanos, line: &mut L) {
+    fn look_params<L: LinePort + ?Sized>(&mut self, now: Instant, line: &mut L) {
         let Ok(params) = self.end.segment.read_params() else {
             return self.end.emit(now, EventCode::Segment as u32, &[]);
         };

@@ -4,13 +4,13 @@ use std::time::SystemTime;
 
 use ob1_child::tap::Tap;
 use ob1_firmware::trace::record::Kind;
-use ob1_firmware::{CpEvent, Nanos, ParameterFault, cp341_events};
+use ob1_firmware::{CpEvent, Instant, ParameterFault, cp341_events};
 use serde_json::json;
 
 use crate::config::Config;
 
 /// The CP has got parameters: who it is.
-pub(crate) fn introduce(tap: &mut Tap, now: Nanos, config: &Config, parameters: &[u8; 16]) {
+pub(crate) fn introduce(tap: &mut Tap, now: Instant, config: &Config, parameters: &[u8; 16]) {
     let mut text = json!({
         "station": config.station, "name": config.name, "line": config.line.to_string(),
         "parameters": parameters, "module": config.cp_type.kind.name(),
@@ -28,7 +28,7 @@ pub(crate) fn introduce(tap: &mut Tap, now: Nanos, config: &Config, parameters: 
 }
 
 /// Tells what the CP has to say.
-pub(crate) fn note(tap: &mut Tap, now: Nanos, event: &CpEvent<'_>) {
+pub(crate) fn note(tap: &mut Tap, now: Instant, event: &CpEvent<'_>) {
     if tap.is_alone() {
         return;
     }

@@ -5,11 +5,11 @@ use std::rc::Rc;
 
 use ob1_backplane::{Channel, Counter, CpSide, CpuSide, CpuState, DriverState, Segment};
 use ob1_cp::{CpPump, CpType, EventCode, HEARTBEAT, LinePort, Refused};
-use ob1_firmware::{LineFault, LineInput, LineSettings, Nanos};
+use ob1_firmware::{Instant, LineFault, LineInput, LineSettings, Span};
 use ob1_line::sim::{End, SimConfig, SimEvent, SimLine};
 use ob1_params::CpKind;
 
-const MS: Nanos = 1_000_000;
+const MS: Span = Span::MILLISECOND;
 
 /// 3964R, 115200 8N1, default times.
 const PARAMETERS: [u8; 16] = [0x0E, 0x04, 0x13, 0, 0, 10, 25, 100, 5, 6, 0, 0, 0, 0, 0, 0];
@@ -24,7 +24,7 @@ struct Port {
 }
 
 impl LinePort for Port {
-    fn configure(&mut self, _now: Nanos, json: &[u8]) -> Result<(), Refused> {
+    fn configure(&mut self, _now: Instant, json: &[u8]) -> Result<(), Refused> {
         if self.refuse { Err(Refused(String::from_utf8_lossy(json).into_owned())) } else { Ok(()) }
     }
 
@@ -32,15 +32,15 @@ impl LinePort for Port {
         self.cp_type.clone()
     }
 
-    fn apply(&mut self, _now: Nanos, settings: &LineSettings) {
+    fn apply(&mut self, _now: Instant, settings: &LineSettings) {
         self.applied.push(*settings);
     }
 
-    fn transmit(&mut self, now: Nanos, bytes: &[u8]) {
+    fn transmit(&mut self, now: Instant, bytes: &[u8]) {
         self.line.borrow_mut().write(self.end, now, bytes);
     }
 
-    fn take_back(&mut self, now: Nanos) -> usize {
+    fn take_back(&mut self, now: Instant) -> usize {
         self.line.borrow_mut().take_back(self.end, now)
     }
 }
@@ -51,7 +51,7 @@ struct Module {
     cpu: CpuSide,
     pump: CpPump,
     port: Port,
-    due: Nanos,
+    due: Instant,
 }
 
 impl Module {
@@ -61,10 +61,10 @@ impl Module {
         cpu.set_cpu_state(CpuState::Run);
         let pump = CpPump::new(CpSide::attach(&segment).unwrap());
         let port = Port { line: Rc::clone(line), end, applied: Vec::new(), refuse: false, cp_type: CpType::CP240 };
-        Self { segment, cpu, pump, port, due: 0 }
+        Self { segment, cpu, pump, port, due: Instant::START }
     }
 
-    fn poll(&mut self, now: Nanos) {
+    fn poll(&mut self, now: Instant) {
         self.due = self.pump.poll(now, &mut self.port);
     }
 
@@ -79,7 +79,7 @@ impl Module {
         (u16::from_be_bytes([inputs[0], inputs[1]]), u16::from_be_bytes([inputs[2], inputs[3]]))
     }
 
-    fn put(&mut self, now: Nanos, rx_echo: u16, tx: u16, block: &[u8]) {
+    fn put(&mut self, now: Instant, rx_echo: u16, tx: u16, block: &[u8]) {
         let mut outputs = [0; 16];
         outputs[..2].copy_from_slice(&rx_echo.to_be_bytes());
         outputs[2..4].copy_from_slice(&tx.to_be_bytes());
@@ -89,13 +89,13 @@ impl Module {
     }
 
     /// Parameters and the start-up of FC 9.
-    fn start(&mut self, now: Nanos) {
+    fn start(&mut self, now: Instant) {
         self.cpu.write_params(&PARAMETERS, b"{}").unwrap();
         self.poll(now);
         self.synchronise(now);
     }
 
-    fn synchronise(&mut self, now: Nanos) {
+    fn synchronise(&mut self, now: Instant) {
         let (rx, number) = self.words();
         assert_eq!(rx, 0x8001);
         self.put(now, 0x8001, number, &[]);
@@ -113,7 +113,7 @@ fn line() -> Rc<RefCell<SimLine>> {
 }
 
 /// Runs until `done`, at the latest until `end`; answers the time.
-fn run(modules: &mut [Module; 2], mut now: Nanos, end: Nanos, done: impl Fn(&mut [Module; 2]) -> bool) -> Nanos {
+fn run(modules: &mut [Module; 2], mut now: Instant, end: Instant, done: impl Fn(&mut [Module; 2]) -> bool) -> Instant {
     let line = Rc::clone(&modules[0].port.line);
     while !done(modules) {
         let next = line.borrow().next_event();
@@ -142,15 +142,15 @@ fn run(modules: &mut [Module; 2], mut now: Nanos, end: Nanos, done: impl Fn(&mut
 fn a_telegram_from_one_cpu_to_the_other() {
     let line = line();
     let mut modules = [Module::new(&line, End::A), Module::new(&line, End::B)];
-    modules.iter_mut().for_each(|m| m.start(0));
+    modules.iter_mut().for_each(|m| m.start(Instant::START));
     assert_eq!(modules[0].port.applied[0].to_string(), "115200 8N1");
 
     let [a, b] = &mut modules;
-    a.put(0, 0, 14, b"twelve bytes");
-    a.put(0, 0, 2, b"+2");
-    a.put(0, 0, 0, &[]);
-    b.poll(0);
-    let now = run(&mut modules, 0, 100 * MS, |m| m[1].words().0 != 0);
+    a.put(Instant::START, 0, 14, b"twelve bytes");
+    a.put(Instant::START, 0, 2, b"+2");
+    a.put(Instant::START, 0, 0, &[]);
+    b.poll(Instant::START);
+    let now = run(&mut modules, Instant::START, Instant::from_millis(100), |m| m[1].words().0 != 0);
     let [a, b] = &mut modules;
     assert_eq!(b.inputs(), *b"\x00\x0e\x00\x00twelve bytes");
     b.put(now, 14, 0, &[]);
@@ -171,18 +171,18 @@ fn a_telegram_from_one_cpu_to_the_other() {
 fn the_heart_beats_and_the_pump_may_sleep() {
     let mut module = Module::new(&line(), End::A);
     assert!(!module.pump.prepare_sleep(), "nothing looked at yet");
-    module.poll(0);
+    module.poll(Instant::START);
     let beats = module.cpu.monitor().cp_heartbeat();
-    assert_eq!(module.due, HEARTBEAT);
+    assert_eq!(module.due, Instant::START + HEARTBEAT);
     assert!(module.pump.prepare_sleep());
     module.cpu.write_outputs(&[1]);
     assert!(module.cpu.take_doorbell(), "the CPU side rings for it");
     module.pump.awake();
     assert!(module.pump.has_changes());
     assert!(!module.pump.prepare_sleep(), "not before it has looked");
-    module.poll(MS);
+    module.poll(Instant::from_millis(1));
     assert_eq!(module.cpu.monitor().cp_heartbeat(), beats);
-    module.poll(HEARTBEAT);
+    module.poll(Instant::START + HEARTBEAT);
     assert_eq!(module.cpu.monitor().cp_heartbeat(), beats + 1);
 }
 
@@ -190,28 +190,28 @@ fn the_heart_beats_and_the_pump_may_sleep() {
 fn the_state_tells_what_is_missing() {
     let mut module = Module::new(&line(), End::A);
     let state = |m: &Module| m.cpu.monitor().driver_state().unwrap();
-    module.poll(0);
+    module.poll(Instant::START);
     assert_eq!(state(&module), DriverState::NoParameters);
     let mut wrong = PARAMETERS;
     wrong[2] = 0xFF;
     module.cpu.write_params(&wrong, b"{}").unwrap();
-    module.poll(0);
+    module.poll(Instant::START);
     assert_eq!(state(&module), DriverState::ParameterError(2));
     assert_eq!(module.words(), (0x8003, 0x8002));
     module.port.refuse = true;
     module.cpu.write_params(&PARAMETERS, b"no line").unwrap();
-    module.poll(0);
+    module.poll(Instant::START);
     assert_eq!(state(&module), DriverState::ParameterError(0x100));
     assert_eq!(module.cpu.read_diagnosis().unwrap().data(), b"no line");
     module.port.refuse = false;
-    module.start(0);
+    module.start(Instant::START);
     assert_eq!(state(&module), DriverState::Ready);
 
-    module.pump.line_error(0, 2, "No such file or directory");
-    module.pump.line_event(0, LineInput::Fault(LineFault::Gone), &mut module.port);
+    module.pump.line_error(Instant::START, 2, "No such file or directory");
+    module.pump.line_event(Instant::START, LineInput::Fault(LineFault::Gone), &mut module.port);
     assert_eq!(state(&module), DriverState::LineError(2));
     assert_eq!(module.cpu.read_diagnosis().unwrap().data(), b"No such file or directory");
-    module.pump.line_event(0, LineInput::Fault(LineFault::Back), &mut module.port);
+    module.pump.line_event(Instant::START, LineInput::Fault(LineFault::Back), &mut module.port);
     assert_eq!(state(&module), DriverState::Ready);
     assert_eq!(module.cpu.read_diagnosis().unwrap().data(), b"");
     let codes = module.event_codes();
@@ -225,17 +225,17 @@ fn the_state_tells_what_is_missing() {
 fn a_new_driver_shows_another_start_up_and_the_lost_order_is_counted() {
     let line = line();
     let mut module = Module::new(&line, End::A);
-    module.start(0);
-    module.put(0, 0, 1, b"x");
-    module.put(0, 0, 0, &[]);
+    module.start(Instant::START);
+    module.put(Instant::START, 0, 1, b"x");
+    module.put(Instant::START, 0, 0, &[]);
     // Killed with the order on the line; the acknowledgement of the first start-up comes into the registers once more.
     let number = 0x8000 | 38;
-    module.put(0, 0x8001, number, &[]);
+    module.put(Instant::START, 0x8001, number, &[]);
     module.pump = CpPump::new(CpSide::attach(&module.segment).unwrap());
-    module.poll(0);
+    module.poll(Instant::START);
     assert_eq!(module.words().0, 0x8001, "the record of the parameters is still there: it starts with it");
     assert_ne!(module.words().1, number);
-    module.synchronise(0);
+    module.synchronise(Instant::START);
     let counters = module.cpu.monitor().counters();
     assert_eq!((counters.get(Counter::OrdersLost), counters.open_orders()), (1, 0));
     assert_eq!(counters.get(Counter::DriverStarts), 2);
@@ -244,14 +244,14 @@ fn a_new_driver_shows_another_start_up_and_the_lost_order_is_counted() {
 #[test]
 fn the_same_parameters_again_are_a_new_start_up() {
     let mut module = Module::new(&line(), End::A);
-    module.start(0);
+    module.start(Instant::START);
     let first = module.port.applied.len();
     module.cpu.set_cpu_state(CpuState::Stop);
-    module.poll(0);
+    module.poll(Instant::START);
     module.cpu.set_cpu_state(CpuState::Run);
-    module.poll(0);
+    module.poll(Instant::START);
     assert!(module.pump.is_working(), "STOP and RUN alone are none");
-    module.start(0);
+    module.start(Instant::START);
     assert_eq!(module.port.applied.len(), first + 1);
 }
 
@@ -259,14 +259,14 @@ fn the_same_parameters_again_are_a_new_start_up() {
 fn noise_in_the_segment_is_survived() {
     for seed in 0..200u64 {
         let mut module = Module::new(&line(), End::A);
-        module.start(0);
+        module.start(Instant::START);
         let mut state = seed;
         let mut noise = move || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             state ^ state >> 29
         };
         module.segment.scribble(|_| noise());
-        let mut now = 0;
+        let mut now = Instant::START;
         for _ in 0..100 {
             module.poll(now);
             assert!(module.due > now, "seed {seed}: the pump never asks to be called at once for ever");
@@ -302,7 +302,7 @@ fn the_module_is_what_the_configuration_says() {
         for transfer in 1..=2 {
             // Zeros stand for defaults; those of a CP 341 are keys.
             module.cpu.write_params(&[0; 16], b"{}").unwrap();
-            module.poll(transfer);
+            module.poll(Instant::from_nanos(transfer));
             let _ = module.cpu.read_channel(Channel::Receive, &mut shown);
             assert_eq!([shown[0], shown[3]], acknowledged, "{name}");
             assert_eq!(module.cpu.monitor().driver_state(), Ok(DriverState::Ready), "{name}");

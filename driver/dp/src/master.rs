@@ -1,6 +1,6 @@
 //! The master of a line: the stack, its slaves, and what the process image and the program get of them.
 
-use ob1_coupler::config::Nanos;
+use ob1_coupler::config::{Instant, Span};
 use ob1_coupler::dp::{DpConfig, DpSlave, Refused};
 use ob1_coupler::{Image, Input, LineFault, LineInput, MasterInput, State};
 use ob1_protocols::profibus::Diagnosis;
@@ -12,7 +12,7 @@ pub use crate::stack::{NoMaster, least_slot_bits};
 use crate::wires::Wires;
 
 /// A slave gets so long to be heard for the first time, if it is not lost later anyway.
-const START: Nanos = 2_000_000_000;
+const START: Span = Span::from_secs(2);
 /// Exchanges behind a change of the outputs after which the slave surely has it: the first may have been on its way.
 const SURE: u8 = 2;
 
@@ -23,13 +23,13 @@ struct Known {
     index: usize,
     handle: PeripheralHandle,
     /// Something came from it.
-    heard: Nanos,
+    heard: Instant,
     diagnosis: Vec<u8>,
     /// It was told its parameters since it exchanged data last.
     tried: bool,
     /// Exchanges since its outputs changed.
     told: u8,
-    began: Nanos,
+    began: Instant,
 }
 
 /// The master of one line.
@@ -45,7 +45,7 @@ impl Master {
     ///
     /// # Errors
     /// Bus parameters that the stack does not take, in words.
-    pub fn new(config: &DpConfig, first: usize, now: Nanos) -> Result<Self, NoMaster> {
+    pub fn new(config: &DpConfig, first: usize, now: Instant) -> Result<Self, NoMaster> {
         let stack = Stack::new(config, now)?;
         let mut dp = DpMaster::new(Vec::new());
         let slaves = config.slaves.iter().enumerate().map(|(n, slave)| Known {
@@ -65,7 +65,7 @@ impl Master {
     }
 
     /// Takes what has happened; `out` gets what is to be sent. The result is when to call again at the latest.
-    pub fn step(&mut self, now: Nanos, input: MasterInput<'_>, image: &mut Image, out: &mut Vec<u8>) -> Nanos {
+    pub fn step(&mut self, now: Instant, input: MasterInput<'_>, image: &mut Image, out: &mut Vec<u8>) -> Instant {
         let back = matches!(input, Input::Line(LineInput::Fault(LineFault::Back)));
         if back {
             for known in &mut self.slaves {
@@ -92,7 +92,7 @@ impl Master {
             let state = image.status.get(known.index).map(|status| status.state);
             matches!(state, Some(State::Starting | State::Refused))
         };
-        let missed = self.slaves.iter().filter(waits).map(Known::missed_at).fold(Nanos::MAX, Nanos::min);
+        let missed = self.slaves.iter().filter(waits).map(Known::missed_at).fold(Instant::NEVER, Instant::min);
         if now >= missed {
             self.miss(now, image);
             return stack;
@@ -136,7 +136,7 @@ impl Master {
     }
 
     /// Slaves that have not been heard for too long.
-    fn miss(&mut self, now: Nanos, image: &mut Image) {
+    fn miss(&mut self, now: Instant, image: &mut Image) {
         for known in &self.slaves {
             let state = image.status.get(known.index).map(|status| status.state);
             if matches!(state, Some(State::Starting | State::Refused)) && now >= known.missed_at() {
@@ -146,7 +146,7 @@ impl Master {
     }
 }
 
-fn diagnosed(now: Nanos, slaves: &mut [Known], station: u8, bytes: Vec<u8>, image: &mut Image) {
+fn diagnosed(now: Instant, slaves: &mut [Known], station: u8, bytes: Vec<u8>, image: &mut Image) {
     let Some(known) = slaves.iter_mut().find(|known| known.config.station == station) else { return };
     known.heard = now;
     if known.diagnosis != bytes {
@@ -159,7 +159,7 @@ fn diagnosed(now: Nanos, slaves: &mut [Known], station: u8, bytes: Vec<u8>, imag
 impl Known {
     fn event(
         &mut self,
-        now: Nanos,
+        now: Instant,
         ours: u8,
         event: PeripheralEvent,
         peripheral: &mut Peripheral<'static>,
@@ -176,7 +176,7 @@ impl Known {
                 }
                 self.tried = false;
                 self.told = self.told.saturating_add(1);
-                let round = now.saturating_sub(std::mem::replace(&mut self.began, now));
+                let round = now.since(std::mem::replace(&mut self.began, now));
                 image.tell(self.index, |status| {
                     status.exchanges += 1;
                     (status.state, status.round) = (State::Running, round);
@@ -212,9 +212,8 @@ impl Known {
 }
 
 impl Known {
-    const fn missed_at(&self) -> Nanos {
-        let patience = if self.config.lost_after > START { self.config.lost_after } else { START };
-        self.heard.saturating_add(patience)
+    fn missed_at(&self) -> Instant {
+        self.heard.saturating_add(self.config.lost_after.max(START))
     }
 }
 

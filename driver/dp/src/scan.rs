@@ -2,7 +2,7 @@
 //! exchanges data with another master goes on doing so.
 
 use ob1_coupler::MasterInput;
-use ob1_coupler::config::Nanos;
+use ob1_coupler::config::Instant;
 use ob1_coupler::dp::DpConfig;
 use profirust::dp::scan::{DpScanEvent, DpScanner};
 
@@ -31,12 +31,12 @@ impl Scan {
     ///
     /// # Errors
     /// Bus parameters that the stack does not take, in words.
-    pub fn new(config: &DpConfig, now: Nanos) -> Result<Self, NoMaster> {
+    pub fn new(config: &DpConfig, now: Instant) -> Result<Self, NoMaster> {
         Ok(Self { stack: Stack::new(config, now)?, scanner: DpScanner::new(), found: Vec::new() })
     }
 
     /// Takes what has happened; `out` gets what is to be sent. The result is when to call again at the latest.
-    pub fn step(&mut self, now: Nanos, input: MasterInput<'_>, out: &mut Vec<u8>) -> Nanos {
+    pub fn step(&mut self, now: Instant, input: MasterInput<'_>, out: &mut Vec<u8>) -> Instant {
         let Self { stack, scanner, found } = self;
         stack.step(now, input, out, scanner, |scanner, _| {
             let described = match scanner.take_last_event() {

@@ -4,7 +4,7 @@
 //! time that [`Slave::step`] answers. The slave watches the times of the others too: what breaks the rules of the line
 //! is counted ([`Slave::violations`]), and never answered.
 
-use ob1_coupler::config::Nanos;
+use ob1_coupler::config::{Instant, Span};
 use ob1_coupler::{Input, LineFault, LineInput, MasterInput};
 use ob1_protocols::profibus::telegram::{self, Frame};
 use ob1_protocols::profibus::{MIN_ANSWER_BITS, Parsed, SYNC_BITS, TELEGRAM_BYTES, Telegram, function, sap};
@@ -12,7 +12,7 @@ use ob1_protocols::profibus::{MIN_ANSWER_BITS, Parsed, SYNC_BITS, TELEGRAM_BYTES
 use crate::times::bits;
 
 /// 10 ms: the unit of the watchdog.
-const WATCHDOG_UNIT: Nanos = 10_000_000;
+const WATCHDOG_UNIT: Span = Span::from_millis(10);
 /// Bytes of Set_Prm before the user parameters.
 const PARAMETER_HEAD: usize = 7;
 /// Nobody's: the master of a slave without one.
@@ -57,8 +57,8 @@ pub struct Slave {
     state: State,
     master: Option<u8>,
     /// The watchdog's time, and when it is over.
-    watchdog: Option<Nanos>,
-    over: Nanos,
+    watchdog: Option<Span>,
+    over: Instant,
     min_answer_bits: u32,
     faults: (bool, bool),
     /// What it senses.
@@ -73,11 +73,11 @@ pub struct Slave {
     /// What did not fit has spoilt the telegram that is coming in.
     noise: bool,
     /// The last bit on the line.
-    active: Nanos,
+    active: Instant,
     /// How long the line was quiet before the telegram that is coming in, and the longest gap in it.
-    pause: Nanos,
-    gap: Nanos,
-    answer: Option<(Nanos, Vec<u8>)>,
+    pause: Span,
+    gap: Span,
+    answer: Option<(Instant, Vec<u8>)>,
     /// The frame count bit of the last request and its answer: a repetition gets the same again.
     last: Option<(u8, Vec<u8>)>,
     sending: bool,
@@ -94,7 +94,7 @@ impl Slave {
             state: State::default(),
             master: None,
             watchdog: None,
-            over: Nanos::MAX,
+            over: Instant::NEVER,
             min_answer_bits: MIN_ANSWER_BITS,
             faults: (false, false),
             inputs: vec![0; config.inputs],
@@ -103,9 +103,9 @@ impl Slave {
             to_tell: false,
             received: Vec::new(),
             noise: false,
-            active: 0,
-            pause: 0,
-            gap: 0,
+            active: Instant::START,
+            pause: Span::ZERO,
+            gap: Span::ZERO,
             answer: None,
             last: None,
             sending: false,
@@ -151,7 +151,7 @@ impl Slave {
     }
 
     /// Takes what has happened; `out` gets what is to be sent. The result is when to call again at the latest.
-    pub fn step(&mut self, now: Nanos, input: MasterInput<'_>, out: &mut Vec<u8>) -> Nanos {
+    pub fn step(&mut self, now: Instant, input: MasterInput<'_>, out: &mut Vec<u8>) -> Instant {
         match input {
             Input::Line(LineInput::Rx(bytes)) => bytes.iter().for_each(|byte| self.hear(now, Some(*byte))),
             Input::Line(LineInput::TxDone) => (self.sending, self.active) = (false, now),
@@ -170,31 +170,31 @@ impl Slave {
             self.sending = true;
             out.extend(bytes);
         }
-        let due = self.answer.as_ref().map_or(Nanos::MAX, |(due, _)| *due);
+        let due = self.answer.as_ref().map_or(Instant::NEVER, |(due, _)| *due);
         due.min(self.over)
     }
 
-    fn bits(&self, count: u32) -> Nanos {
+    fn bits(&self, count: u32) -> Span {
         bits(count, self.config.baud)
     }
 
     /// A character has come in whole at this instant; `None`: it could not be read.
-    fn hear(&mut self, now: Nanos, byte: Option<u8>) {
+    fn hear(&mut self, now: Instant, byte: Option<u8>) {
         let began = now.saturating_sub(self.bits(ob1_protocols::profibus::CHARACTER_BITS));
-        let quiet = began.saturating_sub(self.active);
+        let quiet = began.since(self.active);
         if self.sending {
-            self.violations.push(format!("at {now} ns: somebody speaks while station {} does", self.config.address));
+            self.violations.push(format!("at {now}: somebody speaks while station {} does", self.config.address));
             return;
         }
         // One nanosecond of a character is lost where its time is not a whole number.
-        if quiet + 1 >= self.bits(SYNC_BITS) {
+        if quiet + Span::from_nanos(1) >= self.bits(SYNC_BITS) {
             self.received.clear();
             self.noise = false;
         }
         if self.received.is_empty() {
-            (self.pause, self.gap) = (quiet, 0);
+            (self.pause, self.gap) = (quiet, Span::ZERO);
         }
-        self.gap = self.gap.max(if self.received.is_empty() { 0 } else { quiet });
+        self.gap = self.gap.max(if self.received.is_empty() { Span::ZERO } else { quiet });
         self.active = now;
         match byte {
             None => self.noise = true,
@@ -224,15 +224,15 @@ impl Slave {
     /// A request begins behind TSYN; the characters of a telegram follow each other at once.
     fn judge(&mut self) {
         let (pause, gap) = (self.pause, self.gap);
-        if pause + 1 < self.bits(SYNC_BITS) {
-            self.violations.push(format!("a request {pause} ns behind the bit before it"));
+        if pause + Span::from_nanos(1) < self.bits(SYNC_BITS) {
+            self.violations.push(format!("a request {pause} behind the bit before it"));
         }
         if gap > self.bits(1) {
-            self.violations.push(format!("a gap of {gap} ns in a telegram"));
+            self.violations.push(format!("a gap of {gap} in a telegram"));
         }
     }
 
-    fn frame(&mut self, now: Nanos, frame: &Frame<'_>) {
+    fn frame(&mut self, now: Instant, frame: &Frame<'_>) {
         let ours = frame.da == self.config.address;
         if frame.fc & function::REQUEST == 0 || !(ours || frame.da == ob1_protocols::profibus::BROADCAST) {
             return;
@@ -265,13 +265,13 @@ impl Slave {
         self.answers(now, bytes);
     }
 
-    fn answers(&mut self, now: Nanos, bytes: Vec<u8>) {
+    fn answers(&mut self, now: Instant, bytes: Vec<u8>) {
         let due = now + self.bits(self.min_answer_bits + self.config.delay_bits);
         self.answer = Some((due, bytes));
     }
 
     /// The master's telegram keeps the watchdog from barking.
-    fn trigger(&mut self, now: Nanos, frame: &Frame<'_>) {
+    fn trigger(&mut self, now: Instant, frame: &Frame<'_>) {
         if Some(frame.sa) == self.master
             && let Some(time) = self.watchdog
         {
@@ -279,7 +279,7 @@ impl Slave {
         }
     }
 
-    fn request(&mut self, now: Nanos, frame: &Frame<'_>) -> Option<Answer> {
+    fn request(&mut self, now: Instant, frame: &Frame<'_>) -> Option<Answer> {
         if frame.fc & 0x0F == function::STATUS {
             return Some(Answer::Status(function::OK));
         }
@@ -309,7 +309,7 @@ impl Slave {
         }
     }
 
-    fn parameters(&mut self, now: Nanos, frame: &Frame<'_>) -> Answer {
+    fn parameters(&mut self, now: Instant, frame: &Frame<'_>) -> Answer {
         if self.master.is_some_and(|master| master != frame.sa) {
             return Answer::Confirmation;
         }
@@ -344,7 +344,7 @@ impl Slave {
         }
     }
 
-    fn data_exchange(&mut self, now: Nanos, frame: &Frame<'_>) -> Answer {
+    fn data_exchange(&mut self, now: Instant, frame: &Frame<'_>) -> Answer {
         if frame.data.len() != self.outputs.len() {
             self.leave();
             self.faults.1 = true;
@@ -361,7 +361,7 @@ impl Slave {
     }
 
     /// Clear_Data is the one thing of it that is not optional.
-    fn global_control(&mut self, now: Nanos, data: &[u8]) {
+    fn global_control(&mut self, now: Instant, data: &[u8]) {
         if let (Some(time), State::Exchange) = (self.watchdog, self.state) {
             self.over = now.saturating_add(time);
         }
@@ -373,7 +373,7 @@ impl Slave {
     /// The watchdog has barked, or everything begins anew: outputs off.
     fn leave(&mut self) {
         self.outputs.fill(0);
-        (self.state, self.master, self.watchdog, self.over) = (State::WaitParameters, None, None, Nanos::MAX);
+        (self.state, self.master, self.watchdog, self.over) = (State::WaitParameters, None, None, Instant::NEVER);
         self.min_answer_bits = MIN_ANSWER_BITS;
     }
 

@@ -1,6 +1,6 @@
 //! The data link layer of a master with its line and its clock: what a master and a scan have in common.
 
-use ob1_coupler::config::Nanos;
+use ob1_coupler::config::{Instant, Span};
 use ob1_coupler::dp::DpConfig;
 use ob1_coupler::{Input, LineFault, LineInput, MasterInput};
 use ob1_protocols::profibus::{CHARACTER_BITS, SYNC_BITS};
@@ -21,16 +21,16 @@ pub(crate) struct Stack {
     baud: u32,
     /// Pauses behind the last bit on the line after which it has something to do: the line is free, it may speak, an
     /// answer is overdue, the token is lost.
-    pauses: [Nanos; 4],
+    pauses: [Span; 4],
     pub(crate) wires: Wires,
     fdl: FdlActiveStation,
     pub(crate) is_up: bool,
     /// The last bit on the line.
-    active: Nanos,
+    active: Instant,
 }
 
 impl Stack {
-    pub(crate) fn new(config: &DpConfig, now: Nanos) -> Result<Self, NoMaster> {
+    pub(crate) fn new(config: &DpConfig, now: Instant) -> Result<Self, NoMaster> {
         let slot = u32::from(config.slot_bits);
         let lost_token = slot * (6 + 2 * u32::from(config.address));
         let pauses = [0, SYNC_BITS, slot, lost_token].map(|count| bits(count, config.baud));
@@ -42,12 +42,12 @@ impl Stack {
     /// called behind each of its steps.
     pub(crate) fn step<A: FdlApplication>(
         &mut self,
-        now: Nanos,
+        now: Instant,
         input: MasterInput<'_>,
         out: &mut Vec<u8>,
         app: &mut A,
         mut after: impl FnMut(&mut A, &mut Wires),
-    ) -> Nanos {
+    ) -> Instant {
         match input {
             Input::Line(LineInput::Rx(bytes)) => {
                 self.wires.hear(now, bytes);
@@ -88,22 +88,22 @@ impl Stack {
             self.active = now + bits(CHARACTER_BITS * telegram.len() as u32, self.baud);
             out.extend(telegram);
         }
-        if self.is_up { self.deadline(now) } else { Nanos::MAX }
+        if self.is_up { self.deadline(now) } else { Instant::NEVER }
     }
 
     /// The stack does nothing between events but at a few times behind the last bit.
-    fn deadline(&self, now: Nanos) -> Nanos {
+    fn deadline(&self, now: Instant) -> Instant {
         let times = self.pauses.map(|pause| {
             // It counts whole microseconds, and waits for more than its pauses.
-            self.active.saturating_add(pause).saturating_add(MICRO).next_multiple_of(MICRO)
+            self.active.saturating_add(pause).next_tick(MICRO)
         });
-        times.into_iter().find(|at| *at > now).unwrap_or(Nanos::MAX)
+        times.into_iter().find(|at| *at > now).unwrap_or(Instant::NEVER)
     }
 }
 
 fn station(config: &DpConfig) -> Result<FdlActiveStation, NoMaster> {
     let baud = baud_rate(config.baud).ok_or_else(|| NoMaster(format!("PROFIBUS has no {} bit/s", config.baud)))?;
-    let watchdog = config.watchdog / 1_000_000;
+    let watchdog = config.watchdog.millis();
     // The stack panics where these do not hold; the station file has been checked against the same.
     let holds = config.address < config.hsa
         && config.hsa <= 126

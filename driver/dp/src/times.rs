@@ -1,12 +1,10 @@
 //! Bits to nanoseconds, and the clock of the stack.
 
-use ob1_coupler::config::Nanos;
-use profirust::Baudrate;
-use profirust::time::Instant;
+use ob1_coupler::config::{Instant, Span};
+use profirust::{Baudrate, time};
 
-const SECOND: Nanos = 1_000_000_000;
 /// The stack counts microseconds.
-pub(crate) const MICRO: Nanos = 1000;
+pub(crate) const MICRO: Span = Span::MICROSECOND;
 
 /// The stack's word for a baud rate; `None`: PROFIBUS does not have it, or no serial line does.
 #[must_use]
@@ -25,12 +23,12 @@ pub const fn baud_rate(baud: u32) -> Option<Baudrate> {
 }
 
 /// So many bits at a baud rate, rounded up.
-pub(crate) const fn bits(bits: u32, baud: u32) -> Nanos {
+pub(crate) const fn bits(bits: u32, baud: u32) -> Span {
     let baud = if baud == 0 { 1 } else { baud as u64 };
-    (bits as u64 * SECOND).div_ceil(baud)
+    Span::from_nanos((bits as u64 * Span::SECOND.nanos()).div_ceil(baud))
 }
 
 /// The stack's clock. What it counts is a bit early, never late: a pause that it waits for is over.
-pub(crate) fn instant(now: Nanos) -> Instant {
-    Instant::from_micros((now / MICRO) as i64)
+pub(crate) fn instant(now: Instant) -> time::Instant {
+    time::Instant::from_micros(now.since_start().micros() as i64)
 }

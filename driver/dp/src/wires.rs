@@ -7,11 +7,11 @@
 //! every check of the standard, and while an answer is due nothing but an answer to what was asked. After the first
 //! character that does not fit, everything is noise until the line was quiet or we have spoken.
 
-use ob1_coupler::config::Nanos;
+use ob1_coupler::config::{Instant, Span};
 use ob1_protocols::profibus::telegram::{self, Frame};
 use ob1_protocols::profibus::{Parsed, TELEGRAM_BYTES, Telegram, function, sap};
 use profirust::phy::ProfibusPhy;
-use profirust::time::Instant;
+use profirust::time;
 
 /// What was asked, as far as its answer must mirror it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,10 +33,10 @@ pub struct Wires {
     /// Characters since the last telegram that was handed over: what the stack takes for activity.
     heard: usize,
     /// The time of the last character, or of our own last bit.
-    active: Nanos,
+    active: Instant,
     /// A character did not fit: what follows is noise until the line was quiet for `quiet`.
     noise: bool,
-    quiet: Nanos,
+    quiet: Span,
     asked: Option<Asked>,
     /// A diagnosis that was asked for: whose, and what it says.
     diagnosis: Option<(u8, Vec<u8>)>,
@@ -48,7 +48,7 @@ pub struct Wires {
 
 impl Wires {
     /// `quiet`: after so long without a character the next one begins a telegram.
-    pub(crate) fn new(quiet: Nanos) -> Self {
+    pub(crate) fn new(quiet: Span) -> Self {
         Self { quiet, ..Self::default() }
     }
 
@@ -60,7 +60,7 @@ impl Wires {
     }
 
     /// Characters came in.
-    pub(crate) fn hear(&mut self, now: Nanos, bytes: &[u8]) {
+    pub(crate) fn hear(&mut self, now: Instant, bytes: &[u8]) {
         self.listen(now, bytes.len());
         if self.noise || self.sending {
             return;
@@ -71,15 +71,15 @@ impl Wires {
     }
 
     /// A character could not be read.
-    pub(crate) fn fault(&mut self, now: Nanos) {
+    pub(crate) fn fault(&mut self, now: Instant) {
         self.listen(now, 1);
         if !self.sending {
             self.spoil();
         }
     }
 
-    fn listen(&mut self, now: Nanos, characters: usize) {
-        if self.noise && now.saturating_sub(self.active) >= self.quiet {
+    fn listen(&mut self, now: Instant, characters: usize) {
+        if self.noise && now.since(self.active) >= self.quiet {
             (self.noise, self.received) = (false, Vec::new());
         }
         self.heard += characters;
@@ -87,7 +87,7 @@ impl Wires {
     }
 
     /// Everything is out.
-    pub(crate) fn is_out(&mut self, now: Nanos) {
+    pub(crate) fn is_out(&mut self, now: Instant) {
         (self.sending, self.active) = (false, now);
     }
 
@@ -153,11 +153,11 @@ fn answers(asked: &Asked, telegram: &Telegram<'_>) -> bool {
 }
 
 impl ProfibusPhy for Wires {
-    fn poll_transmission(&mut self, _now: Instant) -> bool {
+    fn poll_transmission(&mut self, _now: time::Instant) -> bool {
         self.sending
     }
 
-    fn transmit_data<F, R>(&mut self, _now: Instant, f: F) -> R
+    fn transmit_data<F, R>(&mut self, _now: time::Instant, f: F) -> R
     where
         F: FnOnce(&mut [u8]) -> (usize, R),
     {
@@ -181,7 +181,7 @@ impl ProfibusPhy for Wires {
         result
     }
 
-    fn receive_data<F, R>(&mut self, _now: Instant, f: F) -> R
+    fn receive_data<F, R>(&mut self, _now: time::Instant, f: F) -> R
     where
         F: FnOnce(&[u8]) -> (usize, R),
     {
@@ -206,7 +206,7 @@ impl ProfibusPhy for Wires {
         result
     }
 
-    fn poll_pending_received_bytes(&mut self, _now: Instant) -> usize {
+    fn poll_pending_received_bytes(&mut self, _now: time::Instant) -> usize {
         self.heard
     }
 }
@@ -215,7 +215,9 @@ impl ProfibusPhy for Wires {
 mod tests {
     use super::*;
 
-    const QUIET: Nanos = 100;
+    const QUIET: Span = Span::from_nanos(100);
+    const TICK: Span = Span::from_nanos(1);
+    const AT: Instant = Instant::START;
 
     /// What the stack would get of these bytes after a request to station 8.
     fn answered(dsap: Option<u8>, bytes: &[u8]) -> usize {
@@ -228,15 +230,15 @@ mod tests {
             fc: function::REQUEST | function::SRD_HIGH,
             data: &[1],
         };
-        wires.transmit_data(Instant::ZERO, |buffer| {
+        wires.transmit_data(time::Instant::ZERO, |buffer| {
             let mut telegram = [0; TELEGRAM_BYTES];
             let len = telegram::encode(&Telegram::Data(frame), &mut telegram).expect("it fits");
             buffer[..len].copy_from_slice(&telegram[..len]);
             (len, ())
         });
-        wires.is_out(0);
-        bytes.iter().for_each(|byte| wires.hear(1, &[*byte]));
-        wires.receive_data(Instant::ZERO, |bytes| (0, bytes.len()))
+        wires.is_out(AT);
+        bytes.iter().for_each(|byte| wires.hear(AT + TICK, &[*byte]));
+        wires.receive_data(time::Instant::ZERO, |bytes| (0, bytes.len()))
     }
 
     fn telegram(sa: u8, dsap: Option<u8>, ssap: Option<u8>, fc: u8) -> Vec<u8> {
@@ -268,15 +270,15 @@ mod tests {
     #[test]
     fn the_rest_of_a_damaged_telegram_is_noise() {
         let mut wires = Wires::new(QUIET);
-        wires.hear(0, &[0x68, 5, 6]);
+        wires.hear(AT, &[0x68, 5, 6]);
         // What follows looks like a confirmation.
-        wires.hear(1, &[0xE5]);
-        assert_eq!(wires.receive_data(Instant::ZERO, |bytes| (0, bytes.len())), 0);
+        wires.hear(AT + TICK, &[0xE5]);
+        assert_eq!(wires.receive_data(time::Instant::ZERO, |bytes| (0, bytes.len())), 0);
         assert_eq!(wires.rejected(), 1);
-        wires.hear(1 + QUIET, &[0xE5]);
-        assert_eq!(wires.receive_data(Instant::ZERO, |bytes| (0, bytes.len())), 1);
-        wires.fault(2 + QUIET);
-        wires.hear(3 + QUIET, &[0xE5]);
-        assert_eq!(wires.receive_data(Instant::ZERO, |bytes| (0, bytes.len())), 0);
+        wires.hear(AT + TICK + QUIET, &[0xE5]);
+        assert_eq!(wires.receive_data(time::Instant::ZERO, |bytes| (0, bytes.len())), 1);
+        wires.fault(AT + 2 * TICK + QUIET);
+        wires.hear(AT + 3 * TICK + QUIET, &[0xE5]);
+        assert_eq!(wires.receive_data(time::Instant::ZERO, |bytes| (0, bytes.len())), 0);
     }
 }

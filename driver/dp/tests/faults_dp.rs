@@ -84,7 +84,7 @@ fn none_is_accepted_wrong() {
         wires.accepted,
         wires.damaged,
         wires.master.wires().rejected(),
-        wires.now / MS
+        wires.now.millis()
     );
     assert!(wires.damaged * 100 > wires.accepted, "one in a hundred is to be damaged: {}", wires.damaged);
     assert!(last.iter().flatten().all(|number| *number > 0), "{last:?}");

@@ -3,6 +3,7 @@
 
 mod wires;
 
+use ob1_coupler::config::{Instant, Span};
 use ob1_coupler::dp::{Diagnosis, kept_diagnosis};
 use ob1_coupler::{Image, Input, LineInput, State};
 use ob1_dp::slave::State as SlaveState;
@@ -56,13 +57,13 @@ fn least_bits(slaves: u64, bytes: u64) -> u64 {
 fn a_round_of_16_slaves_takes_at_most_a_third_more_than_the_least() {
     for baud in [500_000, 1_500_000] {
         let mut wires = quiet(baud, 16, 8);
-        let (before, rounds) = (wires.image.status[0].exchanges, 1000 * MS);
+        let (before, rounds) = (wires.image.status[0].exchanges, Span::SECOND);
         wires.run(rounds);
         let exchanges = wires.image.status[0].exchanges - before;
         let taken = rounds / exchanges;
-        let least = least_bits(16, 8) * 1_000_000_000 / u64::from(baud);
-        let factor = taken as f64 / least as f64;
-        println!("{baud} bit/s: {taken} ns a round, at least {least} ns: {factor:.3}");
+        let least = least_bits(16, 8) * Span::SECOND / u64::from(baud);
+        let factor = taken.nanos() as f64 / least.nanos() as f64;
+        println!("{baud} bit/s: {taken} a round, at least {least}: {factor:.3}");
         assert!(factor >= 1.0, "{baud}: faster than the line can be: {factor}");
         assert!(factor <= 1.3, "{baud}: {factor}");
         assert_eq!(wires.violations(), [""; 0]);
@@ -101,16 +102,16 @@ fn outputs_go_off_with_the_watchdog_when_the_master_is_gone() {
     wires.run(20 * MS);
     wires.killed = true;
     let killed = wires.now;
-    let mut off = [0; 2];
+    let mut off = [None; 2];
     wires.run_with(300 * MS, |wires| {
         for (n, on) in wires.slaves.iter().enumerate() {
-            if on.slave.outputs == [0; 4] && off[n] == 0 {
-                off[n] = wires.now - killed;
+            if on.slave.outputs == [0; 4] && off[n].is_none() {
+                off[n] = Some(wires.now - killed);
             }
         }
     });
     // 200 ms are configured; the last telegram to each was at most a round ago, or on its way.
-    assert!(off.iter().all(|off| (190 * MS..=201 * MS).contains(off)), "{off:?}");
+    assert!(off.iter().all(|off| off.is_some_and(|off| (190 * MS..=201 * MS).contains(&off))), "{off:?}");
     // The next process finds everything as it is.
     wires.restart_master(&config);
     let again = wires.now;
@@ -174,19 +175,22 @@ fn a_diagnosis_is_fetched_when_it_comes_and_when_it_goes() {
 
 #[test]
 fn a_master_that_speaks_too_soon_is_found() {
+    // 11 bits at 500 kbit/s.
+    const CHARACTER: Span = Span::from_micros(22);
     // The guard of the guard: a request without TSYN before it.
     let mut wires = quiet(500_000, 1, 4);
     let mut slave = ob1_dp::Slave::new(slave_of(config(500_000, 1, 4).lines[0].dp.as_ref().expect("DP"), 0));
     let mut out = Vec::new();
     let telegram = [0x10, 3, 2, 0x49, 0x4E, 0x16];
+    let first = Instant::from_micros(100);
     for (n, byte) in telegram.iter().enumerate() {
-        slave.step(100_000 + 22_000 * (n as u64 + 1), Input::Line(LineInput::Rx(&[*byte])), &mut out);
+        slave.step(first + CHARACTER * (n as u64 + 1), Input::Line(LineInput::Rx(&[*byte])), &mut out);
     }
     assert_eq!(slave.violations(), [""; 0]);
-    let begin = 100_000 + 22_000 * 6 + 60_000;
-    slave.step(begin - 30_000, Input::Tick, &mut out);
+    let begin = first + 6 * CHARACTER + Span::from_micros(60);
+    slave.step(begin - Span::from_micros(30), Input::Tick, &mut out);
     for (n, byte) in telegram.iter().enumerate() {
-        slave.step(begin + 22_000 * (n as u64 + 1), Input::Line(LineInput::Rx(&[*byte])), &mut out);
+        slave.step(begin + CHARACTER * (n as u64 + 1), Input::Line(LineInput::Rx(&[*byte])), &mut out);
     }
     assert!(!slave.violations().is_empty());
     wires.run(MS);

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use ob1_params::CpKind;
-use ob1_protocols::Nanos;
+use ob1_protocols::Instant;
 
 use crate::{Cp040, Cp240, Cp341, CpInput, CpPort};
 
@@ -11,7 +11,7 @@ use crate::{Cp040, Cp240, Cp341, CpInput, CpPort};
 pub trait Cp: fmt::Debug {
     /// Takes one input at time `now`; the result is when [`CpInput::Tick`] is due. An input that this type does not
     /// have changes nothing.
-    fn step(&mut self, now: Nanos, input: CpInput<'_>, port: &mut dyn CpPort) -> Option<Nanos>;
+    fn step(&mut self, now: Instant, input: CpInput<'_>, port: &mut dyn CpPort) -> Option<Instant>;
 
     /// Whether its parameters are valid, and the CPU has acknowledged its start-up where it has one.
     fn is_working(&self) -> bool;
@@ -39,7 +39,7 @@ pub fn of(kind: CpKind, generation: u64, io_bytes: usize) -> Box<dyn Cp> {
 struct Elsewhere;
 
 impl Cp for Elsewhere {
-    fn step(&mut self, _: Nanos, _: CpInput<'_>, _: &mut dyn CpPort) -> Option<Nanos> {
+    fn step(&mut self, _: Instant, _: CpInput<'_>, _: &mut dyn CpPort) -> Option<Instant> {
         None
     }
 

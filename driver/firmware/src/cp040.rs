@@ -11,7 +11,7 @@ mod send;
 
 use ob1_params::{Cp040 as Parameters, Duplex};
 use ob1_protocols::modbus::area::{BLOCK_BYTES, BLOCKS_TOGETHER};
-use ob1_protocols::{Input, LineFault, LineInput, MS, Nanos, Order, SendError};
+use ob1_protocols::{Input, Instant, LineFault, LineInput, Order, SendError, Span};
 
 pub use diagnosis::DiagnosticRecord;
 pub use ob1_words::cp040::IO_BYTES;
@@ -26,7 +26,7 @@ use ob1_words::cp040::Area;
 use outlet::Outlet;
 
 /// IF flashes: so long on, so long off. "2 Hz" [S3 L293]
-const FLASH: Nanos = 250 * MS;
+const FLASH: Span = Span::from_millis(250);
 
 /// Where the module is on its way to work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -52,7 +52,7 @@ pub struct Cp040 {
     parameters: Option<Parameters>,
     setup: Option<Setup>,
     protocol: Protocol,
-    protocol_due: Option<Nanos>,
+    protocol_due: Option<Instant>,
     /// Characters of ours are on the line.
     transmitting: bool,
     line_gone: bool,
@@ -64,7 +64,7 @@ pub struct Cp040 {
 }
 
 impl Cp for Cp040 {
-    fn step(&mut self, now: Nanos, input: CpInput<'_>, port: &mut dyn CpPort) -> Option<Nanos> {
+    fn step(&mut self, now: Instant, input: CpInput<'_>, port: &mut dyn CpPort) -> Option<Instant> {
         match input {
             CpInput::Tick => {
                 if self.protocol_due.is_some_and(|due| now >= due) {
@@ -97,7 +97,7 @@ impl Cp for Cp040 {
                 port.event(now, CpEvent::Record { incoming, record: *self.diagnosis.record() });
             }
         }
-        let flash = self.is_flashing(now).then_some((now / FLASH + 1) * FLASH);
+        let flash = self.is_flashing(now).then_some(now.next_tick(FLASH));
         self.protocol_due.into_iter().chain(self.leds.deadline()).chain(flash).min()
     }
 
@@ -136,19 +136,19 @@ impl Cp040 {
         self.exchange.receive.telegrams()
     }
 
-    fn is_flashing(&mut self, now: Nanos) -> bool {
+    fn is_flashing(&mut self, now: Instant) -> bool {
         self.leds.at(now).error || self.phase == Phase::NoParameters
     }
 
     /// PW is RUN; ER is IF, or MF while there are no valid parameters: both flash at 2 Hz. [S3 L293]
-    fn leds_at(&mut self, now: Nanos) -> Leds {
-        let on = self.is_flashing(now) && (now / FLASH).is_multiple_of(2);
+    fn leds_at(&mut self, now: Instant) -> Leds {
+        let on = self.is_flashing(now) && (now.since_start() / FLASH).is_multiple_of(2);
         Leds { error: on, power: self.phase == Phase::Working, ..self.leds.at(now) }
     }
 
     // ---- parameters ----
 
-    fn parametrise(&mut self, now: Nanos, bytes: &[u8; 16], port: &mut dyn CpPort) {
+    fn parametrise(&mut self, now: Instant, bytes: &[u8; 16], port: &mut dyn CpPort) {
         if !matches!(self.protocol, Protocol::None) {
             port.take_back();
         }
@@ -205,7 +205,7 @@ impl Cp040 {
 
     // ---- the host ----
 
-    fn look(&mut self, now: Nanos, port: &mut dyn CpPort) {
+    fn look(&mut self, now: Instant, port: &mut dyn CpPort) {
         // What the outputs of a stopped CPU show is no command; with its start come parameters.
         if self.phase != Phase::Working || self.cpu_stopped {
             return;
@@ -229,7 +229,7 @@ impl Cp040 {
     }
 
     /// "Execute a reset on the CP": buffers and protocol begin anew.
-    fn reset(&mut self, now: Nanos, port: &mut dyn CpPort) {
+    fn reset(&mut self, now: Instant, port: &mut dyn CpPort) {
         port.take_back();
         self.clear(port);
         self.transmitting = false;
@@ -240,7 +240,7 @@ impl Cp040 {
         self.drive(now, Input::Tick, port);
     }
 
-    fn commanded(&mut self, now: Nanos, step: send::Step, port: &mut dyn CpPort) {
+    fn commanded(&mut self, now: Instant, step: send::Step, port: &mut dyn CpPort) {
         match step {
             send::Step::Wait | send::Step::Stored => {}
             send::Step::Discarded | send::Step::BadOrder => port.event(now, CpEvent::OrderDiscarded { code: None }),
@@ -260,7 +260,7 @@ impl Cp040 {
         }
     }
 
-    fn received(&mut self, now: Nanos, step: receive::Step, port: &mut dyn CpPort) {
+    fn received(&mut self, now: Instant, step: receive::Step, port: &mut dyn CpPort) {
         if let receive::Step::Delivered(bytes) = step {
             if let Some(bytes) = bytes {
                 port.count(CpCounter::Delivered, 1);
@@ -298,7 +298,7 @@ impl Cp040 {
 
     // ---- the line and the protocol ----
 
-    fn line(&mut self, now: Nanos, line: LineInput<'_>, port: &mut dyn CpPort) {
+    fn line(&mut self, now: Instant, line: LineInput<'_>, port: &mut dyn CpPort) {
         // Two wires: "data is exchanged ... but only in one direction at a time". What comes while we send is our own.
         // [S3 L347]
         let is_half = self.parameters.as_ref().is_some_and(|p| p.duplex == Duplex::Half);
@@ -350,7 +350,7 @@ impl Cp040 {
         }
     }
 
-    fn order(&mut self, now: Nanos, port: &mut dyn CpPort) {
+    fn order(&mut self, now: Instant, port: &mut dyn CpPort) {
         let (exchange, protocol) = (&mut self.exchange, &mut self.protocol);
         let mut out = Outlet {
             now,
@@ -366,7 +366,7 @@ impl Cp040 {
         self.after_step(now, outcome, port);
     }
 
-    fn drive(&mut self, now: Nanos, input: Input<'_>, port: &mut dyn CpPort) {
+    fn drive(&mut self, now: Instant, input: Input<'_>, port: &mut dyn CpPort) {
         let mut out = Outlet {
             now,
             receive: &mut self.exchange.receive,
@@ -381,7 +381,7 @@ impl Cp040 {
         self.after_step(now, outcome, port);
     }
 
-    fn after_step(&mut self, now: Nanos, outcome: Option<Result<(), SendError>>, port: &mut dyn CpPort) {
+    fn after_step(&mut self, now: Instant, outcome: Option<Result<(), SendError>>, port: &mut dyn CpPort) {
         if let Some(outcome) = outcome {
             self.ended(now, outcome, port);
         }
@@ -394,7 +394,7 @@ impl Cp040 {
     }
 
     /// Modbus slave "long": what the master has changed goes to the CPU with its place, the offset word. [S3 L11]
-    fn offer_change(&mut self, now: Nanos, port: &mut dyn CpPort) {
+    fn offer_change(&mut self, now: Instant, port: &mut dyn CpPort) {
         let Some(slave) = self.protocol.slave().filter(|slave| slave.config().confirmed) else { return };
         let Some(change) = slave.take_change() else { return };
         let mut blocks = [0; BLOCK_BYTES * BLOCKS_TOGETHER];
@@ -407,7 +407,7 @@ impl Cp040 {
         }
     }
 
-    fn ended(&mut self, now: Nanos, outcome: Result<(), SendError>, port: &mut dyn CpPort) {
+    fn ended(&mut self, now: Instant, outcome: Result<(), SendError>, port: &mut dyn CpPort) {
         let outcome = match outcome {
             Err(SendError::Aborted) if self.line_broke_off => Err(SendError::Frame),
             other => other,

@@ -27,7 +27,7 @@ mod send;
 
 use ob1_params::{Cp240 as Parameters, LineSettings};
 use ob1_protocols::rk512::Order as Rk512Order;
-use ob1_protocols::{Event, Input, LineFault, LineInput, Nanos, Order, SendError, What};
+use ob1_protocols::{Event, Input, Instant, LineFault, LineInput, Order, SendError, What};
 
 use crate::cp::Cp;
 use crate::diagnosis::{Diagnosis, Kind};
@@ -88,7 +88,7 @@ pub struct Cp240 {
     /// Of the receive buffer.
     capacity: Capacity,
     protocol: Protocol,
-    protocol_due: Option<Nanos>,
+    protocol_due: Option<Instant>,
     send: SendSide,
     receive: ReceiveSide,
     /// The receive side of RK 512, in the place of `receive`.
@@ -106,7 +106,7 @@ pub struct Cp240 {
 }
 
 impl Cp for Cp240 {
-    fn step(&mut self, now: Nanos, input: CpInput<'_>, port: &mut dyn CpPort) -> Option<Nanos> {
+    fn step(&mut self, now: Instant, input: CpInput<'_>, port: &mut dyn CpPort) -> Option<Instant> {
         match input {
             CpInput::Tick => {
                 if self.protocol_due.is_some_and(|due| now >= due) {
@@ -203,7 +203,7 @@ impl Cp240 {
 
     // ---- start-up ----
 
-    fn parametrise(&mut self, now: Nanos, bytes: &[u8; 16], port: &mut dyn CpPort) {
+    fn parametrise(&mut self, now: Instant, bytes: &[u8; 16], port: &mut dyn CpPort) {
         self.drop_all(port);
         self.leds.power();
         let decoded = Parameters::of_bytes(bytes);
@@ -260,7 +260,7 @@ impl Cp240 {
     }
 
     /// Shows the start-up identifier with the next number.
-    fn identify(&mut self, now: Nanos, reason: StartReason, port: &mut dyn CpPort) {
+    fn identify(&mut self, now: Instant, reason: StartReason, port: &mut dyn CpPort) {
         self.drop_all(port);
         self.number = next_number(self.number);
         // A number that stands in the registers from before would be taken for the acknowledgement.
@@ -271,7 +271,7 @@ impl Cp240 {
         port.event(now, CpEvent::Startup { number: self.number, reason });
     }
 
-    fn work(&mut self, now: Nanos, port: &mut dyn CpPort) {
+    fn work(&mut self, now: Instant, port: &mut dyn CpPort) {
         let Some(setup) = &self.setup else { return };
         self.receive.clear(self.capacity);
         self.protocol = setup.build();
@@ -293,7 +293,7 @@ impl Cp240 {
 
     // ---- the CPU's registers ----
 
-    fn look(&mut self, now: Nanos, port: &mut dyn CpPort) {
+    fn look(&mut self, now: Instant, port: &mut dyn CpPort) {
         let (rx, tx) = (rx_word(&self.outputs), tx_word(&self.outputs));
         let reset = rx == RESET;
         let asked = reset && !self.reset_seen && self.setup.as_ref().is_some_and(Setup::has_identifier);
@@ -320,7 +320,7 @@ impl Cp240 {
         }
     }
 
-    fn look_registers(&mut self, now: Nanos, port: &mut dyn CpPort) {
+    fn look_registers(&mut self, now: Instant, port: &mut dyn CpPort) {
         if let Some(slave) = self.protocol.slave()
             && modbus::take_image(slave, &self.outputs)
         {
@@ -333,7 +333,7 @@ impl Cp240 {
         self.look_receive(now, port);
     }
 
-    fn look_send(&mut self, now: Nanos, port: &mut dyn CpPort) {
+    fn look_send(&mut self, now: Instant, port: &mut dyn CpPort) {
         match self.send.look(tx_word(&self.outputs), block(&self.outputs)) {
             send::Step::Wait | send::Step::Stored => {}
             send::Step::Discarded => port.event(now, CpEvent::OrderDiscarded { code: None }),
@@ -367,7 +367,7 @@ impl Cp240 {
         }
     }
 
-    fn look_receive(&mut self, now: Nanos, port: &mut dyn CpPort) {
+    fn look_receive(&mut self, now: Instant, port: &mut dyn CpPort) {
         match self.receive.look(rx_word(&self.outputs)) {
             receive::Step::Wait | receive::Step::Offered => {}
             receive::Step::PartTaken => self.drive(now, Input::Tick, port),
@@ -414,7 +414,7 @@ impl Cp240 {
 
     // ---- the line and the protocol ----
 
-    fn line(&mut self, now: Nanos, line: LineInput<'_>, port: &mut dyn CpPort) {
+    fn line(&mut self, now: Instant, line: LineInput<'_>, port: &mut dyn CpPort) {
         match line {
             LineInput::Rx(bytes) => {
                 self.leds.received(now);
@@ -452,7 +452,7 @@ impl Cp240 {
     }
 
     /// Hands the complete telegram to the protocol.
-    fn order(&mut self, now: Nanos, port: &mut dyn CpPort) {
+    fn order(&mut self, now: Instant, port: &mut dyn CpPort) {
         let mut out = outlet!(self, now, port);
         let input = Input::Order(Order::Send(self.send.telegram()));
         self.protocol_due = self.protocol.step(now, input, &mut out);
@@ -460,14 +460,14 @@ impl Cp240 {
         self.after_step(now, outcome, port);
     }
 
-    fn drive(&mut self, now: Nanos, input: Input<'_>, port: &mut dyn CpPort) {
+    fn drive(&mut self, now: Instant, input: Input<'_>, port: &mut dyn CpPort) {
         let mut out = outlet!(self, now, port);
         self.protocol_due = self.protocol.step(now, input, &mut out);
         let outcome = out.outcome;
         self.after_step(now, outcome, port);
     }
 
-    fn after_step(&mut self, now: Nanos, outcome: Option<Result<(), SendError>>, port: &mut dyn CpPort) {
+    fn after_step(&mut self, now: Instant, outcome: Option<Result<(), SendError>>, port: &mut dyn CpPort) {
         if let Some(outcome) = outcome {
             self.ended(now, outcome, port);
         }
@@ -486,7 +486,7 @@ impl Cp240 {
         }
     }
 
-    fn ended(&mut self, now: Nanos, outcome: Result<(), SendError>, port: &mut dyn CpPort) {
+    fn ended(&mut self, now: Instant, outcome: Result<(), SendError>, port: &mut dyn CpPort) {
         let outcome = match outcome {
             Err(SendError::Aborted) if self.line_broke_off => Err(SendError::Frame),
             other => other,

@@ -1,23 +1,23 @@
 //! The four LEDs on the front [S0 "LEDs"].
 
-use ob1_protocols::{MS, Nanos, SECOND};
+use ob1_protocols::{Instant, Span};
 pub use ob1_words::Leds;
 
 /// How long ER stays on after the last error. [S0 L1458]
-const ERROR_TIME: Nanos = 4 * SECOND;
+const ERROR_TIME: Span = Span::from_secs(4);
 
 /// Modbus without valid parameters: on for so long, then off for so long (ours).
-const FLASH: Nanos = 250 * MS;
+const FLASH: Span = Span::from_millis(250);
 
 /// How long RxD stays on after the last byte, so that it can be seen.
-const RECEIVE_TIME: Nanos = 50 * MS;
+const RECEIVE_TIME: Span = Span::from_millis(50);
 
 /// What makes them light up and go out.
 #[derive(Debug)]
 pub(crate) struct LedDriver {
     leds: Leds,
-    error_until: Nanos,
-    receive_until: Nanos,
+    error_until: Instant,
+    receive_until: Instant,
     /// An open circuit keeps ER on.
     line_gone: bool,
     modbus: bool,
@@ -26,15 +26,15 @@ pub(crate) struct LedDriver {
     /// Modbus: an internal error keeps ER on until the CPU goes from STOP to RUN.
     internal: bool,
     /// Modbus without valid parameters: ER, TxD and RxD are on or off until then.
-    flashing: Option<(bool, Nanos)>,
+    flashing: Option<(bool, Instant)>,
 }
 
 impl LedDriver {
     pub(crate) const fn new() -> Self {
         Self {
             leds: Leds::NONE,
-            error_until: 0,
-            receive_until: 0,
+            error_until: Instant::START,
+            receive_until: Instant::START,
             line_gone: false,
             modbus: false,
             overflow_alone: false,
@@ -48,7 +48,7 @@ impl LedDriver {
     pub(crate) const fn switched_on() -> Self {
         let mut leds = Self::new();
         leds.leds.power = true;
-        leds.flashing = Some((false, 0));
+        leds.flashing = Some((false, Instant::START));
         leds
     }
 
@@ -59,7 +59,7 @@ impl LedDriver {
     /// New parameters, for one of the Modbus modes or not, valid or not. Modbus: "After switching on the voltage
     /// supply the LEDs ER, TxD and RxD are flashing ... with valid parameters the LEDs ER, TxD and RxD extinguish."
     /// [S0 "Commissioning"]
-    pub(crate) fn parameters(&mut self, now: Nanos, modbus: bool, valid: bool) {
+    pub(crate) fn parameters(&mut self, now: Instant, modbus: bool, valid: bool) {
         if modbus {
             (self.leds.error, self.leds.transmit, self.leds.receive) = (false, false, false);
         }
@@ -68,7 +68,7 @@ impl LedDriver {
     }
 
     /// A full buffer: for Modbus an internal error, which it shows until a STOP-RUN of the CPU. [S0 L1458], [S0 L2086]
-    pub(crate) fn overflow(&mut self, now: Nanos) {
+    pub(crate) fn overflow(&mut self, now: Instant) {
         self.internal |= self.modbus;
         if !self.modbus {
             self.light(now);
@@ -85,26 +85,26 @@ impl LedDriver {
         self.internal = false;
     }
 
-    pub(crate) fn error(&mut self, now: Nanos) {
+    pub(crate) fn error(&mut self, now: Instant) {
         // "For Modbus this signalizes an internal error", and nothing of the line. [S0 L1458]
         if !self.modbus && !self.overflow_alone {
             self.light(now);
         }
     }
 
-    fn light(&mut self, now: Nanos) {
+    fn light(&mut self, now: Instant) {
         self.leds.error = true;
         self.error_until = now + ERROR_TIME;
     }
 
-    pub(crate) fn line(&mut self, now: Nanos, gone: bool) {
+    pub(crate) fn line(&mut self, now: Instant, gone: bool) {
         if gone || self.line_gone {
             self.error(now);
         }
         self.line_gone = gone;
     }
 
-    pub(crate) fn received(&mut self, now: Nanos) {
+    pub(crate) fn received(&mut self, now: Instant) {
         self.leds.receive = true;
         self.receive_until = now + RECEIVE_TIME;
     }
@@ -114,7 +114,7 @@ impl LedDriver {
     }
 
     /// The LEDs at this time.
-    pub(crate) fn at(&mut self, now: Nanos) -> Leds {
+    pub(crate) fn at(&mut self, now: Instant) -> Leds {
         self.leds.error &= self.line_gone || now < self.error_until;
         self.leds.receive &= now < self.receive_until;
         match &mut self.flashing {
@@ -129,7 +129,7 @@ impl LedDriver {
     }
 
     /// When one of them goes out.
-    pub(crate) fn deadline(&self) -> Option<Nanos> {
+    pub(crate) fn deadline(&self) -> Option<Instant> {
         let error = (self.leds.error && !self.line_gone).then_some(self.error_until);
         let receive = self.leds.receive.then_some(self.receive_until);
         let flash = self.flashing.map(|(_, until)| until);
@@ -145,60 +145,63 @@ mod tests {
     fn modbus_flashes_until_its_parameters_are_valid() {
         let mut leds = LedDriver::new();
         leds.power();
-        leds.parameters(0, true, false);
+        leds.parameters(Instant::START, true, false);
         for n in 0..6 {
             let on = n % 2 == 0;
             let expected = Leds { power: true, error: on, transmit: on, receive: on };
-            assert_eq!((leds.at(n * FLASH), leds.at((n + 1) * FLASH - 1)), (expected, expected));
-            assert_eq!(leds.deadline(), Some((n + 1) * FLASH));
+            assert_eq!(
+                (leds.at(Instant::START + n * FLASH), leds.at(Instant::START + (n + 1) * FLASH - Span::from_nanos(1))),
+                (expected, expected)
+            );
+            assert_eq!(leds.deadline(), Some(Instant::START + (n + 1) * FLASH));
         }
-        leds.parameters(2 * SECOND, true, true);
-        assert_eq!(leds.at(2 * SECOND), Leds { power: true, ..Leds::NONE });
+        leds.parameters(Instant::from_secs(2), true, true);
+        assert_eq!(leds.at(Instant::from_secs(2)), Leds { power: true, ..Leds::NONE });
         assert_eq!(leds.deadline(), None);
     }
 
     #[test]
     fn modbus_shows_internal_errors_until_stop_run() {
         let mut leds = LedDriver::new();
-        leds.parameters(0, true, true);
-        leds.error(0);
-        assert!(!leds.at(0).error, "an error of the line does not count");
-        leds.overflow(0);
-        assert!(leds.at(100 * SECOND).error);
+        leds.parameters(Instant::START, true, true);
+        leds.error(Instant::START);
+        assert!(!leds.at(Instant::START).error, "an error of the line does not count");
+        leds.overflow(Instant::START);
+        assert!(leds.at(Instant::from_secs(100)).error);
         leds.stop_run();
-        assert!(!leds.at(100 * SECOND).error);
+        assert!(!leds.at(Instant::from_secs(100)).error);
     }
 
     #[test]
     fn enocean_shows_a_full_buffer_and_nothing_of_the_line() {
         let mut leds = LedDriver::new();
         leds.show_overflow_alone(true);
-        leds.error(0);
-        leds.line(0, true);
-        assert!(!leds.at(0).error);
-        leds.line(SECOND, false);
-        leds.overflow(2 * SECOND);
-        assert!(leds.at(6 * SECOND - 1).error && !leds.at(6 * SECOND).error);
+        leds.error(Instant::START);
+        leds.line(Instant::START, true);
+        assert!(!leds.at(Instant::START).error);
+        leds.line(Instant::from_secs(1), false);
+        leds.overflow(Instant::from_secs(2));
+        assert!(leds.at(Instant::from_secs(6) - Span::from_nanos(1)).error && !leds.at(Instant::from_secs(6)).error);
     }
 
     #[test]
     fn er_goes_out_4_s_after_the_last_error() {
         let mut leds = LedDriver::new();
-        leds.error(0);
-        leds.error(SECOND);
-        assert!(leds.at(5 * SECOND - 1).error);
-        assert_eq!(leds.deadline(), Some(5 * SECOND));
-        assert!(!leds.at(5 * SECOND).error);
+        leds.error(Instant::START);
+        leds.error(Instant::from_secs(1));
+        assert!(leds.at(Instant::from_secs(5) - Span::from_nanos(1)).error);
+        assert_eq!(leds.deadline(), Some(Instant::from_secs(5)));
+        assert!(!leds.at(Instant::from_secs(5)).error);
         assert_eq!(leds.deadline(), None);
     }
 
     #[test]
     fn er_stays_while_the_circuit_is_open() {
         let mut leds = LedDriver::new();
-        leds.line(0, true);
-        assert!(leds.at(100 * SECOND).error);
-        leds.line(100 * SECOND, false);
-        assert!(leds.at(104 * SECOND - 1).error);
-        assert!(!leds.at(104 * SECOND).error);
+        leds.line(Instant::START, true);
+        assert!(leds.at(Instant::from_secs(100)).error);
+        leds.line(Instant::from_secs(100), false);
+        assert!(leds.at(Instant::from_secs(104) - Span::from_nanos(1)).error);
+        assert!(!leds.at(Instant::from_secs(104)).error);
     }
 }

@@ -28,7 +28,7 @@ pub use cp341::Cp341;
 pub use diagnosis::DiagnosticBytes;
 pub use leds::Leds;
 pub use ob1_params::LineSettings;
-pub use ob1_protocols::{LineFault, LineInput, ModemLines, Nanos, Wire, cp341_events, trace};
+pub use ob1_protocols::{Instant, LineFault, LineInput, ModemLines, Span, Wire, cp341_events, trace};
 pub use ob1_words::cp240::Registers;
 pub use port::{CpCounter, CpEvent, CpInput, CpPort, ParameterFault, StartReason};
 pub use ring::TELEGRAMS_MAX;

@@ -2,7 +2,7 @@
 //! blocks go through SEND and RECEIVE ("long"). [S0 "Modbus - Deployment"], `docs/cp240-registers.md`
 
 use ob1_params::{Modbus as Parameters, ModbusKind};
-use ob1_protocols::Nanos;
+use ob1_protocols::Span;
 use ob1_protocols::modbus::area::{BLOCK_BYTES, BLOCKS_TOGETHER, SHORT_BYTES};
 use ob1_protocols::modbus::{Mode, Slave, frame, master, slave};
 
@@ -18,7 +18,7 @@ pub(crate) enum Setup {
 
 impl Setup {
     /// `late`: how late the line may hand characters over.
-    pub(crate) fn of(p: &Parameters, baud: u32, char_time: Nanos, late: Nanos) -> Self {
+    pub(crate) fn of(p: &Parameters, baud: u32, char_time: Span, late: Span) -> Self {
         use ModbusKind::{MasterAscii, MasterRtu, SlaveAsciiLong, SlaveAsciiShort, SlaveRtuLong, SlaveRtuShort};
         let mode = match p.kind {
             MasterAscii | SlaveAsciiShort | SlaveAsciiLong => Mode::Ascii,

@@ -1,7 +1,7 @@
 //! What goes into a CP and what comes out: the plugs of the module.
 
 use ob1_params::{Cp341 as Keys, LineSettings, ParamError};
-use ob1_protocols::{Event, LineFault, LineInput, Nanos, What, Wire, rk512};
+use ob1_protocols::{Event, Instant, LineFault, LineInput, Span, What, Wire, rk512};
 
 use crate::cp040::DiagnosticRecord;
 use crate::cp341::{Channel, ChannelBlock};
@@ -43,8 +43,8 @@ pub trait CpPort: Wire {
 
     /// How late the line may hand over characters that have come in, because they come in bursts. RTU tells telegrams
     /// apart by their silences. 0: each comes at its time.
-    fn lateness(&self) -> Nanos {
-        0
+    fn lateness(&self) -> Span {
+        Span::ZERO
     }
 
     /// CP 040 and CP 341: the diagnostic data (record 1; its first four bytes are record 0) as they now stand.
@@ -59,7 +59,7 @@ pub trait CpPort: Wire {
     fn count(&mut self, counter: CpCounter, n: u64);
 
     /// Something worth a diagnostic entry or a line of the trace.
-    fn event(&mut self, now: Nanos, event: CpEvent<'_>);
+    fn event(&mut self, now: Instant, event: CpEvent<'_>);
 }
 
 /// What a CP counts.

@@ -7,7 +7,7 @@ use ob1_params::{
 use ob1_protocols::modbus::{Master, Slave};
 use ob1_protocols::rk512::{self, Rk512};
 use ob1_protocols::{
-    Ascii, Esp2, Input, MBus, MS, Machine, Nanos, Order, S3964, Sink, StxEtx, ascii, esp2, mbus, s3964, stx_etx,
+    Ascii, Esp2, Input, Instant, MBus, MS, Machine, Order, S3964, Sink, Span, StxEtx, ascii, esp2, mbus, s3964, stx_etx,
 };
 
 use crate::modbus;
@@ -27,8 +27,8 @@ pub(crate) enum Setup {
 
 impl Setup {
     /// `late`: how late the line may hand characters over. `None`: this firmware does not have the protocol.
-    pub(crate) fn of(parameters: &Parameters, late: Nanos) -> Option<Self> {
-        let char_time = parameters.char_time_ns();
+    pub(crate) fn of(parameters: &Parameters, late: Span) -> Option<Self> {
+        let char_time = parameters.char_time();
         match &parameters.protocol {
             Chosen::Ascii(p) => Some(Self::Ascii(ascii_config(p, char_time))),
             Chosen::S3964(p) if !p.rk512 => Some(Self::S3964(s3964_config(p, char_time))),
@@ -43,12 +43,12 @@ impl Setup {
     /// The same for a CP 040 that occupies `io_bytes` each way: where the CP 240 takes double the character time for
     /// 0, it takes "triple character time" [S3 L303], and the areas of its slave "short" are as long as its process
     /// image [S3 L385].
-    pub(crate) fn of_040(parameters: &Cp040, io_bytes: usize, late: Nanos) -> Option<Self> {
+    pub(crate) fn of_040(parameters: &Cp040, io_bytes: usize, late: Span) -> Option<Self> {
         let mut setup = Self::of(&parameters.common, late)?;
-        let triple = 3 * parameters.common.char_time_ns();
+        let triple = 3 * parameters.common.char_time();
         match &mut setup {
-            Self::Ascii(config) if config.zvz == 0 => config.zvz = triple,
-            Self::S3964(config) if config.zvz == 0 => config.zvz = triple,
+            Self::Ascii(config) if config.zvz == Span::ZERO => config.zvz = triple,
+            Self::S3964(config) if config.zvz == Span::ZERO => config.zvz = triple,
             Self::Modbus(modbus::Setup::Slave(config)) if !config.confirmed => config.area_bytes = io_bytes,
             _ => {}
         }
@@ -90,38 +90,38 @@ impl Setup {
     }
 }
 
-fn ascii_config(p: &AsciiParams, char_time: Nanos) -> ascii::Config {
+fn ascii_config(p: &AsciiParams, char_time: Span) -> ascii::Config {
     ascii::Config {
         criterion: if p.fragmented { ascii::Criterion::Fragments } else { ascii::Criterion::Silence },
         flow: p.flow,
-        zna: Nanos::from(p.zna_ms) * MS,
-        zvz: Nanos::from(p.zvz_ms) * MS,
+        zna: u64::from(p.zna_ms) * MS,
+        zvz: u64::from(p.zvz_ms) * MS,
         ..ascii::Config::unset(char_time)
     }
 }
 
-fn stx_etx_config(p: &StxEtxParams, char_time: Nanos) -> stx_etx::Config {
+fn stx_etx_config(p: &StxEtxParams, char_time: Span) -> stx_etx::Config {
     stx_etx::Config {
         start: stx_etx::Flags::new(p.start, p.start_flags),
         end: stx_etx::Flags::new(p.end, p.end_flags),
         flow: p.flow,
-        zna: Nanos::from(p.zna_ms) * MS,
-        tmo: Nanos::from(p.tmo_ms) * MS,
+        zna: u64::from(p.zna_ms) * MS,
+        tmo: u64::from(p.tmo_ms) * MS,
         ..stx_etx::Config::unset(char_time)
     }
 }
 
-fn s3964_config(p: &S3964Params, char_time: Nanos) -> s3964::Config {
+fn s3964_config(p: &S3964Params, char_time: Span) -> s3964::Config {
     s3964::Config::cp240(s3964::Settings {
         bcc: p.bcc,
         priority: match p.priority {
             Priority::Low => s3964::Priority::Low,
             Priority::High => s3964::Priority::High,
         },
-        zvz: Nanos::from(p.zvz_ms) * MS,
-        qvz: Nanos::from(p.qvz_ms) * MS,
-        zna: Nanos::from(p.zna_ms) * MS,
-        bwz: Nanos::from(p.bwz_ms) * MS,
+        zvz: u64::from(p.zvz_ms) * MS,
+        qvz: u64::from(p.qvz_ms) * MS,
+        zna: u64::from(p.zna_ms) * MS,
+        bwz: u64::from(p.bwz_ms) * MS,
         // [S0 "STX repetitions"] counts the repetitions, [S0 "DBL"] the attempts.
         connect_attempts: u16::from(p.stx_repetitions) + 1,
         block_attempts: u16::from(p.dbl).max(1),
@@ -147,7 +147,12 @@ pub(crate) enum Protocol {
 
 impl Protocol {
     /// One step; with no machine nothing happens.
-    pub(crate) fn step<O: Sink + rk512::Owner>(&mut self, now: Nanos, input: Input<'_>, out: &mut O) -> Option<Nanos> {
+    pub(crate) fn step<O: Sink + rk512::Owner>(
+        &mut self,
+        now: Instant,
+        input: Input<'_>,
+        out: &mut O,
+    ) -> Option<Instant> {
         match self {
             Self::None => None,
             Self::Ascii(machine) => machine.step(now, input, out),

@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 
 use ob1_firmware::{
-    Cp as _, Cp040, CpCounter, CpEvent, CpInput, CpPort, DiagnosticRecord, Leds, LineFault, LineInput, LineSettings,
-    Nanos, Wire,
+    Cp as _, Cp040, CpCounter, CpEvent, CpInput, CpPort, DiagnosticRecord, Instant, Leds, LineFault, LineInput,
+    LineSettings, Span, Wire,
 };
 use ob1_params::{Cp040 as Parameters, Value};
 use ob1_slio::{Failure, ReceiveJob, ReceiveStep, Received, SendJob, SendStep};
 
-const MS: Nanos = 1_000_000;
+const MS: Span = Span::MILLISECOND;
 
 #[derive(Default)]
 struct Log {
@@ -49,7 +49,7 @@ impl CpPort for Log {
         *self.counters.entry(counter).or_default() += n;
     }
 
-    fn event(&mut self, _now: Nanos, event: CpEvent<'_>) {
+    fn event(&mut self, _now: Instant, event: CpEvent<'_>) {
         if let CpEvent::Record { incoming, record } = event {
             self.interrupts.push((incoming, record[0]));
         }
@@ -59,8 +59,8 @@ impl CpPort for Log {
 struct Bench {
     cp: Cp040,
     log: Log,
-    now: Nanos,
-    due: Option<Nanos>,
+    now: Instant,
+    due: Option<Instant>,
     outputs: Vec<u8>,
 }
 
@@ -72,7 +72,13 @@ fn parameters(keys: &[(&str, &str)]) -> [u8; 16] {
 impl Bench {
     fn new(io_bytes: usize, keys: &[(&str, &str)]) -> Self {
         let (cp, outputs) = (Cp040::new(io_bytes), vec![0; io_bytes]);
-        let mut bench = Self { cp, log: Log { inputs: outputs.clone(), ..Log::default() }, now: 0, due: None, outputs };
+        let mut bench = Self {
+            cp,
+            log: Log { inputs: outputs.clone(), ..Log::default() },
+            now: Instant::START,
+            due: None,
+            outputs,
+        };
         bench.step(CpInput::Outputs(&vec![0; io_bytes]));
         bench.step(CpInput::Parameters(&parameters(keys)));
         assert!(bench.cp.is_working());
@@ -89,7 +95,7 @@ impl Bench {
         self.step(CpInput::Line(input));
     }
 
-    fn pass(&mut self, time: Nanos) {
+    fn pass(&mut self, time: Span) {
         let end = self.now + time;
         while let Some(due) = self.due.filter(|due| *due <= end) {
             self.now = self.now.max(due);
@@ -266,7 +272,7 @@ fn a_wire_break_is_seen_with_the_preset_for_it_and_in_full_duplex_alone() {
         for fault in [LineFault::Break, LineFault::Gone] {
             let mut bench = Bench::new(16, &[("protocol", "ascii"), ("duplex", duplex), ("preset", preset)]);
             bench.cp.enable_diagnostics(true);
-            bench.now = 70 * MS;
+            bench.now = Instant::from_millis(70);
             bench.line(LineInput::Fault(fault));
             let record = bench.log.records.last().expect("one at the start");
             let expected =

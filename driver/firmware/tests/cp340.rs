@@ -1,7 +1,7 @@
 //! What a CP 340 shows otherwise than a CP 341. The rest is in the CP 341's tests: it is the same machine.
 
 use ob1_firmware::cp341::{Channel, ChannelBlock, Cp341};
-use ob1_firmware::{Cp as _, CpCounter, CpEvent, CpInput, CpPort, Leds, LineSettings, Nanos, Wire};
+use ob1_firmware::{Cp as _, CpCounter, CpEvent, CpInput, CpPort, Instant, Leds, LineSettings, Wire};
 use ob1_params::{Cp341 as Parameters, CpKind, Value};
 
 #[derive(Default)]
@@ -29,7 +29,7 @@ impl CpPort for Port {
         self.record = record.to_vec();
     }
 
-    fn event(&mut self, _: Nanos, event: CpEvent<'_>) {
+    fn event(&mut self, _: Instant, event: CpEvent<'_>) {
         if let CpEvent::Diagnosis { data, .. } = event {
             self.interrupts.push(data[..4].to_vec());
         }
@@ -43,15 +43,15 @@ fn wrong_parameters_of_a_cp_340_have_its_own_byte() {
         let (mut cp, mut port) = (Cp341::of(kind), Port::default());
         assert_eq!(cp.kind(), kind);
         cp.enable_diagnostics(true);
-        cp.step(0, CpInput::CpuRun(true), &mut port);
+        cp.step(Instant::START, CpInput::CpuRun(true), &mut port);
         let wrong = Parameters::of_kind(kind, [("protocol", Value::from("none of them"))]).expect_err("wrong");
-        cp.step(1, CpInput::Keys(Err(&wrong)), &mut port);
+        cp.step(Instant::from_nanos(1), CpInput::Keys(Err(&wrong)), &mut port);
         assert_eq!(
             (&port.record[..4], port.interrupts.as_slice()),
             (&[byte, 0x0C, 0, 0][..], &[vec![byte, 0x0C, 0, 0]][..])
         );
         let good = Parameters::of_kind(kind, [("protocol", Value::from("3964r"))]).expect("parameters");
-        cp.step(2, CpInput::Keys(Ok(&good)), &mut port);
+        cp.step(Instant::from_nanos(2), CpInput::Keys(Ok(&good)), &mut port);
         assert_eq!(port.record[..4], [0, 0x0C, 0, 0]);
     }
 }

@@ -5,10 +5,10 @@ mod common;
 
 use common::{Log, MS};
 use ob1_firmware::cp341::{Channel, ChannelBlock, Cp341};
-use ob1_firmware::{Cp as _, CpInput, LineFault, LineInput, ModemLines};
+use ob1_firmware::{Cp as _, CpInput, Instant, LineFault, LineInput, ModemLines, Span};
 use ob1_params::{Cp341 as Parameters, Value};
 
-const SECOND: u64 = 1000 * MS;
+const SECOND: Span = Span::from_millis(1000);
 
 fn parameters(baud: i64) -> Parameters {
     Parameters::from_keys([("protocol", Value::from("3964r")), ("baud", Value::Int(baud))]).expect("they are good")
@@ -31,13 +31,13 @@ fn interrupts(log: &Log) -> Vec<&String> {
 #[test]
 fn start_stop_and_parameters_are_entered() {
     let (mut cp, mut log) = (Cp341::new(), Log::default());
-    cp.step(0, CpInput::Keys(Ok(&parameters(9600))), &mut log);
-    cp.step(0, CpInput::CpuRun(true), &mut log);
-    cp.step(MS, CpInput::CpuRun(false), &mut log);
+    cp.step(Instant::START, CpInput::Keys(Ok(&parameters(9600))), &mut log);
+    cp.step(Instant::START, CpInput::CpuRun(true), &mut log);
+    cp.step(Instant::from_millis(1), CpInput::CpuRun(false), &mut log);
     // STOP -> RUN sends the same ones again.
-    cp.step(MS, CpInput::Keys(Ok(&parameters(9600))), &mut log);
-    cp.step(MS, CpInput::CpuRun(true), &mut log);
-    cp.step(MS, CpInput::Keys(Ok(&parameters(19_200))), &mut log);
+    cp.step(Instant::from_millis(1), CpInput::Keys(Ok(&parameters(9600))), &mut log);
+    cp.step(Instant::from_millis(1), CpInput::CpuRun(true), &mut log);
+    cp.step(Instant::from_millis(1), CpInput::Keys(Ok(&parameters(19_200))), &mut log);
     assert_eq!(entries(&log), ["3", "8", "7", "4", "8", "3"]);
     assert_eq!(log.settings.iter().map(|line| line.baud).collect::<Vec<_>>(), [9600, 19_200]);
 }
@@ -46,14 +46,14 @@ fn start_stop_and_parameters_are_entered() {
 fn without_parameters_a_job_ends_with_0502() {
     let (mut cp, mut log) = (Cp341::new(), Log::default());
     let wrong = Parameters::from_keys([]).expect_err("nothing is no parameters");
-    cp.step(0, CpInput::Keys(Err(&wrong)), &mut log);
-    cp.step(0, CpInput::CpuRun(true), &mut log);
+    cp.step(Instant::START, CpInput::Keys(Err(&wrong)), &mut log);
+    cp.step(Instant::START, CpInput::CpuRun(true), &mut log);
     let mut block: ChannelBlock = [0; 64];
     (block[0], block[3]) = (1, 7);
-    cp.step(0, CpInput::Channel(Channel::Send, &block), &mut log);
+    cp.step(Instant::START, CpInput::Channel(Channel::Send, &block), &mut log);
     // A job of one byte.
     (block[0], block[5], block[8], block[11]) = (4, 1, b'S', 1);
-    cp.step(0, CpInput::Channel(Channel::Send, &block), &mut log);
+    cp.step(Instant::START, CpInput::Channel(Channel::Send, &block), &mut log);
     assert_eq!(entries(&log), [0x020F.to_string(), "8".into(), 0x0502.to_string()]);
     assert!(!cp.is_working());
 }
@@ -71,8 +71,8 @@ const PARAMETERS: [u8; 6] = [0x83, 0x0C, 0, 0, 0x02, 0x0F];
 fn running() -> (Cp341, Log) {
     let (mut cp, mut log) = (Cp341::new(), Log::default());
     cp.enable_diagnostics(true);
-    cp.step(0, CpInput::CpuRun(true), &mut log);
-    cp.step(0, CpInput::Keys(Ok(&parameters(9600))), &mut log);
+    cp.step(Instant::START, CpInput::CpuRun(true), &mut log);
+    cp.step(Instant::START, CpInput::Keys(Ok(&parameters(9600))), &mut log);
     (cp, log)
 }
 
@@ -85,12 +85,12 @@ fn wire_break_and_wrong_parameters_raise_a_diagnostic_interrupt() {
     let (mut cp, mut log) = running();
     assert_eq!(interrupts(&log), Vec::<&String>::new());
     for _ in 0..2 {
-        cp.step(0, CpInput::Line(LineInput::Fault(LineFault::Gone)), &mut log);
+        cp.step(Instant::START, CpInput::Line(LineInput::Fault(LineFault::Gone)), &mut log);
     }
-    cp.step(MS, CpInput::Line(LineInput::Fault(LineFault::Back)), &mut log);
-    cp.step(MS, CpInput::Keys(Err(&wrong())), &mut log);
-    cp.step(MS, CpInput::Line(LineInput::Fault(LineFault::Gone)), &mut log);
-    cp.step(MS, CpInput::Keys(Ok(&parameters(9600))), &mut log);
+    cp.step(Instant::from_millis(1), CpInput::Line(LineInput::Fault(LineFault::Back)), &mut log);
+    cp.step(Instant::from_millis(1), CpInput::Keys(Err(&wrong())), &mut log);
+    cp.step(Instant::from_millis(1), CpInput::Line(LineInput::Fault(LineFault::Gone)), &mut log);
+    cp.step(Instant::from_millis(1), CpInput::Keys(Ok(&parameters(9600))), &mut log);
     let expected = [
         told(true, WIRE_BREAK),
         told(false, NONE),
@@ -110,8 +110,8 @@ fn wire_break_and_wrong_parameters_raise_a_diagnostic_interrupt() {
 #[test]
 fn nothing_is_told_unless_enabled_and_the_record_is_there_all_the_same() {
     let (mut cp, mut log) = (Cp341::new(), Log::default());
-    cp.step(0, CpInput::CpuRun(true), &mut log);
-    cp.step(0, CpInput::Line(LineInput::Fault(LineFault::Gone)), &mut log);
+    cp.step(Instant::START, CpInput::CpuRun(true), &mut log);
+    cp.step(Instant::START, CpInput::Line(LineInput::Fault(LineFault::Gone)), &mut log);
     assert_eq!(interrupts(&log), Vec::<&String>::new());
     assert_eq!(log.records.last().map(|record| record[0]), Some(0x25));
 }
@@ -121,29 +121,29 @@ fn nothing_is_told_unless_enabled_and_the_record_is_there_all_the_same() {
 fn what_comes_and_goes_in_stop_is_not_told_and_what_is_there_in_run_is() {
     let (mut cp, mut log) = running();
     let line = |fault| CpInput::Line(LineInput::Fault(fault));
-    cp.step(0, CpInput::CpuRun(false), &mut log);
-    cp.step(0, line(LineFault::Gone), &mut log);
-    cp.step(0, line(LineFault::Back), &mut log);
-    cp.step(0, CpInput::CpuRun(true), &mut log);
+    cp.step(Instant::START, CpInput::CpuRun(false), &mut log);
+    cp.step(Instant::START, line(LineFault::Gone), &mut log);
+    cp.step(Instant::START, line(LineFault::Back), &mut log);
+    cp.step(Instant::START, CpInput::CpuRun(true), &mut log);
     assert_eq!(interrupts(&log), Vec::<&String>::new(), "it came and went in STOP");
-    cp.step(0, line(LineFault::Gone), &mut log);
-    cp.step(0, CpInput::CpuRun(false), &mut log);
-    cp.step(0, CpInput::CpuRun(true), &mut log);
+    cp.step(Instant::START, line(LineFault::Gone), &mut log);
+    cp.step(Instant::START, CpInput::CpuRun(false), &mut log);
+    cp.step(Instant::START, CpInput::CpuRun(true), &mut log);
     assert_eq!(interrupts(&log), [&told(true, WIRE_BREAK), &told(true, WIRE_BREAK)], "it is still there");
-    cp.step(0, CpInput::CpuRun(false), &mut log);
-    cp.step(0, line(LineFault::Back), &mut log);
-    cp.step(0, CpInput::CpuRun(true), &mut log);
+    cp.step(Instant::START, CpInput::CpuRun(false), &mut log);
+    cp.step(Instant::START, line(LineFault::Back), &mut log);
+    cp.step(Instant::START, CpInput::CpuRun(true), &mut log);
     assert_eq!(interrupts(&log).len(), 2, "it went in STOP");
 }
 
 #[test]
 fn a_break_lasts_until_characters_come_again() {
     let (mut cp, mut log) = running();
-    cp.step(SECOND, CpInput::Line(LineInput::Fault(LineFault::Break)), &mut log);
+    cp.step(Instant::from_secs(1), CpInput::Line(LineInput::Fault(LineFault::Break)), &mut log);
     assert_eq!((interrupts(&log), log.leds.error), (vec![&told(true, WIRE_BREAK)], true));
-    cp.step(100 * SECOND, CpInput::Tick, &mut log);
+    cp.step(Instant::from_secs(100), CpInput::Tick, &mut log);
     assert!(log.leds.error);
-    cp.step(100 * SECOND, CpInput::Line(LineInput::Rx(b"x")), &mut log);
+    cp.step(Instant::from_secs(100), CpInput::Line(LineInput::Rx(b"x")), &mut log);
     assert_eq!((interrupts(&log).len(), log.leds.error), (2, false));
     assert_eq!(
         (entries(&log)[2..].to_vec(), gone(&log)),
@@ -156,36 +156,40 @@ fn a_break_lasts_until_characters_come_again() {
 #[test]
 fn sf_is_lit_until_initialised_with_new_and_with_wrong_parameters() {
     let (mut cp, mut log) = (Cp341::new(), Log::default());
-    let due = cp.step(0, CpInput::CpuRun(true), &mut log);
+    let due = cp.step(Instant::START, CpInput::CpuRun(true), &mut log);
     assert_eq!((log.leds.error, due), (true, None), "switched on");
-    cp.step(10 * SECOND, CpInput::Tick, &mut log);
+    cp.step(Instant::from_secs(10), CpInput::Tick, &mut log);
     assert!(log.leds.error, "for as long as there are no parameters");
-    let lit_for = |cp: &mut Cp341, log: &mut Log, from: u64, baud| {
+    let lit_for = |cp: &mut Cp341, log: &mut Log, from: Instant, baud| {
         cp.step(from, CpInput::Keys(Ok(&parameters(baud))), log);
         let lit = log.leds.error;
-        cp.step(from + 500 * MS - 1, CpInput::Tick, log);
+        cp.step(from + 500 * MS - Span::from_nanos(1), CpInput::Tick, log);
         let still = log.leds.error;
         cp.step(from + 500 * MS, CpInput::Tick, log);
         (lit, still, log.leds.error)
     };
-    assert_eq!(lit_for(&mut cp, &mut log, 11 * SECOND, 9600), (true, true, false));
-    assert_eq!(lit_for(&mut cp, &mut log, 12 * SECOND, 19_200), (true, true, false), "new ones: again, briefly");
-    cp.step(20 * SECOND, CpInput::Keys(Ok(&parameters(19_200))), &mut log);
+    assert_eq!(lit_for(&mut cp, &mut log, Instant::from_secs(11), 9600), (true, true, false));
+    assert_eq!(
+        lit_for(&mut cp, &mut log, Instant::from_secs(12), 19_200),
+        (true, true, false),
+        "new ones: again, briefly"
+    );
+    cp.step(Instant::from_secs(20), CpInput::Keys(Ok(&parameters(19_200))), &mut log);
     assert!(!log.leds.error, "the same ones");
-    cp.step(21 * SECOND, CpInput::Keys(Err(&wrong())), &mut log);
-    cp.step(99 * SECOND, CpInput::Tick, &mut log);
+    cp.step(Instant::from_secs(21), CpInput::Keys(Err(&wrong())), &mut log);
+    cp.step(Instant::from_secs(99), CpInput::Tick, &mut log);
     assert!(log.leds.error);
-    cp.step(99 * SECOND, CpInput::Keys(Ok(&parameters(9600))), &mut log);
-    cp.step(100 * SECOND, CpInput::Tick, &mut log);
+    cp.step(Instant::from_secs(99), CpInput::Keys(Ok(&parameters(9600))), &mut log);
+    cp.step(Instant::from_secs(100), CpInput::Tick, &mut log);
     assert!(!log.leds.error);
 }
 
 #[test]
 fn sf_shows_a_line_that_is_gone_and_no_telegram_that_fails() {
     let (mut cp, mut log) = running();
-    cp.step(SECOND, CpInput::Tick, &mut log);
+    cp.step(Instant::from_secs(1), CpInput::Tick, &mut log);
     let mut lit_after = |cp: &mut Cp341, fault| {
-        cp.step(2 * SECOND, CpInput::Line(LineInput::Fault(fault)), &mut log);
+        cp.step(Instant::from_secs(2), CpInput::Line(LineInput::Fault(fault)), &mut log);
         log.leds.error
     };
     let faults = [LineFault::Parity, LineFault::Framing, LineFault::Overrun, LineFault::Gone, LineFault::Back];
@@ -198,21 +202,21 @@ fn sf_shows_signals_that_broke_a_transmission_off() {
     let (mut cp, mut log) = running();
     let keys = [("protocol", Value::from("modbus-ascii-master-32")), ("rs232_signals", Value::from("yes"))];
     let master = Parameters::from_keys(keys).expect("they are good");
-    cp.step(SECOND, CpInput::Keys(Ok(&master)), &mut log);
+    cp.step(Instant::from_secs(1), CpInput::Keys(Ok(&master)), &mut log);
     let lines = |on| CpInput::Line(LineInput::Modem(ModemLines { cts: on, dsr: true, ri: false, cd: false }));
-    cp.step(SECOND, lines(true), &mut log);
+    cp.step(Instant::from_secs(1), lines(true), &mut log);
     let mut block: ChannelBlock = [0; 64];
     (block[0], block[3]) = (1, 7);
-    cp.step(2 * SECOND, CpInput::Channel(Channel::Send, &block), &mut log);
+    cp.step(Instant::from_secs(2), CpInput::Channel(Channel::Send, &block), &mut log);
     // A job of 6 bytes: registers 0 and 1 of slave 1.
     (block[0], block[5], block[8], block[9], block[11]) = (4, 1, b'S', b'X', 6);
     block[32..38].copy_from_slice(&[1, 3, 0, 0, 0, 2]);
-    cp.step(2 * SECOND, CpInput::Channel(Channel::Send, &block), &mut log);
-    cp.step(3 * SECOND, CpInput::Tick, &mut log);
+    cp.step(Instant::from_secs(2), CpInput::Channel(Channel::Send, &block), &mut log);
+    cp.step(Instant::from_secs(3), CpInput::Tick, &mut log);
     assert!(log.leds.transmit && !log.leds.error, "after the data output waiting time: {:?}", log.events);
-    cp.step(3 * SECOND, lines(false), &mut log);
+    cp.step(Instant::from_secs(3), lines(false), &mut log);
     assert_eq!((entries(&log).last(), log.leds.error), (Some(&"2072"), true), "0818h");
-    cp.step(4 * SECOND, lines(true), &mut log);
+    cp.step(Instant::from_secs(4), lines(true), &mut log);
     assert!(!log.leds.error);
 }
 
@@ -220,36 +224,36 @@ fn sf_shows_signals_that_broke_a_transmission_off() {
 fn txd_and_rxd_are_lit_while_characters_go() {
     let (mut cp, mut log) = running();
     // A NAK at the start.
-    cp.step(SECOND, CpInput::Line(LineInput::TxDone), &mut log);
+    cp.step(Instant::from_secs(1), CpInput::Line(LineInput::TxDone), &mut log);
     assert_eq!((log.leds.transmit, log.leds.receive), (false, false));
     log.tx.clear();
     // STX of the partner: the CP answers DLE.
-    cp.step(SECOND, CpInput::Line(LineInput::Rx(&[0x02])), &mut log);
+    cp.step(Instant::from_secs(1), CpInput::Line(LineInput::Rx(&[0x02])), &mut log);
     assert_eq!((log.leds.transmit, log.leds.receive, &log.tx[..]), (true, true, &[0x10][..]));
-    cp.step(SECOND + MS, CpInput::Line(LineInput::TxDone), &mut log);
+    cp.step(Instant::START + SECOND + MS, CpInput::Line(LineInput::TxDone), &mut log);
     assert_eq!((log.leds.transmit, log.leds.receive), (false, true));
-    cp.step(SECOND + 50 * MS, CpInput::Tick, &mut log);
+    cp.step(Instant::START + SECOND + 50 * MS, CpInput::Tick, &mut log);
     assert!(!log.leds.receive);
 }
 
 #[test]
 fn outputs_are_off_at_power_on_and_the_programs_afterwards() {
     let (mut cp, mut log) = (Cp341::new(), Log::default());
-    cp.step(0, CpInput::Keys(Ok(&parameters(9600))), &mut log);
+    cp.step(Instant::START, CpInput::Keys(Ok(&parameters(9600))), &mut log);
     assert_eq!((log.rts, log.dtr, log.inputs[0]), (Some(false), Some(false), 0));
     let mut outputs = [0; 16];
     outputs[0] = 0x85;
-    let due = cp.step(MS, CpInput::Outputs(&outputs), &mut log);
+    let due = cp.step(Instant::from_millis(1), CpInput::Outputs(&outputs), &mut log);
     assert_eq!((log.rts, log.dtr), (Some(true), Some(true)));
     let lines = ModemLines { cts: true, dsr: true, ri: true, cd: true };
-    cp.step(2 * MS, CpInput::Line(LineInput::Modem(lines)), &mut log);
+    cp.step(Instant::from_millis(2), CpInput::Line(LineInput::Modem(lines)), &mut log);
     assert_eq!(log.inputs[0], 0, "the image is refreshed every 20 ms");
-    assert!(due.is_some_and(|due| due <= 20 * MS));
-    cp.step(20 * MS, CpInput::Tick, &mut log);
+    assert!(due.is_some_and(|due| due <= Instant::from_millis(20)));
+    cp.step(Instant::from_millis(20), CpInput::Tick, &mut log);
     assert_eq!(log.inputs[0], 0b11_1111);
     outputs[0] = 0x80;
-    cp.step(21 * MS, CpInput::Outputs(&outputs), &mut log);
+    cp.step(Instant::from_millis(21), CpInput::Outputs(&outputs), &mut log);
     assert_eq!((log.rts, log.dtr), (Some(false), Some(false)));
-    cp.step(40 * MS, CpInput::Tick, &mut log);
+    cp.step(Instant::from_millis(40), CpInput::Tick, &mut log);
     assert_eq!(log.inputs[0], 0b11_1010);
 }

@@ -5,10 +5,11 @@
 mod cp341_bench;
 
 use cp341_bench::{Bench, Got, MS};
+use ob1_firmware::Span;
 use ob1_params::Value;
 
-const OUTPUT_WAIT: u64 = 50 * MS;
-const RTS_OFF: u64 = 30 * MS;
+const OUTPUT_WAIT: Span = Span::from_millis(50);
+const RTS_OFF: Span = Span::from_millis(30);
 
 /// Bits of V24_STAT.
 const DTR: u8 = 1 << 0;
@@ -89,9 +90,9 @@ fn both_times_on_the_line() {
         bench.pass(OUTPUT_WAIT + out);
         assert_eq!(bench.heard[0].0, begin + OUTPUT_WAIT + bench.char_time(), "{protocol}");
         assert_eq!(bench.heard(), frame, "{protocol}");
-        bench.pass(RTS_OFF - 1);
+        bench.pass(RTS_OFF - Span::from_nanos(1));
         assert!(bench.outputs().0, "{protocol}: RTS is ON still");
-        bench.pass(1);
+        bench.pass(Span::from_nanos(1));
         assert!(!bench.outputs().0, "{protocol}: and OFF now");
         bench.pass(100 * MS);
         assert_eq!((bench.sent(), bench.entries()), (Some(Ok(())), vec![]), "{protocol}");
@@ -113,9 +114,9 @@ fn cts_or_dsr_off_ends_a_job_with_0818h() {
         let mut bench = automatic(protocol);
         bench.switches(false, true);
         bench.send(job);
-        bench.pass(OUTPUT_WAIT - 1);
+        bench.pass(OUTPUT_WAIT - Span::from_nanos(1));
         assert_eq!(bench.sent(), None);
-        bench.pass(1);
+        bench.pass(Span::from_nanos(1));
         off(&mut bench, "CTS not ON in time");
         bench.switches(true, false);
         bench.send(job);

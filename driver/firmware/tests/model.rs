@@ -6,7 +6,7 @@ mod common;
 use std::collections::VecDeque;
 
 use common::{Bench, MS, ascii};
-use ob1_firmware::{Cp as _, CpCounter, CpInput, LineInput};
+use ob1_firmware::{Cp as _, CpCounter, CpInput, LineInput, Span};
 use proptest::prelude::*;
 
 /// A CPU that sends and receives by the rules, one register write at a time, whenever it is its turn.
@@ -70,7 +70,7 @@ enum Act {
     TxDone,
     Telegram(usize),
     Silence,
-    Time(u64),
+    Time(Span),
 }
 
 fn act() -> impl Strategy<Value = Act> {
@@ -81,7 +81,7 @@ fn act() -> impl Strategy<Value = Act> {
         2 => (1usize..=1024).prop_map(Act::Telegram),
         1 => (1usize..=20).prop_map(Act::Telegram),
         4 => Just(Act::Silence),
-        4 => (0..60 * MS).prop_map(Act::Time),
+        4 => (0..60 * MS.nanos()).prop_map(|time| Act::Time(Span::from_nanos(time))),
     ]
 }
 
@@ -180,7 +180,7 @@ proptest! {
 
     #[test]
     fn nothing_at_all_makes_it_panic(
-        steps in proptest::collection::vec((0u8..7, any::<[u8; 16]>(), 0u64..3_000 * MS), 0..200),
+        steps in proptest::collection::vec((0u8..7, any::<[u8; 16]>(), 0..3_000 * MS.nanos()), 0..200),
         r in any::<bool>(),
     ) {
         let mut bench = Bench::working(&if r { common::s3964r(true) } else { ascii(3) });
@@ -192,7 +192,7 @@ proptest! {
                 3 => bench.line(LineInput::TxDone),
                 4 => bench.step(CpInput::CpuRun(bytes[0] & 1 == 0)),
                 5 => bench.step(CpInput::Parameters(&bytes)),
-                _ => bench.pass(time),
+                _ => bench.pass(Span::from_nanos(time)),
             }
             let orders = bench.count(CpCounter::OrdersAccepted);
             let ended = [CpCounter::Sent, CpCounter::SendErrors, CpCounter::OrdersAborted].map(|c| bench.count(c));

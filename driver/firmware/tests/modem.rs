@@ -3,9 +3,9 @@
 mod common;
 
 use common::{Bench, MS, ascii, s3964r};
-use ob1_firmware::{Cp as _, LineFault, LineInput, ModemLines};
+use ob1_firmware::{Cp as _, LineFault, LineInput, ModemLines, Span};
 
-const SECOND: u64 = 1000 * MS;
+const SECOND: Span = Span::from_millis(1000);
 
 #[test]
 fn a_line_command_is_answered_with_status_and_delta() {

@@ -7,7 +7,7 @@ use std::rc::Rc;
 
 use common::{Log, MS, s3964r, word};
 use ob1_firmware::{
-    Cp as _, Cp240, CpCounter, CpEvent, CpInput, CpPort, Leds, LineInput, LineSettings, Nanos, Registers, Wire,
+    Cp as _, Cp240, CpCounter, CpEvent, CpInput, CpPort, Instant, Leds, LineInput, LineSettings, Registers, Wire,
 };
 use ob1_line::sim::{End, FaultRates, SimConfig, SimEvent, SimLine};
 
@@ -16,7 +16,7 @@ struct Port {
     log: Log,
     line: Rc<RefCell<SimLine>>,
     end: End,
-    now: Nanos,
+    now: Instant,
 }
 
 impl Wire for Port {
@@ -46,7 +46,7 @@ impl CpPort for Port {
         self.log.count(counter, n);
     }
 
-    fn event(&mut self, now: Nanos, event: CpEvent<'_>) {
+    fn event(&mut self, now: Instant, event: CpEvent<'_>) {
         self.log.event(now, event);
     }
 }
@@ -55,7 +55,7 @@ impl CpPort for Port {
 struct Station {
     cp: Cp240,
     port: Port,
-    due: Option<Nanos>,
+    due: Option<Instant>,
     outputs: Registers,
     orders: std::vec::IntoIter<Vec<u8>>,
     sending: Option<(Vec<u8>, usize)>,
@@ -67,7 +67,7 @@ struct Station {
 
 impl Station {
     fn new(end: End, line: &Rc<RefCell<SimLine>>, orders: Vec<Vec<u8>>) -> Self {
-        let port = Port { log: Log::default(), line: Rc::clone(line), end, now: 0 };
+        let port = Port { log: Log::default(), line: Rc::clone(line), end, now: Instant::START };
         Self {
             cp: Cp240::new(1),
             port,
@@ -81,7 +81,7 @@ impl Station {
         }
     }
 
-    fn step(&mut self, now: Nanos, input: CpInput<'_>) {
+    fn step(&mut self, now: Instant, input: CpInput<'_>) {
         self.port.now = now;
         self.due = self.cp.step(now, input, &mut self.port);
     }
@@ -94,7 +94,7 @@ impl Station {
     }
 
     /// One scan.
-    fn scan(&mut self, now: Nanos) {
+    fn scan(&mut self, now: Instant) {
         let (rx, echo) = (word(&self.port.log.inputs, 0), word(&self.port.log.inputs, 2));
         if rx == 0x8001 {
             self.put(0, 0x8001, &[]);
@@ -173,15 +173,15 @@ fn run(faults: FaultRates, seed: u64, a: Vec<Vec<u8>>, b: Vec<Vec<u8>>) -> (Stat
     let mut stations = [Station::new(End::A, &line, a), Station::new(End::B, &line, b)];
     for (station, high) in stations.iter_mut().zip([true, false]) {
         parameters[10] = u8::from(high);
-        station.step(0, CpInput::Parameters(&parameters));
+        station.step(Instant::START, CpInput::Parameters(&parameters));
     }
-    let mut scan_at = 0;
+    let mut scan_at = Instant::START;
     let mut quiet = 0;
     while quiet < 1_000 {
         let next = line.borrow().next_event();
         let due = stations.iter().filter_map(|s| s.due);
         let now = due.chain(next).chain([scan_at]).min().unwrap_or(scan_at).max(stations[0].port.now);
-        assert!(now < 3_600_000 * MS, "an hour of simulated time is enough");
+        assert!(now < Instant::from_millis(3_600_000), "an hour of simulated time is enough");
         let mut buffer = [0; 64];
         loop {
             let popped = line.borrow_mut().pop(now, &mut buffer);

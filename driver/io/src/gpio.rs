@@ -1,12 +1,10 @@
 //! The lines of a GPIO chip, by the character device of the kernel.
 
-use std::time::Duration;
-
 use gpiocdev::Request;
 use gpiocdev::line::{Bias as LineBias, Drive as LineDrive, Value, Values};
 use ob1_coupler::gpio::{Bias, Drive, GpioConfig, GpioMaster, Pins};
 use ob1_coupler::{Image, LineConfig};
-use ob1_line::Nanos;
+use ob1_line::Instant;
 use tracing::{info, warn};
 
 /// What others see of who has the lines (`gpioinfo`).
@@ -16,16 +14,16 @@ const CONSUMER: &str = "ob1";
 pub(crate) struct Gpio {
     name: String,
     pub(crate) master: GpioMaster,
-    pub(crate) deadline: Nanos,
+    pub(crate) deadline: Instant,
 }
 
 impl Gpio {
     pub(crate) fn new(config: &LineConfig, first: usize) -> Option<Self> {
         let gpio = config.gpio.as_ref()?;
-        Some(Self { name: gpio.name.clone(), master: GpioMaster::new(gpio, first), deadline: 0 })
+        Some(Self { name: gpio.name.clone(), master: GpioMaster::new(gpio, first), deadline: Instant::START })
     }
 
-    pub(crate) fn step(&mut self, now: Nanos, image: &mut Image) {
+    pub(crate) fn step(&mut self, now: Instant, image: &mut Image) {
         self.deadline = self.master.step(now, image, &mut |config| {
             let chip = Chip::open(config).map_err(|error| format!("{}: {error}", config.chip))?;
             info!(chip = config.chip, "the chip is open");
@@ -55,8 +53,8 @@ impl Chip {
                 Bias::PullDown => drop(builder.with_bias(LineBias::PullDown)),
                 Bias::Disabled => drop(builder.with_bias(LineBias::Disabled)),
             }
-            if line.debounce > 0 {
-                builder.with_debounce_period(Duration::from_nanos(line.debounce));
+            if !line.debounce.is_zero() {
+                builder.with_debounce_period(line.debounce.into());
             }
             if line.active_low {
                 builder.as_active_low();

@@ -6,7 +6,7 @@ use ob1_child::tap::Tap;
 use ob1_coupler::config::Parity;
 use ob1_coupler::{Image, Input, LineConfig, LineFault, LineInput, MasterInput};
 use ob1_io::Master;
-use ob1_line::{LineEvent, LineSettings, LineSpec, Nanos, RealLine, StopBits};
+use ob1_line::{Instant, LineEvent, LineSettings, LineSpec, RealLine, StopBits};
 use ob1_protocols::trace::record::{Kind, number_of};
 use serde_json::json;
 use tracing::{info, warn};
@@ -25,7 +25,7 @@ pub(crate) struct Line {
     /// Who listens.
     pub(crate) tap: Tap,
     /// When it has something to do although nothing happens.
-    pub(crate) deadline: Nanos,
+    pub(crate) deadline: Instant,
     /// Whether it was up when it was last told of it.
     up: bool,
 }
@@ -35,8 +35,8 @@ impl Line {
         let spec: LineSpec = config.line.parse().map_err(|error| io::Error::other(format!("{error}")))?;
         let settings = settings(config);
         let real = open(&spec, &settings)?;
-        let master = Master::new(config, first, input_bytes, 0).map_err(io::Error::other)?;
-        Ok(Self { spec, settings, real, master, tap: Tap::default(), deadline: 0, up: false })
+        let master = Master::new(config, first, input_bytes, Instant::START).map_err(io::Error::other)?;
+        Ok(Self { spec, settings, real, master, tap: Tap::default(), deadline: Instant::START, up: false })
     }
 
     /// Lets others listen at this path.
@@ -46,11 +46,11 @@ impl Line {
         let about = json!({
             "module": "bus", "name": name, "line": config.line, "protocol": config.protocol(), "baud": baud,
         });
-        self.tap.introduce(0, std::time::SystemTime::now(), about);
+        self.tap.introduce(Instant::START, std::time::SystemTime::now(), about);
     }
 
     /// Takes what the line has to tell; true if that may not have been everything.
-    pub(crate) fn events(&mut self, now: Nanos, image: &mut Image) -> bool {
+    pub(crate) fn events(&mut self, now: Instant, image: &mut Image) -> bool {
         let mut buffer = [0; BUFFER];
         for _ in 0..EVENTS {
             let Some(event) = self.real.next_event(now, &mut buffer) else {
@@ -88,13 +88,13 @@ impl Line {
         true
     }
 
-    fn gone(&mut self, now: Nanos, image: &mut Image) {
+    fn gone(&mut self, now: Instant, image: &mut Image) {
         if std::mem::take(&mut self.up) {
             self.step(now, Input::Line(LineInput::Fault(LineFault::Gone)), image);
         }
     }
 
-    pub(crate) fn step(&mut self, now: Nanos, input: MasterInput<'_>, image: &mut Image) {
+    pub(crate) fn step(&mut self, now: Instant, input: MasterInput<'_>, image: &mut Image) {
         let mut out = Vec::new();
         self.deadline = self.master.step(now, input, image, &mut out);
         if !out.is_empty() {

@@ -1,7 +1,7 @@
 //! The master of a line, whatever is spoken on it.
 
 use ob1_coupler::{Image, LineConfig, LineMaster, MasterInput};
-use ob1_line::Nanos;
+use ob1_line::Instant;
 
 /// The master of a line.
 pub enum Master {
@@ -16,7 +16,7 @@ impl Master {
     ///
     /// # Errors
     /// Bus parameters that cannot be, in words.
-    pub fn new(config: &LineConfig, first: usize, input_bytes: usize, now: Nanos) -> Result<Self, String> {
+    pub fn new(config: &LineConfig, first: usize, input_bytes: usize, now: Instant) -> Result<Self, String> {
         Ok(match &config.dp {
             Some(dp) => Self::Dp(Box::new(ob1_dp::Master::new(dp, first, now).map_err(|why| why.0)?)),
             None => Self::Modbus(Box::new(LineMaster::new(config, first, input_bytes, now))),
@@ -24,7 +24,7 @@ impl Master {
     }
 
     /// Takes what has happened; the result is when to call again at the latest.
-    pub fn step(&mut self, now: Nanos, input: MasterInput<'_>, image: &mut Image, out: &mut Vec<u8>) -> Nanos {
+    pub fn step(&mut self, now: Instant, input: MasterInput<'_>, image: &mut Image, out: &mut Vec<u8>) -> Instant {
         match self {
             Self::Modbus(master) => master.step(now, input, image, out),
             Self::Dp(master) => master.step(now, input, image, out),

@@ -5,12 +5,12 @@ use std::io;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time;
 
 use ob1_backplane::{BusMemory, BusSize, Counter, CpSide};
 use ob1_coupler::{BusConfig, Input};
 use ob1_io::Pump;
-use ob1_line::{Nanos, PollFds};
+use ob1_line::{Instant, PollFds, Span};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 use tracing::warn;
@@ -20,11 +20,11 @@ use crate::line::Line;
 use crate::told::Told;
 
 /// At the end the couplers get so long to take their outputs off.
-const LAST_OUTPUTS: Nanos = 500_000_000;
+const LAST_OUTPUTS: Span = Span::from_millis(500);
 
 /// The process.
 pub(crate) struct Process {
-    start: Instant,
+    start: time::Instant,
     pump: Pump,
     lines: Vec<Line>,
     chips: Vec<Gpio>,
@@ -60,8 +60,8 @@ impl Process {
             first += line.stations().count();
         }
         Ok(Self {
-            start: Instant::now(),
-            pump: Pump::new(config, segment, memory, size, 0),
+            start: time::Instant::now(),
+            pump: Pump::new(config, segment, memory, size, Instant::START),
             lines,
             chips,
             told: Told::new(config),
@@ -70,8 +70,8 @@ impl Process {
         })
     }
 
-    fn now(&self) -> Nanos {
-        u64::try_from(self.start.elapsed().as_nanos()).unwrap_or(Nanos::MAX)
+    fn now(&self) -> Instant {
+        Instant::START + self.start.elapsed().into()
     }
 
     /// Until standard input closes, or SIGTERM.
@@ -80,7 +80,7 @@ impl Process {
             let seen = self.pump.segment.changes();
             let more = self.pass(true);
             let asleep = self.pump.segment.prepare_sleep(seen);
-            let timeout = if more || !asleep { 0 } else { self.deadline().saturating_sub(self.now()) };
+            let timeout = if more || !asleep { Span::ZERO } else { self.deadline().since(self.now()) };
             let ready = self.wait(timeout, true)?;
             self.pump.segment.awake();
             if self.terminate.load(Ordering::Relaxed) || ready && ob1_child::doorbell_closed()? {
@@ -112,14 +112,14 @@ impl Process {
         more
     }
 
-    fn deadline(&self) -> Nanos {
-        let line = |line: &Line| line.deadline.min(line.real.deadline().unwrap_or(Nanos::MAX));
+    fn deadline(&self) -> Instant {
+        let line = |line: &Line| line.deadline.min(line.real.deadline().unwrap_or(Instant::NEVER));
         let chips = self.chips.iter().map(|chip| chip.deadline);
-        self.lines.iter().map(line).chain(chips).fold(self.pump.deadline(), Nanos::min)
+        self.lines.iter().map(line).chain(chips).fold(self.pump.deadline(), Instant::min)
     }
 
     /// Waits; whether standard input has something to say.
-    fn wait(&mut self, timeout: Nanos, doorbell: bool) -> io::Result<bool> {
+    fn wait(&mut self, timeout: Span, doorbell: bool) -> io::Result<bool> {
         let stdin = rustix::stdio::stdin();
         let mut fds = Vec::with_capacity(1 + 2 * self.lines.len());
         if doorbell {
@@ -139,7 +139,7 @@ impl Process {
                 owners.push((n, true));
             }
         }
-        let timeout = Timespec { tv_sec: (timeout / 1_000_000_000) as i64, tv_nsec: (timeout % 1_000_000_000) as i64 };
+        let timeout = Timespec { tv_sec: timeout.secs() as i64, tv_nsec: timeout.subsec_nanos() as i64 };
         match poll(&mut fds, Some(&timeout)) {
             Ok(_) | Err(Errno::INTR) => {}
             Err(error) => return Err(error.into()),
@@ -183,7 +183,7 @@ impl Process {
                 warn!("not every coupler has taken that its outputs are off");
                 return Ok(());
             }
-            let timeout = if more { 0 } else { self.deadline().min(until).saturating_sub(self.now()) };
+            let timeout = if more { Span::ZERO } else { self.deadline().min(until).since(self.now()) };
             self.wait(timeout, false)?;
         }
     }

@@ -2,11 +2,11 @@
 
 use ob1_backplane::{BusMemory, BusProcessSide, BusSize, CpSide, DriverState};
 use ob1_coupler::{BusConfig, Image};
-use ob1_line::Nanos;
+use ob1_line::{Instant, Span};
 use tracing::{info, warn};
 
 /// Time between two beats; an image is published at least as often.
-const HEARTBEAT: Nanos = 50_000_000;
+const HEARTBEAT: Span = Span::from_millis(50);
 
 /// The ends of the segment and of the bus's image that belong to the process.
 pub struct Pump {
@@ -17,11 +17,11 @@ pub struct Pump {
     pub image: Image,
     /// The generation of the image that was published last.
     published: u64,
-    next_beat: Nanos,
+    next_beat: Instant,
     /// The scan's last sign of life, and since when there was none.
-    scan: (u64, Nanos),
+    scan: (u64, Instant),
     alive: bool,
-    scan_timeout: Nanos,
+    scan_timeout: Span,
     /// What the CPU has said of the outputs.
     wanted: bool,
 }
@@ -29,7 +29,7 @@ pub struct Pump {
 impl Pump {
     /// The process is there.
     #[must_use]
-    pub fn new(config: &BusConfig, segment: CpSide, memory: &BusMemory, size: BusSize, now: Nanos) -> Self {
+    pub fn new(config: &BusConfig, segment: CpSide, memory: &BusMemory, size: BusSize, now: Instant) -> Self {
         let mut pump = Self {
             segment,
             side: BusProcessSide::new(memory, size),
@@ -47,7 +47,7 @@ impl Pump {
     }
 
     /// What the scan wants of the outputs, and whether it is alive; whether anything is another than before.
-    pub fn look_at_scan(&mut self, now: Nanos) -> bool {
+    pub fn look_at_scan(&mut self, now: Instant) -> bool {
         let mut changed = false;
         if let Some(driven) = self.side.take(&mut self.image.outputs) {
             (self.wanted, changed) = (driven, true);
@@ -56,7 +56,7 @@ impl Pump {
         if beats != self.scan.0 {
             self.scan = (beats, now);
         }
-        let alive = now.saturating_sub(self.scan.1) < self.scan_timeout;
+        let alive = now.since(self.scan.1) < self.scan_timeout;
         if self.wanted && alive != std::mem::replace(&mut self.alive, alive) {
             if alive {
                 info!("the scan gives a sign of life again: outputs on");
@@ -72,7 +72,7 @@ impl Pump {
     }
 
     /// Shows what is new, and that the process lives.
-    pub fn show(&mut self, now: Nanos) {
+    pub fn show(&mut self, now: Instant) {
         if now >= self.next_beat {
             self.segment.beat();
             self.next_beat = now + HEARTBEAT;
@@ -84,7 +84,7 @@ impl Pump {
 
     /// When [`Self::show`] has something to do at the latest.
     #[must_use]
-    pub const fn deadline(&self) -> Nanos {
+    pub const fn deadline(&self) -> Instant {
         self.next_beat
     }
 

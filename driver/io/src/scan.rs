@@ -1,11 +1,11 @@
 //! `ob1-io --scan`: who is on a PROFIBUS. Nobody else may have the line meanwhile.
 
 use std::io::{self, Write as _};
-use std::time::Instant;
+use std::time;
 
 use ob1_coupler::{BusConfig, Input, LineFault, LineInput, MasterInput};
 use ob1_dp::scan::{Found, Scan};
-use ob1_line::{LineEvent, LineSpec, Nanos, PollFds, RealLine};
+use ob1_line::{Instant, LineEvent, LineSpec, PollFds, RealLine, Span};
 use rustix::event::{Timespec, poll};
 use rustix::io::Errno;
 
@@ -14,7 +14,7 @@ use crate::line;
 /// Telegrams of two rounds over all addresses: each is asked once, and the token goes round behind it.
 const TELEGRAMS: u64 = 2 * 2 * 126;
 /// A line that is not there by then is not there.
-const LONGEST: Nanos = 60_000_000_000;
+const LONGEST: Span = Span::from_secs(60);
 
 /// Prints a line of JSON for each slave that answers.
 ///
@@ -25,13 +25,13 @@ pub(crate) fn run(bus: &BusConfig) -> io::Result<()> {
     let dp = config.dp.as_ref().ok_or_else(|| io::Error::other("no PROFIBUS"))?;
     let spec: LineSpec = config.line.parse().map_err(|error| io::Error::other(format!("{error}")))?;
     let mut real = line::open(&spec, &line::settings(config))?;
-    let start = Instant::now();
-    let now = || u64::try_from(start.elapsed().as_nanos()).unwrap_or(Nanos::MAX);
-    let mut scan = Scan::new(dp, 0).map_err(|why| io::Error::other(why.0))?;
-    let mut deadline = 0;
+    let start = time::Instant::now();
+    let now = || Instant::START + start.elapsed().into();
+    let mut scan = Scan::new(dp, Instant::START).map_err(|why| io::Error::other(why.0))?;
+    let mut deadline = Instant::START;
     let mut buffer = [0; 512];
     while scan.sent() < TELEGRAMS {
-        if now() > LONGEST {
+        if now().since_start() > LONGEST {
             return Err(io::Error::other("the line does not let us speak: another master, or a short circuit"));
         }
         while let Some(event) = real.next_event(now(), &mut buffer) {
@@ -56,7 +56,7 @@ pub(crate) fn run(bus: &BusConfig) -> io::Result<()> {
     out.flush()
 }
 
-fn step(scan: &mut Scan, now: Nanos, input: MasterInput<'_>, real: &mut RealLine) -> Nanos {
+fn step(scan: &mut Scan, now: Instant, input: MasterInput<'_>, real: &mut RealLine) -> Instant {
     let mut out = Vec::new();
     let deadline = scan.step(now, input, &mut out);
     if !out.is_empty() {
@@ -65,10 +65,11 @@ fn step(scan: &mut Scan, now: Nanos, input: MasterInput<'_>, real: &mut RealLine
     deadline
 }
 
-fn wait(real: &mut RealLine, deadline: Nanos, now: Nanos) -> io::Result<()> {
-    let until = deadline.min(real.deadline().unwrap_or(Nanos::MAX)).min(LONGEST + 1);
-    let time = until.saturating_sub(now);
-    let timeout = Timespec { tv_sec: (time / 1_000_000_000) as i64, tv_nsec: (time % 1_000_000_000) as i64 };
+fn wait(real: &mut RealLine, deadline: Instant, now: Instant) -> io::Result<()> {
+    let until =
+        deadline.min(real.deadline().unwrap_or(Instant::NEVER)).min(Instant::START + LONGEST + Span::from_nanos(1));
+    let time = until.since(now);
+    let timeout = Timespec { tv_sec: time.secs() as i64, tv_nsec: time.subsec_nanos() as i64 };
     let ready = {
         let mut fds = PollFds::default();
         real.poll_fds(&mut fds);

@@ -1,6 +1,7 @@
 //! How many characters a second the simulated line carries: `cargo run --release -p ob1-line --example sim_speed`.
 #![allow(clippy::disallowed_methods, clippy::disallowed_types)] // Measures with the real clock.
 
+use ob1_line::Instant;
 use ob1_line::sim::{End, FaultRates, SimConfig, SimEvent, SimLine};
 
 fn main() {
@@ -8,7 +9,7 @@ fn main() {
         let mut line = SimLine::new(SimConfig { faults, ..SimConfig::new(115_200, 20) }, 1);
         let mut buffer = [0; 64];
         let mut characters = 0_u64;
-        let mut now = 0;
+        let mut now = Instant::START;
         let begin = std::time::Instant::now();
         while characters < 20_000_000 {
             line.write(End::A, now, &[0x55; 250]);

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use rustix::event::{PollFd, PollFlags};
 
-use crate::line::{LineEvent, LineFault, Nanos, PollFds};
+use crate::line::{Instant, LineEvent, LineFault, PollFds};
 use crate::real::RealLine;
 use crate::seqpacket::{Channel, Listener, MESSAGE_MAX, Sent};
 use crate::settings::LineSettings;
@@ -123,7 +123,7 @@ impl Hub {
     }
 
     /// When [`Self::work`] is due although nothing is ready.
-    pub fn deadline(&self) -> Option<Nanos> {
+    pub fn deadline(&self) -> Option<Instant> {
         let partner = match &self.partner {
             Some(AtWork::Pty(line, _)) => line.deadline(),
             _ => None,
@@ -132,7 +132,7 @@ impl Hub {
     }
 
     /// Does everything that has come up by `now`.
-    pub fn work(&mut self, now: Nanos) {
+    pub fn work(&mut self, now: Instant) {
         self.admit();
         self.listen(now);
         self.hear_pty(now);
@@ -163,7 +163,7 @@ impl Hub {
         }
     }
 
-    fn listen(&mut self, now: Nanos) {
+    fn listen(&mut self, now: Instant) {
         let mut buffer = [0; MESSAGE_MAX];
         for guest in &mut self.guests {
             for _ in 0..MESSAGES {
@@ -196,7 +196,7 @@ impl Hub {
         }
     }
 
-    fn hear_pty(&mut self, now: Nanos) {
+    fn hear_pty(&mut self, now: Instant) {
         let Some(AtWork::Pty(line, who)) = &mut self.partner else { return };
         line.ready();
         let mut buffer = [0; 256];
@@ -212,7 +212,7 @@ impl Hub {
     }
 
     /// Tells everybody what has happened to them.
-    fn speak(&mut self, now: Nanos) {
+    fn speak(&mut self, now: Instant) {
         let mut buffer = [0; 512];
         let mut message = Vec::new();
         while let Some((who, event)) = self.bus.pop(now, &mut buffer) {

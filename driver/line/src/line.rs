@@ -4,7 +4,7 @@ use std::os::fd::BorrowedFd;
 
 use rustix::event::{PollFd, PollFlags};
 
-pub use ob1_serial::{LineFault, ModemLines, Nanos};
+pub use ob1_serial::{Instant, LineFault, ModemLines, Span};
 
 /// What a line has to tell.
 #[derive(Debug, Clone, PartialEq, Eq)]

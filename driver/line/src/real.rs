@@ -3,14 +3,14 @@
 
 use std::io;
 
-use crate::line::{LineEvent, LineFault, ModemLines, Nanos, PollFds};
+use crate::line::{Instant, LineEvent, LineFault, ModemLines, PollFds, Span};
 use crate::link::{self, Link, Opened};
 use crate::parmrk::{Mark, ParmrkDecoder};
 use crate::settings::{LineSettings, Parity, SettingsError, Warning, check};
 use crate::spec::LineSpec;
 
 /// Pause between two attempts to open a line, in nanoseconds. A TCP client doubles it up to 2 s.
-pub const RETRY: Nanos = 500_000_000;
+pub const RETRY: Span = Span::from_millis(500);
 
 /// Bytes that may wait for the line: the longest telegram of a CP (1024 bytes, every one a doubled DLE, and its frame),
 /// and room for the answers beside it.
@@ -21,9 +21,9 @@ const RX_BYTES: usize = 1024;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum State {
     /// Closed; the next attempt is due then.
-    Down(Nanos),
+    Down(Instant),
     /// Being opened; look again when ready, or then.
-    Opening(Option<Nanos>),
+    Opening(Option<Instant>),
     /// Usable.
     Up,
     /// The settings are refused: waits for others.
@@ -41,7 +41,7 @@ pub struct RealLine {
     link: Box<dyn Link>,
     settings: LineSettings,
     state: State,
-    pause: Nanos,
+    pause: Span,
     /// Events to hand out before anything else.
     announce: Option<LineEvent>,
     /// The reason given last, so that an attempt that fails for the same reason is not told again.
@@ -54,7 +54,7 @@ pub struct RealLine {
     /// Something was written for which `TxDone` has not come yet.
     sending: bool,
     /// The computed end of the last bit.
-    sent_at: Nanos,
+    sent_at: Instant,
 
     rx: Box<[u8; RX_BYTES]>,
     rx_begin: usize,
@@ -72,7 +72,7 @@ impl RealLine {
             spec: spec.clone(),
             link: link::of(spec),
             settings: LineSettings::default(),
-            state: State::Down(0),
+            state: State::Down(Instant::START),
             pause: RETRY,
             announce: None,
             reason: String::new(),
@@ -81,7 +81,7 @@ impl RealLine {
             tx_begin: 0,
             tx_end: 0,
             sending: false,
-            sent_at: 0,
+            sent_at: Instant::START,
             rx: Box::new([0; RX_BYTES]),
             rx_begin: 0,
             rx_end: 0,
@@ -102,7 +102,7 @@ impl RealLine {
         self.state == State::Up
     }
 
-    fn try_open(&mut self, now: Nanos) -> Option<LineEvent> {
+    fn try_open(&mut self, now: Instant) -> Option<LineEvent> {
         match self.link.open(now, &self.settings) {
             Ok(Opened::Yes(warnings)) => Some(self.up(warnings)),
             Ok(Opened::Waiting(until)) => {
@@ -135,7 +135,7 @@ impl RealLine {
         self.decoder.reset();
     }
 
-    fn gone(&mut self, now: Nanos, error: &io::Error) -> Option<LineEvent> {
+    fn gone(&mut self, now: Instant, error: &io::Error) -> Option<LineEvent> {
         self.link.close();
         self.forget();
         self.state = State::Down(now + self.pause);
@@ -159,7 +159,7 @@ impl RealLine {
     }
 
     /// Whether the last bit of everything is out; otherwise moves the time to look again.
-    fn tx_done(&mut self, now: Nanos) -> bool {
+    fn tx_done(&mut self, now: Instant) -> bool {
         if !self.sending || self.tx_end > 0 {
             return false;
         }
@@ -172,7 +172,7 @@ impl RealLine {
             return false;
         }
         if self.state == State::Up && self.link.drained() == Some(false) {
-            self.sent_at = now + self.settings.time_of(1).max(200_000);
+            self.sent_at = now + self.settings.time_of(1).max(Span::from_nanos(200_000));
             return false;
         }
         self.sending = false;
@@ -222,7 +222,7 @@ impl RealLine {
 
     /// What came in. It may be the answer to what went out, and where the end of that is only computed the answer can
     /// be faster: a pty carries a telegram in no time. So the end is told first.
-    fn receive(&mut self, now: Nanos, buffer: &mut [u8]) -> io::Result<Option<LineEvent>> {
+    fn receive(&mut self, now: Instant, buffer: &mut [u8]) -> io::Result<Option<LineEvent>> {
         loop {
             if let Some(fault) = self.fault.take() {
                 return Ok(Some(LineEvent::Fault(fault)));
@@ -269,11 +269,11 @@ impl RealLine {
                 Ok(warnings) => self.announce = Some(self.up(warnings)),
                 // Found again, and told, by the next attempt, which is due at once.
                 Err(error) => {
-                    self.announce = self.gone(0, &error);
-                    self.state = State::Down(0);
+                    self.announce = self.gone(Instant::START, &error);
+                    self.state = State::Down(Instant::START);
                 }
             },
-            State::Refused => self.state = State::Down(0),
+            State::Refused => self.state = State::Down(Instant::START),
             State::Down(_) | State::Opening(_) => {}
         }
         Ok(())
@@ -291,13 +291,13 @@ impl RealLine {
         (self.may_read, self.may_write) = (true, true);
         match &mut self.state {
             State::Up => self.link.housekeeping(),
-            State::Opening(until) => *until = Some(0),
+            State::Opening(until) => *until = Some(Instant::START),
             State::Down(_) | State::Refused => {}
         }
     }
 
     /// The next event, or `None`. `buffer` takes received bytes; at least 16 long.
-    pub fn next_event(&mut self, now: Nanos, buffer: &mut [u8]) -> Option<LineEvent> {
+    pub fn next_event(&mut self, now: Instant, buffer: &mut [u8]) -> Option<LineEvent> {
         if let Some(event) = self.announce.take() {
             return Some(event);
         }
@@ -326,9 +326,9 @@ impl RealLine {
     }
 
     /// When [`Self::next_event`] must be called although nothing is ready.
-    pub fn deadline(&self) -> Option<Nanos> {
+    pub fn deadline(&self) -> Option<Instant> {
         if self.announce.is_some() {
-            return Some(0);
+            return Some(Instant::START);
         }
         let open = match self.state {
             State::Down(at) => Some(at),
@@ -343,7 +343,7 @@ impl RealLine {
     /// Sends. Answers how many of the bytes were taken: all, unless more than 4096 are waiting already.
     /// [`LineEvent::TxDone`] follows once everything taken has left the line; while the line is gone, when it would
     /// have.
-    pub fn write(&mut self, now: Nanos, bytes: &[u8]) -> usize {
+    pub fn write(&mut self, now: Instant, bytes: &[u8]) -> usize {
         if self.state != State::Up {
             // Swallowed, as on a wire that leads nowhere.
             self.sent_at = self.sent_at.max(now) + self.settings.time_of(bytes.len());
@@ -375,12 +375,12 @@ impl RealLine {
     }
 
     /// Takes back what has not yet begun to leave; the result is how many bytes will not be sent.
-    pub fn take_back(&mut self, now: Nanos) -> usize {
+    pub fn take_back(&mut self, now: Instant) -> usize {
         let waiting = self.tx_end - self.tx_begin;
         (self.tx_begin, self.tx_end) = (0, 0);
         let mut taken = waiting + if self.state == State::Up { self.link.take_back() } else { 0 };
         if self.state == State::Up && self.sending && self.link.reckons_taken_back() {
-            let unsent = self.sent_at.saturating_sub(now) / self.settings.time_of(1).max(1);
+            let unsent = self.sent_at.since(now) / self.settings.time_of(1).max(Span::from_nanos(1));
             taken = taken.max(unsent as usize);
         }
         if taken > 0 {

@@ -13,14 +13,16 @@
 //! with [`SimLine::pop`] until there are none left.
 //!
 //! ```
+//! use ob1_line::Instant;
 //! use ob1_line::sim::{End, SimConfig, SimEvent, SimLine};
 //!
 //! // 9600 baud, 8 data bits, no parity, 1 stop bit: 20 half bits.
 //! let mut line = SimLine::new(SimConfig::new(9600, 20), 1);
-//! line.write(End::A, 0, b"Hi");
-//! assert_eq!(line.next_event(), Some(1_041_667));
+//! line.write(End::A, Instant::START, b"Hi");
+//! let first = Instant::from_nanos(1_041_667);
+//! assert_eq!(line.next_event(), Some(first));
 //! let mut buffer = [0; 16];
-//! assert_eq!(line.pop(1_041_667, &mut buffer), Some((End::B, SimEvent::Rx(1))));
+//! assert_eq!(line.pop(first, &mut buffer), Some((End::B, SimEvent::Rx(1))));
 //! assert_eq!(buffer[0], b'H');
 //! ```
 
@@ -29,7 +31,7 @@ mod direction;
 mod faults;
 mod rng;
 
-use crate::line::{LineFault, Nanos};
+use crate::line::{Instant, LineFault, Span};
 pub use bus::{Bursts, BusConfig, BusEvent, Frame, Participant, SimBus};
 use direction::Direction;
 pub use faults::FaultRates;
@@ -74,18 +76,18 @@ pub enum SimEvent {
 #[derive(Debug, Clone)]
 pub struct SimConfig {
     /// Time of one character.
-    pub char_time: Nanos,
+    pub char_time: Span,
     /// Two-wire line: only one end may send at a time.
     pub half_duplex: bool,
     /// Panic when the law of time is broken.
     pub strict: bool,
     /// Characters that follow the first within this time come together with it, at most this much late. 0: each comes
     /// at its own time, and only an owner that is late itself gets several at once.
-    pub coalesce: Nanos,
+    pub coalesce: Span,
     /// What goes wrong.
     pub faults: FaultRates,
     /// Nothing goes wrong with characters that begin at or after this.
-    pub faults_until: Nanos,
+    pub faults_until: Instant,
 }
 
 impl SimConfig {
@@ -93,12 +95,12 @@ impl SimConfig {
     /// bits included: 20 for 8N1, 22 for 8E1, 23 for 8E1.5.
     pub fn new(baud: u32, half_bits: u32) -> Self {
         Self {
-            char_time: (u64::from(half_bits) * 500_000_000).div_ceil(u64::from(baud.max(1))),
+            char_time: Span::from_nanos((u64::from(half_bits) * 500_000_000).div_ceil(u64::from(baud.max(1)))),
             half_duplex: false,
             strict: true,
-            coalesce: 0,
+            coalesce: Span::ZERO,
             faults: FaultRates::NONE,
-            faults_until: Nanos::MAX,
+            faults_until: Instant::NEVER,
         }
     }
 }
@@ -110,7 +112,7 @@ pub struct SimLine {
     rng: SplitMix64,
     /// By the end that sends.
     directions: [Direction; 2],
-    now: Nanos,
+    now: Instant,
     violations: u64,
     cut: bool,
 }
@@ -122,7 +124,7 @@ impl SimLine {
             config,
             rng: SplitMix64::new(seed),
             directions: [Direction::default(), Direction::default()],
-            now: 0,
+            now: Instant::START,
             violations: 0,
             cut: false,
         }
@@ -134,13 +136,13 @@ impl SimLine {
     }
 
     /// Changes what goes wrong from now on.
-    pub fn set_faults(&mut self, faults: FaultRates, until: Nanos) {
+    pub fn set_faults(&mut self, faults: FaultRates, until: Instant) {
         self.config.faults = faults;
         self.config.faults_until = until;
     }
 
     /// Changes the baud rate or character frame for what is written from now on. Both ends must agree: a line has one.
-    pub fn set_char_time(&mut self, char_time: Nanos) {
+    pub fn set_char_time(&mut self, char_time: Span) {
         self.config.char_time = char_time;
     }
 
@@ -156,7 +158,7 @@ impl SimLine {
     }
 
     /// Sends characters from `end`, behind those that are still leaving.
-    pub fn write(&mut self, end: End, now: Nanos, bytes: &[u8]) {
+    pub fn write(&mut self, end: End, now: Instant, bytes: &[u8]) {
         self.advance(now);
         if bytes.is_empty() {
             return;
@@ -170,24 +172,24 @@ impl SimLine {
     }
 
     /// Takes back the characters of `end` that have not begun to leave; the result is how many.
-    pub fn take_back(&mut self, end: End, now: Nanos) -> usize {
+    pub fn take_back(&mut self, end: End, now: Instant) -> usize {
         self.advance(now);
         self.directions[end as usize].take_back(now, self.config.char_time)
     }
 
     /// Switches RTS of `end`; the other end sees it as CTS at the same instant.
-    pub fn set_rts(&mut self, end: End, now: Nanos, on: bool) {
+    pub fn set_rts(&mut self, end: End, now: Instant, on: bool) {
         self.advance(now);
         self.directions[end as usize].set_rts(now, on);
     }
 
     /// Whether characters of `end` are on the line or waiting to be.
-    pub fn is_sending(&self, end: End, now: Nanos) -> bool {
+    pub fn is_sending(&self, end: End, now: Instant) -> bool {
         self.directions[end as usize].is_sending(now)
     }
 
     /// When the next event happens.
-    pub fn next_event(&self) -> Option<Nanos> {
+    pub fn next_event(&self) -> Option<Instant> {
         let [a, b] = &self.directions;
         let coalesce = self.config.coalesce;
         [a.next_done(), b.next_done(), a.next_arrival(coalesce), b.next_arrival(coalesce)].into_iter().flatten().min()
@@ -195,10 +197,10 @@ impl SimLine {
 
     /// Takes the next event that has happened by `now`, with the end that sees it. Received characters that follow each
     /// other without another event between them come together. `buffer` must not be empty.
-    pub fn pop(&mut self, now: Nanos, buffer: &mut [u8]) -> Option<(End, SimEvent)> {
+    pub fn pop(&mut self, now: Instant, buffer: &mut [u8]) -> Option<(End, SimEvent)> {
         self.advance(now);
         let coalesce = self.config.coalesce;
-        let mut first: Option<(Nanos, bool, End)> = None;
+        let mut first: Option<(Instant, bool, End)> = None;
         for end in End::BOTH {
             let direction = &self.directions[end as usize];
             if let Some(at) = direction.next_done() {
@@ -226,7 +228,7 @@ impl SimLine {
         Some((end, self.directions[end.other() as usize].take_arrivals(limit.max(at), buffer)))
     }
 
-    fn advance(&mut self, now: Nanos) {
+    fn advance(&mut self, now: Instant) {
         if now < self.now {
             self.violation("time goes back");
         }

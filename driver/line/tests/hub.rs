@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use ob1_line::hub::{Hub, Partner};
 use ob1_line::sim::{BusConfig, FaultRates};
-use ob1_line::{LineEvent, LineFault, LineSettings, Nanos, Parity, RealLine, StopBits};
+use ob1_line::{Instant, LineEvent, LineFault, LineSettings, Parity, RealLine, Span, StopBits};
 
-const MS: Nanos = 1_000_000;
+const MS: Span = Span::MILLISECOND;
 
 /// A line and CPs on it, all driven by one clock.
 struct World {
@@ -14,7 +14,7 @@ struct World {
     path: PathBuf,
     hub: Option<Hub>,
     lines: Vec<RealLine>,
-    now: Nanos,
+    now: Instant,
     log: Vec<String>,
 }
 
@@ -31,13 +31,13 @@ impl World {
                 line
             })
             .collect();
-        let mut world = Self { _dir: dir, path, hub: Some(hub), lines, now: 0, log: Vec::new() };
-        world.run(1);
+        let mut world = Self { _dir: dir, path, hub: Some(hub), lines, now: Instant::START, log: Vec::new() };
+        world.run(Span::from_nanos(1));
         world
     }
 
     /// Everything until so much time has passed.
-    fn run(&mut self, time: Nanos) {
+    fn run(&mut self, time: Span) {
         let end = self.now + time;
         loop {
             // Whatever is said at an instant is heard at that instant.
@@ -49,7 +49,7 @@ impl World {
                     line.ready();
                     let mut buffer = [0; 64];
                     while let Some(event) = line.next_event(self.now, &mut buffer) {
-                        let us = self.now / 1000;
+                        let us = self.now.since_start().micros();
                         self.log.push(match event {
                             LineEvent::Rx(n) => format!("{us} {number} {:02X?}", &buffer[..n]),
                             LineEvent::Gone(_) => format!("{us} {number} gone"),
@@ -63,7 +63,7 @@ impl World {
             if self.now >= end {
                 return;
             }
-            self.now = next.clamp(self.now + 1, end);
+            self.now = next.clamp(self.now + Span::from_nanos(1), end);
         }
     }
 
@@ -207,21 +207,21 @@ fn a_program_on_the_pty_is_the_partner() {
     world.run(MS);
     let mut program = RealLine::new(&format!("serial:{}", pty.display()).parse().expect("a line"));
     let mut buffer = [0; 64];
-    assert!(matches!(program.next_event(0, &mut buffer), Some(LineEvent::Up(_))));
+    assert!(matches!(program.next_event(Instant::START, &mut buffer), Some(LineEvent::Up(_))));
     world.lines[0].write(world.now, b"ping");
     world.run(10 * MS);
     // The kernel hands a pty's characters over when it finds the time, not all at once.
     let mut heard = Vec::new();
     while heard.len() < 4 {
         program.ready();
-        match program.next_event(0, &mut buffer) {
+        match program.next_event(Instant::START, &mut buffer) {
             Some(LineEvent::Rx(count)) => heard.extend_from_slice(&buffer[..count]),
             event => assert_eq!(event, None),
         }
     }
     assert_eq!(heard, b"ping");
     world.take();
-    program.write(0, b"pong");
+    program.write(Instant::START, b"pong");
     world.run(10 * MS);
     let heard = world.take().iter().filter(|line| line.contains(" 0 [")).count();
     assert_eq!(heard, 4, "one by one, however fast the pty is");
@@ -241,14 +241,14 @@ fn who_writes_without_end_waits_and_the_line_holds_no_more_than_it_must() {
             Sent::Yes => (taken, refused) = (taken + MESSAGE_MAX, 0),
             Sent::Full => {
                 refused += 1;
-                hub.work(0);
+                hub.work(Instant::START);
             }
         }
         assert!(taken < 2 << 20, "{taken} characters wait for a line of 9600 baud");
     }
     // It is no reason to hear nobody else.
     let other = Channel::connect(&world.path).expect("the line listens");
-    hub.work(1);
+    hub.work(Instant::from_nanos(1));
     assert_eq!((hub.guests(), hub.turned_away()), (2, 0));
     drop(other);
 }

@@ -7,29 +7,29 @@
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::time::{self, Duration};
 
-use ob1_line::{LineEvent, LineSettings, Nanos, Parity, PollFds, RealLine};
+use ob1_line::{Instant, LineEvent, LineSettings, Parity, PollFds, RealLine, Span};
 use rustix::event::{Timespec, poll};
 use serialport::SerialPort;
 
 /// A line and the clock of its owner.
 struct Bench {
     line: RealLine,
-    start: Instant,
-    guard: Instant,
+    start: time::Instant,
+    guard: time::Instant,
     received: Vec<u8>,
 }
 
 impl Bench {
     fn new(spec: &str) -> Self {
         let line = RealLine::new(&spec.parse().unwrap());
-        let start = Instant::now();
+        let start = time::Instant::now();
         Self { line, start, guard: start + Duration::from_secs(20), received: Vec::new() }
     }
 
-    fn now(&self) -> Nanos {
-        self.start.elapsed().as_nanos() as Nanos
+    fn now(&self) -> Instant {
+        Instant::START + self.start.elapsed().into()
     }
 
     /// The next event that is no received bytes; those are collected.
@@ -56,12 +56,12 @@ impl Bench {
             if enough(&self.received) {
                 return None;
             }
-            assert!(Instant::now() < self.guard, "nothing happened; received so far {:?}", self.received);
-            let due = self.line.deadline().map_or(1_000_000_000, |at| at.saturating_sub(self.now()));
+            assert!(time::Instant::now() < self.guard, "nothing happened; received so far {:?}", self.received);
+            let due = self.line.deadline().map_or(Span::SECOND, |at| at.since(self.now()));
             let mut fds = PollFds::default();
             self.line.poll_fds(&mut fds);
             let mut entries: Vec<_> = fds.into_entries().collect();
-            let timeout = Timespec::try_from(Duration::from_nanos(due.min(1_000_000_000))).unwrap();
+            let timeout = Timespec::try_from(Duration::from(due.min(Span::SECOND))).unwrap();
             if poll(&mut entries, Some(&timeout)).unwrap() > 0 {
                 drop(entries);
                 self.line.ready();
@@ -138,12 +138,15 @@ fn transmission_lasts_as_long_as_its_characters() {
     line.apply(&settings).unwrap();
     let mut buffer = [0; 64];
     // Virtual time from here on: 12 characters of 11 bits at 1200 baud last 110 ms, although a pty takes them at once.
-    assert!(matches!(line.next_event(0, &mut buffer), Some(LineEvent::Up(w)) if w.len() == 1), "8E1 is not for a pty");
-    assert_eq!(line.write(1_000, b"twelve chars"), 12);
-    assert_eq!(line.next_event(2_000, &mut buffer), None);
-    assert_eq!(line.deadline(), Some(110_001_000));
-    assert_eq!(line.next_event(110_000_999, &mut buffer), None);
-    assert_eq!(line.next_event(110_001_000, &mut buffer), Some(LineEvent::TxDone));
+    assert!(
+        matches!(line.next_event(Instant::START, &mut buffer), Some(LineEvent::Up(w)) if w.len() == 1),
+        "8E1 is not for a pty"
+    );
+    assert_eq!(line.write(Instant::from_nanos(1_000), b"twelve chars"), 12);
+    assert_eq!(line.next_event(Instant::from_nanos(2_000), &mut buffer), None);
+    assert_eq!(line.deadline(), Some(Instant::from_nanos(110_001_000)));
+    assert_eq!(line.next_event(Instant::from_nanos(110_000_999), &mut buffer), None);
+    assert_eq!(line.next_event(Instant::from_nanos(110_001_000), &mut buffer), Some(LineEvent::TxDone));
     assert_eq!(line.deadline(), None);
 }
 

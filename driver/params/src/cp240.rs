@@ -4,7 +4,7 @@ use crate::convert::Reader;
 use crate::error::ParamError;
 use crate::record::{self, Value};
 use crate::table::{Layout, PROTOCOLS};
-use ob1_serial::{Flow, LineSettings, Parity, StopBits};
+use ob1_serial::{Flow, LineSettings, Parity, Span, StopBits};
 
 /// The parameters of a CP 240. Only [`Cp240::decode`] and [`Cp240::from_keys`] check the ranges given at the fields;
 /// [`Cp240::encode`] cuts a value outside of them to what fits its byte.
@@ -310,8 +310,8 @@ impl Cp240 {
     }
 
     /// Time of one character on the line, nanoseconds.
-    pub fn char_time_ns(&self) -> u64 {
-        self.line_settings().char_time_ns()
+    pub fn char_time(&self) -> Span {
+        self.line_settings().char_time()
     }
 
     /// Number of receive buffers: the parameter for ASCII; 250 telegrams otherwise [S0 "Properties"], and 250 blocks

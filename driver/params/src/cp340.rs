@@ -1,6 +1,8 @@
 //! The parameters of a CP 340: those of a CP 341 within narrower bounds, without RK 512 and loadable drivers.
 //! [CP 340 manual 04/2011, p. 64, 67, 72]
 
+use ob1_serial::Span;
+
 use crate::cp341::{ATTEMPTS, CHARACTER, Key341, Protocols, baud, choice, number, qvz, zvz_of_3964};
 use crate::{cp341_ascii, printer};
 
@@ -44,13 +46,13 @@ pub const PROTOCOLS_340: Protocols = &[
 
 /// "The minimum character delay time is the time required to transfer 4 characters", in whole milliseconds: 4 at 9600
 /// baud, as the table's default wants it. [CP 340 manual 04/2011, p. 67]
-pub(crate) fn least_zvz_ms(char_time_ns: u64) -> i64 {
-    (4 * char_time_ns / 1_000_000) as i64
+pub(crate) fn least_zvz_ms(char_time: Span) -> i64 {
+    (4 * char_time).millis() as i64
 }
 
 /// 4 ms, or the shortest possible where that is longer. (ours below 9600 baud)
-pub(crate) fn default_zvz_ms(char_time_ns: u64) -> i64 {
-    least_zvz_ms(char_time_ns).max(ZVZ_MS)
+pub(crate) fn default_zvz_ms(char_time: Span) -> i64 {
+    least_zvz_ms(char_time).max(ZVZ_MS)
 }
 
 #[cfg(test)]

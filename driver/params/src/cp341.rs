@@ -6,7 +6,7 @@
 
 use crate::error::ParamError;
 use crate::record::{Value, nearest};
-use ob1_serial::{Flow, LineSettings, Parity, StopBits};
+use ob1_serial::{Flow, LineSettings, Parity, Span, StopBits};
 
 use crate::cp240::Priority;
 use crate::cp341_ascii::{self, AsciiOf341};
@@ -299,8 +299,8 @@ fn line_of(keys: &Reader<'_>) -> LineSettings {
 /// Shortest ZVZ of ASCII in milliseconds: one character at a CP 341, four at a CP 340.
 fn least_zvz_ms(kind: CpKind, line: &LineSettings) -> i64 {
     match kind {
-        CpKind::Cp340 => cp340::least_zvz_ms(line.char_time_ns()),
-        _ => line.char_time_ns().div_ceil(1_000_000) as i64,
+        CpKind::Cp340 => cp340::least_zvz_ms(line.char_time()),
+        _ => line.char_time().div_ceil(Span::MILLISECOND) as i64,
     }
 }
 
@@ -389,9 +389,7 @@ impl Key341 {
     fn default_value(&self, kind: CpKind, protocol: &str, before: &Reader<'_>) -> Value {
         match (self.key, self.default) {
             (_, "") if matches!(self.kind, Kind341::Text { .. }) => Value::from(""),
-            ("zvz_ms", "") if kind == CpKind::Cp340 => {
-                Value::Int(cp340::default_zvz_ms(line_of(before).char_time_ns()))
-            }
+            ("zvz_ms", "") if kind == CpKind::Cp340 => Value::Int(cp340::default_zvz_ms(line_of(before).char_time())),
             // 2 s with block check character, 550 ms without. [reference 5.2]
             ("qvz_ms", "") => Value::Int(if protocol.starts_with("3964r") { 2000 } else { 550 }),
             (key, "") => cp341_modbus::default_of(key, before)

@@ -2,6 +2,7 @@
 
 use ob1_params::table::{Kind, Layout, PROTOCOLS};
 use ob1_params::{Cp240, Flow, ModbusKind, Parity, Priority, Protocol, StopBits, Value};
+use ob1_serial::Span;
 use proptest::prelude::*;
 
 /// The printed defaults of a layout, byte 1 set to a protocol of it.
@@ -162,15 +163,15 @@ fn computed_wait_of_modbus() {
 fn character_times() {
     let time = |keys: [(&str, Value); 3]| {
         let keys = [("protocol", Value::from("ascii"))].into_iter().chain(keys);
-        Cp240::from_keys(keys).expect("valid keys").char_time_ns()
+        Cp240::from_keys(keys).expect("valid keys").char_time()
     };
     let frame = |baud: i64, parity: &str, stop: &str| {
         time([("baud", baud.into()), ("parity", parity.into()), ("stop_bits", stop.into())])
     };
-    assert_eq!(frame(9600, "none", "1"), 1_041_667);
-    assert_eq!(frame(9600, "even", "1"), 1_145_834);
-    assert_eq!(frame(19_200, "odd", "1.5"), 598_959); // 11.5 bits
-    assert_eq!(frame(150, "even", "2"), 80_000_000);
+    assert_eq!(frame(9600, "none", "1"), Span::from_nanos(1_041_667));
+    assert_eq!(frame(9600, "even", "1"), Span::from_nanos(1_145_834));
+    assert_eq!(frame(19_200, "odd", "1.5"), Span::from_nanos(598_959)); // 11.5 bits
+    assert_eq!(frame(150, "even", "2"), Span::from_nanos(80_000_000));
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Flow control: who may stop the other, and this side's half of it. [S0 "Flow control"]
 
-use crate::machine::{MS, Nanos, Sink};
+use crate::machine::{Instant, Sink, Span};
 
 /// Goes on. [S0 L2010]
 pub const XON: u8 = 0x11;
@@ -10,7 +10,7 @@ pub const XOFF: u8 = 0x13;
 pub use ob1_serial::Flow;
 
 /// How often a free receive buffer is looked for while the partner is stopped.
-const ROOM_POLL: Nanos = 20 * MS;
+const ROOM_POLL: Span = Span::from_millis(20);
 
 /// The partner is stopped when the receive buffer has less room than this: what it may still send before it obeys, and
 /// no telegram worth the name would fit anyway. The manual names no figure; 50 characters as at the CP 341.
@@ -22,7 +22,7 @@ const MARGIN: usize = 50;
 pub(crate) struct Gate {
     flow: Flow,
     /// The partner is stopped; look for room at this time.
-    stopped: Option<Nanos>,
+    stopped: Option<Instant>,
 }
 
 impl Gate {
@@ -40,7 +40,7 @@ impl Gate {
     }
 
     /// A telegram has come: is there room for another?
-    pub(crate) fn check(&mut self, now: Nanos, out: &mut dyn Sink) {
+    pub(crate) fn check(&mut self, now: Instant, out: &mut dyn Sink) {
         if self.flow == Flow::None || self.stopped.is_some() || out.room() >= MARGIN {
             return;
         }
@@ -51,7 +51,7 @@ impl Gate {
         }
     }
 
-    pub(crate) fn tick(&mut self, now: Nanos, out: &mut dyn Sink) {
+    pub(crate) fn tick(&mut self, now: Instant, out: &mut dyn Sink) {
         if self.stopped.is_none() {
             return;
         }
@@ -63,7 +63,7 @@ impl Gate {
         }
     }
 
-    pub(crate) fn deadline(&self) -> Option<Nanos> {
+    pub(crate) fn deadline(&self) -> Option<Instant> {
         self.stopped
     }
 }

@@ -40,8 +40,8 @@ mod words;
 pub use ascii::Ascii;
 pub use esp2::Esp2;
 pub use machine::{
-    Event, Input, LineFault, LineInput, MS, Machine, ModemLines, Nanos, Order, Part, Phase, SECOND, SendError, Sink,
-    TELEGRAM_MAX, What, Wire,
+    Event, Input, Instant, LineFault, LineInput, MS, Machine, ModemLines, Order, Part, Phase, SECOND, SendError, Sink,
+    Span, TELEGRAM_MAX, What, Wire,
 };
 pub use mbus::MBus;
 pub use rk512::Rk512;

@@ -1,12 +1,12 @@
 //! The contract between a protocol and whoever pumps it: inputs, outputs, time.
 
-pub use ob1_serial::{LineFault, LineInput, ModemLines, Nanos, Wire};
+pub use ob1_serial::{Instant, LineFault, LineInput, ModemLines, Span, Wire};
 
-/// One millisecond in [`Nanos`].
-pub const MS: Nanos = 1_000_000;
+/// One millisecond.
+pub const MS: Span = Span::MILLISECOND;
 
-/// One second in [`Nanos`].
-pub const SECOND: Nanos = 1_000 * MS;
+/// One second.
+pub const SECOND: Span = Span::SECOND;
 
 /// Longest telegram of the CP 240, bytes of user data: its send and receive buffers hold 1024 bytes. [S0 "Properties"]
 pub const TELEGRAM_MAX: usize = 1024;
@@ -26,7 +26,7 @@ pub trait Machine {
     /// Takes one input at time `now`; the result is the next deadline.
     ///
     /// The very first step must be a [`Input::Tick`]: some CPs put a character on the line when they start.
-    fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) -> Option<Nanos>;
+    fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Sink) -> Option<Instant>;
 
     /// Whether an order is running, that is, accepted and not yet answered by [`Sink::sent`].
     fn busy(&self) -> bool;

@@ -2,7 +2,7 @@
 //! partner's flow control, ZNA or a pause between telegrams, the secondary signals.
 
 use crate::flow::Flow;
-use crate::machine::{Event, ModemLines, Nanos, Order, Phase, SendError, Sink, What};
+use crate::machine::{Event, Instant, ModemLines, Order, Phase, SendError, Sink, Span, What};
 use crate::signals::{Clear, Signals, Times};
 
 /// Characters handed to the line at a time while the partner may stop us: what it must be able to take after its XOFF.
@@ -54,13 +54,13 @@ pub(crate) struct Rules {
     pub(crate) start: Flags,
     pub(crate) end: Flags,
     pub(crate) flow: Flow,
-    pub(crate) zna: Nanos,
-    pub(crate) char_time: Nanos,
+    pub(crate) zna: Span,
+    pub(crate) char_time: Span,
     /// Longest time that an order waits for XON or CTS; 0: for ever.
-    pub(crate) flow_wait: Nanos,
+    pub(crate) flow_wait: Span,
     pub(crate) extent: Extent,
     /// From the last bit of a telegram to the first of the next; unlike ZNA it does not delay the end of the order.
-    pub(crate) pause: Nanos,
+    pub(crate) pause: Span,
     /// Automatic use of the secondary signals.
     pub(crate) signals: Option<Times>,
 }
@@ -74,7 +74,7 @@ pub(crate) struct Output<const N: usize> {
     stopped: bool,
     signals: Signals,
     /// No telegram begins before this.
-    pause_until: Nanos,
+    pause_until: Instant,
     /// Bytes of user data in `data`.
     len: usize,
     data: [u8; N],
@@ -85,7 +85,7 @@ enum State {
     Idle,
     /// The pause after the telegram before is not over.
     Held {
-        until: Nanos,
+        until: Instant,
     },
     /// RTS is ON; the data output waiting time runs.
     Asking,
@@ -93,23 +93,23 @@ enum State {
     /// driver that looks at CTS by itself).
     Leaving {
         next: usize,
-        until: Option<Nanos>,
+        until: Option<Instant>,
     },
     /// The partner has stopped us before `next`; give up at `until`.
     Stopped {
         next: usize,
-        until: Option<Nanos>,
+        until: Option<Instant>,
     },
     /// The last bit is out; ZNA runs.
     Pause {
-        until: Nanos,
+        until: Instant,
     },
 }
 
 impl<const N: usize> Output<N> {
     pub(crate) const fn new(rules: Rules) -> Self {
         let signals = Signals::new(rules.signals);
-        Self { rules, state: State::Idle, stopped: false, signals, pause_until: 0, len: 0, data: [0; N] }
+        Self { rules, state: State::Idle, stopped: false, signals, pause_until: Instant::START, len: 0, data: [0; N] }
     }
 
     pub(crate) fn is_busy(&self) -> bool {
@@ -126,7 +126,7 @@ impl<const N: usize> Output<N> {
         self.signals.can_receive()
     }
 
-    pub(crate) fn order(&mut self, now: Nanos, order: Order<'_>, out: &mut dyn Sink) {
+    pub(crate) fn order(&mut self, now: Instant, order: Order<'_>, out: &mut dyn Sink) {
         match order {
             Order::Abort => {
                 out.take_back();
@@ -156,12 +156,12 @@ impl<const N: usize> Output<N> {
         Ok(())
     }
 
-    fn begin(&mut self, now: Nanos, out: &mut dyn Sink) {
+    fn begin(&mut self, now: Instant, out: &mut dyn Sink) {
         let clear = self.signals.request(now, out);
         self.cleared(now, clear, out);
     }
 
-    fn cleared(&mut self, now: Nanos, clear: Clear, out: &mut dyn Sink) {
+    fn cleared(&mut self, now: Instant, clear: Clear, out: &mut dyn Sink) {
         match clear {
             Clear::Go => self.go_on(now, 0, out),
             Clear::Wait => self.state = State::Asking,
@@ -170,7 +170,7 @@ impl<const N: usize> Output<N> {
     }
 
     /// "The send request is aborted and an error message generated." [S4 L814]
-    fn signals_off(&mut self, now: Nanos, out: &mut dyn Sink) {
+    fn signals_off(&mut self, now: Instant, out: &mut dyn Sink) {
         if matches!(self.state, State::Leaving { .. }) {
             out.take_back();
         }
@@ -178,7 +178,7 @@ impl<const N: usize> Output<N> {
         self.end(now, Err(SendError::Signals), out);
     }
 
-    pub(crate) fn tick(&mut self, now: Nanos, out: &mut dyn Sink) {
+    pub(crate) fn tick(&mut self, now: Instant, out: &mut dyn Sink) {
         self.signals.tick(now, out);
         match self.state {
             State::Pause { until } if now >= until => self.end(now, Ok(()), out),
@@ -203,14 +203,14 @@ impl<const N: usize> Output<N> {
         }
     }
 
-    pub(crate) fn tx_done(&mut self, now: Nanos, out: &mut dyn Sink) {
+    pub(crate) fn tx_done(&mut self, now: Instant, out: &mut dyn Sink) {
         if let State::Leaving { next, .. } = self.state {
             self.go_on(now, next, out);
         }
     }
 
     /// The modem lines have changed. The result is whether DSR has gone OFF, which ends what is coming in, too.
-    pub(crate) fn modem(&mut self, now: Nanos, lines: ModemLines, out: &mut dyn Sink) -> bool {
+    pub(crate) fn modem(&mut self, now: Instant, lines: ModemLines, out: &mut dyn Sink) -> bool {
         if self.rules.flow == Flow::Hardware {
             self.set_stopped(now, !lines.cts, out);
         }
@@ -230,14 +230,14 @@ impl<const N: usize> Output<N> {
 
     /// The partner stops us or lets us go on. [S0 "Flow control"] What is leaving leaves: it is no more than a few
     /// characters, and among them may be an XON of our own, which must not be taken back.
-    pub(crate) fn set_stopped(&mut self, now: Nanos, stopped: bool, out: &mut dyn Sink) {
+    pub(crate) fn set_stopped(&mut self, now: Instant, stopped: bool, out: &mut dyn Sink) {
         self.stopped = stopped;
         if let (State::Stopped { next, .. }, false) = (self.state, stopped) {
             self.go_on(now, next, out);
         }
     }
 
-    pub(crate) fn deadline(&self) -> Option<Nanos> {
+    pub(crate) fn deadline(&self) -> Option<Instant> {
         let own = match self.state {
             State::Idle | State::Asking => None,
             State::Leaving { until, .. } | State::Stopped { until, .. } => until,
@@ -252,13 +252,13 @@ impl<const N: usize> Output<N> {
     }
 
     /// Hands over what comes next, or begins the pause after the telegram.
-    fn go_on(&mut self, now: Nanos, next: usize, out: &mut dyn Sink) {
+    fn go_on(&mut self, now: Instant, next: usize, out: &mut dyn Sink) {
         let total = self.total();
         if next == total {
             self.signals.sent(now);
             // [S0 "ASCII"]: "only reset when the data has been transferred and the ZNA has expired".
             self.state = State::Pause { until: now + self.rules.zna };
-            if self.rules.zna == 0 {
+            if self.rules.zna.is_zero() {
                 self.end(now, Ok(()), out);
             }
         } else if self.stopped {
@@ -284,15 +284,15 @@ impl<const N: usize> Output<N> {
         }
     }
 
-    fn stop(&mut self, now: Nanos, next: usize) {
+    fn stop(&mut self, now: Instant, next: usize) {
         self.state = State::Stopped { next, until: self.give_up_after(now) };
     }
 
-    fn give_up_after(&self, at: Nanos) -> Option<Nanos> {
-        (self.rules.flow_wait > 0).then(|| at + self.rules.flow_wait)
+    fn give_up_after(&self, at: Instant) -> Option<Instant> {
+        (!self.rules.flow_wait.is_zero()).then(|| at + self.rules.flow_wait)
     }
 
-    fn end(&mut self, now: Nanos, outcome: Result<(), SendError>, out: &mut dyn Sink) {
+    fn end(&mut self, now: Instant, outcome: Result<(), SendError>, out: &mut dyn Sink) {
         self.state = State::Idle;
         self.pause_until = now + self.rules.pause;
         self.signals.drop_request(out);

@@ -11,15 +11,15 @@
 //! here stand the signals and both times. Without [`Times`] they are neither set nor checked [S4 L590]: everything is
 //! clear at once.
 
-use crate::machine::{ModemLines, Nanos, Wire};
+use crate::machine::{Instant, ModemLines, Span, Wire};
 
 /// Both times, in nanoseconds. [S4 "3.6.3 RS232 Secondary Signals"]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Times {
     /// From the last bit of a request to RTS OFF.
-    pub rts_off: Nanos,
+    pub rts_off: Span,
     /// Data output waiting time: from RTS ON to the first character.
-    pub output_wait: Nanos,
+    pub output_wait: Span,
 }
 
 /// Whether a request may leave.
@@ -52,9 +52,9 @@ pub(crate) struct Signals {
     /// RTS is ON for a request whose last bit is not out.
     requested: bool,
     /// The data output waiting time ends then.
-    wait: Option<Nanos>,
+    wait: Option<Instant>,
     /// RTS goes OFF then.
-    rts_off: Option<Nanos>,
+    rts_off: Option<Instant>,
 }
 
 impl Signals {
@@ -77,7 +77,7 @@ impl Signals {
 
     /// "When a send request is made, RTS is set to ON and the parameterized data output waiting time starts." [S4 L813]
     /// With DSR OFF it is not made.
-    pub(crate) fn request(&mut self, now: Nanos, out: &mut dyn Wire) -> Clear {
+    pub(crate) fn request(&mut self, now: Instant, out: &mut dyn Wire) -> Clear {
         let Some(times) = self.times else { return Clear::Go };
         if !self.dsr() {
             return Clear::Off;
@@ -92,7 +92,7 @@ impl Signals {
 
     /// "When the data output time elapses and CTS = ON, the data is sent"; if CTS is not ON by then, "the send request
     /// is aborted". [S4 L813], [S4 L814]
-    pub(crate) fn clear(&mut self, now: Nanos) -> Clear {
+    pub(crate) fn clear(&mut self, now: Instant) -> Clear {
         match self.wait {
             Some(until) if now < until => Clear::Wait,
             Some(_) if !self.cts() => Clear::Off,
@@ -105,7 +105,7 @@ impl Signals {
 
     /// The last bit of the request is out: "the RTS line is set to OFF after the parameterized time to RTS OFF has
     /// elapsed". [S4 L815]
-    pub(crate) fn sent(&mut self, now: Nanos) {
+    pub(crate) fn sent(&mut self, now: Instant) {
         if let (Some(times), true) = (self.times, self.requested) {
             self.requested = false;
             self.rts_off = Some(now + times.rts_off);
@@ -120,13 +120,13 @@ impl Signals {
         }
     }
 
-    pub(crate) fn tick(&mut self, now: Nanos, out: &mut dyn Wire) {
+    pub(crate) fn tick(&mut self, now: Instant, out: &mut dyn Wire) {
         if self.rts_off.take_if(|at| now >= *at).is_some() {
             out.rts(false);
         }
     }
 
-    pub(crate) fn deadline(&self) -> Option<Nanos> {
+    pub(crate) fn deadline(&self) -> Option<Instant> {
         self.wait.into_iter().chain(self.rts_off).min()
     }
 

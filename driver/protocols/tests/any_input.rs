@@ -11,7 +11,7 @@ use ob1_protocols::s3964::{self, Priority, S3964};
 use ob1_protocols::signals::Times;
 use ob1_protocols::stx_etx::{self, Flags, StxEtx};
 use ob1_protocols::{
-    Event, Input, LineFault, LineInput, MS, Machine, ModemLines, Nanos, Order, SECOND, SendError, Sink, Wire,
+    Event, Input, Instant, LineFault, LineInput, MS, Machine, ModemLines, Order, SECOND, SendError, Sink, Span, Wire,
 };
 use proptest::prelude::*;
 
@@ -25,7 +25,7 @@ enum Step {
     Send(usize),
     Abort,
     Room(usize),
-    Wait(Nanos),
+    Wait(Span),
 }
 
 fn step() -> impl Strategy<Value = Step> {
@@ -48,7 +48,7 @@ fn step() -> impl Strategy<Value = Step> {
         2 => (0..1100_usize).prop_map(Step::Send),
         1 => Just(Step::Abort),
         1 => prop_oneof![Just(0), Just(5), Just(1024)].prop_map(Step::Room),
-        4 => (0..700 * MS).prop_map(Step::Wait),
+        4 => (0..700 * MS.nanos()).prop_map(|time| Step::Wait(Span::from_nanos(time))),
     ]
 }
 
@@ -117,7 +117,7 @@ impl Sink for Books {
 
 fn drive(machine: &mut dyn Machine, steps: &[Step]) {
     let mut books = Books { room: 1024, ..Books::default() };
-    let mut now = 0;
+    let mut now = Instant::START;
     let mut deadline = machine.step(now, Input::Tick, &mut books);
     for step in steps {
         let telegram;
@@ -142,8 +142,8 @@ fn drive(machine: &mut dyn Machine, steps: &[Step]) {
                 Input::Tick
             }
             Step::Wait(time) => {
-                deadline = wait(machine, &mut books, deadline, now, now + time);
-                now += time;
+                deadline = wait(machine, &mut books, deadline, now, now + *time);
+                now += *time;
                 continue;
             }
         };
@@ -166,10 +166,10 @@ fn drive(machine: &mut dyn Machine, steps: &[Step]) {
 fn wait(
     machine: &mut dyn Machine,
     books: &mut Books,
-    mut deadline: Option<Nanos>,
-    mut now: Nanos,
-    until: Nanos,
-) -> Option<Nanos> {
+    mut deadline: Option<Instant>,
+    mut now: Instant,
+    until: Instant,
+) -> Option<Instant> {
     let mut ticks = 0;
     while let Some(at) = deadline.filter(|at| *at <= until) {
         now = now.max(at);

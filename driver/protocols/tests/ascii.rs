@@ -4,8 +4,8 @@ mod common;
 mod defaults;
 
 use common::check;
-use ob1_protocols::MS;
 use ob1_protocols::ascii::{Ascii, Config, Criterion, Flow};
+use ob1_protocols::{MS, Span};
 
 fn config() -> Config {
     defaults::ascii(MS)
@@ -59,7 +59,7 @@ fn a_telegram_ends_with_zvz() {
 #[test]
 fn zvz_of_zero_is_two_characters() {
     run(
-        Config { zvz: 0, ..config() },
+        Config { zvz: Span::ZERO, ..config() },
         "0  start
          10 rx 41
          11 rx 42

@@ -5,9 +5,9 @@ mod common;
 mod defaults;
 
 use common::check;
-use ob1_protocols::MS;
 use ob1_protocols::ascii::{Ascii, Config, Criterion, Flags, Flow, Sending};
 use ob1_protocols::signals::Times;
+use ob1_protocols::{MS, Span};
 
 fn config(criterion: Criterion) -> Config {
     Config { criterion, zvz: 20 * MS, ..defaults::ascii(MS) }
@@ -246,7 +246,10 @@ fn a_pause_between_two_telegrams() {
          50 abort => back, sent Aborted
          100 order 46 => tx 46",
     );
-    run(Config { pause: 0, ..config }, "0 start\n 0 order 41 => tx 41\n 1 done => sent ok\n 1 order 42 => tx 42");
+    run(
+        Config { pause: Span::ZERO, ..config },
+        "0 start\n 0 order 41 => tx 41\n 1 done => sent ok\n 1 order 42 => tx 42",
+    );
 }
 
 // ---- automatic use of the secondary signals ----

@@ -5,12 +5,12 @@ mod defaults;
 
 use ob1_line::sim::{End, SimConfig, SimEvent, SimLine};
 use ob1_protocols::ascii::{Ascii, Config};
-use ob1_protocols::{Event, Input, LineInput, MS, Machine, Nanos, Order, SendError, Sink, Wire};
+use ob1_protocols::{Event, Input, Instant, LineInput, MS, Machine, Order, SendError, Sink, Wire};
 
 struct Port<'a> {
     line: &'a mut SimLine,
     end: End,
-    now: Nanos,
+    now: Instant,
     delivered: Option<Vec<u8>>,
 }
 
@@ -45,9 +45,9 @@ fn question_and_answer_on_two_wires() {
     let char_time = sim.char_time;
     let mut line = SimLine::new(sim, 0);
     let mut machines = [Ascii::<1024>::new(config.clone()), Ascii::<1024>::new(config)];
-    let mut deadlines: [Option<Nanos>; 2] = [Some(0), Some(0)];
+    let mut deadlines: [Option<Instant>; 2] = [Some(Instant::START), Some(Instant::START)];
     let mut buffer = [0; 64];
-    let mut now = 0;
+    let mut now = Instant::START;
     let mut sent: Vec<u8> = b"1".to_vec();
     let mut rounds = 0;
     let mut begun = None;

@@ -5,7 +5,7 @@ mod common;
 use common::check;
 use ob1_protocols::esp2::frame::{Bytes, Decoder, FRAME_BYTES, Step, TELEGRAM_BYTES, check_sum, encode};
 use ob1_protocols::esp2::{Button, Command, Config, Esp2, Field, Message, Radio, SEND_TELEGRAMS, Switch, Telegram};
-use ob1_protocols::{Input, LineInput, Machine, Order};
+use ob1_protocols::{Input, Instant, LineInput, Machine, Order};
 use proptest::prelude::*;
 
 fn bytes(hex: &str) -> Bytes {
@@ -290,26 +290,26 @@ fn the_send_buffer_is_finite() {
     let mut machine = Esp2::new(Config::cp240());
     let mut out = common::Recorder { room: 1024, ..Default::default() };
     let order = [0x6B, 5, 0, 0, 0, 0, 0, 0, 0, 0, 0];
-    machine.step(0, Input::Tick, &mut out);
+    machine.step(Instant::START, Input::Tick, &mut out);
     for n in 0..SEND_TELEGRAMS {
         assert!(!machine.busy());
-        machine.step(1, Input::Order(Order::Send(&order)), &mut out);
+        machine.step(Instant::from_nanos(1), Input::Order(Order::Send(&order)), &mut out);
         assert_eq!((out.log.last().map(String::as_str), machine.waiting()), (Some("sent ok"), n + 1));
     }
     out.log.clear();
-    machine.step(2, Input::Order(Order::Send(&order)), &mut out);
+    machine.step(Instant::from_nanos(2), Input::Order(Order::Send(&order)), &mut out);
     assert!(machine.busy() && out.log.is_empty());
-    machine.step(3, Input::Order(Order::Send(&order)), &mut out);
+    machine.step(Instant::from_nanos(3), Input::Order(Order::Send(&order)), &mut out);
     assert_eq!(out.log, ["sent Busy"]);
     out.log.clear();
-    machine.step(4, Input::Line(LineInput::TxDone), &mut out);
+    machine.step(Instant::from_nanos(4), Input::Line(LineInput::TxDone), &mut out);
     let answer = encode(&Telegram::Message(Message::InfIdBase(0xFF80_0000)).emit());
-    machine.step(5, Input::Line(LineInput::Rx(&answer)), &mut out);
+    machine.step(Instant::from_nanos(5), Input::Line(LineInput::Rx(&answer)), &mut out);
     assert_eq!(out.log, ["tx A5 5A 6B 05 00 00 00 00 FF 80 00 00 00 EF", "sent ok"]);
     assert_eq!((machine.waiting(), machine.busy(), machine.id_base()), (146, false, Some(0xFF80_0000)));
     out.log.clear();
-    machine.step(6, Input::Order(Order::Send(&order)), &mut out);
-    machine.step(7, Input::Order(Order::Abort), &mut out);
+    machine.step(Instant::from_nanos(6), Input::Order(Order::Send(&order)), &mut out);
+    machine.step(Instant::from_nanos(7), Input::Order(Order::Abort), &mut out);
     assert_eq!((out.log.join(", "), machine.waiting()), ("back, sent Aborted".into(), 0));
 }
 

@@ -6,7 +6,7 @@ mod pair;
 
 use ob1_line::sim::{End, SimConfig, SplitMix64};
 use ob1_protocols::ascii::{Ascii, Config, Criterion, Flow, XOFF, XON};
-use ob1_protocols::{MS, Nanos, SECOND};
+use ob1_protocols::{Instant, MS, SECOND, Span};
 use pair::{Duet, Judge, Stage};
 
 struct Pair<const FRAGMENTED: bool>;
@@ -15,8 +15,8 @@ struct Silences {
     fragmented: bool,
     /// XON and XOFF are no characters of a telegram.
     flow: bool,
-    zvz: Nanos,
-    last: Nanos,
+    zvz: Span,
+    last: Instant,
     /// What has come since the last silence.
     burst: Vec<Option<u8>>,
     /// Of that: delivered already (ASCII-fragmented).
@@ -24,7 +24,7 @@ struct Silences {
 }
 
 impl Judge for Silences {
-    fn character(&mut self, now: Nanos, character: Option<u8>) {
+    fn character(&mut self, now: Instant, character: Option<u8>) {
         if self.flow && matches!(character, Some(XON | XOFF)) {
             return;
         }
@@ -37,7 +37,7 @@ impl Judge for Silences {
     }
 
     /// [S0 "Communication via back plane bus"]: complete with the expiration of the ZVZ.
-    fn accepts(&mut self, now: Nanos, telegram: &[u8]) -> bool {
+    fn accepts(&mut self, now: Instant, telegram: &[u8]) -> bool {
         let silent = now >= self.last + self.zvz;
         let rest = &self.burst[self.taken..];
         let readable: Option<Vec<u8>> = rest.iter().copied().collect();
@@ -56,11 +56,11 @@ impl<const FRAGMENTED: bool> Duet for Pair<FRAGMENTED> {
     type Machine = Ascii;
     type Judge = Silences;
     const ACKNOWLEDGED: bool = false;
-    const GRACE: Nanos = SECOND;
+    const GRACE: Span = Span::SECOND;
 
     fn stage(rng: &mut SplitMix64) -> Stage<Ascii, Silences> {
         let sim = SimConfig::new([1200, 9600, 115_200][rng.below(3) as usize], 20);
-        let zvz = [0, 20 * MS, 60 * MS][rng.below(3) as usize];
+        let zvz = [Span::ZERO, 20 * MS, 60 * MS][rng.below(3) as usize];
         let config = Config {
             criterion: if FRAGMENTED { Criterion::Fragments } else { Criterion::Silence },
             flow: [Flow::None, Flow::Hardware, Flow::XonXoff][rng.below(3) as usize],
@@ -73,8 +73,8 @@ impl<const FRAGMENTED: bool> Duet for Pair<FRAGMENTED> {
         let judge = || Silences {
             fragmented: FRAGMENTED,
             flow: config.flow == Flow::XonXoff,
-            zvz: if zvz == 0 { 2 * sim.char_time } else { zvz },
-            last: 0,
+            zvz: if zvz == Span::ZERO { 2 * sim.char_time } else { zvz },
+            last: Instant::START,
             burst: Vec::new(),
             taken: 0,
         };

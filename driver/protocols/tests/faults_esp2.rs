@@ -8,23 +8,23 @@ mod pair;
 
 use ob1_line::sim::{End, SimConfig, SplitMix64};
 use ob1_protocols::esp2::{Config, Esp2, FRAME_BYTES};
-use ob1_protocols::{MS, Nanos};
+use ob1_protocols::{Instant, MS, Span};
 use pair::{Duet, Judge, Stage};
 
 struct Pair;
 
 /// The last characters that came in, with their times.
 struct Frames {
-    gap: Nanos,
-    raw: Vec<(Nanos, Option<u8>)>,
+    gap: Span,
+    raw: Vec<(Instant, Option<u8>)>,
 }
 
 impl Judge for Frames {
-    fn character(&mut self, now: Nanos, character: Option<u8>) {
+    fn character(&mut self, now: Instant, character: Option<u8>) {
         self.raw.push((now, character));
     }
 
-    fn accepts(&mut self, _now: Nanos, telegram: &[u8]) -> bool {
+    fn accepts(&mut self, _now: Instant, telegram: &[u8]) -> bool {
         let Some(begin) = self.raw.len().checked_sub(FRAME_BYTES) else { return false };
         let own = self.raw.split_off(begin);
         self.raw.clear();
@@ -41,7 +41,7 @@ impl Duet for Pair {
     type Machine = Esp2;
     type Judge = Frames;
     const ACKNOWLEDGED: bool = false;
-    const GRACE: Nanos = 1_500 * MS;
+    const GRACE: Span = Span::from_millis(1_500);
 
     fn stage(rng: &mut SplitMix64) -> Stage<Esp2, Frames> {
         let sim = SimConfig::new(9600, 10);

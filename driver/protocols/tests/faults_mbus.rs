@@ -4,7 +4,7 @@ mod pair;
 
 use ob1_line::sim::{End, FaultRates, SimConfig, SplitMix64};
 use ob1_protocols::mbus::{Config, MBus};
-use ob1_protocols::{Input, LineInput, MS, Machine, Nanos, Sink};
+use ob1_protocols::{Input, Instant, LineInput, MS, Machine, Sink, Span};
 use pair::{Duet, Judge, Stage};
 
 const ADDRESS: u8 = 5;
@@ -34,18 +34,18 @@ fn total(bytes: &[u8]) -> u8 {
 /// A meter, or the master. The meter shows the harness what it was told, as telegrams delivered.
 enum Partner {
     Master(Box<MBus>),
-    Meter { raw: Vec<Option<u8>>, last: Nanos, answer: Option<(Nanos, Vec<u8>)>, count: u8 },
+    Meter { raw: Vec<Option<u8>>, last: Instant, answer: Option<(Instant, Vec<u8>)>, count: u8 },
 }
 
 /// A frame has no pauses; what comes after one is another frame.
-const PAUSE: Nanos = 8 * MS;
+const PAUSE: Span = Span::from_millis(8);
 /// Characters that come together at most.
 const BURST: usize = 64;
 /// A meter thinks a little.
-const THINKS: Nanos = 3 * MS;
+const THINKS: Span = Span::from_millis(3);
 
 impl Machine for Partner {
-    fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) -> Option<Nanos> {
+    fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Sink) -> Option<Instant> {
         let (raw, last, answer, count) = match self {
             Self::Master(master) => return master.step(now, input, out),
             Self::Meter { raw, last, answer, count } => (raw, last, answer, count),
@@ -101,16 +101,16 @@ struct Heard {
 }
 
 impl Judge for Heard {
-    fn character(&mut self, _now: Nanos, character: Option<u8>) {
+    fn character(&mut self, _now: Instant, character: Option<u8>) {
         self.raw.push(character);
         self.broken |= character.is_none();
     }
 
-    fn transmitted(&mut self, _now: Nanos, _bytes: &[u8]) {
+    fn transmitted(&mut self, _now: Instant, _bytes: &[u8]) {
         self.raw.clear();
     }
 
-    fn accepts(&mut self, _now: Nanos, telegram: &[u8]) -> bool {
+    fn accepts(&mut self, _now: Instant, telegram: &[u8]) -> bool {
         match *telegram {
             // No answer; a short circuit is a fault that was there.
             [0x01] => true,
@@ -134,7 +134,7 @@ impl Duet for Pair {
     type Judge = Heard;
     // An order nobody has answered is done as well: its response says so.
     const ACKNOWLEDGED: bool = false;
-    const GRACE: Nanos = 50 * MS;
+    const GRACE: Span = Span::from_millis(50);
 
     fn stage(rng: &mut SplitMix64) -> Stage<Partner, Heard> {
         let mut sim = SimConfig::new(9600, 22);
@@ -143,7 +143,7 @@ impl Duet for Pair {
             sim.coalesce = 4 * MS;
             config = config.with_bursts(sim.coalesce);
         }
-        let meter = Partner::Meter { raw: Vec::new(), last: 0, answer: None, count: 0 };
+        let meter = Partner::Meter { raw: Vec::new(), last: Instant::START, answer: None, count: 0 };
         let partners = [Partner::Master(Box::new(MBus::new(config))), meter];
         let partners = partners.map(|machine| (machine, Heard { raw: Vec::new(), broken: false }));
         Stage { sim, partners, pause: 30 * MS, slow_one_in: 20 }

@@ -5,7 +5,7 @@ mod pair;
 use ob1_line::sim::{End, FaultRates, SimConfig, SplitMix64};
 use ob1_protocols::modbus::pdu::{Function, Request};
 use ob1_protocols::modbus::{Failure, Master, Mode, Slave, frame, master, slave};
-use ob1_protocols::{Event, Input, LineInput, MS, Machine, Nanos, Order, SendError, Sink, Wire};
+use ob1_protocols::{Event, Input, Instant, LineInput, MS, Machine, Order, SendError, Sink, Span, Wire};
 use pair::{Duet, Judge, Stage, Sum};
 
 const ADDRESS: u8 = 5;
@@ -89,7 +89,7 @@ impl Sink for Shown<'_> {
 }
 
 impl Machine for Partner {
-    fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) -> Option<Nanos> {
+    fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Sink) -> Option<Instant> {
         match self {
             Self::Master(master) => master.step(now, input, out),
             Self::Slave { slave, rtu, raw } => {
@@ -117,15 +117,15 @@ struct Heard<const RTU: bool> {
 }
 
 impl<const RTU: bool> Judge for Heard<RTU> {
-    fn character(&mut self, _now: Nanos, character: Option<u8>) {
+    fn character(&mut self, _now: Instant, character: Option<u8>) {
         self.raw.push(character);
     }
 
-    fn transmitted(&mut self, _now: Nanos, _bytes: &[u8]) {
+    fn transmitted(&mut self, _now: Instant, _bytes: &[u8]) {
         self.raw.clear();
     }
 
-    fn accepts(&mut self, _now: Nanos, telegram: &[u8]) -> bool {
+    fn accepts(&mut self, _now: Instant, telegram: &[u8]) -> bool {
         Failure::ALL.iter().any(|failure| failure.telegram() == telegram)
             || heard(RTU, &self.raw, |heard| heard == telegram).is_some()
     }
@@ -138,7 +138,7 @@ impl<const RTU: bool> Duet for Pair<RTU> {
     type Machine = Partner;
     type Judge = Heard<RTU>;
     const ACKNOWLEDGED: bool = true;
-    const GRACE: Nanos = 0;
+    const GRACE: Span = Span::ZERO;
 
     fn stage(rng: &mut SplitMix64) -> Stage<Partner, Heard<RTU>> {
         let baud = [9600, 19_200, 38_400][rng.below(3) as usize];
@@ -248,5 +248,5 @@ fn a_slave_has_no_orders_under_way() {
         }
         fn report(&mut self, _: Event) {}
     }
-    assert_eq!(slave.step(0, abort, &mut Nobody), None);
+    assert_eq!(slave.step(Instant::START, abort, &mut Nobody), None);
 }

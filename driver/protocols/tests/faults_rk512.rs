@@ -27,23 +27,23 @@ use ob1_protocols::rk512::{
     Answer, AnswerError, Area, Command, Config, Coordination, Event, Input, Order, OrderError, Owner, Request, Rk512,
 };
 use ob1_protocols::s3964::{self, Priority};
-use ob1_protocols::{LineInput, MS, Nanos, SECOND, Wire};
+use ob1_protocols::{Instant, LineInput, MS, SECOND, Span, Wire};
 use s3964_frame::{Incoming, checked};
 
 /// Virtual time with faults.
-const FAULTY: Nanos = 30 * SECOND;
+const FAULTY: Instant = Instant::from_secs(30);
 /// After the faults: what has been disturbed may still fail in this time. A CP 341 waits 20 s for the partner to go on.
-const SETTLE: Nanos = 45 * SECOND;
+const SETTLE: Span = Span::from_secs(45);
 /// After that: orders must go through.
-const CALM: Nanos = 8 * SECOND;
+const CALM: Span = Span::from_secs(8);
 
 type Machine = Rk512<4096>;
 
 struct Station {
     end: End,
     machine: Machine,
-    deadline: Option<Nanos>,
-    next_order: Nanos,
+    deadline: Option<Instant>,
+    next_order: Instant,
     books: Books,
 }
 
@@ -57,7 +57,7 @@ struct Books {
     failed: u64,
     damaged: u64,
     /// Orders done whose data did not arrive, though no telegram was spoilt: when they ended.
-    untrue: Vec<(Nanos, Request)>,
+    untrue: Vec<(Instant, Request)>,
     calm: u64,
     incoming: Incoming,
     /// Telegrams that came off the line whole, each acknowledged by our DLE.
@@ -79,7 +79,7 @@ struct Books {
     /// Telegrams that have left.
     sent: VecDeque<Vec<u8>>,
     /// The question before the CPU, and when it answers.
-    question: Option<(Nanos, Request)>,
+    question: Option<(Instant, Request)>,
     /// What the CPU has taken or given, with every answer.
     served: VecDeque<(Request, Vec<u8>)>,
     /// How the running order ended in this step.
@@ -89,7 +89,7 @@ struct Books {
 struct Port<'a> {
     line: &'a mut SimLine,
     end: End,
-    now: Nanos,
+    now: Instant,
     books: &'a mut Books,
     trace: bool,
 }
@@ -97,7 +97,7 @@ struct Port<'a> {
 impl Port<'_> {
     fn trace(&self, what: std::fmt::Arguments<'_>) {
         if self.trace {
-            println!("{:>12.3} ms {:?} {what}", self.now as f64 / MS as f64, self.end);
+            println!("{:>12.3} ms {:?} {what}", self.now.since_start().as_millis_f64(), self.end);
         }
     }
 }
@@ -142,7 +142,7 @@ impl Owner for Port<'_> {
             1..4 if self.now < FAULTY => 700 * MS,
             _ => 20 * MS,
         };
-        let at = self.now + self.books.rng.below(patience);
+        let at = self.now + self.books.rng.span_below(patience);
         self.books.question = Some((at, *request));
         if request.command == Command::Send {
             self.books.served.push_back((*request, data.to_vec()));
@@ -252,10 +252,10 @@ impl Station {
             served: VecDeque::new(),
             ended: None,
         };
-        Self { end, machine: Machine::new(config), deadline: Some(0), next_order: 0, books }
+        Self { end, machine: Machine::new(config), deadline: Some(Instant::START), next_order: Instant::START, books }
     }
 
-    fn step(&mut self, now: Nanos, input: Input<'_>, line: &mut SimLine, trace: bool) {
+    fn step(&mut self, now: Instant, input: Input<'_>, line: &mut SimLine, trace: bool) {
         match input {
             // One at a time, so that what is accepted is put down before it is acted on.
             Input::Line(LineInput::Rx(bytes)) if bytes.len() > 1 => {
@@ -277,14 +277,14 @@ impl Station {
         assert_eq!(self.machine.busy(), running, "an order ended without a word, or runs on after its end");
     }
 
-    fn next(&self) -> Option<Nanos> {
+    fn next(&self) -> Option<Instant> {
         let order = self.books.running.is_none().then_some(self.next_order);
         let answer = self.books.question.map(|(at, _)| at);
         self.deadline.into_iter().chain(order).chain(answer).min()
     }
 
     /// The CPU answers the question before it.
-    fn answer(&mut self, now: Nanos, line: &mut SimLine, trace: bool) {
+    fn answer(&mut self, now: Instant, line: &mut SimLine, trace: bool) {
         let Some((_, request)) = self.books.question.take_if(|(at, _)| *at <= now) else { return };
         let rng = &mut self.books.rng;
         if now < FAULTY && rng.below(20) == 0 {
@@ -366,7 +366,7 @@ fn run(seed: u64, faults: bool, trace: bool) -> Sum {
     let mut line = SimLine::new(sim, rng.next_u64());
     let mut buffer = [0; 64];
     let end = FAULTY + SETTLE + CALM;
-    let mut now = 0;
+    let mut now = Instant::START;
     loop {
         let own = stations.iter().filter_map(Station::next).min();
         let Some(next) = own.into_iter().chain(line.next_event()).min().filter(|next| *next < end) else { break };
@@ -402,7 +402,7 @@ fn run(seed: u64, faults: bool, trace: bool) -> Sum {
                 stations[n].books.order_spoilt = stations[n].books.spoilt;
                 let station = &mut stations[n];
                 if trace {
-                    println!("{:>12.3} ms {:?} order {request:?}", now as f64 / MS as f64, station.end);
+                    println!("{:>12.3} ms {:?} order {request:?}", now.since_start().as_millis_f64(), station.end);
                 }
                 station.step(now, Input::Order(Order::Start(request, &data)), &mut line, trace);
                 settle(&mut stations, n, now);
@@ -423,7 +423,7 @@ fn run(seed: u64, faults: bool, trace: bool) -> Sum {
 }
 
 /// Books the end of an order.
-fn settle(stations: &mut [Station; 2], n: usize, now: Nanos) {
+fn settle(stations: &mut [Station; 2], n: usize, now: Instant) {
     let [a, b] = stations;
     let (this, other) = if n == 0 { (a, b) } else { (b, a) };
     this.books.hold_against(&other.books);
@@ -450,7 +450,7 @@ fn settle(stations: &mut [Station; 2], n: usize, now: Nanos) {
         }
     }
     let pause = [5 * MS, 5 * MS, 100 * MS][stations[n].books.rng.below(3) as usize];
-    stations[n].next_order = now + stations[n].books.rng.below(pause);
+    stations[n].next_order = now + stations[n].books.rng.span_below(pause);
 }
 
 /// The kept seeds of this test: lines `faults_rk512 NUMBER` in `tests/seeds/*.txt`.

@@ -6,7 +6,7 @@ mod s3964_frame;
 
 use ob1_line::sim::{End, SimConfig, SplitMix64};
 use ob1_protocols::s3964::{Config, Priority, S3964};
-use ob1_protocols::{MS, Nanos};
+use ob1_protocols::{Instant, MS, Span};
 use pair::{Duet, Judge, Stage, Sum};
 use s3964_frame::{Incoming, checked};
 
@@ -20,11 +20,11 @@ struct Blocks<const BCC: bool> {
 }
 
 impl<const BCC: bool> Judge for Blocks<BCC> {
-    fn character(&mut self, _now: Nanos, character: Option<u8>) {
+    fn character(&mut self, _now: Instant, character: Option<u8>) {
         self.incoming.push(character);
     }
 
-    fn transmitted(&mut self, _now: Nanos, bytes: &[u8]) {
+    fn transmitted(&mut self, _now: Instant, bytes: &[u8]) {
         if let Some(block) = self.incoming.transmitted(bytes) {
             self.block = block;
         }
@@ -34,7 +34,7 @@ impl<const BCC: bool> Judge for Blocks<BCC> {
         self.incoming.out();
     }
 
-    fn accepts(&mut self, _now: Nanos, telegram: &[u8]) -> bool {
+    fn accepts(&mut self, _now: Instant, telegram: &[u8]) -> bool {
         checked(&self.block, BCC).as_deref() == Some(telegram)
     }
 }
@@ -44,7 +44,7 @@ impl<const BCC: bool> Duet for Pair<BCC> {
     type Machine = S3964;
     type Judge = Blocks<BCC>;
     const ACKNOWLEDGED: bool = true;
-    const GRACE: Nanos = 0;
+    const GRACE: Span = Span::ZERO;
 
     fn stage(rng: &mut SplitMix64) -> Stage<S3964, Blocks<BCC>> {
         let sim = SimConfig::new([9600, 19_200, 115_200][rng.below(3) as usize], 22);

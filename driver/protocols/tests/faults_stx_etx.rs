@@ -7,7 +7,7 @@ mod pair;
 use ob1_line::sim::{End, SimConfig, SplitMix64};
 use ob1_protocols::ascii::{Flow, XOFF, XON};
 use ob1_protocols::stx_etx::{Config, Flags, StxEtx};
-use ob1_protocols::{MS, Nanos, SECOND};
+use ob1_protocols::{Instant, MS, SECOND, Span};
 use pair::{Duet, Judge, Stage};
 
 struct Pair;
@@ -16,19 +16,19 @@ struct Brackets {
     start: Vec<u8>,
     end: Vec<u8>,
     flow: bool,
-    tmo: Nanos,
+    tmo: Span,
     /// What has come in and belongs to no accepted telegram yet, with its time.
-    raw: Vec<(Nanos, Option<u8>)>,
+    raw: Vec<(Instant, Option<u8>)>,
 }
 
 impl Judge for Brackets {
-    fn character(&mut self, now: Nanos, character: Option<u8>) {
+    fn character(&mut self, now: Instant, character: Option<u8>) {
         if !(self.flow && matches!(character, Some(XON | XOFF))) {
             self.raw.push((now, character));
         }
     }
 
-    fn accepts(&mut self, now: Nanos, telegram: &[u8]) -> bool {
+    fn accepts(&mut self, now: Instant, telegram: &[u8]) -> bool {
         let wanted = [self.start.as_slice(), telegram, self.end.as_slice()].concat();
         let raw = std::mem::take(&mut self.raw);
         let Some(begin) = raw.len().checked_sub(wanted.len()) else { return false };
@@ -37,15 +37,15 @@ impl Judge for Brackets {
         let in_time = own.windows(2).all(|pair| pair[1].0 <= pair[0].0 + self.tmo);
         let overlooked = |flags: &[u8]| !flags.is_empty() && telegram.windows(flags.len()).any(|w| w == flags);
         // Where there is nothing to begin with, a telegram begins behind an end or a silence.
-        let first = own.first().map_or(0, |(at, _)| *at);
+        let first = own.first().map_or(Instant::START, |(at, _)| *at);
         let free = match before.last() {
-            Some((at, _)) if self.start.is_empty() && first <= at + self.tmo => {
+            Some((at, _)) if self.start.is_empty() && first <= *at + self.tmo => {
                 let tail: Vec<_> = before.iter().rev().take(self.end.len()).rev().map(|(_, c)| *c).collect();
                 !self.end.is_empty() && tail.iter().copied().eq(self.end.iter().map(|c| Some(*c)))
             }
             _ => true,
         };
-        let ended = !self.end.is_empty() || own.last().is_some_and(|(at, _)| now >= at + self.tmo);
+        let ended = !self.end.is_empty() || own.last().is_some_and(|(at, _)| now >= *at + self.tmo);
         readable && in_time && free && ended && !overlooked(&self.start) && !overlooked(&self.end)
     }
 }
@@ -55,7 +55,7 @@ impl Duet for Pair {
     type Machine = StxEtx;
     type Judge = Brackets;
     const ACKNOWLEDGED: bool = false;
-    const GRACE: Nanos = SECOND;
+    const GRACE: Span = Span::SECOND;
 
     fn stage(rng: &mut SplitMix64) -> Stage<StxEtx, Brackets> {
         let sim = SimConfig::new([1200, 9600, 115_200][rng.below(3) as usize], 20);
@@ -67,7 +67,7 @@ impl Duet for Pair {
             flow: [Flow::None, Flow::Hardware, Flow::XonXoff][rng.below(3) as usize],
             tmo,
             // Without end characters the silence behind a telegram is the sender's.
-            zna: if end.as_slice().is_empty() { tmo + 20 * MS } else { 0 },
+            zna: if end.as_slice().is_empty() { tmo + 20 * MS } else { Span::ZERO },
             flow_wait: 2 * SECOND,
             ..defaults::stx_etx(sim.char_time)
         };

@@ -4,9 +4,9 @@
 mod common;
 
 use common::check;
-use ob1_protocols::MS;
 use ob1_protocols::modbus::master::{Config, automatic_wait};
 use ob1_protocols::modbus::{Failure, Master, Mode, frame};
+use ob1_protocols::{MS, Span};
 
 /// A delay time of 200 ms.
 fn master(mode: Mode) -> Master {
@@ -32,8 +32,8 @@ fn the_automatic_delay_time() {
     for (baud, ascii_us, rtu_us) in
         [(2400, 1_269_166, 2_212_500), (9600, 354_791, 590_625), (19_200, 202_395, 320_312), (38_400, 126_197, 185_156)]
     {
-        assert_eq!(automatic_wait(Mode::Ascii, baud) / 1000, ascii_us, "{baud}");
-        assert_eq!(automatic_wait(Mode::Rtu, baud) / 1000, rtu_us, "{baud}");
+        assert_eq!(automatic_wait(Mode::Ascii, baud).micros(), ascii_us, "{baud}");
+        assert_eq!(automatic_wait(Mode::Rtu, baud).micros(), rtu_us, "{baud}");
     }
     let config = |wait_ms| Config::cp240(frame::Config::new(Mode::Rtu, 9600, MS), 9600, wait_ms).wait;
     assert_eq!(config(0), automatic_wait(Mode::Rtu, 9600));
@@ -44,10 +44,10 @@ fn the_automatic_delay_time() {
 #[test]
 fn silences() {
     let config = |baud| frame::Config::new(Mode::Rtu, baud, MS);
-    assert_eq!((config(19_200).silence, config(19_200).gap), (3_500_000, 1_500_000));
-    assert_eq!((config(38_400).silence, config(38_400).gap), (1_750_000, 750_000));
+    assert_eq!((config(19_200).silence, config(19_200).gap), (Span::from_micros(3_500), Span::from_micros(1_500)));
+    assert_eq!((config(38_400).silence, config(38_400).gap), (Span::from_micros(1_750), Span::from_micros(750)));
     let late = config(9600).with_bursts(20 * MS);
-    assert_eq!((late.silence, late.gap, late.patience), (3_500_000, 21_500_000, 23_500_000));
+    assert_eq!([late.silence, late.gap, late.patience], [3_500, 21_500, 23_500].map(Span::from_micros));
 }
 
 /// [S0 "Master-Slave-Communication"]; the answer is delivered without its check, after 3.5 characters of silence.

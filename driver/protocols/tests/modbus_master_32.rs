@@ -5,6 +5,7 @@
 mod modbus_master_32_table;
 
 use modbus_master_32_table::check;
+use ob1_protocols::Span;
 use ob1_protocols::modbus_master_32::{Parameters, Parity, Signals, Wiring};
 
 fn normal() -> Parameters {
@@ -121,7 +122,7 @@ fn response_timeout() {
     // It watches the first character alone; from there on the character delay counts.
     after_request(normal(), "2019 rx :05\n 3000 rx 0302\n 3900 rx 1234B0\\r\\n => got 1234\n 3901 taken => ok");
     // A line that hands its characters over late is waited for.
-    after_request(Parameters { late: 20_000_000, ..normal() }, "2040 timeout => fail 0830");
+    after_request(Parameters { late: Span::from_nanos(20_000_000), ..normal() }, "2040 timeout => fail 0830");
 }
 
 /// "If the quiet time exceeds the character delay time, the message is ignored and an error is reported." [S4 L520]

@@ -4,7 +4,7 @@ mod defaults;
 mod rk512_table;
 
 use ob1_protocols::rk512::{Config, OrderError, Refusal, code};
-use ob1_protocols::{MS, SECOND, s3964};
+use ob1_protocols::{MS, SECOND, Span, s3964};
 use rk512_table::{CHAR, SEND_8, check_cp240 as check, cp240};
 
 /// [reference 4.9], each telegram with its characters on the line, check character included.
@@ -210,7 +210,7 @@ fn no_reaction() {
     ));
     // Without BWZ, or when something else keeps the line busy: 5 s after the acknowledgement it is over.
     let mut config = cp240(true);
-    config.line.bwz = 0;
+    config.line.bwz = Span::ZERO;
     rk512_table::check::<1024>(
         config,
         &format!(
@@ -260,7 +260,7 @@ fn no_reaction() {
     );
     // Each follow-on telegram has its own 5 s.
     let mut config = cp240(true);
-    config.line.bwz = 0;
+    config.line.bwz = Span::ZERO;
     rk512_table::check::<1024>(
         config,
         "0 start

@@ -4,8 +4,8 @@ mod common;
 mod defaults;
 
 use common::check;
-use ob1_protocols::MS;
 use ob1_protocols::s3964::{Config, S3964};
+use ob1_protocols::{MS, Span};
 
 fn config(bcc: bool) -> Config {
     defaults::cp240(bcc, MS)
@@ -125,7 +125,7 @@ fn character_delay() {
 #[test]
 fn character_delay_of_zero_is_two_characters() {
     run(
-        Config { zvz: 0, ..config(true) },
+        Config { zvz: Span::ZERO, ..config(true) },
         "0 start
          0 rx STX => tx DLE
          1 done

@@ -5,11 +5,11 @@ mod defaults;
 
 use common::check;
 use ob1_protocols::s3964::{Config, Priority, S3964};
-use ob1_protocols::{MS, SECOND};
+use ob1_protocols::{MS, SECOND, Span};
 
 /// Without the pause after a refusal, which has a table of its own.
 fn config(bcc: bool) -> Config {
-    Config { quiet: 0, ..defaults::cp240(bcc, MS) }
+    Config { quiet: Span::ZERO, ..defaults::cp240(bcc, MS) }
 }
 
 fn run(config: Config, table: &str) {
@@ -501,7 +501,7 @@ fn an_open_circuit_runs_into_qvz() {
 #[test]
 fn what_the_cp_341_does_otherwise() {
     run(
-        Config { qvz: 500 * MS, repetition_wait: 4 * SECOND, quiet: 0, ..defaults::cp341(true, MS) },
+        Config { qvz: 500 * MS, repetition_wait: 4 * SECOND, quiet: Span::ZERO, ..defaults::cp341(true, MS) },
         "0   start => tx NAK
          1   done
          10  order 6*31 => tx STX
@@ -522,7 +522,7 @@ fn what_the_cp_341_does_otherwise() {
 #[test]
 fn a_time_of_0_ms_is_over_in_the_same_tick() {
     run(
-        Config { qvz: 0, block_attempts: 1, ..config(true) },
+        Config { qvz: Span::ZERO, block_attempts: 1, ..config(true) },
         "0    start
          0    order 31 => tx STX
          5    rx DLE => tx 31 10 03 22

@@ -4,12 +4,12 @@ use ob1_protocols::modbus::Mode;
 use ob1_protocols::profibus::Diagnosis;
 use ob1_protocols::trace::record::{HEAD, Kind, Record};
 use ob1_protocols::trace::{Dialect, Reader, Unit, Way};
-use ob1_protocols::{LineFault, MS, stx_etx};
+use ob1_protocols::{Instant, LineFault, MS, Span, stx_etx};
 use proptest::prelude::*;
 
-const R: Dialect = Dialect::S3964 { bcc: true, rk512: false, pause: 200 * MS };
-const RK: Dialect = Dialect::S3964 { bcc: true, rk512: true, pause: 200 * MS };
-const RTU: Dialect = Dialect::ModbusRtu { master: true, pause: 50 * MS };
+const R: Dialect = Dialect::S3964 { bcc: true, rk512: false, pause: Span::from_millis(200) };
+const RK: Dialect = Dialect::S3964 { bcc: true, rk512: true, pause: Span::from_millis(200) };
+const RTU: Dialect = Dialect::ModbusRtu { master: true, pause: Span::from_millis(50) };
 
 /// Reads a script: `MS > HEX` (from the CP), `MS < HEX` (to it), `MS ! parity`, `MS .` (nothing, time passes); answers
 /// a line for each unit.
@@ -18,11 +18,11 @@ fn read(dialect: Dialect, script: &str) -> Vec<String> {
     let mut lines = Vec::new();
     let mut out = |unit: Unit<'_>| {
         let arrow = if unit.way == Way::Out { '>' } else { '<' };
-        lines.push(format!("{} {arrow} {}", unit.begin / MS, unit.meaning));
+        lines.push(format!("{} {arrow} {}", unit.begin.millis(), unit.meaning));
     };
     for line in script.lines().map(str::trim).filter(|line| !line.is_empty()) {
         let mut words = line.split_whitespace();
-        let now = words.next().and_then(|at| at.parse::<u64>().ok()).expect("a time") * MS;
+        let now = words.next().and_then(|at| at.parse().ok()).map(Instant::from_millis).expect("a time");
         let what = words.next().expect("a direction");
         let bytes: Vec<u8> = words.filter_map(|word| u8::from_str_radix(word, 16).ok()).collect();
         match what {
@@ -238,7 +238,7 @@ fn modbus_functions_of_the_cp341_and_32_bit_registers() {
     check(Dialect::ModbusAscii { master: true, pause: 1000 * MS }, &script, &expected);
 }
 
-const MBUS: Dialect = Dialect::MBus { pause: 110 * MS };
+const MBUS: Dialect = Dialect::MBus { pause: Span::from_millis(110) };
 
 #[test]
 fn mbus_in_words() {
@@ -262,7 +262,7 @@ fn mbus_in_words() {
     );
 }
 
-const TCP: Dialect = Dialect::ModbusTcp { pause: 1000 * MS };
+const TCP: Dialect = Dialect::ModbusTcp { pause: Span::from_millis(1000) };
 
 #[test]
 fn modbus_tcp_in_words() {
@@ -280,7 +280,7 @@ fn modbus_tcp_in_words() {
     );
 }
 
-const PROFIBUS: Dialect = Dialect::Profibus { pause: 50 * MS };
+const PROFIBUS: Dialect = Dialect::Profibus { pause: Span::from_millis(50) };
 
 #[test]
 fn profibus_in_words() {
@@ -310,11 +310,14 @@ fn profibus_in_words() {
 
 #[test]
 fn records_go_there_and_back() {
-    let mut bytes = Record::head(0x0102_0304_0506, Kind::Lost).to_vec();
+    let mut bytes = Record::head(Instant::from_nanos(0x0102_0304_0506), Kind::Lost).to_vec();
     assert_eq!(bytes.len(), HEAD);
     bytes.extend(7u64.to_le_bytes());
     let record = Record::read(&bytes).expect("a record");
-    assert_eq!((record.time, record.kind, record.data), (0x0102_0304_0506, Kind::Lost, &7u64.to_le_bytes()[..]));
+    assert_eq!(
+        (record.time, record.kind, record.data),
+        (Instant::from_nanos(0x0102_0304_0506), Kind::Lost, &7u64.to_le_bytes()[..])
+    );
     assert_eq!(Record::read(&bytes[..8]), None);
     bytes[8] = 200;
     assert_eq!(Record::read(&bytes), None);
@@ -346,7 +349,7 @@ proptest! {
             assert!(unit.begin <= unit.end);
             assert!(!unit.meaning.to_string().is_empty());
         };
-        let mut now = 0;
+        let mut now = Instant::START;
         for (wait, what, bytes) in steps {
             now += wait * MS;
             match what {

@@ -7,10 +7,7 @@ mod settings;
 mod signals;
 mod wire;
 
+pub use ob1_time::{Instant, Span};
 pub use settings::{Flow, LineSettings, Parity, StopBits};
 pub use signals::{LineFault, ModemLines};
 pub use wire::{LineInput, Wire};
-
-/// Nanoseconds: since the start of the CP, or of a time. Virtual in tests and simulations, monotonic in the driver
-/// process.
-pub type Nanos = u64;

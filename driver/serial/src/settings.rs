@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crate::Nanos;
+use crate::Span;
 
 /// Parity bit of a character.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -68,17 +68,17 @@ impl LineSettings {
         2 + 2 * self.data_bits as u32 + parity + stop
     }
 
-    /// Time of so many characters on the line in nanoseconds, rounded up.
+    /// Time of so many characters on the line, rounded up.
     #[must_use]
-    pub const fn time_of(&self, characters: usize) -> Nanos {
+    pub const fn time_of(&self, characters: usize) -> Span {
         let half_bits = (self.half_bits() as u64).saturating_mul(characters as u64);
         let baud = if self.baud == 0 { 1 } else { self.baud as u64 };
-        half_bits.saturating_mul(500_000_000).div_ceil(baud)
+        Span::from_nanos(half_bits.saturating_mul(500_000_000).div_ceil(baud))
     }
 
     /// Time of one character.
     #[must_use]
-    pub const fn char_time_ns(&self) -> Nanos {
+    pub const fn char_time(&self) -> Span {
         self.time_of(1)
     }
 }
@@ -122,12 +122,12 @@ mod tests {
     #[test]
     fn a_character_lasts_as_long_as_its_frame() {
         let s = LineSettings::default();
-        assert_eq!(s.time_of(1), 1_041_667, "10 bits at 9600 baud");
-        assert_eq!(s.time_of(0), 0);
+        assert_eq!(s.time_of(1), Span::from_nanos(1_041_667), "10 bits at 9600 baud");
+        assert_eq!(s.time_of(0), Span::ZERO);
         let e = LineSettings { parity: Parity::Even, ..s };
-        assert_eq!(e.time_of(96), 110_000_000, "96 x 11 bits at 9600 baud");
+        assert_eq!(e.time_of(96), Span::from_nanos(110_000_000), "96 x 11 bits at 9600 baud");
         let h = LineSettings { stop_bits: StopBits::OneAndHalf, ..s };
-        assert_eq!(h.time_of(2), 2_187_500, "2 x 10.5 bits");
+        assert_eq!(h.time_of(2), Span::from_nanos(2_187_500), "2 x 10.5 bits");
         assert_eq!(e.to_string(), "9600 8E1");
     }
 }

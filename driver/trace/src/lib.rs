@@ -6,7 +6,7 @@
 use ob1_params::{Cp040, Cp240, Cp341, CpKind, Protocol, Protocol341};
 use ob1_protocols::trace::record::{Kind, Record, fault_of};
 use ob1_protocols::trace::{Dialect, Meaning, Reader, Unit, Way};
-use ob1_protocols::{MS, Nanos, stx_etx};
+use ob1_protocols::{MS, stx_etx};
 use serde_json::Value;
 
 /// A CP whose line is read.
@@ -104,25 +104,25 @@ fn keyed(kind: CpKind, keys: &Value) -> Option<Cp341> {
 /// What the CP with these parameters speaks.
 fn dialect_of_keyed(cp: &Cp341) -> Dialect {
     match &cp.protocol {
-        Protocol341::Ascii(p) => Dialect::Ascii { pause: Nanos::from(p.zvz_ms) * MS },
+        Protocol341::Ascii(p) => Dialect::Ascii { pause: u64::from(p.zvz_ms) * MS },
         Protocol341::S3964(p) => {
-            let pause = (Nanos::from(p.zvz_ms) * MS).max(20 * MS);
+            let pause = (u64::from(p.zvz_ms) * MS).max(20 * MS);
             Dialect::S3964 { bcc: p.bcc, rk512: p.rk512, pause }
         }
         // Lines of text: a pause ends what is shown as one.
         Protocol341::Printer(_) => Dialect::Ascii { pause: 20 * MS },
         Protocol341::ModbusMaster32(p) => {
             // Characters come late from a pty; a telegram that goes on is not cut.
-            Dialect::ModbusAscii { master: true, pause: Nanos::from(p.character_delay_ms).max(20) * MS }
+            Dialect::ModbusAscii { master: true, pause: u64::from(p.character_delay_ms).max(20) * MS }
         }
     }
 }
 
 /// What the CP with these parameters speaks.
 fn dialect(parameters: &Cp240) -> Dialect {
-    let characters = |count: u64| count * parameters.char_time_ns();
+    let characters = |count: u64| count * parameters.char_time();
     // A ZVZ of 0 stands for about two characters. [S0 "Character delay time (ZVZ)"]
-    let pause = |ms: u16| if ms == 0 { characters(2) } else { Nanos::from(ms) * MS };
+    let pause = |ms: u16| if ms == 0 { characters(2) } else { u64::from(ms) * MS };
     match &parameters.protocol {
         Protocol::Ascii(p) => Dialect::Ascii { pause: pause(p.zvz_ms) },
         Protocol::StxEtx(p) => Dialect::StxEtx {
@@ -185,6 +185,8 @@ pub fn shown<'a>(unit: &Unit<'a>, raw: bool) -> Option<&'a [u8]> {
 
 #[cfg(test)]
 mod tests {
+    use ob1_protocols::Instant;
+
     use super::*;
 
     const HELLO: &[u8] = br#"{"version":1,"station":"s","name":"cp","line":"sim:x","module":"cp240",
@@ -196,7 +198,7 @@ mod tests {
         assert_eq!((cp.name.as_str(), cp.unix), ("cp", 1000));
         assert!(about.starts_with("cp of station \"s\": "), "{about}");
         let mut told = Vec::new();
-        cp.read(&Record { time: 5, kind: Kind::Out, data: b"AB" }, &mut |_| {});
+        cp.read(&Record { time: Instant::from_nanos(5), kind: Kind::Out, data: b"AB" }, &mut |_| {});
         cp.reader.finish(&mut |unit| told.push((unit.way, shown(&unit, false).map(<[u8]>::to_vec))));
         assert_eq!(told, [(Way::Out, Some(b"AB".to_vec()))]);
         for wrong in [&b"{"[..], b"{}", br#"{"name":"cp","parameters":[1,2]}"#, br#"{"name":7}"#] {
@@ -206,7 +208,7 @@ mod tests {
 
     #[test]
     fn remarks() {
-        let say = |kind, data: &[u8]| remark(&Record { time: 0, kind, data });
+        let say = |kind, data: &[u8]| remark(&Record { time: Instant::START, kind, data });
         assert_eq!(say(Kind::Lost, &7u64.to_le_bytes()).map(|text| text.starts_with("7 records")), Some(true));
         assert_eq!(say(Kind::TakenBack, &[0; 4]), None);
         assert_eq!(say(Kind::Modem, &[5]).as_deref(), Some("modem lines: CTS ON, DSR OFF, RI ON, CD OFF"));

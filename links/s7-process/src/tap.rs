@@ -4,8 +4,9 @@
 use std::cell::RefCell;
 use std::os::fd::OwnedFd;
 use std::rc::Rc;
-use std::time::{Instant, SystemTime, UNIX_EPOCH};
+use std::time::{self, SystemTime, UNIX_EPOCH};
 
+use ob1_protocols::Instant;
 use ob1_protocols::trace::record::{Kind, Record, VERSION};
 use ob1_s7::tap::Tapped;
 use rustix::io::Errno;
@@ -26,7 +27,7 @@ pub(crate) struct Tap {
     socket: Option<OwnedFd>,
     ears: Vec<Ear>,
     hello: Vec<u8>,
-    start: Instant,
+    start: time::Instant,
 }
 
 #[derive(Debug)]
@@ -36,22 +37,22 @@ struct Ear {
 }
 
 impl Tap {
-    pub(crate) fn new(start: Instant) -> Self {
+    pub(crate) fn new(start: time::Instant) -> Self {
         Self { socket: None, ears: Vec::new(), hello: Vec::new(), start }
     }
 
-    fn now(&self) -> u64 {
-        u64::try_from(self.start.elapsed().as_nanos()).unwrap_or(u64::MAX)
+    fn now(&self) -> Instant {
+        Instant::START + self.start.elapsed().into()
     }
 
     /// The socket where listeners connect, and who this is.
     pub(crate) fn open(&mut self, socket: OwnedFd, station: &str, link: &str) {
         let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        let at_zero = u64::try_from(since_1970.as_nanos()).unwrap_or(0).saturating_sub(self.now());
+        let at_zero = u64::try_from(since_1970.as_nanos()).unwrap_or(0).saturating_sub(self.now().nanos());
         let text = json!({
             "version": VERSION, "station": station, "name": link, "module": "s7", "unix_ns": at_zero,
         });
-        self.hello = Record::head(0, Kind::Hello).to_vec();
+        self.hello = Record::head(Instant::START, Kind::Hello).to_vec();
         self.hello.extend(text.to_string().into_bytes());
         self.socket = Some(socket);
     }
@@ -63,7 +64,7 @@ impl Tap {
             let Ok(listener) = accept_with(socket, SocketFlags::CLOEXEC | SocketFlags::NONBLOCK) else { return };
             if self.ears.len() < MOST {
                 let mut ear = Ear { socket: listener, lost: 0 };
-                if ear.tell(0, &self.hello) {
+                if ear.tell(Instant::START, &self.hello) {
                     self.ears.push(ear);
                 }
             }
@@ -85,7 +86,7 @@ impl Tap {
 
 impl Ear {
     /// False when it is gone.
-    fn tell(&mut self, now: u64, message: &[u8]) -> bool {
+    fn tell(&mut self, now: Instant, message: &[u8]) -> bool {
         if self.lost > 0 {
             let gap = [&Record::head(now, Kind::Lost)[..], &self.lost.to_le_bytes()].concat();
             match self.send(&gap) {

@@ -8,6 +8,7 @@
 use std::path::{Path, PathBuf};
 
 use ob1_command::trace::{Pcapng, Printer, Recorder, read};
+use ob1_protocols::Instant;
 use ob1_protocols::trace::record::{Kind, Record};
 use serde_json::json;
 
@@ -54,7 +55,7 @@ fn recording(script: &str) -> Vec<u8> {
             "back" => (Kind::TakenBack, rest[0].parse::<u32>().expect("a number").to_le_bytes().to_vec()),
             other => panic!("{other} is no kind"),
         };
-        recorder.write(0, &Record { time, kind, data: &data }).expect("memory");
+        recorder.write(0, &Record { time: Instant::from_nanos(time), kind, data: &data }).expect("memory");
     }
     file
 }
@@ -78,7 +79,7 @@ fn each_cp_is_an_interface() {
         (5, 1_000_000, Kind::Out, &frame),
         (3, 2_000_000, Kind::Out, &frame),
     ] {
-        capture.take(cp, &Record { time, kind, data }).expect("memory");
+        capture.take(cp, &Record { time: Instant::from_nanos(time), kind, data }).expect("memory");
     }
     capture.finish().expect("memory");
     let word = |at: usize| u32::from_le_bytes(file[at..at + 4].try_into().expect("4 bytes"));

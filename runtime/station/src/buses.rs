@@ -129,7 +129,7 @@ impl Known {
             failures: status.failures,
             exceptions: status.exceptions,
             losses: status.losses,
-            round_ns: status.round,
+            round_ns: status.round.nanos(),
             inputs: pieces(&self.inputs, &|look, at, into| look.inputs(at, into)),
             outputs: pieces(&self.outputs, &|look, at, into| look.outputs(at, into)),
         }

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use ob1_coupler::config::Span;
 use ob1_coupler::gpio::{Bias, Drive, GpioLine};
 use ob1_station::finding::Finding;
 use ob1_station::station_file::{Station, parse};
@@ -36,14 +37,14 @@ fn lines_become_bits_in_the_order_of_the_file() {
     let bus = &station.buses[0];
     assert_eq!((bus.config.input_bytes, bus.config.output_bytes), (2, 1));
     let gpio = bus.config.lines[0].gpio.as_ref().expect("a chip");
-    assert_eq!((gpio.chip.as_str(), gpio.period), ("/dev/gpiochip0", 5_000_000));
+    assert_eq!((gpio.chip.as_str(), gpio.period), ("/dev/gpiochip0", Span::from_millis(5)));
     let last = GpioLine {
         line: 10,
         at: 1,
         bit: 0,
         active_low: true,
         bias: Bias::PullUp,
-        debounce: 5_000_000,
+        debounce: Span::from_millis(5),
         drive: Drive::PushPull,
     };
     assert_eq!((gpio.inputs.len(), gpio.inputs[8]), (9, last));

@@ -3,12 +3,12 @@
 use std::io::{BufRead as _, Write as _};
 use std::os::fd::{AsFd as _, OwnedFd};
 use std::process::ExitCode;
-use std::time::Instant;
+use std::time;
 
 use ob1_line::{LineEvent, LineSettings, LineSpec, PollFds, RealLine};
-use ob1_protocols::Nanos;
 use ob1_protocols::esp2::Telegram;
 use ob1_tests::tcm120::{Eeprom, Input, Output, Tcm120, script};
+use ob1_time::Instant;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 /// A module as the manual's example has one: 80h ORed with 67h.
@@ -83,8 +83,8 @@ fn typed() -> std::io::Result<(std::sync::mpsc::Receiver<String>, OwnedFd)> {
 }
 
 fn run(spec: &LineSpec, eeprom: Eeprom) -> Result<(), Box<dyn std::error::Error>> {
-    let begin = Instant::now();
-    let now = || begin.elapsed().as_nanos() as Nanos;
+    let begin = time::Instant::now();
+    let now = || Instant::START + begin.elapsed().into();
     let mut line = RealLine::new(spec);
     line.apply(&LineSettings::default())?;
     let mut module = Tcm120::new(eeprom);
@@ -126,9 +126,8 @@ fn run(spec: &LineSpec, eeprom: Eeprom) -> Result<(), Box<dyn std::error::Error>
         let mut fds: Vec<PollFd<'_>> = fds.into_entries().collect();
         let on_line = fds.len();
         fds.push(PollFd::from_borrowed_fd(bell.as_fd(), PollFlags::IN));
-        let left = due.into_iter().chain(line.deadline()).min().map(|at| at.saturating_sub(now()));
-        let timeout =
-            left.map(|left| Timespec { tv_sec: (left / 1_000_000_000) as i64, tv_nsec: (left % 1_000_000_000) as i64 });
+        let left = due.into_iter().chain(line.deadline()).min().map(|at| at.since(now()));
+        let timeout = left.map(|left| Timespec { tv_sec: left.secs() as i64, tv_nsec: left.subsec_nanos() as i64 });
         poll(&mut fds, timeout.as_ref())?;
         let is_ready = |fd: &PollFd<'_>| !fd.revents().is_empty();
         let (on_line, rung) = (fds[..on_line].iter().any(is_ready), fds.last().is_some_and(is_ready));

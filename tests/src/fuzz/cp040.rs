@@ -4,12 +4,12 @@
 use std::collections::BTreeMap;
 
 use ob1_firmware::{
-    Cp as _, Cp040, CpCounter, CpEvent, CpInput, CpPort, IO_BYTES, Leds, LineFault, LineInput, LineSettings, Nanos,
-    Wire,
+    Cp as _, Cp040, CpCounter, CpEvent, CpInput, CpPort, IO_BYTES, Leds, LineFault, LineInput, LineSettings, Wire,
 };
 use ob1_slio::{ReceiveJob, ReceiveStep, SendJob, SendStep};
+use ob1_time::{Instant, Span};
 
-const MS: Nanos = 1_000_000;
+const MS: Span = Span::MILLISECOND;
 
 /// Record set 80h of each kind of protocol.
 const PARAMETERS: [[u8; 16]; 6] = [
@@ -48,7 +48,7 @@ impl CpPort for Port {
         *self.counters.entry(counter).or_default() += n;
     }
 
-    fn event(&mut self, _now: Nanos, _event: CpEvent<'_>) {}
+    fn event(&mut self, _now: Instant, _event: CpEvent<'_>) {}
 }
 
 /// First byte: IO size. Second: parameters. Then commands of one byte, some with a length and so many bytes.
@@ -59,7 +59,7 @@ pub fn run(data: &[u8]) {
     let mut parameters = PARAMETERS[usize::from(*kind) % PARAMETERS.len()];
     let (mut cp, mut port) = (Cp040::new(io_bytes), Port::default());
     let mut outputs = vec![0; io_bytes];
-    let mut now = 0;
+    let mut now = Instant::START;
     cp.step(now, CpInput::Outputs(&outputs), &mut port);
     let mut due = cp.step(now, CpInput::Parameters(&parameters), &mut port);
     host(io_bytes, rest);

@@ -4,7 +4,7 @@
 
 use ob1_protocols::esp2::frame::{Bytes, Decoder, FRAME_BYTES, Step, TELEGRAM_BYTES, encode};
 use ob1_protocols::esp2::{Config, Esp2, Telegram, WAKE};
-use ob1_protocols::{Event, Input, LineFault, LineInput, MS, Machine, Nanos, Order, SECOND, SendError, Sink, Wire};
+use ob1_protocols::{Event, Input, Instant, LineFault, LineInput, MS, Machine, Order, SendError, Sink, Span, Wire};
 
 use crate::tcm120;
 
@@ -50,7 +50,7 @@ fn is_frame(bytes: &[u8]) -> bool {
 #[derive(Debug)]
 enum Act<'a> {
     Characters(Vec<u8>),
-    Silence(Nanos),
+    Silence(Span),
     /// So many times: 147 orders fill the send buffer, and one more waits.
     Order(&'a [u8], usize),
     TxDone,
@@ -75,7 +75,7 @@ fn acts(mut data: &[u8]) -> Vec<Act<'_>> {
                 telegram[..bytes.len()].copy_from_slice(bytes);
                 (Act::Characters(encode(&telegram).to_vec()), rest)
             }
-            3 => (Act::Silence(Nanos::from(code >> 3) * 20 * MS), rest),
+            3 => (Act::Silence(u64::from(code >> 3) * 20 * MS), rest),
             4 => {
                 let whole = code & 8 == 0;
                 let (bytes, rest) = take(if whole { TELEGRAM_BYTES } else { usize::from(code >> 4) });
@@ -97,7 +97,7 @@ fn acts(mut data: &[u8]) -> Vec<Act<'_>> {
 fn machine(acts: &[Act<'_>], room: usize, piece: usize) -> (Vec<Vec<u8>>, Vec<Vec<u8>>) {
     let mut machine = Esp2::new(Config::cp240());
     let mut partner = Partner { room, ..Partner::default() };
-    let (mut now, mut orders) = (SECOND, 0);
+    let (mut now, mut orders) = (Instant::from_secs(1), 0);
     let mut due = machine.step(now, Input::Tick, &mut partner);
     for act in acts {
         match act {
@@ -107,7 +107,7 @@ fn machine(acts: &[Act<'_>], room: usize, piece: usize) -> (Vec<Vec<u8>>, Vec<Ve
                 }
             }
             Act::Silence(time) => {
-                now += time;
+                now += *time;
                 while let Some(at) = due.filter(|at| *at <= now) {
                     due = machine.step(at, Input::Tick, &mut partner);
                     assert!(due != Some(at), "the machine does not get past {at}");
@@ -133,7 +133,7 @@ fn machine(acts: &[Act<'_>], room: usize, piece: usize) -> (Vec<Vec<u8>>, Vec<Ve
 fn module(acts: &[Act<'_>], piece: usize) -> tcm120::Output {
     let mut module = tcm120::Tcm120::new(tcm120::Eeprom::new(0xFF80_0080));
     let mut out = tcm120::Output::default();
-    let (mut now, mut due) = (SECOND, None);
+    let (mut now, mut due) = (Instant::from_secs(1), None);
     for act in acts {
         match act {
             Act::Characters(bytes) => {
@@ -142,7 +142,7 @@ fn module(acts: &[Act<'_>], piece: usize) -> tcm120::Output {
                 }
             }
             Act::Silence(time) => {
-                now += time;
+                now += *time;
                 while let Some(at) = due.filter(|at| *at <= now) {
                     due = module.step(at, tcm120::Input::Tick, &mut out);
                     assert!(due != Some(at), "the module does not get past {at}");
@@ -152,7 +152,7 @@ fn module(acts: &[Act<'_>], piece: usize) -> tcm120::Output {
             Act::Order(bytes, _) => {
                 let bytes = Bytes::try_from(*bytes).map(|bytes| Telegram::parse(&bytes));
                 if let Ok(Telegram::Received(radio) | Telegram::Transmit(radio)) = bytes {
-                    let remote = now % 3 == 0;
+                    let remote = now.nanos() % 3 == 0;
                     due = module.step(now, tcm120::Input::Radio { radio, remote }, &mut out);
                 }
             }

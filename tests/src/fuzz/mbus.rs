@@ -5,7 +5,8 @@
 use ob1_mbus_records::{Answer, RECORD_BYTES, Value};
 use ob1_protocols::mbus::frame::{FRAME_MAX, Frame, Progress};
 use ob1_protocols::mbus::{Config, MBus, RESPONSE_MAX};
-use ob1_protocols::{Event, Input, LineFault, LineInput, MS, Machine, Nanos, Order, SendError, Sink, Wire};
+use ob1_protocols::{Event, Input, LineFault, LineInput, MS, Machine, Order, SendError, Sink, Wire};
+use ob1_time::{Instant, Span};
 
 #[derive(Default)]
 struct Program {
@@ -65,7 +66,7 @@ fn master(data: &[u8]) {
     let (telegram, mut data) = data.split_at(data.len().min(usize::from(setup & 0x1F)));
     let mut program = Program { room: if setup & 0x80 == 0 { 2048 } else { RESPONSE_MAX }, ..Program::default() };
     let mut machine = MBus::new(Config::cp240());
-    let mut now: Nanos = 0;
+    let mut now = Instant::START;
     machine.step(now, Input::Tick, &mut program);
     let mut due = machine.step(now, Input::Order(Order::Send(telegram)), &mut program);
     while let [byte, rest @ ..] = data {
@@ -94,7 +95,7 @@ fn master(data: &[u8]) {
 }
 
 /// Time passes, with a tick at each deadline.
-fn pass(machine: &mut MBus, program: &mut Program, now: &mut Nanos, mut due: Option<Nanos>, time: Nanos) {
+fn pass(machine: &mut MBus, program: &mut Program, now: &mut Instant, mut due: Option<Instant>, time: Span) {
     let end = *now + time;
     while let Some(at) = due.filter(|at| *at <= end) {
         *now = at.max(*now);

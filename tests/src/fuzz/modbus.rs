@@ -3,7 +3,8 @@
 
 use ob1_protocols::modbus::pdu::{self, Direction, Request};
 use ob1_protocols::modbus::{FRAME_CHARACTERS, Master, Mode, Slave, TELEGRAM_BYTES, ascii, frame, master, rtu, slave};
-use ob1_protocols::{Event, Input, LineFault, LineInput, MS, Machine, Nanos, Order, SECOND, SendError, Sink, Wire};
+use ob1_protocols::{Event, Input, LineFault, LineInput, MS, Machine, Order, SECOND, SendError, Sink, Wire};
+use ob1_time::Instant;
 
 #[derive(Default)]
 struct Partner {
@@ -61,7 +62,7 @@ fn decode(data: &[u8]) {
 /// Hands the characters over in pieces; FEh is a silence, FFh a character that cannot be read.
 fn receive(machine: &mut dyn Machine, data: &[u8], piece: usize) -> Partner {
     let mut partner = Partner::default();
-    let mut now: Nanos = SECOND;
+    let mut now: Instant = Instant::from_secs(1);
     machine.step(now, Input::Order(Order::Send(&[5, 3, 0, 0, 0, 1])), &mut partner);
     let mut due = machine.step(now, Input::Line(LineInput::TxDone), &mut partner);
     for part in data.chunk_by(|a, b| *a < 0xFE && *b < 0xFE) {

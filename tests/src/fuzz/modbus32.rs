@@ -6,7 +6,8 @@ use ob1_protocols::modbus_master_32::reply::evaluate;
 use ob1_protocols::modbus_master_32::{
     DESTINATION_BYTES, Driver, FRAME_CHARACTERS, Input, Order, Owner, Parameters, Signals, TELEGRAM_BYTES, Wiring,
 };
-use ob1_protocols::{LineFault, LineInput, MS, ModemLines, Nanos, SECOND, Wire, cp341_events};
+use ob1_protocols::{LineFault, LineInput, MS, ModemLines, SECOND, Wire, cp341_events};
+use ob1_time::{Instant, Span};
 
 #[derive(Default)]
 struct Cpu {
@@ -80,7 +81,7 @@ pub fn run(data: &[u8]) {
 /// The numbers of requests, deliveries and ends.
 fn talk(parameters: Parameters, source: &[u8], line: &[u8], piece: usize) -> (usize, usize) {
     let (mut driver, mut cpu) = (Driver::new(parameters), Cpu::default());
-    let mut now: Nanos = SECOND;
+    let mut now: Instant = Instant::from_secs(1);
     let mut on = true;
     driver.step(now, Input::Tick, &mut cpu);
     let mut due = driver.step(now, Input::Order(Order::Job { r_typ: b'X', source }), &mut cpu);
@@ -131,7 +132,7 @@ fn leaves_at_once(line: &[u8]) -> bool {
 }
 
 /// Time passes, with a tick at each deadline.
-fn pass(driver: &mut Driver, cpu: &mut Cpu, now: &mut Nanos, mut due: Option<Nanos>, time: Nanos) {
+fn pass(driver: &mut Driver, cpu: &mut Cpu, now: &mut Instant, mut due: Option<Instant>, time: Span) {
     let end = *now + time;
     while let Some(at) = due.filter(|at| *at <= end) {
         *now = at.max(*now);

@@ -4,7 +4,7 @@
 use crate::defaults;
 use ob1_protocols::rk512::codec::{HEADER, Telegram, parse};
 use ob1_protocols::rk512::{Answer, AnswerError, Config, Event, Input, Order, OrderError, Owner, Request, Rk512};
-use ob1_protocols::{LineFault, LineInput, MS, Wire, s3964};
+use ob1_protocols::{Instant, LineFault, LineInput, MS, Wire, s3964};
 
 /// Reads the bytes as a telegram, and as a script.
 pub fn run(data: &[u8]) {
@@ -65,7 +65,7 @@ fn play(script: &[u8]) {
         _ => s3964::Config { priority: s3964::Priority::High, ..defaults::cp240(true, MS) },
     };
     let config = if mode % 4 == 2 { Config::cp341(line) } else { Config::cp240(line) };
-    let (mut machine, mut books, mut now) = (Rk512::<512>::new(config), Books::default(), 0);
+    let (mut machine, mut books, mut now) = (Rk512::<512>::new(config), Books::default(), Instant::START);
     let mut due = machine.step(now, Input::Tick, &mut books);
     while let Some((&op, tail)) = rest.split_first() {
         let (bytes, after) = tail.split_at(tail.len().min(usize::from(op >> 3)));

@@ -5,9 +5,8 @@ use crate::defaults;
 use ob1_protocols::ascii::{Criterion, Sending};
 use ob1_protocols::signals::Times;
 use ob1_protocols::stx_etx::{Config, Flags, StxEtx};
-use ob1_protocols::{
-    Ascii, Event, Input, LineFault, LineInput, MS, Machine, Nanos, Order, SendError, Sink, Wire, ascii,
-};
+use ob1_protocols::{Ascii, Event, Input, LineFault, LineInput, MS, Machine, Order, SendError, Sink, Wire, ascii};
+use ob1_time::Instant;
 
 #[derive(Default)]
 struct Partner {
@@ -42,7 +41,7 @@ impl Sink for Partner {
 /// Hands the characters over in pieces; FEh is a silence, FFh a character that cannot be read.
 fn receive(machine: &mut dyn Machine, data: &[u8], piece: usize, room: usize) -> Vec<Vec<u8>> {
     let mut partner = Partner { room, ..Partner::default() };
-    let mut now: Nanos = 0;
+    let mut now = Instant::START;
     machine.step(now, Input::Tick, &mut partner);
     let mut due = machine.step(now, Input::Order(Order::Send(b"beside it")), &mut partner);
     for part in data.chunk_by(|a, b| *a < 0xFE && *b < 0xFE) {

@@ -3,9 +3,9 @@
 use std::collections::HashSet;
 
 use ob1_cp::{CpType, LinePort, Refused};
-use ob1_cpu::Nanos;
 use ob1_firmware::{CpEvent, LineInput, LineSettings};
 use ob1_line::sim::{End, SimConfig, SimEvent, SimLine};
+use ob1_time::{Instant, Span};
 
 use super::Scenario;
 use super::tap::{self, Tap};
@@ -19,7 +19,7 @@ pub struct Cable {
     /// What the ends are called in the station files.
     pub name: String,
     line: SimLine,
-    coalesce: Nanos,
+    coalesce: Span,
     sent: [Tap; 2],
     arrived: [Tap; 2],
     /// Telegrams put on the line.
@@ -42,7 +42,7 @@ pub struct Cable {
 impl Cable {
     /// A line without settings: those of the first parameters count.
     #[must_use]
-    pub fn new(name: &str, seed: u64, scenario: &Scenario, faults_until: Nanos) -> Self {
+    pub fn new(name: &str, seed: u64, scenario: &Scenario, faults_until: Instant) -> Self {
         let Scenario { faults, coalesce, .. } = *scenario;
         let config = SimConfig { faults, faults_until, coalesce, ..SimConfig::new(9600, 20) };
         Self {
@@ -63,7 +63,7 @@ impl Cable {
 
     /// When something happens on it.
     #[must_use]
-    pub fn next_event(&self) -> Option<Nanos> {
+    pub fn next_event(&self) -> Option<Instant> {
         self.line.next_event()
     }
 
@@ -81,12 +81,12 @@ impl Cable {
     }
 
     /// The driver at `end` is dead. What it has written goes on leaving, as it does from a kernel's buffer.
-    pub fn orphan(&mut self, end: End, now: Nanos) {
+    pub fn orphan(&mut self, end: End, now: Instant) {
         self.orphaned[end as usize] = self.line.is_sending(end, now);
     }
 
     /// Hands out what has happened by `now`; the inner `None` is an event that concerns nobody.
-    pub fn pop<'a>(&mut self, now: Nanos, buffer: &'a mut [u8; BURST]) -> Option<(End, Option<LineInput<'a>>)> {
+    pub fn pop<'a>(&mut self, now: Instant, buffer: &'a mut [u8; BURST]) -> Option<(End, Option<LineInput<'a>>)> {
         let (end, event) = self.line.pop(now, buffer)?;
         let input = match event {
             SimEvent::Rx(count) => {
@@ -140,7 +140,7 @@ pub struct CableEnd<'a> {
 }
 
 impl LinePort for CableEnd<'_> {
-    fn configure(&mut self, _now: Nanos, json: &[u8]) -> Result<(), Refused> {
+    fn configure(&mut self, _now: Instant, json: &[u8]) -> Result<(), Refused> {
         let keys: serde_json::Value = serde_json::from_slice(json).map_err(|error| Refused(error.to_string()))?;
         self.cable.diagnostics[self.end as usize] = keys["diagnostics"] == true;
         let none = serde_json::Map::new();
@@ -159,11 +159,11 @@ impl LinePort for CableEnd<'_> {
         self.cable.diagnostics[self.end as usize]
     }
 
-    fn apply(&mut self, _now: Nanos, settings: &LineSettings) {
-        self.cable.line.set_char_time(settings.char_time_ns());
+    fn apply(&mut self, _now: Instant, settings: &LineSettings) {
+        self.cable.line.set_char_time(settings.char_time());
     }
 
-    fn transmit(&mut self, now: Nanos, bytes: &[u8]) {
+    fn transmit(&mut self, now: Instant, bytes: &[u8]) {
         let sent = &mut self.cable.sent[self.end as usize];
         let block = if bytes == [tap::STX] { &[][..] } else { bytes };
         if block.is_empty() {
@@ -187,17 +187,17 @@ impl LinePort for CableEnd<'_> {
         self.cable.line.write(self.end, now, bytes);
     }
 
-    fn lateness(&self) -> Nanos {
+    fn lateness(&self) -> Span {
         self.cable.coalesce
     }
 
-    fn trace(&mut self, _now: Nanos, event: &CpEvent<'_>) {
+    fn trace(&mut self, _now: Instant, event: &CpEvent<'_>) {
         if let CpEvent::Entry(number) = event {
             self.cable.entries[self.end as usize].push(*number);
         }
     }
 
-    fn take_back(&mut self, now: Nanos) -> usize {
+    fn take_back(&mut self, now: Instant) -> usize {
         self.cable.line.take_back(self.end, now)
     }
 }

@@ -4,10 +4,10 @@
 use std::path::Path;
 
 use ob1_cp::LinePort as _;
-use ob1_cpu::Nanos;
 use ob1_firmware::{LineFault, LineInput};
 use ob1_host::module::CpSettings;
 use ob1_line::sim::{End, FaultRates, SplitMix64};
+use ob1_time::{Instant, Span};
 
 use super::cable::{self, Cable};
 use super::driver::Driver;
@@ -17,7 +17,7 @@ use super::{SECOND, Scenario};
 /// What a station has on its line.
 pub trait Device {
     /// Takes characters, none when a deadline has come; what it writes goes to `out`. The result is its next deadline.
-    fn hear(&mut self, now: Nanos, bytes: &[u8], out: &mut Vec<u8>) -> Option<Nanos>;
+    fn hear(&mut self, now: Instant, bytes: &[u8], out: &mut Vec<u8>) -> Option<Instant>;
 
     /// The line is short-circuited at the device: it hears nothing, and what the station sends comes back to it as a
     /// break.
@@ -34,10 +34,10 @@ pub struct Bench<D> {
     /// The device.
     pub device: D,
     /// Virtual time.
-    pub now: Nanos,
+    pub now: Instant,
     drivers: Vec<Driver>,
     cable: Cable,
-    due: Option<Nanos>,
+    due: Option<Instant>,
     log: String,
 }
 
@@ -69,30 +69,37 @@ impl<D: Device> Bench<D> {
         seed: u64,
         spoil: &dyn Fn(&mut CpSettings),
     ) -> Result<Self, String> {
-        let scenario =
-            Scenario { stations: Vec::new(), seed, duration: SECOND, faults, coalesce: 0, kill_every: 0, wire: false };
-        let cable = Cable::new("device", seed, &scenario, Nanos::MAX);
+        let scenario = Scenario {
+            stations: Vec::new(),
+            seed,
+            duration: SECOND,
+            faults,
+            coalesce: Span::ZERO,
+            kill_every: Span::ZERO,
+            wire: false,
+        };
+        let cable = Cable::new("device", seed, &scenario, Instant::NEVER);
         let mut drivers = Vec::new();
         let mut rng = SplitMix64::new(seed);
         let plug: &mut Plug<'_> = &mut |_| Ok((0, End::A));
         let station = SimStation::build_with(station, plug, &mut drivers, &mut rng, spoil)?;
-        Ok(Self { station, device, now: 0, drivers, cable, due: None, log: String::new() })
+        Ok(Self { station, device, now: Instant::START, drivers, cable, due: None, log: String::new() })
     }
 
     /// Something happens to the device now that did not come over the line; the result of `act` is its next deadline.
-    pub fn meanwhile(&mut self, act: impl FnOnce(&mut D, Nanos, &mut Vec<u8>) -> Option<Nanos>) {
+    pub fn meanwhile(&mut self, act: impl FnOnce(&mut D, Instant, &mut Vec<u8>) -> Option<Instant>) {
         let mut out = Vec::new();
         self.due = act(&mut self.device, self.now, &mut out);
         self.write(&out);
     }
 
     /// Runs for a time.
-    pub fn pass(&mut self, time: Nanos) {
+    pub fn pass(&mut self, time: Span) {
         self.until(time, |_| false);
     }
 
     /// Runs until `done` after a scan, at most so long; whether it was done.
-    pub fn until(&mut self, most: Nanos, mut done: impl FnMut(&mut SimStation) -> bool) -> bool {
+    pub fn until(&mut self, most: Span, mut done: impl FnMut(&mut SimStation) -> bool) -> bool {
         let end = self.now + most;
         while self.now < end {
             let drivers = self.drivers.iter().map(Driver::next_event);

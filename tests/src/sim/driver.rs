@@ -6,20 +6,20 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use ob1_backplane::{CpSide, CpuSide, Segment};
 use ob1_cp::CpPump;
-use ob1_cpu::Nanos;
 use ob1_host::module::{DriverLink, Life};
 use ob1_host::supervisor::{Exit, Input, Report, Request, Supervisor, Times};
 use ob1_line::sim::{End, SplitMix64};
+use ob1_time::{Instant, Span};
 
 use super::MS;
 use super::cable::Cable;
 
 /// How often the supervisor looks at heartbeats.
-const LOOK: Nanos = 20 * MS;
+const LOOK: Span = Span::from_millis(20);
 /// A process takes this long to begin, at least and in addition at most.
-const START: (Nanos, Nanos) = (2 * MS, 30 * MS);
+const START: (Span, Span) = (Span::from_millis(2), Span::from_millis(30));
 /// A doorbell is heard after this long, at least and in addition at most.
-const WAKE: (Nanos, Nanos) = (5_000, 60_000);
+const WAKE: (Span, Span) = (Span::from_micros(5), Span::from_micros(60));
 
 /// The scan's view of a virtual driver.
 #[derive(Debug)]
@@ -71,12 +71,12 @@ pub struct Driver {
     reports: rtrb::Producer<Report>,
     rng: SplitMix64,
     /// When the pump wants to be polled.
-    pump_due: Nanos,
+    pump_due: Instant,
     /// When a process that was asked for begins to run.
-    starts_at: Option<Nanos>,
+    starts_at: Option<Instant>,
     /// When the supervisor notices that the process has ended.
-    ended_at: Option<Nanos>,
-    look_at: Nanos,
+    ended_at: Option<Instant>,
+    look_at: Instant,
     last_beat: u64,
     kills: u64,
 }
@@ -106,10 +106,10 @@ impl Driver {
             shared: Arc::clone(&shared),
             reports,
             rng: SplitMix64::new(seed),
-            pump_due: Nanos::MAX,
+            pump_due: Instant::NEVER,
             starts_at: None,
             ended_at: None,
-            look_at: 0,
+            look_at: Instant::START,
             last_beat: 0,
             kills: 0,
         };
@@ -118,9 +118,9 @@ impl Driver {
 
     /// When it wants to be called.
     #[must_use]
-    pub fn next_event(&self) -> Nanos {
+    pub fn next_event(&self) -> Instant {
         let events = [self.starts_at, self.ended_at, Some(self.look_at), Some(self.pump_due)];
-        events.into_iter().flatten().min().unwrap_or(Nanos::MAX)
+        events.into_iter().flatten().min().unwrap_or(Instant::NEVER)
     }
 
     /// Driver processes that were killed so far.
@@ -136,7 +136,7 @@ impl Driver {
     }
 
     /// Does everything that is due by `now`.
-    pub fn advance(&mut self, now: Nanos, cable: &mut Cable) {
+    pub fn advance(&mut self, now: Instant, cable: &mut Cable) {
         if self.ended_at.is_some_and(|at| now >= at) {
             self.ended_at = None;
             self.shared.running.store(false, Ordering::Relaxed);
@@ -163,15 +163,15 @@ impl Driver {
     }
 
     /// After a cycle of its CPU: a rung doorbell is heard a little later.
-    pub fn listen(&mut self, now: Nanos) {
+    pub fn listen(&mut self, now: Instant) {
         if self.shared.rung.swap(false, Ordering::Relaxed) && self.pump.is_some() {
-            let heard = now + WAKE.0 + self.rng.below(WAKE.1);
+            let heard = now + WAKE.0 + self.rng.span_below(WAKE.1);
             self.pump_due = self.pump_due.min(heard);
         }
     }
 
     /// Something happened on its line.
-    pub fn line_event(&mut self, now: Nanos, input: ob1_firmware::LineInput<'_>, cable: &mut Cable) {
+    pub fn line_event(&mut self, now: Instant, input: ob1_firmware::LineInput<'_>, cable: &mut Cable) {
         if let Some(pump) = &mut self.pump {
             pump.awake();
             pump.line_event(now, input, &mut cable.end(self.end));
@@ -180,13 +180,13 @@ impl Driver {
     }
 
     /// `kill -9`, one time in three in the middle of writing its registers. False if there is nothing to kill.
-    pub fn kill(&mut self, now: Nanos, cable: &mut Cable) -> bool {
+    pub fn kill(&mut self, now: Instant, cable: &mut Cable) -> bool {
         if self.pump.take().is_none() {
             return false;
         }
         self.kills += 1;
         cable.orphan(self.end, now);
-        self.pump_due = Nanos::MAX;
+        self.pump_due = Instant::NEVER;
         if self.rng.below(3) == 0 {
             let field = ob1_backplane::layout::FIELDS.iter().find(|f| f.name == "inputs.sequence");
             if let Some(offset) = field.map(|f| f.offset)
@@ -195,26 +195,26 @@ impl Driver {
                 self.segment.poke(offset, sequence | 1);
             }
         }
-        self.ended_at = Some(now + self.rng.below(2 * MS));
+        self.ended_at = Some(now + self.rng.span_below(2 * MS));
         true
     }
 
     /// Polls until the pump may sleep, as the process does.
-    fn poll(&mut self, now: Nanos, cable: &mut Cable) {
+    fn poll(&mut self, now: Instant, cable: &mut Cable) {
         let Some(pump) = &mut self.pump else { return };
         pump.awake();
         loop {
-            self.pump_due = pump.poll(now, &mut cable.end(self.end)).max(now + 1);
+            self.pump_due = pump.poll(now, &mut cable.end(self.end)).max(now + Span::from_nanos(1));
             if pump.prepare_sleep() {
                 return;
             }
         }
     }
 
-    fn supervise(&mut self, now: Nanos, input: Input, cable: &mut Cable) {
+    fn supervise(&mut self, now: Instant, input: Input, cable: &mut Cable) {
         let mut input = Some(input);
         while let Some(next) = input.take() {
-            let step = self.supervisor.step(now, next);
+            let step = self.supervisor.step(now.nanos(), next);
             if let Some(report) = step.report {
                 // 32 reports without a scan in between: the scan stands still, and that is another test's affair.
                 let _ = self.reports.push(report);
@@ -226,7 +226,7 @@ impl Driver {
                     self.shared.attempts.fetch_add(1, Ordering::Relaxed);
                     self.last_beat = self.monitor.cp_heartbeat();
                     self.shared.running.store(true, Ordering::Relaxed);
-                    self.starts_at = Some(now + START.0 + self.rng.below(START.1));
+                    self.starts_at = Some(now + START.0 + self.rng.span_below(START.1));
                     input = Some(Input::Spawned);
                 }
                 Some(Request::Kill) => {
@@ -234,7 +234,9 @@ impl Driver {
                 }
                 None => {}
             }
-            self.look_at = self.look_at.min(step.deadline.unwrap_or(Nanos::MAX).max(now + 1));
+            self.look_at = self
+                .look_at
+                .min(step.deadline.map_or(Instant::NEVER, Instant::from_nanos).max(now + Span::from_nanos(1)));
         }
     }
 }

@@ -1,14 +1,12 @@
 //! A bus of meters as the device on a station's line: [`crate::meters`] with the time they take, and a short circuit.
 
-use ob1_cpu::Nanos;
-
-use super::MS;
 use super::device::Device;
 use crate::meters::Bus;
+use ob1_time::{Instant, Span};
 
 /// A meter thinks so long before it answers: 11 to 330 bit times and 50 ms are permitted; this is enough for 11 bits at
 /// 300 baud.
-const THINKS: Nanos = 40 * MS;
+const THINKS: Span = Span::from_millis(40);
 
 /// The meters on their bus.
 #[derive(Debug)]
@@ -18,7 +16,7 @@ pub struct Meters {
     /// While it is true the bus is short-circuited: nothing gets through, and the converter reports a break at each
     /// frame.
     pub shorted: bool,
-    answer: Option<(Nanos, Vec<u8>)>,
+    answer: Option<(Instant, Vec<u8>)>,
 }
 
 impl Meters {
@@ -30,7 +28,7 @@ impl Meters {
 }
 
 impl Device for Meters {
-    fn hear(&mut self, now: Nanos, bytes: &[u8], out: &mut Vec<u8>) -> Option<Nanos> {
+    fn hear(&mut self, now: Instant, bytes: &[u8], out: &mut Vec<u8>) -> Option<Instant> {
         let answer = if bytes.is_empty() { Vec::new() } else { self.bus.hear(bytes) };
         if !answer.is_empty() {
             self.answer = Some((now + THINKS, answer));

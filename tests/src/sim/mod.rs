@@ -13,22 +13,21 @@ pub mod station;
 pub mod tap;
 pub mod verdict;
 
+use ob1_line::sim::{End, FaultRates, SplitMix64};
+use ob1_time::{Instant, Span};
 use std::fmt::Write as _;
 use std::path::PathBuf;
-
-use ob1_cpu::Nanos;
-use ob1_line::sim::{End, FaultRates, SplitMix64};
 
 use cable::Cable;
 use driver::Driver;
 use station::SimStation;
 
 /// A millisecond.
-pub const MS: Nanos = 1_000_000;
+pub const MS: Span = Span::MILLISECOND;
 /// A second.
-pub const SECOND: Nanos = 1_000 * MS;
+pub const SECOND: Span = Span::SECOND;
 /// Nothing goes wrong in the last part of a run: what has been disturbed must come back by itself.
-const CALM: Nanos = 15 * SECOND;
+const CALM: Span = Span::from_secs(15);
 
 /// What is simulated.
 #[derive(Clone, Debug)]
@@ -38,14 +37,14 @@ pub struct Scenario {
     /// Determines everything that chance decides.
     pub seed: u64,
     /// Virtual time simulated.
-    pub duration: Nanos,
+    pub duration: Span,
     /// Faults of the line.
     pub faults: FaultRates,
     /// Characters that follow one another come together, at most this much late, as a tty hands them out; 0: each at
     /// its own time.
-    pub coalesce: Nanos,
+    pub coalesce: Span,
     /// Mean time between two `kill -9` of drivers; 0: none.
-    pub kill_every: Nanos,
+    pub kill_every: Span,
     /// Every character that arrives goes into the log, too.
     pub wire: bool,
 }
@@ -63,10 +62,17 @@ impl Scenario {
             seed,
             duration: 60 * SECOND,
             faults,
-            kill_every: [0, 5 * SECOND, 12 * SECOND][rng.below(3) as usize],
-            coalesce: [0, MS / 5, 2 * MS][rng.below(3) as usize],
+            kill_every: [Span::ZERO, 5 * SECOND, 12 * SECOND][rng.below(3) as usize],
+            coalesce: [Span::ZERO, MS / 5, 2 * MS][rng.below(3) as usize],
             wire: false,
         }
+    }
+}
+
+impl Scenario {
+    /// From then on nothing goes wrong.
+    fn calm(&self) -> Instant {
+        Instant::START + self.duration.saturating_sub(CALM)
     }
 }
 
@@ -108,20 +114,20 @@ pub fn run_with(
 type Operator<'a> = dyn FnMut(usize, &mut SimStation) -> bool + 'a;
 
 struct World {
-    now: Nanos,
+    now: Instant,
     rng: SplitMix64,
     cables: Vec<Cable>,
     drivers: Vec<Driver>,
     stations: Vec<SimStation>,
     log: String,
-    kill_at: Nanos,
+    kill_at: Instant,
     watch: verdict::Watch,
 }
 
 impl World {
     fn build(scenario: &Scenario) -> Result<Self, String> {
         let mut rng = SplitMix64::new(scenario.seed ^ 0x6f62_3131);
-        let calm = scenario.duration.saturating_sub(CALM);
+        let calm = scenario.calm();
         let mut cables: Vec<Cable> = Vec::new();
         let mut ends: Vec<usize> = Vec::new();
         let mut drivers = Vec::new();
@@ -146,28 +152,28 @@ impl World {
             stations.push(SimStation::build(path, &mut plug, &mut drivers, &mut rng)?);
         }
         let mut world = Self {
-            now: 0,
+            now: Instant::START,
             rng,
             cables,
             drivers,
             stations,
             log: String::new(),
-            kill_at: Nanos::MAX,
+            kill_at: Instant::NEVER,
             watch: verdict::Watch::default(),
         };
         world.plan_kill(scenario);
         // The second station is switched on a little later.
         for station in world.stations.iter_mut().skip(1) {
-            station.due = world.rng.below(300 * MS);
+            station.due = Instant::START + world.rng.span_below(300 * MS);
         }
         Ok(world)
     }
 
     fn plan_kill(&mut self, scenario: &Scenario) {
-        if scenario.kill_every > 0 {
-            self.kill_at = self.now + scenario.kill_every / 2 + self.rng.below(scenario.kill_every);
-            if self.kill_at >= scenario.duration.saturating_sub(CALM) {
-                self.kill_at = Nanos::MAX;
+        if !scenario.kill_every.is_zero() {
+            self.kill_at = self.now + scenario.kill_every / 2 + self.rng.span_below(scenario.kill_every);
+            if self.kill_at >= scenario.calm() {
+                self.kill_at = Instant::NEVER;
             }
         }
     }
@@ -177,9 +183,9 @@ impl World {
         let lines = self.cables.iter().filter_map(Cable::next_event);
         let drivers = self.drivers.iter().map(Driver::next_event);
         let cycles = self.stations.iter().map(|s| s.due);
-        let next = lines.chain(drivers).chain(cycles).chain([self.kill_at]).min().unwrap_or(Nanos::MAX);
+        let next = lines.chain(drivers).chain(cycles).chain([self.kill_at]).min().unwrap_or(Instant::NEVER);
         self.now = self.now.max(next);
-        if self.now >= scenario.duration {
+        if self.now.since_start() >= scenario.duration {
             return false;
         }
         self.lines(scenario.wire);
@@ -215,7 +221,7 @@ impl World {
                 let Some(input) = input else { continue };
                 if wire {
                     // Writing into a String cannot fail.
-                    let _ = writeln!(self.log, "{:>12} line {index} at {end:?}: {input:02X?}", self.now / 1000);
+                    let _ = writeln!(self.log, "{:>12} line {index} at {end:?}: {input:02X?}", self.now.micros());
                 }
                 if let Some(driver) = self.drivers.iter_mut().find(|d| d.cable == index && d.end == end) {
                     driver.line_event(self.now, input, cable);
@@ -229,7 +235,7 @@ impl World {
         let driver = &mut self.drivers[victim];
         if driver.kill(self.now, &mut self.cables[driver.cable]) {
             // Writing into a String cannot fail.
-            let _ = writeln!(self.log, "{:>12} driver {victim} killed", self.now / 1000);
+            let _ = writeln!(self.log, "{:>12} driver {victim} killed", self.now.micros());
         }
     }
 

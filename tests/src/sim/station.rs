@@ -3,11 +3,12 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use ob1_cpu::{Command, Cpu, Module, ModuleSlot, Nanos};
+use ob1_cpu::{Command, Cpu, Module, ModuleSlot};
 use ob1_host::module::{CpModule, CpSettings};
 use ob1_line::sim::SplitMix64;
 use ob1_station::station_file::{self, Station};
 use ob1_station::{assembly, program};
+use ob1_time::{Instant, Span};
 
 use super::clock::VirtualClock;
 use super::driver::Driver;
@@ -22,7 +23,7 @@ pub struct SimStation {
     /// Places of its drivers in the simulation's list.
     pub drivers: Vec<usize>,
     /// When its next cycle is due.
-    pub due: Nanos,
+    pub due: Instant,
     /// Number of the diagnostic entry that was logged last.
     logged: u64,
 }
@@ -64,18 +65,18 @@ impl SimStation {
         let mut cpu = Cpu::new(station.cpu.clone(), &loaded.program, natives, modules, station.engine.factory())
             .map_err(|errors| errors.iter().map(|e| format!("{e}\n")).collect::<String>())?;
         cpu.request(Command::Run);
-        Ok(Self { name: station.name, cpu, drivers: own, due: 0, logged: 0 })
+        Ok(Self { name: station.name, cpu, drivers: own, due: Instant::START, logged: 0 })
     }
 
     /// One cycle at `now`; what is new in the diagnostic buffer goes into the log.
-    pub fn cycle(&mut self, now: Nanos, log: &mut String) {
-        let end = self.cpu.cycle(&mut VirtualClock(now));
-        self.due = end.next_deadline.max(now + 1);
+    pub fn cycle(&mut self, now: Instant, log: &mut String) {
+        let end = self.cpu.cycle(&mut VirtualClock(now.nanos()));
+        self.due = Instant::from_nanos(end.next_deadline).max(now + Span::from_nanos(1));
         let new = self.cpu.diagnostics().take_while(|entry| entry.number > self.logged).count();
         for back in (0..new).rev() {
             if let Some(entry) = self.cpu.diagnostics().nth(back) {
                 // Writing into a String cannot fail.
-                let _ = writeln!(log, "{:>12} {} {entry}", now / 1000, self.name);
+                let _ = writeln!(log, "{:>12} {} {entry}", now.micros(), self.name);
                 self.logged = entry.number;
             }
         }

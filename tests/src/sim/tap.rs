@@ -5,7 +5,7 @@
 //! character came out of the line. The tap decides that with a decoder of its own, written from the manual's
 //! description of the block [S0 L1650-L1660] and independent of the machines it judges.
 
-use ob1_cpu::Nanos;
+use ob1_time::{Instant, Span};
 
 /// A connection request.
 pub const STX: u8 = 0x02;
@@ -16,7 +16,7 @@ pub const DLE: u8 = 0x10;
 pub const NAK: u8 = 0x15;
 
 /// The character delay time of the demo's stations: who is silent for longer in a block has given it up.
-const ZVZ: Nanos = 200_000_000;
+const ZVZ: Span = Span::from_millis(200);
 
 /// Reads the blocks out of a stream of characters.
 #[derive(Debug, Default)]
@@ -25,9 +25,9 @@ pub struct Tap {
     payload: Vec<u8>,
     check: u8,
     spoilt: bool,
-    last: Nanos,
+    last: Instant,
     /// When the request came.
-    begun: Nanos,
+    begun: Instant,
     /// What the receiver has sent is still on the line, its DLE perhaps.
     answering: bool,
     /// The request has been repeated before it was answered.
@@ -53,7 +53,7 @@ impl Tap {
     ///
     /// An STX asks for a connection where no block is open, and the receiver's DLE opens it; an open one ends with its
     /// check character, or by silence longer than ZVZ.
-    pub fn push(&mut self, now: Nanos, byte: u8) -> Option<&[u8]> {
+    pub fn push(&mut self, now: Instant, byte: u8) -> Option<&[u8]> {
         self.hear(now);
         if byte == STX && self.state == State::Data && self.payload.is_empty() {
             if self.answering || self.begun == now {
@@ -97,7 +97,7 @@ impl Tap {
     }
 
     /// The sender puts a connection request on the line: what follows is its block, whatever became of the one before.
-    pub fn request(&mut self, now: Nanos) {
+    pub fn request(&mut self, now: Instant) {
         self.hear(now);
         self.begun = now;
         self.asked_again = false;
@@ -118,7 +118,7 @@ impl Tap {
     }
 
     /// A character that could not be read: what is open cannot become good.
-    pub fn spoil(&mut self, now: Nanos) {
+    pub fn spoil(&mut self, now: Instant) {
         self.hear(now);
         self.spoilt = true;
         if self.state == State::Check {
@@ -137,8 +137,8 @@ impl Tap {
         self.state = if self.state == State::Asked { State::AskedOnce } else { State::Idle };
     }
 
-    fn hear(&mut self, now: Nanos) {
-        if now.saturating_sub(self.last) > ZVZ {
+    fn hear(&mut self, now: Instant) {
+        if now.since(self.last) > ZVZ {
             self.state = State::Idle;
         }
         self.last = now;
@@ -149,16 +149,22 @@ impl Tap {
 mod tests {
     use super::*;
 
+    const ZVZ: u64 = super::ZVZ.nanos();
+
+    const fn ns(nanos: u64) -> Instant {
+        Instant::from_nanos(nanos)
+    }
+
     /// What comes good out of a line whose receiver says DLE to the first character of each block.
     fn good(blocks: &[&[u8]]) -> Vec<Vec<u8>> {
         let mut tap = Tap::default();
         blocks.iter().zip(1..).flat_map(|(block, at)| block_at(&mut tap, 1_000 * at, block)).collect()
     }
 
-    fn block_at(tap: &mut Tap, at: Nanos, block: &[u8]) -> Vec<Vec<u8>> {
+    fn block_at(tap: &mut Tap, at: u64, block: &[u8]) -> Vec<Vec<u8>> {
         let mut good = Vec::new();
         for (now, byte) in (at..).zip(block) {
-            good.extend(tap.push(now, *byte).map(<[u8]>::to_vec));
+            good.extend(tap.push(ns(now), *byte).map(<[u8]>::to_vec));
             if now == at {
                 tap.accepts();
             }
@@ -187,10 +193,10 @@ mod tests {
         assert!(block_at(&mut tap, 0, b"\x02\x31").is_empty());
         assert_eq!(block_at(&mut tap, 2 * ZVZ, block), [b"\x31"]);
         assert!(block_at(&mut tap, 2 * ZVZ + 9, b"\x02\x31").is_empty());
-        tap.spoil(2 * 2 * ZVZ + 90);
-        assert!([0x10, 0x03, 0x22].into_iter().all(|byte| tap.push(2 * 2 * ZVZ + 91, byte).is_none()));
+        tap.spoil(ns(2 * 2 * ZVZ + 90));
+        assert!([0x10, 0x03, 0x22].into_iter().all(|byte| tap.push(ns(2 * 2 * ZVZ + 91), byte).is_none()));
         assert!(block_at(&mut tap, 2 * 2 * 2 * ZVZ + 900, b"\x02\x31\x10\x03").is_empty());
-        tap.spoil(2 * 2 * 2 * ZVZ + 910);
+        tap.spoil(ns(2 * 2 * 2 * ZVZ + 910));
         assert_eq!(
             block_at(&mut tap, 2 * 2 * 2 * 2 * ZVZ + 9000, block),
             [b"\x31"],
@@ -205,11 +211,11 @@ mod tests {
         let mut tap = Tap::default();
         assert!(block_at(&mut tap, 1, &[STX, 0x31, 0x32]).is_empty());
         tap.refuses();
-        assert!(tap.push(2, STX).is_none());
+        assert!(tap.push(ns(2), STX).is_none());
         tap.accepts();
         let mut good = Vec::new();
         for (at, byte) in (3..).zip(*b"\x02\x02\x31\x10\x03\x22") {
-            good.extend(tap.push(at, byte).map(<[u8]>::to_vec));
+            good.extend(tap.push(ns(at), byte).map(<[u8]>::to_vec));
         }
         assert_eq!(good, [b"\x02\x02\x31"]);
     }
@@ -219,26 +225,27 @@ mod tests {
     #[test]
     fn what_comes_before_the_receivers_answer_is_no_data() {
         let mut tap = Tap::default();
-        assert!([STX, DLE, DLE].into_iter().all(|byte| tap.push(1, byte).is_none()));
+        assert!([STX, DLE, DLE].into_iter().all(|byte| tap.push(ns(1), byte).is_none()));
         assert_eq!(block_at(&mut tap, 2, b"\x02\x31\x10\x03\x22"), [b"\x31"]);
         // In the middle of a block an answer changes nothing.
         assert!(block_at(&mut tap, 3, b"\x02\x31").is_empty());
         tap.accepts();
-        assert!([0x10, 0x03].into_iter().all(|byte| tap.push(4, byte).is_none()));
-        assert!(tap.push(4, 0x22).is_some());
+        assert!([0x10, 0x03].into_iter().all(|byte| tap.push(ns(4), byte).is_none()));
+        assert!(tap.push(ns(4), 0x22).is_some());
     }
 
     #[test]
     fn a_request_that_is_repeated_before_the_answer_is_no_data() {
         let mut tap = Tap::default();
         // In one go, and while the answer leaves.
-        assert!(tap.push(1, STX).is_none() && tap.push(1, STX).is_none());
+        assert!(tap.push(ns(1), STX).is_none() && tap.push(ns(1), STX).is_none());
         tap.accepts();
         tap.answers(true);
-        assert!(tap.push(2, STX).is_none());
+        assert!(tap.push(ns(2), STX).is_none());
         tap.answers(false);
-        let good =
-            |tap: &mut Tap, at: Nanos, bytes: &[u8]| bytes.iter().filter(|byte| tap.push(at, **byte).is_some()).count();
+        let good = |tap: &mut Tap, at: u64, bytes: &[u8]| {
+            bytes.iter().filter(|byte| tap.push(ns(at), **byte).is_some()).count()
+        };
         assert_eq!(good(&mut tap, 3, b"\x31\x10\x03\x22"), 1);
         // The same, and two more of them behind the answer: they leave the check character right.
         assert_eq!(good(&mut tap, 4, b"\x02\x02"), 0);

@@ -3,7 +3,8 @@
 
 use std::fmt::{self, Write as _};
 
-use ob1_cpu::{Nanos, OperatingState};
+use ob1_cpu::OperatingState;
+use ob1_time::Instant;
 
 use super::driver::Driver;
 use super::station::SimStation;
@@ -29,12 +30,12 @@ const LEDGER_DB: u16 = 20;
 pub struct Watch {
     last: [u32; LEDGER_A.len()],
     /// When the last good echo came.
-    pub last_good: Nanos,
+    pub last_good: Instant,
 }
 
 impl Watch {
     /// After each cycle of a station.
-    pub fn look(&mut self, now: Nanos, station: &SimStation, log: &mut String) {
+    pub fn look(&mut self, now: Instant, station: &SimStation, log: &mut String) {
         if !is_a(station) {
             return;
         }
@@ -46,7 +47,7 @@ impl Watch {
                     self.last_good = now;
                 }
                 // Writing into a String cannot fail.
-                let _ = writeln!(log, "{:>12} {} {name} {value}", now / 1000, station.name);
+                let _ = writeln!(log, "{:>12} {} {name} {value}", now.micros(), station.name);
             }
         }
     }
@@ -125,9 +126,9 @@ pub fn judge(stations: &[SimStation], drivers: &[Driver], undetectable: u64, kil
         verdict.must(station.cpu.state() == OperatingState::Run, || format!("{name} is not in RUN"));
         verdict.must(statistics.watchdogs == 0, || format!("{name}: the watchdog expired"));
     }
-    let end = stations.iter().map(|s| s.due).max().unwrap_or(0);
-    verdict.must(end.saturating_sub(watch.last_good) < 3 * super::SECOND, || {
-        format!("no good echo since {} ms, although nothing goes wrong any more", watch.last_good / super::MS)
+    let end = stations.iter().map(|s| s.due).max().unwrap_or(Instant::START);
+    verdict.must(end.since(watch.last_good) < 3 * super::SECOND, || {
+        format!("no good echo since {} ms, although nothing goes wrong any more", watch.last_good.millis())
     });
     verdict
 }

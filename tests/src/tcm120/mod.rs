@@ -9,12 +9,12 @@ pub mod script;
 
 use ob1_protocols::esp2::frame::{Bytes, encode};
 use ob1_protocols::esp2::{Command, Field, Message, Radio, Telegram, WAKE};
-use ob1_protocols::{MS, Nanos};
+use ob1_time::{Instant, Span};
 
 use framing::{Framing, Step};
 
 /// A modem waits so long for its acknowledgement. [S1 "ERR_MODEM_ NOTACK"]
-pub const MODEM_TIME: Nanos = 100 * MS;
+pub const MODEM_TIME: Span = Span::from_millis(100);
 
 /// The ID base can be changed so often. [S1 "SET_IDBASE"]
 pub const ID_BASE_CHANGES: u8 = 10;
@@ -77,7 +77,7 @@ pub struct Output {
 #[derive(Clone, Copy, Debug)]
 struct Awaited {
     address: u16,
-    until: Nanos,
+    until: Instant,
     acknowledged: bool,
 }
 
@@ -116,7 +116,7 @@ impl Tcm120 {
     }
 
     /// Takes one input; the result is when [`Input::Tick`] is due.
-    pub fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut Output) -> Option<Nanos> {
+    pub fn step(&mut self, now: Instant, input: Input<'_>, out: &mut Output) -> Option<Instant> {
         self.expire(now, out);
         match input {
             Input::Tick => {}
@@ -128,7 +128,7 @@ impl Tcm120 {
     }
 
     /// "This error message is generated if no acknowledge was received before the timeout (100ms)."
-    fn expire(&mut self, now: Nanos, out: &mut Output) {
+    fn expire(&mut self, now: Instant, out: &mut Output) {
         let Some(awaited) = self.awaited.take_if(|awaited| now >= awaited.until) else { return };
         self.late = Some(awaited.address);
         if !awaited.acknowledged {
@@ -156,7 +156,7 @@ impl Tcm120 {
         }
     }
 
-    fn character(&mut self, now: Nanos, byte: u8, out: &mut Output) {
+    fn character(&mut self, now: Instant, byte: u8, out: &mut Output) {
         if self.asleep {
             // "The TCM will not wake up before a hardware reset is made or a WAKE telegram is sent." [S1 "SLEEP"]
             self.asleep = byte != WAKE;
@@ -169,7 +169,7 @@ impl Tcm120 {
         }
     }
 
-    fn telegram(&mut self, now: Nanos, bytes: &Bytes, out: &mut Output) {
+    fn telegram(&mut self, now: Instant, bytes: &Bytes, out: &mut Output) {
         match Telegram::parse(bytes) {
             Telegram::Transmit(radio) => self.transmit(now, radio, out),
             Telegram::Command(command) => self.command(command, out),
@@ -177,7 +177,7 @@ impl Tcm120 {
         }
     }
 
-    fn transmit(&mut self, now: Nanos, mut radio: Radio, out: &mut Output) {
+    fn transmit(&mut self, now: Instant, mut radio: Radio, out: &mut Output) {
         if radio.id().is_some_and(|id| id & ID_BASE_BITS != self.eeprom.id_base) {
             // "The radio telegram is not delivered." [S1 "ERR_TX_IDRANGE"]
             return say(Message::ErrTxIdRange, out);

@@ -3,10 +3,11 @@
 use std::collections::VecDeque;
 use std::fs;
 
-use ob1_cpu::{Cell, CellWidth, Nanos};
+use ob1_cpu::{Cell, CellWidth};
 use ob1_model::Area;
 use ob1_tests::sim::device::{Bench, Device};
 use ob1_tests::sim::{MS, SECOND};
+use ob1_time::{Instant, Span};
 
 use crate::common::cp341::{INSTANCES, data_block};
 
@@ -155,7 +156,7 @@ impl Partner {
 }
 
 impl Device for Partner {
-    fn hear(&mut self, _now: Nanos, bytes: &[u8], out: &mut Vec<u8>) -> Option<Nanos> {
+    fn hear(&mut self, _now: Instant, bytes: &[u8], out: &mut Vec<u8>) -> Option<Instant> {
         for byte in bytes {
             self.character(*byte, out);
         }
@@ -282,7 +283,7 @@ impl Site {
     }
 
     /// Runs until something has been noted (or for so long) and notes what the blocks say.
-    pub(crate) fn run(&mut self, most: Nanos, until: impl Fn(&[u16], &[Report]) -> bool) -> bool {
+    pub(crate) fn run(&mut self, most: Span, until: impl Fn(&[u16], &[Report]) -> bool) -> bool {
         let Self { bench, ends, reports } = self;
         bench.until(most, |station| {
             let memory = station.cpu.bit_memory();
@@ -300,7 +301,7 @@ impl Site {
         })
     }
 
-    pub(crate) fn pass(&mut self, time: Nanos) {
+    pub(crate) fn pass(&mut self, time: Span) {
         self.run(time, |_, _| false);
     }
 

@@ -6,12 +6,12 @@ use std::sync::{Arc, Mutex};
 
 use ob1_backplane::{BusMemory, BusSize, CpSide, CpuSide, Segment};
 use ob1_coupler::{BusConfig, Input, MasterInput};
-use ob1_cpu::Nanos;
 use ob1_host::bus::Bus;
 use ob1_host::module::{DriverLink, Life};
 use ob1_host::supervisor::{Exit, Report};
 use ob1_io::{Master, Pump};
 use ob1_station::station_file::Bus as BusOfFile;
+use ob1_time::Instant;
 
 use super::field::Field;
 
@@ -40,11 +40,11 @@ impl DriverLink for Link {
 /// The process while it lives.
 struct Alive {
     pump: Pump,
-    masters: Vec<(Master, Nanos)>,
+    masters: Vec<(Master, Instant)>,
 }
 
 impl Alive {
-    fn ask(&mut self, line: usize, now: Nanos, input: MasterInput<'_>) -> (Vec<u8>, bool) {
+    fn ask(&mut self, line: usize, now: Instant, input: MasterInput<'_>) -> (Vec<u8>, bool) {
         let mut out = Vec::new();
         let (master, deadline) = &mut self.masters[line];
         *deadline = master.step(now, input, &mut self.pump.image, &mut out);
@@ -61,14 +61,14 @@ pub(crate) struct SimulatedBus {
     config: BusConfig,
     alive: Option<Alive>,
     /// When the next process begins.
-    begins: Nanos,
+    begins: Instant,
     pub(crate) fields: Vec<Field>,
     pub(crate) kills: u32,
 }
 
 impl SimulatedBus {
     /// With what the CPU sees of it.
-    pub(crate) fn new(bus: &BusOfFile, fields: Vec<Field>, begins: Nanos) -> (Self, Bus) {
+    pub(crate) fn new(bus: &BusOfFile, fields: Vec<Field>, begins: Instant) -> (Self, Bus) {
         let (segment, memory) = (Segment::heap(), BusMemory::heap());
         let side = CpuSide::create(&segment, 8).expect("a segment");
         let (inputs, outputs) = (bus.config.input_bytes, bus.config.output_bytes);
@@ -80,14 +80,14 @@ impl SimulatedBus {
         (Self { process, segment, memory, size, config, alive: None, begins, fields, kills: 0 }, host)
     }
 
-    pub(crate) fn next(&self) -> Nanos {
+    pub(crate) fn next(&self) -> Instant {
         let masters = self.alive.iter().flat_map(|alive| alive.masters.iter().map(|(_, deadline)| *deadline));
         let pump = self.alive.as_ref().map(|alive| alive.pump.deadline());
         let fields = self.fields.iter().map(Field::next);
-        masters.chain(pump).chain(fields).fold(self.begins, Nanos::min)
+        masters.chain(pump).chain(fields).fold(self.begins, Instant::min)
     }
 
-    pub(crate) fn advance(&mut self, now: Nanos) {
+    pub(crate) fn advance(&mut self, now: Instant) {
         let Self { alive, fields, .. } = self;
         for (line, field) in fields.iter_mut().enumerate() {
             let mut ask =
@@ -107,8 +107,8 @@ impl SimulatedBus {
         }
     }
 
-    fn begin(&mut self, now: Nanos) {
-        self.begins = Nanos::MAX;
+    fn begin(&mut self, now: Instant) {
+        self.begins = Instant::NEVER;
         let attempts = self.process.attempts.fetch_add(1, Ordering::Relaxed) + 1;
         let segment = CpSide::attach(&self.segment).expect("a segment");
         let mut pump = Pump::new(&self.config, segment, &self.memory, self.size, now);
@@ -131,7 +131,7 @@ impl SimulatedBus {
         self.alive.is_some()
     }
 
-    pub(crate) fn kill(&mut self, now: Nanos, begins: Nanos) {
+    pub(crate) fn kill(&mut self, now: Instant, begins: Instant) {
         self.alive = None;
         self.kills += 1;
         self.begins = begins;
@@ -141,7 +141,7 @@ impl SimulatedBus {
     }
 
     /// The end of a scan rings.
-    pub(crate) fn ring(&mut self, now: Nanos) {
+    pub(crate) fn ring(&mut self, now: Instant) {
         let Some(alive) = &mut self.alive else { return };
         if alive.pump.look_at_scan(now) {
             for (line, field) in self.fields.iter_mut().enumerate() {

@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
-use ob1_cpu::{Cell, CellWidth, Command, Cpu, Module, ModuleSlot, Nanos};
+use ob1_cpu::{Cell, CellWidth, Command, Cpu, Module, ModuleSlot};
 use ob1_dp::slave::SlaveConfig;
 use ob1_line::sim::FaultRates;
 use ob1_station::station_file::{self, ModuleKind, Station};
 use ob1_station::{assembly, program};
 use ob1_tests::sim::MS;
 use ob1_tests::sim::clock::VirtualClock;
+use ob1_time::{Instant, Span};
 
 use super::bus::SimulatedBus;
 use super::device::{BYTES, Device};
@@ -68,8 +69,8 @@ fn station(folder: &Path, calls: &[Call]) -> Station {
 }
 
 pub(crate) struct Plant {
-    now: Nanos,
-    due: Nanos,
+    now: Instant,
+    due: Instant,
     pub(crate) cpu: Cpu,
     pub(crate) bus: SimulatedBus,
 }
@@ -95,7 +96,7 @@ impl Plant {
             Device::slave(n, config)
         });
         let field = Field::wires(DP_BAUD, FaultRates::NONE, 1, slaves.collect());
-        let (bus, host) = SimulatedBus::new(&station.buses[0], vec![field], 5 * MS);
+        let (bus, host) = SimulatedBus::new(&station.buses[0], vec![field], Instant::from_millis(5));
         let modules: Vec<(ModuleSlot, Box<dyn Module>)> = station
             .modules
             .iter()
@@ -110,10 +111,10 @@ impl Plant {
         let mut cpu =
             Cpu::new(station.cpu.clone(), &loaded.program, natives, modules, station.engine.factory()).expect("a CPU");
         cpu.request(Command::Run);
-        Self { now: 0, due: 0, cpu, bus }
+        Self { now: Instant::START, due: Instant::START, cpu, bus }
     }
 
-    pub(crate) fn now(&self) -> Nanos {
+    pub(crate) fn now(&self) -> Instant {
         self.now
     }
 
@@ -127,14 +128,15 @@ impl Plant {
             self.now = self.bus.next().min(self.due).max(self.now);
             self.bus.advance(self.now);
             if self.now >= self.due {
-                self.due = self.cpu.cycle(&mut VirtualClock(self.now)).next_deadline.max(self.now + 1);
+                let end = self.cpu.cycle(&mut VirtualClock(self.now.nanos()));
+                self.due = Instant::from_nanos(end.next_deadline).max(self.now + Span::from_nanos(1));
                 self.bus.ring(self.now);
                 return;
             }
         }
     }
 
-    pub(crate) fn run(&mut self, time: Nanos) {
+    pub(crate) fn run(&mut self, time: Span) {
         let until = self.now + time;
         while self.now < until {
             self.scan();

@@ -2,10 +2,10 @@
 //! time they are read; all of them have a watchdog.
 
 use ob1_coupler::{Input, LineInput, MasterInput};
-use ob1_cpu::Nanos;
 use ob1_dp::Slave;
 use ob1_dp::slave::SlaveConfig;
 use ob1_tests::coupler::{Coupler, crc};
+use ob1_time::{Instant, Span};
 
 /// Bytes of a device, each way.
 pub(crate) const BYTES: usize = 4;
@@ -26,14 +26,14 @@ pub(crate) struct Device {
     n: usize,
     kind: Kind,
     /// When it wants to be asked again.
-    pub(crate) deadline: Nanos,
+    pub(crate) deadline: Instant,
     /// Without power until then.
-    off_until: Nanos,
+    off_until: Instant,
     /// Nothing reaches it, and nothing comes from it, until then.
-    cut_until: Nanos,
+    cut_until: Instant,
     reads: u64,
     /// The last exchange.
-    pub(crate) heard: Nanos,
+    pub(crate) heard: Instant,
     /// What it was written since the last look.
     written: Vec<Vec<u8>>,
     /// It was another one since the last look.
@@ -47,11 +47,11 @@ impl Device {
         let mut device = Self {
             n,
             kind,
-            deadline: Nanos::MAX,
-            off_until: 0,
-            cut_until: 0,
+            deadline: Instant::NEVER,
+            off_until: Instant::START,
+            cut_until: Instant::START,
             reads: 0,
-            heard: 0,
+            heard: Instant::START,
             written: Vec::new(),
             restarted: false,
             expired: 0,
@@ -69,7 +69,7 @@ impl Device {
     }
 
     /// Another one, as after power on; without power until then.
-    pub(crate) fn restart(&mut self, off_until: Nanos) {
+    pub(crate) fn restart(&mut self, off_until: Instant) {
         match &mut self.kind {
             Kind::Slave(slave, config) => **slave = Slave::new(config.clone()),
             Kind::Coupler(coupler, heard, _) => {
@@ -77,12 +77,12 @@ impl Device {
                 heard.clear();
             }
         }
-        (self.reads, self.off_until, self.deadline, self.restarted) = (0, off_until, Nanos::MAX, true);
+        (self.reads, self.off_until, self.deadline, self.restarted) = (0, off_until, Instant::NEVER, true);
         self.sense();
     }
 
     /// Its cable is pulled, until then.
-    pub(crate) fn cut(&mut self, until: Nanos) {
+    pub(crate) fn cut(&mut self, until: Instant) {
         self.cut_until = until;
     }
 
@@ -93,11 +93,11 @@ impl Device {
         }
     }
 
-    pub(crate) fn is_reached(&self, now: Nanos) -> bool {
+    pub(crate) fn is_reached(&self, now: Instant) -> bool {
         now >= self.off_until && now >= self.cut_until
     }
 
-    pub(crate) fn has_power(&self, now: Nanos) -> bool {
+    pub(crate) fn has_power(&self, now: Instant) -> bool {
         now >= self.off_until
     }
 
@@ -132,7 +132,7 @@ impl Device {
     }
 
     /// What happens on wires; what it says to that. `quiet`: a pause that ends a telegram.
-    pub(crate) fn on_wires(&mut self, now: Nanos, input: MasterInput<'_>, quiet: Nanos) -> Vec<u8> {
+    pub(crate) fn on_wires(&mut self, now: Instant, input: MasterInput<'_>, quiet: Span) -> Vec<u8> {
         let silent = !self.is_reached(now);
         let mut out = Vec::new();
         match &mut self.kind {
@@ -141,7 +141,7 @@ impl Device {
                 let deaf = now < self.cut_until && matches!(input, Input::Line(LineInput::Rx(_) | LineInput::Fault(_)));
                 let input = if deaf { Input::Tick } else { input };
                 if now < self.off_until {
-                    self.deadline = Nanos::MAX;
+                    self.deadline = Instant::NEVER;
                     return out;
                 }
                 self.deadline = slave.step(now, input, &mut out);
@@ -161,7 +161,7 @@ impl Device {
                     self.deadline = now + quiet;
                 }
                 Input::Tick if now >= self.deadline => {
-                    self.deadline = Nanos::MAX;
+                    self.deadline = Instant::NEVER;
                     let (telegram, whole) = (std::mem::take(heard), !std::mem::take(spoiled));
                     if let Some((telegram, check)) = telegram.split_last_chunk::<2>().map(|(t, c)| (t.to_vec(), *c))
                         && whole
@@ -182,7 +182,7 @@ impl Device {
     }
 
     /// A coupler is asked; its answer.
-    pub(crate) fn asked(&mut self, now: Nanos, telegram: &[u8]) -> Vec<u8> {
+    pub(crate) fn asked(&mut self, now: Instant, telegram: &[u8]) -> Vec<u8> {
         self.look(now);
         let Kind::Coupler(coupler, ..) = &mut self.kind else { return Vec::new() };
         let Some(answer) = coupler.hear(now, telegram) else { return Vec::new() };
@@ -197,7 +197,7 @@ impl Device {
     }
 
     /// The watchdog of a coupler.
-    pub(crate) fn look(&mut self, now: Nanos) {
+    pub(crate) fn look(&mut self, now: Instant) {
         if let Kind::Coupler(coupler, ..) = &mut self.kind {
             let was = coupler.deadline();
             coupler.look(now);

@@ -3,11 +3,11 @@
 use std::collections::VecDeque;
 
 use ob1_coupler::{Input, LineFault, LineInput, MasterInput};
-use ob1_cpu::Nanos;
 use ob1_line::sim::{BusConfig as WiresConfig, FaultRates, Frame, Participant, SimBus, SplitMix64};
 use ob1_line::{LineSettings, Parity};
 use ob1_tests::coupler::{Stream, framed};
 use ob1_tests::sim::MS;
+use ob1_time::{Instant, Span};
 
 use super::device::Device;
 
@@ -24,7 +24,7 @@ pub(crate) struct Wires {
     bus: SimBus,
     me: Participant,
     devices: Vec<(Participant, Device)>,
-    quiet: Nanos,
+    quiet: Span,
 }
 
 pub(crate) struct Net {
@@ -32,9 +32,9 @@ pub(crate) struct Net {
     rng: SplitMix64,
     open: bool,
     /// When it is opened; somebody wants that.
-    opens: Nanos,
-    there: VecDeque<(Nanos, Vec<u8>)>,
-    back: VecDeque<(Nanos, Vec<u8>)>,
+    opens: Instant,
+    there: VecDeque<(Instant, Vec<u8>)>,
+    back: VecDeque<(Instant, Vec<u8>)>,
     stream: Stream,
 }
 
@@ -44,7 +44,12 @@ impl Field {
         let mut bus = SimBus::new(WiresConfig { faults, ..WiresConfig::new(true) }, seed);
         let me = bus.join(Frame::of(&settings));
         let devices = devices.into_iter().map(|device| (bus.join(Frame::of(&settings)), device)).collect();
-        Self::Wires(Box::new(Wires { bus, me, devices, quiet: (settings.time_of(7) / 2).max(1_750_000) }))
+        Self::Wires(Box::new(Wires {
+            bus,
+            me,
+            devices,
+            quiet: (settings.time_of(7) / 2).max(Span::from_nanos(1_750_000)),
+        }))
     }
 
     pub(crate) fn net(seed: u64, device: Device) -> Self {
@@ -52,7 +57,7 @@ impl Field {
             device,
             rng: SplitMix64::new(seed),
             open: false,
-            opens: Nanos::MAX,
+            opens: Instant::NEVER,
             there: VecDeque::new(),
             back: VecDeque::new(),
             stream: Stream::default(),
@@ -67,21 +72,21 @@ impl Field {
     }
 
     /// When something happens.
-    pub(crate) fn next(&self) -> Nanos {
+    pub(crate) fn next(&self) -> Instant {
         match self {
             Self::Wires(wires) => {
                 let devices = wires.devices.iter().map(|(_, device)| device.deadline);
-                devices.chain(wires.bus.next_event()).fold(Nanos::MAX, Nanos::min)
+                devices.chain(wires.bus.next_event()).fold(Instant::NEVER, Instant::min)
             }
             Self::Net(net) => {
                 let fronts = [net.there.front(), net.back.front()];
-                fronts.into_iter().flatten().map(|(at, _)| *at).fold(net.opens, Nanos::min)
+                fronts.into_iter().flatten().map(|(at, _)| *at).fold(net.opens, Instant::min)
             }
         }
     }
 
     /// The process is there: it begins with its line.
-    pub(crate) fn begin(&mut self, now: Nanos, ask: &mut impl Ask) {
+    pub(crate) fn begin(&mut self, now: Instant, ask: &mut impl Ask) {
         match self {
             Self::Wires(_) => self.tell(now, Input::Line(LineInput::Fault(LineFault::Back)), ask),
             Self::Net(net) => net.opens = now + MS,
@@ -89,22 +94,22 @@ impl Field {
     }
 
     /// The process is gone, and what it was saying.
-    pub(crate) fn end(&mut self, now: Nanos) {
+    pub(crate) fn end(&mut self, now: Instant) {
         match self {
             Self::Wires(wires) => drop(wires.bus.take_back(wires.me, now)),
-            Self::Net(net) => net.close(Nanos::MAX),
+            Self::Net(net) => net.close(Instant::NEVER),
         }
     }
 
     /// The master is told something.
-    pub(crate) fn tell(&mut self, now: Nanos, input: MasterInput<'_>, ask: &mut impl Ask) {
+    pub(crate) fn tell(&mut self, now: Instant, input: MasterInput<'_>, ask: &mut impl Ask) {
         let (said, reconnect) = ask(input);
         match self {
             Self::Wires(wires) => wires.bus.write(wires.me, now, &said),
             Self::Net(net) => {
                 if net.open && !said.is_empty() {
-                    let at = net.rng.below(400_000) + now + 100_000;
-                    net.there.push_back((at.max(net.there.back().map_or(0, |(at, _)| *at)), said));
+                    let at = now + Span::from_micros(100) + net.rng.span_below(Span::from_micros(400));
+                    net.there.push_back((at.max(net.there.back().map_or(Instant::START, |(at, _)| *at)), said));
                 }
                 if reconnect {
                     net.close(now + 20 * MS);
@@ -115,7 +120,7 @@ impl Field {
     }
 
     /// Everything that is due.
-    pub(crate) fn advance(&mut self, now: Nanos, ask: &mut impl Ask) {
+    pub(crate) fn advance(&mut self, now: Instant, ask: &mut impl Ask) {
         self.devices().into_iter().for_each(|device| device.look(now));
         match self {
             Self::Wires(_) => self.advance_wires(now, ask),
@@ -123,7 +128,7 @@ impl Field {
         }
     }
 
-    fn advance_wires(&mut self, now: Nanos, ask: &mut impl Ask) {
+    fn advance_wires(&mut self, now: Instant, ask: &mut impl Ask) {
         let mut buffer = [0; 256];
         loop {
             let Self::Wires(wires) = self else { return };
@@ -142,11 +147,11 @@ impl Field {
         }
     }
 
-    fn advance_net(&mut self, now: Nanos, ask: &mut impl Ask) {
+    fn advance_net(&mut self, now: Instant, ask: &mut impl Ask) {
         let Self::Net(net) = self else { return };
         if now >= net.opens {
             if net.device.is_reached(now) {
-                (net.open, net.opens, net.stream) = (true, Nanos::MAX, Stream::default());
+                (net.open, net.opens, net.stream) = (true, Instant::NEVER, Stream::default());
                 return self.tell(now, Input::Line(LineInput::Fault(LineFault::Back)), ask);
             }
             net.opens = now + 50 * MS;
@@ -172,7 +177,7 @@ impl Field {
 }
 
 impl Wires {
-    fn tell(&mut self, now: Nanos, who: Participant, input: MasterInput<'_>) {
+    fn tell(&mut self, now: Instant, who: Participant, input: MasterInput<'_>) {
         if let Some((_, device)) = self.devices.iter_mut().find(|(other, _)| *other == who) {
             let said = device.on_wires(now, input, self.quiet);
             self.bus.write(who, now, &said);
@@ -181,21 +186,22 @@ impl Wires {
 }
 
 impl Net {
-    fn close(&mut self, opens: Nanos) {
+    fn close(&mut self, opens: Instant) {
         (self.open, self.opens) = (false, opens);
         (self.there, self.back) = (VecDeque::new(), VecDeque::new());
     }
 
     /// The device hears, and answers; now and then late.
-    fn hear(&mut self, now: Nanos, bytes: &[u8]) {
+    fn hear(&mut self, now: Instant, bytes: &[u8]) {
         if !self.device.is_reached(now) {
             return;
         }
         let Self { device, stream, back, rng, .. } = self;
         let fine = stream.take(bytes, |transaction, telegram| {
             let answer = device.asked(now, telegram);
-            let late = if rng.below(200) == 0 { rng.below(80 * MS) } else { rng.below(400_000) };
-            let at = (now + 100_000 + late).max(back.back().map_or(0, |(at, _)| *at));
+            let late =
+                if rng.below(200) == 0 { rng.span_below(80 * MS) } else { rng.span_below(Span::from_micros(400)) };
+            let at = (now + Span::from_micros(100) + late).max(back.back().map_or(Instant::START, |(at, _)| *at));
             back.push_back((at, framed(transaction, &answer)));
         });
         assert!(fine, "the master speaks Modbus");

@@ -8,9 +8,10 @@
 //!   between.
 //! - What is read of a device that answers is what it sensed a moment ago.
 
-use ob1_cpu::{Cpu, Nanos, OperatingState};
+use ob1_cpu::{Cpu, OperatingState};
 use ob1_model::Event;
 use ob1_tests::sim::MS;
+use ob1_time::Instant;
 
 use super::device::{BYTES, Device, sensed};
 use super::{COUNT, COUNTS, DEVICES, WATCHDOG};
@@ -62,13 +63,13 @@ impl Judge {
 
     pub(crate) fn look<'a>(
         &mut self,
-        now: Nanos,
+        now: Instant,
         cpu: &Cpu,
         state: OperatingState,
         devices: impl Iterator<Item = &'a mut Device>,
     ) {
-        let at = format!("seed {}, {} ms", self.seed, now / MS);
-        assert!(state == OperatingState::Run || now < 50 * MS, "{at}: {state:?}");
+        let at = format!("seed {}, {} ms", self.seed, now.millis());
+        assert!(state == OperatingState::Run || now < Instant::from_millis(50), "{at}: {state:?}");
         self.entries(&at, cpu);
         let Some(db) = cpu.data_block(1) else { panic!("DB 1") };
         let ran = [0, 2].map(|n| u16::from_be_bytes([db[COUNTS + n], db[COUNTS + n + 1]]));

@@ -12,13 +12,14 @@ mod judge;
 
 use std::path::Path;
 
-use ob1_cpu::{BusPlace, Command, Cpu, Module, ModuleSlot, Nanos};
+use ob1_cpu::{BusPlace, Command, Cpu, Module, ModuleSlot};
 use ob1_dp::slave::SlaveConfig;
 use ob1_line::sim::{FaultRates, SplitMix64};
 use ob1_station::station_file::{self, ModuleKind, Station};
 use ob1_station::{assembly, program};
 use ob1_tests::sim::clock::VirtualClock;
 use ob1_tests::sim::{MS, SECOND};
+use ob1_time::{Instant, Span};
 
 use bus::SimulatedBus;
 use device::{BYTES, Device};
@@ -32,13 +33,13 @@ const COUNT: usize = DEVICES[0] + DEVICES[1] + DEVICES[2];
 const DP_BAUD: u32 = 93_750;
 const RTU_BAUD: u32 = 57_600;
 /// Of every device.
-const WATCHDOG: Nanos = 200 * MS;
+const WATCHDOG: Span = Span::from_millis(200);
 /// Something goes wrong until here; then everything must come back by itself.
-const TROUBLE: Nanos = 3 * SECOND;
-const END: Nanos = 6 * SECOND;
+const TROUBLE: Instant = Instant::from_secs(3);
+const END: Instant = Instant::from_secs(6);
 
 /// What a process takes to be there again.
-const START: Nanos = 100 * MS;
+const START: Span = Span::from_millis(100);
 
 /// Four bytes in, four bytes out, compact.
 const GSD: &str = "#Profibus_DP
@@ -121,12 +122,12 @@ fn station(folder: &Path) -> Station {
 }
 
 struct World {
-    now: Nanos,
+    now: Instant,
     rng: SplitMix64,
     cpu: Cpu,
-    due: Nanos,
+    due: Instant,
     buses: Vec<SimulatedBus>,
-    trouble: Nanos,
+    trouble: Instant,
     judge: Judge,
 }
 
@@ -142,7 +143,8 @@ impl World {
         let loaded = program::load(&station).unwrap_or_else(|failure| panic!("{:?}", failure.findings()));
         let mut fields = fields(&station, &mut rng, noisy);
         let made = station.buses.iter().zip(fields.drain(..));
-        let (buses, hosts): (Vec<_>, Vec<_>) = made.map(|(bus, fields)| SimulatedBus::new(bus, fields, 5 * MS)).unzip();
+        let (buses, hosts): (Vec<_>, Vec<_>) =
+            made.map(|(bus, fields)| SimulatedBus::new(bus, fields, Instant::from_millis(5))).unzip();
         let mut modules: Vec<(ModuleSlot, Box<dyn Module>)> = Vec::new();
         for config in &station.modules {
             let ModuleKind::Remote { bus, module } = &config.kind else { panic!("all are on a bus") };
@@ -156,8 +158,8 @@ impl World {
         let mut cpu =
             Cpu::new(station.cpu.clone(), &loaded.program, natives, modules, station.engine.factory()).expect("a CPU");
         cpu.request(Command::Run);
-        let trouble = 500 * MS + rng.below(500 * MS);
-        Self { now: 0, rng, cpu, due: 0, buses, trouble, judge: Judge::new(seed) }
+        let trouble = Instant::from_millis(500) + rng.span_below(500 * MS);
+        Self { now: Instant::START, rng, cpu, due: Instant::START, buses, trouble, judge: Judge::new(seed) }
     }
 
     fn devices(&mut self) -> Vec<&mut Device> {
@@ -165,12 +167,13 @@ impl World {
     }
 
     fn make_trouble(&mut self) {
-        self.trouble = if self.now < TROUBLE { self.now + 30 * MS + self.rng.below(250 * MS) } else { Nanos::MAX };
+        self.trouble =
+            if self.now < TROUBLE { self.now + 30 * MS + self.rng.span_below(250 * MS) } else { Instant::NEVER };
         if self.now >= TROUBLE {
             return;
         }
         let now = self.now;
-        let (what, n, time) = (self.rng.below(6), self.rng.below(COUNT as u64) as usize, self.rng.below(500 * MS));
+        let (what, n, time) = (self.rng.below(6), self.rng.below(COUNT as u64) as usize, self.rng.span_below(500 * MS));
         let bus = self.rng.below(DEVICES.len() as u64) as usize;
         match what {
             0 if self.buses[bus].is_alive() => self.buses[bus].kill(now, now + 20 * MS + time),
@@ -179,13 +182,15 @@ impl World {
             2 => self.devices()[n].report(&[]),
             3 => self.devices()[n].cut(now + time),
             // A coupler takes its time to start; a slave's restart is seen however short it is.
-            _ => self.devices()[n].restart(now + if what == 4 && n < DEVICES[0] { 0 } else { 200 * MS + time }),
+            _ => {
+                self.devices()[n].restart(now + if what == 4 && n < DEVICES[0] { Span::ZERO } else { 200 * MS + time });
+            }
         }
     }
 
-    fn run(&mut self, until: Nanos) {
+    fn run(&mut self, until: Instant) {
         while self.now < until {
-            let buses = self.buses.iter().map(SimulatedBus::next).fold(Nanos::MAX, Nanos::min);
+            let buses = self.buses.iter().map(SimulatedBus::next).fold(Instant::NEVER, Instant::min);
             self.now = self.now.max(buses.min(self.due).min(self.trouble).min(until));
             for bus in &mut self.buses {
                 bus.advance(self.now);
@@ -194,8 +199,8 @@ impl World {
                 self.make_trouble();
             }
             if self.now >= self.due {
-                let end = self.cpu.cycle(&mut VirtualClock(self.now));
-                self.due = end.next_deadline.max(self.now + 1);
+                let end = self.cpu.cycle(&mut VirtualClock(self.now.nanos()));
+                self.due = Instant::from_nanos(end.next_deadline).max(self.now + Span::from_nanos(1));
                 for bus in &mut self.buses {
                     bus.ring(self.now);
                 }
@@ -243,13 +248,13 @@ fn fields(station: &Station, rng: &mut SplitMix64, noisy: bool) -> Vec<Vec<Field
 }
 
 /// Nothing goes wrong but that all processes are killed, at a moment of the seed; after how long all devices are back.
-pub(crate) fn killed(seed: u64, folder: &Path) -> Nanos {
+pub(crate) fn killed(seed: u64, folder: &Path) -> Span {
     let mut world = World::with(seed, folder, false);
-    let rest = |world: &mut World, until: Nanos| {
-        world.trouble = Nanos::MAX;
+    let rest = |world: &mut World, until: Instant| {
+        world.trouble = Instant::NEVER;
         world.run(until);
     };
-    let killed = SECOND + world.rng.below(100 * MS);
+    let killed = Instant::START + SECOND + world.rng.span_below(100 * MS);
     rest(&mut world, killed);
     world.buses.iter_mut().for_each(|bus| bus.kill(killed, killed + START));
     while !world.judge.all_are_back() || world.now < killed + START {

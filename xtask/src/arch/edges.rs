@@ -280,7 +280,9 @@ const TABLE: &[Row] = &[
     row("ob1-panicking-plugin", "invariant 9", &["ob1-sdk"]),
     row("ob1-params", "invariant 11", &["ob1-serial", "strsim", "thiserror"]),
     // What a serial line is, in words.
-    row("ob1-serial", "invariant 1", &[]),
+    row("ob1-serial", "invariant 1", &["ob1-time"]),
+    // Instants and spans of the one clock.
+    row("ob1-time", "invariant 1", &[]),
     row("ob1-protocols", "invariant 1", &["ob1-serial"]),
     // What a bus is made of goes from the runtime to its process: serde; JSON is the affair of both ends.
     row("ob1-coupler", "invariant 11", &["ob1-protocols", "serde"]),

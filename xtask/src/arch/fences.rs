@@ -153,6 +153,7 @@ const FENCES: &[(&str, &[Ban])] = &[
     ("plugins/words", ALL),
     ("runtime/arena", ALL),
     ("runtime/cpu", ALL),
+    ("runtime/time", ALL),
     // Its memory for code comes from the system, through rustix.
     ("runtime/native", &[Clock, Threads, Locks, Disk, Net, Process, Hash]),
     // It maps files that others made, through rustix.

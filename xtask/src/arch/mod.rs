@@ -56,6 +56,7 @@ const GUARDS: &[Guard] = &[
     guard("words", owners::words),
     guard("module-types", owners::module_types),
     guard("verifier", owners::verifier),
+    guard("time", owners::time),
     guard("tests", house_rules::tests),
     guard("lints", house_rules::workspace_lints),
     guard("merges", house_rules::merge_marks),

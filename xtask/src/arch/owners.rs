@@ -1,4 +1,5 @@
-//! Things that have one owner: the verifier, the table of module types, the words between a handling block and its CP.
+//! Things that have one owner: the verifier, the table of module types, the words between a handling block and its CP,
+//! the types of time.
 
 use std::collections::BTreeMap;
 
@@ -29,6 +30,15 @@ const TYPES_COUNT: &[&str] = &["driver", "links", "runtime"];
 
 /// The verifier.
 const VERIFIER: &str = "blocks/ir/src/verify.rs";
+
+/// The crate of instants and spans.
+const TIME: &str = "runtime/time/src";
+
+/// Other names of numbers that are no times: the number of a request, a set of registers.
+const NO_TIMES: &[&str] = &["Ticket", "Set"];
+
+/// Here a time is still a number.
+const NO_TIME_YET: &[&str] = &["runtime/cpu/src/ports.rs"];
 
 /// No wire constant has a second definition: of a name that stands in the words, neither side has one with a value of
 /// its own.
@@ -116,6 +126,34 @@ pub(super) fn verifier(tree: &Tree) -> Vec<Finding> {
     findings
 }
 
+/// Instants and spans are types: no other name of a bare number stands for one.
+pub(super) fn time(tree: &Tree) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    for file in tree.rust().filter(|file| !file.is_in(&[TIME]) && !NO_TIME_YET.contains(&file.path.as_str())) {
+        for (number, line, _) in file.code_lines() {
+            let Some((name, number_type)) = alias(line) else { continue };
+            let is_number = ["u32", "u64", "u128", "i64", "f64"].contains(&number_type);
+            if is_number && !NO_TIMES.contains(&name) {
+                findings.push(Finding {
+                    place: format!("{}:{number}", file.path),
+                    rule: "one owner",
+                    what: format!(
+                        "`{name}` is another name of {number_type}: a time is an `Instant` or a `Span` of {TIME}"
+                    ),
+                });
+            }
+        }
+    }
+    findings
+}
+
+/// `type NAME = T;` in one line, but for those of traits.
+fn alias(line: &str) -> Option<(&str, &str)> {
+    let rest = line.strip_prefix("pub(crate) ").or_else(|| line.strip_prefix("pub(super) ")).unwrap_or(line);
+    let (name, of) = rest.strip_prefix("pub ").unwrap_or(rest).strip_prefix("type ")?.split_once(" = ")?;
+    Some((name, of.strip_suffix(';')?))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -158,5 +196,16 @@ mod tests {
             ("runtime/cpu/src/a.rs", "fn verify_later() {}\n"),
         ]);
         assert_eq!(places(&verifier(&tree)), ["runtime/cpu/src/engine/verify.rs:1"]);
+    }
+
+    #[test]
+    fn a_time_that_is_a_bare_number_is_found() {
+        let tree = Tree::of(&[
+            ("runtime/time/src/span.rs", "type Nanos = u64;\n"),
+            ("driver/serial/src/lib.rs", "// pub type Nanos = u64;\npub type Nanos = u64;\n"),
+            ("runtime/rt/src/a.rs", "pub(crate) type Millis = u32;\npub type Ticket = u64;\ntype Pair = (u64, u64);\n"),
+            ("links/gate/src/a.rs", "impl Iterator for A {\n    type Item = u64;\n}\n"),
+        ]);
+        assert_eq!(places(&time(&tree)), ["driver/serial/src/lib.rs:2", "runtime/rt/src/a.rs:1"]);
     }
 }

@@ -5,8 +5,12 @@ use super::mask::has_word;
 use super::tree::{File, Tree};
 
 /// Crates that are `no_std` and never ask for `alloc`.
-const NO_ALLOC: &[(&str, &str)] =
-    &[("driver/protocols", "invariant 1"), ("driver/serial", "invariant 1"), ("plugins/abi", "invariant 9")];
+const NO_ALLOC: &[(&str, &str)] = &[
+    ("driver/protocols", "invariant 1"),
+    ("driver/serial", "invariant 1"),
+    ("runtime/time", "invariant 1"),
+    ("plugins/abi", "invariant 9"),
+];
 
 /// `#![no_std]` at the crate root and no `extern crate` outside tests: then `Vec`, `String` and `Box` have no name.
 pub(super) fn no_std_without_alloc(tree: &Tree) -> Vec<Finding> {
@@ -160,18 +164,21 @@ mod tests {
 
     const ABI: (&str, &str) = ("plugins/abi/src/lib.rs", "#![no_std]\n");
     const SERIAL: (&str, &str) = ("driver/serial/src/lib.rs", "#![no_std]\n");
+    const TIME: (&str, &str) = ("runtime/time/src/lib.rs", "#![no_std]\n");
 
     #[test]
     fn no_std_is_demanded_and_alloc_refused() {
         let good = Tree::of(&[
             ABI,
             SERIAL,
+            TIME,
             ("driver/protocols/src/lib.rs", "//! x\n#![no_std]\n#[cfg(test)]\nextern crate std;\n"),
         ]);
         assert_eq!(no_std_without_alloc(&good), []);
-        let std = Tree::of(&[ABI, SERIAL, ("driver/protocols/src/lib.rs", "// #![no_std]\n")]);
+        let std = Tree::of(&[ABI, SERIAL, TIME, ("driver/protocols/src/lib.rs", "// #![no_std]\n")]);
         assert_eq!(no_std_without_alloc(&std).len(), 1);
-        let alloc = Tree::of(&[ABI, SERIAL, ("driver/protocols/src/lib.rs", "#![no_std]\nextern crate alloc;\n")]);
+        let alloc =
+            Tree::of(&[ABI, SERIAL, TIME, ("driver/protocols/src/lib.rs", "#![no_std]\nextern crate alloc;\n")]);
         assert_eq!(no_std_without_alloc(&alloc)[0].place, "driver/protocols/src/lib.rs:2");
     }
 

@@ -1,5 +1,6 @@
 //! A coupler as tests have it: tables, a list of all requests, and the ways in which it can be difficult.
 
+use ob1_coupler::config::Instant;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// A coupler behind a connection.
@@ -17,7 +18,7 @@ pub(crate) struct Device {
     pub(crate) silent: bool,
     /// Its watchdog has expired: it answers everything with a device failure until that is cleared, as a WAGO 750 does.
     pub(crate) expired: bool,
-    pub(crate) log: Vec<(u64, Vec<u8>)>,
+    pub(crate) log: Vec<(Instant, Vec<u8>)>,
 }
 
 impl Device {
@@ -37,7 +38,7 @@ impl Device {
     }
 
     /// Answers a request: unit, function, data.
-    pub(crate) fn answer(&mut self, now: u64, request: &[u8]) -> Option<Vec<u8>> {
+    pub(crate) fn answer(&mut self, now: Instant, request: &[u8]) -> Option<Vec<u8>> {
         self.log.push((now, request.to_vec()));
         if self.silent {
             return None;

@@ -7,32 +7,32 @@ use ob1_coupler::{BusConfig, Image, Input, LineConfig, LineFault, LineInput, Mas
 use ob1_dp::slave::SlaveConfig;
 use ob1_dp::{Master, Slave};
 use ob1_line::sim::{BusConfig as WiresConfig, FaultRates, Frame, Participant, SimBus, SplitMix64};
-use ob1_line::{LineSettings, Parity};
+use ob1_line::{Instant, LineSettings, Parity, Span};
 
-pub(crate) const MS: u64 = 1_000_000;
+pub(crate) const MS: Span = Span::MILLISECOND;
 /// What all slaves of the tests are.
 const IDENT: u16 = 0x801D;
 
 pub(crate) struct OnLine {
     pub(crate) slave: Slave,
     who: Participant,
-    deadline: u64,
+    deadline: Instant,
     /// It has no power.
     pub(crate) off: bool,
 }
 
 pub(crate) struct Wires {
-    pub(crate) now: u64,
+    pub(crate) now: Instant,
     bus: SimBus,
     me: Participant,
     pub(crate) master: Master,
-    deadline: u64,
+    deadline: Instant,
     pub(crate) image: Image,
     pub(crate) slaves: Vec<OnLine>,
     /// The master is gone.
     pub(crate) killed: bool,
     /// Which slave the master lost, and when.
-    pub(crate) losses: Vec<(u64, usize)>,
+    pub(crate) losses: Vec<(Instant, usize)>,
     /// Exchanges that the master accepted.
     pub(crate) accepted: u64,
     /// So many telegrams in a million are damaged, and how many were.
@@ -105,19 +105,19 @@ impl Wires {
         let slaves = (0..dp.slaves.len()).map(|n| OnLine {
             slave: Slave::new(slave_of(dp, n)),
             who: bus.join(Frame::of(&settings)),
-            deadline: u64::MAX,
+            deadline: Instant::NEVER,
             off: false,
         });
         let slaves = slaves.collect();
         let mut image = Image::new(config);
         image.driven = true;
-        let master = Master::new(dp, 0, 0).expect("bus parameters that hold");
+        let master = Master::new(dp, 0, Instant::START).expect("bus parameters that hold");
         let mut wires = Self {
-            now: 0,
+            now: Instant::START,
             bus,
             me,
             master,
-            deadline: 0,
+            deadline: Instant::START,
             image,
             slaves,
             killed: false,
@@ -142,7 +142,7 @@ impl Wires {
 
     pub(crate) fn ask(&mut self, input: MasterInput<'_>) {
         if self.killed {
-            self.deadline = u64::MAX;
+            self.deadline = Instant::NEVER;
             return;
         }
         let before: Vec<(State, u64)> =
@@ -183,7 +183,7 @@ impl Wires {
     fn tell(&mut self, n: usize, input: MasterInput<'_>) {
         let on = &mut self.slaves[n];
         if on.off {
-            on.deadline = u64::MAX;
+            on.deadline = Instant::NEVER;
             return;
         }
         let mut out = Vec::new();
@@ -193,12 +193,12 @@ impl Wires {
     }
 
     /// Lets so much time pass; `each` looks at everything behind each event.
-    pub(crate) fn run_with(&mut self, time: u64, mut each: impl FnMut(&mut Self)) {
+    pub(crate) fn run_with(&mut self, time: Span, mut each: impl FnMut(&mut Self)) {
         let until = self.now + time;
         let mut buffer = [0; 256];
         loop {
             let slaves = self.slaves.iter().map(|on| on.deadline);
-            let next = slaves.chain(self.bus.next_event()).fold(self.deadline, u64::min);
+            let next = slaves.chain(self.bus.next_event()).fold(self.deadline, Instant::min);
             if next > until {
                 self.now = until;
                 return;
@@ -224,7 +224,7 @@ impl Wires {
         }
     }
 
-    pub(crate) fn run(&mut self, time: u64) {
+    pub(crate) fn run(&mut self, time: Span) {
         self.run_with(time, |_| {});
     }
 

@@ -1,6 +1,6 @@
 //! The diagnostic record (record set 01h) and when it is told. [S3 "Diagnostic data"]
 
-use ob1_protocols::Nanos;
+use ob1_protocols::Instant;
 
 /// ERR_A to CH7ERR, and the µs ticker: 20 bytes, 2 of them the reserved ones the index list leaves out.
 pub type DiagnosticRecord = [u8; 20];
@@ -31,11 +31,11 @@ impl Diagnosis {
     pub(super) const fn new() -> Self {
         let mut diagnosis =
             Self { enabled: false, wire_break: false, parameters: false, told: (false, false), record: [0; 20] };
-        diagnosis.compose(0);
+        diagnosis.compose(Instant::START);
         diagnosis
     }
 
-    const fn compose(&mut self, now: Nanos) {
+    const fn compose(&mut self, now: Instant) {
         let mut error = 0;
         if self.wire_break {
             error |= FAULT | EXTERNAL;
@@ -49,7 +49,7 @@ impl Diagnosis {
             (self.record[7], self.record[8]) = (1, WIRE_BREAK);
         }
         // The ticker begins with 0 when the module is switched on, and begins again after 2^32 µs. [S3 L337]
-        let ticker = ((now / 1000) as u32).to_be_bytes();
+        let ticker = (now.since_start().micros() as u32).to_be_bytes();
         (self.record[16], self.record[17], self.record[18], self.record[19]) =
             (ticker[0], ticker[1], ticker[2], ticker[3]);
     }
@@ -61,7 +61,7 @@ impl Diagnosis {
 
     /// Whether there is something new; `Some(true)` if an error has come, `Some(false)` if one has gone. The record is
     /// renewed then.
-    pub(super) fn change(&mut self, now: Nanos) -> Option<bool> {
+    pub(super) fn change(&mut self, now: Instant) -> Option<bool> {
         let found = (self.wire_break, self.parameters);
         if found == self.told {
             return None;
@@ -81,17 +81,17 @@ mod tests {
     fn a_wire_break_is_told_with_its_time() {
         let mut diagnosis = Diagnosis::new();
         assert_eq!(diagnosis.record()[..9], [0, 0x1C, 0, 0, 0x60, 8, 1, 0, 0]);
-        assert_eq!(diagnosis.change(5), None);
+        assert_eq!(diagnosis.change(Instant::from_nanos(5)), None);
         diagnosis.wire_break = true;
         // 2^32 µs and 7 more.
-        assert_eq!(diagnosis.change(((1 << 32) + 7) * 1000), Some(true));
+        assert_eq!(diagnosis.change(Instant::from_micros((1 << 32) + 7)), Some(true));
         assert_eq!(diagnosis.record()[..9], [0x05, 0x1C, 0, 0, 0x60, 8, 1, 1, 0x10]);
         assert_eq!(diagnosis.record()[16..], [0, 0, 0, 7]);
         diagnosis.wire_break = false;
-        assert_eq!(diagnosis.change(9_000), Some(false));
+        assert_eq!(diagnosis.change(Instant::from_nanos(9_000)), Some(false));
         assert_eq!((diagnosis.record()[0], diagnosis.record()[19]), (0, 9));
         diagnosis.parameters = true;
-        assert_eq!(diagnosis.change(10_000), Some(true));
+        assert_eq!(diagnosis.change(Instant::from_nanos(10_000)), Some(true));
         assert_eq!(diagnosis.record()[0], 0x81);
     }
 }

@@ -1,13 +1,13 @@
 //! Where the protocol puts its results during one step.
 
-use ob1_protocols::{Event, LineFault, Nanos, SendError, Sink, What, Wire, rk512};
+use ob1_protocols::{Event, Instant, LineFault, SendError, Sink, What, Wire, rk512};
 
 use super::receive::{ReceiveSide, ReturnValue};
 use crate::leds::LedDriver;
 use crate::port::{CpCounter, CpEvent, CpPort};
 
 pub(super) struct Outlet<'a> {
-    pub(super) now: Nanos,
+    pub(super) now: Instant,
     pub(super) receive: &'a mut ReceiveSide,
     pub(super) leds: &'a mut LedDriver,
     pub(super) port: &'a mut dyn CpPort,

@@ -1,7 +1,7 @@
 //! Where the protocol of a CP 240 puts its results during one step.
 
 use ob1_params::LineSettings;
-use ob1_protocols::{Event, LineFault, Nanos, Part, SendError, Sink, What, Wire};
+use ob1_protocols::{Event, Instant, LineFault, Part, SendError, Sink, What, Wire};
 
 use super::modem::Modem;
 use super::rk512_side::Rk512Side;
@@ -12,7 +12,7 @@ use crate::ring::Ring;
 
 /// Where the protocol puts its results during one step.
 pub(super) struct Outlet<'a> {
-    pub(super) now: Nanos,
+    pub(super) now: Instant,
     pub(super) ring: &'a mut Ring,
     /// Telegrams come in parts.
     pub(super) is_fragmented: bool,

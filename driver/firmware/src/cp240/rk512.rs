@@ -1,7 +1,7 @@
 //! The module with RK 512: `TX` brings orders and answers, `RX` shows results and orders of the partner.
 
 use ob1_protocols::rk512::{self, AnswerError, OrderError, Request};
-use ob1_protocols::{Input, Nanos, Sink};
+use ob1_protocols::{Input, Instant, Sink};
 
 use super::outlet::Outlet;
 use super::{Cp240, rx_word};
@@ -14,7 +14,7 @@ impl Cp240 {
     /// The CPU has handed over an order, or the answer to the partner's. `TX` is free again as soon as it has been
     /// taken over; how an order ends is told by `RX`, so that an answer can go out while an order waits for its
     /// reaction.
-    pub(super) fn handed(&mut self, now: Nanos, port: &mut dyn CpPort) {
+    pub(super) fn handed(&mut self, now: Instant, port: &mut dyn CpPort) {
         let framing = self.send.framing();
         if framing == OWN_ORDER {
             if !self.order_waits {
@@ -55,7 +55,7 @@ impl Cp240 {
     }
 
     /// An order that stands in no register.
-    pub(super) fn order_rk512(&mut self, now: Nanos, order: rk512::Order<'_>, port: &mut dyn CpPort) {
+    pub(super) fn order_rk512(&mut self, now: Instant, order: rk512::Order<'_>, port: &mut dyn CpPort) {
         let mut out = outlet!(self, now, port);
         if let Protocol::Rk512(machine) = &mut self.protocol {
             self.protocol_due = machine.step(now, Input::Order(order), &mut out);
@@ -63,7 +63,7 @@ impl Cp240 {
     }
 
     /// Looks at `RX echo`.
-    pub(super) fn look_rk512(&mut self, now: Nanos, port: &mut dyn CpPort) {
+    pub(super) fn look_rk512(&mut self, now: Instant, port: &mut dyn CpPort) {
         if let Some((Offer::Partner, length)) = self.rk512.look(rx_word(&self.outputs)) {
             port.count(CpCounter::Delivered, 1);
             port.event(now, CpEvent::Delivered(length));
@@ -71,7 +71,7 @@ impl Cp240 {
     }
 
     /// What a step of the protocol may have made possible.
-    pub(super) fn after_rk512(&mut self, now: Nanos, port: &mut dyn CpPort) {
+    pub(super) fn after_rk512(&mut self, now: Instant, port: &mut dyn CpPort) {
         if self.order_waits && !self.is_busy() {
             return self.handed(now, port);
         }

@@ -3,7 +3,7 @@
 use std::mem;
 
 use ob1_protocols::rk512::{self, Answer, code};
-use ob1_protocols::{Input, MS, Nanos, Order, modbus_master_32};
+use ob1_protocols::{Input, Instant, Order, Span, modbus_master_32};
 
 use super::protocol::Protocol;
 use super::receive::{self, Offer};
@@ -13,10 +13,10 @@ use crate::port::{CpCounter, CpEvent, CpPort};
 use ob1_words::channels::{Offered as Kind, Refusal as Reason};
 
 /// A telegram that the CPU has no place for is offered again after this. (ours; "repeated attempts" [reference 1.7])
-const AGAIN: Nanos = 1_000 * MS;
+const AGAIN: Span = Span::from_millis(1_000);
 
 impl Cp341 {
-    pub(super) fn look_send(&mut self, now: Nanos, block: &ChannelBlock, port: &mut dyn CpPort) {
+    pub(super) fn look_send(&mut self, now: Instant, block: &ChannelBlock, port: &mut dyn CpPort) {
         match self.send.look(block) {
             send::Step::Nothing | send::Step::Started => {}
             send::Step::Refused(status) => self.job_ended(now, Err(status), port),
@@ -29,7 +29,7 @@ impl Cp341 {
 
     /// Gives the complete job of the send channel to the protocol, as soon as that is free: a job that was reset after
     /// it had been handed over is still being transmitted. [reference 1.2]
-    pub(super) fn begin(&mut self, now: Nanos, port: &mut dyn CpPort) {
+    pub(super) fn begin(&mut self, now: Instant, port: &mut dyn CpPort) {
         if self.sending.is_some() || self.protocol.busy() || !self.send.is_running() {
             return;
         }
@@ -78,7 +78,7 @@ impl Cp341 {
     }
 
     /// P_PRINT: what is wrong with a printout stands in it, and is told when it is out.
-    fn print(&mut self, now: Nanos, port: &mut dyn CpPort) {
+    fn print(&mut self, now: Instant, port: &mut dyn CpPort) {
         let (bytes, misprint) = match self.protocol.print(self.send.job().1) {
             Ok(printout) => printout,
             Err(status) => return self.job_ended(now, Err(status), port),
@@ -97,7 +97,7 @@ impl Cp341 {
     }
 
     /// The job of the send channel has ended before the protocol had it.
-    fn job_ended(&mut self, now: Nanos, outcome: Result<&[u8], u16>, port: &mut dyn CpPort) {
+    fn job_ended(&mut self, now: Instant, outcome: Result<&[u8], u16>, port: &mut dyn CpPort) {
         match outcome {
             Ok(_) => port.count(CpCounter::Sent, 1),
             Err(status) => {
@@ -108,7 +108,7 @@ impl Cp341 {
         self.send.ended(outcome);
     }
 
-    pub(super) fn look_receive(&mut self, now: Nanos, block: &ChannelBlock, port: &mut dyn CpPort) {
+    pub(super) fn look_receive(&mut self, now: Instant, block: &ChannelBlock, port: &mut dyn CpPort) {
         let (kind, moves) = (self.receive.offered(), self.receive.moves());
         match self.receive.look(block) {
             // A slow CPU is not one that takes nothing.
@@ -149,7 +149,7 @@ impl Cp341 {
 
     /// The block does not take what was offered. A telegram stays where it is, unless a newer one has taken its place;
     /// a job of the partner is refused.
-    fn give_back(&mut self, now: Nanos, kind: Option<Kind>, reason: Reason, port: &mut dyn CpPort) {
+    fn give_back(&mut self, now: Instant, kind: Option<Kind>, reason: Reason, port: &mut dyn CpPort) {
         if kind == Some(Kind::Telegram) {
             self.withdraw(port);
         }
@@ -173,7 +173,7 @@ impl Cp341 {
     }
 
     /// The CPU has all data, or has given all.
-    fn taken(&mut self, now: Nanos, kind: Option<Kind>, port: &mut dyn CpPort) {
+    fn taken(&mut self, now: Instant, kind: Option<Kind>, port: &mut dyn CpPort) {
         match kind {
             None => {}
             Some(Kind::Telegram) => {
@@ -199,7 +199,7 @@ impl Cp341 {
     }
 
     /// Offers what there is, if the block waits for something.
-    pub(super) fn offer(&mut self, now: Nanos) {
+    pub(super) fn offer(&mut self, now: Instant) {
         if !self.receive.is_ready() {
             return;
         }
@@ -223,7 +223,7 @@ impl Cp341 {
 
     /// Enters that the CPU does not take what there is for it. The job of an RK 512 partner is given up by the
     /// protocol, and the loadable driver has numbers of its own. [reference 1.7]
-    pub(super) fn watch_cpu(&mut self, now: Nanos, port: &mut dyn CpPort) {
+    pub(super) fn watch_cpu(&mut self, now: Instant, port: &mut dyn CpPort) {
         let is_rk512 = self.protocol.rk512().is_some();
         let waits = self.cpu_running
             && (is_rk512 || self.protocol.is_plain())

@@ -2,15 +2,15 @@
 //!
 //! SF stands for the module's state, not for single errors of the line: a telegram that fails does not light it.
 
-use ob1_protocols::{MS, Nanos};
+use ob1_protocols::{Instant, Span};
 
 use crate::leds::Leds;
 
 /// "lights up again briefly when new parameters are loaded" [S4 L1696]: so long, that it can be seen (ours).
-const NEW_PARAMETERS: Nanos = 500 * MS;
+const NEW_PARAMETERS: Span = Span::from_millis(500);
 
 /// How long RXD stays on after the last character, so that it can be seen (ours).
-const RECEIVE: Nanos = 50 * MS;
+const RECEIVE: Span = Span::from_millis(50);
 
 /// What makes them light up and go out.
 #[derive(Debug)]
@@ -20,11 +20,11 @@ pub(crate) struct LedDriver {
     /// The parameters are wrong.
     parameters_wrong: bool,
     /// New ones have been loaded: until then.
-    loaded_until: Nanos,
+    loaded_until: Instant,
     /// "CTS or DSR signals not asserted at the connector" [S4 L1703]: they have broken a transmission off.
     signals_missing: bool,
     transmit: bool,
-    receive_until: Nanos,
+    receive_until: Instant,
 }
 
 impl LedDriver {
@@ -32,15 +32,15 @@ impl LedDriver {
         Self {
             starting: true,
             parameters_wrong: false,
-            loaded_until: 0,
+            loaded_until: Instant::START,
             signals_missing: false,
             transmit: false,
-            receive_until: 0,
+            receive_until: Instant::START,
         }
     }
 
     /// Parameters have come that the CP did not have yet.
-    pub(crate) fn parameters(&mut self, now: Nanos, valid: bool) {
+    pub(crate) fn parameters(&mut self, now: Instant, valid: bool) {
         (self.starting, self.parameters_wrong, self.signals_missing) = (false, !valid, false);
         self.loaded_until = now + NEW_PARAMETERS;
     }
@@ -53,13 +53,13 @@ impl LedDriver {
         self.transmit = on;
     }
 
-    pub(crate) fn received(&mut self, now: Nanos) {
+    pub(crate) fn received(&mut self, now: Instant) {
         self.receive_until = now + RECEIVE;
         self.signals_missing = false;
     }
 
     /// The LEDs at this time. `interrupted`: BREAK, the receiving line is interrupted.
-    pub(crate) fn at(&self, now: Nanos, interrupted: bool) -> Leds {
+    pub(crate) fn at(&self, now: Instant, interrupted: bool) -> Leds {
         let fault = self.parameters_wrong || self.signals_missing || interrupted;
         Leds {
             power: true,
@@ -70,7 +70,7 @@ impl LedDriver {
     }
 
     /// When one of them goes out.
-    pub(crate) fn deadline(&self, now: Nanos) -> Option<Nanos> {
+    pub(crate) fn deadline(&self, now: Instant) -> Option<Instant> {
         [self.loaded_until, self.receive_until].into_iter().filter(|until| now < *until).min()
     }
 }

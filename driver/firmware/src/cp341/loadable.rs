@@ -5,14 +5,14 @@
 //! the CPU" [S4 L1652].
 
 use ob1_params::{LineSettings, ModbusMaster32, StopBits};
-use ob1_protocols::Nanos;
+use ob1_protocols::Span;
 use ob1_protocols::modbus_master_32::{Driver, Owner, Parameters, Signals, Wiring};
 
 use super::outlet::Outlet;
 use crate::port::{CpCounter, CpEvent};
 
 /// The driver with these parameters. `late`: how late the line may hand over characters.
-pub(super) fn of(p: &ModbusMaster32, line: &LineSettings, late: Nanos) -> Driver {
+pub(super) fn of(p: &ModbusMaster32, line: &LineSettings, late: Span) -> Driver {
     Driver::new(Parameters {
         baud: line.baud,
         data_bits: line.data_bits,

@@ -21,7 +21,7 @@ pub use ob1_words::channels::{Channel, ChannelBlock, Job};
 use ob1_params::{Cp341 as Parameters, CpKind, ParamError, Protocol341};
 use ob1_protocols::modbus_master_32;
 use ob1_protocols::rk512::{self, AnswerError, Refusal};
-use ob1_protocols::{Input, LineFault, LineInput, Nanos};
+use ob1_protocols::{Input, Instant, LineFault, LineInput};
 
 use crate::cp::Cp;
 use crate::leds::Leds;
@@ -47,7 +47,7 @@ pub struct Cp341 {
     parameters: Option<Parameters>,
     parameters_wrong: bool,
     protocol: Protocol,
-    protocol_due: Option<Nanos>,
+    protocol_due: Option<Instant>,
     cpu_running: bool,
     send: SendChannel,
     /// The job that is with the protocol.
@@ -57,7 +57,7 @@ pub struct Cp341 {
     receive: ReceiveChannel,
     patience: Patience,
     /// A telegram that the CPU has refused is not offered before this.
-    again_at: Nanos,
+    again_at: Instant,
     parts: Parts,
     v24: V24,
     diagnosis: Diagnosis,
@@ -72,7 +72,7 @@ impl Default for Cp341 {
 }
 
 impl Cp for Cp341 {
-    fn step(&mut self, now: Nanos, input: CpInput<'_>, port: &mut dyn CpPort) -> Option<Nanos> {
+    fn step(&mut self, now: Instant, input: CpInput<'_>, port: &mut dyn CpPort) -> Option<Instant> {
         match input {
             CpInput::Tick => {
                 if self.protocol_due.is_some_and(|due| now >= due) {
@@ -141,7 +141,7 @@ impl Cp341 {
             misprint: None,
             receive: ReceiveChannel::new(),
             patience: Patience::default(),
-            again_at: 0,
+            again_at: Instant::START,
             parts: Parts::new(kind),
             v24: V24::new(),
             diagnosis: Diagnosis::new(model),
@@ -156,7 +156,7 @@ impl Cp341 {
     }
 
     /// Tells of a wire break and of wrong parameters that have come or gone. [reference 1.9]
-    fn diagnose(&mut self, now: Nanos, port: &mut dyn CpPort) {
+    fn diagnose(&mut self, now: Instant, port: &mut dyn CpPort) {
         let found = Faults { wire_break: self.parts.is_interrupted(), parameters: self.parameters_wrong };
         for number in self.diagnosis.find(found) {
             port.event(now, CpEvent::EntryGone(number));
@@ -171,7 +171,7 @@ impl Cp341 {
 
     // ---- start-up ----
 
-    fn parametrise(&mut self, now: Nanos, parameters: Result<&Parameters, &ParamError>, port: &mut dyn CpPort) {
+    fn parametrise(&mut self, now: Instant, parameters: Result<&Parameters, &ParamError>, port: &mut dyn CpPort) {
         self.parameters_wrong = parameters.is_err();
         match parameters {
             // They come with each STOP -> RUN; the same ones change nothing. [reference 1.6]
@@ -206,7 +206,7 @@ impl Cp341 {
     }
 
     /// New parameters: "active requests are aborted, telegrams in the CP are lost". [reference 1.6]
-    fn drop_all(&mut self, now: Nanos, port: &mut dyn CpPort) {
+    fn drop_all(&mut self, now: Instant, port: &mut dyn CpPort) {
         if self.is_working() {
             self.drive(now, Protocol::ABORT, port);
         }
@@ -244,7 +244,7 @@ impl Cp341 {
         self.parts.ring.clear(capacity);
     }
 
-    fn cpu(&mut self, now: Nanos, run: bool, port: &mut dyn CpPort) {
+    fn cpu(&mut self, now: Instant, run: bool, port: &mut dyn CpPort) {
         if self.cpu_running == run {
             return;
         }
@@ -270,14 +270,14 @@ impl Cp341 {
     }
 
     /// RK 512 answers jobs of the partner with 2Ah while the CPU is in STOP. [reference 1.6]
-    fn serve(&mut self, now: Nanos, port: &mut dyn CpPort) {
+    fn serve(&mut self, now: Instant, port: &mut dyn CpPort) {
         let serves = self.cpu_running;
         self.order_rk512(now, rk512::Order::Serve(serves), port);
     }
 
     // ---- the line and the protocol ----
 
-    fn line(&mut self, now: Nanos, line: LineInput<'_>, port: &mut dyn CpPort) {
+    fn line(&mut self, now: Instant, line: LineInput<'_>, port: &mut dyn CpPort) {
         match line {
             LineInput::Rx(bytes) => {
                 self.parts.interrupted = false;
@@ -310,14 +310,14 @@ impl Cp341 {
     }
 
     /// Nobody acknowledges: what is sent into a line that is gone is not done.
-    fn break_off(&mut self, now: Nanos, port: &mut dyn CpPort) {
+    fn break_off(&mut self, now: Instant, port: &mut dyn CpPort) {
         if self.parts.line_gone && !self.protocol.is_acknowledged() && self.protocol.busy() {
             self.parts.first_error.get_or_insert(0x0708);
             self.drive(now, Protocol::ABORT, port);
         }
     }
 
-    fn drive(&mut self, now: Nanos, input: Input<'_>, port: &mut dyn CpPort) {
+    fn drive(&mut self, now: Instant, input: Input<'_>, port: &mut dyn CpPort) {
         let mut out = self.parts.outlet(now, self.receive.is_taking(), port);
         self.protocol_due = self.protocol.step(now, input, &mut out);
         let collected = out.collected;
@@ -325,7 +325,7 @@ impl Cp341 {
     }
 
     /// An order for RK 512 that is not a telegram; with another protocol nothing happens.
-    fn order_rk512(&mut self, now: Nanos, order: rk512::Order<'_>, port: &mut dyn CpPort) {
+    fn order_rk512(&mut self, now: Instant, order: rk512::Order<'_>, port: &mut dyn CpPort) {
         let Protocol::Rk512(machine) = &mut self.protocol else { return };
         let mut out: Outlet<'_> = self.parts.outlet(now, self.receive.is_taking(), port);
         self.protocol_due = machine.step(now, Input::Order(order), &mut out);
@@ -334,7 +334,7 @@ impl Cp341 {
     }
 
     /// An order for the loadable driver; with another protocol nothing happens.
-    fn order_loadable(&mut self, now: Nanos, order: modbus_master_32::Order<'_>, port: &mut dyn CpPort) {
+    fn order_loadable(&mut self, now: Instant, order: modbus_master_32::Order<'_>, port: &mut dyn CpPort) {
         let Protocol::Loadable(driver) = &mut self.protocol else { return };
         let mut out = self.parts.outlet(now, self.receive.is_taking(), port);
         self.protocol_due = driver.step(now, Input::Order(order), &mut out);
@@ -343,7 +343,7 @@ impl Cp341 {
     }
 
     /// What a step of the protocol has brought.
-    fn after(&mut self, now: Nanos, collected: Collected, port: &mut dyn CpPort) {
+    fn after(&mut self, now: Instant, collected: Collected, port: &mut dyn CpPort) {
         self.v24.switched(collected.rts, collected.dtr);
         if let Some(outcome) = collected.answered {
             self.answered(now, outcome, port);
@@ -375,7 +375,7 @@ impl Cp341 {
     }
 
     /// RK 512: the job of the partner is over.
-    fn answered(&mut self, now: Nanos, outcome: Result<(), AnswerError>, port: &mut dyn CpPort) {
+    fn answered(&mut self, now: Instant, outcome: Result<(), AnswerError>, port: &mut dyn CpPort) {
         let waited = self.parts.asked.close();
         match outcome {
             Ok(()) => {
@@ -414,7 +414,7 @@ impl Cp341 {
     }
 
     /// Writes into the diagnostic buffer.
-    fn enter(&mut self, now: Nanos, number: u16, port: &mut dyn CpPort) {
+    fn enter(&mut self, now: Instant, number: u16, port: &mut dyn CpPort) {
         port.event(now, CpEvent::Entry(number));
     }
 }

@@ -5,7 +5,7 @@ use std::mem;
 
 use ob1_params::CpKind;
 use ob1_protocols::rk512::{self, AnswerError, OrderError, Request};
-use ob1_protocols::{Event, LineFault, Nanos, Phase, SendError, Sink, What, Wire};
+use ob1_protocols::{Event, Instant, LineFault, Phase, SendError, Sink, What, Wire};
 
 use super::leds::LedDriver;
 use super::model::JOB_MAX;
@@ -59,7 +59,7 @@ impl Parts {
     }
 
     /// `taking`: P_RCV_RK is called, and wants to hear of errors.
-    pub(crate) fn outlet<'a>(&'a mut self, now: Nanos, taking: bool, port: &'a mut dyn CpPort) -> Outlet<'a> {
+    pub(crate) fn outlet<'a>(&'a mut self, now: Instant, taking: bool, port: &'a mut dyn CpPort) -> Outlet<'a> {
         Outlet { now, taking, parts: self, port, collected: Collected::default() }
     }
 
@@ -153,7 +153,7 @@ pub(crate) struct Collected {
 
 /// Where the protocol puts its results during one step.
 pub(crate) struct Outlet<'a> {
-    pub(super) now: Nanos,
+    pub(super) now: Instant,
     taking: bool,
     pub(super) parts: &'a mut Parts,
     pub(super) port: &'a mut dyn CpPort,

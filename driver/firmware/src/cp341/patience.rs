@@ -1,38 +1,38 @@
 //! How long something waits for P_RCV_RK, and when that is told. [reference 1.7]
 
-use ob1_protocols::{MS, Nanos};
+use ob1_protocols::{Instant, Span};
 
 /// "Temporarily": the CPU is slower than this. (ours)
-const SLOW: Nanos = 1_000 * MS;
+const SLOW: Span = Span::from_secs(1);
 
 /// "Given up after repeated attempts for 10 s." [reference 3.6, 0409h]
-const GIVEN_UP: Nanos = 10_000 * MS;
+const GIVEN_UP: Span = Span::from_secs(10);
 
 /// Watches one thing at a time: what is oldest.
 #[derive(Debug, Default)]
 pub(crate) struct Patience {
     /// Since when the CPU has not moved, and what it was like then.
-    since: Option<(Nanos, u32)>,
+    since: Option<(Instant, u32)>,
     /// What is still to be told, and after how long.
-    next: Option<(Nanos, u16)>,
+    next: Option<(Span, u16)>,
 }
 
 impl Patience {
     /// Something waits, or nothing (`None`); the number changes when the CPU gets on with it. With `is_watched`
     /// something else gives it up. The result is an event number, each once for a wait.
-    pub(crate) fn look(&mut self, now: Nanos, waits: Option<u32>, is_watched: bool) -> Option<u16> {
+    pub(crate) fn look(&mut self, now: Instant, waits: Option<u32>, is_watched: bool) -> Option<u16> {
         if self.since.map(|(_, moves)| moves) != waits {
             self.since = waits.map(|moves| (now, moves));
             self.next = waits.map(|_| (SLOW, 0x0408));
         }
         let (since, _) = self.since?;
-        let (after, number) = self.next.filter(|(after, _)| now >= since + after)?;
+        let (after, number) = self.next.filter(|(after, _)| now >= since + *after)?;
         self.next = (after == SLOW && !is_watched).then_some((GIVEN_UP, 0x0409));
         Some(number)
     }
 
     /// When it wants to be looked at.
-    pub(crate) fn deadline(&self) -> Option<Nanos> {
+    pub(crate) fn deadline(&self) -> Option<Instant> {
         Some(self.since?.0 + self.next?.0)
     }
 }
@@ -54,14 +54,14 @@ mod tests {
                 None
             }
         };
-        for ms in 0..40_000 {
-            told.extend(patience.look(ms * MS, moves(ms), false).map(|number| (ms, number)));
+        for ms in 0..40_000_u64 {
+            told.extend(patience.look(Instant::from_millis(ms), moves(ms), false).map(|number| (ms, number)));
         }
         assert_eq!(told, [(1_000, 0x0408), (10_000, 0x0409)]);
         assert_eq!(patience.deadline(), None);
-        assert_eq!(patience.look(50_000 * MS, Some(1), true), None);
-        assert_eq!(patience.deadline(), Some(51_000 * MS));
-        assert_eq!(patience.look(51_000 * MS, Some(1), true), Some(0x0408));
-        assert_eq!((patience.look(70_000 * MS, Some(1), true), patience.deadline()), (None, None));
+        assert_eq!(patience.look(Instant::from_millis(50_000), Some(1), true), None);
+        assert_eq!(patience.deadline(), Some(Instant::from_millis(51_000)));
+        assert_eq!(patience.look(Instant::from_millis(51_000), Some(1), true), Some(0x0408));
+        assert_eq!((patience.look(Instant::from_millis(70_000), Some(1), true), patience.deadline()), (None, None));
     }
 }

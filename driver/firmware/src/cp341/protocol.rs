@@ -6,7 +6,7 @@ use ob1_params::{AsciiOf341, Cp341 as Parameters, CpKind, EndOf341, Priority, Pr
 use ob1_protocols::modbus_master_32::{self, Driver};
 use ob1_protocols::rk512::{self, Rk512};
 use ob1_protocols::{
-    Ascii, Input, LineFault, LineInput, MS, Machine, Nanos, Order, S3964, Sink, ascii, s3964, signals,
+    Ascii, Input, Instant, LineFault, LineInput, MS, Machine, Order, S3964, Sink, Span, ascii, s3964, signals,
 };
 
 use super::loadable;
@@ -54,7 +54,7 @@ impl Plain {
     }
 
     /// A step of a protocol that does not listen.
-    fn step_deaf(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) -> Option<Nanos> {
+    fn step_deaf(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Sink) -> Option<Instant> {
         match input {
             Input::Line(LineInput::Rx(bytes)) => {
                 let steers =
@@ -88,8 +88,8 @@ impl fmt::Debug for Protocol {
 
 impl Protocol {
     /// `late`: how late the line may hand over characters.
-    pub(crate) fn of(parameters: &Parameters, late: Nanos) -> Self {
-        let char_time = parameters.line_settings().char_time_ns();
+    pub(crate) fn of(parameters: &Parameters, late: Span) -> Self {
+        let char_time = parameters.line_settings().char_time();
         let p = match &parameters.protocol {
             Protocol341::Ascii(p) => {
                 return Self::Plain(Plain::ascii(ascii_config(p, parameters, late), parameters.kind));
@@ -98,7 +98,7 @@ impl Protocol {
                 let config = ascii::Config {
                     criterion: ascii::Criterion::Silence,
                     flow: parameters.line.flow,
-                    flow_wait: Nanos::from(p.flow_wait_ms) * MS,
+                    flow_wait: u64::from(p.flow_wait_ms) * MS,
                     ..ascii::Config::unset(char_time)
                 };
                 // What one job prints may be longer than a CP 340's telegrams.
@@ -124,10 +124,10 @@ impl Protocol {
     /// One step; with no machine nothing happens.
     pub(crate) fn step<O: Sink + rk512::Owner + modbus_master_32::Owner>(
         &mut self,
-        now: Nanos,
+        now: Instant,
         input: Input<'_>,
         out: &mut O,
-    ) -> Option<Nanos> {
+    ) -> Option<Instant> {
         match self {
             Self::None => None,
             Self::Plain(plain) => plain.machine.step(now, input, out),
@@ -191,8 +191,8 @@ impl Protocol {
 }
 
 /// [reference 6]
-fn ascii_config(p: &AsciiOf341, parameters: &Parameters, late: Nanos) -> ascii::Config {
-    let zvz = Nanos::from(p.zvz_ms) * MS;
+fn ascii_config(p: &AsciiOf341, parameters: &Parameters, late: Span) -> ascii::Config {
+    let zvz = u64::from(p.zvz_ms) * MS;
     let criterion = match p.end {
         EndOf341::Silence => ascii::Criterion::Silence,
         EndOf341::Length(length) => ascii::Criterion::Length(length.into()),
@@ -210,29 +210,29 @@ fn ascii_config(p: &AsciiOf341, parameters: &Parameters, late: Nanos) -> ascii::
         flow: parameters.line.flow,
         // Where ZVZ only watches over a telegram, characters that the line hands over late are none that came late.
         zvz: if criterion == ascii::Criterion::Silence { zvz } else { zvz + late },
-        pause: if p.send_pause { zvz } else { 0 },
-        flow_wait: Nanos::from(p.flow_wait_ms) * MS,
+        pause: if p.send_pause { zvz } else { Span::ZERO },
+        flow_wait: u64::from(p.flow_wait_ms) * MS,
         signals: p.signals.map(|(rts_off_ms, output_wait_ms)| signals::Times {
-            rts_off: Nanos::from(rts_off_ms) * MS,
-            output_wait: Nanos::from(output_wait_ms) * MS,
+            rts_off: u64::from(rts_off_ms) * MS,
+            output_wait: u64::from(output_wait_ms) * MS,
         }),
-        ..ascii::Config::unset(parameters.line_settings().char_time_ns())
+        ..ascii::Config::unset(parameters.line_settings().char_time())
     }
 }
 
-fn s3964_config(p: &S3964Of341, char_time: Nanos) -> s3964::Config {
+fn s3964_config(p: &S3964Of341, char_time: Span) -> s3964::Config {
     s3964::Config::cp341(s3964::Settings {
         bcc: p.bcc,
         priority: match p.priority {
             Priority::Low => s3964::Priority::Low,
             Priority::High => s3964::Priority::High,
         },
-        zvz: Nanos::from(p.zvz_ms) * MS,
-        qvz: Nanos::from(p.qvz_ms) * MS,
+        zvz: u64::from(p.zvz_ms) * MS,
+        qvz: u64::from(p.qvz_ms) * MS,
         connect_attempts: p.connect_attempts,
         block_attempts: p.block_attempts,
-        zna: 0,
-        bwz: 0,
+        zna: Span::ZERO,
+        bwz: Span::ZERO,
         char_time,
     })
 }

@@ -1,6 +1,6 @@
 //! The accompanying signals of the RS 232 interface, for V24_STAT and V24_SET. [reference 2], `docs/cp341-channels.md`
 
-use ob1_protocols::{MS, ModemLines, Nanos};
+use ob1_protocols::{Instant, ModemLines, Span};
 
 use ob1_words::channels::v24::{CTS, DCD, DRIVES, DSR, DTR, RI, RTS};
 
@@ -8,7 +8,7 @@ use crate::port::CpPort;
 use ob1_words::cp240::Registers;
 
 /// "The CP refreshes its status image every 20 ms". [reference 2.1]
-const REFRESH: Nanos = 20 * MS;
+const REFRESH: Span = Span::from_millis(20);
 
 /// The signals and what of them is on show.
 #[derive(Debug)]
@@ -18,7 +18,7 @@ pub(crate) struct V24 {
     rts: bool,
     dtr: bool,
     shown: u8,
-    due: Option<Nanos>,
+    due: Option<Instant>,
     /// Number of the last request to empty the receive buffer; 0: none yet.
     reset: u8,
     reset_shown: u8,
@@ -84,7 +84,7 @@ impl V24 {
     }
 
     /// Brings the image up to date, every 20 ms at most; the result is when it is due.
-    pub(crate) fn refresh(&mut self, now: Nanos, port: &mut dyn CpPort) -> Option<Nanos> {
+    pub(crate) fn refresh(&mut self, now: Instant, port: &mut dyn CpPort) -> Option<Instant> {
         let image = self.image();
         let is_answered = self.reset == self.reset_shown;
         if image == self.shown && is_answered {
@@ -92,7 +92,7 @@ impl V24 {
             return None;
         }
         // An answer does not wait.
-        let due = *self.due.get_or_insert((now / REFRESH + 1) * REFRESH);
+        let due = *self.due.get_or_insert(now.next_tick(REFRESH));
         if now < due && is_answered {
             return Some(due);
         }

@@ -5,10 +5,10 @@
 use std::collections::BTreeMap;
 
 use ob1_firmware::{
-    Cp as _, Cp240, CpCounter, CpEvent, CpInput, CpPort, Leds, LineInput, LineSettings, Nanos, Registers, Wire,
+    Cp as _, Cp240, CpCounter, CpEvent, CpInput, CpPort, Instant, Leds, LineInput, LineSettings, Registers, Span, Wire,
 };
 
-pub(crate) const MS: Nanos = 1_000_000;
+pub(crate) const MS: Span = Span::MILLISECOND;
 
 /// Everything the CP has put out.
 #[derive(Default)]
@@ -64,7 +64,7 @@ impl CpPort for Log {
         *self.counters.entry(counter).or_default() += n;
     }
 
-    fn event(&mut self, _now: Nanos, event: CpEvent<'_>) {
+    fn event(&mut self, _now: Instant, event: CpEvent<'_>) {
         if let CpEvent::Received(telegram) = event {
             self.received.push(telegram.to_vec());
         }
@@ -79,15 +79,15 @@ pub(crate) fn word(registers: &Registers, at: usize) -> u16 {
 pub(crate) struct Bench {
     pub(crate) cp: Cp240,
     pub(crate) log: Log,
-    pub(crate) now: Nanos,
-    pub(crate) due: Option<Nanos>,
+    pub(crate) now: Instant,
+    pub(crate) due: Option<Instant>,
     pub(crate) outputs: Registers,
 }
 
 impl Bench {
     /// A CP just switched on.
     pub(crate) fn off() -> Self {
-        Self { cp: Cp240::new(0), log: Log::default(), now: 0, due: None, outputs: [0; 16] }
+        Self { cp: Cp240::new(0), log: Log::default(), now: Instant::START, due: None, outputs: [0; 16] }
     }
 
     /// A CP with these parameters, showing its start-up identifier.
@@ -123,7 +123,7 @@ impl Bench {
     }
 
     /// Time passes; ticks at every deadline.
-    pub(crate) fn pass(&mut self, time: Nanos) {
+    pub(crate) fn pass(&mut self, time: Span) {
         let end = self.now + time;
         while let Some(due) = self.due.filter(|due| *due <= end) {
             self.now = self.now.max(due);

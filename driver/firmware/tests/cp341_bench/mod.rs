@@ -8,11 +8,11 @@ use std::collections::BTreeMap;
 use std::rc::Rc;
 
 use ob1_firmware::cp341::{Channel, ChannelBlock, Cp341};
-use ob1_firmware::{Cp as _, CpCounter, CpEvent, CpInput, CpPort, Leds, LineInput, LineSettings, Nanos, Wire};
+use ob1_firmware::{Cp as _, CpCounter, CpEvent, CpInput, CpPort, Instant, Leds, LineInput, LineSettings, Span, Wire};
 use ob1_line::sim::{BusConfig, BusEvent, Frame, SimBus};
 use ob1_params::{Cp341 as Parameters, Value};
 
-pub(crate) const MS: Nanos = 1_000_000;
+pub(crate) const MS: Span = Span::MILLISECOND;
 
 /// Participants of the line.
 const CP: usize = 0;
@@ -26,7 +26,7 @@ const OFFERED: u8 = 7;
 
 struct Port {
     line: Rc<RefCell<SimBus>>,
-    now: Nanos,
+    now: Instant,
     outputs: (bool, bool),
     shown: [ChannelBlock; 2],
     image: u8,
@@ -72,7 +72,7 @@ impl CpPort for Port {
     }
 
     fn line_settings(&mut self, settings: &LineSettings) {
-        self.frame.char_time = settings.char_time_ns();
+        self.frame.char_time = settings.char_time();
         let mut line = self.line.borrow_mut();
         line.set_frame(CP, self.frame);
         line.set_frame(PARTNER, self.frame);
@@ -84,7 +84,7 @@ impl CpPort for Port {
         *self.counters.entry(counter).or_default() += n;
     }
 
-    fn event(&mut self, _now: Nanos, event: CpEvent<'_>) {
+    fn event(&mut self, _now: Instant, event: CpEvent<'_>) {
         if let CpEvent::Entry(number) = event {
             self.entries.push(number);
         }
@@ -101,14 +101,14 @@ pub(crate) enum Got {
 pub(crate) struct Bench {
     cp: Cp341,
     port: Port,
-    pub(crate) now: Nanos,
-    due: Option<Nanos>,
+    pub(crate) now: Instant,
+    due: Option<Instant>,
     /// Start number of both blocks, and the last job's number.
     started: u16,
     job: u16,
     parameters: Parameters,
     /// What the partner has heard: each character with its end.
-    pub(crate) heard: Vec<(Nanos, u8)>,
+    pub(crate) heard: Vec<(Instant, u8)>,
 }
 
 impl Bench {
@@ -116,13 +116,17 @@ impl Bench {
     pub(crate) fn new(keys: &[(&str, Value)]) -> Self {
         let parameters = Parameters::from_keys(keys.iter().cloned()).expect("parameters");
         // Unreadable characters are made otherwise than by their parity.
-        let frame = Frame { char_time: 1, parity: ob1_line::Parity::None, data_bits: parameters.line.data_bits };
+        let frame = Frame {
+            char_time: Span::from_nanos(1),
+            parity: ob1_line::Parity::None,
+            data_bits: parameters.line.data_bits,
+        };
         let mut line = SimBus::new(BusConfig::new(false), 1);
         assert_eq!((line.join(frame), line.join(frame)), (CP, PARTNER));
-        line.set_modem(PARTNER, 0, true, true);
+        line.set_modem(PARTNER, Instant::START, true, true);
         let port = Port {
             line: Rc::new(RefCell::new(line)),
-            now: 0,
+            now: Instant::START,
             outputs: (false, false),
             shown: [[0; 64]; 2],
             image: 0,
@@ -131,8 +135,16 @@ impl Bench {
             frame,
         };
         let cp = Cp341::new();
-        let mut bench =
-            Self { cp, port, now: 0, due: None, started: 0, job: 0, parameters: parameters.clone(), heard: Vec::new() };
+        let mut bench = Self {
+            cp,
+            port,
+            now: Instant::START,
+            due: None,
+            started: 0,
+            job: 0,
+            parameters: parameters.clone(),
+            heard: Vec::new(),
+        };
         bench.step(CpInput::Keys(Ok(&parameters)));
         bench.run(true);
         bench.start();
@@ -148,7 +160,7 @@ impl Bench {
     }
 
     /// Time of a character.
-    pub(crate) fn char_time(&self) -> Nanos {
+    pub(crate) fn char_time(&self) -> Span {
         self.port.frame.char_time
     }
 
@@ -178,7 +190,7 @@ impl Bench {
     }
 
     /// Lets time pass.
-    pub(crate) fn pass(&mut self, time: Nanos) {
+    pub(crate) fn pass(&mut self, time: Span) {
         let end = self.now + time;
         loop {
             let mut buffer = [0; 16];
@@ -240,7 +252,7 @@ impl Bench {
     /// The partner switches its RTS and DTR: CTS, DSR and DCD of the CP.
     pub(crate) fn switches(&mut self, rts: bool, dtr: bool) {
         self.port.line.borrow_mut().set_modem(PARTNER, self.now, rts, dtr);
-        self.pass(0);
+        self.pass(Span::ZERO);
     }
 
     /// What the partner has heard since it was asked last.

@@ -9,7 +9,7 @@ mod tcp_listener;
 
 use std::io;
 
-use crate::line::{ModemLines, Nanos, PollFds};
+use crate::line::{Instant, ModemLines, PollFds, Span};
 use crate::settings::{LineSettings, Warning};
 use crate::spec::LineSpec;
 
@@ -19,14 +19,14 @@ pub(crate) enum Opened {
     Yes(Vec<Warning>),
     /// Not yet (a connection is being made, or nobody has called yet): ask again when a descriptor is ready, or at the
     /// time given.
-    Waiting(Option<Nanos>),
+    Waiting(Option<Instant>),
 }
 
 /// One kind of line. Everything is non-blocking; an error of `read` or `write` other than "would block" means that the
 /// line is gone, and so does reading nothing.
 pub(crate) trait Link {
     /// Opens, or goes on with opening.
-    fn open(&mut self, now: Nanos, settings: &LineSettings) -> io::Result<Opened>;
+    fn open(&mut self, now: Instant, settings: &LineSettings) -> io::Result<Opened>;
 
     /// Applies changed settings to the open line.
     fn apply(&mut self, settings: &LineSettings) -> io::Result<Vec<Warning>>;
@@ -82,7 +82,7 @@ pub(crate) trait Link {
     fn housekeeping(&mut self) {}
 
     /// The longest pause between attempts to open.
-    fn slowest_retry(&self) -> Nanos {
+    fn slowest_retry(&self) -> Span {
         crate::RETRY
     }
 

@@ -10,7 +10,7 @@ use rustix::io::{FdFlags, fcntl_setfd};
 use serialport::{SerialPort, TTYPort};
 
 use super::{Link, Opened, not_a_wire};
-use crate::line::{Nanos, PollFds};
+use crate::line::{Instant, PollFds};
 use crate::settings::{LineSettings, Warning};
 
 /// A pty, open or closed.
@@ -59,7 +59,7 @@ impl PtyLink {
 }
 
 impl Link for PtyLink {
-    fn open(&mut self, _now: Nanos, settings: &LineSettings) -> io::Result<Opened> {
+    fn open(&mut self, _now: Instant, settings: &LineSettings) -> io::Result<Opened> {
         // `pair` puts the slave into raw mode: before anyone can know its name.
         let (master, slave) = TTYPort::pair()?;
         for tty in [&master, &slave] {

@@ -11,7 +11,7 @@ use rustix::termios::{ControlModes, InputModes, OptionalActions, tcgetattr, tcse
 use serialport::{ClearBuffer, DataBits, FlowControl, SerialPort, TTYPort};
 
 use super::{Link, Opened};
-use crate::line::{ModemLines, Nanos, PollFds};
+use crate::line::{Instant, ModemLines, PollFds};
 use crate::settings::{Flow, LineSettings, Parity, StopBits, Warning};
 use crate::sys;
 
@@ -48,7 +48,7 @@ impl SerialLink {
 }
 
 impl Link for SerialLink {
-    fn open(&mut self, _now: Nanos, settings: &LineSettings) -> io::Result<Opened> {
+    fn open(&mut self, _now: Instant, settings: &LineSettings) -> io::Result<Opened> {
         // A pty outlives the program that opened it, for its creator keeps it open, and with it the exclusive mode of
         // TIOCEXCL: after a kill nobody could open it again. The lock alone goes with its process.
         let real = std::fs::canonicalize(&self.path)?;

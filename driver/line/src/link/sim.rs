@@ -8,15 +8,15 @@ use std::path::PathBuf;
 use rustix::event::PollFlags;
 
 use super::{Link, Opened};
-use crate::line::{ModemLines, Nanos, PollFds};
+use crate::line::{Instant, ModemLines, PollFds, Span};
 use crate::seqpacket::{Channel, MESSAGE_MAX, Sent};
 use crate::settings::{LineSettings, Warning};
 use crate::wire::{FromHub, ToHub};
 
 /// Between two looks for a hub that is just being started, in nanoseconds.
-const LOOK: Nanos = 20_000_000;
+const LOOK: Span = Span::from_millis(20);
 /// How long it may take to start before the line counts as gone.
-const START: Nanos = 3_000_000_000;
+const START: Span = Span::from_secs(3);
 
 /// Messages of the hub taken at a time, and characters that wait to be read: then they wait in the socket.
 const MESSAGES: usize = 64;
@@ -27,7 +27,7 @@ pub(crate) struct SimLink {
     path: PathBuf,
     open: Option<Open>,
     /// Since when the hub is looked for.
-    since: Option<Nanos>,
+    since: Option<Instant>,
     modem: (bool, bool),
 }
 
@@ -78,11 +78,11 @@ impl Open {
 }
 
 impl Link for SimLink {
-    fn open(&mut self, now: Nanos, settings: &LineSettings) -> io::Result<Opened> {
+    fn open(&mut self, now: Instant, settings: &LineSettings) -> io::Result<Opened> {
         let since = *self.since.get_or_insert(now);
         let channel = match Channel::connect(&self.path) {
             Ok(channel) => channel,
-            Err(_) if now.saturating_sub(since) < START => return Ok(Opened::Waiting(Some(now + LOOK))),
+            Err(_) if now.since(since) < START => return Ok(Opened::Waiting(Some(now + LOOK))),
             Err(error) => {
                 let text = format!("the simulated line {} is not there: {error}", self.path.display());
                 return Err(io::Error::new(error.kind(), text));

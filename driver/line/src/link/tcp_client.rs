@@ -10,21 +10,21 @@ use rustix::io::Errno;
 use rustix::net::{AddressFamily, SocketFlags, SocketType, connect, ipproto, socket_with, sockopt};
 
 use super::{Link, Opened, not_a_wire, tcp_common};
-use crate::line::{Nanos, PollFds};
+use crate::line::{Instant, PollFds, Span};
 use crate::settings::{LineSettings, Warning};
 
 /// How often an answer of the name service is looked for.
-const LOOK: Nanos = 20_000_000;
+const LOOK: Span = Span::from_millis(20);
 /// A connection that is not made by then is given up.
-const CONNECT_TIME: Nanos = 5_000_000_000;
+const CONNECT_TIME: Span = Span::from_secs(5);
 /// The longest pause between two attempts.
-const SLOWEST: Nanos = 2_000_000_000;
+const SLOWEST: Span = Span::from_secs(2);
 
 enum State {
     Closed,
     /// A name is being resolved. The C library offers that only blocking: a thread does it and ends.
     Resolving(Receiver<io::Result<SocketAddr>>),
-    Connecting(OwnedFd, Nanos),
+    Connecting(OwnedFd, Instant),
     Open(TcpStream),
 }
 
@@ -40,7 +40,7 @@ impl ClientLink {
         Self { host, port, state: State::Closed }
     }
 
-    fn start(&self, now: Nanos) -> io::Result<State> {
+    fn start(&self, now: Instant) -> io::Result<State> {
         if let Ok(address) = self.host.parse::<IpAddr>() {
             return dial(SocketAddr::new(address, self.port), now);
         }
@@ -65,7 +65,7 @@ impl ClientLink {
 }
 
 /// Begins to connect; the socket becomes writable when it is decided.
-fn dial(address: SocketAddr, now: Nanos) -> io::Result<State> {
+fn dial(address: SocketAddr, now: Instant) -> io::Result<State> {
     let family = if address.is_ipv4() { AddressFamily::INET } else { AddressFamily::INET6 };
     let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
     let fd = socket_with(family, SocketType::STREAM, flags, Some(ipproto::TCP))?;
@@ -76,7 +76,7 @@ fn dial(address: SocketAddr, now: Nanos) -> io::Result<State> {
 }
 
 impl Link for ClientLink {
-    fn open(&mut self, now: Nanos, settings: &LineSettings) -> io::Result<Opened> {
+    fn open(&mut self, now: Instant, settings: &LineSettings) -> io::Result<Opened> {
         loop {
             self.state = match std::mem::replace(&mut self.state, State::Closed) {
                 State::Closed => self.start(now)?,
@@ -136,7 +136,7 @@ impl Link for ClientLink {
         tcp_common::write(self.stream(), bytes)
     }
 
-    fn slowest_retry(&self) -> Nanos {
+    fn slowest_retry(&self) -> Span {
         SLOWEST
     }
 }

@@ -7,7 +7,7 @@ use std::os::fd::AsFd;
 use rustix::event::PollFlags;
 
 use super::{Link, Opened, not_a_wire, tcp_common};
-use crate::line::{Nanos, PollFds};
+use crate::line::{Instant, PollFds};
 use crate::settings::{LineSettings, Warning};
 
 /// Callers turned away at a time; the others wait.
@@ -27,7 +27,7 @@ impl ListenerLink {
 }
 
 impl Link for ListenerLink {
-    fn open(&mut self, _now: Nanos, settings: &LineSettings) -> io::Result<Opened> {
+    fn open(&mut self, _now: Instant, settings: &LineSettings) -> io::Result<Opened> {
         if self.listener.is_none() {
             // std sets SO_REUSEADDR: a restarted driver gets its port back at once.
             let listener = TcpListener::bind(self.address)?;

@@ -12,7 +12,7 @@ use ob1_serial::LineInput;
 
 use super::faults::Fate;
 use super::{FaultRates, SplitMix64};
-use crate::line::{LineFault, ModemLines, Nanos};
+use crate::line::{Instant, LineFault, ModemLines, Span};
 use crate::settings::{LineSettings, Parity};
 
 /// Number of a participant, in the order in which they joined.
@@ -25,7 +25,7 @@ const REMEMBERED: usize = 8;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Frame {
     /// Time of one character.
-    pub char_time: Nanos,
+    pub char_time: Span,
     /// Its parity.
     pub parity: Parity,
     /// Data bits, 5 to 8.
@@ -55,9 +55,9 @@ impl Frame {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Bursts {
     /// Mean time from the end of one to the beginning of the next.
-    pub every: Nanos,
+    pub every: Span,
     /// How long one lasts.
-    pub length: Nanos,
+    pub length: Span,
     /// What goes wrong with a character that begins in one.
     pub faults: FaultRates,
 }
@@ -112,10 +112,10 @@ impl BusEvent {
 /// A character on its way, or what became of it.
 #[derive(Debug, Clone, Copy)]
 struct Item {
-    begin: Nanos,
-    end: Nanos,
+    begin: Instant,
+    end: Instant,
     /// When it is heard: its end, or later.
-    arrival: Nanos,
+    arrival: Instant,
     frame: Frame,
     what: What,
 }
@@ -139,10 +139,10 @@ struct Member {
     frame: Frame,
     queue: VecDeque<Item>,
     /// When it spoke: begin and end of each uninterrupted stretch, the newest last.
-    spoke: VecDeque<(Nanos, Nanos)>,
-    busy_until: Nanos,
+    spoke: VecDeque<(Instant, Instant)>,
+    busy_until: Instant,
     owes_done: bool,
-    last_arrival: Nanos,
+    last_arrival: Instant,
     /// The modem lines it sees, and its own RTS and DTR.
     modem: ModemLines,
     drives: (bool, bool),
@@ -159,11 +159,11 @@ impl Member {
         }
     }
 
-    fn spoke_in(&self, begin: Nanos, end: Nanos) -> bool {
+    fn spoke_in(&self, begin: Instant, end: Instant) -> bool {
         self.spoke.iter().any(|(from, to)| *from < end && begin < *to)
     }
 
-    fn speak(&mut self, begin: Nanos, end: Nanos) {
+    fn speak(&mut self, begin: Instant, end: Instant) {
         match self.spoke.back_mut() {
             Some((_, to)) if *to == begin => *to = end,
             _ => {
@@ -176,7 +176,7 @@ impl Member {
     }
 
     /// No two characters arrive within less than a character time.
-    fn push(&mut self, begin: Nanos, time: Nanos, delay: Nanos, what: What) {
+    fn push(&mut self, begin: Instant, time: Span, delay: Span, what: What) {
         let arrival = (begin + time).max(self.last_arrival + time) + delay;
         self.last_arrival = arrival;
         self.queue.push_back(Item { begin, end: begin + time, arrival, frame: self.frame, what });
@@ -188,24 +188,24 @@ impl Member {
 struct Weather {
     rng: SplitMix64,
     bursts: Bursts,
-    begin: Nanos,
+    begin: Instant,
 }
 
 impl Weather {
     fn new(bursts: Bursts, seed: u64) -> Self {
-        let mut weather = Self { rng: SplitMix64::new(seed), bursts, begin: 0 };
-        weather.next(0);
+        let mut weather = Self { rng: SplitMix64::new(seed), bursts, begin: Instant::START };
+        weather.next(Instant::START);
         weather
     }
 
-    fn next(&mut self, from: Nanos) {
+    fn next(&mut self, from: Instant) {
         let every = self.bursts.every;
-        self.begin = from.saturating_add(every / 2).saturating_add(self.rng.below(every));
+        self.begin = from.saturating_add(every / 2).saturating_add(self.rng.span_below(every));
     }
 
-    fn is_bad(&mut self, at: Nanos) -> bool {
+    fn is_bad(&mut self, at: Instant) -> bool {
         // A burst of no length would never end this loop with `every` 0.
-        let length = self.bursts.length.max(1);
+        let length = self.bursts.length.max(Span::from_nanos(1));
         while at >= self.begin.saturating_add(length) {
             self.next(self.begin + length);
         }
@@ -220,7 +220,7 @@ pub struct SimBus {
     rng: SplitMix64,
     weather: Option<Weather>,
     members: Vec<Member>,
-    now: Nanos,
+    now: Instant,
     collisions: u64,
 }
 
@@ -232,7 +232,7 @@ impl SimBus {
             rng: SplitMix64::new(seed),
             weather: config.bursts.map(|bursts| Weather::new(bursts, seed ^ 0x6275_7273_7473)),
             members: Vec::new(),
-            now: 0,
+            now: Instant::START,
             collisions: 0,
         }
     }
@@ -247,9 +247,9 @@ impl SimBus {
             frame,
             queue: VecDeque::new(),
             spoke: VecDeque::new(),
-            busy_until: 0,
+            busy_until: Instant::START,
             owes_done: false,
-            last_arrival: 0,
+            last_arrival: Instant::START,
             modem: ModemLines::default(),
             drives: (false, false),
             news: VecDeque::new(),
@@ -283,7 +283,7 @@ impl SimBus {
 
     /// A participant leaves: it is told nothing more, its modem lines fall. What it has written still leaves, as from
     /// the buffer of a UART; its number is given to a later one. What nobody is left to hear is gone.
-    pub fn leave(&mut self, who: Participant, now: Nanos) {
+    pub fn leave(&mut self, who: Participant, now: Instant) {
         self.set_modem(who, now, false, false);
         if let Some(member) = self.members.get_mut(who) {
             member.present = false;
@@ -318,7 +318,7 @@ impl SimBus {
     }
 
     /// Sends characters, behind those that are still leaving.
-    pub fn write(&mut self, who: Participant, now: Nanos, bytes: &[u8]) {
+    pub fn write(&mut self, who: Participant, now: Instant, bytes: &[u8]) {
         self.advance(now);
         let Self { config, rng, weather, members, .. } = self;
         let Some(member) = members.get_mut(who).filter(|_| !bytes.is_empty()) else { return };
@@ -328,15 +328,15 @@ impl SimBus {
             let bad = weather.as_mut().is_some_and(|weather| weather.is_bad(begin));
             let faults = config.bursts.filter(|_| bad).map_or(config.faults, |bursts| bursts.faults);
             match faults.draw(rng) {
-                Fate::Whole => member.push(begin, time, 0, What::Byte(byte)),
-                Fate::Flip(mask) => member.push(begin, time, 0, What::Byte(byte ^ mask)),
+                Fate::Whole => member.push(begin, time, Span::ZERO, What::Byte(byte)),
+                Fate::Flip(mask) => member.push(begin, time, Span::ZERO, What::Byte(byte ^ mask)),
                 Fate::Lost => {}
                 Fate::Doubled => {
-                    member.push(begin, time, 0, What::Byte(byte));
-                    member.push(begin, time, 0, What::Byte(byte));
+                    member.push(begin, time, Span::ZERO, What::Byte(byte));
+                    member.push(begin, time, Span::ZERO, What::Byte(byte));
                 }
                 Fate::Late(delay) => member.push(begin, time, delay, What::Byte(byte)),
-                Fate::Unreadable(fault) => member.push(begin, time, 0, What::Fault(fault)),
+                Fate::Unreadable(fault) => member.push(begin, time, Span::ZERO, What::Fault(fault)),
             }
             begin += time;
         }
@@ -347,22 +347,22 @@ impl SimBus {
     }
 
     /// Holds the line at 0 for so long, behind what is still leaving.
-    pub fn send_break(&mut self, who: Participant, now: Nanos, length: Nanos) {
+    pub fn send_break(&mut self, who: Participant, now: Instant, length: Span) {
         self.advance(now);
         let Some(member) = self.members.get_mut(who) else { return };
         let begin = member.busy_until.max(now);
-        member.push(begin, length, 0, What::Fault(LineFault::Break));
+        member.push(begin, length, Span::ZERO, What::Fault(LineFault::Break));
         member.speak(begin, begin + length);
         member.busy_until = begin + length;
         member.owes_done = true;
     }
 
     /// Takes back the characters of `who` that have not begun to leave; the result is how many.
-    pub fn take_back(&mut self, who: Participant, now: Nanos) -> usize {
+    pub fn take_back(&mut self, who: Participant, now: Instant) -> usize {
         self.advance(now);
         let Some(member) = self.members.get_mut(who) else { return 0 };
-        let time = member.frame.char_time.max(1);
-        let waiting = member.busy_until.saturating_sub(now) / time;
+        let time = member.frame.char_time.max(Span::from_nanos(1));
+        let waiting = member.busy_until.since(now) / time;
         member.busy_until -= waiting * time;
         while member.queue.back().is_some_and(|item| item.begin >= member.busy_until) {
             member.queue.pop_back();
@@ -377,7 +377,7 @@ impl SimBus {
     }
 
     /// Switches RTS and DTR of `who`; the others see them at the same instant. Two wires have no modem lines.
-    pub fn set_modem(&mut self, who: Participant, now: Nanos, rts: bool, dtr: bool) {
+    pub fn set_modem(&mut self, who: Participant, now: Instant, rts: bool, dtr: bool) {
         self.advance(now);
         if self.config.half_duplex {
             return;
@@ -392,12 +392,12 @@ impl SimBus {
     }
 
     /// Whether `who` has characters on the line or waiting to be.
-    pub fn is_sending(&self, who: Participant, now: Nanos) -> bool {
+    pub fn is_sending(&self, who: Participant, now: Instant) -> bool {
         self.members.get(who).is_some_and(|member| now < member.busy_until)
     }
 
     /// When the next event happens.
-    pub fn next_event(&self) -> Option<Nanos> {
+    pub fn next_event(&self) -> Option<Instant> {
         if self.members.iter().any(|member| !member.news.is_empty()) {
             return Some(self.now);
         }
@@ -406,7 +406,7 @@ impl SimBus {
 
     /// Takes the next event that has happened by `now`, with the participant that sees it: of the first of them all in
     /// their order, then of the second. `buffer` must not be empty.
-    pub fn pop(&mut self, now: Nanos, buffer: &mut [u8]) -> Option<(Participant, BusEvent)> {
+    pub fn pop(&mut self, now: Instant, buffer: &mut [u8]) -> Option<(Participant, BusEvent)> {
         self.advance(now);
         let (who, member) = self.members.iter_mut().enumerate().find(|(_, member)| !member.news.is_empty())?;
         let mut taken = 0;
@@ -426,7 +426,7 @@ impl SimBus {
     }
 
     /// The next thing due: when, whether it is an arrival (ends of transmission come first), whose.
-    fn next_due(&self) -> Option<(Nanos, bool, Participant)> {
+    fn next_due(&self) -> Option<(Instant, bool, Participant)> {
         let dues = self.members.iter().enumerate().flat_map(|(who, member)| {
             let done = member.owes_done.then_some((member.busy_until, false, who));
             let item = member.queue.front().map(|item| (item.arrival, true, who));
@@ -435,7 +435,7 @@ impl SimBus {
         dues.flatten().min()
     }
 
-    fn advance(&mut self, now: Nanos) {
+    fn advance(&mut self, now: Instant) {
         if now < self.now {
             assert!(!self.config.strict, "simulated bus at {} ns: time goes back", self.now);
             return;

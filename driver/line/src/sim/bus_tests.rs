@@ -3,7 +3,7 @@
 use super::super::{End, SimConfig, SimEvent, SimLine};
 use super::*;
 
-const T: Nanos = 1000;
+const T: Span = Span::from_micros(1);
 const FRAME: Frame = Frame { char_time: T, parity: Parity::None, data_bits: 8 };
 
 fn bus(config: BusConfig, participants: usize) -> SimBus {
@@ -21,8 +21,8 @@ fn drain(bus: &mut SimBus) -> Vec<String> {
     while let Some(at) = bus.next_event() {
         while let Some((who, event)) = bus.pop(at, &mut buffer) {
             log.push(match event {
-                BusEvent::Rx(n) => format!("{at} {who} {:02X?}", &buffer[..n]),
-                other => format!("{at} {who} {other:?}"),
+                BusEvent::Rx(n) => format!("{} {who} {:02X?}", at.nanos(), &buffer[..n]),
+                other => format!("{} {who} {other:?}", at.nanos()),
             });
         }
     }
@@ -37,27 +37,27 @@ fn two_participants_are_a_cable() {
     let mut rng = SplitMix64::new(9);
     let (mut of_cable, mut of_bus) = ([Vec::new(), Vec::new()], [Vec::new(), Vec::new()]);
     let mut buffer = [0; 64];
-    let mut now = 0;
-    let mut run = |cable: &mut SimLine, bus: &mut SimBus, until: Nanos| {
+    let mut now = Instant::START;
+    let mut run = |cable: &mut SimLine, bus: &mut SimBus, until: Instant| {
         while let Some(at) = cable.next_event().filter(|at| *at <= until) {
             while let Some((end, event)) = cable.pop(at, &mut buffer) {
                 of_cable[end as usize].push(match event {
-                    SimEvent::Rx(n) => format!("{at} {:02X?}", &buffer[..n]),
-                    other => format!("{at} {other:?}"),
+                    SimEvent::Rx(n) => format!("{} {:02X?}", at.nanos(), &buffer[..n]),
+                    other => format!("{} {other:?}", at.nanos()),
                 });
             }
         }
         while let Some(at) = bus.next_event().filter(|at| *at <= until) {
             while let Some((who, event)) = bus.pop(at, &mut buffer) {
                 of_bus[who].push(match event {
-                    BusEvent::Rx(n) => format!("{at} {:02X?}", &buffer[..n]),
-                    other => format!("{at} {other:?}"),
+                    BusEvent::Rx(n) => format!("{} {:02X?}", at.nanos(), &buffer[..n]),
+                    other => format!("{} {other:?}", at.nanos()),
                 });
             }
         }
     };
     for round in 0..300 {
-        now += rng.below(20 * T);
+        now += rng.span_below(20 * T);
         run(&mut cable, &mut bus, now);
         let bytes: Vec<u8> = (0..rng.below(12)).map(|i| i as u8).collect();
         let end = End::BOTH[round % 2];
@@ -67,7 +67,7 @@ fn two_participants_are_a_cable() {
             assert_eq!(cable.take_back(end, now), bus.take_back(end as usize, now));
         }
     }
-    run(&mut cable, &mut bus, Nanos::MAX - 1);
+    run(&mut cable, &mut bus, Instant::NEVER - Span::from_nanos(1));
     assert!(of_cable[0].len() > 500, "{}", of_cable[0].len());
     assert_eq!(of_cable, of_bus);
 }
@@ -75,11 +75,11 @@ fn two_participants_are_a_cable() {
 #[test]
 fn everybody_on_two_wires_hears_the_speaker_but_the_speaker() {
     let mut bus = bus(BusConfig { strict: true, ..BusConfig::new(true) }, 3);
-    bus.write(1, 0, &[7, 8]);
+    bus.write(1, Instant::START, &[7, 8]);
     assert_eq!(drain(&mut bus), ["1000 0 [07]", "1000 2 [07]", "2000 0 [08]", "2000 1 TxDone", "2000 2 [08]"]);
     // One after the other, without a pause: legal.
-    bus.write(0, 2000, &[1]);
-    bus.write(2, 3000, &[2]);
+    bus.write(0, Instant::from_nanos(2000), &[1]);
+    bus.write(2, Instant::from_nanos(3000), &[2]);
     assert_eq!(drain(&mut bus).len(), 6);
     assert_eq!(bus.collisions(), 0);
 }
@@ -87,8 +87,8 @@ fn everybody_on_two_wires_hears_the_speaker_but_the_speaker() {
 #[test]
 fn two_speakers_are_deaf_and_spoil_what_the_third_hears() {
     let mut bus = bus(BusConfig::new(true), 3);
-    bus.write(0, 0, &[0x55, 0x55, 0x55]);
-    bus.write(1, 1500, &[0x2A]);
+    bus.write(0, Instant::START, &[0x55, 0x55, 0x55]);
+    bus.write(1, Instant::from_nanos(1500), &[0x2A]);
     let log = drain(&mut bus);
     assert_eq!(bus.collisions(), 3, "the second and third of the one, the only of the other: {log:?}");
     // Told at 1500, when somebody looked.
@@ -103,17 +103,17 @@ fn two_speakers_are_deaf_and_spoil_what_the_third_hears() {
 #[should_panic(expected = "two speak at the same time")]
 fn a_strict_bus_panics_on_a_collision() {
     let mut bus = bus(BusConfig { strict: true, ..BusConfig::new(true) }, 2);
-    bus.write(0, 0, &[1]);
-    bus.write(1, 999, &[2]);
+    bus.write(0, Instant::START, &[1]);
+    bus.write(1, Instant::from_nanos(999), &[2]);
     drain(&mut bus);
 }
 
 #[test]
 fn what_was_taken_back_does_not_collide() {
     let mut bus = bus(BusConfig { strict: true, ..BusConfig::new(true) }, 2);
-    bus.write(0, 0, &[1, 2, 3, 4]);
-    assert_eq!(bus.take_back(0, 1500), 2);
-    bus.write(1, 2000, &[9]);
+    bus.write(0, Instant::START, &[1, 2, 3, 4]);
+    assert_eq!(bus.take_back(0, Instant::from_nanos(1500)), 2);
+    bus.write(1, Instant::from_nanos(2000), &[9]);
     assert_eq!(drain(&mut bus), ["2000 0 TxDone", "2000 1 [01, 02]", "3000 0 [09]", "3000 1 TxDone"]);
 }
 
@@ -129,36 +129,36 @@ fn another_frame_is_heard_as_faults() {
     ] {
         let mut bus = bus(BusConfig::new(false), 2);
         bus.set_frame(1, listens);
-        bus.write(0, 0, &[0xFF]);
+        bus.write(0, Instant::START, &[0xFF]);
         assert_eq!(drain(&mut bus)[1], hears, "{listens:?}");
     }
     let mut both = bus(BusConfig::new(false), 0);
     both.join(even);
     both.join(even);
-    both.write(0, 0, &[0xFF]);
+    both.write(0, Instant::START, &[0xFF]);
     assert_eq!(drain(&mut both)[1], "1000 1 [FF]");
 }
 
 #[test]
 fn a_break_takes_its_time_and_is_heard_as_one() {
     let mut bus = bus(BusConfig::new(false), 2);
-    bus.write(0, 0, &[1]);
-    bus.send_break(0, 100, 5 * T);
-    bus.write(0, 200, &[2]);
+    bus.write(0, Instant::START, &[1]);
+    bus.send_break(0, Instant::from_nanos(100), 5 * T);
+    bus.write(0, Instant::from_nanos(200), &[2]);
     assert_eq!(drain(&mut bus), ["1000 1 [01]", "6000 1 Fault(Break)", "7000 0 TxDone", "7000 1 [02]"]);
 }
 
 #[test]
 fn modem_lines_cross_on_a_cable_and_do_not_exist_on_two_wires() {
     let mut cable = bus(BusConfig::new(false), 2);
-    cable.set_modem(0, 5, true, true);
-    cable.set_modem(0, 6, true, true);
-    cable.set_modem(0, 7, false, true);
+    cable.set_modem(0, Instant::from_nanos(5), true, true);
+    cable.set_modem(0, Instant::from_nanos(6), true, true);
+    cable.set_modem(0, Instant::from_nanos(7), false, true);
     let log = drain(&mut cable);
     assert_eq!(log.len(), 2, "{log:?}");
     assert!(log[0].contains("cts: true, dsr: true") && log[1].contains("cts: false, dsr: true"), "{log:?}");
     let mut wires = bus(BusConfig::new(true), 2);
-    wires.set_modem(0, 5, true, true);
+    wires.set_modem(0, Instant::from_nanos(5), true, true);
     assert_eq!(wires.next_event(), None);
 }
 
@@ -166,12 +166,12 @@ fn modem_lines_cross_on_a_cable_and_do_not_exist_on_two_wires() {
 fn bursts_come_at_their_rate_and_spare_the_rest() {
     let bursts = Bursts { every: 900 * T, length: 100 * T, faults: FaultRates { parity: 500_000, ..FaultRates::NONE } };
     let mut bus = bus(BusConfig { bursts: Some(bursts), ..BusConfig::new(false) }, 2);
-    bus.write(0, 0, &[0; 100_000]);
+    bus.write(0, Instant::START, &[0; 100_000]);
     let log = drain(&mut bus);
-    let bad: Vec<Nanos> = log
+    let bad: Vec<Instant> = log
         .iter()
         .filter(|line| line.contains("Parity"))
-        .map(|line| line.split(' ').next().and_then(|at| at.parse().ok()).expect("a time"))
+        .map(|line| line.split(' ').next().and_then(|at| at.parse().ok()).map(Instant::from_nanos).expect("a time"))
         .collect();
     // About 100 bursts of 100 characters, half of which suffer.
     assert!((4000..6000).contains(&bad.len()), "{}", bad.len());
@@ -189,7 +189,7 @@ fn the_same_seed_gives_the_same_events() {
             bus.join(FRAME);
         }
         for round in 0..100 {
-            bus.write(round % 4, round as Nanos * 7 * T, &[round as u8; 9]);
+            bus.write(round % 4, Instant::START + round as u64 * 7 * T, &[round as u8; 9]);
         }
         (drain(&mut bus), bus.collisions())
     };
@@ -200,21 +200,24 @@ fn the_same_seed_gives_the_same_events() {
 #[test]
 fn a_participant_that_does_not_exist_is_no_panic() {
     let mut bus = bus(BusConfig::new(true), 1);
-    bus.write(7, 0, &[1]);
-    bus.send_break(7, 0, T);
+    bus.write(7, Instant::START, &[1]);
+    bus.send_break(7, Instant::START, T);
     bus.set_frame(7, FRAME);
-    bus.set_modem(7, 0, true, true);
-    assert_eq!((bus.take_back(7, 0), bus.is_sending(7, 0), bus.next_event()), (0, false, None));
+    bus.set_modem(7, Instant::START, true, true);
+    assert_eq!(
+        (bus.take_back(7, Instant::START), bus.is_sending(7, Instant::START), bus.next_event()),
+        (0, false, None)
+    );
 }
 
 #[test]
 fn who_leaves_is_told_nothing_and_its_number_is_free_once_its_characters_are_out() {
     let mut bus = bus(BusConfig::new(true), 2);
-    bus.write(0, 0, &[1, 2]);
-    bus.leave(0, 500);
+    bus.write(0, Instant::START, &[1, 2]);
+    bus.leave(0, Instant::from_nanos(500));
     assert_eq!(bus.participants(), 1);
     assert_eq!(bus.join(FRAME), 2, "it is still sending");
-    bus.leave(2, 500);
+    bus.leave(2, Instant::from_nanos(500));
     assert_eq!(drain(&mut bus), ["1000 1 [01]", "2000 1 [02]"]);
     assert_eq!(bus.join(FRAME), 0);
     assert_eq!(bus.participants(), 2);
@@ -223,12 +226,12 @@ fn who_leaves_is_told_nothing_and_its_number_is_free_once_its_characters_are_out
 #[test]
 fn a_successor_on_a_cable_sends_behind_its_predecessor_and_does_not_hear_it() {
     let mut bus = bus(BusConfig::new(false), 2);
-    bus.write(0, 0, &[1, 2, 3]);
-    bus.write(1, 0, &[9]);
-    bus.leave(0, 1500);
+    bus.write(0, Instant::START, &[1, 2, 3]);
+    bus.write(1, Instant::START, &[9]);
+    bus.leave(0, Instant::from_nanos(1500));
     assert_eq!(bus.join(FRAME), 0, "the same end");
-    assert!(bus.is_sending(0, 1500));
-    bus.write(0, 1500, &[4]);
+    assert!(bus.is_sending(0, Instant::from_nanos(1500)));
+    bus.write(0, Instant::from_nanos(1500), &[4]);
     assert_eq!(
         drain(&mut bus),
         ["1500 1 TxDone", "1500 1 [01]", "2000 1 [02]", "3000 1 [03]", "4000 0 TxDone", "4000 1 [04]"]
@@ -238,10 +241,10 @@ fn a_successor_on_a_cable_sends_behind_its_predecessor_and_does_not_hear_it() {
 #[test]
 fn what_nobody_is_left_to_hear_is_gone() {
     let mut bus = bus(BusConfig::new(false), 2);
-    bus.write(0, 0, &[1, 2, 3]);
-    bus.write(1, 0, &[4, 5, 6]);
-    bus.leave(0, 500);
-    bus.leave(1, 600);
+    bus.write(0, Instant::START, &[1, 2, 3]);
+    bus.write(1, Instant::START, &[4, 5, 6]);
+    bus.leave(0, Instant::from_nanos(500));
+    bus.leave(1, Instant::from_nanos(600));
     assert_eq!((bus.join(FRAME), bus.join(FRAME)), (0, 1));
     assert_eq!(drain(&mut bus), [""; 0]);
 }

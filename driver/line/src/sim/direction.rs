@@ -4,15 +4,15 @@ use std::collections::VecDeque;
 
 use super::faults::Fate;
 use super::{SimConfig, SimEvent, SplitMix64};
-use crate::line::{LineFault, Nanos};
+use crate::line::{Instant, LineFault, Span};
 
 /// A character, or what became of it, on its way.
 #[derive(Debug, Clone, Copy)]
 struct Item {
     /// When it began to leave.
-    begin: Nanos,
+    begin: Instant,
     /// When its last bit arrives.
-    arrival: Nanos,
+    arrival: Instant,
     what: What,
 }
 
@@ -27,19 +27,19 @@ enum What {
 pub(super) struct Direction {
     items: VecDeque<Item>,
     /// When the last bit handed over is out.
-    busy_until: Nanos,
+    busy_until: Instant,
     /// The writer has not yet been told that everything is out.
     owes_done: bool,
     /// Arrival of the last item: nothing arrives out of order.
-    last_arrival: Nanos,
+    last_arrival: Instant,
 }
 
 impl Direction {
-    pub(super) fn is_sending(&self, now: Nanos) -> bool {
+    pub(super) fn is_sending(&self, now: Instant) -> bool {
         now < self.busy_until
     }
 
-    pub(super) fn next_done(&self) -> Option<Nanos> {
+    pub(super) fn next_done(&self) -> Option<Instant> {
         self.owes_done.then_some(self.busy_until)
     }
 
@@ -48,9 +48,9 @@ impl Direction {
     }
 
     /// When the next items are handed on: the first, and what follows it within `coalesce`.
-    pub(super) fn next_arrival(&self, coalesce: Nanos) -> Option<Nanos> {
+    pub(super) fn next_arrival(&self, coalesce: Span) -> Option<Instant> {
         let first = self.items.front()?.arrival;
-        if coalesce == 0 {
+        if coalesce == Span::ZERO {
             return Some(first);
         }
         self.items.back().map(|last| last.arrival.min(first.saturating_add(coalesce)))
@@ -60,7 +60,7 @@ impl Direction {
         &mut self,
         config: &SimConfig,
         rng: &mut SplitMix64,
-        now: Nanos,
+        now: Instant,
         bytes: &[u8],
         cut: bool,
         collides: bool,
@@ -78,15 +78,15 @@ impl Direction {
             };
             let time = config.char_time;
             match fate {
-                Fate::Whole => self.push(begin, time, 0, What::Byte(byte)),
-                Fate::Flip(mask) => self.push(begin, time, 0, What::Byte(byte ^ mask)),
+                Fate::Whole => self.push(begin, time, Span::ZERO, What::Byte(byte)),
+                Fate::Flip(mask) => self.push(begin, time, Span::ZERO, What::Byte(byte ^ mask)),
                 Fate::Lost => {}
                 Fate::Doubled => {
-                    self.push(begin, time, 0, What::Byte(byte));
-                    self.push(begin, time, 0, What::Byte(byte));
+                    self.push(begin, time, Span::ZERO, What::Byte(byte));
+                    self.push(begin, time, Span::ZERO, What::Byte(byte));
                 }
                 Fate::Late(delay) => self.push(begin, time, delay, What::Byte(byte)),
-                Fate::Unreadable(fault) => self.push(begin, time, 0, What::Fault(fault)),
+                Fate::Unreadable(fault) => self.push(begin, time, Span::ZERO, What::Fault(fault)),
             }
             begin += time;
         }
@@ -95,20 +95,20 @@ impl Direction {
     }
 
     /// No two characters arrive within less than a character time.
-    fn push(&mut self, begin: Nanos, time: Nanos, delay: Nanos, what: What) {
+    fn push(&mut self, begin: Instant, time: Span, delay: Span, what: What) {
         let arrival = (begin + time).max(self.last_arrival + time) + delay;
         self.last_arrival = arrival;
         self.items.push_back(Item { begin, arrival, what });
     }
 
-    pub(super) fn set_rts(&mut self, now: Nanos, on: bool) {
+    pub(super) fn set_rts(&mut self, now: Instant, on: bool) {
         // A level does not wait for the characters on the line.
         let place = self.items.partition_point(|item| item.arrival <= now);
         self.items.insert(place, Item { begin: now, arrival: now, what: What::Cts(on) });
     }
 
-    pub(super) fn take_back(&mut self, now: Nanos, char_time: Nanos) -> usize {
-        let waiting = self.busy_until.saturating_sub(now) / char_time.max(1);
+    pub(super) fn take_back(&mut self, now: Instant, char_time: Span) -> usize {
+        let waiting = self.busy_until.since(now) / char_time.max(Span::from_nanos(1));
         self.busy_until -= waiting * char_time;
         while self.items.back().is_some_and(|item| item.begin >= self.busy_until && !matches!(item.what, What::Cts(_)))
         {
@@ -121,7 +121,7 @@ impl Direction {
     }
 
     /// Characters that have arrived by `limit`, up to the first other event; or that event, if it comes first.
-    pub(super) fn take_arrivals(&mut self, limit: Nanos, buffer: &mut [u8]) -> SimEvent {
+    pub(super) fn take_arrivals(&mut self, limit: Instant, buffer: &mut [u8]) -> SimEvent {
         let mut taken = 0;
         while let Some(item) = self.items.front().filter(|item| item.arrival <= limit) {
             match item.what {

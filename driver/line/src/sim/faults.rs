@@ -1,7 +1,7 @@
 //! What goes wrong on the line, and how often.
 
 use super::rng::SplitMix64;
-use crate::line::{LineFault, Nanos};
+use crate::line::{LineFault, Span};
 
 /// Rates of faults, each in characters per million. A character suffers at most one of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,13 +21,13 @@ pub struct FaultRates {
     /// The character comes as a break.
     pub break_: u32,
     /// Longest delay.
-    pub delay_max: Nanos,
+    pub delay_max: Span,
 }
 
 impl FaultRates {
     /// Nothing goes wrong.
     pub const NONE: Self =
-        Self { flip: 0, lose: 0, double: 0, delay: 0, parity: 0, framing: 0, break_: 0, delay_max: 0 };
+        Self { flip: 0, lose: 0, double: 0, delay: 0, parity: 0, framing: 0, break_: 0, delay_max: Span::ZERO };
 
     /// Everything goes wrong at the same rate, in characters per million; delays up to 300 ms.
     pub fn all(rate: u32) -> Self {
@@ -39,7 +39,7 @@ impl FaultRates {
             parity: rate,
             framing: rate,
             break_: rate,
-            delay_max: 300_000_000,
+            delay_max: Span::from_nanos(300_000_000),
         }
     }
 
@@ -62,7 +62,7 @@ impl FaultRates {
         } else if hit(self.double) {
             Fate::Doubled
         } else if hit(self.delay) {
-            Fate::Late(rng.below(self.delay_max) + 1)
+            Fate::Late(rng.span_below(self.delay_max) + Span::from_nanos(1))
         } else if hit(self.parity) {
             Fate::Unreadable(LineFault::Parity)
         } else if hit(self.framing) {
@@ -82,6 +82,6 @@ pub(super) enum Fate {
     Flip(u8),
     Lost,
     Doubled,
-    Late(Nanos),
+    Late(Span),
     Unreadable(LineFault),
 }

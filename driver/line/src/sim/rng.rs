@@ -1,6 +1,8 @@
 //! The random numbers of the simulation: SplitMix64 (Steele, Lea, Flood: "Fast splittable pseudorandom number
 //! generators"). Small, fast, and written down here so that a seed means the same for ever.
 
+use ob1_serial::Span;
+
 /// A stream of random numbers.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SplitMix64(u64);
@@ -23,5 +25,10 @@ impl SplitMix64 {
     /// A number in `0..bound`; 0 if `bound` is 0.
     pub fn below(&mut self, bound: u64) -> u64 {
         ((u128::from(self.next_u64()) * u128::from(bound)) >> 64) as u64
+    }
+
+    /// A time shorter than `bound`; none if `bound` is none.
+    pub fn span_below(&mut self, bound: Span) -> Span {
+        Span::from_nanos(self.below(bound.nanos()))
     }
 }

@@ -2,7 +2,7 @@
 
 use super::*;
 
-const T: Nanos = 1000;
+const T: Span = Span::from_micros(1);
 
 fn config() -> SimConfig {
     SimConfig { char_time: T, ..SimConfig::new(9600, 20) }
@@ -16,8 +16,8 @@ fn drain(line: &mut SimLine) -> Vec<String> {
         let now = at.max(line.now);
         while let Some((end, event)) = line.pop(now, &mut buffer) {
             log.push(match event {
-                SimEvent::Rx(n) => format!("{now} {end:?} {:02X?}", &buffer[..n]),
-                other => format!("{now} {end:?} {other:?}"),
+                SimEvent::Rx(n) => format!("{} {end:?} {:02X?}", now.nanos(), &buffer[..n]),
+                other => format!("{} {end:?} {other:?}", now.nanos()),
             });
         }
     }
@@ -26,17 +26,17 @@ fn drain(line: &mut SimLine) -> Vec<String> {
 
 #[test]
 fn character_times_of_the_frames() {
-    assert_eq!(SimConfig::new(9600, 22).char_time, 1_145_834); // 8E1
-    assert_eq!(SimConfig::new(150, 15).char_time, 50_000_000); // 5N1.5
-    assert_eq!(SimConfig::new(115_200, 20).char_time, 86_806); // 8N1, rounded up
+    assert_eq!(SimConfig::new(9600, 22).char_time, Span::from_nanos(1_145_834)); // 8E1
+    assert_eq!(SimConfig::new(150, 15).char_time, Span::from_nanos(50_000_000)); // 5N1.5
+    assert_eq!(SimConfig::new(115_200, 20).char_time, Span::from_nanos(86_806)); // 8N1, rounded up
 }
 
 #[test]
 fn characters_arrive_one_by_one_and_tx_done_comes_with_the_last_bit() {
     let mut line = SimLine::new(config(), 0);
-    line.write(End::A, 500, &[1, 2]);
-    line.write(End::B, 700, &[9]);
-    line.write(End::A, 900, &[3]);
+    line.write(End::A, Instant::from_nanos(500), &[1, 2]);
+    line.write(End::B, Instant::from_nanos(700), &[9]);
+    line.write(End::A, Instant::from_nanos(900), &[3]);
     assert_eq!(
         drain(&mut line),
         ["1500 B [01]", "1700 B TxDone", "1700 A [09]", "2500 B [02]", "3500 A TxDone", "3500 B [03]"]
@@ -46,47 +46,47 @@ fn characters_arrive_one_by_one_and_tx_done_comes_with_the_last_bit() {
 #[test]
 fn tx_done_waits_for_what_is_written_at_the_very_end() {
     let mut line = SimLine::new(config(), 0);
-    line.write(End::A, 0, &[1]);
-    line.write(End::A, 1000, &[2]);
+    line.write(End::A, Instant::START, &[1]);
+    line.write(End::A, Instant::from_nanos(1000), &[2]);
     assert_eq!(drain(&mut line), ["1000 B [01]", "2000 A TxDone", "2000 B [02]"]);
 }
 
 #[test]
 fn what_has_not_begun_is_taken_back() {
     let mut line = SimLine::new(config(), 0);
-    line.write(End::A, 0, &[1, 2, 3, 4]);
-    assert_eq!(line.take_back(End::A, 1500), 2); // 1 is out, 2 is leaving
-    line.write(End::A, 1600, &[5]);
+    line.write(End::A, Instant::START, &[1, 2, 3, 4]);
+    assert_eq!(line.take_back(End::A, Instant::from_nanos(1500)), 2); // 1 is out, 2 is leaving
+    line.write(End::A, Instant::from_nanos(1600), &[5]);
     assert_eq!(drain(&mut line), ["1600 B [01]", "2000 B [02]", "3000 A TxDone", "3000 B [05]"]);
 }
 
 #[test]
 fn a_late_owner_gets_several_characters_but_none_across_an_event() {
     let mut line = SimLine::new(config(), 0);
-    line.write(End::A, 0, &[1, 2, 3]);
-    line.write(End::B, 1500, &[9]);
+    line.write(End::A, Instant::START, &[1, 2, 3]);
+    line.write(End::B, Instant::from_nanos(1500), &[9]);
     let mut buffer = [0; 8];
-    assert_eq!(line.pop(10_000, &mut buffer), Some((End::B, SimEvent::Rx(2))));
-    assert_eq!(line.pop(10_000, &mut buffer), Some((End::B, SimEvent::TxDone)));
-    assert_eq!(line.pop(10_000, &mut buffer), Some((End::A, SimEvent::Rx(1))));
-    assert_eq!(line.pop(10_000, &mut buffer), Some((End::A, SimEvent::TxDone)));
-    assert_eq!(line.pop(10_000, &mut buffer), Some((End::B, SimEvent::Rx(1))));
-    assert_eq!(line.pop(10_000, &mut buffer), None);
+    assert_eq!(line.pop(Instant::from_nanos(10_000), &mut buffer), Some((End::B, SimEvent::Rx(2))));
+    assert_eq!(line.pop(Instant::from_nanos(10_000), &mut buffer), Some((End::B, SimEvent::TxDone)));
+    assert_eq!(line.pop(Instant::from_nanos(10_000), &mut buffer), Some((End::A, SimEvent::Rx(1))));
+    assert_eq!(line.pop(Instant::from_nanos(10_000), &mut buffer), Some((End::A, SimEvent::TxDone)));
+    assert_eq!(line.pop(Instant::from_nanos(10_000), &mut buffer), Some((End::B, SimEvent::Rx(1))));
+    assert_eq!(line.pop(Instant::from_nanos(10_000), &mut buffer), None);
     assert_eq!(line.next_event(), None);
 }
 
 #[test]
 fn coalescing_holds_characters_back_by_at_most_its_time() {
-    let mut line = SimLine::new(SimConfig { coalesce: 2500, ..config() }, 0);
-    line.write(End::A, 0, &[1, 2, 3, 4]);
+    let mut line = SimLine::new(SimConfig { coalesce: Span::from_nanos(2500), ..config() }, 0);
+    line.write(End::A, Instant::START, &[1, 2, 3, 4]);
     assert_eq!(drain(&mut line), ["3500 B [01, 02, 03]", "4000 A TxDone", "4000 B [04]"]);
 }
 
 #[test]
 fn a_level_does_not_wait_for_characters() {
     let mut line = SimLine::new(config(), 0);
-    line.write(End::A, 0, &[1, 2]);
-    line.set_rts(End::A, 500, false);
+    line.write(End::A, Instant::START, &[1, 2]);
+    line.set_rts(End::A, Instant::from_nanos(500), false);
     assert_eq!(drain(&mut line), ["500 B Cts(false)", "1000 B [01]", "2000 A TxDone", "2000 B [02]"]);
 }
 
@@ -94,7 +94,7 @@ fn a_level_does_not_wait_for_characters() {
 fn a_pulled_cable_swallows_in_its_time() {
     let mut line = SimLine::new(config(), 0);
     line.set_cut(true);
-    line.write(End::A, 0, &[1, 2]);
+    line.write(End::A, Instant::START, &[1, 2]);
     assert_eq!(drain(&mut line), ["2000 A TxDone"]);
 }
 
@@ -102,24 +102,24 @@ fn a_pulled_cable_swallows_in_its_time() {
 #[should_panic(expected = "both ends of a half-duplex line")]
 fn a_strict_half_duplex_line_panics_on_a_collision() {
     let mut line = SimLine::new(SimConfig { half_duplex: true, ..config() }, 0);
-    line.write(End::A, 0, &[1]);
-    line.write(End::B, 999, &[2]);
+    line.write(End::A, Instant::START, &[1]);
+    line.write(End::B, Instant::from_nanos(999), &[2]);
 }
 
 #[test]
 #[should_panic(expected = "time goes back")]
 fn a_strict_line_panics_when_time_goes_back() {
     let mut line = SimLine::new(config(), 0);
-    line.write(End::A, 10, &[1]);
-    line.write(End::A, 9, &[2]);
+    line.write(End::A, Instant::from_nanos(10), &[1]);
+    line.write(End::A, Instant::from_nanos(9), &[2]);
 }
 
 #[test]
 fn a_lenient_half_duplex_line_counts_collisions_and_garbles() {
     let mut line = SimLine::new(SimConfig { half_duplex: true, strict: false, ..config() }, 0);
-    line.write(End::A, 0, &[1]);
-    line.write(End::B, 1000, &[2]); // the last bit of A is out: allowed
-    line.write(End::A, 1500, &[3]);
+    line.write(End::A, Instant::START, &[1]);
+    line.write(End::B, Instant::from_nanos(1000), &[2]); // the last bit of A is out: allowed
+    line.write(End::A, Instant::from_nanos(1500), &[3]);
     assert_eq!(line.violations(), 1);
     let log = drain(&mut line);
     assert!(log.contains(&"2500 B Fault(Framing)".to_owned()), "{log:?}");
@@ -129,7 +129,7 @@ fn a_lenient_half_duplex_line_counts_collisions_and_garbles() {
 fn the_same_seed_gives_the_same_faults_and_another_seed_others() {
     let run = |seed| {
         let mut line = SimLine::new(SimConfig { faults: FaultRates::all(20_000), ..config() }, seed);
-        line.write(End::A, 0, &[0x55; 500]);
+        line.write(End::A, Instant::START, &[0x55; 500]);
         drain(&mut line)
     };
     assert_eq!(run(1), run(1));
@@ -140,10 +140,10 @@ fn the_same_seed_gives_the_same_faults_and_another_seed_others() {
 fn rates_are_kept_and_faults_stop_in_time() {
     let until = 100_000 * T;
     let faults = FaultRates { flip: 10_000, lose: 20_000, parity: 5_000, ..FaultRates::NONE };
-    let mut line = SimLine::new(SimConfig { faults, faults_until: until, ..config() }, 42);
+    let mut line = SimLine::new(SimConfig { faults, faults_until: Instant::START + until, ..config() }, 42);
     let (mut whole, mut flipped, mut parity) = (0, 0, 0);
     let mut buffer = [0; 64];
-    let mut now = 0;
+    let mut now = Instant::START;
     for _ in 0..100 {
         line.write(End::A, now, &[0; 2000]);
         while let Some(at) = line.next_event() {
@@ -153,11 +153,11 @@ fn rates_are_kept_and_faults_stop_in_time() {
                     SimEvent::Rx(n) => {
                         flipped += buffer[..n].iter().filter(|b| b.count_ones() == 1).count();
                         whole += buffer[..n].iter().filter(|b| **b == 0).count();
-                        assert!(now <= until + T || buffer[..n].iter().all(|b| *b == 0));
+                        assert!(now <= Instant::START + until + T || buffer[..n].iter().all(|b| *b == 0));
                     }
                     SimEvent::Fault(fault) => {
                         assert_eq!(fault, LineFault::Parity);
-                        assert!(now <= until + T);
+                        assert!(now <= Instant::START + until + T);
                         parity += 1;
                     }
                     _ => {}
@@ -176,9 +176,9 @@ fn rates_are_kept_and_faults_stop_in_time() {
 fn arrivals_keep_the_distance_of_a_character_whatever_goes_wrong() {
     let faults = FaultRates { double: 50_000, delay: 50_000, delay_max: 20 * T, ..FaultRates::NONE };
     let mut line = SimLine::new(SimConfig { faults, ..config() }, 7);
-    line.write(End::A, 0, &[0; 5000]);
+    line.write(End::A, Instant::START, &[0; 5000]);
     let mut buffer = [0; 64];
-    let mut last = 0;
+    let mut last = Instant::START;
     while let Some(now) = line.next_event() {
         while let Some((end, event)) = line.pop(now, &mut buffer) {
             if end == End::B {
@@ -188,7 +188,7 @@ fn arrivals_keep_the_distance_of_a_character_whatever_goes_wrong() {
             }
         }
     }
-    assert!(last > 5000 * T);
+    assert!(last > Instant::START + 5000 * T);
 }
 
 #[test]

@@ -15,7 +15,7 @@ mod receive;
 
 use crate::flow::Gate;
 pub use crate::flow::{Flow, XOFF, XON};
-use crate::machine::{Event, Input, LineFault, LineInput, Machine, Nanos, Order, SECOND, Sink, TELEGRAM_MAX, What};
+use crate::machine::{Event, Input, Instant, LineFault, LineInput, Machine, Order, Sink, Span, TELEGRAM_MAX, What};
 pub use crate::output::Flags;
 use crate::output::{Extent, Output, Rules};
 use crate::signals::Times;
@@ -61,16 +61,16 @@ pub struct Config {
     /// Flow control.
     pub flow: Flow,
     /// ZNA: from the last bit of a telegram to the end of its order.
-    pub zna: Nanos,
+    pub zna: Span,
     /// From the last bit of a telegram to the first of the next. The order has ended before. (CP 341)
-    pub pause: Nanos,
+    pub pause: Span,
     /// ZVZ: silence that ends a telegram; 0: two character times.
-    pub zvz: Nanos,
+    pub zvz: Span,
     /// Time of one character on the line.
-    pub char_time: Nanos,
+    pub char_time: Span,
     /// Longest time that an order waits for XON or CTS; 0: for ever. The manual names none; 20 s as the reference does
     /// for the CP 341.
-    pub flow_wait: Nanos,
+    pub flow_wait: Span,
     /// Automatic use of the secondary signals; not together with [`Flow::Hardware`]. [S4 L803]
     pub signals: Option<Times>,
 }
@@ -78,22 +78,22 @@ pub struct Config {
 impl Config {
     /// Nothing set: no times, no flow control, telegrams end with silence. The defaults of the parameters stand in
     /// `ob1-params`.
-    pub const fn unset(char_time: Nanos) -> Self {
+    pub const fn unset(char_time: Span) -> Self {
         Self {
             criterion: Criterion::Silence,
             flow: Flow::None,
-            zna: 0,
-            pause: 0,
-            zvz: 0,
+            zna: Span::ZERO,
+            pause: Span::ZERO,
+            zvz: Span::ZERO,
             char_time,
-            flow_wait: 20 * SECOND,
+            flow_wait: Span::from_secs(20),
             signals: None,
         }
     }
 
     /// [S0 "Character delay time (ZVZ)"]: 0: about double character time.
-    fn zvz(&self) -> Nanos {
-        if self.zvz == 0 { 2 * self.char_time } else { self.zvz }
+    fn zvz(&self) -> Span {
+        if self.zvz.is_zero() { 2 * self.char_time } else { self.zvz }
     }
 
     fn rules(&self) -> Rules {
@@ -139,7 +139,7 @@ impl<const N: usize> Ascii<N> {
         &self.config
     }
 
-    fn tick(&mut self, now: Nanos, out: &mut dyn Sink) {
+    fn tick(&mut self, now: Instant, out: &mut dyn Sink) {
         if !self.started {
             self.started = true;
             self.output.start(out);
@@ -152,7 +152,7 @@ impl<const N: usize> Ascii<N> {
         self.output.tick(now, out);
     }
 
-    fn character(&mut self, now: Nanos, byte: u8, out: &mut dyn Sink) {
+    fn character(&mut self, now: Instant, byte: u8, out: &mut dyn Sink) {
         if !self.output.can_receive() {
             return;
         }
@@ -164,7 +164,7 @@ impl<const N: usize> Ascii<N> {
         }
     }
 
-    fn fault(&mut self, now: Nanos, fault: LineFault, out: &mut dyn Sink) {
+    fn fault(&mut self, now: Instant, fault: LineFault, out: &mut dyn Sink) {
         let what = What::Line(fault);
         if matches!(fault, LineFault::Gone | LineFault::Back) {
             out.report(Event { phase: self.receive.phase(), what });
@@ -174,14 +174,14 @@ impl<const N: usize> Ascii<N> {
         }
     }
 
-    fn deadline(&self) -> Option<Nanos> {
-        let start = (!self.started).then_some(0);
+    fn deadline(&self) -> Option<Instant> {
+        let start = (!self.started).then_some(Instant::START);
         [self.receive.deadline(), self.output.deadline(), self.gate.deadline(), start].into_iter().flatten().min()
     }
 }
 
 impl<const N: usize> Machine for Ascii<N> {
-    fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) -> Option<Nanos> {
+    fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Sink) -> Option<Instant> {
         match input {
             Input::Tick => self.tick(now, out),
             Input::Line(LineInput::Rx(bytes)) => bytes.iter().for_each(|byte| self.character(now, *byte, out)),

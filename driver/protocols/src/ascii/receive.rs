@@ -11,7 +11,7 @@
 //! lost (no room, an unreadable character) is followed to its end all the same, so that the next one is whole.
 
 use super::{Criterion, FRAGMENT};
-use crate::machine::{Event, Nanos, Part, Phase, Sink, What};
+use crate::machine::{Event, Instant, Part, Phase, Sink, Span, What};
 
 /// The telegram that is coming in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,11 +25,11 @@ struct Coming {
     /// It will not be delivered; that was reported.
     lost: bool,
     /// Silence until then ends it.
-    until: Nanos,
+    until: Instant,
 }
 
 impl Coming {
-    const fn new(now: Nanos) -> Self {
+    const fn new(now: Instant) -> Self {
         Self { len: 0, begun: false, before: None, lost: false, until: now }
     }
 
@@ -51,13 +51,13 @@ impl Coming {
 #[derive(Clone, Debug)]
 pub(super) struct Receive<const N: usize> {
     criterion: Criterion,
-    zvz: Nanos,
+    zvz: Span,
     coming: Option<Coming>,
     data: [u8; N],
 }
 
 impl<const N: usize> Receive<N> {
-    pub(super) const fn new(criterion: Criterion, zvz: Nanos) -> Self {
+    pub(super) const fn new(criterion: Criterion, zvz: Span) -> Self {
         Self { criterion, zvz, coming: None, data: [0; N] }
     }
 
@@ -68,7 +68,7 @@ impl<const N: usize> Receive<N> {
         }
     }
 
-    pub(super) fn deadline(&self) -> Option<Nanos> {
+    pub(super) fn deadline(&self) -> Option<Instant> {
         self.coming.map(|coming| coming.until)
     }
 
@@ -78,7 +78,7 @@ impl<const N: usize> Receive<N> {
     }
 
     /// A character; true if a telegram has ended with it.
-    pub(super) fn character(&mut self, now: Nanos, byte: u8, out: &mut dyn Sink) -> bool {
+    pub(super) fn character(&mut self, now: Instant, byte: u8, out: &mut dyn Sink) -> bool {
         let mut coming = self.coming.unwrap_or(Coming::new(now));
         if self.coming.is_none() && out.room() == 0 {
             // [S0 "Number of receive buffers"]: no more data can be received while the receive buffer is occupied.
@@ -96,7 +96,7 @@ impl<const N: usize> Receive<N> {
     }
 
     /// A character that could not be read: its telegram is not passed on as if it were whole.
-    pub(super) fn unreadable(&mut self, now: Nanos, what: What, out: &mut dyn Sink) -> bool {
+    pub(super) fn unreadable(&mut self, now: Instant, what: What, out: &mut dyn Sink) -> bool {
         let mut coming = self.coming.unwrap_or(Coming::new(now));
         // The rest of a telegram that is lost already costs nothing more.
         let phase = if coming.lost { Phase::Idle } else { Phase::Receive };
@@ -112,7 +112,7 @@ impl<const N: usize> Receive<N> {
         }
     }
 
-    fn take(&mut self, now: Nanos, mut coming: Coming, byte: Option<u8>, out: &mut dyn Sink) -> bool {
+    fn take(&mut self, now: Instant, mut coming: Coming, byte: Option<u8>, out: &mut dyn Sink) -> bool {
         coming.len += 1;
         coming.until = now + self.zvz;
         let ended = match self.criterion {
@@ -148,7 +148,7 @@ impl<const N: usize> Receive<N> {
     }
 
     /// ZVZ may have expired; true if a telegram has ended with that.
-    pub(super) fn tick(&mut self, now: Nanos, out: &mut dyn Sink) -> bool {
+    pub(super) fn tick(&mut self, now: Instant, out: &mut dyn Sink) -> bool {
         let Some(coming) = self.coming.filter(|coming| now >= coming.until) else { return false };
         match self.criterion {
             // [S0 "Communication via back plane bus"]: complete with the expiration of the ZVZ.

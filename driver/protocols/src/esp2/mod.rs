@@ -12,7 +12,9 @@ mod queue;
 pub mod radio;
 pub mod telegram;
 
-use crate::machine::{Event, Input, LineFault, LineInput, MS, Machine, Nanos, Order, Phase, SendError, Sink, What};
+use crate::machine::{
+    Event, Input, Instant, LineFault, LineInput, MS, Machine, Order, Phase, SendError, Sink, Span, What,
+};
 use frame::{Bytes, Decoder, Step, TELEGRAM_BYTES, encode};
 pub use frame::{FRAME_BYTES, WAKE};
 pub use queue::SEND_TELEGRAMS;
@@ -30,9 +32,9 @@ const OWN_BITS: u32 = 0x7F;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Config {
     /// Longest wait for the answer to the question for the ID base, nanoseconds.
-    pub answer: Nanos,
+    pub answer: Span,
     /// A pause of so long within a frame ends it, nanoseconds. A tty or a network hands characters out in pieces.
-    pub gap: Nanos,
+    pub gap: Span,
 }
 
 impl Config {
@@ -48,7 +50,7 @@ enum Base {
     /// Not asked yet.
     Unasked,
     /// Asked, for the n-th time; nothing else is sent until then.
-    Asked { attempt: u8, until: Nanos },
+    Asked { attempt: u8, until: Instant },
     /// Only the upper 25 bits.
     Known(u32),
     /// The module does not tell: IDs go out as the program has written them.
@@ -67,7 +69,7 @@ pub struct Esp2 {
     held: Option<Outgoing>,
     decoder: Decoder,
     /// What has begun is given up then.
-    gap_until: Nanos,
+    gap_until: Instant,
     /// Noise has been told once.
     noise: bool,
 }
@@ -82,7 +84,7 @@ impl Esp2 {
             queue: Queue::new(),
             held: None,
             decoder: Decoder::new(),
-            gap_until: 0,
+            gap_until: Instant::START,
             noise: false,
         }
     }
@@ -100,7 +102,7 @@ impl Esp2 {
         self.queue.len()
     }
 
-    fn tick(&mut self, now: Nanos, out: &mut dyn Sink) {
+    fn tick(&mut self, now: Instant, out: &mut dyn Sink) {
         match self.base {
             Base::Unasked => self.ask(now, 1, out),
             Base::Asked { attempt, until } if now >= until => {
@@ -123,7 +125,7 @@ impl Esp2 {
 
     /// Asks for the ID base. The module may have been sent to sleep, and the reset of the CP 240 resets it by wire;
     /// here WAKE does.
-    fn ask(&mut self, now: Nanos, attempt: u8, out: &mut dyn Sink) {
+    fn ask(&mut self, now: Instant, attempt: u8, out: &mut dyn Sink) {
         if attempt > 1 {
             out.transmit(&[WAKE]);
         }
@@ -179,7 +181,7 @@ impl Esp2 {
         telegram
     }
 
-    fn receive(&mut self, now: Nanos, bytes: &[u8], out: &mut dyn Sink) {
+    fn receive(&mut self, now: Instant, bytes: &[u8], out: &mut dyn Sink) {
         for byte in bytes {
             match self.decoder.feed(*byte) {
                 Step::More => {}
@@ -215,7 +217,7 @@ impl Esp2 {
         out.deliver(telegram);
     }
 
-    fn fault(&mut self, now: Nanos, fault: LineFault, out: &mut dyn Sink) {
+    fn fault(&mut self, now: Instant, fault: LineFault, out: &mut dyn Sink) {
         if fault == LineFault::Back {
             // Another module may be there: its ID base is another one.
             return self.ask(now, 1, out);
@@ -240,9 +242,9 @@ impl Esp2 {
         }
     }
 
-    fn deadline(&self) -> Option<Nanos> {
+    fn deadline(&self) -> Option<Instant> {
         let base = match self.base {
-            Base::Unasked => Some(0),
+            Base::Unasked => Some(Instant::START),
             Base::Asked { until, .. } => Some(until),
             Base::Known(_) | Base::Untold => None,
         };
@@ -252,7 +254,7 @@ impl Esp2 {
 }
 
 impl Machine for Esp2 {
-    fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) -> Option<Nanos> {
+    fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Sink) -> Option<Instant> {
         match input {
             Input::Tick => self.tick(now, out),
             Input::Line(LineInput::Rx(bytes)) => self.receive(now, bytes, out),

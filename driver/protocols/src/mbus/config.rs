@@ -1,7 +1,7 @@
 //! Times of the M-Bus, and the baud rate that stands in front of each telegram.
 
 use super::frame::FRAME_MAX;
-use crate::machine::{MS, Nanos};
+use crate::machine::{MS, Span};
 
 /// Times of [`MBus`](super::MBus).
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -9,12 +9,12 @@ pub struct Config {
     /// The answer's first character must come within so many bit times ...
     pub answer_bits: u32,
     /// ... and this much more, nanoseconds.
-    pub answer_more: Nanos,
+    pub answer_more: Span,
     /// Silence of the bus after an exchange that failed, bit times.
     pub pause_bits: u32,
     /// Shortest gap that ends an answer, nanoseconds: a frame has no pauses, but a tty or a network hands characters
     /// out in pieces. 0: bit times alone count.
-    pub gap_min: Nanos,
+    pub gap_min: Span,
 }
 
 impl Config {
@@ -28,26 +28,26 @@ impl Config {
 
     /// For a line that may hand characters over so late, because they come in bursts.
     #[must_use]
-    pub fn with_bursts(mut self, late: Nanos) -> Self {
+    pub fn with_bursts(mut self, late: Span) -> Self {
         self.gap_min = self.gap_min.max(late);
         self.answer_more += late;
         self
     }
 
-    pub(super) fn answer(&self, bit: Nanos) -> Nanos {
-        bit * Nanos::from(self.answer_bits) + self.answer_more
+    pub(super) fn answer(&self, bit: Span) -> Span {
+        bit * u64::from(self.answer_bits) + self.answer_more
     }
 
-    pub(super) fn pause(&self, bit: Nanos) -> Nanos {
-        bit * Nanos::from(self.pause_bits)
+    pub(super) fn pause(&self, bit: Span) -> Span {
+        bit * u64::from(self.pause_bits)
     }
 
     /// Time of the longest frame.
-    pub(super) fn longest_frame(&self, bit: Nanos) -> Nanos {
-        bit * Nanos::from(Self::CHARACTER_BITS) * FRAME_MAX as Nanos
+    pub(super) fn longest_frame(&self, bit: Span) -> Span {
+        bit * u64::from(Self::CHARACTER_BITS) * FRAME_MAX as u64
     }
 
-    pub(super) fn gap(&self, bit: Nanos) -> Nanos {
+    pub(super) fn gap(&self, bit: Span) -> Span {
         self.pause(bit).max(self.gap_min)
     }
 }

@@ -24,7 +24,9 @@ pub mod frame;
 
 pub use config::{Config, baud_of};
 
-use crate::machine::{Event, Input, LineFault, LineInput, Machine, Nanos, Order, Phase, SECOND, SendError, Sink, What};
+use crate::machine::{
+    Event, Input, Instant, LineFault, LineInput, Machine, Order, Phase, SECOND, SendError, Sink, Span, What,
+};
 use frame::{FRAME_MAX, Frame, FrameError, Progress, SINGLE, USER_MAX};
 
 /// Longest response telegram, bytes: response byte, C, A, CI field, user data.
@@ -47,13 +49,13 @@ const ATTEMPTS: u16 = 3;
 
 /// Longest frames that fit into one attempt, beside the wait for the answer: an echo, an answer, and what is behind a
 /// defective one.
-const ATTEMPT_FRAMES: Nanos = 3;
+const ATTEMPT_FRAMES: u64 = 3;
 
 /// A line that never reports the end of its output is taken to have ended it this long after the time it needed.
-const OUTPUT_GRACE: Nanos = SECOND;
+const OUTPUT_GRACE: Span = Span::SECOND;
 
 /// How often the receive buffer is looked at while an order waits for room in it.
-const ROOM_POLL: Nanos = 20 * crate::machine::MS;
+const ROOM_POLL: Span = Span::from_millis(20);
 
 /// The master.
 #[derive(Clone, Debug)]
@@ -61,7 +63,7 @@ pub struct MBus {
     config: Config,
     state: State,
     /// Duration of a bit at the baud rate of the running order.
-    bit: Nanos,
+    bit: Span,
     baud: u32,
     /// The frame of the running order.
     tx: [u8; FRAME_MAX],
@@ -70,7 +72,7 @@ pub struct MBus {
     /// A break has been heard, and no character since.
     shorted: bool,
     /// When the running attempt ends, whatever comes in.
-    limit: Nanos,
+    limit: Instant,
     /// The answer so far.
     rx: [u8; FRAME_MAX],
     rx_len: usize,
@@ -82,22 +84,22 @@ enum State {
     Idle,
     /// The order waits for room in the receive buffer.
     Held {
-        poll: Nanos,
+        poll: Instant,
     },
     /// The frame is leaving.
     Output {
         attempt: u16,
-        until: Nanos,
+        until: Instant,
     },
     /// The answer is awaited, or coming in: a time-out at `until`.
     Answer {
         attempt: u16,
-        until: Nanos,
+        until: Instant,
     },
     /// The answer was defective: the next attempt, or the end, when the bus has been silent until `until`.
     Silence {
         attempt: u16,
-        until: Nanos,
+        until: Instant,
     },
 }
 
@@ -107,19 +109,19 @@ impl MBus {
         Self {
             config,
             state: State::Idle,
-            bit: 0,
+            bit: Span::ZERO,
             baud: 0,
             tx: [0; FRAME_MAX],
             tx_len: 0,
             answered: true,
             shorted: false,
-            limit: 0,
+            limit: Instant::START,
             rx: [0; FRAME_MAX],
             rx_len: 0,
         }
     }
 
-    fn order(&mut self, now: Nanos, telegram: &[u8], out: &mut dyn Sink) {
+    fn order(&mut self, now: Instant, telegram: &[u8], out: &mut dyn Sink) {
         if self.state != State::Idle {
             return out.sent(Err(SendError::Busy));
         }
@@ -139,12 +141,12 @@ impl MBus {
         };
         self.tx_len = frame.encode(&mut self.tx);
         self.baud = baud_of(telegram[0]);
-        self.bit = SECOND / Nanos::from(self.baud);
+        self.bit = SECOND / u64::from(self.baud);
         self.hold(now, out);
     }
 
     /// Begins the exchange as soon as its response has room.
-    fn hold(&mut self, now: Nanos, out: &mut dyn Sink) {
+    fn hold(&mut self, now: Instant, out: &mut dyn Sink) {
         if out.room() >= RESPONSE_MAX {
             out.baud(self.baud);
             self.output(now, 1, out);
@@ -153,16 +155,16 @@ impl MBus {
         }
     }
 
-    fn output(&mut self, now: Nanos, attempt: u16, out: &mut dyn Sink) {
+    fn output(&mut self, now: Instant, attempt: u16, out: &mut dyn Sink) {
         if attempt > 1 {
             out.report(Event { phase: Phase::Output, what: What::Repetition(attempt - 1) });
         }
         out.transmit(&self.tx[..self.tx_len]);
-        let leaves = self.bit * Nanos::from(Config::CHARACTER_BITS) * self.tx_len as Nanos;
+        let leaves = self.bit * u64::from(Config::CHARACTER_BITS) * self.tx_len as u64;
         self.state = State::Output { attempt, until: now + leaves + OUTPUT_GRACE };
     }
 
-    fn tx_done(&mut self, now: Nanos, out: &mut dyn Sink) {
+    fn tx_done(&mut self, now: Instant, out: &mut dyn Sink) {
         let State::Output { attempt, .. } = self.state else { return };
         if self.answered {
             self.rx_len = 0;
@@ -174,7 +176,7 @@ impl MBus {
         }
     }
 
-    fn tick(&mut self, now: Nanos, out: &mut dyn Sink) {
+    fn tick(&mut self, now: Instant, out: &mut dyn Sink) {
         match self.state {
             State::Held { poll } if now >= poll || out.room() >= RESPONSE_MAX => self.hold(now, out),
             State::Output { until, .. } if now >= until => self.tx_done(now, out),
@@ -195,15 +197,15 @@ impl MBus {
     }
 
     /// No answer, or a defective one. Before anything else is sent the bus is silent for 33 bit times. [S0 "FCB bit"]
-    fn missed(&mut self, now: Nanos, attempt: u16, what: What, out: &mut dyn Sink) {
+    fn missed(&mut self, now: Instant, attempt: u16, what: What, out: &mut dyn Sink) {
         out.report(Event { phase: Phase::Acknowledge, what });
         // A repetition after a missing answer needs no further silence: there was nothing else.
-        let pause = if what == What::AckDelay && attempt < ATTEMPTS { 0 } else { self.config.pause(self.bit) };
+        let pause = if what == What::AckDelay && attempt < ATTEMPTS { Span::ZERO } else { self.config.pause(self.bit) };
         self.state = State::Silence { attempt, until: now + pause };
         self.tick(now, out);
     }
 
-    fn receive(&mut self, now: Nanos, bytes: &[u8], out: &mut dyn Sink) {
+    fn receive(&mut self, now: Instant, bytes: &[u8], out: &mut dyn Sink) {
         self.shorted &= bytes.is_empty();
         match self.state {
             State::Answer { attempt, .. } => self.collect(now, attempt, bytes, out),
@@ -221,7 +223,7 @@ impl MBus {
         }
     }
 
-    fn collect(&mut self, now: Nanos, attempt: u16, bytes: &[u8], out: &mut dyn Sink) {
+    fn collect(&mut self, now: Instant, attempt: u16, bytes: &[u8], out: &mut dyn Sink) {
         let room = FRAME_MAX - self.rx_len;
         let taken = bytes.len().min(room);
         self.rx[self.rx_len..self.rx_len + taken].copy_from_slice(&bytes[..taken]);
@@ -251,7 +253,7 @@ impl MBus {
         }
     }
 
-    fn fault(&mut self, now: Nanos, fault: LineFault, out: &mut dyn Sink) {
+    fn fault(&mut self, now: Instant, fault: LineFault, out: &mut dyn Sink) {
         if fault != LineFault::Back {
             out.report(Event { phase: self.phase(), what: What::Line(fault) });
         }
@@ -280,7 +282,7 @@ impl MBus {
     }
 
     /// `until`, but not beyond the end of the attempt: then at once.
-    fn limited(&self, until: Nanos, now: Nanos) -> Nanos {
+    fn limited(&self, until: Instant, now: Instant) -> Instant {
         until.min(self.limit).max(now)
     }
 
@@ -301,7 +303,7 @@ impl MBus {
         out.sent(Ok(()));
     }
 
-    fn deadline(&self) -> Option<Nanos> {
+    fn deadline(&self) -> Option<Instant> {
         match self.state {
             State::Idle => None,
             State::Held { poll } => Some(poll),
@@ -311,7 +313,7 @@ impl MBus {
 }
 
 impl Machine for MBus {
-    fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) -> Option<Nanos> {
+    fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Sink) -> Option<Instant> {
         match input {
             Input::Tick => self.tick(now, out),
             Input::Line(LineInput::Rx(bytes)) => self.receive(now, bytes, out),

@@ -10,7 +10,7 @@
 //! silence all the same; only one that is not whole, or is shorter than it says itself, is waited for.
 
 use super::{Failure, Mode, TELEGRAM_BYTES, ascii, pdu, rtu};
-use crate::machine::{MS, Nanos, SECOND};
+use crate::machine::{Instant, SECOND, Span};
 
 /// Above this rate the silences of RTU no longer depend on it.
 const FIXED_ABOVE_BAUD: u32 = 19_200;
@@ -24,25 +24,25 @@ pub struct Config {
     /// RTU or ASCII.
     pub mode: Mode,
     /// Time of one character on the line.
-    pub char_time: Nanos,
+    pub char_time: Span,
     /// RTU: silence that ends a telegram and that is kept before one. 0: none is kept, and a telegram ends when it has
     /// the length its function code asks for and its check is right. ASCII has none.
-    pub silence: Nanos,
+    pub silence: Span,
     /// RTU: longest pause within a telegram; 0: not looked at.
-    pub gap: Nanos,
+    pub gap: Span,
     /// Longest time that a telegram that is not whole is waited for after its last character.
-    pub patience: Nanos,
+    pub patience: Span,
     /// Bytes of a register: 2, or 4 with 32-bit extensions.
     pub register_bytes: usize,
 }
 
 impl Config {
     /// The times of the Modbus specification for this rate.
-    pub const fn new(mode: Mode, baud: u32, char_time: Nanos) -> Self {
+    pub const fn new(mode: Mode, baud: u32, char_time: Span) -> Self {
         let (silence, gap) = match mode {
-            Mode::Rtu if baud > FIXED_ABOVE_BAUD => (1_750_000, 750_000),
-            Mode::Rtu => (char_time * 7 / 2, char_time * 3 / 2),
-            Mode::Ascii => (0, 0),
+            Mode::Rtu if baud > FIXED_ABOVE_BAUD => (Span::from_micros(1_750), Span::from_micros(750)),
+            Mode::Rtu => (char_time.times(7).over(2), char_time.times(3).over(2)),
+            Mode::Ascii => (Span::ZERO, Span::ZERO),
         };
         let patience = match mode {
             Mode::Rtu => silence,
@@ -54,11 +54,11 @@ impl Config {
 
     /// The same on a line that hands characters over up to `late` after they have come in.
     #[must_use]
-    pub const fn with_bursts(mut self, late: Nanos) -> Self {
-        if self.gap > 0 {
-            self.gap += late;
+    pub const fn with_bursts(mut self, late: Span) -> Self {
+        if !self.gap.is_zero() {
+            self.gap = self.gap.plus(late);
         }
-        self.patience += late;
+        self.patience = self.patience.plus(late);
         self
     }
 
@@ -67,8 +67,8 @@ impl Config {
     #[must_use]
     pub const fn without_silence(mut self) -> Self {
         if matches!(self.mode, Mode::Rtu) {
-            (self.silence, self.gap) = (0, 0);
-            self.patience += 50 * MS;
+            (self.silence, self.gap) = (Span::ZERO, Span::ZERO);
+            self.patience = self.patience.plus(Span::from_millis(50));
         }
         self
     }
@@ -85,7 +85,7 @@ pub struct Receiver {
     /// Characters have come that no end has followed yet.
     open: bool,
     /// End of the last character.
-    last: Nanos,
+    last: Instant,
     /// The first thing that was wrong with the telegram.
     flaw: Option<Failure>,
     bytes: [u8; BUFFER],
@@ -107,7 +107,7 @@ impl Receiver {
             config,
             direction,
             open: false,
-            last: 0,
+            last: Instant::START,
             flaw: None,
             bytes: [0; BUFFER],
             len: 0,
@@ -134,12 +134,12 @@ impl Receiver {
     }
 
     /// When the line has been silent for long enough to send.
-    pub const fn quiet_at(&self) -> Nanos {
-        self.last + self.config.silence
+    pub const fn quiet_at(&self) -> Instant {
+        self.last.saturating_add(self.config.silence)
     }
 
     /// Forgets what has come in; the line counts as busy until `now`.
-    pub const fn clear(&mut self, now: Nanos) {
+    pub const fn clear(&mut self, now: Instant) {
         self.reset();
         self.open = false;
         self.last = now;
@@ -150,15 +150,15 @@ impl Receiver {
     }
 
     /// Characters came in together, the last of them now. Before their [`Receiver::character`]s.
-    pub const fn chunk(&mut self, now: Nanos, characters: usize) {
+    pub fn chunk(&mut self, now: Instant, characters: usize) {
         let begun = now.saturating_sub(self.config.char_time * characters as u64);
-        if self.open && self.config.gap > 0 && begun.saturating_sub(self.last) > self.config.gap {
+        if self.open && !self.config.gap.is_zero() && begun.since(self.last) > self.config.gap {
             self.spoil(Failure::Incomplete);
         }
     }
 
     /// One character; what it ends, if anything.
-    pub fn character(&mut self, now: Nanos, byte: u8) -> Option<End> {
+    pub fn character(&mut self, now: Instant, byte: u8) -> Option<End> {
         self.last = now;
         match self.config.mode {
             Mode::Rtu => self.rtu(byte),
@@ -167,20 +167,20 @@ impl Receiver {
     }
 
     /// A character that could not be read: it spoils the telegram it belongs to.
-    pub const fn unreadable(&mut self, now: Nanos) {
+    pub const fn unreadable(&mut self, now: Instant) {
         self.last = now;
         self.begin();
         self.spoil(Failure::DataLost);
     }
 
     /// When [`Receiver::tick`] is due.
-    pub fn deadline(&self) -> Option<Nanos> {
+    pub fn deadline(&self) -> Option<Instant> {
         let wait = if self.is_whole() && !self.names_more() { self.config.silence } else { self.config.patience };
         self.open.then(|| self.last + wait)
     }
 
     /// Time has passed; what has ended by that.
-    pub fn tick(&mut self, now: Nanos) -> Option<End> {
+    pub fn tick(&mut self, now: Instant) -> Option<End> {
         if self.deadline().is_none_or(|at| now < at) {
             return None;
         }
@@ -230,7 +230,7 @@ impl Receiver {
         self.begin();
         self.store(byte);
         self.crc = rtu::crc_push(self.crc, byte);
-        let at_once = self.config.silence == 0 && self.is_whole() && self.expected() == Some(self.len - 2);
+        let at_once = self.config.silence.is_zero() && self.is_whole() && self.expected() == Some(self.len - 2);
         at_once.then(|| self.end_rtu())
     }
 

@@ -11,7 +11,7 @@
 use super::frame::{self, End, Receiver};
 use super::pdu::{self, BROADCAST, Direction, Function, Match};
 use super::{FRAME_CHARACTERS, Failure, Mode, TELEGRAM_BYTES};
-use crate::machine::{Event, Input, LineFault, LineInput, MS, Machine, Nanos, Order, Phase, SendError, Sink, What};
+use crate::machine::{Event, Input, Instant, LineFault, LineInput, Machine, Order, Phase, SendError, Sink, Span, What};
 
 /// Configuration of [`Master`].
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -19,26 +19,26 @@ pub struct Config {
     /// How telegrams travel.
     pub frame: frame::Config,
     /// Delay time: longest wait for the first character of the answer.
-    pub wait: Nanos,
+    pub wait: Span,
 }
 
 impl Config {
     /// A CP 240: the delay time in milliseconds as parametrised, 0 for the automatic one.
     pub const fn cp240(frame: frame::Config, baud: u32, wait_ms: u16) -> Self {
-        let wait = if wait_ms == 0 { automatic_wait(frame.mode, baud) } else { wait_ms as Nanos * MS };
+        let wait = if wait_ms == 0 { automatic_wait(frame.mode, baud) } else { Span::from_millis(wait_ms as u64) };
         Self { frame, wait }
     }
 }
 
 /// The delay time "evaluated automatically": 50 ms + 2926000 ms / baud rate (ASCII), 5190000 ms / baud rate (RTU).
 /// [S0 "Delay time"]
-pub const fn automatic_wait(mode: Mode, baud: u32) -> Nanos {
-    let per_baud: Nanos = match mode {
-        Mode::Ascii => 2_926_000,
-        Mode::Rtu => 5_190_000,
+pub const fn automatic_wait(mode: Mode, baud: u32) -> Span {
+    let per_baud = match mode {
+        Mode::Ascii => Span::from_millis(2_926_000),
+        Mode::Rtu => Span::from_millis(5_190_000),
     };
-    let baud = if baud == 0 { 1 } else { baud as Nanos };
-    50 * MS + per_baud * MS / baud
+    let baud = if baud == 0 { 1 } else { baud as u64 };
+    Span::from_millis(50).plus(per_baud.over(baud))
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,14 +46,14 @@ enum State {
     Idle,
     /// The line has to be silent first. It is not waited for longer than `until`.
     Silence {
-        until: Nanos,
+        until: Instant,
     },
     /// The request is leaving.
     Output,
     /// The answer has to begin before `until`, and to end before `end`, whatever the line does.
     Answer {
-        until: Nanos,
-        end: Nanos,
+        until: Instant,
+        end: Instant,
     },
 }
 
@@ -83,7 +83,7 @@ impl Master {
         self.request.get(..self.len).unwrap_or(&[])
     }
 
-    fn order(&mut self, now: Nanos, order: Order<'_>, out: &mut dyn Sink) {
+    fn order(&mut self, now: Instant, order: Order<'_>, out: &mut dyn Sink) {
         match order {
             Order::Abort => {
                 if self.state == State::Output {
@@ -113,7 +113,7 @@ impl Master {
     }
 
     /// Sends as soon as the line has been silent for long enough.
-    fn silence(&mut self, now: Nanos, out: &mut dyn Sink) {
+    fn silence(&mut self, now: Instant, out: &mut dyn Sink) {
         let State::Silence { until } = self.state else { return };
         if now < self.receiver.quiet_at().min(until) {
             return;
@@ -130,7 +130,7 @@ impl Master {
         }
     }
 
-    fn tx_done(&mut self, now: Nanos, out: &mut dyn Sink) {
+    fn tx_done(&mut self, now: Instant, out: &mut dyn Sink) {
         if self.state != State::Output {
             return;
         }
@@ -146,7 +146,7 @@ impl Master {
         self.state = State::Answer { until, end };
     }
 
-    fn received(&mut self, now: Nanos, bytes: &[u8], out: &mut dyn Sink) {
+    fn received(&mut self, now: Instant, bytes: &[u8], out: &mut dyn Sink) {
         self.receiver.chunk(now, bytes.len());
         for byte in bytes {
             if let Some(end) = self.receiver.character(now, *byte) {
@@ -200,7 +200,7 @@ impl Master {
         out.sent(outcome);
     }
 
-    fn fault(&mut self, now: Nanos, fault: LineFault, out: &mut dyn Sink) {
+    fn fault(&mut self, now: Instant, fault: LineFault, out: &mut dyn Sink) {
         out.report(Event { phase: self.phase(), what: What::Line(fault) });
         match fault {
             // Whatever was coming in ends in the air; the delay time goes on.
@@ -218,7 +218,7 @@ impl Master {
         }
     }
 
-    fn tick(&mut self, now: Nanos, out: &mut dyn Sink) {
+    fn tick(&mut self, now: Instant, out: &mut dyn Sink) {
         if let Some(end) = self.receiver.tick(now) {
             self.ended(end, out);
         }
@@ -235,7 +235,7 @@ impl Master {
         }
     }
 
-    fn deadline(&self) -> Option<Nanos> {
+    fn deadline(&self) -> Option<Instant> {
         let own = match self.state {
             State::Idle | State::Output => None,
             State::Silence { until } => Some(self.receiver.quiet_at().min(until)),
@@ -247,7 +247,7 @@ impl Master {
 }
 
 impl Machine for Master {
-    fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) -> Option<Nanos> {
+    fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Sink) -> Option<Instant> {
         match input {
             Input::Tick => self.tick(now, out),
             // What comes in while we send is our own echo, or nobody's.

@@ -9,7 +9,7 @@ use super::area::{AREA_BYTES, Areas, Change, SHORT_BYTES};
 use super::frame::{self, End, Receiver};
 use super::pdu::{BROADCAST, Direction, ERROR_BIT, Exception, Function, Request};
 use super::{FRAME_CHARACTERS, TELEGRAM_BYTES};
-use crate::machine::{Event, Input, LineFault, LineInput, Machine, Nanos, Order, Phase, SendError, Sink, What};
+use crate::machine::{Event, Input, Instant, LineFault, LineInput, Machine, Order, Phase, SendError, Sink, What};
 
 /// Configuration of [`Slave`].
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -108,7 +108,7 @@ impl Slave {
         }
     }
 
-    fn received(&mut self, now: Nanos, bytes: &[u8], out: &mut dyn Sink) {
+    fn received(&mut self, now: Instant, bytes: &[u8], out: &mut dyn Sink) {
         self.receiver.chunk(now, bytes.len());
         for byte in bytes {
             match self.state {
@@ -125,7 +125,7 @@ impl Slave {
     }
 
     /// A telegram has ended.
-    fn ended(&mut self, now: Nanos, end: End, out: &mut dyn Sink) {
+    fn ended(&mut self, now: Instant, end: End, out: &mut dyn Sink) {
         if let Err(failure) = end {
             // A slave does not answer what it could not read.
             return out.report(Event { phase: Phase::Receive, what: What::Modbus(failure) });
@@ -167,7 +167,7 @@ impl Slave {
     }
 
     /// Answers, unless data are still to be taken.
-    fn release(&mut self, now: Nanos, out: &mut dyn Sink) {
+    fn release(&mut self, now: Instant, out: &mut dyn Sink) {
         let waits = self.config.confirmed && (self.with_cpu.is_some() || self.areas.has_changes());
         let writes = self.answer.get(1).copied().and_then(Function::of).is_some_and(Function::writes);
         if self.state != State::Held || (waits && writes) {
@@ -180,7 +180,7 @@ impl Slave {
         out.transmit(frame.get(..len.unwrap_or(0)).unwrap_or(&[]));
     }
 
-    fn order(&mut self, now: Nanos, order: Order<'_>, out: &mut dyn Sink) {
+    fn order(&mut self, now: Instant, order: Order<'_>, out: &mut dyn Sink) {
         match order {
             // "An area starting at 0 is stored in the CP where the master may gain access." [S0 L2277]
             Order::Send(data) => {
@@ -197,7 +197,7 @@ impl Slave {
         }
     }
 
-    fn fault(&mut self, now: Nanos, fault: LineFault, out: &mut dyn Sink) {
+    fn fault(&mut self, now: Instant, fault: LineFault, out: &mut dyn Sink) {
         let phase = if self.receiver.is_open() { Phase::Receive } else { Phase::Idle };
         out.report(Event { phase, what: What::Line(fault) });
         match fault {
@@ -213,7 +213,7 @@ impl Slave {
 }
 
 impl Machine for Slave {
-    fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) -> Option<Nanos> {
+    fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Sink) -> Option<Instant> {
         match input {
             Input::Tick => {
                 if let Some(end) = self.receiver.tick(now) {

@@ -2,7 +2,7 @@
 //! [S4 "3.6.1 Modbus ASCII Protocol"]
 
 use super::number;
-use crate::machine::{MS, Nanos, SECOND};
+use crate::machine::{MS, SECOND, Span};
 use crate::signals::Times;
 
 /// Transmission rates of the driver, bit/s. [S4 "Overview of Transmission Parameters"]
@@ -10,7 +10,7 @@ pub const BAUD_RATES: [u32; 9] = [300, 600, 1200, 2400, 4800, 9600, 19_200, 38_4
 
 /// How long the CPU may take to fetch a reply. The driver's manual names no time [S4 L1785]; this is the one of 0409h
 /// [reference 3.6].
-const TRANSFER: Nanos = 10 * SECOND;
+const TRANSFER: Span = Span::from_secs(10);
 
 /// Longest times the parameters may name, ms. [S4 "3.6.3 RS232 Secondary Signals"]
 const SIGNAL_MS_MAX: u32 = 655_350;
@@ -83,7 +83,7 @@ pub struct Parameters {
     /// Automatic use of the RS 232C secondary signals; `None`: they are neither set nor checked.
     pub signals: Option<Signals>,
     /// How late the line may hand characters over (a UART with a FIFO, a USB adapter); no parameter of the CP.
-    pub late: Nanos,
+    pub late: Span,
 }
 
 impl Parameters {
@@ -108,7 +108,7 @@ impl Default for Parameters {
             long_registers: false,
             wiring: Wiring::FOUR_WIRE,
             signals: None,
-            late: 0,
+            late: Span::ZERO,
         }
     }
 }
@@ -116,10 +116,10 @@ impl Default for Parameters {
 /// What the machine works with: times in nanoseconds.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Config {
-    pub(super) character_delay: Nanos,
-    pub(super) response: Nanos,
-    pub(super) turnaround: Nanos,
-    pub(super) transfer: Nanos,
+    pub(super) character_delay: Span,
+    pub(super) response: Span,
+    pub(super) turnaround: Span,
+    pub(super) transfer: Span,
     /// Faults before and after a reply count. [S4 "Normal Operation"]
     pub(super) normal: bool,
     pub(super) long_registers: bool,
@@ -158,20 +158,20 @@ impl Parameters {
             2000
         });
         // Start, 7 data, 1 parity or 2 stop: ten bits either way.
-        let char_time = 10 * SECOND / Nanos::from(self.baud.max(1));
+        let char_time = 10 * SECOND / u64::from(self.baud.max(1));
         ready.then(|| Config {
             // What is measured is the quiet time; a character counts from its end. [S4 "Character Delay Time"]
-            character_delay: Nanos::from(character_delay_ms) * MS + char_time + self.late,
-            response: Nanos::from(response_ms) * MS + self.late,
-            turnaround: Nanos::from(self.turnaround_ms) * MS,
+            character_delay: u64::from(character_delay_ms) * MS + char_time + self.late,
+            response: u64::from(response_ms) * MS + self.late,
+            turnaround: u64::from(self.turnaround_ms) * MS,
             transfer: TRANSFER,
             // Two-wire operation ignores what normal operation reports. [S4 L554]
             normal: self.operating_mode == Self::NORMAL && !self.wiring.half_duplex,
             long_registers: self.long_registers,
             wiring: self.wiring,
             signals: self.signals.map(|s| Times {
-                rts_off: Nanos::from(s.rts_off_ms) * MS,
-                output_wait: Nanos::from(s.output_wait_ms) * MS,
+                rts_off: u64::from(s.rts_off_ms) * MS,
+                output_wait: u64::from(s.output_wait_ms) * MS,
             }),
         })
     }

@@ -29,7 +29,7 @@ pub mod reply;
 
 pub use config::{BAUD_RATES, Parameters, Parity, Signals, Wiring};
 
-use crate::machine::{LineFault, LineInput, ModemLines, Nanos, Wire};
+use crate::machine::{Instant, LineFault, LineInput, ModemLines, Wire};
 use crate::modbus::ascii;
 use crate::signals::{self, Clear};
 use config::Config;
@@ -91,15 +91,15 @@ enum State {
     Output,
     /// The reply has to begin before `until`.
     Reply {
-        until: Nanos,
+        until: Instant,
     },
     /// The slaves carry out a broadcast.
     Turnaround {
-        until: Nanos,
+        until: Instant,
     },
     /// The CPU takes the data.
     Transfer {
-        until: Nanos,
+        until: Instant,
     },
 }
 
@@ -150,7 +150,7 @@ impl Driver {
     }
 
     /// Takes one input at time `now`; the result is the next deadline. The laws are those of [`crate::Machine`].
-    pub fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Owner) -> Option<Nanos> {
+    pub fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Owner) -> Option<Instant> {
         if self.state == State::Start {
             self.start(out);
         }
@@ -184,7 +184,7 @@ impl Driver {
 
     // ---- orders ----
 
-    fn order(&mut self, now: Nanos, order: Order<'_>, config: &Config, out: &mut dyn Owner) {
+    fn order(&mut self, now: Instant, order: Order<'_>, config: &Config, out: &mut dyn Owner) {
         match order {
             Order::Job { .. } if self.busy() => {
                 out.event(number::BUSY);
@@ -207,7 +207,7 @@ impl Driver {
         }
     }
 
-    fn begin(&mut self, now: Nanos, config: &Config, out: &mut dyn Owner) {
+    fn begin(&mut self, now: Instant, config: &Config, out: &mut dyn Owner) {
         if self.gone && config.wiring.breaks && !config.wiring.half_duplex {
             return self.fail(number::BREAK, out);
         }
@@ -235,7 +235,7 @@ impl Driver {
 
     // ---- the line ----
 
-    fn tx_done(&mut self, now: Nanos, config: &Config, out: &mut dyn Owner) {
+    fn tx_done(&mut self, now: Instant, config: &Config, out: &mut dyn Owner) {
         self.leaving = false;
         match self.state {
             State::Queue => return self.begin(now, config, out),
@@ -252,7 +252,7 @@ impl Driver {
         self.tick(now, config, out);
     }
 
-    fn received(&mut self, now: Nanos, bytes: &[u8], config: &Config, out: &mut dyn Owner) {
+    fn received(&mut self, now: Instant, bytes: &[u8], config: &Config, out: &mut dyn Owner) {
         // "Reception during transmission is ignored." [S4 L727]
         for byte in bytes {
             if !matches!(self.state, State::Reply { .. }) || !self.signals.can_receive() {
@@ -269,7 +269,7 @@ impl Driver {
         }
     }
 
-    fn replied(&mut self, now: Nanos, config: &Config, out: &mut dyn Owner) {
+    fn replied(&mut self, now: Instant, config: &Config, out: &mut dyn Owner) {
         let Some(job) = &self.job else { return };
         match reply::evaluate(job, self.receiver.telegram()) {
             // "... completed after the reply message is received without error and complete transfer of the received
@@ -283,7 +283,7 @@ impl Driver {
         }
     }
 
-    fn line_fault(&mut self, now: Nanos, fault: LineFault, config: &Config, out: &mut dyn Owner) {
+    fn line_fault(&mut self, now: Instant, fault: LineFault, config: &Config, out: &mut dyn Owner) {
         let is_break = match fault {
             LineFault::Back => {
                 self.gone = false;
@@ -334,7 +334,7 @@ impl Driver {
 
     // ---- time ----
 
-    fn tick(&mut self, now: Nanos, config: &Config, out: &mut dyn Owner) {
+    fn tick(&mut self, now: Instant, config: &Config, out: &mut dyn Owner) {
         self.signals.tick(now, out);
         match self.state {
             State::OutputWait => {
@@ -353,7 +353,7 @@ impl Driver {
         }
     }
 
-    fn deadline(&self, config: &Config) -> Option<Nanos> {
+    fn deadline(&self, config: &Config) -> Option<Instant> {
         let own = match self.state {
             State::Start | State::Idle | State::Queue | State::OutputWait | State::Output => None,
             State::Reply { .. } if self.receiver.is_open() => Some(self.receiver.last() + config.character_delay),

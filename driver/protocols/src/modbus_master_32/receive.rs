@@ -4,7 +4,7 @@
 //! the rest of it.
 
 use super::{FRAME_CHARACTERS, TELEGRAM_BYTES, number};
-use crate::machine::Nanos;
+use crate::machine::Instant;
 use crate::modbus::ascii::{CR, LF, START, digit, lrc};
 
 /// Most characters one reply may take, false starts included: a partner that never ends keeps no job for ever (ours).
@@ -35,7 +35,7 @@ pub(super) struct Receiver {
     /// Something has come: the character delay runs.
     open: bool,
     /// Time of the last character.
-    last: Nanos,
+    last: Instant,
     /// Characters so far.
     heard: usize,
     /// Wrong with what follows the last colon.
@@ -53,7 +53,7 @@ impl Receiver {
             cr: false,
             colon: false,
             open: false,
-            last: 0,
+            last: Instant::START,
             heard: 0,
             flaw: None,
             fault: None,
@@ -75,7 +75,7 @@ impl Receiver {
     }
 
     /// End of the last character.
-    pub(super) const fn last(&self) -> Nanos {
+    pub(super) const fn last(&self) -> Instant {
         self.last
     }
 
@@ -91,7 +91,7 @@ impl Receiver {
 
     /// A character that could not be read. In normal operation it counts before the colon as well, and no colon mends
     /// it.
-    pub(super) const fn unreadable(&mut self, now: Nanos, normal: bool) {
+    pub(super) const fn unreadable(&mut self, now: Instant, normal: bool) {
         if normal {
             self.open = true;
             if self.fault.is_none() {
@@ -103,7 +103,7 @@ impl Receiver {
         self.last = now;
     }
 
-    pub(super) fn character(&mut self, now: Nanos, byte: u8, normal: bool) -> Heard {
+    pub(super) fn character(&mut self, now: Instant, byte: u8, normal: bool) -> Heard {
         if byte != START && !self.open && !normal {
             // "The start of the receive message from the slave is recognized by means of the correctly-received start
             // character." [S4 L540]

@@ -3,7 +3,7 @@
 use super::codec::{self, PIECE};
 use super::event::{BadReaction, Event, OrderError};
 use super::{Command, Owner, Request, Rk512};
-use crate::machine::{Nanos, SendError};
+use crate::machine::{Instant, SendError};
 
 /// An own order.
 #[derive(Clone, Copy, Debug)]
@@ -17,7 +17,7 @@ pub(super) struct Own {
     /// How often it has been sent because BWZ ran out.
     repetitions: u16,
     /// Reaction monitoring; begins with each acknowledgement of the telegram under way.
-    until: Option<Nanos>,
+    until: Option<Instant>,
 }
 
 /// Where the telegram under way is.
@@ -28,7 +28,7 @@ enum Stage {
     /// The procedure below has it.
     OnLine,
     /// The partner has it; `bwz`: STX of the reaction must come before.
-    Awaiting { bwz: Option<Nanos> },
+    Awaiting { bwz: Option<Instant> },
 }
 
 /// An order has ended without its reaction, which may still come. Nothing in a reaction tells which order it belongs
@@ -37,7 +37,7 @@ enum Stage {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Late {
     /// No order begins before this; `None`: the wait is over.
-    until: Option<Nanos>,
+    until: Option<Instant>,
     /// The order behind the one without reaction has ended, too.
     last: bool,
 }
@@ -47,7 +47,7 @@ impl Own {
         self.stage == Stage::ToSend
     }
 
-    pub(super) fn deadline(&self) -> Option<Nanos> {
+    pub(super) fn deadline(&self) -> Option<Instant> {
         match self.stage {
             Stage::Awaiting { bwz } => bwz.into_iter().chain(self.until).min(),
             Stage::ToSend | Stage::OnLine => None,
@@ -103,7 +103,7 @@ impl<const N: usize> Rk512<N> {
     }
 
     /// The procedure below is through with our telegram: the monitoring times begin. [S0 L1678], [S0 L1635]
-    pub(super) fn order_sent(&mut self, now: Nanos, outcome: Result<(), SendError>, out: &mut dyn Owner) {
+    pub(super) fn order_sent(&mut self, now: Instant, outcome: Result<(), SendError>, out: &mut dyn Owner) {
         let Some(own) = &mut self.own else { return };
         match outcome {
             Ok(()) => {
@@ -116,11 +116,11 @@ impl<const N: usize> Rk512<N> {
 
     /// BWZ runs while the line is free: it ends with STX of the reaction. An order of the partner, or something that
     /// was no telegram, lets it begin anew.
-    pub(super) fn watch_bwz(&mut self, now: Nanos) {
+    pub(super) fn watch_bwz(&mut self, now: Instant) {
         let free = self.line.is_free();
         let time = self.config.line.bwz;
         if let Some(Own { stage: Stage::Awaiting { bwz }, .. }) = &mut self.own {
-            if !free || time == 0 {
+            if !free || time.is_zero() {
                 *bwz = None;
             } else {
                 bwz.get_or_insert(now + time);
@@ -134,11 +134,11 @@ impl<const N: usize> Rk512<N> {
     }
 
     /// When that wait ends, if an order waits.
-    pub(super) fn late_deadline(&self) -> Option<Nanos> {
+    pub(super) fn late_deadline(&self) -> Option<Instant> {
         self.own.as_ref().filter(|own| own.is_to_send()).and(self.late?.until)
     }
 
-    pub(super) fn own_times(&mut self, now: Nanos, out: &mut dyn Owner) {
+    pub(super) fn own_times(&mut self, now: Instant, out: &mut dyn Owner) {
         if let Some(late) = self.late.as_mut().filter(|late| late.until.is_some_and(|until| now >= until)) {
             late.until = None;
         }
@@ -175,7 +175,7 @@ impl<const N: usize> Rk512<N> {
     }
 
     /// A reaction has come.
-    pub(super) fn reaction(&mut self, now: Nanos, follow: bool, number: u8, data: &[u8], out: &mut dyn Owner) {
+    pub(super) fn reaction(&mut self, now: Instant, follow: bool, number: u8, data: &[u8], out: &mut dyn Owner) {
         if !self.awaits_reaction() {
             // Without an order, or before our telegram can have arrived: of something before. [reference 3.12]
             self.late = None;
@@ -213,7 +213,7 @@ impl<const N: usize> Rk512<N> {
     }
 
     /// An invalid reaction ends the order it would belong to. [reference 3.12]
-    pub(super) fn bad_reaction(&mut self, now: Nanos, bad: BadReaction, out: &mut dyn Owner) {
+    pub(super) fn bad_reaction(&mut self, now: Instant, bad: BadReaction, out: &mut dyn Owner) {
         if self.awaits_reaction() {
             self.end_own(now, Err(OrderError::BadReaction(bad)), out);
         } else {
@@ -222,7 +222,7 @@ impl<const N: usize> Rk512<N> {
         }
     }
 
-    fn end_own(&mut self, now: Nanos, outcome: Result<(), OrderError>, out: &mut dyn Owner) {
+    fn end_own(&mut self, now: Instant, outcome: Result<(), OrderError>, out: &mut dyn Owner) {
         self.forget_own_telegram();
         let Some(own) = self.own.take() else { return };
         // What was no good reaction need not have been the reaction.
@@ -242,7 +242,7 @@ impl<const N: usize> Rk512<N> {
     }
 
     /// From now on a reaction may come that belongs to an order that has ended.
-    pub(super) fn expect_late(&mut self, now: Nanos, last: bool) {
+    pub(super) fn expect_late(&mut self, now: Instant, last: bool) {
         self.late = Some(Late { until: Some(now + self.config.late_wait), last });
     }
 

@@ -1,10 +1,10 @@
 //! What is set at an RK 512 interface, and what differs between the CPs that speak it.
 
-use crate::machine::{Nanos, SECOND};
+use crate::machine::{SECOND, Span};
 use crate::s3964;
 
 /// Long enough for a telegram that is on its way, repetitions included; short beside the monitoring it follows.
-const LATE_WAIT: Nanos = 2 * SECOND;
+const LATE_WAIT: Span = Span::from_secs(2);
 
 /// Configuration of [`Rk512`](super::Rk512). Times in nanoseconds.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -15,16 +15,16 @@ pub struct Config {
     pub line: s3964::Config,
     /// Reaction monitoring: longest time from the acknowledgement of an order's telegram to its reaction; it begins
     /// anew with each repetition and each follow-on telegram. [S0 L1678], [reference 4.7]
-    pub reaction: Nanos,
+    pub reaction: Span,
     /// How long an order waits for the reaction that one before it has not got in time, so that it is not taken for
     /// its own. (ours)
-    pub late_wait: Nanos,
+    pub late_wait: Span,
     /// How long the CPU has to answer an order of the partner, or to get on with it
     /// ([`Order::Working`](super::Order::Working)); after that it is refused with 2Ah. Shorter than the partner's
     /// reaction monitoring.
-    pub answer_wait: Nanos,
+    pub answer_wait: Span,
     /// How long the next telegram of the partner's order is waited for.
-    pub follow_wait: Nanos,
+    pub follow_wait: Span,
     /// Longest order in bytes; the machine's own buffer is a further limit.
     pub data_max: usize,
     /// Highest byte a coordination flag may lie in, 0 to 254.
@@ -67,12 +67,12 @@ impl Config {
     /// Reaction monitoring of a CP 341 whose option "transmission-rate dependent" is on. [reference 4.7]
     ///
     /// The table gives 300, 600, 1200 and "from 38400" baud; between them 5 s (ours).
-    pub const fn reaction_at(baud: u32) -> Nanos {
+    pub const fn reaction_at(baud: u32) -> Span {
         match baud {
-            0..=300 => 10 * SECOND,
-            301..=600 => 7 * SECOND,
-            601..=19_200 => 5 * SECOND,
-            _ => 3 * SECOND,
+            0..=300 => Span::from_secs(10),
+            301..=600 => Span::from_secs(7),
+            601..=19_200 => Span::from_secs(5),
+            _ => Span::from_secs(3),
         }
     }
 }

@@ -34,7 +34,7 @@ pub use codec::{Area, Command, Coordination, Flag, Request};
 pub use config::Config;
 pub use event::{AnswerError, BadReaction, Event, OrderError, Refusal, code};
 
-use crate::machine::{self, LineInput, Machine as _, Nanos, SendError, TELEGRAM_MAX, Wire};
+use crate::machine::{self, Instant, LineInput, Machine as _, SendError, TELEGRAM_MAX, Wire};
 use crate::s3964::S3964;
 use active::{Late, Own};
 use passive::{Partner, Reply};
@@ -151,7 +151,7 @@ impl<const N: usize> Rk512<N> {
     }
 
     /// Takes one input at time `now`; the result is the next deadline. The laws are those of [`machine::Machine`].
-    pub fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Owner) -> Option<Nanos> {
+    pub fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Owner) -> Option<Instant> {
         let line = match input {
             Input::Tick => machine::Input::Tick,
             Input::Line(LineInput::Rx(bytes)) => {
@@ -178,7 +178,7 @@ impl<const N: usize> Rk512<N> {
         due
     }
 
-    fn order(&mut self, now: Nanos, order: Order<'_>, out: &mut dyn Owner) {
+    fn order(&mut self, now: Instant, order: Order<'_>, out: &mut dyn Owner) {
         match order {
             Order::Start(request, data) => self.start(request, data, out),
             Order::Answer(answer) => self.answer(answer, out),
@@ -193,7 +193,7 @@ impl<const N: usize> Rk512<N> {
         }
     }
 
-    fn abort(&mut self, now: Nanos, out: &mut dyn Owner) {
+    fn abort(&mut self, now: Instant, out: &mut dyn Owner) {
         let is_owed = self.awaits_reaction();
         // Its word on its running order is not passed on: the order here ends below, whoever's turn it was.
         self.line.take(now, machine::Input::Order(machine::Order::Abort), &mut Tap::new(out));
@@ -211,7 +211,7 @@ impl<const N: usize> Rk512<N> {
     }
 
     /// The procedure below takes an input; then what it brought, our own times, and what is to be sent.
-    fn drive(&mut self, now: Nanos, input: machine::Input<'_>, out: &mut dyn Owner) -> Option<Nanos> {
+    fn drive(&mut self, now: Instant, input: machine::Input<'_>, out: &mut dyn Owner) -> Option<Instant> {
         let mut tap = Tap::new(out);
         self.line.take(now, input, &mut tap);
         let Tap { delivered, sent, .. } = tap;
@@ -232,7 +232,7 @@ impl<const N: usize> Rk512<N> {
         due
     }
 
-    fn telegram(&mut self, now: Nanos, telegram: &[u8], out: &mut dyn Owner) {
+    fn telegram(&mut self, now: Instant, telegram: &[u8], out: &mut dyn Owner) {
         match codec::parse(telegram) {
             Ok(codec::Telegram::Reaction { follow, code, data }) => self.reaction(now, follow, code, data, out),
             Ok(codec::Telegram::Order(request, data)) => self.partner_order(now, request, data, out),
@@ -250,7 +250,7 @@ impl<const N: usize> Rk512<N> {
     }
 
     /// The procedure below is through with a telegram.
-    fn line_sent(&mut self, now: Nanos, outcome: Result<(), SendError>, out: &mut dyn Owner) {
+    fn line_sent(&mut self, now: Instant, outcome: Result<(), SendError>, out: &mut dyn Owner) {
         match core::mem::replace(&mut self.carries, Carries::Nothing) {
             Carries::Nothing => {}
             Carries::Order => self.order_sent(now, outcome, out),
@@ -259,7 +259,7 @@ impl<const N: usize> Rk512<N> {
     }
 
     /// Gives the next telegram to the procedure below: a reaction first, the partner waits for it.
-    fn hand_down(&mut self, now: Nanos, out: &mut dyn Owner) {
+    fn hand_down(&mut self, now: Instant, out: &mut dyn Owner) {
         if self.line.busy() {
             return;
         }
@@ -289,7 +289,7 @@ impl<const N: usize> Rk512<N> {
         }
     }
 
-    fn deadline(&self, line: Option<Nanos>) -> Option<Nanos> {
+    fn deadline(&self, line: Option<Instant>) -> Option<Instant> {
         let own = self.own.as_ref().and_then(Own::deadline);
         let partner = self.partner.as_ref().and_then(Partner::deadline);
         line.into_iter().chain(own).chain(partner).chain(self.late_deadline()).min()

@@ -3,7 +3,7 @@
 use super::codec::{self, Area, PIECE};
 use super::event::{AnswerError, Event, Refusal, code};
 use super::{Answer, Carries, Command, Owner, Request, Rk512};
-use crate::machine::{Nanos, SendError};
+use crate::machine::{Instant, SendError};
 
 /// An order of the partner.
 #[derive(Clone, Copy, Debug)]
@@ -25,11 +25,11 @@ pub(super) struct Partner {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
     /// The CPU has it and must answer before.
-    Asked { until: Nanos },
+    Asked { until: Instant },
     /// The reaction to its last telegram is on its way.
     Replying,
     /// Its next telegram must come before.
-    Next { until: Nanos },
+    Next { until: Instant },
 }
 
 impl Partner {
@@ -42,7 +42,7 @@ impl Partner {
         self.asked
     }
 
-    pub(super) fn deadline(&self) -> Option<Nanos> {
+    pub(super) fn deadline(&self) -> Option<Instant> {
         match self.stage {
             Stage::Asked { until } | Stage::Next { until } => Some(until),
             Stage::Replying => None,
@@ -68,7 +68,7 @@ impl<const N: usize> Rk512<N> {
     // ---- telegrams of the partner ----
 
     /// The first telegram of an order.
-    pub(super) fn partner_order(&mut self, now: Nanos, request: Request, data: &[u8], out: &mut dyn Owner) {
+    pub(super) fn partner_order(&mut self, now: Instant, request: Request, data: &[u8], out: &mut dyn Owner) {
         if self.reply_has_left() {
             // It would not begin another before it has our reaction.
             self.reply_arrived(now, out);
@@ -135,7 +135,7 @@ impl<const N: usize> Rk512<N> {
     /// A follow-on telegram. [S0 "Structure of additional messages"]
     pub(super) fn partner_follow(
         &mut self,
-        now: Nanos,
+        now: Instant,
         command: Command,
         area: Area,
         data: &[u8],
@@ -186,7 +186,7 @@ impl<const N: usize> Rk512<N> {
     }
 
     /// A part of a SEND has been taken in.
-    fn go_on_taking(&mut self, now: Nanos, out: &mut dyn Owner) {
+    fn go_on_taking(&mut self, now: Instant, out: &mut dyn Owner) {
         let Some(partner) = &mut self.partner else { return };
         if partner.is_complete() {
             return self.ask(now, out);
@@ -197,7 +197,7 @@ impl<const N: usize> Rk512<N> {
 
     // ---- the CPU ----
 
-    fn ask(&mut self, now: Nanos, out: &mut dyn Owner) {
+    fn ask(&mut self, now: Instant, out: &mut dyn Owner) {
         let until = now + self.config.answer_wait;
         let Some(partner) = &mut self.partner else { return };
         partner.stage = Stage::Asked { until };
@@ -206,7 +206,7 @@ impl<const N: usize> Rk512<N> {
     }
 
     /// The CPU has moved some of the data.
-    pub(super) fn working(&mut self, now: Nanos) {
+    pub(super) fn working(&mut self, now: Instant) {
         if let Some(Partner { stage: Stage::Asked { until }, .. }) = &mut self.partner {
             *until = now + self.config.answer_wait;
         }
@@ -281,7 +281,7 @@ impl<const N: usize> Rk512<N> {
     }
 
     /// What came shows that the partner has our reaction.
-    fn reply_arrived(&mut self, now: Nanos, out: &mut dyn Owner) {
+    fn reply_arrived(&mut self, now: Instant, out: &mut dyn Owner) {
         let reply = self.reply;
         self.forget_reply();
         if let Some(reply) = reply {
@@ -290,7 +290,7 @@ impl<const N: usize> Rk512<N> {
     }
 
     /// The procedure below is through with the reaction.
-    pub(super) fn reply_sent(&mut self, now: Nanos, outcome: Result<(), SendError>, out: &mut dyn Owner) {
+    pub(super) fn reply_sent(&mut self, now: Instant, outcome: Result<(), SendError>, out: &mut dyn Owner) {
         let Some(reply) = self.reply.take() else { return };
         match outcome {
             Ok(()) => self.after_reply(now, reply, out),
@@ -301,7 +301,7 @@ impl<const N: usize> Rk512<N> {
         }
     }
 
-    fn after_reply(&mut self, now: Nanos, reply: Reply, out: &mut dyn Owner) {
+    fn after_reply(&mut self, now: Instant, reply: Reply, out: &mut dyn Owner) {
         let Some(partner) = &mut self.partner else { return };
         if reply.code == code::OK && !partner.is_complete() {
             partner.stage = Stage::Next { until: now + self.config.follow_wait };
@@ -312,7 +312,7 @@ impl<const N: usize> Rk512<N> {
         }
     }
 
-    pub(super) fn partner_times(&mut self, now: Nanos, out: &mut dyn Owner) {
+    pub(super) fn partner_times(&mut self, now: Instant, out: &mut dyn Owner) {
         match self.partner.as_ref().map(|partner| partner.stage) {
             Some(Stage::Asked { until }) if now >= until => self.refuse_asked(out),
             Some(Stage::Next { until }) if now >= until => {

@@ -1,6 +1,6 @@
 //! What is set at a 3964(R) interface, and what differs between the CPs that speak it.
 
-use crate::machine::{MS, Nanos, SECOND, TELEGRAM_MAX};
+use crate::machine::{Span, TELEGRAM_MAX};
 
 /// Who gives way in an initialisation conflict. The two partners must be set differently. [S0 "Priority"]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,16 +20,16 @@ pub struct Config {
     pub priority: Priority,
     /// ZVZ, character delay: longest time between two characters of a block, and from our DLE to the first of them.
     /// 0: two character times. [S0 "Character delay time (ZVZ)"]
-    pub zvz: Nanos,
+    pub zvz: Span,
     /// QVZ, acknowledgement delay: longest time from the last bit of STX, or of a block, to the partner's answer.
-    pub qvz: Nanos,
+    pub qvz: Span,
     /// ZNA: pause between the end of an order and the STX of the next. [S0 "Time delay after command (ZNA)"]
-    pub zna: Nanos,
+    pub zna: Span,
     /// BWZ of the CP 240: from the acknowledged request telegram to STX of the answer telegram. Plain 3964(R) has
     /// neither requests nor answers, so this machine carries it for RK 512 only. [S0 L1635]
-    pub bwz: Nanos,
+    pub bwz: Span,
     /// Time of one character on the line.
-    pub char_time: Nanos,
+    pub char_time: Span,
     /// Attempts to get a connection, the first included; at least 1.
     pub connect_attempts: u16,
     /// Attempts to get a block through, the first included; at least 1. Each has its own connection attempts.
@@ -37,7 +37,7 @@ pub struct Config {
     /// Longest telegram, bytes of user data; the machine's own buffer is a further limit.
     pub telegram_max: usize,
     /// How long a partner that wants to send is kept waiting for a receive buffer before NAK; 0: not at all.
-    pub buffer_wait: Nanos,
+    pub buffer_wait: Span,
     /// One NAK at start puts the partner into idle.
     pub nak_at_start: bool,
     /// A character without meaning is answered by NAK when the line has fallen silent for ZVZ; otherwise at once.
@@ -48,9 +48,9 @@ pub struct Config {
     /// character without meaning with NAK answers those too that were on their way when it refused the first. If STX
     /// followed each of these answers, two of them could come where data begin, and two equal characters cancel out in
     /// the check character. (ours)
-    pub quiet: Nanos,
+    pub quiet: Span,
     /// How long the repetition of a refused block is waited for before own orders go on; 0: back to idle at once.
-    pub repetition_wait: Nanos,
+    pub repetition_wait: Span,
 }
 
 /// What is set at an interface, with the words of [`Config`]. The defaults stand where the parameters are, in
@@ -60,11 +60,11 @@ pub struct Config {
 pub struct Settings {
     pub bcc: bool,
     pub priority: Priority,
-    pub zvz: Nanos,
-    pub qvz: Nanos,
-    pub zna: Nanos,
-    pub bwz: Nanos,
-    pub char_time: Nanos,
+    pub zvz: Span,
+    pub qvz: Span,
+    pub zna: Span,
+    pub bwz: Span,
+    pub char_time: Span,
     pub connect_attempts: u16,
     pub block_attempts: u16,
 }
@@ -85,12 +85,12 @@ impl Config {
             block_attempts,
             // The text says 250 bytes, the technical data 1024. [reference 5.7]
             telegram_max: TELEGRAM_MAX,
-            buffer_wait: 0,           // [S0 "Passive operation"]: not ready: NAK
+            buffer_wait: Span::ZERO,  // [S0 "Passive operation"]: not ready: NAK
             nak_at_start: false,      // not mentioned
             nak_after_silence: false, // [S0 "Passive operation"]: "it will transmit a NAK"
             break_ends_order: false,  // not mentioned
-            quiet: 10 * MS + 2 * char_time,
-            repetition_wait: 0, // [S0 "Data Link Escape"]: "wait for another connection request"
+            quiet: Span::from_millis(10).plus(char_time.times(2)),
+            repetition_wait: Span::ZERO, // [S0 "Data Link Escape"]: "wait for another connection request"
         }
     }
 
@@ -98,17 +98,17 @@ impl Config {
     pub const fn cp341(set: Settings) -> Self {
         Self {
             telegram_max: 4096,
-            buffer_wait: 400 * MS,
+            buffer_wait: Span::from_millis(400),
             nak_at_start: true,
             nak_after_silence: true,
             break_ends_order: true,
-            repetition_wait: 4 * SECOND,
+            repetition_wait: Span::from_secs(4),
             ..Self::cp240(set)
         }
     }
 
     /// ZVZ in force.
-    pub(super) fn zvz(&self) -> Nanos {
-        if self.zvz == 0 { 2 * self.char_time } else { self.zvz }
+    pub(super) fn zvz(&self) -> Span {
+        if self.zvz.is_zero() { 2 * self.char_time } else { self.zvz }
     }
 }

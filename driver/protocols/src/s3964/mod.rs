@@ -18,17 +18,17 @@ mod send;
 pub use config::{Config, Priority, Settings};
 
 use crate::machine::{
-    Event, Input, LineFault, LineInput, MS, Machine, Nanos, Order, Phase, SECOND, SendError, Sink, TELEGRAM_MAX, What,
+    Event, Input, Instant, LineFault, LineInput, Machine, Order, Phase, SendError, Sink, Span, TELEGRAM_MAX, What,
 };
 use codec::NAK;
 use receive::Block;
 use send::Job;
 
 /// How often a partner that is kept waiting for a receive buffer is looked after. [reference 5.6]
-const BUFFER_POLL: Nanos = 50 * MS;
+const BUFFER_POLL: Span = Span::from_millis(50);
 
 /// A line that never reports the end of its output is taken to have ended it this long after the time it needed.
-const OUTPUT_GRACE: Nanos = SECOND;
+const OUTPUT_GRACE: Span = Span::SECOND;
 
 /// The 3964(R) procedure with a send and a receive buffer of `N` bytes each.
 #[derive(Clone, Debug)]
@@ -42,9 +42,9 @@ pub struct S3964<const N: usize = TELEGRAM_MAX> {
     tx: [u8; N],
     rx: [u8; N],
     /// No order begins before this: ZNA, or the quiet after a refusal.
-    pause_until: Nanos,
+    pause_until: Instant,
     /// A block was refused as often as is permitted: a partner that repeats it once more does so before this. (CP 341)
-    given_up_until: Option<Nanos>,
+    given_up_until: Option<Instant>,
 }
 
 /// Where the procedure stands, with what is known there and nowhere else.
@@ -55,20 +55,20 @@ enum State {
     /// The line is free.
     Idle,
     /// A block was refused for the `refused`-th time; its repetition must begin before `until`. (CP 341)
-    Repetition { until: Nanos, refused: u16 },
+    Repetition { until: Instant, refused: u16 },
     /// The partner has sent STX and is kept waiting for a receive buffer until `until`. (CP 341)
-    Buffer { until: Nanos, poll: Nanos, refused: u16 },
+    Buffer { until: Instant, poll: Instant, refused: u16 },
     /// Something without meaning came in; NAK follows when the line has been silent until `until`. (CP 341)
     /// `disturbed`: it came while our block was leaving, which is then repeated.
-    Silence { until: Nanos, disturbed: Option<(Job, What)> },
+    Silence { until: Instant, disturbed: Option<(Job, What)> },
     /// STX is out, DLE must come before `expiry` (QVZ).
-    Connect { job: Job, expiry: Nanos },
+    Connect { job: Job, expiry: Instant },
     /// The block is leaving.
     Output { job: Job },
     /// The block is out, DLE must come before `expiry` (QVZ).
-    Acknowledge { job: Job, expiry: Nanos },
+    Acknowledge { job: Job, expiry: Instant },
     /// DLE is out, the next character must come before `expiry` (ZVZ).
-    Receive { block: Block, expiry: Nanos },
+    Receive { block: Block, expiry: Instant },
 }
 
 /// What this side has on the line.
@@ -77,14 +77,14 @@ struct Output {
     /// Handed over and not yet reported as out.
     in_flight: bool,
     /// When the last bit is out at the earliest.
-    end: Nanos,
+    end: Instant,
     /// The last character handed over was a NAK to something without meaning.
     nak: bool,
 }
 
 impl Output {
     /// Everything has left, reported or by the time it takes.
-    fn is_out(&self, now: Nanos) -> bool {
+    fn is_out(&self, now: Instant) -> bool {
         !self.in_flight || now >= self.end
     }
 }
@@ -99,7 +99,7 @@ impl<const N: usize> S3964<N> {
             waiting: None,
             tx: [0; N],
             rx: [0; N],
-            pause_until: 0,
+            pause_until: Instant::START,
             given_up_until: None,
         }
     }
@@ -109,7 +109,7 @@ impl<const N: usize> S3964<N> {
         &self.config
     }
 
-    fn transmit(&mut self, now: Nanos, bytes: &[u8], out: &mut dyn Sink) {
+    fn transmit(&mut self, now: Instant, bytes: &[u8], out: &mut dyn Sink) {
         self.output.end = self.output.end.max(now) + self.config.char_time * bytes.len() as u64;
         self.output.in_flight = true;
         self.output.nak = false;
@@ -117,23 +117,23 @@ impl<const N: usize> S3964<N> {
     }
 
     /// Interrupts our output.
-    fn take_back(&mut self, now: Nanos, out: &mut dyn Sink) {
+    fn take_back(&mut self, now: Instant, out: &mut dyn Sink) {
         let saved = self.config.char_time * out.take_back() as u64;
         self.output.end = self.output.end.saturating_sub(saved).max(now);
     }
 
     /// No order begins before the line was quiet.
-    fn wait_for_quiet(&mut self, now: Nanos) {
+    fn wait_for_quiet(&mut self, now: Instant) {
         self.pause_until = self.pause_until.max(self.output.end.max(now) + self.config.quiet);
     }
 
     /// Begins, or begins again, to wait for silence before NAK.
-    fn silence(&mut self, now: Nanos, disturbed: Option<(Job, What)>) {
+    fn silence(&mut self, now: Instant, disturbed: Option<(Job, What)>) {
         self.state = State::Silence { until: now + self.config.zvz(), disturbed };
     }
 
     /// When a timer that begins with the end of our output expires if that end is never reported.
-    fn expiry_unreported(&self, time: Nanos) -> Nanos {
+    fn expiry_unreported(&self, time: Span) -> Instant {
         self.output.end + OUTPUT_GRACE + time
     }
 
@@ -152,7 +152,7 @@ impl<const N: usize> S3964<N> {
         out.report(Event { phase, what });
     }
 
-    fn tick(&mut self, now: Nanos, out: &mut dyn Sink) {
+    fn tick(&mut self, now: Instant, out: &mut dyn Sink) {
         match self.state {
             State::Start => {
                 self.state = State::Idle;
@@ -167,7 +167,7 @@ impl<const N: usize> S3964<N> {
             State::Buffer { until, poll, refused } => self.buffer_tick(now, until, poll, refused, out),
             State::Silence { until, disturbed } if now >= until => self.silent(now, disturbed, out),
             State::Connect { job, expiry } if now >= expiry => self.connect_failed(now, job, What::AckDelay, out),
-            State::Output { job } if now >= self.expiry_unreported(0) => {
+            State::Output { job } if now >= self.expiry_unreported(Span::ZERO) => {
                 self.output_done(now, job);
             }
             State::Acknowledge { job, expiry } if now >= expiry => self.block_failed(now, job, What::AckDelay, out),
@@ -176,7 +176,7 @@ impl<const N: usize> S3964<N> {
         }
     }
 
-    fn character(&mut self, now: Nanos, byte: u8, out: &mut dyn Sink) {
+    fn character(&mut self, now: Instant, byte: u8, out: &mut dyn Sink) {
         match self.state {
             State::Start | State::Idle => self.idle_character(now, byte, 0, out),
             State::Repetition { refused, .. } => self.idle_character(now, byte, refused, out),
@@ -189,7 +189,7 @@ impl<const N: usize> S3964<N> {
         }
     }
 
-    fn fault(&mut self, now: Nanos, fault: LineFault, out: &mut dyn Sink) {
+    fn fault(&mut self, now: Instant, fault: LineFault, out: &mut dyn Sink) {
         let what = What::Line(fault);
         if matches!(fault, LineFault::Gone | LineFault::Back) {
             // An open circuit has no other effect than silence: QVZ, ZVZ and the repetitions deal with it.
@@ -216,7 +216,7 @@ impl<const N: usize> S3964<N> {
     }
 
     /// The last bit of everything handed over is out: the times of the partner begin. [S0 "Timeout times"]
-    fn tx_done(&mut self, now: Nanos) {
+    fn tx_done(&mut self, now: Instant) {
         self.output = Output { in_flight: false, end: now, nak: false };
         match &mut self.state {
             State::Connect { expiry, .. } => *expiry = now + self.config.qvz,
@@ -229,7 +229,7 @@ impl<const N: usize> S3964<N> {
         }
     }
 
-    fn order(&mut self, now: Nanos, order: Order<'_>, out: &mut dyn Sink) {
+    fn order(&mut self, now: Instant, order: Order<'_>, out: &mut dyn Sink) {
         match order {
             Order::Abort => {
                 let was_busy = self.busy();
@@ -261,16 +261,16 @@ impl<const N: usize> S3964<N> {
         }
     }
 
-    fn deadline(&self) -> Option<Nanos> {
+    fn deadline(&self) -> Option<Instant> {
         match self.state {
-            State::Start => Some(0),
+            State::Start => Some(Instant::START),
             State::Idle => self.waiting.as_ref().map(|_| self.pause_until),
             State::Repetition { until, .. } | State::Silence { until, .. } => Some(until),
             State::Buffer { until, poll, .. } => Some(until.min(poll)),
             State::Connect { expiry, .. } | State::Acknowledge { expiry, .. } | State::Receive { expiry, .. } => {
                 Some(expiry)
             }
-            State::Output { .. } => Some(self.expiry_unreported(0)),
+            State::Output { .. } => Some(self.expiry_unreported(Span::ZERO)),
         }
     }
 }
@@ -278,7 +278,7 @@ impl<const N: usize> S3964<N> {
 /// What RK 512 needs of the procedure below it.
 impl<const N: usize> S3964<N> {
     /// The first half of a step: takes the input, begins nothing.
-    pub(crate) fn take(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) {
+    pub(crate) fn take(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Sink) {
         match input {
             Input::Tick => self.tick(now, out),
             Input::Line(LineInput::Rx(bytes)) => bytes.iter().for_each(|byte| self.character(now, *byte, out)),
@@ -290,7 +290,7 @@ impl<const N: usize> S3964<N> {
     }
 
     /// The second half: an order that may begin begins. The result is the next deadline.
-    pub(crate) fn go(&mut self, now: Nanos, out: &mut dyn Sink) -> Option<Nanos> {
+    pub(crate) fn go(&mut self, now: Instant, out: &mut dyn Sink) -> Option<Instant> {
         if self.state == State::Idle
             && now >= self.pause_until
             && let Some(job) = self.waiting.take()
@@ -324,7 +324,7 @@ impl<const N: usize> S3964<N> {
 }
 
 impl<const N: usize> Machine for S3964<N> {
-    fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) -> Option<Nanos> {
+    fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Sink) -> Option<Instant> {
         self.take(now, input, out);
         let mut due = self.go(now, out);
         // A time of 0 ms is over as soon as it has begun: a tick leaves none behind it.

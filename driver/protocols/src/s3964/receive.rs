@@ -3,7 +3,7 @@
 use super::codec::{DLE, Decoder, NAK, STX, Step};
 use super::send::Job;
 use super::{BUFFER_POLL, S3964, State};
-use crate::machine::{Nanos, Phase, Sink, What};
+use crate::machine::{Instant, Phase, Sink, What};
 
 /// A block that is coming in; its user data are in the machine's `rx`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,7 +30,7 @@ impl Block {
 
 impl<const N: usize> S3964<N> {
     /// A character while the line is free. `refused`: a block was refused that often and its repetition is awaited.
-    pub(super) fn idle_character(&mut self, now: Nanos, byte: u8, refused: u16, out: &mut dyn Sink) {
+    pub(super) fn idle_character(&mut self, now: Instant, byte: u8, refused: u16, out: &mut dyn Sink) {
         match byte {
             STX => {
                 if self.given_up_until.take().is_some_and(|until| now < until) {
@@ -51,7 +51,7 @@ impl<const N: usize> S3964<N> {
     }
 
     /// [S0 "Passive operation"]: a character that is not STX while a connection request is expected: NAK.
-    pub(super) fn unexpected(&mut self, now: Nanos, what: What, out: &mut dyn Sink) {
+    pub(super) fn unexpected(&mut self, now: Instant, what: What, out: &mut dyn Sink) {
         self.report(Phase::Idle, what, out);
         if self.config.nak_after_silence {
             self.silence(now, None);
@@ -63,10 +63,10 @@ impl<const N: usize> S3964<N> {
     }
 
     /// The partner has sent STX.
-    pub(super) fn connection_asked(&mut self, now: Nanos, refused: u16, out: &mut dyn Sink) {
+    pub(super) fn connection_asked(&mut self, now: Instant, refused: u16, out: &mut dyn Sink) {
         if out.room() > 0 {
             self.accept(now, refused, out);
-        } else if self.config.buffer_wait > 0 {
+        } else if !self.config.buffer_wait.is_zero() {
             // [reference 5.4]: up to 400 ms for a buffer. (CP 341)
             let until = now + self.config.buffer_wait;
             self.state = State::Buffer { until, poll: now + BUFFER_POLL, refused };
@@ -76,7 +76,7 @@ impl<const N: usize> S3964<N> {
         }
     }
 
-    fn accept(&mut self, now: Nanos, refused: u16, out: &mut dyn Sink) {
+    fn accept(&mut self, now: Instant, refused: u16, out: &mut dyn Sink) {
         self.transmit(now, &[DLE], out);
         let block = Block {
             decoder: Decoder::new(self.config.bcc),
@@ -89,14 +89,21 @@ impl<const N: usize> S3964<N> {
         self.state = State::Receive { block, expiry: self.expiry_unreported(self.config.zvz()) };
     }
 
-    fn refuse_connection(&mut self, now: Nanos, out: &mut dyn Sink) {
+    fn refuse_connection(&mut self, now: Instant, out: &mut dyn Sink) {
         self.report(Phase::Idle, What::NoBuffer, out);
         self.transmit(now, &[NAK], out);
         self.state = State::Idle;
     }
 
     /// A partner is kept waiting for a buffer. (CP 341)
-    pub(super) fn buffer_tick(&mut self, now: Nanos, until: Nanos, poll: Nanos, refused: u16, out: &mut dyn Sink) {
+    pub(super) fn buffer_tick(
+        &mut self,
+        now: Instant,
+        until: Instant,
+        poll: Instant,
+        refused: u16,
+        out: &mut dyn Sink,
+    ) {
         if out.room() > 0 {
             self.accept(now, refused, out);
         } else if now >= until {
@@ -107,7 +114,7 @@ impl<const N: usize> S3964<N> {
     }
 
     /// A character of the block. ZVZ begins again with each. [S0 "Timeout times"]
-    pub(super) fn receive_character(&mut self, now: Nanos, mut block: Block, byte: u8, out: &mut dyn Sink) {
+    pub(super) fn receive_character(&mut self, now: Instant, mut block: Block, byte: u8, out: &mut dyn Sink) {
         if byte == STX && !block.begun() {
             if !self.output.is_out(now) {
                 // Our DLE comes so late that the partner has repeated its request. [reference 5.4: 0802h]
@@ -146,7 +153,7 @@ impl<const N: usize> S3964<N> {
 
     /// A character of the block that could not be read: the block will be refused, and is received to its end.
     /// [reference 5.4]
-    pub(super) fn receive_unreadable(&mut self, now: Nanos, mut block: Block, what: What, out: &mut dyn Sink) {
+    pub(super) fn receive_unreadable(&mut self, now: Instant, mut block: Block, what: What, out: &mut dyn Sink) {
         block.characters += 1;
         self.note(&mut block, what, out);
         if block.decoder.unreadable() {
@@ -163,7 +170,7 @@ impl<const N: usize> S3964<N> {
         }
     }
 
-    fn block_complete(&mut self, now: Nanos, mut block: Block, out: &mut dyn Sink) {
+    fn block_complete(&mut self, now: Instant, mut block: Block, out: &mut dyn Sink) {
         match out.room() {
             0 => self.note(&mut block, What::NoBuffer, out),
             room if block.len > room => self.note(&mut block, What::TooLong, out),
@@ -185,10 +192,10 @@ impl<const N: usize> S3964<N> {
     }
 
     /// [S0 "Block check character (BCC-Byte)"]: NAK instead of DLE.
-    fn refuse_block(&mut self, now: Nanos, block: Block, out: &mut dyn Sink) {
+    fn refuse_block(&mut self, now: Instant, block: Block, out: &mut dyn Sink) {
         self.transmit(now, &[NAK], out);
         let refused = block.refused + 1;
-        self.state = if self.config.repetition_wait == 0 {
+        self.state = if self.config.repetition_wait.is_zero() {
             // [S0 "Data Link Escape (DLE-character)"]: NAK, and wait for another connection request.
             State::Idle
         } else if refused < self.config.block_attempts {
@@ -202,7 +209,7 @@ impl<const N: usize> S3964<N> {
     }
 
     /// [S0 "Passive operation"]: ZVZ is exceeded at reception: NAK, and wait for a new connection.
-    pub(super) fn character_delay(&mut self, now: Nanos, mut block: Block, out: &mut dyn Sink) {
+    pub(super) fn character_delay(&mut self, now: Instant, mut block: Block, out: &mut dyn Sink) {
         self.note(&mut block, What::CharacterDelay, out);
         self.transmit(now, &[NAK], out);
         self.state = State::Idle;

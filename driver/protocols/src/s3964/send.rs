@@ -2,7 +2,7 @@
 
 use super::codec::{self, DLE, NAK, STX};
 use super::{Priority, S3964, State};
-use crate::machine::{Nanos, Phase, SendError, Sink, What};
+use crate::machine::{Instant, Phase, SendError, Sink, What};
 
 /// An order, and how far it has got. It lies in the states in which it is at work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,14 +35,14 @@ impl Job {
 
 impl<const N: usize> S3964<N> {
     /// Asks for a connection: STX, then QVZ.
-    pub(super) fn connect(&mut self, now: Nanos, mut job: Job, out: &mut dyn Sink) {
+    pub(super) fn connect(&mut self, now: Instant, mut job: Job, out: &mut dyn Sink) {
         job.connects += 1;
         self.transmit(now, &[STX], out);
         self.state = State::Connect { job, expiry: self.expiry_unreported(self.config.qvz) };
     }
 
     /// An answer to STX?
-    pub(super) fn connect_character(&mut self, now: Nanos, mut job: Job, byte: u8, out: &mut dyn Sink) {
+    pub(super) fn connect_character(&mut self, now: Instant, mut job: Job, byte: u8, out: &mut dyn Sink) {
         match byte {
             STX if self.config.priority == Priority::Low => {
                 // [S0 "Initialization conflict"]: the station with the lower priority sends DLE and changes to receive
@@ -65,7 +65,7 @@ impl<const N: usize> S3964<N> {
 
     /// [S0 "Timeout times"]: QVZ expires after STX, or NAK or any other character follows it: STX is repeated; after
     /// the last repetition NAK, and the attempt is given up.
-    pub(super) fn connect_failed(&mut self, now: Nanos, job: Job, what: What, out: &mut dyn Sink) {
+    pub(super) fn connect_failed(&mut self, now: Instant, job: Job, what: What, out: &mut dyn Sink) {
         self.report(Phase::Connect, what, out);
         if job.connects < self.config.connect_attempts {
             self.report(Phase::Connect, What::Repetition(job.connects), out);
@@ -75,7 +75,7 @@ impl<const N: usize> S3964<N> {
         }
     }
 
-    fn send_block(&mut self, now: Nanos, job: Job, out: &mut dyn Sink) {
+    fn send_block(&mut self, now: Instant, job: Job, out: &mut dyn Sink) {
         let mut stage = [0; 128];
         let mut used = 0;
         let mut total = 0;
@@ -99,7 +99,7 @@ impl<const N: usize> S3964<N> {
     }
 
     /// A character came in while the block leaves.
-    pub(super) fn output_character(&mut self, now: Nanos, job: Job, byte: u8, out: &mut dyn Sink) {
+    pub(super) fn output_character(&mut self, now: Instant, job: Job, byte: u8, out: &mut dyn Sink) {
         if self.output.is_out(now) {
             // The line has had its time and has not said so yet: this is the answer.
             let job = self.output_done(now, job);
@@ -117,7 +117,7 @@ impl<const N: usize> S3964<N> {
     }
 
     /// Something other than NAK came in while the block leaves.
-    pub(super) fn output_disturbed(&mut self, now: Nanos, job: Job, what: What, out: &mut dyn Sink) {
+    pub(super) fn output_disturbed(&mut self, now: Instant, job: Job, what: What, out: &mut dyn Sink) {
         self.report(Phase::Output, what, out);
         self.take_back(now, out);
         if self.config.nak_after_silence {
@@ -130,14 +130,14 @@ impl<const N: usize> S3964<N> {
     }
 
     /// The last bit of the block is out: QVZ begins.
-    pub(super) fn output_done(&mut self, now: Nanos, job: Job) -> Job {
+    pub(super) fn output_done(&mut self, now: Instant, job: Job) -> Job {
         let job = Job { out: true, ..job };
         self.state = State::Acknowledge { job, expiry: now + self.config.qvz };
         job
     }
 
     /// An answer to the block?
-    pub(super) fn acknowledge_character(&mut self, now: Nanos, job: Job, byte: u8, out: &mut dyn Sink) {
+    pub(super) fn acknowledge_character(&mut self, now: Instant, job: Job, byte: u8, out: &mut dyn Sink) {
         match byte {
             DLE => self.end(now, Ok(()), out),
             NAK => self.block_failed(now, job, What::Nak, out),
@@ -146,13 +146,13 @@ impl<const N: usize> S3964<N> {
     }
 
     /// [S0 "Timeout times"]: QVZ expires after the block, or a character other than DLE is received.
-    pub(super) fn block_failed(&mut self, now: Nanos, job: Job, what: What, out: &mut dyn Sink) {
+    pub(super) fn block_failed(&mut self, now: Instant, job: Job, what: What, out: &mut dyn Sink) {
         self.report(Phase::Acknowledge, what, out);
         self.repeat_block(now, job, what, out);
     }
 
     /// [S0 "Timeout times"]: connection and message are repeated; after the last repetition NAK, and the end.
-    fn repeat_block(&mut self, now: Nanos, job: Job, what: What, out: &mut dyn Sink) {
+    fn repeat_block(&mut self, now: Instant, job: Job, what: What, out: &mut dyn Sink) {
         // The next attempt has connection attempts of its own. [reference 5.3]
         let job = Job { connects: 0, blocks: job.blocks + 1, ..job };
         if job.blocks < self.config.block_attempts {
@@ -164,8 +164,8 @@ impl<const N: usize> S3964<N> {
     }
 
     /// STX once more: at once if nothing has come, otherwise when the line is quiet.
-    fn again(&mut self, now: Nanos, job: Job, what: What, out: &mut dyn Sink) {
-        if what == What::AckDelay || self.config.quiet == 0 {
+    fn again(&mut self, now: Instant, job: Job, what: What, out: &mut dyn Sink) {
+        if what == What::AckDelay || self.config.quiet.is_zero() {
             return self.connect(now, job, out);
         }
         (self.state, self.waiting) = (State::Idle, Some(job));
@@ -173,7 +173,7 @@ impl<const N: usize> S3964<N> {
     }
 
     /// The line has been silent for ZVZ after a character without meaning. (CP 341)
-    pub(super) fn silent(&mut self, now: Nanos, disturbed: Option<(Job, What)>, out: &mut dyn Sink) {
+    pub(super) fn silent(&mut self, now: Instant, disturbed: Option<(Job, What)>, out: &mut dyn Sink) {
         self.transmit(now, &[NAK], out);
         match disturbed {
             Some((job, what)) => self.repeat_block(now, job, what, out),
@@ -181,7 +181,7 @@ impl<const N: usize> S3964<N> {
         }
     }
 
-    fn give_up(&mut self, now: Nanos, phase: Phase, what: What, out: &mut dyn Sink) {
+    fn give_up(&mut self, now: Instant, phase: Phase, what: What, out: &mut dyn Sink) {
         self.report(phase, What::Exhausted, out);
         self.transmit(now, &[NAK], out);
         let error = match what {
@@ -193,7 +193,7 @@ impl<const N: usize> S3964<N> {
     }
 
     /// The order has ended.
-    pub(super) fn end(&mut self, now: Nanos, outcome: Result<(), SendError>, out: &mut dyn Sink) {
+    pub(super) fn end(&mut self, now: Instant, outcome: Result<(), SendError>, out: &mut dyn Sink) {
         self.state = State::Idle;
         self.pause_until = now + self.config.zna;
         out.sent(outcome);

@@ -19,7 +19,7 @@ mod decoder;
 
 use crate::flow::{Flow, Gate, XOFF, XON};
 use crate::machine::{
-    Event, Input, LineFault, LineInput, Machine, Nanos, Order, Phase, SECOND, Sink, TELEGRAM_MAX, What,
+    Event, Input, Instant, LineFault, LineInput, Machine, Order, Phase, Sink, Span, TELEGRAM_MAX, What,
 };
 pub use crate::output::Flags;
 use crate::output::{Extent, Output, Rules};
@@ -35,26 +35,26 @@ pub struct Config {
     /// Flow control.
     pub flow: Flow,
     /// ZNA: from the last bit of a telegram to the end of its order.
-    pub zna: Nanos,
+    pub zna: Span,
     /// TMO: longest silence within a telegram.
-    pub tmo: Nanos,
+    pub tmo: Span,
     /// Time of one character on the line.
-    pub char_time: Nanos,
+    pub char_time: Span,
     /// Longest time that an order waits for XON or CTS; 0: for ever. See [`ascii::Config`](crate::ascii::Config).
-    pub flow_wait: Nanos,
+    pub flow_wait: Span,
 }
 
 impl Config {
     /// Nothing set: no characters, no times, no flow control. The defaults of the parameters stand in `ob1-params`.
-    pub const fn unset(char_time: Nanos) -> Self {
+    pub const fn unset(char_time: Span) -> Self {
         Self {
             start: Flags::NONE,
             end: Flags::NONE,
             flow: Flow::None,
-            zna: 0,
-            tmo: 0,
+            zna: Span::ZERO,
+            tmo: Span::ZERO,
             char_time,
-            flow_wait: 20 * SECOND,
+            flow_wait: Span::from_secs(20),
         }
     }
 }
@@ -69,7 +69,7 @@ pub struct StxEtx<const N: usize = TELEGRAM_MAX> {
     decoder: Decoder,
     receive: Receive<N>,
     /// Silence until then ends what is coming in.
-    silence: Option<Nanos>,
+    silence: Option<Instant>,
 }
 
 /// The telegram that is coming in.
@@ -96,7 +96,7 @@ impl<const N: usize> StxEtx<N> {
             char_time: config.char_time,
             flow_wait: config.flow_wait,
             extent: Extent::Whole,
-            pause: 0,
+            pause: Span::ZERO,
             signals: None,
         };
         let receive = Receive { open: false, len: 0, data: [0; N], noise: false, completed: false };
@@ -116,7 +116,7 @@ impl<const N: usize> StxEtx<N> {
         &self.config
     }
 
-    fn tick(&mut self, now: Nanos, out: &mut dyn Sink) {
+    fn tick(&mut self, now: Instant, out: &mut dyn Sink) {
         if !self.started {
             self.started = true;
             self.gate.open(out);
@@ -129,7 +129,7 @@ impl<const N: usize> StxEtx<N> {
         self.output.tick(now, out);
     }
 
-    fn character(&mut self, now: Nanos, byte: u8, out: &mut dyn Sink) {
+    fn character(&mut self, now: Instant, byte: u8, out: &mut dyn Sink) {
         if self.config.flow == Flow::XonXoff && (byte == XON || byte == XOFF) {
             return self.output.set_stopped(now, byte == XOFF, out);
         }
@@ -155,7 +155,7 @@ impl<const N: usize> StxEtx<N> {
         self.silence = None;
     }
 
-    fn fault(&mut self, now: Nanos, fault: LineFault, out: &mut dyn Sink) {
+    fn fault(&mut self, now: Instant, fault: LineFault, out: &mut dyn Sink) {
         let what = What::Line(fault);
         let phase = if self.receive.open { Phase::Receive } else { Phase::Idle };
         out.report(Event { phase, what });
@@ -168,19 +168,19 @@ impl<const N: usize> StxEtx<N> {
     }
 
     /// Silence counts while anything is coming in.
-    fn watch(&mut self, now: Nanos) {
+    fn watch(&mut self, now: Instant) {
         let runs = self.receive.open || self.decoder.skips() || self.decoder.holds();
         self.silence = runs.then(|| now + self.config.tmo);
     }
 
-    fn close_gate(&mut self, now: Nanos, out: &mut dyn Sink) {
+    fn close_gate(&mut self, now: Instant, out: &mut dyn Sink) {
         if core::mem::take(&mut self.receive.completed) {
             self.gate.check(now, out);
         }
     }
 
-    fn deadline(&self) -> Option<Nanos> {
-        let start = (!self.started).then_some(0);
+    fn deadline(&self) -> Option<Instant> {
+        let start = (!self.started).then_some(Instant::START);
         [self.silence, self.output.deadline(), self.gate.deadline(), start].into_iter().flatten().min()
     }
 }
@@ -256,7 +256,7 @@ impl<const N: usize> Receive<N> {
 }
 
 impl<const N: usize> Machine for StxEtx<N> {
-    fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) -> Option<Nanos> {
+    fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Sink) -> Option<Instant> {
         match input {
             Input::Tick => self.tick(now, out),
             Input::Line(LineInput::Rx(bytes)) => bytes.iter().for_each(|byte| self.character(now, *byte, out)),

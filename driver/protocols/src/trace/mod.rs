@@ -14,7 +14,7 @@ pub mod record;
 pub use meaning::{Meaning, Modbus};
 pub use reader::{Reader, Unit};
 
-use crate::machine::Nanos;
+use crate::machine::Span;
 use crate::output::Flags;
 
 /// Which way characters went, seen from the CP that is listened to.
@@ -43,7 +43,7 @@ pub enum Dialect {
     /// Bare characters; a pause of so long ends a telegram.
     Ascii {
         /// The pause.
-        pause: Nanos,
+        pause: Span,
     },
     /// Telegrams between start and end characters.
     StxEtx {
@@ -52,7 +52,7 @@ pub enum Dialect {
         /// End characters.
         end: Flags,
         /// The pause after which an open telegram has none.
-        pause: Nanos,
+        pause: Span,
     },
     /// 3964 and 3964R.
     S3964 {
@@ -61,46 +61,46 @@ pub enum Dialect {
         /// With RK 512 on top.
         rk512: bool,
         /// The pause that breaks a block off.
-        pause: Nanos,
+        pause: Span,
     },
     /// Modbus RTU.
     ModbusRtu {
         /// The CP is the master: what it sends are requests.
         master: bool,
         /// A pause that surely ends a frame.
-        pause: Nanos,
+        pause: Span,
     },
     /// Modbus ASCII.
     ModbusAscii {
         /// As above.
         master: bool,
         /// As above.
-        pause: Nanos,
+        pause: Span,
     },
     /// EnOcean, serial protocol version 2.
     EnOcean {
         /// A pause that ends a frame.
-        pause: Nanos,
+        pause: Span,
     },
     /// M-Bus.
     MBus {
         /// A pause that surely ends a frame.
-        pause: Nanos,
+        pause: Span,
     },
     /// Modbus TCP of a master.
     ModbusTcp {
         /// A pause that surely ends a frame.
-        pause: Nanos,
+        pause: Span,
     },
     /// PROFIBUS.
     Profibus {
         /// A pause that surely ends a telegram.
-        pause: Nanos,
+        pause: Span,
     },
 }
 
 impl Dialect {
-    const fn pause(&self) -> Nanos {
+    const fn pause(&self) -> Span {
         match *self {
             Self::Ascii { pause }
             | Self::StxEtx { pause, .. }

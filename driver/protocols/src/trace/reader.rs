@@ -4,7 +4,7 @@ use super::meaning::{Meaning, Modbus};
 use super::{Dialect, Way};
 use crate::esp2::WAKE;
 use crate::esp2::frame::{self as esp2, FRAME_BYTES};
-use crate::machine::{LineFault, Nanos};
+use crate::machine::{Instant, LineFault, Span};
 use crate::mbus::frame::{Frame, FrameError, Progress};
 use crate::modbus::pdu::{self, Direction};
 use crate::modbus::{ascii, rtu, tcp};
@@ -19,9 +19,9 @@ const RAW: usize = 2 * 1024 + 16;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Unit<'a> {
     /// When its first character was seen.
-    pub begin: Nanos,
+    pub begin: Instant,
     /// When its last one was.
-    pub end: Nanos,
+    pub end: Instant,
     /// Which way it went.
     pub way: Way,
     /// Its characters as they were on the line.
@@ -31,7 +31,7 @@ pub struct Unit<'a> {
 }
 
 /// The longest QVZ there is, and some more: after it nobody waits for an answer. [S0 "Timeout times"]
-const NO_ANSWER: Nanos = 6_000_000_000;
+const NO_ANSWER: Span = Span::from_secs(6);
 
 /// Where units go.
 type Out<'a> = dyn FnMut(Unit<'_>) + 'a;
@@ -43,11 +43,11 @@ struct Side {
     len: usize,
     payload: [u8; RAW],
     payload_len: usize,
-    begin: Nanos,
-    last: Nanos,
+    begin: Instant,
+    last: Instant,
     link: Link,
     /// Since when `link` is what it is.
-    since: Nanos,
+    since: Instant,
     /// A character of the block could not be read; with start characters: what is kept has begun with them.
     damaged: bool,
     flags: Option<stx_etx::Decoder>,
@@ -73,10 +73,10 @@ impl Side {
             len: 0,
             payload: [0; RAW],
             payload_len: 0,
-            begin: 0,
-            last: 0,
+            begin: Instant::START,
+            last: Instant::START,
             link: Link::Idle,
-            since: 0,
+            since: Instant::START,
             damaged: false,
             flags: None,
             frames: esp2::Decoder::new(),
@@ -84,7 +84,7 @@ impl Side {
     }
 
     /// Keeps a character; false if there is no room.
-    fn keep(&mut self, now: Nanos, byte: u8) -> bool {
+    fn keep(&mut self, now: Instant, byte: u8) -> bool {
         if self.len == 0 {
             self.begin = now;
         }
@@ -107,7 +107,7 @@ impl Side {
         (self.len, self.payload_len, self.damaged) = (0, 0, false);
     }
 
-    fn turn(&mut self, now: Nanos, link: Link) {
+    fn turn(&mut self, now: Instant, link: Link) {
         (self.link, self.since) = (link, now);
     }
 
@@ -146,12 +146,12 @@ impl Reader {
 
     /// When the oldest telegram that is not finished yet has begun.
     #[must_use]
-    pub fn open_since(&self) -> Option<Nanos> {
+    pub fn open_since(&self) -> Option<Instant> {
         self.sides.iter().filter(|side| side.len > 0).map(|side| side.begin).min()
     }
 
     /// Takes characters that were seen at `now`.
-    pub fn characters(&mut self, now: Nanos, way: Way, bytes: &[u8], out: &mut Out<'_>) {
+    pub fn characters(&mut self, now: Instant, way: Way, bytes: &[u8], out: &mut Out<'_>) {
         self.silence(now, out);
         // An answer ends what it answers.
         let other = way.other();
@@ -202,7 +202,7 @@ impl Reader {
     }
 
     /// A character came in that the line could not read.
-    pub fn fault(&mut self, now: Nanos, fault: LineFault, out: &mut Out<'_>) {
+    pub fn fault(&mut self, now: Instant, fault: LineFault, out: &mut Out<'_>) {
         self.silence(now, out);
         let side = &mut self.sides[Way::In as usize];
         let mut complete = false;
@@ -222,7 +222,7 @@ impl Reader {
     }
 
     /// Everything handed to the line has left.
-    pub fn done(&mut self, now: Nanos, out: &mut Out<'_>) {
+    pub fn done(&mut self, now: Instant, out: &mut Out<'_>) {
         self.silence(now, out);
         if matches!(self.dialect, Dialect::Ascii { .. }) {
             self.close(Way::Out, out);
@@ -230,10 +230,10 @@ impl Reader {
     }
 
     /// Time has passed: puts out what a pause has ended.
-    pub fn silence(&mut self, now: Nanos, out: &mut Out<'_>) {
+    pub fn silence(&mut self, now: Instant, out: &mut Out<'_>) {
         for way in [Way::Out, Way::In] {
             let side = &mut self.sides[way as usize];
-            let quiet = now.saturating_sub(if side.len > 0 { side.last } else { side.since });
+            let quiet = now.since(if side.len > 0 { side.last } else { side.since });
             let patience =
                 if side.link == Link::Called || side.link == Link::Sent { NO_ANSWER } else { self.dialect.pause() };
             if quiet > patience {
@@ -297,7 +297,7 @@ impl Reader {
         }
     }
 
-    fn keep(&mut self, now: Nanos, way: Way, byte: u8, out: &mut Out<'_>) {
+    fn keep(&mut self, now: Instant, way: Way, byte: u8, out: &mut Out<'_>) {
         if !self.sides[way as usize].keep(now, byte) {
             self.close(way, out);
             self.sides[way as usize].keep(now, byte);
@@ -320,7 +320,7 @@ impl Reader {
         }
     }
 
-    fn s3964(&mut self, now: Nanos, way: Way, byte: u8, bcc: bool, rk512: bool, out: &mut Out<'_>) {
+    fn s3964(&mut self, now: Instant, way: Way, byte: u8, bcc: bool, rk512: bool, out: &mut Out<'_>) {
         let [first, second] = &mut self.sides;
         let (side, other) = if way == Way::Out { (first, second) } else { (second, first) };
         if let Link::Block(mut decoder) = side.link {

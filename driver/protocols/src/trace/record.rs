@@ -6,7 +6,7 @@
 //! All numbers are little-endian. A stream and a file begin with a [`Kind::Hello`], and there may be more of them: the
 //! CP has got other parameters.
 
-use crate::machine::{LineFault, Nanos};
+use crate::machine::{Instant, LineFault};
 
 /// The first bytes of a recording.
 pub const MAGIC: [u8; 8] = *b"OB1TRACE";
@@ -63,8 +63,8 @@ impl Kind {
 /// A record, read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Record<'a> {
-    /// Nanoseconds since the start of the driver.
-    pub time: Nanos,
+    /// When, by the clock of the driver.
+    pub time: Instant,
     /// What it tells.
     pub kind: Kind,
     /// More of it.
@@ -78,14 +78,14 @@ impl<'a> Record<'a> {
         let (time, rest) = bytes.split_first_chunk::<8>()?;
         let (kind, data) = rest.split_first()?;
         let kind = Kind::ALL.into_iter().find(|known| *known as u8 == *kind)?;
-        Some(Self { time: Nanos::from_le_bytes(*time), kind, data })
+        Some(Self { time: Instant::from_nanos(u64::from_le_bytes(*time)), kind, data })
     }
 
     /// Its first bytes; the data follow.
     #[must_use]
-    pub fn head(time: Nanos, kind: Kind) -> [u8; HEAD] {
+    pub fn head(time: Instant, kind: Kind) -> [u8; HEAD] {
         let mut head = [0; HEAD];
-        head[..8].copy_from_slice(&time.to_le_bytes());
+        head[..8].copy_from_slice(&time.nanos().to_le_bytes());
         head[8] = kind as u8;
         head
     }

@@ -30,7 +30,7 @@
 //! Between two lines the machine must stay silent: each deadline that passes is ticked, and must bring nothing.
 
 use ob1_protocols::{
-    Event, Input, LineFault, LineInput, MS, Machine, ModemLines, Nanos, Order, Part, SendError, Sink, Wire,
+    Event, Input, Instant, LineFault, LineInput, MS, Machine, ModemLines, Order, Part, SendError, Sink, Wire,
 };
 
 /// A sink that writes down what it gets, in the words of the tables.
@@ -144,7 +144,7 @@ fn expected(text: &str) -> Vec<String> {
 pub(crate) fn check(machine: &mut dyn Machine, table: &str) {
     let mut out = Recorder { room: 1024, ..Recorder::default() };
     let mut deadline = None;
-    let mut last: Nanos = 0;
+    let mut last: Instant = Instant::START;
     for (number, line) in table.lines().enumerate() {
         let line = line.split('#').next().unwrap_or("").trim();
         if line.is_empty() {
@@ -153,15 +153,21 @@ pub(crate) fn check(machine: &mut dyn Machine, table: &str) {
         let place = || format!("line {} of the table: {line}", number + 1);
         let (step, outputs) = line.split_once("=>").unwrap_or((line, ""));
         let words: Vec<&str> = step.split_whitespace().collect();
-        let now =
-            (words[0].parse::<f64>().unwrap_or_else(|_| panic!("no time: {}", place())) * MS as f64).round() as Nanos;
+        let millis = words[0].parse::<f64>().unwrap_or_else(|_| panic!("no time: {}", place()));
+        let now = Instant::from_nanos((millis * MS.nanos() as f64).round() as u64);
         assert!(now >= last, "time goes back: {}", place());
         last = now;
         let input = words[1];
         // Silence until then.
         while let Some(at) = deadline.filter(|at| *at < now) {
             deadline = machine.step(at, Input::Tick, &mut out);
-            assert!(out.log.is_empty(), "at {} ms, before {}: {:?}", at as f64 / MS as f64, place(), out.log);
+            assert!(
+                out.log.is_empty(),
+                "at {} ms, before {}: {:?}",
+                at.since_start().as_millis_f64(),
+                place(),
+                out.log
+            );
             assert!(deadline != Some(at), "the machine does not get past {at}: {}", place());
         }
         let data = if matches!(input, "rx" | "order") { bytes(&words[2..]) } else { Vec::new() };

@@ -3,16 +3,16 @@
 #![allow(dead_code)] // each test file uses its own part of it
 
 use ob1_protocols::s3964::{self, Priority, Settings};
-use ob1_protocols::{MS, Nanos, SECOND, ascii, stx_etx};
+use ob1_protocols::{MS, SECOND, Span, ascii, stx_etx};
 
 /// 3964(R) of a CP 240.
-pub(crate) fn cp240(bcc: bool, char_time: Nanos) -> s3964::Config {
+pub(crate) fn cp240(bcc: bool, char_time: Span) -> s3964::Config {
     s3964::Config::cp240(Settings {
         bcc,
         priority: Priority::Low,
         zvz: 200 * MS,
         qvz: 500 * MS,
-        zna: 0,
+        zna: Span::ZERO,
         bwz: 2 * SECOND,
         char_time,
         connect_attempts: 6,
@@ -21,14 +21,14 @@ pub(crate) fn cp240(bcc: bool, char_time: Nanos) -> s3964::Config {
 }
 
 /// 3964(R) of a CP 341.
-pub(crate) fn cp341(bcc: bool, char_time: Nanos) -> s3964::Config {
+pub(crate) fn cp341(bcc: bool, char_time: Span) -> s3964::Config {
     s3964::Config::cp341(Settings {
         bcc,
         priority: Priority::High,
         zvz: 220 * MS,
         qvz: if bcc { 2 * SECOND } else { 550 * MS },
-        zna: 0,
-        bwz: 0,
+        zna: Span::ZERO,
+        bwz: Span::ZERO,
         char_time,
         connect_attempts: 6,
         block_attempts: 6,
@@ -36,12 +36,12 @@ pub(crate) fn cp341(bcc: bool, char_time: Nanos) -> s3964::Config {
 }
 
 /// ASCII.
-pub(crate) fn ascii(char_time: Nanos) -> ascii::Config {
+pub(crate) fn ascii(char_time: Span) -> ascii::Config {
     ascii::Config { zvz: 200 * MS, ..ascii::Config::unset(char_time) }
 }
 
 /// STX/ETX.
-pub(crate) fn stx_etx(char_time: Nanos) -> stx_etx::Config {
+pub(crate) fn stx_etx(char_time: Span) -> stx_etx::Config {
     stx_etx::Config {
         start: stx_etx::Flags::new([0x02, 0], 1),
         end: stx_etx::Flags::new([0x03, 0], 1),

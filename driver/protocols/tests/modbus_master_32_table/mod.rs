@@ -29,7 +29,7 @@
 //! Between two lines the driver must stay silent: each deadline that passes is ticked, and must bring nothing.
 
 use ob1_protocols::modbus_master_32::{Driver, Input, Order, Owner, Parameters};
-use ob1_protocols::{LineFault, LineInput, MS, ModemLines, Nanos, Wire};
+use ob1_protocols::{Instant, LineFault, LineInput, MS, ModemLines, Wire};
 
 /// The frame of a telegram, written from the manual. [S4 "4.1 Message Structure"]
 pub(crate) fn frame(telegram: &[u8]) -> String {
@@ -127,7 +127,7 @@ fn expected(text: &str) -> Vec<String> {
 /// Leads a driver with these parameters through the table.
 pub(crate) fn check(parameters: Parameters, table: &str) {
     let (mut driver, mut out) = (Driver::new(parameters), Recorder::default());
-    let (mut deadline, mut last): (Option<Nanos>, Nanos) = (None, 0);
+    let (mut deadline, mut last): (Option<Instant>, Instant) = (None, Instant::START);
     for line in table.lines() {
         let line = line.split('#').next().unwrap_or("").trim();
         if line.is_empty() {
@@ -137,12 +137,12 @@ pub(crate) fn check(parameters: Parameters, table: &str) {
         let mut words = step.trim().splitn(3, ' ');
         let time: f64 = words.next().and_then(|time| time.parse().ok()).unwrap_or_else(|| panic!("no time: {line}"));
         let (word, rest) = (words.next().unwrap_or(""), words.next().unwrap_or("").trim());
-        let now = (time * MS as f64).round() as Nanos;
+        let now = Instant::from_nanos((time * MS.nanos() as f64).round() as u64);
         assert!(now >= last, "time goes back: {line}");
         last = now;
         while let Some(at) = deadline.filter(|at| *at < now) {
             deadline = driver.step(at, Input::Tick, &mut out);
-            assert!(out.log.is_empty(), "at {} ms, before `{line}`: {:?}", at as f64 / MS as f64, out.log);
+            assert!(out.log.is_empty(), "at {} ms, before `{line}`: {:?}", at.since_start().as_millis_f64(), out.log);
             assert_ne!(deadline, Some(at), "the driver does not get past {at}: {line}");
         }
         let data = match word {

@@ -19,14 +19,14 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use ob1_line::sim::{End, FaultRates, SimConfig, SimEvent, SimLine, SplitMix64};
-use ob1_protocols::{Event, Input, LineInput, MS, Machine, ModemLines, Nanos, Order, SECOND, SendError, Sink, Wire};
+use ob1_protocols::{Event, Input, Instant, LineInput, MS, Machine, ModemLines, Order, SendError, Sink, Span, Wire};
 
 /// Virtual time with faults.
-const FAULTY: Nanos = 30 * SECOND;
+const FAULTY: Instant = Instant::from_secs(30);
 /// After the faults: an order that was running may still fail in this time.
-const SETTLE: Nanos = 10 * SECOND;
+const SETTLE: Span = Span::from_secs(10);
 /// After that: orders must go through.
-const CALM: Nanos = 5 * SECOND;
+const CALM: Span = Span::from_secs(5);
 
 /// Two partners of one protocol.
 pub(crate) trait Duet {
@@ -39,7 +39,7 @@ pub(crate) trait Duet {
     /// "Done" is the partner's word: the telegram has been delivered before. Otherwise it means "the last bit is out".
     const ACKNOWLEDGED: bool;
     /// On a calm line: longest time from the end of an order to the delivery of its telegram.
-    const GRACE: Nanos;
+    const GRACE: Span;
 
     /// The line without its faults, and the partners at its ends A and B.
     fn stage(rng: &mut SplitMix64) -> Stage<Self::Machine, Self::Judge>;
@@ -71,7 +71,7 @@ pub(crate) struct Stage<M, J> {
     /// At the ends A and B.
     pub(crate) partners: [(M, J); 2],
     /// Longest pause of a program between the end of an order and the next.
-    pub(crate) pause: Nanos,
+    pub(crate) pause: Span,
     /// The CPU is slow to take one telegram in so many; 0: never.
     pub(crate) slow_one_in: u64,
 }
@@ -79,13 +79,13 @@ pub(crate) struct Stage<M, J> {
 /// Judges one partner from what it saw and said.
 pub(crate) trait Judge {
     /// A readable character came in (`None`: one that could not be read).
-    fn character(&mut self, now: Nanos, character: Option<u8>);
+    fn character(&mut self, now: Instant, character: Option<u8>);
     /// The machine put this on the line.
-    fn transmitted(&mut self, _now: Nanos, _bytes: &[u8]) {}
+    fn transmitted(&mut self, _now: Instant, _bytes: &[u8]) {}
     /// All that the machine put on the line is out.
     fn out(&mut self) {}
     /// Whether the machine may deliver this now.
-    fn accepts(&mut self, now: Nanos, telegram: &[u8]) -> bool;
+    fn accepts(&mut self, now: Instant, telegram: &[u8]) -> bool;
 }
 
 /// The sum of conversations.
@@ -102,8 +102,8 @@ pub(crate) struct Sum {
 struct Station<D: Duet> {
     end: End,
     machine: D::Machine,
-    deadline: Option<Nanos>,
-    next_order: Nanos,
+    deadline: Option<Instant>,
+    next_order: Instant,
     books: Books<D::Judge>,
 }
 
@@ -120,13 +120,13 @@ struct Books<J> {
     /// Of those: how many before the partner's running order began.
     partner_mark: usize,
     /// Telegrams of orders done on a calm line, with the time of their end.
-    calm: Vec<(Nanos, Vec<u8>)>,
+    calm: Vec<(Instant, Vec<u8>)>,
     slow_one_in: u64,
     /// The CPU has not taken the last telegram before this.
-    occupied_until: Nanos,
+    occupied_until: Instant,
     /// When it put its last DLE on the line, and its last block.
-    last_dle: Nanos,
-    last_block: Nanos,
+    last_dle: Instant,
+    last_block: Instant,
     /// The order in this step ended.
     ended: Option<Result<(), SendError>>,
 }
@@ -135,7 +135,7 @@ struct Books<J> {
 struct Port<'a, J> {
     line: &'a mut SimLine,
     end: End,
-    now: Nanos,
+    now: Instant,
     books: &'a mut Books<J>,
     trace: bool,
 }
@@ -143,7 +143,7 @@ struct Port<'a, J> {
 impl<J> Port<'_, J> {
     fn trace(&self, what: std::fmt::Arguments<'_>) {
         if self.trace {
-            println!("{:>12.3} ms {:?} {what}", self.now as f64 / MS as f64, self.end);
+            println!("{:>12.3} ms {:?} {what}", self.now.since_start().as_millis_f64(), self.end);
         }
     }
 }
@@ -181,7 +181,7 @@ impl<J: Judge> Sink for Port<'_, J> {
         assert!(self.books.judge.accepts(self.now, telegram), "accepted what the check would have refused");
         self.books.delivered.push(telegram.to_vec());
         if self.now < FAULTY && self.books.rng.below(self.books.slow_one_in) + 1 == self.books.slow_one_in {
-            self.books.occupied_until = self.now + self.books.rng.below(700 * MS);
+            self.books.occupied_until = self.now + self.books.rng.span_below(700 * MS);
         }
     }
 
@@ -211,15 +211,15 @@ impl<D: Duet> Station<D> {
             partner_mark: 0,
             calm: Vec::new(),
             slow_one_in,
-            occupied_until: 0,
-            last_dle: 0,
-            last_block: 0,
+            occupied_until: Instant::START,
+            last_dle: Instant::START,
+            last_block: Instant::START,
             ended: None,
         };
-        Self { end, machine, deadline: Some(0), next_order: 0, books }
+        Self { end, machine, deadline: Some(Instant::START), next_order: Instant::START, books }
     }
 
-    fn step(&mut self, now: Nanos, input: Input<'_>, line: &mut SimLine, trace: bool) {
+    fn step(&mut self, now: Instant, input: Input<'_>, line: &mut SimLine, trace: bool) {
         match input {
             Input::Line(LineInput::Rx(bytes)) => bytes.iter().for_each(|b| self.books.judge.character(now, Some(*b))),
             Input::Line(LineInput::Fault(_)) => self.books.judge.character(now, None),
@@ -239,14 +239,14 @@ impl<D: Duet> Station<D> {
     }
 
     /// When the station wants to do something by itself.
-    fn next(&self, now: Nanos) -> Option<Nanos> {
+    fn next(&self, now: Instant) -> Option<Instant> {
         let order = self.books.running.is_none().then_some(self.next_order);
         let room = Some(self.books.occupied_until).filter(|at| *at > now);
         self.deadline.into_iter().chain(order).chain(room).min()
     }
 
-    fn is_due(&self, now: Nanos) -> bool {
-        self.deadline.is_some_and(|at| at <= now) || self.books.occupied_until == now && now > 0
+    fn is_due(&self, now: Instant) -> bool {
+        self.deadline.is_some_and(|at| at <= now) || self.books.occupied_until == now && now > Instant::START
     }
 }
 
@@ -274,7 +274,7 @@ fn run<D: Duet>(seed: u64, worst: FaultRates, trace: bool) -> Sum {
     let mut line = SimLine::new(sim, rng.next_u64());
     let mut buffer = [0; 64];
     let end = FAULTY + SETTLE + CALM;
-    let mut now = 0;
+    let mut now = Instant::START;
     loop {
         let own = stations.iter().filter_map(|s| s.next(now)).min();
         let Some(next) = own.into_iter().chain(line.next_event()).min().filter(|next| *next < end) else { break };
@@ -304,11 +304,11 @@ fn run<D: Duet>(seed: u64, worst: FaultRates, trace: bool) -> Sum {
         let (books, partner) = (&stations[n].books, &stations[1 - n].books);
         assert_eq!(books.orders, books.done + books.failed + u64::from(books.running.is_some()), "an order was lost");
         let mut arrived = partner.delivered.iter();
-        for (at, telegram) in books.calm.iter().filter(|(at, _)| at + D::GRACE < end) {
+        for (at, telegram) in books.calm.iter().filter(|(at, _)| *at + D::GRACE < end) {
             let found = arrived.any(|got| got == telegram);
             assert!(found, "{:?}: done at {at} on a calm line and not delivered: {telegram:02X?}", stations[n].end);
         }
-        let sends = stations[n].next_order != Nanos::MAX;
+        let sends = stations[n].next_order != Instant::NEVER;
         assert!(!sends || books.calm.len() >= 3, "{:?} gets nothing through after the faults", stations[n].end);
         sum.done += books.done;
         sum.failed += books.failed;
@@ -318,10 +318,17 @@ fn run<D: Duet>(seed: u64, worst: FaultRates, trace: bool) -> Sum {
 }
 
 /// Gives the next order of station `n`.
-fn begin<D: Duet>(stations: &mut [Station<D>; 2], n: usize, now: Nanos, line: &mut SimLine, trace: bool, pause: Nanos) {
+fn begin<D: Duet>(
+    stations: &mut [Station<D>; 2],
+    n: usize,
+    now: Instant,
+    line: &mut SimLine,
+    trace: bool,
+    pause: Span,
+) {
     let end = stations[n].end;
     let Some(data) = D::telegram(&mut stations[n].books.rng, end) else {
-        stations[n].next_order = Nanos::MAX;
+        stations[n].next_order = Instant::NEVER;
         return;
     };
     stations[n].books.orders += 1;
@@ -333,7 +340,7 @@ fn begin<D: Duet>(stations: &mut [Station<D>; 2], n: usize, now: Nanos, line: &m
 }
 
 /// Books the end of an order.
-fn settle<D: Duet>(stations: &mut [Station<D>; 2], n: usize, now: Nanos, pause: Nanos) {
+fn settle<D: Duet>(stations: &mut [Station<D>; 2], n: usize, now: Instant, pause: Span) {
     let Some(outcome) = stations[n].books.ended.take() else { return };
     let Some(data) = stations[n].books.running.take() else { return };
     let partner = &stations[1 - n].books;
@@ -358,7 +365,7 @@ fn settle<D: Duet>(stations: &mut [Station<D>; 2], n: usize, now: Nanos, pause: 
             stations[n].books.failed += 1;
         }
     }
-    stations[n].next_order = now + stations[n].books.rng.below(pause);
+    stations[n].next_order = now + stations[n].books.rng.span_below(pause);
 }
 
 /// The kept seeds of a test: lines `TEST NUMBER` in `tests/seeds/*.txt`, with a remark behind `#`.

@@ -26,7 +26,7 @@
 
 use ob1_protocols::rk512::{Answer, AnswerError, Config, Event, Input, Order, OrderError, Owner, Request, Rk512};
 use ob1_protocols::s3964::codec::block;
-use ob1_protocols::{LineFault, LineInput, MS, Nanos, Wire};
+use ob1_protocols::{Instant, LineFault, LineInput, MS, Span, Wire};
 
 #[derive(Default)]
 struct Recorder {
@@ -123,8 +123,8 @@ fn expected(text: &str) -> Vec<String> {
 struct Bench<const N: usize> {
     machine: Rk512<N>,
     out: Recorder,
-    now: Nanos,
-    deadline: Option<Nanos>,
+    now: Instant,
+    deadline: Option<Instant>,
     bcc: bool,
 }
 
@@ -218,7 +218,7 @@ impl<const N: usize> Bench<N> {
 pub(crate) fn check<const N: usize>(config: Config, table: &str) {
     let bcc = config.line.bcc;
     let machine = Rk512::<N>::new(config);
-    let mut bench = Bench { machine, out: Recorder::default(), now: 0, deadline: None, bcc };
+    let mut bench = Bench { machine, out: Recorder::default(), now: Instant::START, deadline: None, bcc };
     for (number, line) in table.lines().enumerate() {
         let line = line.split('#').next().unwrap_or("").trim();
         if line.is_empty() {
@@ -227,13 +227,13 @@ pub(crate) fn check<const N: usize>(config: Config, table: &str) {
         println!("line {}: {line}", number + 1);
         let (step, outputs) = line.split_once("=>").unwrap_or((line, ""));
         let (time, input) = step.trim().split_once(' ').expect("a time and an input");
-        let now = (time.parse::<f64>().expect("a time") * MS as f64) as Nanos;
+        let now = Instant::from_nanos((time.parse::<f64>().expect("a time") * MS.nanos() as f64) as u64);
         assert!(now >= bench.now, "time goes back");
         // Silence until then.
         while let Some(at) = bench.deadline.filter(|at| *at < now) {
             bench.now = at;
             bench.step(Input::Tick);
-            assert_eq!(bench.seen(), [""; 0], "at {} ms", at as f64 / MS as f64);
+            assert_eq!(bench.seen(), [""; 0], "at {} ms", at.since_start().as_millis_f64());
             assert!(bench.deadline != Some(at), "the machine does not get past {at}");
         }
         bench.now = now;
@@ -243,7 +243,7 @@ pub(crate) fn check<const N: usize>(config: Config, table: &str) {
 }
 
 /// 9600 baud, 10 bits.
-pub(crate) const CHAR: Nanos = 1_041_667;
+pub(crate) const CHAR: Span = Span::from_nanos(1_041_667);
 
 /// A CP 240 on 3964 or 3964R.
 pub(crate) fn cp240(bcc: bool) -> Config {

@@ -4,9 +4,10 @@
 use std::io;
 use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::{self, Duration};
 
 use ob1_access::door::Document;
+use ob1_protocols::Instant;
 use ob1_protocols::trace::record::{Kind, Record};
 use ob1_protocols::trace::{Unit, Way};
 use ob1_trace::{Cp, remark, shown};
@@ -120,18 +121,18 @@ struct Line {
     /// Nothing before the greeting.
     cp: Option<Cp>,
     /// The driver's time at its last record, and when it came.
-    last: (u64, Instant),
+    last: (Instant, time::Instant),
     /// For the page.
     told: Vec<Value>,
 }
 
 impl Line {
     fn new(name: &str) -> Self {
-        Self { name: name.to_owned(), cp: None, last: (0, Instant::now()), told: Vec::new() }
+        Self { name: name.to_owned(), cp: None, last: (Instant::START, time::Instant::now()), told: Vec::new() }
     }
 
     fn take(&mut self, record: &Record<'_>) {
-        self.last = (record.time, Instant::now());
+        self.last = (record.time, time::Instant::now());
         if record.kind == Kind::Hello {
             // What is open ends with the parameters it was sent with.
             self.read(|cp, out| cp.reader.finish(out));
@@ -155,7 +156,7 @@ impl Line {
 
     /// Nothing has come for a while.
     fn quiet(&mut self) {
-        let now = self.last.0.saturating_add(u64::try_from(self.last.1.elapsed().as_nanos()).unwrap_or(0));
+        let now = self.last.0.saturating_add(self.last.1.elapsed().into());
         self.read(|cp, out| cp.reader.silence(now, out));
     }
 
@@ -166,13 +167,13 @@ impl Line {
             let way = if unit.way == Way::Out { "out" } else { "in" };
             let hex: String =
                 shown(&unit, false).unwrap_or_default().iter().map(|byte| format!("{byte:02X}")).collect();
-            let ms = unix.saturating_add(unit.begin) / 1_000_000;
+            let ms = unix.saturating_add(unit.begin.nanos()) / 1_000_000;
             told.push(json!({ "cp": name, "ms": ms, "way": way, "what": unit.meaning.to_string(), "hex": hex }));
         });
     }
 
-    fn note(&mut self, time: u64, what: &str) {
-        let ms = self.cp.as_ref().map_or(0, |cp| cp.unix).saturating_add(time) / 1_000_000;
+    fn note(&mut self, time: Instant, what: &str) {
+        let ms = self.cp.as_ref().map_or(0, |cp| cp.unix).saturating_add(time.nanos()) / 1_000_000;
         self.told.push(json!({ "cp": self.name, "ms": ms, "way": "note", "what": what, "hex": "" }));
     }
 }
@@ -184,7 +185,7 @@ mod tests {
     #[test]
     fn telegrams_are_read_by_the_protocol_and_have_the_time_of_the_wall() {
         let mut line = Line::new("cp");
-        let record = |kind, data| Record { time: 5_000_000, kind, data };
+        let record = |kind, data| Record { time: Instant::from_millis(5), kind, data };
         line.take(&record(Kind::Out, &[2, 0x41]));
         assert!(line.told.is_empty(), "nobody knows yet what is spoken");
         let hello =

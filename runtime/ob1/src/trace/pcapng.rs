@@ -90,7 +90,7 @@ impl<W: Write> Pcapng<W> {
         }
         if let Some(link) = self.links.get_mut(&number) {
             let interface = self.interfaces.get(&number).copied().unwrap_or(0);
-            let time = link.unix.saturating_add(record.time);
+            let time = link.unix.saturating_add(record.time.nanos());
             for bytes in link.packets(record) {
                 self.frames += 1;
                 block(&mut self.file, 6, &enhanced(interface, time, &bytes)?)?;
@@ -150,7 +150,7 @@ fn enhanced(interface: u32, time: u64, bytes: &[u8]) -> io::Result<Vec<u8>> {
 }
 
 fn packet(file: &mut impl Write, interface: u32, unix: u64, unit: &Unit<'_>) -> io::Result<()> {
-    let time = unix.saturating_add(unit.end);
+    let time = unix.saturating_add(unit.end.nanos());
     let mut bytes = Vec::with_capacity(12 + unit.raw.len());
     // Time (seconds, microseconds), event, state of the modem lines, two bytes of footer.
     bytes.extend(((time / 1_000_000_000) as u32).to_be_bytes());

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use ob1_protocols::Nanos;
+use ob1_protocols::Instant;
 use ob1_protocols::trace::record::{Kind, Record};
 use ob1_protocols::trace::{Unit, Way};
 use ob1_trace::{Cp, remark, shown};
@@ -15,7 +15,7 @@ use super::source::News;
 const WIDTH: usize = 16;
 
 /// Lines with their times that wait for a telegram that has begun before them.
-type Held = Vec<(Nanos, String)>;
+type Held = Vec<(Instant, String)>;
 
 /// Turns records into text. A telegram is known when it has ended, and stands at the time it has begun: what has
 /// happened meanwhile waits, so that the times of a CP are in order.
@@ -98,7 +98,7 @@ impl Printer {
     }
 
     /// So much time has passed at all CPs without a record.
-    pub fn silence(&mut self, number: u8, now: Nanos) {
+    pub fn silence(&mut self, number: u8, now: Instant) {
         let Self { raw, cps, held, .. } = self;
         if let Some(cp) = cps.get_mut(&number) {
             let (name, text) = (cp.name.clone(), held.entry(number).or_default());
@@ -126,7 +126,7 @@ impl Printer {
     /// Lets go, in the order of their times, of the lines no open telegram has begun before.
     fn release(&mut self, number: u8) {
         let Some(held) = self.held.get_mut(&number) else { return };
-        let open = self.cps.get(&number).and_then(|cp| cp.reader.open_since()).unwrap_or(Nanos::MAX);
+        let open = self.cps.get(&number).and_then(|cp| cp.reader.open_since()).unwrap_or(Instant::NEVER);
         held.sort_by_key(|(time, _)| *time);
         let ready = held.iter().take_while(|(time, _)| *time <= open).count();
         self.text.extend(held.drain(..ready).map(|(_, text)| text));
@@ -138,8 +138,9 @@ impl Printer {
     }
 }
 
-fn line(held: &mut Held, time: Nanos, name: &str, arrow: char, what: &str) {
-    let text = format!("{:>6}.{:06}  {name} {arrow} {what}\n", time / 1_000_000_000, time / 1000 % 1_000_000);
+fn line(held: &mut Held, time: Instant, name: &str, arrow: char, what: &str) {
+    let since = time.since_start();
+    let text = format!("{:>6}.{:06}  {name} {arrow} {what}\n", since.secs(), since.micros() % 1_000_000);
     held.push((time, text));
 }
 

@@ -88,13 +88,15 @@ fn take<'a>(rest: &mut &'a [u8]) -> Option<(u8, Record<'a>)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ob1_protocols::Instant;
     use ob1_protocols::trace::record::Kind;
 
     #[test]
     fn a_recording_is_read_back_and_damage_is_told() {
         let mut file = Vec::new();
         let mut recorder = Recorder::new(&mut file).expect("memory");
-        let records = [(0, 1, Kind::Out, &b"abc"[..]), (1, 2, Kind::Done, b"")];
+        let records =
+            [(0, Instant::from_nanos(1), Kind::Out, &b"abc"[..]), (1, Instant::from_nanos(2), Kind::Done, b"")];
         for (cp, time, kind, data) in records {
             recorder.write(cp, &Record { time, kind, data }).expect("memory");
         }

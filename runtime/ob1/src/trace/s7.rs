@@ -179,7 +179,7 @@ mod tests {
     use ob1_s7::wire::write;
 
     fn record<'d>(kind: Kind, data: &'d [u8]) -> Record<'d> {
-        Record { time: 5, kind, data }
+        Record { time: ob1_protocols::Instant::from_nanos(5), kind, data }
     }
 
     fn frame(message: &[u8]) -> Vec<u8> {

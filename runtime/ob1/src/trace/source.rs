@@ -3,10 +3,10 @@
 use std::io;
 use std::os::fd::OwnedFd;
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::{self, Duration};
 
 use ob1_params::CpKind;
-use ob1_protocols::Nanos;
+use ob1_protocols::Instant;
 use ob1_protocols::trace::record::Record;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
@@ -27,7 +27,7 @@ struct Tap {
     fd: OwnedFd,
     number: u8,
     /// The driver's time at its last record, and when it came.
-    last: (Nanos, Instant),
+    last: (Instant, time::Instant),
     ended: bool,
 }
 
@@ -36,7 +36,7 @@ pub(crate) enum News<'a> {
     /// It has told something.
     Record(u8, Record<'a>),
     /// It has told nothing until this time of its driver.
-    Silence(u8, Nanos),
+    Silence(u8, Instant),
 }
 
 /// The CPs of a station that are listened to.
@@ -71,7 +71,7 @@ impl Taps {
                     Ok((length, _)) => {
                         // A newer driver may have kinds we do not know.
                         if let Some(record) = Record::read(&self.buffer[..length]) {
-                            tap.last = (record.time, Instant::now());
+                            tap.last = (record.time, time::Instant::now());
                             on(News::Record(tap.number, record))?;
                         }
                     }
@@ -80,9 +80,9 @@ impl Taps {
                 }
             }
             let (time, came) = tap.last;
-            let since = u64::try_from(came.elapsed().as_nanos()).unwrap_or(0);
-            if since > QUIET.as_nanos() as u64 {
-                on(News::Silence(tap.number, time.saturating_add(since)))?;
+            let since = came.elapsed();
+            if since > QUIET {
+                on(News::Silence(tap.number, time.saturating_add(since.into())))?;
             }
         }
         Ok(())
@@ -90,10 +90,10 @@ impl Taps {
 }
 
 pub(super) fn live(station: &str, options: &Options, sinks: &mut Sinks) -> Result<(), TraceError> {
-    let end = options.time.map(|time| Instant::now() + time);
+    let end = options.time.map(|time| time::Instant::now() + time);
     let mut taps = Taps::open(station, options.cp.as_deref(), true)?;
     while !taps.is_over() && !sinks.is_over() {
-        let left = end.map_or(QUIET, |end| end.saturating_duration_since(Instant::now()));
+        let left = end.map_or(QUIET, |end| end.saturating_duration_since(time::Instant::now()));
         if left.is_zero() {
             return Ok(());
         }
@@ -141,7 +141,7 @@ fn open(station: &str, wanted: Option<&str>, buses: bool) -> Result<Vec<Tap>, Tr
     for (name, number) in cps.iter().zip(0..).filter(|(name, _)| wanted.is_none_or(|wanted| wanted == *name)) {
         let path = folder.join(format!("{name}.trace"));
         let fd = connect_to(&path).map_err(|error| nobody(&format!("{}: {error}", path.display())))?;
-        taps.push(Tap { fd, number, last: (0, Instant::now()), ended: false });
+        taps.push(Tap { fd, number, last: (Instant::START, time::Instant::now()), ended: false });
     }
     if taps.is_empty() {
         return Err(nobody(&format!("{} has no CP, no S7 link and no bus", status.station)));

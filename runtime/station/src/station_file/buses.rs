@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::Path;
 
-use ob1_coupler::config::Parity;
+use ob1_coupler::config::{Parity, Span};
 use ob1_coupler::gpio::GpioConfig;
 use ob1_coupler::{BusConfig, CouplerConfig, DpConfig, DpSlave, LineConfig, Serial};
 use ob1_cpu::{CpuConfig, Family, Nanos};
@@ -214,7 +214,7 @@ impl Building {
     /// The place of a line among those of the bus.
     fn place_of(&mut self, line: Line) -> usize {
         self.bus.lines.iter().position(|other| *other == line).unwrap_or_else(|| {
-            let (text, timeout) = (line.to_string(), self.timeout);
+            let (text, timeout) = (line.to_string(), Span::from_nanos(self.timeout));
             let (serial, dp) = (self.serial, self.dp.clone());
             self.bus.config.lines.push(LineConfig {
                 line: text,
@@ -315,7 +315,7 @@ fn bus(f: &mut Findings<'_>, table: &BusTable, folder: &Path, index: usize, scan
     if let Some(short) = table.timeout.as_ref().filter(|_| timeout < MS) {
         f.error(VALUE, short.span(), "no coupler answers within so short a time", "at least \"1ms\"");
     }
-    let config = BusConfig { name: name.clone(), scan_timeout, ..BusConfig::default() };
+    let config = BusConfig { name: name.clone(), scan_timeout: Span::from_nanos(scan_timeout), ..BusConfig::default() };
     // Numbers of master systems begin at 1.
     let rules = StationRules { diagnostic: 0, number: (index + 1).min(255) as u8 };
     let bus = Bus { name, rules, config, lines: Vec::new(), stations: Vec::new() };

@@ -1,9 +1,10 @@
 //! A Modbus coupler in the station file: where its registers and bits lie, and what it is told on connect.
 
-use std::ops::Range as Span;
+use std::ops;
 use std::path::Path;
 
 use ob1_backplane::{BUS_AREA_BYTES, BUS_COUPLERS};
+use ob1_coupler::config::Span;
 use ob1_coupler::image::RANGES_MAX;
 use ob1_coupler::{CouplerConfig, Order, Profile, Proof, Range, Setup, Table};
 use ob1_cpu::Nanos;
@@ -39,7 +40,7 @@ pub(super) enum Loss {
 struct Placement {
     range: Range,
     first: u32,
-    at: Span<usize>,
+    at: ops::Range<usize>,
     substitute: Vec<u8>,
 }
 
@@ -75,7 +76,7 @@ pub(super) fn modules(
     table: &ModuleTable,
     buses: &mut Buses,
     folder: &Path,
-) -> Vec<(ModuleConfig, [Span<usize>; 2])> {
+) -> Vec<(ModuleConfig, [ops::Range<usize>; 2])> {
     let Some(bus) = bus_of(f, table, buses) else { return Vec::new() };
     let min_cycle = buses.min_cycle;
     let Some(building) = buses.get_mut(bus) else { return Vec::new() };
@@ -111,9 +112,9 @@ pub(super) fn modules(
     let config = CouplerConfig {
         name: name.clone(),
         unit,
-        period: times.period,
-        refresh: times.refresh,
-        lost_after: times.lost_after,
+        period: Span::from_nanos(times.period),
+        refresh: Span::from_nanos(times.refresh),
+        lost_after: Span::from_nanos(times.lost_after),
         setup,
         proof,
         inputs: inputs.iter().map(|placement| placement.range).collect(),
@@ -177,7 +178,7 @@ fn one(
     loss: Loss,
     input: Option<(usize, Placement)>,
     output: Option<&Placement>,
-) -> (ModuleConfig, [Span<usize>; 2]) {
+) -> (ModuleConfig, [ops::Range<usize>; 2]) {
     let at = |placement: Option<&Placement>| placement.map(|placement| (placement.first, placement.at.clone()));
     let (of_inputs, of_outputs) = (at(input.as_ref().map(|(_, input)| input)), at(output));
     let (first_input, at_input) = of_inputs.clone().or_else(|| of_outputs.clone()).unwrap_or_default();
@@ -260,7 +261,7 @@ struct Times {
     period: Nanos,
     refresh: Nanos,
     lost_after: Nanos,
-    watchdog: Option<(Profile, Nanos)>,
+    watchdog: Option<(Profile, Span)>,
 }
 
 fn times(f: &mut Findings<'_>, table: &ModuleTable, min_cycle: Nanos, timeout: Nanos) -> Times {
@@ -275,7 +276,7 @@ fn times(f: &mut Findings<'_>, table: &ModuleTable, min_cycle: Nanos, timeout: N
         f.error(CONTRADICTION, long.span(), "the inputs cannot be read in this period", remedy);
     }
     let watchdog = watchdog(f, table);
-    let longest = watchdog.map_or(lost_after, |(_, watchdog)| watchdog.min(lost_after));
+    let longest = watchdog.map_or(lost_after, |(_, watchdog)| watchdog.nanos().min(lost_after));
     let refresh = time(f, table.refresh.as_ref(), REFRESH.min(longest / 3));
     if let Some(long) = table.refresh.as_ref().filter(|_| refresh < MS || refresh > longest / 2) {
         let remedy = "at least \"1ms\", and at most half of `watchdog` and of `lost_after`";
@@ -288,9 +289,9 @@ fn profile(f: &mut Findings<'_>, table: &ModuleTable) -> Option<Profile> {
     choice(f, "profile", table.profile.as_ref(), &Profile::ALL)
 }
 
-fn watchdog(f: &mut Findings<'_>, table: &ModuleTable) -> Option<(Profile, Nanos)> {
+fn watchdog(f: &mut Findings<'_>, table: &ModuleTable) -> Option<(Profile, Span)> {
     let given = table.watchdog.as_ref()?;
-    let wanted = time(f, Some(given), 0);
+    let wanted = Span::from_nanos(time(f, Some(given), 0));
     let Some(profile) = profile(f, table) else {
         let names = Profile::ALL.map(|(name, _)| format!("\"{name}\"")).join(", ");
         let remedy = format!("`profile` says which registers set it: {names}; for others write them in `setup`");
@@ -300,7 +301,7 @@ fn watchdog(f: &mut Findings<'_>, table: &ModuleTable) -> Option<(Profile, Nanos
     match profile.times() {
         Some(times) if times.contains(&wanted) => Some((profile, wanted)),
         Some(times) => {
-            let remedy = format!("{} ms to {} ms", times.start() / MS, times.end() / MS);
+            let remedy = format!("{} ms to {} ms", times.start().millis(), times.end().millis());
             f.error(VALUE, given.span(), "this coupler has no such watchdog time", remedy);
             None
         }
@@ -314,7 +315,7 @@ fn watchdog(f: &mut Findings<'_>, table: &ModuleTable) -> Option<(Profile, Nanos
 
 /// What is written on connect: what releases the coupler, its watchdog, what the file says; and what says that the
 /// watchdog runs already.
-fn setup(f: &mut Findings<'_>, table: &ModuleTable, watchdog: Option<(Profile, Nanos)>) -> (Vec<Setup>, Option<Proof>) {
+fn setup(f: &mut Findings<'_>, table: &ModuleTable, watchdog: Option<(Profile, Span)>) -> (Vec<Setup>, Option<Proof>) {
     let mut all = match &table.watchdog_reset {
         Some(given) => writes(f, given),
         None if table.watchdog.is_some() && watchdog.is_none() => Vec::new(),
@@ -426,7 +427,7 @@ fn placement(f: &mut Findings<'_>, placed: &Placed<RangeTable>, outputs: bool, l
 pub(super) fn substitute(
     f: &mut Findings<'_>,
     given: Option<&Placed<Vec<Placed<i64>>>>,
-    at: Span<usize>,
+    at: ops::Range<usize>,
     outputs: bool,
     loss: Loss,
     bytes: usize,

@@ -2,10 +2,11 @@
 //! files have them.
 
 use std::collections::BTreeMap;
-use std::ops::Range as Span;
+use std::ops;
 use std::path::Path;
 
 use ob1_backplane::{BUS_AREA_BYTES, BUS_COUPLERS};
+use ob1_coupler::config::Span;
 use ob1_coupler::dp::BAUD_RATES;
 use ob1_coupler::{DpConfig, DpSlave};
 use ob1_cpu::Nanos;
@@ -84,17 +85,19 @@ pub(super) fn bus(f: &mut Findings<'_>, table: &BusTable, kind: BusKind, line: O
         f.error(VALUE, wrong.span(), "a slave has no such watchdog time", "\"10ms\" to \"650s\", in steps of 10 ms");
     }
     let retries = number(f, "retries", table.retries.as_ref(), 1..=15, RETRIES);
-    Some(DpConfig { baud, address, hsa, slot_bits, retries, watchdog, slaves: Vec::new() })
+    Some(DpConfig { baud, address, hsa, slot_bits, retries, watchdog: Span::from_nanos(watchdog), slaves: Vec::new() })
 }
 
 /// A bus whose slaves are known: a round must be over well before a watchdog barks.
-pub(super) fn check_bus(f: &mut Findings<'_>, bus: &Bus, at: Span<usize>) {
+pub(super) fn check_bus(f: &mut Findings<'_>, bus: &Bus, at: ops::Range<usize>) {
     for dp in bus.config.lines.iter().filter_map(|line| line.dp.as_ref()) {
         let bits = |slave: &DpSlave| 11 * (slave.inputs.1 + slave.outputs.1 + 18) as u64 + 100;
-        let round = dp.slaves.iter().map(bits).sum::<u64>() * 1_000_000_000 / u64::from(dp.baud.max(1));
+        let round = dp.slaves.iter().map(bits).sum::<u64>() * Span::SECOND / u64::from(dp.baud.max(1));
         if dp.watchdog < 3 * round {
-            let message =
-                format!("a round of the bus takes {} ms at least, and `watchdog` is shorter than three", round / MS);
+            let message = format!(
+                "a round of the bus takes {} ms at least, and `watchdog` is shorter than three",
+                round.millis()
+            );
             f.error(CONTRADICTION, at.clone(), message, "a longer `watchdog`, or a higher `baud`");
         }
     }
@@ -107,7 +110,7 @@ pub(super) fn modules(
     bus: usize,
     building: &mut Building,
     folder: &Path,
-) -> Vec<(ModuleConfig, [Span<usize>; 2])> {
+) -> Vec<(ModuleConfig, [ops::Range<usize>; 2])> {
     foreign_keys(f, table);
     let name = name(f, "module", &table.name);
     let loss = loss(f, table);
@@ -156,7 +159,7 @@ pub(super) fn modules(
         answer_bits,
         config: made.config.clone(),
         parameters: made.parameters.clone(),
-        lost_after,
+        lost_after: Span::from_nanos(lost_after),
         inputs: (first_input, inputs),
         outputs: (first_output, outputs),
         diagnosis,
@@ -230,7 +233,7 @@ fn of_slot(
     at: &Pieces,
     (bus, station): (usize, usize),
     loss: Loss,
-) -> Option<(ModuleConfig, [Span<usize>; 2])> {
+) -> Option<(ModuleConfig, [ops::Range<usize>; 2])> {
     let table = slot.get_ref();
     let mut place = |key: &str, given: Option<&Placed<String>>, bytes: usize, outputs: bool| match given {
         Some(given) if bytes == 0 => {

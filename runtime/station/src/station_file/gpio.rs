@@ -1,10 +1,11 @@
 //! A GPIO chip in the station file: `[[bus]] type = "gpio"`, and its lines as a module.
 
 use std::collections::BTreeSet;
-use std::ops::Range as Span;
+use std::ops::Range;
 use std::path::PathBuf;
 
 use ob1_backplane::BUS_AREA_BYTES;
+use ob1_coupler::config::Span;
 use ob1_coupler::gpio::{Bias, Drive, GpioConfig, GpioLine};
 use ob1_cpu::Nanos;
 use ob1_host::bus::{BusModuleConfig, OnLoss, Station};
@@ -68,7 +69,7 @@ pub(super) fn no_keys(f: &mut Findings<'_>, table: &RangeTable) {
 /// A piece of the process image with its lines.
 struct Piece {
     first: u32,
-    at: Span<usize>,
+    at: Range<usize>,
     /// In the image of the bus.
     image: usize,
     bytes: usize,
@@ -82,7 +83,7 @@ pub(super) fn modules(
     bus: usize,
     building: &mut Building,
     min_cycle: Nanos,
-) -> Vec<(ModuleConfig, [Span<usize>; 2])> {
+) -> Vec<(ModuleConfig, [Range<usize>; 2])> {
     foreign_keys(f, table);
     let name = name(f, "module", &table.name);
     let loss = loss(f, table);
@@ -100,8 +101,9 @@ pub(super) fn modules(
         f.error(VALUE, table.name.span(), format!("a chip has at most {LINES} lines here"), "another bus for the rest");
     }
     gpio.chip = building.chip();
-    gpio.period = time(f, table.period.as_ref(), min_cycle.clamp(MS, 100 * MS));
-    if let Some(wrong) = table.period.as_ref().filter(|_| !(MS..=1000 * MS).contains(&gpio.period)) {
+    let period = time(f, table.period.as_ref(), min_cycle.clamp(MS, 100 * MS));
+    gpio.period = Span::from_nanos(period);
+    if let Some(wrong) = table.period.as_ref().filter(|_| !(MS..=1000 * MS).contains(&period)) {
         f.error(VALUE, wrong.span(), "the inputs cannot be read in this period", "\"1ms\" to \"1s\"");
     }
     let address = table.diagnostic.as_ref().map(|at| (number::<u16>(f, "diagnostic", Some(at), 1..=16_383, 0), at));
@@ -183,7 +185,7 @@ fn pieces(
                 f.error(TWICE, given.span(), format!("line {line} is there twice"), "each line is one bit");
             }
             let (at, bit) = (*bytes + n / 8, (n % 8) as u8);
-            all.push(GpioLine { line, at, bit, active_low, bias, debounce, drive });
+            all.push(GpioLine { line, at, bit, active_low, bias, debounce: Span::from_nanos(debounce), drive });
         }
         let substitute = substitute(f, range.substitute.as_ref(), placed.span(), outputs, loss, len);
         pieces.push(Piece { first, at: range.at.span(), image: *bytes, bytes: len, substitute });

@@ -5,7 +5,9 @@ use std::net::{TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::{self, Duration};
+
+use ob1_time::{Instant, Span};
 
 use ob1_line::sim::SplitMix64;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -14,7 +16,7 @@ use super::super::peer::Failure;
 use crate::coupler::{Coupler, Stream, framed};
 
 /// Longest pause of the probe between an output that has followed and the next input.
-const PAUSE: u64 = 30_000_000;
+const PAUSE: Span = Span::from_millis(30);
 /// The wait for anything, at most: how soon the end is seen.
 const LOOK: Timespec = Timespec { tv_sec: 0, tv_nsec: 20_000_000 };
 
@@ -61,8 +63,8 @@ impl Bank {
         let mut server = Server {
             all,
             seen: Arc::clone(&seen),
-            start: Instant::now(),
-            probe: Probe { value: 0, at: None, next: 0, rng: SplitMix64::new(17) },
+            start: time::Instant::now(),
+            probe: Probe { value: 0, at: None, next: Instant::START, rng: SplitMix64::new(17) },
         };
         let over = Arc::clone(&ends);
         let thread = std::thread::spawn(move || {
@@ -96,27 +98,27 @@ struct One {
     listener: TcpListener,
     connections: Vec<(TcpStream, Stream)>,
     coupler: Coupler,
-    read: Option<u64>,
+    read: Option<Instant>,
 }
 
 /// An input of the first coupler that is waited for.
 struct Probe {
     value: u16,
-    at: Option<u64>,
-    next: u64,
+    at: Option<Instant>,
+    next: Instant,
     rng: SplitMix64,
 }
 
 struct Server {
     all: Vec<One>,
     seen: Arc<Mutex<Seen>>,
-    start: Instant,
+    start: time::Instant,
     probe: Probe,
 }
 
 impl Server {
-    fn now(&self) -> u64 {
-        u64::try_from(self.start.elapsed().as_nanos()).unwrap_or(u64::MAX)
+    fn now(&self) -> Instant {
+        Instant::START + self.start.elapsed().into()
     }
 
     fn turn(&mut self) -> std::io::Result<()> {
@@ -125,7 +127,7 @@ impl Server {
             fds.push(PollFd::new(&one.listener, PollFlags::IN));
             fds.extend(one.connections.iter().map(|(connection, _)| PollFd::new(connection, PollFlags::IN)));
         }
-        let wait = if self.probe.at.is_some() { LOOK.tv_nsec } else { (PAUSE / 30) as i64 };
+        let wait = if self.probe.at.is_some() { LOOK.tv_nsec } else { (PAUSE / 30).nanos() as i64 };
         poll(&mut fds, Some(&Timespec { tv_sec: 0, tv_nsec: wait }))?;
         let ready: Vec<bool> = fds.iter().map(|fd| !fd.revents().is_empty()).collect();
         drop(fds);
@@ -143,7 +145,7 @@ impl Server {
             gone.into_iter().rev().for_each(|n| drop(one.connections.remove(n)));
             if one.coupler.reads > 0 {
                 one.coupler.reads = 0;
-                seen.periods.extend(one.read.replace(now).map(|before| now - before));
+                seen.periods.extend(one.read.replace(now).map(|before| (now - before).nanos()));
             }
             one.coupler.writes.clear();
             if called && let Ok((connection, _)) = one.listener.accept() {
@@ -161,7 +163,13 @@ impl Server {
 }
 
 /// Whether the connection is still there.
-fn answer(connection: &mut TcpStream, stream: &mut Stream, coupler: &mut Coupler, now: u64, seen: &mut Seen) -> bool {
+fn answer(
+    connection: &mut TcpStream,
+    stream: &mut Stream,
+    coupler: &mut Coupler,
+    now: Instant,
+    seen: &mut Seen,
+) -> bool {
     let mut buffer = [0; 1024];
     let mut out = Vec::new();
     match connection.read(&mut buffer) {
@@ -180,11 +188,11 @@ fn answer(connection: &mut TcpStream, stream: &mut Stream, coupler: &mut Coupler
 }
 
 impl Probe {
-    fn look(&mut self, now: u64, coupler: &mut Coupler, seen: &mut Seen) {
+    fn look(&mut self, now: Instant, coupler: &mut Coupler, seen: &mut Seen) {
         match self.at {
             Some(at) if coupler.driven[0] == self.value => {
-                seen.latencies.push(now - at);
-                (self.at, self.next) = (None, now + self.rng.below(PAUSE));
+                seen.latencies.push((now - at).nanos());
+                (self.at, self.next) = (None, now + self.rng.span_below(PAUSE));
             }
             None if now >= self.next => {
                 self.value = self.value.wrapping_add(1) | 0x8000;

@@ -10,7 +10,8 @@ mod stations;
 use crate::defaults;
 use ob1_protocols::modbus::{Master, Mode, Slave, frame, master, slave};
 use ob1_protocols::rk512::{Area, Command, Coordination, Request};
-use ob1_protocols::{Ascii, MS, Nanos, S3964, SECOND, StxEtx, ascii, rk512, s3964, stx_etx};
+use ob1_protocols::{Ascii, MS, S3964, SECOND, StxEtx, ascii, rk512, s3964, stx_etx};
+use ob1_time::Span;
 
 use super::peer::Failure;
 use super::{Figure, median};
@@ -27,7 +28,7 @@ struct Case {
     /// Characters of an order that brings [`PAYLOAD`] bytes, both ways, one after the other.
     characters: usize,
     /// Pauses that the protocol or its parameters demand.
-    pause: Nanos,
+    pause: Span,
 }
 
 /// Runs the measurement: throughput at the machines and end to end, the processor's cost of an order, Modbus over a
@@ -40,11 +41,11 @@ pub fn measure() -> Result<Vec<Figure>, Failure> {
     for baud in BAUDS {
         for case in cases(baud) {
             let time = char_time(baud) * case.characters as u64 + case.pause;
-            let most = PAYLOAD as f64 * SECOND as f64 / time as f64;
+            let most = PAYLOAD as f64 * SECOND.nanos() as f64 / time.nanos() as f64;
             let rate = run(case.sides, baud)?.rate;
             figures.push(throughput(format!("{}, {baud} baud", case.name), rate, most, true));
         }
-        let most = PAYLOAD as f64 * SECOND as f64 / (char_time(baud) * (PAYLOAD as u64 + 6)) as f64;
+        let most = PAYLOAD as f64 * SECOND.nanos() as f64 / (char_time(baud) * (PAYLOAD as u64 + 6)).nanos() as f64;
         figures.push(throughput(format!("FC 0 -> FC 1, 3964R, {baud} baud"), stations::end_to_end(baud)?, most, false));
     }
     figures.append(&mut costs()?);
@@ -93,7 +94,7 @@ fn cases(baud: u32) -> Vec<Case> {
         })
     };
     // Telegrams are told apart by pauses: ZNA longer than the receiver's ZVZ.
-    let ascii = || <Ascii>::new(ascii::Config { zna: 20 * MS, zvz: 0, ..defaults::ascii(char_time) });
+    let ascii = || <Ascii>::new(ascii::Config { zna: 20 * MS, zvz: Span::ZERO, ..defaults::ascii(char_time) });
     let of_rk512 = |order: Option<(Request, Vec<u8>)>| {
         let priority = if order.is_some() { s3964::Priority::High } else { s3964::Priority::Low };
         OfRk512::side(rk512::Config::cp240(of_3964(true, priority)), order)
@@ -114,24 +115,34 @@ fn cases(baud: u32) -> Vec<Case> {
     let of_rk512_order = PAYLOAD + 10 + 3 * 4 + 4 * 6;
     let case = |name, sides, characters, pause| Case { name, sides, characters, pause };
     vec![
-        case("3964R", pair_of_3964(true), PAYLOAD + 6, 0),
-        case("3964", pair_of_3964(false), PAYLOAD + 5, 0),
-        case("STX/ETX", [OfMachine::side(framed(), payload()), OfMachine::side(framed(), Vec::new())], PAYLOAD + 2, 0),
+        case("3964R", pair_of_3964(true), PAYLOAD + 6, Span::ZERO),
+        case("3964", pair_of_3964(false), PAYLOAD + 5, Span::ZERO),
+        case(
+            "STX/ETX",
+            [OfMachine::side(framed(), payload()), OfMachine::side(framed(), Vec::new())],
+            PAYLOAD + 2,
+            Span::ZERO,
+        ),
         case(
             "ASCII, ZNA 20 ms",
             [OfMachine::side(ascii(), payload()), OfMachine::side(ascii(), Vec::new())],
             PAYLOAD,
             20 * MS,
         ),
-        case("RK 512 SEND", [of_rk512(Some((request(Command::Send), payload()))), of_rk512(None)], of_rk512_order, 0),
+        case(
+            "RK 512 SEND",
+            [of_rk512(Some((request(Command::Send), payload()))), of_rk512(None)],
+            of_rk512_order,
+            Span::ZERO,
+        ),
         case(
             "RK 512 FETCH",
             [of_rk512(Some((request(Command::Fetch), Vec::new()))), of_rk512(None)],
             of_rk512_order,
-            0,
+            Span::ZERO,
         ),
         case("Modbus RTU, 125 registers read", of_modbus(Mode::Rtu), 8 + PAYLOAD + 5, 2 * silence),
-        case("Modbus ASCII, 125 registers read", of_modbus(Mode::Ascii), 17 + 2 * PAYLOAD + 11, 0),
+        case("Modbus ASCII, 125 registers read", of_modbus(Mode::Ascii), 17 + 2 * PAYLOAD + 11, Span::ZERO),
     ]
 }
 

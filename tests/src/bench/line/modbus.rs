@@ -7,10 +7,11 @@ use std::io::{Read as _, Write as _};
 use std::os::fd::AsFd as _;
 use std::path::PathBuf;
 use std::process::Command;
-use std::time::{Duration, Instant};
+use std::time::{self, Duration};
 
 use ob1_protocols::modbus::{Master, Mode, frame, master};
-use ob1_protocols::{Event, Input, LineInput, MS, Machine as _, Nanos, Order, SendError, Sink, Wire};
+use ob1_protocols::{Event, Input, LineInput, MS, Machine as _, Order, SendError, Sink, Wire};
+use ob1_time::{Instant, Span};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
@@ -20,7 +21,7 @@ use super::super::{Figure, median};
 
 const BAUD: u32 = 38_400;
 /// 8N1.
-const CHARACTER: Nanos = 10 * 1_000_000_000 / BAUD as Nanos;
+const CHARACTER: Span = Span::from_secs(10).over(BAUD as u64);
 const REQUEST: [u8; 6] = [5, 3, 0, 0, 0, 1];
 const ANSWER: [u8; 5] = [5, 3, 2, 0x12, 0x34];
 const ROUNDS: usize = 7;
@@ -55,8 +56,8 @@ impl Line {
     }
 
     /// Waits for characters, at most so long; what came.
-    fn wait(&mut self, timeout: Nanos, buffer: &mut [u8]) -> Result<usize, Failure> {
-        let timeout = Timespec::try_from(Duration::from_nanos(timeout))?;
+    fn wait(&mut self, timeout: Span, buffer: &mut [u8]) -> Result<usize, Failure> {
+        let timeout = Timespec::try_from(Duration::from(timeout))?;
         let mut ready = [PollFd::from_borrowed_fd(self.tty.as_fd(), PollFlags::IN)];
         Ok(if poll(&mut ready, Some(&timeout))? == 0 { 0 } else { self.tty.read(buffer)? })
     }
@@ -74,10 +75,10 @@ fn config(silent: bool) -> frame::Config {
 }
 
 /// Write, read, keep the silence: the floor. Transactions a second.
-fn bare(line: &mut Line, silence: Nanos, count: u32) -> Result<f64, Failure> {
+fn bare(line: &mut Line, silence: Span, count: u32) -> Result<f64, Failure> {
     let (request, answer) = (framed(&REQUEST), framed(&ANSWER));
     let mut buffer = [0; 64];
-    let start = Instant::now();
+    let start = time::Instant::now();
     for _ in 0..count {
         line.tty.write_all(&request)?;
         let mut got = 0;
@@ -87,13 +88,13 @@ fn bare(line: &mut Line, silence: Nanos, count: u32) -> Result<f64, Failure> {
         if buffer[..got] != answer[..] {
             return Err("the server answers something else".into());
         }
-        let end = Instant::now() + Duration::from_nanos(silence);
+        let end = time::Instant::now() + Duration::from(silence);
         loop {
-            let left = end.saturating_duration_since(Instant::now());
+            let left = end.saturating_duration_since(time::Instant::now());
             if left.is_zero() {
                 break;
             }
-            line.wait(left.as_nanos() as Nanos, &mut buffer)?;
+            line.wait(left.into(), &mut buffer)?;
         }
     }
     Ok(f64::from(count) / start.elapsed().as_secs_f64())
@@ -130,8 +131,8 @@ impl Sink for Out {
 fn machine(line: &mut Line, silent: bool, count: u32) -> Result<f64, Failure> {
     let mut machine = Master::new(master::Config { frame: config(silent), wait: 1_000 * MS });
     let mut buffer = [0; 64];
-    let start = Instant::now();
-    let now = || start.elapsed().as_nanos() as Nanos;
+    let start = time::Instant::now();
+    let now = || Instant::START + start.elapsed().into();
     for _ in 0..count {
         let mut out = Out::default();
         let mut due = machine.step(now(), Input::Order(Order::Send(&REQUEST)), &mut out);
@@ -142,7 +143,7 @@ fn machine(line: &mut Line, silent: bool, count: u32) -> Result<f64, Failure> {
                 // A pty takes no time.
                 due = machine.step(now(), Input::Line(LineInput::TxDone), &mut out);
             }
-            let timeout = due.map_or(1_000 * MS, |due| due.saturating_sub(now()));
+            let timeout = due.map_or(1_000 * MS, |due| due.since(now()));
             let got = line.wait(timeout, &mut buffer)?;
             let input = if got == 0 { Input::Tick } else { Input::Line(LineInput::Rx(&buffer[..got])) };
             due = machine.step(now(), input, &mut out);
@@ -182,7 +183,7 @@ pub(super) fn measure() -> Result<Vec<Figure>, Failure> {
             library(&line, "pymodbus", SLOW)?,
             machine(&mut line, false, FAST)?,
             library(&line, "libmodbus", FAST)?,
-            bare(&mut line, 0, FAST)?,
+            bare(&mut line, Span::ZERO, FAST)?,
         ];
         for (rates, rate) in rates.iter_mut().zip(round) {
             rates.push(rate);

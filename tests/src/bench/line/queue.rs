@@ -2,7 +2,8 @@
 
 use ob1_line::sim::{End, SimConfig, SimEvent, SimLine};
 use ob1_protocols::rk512::{self, Answer, AnswerError, OrderError, Owner, Request};
-use ob1_protocols::{Event, Input, LineInput, Machine, Nanos, Order, Rk512, SECOND, SendError, Sink, Wire};
+use ob1_protocols::{Event, Input, LineInput, Machine, Order, Rk512, SECOND, SendError, Sink, Wire};
+use ob1_time::{Instant, Span};
 
 use super::super::peer::Failure;
 
@@ -19,8 +20,8 @@ pub(super) fn payload() -> Vec<u8> {
 }
 
 /// Time of a character on the line.
-pub(super) fn char_time(baud: u32) -> Nanos {
-    (u64::from(HALF_BITS) * SECOND / 2).div_ceil(u64::from(baud))
+pub(super) fn char_time(baud: u32) -> Span {
+    (u64::from(HALF_BITS) * SECOND / 2).over_ceil(u64::from(baud))
 }
 
 /// What this thread has had of the processor, in nanoseconds: other work on the machine does not count.
@@ -33,13 +34,13 @@ fn processor_time() -> f64 {
 pub(super) struct SimEnd<'a> {
     line: &'a mut SimLine,
     end: End,
-    now: Nanos,
+    now: Instant,
 }
 
 /// One end of the line.
 pub(super) trait Side {
     /// Takes an input; the next deadline.
-    fn step(&mut self, input: Input<'_>, wire: &mut SimEnd<'_>) -> Option<Nanos>;
+    fn step(&mut self, input: Input<'_>, wire: &mut SimEnd<'_>) -> Option<Instant>;
 
     /// Orders that have ended well, telegrams taken, and the first failure.
     fn account(&self) -> Account;
@@ -71,10 +72,10 @@ pub(super) struct Run {
 pub(super) fn run(mut sides: [Box<dyn Side>; 2], baud: u32) -> Result<Run, Failure> {
     let mut line = SimLine::new(SimConfig::new(baud, HALF_BITS), 1);
     let mut due = [None, None];
-    let mut now = 0;
+    let mut now = Instant::START;
     let mut buffer = [0; 64];
     let begin = processor_time();
-    let mut step = |line: &mut SimLine, due: &mut [Option<Nanos>; 2], now, end: End, input: Input<'_>| {
+    let mut step = |line: &mut SimLine, due: &mut [Option<Instant>; 2], now, end: End, input: Input<'_>| {
         due[end as usize] = sides[end as usize].step(input, &mut SimEnd { line, end, now });
         let account = sides[0].account();
         match account.failure {
@@ -83,7 +84,7 @@ pub(super) fn run(mut sides: [Box<dyn Side>; 2], baud: u32) -> Result<Run, Failu
         }
     };
     for end in [End::B, End::A] {
-        step(&mut line, &mut due, 0, end, Input::Tick)?;
+        step(&mut line, &mut due, Instant::START, end, Input::Tick)?;
     }
     let mut done = 0;
     while done < ORDERS {
@@ -108,7 +109,7 @@ pub(super) fn run(mut sides: [Box<dyn Side>; 2], baud: u32) -> Result<Run, Failu
     if taken < (ORDERS - 1) * PAYLOAD as u64 {
         return Err(format!("{taken} bytes arrived of {ORDERS} orders").into());
     }
-    Ok(Run { rate: (ORDERS * PAYLOAD as u64) as f64 * SECOND as f64 / now as f64, cost })
+    Ok(Run { rate: (ORDERS * PAYLOAD as u64) as f64 * SECOND.nanos() as f64 / now.nanos() as f64, cost })
 }
 
 /// A machine of the common contract. The first tick gives it its first order, the end of one the next.
@@ -168,9 +169,9 @@ impl Sink for Plug<'_, '_> {
 }
 
 impl Side for OfMachine {
-    fn step(&mut self, input: Input<'_>, wire: &mut SimEnd<'_>) -> Option<Nanos> {
+    fn step(&mut self, input: Input<'_>, wire: &mut SimEnd<'_>) -> Option<Instant> {
         let now = wire.now;
-        let first = now == 0 && input == Input::Tick && !self.machine.busy();
+        let first = now == Instant::START && input == Input::Tick && !self.machine.busy();
         let mut plug = Plug { wire, account: &mut self.account, overhead: self.overhead, ended: first };
         let mut due = self.machine.step(now, input, &mut plug);
         while std::mem::take(&mut plug.ended) && plug.account.failure.is_none() && !self.order.is_empty() {
@@ -239,9 +240,9 @@ impl Owner for RkPlug<'_, '_> {
 }
 
 impl Side for OfRk512 {
-    fn step(&mut self, input: Input<'_>, wire: &mut SimEnd<'_>) -> Option<Nanos> {
+    fn step(&mut self, input: Input<'_>, wire: &mut SimEnd<'_>) -> Option<Instant> {
         let now = wire.now;
-        let first = now == 0 && input == Input::Tick && !self.machine.busy();
+        let first = now == Instant::START && input == Input::Tick && !self.machine.busy();
         let mut plug = RkPlug { wire, account: &mut self.account, ended: first, answer: None };
         let mut due = self.machine.step(now, input.with_orders(rk512::Order::Abort), &mut plug);
         loop {
@@ -277,7 +278,7 @@ impl Bare {
 }
 
 impl Side for Bare {
-    fn step(&mut self, input: Input<'_>, wire: &mut SimEnd<'_>) -> Option<Nanos> {
+    fn step(&mut self, input: Input<'_>, wire: &mut SimEnd<'_>) -> Option<Instant> {
         match input {
             Input::Line(LineInput::Rx(bytes)) => self.account.taken += bytes.len() as u64,
             Input::Line(LineInput::TxDone) => self.account.done += 1,

@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use ob1_line::sim::FaultRates;
-use ob1_protocols::{Nanos, SECOND};
+use ob1_protocols::SECOND;
+use ob1_time::Span;
 
 use super::super::peer::Failure;
 use super::queue::PAYLOAD;
@@ -16,10 +17,17 @@ use crate::sim::{self, Scenario};
 pub(super) fn end_to_end(baud: u32) -> Result<f64, Failure> {
     let folder = std::env::temp_dir().join(format!("ob1-bench-line-{}", std::process::id()));
     std::fs::create_dir_all(&folder)?;
-    let done = |duration: Nanos| -> Result<u32, Failure> {
+    let done = |duration: Span| -> Result<u32, Failure> {
         let stations = write_stations(&folder, baud)?;
-        let scenario =
-            Scenario { stations, seed: 1, duration, faults: FaultRates::NONE, coalesce: 0, kill_every: 0, wire: false };
+        let scenario = Scenario {
+            stations,
+            seed: 1,
+            duration,
+            faults: FaultRates::NONE,
+            coalesce: Span::ZERO,
+            kill_every: Span::ZERO,
+            wire: false,
+        };
         let outcome = sim::run(&scenario)?;
         outcome.stations.iter().map(|station| station.ledger(20, 0)).max().ok_or_else(|| "no station".into())
     };
@@ -27,7 +35,7 @@ pub(super) fn end_to_end(baud: u32) -> Result<f64, Failure> {
     let (first, second) = (20 * SECOND, 120 * SECOND);
     let telegrams = done(second)?.saturating_sub(done(first)?);
     std::fs::remove_dir_all(&folder)?;
-    Ok(f64::from(telegrams) * PAYLOAD as f64 * SECOND as f64 / (second - first) as f64)
+    Ok(f64::from(telegrams) * PAYLOAD as f64 * SECOND.nanos() as f64 / (second - first).nanos() as f64)
 }
 
 fn write_stations(folder: &Path, baud: u32) -> Result<Vec<PathBuf>, Failure> {
