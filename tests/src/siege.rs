@@ -2,8 +2,9 @@
 //!
 //! `cargo xtask siege` runs tests of `tests/tests/siege.rs`, `tests/tests/process_siege.rs`,
 //! `tests/tests/process_s7_siege.rs`, `tests/tests/process_gate_siege.rs`, `tests/tests/process_gate_load.rs`,
-//! `tests/tests/process_browser.rs`, `tests/tests/process_remote_io.rs`, `tests/tests/process_profibus.rs` and
-//! `runtime/station/tests/process_retentive.rs` with many rounds, or for minutes; the test suite runs them short.
+//! `tests/tests/process_browser.rs`, `tests/tests/process_remote_io.rs`, `tests/tests/process_profibus.rs`,
+//! `tests/tests/simulation_cp343.rs` and `runtime/station/tests/process_retentive.rs` with many rounds, or for minutes;
+//! the test suite runs them short.
 
 use std::time::{Duration, Instant};
 

@@ -17,6 +17,7 @@ const SIEGES: &[Siege] = &[
     siege("s7_kill", "process_s7_siege", Long::Rounds(100)),
     siege("s7_sessions", "process_s7_siege", Long::Rounds(1_000_000)),
     siege("s7_torn", "process_s7_siege", Long::Rounds(10_000_000)),
+    siege("s7_simulation", "simulation_cp343", Long::Rounds(1_000_000)),
     siege("gate_http", "process_gate_siege", Long::Minutes(10.0)),
     siege("gate_opcua", "process_gate_siege", Long::Minutes(10.0)),
     siege("gate_mqtt", "process_gate_siege", Long::Minutes(10.0)),

@@ -41,7 +41,7 @@ const RUN: u8 = 0x08;
 
 /// The requests of one connection.
 #[derive(Debug, Default)]
-pub(crate) struct Asks {
+pub struct Asks {
     waiting: VecDeque<Request>,
     doing: Vec<Doing>,
 }
@@ -123,20 +123,25 @@ enum Step {
 }
 
 /// What all connections share.
-pub(crate) struct Surroundings<'s> {
-    pub(crate) door: &'s mut Door,
-    pub(crate) reading: &'s mut Reading,
-    pub(crate) config: &'s Config,
-    pub(crate) now: Instant,
+pub struct Surroundings<'s> {
+    /// The way to the CPU.
+    pub door: &'s mut Door,
+    /// What was read last.
+    pub reading: &'s mut Reading,
+    /// The keys of the link.
+    pub config: &'s Config,
+    /// The time.
+    pub now: Instant,
 }
 
 impl Asks {
-    pub(crate) fn push(&mut self, request: Request) {
+    /// A request more.
+    pub fn push(&mut self, request: Request) {
         self.waiting.push_back(request);
     }
 
     /// Begins what can begin, and tries again what has to wait. Replies go to `reply`.
-    pub(crate) fn step(&mut self, client: u32, around: &mut Surroundings<'_>, reply: &mut dyn FnMut(u64, Reply)) {
+    pub fn step(&mut self, client: u32, around: &mut Surroundings<'_>, reply: &mut dyn FnMut(u64, Reply)) {
         let mut still = Vec::with_capacity(self.doing.len());
         for doing in self.doing.drain(..) {
             still.extend(doing.again(client, around, reply));
@@ -155,13 +160,7 @@ impl Asks {
     }
 
     /// An answer of the broker to this connection.
-    pub(crate) fn news(
-        &mut self,
-        client: u32,
-        news: &News,
-        around: &mut Surroundings<'_>,
-        reply: &mut dyn FnMut(u64, Reply),
-    ) {
+    pub fn news(&mut self, client: u32, news: &News, around: &mut Surroundings<'_>, reply: &mut dyn FnMut(u64, Reply)) {
         let came = match news {
             News::Written { ticket, .. } | News::Answer { ticket, .. } => *ticket,
             News::Watching | News::Event(_) => return,
@@ -172,7 +171,7 @@ impl Asks {
     }
 
     /// When [`Asks::step`] is wanted, whatever comes before.
-    pub(crate) fn due(&self) -> Option<Instant> {
+    pub fn due(&self) -> Option<Instant> {
         let due = |doing: &Doing| match doing {
             Doing::Read { again, .. } | Doing::Values(Values { again, .. }) => Some(*again),
             Doing::Control(Transition { step: Step::After { ticket: None, look_at, .. }, .. }) => Some(*look_at),

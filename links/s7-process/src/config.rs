@@ -1,11 +1,12 @@
 //! The keys of the station file's `[[link]]` table that the process needs.
 
+use std::net::SocketAddr;
 use std::time::Duration;
 
 use ob1_access::Right;
 use ob1_access::door::Welcome;
 use ob1_s7::Rights;
-use ob1_s7::coupling::ConnectionKind;
+use ob1_s7::coupling::{ConnectionKind, Spec};
 use ob1_s7::iso::{Place, Tsap};
 use ob1_s7::server::Settings;
 use serde::Deserialize;
@@ -32,24 +33,26 @@ struct Keys {
 
 /// A connection of a CP 343, as the runtime says it.
 #[derive(Clone, Debug, Deserialize)]
-pub(crate) struct ConnectionKeys {
-    pub(crate) id: u16,
+pub struct ConnectionKeys {
+    id: u16,
     #[serde(rename = "type")]
     kind: String,
-    pub(crate) active: bool,
+    active: bool,
     /// Address and port.
-    pub(crate) partner: Option<String>,
+    partner: Option<String>,
     /// TSAPs.
     #[serde(default)]
-    pub(crate) local: Vec<u8>,
+    local: Vec<u8>,
     #[serde(default)]
-    pub(crate) remote: Vec<u8>,
+    remote: Vec<u8>,
     /// Which of the sockets that were bound for the CP, from 0.
-    pub(crate) socket: Option<usize>,
+    pub socket: Option<usize>,
 }
 
 impl ConnectionKeys {
-    pub(crate) fn kind(&self) -> ConnectionKind {
+    /// The kind.
+    #[must_use]
+    pub fn kind(&self) -> ConnectionKind {
         match self.kind.as_str() {
             "tcp" => ConnectionKind::Tcp,
             "udp" => ConnectionKind::Udp,
@@ -58,8 +61,23 @@ impl ConnectionKeys {
         }
     }
 
-    pub(crate) fn tsap(&self, bytes: &[u8]) -> Tsap {
-        Tsap::new(bytes).unwrap_or_default()
+    /// The partner's address and port.
+    #[must_use]
+    pub fn partner(&self) -> Option<SocketAddr> {
+        self.partner.as_deref().and_then(|text| text.parse().ok())
+    }
+
+    /// The connection, as the machine has it.
+    #[must_use]
+    pub fn spec(&self) -> Spec {
+        let tsap = |bytes: &[u8]| Tsap::new(bytes).unwrap_or_default();
+        Spec {
+            id: self.id,
+            kind: self.kind(),
+            active: self.active,
+            local: tsap(&self.local),
+            remote: tsap(&self.remote),
+        }
     }
 }
 
@@ -82,16 +100,19 @@ impl Default for Keys {
 
 /// What the process does.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Config {
-    pub(crate) place: Place,
-    pub(crate) settings: Settings,
+pub struct Config {
+    /// Where the CPU sits.
+    pub place: Place,
+    /// What its connections may, and agree to.
+    pub settings: Settings,
     /// What a connection may after its password.
-    pub(crate) unlocked: Rights,
-    pub(crate) clients: usize,
+    pub unlocked: Rights,
+    /// Connections that may be served at the same time.
+    pub clients: usize,
     /// A connection that is silent for so long is closed.
-    pub(crate) idle: Option<Duration>,
+    pub idle: Option<Duration>,
     /// The last socket that was handed over is that of the tap.
-    pub(crate) tap: bool,
+    pub tap: bool,
 }
 
 impl Config {
@@ -99,7 +120,7 @@ impl Config {
     ///
     /// # Errors
     /// The keys are not those of this version.
-    pub(crate) fn of(welcome: &Welcome) -> Result<(Self, Vec<ConnectionKeys>), serde_json::Error> {
+    pub fn of(welcome: &Welcome) -> Result<(Self, Vec<ConnectionKeys>), serde_json::Error> {
         let keys: Keys = serde_json::from_str(&welcome.config)?;
         let unlocked = keys.password_rights.as_deref().and_then(Right::named);
         let clients = keys.clients.clamp(1, MOST_CLIENTS);

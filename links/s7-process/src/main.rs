@@ -4,9 +4,6 @@
 // Everything goes through one place that neither panics nor waits for ever.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
-mod asks;
-mod cells;
-mod config;
 mod coupler;
 mod server;
 mod session;

@@ -17,12 +17,12 @@ use rustix::net::sockopt;
 use rustix::net::{SocketAddrAny, SocketFlags, acceptfrom_with};
 use tracing::{debug, info, warn};
 
-use crate::asks::Surroundings;
-use crate::config::Config;
 use crate::coupler::{Coupler, keep_alive};
 use crate::session::Session;
 use crate::slots::{Verdict, admit};
 use crate::tap::{Shared, Tap};
+use ob1_s7_process::asks::Surroundings;
+use ob1_s7_process::config::Config;
 
 /// Between two signs of life.
 const BEAT: Duration = Duration::from_millis(200);
@@ -123,7 +123,7 @@ impl Server {
                 }
             }
             if let Some(coupler) = &mut self.coupler {
-                coupler.ready(&ready.coupler);
+                coupler.ready(&ready.coupler, now);
                 if ready.rung && doorbell_closed()? {
                     return Ok(());
                 }
@@ -270,7 +270,7 @@ impl Server {
             let Some(called) = self.sessions.get(index).and_then(|s| s.call()).map(|call| call.called.clone()) else {
                 return;
             };
-            if self.is_for_coupler(index) {
+            if self.is_for_coupler(index, now) {
                 continue;
             }
             let resource = called.resource();
@@ -304,14 +304,14 @@ impl Server {
     }
 
     /// A call for a connection of the CP goes there.
-    fn is_for_coupler(&mut self, index: usize) -> bool {
+    fn is_for_coupler(&mut self, index: usize, now: Instant) -> bool {
         let Some(coupler) = &mut self.coupler else { return false };
         let Some(session) = self.sessions.get(index) else { return false };
         let Some(connection) = session.call().and_then(|call| coupler.find(call, session.peer.ip())) else {
             return false;
         };
         let (socket, transport) = self.sessions.swap_remove(index).into_call();
-        coupler.called(connection, socket, transport);
+        coupler.called(connection, socket, transport, now);
         true
     }
 

@@ -10,9 +10,9 @@ use ob1_s7::iso::{Call, Refusal, Resource, Transport};
 use ob1_s7::server::{Connection, CpuEvent, End};
 use ob1_s7::tap::Tapped;
 
-use crate::asks::{Asks, Surroundings};
 use crate::slots::Occupant;
 use crate::tap::Shared;
+use ob1_s7_process::asks::{Asks, Surroundings};
 
 /// Bytes read at a time.
 const READ: usize = 16 * 1024;

@@ -2,10 +2,12 @@
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
+use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use ob1_backplane::{CpuSide, IoImage, Segment};
+use ob1_broker::LinkConfig;
 use ob1_cpu::{BusPlace, Cpu, CpuConfig, Family, LoadError, Module, ModuleSlot, Running, Surroundings};
 use ob1_host::driver::{DriverCommand, Fleet};
 use ob1_host::module::{CpModule, CpSettings};
@@ -28,7 +30,9 @@ use crate::offer::Unserved;
 use crate::program::{self, LoadFailure, Loaded};
 use crate::retentive::health::Health;
 use crate::simulated;
-use crate::station_file::{AbdUnit, Absent, Line, LinkKind, ModuleConfig, ModuleKind, Partner, SimulatedLine, Station};
+use crate::station_file::{
+    AbdUnit, Absent, Line, LinkKind, ModuleConfig, ModuleKind, Partner, SimulatedLine, Station, StationLink,
+};
 use crate::timing::Timings;
 use crate::view::{Known, ModuleView, StationView};
 
@@ -114,6 +118,20 @@ pub fn plugin_modules(station: &Station) -> Vec<PluginModule> {
         }
     }
     station.modules.iter().map(plugin_module).chain([whole]).collect()
+}
+
+/// What the broker is told of a link. `config`: the keys its process reads itself, as JSON.
+#[must_use]
+pub fn link_config(link: &StationLink, config: String, listeners: Vec<OwnedFd>) -> LinkConfig {
+    LinkConfig {
+        name: link.name.clone(),
+        rights: link.rights,
+        allowed: link.allowed.clone(),
+        password: link.password.clone(),
+        password_rights: link.password_rights,
+        config,
+        listeners,
+    }
 }
 
 /// What a CP of the station is told: parameter bytes, and the driver's configuration as JSON. `None` for process I/O.

@@ -3,16 +3,16 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use ob1_access::door::{BlockFact, Diagnosis, Document, Door, Reading, State};
-use ob1_access::{Cell, Piece, Put, Right};
+use ob1_access::door::{Door, Reading};
+use ob1_access::{Cell, Piece, Right};
 use ob1_backplane::handover;
-use ob1_broker::{Broker, DriverState, Facts, LinkConfig, LinkState, feed};
-use ob1_cpu::{Command, Cpu, CpuConfig, DiagEntry};
-use ob1_model::BlockId;
+use ob1_broker::{Broker, LinkConfig, feed};
+use ob1_cpu::{Command, Cpu, CpuConfig};
 use ob1_stl::{Library, Options, Source};
 
 use super::peer::Failure;
 use super::{Figure, median};
+use crate::sim::facts::Bare;
 
 /// Items, and bytes of each.
 const ITEMS: usize = 1000;
@@ -23,48 +23,6 @@ const BLOCK: usize = 64_000;
 const SCANS: usize = 20_000;
 /// Readers beside it.
 const READERS: usize = 32;
-
-/// A station without anything but its CPU.
-struct Bare;
-
-impl Facts for Bare {
-    fn name(&self) -> &str {
-        "bench"
-    }
-    fn family(&self) -> u16 {
-        300
-    }
-    fn areas(&self) -> [u32; 3] {
-        [0; 3]
-    }
-    fn timers_and_counters(&self) -> [u16; 2] {
-        [0; 2]
-    }
-    fn min_cycle(&self) -> u64 {
-        0
-    }
-    fn modules(&self) -> u32 {
-        0
-    }
-    fn drivers(&self) -> Vec<DriverState> {
-        Vec::new()
-    }
-    fn diagnosis(&self, _: &DiagEntry) -> Diagnosis {
-        Diagnosis::default()
-    }
-    fn blocks(&self) -> Vec<BlockFact> {
-        Vec::new()
-    }
-    fn block(&self, _: BlockId) -> Option<Box<[u8]>> {
-        None
-    }
-    fn document(&self, _: Document, _: State, _: &[bool], _: &[LinkState]) -> Box<[u8]> {
-        Box::default()
-    }
-    fn take_input(&self, _: &Put) -> bool {
-        false
-    }
-}
 
 /// The figures: items that lie together, items in a cache line each, and these while 32 readers look.
 ///

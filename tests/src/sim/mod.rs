@@ -8,6 +8,8 @@ pub mod cable;
 pub mod clock;
 pub mod device;
 pub mod driver;
+pub mod facts;
+pub mod life;
 pub mod meters;
 pub mod station;
 pub mod tap;

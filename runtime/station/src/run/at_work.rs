@@ -27,7 +27,7 @@ use super::signals::Signals;
 use super::{Failure, Options};
 use crate::access::facts::StationFacts;
 use crate::access::server::Server;
-use crate::assembly::{Assembly, find_program};
+use crate::assembly::{self, Assembly, find_program};
 use crate::compiling::Compiling;
 use crate::exit::Exit;
 use crate::guardian::Guardian;
@@ -445,14 +445,8 @@ fn open_doors(
 ) -> std::io::Result<(RunningBroker, Door, Links)> {
     // Whoever may open the control socket is the user who runs the station.
     let control = LinkConfig { rights: Right::Operate, ..LinkConfig::default() };
-    let of = |(link, listeners): (&StationLink, Vec<OwnedFd>)| LinkConfig {
-        name: link.name.clone(),
-        rights: link.rights,
-        allowed: link.allowed.clone(),
-        password: link.password.clone(),
-        password_rights: link.password_rights,
-        config: with_taps(link, control_socket),
-        listeners,
+    let of = |(link, listeners): (&StationLink, Vec<OwnedFd>)| {
+        assembly::link_config(link, with_taps(link, control_socket), listeners)
     };
     let configs = std::iter::once(control).chain(station.links.iter().zip(listeners).map(of)).collect();
     let broker = Broker::new(cpu, configs, entries, Box::new(facts))?;

@@ -1,0 +1,181 @@
+//! The life of a driver process without a process: the real supervisor machine, and what the scan sees of it. Starting,
+//! dying and being noticed take virtual time.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+
+use ob1_backplane::Monitor;
+use ob1_cpu::Nanos;
+use ob1_host::module::{DriverLink, Life as Starts};
+use ob1_host::supervisor::{Exit, Input, Report, Request, Supervisor, Times};
+use ob1_line::sim::SplitMix64;
+
+/// A millisecond in [`Nanos`].
+const MS: Nanos = super::MS.nanos();
+/// How often the supervisor looks at heartbeats.
+const LOOK: Nanos = 20 * MS;
+/// A process takes this long to begin, at least and in addition at most.
+const START: (Nanos, Nanos) = (2 * MS, 30 * MS);
+/// A doorbell is heard after this long, at least and in addition at most.
+const WAKE: (Nanos, Nanos) = (5_000, 60_000);
+
+/// The scan's view of a virtual driver.
+#[derive(Debug)]
+pub struct Link {
+    shared: Arc<Shared>,
+    reports: rtrb::Consumer<Report>,
+}
+
+#[derive(Debug, Default)]
+struct Shared {
+    running: AtomicBool,
+    rung: AtomicBool,
+    attempts: AtomicU32,
+    incidents: AtomicU32,
+}
+
+impl DriverLink for Link {
+    fn ring(&mut self) {
+        self.shared.rung.store(true, Ordering::Relaxed);
+    }
+
+    fn is_running(&self) -> bool {
+        self.shared.running.load(Ordering::Relaxed)
+    }
+
+    fn next_report(&mut self) -> Option<Report> {
+        self.reports.pop().ok()
+    }
+
+    fn life(&self) -> Starts {
+        Starts {
+            attempts: self.shared.attempts.load(Ordering::Relaxed),
+            incidents: self.shared.incidents.load(Ordering::Relaxed),
+        }
+    }
+}
+
+/// The life of one driver.
+pub struct Life {
+    monitor: Monitor,
+    supervisor: Supervisor,
+    shared: Arc<Shared>,
+    reports: rtrb::Producer<Report>,
+    rng: SplitMix64,
+    /// When a process that was asked for begins to run.
+    starts_at: Option<Nanos>,
+    /// When the supervisor notices that the process has ended.
+    ended_at: Option<Nanos>,
+    look_at: Nanos,
+    last_beat: u64,
+}
+
+/// What has become of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Turn {
+    /// A process begins to run.
+    Begins,
+    /// The supervisor kills it: call [`Life::died`].
+    Killed,
+}
+
+impl Life {
+    /// No process yet; with the link for the module.
+    #[must_use]
+    pub fn new(monitor: Monitor, seed: u64) -> (Self, Link) {
+        let shared = Arc::new(Shared::default());
+        let (reports, consumer) = rtrb::RingBuffer::new(32);
+        let life = Self {
+            monitor,
+            supervisor: Supervisor::new(Times::default()),
+            shared: Arc::clone(&shared),
+            reports,
+            rng: SplitMix64::new(seed),
+            starts_at: None,
+            ended_at: None,
+            look_at: 0,
+            last_beat: 0,
+        };
+        (life, Link { shared, reports: consumer })
+    }
+
+    /// When [`Life::advance`] is wanted.
+    #[must_use]
+    pub fn next_event(&self) -> Nanos {
+        [self.starts_at, self.ended_at, Some(self.look_at)].into_iter().flatten().min().unwrap_or(Nanos::MAX)
+    }
+
+    /// What is due by `now`; each to be obeyed before it is called again, until there is none.
+    pub fn advance(&mut self, now: Nanos) -> Option<Turn> {
+        if self.ended_at.take_if(|at| now >= *at).is_some() {
+            self.shared.running.store(false, Ordering::Relaxed);
+            self.monitor.driver_gone();
+            if self.supervise(now, Input::Exited(Exit::Signal(9))) {
+                return Some(Turn::Killed);
+            }
+        }
+        if self.starts_at.take_if(|at| now >= *at).is_some() {
+            return Some(Turn::Begins);
+        }
+        if now >= self.look_at {
+            self.look_at = now + LOOK;
+            let beat = self.monitor.cp_heartbeat();
+            let input = if beat == self.last_beat { Input::Tick } else { Input::Heartbeat };
+            self.last_beat = beat;
+            if self.supervise(now, input) {
+                return Some(Turn::Killed);
+            }
+        }
+        None
+    }
+
+    /// The process is dead; the supervisor is about to notice.
+    pub fn died(&mut self, now: Nanos) {
+        self.ended_at = Some(now + self.rng.below(2 * MS));
+    }
+
+    /// After a cycle of its CPU: when a rung doorbell is heard.
+    pub fn heard(&mut self, now: Nanos, is_alive: bool) -> Option<Nanos> {
+        let rung = self.shared.rung.swap(false, Ordering::Relaxed) && is_alive;
+        rung.then(|| now + WAKE.0 + self.rng.below(WAKE.1))
+    }
+
+    /// One death in three is in the middle of writing.
+    pub fn dies_writing(&mut self) -> bool {
+        self.rng.below(3) == 0
+    }
+
+    /// True: the process is to be killed.
+    fn supervise(&mut self, now: Nanos, input: Input) -> bool {
+        let mut kill = false;
+        let mut input = Some(input);
+        while let Some(next) = input.take() {
+            let step = self.supervisor.step(now, next);
+            if let Some(report) = step.report {
+                // 32 reports without a scan in between: the scan stands still, and that is another test's affair.
+                let _ = self.reports.push(report);
+            }
+            match step.request {
+                Some(Request::Spawn) => {
+                    self.monitor.restore_header();
+                    self.shared.incidents.store(self.supervisor.incidents(), Ordering::Relaxed);
+                    self.shared.attempts.fetch_add(1, Ordering::Relaxed);
+                    self.last_beat = self.monitor.cp_heartbeat();
+                    self.shared.running.store(true, Ordering::Relaxed);
+                    self.starts_at = Some(now + START.0 + self.rng.below(START.1));
+                    input = Some(Input::Spawned);
+                }
+                Some(Request::Kill) => kill = true,
+                None => {}
+            }
+            self.look_at = self.look_at.min(step.deadline.unwrap_or(Nanos::MAX).max(now + 1));
+        }
+        kill
+    }
+}
+
+impl std::fmt::Debug for Life {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Life").field("supervisor", &self.supervisor).finish_non_exhaustive()
+    }
+}

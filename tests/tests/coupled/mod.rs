@@ -1,0 +1,203 @@
+//! Two whole stations that are connected by their Ethernet CPs, in one thread and in virtual time. Everything that
+//! decides is real: station files, compiler, CPU, the plugin's shared library, module adapter, back plane, supervisor,
+//! broker and door, the CP and its machine. Virtual are time, the network, and the life of the CP's process.
+
+mod judge;
+mod net;
+mod process;
+mod program;
+mod station;
+
+use std::fmt::Write as _;
+use std::path::Path;
+use std::time::Instant;
+
+use ob1_cpu::{Command, Nanos};
+use ob1_line::sim::SplitMix64;
+use ob1_tests::sim;
+
+use judge::Judge;
+pub(crate) use judge::Told;
+use net::Net;
+use program::LINES;
+pub(crate) use program::STREAMS;
+use station::Station;
+
+/// The CPU and the supervisor count in nanoseconds, and so does this.
+pub(crate) const MS: Nanos = sim::MS.nanos();
+pub(crate) const SECOND: Nanos = sim::SECOND.nanos();
+
+/// When nothing goes wrong any more, everything comes back within this time: the longest wait between two calls, and
+/// one job that gets no answer.
+const BACK: Nanos = 20 * SECOND;
+/// So many telegrams of each stream show that it is back.
+const ENOUGH: u32 = 3;
+
+/// What goes wrong in a run.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Scenario {
+    pub(crate) seed: u64,
+    /// Something goes wrong until here.
+    pub(crate) trouble: Nanos,
+    /// So often, on average; 0: nothing does.
+    pub(crate) every: Nanos,
+    /// One datagram in so many is lost, and one call in so many refused; 0: none.
+    pub(crate) loses: u64,
+}
+
+/// What came of it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Outcome {
+    pub(crate) told: Told,
+    pub(crate) breaks: u64,
+    pub(crate) mutes: u64,
+    pub(crate) kills: u64,
+    pub(crate) stops: u64,
+    /// What went wrong, and at the end a digest of all that happened.
+    pub(crate) log: String,
+}
+
+impl Outcome {
+    /// Telegrams that have come through.
+    pub(crate) fn telegrams(&self) -> u64 {
+        self.told.telegrams.iter().sum()
+    }
+}
+
+struct World {
+    scenario: Scenario,
+    now: Nanos,
+    rng: SplitMix64,
+    net: Net,
+    stations: [Station; 2],
+    judge: Judge,
+    trouble: Nanos,
+    /// When a station that was stopped starts again.
+    starts: [Nanos; 2],
+    outcome: Outcome,
+}
+
+impl World {
+    fn new(scenario: Scenario, folder: &Path) -> Self {
+        let mut rng = SplitMix64::new(scenario.seed);
+        let base = Instant::now();
+        let mut net = Net::new(rng.next_u64());
+        net.loses = scenario.loses;
+        let stations = [0, 1].map(|me| Station::new(me, folder, rng.next_u64(), base));
+        let mut world = Self {
+            scenario,
+            now: 0,
+            rng,
+            net,
+            stations,
+            judge: Judge::new(scenario.seed),
+            trouble: Nanos::MAX,
+            starts: [Nanos::MAX; 2],
+            outcome: Outcome::default(),
+        };
+        world.stations[1].due = world.rng.below(300 * MS);
+        world.plan(SECOND);
+        world
+    }
+
+    fn plan(&mut self, from: Nanos) {
+        let Scenario { every, trouble, .. } = self.scenario;
+        let next = from + every / 8 + self.rng.below(2 * every + 1);
+        self.trouble = if every > 0 && next < trouble { next } else { Nanos::MAX };
+    }
+
+    fn goes_wrong(&mut self) {
+        let (now, what) = (self.now, self.rng.below(20));
+        let (line, me) = (self.rng.below(LINES.len() as u64) as usize, self.rng.below(2) as usize);
+        let text = match what {
+            0..=9 if self.net.breaks(line, now) => {
+                self.outcome.breaks += 1;
+                format!("connection {} breaks", line + 1)
+            }
+            10 if now > self.net.mute_until && self.net.mutes(line, now) => {
+                self.outcome.mutes += 1;
+                format!("connection {} is mute", line + 1)
+            }
+            11..=16 => {
+                let at = self.rng.next_u64() as usize;
+                if !self.stations[me].process.kill(now, at, &mut self.net) {
+                    return;
+                }
+                format!("the CP of station {me} is killed")
+            }
+            17..=19 if self.stations[me].runs() && self.starts[me] == Nanos::MAX => {
+                self.outcome.stops += 1;
+                self.stations[me].cpu.request(Command::Stop);
+                self.starts[me] = now + 50 * MS + self.rng.below(5 * SECOND);
+                format!("station {me} is stopped")
+            }
+            _ => return,
+        };
+        // Writing into a String cannot fail.
+        let _ = writeln!(self.outcome.log, "{:>12} {text}", now / 1000);
+    }
+
+    fn step(&mut self) {
+        let Self { stations, net, now, .. } = self;
+        let next = stations.iter().map(|station| station.due.min(station.process.next(*now, net)));
+        let next = next.chain([self.trouble]).chain(self.starts).min().unwrap_or(Nanos::MAX);
+        self.now = self.now.max(next);
+        let now = self.now;
+        for station in &mut self.stations {
+            if station.process.next(now, &self.net) <= now {
+                let Station { process, broker, .. } = station;
+                process.advance(now, broker, &mut self.net);
+            }
+        }
+        if now >= self.trouble {
+            self.goes_wrong();
+            self.plan(now);
+        }
+        for me in 0..2 {
+            if now >= self.starts[me] {
+                self.starts[me] = Nanos::MAX;
+                self.stations[me].cpu.request(Command::Run);
+            }
+            if now >= self.stations[me].due {
+                self.stations[me].cycle(now);
+                // The broker's socket wakes it too.
+                let heard = now + 5_000 + self.rng.below(60_000);
+                self.stations[me].process.nudge(heard);
+                self.judge.look(now, me, &self.stations);
+            }
+        }
+    }
+
+    fn run(mut self) -> Outcome {
+        while self.now < self.scenario.trouble {
+            self.step();
+        }
+        self.net.loses = 0;
+        self.trouble = Nanos::MAX;
+        let before = self.judge.through();
+        let until = self.now.max(self.net.mute_until) + BACK;
+        let is_back = |now: [[u32; STREAMS.len()]; 2]| {
+            now.iter().flatten().zip(before.iter().flatten()).all(|(now, before)| *now >= before + ENOUGH)
+        };
+        while !is_back(self.judge.through()) {
+            assert!(
+                self.now < until,
+                "seed {}: not everything comes back: {before:?}, {:?}\n{}",
+                self.scenario.seed,
+                self.judge.through(),
+                self.outcome.log
+            );
+            self.step();
+        }
+        let Self { stations, judge, mut outcome, now, .. } = self;
+        outcome.kills = stations.iter().map(|station| station.process.kills).sum();
+        outcome.told = judge.told;
+        let _ = writeln!(outcome.log, "{:>12} {:016x}", now / 1000, judge.digest);
+        outcome
+    }
+}
+
+/// Runs a scenario.
+pub(crate) fn run(scenario: Scenario, folder: &Path) -> Outcome {
+    World::new(scenario, folder).run()
+}

@@ -1,0 +1,71 @@
+//! Two whole stations over Ethernet, in virtual time: BSEND, USEND, PUT and GET, and the AG blocks over ISO on TCP, TCP
+//! and UDP, both ways, on a network that delays, splits and loses; connections break or fall silent, the process of a
+//! CP is killed, a station goes to STOP. What must hold: `coupled/judge.rs`.
+
+mod coupled;
+
+use coupled::{MS, Outcome, SECOND, STREAMS, Scenario, run};
+use ob1_tests::siege;
+
+/// Telegrams in the suite.
+const TELEGRAMS: u64 = 20_000;
+
+fn trouble(seed: u64) -> Scenario {
+    let every = [60 * MS, 250 * MS, SECOND][(seed % 3) as usize];
+    Scenario { seed, trouble: (4 + seed % 5) * SECOND, every, loses: [8, 20][(seed % 2) as usize] }
+}
+
+#[test]
+fn on_a_good_network_everything_comes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let outcome = run(Scenario { seed: 7, trouble: 3 * SECOND, every: 0, loses: 0 }, folder.path());
+    let Outcome { told, .. } = &outcome;
+    assert!(told.telegrams.iter().all(|count| *count > 200), "{outcome:?}");
+    // Until the connections are made jobs fail, and of USEND the newest counts.
+    assert_eq!(told.late, 0, "{outcome:?}");
+}
+
+#[test]
+fn the_same_seed_gives_the_same_log_and_another_another() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let of = |seed| run(trouble(seed), folder.path());
+    let (first, second) = (of(3), of(3));
+    assert!(first.log.lines().count() > 10, "something has happened: {first:?}");
+    assert_eq!(first, second);
+    assert_ne!(first.log, of(6).log);
+}
+
+/// `cargo xtask siege s7_simulation`: a million telegrams.
+#[test]
+fn s7_simulation() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let wanted = siege::rounds(TELEGRAMS);
+    let mut all = Outcome::default();
+    let mut seeds = 0;
+    while all.telegrams() < wanted {
+        seeds += 1;
+        let outcome = run(trouble(seeds), folder.path());
+        (all.breaks, all.mutes) = (all.breaks + outcome.breaks, all.mutes + outcome.mutes);
+        (all.kills, all.stops) = (all.kills + outcome.kills, all.stops + outcome.stops);
+        all.told.telegrams.iter_mut().zip(outcome.told.telegrams).for_each(|(sum, count)| *sum += count);
+        for (what, count) in outcome.told.failed {
+            *all.told.failed.entry(what).or_default() += count;
+        }
+    }
+    println!(
+        "{} telegrams in {seeds} seeds: {} connections broken, {} mute, {} CPs killed, {} times in STOP",
+        all.telegrams(),
+        all.breaks,
+        all.mutes,
+        all.kills,
+        all.stops
+    );
+    for (stream, count) in STREAMS.iter().zip(all.told.telegrams) {
+        println!("{:>12} {count}", stream.name);
+    }
+    all.told.failed.iter().for_each(|((name, which, status), count)| {
+        println!("{name:>12}, {which}: STATUS {status:04X} {count} times");
+    });
+    assert!(all.told.telegrams.iter().all(|count| *count > 200), "{all:?}");
+    assert!(all.breaks > 10 && all.kills > 5 && all.stops > 2, "{all:?}");
+}
