@@ -8,7 +8,7 @@ use coupled::{MS, Outcome, SECOND, STREAMS, Scenario, run};
 use ob1_tests::siege;
 
 /// Telegrams in the suite.
-const TELEGRAMS: u64 = 20_000;
+const TELEGRAMS: u64 = 50_000;
 
 fn trouble(seed: u64) -> Scenario {
     let every = [60 * MS, 250 * MS, SECOND][(seed % 3) as usize];
@@ -67,5 +67,5 @@ fn s7_simulation() {
         println!("{name:>12}, {which}: STATUS {status:04X} {count} times");
     });
     assert!(all.told.telegrams.iter().all(|count| *count > 200), "{all:?}");
-    assert!(all.breaks > 10 && all.kills > 5 && all.stops > 2, "{all:?}");
+    assert!(all.breaks > 3 && all.kills > 5 && all.stops > 1, "{all:?}");
 }
