@@ -62,7 +62,7 @@ fn each_mistake_has_its_place_and_its_words() {
         ("EB 8", "EB 16383", 32, "the range reaches to byte 16384", "the last byte is 16383"),
         ("EB 8", "AB 8", 32, "\"AB 8\" is no place for", "the first byte"),
         ("bus = \"field\"\nname = \"south\"", "bus = \"feld\"\nname = \"south\"", 29, "no bus \"feld\"", "\"field\"?"),
-        ("bus = \"field\"\nname = \"south\"", "name = \"south\"", 28, "the coupler has no bus", "add `bus`"),
+        ("bus = \"field\"\nname = \"south\"", "name = \"south\"", 28, "the module has no bus", "add `bus`"),
         ("line = \"tcp:10.0.0.12:502\"\n", "", 28, "the coupler has no line", "tcp:"),
         ("tcp:10.0.0.12:502", "serial:/dev/ttyS0", 31, "cannot be the line of such a bus", "tcp:"),
         ("name = \"south\"", "name = \"north\"", 30, "north", "name"),
