@@ -34,7 +34,7 @@ fn is_equal(ours: &str, theirs: &str) -> bool {
     }
 }
 
-/// Parts of dates that are none: of meters without a clock, or for every month or year.
+/// Dates that are not valid in a part: of meters without a clock, or for every month or year.
 const UNREAL: [&str; 3] = ["-00-00", "-01-00", "2127-"];
 
 /// The units of the fixed data structure; the second counter of one answer has that of the first.

@@ -362,7 +362,7 @@ fn gate_mqtt() {
             besieged.look(round);
         }
     }
-    besieged.end(&span, &format!("{round} brokers that were none, nothing changed"));
+    besieged.end(&span, &format!("{round} false brokers, nothing changed"));
 }
 
 /// Resident memory of a process in KiB.

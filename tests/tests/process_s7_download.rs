@@ -92,7 +92,7 @@ fn blocks_go_into_a_cpu_and_stay_there() {
         client.done(&json!({ "op": "stop" }));
         client.done(&download(&fc));
         client.done(&download(&ob));
-        // Something in machine code that is none: refused, and nothing has changed.
+        // Bytes that are not machine code: refused, and nothing has changed.
         let mut broken = fc.clone();
         broken[36] = 0xFF;
         broken[37] = 0xFF;

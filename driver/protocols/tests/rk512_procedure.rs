@@ -363,7 +363,7 @@ fn the_partner_refuses() {
     }
 }
 
-/// [reference 3.12], class 10: reactions that are none.
+/// [reference 3.12], class 10: telegrams that are not valid reactions.
 #[test]
 fn bad_reactions() {
     let fetch = "10 order 00 00 45 44 05 01 00 02 FF FF => tx STX

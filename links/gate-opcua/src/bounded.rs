@@ -1,4 +1,4 @@
-//! Structures that the server does not know: none is taken whose length its bytes do not have.
+//! Structures that the server does not know: one that says it is longer than any message is refused.
 //!
 //! The length of such a structure is the sender's word, and the library makes room for it before it reads: 2 GB for a
 //! message of 100 bytes, which is more than this process may have, and would end it.

@@ -164,7 +164,7 @@ impl Manager {
         }
     }
 
-    /// The attributes of a node but its value; `None` for a node that is none of ours.
+    /// The attributes of a node but its value; `None` for a node that is not ours.
     fn attributes<'a>(&self, space: &'a Space<'a>, id: &'a str, node: &'a Node, right: Right) -> Attributes<'a> {
         let writable = match node {
             Node::Value(typed) => space.writable(typed) && self.ceiling >= Right::Write,

@@ -86,7 +86,7 @@ pub enum Value<'a> {
     Text(&'a [u8]),
     /// What only the manufacturer knows.
     Bytes(&'a [u8]),
-    /// Digits that are none, or a date that the meter calls invalid.
+    /// Characters that are not digits, or a date that the meter calls invalid.
     Invalid,
 }
 

@@ -8,7 +8,7 @@ pub(crate) const OK: u16 = 0x0000;
 pub(crate) const NO_ANSWER: u16 = 0x8001;
 /// The bus is short-circuited.
 pub(crate) const SHORT_CIRCUIT: u16 = 0x8003;
-/// A response byte that is none. [S0 "FC 100"]
+/// A response byte that does not exist. [S0 "FC 100"]
 pub(crate) const UNDEFINED: u16 = 0x80FF;
 /// The CP did not take the order, or was reset: FC 0 or FC 1 has ended with an error.
 pub(crate) const CP_FAILED: u16 = 0x8101;

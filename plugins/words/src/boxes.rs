@@ -195,7 +195,7 @@ impl Answer {
         head
     }
 
-    /// Out of a box; a state that is none is no job.
+    /// Out of a box; a state that is not valid is no job.
     #[must_use]
     pub const fn read(head: &[u8; HEAD_BYTES]) -> Self {
         let state = match State::of(head[0]) {

@@ -120,7 +120,7 @@ fn a_time_of_day_interrupt_of_the_configuration_comes_after_each_start() {
         bench.clock.now = 211_000 * MS;
         bench.run();
         assert_eq!(bench.mw(0), 1, "set again by the restart");
-        // Without its OB it has no effect; an OB that is none is refused.
+        // Without its OB it has no effect; a number that is not an OB is refused.
         let of = |ob| CpuConfig { time_of_day: vec![TimeOfDay { ob, ..interrupt }], ..CpuConfig::default() };
         let blocks = || program(vec![ob1(vec![Op::Nop])], vec![]);
         assert!(Cpu::new(of(11), &blocks(), vec![], vec![], common::engine()).is_ok());

@@ -1,5 +1,7 @@
 //! A station file with a PROFIBUS: what it becomes, and what is said of each mistake, with its place.
 
+mod mistakes;
+
 use std::path::{Path, PathBuf};
 
 use ob1_station::finding::Finding;
@@ -73,47 +75,44 @@ fn a_slave_is_a_module_at_its_diagnostic_address_and_one_for_each_slot() {
 /// What is changed, the line of the finding, what it says, what helps.
 #[test]
 fn each_mistake_has_its_place_and_its_words() {
-    let mut wrong = Vec::new();
-    for (from, to, line, says, helps) in [
-        ("baud = 500000", "baud = 500001", 8, "no 500001 bit/s", "187500, 500000"),
-        ("baud = 500000", "baud = 31250", 15, "cannot have 31250 bit/s", "another `baud`"),
-        ("baud = 500000", "baud = 500000\nhsa = 2", 9, "the master has address 2", "hsa = 126"),
-        ("baud = 500000", "baud = 500000\nslot_bits = 100", 9, "out of range", "200 to 16383"),
-        ("baud = 500000", "baud = 500000\nparity = \"odd\"", 9, "belongs to a serial line", "leave it out"),
-        ("watchdog = \"300ms\"", "watchdog = \"1ms\"", 9, "no such watchdog time", "10 ms"),
-        ("line = \"serial:/dev/ttyUSB0\"", "line = \"tcp:10.0.0.1:502\"", 7, "cannot be the line", "serial:DEVICE"),
-        ("station = 8\n", "", 12, "no address", "add `station`"),
-        ("station = 8", "station = 126", 15, "out of range", "0 to 125"),
-        ("station = 8", "station = 2", 15, "the address 2 is taken", "of its own"),
-        ("ET200M.GSD", "ET200X.GSD", 16, "cannot be read", "counts from the folder"),
-        ("ET200M.GSD", "line.rs", 16, "is no GSD file", "from the maker"),
-        ("gsd = \"ET200M.GSD\"\n", "", 12, "no GSD file", "add `gsd`"),
-        ("DI 16 x DC 24V", "DI 16 x DC 42V", 20, "no module \"DI 16 x DC 42V\"", "did you mean \"DI 16 x DC 24V\"?"),
-        ("slot = 3", "slot = 4", 21, "slot 3 has no module", "without a gap"),
-        ("slot = 2", "slot = 1", 22, "slot 1 is there twice", "without a gap"),
-        ("4..20 mA", "0..20 mA", 21, "\"0..20 mA\" is no value of \"Range\"", "4..20 mA"),
-        ("Range =", "Rnge =", 21, "no parameter \"Rnge\"", "there are: Range, Smoothing, Limit"),
-        ("outputs = \"AB 4\"", "inputs = \"EB 4\"", 22, "has no inputs", "leave `inputs` out"),
-        (", outputs = \"AB 4\"", "", 22, "2 bytes of outputs, and no place", "outputs = \"AB 0\""),
-        ("PEW 256", "EB 1", 21, "input byte 1 belongs to rack.1 already", "occupies 0 to 1"),
-        ("PEW 256", "EB 16383", 21, "reach to byte", "the last byte"),
-        ("substitute = [1, 2]", "substitute = [1]", 20, "1 values for 2 bytes", "one for each"),
-        ("diagnostic = 2040", "diagnostic = 256", 17, "belongs to something else", "leave it out"),
-        ("diagnostic = 2040", "unit = 3", 17, "does not belong to a DP slave", "`station`"),
-        ("diagnostic = 2040", "period = \"10ms\"", 17, "does not belong to a DP slave", "each round"),
-    ] {
-        assert!(GOOD.contains(from), "{from}");
-        match read(&GOOD.replacen(from, to, 1)) {
-            Ok(_) => wrong.push(format!("{from} -> {to}: nothing is said")),
-            Err(findings) => {
-                let fits = |f: &Finding| f.line == line && f.message.contains(says) && f.remedy.contains(helps);
-                if !findings.iter().any(fits) {
-                    wrong.push(format!("{from} -> {to}: line {line}: {findings:#?}"));
-                }
-            }
-        }
-    }
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    mistakes::check(
+        GOOD,
+        read,
+        &[
+            ("baud = 500000", "baud = 500001", 8, "no 500001 bit/s", "187500, 500000"),
+            ("baud = 500000", "baud = 31250", 15, "cannot have 31250 bit/s", "another `baud`"),
+            ("baud = 500000", "baud = 500000\nhsa = 2", 9, "the master has address 2", "hsa = 126"),
+            ("baud = 500000", "baud = 500000\nslot_bits = 100", 9, "out of range", "200 to 16383"),
+            ("baud = 500000", "baud = 500000\nparity = \"odd\"", 9, "belongs to a serial line", "leave it out"),
+            ("watchdog = \"300ms\"", "watchdog = \"1ms\"", 9, "no such watchdog time", "10 ms"),
+            ("line = \"serial:/dev/ttyUSB0\"", "line = \"tcp:10.0.0.1:502\"", 7, "cannot be the line", "serial:DEVICE"),
+            ("station = 8\n", "", 12, "no address", "add `station`"),
+            ("station = 8", "station = 126", 15, "out of range", "0 to 125"),
+            ("station = 8", "station = 2", 15, "the address 2 is taken", "of its own"),
+            ("ET200M.GSD", "ET200X.GSD", 16, "cannot be read", "counts from the folder"),
+            ("ET200M.GSD", "line.rs", 16, "is no GSD file", "from the maker"),
+            ("gsd = \"ET200M.GSD\"\n", "", 12, "no GSD file", "add `gsd`"),
+            (
+                "DI 16 x DC 24V",
+                "DI 16 x DC 42V",
+                20,
+                "no module \"DI 16 x DC 42V\"",
+                "did you mean \"DI 16 x DC 24V\"?",
+            ),
+            ("slot = 3", "slot = 4", 21, "slot 3 has no module", "without a gap"),
+            ("slot = 2", "slot = 1", 22, "slot 1 is there twice", "without a gap"),
+            ("4..20 mA", "0..20 mA", 21, "\"0..20 mA\" is no value of \"Range\"", "4..20 mA"),
+            ("Range =", "Rnge =", 21, "no parameter \"Rnge\"", "there are: Range, Smoothing, Limit"),
+            ("outputs = \"AB 4\"", "inputs = \"EB 4\"", 22, "has no inputs", "leave `inputs` out"),
+            (", outputs = \"AB 4\"", "", 22, "2 bytes of outputs, and no place", "outputs = \"AB 0\""),
+            ("PEW 256", "EB 1", 21, "input byte 1 belongs to rack.1 already", "occupies 0 to 1"),
+            ("PEW 256", "EB 16383", 21, "reach to byte", "the last byte"),
+            ("substitute = [1, 2]", "substitute = [1]", 20, "1 values for 2 bytes", "one for each"),
+            ("diagnostic = 2040", "diagnostic = 256", 17, "belongs to something else", "leave it out"),
+            ("diagnostic = 2040", "unit = 3", 17, "does not belong to a DP slave", "`station`"),
+            ("diagnostic = 2040", "period = \"10ms\"", 17, "does not belong to a DP slave", "each round"),
+        ],
+    );
 }
 
 #[test]

@@ -1,5 +1,7 @@
 //! A station file with a GPIO chip: what it becomes, and what is said of each mistake, with its place.
 
+mod mistakes;
+
 use std::path::Path;
 
 use ob1_coupler::config::Span;
@@ -61,44 +63,47 @@ fn lines_become_bits_in_the_order_of_the_file() {
 /// What is changed, the line of the finding, what it says, what helps.
 #[test]
 fn each_mistake_has_its_place_and_its_words() {
-    let mut wrong = Vec::new();
-    for (from, to, line, says, helps) in [
-        ("chip = \"gpiochip0\"\n", "", 6, "no chip", "gpiochip0"),
-        ("gpiochip0", "a/b", 7, "is no chip", "gpiochip0"),
-        ("chip = \"gpiochip0\"", "chip = \"gpiochip0\"\nline = \"sim:x\"", 8, "a GPIO chip has no `line`", "chip ="),
-        ("chip = \"gpiochip0\"", "chip = \"gpiochip0\"\nbaud = 9600", 8, "belongs to a serial line", "leave it out"),
-        ("period = \"5ms\"", "period = \"2s\"", 13, "cannot be read in this period", "\"1s\""),
-        ("period = \"5ms\"", "unit = 1", 13, "`unit` does not belong to a GPIO chip", "leave it out"),
-        ("pull-up", "pullup", 16, "bias cannot be", "pull-up"),
-        ("debounce = \"5ms\"", "debounce = \"11s\"", 16, "for so long", "10s"),
-        ("lines = [22]", "lines = [17]", 18, "line 17 is there twice", "one bit"),
-        ("lines = [22], ", "", 18, "`lines` is missing", "numbers on the chip"),
-        ("drive = \"open-drain\"", "bias = \"pull-up\"", 18, "does not belong to outputs", "leave it out"),
-        ("lines = [22]", "lines = [22], to = \"coil:0\"", 18, "`to` does not belong to outputs", "leave it out"),
-        ("AB 4", "EB 4", 18, "is no place for outputs", "AB 0"),
-        ("AB 4", "AB 16384", 18, "is no place for outputs", "AB 0"),
-        (", substitute = [1, 0]", "", 16, "no substitute values", "add `substitute`"),
-        (
-            "type = \"gpio\"\nchip = \"gpiochip0\"",
-            "type = \"modbus-tcp\"\nline = \"tcp:x:502\"",
-            16,
-            "`lines` belongs to the lines of a GPIO chip",
-            "leave",
-        ),
-        ("type = \"gpio\"", "type = \"dp\"", 7, "`chip` belongs to a bus of type \"gpio\"", "leave it out"),
-    ] {
-        assert!(GOOD.contains(from), "{from}");
-        match read(&GOOD.replacen(from, to, 1)) {
-            Ok(_) => wrong.push(format!("{from} -> {to}: nothing is said")),
-            Err(findings) => {
-                let fits = |f: &Finding| f.line == line && f.message.contains(says) && f.remedy.contains(helps);
-                if !findings.iter().any(fits) {
-                    wrong.push(format!("{from} -> {to}: line {line}: {findings:#?}"));
-                }
-            }
-        }
-    }
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    mistakes::check(
+        GOOD,
+        read,
+        &[
+            ("chip = \"gpiochip0\"\n", "", 6, "no chip", "gpiochip0"),
+            ("gpiochip0", "a/b", 7, "is no chip", "gpiochip0"),
+            (
+                "chip = \"gpiochip0\"",
+                "chip = \"gpiochip0\"\nline = \"sim:x\"",
+                8,
+                "a GPIO chip has no `line`",
+                "chip =",
+            ),
+            (
+                "chip = \"gpiochip0\"",
+                "chip = \"gpiochip0\"\nbaud = 9600",
+                8,
+                "belongs to a serial line",
+                "leave it out",
+            ),
+            ("period = \"5ms\"", "period = \"2s\"", 13, "cannot be read in this period", "\"1s\""),
+            ("period = \"5ms\"", "unit = 1", 13, "`unit` does not belong to a GPIO chip", "leave it out"),
+            ("pull-up", "pullup", 16, "bias cannot be", "pull-up"),
+            ("debounce = \"5ms\"", "debounce = \"11s\"", 16, "for so long", "10s"),
+            ("lines = [22]", "lines = [17]", 18, "line 17 is there twice", "one bit"),
+            ("lines = [22], ", "", 18, "`lines` is missing", "numbers on the chip"),
+            ("drive = \"open-drain\"", "bias = \"pull-up\"", 18, "does not belong to outputs", "leave it out"),
+            ("lines = [22]", "lines = [22], to = \"coil:0\"", 18, "`to` does not belong to outputs", "leave it out"),
+            ("AB 4", "EB 4", 18, "is no place for outputs", "AB 0"),
+            ("AB 4", "AB 16384", 18, "is no place for outputs", "AB 0"),
+            (", substitute = [1, 0]", "", 16, "no substitute values", "add `substitute`"),
+            (
+                "type = \"gpio\"\nchip = \"gpiochip0\"",
+                "type = \"modbus-tcp\"\nline = \"tcp:x:502\"",
+                16,
+                "`lines` belongs to the lines of a GPIO chip",
+                "leave",
+            ),
+            ("type = \"gpio\"", "type = \"dp\"", 7, "`chip` belongs to a bus of type \"gpio\"", "leave it out"),
+        ],
+    );
     let twice = format!(
         "{GOOD}\n[[module]]\ntype = \"coupler\"\nbus = \"board\"\nname = \"b\"\ninputs = [{{ at = \"EB 8\", lines = [40] }}]\n"
     );

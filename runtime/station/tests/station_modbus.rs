@@ -1,5 +1,7 @@
 //! A station file with Modbus couplers: what is said of each mistake, with its place.
 
+mod mistakes;
+
 use std::path::Path;
 
 use ob1_station::finding::Finding;
@@ -55,50 +57,49 @@ fn the_watchdog_is_set_where_it_does_not_run() {
 
 #[test]
 fn each_mistake_has_its_place_and_its_words() {
-    let mut wrong = Vec::new();
-    for (from, to, line, says, helps) in [
-        ("EB 8", "EB 7", 32, "input byte 7 belongs to north already", "north occupies 0 to 7"),
-        ("EB 8", "EB 19", 32, "input byte 20 belongs to panel already", "panel occupies 20 to 21"),
-        ("EB 8", "EB 16383", 32, "the range reaches to byte 16384", "the last byte is 16383"),
-        ("EB 8", "AB 8", 32, "\"AB 8\" is no place for", "the first byte"),
-        ("bus = \"field\"\nname = \"south\"", "bus = \"feld\"\nname = \"south\"", 29, "no bus \"feld\"", "\"field\"?"),
-        ("bus = \"field\"\nname = \"south\"", "name = \"south\"", 28, "the module has no bus", "add `bus`"),
-        ("line = \"tcp:10.0.0.12:502\"\n", "", 28, "the coupler has no line", "tcp:"),
-        ("tcp:10.0.0.12:502", "serial:/dev/ttyS0", 31, "cannot be the line of such a bus", "tcp:"),
-        ("name = \"south\"", "name = \"north\"", 30, "north", "name"),
-        ("discrete:0", "discreet:0", 32, "names nothing of a coupler", "holding:N, input:N"),
-        ("discrete:0", "discrete:40001x", 32, "names nothing of a coupler", "counted from 0"),
-        ("bits = 16", "registers = 1", 32, "`discrete` is counted in `bits`", "`bits` for coil"),
-        (", bits = 16", "", 32, "`bits` is missing", "how many"),
-        ("coil:16", "discrete:16", 20, "`discrete` cannot be written", "holding:N or coil:N"),
-        ("to = \"coil:16\"", "from = \"coil:16\"", 20, "outputs go `to`", "write `to`"),
-        ("registers = 4,", "registers = 70000,", 19, "out of range", "65535"),
-        ("7, 8]", "7]", 19, "7 values for 8 bytes", "one for each"),
-        (", substitute = [1, 2, 3, 4, 5, 6, 7, 8]", "", 19, "no substitute values", "add `substitute`"),
-        ("on_loss = \"substitute\"", "on_loss = \"substitut\"", 21, "substitut", "substitute"),
-        ("profile = \"wago-750\"\n", "", 22, "unknown coupler", "`profile` says"),
-        ("wago-750", "moxa-iologik", 23, "cannot be set over Modbus", "on the coupler itself"),
-        ("watchdog = \"500ms\"", "watchdog = \"50ms\"", 23, "no such watchdog time", "100 ms to"),
-        ("lost_after = \"1s\"", "lost_after = \"10ms\"", 24, "would be lost now and then", "100ms"),
-        ("lost_after = \"1s\"", "lost_after = \"1s\"\nperiod = \"2s\"", 25, "cannot be read in this period", "half"),
-        ("lost_after = \"1s\"", "lost_after = \"1s\"\nrefresh = \"400ms\"", 25, "refreshed so seldom", "half"),
-        ("diagnostic = 2040", "station = 3", 25, "`station` does not belong to a coupler", "`unit`"),
-        ("diagnostic = 2040", "diagnostic = 20", 25, "belongs to something else", "leave it out"),
-    ] {
-        assert!(GOOD.contains(from), "{from}");
-        match read(&GOOD.replacen(from, to, 1)) {
-            Ok(_) => wrong.push(format!("{from} -> {to}: nothing is said")),
-            Err(findings) => {
-                // A range that is wrong is one all the same.
-                if findings.iter().any(|f| f.message.contains("neither inputs nor outputs")) {
-                    wrong.push(format!("{from} -> {to}: said of a coupler that has ranges"));
-                }
-                let fits = |f: &Finding| f.line == line && f.message.contains(says) && f.remedy.contains(helps);
-                if !findings.iter().any(fits) {
-                    wrong.push(format!("{from} -> {to}: line {line}: {findings:#?}"));
-                }
-            }
-        }
-    }
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    mistakes::check(
+        GOOD,
+        read,
+        &[
+            ("EB 8", "EB 7", 32, "input byte 7 belongs to north already", "north occupies 0 to 7"),
+            ("EB 8", "EB 19", 32, "input byte 20 belongs to panel already", "panel occupies 20 to 21"),
+            ("EB 8", "EB 16383", 32, "the range reaches to byte 16384", "the last byte is 16383"),
+            ("EB 8", "AB 8", 32, "\"AB 8\" is no place for", "the first byte"),
+            (
+                "bus = \"field\"\nname = \"south\"",
+                "bus = \"feld\"\nname = \"south\"",
+                29,
+                "no bus \"feld\"",
+                "\"field\"?",
+            ),
+            ("bus = \"field\"\nname = \"south\"", "name = \"south\"", 28, "the module has no bus", "add `bus`"),
+            ("line = \"tcp:10.0.0.12:502\"\n", "", 28, "the coupler has no line", "tcp:"),
+            ("tcp:10.0.0.12:502", "serial:/dev/ttyS0", 31, "cannot be the line of such a bus", "tcp:"),
+            ("name = \"south\"", "name = \"north\"", 30, "north", "name"),
+            ("discrete:0", "discreet:0", 32, "names nothing of a coupler", "holding:N, input:N"),
+            ("discrete:0", "discrete:40001x", 32, "names nothing of a coupler", "counted from 0"),
+            ("bits = 16", "registers = 1", 32, "`discrete` is counted in `bits`", "`bits` for coil"),
+            (", bits = 16", "", 32, "`bits` is missing", "how many"),
+            ("coil:16", "discrete:16", 20, "`discrete` cannot be written", "holding:N or coil:N"),
+            ("to = \"coil:16\"", "from = \"coil:16\"", 20, "outputs go `to`", "write `to`"),
+            ("registers = 4,", "registers = 70000,", 19, "out of range", "65535"),
+            ("7, 8]", "7]", 19, "7 values for 8 bytes", "one for each"),
+            (", substitute = [1, 2, 3, 4, 5, 6, 7, 8]", "", 19, "no substitute values", "add `substitute`"),
+            ("on_loss = \"substitute\"", "on_loss = \"substitut\"", 21, "substitut", "substitute"),
+            ("profile = \"wago-750\"\n", "", 22, "unknown coupler", "`profile` says"),
+            ("wago-750", "moxa-iologik", 23, "cannot be set over Modbus", "on the coupler itself"),
+            ("watchdog = \"500ms\"", "watchdog = \"50ms\"", 23, "no such watchdog time", "100 ms to"),
+            ("lost_after = \"1s\"", "lost_after = \"10ms\"", 24, "would be lost now and then", "100ms"),
+            (
+                "lost_after = \"1s\"",
+                "lost_after = \"1s\"\nperiod = \"2s\"",
+                25,
+                "cannot be read in this period",
+                "half",
+            ),
+            ("lost_after = \"1s\"", "lost_after = \"1s\"\nrefresh = \"400ms\"", 25, "refreshed so seldom", "half"),
+            ("diagnostic = 2040", "station = 3", 25, "`station` does not belong to a coupler", "`unit`"),
+            ("diagnostic = 2040", "diagnostic = 20", 25, "belongs to something else", "leave it out"),
+        ],
+    );
 }

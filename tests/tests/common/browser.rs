@@ -54,7 +54,7 @@ impl Browser {
         browser
     }
 
-    /// Waits a moment for its end, which is none as a rule.
+    /// Whether it has ended, or ends within a moment.
     fn ended(&self) -> bool {
         Watched::find(self.driver.id()).is_none_or(|process| process.ends_within(PAUSE))
     }

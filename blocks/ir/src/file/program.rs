@@ -14,7 +14,7 @@ const SECTIONS: [Section; 6] =
 /// The program of a text in the file form.
 ///
 /// # Errors
-/// The first line that is none of it.
+/// The first line that does not belong to it.
 pub fn parse(text: &str) -> Result<Program, ParseError> {
     let mut program = Program::default();
     let mut inside = Inside::Nothing;

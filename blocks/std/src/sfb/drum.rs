@@ -62,7 +62,7 @@ fn drum(call: &mut Call<'_>, code: fn(u16) -> u16) -> Done {
     call.br(result.is_ok())
 }
 
-/// Time of a step in ms, or the error of a product that is none.
+/// Time of a step in ms, or the error of a product that is out of range.
 fn preset(call: &mut Call<'_>, step: u8) -> Result<u32, u16> {
     let mut factor = [0; 2];
     let at = call.instance_byte(Drum::S_PRESET) + 2 * (u32::from(step) - 1);

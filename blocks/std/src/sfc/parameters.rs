@@ -78,7 +78,7 @@ fn wr_parm(call: &mut Call<'_>) -> Done {
     call.end(WrParm::RET_VAL, code)
 }
 
-/// NO_MODULE for an address that is none, else what a module that is there answers.
+/// NO_MODULE for an address without a module, else the module's answer.
 fn configured(call: &mut Call<'_>, area: impl Params, address: impl Params, there: u16) -> u16 {
     let address = u32::from(call.word(address));
     if is_io(call.byte(area)) && call.cx.module(address).is_ok() { there } else { NO_MODULE }

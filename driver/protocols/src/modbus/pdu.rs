@@ -244,7 +244,7 @@ pub enum Match {
     Long,
 }
 
-/// Holds an answer (with a good check) against its request. A function code that is none of the eight cannot be looked
+/// Holds an answer (with a good check) against its request. A function code other than the eight cannot be looked
 /// into.
 pub fn matches(request: &[u8], answer: &[u8], register_bytes: usize) -> Match {
     let (Some(asked), Some(code)) = (request.get(1), answer.get(1)) else { return Match::Short };

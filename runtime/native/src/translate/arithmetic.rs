@@ -15,6 +15,18 @@ use super::Translation;
 use super::state::{self, Accu, Bit, Cc};
 use crate::flow;
 
+/// A comparison of signed numbers, in Cranelift's words.
+pub(crate) const fn condition(compare: Compare) -> IntCC {
+    match compare {
+        Compare::Equal => IntCC::Equal,
+        Compare::NotEqual => IntCC::NotEqual,
+        Compare::Greater => IntCC::SignedGreaterThan,
+        Compare::Less => IntCC::SignedLessThan,
+        Compare::GreaterEqual => IntCC::SignedGreaterThanOrEqual,
+        Compare::LessEqual => IntCC::SignedLessThanOrEqual,
+    }
+}
+
 /// What an overflow sets.
 const OVERFLOW: flow::Set = flow::OV | flow::OS;
 
@@ -365,14 +377,7 @@ impl Translation<'_, '_> {
     }
 
     fn compare(&mut self, format: NumberFormat, compare: Compare) {
-        let how = match compare {
-            Compare::Equal => IntCC::Equal,
-            Compare::NotEqual => IntCC::NotEqual,
-            Compare::Greater => IntCC::SignedGreaterThan,
-            Compare::Less => IntCC::SignedLessThan,
-            Compare::GreaterEqual => IntCC::SignedGreaterThanOrEqual,
-            Compare::LessEqual => IntCC::SignedLessThanOrEqual,
-        };
+        let how = condition(compare);
         let (x, y) = match format {
             NumberFormat::Int => (self.signed(1), self.signed(0)),
             NumberFormat::DInt => (self.accu(1), self.accu(0)),

@@ -30,6 +30,7 @@ use ob1_model::{Area, BlockKind};
 use crate::compile::Tier;
 use crate::flow::{self, Env, Facts, How, Set};
 use crate::run::Run;
+pub(crate) use arithmetic::condition;
 use builder::Builder;
 use state::{Bit, Data, State, Vars};
 

@@ -3,6 +3,8 @@
 use cranelift_codegen::ir::{InstBuilder, Value, condcodes::IntCC, types};
 use ob1_ir::{AccuOp, Compare, NumberFormat, WordLogic};
 
+use crate::translate::condition;
+
 use super::{A1, A2, Bare, CC0, CC1, OS, OV};
 
 impl Bare<'_, '_> {
@@ -95,14 +97,7 @@ impl Bare<'_, '_> {
             NumberFormat::DInt => (self.get(A2), self.get(A1)),
             NumberFormat::Real => return self.others(3),
         };
-        let how = match compare {
-            Compare::Equal => IntCC::Equal,
-            Compare::NotEqual => IntCC::NotEqual,
-            Compare::Greater => IntCC::SignedGreaterThan,
-            Compare::Less => IntCC::SignedLessThan,
-            Compare::GreaterEqual => IntCC::SignedGreaterThanOrEqual,
-            Compare::LessEqual => IntCC::SignedLessThanOrEqual,
-        };
+        let how = condition(compare);
         let result = self.b.ins().icmp(how, x, y);
         self.codes(x, y);
         self.clear(&[OV]);
