@@ -2,8 +2,8 @@
 //!
 //! A pattern is selected and then asked for data. Nobody answers: nobody is there. One answer: a meter, whose address
 //! stands in it. An answer that is not valid: several meters have spoken; the pattern is narrowed by a digit, ten
-//! times. The CP's response does not tell a spoilt acknowledgement from none, so down to DEPTH digits the search goes on
-//! even where nobody has acknowledged.
+//! times. The CP's response does not tell a spoilt acknowledgement from none, so down to DEPTH digits the search goes
+//! on even where nobody has acknowledged.
 
 use ob1_mbus_records::{Answer, Header};
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
