@@ -454,3 +454,43 @@ fn what_is_done_has_been_done_whatever_breaks() {
         }
     }
 }
+
+/// A call of A, as it comes to the place of B: not a word more.
+fn call() -> Transport {
+    let (mut caller, mut front) = (Transport::new(), Transport::new());
+    let [a, b] = ["ISO-A", "ISO-B"].map(|tsap| Tsap::new(tsap.as_bytes()).expect("short"));
+    caller.call(a, b);
+    front.receive(caller.output()).expect("a call");
+    assert!(matches!(front.event(), Ok(Some(Event::Call(_)))));
+    front
+}
+
+/// A connection has to be closed, and before anybody looks for that another one has come into its place. To close now
+/// would close the new one, which the machine believes to be up.
+#[test]
+fn what_comes_in_the_place_of_a_connection_is_not_closed_for_it() {
+    let reset = vec![0, 2];
+    for (index, id) in [(ISO, 2), (TCP, 3)] {
+        for another in [true, false] {
+            let mut plc = Plc::new(false, Rights::Write);
+            let comes = |plc: &mut Plc| match index {
+                ISO => plc.machine.called(ISO, call(), 1),
+                _ => plc.machine.connected(index, 1),
+            };
+            comes(&mut plc);
+            assert_eq!(plc.machine.condition(index).0, Condition::Up);
+            match index {
+                // No telegram of ISO on TCP.
+                ISO => plc.machine.receive(ISO, &[0xFF; 8], 2),
+                _ => plc.begin(ISO_SEND, Service::Control, id, reset.clone(), 8, 2),
+            }
+            assert_eq!(plc.machine.condition(index).0, Condition::Down, "{index}");
+            if another {
+                comes(&mut plc);
+            }
+            let condition = if another { Condition::Up } else { Condition::Down };
+            let action = (!another).then_some(Action::Close(index));
+            assert_eq!((plc.machine.condition(index).0, plc.machine.action()), (condition, action), "{index}");
+        }
+    }
+}

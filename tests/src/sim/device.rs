@@ -10,6 +10,7 @@ use ob1_line::sim::{End, FaultRates, SplitMix64};
 use ob1_time::{Instant, Span};
 
 use super::cable::{self, Cable};
+use super::clock::VirtualClock;
 use super::driver::Driver;
 use super::station::{Plug, SimStation};
 use super::{SECOND, Scenario};
@@ -76,6 +77,7 @@ impl<D: Device> Bench<D> {
             faults,
             coalesce: Span::ZERO,
             kill_every: Span::ZERO,
+            call: Span::ZERO,
             wire: false,
         };
         let cable = Cable::new("device", seed, &scenario, Instant::NEVER);
@@ -112,7 +114,8 @@ impl<D: Device> Bench<D> {
                 }
             }
             if self.station.due <= self.now {
-                self.station.cycle(self.now, &mut self.log);
+                self.station.cycle(self.now, &mut VirtualClock(self.now.nanos()));
+                self.station.tell(self.now, &mut self.log);
                 for driver in &mut self.drivers {
                     driver.listen(self.now);
                 }

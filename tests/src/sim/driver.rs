@@ -22,6 +22,7 @@ pub struct Driver {
     /// When the pump wants to be polled.
     pump_due: Instant,
     kills: u64,
+    ups: u64,
 }
 
 impl Driver {
@@ -39,7 +40,8 @@ impl Driver {
         let side = CpuSide::create(&segment, io_bytes)?;
         let (life, link) = Life::new(side.monitor().clone(), seed);
         let monitor = side.monitor().clone();
-        let driver = Self { cable, end, monitor, segment, pump: None, life, pump_due: Instant::NEVER, kills: 0 };
+        let driver =
+            Self { cable, end, monitor, segment, pump: None, life, pump_due: Instant::NEVER, kills: 0, ups: 0 };
         Ok((driver, side, link))
     }
 
@@ -53,6 +55,12 @@ impl Driver {
     #[must_use]
     pub fn kills(&self) -> u64 {
         self.kills
+    }
+
+    /// Driver processes that have begun so far.
+    #[must_use]
+    pub fn ups(&self) -> u64 {
+        self.ups
     }
 
     /// The counters it keeps in the segment; they outlive it.
@@ -69,6 +77,7 @@ impl Driver {
                     if let Ok(side) = CpSide::attach(&self.segment) {
                         self.pump = Some(CpPump::new(side));
                         self.pump_due = now;
+                        self.ups += 1;
                     }
                 }
                 Turn::Killed => drop(self.kill(now, cable)),

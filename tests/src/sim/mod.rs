@@ -15,12 +15,14 @@ pub mod station;
 pub mod tap;
 pub mod verdict;
 
+use ob1_cpu::{Clock, Nanos};
 use ob1_line::sim::{End, FaultRates, SplitMix64};
 use ob1_time::{Instant, Span};
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use cable::Cable;
+use clock::VirtualClock;
 use driver::Driver;
 use station::SimStation;
 
@@ -47,6 +49,9 @@ pub struct Scenario {
     pub coalesce: Span,
     /// Mean time between two `kill -9` of drivers; 0: none.
     pub kill_every: Span,
+    /// A long scan: so much time passes before and after each call of a handling block, and lines and drivers go on
+    /// meanwhile. 0: a scan takes no time for them.
+    pub call: Span,
     /// Every character that arrives goes into the log, too.
     pub wire: bool,
 }
@@ -66,6 +71,7 @@ impl Scenario {
             faults,
             kill_every: [Span::ZERO, 5 * SECOND, 12 * SECOND][rng.below(3) as usize],
             coalesce: [Span::ZERO, MS / 5, 2 * MS][rng.below(3) as usize],
+            call: Span::ZERO,
             wire: false,
         }
     }
@@ -89,6 +95,8 @@ pub struct Outcome {
     pub verdict: verdict::Verdict,
     /// Drivers killed.
     pub kills: u64,
+    /// Drivers that came up while a scan was under way.
+    pub up_in_scans: u64,
 }
 
 /// Runs a scenario.
@@ -118,12 +126,49 @@ type Operator<'a> = dyn FnMut(usize, &mut SimStation) -> bool + 'a;
 struct World {
     now: Instant,
     rng: SplitMix64,
-    cables: Vec<Cable>,
-    drivers: Vec<Driver>,
+    plant: Plant,
     stations: Vec<SimStation>,
-    log: String,
     kill_at: Instant,
     watch: verdict::Watch,
+}
+
+/// What goes on while a CPU works.
+struct Plant {
+    cables: Vec<Cable>,
+    drivers: Vec<Driver>,
+    log: String,
+    wire: bool,
+    up_in_scans: u64,
+}
+
+/// The clock of a CPU whose scan is long: each look at it, which is one before and one after each call of a handling
+/// block, takes time, and the plant goes on.
+struct LongScan<'p> {
+    clock: VirtualClock,
+    call: Span,
+    plant: &'p mut Plant,
+}
+
+impl Clock for LongScan<'_> {
+    fn now(&mut self) -> Nanos {
+        self.clock.0 += self.call.nanos();
+        let were_up = self.plant.up();
+        self.plant.advance(Instant::from_nanos(self.clock.0));
+        self.plant.up_in_scans += self.plant.up() - were_up;
+        self.clock.0
+    }
+
+    fn executed(&mut self, statements: u64) {
+        self.clock.executed(statements);
+    }
+
+    fn statements_in(&self, time: Nanos) -> Option<u64> {
+        self.clock.statements_in(time)
+    }
+
+    fn wait(&mut self, deadline: Nanos) {
+        self.clock.wait(deadline);
+    }
 }
 
 impl World {
@@ -156,10 +201,8 @@ impl World {
         let mut world = Self {
             now: Instant::START,
             rng,
-            cables,
-            drivers,
+            plant: Plant { cables, drivers, log: String::new(), wire: scenario.wire, up_in_scans: 0 },
             stations,
-            log: String::new(),
             kill_at: Instant::NEVER,
             watch: verdict::Watch::default(),
         };
@@ -182,20 +225,13 @@ impl World {
 
     /// Everything of one instant, in a fixed order: line, drivers, killer, CPUs. False at the end.
     fn step(&mut self, scenario: &Scenario, operator: &mut Operator<'_>) -> bool {
-        let lines = self.cables.iter().filter_map(Cable::next_event);
-        let drivers = self.drivers.iter().map(Driver::next_event);
         let cycles = self.stations.iter().map(|s| s.due);
-        let next = lines.chain(drivers).chain(cycles).chain([self.kill_at]).min().unwrap_or(Instant::NEVER);
+        let next = cycles.chain([self.plant.next_event(), self.kill_at]).min().unwrap_or(Instant::NEVER);
         self.now = self.now.max(next);
         if self.now.since_start() >= scenario.duration {
             return false;
         }
-        self.lines(scenario.wire);
-        for driver in &mut self.drivers {
-            if driver.next_event() <= self.now {
-                driver.advance(self.now, &mut self.cables[driver.cable]);
-            }
-        }
+        self.plant.advance(self.now);
         if self.now >= self.kill_at {
             self.kill();
             self.plan_kill(scenario);
@@ -203,49 +239,95 @@ impl World {
         let mut goes_on = true;
         for (place, station) in self.stations.iter_mut().enumerate() {
             if station.due <= self.now {
-                station.cycle(self.now, &mut self.log);
+                self.now = cycle(station, self.now, scenario.call, &mut self.plant);
+                station.tell(self.now, &mut self.plant.log);
                 for driver in &station.drivers {
-                    self.drivers[*driver].listen(self.now);
+                    self.plant.drivers[*driver].listen(self.now);
                 }
-                self.watch.look(self.now, station, &mut self.log);
+                self.watch.look(self.now, station, &mut self.plant.log);
                 goes_on &= operator(place, station);
             }
         }
         goes_on
     }
 
-    fn lines(&mut self, wire: bool) {
-        let mut buffer = cable::buffer();
-        for index in 0..self.cables.len() {
-            while self.cables[index].next_event().is_some_and(|at| at <= self.now) {
-                let cable = &mut self.cables[index];
-                let Some((end, input)) = cable.pop(self.now, &mut buffer) else { break };
-                let Some(input) = input else { continue };
-                if wire {
-                    // Writing into a String cannot fail.
-                    let _ = writeln!(self.log, "{:>12} line {index} at {end:?}: {input:02X?}", self.now.micros());
-                }
-                if let Some(driver) = self.drivers.iter_mut().find(|d| d.cable == index && d.end == end) {
-                    driver.line_event(self.now, input, cable);
-                }
-            }
-        }
-    }
-
     fn kill(&mut self) {
-        let victim = self.rng.below(self.drivers.len() as u64) as usize;
-        let driver = &mut self.drivers[victim];
-        if driver.kill(self.now, &mut self.cables[driver.cable]) {
+        let Plant { cables, drivers, log, .. } = &mut self.plant;
+        let victim = self.rng.below(drivers.len() as u64) as usize;
+        let driver = &mut drivers[victim];
+        if driver.kill(self.now, &mut cables[driver.cable]) {
             // Writing into a String cannot fail.
-            let _ = writeln!(self.log, "{:>12} driver {victim} killed", self.now.micros());
+            let _ = writeln!(log, "{:>12} driver {victim} killed", self.now.micros());
         }
     }
 
     fn finish(mut self) -> Outcome {
-        let undetectable = self.cables.iter().map(|cable| cable.undetectable(End::A)).sum();
-        let kills = self.drivers.iter().map(Driver::kills).sum();
-        let verdict = verdict::judge(&self.stations, &self.drivers, undetectable, kills, &self.watch);
-        let _ = write!(self.log, "{verdict}");
-        Outcome { log: self.log, stations: self.stations, verdict, kills }
+        let Plant { cables, drivers, log, .. } = &mut self.plant;
+        let undetectable = cables.iter().map(|cable| cable.undetectable(End::A)).sum();
+        let kills = drivers.iter().map(Driver::kills).sum();
+        let verdict = verdict::judge(&self.stations, drivers, undetectable, kills, &self.watch);
+        let _ = write!(log, "{verdict}");
+        let Plant { log, up_in_scans, .. } = self.plant;
+        Outcome { log, stations: self.stations, verdict, kills, up_in_scans }
+    }
+}
+
+/// One cycle of a station; when it has ended, as the plant sees it.
+fn cycle(station: &mut SimStation, now: Instant, call: Span, plant: &mut Plant) -> Instant {
+    let clock = VirtualClock(now.nanos());
+    if call.is_zero() {
+        station.cycle(now, &mut { clock });
+        return now;
+    }
+    let mut scan = LongScan { clock, call, plant };
+    station.cycle(now, &mut scan);
+    let end = Instant::from_nanos(scan.clock.0);
+    plant.advance(end);
+    end
+}
+
+impl Plant {
+    fn next_event(&self) -> Instant {
+        let lines = self.cables.iter().filter_map(Cable::next_event);
+        lines.chain(self.drivers.iter().map(Driver::next_event)).min().unwrap_or(Instant::NEVER)
+    }
+
+    /// Everything that is due by then, in its order.
+    fn advance(&mut self, until: Instant) {
+        loop {
+            let now = self.next_event().min(until);
+            self.lines(now);
+            for driver in &mut self.drivers {
+                if driver.next_event() <= now {
+                    driver.advance(now, &mut self.cables[driver.cable]);
+                }
+            }
+            if now >= until {
+                return;
+            }
+        }
+    }
+
+    /// Drivers that have come up so far.
+    fn up(&self) -> u64 {
+        self.drivers.iter().map(Driver::ups).sum()
+    }
+
+    fn lines(&mut self, now: Instant) {
+        let mut buffer = cable::buffer();
+        for index in 0..self.cables.len() {
+            while self.cables[index].next_event().is_some_and(|at| at <= now) {
+                let cable = &mut self.cables[index];
+                let Some((end, input)) = cable.pop(now, &mut buffer) else { break };
+                let Some(input) = input else { continue };
+                if self.wire {
+                    // Writing into a String cannot fail.
+                    let _ = writeln!(self.log, "{:>12} line {index} at {end:?}: {input:02X?}", now.micros());
+                }
+                if let Some(driver) = self.drivers.iter_mut().find(|d| d.cable == index && d.end == end) {
+                    driver.line_event(now, input, cable);
+                }
+            }
+        }
     }
 }

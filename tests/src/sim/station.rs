@@ -3,14 +3,13 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use ob1_cpu::{Command, Cpu, Module, ModuleSlot};
+use ob1_cpu::{Clock, Command, Cpu, Module, ModuleSlot};
 use ob1_host::module::{CpModule, CpSettings};
 use ob1_line::sim::SplitMix64;
 use ob1_station::station_file::{self, Station};
 use ob1_station::{assembly, program};
 use ob1_time::{Instant, Span};
 
-use super::clock::VirtualClock;
 use super::driver::Driver;
 
 /// A simulated station.
@@ -68,10 +67,14 @@ impl SimStation {
         Ok(Self { name: station.name, cpu, drivers: own, due: Instant::START, logged: 0 })
     }
 
-    /// One cycle at `now`; what is new in the diagnostic buffer goes into the log.
-    pub fn cycle(&mut self, now: Instant, log: &mut String) {
-        let end = self.cpu.cycle(&mut VirtualClock(now.nanos()));
+    /// One cycle that begins at `now`.
+    pub fn cycle(&mut self, now: Instant, clock: &mut dyn Clock) {
+        let end = self.cpu.cycle(clock);
         self.due = Instant::from_nanos(end.next_deadline).max(now + Span::from_nanos(1));
+    }
+
+    /// What is new in the diagnostic buffer goes into the log.
+    pub fn tell(&mut self, now: Instant, log: &mut String) {
         let new = self.cpu.diagnostics().take_while(|entry| entry.number > self.logged).count();
         for back in (0..new).rev() {
             if let Some(entry) = self.cpu.diagnostics().nth(back) {

@@ -30,6 +30,8 @@ pub(crate) const SECOND: Nanos = sim::SECOND.nanos();
 /// When nothing goes wrong any more, everything comes back within this time: the longest wait between two calls, and
 /// one job that gets no answer.
 const BACK: Nanos = 20 * SECOND;
+/// What goes wrong: from this number on, of 20, a CP is killed.
+const KILL: u64 = 11;
 /// So many telegrams of each stream show that it is back.
 const ENOUGH: u32 = 3;
 
@@ -41,8 +43,12 @@ pub(crate) struct Scenario {
     pub(crate) trouble: Nanos,
     /// So often, on average; 0: nothing does.
     pub(crate) every: Nanos,
+    /// Nothing goes wrong but that CPs are killed.
+    pub(crate) kills_only: bool,
     /// One datagram in so many is lost, and one call in so many refused; 0: none.
     pub(crate) loses: u64,
+    /// A long scan: so much time passes before and after each call of a handling block; 0: none.
+    pub(crate) call: Nanos,
 }
 
 /// What came of it.
@@ -53,6 +59,8 @@ pub(crate) struct Outcome {
     pub(crate) mutes: u64,
     pub(crate) kills: u64,
     pub(crate) stops: u64,
+    /// Processes that became ready while a scan was under way.
+    pub(crate) up_in_scans: u64,
     /// What went wrong, and at the end a digest of all that happened.
     pub(crate) log: String,
 }
@@ -107,7 +115,8 @@ impl World {
     }
 
     fn goes_wrong(&mut self) {
-        let (now, what) = (self.now, self.rng.below(20));
+        let now = self.now;
+        let what = if self.scenario.kills_only { KILL } else { self.rng.below(20) };
         let (line, me) = (self.rng.below(LINES.len() as u64) as usize, self.rng.below(2) as usize);
         let text = match what {
             0..=9 if self.net.breaks(line, now) => {
@@ -118,7 +127,7 @@ impl World {
                 self.outcome.mutes += 1;
                 format!("connection {} is mute", line + 1)
             }
-            11..=16 => {
+            KILL..=16 => {
                 let at = self.rng.next_u64() as usize;
                 if !self.stations[me].process.kill(now, at, &mut self.net) {
                     return;
@@ -159,7 +168,10 @@ impl World {
                 self.stations[me].cpu.request(Command::Run);
             }
             if now >= self.stations[me].due {
-                self.stations[me].cycle(now);
+                let ups = self.stations[me].process.ups;
+                let now = self.stations[me].cycle(now, self.scenario.call, &mut self.net);
+                self.now = now;
+                self.outcome.up_in_scans += self.stations[me].process.ups - ups;
                 // The broker's socket wakes it too.
                 let heard = now + 5_000 + self.rng.below(60_000);
                 self.stations[me].process.nudge(heard);

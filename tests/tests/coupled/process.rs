@@ -47,11 +47,13 @@ pub(crate) struct Process {
     base: Instant,
     due: Nanos,
     pub(crate) kills: u64,
+    /// Times it was ready.
+    pub(crate) ups: u64,
 }
 
 impl Process {
     pub(crate) fn new(me: usize, segment: Segment, life: Life, base: Instant) -> Self {
-        Self { me, segment, life, alive: None, base, due: Nanos::MAX, kills: 0 }
+        Self { me, segment, life, alive: None, base, due: Nanos::MAX, kills: 0, ups: 0 }
     }
 
     pub(crate) fn next(&self, now: Nanos, net: &Net) -> Nanos {
@@ -139,7 +141,9 @@ impl Process {
             alive.tick = now + SECOND;
         }
         loop {
+            let was_ready = alive.config.is_some();
             alive.round(self.me, now, at, net);
+            self.ups += u64::from(alive.config.is_some() && !was_ready);
             broker.step(now);
             if alive.cp.prepare_sleep() {
                 break;

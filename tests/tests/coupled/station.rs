@@ -5,15 +5,56 @@ use std::time::Instant;
 
 use ob1_backplane::{CpuSide, Segment};
 use ob1_broker::{Broker, feed};
-use ob1_cpu::{Command, Cpu, Module, Nanos, OperatingState};
+use ob1_cpu::{Clock, Command, Cpu, Module, Nanos, OperatingState};
 use ob1_host::module::CpModule;
 use ob1_station::{assembly, program, station_file};
 use ob1_tests::sim::clock::VirtualClock;
 use ob1_tests::sim::facts::Bare;
 use ob1_tests::sim::life::Life;
 
+use super::net::Net;
 use super::process::Process;
 use super::program as text;
+
+/// The clock of a CPU whose scan is long: while its blocks are at work the process goes on.
+struct LongScan<'w> {
+    clock: VirtualClock,
+    call: Nanos,
+    process: &'w mut Process,
+    broker: &'w mut Broker,
+    net: &'w mut Net,
+}
+
+impl Clock for LongScan<'_> {
+    fn now(&mut self) -> Nanos {
+        if self.call == 0 {
+            return self.clock.0;
+        }
+        let until = self.clock.0 + self.call;
+        loop {
+            let next = self.process.next(self.clock.0, self.net);
+            if next > until {
+                break;
+            }
+            self.clock.0 = self.clock.0.max(next);
+            self.process.advance(self.clock.0, self.broker, self.net);
+        }
+        self.clock.0 = until;
+        until
+    }
+
+    fn executed(&mut self, statements: u64) {
+        self.clock.executed(statements);
+    }
+
+    fn statements_in(&self, time: Nanos) -> Option<u64> {
+        self.clock.statements_in(time)
+    }
+
+    fn wait(&mut self, deadline: Nanos) {
+        self.clock.wait(deadline);
+    }
+}
 
 pub(crate) struct Station {
     pub(crate) cpu: Cpu,
@@ -47,12 +88,16 @@ impl Station {
         Self { cpu, broker, process: Process::new(me, segment, life, base), due: 0 }
     }
 
-    /// One cycle.
-    pub(crate) fn cycle(&mut self, now: Nanos) {
-        let end = self.cpu.cycle(&mut VirtualClock(now));
+    /// One cycle, in which so much time passes before and after each call of a handling block; when it has ended.
+    pub(crate) fn cycle(&mut self, now: Nanos, call: Nanos, net: &mut Net) -> Nanos {
+        let mut scan =
+            LongScan { clock: VirtualClock(now), call, process: &mut self.process, broker: &mut self.broker, net };
+        let end = self.cpu.cycle(&mut scan);
+        let now = if call > 0 { scan.clock.0 } else { now };
         self.due = end.next_deadline.max(now + 1);
         self.broker.step(now);
         self.process.listen(now);
+        now
     }
 
     pub(crate) fn runs(&self) -> bool {

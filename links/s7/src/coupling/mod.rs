@@ -179,9 +179,9 @@ impl Coupling {
     /// Somebody has called, and [`Coupling::find`] has found this connection for it. A connection that was there is
     /// given up: the partner has started anew.
     pub fn called(&mut self, index: usize, transport: Transport, now: u64) {
-        self.now = now;
         self.lost(index, now);
-        let (settings, now) = (self.settings, self.now);
+        self.is_another(index);
+        let settings = self.settings;
         if let Some(link) = self.links.get_mut(index) {
             link.called(transport, settings, now);
         }
@@ -191,6 +191,7 @@ impl Coupling {
     /// The TCP connection is made: ours, or one that was waited for.
     pub fn connected(&mut self, index: usize, now: u64) {
         self.now = now;
+        self.is_another(index);
         let settings = self.settings;
         if let Some(link) = self.links.get_mut(index) {
             link.connected(settings, now);
@@ -263,6 +264,11 @@ impl Coupling {
         self.flushed(index);
         self.waiting(index);
         self.queued(index);
+    }
+
+    /// A TCP connection has taken the place of the one before: what was to be closed is gone, and must not cost it.
+    fn is_another(&mut self, index: usize) {
+        self.actions.retain(|action| *action != Action::Close(index));
     }
 
     /// Closes a connection from our side.

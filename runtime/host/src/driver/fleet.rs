@@ -57,7 +57,8 @@ impl DriverStatus {
     /// Its process, 0 when there is none.
     #[must_use]
     pub fn pid(&self) -> u32 {
-        self.pid.load(Ordering::Relaxed)
+        // Who sees a process sees its attempt counted.
+        self.pid.load(Ordering::Acquire)
     }
 
     /// Processes that have shown life so far.
@@ -337,7 +338,7 @@ impl Driver {
         let own = self.hand_over.as_ref().map(|make| make()).transpose();
         match own.and_then(|own| Process::start(&self.command, &self.segment, &self.stdin, own.as_ref())) {
             Ok(process) => {
-                self.status.pid.store(process.id(), Ordering::Relaxed);
+                self.status.pid.store(process.id(), Ordering::Release);
                 self.process = Some(process);
                 Input::Spawned
             }

@@ -67,11 +67,15 @@ impl CpModule {
         Ok(Self { side, link, settings, outputs: [0; IO_MAX], messages, garbage: 0, whole_for: 1 })
     }
 
-    /// True while a driver is attached that has shown its state. A state word without a meaning is no state.
+    /// True while a driver is attached that has shown its state. A state word without a meaning is no state. One that
+    /// was started during this scan is there from the next cycle control point on, when the CPU's part is made whole
+    /// for it: an order of before would be wiped away unseen.
     #[inline]
     fn is_present(&self) -> bool {
         let state = self.side.monitor().driver_state();
-        self.link.is_running() && !matches!(state, Ok(DriverState::Absent | DriverState::Starting) | Err(_))
+        self.link.is_running()
+            && self.link.life().attempts <= self.whole_for
+            && !matches!(state, Ok(DriverState::Absent | DriverState::Starting) | Err(_))
     }
 
     fn io_bytes(&self) -> usize {

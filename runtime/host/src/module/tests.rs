@@ -226,6 +226,35 @@ fn each_start_of_a_driver_finds_the_segment_whole() {
     }
 }
 
+#[test]
+fn a_driver_that_is_started_during_a_scan_is_there_from_the_next_one_on() {
+    let life = std::sync::Arc::<[std::sync::atomic::AtomicU32; 2]>::default();
+    let link = Recorder { rings: std::sync::Arc::default(), reports: Vec::new(), life: std::sync::Arc::clone(&life) };
+    let segment = Segment::heap_with_boxes();
+    let side = CpuSide::create(&segment, 16).expect("16 bytes are allowed");
+    let settings = CpSettings { boxes: true, ..CpSettings::default() };
+    let mut module = CpModule::new(side, Box::new(link), settings).expect("the JSON fits");
+    let record = ob1_words::boxes::record(0);
+    let order = [7; ob1_words::boxes::HEAD_BYTES];
+    let mut at_the_cp = [0; ob1_words::boxes::HEAD_BYTES];
+    for attempt in 1..4 {
+        life[0].store(attempt, std::sync::atomic::Ordering::Relaxed);
+        let mut cp = driver(&segment);
+        if attempt > 1 {
+            assert!(!module.status().present, "attempt {attempt}");
+            assert_eq!(module.record_write(record, &order), Err(ModuleError::Absent), "it would be wiped away");
+            assert_eq!(read::<2>(&mut module, 0), [0, 0]);
+        }
+        // The cycle control point.
+        while module.poll_event().is_some() {}
+        assert!(module.status().present, "attempt {attempt}");
+        assert_eq!(module.record_write(record, &order), Ok(()));
+        while module.poll_event().is_some() {}
+        let _ = cp.read_box(0, &mut at_the_cp);
+        assert_eq!(at_the_cp, order, "attempt {attempt}");
+    }
+}
+
 /// Everything that comes in so many scans of a millisecond.
 fn entries_of(module: &mut CpModule, scans: u64, mut each: impl FnMut(u64)) -> Vec<ModuleEvent> {
     let mut entries = Vec::new();

@@ -26,6 +26,7 @@ pub(super) fn end_to_end(baud: u32) -> Result<f64, Failure> {
             faults: FaultRates::NONE,
             coalesce: Span::ZERO,
             kill_every: Span::ZERO,
+            call: Span::ZERO,
             wire: false,
         };
         let outcome = sim::run(&scenario)?;
