@@ -85,7 +85,8 @@ pub(super) fn program(statements: usize) -> (String, Vec<Symbol>) {
     let mut symbols = Vec::new();
     for n in 0..functions {
         let number = n + 1;
-        let byte = n % 200;
+        // Inside the process images, or the first call ends in STOP.
+        let byte = n % 100;
         if n % 4 == 0 {
             symbols.push(Symbol {
                 name: format!("Motor_{number}"),

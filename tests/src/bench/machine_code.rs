@@ -4,7 +4,7 @@
 use std::time::Instant;
 
 use ob1_cpu::engine::{Factory, PLAIN, REFERENCE};
-use ob1_cpu::{Command, Cpu, CpuConfig};
+use ob1_cpu::{Command, Cpu, CpuConfig, OperatingState};
 use ob1_native::{AtLoad, Compiler, Target, Tier};
 use ob1_station::compiling::Giver;
 use ob1_stl::{Library, Options, Source};
@@ -41,6 +41,16 @@ fn cpu(statements: usize, factory: &dyn Factory) -> Result<Cpu, Failure> {
     }
     let config = CpuConfig { watchdog: 0, ..CpuConfig::default() };
     Cpu::new(config, &output.program, Vec::new(), Vec::new(), factory).map_err(|why| format!("{why:?}").into())
+}
+
+/// That the scans measured are scans: a CPU in STOP is fast.
+fn running(cpu: &Cpu) -> Result<(), Failure> {
+    if cpu.state() == OperatingState::Run {
+        return Ok(());
+    }
+    let why: Vec<String> =
+        cpu.diagnostics().map(|entry| format!("{:?} {}", entry.event, entry.text.as_str())).collect();
+    Err(format!("the CPU is in {:?}: {}", cpu.state(), why.join("; ")).into())
 }
 
 /// The compiler of both tiers.
@@ -144,6 +154,7 @@ pub fn scan() -> Result<Vec<Figure>, Failure> {
     for cpu in &mut cpus {
         cpu.request(Command::Run);
         cpu.cycle(&mut clock);
+        running(cpu)?;
     }
     // In turns: a restless moment of the machine meets both.
     for _ in 0..SCANS {
@@ -153,6 +164,7 @@ pub fn scan() -> Result<Vec<Figure>, Failure> {
             times.push(began.elapsed().as_nanos() as f64);
         }
     }
+    cpus.iter().try_for_each(running)?;
     let at = |times: &mut Vec<f64>, share: f64| {
         times.sort_by(f64::total_cmp);
         times[((times.len() - 1) as f64 * share) as usize]
