@@ -152,7 +152,7 @@ struct RunArgs {
     Exit codes: 0 no error, 1 an error was found."
 )]
 struct CheckArgs {
-    /// Sources (.awl), folders of sources and symbol tables, or one station file (.toml)
+    /// Sources (.awl) and symbol tables (.sdf), folders of them, or one station file (.toml)
     #[arg(required_unless_present = "plugin")]
     files: Vec<PathBuf>,
     /// A plugin whose blocks the sources call: a path, or a bare name like ob1_cp240

@@ -1,4 +1,4 @@
-//! A folder is a program: the sources and symbol tables in it.
+//! Files and folders that are a program: which are sources, which symbol tables.
 
 use std::path::{Path, PathBuf};
 
@@ -12,19 +12,19 @@ const TABLES: [&str; 4] = ["sdf", "asc", "seq", "dif"];
 const MOST: usize = 100_000;
 
 /// The files that a list of files and folders names, sources and symbol tables apart, in the order of their names
-/// within a folder.
+/// within a folder. A file that is named is a source, unless it bears the extension of a symbol table.
 pub fn expand(files: &[PathBuf], symbols: &[PathBuf]) -> (Vec<PathBuf>, Vec<PathBuf>) {
     let (mut sources, mut tables) = (Vec::new(), symbols.to_vec());
     for path in files {
-        if !path.is_dir() {
-            sources.push(path.clone());
-            continue;
-        }
-        for found in within(path) {
-            match kind(&found) {
-                Some(true) => sources.push(found),
-                Some(false) if !tables.contains(&found) => tables.push(found),
-                _ => {}
+        let is_folder = path.is_dir();
+        let found = if is_folder { within(path) } else { vec![path.clone()] };
+        for file in found {
+            match kind(&file) {
+                Some(false) if !tables.contains(&file) => tables.push(file),
+                Some(false) => {}
+                Some(true) => sources.push(file),
+                None if is_folder => {}
+                None => sources.push(file),
             }
         }
     }
@@ -87,7 +87,12 @@ mod tests {
         write("note.txt", "");
         write("other.xml", "<?xml?>");
         let (sources, tables) = expand(&[folder.path().to_owned()], &[]);
-        assert_eq!((sources, tables), (vec![main.clone(), data, block], vec![table]));
-        assert_eq!(expand(std::slice::from_ref(&main), &[]).0, [main]);
+        assert_eq!((sources, tables), (vec![main.clone(), data, block], vec![table.clone()]));
+        // Each file that is named counts; a symbol table once.
+        let note = folder.path().join("note.txt");
+        let named = [main.clone(), table.clone(), note.clone()];
+        let expected = (vec![main, note], vec![table.clone()]);
+        assert_eq!(expand(&named, &[]), expected);
+        assert_eq!(expand(&named, &[table]), expected);
     }
 }

@@ -278,8 +278,9 @@ pub fn compile(wanted: &Sources, library: &Library) -> Result<Compiled, Vec<Find
     let (files, symbols) = folder::expand(&wanted.files, &wanted.symbols);
     if files.is_empty() && !wanted.files.is_empty() {
         let name = wanted.files.first().map(|f| f.display().to_string()).unwrap_or_default();
-        let remedy = "a folder is a program: sources (.awl .stl .db .udt) and symbol tables (.sdf .asc .seq .dif)";
-        return Err(vec![Finding::whole(Level::Error, "C001", &name, "no sources are in this folder", remedy)]);
+        let remedy =
+            "name sources (.awl .stl .db .udt) or a folder of them; symbol tables (.sdf .asc .seq .dif) go with them";
+        return Err(vec![Finding::whole(Level::Error, "C001", &name, "there is no source", remedy)]);
     }
     let wanted = Sources { files, symbols, ..wanted.clone() };
     let sources = read_all(&wanted.files, &wanted.places, &mut findings);

@@ -23,7 +23,7 @@ use ob1_station::station_file;
     rejected\n  11  a fault stopped the CPU: the diagnostic entries are on stderr, newest first\n  1   wrong command line\n  \
     6   a file cannot be written\nDumps and figures are written in the cases 0, 3 and 11. docs/exec.md")]
 pub struct ExecArgs {
-    /// Sources, or folders of sources and symbol tables
+    /// Sources and symbol tables, or folders of them
     #[arg(required = true, value_name = "PROG.awl")]
     pub files: Vec<PathBuf>,
     /// A symbol table: SDF, ASC, SEQ or DIF; may be given several times
