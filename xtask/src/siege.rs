@@ -2,7 +2,7 @@
 //! of them short.
 //!
 //! A siege is a test whose number of rounds, or of minutes, comes from the environment; a round that fails names its
-//! seed. Whoever is measured in minutes has figures that are judged.
+//! seed. The figures of a siege that is measured in minutes are judged.
 
 use crate::cargo::{self, Profile, cargo};
 use crate::failure::{Failure, Outcome};

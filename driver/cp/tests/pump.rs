@@ -250,7 +250,7 @@ fn the_same_parameters_again_are_a_new_start_up() {
     module.poll(Instant::START);
     module.cpu.set_cpu_state(CpuState::Run);
     module.poll(Instant::START);
-    assert!(module.pump.is_working(), "STOP and RUN alone are none");
+    assert!(module.pump.is_working(), "STOP and RUN alone are no start");
     module.start(Instant::START);
     assert_eq!(module.port.applied.len(), first + 1);
 }

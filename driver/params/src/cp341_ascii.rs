@@ -288,7 +288,7 @@ mod tests {
             let error = cp(keys).expect_err("refused").to_string();
             assert!(error.contains(says), "{keys:?}: {error}");
         }
-        // A second end character of 00h is none of XON and XOFF; that it is not given says nothing.
+        // A second end character that is not given is 00h, which is neither XON nor XOFF.
         let keys = [(END, CHARACTERS.into()), ("flow", "xon-xoff".into())];
         assert!(cp(&keys).is_ok());
     }

@@ -32,7 +32,7 @@ fn printed_defaults() {
 /// [S0 "Note to default parameter!"]
 #[test]
 fn no_parameters_at_all() {
-    let cp = Cp240::of_bytes(&[0; 16]).expect("sixteen zeros are none");
+    let cp = Cp240::of_bytes(&[0; 16]).expect("sixteen zeros stand for no parameters");
     assert_eq!(cp, Cp240::unconfigured());
     assert_eq!(Cp240::decode(&cp.encode()), Ok(cp.clone()));
     assert_eq!(cp.line_settings().to_string(), "9600 8E1");

@@ -342,7 +342,7 @@ fn nothing_is_received_while_dsr_is_off() {
          60 rx 45
          80 timeout => got 45",
     );
-    // With XON/XOFF beside it: whoever has DSR OFF stops nobody.
+    // With XON/XOFF beside it DSR OFF stops nobody.
     run(
         Config { flow: Flow::XonXoff, ..with_signals(0, 0) },
         "0  start => rts off, dtr on, tx XON

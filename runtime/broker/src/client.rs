@@ -215,7 +215,7 @@ mod tests {
         assert_eq!(clients.login(1, "secret", &config, WRONG_PASSWORD), Ok(()));
         assert_eq!(clients.known(1).map(|client| client.right), Some(Right::Operate));
         assert_eq!(clients.of(2, &config).map(|client| client.right), Some(Right::Read));
-        // Whoever comes again and again under another number.
+        // A client that comes again and again under another number.
         let second = 5 * WINDOW;
         for number in 100..100 + WRONG_TOGETHER {
             assert_eq!(clients.login(number, "guess", &config, second), Err(Refusal::Password));

@@ -101,7 +101,7 @@ impl SendSide {
                 }
                 Step::Wait
             }
-            // A refused telegram: its remaining fragments are none of another one. The host has to go to idle.
+            // A refused telegram: its remaining fragments do not belong to another one. The host has to go to idle.
             State::Answered { shown } if command == IDLE || shown == LAST && command == FIRST => {
                 self.state = State::Idle;
                 self.look(command, area)

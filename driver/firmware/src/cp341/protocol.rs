@@ -208,7 +208,7 @@ fn ascii_config(p: &AsciiOf341, parameters: &Parameters, late: Span) -> ascii::C
     ascii::Config {
         criterion,
         flow: parameters.line.flow,
-        // Where ZVZ only watches over a telegram, characters that the line hands over late are none that came late.
+        // Where ZVZ only watches over a telegram, characters that the line hands over late did not come late.
         zvz: if criterion == ascii::Criterion::Silence { zvz } else { zvz + late },
         pause: if p.send_pause { zvz } else { Span::ZERO },
         flow_wait: u64::from(p.flow_wait_ms) * MS,

@@ -237,7 +237,7 @@ impl SimBus {
         }
     }
 
-    /// A participant joins. A cable has two, and a third hears nothing good of it.
+    /// A participant joins. A cable has two ends; with a third the characters collide.
     ///
     /// On a cable, whoever joins while one that has left is still sending takes that end: it sends behind those
     /// characters, as behind what a UART still holds of an earlier program, and does not hear them.

@@ -10,7 +10,7 @@ const ATTEMPTS: &str = "Check the line, and whether the partner is on and set to
 
 pub(super) const ROWS: &[Row] = &[
     here(0x0601, "1st byte of the command is neither 00h nor FFh", HEADER),
-    here(0x0602, "3rd byte of the command is none of A, O, E", HEADER),
+    here(0x0602, "3rd byte of the command is not A, O or E", HEADER),
     here(0x0603, "3rd byte of a continuation differs from the first telegram's", HEADER),
     here(0x0604, "4th byte of the command is no area, or not allowed with this command", HEADER),
     here(0x0605, "4th byte of a continuation differs from the first telegram's", HEADER),

@@ -215,8 +215,8 @@ pub enum Direction {
     Answer,
 }
 
-/// Length of a telegram by its first bytes; `None`: more of it must be known, or the function code is none of the
-/// eight.
+/// Length of a telegram by its first bytes; `None` when more of it must be known, or when
+/// there is no such function code.
 pub fn length(direction: Direction, telegram: &[u8], register_bytes: usize) -> Option<usize> {
     let code = *telegram.get(1)?;
     if direction == Direction::Answer && code & ERROR_BIT != 0 {

@@ -223,7 +223,7 @@ impl Job {
 
 /// Function and register width of a code in the source area.
 fn function_of(code: u8, long_registers: bool) -> Result<(Function, bool), u16> {
-    // Without the parameter there is no such bit: the code is none of the list (ours).
+    // Without the parameter there is no such bit, and the code is not in the list (ours).
     let is_long = long_registers && code & LONG_BIT != 0;
     let base = if is_long { code & !LONG_BIT } else { code };
     match Function::of(base) {

@@ -1,7 +1,7 @@
 //! Characters to a reply: colon, digits, CR, LF. [S4 "4.1 Message Structure"]
 //!
-//! What is wrong with a reply is kept until it has ended, by LF or by silence: whoever asks again at once must not meet
-//! the rest of it.
+//! What is wrong with a reply is kept until it has ended, by LF or by silence: the next request must not meet the rest
+//! of it.
 
 use super::{FRAME_CHARACTERS, TELEGRAM_BYTES, number};
 use crate::machine::Instant;

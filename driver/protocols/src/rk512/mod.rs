@@ -195,7 +195,7 @@ impl<const N: usize> Rk512<N> {
 
     fn abort(&mut self, now: Instant, out: &mut dyn Owner) {
         let is_owed = self.awaits_reaction();
-        // Its word on its running order is not passed on: the order here ends below, whoever's turn it was.
+        // What it says of its running order is not passed on: the order here ends below in any case.
         self.line.take(now, machine::Input::Order(machine::Order::Abort), &mut Tap::new(out));
         self.carries = Carries::Nothing;
         self.reply = None;
