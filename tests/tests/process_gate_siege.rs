@@ -230,6 +230,137 @@ fn gate_opcua() {
     besieged.end(&span, &format!("{round} connections, {sent} messages, nothing changed"));
 }
 
+/// A request of a session whose bytes claim more than there is, or than anybody needs: the very bytes, unharmed by a
+/// random generator. Whoever believes one of them has no memory left.
+#[test]
+fn gate_claims() {
+    let site = Site::new();
+    let port = free_port();
+    let link = format!("[[link]]\ntype = \"opcua\"\nname = \"scada\"\nlisten = \"127.0.0.1:{port}\"\nclients = 64\n");
+    let station = station(&site, "gs-claims", &link);
+    let address = SocketAddr::from(([127, 0, 0, 1], port));
+    let mut besieged = Besieged::new(station, channel_opens(address));
+    let connect = || OpcUa::connect(address, Duration::from_secs(20)).expect("a session");
+    let claims = claims(&mut connect());
+    for (round, (what, body, opening)) in (0..).zip(&claims) {
+        let mut client = connect();
+        let chunk = client.framed(*opening, body);
+        client.raw(&chunk).expect("it is sent");
+        // Refused, or answered with something else; the next one finds the gate as it was.
+        let answer = client.told().map(drop);
+        println!("{what}: {answer:?}");
+        drop(connect());
+        besieged.look(round);
+    }
+    // A greeting without end, before anybody is known.
+    let mut stream = TcpStream::connect(address).expect("a connection");
+    stream.set_write_timeout(Some(Duration::from_secs(20))).expect("a socket");
+    let _ = stream.write_all(b"HELF\xFF\xFF\xFF\xFF");
+    let (part, mut sent) = (vec![0; 1 << 20], 0_u64);
+    while sent < 4096 && stream.write_all(&part).is_ok() {
+        sent += 1;
+    }
+    println!("a greeting of 4 GiB: closed after {sent} MiB");
+    assert!(sent < 2048, "somebody has taken two gigabytes");
+    besieged.station.until("others are served", |_| OpcUa::connect(address, BACK).ok());
+    besieged.look(u64::MAX);
+    // Messages that are never finished, of six clients that stay.
+    let six: Vec<OpcUa> = (0..6)
+        .map_while(|_| {
+            let mut client = OpcUa::connect(address, BACK).ok()?;
+            let mut chunk = client.framed(false, &vec![0; (4 << 20) - 24]);
+            for _ in 0..60 {
+                // One in between, with the number behind the one before.
+                chunk[3] = b'C';
+                let number = u32::from_le_bytes([chunk[16], chunk[17], chunk[18], chunk[19]]) + 1;
+                if client.raw(&chunk).is_err() {
+                    break;
+                }
+                chunk[16..20].copy_from_slice(&number.to_le_bytes());
+            }
+            Some(client)
+        })
+        .collect();
+    besieged.station.until("others are served", |_| OpcUa::connect(address, BACK).ok());
+    besieged.look(u64::MAX);
+    drop(six);
+    besieged.end(&Span::of(1), &format!("{} claims", claims.len() + 2));
+}
+
+/// What is claimed, the body that claims it, and whether it is sent to open a channel.
+fn claims(client: &mut OpcUa) -> Vec<(String, Vec<u8>, bool)> {
+    // The end of a request with a value: the encoding of the value, and what it claims.
+    let write = |what: &str, value: &[u8]| {
+        let nodes = vec![WriteValue {
+            node_id: NodeId::new(2, "DB10.ramp"),
+            attribute_id: 13,
+            value: DataValue::value_only(Variant::Boolean(true)),
+            ..WriteValue::default()
+        }];
+        let write = WriteRequest { request_header: client.header(), nodes_to_write: Some(nodes) };
+        let mut body = client.body(&write).expect("a request");
+        // In place of the Boolean: its type and its value.
+        body.truncate(body.len() - 2);
+        body.extend(value);
+        (format!("write: {what}"), body, false)
+    };
+    // A structure as the additional header of a request.
+    let header = |what: &str, structure: &[u8], opening: bool| {
+        let request = ReadRequest { request_header: client.header(), ..ReadRequest::default() };
+        let mut body = client.body(&request).expect("a request");
+        // Behind the header: max age, timestamps, no nodes; the header ends with no structure.
+        body.truncate(body.len() - 8 - 4 - 4 - 3);
+        if opening {
+            // The type of OpenSecureChannelRequest in place of that of ReadRequest.
+            body[2..4].copy_from_slice(&446_u16.to_le_bytes());
+        }
+        body.extend(structure);
+        (format!("header{}: {what}", if opening { " of a channel" } else { "" }), body, opening)
+    };
+    let structure = |id: u16, encoding: u8, length: i32, bytes: &[u8]| {
+        [&[1, 0], &id.to_le_bytes()[..], &[encoding], &length.to_le_bytes(), bytes].concat()
+    };
+    let two_gb = i32::MAX;
+    let long = two_gb.to_le_bytes();
+    let fault = [&[0; 16][..], &[0x40; 60_000]].concat();
+    let mut all = Vec::new();
+    for opening in [false, true] {
+        all.push(header("2 GB in XML", &structure(9, 2, two_gb, b"<a>"), opening));
+        all.push(header("2 GB of a type nobody knows", &structure(9, 1, two_gb, &[7; 3]), opening));
+        all.push(header("2 GB of a type that is known", &structure(597, 1, two_gb, &[7; 3]), opening));
+        all.push(header("a fault nested 60,000 times", &structure(397, 1, fault.len() as i32, &fault), opening));
+    }
+    all.push(write("2 GB in XML", &[&[22][..], &structure(9, 2, two_gb, b"<a>")].concat()));
+    all.push(write("2 GB of bytes", &[&[15][..], &long, &[7; 3]].concat()));
+    all.push(write("2 GB of text", &[&[12][..], &long, b"abc"].concat()));
+    all.push(write("2 GB of an XML element", &[&[16][..], &long, b"<a>"].concat()));
+    for kind in [1_u8, 3, 12, 15, 17, 22, 23, 24, 25] {
+        all.push(write(&format!("an array of 2 G of type {kind}"), &[&[0x80 | kind][..], &long, &[0; 8]].concat()));
+    }
+    // Sixteen elements with dimensions of 2^32 + 16, and of nothing at all.
+    let dimensions = |dims: &[u32]| {
+        let dims: Vec<u8> = dims.iter().flat_map(|dim| dim.to_le_bytes()).collect();
+        [&[0xC3][..], &16_i32.to_le_bytes(), &[7; 16], &(dims.len() as i32 / 4).to_le_bytes(), &dims].concat()
+    };
+    all.push(write("dimensions that overflow", &dimensions(&[65_536, 65_536, 16])));
+    all.push(write("dimensions of nothing", &dimensions(&[0, 16])));
+    all.push(write("2 G dimensions", &[&[0xC3][..], &16_i32.to_le_bytes(), &[7; 16], &long].concat()));
+    // Arrays in arrays, each as long as may be.
+    let nested: Vec<u8> = (0..90).flat_map(|_| [&[0x98][..], &65_536_i32.to_le_bytes()].concat()).collect();
+    all.push(write("arrays in arrays", &nested));
+    // Ten thousand arrays side by side, each with room for the longest.
+    let beside: Vec<u8> = (0..10_000).flat_map(|_| [&[0x98][..], &1_i32.to_le_bytes(), &[0]].concat()).collect();
+    all.push(write("arrays beside arrays", &[&[0x98][..], &10_000_i32.to_le_bytes(), &beside].concat()));
+    all.push(write("values in values", &[0x17, 1].repeat(30_000)));
+    all.push(write("diagnostics in diagnostics", &[&[0x19][..], &[0x40; 60_000]].concat()));
+    // A thousand times the longest array: read, and watched.
+    let everything = vec![value_of("DB11.long"); 1000];
+    let read =
+        ReadRequest { request_header: client.header(), nodes_to_read: Some(everything), ..ReadRequest::default() };
+    all.push(("a thousand arrays".into(), client.body(&read).expect("a request"), false));
+    all
+}
+
 /// One body of each service that could change something, and of those that cost something.
 fn seeds(client: &OpcUa, address: SocketAddr) -> Vec<Vec<u8>> {
     let header = || client.header();

@@ -15,7 +15,7 @@ use tokio::sync::{Mutex, OnceCell, Semaphore, broadcast, mpsc, oneshot, watch};
 use tokio::time::Instant;
 
 use crate::pump::{Events, Newest, Order, Pump};
-use crate::{Audit, Catalog, Tls, Trouble, Users};
+use crate::{Audit, Catalog, Memory, Tls, Trouble, Users};
 
 /// No watch looks more often.
 const SHORTEST: Duration = Duration::from_millis(10);
@@ -59,6 +59,8 @@ pub struct Link {
     pub tls: Option<Tls>,
     /// A folder of the gate's own, where it may write; of those kinds of link that need one.
     pub state: Option<PathBuf>,
+    /// The memory of this process.
+    pub memory: Memory,
 }
 
 /// Who does something.

@@ -6,6 +6,7 @@
 
 mod attributes;
 mod auth;
+mod beat;
 mod bounded;
 mod events;
 mod keys;
@@ -23,16 +24,16 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use ob1_access::{Allowed, Cell, Piece};
-use ob1_gate_core::{Link, Station};
+use ob1_gate_core::{Link, Memory, Station};
 use ob1_model::Area;
 use opcua_crypto::SecurityPolicy;
 use opcua_server::node_manager::ServerContext;
 use opcua_server::{ANONYMOUS_USER_TOKEN_ID, Server, ServerBuilder, ServerEndpoint, ServerHandle};
 use opcua_types::{BuildInfo, DateTime, MessageSecurityMode, VariableId, Variant};
+use tokio::sync::oneshot;
 use tokio::task::JoinSet;
 
 use crate::auth::Auth;
-use crate::bounded::Bounded;
 use crate::keys::{Keys, Settings};
 use crate::manager::Manager;
 use crate::monitor::Monitor;
@@ -40,13 +41,21 @@ use crate::pki::Pki;
 
 /// How often it is looked whether a server has to be begun anew.
 const LOOK: Duration = Duration::from_secs(1);
+/// How often it is looked whether memory is short: a stranger sends some ten megabytes in between.
+const MEMORY_LOOK: Duration = Duration::from_millis(20);
+/// A server that ends has so long for its last words.
+const GOODBYE: Duration = Duration::from_millis(500);
+/// The library goes down into values that lie in values, without counting: so much is enough for a whole chunk of them.
+const STACK: usize = 64 << 20;
+/// Threads for passwords, of each server.
+const HELPERS: usize = 2;
 
 /// Serves a link until its station is gone.
 ///
 /// # Errors
 /// What is wrong with the link's keys, its files or its sockets.
 pub async fn serve(link: Link) -> Result<(), String> {
-    let Link { station, listeners, users, state, .. } = link;
+    let Link { station, listeners, users, state, memory, .. } = link;
     let keys: Keys = serde_json::from_value(station.keys().clone()).map_err(|error| error.to_string())?;
     let addresses = listeners.iter().map(TcpListener::local_addr).collect::<Result<Vec<_>, _>>();
     let addresses = addresses.map_err(|error| error.to_string())?;
@@ -62,7 +71,7 @@ pub async fn serve(link: Link) -> Result<(), String> {
     };
     let pki = made.map_err(|error| error.to_string())??;
     let auth = Arc::new(Auth::new(users, settings.anonymous, station.audit().clone()));
-    let about = Arc::new(About { station, settings, auth, pki, name, uri });
+    let about = Arc::new(About { station, settings, auth, pki, memory, name, uri });
     let mut servers = JoinSet::new();
     for (listener, address) in listeners.into_iter().zip(addresses) {
         let about = Arc::clone(&about);
@@ -80,32 +89,31 @@ struct About {
     settings: Settings,
     auth: Arc<Auth>,
     pki: Pki,
+    memory: Memory,
     name: String,
     uri: String,
 }
 
 impl About {
     /// Keeps a server at a socket until the station is gone. The library forgets nothing of an item that is deleted,
-    /// so a server is begun anew after many of them.
+    /// so a server is begun anew after many of them; and when memory runs short, whoever takes it.
     async fn keep(&self, listener: &TcpListener, address: SocketAddr) -> Result<(), String> {
         loop {
             let monitor = Arc::new(Monitor::new(self.settings.items, heartbeat(&self.settings.allowed)));
             let (server, handle) = self.server(address, &monitor)?;
-            let socket = listener.try_clone().and_then(tokio::net::TcpListener::from_std);
-            let socket = socket.map_err(|error| format!("{address}: {error}"))?;
-            let running = tokio::spawn(server.run_with(socket));
-            let gone = tokio::select! {
-                () = monitor.gone() => true,
-                () = worn(&monitor, &handle, &self.pki) => false,
+            let socket = listener.try_clone().map_err(|error| format!("{address}: {error}"))?;
+            let mut running = Running::begin(server, &handle, socket, Arc::clone(&monitor))?;
+            let why = tokio::select! {
+                () = monitor.gone() => None,
+                () = worn(&monitor, &handle, &self.pki) => Some("many items have been deleted"),
+                () = short(&self.memory) => Some("its clients have taken too much memory"),
+                ended = &mut running.ended => return ended.unwrap_or_else(|_| Err("the OPC UA server has failed".into())),
             };
             handle.cancel();
-            let ended = running.await;
+            running.end().await;
             monitor.stop();
-            if gone {
-                return Ok(());
-            }
-            ended.map_err(|error| error.to_string())??;
-            tracing::info!(link = %self.station.welcome().link, "the OPC UA server is begun anew");
+            let Some(why) = why else { return Ok(()) };
+            tracing::warn!(link = %self.station.welcome().link, "the OPC UA server is begun anew: {why}");
         }
     }
 
@@ -136,16 +144,67 @@ impl About {
             .max_session_timeout_ms(limits::SESSION_MS)
             .max_timeout_ms(limits::SESSION_MS as u32)
             .diagnostics_enabled(true)
-            .with_type_loader(Arc::new(Bounded))
             .with_authenticator(Arc::clone(&self.auth) as Arc<_>);
         for (name, endpoint) in endpoints(settings.open) {
             builder = builder.add_endpoint(name, endpoint);
         }
         let (station, auth) = (self.station.clone(), Arc::clone(&self.auth));
         let (monitor, allowed) = (Arc::clone(monitor), settings.allowed.clone());
-        builder
+        let built = builder
             .with_node_manager(move |context: ServerContext| Manager::new(station, auth, monitor, allowed, &context))
-            .build()
+            .build()?;
+        *built.1.info().type_loaders.write() = bounded::loaders();
+        Ok(built)
+    }
+}
+
+/// A server in a thread and a runtime of its own: when it ends, all that it holds is free, whatever its clients do.
+struct Running {
+    ended: oneshot::Receiver<Result<(), String>>,
+    /// Dropped: it ends at once.
+    hold: oneshot::Sender<()>,
+}
+
+impl Running {
+    fn begin(
+        server: Server,
+        handle: &ServerHandle,
+        socket: TcpListener,
+        monitor: Arc<Monitor>,
+    ) -> Result<Self, String> {
+        let (to, ended) = oneshot::channel();
+        let (hold, let_go) = oneshot::channel::<()>();
+        let subscriptions = Arc::clone(handle.subscriptions());
+        let run = move || {
+            let runtime = tokio::runtime::Builder::new_current_thread()
+                .enable_all()
+                .max_blocking_threads(HELPERS)
+                .thread_name("ob1-gate-helper")
+                .build()?;
+            let ended = runtime.block_on(async {
+                let socket = tokio::net::TcpListener::from_std(socket)?;
+                let intervals = || monitor.pace().intervals(&subscriptions);
+                let served = beat::conduct(server.run_with(socket), monitor.pace(), intervals);
+                tokio::select! {
+                    ended = served => ended.map_err(std::io::Error::other),
+                    _ = let_go => Ok(()),
+                }
+            });
+            runtime.shutdown_background();
+            ended
+        };
+        let thread = std::thread::Builder::new().name("ob1-gate-opcua".to_owned()).stack_size(STACK);
+        let thread = thread.spawn(move || drop(to.send(run().map_err(|error| error.to_string()))));
+        thread.map_err(|error| error.to_string())?;
+        Ok(Self { ended, hold })
+    }
+
+    /// Waits a moment until it has said goodbye to its clients.
+    async fn end(mut self) {
+        if tokio::time::timeout(GOODBYE, &mut self.ended).await.is_err() {
+            drop(self.hold);
+            let _ = self.ended.await;
+        }
     }
 }
 
@@ -186,6 +245,13 @@ async fn worn(monitor: &Monitor, handle: &ServerHandle, pki: &Pki) {
         if deleted >= limits::RENEW_ANYWAY || idle && deleted >= limits::RENEW_IDLE {
             return;
         }
+    }
+}
+
+/// Waits until memory is short.
+async fn short(memory: &Memory) {
+    while !memory.is_short() {
+        tokio::time::sleep(MEMORY_LOOK).await;
     }
 }
 

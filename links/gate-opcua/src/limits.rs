@@ -8,7 +8,9 @@ use opcua_server::{Limits, OperationalLimits, SubscriptionLimits};
 pub(crate) const SAMPLING_MS: f64 = 50.0;
 /// Longest.
 pub(crate) const SLOWEST_MS: f64 = 3_600_000.0;
-/// How often the server looks whether something is to be published.
+/// Looks at the CPU within the shortest sampling interval that anybody wants.
+pub(crate) const LOOKS: u32 = 4;
+/// The server looks whether something is to be published at beats (`beat.rs`), but never more often than this.
 pub(crate) const POLL_MS: u64 = 1;
 /// New items that come within this time begin together.
 pub(crate) const SETTLE: Duration = Duration::from_millis(20);
@@ -16,6 +18,10 @@ pub(crate) const SETTLE: Duration = Duration::from_millis(20);
 pub(crate) const SESSIONS: usize = 20;
 /// Monitored items of all clients together, unless the link says another number.
 pub(crate) const ITEMS: usize = 20_000;
+/// Single values that an answer takes room for: elements of arrays, mostly. More than this fits no message.
+pub(crate) const ANSWER: usize = 1 << 20;
+/// Single values that the items of all clients take room for: the newest of each, and its queue.
+pub(crate) const KEPT: usize = 1 << 20;
 /// Requests of all clients that change something, under way at a time.
 pub(crate) const CHANGES: usize = 32;
 /// A session that asks nothing for so long is closed.

@@ -27,7 +27,7 @@ use crate::limits;
 use crate::monitor::Monitor;
 use crate::sample::{bad, refused, sample, status};
 use crate::space::{Fact, METHODS, Node, ROOT, Sizes, Space};
-use crate::value::{attempt, datum, unfit};
+use crate::value::{attempt, datum, unfit, weight};
 
 /// The namespace of a station, index 2 of its server.
 pub(crate) const NAMESPACE_URI: &str = "urn:ob1:station";
@@ -453,11 +453,10 @@ impl NodeManager for Manager {
                 (Some(_), AttributeId::EventNotifier) => StatusCode::BadAttributeIdInvalid,
                 (Some((id, Node::Value(typed))), AttributeId::Value) => {
                     added.push((index, id.clone(), item.handle()));
-                    self.monitor.add(id, typed, item.handle(), item.monitoring_mode(), item.sampling_interval())
+                    self.monitor.pace().watched(item.handle().subscription_id, context.session_id());
+                    self.monitor.add(id, typed, item)
                 }
-                (Some((id, Node::Fact(_))), AttributeId::Value) => {
-                    self.monitor.add_fact(id, item.handle(), item.monitoring_mode(), item.sampling_interval())
-                }
+                (Some((id, Node::Fact(_))), AttributeId::Value) => self.monitor.add_fact(id, item),
                 (Some(_), _) => StatusCode::Good,
             };
             let mut wanted = item.item_to_monitor().clone();
@@ -530,6 +529,7 @@ impl Manager {
         {
             self.monitor.seen(&reading);
         }
+        let mut room = limits::ANSWER;
         for (index, wanted) in wanted {
             let found = text(&wanted.node_id).and_then(|id| Some((id, space.find(id)?)));
             let Some((id, node)) = found else {
@@ -537,7 +537,13 @@ impl Manager {
                 continue;
             };
             match (wanted.attribute_id, &node) {
-                (AttributeId::Value, Node::Value(typed)) => places.push((index, typed.clone(), wanted.index_range)),
+                (AttributeId::Value, Node::Value(typed)) => match room.checked_sub(weight(&typed.ty)) {
+                    Some(rest) => {
+                        room = rest;
+                        places.push((index, typed.clone(), wanted.index_range));
+                    }
+                    None => results.push((index, bad(StatusCode::BadEncodingLimitsExceeded))),
+                },
                 (AttributeId::Value, Node::Fact(fact)) => {
                     results.push((index, DataValue::new_now(self.fact(*fact))));
                 }

@@ -11,17 +11,19 @@ use std::time::{Duration, Instant};
 use ob1_access::door::{Cover, Reading, Refusal, State};
 use ob1_access::{Piece, Typed};
 use ob1_gate_core::{Station, Trouble, Watch};
-use opcua_server::{MonitoredItemHandle, SubscriptionCache};
+use opcua_server::{CreateMonitoredItem, MonitoredItemHandle, SubscriptionCache};
 use opcua_types::{AttributeId, DataValue, MonitoringMode, NodeId, StatusCode, Variant};
 use parking_lot::Mutex;
 use tokio::sync::{Notify, watch};
 use tokio::task::AbortHandle;
 
+use crate::beat::Pace;
 use crate::events;
 use crate::limits;
 use crate::manager::node_id;
 use crate::sample::{bad, sample, status};
 use crate::space::{FACTS, Fact};
+use crate::value::weight;
 
 /// What is watched when nobody watches a value: one byte, for the state and the number of the scan.
 const HEARTBEAT: Duration = Duration::from_millis(250);
@@ -32,10 +34,13 @@ pub(crate) struct Monitor {
     /// Monitored items of values.
     items: AtomicUsize,
     most: usize,
+    /// Single values that they take room for.
+    kept: AtomicUsize,
     /// A byte the link may read, for the state of the CPU.
     heartbeat: Option<Piece>,
     /// Items that have been deleted since the server began.
     deleted: AtomicUsize,
+    pace: Pace,
     changed: Notify,
     stale: AtomicBool,
     scan: AtomicU64,
@@ -60,12 +65,22 @@ struct Watched {
 struct Rate {
     every: Duration,
     on: bool,
+    /// What it takes room for, in single values.
+    kept: usize,
 }
 
 impl Watched {
     /// The shortest interval anybody wants; `None` while nobody does.
     fn every(&self) -> Option<Duration> {
         self.handles.values().filter(|rate| rate.on).map(|rate| rate.every).min()
+    }
+
+    /// Whether it may be told now; then its next turn is an interval later. Half of one early is in time, for changes
+    /// and looks have clocks of their own; over many turns it is an interval all the same.
+    fn turn(&mut self, now: Instant) -> bool {
+        let Some(every) = self.every().filter(|every| self.next <= now + *every / 2) else { return false };
+        self.next = self.next.max(now) + every;
+        true
     }
 }
 
@@ -78,14 +93,22 @@ fn interval(ms: f64) -> Duration {
     })
 }
 
+/// The queue of an item whose values have this weight: as long as it wants, else one value, else there is no room.
+fn queue(weight: usize, wanted: usize, room: usize) -> Option<usize> {
+    let fits = |queue: &usize| weight.saturating_mul(*queue + 1) <= room;
+    Some(wanted.max(1)).filter(fits).or(Some(1).filter(fits))
+}
+
 impl Monitor {
     pub(crate) fn new(most: usize, heartbeat: Option<Piece>) -> Self {
         Self {
             watched: Mutex::default(),
             items: AtomicUsize::new(0),
             most,
+            kept: AtomicUsize::new(0),
             heartbeat,
             deleted: AtomicUsize::new(0),
+            pace: Pace::new(),
             changed: Notify::new(),
             stale: AtomicBool::new(true),
             scan: AtomicU64::new(0),
@@ -133,6 +156,11 @@ impl Monitor {
         self.scan.load(Ordering::Relaxed)
     }
 
+    /// What the looks of the server go by.
+    pub(crate) const fn pace(&self) -> &Pace {
+        &self.pace
+    }
+
     /// Items deleted since the server began: each leaves a little behind in the server.
     pub(crate) fn deleted(&self) -> usize {
         self.deleted.load(Ordering::Relaxed)
@@ -152,28 +180,15 @@ impl Monitor {
         self.state.store(state, Ordering::Relaxed);
     }
 
-    /// Watches a value for an item.
-    pub(crate) fn add(
-        &self,
-        id: &str,
-        typed: &Typed,
-        handle: MonitoredItemHandle,
-        mode: MonitoringMode,
-        every: f64,
-    ) -> StatusCode {
+    /// Watches a value for an item. The item's queue becomes shorter where there is no room for it.
+    pub(crate) fn add(&self, id: &str, typed: &Typed, item: &mut CreateMonitoredItem) -> StatusCode {
         let Some(piece) = typed.piece() else { return StatusCode::BadNotReadable };
-        self.insert(id, Some(typed), Some(piece), handle, mode, every)
+        self.insert(id, Some(typed), Some(piece), item)
     }
 
     /// Watches a fact about the CPU for an item.
-    pub(crate) fn add_fact(
-        &self,
-        id: &str,
-        handle: MonitoredItemHandle,
-        mode: MonitoringMode,
-        every: f64,
-    ) -> StatusCode {
-        self.insert(id, None, None, handle, mode, every)
+    pub(crate) fn add_fact(&self, id: &str, item: &mut CreateMonitoredItem) -> StatusCode {
+        self.insert(id, None, None, item)
     }
 
     fn insert(
@@ -181,14 +196,19 @@ impl Monitor {
         id: &str,
         typed: Option<&Typed>,
         piece: Option<Piece>,
-        handle: MonitoredItemHandle,
-        mode: MonitoringMode,
-        every: f64,
+        item: &mut CreateMonitoredItem,
     ) -> StatusCode {
         let mut watched = self.watched.lock();
         if self.items.load(Ordering::Relaxed) >= self.most {
             return StatusCode::BadTooManyMonitoredItems;
         }
+        let weight = typed.map_or(1, |typed| weight(&typed.ty));
+        let room = limits::KEPT.saturating_sub(self.kept.load(Ordering::Relaxed));
+        let Some(queue) = queue(weight, item.queue_size(), room) else {
+            return StatusCode::BadTooManyMonitoredItems;
+        };
+        item.revise_queue_size(queue);
+        let (handle, mode, every) = (item.handle(), item.monitoring_mode(), item.sampling_interval());
         let entry = watched.entry(id.to_owned()).or_insert_with(|| Watched {
             node: node_id(id),
             typed: typed.cloned(),
@@ -198,9 +218,12 @@ impl Monitor {
             last: None,
             place: None,
         });
-        let rate = Rate { every: interval(every), on: mode != MonitoringMode::Disabled };
-        if entry.handles.insert(handle, rate).is_none() {
-            self.items.fetch_add(1, Ordering::Relaxed);
+        let kept = weight * (queue + 1);
+        let rate = Rate { every: interval(every), on: mode != MonitoringMode::Disabled, kept };
+        self.kept.fetch_add(kept, Ordering::Relaxed);
+        match entry.handles.insert(handle, rate) {
+            None => drop(self.items.fetch_add(1, Ordering::Relaxed)),
+            Some(before) => drop(self.kept.fetch_sub(before.kept, Ordering::Relaxed)),
         }
         // The new item has its own first value; all the others that watch it get the same again, which is no change.
         entry.last = None;
@@ -237,8 +260,9 @@ impl Monitor {
         let mut watched = self.watched.lock();
         self.deleted.fetch_add(1, Ordering::Relaxed);
         let Some(entry) = watched.get_mut(id) else { return };
-        if entry.handles.remove(&handle).is_some() {
+        if let Some(rate) = entry.handles.remove(&handle) {
             self.items.fetch_sub(1, Ordering::Relaxed);
+            self.kept.fetch_sub(rate.kept, Ordering::Relaxed);
         }
         if entry.handles.is_empty() {
             watched.remove(id);
@@ -254,10 +278,13 @@ impl Monitor {
     /// Samples for as long as the server lives.
     async fn run(&self, station: Station, subscriptions: Arc<SubscriptionCache>) {
         let mut watch = self.watch(&station);
+        let mut seen = None;
         loop {
             tokio::select! {
                 newest = watch.next() => match newest {
-                    Ok(reading) => self.tell(&reading, &subscriptions),
+                    Ok(reading) => {
+                        seen = self.tell(&reading, seen.as_deref(), &subscriptions).then_some(reading);
+                    }
                     Err(Trouble::Gone) => {
                         self.tell_all(&bad(StatusCode::BadNoCommunication), &subscriptions);
                         return;
@@ -270,14 +297,15 @@ impl Monitor {
                     // Items come a thousand at a time: what comes within this time is one new watch.
                     tokio::time::sleep(limits::SETTLE).await;
                     if self.stale.load(Ordering::Relaxed) {
-                        watch = self.watch(&station);
+                        (watch, seen) = (self.watch(&station), None);
                     }
                 }
             }
         }
     }
 
-    /// A watch of all that is watched, as often as the fastest item wants.
+    /// A watch of all that is watched, some times as often as the fastest item wants: a change is seen soon, and told
+    /// when it is the item's turn.
     fn watch(&self, station: &Station) -> Watch {
         self.stale.store(false, Ordering::Relaxed);
         let mut watched = self.watched.lock();
@@ -286,37 +314,40 @@ impl Monitor {
         let mut every = HEARTBEAT;
         for entry in watched.values_mut() {
             entry.place = entry.piece.as_ref().and_then(|piece| cover.find(piece));
-            every = entry.every().map_or(every, |own| own.min(every));
+            every = entry.every().map_or(every, |own| every.min(own / limits::LOOKS));
         }
         station.watch(cover.pieces().to_vec(), every)
     }
 
-    /// Tells the items whose turn it is what has changed.
-    fn tell(&self, reading: &Reading, subscriptions: &SubscriptionCache) {
+    /// Tells the items whose turn it is what has changed since the reading `seen`. Whether everything that has changed
+    /// is told now.
+    fn tell(&self, reading: &Reading, seen: Option<&Reading>, subscriptions: &SubscriptionCache) -> bool {
         self.seen(reading);
         let now = Instant::now();
         let mut changes = Vec::new();
+        let mut complete = true;
         {
             let mut watched = self.watched.lock();
-            for (id, entry) in watched.iter_mut() {
-                // A quarter of a period early is in time: readings come by a clock of their own.
-                let Some(every) = entry.every().filter(|every| entry.next <= now + *every / 4) else { continue };
-                entry.next = (entry.next + every).max(now);
-                let Some((typed, piece)) = entry.typed.as_ref().zip(entry.piece.as_ref()) else {
-                    let fact = FACTS.iter().find(|(name, _)| name == id).map(|(_, fact)| *fact);
-                    let (bytes, value) = match fact {
-                        Some(Fact::State) => (self.state().as_bytes().to_vec(), Variant::from(self.state())),
-                        Some(Fact::Scan) => (self.scan().to_be_bytes().to_vec(), Variant::UInt64(self.scan())),
-                        None => continue,
-                    };
-                    if entry.last.as_ref() != Some(&Ok(bytes.clone())) {
-                        entry.last = Some(Ok(bytes));
-                        changes.push((entry.node.clone(), DataValue::new_now(value)));
-                    }
-                    continue;
+            for (id, fact) in FACTS {
+                let Some(entry) = watched.get_mut(id) else { continue };
+                let (bytes, value) = match fact {
+                    Fact::State => (self.state().as_bytes().to_vec(), Variant::from(self.state())),
+                    Fact::Scan => (self.scan().to_be_bytes().to_vec(), Variant::UInt64(self.scan())),
                 };
+                if entry.last.as_ref() != Some(&Ok(bytes.clone())) && entry.turn(now) {
+                    entry.last = Some(Ok(bytes));
+                    changes.push((entry.node.clone(), DataValue::new_now(value)));
+                }
+            }
+            let same = |seen: &Reading| {
+                seen.len() == reading.len() && (0..reading.len()).all(|index| seen.piece(index) == reading.piece(index))
+            };
+            // Most looks find nothing new: they cost a comparison of bytes, not a walk over ten thousand items.
+            let entries = if seen.is_some_and(same) { None } else { Some(watched.values_mut()) };
+            for entry in entries.into_iter().flatten() {
                 // Not in this watch yet: in the next.
                 let Some((index, skip)) = entry.place else { continue };
+                let Some((typed, piece)) = entry.typed.as_ref().zip(entry.piece.as_ref()) else { continue };
                 let bytes = reading.piece(index).map(|bytes| {
                     let from = skip as usize;
                     bytes.get(from..from + piece.len() as usize).unwrap_or_default()
@@ -329,11 +360,21 @@ impl Monitor {
                 if same {
                     continue;
                 }
+                let value = sample(typed, bytes);
+                if !entry.turn(now) {
+                    // Who is disabled waits for nothing.
+                    complete &= entry.every().is_none();
+                    continue;
+                }
                 entry.last = Some(bytes.map(<[u8]>::to_vec));
-                changes.push((entry.node.clone(), sample(typed, bytes)));
+                changes.push((entry.node.clone(), value));
             }
         }
         notify(&changes, subscriptions);
+        if !changes.is_empty() {
+            self.pace.told();
+        }
+        complete
     }
 
     /// Tells all items the same.
@@ -357,6 +398,26 @@ fn notify(changes: &[(NodeId, DataValue)], subscriptions: &SubscriptionCache) {
     for (node, value) in changes {
         if let Some(mut batch) = notifier.notify_for(node, AttributeId::Value) {
             batch.data_value(value.clone());
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_queue_is_as_long_as_there_is_room() {
+        for (weight, wanted, room, queue_is) in [
+            (1, 10, 1000, Some(10)),
+            (1, 0, 1000, Some(1)),
+            (100, 10, 1100, Some(10)),
+            (100, 10, 1099, Some(1)),
+            (100, 1, 199, None),
+            (usize::MAX, 1, 1 << 20, None),
+            (1, 1, 0, None),
+        ] {
+            assert_eq!(queue(weight, wanted, room), queue_is, "{weight} {wanted} {room}");
         }
     }
 }

@@ -48,6 +48,19 @@ impl Shape {
     }
 }
 
+/// How much room a value of a type takes here, in single values: each element of an array is one, and every 16
+/// characters of a text.
+pub(crate) fn weight(ty: &DataType) -> usize {
+    match ty {
+        DataType::Array(dims, element) => {
+            let elements = dims.iter().map(|dim| dim.len() as usize).fold(1_usize, usize::saturating_mul);
+            elements.saturating_mul(weight(element))
+        }
+        DataType::String(len) => 1 + usize::from(*len) / 16,
+        _ => 1,
+    }
+}
+
 /// A value as OPC UA has it.
 pub(crate) fn variant(value: Datum, shape: &Shape) -> Variant {
     match value {

@@ -103,10 +103,10 @@ fn run(name: &str) -> ExitCode {
         other => other.to_string(),
     });
     // What needs files is opened first; then the process denies itself the rest, still without a thread.
-    let served = prepared.and_then(prepare::links).and_then(|links| {
+    let served = prepared.and_then(prepare::links).and_then(|(links, memory)| {
         let _ = ob1_log::start();
         ob1_log::tell_panics();
-        serve::run(links)
+        serve::run(links, memory)
     });
     match served {
         Ok(()) => {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use ob1_access::Right;
 use ob1_access::door::{Door, DoorError};
-use ob1_gate_core::{Audit, Tls, Users};
+use ob1_gate_core::{Audit, Memory, Tls, Users};
 use ob1_rt::{Confinement, Network};
 use rustix::event::{PollFd, PollFlags, poll};
 use serde_json::Value;
@@ -52,7 +52,8 @@ pub(crate) fn doors(input: &OwnedFd) -> Result<Vec<Door>, DoorError> {
 }
 
 /// Opens what each link needs, then confines the process.
-pub(crate) fn links(doors: Vec<Door>) -> Result<Vec<Ready>, String> {
+pub(crate) fn links(doors: Vec<Door>) -> Result<(Vec<Ready>, Memory), String> {
+    let memory = Memory::open(MEMORY);
     let mut links = doors.into_iter().map(link).collect::<Result<Vec<_>, _>>()?;
     let mut wanted = Confinement { events: true, memory: MEMORY, oom_score: OOM_SCORE, ..Confinement::default() };
     for link in &links {
@@ -86,7 +87,7 @@ pub(crate) fn links(doors: Vec<Door>) -> Result<Vec<Ready>, String> {
             });
         }
     }
-    Ok(links)
+    Ok((links, memory))
 }
 
 fn keys(door: &Door) -> Result<Value, String> {

@@ -5,7 +5,7 @@ use std::pin::Pin;
 use std::time::Duration;
 
 use ob1_access::door::DoorError;
-use ob1_gate_core::{Link, Station};
+use ob1_gate_core::{Link, Memory, Station};
 use tokio::task::JoinSet;
 use tokio::time::interval;
 use tracing::{error, info};
@@ -30,17 +30,17 @@ const PROTOCOLS: &[(&str, Serve)] = &[
 ];
 
 /// Serves all links until a door closes.
-pub(crate) fn run(links: Vec<Ready>) -> Result<(), String> {
+pub(crate) fn run(links: Vec<Ready>, memory: Memory) -> Result<(), String> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .max_blocking_threads(HELPERS)
         .thread_name("ob1-gate-helper")
         .build()
         .map_err(|error| error.to_string())?;
-    tokio::task::LocalSet::new().block_on(&runtime, all(links))
+    tokio::task::LocalSet::new().block_on(&runtime, all(links, memory))
 }
 
-async fn all(links: Vec<Ready>) -> Result<(), String> {
+async fn all(links: Vec<Ready>, memory: Memory) -> Result<(), String> {
     let mut doors = JoinSet::new();
     let mut held = Vec::new();
     for ready in links {
@@ -56,7 +56,7 @@ async fn all(links: Vec<Ready>) -> Result<(), String> {
             continue;
         };
         info!(link = name, kind, "serving");
-        let served = serve(Link { station, listeners, users, tls, state });
+        let served = serve(Link { station, listeners, users, tls, state, memory: memory.clone() });
         tokio::task::spawn_local(async move {
             if let Err(why) = served.await {
                 error!("link \"{name}\": {why}");

@@ -1,0 +1,60 @@
+//! How much memory this process has, beside what it may have.
+//!
+//! Some libraries make room for what a stranger sends as long as he sends it. Whoever serves strangers looks here, and
+//! lets them go before the kernel refuses the memory, which would end the process.
+
+use std::fs::File;
+use std::os::unix::fs::FileExt as _;
+use std::sync::Arc;
+
+/// The data of this process. Clones are the same.
+#[derive(Clone, Debug)]
+pub struct Memory(Arc<Inner>);
+
+#[derive(Debug)]
+struct Inner {
+    /// What the kernel says of the process; opened while it may still be.
+    status: Option<File>,
+    most: u64,
+}
+
+impl Memory {
+    /// Of this process, which may have `most` bytes of data. Before it is confined.
+    #[must_use]
+    pub fn open(most: u64) -> Self {
+        Self(Arc::new(Inner { status: File::open("/proc/self/status").ok(), most }))
+    }
+
+    /// Whether it has come near to what it may have. A buffer that grows doubles: from half of it there would be no
+    /// way on.
+    #[must_use]
+    pub fn is_short(&self) -> bool {
+        self.data().is_some_and(|data| data > self.0.most / 16 * 7)
+    }
+
+    /// Bytes of data; `None` where the kernel does not say.
+    fn data(&self) -> Option<u64> {
+        let mut text = [0; 4096];
+        let read = self.0.status.as_ref()?.read_at(&mut text, 0).ok()?;
+        let text = String::from_utf8_lossy(text.get(..read)?);
+        let line = text.lines().find_map(|line| line.strip_prefix("VmData:"))?;
+        line.split_whitespace().next()?.parse::<u64>().ok().map(|kib| kib << 10)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_that_is_taken_is_seen() {
+        let memory = Memory::open(1 << 40);
+        let before = memory.data().expect("the kernel says it");
+        let taken = std::hint::black_box(vec![1_u8; 64 << 20]);
+        let now = memory.data().expect("the kernel says it");
+        assert!(now >= before + (60 << 20), "{before}, {now}");
+        assert!(!memory.is_short());
+        assert!(Memory::open(32 << 20).is_short());
+        drop(taken);
+    }
+}
