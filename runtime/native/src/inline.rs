@@ -5,7 +5,7 @@ use std::mem::offset_of;
 use cranelift_codegen::ir::{InstBuilder, Value, condcodes::IntCC, types};
 use ob1_cpu::engine::{Call, CallTarget, Callee, Db, Hot, InSource, InstanceOf, OutTarget, Plan, RefArg};
 use ob1_ir::{CallMode, Number, Op, Place};
-use ob1_model::{Area, BlockKind};
+use ob1_model::{Area, BlockId, BlockKind};
 
 use crate::flow::{self, Env, Facts, How};
 use crate::place;
@@ -75,10 +75,10 @@ pub(crate) fn simple(plan: &Plan, call: &Call) -> Option<(u32, Option<Db>)> {
 /// The block can become part of another: short, without loops and calls, and nothing in it can fail.
 fn leaf(plan: &Plan, block: u32, instance: bool) -> bool {
     let code = &plan.blocks[block as usize];
-    let id = code.id.kind;
+    let (id, kind) = (code.id, code.id.kind);
     if code.stmts.len() > STATEMENTS
-        || !matches!(id, BlockKind::Fc | BlockKind::Fb)
-        || (id == BlockKind::Fb) != instance
+        || !matches!(kind, BlockKind::Fc | BlockKind::Fb)
+        || (kind == BlockKind::Fb) != instance
     {
         return false;
     }
@@ -102,7 +102,9 @@ fn leaf(plan: &Plan, block: u32, instance: bool) -> bool {
         let mut reachable = true;
         stmt.op.places(&mut |place, width| {
             reachable &= match place {
-                Place::Param { .. } | Place::Fixed(Area::Local, _) => true,
+                // The actual of a STRING may be shorter than its formal.
+                Place::Param { index, at } => at.0 == 0 || !is_string(plan, id, index),
+                Place::Fixed(Area::Local, _) => true,
                 Place::Instance(_) => instance,
                 other => matches!(place::class(&other, place::bits(width), plan), place::Class::Fixed(_)),
             };
@@ -129,6 +131,10 @@ fn leaf(plan: &Plan, block: u32, instance: bool) -> bool {
         }
     }
     open == 0
+}
+
+fn is_string(plan: &Plan, id: BlockId, index: u16) -> bool {
+    plan.signatures.find(id).and_then(|signature| signature.formals.get(usize::from(index))).is_some_and(|f| f.string)
 }
 
 /// Whether there is room for the blocks that become part of this one: nesting, local data, references. Nothing when

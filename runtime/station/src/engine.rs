@@ -167,6 +167,74 @@ mod tests {
         assert_eq!(in_use.name(), ob1_native::NAME_FAST);
     }
 
+    /// A STRING may be shorter than its formal parameter, and the arena end behind it, where nothing is mapped: what is
+    /// read there is 0 on every engine.
+    #[test]
+    fn nothing_is_read_behind_the_arena() {
+        use ob1_cpu::{Cpu, CpuConfig};
+        use ob1_ir::{Arg, BitTest, Call, CallMode, CodeBlock, Logic, Op, Operand, Place, Stmt, Target, Width};
+        use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Interface, Param, Section};
+
+        const PAGE: u32 = 64 * 1024;
+        struct Still;
+        impl ob1_cpu::Clock for Still {
+            fn now(&mut self) -> ob1_cpu::Nanos {
+                0
+            }
+            fn executed(&mut self, _statements: u64) {}
+        }
+
+        let memory = |width, byte| Operand { width, place: Place::Fixed(Area::Memory, BitAddr::byte_addr(byte)) };
+        let formal = |byte| Place::Param { index: 0, at: BitAddr::byte_addr(byte) };
+        let code = |id, interface, ops: Vec<Op>| CodeBlock {
+            id,
+            name: None,
+            interface,
+            code: ops.into_iter().map(|op| Stmt { op, network: 1, line: 1 }).collect(),
+            source: 0,
+        };
+        // A short block becomes part of its caller, a long one is called.
+        for (rest, bit_first) in [(0, false), (60, false), (60, true)] {
+            let mut ops = vec![
+                Op::Load(Operand { width: Width::DWord, place: formal(200) }),
+                Op::Transfer(memory(Width::DWord, 0)),
+                Op::Scan { logic: Logic::And, negate: true, test: BitTest::Bit(formal(250)) },
+                Op::Assign(Place::Fixed(Area::Memory, BitAddr::byte_addr(4))),
+                Op::Load(Operand { width: Width::Byte, place: formal(2) }),
+                Op::Transfer(memory(Width::Byte, 5)),
+            ];
+            // Behind a check that refuses, the reference goes on.
+            if bit_first {
+                ops.rotate_left(2);
+            }
+            ops.resize(ops.len() + rest, Op::Nop);
+            let s = Param::new("s", Section::Input, DataType::String(254));
+            let fc = BlockId::new(BlockKind::Fc, 1);
+            let args = vec![Arg::Bytes(vec![4, 2, b'o', b'b', b'1', 0, 0, 0].into())];
+            let call = Call { mode: CallMode::Call, target: Target::Block(fc), instance: None, args };
+            let blocks = vec![
+                code(fc, Interface { params: vec![s], ..Interface::default() }, ops),
+                code(BlockId::new(BlockKind::Ob, 1), Interface::default(), vec![Op::Call(Box::new(call))]),
+            ];
+            let program = ob1_ir::Program { blocks, sources: vec!["p".into()], ..ob1_ir::Program::default() };
+            let load = |choice: EngineChoice, memory_bytes| {
+                let config = CpuConfig { memory_bytes, db_pool_bytes: 0, ..CpuConfig::default() };
+                Cpu::new(config, &program, Vec::new(), Vec::new(), choice.factory()).expect("it loads")
+            };
+            // The constant is the last of the arena; with so much bit memory the largest pages end there.
+            let end = |cpu: &Cpu| cpu.plan().areas.constants.at.0 + cpu.plan().areas.constants.len;
+            let behind = end(&load(EngineChoice::Reference, 256)) % PAGE;
+            let padding = (2 * PAGE - 8 - behind) % PAGE;
+            for choice in [EngineChoice::Reference, EngineChoice::Native] {
+                let mut cpu = load(choice, 256 + padding);
+                assert_eq!((end(&cpu) + 8) % PAGE, 0);
+                cpu.request(ob1_model::Command::Run);
+                cpu.cycle(&mut Still);
+                assert_eq!(cpu.bit_memory()[..6], [0, 0, 0, 0, 1, b'o'], "{choice:?}, {rest} more");
+            }
+        }
+    }
+
     #[test]
     fn every_word_has_its_choice() {
         for (word, choice) in EngineChoice::WORDS {

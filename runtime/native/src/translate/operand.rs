@@ -191,21 +191,21 @@ impl Translation<'_, '_> {
             return Spot { base, offset: bit / 8, bit: BitAt::Known((bit % 8) as u8) };
         }
         let mut param = self.reference(index, pc);
-        if bits == 1 && at > 0 {
-            let offset = self.word(at);
-            let bit = self.b.ins().iadd(param.reference, offset);
-            let base = self.byte_at(bit);
-            return Spot { base, offset: 0, bit: BitAt::Computed(bit) };
-        }
-        if bits > 1 && at > 0 {
-            // The actual may be shorter than its formal, and the arena end behind it.
+        if at > 0 {
+            // The actual of a STRING may be shorter than its formal, and the arena end behind it.
             let length = self.load_state(types::I32, self.hot, offset_of!(Hot, arena_len));
             let three = self.word(3);
-            let byte = self.b.ins().ushr(param.reference, three);
-            let behind = self.word(at / 8 + bits / 8);
-            let end = self.b.ins().iadd(byte, behind);
+            let behind = self.word(at);
+            let first = self.b.ins().iadd(param.reference, behind);
+            let byte = self.b.ins().ushr(first, three);
+            let bytes = self.word(bits.div_ceil(8));
+            let end = self.b.ins().iadd(byte, bytes);
             let outside = self.b.ins().icmp(IntCC::UnsignedGreaterThan, end, length);
             self.leave_if(outside, pc);
+            if bits == 1 {
+                let base = self.arena_at(byte);
+                return Spot { base, offset: 0, bit: BitAt::Computed(first) };
+            }
         }
         let base = match param.base {
             Some(base) => base,
