@@ -76,6 +76,68 @@ fn machine_code_takes_over_between_two_scans() {
     assert!(ended.out.contains("engine native"), "{ended:?}");
 }
 
+/// A station whose FC 1 has a loop; a thousand other functions are called once in a scan. It counts its scans.
+fn hot_site() -> Site {
+    let site = Site::new();
+    let body = "L MW 2;\nL 3;\n+I;\nT MW 2;\n".repeat(15);
+    let mut awl = format!("FUNCTION FC 1 : VOID\nBEGIN\nL 20000;\nm: {}LOOP m;\nEND_FUNCTION\n", "T MW 0;\n".repeat(8));
+    for n in 2..=1001 {
+        awl.push_str(&format!("FUNCTION FC {n} : VOID\nBEGIN\n{body}END_FUNCTION\n"));
+    }
+    awl.push_str("ORGANIZATION_BLOCK OB 1\nBEGIN\nL MD 200;\nL L#1;\n+D;\nT MD 200;\n");
+    for n in 1..=1001 {
+        awl.push_str(&format!("UC FC {n};\n"));
+    }
+    awl.push_str("END_ORGANIZATION_BLOCK\n");
+    site.write("e.awl", &awl);
+    site.write(
+        "e.toml",
+        "[station]\nname = \"engines\"\n\n[cpu]\nmin_cycle = \"5ms\"\nwatchdog = \"2s\"\n\n[program]\nsources = [\"e.awl\"]\n",
+    );
+    site
+}
+
+/// Ends the station in STOP and holds its count of scans against the CPU's.
+fn counted(station: Running) -> common::station::Ended {
+    station.ask(ob1_station::access::protocol::Op::Command { command: ob1_model::Command::Stop }).expect("a command");
+    station.until("STOP", |s| (s.status().state == "STOP").then_some(()));
+    let (counted, scans) = (station.cell("MD200"), station.status().scans);
+    assert_eq!(u64::try_from(counted), Ok(scans), "scans and their count");
+    station.interrupt()
+}
+
+#[test]
+fn the_hottest_blocks_are_optimised_first() {
+    let site = hot_site();
+    let mut command = site.command(program("ob1"));
+    command.args(["run", "e.toml"]).env("OB1_LOG", "info");
+    let station = Running::start_command(&site, "e.toml", command).until_run();
+    until_native(&station);
+    let ended = counted(station);
+    assert_eq!(ended.code(), Some(0), "{ended:?}");
+    let steps = ["native, fast tier", "native, hottest blocks", "native"];
+    let of = |name: &&str| ended.err.find(&format!("machine code: {name}, 1002 of 1002 blocks, "));
+    let at: Vec<_> = steps.iter().map(of).collect();
+    assert!(at.iter().all(Option::is_some) && at.is_sorted(), "{at:?} {ended:?}");
+    assert!(ended.err.contains("machine code: native, hottest blocks, 1002 of 1002 blocks, 1 optimised"), "{ended:?}");
+}
+
+#[test]
+fn a_station_whose_compiler_is_killed_behind_the_first_step_stays_there() {
+    let site = hot_site();
+    let station = site.run("e.toml").until_run();
+    station
+        .until("the hottest blocks are optimised", |s| (s.status().engine == "native, hottest blocks").then_some(()));
+    let compiler = compiler(&site).expect("it is at work for long");
+    compiler.signal(Signal::KILL);
+    compiler.wait("the process that compiles");
+    station.scans(20);
+    assert_eq!(station.status().engine, "native, hottest blocks");
+    let ended = counted(station);
+    assert_eq!(ended.code(), Some(0), "{ended:?}");
+    assert_eq!(ended.err.matches("machine code: the process that compiles is gone").count(), 1, "{ended:?}");
+}
+
 #[test]
 fn a_station_whose_compiler_is_killed_stays_on_the_reference_engine() {
     // Enough to compile for a while.

@@ -9,7 +9,8 @@ use crate::access_port::AccessPort;
 use crate::accounts::{Accounts, Trace, plugin_blocks};
 use crate::context::Blocks;
 use crate::engine::{
-    Callee, Constants, Engine, Factory, Hot, Lowering, Plan, Signature, Signatures, collect, lower, writes_param,
+    Callee, Constants, Engine, Executed, Factory, Hot, Lowering, Plan, Signature, Signatures, collect, lower,
+    writes_param,
 };
 use crate::events::Diagnoses;
 use crate::interrupts::Interrupts;
@@ -114,6 +115,7 @@ impl Surroundings {
         }
         let nesting = nesting.map_err(|error| vec![error])?;
         let plan = Arc::new(Plan {
+            executed: Executed::new(program.blocks.len()),
             blocks,
             signatures,
             areas: memory.areas(),

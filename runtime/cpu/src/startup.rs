@@ -167,6 +167,8 @@ impl Cpu {
         }
         self.state = OperatingState::Run;
         self.has_run = true;
+        // What the start-up has executed says nothing of the scans to come.
+        self.blocks.plan.executed.forget();
         if self.blocks.ob(1).is_none() {
             self.diagnose(Event::OB_NOT_LOADED, 1, "OB 1: no program runs in the cycle");
         }

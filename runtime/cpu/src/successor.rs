@@ -106,6 +106,9 @@ impl Cpu {
         prepared.memory.take_values(&m.memory, &next.fresh);
         std::mem::swap(&mut m.memory, &mut prepared.memory);
         std::mem::swap(&mut m.keep, &mut prepared.keep);
+        if next.data_only {
+            prepared.plan.executed.go_on_from(&self.blocks.plan.executed);
+        }
         std::mem::swap(&mut self.blocks.plan, &mut prepared.plan);
         std::mem::swap(&mut self.blocks.engine, &mut prepared.engine);
         m.tape = None;
@@ -240,6 +243,37 @@ mod tests {
         cpu.request(Command::Cold);
         cpu.cycle(&mut Still);
         assert_eq!(word(&cpu, 1), Some(2));
+    }
+
+    #[test]
+    fn the_account_of_blocks_goes_on_where_statements_stay() {
+        use crate::engine::ACCOUNTING;
+        let one = adding("1");
+        let (_, around) = cpu(&one);
+        let config = CpuConfig { spare_obs: 4, ..CpuConfig::default() };
+        let natives = Natives::from(crate::system_blocks());
+        let mut cpu = Cpu::new(config, &one, natives, Vec::new(), ACCOUNTING).expect("it loads");
+        cpu.request(Command::Run);
+        cpu.cycle(&mut Still);
+        let account = cpu.plan().executed.read();
+        assert!(account.iter().sum::<u64>() > 0, "{account:?}");
+        let mut longer = one.clone();
+        longer.data[1].bytes = vec![1, 2, 3, 4];
+        longer.data[1].components.clear();
+        let mut next = around.successor((&one, &longer), Vec::new(), REFERENCE, cpu.stack_bytes()).expect("it loads");
+        let before = Arc::clone(cpu.plan());
+        assert_eq!(cpu.succeed(&mut next), Ok(()));
+        assert!(!Arc::ptr_eq(&before, cpu.plan()), "another plan");
+        assert_eq!(cpu.plan().executed.read(), account);
+        // Other statements begin with nothing.
+        let mut other = adding("10");
+        std::mem::swap(&mut other.data, &mut longer.data);
+        let mut next =
+            around.successor((&longer, &other), Vec::new(), ACCOUNTING, cpu.stack_bytes()).expect("it loads");
+        cpu.request(Command::Stop);
+        cpu.cycle(&mut Still);
+        assert_eq!(cpu.succeed(&mut next), Ok(()));
+        assert_eq!(cpu.plan().executed.read(), vec![0; account.len()]);
     }
 
     #[test]

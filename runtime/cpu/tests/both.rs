@@ -20,6 +20,7 @@ impl Factory for Wrong {
             blocks: plan.blocks.clone(),
             signatures: plan.signatures.clone(),
             data: plan.data.clone(),
+            executed: ob1_cpu::engine::Executed::default(),
             ..**plan
         };
         self.0(&mut other);

@@ -5,9 +5,9 @@ mod common;
 use std::sync::Arc;
 
 use common::*;
-use ob1_cpu::engine::{Engine, Factory, PLAIN, Plan, REFERENCE};
+use ob1_cpu::engine::{ACCOUNTING, Engine, Factory, PLAIN, Plan, REFERENCE};
 use ob1_cpu::{Cpu, CpuConfig, LoadError};
-use ob1_ir::{Arg, NumberFormat, Op, Program, Width};
+use ob1_ir::{Arg, CallMode, NumberFormat, Op, Program, Width};
 use ob1_model::{BlockKind, DataType, Interface, Section};
 
 /// OB 1 counts in MW 10 through a function block with an instance.
@@ -88,6 +88,33 @@ fn an_engine_of_another_plan_comes_back() {
     let Err(back) = one.exchange_engine(foreign) else { panic!("it was made of another plan") };
     assert_eq!((back.name(), one.engine()), ("plain", "reference"));
     assert!(Arc::ptr_eq(back.plan(), other.plan()) && !Arc::ptr_eq(back.plan(), one.plan()));
+}
+
+/// Loops, calls, a call that is not made, an error that OB 121 answers: each statement counts once, for its own block;
+/// those of the start-up do not count.
+#[test]
+fn each_statement_is_on_the_account_of_its_block() {
+    let looped =
+        |times: u32| vec![Op::LoadConst(times), transfer(mw(20)), call(fc(2), vec![]), load(mw(20)), Op::Loop(1)];
+    let blocks = vec![
+        ob1(vec![call(fc(1), vec![]), Op::ClearRlo, uc(CallMode::Conditional, fc(2)), call(fc(2), vec![])]),
+        block(fc(1), Interface::default(), looped(3)),
+        block(fc(2), Interface::default(), vec![Op::OpenDb(ob1_ir::DbRegister::Db, ob1_ir::Number::Fixed(99))]),
+        block(ob(121), Interface::default(), vec![]),
+        block(ob(100), Interface::default(), looped(1000)),
+    ];
+    let program = program(blocks, vec![]);
+    let of = |factory| {
+        let cpu = Cpu::new(CpuConfig::default(), &program, vec![], vec![], factory).expect("loads");
+        let mut bench = Bench::with(cpu);
+        bench.cycle();
+        bench.cycle();
+        assert_eq!(bench.cpu.state(), ob1_cpu::OperatingState::Run);
+        bench.cpu.plan().executed.read()
+    };
+    // Two scans. FC 1: a load, three times the loop of four, the end; FC 2: four calls of an error and the end.
+    assert_eq!(of(ACCOUNTING), [2 * 5, 2 * 14, 2 * 8, 2 * 4, 0]);
+    assert_eq!(of(REFERENCE), [0; 5]);
 }
 
 /// What an engine keeps for blocks that an abort has left is forgotten: STOP out of nested blocks, again and again.

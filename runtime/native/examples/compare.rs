@@ -5,6 +5,7 @@
 #[path = "../tests/random/mod.rs"]
 mod random;
 
+use ob1_cpu::engine::Factory;
 use ob1_native::{AtLoad, Tier};
 
 fn main() {
@@ -12,8 +13,12 @@ fn main() {
     let (programs, first) = (numbers.next().unwrap_or(1000), numbers.next().unwrap_or(1 << 32));
     let (mut loaded, mut differ) = (0u64, 0u64);
     for seed in first..first + programs {
-        let tier = if seed % 2 == 0 { Tier::Optimised } else { Tier::Fast };
-        match random::compare(seed, 6, &AtLoad(tier)) {
+        let engines: &[&dyn Factory] = match seed % 5 {
+            0 | 1 => &[&AtLoad(Tier::Optimised)],
+            2 | 3 => &[&AtLoad(Tier::Fast)],
+            _ => &[&AtLoad(Tier::Fast), &random::Mixed, &AtLoad(Tier::Optimised)],
+        };
+        match random::compare(seed, 6, engines) {
             Ok(runs) => loaded += u64::from(runs),
             Err(difference) => {
                 differ += 1;

@@ -9,6 +9,7 @@ use cranelift_codegen::settings::{self, Configurable};
 use cranelift_frontend::FunctionBuilderContext;
 use ob1_cpu::engine::Plan;
 
+use crate::image::{BlockCode, Image};
 use crate::translate::{Made, translate};
 
 /// How much time compiling may take.
@@ -32,50 +33,6 @@ impl fmt::Display for CompileError {
 }
 
 impl std::error::Error for CompileError {}
-
-/// A compiled block.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Compiled {
-    /// Where its code begins in the image; `None`: the reference runs the block.
-    pub(crate) at: Option<u32>,
-    pub(crate) made: Made,
-}
-
-/// The code of all blocks, as bytes that run wherever they lie.
-#[derive(Clone, Debug, Default)]
-pub struct Image {
-    pub(crate) bytes: Vec<u8>,
-    pub(crate) functions: Vec<Compiled>,
-    /// Bytes of stack that one block takes at most.
-    pub(crate) stack: u32,
-    pub(crate) tier: Tier,
-}
-
-impl Image {
-    /// Bytes of machine code.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.bytes.len()
-    }
-
-    /// Blocks that have code, and all blocks.
-    #[must_use]
-    pub fn blocks(&self) -> (usize, usize) {
-        (self.functions.iter().filter(|function| function.at.is_some()).count(), self.functions.len())
-    }
-
-    /// Bytes of stack that a block's code takes at most, without the helpers it calls.
-    #[must_use]
-    pub fn stack_bytes(&self) -> usize {
-        self.stack as usize
-    }
-
-    /// There is no code.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.bytes.is_empty()
-    }
-}
 
 /// The processors code can be made for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -155,14 +112,20 @@ impl Compiler {
     /// The code of all blocks of a plan. A block that has none is run by the reference.
     #[must_use]
     pub fn image(&self, plan: &Plan) -> Image {
-        let mut image = Image { tier: self.tier, ..Image::default() };
+        let mut image = Image::empty(plan);
+        self.compile(plan, 0..plan.blocks.len() as u32, &mut image);
+        image
+    }
+
+    /// Compiles some blocks of a plan. Their code replaces what the image has of them; one that cannot be compiled
+    /// keeps what it has.
+    pub fn compile(&self, plan: &Plan, blocks: impl IntoIterator<Item = u32>, image: &mut Image) {
         let mut context = cranelift_codegen::Context::new();
         let mut frontend = FunctionBuilderContext::new();
-        for block in 0..plan.blocks.len() as u32 {
-            let compiled = self.block(plan, block, &mut context, &mut frontend, &mut image).unwrap_or_default();
-            image.functions.push(compiled);
+        for block in blocks {
+            let compiled = self.block(plan, block, &mut context, &mut frontend);
+            image.put(block, self.tier, compiled.ok());
         }
-        image
     }
 
     fn block(
@@ -171,8 +134,7 @@ impl Compiler {
         block: u32,
         context: &mut cranelift_codegen::Context,
         frontend: &mut FunctionBuilderContext,
-        image: &mut Image,
-    ) -> Result<Compiled, CompileError> {
+    ) -> Result<BlockCode, CompileError> {
         let made = self.translated(plan, block, context, frontend);
         let compiled = context
             .compile(&*self.isa, &mut ControlPlane::default())
@@ -185,12 +147,7 @@ impl Compiler {
         if stack > crate::FRAME {
             return Err(CompileError("the block's frame is too large for the stack that was reckoned with".into()));
         }
-        let alignment = (self.isa.function_alignment().minimum as usize).max(16);
-        image.bytes.resize(image.bytes.len().next_multiple_of(alignment), 0);
-        let at = image.bytes.len() as u32;
-        image.bytes.extend_from_slice(compiled.buffer.data());
-        image.stack = image.stack.max(stack);
-        Ok(Compiled { at: Some(at), made })
+        Ok(BlockCode { code: compiled.buffer.data().into(), made, stack })
     }
 
     fn translated(

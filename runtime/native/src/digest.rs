@@ -64,6 +64,8 @@ pub fn fingerprint(plan: &Plan) -> [u8; BYTES] {
         counters,
         nesting_depth,
         frames,
+        // Grows while it runs.
+        executed: _,
     } = plan;
     // A digest takes whatever is written.
     let _ = write!(

@@ -7,15 +7,18 @@ use ob1_cpu::Abort;
 use ob1_cpu::engine::{Context, Engine, Entry, Factory, Plan, Regs};
 
 use crate::code::CodeMemory;
-use crate::compile::{Compiled, Compiler, Image, Target, Tier};
+use crate::compile::{Compiler, Target, Tier};
 use crate::file::{Contents, Order};
 use crate::frame::{Frame, frames};
+use crate::image::{Compiled, Image};
 use crate::run::{Run, interpret};
 
 /// What the engine is called.
 pub const NAME: &str = "native";
 /// What it is called while its code is that of the fast tier.
 pub const NAME_FAST: &str = "native, fast tier";
+/// What it is called while only its hottest blocks are optimised.
+pub const NAME_HOTTEST: &str = "native, hottest blocks";
 
 /// The code of a plan, in place.
 pub(crate) struct Code {
@@ -25,7 +28,8 @@ pub(crate) struct Code {
     /// Calls that need nothing but their frame: by block, then by statement.
     frames: Vec<Box<[Option<Frame>]>>,
     memory: Option<CodeMemory>,
-    tier: Tier,
+    /// Blocks that the optimising tier has seen.
+    optimised: usize,
 }
 
 /// Where the code of each block begins; null where there is none.
@@ -37,10 +41,10 @@ unsafe impl Send for Entries {}
 unsafe impl Sync for Entries {}
 
 impl Code {
-    fn new(plan: &Arc<Plan>, functions: Vec<Compiled>, memory: Option<CodeMemory>, tier: Tier) -> Self {
+    fn new(plan: &Arc<Plan>, functions: Vec<Compiled>, memory: Option<CodeMemory>, optimised: usize) -> Self {
         let address = |function: &Compiled| function.at.zip(memory.as_ref()).and_then(|(at, memory)| memory.at(at));
         let entries = functions.iter().map(|function| address(function).unwrap_or(std::ptr::null())).collect();
-        Self { plan: Arc::clone(plan), functions, entries: Entries(entries), frames: frames(plan), memory, tier }
+        Self { plan: Arc::clone(plan), functions, entries: Entries(entries), frames: frames(plan), memory, optimised }
     }
 }
 
@@ -60,17 +64,19 @@ impl Native {
     ///
     /// # Errors
     /// The image is of another plan, or the system has no room for it.
-    pub fn new(plan: &Arc<Plan>, image: Image) -> Result<Self, String> {
-        if image.functions.len() != plan.blocks.len() {
+    pub fn new(plan: &Arc<Plan>, image: &Image) -> Result<Self, String> {
+        let (bytes, functions) = image.placed();
+        if functions.len() != plan.blocks.len() {
             return Err("the code is of another program".into());
         }
         has_stack(plan)?;
-        let memory = if image.bytes.is_empty() {
+        let memory = if bytes.is_empty() {
             None
         } else {
-            Some(CodeMemory::of(&image.bytes).map_err(|error| format!("no memory for code: {error}"))?)
+            Some(CodeMemory::of(&bytes).map_err(|error| format!("no memory for code: {error}"))?)
         };
-        Ok(Self { code: Code::new(plan, image.functions, memory, image.tier) })
+        let optimised = functions.len() - image.unoptimised().len();
+        Ok(Self { code: Code::new(plan, functions, memory, optimised) })
     }
 
     /// The engine of a plan and a sealed code file ([`Image::file`]), which may come from anywhere: whatever is not
@@ -82,8 +88,8 @@ impl Native {
         has_stack(plan)?;
         let memory = CodeMemory::map(file).map_err(|error| format!("it cannot be mapped: {error}"))?;
         let statements: Vec<usize> = plan.blocks.iter().map(|block| block.stmts.len()).collect();
-        let Contents { tier, functions } = crate::file::read(memory.bytes(), order, &statements)?;
-        Ok(Self { code: Code::new(plan, functions, Some(memory), tier) })
+        let Contents { optimised, functions } = crate::file::read(memory.bytes(), order, &statements)?;
+        Ok(Self { code: Code::new(plan, functions, Some(memory), optimised) })
     }
 }
 
@@ -94,7 +100,19 @@ impl Native {
         let functions = &self.code.functions;
         let compiled = functions.iter().filter(|function| function.at.is_some()).count();
         let bytes = self.code.memory.as_ref().map_or(0, |memory| memory.bytes().len());
-        format!("{}, {compiled} of {} blocks, {} KiB", self.name(), functions.len(), bytes.div_ceil(1024))
+        let optimised = self.code.optimised;
+        format!(
+            "{}, {compiled} of {} blocks, {optimised} optimised, {} KiB",
+            self.name(),
+            functions.len(),
+            bytes.div_ceil(1024)
+        )
+    }
+
+    /// Every block is optimised: there is nothing better to come.
+    #[must_use]
+    pub fn is_optimised(&self) -> bool {
+        self.code.optimised == self.code.functions.len()
     }
 }
 
@@ -118,9 +136,10 @@ pub fn synchronise() {
 
 impl Engine for Native {
     fn name(&self) -> &'static str {
-        match self.code.tier {
-            Tier::Fast => NAME_FAST,
-            Tier::Optimised => NAME,
+        match self.code.optimised {
+            _ if self.is_optimised() => NAME,
+            0 => NAME_FAST,
+            _ => NAME_HOTTEST,
         }
     }
 
@@ -179,7 +198,7 @@ pub struct AtLoad(pub Tier);
 impl Factory for AtLoad {
     fn engine(&self, plan: &Arc<Plan>) -> Result<Box<dyn Engine>, String> {
         let compiler = Compiler::new(Target::Host, self.0).map_err(|error| error.to_string())?;
-        Ok(Box::new(Native::new(plan, compiler.image(plan))?))
+        Ok(Box::new(Native::new(plan, &compiler.image(plan))?))
     }
 
     fn stack_per_block(&self) -> usize {

@@ -1,8 +1,8 @@
 //! Code as a file: what the process that compiles hands the process that runs.
 //!
 //! ```text
-//!  0  "ob1code" and a 1            16  fingerprint of the plan        32  digest of all that follows
-//! 48  tier, bytes of stack, functions, first byte of the code, bytes of the code: 32 bits each
+//!  0  "ob1code" and a 2            16  fingerprint of the plan        32  digest of all that follows
+//! 48  optimised functions, bytes of stack, functions, first byte of the code, bytes of the code: 32 bits each
 //! 68  for each function: its first byte in the code (none: FFFFFFFF), entries; for each entry its statement and number
 //!     the code, at a multiple of 64
 //! ```
@@ -10,17 +10,17 @@
 //! Numbers have their low byte first. The digest begins with a secret that the runtime has given for this one request.
 //! A file that is of another plan, of another request, damaged or not sound in itself is refused.
 
-use crate::compile::{Compiled, Image, Tier};
 use crate::digest::{BYTES, Digest};
+use crate::image::{Compiled, Image};
 use crate::translate::Made;
 
 /// What a file begins with.
-const MAGIC: &[u8; 8] = b"ob1code\x01";
+const MAGIC: &[u8; 8] = b"ob1code\x02";
 const FINGERPRINT: usize = 16;
 const DIGEST: usize = FINGERPRINT + BYTES;
 const HEAD: usize = DIGEST + BYTES;
 const TABLE: usize = HEAD + 5 * 4;
-/// Functions begin at multiples of it.
+/// The code begins at a multiple of it.
 const ALIGNMENT: usize = 64;
 const NONE: u32 = u32::MAX;
 
@@ -54,7 +54,8 @@ impl Order {
 /// What a good file says.
 #[derive(Debug)]
 pub(crate) struct Contents {
-    pub(crate) tier: Tier,
+    /// Blocks that the optimising tier has seen.
+    pub(crate) optimised: usize,
     /// Their places count from the file's first byte.
     pub(crate) functions: Vec<Compiled>,
 }
@@ -63,20 +64,21 @@ impl Image {
     /// The code as a file for this order.
     #[must_use]
     pub fn file(&self, order: &Order) -> Vec<u8> {
-        let entries: usize = self.functions.iter().map(|function| 2 + 2 * function.made.resume.len()).sum();
+        let (bytes, functions) = self.placed();
+        let entries: usize = functions.iter().map(|function| 2 + 2 * function.made.resume.len()).sum();
         let code_at = (TABLE + 4 * entries).next_multiple_of(ALIGNMENT);
-        let mut file = Vec::with_capacity(code_at + self.bytes.len());
+        let mut file = Vec::with_capacity(code_at + bytes.len());
         file.extend_from_slice(MAGIC);
         file.resize(FINGERPRINT, 0);
         file.extend_from_slice(&order.fingerprint);
         file.resize(HEAD, 0);
         let mut put = |number: u32| file.extend_from_slice(&number.to_le_bytes());
-        put(u32::from(self.tier == Tier::Optimised));
-        put(self.stack);
-        put(self.functions.len() as u32);
+        put((functions.len() - self.unoptimised().len()) as u32);
+        put(self.stack_bytes() as u32);
+        put(functions.len() as u32);
         put(code_at as u32);
-        put(self.bytes.len() as u32);
-        for function in &self.functions {
+        put(bytes.len() as u32);
+        for function in &functions {
             put(function.at.unwrap_or(NONE));
             put(function.made.resume.len() as u32);
             for (statement, number) in &function.made.resume {
@@ -85,7 +87,7 @@ impl Image {
             }
         }
         file.resize(code_at, 0);
-        file.extend_from_slice(&self.bytes);
+        file.extend_from_slice(&bytes);
         let digest = digest(&file, order);
         file[DIGEST..HEAD].copy_from_slice(&digest);
         file
@@ -125,20 +127,23 @@ pub(crate) fn read(file: &[u8], order: &Order, statements: &[usize]) -> Result<C
         return Err("its digest is wrong: it is damaged, or made for somebody else".into());
     }
     let mut numbers = Numbers(&file[HEAD..]);
-    let tier = if numbers.next()? == 1 { Tier::Optimised } else { Tier::Fast };
-    let (stack, functions, code_at, code_len) = (numbers.next()?, numbers.next()?, numbers.next()?, numbers.next()?);
+    let (optimised, stack, functions) = (numbers.next()?, numbers.next()?, numbers.next()?);
+    let (code_at, code_len) = (numbers.next()?, numbers.next()?);
     if stack > crate::FRAME {
         return Err(format!("its frames take {stack} bytes, {} were reckoned with", crate::FRAME));
     }
     if functions as usize != statements.len() {
         return Err(format!("it has {functions} blocks, the program {}", statements.len()));
     }
+    if optimised > functions {
+        return Err(format!("{optimised} of its {functions} blocks are optimised"));
+    }
     let whole = (code_at as usize).checked_add(code_len as usize) == Some(file.len());
     if !whole || !(code_at as usize).is_multiple_of(ALIGNMENT) {
         return Err("its parts do not fill it".into());
     }
     let functions = statements.iter().map(|&statements| function(&mut numbers, statements, code_at, code_len));
-    Ok(Contents { tier, functions: functions.collect::<Result<_, String>>()? })
+    Ok(Contents { optimised: optimised as usize, functions: functions.collect::<Result<_, String>>()? })
 }
 
 fn function(numbers: &mut Numbers<'_>, statements: usize, code_at: u32, code_len: u32) -> Result<Compiled, String> {
@@ -162,13 +167,17 @@ fn function(numbers: &mut Numbers<'_>, statements: usize, code_at: u32, code_len
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::compile::Tier;
+    use crate::image::BlockCode;
 
     const ORDER: Order = Order { fingerprint: [7; BYTES], secret: [9; BYTES] };
 
+    /// Of two blocks, the first of which has code.
     fn image() -> Image {
+        let mut image = Image::of_blocks(2);
         let made = Made { resume: vec![(1, 2), (3, 1)] };
-        let functions = vec![Compiled { at: Some(0), made }, Compiled::default()];
-        Image { bytes: vec![0xC3; 40], functions, stack: 200, tier: Tier::Optimised }
+        image.put(0, Tier::Optimised, Some(BlockCode { code: [0xC3; 40].into(), made, stack: 200 }));
+        image
     }
 
     /// The file with other contents and a digest that is right for them.
@@ -183,7 +192,7 @@ mod tests {
     #[test]
     fn a_file_says_what_was_written() {
         let contents = read(&image().file(&ORDER), &ORDER, &[5, 0]).expect("a good file");
-        assert_eq!(contents.tier, Tier::Optimised);
+        assert_eq!(contents.optimised, 1);
         assert_eq!(contents.functions[0].made.resume, [(1, 2), (3, 1)]);
         let at = contents.functions[0].at.expect("it has code") as usize;
         assert_eq!(image().file(&ORDER)[at..], [0xC3; 40]);
@@ -219,6 +228,7 @@ mod tests {
         assert!(forged(|_| ()).is_ok());
         let put =
             |at: usize, number: u32| move |file: &mut Vec<u8>| file[at..at + 4].copy_from_slice(&number.to_le_bytes());
+        assert!(forged(put(HEAD, 3)).is_err_and(|why| why.contains("3 of its 2 blocks")));
         assert!(forged(put(HEAD + 4, 1 << 20)).is_err_and(|why| why.contains("frames")));
         assert!(forged(put(HEAD + 8, 3)).is_err_and(|why| why.contains("blocks")));
         assert!(forged(put(HEAD + 12, 1)).is_err_and(|why| why.contains("parts")));

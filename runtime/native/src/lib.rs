@@ -12,6 +12,8 @@ mod engine;
 mod file;
 mod flow;
 mod frame;
+mod hottest;
+mod image;
 mod inline;
 mod place;
 mod run;
@@ -20,10 +22,12 @@ mod unsaved;
 mod yardstick;
 
 pub use code::{memory_file, seal};
-pub use compile::{CompileError, Compiler, Image, Listing, Target, Tier};
+pub use compile::{CompileError, Compiler, Listing, Target, Tier};
 pub use digest::fingerprint;
-pub use engine::{AtLoad, NAME, NAME_FAST, Native, synchronise};
+pub use engine::{AtLoad, NAME, NAME_FAST, NAME_HOTTEST, Native, synchronise};
 pub use file::Order;
+pub use hottest::{hottest, is_large};
+pub use image::Image;
 
 /// Bytes of stack that a nested block takes at most: its code's frame and the helpers between.
 const STACK_PER_BLOCK: usize = 6 * 1024;

@@ -2,15 +2,17 @@
 
 mod random;
 
+use ob1_cpu::engine::Factory;
 use ob1_native::{AtLoad, Tier};
+use random::Mixed;
 
 /// Programs of a run in CI. A campaign: `cargo run --release -p ob1-native --example compare -- 1000000`.
 const PROGRAMS: u64 = 2000;
 
-fn campaign(first: u64, programs: u64, tier: Tier) {
+fn campaign(first: u64, programs: u64, engines: &[&dyn Factory]) {
     let mut loaded = 0;
     for seed in first..first + programs {
-        match random::compare(seed, 6, &AtLoad(tier)) {
+        match random::compare(seed, 6, engines) {
             Ok(runs) => loaded += u64::from(runs),
             Err(difference) => panic!("{difference}"),
         }
@@ -20,10 +22,16 @@ fn campaign(first: u64, programs: u64, tier: Tier) {
 
 #[test]
 fn random_programs_do_the_same_optimised() {
-    campaign(0, PROGRAMS / 2, Tier::Optimised);
+    campaign(0, PROGRAMS * 2 / 5, &[&AtLoad(Tier::Optimised)]);
 }
 
 #[test]
 fn random_programs_do_the_same_compiled_fast() {
-    campaign(PROGRAMS / 2, PROGRAMS / 2, Tier::Fast);
+    campaign(PROGRAMS * 2 / 5, PROGRAMS * 2 / 5, &[&AtLoad(Tier::Fast)]);
+}
+
+/// As a station takes machine code over.
+#[test]
+fn random_programs_do_the_same_while_engines_change() {
+    campaign(PROGRAMS * 4 / 5, PROGRAMS / 5, &[&AtLoad(Tier::Fast), &Mixed, &AtLoad(Tier::Optimised)]);
 }

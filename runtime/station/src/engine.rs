@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 
 use ob1_arena::Arena;
-use ob1_cpu::engine::{Both, Engine, Factory, PLAIN, Plan, REFERENCE};
+use ob1_cpu::engine::{ACCOUNTING, Both, Engine, Factory, PLAIN, Plan, REFERENCE};
 use ob1_native::{AtLoad, Tier};
 
 /// The engine asked for.
@@ -103,12 +103,13 @@ impl Factory for Compiled {
     }
 }
 
-/// The reference engine, with memory and stack for machine code that takes over later.
+/// The reference engine, with memory and stack for machine code that takes over later, and an account of what its
+/// hottest blocks are.
 struct Succeeded;
 
 impl Factory for Succeeded {
     fn engine(&self, plan: &Arc<Plan>) -> Result<Box<dyn Engine>, String> {
-        REFERENCE.engine(plan)
+        ACCOUNTING.engine(plan)
     }
 
     fn arena(&self, bytes: usize) -> Arena {
@@ -127,7 +128,8 @@ impl Factory for Succeeded {
 }
 
 /// The names of all engines, by which [`InUse`] tells them.
-const NAMES: [&str; 5] = ["reference", "plain", "both", ob1_native::NAME_FAST, ob1_native::NAME];
+const NAMES: [&str; 6] =
+    ["reference", "plain", "both", ob1_native::NAME_FAST, ob1_native::NAME_HOTTEST, ob1_native::NAME];
 
 /// Which engine runs, as other threads see it.
 #[derive(Debug, Default)]
@@ -163,8 +165,10 @@ mod tests {
             in_use.set(cpu.engine());
             assert_eq!(in_use.name(), cpu.engine());
         }
-        in_use.set(ob1_native::NAME_FAST);
-        assert_eq!(in_use.name(), ob1_native::NAME_FAST);
+        for name in [ob1_native::NAME_FAST, ob1_native::NAME_HOTTEST] {
+            in_use.set(name);
+            assert_eq!(in_use.name(), name);
+        }
     }
 
     /// A STRING may be shorter than its formal parameter, and the arena end behind it, where nothing is mapped: what is

@@ -2,7 +2,8 @@
 //!
 //! A loaded program is a [`Plan`]. A [`Factory`] makes an [`Engine`] of it; [`Cpu::new`](crate::Cpu::new) is given the
 //! factory, and [`Cpu::exchange_engine`](crate::Cpu::exchange_engine) exchanges the engine between two scans. The
-//! reference engine ([`REFERENCE`]) defines what a statement means; [`PLAIN`] is the same without short forms.
+//! reference engine ([`REFERENCE`]) defines what a statement means; [`PLAIN`] is the same without short forms, and
+//! [`ACCOUNTING`] the same with an account of what each block executes.
 //!
 //! # The contract of an engine
 //!
@@ -66,12 +67,12 @@ pub use hot::Hot;
 pub use jump::condition;
 pub use operand::{POINTER_BITS, Where};
 pub use plan::{
-    AREA_IN_POINTER, Areas, Base, Block, Call, CallTarget, Callee, Caller, Formal, InSource, InstanceIn, InstanceOf,
-    InstanceOut, List, Op, OutTarget, Plan, RefArg, Scan, Signature, Signatures,
+    AREA_IN_POINTER, Areas, Base, Block, Call, CallTarget, Callee, Caller, Executed, Formal, InSource, InstanceIn,
+    InstanceOf, InstanceOut, List, Op, OutTarget, Plan, RefArg, Scan, Signature, Signatures,
 };
 pub(crate) use plan::{Constants, Lowering, collect, lower, writes_param};
 pub use pointer_list::RAW;
-pub use reference::{PLAIN, REFERENCE};
+pub use reference::{ACCOUNTING, PLAIN, REFERENCE};
 pub(crate) use regs::Interrupted;
 pub use regs::{BR, CC0, CC1, FC, OR, OS, OV, RLO, Regs, STA, with_cc};
 pub use shift::shift;

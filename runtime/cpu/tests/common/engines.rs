@@ -2,12 +2,13 @@
 
 use std::cell::Cell;
 
-use ob1_cpu::engine::{Both, Factory, PLAIN, REFERENCE};
+use ob1_cpu::engine::{ACCOUNTING, Both, Factory, PLAIN, REFERENCE};
 use ob1_native::{AtLoad, Tier};
 
 /// Every engine.
 pub const ENGINES: &[(&str, &dyn Factory)] = &[
     ("reference", REFERENCE),
+    ("reference, with an account of each block", ACCOUNTING),
     ("plain", PLAIN),
     ("native", &AtLoad(Tier::Optimised)),
     ("native, fast tier", &AtLoad(Tier::Fast)),

@@ -4,12 +4,15 @@
 
 mod maker;
 
-use ob1_cpu::engine::{Factory, REFERENCE};
+use std::sync::Arc;
+
+use ob1_cpu::engine::{Engine, Factory, Plan, REFERENCE};
 use ob1_cpu::{
     Cell, CellWidth, Clock, Command, Cpu, CpuConfig, CyclicInterrupt, Family, Nanos, OperatingState, system_blocks,
 };
 use ob1_ir::{AddressRegister, CodeBlock, DataBlock, DataKind, Op, Operand, Place, Program, Stmt, Width};
 use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Interface, Layout, Param, Section};
+use ob1_native::{AtLoad, Compiler, Native, Target, Tier};
 
 use maker::Maker;
 
@@ -205,16 +208,34 @@ fn seen(cpu: &mut Cpu, program: &Program, now: Nanos) -> Vec<String> {
     list
 }
 
-/// Runs the program of a seed on the reference engine and on another: `Ok(false)` when it does not load.
+/// Optimised code of every other block, quickly made code of the rest: as the hottest blocks come first.
+pub(crate) struct Mixed;
+
+impl Factory for Mixed {
+    fn engine(&self, plan: &Arc<Plan>) -> Result<Box<dyn Engine>, String> {
+        let compiler = |tier| Compiler::new(Target::Host, tier).map_err(|error| error.to_string());
+        let mut image = compiler(Tier::Fast)?.image(plan);
+        let blocks = (0..plan.blocks.len() as u32).step_by(2);
+        compiler(Tier::Optimised)?.compile(plan, blocks, &mut image);
+        Ok(Box::new(Native::new(plan, &image)?))
+    }
+
+    fn stack_per_block(&self) -> usize {
+        AtLoad(Tier::Fast).stack_per_block()
+    }
+}
+
+/// Runs the program of a seed on the reference engine and on others, which take over from one another between two
+/// scans: `Ok(false)` when it does not load.
 ///
 /// # Errors
 /// The first difference, with the program.
-pub(crate) fn compare(seed: u64, scans: u32, other: &dyn Factory) -> Result<bool, String> {
+pub(crate) fn compare(seed: u64, scans: u32, others: &[&dyn Factory]) -> Result<bool, String> {
     let mut random = Random(seed);
     let (program, config) = program(&mut random);
     let load = |factory| Cpu::new(config.clone(), &program, system_blocks(), Vec::new(), factory);
     let Ok(mut one) = load(REFERENCE) else { return Ok(false) };
-    let mut two = load(other).map_err(|why| format!("seed {seed}: does not load: {why:?}"))?;
+    let mut two = load(others[0]).map_err(|why| format!("seed {seed}: does not load: {why:?}"))?;
     let mut clocks = [Charged(0), Charged(0)];
     one.request(Command::Run);
     two.request(Command::Run);
@@ -240,6 +261,10 @@ pub(crate) fn compare(seed: u64, scans: u32, other: &dyn Factory) -> Result<bool
         }
         for clock in &mut clocks {
             clock.0 += 7 * MS;
+        }
+        if others.len() > 1 {
+            let next = others[(scan as usize + 1) % others.len()].engine(two.plan())?;
+            two.exchange_engine(next).map_err(|_| format!("seed {seed}: no engine of this program"))?;
         }
     }
     Ok(true)

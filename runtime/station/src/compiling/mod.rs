@@ -23,7 +23,7 @@ use ob1_backplane::handover;
 use ob1_cpu::Cpu;
 use ob1_cpu::engine::{Engine, Plan};
 use ob1_host::driver::kept_environment;
-use ob1_native::{Native, Order, Tier, fingerprint, memory_file};
+use ob1_native::{Native, Order, fingerprint, is_large, memory_file};
 use rtrb::{Consumer, Producer, RingBuffer};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::time::Timespec;
@@ -32,8 +32,8 @@ pub use child::run as compile_blocks;
 pub use listing::listing;
 pub use request::Request;
 
-/// What is compiled, in this order.
-const TIERS: [Tier; 2] = [Tier::Fast, Tier::Optimised];
+/// Files of code that come for a program, at most: made quickly, with its hottest blocks optimised, optimised.
+const FILES: usize = 3;
 /// The command of this executable that is the process.
 const COMMAND: &str = "compile-blocks";
 /// The longest wait for engines that the scan gives back.
@@ -136,11 +136,11 @@ impl fmt::Debug for Giver {
 }
 
 impl Giver {
-    /// Both ends, with room for one engine of each tier.
+    /// Both ends, with room for all engines that come for a program.
     #[must_use]
     pub fn pair() -> (Self, Successors) {
-        let (to_scan, come) = RingBuffer::new(TIERS.len());
-        let (gone, from_scan) = RingBuffer::new(TIERS.len());
+        let (to_scan, come) = RingBuffer::new(FILES);
+        let (gone, from_scan) = RingBuffer::new(FILES);
         (Self { to_scan, from_scan }, Successors { come, gone })
     }
 
@@ -160,7 +160,7 @@ impl Giver {
 
 /// How the work has ended.
 enum Outcome {
-    /// All tiers have come.
+    /// The last file has come.
     Done,
     /// The station ends.
     Stopped,
@@ -182,11 +182,8 @@ impl Drop for Process {
 
 impl Process {
     fn start(request: &[u8], order: &Order) -> io::Result<Self> {
-        let mut file = memory_file()?;
-        file.write_all(request)?;
-        io::Seek::rewind(&mut file)?;
         let (socket, stdin) = handover::pair()?;
-        handover::send(&socket, &order.bytes(), &[file.as_fd()])?;
+        send(&socket, &order.bytes(), request)?;
         let child = Command::new(std::env::current_exe()?)
             .arg(COMMAND)
             .env_clear()
@@ -214,6 +211,14 @@ impl Process {
     }
 }
 
+/// Sends a message with a file of these bytes.
+fn send(socket: &OwnedFd, message: &[u8], bytes: &[u8]) -> io::Result<()> {
+    let mut file = memory_file()?;
+    file.write_all(bytes)?;
+    io::Seek::rewind(&mut file)?;
+    handover::send(socket, message, &[file.as_fd()])
+}
+
 /// The thread's work.
 struct Work {
     plan: Arc<Plan>,
@@ -231,16 +236,32 @@ impl Work {
         let process = Process::start(&request, &order);
         let mut process = process.map_err(|error| format!("the process that compiles cannot be started: {error}"))?;
         drop(request);
-        for _ in TIERS {
-            let Some(file) = self.next(&mut process)? else { return Ok(Outcome::Stopped) };
-            let engine = Native::of_file(&self.plan, &order, file.as_fd());
+        self.take(&mut process, &order)
+    }
+
+    /// Takes the files of code that come, and hands each as an engine to the scan.
+    fn take(&mut self, process: &mut Process, order: &Order) -> Result<Outcome, String> {
+        for count in 1..=FILES {
+            let Some(file) = self.next(process)? else { return Ok(Outcome::Stopped) };
+            let engine = Native::of_file(&self.plan, order, file.as_fd());
             let engine = engine.map_err(|why| format!("a file of code is refused: {why}"))?;
             tracing::info!("machine code: {}", engine.told());
-            // There is room for one of each tier.
+            let is_last = engine.is_optimised();
+            // There is room for all that come.
             let _ = self.giver.give(Box::new(engine));
             self.sent += 1;
+            if is_last {
+                return Ok(Outcome::Done);
+            }
+            if count == 1 && is_large(&self.plan) {
+                // The process waits for it. What the scan has executed until now is what it will go on with.
+                let account = request::account(&self.plan.executed.read());
+                send(&process.socket, &[0], &account).map_err(|error| {
+                    format!("the process that compiles is not reached: {error}; {}", process.death())
+                })?;
+            }
         }
-        Ok(Outcome::Done)
+        Err("files of code have come, but none with all blocks optimised".into())
     }
 
     /// The next file of code; `None`: the station ends.
@@ -295,7 +316,7 @@ mod tests {
     use super::*;
     use ob1_cpu::{Clock, Command as Wish, CpuConfig, Nanos};
     use ob1_ir::Program;
-    use ob1_native::{Compiler, Target};
+    use ob1_native::{Compiler, Target, Tier};
 
     struct Still;
 
@@ -346,6 +367,40 @@ mod tests {
             assert_eq!(giver.take_back().map(|engine| engine.name()), Some(before));
             run(&mut cpu);
         }
+    }
+
+    /// What becomes of files that a process sends: how many engines the scan has then, and the end.
+    fn taken(cpu: &Cpu, order: &Order, files: &[OwnedFd]) -> (usize, String) {
+        let (giver, successors) = Giver::pair();
+        let (stopped, _stop) = io::pipe().expect("a pipe");
+        let (socket, theirs) = handover::pair().expect("a socket");
+        for file in files {
+            handover::send(&theirs, &[0], &[file.as_fd()]).expect("it is sent");
+        }
+        drop(theirs);
+        let child = Command::new("/bin/true").spawn().expect("a process");
+        let mut work = Work { plan: Arc::clone(cpu.plan()), giver, sent: 0, stopped: stopped.into() };
+        let ended = match work.take(&mut Process { child, socket }, order) {
+            Ok(Outcome::Done) => "done".to_owned(),
+            Ok(Outcome::Stopped) => "stopped".to_owned(),
+            Err(why) => why,
+        };
+        (successors.come.slots(), ended)
+    }
+
+    #[test]
+    fn a_process_that_sends_too_much_or_something_else_changes_nothing_more() {
+        let cpu = cpu();
+        let order = Order { fingerprint: fingerprint(cpu.plan()), secret: [5; 16] };
+        let fast = || file(&cpu, &order, Tier::Fast);
+        let other = file(&cpu, &Order { secret: [6; 16], ..order }, Tier::Optimised);
+        assert_eq!(taken(&cpu, &order, &[fast(), file(&cpu, &order, Tier::Optimised), fast()]), (2, "done".into()));
+        let (engines, why) = taken(&cpu, &order, &[fast(), fast(), fast(), fast()]);
+        assert!(engines == FILES && why.contains("none with all blocks optimised"), "{engines}: {why}");
+        let (engines, why) = taken(&cpu, &order, &[fast(), other, fast()]);
+        assert!(engines == 1 && why.contains("a file of code is refused"), "{engines}: {why}");
+        let (engines, why) = taken(&cpu, &order, &[fast()]);
+        assert!(engines == 1 && why.contains("the process that compiles is gone"), "{engines}: {why}");
     }
 
     #[test]

@@ -1,5 +1,5 @@
 //! What the process that compiles is told: the program, the parameters of native blocks, and the sizes of the CPU. It
-//! loads them as the runtime has done, and makes code of the same plan.
+//! loads them as the runtime has done, and makes code of the same plan. And the account of what each block executes.
 
 use std::sync::Arc;
 
@@ -107,6 +107,23 @@ pub(super) fn plan(bytes: &[u8]) -> Result<Arc<Plan>, String> {
     cpu.map(|cpu| Arc::clone(cpu.plan())).map_err(|errors| format!("{errors:?}"))
 }
 
+/// The account of a plan's blocks as it is sent: a number of 64 bits for each, its low byte first.
+pub(super) fn account(executed: &[u64]) -> Vec<u8> {
+    executed.iter().flat_map(|statements| statements.to_le_bytes()).collect()
+}
+
+/// The account of so many blocks that was received.
+///
+/// # Errors
+/// It is one of another program.
+pub(super) fn executed(account: &[u8], blocks: usize) -> Result<Vec<u64>, String> {
+    let (numbers, rest) = account.as_chunks();
+    if numbers.len() != blocks || !rest.is_empty() {
+        return Err(format!("an account of {} bytes for {blocks} blocks", account.len()));
+    }
+    Ok(numbers.iter().map(|number| u64::from_le_bytes(*number)).collect())
+}
+
 /// A native block of which only the parameters are known. Nothing runs here.
 struct Known(BlockId, Interface);
 
@@ -174,6 +191,16 @@ mod tests {
         };
         assert_eq!(of(256), of(256));
         assert_ne!(of(256), of(512));
+    }
+
+    #[test]
+    fn an_account_is_of_so_many_blocks() {
+        let sent = account(&[1, u64::MAX, 0x0102_0304_0506_0708]);
+        assert_eq!(executed(&sent, 3), Ok(vec![1, u64::MAX, 0x0102_0304_0506_0708]));
+        for (bytes, blocks) in [(&sent[..], 2), (&sent[..], 4), (&sent[..23], 3), (&sent[..23], 2), (&[], 1)] {
+            assert!(executed(bytes, blocks).is_err_and(|why| why.contains("account")), "{blocks}");
+        }
+        assert_eq!(executed(&[], 0), Ok(vec![]));
     }
 
     #[test]

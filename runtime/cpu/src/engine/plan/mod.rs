@@ -1,7 +1,9 @@
 //! What is loaded, as every engine runs it: blocks in pre-decoded form, calls with their parameters resolved, the
-//! places of areas and data blocks. Made once at load, never changed.
+//! places of areas and data blocks. Made once at load, never changed but for the
+//! account of what has been executed.
 
 mod call;
+mod executed;
 mod lower;
 mod lower_call;
 mod op;
@@ -13,6 +15,7 @@ use ob1_model::{BlockId, Site};
 use crate::arena::{Db, Range};
 
 pub use call::{Call, CallTarget, InSource, InstanceIn, InstanceOf, InstanceOut, List, OutTarget, RefArg};
+pub use executed::Executed;
 pub(crate) use lower::{Lowering, lower, writes_param};
 pub(crate) use lower_call::{Constants, collect};
 pub use op::{AREA_IN_POINTER, Base, Op, Scan};
@@ -106,6 +109,8 @@ pub struct Plan {
     pub stack_per_block: usize,
     /// Blocks of statements that can be entered and not left, in all organization blocks that run at one time.
     pub frames: usize,
+    /// What an engine that accounts for it has executed of each block.
+    pub executed: Executed,
 }
 
 impl Plan {

@@ -15,16 +15,27 @@ use frames::{Frame, Frames};
 /// Makes the reference engine.
 pub const REFERENCE: &dyn Factory = &Short;
 
+/// Makes the reference engine that keeps [`Plan::executed`] besides: for a program that is compiled meanwhile, its
+/// hottest blocks first. The plain [`REFERENCE`] has no code for that.
+pub const ACCOUNTING: &dyn Factory = &Accounting;
+
 /// Makes the reference engine without short forms: every statement is executed straight from the intermediate code.
 /// Slower; for comparing the two.
 pub const PLAIN: &dyn Factory = &Plain;
 
 struct Short;
+struct Accounting;
 struct Plain;
 
 impl Factory for Short {
     fn engine(&self, plan: &Arc<Plan>) -> Result<Box<dyn Engine>, String> {
-        Ok(Box::new(Reference { plan: Arc::clone(plan), plain: None, frames: Frames::new(plan.frames) }))
+        Ok(Box::new(Reference::<false>::new(plan, None)))
+    }
+}
+
+impl Factory for Accounting {
+    fn engine(&self, plan: &Arc<Plan>) -> Result<Box<dyn Engine>, String> {
+        Ok(Box::new(Reference::<true>::new(plan, None)))
     }
 }
 
@@ -34,25 +45,29 @@ impl Factory for Plain {
         for op in blocks.iter_mut().flat_map(|block| &mut block.ops).filter(|op| !op.is_control()) {
             *op = Op::Slow;
         }
-        Ok(Box::new(Reference { plan: Arc::clone(plan), plain: Some(blocks), frames: Frames::new(plan.frames) }))
+        Ok(Box::new(Reference::<false>::new(plan, Some(blocks))))
     }
 }
 
-/// The engine that defines the meaning of every statement.
-struct Reference {
+/// The engine that defines the meaning of every statement; `ACCOUNTS`: it keeps the account of what blocks execute.
+struct Reference<const ACCOUNTS: bool> {
     plan: Arc<Plan>,
     /// The blocks without short forms, when it runs those.
     plain: Option<Box<[Block]>>,
     frames: Frames,
 }
 
-impl Reference {
+impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
+    fn new(plan: &Arc<Plan>, plain: Option<Box<[Block]>>) -> Self {
+        Self { plan: Arc::clone(plan), plain, frames: Frames::new(plan.frames) }
+    }
+
     fn blocks(&self) -> &[Block] {
         self.plain.as_ref().unwrap_or(&self.plan.blocks)
     }
 }
 
-impl Engine for Reference {
+impl<const ACCOUNTS: bool> Engine for Reference<ACCOUNTS> {
     fn name(&self) -> &'static str {
         if self.plain.is_some() { "plain" } else { "reference" }
     }

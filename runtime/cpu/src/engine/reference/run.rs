@@ -20,7 +20,7 @@ fn scan_bit(scan: Scan, bit: bool, r: &mut Regs) {
     r.sta = bit;
 }
 
-impl Reference {
+impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
     /// Runs `block` until it ends. The registers live in this function; nested blocks of statements run in the same
     /// loop, native blocks and organization blocks for faults are called out of it.
     pub(super) fn run(&self, block: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<(), Abort> {
@@ -42,6 +42,9 @@ impl Reference {
         macro_rules! count {
             () => {
                 executed += (pc - from) as u32;
+                if ACCOUNTS {
+                    runtime.plan.executed.add(current, (pc - from) as u64);
+                }
             };
         }
         macro_rules! attend {
