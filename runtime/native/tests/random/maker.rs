@@ -6,7 +6,7 @@ use ob1_ir::{
 };
 use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Interface, Section, TimerKind};
 
-use super::{FB, FC, Random, SUB_INSTANCE};
+use super::{FB, FC, Random, SUB_INSTANCE, edges};
 
 /// Makes statements of one block.
 pub(super) struct Maker<'a> {
@@ -97,7 +97,10 @@ impl Maker<'_> {
 
     fn number(&mut self, timer: bool) -> Number {
         match self.r.next(12) {
-            0 => Number::Memory(Pointer { area: Area::Memory, at: BitAddr::byte_addr(48) }),
+            0 => {
+                let area = self.r.of(&[Area::Memory, Area::Memory, Area::Local, Area::Db, Area::Di]);
+                Number::Memory(Pointer { area, at: BitAddr::byte_addr(if area == Area::Memory { 48 } else { 24 }) })
+            }
             1 if timer && self.kind == BlockKind::Fc && !self.params.is_empty() => Number::Param(6),
             2 => Number::Fixed(self.r.of(&[255, 256, 2047])),
             _ => Number::Fixed(self.r.next(4) as u16),
@@ -190,6 +193,9 @@ impl Maker<'_> {
     }
 
     fn pointer(&mut self) -> u32 {
+        if self.r.one_in(6) {
+            return edges::pointer(self.r);
+        }
         let area = self.r.of(&[0x80u32, 0x81, 0x82, 0x83, 0x83, 0x84, 0x84, 0x85, 0x86, 0x87, 0x00, 0x88]);
         let bit = if self.r.one_in(3) { self.r.next(8) } else { 0 };
         (area << 24) | (self.r.next(64) * 8 + bit)
@@ -289,7 +295,10 @@ impl Maker<'_> {
                 Op::OpenDb(which, number)
             }
             61 => Op::ExchangeDbs,
-            62 => [Op::LoadDbLength(DbRegister::Db), Op::LoadDbNumber(DbRegister::Di)][r.next(2) as usize].clone(),
+            62 => {
+                let which = r.of(&[DbRegister::Db, DbRegister::Di]);
+                if r.one_in(2) { Op::LoadDbLength(which) } else { Op::LoadDbNumber(which) }
+            }
             63 => {
                 let kind = r.of(&TimerKind::ALL);
                 Op::StartTimer(kind, self.number(true))
@@ -329,30 +338,45 @@ impl Maker<'_> {
         if self.r.one_in(6) { self.r.next(index + 1) } else { (index + 1 + self.r.next(5)).min(count) }
     }
 
+    /// Puts a pair of statements around others, within or around the pairs there are.
+    fn pair(&mut self, code: &mut [Op], open: Op, close: Op) {
+        let last = code.len() as u32 - 2;
+        let first = 1 + self.r.next(last - 4) as usize;
+        let reach = if self.r.one_in(3) { last - first as u32 } else { 6 };
+        let last = (first + 1 + self.r.next(reach) as usize).min(last as usize);
+        if plain(&code[first]) && plain(&code[last]) {
+            code[first] = open;
+            code[last] = close;
+        }
+    }
+
     /// Statements of a block. Brackets and the master control relay come in pairs.
     pub(super) fn code(&mut self, count: u32) -> Vec<Op> {
         let mut code: Vec<Op> = (0..count).map(|i| self.statement(i, count)).collect();
-        let mcr = self.r.one_in(8);
-        for (open, close, brackets) in [(true, false, true), (false, true, true), (true, true, mcr)] {
-            let _ = (open, close);
-            if !brackets || count < 12 {
-                continue;
+        for _ in 0..count / 12 {
+            let first = self.r.next(count) as usize;
+            let targets = [self.target(first as u32, count), self.target(first as u32, count)];
+            let edge = edges::edge(self.r, targets);
+            for (to, op) in code[first..].iter_mut().zip(edge) {
+                *to = op;
             }
-            let first = self.r.next(count - 8) as usize;
-            let last = first + 2 + self.r.next(5) as usize;
-            let logic = self.r.of(&Logic::ALL);
-            let negate = self.r.one_in(2);
-            let plain = |op: &Op| !matches!(op, Op::Open { .. } | Op::Close | Op::McrOpen | Op::McrClose);
-            if !code[first..=last].iter().all(plain) {
-                continue;
+        }
+        if count >= 12 {
+            for _ in 0..1 + self.r.next(2) {
+                let (logic, negate) = (self.r.of(&Logic::ALL), self.r.one_in(2));
+                self.pair(&mut code, Op::Open { logic, negate }, Op::Close);
             }
-            if open && close {
-                code[first] = Op::McrOpen;
-                code[last] = Op::McrClose;
-                code[first.saturating_sub(1)] = Op::McrActivate;
-            } else {
-                code[first] = Op::Open { logic, negate };
-                code[last] = Op::Close;
+            if self.r.one_in(6) {
+                for _ in 0..1 + self.r.next(3) {
+                    self.pair(&mut code, Op::McrOpen, Op::McrClose);
+                }
+                code[0] = Op::McrActivate;
+                if self.r.one_in(4) {
+                    let at = self.r.next(count) as usize;
+                    if plain(&code[at]) {
+                        code[at] = self.r.of(&[&Op::McrActivate, &Op::McrDeactivate]).clone();
+                    }
+                }
             }
         }
         // What the registers hold at the end.
@@ -368,4 +392,9 @@ impl Maker<'_> {
         ]);
         code
     }
+}
+
+/// It is not one of a pair.
+fn plain(op: &Op) -> bool {
+    !matches!(op, Op::Open { .. } | Op::Close | Op::McrOpen | Op::McrClose)
 }

@@ -2,6 +2,7 @@
 
 #![allow(dead_code, reason = "each test uses its own part")]
 
+mod edges;
 mod maker;
 
 use std::sync::Arc;
