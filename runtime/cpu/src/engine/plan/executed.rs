@@ -2,8 +2,8 @@
 
 use crate::accounts::Count;
 
-/// Statements executed since the last start-up, for each of [`super::Plan::blocks`]. The scan writes it while the engine is one that
-/// accounts for blocks ([`crate::engine::ACCOUNTING`]); anybody may read it meanwhile.
+/// Statements executed since the last start-up, for each of [`super::Plan::blocks`]. The scan writes it while the
+/// engine is one that accounts for blocks ([`crate::engine::ACCOUNTING`]); anybody may read it meanwhile.
 #[derive(Debug, Default)]
 pub struct Executed(Box<[Count]>);
 
