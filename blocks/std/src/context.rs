@@ -1,6 +1,7 @@
 //! What a standard block can ask of the CPU. The CPU implements [`Context`]; a test gives a fake.
 
 use ob1_model::Area;
+use ob1_time::{Instant, Span};
 
 use crate::services::{
     AlarmSource, DataBlocks, ErrorFilter, Images, InterruptLocks, Messages, Meters, Rack, Schedule, StartInfo,
@@ -69,8 +70,8 @@ pub trait Context {
     fn area_write(&mut self, area: Area, db: u16, at: u32, from: &[u8]) -> Result<(), Refused>;
     /// Sets the binary result; it is 1 before the first time.
     fn set_br(&mut self, br: bool);
-    /// Nanoseconds since the start; never goes back.
-    fn now(&mut self) -> u64;
+    /// The CPU's own time; never goes back.
+    fn now(&mut self) -> Instant;
 
     /// The module whose logical base address this is.
     fn module(&mut self, address: u32) -> Result<ModuleSize, Refused>;
@@ -115,9 +116,9 @@ pub trait Context {
     fn start_info(&mut self) -> &mut dyn StartInfo;
     /// The alarm that is being handled.
     fn alarm_source(&mut self) -> &mut dyn AlarmSource;
-    /// Waits so many microseconds inside the call; higher priority classes may run meanwhile.
+    /// Waits so long inside the call; higher priority classes may run meanwhile.
     ///
     /// # Errors
     /// The CPU goes to STOP.
-    fn wait(&mut self, microseconds: u32) -> Done;
+    fn wait(&mut self, time: Span) -> Done;
 }

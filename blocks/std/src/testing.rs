@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use ob1_model::{Area, Layout, Section};
+use ob1_time::{Instant, Span};
 
 use crate::moment::{DAY_MS, Date, Moment};
 use crate::services::{
@@ -20,7 +21,7 @@ pub(crate) struct Fake {
     instance: Vec<u8>,
     memory: BTreeMap<(Area, u16), Vec<u8>>,
     pub(crate) br: bool,
-    pub(crate) now: u64,
+    pub(crate) now: Instant,
     pub(crate) ended: Done,
     /// Peripheral bytes from 0 on: inputs, outputs.
     pub(crate) io: [Vec<u8>; 2],
@@ -56,7 +57,7 @@ pub(crate) struct Station {
     pub(crate) alarm_error: Option<AlarmError>,
     pub(crate) alarm: Option<AlarmInfo>,
     pub(crate) status: Vec<Vec<u8>>,
-    pub(crate) waited: Vec<u32>,
+    pub(crate) waited: Vec<Span>,
 }
 
 /// `dt("2024-02-29-23:59:59.999")`.
@@ -117,7 +118,7 @@ impl Fake {
             instance,
             memory,
             br: true,
-            now: 0,
+            now: Instant::START,
             ended: Ok(()),
             io: [vec![0; 512], vec![0; 512]],
             modules: BTreeMap::new(),
@@ -318,7 +319,7 @@ impl Context for Fake {
         self.br = br;
     }
 
-    fn now(&mut self) -> u64 {
+    fn now(&mut self) -> Instant {
         self.now
     }
 
@@ -416,8 +417,8 @@ impl Context for Fake {
         &mut self.station
     }
 
-    fn wait(&mut self, microseconds: u32) -> Result<(), Interrupted> {
-        self.station.waited.push(microseconds);
+    fn wait(&mut self, time: Span) -> Result<(), Interrupted> {
+        self.station.waited.push(time);
         Ok(())
     }
 }

@@ -5,16 +5,17 @@
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "a measuring tool reads the clock and files")]
 #![allow(clippy::print_stdout, reason = "its output")]
 
-use std::time::Instant;
+use std::time;
 
-use ob1_cpu::{Clock, Command, Cpu, CpuConfig, Nanos, OperatingState, system_blocks};
+use ob1_cpu::{Clock, Command, Cpu, CpuConfig, OperatingState, system_blocks};
 use ob1_stl::{Library, Options, Source, compile};
+use ob1_time::{Instant, Span};
 
-struct Real(Instant);
+struct Real(time::Instant);
 
 impl Clock for Real {
-    fn now(&mut self) -> Nanos {
-        u64::try_from(self.0.elapsed().as_nanos()).unwrap_or(u64::MAX)
+    fn now(&mut self) -> Instant {
+        Instant::START + Span::from(self.0.elapsed())
     }
     fn executed(&mut self, _statements: u64) {}
 }
@@ -34,11 +35,11 @@ fn measure(path: &str) -> Result<(f64, f64), String> {
     let config = CpuConfig { memory_bytes: 2048, ..CpuConfig::default() };
     let mut cpu = Cpu::new(config, &output.program, system_blocks(), Vec::new(), ob1_cpu::engine::REFERENCE)
         .map_err(|e| format!("{path}: {e:?}"))?;
-    let mut clock = Real(Instant::now());
+    let mut clock = Real(time::Instant::now());
     cpu.request(Command::Warm);
     let (mut best, mut per_scan) = (0f64, 0f64);
     for _ in 0..5 {
-        let (begin, before) = (Instant::now(), cpu.statistics());
+        let (begin, before) = (time::Instant::now(), cpu.statistics());
         while begin.elapsed().as_millis() < 200 {
             for _ in 0..20 {
                 if cpu.cycle(&mut clock).state != OperatingState::Run {

@@ -1,7 +1,8 @@
 //! What a CPU is built with: sizes, cycle rules, and where its modules lie.
 
-use crate::{AccountsConfig, CyclicInterrupt, Family, MissedCycle, Nanos, Retentive, TimeOfDay};
+use crate::{AccountsConfig, CyclicInterrupt, Family, MissedCycle, Retentive, TimeOfDay};
 use ob1_model::OperatingState;
+use ob1_time::{Instant, Span};
 
 /// The sizes and rules of one CPU. The defaults are those of an S7-300.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,13 +32,13 @@ pub struct CpuConfig {
     /// Organization blocks beyond those of the program for which the thread has stack: for a [`crate::Successor`].
     pub spare_obs: u8,
     /// Minimum cycle time; 0: the next cycle starts at once.
-    pub min_cycle: Nanos,
+    pub min_cycle: Span,
     /// What becomes of a deadline of the cycle that was missed.
     pub missed: MissedCycle,
     /// What is kept of every scan.
     pub accounts: AccountsConfig,
     /// Cycle monitoring time; 0: none.
-    pub watchdog: Nanos,
+    pub watchdog: Span,
     /// Cyclic interrupts whose interval or phase is not the default. Those of OBs that are not loaded have no effect.
     pub cyclic: Vec<CyclicInterrupt>,
     /// Time-of-day interrupts that are set without the program's doing.
@@ -87,10 +88,10 @@ impl Default for CpuConfig {
             accumulators: 2,
             nesting_depth: 24,
             spare_obs: 0,
-            min_cycle: 0,
+            min_cycle: Span::ZERO,
             missed: MissedCycle::Now,
             accounts: AccountsConfig::default(),
-            watchdog: 150_000_000,
+            watchdog: Span::from_millis(150),
             cyclic: Vec::new(),
             time_of_day: Vec::new(),
             clock_memory: None,
@@ -152,7 +153,7 @@ impl ModuleSlot {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CycleEnd {
     /// When the next cycle or the next interrupt by time is due. In the past or present: at once.
-    pub next_deadline: Nanos,
+    pub next_deadline: Instant,
     /// The state now.
     pub state: OperatingState,
     /// False when only interrupts were served because the next cycle was not due yet.

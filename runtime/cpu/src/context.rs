@@ -5,11 +5,12 @@ use std::sync::Arc;
 
 use ob1_model::{BlockId, BlockKind, Event, FaultKind, Site};
 use ob1_std::services::ErrorFilter;
+use ob1_time::{Instant, Span};
 
 use crate::engine::{Callee, Engine, Entry, Plan};
 use crate::machine::{Attention, Machine};
 use crate::native::Native;
-use crate::{Abort, Clock, DiagEntry, Nanos, ObInfo, Running, ShortText};
+use crate::{Abort, Clock, DiagEntry, ObInfo, Running, ShortText};
 
 /// Statements after which the engine looks at the clock at its next safe point, at the latest.
 const STATEMENTS_PER_LOOK: u32 = 1000;
@@ -62,15 +63,15 @@ impl Context<'_> {
         self.clock.executed(pending);
         machine.hot.now = machine.hot.now.max(self.clock.now());
         if pending >= FEWEST_STATEMENTS {
-            machine.pace = (machine.hot.now - before).saturating_mul(1024) / pending;
+            machine.pace = (machine.hot.now - before).times(1024) / pending;
         }
-        let due = machine.interrupts.next_due().min(machine.watchdog.expires.unwrap_or(Nanos::MAX));
-        let time = due.saturating_sub(machine.hot.now);
+        let due = machine.interrupts.next_due().min(machine.watchdog.expires.unwrap_or(Instant::NEVER));
+        let time = due.since(machine.hot.now);
         // A due time is seen at the first safe point behind it where statements are charged, else within some
         // statements of it.
         let statements = match self.clock.statements_in(time) {
             Some(statements) => statements.max(1),
-            None => (time.saturating_mul(1024) / machine.pace.max(1)).max(FEWEST_STATEMENTS),
+            None => (time.times(1024) / machine.pace.max(Span::from_nanos(1))).max(FEWEST_STATEMENTS),
         };
         machine.hot.look_after = statements.min(u64::from(STATEMENTS_PER_LOOK)) as u32;
     }
@@ -103,7 +104,7 @@ impl Context<'_> {
     }
 
     /// Time passes inside the scan; what is due meanwhile is served.
-    pub(crate) fn wait(&mut self, time: Nanos) -> Result<(), Abort> {
+    pub(crate) fn wait(&mut self, time: Span) -> Result<(), Abort> {
         self.look();
         let deadline = self.machine.hot.now.saturating_add(time);
         while self.machine.hot.now < deadline {
@@ -190,7 +191,7 @@ impl Context<'_> {
         let machine = &mut *self.machine;
         machine.watchdog.excess = false;
         machine.watchdog.expires =
-            (machine.config.watchdog > 0).then(|| machine.hot.now.saturating_add(machine.config.watchdog));
+            (!machine.config.watchdog.is_zero()).then(|| machine.hot.now.saturating_add(machine.config.watchdog));
     }
 
     /// Enters `event` and marks the CPU for STOP.

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use ob1_model::Event;
 use ob1_std::moment::Moment;
 use ob1_std::services::WallClock as _;
+use ob1_time::Instant;
 
 use crate::access_port::AccessPort;
 use crate::cells;
@@ -17,8 +18,8 @@ use crate::machine::{Attention, Machine};
 use crate::natives::Running;
 use crate::{
     AccessClient, Accounts, Answer, Ask, Cell, CellError, CellWidth, Command, DiagEntry, InterruptError, LogReader,
-    ModuleCounters, ModuleSlot, ModuleStatus, Nanos, ObStatistics, OperatingState, ScanRecord, ScanStatistics,
-    ShortText, Sums, Whereabouts, Window,
+    ModuleCounters, ModuleSlot, ModuleStatus, ObStatistics, OperatingState, ScanRecord, ScanStatistics, ShortText,
+    Sums, Whereabouts, Window,
 };
 
 /// A CPU with its program, modules and native blocks.
@@ -32,8 +33,8 @@ pub struct Cpu {
     pub(crate) state: OperatingState,
     pub(crate) wanted: Option<Command>,
     /// When the running or next cycle was or is due.
-    pub(crate) due: Nanos,
-    pub(crate) last_start: Option<Nanos>,
+    pub(crate) due: Instant,
+    pub(crate) last_start: Option<Instant>,
     /// Milliseconds of the last, shortest and longest cycle, for OB 1's start information.
     pub(crate) cycle_ms: [u16; 3],
     /// OB1_SCAN_1 of the next cycle.
@@ -67,7 +68,7 @@ impl Cpu {
             log: Some(log),
             state: OperatingState::Stop,
             wanted: None,
-            due: 0,
+            due: Instant::START,
             last_start: None,
             cycle_ms: [0; 3],
             first_scan: 1,
@@ -154,7 +155,7 @@ impl Cpu {
 
     /// The CPU's own time.
     #[must_use]
-    pub fn now(&self) -> Nanos {
+    pub fn now(&self) -> Instant {
         self.machine.hot.now
     }
 

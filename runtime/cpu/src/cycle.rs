@@ -1,18 +1,19 @@
 //! Cycle control: one cycle in RUN, the interrupts between two cycles, the round in STOP.
 
 use ob1_model::Event;
+use ob1_time::{Instant, Span};
 
 use crate::accounts::Ended;
 use crate::context::Context;
 use crate::interrupts::{Hardware, slot_of};
 use crate::machine::{Machine, Watchdog};
 use crate::{
-    Abort, Clock, Command, Cpu, CycleEnd, DiagEntry, ImageErrors, MissedCycle, ModuleError, ModuleEvent, Nanos, ObInfo,
+    Abort, Clock, Command, Cpu, CycleEnd, DiagEntry, ImageErrors, MissedCycle, ModuleError, ModuleEvent, ObInfo,
     OperatingState, ShortText,
 };
 
 /// Time between two looks at access port and modules in STOP.
-const STOP_CYCLE: Nanos = 10_000_000;
+const STOP_CYCLE: Span = Span::from_millis(10);
 /// Events taken from one module in one scan.
 const EVENTS_PER_SCAN: usize = 8;
 /// Half periods of the clock memory's bits 0 to 7 in milliseconds: 10, 5, 2.5, 2, 1.25, 1, 0.625 and 0.5 Hz.
@@ -47,14 +48,14 @@ impl Cpu {
         }
     }
 
-    fn run_cycle(&mut self, start: Nanos, clock: &mut dyn Clock) -> CycleEnd {
+    fn run_cycle(&mut self, start: Instant, clock: &mut dyn Clock) -> CycleEnd {
         let planned = if self.due <= start { self.due } else { start };
         let m = &mut self.machine;
         m.trace.begin(planned, start, m.inside, m.statements + u64::from(m.hot.pending));
         if let Some(last) = self.last_start.replace(start) {
             let time = start - last;
             self.machine.trace.cycle(time);
-            let ms = (time / 1_000_000).min(32_767) as u16;
+            let ms = time.millis().min(32_767) as u16;
             let [_, least, most] = self.cycle_ms;
             let least = if self.machine.trace.accounts.scans() <= 1 { ms } else { least.min(ms) };
             self.cycle_ms = [ms, least, most.max(ms)];
@@ -115,7 +116,7 @@ impl Cpu {
         }
         let began = clock.now();
         self.exchange.serve(&mut self.machine, self.state);
-        let took = clock.now().saturating_sub(began);
+        let took = clock.now().since(began);
         self.machine.trace.exchanged(took);
     }
 
@@ -136,14 +137,15 @@ impl Cpu {
         CycleEnd { next_deadline: self.next_deadline(), state: self.state, whole: false, late: false }
     }
 
-    fn next_deadline(&self) -> Nanos {
+    fn next_deadline(&self) -> Instant {
         self.due.min(self.machine.interrupts.next_due())
     }
 
     /// Starts the cycle monitoring.
-    fn watch(&mut self, start: Nanos) {
+    fn watch(&mut self, start: Instant) {
         let limit = self.machine.config.watchdog;
-        self.machine.watchdog = Watchdog { expires: (limit > 0).then(|| start.saturating_add(limit)), excess: false };
+        self.machine.watchdog =
+            Watchdog { expires: (!limit.is_zero()).then(|| start.saturating_add(limit)), excess: false };
     }
 
     pub(crate) fn context<'a>(&'a mut self, clock: &'a mut dyn Clock) -> Context<'a> {
@@ -192,7 +194,7 @@ impl Cpu {
         }
     }
 
-    fn ob1(&mut self, late: Nanos, clock: &mut dyn Clock) -> Result<(), Abort> {
+    fn ob1(&mut self, late: Span, clock: &mut dyn Clock) -> Result<(), Abort> {
         let Some(callee) = self.blocks.ob(1) else { return Ok(()) };
         let scan = std::mem::replace(&mut self.first_scan, 3);
         let cycle_ms = self.cycle_ms;
@@ -207,7 +209,7 @@ impl Cpu {
         }
         let ran = cx.run_ob(callee, ObInfo { number: 1, priority: 1, start });
         let m = &mut self.machine;
-        let whole = m.obs.of(1).map_or(0, |record| record.last_whole());
+        let whole = m.obs.of(1).map_or(Span::ZERO, |record| record.last_whole());
         m.trace.ob1_began(m.hot.now.saturating_sub(whole), inside);
         ran
     }
@@ -296,7 +298,7 @@ impl Cpu {
 
     fn clock_memory(&mut self) {
         let Some(byte) = self.machine.config.clock_memory else { return };
-        let ms = self.machine.hot.now / 1_000_000;
+        let ms = self.machine.hot.now.millis();
         let bits = (0u8..).zip(CLOCK_HALF_MS).fold(0, |bits, (i, half)| bits | (((ms / half) & 1) as u32) << i);
         let at = self.machine.memory.memory.at.plus(u32::from(byte)).bit(0);
         self.machine.memory.write_bits(at, 8, bits);
@@ -306,10 +308,10 @@ impl Cpu {
 impl Machine {
     /// When the cycle after the one planned at `planned` is due, now that this one has ended; whether it overran, and
     /// how many deadlines no cycle will begin for: none, when the CPU has `stopped`.
-    fn next_cycle(&mut self, planned: Nanos, stopped: bool) -> (Nanos, bool, u64) {
+    fn next_cycle(&mut self, planned: Instant, stopped: bool) -> (Instant, bool, u64) {
         let (min, now) = (self.config.min_cycle, self.hot.now);
         let next = planned.saturating_add(min);
-        if next >= now || min == 0 {
+        if next >= now || min.is_zero() {
             return (next.max(now), false, 0);
         }
         if stopped {
@@ -323,13 +325,13 @@ impl Machine {
                 (now, true, passed - 1)
             }
             MissedCycle::Skip => {
-                let due = next + passed * min;
+                let due = next + min * passed;
                 self.trace.missed(next, min, passed, due);
                 (due, true, passed)
             }
             MissedCycle::CatchUp => {
                 let left_out = passed.saturating_sub(MissedCycle::MOST);
-                let due = next + left_out * min;
+                let due = next + min * left_out;
                 self.trace.missed(next, min, left_out, now);
                 (due, true, left_out)
             }

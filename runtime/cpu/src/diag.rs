@@ -5,7 +5,7 @@ use std::fmt;
 
 use ob1_model::{Event, FaultKind, Site};
 
-use crate::Nanos;
+use ob1_time::Instant;
 
 /// Entries the buffer holds, whatever they are.
 pub const DIAG_ENTRIES: usize = 100;
@@ -68,7 +68,7 @@ pub struct DiagEntry {
     /// Counts all entries since the CPU was built, from 1.
     pub number: u64,
     /// When.
-    pub time: Nanos,
+    pub time: Instant,
     /// What.
     pub event: Event,
     /// The statement, for errors of the program.
@@ -114,7 +114,7 @@ impl DiagBuffer {
     pub(crate) fn new() -> Self {
         let blank = DiagEntry {
             number: 0,
-            time: 0,
+            time: Instant::START,
             event: Event(0),
             site: None,
             accus: [0; 2],
@@ -179,7 +179,7 @@ mod tests {
         assert!(buffer.get(0).is_none());
         let mut entry = DiagEntry {
             number: 0,
-            time: 0,
+            time: Instant::START,
             event: Event::RUN,
             site: None,
             accus: [0; 2],
@@ -187,11 +187,11 @@ mod tests {
             text: ShortText::new("x"),
         };
         for time in 0..250 {
-            entry.time = time;
+            entry.time = Instant::from_nanos(time);
             buffer.push(entry);
         }
         let times: Vec<_> = buffer.iter().map(|e| e.time).collect();
-        assert_eq!(times, (150..250).rev().collect::<Vec<_>>());
+        assert_eq!(times, (150..250).rev().map(Instant::from_nanos).collect::<Vec<_>>());
         assert_eq!(buffer.get(0).map(|e| e.number), Some(250));
     }
 
@@ -200,7 +200,7 @@ mod tests {
         let mut buffer = DiagBuffer::new();
         let entry = |event| DiagEntry {
             number: 0,
-            time: 0,
+            time: Instant::START,
             event,
             site: None,
             accus: [0; 2],

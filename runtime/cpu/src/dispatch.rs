@@ -1,10 +1,12 @@
 //! Interrupts in their turn: what is due runs when its priority class is above the running one, at safe points and
 //! between cycles.
 
+use ob1_time::Span;
+
 use crate::events::Late;
 use crate::interrupts::{Hardware, Passed, Request, SLOTS, ob_of, priority_of};
 use crate::services::period_word;
-use crate::{Abort, Context, Nanos, ObInfo};
+use crate::{Abort, Context, ObInfo};
 
 impl Context<'_> {
     /// Runs the interrupt of the highest class that is due, when it is above the running class. False when there was
@@ -54,7 +56,7 @@ impl Context<'_> {
             self.machine.interrupts.done(request.slot);
             return self.missing_ob(number, start);
         };
-        let late = self.machine.hot.now.saturating_sub(request.due);
+        let late = self.machine.hot.now.since(request.due);
         if let Some(record) = self.machine.obs.of(number) {
             record.late(late);
         }
@@ -88,7 +90,7 @@ impl Context<'_> {
             30..=38 => {
                 let mut start = start(0x31 + (ob - 30) as u8);
                 let cyclic = interrupts.cyclic(slot);
-                let ms = |time: Nanos, most: u64| (time / 1_000_000).min(most) as u16;
+                let ms = |time: Span, most: u64| time.millis().min(most) as u16;
                 start[6..8].copy_from_slice(&ms(cyclic.phase, 0xFFFF).to_be_bytes());
                 start[10..12].copy_from_slice(&ms(cyclic.period, 0x7FFF).to_be_bytes());
                 start

@@ -68,8 +68,8 @@ impl Context<'_> {
     pub(crate) fn cycle_exceeded(&mut self) -> Result<(), Abort> {
         let machine = &mut *self.machine;
         machine.trace.accounts.watchdogs.add(1);
-        let limit_ms = (machine.config.watchdog / 1_000_000) as u32;
-        let ran_ms = ((machine.hot.now - machine.cycle_start) / 1_000_000).min(0xFFFF) as u16;
+        let limit_ms = machine.config.watchdog.millis() as u32;
+        let ran_ms = (machine.hot.now - machine.cycle_start).millis().min(0xFFFF) as u16;
         // SFC 43 begins the cycle anew, but not OB 80.
         let second = std::mem::replace(&mut machine.watchdog.excess, true) || machine.is_active(&[80]);
         machine.watchdog.expires = Some(machine.hot.now.saturating_add(machine.config.watchdog));

@@ -4,7 +4,9 @@
 //! Times are the CPU's own `now`. A due time is absolute: lateness of one interrupt does not move the next.
 //! ["Organization Blocks" of the system software reference]
 
-use crate::{CyclicInterrupt, Missed, Nanos};
+use ob1_time::{Instant, Span};
+
+use crate::{CyclicInterrupt, Missed};
 
 /// Interrupt OBs that have a place here: 10-17, 20-23, 30-38, 40-47.
 pub(crate) const SLOTS: usize = 29;
@@ -15,7 +17,7 @@ const HARDWARE: usize = 21;
 /// Hardware interrupts that can wait.
 const QUEUE: usize = 16;
 /// No due time.
-pub(crate) const NEVER: Nanos = Nanos::MAX;
+pub(crate) const NEVER: Instant = Instant::NEVER;
 
 /// The slot of an organization block.
 pub(crate) const fn slot_of(ob: u16) -> Option<usize> {
@@ -64,7 +66,7 @@ pub(crate) struct Hardware {
     pub(crate) address: u16,
     pub(crate) point: u32,
     /// When it came.
-    pub(crate) at: Nanos,
+    pub(crate) at: Instant,
 }
 
 /// A request whose turn has come.
@@ -72,7 +74,7 @@ pub(crate) struct Hardware {
 pub(crate) struct Request {
     pub(crate) slot: usize,
     /// When it should have started.
-    pub(crate) due: Nanos,
+    pub(crate) due: Instant,
     pub(crate) hardware: Hardware,
 }
 
@@ -87,8 +89,8 @@ pub(crate) struct Delay {
 /// A cyclic interrupt.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cyclic {
-    pub(crate) period: Nanos,
-    pub(crate) phase: Nanos,
+    pub(crate) period: Span,
+    pub(crate) phase: Span,
     missed: Missed,
     loaded: bool,
 }
@@ -109,13 +111,13 @@ pub(crate) struct Passed {
 pub(crate) struct Interrupts {
     /// The CPU is in RUN: requests are served.
     active: bool,
-    due: [Nanos; HARDWARE],
+    due: [Instant; HARDWARE],
     /// The least of `due` while active.
-    next_due: Nanos,
+    next_due: Instant,
     pending: u32,
     running: u32,
     /// When the pending request was due.
-    asked: [Nanos; HARDWARE],
+    asked: [Instant; HARDWARE],
     cyclic: [Cyclic; HARDWARE - CYCLIC],
     pub(crate) delays: [Delay; CYCLIC - DELAY],
     queue: [Hardware; QUEUE],
@@ -129,9 +131,9 @@ impl Interrupts {
     pub(crate) fn new(configured: &[CyclicInterrupt], loaded: impl Fn(u16) -> bool) -> Self {
         let cyclic = std::array::from_fn(|i| {
             let ob = 30 + i as u16;
-            let default = CyclicInterrupt::new(ob, DEFAULT_MS[i] * 1_000_000);
+            let default = CyclicInterrupt::new(ob, Span::from_millis(DEFAULT_MS[i]));
             let c = configured.iter().find(|c| c.ob == ob).unwrap_or(&default);
-            Cyclic { period: c.period.max(1), phase: c.phase, missed: c.missed, loaded: loaded(ob) }
+            Cyclic { period: c.period.max(Span::from_nanos(1)), phase: c.phase, missed: c.missed, loaded: loaded(ob) }
         });
         Self {
             active: false,
@@ -139,7 +141,7 @@ impl Interrupts {
             next_due: NEVER,
             pending: 0,
             running: 0,
-            asked: [0; HARDWARE],
+            asked: [Instant::START; HARDWARE],
             cyclic,
             delays: [Delay::default(); CYCLIC - DELAY],
             queue: [Hardware::default(); QUEUE],
@@ -169,7 +171,7 @@ impl Interrupts {
 
     /// RUN begins: so do the intervals of the cyclic interrupts. Each comes for the first time after its interval and
     /// phase.
-    pub(crate) fn start(&mut self, now: Nanos) {
+    pub(crate) fn start(&mut self, now: Instant) {
         for (due, c) in self.due[CYCLIC..].iter_mut().zip(&self.cyclic) {
             *due = if c.loaded { now.saturating_add(c.period).saturating_add(c.phase) } else { NEVER };
         }
@@ -186,13 +188,13 @@ impl Interrupts {
     }
 
     /// Sets when a time-of-day or time-delay interrupt is due.
-    pub(crate) fn set_due(&mut self, slot: usize, due: Nanos) {
+    pub(crate) fn set_due(&mut self, slot: usize, due: Instant) {
         self.due[slot] = due;
         self.settle();
     }
 
     /// Its time has come, and nobody has looked yet.
-    pub(crate) fn is_due(&self, slot: usize, now: Nanos) -> bool {
+    pub(crate) fn is_due(&self, slot: usize, now: Instant) -> bool {
         self.due[slot] <= now
     }
 
@@ -201,18 +203,18 @@ impl Interrupts {
     }
 
     /// When the next interrupt by time comes.
-    pub(crate) fn next_due(&self) -> Nanos {
+    pub(crate) fn next_due(&self) -> Instant {
         self.next_due
     }
 
     /// Something is due or waits.
     #[inline]
-    pub(crate) fn wants(&self, now: Nanos) -> bool {
+    pub(crate) fn wants(&self, now: Instant) -> bool {
         self.next_due <= now || self.pending != 0 && self.active
     }
 
     /// Turns due times that have passed into requests.
-    pub(crate) fn collect(&mut self, now: Nanos) -> Passed {
+    pub(crate) fn collect(&mut self, now: Instant) -> Passed {
         let mut passed = Passed::default();
         if self.next_due > now {
             return passed;
@@ -229,7 +231,7 @@ impl Interrupts {
                 // Intervals that passed before the CPU could look are skipped and counted.
                 let skipped = (now - due) / c.period;
                 self.overruns[slot] += skipped;
-                self.due[slot] = due.saturating_add((skipped + 1).saturating_mul(c.period));
+                self.due[slot] = due.saturating_add(c.period.times(skipped + 1));
                 keep = c.missed == Missed::CatchUp;
             } else {
                 self.due[slot] = NEVER;
@@ -325,10 +327,18 @@ impl Interrupts {
 mod tests {
     use super::*;
 
+    const fn nanos(nanos: u64) -> Span {
+        Span::from_nanos(nanos)
+    }
+
+    const fn at(nanos: u64) -> Instant {
+        Instant::from_nanos(nanos)
+    }
+
     fn with(missed: Missed) -> Interrupts {
-        let ob35 = CyclicInterrupt { phase: 3, missed, ..CyclicInterrupt::new(35, 10) };
+        let ob35 = CyclicInterrupt { phase: nanos(3), missed, ..CyclicInterrupt::new(35, nanos(10)) };
         let mut interrupts = Interrupts::new(&[ob35], |ob| ob == 35 || ob == 40);
-        interrupts.start(100);
+        interrupts.start(at(100));
         interrupts
     }
 
@@ -345,24 +355,24 @@ mod tests {
     #[test]
     fn due_times_are_absolute_and_skipped_periods_are_counted() {
         let mut i = with(Missed::CatchUp);
-        assert_eq!(i.next_due(), 113);
-        assert!(!i.wants(112) && i.wants(113));
-        assert_eq!(i.collect(115), Passed::default());
-        assert_eq!((i.next_due(), i.take(12).is_none()), (123, true), "not above its own class");
+        assert_eq!(i.next_due(), at(113));
+        assert!(!i.wants(at(112)) && i.wants(at(113)));
+        assert_eq!(i.collect(at(115)), Passed::default());
+        assert_eq!((i.next_due(), i.take(12).is_none()), (at(123), true), "not above its own class");
         let request = i.take(11).expect("due");
-        assert_eq!((ob_of(request.slot), request.due), (35, 113));
+        assert_eq!((ob_of(request.slot), request.due), (35, at(113)));
         i.done(request.slot);
-        assert_eq!(i.collect(145), Passed::default());
-        assert_eq!((i.overruns[request.slot], i.next_due()), (2, 153), "123 is late, 133 and 143 are lost");
+        assert_eq!(i.collect(at(145)), Passed::default());
+        assert_eq!((i.overruns[request.slot], i.next_due()), (2, at(153)), "123 is late, 133 and 143 are lost");
     }
 
     #[test]
     fn due_while_running_is_caught_up_once_or_skipped() {
         for (missed, again) in [(Missed::CatchUp, true), (Missed::Skip, false)] {
             let mut i = with(missed);
-            i.collect(113);
+            i.collect(at(113));
             let slot = i.take(1).expect("due").slot;
-            assert_eq!(i.collect(123), Passed { running: 1 << slot, ..Passed::default() });
+            assert_eq!(i.collect(at(123)), Passed { running: 1 << slot, ..Passed::default() });
             i.done(slot);
             assert_eq!((i.take(1).is_some(), i.overruns[slot]), (again, 1), "{missed:?}");
         }

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use ob1_ir::{Op, Program, Verified};
 use ob1_model::{BlockId, BlockKind, Interface};
+use ob1_time::{Instant, Span};
 
 use crate::access_port::AccessPort;
 use crate::accounts::{Accounts, Trace, plugin_blocks};
@@ -31,7 +32,7 @@ use crate::{
 /// Most bytes of a data block.
 const DB_BYTES: usize = 65_534;
 /// Longest interval and phase offset of a cyclic interrupt.
-const LONGEST_PERIOD: u64 = 60_000_000_000;
+const LONGEST_PERIOD: Span = Span::from_secs(60);
 /// References to actual parameters, for all nested calls together.
 const REFERENCES: usize = 8 * 1024;
 
@@ -191,7 +192,7 @@ impl Cpu {
             seen_from_outside: None,
             statements: 0,
             hot: Hot::default(),
-            pace: 0,
+            pace: Span::ZERO,
             watchdog: Watchdog::default(),
             refs: vec![0; REFERENCES].into_boxed_slice(),
             stack,
@@ -201,14 +202,14 @@ impl Cpu {
             active: 0,
             aborted: false,
             diagnoses: Diagnoses::default(),
-            started: 0,
-            inside: 0,
+            started: Instant::START,
+            inside: Span::ZERO,
             interrupts: Interrupts::new(&config.cyclic, |ob| blocks.ob(ob).is_some()),
             obs: ObRecords::new(&accounts),
             trace: Trace::new(accounts),
             services: ServiceState::new(|ob| blocks.ob(ob).is_some()),
-            cycle_start: 0,
-            stopped_at: 0,
+            cycle_start: Instant::START,
+            stopped_at: Instant::START,
             keep,
             native_caller: None,
             interrupted: None,
@@ -241,8 +242,8 @@ fn check_config(config: &CpuConfig, errors: &mut Vec<LoadError>) {
     }
     for (i, c) in config.cyclic.iter().enumerate() {
         check("cyclic.ob", u64::from(c.ob), 38);
-        check("cyclic.period", c.period, LONGEST_PERIOD);
-        check("cyclic.phase", c.phase, LONGEST_PERIOD);
+        check("cyclic.period", c.period.nanos(), LONGEST_PERIOD.nanos());
+        check("cyclic.phase", c.phase.nanos(), LONGEST_PERIOD.nanos());
         check("cyclic interrupts of one OB", config.cyclic[..=i].iter().filter(|b| b.ob == c.ob).count() as u64, 1);
     }
     let mut wrong = |field, value, max| errors.push(LoadError::Config { field, value, max });
@@ -260,8 +261,8 @@ fn check_config(config: &CpuConfig, errors: &mut Vec<LoadError>) {
         if c.ob < 30 {
             wrong("cyclic.ob", u64::from(c.ob), 38);
         }
-        if c.period == 0 {
-            wrong("cyclic.period", 0, LONGEST_PERIOD);
+        if c.period.is_zero() {
+            wrong("cyclic.period", 0, LONGEST_PERIOD.nanos());
         }
     }
     if config.nesting_depth == 0 {

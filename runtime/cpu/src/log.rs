@@ -2,7 +2,7 @@
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use crate::Nanos;
+use ob1_time::Instant;
 
 /// Bytes of text a line holds.
 pub const LOG_TEXT: usize = 200;
@@ -12,7 +12,7 @@ const LINES: usize = 64;
 #[derive(Clone, Copy)]
 pub struct LogLine {
     /// When.
-    pub time: Nanos,
+    pub time: Instant,
     /// 1 error, 2 warning, 3 information.
     pub level: u8,
     len: u8,
@@ -20,7 +20,7 @@ pub struct LogLine {
 }
 
 impl LogLine {
-    pub(crate) fn new(time: Nanos, level: u8, text: &str) -> Self {
+    pub(crate) fn new(time: Instant, level: u8, text: &str) -> Self {
         let mut end = text.len().min(LOG_TEXT);
         while !text.is_char_boundary(end) {
             end -= 1;

@@ -3,6 +3,8 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use ob1_time::{Instant, Span};
+
 use crate::accounts::Trace;
 use crate::engine::{Caller, Hot, Interrupted, Tape};
 use crate::events::Diagnoses;
@@ -14,7 +16,7 @@ use crate::services::ServiceState;
 use crate::timers::{Counter, Timer};
 use crate::wall::Wall;
 use crate::whereabouts::Whereabouts;
-use crate::{CpuConfig, DiagBuffer, IoError, Memory, Modules, Nanos, ObInfo, OperatingState};
+use crate::{CpuConfig, DiagBuffer, IoError, Memory, Modules, ObInfo, OperatingState};
 
 /// Flags that other threads may set; the scan looks at them at safe points.
 #[derive(Clone, Debug, Default)]
@@ -58,7 +60,7 @@ impl Attention {
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Watchdog {
     /// When the running cycle is too long; `None`: not monitored.
-    pub(crate) expires: Option<Nanos>,
+    pub(crate) expires: Option<Instant>,
     /// It has expired once in this cycle.
     pub(crate) excess: bool,
 }
@@ -78,8 +80,8 @@ pub(crate) struct Machine {
     pub(crate) statements: u64,
     /// What engines read and write directly.
     pub(crate) hot: Hot,
-    /// Nanoseconds that 1024 statements have taken between the last looks.
-    pub(crate) pace: u64,
+    /// What 1024 statements have taken between the last looks.
+    pub(crate) pace: Span,
     pub(crate) watchdog: Watchdog,
     /// References to actual parameters, a stack.
     pub(crate) refs: Box<[u32]>,
@@ -93,7 +95,7 @@ pub(crate) struct Machine {
     /// While a link asks for a list: the operating state it sees.
     pub(crate) seen_from_outside: Option<OperatingState>,
     /// When the last start-up began.
-    pub(crate) started: Nanos,
+    pub(crate) started: Instant,
     /// Where the scan is, for others.
     pub(crate) whereabouts: Arc<Whereabouts>,
     /// Bit n: OB n has begun and not ended.
@@ -103,14 +105,14 @@ pub(crate) struct Machine {
     /// Diagnostic interrupts that wait for the end of the OB that runs in their class.
     pub(crate) diagnoses: Diagnoses,
     /// Time the running organization block was interrupted by others.
-    pub(crate) inside: Nanos,
+    pub(crate) inside: Span,
     pub(crate) interrupts: Interrupts,
     pub(crate) obs: ObRecords,
     pub(crate) services: ServiceState,
     /// When the running cycle began.
-    pub(crate) cycle_start: Nanos,
+    pub(crate) cycle_start: Instant,
     /// When it went to STOP.
-    pub(crate) stopped_at: Nanos,
+    pub(crate) stopped_at: Instant,
     /// What is retentive.
     pub(crate) keep: Keep,
     /// Who called the native block that runs.

@@ -1,9 +1,10 @@
 //! The modules and the peripheral area: who answers at which byte.
 
 use ob1_std::services::{NoPlace, Placed, Rack};
+use ob1_time::Instant;
 
 use crate::machine::Machine;
-use crate::{BusPlace, Family, LoadError, Memory, Module, ModuleError, ModuleSlot, ModuleStatus, Nanos};
+use crate::{BusPlace, Family, LoadError, Memory, Module, ModuleError, ModuleSlot, ModuleStatus};
 
 /// Bytes of the peripheral area.
 const PERIPHERAL_BYTES: u32 = 65_536;
@@ -102,13 +103,13 @@ impl Modules {
         Some(self.list.get(index)?.module.status())
     }
 
-    pub(crate) fn begin_scan(&mut self, now: Nanos) {
+    pub(crate) fn begin_scan(&mut self, now: Instant) {
         for plugged in &mut self.list {
             plugged.module.begin_scan(now);
         }
     }
 
-    pub(crate) fn end_scan(&mut self, now: Nanos) {
+    pub(crate) fn end_scan(&mut self, now: Instant) {
         for plugged in &mut self.list {
             plugged.module.end_scan(now);
         }

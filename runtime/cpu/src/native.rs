@@ -1,14 +1,15 @@
 //! Native blocks: what they can ask of the CPU during a call.
 
 use ob1_model::{Area, BitAddr, BlockId, Event, Fault, FaultKind, Section, Site, TimerKind};
+use ob1_time::{Instant, Span};
 
 use crate::arena::{ArenaBit, Range};
 use crate::context::Context;
 use crate::engine::{Callee, Entry, Interrupted, POINTER_BITS, RAW};
 use crate::timers::Counter;
 use crate::{
-    Abort, DiagEntry, Instance, IoError, ModuleStatus, Nanos, NativeArea, NativeArg, NativeBlock, NativeContext,
-    NativeError, Natives, ObInfo, Running, Services, ShortText, TimerState,
+    Abort, DiagEntry, Instance, IoError, ModuleStatus, NativeArea, NativeArg, NativeBlock, NativeContext, NativeError,
+    Natives, ObInfo, Running, Services, ShortText, TimerState,
 };
 
 /// A formal parameter of a native block.
@@ -103,7 +104,7 @@ fn timed(native: &Native, account: u32, entry: &Entry, cx: &mut Context<'_>) -> 
     let outer = std::mem::take(&mut cx.machine.trace.nested);
     let began = cx.clock.now();
     let result = run(native, entry, cx);
-    let whole = cx.clock.now().saturating_sub(began);
+    let whole = cx.clock.now().since(began);
     let machine = &mut *cx.machine;
     let nested = machine.inside.saturating_sub(inside).saturating_add(machine.trace.nested);
     machine.trace.nested = outer.saturating_add(whole);
@@ -378,7 +379,7 @@ impl NativeContext for Call<'_, '_> {
         nested_call(self, &called)
     }
 
-    fn now(&mut self) -> Nanos {
+    fn now(&mut self) -> Instant {
         self.cx.machine.hot.now
     }
 
@@ -451,8 +452,8 @@ impl NativeContext for Call<'_, '_> {
         self.cx.retrigger_watchdog();
     }
 
-    fn wait(&mut self, microseconds: u32) -> Result<(), Abort> {
-        self.cx.wait(u64::from(microseconds) * 1000)
+    fn wait(&mut self, time: Span) -> Result<(), Abort> {
+        self.cx.wait(time)
     }
 
     fn services(&mut self) -> &mut dyn Services {

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use ob1_std::services::RunTimes;
+use ob1_time::{Instant, Span};
 
-use crate::Nanos;
 use crate::accounts::{Accounts, ObAccount};
 
 /// One loaded organization block.
@@ -13,19 +13,19 @@ pub(crate) struct ObRecord {
     place: usize,
     accounts: Arc<Accounts>,
     /// Of the last completed run: without and with the higher classes.
-    last: Option<(Nanos, Nanos)>,
+    last: Option<(Span, Span)>,
     /// How late the next run begins.
-    waited: Nanos,
+    waited: Span,
     current: Option<Current>,
 }
 
 /// A run under way.
 #[derive(Clone, Copy, Debug)]
 struct Current {
-    began: Nanos,
-    requested: Nanos,
+    began: Instant,
+    requested: Instant,
     /// Since when a higher class runs, and how long others had before.
-    paused: Option<(Nanos, Nanos)>,
+    paused: Option<(Instant, Span)>,
     /// It has asked for its own times.
     asked: bool,
 }
@@ -36,7 +36,7 @@ impl ObRecord {
     }
 
     /// A run has ended.
-    pub(crate) fn ran(&mut self, run: Nanos, whole: Nanos) {
+    pub(crate) fn ran(&mut self, run: Span, whole: Span) {
         (self.last, self.current) = (Some((run, whole)), None);
         self.account().runs.add(1);
         if !self.accounts.off {
@@ -45,7 +45,7 @@ impl ObRecord {
     }
 
     /// A run begins so late.
-    pub(crate) fn late(&mut self, by: Nanos) {
+    pub(crate) fn late(&mut self, by: Span) {
         self.waited = by;
         if !self.accounts.off {
             self.account().lateness.record(by);
@@ -53,18 +53,18 @@ impl ObRecord {
     }
 
     /// The last completed run, with the higher classes; 0: none.
-    pub(crate) fn last_whole(&self) -> Nanos {
-        self.last.map_or(0, |(_, whole)| whole)
+    pub(crate) fn last_whole(&self) -> Span {
+        self.last.map_or(Span::ZERO, |(_, whole)| whole)
     }
 
     /// A run begins.
-    pub(crate) fn begin(&mut self, now: Nanos) {
+    pub(crate) fn begin(&mut self, now: Instant) {
         let requested = now.saturating_sub(std::mem::take(&mut self.waited));
         self.current = Some(Current { began: now, requested, paused: None, asked: false });
     }
 
     /// A higher class begins; others have had `inside` of the time before.
-    pub(crate) fn pause(&mut self, now: Nanos, inside: Nanos) {
+    pub(crate) fn pause(&mut self, now: Instant, inside: Span) {
         if let Some(current) = &mut self.current {
             current.paused = Some((now, inside));
         }
@@ -72,8 +72,8 @@ impl ObRecord {
 
     /// The times SFC 78 tells. `inside`: the block is the running one, and others have had so much of its time. `own`:
     /// it asks for its own times, and gets those of the last run once.
-    pub(crate) fn times(&mut self, now: Nanos, inside: Option<Nanos>, own: bool, into: &mut RunTimes) {
-        let micros = |time: Nanos| u32::try_from(time / 1000).unwrap_or(u32::MAX >> 1);
+    pub(crate) fn times(&mut self, now: Instant, inside: Option<Span>, own: bool, into: &mut RunTimes) {
+        let micros = |time: Span| u32::try_from(time.micros()).unwrap_or(u32::MAX >> 1);
         if let Some((run, whole)) = self.last {
             (into.last_run, into.last_whole) = (micros(run), micros(whole));
         }
@@ -85,11 +85,11 @@ impl ObRecord {
         let (until, inside) = match (inside, current.paused) {
             (Some(inside), _) => (now, inside),
             (None, Some(paused)) => paused,
-            (None, None) => (now, 0),
+            (None, None) => (now, Span::ZERO),
         };
-        into.request = micros(current.requested) & (u32::MAX >> 1);
-        into.current_whole = micros(now.saturating_sub(current.began));
-        into.current_run = micros(until.saturating_sub(current.began).saturating_sub(inside));
+        into.request = micros(current.requested.since_start()) & (u32::MAX >> 1);
+        into.current_whole = micros(now.since(current.began));
+        into.current_run = micros(until.since(current.began).saturating_sub(inside));
     }
 }
 
@@ -110,7 +110,8 @@ impl ObRecords {
                 *entry = place;
             }
         }
-        let record = |place| ObRecord { place, accounts: Arc::clone(accounts), last: None, waited: 0, current: None };
+        let record =
+            |place| ObRecord { place, accounts: Arc::clone(accounts), last: None, waited: Span::ZERO, current: None };
         Self { list: (0..accounts.obs.len()).map(record).collect(), places }
     }
 
@@ -133,15 +134,17 @@ mod tests {
 
     #[test]
     fn records_by_number() {
-        let accounts = Arc::new(Accounts::new(&AccountsConfig::default(), 0, &[1, 35, 121], std::iter::empty()));
+        let accounts =
+            Arc::new(Accounts::new(&AccountsConfig::default(), Span::ZERO, &[1, 35, 121], std::iter::empty()));
         let mut records = ObRecords::new(&accounts);
         assert!(records.of(2).is_none() && records.of(500).is_none());
         let record = records.of(35).expect("loaded");
-        record.ran(700, 900);
-        record.late(50);
-        assert_eq!((record.last, record.last_whole()), (Some((700, 900)), 900));
+        let [run, whole, late] = [700, 900, 50].map(Span::from_nanos);
+        record.ran(run, whole);
+        record.late(late);
+        assert_eq!((record.last, record.last_whole()), (Some((run, whole)), whole));
         let figures = accounts.figures().obs[1].statistics();
         assert_eq!((figures.ob, figures.runs, figures.priority), (35, 1, 12));
-        assert_eq!((figures.execution.max, figures.lateness.max), (700, 50));
+        assert_eq!((figures.execution.max, figures.lateness.max), (run, late));
     }
 }

@@ -5,14 +5,12 @@ use std::sync::atomic::AtomicU64;
 
 use crate::OperatingState;
 use ob1_model::{BlockId, Event, FaultKind, Interface, TimerKind};
-
-/// Nanoseconds since the runtime started.
-pub type Nanos = u64;
+use ob1_time::{Instant, Span};
 
 /// The only source of time: real or virtual.
 pub trait Clock {
     /// The time now. Never goes back.
-    fn now(&mut self) -> Nanos;
+    fn now(&mut self) -> Instant;
 
     /// Told at safe points how many statements have been executed since the last time. A virtual clock charges time for
     /// them, so that a loop on a timer ends and the watchdog fires; a real clock ignores it.
@@ -20,13 +18,13 @@ pub trait Clock {
 
     /// How many statements it takes until so much time has passed, for a clock that charges time for statements; `None`
     /// for one whose time goes on by itself. So the CPU knows when to ask for the time again.
-    fn statements_in(&self, _time: Nanos) -> Option<u64> {
+    fn statements_in(&self, _time: Span) -> Option<u64> {
         None
     }
 
     /// A block waits inside the scan (SFC 47) until `deadline`, or until something is due before. A virtual clock moves
     /// there. A real one has nothing to do: its time goes on by itself, and a scan does not sleep.
-    fn wait(&mut self, _deadline: Nanos) {}
+    fn wait(&mut self, _deadline: Instant) {}
 }
 
 /// What is said of a snapshot.
@@ -37,7 +35,7 @@ pub struct Mark {
     /// Counts the cycle control points, those in STOP included.
     pub scan: u64,
     /// When.
-    pub time: Nanos,
+    pub time: Instant,
     /// The operating state then.
     pub state: OperatingState,
 }
@@ -96,8 +94,8 @@ pub struct ModuleEntry {
     pub number: u16,
     /// The event has come; otherwise a state that had come is gone.
     pub incoming: bool,
-    /// When, in milliseconds since the runtime started.
-    pub time_ms: u64,
+    /// When.
+    pub time: Instant,
 }
 
 /// Counters a module keeps, by name, for reports.
@@ -113,7 +111,7 @@ pub trait Module: Send {
     /// Bytes of output registers (CPU to CP).
     fn output_bytes(&self) -> u16;
     /// Once a scan, before the process image of the inputs is read.
-    fn begin_scan(&mut self, now: Nanos);
+    fn begin_scan(&mut self, now: Instant);
     /// Reads input registers. An absent driver's registers read 0 and this is `Ok`, unless the station file says
     /// `absent = "fault"`.
     fn read(&mut self, at: u16, into: &mut [u8]) -> Result<(), ModuleError>;
@@ -129,7 +127,7 @@ pub trait Module: Send {
     /// Writes output registers; the bytes of one call reach the module together.
     fn write(&mut self, at: u16, from: &[u8]) -> Result<(), ModuleError>;
     /// Once a scan, after the process image of the outputs is written: rings the doorbell where one is due.
-    fn end_scan(&mut self, now: Nanos);
+    fn end_scan(&mut self, now: Instant);
     /// The CPU went to RUN (true: parameters are sent again) or to STOP (the CPU writes zeros itself).
     fn cpu_state(&mut self, run: bool);
     /// The next event, if any.
@@ -272,7 +270,7 @@ pub trait NativeContext {
     fn record_write(&mut self, address: u32, record: u8, from: &[u8]) -> Result<(), NativeError>;
 
     fn call_block(&mut self, id: BlockId, instance_db: u16, args: &[NativeArg]) -> Result<(), NativeError>;
-    fn now(&mut self) -> Nanos;
+    fn now(&mut self) -> Instant;
     fn ob_info(&mut self) -> ObInfo;
     fn attend(&mut self) -> Result<(), Abort>;
     fn raise_fault(&mut self, kind: FaultKind, number: u32) -> Result<(), Abort>;
@@ -283,12 +281,12 @@ pub trait NativeContext {
     fn log(&mut self, level: u8, text: &str);
     /// Restarts the cycle monitoring (SFC 43). Not in the plugin interface; nothing by default.
     fn retrigger_watchdog(&mut self) {}
-    /// Comes back after so many microseconds; higher classes may run meanwhile (SFC 47). Not in the plugin interface;
+    /// Comes back after so much time; higher classes may run meanwhile (SFC 47). Not in the plugin interface;
     /// at once by default.
     ///
     /// # Errors
     /// The CPU goes to STOP.
-    fn wait(&mut self, _microseconds: u32) -> Result<(), Abort> {
+    fn wait(&mut self, _time: Span) -> Result<(), Abort> {
         Ok(())
     }
     /// What standard blocks ask for: clock, interrupts by time, masks and locks, data blocks. Not in the plugin

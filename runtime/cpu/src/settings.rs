@@ -2,8 +2,7 @@
 
 use ob1_std::moment::Moment;
 use ob1_std::services::Period;
-
-use crate::Nanos;
+use ob1_time::Span;
 
 /// The family whose rules apply.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -61,9 +60,9 @@ pub struct CyclicInterrupt {
     /// The organization block, 30 to 38.
     pub ob: u16,
     /// The interval, 1 ns to 60 s. It begins at the transition to RUN.
-    pub period: Nanos,
+    pub period: Span,
     /// How much later than the interval the OB starts, 0 to 60 s.
-    pub phase: Nanos,
+    pub phase: Span,
     /// What becomes of a due time that is missed. Both ways it is counted and OB 80 is called.
     pub missed: Missed,
 }
@@ -71,8 +70,8 @@ pub struct CyclicInterrupt {
 impl CyclicInterrupt {
     /// Without phase offset, caught up when missed.
     #[must_use]
-    pub const fn new(ob: u16, period: Nanos) -> Self {
-        Self { ob, period, phase: 0, missed: Missed::CatchUp }
+    pub const fn new(ob: u16, period: Span) -> Self {
+        Self { ob, period, phase: Span::ZERO, missed: Missed::CatchUp }
     }
 }
 

@@ -1,6 +1,7 @@
 //! Operating states: what a command does, the three kinds of start-up, STOP, memory reset.
 
 use ob1_model::Event;
+use ob1_time::Span;
 
 use crate::events::Diagnoses;
 use crate::machine::Watchdog;
@@ -108,7 +109,7 @@ impl Cpu {
         let m = &mut self.machine;
         m.hot.stopping = false;
         m.hot.unwind();
-        m.inside = 0;
+        m.inside = Span::ZERO;
         (m.ob, m.class_ob) = (ObInfo::default(), 0);
         m.native_caller = None;
         (m.interrupted, m.substitute) = (None, None);
@@ -137,7 +138,7 @@ impl Cpu {
         self.machine.set_times_of_day();
         // Time stood still for the timers that are left.
         let m = &mut self.machine;
-        let stood = m.hot.now.saturating_sub(m.stopped_at);
+        let stood = m.hot.now.since(m.stopped_at);
         m.timers.iter_mut().for_each(|timer| timer.shift(stood));
         (m.stopped_at, m.started) = (m.hot.now, m.hot.now);
         m.obs.restart();

@@ -145,14 +145,15 @@ impl Memory {
 mod tests {
     use super::*;
     use crate::engine::REFERENCE;
-    use crate::{CellWidth, Clock, Command, CpuConfig, Nanos, Natives};
+    use crate::{CellWidth, Clock, Command, CpuConfig, Natives};
     use ob1_model::{Area, Cell};
+    use ob1_time::Instant;
 
     struct Still;
 
     impl Clock for Still {
-        fn now(&mut self) -> Nanos {
-            0
+        fn now(&mut self) -> Instant {
+            Instant::START
         }
         fn executed(&mut self, _statements: u64) {}
     }

@@ -6,6 +6,7 @@ use ob1_std::services::{
     SystemStatus, WallClock,
 };
 use ob1_std::{Context, Done, Interrupted, ModuleSize, Refused, StandardBlock};
+use ob1_time::{Instant, Span};
 
 use crate::{Abort, ModuleError, NativeArea, NativeBlock, NativeContext, NativeError};
 
@@ -131,7 +132,7 @@ impl Context for Bridge<'_> {
         self.cx.set_br(br);
     }
 
-    fn now(&mut self) -> u64 {
+    fn now(&mut self) -> Instant {
         self.cx.now()
     }
 
@@ -196,8 +197,8 @@ impl Context for Bridge<'_> {
         self.cx.services()
     }
 
-    fn wait(&mut self, microseconds: u32) -> Done {
-        self.cx.wait(microseconds).map_err(|Abort| Interrupted)
+    fn wait(&mut self, time: Span) -> Done {
+        self.cx.wait(time).map_err(|Abort| Interrupted)
     }
 
     fn interrupt_locks(&mut self) -> &mut InterruptLocks {

@@ -396,7 +396,7 @@ impl Machine {
 fn cp_entry(entry: ModuleEntry, base: u16, wall: Wall) -> [u8; 20] {
     let event = if entry.incoming { 0xF900 } else { 0xF800 } | entry.number >> 8;
     let record = Record::<20>::new().word(event).long(0).word(entry.number).word(base).word(0);
-    record.put(&wall.bytes(entry.time_ms.saturating_mul(1_000_000))).bytes
+    record.put(&wall.bytes(entry.time)).bytes
 }
 
 /// Diagnostic data record 0 or 1.

@@ -4,9 +4,9 @@
 
 use ob1_model::{FaultKind, S5Time, TimerKind};
 
-use crate::{Nanos, TimerState};
+use ob1_time::{Instant, Span};
 
-const NANOS_PER_MS: u64 = 1_000_000;
+use crate::TimerState;
 
 /// One timer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,7 +27,7 @@ pub struct Timer {
     /// What is left while it does not run, in units of the base.
     pub rest: u16,
     /// When it runs out.
-    pub end: Nanos,
+    pub end: Instant,
 }
 
 impl Default for Timer {
@@ -40,22 +40,22 @@ impl Default for Timer {
             latched: false,
             base: 0,
             rest: 0,
-            end: 0,
+            end: Instant::START,
         }
     }
 }
 
 impl Timer {
-    fn unit(&self) -> Nanos {
-        u64::from(S5Time(self.base << 12).base_ms()) * NANOS_PER_MS
+    fn unit(&self) -> Span {
+        Span::MILLISECOND * S5Time(self.base << 12).base_ms().into()
     }
 
-    fn runs(&self, now: Nanos) -> bool {
+    fn runs(&self, now: Instant) -> bool {
         self.running && now < self.end
     }
 
     /// Takes note of the end of the time, if it has come.
-    fn settle(&mut self, now: Nanos) {
+    fn settle(&mut self, now: Instant) {
         if self.running && now >= self.end {
             self.running = false;
             self.rest = 0;
@@ -63,10 +63,10 @@ impl Timer {
         }
     }
 
-    fn start(&mut self, now: Nanos, time: u16) -> Result<(), FaultKind> {
+    fn start(&mut self, now: Instant, time: u16) -> Result<(), FaultKind> {
         let digits = S5Time(time).digits().ok_or(FaultKind::BcdConversion)?;
         self.base = time >> 12 & 3;
-        self.end = now.saturating_add(u64::from(digits) * self.unit());
+        self.end = now.saturating_add(self.unit() * u64::from(digits));
         self.rest = digits as u16;
         self.running = true;
         self.latched = false;
@@ -75,13 +75,13 @@ impl Timer {
     }
 
     /// Stops and keeps what is left of the time.
-    fn halt(&mut self, now: Nanos) {
+    fn halt(&mut self, now: Instant) {
         self.rest = self.remaining(now);
         self.running = false;
     }
 
     /// `SI SV SE SS SA` with the RLO and the S5TIME in ACCU1-L.
-    pub fn run(&mut self, kind: TimerKind, rlo: bool, time: u16, now: Nanos) -> Result<(), FaultKind> {
+    pub fn run(&mut self, kind: TimerKind, rlo: bool, time: u16, now: Instant) -> Result<(), FaultKind> {
         self.settle(now);
         let rising = rlo && !self.start_rlo;
         let falling = !rlo && self.start_rlo;
@@ -141,7 +141,7 @@ impl Timer {
 
     /// The signal state, `U T n`.
     #[inline]
-    pub fn output(&self, now: Nanos) -> bool {
+    pub fn output(&self, now: Instant) -> bool {
         match self.kind {
             TimerKind::Pulse | TimerKind::ExtendedPulse => self.runs(now),
             TimerKind::OnDelay | TimerKind::RetentiveOnDelay => self.latched || self.running && now >= self.end,
@@ -150,23 +150,23 @@ impl Timer {
     }
 
     /// Units of the base that are left, rounded up; `L T n`.
-    pub fn remaining(&self, now: Nanos) -> u16 {
-        if self.running { self.end.saturating_sub(now).div_ceil(self.unit()).min(999) as u16 } else { self.rest }
+    pub fn remaining(&self, now: Instant) -> u16 {
+        if self.running { self.end.since(now).div_ceil(self.unit()).min(999) as u16 } else { self.rest }
     }
 
     /// The remaining time as S5TIME; `LC T n`.
-    pub fn remaining_bcd(&self, now: Nanos) -> u16 {
+    pub fn remaining_bcd(&self, now: Instant) -> u16 {
         self.base << 12 | to_bcd(self.remaining(now))
     }
 
     /// Sets the time as somebody outside does, an S5TIME: what runs goes on with it, what stands shows it. False: it is
     /// no S5TIME.
-    pub(crate) fn preset(&mut self, time: u16, now: Nanos) -> bool {
+    pub(crate) fn preset(&mut self, time: u16, now: Instant) -> bool {
         let Some(digits) = S5Time(time).digits() else { return false };
         self.settle(now);
         self.base = time >> 12 & 3;
         self.rest = digits as u16;
-        self.end = now.saturating_add(u64::from(digits) * self.unit());
+        self.end = now.saturating_add(self.unit() * u64::from(digits));
         self.settle(now);
         true
     }
@@ -175,26 +175,26 @@ impl Timer {
     pub(crate) const IMAGE: usize = 16;
 
     /// Time has stood still for so long.
-    pub(crate) fn shift(&mut self, by: Nanos) {
+    pub(crate) fn shift(&mut self, by: Span) {
         if self.running {
             self.end = self.end.saturating_add(by);
         }
     }
 
     /// What is kept over a power cycle: kind, flags, base, and the time that is left.
-    pub(crate) fn image(&self, now: Nanos) -> [u8; Self::IMAGE] {
+    pub(crate) fn image(&self, now: Instant) -> [u8; Self::IMAGE] {
         let mut image = [0; Self::IMAGE];
         let kind = TimerKind::ALL.iter().position(|kind| *kind == self.kind).unwrap_or(0);
         let flags = [self.running, self.start_rlo, self.enable_rlo, self.latched];
         let bits = flags.into_iter().rev().fold(0, |bits, flag| bits << 1 | u8::from(flag));
         image[..3].copy_from_slice(&[kind as u8, bits, self.base as u8]);
         image[4..6].copy_from_slice(&self.rest.to_le_bytes());
-        image[8..].copy_from_slice(&self.end.saturating_sub(now).to_le_bytes());
+        image[8..].copy_from_slice(&self.end.since(now).nanos().to_le_bytes());
         image
     }
 
     /// The timer of an image; `None` when the image is not one of a timer.
-    pub(crate) fn from_image(image: &[u8], now: Nanos) -> Option<Self> {
+    pub(crate) fn from_image(image: &[u8], now: Instant) -> Option<Self> {
         let [kind, bits, base, _, low, high, _, _, left @ ..] = image else { return None };
         let flag = |n: u8| bits >> n & 1 == 1;
         let rest = u16::from_le_bytes([*low, *high]);
@@ -210,11 +210,11 @@ impl Timer {
             latched: flag(3),
             base: u16::from(*base),
             rest,
-            end: now.checked_add(left)?,
+            end: now.checked_add(Span::from_nanos(left))?,
         })
     }
 
-    pub(crate) fn state(&self, now: Nanos) -> TimerState {
+    pub(crate) fn state(&self, now: Instant) -> TimerState {
         TimerState { output: self.output(now), running: self.runs(now), remaining: self.remaining_bcd(now) }
     }
 }

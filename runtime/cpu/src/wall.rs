@@ -4,10 +4,9 @@
 //! still at the last moment of 2089, and a time before the first moment of 1990 is shown as that.
 
 use ob1_std::moment::Moment;
+use ob1_time::{Instant, Span};
 
-use crate::Nanos;
-
-const NANOS_PER_MS: u64 = 1_000_000;
+const NANOS_PER_MS: u64 = Span::MILLISECOND.nanos();
 
 /// The date behind the CPU's own time.
 #[derive(Clone, Copy, Debug)]
@@ -24,24 +23,24 @@ impl Wall {
     }
 
     /// What it shows at `now`.
-    pub(crate) fn moment(self, now: Nanos) -> Moment {
-        let nanos = (self.at_zero + i128::from(now)).clamp(0, i128::from(u64::MAX)) as u64;
+    pub(crate) fn moment(self, now: Instant) -> Moment {
+        let nanos = (self.at_zero + i128::from(now.nanos())).clamp(0, i128::from(u64::MAX)) as u64;
         moment(nanos)
     }
 
     /// The same as the eight bytes of a DATE_AND_TIME.
-    pub(crate) fn bytes(self, now: Nanos) -> [u8; 8] {
+    pub(crate) fn bytes(self, now: Instant) -> [u8; 8] {
         self.moment(now).to_bytes()
     }
 
     /// Sets it: at `now` it shows `moment`.
-    pub(crate) fn set(&mut self, moment: Moment, now: Nanos) {
-        self.at_zero = nanos(moment) - i128::from(now);
+    pub(crate) fn set(&mut self, moment: Moment, now: Instant) {
+        self.at_zero = nanos(moment) - i128::from(now.nanos());
     }
 
     /// The CPU's time at which it shows `moment`; 0 when that lies before the CPU's time 0.
-    pub(crate) fn when(self, moment: Moment) -> Nanos {
-        (nanos(moment) - self.at_zero).clamp(0, i128::from(Nanos::MAX)) as Nanos
+    pub(crate) fn when(self, moment: Moment) -> Instant {
+        Instant::from_nanos((nanos(moment) - self.at_zero).clamp(0, i128::from(u64::MAX)) as u64)
     }
 }
 
@@ -69,6 +68,7 @@ mod tests {
     fn it_shows_what_it_was_set_to_whatever_the_time() {
         let days = [0, 1, 59, 3652 + 59, 14_610, 36_523, 36_524];
         let times = [0, 1, NANOS_PER_MS, 999_999_999, 86_400 * 1_000_000_000, u64::MAX / 2, u64::MAX];
+        let times = times.map(Instant::from_nanos);
         for date_at_zero in [0, 1_000_000_000_000_000_000, u64::MAX] {
             for now in times {
                 for ms in days.map(|day| day * DAY_MS + 45_296_789).into_iter().chain([0, Moment::MAX.ms()]) {
@@ -80,7 +80,7 @@ mod tests {
                     // Before and after, also far outside of what it can show.
                     for other in times {
                         let shown = wall.moment(other);
-                        let expected = nanos(set) - i128::from(now) + i128::from(other);
+                        let expected = nanos(set) - i128::from(now.nanos()) + i128::from(other.nanos());
                         let expected = expected.clamp(0, nanos(Moment::MAX)) as u64 / NANOS_PER_MS;
                         assert_eq!(shown.ms(), expected, "{ms} at {now}, {other}");
                         assert_eq!(Moment::from_bytes(wall.bytes(other)), Ok(shown), "{ms} at {now}, {other}");

@@ -12,6 +12,7 @@ use ob1_cpu::{
 };
 use ob1_ir::{AccuOp, Arg, CallMode, Number, NumberFormat, Op, Width};
 use ob1_model::{Area, BlockId, BlockKind, DataType, Interface, Section, TimerKind};
+use ob1_time::Span;
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 
 #[global_allocator]
@@ -52,7 +53,7 @@ fn ten_thousand_cycles_allocate_nothing() {
         (ModuleSlot { output_address: 400, ..ModuleSlot::new("di", 0) }, Box::new(TestModule::new(2))),
         (ModuleSlot::new("cp", 256), Box::new(TestModule::new(16))),
     ];
-    let config = CpuConfig { cyclic: vec![CyclicInterrupt::new(35, 100_000)], ..CpuConfig::default() };
+    let config = CpuConfig { cyclic: vec![CyclicInterrupt::new(35, Span::from_micros(100))], ..CpuConfig::default() };
     let cpu = Cpu::new(config, &program, system_blocks(), modules, common::engine()).expect("loads");
     let mut bench = Bench::with(cpu);
     let mut client = bench.cpu.access_client().expect("the first");

@@ -6,6 +6,7 @@ use common::*;
 use ob1_cpu::{Command, Cpu, CpuConfig, OperatingState};
 use ob1_ir::{AccuOp, Jump, NumberFormat, Op};
 use ob1_model::Interface;
+use ob1_time::{Instant, Span};
 
 fn count(byte: u32) -> Vec<Op> {
     vec![load(mw(byte)), c(1), Op::Arithmetic(NumberFormat::Int, AccuOp::Add), transfer(mw(byte))]
@@ -32,7 +33,7 @@ fn endless_loop_ends_by_the_watchdog_in_virtual_time() {
         let mut bench = Bench::new(&program(vec![ob1(vec![Op::Jump(Jump::Always, 0)])], Vec::new()));
         assert_eq!(bench.cycle().state, OperatingState::Stop);
         assert_eq!(bench.events(), [0x4568, 0x3501, 0x4302, 0x4301]);
-        assert!((150 * MS..152 * MS).contains(&bench.clock.now), "{}", bench.clock.now);
+        assert!((150 * MS..152 * MS).contains(&bench.clock.now.since_start()), "{}", bench.clock.now);
     });
 }
 
@@ -43,13 +44,13 @@ fn deadlines_are_absolute_and_lateness_is_counted_once() {
         let mut bench = Bench::with(
             Cpu::new(config, &program(vec![ob1(Vec::new())], Vec::new()), vec![], vec![], common::engine()).unwrap(),
         );
-        bench.clock.ns_per_statement = 0;
-        assert_eq!(bench.cycle().next_deadline, MS);
-        bench.clock.now = MS + 300_000;
-        assert_eq!(bench.cycle().next_deadline, 2 * MS, "waking late does not move the schedule");
-        bench.clock.now = 5 * MS;
-        assert_eq!(bench.cycle().next_deadline, 5 * MS, "missed: at once");
-        assert_eq!(bench.cycle().next_deadline, 6 * MS);
+        bench.clock.per_statement = Span::ZERO;
+        assert_eq!(bench.cycle().next_deadline, at(MS));
+        bench.clock.now = at(MS + 3 * MS / 10);
+        assert_eq!(bench.cycle().next_deadline, at(2 * MS), "waking late does not move the schedule");
+        bench.clock.now = at(5 * MS);
+        assert_eq!(bench.cycle().next_deadline, at(5 * MS), "missed: at once");
+        assert_eq!(bench.cycle().next_deadline, at(6 * MS));
         assert_eq!(bench.cpu.statistics().overruns, 1);
     });
 }
@@ -100,7 +101,7 @@ fn the_first_excess_calls_ob_80_and_the_second_in_a_cycle_stops() {
 #[test]
 fn an_operators_halt_ends_an_endless_loop() {
     on_each_engine(|| {
-        let config = CpuConfig { watchdog: 0, ..CpuConfig::default() };
+        let config = CpuConfig { watchdog: Span::ZERO, ..CpuConfig::default() };
         let endless = program(vec![ob1(vec![Op::Jump(Jump::Always, 0)])], Vec::new());
         let mut bench = Bench::with(Cpu::new(config, &endless, vec![], vec![], common::engine()).expect("loads"));
         let attention = bench.cpu.attention();
@@ -111,20 +112,20 @@ fn an_operators_halt_ends_an_endless_loop() {
         attention.halt();
         assert_eq!(bench.cycle().state, OperatingState::Stop);
         // Set by the clock in the middle of the loop, as a monitor would.
-        struct Halting(ob1_cpu::Attention, u64);
+        struct Halting(ob1_cpu::Attention, Instant);
         impl ob1_cpu::Clock for Halting {
-            fn now(&mut self) -> u64 {
+            fn now(&mut self) -> Instant {
                 self.1
             }
             fn executed(&mut self, statements: u64) {
-                self.1 += statements;
-                if self.1 > 100_000 {
+                self.1 += statements * Span::from_nanos(1);
+                if self.1 > Instant::from_micros(100) {
                     self.0.halt();
                 }
             }
         }
         bench.cpu.request(Command::Run);
-        let end = bench.cpu.cycle(&mut Halting(attention, 0));
+        let end = bench.cpu.cycle(&mut Halting(attention, Instant::START));
         assert_eq!((end.state, bench.events()[0]), (OperatingState::Stop, 0x4304));
     });
 }
@@ -142,7 +143,7 @@ fn start_information_of_ob_1_and_ob_100() {
         };
         let blocks = vec![ob1(keep(100)), block(ob(100), Interface::default(), keep(120))];
         let mut bench = Bench::new(&program(blocks, Vec::new()));
-        bench.clock.now = 86_400_000 * MS + 3_600_000 * MS;
+        bench.clock.now = at(86_400_000 * MS + 3_600_000 * MS);
         bench.run();
         assert_eq!((bench.md(100), bench.md(120)), (0x1101_0101, 0x1381_1B64));
         assert_eq!((bench.md(112), bench.md(116)), (0x9001_0201, 3), "1990-01-02, one o'clock, a Tuesday");
@@ -173,7 +174,7 @@ fn clock_memory_pulses() {
             (1000, 0b1100_0100),
             (1900, 0b1010_1110),
         ] {
-            bench.clock.now = ms * MS;
+            bench.clock.now = at(ms * MS);
             bench.run();
             assert_eq!(bench.mb(5), bits, "at {ms} ms");
         }
@@ -186,9 +187,9 @@ fn a_long_start_up_is_no_long_cycle() {
         // OB 100 takes 200 ms, the watchdog allows a cycle 150.
         let start_up = vec![c(0), Op::Loop(1), c(0), Op::Loop(3), c(0), Op::Loop(5), c(0), Op::Loop(7)];
         let mut bench = Bench::new(&program(vec![ob1(vec![]), block(ob(100), Interface::default(), start_up)], vec![]));
-        bench.clock.ns_per_statement = 800;
+        bench.clock.per_statement = Span::from_nanos(800);
         bench.run();
-        assert!(bench.clock.now > 200 * MS);
+        assert!(bench.clock.now > at(200 * MS));
         assert_eq!(bench.cpu.statistics().watchdogs, 0);
     });
 }

@@ -6,6 +6,7 @@ use common::*;
 use ob1_cpu::OperatingState;
 use ob1_ir::{AddressRegister, CallMode, DbRegister, Number, Op, Operand, Place, Pointer, Target, Width};
 use ob1_model::{Area, BitAddr, BlockKind, FaultKind, Interface};
+use ob1_time::Span;
 
 fn ar1(area: Option<Area>, byte: u32) -> Place {
     Place::Register(area, AddressRegister::Ar1, BitAddr::byte_addr(byte))
@@ -185,7 +186,7 @@ fn an_interrupt_in_the_handler_has_a_handler_of_its_own() {
         let cyclic = block(ob(35), Interface::default(), [vec![wrong()], count(1).to_vec()].concat());
         let mut bench = Bench::new(&program(vec![ob1(vec![wrong()]), handler, cyclic], vec![]));
         bench.run();
-        bench.clock.now = 100 * MS - 10_000;
+        bench.clock.now = at(100 * MS - Span::from_micros(10));
         bench.run();
         assert_eq!((bench.mb(0), bench.mb(1)), (3, 1), "{:04X?}", bench.events());
     });

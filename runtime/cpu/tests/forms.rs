@@ -11,6 +11,7 @@ use ob1_ir::{
     Pointer, Shift, Width, WordLogic,
 };
 use ob1_model::{Area, BitAddr, Interface, TimerKind};
+use ob1_time::Span;
 
 /// Random statements.
 trait Statements {
@@ -98,7 +99,7 @@ fn every_engine_leaves_the_same_memory() {
         let handler = block(ob(121), Interface::default(), vec![Op::Nop]);
         let program = program(vec![ob1(code.clone()), handler], vec![db(7, &[0x5A; 64])]);
         for accumulators in [2, 4] {
-            let config = CpuConfig { accumulators, watchdog: 0, ..CpuConfig::default() };
+            let config = CpuConfig { accumulators, watchdog: Span::ZERO, ..CpuConfig::default() };
             let bench =
                 |factory| Bench::with(Cpu::new(config.clone(), &program, vec![], vec![], factory).expect("loads"));
             let mut benches: Vec<_> = ENGINES.iter().map(|(name, factory)| (name, bench(*factory))).collect();

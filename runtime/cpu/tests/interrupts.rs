@@ -10,6 +10,7 @@ use ob1_cpu::{
 };
 use ob1_ir::{AccuOp, CodeBlock, NumberFormat, Op, Width};
 use ob1_model::{Event, Interface};
+use ob1_time::Span;
 
 fn count(byte: u32) -> Vec<Op> {
     vec![load(mw(byte)), c(1), Op::Arithmetic(NumberFormat::Int, AccuOp::Add), transfer(mw(byte))]
@@ -43,8 +44,8 @@ fn run_until(bench: &mut Bench, ms: u64) {
         let end = bench.cycle();
         let why: Vec<_> = bench.cpu.diagnostics().map(ToString::to_string).collect();
         assert_eq!(end.state, OperatingState::Run, "{why:#?}");
-        if end.next_deadline >= ms * MS {
-            bench.clock.now = ms * MS;
+        if end.next_deadline >= at(ms * MS) {
+            bench.clock.now = at(ms * MS);
             return;
         }
         bench.clock.now = bench.clock.now.max(end.next_deadline);
@@ -81,13 +82,13 @@ fn a_call_before_the_cycle_is_due_serves_only_the_interrupt() {
         let config = CpuConfig { min_cycle: 50 * MS, cyclic: vec![every(35, 20)], ..CpuConfig::default() };
         let mut bench = start(config, vec![ob1(count(0)), organization(35, count(2))]);
         let end = bench.cycle();
-        assert_eq!((end.next_deadline, end.whole), (20 * MS, true));
-        bench.clock.now = 20 * MS;
+        assert_eq!((end.next_deadline, end.whole), (at(20 * MS), true));
+        bench.clock.now = at(20 * MS);
         let end = bench.cycle();
-        assert_eq!((end.next_deadline, end.whole, bench.mw(0), bench.mw(2)), (40 * MS, false, 1, 1));
-        bench.clock.now = 40 * MS;
-        assert_eq!(bench.cycle().next_deadline, 50 * MS);
-        bench.clock.now = 50 * MS;
+        assert_eq!((end.next_deadline, end.whole, bench.mw(0), bench.mw(2)), (at(40 * MS), false, 1, 1));
+        bench.clock.now = at(40 * MS);
+        assert_eq!(bench.cycle().next_deadline, at(50 * MS));
+        bench.clock.now = at(50 * MS);
         assert!(bench.cycle().whole);
         assert_eq!((bench.mw(0), bench.mw(2), bench.cpu.statistics().scans), (2, 2, 2));
     });
@@ -119,19 +120,19 @@ fn the_higher_class_goes_first_and_pre_empts_the_lower() {
         // Each notes its turn: the last to begin is the last in MW 10, 12, 14.
         let turn = |byte| [count(0), vec![load(mw(0)), transfer(mw(byte))]].concat();
         let mut slow = turn(10);
-        let at = slow.len() as u32;
-        slow.extend(busy(at, 60_000));
+        let behind = slow.len() as u32;
+        slow.extend(busy(behind, 60_000));
         slow.extend([load(mw(0)), transfer(mw(16))]);
         let config = CpuConfig {
             min_cycle: 40 * MS,
-            watchdog: 0,
+            watchdog: Span::ZERO,
             cyclic: vec![every(32, 10), every(35, 10), every(36, 14)],
             ..CpuConfig::default()
         };
         let blocks = vec![ob1(vec![]), organization(32, slow), organization(35, turn(12)), organization(36, turn(14))];
         let mut bench = start(config, blocks);
         bench.run();
-        bench.clock.now = 10 * MS;
+        bench.clock.now = at(10 * MS);
         assert!(!bench.cycle().whole);
         // OB 35, OB 32, and OB 36 in the middle of that.
         assert_eq!((bench.mw(12), bench.mw(10), bench.mw(14), bench.mw(16)), (1, 2, 3, 3));
@@ -152,11 +153,12 @@ fn a_request_while_the_ob_runs_calls_ob_80_and_runs_later_or_is_skipped() {
             bench.run();
             bench.set(50, CellWidth::Word, 60_000);
             bench.set(52, CellWidth::Word, 60_000);
-            bench.clock.now = 10 * MS;
+            bench.clock.now = at(10 * MS);
         };
         for (missed, runs) in [(Missed::CatchUp, 2), (Missed::Skip, 1)] {
             let ob38 = CyclicInterrupt { missed, ..every(38, 10) };
-            let config = CpuConfig { min_cycle: 15 * MS, cyclic: vec![ob38], watchdog: 0, ..CpuConfig::default() };
+            let config =
+                CpuConfig { min_cycle: 15 * MS, cyclic: vec![ob38], watchdog: Span::ZERO, ..CpuConfig::default() };
             let handler = organization(80, [count(4), keep(20)].concat());
             let mut bench = start(config.clone(), vec![ob1(vec![]), organization(38, slow(2)), handler]);
             first_slow(&mut bench);
@@ -180,11 +182,11 @@ fn periods_slept_through_are_counted_but_no_error() {
         let config = CpuConfig { min_cycle: 5 * MS, cyclic: vec![every(35, 10)], ..CpuConfig::default() };
         let mut bench = start(config, vec![ob1(vec![]), organization(35, count(2))]);
         bench.run();
-        bench.clock.now = 47 * MS;
+        bench.clock.now = at(47 * MS);
         bench.run();
         let figures = bench.cpu.ob_statistics().find(|o| o.ob == 35).expect("loaded");
         assert_eq!((bench.mw(2), figures.overruns, figures.lateness.max), (1, 3, 37 * MS));
-        bench.clock.now = 50 * MS;
+        bench.clock.now = at(50 * MS);
         bench.run();
         assert_eq!(bench.mw(2), 2, "and the next one is on time");
     });
@@ -380,7 +382,7 @@ fn a_loop_in_an_interrupt_between_cycles_ends_by_the_watchdog() {
         let endless = vec![Op::Jump(ob1_ir::Jump::Always, 0)];
         let mut bench = start(config, vec![ob1(vec![]), organization(35, endless)]);
         bench.run();
-        bench.clock.now = 200 * MS;
+        bench.clock.now = at(200 * MS);
         assert_eq!(bench.cycle().state, OperatingState::Stop);
         assert!(bench.events().contains(&0x3501), "{:?}", bench.events());
     });
@@ -428,11 +430,11 @@ fn the_process_image_is_not_touched_by_an_interrupt_between_cycles() {
         );
         bench.run();
         module.look(|s| s.inputs[0] = 9);
-        bench.clock.now = 20 * MS;
+        bench.clock.now = at(20 * MS);
         bench.run();
         let input = Cell::Area(ob1_model::Area::Input, 64);
         assert_eq!((bench.mw(2), bench.cpu.read(input, CellWidth::Byte)), (1, Ok(0)));
-        bench.clock.now = 50 * MS;
+        bench.clock.now = at(50 * MS);
         bench.run();
         assert_eq!(bench.cpu.read(input, CellWidth::Byte), Ok(9));
     });
@@ -443,10 +445,10 @@ fn a_due_time_is_seen_at_the_first_safe_point_behind_it() {
     on_each_engine(|| {
         // A loop of two statements, 200 ns a round: OB 35 at 3.1 us, and every 3.1 us, begins within 200 ns of its
         // time.
-        let interval = 3_100;
+        let interval = Span::from_nanos(3_100);
         let code = vec![c(500), Op::Nop, Op::Loop(1)];
         let ob35 = CyclicInterrupt::new(35, interval);
-        let config = CpuConfig { cyclic: vec![ob35], watchdog: 0, ..CpuConfig::default() };
+        let config = CpuConfig { cyclic: vec![ob35], watchdog: Span::ZERO, ..CpuConfig::default() };
         let mut bench = start(config, vec![ob1(code), organization(35, count(2))]);
         for _ in 0..10 {
             bench.run();
@@ -454,13 +456,14 @@ fn a_due_time_is_seen_at_the_first_safe_point_behind_it() {
         let figures = bench.cpu.ob_statistics().find(|o| o.ob == 35).expect("loaded");
         assert_eq!((figures.runs, figures.overruns), (u64::from(bench.mw(2)), 0));
         assert!(figures.runs > 300, "{figures:?}");
-        assert!(figures.lateness.max <= 200, "{figures:?}");
+        assert!(figures.lateness.max <= Span::from_nanos(200), "{figures:?}");
         // The watchdog likewise: OB 80 with the cycle's time.
-        let config = CpuConfig { watchdog: 5 * MS + 50, ..CpuConfig::default() };
+        let watchdog = 5 * MS + Span::from_nanos(50);
+        let config = CpuConfig { watchdog, ..CpuConfig::default() };
         let endless = vec![Op::Nop, Op::Jump(ob1_ir::Jump::Always, 0)];
         let mut bench = start(config, vec![ob1(endless)]);
         assert_eq!(bench.cycle().state, OperatingState::Stop);
         let excess = bench.cpu.diagnostics().find(|e| e.event.0 == 0x3501).expect("exceeded").time;
-        assert!((5 * MS + 50..=5 * MS + 250).contains(&excess), "{excess}");
+        assert!((at(watchdog)..=at(watchdog) + Span::from_nanos(200)).contains(&excess), "{excess}");
     });
 }

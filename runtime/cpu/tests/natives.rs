@@ -441,7 +441,7 @@ fn sfc_46_stops_and_64_tells_the_time() {
     on_each_engine(|| {
         let code = vec![call(sfc(64), vec![arg(md(10))]), u(m(0, 0)), uc(CallMode::Conditional, sfc(46))];
         let mut bench = bench(&program(vec![ob1(code)], vec![]), system_blocks());
-        bench.clock.now = 5 * MS;
+        bench.clock.now = at(5 * MS);
         bench.run();
         assert_eq!(bench.md(10), 5);
         bench.set_m(0, 0, true);

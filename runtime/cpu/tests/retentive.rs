@@ -8,6 +8,7 @@ use common::*;
 use ob1_cpu::{Cell, CellWidth, Command, Cpu, CpuConfig, DataRange, OperatingState, Retentive, RetentiveData, Why};
 use ob1_ir::{Number, Op, Program};
 use ob1_model::TimerKind;
+use ob1_time::Span;
 
 fn config(data: RetentiveData) -> CpuConfig {
     let ranges = Retentive { memory: vec![4..8, 0..2], timers: vec![1..2], counters: vec![2..4], data };
@@ -56,7 +57,7 @@ const NOTHING: ([u32; 3], [u32; 2], [u32; 3], u32, [u32; 3]) = ([0; 3], [0; 2], 
 
 fn start(config: CpuConfig, program: &Program) -> Bench {
     let mut bench = Bench::with(Cpu::new(config, program, vec![], vec![], common::engine()).expect("loads"));
-    bench.clock.ns_per_statement = 0;
+    bench.clock.per_statement = Span::ZERO;
     bench
 }
 

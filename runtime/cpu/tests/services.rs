@@ -11,6 +11,7 @@ use ob1_ir::{AccuOp, Arg, CodeBlock, Jump, NumberFormat, Op, Width};
 use ob1_model::{BlockId, BlockKind, Interface};
 use ob1_std::moment::Moment;
 use ob1_std::services::Period;
+use ob1_time::Span;
 
 fn sfc(number: u16, args: Vec<Arg>) -> Op {
     call(BlockId::new(BlockKind::Sfc, number), args)
@@ -46,7 +47,7 @@ fn start(config: CpuConfig, blocks: Vec<CodeBlock>) -> Bench {
     let mut bench = Bench::with(
         Cpu::new(config, &program(blocks, vec![]), system_blocks(), vec![], common::engine()).expect("loads"),
     );
-    bench.clock.ns_per_statement = 0;
+    bench.clock.per_statement = Span::ZERO;
     bench.run();
     bench
 }
@@ -64,12 +65,12 @@ fn a_time_delay_interrupt_comes_once() {
         let srt_dint = sfc(32, vec![Arg::Const(20), Arg::Const(25), Arg::Const(0x1234), result()]);
         let mut bench = start(config, vec![on_demand(vec![srt_dint]), organization(20, [count(0), keep(20)].concat())]);
         demand(&mut bench);
-        bench.clock.now = 20 * MS;
+        bench.clock.now = at(20 * MS);
         bench.run();
         let end = bench.cycle();
-        assert_eq!((end.next_deadline, bench.mw(0)), (25 * MS, 0));
+        assert_eq!((end.next_deadline, bench.mw(0)), (at(25 * MS), 0));
         for (ms, runs) in [(25, 1), (30, 1), (60, 1)] {
-            bench.clock.now = ms * MS;
+            bench.clock.now = at(ms * MS);
             bench.run();
             assert_eq!(bench.mw(0), runs, "at {ms} ms");
         }
@@ -81,14 +82,14 @@ fn a_time_delay_interrupt_comes_once() {
 fn a_time_of_day_interrupt_comes_every_minute_until_the_restart() {
     on_each_engine(|| {
         let sdt: Box<[u8]> = Box::from([0x90, 1, 1, 0, 2, 0, 0, 0x02]);
-        let config = CpuConfig { watchdog: 0, ..CpuConfig::default() };
+        let config = CpuConfig { watchdog: Span::ZERO, ..CpuConfig::default() };
         let set = sfc(28, vec![Arg::Const(10), Arg::Bytes(sdt), Arg::Const(0x0201), result()]);
         let activate = sfc(30, vec![Arg::Const(10), result()]);
         let blocks = vec![on_demand(vec![set, activate]), organization(10, [count(0), keep(20)].concat())];
         let mut bench = start(config, blocks);
         demand(&mut bench);
         for (seconds, runs) in [(119, 0), (120, 1), (150, 1), (180, 2), (245, 3)] {
-            bench.clock.now = seconds * 1000 * MS;
+            bench.clock.now = at(seconds * 1000 * MS);
             bench.run();
             assert_eq!(bench.mw(0), runs, "after {seconds} s");
         }
@@ -107,17 +108,17 @@ fn a_time_of_day_interrupt_of_the_configuration_comes_after_each_start() {
     on_each_engine(|| {
         let start_at = Moment::from_ms(90_000).expect("a moment");
         let interrupt = TimeOfDay { ob: 10, start: start_at, period: Period::EveryMinute };
-        let config = CpuConfig { watchdog: 0, time_of_day: vec![interrupt], ..CpuConfig::default() };
+        let config = CpuConfig { watchdog: Span::ZERO, time_of_day: vec![interrupt], ..CpuConfig::default() };
         let mut bench = start(config, vec![ob1(vec![Op::Nop]), organization(10, [count(0), keep(20)].concat())]);
         for (seconds, runs) in [(89, 0), (90, 1), (149, 1), (150, 2)] {
-            bench.clock.now = seconds * 1000 * MS;
+            bench.clock.now = at(seconds * 1000 * MS);
             bench.run();
             assert_eq!(bench.mw(0), runs, "after {seconds} s");
         }
         assert_eq!((bench.md(20), bench.md(24)), (0x1111_020A, 0x0000_0201));
         bench.cpu.request(Command::Warm);
         bench.run();
-        bench.clock.now = 211_000 * MS;
+        bench.clock.now = at(211_000 * MS);
         bench.run();
         assert_eq!(bench.mw(0), 1, "set again by the restart");
         // Without its OB it has no effect; a number that is not an OB is refused.
@@ -146,7 +147,7 @@ fn delayed_interrupts_wait_for_the_release_or_the_end_of_the_ob() {
             let mut bench =
                 Bench::with(Cpu::new(config, &program, system_blocks(), vec![], common::engine()).expect("loads"));
             // Each loop takes 5 ms; OB 35 is due after 4 and 8.
-            bench.clock.ns_per_statement = 100;
+            bench.clock.per_statement = Span::from_nanos(100);
             if !release {
                 assert_eq!(bench.cycle().state, OperatingState::Stop, "two wait, and there is no OB 80");
                 assert_eq!(bench.events()[..2], [0x4568, 0x3507]);
@@ -164,11 +165,11 @@ fn a_locked_ob_is_lost() {
         let config = CpuConfig { cyclic: vec![CyclicInterrupt::new(35, 4 * MS)], ..CpuConfig::default() };
         let lock = sfc(39, vec![Arg::Const(2), Arg::Const(35), result()]);
         let mut bench = start(config, vec![on_demand(vec![lock]), organization(35, count(0))]);
-        bench.clock.now = 4 * MS;
+        bench.clock.now = at(4 * MS);
         bench.run();
         demand(&mut bench);
         for ms in [8, 12, 16] {
-            bench.clock.now = ms * MS;
+            bench.clock.now = at(ms * MS);
             bench.run();
         }
         assert_eq!(bench.mw(0), 1);

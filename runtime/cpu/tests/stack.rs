@@ -12,13 +12,14 @@ use std::sync::{Arc, Mutex, OnceLock};
 use common::rack::TestModule;
 use common::{MS, block, call, fc, ob, on_each_engine, program};
 use ob1_cpu::{
-    Abort, Attention, Clock, Command, Cpu, CpuConfig, CyclicInterrupt, Family, Module, ModuleSlot, Nanos, NativeBlock,
+    Abort, Attention, Clock, Command, Cpu, CpuConfig, CyclicInterrupt, Family, Module, ModuleSlot, NativeBlock,
     NativeContext, NativeError, OperatingState, PLUGIN_STACK_BYTES, TimeOfDay,
 };
 use ob1_ir::{Arg, Call, CallMode, Op, Target};
 use ob1_model::{BlockId, BlockKind, FaultKind, Interface};
 use ob1_std::moment::Moment;
 use ob1_std::services::Period;
+use ob1_time::Instant;
 
 /// Seconds at which the interrupts come: OB 10, OB 20 to 23, OB 30 to 38.
 const TIMES_MS: [u64; 14] =
@@ -37,7 +38,7 @@ enum Next {
 
 #[derive(Debug, Default)]
 struct Shared {
-    now: AtomicU64,
+    now_ms: AtomicU64,
     attention: OnceLock<Attention>,
     next: Mutex<Vec<Next>>,
     /// Organization blocks whose deepest block has run, outermost first.
@@ -50,8 +51,8 @@ struct Shared {
 struct SharedClock(Arc<Shared>);
 
 impl Clock for SharedClock {
-    fn now(&mut self) -> Nanos {
-        self.0.now.load(Ordering::Relaxed)
+    fn now(&mut self) -> Instant {
+        Instant::from_millis(self.0.now_ms.load(Ordering::Relaxed))
     }
     fn executed(&mut self, _statements: u64) {}
 }
@@ -73,7 +74,7 @@ impl Deep {
         let next = self.shared.next.lock().expect("one thread").pop();
         match next {
             Some(Next::Time(ms)) => {
-                self.shared.now.store(ms * MS, Ordering::Relaxed);
+                self.shared.now_ms.store(ms, Ordering::Relaxed);
                 self.shared.attention.get().expect("set").attend();
                 cx.attend()
             }
@@ -144,7 +145,7 @@ fn the_deepest_nesting_fits_the_stack() {
         let mut config = CpuConfig {
             watchdog: WATCHDOG_MS * MS,
             // The minute of OB 10 is full when its time comes.
-            date_at_start: 60_000 * MS - TIMES_MS[0] * MS,
+            date_at_start: (60_000 * MS - TIMES_MS[0] * MS).nanos(),
             time_of_day: vec![TimeOfDay {
                 ob: 10,
                 start: Moment::from_ms(60_000).expect("a moment"),

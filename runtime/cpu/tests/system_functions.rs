@@ -11,6 +11,7 @@ use common::source::{bench, bench_with, blocks};
 use common::{MS, on_each_engine};
 use ob1_cpu::{CpuConfig, CyclicInterrupt, Module, ModuleSlot, OperatingState};
 use ob1_model::{BlockId, BlockKind, Event};
+use ob1_time::Span;
 
 /// One call: the block, its call with the result in MW 10 and other results from MB 20 on, the result, BR, and bytes
 /// from MB 20 on.
@@ -430,7 +431,7 @@ fn every_system_function_answers_a_running_program() {
             let text = format!("CALL {block} {call}");
             let (_, modules) = module();
             let mut bench = bench_with(&on_demand(&text), &[], CpuConfig::default(), modules);
-            bench.clock.ns_per_statement = 0;
+            bench.clock.per_statement = Span::ZERO;
             bench.run();
             bench.set_m(0, 0, true);
             bench.run();
@@ -510,13 +511,13 @@ fn waiting_lets_time_pass_and_higher_classes_run() {
         let config = CpuConfig { cyclic: vec![CyclicInterrupt::new(35, 7 * MS)], ..CpuConfig::default() };
         let mut bench = bench_with(source, &[], config.clone(), vec![]);
         bench.run();
-        assert_eq!((bench.mw(2), bench.clock.now / MS), (4, 30), "at 7, 14, 21 and 28 ms");
+        assert_eq!((bench.mw(2), bench.clock.now.millis()), (4, 30), "at 7, 14, 21 and 28 ms");
         let late = bench.cpu.ob_statistics().find(|o| o.ob == 35).expect("loaded").lateness.max;
         assert!(late < MS / 100, "{late}");
         // The watchdog expires while it waits.
         let mut bench = bench_with(source, &[], CpuConfig { watchdog: 20 * MS, ..config }, vec![]);
         assert_eq!(bench.cycle().state, OperatingState::Stop);
-        assert_eq!((bench.events()[..2].to_vec(), bench.clock.now / MS), (vec![0x4568, 0x3501], 20));
+        assert_eq!((bench.events()[..2].to_vec(), bench.clock.now.millis()), (vec![0x4568, 0x3501], 20));
     });
 }
 

@@ -16,6 +16,7 @@ use ob1_model::{BitAddr, DataType, Interface, Layout};
 use ob1_std::moment::{DAY_MS, Moment};
 use ob1_std::services::Period;
 use ob1_std::{StandardBlock, standard_blocks};
+use ob1_time::{Instant, Span};
 
 /// Calls of each block.
 const CALLS: usize = 2000;
@@ -153,9 +154,9 @@ fn call_every_block() {
                 write(&mut bench, INSTANCE, &instance);
             }
             bench.clock.now += match random.next(8) {
-                0 => 0,
+                0 => Span::ZERO,
                 1 => 86_400_000 * MS * u64::from(random.next(400)),
-                _ => random.bits() % (100 * MS),
+                _ => Span::from_nanos(random.bits() % (100 * MS).nanos()),
             };
             if bench.cycle().state == OperatingState::Run {
                 ran += 1;
@@ -188,12 +189,12 @@ fn the_clock_at_every_date() {
         let config = CpuConfig {
             time_of_day: vec![TimeOfDay { ob: 10, start: Moment::MIN, period: Period::EveryMinute }],
             date_at_start: 1_000_000_000_000_000_000,
-            watchdog: 0,
+            watchdog: Span::ZERO,
             ..CpuConfig::default()
         };
         let mut bench = bench_with(source, &[], config, vec![]);
-        bench.clock.ns_per_statement = 0;
-        bench.clock.now = 12_345_678_901;
+        bench.clock.per_statement = Span::ZERO;
+        bench.clock.now = Instant::from_nanos(12_345_678_901);
         let mut before = None;
         let last = u64::from(Moment::MAX.days());
         // Upwards, and to and fro between the ends of time.

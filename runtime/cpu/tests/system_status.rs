@@ -6,6 +6,7 @@ use common::calls::{module, on_demand};
 use common::source::{bench, bench_with};
 use common::{MS, on_each_engine};
 use ob1_cpu::{CpuConfig, CyclicInterrupt, Family};
+use ob1_time::{Instant, Span};
 
 #[test]
 fn run_times_of_organization_blocks() {
@@ -23,7 +24,7 @@ fn run_times_of_organization_blocks() {
         );
         let config = CpuConfig { cyclic: vec![CyclicInterrupt::new(35, 10 * MS)], ..CpuConfig::default() };
         let mut bench = bench_with(&source, &[], config, vec![]);
-        bench.clock.ns_per_statement = 0;
+        bench.clock.per_statement = Span::ZERO;
         bench.run();
         // OB 35 asked for OB 1 after 12 ms, of which 2 were its own.
         assert_eq!((bench.md(60), bench.md(64)), (10_000, 12_000));
@@ -119,7 +120,10 @@ fn the_diagnostic_buffer_of_a_cp_in_the_status_lists() {
         let (module, modules) = module();
         let mut bench = bench_with(&on_demand(call), &[], CpuConfig::default(), modules);
         bench.run();
-        let entry = |number, incoming, time_ms| ob1_cpu::ModuleEntry { number, incoming, time_ms };
+        let entry = |number, incoming, ms| {
+            let time = Instant::from_millis(ms);
+            ob1_cpu::ModuleEntry { number, incoming, time }
+        };
         let entries = vec![entry(0x080D, false, 3_723_004), entry(0x1E0D, true, u64::MAX), entry(0x0003, true, 0)];
         module.look(|seen| seen.buffer = entries);
         bench.set(4, ob1_cpu::CellWidth::Word, 0xC0A0);

@@ -3,9 +3,10 @@
 mod common;
 
 use common::*;
-use ob1_cpu::{Cell, CellWidth, Nanos};
+use ob1_cpu::{Cell, CellWidth};
 use ob1_ir::{BitTest, Logic, Number, Op};
 use ob1_model::TimerKind;
+use ob1_time::Span;
 
 const T: Number = Number::Fixed(5);
 
@@ -38,12 +39,12 @@ const F: u8 = 4;
 
 /// Rows: time in ms, inputs (S start, R reset, F enable), output, remaining tens of milliseconds.
 #[track_caller]
-fn play(kind: TimerKind, rows: &[(Nanos, u8, bool, u32)]) {
+fn play(kind: TimerKind, rows: &[(u64, u8, bool, u32)]) {
     let mut bench = timer(kind);
-    bench.clock.ns_per_statement = 0;
+    bench.clock.per_statement = Span::ZERO;
     bench.run();
     for (ms, inputs, output, left) in rows {
-        bench.clock.now = ms * MS;
+        bench.clock.now = at(*ms * MS);
         bench.set(0, CellWidth::Byte, u32::from(*inputs));
         bench.run();
         assert_eq!((bench.m(1, 0), bench.mw(2)), (*output, *left), "{kind:?} at {ms} ms");
@@ -190,7 +191,7 @@ fn a_loop_on_a_timer_ends_in_virtual_time() {
             Vec::new(),
         ));
         bench.run();
-        assert!((50 * MS..51 * MS).contains(&bench.clock.now), "{}", bench.clock.now);
+        assert!((50 * MS..51 * MS).contains(&bench.clock.now.since_start()), "{}", bench.clock.now);
     });
 }
 

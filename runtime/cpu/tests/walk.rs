@@ -12,6 +12,7 @@ use common::source::blocks;
 use common::{Bench, on_each_engine};
 use ob1_cpu::{CellWidth, Cpu, CpuConfig};
 use ob1_stl::{Library, Mnemonics, Options, Source, compile};
+use ob1_time::Span;
 
 /// Appendix A of the reference: German mnemonic, and the international one where it differs.
 const MNEMONICS: &str = "+ = ) +AR1 +AR2 +D -D *D /D ==D <>D >D <D >=D <=D +I -I *I /I ==I <>I >I <I >=I <=I \
@@ -363,7 +364,7 @@ fn run(text: &str, set: Mnemonics, before: [u32; 3], accumulators: u8) -> [u32; 
     let config = CpuConfig { accumulators, ..CpuConfig::default() };
     let mut bench =
         Bench::with(Cpu::new(config, &output.program, natives, vec![], common::engine()).expect("the program loads"));
-    bench.clock.ns_per_statement = 0;
+    bench.clock.per_statement = Span::ZERO;
     // The start-up clears memory: the first cycle does nothing, the second has the values.
     bench.run();
     bench.set_m(0, 0, true);

@@ -16,54 +16,63 @@ impl Instant {
 
     /// So many nanoseconds after the start.
     #[must_use]
+    #[inline]
     pub const fn from_nanos(nanos: u64) -> Self {
         Self(nanos)
     }
 
     /// So many microseconds after the start; [`Instant::NEVER`] if that is beyond it.
     #[must_use]
+    #[inline]
     pub const fn from_micros(micros: u64) -> Self {
         Self(Span::from_micros(micros).nanos())
     }
 
     /// So many milliseconds after the start; [`Instant::NEVER`] if that is beyond it.
     #[must_use]
+    #[inline]
     pub const fn from_millis(millis: u64) -> Self {
         Self(Span::from_millis(millis).nanos())
     }
 
     /// So many seconds after the start; [`Instant::NEVER`] if that is beyond it.
     #[must_use]
+    #[inline]
     pub const fn from_secs(secs: u64) -> Self {
         Self(Span::from_secs(secs).nanos())
     }
 
     /// Nanoseconds since the start.
     #[must_use]
+    #[inline]
     pub const fn nanos(self) -> u64 {
         self.0
     }
 
     /// Whole microseconds since the start.
     #[must_use]
+    #[inline]
     pub const fn micros(self) -> u64 {
         self.since_start().micros()
     }
 
     /// Whole milliseconds since the start.
     #[must_use]
+    #[inline]
     pub const fn millis(self) -> u64 {
         self.since_start().millis()
     }
 
     /// The time since the start.
     #[must_use]
+    #[inline]
     pub const fn since_start(self) -> Span {
         Span::from_nanos(self.0)
     }
 
     /// The time since an earlier instant; 0 if that is not earlier.
     #[must_use]
+    #[inline]
     pub const fn since(self, earlier: Self) -> Span {
         Span::from_nanos(self.0.saturating_sub(earlier.0))
     }
@@ -73,18 +82,31 @@ impl Instant {
     /// # Panics
     /// The span is no time.
     #[must_use]
+    #[inline]
     pub const fn next_tick(self, every: Span) -> Self {
         Self((self.0 / every.nanos() + 1) * every.nanos())
     }
 
     /// So much later; [`Instant::NEVER`] if that is beyond it.
     #[must_use]
+    #[inline]
     pub const fn saturating_add(self, span: Span) -> Self {
         Self(self.0.saturating_add(span.nanos()))
     }
 
+    /// So much later; `None` if that is beyond [`Instant::NEVER`].
+    #[must_use]
+    #[inline]
+    pub const fn checked_add(self, span: Span) -> Option<Self> {
+        match self.0.checked_add(span.nanos()) {
+            Some(nanos) => Some(Self(nanos)),
+            None => None,
+        }
+    }
+
     /// So much earlier; [`Instant::START`] if that is before it.
     #[must_use]
+    #[inline]
     pub const fn saturating_sub(self, span: Span) -> Self {
         Self(self.0.saturating_sub(span.nanos()))
     }

@@ -21,78 +21,91 @@ impl Span {
 
     /// So many nanoseconds.
     #[must_use]
+    #[inline]
     pub const fn from_nanos(nanos: u64) -> Self {
         Self(nanos)
     }
 
     /// So many microseconds; the longest span if that is too many.
     #[must_use]
+    #[inline]
     pub const fn from_micros(micros: u64) -> Self {
         Self::MICROSECOND.times(micros)
     }
 
     /// So many milliseconds; the longest span if that is too many.
     #[must_use]
+    #[inline]
     pub const fn from_millis(millis: u64) -> Self {
         Self::MILLISECOND.times(millis)
     }
 
     /// So many seconds; the longest span if that is too many.
     #[must_use]
+    #[inline]
     pub const fn from_secs(secs: u64) -> Self {
         Self::SECOND.times(secs)
     }
 
     /// So many events a second: the time of one, rounded down. A rate of 0 counts as 1.
     #[must_use]
+    #[inline]
     pub const fn of_rate(rate: u32) -> Self {
         Self::SECOND.over(if rate == 0 { 1 } else { rate as u64 })
     }
 
     /// Nanoseconds.
     #[must_use]
+    #[inline]
     pub const fn nanos(self) -> u64 {
         self.0
     }
 
     /// Whole microseconds.
     #[must_use]
+    #[inline]
     pub const fn micros(self) -> u64 {
         self.0 / Self::MICROSECOND.0
     }
 
     /// Whole milliseconds.
     #[must_use]
+    #[inline]
     pub const fn millis(self) -> u64 {
         self.0 / Self::MILLISECOND.0
     }
 
     /// Whole seconds.
     #[must_use]
+    #[inline]
     pub const fn secs(self) -> u64 {
         self.0 / Self::SECOND.0
     }
 
     /// Milliseconds with their fraction, for tables and logs.
     #[must_use]
+    #[inline]
     pub const fn as_millis_f64(self) -> f64 {
         self.0 as f64 / Self::MILLISECOND.0 as f64
     }
 
     /// Nanoseconds beyond the whole seconds.
     #[must_use]
+    #[inline]
     pub const fn subsec_nanos(self) -> u64 {
         self.0 % Self::SECOND.0
     }
 
     /// Whether it is no time at all.
     #[must_use]
+    #[inline]
     pub const fn is_zero(self) -> bool {
         self.0 == 0
     }
 
     /// So many times as long; the longest span if that is too long. What `*` is where constants are made.
     #[must_use]
+    #[inline]
     pub const fn times(self, factor: u64) -> Self {
         Self(self.0.saturating_mul(factor))
     }
@@ -102,6 +115,7 @@ impl Span {
     /// # Panics
     /// `parts` is 0.
     #[must_use]
+    #[inline]
     pub const fn over(self, parts: u64) -> Self {
         Self(self.0 / parts)
     }
@@ -111,12 +125,14 @@ impl Span {
     /// # Panics
     /// `parts` is 0.
     #[must_use]
+    #[inline]
     pub const fn over_ceil(self, parts: u64) -> Self {
         Self(self.0.div_ceil(parts))
     }
 
     /// Both together. What `+` is where constants are made.
     #[must_use]
+    #[inline]
     pub const fn plus(self, other: Self) -> Self {
         Self(self.0 + other.0)
     }
@@ -126,24 +142,28 @@ impl Span {
     /// # Panics
     /// `other` is no time.
     #[must_use]
+    #[inline]
     pub const fn div_ceil(self, other: Self) -> u64 {
         self.0.div_ceil(other.0)
     }
 
     /// By how much the two differ.
     #[must_use]
+    #[inline]
     pub const fn abs_diff(self, other: Self) -> Self {
         Self(self.0.abs_diff(other.0))
     }
 
     /// Both together; the longest span if that is too long.
     #[must_use]
+    #[inline]
     pub const fn saturating_add(self, other: Self) -> Self {
         Self(self.0.saturating_add(other.0))
     }
 
     /// What is left of it without the other; no time if that is longer.
     #[must_use]
+    #[inline]
     pub const fn saturating_sub(self, other: Self) -> Self {
         Self(self.0.saturating_sub(other.0))
     }
@@ -212,6 +232,7 @@ impl Div for Span {
 }
 
 impl From<Span> for Duration {
+    #[inline]
     fn from(span: Span) -> Self {
         Self::from_nanos(span.0)
     }
@@ -219,6 +240,7 @@ impl From<Span> for Duration {
 
 /// The longest span for a duration that is longer.
 impl From<Duration> for Span {
+    #[inline]
     fn from(duration: Duration) -> Self {
         Self(u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX))
     }

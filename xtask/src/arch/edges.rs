@@ -23,12 +23,12 @@ const TABLE: &[Row] = &[
     row("ob1-stl", "invariant 3", &["ob1-model", "ob1-ir", "strsim", "thiserror"]),
     // Text and machine code meet in the instruction set, nowhere else.
     row("ob1-mc7", "invariant 3", &["ob1-model", "ob1-ir"]),
-    row("ob1-std", "invariant 2", &["ob1-model", "ob1-words"]),
+    row("ob1-std", "invariant 2", &["ob1-model", "ob1-time", "ob1-words"]),
     row("ob1-project", "invariant 3", &["ob1-model", "ob1-ir", "ob1-stl", "ob1-mc7", "encoding_rs", "zip"]),
     // It runs the system blocks, which are pure functions, as native blocks.
     // The bytes of a memory, wherever they come from.
     row("ob1-arena", "invariant 2", &[]),
-    row("ob1-cpu", "invariant 2", &["ob1-arena", "ob1-model", "ob1-ir", "ob1-std", "hdrhistogram", "rtrb"]),
+    row("ob1-cpu", "invariant 2", &["ob1-arena", "ob1-model", "ob1-ir", "ob1-std", "ob1-time", "hdrhistogram", "rtrb"]),
     row("ob1-log", "invariant 4", &["rustix", "tracing-subscriber"]),
     // The one crate that makes machine code.
     row(

@@ -1,16 +1,18 @@
 //! A run-time meter (SFC 2 to 4, SFC 101): counts hours.
 
-const HOUR_NS: u64 = 3_600_000_000_000;
+use ob1_time::{Instant, Span};
+
+const HOUR: Span = Span::from_secs(3600);
 
 /// A run-time meter. The CPU keeps it over a warm restart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RunTimeMeter {
     /// Hours it was set to.
     preset: u32,
-    /// Nanoseconds counted on top of them, up to `since`.
-    counted: u64,
+    /// Counted on top of them, up to `since`.
+    counted: Span,
     /// Running since then.
-    since: Option<u64>,
+    since: Option<Instant>,
 }
 
 impl RunTimeMeter {
@@ -21,11 +23,11 @@ impl RunTimeMeter {
 
     /// Sets the count and stops the meter.
     pub const fn set(&mut self, hours: u32) {
-        *self = Self { preset: hours, counted: 0, since: None };
+        *self = Self { preset: hours, counted: Span::ZERO, since: None };
     }
 
     /// Starts or stops it.
-    pub const fn control(&mut self, run: bool, now: u64) {
+    pub const fn control(&mut self, run: bool, now: Instant) {
         self.counted = self.counted_at(now);
         self.since = if run { Some(now) } else { None };
     }
@@ -38,25 +40,25 @@ impl RunTimeMeter {
 
     /// Whole hours; `None` when there are more than [`Self::MAX_HOURS`].
     #[must_use]
-    pub const fn hours(&self, now: u64) -> Option<u16> {
+    pub fn hours(&self, now: Instant) -> Option<u16> {
         let hours = self.total(now);
         if hours > Self::MAX_HOURS as u64 { None } else { Some(hours as u16) }
     }
 
     /// Whole hours; `None` when there are more than [`Self::MAX_LONG_HOURS`].
     #[must_use]
-    pub const fn long_hours(&self, now: u64) -> Option<u32> {
+    pub fn long_hours(&self, now: Instant) -> Option<u32> {
         let hours = self.total(now);
         if hours > Self::MAX_LONG_HOURS as u64 { None } else { Some(hours as u32) }
     }
 
-    const fn total(&self, now: u64) -> u64 {
-        self.preset as u64 + self.counted_at(now) / HOUR_NS
+    fn total(&self, now: Instant) -> u64 {
+        self.preset as u64 + self.counted_at(now) / HOUR
     }
 
-    const fn counted_at(&self, now: u64) -> u64 {
+    const fn counted_at(&self, now: Instant) -> Span {
         match self.since {
-            Some(since) => self.counted.saturating_add(now.saturating_sub(since)),
+            Some(since) => self.counted.saturating_add(now.since(since)),
             None => self.counted,
         }
     }

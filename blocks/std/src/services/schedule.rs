@@ -1,5 +1,7 @@
 //! Interrupts by time: OB 10 to 17 at a time of day (SFC 28 to 31), OB 20 to 23 after a delay (SFC 32 to 34).
 
+use ob1_time::Instant;
+
 use crate::moment::{DAY_MS, Date, Moment};
 
 /// How often a time-of-day interrupt comes.
@@ -92,8 +94,8 @@ fn by_calendar(start: Moment, period: Period, now: Moment) -> Option<Moment> {
 /// A time-delay interrupt.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DelayInterrupt {
-    /// Due at this time (nanoseconds since the start), with DTIME in milliseconds and SIGN for the start information.
-    pub due: Option<(u64, u32, u16)>,
+    /// Due at this time, with DTIME in milliseconds and SIGN for the start information.
+    pub due: Option<(Instant, u32, u16)>,
     /// The OB is loaded.
     pub loaded: bool,
 }

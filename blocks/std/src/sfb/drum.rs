@@ -140,6 +140,8 @@ fn outputs(call: &mut Call<'_>, step: u8) {
 
 #[cfg(test)]
 mod tests {
+    use ob1_time::Instant;
+
     use crate::testing::Fake;
 
     /// Three steps of 20, 30 and 10 ms; outputs 1, 2 and 4, of which the third is masked but for bit 2.
@@ -167,7 +169,7 @@ mod tests {
         assert_eq!((fake.value("DSC"), fake.value("OUT_WORD"), fake.value("DCC")), (1, 1, 20));
         fake = fake.with("RESET", [0]);
         let mut at = |ms: u64, event2: u8| {
-            fake.now = ms * 1_000_000;
+            fake.now = Instant::from_millis(ms);
             fake.set("EVENT2", &[event2]);
             fake.run();
             (fake.value("DSC"), fake.value("OUT_WORD"), fake.value("DCC"), fake.value("Q"))

@@ -102,6 +102,7 @@ fn run(call: &mut Call<'_>, step: Step, output: fn(State) -> bool) -> Done {
 #[cfg(test)]
 mod tests {
     use ob1_model::{DataType, Layout};
+    use ob1_time::Instant;
 
     use crate::standard_block;
     use crate::testing::Fake;
@@ -135,7 +136,7 @@ mod tests {
         for (ms, input, running, q, et) in
             [(0, 0, 0, 0, 0), (10, 1, 1, 0, 0), (60, 1, 1, 0, 50), (110, 1, 0, 1, 100), (120, 0, 0, 0, 0)]
         {
-            fake.now = ms * 1_000_000;
+            fake.now = Instant::from_millis(ms);
             fake = fake.with("IN", [input]);
             fake.run();
             assert_eq!((fake.value("RU"), fake.value("Q"), fake.dint("ET")), (running, q, et), "{ms} ms");

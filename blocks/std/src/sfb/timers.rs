@@ -136,6 +136,8 @@ pub(super) const fn off_delay(state: State, input: bool, over: bool) -> State {
 
 #[cfg(test)]
 mod tests {
+    use ob1_time::Instant;
+
     use crate::testing::Fake;
 
     /// Time in ms, IN; Q and ET after the call.
@@ -144,7 +146,7 @@ mod tests {
     fn check(key: &str, pt: i32, moments: &[Row]) {
         let mut fake = Fake::new(key).with("PT", pt.to_be_bytes());
         for (ms, input, q, et) in moments {
-            fake.now = ms * 1_000_000;
+            fake.now = Instant::from_millis(*ms);
             fake = fake.with("IN", [*input]);
             fake.run();
             assert_eq!((fake.value("Q"), fake.dint("ET")), (*q, *et), "{key} at {ms} ms");

@@ -146,6 +146,8 @@ fn rtm(call: &mut Call<'_>) -> Done {
 
 #[cfg(test)]
 mod tests {
+    use ob1_time::{Instant, Span};
+
     use crate::testing::{Fake, dt, moment};
 
     #[test]
@@ -167,31 +169,32 @@ mod tests {
 
     #[test]
     fn meters() {
-        const HOUR: u64 = 3_600_000_000_000;
+        const HOUR: Span = Span::from_secs(3600);
         for (number, hours, code) in [(1, 100i16, 0), (2, 100, 0x8080), (1, -1, 0x8081)] {
             let mut fake = Fake::new("SYSTEM:SFC2").with("NR", [number]).with("PV", hours.to_be_bytes());
             fake = fake.with("RET_VAL", [0; 2]);
             fake.run();
             assert_eq!(fake.value("RET_VAL"), code);
-            assert_eq!(fake.station.meters[1].hours(0), Some(if code == 0 { 100 } else { 0 }));
+            assert_eq!(fake.station.meters[1].hours(Instant::START), Some(if code == 0 { 100 } else { 0 }));
         }
         let mut fake = Fake::new("SYSTEM:SFC3").with("NR", [0]).with("S", [1]).with("RET_VAL", [0; 2]);
         fake.station.meters[0].set(32_767);
         fake.run();
         let running = fake.station.meters[0];
-        for (now, hours, code) in [(HOUR - 1, 32_767, 0), (HOUR, 32_767, 0x8081)] {
+        for (now, hours, code) in [(HOUR - Span::from_nanos(1), 32_767, 0), (HOUR, 32_767, 0x8081)] {
             let mut fake = Fake::new("SYSTEM:SFC4").with("NR", [0]).with("RET_VAL", [0; 2]);
             fake = fake.with("CQ", [0]).with("CV", [0; 2]);
-            fake.now = now;
+            fake.now = Instant::START + now;
             fake.station.meters[0] = running;
             fake.run();
             assert_eq!((fake.value("CQ"), fake.value("CV"), fake.value("RET_VAL")), (1, hours, code));
         }
         let mut stopped = running;
         stopped.set(1);
-        stopped.control(true, 5);
-        stopped.control(false, 5 + 2 * HOUR);
-        assert_eq!((stopped.hours(9 * HOUR), stopped.is_running()), (Some(3), false));
+        let started = Instant::from_nanos(5);
+        stopped.control(true, started);
+        stopped.control(false, started + 2 * HOUR);
+        assert_eq!((stopped.hours(started + 9 * HOUR), stopped.is_running()), (Some(3), false));
         for key in ["SYSTEM:SFC3", "SYSTEM:SFC4"] {
             let mut fake = Fake::new(key).with("NR", [9]).with("RET_VAL", [0; 2]);
             fake.run();
@@ -223,11 +226,11 @@ mod tests {
 
     #[test]
     fn long_meters() {
-        const HOUR: u64 = 3_600_000_000_000;
+        const HOUR: Span = Span::from_secs(3600);
         let mut fake = Fake::new("SYSTEM:SFC101").with("NR", [1]).with("MODE", [0]).with("PV", [0; 4]);
         fake = fake.with("RET_VAL", [9; 2]).with("CQ", [9]).with("CV", [9; 4]);
         for (now, mode, pv, code, running, hours) in [
-            (0, 5u8, 40_000i32, 0, 1, 40_000),
+            (Span::ZERO, 5u8, 40_000i32, 0, 1, 40_000),
             (2 * HOUR, 0, 0, 0, 1, 40_002),
             (2 * HOUR, 2, 0, 0, 0, 40_002),
             (9 * HOUR, 7, 0, 0, 0, 40_002),
@@ -239,7 +242,7 @@ mod tests {
             (11 * HOUR, 0, 0, 0x8082, 1, i32::MAX),
             (11 * HOUR, 6, 1, 0, 0, 1),
         ] {
-            fake.now = now;
+            fake.now = Instant::START + now;
             fake.set("MODE", &[mode]);
             fake.set("PV", &pv.to_be_bytes());
             fake.run();
@@ -254,7 +257,7 @@ mod tests {
     #[test]
     fn ticks() {
         let mut fake = Fake::new("SYSTEM:SFC64").with("RET_VAL", [9; 4]);
-        fake.now = 1_999_999;
+        fake.now = Instant::from_nanos(1_999_999);
         fake.run();
         assert_eq!(fake.value("RET_VAL"), 1);
     }

@@ -1,5 +1,7 @@
 //! SFC 43 RE_TRIGR, SFC 46 STP, SFC 47 WAIT. ["Controlling Program Execution"]
 
+use ob1_time::Span;
+
 use crate::Done;
 use crate::call::Call;
 use crate::declare::{Declared, Params, params};
@@ -29,14 +31,16 @@ pub(super) const ROWS: &[Row] = &[
 
 fn wait(call: &mut Call<'_>) -> Done {
     let time = call.int(Wait::WT);
-    match u32::try_from(time) {
-        Ok(microseconds @ 1..) => call.cx.wait(microseconds),
+    match u64::try_from(time) {
+        Ok(microseconds @ 1..) => call.cx.wait(Span::from_micros(microseconds)),
         _ => Ok(()),
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use ob1_time::Span;
+
     use crate::Interrupted;
     use crate::testing::Fake;
 
@@ -48,7 +52,7 @@ mod tests {
         let mut fake = Fake::new("SYSTEM:SFC46");
         fake.run();
         assert_eq!(fake.ended, Err(Interrupted));
-        for (time, waited) in [(500i16, vec![500]), (0, vec![]), (-1, vec![])] {
+        for (time, waited) in [(500i16, vec![Span::from_micros(500)]), (0, vec![]), (-1, vec![])] {
             let mut fake = Fake::new("SYSTEM:SFC47").with("WT", time.to_be_bytes());
             fake.run();
             assert_eq!((fake.station.waited, fake.ended), (waited, Ok(())));

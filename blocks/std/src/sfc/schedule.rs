@@ -1,6 +1,8 @@
 //! SFC 28 to 31: time-of-day interrupts; SFC 32 to 34: time-delay interrupts.
 //! ["Handling Time-of-Day Interrupts", "Handling Time-Delay Interrupts"]
 
+use ob1_time::Span;
+
 use crate::Done;
 use crate::call::Call;
 use crate::declare::{Params, params};
@@ -118,7 +120,7 @@ fn srt_dint(call: &mut Call<'_>) -> Done {
         None => WRONG_OB,
         Some(_) if !(1..=60_000).contains(&delay) => 0x8091,
         Some(interrupt) => {
-            interrupt.due = Some((now.saturating_add(u64::from(delay) * 1_000_000), delay, sign));
+            interrupt.due = Some((now.saturating_add(Span::MILLISECOND * u64::from(delay)), delay, sign));
             0
         }
     };
@@ -137,10 +139,13 @@ fn can_dint(schedule: &mut dyn Schedule, ob: u16) -> u16 {
 
 #[cfg(test)]
 mod tests {
+    use ob1_time::{Instant, Span};
+
     use crate::services::{DelayInterrupt, Period, TimeOfDayInterrupt};
     use crate::testing::{Fake, dt, moment};
 
     const NOW: &str = "2024-03-01-00:00:00.000";
+    const SOON: Instant = Instant::from_nanos(7);
     const LATER: &str = "2024-03-01-06:30:00.000";
     const EARLIER: &str = "2024-02-01-06:30:00.000";
 
@@ -202,7 +207,7 @@ mod tests {
             let mut fake =
                 Fake::new(key).with("OB_NR", ob.to_be_bytes()).with("RET_VAL", [9; 2]).with("STATUS", [9; 2]);
             fake.station.time_of_day = TimeOfDayInterrupt { set: None, active, loaded };
-            fake.station.delay = DelayInterrupt { due: active.then_some((1, 1, 1)), loaded };
+            fake.station.delay = DelayInterrupt { due: active.then_some((SOON, 1, 1)), loaded };
             fake.run();
             assert_eq!((fake.value("STATUS"), fake.value("RET_VAL")), (status, code), "{key} {ob}");
         }
@@ -215,13 +220,13 @@ mod tests {
         {
             let mut fake = Fake::new("SYSTEM:SFC32").with("OB_NR", ob.to_be_bytes()).with("DTIME", time.to_be_bytes());
             fake = fake.with("SIGN", [0x12, 0x34]).with("RET_VAL", [9; 2]);
-            fake.now = 7;
+            fake.now = SOON;
             fake.run();
             assert_eq!((fake.value("RET_VAL"), fake.br), (code, code == 0), "{ob} {time}");
-            let due = (code == 0).then_some((7 + u64::from(time) * 1_000_000, time, 0x1234));
+            let due = (code == 0).then_some((SOON + Span::from_millis(time.into()), time, 0x1234));
             assert_eq!(fake.station.delay.due, due);
         }
-        for (ob, due, code) in [(20u16, Some((1, 1, 1)), 0), (20, None, 0x80A0), (19, None, 0x8090)] {
+        for (ob, due, code) in [(20u16, Some((SOON, 1, 1)), 0), (20, None, 0x80A0), (19, None, 0x8090)] {
             let mut fake = Fake::new("SYSTEM:SFC33").with("OB_NR", ob.to_be_bytes()).with("RET_VAL", [9; 2]);
             fake.station.delay.due = due;
             fake.run();

@@ -130,11 +130,13 @@ fn mcat(call: &mut Call<'_>) -> Done {
 
 #[cfg(test)]
 mod tests {
+    use ob1_time::Span;
+
     use crate::testing::Fake;
 
     /// One call after so many milliseconds.
     fn after(fake: &mut Fake, ms: u64, inputs: &[(&str, u8)]) {
-        fake.now += ms * 1_000_000;
+        fake.now += Span::from_millis(ms);
         for (name, value) in inputs {
             fake.set(name, &[*value]);
         }

@@ -6,18 +6,18 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::Nanos;
+use ob1_time::Span;
 
 use super::Count;
 
-/// Longest time told apart, 60 s; longer ones count as that, the greatest is kept exactly.
-pub(crate) const LONGEST: u64 = 60_000_000_000;
+/// Longest time told apart, 60 s in nanoseconds; longer ones count as that, the greatest is kept exactly.
+const LONGEST: u64 = 60 * Span::SECOND.nanos();
 /// Buckets to a power of two.
 const FINE: u64 = 256;
 const FINE_BITS: u32 = FINE.trailing_zeros();
 const BUCKETS: usize = bucket(LONGEST) + 1;
 
-/// The bucket of a value up to [`LONGEST`].
+/// The bucket of a time up to [`LONGEST`].
 const fn bucket(value: u64) -> usize {
     if value < FINE {
         return value as usize;
@@ -55,13 +55,14 @@ impl Recording {
 
     /// Enters a time. Only the scan does.
     #[inline]
-    pub(crate) fn record(&self, time: Nanos) {
+    pub(crate) fn record(&self, time: Span) {
         self.record_times(time, 1);
     }
 
     /// Enters a time more than once.
     #[inline]
-    pub(crate) fn record_times(&self, time: Nanos, times: u64) {
+    pub(crate) fn record_times(&self, time: Span, times: u64) {
+        let time = time.nanos();
         let place = &self.buckets[bucket(time.min(LONGEST))];
         place.store(place.load(Ordering::Relaxed).wrapping_add(times), Ordering::Relaxed);
         self.sum.add(time.wrapping_mul(times));
@@ -71,8 +72,8 @@ impl Recording {
     }
 
     /// All times together.
-    pub(crate) fn sum(&self) -> Nanos {
-        self.sum.get()
+    pub(crate) fn sum(&self) -> Span {
+        Span::from_nanos(self.sum.get())
     }
 
     pub(crate) fn read(&self) -> Histogram {
@@ -81,7 +82,7 @@ impl Recording {
     }
 }
 
-/// A distribution of times in nanoseconds, as it was read. Values are known to within 0.4 %, the greatest since load
+/// A distribution of times, as it was read. Values are known to within 0.4 %, the greatest since load
 /// exactly.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Histogram {
@@ -100,17 +101,17 @@ impl Histogram {
 
     /// The least value, or 0.
     #[must_use]
-    pub fn min(&self) -> Nanos {
-        self.buckets().next().map_or(0, |(value, _)| value)
+    pub fn min(&self) -> Span {
+        self.buckets().next().map_or(Span::ZERO, |(value, _)| value)
     }
 
     /// The greatest value, or 0.
     #[must_use]
-    pub fn max(&self) -> Nanos {
-        self.counts.iter().rposition(|count| *count > 0).map_or(0, |bucket| self.value(bucket))
+    pub fn max(&self) -> Span {
+        self.counts.iter().rposition(|count| *count > 0).map_or(Span::ZERO, |bucket| self.value(bucket))
     }
 
-    /// The mean, or 0.
+    /// The mean in nanoseconds, or 0.
     #[must_use]
     pub fn mean(&self) -> f64 {
         if self.count == 0 { 0.0 } else { self.sum as f64 / self.count as f64 }
@@ -118,7 +119,7 @@ impl Histogram {
 
     /// The value that a share `quantile` (0 to 1) of all values does not exceed, or 0.
     #[must_use]
-    pub fn quantile(&self, quantile: f64) -> Nanos {
+    pub fn quantile(&self, quantile: f64) -> Span {
         let wanted = ((quantile.clamp(0.0, 1.0) * self.count as f64).ceil() as u64).max(1);
         let mut seen = 0;
         for (value, count) in self.buckets() {
@@ -127,17 +128,17 @@ impl Histogram {
                 return value;
             }
         }
-        0
+        Span::ZERO
     }
 
     /// How many values are greater, as far as the buckets tell.
     #[must_use]
-    pub fn beyond(&self, value: Nanos) -> u64 {
-        self.counts.iter().skip(bucket(value.min(LONGEST)) + 1).sum()
+    pub fn beyond(&self, value: Span) -> u64 {
+        self.counts.iter().skip(bucket(value.nanos().min(LONGEST)) + 1).sum()
     }
 
     /// The buckets that hold something, ascending: greatest value and count.
-    pub fn buckets(&self) -> impl Iterator<Item = (Nanos, u64)> {
+    pub fn buckets(&self) -> impl Iterator<Item = (Span, u64)> {
         self.counts
             .iter()
             .enumerate()
@@ -172,28 +173,28 @@ impl Histogram {
     }
 
     /// The value a bucket stands for: its greatest, but not more than there has been.
-    fn value(&self, bucket: usize) -> Nanos {
-        if bucket == BUCKETS - 1 { self.greatest } else { upper(bucket).min(self.greatest) }
+    fn value(&self, bucket: usize) -> Span {
+        Span::from_nanos(if bucket == BUCKETS - 1 { self.greatest } else { upper(bucket).min(self.greatest) })
     }
 }
 
-/// A distribution of times in nanoseconds, in few figures.
+/// A distribution of times, in few figures.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Distribution {
     /// Recorded values.
     pub count: u64,
     /// Smallest.
-    pub min: u64,
-    /// Mean.
+    pub min: Span,
+    /// Mean, in nanoseconds.
     pub mean: f64,
     /// Median.
-    pub p50: u64,
+    pub p50: Span,
     /// 99 % are at most this.
-    pub p99: u64,
+    pub p99: Span,
     /// 99.9 % are at most this.
-    pub p999: u64,
+    pub p999: Span,
     /// Largest.
-    pub max: u64,
+    pub max: Span,
 }
 
 #[cfg(test)]
@@ -220,15 +221,15 @@ mod tests {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             let value = (state >> 33) >> (state % 29);
             greatest = value.max(greatest);
-            ours.record(value.max(1));
+            ours.record(Span::from_nanos(value.max(1)));
             theirs.record(value.max(1)).expect("in bounds");
         }
         let read = ours.read();
         for quantile in [0.0, 0.1, 0.5, 0.9, 0.99, 0.999, 0.9999, 1.0] {
-            let (a, b) = (read.quantile(quantile) as f64, theirs.value_at_quantile(quantile) as f64);
+            let (a, b) = (read.quantile(quantile).nanos() as f64, theirs.value_at_quantile(quantile) as f64);
             assert!((a - b).abs() <= b / 250.0, "{quantile}: {a} {b}");
         }
-        assert_eq!((read.count(), read.max()), (20_000, greatest));
+        assert_eq!((read.count(), read.max()), (20_000, Span::from_nanos(greatest)));
         assert!((read.mean() - theirs.mean()).abs() <= theirs.mean() / 1000.0);
     }
 
@@ -236,14 +237,17 @@ mod tests {
     fn differences_and_what_lies_beyond() {
         let recording = Recording::new();
         assert_eq!(recording.read().distribution(), Distribution::default());
-        recording.record(100);
+        recording.record(Span::from_nanos(100));
         let first = recording.read();
-        recording.record_times(5000, 3);
-        recording.record(u64::MAX);
+        recording.record_times(Span::from_nanos(5000), 3);
+        recording.record(Span::MAX);
         let second = recording.read();
-        assert_eq!((second.max(), second.beyond(5100), second.beyond(100)), (u64::MAX, 1, 4));
+        assert_eq!(
+            (second.max(), second.beyond(Span::from_nanos(5100)), second.beyond(Span::from_nanos(100))),
+            (Span::MAX, 1, 4)
+        );
         let since = second.since(&first);
-        assert_eq!((since.count(), since.beyond(100)), (4, 4));
+        assert_eq!((since.count(), since.beyond(Span::from_nanos(100))), (4, 4));
         assert_eq!(second.since(&Histogram::default()), second);
     }
 }

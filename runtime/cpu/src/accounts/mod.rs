@@ -18,8 +18,8 @@ pub use recorder::Flight;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use ob1_model::BlockId;
+use ob1_time::Span;
 
-use crate::Nanos;
 use crate::interrupts::{priority_of, slot_of};
 use histogram::Recording;
 use recorder::Recorder;
@@ -30,9 +30,9 @@ pub(crate) use trace::{Ended, Trace, plugin_blocks};
 pub struct AccountsConfig {
     /// A scan that begins so much after its deadline, or later, is late; 0: a tenth of the minimum cycle time, at least
     /// 100 µs.
-    pub late: Nanos,
+    pub late: Span,
     /// A scan that takes so long, or longer, is late; 0: the minimum cycle time, or 10 ms without one.
-    pub long: Nanos,
+    pub long: Span,
     /// Scans the flight recorder holds, 1 to 65536.
     pub recorder: usize,
     /// Keep nothing but the counters: for measuring what the rest costs.
@@ -43,18 +43,18 @@ pub struct AccountsConfig {
 
 impl Default for AccountsConfig {
     fn default() -> Self {
-        Self { late: 0, long: 0, recorder: 256, off: false, blocks: true }
+        Self { late: Span::ZERO, long: Span::ZERO, recorder: 256, off: false, blocks: true }
     }
 }
 
 impl AccountsConfig {
     /// The thresholds that apply with this minimum cycle time: (late, long).
     #[must_use]
-    pub fn thresholds(&self, min_cycle: Nanos) -> (Nanos, Nanos) {
-        let late = if self.late > 0 { self.late } else { (min_cycle / 10).max(100_000) };
+    pub fn thresholds(&self, min_cycle: Span) -> (Span, Span) {
+        let late = if self.late.is_zero() { (min_cycle / 10).max(Span::from_micros(100)) } else { self.late };
         let long = match (self.long, min_cycle) {
-            (0, 0) => 10_000_000,
-            (0, cycle) => cycle,
+            (Span::ZERO, Span::ZERO) => Span::from_millis(10),
+            (Span::ZERO, cycle) => cycle,
             (long, _) => long,
         };
         (late, long)
@@ -108,9 +108,9 @@ pub struct Sums {
     /// Those of them that were late.
     pub late: u64,
     /// From the deadlines of cycles to their starts.
-    pub wake: Nanos,
+    pub wake: Span,
     /// From the starts of cycles to their ends.
-    pub execution: Nanos,
+    pub execution: Span,
 }
 
 /// All accounts of one CPU. Written by its scan alone.
@@ -132,15 +132,15 @@ pub struct Accounts {
     pub(crate) obs: Box<[ObAccount]>,
     pub(crate) blocks: Box<[BlockAccount]>,
     recorder: Recorder,
-    late_from: Nanos,
-    long_from: Nanos,
+    late_from: Span,
+    long_from: Span,
     pub(crate) off: bool,
 }
 
 impl Accounts {
     pub(crate) fn new(
         config: &AccountsConfig,
-        min_cycle: Nanos,
+        min_cycle: Span,
         obs: &[u16],
         blocks: impl Iterator<Item = (BlockId, Box<str>)>,
     ) -> Self {
@@ -223,7 +223,7 @@ impl Accounts {
 
     /// From when on a scan is late: (beginning after its deadline, time it takes).
     #[must_use]
-    pub fn thresholds(&self) -> (Nanos, Nanos) {
+    pub fn thresholds(&self) -> (Span, Span) {
         (self.late_from, self.long_from)
     }
 

@@ -1,8 +1,7 @@
 //! One scan, in full: what the flight recorder keeps, and what a late scan is explained from.
 
 use ob1_model::{BlockId, BlockKind};
-
-use crate::Nanos;
+use ob1_time::{Instant, Span};
 
 /// What was special about a scan.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -25,42 +24,42 @@ impl Flags {
     }
 }
 
-/// One scan. Times are those of the runtime's clock, in nanoseconds since its start.
+/// One scan. Times are those of the runtime's clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ScanRecord {
     /// Counts the scans, from 1.
     pub scan: u64,
     /// Its deadline.
-    pub planned: Nanos,
+    pub planned: Instant,
     /// When it began.
-    pub start: Nanos,
+    pub start: Instant,
     /// When it had ended.
-    pub end: Nanos,
+    pub end: Instant,
     /// How much of its lateness is the scan before, which had not ended at the deadline.
-    pub carried: Nanos,
+    pub carried: Span,
     /// How much of its lateness are organization blocks that ran between the two scans and had not ended at the
     /// deadline.
-    pub between: Nanos,
+    pub between: Span,
     /// The longest organization block that ran between the two scans; 0: none.
     pub between_ob: u16,
     /// Back plane and process image before OB 1.
-    pub inputs: Nanos,
+    pub inputs: Span,
     /// All organization blocks, plugins included.
-    pub program: Nanos,
+    pub program: Span,
     /// All blocks of plugins, where their times are taken.
-    pub plugins: Nanos,
+    pub plugins: Span,
     /// Process image and back plane after OB 1.
-    pub outputs: Nanos,
+    pub outputs: Span,
     /// Statements executed.
     pub statements: u64,
     /// The organization block that took longest, without higher classes; 0: none.
     pub longest_ob: u16,
     /// Its time.
-    pub longest_ob_time: Nanos,
+    pub longest_ob_time: Span,
     /// The call of a plugin's block that took longest.
     pub longest_plugin: Option<BlockId>,
     /// Its time.
-    pub longest_plugin_time: Nanos,
+    pub longest_plugin_time: Span,
     /// The block that ran when the scan had become long, as seen at the first safe point after that.
     pub long_in: Option<BlockId>,
     /// The line of its source.
@@ -77,14 +76,14 @@ pub(super) const WORDS: usize = 19;
 impl ScanRecord {
     /// From the deadline to the start.
     #[must_use]
-    pub fn lateness(&self) -> Nanos {
-        self.start.saturating_sub(self.planned)
+    pub fn lateness(&self) -> Span {
+        self.start.since(self.planned)
     }
 
     /// From the start to the end.
     #[must_use]
-    pub fn execution(&self) -> Nanos {
-        self.end.saturating_sub(self.start)
+    pub fn execution(&self) -> Span {
+        self.end.since(self.start)
     }
 
     pub(super) fn to_words(self) -> [u64; WORDS] {
@@ -93,21 +92,21 @@ impl ScanRecord {
         let flags = bits.iter().enumerate().fold(0, |word, (bit, set)| word | u64::from(*set) << bit);
         [
             self.scan,
-            self.planned,
-            self.start,
-            self.end,
-            self.carried,
-            self.between,
+            self.planned.nanos(),
+            self.start.nanos(),
+            self.end.nanos(),
+            self.carried.nanos(),
+            self.between.nanos(),
             self.between_ob.into(),
-            self.inputs,
-            self.program,
-            self.plugins,
-            self.outputs,
+            self.inputs.nanos(),
+            self.program.nanos(),
+            self.plugins.nanos(),
+            self.outputs.nanos(),
             self.statements,
             self.longest_ob.into(),
-            self.longest_ob_time,
+            self.longest_ob_time.nanos(),
             of_block(self.longest_plugin),
-            self.longest_plugin_time,
+            self.longest_plugin_time.nanos(),
             of_block(self.long_in) << 32 | u64::from(self.long_at_line),
             self.missed,
             flags,
@@ -118,21 +117,21 @@ impl ScanRecord {
         let bit = |n: u32| words[18] >> n & 1 == 1;
         Self {
             scan: words[0],
-            planned: words[1],
-            start: words[2],
-            end: words[3],
-            carried: words[4],
-            between: words[5],
+            planned: Instant::from_nanos(words[1]),
+            start: Instant::from_nanos(words[2]),
+            end: Instant::from_nanos(words[3]),
+            carried: Span::from_nanos(words[4]),
+            between: Span::from_nanos(words[5]),
             between_ob: words[6] as u16,
-            inputs: words[7],
-            program: words[8],
-            plugins: words[9],
-            outputs: words[10],
+            inputs: Span::from_nanos(words[7]),
+            program: Span::from_nanos(words[8]),
+            plugins: Span::from_nanos(words[9]),
+            outputs: Span::from_nanos(words[10]),
             statements: words[11],
             longest_ob: words[12] as u16,
-            longest_ob_time: words[13],
+            longest_ob_time: Span::from_nanos(words[13]),
             longest_plugin: to_block(words[14]),
-            longest_plugin_time: words[15],
+            longest_plugin_time: Span::from_nanos(words[15]),
             long_in: to_block(words[16] >> 32),
             long_at_line: words[16] as u32,
             missed: words[17],
@@ -161,21 +160,21 @@ pub(super) mod tests {
     pub(crate) fn example(scan: u64) -> ScanRecord {
         ScanRecord {
             scan,
-            planned: 2,
-            start: 3,
-            end: 4,
-            carried: 5,
-            between: 6,
+            planned: Instant::from_nanos(2),
+            start: Instant::from_nanos(3),
+            end: Instant::from_nanos(4),
+            carried: Span::from_nanos(5),
+            between: Span::from_nanos(6),
             between_ob: 35,
-            inputs: 7,
-            program: 8,
-            plugins: 9,
-            outputs: 10,
+            inputs: Span::from_nanos(7),
+            program: Span::from_nanos(8),
+            plugins: Span::from_nanos(9),
+            outputs: Span::from_nanos(10),
             statements: 11,
             longest_ob: 1,
-            longest_ob_time: 12,
+            longest_ob_time: Span::from_nanos(12),
             longest_plugin: Some(BlockId::new(BlockKind::Fc, 0)),
-            longest_plugin_time: 13,
+            longest_plugin_time: Span::from_nanos(13),
             long_in: Some(BlockId::new(BlockKind::Sfb, 65_535)),
             long_at_line: 14,
             missed: 15,

@@ -113,6 +113,8 @@ impl Recorder {
 
 #[cfg(test)]
 mod tests {
+    use ob1_time::Instant;
+
     use super::super::record::tests::example;
     use super::*;
 
@@ -142,7 +144,8 @@ mod tests {
     fn a_reader_beside_the_scan_sees_whole_records_only() {
         const SCANS: u64 = 200_000;
         let recorder = Recorder::new(8);
-        let whole = |scan: u64| ScanRecord { planned: scan * 3, missed: scan * 7, ..example(scan) };
+        let whole =
+            |scan: u64| ScanRecord { planned: Instant::from_nanos(scan * 3), missed: scan * 7, ..example(scan) };
         std::thread::scope(|scope| {
             scope.spawn(|| (1..=SCANS).for_each(|scan| recorder.push(&whole(scan), scan % 1000 == 0)));
             let mut last = 0;

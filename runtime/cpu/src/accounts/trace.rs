@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use ob1_model::{BlockId, Site};
+use ob1_time::{Instant, Span};
 
 use super::{Accounts, Flags, ScanRecord};
-use crate::Nanos;
 use crate::engine::Caller;
 
 /// Most buckets a long pause is spread over in the distribution of the deadlines.
@@ -20,17 +20,17 @@ pub(crate) struct Trace {
     /// The last finished scan.
     pub(crate) last: ScanRecord,
     /// Longest organization block since the last scan ended.
-    longest_ob: (u16, Nanos),
+    longest_ob: (u16, Span),
     /// End of the last interrupt between two scans.
-    between_end: Nanos,
-    /// When the running scan has become long; [`Nanos::MAX`] when that has been noted.
-    long_at: Nanos,
+    between_end: Instant,
+    /// When the running scan has become long; [`Instant::NEVER`] when that has been noted.
+    long_at: Instant,
     /// The statement that was about to be executed then.
     pub(crate) long_in: Option<Caller>,
     /// Time of plugin blocks within the running one.
-    pub(crate) nested: Nanos,
+    pub(crate) nested: Span,
     /// Time of all organization blocks when the scan began.
-    inside: Nanos,
+    inside: Span,
     statements: u64,
     watchdogs: u64,
 }
@@ -41,12 +41,12 @@ impl Trace {
             accounts,
             record: ScanRecord::default(),
             last: ScanRecord::default(),
-            longest_ob: (0, 0),
-            between_end: 0,
-            long_at: Nanos::MAX,
+            longest_ob: (0, Span::ZERO),
+            between_end: Instant::START,
+            long_at: Instant::NEVER,
             long_in: None,
-            nested: 0,
-            inside: 0,
+            nested: Span::ZERO,
+            inside: Span::ZERO,
             statements: 0,
             watchdogs: 0,
         }
@@ -54,13 +54,13 @@ impl Trace {
 
     /// A start-up: nothing is carried over.
     pub(crate) fn start_up(&mut self) {
-        (self.last, self.longest_ob, self.between_end) = (ScanRecord::default(), (0, 0), 0);
+        (self.last, self.longest_ob, self.between_end) = (ScanRecord::default(), (0, Span::ZERO), Instant::START);
     }
 
     /// A scan begins. `inside` and `statements` are the machine's running sums.
-    pub(crate) fn begin(&mut self, planned: Nanos, start: Nanos, inside: Nanos, statements: u64) {
+    pub(crate) fn begin(&mut self, planned: Instant, start: Instant, inside: Span, statements: u64) {
         let accounts = &*self.accounts;
-        let lateness = start.saturating_sub(planned);
+        let lateness = start.since(planned);
         if accounts.off {
             self.record.scan = accounts.scans.get() + 1;
             return;
@@ -72,47 +72,47 @@ impl Trace {
             scan: accounts.scans.get() + 1,
             planned,
             start,
-            carried: self.last.end.saturating_sub(planned).min(lateness),
-            between: self.between_end.saturating_sub(planned).min(lateness),
+            carried: self.last.end.since(planned).min(lateness),
+            between: self.between_end.since(planned).min(lateness),
             between_ob,
             ..ScanRecord::default()
         };
         self.long_at = start.saturating_add(accounts.long_from);
-        (self.long_in, self.nested) = (None, 0);
+        (self.long_in, self.nested) = (None, Span::ZERO);
         (self.inside, self.statements, self.watchdogs) = (inside, statements, accounts.watchdogs.get());
     }
 
     /// A scan begins so long after the one before.
-    pub(crate) fn cycle(&self, time: Nanos) {
+    pub(crate) fn cycle(&self, time: Span) {
         if !self.accounts.off {
             self.accounts.cycle.record(time);
         }
     }
 
     /// The exchange with the links has taken so long.
-    pub(crate) fn exchanged(&mut self, time: Nanos) {
+    pub(crate) fn exchanged(&mut self, time: Span) {
         if !self.accounts.off {
             self.accounts.links.record(time);
         }
     }
 
-    /// OB 1 has begun, after `inside` nanoseconds of interrupts in this scan.
-    pub(crate) fn ob1_began(&mut self, at: Nanos, inside: Nanos) {
+    /// OB 1 has begun, after `inside` of interrupts in this scan.
+    pub(crate) fn ob1_began(&mut self, at: Instant, inside: Span) {
         let interrupts = inside.saturating_sub(self.inside);
-        self.record.inputs = at.saturating_sub(self.record.start).saturating_sub(interrupts);
+        self.record.inputs = at.since(self.record.start).saturating_sub(interrupts);
     }
 
     /// An organization block has ended.
     #[inline]
-    pub(crate) fn ob_ran(&mut self, ob: u16, own: Nanos) {
+    pub(crate) fn ob_ran(&mut self, ob: u16, own: Span) {
         if own > self.longest_ob.1 {
             self.longest_ob = (ob, own);
         }
     }
 
-    /// A block of a plugin has returned after `own` nanoseconds of its own.
+    /// A block of a plugin has returned after `own` time of its own.
     #[inline]
-    pub(crate) fn plugin_ran(&mut self, account: u32, own: Nanos) {
+    pub(crate) fn plugin_ran(&mut self, account: u32, own: Span) {
         let Some(account) = self.accounts.blocks.get(account as usize) else { return };
         account.execution.record(own);
         self.record.plugins += own;
@@ -123,14 +123,14 @@ impl Trace {
 
     /// A safe point: notes where the program is when the scan has become long.
     #[inline]
-    pub(crate) fn safe_point(&mut self, now: Nanos, at: Option<Caller>) {
+    pub(crate) fn safe_point(&mut self, now: Instant, at: Option<Caller>) {
         if now >= self.long_at {
-            (self.long_at, self.long_in) = (Nanos::MAX, at);
+            (self.long_at, self.long_in) = (Instant::NEVER, at);
         }
     }
 
     /// Interrupts between two scans have been served.
-    pub(crate) fn between(&mut self, end: Nanos) {
+    pub(crate) fn between(&mut self, end: Instant) {
         self.between_end = end;
     }
 
@@ -145,7 +145,7 @@ impl Trace {
             return false;
         }
         record.end = ended.end;
-        record.outputs = ended.end.saturating_sub(ended.outputs_from);
+        record.outputs = ended.end.since(ended.outputs_from);
         record.program = ended.inside.saturating_sub(self.inside);
         record.statements = ended.statements.saturating_sub(self.statements);
         (record.longest_ob, record.longest_ob_time) = std::mem::take(&mut self.longest_ob);
@@ -174,13 +174,13 @@ impl Trace {
     }
 
     /// Deadlines without a scan: each is as late as the scan that comes instead.
-    pub(crate) fn missed(&self, first: Nanos, period: Nanos, count: u64, next: Nanos) {
+    pub(crate) fn missed(&self, first: Instant, period: Span, count: u64, next: Instant) {
         let stride = count.div_ceil(SPREAD).max(1);
         let mut index = 0;
         while index < count {
             let times = stride.min(count - index);
-            let deadline = first.saturating_add(index.saturating_mul(period));
-            self.accounts.deadlines.record_times(next.saturating_sub(deadline), times);
+            let deadline = first.saturating_add(period.times(index));
+            self.accounts.deadlines.record_times(next.since(deadline), times);
             index += times;
         }
     }
@@ -189,10 +189,10 @@ impl Trace {
 /// How a scan ended.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ended {
-    pub(crate) end: Nanos,
-    pub(crate) outputs_from: Nanos,
+    pub(crate) end: Instant,
+    pub(crate) outputs_from: Instant,
     /// The machine's running sums.
-    pub(crate) inside: Nanos,
+    pub(crate) inside: Span,
     pub(crate) statements: u64,
     pub(crate) overran: bool,
     pub(crate) missed: u64,

@@ -2,7 +2,8 @@
 
 use std::sync::atomic::{AtomicBool, AtomicPtr};
 
-use crate::Nanos;
+use ob1_time::Instant;
+
 use crate::arena::Db;
 use crate::timers::{Counter, Timer};
 
@@ -29,7 +30,7 @@ pub struct Hot {
     /// A block asked for STOP or a fault led to it: every safe point aborts.
     pub stopping: bool,
     /// The CPU's own time: moves at safe points and cycle control points, nowhere else.
-    pub now: Nanos,
+    pub now: Instant,
     /// Not 0: the next safe point looks, whatever `pending` says. Other threads set it.
     pub due: AtomicPtr<AtomicBool>,
     /// The arena's first byte.
@@ -66,7 +67,7 @@ impl Default for Hot {
             scratch_top: 0,
             depth: 0,
             stopping: false,
-            now: 0,
+            now: Instant::START,
             due: AtomicPtr::default(),
             arena: AtomicPtr::default(),
             arena_len: 0,
@@ -92,7 +93,7 @@ pub(crate) struct Values {
     pub(crate) scratch_top: u32,
     pub(crate) depth: u32,
     pub(crate) stopping: bool,
-    pub(crate) now: Nanos,
+    pub(crate) now: Instant,
 }
 
 impl Hot {

@@ -9,33 +9,39 @@ pub mod source;
 pub mod window;
 
 pub use engines::{ENGINES, engine, is_reference, on_each_engine};
-use ob1_cpu::{Cell, CellWidth, Clock, Command, Cpu, CpuConfig, CycleEnd, Nanos, OperatingState};
+use ob1_cpu::{Cell, CellWidth, Clock, Command, Cpu, CpuConfig, CycleEnd, OperatingState};
 use ob1_ir::{Arg, Call, CallMode, CodeBlock, DataBlock, DataKind, Op, Operand, Place, Program, Stmt, Target, Width};
 use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Interface, Layout, Param, Section};
+use ob1_time::{Instant, Span};
 
 /// Virtual time: moves when told, and by a charge for each statement.
 #[derive(Debug, Default)]
 pub struct ManualClock {
-    pub now: Nanos,
-    pub ns_per_statement: u64,
+    pub now: Instant,
+    pub per_statement: Span,
 }
 
 impl Clock for ManualClock {
-    fn now(&mut self) -> Nanos {
+    fn now(&mut self) -> Instant {
         self.now
     }
     fn executed(&mut self, statements: u64) {
-        self.now += statements * self.ns_per_statement;
+        self.now += statements * self.per_statement;
     }
-    fn statements_in(&self, time: Nanos) -> Option<u64> {
-        (self.ns_per_statement > 0).then(|| time.div_ceil(self.ns_per_statement))
+    fn statements_in(&self, time: Span) -> Option<u64> {
+        (!self.per_statement.is_zero()).then(|| time.div_ceil(self.per_statement))
     }
-    fn wait(&mut self, deadline: Nanos) {
+    fn wait(&mut self, deadline: Instant) {
         self.now = self.now.max(deadline);
     }
 }
 
-pub const MS: Nanos = 1_000_000;
+pub const MS: Span = Span::MILLISECOND;
+
+/// So long after the clock's start.
+pub fn at(time: Span) -> Instant {
+    Instant::START + time
+}
 
 pub fn fc(number: u16) -> BlockId {
     BlockId::new(BlockKind::Fc, number)
@@ -195,7 +201,7 @@ impl Bench {
     /// Starts a CPU; the first cycle has not run.
     pub fn with(mut cpu: Cpu) -> Self {
         cpu.request(Command::Run);
-        Self { cpu, clock: ManualClock { now: 0, ns_per_statement: 100 } }
+        Self { cpu, clock: ManualClock { now: Instant::START, per_statement: Span::from_nanos(100) } }
     }
 
     pub fn cycle(&mut self) -> CycleEnd {

@@ -3,7 +3,8 @@
 
 use std::sync::{Arc, Mutex};
 
-use ob1_cpu::{Module, ModuleEntry, ModuleError, ModuleEvent, ModuleStatus, Nanos};
+use ob1_cpu::{Module, ModuleEntry, ModuleError, ModuleEvent, ModuleStatus};
+use ob1_time::Instant;
 
 /// What the module has seen and holds.
 #[derive(Debug, Default)]
@@ -42,7 +43,7 @@ impl Module for TestModule {
     fn output_bytes(&self) -> u16 {
         self.1
     }
-    fn begin_scan(&mut self, _now: Nanos) {
+    fn begin_scan(&mut self, _now: Instant) {
         self.look(|s| s.scans += 1);
     }
     fn read(&mut self, at: u16, into: &mut [u8]) -> Result<(), ModuleError> {
@@ -64,7 +65,7 @@ impl Module for TestModule {
             Ok(())
         })
     }
-    fn end_scan(&mut self, _now: Nanos) {}
+    fn end_scan(&mut self, _now: Instant) {}
     fn cpu_state(&mut self, run: bool) {
         self.look(|s| s.states.push(run));
     }

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use ob1_cpu::{CellError, Cpu, Frame, Group, Link, Listing, Mark, OperatingState, Piece, Returned, Window};
 use ob1_model::FRAME_WORDS;
+use ob1_time::Instant;
 
 #[derive(Clone)]
 struct Glass(Arc<([AtomicU64; 4], Vec<AtomicU64>)>);
@@ -12,7 +13,7 @@ struct Glass(Arc<([AtomicU64; 4], Vec<AtomicU64>)>);
 impl Window for Glass {
     fn put(&mut self, mark: Mark, fill: &mut dyn FnMut(&[AtomicU64])) {
         fill(&self.0.1);
-        let words = [mark.generation, mark.scan, mark.time, mark.state.number().into()];
+        let words = [mark.generation, mark.scan, mark.time.nanos(), mark.state.number().into()];
         self.0.0.iter().zip(words).for_each(|(to, word)| to.store(word, Ordering::Relaxed));
     }
 }
@@ -40,7 +41,7 @@ impl Looker {
 
     pub fn mark(&self) -> Option<Mark> {
         let [generation, scan, time, state] = self.glass.0.0.each_ref().map(|word| word.load(Ordering::Relaxed));
-        (scan > 0).then(|| Mark { generation, scan, time, state: OperatingState::of(state) })
+        (scan > 0).then(|| Mark { generation, scan, time: Instant::from_nanos(time), state: OperatingState::of(state) })
     }
 
     /// The bytes of a piece in the newest snapshot.
