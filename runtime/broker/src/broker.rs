@@ -6,8 +6,9 @@ use std::os::fd::OwnedFd;
 
 use ob1_access::door::{Answer, Ask, Document, MESSAGE_BYTES, Refusal, Refused, State, ToBroker, ToLink, What};
 use ob1_backplane::WindowReader;
-use ob1_cpu::{Answer as PortAnswer, Ask as PortAsk, Command, Cpu, DIAG_ENTRIES, DIAG_STOPS, Nanos};
+use ob1_cpu::{Answer as PortAnswer, Ask as PortAsk, Command, Cpu, DIAG_ENTRIES, DIAG_STOPS};
 use ob1_model::{BlockId, BlockKind, StateChange};
+use ob1_time::{Instant, Span};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use crate::client::Job;
@@ -17,12 +18,11 @@ use crate::joint::Joint;
 use crate::port::{Asker, Port};
 use crate::{Beats, Change, DriverState, Facts, FeedEnd, LinkConfig, LinkState};
 
-const MS: Nanos = 1_000_000;
 /// How long the CPU may take to answer, beyond two cycles. It answers once a cycle; this is for one that hangs.
-const ANSWER_TIME: Nanos = 3_000 * MS;
+const ANSWER_TIME: Span = Span::from_secs(3);
 /// Pause between two looks while the scan has something to answer, and while it has not.
-const LOOK: Nanos = MS / 5;
-const IDLE_LOOK: Nanos = 20 * MS;
+const LOOK: Span = Span::from_micros(200);
+const IDLE_LOOK: Span = Span::from_millis(20);
 /// What the scan has not answered after so many looks is looked at more slowly.
 const PATIENT_LOOKS: u32 = 500;
 /// Messages of one link that are taken before the next link's turn.
@@ -45,7 +45,7 @@ pub struct Broker {
     /// Changes of the program under way, and who waits for them.
     changes: BTreeMap<u64, Asker>,
     change: u64,
-    answer_time: Nanos,
+    answer_time: Span,
     looks: u32,
     buffer: Vec<u8>,
 }
@@ -71,7 +71,7 @@ impl Broker {
         Ok(Self {
             port: Port::new(client),
             feed,
-            answer_time: ANSWER_TIME.saturating_add(facts.min_cycle().saturating_mul(2)),
+            answer_time: ANSWER_TIME.saturating_add(facts.min_cycle().times(2)),
             drivers: facts.drivers(),
             facts,
             joints,
@@ -90,14 +90,14 @@ impl Broker {
     }
 
     /// The process of a link has been started, with the other end of this socket.
-    pub fn connect(&mut self, link: usize, socket: OwnedFd, now: Nanos) {
+    pub fn connect(&mut self, link: usize, socket: OwnedFd, now: Instant) {
         self.lost(link, now);
         if let Some(joint) = self.joints.get_mut(link) {
             joint.connect(socket, &*self.facts, now);
         }
     }
 
-    fn lost(&mut self, link: usize, now: Nanos) {
+    fn lost(&mut self, link: usize, now: Instant) {
         let Some(joint) = self.joints.get_mut(link).filter(|joint| joint.connection.is_some()) else { return };
         let was_up = joint.up;
         joint.disconnect();
@@ -112,7 +112,7 @@ impl Broker {
         let busy = !self.port.is_idle() || !self.changes.is_empty() || self.joints.iter().any(|joint| !joint.is_idle());
         self.looks = if busy { self.looks.saturating_add(1) } else { 0 };
         let time = if busy && self.looks < PATIENT_LOOKS { LOOK } else { IDLE_LOOK };
-        let timeout = Timespec { tv_sec: 0, tv_nsec: time as i64 };
+        let timeout = Timespec { tv_sec: 0, tv_nsec: time.nanos() as i64 };
         let mut fds = vec![PollFd::new(wake, PollFlags::IN)];
         fds.extend(self.joints.iter().filter_map(|joint| joint.connection.as_ref()).map(|connection| {
             let flags = if connection.wants_write() { PollFlags::IN | PollFlags::OUT } else { PollFlags::IN };
@@ -123,7 +123,7 @@ impl Broker {
     }
 
     /// Everything that can be done now. Waits for nobody.
-    pub fn step(&mut self, now: Nanos) {
+    pub fn step(&mut self, now: Instant) {
         for link in 0..self.joints.len() {
             self.listen(link, now);
         }
@@ -182,7 +182,7 @@ impl Broker {
     }
 
     /// What a link says, up to a bound.
-    fn listen(&mut self, link: usize, now: Nanos) {
+    fn listen(&mut self, link: usize, now: Instant) {
         let mut buffer = std::mem::take(&mut self.buffer);
         for _ in 0..MESSAGES {
             let Some(joint) = self.joints.get_mut(link) else { break };
@@ -202,7 +202,7 @@ impl Broker {
         self.buffer = buffer;
     }
 
-    fn obey(&mut self, link: usize, message: ToBroker, now: Nanos) {
+    fn obey(&mut self, link: usize, message: ToBroker, now: Instant) {
         let Some(joint) = self.joints.get_mut(link) else { return };
         match message {
             ToBroker::Beat => {}
@@ -246,7 +246,7 @@ impl Broker {
     }
 
     /// The answer, if it can be given at once.
-    fn ask(&mut self, asker: Asker, ask: Ask, now: Nanos) -> Result<Option<Answer>, Refusal> {
+    fn ask(&mut self, asker: Asker, ask: Ask, now: Instant) -> Result<Option<Answer>, Refusal> {
         let joint = self.joints.get_mut(asker.link).ok_or(Refusal::NotThere)?;
         let waits = joint.waits();
         let client = joint.clients.of(asker.client, &joint.config).ok_or(Refusal::Full)?;
@@ -374,7 +374,7 @@ impl Broker {
     }
 
     /// Diagnostic entries, changes of state, drivers.
-    fn watch_station(&mut self, now: Nanos) {
+    fn watch_station(&mut self, now: Instant) {
         while let Some(entry) = self.feed.take() {
             self.events.push(entry.time, What::Diagnosis(self.facts.diagnosis(&entry)));
             let state = match entry.event.state_change() {

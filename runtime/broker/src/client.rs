@@ -4,19 +4,19 @@ use std::collections::{BTreeMap, VecDeque};
 
 use ob1_access::door::{OUTSTANDING, Refusal, Refused, STAGED_BYTES, Ticket};
 use ob1_access::{Put, Right};
-use ob1_cpu::Nanos;
 use ob1_model::BlockId;
+use ob1_time::{Instant, Span};
 
 use crate::LinkConfig;
 
 /// Clients of one link at a time.
 const CLIENTS: usize = 4096;
 /// After a wrong password its client is not let in for so long.
-const WRONG_PASSWORD: Nanos = 250_000_000;
+const WRONG_PASSWORD: Span = Span::from_millis(250);
 /// Wrong passwords that all clients of a link may have given within [`WINDOW`]. A client that comes back under another
 /// number has no more tries than that; who gives the right one is not held up by a few mistakes of others.
 const WRONG_TOGETHER: u32 = 16;
-const WINDOW: Nanos = 1_000_000_000;
+const WINDOW: Span = Span::SECOND;
 
 /// Something of a client that waits for its turn at the scan.
 #[derive(Debug)]
@@ -33,7 +33,7 @@ pub(crate) struct Client {
     /// Handed over, not answered.
     pub(crate) out: usize,
     /// It has given a wrong password.
-    locked_until: Nanos,
+    locked_until: Instant,
     /// Blocks that wait to be linked.
     staged: Vec<(BlockId, Box<[u8]>)>,
 }
@@ -45,7 +45,7 @@ pub(crate) struct Clients {
     /// The one whose turn was last.
     last: u32,
     /// Wrong passwords within the window that began then.
-    wrong: (Nanos, u32),
+    wrong: (Instant, u32),
 }
 
 impl Clients {
@@ -54,8 +54,13 @@ impl Clients {
         if self.list.len() >= CLIENTS && !self.list.contains_key(&number) {
             return None;
         }
-        let new =
-            || Client { right: config.rights, jobs: VecDeque::new(), out: 0, locked_until: 0, staged: Vec::new() };
+        let new = || Client {
+            right: config.rights,
+            jobs: VecDeque::new(),
+            out: 0,
+            locked_until: Instant::START,
+            staged: Vec::new(),
+        };
         Some(self.list.entry(number).or_insert_with(new))
     }
 
@@ -96,7 +101,7 @@ impl Clients {
     }
 
     /// The right that this password gives.
-    pub(crate) fn login(&mut self, number: u32, given: &str, config: &LinkConfig, now: Nanos) -> Result<(), Refusal> {
+    pub(crate) fn login(&mut self, number: u32, given: &str, config: &LinkConfig, now: Instant) -> Result<(), Refusal> {
         if now >= self.wrong.0.saturating_add(WINDOW) {
             self.wrong = (now, 0);
         }
@@ -210,25 +215,27 @@ mod tests {
     #[test]
     fn a_password_raises_one_client_and_a_wrong_one_makes_wait() {
         let (config, mut clients) = (config(), Clients::default());
-        assert_eq!(clients.login(1, "secre", &config, 0), Err(Refusal::Password));
-        assert_eq!(clients.login(1, "secret", &config, WRONG_PASSWORD - 1), Err(Refusal::Password), "too soon");
-        assert_eq!(clients.login(1, "secret", &config, WRONG_PASSWORD), Ok(()));
+        let (start, moment) = (Instant::START, Span::from_nanos(1));
+        let free = start + WRONG_PASSWORD;
+        assert_eq!(clients.login(1, "secre", &config, start), Err(Refusal::Password));
+        assert_eq!(clients.login(1, "secret", &config, free - moment), Err(Refusal::Password), "too soon");
+        assert_eq!(clients.login(1, "secret", &config, free), Ok(()));
         assert_eq!(clients.known(1).map(|client| client.right), Some(Right::Operate));
         assert_eq!(clients.of(2, &config).map(|client| client.right), Some(Right::Read));
         // A client that comes again and again under another number.
-        let second = 5 * WINDOW;
+        let second = start + 5 * WINDOW;
         for number in 100..100 + WRONG_TOGETHER {
             assert_eq!(clients.login(number, "guess", &config, second), Err(Refusal::Password));
         }
-        assert_eq!(clients.login(200, "secret", &config, second + WINDOW - 1), Err(Refusal::Password));
+        assert_eq!(clients.login(200, "secret", &config, second + WINDOW - moment), Err(Refusal::Password));
         assert_eq!(clients.login(200, "secret", &config, second + WINDOW), Ok(()));
         for wrong in ["", "secretsecret", "Secret", "secret "] {
             let mut clients = Clients::default();
-            assert_eq!(clients.login(1, wrong, &config, 0), Err(Refusal::Password), "{wrong}");
+            assert_eq!(clients.login(1, wrong, &config, start), Err(Refusal::Password), "{wrong}");
         }
-        assert_eq!(clients.login(2, "no", &config, WRONG_PASSWORD), Err(Refusal::Password));
-        assert_eq!(clients.login(3, "secret", &config, WRONG_PASSWORD), Ok(()), "another's mistake");
+        assert_eq!(clients.login(2, "no", &config, free), Err(Refusal::Password));
+        assert_eq!(clients.login(3, "secret", &config, free), Ok(()), "another's mistake");
         let without = LinkConfig::default();
-        assert_eq!(clients.login(4, "", &without, WRONG_PASSWORD * 9), Err(Refusal::Password));
+        assert_eq!(clients.login(4, "", &without, start + WRONG_PASSWORD * 9), Err(Refusal::Password));
     }
 }

@@ -6,12 +6,12 @@ use std::os::fd::{AsFd as _, BorrowedFd, OwnedFd};
 
 use ob1_access::door::{MESSAGE_BYTES, ToBroker, ToLink};
 use ob1_backplane::handover;
-use ob1_cpu::Nanos;
+use ob1_time::{Instant, Span};
 
 /// Packets that wait for a link to take them; one that lets more come is gone.
 const OUTBOX: usize = 4096;
 /// A link that has taken nothing for so long is gone.
-const PATIENCE: Nanos = 5_000_000_000;
+const PATIENCE: Span = Span::from_secs(5);
 
 /// A link's process at the other end.
 #[derive(Debug)]
@@ -19,7 +19,7 @@ pub(crate) struct Connection {
     socket: OwnedFd,
     outbox: VecDeque<Vec<u8>>,
     /// When it took something last, or when there was nothing to take.
-    took: Nanos,
+    took: Instant,
     gone: Option<&'static str>,
 }
 
@@ -31,7 +31,7 @@ pub(crate) enum Received {
 }
 
 impl Connection {
-    pub(crate) fn new(socket: OwnedFd, now: Nanos) -> Self {
+    pub(crate) fn new(socket: OwnedFd, now: Instant) -> Self {
         Self { socket, outbox: VecDeque::new(), took: now, gone: None }
     }
 
@@ -87,7 +87,7 @@ impl Connection {
     }
 
     /// Sends what waits.
-    pub(crate) fn flush(&mut self, now: Nanos) {
+    pub(crate) fn flush(&mut self, now: Instant) {
         while let Some(packet) = self.outbox.front() {
             match handover::send(&self.socket, packet, &[]) {
                 Ok(()) => {
@@ -103,7 +103,7 @@ impl Connection {
         }
         if self.outbox.is_empty() {
             self.took = now;
-        } else if now.saturating_sub(self.took) >= PATIENCE {
+        } else if now.since(self.took) >= PATIENCE {
             self.gone = Some("it takes nothing of what it has asked for");
         }
     }

@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 
 use ob1_access::door::{Event, What};
+use ob1_time::Instant;
 
 /// Events that are kept.
 const KEPT: usize = 1024;
@@ -15,12 +16,12 @@ pub(crate) struct Stream {
 }
 
 impl Stream {
-    pub(crate) fn push(&mut self, time: u64, what: What) {
+    pub(crate) fn push(&mut self, time: Instant, what: What) {
         if self.kept.len() == KEPT {
             self.kept.pop_front();
         }
         self.newest += 1;
-        self.kept.push_back(Event { number: self.newest, time, what });
+        self.kept.push_back(Event { number: self.newest, time: time.nanos(), what });
     }
 
     /// The number of the newest event.
@@ -51,7 +52,7 @@ mod tests {
         let mut stream = Stream::default();
         assert_eq!(stream.after(0), None);
         let total = KEPT as u64 + 100;
-        (1..=total).for_each(|number| stream.push(number * 10, What::State(State::Run)));
+        (1..=total).for_each(|number| stream.push(Instant::from_nanos(number * 10), What::State(State::Run)));
         let first = stream.after(0).expect("the gap");
         assert_eq!((first.number, first.what), (100, What::Lost(100)));
         let mut at = 0;

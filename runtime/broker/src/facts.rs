@@ -6,6 +6,7 @@ use ob1_access::door::{BlockFact, Connection, Diagnosis, Document, Refusal, Stat
 use ob1_access::{Allowed, Put, Right};
 use ob1_cpu::DiagEntry;
 use ob1_model::BlockId;
+use ob1_time::Span;
 
 /// A driver, and whether it is up.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -49,8 +50,8 @@ pub trait Facts: Send {
     fn areas(&self) -> [u32; 3];
     /// Timers and counters.
     fn timers_and_counters(&self) -> [u16; 2];
-    /// Minimum cycle time in nanoseconds.
-    fn min_cycle(&self) -> u64;
+    /// Minimum cycle time.
+    fn min_cycle(&self) -> Span;
     /// Modules.
     fn modules(&self) -> u32;
     /// The drivers.

@@ -9,7 +9,8 @@ use ob1_access::door::{
     Answer, Connection as LinkConnection, PART_BYTES, Refusal, Refused, Ticket, ToLink, VERSION, Welcome,
 };
 use ob1_backplane::{SegmentError, WindowHead, WindowReader, WindowWriter};
-use ob1_cpu::{Cpu, Frame, Group, Link, Listing, Mark, Nanos, Piece, Put, Returned, TooMuch, Window};
+use ob1_cpu::{Cpu, Frame, Group, Link, Listing, Mark, Piece, Put, Returned, TooMuch, Window};
+use ob1_time::{Instant, Span};
 
 use crate::client::{Clients, Job};
 use crate::connection::Connection;
@@ -40,7 +41,7 @@ impl Window for Glass {
         let head = WindowHead {
             generation: mark.generation,
             scan: mark.scan,
-            time: mark.time,
+            time: mark.time.nanos(),
             state: mark.state.number().into(),
         };
         self.0.put(head, fill);
@@ -56,7 +57,7 @@ struct Out {
     client: u32,
     ticket: Ticket,
     is_group: bool,
-    give_up: Nanos,
+    give_up: Instant,
 }
 
 /// See above.
@@ -119,7 +120,7 @@ impl Joint {
     }
 
     /// A process has come: it is welcomed, and what was of the one before is gone.
-    pub(crate) fn connect(&mut self, socket: OwnedFd, facts: &dyn Facts, now: Nanos) {
+    pub(crate) fn connect(&mut self, socket: OwnedFd, facts: &dyn Facts, now: Instant) {
         self.disconnect();
         let [inputs, outputs, memory] = facts.areas();
         let [timers, counters] = facts.timers_and_counters();
@@ -135,7 +136,7 @@ impl Joint {
             memory,
             timers,
             counters,
-            min_cycle: facts.min_cycle(),
+            min_cycle: facts.min_cycle().nanos(),
             generation: self.generation,
             listeners: self.config.listeners.len() as u8,
         });
@@ -222,7 +223,7 @@ impl Joint {
     }
 
     /// Hands jobs over, each client in turn, as long as there is room.
-    fn hand_over(&mut self, facts: &dyn Facts, give_up: Nanos) {
+    fn hand_over(&mut self, facts: &dyn Facts, give_up: Instant) {
         while let Some((client, job)) = self.clients.next() {
             self.number += 1;
             let number = self.number;
@@ -288,7 +289,7 @@ impl Joint {
     }
 
     /// Everything that can be done now.
-    pub(crate) fn step(&mut self, facts: &dyn Facts, now: Nanos, answer_time: Nanos) {
+    pub(crate) fn step(&mut self, facts: &dyn Facts, now: Instant, answer_time: Span) {
         self.watch_postponed();
         // First what has come back: a write's answer never overtakes its snapshot.
         self.take_back();

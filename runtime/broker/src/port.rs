@@ -3,7 +3,8 @@
 use std::collections::VecDeque;
 
 use ob1_access::door::{Answer, Refusal, Ticket};
-use ob1_cpu::{AccessClient, Answer as PortAnswer, Ask as PortAsk, Nanos, Request};
+use ob1_cpu::{AccessClient, Answer as PortAnswer, Ask as PortAsk, Request};
+use ob1_time::Instant;
 
 /// Who wants to know.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,7 +25,7 @@ struct Question {
     first: u32,
     posted: u32,
     answers: Vec<PortAnswer>,
-    give_up: Nanos,
+    give_up: Instant,
 }
 
 impl Question {
@@ -53,7 +54,7 @@ impl Port {
         self.questions.is_empty()
     }
 
-    pub(crate) fn ask(&mut self, asker: Asker, asks: impl IntoIterator<Item = PortAsk>, give_up: Nanos) {
+    pub(crate) fn ask(&mut self, asker: Asker, asks: impl IntoIterator<Item = PortAsk>, give_up: Instant) {
         let asks = asks.into_iter().collect();
         self.questions.push_back(Question { asker, asks, first: 0, posted: 0, answers: Vec::new(), give_up });
     }
@@ -84,7 +85,7 @@ impl Port {
     }
 
     /// The next question that is answered, or that the CPU did not answer in time.
-    pub(crate) fn answered(&mut self, now: Nanos) -> Option<Answered> {
+    pub(crate) fn answered(&mut self, now: Instant) -> Option<Answered> {
         let first = self.questions.front()?;
         if !first.is_whole() && now < first.give_up {
             return None;

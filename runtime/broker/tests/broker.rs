@@ -11,11 +11,12 @@ use ob1_access::door::{
 use ob1_access::{Allowed, Cell, CellError, CellWidth, Piece, Put, Right};
 use ob1_backplane::handover;
 use ob1_broker::{Broker, Change, Changed, DriverState, Facts, Feed, LinkConfig, LinkState, feed};
-use ob1_cpu::{Clock, Cpu, CpuConfig, DiagEntry, Nanos, system_blocks};
+use ob1_cpu::{Clock, Cpu, CpuConfig, DiagEntry, system_blocks};
 use ob1_model::{Area, BlockId, BlockKind};
 use ob1_stl::{Library, Options, Source, compile};
+use ob1_time::{Instant, Span};
 
-const MS: Nanos = 1_000_000;
+const MS: Span = Span::MILLISECOND;
 
 /// The count in MW 0, in MW 100 and in DB7.DBW0 is the same after each scan.
 const PROGRAM: &str = "
@@ -59,7 +60,7 @@ impl Facts for Plant {
     fn timers_and_counters(&self) -> [u16; 2] {
         [256, 256]
     }
-    fn min_cycle(&self) -> u64 {
+    fn min_cycle(&self) -> Span {
         MS
     }
     fn modules(&self) -> u32 {
@@ -69,7 +70,7 @@ impl Facts for Plant {
         vec![DriverState { name: "cp".into(), up: self.up.load(Ordering::Relaxed) }]
     }
     fn diagnosis(&self, entry: &DiagEntry) -> Diagnosis {
-        Diagnosis { number: entry.number, time: entry.time, event: entry.event.0, ..Diagnosis::default() }
+        Diagnosis { number: entry.number, time: entry.time.nanos(), event: entry.event.0, ..Diagnosis::default() }
     }
     fn blocks(&self) -> Vec<BlockFact> {
         vec![BlockFact { id: BlockId::new(BlockKind::Ob, 1), bytes: 0, language: 1, name: String::new() }]
@@ -101,10 +102,10 @@ impl Facts for Plant {
     }
 }
 
-struct Time(Nanos);
+struct Time(Instant);
 
 impl Clock for Time {
-    fn now(&mut self) -> Nanos {
+    fn now(&mut self) -> Instant {
         self.0
     }
     fn executed(&mut self, _: u64) {}
@@ -115,7 +116,7 @@ struct Station {
     cpu: Cpu,
     broker: Broker,
     feed: Feed,
-    time: Nanos,
+    time: Instant,
     driver_up: Arc<AtomicBool>,
     changes: Arc<Mutex<Vec<Change>>>,
     /// Events that came while others were waited for.
@@ -145,7 +146,7 @@ impl Station {
         let facts = Box::new(Plant { up, changes: log, changed: Vec::new() });
         let broker = Broker::new(&mut cpu, links, end, facts).expect("a broker");
         cpu.request(ob1_cpu::Command::Warm);
-        let mut station = Self { cpu, broker, feed: scan, time: 0, driver_up, changes, seen: Vec::new() };
+        let mut station = Self { cpu, broker, feed: scan, time: Instant::START, driver_up, changes, seen: Vec::new() };
         station.cycles(2);
         station
     }

@@ -5,49 +5,47 @@
 //!
 //! ```
 //! use ob1_host::supervisor::{Exit, Input, Request, Supervisor, Times};
+//! use ob1_time::Instant;
 //!
 //! let mut driver = Supervisor::new(Times::default());
-//! assert_eq!(driver.step(0, Input::Tick).request, Some(Request::Spawn));
-//! driver.step(1, Input::Spawned);
-//! driver.step(2, Input::Heartbeat);
-//! let died = driver.step(3, Input::Exited(Exit::Signal(9)));
+//! assert_eq!(driver.step(Instant::START, Input::Tick).request, Some(Request::Spawn));
+//! driver.step(Instant::from_millis(1), Input::Spawned);
+//! driver.step(Instant::from_millis(2), Input::Heartbeat);
+//! let died = driver.step(Instant::from_millis(3), Input::Exited(Exit::Signal(9)));
 //! assert_eq!(died.request, Some(Request::Spawn), "the first restart does not wait");
 //! ```
 
 use std::fmt;
 
-use ob1_cpu::Nanos;
+use ob1_time::{Instant, Span};
 
-/// A millisecond in [`Nanos`].
-const MS: Nanos = 1_000_000;
-
-/// The supervisor's times, in nanoseconds.
+/// The supervisor's times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Times {
     /// A driver that is up and gives no sign of life for this long hangs and is killed. Default 1 s.
-    pub hang: Nanos,
+    pub hang: Span,
     /// A driver that has been started must give its first sign of life within this time. Default 5 s.
-    pub start: Nanos,
+    pub start: Span,
     /// A driver that is kept from giving a sign of life ([`Input::Starved`]) is killed after this long without one: its
     /// device may never let go of it. Default 30 s.
-    pub starved: Nanos,
+    pub starved: Span,
     /// The first wait that is not zero; each further one is twice as long. Default 50 ms.
-    pub first_wait: Nanos,
+    pub first_wait: Span,
     /// The longest wait between two starts. Default 800 ms: what is up within 200 ms exchanges again within a second.
-    pub longest_wait: Nanos,
+    pub longest_wait: Span,
     /// A driver that has been up this long starts again without a wait when it dies. Default 5 s.
-    pub healthy: Nanos,
+    pub healthy: Span,
 }
 
 impl Times {
     /// Those named above.
     pub const DEFAULT: Self = Self {
-        hang: 1000 * MS,
-        start: 5000 * MS,
-        starved: 30_000 * MS,
-        first_wait: 50 * MS,
-        longest_wait: 800 * MS,
-        healthy: 5000 * MS,
+        hang: Span::from_secs(1),
+        start: Span::from_secs(5),
+        starved: Span::from_secs(30),
+        first_wait: Span::from_millis(50),
+        longest_wait: Span::from_millis(800),
+        healthy: Span::from_secs(5),
     };
 }
 
@@ -113,9 +111,9 @@ pub enum Report {
     Up(u32),
     /// The driver is gone.
     Lost(Exit),
-    /// The driver is back at work: for so long, in nanoseconds and longer than a hang is borne, the system has kept it
-    /// from it ([`Input::Starved`]).
-    HeldUp(Nanos),
+    /// The driver is back at work: for so long, and longer than a hang is borne, the system has kept it from it
+    /// ([`Input::Starved`]).
+    HeldUp(Span),
 }
 
 /// The outcome of a step.
@@ -126,20 +124,20 @@ pub struct Step {
     /// To report.
     pub report: Option<Report>,
     /// When to call with [`Input::Tick`] at the latest; `None`: only when something happens.
-    pub deadline: Option<Nanos>,
+    pub deadline: Option<Instant>,
 }
 
 /// Where a driver is, with the data that is legal there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     /// No process; the next start is due at this time.
-    Down { start_at: Nanos },
+    Down { start_at: Instant },
     /// [`Request::Spawn`] is out.
     Spawning,
     /// A process without a sign of life so far.
     Starting { silent: Silent },
     /// At work.
-    Up { since: Nanos, silent: Silent },
+    Up { since: Instant, silent: Silent },
     /// [`Request::Kill`] is out.
     Killed,
     /// No start is wanted any more; the process may still be there.
@@ -150,18 +148,18 @@ enum State {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Silent {
     /// In all.
-    since: Nanos,
+    since: Instant,
     /// And nothing kept the driver from giving one.
-    freely_since: Nanos,
+    freely_since: Instant,
 }
 
 impl Silent {
-    fn from(now: Nanos) -> Self {
+    fn from(now: Instant) -> Self {
         Self { since: now, freely_since: now }
     }
 
     /// When it has been silent for too long: freely, or in all.
-    fn until(self, freely: Nanos, in_all: Nanos) -> Nanos {
+    fn until(self, freely: Span, in_all: Span) -> Instant {
         self.freely_since.saturating_add(freely).min(self.since.saturating_add(in_all))
     }
 }
@@ -192,7 +190,7 @@ impl Supervisor {
     /// A supervisor whose first [`Input::Tick`] starts the driver.
     #[must_use]
     pub fn new(times: Times) -> Self {
-        Self { times, state: State::Down { start_at: 0 }, failures: 0, starts: 0, incidents: 0 }
+        Self { times, state: State::Down { start_at: Instant::START }, failures: 0, starts: 0, incidents: 0 }
     }
 
     /// Processes that have shown life so far.
@@ -224,7 +222,7 @@ impl Supervisor {
     }
 
     /// One input at the time `now`.
-    pub fn step(&mut self, now: Nanos, input: Input) -> Step {
+    pub fn step(&mut self, now: Instant, input: Input) -> Step {
         let (request, report) = match self.state {
             State::Down { start_at } => self.down(now, start_at),
             State::Spawning => self.spawning(now, input),
@@ -236,7 +234,7 @@ impl Supervisor {
         Step { request, report, deadline: self.deadline() }
     }
 
-    fn deadline(&self) -> Option<Nanos> {
+    fn deadline(&self) -> Option<Instant> {
         match self.state {
             State::Down { start_at } => Some(start_at),
             State::Starting { silent } => Some(silent.until(self.times.start, self.times.starved)),
@@ -245,7 +243,7 @@ impl Supervisor {
         }
     }
 
-    fn down(&mut self, now: Nanos, start_at: Nanos) -> (Option<Request>, Option<Report>) {
+    fn down(&mut self, now: Instant, start_at: Instant) -> (Option<Request>, Option<Report>) {
         if now < start_at {
             return (None, None);
         }
@@ -253,7 +251,7 @@ impl Supervisor {
         (Some(Request::Spawn), None)
     }
 
-    fn spawning(&mut self, now: Nanos, input: Input) -> (Option<Request>, Option<Report>) {
+    fn spawning(&mut self, now: Instant, input: Input) -> (Option<Request>, Option<Report>) {
         match input {
             Input::Spawned => {
                 self.state = State::Starting { silent: Silent::from(now) };
@@ -269,7 +267,7 @@ impl Supervisor {
         }
     }
 
-    fn starting(&mut self, now: Nanos, input: Input) -> (Option<Request>, Option<Report>) {
+    fn starting(&mut self, now: Instant, input: Input) -> (Option<Request>, Option<Report>) {
         match input {
             Input::Heartbeat => {
                 self.state = State::Up { since: now, silent: Silent::from(now) };
@@ -286,14 +284,14 @@ impl Supervisor {
         }
     }
 
-    fn up(&mut self, now: Nanos, input: Input, since: Nanos, silent: Silent) -> (Option<Request>, Option<Report>) {
-        if now.saturating_sub(since) >= self.times.healthy {
+    fn up(&mut self, now: Instant, input: Input, since: Instant, silent: Silent) -> (Option<Request>, Option<Report>) {
+        if now.since(since) >= self.times.healthy {
             self.failures = 0;
         }
         match input {
             Input::Heartbeat => {
                 self.state = State::Up { since, silent: Silent::from(now) };
-                let time = now.saturating_sub(silent.since);
+                let time = now.since(silent.since);
                 (None, (silent.freely_since > silent.since && time >= self.times.hang).then_some(Report::HeldUp(time)))
             }
             Input::Exited(exit) => self.lost(now, exit),
@@ -303,7 +301,7 @@ impl Supervisor {
     }
 
     /// No sign of life, while starting or up.
-    fn silent(&mut self, now: Nanos, input: Input) -> (Option<Request>, Option<Report>) {
+    fn silent(&mut self, now: Instant, input: Input) -> (Option<Request>, Option<Report>) {
         if input == Input::Starved
             && let State::Starting { silent } | State::Up { silent, .. } = &mut self.state
         {
@@ -312,7 +310,7 @@ impl Supervisor {
         if self.deadline().is_some_and(|deadline| now >= deadline) { self.kill() } else { (None, None) }
     }
 
-    fn killed(&mut self, now: Nanos, input: Input) -> (Option<Request>, Option<Report>) {
+    fn killed(&mut self, now: Instant, input: Input) -> (Option<Request>, Option<Report>) {
         match input {
             Input::Exited(_) => self.lost(now, Exit::Hung),
             Input::Tick | Input::Spawned | Input::Heartbeat | Input::Starved => (None, None),
@@ -325,7 +323,7 @@ impl Supervisor {
     }
 
     /// The process is gone: the next start is due at once, or after the wait that the failures so far demand.
-    fn lost(&mut self, now: Nanos, exit: Exit) -> (Option<Request>, Option<Report>) {
+    fn lost(&mut self, now: Instant, exit: Exit) -> (Option<Request>, Option<Report>) {
         let start_at = now.saturating_add(self.wait());
         if self.failures == 0 {
             self.incidents = self.incidents.saturating_add(1);
@@ -337,10 +335,10 @@ impl Supervisor {
     }
 
     /// 0, then the first wait, twice as long each time, up to the longest.
-    fn wait(&self) -> Nanos {
-        let Some(doublings) = self.failures.checked_sub(1) else { return 0 };
-        let factor = 1u64.checked_shl(doublings).unwrap_or(Nanos::MAX);
-        self.times.first_wait.saturating_mul(factor).min(self.times.longest_wait)
+    fn wait(&self) -> Span {
+        let Some(doublings) = self.failures.checked_sub(1) else { return Span::ZERO };
+        let factor = 1u64.checked_shl(doublings).unwrap_or(u64::MAX);
+        self.times.first_wait.times(factor).min(self.times.longest_wait)
     }
 }
 

@@ -1,12 +1,20 @@
 //! The supervisor in virtual time: tables of (time in ms, input, expected request and report).
 
+use ob1_time::{Instant, Span};
+
 use super::*;
 
+const MS: Span = Span::MILLISECOND;
+
+fn at(ms: u64) -> Instant {
+    Instant::from_millis(ms)
+}
+
 /// Runs a table; times in milliseconds.
-fn run(supervisor: &mut Supervisor, table: &[(Nanos, Input, Option<Request>, Option<Report>)]) {
-    for (row, &(at, input, request, report)) in table.iter().enumerate() {
-        let step = supervisor.step(at * MS, input);
-        assert_eq!((step.request, step.report), (request, report), "row {row}, {at} ms, {input:?}");
+fn run(supervisor: &mut Supervisor, table: &[(u64, Input, Option<Request>, Option<Report>)]) {
+    for (row, &(ms, input, request, report)) in table.iter().enumerate() {
+        let step = supervisor.step(at(ms), input);
+        assert_eq!((step.request, step.report), (request, report), "row {row}, {ms} ms, {input:?}");
     }
 }
 
@@ -45,13 +53,13 @@ fn a_killed_driver_starts_again_at_once() {
 #[test]
 fn the_wait_grows_to_its_longest_and_no_further() {
     let mut supervisor = up();
-    let mut now = 10 * MS;
+    let mut now = at(10);
     let mut waits = Vec::new();
     for _ in 0..9 {
         let step = supervisor.step(now, KILLED);
         let start_at = if step.request == SPAWN { now } else { step.deadline.expect("a start is due") };
         if step.request.is_none() {
-            assert_eq!(supervisor.step(start_at - 1, Input::Tick).request, None);
+            assert_eq!(supervisor.step(start_at - Span::from_nanos(1), Input::Tick).request, None);
             assert_eq!(supervisor.step(start_at, Input::Tick).request, SPAWN);
         }
         waits.push((start_at - now) / MS);
@@ -169,7 +177,7 @@ fn a_stopped_supervisor_starts_nothing() {
     let mut supervisor = up();
     supervisor.stop();
     run(&mut supervisor, &[(10, KILLED, None, None), (10_000, Input::Tick, None, None)]);
-    assert_eq!(supervisor.step(20_000 * MS, Input::Tick).deadline, None);
+    assert_eq!(supervisor.step(at(20_000), Input::Tick).deadline, None);
 }
 
 #[test]
@@ -178,10 +186,10 @@ fn every_deadline_lies_ahead_or_is_answered() {
     let inputs = [Input::Tick, Input::Spawned, Input::Heartbeat, Input::Starved, KILLED];
     let mut seed = 1u64;
     let mut supervisor = Supervisor::new(Times::default());
-    let mut now = 0;
+    let mut now = at(0);
     for _ in 0..10_000 {
         seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        now += (seed >> 40) % (700 * MS);
+        now += Span::from_nanos((seed >> 40) % (700 * MS).nanos());
         let step = supervisor.step(now, inputs[(seed >> 33) as usize % inputs.len()]);
         if let (None, Some(deadline)) = (step.request, step.deadline)
             && deadline <= now
@@ -208,13 +216,13 @@ fn an_incident_lasts_until_a_driver_is_healthy() {
     assert_eq!(supervisor.incidents(), 0);
     let mut now = 10;
     for _ in 0..20 {
-        supervisor.step(now * MS, KILLED);
+        supervisor.step(at(now), KILLED);
         assert_eq!(supervisor.incidents(), 1, "one crash after the other");
-        supervisor.step((now + 1000) * MS, Input::Tick);
-        supervisor.step((now + 1001) * MS, Input::Spawned);
-        supervisor.step((now + 1002) * MS, Input::Heartbeat);
+        supervisor.step(at(now + 1000), Input::Tick);
+        supervisor.step(at(now + 1001), Input::Spawned);
+        supervisor.step(at(now + 1002), Input::Heartbeat);
         now += 1003;
     }
-    supervisor.step((now + 5000) * MS, KILLED);
+    supervisor.step(at(now + 5000), KILLED);
     assert_eq!(supervisor.incidents(), 2, "it was healthy in between");
 }

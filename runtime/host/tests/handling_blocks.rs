@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use ob1_cpu::{ModuleStatus, NativeBlock, Natives};
 use ob1_host::plugin::{Plugin, PluginModule, Setting};
 use ob1_model::{BlockKind, DataType, FaultKind, Section};
+use ob1_time::Span;
 
 use support::{Cpu, Registers, find, plugin};
 
@@ -308,16 +309,16 @@ fn synchron_reset_brings_both_together() {
     cpu.module.input[..4].copy_from_slice(&[0x80, 0x01, 0x80, 0x07]);
     assert_eq!(call(&mut cpu)[2..5], [1, 1, 0]);
     assert_eq!(cpu.module.output[..4], [0x80, 0x01, 0x80, 0x07]);
-    cpu.now += 50_000_000;
+    cpu.now += Span::from_millis(50);
     cpu.module.input[..4].copy_from_slice(&[0x80, 0x01, 0x80, 0x08]);
     call(&mut cpu);
     assert_eq!(cpu.module.output[..4], [0x80, 0x01, 0x80, 0x08], "another start-up, the delay from the beginning");
     cpu.module.input = [0; 16];
-    cpu.now += 60_000_000;
+    cpu.now += Span::from_millis(60);
     assert_eq!(call(&mut cpu)[2..5], [1, 1, 0], "the delay runs");
     assert_eq!(cpu.module.output[..4], [0; 4]);
     offer(&mut cpu, 3, b"now");
-    cpu.now += 40_000_000;
+    cpu.now += Span::from_millis(40);
     assert_eq!(call(&mut cpu), [ADR, 2, 0, 0, 0, 0, 0], "the control bits are cleared");
     assert!(!cpu.timers[&2].1, "the timer is at rest");
     assert_eq!(call(&mut cpu), [ADR, 2, 0, 0, 0, 0, 0]);
@@ -338,7 +339,7 @@ fn synchron_reset_forgets_jobs_whose_bits_lie_elsewhere() {
     synchron(&mut cpu, &blocks, &mut params);
     cpu.module.input = [0; 16];
     synchron(&mut cpu, &blocks, &mut params);
-    cpu.now += 100_000_000;
+    cpu.now += Span::from_millis(100);
     synchron(&mut cpu, &blocks, &mut params);
     assert_eq!(params[2..5], [0, 0, 0]);
     send.call(&mut cpu, &blocks);

@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 use ob1_cpu::{ModuleStatus, Natives};
 use ob1_host::plugin::{Plugin, PluginModule};
 use ob1_model::BlockKind;
+use ob1_time::Span;
 
 use support::{Cpu, Registers, find, plugin};
 
@@ -364,9 +365,9 @@ fn a_cp_that_is_gone_is_waited_for_and_then_told_in_sfcerr() {
     assert_eq!(bench.cp.jobs.len(), 1, "it was not lost");
     bench.cpu.module.status.present = false;
     assert_eq!(bench.req(true), NOTHING);
-    bench.cpu.now += 9_999_000_000;
+    bench.cpu.now += Span::from_millis(9_999);
     assert_eq!(bench.req(false), NOTHING);
-    bench.cpu.now += 1_000_000;
+    bench.cpu.now += Span::MILLISECOND;
     assert_eq!((bench.req(false), sfcerr(&bench)), ((false, true, 0x1E0F), 0x80A0));
     // A module that knows no such records, and none at all: at once.
     let mut bench = Bench::new();

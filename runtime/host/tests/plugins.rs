@@ -11,6 +11,7 @@ use std::sync::Arc;
 use ob1_cpu::{Abort, NativeArg, NativeError};
 use ob1_host::plugin::{Plugin, PluginModule, Refusal, describe};
 use ob1_model::{BitAddr, BlockId, BlockKind, Event, FaultKind};
+use ob1_time::{Instant, Span};
 
 use support::{Cpu, find, plugin};
 
@@ -292,11 +293,11 @@ fn sdk_and_model_lay_out_an_instance_alike() {
     let at = |name| interface.find(name).map(|p| p.at.byte() as usize).expect("declared");
     let mut cpu = Cpu::new();
     cpu.instance = vec![0; interface.instance_bytes as usize];
-    cpu.now = 3_000_000;
+    cpu.now = Instant::from_millis(3);
     let mut call = |pv: f32, y: u32| {
         let params = [pv.to_bits(), 21f32.to_bits(), 1f32.to_bits(), 5_000, y];
         assert_eq!(cpu.call(controller, &params), Ok(()));
-        cpu.now += 1_000_000_000;
+        cpu.now += Span::SECOND;
         (cpu.params[4].expect("Y"), cpu.instance.clone())
     };
     let (on, instance) = call(20.0, 0);
@@ -319,7 +320,7 @@ fn an_ob_1_wholly_in_rust() {
     let mut scan = |inputs: u8| {
         cpu.inputs[0] = inputs;
         assert_eq!(cpu.call(ob1, &[]), Ok(()));
-        cpu.now += 1_000_000_000;
+        cpu.now += Span::SECOND;
         (cpu.outputs[0], cpu.memory[3])
     };
     assert_eq!(scan(0b010), (0, 0));

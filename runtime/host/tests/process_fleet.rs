@@ -4,16 +4,17 @@
 use std::path::PathBuf;
 
 use ob1_backplane::{CpuSide, Segment};
-use ob1_cpu::{Clock, Nanos};
+use ob1_cpu::Clock;
 use ob1_host::driver::{DriverCommand, DriverPort, Fleet};
 use ob1_host::supervisor::{Exit, Report, Times};
+use ob1_time::{Instant, Span};
 
 /// Counts its readings, a millisecond each: the fleet asks often enough for time to pass.
-struct Ticking(Nanos);
+struct Ticking(Instant);
 
 impl Clock for Ticking {
-    fn now(&mut self) -> Nanos {
-        self.0 += 1_000_000;
+    fn now(&mut self) -> Instant {
+        self.0 += Span::MILLISECOND;
         self.0
     }
 
@@ -50,7 +51,7 @@ fn next_report(port: &mut DriverPort) -> Report {
 #[test]
 fn a_process_that_ends_at_once_is_reported_with_its_status() {
     let (fleet, mut port) = fleet_of("/bin/false");
-    let running = fleet.start(Ticking(0)).expect("a thread");
+    let running = fleet.start(Ticking(Instant::START)).expect("a thread");
     assert_eq!(next_report(&mut port), Report::Lost(Exit::Code(1)));
     running.stop();
     assert_eq!((port.status.pid(), port.status.starts(), port.status.losses()), (0, 0, 1));
@@ -59,7 +60,7 @@ fn a_process_that_ends_at_once_is_reported_with_its_status() {
 #[test]
 fn a_missing_program_is_reported_with_the_systems_error() {
     let (fleet, mut port) = fleet_of("/nonexistent/ob1-cp");
-    let running = fleet.start(Ticking(0)).expect("a thread");
+    let running = fleet.start(Ticking(Instant::START)).expect("a thread");
     assert_eq!(next_report(&mut port), Report::Lost(Exit::NotStarted(2)));
     running.stop();
     assert!(port.reports.pop().is_err(), "reported once");
@@ -70,10 +71,11 @@ fn a_missing_program_is_reported_with_the_systems_error() {
 #[test]
 fn whatever_was_written_into_the_header_each_driver_finds_it_whole() {
     let segment = Segment::create_shared().expect("memory");
-    let times = Times { first_wait: 2_000_000, longest_wait: 2_000_000, ..Times::default() };
+    let wait = Span::from_millis(2);
+    let times = Times { first_wait: wait, longest_wait: wait, ..Times::default() };
     let (fleet, mut port) = fleet_over("/bin/false", segment.clone(), times);
     let version = ob1_backplane::layout::FIELDS.iter().find(|f| f.name == "header.version").expect("there").offset;
-    let running = fleet.start(Ticking(0)).expect("a thread");
+    let running = fleet.start(Ticking(Instant::START)).expect("a thread");
     next_report(&mut port);
     for _ in 0..3 {
         let before = port.status.attempts();

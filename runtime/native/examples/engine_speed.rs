@@ -6,16 +6,17 @@
 #![allow(clippy::print_stdout, reason = "its output")]
 
 use ob1_cpu::engine::{Factory, REFERENCE};
-use ob1_cpu::{Clock, Command, Cpu, CpuConfig, Nanos, OperatingState, system_blocks};
+use ob1_cpu::{Clock, Command, Cpu, CpuConfig, OperatingState, system_blocks};
 use ob1_native::{AtLoad, Compiler, Target, Tier};
 use ob1_stl::{Library, Options, Source, compile};
+use ob1_time::{Instant, Span};
 use rustix::time::{ClockId, clock_gettime};
 
 /// Time that stands still, so that every engine sees the same.
-struct Still(Nanos);
+struct Still(Instant);
 
 impl Clock for Still {
-    fn now(&mut self) -> Nanos {
+    fn now(&mut self) -> Instant {
         self.0
     }
     fn executed(&mut self, _statements: u64) {}
@@ -42,7 +43,7 @@ fn cpu(path: &str, program: &ob1_ir::Program, factory: &dyn Factory) -> Result<C
 }
 
 fn cycle(cpu: &mut Cpu, clock: &mut Still) -> Result<(), String> {
-    clock.0 += 7_000_000;
+    clock.0 += 7 * Span::MILLISECOND;
     if cpu.cycle(clock).state == OperatingState::Run {
         return Ok(());
     }
@@ -71,7 +72,7 @@ fn round(cpu: &mut Cpu, clock: &mut Still) -> Result<f64, String> {
 fn measure(path: &str) -> Result<(f64, f64), String> {
     let program = program(path)?;
     let (mut one, mut other) = (cpu(path, &program, REFERENCE)?, cpu(path, &program, &AtLoad(Tier::Optimised))?);
-    let (mut clock, mut other_clock) = (Still(0), Still(0));
+    let (mut clock, mut other_clock) = (Still(Instant::START), Still(Instant::START));
     for scan in 0..50 {
         cycle(&mut one, &mut clock)?;
         cycle(&mut other, &mut other_clock)?;

@@ -1,17 +1,17 @@
 //! The real clock: CLOCK_MONOTONIC, counted from the start of the runtime.
 
-use ob1_cpu::{Clock, Nanos};
+use ob1_cpu::Clock;
+use ob1_time::{Instant, Span};
 use rustix::io::Errno;
 use rustix::thread::{ClockId as SleepClock, clock_nanosleep_absolute};
 use rustix::time::{ClockId, Timespec, clock_gettime};
 
-const NANOS_PER_SECOND: u64 = 1_000_000_000;
-
-/// CLOCK_MONOTONIC in nanoseconds since an origin. Copies share the origin, so that all threads speak of the same
+/// CLOCK_MONOTONIC since an origin. Copies share the origin, so that all threads speak of the same
 /// times.
 #[derive(Clone, Copy, Debug)]
 pub struct MonotonicClock {
-    origin: Nanos,
+    /// What CLOCK_MONOTONIC shows when this clock shows 0.
+    origin: Instant,
 }
 
 impl MonotonicClock {
@@ -21,20 +21,21 @@ impl MonotonicClock {
         Self { origin: monotonic() }
     }
 
-    /// The time since [`MonotonicClock::start`], in nanoseconds.
+    /// The time now: [`Instant::START`] was at [`MonotonicClock::start`].
     #[must_use]
-    pub fn time(&self) -> Nanos {
-        monotonic().saturating_sub(self.origin)
+    pub fn time(&self) -> Instant {
+        Instant::START + monotonic().since(self.origin)
     }
 
-    /// Sleeps until this clock shows `deadline`; returns at once when that is past. See [`sleep_until`].
-    pub fn sleep_until(&self, deadline: Nanos) {
-        sleep_until(self.origin.saturating_add(deadline));
+    /// Sleeps until this clock shows `deadline`; returns at once when that is past. The deadline is absolute, so a late
+    /// wake-up does not move the next one, and a signal in between only makes it sleep on.
+    pub fn sleep_until(&self, deadline: Instant) {
+        sleep_until(self.origin.saturating_add(deadline.since_start()));
     }
 
-    /// The same, but sleeps `spin` nanoseconds less and looks at the clock without pause until the deadline: the core
+    /// The same, but sleeps `spin` less and looks at the clock without pause until the deadline: the core
     /// is awake then, and the time the kernel needs to wake a thread has passed.
-    pub fn spin_until(&self, deadline: Nanos, spin: Nanos) {
+    pub fn spin_until(&self, deadline: Instant, spin: Span) {
         self.sleep_until(deadline.saturating_sub(spin));
         while self.time() < deadline {
             std::hint::spin_loop();
@@ -43,7 +44,7 @@ impl MonotonicClock {
 }
 
 impl Clock for MonotonicClock {
-    fn now(&mut self) -> Nanos {
+    fn now(&mut self) -> Instant {
         self.time()
     }
 
@@ -51,16 +52,15 @@ impl Clock for MonotonicClock {
 }
 
 /// CLOCK_MONOTONIC, through the vDSO: no system call.
-fn monotonic() -> Nanos {
+fn monotonic() -> Instant {
     let now = clock_gettime(ClockId::Monotonic);
-    (now.tv_sec as u64).saturating_mul(NANOS_PER_SECOND).saturating_add(now.tv_nsec as u64)
+    Instant::from_secs(now.tv_sec as u64).saturating_add(Span::from_nanos(now.tv_nsec as u64))
 }
 
-/// Sleeps until CLOCK_MONOTONIC shows `absolute` nanoseconds. The deadline is absolute, so a late wake-up does not move
-/// the next one, and a signal in between only makes it sleep on.
-pub fn sleep_until(absolute: Nanos) {
-    let deadline =
-        Timespec { tv_sec: (absolute / NANOS_PER_SECOND) as i64, tv_nsec: (absolute % NANOS_PER_SECOND) as i64 };
+/// Sleeps until CLOCK_MONOTONIC shows `absolute`.
+fn sleep_until(absolute: Instant) {
+    let since = absolute.since_start();
+    let deadline = Timespec { tv_sec: since.secs() as i64, tv_nsec: since.subsec_nanos() as i64 };
     while clock_nanosleep_absolute(SleepClock::Monotonic, &deadline) == Err(Errno::INTR) {}
 }
 
@@ -71,14 +71,14 @@ mod tests {
     #[test]
     fn the_clock_never_goes_back_and_a_sleep_is_never_short() {
         let clock = MonotonicClock::start();
-        let deadline = clock.time() + 2_000_000;
+        let deadline = clock.time() + 2 * Span::MILLISECOND;
         clock.sleep_until(deadline);
         let woke = clock.time();
-        assert!(woke >= deadline, "woke {} ns early", deadline - woke);
-        let deadline = clock.time() + 1_000_000;
-        clock.spin_until(deadline, 200_000);
+        assert!(woke >= deadline, "woke {} early", deadline - woke);
+        let deadline = clock.time() + Span::MILLISECOND;
+        clock.spin_until(deadline, Span::from_micros(200));
         assert!(clock.time() >= deadline);
-        clock.sleep_until(0);
+        clock.sleep_until(Instant::START);
         assert!(clock.time() >= woke);
     }
 

@@ -4,7 +4,7 @@ use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use ob1_cpu::Nanos;
+use ob1_time::Instant;
 use signal_hook::consts::SIGCONT;
 use signal_hook::low_level;
 
@@ -23,14 +23,14 @@ impl Continued {
         let noted = Self::default();
         let at = Arc::clone(&noted.0);
         // SAFETY: the action reads the clock and stores a number; both may be done in a signal handler.
-        unsafe { low_level::register(SIGCONT, move || at.store(clock.time(), Ordering::Relaxed)) }?;
+        unsafe { low_level::register(SIGCONT, move || at.store(clock.time().nanos(), Ordering::Relaxed)) }?;
         Ok(noted)
     }
 
     /// The time of the last SIGCONT, once. A thread of this process may run a little before it is noted.
     #[must_use]
-    pub fn take(&self) -> Option<Nanos> {
-        Some(self.0.swap(0, Ordering::Relaxed)).filter(|time| *time > 0)
+    pub fn take(&self) -> Option<Instant> {
+        Some(Instant::from_nanos(self.0.swap(0, Ordering::Relaxed))).filter(|time| *time > Instant::START)
     }
 }
 
@@ -41,7 +41,7 @@ mod tests {
     #[test]
     fn a_signal_is_noted_once_with_its_time() {
         let clock = MonotonicClock::start();
-        clock.sleep_until(1);
+        clock.sleep_until(Instant::from_nanos(1));
         let noted = Continued::watch(clock).expect("a signal that may be caught");
         assert_eq!(noted.take(), None);
         let before = clock.time();

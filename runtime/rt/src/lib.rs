@@ -23,7 +23,7 @@ mod system;
 mod usage;
 mod user;
 
-pub use clock::{MonotonicClock, sleep_until};
+pub use clock::MonotonicClock;
 pub use confine::{Confinement, Network, Refusal, close_inherited, confine};
 pub use continued::Continued;
 pub use crash::{LastWords, Place, take_handler_stack};

@@ -2,10 +2,10 @@
 
 use std::fs::{self, File};
 
-use ob1_cpu::Nanos;
+use ob1_time::Span;
 
 /// Time of a tick in `/proc/PID/stat` (USER_HZ is 100 on every Linux).
-const TICK: Nanos = 10_000_000;
+const TICK: Span = Span::from_millis(10);
 
 /// Memory of the process, in KiB, from `/proc/self/status`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -47,7 +47,7 @@ pub struct ProcessState {
     /// `R` runs or waits for a core, `S` sleeps, `D` is held by the kernel, `T` is stopped; and others, as in proc(5).
     pub state: char,
     /// Time it has had on a core, in steps of 10 ms.
-    pub ran: Nanos,
+    pub ran: Span,
 }
 
 /// Looks at a process; `None` where it or `/proc` is not there.
@@ -63,7 +63,7 @@ fn parse_stat(stat: &str) -> Option<ProcessState> {
     let state = fields.next()?.chars().next()?;
     let user: u64 = fields.nth(10)?.parse().ok()?;
     let system: u64 = fields.next()?.parse().ok()?;
-    Some(ProcessState { state, ran: user.saturating_add(system).saturating_mul(TICK) })
+    Some(ProcessState { state, ran: TICK.times(user.saturating_add(system)) })
 }
 
 /// The kernel's number of the calling thread.
@@ -76,9 +76,9 @@ pub fn thread_id() -> u32 {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ThreadTimes {
     /// On a core. Of a thread that runs up to a tick of the kernel old.
-    pub ran: Nanos,
+    pub ran: Span,
     /// Ready to run, and waiting for a core. Entered when it gets one.
-    pub waited: Nanos,
+    pub waited: Span,
 }
 
 impl ThreadTimes {
@@ -88,7 +88,7 @@ impl ThreadTimes {
         let text = std::str::from_utf8(schedstat).ok()?;
         let mut figures = text.split_ascii_whitespace().map(str::parse);
         let (ran, waited) = (figures.next()?.ok()?, figures.next()?.ok()?);
-        Some(Self { ran, waited })
+        Some(Self { ran: Span::from_nanos(ran), waited: Span::from_nanos(waited) })
     }
 }
 
@@ -138,7 +138,7 @@ mod tests {
 
     #[test]
     fn times_of_a_thread() {
-        let (ran, waited) = (166_022, 6820);
+        let (ran, waited) = (Span::from_nanos(166_022), Span::from_nanos(6820));
         assert_eq!(ThreadTimes::parse(b"166022 6820 2\n"), Some(ThreadTimes { ran, waited }));
         assert_eq!(
             (ThreadTimes::parse(b""), ThreadTimes::parse(b"5"), ThreadTimes::parse(b"\xff 1 2")),
@@ -148,11 +148,14 @@ mod tests {
         // A look is the calling thread's own, and it goes on.
         let look = ThreadLook::open();
         let before = look.times().expect("a kernel with schedstat");
-        while look.times().expect("the same file").ran < before.ran + 1_000_000 {
+        while look.times().expect("the same file").ran < before.ran + Span::MILLISECOND {
             std::hint::spin_loop();
         }
         let other = std::thread::spawn(ThreadLook::open).join().expect("a thread");
-        assert!(other.times().is_none_or(|other| other.ran < before.ran + 1_000_000), "of the thread that opened it");
+        assert!(
+            other.times().is_none_or(|other| other.ran < before.ran + Span::MILLISECOND),
+            "of the thread that opened it"
+        );
     }
 
     #[test]

@@ -11,8 +11,11 @@ use std::process::{Command, ExitStatus, exit};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use ob1_rt::{MonotonicClock, ThreadLook, block_signals, fence_scan, prefault_stack, spawn, warm_heap};
+use ob1_time::{Instant, Span};
 
 const TRY: &str = "OB1_FENCE_TRY";
+/// As far away as the kernel takes it.
+const FOREVER: Instant = Instant::from_nanos(u64::MAX / 2);
 static DONE: AtomicBool = AtomicBool::new(false);
 
 /// Runs the test `name` of this binary as a child with the fence up.
@@ -32,7 +35,7 @@ fn fenced(forbidden: bool) -> ! {
         let look = ThreadLook::open();
         fence_scan().expect("the kernel has seccomp");
         for _ in 0..3 {
-            clock.sleep_until(clock.time() + 1_000_000);
+            clock.sleep_until(clock.time() + Span::MILLISECOND);
             bell.write_all(&[1]).expect("the doorbell is allowed");
             look.times().expect("the look is allowed");
         }
@@ -41,7 +44,7 @@ fn fenced(forbidden: bool) -> ! {
         }
         DONE.store(true, Ordering::Release);
         loop {
-            clock.sleep_until(u64::MAX / 2);
+            clock.sleep_until(FOREVER);
         }
     });
     let _scan = scan.expect("a thread");

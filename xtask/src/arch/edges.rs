@@ -153,12 +153,12 @@ const TABLE: &[Row] = &[
     row(
         "ob1-broker",
         "invariant 2",
-        &["ob1-access", "ob1-backplane", "ob1-cpu", "ob1-model", "ob1-rt", "rtrb", "rustix", "tracing"],
+        &["ob1-access", "ob1-backplane", "ob1-cpu", "ob1-model", "ob1-rt", "ob1-time", "rtrb", "rustix", "tracing"],
     ),
     row(
         "ob1-rt",
         "invariant 4",
-        &["ob1-arena", "ob1-cpu", "landlock", "libc", "rustix", "seccompiler", "signal-hook", "thiserror"],
+        &["ob1-arena", "ob1-cpu", "ob1-time", "landlock", "libc", "rustix", "seccompiler", "signal-hook", "thiserror"],
     ),
     row(
         "ob1-host",
@@ -174,6 +174,7 @@ const TABLE: &[Row] = &[
             "ob1-coupler",
             // What the system says of a driver's process.
             "ob1-rt",
+            "ob1-time",
             "libc",
             "libloading",
             "rtrb",

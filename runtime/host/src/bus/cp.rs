@@ -8,8 +8,9 @@
 use std::sync::{Arc, Mutex};
 
 use ob1_coupler::dp::{DIAGNOSIS_BYTES, Diagnosis};
-use ob1_cpu::{Module, ModuleCounters, ModuleError, ModuleEvent, ModuleStatus, Nanos};
+use ob1_cpu::{Module, ModuleCounters, ModuleError, ModuleEvent, ModuleStatus};
 use ob1_model::Event;
+use ob1_time::Instant;
 use ob1_words::cp342::{
     ALL_STATIONS, AREA_BYTES, FIELD_BYTES, HEAD_BYTES, JOB, JOB_CONTROL, JOB_DIAG, LIST_BYTES, RECEIVE, SEND,
     STATUS_BYTES, ctype, dp_status, dtype, mode, status,
@@ -306,7 +307,7 @@ impl Module for DpCp {
         REGISTERS
     }
 
-    fn begin_scan(&mut self, now: Nanos) {
+    fn begin_scan(&mut self, now: Instant) {
         let shared = Arc::clone(&self.shared);
         let Ok(mut shared) = shared.try_lock() else { return };
         let fresh = shared.begin(now);
@@ -323,7 +324,7 @@ impl Module for DpCp {
         if usize::from(at) + from.len() <= usize::from(REGISTERS) { Ok(()) } else { Err(ModuleError::Outside) }
     }
 
-    fn end_scan(&mut self, now: Nanos) {
+    fn end_scan(&mut self, now: Instant) {
         if let Ok(mut shared) = self.shared.try_lock() {
             shared.end(now);
         }

@@ -13,7 +13,8 @@ use std::sync::{Arc, Mutex};
 
 use ob1_backplane::{BusCpuSide, BusMemory, BusSize, CpuSide, CpuState, DriverState};
 use ob1_coupler::Status;
-use ob1_cpu::{DP_DIAGNOSIS, Module, ModuleCounters, ModuleError, ModuleEvent, ModuleStatus, Nanos};
+use ob1_cpu::{DP_DIAGNOSIS, Module, ModuleCounters, ModuleError, ModuleEvent, ModuleStatus};
+use ob1_time::Instant;
 
 use crate::module::DriverLink;
 use cp::DpCp;
@@ -134,7 +135,7 @@ impl Shared {
     }
 
     /// The cycle control point; whether there is a new image.
-    fn begin(&mut self, now: Nanos) -> bool {
+    fn begin(&mut self, now: Instant) -> bool {
         let life = self.link.life();
         if life.attempts > self.whole_for {
             // Another process: the last one may have written where it had no business.
@@ -173,9 +174,9 @@ impl Shared {
         self.bell = true;
     }
 
-    fn end(&mut self, now: Nanos) {
+    fn end(&mut self, now: Instant) {
         self.publish();
-        self.side.set_time(now);
+        self.side.set_time(now.nanos());
         self.side.beat();
         if self.side.take_doorbell() || std::mem::take(&mut self.bell) {
             self.link.ring();
@@ -220,7 +221,7 @@ impl Module for BusModule {
         self.config.outputs.1
     }
 
-    fn begin_scan(&mut self, now: Nanos) {
+    fn begin_scan(&mut self, now: Instant) {
         if self.leads
             && let Ok(mut shared) = self.shared.try_lock()
         {
@@ -268,7 +269,7 @@ impl Module for BusModule {
         if shared.stations.is_missed(self.config.station) { Err(ModuleError::Absent) } else { Ok(()) }
     }
 
-    fn end_scan(&mut self, now: Nanos) {
+    fn end_scan(&mut self, now: Instant) {
         if self.leads
             && let Ok(mut shared) = self.shared.try_lock()
         {

@@ -3,15 +3,16 @@
 
 use ob1_coupler::dp::{DIAGNOSIS_BYTES, Diagnosis, DpSlave, kept_diagnosis};
 use ob1_coupler::{Refusal, State, Status};
-use ob1_cpu::{ModuleEvent, Nanos};
+use ob1_cpu::ModuleEvent;
 use ob1_model::Event;
+use ob1_time::{Instant, Span};
 
 use crate::module::messages as entry;
 use crate::supervisor::Report;
 
 /// Of the time between two looks at most so much counts as silence of the process: a scan that comes late itself has
 /// not seen what the process could do meanwhile.
-const LOOK: Nanos = 100_000_000;
+const LOOK: Span = Span::from_millis(100);
 
 /// A coupler, as the CPU knows it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -21,7 +22,7 @@ pub struct Station {
     /// Its number on the bus.
     pub number: u8,
     /// A process that publishes nothing for so long has lost it.
-    pub lost_after: Nanos,
+    pub lost_after: Span,
     /// What it refuses, or reports of itself, raises OB 82.
     pub interrupts: bool,
     /// What it is on PROFIBUS; none: a Modbus coupler.
@@ -97,8 +98,8 @@ pub(super) struct Stations {
     down: bool,
     bus_failed: bool,
     report: Option<Report>,
-    looked: Nanos,
-    silent: Nanos,
+    looked: Instant,
+    silent: Span,
 }
 
 impl Stations {
@@ -116,7 +117,7 @@ impl Stations {
             refuses: false,
         };
         let list = stations.into_iter().map(known).collect();
-        Self { rules, list, down: false, bus_failed: false, report: None, looked: 0, silent: 0 }
+        Self { rules, list, down: false, bus_failed: false, report: None, looked: Instant::START, silent: Span::ZERO }
     }
 
     /// What the supervisor says.
@@ -141,7 +142,7 @@ impl Stations {
     /// published an image since the last look; `status` gives what that says of each station, `None` what cannot be.
     pub(super) fn look(
         &mut self,
-        now: Nanos,
+        now: Instant,
         (running, ready): (bool, bool),
         fresh: bool,
         status: impl Fn(usize) -> Option<Status>,
@@ -150,8 +151,8 @@ impl Stations {
             self.fail();
         }
         let alive = running && ready;
-        let passed = now.saturating_sub(std::mem::replace(&mut self.looked, now)).min(LOOK);
-        self.silent = if fresh { 0 } else { self.silent.saturating_add(passed) };
+        let passed = now.since(std::mem::replace(&mut self.looked, now)).min(LOOK);
+        self.silent = if fresh { Span::ZERO } else { self.silent.saturating_add(passed) };
         let silent = self.silent;
         if alive && fresh {
             self.down = false;
@@ -282,7 +283,7 @@ impl Known {
         Some(of_faults(diagnosis, self.station.interrupts))
     }
 
-    fn look(&mut self, alive: bool, silent: Nanos, status: Status) {
+    fn look(&mut self, alive: bool, silent: Span, status: Status) {
         self.present = alive && status.state == State::Running && silent < self.station.lost_after;
         self.status = status;
         let gone = match self.told {

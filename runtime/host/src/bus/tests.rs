@@ -6,12 +6,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use ob1_backplane::{BusProcessSide, CpSide, Segment};
 use ob1_coupler::{Refusal, State, Table};
 use ob1_model::Event;
+use ob1_time::{Instant, Span};
 
 use super::*;
 use crate::module::Life;
 use crate::supervisor::{Exit, Report};
 
-const MS: Nanos = 1_000_000;
+const MS: Span = Span::MILLISECOND;
 
 /// A process as tests have it.
 #[derive(Default)]
@@ -40,7 +41,7 @@ struct Bench {
     cp: CpSide,
     side: BusProcessSide,
     modules: Vec<Box<dyn Module>>,
-    now: Nanos,
+    now: Instant,
 }
 
 /// Two stations of two bytes each way; the second holds its inputs.
@@ -75,7 +76,7 @@ fn bench() -> Bench {
     process.running.store(true, Ordering::Relaxed);
     let mut cp = CpSide::attach(&segment).expect("attached");
     cp.set_state(DriverState::Ready);
-    let mut bench = Bench { process, cp, side: BusProcessSide::new(&memory, size), modules, now: 0 };
+    let mut bench = Bench { process, cp, side: BusProcessSide::new(&memory, size), modules, now: Instant::START };
     bench.modules.iter_mut().for_each(|module| module.cpu_state(true));
     bench
 }
@@ -255,7 +256,7 @@ fn slave_bench(interrupts: bool) -> Bench {
     process.running.store(true, Ordering::Relaxed);
     let mut cp = CpSide::attach(&segment).expect("attached");
     cp.set_state(DriverState::Ready);
-    let mut bench = Bench { process, cp, side: BusProcessSide::new(&memory, size), modules, now: 0 };
+    let mut bench = Bench { process, cp, side: BusProcessSide::new(&memory, size), modules, now: Instant::START };
     bench.modules.iter_mut().for_each(|module| module.cpu_state(true));
     bench
 }
@@ -347,7 +348,9 @@ fn a_diagnosis_is_read_when_there_is_something_new_in_it_and_not_otherwise() {
     let mut reads = |state, diagnosis| {
         let (mut reads, mut events) = (0, 0);
         for now in 0..20 {
-            stations.look(now * MS, (true, true), true, |_| Some(Status { state, diagnosis, ..Status::default() }));
+            stations.look(Instant::START + now * MS, (true, true), true, |_| {
+                Some(Status { state, diagnosis, ..Status::default() })
+            });
             while let Some(_event) = stations.event(0, |_, _| reads += 1) {
                 events += 1;
             }

@@ -7,7 +7,8 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread::{Builder, JoinHandle};
 
 use ob1_backplane::{Monitor, Segment};
-use ob1_cpu::{Clock, Nanos};
+use ob1_cpu::Clock;
+use ob1_time::{Instant, Span};
 use rtrb::{Consumer, Producer, RingBuffer};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::fs::Timespec;
@@ -16,21 +17,19 @@ use super::Doorbell;
 use super::process::{DriverCommand, Process};
 use crate::supervisor::{Exit, Input, Phase, Report, Request, Supervisor, Times};
 
-const MS: Nanos = 1_000_000;
-
 /// How often the heartbeats are looked at while all drivers are up.
-const LOOK: Nanos = 100 * MS;
+const LOOK: Span = Span::from_millis(100);
 /// The same while one is starting: so long its first sign of life may go unseen.
-const LOOK_STARTING: Nanos = 5 * MS;
+const LOOK_STARTING: Span = Span::from_millis(5);
 /// A look that comes so long after the last one comes late: the whole process, or the machine, has stood still.
-const LOOK_LATE: Nanos = 3 * LOOK;
+const LOOK_LATE: Span = LOOK.times(3);
 /// Reports the scan has not fetched yet; more are dropped.
 const REPORTS: usize = 32;
 /// Stack of the supervisor thread, in bytes.
 const STACK: usize = 256 * 1024;
 
 /// How long drivers get between end of file on stdin and SIGKILL.
-pub const STOP_WAIT: Nanos = 2_000 * MS;
+pub const STOP_WAIT: Span = Span::from_secs(2);
 
 /// What the module on the scan thread gets of its driver.
 #[derive(Debug)]
@@ -111,7 +110,7 @@ struct Driver {
     process: Option<Process>,
     last_beat: u64,
     /// When it was looked at last.
-    looked: Nanos,
+    looked: Instant,
     reports: Producer<Report>,
     status: Arc<DriverStatus>,
     hand_over: Option<HandOver>,
@@ -148,7 +147,7 @@ impl Fleet {
             supervisor: Supervisor::new(times),
             process: None,
             last_beat: 0,
-            looked: 0,
+            looked: Instant::START,
             reports: producer,
             status,
             hand_over: None,
@@ -234,7 +233,7 @@ impl<C: Clock> Watch<C> {
             for driver in &mut self.drivers {
                 wake_at = wake_at.min(driver.attend(now));
             }
-            let timeout = wake_at.saturating_sub(self.clock.now());
+            let timeout = wake_at.since(self.clock.now());
             if self.sleep(timeout) {
                 break;
             }
@@ -243,8 +242,8 @@ impl<C: Clock> Watch<C> {
     }
 
     /// Sleeps until a driver ends or the time is over; true when the station stops.
-    fn sleep(&self, timeout: Nanos) -> bool {
-        let timeout = Timespec { tv_sec: (timeout / 1_000_000_000) as i64, tv_nsec: (timeout % 1_000_000_000) as i64 };
+    fn sleep(&self, timeout: Span) -> bool {
+        let timeout = timespec(timeout);
         let mut fds = vec![PollFd::new(&self.stopped, PollFlags::IN)];
         fds.extend(self.drivers.iter().filter_map(|d| Some(PollFd::new(d.process.as_ref()?.pidfd(), PollFlags::IN))));
         // An interrupted poll is a short sleep.
@@ -260,11 +259,11 @@ impl<C: Clock> Watch<C> {
         }
         let give_up = self.clock.now() + STOP_WAIT;
         while self.drivers.iter_mut().any(|d| !d.has_ended()) {
-            let left = give_up.saturating_sub(self.clock.now());
-            if left == 0 {
+            let left = give_up.since(self.clock.now());
+            if left.is_zero() {
                 break;
             }
-            let timeout = Timespec { tv_sec: (left / 1_000_000_000) as i64, tv_nsec: (left % 1_000_000_000) as i64 };
+            let timeout = timespec(left);
             let mut fds: Vec<_> = self
                 .drivers
                 .iter()
@@ -278,9 +277,13 @@ impl<C: Clock> Watch<C> {
     }
 }
 
+fn timespec(span: Span) -> Timespec {
+    Timespec { tv_sec: span.secs() as i64, tv_nsec: span.subsec_nanos() as i64 }
+}
+
 impl Driver {
     /// Feeds the machine with what has happened and does what it asks; returns when it wants to be looked at again.
-    fn attend(&mut self, now: Nanos) -> Nanos {
+    fn attend(&mut self, now: Instant) -> Instant {
         let mut input = self.observe(now);
         loop {
             let step = self.supervisor.step(now, input);
@@ -301,14 +304,14 @@ impl Driver {
                         Phase::Starting => LOOK_STARTING,
                         Phase::Down | Phase::Up => LOOK,
                     };
-                    return step.deadline.unwrap_or(Nanos::MAX).min(now + look);
+                    return step.deadline.unwrap_or(Instant::NEVER).min(now + look);
                 }
             };
         }
     }
 
-    fn observe(&mut self, now: Nanos) -> Input {
-        let since_last_look = now.saturating_sub(self.looked);
+    fn observe(&mut self, now: Instant) -> Input {
+        let since_last_look = now.since(self.looked);
         self.looked = now;
         if let Some(exit) = self.process.as_mut().and_then(Process::ended) {
             self.process = None;
@@ -361,7 +364,7 @@ impl Driver {
                 tracing::warn!(driver = %self.command.name, "lost: {exit}");
             }
             Report::HeldUp(time) => {
-                let ms = time / MS;
+                let ms = time.millis();
                 tracing::warn!(driver = %self.command.name, "held up by the system for {ms} ms: no core, or in the kernel");
             }
         }

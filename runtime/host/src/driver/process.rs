@@ -10,15 +10,15 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::Arc;
 
 use ob1_backplane::{Segment, handover};
-use ob1_cpu::Nanos;
 use ob1_rt::{ProcessState, process_state};
+use ob1_time::Span;
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
 
 use crate::supervisor::Exit;
 
 /// Time on a core that is enough for any number of signs of life. Who has had so much since the last one goes round in
 /// circles.
-const ENOUGH: Nanos = 200_000_000;
+const ENOUGH: Span = Span::from_millis(200);
 
 /// How a driver is started.
 #[derive(Clone, Debug)]
@@ -46,7 +46,7 @@ pub(super) struct Process {
     child: Child,
     pidfd: OwnedFd,
     /// Time it had had on a core when its silence was first seen.
-    silent_at: Option<Nanos>,
+    silent_at: Option<Span>,
 }
 
 impl Process {
@@ -134,7 +134,7 @@ impl Process {
 /// Of a process in this state that has had so much time on a core since it fell silent: it waits for a core, or the
 /// kernel holds it (a tty does, to hand over what it has received). Not: it sleeps, is stopped, or goes round in
 /// circles.
-fn is_starved(state: char, ran: Nanos) -> bool {
+fn is_starved(state: char, ran: Span) -> bool {
     state == 'D' || state == 'R' && ran < ENOUGH
 }
 
@@ -153,16 +153,16 @@ mod tests {
     #[test]
     fn who_can_do_nothing() {
         for (state, ran, starved) in [
-            ('D', 0, true),
+            ('D', Span::ZERO, true),
             ('D', 10 * ENOUGH, true),
-            ('R', 0, true),
-            ('R', ENOUGH - 1, true),
+            ('R', Span::ZERO, true),
+            ('R', ENOUGH - Span::from_nanos(1), true),
             ('R', ENOUGH, false),
-            ('S', 0, false),
-            ('T', 0, false),
-            ('Z', 0, false),
+            ('S', Span::ZERO, false),
+            ('T', Span::ZERO, false),
+            ('Z', Span::ZERO, false),
         ] {
-            assert_eq!(is_starved(state, ran), starved, "{state} after {ran} ns");
+            assert_eq!(is_starved(state, ran), starved, "{state} after {ran}");
         }
     }
 }

@@ -7,8 +7,9 @@
 use std::fmt::{self, Write};
 
 use ob1_backplane::{EventKind, Fault};
-use ob1_cpu::{ModuleEvent, Nanos};
+use ob1_cpu::ModuleEvent;
 use ob1_model::Event;
+use ob1_time::{Instant, Span};
 
 use crate::supervisor::Report;
 
@@ -30,27 +31,27 @@ const INTERRUPT_OFF: usize = 7;
 
 /// Entries about line and parameters at once, and the time after which there may be one more: a line that comes and
 /// goes all the time must not wash everything else out of the buffer.
-const STATES: (u32, Nanos) = (16, 10_000_000_000);
+const STATES: (u32, Span) = (16, Span::from_secs(10));
 /// Diagnostic interrupts at once, and the time after which there may be one more.
-const INTERRUPTS: (u32, Nanos) = (64, 100_000_000);
+const INTERRUPTS: (u32, Span) = (64, Span::from_millis(100));
 
 /// So many at once, and one more after each time.
 #[derive(Debug)]
 struct Allowance {
     left: u32,
     full: u32,
-    every: Nanos,
+    every: Span,
     /// The time up to which it has been filled.
-    filled: Nanos,
+    filled: Instant,
 }
 
 impl Allowance {
-    const fn new((full, every): (u32, Nanos)) -> Self {
-        Self { left: full, full, every, filled: 0 }
+    const fn new((full, every): (u32, Span)) -> Self {
+        Self { left: full, full, every, filled: Instant::START }
     }
 
-    fn fill(&mut self, now: Nanos) {
-        let more = now.saturating_sub(self.filled) / self.every;
+    fn fill(&mut self, now: Instant) {
+        let more = now.since(self.filled) / self.every;
         self.filled += more * self.every;
         self.left = u32::try_from(more).map_or(self.full, |more| self.left.saturating_add(more).min(self.full));
         if self.left == self.full {
@@ -141,7 +142,7 @@ impl Messages {
     }
 
     /// A scan begins.
-    pub(super) fn time(&mut self, now: Nanos) {
+    pub(super) fn time(&mut self, now: Instant) {
         self.interrupts.fill(now);
         self.states.fill(now);
     }
@@ -229,7 +230,7 @@ pub(crate) fn of_report(report: Report) -> ModuleEvent {
     match report {
         Report::Up(starts) => text(Event::DRIVER_UP, format_args!("start {starts}")),
         Report::Lost(exit) => text(Event::DRIVER_LOST, format_args!("{exit}")),
-        Report::HeldUp(time) => text(Event::DRIVER_HELD_UP, format_args!("{} ms", time / 1_000_000)),
+        Report::HeldUp(time) => text(Event::DRIVER_HELD_UP, format_args!("{} ms", time.millis())),
     }
 }
 
@@ -287,13 +288,13 @@ mod tests {
 
     #[test]
     fn an_allowance_fills_with_time_and_never_beyond() {
-        let mut allowance = Allowance::new((2, 100));
+        let mut allowance = Allowance::new((2, Span::from_nanos(100)));
         assert_eq!([allowance.take(), allowance.take(), allowance.take()], [true, true, false]);
-        allowance.fill(99);
+        allowance.fill(Instant::from_nanos(99));
         assert!(!allowance.take());
-        allowance.fill(100);
+        allowance.fill(Instant::from_nanos(100));
         assert_eq!([allowance.take(), allowance.take()], [true, false]);
-        allowance.fill(Nanos::MAX);
+        allowance.fill(Instant::NEVER);
         assert_eq!([allowance.take(), allowance.take(), allowance.take()], [true, true, false]);
     }
 

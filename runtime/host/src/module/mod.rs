@@ -11,7 +11,8 @@ mod tests;
 
 use ob1_backplane::layout::{BOX_BYTES, CHANNEL_BYTES};
 use ob1_backplane::{Channel, Counter, CpuSide, CpuState, DriverState, Fault, TooLong};
-use ob1_cpu::{Module, ModuleCounters, ModuleEntry, ModuleError, ModuleEvent, ModuleStatus, Nanos};
+use ob1_cpu::{Module, ModuleCounters, ModuleEntry, ModuleError, ModuleEvent, ModuleStatus};
+use ob1_time::Instant;
 
 pub use link::{AlwaysThere, DriverLink, Life};
 use messages::Messages;
@@ -124,7 +125,7 @@ impl Module for CpModule {
         self.io_bytes() as u16
     }
 
-    fn begin_scan(&mut self, now: Nanos) {
+    fn begin_scan(&mut self, now: Instant) {
         self.messages.time(now);
         if let Err(fault) = self.side.monitor().driver_state() {
             self.garbage(fault);
@@ -155,8 +156,8 @@ impl Module for CpModule {
         if self.settings.absent_is_fault && !self.is_present() { Err(ModuleError::Absent) } else { Ok(()) }
     }
 
-    fn end_scan(&mut self, now: Nanos) {
-        self.side.set_time(now);
+    fn end_scan(&mut self, now: Instant) {
+        self.side.set_time(now.nanos());
         self.side.beat();
         if self.side.take_doorbell() {
             self.link.ring();
@@ -272,7 +273,8 @@ impl Module for CpModule {
             return false;
         }
         for entry in self.side.monitor().buffer() {
-            each(ModuleEntry { number: entry.number, incoming: entry.incoming, time_ms: entry.time_ms });
+            let time = Instant::from_millis(entry.time_ms);
+            each(ModuleEntry { number: entry.number, incoming: entry.incoming, time });
         }
         true
     }

@@ -2,6 +2,7 @@
 
 use ob1_backplane::{CpSide, EventKind, Leds, Segment};
 use ob1_model::Event;
+use ob1_time::{Instant, Span};
 
 use super::*;
 use crate::supervisor::{Exit, Report};
@@ -146,22 +147,22 @@ fn the_doorbell_rings_once_for_a_driver_that_sleeps() {
     let mut cp = driver(&segment);
     let count = || rings.load(std::sync::atomic::Ordering::Relaxed);
     module.write(0, &[1]).expect("inside");
-    module.end_scan(0);
+    module.end_scan(Instant::START);
     assert_eq!(count(), 0, "the driver is awake");
     assert!(cp.prepare_sleep(cp.changes()));
-    module.end_scan(0);
+    module.end_scan(Instant::START);
     assert_eq!(count(), 0, "nothing has changed");
     module.write(0, &[2]).expect("inside");
     module.write(2, &[3]).expect("inside");
-    module.end_scan(0);
-    module.end_scan(0);
+    module.end_scan(Instant::START);
+    module.end_scan(Instant::START);
     assert_eq!(count(), 1);
 }
 
 #[test]
 fn reports_and_messages_become_entries() {
     let rings = std::sync::Arc::default();
-    let reports = vec![Report::HeldUp(4_230_000_000), Report::Up(2), Report::Lost(Exit::Signal(9))];
+    let reports = vec![Report::HeldUp(Span::from_millis(4_230)), Report::Up(2), Report::Lost(Exit::Signal(9))];
     let link = Recorder { rings, reports, life: std::sync::Arc::default() };
     let settings = CpSettings { diagnostics: true, ..CpSettings::default() };
     let (mut module, segment) = module_with(Box::new(link), settings);
@@ -260,9 +261,9 @@ fn entries_of(module: &mut CpModule, scans: u64, mut each: impl FnMut(u64)) -> V
     let mut entries = Vec::new();
     for scan in 0..scans {
         each(scan);
-        module.begin_scan(scan * 1_000_000);
+        module.begin_scan(Instant::from_millis(scan));
         entries.extend((0..8).map_while(|_| module.poll_event()));
-        module.end_scan(scan * 1_000_000);
+        module.end_scan(Instant::from_millis(scan));
     }
     entries
 }
@@ -351,7 +352,7 @@ fn noise_is_entered_once_and_never_a_panic() {
         });
         // The same driver all the time.
         segment.poke(0x200, 77);
-        module.begin_scan(0);
+        module.begin_scan(Instant::START);
         let _ = module.read(0, &mut [0; 16]);
         let _ = module.write(0, &[1; 16]);
         let _ = module.record_read(0, &mut [0; 240]);
@@ -360,7 +361,7 @@ fn noise_is_entered_once_and_never_a_panic() {
         while let Some(event) = module.poll_event() {
             entries += u32::from(event.event == Event::SEGMENT_GARBAGE);
         }
-        module.end_scan(0);
+        module.end_scan(Instant::START);
     }
     assert!((1..=8).contains(&entries), "{entries} entries for one driver");
     let mut garbage = 0;
@@ -398,17 +399,17 @@ fn the_diagnostic_buffer_has_the_time_of_the_cpu_and_outlives_its_driver() {
     let (mut module, segment) =
         module_with(Box::new(AlwaysThere), CpSettings { channels: true, ..CpSettings::default() });
     let mut cp = driver(&segment);
-    module.end_scan(2_500_000_000);
+    module.end_scan(Instant::from_millis(2_500));
     cp.enter(0x0703, true);
     drop(cp);
     module.side.monitor().driver_gone();
     module.side.restore();
-    module.end_scan(7_000_000_000);
+    module.end_scan(Instant::from_secs(7));
     let mut cp = driver(&segment);
     cp.enter(0x080D, false);
     let mut entries = Vec::new();
-    assert!(module.diagnostic_buffer(&mut |entry| entries.push((entry.number, entry.incoming, entry.time_ms))));
-    assert_eq!(entries, [(0x080D, false, 7000), (0x0703, true, 2500)]);
+    assert!(module.diagnostic_buffer(&mut |entry| entries.push((entry.number, entry.incoming, entry.time))));
+    assert_eq!(entries, [(0x080D, false, Instant::from_secs(7)), (0x0703, true, Instant::from_millis(2_500))]);
     let (mut other, _segment) = self::module();
     assert!(!other.diagnostic_buffer(&mut |_| {}), "a CP 240 has none");
 }

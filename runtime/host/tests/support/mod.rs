@@ -4,10 +4,11 @@ use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 
 use ob1_cpu::{
-    Abort, Instance, ModuleError, ModuleStatus, Nanos, NativeArea, NativeArg, NativeBlock, NativeContext, NativeError,
+    Abort, Instance, ModuleError, ModuleStatus, NativeArea, NativeArg, NativeBlock, NativeContext, NativeError,
     Natives, ObInfo, TimerState,
 };
 use ob1_model::{BlockId, BlockKind, Event, FaultKind, TimerKind};
+use ob1_time::{Instant, Span};
 
 /// A plugin of this workspace.
 pub(crate) fn plugin(name: &str) -> PathBuf {
@@ -39,12 +40,12 @@ pub(crate) struct Cpu {
     pub(crate) inputs: Vec<u8>,
     pub(crate) outputs: Vec<u8>,
     pub(crate) instance: Vec<u8>,
-    pub(crate) timers: BTreeMap<u16, (Nanos, bool)>,
+    pub(crate) timers: BTreeMap<u16, (Instant, bool)>,
     pub(crate) module: Registers,
     /// Records the module answers, and those the block has written, by number.
     pub(crate) records: BTreeMap<u8, Vec<u8>>,
     pub(crate) written: BTreeMap<u8, Vec<u8>>,
-    pub(crate) now: Nanos,
+    pub(crate) now: Instant,
     /// What the block has asked for.
     pub(crate) stops: Vec<(Event, String)>,
     pub(crate) entries: Vec<(u16, String)>,
@@ -67,7 +68,7 @@ impl Cpu {
             memory: vec![0; 128],
             inputs: vec![0; 128],
             outputs: vec![0; 128],
-            timers: (0..16).map(|n| (n, (0, false))).collect(),
+            timers: (0..16).map(|n| (n, (Instant::START, false))).collect(),
             ..Self::default()
         }
     }
@@ -180,13 +181,13 @@ impl NativeContext for Cpu {
         let now = self.now;
         let (due, was) = self.timers.get_mut(&number).ok_or(NativeError::NoTimer)?;
         if rlo && !*was {
-            *due = now + u64::from(ms) * 1_000_000;
+            *due = now + Span::from_millis(ms.into());
         }
         *was = rlo;
         Ok(())
     }
     fn timer_reset(&mut self, number: u16) -> Result<(), NativeError> {
-        *self.timers.get_mut(&number).ok_or(NativeError::NoTimer)? = (0, false);
+        *self.timers.get_mut(&number).ok_or(NativeError::NoTimer)? = (Instant::START, false);
         Ok(())
     }
     fn timer_get(&mut self, number: u16) -> Result<TimerState, NativeError> {
@@ -233,7 +234,7 @@ impl NativeContext for Cpu {
         self.calls.push((id, args.to_vec()));
         self.callees.pop_front().unwrap_or(Err(NativeError::NoBlock))
     }
-    fn now(&mut self) -> Nanos {
+    fn now(&mut self) -> Instant {
         self.now
     }
     fn ob_info(&mut self) -> ObInfo {

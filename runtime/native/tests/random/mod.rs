@@ -9,30 +9,33 @@ use std::sync::Arc;
 
 use ob1_cpu::engine::{Engine, Factory, Plan, REFERENCE};
 use ob1_cpu::{
-    Cell, CellWidth, Clock, Command, Cpu, CpuConfig, CyclicInterrupt, Family, Nanos, OperatingState, system_blocks,
+    Cell, CellWidth, Clock, Command, Cpu, CpuConfig, CyclicInterrupt, Family, OperatingState, system_blocks,
 };
 use ob1_ir::{AddressRegister, CodeBlock, DataBlock, DataKind, Op, Operand, Place, Program, Stmt, Width};
 use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Interface, Layout, Param, Section};
 use ob1_native::{AtLoad, Compiler, Native, Target, Tier};
+use ob1_time::{Instant, Span};
 
 use maker::Maker;
 
-const MS: Nanos = 1_000_000;
+const MS: Span = Span::MILLISECOND;
+/// What a statement takes.
+const STATEMENT: Span = Span::from_nanos(100);
 
 /// Time that statements take.
-struct Charged(Nanos);
+struct Charged(Instant);
 
 impl Clock for Charged {
-    fn now(&mut self) -> Nanos {
+    fn now(&mut self) -> Instant {
         self.0
     }
     fn executed(&mut self, statements: u64) {
-        self.0 += statements * 100;
+        self.0 += statements * STATEMENT;
     }
-    fn statements_in(&self, time: Nanos) -> Option<u64> {
-        Some(time.div_ceil(100))
+    fn statements_in(&self, time: Span) -> Option<u64> {
+        Some(time.div_ceil(STATEMENT))
     }
-    fn wait(&mut self, deadline: Nanos) {
+    fn wait(&mut self, deadline: Instant) {
         self.0 = self.0.max(deadline);
     }
 }
@@ -189,7 +192,7 @@ pub(crate) fn program(r: &mut Random) -> (Program, CpuConfig) {
 }
 
 /// What a user can see of a CPU.
-fn seen(cpu: &mut Cpu, program: &Program, now: Nanos) -> Vec<String> {
+fn seen(cpu: &mut Cpu, program: &Program, now: Instant) -> Vec<String> {
     let mut list = vec![
         format!("{:?} at {now}", cpu.state()),
         format!("{} statements", cpu.statistics().statements),
@@ -237,7 +240,7 @@ pub(crate) fn compare(seed: u64, scans: u32, others: &[&dyn Factory]) -> Result<
     let load = |factory| Cpu::new(config.clone(), &program, system_blocks(), Vec::new(), factory);
     let Ok(mut one) = load(REFERENCE) else { return Ok(false) };
     let mut two = load(others[0]).map_err(|why| format!("seed {seed}: does not load: {why:?}"))?;
-    let mut clocks = [Charged(0), Charged(0)];
+    let mut clocks = [Charged(Instant::START), Charged(Instant::START)];
     one.request(Command::Run);
     two.request(Command::Run);
     for scan in 0..scans {

@@ -61,7 +61,7 @@ fn argument(arg: &CallArg) -> Result<NativeArg, Refused> {
 
 pub(super) unsafe extern "C" fn now(call: *mut CallContext, nanos: *mut u64) -> Status {
     // SAFETY: as above.
-    unsafe { with(call, |frame| put(nanos, frame.cx.now())) }
+    unsafe { with(call, |frame| put(nanos, frame.cx.now().nanos())) }
 }
 
 pub(super) unsafe extern "C" fn ob_info(call: *mut CallContext, info: *mut ObInfo) -> Status {
