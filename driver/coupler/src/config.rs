@@ -251,18 +251,26 @@ pub struct Setup {
     pub value: u16,
 }
 
-/// A span in a text: nanoseconds.
-pub(crate) mod nanos {
+/// A span in a text: nanoseconds. For `#[serde(with)]`.
+pub mod nanos {
     use serde::{Deserialize as _, Deserializer, Serializer};
 
     use super::Span;
 
     #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
-    pub(crate) fn serialize<S: Serializer>(span: &Span, to: S) -> Result<S::Ok, S::Error> {
+    /// Writes it.
+    ///
+    /// # Errors
+    /// What the text says.
+    pub fn serialize<S: Serializer>(span: &Span, to: S) -> Result<S::Ok, S::Error> {
         to.serialize_u64(span.nanos())
     }
 
-    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Span, D::Error> {
+    /// Reads it.
+    ///
+    /// # Errors
+    /// It is no number.
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Span, D::Error> {
         u64::deserialize(from).map(Span::from_nanos)
     }
 }

@@ -296,7 +296,7 @@ pub fn assemble(
         engine: station.engine,
         compile: compile.clone(),
         stack: cpu.stack_bytes(),
-        cycles: std::time::Duration::from_nanos(2 * station.cpu.min_cycle),
+        cycles: station.cpu.min_cycle.times(2).into(),
     });
     let view = StationView {
         name: station.name.clone(),

@@ -10,11 +10,12 @@ use std::os::unix::process::CommandExt as _;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::{self, Duration};
 
 use ob1_backplane::{GuardPage, handover};
 use ob1_host::driver::kept_environment;
 use ob1_host::supervisor::{Report, Times};
+use ob1_time::{Instant, Span};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::{PidfdFlags, getpid, pidfd_open};
 use rustix::time::Timespec;
@@ -29,26 +30,26 @@ const LOOK_STARTING: Duration = Duration::from_millis(20);
 /// How long it gets to clean up at the end: it waits for drivers and for the lock of the runtime directory itself.
 const END: Duration = Duration::from_secs(15);
 /// Its times: it beats every 50 ms.
-const TIMES: Times = Times { hang: 3_000_000_000, start: 10_000_000_000, ..Times::DEFAULT };
+const TIMES: Times = Times { hang: Span::from_secs(3), start: Span::from_secs(10), ..Times::DEFAULT };
 
 /// After how long without a sign of life a station counts as dead. (docs/process-io.md)
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Patience {
     /// Of a process that the kernel says is stopped (SIGSTOP, a debugger).
-    pub stopped: Duration,
+    pub stopped: Span,
     /// Of one that runs, or waits for a core.
-    pub silent: Duration,
+    pub silent: Span,
 }
 
 impl Patience {
-    /// For a CPU with this cycle monitoring (0: none) and minimum cycle time, in nanoseconds.
+    /// For a CPU with this cycle monitoring (0: none) and minimum cycle time.
     #[must_use]
-    pub fn of(watchdog: u64, min_cycle: u64) -> Self {
-        let cycle = Duration::from_nanos(min_cycle.saturating_mul(2));
-        let stopped = Duration::from_nanos(watchdog.saturating_mul(2)).saturating_add(cycle);
+    pub fn of(watchdog: Span, min_cycle: Span) -> Self {
+        let cycle = min_cycle.times(2);
+        let stopped = watchdog.times(2).saturating_add(cycle);
         // Behind the monitor inside the runtime, which can name the block that hangs.
-        let silent = crate::run::monitor_time(watchdog) + Duration::from_secs(1) + cycle;
-        Self { stopped: stopped.max(Duration::from_secs(1)), silent }
+        let silent = crate::run::monitor_time(watchdog).saturating_add(Span::SECOND).saturating_add(cycle);
+        Self { stopped: stopped.max(Span::SECOND), silent }
     }
 }
 
@@ -110,7 +111,7 @@ impl Guardian {
     pub fn start(ward: Ward) -> io::Result<Self> {
         let (stopped, stop) = io::pipe()?;
         let guardian = Kept::started(ward, TIMES)?;
-        let watch = Watch { guardian, stopped: stopped.into(), began: Instant::now() };
+        let watch = Watch { guardian, stopped: stopped.into(), began: time::Instant::now() };
         let thread = ob1_rt::spawn("ob1-guardian", move || watch.run())?;
         Ok(Self { stop: Some(stop.into()), thread: Some(thread) })
     }
@@ -138,9 +139,9 @@ impl Charge for Ward {
         command
             .arg("janitor")
             .arg("--stopped-ms")
-            .arg(self.patience.stopped.as_millis().to_string())
+            .arg(self.patience.stopped.millis().to_string())
             .arg("--silent-ms")
-            .arg(self.patience.silent.as_millis().to_string())
+            .arg(self.patience.silent.millis().to_string())
             .arg(&self.rundir)
             .args(&self.published)
             .env_clear()
@@ -173,16 +174,16 @@ impl Charge for Ward {
 struct Watch {
     guardian: Kept<Ward>,
     stopped: OwnedFd,
-    began: Instant,
+    began: time::Instant,
 }
 
 impl Watch {
     fn run(mut self) {
         loop {
-            let now = self.began.elapsed().as_nanos() as u64;
+            let now = Instant::START + self.began.elapsed().into();
             let until = self.guardian.attend(now);
             let look = if self.guardian.is_starting() { LOOK_STARTING } else { LOOK };
-            let wait = Duration::from_nanos(until.saturating_sub(now)).min(look);
+            let wait = Duration::from(until.since(now)).min(look);
             let mut fds = vec![PollFd::new(&self.stopped, PollFlags::IN)];
             fds.extend(self.guardian.fd());
             // An interrupted wait is a short one.
@@ -202,14 +203,14 @@ mod tests {
 
     #[test]
     fn patience_follows_from_cycle_and_watchdog() {
-        let (ms, s) = (Duration::from_millis, Duration::from_secs);
+        let (ms, s) = (Span::from_millis, Span::from_secs);
         for (watchdog, min_cycle, stopped, silent) in [
             (150, 10, s(1), ms(3020)),
             (6000, 10, ms(12_020), ms(13_020)),
             (150, 2000, ms(4300), s(7)),
             (0, 10, s(1), ms(61_020)),
         ] {
-            let patience = Patience::of(watchdog * 1_000_000, min_cycle * 1_000_000);
+            let patience = Patience::of(ms(watchdog), ms(min_cycle));
             assert_eq!(patience, Patience { stopped, silent }, "{watchdog} {min_cycle}");
         }
     }

@@ -13,6 +13,7 @@ use std::time::Duration;
 
 use ob1_backplane::{GuardPage, Guardian, handover, io_layout::IO_AREA_BYTES};
 use ob1_rt::{Confinement, Network};
+use ob1_time::Span;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::time::Timespec;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -21,10 +22,10 @@ use crate::guardian::Patience;
 use crate::rundir;
 
 /// How long the drivers get to remove what they have published themselves.
-const GRACE: Duration = Duration::from_secs(3);
-const STEP: Duration = Duration::from_millis(20);
+const GRACE: Span = Span::from_secs(3);
+const STEP: Span = Span::from_millis(20);
 /// Between two looks at the runtime. Looks are counted, not time: when the whole machine stood still nobody is dead.
-const LOOK: Duration = Duration::from_millis(50);
+const LOOK: Span = Span::from_millis(50);
 
 /// Decides, look by look, whether the runtime counts as dead. Pure.
 #[derive(Debug)]
@@ -38,7 +39,7 @@ struct Vigil {
 
 impl Vigil {
     fn new(patience: Patience) -> Self {
-        let looks = |time: Duration| u32::try_from(time.as_millis().div_ceil(LOOK.as_millis())).unwrap_or(u32::MAX);
+        let looks = |time: Span| u32::try_from(time.div_ceil(LOOK)).unwrap_or(u32::MAX);
         Self {
             stopped: looks(patience.stopped),
             silent: looks(patience.silent),
@@ -154,7 +155,7 @@ fn has_gone(ward: Option<&Ward>) -> bool {
     if let Some(Ward::Outputs(pidfd, _) | Ward::NoOutputs(pidfd, _)) = ward {
         fds.push(PollFd::new(pidfd, PollFlags::IN));
     }
-    match poll(&mut fds, Timespec::try_from(LOOK).ok().as_ref()) {
+    match poll(&mut fds, Timespec::try_from(Duration::from(LOOK)).ok().as_ref()) {
         Ok(_) => {}
         Err(_) => return false,
     }
@@ -175,7 +176,7 @@ fn has_gone(ward: Option<&Ward>) -> bool {
 
 /// Removes links the drivers have left. A living driver ends by the same end of file and removes its own.
 fn remove_published(published: &[PathBuf]) {
-    let mut waited = Duration::ZERO;
+    let mut waited = Span::ZERO;
     loop {
         let left: Vec<&PathBuf> = published.iter().filter(|path| !removed(path)).collect();
         if left.is_empty() || waited >= GRACE {
@@ -184,7 +185,7 @@ fn remove_published(published: &[PathBuf]) {
             }
             return;
         }
-        std::thread::sleep(STEP);
+        std::thread::sleep(STEP.into());
         waited += STEP;
     }
 }
@@ -203,7 +204,7 @@ fn removed(path: &Path) -> bool {
 mod tests {
     use super::*;
 
-    const PATIENCE: Patience = Patience { stopped: Duration::from_secs(1), silent: Duration::from_secs(3) };
+    const PATIENCE: Patience = Patience { stopped: Span::from_secs(1), silent: Span::from_secs(3) };
 
     #[test]
     fn silence_is_death_and_sooner_so_when_the_process_is_stopped() {

@@ -8,6 +8,7 @@ use std::process::{Child, Command};
 use std::time::Duration;
 
 use ob1_host::supervisor::{Exit, Input, Phase, Report, Request, Supervisor, Times};
+use ob1_time::Instant;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
 use rustix::time::Timespec;
@@ -58,8 +59,8 @@ impl<C: Charge> Kept<C> {
     pub(crate) fn started(charge: C, times: Times) -> io::Result<Self> {
         let mut kept = Self::new(charge, times);
         kept.spawn()?;
-        kept.supervisor.step(0, Input::Tick);
-        kept.supervisor.step(0, Input::Spawned);
+        kept.supervisor.step(Instant::START, Input::Tick);
+        kept.supervisor.step(Instant::START, Input::Spawned);
         Ok(kept)
     }
 
@@ -74,7 +75,7 @@ impl<C: Charge> Kept<C> {
     }
 
     /// Feeds the supervisor and does what it asks; when it wants to be called again.
-    pub(crate) fn attend(&mut self, now: u64) -> u64 {
+    pub(crate) fn attend(&mut self, now: Instant) -> Instant {
         let mut input = self.observe();
         loop {
             let step = self.supervisor.step(now, input);
@@ -92,7 +93,7 @@ impl<C: Charge> Kept<C> {
                     }
                     Input::Tick
                 }
-                None => return step.deadline.unwrap_or(u64::MAX),
+                None => return step.deadline.unwrap_or(Instant::NEVER),
             };
         }
     }

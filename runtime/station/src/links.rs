@@ -7,13 +7,14 @@ use std::os::unix::process::CommandExt as _;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::{self, Duration};
 
 use ob1_access::door::Door;
 use ob1_backplane::handover;
 use ob1_broker::{Beats, Handle};
 use ob1_host::driver::kept_environment;
 use ob1_host::supervisor::{Exit, Report, Times};
+use ob1_time::Instant;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::time::Timespec;
 
@@ -63,7 +64,7 @@ impl Links {
         let (stopped, stop) = io::pipe()?;
         let children =
             specs.into_iter().map(|spec| Kept::new(Watched { spec, broker: broker.clone() }, Times::DEFAULT)).collect();
-        let watch = Watch { children, stopped: stopped.into(), began: Instant::now() };
+        let watch = Watch { children, stopped: stopped.into(), began: time::Instant::now() };
         let thread = ob1_rt::spawn("ob1-links", move || watch.run())?;
         Ok(Self { stop: Some(stop.into()), thread: Some(thread) })
     }
@@ -140,16 +141,16 @@ impl Charge for Watched {
 struct Watch {
     children: Vec<Kept<Watched>>,
     stopped: OwnedFd,
-    began: Instant,
+    began: time::Instant,
 }
 
 impl Watch {
     fn run(mut self) {
         loop {
-            let now = self.began.elapsed().as_nanos() as u64;
-            let until = self.children.iter_mut().map(|child| child.attend(now)).min().unwrap_or(u64::MAX);
+            let now = Instant::START + self.began.elapsed().into();
+            let until = self.children.iter_mut().map(|child| child.attend(now)).min().unwrap_or(Instant::NEVER);
             let starts = self.children.iter().any(Kept::is_starting);
-            let wait = Duration::from_nanos(until.saturating_sub(now)).min(if starts { LOOK_STARTING } else { LOOK });
+            let wait = Duration::from(until.since(now)).min(if starts { LOOK_STARTING } else { LOOK });
             let mut fds = vec![PollFd::new(&self.stopped, PollFlags::IN)];
             fds.extend(self.children.iter().filter_map(Kept::fd));
             // An interrupted wait is a short one.

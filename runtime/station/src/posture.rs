@@ -4,6 +4,7 @@
 use std::fs::File;
 
 use ob1_rt::{Grant, Outcome, Posture};
+use ob1_time::Span;
 
 use crate::access::protocol::GrantStatus;
 use crate::exit::Exit;
@@ -52,7 +53,7 @@ pub fn starves(station: &Station, isolated: &[usize], file: &str) -> Option<Find
     let cycle = station.cpu.min_cycle;
     let (what, remedy) = match (cycle, asked.spin) {
         _ if own_core => return None,
-        (0, _) => ("a free-running scan", "set min_cycle"),
+        (Span::ZERO, _) => ("a free-running scan", "set min_cycle"),
         (cycle, spin) if spin > cycle / 2 => ("a scan that spins for more than half of its cycle", "make spin shorter"),
         _ => return None,
     };

@@ -83,8 +83,7 @@ fn configuration(rundir: &Path, line: &SimulatedLine) -> Value {
         "faults": rates(&line.faults),
     });
     if let Some(bursts) = &line.bursts {
-        text["bursts"] =
-            json!({ "every_ns": bursts.every, "length_ns": bursts.length, "faults": rates(&bursts.faults) });
+        text["bursts"] = json!({ "every_ns": bursts.every.nanos(), "length_ns": bursts.length.nanos(), "faults": rates(&bursts.faults) });
     }
     match &line.partner {
         Partner::None => {}
@@ -98,6 +97,6 @@ fn rates(faults: &FaultRates) -> Value {
     let FaultRates { flip, lose, double, delay, parity, framing, break_, delay_max } = *faults;
     json!({
         "flip": flip, "lose": lose, "double": double, "delay": delay, "parity": parity, "framing": framing, "break": break_,
-        "delay_max_ns": delay_max,
+        "delay_max_ns": delay_max.nanos(),
     })
 }

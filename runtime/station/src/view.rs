@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
-use std::time::Instant;
+use std::time;
 
 use ob1_backplane::{BufferEntry, Counter, DriverState, Monitor};
 use ob1_cpu::{DiagEntry, Distribution, Family, OperatingState};
@@ -26,6 +26,7 @@ use crate::station_file::{ModuleConfig, ModuleKind};
 use crate::timing::Timings;
 use ob1_access::Names;
 use ob1_access::door::BlockFact;
+use ob1_time::Instant;
 
 /// Where the blocks of a program stand.
 #[derive(Debug, Default)]
@@ -239,7 +240,7 @@ impl StationView {
     pub fn diagnostic(&self, entry: &DiagEntry) -> Diagnostic {
         Diagnostic {
             number: entry.number,
-            time_ns: entry.time,
+            time_ns: entry.time.nanos(),
             unix_ns: self.unix_at(entry.time),
             event: event_number(entry.event.0),
             text: entry.to_string(),
@@ -256,12 +257,12 @@ impl StationView {
     }
 
     /// Nanoseconds since 1970 at a time of this runtime, by the clock as it is set now.
-    pub(crate) fn unix_at(&self, time: u64) -> u64 {
-        crate::assembly::unix_now().saturating_sub(self.clock.time().saturating_sub(time))
+    pub(crate) fn unix_at(&self, time: Instant) -> u64 {
+        crate::assembly::unix_now().saturating_sub(self.clock.time().since(time).nanos())
     }
 
     fn cp_entry(&self, entry: BufferEntry) -> CpEntry {
-        let unix_ns = self.unix_at(entry.time_ms.saturating_mul(1_000_000));
+        let unix_ns = self.unix_at(Instant::from_millis(entry.time_ms));
         CpEntry { unix_ns, ..entry.into() }
     }
 
@@ -277,7 +278,7 @@ impl StationView {
             station: self.name.clone(),
             pid: std::process::id(),
             state: state_name(state).to_owned(),
-            runtime_ns: self.clock.time(),
+            runtime_ns: self.clock.time().nanos(),
             scans: statistics.scans,
             statements: statistics.statements,
             engine: self.engine.name().to_owned(),
@@ -290,7 +291,7 @@ impl StationView {
             execution: times(&statistics.execution),
             modules: self.modules.iter().enumerate().map(module).collect(),
             posture: self.posture.get().into_iter().flatten().map(GrantStatus::from).collect(),
-            retentive: self.retentive.as_ref().map(|health| health.status(Instant::now())),
+            retentive: self.retentive.as_ref().map(|health| health.status(time::Instant::now())),
             memory: MemoryStatus {
                 resident_kib: memory.resident_kib,
                 peak_kib: memory.peak_kib,
@@ -322,12 +323,12 @@ pub(crate) fn event_number(event: u16) -> String {
 fn times(d: &Distribution) -> Times {
     Times {
         count: d.count,
-        min_ns: d.min,
+        min_ns: d.min.nanos(),
         mean_ns: d.mean,
-        p50_ns: d.p50,
-        p99_ns: d.p99,
-        p999_ns: d.p999,
-        max_ns: d.max,
+        p50_ns: d.p50.nanos(),
+        p99_ns: d.p99.nanos(),
+        p999_ns: d.p999.nanos(),
+        max_ns: d.max.nanos(),
     }
 }
 

@@ -89,6 +89,20 @@ impl Span {
         self.0 as f64 / Self::MILLISECOND.0 as f64
     }
 
+    /// Microseconds with their fraction, for tables and logs.
+    #[must_use]
+    #[inline]
+    pub const fn as_micros_f64(self) -> f64 {
+        self.0 as f64 / Self::MICROSECOND.0 as f64
+    }
+
+    /// Seconds with their fraction, for tables and logs.
+    #[must_use]
+    #[inline]
+    pub const fn as_secs_f64(self) -> f64 {
+        self.0 as f64 / Self::SECOND.0 as f64
+    }
+
     /// Nanoseconds beyond the whole seconds.
     #[must_use]
     #[inline]

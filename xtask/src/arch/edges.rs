@@ -198,6 +198,7 @@ const TABLE: &[Row] = &[
             "ob1-cpu",
             "ob1-native",
             "ob1-rt",
+            "ob1-time",
             "ob1-log",
             "ob1-access",
             "ob1-broker",

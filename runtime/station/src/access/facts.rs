@@ -9,6 +9,7 @@ use ob1_cpu::{CpuConfig, DIAG_ENTRIES, DiagEntry, Family};
 use ob1_host::driver;
 use ob1_ir::Program;
 use ob1_model::{BlockId, BlockKind};
+use ob1_time::Span;
 
 use crate::access::protocol::LinkStatus;
 use crate::download::Loader;
@@ -23,7 +24,7 @@ pub(crate) struct StationFacts {
     view: StationView,
     areas: [u32; 3],
     timers_and_counters: [u16; 2],
-    min_cycle: u64,
+    min_cycle: Span,
     drivers: Vec<(String, Arc<driver::DriverStatus>)>,
     /// Where blocks can be downloaded.
     loader: Option<Loader>,
@@ -86,7 +87,7 @@ impl Facts for StationFacts {
         self.timers_and_counters
     }
 
-    fn min_cycle(&self) -> u64 {
+    fn min_cycle(&self) -> Span {
         self.min_cycle
     }
 
@@ -106,7 +107,7 @@ impl Facts for StationFacts {
         let told = self.view.diagnostic(entry);
         Diagnosis {
             number: entry.number,
-            time: entry.time,
+            time: entry.time.nanos(),
             wall: ob1_cpu::date_and_time(crate::assembly::date_of(told.unix_ns)),
             event: entry.event.0,
             block: entry.site.map(|site| site.block),

@@ -6,11 +6,12 @@ use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::net::UnixListener;
 use std::path::Path;
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::{self, Duration};
 
 use ob1_access::door::{Answer, Ask, Command, Diagnosis, Document, Door, Refusal};
 use ob1_access::{Item, Put, value};
 use ob1_cpu::Family;
+use ob1_time::{Instant, Span};
 use serde_json::Value;
 
 use super::clients::Clients;
@@ -31,17 +32,17 @@ pub struct Server {
 
 impl Server {
     /// Opens the socket (mode 0600) and starts the thread, with a door to the broker of a CPU with this minimum cycle
-    /// time in nanoseconds.
+    /// time.
     ///
     /// # Errors
     /// What the system says.
-    pub fn start(socket: &Path, door: Door, view: StationView, min_cycle: u64) -> io::Result<Self> {
+    pub fn start(socket: &Path, door: Door, view: StationView, min_cycle: Span) -> io::Result<Self> {
         let listener = UnixListener::bind(socket)?;
         std::fs::set_permissions(socket, std::fs::Permissions::from_mode(0o600))?;
         listener.set_nonblocking(true)?;
         let (stopped, stop) = io::pipe()?;
         let socket = socket.to_owned();
-        let answer_time = ANSWER_TIME + Duration::from_nanos(min_cycle.saturating_mul(2));
+        let answer_time = ANSWER_TIME.saturating_add(min_cycle.times(2).into());
         let thread = ob1_rt::spawn("ob1-access", move || {
             Serving { control: Control::new(door, answer_time), view, under_way: Vec::new() }.run(&listener, &stopped);
             let _ = std::fs::remove_file(socket);
@@ -87,7 +88,7 @@ impl Serving {
         let mut clients = Clients::new();
         let too_long = || line(&Response::refused(Value::Null, format!("a line has at most {LINE_BYTES} bytes")));
         loop {
-            let now = Instant::now();
+            let now = time::Instant::now();
             let due = self.under_way.iter().map(|request| request.pending.due(now)).min();
             if !clients.wait(listener, stopped, self.control.is_there().then(|| self.control.fd()), due) {
                 return;
@@ -216,7 +217,7 @@ impl Serving {
         Diagnostic {
             number: entry.number,
             time_ns: entry.time,
-            unix_ns: self.view.unix_at(entry.time),
+            unix_ns: self.view.unix_at(Instant::from_nanos(entry.time)),
             event: event_number(entry.event),
             text: entry.text,
             place: entry.place,

@@ -314,15 +314,16 @@ fn secret() -> io::Result<[u8; 16]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ob1_cpu::{Clock, Command as Wish, CpuConfig, Nanos};
+    use ob1_cpu::{Clock, Command as Wish, CpuConfig};
     use ob1_ir::Program;
     use ob1_native::{Compiler, Target, Tier};
+    use ob1_time::Instant;
 
     struct Still;
 
     impl Clock for Still {
-        fn now(&mut self) -> Nanos {
-            0
+        fn now(&mut self) -> Instant {
+            Instant::START
         }
         fn executed(&mut self, _statements: u64) {}
     }

@@ -331,14 +331,15 @@ impl Work {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ob1_cpu::{Clock, Command, CpuConfig, Nanos, Natives};
+    use ob1_cpu::{Clock, Command, CpuConfig, Natives};
+    use ob1_time::Instant;
     use std::sync::atomic::AtomicBool;
 
     struct Still;
 
     impl Clock for Still {
-        fn now(&mut self) -> Nanos {
-            0
+        fn now(&mut self) -> Instant {
+            Instant::START
         }
         fn executed(&mut self, _statements: u64) {}
     }

@@ -12,7 +12,8 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
 use ob1_backplane::{GuardPage, IoField, IoImage};
-use ob1_cpu::{Module, ModuleError, ModuleEvent, ModuleStatus, Nanos};
+use ob1_cpu::{Module, ModuleError, ModuleEvent, ModuleStatus};
+use ob1_time::Instant;
 
 use crate::station_file::{ModuleConfig, ModuleKind};
 
@@ -149,7 +150,7 @@ impl Module for IoModule {
         self.outputs
     }
 
-    fn begin_scan(&mut self, now: Nanos) {
+    fn begin_scan(&mut self, now: Instant) {
         if let (true, Ok(mut shared)) = (self.leads, self.shared.try_lock()) {
             let Shared { image, field, stimulus, .. } = &mut *shared;
             stimulus.play(now, image, field);
@@ -178,7 +179,7 @@ impl Module for IoModule {
         Ok(())
     }
 
-    fn end_scan(&mut self, _now: Nanos) {
+    fn end_scan(&mut self, _now: Instant) {
         if let (true, Ok(mut shared)) = (self.leads, self.shared.try_lock()) {
             shared.scans += 1;
             let scans = shared.scans;
@@ -246,8 +247,8 @@ mod tests {
         assert_eq!(input.read(1, &mut bytes), Err(ModuleError::Outside));
         output.write(1, &[9]).expect("its own byte");
         assert_eq!(output.write(0, &[1, 2, 3]), Err(ModuleError::Outside));
-        input.end_scan(0);
-        output.end_scan(0);
+        input.end_scan(Instant::START);
+        output.end_scan(Instant::START);
         let mut outputs = [0; 12];
         field.read_outputs(0, &mut outputs);
         assert_eq!((outputs[9], field.scan()), (9, 1));

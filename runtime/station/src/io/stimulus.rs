@@ -4,8 +4,9 @@
 use std::path::Path;
 
 use ob1_backplane::{IoField, IoImage};
-use ob1_cpu::{Cell, CellWidth, Nanos};
+use ob1_cpu::{Cell, CellWidth};
 use ob1_model::Area;
+use ob1_time::{Instant, Span};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use toml::Spanned;
@@ -36,7 +37,8 @@ struct At {
 /// One change of inputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Change {
-    time: Nanos,
+    /// Since the list began.
+    time: Span,
     bit: u32,
     bits: u8,
     value: u32,
@@ -47,9 +49,10 @@ struct Change {
 pub struct Stimulus {
     changes: Vec<Change>,
     /// The list begins anew after this time.
-    repeat: Option<Nanos>,
+    repeat: Option<Span>,
     next: usize,
-    round: Nanos,
+    /// When the list began, this time.
+    round: Instant,
 }
 
 impl Stimulus {
@@ -82,14 +85,14 @@ impl Stimulus {
         })?;
         let mut found = Vec::new();
         let mut time_of = |text: &Spanned<String>| match parse_duration(text.get_ref()) {
-            Ok(time) => time.as_nanos() as Nanos,
+            Ok(time) => time,
             Err(message) => {
                 found.push(error(text.span(), message, "a number and a unit, in quotes: \"250ms\""));
-                0
+                Span::ZERO
             }
         };
         let repeat = file.repeat.as_ref().map(&mut time_of);
-        let times: Vec<Nanos> = file.at.iter().map(|at| time_of(&at.time)).collect();
+        let times: Vec<Span> = file.at.iter().map(|at| time_of(&at.time)).collect();
         let mut changes = Vec::new();
         for (at, &time) in file.at.iter().zip(&times) {
             if repeat.is_some_and(|repeat| time >= repeat) {
@@ -107,23 +110,23 @@ impl Stimulus {
                 }
             }
         }
-        if repeat == Some(0) {
+        if repeat == Some(Span::ZERO) {
             found.push(error(0..0, "repeat must be longer than 0".to_owned(), "a stimulus that repeats takes time"));
         }
         changes.sort_by_key(|change| change.time);
-        if found.is_empty() { Ok(Self { changes, repeat, next: 0, round: 0 }) } else { Err(found) }
+        if found.is_empty() { Ok(Self { changes, repeat, next: 0, round: Instant::START }) } else { Err(found) }
     }
 
     /// Does what is due.
-    pub(super) fn play(&mut self, now: Nanos, image: &IoImage, field: &IoField) {
+    pub(super) fn play(&mut self, now: Instant, image: &IoImage, field: &IoField) {
         if self.changes.is_empty() {
             return;
         }
         // After a long pause whole rounds are left out: only the last one could still be seen.
         if let Some(repeat) = self.repeat
-            && now.saturating_sub(self.round) >= repeat.saturating_mul(2)
+            && now.since(self.round) >= repeat.times(2)
         {
-            self.round += (now - self.round) / repeat * repeat;
+            self.round += repeat * ((now - self.round) / repeat);
             self.next = 0;
         }
         loop {
@@ -156,7 +159,7 @@ fn apply(change: &Change, image: &IoImage, field: &IoField) {
     }
 }
 
-fn change(time: Nanos, cell: &str, value: &toml::Value) -> Result<Change, String> {
+fn change(time: Span, cell: &str, value: &toml::Value) -> Result<Change, String> {
     let item = Names::default().parse(cell)?;
     let (Cell::Area(Area::Input, bit) | Cell::Peripheral(bit)) = item.cell else {
         return Err(format!("{cell} is not an input"));
@@ -175,10 +178,10 @@ fn change(time: Nanos, cell: &str, value: &toml::Value) -> Result<Change, String
 mod tests {
     use super::*;
 
-    const MS: Nanos = 1_000_000;
+    const MS: Span = Span::MILLISECOND;
 
-    fn inputs(stimulus: &mut Stimulus, image: &IoImage, now: Nanos) -> [u8; 8] {
-        stimulus.play(now, image, &image.field());
+    fn inputs(stimulus: &mut Stimulus, image: &IoImage, now: Span) -> [u8; 8] {
+        stimulus.play(Instant::START + now, image, &image.field());
         let mut bytes = [0; 8];
         image.read_inputs(0, &mut bytes);
         bytes

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use ob1_cpu::{Cpu, OperatingState, ShortText};
 use ob1_model::Event;
+use ob1_time::Span;
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::health::{Change, Health};
@@ -89,7 +90,7 @@ impl Keeper {
     ///
     /// # Errors
     /// No thread can be had.
-    pub fn start(store: Store, every: Duration, len: usize, health: Health) -> std::io::Result<(Self, ScanEnd)> {
+    pub fn start(store: Store, every: Span, len: usize, health: Health) -> std::io::Result<(Self, ScanEnd)> {
         let (mut to_scan, empty) = RingBuffer::new(BUFFERS);
         let (full, from_scan) = RingBuffer::new(BUFFERS);
         for _ in 0..BUFFERS {
@@ -101,11 +102,11 @@ impl Keeper {
         let (finish, finished) = mpsc::channel();
         let mut writer = Writer { store, from_scan, to_scan, written: Vec::new(), health, to_buffer };
         let thread = ob1_rt::spawn("ob1-retentive", move || {
-            let mut next = Instant::now() + every;
+            let mut next = Instant::now() + every.into();
             while finished.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
                 writer.drain();
                 if Instant::now() >= next {
-                    next = Instant::now() + every;
+                    next = Instant::now() + every.into();
                     wanted.store(true, Ordering::Relaxed);
                 }
             }

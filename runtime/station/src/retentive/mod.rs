@@ -7,9 +7,9 @@ pub mod keeper;
 pub mod store;
 
 use std::path::PathBuf;
-use std::time::Duration;
 
 use ob1_cpu::Cpu;
+use ob1_time::Span;
 
 use store::{Store, StoreError};
 
@@ -19,7 +19,7 @@ pub struct RetentiveFile {
     /// The folder.
     pub folder: PathBuf,
     /// Time between two images in RUN.
-    pub every: Duration,
+    pub every: Span,
 }
 
 /// Puts the newest generation back that fits, and tells what was refused.

@@ -15,6 +15,7 @@ use ob1_broker::{Broker, FeedEnd, Handle, LinkConfig, RunningBroker};
 use ob1_cpu::{Attention, Cpu, LogReader, OperatingState, Running};
 use ob1_host::driver::{HandOver, RunningFleet};
 use ob1_rt::MonotonicClock;
+use ob1_time::Span;
 use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType, bind, socket_with};
 
 use super::console::LiveLine;
@@ -48,8 +49,8 @@ const TAP_CALLERS: i32 = 4;
 const TICK: Duration = Duration::from_millis(20);
 /// Ticks between two live lines.
 const LIVE_TICKS: u32 = 25;
-/// How long the CPU gets to go to STOP, beyond two cycles, in nanoseconds.
-const STOP_TIME: u64 = 3_000_000_000;
+/// How long the CPU gets to go to STOP, beyond two cycles.
+const STOP_TIME: Span = Span::from_secs(3);
 
 /// A station at work. The fields are dropped in this order: whoever uses something goes before it.
 pub(super) struct AtWork {
@@ -60,7 +61,7 @@ pub(super) struct AtWork {
     journal: Journal,
     block: Arc<Running>,
     io: Option<ProcessIo>,
-    min_cycle: u64,
+    min_cycle: Span,
     thread: Option<JoinHandle<Result<(), String>>>,
     monitor: Option<Monitor>,
     /// Makes machine code beside.
@@ -178,7 +179,7 @@ impl AtWork {
     pub(super) fn watch(&mut self, signals: &Signals, options: &Options) -> Ended {
         let line = LiveLine::new(options.quiet);
         let bounded = options.time.is_some() || options.scans.is_some();
-        let end = options.time.map(|time| self.clock.time().saturating_add(time.as_nanos() as u64));
+        let end = options.time.map(|time| self.clock.time().saturating_add(time));
         let mut tick = 0;
         let ended = loop {
             self.drain_log();
@@ -215,7 +216,7 @@ impl AtWork {
     /// What blocks have logged.
     fn drain_log(&mut self) {
         while let Some(entry) = self.log.as_mut().and_then(LogReader::take) {
-            let (time, text) = (entry.time as f64 / 1e9, entry.text());
+            let (time, text) = (entry.time.since_start().as_secs_f64(), entry.text());
             match entry.level {
                 0 | 1 => tracing::error!("block, {time:.6} s: {text}"),
                 2 => tracing::warn!("block, {time:.6} s: {text}"),
@@ -225,7 +226,7 @@ impl AtWork {
     }
 
     fn live(&self) -> String {
-        let seconds = self.clock.time() as f64 / 1e9;
+        let seconds = self.clock.time().since_start().as_secs_f64();
         let state = state_name(self.scan.state());
         let mut text = format!("{state:<7} {seconds:8.1} s   {} scans", self.scan.scans());
         for module in &self.view.modules {
@@ -293,7 +294,7 @@ impl AtWork {
     /// Sends the CPU to STOP and waits for it.
     fn halt(&self) -> Result<(), Failure> {
         self.attention.halt();
-        let give_up = self.clock.time().saturating_add(STOP_TIME).saturating_add(self.min_cycle.saturating_mul(2));
+        let give_up = self.clock.time().saturating_add(STOP_TIME).saturating_add(self.min_cycle.times(2));
         while self.scan.state() != OperatingState::Stop {
             if self.clock.time() >= give_up {
                 let block =

@@ -11,9 +11,9 @@ pub mod signals;
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Duration;
 
 use ob1_rt::MonotonicClock;
+use ob1_time::Span;
 
 use crate::assembly::{self, AssemblyError, DriverSettings};
 use crate::exit::Exit;
@@ -36,7 +36,7 @@ pub struct Options {
     /// The station file.
     pub station: PathBuf,
     /// End after this time in RUN.
-    pub time: Option<Duration>,
+    pub time: Option<Span>,
     /// End after so many scans.
     pub scans: Option<u64>,
     /// Write a report there.

@@ -6,7 +6,6 @@
 use std::sync::Arc;
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::thread::JoinHandle;
-use std::time::Duration;
 
 use ob1_model::BlockId;
 
@@ -14,18 +13,19 @@ use super::scan::ScanState;
 use crate::exit::Exit;
 use crate::io::ProcessIo;
 use ob1_cpu::Running;
+use ob1_time::Span;
 
 /// Time between two looks.
-const LOOK: Duration = Duration::from_millis(100);
+const LOOK: Span = Span::from_millis(100);
 /// Looks in which nothing must have moved, at least: looks are counted, not time, so that a process that was stopped as
 /// a whole is not taken for a hung scan.
 const LOOKS: u32 = 20;
 /// The same for a CPU without a watchdog.
 const LOOKS_WITHOUT_WATCHDOG: u32 = 600;
 
-/// How long a native block may stay in one cycle before it is given up, with this watchdog in nanoseconds.
-pub(crate) fn time(watchdog: u64) -> Duration {
-    LOOK * Suspicion::new(watchdog).needed
+/// How long a native block may stay in one cycle before it is given up, with this watchdog.
+pub(crate) fn time(watchdog: Span) -> Span {
+    LOOK * Suspicion::new(watchdog).needed.into()
 }
 
 /// Decides, look by look, whether a native block hangs. Pure.
@@ -37,10 +37,10 @@ struct Suspicion {
 }
 
 impl Suspicion {
-    /// For a CPU with this watchdog, in nanoseconds; 0: none.
-    fn new(watchdog: u64) -> Self {
-        let twice = (watchdog.saturating_mul(2) / LOOK.as_nanos() as u64).min(u64::from(u32::MAX)) as u32;
-        let needed = if watchdog == 0 { LOOKS_WITHOUT_WATCHDOG } else { twice.max(LOOKS) };
+    /// For a CPU with this watchdog; 0: none.
+    fn new(watchdog: Span) -> Self {
+        let twice = (watchdog.times(2) / LOOK).min(u64::from(u32::MAX)) as u32;
+        let needed = if watchdog.is_zero() { LOOKS_WITHOUT_WATCHDOG } else { twice.max(LOOKS) };
         Self { needed, seen: None, looks: 0 }
     }
 
@@ -68,12 +68,12 @@ impl Monitor {
         scan: Arc<ScanState>,
         running: Arc<Running>,
         io: Option<ProcessIo>,
-        watchdog: u64,
+        watchdog: Span,
     ) -> std::io::Result<Self> {
         let (stop, stopped) = mpsc::channel();
         let thread = ob1_rt::spawn("ob1-monitor", move || {
             let mut suspicion = Suspicion::new(watchdog);
-            while stopped.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
+            while stopped.recv_timeout(LOOK.into()) == Err(RecvTimeoutError::Timeout) {
                 let block = running.block().filter(|_| scan.is_in_cycle());
                 if let Some(block) = suspicion.look(scan.cycles(), block) {
                     give_up(block, io.as_ref());
@@ -114,14 +114,14 @@ mod tests {
 
     #[test]
     fn a_block_that_stays_is_given_up() {
-        let mut suspicion = Suspicion::new(150_000_000);
+        let mut suspicion = Suspicion::new(Span::from_millis(150));
         assert_eq!((0..LOOKS).find_map(|_| suspicion.look(5, BLOCK)), None);
         assert_eq!(suspicion.look(5, BLOCK), BLOCK);
     }
 
     #[test]
     fn any_progress_starts_anew() {
-        let mut suspicion = Suspicion::new(150_000_000);
+        let mut suspicion = Suspicion::new(Span::from_millis(150));
         for cycle in 0..10 {
             assert_eq!((0..LOOKS).find_map(|_| suspicion.look(cycle, BLOCK)), None);
         }
@@ -131,9 +131,9 @@ mod tests {
 
     #[test]
     fn a_long_watchdog_is_waited_for_twice() {
-        let mut suspicion = Suspicion::new(6_000_000_000);
+        let mut suspicion = Suspicion::new(Span::from_secs(6));
         assert_eq!((0..120).find_map(|_| suspicion.look(1, BLOCK)), None);
         assert_eq!(suspicion.look(1, BLOCK), BLOCK);
-        assert_eq!(Suspicion::new(0).needed, LOOKS_WITHOUT_WATCHDOG);
+        assert_eq!(Suspicion::new(Span::ZERO).needed, LOOKS_WITHOUT_WATCHDOG);
     }
 }

@@ -11,8 +11,9 @@ use std::thread::JoinHandle;
 
 use ob1_backplane::GuardPage;
 use ob1_broker::Feed;
-use ob1_cpu::{Clock, Command, Cpu, Nanos, OperatingState};
+use ob1_cpu::{Clock, Command, Cpu, OperatingState};
 use ob1_rt::{Grant, MonotonicClock};
+use ob1_time::{Instant, Span};
 
 use crate::compiling::Successors;
 use crate::download::Newcomers;
@@ -21,6 +22,9 @@ use crate::posture;
 use crate::retentive::keeper::ScanEnd;
 use crate::station_file::Realtime;
 use crate::timing::LateSender;
+
+/// As far away as the kernel lets a thread sleep.
+const FOREVER: Instant = Instant::from_nanos(u64::MAX / 2);
 
 /// What other threads see of the scan.
 #[derive(Debug)]
@@ -110,7 +114,7 @@ struct LivingClock {
 
 impl Clock for LivingClock {
     #[inline]
-    fn now(&mut self) -> Nanos {
+    fn now(&mut self) -> Instant {
         if let Some(guard) = &self.guard {
             guard.beat();
         }
@@ -170,7 +174,7 @@ impl Scan {
         if self.fence {
             // Behind the fence a thread cannot end: it sleeps until the process does.
             loop {
-                self.clock.sleep_until(u64::MAX / 2);
+                self.clock.sleep_until(FOREVER);
             }
         }
         Ok(())
@@ -229,7 +233,7 @@ impl Scan {
                 return;
             }
             match self.realtime.spin {
-                0 => self.clock.sleep_until(end.next_deadline),
+                Span::ZERO => self.clock.sleep_until(end.next_deadline),
                 spin => self.clock.spin_until(end.next_deadline, spin),
             }
         }

@@ -4,11 +4,12 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::Path;
 
-use ob1_coupler::config::{Parity, Span};
+use ob1_coupler::config::Parity;
 use ob1_coupler::gpio::GpioConfig;
 use ob1_coupler::{BusConfig, CouplerConfig, DpConfig, DpSlave, LineConfig, Serial};
-use ob1_cpu::{CpuConfig, Family, Nanos};
+use ob1_cpu::{CpuConfig, Family};
 use ob1_host::bus::{DpAreas, Station as BusStation, StationRules};
+use ob1_time::Span;
 
 use super::check::{choice, name, number, time};
 use super::findings::{CONTRADICTION, Findings, LINE, MISSING, TWICE, VALUE};
@@ -17,11 +18,10 @@ use super::tables::{BusTable, Placed};
 use super::types::{Bus, ModuleConfig, ModuleKind};
 use super::{dp, gpio};
 
-const MS: Nanos = 1_000_000;
 /// Longest wait for an answer, where nothing else is said.
-const TIMEOUT: Nanos = 200 * MS;
+const TIMEOUT: Span = Span::from_millis(200);
 /// Of a scan without a watchdog.
-const PATIENCE_WITHOUT_WATCHDOG: Nanos = 60_000 * MS;
+const PATIENCE_WITHOUT_WATCHDOG: Span = Span::from_secs(60);
 /// What may stand there.
 const REMEDY: &str = "the line of a bus is \"tcp:HOST:PORT\", \"serial:DEVICE\" or \"sim:NAME\"";
 
@@ -40,7 +40,7 @@ pub(super) struct Building {
     serial: Option<Serial>,
     /// Bus parameters of PROFIBUS, without slaves.
     pub(super) dp: Option<DpConfig>,
-    pub(super) timeout: Nanos,
+    pub(super) timeout: Span,
     /// Its line, where all modules share it.
     line: Option<Line>,
     at: Range<usize>,
@@ -55,17 +55,17 @@ pub(super) struct Building {
 /// All of them.
 pub(super) struct Buses {
     list: Vec<Building>,
-    pub(super) min_cycle: Nanos,
+    pub(super) min_cycle: Span,
     family: Family,
 }
 
 impl Buses {
     pub(super) fn new(f: &mut Findings<'_>, tables: &[BusTable], cpu: &CpuConfig, folder: &Path) -> Self {
         let patience = match cpu.watchdog {
-            0 => PATIENCE_WITHOUT_WATCHDOG,
-            watchdog => watchdog.saturating_mul(2).max(1000 * MS),
+            Span::ZERO => PATIENCE_WITHOUT_WATCHDOG,
+            watchdog => watchdog.times(2).max(Span::SECOND),
         };
-        let scan_timeout = patience.saturating_add(cpu.min_cycle.saturating_mul(2));
+        let scan_timeout = patience.saturating_add(cpu.min_cycle.times(2));
         let mut list: Vec<Building> = Vec::new();
         for table in tables {
             let Some(bus) = bus(f, table, folder, list.len(), scan_timeout) else { continue };
@@ -214,7 +214,7 @@ impl Building {
     /// The place of a line among those of the bus.
     fn place_of(&mut self, line: Line) -> usize {
         self.bus.lines.iter().position(|other| *other == line).unwrap_or_else(|| {
-            let (text, timeout) = (line.to_string(), Span::from_nanos(self.timeout));
+            let (text, timeout) = (line.to_string(), self.timeout);
             let (serial, dp) = (self.serial, self.dp.clone());
             self.bus.config.lines.push(LineConfig {
                 line: text,
@@ -288,7 +288,7 @@ impl Building {
     }
 }
 
-fn bus(f: &mut Findings<'_>, table: &BusTable, folder: &Path, index: usize, scan_timeout: Nanos) -> Option<Building> {
+fn bus(f: &mut Findings<'_>, table: &BusTable, folder: &Path, index: usize, scan_timeout: Span) -> Option<Building> {
     let kinds = [
         ("modbus-tcp", BusKind::ModbusTcp),
         ("modbus-rtu", BusKind::ModbusRtu),
@@ -312,10 +312,10 @@ fn bus(f: &mut Findings<'_>, table: &BusTable, folder: &Path, index: usize, scan
     };
     let dp = dp::bus(f, table, kind, line.as_ref());
     let timeout = time(f, table.timeout.as_ref(), TIMEOUT);
-    if let Some(short) = table.timeout.as_ref().filter(|_| timeout < MS) {
+    if let Some(short) = table.timeout.as_ref().filter(|_| timeout < Span::MILLISECOND) {
         f.error(VALUE, short.span(), "no coupler answers within so short a time", "at least \"1ms\"");
     }
-    let config = BusConfig { name: name.clone(), scan_timeout: Span::from_nanos(scan_timeout), ..BusConfig::default() };
+    let config = BusConfig { name: name.clone(), scan_timeout, ..BusConfig::default() };
     // Numbers of master systems begin at 1.
     let rules = StationRules { diagnostic: 0, number: (index + 1).min(255) as u8 };
     let bus = Bus { name, rules, config, lines: Vec::new(), stations: Vec::new() };

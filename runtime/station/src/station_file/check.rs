@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use ob1_cpu::{AccountsConfig, CpuConfig, Family, ImageErrors, MissedCycle};
 use ob1_model::{BlockId, BlockKind};
+use ob1_time::Span;
 
 use super::findings::{CONTRADICTION, Findings, TWICE, UNREADABLE, VALUE};
 use super::tables::{CpuTable, Placed, PluginTable, StationFile, TimingTable};
@@ -118,10 +119,10 @@ pub fn choice<T: Copy>(
     None
 }
 
-pub(super) fn time(f: &mut Findings<'_>, value: Option<&Placed<String>>, default: u64) -> u64 {
+pub(super) fn time(f: &mut Findings<'_>, value: Option<&Placed<String>>, default: Span) -> Span {
     let Some(value) = value else { return default };
     match parse_duration(value.get_ref()) {
-        Ok(time) => time.as_nanos() as u64,
+        Ok(time) => time,
         Err(message) => {
             f.error(VALUE, value.span(), message, "a number and a unit, in quotes: \"250us\", \"1ms\", \"1.5s\"");
             default
@@ -144,7 +145,7 @@ fn cpu(f: &mut Findings<'_>, table: &CpuTable) -> CpuConfig {
         cyclic: interrupts::cyclic(f, &table.cyclic),
         time_of_day: interrupts::time_of_day(f, &table.time_of_day),
         nesting_depth: number(f, "nesting_depth", table.nesting_depth.as_ref(), 1..=64, d.nesting_depth),
-        min_cycle: time(f, table.min_cycle.as_ref(), 1_000_000),
+        min_cycle: time(f, table.min_cycle.as_ref(), Span::MILLISECOND),
         missed: missed(f, table.missed.as_ref()),
         watchdog: time(f, table.watchdog.as_ref(), d.watchdog),
         image_errors: choice(f, "image_errors", table.image_errors.as_ref(), &IMAGE_ERRORS).unwrap_or(d.image_errors),
@@ -164,7 +165,7 @@ fn cpu(f: &mut Findings<'_>, table: &CpuTable) -> CpuConfig {
             format!("clock_memory = {} lies outside the {} bytes of bit memory", byte.get_ref(), config.memory_bytes);
         f.error(CONTRADICTION, byte.span(), message, "name a byte that exists, or raise memory_bytes");
     }
-    if config.watchdog != 0 && config.watchdog < config.min_cycle {
+    if !config.watchdog.is_zero() && config.watchdog < config.min_cycle {
         let at = table.watchdog.as_ref().or(table.min_cycle.as_ref()).map_or(0..0, Placed::span);
         f.error(
             CONTRADICTION,
@@ -212,7 +213,7 @@ fn realtime(f: &mut Findings<'_>, table: &CpuTable) -> Realtime {
     let asked = &table.realtime;
     let priority = asked.priority.as_ref().map(|p| number(f, "priority", Some(p), 1..=99, 1u8));
     let affinity = asked.affinity.iter().map(|core| number(f, "affinity", Some(core), 0..=1023, 0)).collect();
-    let spin = time(f, asked.spin.as_ref(), 0);
+    let spin = time(f, asked.spin.as_ref(), Span::ZERO);
     Realtime { priority, affinity, lock_memory: asked.lock_memory, spin, keep_awake: asked.keep_awake }
 }
 

@@ -4,11 +4,10 @@ use std::ops;
 use std::path::Path;
 
 use ob1_backplane::{BUS_AREA_BYTES, BUS_COUPLERS};
-use ob1_coupler::config::Span;
 use ob1_coupler::image::RANGES_MAX;
 use ob1_coupler::{CouplerConfig, Order, Profile, Proof, Range, Setup, Table};
-use ob1_cpu::Nanos;
 use ob1_host::bus::{BusModuleConfig, OnLoss, Station};
+use ob1_time::Span;
 
 use super::buses::{BusKind, Buses};
 use super::check::{choice, name, number, time};
@@ -18,11 +17,11 @@ use super::types::{Absent, ModuleConfig, ModuleKind};
 use super::{dp, gpio};
 use crate::finding::{Finding, Level, Text, nearest};
 
-const MS: Nanos = 1_000_000;
+const MS: Span = Span::MILLISECOND;
 /// A coupler that does not answer for so long is lost, where nothing else is said.
-pub(super) const LOST_AFTER: Nanos = 1000 * MS;
+pub(super) const LOST_AFTER: Span = Span::SECOND;
 /// Outputs that do not change are written again after this time, or more often where a watchdog wants it.
-const REFRESH: Nanos = 500 * MS;
+const REFRESH: Span = Span::from_millis(500);
 /// Unit of a coupler behind its own connection: FFh says that it does not matter.
 const UNIT_TCP: u8 = 255;
 /// The last byte of the process image's addresses.
@@ -112,9 +111,9 @@ pub(super) fn modules(
     let config = CouplerConfig {
         name: name.clone(),
         unit,
-        period: Span::from_nanos(times.period),
-        refresh: Span::from_nanos(times.refresh),
-        lost_after: Span::from_nanos(times.lost_after),
+        period: times.period,
+        refresh: times.refresh,
+        lost_after: times.lost_after,
         setup,
         proof,
         inputs: inputs.iter().map(|placement| placement.range).collect(),
@@ -258,25 +257,25 @@ fn unit(f: &mut Findings<'_>, table: &ModuleTable, kind: BusKind) -> u8 {
 }
 
 struct Times {
-    period: Nanos,
-    refresh: Nanos,
-    lost_after: Nanos,
+    period: Span,
+    refresh: Span,
+    lost_after: Span,
     watchdog: Option<(Profile, Span)>,
 }
 
-fn times(f: &mut Findings<'_>, table: &ModuleTable, min_cycle: Nanos, timeout: Nanos) -> Times {
+fn times(f: &mut Findings<'_>, table: &ModuleTable, min_cycle: Span, timeout: Span) -> Times {
     let lost_after = time(f, table.lost_after.as_ref(), LOST_AFTER);
     if let Some(short) = table.lost_after.as_ref().filter(|_| lost_after < 100 * MS || lost_after < timeout) {
         let remedy = "at least \"100ms\", and longer than the `timeout` of the bus";
         f.error(VALUE, short.span(), "a coupler that works would be lost now and then", remedy);
     }
-    let period = time(f, table.period.as_ref(), min_cycle.clamp(MS, lost_after / 4));
-    if let Some(long) = table.period.as_ref().filter(|_| period == 0 || period > lost_after / 2) {
+    let period = time(f, table.period.as_ref(), min_cycle.clamp(MS, (lost_after / 4).max(MS)));
+    if let Some(long) = table.period.as_ref().filter(|_| period.is_zero() || period > lost_after / 2) {
         let remedy = "more than 0, and at most half of `lost_after`";
         f.error(CONTRADICTION, long.span(), "the inputs cannot be read in this period", remedy);
     }
     let watchdog = watchdog(f, table);
-    let longest = watchdog.map_or(lost_after, |(_, watchdog)| watchdog.nanos().min(lost_after));
+    let longest = watchdog.map_or(lost_after, |(_, watchdog)| watchdog.min(lost_after));
     let refresh = time(f, table.refresh.as_ref(), REFRESH.min(longest / 3));
     if let Some(long) = table.refresh.as_ref().filter(|_| refresh < MS || refresh > longest / 2) {
         let remedy = "at least \"1ms\", and at most half of `watchdog` and of `lost_after`";
@@ -291,7 +290,7 @@ fn profile(f: &mut Findings<'_>, table: &ModuleTable) -> Option<Profile> {
 
 fn watchdog(f: &mut Findings<'_>, table: &ModuleTable) -> Option<(Profile, Span)> {
     let given = table.watchdog.as_ref()?;
-    let wanted = Span::from_nanos(time(f, Some(given), 0));
+    let wanted = time(f, Some(given), Span::ZERO);
     let Some(profile) = profile(f, table) else {
         let names = Profile::ALL.map(|(name, _)| format!("\"{name}\"")).join(", ");
         let remedy = format!("`profile` says which registers set it: {names}; for others write them in `setup`");

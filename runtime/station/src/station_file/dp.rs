@@ -6,13 +6,12 @@ use std::ops;
 use std::path::Path;
 
 use ob1_backplane::{BUS_AREA_BYTES, BUS_COUPLERS};
-use ob1_coupler::config::Span;
 use ob1_coupler::dp::BAUD_RATES;
 use ob1_coupler::{DpConfig, DpSlave};
-use ob1_cpu::Nanos;
 use ob1_dp::gsd::{Gsd, Made, Mistake, Parameters, Value, Wanted};
 use ob1_dp::master::least_slot_bits;
 use ob1_host::bus::{BusModuleConfig, DpStation, OnLoss, Station};
+use ob1_time::Span;
 
 use super::buses::{Building, BusKind};
 use super::check::{name, number, time};
@@ -24,7 +23,7 @@ use super::tables::{BusTable, ModuleTable, Placed, SlotTable};
 use super::types::{Absent, Bus, ModuleConfig, ModuleKind};
 use crate::finding::nearest;
 
-const MS: Nanos = 1_000_000;
+const MS: Span = Span::MILLISECOND;
 /// Where nothing else is said.
 const BAUD: u32 = 500_000;
 /// That of the CPU's own DP interface, where nothing else is said.
@@ -34,9 +33,9 @@ const HSA: u8 = 126;
 /// Repetitions of a telegram, where nothing else is said.
 const RETRIES: u8 = 3;
 /// Watchdog of the slaves, where nothing else is said.
-const WATCHDOG: Nanos = 500 * MS;
+const WATCHDOG: Span = Span::from_millis(500);
 /// A serial adapter takes so long at worst until what came in is seen.
-const ADAPTER: u64 = 8 * MS;
+const ADAPTER: Span = Span::from_millis(8);
 /// TSL, at most: what the standard lets a bus have.
 const SLOT_BITS: u16 = 16_383;
 /// What a slot time has beyond the slowest answer, in bits.
@@ -77,7 +76,7 @@ pub(super) fn bus(f: &mut Findings<'_>, table: &BusTable, kind: BusKind, line: O
     // What is simulated answers in time; behind an adapter an answer takes its time to be seen.
     let usual = match line {
         Some(Line::Sim(_)) => least,
-        _ => u16::try_from(u64::from(baud) * ADAPTER / 1_000_000_000).unwrap_or(SLOT_BITS).clamp(least, SLOT_BITS),
+        _ => u16::try_from(u64::from(baud) * ADAPTER / Span::SECOND).unwrap_or(SLOT_BITS).clamp(least, SLOT_BITS),
     };
     let slot_bits = number(f, "slot_bits", table.slot_bits.as_ref(), i64::from(least)..=i64::from(SLOT_BITS), usual);
     let watchdog = time(f, table.watchdog.as_ref(), WATCHDOG);
@@ -85,7 +84,7 @@ pub(super) fn bus(f: &mut Findings<'_>, table: &BusTable, kind: BusKind, line: O
         f.error(VALUE, wrong.span(), "a slave has no such watchdog time", "\"10ms\" to \"650s\", in steps of 10 ms");
     }
     let retries = number(f, "retries", table.retries.as_ref(), 1..=15, RETRIES);
-    Some(DpConfig { baud, address, hsa, slot_bits, retries, watchdog: Span::from_nanos(watchdog), slaves: Vec::new() })
+    Some(DpConfig { baud, address, hsa, slot_bits, retries, watchdog, slaves: Vec::new() })
 }
 
 /// A bus whose slaves are known: a round must be over well before a watchdog barks.
@@ -159,7 +158,7 @@ pub(super) fn modules(
         answer_bits,
         config: made.config.clone(),
         parameters: made.parameters.clone(),
-        lost_after: Span::from_nanos(lost_after),
+        lost_after,
         inputs: (first_input, inputs),
         outputs: (first_output, outputs),
         diagnosis,

@@ -1,22 +1,23 @@
 //! Times as a station file and the command line write them: `1ms`, `250us`, `1.5s`, `8h`.
 
-use std::time::Duration;
+use ob1_time::Span;
 
-const UNITS: [(&str, u64); 7] = [
-    ("ns", 1),
-    ("us", 1_000),
-    ("µs", 1_000),
-    ("ms", 1_000_000),
-    ("s", 1_000_000_000),
-    ("min", 60_000_000_000),
-    ("h", 3_600_000_000_000),
+const UNITS: [(&str, Span); 7] = [
+    ("ns", Span::from_nanos(1)),
+    ("us", Span::MICROSECOND),
+    ("µs", Span::MICROSECOND),
+    ("ms", Span::MILLISECOND),
+    ("s", Span::SECOND),
+    ("min", Span::from_secs(60)),
+    ("h", Span::from_secs(3_600)),
 ];
+const LONGEST: Span = Span::from_secs(24 * 3_600);
 
 /// Reads a time: a number, with decimals if need be, and a unit (`ns us µs ms s min h`).
 ///
 /// # Errors
 /// What is wrong, in one sentence that shows how to write it.
-pub fn parse_duration(text: &str) -> Result<Duration, String> {
+pub fn parse_duration(text: &str) -> Result<Span, String> {
     let text = text.trim();
     let digits = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
     let (number, unit) = text.split_at(digits);
@@ -34,17 +35,18 @@ pub fn parse_duration(text: &str) -> Result<Duration, String> {
     }
     let too_long = || format!("\"{text}\" is too long; at most 24h");
     let whole: u64 = if whole.is_empty() { 0 } else { whole.parse().map_err(|_| too_long())? };
-    let mut nanos = whole.checked_mul(*scale).ok_or_else(too_long)?;
+    // Saturates, and the longest span is too long.
+    let mut time = scale.times(whole);
     let mut place = *scale;
     for digit in decimals.bytes() {
         // Decimals finer than a nanosecond say nothing.
-        place /= 10;
-        nanos += u64::from(digit - b'0') * place;
+        place = place / 10;
+        time = time.saturating_add(u64::from(digit - b'0') * place);
     }
-    if nanos > 24 * 3_600_000_000_000 {
+    if time > LONGEST {
         return Err(too_long());
     }
-    Ok(Duration::from_nanos(nanos))
+    Ok(time)
 }
 
 #[cfg(test)]
@@ -53,7 +55,7 @@ mod tests {
 
     #[test]
     fn times() {
-        let nanos = |text| parse_duration(text).map(|d| d.as_nanos());
+        let nanos = |text| parse_duration(text).map(Span::nanos);
         assert_eq!(nanos("1ms"), Ok(1_000_000));
         assert_eq!(nanos("250 us"), Ok(250_000));
         assert_eq!(nanos("250µs"), Ok(250_000));

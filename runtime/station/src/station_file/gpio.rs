@@ -5,10 +5,9 @@ use std::ops::Range;
 use std::path::PathBuf;
 
 use ob1_backplane::BUS_AREA_BYTES;
-use ob1_coupler::config::Span;
 use ob1_coupler::gpio::{Bias, Drive, GpioConfig, GpioLine};
-use ob1_cpu::Nanos;
 use ob1_host::bus::{BusModuleConfig, OnLoss, Station};
+use ob1_time::Span;
 
 use super::buses::Building;
 use super::check::{choice, name, number, time};
@@ -18,9 +17,9 @@ use super::line::Line;
 use super::tables::{BusTable, ModuleTable, Placed, RangeTable};
 use super::types::{Absent, ModuleConfig, ModuleKind};
 
-const MS: Nanos = 1_000_000;
+const MS: Span = Span::MILLISECOND;
 /// The kernel's longest debounce period has 32 bits of microseconds; nobody debounces longer than this.
-const DEBOUNCE: Nanos = 10_000 * MS;
+const DEBOUNCE: Span = Span::from_secs(10);
 /// Lines of a request of the kernel.
 const LINES: usize = 64;
 
@@ -82,7 +81,7 @@ pub(super) fn modules(
     table: &ModuleTable,
     bus: usize,
     building: &mut Building,
-    min_cycle: Nanos,
+    min_cycle: Span,
 ) -> Vec<(ModuleConfig, [Range<usize>; 2])> {
     foreign_keys(f, table);
     let name = name(f, "module", &table.name);
@@ -101,9 +100,8 @@ pub(super) fn modules(
         f.error(VALUE, table.name.span(), format!("a chip has at most {LINES} lines here"), "another bus for the rest");
     }
     gpio.chip = building.chip();
-    let period = time(f, table.period.as_ref(), min_cycle.clamp(MS, 100 * MS));
-    gpio.period = Span::from_nanos(period);
-    if let Some(wrong) = table.period.as_ref().filter(|_| !(MS..=1000 * MS).contains(&period)) {
+    gpio.period = time(f, table.period.as_ref(), min_cycle.clamp(MS, 100 * MS));
+    if let Some(wrong) = table.period.as_ref().filter(|_| !(MS..=1000 * MS).contains(&gpio.period)) {
         f.error(VALUE, wrong.span(), "the inputs cannot be read in this period", "\"1ms\" to \"1s\"");
     }
     let address = table.diagnostic.as_ref().map(|at| (number::<u16>(f, "diagnostic", Some(at), 1..=16_383, 0), at));
@@ -174,7 +172,7 @@ fn pieces(
         }
         let bias = choice(f, "bias", range.bias.as_ref(), &Bias::ALL).unwrap_or_default();
         let drive = choice(f, "drive", range.drive.as_ref(), &Drive::ALL).unwrap_or_default();
-        let debounce = time(f, range.debounce.as_ref(), 0);
+        let debounce = time(f, range.debounce.as_ref(), Span::ZERO);
         if let Some(wrong) = range.debounce.as_ref().filter(|_| debounce > DEBOUNCE) {
             f.error(VALUE, wrong.span(), "nothing is debounced for so long", "at most \"10s\"");
         }
@@ -185,7 +183,7 @@ fn pieces(
                 f.error(TWICE, given.span(), format!("line {line} is there twice"), "each line is one bit");
             }
             let (at, bit) = (*bytes + n / 8, (n % 8) as u8);
-            all.push(GpioLine { line, at, bit, active_low, bias, debounce: Span::from_nanos(debounce), drive });
+            all.push(GpioLine { line, at, bit, active_low, bias, debounce, drive });
         }
         let substitute = substitute(f, range.substitute.as_ref(), placed.span(), outputs, loss, len);
         pieces.push(Piece { first, at: range.at.span(), image: *bytes, bytes: len, substitute });

@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use ob1_cpu::{CyclicInterrupt, Missed, TimeOfDay};
 use ob1_std::moment::{DAY_MS, Date, Moment};
 use ob1_std::services::Period;
+use ob1_time::Span;
 
 use super::check::{choice, number, time};
 use super::findings::{Findings, TWICE, VALUE};
@@ -15,7 +16,7 @@ const CYCLIC: std::ops::RangeInclusive<i64> = 30..=38;
 /// Those of time-of-day interrupts.
 const TIME_OF_DAY: std::ops::RangeInclusive<i64> = 10..=17;
 /// The longest interval, one minute.
-const LONGEST: u64 = 60_000_000_000;
+const LONGEST: Span = Span::from_secs(60);
 
 /// The cyclic interrupts whose interval is not the default.
 pub(super) fn cyclic(f: &mut Findings<'_>, tables: &[CyclicTable]) -> Vec<CyclicInterrupt> {
@@ -28,7 +29,7 @@ pub(super) fn cyclic(f: &mut Findings<'_>, tables: &[CyclicTable]) -> Vec<Cyclic
             f.error(TWICE, table.ob.span(), message, "one [[cpu.cyclic]] for each of OB 30 to OB 38");
         }
         let period = interval(f, &table.period);
-        let phase = time(f, table.phase.as_ref(), 0);
+        let phase = time(f, table.phase.as_ref(), Span::ZERO);
         if let Some(at) = table.phase.as_ref().filter(|_| phase > LONGEST) {
             f.error(VALUE, at.span(), "the phase offset is out of range", "0 to \"60s\"");
         }
@@ -39,9 +40,9 @@ pub(super) fn cyclic(f: &mut Findings<'_>, tables: &[CyclicTable]) -> Vec<Cyclic
     list
 }
 
-fn interval(f: &mut Findings<'_>, text: &Placed<String>) -> u64 {
+fn interval(f: &mut Findings<'_>, text: &Placed<String>) -> Span {
     let period = time(f, Some(text), LONGEST);
-    if period == 0 || period > LONGEST {
+    if period.is_zero() || period > LONGEST {
         let message = format!("period = \"{}\" is out of range", text.get_ref());
         f.error(VALUE, text.span(), message, "more than 0, at most \"60s\"");
         return LONGEST;

@@ -5,6 +5,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use ob1_access::{Allowed, Right};
+use ob1_time::Span;
 use serde_json::{Map, Value, json};
 
 use super::check::{choice, name, number, time};
@@ -197,7 +198,7 @@ fn own_keys(
 }
 
 fn milliseconds(f: &mut Findings<'_>, key: &str, text: &Placed<String>, range: &RangeInclusive<i64>) -> i64 {
-    let time = (time(f, Some(text), 0) / 1_000_000) as i64;
+    let time = time(f, Some(text), Span::ZERO).millis() as i64;
     // What is no time has been told.
     if time != 0 && !range.contains(&time) {
         let message = format!("`{key}` is {}; it can be {}ms to {}ms", text.get_ref(), range.start(), range.end());

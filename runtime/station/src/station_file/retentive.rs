@@ -3,11 +3,11 @@
 use std::ffi::OsString;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use ob1_access::Right;
 use ob1_cpu::{CpuConfig, DataRange, Retentive, RetentiveData};
 use ob1_model::BlockKind;
+use ob1_time::Span;
 
 use super::findings::{CONTRADICTION, Findings, VALUE};
 use super::tables::{Placed, RetentiveTable, StationTable};
@@ -16,9 +16,9 @@ use super::{parse_block, parse_duration};
 use crate::retentive::RetentiveFile;
 
 /// Time between two images, when the file does not say it.
-const EVERY: Duration = Duration::from_secs(1);
+const EVERY: Span = Span::from_secs(1);
 /// Shorter than this the disk would do nothing else.
-const SHORTEST: Duration = Duration::from_millis(100);
+const SHORTEST: Span = Span::from_millis(100);
 
 /// The ranges go into the CPU's configuration; the file is there when the table is.
 pub(super) fn retentive(

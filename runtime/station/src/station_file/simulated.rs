@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use ob1_time::Span;
+
 use super::check::{choice, name, number, time};
 use super::findings::{CONTRADICTION, Findings, LINE, MISSING, TWICE, VALUE};
 use super::line::Line;
@@ -9,8 +11,10 @@ use super::tables::{Placed, RatesTable, SimulatedLineTable, StationFile};
 use super::types::{Bursts, FaultRates, Partner, SimulatedLine};
 use crate::finding::nearest;
 
-/// The default of `delay_max`, in nanoseconds.
-pub(super) const DELAY_MAX: u64 = 20_000_000;
+/// The default of `delay_max`.
+pub(super) const DELAY_MAX: Span = Span::from_millis(20);
+/// What a burst without a time of its own is told to last: the file is refused anyway.
+const SHORTEST: Span = Span::from_nanos(1);
 
 pub(super) fn lines(f: &mut Findings<'_>, file: &StationFile, folder: &Path) -> Vec<SimulatedLine> {
     let tables = &file.simulated_line;
@@ -86,11 +90,11 @@ fn of_bursts(f: &mut Findings<'_>, placed: &Placed<RatesTable>) -> Bursts {
         }
     }
     let bursts = Bursts {
-        every: time(f, table.every.as_ref(), 1),
-        length: time(f, table.length.as_ref(), 1),
+        every: time(f, table.every.as_ref(), SHORTEST),
+        length: time(f, table.length.as_ref(), SHORTEST),
         faults: fault_rates(f, table),
     };
-    if let Some(length) = table.length.as_ref().filter(|_| bursts.length == 0) {
+    if let Some(length) = table.length.as_ref().filter(|_| bursts.length.is_zero()) {
         f.error(VALUE, length.span(), "a burst of no length", "how long it lasts, such as \"200ms\"");
     }
     bursts

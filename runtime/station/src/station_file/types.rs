@@ -7,6 +7,7 @@ use ob1_cpu::CpuConfig;
 use ob1_host::bus::{BusModuleConfig, DpAreas, Station as BusStation, StationRules};
 use ob1_model::BlockId;
 use ob1_params::{Cp040, Cp240, Cp341, CpKind};
+use ob1_time::Span;
 
 use super::Line;
 use crate::engine::EngineChoice;
@@ -191,7 +192,7 @@ pub struct FaultRates {
     pub lose: u32,
     /// Comes twice.
     pub double: u32,
-    /// Comes later, up to [`Self::delay_max`] nanoseconds.
+    /// Comes later, by up to [`Self::delay_max`].
     pub delay: u32,
     /// A parity error.
     pub parity: u32,
@@ -199,8 +200,8 @@ pub struct FaultRates {
     pub framing: u32,
     /// A break.
     pub break_: u32,
-    /// Longest delay, in nanoseconds.
-    pub delay_max: u64,
+    /// Longest delay.
+    pub delay_max: Span,
 }
 
 impl SimulatedLine {
@@ -215,7 +216,7 @@ impl SimulatedLine {
         for (place, kind) in (0..).zip(&mut kinds) {
             **kind += rate / count + u32::from(place < rate % count);
         }
-        if self.faults.delay_max == 0 {
+        if self.faults.delay_max.is_zero() {
             self.faults.delay_max = super::simulated::DELAY_MAX;
         }
     }
@@ -224,10 +225,10 @@ impl SimulatedLine {
 /// Times in which more goes wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bursts {
-    /// Mean time between two, in nanoseconds.
-    pub every: u64,
-    /// How long one lasts, in nanoseconds.
-    pub length: u64,
+    /// Mean time between two.
+    pub every: Span,
+    /// How long one lasts.
+    pub length: Span,
     /// What goes wrong in it.
     pub faults: FaultRates,
 }
@@ -253,8 +254,8 @@ pub struct Realtime {
     pub affinity: Vec<usize>,
     /// Lock the memory of the process.
     pub lock_memory: bool,
-    /// Time before a deadline that is spent looking at the clock instead of sleeping, in nanoseconds.
-    pub spin: u64,
+    /// Time before a deadline that is spent looking at the clock instead of sleeping.
+    pub spin: Span,
     /// Keep idle cores from sleeping deeply.
     pub keep_awake: bool,
 }

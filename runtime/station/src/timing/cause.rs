@@ -1,6 +1,8 @@
 //! Why a scan was late: from its record and what the kernel says, a class, a size and the evidence. Pure.
 
-use ob1_cpu::{Nanos, ScanRecord};
+use ob1_coupler::config::nanos;
+use ob1_cpu::ScanRecord;
+use ob1_time::Span;
 use serde::{Deserialize, Serialize};
 
 /// Who made a scan late.
@@ -65,15 +67,19 @@ pub struct Evidence {
     /// The scan before was late too, and when it had been noted down this one was due: the thread had not slept.
     pub no_sleep: bool,
     /// Width of the window.
-    pub window_ns: Nanos,
+    #[serde(rename = "window_ns", with = "nanos")]
+    pub window: Span,
     /// What the scan's own look says, where the kernel has `schedstat`.
     pub measured: Option<Measured>,
     /// Time the host took from the cores this process may use, in ticks of 10 ms.
-    pub steal_ns: Nanos,
+    #[serde(rename = "steal_ns", with = "nanos")]
+    pub steal: Span,
     /// Time these cores were at interrupts, in ticks of 10 ms.
-    pub interrupts_ns: Nanos,
+    #[serde(rename = "interrupts_ns", with = "nanos")]
+    pub interrupts: Span,
     /// Time the quotas of control groups (`cpu.max`) held back threads of this process and its neighbours.
-    pub throttled_ns: Nanos,
+    #[serde(rename = "throttled_ns", with = "nanos")]
+    pub throttled: Span,
     /// Times the scan thread was taken off its core.
     pub switches: u64,
     /// Page faults that needed no disk.
@@ -83,32 +89,38 @@ pub struct Evidence {
     /// The process was continued by SIGCONT between the scan's deadline and its end.
     pub stopped: bool,
     /// How much later than planned the observer itself came to look.
-    pub observer_late_ns: Nanos,
+    #[serde(rename = "observer_late_ns", with = "nanos")]
+    pub observer_late: Span,
     /// What a statement of this program usually takes.
-    pub ns_per_statement: Nanos,
+    #[serde(rename = "ns_per_statement", with = "nanos")]
+    pub per_statement: Span,
 }
 
 /// The scan thread's times between the last look before the scan began and the scan's own look at its end.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Measured {
     /// From that look to the scan's end.
-    pub window_ns: Nanos,
+    #[serde(rename = "window_ns", with = "nanos")]
+    pub window: Span,
     /// Waiting for a core although ready to run.
-    pub waited_ns: Nanos,
+    #[serde(rename = "waited_ns", with = "nanos")]
+    pub waited: Span,
     /// On a core.
-    pub ran_ns: Nanos,
+    #[serde(rename = "ran_ns", with = "nanos")]
+    pub ran: Span,
     /// Other scans that lie in this time.
     pub others: u64,
     /// What those can have had of the waiting: of the time they have lost, beginning late and off their core, as much
     /// as is usual for scans on time.
-    pub others_ns: Nanos,
+    #[serde(rename = "others_ns", with = "nanos")]
+    pub others_waited: Span,
 }
 
 impl Measured {
     /// So long at least this scan waited for a core.
     #[must_use]
-    pub const fn waited_at_least(&self) -> Nanos {
-        self.waited_ns.saturating_sub(self.others_ns)
+    pub const fn waited_at_least(&self) -> Span {
+        self.waited.saturating_sub(self.others_waited)
     }
 }
 
@@ -120,13 +132,13 @@ pub struct Cause {
     /// What exactly, in words.
     pub what: String,
     /// How much of the delay it is.
-    pub size: Nanos,
+    pub size: Span,
 }
 
 /// A minor fault takes about so long.
-const MINOR_FAULT: Nanos = 1_000;
+const MINOR_FAULT: Span = Span::MICROSECOND;
 /// A time on a core may be so old.
-const KERNEL_TICK: Nanos = 10_000_000;
+const KERNEL_TICK: Span = Span::from_millis(10);
 /// A program is believed to have taken a time when its statements usually take at least an eighth of it.
 const PLAUSIBLE: u64 = 8;
 
@@ -141,10 +153,10 @@ enum Part {
     Exchange,
 }
 
-fn longest_part(record: &ScanRecord) -> (Part, Nanos) {
+fn longest_part(record: &ScanRecord) -> (Part, Span) {
     let flags = record.flags;
-    let began = |time: Nanos| if flags.began_late || !flags.took_long { time } else { 0 };
-    let took = |time: Nanos| if flags.took_long || flags.overran || flags.watchdog { time } else { 0 };
+    let began = |time: Span| if flags.began_late || !flags.took_long { time } else { Span::ZERO };
+    let took = |time: Span| if flags.took_long || flags.overran || flags.watchdog { time } else { Span::ZERO };
     let wake = record.lateness().saturating_sub(record.carried.max(record.between));
     let parts = [
         (Part::Wake, began(wake)),
@@ -154,7 +166,7 @@ fn longest_part(record: &ScanRecord) -> (Part, Nanos) {
         (Part::Plugins, took(record.plugins)),
         (Part::Exchange, took(record.inputs + record.outputs)),
     ];
-    parts.into_iter().max_by_key(|(_, time)| *time).unwrap_or((Part::Wake, 0))
+    parts.into_iter().max_by_key(|(_, time)| *time).unwrap_or((Part::Wake, Span::ZERO))
 }
 
 /// Says why a scan was late.
@@ -172,27 +184,27 @@ pub fn explain(record: &ScanRecord, evidence: &Evidence) -> Cause {
 }
 
 /// What the scan itself was at.
-fn own(part: Part, record: &ScanRecord, evidence: &Evidence, size: Nanos) -> (Class, String) {
+fn own(part: Part, record: &ScanRecord, evidence: &Evidence, size: Span) -> (Class, String) {
     match part {
         Part::Program if plausible(record, evidence, size) => (Class::Program, program(record)),
         Part::Program => {
-            let usual = record.statements.saturating_mul(evidence.ns_per_statement) as f64 / 1000.0;
+            let usual = evidence.per_statement.times(record.statements).as_micros_f64();
             let statements = record.statements;
             unexplained(evidence, &format!("OB {}: its {statements} statements take {usual:.1} µs", record.longest_ob))
         }
         Part::Plugins => {
             let block = record.longest_plugin.map_or_else(String::new, |block| block.to_string());
-            let time = record.longest_plugin_time as f64 / 1000.0;
+            let time = record.longest_plugin_time.as_micros_f64();
             (Class::Plugin, format!("{block}, one call of {time:.1} µs"))
         }
         Part::Exchange => {
-            let (inputs, outputs) = (record.inputs as f64 / 1000.0, record.outputs as f64 / 1000.0);
+            let (inputs, outputs) = (record.inputs.as_micros_f64(), record.outputs.as_micros_f64());
             (Class::Driver, format!("inputs {inputs:.1} µs, outputs {outputs:.1} µs"))
         }
         _ => match evidence.measured {
             // What it waited at all is not half of it: it slept.
-            Some(m) if m.waited_ns < size / 2 => {
-                let (late, waited) = (size as f64 / 1e6, m.waited_ns as f64 / 1e6);
+            Some(m) if m.waited < size / 2 => {
+                let (late, waited) = (size.as_millis_f64(), m.waited.as_millis_f64());
                 (
                     Class::Timer,
                     format!("woken {late:.3} ms after the deadline, of that at most {waited:.3} ms waiting for a core"),
@@ -204,24 +216,24 @@ fn own(part: Part, record: &ScanRecord, evidence: &Evidence, size: Nanos) -> (Cl
 }
 
 /// What the kernel counted, when it explains at least half of the delay.
-fn kernel(evidence: &Evidence, record: &ScanRecord, size: Nanos, part: Part) -> Option<(Class, String)> {
-    let explains = |time: Nanos| time > 0 && time >= size / 2;
-    let ms = |time: Nanos| time as f64 / 1e6;
+fn kernel(evidence: &Evidence, record: &ScanRecord, size: Span, part: Part) -> Option<(Class, String)> {
+    let explains = |time: Span| !time.is_zero() && time >= size / 2;
+    let ms = Span::as_millis_f64;
     let said = |text: String| Some((Class::Kernel, text));
     if evidence.stopped {
         return Some((Class::Stopped, "SIGSTOP and SIGCONT".into()));
     }
-    if explains(evidence.throttled_ns) {
-        return said(format!("the CPU quota of its control group was used up for {:.1} ms", ms(evidence.throttled_ns)));
+    if explains(evidence.throttled) {
+        return said(format!("the CPU quota of its control group was used up for {:.1} ms", ms(evidence.throttled)));
     }
     let measured = evidence.measured.unwrap_or_default();
     if explains(measured.waited_at_least()) {
-        return said(format!("waited {:.3} ms for a core", ms(measured.waited_ns.min(size))));
+        return said(format!("waited {:.3} ms for a core", ms(measured.waited.min(size))));
     }
     // Neither on a core nor waiting for one: only a scan that runs can be held.
     let held = match (part, evidence.measured) {
-        (Part::Wake, _) => 0,
-        (_, Some(m)) => record.execution().saturating_sub(m.ran_ns).saturating_sub(m.waited_ns).min(size),
+        (Part::Wake, _) => Span::ZERO,
+        (_, Some(m)) => record.execution().saturating_sub(m.ran).saturating_sub(m.waited).min(size),
         (_, None) => size,
     };
     if evidence.major_faults > 0 && explains(held) {
@@ -234,10 +246,10 @@ fn kernel(evidence: &Evidence, record: &ScanRecord, size: Nanos, part: Part) -> 
         let before = record.scan.saturating_sub(1);
         return Some((Class::Carried, format!("scan {before} was late as well; this one began at once after it")));
     }
-    if explains(evidence.steal_ns) {
-        return said(format!("steal {:.0} ms", ms(evidence.steal_ns)));
+    if explains(evidence.steal) {
+        return said(format!("steal {:.0} ms", ms(evidence.steal)));
     }
-    if part != Part::Wake && explains(evidence.minor_faults * MINOR_FAULT) {
+    if part != Part::Wake && explains(MINOR_FAULT * evidence.minor_faults) {
         return said(format!("{} page faults", evidence.minor_faults));
     }
     None
@@ -248,34 +260,32 @@ fn unexplained(evidence: &Evidence, what: &str) -> (Class, String) {
     let mut looked = match evidence.measured {
         Some(m) => format!(
             "waited for a core {:.1} µs, of that {} other scans at most {:.1} µs; on a core {:.1} µs",
-            m.waited_ns as f64 / 1e3,
+            m.waited.as_micros_f64(),
             m.others,
-            m.others_ns as f64 / 1e3,
-            m.ran_ns as f64 / 1e3
+            m.others_waited.as_micros_f64(),
+            m.ran.as_micros_f64()
         ),
         None => "no schedstat".to_owned(),
     };
-    let counts = [
-        ("steal", evidence.steal_ns, "ms", 1_000_000),
-        ("interrupts", evidence.interrupts_ns, "ms", 1_000_000),
-        ("quota", evidence.throttled_ns, "ms", 1_000_000),
-        ("page faults", evidence.minor_faults, "", 1),
-        ("page faults from the disk", evidence.major_faults, "", 1),
-        ("observer late", evidence.observer_late_ns, "ms", 1_000_000),
+    let time = |name, time: Span| (!time.is_zero()).then(|| format!("; {name} {} ms", time.millis()));
+    let count = |name, count: u64| (count > 0).then(|| format!("; {name} {count}"));
+    let also = [
+        time("steal", evidence.steal),
+        time("interrupts", evidence.interrupts),
+        time("quota", evidence.throttled),
+        count("page faults", evidence.minor_faults),
+        count("page faults from the disk", evidence.major_faults),
+        time("observer late", evidence.observer_late),
     ];
-    for (name, count, unit, each) in counts {
-        if count > 0 {
-            looked += format!("; {name} {} {unit}", count / each).trim_end();
-        }
-    }
+    looked.extend(also.into_iter().flatten());
     (Class::Unexplained, format!("{what} ({looked})"))
 }
 
 /// Whether the statements that were executed can have taken that long.
-fn plausible(record: &ScanRecord, evidence: &Evidence, size: Nanos) -> bool {
+fn plausible(record: &ScanRecord, evidence: &Evidence, size: Span) -> bool {
     // The first scans have no usual time yet: then 10 ns a statement are taken.
-    let each = evidence.ns_per_statement.max(10);
-    record.statements.saturating_mul(each).saturating_mul(PLAUSIBLE) >= size
+    let each = evidence.per_statement.max(Span::from_nanos(10));
+    each.times(record.statements).times(PLAUSIBLE) >= size
 }
 
 fn program(record: &ScanRecord) -> String {
@@ -291,56 +301,61 @@ mod tests {
     use super::*;
     use ob1_cpu::Flags;
     use ob1_model::{BlockId, BlockKind};
+    use ob1_time::Instant;
 
-    const MS: Nanos = 1_000_000;
+    const MS: Span = Span::MILLISECOND;
+    const NONE: Span = Span::ZERO;
 
-    fn woke_late(by: Nanos) -> ScanRecord {
+    const DUE: Instant = Instant::from_millis(100);
+
+    fn woke_late(by: Span) -> ScanRecord {
         let flags = Flags { began_late: true, ..Flags::default() };
         ScanRecord {
             scan: 9,
-            planned: 100 * MS,
-            start: 100 * MS + by,
-            end: 100 * MS + by + 10_000,
+            planned: DUE,
+            start: DUE + by,
+            end: DUE + by + Span::from_micros(10),
             flags,
             ..ScanRecord::default()
         }
     }
 
-    fn took_long(part: fn(&mut ScanRecord) -> &mut Nanos, time: Nanos) -> ScanRecord {
+    fn took_long(part: fn(&mut ScanRecord) -> &mut Span, time: Span) -> ScanRecord {
         let flags = Flags { took_long: true, overran: true, ..Flags::default() };
-        let mut record = ScanRecord { scan: 9, planned: 100 * MS, start: 100 * MS, flags, ..ScanRecord::default() };
+        let mut record = ScanRecord { scan: 9, planned: DUE, start: DUE, flags, ..ScanRecord::default() };
         *part(&mut record) = time;
-        (record.longest_ob, record.longest_ob_time, record.end) = (1, time, record.start + time + 5000);
+        (record.longest_ob, record.longest_ob_time, record.end) =
+            (1, time, record.start + time + 5 * Span::MICROSECOND);
         record
     }
 
     /// The scan was alone in its window, and the thread waited and ran so long.
-    fn alone(waited_ns: Nanos, ran_ns: Nanos) -> Evidence {
-        let measured = Some(Measured { window_ns: 100 * MS, waited_ns, ran_ns, ..Measured::default() });
-        Evidence { window_ns: 100 * MS, measured, ns_per_statement: 20, ..Evidence::default() }
+    fn alone(waited: Span, ran: Span) -> Evidence {
+        let measured = Some(Measured { window: 100 * MS, waited, ran, ..Measured::default() });
+        Evidence { window: 100 * MS, measured, per_statement: Span::from_nanos(20), ..Evidence::default() }
     }
 
     #[test]
     fn a_scan_that_began_late() {
-        let quiet = alone(0, 0);
+        let quiet = alone(NONE, NONE);
         let blind = Evidence { measured: None, ..quiet };
-        let beside = |waited_ns, others_ns| {
-            let measured = Some(Measured { waited_ns, others: 9, others_ns, ..Measured::default() });
+        let beside = |waited, others_waited| {
+            let measured = Some(Measured { waited, others: 9, others_waited, ..Measured::default() });
             Evidence { measured, ..quiet }
         };
         let cases = [
             ("asleep", quiet, Class::Timer),
-            ("run queue", alone(MS / 2, 0), Class::Kernel),
-            ("some wait", alone(MS / 3, 0), Class::Timer),
+            ("run queue", alone(MS / 2, NONE), Class::Kernel),
+            ("some wait", alone(MS / 3, NONE), Class::Timer),
             ("others waited", beside(MS, MS * 3 / 4), Class::Unexplained),
             ("others waited less", beside(MS, MS / 4), Class::Kernel),
             ("others waited, but not much", beside(MS / 3, MS / 4), Class::Timer),
             ("no schedstat", blind, Class::Unexplained),
-            ("steal", Evidence { steal_ns: 10 * MS, ..quiet }, Class::Kernel),
-            ("quota", Evidence { throttled_ns: 30 * MS, ..quiet }, Class::Kernel),
-            ("stopped", Evidence { stopped: true, ..alone(MS, 0) }, Class::Stopped),
+            ("steal", Evidence { steal: 10 * MS, ..quiet }, Class::Kernel),
+            ("quota", Evidence { throttled: 30 * MS, ..quiet }, Class::Kernel),
+            ("stopped", Evidence { stopped: true, ..alone(MS, NONE) }, Class::Stopped),
             ("no sleep", Evidence { no_sleep: true, ..quiet }, Class::Carried),
-            ("no sleep, no core", Evidence { no_sleep: true, ..alone(MS, 0) }, Class::Kernel),
+            ("no sleep, no core", Evidence { no_sleep: true, ..alone(MS, NONE) }, Class::Kernel),
             // A thread that sleeps touches no page.
             ("disk", Evidence { major_faults: 3, ..quiet }, Class::Timer),
             ("disk, no schedstat", Evidence { major_faults: 3, ..blind }, Class::Unexplained),
@@ -351,14 +366,14 @@ mod tests {
             assert_eq!((cause.class, cause.size), (class, MS), "{name}: {}", cause.what);
         }
         let before = ScanRecord { carried: MS, ..woke_late(MS) };
-        assert_eq!(explain(&before, &alone(MS, 0)).class, Class::Carried, "the record says it exactly");
+        assert_eq!(explain(&before, &alone(MS, NONE)).class, Class::Carried, "the record says it exactly");
         let between = ScanRecord { between: MS, between_ob: 35, ..woke_late(MS) };
-        assert_eq!(explain(&between, &alone(MS, 0)).class, Class::Program, "the record says it exactly");
+        assert_eq!(explain(&between, &alone(MS, NONE)).class, Class::Program, "the record says it exactly");
     }
 
     #[test]
     fn a_scan_that_took_long() {
-        let ran = alone(0, 6 * MS);
+        let ran = alone(NONE, 6 * MS);
         let blind = Evidence { measured: None, ..ran };
         let program = ScanRecord { statements: 400_000, ..took_long(|r| &mut r.program, 6 * MS) };
         let few = ScanRecord { statements: 4000, ..program };
@@ -375,33 +390,33 @@ mod tests {
             ("few statements", few, ran, Class::Unexplained),
             ("program off its core", program, alone(4 * MS, 2 * MS), Class::Kernel),
             ("program that waited a little", program, alone(2 * MS, 4 * MS), Class::Program),
-            ("program, faults", program, Evidence { major_faults: 2, ..alone(0, MS) }, Class::Kernel),
+            ("program, faults", program, Evidence { major_faults: 2, ..alone(NONE, MS) }, Class::Kernel),
             ("program, faults of others", program, Evidence { major_faults: 2, ..ran }, Class::Program),
             ("program, faults, no schedstat", program, Evidence { major_faults: 2, ..blind }, Class::Kernel),
             // A time on a core may be a tick old.
-            ("program, held a little", program, alone(0, MS), Class::Program),
-            ("program, held", longer, alone(0, 5 * MS), Class::Kernel),
+            ("program, held a little", program, alone(NONE, MS), Class::Program),
+            ("program, held", longer, alone(NONE, 5 * MS), Class::Kernel),
             ("plugin", plugin, ran, Class::Plugin),
-            ("plugin that sleeps", plugin, alone(0, 0), Class::Plugin),
+            ("plugin that sleeps", plugin, alone(NONE, NONE), Class::Plugin),
             ("plugin off its core", plugin, alone(5 * MS, MS), Class::Kernel),
-            ("inputs", took_long(|r| &mut r.inputs, 2 * MS), alone(0, 2 * MS), Class::Driver),
-            ("outputs", outputs, alone(0, 2 * MS), Class::Driver),
-            ("faults", outputs, Evidence { minor_faults: 1500, ..alone(0, 2 * MS) }, Class::Kernel),
-            ("quota", program, Evidence { throttled_ns: 5 * MS, ..ran }, Class::Kernel),
-            ("little quota", program, Evidence { throttled_ns: MS, ..ran }, Class::Program),
-            ("interrupts are looked at only", few, Evidence { interrupts_ns: 90 * MS, ..ran }, Class::Unexplained),
+            ("inputs", took_long(|r| &mut r.inputs, 2 * MS), alone(NONE, 2 * MS), Class::Driver),
+            ("outputs", outputs, alone(NONE, 2 * MS), Class::Driver),
+            ("faults", outputs, Evidence { minor_faults: 1500, ..alone(NONE, 2 * MS) }, Class::Kernel),
+            ("quota", program, Evidence { throttled: 5 * MS, ..ran }, Class::Kernel),
+            ("little quota", program, Evidence { throttled: MS, ..ran }, Class::Program),
+            ("interrupts are looked at only", few, Evidence { interrupts: 90 * MS, ..ran }, Class::Unexplained),
         ];
         for (name, record, evidence, class) in cases {
             let cause = explain(&record, &evidence);
             assert_eq!(cause.class, class, "{name}: {}", cause.what);
         }
-        let looked = explain(&few, &Evidence { interrupts_ns: 90 * MS, ..ran }).what;
+        let looked = explain(&few, &Evidence { interrupts: 90 * MS, ..ran }).what;
         assert!(looked.contains("interrupts 90 ms") && looked.contains("on a core 6000.0"), "{looked}");
     }
 
     #[test]
     fn the_longest_part_decides() {
-        let quiet = alone(0, 0);
+        let quiet = alone(NONE, NONE);
         let mut record = took_long(|r| &mut r.program, 3 * MS);
         (record.statements, record.inputs, record.start) = (1_000_000, MS, record.start + 2 * MS);
         record.flags.began_late = true;

@@ -3,11 +3,11 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use ob1_cpu::Nanos;
 use ob1_rt::ThreadTimes;
+use ob1_time::Span;
 
 /// Time of a tick of `/proc/stat` (USER_HZ is 100 on every Linux).
-const TICK: Nanos = 10_000_000;
+const TICK: Span = Span::from_millis(10);
 /// Where control groups are.
 const CGROUPS: &str = "/sys/fs/cgroup";
 
@@ -24,11 +24,11 @@ pub(super) struct Sources {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Counters {
     /// Time the host has taken from the cores, since the boot.
-    pub(super) steal: Nanos,
+    pub(super) steal: Span,
     /// Time the cores were at interrupts, since the boot.
-    pub(super) interrupts: Nanos,
+    pub(super) interrupts: Span,
     /// Time the quotas of the control groups have held back their threads.
-    pub(super) throttled: Nanos,
+    pub(super) throttled: Span,
     pub(super) switches: u64,
     pub(super) minor_faults: u64,
     pub(super) major_faults: u64,
@@ -56,7 +56,7 @@ impl Sources {
         Counters {
             steal: of_the_cores(&of_cores, &self.cores, &[STEAL]),
             interrupts: of_the_cores(&of_cores, &self.cores, &[IRQ, SOFTIRQ]),
-            throttled: self.quotas.iter().filter_map(held).sum(),
+            throttled: self.quotas.iter().filter_map(held).fold(Span::ZERO, Span::saturating_add),
             switches: switches(&read("status")),
             minor_faults,
             major_faults,
@@ -82,9 +82,10 @@ fn quotas(groups: &str) -> Vec<PathBuf> {
 }
 
 /// From a `cpu.stat`: microseconds in version 2, nanoseconds in version 1.
-fn throttled(stat: &str) -> Option<Nanos> {
+fn throttled(stat: &str) -> Option<Span> {
     let figure = |key: &str| stat.lines().find_map(|line| line.strip_prefix(key)?.trim().parse::<u64>().ok());
-    figure("throttled_usec ").map(|us| us.saturating_mul(1000)).or_else(|| figure("throttled_time "))
+    let (micros, nanos) = (figure("throttled_usec "), figure("throttled_time "));
+    micros.map(Span::from_micros).or_else(|| nanos.map(Span::from_nanos))
 }
 
 /// Fields 10 and 12 of `stat`; the name in field 2 may hold blanks and brackets.
@@ -106,14 +107,15 @@ const SOFTIRQ: usize = 6;
 const STEAL: usize = 7;
 
 /// The sum of these figures over the cores' lines, or of the line of all cores when none are named.
-fn of_the_cores(stat: &str, cores: &[usize], figures: &[usize]) -> Nanos {
+fn of_the_cores(stat: &str, cores: &[usize], figures: &[usize]) -> Span {
     let ticks = |name: &str| -> u64 {
         let line = stat.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(' ')).unwrap_or_default();
         let all: Vec<u64> = line.split_whitespace().map(|figure| figure.parse().unwrap_or(0)).collect();
         figures.iter().filter_map(|&figure| all.get(figure)).sum()
     };
-    let sum = if cores.is_empty() { ticks("cpu") } else { cores.iter().map(|core| ticks(&format!("cpu{core}"))).sum() };
-    sum.saturating_mul(TICK)
+    let sum: u64 =
+        if cores.is_empty() { ticks("cpu") } else { cores.iter().map(|core| ticks(&format!("cpu{core}"))).sum() };
+    TICK.times(sum)
 }
 
 #[cfg(test)]
@@ -128,7 +130,7 @@ mod tests {
         let stat = "cpu  8 0 2 1 6 2 1 30 0 0\ncpu0 4 0 1 1 3 0 1 10 0 0\ncpu1 4 0 1 0 3 2 0 20 0 0\n";
         let steal = |cores: &[usize]| of_the_cores(stat, cores, &[STEAL]);
         assert_eq!([steal(&[]), steal(&[1]), steal(&[0, 1])], [30 * TICK, 20 * TICK, 30 * TICK]);
-        assert_eq!(steal(&[7]), 0);
+        assert_eq!(steal(&[7]), Span::ZERO);
         assert_eq!(of_the_cores(stat, &[], &[IRQ, SOFTIRQ]), 3 * TICK);
         assert_eq!(of_the_cores(stat, &[1], &[IRQ, SOFTIRQ]), 2 * TICK);
     }
@@ -141,8 +143,8 @@ mod tests {
         assert_eq!(paths("0::/a.slice/b\n"), unified);
         let first = ["/sys/fs/cgroup/cpu,cpuacct/docker/cpu.stat", "/sys/fs/cgroup/cpu,cpuacct/cpu.stat"];
         assert_eq!(paths("4:memory:/docker\n3:cpu,cpuacct:/docker\n2:cpuset:/\nnonsense\n"), first);
-        assert_eq!(throttled("usage_usec 9\nnr_throttled 2\nthrottled_usec 1500\n"), Some(1_500_000));
-        assert_eq!(throttled("nr_periods 1\nthrottled_time 77\n"), Some(77));
+        assert_eq!(throttled("usage_usec 9\nnr_throttled 2\nthrottled_usec 1500\n"), Some(Span::from_micros(1_500)));
+        assert_eq!(throttled("nr_periods 1\nthrottled_time 77\n"), Some(Span::from_nanos(77)));
         assert_eq!(throttled("usage_usec 9\n"), None, "a group without the controller");
     }
 

@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use ob1_cpu::{Nanos, ScanRecord};
+use ob1_cpu::ScanRecord;
+use ob1_time::Instant;
 
 use super::cause::{Cause, Class, Evidence};
 use super::snapshot::{ClassTotal, LateEntry, LateReport};
@@ -26,8 +27,8 @@ impl Ledger {
     pub(super) fn enter(&mut self, record: &ScanRecord, evidence: &Evidence, cause: Cause) {
         let total = self.classes.entry(cause.class).or_default();
         total.scans += 1;
-        total.time_ns = total.time_ns.saturating_add(cause.size);
-        total.worst_ns = total.worst_ns.max(cause.size);
+        total.time_ns = total.time_ns.saturating_add(cause.size.nanos());
+        total.worst_ns = total.worst_ns.max(cause.size.nanos());
         let entry = LateEntry::new(record, evidence, cause);
         keep(&mut self.newest, &entry);
         if entry.class == Class::Unexplained {
@@ -44,10 +45,10 @@ impl Ledger {
     }
 
     /// What stood in the way of the scan in which the watchdog expired at this time, if that has been explained.
-    pub(super) fn watchdog(&self, expired: Nanos) -> Option<&LateEntry> {
+    pub(super) fn watchdog(&self, expired: Instant) -> Option<&LateEntry> {
         self.watchdogs.iter().rev().find(|entry| {
             let start = entry.planned_ns + entry.lateness_ns;
-            (start..=start + entry.execution_ns).contains(&expired)
+            (start..=start + entry.execution_ns).contains(&expired.nanos())
         })
     }
 
@@ -84,6 +85,11 @@ fn keep(kept: &mut Vec<LateEntry>, entry: &LateEntry) {
 mod tests {
     use super::*;
     use ob1_cpu::Flags;
+    use ob1_time::Span;
+
+    const fn at(nanos: u64) -> Instant {
+        Instant::from_nanos(nanos)
+    }
 
     #[test]
     fn totals_and_the_longest() {
@@ -91,17 +97,18 @@ mod tests {
         for scan in 1..=100 {
             let class = if scan % 4 == 0 { Class::Unexplained } else { Class::Program };
             let record = ScanRecord { scan, ..ScanRecord::default() };
-            let size = (scan * 37) % 101;
+            let size = Span::from_nanos((scan * 37) % 101);
             ledger.enter(&record, &Evidence::default(), Cause { class, what: String::new(), size });
         }
         let flags = Flags { watchdog: true, ..Flags::default() };
-        let record = ScanRecord { scan: 100, planned: 500, start: 600, end: 900, flags, ..ScanRecord::default() };
-        let cause = Cause { class: Class::Kernel, what: "no core".into(), size: 300 };
+        let record =
+            ScanRecord { scan: 100, planned: at(500), start: at(600), end: at(900), flags, ..ScanRecord::default() };
+        let cause = Cause { class: Class::Kernel, what: "no core".into(), size: Span::from_nanos(300) };
         let mut expired = Ledger::default();
         expired.enter(&record, &Evidence::default(), cause);
-        let found = |time| expired.watchdog(time).map(|entry| entry.what.as_str());
+        let found = |time| expired.watchdog(at(time)).map(|entry| entry.what.as_str());
         assert_eq!([found(599), found(600), found(900), found(901)], [None, Some("no core"), Some("no core"), None]);
-        assert!(ledger.watchdog(0).is_none(), "scans without a watchdog");
+        assert!(ledger.watchdog(Instant::START).is_none(), "scans without a watchdog");
         ledger.lose(3);
         let report = ledger.report(105);
         assert_eq!((report.scans, report.pending, report.lost), (105, 2, 3));

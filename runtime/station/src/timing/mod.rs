@@ -18,8 +18,9 @@ pub use snapshot::{Recorder, TIMING_SCHEMA, Timing};
 
 use std::sync::Arc;
 
-use ob1_cpu::{Accounts, CpuConfig, Figures, Flight, MissedCycle, Nanos};
+use ob1_cpu::{Accounts, CpuConfig, Figures, Flight, MissedCycle};
 use ob1_rt::MonotonicClock;
+use ob1_time::{Instant, Span};
 use parking_lot::Mutex;
 
 use ledger::Ledger;
@@ -30,7 +31,7 @@ use snapshot::{FlightDump, Spread};
 pub struct Timings {
     accounts: Arc<Accounts>,
     clock: MonotonicClock,
-    min_cycle: Nanos,
+    min_cycle: Span,
     missed: MissedCycle,
     state: Arc<Mutex<State>>,
 }
@@ -39,7 +40,7 @@ pub struct Timings {
 struct State {
     /// The figures at the last reset, and when that was.
     before: Figures,
-    since: Nanos,
+    since: Instant,
     ledger: Ledger,
     /// Flights the recorder froze: the newest, and the one that ended in the longest delay.
     newest: Option<Flight>,
@@ -76,12 +77,12 @@ impl Timings {
         let spread = |histogram| Spread::new(histogram, histograms);
         Timing {
             schema: TIMING_SCHEMA,
-            time_ns: self.clock.time(),
-            since_ns: state.since,
-            min_cycle_ns: self.min_cycle,
+            time_ns: self.clock.time().nanos(),
+            since_ns: state.since.nanos(),
+            min_cycle_ns: self.min_cycle.nanos(),
             missed_rule: rule(self.missed).into(),
-            late_from_ns: late_from,
-            long_from_ns: long_from,
+            late_from_ns: late_from.nanos(),
+            long_from_ns: long_from.nanos(),
             scans: figures.scans,
             statements: figures.statements,
             overruns: figures.overruns,
@@ -117,14 +118,14 @@ impl Timings {
 
     /// What stood in the way of the scan in which the watchdog expired at this time; known a tenth of a second later.
     #[must_use]
-    pub fn watchdog(&self, expired: Nanos) -> Option<String> {
+    pub fn watchdog(&self, expired: Instant) -> Option<String> {
         self.state.lock().ledger.watchdog(expired).map(text::cause)
     }
 
     /// Takes the flight that an overrun has frozen, if there is one.
     fn keep_frozen(&self) {
         let Some(flight) = self.accounts.take_frozen() else { return };
-        let delay = |flight: &Flight| flight.scans.last().map_or(0, |scan| scan.end.saturating_sub(scan.planned));
+        let delay = |flight: &Flight| flight.scans.last().map_or(Span::ZERO, |scan| scan.end.since(scan.planned));
         let mut state = self.state.lock();
         state.frozen += 1;
         if state.worst.as_ref().is_none_or(|worst| delay(&flight) > delay(worst)) {

@@ -5,10 +5,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::thread::JoinHandle;
-use std::time::Duration;
 
-use ob1_cpu::{Nanos, ScanRecord, Sums};
+use ob1_cpu::{ScanRecord, Sums};
 use ob1_rt::{Continued, ThreadLook};
+use ob1_time::{Instant, Span};
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::Timings;
@@ -17,7 +17,7 @@ use super::kernel::Sources;
 use super::looks::{LateScan, Look, Looks, Sample};
 
 /// Between two looks.
-const LOOK: Duration = Duration::from_millis(50);
+const LOOK: Span = Span::from_millis(50);
 /// How often a look is tried while scans end.
 const TRIES: usize = 3;
 /// Late scans that can wait for a look.
@@ -37,7 +37,7 @@ pub struct LateSender {
     shared: Arc<Shared>,
     look: ThreadLook,
     /// The last late scan, and when it had been handed over.
-    ready: (u64, Nanos),
+    ready: (u64, Option<Instant>),
 }
 
 impl LateSender {
@@ -45,7 +45,7 @@ impl LateSender {
     #[must_use]
     pub fn pair() -> (Self, Unobserved) {
         let (ring, late) = RingBuffer::new(ROOM);
-        (Self { ring, shared: Arc::default(), look: ThreadLook::open(), ready: (0, 0) }, Unobserved(late))
+        (Self { ring, shared: Arc::default(), look: ThreadLook::open(), ready: (0, None) }, Unobserved(late))
     }
 
     /// Names the calling thread as the one that scans.
@@ -57,17 +57,17 @@ impl LateSender {
     /// Hands a late scan over, with the sums of the accounts at its end: one look at the thread's times.
     #[cold]
     pub fn send(&mut self, record: &ScanRecord, sums: Sums) {
-        let ready = if self.ready.0 + 1 == record.scan { self.ready.1 } else { 0 };
+        let ready = if self.ready.0 + 1 == record.scan { self.ready.1 } else { None };
         let late = LateScan { record: *record, times: self.look.times(), sums, ready };
-        self.ready = (record.scan, 0);
+        self.ready = (record.scan, None);
         if self.ring.push(late).is_err() {
             self.shared.lost.fetch_add(1, Ordering::Relaxed);
         }
     }
 
     /// All that follows a late scan has been done.
-    pub fn ready(&mut self, now: Nanos) {
-        self.ready.1 = now;
+    pub fn ready(&mut self, now: Instant) {
+        self.ready.1 = Some(now);
     }
 }
 
@@ -105,25 +105,25 @@ impl Observer {
             late,
             shared: Arc::clone(&shared),
             continued,
-            looks: Looks::new(LOOK.as_nanos() as Nanos),
+            looks: Looks::new(LOOK),
             waiting: Vec::with_capacity(ROOM),
         };
         let thread = ob1_rt::spawn("ob1-observer", move || {
             let mut planned = looking.timings.clock.time();
             loop {
                 looking.look(planned);
-                planned = looking.timings.clock.time() + LOOK.as_nanos() as Nanos;
-                if stopped.recv_timeout(LOOK) != Err(RecvTimeoutError::Timeout) {
+                planned = looking.timings.clock.time() + LOOK;
+                if stopped.recv_timeout(LOOK.into()) != Err(RecvTimeoutError::Timeout) {
                     break;
                 }
             }
             // Once to take what is there, once to explain it.
-            looking.look(Nanos::MAX);
-            looking.look(Nanos::MAX);
+            looking.look(Instant::NEVER);
+            looking.look(Instant::NEVER);
         })?;
         Ok((
             Self { stop: Some(stop), thread: Some(thread) },
-            LateSender { ring, shared, look: ThreadLook::default(), ready: (0, 0) },
+            LateSender { ring, shared, look: ThreadLook::default(), ready: (0, None) },
         ))
     }
 }
@@ -149,7 +149,7 @@ struct Looking {
 }
 
 impl Looking {
-    fn look(&mut self, planned: Nanos) {
+    fn look(&mut self, planned: Instant) {
         let thread = self.shared.thread.load(Ordering::Acquire);
         if thread == 0 {
             return;
@@ -158,12 +158,12 @@ impl Looking {
         let look = (0..TRIES).find_map(|_| self.thread_look(thread));
         let counters = self.sources.read(thread);
         let to = self.timings.clock.time();
-        let (continued, late) = (self.continued.take(), from.saturating_sub(planned));
+        let (continued, late) = (self.continued.take(), from.since(planned));
         self.looks.enter(Sample { from, to, look, counters, continued, late });
         self.timings.keep_frozen();
         let waiting = std::mem::take(&mut self.waiting);
         if !waiting.is_empty() {
-            let per_statement = self.ns_per_statement();
+            let per_statement = self.per_statement();
             for late in &waiting {
                 let evidence = self.looks.evidence(late, per_statement);
                 let cause = explain(&late.record, &evidence);
@@ -187,10 +187,10 @@ impl Looking {
     }
 
     /// What the program's statements usually take.
-    fn ns_per_statement(&self) -> Nanos {
+    fn per_statement(&self) -> Span {
         let figures = self.timings.figures();
         let time: f64 = figures.obs.iter().map(|ob| ob.execution.mean() * ob.execution.count() as f64).sum();
         let plugins: f64 = figures.blocks.iter().map(|b| b.execution.mean() * b.execution.count() as f64).sum();
-        ((time - plugins).max(0.0) / figures.statements.max(1) as f64) as Nanos
+        Span::from_nanos(((time - plugins).max(0.0) / figures.statements.max(1) as f64) as u64)
     }
 }

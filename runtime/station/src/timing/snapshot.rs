@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use ob1_cpu::{BlockFigures, Flight, Histogram, Nanos, ObFigures, ScanRecord};
+use ob1_cpu::{BlockFigures, Flight, Histogram, ObFigures, ScanRecord};
 use serde::{Deserialize, Serialize};
 
 use super::cause::{Cause, Class, Evidence};
@@ -16,17 +16,17 @@ pub struct Timing {
     /// [`TIMING_SCHEMA`].
     pub schema: u32,
     /// When this was read, by the runtime's clock.
-    pub time_ns: Nanos,
+    pub time_ns: u64,
     /// From when on it counts.
-    pub since_ns: Nanos,
+    pub since_ns: u64,
     /// The minimum cycle time; 0: none.
-    pub min_cycle_ns: Nanos,
+    pub min_cycle_ns: u64,
     /// What becomes of a missed deadline: `now`, `skip`, `catch-up`.
     pub missed_rule: String,
     /// A scan that begins so much after its deadline is late.
-    pub late_from_ns: Nanos,
+    pub late_from_ns: u64,
     /// A scan that takes so long is late.
-    pub long_from_ns: Nanos,
+    pub long_from_ns: u64,
     /// Finished cycles in RUN.
     pub scans: u64,
     /// Statements executed.
@@ -66,40 +66,44 @@ pub struct Spread {
     /// How many.
     pub count: u64,
     /// Least.
-    pub min_ns: Nanos,
+    pub min_ns: u64,
     /// Mean.
     pub mean_ns: f64,
     /// Median.
-    pub p50_ns: Nanos,
+    pub p50_ns: u64,
     /// 90 % are at most this.
-    pub p90_ns: Nanos,
+    pub p90_ns: u64,
     /// 99 %.
-    pub p99_ns: Nanos,
+    pub p99_ns: u64,
     /// 99.9 %.
-    pub p999_ns: Nanos,
+    pub p999_ns: u64,
     /// 99.99 %.
-    pub p9999_ns: Nanos,
+    pub p9999_ns: u64,
     /// Greatest.
-    pub max_ns: Nanos,
+    pub max_ns: u64,
     /// Each bucket that holds something, ascending: its greatest value, and how many. Where they were asked for.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub buckets: Vec<(Nanos, u64)>,
+    pub buckets: Vec<(u64, u64)>,
 }
 
 impl Spread {
     pub(super) fn new(histogram: &Histogram, buckets: bool) -> Self {
-        let at = |quantile| histogram.quantile(quantile);
+        let at = |quantile| histogram.quantile(quantile).nanos();
         Self {
             count: histogram.count(),
-            min_ns: histogram.min(),
+            min_ns: histogram.min().nanos(),
             mean_ns: histogram.mean(),
             p50_ns: at(0.5),
             p90_ns: at(0.9),
             p99_ns: at(0.99),
             p999_ns: at(0.999),
             p9999_ns: at(0.9999),
-            max_ns: histogram.max(),
-            buckets: if buckets { histogram.buckets().collect() } else { Vec::new() },
+            max_ns: histogram.max().nanos(),
+            buckets: if buckets {
+                histogram.buckets().map(|(time, count)| (time.nanos(), count)).collect()
+            } else {
+                Vec::new()
+            },
         }
     }
 }
@@ -180,9 +184,9 @@ pub struct ClassTotal {
     /// How many.
     pub scans: u64,
     /// Their delays together.
-    pub time_ns: Nanos,
+    pub time_ns: u64,
     /// The longest.
-    pub worst_ns: Nanos,
+    pub worst_ns: u64,
 }
 
 /// A late scan.
@@ -191,17 +195,17 @@ pub struct LateEntry {
     /// Its number.
     pub scan: u64,
     /// Its deadline.
-    pub planned_ns: Nanos,
+    pub planned_ns: u64,
     /// From its deadline to its start.
-    pub lateness_ns: Nanos,
+    pub lateness_ns: u64,
     /// From its start to its end.
-    pub execution_ns: Nanos,
+    pub execution_ns: u64,
     /// Who made it late.
     pub class: Class,
     /// What exactly.
     pub what: String,
     /// How much of the delay that is.
-    pub size_ns: Nanos,
+    pub size_ns: u64,
     /// What the kernel counted.
     pub evidence: Evidence,
 }
@@ -210,12 +214,12 @@ impl LateEntry {
     pub(super) fn new(record: &ScanRecord, evidence: &Evidence, cause: Cause) -> Self {
         Self {
             scan: record.scan,
-            planned_ns: record.planned,
-            lateness_ns: record.lateness(),
-            execution_ns: record.execution(),
+            planned_ns: record.planned.nanos(),
+            lateness_ns: record.lateness().nanos(),
+            execution_ns: record.execution().nanos(),
             class: cause.class,
             what: cause.what,
-            size_ns: cause.size,
+            size_ns: cause.size.nanos(),
             evidence: *evidence,
         }
     }
@@ -258,34 +262,34 @@ pub struct ScanDump {
     /// Its number.
     pub scan: u64,
     /// Its deadline.
-    pub planned_ns: Nanos,
+    pub planned_ns: u64,
     /// From its deadline to its start.
-    pub lateness_ns: Nanos,
+    pub lateness_ns: u64,
     /// Of that, the scan before.
-    pub carried_ns: Nanos,
+    pub carried_ns: u64,
     /// Of that, organization blocks between the two scans.
-    pub between_ns: Nanos,
+    pub between_ns: u64,
     /// From its start to its end.
-    pub execution_ns: Nanos,
+    pub execution_ns: u64,
     /// Back plane and process image before OB 1.
-    pub inputs_ns: Nanos,
+    pub inputs_ns: u64,
     /// All organization blocks, plugins included.
-    pub program_ns: Nanos,
+    pub program_ns: u64,
     /// All blocks of plugins.
-    pub plugins_ns: Nanos,
+    pub plugins_ns: u64,
     /// Process image and back plane after OB 1.
-    pub outputs_ns: Nanos,
+    pub outputs_ns: u64,
     /// Statements executed.
     pub statements: u64,
     /// The organization block that took longest.
     pub longest_ob: u16,
     /// Its time.
-    pub longest_ob_ns: Nanos,
+    pub longest_ob_ns: u64,
     /// The plugin block with the longest call.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub longest_plugin: Option<String>,
     /// That call's time.
-    pub longest_plugin_ns: Nanos,
+    pub longest_plugin_ns: u64,
     /// The block that ran when the scan had become long.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub long_in: Option<String>,
@@ -308,20 +312,20 @@ impl ScanDump {
         ];
         Self {
             scan: record.scan,
-            planned_ns: record.planned,
-            lateness_ns: record.lateness(),
-            carried_ns: record.carried,
-            between_ns: record.between,
-            execution_ns: record.execution(),
-            inputs_ns: record.inputs,
-            program_ns: record.program,
-            plugins_ns: record.plugins,
-            outputs_ns: record.outputs,
+            planned_ns: record.planned.nanos(),
+            lateness_ns: record.lateness().nanos(),
+            carried_ns: record.carried.nanos(),
+            between_ns: record.between.nanos(),
+            execution_ns: record.execution().nanos(),
+            inputs_ns: record.inputs.nanos(),
+            program_ns: record.program.nanos(),
+            plugins_ns: record.plugins.nanos(),
+            outputs_ns: record.outputs.nanos(),
             statements: record.statements,
             longest_ob: record.longest_ob,
-            longest_ob_ns: record.longest_ob_time,
+            longest_ob_ns: record.longest_ob_time.nanos(),
             longest_plugin: record.longest_plugin.map(|block| block.to_string()),
-            longest_plugin_ns: record.longest_plugin_time,
+            longest_plugin_ns: record.longest_plugin_time.nanos(),
             long_in: record.long_in.map(|block| block.to_string()),
             long_at_line: record.long_at_line,
             missed: record.missed,
