@@ -19,6 +19,7 @@ use crate::{check, diag, remote, soak, top, trace};
 use ob1_model::Command as Operating;
 use ob1_station::library::Chosen;
 use ob1_station::{compiling, guardian, janitor, out, run, station_file};
+use ob1_time::Span;
 
 const AFTER: &str = "\
 Examples:
@@ -114,7 +115,7 @@ struct RunArgs {
     station: PathBuf,
     /// End after this time: 10s, 8h
     #[arg(long = "for", value_name = "TIME", value_parser = station_file::parse_duration)]
-    time: Option<Duration>,
+    time: Option<Span>,
     /// End after so many cycles in RUN
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     scans: Option<u64>,
@@ -319,7 +320,7 @@ struct TraceArgs {
     quiet: bool,
     /// End after this time: 10s, 8h
     #[arg(long = "for", value_name = "TIME", value_parser = station_file::parse_duration)]
-    time: Option<Duration>,
+    time: Option<Span>,
 }
 
 /// Show a running station, live
@@ -341,7 +342,7 @@ struct TopArgs {
     watch: Vec<String>,
     /// Time between two looks
     #[arg(long, value_name = "TIME", default_value = "1s", value_parser = station_file::parse_duration)]
-    every: Duration,
+    every: Span,
     /// End after so many looks
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     count: Option<u64>,
@@ -371,7 +372,7 @@ struct SoakArgs {
     station: Option<PathBuf>,
     /// How long to measure: 10min, 8h
     #[arg(long = "for", value_name = "TIME", value_parser = station_file::parse_duration, required_unless_present = "compare")]
-    time: Option<Duration>,
+    time: Option<Span>,
     /// Say whether the second of two reports is worse than the first
     #[arg(long, num_args = 2, value_names = ["A.json", "B.json"], conflicts_with_all = ["station", "time", "budget", "load"])]
     compare: Option<Vec<PathBuf>>,
@@ -383,7 +384,7 @@ struct SoakArgs {
     budget: Vec<soak::Budget>,
     /// Time in RUN before the measurement begins [default: a tenth of it, at most 10s]
     #[arg(long, value_name = "TIME", value_parser = station_file::parse_duration)]
-    warm_up: Option<Duration>,
+    warm_up: Option<Span>,
     /// Cells of the program to follow, such as its own counters
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     cells: Vec<String>,
@@ -546,18 +547,18 @@ impl Command {
                 pcapng: args.pcapng,
                 raw: args.raw,
                 quiet: args.quiet,
-                time: args.time,
+                time: args.time.map(Duration::from),
             }),
             Command::Top(args) => top::top(&top::Options {
                 station: args.station,
                 plain: args.plain,
-                every: args.every,
+                every: args.every.into(),
                 count: args.count,
                 watch: args.watch,
             }),
             Command::Soak(args) => return args.soak().into(),
             Command::Janitor { stopped_ms, silent_ms, rundir, published } => {
-                let (stopped, silent) = (Duration::from_millis(stopped_ms), Duration::from_millis(silent_ms));
+                let (stopped, silent) = (Span::from_millis(stopped_ms), Span::from_millis(silent_ms));
                 janitor::run(&rundir, &published, guardian::Patience { stopped, silent });
                 Exit::Ok
             }
@@ -582,8 +583,8 @@ impl SoakArgs {
         let (Some(station), Some(time)) = (self.station, self.time) else { return exit::SoakExit::Inconclusive };
         soak::soak(&soak::Options {
             station,
-            time,
-            warm_up: self.warm_up,
+            time: time.into(),
+            warm_up: self.warm_up.map(Duration::from),
             budget: self.budget,
             cells: self.cells,
             doubled: self.doubled,
@@ -610,7 +611,7 @@ mod tests {
     fn words_are_understood() {
         let run = Cli::try_parse_from(["ob1", "run", "a.toml", "--for", "1.5s", "--scans", "7"]).expect("right");
         let Command::Run(args) = run.command else { panic!("{run:?}") };
-        assert_eq!((args.time, args.scans), (Some(Duration::from_millis(1500)), Some(7)));
+        assert_eq!((args.time, args.scans), (Some(Span::from_millis(1500)), Some(7)));
         for wrong in [
             &["ob1", "run", "a.toml", "--for", "10"][..],
             &["ob1", "run", "a.toml", "--scans", "0"],

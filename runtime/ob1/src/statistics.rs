@@ -1,9 +1,7 @@
 //! The statistics of a soak, as pure functions: percentiles of a distribution, slopes with a confidence interval,
-//! comparison of two runs.
+//! comparison of two runs. Values are plain numbers, as reports have them; times are in nanoseconds.
 
 use serde::{Deserialize, Serialize};
-
-use ob1_cpu::Nanos;
 
 /// A percentile is believed when at least so many values lie beyond it.
 pub const BEYOND: u64 = 10;
@@ -21,7 +19,7 @@ pub const PERCENTILES: [(&str, f64); 6] =
 #[serde(rename_all = "snake_case")]
 pub enum Percentile {
     /// Its value.
-    Known(Nanos),
+    Known(u64),
     /// So many values are needed until [`BEYOND`] of them can be expected to lie beyond it.
     Needs(u64),
 }
@@ -35,14 +33,14 @@ pub fn needed(share: f64) -> u64 {
 
 /// The percentile of a distribution given as its buckets: ascending, each its greatest value and its count.
 #[must_use]
-pub fn percentile(buckets: &[(Nanos, u64)], share: f64) -> Percentile {
+pub fn percentile(buckets: &[(u64, u64)], share: f64) -> Percentile {
     let count: u64 = buckets.iter().map(|(_, n)| n).sum();
     if count < needed(share) { Percentile::Needs(needed(share)) } else { Percentile::Known(quantile(buckets, share)) }
 }
 
 /// The value that a share of all values does not exceed; 0 without values.
 #[must_use]
-pub fn quantile(buckets: &[(Nanos, u64)], share: f64) -> Nanos {
+pub fn quantile(buckets: &[(u64, u64)], share: f64) -> u64 {
     let count: u64 = buckets.iter().map(|(_, n)| n).sum();
     let wanted = ((share * count as f64 - 1e-6).ceil() as u64).max(1);
     let mut seen = 0;
@@ -57,7 +55,7 @@ pub fn quantile(buckets: &[(Nanos, u64)], share: f64) -> Nanos {
 
 /// How many values are greater than a limit.
 #[must_use]
-pub fn beyond(buckets: &[(Nanos, u64)], limit: Nanos) -> u64 {
+pub fn beyond(buckets: &[(u64, u64)], limit: u64) -> u64 {
     buckets.iter().filter(|(value, _)| *value > limit).map(|(_, n)| n).sum()
 }
 
@@ -65,7 +63,7 @@ pub fn beyond(buckets: &[(Nanos, u64)], limit: Nanos) -> u64 {
 /// greatest value there has been, so that it is another name a moment later: a count that has no bucket any more is
 /// taken from the next higher one.
 #[must_use]
-pub fn since(now: &[(Nanos, u64)], before: &[(Nanos, u64)]) -> Vec<(Nanos, u64)> {
+pub fn since(now: &[(u64, u64)], before: &[(u64, u64)]) -> Vec<(u64, u64)> {
     let mut before = before.iter().copied().peekable();
     let mut owed = 0;
     let mut new = Vec::new();

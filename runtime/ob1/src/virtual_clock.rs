@@ -1,47 +1,48 @@
 //! Virtual time: statements take some, nothing else does, and nobody waits.
 
-use ob1_cpu::{Clock, Nanos};
+use ob1_cpu::Clock;
+use ob1_time::{Instant, Span};
 
 /// A clock that moves by the statements executed and by what it is told to let pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VirtualClock {
-    now: Nanos,
-    ns_per_statement: u64,
+    now: Instant,
+    per_statement: Span,
 }
 
 impl VirtualClock {
-    /// A clock that shows 0; `ns_per_statement` is charged for each statement.
+    /// A clock that shows 0; `per_statement` is charged for each statement.
     #[must_use]
-    pub const fn new(ns_per_statement: u64) -> Self {
-        Self { now: 0, ns_per_statement }
+    pub const fn new(per_statement: Span) -> Self {
+        Self { now: Instant::START, per_statement }
     }
 
     /// The time now.
     #[must_use]
-    pub const fn time(&self) -> Nanos {
+    pub const fn time(&self) -> Instant {
         self.now
     }
 
     /// Lets time pass until `deadline`; nothing happens when that is past.
-    pub fn advance_to(&mut self, deadline: Nanos) {
+    pub fn advance_to(&mut self, deadline: Instant) {
         self.now = self.now.max(deadline);
     }
 }
 
 impl Clock for VirtualClock {
-    fn now(&mut self) -> Nanos {
+    fn now(&mut self) -> Instant {
         self.now
     }
 
     fn executed(&mut self, statements: u64) {
-        self.now = self.now.saturating_add(statements.saturating_mul(self.ns_per_statement));
+        self.now = self.now.saturating_add(self.per_statement.times(statements));
     }
 
-    fn statements_in(&self, time: Nanos) -> Option<u64> {
-        Some(if self.ns_per_statement == 0 { u64::MAX } else { time.div_ceil(self.ns_per_statement) })
+    fn statements_in(&self, time: Span) -> Option<u64> {
+        Some(if self.per_statement.is_zero() { u64::MAX } else { time.div_ceil(self.per_statement) })
     }
 
-    fn wait(&mut self, deadline: Nanos) {
+    fn wait(&mut self, deadline: Instant) {
         self.advance_to(deadline);
     }
 }
@@ -52,13 +53,13 @@ mod tests {
 
     #[test]
     fn time_moves_by_statements_and_by_hand_and_never_back() {
-        let mut clock = VirtualClock::new(100);
+        let mut clock = VirtualClock::new(Span::from_nanos(100));
         clock.executed(5);
-        assert_eq!(clock.now(), 500);
-        clock.advance_to(2000);
-        clock.advance_to(1000);
-        assert_eq!(clock.now(), 2000);
+        assert_eq!(clock.now(), Instant::from_nanos(500));
+        clock.advance_to(Instant::from_nanos(2000));
+        clock.advance_to(Instant::from_nanos(1000));
+        assert_eq!(clock.now(), Instant::from_nanos(2000));
         clock.executed(u64::MAX);
-        assert_eq!(clock.now(), u64::MAX);
+        assert_eq!(clock.now(), Instant::NEVER);
     }
 }

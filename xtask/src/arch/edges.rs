@@ -238,6 +238,7 @@ const TABLE: &[Row] = &[
             // `ob1 import` reads the GSD files of DP slaves.
             "ob1-dp",
             "ob1-rt",
+            "ob1-time",
             "ob1-log",
             "ob1-access",
             "ob1-host",

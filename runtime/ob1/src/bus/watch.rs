@@ -8,6 +8,7 @@ use clap::Args;
 use ob1_station::access::client::{AccessError, Client};
 use ob1_station::access::protocol::{BusStatus, Op};
 use ob1_station::{out, station_file};
+use ob1_time::Span;
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
 use ratatui::widgets::Paragraph;
 
@@ -26,7 +27,7 @@ pub(super) struct WatchArgs {
     bus: Option<String>,
     /// Time between two looks
     #[arg(long, value_name = "TIME", default_value = "1s", value_parser = station_file::parse_duration)]
-    every: Duration,
+    every: Span,
     /// End after so many looks
     #[arg(long, short = 'n', value_name = "N")]
     count: Option<u64>,
@@ -120,7 +121,7 @@ fn lines(args: &WatchArgs, client: &mut Client, looks: &mut Looks) -> Result<Exi
         if out::is_over() || args.count.is_some_and(|wanted| count >= wanted) {
             return Ok(Exit::Ok);
         }
-        std::thread::sleep(args.every);
+        std::thread::sleep(args.every.into());
         if !next(args, client, looks)? {
             return Ok(Exit::Ok);
         }
@@ -138,7 +139,7 @@ fn screen(
         let mut shown = looks.text(None);
         shown.push_str("\nq quit");
         terminal.draw(|frame| frame.render_widget(Paragraph::new(shown.as_str()), frame.area()))?;
-        let left = args.every.saturating_sub(looks.at.elapsed());
+        let left = Duration::from(args.every).saturating_sub(looks.at.elapsed());
         if event::poll(left)? {
             if let Event::Key(key) = event::read()?
                 && key.kind != KeyEventKind::Release

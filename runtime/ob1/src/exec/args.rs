@@ -1,7 +1,6 @@
 //! The words of `ob1 exec`.
 
 use std::path::PathBuf;
-use std::time::Duration;
 
 use clap::{Args, ValueEnum};
 
@@ -10,6 +9,7 @@ use crate::cli::Language;
 use ob1_station::engine::EngineChoice;
 use ob1_station::library::{Choice, Chosen};
 use ob1_station::station_file;
+use ob1_time::Span;
 
 /// Run bare sources without a station file: the start OB once, then OB 1 for ever
 ///
@@ -61,7 +61,7 @@ pub struct ExecArgs {
     pub bit_memory: u32,
     /// End after this time; where time is virtual, also after 120 s of real time
     #[arg(long, value_name = "TIME", default_value = "60s", value_parser = station_file::parse_duration)]
-    pub limit: Duration,
+    pub limit: Span,
     /// The engine: auto, native, reference, both (the one held against the other), or plain (reference without its
     /// short forms)
     #[arg(long, value_name = "NAME", default_value = "auto", value_parser = EngineChoice::parse)]
@@ -77,10 +77,10 @@ pub struct ExecArgs {
     pub ns_per_statement: u64,
     /// Minimum cycle time
     #[arg(long, value_name = "TIME", default_value = "1ms", value_parser = station_file::parse_duration)]
-    pub min_cycle: Duration,
+    pub min_cycle: Span,
     /// Cycle monitoring time; 0ms: none
     #[arg(long, value_name = "TIME", default_value = "150ms", value_parser = station_file::parse_duration)]
-    pub watchdog: Duration,
+    pub watchdog: Span,
     /// The kind of start: OB 102, OB 100, OB 101
     #[arg(long, value_enum, default_value_t = Start::Warm)]
     pub start: Start,

@@ -1,10 +1,11 @@
 //! The clock of `ob1 exec`: virtual or real, with the limits of both.
 
 use std::fmt;
-use std::time::{Duration, Instant};
+use std::time::{self, Duration};
 
-use ob1_cpu::{Attention, Clock, Nanos};
+use ob1_cpu::{Attention, Clock};
 use ob1_rt::MonotonicClock;
+use ob1_time::{Instant, Span};
 
 use super::ExecArgs;
 use crate::virtual_clock::VirtualClock;
@@ -25,7 +26,7 @@ pub(super) struct WallTime(Box<dyn FnMut() -> Duration + Send>);
 
 impl WallTime {
     pub(super) fn start() -> Self {
-        let start = Instant::now();
+        let start = time::Instant::now();
         Self(Box::new(move || start.elapsed()))
     }
 
@@ -45,8 +46,8 @@ impl fmt::Debug for WallTime {
 #[derive(Debug)]
 pub(super) struct ExecClock {
     time: Time,
-    limit: Nanos,
-    halt_at: Nanos,
+    limit: Instant,
+    halt_at: Instant,
     wall: Option<WallTime>,
     looks: u32,
     wall_over: bool,
@@ -57,19 +58,19 @@ pub(super) struct ExecClock {
 impl ExecClock {
     /// `wall` limits the run where time is virtual.
     pub(super) fn new(args: &ExecArgs, attention: Attention, wall: WallTime) -> Self {
-        let limit = args.limit.as_nanos() as u64;
+        let limit = Instant::START + args.limit;
         let time = if args.real_time {
             Time::Real(MonotonicClock::start())
         } else {
-            Time::Virtual(VirtualClock::new(args.ns_per_statement))
+            Time::Virtual(VirtualClock::new(Span::from_nanos(args.ns_per_statement)))
         };
         let wall = (!args.real_time).then_some(wall);
-        let halt_at = limit.saturating_add(args.watchdog.as_nanos() as u64);
+        let halt_at = limit.saturating_add(args.watchdog);
         Self { time, limit, halt_at, wall, looks: 0, wall_over: false, halted: false, attention }
     }
 
     /// The next cycle is due then; time is let pass, or waited for.
-    pub(super) fn wait_until(&mut self, deadline: Nanos) {
+    pub(super) fn wait_until(&mut self, deadline: Instant) {
         match &mut self.time {
             Time::Virtual(clock) => clock.advance_to(deadline),
             Time::Real(clock) => clock.sleep_until(deadline.min(self.limit)),
@@ -105,7 +106,7 @@ impl ExecClock {
 }
 
 impl Clock for ExecClock {
-    fn now(&mut self) -> Nanos {
+    fn now(&mut self) -> Instant {
         match &mut self.time {
             Time::Virtual(clock) => clock.now(),
             Time::Real(clock) => clock.now(),
@@ -119,14 +120,14 @@ impl Clock for ExecClock {
         self.look_at_limits();
     }
 
-    fn statements_in(&self, time: Nanos) -> Option<u64> {
+    fn statements_in(&self, time: Span) -> Option<u64> {
         match &self.time {
             Time::Virtual(clock) => clock.statements_in(time),
             Time::Real(_) => None,
         }
     }
 
-    fn wait(&mut self, deadline: Nanos) {
+    fn wait(&mut self, deadline: Instant) {
         if let Time::Virtual(clock) = &mut self.time {
             clock.wait(deadline);
         }

@@ -15,6 +15,7 @@ use std::sync::Arc;
 use ob1_cpu::{Clock as _, Command, Cpu, CpuConfig, DiagEntry, Family, OperatingState};
 use ob1_ir::Program;
 use ob1_model::Event;
+use ob1_time::Instant;
 
 pub use args::{ExecArgs, Start, Switch};
 pub use dump::{Dump, DumpArea};
@@ -123,8 +124,8 @@ fn load(args: &ExecArgs, standard: &[Choice], program: &Program) -> Result<(Cpu,
         // Only this family starts hot.
         family: if args.start == Start::Hot { Family::S7_400 } else { Family::S7_300 },
         clock_memory: args.clock_memory,
-        min_cycle: args.min_cycle.as_nanos() as u64,
-        watchdog: args.watchdog.as_nanos() as u64,
+        min_cycle: args.min_cycle,
+        watchdog: args.watchdog,
         peripheral_from_image: true,
         ob_start_info: args.ob_start_info == Switch::On,
         // Virtual time begins at a fixed date: the same run gives the same start information.
@@ -173,20 +174,21 @@ fn ending(cpu: &Cpu, clock: &ExecClock) -> ExecExit {
 }
 
 /// How it ended, in a line.
-fn ended_text(exit: ExecExit, scans: u64, now: u64) -> String {
+fn ended_text(exit: ExecExit, scans: u64, now: Instant) -> String {
     let how = match exit {
         ExecExit::Stopped => "the program stopped the CPU (SFC 46)",
         ExecExit::Limit => "the limit was reached in RUN",
         _ => "a fault stopped the CPU",
     };
     let scans = if scans == 1 { "1 scan".to_owned() } else { format!("{scans} scans") };
-    format!("ob1: {how} after {scans}, {:.3} s; exit code {}", now as f64 / 1e9, exit.code())
+    format!("ob1: {how} after {scans}, {:.3} s; exit code {}", now.since_start().as_secs_f64(), exit.code())
 }
 
 /// The entries that led to STOP, newest first: the reason for STOP and what it came from.
 fn fault_text(cpu: &Cpu, places: &Places) -> String {
     let beginning = [Event::STARTUP, Event::RUN];
     let entries = cpu.diagnostics().take_while(|entry| !beginning.contains(&entry.event)).take(SHOWN);
-    let line = |entry: &DiagEntry| format!("ob1: {:.6} s  {}\n", entry.time as f64 / 1e9, places.told(entry));
+    let line =
+        |entry: &DiagEntry| format!("ob1: {:.6} s  {}\n", entry.time.since_start().as_secs_f64(), places.told(entry));
     entries.map(line).collect()
 }

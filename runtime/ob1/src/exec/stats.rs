@@ -2,9 +2,10 @@
 
 use std::io;
 use std::path::Path;
-use std::time::Instant;
+use std::time;
 
-use ob1_cpu::{Cpu, Nanos};
+use ob1_cpu::Cpu;
+use ob1_time::Instant;
 use rustix::time::{ClockId, clock_gettime};
 use serde::Serialize;
 
@@ -49,16 +50,16 @@ impl Stats {
 
 /// Takes the times of a run.
 pub(super) struct Meter {
-    wall: Instant,
+    wall: time::Instant,
     cpu_seconds: f64,
 }
 
 impl Meter {
     pub(super) fn start() -> Self {
-        Self { wall: Instant::now(), cpu_seconds: cpu_seconds() }
+        Self { wall: time::Instant::now(), cpu_seconds: cpu_seconds() }
     }
 
-    pub(super) fn stop(&self, cpu: &Cpu, now: Nanos, exit: ExecExit) -> Stats {
+    pub(super) fn stop(&self, cpu: &Cpu, now: Instant, exit: ExecExit) -> Stats {
         let (wall_seconds, cpu_seconds) = (self.wall.elapsed().as_secs_f64(), cpu_seconds() - self.cpu_seconds);
         let statistics = cpu.statistics();
         Stats {
@@ -71,7 +72,7 @@ impl Meter {
             cpu_seconds,
             wall_seconds,
             statements_per_second: if cpu_seconds > 0.0 { statistics.statements as f64 / cpu_seconds } else { 0.0 },
-            plc_seconds: now as f64 / 1e9,
+            plc_seconds: now.since_start().as_secs_f64(),
         }
     }
 }

@@ -160,7 +160,7 @@ fn parse(name: &str, limit: &str) -> Result<(What, f64), String> {
              and the blocks of plugins (fc0, fb65)"
         ));
     }
-    let nanos = parse_duration(limit)?.as_nanos() as f64;
+    let nanos = parse_duration(limit)?.nanos() as f64;
     Ok((what, nanos))
 }
 
@@ -205,7 +205,7 @@ fn per_hour(text: &str, time: bool) -> Result<f64, String> {
     };
     let amount = text.strip_suffix("/h").ok_or_else(wrong)?.trim();
     if time {
-        return parse_duration(amount).map(|d| d.as_nanos() as f64).map_err(|_| wrong());
+        return parse_duration(amount).map(|time| time.nanos() as f64).map_err(|_| wrong());
     }
     bytes(amount).map(|n| n as f64).ok_or_else(wrong)
 }

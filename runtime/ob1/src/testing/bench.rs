@@ -2,7 +2,7 @@
 
 use ob1_backplane::io_layout::IO_AREA_BYTES;
 use ob1_backplane::{IoField, IoImage};
-use ob1_cpu::{Attention, Cell, CellWidth, Clock, Command, Cpu, CpuConfig, Nanos, OperatingState};
+use ob1_cpu::{Attention, Cell, CellWidth, Clock, Command, Cpu, CpuConfig, OperatingState};
 use ob1_ir::Program;
 use ob1_model::Area;
 
@@ -15,11 +15,12 @@ use ob1_station::finding::Finding;
 use ob1_station::io::{ProcessIo, Stimulus};
 use ob1_station::program::{LoadFailure, Loaded};
 use ob1_station::station_file::{Absent, ModuleConfig, ModuleKind};
+use ob1_time::{Instant, Span};
 
 /// Statements that take no time in one scan: those of an ordinary program, so that timers run out to the millisecond.
 const FREE: u64 = 1_000_000;
 /// What each one beyond takes: a loop without end meets the watchdog.
-const NS_PER_STATEMENT: u64 = 100;
+const PER_STATEMENT: Span = Span::from_nanos(100);
 /// Statements in one scan after which it is given up, whatever the watchdog says.
 const GIVE_UP: u64 = 1_000_000_000;
 
@@ -50,7 +51,7 @@ struct BenchClock {
 }
 
 impl Clock for BenchClock {
-    fn now(&mut self) -> Nanos {
+    fn now(&mut self) -> Instant {
         self.time.now()
     }
 
@@ -63,12 +64,12 @@ impl Clock for BenchClock {
         }
     }
 
-    fn statements_in(&self, time: Nanos) -> Option<u64> {
+    fn statements_in(&self, time: Span) -> Option<u64> {
         let free = FREE.saturating_sub(self.scan);
         Some(self.time.statements_in(time)?.saturating_add(free))
     }
 
-    fn wait(&mut self, deadline: Nanos) {
+    fn wait(&mut self, deadline: Instant) {
         self.time.wait(deadline);
     }
 }
@@ -84,9 +85,9 @@ pub(super) struct Bench {
     /// Bytes of them that modules cover.
     inputs: Vec<std::ops::Range<u32>>,
     /// When the next scan or interrupt is due.
-    due: Nanos,
+    due: Instant,
     /// The time the test has come to: that of the last scan, or what `run` was to reach.
-    pub(super) now: Nanos,
+    pub(super) now: Instant,
     pub(super) scans: u64,
 }
 
@@ -107,7 +108,7 @@ impl Bench {
         let slots = modules.iter().filter_map(|m| Some((assembly::slot(m), dummy(&io, name, m)?))).collect();
         let cpu = assembly::load_cpu(config, (loaded, &loaded.program), natives, slots, EngineChoice::Auto)
             .map_err(of_load)?;
-        let clock = BenchClock { time: VirtualClock::new(NS_PER_STATEMENT), scan: 0, attention: cpu.attention() };
+        let clock = BenchClock { time: VirtualClock::new(PER_STATEMENT), scan: 0, attention: cpu.attention() };
         let inputs = modules.iter().filter_map(|m| match m.kind {
             ModuleKind::Inputs { .. } | ModuleKind::Remote { .. } => {
                 Some(m.input_address..m.input_address + u32::from(m.input_bytes()))
@@ -121,8 +122,8 @@ impl Bench {
             field,
             process: [0; IO_AREA_BYTES],
             inputs: inputs.collect(),
-            due: 0,
-            now: 0,
+            due: Instant::START,
+            now: Instant::START,
             scans: 0,
         })
     }
@@ -156,7 +157,7 @@ impl Bench {
     }
 
     /// All scans and interrupts that are due until `time`.
-    pub(super) fn run_until(&mut self, time: Nanos) {
+    pub(super) fn run_until(&mut self, time: Instant) {
         while self.due <= time {
             self.cycle();
         }
@@ -164,7 +165,7 @@ impl Bench {
     }
 
     /// True when something is due until `time`.
-    pub(super) fn is_due_until(&self, time: Nanos) -> bool {
+    pub(super) fn is_due_until(&self, time: Instant) -> bool {
         self.due <= time
     }
 
@@ -223,7 +224,7 @@ impl std::fmt::Debug for Bench {
 }
 
 /// The CPU of sources without a station.
-pub(super) fn bare_config(min_cycle: Nanos) -> CpuConfig {
+pub(super) fn bare_config(min_cycle: Span) -> CpuConfig {
     let bytes = BARE_IMAGE_BYTES;
     CpuConfig { input_bytes: bytes, output_bytes: bytes, memory_bytes: 2048, min_cycle, ..CpuConfig::default() }
 }

@@ -180,7 +180,7 @@ impl Resolver<'_> {
                 Wanted::Bits(u32::from(*bit))
             }
             toml::Value::String(text) if is_timer && parse_duration(text).is_ok() => {
-                Wanted::Remaining(parse_duration(text)?.as_millis() as u64)
+                Wanted::Remaining(parse_duration(text)?.millis())
             }
             toml::Value::Table(table) => near(table)?,
             other => Wanted::Bits(bits(&item, other)?),

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use ob1_cpu::{Command, Nanos, OperatingState};
+use ob1_cpu::{Command, OperatingState};
 use ob1_model::{BlockId, BlockKind};
 
 use super::file::{Cells, Placed, StepTable, TestFile, TestTable};
@@ -11,9 +11,10 @@ use ob1_station::finding::{Finding, Text};
 use ob1_station::program::Sources;
 use ob1_station::station_file::findings::{CONTRADICTION, Findings, MISSING, VALUE, of_toml};
 use ob1_station::station_file::{Mnemonics, choice, parse_block, parse_duration, standard};
+use ob1_time::{Instant, Span};
 
 /// Minimum cycle time of a test without a station file.
-const CYCLE: Nanos = 10_000_000;
+const CYCLE: Span = Span::from_millis(10);
 const DOCUMENT: &str = "docs/testing.md";
 
 /// A test file, understood.
@@ -21,7 +22,7 @@ const DOCUMENT: &str = "docs/testing.md";
 pub(super) struct Plan {
     pub(super) program: Tested,
     /// Minimum cycle time, when the file gives one; a station has its own.
-    pub(super) cycle: Option<Nanos>,
+    pub(super) cycle: Option<Span>,
     pub(super) tests: Vec<Test>,
 }
 
@@ -34,7 +35,7 @@ pub(super) enum Tested {
 
 impl Plan {
     /// The minimum cycle time of a CPU of sources alone.
-    pub(super) fn bare_cycle(&self) -> Nanos {
+    pub(super) fn bare_cycle(&self) -> Span {
         self.cycle.unwrap_or(CYCLE)
     }
 }
@@ -63,7 +64,7 @@ pub(super) struct Call {
 #[derive(Debug)]
 pub(super) struct Step {
     pub(super) at: Range<usize>,
-    pub(super) until: Option<(Nanos, Range<usize>)>,
+    pub(super) until: Option<(Instant, Range<usize>)>,
     pub(super) command: Option<Command>,
     pub(super) set: Cells,
     pub(super) run: Run,
@@ -76,9 +77,9 @@ pub(super) struct Step {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Run {
     Scans(u64),
-    Time(Nanos),
+    Time(Span),
     /// Until everything expected holds, at most so long.
-    Within(Nanos),
+    Within(Span),
 }
 
 /// Reads the text of a test file.
@@ -115,7 +116,7 @@ pub(super) fn parse(text: &str, name: &str, folder: &Path) -> Result<Plan, Vec<F
         }
     };
     let cycle = file.cycle.as_ref().and_then(|cycle| time(f, cycle));
-    if let (Some(0), Some(at)) = (cycle, &file.cycle) {
+    if let (Some(Span::ZERO), Some(at)) = (cycle, &file.cycle) {
         f.error(VALUE, at.span(), "a cycle of no time", "virtual time moves with the cycles: at least \"1us\"");
     }
     if file.test.is_empty() {
@@ -125,9 +126,9 @@ pub(super) fn parse(text: &str, name: &str, folder: &Path) -> Result<Plan, Vec<F
     findings.into_result(Plan { program, cycle, tests })
 }
 
-fn time(f: &mut Findings<'_>, value: &Placed<String>) -> Option<Nanos> {
+fn time(f: &mut Findings<'_>, value: &Placed<String>) -> Option<Span> {
     match parse_duration(value.get_ref()) {
-        Ok(time) => Some(time.as_nanos() as u64),
+        Ok(time) => Some(time),
         Err(message) => {
             f.error(VALUE, value.span(), message, "a number and a unit, in quotes: \"250ms\"");
             None
@@ -187,7 +188,7 @@ fn step(f: &mut Findings<'_>, table: Placed<StepTable>) -> Step {
     let acts = command.is_some() || !table.set.is_empty();
     let run = run.or(scans).or(within).unwrap_or(Run::Scans(u64::from(acts)));
     let diagnostics = table.diagnostics.iter().filter_map(|event| Some((number_of(f, event)?, event.span()))).collect();
-    let until = table.at.as_ref().and_then(|t| Some((time(f, t)?, t.span())));
+    let until = table.at.as_ref().and_then(|t| Some((Instant::START + time(f, t)?, t.span())));
     Step { at, until, command, set: table.set, run, expect: table.expect, state, diagnostics }
 }
 

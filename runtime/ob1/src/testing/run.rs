@@ -6,6 +6,7 @@ use std::time::Instant;
 use ob1_cpu::{Cell, CellWidth, CpuConfig, DiagEntry, OperatingState};
 use ob1_ir::Program;
 use ob1_stl::{Library, Source};
+use ob1_time::Span;
 
 use super::bench::{Bench, bare_config, bare_modules, loaded};
 use super::cells::{Expect, Resolver, Set};
@@ -87,7 +88,7 @@ impl Subject {
                 let station = station_file::load(path)?;
                 let mut config = station.cpu;
                 // Virtual time moves with the cycles.
-                config.min_cycle = plan.cycle.unwrap_or(config.min_cycle).max(1_000);
+                config.min_cycle = plan.cycle.unwrap_or(config.min_cycle).max(Span::MICROSECOND);
                 (station.name, config, station.modules, station.program, station.plugins)
             }
         };
@@ -180,7 +181,11 @@ impl<'p> Ready<'p> {
         let mut failures = Vec::new();
         for (number, ready) in (1..).zip(&self.steps) {
             let found = ready.run(&mut self.bench).map_err(|message| unusable(&ready.step.at, message))?;
-            let place = format!("step {number}, {:.3} s, scan {}", self.bench.now as f64 / 1e9, self.bench.scans);
+            let place = format!(
+                "step {number}, {:.3} s, scan {}",
+                self.bench.now.since_start().as_secs_f64(),
+                self.bench.scans
+            );
             failures.extend(found.into_iter().map(|(at, text)| {
                 let line = source.finding(Level::Error, "", at, String::new(), String::new()).line;
                 Failure { line, text: format!("{text} ({place})") }
@@ -193,7 +198,7 @@ impl<'p> Ready<'p> {
         Ok(Outcome {
             name: self.test.name.clone(),
             failures,
-            plc_seconds: self.bench.now as f64 / 1e9,
+            plc_seconds: self.bench.now.since_start().as_secs_f64(),
             wall_seconds: begin.elapsed().as_secs_f64(),
         })
     }
@@ -207,7 +212,7 @@ impl ReadyStep<'_> {
         let step = self.step;
         if let Some((until, at)) = &step.until {
             if *until < bench.now {
-                let text = format!("this time is over: it is {:.3} s", bench.now as f64 / 1e9);
+                let text = format!("this time is over: it is {:.3} s", bench.now.since_start().as_secs_f64());
                 return Ok(vec![(at.clone(), text)]);
             }
             bench.run_until(*until);

@@ -179,9 +179,9 @@ fn late(out: &mut String, r: &Report) {
 fn evidence(e: &ob1_station::timing::Evidence) -> String {
     format!(
         "window {}: waited {}, steal {}, switches {}, faults {}+{}",
-        time(e.window_ns as f64),
-        time(e.measured.map_or(0, |measured| measured.waited_ns) as f64),
-        time(e.steal_ns as f64),
+        time(e.window.nanos() as f64),
+        time(e.measured.map_or(0, |measured| measured.waited.nanos()) as f64),
+        time(e.steal.nanos() as f64),
         e.switches,
         e.minor_faults,
         e.major_faults
