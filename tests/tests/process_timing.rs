@@ -19,6 +19,7 @@ use ob1_rt::Outcome;
 use ob1_station::access::protocol::Op;
 use ob1_station::timing::snapshot::LateEntry;
 use ob1_station::timing::{Class, Recorder, Timing};
+use ob1_time::Span;
 use rustix::process::Signal;
 
 const MS: u64 = 1_000_000;
@@ -77,8 +78,8 @@ fn a_delay_in_a_block_is_the_programs() {
     // No statement takes less than a nanosecond.
     assert!(entry.size_ns >= TURNS * 3 && entry.execution_ns >= entry.size_ns, "{entry:?}");
     // What is called the program's was not spent waiting.
-    let waited = entry.evidence.measured.map_or(0, |measured| measured.waited_at_least());
-    assert!(waited < entry.size_ns / 2, "{entry:?}");
+    let waited = entry.evidence.measured.map_or(Span::ZERO, |measured| measured.waited_at_least());
+    assert!(waited < Span::from_nanos(entry.size_ns) / 2, "{entry:?}");
     // The flight that ended in the worst overrun has been kept.
     let flight = station.until("a frozen flight", |station| recorder(station).worst).scans;
     let last = flight.last().expect("a scan");
@@ -147,8 +148,9 @@ fn a_scan_that_waits_for_its_core_is_told_so_with_what_was_measured() {
     drop(hogs);
     let measured = entry.evidence.measured.expect("a kernel with schedstat");
     assert_eq!(entry.class, Class::Kernel, "{entry:?}");
-    assert!(measured.waited_ns >= entry.size_ns / 2 && measured.window_ns >= entry.execution_ns, "{entry:?}");
-    assert!(measured.waited_at_least() >= entry.size_ns / 2, "not the waiting of other scans: {entry:?}");
+    let (delay, execution) = (Span::from_nanos(entry.size_ns), Span::from_nanos(entry.execution_ns));
+    assert!(measured.waited >= delay / 2 && measured.window >= execution, "{entry:?}");
+    assert!(measured.waited_at_least() >= delay / 2, "not the waiting of other scans: {entry:?}");
     assert_eq!(station.interrupt().code(), Some(0));
 }
 

@@ -12,6 +12,7 @@ use ob1_line::sim::SplitMix64;
 use ob1_station::retentive::store::Store;
 use ob1_tests::fuzz::TARGETS;
 use ob1_tests::siege::{mutate, rounds};
+use ob1_time::Instant;
 
 /// A driver that writes anything anywhere into the segment: the CPU's side goes on, each call of it ends.
 #[test]
@@ -39,7 +40,7 @@ fn segment() {
             let len = [1, 2, 4, 8][random.below(4) as usize];
             memory.write_all_at(&value.to_le_bytes()[..len], at).expect("inside");
         }
-        module.begin_scan(round * 1_000_000);
+        module.begin_scan(Instant::from_millis(round));
         let mut bytes = [0; 16];
         let _ = module.read(random.below(20) as u16, &mut bytes[..random.below(17) as usize]);
         let _ = module.write(random.below(20) as u16, &bytes[..random.below(17) as usize]);
@@ -63,7 +64,7 @@ fn segment() {
             events += 1;
         }
         let _ = module.status();
-        module.end_scan(round * 1_000_000);
+        module.end_scan(Instant::from_millis(round));
     }
     println!("{rounds} scans beside a hostile driver: {events} events, {records} records, no panic");
 }

@@ -6,6 +6,7 @@ mod coupled;
 
 use coupled::{MS, Outcome, SECOND, STREAMS, Scenario, run};
 use ob1_tests::siege;
+use ob1_time::{Instant, Span};
 
 /// Telegrams in the suite.
 const TELEGRAMS: u64 = 50_000;
@@ -14,19 +15,28 @@ fn trouble(seed: u64) -> Scenario {
     let every = [60 * MS, 250 * MS, SECOND][(seed % 3) as usize];
     Scenario {
         seed,
-        trouble: (4 + seed % 5) * SECOND,
+        trouble: Instant::from_secs(4 + seed % 5),
         every,
         kills_only: false,
         loses: [8, 20][(seed % 2) as usize],
-        call: 0,
+        call: Span::ZERO,
     }
 }
 
 #[test]
 fn on_a_good_network_everything_comes() {
     let folder = tempfile::tempdir().expect("a folder");
-    let outcome =
-        run(Scenario { seed: 7, trouble: 3 * SECOND, every: 0, kills_only: false, loses: 0, call: 0 }, folder.path());
+    let outcome = run(
+        Scenario {
+            seed: 7,
+            trouble: Instant::from_secs(3),
+            every: Span::ZERO,
+            kills_only: false,
+            loses: 0,
+            call: Span::ZERO,
+        },
+        folder.path(),
+    );
     let Outcome { told, .. } = &outcome;
     assert!(told.telegrams.iter().all(|count| *count > 200), "{outcome:?}");
     // Until the connections are made jobs fail, and of USEND the newest counts.
@@ -52,7 +62,8 @@ fn a_cp_that_becomes_ready_within_a_scan_loses_no_order() {
     for seed in 1..=12 {
         // Short: a later kill would set free what waits for ever because of an earlier one.
         let every = 400 * MS;
-        let scenario = Scenario { seed, trouble: 3 * SECOND, every, kills_only: true, loses: 0, call: 2 * MS };
+        let scenario =
+            Scenario { seed, trouble: Instant::from_secs(3), every, kills_only: true, loses: 0, call: 2 * MS };
         let outcome = run(scenario, folder.path());
         // The first time of each station is no restart.
         again_in_scans += outcome.up_in_scans.saturating_sub(2);

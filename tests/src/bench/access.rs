@@ -9,6 +9,7 @@ use ob1_backplane::handover;
 use ob1_broker::{Broker, LinkConfig, feed};
 use ob1_cpu::{Command, Cpu, CpuConfig};
 use ob1_stl::{Library, Options, Source};
+use ob1_time::Instant;
 
 use super::peer::Failure;
 use super::{Figure, median};
@@ -49,7 +50,7 @@ fn measure(what: &'static str, stride: usize, readers: usize) -> Result<Figure, 
     let link = LinkConfig { name: "bench".into(), rights: Right::Read, ..LinkConfig::default() };
     let mut broker = Broker::new(&mut cpu, vec![link], feed().1, Box::new(Bare))?;
     let (ours, theirs) = handover::pair()?;
-    broker.connect(0, ours, 0);
+    broker.connect(0, ours, Instant::START);
     let mut door = Door::new(theirs)?;
     let at = |item: usize| Cell::Db(7, (item * stride * 8) as u32);
     let pieces: Vec<Piece> = (0..ITEMS).map(|item| Piece::Bytes { at: at(item), len: BYTES as u32 }).collect();
@@ -90,13 +91,13 @@ fn measure(what: &'static str, stride: usize, readers: usize) -> Result<Figure, 
                 }
             }
             std::hint::black_box(&mut copy);
-            bare.push((clock.time() - from) as f64);
+            bare.push((clock.time() - from).nanos() as f64);
         }
         done.store(true, Ordering::Relaxed);
     });
     let links = cpu.accounts().figures().since(&before).links.distribution();
     let floor = median(&mut bare);
-    let value = links.p50 as f64;
+    let value = links.p50.nanos() as f64;
     Ok(Figure {
         what: what.into(),
         value,

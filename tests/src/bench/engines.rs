@@ -9,9 +9,10 @@ use std::path::Path;
 use std::process::Command;
 
 use ob1_cpu::engine::{Factory, REFERENCE};
-use ob1_cpu::{Clock, Command as Wish, Cpu, CpuConfig, Nanos, OperatingState, system_blocks};
+use ob1_cpu::{Clock, Command as Wish, Cpu, CpuConfig, OperatingState, system_blocks};
 use ob1_native::{AtLoad, Tier};
 use ob1_stl::{Library, Options, Source};
+use ob1_time::{Instant, Span};
 use rustix::time::{ClockId, clock_gettime};
 
 use crate::awlsim::{Failure, Scratch};
@@ -35,10 +36,10 @@ const EACH: f64 = 3.0;
 const MEAN: f64 = 4.0;
 
 /// Time that goes on by 7 ms for each OB 1 and stands still within it.
-struct Steps(Nanos);
+struct Steps(Instant);
 
 impl Clock for Steps {
-    fn now(&mut self) -> Nanos {
+    fn now(&mut self) -> Instant {
         self.0
     }
     fn executed(&mut self, _statements: u64) {}
@@ -52,16 +53,16 @@ struct Bench {
 
 impl Bench {
     fn new(program: &ob1_ir::Program, factory: &dyn Factory) -> Result<Self, Failure> {
-        let config = CpuConfig { watchdog: 0, ..CpuConfig::default() };
+        let config = CpuConfig { watchdog: Span::ZERO, ..CpuConfig::default() };
         let cpu = Cpu::new(config, program, system_blocks(), Vec::new(), factory);
         let mut cpu = cpu.map_err(|why| format!("{why:?}"))?;
         cpu.request(Wish::Run);
-        Ok(Self { cpu, clock: Steps(0) })
+        Ok(Self { cpu, clock: Steps(Instant::START) })
     }
 
     fn run(&mut self, calls: u32) -> Result<(), Failure> {
         for _ in 0..calls {
-            self.clock.0 += 7_000_000;
+            self.clock.0 += 7 * Span::MILLISECOND;
             if self.cpu.cycle(&mut self.clock).state != OperatingState::Run {
                 let why: Vec<_> = self.cpu.diagnostics().map(ToString::to_string).collect();
                 return Err(format!("{why:#?}").into());

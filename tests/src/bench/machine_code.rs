@@ -8,6 +8,7 @@ use ob1_cpu::{Command, Cpu, CpuConfig, OperatingState};
 use ob1_native::{AtLoad, Compiler, Target, Tier};
 use ob1_station::compiling::Giver;
 use ob1_stl::{Library, Options, Source};
+use ob1_time::Span;
 
 use super::engines::cpu_time;
 use super::peer::Failure;
@@ -39,7 +40,7 @@ fn cpu(statements: usize, factory: &dyn Factory) -> Result<Cpu, Failure> {
     if !output.is_good() {
         return Err("the generated program is refused".into());
     }
-    let config = CpuConfig { watchdog: 0, ..CpuConfig::default() };
+    let config = CpuConfig { watchdog: Span::ZERO, ..CpuConfig::default() };
     Cpu::new(config, &output.program, Vec::new(), Vec::new(), factory).map_err(|why| format!("{why:?}").into())
 }
 

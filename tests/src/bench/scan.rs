@@ -4,12 +4,13 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use ob1_backplane::{CpSide, CpuSide, Segment};
-use ob1_cpu::{AccountsConfig, Clock, Command, Cpu, CpuConfig, Module, ModuleSlot, Nanos, ScanRecord, Sums};
+use ob1_cpu::{AccountsConfig, Clock, Command, Cpu, CpuConfig, Module, ModuleSlot, ScanRecord, Sums};
 use ob1_host::module::{AlwaysThere, CpModule, CpSettings};
 use ob1_host::plugin::Plugin;
 use ob1_rt::ThreadLook;
 use ob1_station::timing::LateSender;
 use ob1_stl::{Library, Options, Source};
+use ob1_time::{Instant, Span};
 
 use super::peer::Failure;
 use super::{Figure, in_turns, time_per_call};
@@ -39,7 +40,7 @@ pub fn empty() -> Result<Figure, Failure> {
         || Ok(time_per_call(ROUND, || cpu.cycle())),
         || {
             Ok(time_per_call(ROUND, || {
-                std::hint::black_box(clock.now() + clock.now());
+                std::hint::black_box((clock.now(), clock.now()));
             }))
         },
     )?;
@@ -177,7 +178,7 @@ impl Station {
         if !output.is_good() {
             return Err(ob1_stl::render_all(&output.diagnostics, &sources).into());
         }
-        let config = CpuConfig { watchdog: 0, accounts, ..CpuConfig::default() };
+        let config = CpuConfig { watchdog: Span::ZERO, accounts, ..CpuConfig::default() };
         let mut cpu = Cpu::new(config, &output.program, natives, modules, ob1_cpu::engine::REFERENCE)
             .map_err(|errors| errors.iter().map(|e| format!("{e}\n")).collect::<String>())?;
         cpu.request(Command::Run);
@@ -187,6 +188,6 @@ impl Station {
     }
 
     fn cycle(&mut self) {
-        let _: Nanos = self.cpu.cycle(&mut self.clock).next_deadline;
+        let _: Instant = self.cpu.cycle(&mut self.clock).next_deadline;
     }
 }

@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 
 use ob1_cpu::{Command, Cpu, CpuConfig, OperatingState};
 use ob1_stl::{Library, Mnemonics, Options, Severity, Source};
+use ob1_time::{Instant, Span};
 
 use crate::awlsim::{Awlsim, Failure, Scratch};
 use crate::sim::clock::VirtualClock;
@@ -51,11 +52,11 @@ pub fn run_ours(text: &str, accumulators: u8) -> Result<Vec<u8>, Failure> {
     if let Some(error) = output.diagnostics.iter().find(|d| d.severity == Severity::Error) {
         return Err(format!("{}\n{text}", ob1_stl::render(error, &Source::new("compare.awl", text.as_bytes()))).into());
     }
-    let config = CpuConfig { accumulators, memory_bytes: 2048, watchdog: 0, ..CpuConfig::default() };
+    let config = CpuConfig { accumulators, memory_bytes: 2048, watchdog: Span::ZERO, ..CpuConfig::default() };
     let mut cpu = Cpu::new(config, &output.program, Vec::new(), Vec::new(), ob1_cpu::engine::REFERENCE)
         .map_err(|errors| format!("{errors:?}"))?;
     cpu.request(Command::Warm);
-    let mut clock = VirtualClock(0);
+    let mut clock = VirtualClock(Instant::START);
     let end = cpu.cycle(&mut clock);
     // The deliberate fault opens data block 4711; any other is one of the snippet's.
     let fault = cpu.diagnostics().find(|entry| entry.site.is_some());

@@ -1,9 +1,10 @@
 //! Whatever compiles runs: some thousand statements on the reference engine and on its plain form, with the same memory
 //! after each cycle.
 
-use ob1_cpu::{Attention, Clock, Command, Cpu, CpuConfig, Nanos, OperatingState};
+use ob1_cpu::{Attention, Clock, Command, Cpu, CpuConfig, OperatingState};
 use ob1_ir::Program;
 use ob1_stl::{Mnemonics, Options, Source, compile};
+use ob1_time::{Instant, Span};
 
 /// Statements a program may execute, about: a loop is left at a safe point.
 const STATEMENTS: u64 = 5_000;
@@ -21,8 +22,8 @@ pub fn run(data: &[u8]) {
 /// Runs a program both ways.
 pub(super) fn both(program: &Program) {
     let config = CpuConfig {
-        watchdog: 0,
-        min_cycle: 1_000_000,
+        watchdog: Span::ZERO,
+        min_cycle: Span::MILLISECOND,
         peripheral_from_image: true,
         db_pool_bytes: 4_096,
         accumulators: if program.blocks.len().is_multiple_of(2) { 4 } else { 2 },
@@ -52,24 +53,24 @@ pub(super) fn both(program: &Program) {
 
 /// Virtual time, and so many statements.
 struct Budget {
-    now: Nanos,
+    now: Instant,
     left: u64,
     attention: Attention,
 }
 
 impl Budget {
     fn of(cpu: &Cpu) -> Self {
-        Self { now: 0, left: STATEMENTS, attention: cpu.attention() }
+        Self { now: Instant::START, left: STATEMENTS, attention: cpu.attention() }
     }
 }
 
 impl Clock for Budget {
-    fn now(&mut self) -> Nanos {
+    fn now(&mut self) -> Instant {
         self.now
     }
 
     fn executed(&mut self, statements: u64) {
-        self.now += statements * 100;
+        self.now += statements * Span::from_nanos(100);
         self.left = self.left.saturating_sub(statements);
         if self.left == 0 {
             self.attention.halt();

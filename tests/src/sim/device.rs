@@ -114,7 +114,7 @@ impl<D: Device> Bench<D> {
                 }
             }
             if self.station.due <= self.now {
-                self.station.cycle(self.now, &mut VirtualClock(self.now.nanos()));
+                self.station.cycle(self.now, &mut VirtualClock(self.now));
                 self.station.tell(self.now, &mut self.log);
                 for driver in &mut self.drivers {
                     driver.listen(self.now);

@@ -48,7 +48,7 @@ impl Driver {
     /// When it wants to be called.
     #[must_use]
     pub fn next_event(&self) -> Instant {
-        Instant::from_nanos(self.life.next_event()).min(self.pump_due)
+        self.life.next_event().min(self.pump_due)
     }
 
     /// Driver processes that were killed so far.
@@ -71,7 +71,7 @@ impl Driver {
 
     /// Does everything that is due by `now`.
     pub fn advance(&mut self, now: Instant, cable: &mut Cable) {
-        while let Some(turn) = self.life.advance(now.nanos()) {
+        while let Some(turn) = self.life.advance(now) {
             match turn {
                 Turn::Begins => {
                     if let Ok(side) = CpSide::attach(&self.segment) {
@@ -90,7 +90,7 @@ impl Driver {
 
     /// After a cycle of its CPU: a rung doorbell is heard a little later.
     pub fn listen(&mut self, now: Instant) {
-        if let Some(heard) = self.life.heard(now.nanos(), self.pump.is_some()).map(Instant::from_nanos) {
+        if let Some(heard) = self.life.heard(now, self.pump.is_some()) {
             self.pump_due = self.pump_due.min(heard);
         }
     }
@@ -120,7 +120,7 @@ impl Driver {
                 self.segment.poke(offset, sequence | 1);
             }
         }
-        self.life.died(now.nanos());
+        self.life.died(now);
         true
     }
 

@@ -5,6 +5,7 @@ use ob1_access::door::{BlockFact, Diagnosis, Document, State};
 use ob1_broker::{DriverState, Facts, LinkState};
 use ob1_cpu::DiagEntry;
 use ob1_model::BlockId;
+use ob1_time::Span;
 
 /// A station without anything but its CPU.
 #[derive(Clone, Copy, Debug)]
@@ -23,8 +24,8 @@ impl Facts for Bare {
     fn timers_and_counters(&self) -> [u16; 2] {
         [0; 2]
     }
-    fn min_cycle(&self) -> u64 {
-        0
+    fn min_cycle(&self) -> Span {
+        Span::ZERO
     }
     fn modules(&self) -> u32 {
         0

@@ -5,19 +5,19 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use ob1_backplane::Monitor;
-use ob1_cpu::Nanos;
 use ob1_host::module::{DriverLink, Life as Starts};
 use ob1_host::supervisor::{Exit, Input, Report, Request, Supervisor, Times};
 use ob1_line::sim::SplitMix64;
+use ob1_time::{Instant, Span};
 
-/// A millisecond in [`Nanos`].
-const MS: Nanos = super::MS.nanos();
+use super::MS;
+
 /// How often the supervisor looks at heartbeats.
-const LOOK: Nanos = 20 * MS;
+const LOOK: Span = Span::from_millis(20);
 /// A process takes this long to begin, at least and in addition at most.
-const START: (Nanos, Nanos) = (2 * MS, 30 * MS);
+const START: (Span, Span) = (Span::from_millis(2), Span::from_millis(30));
 /// A doorbell is heard after this long, at least and in addition at most.
-const WAKE: (Nanos, Nanos) = (5_000, 60_000);
+const WAKE: (Span, Span) = (Span::from_micros(5), Span::from_micros(60));
 
 /// The scan's view of a virtual driver.
 #[derive(Debug)]
@@ -63,10 +63,10 @@ pub struct Life {
     reports: rtrb::Producer<Report>,
     rng: SplitMix64,
     /// When a process that was asked for begins to run.
-    starts_at: Option<Nanos>,
+    starts_at: Option<Instant>,
     /// When the supervisor notices that the process has ended.
-    ended_at: Option<Nanos>,
-    look_at: Nanos,
+    ended_at: Option<Instant>,
+    look_at: Instant,
     last_beat: u64,
 }
 
@@ -93,7 +93,7 @@ impl Life {
             rng: SplitMix64::new(seed),
             starts_at: None,
             ended_at: None,
-            look_at: 0,
+            look_at: Instant::START,
             last_beat: 0,
         };
         (life, Link { shared, reports: consumer })
@@ -101,12 +101,12 @@ impl Life {
 
     /// When [`Life::advance`] is wanted.
     #[must_use]
-    pub fn next_event(&self) -> Nanos {
-        [self.starts_at, self.ended_at, Some(self.look_at)].into_iter().flatten().min().unwrap_or(Nanos::MAX)
+    pub fn next_event(&self) -> Instant {
+        [self.starts_at, self.ended_at, Some(self.look_at)].into_iter().flatten().min().unwrap_or(Instant::NEVER)
     }
 
     /// What is due by `now`; each to be obeyed before it is called again, until there is none.
-    pub fn advance(&mut self, now: Nanos) -> Option<Turn> {
+    pub fn advance(&mut self, now: Instant) -> Option<Turn> {
         if self.ended_at.take_if(|at| now >= *at).is_some() {
             self.shared.running.store(false, Ordering::Relaxed);
             self.monitor.driver_gone();
@@ -130,14 +130,14 @@ impl Life {
     }
 
     /// The process is dead; the supervisor is about to notice.
-    pub fn died(&mut self, now: Nanos) {
-        self.ended_at = Some(now + self.rng.below(2 * MS));
+    pub fn died(&mut self, now: Instant) {
+        self.ended_at = Some(now + self.rng.span_below(2 * MS));
     }
 
     /// After a cycle of its CPU: when a rung doorbell is heard.
-    pub fn heard(&mut self, now: Nanos, is_alive: bool) -> Option<Nanos> {
+    pub fn heard(&mut self, now: Instant, is_alive: bool) -> Option<Instant> {
         let rung = self.shared.rung.swap(false, Ordering::Relaxed) && is_alive;
-        rung.then(|| now + WAKE.0 + self.rng.below(WAKE.1))
+        rung.then(|| now + WAKE.0 + self.rng.span_below(WAKE.1))
     }
 
     /// One death in three is in the middle of writing.
@@ -146,7 +146,7 @@ impl Life {
     }
 
     /// True: the process is to be killed.
-    fn supervise(&mut self, now: Nanos, input: Input) -> bool {
+    fn supervise(&mut self, now: Instant, input: Input) -> bool {
         let mut kill = false;
         let mut input = Some(input);
         while let Some(next) = input.take() {
@@ -162,13 +162,13 @@ impl Life {
                     self.shared.attempts.fetch_add(1, Ordering::Relaxed);
                     self.last_beat = self.monitor.cp_heartbeat();
                     self.shared.running.store(true, Ordering::Relaxed);
-                    self.starts_at = Some(now + START.0 + self.rng.below(START.1));
+                    self.starts_at = Some(now + START.0 + self.rng.span_below(START.1));
                     input = Some(Input::Spawned);
                 }
                 Some(Request::Kill) => kill = true,
                 None => {}
             }
-            self.look_at = self.look_at.min(step.deadline.unwrap_or(Nanos::MAX).max(now + 1));
+            self.look_at = self.look_at.min(step.deadline.unwrap_or(Instant::NEVER).max(now + Span::from_nanos(1)));
         }
         kill
     }

@@ -15,7 +15,7 @@ pub mod station;
 pub mod tap;
 pub mod verdict;
 
-use ob1_cpu::{Clock, Nanos};
+use ob1_cpu::Clock;
 use ob1_line::sim::{End, FaultRates, SplitMix64};
 use ob1_time::{Instant, Span};
 use std::fmt::Write as _;
@@ -150,10 +150,10 @@ struct LongScan<'p> {
 }
 
 impl Clock for LongScan<'_> {
-    fn now(&mut self) -> Nanos {
-        self.clock.0 += self.call.nanos();
+    fn now(&mut self) -> Instant {
+        self.clock.0 += self.call;
         let were_up = self.plant.up();
-        self.plant.advance(Instant::from_nanos(self.clock.0));
+        self.plant.advance(self.clock.0);
         self.plant.up_in_scans += self.plant.up() - were_up;
         self.clock.0
     }
@@ -162,11 +162,11 @@ impl Clock for LongScan<'_> {
         self.clock.executed(statements);
     }
 
-    fn statements_in(&self, time: Nanos) -> Option<u64> {
+    fn statements_in(&self, time: Span) -> Option<u64> {
         self.clock.statements_in(time)
     }
 
-    fn wait(&mut self, deadline: Nanos) {
+    fn wait(&mut self, deadline: Instant) {
         self.clock.wait(deadline);
     }
 }
@@ -274,14 +274,14 @@ impl World {
 
 /// One cycle of a station; when it has ended, as the plant sees it.
 fn cycle(station: &mut SimStation, now: Instant, call: Span, plant: &mut Plant) -> Instant {
-    let clock = VirtualClock(now.nanos());
+    let clock = VirtualClock(now);
     if call.is_zero() {
         station.cycle(now, &mut { clock });
         return now;
     }
     let mut scan = LongScan { clock, call, plant };
     station.cycle(now, &mut scan);
-    let end = Instant::from_nanos(scan.clock.0);
+    let end = scan.clock.0;
     plant.advance(end);
     end
 }

@@ -70,7 +70,7 @@ impl SimStation {
     /// One cycle that begins at `now`.
     pub fn cycle(&mut self, now: Instant, clock: &mut dyn Clock) {
         let end = self.cpu.cycle(clock);
-        self.due = Instant::from_nanos(end.next_deadline).max(now + Span::from_nanos(1));
+        self.due = end.next_deadline.max(now + Span::from_nanos(1));
     }
 
     /// What is new in the diagnostic buffer goes into the log.

@@ -8,16 +8,15 @@
 
 use std::collections::BTreeMap;
 
-use ob1_cpu::Nanos;
+use ob1_time::{Instant, Span};
 
-use super::SECOND;
 use super::program::{Kind, STREAMS, bytes, receives, sends};
 use super::station::Station;
 
 /// A job on an S7 connection gets ten seconds (docs/cp343.md), and what is before it in the partner a little more.
-const JOB: Nanos = 15 * SECOND;
+const JOB: Span = Span::from_secs(15);
 /// A telegram is out when the kernel has it; a partner who says nothing is given up after a minute.
-const TELEGRAM: Nanos = 75 * SECOND;
+const TELEGRAM: Span = Span::from_secs(75);
 
 /// STATUS of URCV: older data were overwritten.
 const OLDER: u16 = 9;
@@ -44,7 +43,7 @@ struct Seen {
     not_got: u32,
     not_come: u32,
     /// When a job has ended last, or could begin.
-    ended: Nanos,
+    ended: Instant,
 }
 
 /// What has come of it.
@@ -87,12 +86,12 @@ impl Judge {
     }
 
     /// After each cycle of station `me`.
-    pub(crate) fn look(&mut self, now: Nanos, me: usize, stations: &[Station; 2]) {
+    pub(crate) fn look(&mut self, now: Instant, me: usize, stations: &[Station; 2]) {
         let (own, partner) = (&stations[me], &stations[1 - me]);
         let runs = own.runs();
         let began = runs && !std::mem::replace(&mut self.ran[me], runs);
         for (stream, about) in STREAMS.iter().enumerate() {
-            let at = format_args!("seed {}, {} us, station {me}, {}", self.seed, now / 1000, about.name).to_string();
+            let at = format_args!("seed {}, {} us, station {me}, {}", self.seed, now.micros(), about.name).to_string();
             let (out, come) = permitted(about.kind);
             let (sender, receiver) = (sends(stream), receives(stream));
             let was = self.seen[me][stream];
@@ -122,7 +121,17 @@ impl Judge {
             assert!(now - new.ended < patience, "{at}: its job does not end");
             if new != was {
                 let [done, failed, good, got] = [done, failed, good, got].map(u64::from);
-                self.note(&[now, me as u64, stream as u64, done, failed, good, got, not_got.into(), not_come.into()]);
+                self.note(&[
+                    now.nanos(),
+                    me as u64,
+                    stream as u64,
+                    done,
+                    failed,
+                    good,
+                    got,
+                    not_got.into(),
+                    not_come.into(),
+                ]);
             }
             self.seen[me][stream] = new;
         }

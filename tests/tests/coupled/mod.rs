@@ -10,11 +10,12 @@ mod station;
 
 use std::fmt::Write as _;
 use std::path::Path;
-use std::time::Instant;
+use std::time;
 
-use ob1_cpu::{Command, Nanos};
+use ob1_cpu::Command;
 use ob1_line::sim::SplitMix64;
 use ob1_tests::sim;
+use ob1_time::{Instant, Span};
 
 use judge::Judge;
 pub(crate) use judge::Told;
@@ -23,13 +24,11 @@ use program::LINES;
 pub(crate) use program::STREAMS;
 use station::Station;
 
-/// The CPU and the supervisor count in nanoseconds, and so does this.
-pub(crate) const MS: Nanos = sim::MS.nanos();
-pub(crate) const SECOND: Nanos = sim::SECOND.nanos();
+pub(crate) use sim::{MS, SECOND};
 
 /// When nothing goes wrong any more, everything comes back within this time: the longest wait between two calls, and
 /// one job that gets no answer.
-const BACK: Nanos = 20 * SECOND;
+const BACK: Span = Span::from_secs(20);
 /// What goes wrong: from this number on, of 20, a CP is killed.
 const KILL: u64 = 11;
 /// So many telegrams of each stream show that it is back.
@@ -40,15 +39,15 @@ const ENOUGH: u32 = 3;
 pub(crate) struct Scenario {
     pub(crate) seed: u64,
     /// Something goes wrong until here.
-    pub(crate) trouble: Nanos,
+    pub(crate) trouble: Instant,
     /// So often, on average; 0: nothing does.
-    pub(crate) every: Nanos,
+    pub(crate) every: Span,
     /// Nothing goes wrong but that CPs are killed.
     pub(crate) kills_only: bool,
     /// One datagram in so many is lost, and one call in so many refused; 0: none.
     pub(crate) loses: u64,
     /// A long scan: so much time passes before and after each call of a handling block; 0: none.
-    pub(crate) call: Nanos,
+    pub(crate) call: Span,
 }
 
 /// What came of it.
@@ -74,44 +73,44 @@ impl Outcome {
 
 struct World {
     scenario: Scenario,
-    now: Nanos,
+    now: Instant,
     rng: SplitMix64,
     net: Net,
     stations: [Station; 2],
     judge: Judge,
-    trouble: Nanos,
+    trouble: Instant,
     /// When a station that was stopped starts again.
-    starts: [Nanos; 2],
+    starts: [Instant; 2],
     outcome: Outcome,
 }
 
 impl World {
     fn new(scenario: Scenario, folder: &Path) -> Self {
         let mut rng = SplitMix64::new(scenario.seed);
-        let base = Instant::now();
+        let base = time::Instant::now();
         let mut net = Net::new(rng.next_u64());
         net.loses = scenario.loses;
         let stations = [0, 1].map(|me| Station::new(me, folder, rng.next_u64(), base));
         let mut world = Self {
             scenario,
-            now: 0,
+            now: Instant::START,
             rng,
             net,
             stations,
             judge: Judge::new(scenario.seed),
-            trouble: Nanos::MAX,
-            starts: [Nanos::MAX; 2],
+            trouble: Instant::NEVER,
+            starts: [Instant::NEVER; 2],
             outcome: Outcome::default(),
         };
-        world.stations[1].due = world.rng.below(300 * MS);
-        world.plan(SECOND);
+        world.stations[1].due = Instant::START + world.rng.span_below(300 * MS);
+        world.plan(Instant::START + SECOND);
         world
     }
 
-    fn plan(&mut self, from: Nanos) {
+    fn plan(&mut self, from: Instant) {
         let Scenario { every, trouble, .. } = self.scenario;
-        let next = from + every / 8 + self.rng.below(2 * every + 1);
-        self.trouble = if every > 0 && next < trouble { next } else { Nanos::MAX };
+        let next = from + every / 8 + self.rng.span_below(2 * every + Span::from_nanos(1));
+        self.trouble = if !every.is_zero() && next < trouble { next } else { Instant::NEVER };
     }
 
     fn goes_wrong(&mut self) {
@@ -134,22 +133,22 @@ impl World {
                 }
                 format!("the CP of station {me} is killed")
             }
-            17..=19 if self.stations[me].runs() && self.starts[me] == Nanos::MAX => {
+            17..=19 if self.stations[me].runs() && self.starts[me] == Instant::NEVER => {
                 self.outcome.stops += 1;
                 self.stations[me].cpu.request(Command::Stop);
-                self.starts[me] = now + 50 * MS + self.rng.below(5 * SECOND);
+                self.starts[me] = now + 50 * MS + self.rng.span_below(5 * SECOND);
                 format!("station {me} is stopped")
             }
             _ => return,
         };
         // Writing into a String cannot fail.
-        let _ = writeln!(self.outcome.log, "{:>12} {text}", now / 1000);
+        let _ = writeln!(self.outcome.log, "{:>12} {text}", now.micros());
     }
 
     fn step(&mut self) {
         let Self { stations, net, now, .. } = self;
         let next = stations.iter().map(|station| station.due.min(station.process.next(*now, net)));
-        let next = next.chain([self.trouble]).chain(self.starts).min().unwrap_or(Nanos::MAX);
+        let next = next.chain([self.trouble]).chain(self.starts).min().unwrap_or(Instant::NEVER);
         self.now = self.now.max(next);
         let now = self.now;
         for station in &mut self.stations {
@@ -164,7 +163,7 @@ impl World {
         }
         for me in 0..2 {
             if now >= self.starts[me] {
-                self.starts[me] = Nanos::MAX;
+                self.starts[me] = Instant::NEVER;
                 self.stations[me].cpu.request(Command::Run);
             }
             if now >= self.stations[me].due {
@@ -173,7 +172,7 @@ impl World {
                 self.now = now;
                 self.outcome.up_in_scans += self.stations[me].process.ups - ups;
                 // The broker's socket wakes it too.
-                let heard = now + 5_000 + self.rng.below(60_000);
+                let heard = now + Span::from_micros(5) + self.rng.span_below(Span::from_micros(60));
                 self.stations[me].process.nudge(heard);
                 self.judge.look(now, me, &self.stations);
             }
@@ -185,7 +184,7 @@ impl World {
             self.step();
         }
         self.net.loses = 0;
-        self.trouble = Nanos::MAX;
+        self.trouble = Instant::NEVER;
         let before = self.judge.through();
         let until = self.now.max(self.net.mute_until) + BACK;
         let is_back = |now: [[u32; STREAMS.len()]; 2]| {
@@ -204,7 +203,7 @@ impl World {
         let Self { stations, judge, mut outcome, now, .. } = self;
         outcome.kills = stations.iter().map(|station| station.process.kills).sum();
         outcome.told = judge.told;
-        let _ = writeln!(outcome.log, "{:>12} {:016x}", now / 1000, judge.digest);
+        let _ = writeln!(outcome.log, "{:>12} {:016x}", now.micros(), judge.digest);
         outcome
     }
 }

@@ -4,21 +4,21 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::net::SocketAddr;
 
-use ob1_cpu::Nanos;
 use ob1_line::sim::SplitMix64;
 use ob1_s7_process::cp::{Network, Received};
+use ob1_time::{Instant, Span};
 
+use super::SECOND;
 use super::program::LINES;
-use super::{MS, SECOND};
 
 /// A chunk is on its way for so long, at least and in addition at most.
-const WAY: (Nanos, Nanos) = (20_000, 3 * MS);
+const WAY: (Span, Span) = (Span::from_micros(20), Span::from_millis(3));
 /// Bytes under way in one direction, at most.
 const ROOM: usize = 64 * 1024;
 /// Datagrams a kernel keeps.
 const DATAGRAMS: usize = 64;
 /// A partner from whom nothing comes is noticed after this long.
-const KEEP_ALIVE: Nanos = 60 * SECOND;
+const KEEP_ALIVE: Span = Span::from_secs(60);
 
 /// What is under way.
 enum Item {
@@ -29,7 +29,7 @@ enum Item {
 
 #[derive(Default)]
 struct Pipe {
-    queue: VecDeque<(Nanos, Item)>,
+    queue: VecDeque<(Instant, Item)>,
     bytes: usize,
 }
 
@@ -38,13 +38,13 @@ struct Conn {
     line: usize,
     caller: usize,
     /// When each station knows that it is made.
-    made: [Nanos; 2],
+    made: [Instant; 2],
     /// On the way to each station.
     to: [Pipe; 2],
     /// Stations that have closed their end.
     closed: [bool; 2],
     /// It is broken: when each station sees that.
-    broken: Option<[Nanos; 2]>,
+    broken: Option<[Instant; 2]>,
 }
 
 /// The network.
@@ -54,11 +54,11 @@ pub(crate) struct Net {
     last: u64,
     /// Who has called each station, and was not taken yet.
     backlog: [VecDeque<u64>; 2],
-    datagrams: [VecDeque<(Nanos, Vec<u8>)>; 2],
+    datagrams: [VecDeque<(Instant, Vec<u8>)>; 2],
     /// One datagram in so many is lost; one call in so many is refused; 0: none.
     pub(crate) loses: u64,
     /// Until then a connection may be mute.
-    pub(crate) mute_until: Nanos,
+    pub(crate) mute_until: Instant,
 }
 
 impl Net {
@@ -70,12 +70,12 @@ impl Net {
             backlog: Default::default(),
             datagrams: Default::default(),
             loses: 0,
-            mute_until: 0,
+            mute_until: Instant::START,
         }
     }
 
-    fn way(&mut self) -> Nanos {
-        WAY.0 + self.rng.below(WAY.1)
+    fn way(&mut self) -> Span {
+        WAY.0 + self.rng.span_below(WAY.1)
     }
 
     fn happens(&mut self) -> bool {
@@ -83,21 +83,21 @@ impl Net {
     }
 
     /// A connection breaks: both see it a little later, and what was under way is lost. True if there was one.
-    pub(crate) fn breaks(&mut self, line: usize, now: Nanos) -> bool {
+    pub(crate) fn breaks(&mut self, line: usize, now: Instant) -> bool {
         self.sever(line, |net| [now + net.way(), now + net.way()])
     }
 
     /// Nothing comes any more, and nobody is told.
-    pub(crate) fn mutes(&mut self, line: usize, now: Nanos) -> bool {
+    pub(crate) fn mutes(&mut self, line: usize, now: Instant) -> bool {
         let until = now + KEEP_ALIVE;
-        let done = self.sever(line, |net| [until + net.rng.below(SECOND), until + net.rng.below(SECOND)]);
+        let done = self.sever(line, |net| [until + net.rng.span_below(SECOND), until + net.rng.span_below(SECOND)]);
         if done {
             self.mute_until = until + SECOND;
         }
         done
     }
 
-    fn sever(&mut self, line: usize, when: impl FnOnce(&mut Self) -> [Nanos; 2]) -> bool {
+    fn sever(&mut self, line: usize, when: impl FnOnce(&mut Self) -> [Instant; 2]) -> bool {
         let found = self.conns.iter().rev().find(|(_, conn)| conn.line == line && conn.broken.is_none());
         let Some(id) = found.map(|(id, _)| *id) else { return false };
         let when = when(self);
@@ -109,19 +109,19 @@ impl Net {
     }
 
     /// Who has called `me`.
-    pub(crate) fn accept(&mut self, me: usize, now: Nanos) -> Option<(u64, usize)> {
+    pub(crate) fn accept(&mut self, me: usize, now: Instant) -> Option<(u64, usize)> {
         let is_there = |id: &u64| self.conns.get(id).is_some_and(|conn| now >= conn.made[me]);
         let id = self.backlog[me].iter().position(is_there).and_then(|at| self.backlog[me].remove(at))?;
         self.conns.get(&id).map(|conn| (id, conn.line))
     }
 
     /// Whether a call of `me` has come through.
-    pub(crate) fn is_made(&self, id: u64, me: usize, now: Nanos) -> bool {
+    pub(crate) fn is_made(&self, id: u64, me: usize, now: Instant) -> bool {
         self.conns.get(&id).is_none_or(|conn| now >= conn.made[me])
     }
 
     /// The kernel closes the ends of a dead process: what has been sent still arrives, or not even that.
-    pub(crate) fn kill(&mut self, id: u64, me: usize, now: Nanos) {
+    pub(crate) fn kill(&mut self, id: u64, me: usize, now: Instant) {
         let seen = [now + self.way(); 2];
         let is_broken = self.rng.below(2) == 0;
         if let Some(conn) = self.conns.get_mut(&id).filter(|_| is_broken) {
@@ -131,13 +131,13 @@ impl Net {
         self.close(id, me, now);
     }
 
-    pub(crate) fn close(&mut self, id: u64, me: usize, now: Nanos) {
+    pub(crate) fn close(&mut self, id: u64, me: usize, now: Instant) {
         let way = self.way();
         let Some(conn) = self.conns.get_mut(&id) else { return };
         conn.closed[me] = true;
         conn.to[me] = Pipe::default();
         let pipe = &mut conn.to[1 - me];
-        let due = pipe.queue.back().map_or(0, |last| last.0).max(now + way);
+        let due = pipe.queue.back().map_or(Instant::START, |last| last.0).max(now + way);
         pipe.queue.push_back((due, Item::End));
         // Whoever was not accepted yet is nevertheless there.
         if conn.closed == [true; 2] {
@@ -146,7 +146,7 @@ impl Net {
         }
     }
 
-    pub(crate) fn receive(&mut self, id: u64, me: usize, now: Nanos, into: &mut [u8]) -> Received {
+    pub(crate) fn receive(&mut self, id: u64, me: usize, now: Instant, into: &mut [u8]) -> Received {
         let Some(conn) = self.conns.get_mut(&id) else { return Received::Gone };
         if let Some(seen) = conn.broken {
             return if now >= seen[me] { Received::Gone } else { Received::Nothing };
@@ -170,7 +170,7 @@ impl Net {
         }
     }
 
-    pub(crate) fn send(&mut self, id: u64, me: usize, now: Nanos, bytes: &[u8]) -> Option<usize> {
+    pub(crate) fn send(&mut self, id: u64, me: usize, now: Instant, bytes: &[u8]) -> Option<usize> {
         let (way, part) = (self.way(), 1 + self.rng.below(bytes.len() as u64) as usize);
         let conn = self.conns.get_mut(&id)?;
         let pipe = &mut conn.to[1 - me];
@@ -185,7 +185,7 @@ impl Net {
         }
         let taken = part.min(ROOM - pipe.bytes);
         if taken > 0 {
-            let due = pipe.queue.back().map_or(0, |last| last.0).max(now + way);
+            let due = pipe.queue.back().map_or(Instant::START, |last| last.0).max(now + way);
             pipe.queue.push_back((due, Item::Bytes(bytes[..taken].to_vec())));
             pipe.bytes += taken;
         }
@@ -193,7 +193,7 @@ impl Net {
     }
 
     /// When something comes for `me`; a connection it reads nothing of now says nothing.
-    pub(crate) fn next(&self, me: usize, now: Nanos, reads: impl Fn(u64) -> bool) -> Nanos {
+    pub(crate) fn next(&self, me: usize, now: Instant, reads: impl Fn(u64) -> bool) -> Instant {
         let of = |(id, conn): (&u64, &Conn)| {
             if conn.closed[me] {
                 return None;
@@ -208,7 +208,7 @@ impl Net {
             [made, came].into_iter().flatten().min()
         };
         let datagram = self.datagrams[me].front().map(|front| front.0);
-        self.conns.iter().filter_map(of).chain(datagram).min().unwrap_or(Nanos::MAX)
+        self.conns.iter().filter_map(of).chain(datagram).min().unwrap_or(Instant::NEVER)
     }
 }
 
@@ -233,7 +233,7 @@ impl Socket {
 pub(crate) struct Sockets<'n> {
     pub(crate) net: &'n mut Net,
     pub(crate) me: usize,
-    pub(crate) now: Nanos,
+    pub(crate) now: Instant,
     pub(crate) lines: &'n mut [Socket; LINES.len()],
 }
 
@@ -272,7 +272,7 @@ impl Network for Sockets<'_> {
         let lost = self.net.happens();
         let queue = &mut self.net.datagrams[1 - self.me];
         if !lost && queue.len() < DATAGRAMS {
-            let due = queue.back().map_or(0, |last| last.0).max(due);
+            let due = queue.back().map_or(Instant::START, |last| last.0).max(due);
             queue.push_back((due, bytes.to_vec()));
         }
     }

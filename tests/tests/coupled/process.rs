@@ -3,24 +3,24 @@
 
 use std::net::{IpAddr, Ipv4Addr};
 use std::os::fd::OwnedFd;
-use std::time::{Duration, Instant};
+use std::time::{self, Duration};
 
 use ob1_access::door::{Door, News, Reading};
 use ob1_backplane::{CpSide, Segment, handover};
 use ob1_broker::Broker;
-use ob1_cpu::Nanos;
 use ob1_s7::server::Connection;
 use ob1_s7_process::asks::Surroundings;
 use ob1_s7_process::config::Config;
 use ob1_s7_process::cp::{Cp, Received};
 use ob1_tests::sim::life::{Life, Turn};
+use ob1_time::{Instant, Span};
 
+use super::SECOND;
 use super::net::{Net, Socket, Sockets};
 use super::program::LINES;
-use super::{MS, SECOND};
 
 /// Between two signs of life.
-const BEAT: Nanos = 200 * MS;
+const BEAT: Span = Span::from_millis(200);
 
 /// The process while it lives.
 struct Alive {
@@ -33,8 +33,8 @@ struct Alive {
     lines: [Socket; LINES.len()],
     /// Who has not said yet which connection he wants.
     fronts: Vec<(u64, Connection)>,
-    beat: Nanos,
-    tick: Nanos,
+    beat: Instant,
+    tick: Instant,
 }
 
 /// The process, and whether there is one.
@@ -44,19 +44,19 @@ pub(crate) struct Process {
     life: Life,
     alive: Option<Alive>,
     /// The zero of virtual time, for what counts in the time of the machine.
-    base: Instant,
-    due: Nanos,
+    base: time::Instant,
+    due: Instant,
     pub(crate) kills: u64,
     /// Times it was ready.
     pub(crate) ups: u64,
 }
 
 impl Process {
-    pub(crate) fn new(me: usize, segment: Segment, life: Life, base: Instant) -> Self {
-        Self { me, segment, life, alive: None, base, due: Nanos::MAX, kills: 0, ups: 0 }
+    pub(crate) fn new(me: usize, segment: Segment, life: Life, base: time::Instant) -> Self {
+        Self { me, segment, life, alive: None, base, due: Instant::NEVER, kills: 0, ups: 0 }
     }
 
-    pub(crate) fn next(&self, now: Nanos, net: &Net) -> Nanos {
+    pub(crate) fn next(&self, now: Instant, net: &Net) -> Instant {
         let Some(alive) = &self.alive else { return self.life.next_event() };
         let reads = |id: u64| {
             let line = alive.lines.iter().position(|socket| socket.id() == Some(id));
@@ -66,7 +66,7 @@ impl Process {
     }
 
     /// Everything that is due.
-    pub(crate) fn advance(&mut self, now: Nanos, broker: &mut Broker, net: &mut Net) {
+    pub(crate) fn advance(&mut self, now: Instant, broker: &mut Broker, net: &mut Net) {
         while let Some(turn) = self.life.advance(now) {
             match turn {
                 Turn::Begins => self.begins(now, broker),
@@ -76,13 +76,13 @@ impl Process {
         self.poll(now, broker, net);
     }
 
-    fn begins(&mut self, now: Nanos, broker: &mut Broker) {
+    fn begins(&mut self, now: Instant, broker: &mut Broker) {
         let side = CpSide::attach(&self.segment).expect("a segment");
         assert!(side.has_boxes());
         let (ours, theirs): (OwnedFd, OwnedFd) = handover::pair().expect("a socket");
         broker.connect(0, ours, now);
         self.alive = Some(Alive {
-            cp: Cp::new(side, self.base + Duration::from_nanos(now)),
+            cp: Cp::new(side, self.base + Duration::from(now.since_start())),
             door: Door::new(theirs).expect("a door"),
             config: None,
             reading: Reading::new(),
@@ -95,24 +95,24 @@ impl Process {
     }
 
     /// After a cycle of the CPU, and what its broker had to say.
-    pub(crate) fn listen(&mut self, now: Nanos) {
+    pub(crate) fn listen(&mut self, now: Instant) {
         if let Some(heard) = self.life.heard(now, self.alive.is_some()) {
             self.due = self.due.min(heard);
         }
     }
 
     /// The broker has something for it, perhaps.
-    pub(crate) fn nudge(&mut self, at: Nanos) {
+    pub(crate) fn nudge(&mut self, at: Instant) {
         self.due = self.due.min(at);
     }
 
     /// `kill -9`, one time in three in the middle of writing a box. False: there is none.
-    pub(crate) fn kill(&mut self, now: Nanos, at: usize, net: &mut Net) -> bool {
+    pub(crate) fn kill(&mut self, now: Instant, at: usize, net: &mut Net) -> bool {
         let Some(alive) = self.alive.take() else { return false };
         let ids = alive.lines.iter().filter_map(|socket| socket.id()).chain(alive.fronts.iter().map(|front| front.0));
         ids.for_each(|id| net.kill(id, self.me, now));
         self.kills += 1;
-        self.due = Nanos::MAX;
+        self.due = Instant::NEVER;
         if self.life.dies_writing() {
             use ob1_backplane::layout::{BOX_STRIDE, BOXES, FIELDS};
             let boxes = FIELDS.iter().find(|field| field.name == "boxes.to_cpu").expect("boxes").offset;
@@ -127,9 +127,9 @@ impl Process {
     }
 
     /// As `Server::run` does it, until it may sleep.
-    fn poll(&mut self, now: Nanos, broker: &mut Broker, net: &mut Net) {
+    fn poll(&mut self, now: Instant, broker: &mut Broker, net: &mut Net) {
         let Some(alive) = &mut self.alive else { return };
-        let at = self.base + Duration::from_nanos(now);
+        let at = self.base + Duration::from(now.since_start());
         alive.cp.awake();
         if now >= alive.beat {
             alive.door.beat();
@@ -149,14 +149,14 @@ impl Process {
                 break;
             }
         }
-        let cp = alive.cp.due().map(|due| due.saturating_duration_since(self.base).as_nanos());
-        let cp = cp.map_or(Nanos::MAX, |nanos| Nanos::try_from(nanos).unwrap_or(Nanos::MAX));
-        self.due = cp.min(alive.beat).min(alive.tick).max(now + 1);
+        let cp = alive.cp.due().map(|due| due.saturating_duration_since(self.base).into());
+        let cp = cp.map_or(Instant::NEVER, |time: Span| Instant::START.saturating_add(time));
+        self.due = cp.min(alive.beat).min(alive.tick).max(now + Span::from_nanos(1));
     }
 }
 
 impl Alive {
-    fn round(&mut self, me: usize, now: Nanos, at: Instant, net: &mut Net) {
+    fn round(&mut self, me: usize, now: Instant, at: time::Instant, net: &mut Net) {
         self.door.pump().expect("the broker is there");
         if self.config.is_none() {
             let Some(welcome) = self.door.welcome() else { return };
@@ -184,7 +184,7 @@ impl Alive {
     }
 
     /// What has come over the network.
-    fn network(&mut self, me: usize, now: Nanos, at: Instant, net: &mut Net, config: &Config) {
+    fn network(&mut self, me: usize, now: Instant, at: time::Instant, net: &mut Net, config: &Config) {
         for line in 0..LINES.len() {
             if let Socket::Coming(id) = self.lines[line]
                 && net.is_made(id, me, now)

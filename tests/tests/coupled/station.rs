@@ -1,16 +1,17 @@
 //! A whole station with an Ethernet CP: station file, compiler, CPU, plugin, back plane, broker.
 
 use std::path::Path;
-use std::time::Instant;
+use std::time;
 
 use ob1_backplane::{CpuSide, Segment};
 use ob1_broker::{Broker, feed};
-use ob1_cpu::{Clock, Command, Cpu, Module, Nanos, OperatingState};
+use ob1_cpu::{Clock, Command, Cpu, Module, OperatingState};
 use ob1_host::module::CpModule;
 use ob1_station::{assembly, program, station_file};
 use ob1_tests::sim::clock::VirtualClock;
 use ob1_tests::sim::facts::Bare;
 use ob1_tests::sim::life::Life;
+use ob1_time::{Instant, Span};
 
 use super::net::Net;
 use super::process::Process;
@@ -19,15 +20,15 @@ use super::program as text;
 /// The clock of a CPU whose scan is long: while its blocks are at work the process goes on.
 struct LongScan<'w> {
     clock: VirtualClock,
-    call: Nanos,
+    call: Span,
     process: &'w mut Process,
     broker: &'w mut Broker,
     net: &'w mut Net,
 }
 
 impl Clock for LongScan<'_> {
-    fn now(&mut self) -> Nanos {
-        if self.call == 0 {
+    fn now(&mut self) -> Instant {
+        if self.call.is_zero() {
             return self.clock.0;
         }
         let until = self.clock.0 + self.call;
@@ -47,11 +48,11 @@ impl Clock for LongScan<'_> {
         self.clock.executed(statements);
     }
 
-    fn statements_in(&self, time: Nanos) -> Option<u64> {
+    fn statements_in(&self, time: Span) -> Option<u64> {
         self.clock.statements_in(time)
     }
 
-    fn wait(&mut self, deadline: Nanos) {
+    fn wait(&mut self, deadline: Instant) {
         self.clock.wait(deadline);
     }
 }
@@ -60,11 +61,11 @@ pub(crate) struct Station {
     pub(crate) cpu: Cpu,
     pub(crate) broker: Broker,
     pub(crate) process: Process,
-    pub(crate) due: Nanos,
+    pub(crate) due: Instant,
 }
 
 impl Station {
-    pub(crate) fn new(me: usize, folder: &Path, seed: u64, base: Instant) -> Self {
+    pub(crate) fn new(me: usize, folder: &Path, seed: u64, base: time::Instant) -> Self {
         let file = text::file(me);
         let station = station_file::parse(&file, "coupled.toml", folder).unwrap_or_else(|f| panic!("{f:#?}\n{file}"));
         std::fs::write(folder.join(format!("{}.awl", station.name)), text::source(me)).expect("room for a file");
@@ -85,16 +86,16 @@ impl Station {
         let links = vec![assembly::link_config(link, link.config.clone(), Vec::new())];
         let broker = Broker::new(&mut cpu, links, feed().1, Box::new(Bare)).expect("a broker");
         cpu.request(Command::Run);
-        Self { cpu, broker, process: Process::new(me, segment, life, base), due: 0 }
+        Self { cpu, broker, process: Process::new(me, segment, life, base), due: Instant::START }
     }
 
     /// One cycle, in which so much time passes before and after each call of a handling block; when it has ended.
-    pub(crate) fn cycle(&mut self, now: Nanos, call: Nanos, net: &mut Net) -> Nanos {
+    pub(crate) fn cycle(&mut self, now: Instant, call: Span, net: &mut Net) -> Instant {
         let mut scan =
             LongScan { clock: VirtualClock(now), call, process: &mut self.process, broker: &mut self.broker, net };
         let end = self.cpu.cycle(&mut scan);
-        let now = if call > 0 { scan.clock.0 } else { now };
-        self.due = end.next_deadline.max(now + 1);
+        let now = if call.is_zero() { now } else { scan.clock.0 };
+        self.due = end.next_deadline.max(now + Span::from_nanos(1));
         self.broker.step(now);
         self.process.listen(now);
         now

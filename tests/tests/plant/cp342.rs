@@ -128,8 +128,8 @@ impl Plant {
             self.now = self.bus.next().min(self.due).max(self.now);
             self.bus.advance(self.now);
             if self.now >= self.due {
-                let end = self.cpu.cycle(&mut VirtualClock(self.now.nanos()));
-                self.due = Instant::from_nanos(end.next_deadline).max(self.now + Span::from_nanos(1));
+                let end = self.cpu.cycle(&mut VirtualClock(self.now));
+                self.due = end.next_deadline.max(self.now + Span::from_nanos(1));
                 self.bus.ring(self.now);
                 return;
             }

@@ -199,8 +199,8 @@ impl World {
                 self.make_trouble();
             }
             if self.now >= self.due {
-                let end = self.cpu.cycle(&mut VirtualClock(self.now.nanos()));
-                self.due = Instant::from_nanos(end.next_deadline).max(self.now + Span::from_nanos(1));
+                let end = self.cpu.cycle(&mut VirtualClock(self.now));
+                self.due = end.next_deadline.max(self.now + Span::from_nanos(1));
                 for bus in &mut self.buses {
                     bus.ring(self.now);
                 }

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use ob1_command::statistics::quantile;
 use ob1_station::access::client::Client;
 use ob1_station::access::protocol::{BusStatus, Op};
+use ob1_time::Span;
 
 use super::peer::Failure;
 use super::{Figure, median};
@@ -46,7 +47,7 @@ fn exchange(time: Duration) -> Result<Vec<Figure>, Failure> {
     let (began, used) = (Instant::now(), ran(&before));
     let seen = bank.watch(time)?;
     let (took, after) = (began.elapsed(), station.bus()?);
-    let used = ran(&after).zip(used).map_or(0, |(now, before)| now.saturating_sub(before));
+    let used = ran(&after).zip(used).map_or(Span::ZERO, |(now, before)| now.saturating_sub(before));
     if after.losses != before.losses || after.stations.iter().any(|one| one.losses > 0) {
         return Err("a coupler was lost meanwhile".into());
     }
@@ -67,7 +68,7 @@ fn exchange(time: Duration) -> Result<Vec<Figure>, Failure> {
         figure("32 couplers x 16 bytes: period, p50", ms(&seen.periods, 0.5), "ms", ("", true)),
         figure("32 couplers x 16 bytes: period, p99", period, "ms", ("<= 11 ms", period <= 1.1 * cycle)),
         figure("32 couplers x 16 bytes: requests", seen.requests as f64 / took.as_secs_f64(), "/s", ("", true)),
-        figure("its process: CPU of one core", used as f64 / took.as_nanos() as f64 * 100.0, "%", ("", true)),
+        figure("its process: CPU of one core", used.nanos() as f64 / took.as_nanos() as f64 * 100.0, "%", ("", true)),
         figure("input -> OB 1 -> output, p50", ms(&seen.latencies, 0.5) / cycle, "cyc", ("", true)),
         figure("input -> OB 1 -> output, p99", latency, "cyc", ("<= 2", latency <= 2.0)),
     ])
