@@ -84,7 +84,7 @@ impl Judge {
             }
             let silent = now - device.heard;
             let on = device.outputs().iter().any(|byte| *byte != 0);
-            assert!(!on || silent < WATCHDOG + 15 * MS, "{at}: s{n} drives, and nobody has driven it for {silent} ns");
+            assert!(!on || silent < WATCHDOG + 15 * MS, "{at}: s{n} drives, and nobody has driven it for {silent}");
         }
     }
 
