@@ -111,14 +111,15 @@ fn calls(plan: &Plan) -> Vec<Vec<Site>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ob1_cpu::{Clock, Command, Cpu, CpuConfig, Nanos};
+    use ob1_cpu::{Clock, Command, Cpu, CpuConfig};
+    use ob1_time::{Instant, Span};
     use std::fmt::Write as _;
 
     struct Still;
 
     impl Clock for Still {
-        fn now(&mut self) -> Nanos {
-            0
+        fn now(&mut self) -> Instant {
+            Instant::START
         }
         fn executed(&mut self, _statements: u64) {}
     }
@@ -136,7 +137,7 @@ mod tests {
         let output = ob1_stl::compile(&[source], &ob1_stl::Library::new(), &ob1_stl::Options::default());
         assert!(output.is_good(), "{:#?}", output.diagnostics);
         let accounting = ob1_cpu::engine::ACCOUNTING;
-        let config = CpuConfig { watchdog: 0, ..CpuConfig::default() };
+        let config = CpuConfig { watchdog: Span::ZERO, ..CpuConfig::default() };
         let mut cpu = Cpu::new(config, &output.program, Vec::new(), Vec::new(), accounting).expect("it loads");
         cpu.request(Command::Run);
         for _ in 0..3 {

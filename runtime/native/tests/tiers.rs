@@ -5,17 +5,18 @@ use std::os::fd::AsFd;
 use std::sync::Arc;
 
 use ob1_cpu::engine::{ACCOUNTING, Engine, Factory, Plan, REFERENCE};
-use ob1_cpu::{Clock, Command, Cpu, CpuConfig, Nanos};
+use ob1_cpu::{Clock, Command, Cpu, CpuConfig};
 use ob1_native::{
     Compiler, Image, NAME, NAME_FAST, NAME_HOTTEST, Native, Order, Target, Tier, fingerprint, hottest, memory_file,
     seal,
 };
+use ob1_time::{Instant, Span};
 
 struct Still;
 
 impl Clock for Still {
-    fn now(&mut self) -> Nanos {
-        0
+    fn now(&mut self) -> Instant {
+        Instant::START
     }
     fn executed(&mut self, _statements: u64) {}
 }
@@ -48,7 +49,7 @@ fn program() -> ob1_ir::Program {
 #[test]
 fn the_hottest_block_is_optimised_in_the_first_file_and_nobody_sees_a_difference() {
     let program = program();
-    let config = CpuConfig { memory_bytes: 2048, watchdog: 0, ..CpuConfig::default() };
+    let config = CpuConfig { memory_bytes: 2048, watchdog: Span::ZERO, ..CpuConfig::default() };
     let load =
         |engine: &dyn Factory| Cpu::new(config.clone(), &program, Vec::new(), Vec::new(), engine).expect("it loads");
     let (mut reference, mut cpu) = (load(REFERENCE), load(&Room));

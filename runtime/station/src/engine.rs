@@ -182,8 +182,8 @@ mod tests {
         const PAGE: u32 = 64 * 1024;
         struct Still;
         impl ob1_cpu::Clock for Still {
-            fn now(&mut self) -> ob1_cpu::Nanos {
-                0
+            fn now(&mut self) -> ob1_time::Instant {
+                ob1_time::Instant::START
             }
             fn executed(&mut self, _statements: u64) {}
         }
