@@ -133,6 +133,11 @@ fn double_integer_arithmetic() {
         (Div, 5, 0, 0, CC1 | CC0 | OV | OS),
         (Mod, 0xFFFF_FFEF, 5, 0xFFFF_FFFE, CC0),
         (Mod, 15, 5, 0, 0),
+        (Mod, 0xFFFF_FFEF, 0xFFFF_FFFB, 0xFFFF_FFFE, CC0),
+        (Mod, 17, 0xFFFF_FFFB, 2, CC1),
+        (Mod, 0x8000_0000, 0x7FFF_FFFF, 0xFFFF_FFFF, CC0),
+        (Div, 0x8000_0000, 1, 0x8000_0000, CC0),
+        (Div, 4, 5, 0, 0),
         (Mod, 0x8000_0000, 0xFFFF_FFFF, 0, 0),
         (Mod, 15, 0, 0, CC1 | CC0 | OV | OS),
     ] {
@@ -268,7 +273,24 @@ fn conversions() {
         (RndPlus, r(100.1), 101, keep),
         (RndMinus, r(-100.1), 0xFFFF_FF9B, keep),
         (Trunc, r(-1.9), 0xFFFF_FFFF, keep),
+        (Rnd, r(0.5), 0, keep),
+        (Rnd, r(-0.5), 0, keep),
+        (Rnd, r(-1.5), 0xFFFF_FFFE, keep),
+        (Rnd, r(-0.0), 0, keep),
+        (RndPlus, r(0.5), 1, keep),
+        (RndPlus, r(-0.5), 0, keep),
+        (RndMinus, r(-0.5), 0xFFFF_FFFF, keep),
+        (Trunc, r(1e-40), 0, keep),
         (Rnd, r(3e9), r(3e9), keep | OV | OS),
+        // The last that are DINT, and the first that are not.
+        (Rnd, r(2_147_483_520.0), 0x7FFF_FF80, keep),
+        (RndPlus, r(2_147_483_648.0), r(2_147_483_648.0), keep | OV | OS),
+        (Trunc, r(-2_147_483_648.0), 0x8000_0000, keep),
+        (RndMinus, r(-2_147_483_904.0), r(-2_147_483_904.0), keep | OV | OS),
+        (Rnd, r(f32::INFINITY), r(f32::INFINITY), keep | OV | OS),
+        (RndMinus, r(f32::NEG_INFINITY), r(f32::NEG_INFINITY), keep | OV | OS),
+        (Rnd, 0x7FFF_FFFF, 0x7FFF_FFFF, keep | OV | OS),
+        (Trunc, 0xFF80_0001, 0xFF80_0001, keep | OV | OS),
         (Invi, 0xABCD_00FF, 0xABCD_FF00, keep),
         (Invd, 0, 0xFFFF_FFFF, keep),
         (Negr, r(1.5), r(-1.5), keep),
@@ -374,6 +396,13 @@ fn and_before_or() {
     // Three of them.
     let three = [zero.clone(), Op::OrBranch, zero.clone(), Op::OrBranch, one.clone()];
     chain(&three, 0, FC | RLO | STA);
+    // What becomes of an OR that waits for its second AND.
+    let waiting = |then: Op| [one.clone(), Op::OrBranch, then];
+    chain(&waiting(Op::SetRlo), 0, RLO | STA);
+    chain(&waiting(Op::ClearRlo), 0, 0);
+    chain(&waiting(Op::SaveRlo), 0, FC | OR | RLO | STA | BR);
+    chain(&waiting(Op::NotRlo), 0, FC | OR | STA);
+    chain(&[one.clone(), Op::OrBranch, Op::NotRlo, zero.clone()], 0, FC | OR | RLO);
     // An OR with an operand ends it.
     chain(&[one.clone(), Op::OrBranch, zero.clone(), scan(Or, false, false)], 0, FC | RLO);
 }
