@@ -5,8 +5,10 @@ mod common;
 
 use common::{on_each_engine, source::bench};
 
-/// Blocks before OB 1, its statements, and words of bit memory with what they hold then. M 0.0 is 1.
-const ROWS: &[(&str, &str, &str, &[(u32, u32)])] = &[
+/// What it is about, blocks before OB 1, its statements, and words of bit memory with what they hold then. M 0.0 is 1.
+type Row = (&'static str, &'static str, &'static str, &'static [(u32, u32)]);
+
+const ROWS: &[Row] = &[
     (
         "counters stay at 999 and at 0",
         "",
