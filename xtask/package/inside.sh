@@ -27,6 +27,7 @@ for side in a b; do
         >> /etc/ob1/$side/station.toml
     if [ $side = a ]; then
         printf '\n[[link]]\ntype = "web"\nname = "page"\nlisten = "127.0.0.1:8080"\n' >> /etc/ob1/a/station.toml
+        printf '\n[[link]]\ntype = "opcua"\nname = "scada"\nlisten = "127.0.0.1:4840"\n' >> /etc/ob1/a/station.toml
     fi
     ob1 check /etc/ob1/$side/station.toml
 done
@@ -88,6 +89,9 @@ until_true in_run simulated-line-b
 until_true good
 until_true page
 say "the station shows its page: $(wc -c < /tmp/page) bytes"
+# What a link keeps lies where the service may write.
+until_true test -f /var/lib/ob1/a/simulated-line-a.gate/scada/pki/private/private.pem
+say "OPC UA has made its key"
 say "20 telegrams went over the line of two CPs and came back right"
 ob1 get simulated-line-a DB20.GOOD DB20.WRONG DB20.DOUBLED
 ob1 diag simulated-line-a

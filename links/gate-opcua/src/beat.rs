@@ -32,8 +32,8 @@ const MARGIN: Duration = Duration::from_micros(20);
 const COARSE: Duration = Duration::from_micros(1_200);
 /// A second look behind each beat, for an interval that was over a moment too late for it.
 const ECHO: Duration = Duration::from_millis(1);
-/// So many steps lie between two beats that go back at least: one of a hundred may be late for it.
-const SLIPS: u32 = 100;
+/// So many steps lie between two beats that go back at least: what is late for it is one of two hundred.
+const SLIPS: u32 = 200;
 /// Between two looks at the intervals that the clients have.
 const REFRESH: Duration = Duration::from_secs(1);
 

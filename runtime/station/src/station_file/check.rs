@@ -25,7 +25,8 @@ pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Resu
     let mut buses = buses::Buses::new(f, &file.bus, &cpu, folder);
     let mut modules = modules::modules(f, &file.module, &mut buses, folder);
     let buses = buses.finish(f, &mut modules);
-    let mut links = link::links(f, &file.link, file.station.name.get_ref(), folder);
+    let mut links =
+        link::links(f, &file.link, file.station.name.get_ref(), folder, &retentive::folder_of(&file.station, folder));
     connection::connections(f, &file.connection, &file.module, &modules, &mut links);
     let downloads = retentive::downloads(f, retentive.is_some(), &links, &file.station, folder);
     let mut library = standard(f, &file.program.libraries, &file.library);

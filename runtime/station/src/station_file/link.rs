@@ -78,10 +78,17 @@ fn keys(table: &LinkTable) -> Vec<(&'static str, &'static [LinkKind], Key<'_>)> 
     ]
 }
 
-pub(super) fn links(f: &mut Findings<'_>, tables: &[LinkTable], station: &str, folder: &Path) -> Vec<StationLink> {
+/// `state` is the folder of what the links keep: a service may not write beside its station file.
+pub(super) fn links(
+    f: &mut Findings<'_>,
+    tables: &[LinkTable],
+    station: &str,
+    folder: &Path,
+    state: &Path,
+) -> Vec<StationLink> {
     let mut links: Vec<StationLink> = Vec::with_capacity(tables.len());
     for table in tables {
-        let Some(link) = link(f, table, station, folder) else { continue };
+        let Some(link) = link(f, table, station, folder, state) else { continue };
         if links.iter().any(|other| other.name == link.name) {
             let message = format!("there are two links with the name \"{}\"", link.name);
             f.error(TWICE, table.name.span(), message, "give each link a name of its own");
@@ -96,7 +103,7 @@ pub(super) fn links(f: &mut Findings<'_>, tables: &[LinkTable], station: &str, f
     links
 }
 
-fn link(f: &mut Findings<'_>, table: &LinkTable, station: &str, folder: &Path) -> Option<StationLink> {
+fn link(f: &mut Findings<'_>, table: &LinkTable, station: &str, folder: &Path, state: &Path) -> Option<StationLink> {
     let kind = choice(f, "type", Some(&table.kind), &KINDS);
     let rights = choice(f, "rights", table.rights.as_ref(), &RIGHTS).unwrap_or_default();
     let unlocked = choice(f, "password_rights", table.password_rights.as_ref(), &RIGHTS);
@@ -120,10 +127,10 @@ fn link(f: &mut Findings<'_>, table: &LinkTable, station: &str, folder: &Path) -
             }
         }
         // Whoever may do more than read leaves a trace.
-        let audit = absolute(folder, &format!("{station}.audit"));
+        let audit = absolute(state, &format!("{station}.audit"));
         config.entry("audit").or_insert_with(|| json!(audit));
         if matches!(kind, OpcUa | Mqtt) {
-            config.insert("state".into(), json!(absolute(folder, &format!("{station}.gate"))));
+            config.insert("state".into(), json!(absolute(state, &format!("{station}.gate"))));
         }
     }
     Some(StationLink {

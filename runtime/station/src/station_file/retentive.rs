@@ -62,18 +62,21 @@ pub(super) fn downloads(
 ) -> Option<PathBuf> {
     let may = |link: &StationLink| link.kind == LinkKind::S7 && link.rights.max(link.password_rights) == Right::Operate;
     let downloads = links.iter().any(may).then(|| folder_of(station, folder));
-    if let (Some(state), None, false) = (&station.state, &downloads, has_retentive) {
+    // Certificates, audit logs, values that wait.
+    let gate = links.iter().any(|link| link.kind.shares_its_process());
+    if let (Some(state), None, false) = (&station.state, &downloads, has_retentive || gate) {
         f.error(
             CONTRADICTION,
             state.span(),
             "there is nothing to be kept there",
-            "add [retentive] or an S7 link with rights = \"operate\", or leave `state` out",
+            "add [retentive], an S7 link with rights = \"operate\" or a link of the gate, or leave `state` out",
         );
     }
     downloads
 }
 
-fn folder_of(station: &StationTable, folder: &Path) -> PathBuf {
+/// Where the station keeps what outlasts it.
+pub(super) fn folder_of(station: &StationTable, folder: &Path) -> PathBuf {
     let named = station.state.as_ref().map(|state| state.get_ref().as_str());
     state_folder(named, std::env::var_os(STATE_DIRECTORY), folder)
 }
