@@ -2,7 +2,12 @@
 //!
 //! - An input is what its device has sensed, whole and never older than before, or the substitute. From the scan in
 //!   which OB 86 says that the device is lost to that in which it says that it is back it is the substitute.
-//! - OB 86 and OB 82 run once for each entry.
+//! - OB 86 and OB 82 run once for each entry, and OB 86 is told of what the entry is.
+//! - A bus has failed (39C3h) once for each process of it that died, at the next scan, and at no other time; a device is
+//!   lost (39C4h) only while the process is there.
+//! - A device that has not been heard for as long as the station file says is lost; so is a slave that has begun anew,
+//!   however soon it was exchanged with again.
+//! - A fault is reported when there was none, and is gone when there was one.
 //! - Outputs are off when nothing has been exchanged for as long as the watchdog says.
 //! - A device is written what OB 1 drove for it a moment ago, never something older than before, and not zeros in
 //!   between.
@@ -11,10 +16,10 @@
 use ob1_cpu::{Cpu, OperatingState};
 use ob1_model::Event;
 use ob1_tests::sim::MS;
-use ob1_time::Instant;
+use ob1_time::{Instant, Span};
 
 use super::device::{BYTES, Device, sensed};
-use super::{COUNT, COUNTS, DEVICES, WATCHDOG};
+use super::{CALL, COUNT, COUNTS, DEVICES, LOST_AFTER, WATCHDOG};
 
 /// Scans ago: what a device is written at the most. A request is made when it goes out, and is not kept.
 const WRITTEN_AGO: u32 = 10;
@@ -45,20 +50,43 @@ struct Known {
     anew: bool,
     /// What it was written last.
     driven: u32,
+    /// A slave that began anew, and of which nobody has said that it was lost: scans in which it was exchanged with.
+    again: Option<u32>,
+    /// It has reported a fault; none: nobody can know after a loss.
+    faulty: Option<bool>,
 }
 
 pub(crate) struct Judge {
     seed: u64,
+    cycle: Span,
     logged: u64,
     known: [Known; COUNT],
     told: Told,
     /// What OB 1 drives.
     driven: u32,
+    /// What OB 86 is told of where each device is: diagnostic address, bus, number on it.
+    places: Vec<u32>,
+    /// Buses whose process is dead, and whether that is still to be told.
+    dead: [Option<bool>; DEVICES.len()],
 }
 
 impl Judge {
-    pub(crate) fn new(seed: u64) -> Self {
-        Self { seed, logged: 0, known: [Known::default(); COUNT], told: Told::default(), driven: 0 }
+    pub(crate) fn new(seed: u64, cycle: Span, places: Vec<u32>) -> Self {
+        let known = [Known { faulty: Some(false), ..Known::default() }; COUNT];
+        Self { seed, cycle, logged: 0, known, told: Told::default(), driven: 0, places, dead: [None; _] }
+    }
+
+    /// The process of a bus is dead.
+    pub(crate) fn killed(&mut self, bus: usize) {
+        let is_told = self.known[devices_of(bus)].iter().all(|known| known.lost || !known.seen);
+        self.dead[bus] = Some(!is_told);
+    }
+
+    /// Whether the process of each bus is alive: what is so after a scan.
+    pub(crate) fn alive(&mut self, alive: [bool; DEVICES.len()]) {
+        for (dead, _) in self.dead.iter_mut().zip(alive).filter(|(_, alive)| *alive) {
+            *dead = None;
+        }
     }
 
     pub(crate) fn look<'a>(
@@ -71,13 +99,20 @@ impl Judge {
         let at = format!("seed {}, {} ms", self.seed, now.millis());
         assert!(state == OperatingState::Run || now < Instant::from_millis(50), "{at}: {state:?}");
         self.entries(&at, cpu);
+        for (bus, dead) in self.dead.iter().enumerate() {
+            assert_ne!(*dead, Some(true), "{at}: the process of bus {bus} is dead, and nobody has said so");
+        }
         let Some(db) = cpu.data_block(1) else { panic!("DB 1") };
         let ran = [0, 2].map(|n| u16::from_be_bytes([db[COUNTS + n], db[COUNTS + n + 1]]));
         assert_eq!(ran, self.told.interrupts, "{at}: OB 86 and OB 82");
         self.driven = cpu.bit_memory().first_chunk().map_or(0, |bytes| u32::from_be_bytes(*bytes));
         for (n, device) in devices.enumerate() {
             let known = &mut self.known[n];
-            known.anew |= device.take_restarted();
+            if device.take_restarted() {
+                known.anew = true;
+                known.again = (n < DEVICES[0] && known.seen && !known.lost).then_some(0);
+            }
+            known.is_lost_in_time(&format!("{at}, s{n}"), now, self.cycle, device);
             known.reads(&format!("{at}, s{n}"), n, &db[BYTES * n..BYTES * (n + 1)], device.reads());
             for written in device.take_written() {
                 known.is_written(&format!("{at}, s{n}"), n, &written, self.driven);
@@ -96,31 +131,52 @@ impl Judge {
             let text = entry.text.as_str();
             let at = format!("{at}, {text}, {:?}", entry.event);
             let of = (0..COUNT).find(|n| text.starts_with(&format!("s{n}")));
-            let ran = &mut self.told.interrupts;
             match entry.event {
                 Event::BUS_FAILED => {
-                    ran[0] += 1;
                     let first = of.unwrap_or_else(|| panic!("{at}: of which bus?"));
-                    for known in self.known.iter_mut().skip(first).take(devices_from(first)) {
+                    let bus = bus_of(first);
+                    let devices = devices_of(bus);
+                    assert_eq!(devices.start, first, "{at}: not the first of a bus");
+                    assert_eq!(self.dead[bus].replace(false), Some(true), "{at}: its process is alive, or it was told");
+                    self.ran_86(&at, cpu, entry.event, self.places[first] & 0xFF00);
+                    for known in &mut self.known[devices] {
                         known.lost |= known.seen;
+                        (known.again, known.faulty) = (None, None);
                     }
                 }
                 Event::STATION_FAILED => {
-                    ran[0] += 1;
-                    let known = &mut self.known[of.expect("of a device")];
+                    let n = of.expect("of a device");
+                    assert_eq!(self.dead[bus_of(n)], None, "{at}: its process is dead, so the bus has failed");
+                    self.ran_86(&at, cpu, entry.event, self.places[n]);
+                    let known = &mut self.known[n];
                     assert!(!std::mem::replace(&mut known.lost, true), "{at}: lost twice");
-                    known.seen = true;
+                    (known.seen, known.again, known.faulty) = (true, None, None);
                 }
                 Event::STATION_BACK => {
-                    ran[0] += 1;
-                    let known = &mut self.known[of.expect("of a device")];
-                    assert!(std::mem::replace(&mut known.lost, false), "{at}: back, and was not lost");
+                    let n = of.expect("of a device");
+                    self.ran_86(&at, cpu, entry.event, self.places[n]);
+                    assert!(std::mem::replace(&mut self.known[n].lost, false), "{at}: back, and was not lost");
                 }
-                Event::STATION_FAULT | Event::STATION_FAULT_GONE => ran[1] += 1,
+                Event::STATION_FAULT | Event::STATION_FAULT_GONE => {
+                    let comes = entry.event == Event::STATION_FAULT;
+                    let was = self.known[of.expect("of a device")].faulty.replace(comes);
+                    assert_ne!(was, Some(comes), "{at}: told twice");
+                    self.told.interrupts[1] += 1;
+                }
                 Event::STATION_REFUSES => panic!("{at}: refuses"),
                 _ => {}
             }
         }
+    }
+
+    /// OB 86 has run once more, and was told this.
+    fn ran_86(&mut self, at: &str, cpu: &Cpu, event: Event, place: u32) {
+        let calls = &mut self.told.interrupts[0];
+        *calls += 1;
+        let from = CALL * usize::from(*calls);
+        let [bytes @ .., _, _] = cpu.data_block(2).and_then(|db| db.get(from..)?.first_chunk::<CALL>()).expect("DB 2");
+        let told = [&event.0.to_be_bytes()[..], &place.to_be_bytes()].concat();
+        assert_eq!(bytes[..], told, "{at}: call {calls} of OB 86 is told something else");
     }
 
     /// The program has been told of all that they are there, and reads them.
@@ -142,19 +198,33 @@ impl Judge {
     }
 }
 
-/// How many devices a bus has whose first is this.
-fn devices_from(first: usize) -> usize {
-    let mut at = 0;
-    for count in DEVICES {
-        if at == first {
-            return count;
-        }
-        at += count;
-    }
-    panic!("s{first} is not the first of a bus")
+/// The devices of a bus.
+fn devices_of(bus: usize) -> std::ops::Range<usize> {
+    let first = DEVICES[..bus].iter().sum();
+    first..first + DEVICES[bus]
+}
+
+/// The bus a device is on.
+fn bus_of(n: usize) -> usize {
+    (0..DEVICES.len()).find(|bus| devices_of(*bus).contains(&n)).expect("a device")
 }
 
 impl Known {
+    /// One that is not heard, or has begun anew, is lost.
+    fn is_lost_in_time(&mut self, at: &str, now: Instant, cycle: Span, device: &Device) {
+        let silent = now - device.heard;
+        assert!(
+            !self.seen || self.lost || silent < LOST_AFTER + 20 * MS + 2 * cycle,
+            "{at}: not heard for {silent} ns, and not lost"
+        );
+        if device.reads() > 0
+            && let Some(scans) = &mut self.again
+        {
+            *scans += 1;
+            assert!(*scans < 3, "{at}: it has begun anew, and nobody has said that it was lost");
+        }
+    }
+
     fn reads(&mut self, at: &str, n: usize, bytes: &[u8], readings: u64) {
         let is_sensed = bytes == sensed(n, u64::from(bytes[0]));
         self.seen |= is_sensed;

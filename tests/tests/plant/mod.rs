@@ -14,6 +14,7 @@ use std::path::Path;
 
 use ob1_cpu::{BusPlace, Command, Cpu, Module, ModuleSlot};
 use ob1_dp::slave::SlaveConfig;
+use ob1_host::bus::Station as OnBus;
 use ob1_line::sim::{FaultRates, SplitMix64};
 use ob1_station::station_file::{self, ModuleKind, Station};
 use ob1_station::{assembly, program};
@@ -34,6 +35,10 @@ const DP_BAUD: u32 = 93_750;
 const RTU_BAUD: u32 = 57_600;
 /// Of every device.
 const WATCHDOG: Span = Span::from_millis(200);
+/// A scan, by the seed.
+const CYCLES: [Span; 2] = [Span::from_millis(40), Span::from_millis(10)];
+/// A coupler that is silent for so long is lost; a slave is so earlier.
+const LOST_AFTER: Span = Span::from_millis(400);
 /// Something goes wrong until here; then everything must come back by itself.
 const TROUBLE: Instant = Instant::from_secs(3);
 const END: Instant = Instant::from_secs(6);
@@ -61,6 +66,8 @@ EndModule
 
 /// Where DB 1 counts the calls of OB 86 and OB 82.
 const COUNTS: usize = 60;
+/// From here on DB 2 has eight bytes of each call of OB 86, the first one at 1: event, then which station of which bus.
+const CALL: usize = 8;
 
 /// OB 1 keeps what it reads, and drives every device with a number that grows, behind that of the device.
 fn program_text() -> String {
@@ -70,25 +77,28 @@ fn program_text() -> String {
         read += &format!("  L ED {at};\n  T DB1.DBD {at};\n");
         drive += &format!("  L MD 0;\n  L DW#16#{n:X}000000;\n  OD;\n  T AD {at};\n");
     }
-    let counts = |ob: u8, at: usize| {
+    let counts = |ob: u8, at: usize, then: &str| {
         format!(
-            "ORGANIZATION_BLOCK OB {ob}\nBEGIN\n  L DB1.DBW {at};\n  + 1;\n  T DB1.DBW {at};\nEND_ORGANIZATION_BLOCK\n"
+            "ORGANIZATION_BLOCK OB {ob}\nVAR_TEMP\n  info : ARRAY [0..19] OF BYTE;\nEND_VAR\nBEGIN\n  L DB1.DBW {at};\n\
+             \x20 + 1;\n  T DB1.DBW {at};\n{then}END_ORGANIZATION_BLOCK\n"
         )
     };
+    let keep = "  SLD 6;\n  LAR1;\n  AUF DB 2;\n  L LW 0;\n  T DBW [AR1, P#0.0];\n  L LD 8;\n  T DBD [AR1, P#2.0];\n";
     format!(
         "DATA_BLOCK DB 1\nSTRUCT\n  bytes : ARRAY [0..63] OF BYTE;\nEND_STRUCT\nBEGIN\nEND_DATA_BLOCK\n\
+         DATA_BLOCK DB 2\nSTRUCT\n  bytes : ARRAY [0..4095] OF BYTE;\nEND_STRUCT\nBEGIN\nEND_DATA_BLOCK\n\
          ORGANIZATION_BLOCK OB 1\nBEGIN\n{read}  L MD 0;\n  +1;\n  T MD 0;\n{drive}END_ORGANIZATION_BLOCK\n{}{}",
-        counts(86, COUNTS),
-        counts(82, COUNTS + 2)
+        counts(86, COUNTS, keep),
+        counts(82, COUNTS + 2, "")
     )
 }
 
-fn station(folder: &Path) -> Station {
+fn station(folder: &Path, cycle: Span) -> Station {
     std::fs::write(folder.join("four.gsd"), GSD).expect("writable");
     std::fs::write(folder.join("press.awl"), program_text()).expect("writable");
-    let ms = WATCHDOG / MS;
+    let (ms, cycle) = (WATCHDOG / MS, cycle / MS);
     let mut text = format!(
-        "[station]\nname = \"press\"\n[cpu]\nmin_cycle = \"10ms\"\n[program]\nsources = [\"press.awl\"]\n\
+        "[station]\nname = \"press\"\n[cpu]\nmin_cycle = \"{cycle}ms\"\n[program]\nsources = [\"press.awl\"]\n\
          [[simulated_line]]\nname = \"wires\"\nduplex = \"half\"\n[[simulated_line]]\nname = \"pair\"\nduplex = \"half\"\n\
          [[bus]]\nname = \"profi\"\ntype = \"dp\"\nline = \"sim:wires\"\nbaud = {DP_BAUD}\nhsa = 4\nwatchdog = \"{ms}ms\"\n\
          [[bus]]\nname = \"rtu\"\ntype = \"modbus-rtu\"\nline = \"sim:pair\"\nbaud = {RTU_BAUD}\ntimeout = \"50ms\"\n\
@@ -108,11 +118,12 @@ fn station(folder: &Path) -> Station {
                 _ => format!(
                     "{}\ninputs = [{{ at = \"EB {at}\", from = \"input:0\", registers = 2, substitute = [238, 238, 238, 238] \
                      }}]\noutputs = [{{ at = \"AB {at}\", to = \"holding:0\", registers = 2 }}]\nprofile = \"wago-750\"\n\
-                     watchdog = \"{ms}ms\"\nlost_after = \"400ms\"\nperiod = \"20ms\"\n",
+                     watchdog = \"{ms}ms\"\nlost_after = \"{}ms\"\nperiod = \"20ms\"\n",
                     match kind {
                         1 => format!("bus = \"rtu\"\nunit = {}", k + 1),
                         _ => format!("bus = \"net\"\nline = \"tcp:127.0.0.1:{}\"", 502 + k),
-                    }
+                    },
+                    LOST_AFTER / MS
                 ),
             };
             n += 1;
@@ -139,9 +150,16 @@ impl World {
     /// `noisy`: on bad wires.
     fn with(seed: u64, folder: &Path, noisy: bool) -> Self {
         let mut rng = SplitMix64::new(seed);
-        let station = station(folder);
+        // In the time of a long one a slave can be lost, parametrised and exchanged with again.
+        let cycle = CYCLES[(seed % 2) as usize];
+        let station = station(folder, cycle);
         let loaded = program::load(&station).unwrap_or_else(|failure| panic!("{:?}", failure.findings()));
         let mut fields = fields(&station, &mut rng, noisy);
+        let places = station.buses.iter().flat_map(|bus| {
+            let place = |at: &OnBus| [at.diagnostic.to_be_bytes(), [bus.rules.number, at.number]].concat();
+            bus.stations.iter().map(move |at| u32::from_be_bytes(place(at).try_into().expect("four")))
+        });
+        let judge = Judge::new(seed, cycle, places.collect());
         let made = station.buses.iter().zip(fields.drain(..));
         let (buses, hosts): (Vec<_>, Vec<_>) =
             made.map(|(bus, fields)| SimulatedBus::new(bus, fields, Instant::from_millis(5))).unzip();
@@ -159,11 +177,16 @@ impl World {
             Cpu::new(station.cpu.clone(), &loaded.program, natives, modules, station.engine.factory()).expect("a CPU");
         cpu.request(Command::Run);
         let trouble = Instant::from_millis(500) + rng.span_below(500 * MS);
-        Self { now: Instant::START, rng, cpu, due: Instant::START, buses, trouble, judge: Judge::new(seed) }
+        Self { now: Instant::START, rng, cpu, due: Instant::START, buses, trouble, judge }
     }
 
     fn devices(&mut self) -> Vec<&mut Device> {
         self.buses.iter_mut().flat_map(|bus| &mut bus.fields).flat_map(Field::devices).collect()
+    }
+
+    fn kill(&mut self, bus: usize, begins: Instant) {
+        self.buses[bus].kill(self.now, begins);
+        self.judge.killed(bus);
     }
 
     fn make_trouble(&mut self) {
@@ -176,7 +199,7 @@ impl World {
         let (what, n, time) = (self.rng.below(6), self.rng.below(COUNT as u64) as usize, self.rng.span_below(500 * MS));
         let bus = self.rng.below(DEVICES.len() as u64) as usize;
         match what {
-            0 if self.buses[bus].is_alive() => self.buses[bus].kill(now, now + 20 * MS + time),
+            0 if self.buses[bus].is_alive() => self.kill(bus, now + 20 * MS + time),
             0 => {}
             1 => self.devices()[n].report(&[0x42, 0x01]),
             2 => self.devices()[n].report(&[]),
@@ -205,8 +228,10 @@ impl World {
                     bus.ring(self.now);
                 }
                 let Self { judge, cpu, buses, .. } = self;
+                let alive = [0, 1, 2].map(|bus: usize| buses[bus].is_alive());
                 let devices = buses.iter_mut().flat_map(|bus| &mut bus.fields).flat_map(Field::devices);
                 judge.look(self.now, cpu, end.state, devices);
+                judge.alive(alive);
             }
         }
     }
@@ -256,7 +281,7 @@ pub(crate) fn killed(seed: u64, folder: &Path) -> Span {
     };
     let killed = Instant::START + SECOND + world.rng.span_below(100 * MS);
     rest(&mut world, killed);
-    world.buses.iter_mut().for_each(|bus| bus.kill(killed, killed + START));
+    (0..DEVICES.len()).for_each(|bus| world.kill(bus, killed + START));
     while !world.judge.all_are_back() || world.now < killed + START {
         let until = world.now + 10 * MS;
         assert!(until < END, "seed {seed}: they do not come back");

@@ -284,7 +284,9 @@ impl Known {
     }
 
     fn look(&mut self, alive: bool, silent: Span, status: Status) {
-        self.present = alive && status.state == State::Running && silent < self.station.lost_after;
+        // Lost and back between two looks: the program is told of both, one cycle control point after the other.
+        let was_lost = self.told == Told::Present && status.losses != self.status.losses;
+        self.present = alive && status.state == State::Running && silent < self.station.lost_after && !was_lost;
         self.status = status;
         let gone = match self.told {
             Told::Present => !self.present,

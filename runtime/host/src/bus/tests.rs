@@ -83,8 +83,11 @@ fn bench() -> Bench {
 
 impl Bench {
     fn publish(&mut self, states: [State; 2], inputs: [u8; 4]) {
-        let words = states.map(|state| Status { state, ..Status::default() }.to_words());
-        self.side.publish(words.into_iter(), &inputs);
+        self.publish_all(states.map(|state| Status { state, ..Status::default() }), inputs);
+    }
+
+    fn publish_all(&mut self, status: [Status; 2], inputs: [u8; 4]) {
+        self.side.publish(status.map(Status::to_words).into_iter(), &inputs);
     }
 
     /// A scan: the image of both, and the numbers of all events.
@@ -108,6 +111,20 @@ impl Bench {
     fn report(&self, report: Report) {
         self.process.reports.lock().expect("not poisoned").push_back(report);
     }
+}
+
+#[test]
+fn a_station_that_was_lost_and_came_back_between_two_scans_is_told_both() {
+    let mut bench = bench();
+    let with = |losses| Status { state: State::Running, losses, ..Status::default() };
+    bench.publish_all([with(0), with(7)], [1, 2, 3, 4]);
+    assert_eq!(bench.scan(), ([1, 2, 3, 4], vec![]), "what was lost before it came is nobody's affair");
+    bench.publish_all([with(1), with(7)], [5, 6, 7, 8]);
+    assert_eq!(bench.scan(), ([0xAA, 0xBB, 7, 8], vec![Event::STATION_FAILED.0]));
+    bench.publish_all([with(1), with(9)], [5, 6, 7, 9]);
+    let events = vec![Event::STATION_BACK.0, Event::STATION_FAILED.0];
+    assert_eq!(bench.scan(), ([5, 6, 7, 8], events), "two losses are one to who did not look");
+    assert_eq!(bench.scan(), ([5, 6, 7, 9], vec![Event::STATION_BACK.0]), "also without another image");
 }
 
 #[test]
