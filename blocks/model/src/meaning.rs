@@ -69,8 +69,9 @@ impl Event {
                 "Check power, address and cable of the station; the log of the bus says what became of its requests."
             }
             Event::STATION_REFUSES => {
-                "Compare its table in the station file with the station's manual: the address, the length, the function; \
-                 for a DP slave the GSD file, the modules in its slots, their parameters."
+                "Compare its table in the station file with the station's manual: the function (exception 01h), the \
+                 address (02h), the length or value (03h); 04h is a fault of the device, 06h that it is busy. For a DP \
+                 slave the GSD file, the modules in its slots, their parameters; `ob1 bus watch` says which."
             }
             Event::STATION_FAULT => {
                 "Mend the module and the channel it names (s slot, c channel, e error type); the log of the bus has it \

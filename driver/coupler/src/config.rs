@@ -2,7 +2,7 @@
 
 pub use crate::dp::{DpConfig, DpSlave};
 use crate::gpio::GpioConfig;
-pub use ob1_protocols::modbus::pdu::exception_text;
+pub use ob1_protocols::modbus::pdu::{exception_remedy, exception_text};
 pub use ob1_protocols::{Instant, Span};
 use serde::{Deserialize, Serialize};
 

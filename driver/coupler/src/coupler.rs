@@ -80,6 +80,8 @@ pub(crate) struct Coupler {
     wrote_last: bool,
     /// When a device failure is answered by the set-up again, at the earliest.
     set_up_again: Instant,
+    /// Why the gateway in front of it says that it does not reach it.
+    unreached: Option<Refusal>,
     sending: Vec<u8>,
 }
 
@@ -103,6 +105,7 @@ impl Coupler {
             never_both: false,
             wrote_last: false,
             set_up_again: Instant::START,
+            unreached: None,
             sending: Vec::new(),
             config: config.clone(),
         }
@@ -134,10 +137,11 @@ impl Coupler {
             let pause = (self.not_before, self.misses);
             self.connect(now);
             (self.not_before, self.misses) = pause;
+            let unreached = self.unreached;
             image.tell(self.index, |status| {
                 status.state = State::Lost;
                 status.losses += 1;
-                (status.refusal, status.bad) = (None, 0);
+                (status.refusal, status.bad) = (unreached, 0);
             });
         }
     }
@@ -283,7 +287,7 @@ impl Coupler {
             Job::Prove => answer.get(3..).unwrap_or_default(),
             Job::Setup(_) | Job::Write(_) => &[],
         };
-        (self.heard, self.misses, self.not_before) = (now, 0, now);
+        (self.heard, self.misses, self.not_before, self.unreached) = (now, 0, now, None);
         self.patience = self.config.lost_after;
         match job {
             Job::Prove => {
@@ -363,10 +367,14 @@ impl Coupler {
     /// It answers, but will not do it.
     fn refused(&mut self, now: Instant, job: Job, function: u8, exception: u8, image: &mut Image) {
         image.tell(self.index, |status| status.exceptions += 1);
+        let (table, first) = self.asked_for(job);
+        let refusal = Refusal { function, exception, table, first };
         if matches!(exception, 10 | 11) {
-            // A gateway that does not reach it.
+            // A gateway that does not reach it: that it was not reached is what counts, and why is kept.
+            self.unreached = Some(refusal);
             return self.failed(now, job, image);
         }
+        self.unreached = None;
         (self.heard, self.misses, self.patience) = (now, 0, self.config.lost_after);
         if exception == DEVICE_FAILURE
             && !matches!(job, Job::Prove | Job::Setup(_))
@@ -376,7 +384,6 @@ impl Coupler {
             self.set_up_again = self.again(now);
             return self.set_up();
         }
-        let refusal = |table, first| Refusal { function, exception, table, first };
         match job {
             // It says nothing of that: then it is set.
             Job::Prove => self.phase = Phase::Setup(0),
@@ -385,10 +392,8 @@ impl Coupler {
                 self.never_both = true;
                 self.forget(write);
             }
-            Job::Setup(n) => {
+            Job::Setup(_) => {
                 (self.phase, self.not_before) = (Phase::Setup(0), self.again(now));
-                let Some(setup) = self.config.setup.get(n) else { return };
-                let refusal = refusal(setup.table, setup.at);
                 image.tell(self.index, |status| (status.state, status.refusal) = (State::Refused, Some(refusal)));
             }
             Job::Write(n) => {
@@ -396,17 +401,29 @@ impl Coupler {
                 let Some(outputs) = self.writes.get_mut(n) else { return };
                 (outputs.acknowledged, outputs.not_before) = (None, again);
                 let chunk = outputs.chunk;
-                self.mark(&chunk, true, Some(refusal(chunk.table, chunk.first)), image);
+                self.mark(&chunk, true, Some(refusal), image);
                 if self.reads.is_empty() {
                     self.completed(now, now, image);
                 }
             }
             Job::Read(n) => {
                 let Some(chunk) = self.reads.get(n).copied() else { return };
-                self.mark(&chunk, false, Some(refusal(chunk.table, chunk.first)), image);
+                self.mark(&chunk, false, Some(refusal), image);
                 self.next_read(now, n, image);
             }
         }
+    }
+
+    /// The elements a request begins with.
+    fn asked_for(&self, job: Job) -> (Table, u16) {
+        let of_chunk = |chunk: &Chunk| (chunk.table, chunk.first);
+        let found = match job {
+            Job::Prove => self.config.proof.as_ref().map(|proof| (Table::Holding, proof.first)),
+            Job::Setup(n) => self.config.setup.get(n).map(|setup| (setup.table, setup.at)),
+            Job::Write(n) => self.writes.get(n).map(|outputs| of_chunk(&outputs.chunk)),
+            Job::Read(n) | Job::Both { read: n, .. } => self.reads.get(n).map(of_chunk),
+        };
+        found.unwrap_or((Table::Holding, 0))
     }
 
     /// When what was refused is tried again.

@@ -99,11 +99,69 @@ pub fn diagnosis_words(bytes: &[u8], texts: &BTreeMap<u32, String>) -> String {
     text
 }
 
+/// Why a slave refuses what the master at `ours` tells it, what helps, and everything else that its diagnosis says.
+#[must_use]
+pub fn refusal_words(bytes: &[u8], slave: &DpSlave, ours: u8) -> String {
+    let said = diagnosis_words(bytes, &slave.texts);
+    let Some(why) = Diagnosis::new(bytes).and_then(|diagnosis| diagnosis.refusal(ours, slave.ident)) else {
+        return said;
+    };
+    let (what, helps) = why.words();
+    let wanted = match why {
+        Refused::Ident(_) => format!(" ({:04X}h)", slave.ident),
+        _ => String::new(),
+    };
+    format!("{what}{wanted}: {said}; {helps}")
+}
+
 /// The diagnosis in an area that [`DpSlave::keep_diagnosis`] has filled: nothing in it is believed.
 #[must_use]
 pub fn kept_diagnosis(area: &[u8]) -> &[u8] {
     match area {
         [len, bytes @ ..] => bytes.get(..usize::from(*len)).unwrap_or_default(),
         [] => &[],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slave_that_refuses_says_why_and_what_helps() {
+        let slave = DpSlave { ident: 0x801D, ..DpSlave::default() };
+        let others = "not ready, wants parameters";
+        for (diagnosis, words) in [
+            (
+                [0x02, 0x05, 0, 0xFF, 0x80, 0x6A],
+                format!(
+                    "it is another device than its GSD file says (801Dh): ident 806Ah, {others}; take the GSD file of \
+                     the device that is there, or check its address switches"
+                ),
+            ),
+            (
+                [0x02, 0x05, 0, 0x03, 0x80, 0x1D],
+                format!(
+                    "another master has it: ident 801Dh, master 3, {others}; take it out of that master's \
+                     configuration, or switch that master off"
+                ),
+            ),
+            (
+                [0x42, 0x05, 0, 0xFF, 0x80, 0x1D],
+                "it does not take its parameters: ident 801Dh, not ready, parameter fault, wants parameters; compare \
+                 `params` with its manual, and the revision of its GSD file with that of the device"
+                    .to_owned(),
+            ),
+            (
+                [0x06, 0x05, 0, 0xFF, 0x80, 0x1D],
+                "its modules are not those of the station file: ident 801Dh, not ready, configuration fault, wants \
+                 parameters; compare `slots` with what is plugged, in its order"
+                    .to_owned(),
+            ),
+            ([0x02, 0x05, 0, 0xFF, 0x80, 0x1D], format!("ident 801Dh, {others}")),
+        ] {
+            assert_eq!(refusal_words(&diagnosis, &slave, 2), words);
+        }
+        assert_eq!(refusal_words(&[0; 3], &slave, 2), "it says nothing");
     }
 }

@@ -1,6 +1,6 @@
 //! The inputs and outputs of a bus as its process has them, and how its couplers stand.
 
-use crate::config::{BusConfig, Span, Table, exception_text};
+use crate::config::{BusConfig, Span, Table, exception_remedy, exception_text};
 
 /// How a coupler stands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -58,8 +58,8 @@ pub struct Refusal {
 impl std::fmt::Display for Refusal {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { function, exception, table, first } = self;
-        let text = exception_text(*exception);
-        write!(f, "refuses function {function:02X}h at {}:{first}: exception {exception:02X}h, {text}", table.name())
+        let (text, helps, table) = (exception_text(*exception), exception_remedy(*exception), table.name());
+        write!(f, "refuses function {function:02X}h at {table}:{first}: exception {exception:02X}h, {text}; {helps}")
     }
 }
 
@@ -68,7 +68,8 @@ impl std::fmt::Display for Refusal {
 pub struct Status {
     /// How it stands.
     pub state: State,
-    /// What it refuses at present; the newest, where there is more than one.
+    /// What it refuses at present; the newest, where there is more than one. Of a lost one: why its gateway says that it
+    /// does not reach it.
     pub refusal: Option<Refusal>,
     /// Ranges that are refused: bit n is range n, the inputs first, then the outputs.
     pub bad: u64,

@@ -231,6 +231,38 @@ fn what_a_coupler_refuses_is_told_and_the_rest_goes_on() {
     assert_eq!(net.states, [(0, State::Running)]);
 }
 
+/// Each exception that a coupler, or the gateway in front of it, answers with: what the user is told.
+#[test]
+fn every_exception_is_told_in_words_with_what_helps() {
+    for (exception, state, words, helps) in [
+        (1, State::Running, "illegal function", "take another table"),
+        (2, State::Running, "illegal address", "counted from 0"),
+        (3, State::Running, "illegal value", "compare with its manual"),
+        (4, State::Running, "device failure", "look at the device"),
+        (5, State::Running, "acknowledge", "a longer `period`"),
+        (6, State::Running, "busy", "a longer `period`"),
+        (8, State::Running, "memory parity error", "damaged"),
+        (10, State::Lost, "gateway path unavailable", "`unit`"),
+        (11, State::Lost, "gateway target does not respond", "power and cable"),
+        (99, State::Running, "unknown", "manual"),
+    ] {
+        let inputs = vec![range(Table::Input, 7, 1, 0)];
+        let mut net = Net::new(vec![coupler(1, inputs, Vec::new())]);
+        net.run(100 * MS);
+        assert_eq!((net.image.status[0].state, net.image.status[0].refusal), (State::Running, None));
+        (net.devices[0].exception, net.devices[0].refused) = (exception, vec![7]);
+        net.run(1000 * MS);
+        let status = net.image.status[0];
+        assert_eq!(status.state, state, "exception {exception}");
+        let told = status.refusal.map(|refusal| refusal.to_string()).unwrap_or_default();
+        let begin = format!("refuses function 04h at input:7: exception {exception:02X}h, {words}; ");
+        assert!(told.starts_with(&begin) && told.contains(helps), "{told}");
+        net.devices[0].refused.clear();
+        net.run(2000 * MS);
+        assert_eq!((net.image.status[0].state, net.image.status[0].refusal), (State::Running, None), "{exception}");
+    }
+}
+
 #[test]
 fn function_17h_is_left_out_where_it_is_not_known() {
     let inputs = vec![range(Table::Holding, 0, 2, 0)];

@@ -4,7 +4,7 @@
 mod wires;
 
 use ob1_coupler::config::{Instant, Span};
-use ob1_coupler::dp::{Diagnosis, kept_diagnosis};
+use ob1_coupler::dp::{Diagnosis, kept_diagnosis, refusal_words};
 use ob1_coupler::{Image, Input, LineInput, State};
 use ob1_dp::slave::State as SlaveState;
 use ob1_line::sim::FaultRates;
@@ -137,6 +137,16 @@ fn who_refuses_says_why() {
     assert!(diagnosis(&wires.image, 4, 4, 0).contains("ident 806Ah"));
     assert!(diagnosis(&wires.image, 4, 4, 1).contains("configuration fault"), "{}", diagnosis(&wires.image, 4, 4, 1));
     assert!(diagnosis(&wires.image, 4, 4, 2).contains("parameter fault"));
+    // As the log of the bus has it.
+    for (n, why) in ["another device than its GSD file", "its modules are not those", "does not take its parameters"]
+        .into_iter()
+        .enumerate()
+    {
+        let at = 4 * 4 + n * 33;
+        let kept = kept_diagnosis(&wires.image.inputs[at..at + 33]);
+        let told = refusal_words(kept, &dp.slaves[n], dp.address);
+        assert!(told.contains(why) && told.contains("; "), "{told}");
+    }
     // Somebody puts the right module in.
     wires.slaves[1].slave.set_config(dp.slaves[1].config.clone());
     wires.run(500 * MS);

@@ -1,8 +1,6 @@
 //! What becomes of the couplers and slaves, in words, for the log: once for each change.
 
-use std::collections::BTreeMap;
-
-use ob1_coupler::dp::{Diagnosis, DpSlave, diagnosis_words, kept_diagnosis};
+use ob1_coupler::dp::{Diagnosis, DpSlave, diagnosis_words, kept_diagnosis, refusal_words};
 use ob1_coupler::{BusConfig, Image, State, Status};
 use tracing::{info, warn};
 
@@ -14,8 +12,9 @@ struct Known {
 }
 
 struct Slave {
-    diagnosis: (usize, usize),
-    texts: BTreeMap<u32, String>,
+    config: DpSlave,
+    /// The address of its master.
+    master: u8,
     faulty: bool,
 }
 
@@ -24,7 +23,7 @@ pub(crate) struct Told(Vec<Known>);
 impl Told {
     pub(crate) fn new(config: &BusConfig) -> Self {
         let slaves = config.lines.iter().flat_map(|line| {
-            let of_dp = line.dp.iter().flat_map(|dp| &dp.slaves).map(|slave| Some(Slave::new(slave)));
+            let of_dp = line.dp.iter().flat_map(|dp| dp.slaves.iter().map(|slave| Some(Slave::new(slave, dp.address))));
             line.couplers.iter().map(|_| None).chain(of_dp).chain(line.gpio.iter().map(|_| None))
         });
         let known = |(name, slave): (&str, _)| Known { name: name.to_owned(), status: Status::default(), slave };
@@ -43,7 +42,7 @@ impl Told {
                         warn!(coupler = name, "refuses what it is written on connect: not driven");
                     }
                     (State::Refused, Some(slave)) => {
-                        warn!(coupler = name, "refuses what it is told, not driven: {}", slave.words(image));
+                        warn!(coupler = name, "refuses what it is told, not driven: {}", slave.refusal(image));
                     }
                 }
             }
@@ -63,18 +62,23 @@ impl Told {
 }
 
 impl Slave {
-    fn new(slave: &DpSlave) -> Self {
-        Self { diagnosis: slave.diagnosis, texts: slave.texts.clone(), faulty: false }
+    fn new(slave: &DpSlave, master: u8) -> Self {
+        Self { config: slave.clone(), master, faulty: false }
     }
 
     fn bytes<'a>(&self, image: &'a Image) -> &'a [u8] {
-        let (at, room) = self.diagnosis;
+        let (at, room) = self.config.diagnosis;
         image.inputs.get(at..at + DpSlave::diagnosis_area(room)).map(kept_diagnosis).unwrap_or_default()
     }
 
     /// Everything its diagnosis says, with the texts of its GSD file.
     fn words(&self, image: &Image) -> String {
-        diagnosis_words(self.bytes(image), &self.texts)
+        diagnosis_words(self.bytes(image), &self.config.texts)
+    }
+
+    /// Why it refuses, and what helps.
+    fn refusal(&self, image: &Image) -> String {
+        refusal_words(self.bytes(image), &self.config, self.master)
     }
 
     fn look(&mut self, name: &str, image: &Image) {

@@ -353,7 +353,8 @@ impl Machine {
 fn event_text(name: &str, event: &ModuleEvent) -> ShortText {
     let data = event.data.get(..usize::from(event.len)).unwrap_or(&event.data);
     let data = if event.diagnostic_interrupt { data.get(4..).unwrap_or_default() } else { data };
-    if event.diagnostic_interrupt && (data.is_empty() || event.event != Event::STATION_FAULT) {
+    let has_text = matches!(event.event, Event::STATION_FAULT | Event::STATION_REFUSES) && !data.is_empty();
+    if event.diagnostic_interrupt && !has_text {
         let mut digits = [b' '; 11];
         for (place, byte) in digits.chunks_mut(3).zip(event.data) {
             let hex = |nibble: u8| b"0123456789ABCDEF"[usize::from(nibble & 15)];

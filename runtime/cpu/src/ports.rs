@@ -82,8 +82,8 @@ pub struct ModuleEvent {
     /// that of the bus, number of the bus, number of the station, 1 for one that was missing at the start-up already;
     /// no text.
     pub data: [u8; 16],
-    /// How many of them. Behind the four bytes of a [`Event::STATION_FAULT`] that is a diagnostic interrupt stands
-    /// text.
+    /// How many of them. Behind the four bytes of a [`Event::STATION_FAULT`] or [`Event::STATION_REFUSES`] that is a
+    /// diagnostic interrupt stands text.
     pub len: u8,
 }
 

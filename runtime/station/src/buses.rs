@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use ob1_backplane::{BusLook, BusMemory, BusSize, Monitor};
-use ob1_coupler::dp::{Diagnosis, DpSlave, diagnosis_words, kept_diagnosis};
+use ob1_coupler::dp::{Diagnosis, DpSlave, diagnosis_words, kept_diagnosis, refusal_words};
 use ob1_coupler::{BusConfig, LineConfig, State, Status};
 use ob1_host::driver;
 
@@ -88,7 +88,7 @@ impl BusView {
     pub fn status(&self) -> BusStatus {
         let look = BusLook::new(&self.memory, self.size);
         let slaves = self.config.lines.iter().flat_map(|line| {
-            let slaves = line.dp.iter().flat_map(|dp| &dp.slaves).map(Some);
+            let slaves = line.dp.iter().flat_map(|dp| dp.slaves.iter().map(|slave| Some((slave, dp.address))));
             line.couplers.iter().map(|_| None).chain(slaves).chain(line.gpio.iter().map(|_| None))
         });
         let stations = self.config.stations().zip(slaves).zip(&self.stations).enumerate();
@@ -107,7 +107,7 @@ impl BusView {
 }
 
 impl Known {
-    fn status(&self, n: usize, name: &str, slave: Option<&DpSlave>, look: Option<&BusLook>) -> BusStationStatus {
+    fn status(&self, n: usize, name: &str, slave: Option<(&DpSlave, u8)>, look: Option<&BusLook>) -> BusStationStatus {
         let words = look.map(|look| look.coupler(n)).unwrap_or_default();
         // Words without a meaning are a lost coupler, as for the program.
         let status = Status::from_words(&words).unwrap_or(Status { state: State::Lost, ..Status::default() });
@@ -136,15 +136,20 @@ impl Known {
     }
 }
 
-/// What a coupler refuses, or a slave reports of itself.
-fn says(status: Status, slave: Option<&DpSlave>, look: Option<&BusLook>) -> String {
-    let (Some(slave), Some(look)) = (slave, look) else {
+/// What a coupler refuses, or a slave with its master's address reports of itself or refuses.
+fn says(status: Status, slave: Option<(&DpSlave, u8)>, look: Option<&BusLook>) -> String {
+    let (Some((slave, master)), Some(look)) = (slave, look) else {
         return status.refusal.map_or_else(String::new, |refusal| refusal.to_string());
     };
     let (at, room) = slave.diagnosis;
     let mut area = vec![0; DpSlave::diagnosis_area(room)];
     look.inputs(at, &mut area);
     let bytes = kept_diagnosis(&area);
-    let talks = status.state == State::Refused || Diagnosis::new(bytes).is_some_and(Diagnosis::has_faults);
-    if talks && status.state != State::Lost { diagnosis_words(bytes, &slave.texts) } else { String::new() }
+    let faulty = Diagnosis::new(bytes).is_some_and(Diagnosis::has_faults);
+    match status.state {
+        State::Refused => refusal_words(bytes, slave, master),
+        State::Lost => String::new(),
+        _ if faulty => diagnosis_words(bytes, &slave.texts),
+        _ => String::new(),
+    }
 }

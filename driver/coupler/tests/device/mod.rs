@@ -14,6 +14,8 @@ pub(crate) struct Device {
     pub(crate) knows_both: bool,
     /// Requests that begin at one of these are refused.
     pub(crate) refused: Vec<u16>,
+    /// With this exception.
+    pub(crate) exception: u8,
     /// It does not answer, and does nothing.
     pub(crate) silent: bool,
     /// Its watchdog has expired: it answers everything with a device failure until that is cleared, as a WAGO 750 does.
@@ -31,6 +33,7 @@ impl Device {
             discrete: BTreeSet::new(),
             knows_both: true,
             refused: Vec::new(),
+            exception: 2,
             silent: false,
             expired: false,
             log: Vec::new(),
@@ -51,7 +54,7 @@ impl Device {
             return exception(4);
         }
         if self.refused.contains(&first) {
-            return exception(2);
+            return exception(self.exception);
         }
         let mut answer = vec![request[0], code];
         match code {

@@ -45,6 +45,21 @@ pub const fn exception_text(code: u8) -> &'static str {
     }
 }
 
+/// What helps against an exception code.
+pub const fn exception_remedy(code: u8) -> &'static str {
+    match code {
+        1 => "it does not have this function: take another table, by its manual",
+        2 => "it has no such elements: compare the first one, counted from 0, and how many with its manual",
+        3 => "it does not take this value, or so many at once: compare with its manual",
+        4 => "look at the device: it reports a fault of its own, or its watchdog has expired",
+        5 | 6 => "it has too much to do: a longer `period`, or fewer who ask it",
+        8 => "the memory of the device is damaged",
+        10 => "the gateway knows no way to this `unit`: look at its table",
+        11 => "nobody answers behind the gateway: check `unit`, power and cable of the device",
+        _ => "the manual of the device says what it means",
+    }
+}
+
 /// The function codes of the manual.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]

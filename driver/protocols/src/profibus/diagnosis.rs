@@ -217,6 +217,29 @@ pub enum Refused {
     Configuration,
 }
 
+impl Refused {
+    /// What is wrong, and what helps.
+    #[must_use]
+    pub const fn words(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Ident(_) => (
+                "it is another device than its GSD file says",
+                "take the GSD file of the device that is there, or check its address switches",
+            ),
+            Self::Master(_) => {
+                ("another master has it", "take it out of that master's configuration, or switch that master off")
+            }
+            Self::Parameters => (
+                "it does not take its parameters",
+                "compare `params` with its manual, and the revision of its GSD file with that of the device",
+            ),
+            Self::Configuration => {
+                ("its modules are not those of the station file", "compare `slots` with what is plugged, in its order")
+            }
+        }
+    }
+}
+
 impl fmt::Display for Refused {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

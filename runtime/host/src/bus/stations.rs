@@ -1,6 +1,8 @@
 //! How the couplers and slaves of a bus stand for the program: what is present, and what has been told of it.
 //! A pure machine.
 
+use std::fmt::Write as _;
+
 use ob1_coupler::dp::{DIAGNOSIS_BYTES, Diagnosis, DpSlave, kept_diagnosis};
 use ob1_coupler::{Refusal, State, Status};
 use ob1_cpu::ModuleEvent;
@@ -344,7 +346,13 @@ fn of_refusal(refusal: Option<Refusal>, interrupts: bool) -> ModuleEvent {
     if interrupts {
         let mut data = [0; 16];
         data[..2].copy_from_slice(&[if refusal.is_some() { 0x0D } else { 0 }, 0x13]);
-        return ModuleEvent { event, diagnostic_interrupt: true, data, len: 4 };
+        let mut words = Words::default();
+        if let Some(Refusal { function, exception, first, .. }) = refusal {
+            let _ = write!(words, "{function:02X}h {first}:{exception}");
+        }
+        let text = words.0.get(..words.1).unwrap_or_default();
+        data[4..4 + text.len()].copy_from_slice(text);
+        return ModuleEvent { event, diagnostic_interrupt: true, data, len: 4 + text.len() as u8 };
     }
     match refusal {
         Some(Refusal { function, exception, first, .. }) => {

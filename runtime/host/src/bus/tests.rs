@@ -46,17 +46,16 @@ struct Bench {
 
 /// Two stations of two bytes each way; the second holds its inputs.
 fn bench() -> Bench {
+    bench_with(false)
+}
+
+fn bench_with(interrupts: bool) -> Bench {
     let (segment, memory) = (Segment::heap(), BusMemory::heap());
     let cpu = CpuSide::create(&segment, 8).expect("a segment");
     let size = BusSize::new(2, 4, 4).expect("it fits");
     let process = Arc::new(Process::default());
-    let station = |number| Station {
-        diagnostic: 2046 - u16::from(number),
-        number,
-        lost_after: 300 * MS,
-        interrupts: false,
-        dp: None,
-    };
+    let station =
+        |number| Station { diagnostic: 2046 - u16::from(number), number, lost_after: 300 * MS, interrupts, dp: None };
     let rules = StationRules { diagnostic: 2047, number: 1 };
     let link = Box::new(Link(Arc::clone(&process)));
     let bus = Bus::new(cpu, link, &memory, size, 4, vec![station(1), station(2)], rules);
@@ -229,6 +228,19 @@ fn a_refusal_is_told_in_words_and_spoils_its_range_alone() {
     assert_eq!(bench.scan(), ([0xAA, 0xBB, 3, 4], vec![]), "the second refuses another range");
     bench.publish([State::Running; 2], [1, 2, 3, 4]);
     assert_eq!(bench.scan(), ([1, 2, 3, 4], vec![Event::STATION_ACCEPTS.0]));
+}
+
+#[test]
+fn a_refusal_that_interrupts_says_what_is_refused_too() {
+    let mut bench = bench_with(true);
+    let refusal = Some(Refusal { function: 0x17, exception: 11, table: Table::Holding, first: u16::MAX });
+    let status = Status { state: State::Running, refusal, bad: 1, ..Status::default() };
+    bench.publish_all([status; 2], [1, 2, 3, 4]);
+    bench.modules[0].begin_scan(bench.now + MS);
+    let event = bench.modules[0].poll_event().expect("told");
+    assert!(event.diagnostic_interrupt);
+    let data = &event.data[..usize::from(event.len)];
+    assert_eq!((&data[..4], std::str::from_utf8(&data[4..])), (&[0x0D, 0x13, 0, 0][..], Ok("17h 65535:11")));
 }
 
 #[test]
