@@ -1,10 +1,13 @@
 //! A bus of the station: the process with its masters while it lives, and the field.
 
+use std::cell::RefCell;
 use std::collections::VecDeque;
+use std::rc::Rc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 
 use ob1_backplane::{BusMemory, BusSize, CpSide, CpuSide, Segment};
+use ob1_coupler::gpio::{GpioConfig, GpioMaster, Pins};
 use ob1_coupler::{BusConfig, Input, MasterInput};
 use ob1_host::bus::Bus;
 use ob1_host::module::{DriverLink, Life};
@@ -37,13 +40,75 @@ impl DriverLink for Link {
     }
 }
 
+/// A GPIO chip of the machine: it outlives the process that has its lines.
+#[derive(Default)]
+pub(crate) struct Chip {
+    pub(crate) inputs: Vec<bool>,
+    pub(crate) outputs: Vec<bool>,
+    pub(crate) gone: bool,
+    /// Somebody has its lines.
+    pub(crate) taken: bool,
+    pub(crate) opened: u32,
+}
+
+pub(crate) type SharedChip = Rc<RefCell<Chip>>;
+
+/// The lines of a chip as a process has them. When it dies the kernel frees them, and lets them stay as they are.
+struct Lines(SharedChip);
+
+impl Lines {
+    fn open(chip: &SharedChip, config: &GpioConfig) -> Result<Box<dyn Pins>, String> {
+        let mut known = chip.borrow_mut();
+        if known.gone || known.taken {
+            return Err(if known.gone { "it is not there" } else { "somebody has its lines" }.to_owned());
+        }
+        (known.taken, known.opened) = (true, known.opened + 1);
+        known.outputs = vec![false; config.outputs.len()];
+        Ok(Box::new(Self(Rc::clone(chip))))
+    }
+}
+
+impl Pins for Lines {
+    fn read(&mut self, inputs: &mut [bool]) -> Result<(), String> {
+        let chip = self.0.borrow();
+        inputs.copy_from_slice(&chip.inputs);
+        if chip.gone { Err("it is gone".to_owned()) } else { Ok(()) }
+    }
+
+    fn write(&mut self, outputs: &[bool]) -> Result<(), String> {
+        let mut chip = self.0.borrow_mut();
+        if chip.gone {
+            return Err("it is gone".to_owned());
+        }
+        chip.outputs = outputs.to_vec();
+        Ok(())
+    }
+}
+
+impl Drop for Lines {
+    fn drop(&mut self) {
+        self.0.borrow_mut().taken = false;
+    }
+}
+
 /// The process while it lives.
 struct Alive {
     pump: Pump,
     masters: Vec<(Master, Instant)>,
+    chips: Vec<(GpioMaster, Instant, SharedChip)>,
 }
 
 impl Alive {
+    /// As the process does it: each chip when it is due, or the outputs have changed.
+    fn chips(&mut self, now: Instant) {
+        let Self { pump, chips, .. } = self;
+        let changed = !chips.is_empty() && pump.look_at_scan(now);
+        for (master, deadline, chip) in chips.iter_mut().filter(|(_, deadline, _)| changed || now >= *deadline) {
+            *deadline = master.step(now, &mut pump.image, &mut |config| Lines::open(chip, config));
+        }
+        pump.show(now);
+    }
+
     fn ask(&mut self, line: usize, now: Instant, input: MasterInput<'_>) -> (Vec<u8>, bool) {
         let mut out = Vec::new();
         let (master, deadline) = &mut self.masters[line];
@@ -63,6 +128,8 @@ pub(crate) struct SimulatedBus {
     /// When the next process begins.
     begins: Instant,
     pub(crate) fields: Vec<Field>,
+    /// Those of its GPIO lines.
+    pub(crate) chips: Vec<SharedChip>,
     pub(crate) kills: u32,
 }
 
@@ -77,14 +144,18 @@ impl SimulatedBus {
         let link = Box::new(Link(Arc::clone(&process)));
         let host = Bus::new(side, link, &memory, size, outputs, bus.stations.clone(), bus.rules);
         let config = bus.config.clone();
-        (Self { process, segment, memory, size, config, alive: None, begins, fields, kills: 0 }, host)
+        (
+            Self { process, segment, memory, size, config, alive: None, begins, fields, chips: Vec::new(), kills: 0 },
+            host,
+        )
     }
 
     pub(crate) fn next(&self) -> Instant {
         let masters = self.alive.iter().flat_map(|alive| alive.masters.iter().map(|(_, deadline)| *deadline));
+        let chips = self.alive.iter().flat_map(|alive| alive.chips.iter().map(|(_, deadline, _)| *deadline));
         let pump = self.alive.as_ref().map(|alive| alive.pump.deadline());
         let fields = self.fields.iter().map(Field::next);
-        masters.chain(pump).chain(fields).fold(self.begins, Instant::min)
+        masters.chain(chips).chain(pump).chain(fields).fold(self.begins, Instant::min)
     }
 
     pub(crate) fn advance(&mut self, now: Instant) {
@@ -100,7 +171,7 @@ impl SimulatedBus {
             }
         }
         if let Some(alive) = alive {
-            alive.pump.show(now);
+            alive.chips(now);
         }
         if now >= self.begins {
             self.begin(now);
@@ -114,12 +185,17 @@ impl SimulatedBus {
         let mut pump = Pump::new(&self.config, segment, &self.memory, self.size, now);
         pump.look_at_scan(now);
         let mut first = 0;
-        let masters = self.config.lines.iter().map(|line| {
-            let master = Master::new(line, first, self.config.input_bytes, now).expect("bus parameters");
+        let (mut masters, mut chips) = (Vec::new(), Vec::new());
+        for line in &self.config.lines {
+            if let Some(gpio) = &line.gpio {
+                chips.push((GpioMaster::new(gpio, first), now, Rc::clone(&self.chips[chips.len()])));
+            } else {
+                let master = Master::new(line, first, self.config.input_bytes, now).expect("bus parameters");
+                masters.push((master, now));
+            }
             first += line.stations().count();
-            (master, now)
-        });
-        let alive = self.alive.insert(Alive { masters: masters.collect(), pump });
+        }
+        let alive = self.alive.insert(Alive { masters, chips, pump });
         self.process.running.store(true, Ordering::Relaxed);
         self.process.reports.lock().expect("not poisoned").push_back(Report::Up(attempts));
         for (line, field) in self.fields.iter_mut().enumerate() {
@@ -143,7 +219,9 @@ impl SimulatedBus {
     /// The end of a scan rings.
     pub(crate) fn ring(&mut self, now: Instant) {
         let Some(alive) = &mut self.alive else { return };
-        if alive.pump.look_at_scan(now) {
+        if !alive.chips.is_empty() {
+            alive.chips(now);
+        } else if alive.pump.look_at_scan(now) {
             for (line, field) in self.fields.iter_mut().enumerate() {
                 field.tell(now, Input::Tick, &mut |input: MasterInput<'_>| alive.ask(line, now, input));
             }

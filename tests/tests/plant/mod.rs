@@ -2,7 +2,7 @@
 //! the pumps and masters of the processes. Simulated are the devices, wires and connections, and the life of the
 //! processes.
 
-mod bus;
+pub(crate) mod bus;
 // Of the tests that have a plant, one has this.
 #[allow(dead_code)]
 pub(crate) mod cp342;
