@@ -115,8 +115,8 @@ impl Board {
             self.now = next;
             self.bus.advance(self.now);
             if self.now >= due {
-                let end = self.cpu.cycle(&mut VirtualClock(self.now.nanos()));
-                self.due = Instant::from_nanos(end.next_deadline).max(self.now + Span::from_nanos(1));
+                let end = self.cpu.cycle(&mut VirtualClock(self.now));
+                self.due = end.next_deadline.max(self.now + Span::from_nanos(1));
                 self.bus.ring(self.now);
             }
         }
