@@ -68,8 +68,8 @@ impl std::fmt::Display for Refusal {
 pub struct Status {
     /// How it stands.
     pub state: State,
-    /// What it refuses at present; the newest, where there is more than one. Of a lost one: why its gateway says that it
-    /// does not reach it.
+    /// What it refuses at present; the newest, where there is more than one. Of a lost one: why its gateway says that
+    /// it does not reach it.
     pub refusal: Option<Refusal>,
     /// Ranges that are refused: bit n is range n, the inputs first, then the outputs.
     pub bad: u64,

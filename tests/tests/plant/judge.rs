@@ -3,8 +3,8 @@
 //! - An input is what its device has sensed, whole and never older than before, or the substitute. From the scan in
 //!   which OB 86 says that the device is lost to that in which it says that it is back it is the substitute.
 //! - OB 86 and OB 82 run once for each entry, and OB 86 is told of what the entry is.
-//! - A bus has failed (39C3h) once for each process of it that died, at the next scan, and at no other time; a device is
-//!   lost (39C4h) only while the process is there.
+//! - A bus has failed (39C3h) once for each process of it that died, at the next scan, and at no other time; a device
+//!   is lost (39C4h) only while the process is there.
 //! - A device that has not been heard for as long as the station file says is lost; so is a slave that has begun anew,
 //!   however soon it was exchanged with again.
 //! - A fault is reported when there was none, and is gone when there was one.
