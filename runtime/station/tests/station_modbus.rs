@@ -90,6 +90,7 @@ fn each_mistake_has_its_place_and_its_words() {
             ("wago-750", "moxa-iologik", 23, "cannot be set over Modbus", "on the coupler itself"),
             ("watchdog = \"500ms\"", "watchdog = \"50ms\"", 23, "no such watchdog time", "100 ms to"),
             ("lost_after = \"1s\"", "lost_after = \"10ms\"", 24, "would be lost now and then", "100ms"),
+            ("lost_after = \"1s\"", "lost_after = \"2ms\"", 24, "would be lost now and then", "100ms"),
             (
                 "lost_after = \"1s\"",
                 "lost_after = \"1s\"\nperiod = \"2s\"",
