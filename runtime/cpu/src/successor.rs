@@ -145,18 +145,8 @@ impl Memory {
 mod tests {
     use super::*;
     use crate::engine::REFERENCE;
-    use crate::{CellWidth, Clock, Command, CpuConfig, Natives};
+    use crate::{CellWidth, Command, CpuConfig, Natives, Still};
     use ob1_model::{Area, Cell};
-    use ob1_time::Instant;
-
-    struct Still;
-
-    impl Clock for Still {
-        fn now(&mut self) -> Instant {
-            Instant::START
-        }
-        fn executed(&mut self, _statements: u64) {}
-    }
 
     fn program(text: &str) -> Program {
         let source = ob1_stl::Source { name: "p.awl".into(), bytes: text.as_bytes().to_vec() };

@@ -111,18 +111,9 @@ fn calls(plan: &Plan) -> Vec<Vec<Site>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ob1_cpu::{Clock, Command, Cpu, CpuConfig};
-    use ob1_time::{Instant, Span};
+    use ob1_cpu::{Command, Cpu, CpuConfig, Still};
+    use ob1_time::Span;
     use std::fmt::Write as _;
-
-    struct Still;
-
-    impl Clock for Still {
-        fn now(&mut self) -> Instant {
-            Instant::START
-        }
-        fn executed(&mut self, _statements: u64) {}
-    }
 
     /// A function of so many statements, and one for its end. A long one becomes no part of others.
     fn function(number: usize, statements: usize) -> String {

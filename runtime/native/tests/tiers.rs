@@ -5,21 +5,12 @@ use std::os::fd::AsFd;
 use std::sync::Arc;
 
 use ob1_cpu::engine::{ACCOUNTING, Engine, Factory, Plan, REFERENCE};
-use ob1_cpu::{Clock, Command, Cpu, CpuConfig};
+use ob1_cpu::{Command, Cpu, CpuConfig, Still};
 use ob1_native::{
     Compiler, Image, NAME, NAME_FAST, NAME_HOTTEST, Native, Order, Target, Tier, fingerprint, hottest, memory_file,
     seal,
 };
-use ob1_time::{Instant, Span};
-
-struct Still;
-
-impl Clock for Still {
-    fn now(&mut self) -> Instant {
-        Instant::START
-    }
-    fn executed(&mut self, _statements: u64) {}
-}
+use ob1_time::Span;
 
 /// FC 1 to FC 1000 are called once in a scan, FC 2000 has a loop. Each counts in its own words.
 fn program() -> ob1_ir::Program {

@@ -175,18 +175,11 @@ mod tests {
     /// read there is 0 on every engine.
     #[test]
     fn nothing_is_read_behind_the_arena() {
-        use ob1_cpu::{Cpu, CpuConfig};
+        use ob1_cpu::{Cpu, CpuConfig, Still};
         use ob1_ir::{Arg, BitTest, Call, CallMode, CodeBlock, Logic, Op, Operand, Place, Stmt, Target, Width};
         use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Interface, Param, Section};
 
         const PAGE: u32 = 64 * 1024;
-        struct Still;
-        impl ob1_cpu::Clock for Still {
-            fn now(&mut self) -> ob1_time::Instant {
-                ob1_time::Instant::START
-            }
-            fn executed(&mut self, _statements: u64) {}
-        }
 
         let memory = |width, byte| Operand { width, place: Place::Fixed(Area::Memory, BitAddr::byte_addr(byte)) };
         let formal = |byte| Place::Param { index: 0, at: BitAddr::byte_addr(byte) };

@@ -13,6 +13,10 @@ pub trait DriverLink: Send {
     fn next_report(&mut self) -> Option<Report>;
     /// What the supervisor counts of its starts: what the driver itself has no hand in.
     fn life(&self) -> Life;
+    /// True while a driver runs that was among the first so many attempts. The scan asks at each access: one call.
+    fn is_running_of(&self, attempts: u32) -> bool {
+        self.is_running() && self.life().attempts <= attempts
+    }
 }
 
 /// Which of a module's drivers this is.

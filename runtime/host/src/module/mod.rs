@@ -74,8 +74,7 @@ impl CpModule {
     #[inline]
     fn is_present(&self) -> bool {
         let state = self.side.monitor().driver_state();
-        self.link.is_running()
-            && self.link.life().attempts <= self.whole_for
+        self.link.is_running_of(self.whole_for)
             && !matches!(state, Ok(DriverState::Absent | DriverState::Starting) | Err(_))
     }
 

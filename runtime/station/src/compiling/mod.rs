@@ -314,19 +314,9 @@ fn secret() -> io::Result<[u8; 16]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ob1_cpu::{Clock, Command as Wish, CpuConfig};
+    use ob1_cpu::{Command as Wish, CpuConfig, Still};
     use ob1_ir::Program;
     use ob1_native::{Compiler, Target, Tier};
-    use ob1_time::Instant;
-
-    struct Still;
-
-    impl Clock for Still {
-        fn now(&mut self) -> Instant {
-            Instant::START
-        }
-        fn executed(&mut self, _statements: u64) {}
-    }
 
     fn cpu() -> Cpu {
         let text = "ORGANIZATION_BLOCK OB 1\nBEGIN\nL MW 2;\n+ 1;\nT MW 2;\nEND_ORGANIZATION_BLOCK\n";

@@ -331,18 +331,8 @@ impl Work {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ob1_cpu::{Clock, Command, CpuConfig, Natives};
-    use ob1_time::Instant;
+    use ob1_cpu::{Command, CpuConfig, Natives, Still};
     use std::sync::atomic::AtomicBool;
-
-    struct Still;
-
-    impl Clock for Still {
-        fn now(&mut self) -> Instant {
-            Instant::START
-        }
-        fn executed(&mut self, _statements: u64) {}
-    }
 
     fn program(text: &str) -> Program {
         let source = ob1_stl::Source::new("p.awl", text);
