@@ -1,45 +1,45 @@
-//! awlsim as a black box: its command `awlsim-test` runs a program and prints what its CPU holds.
+//! awlsim as a black box: its command `awlsim-test` runs a program and prints the memory of its CPU.
 //!
-//! awlsim is GPL, so it is run as a program and nothing else: what is known of it here is its `--help`, its README
-//! and what it prints. `cargo xtask` installs it into the checkout (`tests/peers/requirements.txt`).
+//! awlsim is GPL, so it is only run as a separate program: this module is based only on its `--help`, its README and
+//! its output. `cargo xtask` installs it into the checkout (`tests/peers/requirements.txt`).
 //!
-//! It prints its registers and the first 64 bytes of each area when a fault stops it. So a program shows its results
-//! there and then faults on purpose: [`stop`].
+//! It prints its registers and the first 64 bytes of each area when a fault stops it. So a program writes its results
+//! there and then causes a fault: [`STOP`].
 
 use std::error::Error;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// Why it could not be run, or what it printed instead of results.
+/// The reason why it could not be run, or its output instead of results.
 pub type Failure = Box<dyn Error>;
 
-/// Bytes of each area that it shows.
+/// Number of bytes it prints of each area.
 pub const SHOWN: usize = 64;
 
-/// STL that faults: no engine has data block 4711. MW 2046 is used up for its number.
+/// STL that causes a fault: data block 4711 does not exist in any engine. It overwrites MW 2046.
 pub const STOP: &str = "L 4711;\nT MW 2046;\nAUF DB [MW 2046];\n";
 
-/// What the CPU held when the fault stopped it.
+/// The memory of the CPU when the fault stopped it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Shown {
-    /// MB 0 and on.
+    /// From MB 0 on.
     pub memory: [u8; SHOWN],
-    /// EB 0 and on.
+    /// From EB 0 on.
     pub inputs: [u8; SHOWN],
-    /// AB 0 and on.
+    /// From AB 0 on.
     pub outputs: [u8; SHOWN],
 }
 
 impl Shown {
-    /// The three areas one behind the other: bit memory, inputs, outputs.
+    /// The three areas one after the other: bit memory, inputs, outputs.
     #[must_use]
     pub fn bytes(&self) -> Vec<u8> {
         [self.memory, self.inputs, self.outputs].concat()
     }
 }
 
-/// The command, found beside the interpreter of the partners (`OB1_PYTHON`).
+/// The command, in the folder of the interpreter of the partners (`OB1_PYTHON`).
 #[derive(Clone, Debug)]
 pub struct Awlsim {
     command: PathBuf,
@@ -47,7 +47,7 @@ pub struct Awlsim {
 
 impl Awlsim {
     /// # Errors
-    /// When `cargo xtask` has not started this program, or awlsim is not installed.
+    /// If `cargo xtask` has not started this program, or awlsim is not installed.
     pub fn find() -> Result<Self, Failure> {
         let python = std::env::var_os("OB1_PYTHON").ok_or("OB1_PYTHON is not set; start this with cargo xtask")?;
         let command = Path::new(&python).with_file_name("awlsim-test");
@@ -59,7 +59,7 @@ impl Awlsim {
 
     fn command(&self, options: &[&str], source: &Path) -> Command {
         let mut command = Command::new(&self.command);
-        // A cycle limit far beyond any program here: a hang is ended, a busy machine is not.
+        // A cycle limit much longer than any program here: it ends a hanging program, but tolerates a busy machine.
         command.args(["--mnemonics", "de", "--cycle-limit", "60"]).args(options);
         command.arg(source).stdin(Stdio::null());
         command
@@ -68,7 +68,7 @@ impl Awlsim {
     /// Runs a program that ends in [`STOP`].
     ///
     /// # Errors
-    /// When it ends in any other way; the text is what awlsim said.
+    /// If it ends in any other way; the text is the output of awlsim.
     pub fn run(&self, source: &Path, accumulators: u8) -> Result<Shown, Failure> {
         let accumulators = if accumulators == 4 { "--fouraccu" } else { "--twoaccu" };
         let output = self.command(&[accumulators, "--no-cpu-dump", "--loglevel", "1"], source).output()?;
@@ -79,11 +79,11 @@ impl Awlsim {
         parse(&text).ok_or_else(|| format!("awlsim shows its memory in another form:\n{text}").into())
     }
 
-    /// Runs a program again and again for `seconds`; the highest speed it reports, in statements a second, and how many
-    /// statements it counts in one OB 1.
+    /// Runs a program repeatedly for `seconds`; returns the highest reported speed in statements per second, and the
+    /// number of statements in one OB 1.
     ///
     /// # Errors
-    /// When it cannot be run or reports no speed.
+    /// If it cannot be run or reports no speed.
     pub fn speed(&self, source: &Path, seconds: u32) -> Result<Speed, Failure> {
         let output = self.command(&["--max-runtime", &seconds.to_string()], source).output()?;
         let text = String::from_utf8_lossy(&output.stdout);
@@ -93,7 +93,7 @@ impl Awlsim {
     }
 }
 
-/// What awlsim says of its speed.
+/// The speed that awlsim reports.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Speed {
     /// Statements a second.
@@ -115,7 +115,7 @@ fn speed(line: &str) -> Option<Speed> {
     Some(Speed { per_second: words.first()?.parse::<f64>().ok()? * unit, per_cycle })
 }
 
-/// The memory in awlsim's last picture of itself: four lines of 16 bytes after `M:`, `E:` and `A:`.
+/// The memory in the last state that awlsim prints: four lines of 16 bytes after `M:`, `E:` and `A:`.
 fn parse(text: &str) -> Option<Shown> {
     let lines: Vec<&str> = text.lines().collect();
     let area = |name: &str| {
@@ -130,32 +130,32 @@ fn parse(text: &str) -> Option<Shown> {
     Some(Shown { memory: area("M:")?, inputs: area("E:")?, outputs: area("A:")? })
 }
 
-/// A folder for one run's sources; gone with it.
+/// A folder for the sources of one run, removed when dropped.
 #[derive(Debug)]
 pub struct Scratch(PathBuf);
 
 impl Scratch {
-    /// A new folder among the system's temporary files.
+    /// Creates a folder for temporary files.
     ///
     /// # Errors
-    /// When it cannot be made.
+    /// If it cannot be created.
     pub fn new(name: &str) -> Result<Self, Failure> {
         let path = std::env::temp_dir().join(format!("ob1-{name}-{}", std::process::id()));
         std::fs::create_dir_all(&path)?;
         Ok(Self(path))
     }
 
-    /// Writes a file there.
+    /// Writes a file in it.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// If it cannot be written.
     pub fn write(&self, name: impl AsRef<OsStr>, text: &str) -> Result<PathBuf, Failure> {
         let path = self.path(name);
         std::fs::write(&path, text)?;
         Ok(path)
     }
 
-    /// A path there.
+    /// A path in it.
     pub fn path(&self, name: impl AsRef<OsStr>) -> PathBuf {
         self.0.join(Path::new(name.as_ref()))
     }
@@ -163,7 +163,7 @@ impl Scratch {
 
 impl Drop for Scratch {
     fn drop(&mut self) {
-        // What cannot be removed is left to the system.
+        // A failure does not matter: the system removes temporary files.
         let _ = std::fs::remove_dir_all(&self.0);
     }
 }

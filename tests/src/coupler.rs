@@ -1,6 +1,6 @@
-//! A Modbus coupler with a watchdog, for simulations and benchmarks: words that it senses, words that it drives, and
-//! the watchdog of a WAGO 750. Written from the makers' manuals and the Modbus specification; it shares neither codec
-//! nor checks with the code under test.
+//! A Modbus coupler with a watchdog, for simulations and benchmarks: input words, output words, and the watchdog of a
+//! WAGO 750. Written from the manufacturers' manuals and the Modbus specification; it shares neither codec nor checks
+//! with the code under test.
 
 use ob1_time::{Instant, Span};
 
@@ -19,30 +19,30 @@ const ILLEGAL_ADDRESS: u8 = 2;
 const ILLEGAL_VALUE: u8 = 3;
 const DEVICE_FAILURE: u8 = 4;
 
-/// A coupler. After its power was off it is a new one.
+/// A coupler. To simulate power off, create a new one.
 #[derive(Clone, Debug)]
 pub struct Coupler {
-    /// Its address; 255 hears to any.
+    /// Its address; 255 accepts any address.
     pub unit: u8,
     /// Input registers, from 0 on.
     pub sensed: Vec<u16>,
     /// Holding registers, from 0 on.
     pub driven: Vec<u16>,
-    /// What its holding registers were written, one entry a telegram.
+    /// Values written to its holding registers, one entry for each telegram.
     pub writes: Vec<Vec<u16>>,
     /// Telegrams that read input registers.
     pub reads: u64,
-    /// The last telegram that it understood.
+    /// Time of the last valid telegram.
     pub heard: Instant,
     time: u16,
     armed: bool,
     expired: bool,
-    /// When its outputs go off.
+    /// Time at which its outputs are switched off.
     until: Option<Instant>,
 }
 
 impl Coupler {
-    /// A coupler of so many words each way, all 0.
+    /// A coupler with this many words in each direction, all 0.
     #[must_use]
     pub fn new(unit: u8, words: usize) -> Self {
         Self {
@@ -59,13 +59,13 @@ impl Coupler {
         }
     }
 
-    /// When [`Self::look`] has something to do.
+    /// The next time at which [`Self::look`] has something to do.
     #[must_use]
     pub fn deadline(&self) -> Instant {
         self.until.unwrap_or(Instant::NEVER)
     }
 
-    /// Its watchdog.
+    /// Checks its watchdog.
     pub fn look(&mut self, now: Instant) {
         if self.until.is_some_and(|until| now >= until) {
             (self.until, self.expired, self.armed) = (None, true, false);
@@ -73,7 +73,7 @@ impl Coupler {
         }
     }
 
-    /// Answers a request: unit, function, data. Nothing: it is not for this one, or makes no sense.
+    /// Answers a request: unit, function, data. `None` if it is for another coupler or not valid.
     pub fn hear(&mut self, now: Instant, request: &[u8]) -> Option<Vec<u8>> {
         self.look(now);
         let &[unit, function, a, b, c, d, ref rest @ ..] = request else { return None };
@@ -151,7 +151,7 @@ impl Coupler {
         Ok(())
     }
 
-    /// A register of the watchdog. A running one is only stopped.
+    /// Writes a register of the watchdog. A running watchdog can only be stopped.
     fn set(&mut self, at: u16, value: u16) -> Result<(), u8> {
         match (at, value) {
             (STOP, 0x55AA | 0xAA55) => (self.until, self.expired, self.armed) = (None, false, false),
@@ -178,12 +178,12 @@ fn read(words: &[u16], first: u16, count: u16) -> Result<Vec<u8>, u8> {
     Ok([(2 * count) as u8].into_iter().chain(words.iter().flat_map(|word| word.to_be_bytes())).collect())
 }
 
-/// Bytes of a connection, as Modbus TCP has them.
+/// The byte stream of a Modbus TCP connection.
 #[derive(Clone, Debug, Default)]
 pub struct Stream(Vec<u8>);
 
 impl Stream {
-    /// Takes what has come, and hands over each telegram that is whole with its transaction: unit, function, data.
+    /// Takes received bytes, and calls `each` for every complete telegram with its transaction: unit, function, data.
     /// `false`: it is not Modbus.
     pub fn take(&mut self, bytes: &[u8], mut each: impl FnMut(u16, &[u8])) -> bool {
         self.0.extend_from_slice(bytes);
@@ -200,7 +200,7 @@ impl Stream {
     }
 }
 
-/// A telegram with the head that it has on a connection.
+/// A telegram with its header for a connection.
 #[must_use]
 pub fn framed(transaction: u16, telegram: &[u8]) -> Vec<u8> {
     let len = telegram.len() as u16;

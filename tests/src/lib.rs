@@ -1,4 +1,4 @@
-//! What crosses two crates: the whole-station simulation, the benchmarks, and help for the end-to-end tests.
+//! Tests across crates: the whole-station simulation, the benchmarks, and helpers for the end-to-end tests.
 
 pub mod awlsim;
 pub mod bench;

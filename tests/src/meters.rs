@@ -1,8 +1,8 @@
-//! Meters on an M-Bus, for simulations: what a master sends goes in, what the bus answers comes out. Written from EN
-//! 13757 and the manual's tables, not with the code under test.
+//! Meters on an M-Bus, for simulations: takes the frames of a master and returns the answers of the bus. Written from
+//! EN 13757 and the tables of the manual, without the code under test.
 //!
-//! [S0 "Overview of M-Bus telegrams"], [S0 "A field"], [S0 "FCB bit"]. A bus of several meters does what two wires do:
-//! who sends at the same time as another pulls the bits to 0.
+//! [S0 "Overview of M-Bus telegrams"], [S0 "A field"], [S0 "FCB bit"]. If several meters send at the same time, a 0 bit
+//! of one overwrites the 1 bits of the others.
 
 const SINGLE: u8 = 0xE5;
 /// Address of the selected meter, of any meter, of all meters.
@@ -10,14 +10,14 @@ const SELECTED: u8 = 253;
 const ANY: u8 = 254;
 const ALL: u8 = 255;
 
-/// What is wrong with a meter.
+/// A fault of a meter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trouble {
-    /// It is off.
+    /// The meter is off.
     Silent,
-    /// The check sums of its next so many answers are wrong.
+    /// The checksums of this many next answers are wrong.
     Check(u32),
-    /// Its next so many answers break off in the middle.
+    /// This many next answers are truncated.
     Cut(u32),
 }
 
@@ -26,13 +26,13 @@ pub enum Trouble {
 pub struct Meter {
     /// Primary address.
     pub address: u8,
-    /// Secondary address as it is selected by: identification, manufacturer, version, medium.
+    /// Secondary address for the selection: identification, manufacturer, version, medium.
     pub secondary: [u8; 8],
-    /// Its answers to REQ_UD2, as they stand on the line; a toggled FCB asks for the next one.
+    /// Its answers to REQ_UD2, as transmitted; a toggled FCB requests the next one.
     pub answers: Vec<Vec<u8>>,
-    /// What is wrong with it.
+    /// Its fault.
     pub trouble: Option<Trouble>,
-    /// User data that were sent to it, with the CI field.
+    /// User data received, with the CI field.
     pub told: Vec<Vec<u8>>,
     selected: bool,
     /// FCB of the last request, and the answer it got.
@@ -40,7 +40,7 @@ pub struct Meter {
 }
 
 impl Meter {
-    /// A meter with one answer. Its secondary address is the one in an answer with variable data.
+    /// A meter with one answer. Its secondary address is taken from an answer with variable data.
     #[must_use]
     pub fn new(address: u8, answer: &[u8]) -> Self {
         let secondary = answer.get(7..15).and_then(|id| id.try_into().ok()).unwrap_or_default();
@@ -48,7 +48,7 @@ impl Meter {
         Self { address, secondary, answers, trouble: None, told: Vec::new(), selected: false, last: None }
     }
 
-    /// The same with this trouble.
+    /// The same with this fault.
     #[must_use]
     pub fn with(mut self, trouble: Option<Trouble>) -> Self {
         self.trouble = trouble;
@@ -62,7 +62,7 @@ impl Meter {
         self
     }
 
-    /// Whether a selection means it: Fh is any digit, FFh any byte behind the identification.
+    /// Whether a selection matches: Fh is any digit, FFh any byte after the identification.
     fn is_meant(&self, pattern: &[u8]) -> bool {
         let digit = |wanted: u8, own: u8| wanted == 0xF || wanted == own;
         pattern.len() >= 8
@@ -72,7 +72,7 @@ impl Meter {
             })
     }
 
-    /// A frame from the master; the answer, if it has one.
+    /// Handles a frame from the master; returns the answer, if any.
     fn frame(&mut self, fields: &[u8]) -> Option<Vec<u8>> {
         let (&c, &a) = (fields.first()?, fields.get(1)?);
         let selection = a == SELECTED && fields.get(2) == Some(&0x52);
@@ -101,14 +101,14 @@ impl Meter {
                 vec![SINGLE]
             }
             0x4B => self.request(c & 0x20 != 0),
-            // Nothing of class 1.
+            // No class 1 data.
             0x4A => vec![SINGLE],
             _ => return None,
         };
         (a != ALL).then_some(answer)
     }
 
-    /// The same FCB: the last answer again. [S0 "FCB bit"]
+    /// Answers a request. The same FCB: the last answer again. [S0 "FCB bit"]
     fn request(&mut self, fcb: bool) -> Vec<u8> {
         let at = match self.last {
             Some((last, at)) if last == fcb => at,
@@ -140,9 +140,9 @@ impl Meter {
 /// The meters on one pair of wires.
 #[derive(Clone, Debug, Default)]
 pub struct Bus {
-    /// Who is there.
+    /// The meters.
     pub meters: Vec<Meter>,
-    /// Frames of the master that were understood.
+    /// Number of valid frames of the master.
     pub frames: u64,
     heard: Vec<u8>,
 }
@@ -154,13 +154,13 @@ impl Bus {
         Self { meters, ..Self::default() }
     }
 
-    /// Characters of the master; what the meters answer, all of them together. Empty: nobody answers.
+    /// Takes characters of the master; returns the combined answer of all meters. Empty: no answer.
     pub fn hear(&mut self, bytes: &[u8]) -> Vec<u8> {
         let mut answer = Vec::new();
         for &byte in bytes {
             self.heard.push(byte);
             let Some(fields) = fields(&self.heard) else {
-                // What begins no frame is not kept.
+                // Characters that do not start a frame are discarded.
                 if !matches!(self.heard[0], 0x10 | 0x68) || self.heard.len() > 261 {
                     self.heard.clear();
                 }
@@ -177,13 +177,13 @@ impl Bus {
         answer
     }
 
-    /// A pause: what has been heard of a frame was none.
+    /// A pause: discards an incomplete frame.
     pub fn pause(&mut self) {
         self.heard.clear();
     }
 }
 
-/// Two who send at the same time: a 0 of one is a 0 for all.
+/// Combines two simultaneous senders: a 0 bit of one is a 0 bit on the line.
 fn pull(line: &mut Vec<u8>, own: &[u8]) {
     for (at, byte) in own.iter().enumerate() {
         match line.get_mut(at) {
@@ -193,7 +193,7 @@ fn pull(line: &mut Vec<u8>, own: &[u8]) {
     }
 }
 
-/// The fields of a whole frame, from C field to user data.
+/// The fields of a complete frame, from C field to user data.
 #[must_use]
 pub fn fields(bytes: &[u8]) -> Option<Vec<u8>> {
     let sum = |fields: &[u8]| fields.iter().fold(0_u8, |sum, byte| sum.wrapping_add(*byte));
@@ -218,7 +218,7 @@ pub struct Fixture {
     pub bytes: Vec<u8>,
 }
 
-/// The answers of real meters in `tests/fixtures/mbus`, and what should be answers and is not.
+/// The answers of real meters in `tests/fixtures/mbus`, and invalid frames.
 #[must_use]
 pub fn fixtures() -> Vec<Fixture> {
     let text = include_str!("../fixtures/mbus/frames.txt");
@@ -233,7 +233,7 @@ pub fn fixtures() -> Vec<Fixture> {
     lines.filter_map(frame).collect()
 }
 
-/// What a frame of the fixtures says, by those who collected it.
+/// The published content of a frame of the fixtures.
 #[derive(Clone, Debug)]
 pub struct Said {
     /// Folder and name, as in [`Fixture`].
@@ -244,7 +244,7 @@ pub struct Said {
     pub records: Vec<[String; 5]>,
 }
 
-/// What the frames say, of those that say anything.
+/// The content of the frames that have one.
 #[must_use]
 pub fn values() -> Vec<Said> {
     let mut all: Vec<Said> = Vec::new();

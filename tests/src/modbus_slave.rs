@@ -1,8 +1,8 @@
 //! A Modbus slave in ASCII with 16-bit and 32-bit registers, for simulations. Written from the manual of the master and
-//! the Modbus specification, not with the code under test: it shares neither codec nor checks with it.
+//! the Modbus specification; it shares neither codec nor checks with the code under test.
 //!
-//! Which width a register has is a matter of its address. Asked for the wrong one the slave does what the manual says a
-//! slave does: it reads its own number of bytes, and refuses to write another one. [S4 "32-Bit Registers"]
+//! The address determines the width of a register. If the master uses the wrong width, the slave behaves as in the
+//! manual: it reads its own number of bytes, and refuses to write another number. [S4 "32-Bit Registers"]
 
 /// Number of bits and registers of each kind.
 pub const SIZE: u16 = 4000;
@@ -18,7 +18,7 @@ const ILLEGAL_FUNCTION: u8 = 1;
 const ILLEGAL_ADDRESS: u8 = 2;
 const ILLEGAL_VALUE: u8 = 3;
 
-/// The slave, with its memory for everybody to look at.
+/// The slave with its memory.
 #[derive(Clone, Debug)]
 pub struct ModbusSlave {
     /// Its address.
@@ -29,7 +29,7 @@ pub struct ModbusSlave {
     pub inputs: Vec<bool>,
     /// Functions 03, 06, 16.
     pub registers: Vec<u16>,
-    /// The same, from [`LONG_FIRST`] on.
+    /// The same functions, from [`LONG_FIRST`] on.
     pub longs: Vec<u32>,
     /// Function 04.
     pub input_registers: Vec<u16>,
@@ -37,9 +37,9 @@ pub struct ModbusSlave {
     pub exception_status: u8,
     /// Answers each request to it with this exception, if any.
     pub refuses: Option<u8>,
-    /// Function 11: requests carried out.
+    /// Function 11: executed requests.
     pub events: u16,
-    /// Function 12: requests heard.
+    /// Function 12: received requests.
     pub messages: u16,
     /// Function 12: newest first.
     pub log: [u8; 64],
@@ -48,7 +48,7 @@ pub struct ModbusSlave {
 }
 
 impl ModbusSlave {
-    /// A slave with zeros everywhere.
+    /// A slave with all values 0.
     #[must_use]
     pub fn new(address: u8) -> Self {
         let size = usize::from(SIZE);
@@ -68,7 +68,7 @@ impl ModbusSlave {
         }
     }
 
-    /// Hears characters; what it answers to them.
+    /// Takes characters; returns the answer.
     pub fn hear(&mut self, characters: &[u8]) -> Vec<u8> {
         let mut answers = Vec::new();
         for character in characters {
@@ -87,7 +87,7 @@ impl ModbusSlave {
         answers
     }
 
-    /// A telegram without LRC; the answer, if one is due.
+    /// Handles a telegram without LRC; returns the answer, if any.
     fn telegram(&mut self, telegram: &[u8]) -> Option<Vec<u8>> {
         let &[address, function, ref data @ ..] = telegram else { return None };
         let is_for_all = address == 0;
@@ -129,7 +129,7 @@ impl ModbusSlave {
         self.log[0] = event;
     }
 
-    /// What follows the function code in the answer, or the exception.
+    /// Executes a request; returns the data after the function code in the answer, or the exception.
     fn carry_out(&mut self, function: u8, data: &[u8]) -> Result<Vec<u8>, u8> {
         let word = |at: usize| Some(u16::from_be_bytes(data.get(at..at + 2)?.try_into().ok()?));
         let pair = || word(0).zip(word(2)).filter(|_| data.len() == 4).ok_or(ILLEGAL_VALUE);
@@ -212,7 +212,7 @@ impl ModbusSlave {
         }
     }
 
-    /// Writes one register; the number of bytes must be its own.
+    /// Writes one register; the number of bytes must be correct.
     fn store(&mut self, at: u16, value: &[u8]) -> Result<(), u8> {
         if let Some(n) = at.checked_sub(LONG_FIRST) {
             let long = self.longs.get_mut(usize::from(n)).ok_or(ILLEGAL_ADDRESS)?;
@@ -246,7 +246,7 @@ fn framed(telegram: &[u8]) -> Vec<u8> {
     format!(":{digits}\r\n").into_bytes()
 }
 
-/// The telegram between colon and LF, if it is one.
+/// The telegram between colon and LF, if it is valid.
 fn unframed(text: &[u8]) -> Option<Vec<u8>> {
     let text = std::str::from_utf8(text).ok()?.strip_suffix('\r')?;
     if text.len() % 2 != 0 || !text.bytes().all(|digit| matches!(digit, b'0'..=b'9' | b'A'..=b'F')) {
@@ -264,7 +264,7 @@ fn unframed(text: &[u8]) -> Option<Vec<u8>> {
 mod tests {
     use super::*;
 
-    /// The answers the manual prints. [S4 "5 Function Codes"]
+    /// The answers printed in the manual. [S4 "5 Function Codes"]
     #[test]
     fn the_examples_of_the_manual() {
         let mut slave = ModbusSlave::new(5);
@@ -279,13 +279,13 @@ mod tests {
             (":05080000A5C38B\r\n", ":05080000A5C38B\r\n"),
             (":05010040000FAB\r\n", ":0501020177 80\r\n"),
             (":050300400002B6\r\n", ":0503042123252764\r\n"),
-            // In two pieces, the first of them a second time: a colon begins anew.
+            // In two pieces, the first one twice: a colon starts a new telegram.
             (":0503138800", ""),
             (":0503138800025B\r\n", ":0503082122232425262728 CC\r\n"),
             // Function 07 has no data.
             (":050700F4\r\n", ":058703 71\r\n"),
             (":0507F4\r\n", ":05073EB6\r\n"),
-            // Another slave's; a wrong LRC; a small letter.
+            // For another slave; a wrong LRC; a lower-case letter.
             (":060300400002B5\r\n", ""),
             (":050300400002B7\r\n", ""),
             (":050300400002b6\r\n", ""),

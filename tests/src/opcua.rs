@@ -1,6 +1,6 @@
-//! A small OPC UA client over a channel without security: to measure with, and to send what no client would send. The
-//! messages are those of async-opcua-types; chunks, channel and session are written here, so that every byte of them
-//! can be damaged.
+//! A small OPC UA client over a channel without security: for measurements, and to send invalid data. The messages are
+//! those of async-opcua-types; chunks, channel and session are implemented here, so that every byte of them can be
+//! damaged.
 
 use std::io::{self, Cursor, Read as _, Write as _};
 use std::net::{SocketAddr, TcpStream};
@@ -17,40 +17,40 @@ use opcua_types::{
     SubscriptionAcknowledgement, TimestampsToReturn, UAString,
 };
 
-/// Why something came to nothing.
+/// An error of the client.
 #[derive(Debug, thiserror::Error)]
 pub enum OpcUaError {
-    /// The connection.
+    /// An error of the connection.
     #[error("{0}")]
     Io(#[from] io::Error),
-    /// The server says so.
+    /// A status of the server.
     #[error("{0}")]
     Status(StatusCode),
-    /// What came is nothing that was asked for.
+    /// An unexpected message.
     #[error("{0}")]
     Odd(String),
 }
 
 type Done<T> = Result<T, OpcUaError>;
 
-/// Longest message that is taken.
+/// Maximum size of a message.
 const MESSAGE: usize = 64 << 20;
-/// Items asked for in one request.
+/// Items in one request.
 pub const AT_A_TIME: usize = 1000;
 const POLICY: &str = "http://opcfoundation.org/UA/SecurityPolicy#None";
 
-/// A connection with a channel, and a session once it is activated.
+/// A connection with a channel, and a session after activation.
 pub struct OpcUa {
     stream: TcpStream,
     context: ContextOwned,
     channel: u32,
     token: u32,
-    /// Of the next request, and its sequence number.
+    /// Number of the next request, and its sequence number.
     request: u32,
     session: NodeId,
 }
 
-/// A message that came: of which request, its type, its body.
+/// A received message: request, type, body.
 struct Message {
     request: u32,
     kind: NodeId,
@@ -64,7 +64,7 @@ impl std::fmt::Debug for OpcUa {
 }
 
 impl OpcUa {
-    /// A connection and a channel.
+    /// Opens a connection and a channel.
     ///
     /// # Errors
     /// [`OpcUaError`].
@@ -98,7 +98,7 @@ impl OpcUa {
         Ok(client)
     }
 
-    /// With a session of nobody in particular.
+    /// Opens them with an anonymous session.
     ///
     /// # Errors
     /// [`OpcUaError`].
@@ -110,7 +110,7 @@ impl OpcUa {
         Ok(client)
     }
 
-    /// What a session is made with.
+    /// The request to create a session.
     #[must_use]
     pub fn create_session(&self, address: SocketAddr) -> CreateSessionRequest {
         CreateSessionRequest {
@@ -126,7 +126,7 @@ impl OpcUa {
         }
     }
 
-    /// What it is activated with.
+    /// The request to activate it.
     #[must_use]
     pub fn activate(&self) -> ActivateSessionRequest {
         ActivateSessionRequest {
@@ -138,7 +138,7 @@ impl OpcUa {
         }
     }
 
-    /// The head of a request of this session.
+    /// The header of a request of this session.
     #[must_use]
     pub fn header(&self) -> RequestHeader {
         RequestHeader {
@@ -149,10 +149,10 @@ impl OpcUa {
         }
     }
 
-    /// The type and body of a request, without the head of its chunk.
+    /// The type and body of a request, without the header of its chunk.
     ///
     /// # Errors
-    /// [`OpcUaError`]: it cannot be written.
+    /// [`OpcUaError`] if it cannot be encoded.
     pub fn body<Q: BinaryEncodable + MessageInfo>(&self, request: &Q) -> Done<Vec<u8>> {
         let context = self.context.context();
         let mut body = Vec::new();
@@ -182,15 +182,15 @@ impl OpcUa {
         chunk
     }
 
-    /// Sends bytes as they are.
+    /// Sends bytes unchanged.
     ///
     /// # Errors
-    /// Of the connection.
+    /// An error of the connection.
     pub fn raw(&mut self, bytes: &[u8]) -> Done<()> {
         Ok(self.stream.write_all(bytes)?)
     }
 
-    /// Sends a request; the answer is for another day. Its number.
+    /// Sends a request without waiting for the answer; returns its number.
     ///
     /// # Errors
     /// [`OpcUaError`].
@@ -202,7 +202,7 @@ impl OpcUa {
         Ok(self.request)
     }
 
-    /// Asks, and waits for the answer.
+    /// Sends a request and waits for the answer.
     ///
     /// # Errors
     /// [`OpcUaError`].
@@ -231,7 +231,7 @@ impl OpcUa {
         A::decode(&mut body, &context).map_err(odd)
     }
 
-    /// The next message, all its chunks.
+    /// The next message with all its chunks.
     fn message(&mut self) -> Done<Message> {
         let mut all = Vec::new();
         loop {
@@ -274,7 +274,7 @@ impl OpcUa {
         Ok((kind, chunk))
     }
 
-    /// A subscription: its number.
+    /// Creates a subscription; returns its number.
     ///
     /// # Errors
     /// [`OpcUaError`].
@@ -291,8 +291,8 @@ impl OpcUa {
         Ok(created.subscription_id)
     }
 
-    /// Watches these values; each has its place here as its handle. How many are taken, and why not the first that is
-    /// not.
+    /// Monitors these values; the handle of each is its index. Returns the number of accepted items, and the status of
+    /// the first refused one.
     ///
     /// # Errors
     /// [`OpcUaError`].
@@ -327,7 +327,7 @@ impl OpcUa {
         Ok((taken, refused))
     }
 
-    /// A request to be told; `seen` is what was told last.
+    /// Sends a publish request; `seen` acknowledges the last notification.
     ///
     /// # Errors
     /// [`OpcUaError`].
@@ -340,7 +340,7 @@ impl OpcUa {
         .map(drop)
     }
 
-    /// The values of the next notification, and what acknowledges it.
+    /// The values of the next notification, and its acknowledgement.
     ///
     /// # Errors
     /// [`OpcUaError`].
@@ -380,7 +380,8 @@ pub fn hello(address: SocketAddr) -> Vec<u8> {
     bytes
 }
 
-/// The bytes of a text that lies there, with its length; and of an empty certificate before its thumbprint.
+/// The length of the text at this position including its length field; also for an empty certificate before its
+/// thumbprint.
 fn text_len(chunk: &[u8], at: usize) -> Done<usize> {
     let length = chunk.get(at..).and_then(|rest| rest.first_chunk::<4>()).map(|bytes| i32::from_le_bytes(*bytes));
     length.map(|length| 4 + length.max(0) as usize).ok_or_else(|| OpcUaError::Odd("a short chunk".into()))

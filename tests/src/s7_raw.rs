@@ -1,22 +1,22 @@
-//! A client of S7 communication without any comfort: bytes out, frames back.
+//! A minimal client of S7 communication: sends bytes, receives frames.
 
 use std::io::{ErrorKind, Read as _, Write as _};
 use std::net::TcpStream;
 
-/// A call of a panel: TSAP 02.02.
+/// The connection request of a panel: TSAP 02.02.
 pub const CALL: &[u8] = &[3, 0, 0, 22, 17, 0xE0, 0, 0, 0, 1, 0, 0xC0, 1, 10, 0xC1, 2, 1, 0, 0xC2, 2, 2, 2];
 /// Eight jobs, a PDU of 480 bytes.
 pub const SETUP: &[u8] = &[3, 0, 0, 25, 2, 0xF0, 0x80, 0x32, 1, 0, 0, 0, 1, 0, 8, 0, 0, 0xF0, 0, 0, 8, 0, 8, 1, 0xE0];
 /// Bytes of a job of [`read_job`].
 pub const READ_BYTES: usize = 31;
 
-/// Bytes of the frame that answers a read of so many bytes.
+/// Bytes of the frame that answers a read of this many bytes.
 #[must_use]
 pub const fn answer_bytes(bytes: usize) -> usize {
     4 + 3 + 12 + 2 + 4 + bytes
 }
 
-/// Function, and the item: so many bytes of DB 10 from a byte on.
+/// Function and item: this many bytes of DB 10 from a byte on.
 fn item(function: u8, at: u32, bytes: u16) -> Vec<u8> {
     let mut item = vec![function, 1, 0x12, 0x0A, 0x10, 2];
     item.extend_from_slice(&bytes.to_be_bytes());
@@ -37,7 +37,7 @@ fn framed(reference: u16, parameters: &[u8], data: &[u8]) -> Vec<u8> {
     job
 }
 
-/// A read of so many bytes of DB 10 from a byte on.
+/// A read of this many bytes of DB 10 from a byte on.
 #[must_use]
 pub fn read_job(reference: u16, at: u32, bytes: u16) -> Vec<u8> {
     framed(reference, &item(4, at, bytes), &[])
@@ -65,22 +65,22 @@ pub fn counters_job(reference: u16, count: u16, value: Option<u16>) -> Vec<u8> {
     framed(reference, &parameters, &data)
 }
 
-/// A connection that is set up.
+/// An established connection.
 #[derive(Debug)]
 pub struct Raw(pub TcpStream);
 
 impl Raw {
-    /// Connects to a port of this machine.
+    /// Connects to a port on this machine.
     ///
     /// # Errors
-    /// It is not let in.
+    /// If the connection is refused.
     pub fn open(port: u16) -> std::io::Result<Self> {
         let mut raw = Self(TcpStream::connect(("127.0.0.1", port))?);
         raw.0.set_nodelay(true)?;
         for telegram in [CALL, SETUP] {
             raw.0.write_all(telegram)?;
             let frame = raw.frame()?;
-            // A refusal is a connection that comes too early.
+            // The station refuses connections that come too early.
             if frame.get(5) == Some(&0x80) {
                 return Err(ErrorKind::ConnectionRefused.into());
             }
@@ -91,7 +91,7 @@ impl Raw {
     /// The next frame.
     ///
     /// # Errors
-    /// The connection is gone.
+    /// If the connection is lost.
     pub fn frame(&mut self) -> std::io::Result<Vec<u8>> {
         let mut frame = vec![0; 4];
         self.0.read_exact(&mut frame)?;

@@ -1,19 +1,19 @@
-//! What the sieges share: how long one is, and damage done to bytes from a seed.
+//! Common parts of the sieges: their length, and mutation of bytes from a seed.
 //!
 //! `cargo xtask siege` runs tests of `tests/tests/siege.rs`, `tests/tests/process_siege.rs`,
 //! `tests/tests/process_s7_siege.rs`, `tests/tests/process_gate_siege.rs`, `tests/tests/process_gate_load.rs`,
 //! `tests/tests/process_browser.rs`, `tests/tests/process_remote_io.rs`, `tests/tests/process_profibus.rs`,
 //! `tests/tests/simulation_cp343.rs` and `runtime/station/tests/process_retentive.rs` with many rounds, or for minutes;
-//! the test suite runs them short.
+//! the test suite runs them for a short time.
 
 use std::time::{Duration, Instant};
 
 use ob1_line::sim::SplitMix64;
 
-/// Rounds of a siege: what the verb asks for, else these.
+/// Rounds of a siege: those given to the verb, or these.
 ///
 /// # Panics
-/// When the environment holds something that is not a number.
+/// If the environment variable is not a number.
 #[must_use]
 pub fn rounds(in_the_suite: u64) -> u64 {
     match std::env::var("OB1_SIEGE_ROUNDS") {
@@ -22,13 +22,14 @@ pub fn rounds(in_the_suite: u64) -> u64 {
     }
 }
 
-/// Whether this is a campaign: alone on its machine, so that times can be judged. The suite runs beside others.
+/// Whether this is a campaign: alone on its machine, so that times can be checked. The test suite runs in parallel with
+/// other tests.
 #[must_use]
 pub fn is_campaign() -> bool {
     std::env::var_os("OB1_SIEGE_ROUNDS").is_some()
 }
 
-/// How long a siege goes on that is counted in minutes: so many rounds in the suite.
+/// The length of a siege that is measured in minutes, or in rounds in the test suite.
 #[derive(Debug)]
 pub struct Span {
     rounds: u64,
@@ -36,10 +37,10 @@ pub struct Span {
 }
 
 impl Span {
-    /// What the verb asks for (`--minutes`), else these rounds.
+    /// The minutes given to the verb (`--minutes`), or these rounds.
     ///
     /// # Panics
-    /// When the environment holds something that is not a number.
+    /// If the environment variable is not a number.
     #[must_use]
     pub fn of(in_the_suite: u64) -> Self {
         let minutes = std::env::var("OB1_SIEGE_MINUTES").ok().map(|text| {
@@ -49,13 +50,13 @@ impl Span {
         Self { rounds: in_the_suite, minutes }
     }
 
-    /// Whether this is a campaign, whose figures are judged, and no part of the suite.
+    /// Whether this is a campaign, whose figures are checked, and not part of the test suite.
     #[must_use]
     pub const fn is_campaign(&self) -> bool {
         self.minutes.is_some()
     }
 
-    /// Whether one more round begins; `done` are over.
+    /// Whether another round starts after `done` rounds.
     #[must_use]
     pub fn goes_on(&self, done: u64) -> bool {
         match self.minutes {
@@ -64,7 +65,7 @@ impl Span {
         }
     }
 
-    /// How much of it is over, 0 to 1.
+    /// The finished share, 0 to 1.
     #[must_use]
     pub fn share(&self, done: u64) -> f64 {
         match self.minutes {
@@ -74,11 +75,11 @@ impl Span {
     }
 }
 
-/// Longest input a mutation may grow to.
+/// Maximum length of a mutated input.
 const LONGEST: usize = 64 * 1024;
 
-/// One to four changes: a bit, a byte, a number in the text, a line lost, doubled or moved, a piece of another input,
-/// an end that is missing.
+/// One to four changes: a bit, a byte, a number in the text, a line removed, doubled or moved, a piece of another
+/// input, a truncated end.
 #[must_use]
 pub fn mutate(random: &mut SplitMix64, input: &[u8], other: &[u8]) -> Vec<u8> {
     let mut bytes = input.to_vec();
@@ -125,7 +126,7 @@ fn change(random: &mut SplitMix64, bytes: &mut Vec<u8>, other: &[u8]) {
             bytes.splice(at..at, piece.iter().copied());
         }
         7 => {
-            // The number here becomes one at a limit.
+            // Replaces the number here by one at a limit.
             let digits = bytes[at..].iter().take_while(|byte| byte.is_ascii_digit()).count();
             let numbers: [&[u8]; 7] = [b"0", b"-1", b"65535", b"65536", b"2147483648", b"99999999999999999999", b""];
             let number = numbers[random.below(numbers.len() as u64) as usize];
@@ -138,7 +139,7 @@ fn change(random: &mut SplitMix64, bytes: &mut Vec<u8>, other: &[u8]) {
     }
 }
 
-/// The line around a position, its end included.
+/// The line at a position, including its end.
 fn line_at(bytes: &[u8], at: usize) -> std::ops::Range<usize> {
     let start = bytes[..at].iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
     let end = bytes[at..].iter().position(|byte| *byte == b'\n').map_or(bytes.len(), |end| at + end + 1);

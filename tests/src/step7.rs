@@ -1,4 +1,4 @@
-//! STEP 7 projects made here: the example of `examples/step7-project`, and one as large as a plant.
+//! Generated STEP 7 projects: the example of `examples/step7-project`, and one of the size of a plant.
 
 use ob1_model::{BlockId, BlockKind};
 use ob1_project::{
@@ -44,7 +44,7 @@ const LATCH_CODE: &[u8] = &[
     0x06, 0x65, 0x00,
 ];
 /// `CALL FC 1 (Start := I 0.0, Stop := I 0.1, Motor := Q 4.0)` as the compiler expands it; then a counter of starts,
-/// and a lamp that a timer switches on late.
+/// and a lamp that a timer switches on with a delay.
 const MAIN_CODE: &[u8] = &[
     0x10, 0x01, 0x41, 0x60, 0x00, 0x16, 0x3D, 0x01, 0x70, 0x0B, 0x00, 0x08, 0x81, 0x00, 0x00, 0x00, 0x81, 0x00, 0x00,
     0x01, 0x82, 0x00, 0x00, 0x20, 0x10, 0x02, // U Q 4.0; FP M 10.0; JCN M001
@@ -73,7 +73,7 @@ pub fn example() -> NewProject {
         code: MAIN_CODE,
         title: "Conveyor",
     });
-    // The jump of network 1 by its word, and the name of its label.
+    // The jump of network 1 with its word, and the name of its label.
     main.segments = vec![1, 0, (MAIN_CODE.len() - 2) as u8, 0, 1, 0, 16, 0];
     main.comments.networks = vec![Network {
         title: "Motor, starts, lamp".into(),
@@ -166,13 +166,13 @@ pub fn example() -> NewProject {
     }
 }
 
-/// A project of about so many blocks: functions that call each other, and a data block for each.
+/// A project of about this many blocks: functions that call each other, and a data block for each.
 #[must_use]
 pub fn large(blocks: u16) -> NewProject {
     let mut project = example();
     for number in 10..10 + blocks / 2 {
         let mut code = LATCH_CODE[..LATCH_CODE.len() - 2].to_vec();
-        // U M 5.3; = M 100.1; L DBn.DBW 0; T MW 200, again and again.
+        // U M 5.3; = M 100.1; L DBn.DBW 0; T MW 200, repeatedly.
         for _ in 0..20 {
             code.extend([0x83, 0x05, 0x99, 0x64, 0xFB, 0x78]);
             code.extend(number.to_be_bytes());

@@ -1,5 +1,5 @@
-//! Programs on which our engine and awlsim once differed, replayed on ours: `tests/compare/*.awl`, each with what must
-//! be in bit memory.
+//! Programs for which our engine and awlsim once differed, replayed on ours: `tests/compare/*.awl`, each with the
+//! expected bit memory.
 
 use ob1_tests::compare::{regressions, replay};
 

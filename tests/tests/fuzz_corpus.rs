@@ -1,4 +1,4 @@
-//! The committed inputs of the fuzz targets, replayed: each taught a target something, or once made it panic.
+//! Replays the committed inputs of the fuzz targets: each reaches new code, or once caused a panic.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ fn no_input_makes_a_target_panic() {
         for entry in entries {
             let path = entry.expect("an entry").path();
             let input = std::fs::read(&path).expect("a file");
-            // The name of the input comes before its panic.
+            // Printed first, so that the name precedes a panic.
             println!("{}", path.display());
             run(&input);
             inputs += 1;

@@ -1,7 +1,7 @@
-//! The handling blocks declared in `blocks/std/src/handling.rs` against those the plugins bring: a program that
-//! compiled with the declaration must mean the same with the plugin.
+//! Compares the handling blocks declared in `blocks/std/src/handling.rs` with those of the plugins: a program compiled
+//! with the declaration must have the same meaning with the plugin.
 //!
-//! The table is the folder `plugins/`: a plugin whose library is not declared, or was not built, fails here.
+//! Checks all plugins in `plugins/`: fails for a plugin whose library is not declared or was not built.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,7 +10,7 @@ use ob1_host::plugin::{BlockInfo, PluginInfo, describe};
 use ob1_model::{BlockId, Interface, Param};
 use ob1_std::{StandardBlock, standard_blocks};
 
-/// Plugins of `plugins/` whose blocks no library declares, with the reason.
+/// Plugins in `plugins/` whose blocks are not declared in a library, with the reason.
 const NOT_DECLARED: &[(&str, &str)] = &[("mbus", "blocks of our own: a program that calls them comes with the plugin")];
 
 fn checkout() -> &'static Path {
@@ -32,14 +32,14 @@ fn plugins() -> Vec<String> {
     names
 }
 
-/// What is declared of the blocks a plugin serves: `CP240` of `plugins/cp240`.
+/// The declarations of the blocks of a plugin: `CP240` for `plugins/cp240`.
 fn library(plugin: &str) -> BTreeMap<BlockId, StandardBlock> {
     let is_served =
         |block: &StandardBlock| block.origin.plugin().is_some_and(|name| name.strip_prefix("ob1_") == Some(plugin));
     standard_blocks().into_iter().filter(is_served).map(|block| (block.id, block)).collect()
 }
 
-/// What a program sees of a parameter. An initial value of zeros is none.
+/// A parameter as seen by a program. An initial value of zeros is ignored.
 fn seen(param: &Param) -> String {
     let mut aliases = param.aliases.clone();
     aliases.sort();
@@ -51,7 +51,7 @@ fn seen_all(interface: &Interface) -> Vec<String> {
     interface.formals().map(seen).collect()
 }
 
-/// Differences between what is declared and what is exported, a line each.
+/// Differences between declared and exported blocks, one line each.
 fn differences(declared: &BTreeMap<BlockId, StandardBlock>, exported: &[BlockInfo]) -> Vec<String> {
     let mut found = Vec::new();
     for block in exported {
@@ -107,7 +107,7 @@ fn every_plugin_brings_what_is_declared() {
     assert!(found.is_empty(), "{}", found.join("\n"));
 }
 
-/// The other way: no library is declared without a plugin that serves it.
+/// The reverse: no library is declared without a plugin that implements it.
 #[test]
 fn every_library_has_its_plugin() {
     let plugins = plugins();
@@ -142,6 +142,6 @@ fn a_difference_is_told() {
     assert_eq!(told(&|block| block.interface.params[0].initial = Some(vec![1])), blocks);
     assert_eq!(told(&|block| block.interface.params[0].initial = Some(vec![0])), 1, "SF of FB 8 has one");
     assert_eq!(told(&|block| _ = block.interface.params.pop()), blocks);
-    // A block under another number is not declared, and one that is declared is not there.
+    // A block with another number is not declared, and the declared one is missing.
     assert_eq!(told(&|block| block.id.number += 100), 2 * blocks);
 }

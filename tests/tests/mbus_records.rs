@@ -1,12 +1,13 @@
-//! What the library reads out of the answers of real meters is what those who collected them say.
+//! The library decodes the answers of real meters to the published values.
 
 use ob1_mbus_records::{Answer, Quantity, Record, Unit, Value};
 use ob1_tests::meters::{Said, fields, fixtures, values};
 
-/// Their names of the functions of a record.
+/// Published names of the functions of a record.
 const FUNCTIONS: [&str; 4] = ["Instantaneous value", "Maximum value", "Minimum value", "Value during error state"];
 
-/// The value as they print it: in the unit without a prefix, times in seconds, text in its order, bytes in hexadecimal.
+/// The value in the published format: in the unit without a prefix, times in seconds, text in reading order, bytes in
+/// hexadecimal.
 fn printed(record: &Record<'_>) -> String {
     let factor = match record.unit {
         Unit::Minute => 60.0,
@@ -26,7 +27,7 @@ fn printed(record: &Record<'_>) -> String {
     }
 }
 
-/// Our number and theirs, to six decimals and six digits.
+/// Compares our number with the published one, to six decimals and six digits.
 fn is_equal(ours: &str, theirs: &str) -> bool {
     match (ours.parse::<f64>(), theirs.parse::<f64>()) {
         (Ok(ours), Ok(theirs)) => (ours - theirs).abs() <= 1.5e-6 + 1e-6 * theirs.abs(),
@@ -34,7 +35,7 @@ fn is_equal(ours: &str, theirs: &str) -> bool {
     }
 }
 
-/// Dates that are not valid in a part: of meters without a clock, or for every month or year.
+/// Partly invalid dates: of meters without a clock, or for every month or year.
 const UNREAL: [&str; 3] = ["-00-00", "-01-00", "2127-"];
 
 /// The units of the fixed data structure; the second counter of one answer has that of the first.
@@ -45,7 +46,7 @@ fn prefix(unit: &str) -> f64 {
     }
 }
 
-/// Their names of what we have numbers for.
+/// Published names of our quantities.
 const QUANTITIES: [(&str, Quantity); 14] = [
     ("Energy", Quantity::Energy),
     ("Volume", Quantity::Volume),
@@ -63,7 +64,7 @@ const QUANTITIES: [(&str, Quantity); 14] = [
     ("Error flags", Quantity::ErrorFlags),
 ];
 
-/// Their names of the units.
+/// Published names of the units.
 const UNITS: [(&str, Unit); 10] = [
     ("Wh", Unit::WattHour),
     ("J", Unit::Joule),
@@ -77,17 +78,17 @@ const UNITS: [(&str, Unit); 10] = [
     ("bar", Unit::Bar),
 ];
 
-/// Whether it is called what they call it, where we have a name.
+/// Whether quantity and unit match the published ones, if we have a name.
 fn is_called(ours: &Record<'_>, quantity: &str, unit: &str) -> bool {
     let quantity = QUANTITIES.iter().find(|(name, _)| *name == quantity);
     let unit = UNITS.iter().find(|(name, _)| *name == unit);
-    // VIFE 28h: a volume a revolution, which they call a volume.
+    // VIFE 28h: a volume per revolution, published as a volume.
     let is_per_revolution = ours.vif[1] & 0x7F == 0x28 && ours.unit == Unit::None;
     quantity.is_none_or(|(_, quantity)| *quantity == ours.quantity)
         && (is_per_revolution || unit.is_none_or(|(_, unit)| *unit == ours.unit))
 }
 
-/// What differs in an answer.
+/// Compares an answer; adds the differences to `wrong`.
 fn compare(said: &Said, fields: &[u8], wrong: &mut Vec<String>) -> usize {
     let Said { name, header: [identification, manufacturer, version, _], records } = said;
     let answer = match Answer::parse(fields) {
@@ -115,11 +116,11 @@ fn compare(said: &Said, fields: &[u8], wrong: &mut Vec<String>) -> usize {
         let (own_function, own) = (FUNCTIONS[usize::from(ours.function)], printed(ours));
         let is_same = match ours.value {
             Value::Bytes(_) => is_equal(&own, value),
-            // Digits above 9, and what no calendar has: they print it, we say what it is.
+            // Digits above 9, and impossible dates: published as they are, invalid for us.
             Value::Invalid => function == FUNCTIONS[3] || UNREAL.iter().any(|unreal| value.contains(unreal)),
             // Two counters in units with prefixes.
             _ if function == "Actual value" => is_equal(&(ours.scaled() / prefix(unit)).to_string(), value),
-            // A quantity they do not know.
+            // A quantity without a published name.
             _ if quantity.is_empty() => ours.quantity == Quantity::Other,
             _ => own_function == function && ours.storage.to_string() == *storage && is_equal(own.trim(), value),
         };
@@ -144,7 +145,7 @@ fn the_records_of_real_meters() {
     assert_eq!(equal, 901, "all of them");
 }
 
-/// What should be an answer and is none: each is reported, and the records before the fault are read.
+/// Invalid answers: each is reported, and the records before the fault are read.
 #[test]
 fn malformed_answers() {
     let mut found = Vec::new();
@@ -184,7 +185,7 @@ fn malformed_answers() {
     assert_eq!(found, expected);
 }
 
-/// docs/mbus.md names every number that stands in a record.
+/// docs/mbus.md names every number in a record.
 #[test]
 fn the_document_names_every_number() {
     let text = include_str!("../../docs/mbus.md");

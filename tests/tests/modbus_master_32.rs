@@ -1,6 +1,6 @@
-//! The loadable driver against a slave with 32-bit registers that was written without it: every function at random,
-//! each job ends as the slave's memory says; and replies with a damaged character, none of which becomes data. In
-//! virtual time.
+//! The loadable driver with an independently written slave with 32-bit registers: every function at random, the result
+//! of each job matches the slave's memory; and replies with a damaged character, none of which becomes data. In virtual
+//! time.
 
 use ob1_line::sim::SplitMix64;
 use ob1_protocols::modbus_master_32::{Driver, Input, Order, Owner, Parameters};
@@ -40,7 +40,7 @@ impl Owner for Cpu {
     }
 }
 
-/// What befalls one character of a reply.
+/// Damage to one character of a reply.
 #[derive(Clone, Copy, Debug)]
 enum Damage {
     Other(u8),
@@ -65,7 +65,7 @@ impl Bench {
         Self { driver, slave: ModbusSlave::new(5), now: Instant::START, due }
     }
 
-    /// Time passes up to `end`, with a tick at each deadline.
+    /// Advances the time to `end`, with a tick at each deadline.
     fn pass(&mut self, end: Instant, cpu: &mut Cpu) {
         while let Some(at) = self.due.filter(|at| *at < end) {
             self.due = self.driver.step(at, Input::Tick, cpu);
@@ -78,7 +78,8 @@ impl Bench {
         self.due = self.driver.step(self.now, input, cpu);
     }
 
-    /// One job: the data for P_RCV_RK, or STATUS. `damage` befalls the reply's character at that place.
+    /// One job: returns the data for P_RCV_RK, or STATUS. `damage` is applied to the character at that position of the
+    /// reply.
     fn job(&mut self, source: &[u8], damage: Option<(usize, Damage)>) -> Result<Vec<u8>, u16> {
         let mut cpu = Cpu::default();
         self.step(Input::Order(Order::Job { r_typ: b'X', source }), &mut cpu);
@@ -124,8 +125,7 @@ fn source(address: u8, code: u8, words: [u16; 2], data: &[u8]) -> Vec<u8> {
     source
 }
 
-/// Bits as the words of a destination or source area have them: the first eight in the low byte, at the odd address.
-/// [S4 L896]
+/// Bits as in the words of a destination or source area: the first eight in the low byte, at the odd address. [S4 L896]
 fn in_words(bits: &[bool]) -> Vec<u8> {
     let mut bytes = vec![0; bits.len().div_ceil(16) * 2];
     for (n, _) in bits.iter().enumerate().filter(|(_, bit)| **bit) {
@@ -138,7 +138,7 @@ fn random_bytes(rng: &mut SplitMix64, count: usize) -> Vec<u8> {
     (0..count).map(|_| rng.next_u64() as u8).collect()
 }
 
-/// A number from `low` to `high`, the limits often.
+/// A number from `low` to `high`, with frequent limits.
 fn among(rng: &mut SplitMix64, low: u16, high: u16) -> u16 {
     match rng.below(8) {
         0 => low,
@@ -147,20 +147,20 @@ fn among(rng: &mut SplitMix64, low: u16, high: u16) -> u16 {
     }
 }
 
-/// A start address so that `count` elements still fit before `end`, or (once in ten) just do not; the second value
-/// tells.
+/// A start address so that `count` elements fit before `end`, or (one time in ten) just do not; the second value says
+/// which.
 fn place(rng: &mut SplitMix64, low: u16, end: u16, count: u16) -> (u16, bool) {
     if rng.below(10) == 0 { (end - count + 1, false) } else { (among(rng, low, end - count), true) }
 }
 
-/// One job at random, carried out; how it must end by the slave's memory.
+/// Executes one random job, and compares its result with the slave's memory.
 fn any_job(bench: &mut Bench, rng: &mut SplitMix64) -> u8 {
     const OUTSIDE: Result<Vec<u8>, u16> = Err(0x0E62);
     let codes = [1, 2, 3, 0x43, 4, 5, 6, 0x46, 7, 8, 11, 12, 15, 16, 0x50];
     let code = codes[rng.below(codes.len() as u64) as usize];
     let is_long = code & 0x40 != 0;
     let (low, end) = if is_long { (LONG_FIRST, LONG_FIRST + LONGS) } else { (0, SIZE) };
-    // Writing to all slaves brings the same, and no answer. [S4 "Broadcast Message"]
+    // A broadcast writes the same data, without an answer. [S4 "Broadcast Message"]
     let address = if rng.below(6) == 0 && matches!(code & 0x3F, 5 | 6 | 15 | 16) { 0 } else { 5 };
     let outside = if address == 0 { Ok(Vec::new()) } else { OUTSIDE };
     let slave = bench.slave.clone();
@@ -208,7 +208,7 @@ fn any_job(bench: &mut Bench, rng: &mut SplitMix64) -> u8 {
         }
         12 => {
             let data = bench.job(&[5, code], None).expect("a log");
-            // The request itself is heard before it is answered.
+            // The slave counts the request before it answers.
             let messages = slave.messages.wrapping_add(1);
             assert_eq!(data[..6], [[0; 2], slave.events.to_be_bytes(), messages.to_be_bytes()].concat());
             assert_eq!((data[6], &data[7..]), (0x80, &slave.log[..63]));
@@ -303,7 +303,7 @@ fn no_damaged_character_becomes_data() {
     let mut good = 0;
     for _ in 0..4000 {
         let source = &reading[rng.below(4) as usize];
-        // Reading does not change what is read, but for the counters of function 12.
+        // Reading changes only the counters of function 12.
         let before = bench.slave.clone();
         let right = bench.job(source, None).expect("an undamaged reply");
         bench.slave = before;
@@ -321,7 +321,7 @@ fn no_damaged_character_becomes_data() {
             Err(status) => *statuses.entry(status).or_default() += 1,
         }
     }
-    // Good are those whose character was replaced by itself, or lies behind the end.
+    // A reply is still good if its character was replaced by the same one, or is after the end.
     assert!(good < 200, "{good}");
     for status in [0x0806, 0x080C, 0x0833, 0x0E52, 0x0E57, 0x0E58] {
         assert!(statuses.contains_key(&status), "{status:04X} never came: {statuses:04X?}");

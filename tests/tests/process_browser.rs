@@ -1,4 +1,4 @@
-//! The page of a station as a person sees it, in a browser nobody here wrote.
+//! The page of a station in a real browser.
 
 mod common;
 
@@ -17,10 +17,10 @@ const PAGES: [&str; 7] = ["station", "scan", "diagnostics", "variables", "progra
 const WIDTHS: [u32; 2] = [320, 1200];
 /// Streams that one address may have.
 const STREAMS: usize = 16;
-/// Most that a page may weigh, all it asks for included.
+/// Maximum size of a page including all its requests, in bytes.
 const WEIGHT: u64 = 150_000;
 
-/// In this language, and at this page.
+/// Selects the language and the page.
 fn turn_to(browser: &Browser, language: &str, page: &str) {
     if browser.run("return document.documentElement.lang") != language {
         browser.click("#language");
@@ -31,8 +31,8 @@ fn turn_to(browser: &Browser, language: &str, page: &str) {
     browser.until(&format!("location.hash === '#{page}' && {there}"));
 }
 
-/// Every page, in both languages, narrow and wide: it says something, nothing sticks out, nothing is complained of,
-/// nobody but the station is asked, and it is light.
+/// Every page, in both languages, narrow and wide: it has content, nothing exceeds the width, there are no error
+/// messages, requests go only to the station, and its size is within the limit.
 #[test]
 fn every_page_is_there() {
     let site = Site::new();
@@ -64,7 +64,8 @@ fn every_page_is_there() {
     assert_eq!(both[0], both[1], "each word in both languages");
 }
 
-/// axe-core finds nothing serious on any page, light and dark, in English and German; nor in STOP, nor in a dialog.
+/// axe-core finds no serious violation on any page, light and dark, in English and German, also in STOP and in a
+/// dialog.
 #[test]
 fn nothing_bars_anybodys_way() {
     let site = Site::new();
@@ -97,7 +98,7 @@ fn nothing_bars_anybodys_way() {
     }
     let browser = Browser::open(320);
     browser.go(&format!("http://127.0.0.1:{port}/"));
-    // What bars the way is found.
+    // A violation is found.
     browser.run("document.body.append(document.createElement('button'))");
     assert!(browser.barriers().iter().any(|found| found.starts_with("button-name")));
     browser.run("document.body.lastElementChild.remove()");
@@ -111,10 +112,10 @@ fn nothing_bars_anybodys_way() {
     station.set("M 9.0", 0);
 }
 
-/// Without a mouse: all that can be used is come to by the tabulator, one sees where one is, and what is there works.
+/// Without a mouse: the tabulator key reaches all controls, the focus is visible, and the controls work.
 #[test]
 fn the_keyboard_is_enough() {
-    /// What can be used, by what a person would call it.
+    /// All controls, with the name that a user would give them.
     const ALL: &str = "const name = (of) => `${of.tagName} ${of.id} ${of.getAttribute('aria-label') ?? of.getAttribute('href') ?? of.innerText.slice(0, 40)}`;
         const all = [...document.querySelectorAll('a[href], button:not(:disabled), input, select, textarea, [tabindex=\"0\"]')]
             .filter((of) => of.checkVisibility());";
@@ -145,7 +146,7 @@ fn the_keyboard_is_enough() {
         }
         assert!(walked.len() > 8 && walked[0].contains("#main"), "{page}: {walked:?}");
     }
-    // What one has come to one can use.
+    // The focused control can be used.
     browser.run("document.querySelector(\"nav a[href='#variables']\").focus()");
     browser.press(&[Key::Enter]);
     browser.until("location.hash === '#variables'");
@@ -176,7 +177,7 @@ fn watch(browser: &Browser) {
     browser.until("document.querySelectorAll('#values td.value')[1].innerText === \"'lemonade'\"");
 }
 
-/// The machine stops while a technician looks: state, cause, place and remedy stand on the front page, in words.
+/// The machine stops while a technician watches: the front page shows state, cause, place and remedy as text.
 #[test]
 fn a_technician_sees_why_the_machine_stands() {
     let site = Site::new();
@@ -198,7 +199,7 @@ fn a_technician_sees_why_the_machine_stands() {
     station.set("M 9.0", 0);
 }
 
-/// Looking, writing and operating, each as far as the user's right goes.
+/// Reading, writing and operating, each within the rights of the user.
 #[test]
 fn variables_and_operating_state_are_changed_with_right_only() {
     let site = Site::new();
@@ -234,7 +235,7 @@ fn variables_and_operating_state_are_changed_with_right_only() {
     assert_eq!(station.status().state, "STOP");
 }
 
-/// The gate is killed: the page says that it has no connection, and goes on by itself when it is back.
+/// The gate is killed: the page shows that it has no connection, and continues automatically afterwards.
 #[test]
 fn the_page_comes_back_with_the_gate() {
     let site = Site::new();
@@ -242,7 +243,7 @@ fn the_page_comes_back_with_the_gate() {
     let browser = Browser::open(1200);
     browser.go(&format!("http://127.0.0.1:{port}/"));
     browser.until("document.querySelector('.card.run')");
-    // It is seen even if it is back at once.
+    // Recorded, so that it is seen even if the connection returns at once.
     browser.run(
         "window.lost = false; new MutationObserver(() => { window.lost ||= document.querySelector('#connection').innerText !== ''; })
          .observe(document.querySelector('#connection'), { childList: true, characterData: true, subtree: true });",
@@ -255,7 +256,7 @@ fn the_page_comes_back_with_the_gate() {
     station.set("M 9.0", 0);
 }
 
-/// All streams of this address are taken: the page tries again and again, and what somebody types meanwhile stays.
+/// All streams of this address are in use: the page retries, and text typed meanwhile is kept.
 #[test]
 fn what_is_typed_stays_while_a_stream_is_refused() {
     let site = Site::new();
@@ -280,7 +281,7 @@ fn what_is_typed_stays_while_a_stream_is_refused() {
     browser.until("document.querySelectorAll('#values td.value').length === 1");
 }
 
-/// Tables are kept by the browser under a name, loaded again after the page was left, and deleted.
+/// The browser stores tables under a name; they can be loaded again after leaving the page, and deleted.
 #[test]
 fn tables_of_variables_are_kept() {
     let site = Site::new();
@@ -296,7 +297,7 @@ fn tables_of_variables_are_kept() {
     browser.fill("#names", "MW 22");
     browser.click("#table-watch");
     browser.until("document.querySelectorAll('#values td.value').length === 1");
-    // The page is left and comes again: the table is there, and the names looked at last.
+    // After leaving and reopening the page, the table and the last names are still there.
     browser.go("about:blank");
     browser.go(&page);
     browser.until("document.querySelector('#names')?.value === 'MW 22'");
@@ -304,7 +305,7 @@ fn tables_of_variables_are_kept() {
     browser.click("#table-load");
     browser.until("document.querySelector('#names').value === 'MW 20\\nDB10.recipe'");
     browser.until("document.querySelectorAll('#values td.value')[1]?.innerText === \"'lemonade'\"");
-    // A form is chosen at the line.
+    // A format is selected in the row.
     browser.run(
         "const form = document.querySelector('#values select'); form.value = ':hex'; form.dispatchEvent(new Event('change'))",
     );
@@ -316,8 +317,8 @@ fn tables_of_variables_are_kept() {
     browser.until("document.querySelector('#tables')?.innerText.includes('no saved table')");
 }
 
-/// A driver is killed while one looks: its CP says so on the front page, and comes back by itself; what went over its
-/// line stands there with its meaning.
+/// A driver is killed while the page is shown: the front page shows this for its CP and then its return; the telegrams
+/// on its line are shown with their meaning.
 #[test]
 fn a_driver_that_is_killed_is_seen_to_come_back() {
     let site = Site::two_stations_on_a_cable();
@@ -334,7 +335,7 @@ fn a_driver_that_is_killed_is_seen_to_come_back() {
     browser.until("/block, [0-9]+ bytes, BCC/.test(document.querySelector('#telegrams').innerText)");
     browser.click("nav a[href='#station']");
     browser.until("document.querySelectorAll('.rack .module').length === 2");
-    // How often it is lost is told, even if it is back at once.
+    // The number of losses is shown, even if it returns at once.
     let told = "document.querySelectorAll('.rack .module')[1].innerText";
     assert_eq!(browser.run(&format!("return {told}.includes('lost')")), false);
     a.driver_process().signal(Signal::KILL);
@@ -343,7 +344,7 @@ fn a_driver_that_is_killed_is_seen_to_come_back() {
     assert_eq!(a.status().state, "RUN");
 }
 
-/// Reports of soak runs: the verdict, and each budget with what was measured.
+/// Reports of soak runs: the verdict, and each budget with the measured value.
 #[test]
 fn soak_reports_are_shown() {
     let site = Site::new();
@@ -369,7 +370,7 @@ fn soak_reports_are_shown() {
     browser.until("document.querySelector('#said').innerText !== ''");
 }
 
-/// Again and again: what a person does at the page, with a browser of its own each time. A campaign makes it 50.
+/// Repeats the actions of a user on the page, each time with a new browser. A campaign has 50 rounds.
 #[test]
 fn browsers() {
     let site = Site::new();
@@ -394,7 +395,7 @@ fn browsers() {
     }
 }
 
-/// Pictures of the pages for the book: with OB1_PICTURES, a folder, they are written there.
+/// Screenshots of the pages for the book: written to the folder in OB1_PICTURES.
 #[test]
 fn pictures() {
     let site = Site::new();

@@ -1,5 +1,4 @@
-//! A few programs of `cargo xtask compare` on our engine and on awlsim: enough to see that both still agree. The long
-//! run is the verb's.
+//! A few programs of `cargo xtask compare` on our engine and on awlsim, as a short check. The verb does the long run.
 
 use ob1_tests::awlsim::{Awlsim, Scratch};
 use ob1_tests::compare::{Verdict, compare};

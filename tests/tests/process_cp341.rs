@@ -1,6 +1,6 @@
 //! `examples/cp341-pair` as real processes: two stations with two CP 341 each, 3964R and RK 512, on two simulated
-//! lines. Nothing is lost, doubled or wrong; a driver that is killed in the middle costs what it held, and nobody is
-//! told DONE for it.
+//! lines. Nothing is lost, doubled or wrong; if a driver is killed, only its telegrams are lost, and they are not
+//! reported as DONE.
 
 mod common;
 
@@ -13,10 +13,10 @@ use common::station::Running;
 use ob1_line::sim::SplitMix64;
 use rustix::process::Signal;
 
-/// The two CPs of either station, and the line between each pair.
+/// The two CPs of each station, and the line between each pair.
 const CPS: [(&str, &str); 2] = [("cp-3964r", "s3964r"), ("cp-rk512", "rk512")];
 
-/// Scans that must go by after a kill, at 1 ms.
+/// Scans that must run after a kill, at 1 ms.
 const ACROSS: u64 = 1000;
 /// Events of the diagnostic buffer.
 const WATCHDOG: &str = "3501h";
@@ -39,13 +39,13 @@ fn pair() -> (Site, Running, Running) {
     (site, a, b)
 }
 
-/// The ledgers of both stations, as their programs keep them.
+/// The ledgers of both stations' programs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Books {
-    /// 3964R: A gives numbered telegrams, B sends them back.
+    /// 3964R: A sends numbered telegrams, B sends them back.
     a: Ledger,
     b: Ledger,
-    /// RK 512: A gives SEND and FETCH in turn, B serves.
+    /// RK 512: A gives SEND and FETCH alternately, B serves them.
     a_rk: Ledger,
     b_rk: Ledger,
 }
@@ -73,7 +73,7 @@ fn pause(a: &Running, on: bool) {
     a.set("DB21.PAUSE", i64::from(on));
 }
 
-/// Waits until so many more telegrams and blocks have come back right.
+/// Waits until this many more telegrams and blocks have returned correctly.
 fn flow(a: &Running, telegrams: i64, blocks: i64) {
     let good = || a.cells(&["DB20.GOOD", "DB21.GOOD"]);
     let begin = good();
@@ -83,7 +83,7 @@ fn flow(a: &Running, telegrams: i64, blocks: i64) {
     });
 }
 
-/// Lets the last jobs end and reads all ledgers.
+/// Waits for the end of the last jobs and reads all ledgers.
 fn rest(a: &Running, b: &Running) -> Books {
     pause(a, true);
     ledger::at_rest([a, b], || Books::of(a, b), Books::is_idle)
@@ -113,17 +113,17 @@ fn telegrams_and_blocks_go_both_ways_and_none_is_lost() {
         "{books:?}"
     );
     assert_eq!((of_b["ERROR"], of_b["BUSY"]), (0, 0), "{books:?}");
-    // RK 512: a SEND and a FETCH for each block that came back right.
+    // RK 512: a SEND and a FETCH for each block that returned correctly.
     assert_eq!((a_rk["DONE"], a_rk["STARTED"]), (2 * a_rk["GOOD"], 2 * a_rk["GOOD"]), "{books:?}");
     assert_eq!((a_rk["ERROR"], a_rk["ABORTED"], a_rk["WRONG"]), (0, 0, 0), "{books:?}");
     assert_eq!((b_rk["SERVED"], b_rk["ERROR"]), (a_rk["DONE"], 0), "{books:?}");
     interrupt(&site, [a, b]);
 }
 
-/// How often the driver of a station's CP was killed, in the order of [`CPS`].
+/// Number of kills of the drivers of a station, in the order of [`CPS`].
 type Kills = [i64; 2];
 
-/// What no kill may bring about, at rest.
+/// The rules after kills, with both stations idle.
 fn assert_accounted(books: &Books, of_a: Kills, of_b: Kills, what: &str) {
     let Books { a, b, a_rk, b_rk } = books;
     let all = format!("{what}: {books:?}");
@@ -132,17 +132,17 @@ fn assert_accounted(books: &Books, of_a: Kills, of_b: Kills, what: &str) {
         assert_eq!(ledger["STARTED"], ledger["DONE"] + ledger["ERROR"] + ledger["ABORTED"], "{all}");
     }
     assert_eq!(b["STARTED"], b["DONE"] + b["ERROR"], "{all}");
-    // DONE means that the partner's CP has it. Its program has it too, unless that CP was killed with it.
+    // DONE means that the partner's CP has the telegram. Its program also has it, unless that CP was killed before.
     assert!(a["DONE"] <= b["RECEIVED"] + of_b[0], "falsely DONE, {all}");
     assert!(b["DONE"] <= a.echoes() + of_a[0], "falsely DONE, {all}");
     assert!(a_rk["DONE"] <= b_rk["SERVED"] + of_b[1], "falsely DONE, {all}");
-    // Nobody gets what was not given; a job that was cut off may have arrived all the same.
+    // Nothing is received that was not sent; an aborted job may still have arrived.
     assert!(b["RECEIVED"] <= a["STARTED"] && a.echoes() <= b["STARTED"], "{all}");
     assert!(b_rk["SERVED"] <= a_rk["STARTED"], "{all}");
     assert!(a["DOUBLED"] <= of_a[0] + of_b[0], "{all}");
 }
 
-/// `kill -9` of each of the four drivers in turn while telegrams and blocks flow.
+/// `kill -9` of each of the four drivers in turn while telegrams and blocks are transferred.
 #[test]
 fn a_driver_that_is_killed_leads_nobody_to_believe_what_is_not_so() {
     let (site, a, b) = pair();
@@ -156,13 +156,14 @@ fn a_driver_that_is_killed_leads_nobody_to_believe_what_is_not_so() {
             let others = || CPS.map(|(other, _)| (other, victim.driver_of(other).1));
             let (starts, losses) = (others(), victim.driver_of(cp).2);
             let driver = victim.driver_process_of(cp);
-            // Somewhere within a telegram or a block.
+            // At any point of a telegram or a block.
             victim.scans(random.below(40));
             driver.signal(Signal::KILL);
             driver.wait(&what);
             (if is_a { &mut of_a } else { &mut of_b })[line] += 1;
 
-            // The scan has gone on, in RUN and in time; the driver is back, and the other CP's never went.
+            // The scan has continued in RUN and in time; the driver has restarted, and that of the other CP was not
+            // affected.
             victim.scans(ACROSS);
             let status = victim.status();
             assert_eq!((status.state.as_str(), status.watchdogs), ("RUN", 0), "{what}");

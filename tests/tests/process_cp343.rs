@@ -1,5 +1,5 @@
-//! Two stations with a CP 343 each, as the example has them: PUT and GET, BSEND and BRCV, ISO on TCP and TCP; also
-//! while the process of one CP is killed.
+//! The two stations of the example, each with a CP 343: PUT and GET, BSEND and BRCV, ISO on TCP and TCP; also while the
+//! process of one CP is killed.
 
 mod common;
 
@@ -9,7 +9,7 @@ use common::site::Site;
 use common::station::Running;
 use ob1_station::access::protocol::Op;
 
-/// The example on ports nobody has.
+/// The example on free ports.
 fn stations(site: &Site) -> (Running, Running) {
     let ports = ["10201", "10202", "10204"].map(|port| (port, free_port().to_string()));
     for name in ["station-a.toml", "station-b.toml", "a.awl", "b.awl"] {
@@ -17,12 +17,12 @@ fn stations(site: &Site) -> (Running, Running) {
         let text = ports.iter().fold(text, |text, (port, free)| text.replace(port, free));
         site.write(name, &text);
     }
-    // B first: A makes the connections.
+    // B first, because A establishes the connections.
     let b = site.run("station-b.toml").until_run();
     (site.run("station-a.toml").until_run(), b)
 }
 
-/// What A has to tell: PUT and GET, BSEND, ISO, TCP.
+/// The counters of A: PUT and GET, BSEND, ISO, TCP.
 fn ledger(a: &Running) -> [i64; 4] {
     let cells = a.cells(&["DB10.DBD 0", "DB10.DBD 16", "DB10.DBD 24", "DB10.DBD 32"]);
     [cells[0], cells[1], cells[2], cells[3]]
@@ -71,8 +71,8 @@ fn everything_flows_and_survives_the_death_of_a_cp() {
     assert_eq!(b.interrupt().code(), Some(0));
 }
 
-/// One side of USEND and URCV, and of UDP: what it sends carries a number that rises, what it receives is counted when
-/// its last word is its first one.
+/// One side of USEND and URCV, and of UDP: sent telegrams have a rising number, received ones are counted if their last
+/// word equals the first.
 const BOTH_WAYS: &str = "
 DATA_BLOCK DB 1
 STRUCT

@@ -1,5 +1,5 @@
-//! The diagnosis of a CP 341 with real processes: a TCP line that breaks and comes back, OB 82, LEDs, `ob1 diag`, a
-//! driver that is killed.
+//! The diagnosis of a CP 341 with real processes: a TCP line that fails and recovers, OB 82, LEDs, `ob1 diag`, a killed
+//! driver.
 
 mod common;
 
@@ -11,7 +11,7 @@ use common::station::Running;
 use rustix::process::Signal;
 use serde_json::Value;
 
-/// The CP's buffer as `ob1 diag` tells it, newest first: number, and whether it came.
+/// The CP's buffer from `ob1 diag`, newest first: number, and whether it is incoming.
 fn buffer(site: &Site) -> Vec<(String, bool)> {
     let told: Value = serde_json::from_str(&site.ob1(&["diag", "diag.toml", "cp", "--json"]).fine()).expect("JSON");
     assert_eq!(told.get("cpu"), None, "only the CP's buffer was asked for");
@@ -24,7 +24,7 @@ fn accept(listener: &TcpListener) -> TcpStream {
     listener.accept().expect("the driver connects, again and again").0
 }
 
-/// OB 82: came, went.
+/// OB 82: number of incoming and outgoing interrupts.
 fn interrupts(station: &Running) -> (i64, i64) {
     let cells = station.cells(&["DB90.DBD0", "DB90.DBD4"]);
     (cells[0], cells[1])
@@ -44,7 +44,7 @@ fn a_line_that_breaks_is_told_and_can_be_read_afterwards() {
     let station = site.run("diag.toml").until_run();
     let line = accept(&listener);
     station.until("the line is up", |s| (s.status().modules[0].driver.as_ref()?.state == "ready").then_some(()));
-    // Before it was up, it was broken: each that came has gone.
+    // The line was not ready at first; every incoming fault has become outgoing.
     let before = station.until("no fault", |s| {
         let (comes, goes) = interrupts(s);
         (comes == goes).then_some(comes)
@@ -68,7 +68,7 @@ fn a_line_that_breaks_is_told_and_can_be_read_afterwards() {
     assert_eq!(station.cell("DB90.DBD8"), 0x000C_0000);
     assert_eq!(buffer(&site).first(), Some(&("080Dh".into(), false)));
 
-    // The buffer is the module's: the next driver goes on behind it.
+    // The buffer belongs to the module: the next driver appends to it.
     let entries = buffer(&site);
     let driver = station.driver_process();
     driver.signal(Signal::KILL);

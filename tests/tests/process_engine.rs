@@ -1,4 +1,4 @@
-//! Machine code that takes over while a station runs, and what becomes of the station when none comes.
+//! The change to machine code while a station runs, and a station that gets no machine code.
 
 mod common;
 
@@ -11,7 +11,7 @@ use common::station::Running;
 use common::{Guard, program, python};
 use rustix::process::Signal;
 
-/// A station with a counter that a scan moves by one, and so many statements besides.
+/// A station with a counter that each scan increments, and this many additional statements.
 fn site(statements: usize, more: &str) -> Site {
     let site = Site::new();
     let load: String =
@@ -42,7 +42,7 @@ fn until_native(station: &Running) {
     station.until("machine code has taken over", |s| (s.status().engine == "native").then_some(()));
 }
 
-/// Rights and file of each mapping of a process.
+/// Permissions and file of each mapping of a process.
 fn mappings(pid: u32) -> Vec<(String, String)> {
     let maps = fs::read_to_string(format!("/proc/{pid}/maps")).expect("a living process");
     let of = |line: &str| {
@@ -61,7 +61,7 @@ fn machine_code_takes_over_between_two_scans() {
     station.set("M210.0", 1);
     station.scans(20);
     assert!(station.cell("MD200") >= before + 20, "the counter goes on from where it was");
-    // Every scan has counted once, whatever engine ran it.
+    // Every scan has counted once, on any engine.
     station.ask(ob1_station::access::protocol::Op::Command { command: ob1_model::Command::Stop }).expect("a command");
     station.until("STOP", |s| (s.status().state == "STOP").then_some(()));
     let (counted, scans) = (station.cell("MD200"), station.status().scans);
@@ -76,7 +76,7 @@ fn machine_code_takes_over_between_two_scans() {
     assert!(ended.out.contains("engine native"), "{ended:?}");
 }
 
-/// A station whose FC 1 has a loop; a thousand other functions are called once in a scan. It counts its scans.
+/// A station whose FC 1 has a loop; a thousand other functions are called once in each scan. It counts its scans.
 fn hot_site() -> Site {
     let site = Site::new();
     let body = "L MW 2;\nL 3;\n+I;\nT MW 2;\n".repeat(15);
@@ -97,7 +97,7 @@ fn hot_site() -> Site {
     site
 }
 
-/// Ends the station in STOP and holds its count of scans against the CPU's.
+/// Ends the station in STOP and compares its count of scans with that of the CPU.
 fn counted(station: Running) -> common::station::Ended {
     station.ask(ob1_station::access::protocol::Op::Command { command: ob1_model::Command::Stop }).expect("a command");
     station.until("STOP", |s| (s.status().state == "STOP").then_some(()));
@@ -140,7 +140,7 @@ fn a_station_whose_compiler_is_killed_behind_the_first_step_stays_there() {
 
 #[test]
 fn a_station_whose_compiler_is_killed_stays_on_the_reference_engine() {
-    // Enough to compile for a while.
+    // Long enough to compile for some time.
     let site = site(60_000, "");
     let station = site.run("e.toml");
     let guard = Guard::begin();
@@ -184,8 +184,8 @@ fn the_compiler_ends_with_its_runtime() {
     site.wait_until_empty();
 }
 
-/// Starts `ob1 run` where no memory can be both written and executed, nor become executable: what
-/// `MemoryDenyWriteExecute` of systemd asks for. Exit 77: this kernel does not have it.
+/// Starts `ob1 run` with the restriction of systemd's `MemoryDenyWriteExecute`: no memory is both writable and
+/// executable, or becomes executable. Exit 77: the kernel does not support it.
 const DENY: &str = "
 import ctypes, os, sys
 if ctypes.CDLL(None, use_errno=True).prctl(65, 1, 0, 0, 0) != 0:
@@ -193,7 +193,7 @@ if ctypes.CDLL(None, use_errno=True).prctl(65, 1, 0, 0, 0) != 0:
 os.execv(sys.argv[1], sys.argv[1:])
 ";
 
-/// Linux 6.3 and later refuse it.
+/// Whether the kernel supports this: Linux 6.3 and later.
 fn kernel_denies() -> bool {
     let release = fs::read_to_string("/proc/sys/kernel/osrelease").expect("a kernel");
     let mut numbers = release.split(['.', '-']).map_while(|part| part.trim().parse::<u32>().ok());

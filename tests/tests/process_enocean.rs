@@ -1,6 +1,5 @@
 //! EnOcean as real processes: the manual's program with a TCM 120 on its line, the CP on a gateway's serial port, and
-//! eltako14bus, a library that is not ours, in the place of the module and of the CPU.
-//! [S1 "Beispiel zum Einsatz unter EnOcean"]
+//! the foreign library eltako14bus instead of the module and of the CPU. [S1 "Beispiel zum Einsatz unter EnOcean"]
 
 mod common;
 
@@ -20,10 +19,10 @@ use serde_json::{Value, json};
 
 const LINE: &str = "radio.pty";
 
-/// What FC 101 has the module send.
+/// The telegram that FC 101 sends.
 const FC_101: &str = "send RPS FF8000E7 buttons 0 released, repeated 6";
 
-/// A station of the example with a line of its own, started.
+/// Starts a station of the example with its own line.
 fn station(site: &Site, file: &str, line: &str) -> Running {
     for entry in fs::read_dir(checkout("examples/enocean-switch")).expect("the example") {
         let path = entry.expect("a file of the example").path();
@@ -32,7 +31,7 @@ fn station(site: &Site, file: &str, line: &str) -> Running {
     let text = fs::read_to_string(site.path(file)).expect("a station file");
     let text = replaced(&replaced(&text, "\"150ms\"", "\"500ms\""), &format!("pty:{LINE}"), line);
     site.write(file, &text);
-    // A busy machine may hold a telegram up for more than 100 ms; the window itself is tested in virtual time.
+    // A busy machine may delay a telegram by more than 100 ms; the window itself is tested in virtual time.
     let filter = fs::read_to_string(site.path("eo_filter.awl")).expect("the filter");
     site.write("eo_filter.awl", &replaced(&filter, "T#100MS", "T#1H"));
     site.run(file).until_run()
@@ -44,7 +43,7 @@ fn end(station: Running, site: &Site) {
     site.wait_until_empty();
 }
 
-/// A program that takes lines and says lines.
+/// A program that reads and prints lines.
 struct Talker {
     process: Watched,
     child: Child,
@@ -79,14 +78,14 @@ impl Talker {
         writeln!(input, "{line}").expect("a program that reads");
     }
 
-    /// What it has said so far, whole lines.
+    /// The complete lines of its output so far.
     fn said(&self) -> Vec<String> {
         assert!(!self.process.has_ended(), "{} has ended", self.out.display());
         let text = fs::read_to_string(&self.out).unwrap_or_default();
         text.split_inclusive('\n').filter_map(|line| Some(line.strip_suffix('\n')?.to_owned())).collect()
     }
 
-    /// The telegrams eltako14bus has understood.
+    /// The telegrams decoded by eltako14bus.
     fn heard(&self) -> Vec<Value> {
         let events = self.said().into_iter().map(|line| serde_json::from_str::<Value>(&line).expect("an event"));
         events.filter(|event| event["event"] == "heard").collect()
@@ -99,19 +98,19 @@ impl Talker {
     }
 }
 
-/// FC 101 once.
+/// Calls FC 101 once.
 fn send(station: &Running) {
     station.set("DB10.DBX15.7", 1);
     station.until("FRG is taken back", |s| (s.cell("DB10.DBX15.7") == 0).then_some(()));
 }
 
-/// RESET of FC 9: the CP asks for the ID base again.
+/// RESET of FC 9: the CP requests the ID base again.
 fn reset(station: &Running) {
     station.set("M3.2", 1);
     station.until("FC 9", |s| (s.cells(&["M3.0", "M3.2"]) == [0, 0]).then_some(()));
 }
 
-/// FC 102 with this telegram.
+/// Calls FC 102 with this telegram.
 fn command(station: &Running, telegram: &str) {
     for (n, byte) in telegram.split(' ').enumerate() {
         station.set(&format!("DB12.TELEGRAM[{n}]"), i64::from_str_radix(byte, 16).expect("a byte"));
@@ -140,7 +139,7 @@ fn the_manual_s_light_switch() {
     station.until("the pty", |_| site.path(LINE).exists().then_some(()));
     let mut module = Talker::tcm120(&site, &format!("serial:{}", site.path(LINE).display()));
     station.until("the module", |_| module.said().contains(&"line up".to_owned()).then_some(()));
-    // The reset line; FC 9 is through when the last of its fifteen lines is there.
+    // The reset line; FC 9 has ended when the last of its fifteen lines has arrived.
     station.until("FC 9", |s| (s.cell("M3.0") == 0).then_some(()));
     module.give("reset");
     received(&station, "8B 89 4F 4B 00 00 00 00 00 00 00");
@@ -149,7 +148,7 @@ fn the_manual_s_light_switch() {
     module.give("press 00121c7a BO");
     light(&station, false);
     send(&station);
-    // The module may have come too late to be asked for its ID base.
+    // The module may have started too late for the request of its ID base.
     reset(&station);
     send(&station);
     station.until("it is sent", |_| module.said().iter().any(|line| line == FC_101).then_some(()));
@@ -157,7 +156,7 @@ fn the_manual_s_light_switch() {
     end(station, &site);
 }
 
-/// The button that switches on and off, with a repeater about.
+/// The button that switches on and off, with a repeater.
 #[test]
 fn a_button_and_a_repeater() {
     let site = Site::new();
@@ -178,7 +177,7 @@ fn a_button_and_a_repeater() {
     end(station, &site);
 }
 
-/// A gateway with ESP2 on a serial port: opened with 9600 8N1, and asked for its ID base.
+/// A gateway with ESP2 on a serial port: opened with 9600 8N1, and the ID base is requested.
 #[test]
 fn a_gateway_on_a_serial_port() {
     let site = Site::new();
@@ -202,7 +201,7 @@ fn a_gateway_on_a_serial_port() {
     end(station, &site);
 }
 
-/// eltako14bus in the place of the module: it is asked for its ID base, it is heard, it understands what we send.
+/// eltako14bus instead of the module: its ID base is requested, its telegrams are received, and it decodes ours.
 #[test]
 fn eltako14bus_is_the_module() {
     let site = Site::new();
@@ -211,7 +210,7 @@ fn eltako14bus_is_the_module() {
     let mut module = Talker::eltako(&site, "module", &site.path(LINE));
     station.until("FC 9", |s| (s.cell("M3.0") == 0).then_some(()));
     station.until("the library", |_| (!module.said().is_empty()).then_some(()));
-    // It may have come too late for the first question.
+    // It may have started too late for the first request.
     let asked = |m: &Talker| m.heard().iter().filter(|e| e["bytes"] == format!("ab58{}", "00".repeat(9))).count();
     let before = asked(&module);
     reset(&station);
@@ -227,7 +226,7 @@ fn eltako14bus_is_the_module() {
     module.give(&json!({"org": "1bs", "id": "01020305", "data": "09", "status": 0}).to_string());
     received(&station, "0B 06 09 00 00 00 01 02 03 05 00");
 
-    // The last seven bits are ours, the rest is its ID base.
+    // The last seven bits are from us, the rest is its ID base.
     let next = |what: &str| {
         let known = module.heard().len();
         command(&station, what);
@@ -249,7 +248,7 @@ fn eltako14bus_is_the_module() {
     end(station, &site);
 }
 
-/// eltako14bus in the place of the CPU: our TCM 120 is a module to it.
+/// eltako14bus instead of the CPU, with our TCM 120 as the module.
 #[test]
 fn eltako14bus_asks_our_tcm_120() {
     let site = Site::new();
@@ -280,7 +279,7 @@ fn eltako14bus_asks_our_tcm_120() {
     module.end();
 }
 
-/// FB 110 on another engine than ours: (STATUS, ID, is it to be discarded).
+/// FB 110 on awlsim: (STATUS, ID, whether to discard).
 #[test]
 fn awlsim_runs_the_filter() {
     let table = [
@@ -294,8 +293,7 @@ fn awlsim_runs_the_filter() {
         ("11", "121C7A", false),
     ];
     let calls = table.iter().enumerate().map(|(n, (status, id, _))| {
-        // awlsim takes no initial value of a parameter from the FB, so WINDOW is supplied; as long as the busiest
-        // machine may need.
+        // awlsim ignores initial values of FB parameters, so WINDOW is supplied, long enough for a busy machine.
         format!(
             "CALL FB 110, DB 110 (NEW := TRUE, HEAD := W#16#0B05, DATA := DW#16#10000000, ID := DW#16#{id}, STATUS := B#16#{status}, \
              WINDOW := T#1H, REPEATED := M 0.{n});\n"

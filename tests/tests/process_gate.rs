@@ -1,4 +1,4 @@
-//! The web page and the figures of a station that runs: what is shown, who may change what, what strangers send.
+//! The web page and the metrics of a running station: what is shown, who may change what, and hostile requests.
 
 mod common;
 
@@ -77,7 +77,7 @@ fn the_page_shows_the_station() {
     assert_eq!(ended.code(), Some(0), "{ended:?}");
 }
 
-/// What a technician sees when the machine stops: state, cause, place, remedy, pushed while one looks.
+/// The information for a technician when the machine stops: state, cause, place, remedy, sent without reloading.
 #[test]
 fn a_station_that_stops_says_why() {
     let site = Site::new();
@@ -100,7 +100,7 @@ fn a_station_that_stops_says_why() {
     station.set("M 9.0", 0);
 }
 
-/// Each user, each right: what is not allowed changes nothing, and what was tried stands in the audit log.
+/// Each user with each right: forbidden actions change nothing, and attempts are in the audit log.
 #[test]
 fn without_rights_nothing_changes() {
     let site = Site::new();
@@ -126,7 +126,7 @@ fn without_rights_nothing_changes() {
     assert_eq!(command(&willi, "stop"), 403);
     assert_eq!(station.cell("MW 20"), 0, "nothing has changed");
 
-    // Not from another page, not under another name, not as a form.
+    // Refused from another page, under another host name, and as a form.
     let own = format!("Origin: http://127.0.0.1:{page}\r\n");
     let body = json!({ "item": "MW 20", "value": 2 });
     let kind = "Content-Type: application/json\r\n";
@@ -187,13 +187,13 @@ fn without_rights_nothing_changes() {
     assert!(
         lines.iter().all(|line| line["link"] == "web" && line["time"].is_string() && line["client"] == "127.0.0.1")
     );
-    // Who guesses waits.
+    // Wrong passwords cause a delay.
     let guess = |password: &str| stranger.post("/api/login", &json!({ "user": "anna", "password": password })).status;
     assert_eq!((guess("wrong"), guess("anna-password")), (401, 429));
 }
 
-/// A gate that is killed is back by itself: the page comes again, a stream that is resumed has missed nothing, and the
-/// scan has gone on.
+/// A killed gate is restarted: the page is available again, a resumed stream has missed nothing, and the scan has
+/// continued.
 #[test]
 fn a_killed_gate_comes_back() {
     let site = Site::new();
@@ -216,7 +216,8 @@ fn a_killed_gate_comes_back() {
     assert!(station.status().scans > scans);
 }
 
-/// Half requests, giants, noise: each is refused or closed, others are served meanwhile, and the gate lives.
+/// Incomplete requests, huge ones, noise: each is refused or closed, other clients are served meanwhile, and the gate
+/// survives.
 #[test]
 fn what_strangers_send_hurts_nobody() {
     let site = Site::new();
@@ -224,7 +225,7 @@ fn what_strangers_send_hurts_nobody() {
     let (station, page, _) = station(&site, "gate-hostile", USERS);
     let visitor = Visitor::at(page);
     let (pid, _) = gate(&station);
-    // All the connections one address gets, and none of them ends its request.
+    // Uses all connections of one address without completing a request.
     let elsewhere = Visitor { address: SocketAddr::from(([127, 0, 0, 1], page)), cookie: None };
     let slow: Vec<TcpStream> = (0..40).filter_map(|_| from_elsewhere(page)).collect();
     assert!(!slow.is_empty());
@@ -267,7 +268,7 @@ fn what_strangers_send_hurts_nobody() {
     assert_eq!(station.status().state, "RUN");
 }
 
-/// Connected from another address of this machine.
+/// Connects from another address of this machine.
 fn from_elsewhere(port: u16) -> Option<TcpStream> {
     use rustix::net::{AddressFamily, SocketType, bind, connect, socket};
     let fd = socket(AddressFamily::INET, SocketType::STREAM, None).ok()?;
@@ -276,7 +277,7 @@ fn from_elsewhere(port: u16) -> Option<TcpStream> {
     Some(TcpStream::from(fd))
 }
 
-/// It has fences: no privilege, no call beyond those it needs.
+/// It is confined: no privileges, and only the system calls it needs.
 #[test]
 fn the_gate_is_confined() {
     let site = Site::new();
@@ -290,7 +291,7 @@ fn the_gate_is_confined() {
     assert!(limits.lines().any(|line| line.starts_with("Max data size") && line.contains("1073741824")), "{limits}");
 }
 
-/// What would be open to strangers is refused before anything starts.
+/// An unprotected page is refused before the start.
 #[test]
 fn an_unprotected_page_is_refused() {
     let site = Site::new();
@@ -314,8 +315,8 @@ fn an_unprotected_page_is_refused() {
     assert!(public.code == Some(6) && public.err.contains("chmod 600"), "{public:?}");
 }
 
-/// Over TLS: a client that trusts this certificate alone gets the page and a cookie for this host alone; whoever speaks
-/// plainly gets nothing.
+/// Over TLS: a client that trusts only this certificate gets the page and a cookie for this host only; plain
+/// connections get nothing.
 #[test]
 fn a_page_over_tls() {
     const CLIENT: &str = "
@@ -354,8 +355,8 @@ print(json.dumps({'page': len(page), 'cookie': heads['Set-Cookie']}))
     assert!(Visitor::at(port).try_get("/").is_none_or(|answer| answer.status >= 400), "plain");
 }
 
-/// A real Prometheus takes the figures: their values are the station's, their types those the document says, and the
-/// rules of the example are rules.
+/// A real Prometheus reads the metrics: their values match the station, their types match the document, and the rules
+/// of the example are valid.
 #[test]
 fn prometheus_scrapes_it() {
     let site = Site::new();
@@ -372,7 +373,7 @@ fn prometheus_scrapes_it() {
         .arg(format!("--web.listen-address=127.0.0.1:{port}"))
         .stdout(std::process::Stdio::null())
         .stderr(std::process::Stdio::null());
-    // The site's broom ends it.
+    // Ended by the cleanup of the site.
     let mut prometheus = prometheus.spawn().expect("prometheus, which `cargo xtask test` installs");
     let api =
         |path: &str| Visitor::at(port).try_get(path).filter(|a| a.status == 200).map(|a| a.json()["data"].clone());
@@ -413,7 +414,7 @@ fn prometheus_scrapes_it() {
     let _ = prometheus.wait();
 }
 
-/// What goes over the lines of the CPs is shown as it comes; a link that may not show everything shows none of it.
+/// Telegrams on the lines of the CPs are shown at once; a link without the right to show everything shows none of them.
 #[test]
 fn telegrams_are_shown() {
     let site = Site::two_stations_on_a_cable();
@@ -428,7 +429,7 @@ fn telegrams_are_shown() {
     let _b = site.run("station-b.toml").until_run();
     a.until("the page is served", |_| Visitor::at(port).try_get("/api/session"));
     let mut stream = Visitor::at(port).stream("?telegrams=1", "");
-    // As `ob1 trace` reads them: control characters by their names, blocks with their user data.
+    // As in `ob1 trace`: control characters by their names, blocks with their user data.
     let (_, call) = stream.until("telegram", |told| told["what"] == "STX: connection request");
     assert!(call["ms"].as_u64().is_some_and(|ms| ms > 1 << 40) && call["hex"] == "", "{call}");
     for way in ["out", "in"] {

@@ -1,5 +1,5 @@
-//! The gate under load, measured: ten thousand items of OPC UA, pages that look at two hundred variables ten times a
-//! second, the first paint of the page. Short here, to see that it works; `cargo xtask bench gate` judges the figures.
+//! Measures the gate under load: ten thousand items of OPC UA, pages that show two hundred variables ten times a
+//! second, the first paint of the page. Here only a short functional test; `cargo xtask bench gate` checks the figures.
 
 mod common;
 
@@ -22,23 +22,23 @@ use ob1_tests::siege::Span;
 use opcua_types::Variant;
 use serde_json::json;
 
-/// Items that are watched, and those of them that change each period.
+/// Monitored items; the second number changes in each period.
 const ITEMS: usize = 10_000;
 const CHANGING: usize = 1_000;
 const PERIOD: Duration = Duration::from_millis(100);
-/// Notifications after the first values until it goes on evenly.
+/// Notifications after the first values until the rate is constant.
 const SETTLED: u64 = 30;
-/// Most of a core that the gate may take for it.
+/// Maximum share of a core for the gate.
 const GATE: f64 = 0.25;
-/// Variables that a page looks at, and how many pages look.
+/// Variables shown by a page, and number of pages.
 const VARIABLES: usize = 200;
 const PAGES: usize = 5;
-/// Most of a core that the process of the scan may take for them.
+/// Maximum share of a core for the process of the scan.
 const SCAN: f64 = 0.02;
-/// The first paint may take so many times that of a static page.
+/// Maximum ratio of the first paint to that of a static page.
 const PAINT: f64 = 3.0;
 
-/// A program that counts in a thousand words ten times a second, and nine thousand words beside them.
+/// A program that counts in a thousand words ten times a second, with nine thousand additional words.
 fn program() -> String {
     let blocks: String = (1..=ITEMS / CHANGING)
         .map(|number| {
@@ -65,7 +65,7 @@ fn station(site: &Site, name: &str, link: &str) -> Running {
     site.run("station.toml").until_run()
 }
 
-/// Time on a core that the threads of a process have taken so far, in seconds.
+/// CPU time of all threads of a process so far, in seconds.
 fn cpu_time(pid: u32) -> f64 {
     let threads = std::fs::read_dir(format!("/proc/{pid}/task")).expect("it lives").flatten();
     let texts = threads.filter_map(|thread| std::fs::read_to_string(thread.path().join("schedstat")).ok());
@@ -73,14 +73,14 @@ fn cpu_time(pid: u32) -> f64 {
     times.sum::<u64>() as f64 / 1e9
 }
 
-/// The value that so much of all are not above.
+/// The value that this share of all values does not exceed.
 fn share_of(values: &mut [f64], share: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(((values.len() as f64 - 1.0) * share) as usize).copied().unwrap_or(0.0)
 }
 
-/// Ten thousand items at 100 ms, a thousand of them changing each time: what the gate takes for it, and how late the
-/// values are.
+/// Ten thousand items at 100 ms, of which a thousand change each time: the CPU time of the gate, and the delay of the
+/// values.
 #[test]
 fn gate_items() {
     let span = Span::of(30);
@@ -102,7 +102,7 @@ fn gate_items() {
     for _ in 0..4 {
         client.ask_to_be_told(None).expect("a request");
     }
-    // First values of all, and what has waited behind them, before anything is measured.
+    // Wait for the first values of all items and the backlog before measuring.
     let (mut first, mut after) = (0, 0);
     while after < SETTLED {
         let (values, seen) = client.told().expect("first values");
@@ -111,7 +111,7 @@ fn gate_items() {
         client.ask_to_be_told(Some(seen)).expect("a request");
     }
     let (begin, cpu) = (Instant::now(), cpu_time(process.pid));
-    // When each value came, by the number it is: the program counts once a period.
+    // Arrival time of each value: the program counts once in each period.
     let mut came: Vec<(f64, i64)> = Vec::new();
     let mut newest = vec![None; ITEMS];
     let (mut messages, mut skipped) = (0, 0);
@@ -123,7 +123,7 @@ fn gate_items() {
         for told in values {
             let Some(Variant::UInt16(value)) = told.value.value else { panic!("{:?}", told.value) };
             let place: &mut Option<i64> = &mut newest[told.client_handle as usize];
-            // A number that runs over begins anew.
+            // An overflowing number starts again.
             if let Some(before) = place.replace(value.into())
                 && before < i64::from(value)
             {
@@ -157,7 +157,8 @@ fn gate_items() {
     assert_eq!(station.interrupt().code(), Some(0));
 }
 
-/// Five pages look at two hundred variables ten times a second: what that costs the process of the scan, and the scan.
+/// Five pages show two hundred variables ten times a second: the CPU time of the scan's process, and the effect on the
+/// scan.
 #[test]
 fn gate_browsers() {
     let span = Span::of(3);
@@ -174,7 +175,7 @@ fn gate_browsers() {
         let answer = station.ask(Op::Timing { histograms: true }).expect("the accounts");
         answer.timing.expect("the accounts").execution.buckets
     };
-    // Quiet, quiet again, looked at: share of a core, and p99 of the execution.
+    // Quiet, quiet again, with pages: share of a core, and p99 of the execution time.
     let part = |seconds: f64| {
         let (begin, cpu, before) = (Instant::now(), cpu_time(pid), execution());
         while begin.elapsed().as_secs_f64() < seconds {
@@ -230,7 +231,7 @@ fn gate_browsers() {
     assert_eq!(station.interrupt().code(), Some(0));
 }
 
-/// The first paint of the page beside that of a static page of the same size, in turns.
+/// The first paint of the page compared with a static page of the same size, alternately.
 #[test]
 fn gate_paint() {
     let span = Span::of(2);
@@ -245,7 +246,7 @@ fn gate_paint() {
     let body = format!("<!doctype html><title>static</title><p>{text}</p>");
     let still = TcpListener::bind("127.0.0.1:0").expect("a port");
     let still_port = still.local_addr().expect("an address").port();
-    // Ends with the test.
+    // This thread ends with the test.
     std::thread::spawn(move || {
         for mut stream in still.incoming().flatten() {
             let _ = stream.read(&mut [0; 4096]);

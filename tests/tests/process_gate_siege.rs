@@ -1,5 +1,5 @@
-//! Sieges of the gate: what strangers send over HTTP, OPC UA and MQTT to links that only read; clients that want more
-//! than there is; a broker that is killed. Short here; `cargo xtask siege gate_http --minutes 10` makes them long.
+//! Sieges of the gate: hostile data over HTTP, OPC UA and MQTT for read-only links; clients that request too much; a
+//! killed broker. Short here; long runs with `cargo xtask siege gate_http --minutes 10`.
 
 mod common;
 
@@ -27,21 +27,21 @@ use opcua_types::{
 use rustix::process::Signal;
 use serde_json::{Value, json};
 
-/// Longest wait for an answer that may never come.
+/// Maximum wait for an answer that may not come.
 const ANSWER: Duration = Duration::from_millis(300);
-/// A gate that has died is back after so long.
+/// Maximum time for the restart of a gate.
 const BACK: Duration = Duration::from_secs(1);
-/// What a link that only reads must leave as it is.
+/// Values that a read-only link must not change.
 const KEPT: [&str; 8] = ["DB10.DBD 0", "DB10.DBD 6", "DB10.DBD 28", "DB10.DBD 34", "M 10.0", "MW 20", "MD 40", "QW 0"];
 
-/// A station whose values must stay as they are, and its gate, which may die but must come back.
+/// A station whose values must not change, and its gate, which may die but must be restarted.
 struct Besieged {
     station: Running,
     before: Vec<i64>,
     gate: Watched,
-    /// Whether somebody is served: the sockets are the runtime's, and take a connection without a gate too.
+    /// Whether a client is served: the sockets belong to the runtime and accept connections even without a gate.
     served: Box<dyn Fn() -> bool>,
-    /// How often the gate has died, and the longest it was gone.
+    /// Number of deaths of the gate, and its longest absence.
     deaths: u64,
     gone: Duration,
 }
@@ -55,7 +55,7 @@ impl Besieged {
         Self { station, before, gate, served: Box::new(served), deaths: 0, gone: Duration::ZERO }
     }
 
-    /// Nothing has changed; a gate that has died comes back.
+    /// Checks that no value has changed, and waits for the restart of a dead gate.
     fn look(&mut self, round: u64) {
         if self.gate.has_ended() {
             self.deaths += 1;
@@ -75,7 +75,7 @@ impl Besieged {
         self.gate = gate(&self.station).1;
     }
 
-    /// At the end it is killed once, to see how long it is gone.
+    /// Kills the gate once at the end, to measure the restart.
     fn end(mut self, span: &Span, what: &str) {
         self.look(u64::MAX);
         self.gate.signal(Signal::KILL);
@@ -88,28 +88,28 @@ impl Besieged {
     }
 }
 
-/// Whether the page of this port comes.
+/// Whether the page on this port is served.
 fn page_comes(port: u16) -> impl Fn() -> bool {
     move || Visitor::at(port).try_get("/").is_some_and(|answer| answer.status == 200)
 }
 
-/// Whether an OPC UA server opens a channel there.
+/// Whether an OPC UA server at this address opens a channel.
 fn channel_opens(address: SocketAddr) -> impl Fn() -> bool {
     move || OpcUa::open(address, BACK).is_ok()
 }
 
-/// Sends bytes and looks at the beginning of an answer.
+/// Sends bytes and reads the beginning of an answer.
 fn send(port: u16, bytes: &[u8]) -> Option<usize> {
     let mut stream = TcpStream::connect(("127.0.0.1", port)).ok()?;
     stream.set_read_timeout(Some(ANSWER)).ok()?;
     stream.set_write_timeout(Some(ANSWER)).ok()?;
-    // Whoever is refused in the middle is closed.
+    // The connection may be closed while sending.
     let _ = stream.write_all(bytes);
     let _ = stream.shutdown(std::net::Shutdown::Write);
     stream.read(&mut [0; 512]).ok()
 }
 
-/// Requests of the page, damaged: a page without users shows, and changes nothing.
+/// Damaged requests of the page: a page without users only shows values and changes nothing.
 #[test]
 fn gate_http() {
     let site = Site::new();
@@ -159,7 +159,7 @@ fn gate_http() {
     while span.goes_on(round) {
         let pick = |random: &mut SplitMix64| &requests[random.below(requests.len() as u64) as usize];
         let (one, other) = (pick(&mut random), pick(&mut random));
-        // Some as they are: those too must not change anything.
+        // Some undamaged: these also must not change anything.
         let input = if random.below(10) == 0 { one.clone() } else { mutate(&mut random, one, other) };
         let port = if random.below(5) == 0 { figures } else { page };
         answered += u64::from(send(port, &input).is_some_and(|count| count > 0));
@@ -173,7 +173,7 @@ fn gate_http() {
     besieged.end(&span, &format!("{round} requests, {answered} answered, nothing changed"));
 }
 
-/// Requests of a session of OPC UA, damaged before or behind their chunk's head.
+/// Damaged requests of an OPC UA session, before or after the header of their chunk.
 #[test]
 fn gate_opcua() {
     let site = Site::new();
@@ -191,7 +191,7 @@ fn gate_opcua() {
             let greeting = hello(address);
             send(port, &mutate(&mut random, &greeting, &greeting));
         }
-        // All sessions may be taken by those whose client is gone.
+        // All sessions may belong to clients that have disconnected.
         let client = OpcUa::connect(address, ANSWER).or_else(|_| OpcUa::open(address, ANSWER));
         let Ok(mut client) = client else { continue };
         let seeds = seeds(&client, address);
@@ -214,7 +214,7 @@ fn gate_opcua() {
                 break;
             }
         }
-        // Its places are free again, if it is still listened to.
+        // Releases its resources, if the connection still works.
         let header = client.header();
         let close = CloseSessionRequest { request_header: header, delete_subscriptions: round % 4 != 0 };
         let _ = client.call::<_, opcua_types::CloseSessionResponse>(&close);
@@ -230,8 +230,8 @@ fn gate_opcua() {
     besieged.end(&span, &format!("{round} connections, {sent} messages, nothing changed"));
 }
 
-/// A request of a session whose bytes claim more than there is, or than anybody needs: the very bytes, unharmed by a
-/// random generator. Whoever believes one of them has no memory left.
+/// Specific requests whose bytes claim more than exists or is needed. A server that allocates what they claim runs out
+/// of memory.
 #[test]
 fn gate_claims() {
     let site = Site::new();
@@ -244,17 +244,17 @@ fn gate_claims() {
     let count = claims(&connect()).len();
     for round in 0..count {
         let mut client = connect();
-        // Of its own session: what can be done is done.
+        // With a session of its own, so that valid requests are executed.
         let (what, body, opening) = claims(&client).swap_remove(round);
         let chunk = client.framed(opening, &body);
         client.raw(&chunk).expect("it is sent");
-        // Refused, or answered with something else; the next one finds the gate as it was.
+        // Refused, or answered with something else; the gate must still work for the next request.
         let answer = client.told().map(drop);
         println!("{what}: {answer:?}");
         drop(connect());
         besieged.look(round as u64);
     }
-    // A thousand times the longest array: read as far as it fits an answer, watched as far as there is room.
+    // A thousand times the longest array: read as far as it fits into an answer, monitored as far as there is room.
     let mut client = connect();
     let ids = vec!["DB11.long".to_owned(); 1000];
     let nodes = ids.iter().map(|id| value_of(id)).collect();
@@ -268,7 +268,7 @@ fn gate_claims() {
     assert!((1..100).contains(&taken), "{taken} are watched");
     besieged.look(count as u64);
     drop(client);
-    // A greeting without end, before anybody is known.
+    // An endless greeting before the session.
     let mut stream = TcpStream::connect(address).expect("a connection");
     stream.set_write_timeout(Some(Duration::from_secs(20))).expect("a socket");
     let _ = stream.write_all(b"HELF\xFF\xFF\xFF\xFF");
@@ -280,13 +280,13 @@ fn gate_claims() {
     assert!(sent < 2048, "somebody has taken two gigabytes");
     besieged.station.until("others are served", |_| OpcUa::connect(address, BACK).ok());
     besieged.look(u64::MAX);
-    // Messages that are never finished, of six clients that stay.
+    // Incomplete messages of six clients that stay connected.
     let six: Vec<OpcUa> = (0..6)
         .map_while(|_| {
             let mut client = OpcUa::connect(address, BACK).ok()?;
             let mut chunk = client.framed(false, &vec![0; (4 << 20) - 24]);
             for _ in 0..60 {
-                // One in between, with the number behind the one before.
+                // An intermediate chunk, with the next sequence number.
                 chunk[3] = b'C';
                 let number = u32::from_le_bytes([chunk[16], chunk[17], chunk[18], chunk[19]]) + 1;
                 if client.raw(&chunk).is_err() {
@@ -303,9 +303,9 @@ fn gate_claims() {
     besieged.end(&Span::of(1), &format!("{} claims", count + 2));
 }
 
-/// What is claimed, the body that claims it, and whether it is sent to open a channel.
+/// Each claim with its name, its body, and whether it is sent to open a channel.
 fn claims(client: &OpcUa) -> Vec<(String, Vec<u8>, bool)> {
-    // The end of a request with a value: the encoding of the value, and what it claims.
+    // A write request that ends with a value: the name of the claim, and the encoded value.
     let write = |what: &str, value: &[u8]| {
         let nodes = vec![WriteValue {
             node_id: NodeId::new(2, "DB10.ramp"),
@@ -315,19 +315,19 @@ fn claims(client: &OpcUa) -> Vec<(String, Vec<u8>, bool)> {
         }];
         let write = WriteRequest { request_header: client.header(), nodes_to_write: Some(nodes) };
         let mut body = client.body(&write).expect("a request");
-        // In place of the Boolean: its type and its value.
+        // Replaces the Boolean: its type and its value.
         body.truncate(body.len() - 2);
         body.extend(value);
         (format!("write: {what}"), body, false)
     };
-    // A structure as the additional header of a request.
+    // A request with a structure as additional header.
     let header = |what: &str, structure: &[u8], opening: bool| {
         let request = ReadRequest { request_header: client.header(), ..ReadRequest::default() };
         let mut body = client.body(&request).expect("a request");
-        // Behind the header: max age, timestamps, no nodes; the header ends with no structure.
+        // After the header: max age, timestamps, no nodes; the header ends without a structure.
         body.truncate(body.len() - 8 - 4 - 4 - 3);
         if opening {
-            // The type of OpenSecureChannelRequest in place of that of ReadRequest.
+            // The type of OpenSecureChannelRequest instead of ReadRequest.
             body[2..4].copy_from_slice(&446_u16.to_le_bytes());
         }
         body.extend(structure);
@@ -353,7 +353,7 @@ fn claims(client: &OpcUa) -> Vec<(String, Vec<u8>, bool)> {
     for kind in [1_u8, 3, 12, 15, 17, 22, 23, 24, 25] {
         all.push(write(&format!("an array of 2 G of type {kind}"), &[&[0x80 | kind][..], &long, &[0; 8]].concat()));
     }
-    // Sixteen elements with dimensions of 2^32 + 16, and of nothing at all.
+    // Sixteen elements with dimensions of 2^32 + 16, and with a dimension of 0.
     let dimensions = |dims: &[u32]| {
         let dims: Vec<u8> = dims.iter().flat_map(|dim| dim.to_le_bytes()).collect();
         [&[0xC3][..], &16_i32.to_le_bytes(), &[7; 16], &(dims.len() as i32 / 4).to_le_bytes(), &dims].concat()
@@ -361,7 +361,7 @@ fn claims(client: &OpcUa) -> Vec<(String, Vec<u8>, bool)> {
     all.push(write("dimensions that overflow", &dimensions(&[65_536, 65_536, 16])));
     all.push(write("dimensions of nothing", &dimensions(&[0, 16])));
     all.push(write("2 G dimensions", &[&[0xC3][..], &16_i32.to_le_bytes(), &[7; 16], &long].concat()));
-    // Arrays in arrays, each as long as may be.
+    // Nested arrays, each with the maximum length.
     let nested: Vec<u8> = (0..90).flat_map(|_| [&[0x98][..], &65_536_i32.to_le_bytes()].concat()).collect();
     all.push(write("arrays in arrays", &nested));
     // Ten thousand arrays side by side, each with room for the longest.
@@ -372,7 +372,7 @@ fn claims(client: &OpcUa) -> Vec<(String, Vec<u8>, bool)> {
     all
 }
 
-/// One body of each service that could change something, and of those that cost something.
+/// One body for each service that could change something or is expensive.
 fn seeds(client: &OpcUa, address: SocketAddr) -> Vec<Vec<u8>> {
     let header = || client.header();
     let write = |id: &str, value: Variant| WriteRequest {
@@ -450,7 +450,7 @@ fn seeds(client: &OpcUa, address: SocketAddr) -> Vec<Vec<u8>> {
     .collect()
 }
 
-/// A broker that says what no broker says: the link connects again, and writes nothing.
+/// A broker with invalid messages: the link connects again, and writes nothing.
 #[test]
 fn gate_mqtt() {
     let site = Site::new();
@@ -486,7 +486,7 @@ fn gate_mqtt() {
         stream.set_read_timeout(Some(ANSWER)).expect("a socket");
         stream.set_write_timeout(Some(ANSWER)).expect("a socket");
         let _ = stream.read(&mut [0; 4096]);
-        // Greeted as it should be, mostly: what comes then is looked at more closely, and the next try comes soon.
+        // Mostly a correct greeting, so that the following data are evaluated, and the next attempt comes soon.
         let greeting =
             if random.below(16) == 0 { mutate(&mut random, &connected, &connected) } else { connected.into() };
         let _ = stream.write_all(&greeting);
@@ -514,8 +514,8 @@ fn resident(process: &Watched) -> u64 {
     line.and_then(|line| line.split_whitespace().next()?.parse().ok()).unwrap_or(0)
 }
 
-/// Clients that subscribe and are gone, that want a million items, that write giant arrays: each is refused what there
-/// is not, the others are served, and the memory of the gate stays flat.
+/// Clients that subscribe and disconnect, that request a million items, that write huge arrays: requests beyond the
+/// limits are refused, other clients are served, and the memory of the gate does not grow.
 #[test]
 fn gate_greed() {
     let site = Site::new();
@@ -530,13 +530,13 @@ fn gate_greed() {
     let span = Span::of(6);
     let million: u64 = if span.is_campaign() { 1_000_000 } else { 10_000 };
     let ids: Vec<String> = (0..1000).map(|word| format!("MW{}", word % 100 * 2)).collect();
-    // The most that was seen in the first third, when all places have been taken once, and in the last one.
+    // The maximum in the first third, in which all resources have been used once, and in the last third.
     let (mut early, mut late) = (0, 0);
     let (mut round, mut refused) = (0, 0);
     while span.goes_on(round) {
         let share = span.share(round);
         match round % 6 {
-            // A million items: as many as there are, then no more.
+            // A million items: accepted up to the limit.
             0 => {
                 if let Ok(mut client) = OpcUa::connect(address, patience) {
                     let subscription = client.subscribe(1000.0).expect("a subscription");
@@ -560,7 +560,7 @@ fn gate_greed() {
                     assert!(refused > 0, "2000 items are all there are");
                 }
             }
-            // Arrays without end: refused, or cut off.
+            // Endless arrays: refused, or the connection is closed.
             1 => {
                 if let Ok(mut client) = OpcUa::connect(address, patience) {
                     let value = DataValue::value_only(Variant::from(vec![0i32; 1 << 20]));
@@ -574,7 +574,7 @@ fn gate_greed() {
                     assert!(client.call::<_, WriteResponse>(&write).is_err(), "four megabytes in a chunk");
                 }
             }
-            // Subscriptions whose client is gone without a word.
+            // Subscriptions of a client that disconnects silently.
             _ => {
                 if let Ok(mut client) = OpcUa::connect(address, patience) {
                     for _ in 0..12 {
@@ -594,7 +594,7 @@ fn gate_greed() {
     }
     println!("{round} greedy clients; memory of the gate {early} KiB, later {late} KiB");
     assert!(late < early + early / 4 + 32 * 1024, "the memory of the gate grows: {early} KiB, {late} KiB");
-    // Somebody modest is served, once the sessions of the dead are over.
+    // A normal client is served after the sessions of the disconnected clients have expired.
     let guard = Guard::begin();
     let mut client = loop {
         match OpcUa::connect(address, patience) {
@@ -608,8 +608,8 @@ fn gate_greed() {
     besieged.end(&span, &format!("{round} greedy clients, {refused} requests for items refused"));
 }
 
-/// mosquitto is killed again and again: no value is lost at QoS 1, Sparkplug is made whole by historical values, and
-/// the scan does not notice.
+/// mosquitto is killed repeatedly: no value is lost at QoS 1, Sparkplug is completed by historical values, and the scan
+/// is not affected.
 #[test]
 fn gate_broker() {
     let site = Site::new();
@@ -625,7 +625,7 @@ fn gate_broker() {
     let station = station(&site, "gs-broker", &(link("plain", "") + &link("spb", "sparkplug = \"plant\"\n")));
     let mut said = 0;
     let mut numbers = BTreeSet::new();
-    // Values of Sparkplug, whether they came in time or later.
+    // Values of Sparkplug, received in time or later.
     let mut values = BTreeSet::new();
     let hear = |said: &Value, values: &mut BTreeSet<i64>| {
         for metric in said["payload"]["metrics"].as_array().into_iter().flatten() {
@@ -638,7 +638,7 @@ fn gate_broker() {
         for _ in 0..count {
             said += 1;
             station.set("MW 20", said);
-            // Longer than the link looks away, by the scans of the CPU: each value is seen.
+            // Longer than the sampling interval of the link, in scans of the CPU: each value is sampled.
             station.scans(30);
         }
         said
@@ -671,7 +671,7 @@ fn gate_broker() {
     let highest = numbers.last().copied().unwrap_or(0);
     let lost: Vec<u64> = (1..=highest).filter(|number| !numbers.contains(number)).collect();
     assert!(lost.is_empty(), "lost of {highest}: {lost:?}");
-    // A birth has the newest value; what was missed comes behind it.
+    // A birth contains the newest value; the missed values follow.
     sparkplug.until("all values, in time or as historical ones", |said| {
         hear(said, &mut values);
         (1..=last).all(|value| values.contains(&value)).then_some(())

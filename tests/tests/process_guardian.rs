@@ -1,5 +1,5 @@
-//! The outputs of the process I/O do not outlive their program: whatever becomes of the runtime, its guardian sets them
-//! to their safe state, and nobody drives them after that.
+//! The outputs of the process I/O do not stay active without their program: however the runtime ends, its guardian sets
+//! them to their safe state, and they are not changed after that.
 
 mod common;
 
@@ -13,12 +13,12 @@ use common::station::Running;
 use ob1_backplane::{IoField, Owner};
 use rustix::process::Signal;
 
-/// AB 0, PAW 4, PAW 6 while the program drives them, and when nobody does: the second valve has a substitute value.
+/// AB 0, PAW 4, PAW 6 while the program sets them, and in the safe state: the second valve has a substitute value.
 const DRIVEN: [u8; 8] = [0xA1, 0, 0, 0, 0x12, 0x34, 0x43, 0x21];
 const SAFE: [u8; 8] = [0, 0, 0, 0, 0, 0, 0xFF, 0xFE];
 
-/// A station whose program drives outputs. FC 234 ends the process when M 200.0 is set, FC 7 goes round and round when
-/// M 200.1 is.
+/// A station whose program sets outputs. FC 234 ends the process if M 200.0 is set, FC 7 loops without end if M 200.1
+/// is set.
 fn station(site: &Site, min_cycle: &str) -> Running {
     let plugin = native::build(site, "tests/native/exit_block.c", "exit_block.so", &[]);
     let toml = format!(
@@ -37,7 +37,7 @@ fn station(site: &Site, min_cycle: &str) -> Running {
     site.run("guarded.toml").until_run()
 }
 
-/// The image from outside; the mapping stays whoever dies.
+/// The image, mapped independently of the processes of the station.
 struct Plant(IoField);
 
 impl Plant {
@@ -64,7 +64,7 @@ impl Plant {
     }
 }
 
-/// The guardian of the station, once it watches.
+/// The guardian of the station, after it has started to watch.
 fn guardian(site: &Site, station: &Running) -> Watched {
     station.until("a guardian", |_| {
         site.processes().into_iter().find(|process| {
@@ -100,7 +100,7 @@ fn a_guardian_that_is_killed_or_asked_to_end_is_there_when_it_is_needed() {
     first.wait("the first guardian");
     let second = guardian(&site, &station);
     assert_ne!(first.pid, second.pid);
-    // It may not have got as far as to hear: each look it takes is seen by the runtime, here it is asked for one.
+    // It may not be ready yet: wait for one of its checks.
     let beats = |process: &Watched| fs::read_to_string(format!("/proc/{}/status", process.pid)).unwrap_or_default();
     let ignores = |status: &str| {
         let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));

@@ -1,4 +1,4 @@
-//! `ob1 import`: the example becomes a station that runs; what is damaged is left out and told; exit codes and JSON.
+//! `ob1 import`: the example becomes a running station; damaged parts are omitted and reported; exit codes and JSON.
 
 mod common;
 
@@ -44,7 +44,7 @@ fn files_of(folder: &Path, below: &str, found: &mut BTreeMap<String, Vec<u8>>) {
     }
 }
 
-/// The folder in `examples` is what the encoder writes. With OB1_BLESS=1 it is written.
+/// The folder in `examples` matches the output of the encoder. OB1_BLESS=1 writes it.
 #[test]
 fn the_example_is_what_the_encoder_writes() {
     let folder = checkout("examples/step7-project");
@@ -60,7 +60,7 @@ fn the_example_is_what_the_encoder_writes() {
     }
 }
 
-/// A master system with a slave whose GSD file is at hand, and one whose is not.
+/// A master system with one slave whose GSD file is available, and one without.
 fn with_slaves() -> Files {
     let module = |slot, gsd: &str, inputs: &[Area], outputs: &[Area]| DpModule {
         slot,
@@ -102,7 +102,7 @@ fn slaves_become_a_bus_with_their_gsd_files_and_stay_plain_bytes_without() {
         let file = out.join("station.toml").display().to_string();
         let checked = site.ob1(&["check", &file, "--verbose"]).fine();
         let has = |what: &str| station.lines().any(|line| line == what);
-        // Of the second slave nobody knows more than its modules.
+        // For the second slave only its modules are known.
         assert!(has("#     { slot = 1, module = \"PPO 1\", inputs = \"EB 410\" },"), "{station}");
         assert!(report.contains("DP slave 7 (Drive)"), "{report}");
         assert!(checked.contains("inputs, bytes 410..411"), "{checked}");
@@ -115,7 +115,7 @@ fn slaves_become_a_bus_with_their_gsd_files_and_stay_plain_bytes_without() {
             has("[[bus]]") && has("type = \"dp\"") && has("station = 2") && has("gsd = \"gsd/ET200M.GSD\""),
             "{station}"
         );
-        // The master has another address than the slave that has its usual one.
+        // The master gets another address, because a slave has its default address.
         assert!(has("address = 0") && has("diagnostic = 2040"), "{station}");
         assert!(has("    { slot = 2, module = \"DO 16 x DC 24V\", outputs = \"AB 400\" },"), "{station}");
         assert!(out.join("gsd/ET200M.GSD").is_file());
@@ -183,7 +183,7 @@ fn the_example_runs() {
 fn what_is_damaged_is_left_out_and_told() {
     let site = Site::new();
     let mut files = step7::example().files();
-    // A statement nobody knows, in the middle of FC 1.
+    // An unknown statement in the middle of FC 1.
     let memo = files.0.get_mut("ombstx/offline/00000001/SUBBLK.DBT").expect("a memo file");
     let at = memo.windows(4).position(|bytes| bytes == [0xFB, 0x82, 0x00, 0x06]).expect("FC 1");
     memo[at..at + 2].copy_from_slice(&[0x7F, 0x7F]);
@@ -195,10 +195,10 @@ fn what_is_damaged_is_left_out_and_told() {
     assert_eq!((&json["blocks"], &json["decoded"]), (&Value::from(4), &Value::from(3)));
     assert_eq!(json["left_out"][0]["block"], "FC 1");
     assert!(json["left_out"][0]["reason"].as_str().is_some_and(|why| why.contains("S1501")), "{json}");
-    // The rest runs, with an empty FC 1.
+    // The rest runs with an empty FC 1.
     let file = format!("{out}/station.toml");
     site.ob1(&["run", &file, "--scans", "20", "--quiet"]).fine();
-    // A second import into the folder needs a word.
+    // A second import into the folder needs an option.
     assert_eq!(site.ob1(&["import", &example, "--out", &out]).code, Some(2));
     assert_eq!(site.ob1(&["import", &example, "--out", &out, "--overwrite"]).code, Some(1));
 }
@@ -236,7 +236,7 @@ fn blocks_are_printed_but_for_the_protected() {
     assert_eq!(site.ob1(&["import", &example, "--listing", "FC 2"]).code, Some(2));
 }
 
-/// A function of this number with this code, and without parameters.
+/// A function with this number and code, without parameters.
 fn function(number: u16, code: &[u8]) -> Block {
     Block {
         id: BlockId::new(BlockKind::Fc, number),
@@ -277,7 +277,7 @@ fn handling_blocks_are_replaced_by_ours() {
         ..function(number, &[0x65, 0])
     };
     project.blocks.push(like(12, "P_SND_RK", compiled.bytes().expect("short")));
-    // The same name with other parameters is the user's own.
+    // A block with the same name but other parameters belongs to the user.
     project.blocks.push(like(13, "P_SND_RK", vec![1, 13, 0, 2, 0, 0, 0, 0x05, 0x01, 0]));
     let mut cp = project.modules[0].clone();
     (cp.name, cp.place) = ("CP 341-RS232C".into(), (0, 7, 0));
@@ -312,8 +312,8 @@ fn as_many_blocks_as_a_plant_has_come_over() {
     assert_eq!((&json["blocks"], &json["decoded"]), (&Value::from(2004), &Value::from(2004)));
 }
 
-/// Projects that lie in the folder OB1_STEP7_PROJECTS names, each in a folder of its own: every block of every program
-/// with a CPU comes over, and the program is in RUN after 20 scans.
+/// Projects in the folder OB1_STEP7_PROJECTS, each in its own folder: every block of every program with a CPU is
+/// imported, and the program is in RUN after 20 scans.
 #[test]
 fn projects_that_lie_beside_run() {
     let Some(folder) = std::env::var_os("OB1_STEP7_PROJECTS") else { return };

@@ -1,6 +1,6 @@
-//! kill -9 at any moment: of drivers while telegrams flow, of a driver that hangs, of the runtime itself.
+//! kill -9 at any time: of drivers while telegrams are transferred, of a hanging driver, of the runtime itself.
 //!
-//! The moments are drawn from seeds; a failure names the seed and the kill.
+//! The times are derived from seeds; a failure names the seed and the kill.
 
 mod common;
 
@@ -35,7 +35,7 @@ fn a_driver_that_hangs_is_killed_and_started_again() {
         let (_, _, losses) = station.driver();
         let scans = station.status().scans;
         driver.signal(Signal::STOP);
-        // Nobody waits for it, and the supervisor puts an end to it.
+        // The supervisor ends it.
         driver.wait(what);
         assert!(station.status().scans > scans + 100, "{what}: the scan has gone on all the while");
         assert_survived(station, losses, what);
@@ -50,7 +50,7 @@ fn a_driver_that_hangs_is_killed_and_started_again() {
     }
 }
 
-/// Supervision does not hang on who reads its log: a full disk, a reader that is gone, one that reads nothing.
+/// Supervision does not depend on the reader of its log: a full disk, a closed pipe, a reader that reads nothing.
 #[test]
 fn drivers_come_back_when_nobody_gets_the_log() {
     let full_disk = File::options().write(true).open("/dev/full").expect("there");
@@ -68,7 +68,7 @@ fn drivers_come_back_when_nobody_gets_the_log() {
     ] {
         let site = Site::two_stations_on_a_cable();
         let a = site.run_logging_to("station-a.toml", log).until_run();
-        // One that has shown no life yet would be another attempt, not another loss.
+        // A driver without a sign of life would count as another attempt and not as another loss.
         let up_after = |starts: u32| {
             a.until("the driver is up", |s| {
                 let (pid, now, _) = s.driver();
@@ -104,7 +104,7 @@ fn nothing_is_left_of_a_runtime_that_was_killed() {
         driver.wait("a driver without a runtime");
     }
     site.wait_until_empty();
-    // Its environment goes first, then what it holds, then the process.
+    // A process first loses its environment, then its files, then ends.
     for process in processes {
         process.wait("a process of a runtime that was killed");
     }
@@ -117,7 +117,7 @@ fn nothing_is_left_of_a_runtime_that_was_killed() {
 
 #[test]
 fn a_runtime_that_was_killed_is_killed_with_a_driver_that_hangs() {
-    // Such a driver does not see that its runtime is gone. Once it goes on it does.
+    // A stopped driver does not detect the end of its runtime until it continues.
     let site = Site::two_stations();
     let (a, b) = start(&site);
     let driver = a.driver_process();
@@ -143,12 +143,12 @@ fn a_station_starts_at_once_after_its_runtime_was_killed() {
     for round in 0..5 {
         let (driver, of_b) = (a.driver_process(), Ledger::of_b(&b));
         assert_eq!(a.kill().signal(), Some(9));
-        // Without waiting for the old drivers and the janitor.
+        // Without waiting for the old drivers and the cleanup.
         a = site.run("station-a.toml").until_run();
         ledger::flow(&a, 5);
         driver.wait("the driver of the runtime before");
         assert!(Ledger::of_b(&b)["RECEIVED"] > of_b["RECEIVED"], "round {round}");
-        // At most the echo of what the runtime before had sent: this one has never sent anything like it.
+        // At most the echo of a telegram of the previous runtime, which this one has not sent.
         assert!(a.cell("DB20.WRONG") <= 1, "round {round}");
         assert_eq!(b.status().watchdogs, 0, "round {round}");
     }

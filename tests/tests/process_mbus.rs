@@ -1,5 +1,5 @@
-//! M-Bus with real processes and with others' software: the program of the manual reads a meter that a script plays,
-//! and pyMeterBus understands what our master has read.
+//! M-Bus with real processes and foreign software: the program of the manual reads a meter simulated by a script, and
+//! pyMeterBus decodes the answers read by our master.
 
 mod common;
 
@@ -32,7 +32,7 @@ impl Meters {
         Self { words: script.stdin.take(), said, script }
     }
 
-    /// From now on it is so.
+    /// Changes the state of the meters.
     fn tell(&mut self, word: &str) {
         writeln!(self.words.as_mut().expect("open until the end"), "{word}").expect("it reads");
         let mut line = String::new();
@@ -46,7 +46,8 @@ impl Meters {
     }
 }
 
-/// An order of the manual's program: baud rate, C, A, CI field, bytes behind it; RET_VAL, 0 when OB 1 has taken 2000h.
+/// An order of the manual's program: baud rate, C, A, CI field, number of further bytes; returns RET_VAL, 0 if OB 1 has
+/// taken 2000h.
 fn order(station: &Running, bytes: [u8; 5]) -> i64 {
     for (at, byte) in (100..).zip(bytes) {
         station.set(&format!("MB{at}"), byte.into());
@@ -62,7 +63,7 @@ fn stored(station: &Running, db: u8, len: usize) -> Vec<u8> {
     names.chunks(32).flat_map(|some| station.cells(some)).map(|byte| byte as u8).collect()
 }
 
-/// `examples/mbus-meter` with this station and program, and one meter at address 1; the bytes are its answer.
+/// `examples/mbus-meter` with this station and program, and one meter at address 1; also returns its answer.
 fn example(station: &str, program: &str) -> (Site, Running, Meters, Vec<u8>) {
     let site = Site::new();
     for file in [station, program, "meter.py"] {
@@ -101,7 +102,7 @@ fn the_manual_s_program_reads_a_meter() {
     site.wait_until_empty();
 }
 
-/// The frame that had these fields.
+/// The frame for these fields.
 fn framed(fields: &[u8]) -> String {
     let sum = fields.iter().fold(0_u8, |sum, byte| sum.wrapping_add(*byte));
     let fields_in_hex: String = fields.iter().map(|byte| format!("{byte:02X}")).collect();
@@ -137,7 +138,7 @@ fn py_meter_bus_decodes_what_our_master_has_read() {
         assert_eq!(found.len(), said.records.len(), "{}: {line}", said.name);
         for (found, [.., expected]) in found.iter().zip(&said.records) {
             let (Some(found), Ok(expected)) = (found.as_f64(), expected.parse::<f64>()) else { continue };
-            // They print six decimals.
+            // pyMeterBus prints six decimals.
             if (found - expected).abs() <= 5e-7 + 1e-6 * expected.abs() {
                 equal += 1;
             } else {
@@ -148,13 +149,13 @@ fn py_meter_bus_decodes_what_our_master_has_read() {
     drop(frames);
     assert!(decoder.wait().expect("a child").success());
     assert_eq!(different, Vec::<String>::new());
-    // Two with a fixed data structure, which pyMeterBus does not know, and one with a unit it does not know.
+    // Two with a fixed data structure and one with a unit that pyMeterBus does not support.
     let unknown = ["manual_frame2", "sen_pollusonic_2", "sen_pollutherm"];
     assert_eq!(refused, unknown.map(|name| format!("test-frames/{name}")));
     assert_eq!(equal, 724, "numbers of 70 meters");
 }
 
-/// FB 250 and FB 251 as in `examples/mbus-meter/library.awl`, whose UDTs name what the blocks write.
+/// FB 250 and FB 251 as in `examples/mbus-meter/library.awl`, whose UDTs name the output of the blocks.
 #[test]
 fn the_library_reads_and_searches() {
     let (site, station, mut meters, _) = example("library.toml", "library.awl");

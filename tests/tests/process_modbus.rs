@@ -1,5 +1,5 @@
-//! The Modbus examples as real processes: the manual's own with the values of its variable table, and a master with two
-//! slaves.
+//! The Modbus examples as real processes: that of the manual with the values of its variable table, and a master with
+//! two slaves.
 
 mod common;
 
@@ -10,7 +10,7 @@ use common::site::{Site, replaced};
 use common::station::Running;
 use rustix::process::Signal;
 
-/// An example's files in a place of their own, with patience for a busy machine.
+/// The files of an example in their own folder, with times long enough for a busy machine.
 fn example(name: &str) -> Site {
     let site = Site::new();
     for entry in fs::read_dir(checkout("examples").join(name)).expect("the example") {
@@ -20,7 +20,7 @@ fn example(name: &str) -> Site {
             fs::copy(&path, site.path(file)).expect("room for a file");
         } else if file.ends_with(".toml") {
             let text = fs::read_to_string(&path).expect("a station file");
-            // A busy machine is not to be late for the watchdog, nor a slave for its master.
+            // Times long enough for a busy machine.
             let text = replaced(&text, "watchdog = \"150ms\"", "watchdog = \"500ms\"");
             site.write(file, &text.replace("wait_ms = 300", "wait_ms = 2000"));
         }
@@ -28,7 +28,7 @@ fn example(name: &str) -> Site {
     site
 }
 
-/// What stands in a row of `ob1 get`: the number.
+/// The numbers in the rows of `ob1 get`.
 fn get(site: &Site, station: &str, cells: &[&str]) -> Vec<i64> {
     let said = site.ob1(&[&["get", station], cells].concat()).fine();
     said.lines().map(|row| row.split_whitespace().nth(1).and_then(|n| n.parse().ok()).expect("a number")).collect()
@@ -41,17 +41,17 @@ fn end(stations: impl IntoIterator<Item = Running>) {
     }
 }
 
-/// Waits until the station's CP has its line.
+/// Waits until the CP of the station has its line.
 fn ready(station: &Running) {
     let is_ready = |s: &Running| s.status().modules[0].driver.as_ref().is_some_and(|driver| driver.state == "ready");
     station.until("the line", |s| is_ready(s).then_some(()));
 }
 
-/// Sends DB 10 and waits for the end of the order and what came of it.
+/// Sends DB 10 and waits for the end of the order and its result.
 fn send(site: &Site, master: &Running) {
     master.set("DB11.DBD0", 0);
     site.ob1(&["set", "station-master.toml", "M1.0=1"]).fine();
-    // FRG falls when the answer is in the CP; FC 1 needs some calls more.
+    // FRG is reset when the answer is in the CP; FC 1 needs some more calls.
     master.until("the answer", |m| (m.cells(&["M1.0", "M3.0"]) == [0, 0] && m.cell("DB11.DBD0") != 0).then_some(()));
     let pause = master.status().scans + 20;
     master.until("FC 1 is through", |m| (m.status().scans >= pause).then_some(()));
@@ -95,7 +95,7 @@ fn the_manuals_variable_table() {
     let cells = ["MW22", "DB11.DBW0", "DB11.DBB2", "DB11.DBW3", "DB11.DBW17", "MB2"];
     assert_eq!(get(&site, "station-master.toml", &cells), [19, 0x0504, 16, 0x1234, 0x5678, 0]);
 
-    // "Slave responds with error message": nine words are not there.
+    // "Slave responds with error message": nine words do not exist.
     site.ob1(&["set", "station-master.toml", "DB10.DBW4=9"]).fine();
     send(&site, &master);
     assert_eq!(master.cells(&["MW22", "DB11.DBW0", "DB11.DBB2"]), [3, 0x0584, 2]);
@@ -111,7 +111,7 @@ fn the_manuals_variable_table() {
     site.wait_until_empty();
 }
 
-/// Waits until so many more telegrams of a kind are in the master's ledger.
+/// Waits until the master's ledger has this many more telegrams of a kind.
 fn more(master: &Running, name: &str, count: i64) {
     let cell = format!("DB20.{name}");
     let begin = master.cell(&cell);
@@ -142,26 +142,26 @@ fn a_master_with_two_slaves() {
     more(&master, "LONG_ANSWERS", 6);
     assert_eq!(long.cells(&["DB11.WORDS[0]", "DB11.WORDS[19]", "DB11.WORDS[31]"]), [0x5678, 0x9ABC, 0]);
 
-    // A slave that is switched off is missed, the other one is not; and it comes back.
+    // A slave that is switched off causes errors, the other one does not; and it recovers.
     let losses = master.driver().2;
     let before = master.cells(&["DB20.SHORT_ERRORS", "DB20.LONG_ERRORS"]);
     end([long]);
     more(&master, "LONG_ERRORS", 2);
     assert_eq!(master.cell("DB20.LONG_LAST"), 1);
     more(&master, "SHORT_ANSWERS", 4);
-    // One late answer of slave 5 is the machine's; that its errors keep up with the other's would be ours.
+    // One late answer of slave 5 may be caused by the machine, but as many errors as the other one would be our fault.
     let after = master.cells(&["DB20.SHORT_ERRORS", "DB20.LONG_ERRORS"]);
     assert!(after[0] - before[0] < after[1] - before[1], "slave 5 is not concerned: {before:?} {after:?}");
     let long = site.run("station-long.toml").until_run();
     more(&master, "LONG_ANSWERS", 6);
     master.until("setpoints there and back", |m| (m.cells(&actual) == inverted).then_some(()));
 
-    // No FC 9: after the driver's death the next telegram goes out by itself.
+    // Without FC 9: after the driver's death the next telegram is sent without further action.
     master.driver_process().signal(Signal::KILL);
     master.until("the loss", |m| (m.driver().2 > losses).then_some(()));
     more(&master, "SHORT_ANSWERS", 4);
     more(&master, "LONG_ANSWERS", 4);
-    // Nor at the slaves'.
+    // The same for the slaves.
     for slave in [&short, &long] {
         slave.driver_process().signal(Signal::KILL);
     }

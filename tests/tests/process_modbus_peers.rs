@@ -1,6 +1,6 @@
-//! Modbus with programs that are not ours, on a pty: pymodbus (RTU and ASCII, both roles), minimalmodbus (RTU and
-//! ASCII, master), libmodbus (RTU, slave) and mbpoll, which is libmodbus as a master; the CP 341's loadable driver asks
-//! pymodbus. The scripts are in `tests/peers/modbus.py`.
+//! Modbus with foreign programs, on a pty: pymodbus (RTU and ASCII, both roles), minimalmodbus (RTU and ASCII, master),
+//! libmodbus (RTU, slave) and mbpoll, which is libmodbus as a master; the loadable driver of the CP 341 with pymodbus
+//! as slave. The scripts are in `tests/peers/modbus.py`.
 
 mod common;
 
@@ -16,14 +16,14 @@ use serde_json::Value;
 const LINE: &str = "modbus.pty";
 const SCRIPT: &str = "tests/peers/modbus.py";
 
-/// The stations of the manual's example; the one under test makes the pty.
+/// The stations of the manual's example; the tested one creates the pty.
 fn station(site: &Site, role: &str, ascii: bool) -> Running {
     let folder = checkout("examples/modbus-manual");
     let (awl, toml) = (format!("{role}.awl"), format!("station-{role}.toml"));
     fs::copy(folder.join(&awl), site.path(&awl)).expect("a file of the example");
     let text = fs::read_to_string(folder.join(&toml)).expect("a file of the example");
     let text = replaced(&text, "watchdog = \"150ms\"", "watchdog = \"500ms\"").replace("serial:", "pty:");
-    // A delay time in which a partner surely answers, however busy the machine.
+    // A delay time long enough for a partner on a busy machine.
     let text = text.replace("wait_ms = 500", "wait_ms = 3000");
     site.write(&toml, &if ascii { replaced(&text, "-rtu", "-ascii") } else { text });
     let station = site.run(&toml).until_run();
@@ -35,7 +35,7 @@ fn lines(text: &str) -> Vec<Value> {
     text.lines().map(|line| serde_json::from_str(line).unwrap_or_else(|why| panic!("{why}: {line}"))).collect()
 }
 
-/// Our slave asked by a library's master for all there is.
+/// A library's master reads everything from our slave.
 fn slave_of(library: &str, ascii: bool) {
     let site = Site::new();
     let slave = station(&site, "slave", ascii);
@@ -58,7 +58,7 @@ fn slave_of(library: &str, ascii: bool) {
     assert!(said.status.success(), "{text}{}", String::from_utf8_lossy(&said.stderr));
     let steps = lines(&text);
     assert_eq!(steps.last().expect("steps")["done"], Value::from(steps.len() - 1), "{text}");
-    // What the last whole reading was compared with, as the CPU has it.
+    // The CPU's values at the last complete read.
     let first = if library == "pymodbus" { 0xBEEF_A2A3 } else { 0xA0A1_8223 };
     let cells = slave.cells(&["ED0", "EW6"]);
     assert_eq!(cells[1], 0x1234);
@@ -86,7 +86,7 @@ fn minimalmodbus_asks_our_slave_in_ascii() {
     slave_of("minimalmodbus", true);
 }
 
-/// mbpoll (libmodbus): its own words for what it has read.
+/// mbpoll (libmodbus): checks its output.
 #[test]
 fn mbpoll_asks_our_slave() {
     let site = Site::new();
@@ -144,7 +144,7 @@ impl Partner {
         fs::read_to_string(&self.out).unwrap_or_default().contains("ready")
     }
 
-    /// Ends it; what was written into it.
+    /// Ends it; returns the values written to it.
     fn end(mut self) -> Value {
         drop(self.input.take());
         self.process.wait("the partner");
@@ -153,7 +153,7 @@ impl Partner {
     }
 }
 
-/// One order of FC 0; what FC 1 has brought.
+/// One order of FC 0; returns the data of FC 1.
 fn transact(master: &Running, request: &[u8]) -> Vec<u8> {
     for (n, byte) in request.iter().enumerate() {
         master.set(&format!("DB10.DBB{n}"), i64::from(*byte));
@@ -167,7 +167,7 @@ fn transact(master: &Running, request: &[u8]) -> Vec<u8> {
     (0..length).map(|n| master.cell(&format!("DB11.DBB{n}")) as u8).collect()
 }
 
-/// Our master asks a library's slave.
+/// Our master reads from and writes to a library's slave.
 fn master_of(library: &str, ascii: bool) {
     let site = Site::new();
     let master = station(&site, "master", ascii);
@@ -185,7 +185,7 @@ fn master_of(library: &str, ascii: bool) {
         (&[5, 2, 0, 0, 0, 9], &[5, 2, 2, 0x49, 0]),
         (&[5, 3, 1, 0xFF, 0, 2], &[5, 0x83, 2]),
         (&[5, 5, 0, 3, 0xFF, 0], &[5, 5, 0, 3, 0xFF, 0]),
-        // "Only write commands may be sent as broadcast", and no answer is waited for.
+        // "Only write commands may be sent as broadcast", without waiting for an answer.
         (&[0, 6, 0, 4, 0xBE, 0xEF], &[]),
         (&[5, 3, 0, 4, 0, 1], &[5, 3, 2, 0xBE, 0xEF]),
     ];
@@ -227,14 +227,14 @@ impl Cp341 {
         let text = fs::read_to_string(folder.join("station.toml")).expect("a file of the example");
         let text = replaced(&text, "watchdog = \"150ms\"", "watchdog = \"500ms\"");
         let text = replaced(&text, "pty:modbus-ascii.pty", &format!("pty:{LINE}"));
-        // A time in which a partner surely answers, however busy the machine.
+        // A time long enough for a partner on a busy machine.
         site.write("station.toml", &replaced(&text, "response_timeout_ms = 2000", "response_timeout_ms = 10000"));
         let station = site.run("station.toml").until_run();
         station.until("the pty", |_| site.path(LINE).exists().then_some(()));
         Self { station }
     }
 
-    /// One job: the destination block, or the STATUS that the program has saved.
+    /// One job: returns the destination block, or the STATUS saved by the program.
     fn job(&self, source: &[u8]) -> Result<Vec<u8>, i64> {
         for (at, byte) in (10..).zip(source) {
             self.station.set(&format!("DB42.DBB{at}"), i64::from(*byte));
@@ -253,10 +253,10 @@ impl Cp341 {
     }
 }
 
-/// What a job brings: the data in the receive block, or STATUS.
+/// The result of a job: the data in the receive block, or STATUS.
 type Answer<'a> = Result<&'a [u8], i64>;
 
-/// Every function code that pymodbus has, through P_SND_RK and P_RCV_RK of the manual's program.
+/// Every function code of pymodbus, through P_SND_RK and P_RCV_RK of the manual's program.
 #[test]
 fn the_cp_341_asks_pymodbus() {
     let site = Site::new();
@@ -279,7 +279,7 @@ fn the_cp_341_asks_pymodbus() {
         (&[5, 5, 0, 3, 0xFF, 0], Ok(&[])),
         // "Illegal data address"
         (&[5, 3, 1, 0xFF, 0, 2], Err(0x0E62)),
-        // pymodbus has registers of 16 bits only. [S4 L844]
+        // pymodbus has only 16-bit registers. [S4 L844]
         (&[5, 0x43, 0, 0, 0, 2], Err(0x0E52)),
         (&[0, 6, 0, 4, 0xBE, 0xEF], Ok(&[])),
         (&[5, 3, 0, 4, 0, 1], Ok(&[0xBE, 0xEF])),

@@ -1,4 +1,4 @@
-//! MQTT of a station that runs: mosquitto as the broker, paho and Eclipse Tahu's Sparkplug B as the other end.
+//! MQTT of a running station: mosquitto as the broker, paho and Eclipse Tahu's Sparkplug B as the partner.
 
 mod common;
 
@@ -40,7 +40,7 @@ fn values_are_told_when_they_change() {
     station.set("MW 20", 321);
     let told = listener.until("the change", |said| (said["payload"]["value"] == 321).then(|| said.clone()));
     assert_eq!(told["topic"], "ob1/mq-values/MW20");
-    // Who comes later finds the last values.
+    // A late subscriber gets the last values.
     let late = Listener::start(&site, broker.port, "ob1/mq-values/MW20");
     assert!(
         late.until("kept", |said| (said["payload"]["value"] == 321).then(|| said["retain"].as_bool())).unwrap_or(false)
@@ -51,7 +51,7 @@ fn values_are_told_when_they_change() {
     });
 }
 
-/// The broker ends again and again while values change: each has its number, and none is missing.
+/// The broker is stopped repeatedly while values change: each has a number, and none is missing.
 #[test]
 fn a_broker_that_comes_and_goes_loses_nothing() {
     let site = Site::new();
@@ -70,7 +70,7 @@ fn a_broker_that_comes_and_goes_loses_nothing() {
     hear(10, "the first values");
     for round in 0..5 {
         broker.end();
-        // Values go on changing while nobody takes them.
+        // Values continue to change without a broker.
         station.scans(100);
         broker.begin();
         hear(20, &format!("after the broker was gone {round} times"));
@@ -88,7 +88,7 @@ fn commands_are_written_by_right_alone() {
     let site = Site::new();
     let broker = Broker::start(&site);
     let mut listener = Listener::start(&site, broker.port, "ob1/mq-set/#");
-    // Said before anybody is there, and kept: it must not be carried out.
+    // A retained command from before the connection: it must not be executed.
     listener.say(&json!({ "topic": "ob1/mq-set/MW20/set", "payload": 666, "retain": true }));
     let keys = "rights = \"write\"\npublish = [\"MW20\"]\ncommands = [\"MW20\", \"DB10.text\"]\n";
     let station = station(&site, "mq-set", &link(broker.port, keys));
@@ -114,7 +114,7 @@ fn commands_are_written_by_right_alone() {
     assert_eq!(station.interrupt().code(), Some(0));
 }
 
-/// Births, deaths, sequence numbers, and after a break what was missed, as historical values.
+/// Births, deaths, sequence numbers, and after an interruption the missed values as historical ones.
 #[test]
 fn sparkplug_is_whole_after_a_break() {
     let site = Site::new();
@@ -155,7 +155,7 @@ fn sparkplug_is_whole_after_a_break() {
     broker.end();
     for value in [1001, 1002, 1003] {
         station.set("MW 20", value);
-        // Longer than the link looks away, by the scans of the CPU.
+        // Longer than the sampling interval of the link, in scans of the CPU.
         station.scans(200);
     }
     broker.begin();

@@ -1,5 +1,5 @@
-//! OPC UA of a station that runs, by a client nobody here wrote: asyncua. What it reads is what `ob1 get` says, what it
-//! writes arrives, and without the right nothing does.
+//! OPC UA of a running station with the foreign client asyncua: it reads the same values as `ob1 get`, its writes
+//! arrive, and without the right they are refused.
 
 mod common;
 
@@ -133,7 +133,7 @@ fn writes_and_methods_go_by_the_right_of_the_user() {
     let words = user("bert");
     let mut bert = connected(&site, port, &words.each_ref().map(String::as_str));
     let mut nobody = connected(&site, port, &[]);
-    // Bit memory begins anew with a restart, data blocks do not.
+    // A restart clears bit memory, but not data blocks.
     for client in [&mut bert, &mut nobody] {
         assert_eq!(client.done(&json!({ "op": "read", "ids": ["DB10.number"] }))["values"], json!([-9]));
         assert_eq!(client.ask(&write("DB10.number", "Int16", json!(0)))["error"], "BadUserAccessDenied");
@@ -147,7 +147,7 @@ fn writes_and_methods_go_by_the_right_of_the_user() {
     for what in ["\"login\"", "write MW30 = 4711", "command Stop", "\"anna\"", "wrong name or password"] {
         assert!(log.contains(what), "{what}: {log}");
     }
-    // Who lacked the right stands there too, with what was tried.
+    // Refused attempts are also logged.
     let lines: Vec<Value> = log.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
     for (user, what) in
         ["bert", "-"].into_iter().flat_map(|user| [(user, "write DB10.number = 0"), (user, "command Stop")])
@@ -161,7 +161,7 @@ fn writes_and_methods_go_by_the_right_of_the_user() {
     assert_eq!(station.interrupt().code(), Some(0));
 }
 
-/// A second client nobody here wrote, node-opcua: browses, reads, writes, calls, subscribes, with and without security.
+/// A second foreign client, node-opcua: browses, reads, writes, calls, subscribes, with and without security.
 #[test]
 fn another_client_does_the_same() {
     let site = Site::new();
@@ -252,7 +252,7 @@ fn changes_and_events_are_told_and_the_server_comes_back() {
     client.done(&json!({ "op": "watch", "ids": ["MW20", "M10.0"], "every": 50 }));
     let first = client.done(&json!({ "op": "changes", "count": 2 }))["changes"].clone();
     assert!(first.as_array().is_some_and(|all| all.contains(&json!(["MW20", 0]))), "{first}");
-    // Bits beside it and other words do not concern it.
+    // Neighbouring bits and other words do not affect it.
     station.set("M 10.1", 1);
     station.set("MW 22", 7);
     for value in [1, 2, 3] {
@@ -269,7 +269,7 @@ fn changes_and_events_are_told_and_the_server_comes_back() {
     }
     drop(client);
 
-    // Killed, it comes back, and a client finds the same.
+    // After a kill it is restarted, and a client finds the same values.
     let (_, gate) = gate(&station);
     gate.signal(Signal::KILL);
     gate.wait("the gate has ended");
@@ -280,7 +280,7 @@ fn changes_and_events_are_told_and_the_server_comes_back() {
     assert_eq!(station.interrupt().code(), Some(0));
 }
 
-/// Noise, half messages, giants, and more than there is room for: refused, and the others go on.
+/// Noise, incomplete messages, huge ones, and too many requests: refused, and other clients continue.
 #[test]
 fn hostile_input_changes_nothing() {
     let site = Site::new();

@@ -1,7 +1,7 @@
-//! A partner that is not ours: the Python script of `tests/peers`, written from the manual alone, talks 3964R to
-//! station B of the demo, whose program sends back what it receives.
+//! An independent partner: the Python script in `tests/peers`, written only from the manual, uses 3964R with station B
+//! of the demo, whose program sends back everything it receives.
 //!
-//! Each test lets the partner go wrong in one way, and looks at what both sides say of it: the partner's events, the
+//! In each test the partner makes one error, and the test checks the results on both sides: the partner's events, the
 //! station's DB 20.
 
 mod common;
@@ -28,12 +28,12 @@ fn echo(site: &Site, priority: &str) -> Running {
     b
 }
 
-/// The priority that is left for the other one.
+/// The priority of the other side.
 fn other(priority: &str) -> &'static str {
     if priority == "high" { "low" } else { "high" }
 }
 
-/// The station's ledger as soon as so many echoes are done, and none is under way.
+/// The station's ledger after this many completed echoes, with none running.
 fn done(b: &Running, echoes: i64) -> Ledger {
     b.until("the echo is done", |b| {
         let ledger = Ledger::of_b(b);
@@ -41,7 +41,7 @@ fn done(b: &Running, echoes: i64) -> Ledger {
     })
 }
 
-/// Ends both; returns what the partner has seen.
+/// Ends both; returns the events of the partner.
 fn end(b: Running, partner: Partner, ledger: &Ledger) -> Events {
     let events = partner.end();
     assert_eq!((ledger["PAFE_SEND"], ledger["PAFE_RECEIVE"], ledger["SYNCS"]), (0, 0, 1), "{ledger:?}");
@@ -51,7 +51,7 @@ fn end(b: Running, partner: Partner, ledger: &Ledger) -> Events {
     events
 }
 
-/// Plays steps in which so many echoes come back.
+/// Plays steps that cause this many echoes.
 fn play(priority: &str, steps: &[Value], echoes: i64) -> (Events, Ledger) {
     let site = Site::two_stations();
     let b = echo(&site, other(priority));
@@ -64,7 +64,7 @@ fn play(priority: &str, steps: &[Value], echoes: i64) -> (Events, Ledger) {
     (events, ledger)
 }
 
-/// One telegram there and back, with a fault on the way there or back.
+/// One telegram and its echo, with a fault in one of them.
 fn one_with(send: &Value, receive: &Value) -> (Events, Ledger) {
     let (mut first, mut second) = (json!({"do": "send", "text": "hello"}), json!({"do": "receive"}));
     for (step, more) in [(&mut first, send), (&mut second, receive)] {
@@ -82,7 +82,7 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Telegrams there and back, one after the other: the next when the station's program knows that its echo has arrived.
+/// Telegrams and echoes one after the other: each after the station's program knows that the previous echo has arrived.
 fn there_and_back(payloads: &[Vec<u8>]) {
     let site = Site::two_stations();
     let b = echo(&site, "low");
@@ -98,7 +98,7 @@ fn there_and_back(payloads: &[Vec<u8>]) {
     assert_eq!(events.received(), expected);
     let sent: Vec<&str> = events.all("sent").iter().filter_map(|event| event["data"].as_str()).collect();
     assert_eq!(sent, expected);
-    // Neither side had to say anything twice.
+    // Neither side had to repeat anything.
     assert!(events.refused().is_empty() && events.all("abandoned").is_empty(), "{events:#?}");
     let counts = ["RECEIVED", "STARTED", "DONE"].map(|name| ledger[name] as usize);
     assert_eq!(counts, [payloads.len(); 3], "{ledger:?}");
@@ -156,7 +156,7 @@ fn a_refused_block_is_repeated() {
     assert_eq!(events.refused(), ["nak_block"; 2], "{events:#?}");
 }
 
-/// Both want to send at the same moment: the station its echo of "first", the partner "second".
+/// Both start to send at the same time: the station its echo of "first", the partner "second".
 fn conflict(priority: &str) -> Events {
     let mut steps = vec![json!({"do": "send", "text": "first"}), json!({"do": "conflict", "text": "second"})];
     if priority == "high" {
@@ -167,8 +167,7 @@ fn conflict(priority: &str) -> Events {
     let sent: Vec<&str> = events.all("sent").iter().filter_map(|event| event["data"].as_str()).collect();
     assert_eq!(sent, [hex(b"first"), hex(b"second")], "{events:#?}");
     assert_eq!(events.received(), [hex(b"first"), hex(b"second")], "both echoes get through: {events:#?}");
-    // With a station that gives way the second telegram comes while the echo of the first is still to be sent: it
-    // waits.
+    // If the station gives way, the second telegram arrives before the echo of the first is sent: its echo waits.
     assert_eq!((ledger["RECEIVED"], ledger["BUSY"], ledger["STARTED"]), (2, 0, 2), "{ledger:?}");
     events
 }

@@ -1,4 +1,5 @@
-//! What the processes of a station may do, seen from outside; and what a driver may not, tried from inside.
+//! The privileges of the processes of a station, checked from outside; and forbidden actions of a driver, tried from
+//! inside.
 
 mod common;
 
@@ -33,7 +34,7 @@ fn a_driver_that_tries_what_is_forbidden_fails() {
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(0), "{said}");
     assert_eq!(said.lines().filter(|line| line.starts_with("refused ")).count(), 13, "{said}");
-    // With IP allowed it can listen and nothing more: the test sees the difference.
+    // With IP allowed it can listen on TCP and use UDP: this shows that the test detects the difference.
     let output = site.command(program("ob1-cp")).arg("--selftest").env("OB1_FENCE", fence("address")).output();
     let output = output.expect("it starts");
     let said = String::from_utf8_lossy(&output.stderr);
@@ -46,7 +47,7 @@ fn a_driver_that_tries_what_is_forbidden_fails() {
 #[test]
 fn drivers_lines_and_guardian_have_the_least_that_they_need() {
     let site = Site::two_stations_on_a_cable();
-    // A shell that lets a descriptor slip.
+    // A shell that passes on an open descriptor.
     let mut leaky = site.command("sh");
     let ob1 = program("ob1");
     leaky.args(["-c", "exec 9</etc/passwd; exec \"$0\" run station-a.toml"]).arg(&ob1);
@@ -106,7 +107,7 @@ fn a_station_with_a_user_runs_as_that_user_or_not_at_all() {
     for place in [site.path(""), site.path("run"), site.path("dropped.toml"), site.path("dropped.awl")] {
         chown(&place, Some(uid), Some(gid)).expect("root may");
     }
-    // The binaries of a build may lie where only root may look.
+    // The binaries of a build may be in a folder that only root can read.
     let bin = site.path("bin");
     fs::create_dir(&bin).expect("room");
     fs::set_permissions(&bin, fs::Permissions::from_mode(0o755)).expect("ours");
@@ -150,7 +151,7 @@ fn a_station_with_a_user_runs_as_that_user_or_not_at_all() {
 #[test]
 fn a_segment_has_one_driver_and_a_module_may_have_its_own_program() {
     let site = Site::two_stations_on_a_cable();
-    // Named in the station file, from its folder on.
+    // Named in the station file, relative to its folder.
     fs::copy(program("ob1-cp"), site.path("my-driver")).expect("room");
     let toml = fs::read_to_string(site.path("station-a.toml")).expect("the demo");
     site.write("station-a.toml", &replaced(&toml, "type = \"cp240\"\n", "type = \"cp240\"\ndriver = \"my-driver\"\n"));
@@ -160,7 +161,7 @@ fn a_segment_has_one_driver_and_a_module_may_have_its_own_program() {
     let driver = a.driver_process();
     let program_of = fs::read_link(format!("/proc/{}/exe", driver.pid)).expect("ours");
     assert_eq!(program_of, fs::canonicalize(site.path("my-driver")).expect("there"));
-    // A second one beside it.
+    // A second station at the same time.
     let link = fs::read_dir(&a.rundir).expect("ours").flatten().map(|entry| entry.path());
     let segment = link.into_iter().find(|path| path.extension().is_some_and(|e| e == "segment")).expect("a segment");
     let second = site.command(program("ob1-cp")).arg("--segment").arg(&segment).output().expect("it starts");

@@ -1,5 +1,5 @@
-//! A station on PROFIBUS DP whose rack is not ours: `examples/et200m/slave.py` on the pty that the process of the bus
-//! makes. Everything of `examples/et200m` is real here but the wires.
+//! A station on PROFIBUS DP with an independent rack: `examples/et200m/slave.py` on the pty that the process of the bus
+//! creates. Everything in `examples/et200m` is real here except the wires.
 
 mod common;
 
@@ -30,7 +30,7 @@ impl Plant {
         for file in ["station.toml", "ET200M.GSD", "rack.awl"] {
             site.write(file, &std::fs::read_to_string(checkout("examples/et200m").join(file)).expect("an example"));
         }
-        // A machine that is busy wakes Python late.
+        // A busy machine wakes Python late.
         let file = std::fs::read_to_string(site.path("station.toml")).expect("just written");
         let patient = [
             ("watchdog = \"200ms\"", "watchdog = \"5s\""),
@@ -79,7 +79,7 @@ fn the_rack_is_parametrised_and_exchanged_with_and_stop_switches_it_off() {
     plant.station.until("the input", |s| (s.cell("MW12") == 0x1234).then_some(()));
     plant.site.ob1(&["ctl", "station.toml", "stop"]).fine();
     plant.until_rack("outputs off", |said| said["outputs"] == "0000000000000000");
-    // In STOP it is exchanged with all the same: its watchdog is content.
+    // In STOP data exchange continues, and the watchdog does not expire.
     let before = plant.ask(&json!({}))["exchanges"].as_u64().expect("a number");
     plant.until_rack("exchange in STOP", |said| said["exchanges"].as_u64() > Some(before + 50));
     assert_eq!(plant.ask(&json!({}))["state"], "exchange");
@@ -117,7 +117,7 @@ fn a_rack_without_power_is_lost_once_and_returns_by_itself() {
     plant.station.until("OB 86 for the return", |s| (s.entries("38C4h") == 1).then_some(()));
     plant.until_rack("outputs on", |said| said["state"] == "exchange" && said["outputs"] != "0000000000000000");
     assert_eq!(plant.station.cell("MW20"), 2, "{:#?}", plant.station.diagnostics());
-    // Somebody takes a module out: its configuration is another now.
+    // A module is removed: the configuration has changed.
     plant.ask(&json!({ "power": false }));
     plant.station.until("OB 86 for the loss", |s| (s.entries("39C4h") == 2).then_some(()));
     plant.ask(&json!({ "config": "51", "power": true }));
@@ -139,7 +139,7 @@ fn what_goes_over_the_line_is_told_in_words() {
     assert_eq!(plant.station.interrupt().code(), Some(0));
 }
 
-/// `ob1 bus scan` on a pty: who is there, beside who should be.
+/// `ob1 bus scan` on a pty: the devices found, and the configured ones.
 #[test]
 fn a_scan_finds_the_rack_and_says_who_is_missing() {
     let site = Site::new();
@@ -161,19 +161,19 @@ fn a_scan_finds_the_rack_and_says_who_is_missing() {
     assert!(said[0]["name"].is_string(), "{said}");
 }
 
-/// A killed process of the bus is one failure, and is back. `cargo xtask siege bus_dp`: 200 times. (How soon is a
-/// matter of `simulation_buses`: here the rack is plugged in anew each time, by hand as it were.)
+/// A killed process of the bus causes one failure, and is restarted. `cargo xtask siege bus_dp`: 200 times.
+/// (`simulation_buses` tests the time: here the test must connect the rack again each time.)
 #[test]
 fn bus_dp() {
     let rounds = usize::try_from(rounds(3)).expect("so many");
     let plant = Plant::at_work();
     let driven = |rack: &mut Steps| rack.ask(&json!({}))["outputs"] != "0000000000000000";
-    // The buffer keeps the newest 100: the calls of OB 86 count.
+    // The buffer keeps only the newest 100 entries, so the calls of OB 86 are counted.
     for kill in 1..=rounds {
         plant.station.driver_process_of("et200m").signal(Signal::KILL);
         let calls = 2 * kill as i64;
         plant.station.until("the bus has failed", |s| (s.cell("MW20") == calls - 1).then_some(()));
-        // Its pty is another one: the rack is plugged in anew.
+        // The pty is a new one: connect the rack again.
         plant.station.until("the pty", |_| plant.site.path("rack.pty").exists().then_some(()));
         let mut rack = rack(&plant.site);
         plant.station.until("it is back", |s| (s.cell("MW20") == calls).then_some(()));

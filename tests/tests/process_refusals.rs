@@ -1,4 +1,4 @@
-//! What cannot run, and what goes wrong while it runs: each with its exit code, its reason, and nothing left behind.
+//! Stations that cannot run, and errors at run time: each with its exit code and reason, and without remains.
 
 mod common;
 
@@ -9,7 +9,7 @@ use common::site::{Site, replaced};
 use common::station::Running;
 use ob1_backplane::IoField;
 
-/// A station without a CP: a lamp that is lit in RUN, and a call when M 50.0 is set from outside.
+/// A station without a CP: a lamp that is on in RUN, and a call if M 50.0 is set from outside.
 fn station(site: &Site, plugin: &str, call: &str) {
     let toml = format!(
         "[station]\nname = \"small\"\n\n[program]\nsources = [\"small.awl\"]\n\n[[plugin]]\npath = \"{plugin}\"\n\n\
@@ -29,7 +29,7 @@ fn lamp(image: &IoField) -> bool {
     byte[0] & 1 != 0
 }
 
-/// In RUN with the lamp lit.
+/// A station in RUN with the lamp on.
 fn lit(site: &Site, args: &[&str]) -> (Running, IoField) {
     let station = site.run_with("small.toml", args, &[("RUST_BACKTRACE", "1".as_ref())]).until_run();
     let image = IoField::open(&station.rundir.join("io")).expect("the image of the process I/O");
@@ -96,7 +96,7 @@ fn a_plugin_that_panics_stops_the_cpu_and_nothing_else() {
     assert!(entry.contains("200 is no percentage"), "{entry}");
     assert_eq!(small.cell("MW60"), 200, "the runtime lives and can be asked");
 
-    // Started again it stops again, for the reason is still there; without it, it runs.
+    // Started again it stops again because the reason still exists; without the reason it runs.
     site.ob1(&["ctl", "small.toml", "run"]).fine();
     small.until("RUN: a warm restart clears M 50.0", |s| (s.status().state == "RUN").then_some(()));
     small.until("the lamp is lit", |_| lamp(&image).then_some(()));
@@ -146,7 +146,7 @@ fn a_block_that_never_returns_is_named_and_the_outputs_go_off() {
 fn a_crash_is_named_and_the_outputs_go_off() {
     let site = Site::new();
     let plugin = native::build(&site, "tests/native/scan_blocks.c", "scan_blocks.so", &[]);
-    // Some time after it was asked for, so that who asks gets his answer.
+    // Some time after the request, so that the request is answered.
     station(&site, library_path(&plugin), "SET;\nL S5T#1S;\nSE T 1;\nUN T 1;\nBEB;\nCALL FC 233;");
     let (small, image) = lit(&site, &[]);
     small.set("M50.0", 1);
@@ -159,7 +159,7 @@ fn a_crash_is_named_and_the_outputs_go_off() {
     nothing_left(&site);
 }
 
-/// Errors in OB 121 and OB 122 called each other until the stack was full.
+/// Errors in OB 121 and OB 122 that call each other until the stack is full.
 #[test]
 fn errors_in_error_obs_stop_the_cpu_and_not_the_runtime() {
     let site = Site::new();
@@ -241,7 +241,7 @@ fn a_station_runs_once() {
     a.scans(100);
     assert!(!driver.has_ended() && std::fs::symlink_metadata(site.path("null-modem.pty")).is_ok());
     assert_eq!(a.interrupt().code(), Some(0));
-    // Not running any more, the station is refused by the tools, and may run again.
+    // The tools report that the station does not run, and it can be started again.
     assert_eq!(site.ob1(&["ctl", "station-a.toml", "status"]).code, Some(5));
     assert_eq!(site.run("station-a.toml").until_run().interrupt().code(), Some(0));
 }

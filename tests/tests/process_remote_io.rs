@@ -1,5 +1,4 @@
-//! A station whose inputs and outputs lie in a coupler that is not ours: pymodbus behind TCP
-//! (`tests/peers/coupler.py`).
+//! A station with inputs and outputs in an independent coupler: pymodbus over TCP (`tests/peers/coupler.py`).
 
 mod common;
 
@@ -16,7 +15,7 @@ use ob1_tests::siege::{is_campaign, rounds};
 use rustix::process::Signal;
 use serde_json::json;
 
-/// The coupler at work.
+/// The running coupler.
 struct Coupler {
     steps: Steps,
     port: u16,
@@ -35,7 +34,7 @@ impl Coupler {
         self.steps.ask(&json!({ "set": [4, at, [value]] }));
     }
 
-    /// A holding register: what the station drives.
+    /// A holding register, which the station writes.
     fn driven(&mut self, at: u16) -> i64 {
         self.steps.ask(&json!({ "get": [3, at, 1] }))["values"][0].as_i64().expect("a number")
     }
@@ -56,7 +55,7 @@ struct Plant {
 }
 
 impl Plant {
-    /// With what the coupler senses at first.
+    /// Starts both, with the initial input of the coupler.
     fn at_work(program: &str, sensed: u16) -> Self {
         let site = Site::new();
         let coupler = Coupler::start(&site, 0);
@@ -66,7 +65,7 @@ impl Plant {
         plant
     }
 
-    /// The coupler senses this, and is driven with one more.
+    /// Sets the input, and waits until the output is one more.
     fn follows(&mut self, sensed: u16) {
         self.coupler.sense(0, sensed);
         self.coupler.until_driven(100, i64::from(sensed) + 1);
@@ -74,12 +73,12 @@ impl Plant {
 }
 
 const OB1: &str = "ORGANIZATION_BLOCK OB 1\nBEGIN\n  L EW 0;\n  L 1;\n  +I;\n  T AW 0;\nEND_ORGANIZATION_BLOCK\n";
-/// Counts its calls, and keeps the last event.
+/// Counts its calls, and stores the last event.
 const OB86: &str = "ORGANIZATION_BLOCK OB 86\nVAR_TEMP\n  CLASS : BYTE;\n  ID : BYTE;\n  REST : ARRAY [1..18] OF BYTE;\n\
     END_VAR\nBEGIN\n  L MW 10;\n  L 1;\n  +I;\n  T MW 10;\n  L #CLASS;\n  T MB 12;\n  L #ID;\n  T MB 13;\n\
     END_ORGANIZATION_BLOCK\n";
 
-/// A station that drives holding register 100 with input register 0 and one more.
+/// A station that writes input register 0 plus one to holding register 100.
 fn station(site: &Site, port: u16, program: &str) -> Running {
     site.write("line.awl", program);
     let toml = format!(
@@ -146,7 +145,7 @@ fn without_ob_86_a_lost_coupler_is_stop() {
     assert_eq!((station.entries("39C4h"), station.entries("456Fh")), (1, 1), "{:#?}", station.diagnostics());
 }
 
-/// A killed process of the bus is one failure, and is back at once. `cargo xtask siege bus`: 200 times.
+/// A killed process of the bus causes one failure, and is restarted at once. `cargo xtask siege bus`: 200 times.
 #[test]
 fn bus() {
     let rounds = i64::try_from(rounds(5)).expect("as many as MW 10 counts");
@@ -165,7 +164,7 @@ fn bus() {
     let (median, longest) = (times[times.len() / 2], times[times.len() - 1]);
     let status = plant.station.status();
     let timing = plant.station.ask(Op::Timing { histograms: false }).expect("never refused").timing;
-    // What made scans late, by what the kernel says: the exchange with the modules never did.
+    // The causes of late scans according to the kernel: never the exchange with the modules.
     let late = timing.expect("an answer to timing").late;
     let driver = late.classes.get(&Class::Driver).map_or(0, |class| class.scans);
     println!(
@@ -195,7 +194,7 @@ fn who_commissions_sees_the_coupler_and_its_telegrams() {
     assert_eq!(plant.station.interrupt().code(), Some(0));
 }
 
-/// What `ob1 bus watch` and page 5 of `ob1 top` show of the coupler on a terminal, live; they leave it as it was.
+/// `ob1 bus watch` and page 5 of `ob1 top` show the coupler on a terminal, live; they restore the terminal.
 #[test]
 fn on_a_terminal_the_coupler_is_shown_live_until_q() {
     let mut plant = Plant::at_work(&[OB1, OB86].concat(), 41);
@@ -207,7 +206,7 @@ fn on_a_terminal_the_coupler_is_shown_live_until_q() {
     ] {
         plant.follows(41);
         let mut terminal = Terminal::start(plant.site.command(program("ob1")).args(args), (24, 100));
-        // Keys before it reads single ones would be a line.
+        // Keys before it reads single keys would be read as a line.
         terminal.until("the screen", |screen| !screen.trim().is_empty());
         assert!(terminal.is_raw(), "{args:?}");
         terminal.press(keys);
@@ -218,7 +217,7 @@ fn on_a_terminal_the_coupler_is_shown_live_until_q() {
         });
         plant.follows(0x1233);
         terminal.until("what has changed", |screen| screen.contains("E 0: 1233  A 0: 1234"));
-        // Smaller, and larger: nothing is left of what stood there.
+        // Smaller, then larger: nothing remains of the old content.
         terminal.resize(10, 60);
         terminal.until("a small terminal", |screen| screen.contains("field  modbus-tcp"));
         terminal.resize(30, 120);
@@ -226,7 +225,7 @@ fn on_a_terminal_the_coupler_is_shown_live_until_q() {
         terminal.press(quit);
         assert_eq!(terminal.end().code(), Some(0), "{args:?}");
     }
-    // The end of the station is the end of the view.
+    // The view ends with the station.
     let mut command = plant.site.command(program("ob1"));
     let mut terminal = Terminal::start(command.args(["bus", "watch", "line.toml", "--every", "50ms"]), (24, 100));
     terminal.until("the screen", |screen| screen.contains("field  modbus-tcp"));
@@ -241,7 +240,7 @@ fn a_killed_runtime_leaves_no_output_on() {
     coupler.until_driven(100, 0);
 }
 
-/// `tests/peers/modbus.py` on the pty that the process of the bus makes: input word n is 1000h + n.
+/// `tests/peers/modbus.py` on the pty that the process of the bus creates: input word n is 1000h + n.
 #[test]
 fn pymodbus_is_a_coupler_on_a_serial_line() {
     let site = Site::new();
@@ -276,7 +275,7 @@ lost_after = "20s"
     let (mut slave, first) = Steps::start(&mut command);
     assert_eq!(first["ready"], true);
     station.until("the input", |s| (s.cells(&["EW0", "AW0"]) == [0x1007, 0x1008]).then_some(()));
-    // What was written last has been answered long before so many scans are over.
+    // The last write is answered long before the end of these scans.
     station.scans(400);
     assert_eq!(slave.finish()["words"][3], 0x1008);
     assert_eq!(station.interrupt().code(), Some(0));

@@ -1,4 +1,4 @@
-//! An RK 512 partner that is not ours: `tests/peers/rk512.py`, written from the manual, on the pty of station B of
+//! An independent RK 512 partner: `tests/peers/rk512.py`, written from the manual, on the pty of station B of
 //! `examples/rk512-pair`, in both roles.
 
 mod common;
@@ -11,13 +11,13 @@ use serde_json::json;
 
 const LINE: &str = "line.pty";
 
-/// Station B on a pty, synchronised with its CP, giving no orders of its own.
+/// Station B on a pty, synchronised with its CP, without own orders.
 fn station_b(site: &Site) -> Running {
     let file = example_station("examples/rk512-pair", "station-b.toml", |text| {
         replaced(&text, "serial:null-modem.pty", &format!("pty:{LINE}"))
     });
     site.write("station-b.toml", &file);
-    // It waits for the order to begin: nobody is there yet who could answer.
+    // It waits before its first order, because no partner is connected yet.
     let program = std::fs::read_to_string(checkout("examples/rk512-pair/b.awl")).expect("the program");
     site.write("b.awl", &replaced(&program, "PAUSE : BOOL; ", "PAUSE : BOOL := TRUE; "));
     let b = site.run("station-b.toml").until_run();
@@ -37,7 +37,7 @@ fn hex(bytes: &[u8]) -> String {
 }
 
 /// FC 4 serves SEND and FETCH, in one telegram and in several, sets and respects the coordination flag, and refuses
-/// what cannot be.
+/// invalid orders.
 #[test]
 fn the_station_serves_the_partner() {
     let site = Site::new();
@@ -54,7 +54,7 @@ fn the_station_serves_the_partner() {
     partner.give(&json!({"do": "put", "db": 21, "dw": 0, "data": "0102", "flag": "0604"}));
     partner.give(&json!({"do": "put", "db": 21, "dw": 0, "data": "0304", "flag": "0604"}));
     partner.give(&json!({"do": "fetch", "area": "D", "db": 21, "dw": 0, "length": 1}));
-    // No such data block, too long, no such area here, no such command, a flag that cannot be.
+    // Unknown data block, too long, unknown area, unknown command, invalid flag.
     partner.give(&json!({"do": "put", "db": 99, "dw": 0, "data": "0102"}));
     partner.give(&json!({"do": "put", "db": 21, "dw": 99, "data": "01020304"}));
     partner.give(&json!({"do": "fetch", "area": "X", "db": 21, "dw": 0, "length": 1}));
@@ -83,7 +83,7 @@ fn the_station_serves_the_partner() {
     assert_eq!(ended.code(), Some(0), "{ended:?}");
 }
 
-/// FC 3 gives orders, and is told the partner's error number; FC 4 serves at the same time.
+/// FC 3 gives orders, and gets the partner's error number; FC 4 serves at the same time.
 #[test]
 fn the_station_gives_orders_while_it_serves() {
     let site = Site::new();
@@ -93,7 +93,7 @@ fn the_station_gives_orders_while_it_serves() {
     partner.give(&json!({"do": "serve", "count": 3}));
     partner.give(&json!({"do": "serve", "refuse": "32"}));
     b.until("it knows why", |b| (b.cell("DB20.ERROR") == 1 && b.cell("DB20.LAST_ERROR") == 0x32).then_some(()));
-    // Its next order is on its way: the partner gets it while it waits for reactions to its own.
+    // Its next order is being sent: the partner gets it while waiting for the reactions to its own.
     b.until("the next order", |b| (b.cell("DB20.STARTED") == 5).then_some(()));
     b.set("DB20.PAUSE", 1);
     let block: Vec<u8> = (0..200).map(|i| (i * 5 + 1) as u8).collect();
@@ -114,7 +114,7 @@ fn the_station_gives_orders_while_it_serves() {
     assert_eq!(ended.code(), Some(0), "{ended:?}");
 }
 
-/// The example as it stands: two processes, both roles in both.
+/// The unchanged example: two processes, each in both roles.
 #[test]
 fn the_pair_of_the_example() {
     let site = Site::new();
@@ -133,7 +133,7 @@ fn the_pair_of_the_example() {
     b.set("DB20.HOLD", 0);
     let good = a.cell("DB20.GOOD");
     a.until("it goes on", |a| (a.cell("DB20.GOOD") > good + 3).then_some(()));
-    // One: the block that was accepted when B held it back, so that what A fetched was the one before.
+    // One wrong block: it was accepted when B was paused, so A fetched the previous one.
     assert_eq!((a.cell("DB20.WRONG"), a.cell("DB20.PAFE_ACTIVE"), a.cell("DB20.PAFE_PASSIVE")), (1, 0, 0));
     assert_eq!(a.cell("DB20.LAST_ERROR"), 0x32);
     for station in [a, b] {

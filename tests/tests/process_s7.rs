@@ -1,5 +1,5 @@
-//! Clients of S7 communication that nobody here wrote, on a station that runs: python-snap7 with its C++ library and
-//! its pure client, pyS7, nodes7. What they read is what `ob1 get` says, what they write arrives.
+//! Foreign clients of S7 communication with a running station: python-snap7 with its C++ library and its pure client,
+//! pyS7, nodes7. They read the same values as `ob1 get`, and their writes arrive.
 
 mod common;
 
@@ -55,7 +55,7 @@ fn values_are_those_of_the_station() {
         assert_eq!(client.ask(&json!({ "op": "read", "db": 10, "at": 9000, "bytes": 2 }))["ok"], false, "{name}");
         assert_eq!(client.done(&json!({ "op": "state" }))["value"], "RUN", "{name}");
     }
-    // Timers and counters, which pyS7 does not know.
+    // Timers and counters, which pyS7 does not support.
     for name in SNAP7 {
         let mut client = Client::start(&site, name, port);
         client.done(&json!({ "op": "write", "area": "C", "at": 4, "hex": "0123" }));
@@ -147,7 +147,7 @@ fn stop_and_start_by_right() {
         client.done(&json!({ "op": "stop" }));
         assert_eq!(client.done(&json!({ "op": "state" }))["value"], "STOP", "{name}");
         assert_eq!(with_right.status().state, "STOP", "{name}");
-        // In STOP a CPU serves: reads, and writes to bit memory.
+        // A CPU also serves in STOP: reads, and writes to bit memory.
         client.done(&json!({ "op": "write", "area": "M", "at": 22, "hex": "77" }));
         assert_eq!(hex(&client.done(&json!({ "op": "read", "area": "M", "at": 22, "bytes": 1 }))), [0x77], "{name}");
         client.done(&json!({ "op": "warm" }));
@@ -169,11 +169,11 @@ fn stop_and_start_by_right() {
         client.done(&json!({ "op": "login", "password": "secret" }));
         client.done(&json!({ "op": "stop" }));
         client.done(&json!({ "op": "warm" }));
-        // Another connection has no part in it.
+        // This does not apply to another connection.
         let mut other = Client::start(&site, name, port);
         assert_eq!(other.ask(&json!({ "op": "stop" }))["ok"], false, "{name}");
     }
-    // Last, because a wrong password makes all who come after it wait.
+    // Last, because a wrong password delays all later clients.
     let mut wrong = Client::start(&site, "native", port);
     assert_eq!(wrong.ask(&json!({ "op": "login", "password": "wrong" }))["ok"], false);
     assert_eq!(wrong.ask(&json!({ "op": "stop" }))["ok"], false);
@@ -188,7 +188,7 @@ fn a_flood_of_connections_keeps_nobody_out() {
     let site = Site::new();
     let (station, port) = station(&site, "s7-flood", "rights = \"read\"\nclients = 4");
     let connect = || TcpStream::connect(("127.0.0.1", port)).expect("a connection");
-    // Half-open ones that say nothing, and silent ones that say whom they want and nothing more.
+    // Half-open connections without data, and connections that are silent after the connection request.
     let half_open: Vec<TcpStream> = (0..300).map(|_| connect()).collect();
     let mut silent: Vec<TcpStream> = (0..100).map(|_| connect()).collect();
     let call = [3, 0, 0, 22, 17, 0xE0, 0, 0, 0, 1, 0, 0xC0, 1, 10, 0xC1, 2, 1, 0, 0xC2, 2, 2, 2];
@@ -206,14 +206,14 @@ fn a_flood_of_connections_keeps_nobody_out() {
         client.read_exact(&mut answer).ok()?;
         (answer[5] == 0xD0).then_some(())
     });
-    // The one that is kept for a programming device.
+    // The connection reserved for a programming device.
     let mut client = Client::start(&site, "native", port);
     assert_eq!(client.done(&json!({ "op": "state" }))["value"], "RUN");
     drop((half_open, silent, client));
     assert_eq!(station.interrupt().code(), Some(0));
 }
 
-/// Counters that count together, and a word that counts the scans in which they did not agree.
+/// Counters that count together, and a word that counts the scans in which they differed.
 const COUNTERS: &str = "
 ORGANIZATION_BLOCK OB 1
 VAR_TEMP
@@ -244,8 +244,8 @@ GOOD: NOP   0;
 END_ORGANIZATION_BLOCK
 ";
 
-/// Timers, counters and peripheral values are values of their own, each an entry: however many a telegram has, they
-/// come from one scan, and are written between two.
+/// Each timer, counter and peripheral value is a separate entry: all of a telegram are read in one scan, and written
+/// between two scans.
 #[test]
 fn two_hundred_counters_are_read_and_written_whole() {
     let (site, port) = (Site::new(), free_port());

@@ -1,5 +1,5 @@
-//! A station of family 400 with the SFB of S7 communication and SFC 62, beside one of family 300: four areas in one
-//! job, a BSEND as long as only an S7-400 sends it, and what AG_SEND and AG_RECV may there.
+//! A station of family 400 with the SFB of S7 communication and SFC 62, with one of family 300: four areas in one job,
+//! a BSEND with a length only possible on an S7-400, and the limits of AG_SEND and AG_RECV there.
 
 mod common;
 
@@ -32,7 +32,7 @@ fn station(site: &Site, name: &str, family: u16, port: u16, connections: &[Strin
     site.run(&format!("{name}.toml")).until_run()
 }
 
-/// A of family 400, B of family 300.
+/// Station A of family 400, B of family 300.
 fn pair(site: &Site) -> (Running, Running) {
     let (of_a, of_b) = (free_port(), free_port());
     let b = station(
@@ -62,7 +62,7 @@ fn pair(site: &Site) -> (Running, Running) {
     (a, b)
 }
 
-/// An edge at this bit, again and again until the cells say what they should.
+/// Gives edges at this bit until the cells have the wanted values.
 fn until_cells(station: &Running, (of, bit): (&Running, &str), cells: &[&str], wanted: &[i64]) {
     let what = format!("{bit} makes {cells:?} {wanted:?}");
     let mut on = false;
@@ -93,8 +93,8 @@ fn four_areas_go_there_and_back() {
     let received = back(2);
     until_cells(&a, (&a, "M 10.1"), &received.each_ref().map(String::as_str), &values);
 
-    // SFC 62: SFB 8 by its instance, SFB 14 as a multi-instance, a shared data block, an offset behind the end, an
-    // instance that nobody has called.
+    // SFC 62: SFB 8 by its instance, SFB 14 as a multi-instance, a shared data block, an offset after the end, an
+    // instance that was never called.
     a.until("CONTROL has asked", |a| (a.cells(&["M 42.1", "M 52.1"]) == [1, 1]).then_some(()));
     assert_eq!(a.cells(&["MW 40", "M 42.0", "MW 44", "MB 46", "MB 47"]), [0, 0, 0, 0x00, 1]);
     assert_eq!(a.cells(&["MW 50", "M 52.0", "MW 54", "MB 56", "MB 57"]), [0, 0, 0, 0x06, 1]);
@@ -113,21 +113,21 @@ fn a_long_bsend_and_the_limits_of_both_families() {
     for (cell, value) in [("DB4.DBW 0", 0x1234), ("DB4.DBW 32768", 0x4321), ("DB4.DBW 65532", 0x7788)] {
         a.set(cell, value);
     }
-    // LEN = 0: all 65534 bytes, which are more than 255 parts of this PDU and more than an S7-300 sends.
+    // LEN = 0: all 65534 bytes, which are more than 255 parts with this PDU and more than an S7-300 can send.
     until_cells(&b, (&a, "M 10.2"), &["DB5.DBW 0", "DB5.DBW 32768", "DB5.DBW 65532"], &[0x1234, 0x4321, 0x7788]);
     assert_eq!(b.cells(&["MW 16"]), [0xFFFE]);
     until_cells(&b, (&b, "M 10.0"), &["MW 32"], &[4]);
     b.set("MW 30", 1000);
     until_cells(&a, (&b, "M 10.0"), &["MW 34"], &[1000]);
 
-    // AG_SEND carries 240 bytes on an S7-400, AG_LSEND more.
+    // AG_SEND sends 240 bytes on an S7-400, AG_LSEND more.
     a.set("MW 80", 241);
     until_cells(&a, (&a, "M 10.3"), &["MW 84"], &[0x8185]);
     a.set("MW 80", 240);
     until_cells(&b, (&a, "M 10.3"), &["MW 50"], &[240]);
     a.set("MW 86", 1000);
     until_cells(&b, (&a, "M 10.4"), &["MW 56"], &[1000]);
-    // AG_RECV takes as many there, AG_LRECV more.
+    // AG_RECV receives the same number there, AG_LRECV more.
     b.set("MW 40", 240);
     until_cells(&a, (&b, "M 10.1"), &["MW 94"], &[240]);
     b.set("MW 40", 241);
@@ -138,7 +138,7 @@ fn a_long_bsend_and_the_limits_of_both_families() {
     }
 }
 
-/// An S7-300 does not have these blocks, although the plugin brings them.
+/// An S7-300 does not have these blocks, although the plugin contains them.
 #[test]
 fn an_s7_300_does_not_have_them() {
     let site = Site::new();
@@ -162,7 +162,7 @@ fn an_s7_300_does_not_have_them() {
     assert_eq!(code, Some(1), "{told}");
     assert!(told.contains("SFC 62 CONTROL is a block of an S7-400") && told.contains("FC 62 C_CNTRL"), "{told}");
     assert_eq!(check(400, "", PLUGIN).0, Some(0));
-    // Whoever asks for it has it.
+    // With the library they are available.
     assert_eq!(check(300, "libraries = [\"S7-400\"]", PLUGIN).0, Some(0));
     let (code, told) = check(400, "", "");
     assert_eq!(code, Some(1), "{told}");

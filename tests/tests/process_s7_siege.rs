@@ -1,5 +1,5 @@
-//! Sieges of the S7 link: its process is killed, flooded, fed with damaged sessions; values are read while the program
-//! writes them. Short here; `cargo xtask siege s7_sessions s7_torn` makes them long.
+//! Sieges of the S7 link: its process is killed, flooded, attacked with damaged sessions; values are read while the
+//! program writes them. Short here; long runs with `cargo xtask siege s7_sessions s7_torn`.
 
 mod common;
 
@@ -15,13 +15,13 @@ use ob1_tests::s7_raw::{CALL, Raw, SETUP, read_job};
 use ob1_tests::siege::{mutate, rounds};
 use rustix::process::{Resource, Rlimit, Signal, getrlimit, setrlimit};
 
-/// A value of DB 10, as the first word there.
+/// Reads the first word of DB 10.
 fn works(raw: &mut Raw) -> std::io::Result<bool> {
     raw.0.write_all(&read_job(7, 0, 2))?;
     Ok(raw.frame()?.ends_with(&[0x12, 0x34]))
 }
 
-/// Until a new client gets what it asks for.
+/// Waits until a new client is served.
 fn until_served(station: &Running, port: u16, what: &str) -> Raw {
     station.until(what, |_| {
         let mut raw = Raw::open(port).ok()?;
@@ -34,7 +34,7 @@ fn link_of(station: &Running) -> Watched {
     station.until("the process of the link", |station| {
         let task = format!("/proc/{0}/task/{0}/children", station.process.pid);
         let all = std::fs::read_to_string(task).unwrap_or_default();
-        // Any thread may have started it.
+        // It may have been started by any thread.
         let threads = std::fs::read_dir(format!("/proc/{}/task", station.process.pid)).ok()?;
         let more = threads.flatten().filter_map(|t| std::fs::read_to_string(t.path().join("children")).ok());
         let children: Vec<u32> = std::iter::once(all)
@@ -47,14 +47,14 @@ fn link_of(station: &Running) -> Watched {
     })
 }
 
-/// Kibibytes it has in memory.
+/// Resident memory in KiB.
 fn resident(process: &Watched) -> u64 {
     let status = std::fs::read_to_string(format!("/proc/{}/status", process.pid)).expect("a living process");
     let line = status.lines().find(|line| line.starts_with("VmRSS:")).expect("a process has memory");
     line.split_whitespace().nth(1).and_then(|number| number.parse().ok()).expect("a number")
 }
 
-/// The process is killed in the middle of everything: the scan goes on, the next process serves.
+/// The process is killed at any time: the scan continues, the next process serves.
 #[test]
 fn s7_kill() {
     let site = Site::new();
@@ -65,7 +65,7 @@ fn s7_kill() {
         let link = link_of(&station);
         link.signal(Signal::KILL);
         link.wait("killed");
-        // Its connections go with it.
+        // Its connections end with it.
         assert!(!works(&mut client).unwrap_or(false));
         until_served(&station, port, "the next process serves");
         assert!(station.status().scans > scans, "the scan goes on");
@@ -74,7 +74,8 @@ fn s7_kill() {
     assert_eq!(station.interrupt().code(), Some(0));
 }
 
-/// A thousand that never say whom they want, and a thousand that say nothing more: one who works gets in.
+/// A thousand connections without a connection request, and a thousand that are silent after it: a working client is
+/// served.
 #[test]
 fn s7_flood() {
     let limit = getrlimit(Resource::Nofile);
@@ -85,7 +86,7 @@ fn s7_flood() {
     let link = link_of(&station);
     let mut worker = until_served(&station, port, "a client is served");
     let before = resident(&link);
-    // What the process closes in between is closed: each is opened all the same.
+    // The process may close connections meanwhile: all are opened nevertheless.
     let open = |call: bool| {
         let mut stream = TcpStream::connect(("127.0.0.1", port)).expect("the kernel accepts");
         if call {
@@ -105,8 +106,8 @@ fn s7_flood() {
     assert_eq!(station.interrupt().code(), Some(0));
 }
 
-/// Sessions with damage in any place: the process lives, its memory stays, whoever comes next is served, and without
-/// the right nothing has changed.
+/// Sessions damaged at any place: the process survives, its memory does not grow, the next client is served, and
+/// without the right nothing is changed.
 #[test]
 fn s7_sessions() {
     let site = Site::new();
@@ -130,7 +131,7 @@ fn s7_sessions() {
     let mut first = None;
     for seed in 0..count {
         let mut random = SplitMix64::new(seed);
-        // The call itself is damaged in one of eight.
+        // In one of eight the connection request itself is damaged.
         let damaged = match random.below(8) {
             0 => mutate(&mut random, &whole, list),
             _ => {
@@ -138,7 +139,7 @@ fn s7_sessions() {
                 [head, &mutate(&mut random, rest, &read)].concat()
             }
         };
-        // The place of one before may be taken for a moment.
+        // A previous connection may still be in use for a short time.
         let mut stream = TcpStream::connect(("127.0.0.1", port)).expect("the kernel accepts");
         let _ = stream.write_all(&damaged);
         let _ = stream.shutdown(std::net::Shutdown::Write);
@@ -158,7 +159,7 @@ fn s7_sessions() {
     assert_eq!(station.interrupt().code(), Some(0));
 }
 
-/// 200 bytes that the program writes in each scan, all with one number: every PDU has one number.
+/// 200 bytes that the program writes in each scan, all with the same number: every PDU must contain a single number.
 const DATA: &str = "
 DATA_BLOCK DB 10
 STRUCT
@@ -167,7 +168,7 @@ END_STRUCT
 BEGIN
 END_DATA_BLOCK
 ";
-/// Behind the counting.
+/// The program after the counting.
 const REST: &str = "\
       L     0;
       T     LD 20;
@@ -204,7 +205,7 @@ fn s7_torn() {
     }
     for done in 0..count {
         let frame = raw.frame().expect("an answer");
-        // TPKT 4, COTP 3, head 12, function and count 2, code 1, transport 1, length 2.
+        // TPKT 4, COTP 3, header 12, function and count 2, code 1, transport 1, length 2.
         let words = frame.get(25..225).expect("200 bytes").as_chunks::<2>().0;
         assert!(words.iter().all(|word| word == &words[0]), "torn after {done}: {words:02X?}");
         if last != Some(words[0]) {
@@ -213,7 +214,7 @@ fn s7_torn() {
         }
         raw.0.write_all(&read_job(8, 0, 200)).expect("room");
     }
-    // It was really written meanwhile.
+    // The values have changed meanwhile.
     assert!(numbers > 10, "{numbers} different numbers in {count} reads");
     println!("{count} PDUs, {numbers} different numbers, none torn");
     assert_eq!(station.interrupt().code(), Some(0));

@@ -1,4 +1,4 @@
-//! Wireshark's dissectors read everything the S7 link says.
+//! Wireshark's dissectors can read all telegrams of the S7 link.
 
 mod common;
 
@@ -21,7 +21,7 @@ fn no_answer_is_malformed() {
         client.done(&json!({ "op": "write", "db": 10, "at": 41, "hex": "010203" }));
         client.done(&json!({ "op": "bit", "area": "M", "at": 30, "bit": 5, "value": true }));
         client.done(&json!({ "op": "multi", "items": [["DB", 10, 0, 2], ["DB", 10, 3, 1], ["M", 0, 20, 5]] }));
-        // What is refused is well-formed, too.
+        // Refusals are also well-formed.
         assert_eq!(client.ask(&json!({ "op": "read", "db": 99, "at": 0, "bytes": 2 }))["ok"], false);
         for (id, index) in [(0x0000, 0), (0x0011, 0), (0x001C, 0), (0x0131, 1), (0x0232, 4), (0x0424, 0), (0x00A0, 0)] {
             client.done(&json!({ "op": "szl", "id": id, "index": index }));
@@ -49,12 +49,12 @@ fn no_answer_is_malformed() {
     assert!(answers.len() > 50, "{} answers were found", answers.len());
     let malformed = tshark(&file, "tcp.srcport == 102 && _ws.malformed");
     assert!(malformed.is_empty(), "{malformed:#?}");
-    // Every packet of ours is ISO on TCP to its end.
+    // Every packet of ours is completely ISO on TCP.
     let strange = tshark(&file, "tcp.srcport == 102 && !tpkt");
     assert!(strange.is_empty(), "{strange:#?}");
 }
 
-/// The judge finds what is wrong.
+/// tshark detects errors.
 #[test]
 fn a_damaged_answer_is_found_malformed() {
     use std::io::{Read as _, Write as _};
@@ -63,7 +63,7 @@ fn a_damaged_answer_is_found_malformed() {
     let between = Between::listen(server.local_addr().expect("an address").port());
     let mut client = std::net::TcpStream::connect(("127.0.0.1", between.port)).expect("a connection");
     let (mut accepted, _) = server.accept().expect("a connection");
-    // A read, and an answer that says it has more data than it has.
+    // A read, and an answer that claims more data than it contains.
     let job = ob1_tests::s7_raw::read_job(1, 0, 2);
     client.write_all(&job).expect("sent");
     accepted.read_exact(&mut vec![0; job.len()]).expect("it comes");
@@ -77,7 +77,7 @@ fn a_damaged_answer_is_found_malformed() {
     assert_eq!(tshark(&file, "_ws.malformed").len(), 1);
 }
 
-/// What `ob1 trace` hears of a link, as text and for Wireshark.
+/// The output of `ob1 trace` for a link, as text and for Wireshark.
 #[test]
 fn a_trace_shows_telegrams() {
     let site = Site::new();
@@ -87,7 +87,7 @@ fn a_trace_shows_telegrams() {
     let output = std::fs::File::create(site.path("trace.txt")).expect("a file");
     let mut tracing = command.stdout(output).spawn().expect("ob1 starts");
     let mut client = Client::start(&site, "native", port);
-    // The tap lets listeners in within a moment.
+    // The tap accepts listeners after a short time.
     station.until("telegrams are told", |_| {
         client.done(&json!({ "op": "read", "db": 10, "at": 0, "bytes": 2 }));
         let text = std::fs::read_to_string(site.path("trace.txt")).ok()?;

@@ -1,5 +1,6 @@
-//! The scan allocates nothing and makes no system call but the few it may, plugins included, while telegrams flow and a
-//! driver is killed. For each of the two guards a block that breaks the rule proves that it can fail.
+//! The scan, including plugins, allocates nothing and makes only the permitted system calls, while telegrams are
+//! transferred and a driver is killed. For each of the two checks a block that violates the rule proves that the check
+//! can fail.
 
 mod common;
 
@@ -12,7 +13,7 @@ use common::site::Site;
 use common::station::Running;
 use rustix::process::Signal;
 
-/// Station A with a call when M 200.0 is set, of a block of `tests/native/scan_blocks.c`.
+/// Station A that calls a block of `tests/native/scan_blocks.c` if M 200.0 is set.
 fn with_call(site: &Site, block: &str) {
     let plugin = native::build(site, "tests/native/scan_blocks.c", "scan_blocks.so", &[]);
     let awl = fs::read_to_string(site.path("a.awl")).expect("the program");
@@ -22,7 +23,7 @@ fn with_call(site: &Site, block: &str) {
     site.write("station-a.toml", &format!("{toml}\n[[plugin]]\npath = \"{}\"\n", plugin.display()));
 }
 
-/// A driver is killed, and telegrams flow again.
+/// Kills a driver, and waits until telegrams are transferred again.
 fn kill_driver(station: &Running, a: &Running) {
     let driver = station.driver_process();
     driver.signal(Signal::KILL);
@@ -31,7 +32,7 @@ fn kill_driver(station: &Running, a: &Running) {
     ledger::flow(a, 5);
 }
 
-/// What tools ask is answered by the scan, too.
+/// Requests of tools are also answered by the scan.
 fn ask_everything(station: &Running) {
     station.set("MB210", 7);
     assert_eq!(station.cells(&["MB210", "DB20.STATE", "PEW0", "T2", "DB10.DBX20.0"])[0], 7);
@@ -75,7 +76,7 @@ fn the_scan_allocates_nothing() {
         assert!(after.1 > before.1, "the counter lives");
     }
 
-    // The counter does see an allocation in a plugin: two calls a scan.
+    // The counter detects an allocation in a plugin: two calls in each scan.
     let (before, _) = of_a.read();
     a.set("M200.0", 1);
     a.scans(100);
@@ -99,7 +100,7 @@ fn the_scan_makes_no_system_call_it_may_not() {
         kill_driver(station, &a);
         station.scans(2500);
     }
-    // Also not on the way through STOP.
+    // Also none during STOP.
     site.ob1(&["ctl", "station-a.toml", "stop"]).fine();
     a.until("STOP", |a| (a.status().state == "STOP").then_some(()));
     site.ob1(&["ctl", "station-a.toml", "run"]).fine();
@@ -107,7 +108,7 @@ fn the_scan_makes_no_system_call_it_may_not() {
     ledger::flow(&a, 20);
     assert_eq!(b.interrupt().code(), Some(0));
 
-    // The fence does fall on a plugin that asks the kernel for something.
+    // The system call filter also applies to a plugin.
     let driver = a.driver_process();
     a.try_set("M200.0", 1);
     let ended = a.end();

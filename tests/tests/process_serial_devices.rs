@@ -11,7 +11,7 @@ use common::site::{Site, replaced};
 use common::station::Running;
 use common::{checkout, python};
 
-/// An example's files in a place of their own, with patience for a busy machine.
+/// The files of an example in their own folder, with times long enough for a busy machine.
 fn example(name: &str) -> Site {
     let site = Site::new();
     for entry in fs::read_dir(checkout("examples").join(name)).expect("the example") {
@@ -39,10 +39,10 @@ fn a_barcode_reader() {
     let read = site.command(python()).args(["reader.py", "reader.pty"]).args(codes).output().expect("Python starts");
     let said = String::from_utf8(read.stdout).expect("text");
     assert!(read.status.success(), "{said}");
-    // The last one is too short to be a code.
+    // The last one is too short for a code.
     let answers: Vec<&str> = said.lines().filter_map(|line| line.split(' ').nth(1)).collect();
     assert_eq!(answers, ["ACK", "NAK", "ACK", "NAK"], "{said}");
-    // A reader that had to repeat is counted twice.
+    // A repeated reading is counted twice.
     let [good, bad] = [station.cell("DB20.GOOD"), station.cell("DB20.BAD")];
     assert!(good >= 2 && bad >= 2, "{good} good, {bad} bad");
     let last: Vec<u8> = (0..13).map(|n| station.cell(&format!("DB20.LAST[{n}]")) as u8).collect();

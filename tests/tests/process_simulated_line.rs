@@ -13,7 +13,7 @@ use common::site::{PATIENT, Site, replaced};
 use common::station::Running;
 use rustix::process::Signal;
 
-/// The example, in a place of its own; `edit` changes the tables of the line.
+/// The example in its own folder; `edit` changes the tables of the line.
 fn example(edit: impl Fn(String) -> String) -> Site {
     let site = Site::two_stations();
     for name in ["station-a.toml", "station-b.toml"] {
@@ -29,7 +29,7 @@ fn start(site: &Site) -> (Running, Running) {
     (site.run("station-a.toml").until_run(), site.run("station-b.toml").until_run())
 }
 
-/// The processes that are lines.
+/// The processes that simulate lines.
 fn hubs(site: &Site) -> Vec<Watched> {
     let is_hub = |process: &Watched| {
         let line = fs::read(format!("/proc/{}/cmdline", process.pid)).unwrap_or_default();
@@ -40,10 +40,10 @@ fn hubs(site: &Site) -> Vec<Watched> {
 
 #[test]
 fn the_example_runs_on_its_bad_cable() {
-    // The bursts are for the eye: they would make a short run a matter of luck.
+    // Without the bursts, which are only for demonstration: a short run would depend on chance.
     let site = example(|text| text.lines().filter(|l| !l.starts_with("bursts")).map(|l| format!("{l}\n")).collect());
     let (a, b) = start(&site);
-    // A listener that sleeps for ever does not hold up anything.
+    // A listener that never reads blocks nothing.
     let sleeper = site.command(common::program("ob1")).args(["trace", "station-a.toml"]).stdout(Stdio::piped()).spawn();
     let mut sleeper = sleeper.expect("ob1 starts");
     let asleep = Watched::find(sleeper.id()).expect("it listens until it is ended");
@@ -62,7 +62,8 @@ fn the_example_runs_on_its_bad_cable() {
     ledger::flow(&a, 75);
     sleeper.kill().and_then(|()| sleeper.wait().map(drop)).expect("a child");
     let (of_a, of_b) = ledger::rest(&a, &b);
-    // 150 telegrams and their echoes are some 20,000 characters: dozens have suffered, and the protocol has mended it.
+    // 150 telegrams and their echoes are some 20,000 characters: dozens were damaged, and the protocol has corrected
+    // this.
     assert!(of_a["GOOD"] >= 150 && of_a["WRONG"] == 0, "{of_a:?}\n{of_b:?}");
     assert_eq!(of_a["STARTED"], of_a["DONE"] + of_a["ERROR"] + of_a["ABORTED"], "{of_a:?}");
     let errors = |station: &Running| -> u64 {
@@ -88,7 +89,7 @@ fn a_line_outlives_the_station_that_started_it_and_its_own_death() {
     let site = example(quiet);
     let (a, b) = start(&site);
     ledger::flow(&a, 20);
-    // One of the two is the line. With both dead it is gone for a moment, whichever it was.
+    // One of the two is the line. After killing both the line is interrupted for a short time in any case.
     for hub in hubs(&site) {
         hub.signal(Signal::KILL);
     }
@@ -96,12 +97,12 @@ fn a_line_outlives_the_station_that_started_it_and_its_own_death() {
     ledger::flow(&a, 20);
     let of_a = Ledger::of_a(&a);
     assert_eq!(of_a["WRONG"], 0, "{of_a:?}");
-    // A is restarted: B stays on the line, or its own takes over.
+    // A is restarted: B stays on the line, or its own process takes over the line.
     let code = a.interrupt().code();
     assert_eq!(code, Some(0));
     let a = site.run("station-a.toml").until_run();
     ledger::flow(&a, 20);
-    // B may still have had the echo of a telegram of the first A, whose number the second does not know.
+    // B may have sent the echo of a telegram of the first A, whose number is unknown to the second.
     let of_a = Ledger::of_a(&a);
     assert!(of_a["WRONG"] <= 1, "{of_a:?}");
     for ended in [a.interrupt(), b.interrupt()] {

@@ -1,8 +1,8 @@
-//! `ob1 soak` with real processes: its verdicts and exit codes, its files, what an interruption and a kill leave, and
-//! the ledger of the telegrams while drivers are killed.
+//! `ob1 soak` with real processes: its verdicts and exit codes, its files, the state after an interruption and a kill,
+//! and the ledger of the telegrams while drivers are killed.
 //!
-//! Limits here are either beyond what any machine reaches or below what any needs: nothing depends on how busy this one
-//! is.
+//! The limits here are either never reached or always exceeded, so the results do not depend on the load of the
+//! machine.
 
 mod common;
 
@@ -16,7 +16,7 @@ use ob1_command::soak::Report;
 use ob1_command::soak::verdict::{Ended, Verdict};
 use rustix::process::Signal;
 
-/// A station without CPs that counts in MW 0, and stops itself when M 2.0 is set.
+/// A station without CPs that counts in MW 0, and stops if M 2.0 is set.
 fn counting() -> Site {
     let site = Site::new();
     site.write(
@@ -39,7 +39,7 @@ fn soak(site: &Site, time: &str, budget: &str, name: &str) -> Said {
     site.ob1(&["soak", "counting.toml", "--for", time, "--warm-up", "0ms", "--budget", budget, "--report", name])
 }
 
-/// A soak under way, and its process.
+/// Starts a soak; also returns its process.
 fn start(site: &Site, name: &str) -> (Child, Watched) {
     let mut command = site.command(common::program("ob1"));
     command.args([
@@ -171,7 +171,7 @@ fn no_telegram_is_done_that_has_not_arrived_while_drivers_are_killed() {
     let cp = &report.telegrams[0];
     assert!(load.driver_kills > 0 && load.cpu_slices > 0 && load.io_blocks > 0, "{load:?}");
     assert!(cp.drivers_lost >= load.driver_kills.saturating_sub(1) && cell("DB20.DONE") > 0, "{cp:?} {load:?}");
-    // B's CP has lived all the while: it has received whatever A was told is done, and nothing that A has not begun.
+    // B's CP was not killed: it has received everything reported to A as done, and nothing that A has not sent.
     let status = b.status();
     let received = status.modules[0].counters["telegrams_received"];
     let of_b = Ledger::of_b(&b);

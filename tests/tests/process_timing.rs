@@ -1,8 +1,8 @@
-//! The accounts are honest: a delay that a test makes is found in them, with its class and at least its size. And the
-//! priority is the scan's alone.
+//! The accounts are correct: a delay caused by a test is found in them, with its class and at least its size. And only
+//! the scan has the priority.
 //!
-//! Sizes have lower bounds only: a busy machine makes everything longer, and some delays its own. Where it took the
-//! core away in the middle of ours, the class rightly is another one, and the test tries again.
+//! Sizes are only checked against lower limits: a busy machine increases all times and causes further delays. If it
+//! interrupts our delay, the class is correctly another one, and the test tries again.
 
 mod common;
 
@@ -23,17 +23,17 @@ use ob1_time::Span;
 use rustix::process::Signal;
 
 const MS: u64 = 1_000_000;
-/// Turns of the slow block, three statements each: more than the 10 ms of a cycle on any machine, far less than the
-/// watchdog on all.
+/// Iterations of the slow block, three statements each: longer than the 10 ms of a cycle and much shorter than the
+/// watchdog on all machines.
 const TURNS: u64 = 200 * 60_000;
 
-/// OB 1 calls the slow block of statements when M 200.0 is set, and the slow block of a plugin when M 200.1 is, once
+/// OB 1 calls the slow block of statements if M 200.0 is set, and the slow block of a plugin if M 200.1 is set, once
 /// each. With M 200.2 it never ends.
 fn station(site: &Site) -> Running {
     station_with(site, "20s", "")
 }
 
-/// The same with this watchdog, and more tables.
+/// The same with this watchdog and additional tables.
 fn station_with(site: &Site, watchdog: &str, tables: &str) -> Running {
     let plugin = native::build(site, "tests/native/timing_blocks.c", "timing_blocks.so", &[]);
     let toml = format!(
@@ -59,12 +59,12 @@ fn recorder(station: &Running) -> Recorder {
     *station.ask(Op::Recorder).expect("never refused").recorder.expect("an answer to recorder")
 }
 
-/// Makes a delay, again and again, until one stands in the ledger under its class.
+/// Causes delays until one is in the ledger with this class.
 fn found(station: &Running, class: Class, make: impl Fn()) -> LateEntry {
     station.until("the delay is explained", |station| {
         make();
         let late = timing(station).late;
-        // The worst are kept: a delay of ours is not lost among those of a busy machine.
+        // The worst entries are kept, so that our delay is not lost among those of a busy machine.
         late.worst.iter().chain(&late.newest).find(|entry| entry.class == class).cloned()
     })
 }
@@ -77,10 +77,10 @@ fn a_delay_in_a_block_is_the_programs() {
     assert!(entry.what.contains("OB 1") && entry.what.contains("FC 7"), "{entry:?}");
     // No statement takes less than a nanosecond.
     assert!(entry.size_ns >= TURNS * 3 && entry.execution_ns >= entry.size_ns, "{entry:?}");
-    // What is called the program's was not spent waiting.
+    // Time attributed to the program was not spent waiting.
     let waited = entry.evidence.measured.map_or(Span::ZERO, |measured| measured.waited_at_least());
     assert!(waited < Span::from_nanos(entry.size_ns) / 2, "{entry:?}");
-    // The flight that ended in the worst overrun has been kept.
+    // The flight record of the worst overrun was kept.
     let flight = station.until("a frozen flight", |station| recorder(station).worst).scans;
     let last = flight.last().expect("a scan");
     assert!(last.flags.contains(&"overran".to_owned()) && flight.len() <= 20, "{last:?}");
@@ -140,7 +140,7 @@ fn a_scan_that_waits_for_its_core_is_told_so_with_what_was_measured() {
     let station = station_with(&site, "20s", "\n[cpu.realtime]\naffinity = [0]\n");
     let hogs = Hogs::on(0, 3);
     let entry = station.until("a scan that waited", |station| {
-        // A program of its own length is taken off its core sooner than one that sleeps nearly always.
+        // A long-running program is more likely to be interrupted than one that mostly sleeps.
         station.set("M200.0", 1);
         let late = timing(station).late;
         late.worst.iter().chain(&late.newest).find(|entry| entry.what.ends_with("for a core")).cloned()
@@ -162,7 +162,7 @@ fn the_watchdog_says_what_stood_in_the_way() {
     let exceeded = station.until("the cycle that was too long is explained", |station| {
         station.diagnostics().into_iter().find(|entry| entry.event == "3501h" && !entry.because.is_empty())
     });
-    // On a busy machine the loop did not have the core for long.
+    // On a busy machine the loop may have had the core only for a short time.
     let ours = exceeded.because.contains("program: OB 1") || exceeded.because.contains("for a core");
     assert!(ours && exceeded.told().ends_with(&exceeded.because), "{exceeded:?}");
     let worst = timing(&station).late.worst[0].clone();
@@ -172,13 +172,13 @@ fn the_watchdog_says_what_stood_in_the_way() {
     assert_eq!(told.count(), 1, "told once: {}", ended.err);
 }
 
-/// All threads of the process stand still.
+/// Whether all threads of the process are stopped.
 fn is_stopped(pid: u32) -> bool {
     let tasks = fs::read_dir(format!("/proc/{pid}/task")).expect("a living process");
     tasks.flatten().all(|task| fields(&task.path().join("stat"))[0] == "T")
 }
 
-/// The fields of a `stat` behind the name: the state first.
+/// The fields of a `stat` after the name, beginning with the state.
 fn fields(stat: &std::path::Path) -> Vec<String> {
     let text = fs::read_to_string(stat).expect("a living process");
     let (_, rest) = text.rsplit_once(") ").expect("a name in brackets");
@@ -212,9 +212,9 @@ fn a_process_that_was_stopped_is_told_by_its_signal() {
         }
         lasted.set(lasted.get().min(stopped()));
     });
-    // It woke up later than it was stopped, or ran longer; the deadline may have come up to a cycle after the stop.
+    // It woke late or ran longer by the stop time; the deadline may have been up to a cycle after the stop.
     assert!(u128::from(entry.size_ns) + 10 * 1_000_000 >= lasted.get().as_nanos(), "{entry:?}");
-    // Figures that are read while a scan is entered may be of two scans: not in STOP.
+    // Figures read during a scan may be from two scans; not in STOP.
     site.ob1(&["ctl", "timed.toml", "stop"]).fine();
     let after = timing(&station);
     assert!(after.missed >= before.missed + 25, "300 ms are thirty cycles");
@@ -262,7 +262,7 @@ fn a_scan_that_would_starve_its_core_is_refused_with_a_number() {
         assert_ne!(said.code, Some(0), "{said:?}");
         assert!(said.err.contains("C014") && said.err.contains("isolcpus"), "{said:?}");
     }
-    // What the system grants, as text and as JSON; everything refused has a remedy.
+    // The privileges granted by the system, as text and as JSON; for each refused one there is a remedy.
     site.write("asking.toml", &toml.replace("0ms", "10ms").replace("starving", "asking"));
     let said = site.ob1(&["check", "asking.toml", "--posture", "--json"]);
     let grants: Vec<serde_json::Value> = serde_json::from_str(&said.out).expect("JSON");

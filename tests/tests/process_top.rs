@@ -1,4 +1,4 @@
-//! `ob1 top` beside a running station: what it tells as text, and how it ends.
+//! `ob1 top` with a running station: its text output, and its end.
 
 mod common;
 
@@ -18,10 +18,10 @@ fn a_look_at_two_stations_at_work() {
     for part in ["tested-a  RUN", "FC 0 SEND", "*PW", "ready (", "DB20.DONE", "DB99.DBW0", "4302h"] {
         assert_eq!(said.matches(part).count().min(2), 2, "{part} in both looks: {said}");
     }
-    // Newest figures are those since the look before.
+    // The newest figures are those since the previous update.
     assert!(said.contains("/s)") && said.contains("/s out"), "{said}");
 
-    // It ends with its station, and a station that does not run cannot be looked at.
+    // It ends with its station, and fails for a station that does not run.
     let mut command = site.command(common::program("ob1"));
     let mut child = command.args(["top", "tested-a", "--every", "50ms"]).stdout(Stdio::null()).spawn().expect("ob1");
     let top = Watched::find(child.id()).expect("a child is there until it is waited for");

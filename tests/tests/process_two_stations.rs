@@ -1,5 +1,5 @@
-//! Both stations of the demo as real processes: telegrams, questions from outside, STOP and RUN, and an end that leaves
-//! nothing behind.
+//! Both stations of the demo as real processes: telegrams, requests from outside, STOP and RUN, and an end without
+//! remains.
 
 mod common;
 
@@ -13,10 +13,10 @@ use common::station::Running;
 use ob1_backplane::{IoField, layout};
 use serde_json::{Value, json};
 
-/// Where the lamps of [`with_lamps`] are: behind the CP's 16 bytes.
+/// Address of the lamps of [`with_lamps`]: after the CP's 16 bytes.
 const LAMPS: usize = 16;
 
-/// A digital output module, so that there is something to switch off.
+/// Adds a digital output module with outputs to switch off.
 fn with_lamps(text: String) -> String {
     text + "\n[[module]]\ntype = \"do\"\nname = \"lamps\"\naddress = 16\nbytes = 1\n"
 }
@@ -32,7 +32,7 @@ fn lamps(image: &IoField) -> u8 {
     byte[0]
 }
 
-/// What the demo's verdict looks at, at rest.
+/// The checks of the demo's verdict, with both stations idle.
 fn assert_sound(a: &Ledger, b: &Ledger) {
     let all = format!("{a:?}\n{b:?}");
     for column in ["ERROR", "ABORTED", "WRONG", "DOUBLED", "LATE", "LOST", "PAFE_SEND", "PAFE_RECEIVE"] {
@@ -49,7 +49,7 @@ fn assert_sound(a: &Ledger, b: &Ledger) {
 fn telegrams_flow_and_nothing_is_left_behind() {
     let site = Site::two_stations();
     site.write("station-a.toml", &demo_station("station-a.toml", with_lamps));
-    // An echo is waited for as long as a busy machine may need.
+    // The wait for an echo is long enough for a busy machine.
     let program = fs::read_to_string(site.path("a.awl")).expect("a file of the demo");
     site.write("a.awl", &replaced(&program, "S5T#3S", "S5T#30S"));
     let (a, b) = start(&site);
@@ -59,7 +59,7 @@ fn telegrams_flow_and_nothing_is_left_behind() {
     assert!(of_a["GOOD"] >= 300 && of_a["SYNCS"] == 1 && of_b["SYNCS"] == 1, "{of_a:?}\n{of_b:?}");
     ledger::pause(&a, false);
 
-    // Ctrl-C while telegrams flow and a lamp is lit.
+    // Ctrl-C while telegrams are transferred and a lamp is on.
     a.set("AB16", 0xA5);
     let image = IoField::open(&a.rundir.join("io")).expect("the image of the process I/O");
     a.until("the lamps are lit", |_| (lamps(&image) == 0xA5).then_some(()));
@@ -97,7 +97,7 @@ fn a_way_from_stop_to_run_sends_the_parameters_again() {
         site.ob1(&["ctl", &a.file, "stop"]).fine();
         a.until("STOP", |a| (a.status().state == "STOP").then_some(()));
         let stopped = (a.status().scans, Ledger::of_a(&a));
-        // The partner's scans go by meanwhile, and nothing moves here.
+        // The partner continues to scan, and nothing changes here.
         b.scans(300);
         assert_eq!((a.status().scans, Ledger::of_a(&a)), stopped);
         site.ob1(&["ctl", &a.file, command]).fine();
@@ -108,7 +108,7 @@ fn a_way_from_stop_to_run_sends_the_parameters_again() {
     }
     assert_eq!(a.entries("4304h"), 2, "STOP by operator");
 
-    // A cold restart begins the data blocks anew.
+    // A cold restart resets the data blocks.
     site.ob1(&["ctl", &a.file, "stop"]).fine();
     a.until("STOP", |a| (a.status().state == "STOP").then_some(()));
     site.ob1(&["ctl", &a.file, "cold"]).fine();
@@ -139,17 +139,17 @@ fn cells_are_read_and_written_from_outside() {
     assert_eq!(get(&["M200.3", "MB200", "MB201"]), json!([true, 8, 0xA5]));
     assert_eq!(get(&["MW202", "DB11.DBW20", "DB11.DBB21"]), json!([0xFFFE, 0x1234, 0x34]));
     assert_eq!(get(&["MD204"]), json!([-70000i32 as u32]));
-    // A component by its name has its type's sign; the address of the same cell is a plain double word.
+    // A component accessed by name is signed according to its type; accessed by address it is a plain double word.
     site.ob1(&["set", &file, "DB20.LOST=-5"]).fine();
     assert_eq!(get(&["DB20.LOST", "DB20.DBD40"]), json!([-5, 0xFFFF_FFFBu32]));
     site.ob1(&["set", &file, "DB20.PAUSE=true"]).fine();
     assert_eq!(get(&["DB20.PAUSE", "DB20.DBX60.0"]), json!([true, true]));
-    // The text form, by the station's name.
+    // Text output, with the station selected by its name.
     let text = site.ob1(&["get", &a.name, "MW202", "M200.3"]).fine();
     let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split_whitespace().collect()).collect();
     assert_eq!(lines, [vec!["MW202", "65534", "16#FFFE"], vec!["M200.3", "1"]]);
 
-    // Refused, with the reason, and nothing written of it.
+    // Refused with the reason, and nothing is written.
     for (verb, item, reason) in [
         ("get", "M999.0", "M999.0"),
         ("get", "DB20.NIX", "DB20 has no component NIX"),
@@ -167,7 +167,7 @@ fn cells_are_read_and_written_from_outside() {
     assert_eq!((said.code, get(&["MB201"])), (Some(8), json!([0xA5])), "{said:?}");
     assert_eq!(site.ob1(&["set", &file, "MB201"]).code, Some(1), "no assignment");
 
-    // Nobody else gets that far.
+    // Other users have no access.
     let mode = |name: &str| fs::metadata(a.rundir.join(name)).expect("there").permissions().mode() & 0o777;
     assert_eq!((mode("."), mode("control.sock")), (0o700, 0o600));
 

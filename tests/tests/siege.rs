@@ -1,5 +1,5 @@
-//! Sieges without processes: what comes from outside, damaged in every way a seed can think of. Short here;
-//! `cargo xtask siege segment input cut` makes them long.
+//! Sieges without processes: external data with random damage. Short here; long runs with `cargo xtask siege segment
+//! input cut`.
 
 use std::fs::{self, File};
 use std::os::unix::fs::FileExt as _;
@@ -14,7 +14,7 @@ use ob1_tests::fuzz::TARGETS;
 use ob1_tests::siege::{mutate, rounds};
 use ob1_time::Instant;
 
-/// A driver that writes anything anywhere into the segment: the CPU's side goes on, each call of it ends.
+/// A driver that writes random data into the segment: the CPU side continues, and each of its calls ends.
 #[test]
 fn segment() {
     let made = Segment::create_shared_with_boxes().expect("memory");
@@ -27,10 +27,10 @@ fn segment() {
     let (mut events, mut records) = (0, 0);
     for round in 0..rounds {
         for _ in 0..=random.below(3) {
-            // What every CP has mostly: the boxes are many, and all alike.
+            // Mostly the part that every CP has, because there are many identical boxes.
             let size = if random.below(4) == 0 { made.bytes() } else { layout::SEGMENT_BYTES };
             let at = random.below(size as u64 - 8);
-            // Aligned words mostly, since the fields are; small and extreme values are the ones that mean something.
+            // Mostly aligned words like the fields; small and extreme values are the relevant ones.
             let at = if random.below(8) == 0 { at } else { at & !3 };
             let value = match random.below(4) {
                 0 => random.below(4),
@@ -56,7 +56,7 @@ fn segment() {
             assert!(entries <= 1000, "round {round}: a diagnostic buffer without an end");
             module.counters(&mut |_, _| {});
         }
-        // A bounded number of events a scan, whatever the ring says.
+        // A limited number of events for each scan, independent of the ring.
         for _ in 0..64 {
             if module.poll_event().is_none() {
                 break;
@@ -70,7 +70,7 @@ fn segment() {
 }
 
 /// Sources, symbol tables, station files, whole programs and intermediate code, from the committed inputs and the
-/// examples: no input of theirs, however damaged, makes anything panic.
+/// examples: no damaged input causes a panic.
 #[test]
 fn input() {
     let rounds = rounds(400);
@@ -89,7 +89,7 @@ fn input() {
     }
 }
 
-/// Keeps the input of a target that panics.
+/// Stores the input of a target that panics.
 struct Kept<'a> {
     name: &'a str,
     round: u64,
@@ -107,7 +107,7 @@ impl Drop for Kept<'_> {
     }
 }
 
-/// The committed inputs of a target, and those of the examples that are of its kind.
+/// The committed inputs of a target, and suitable files of the examples.
 fn seeds(name: &str) -> Vec<Vec<u8>> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let mut files = files_below(&root.join("fuzz/corpus").join(name));
@@ -132,8 +132,8 @@ fn files_below(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// Retentive files damaged at every class of offset: head, length, checksum, content, end. What comes back is a
-/// generation that was written, the newest that is whole; the damaged one is told.
+/// Retentive files damaged at every kind of offset: header, length, checksum, content, end. The result is the newest
+/// intact generation; the damaged one is reported.
 #[test]
 fn cut() {
     const STATION: &str = "damaged";
@@ -148,7 +148,7 @@ fn cut() {
             store.write(&image(number)).expect("writable");
         }
         drop(store);
-        // The two generations; beside them lies the lock of who writes.
+        // The two generations, without the lock file of the writer.
         let mut files = files_below(folder.path());
         files.retain(|path| path.extension().is_some_and(|end| end == "a" || end == "b"));
         let victim = &files[random.below(files.len() as u64) as usize];

@@ -1,6 +1,6 @@
-//! A station with PROFIBUS, Modbus RTU and Modbus TCP in virtual time, in trouble: characters that are lost, doubled
-//! and damaged, check sums that are wrong, cables that are pulled, devices that lose their power and report faults,
-//! processes that are killed. What must hold: `plant/judge.rs`.
+//! A station with PROFIBUS, Modbus RTU and Modbus TCP in virtual time with faults: lost, doubled and damaged
+//! characters, wrong checksums, interrupted cables, devices that lose their power and report faults, killed processes.
+//! The rules: `plant/judge.rs`.
 
 mod plant;
 
@@ -27,7 +27,7 @@ fn a_hundred_seeds_of_a_plant_in_trouble() {
     assert!(enough, "nothing went wrong: {all:?} {interrupts:?}");
 }
 
-/// The process is there again after 100 ms; then all devices of all buses are, within a second of the kill.
+/// The process is restarted after 100 ms; all devices of all buses have returned within a second after the kill.
 #[test]
 fn a_killed_process_has_everything_back_within_a_second() {
     let folder = tempfile::tempdir().expect("a folder");

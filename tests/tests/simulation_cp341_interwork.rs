@@ -15,13 +15,13 @@ fn text(file: &str) -> String {
     fs::read_to_string(examples().join(file)).unwrap_or_else(|error| panic!("{file}: {error}"))
 }
 
-/// Station A of an example against a station B that is written here.
+/// Station A of an example with a station B defined here.
 fn run(example: &str, sources: &[(&str, String)], module: &str, duration: Span, faults: FaultRates) -> Outcome {
     let a = text(&format!("{example}/station-a.toml"));
     run_with(example, &a, sources, ["cp341", module], duration, faults)
 }
 
-/// The same with another station file of A, and another type of CP at B.
+/// The same with another station file for A, and another type of CP in B.
 fn run_with(
     example: &str,
     station_a: &str,
@@ -45,13 +45,13 @@ fn run_with(
     sim::run(&scenario).unwrap_or_else(|message| panic!("{message}\nrun: cargo xtask test"))
 }
 
-/// The first network of `examples/cp341-pair/b.awl`: every telegram goes back.
+/// The first network of `examples/cp341-pair/b.awl`: sends back every telegram.
 fn echo() -> String {
     let pair = text("cp341-pair/b.awl");
     let (before, rest) = pair.split_once("NETWORK\nTITLE = RK 512").expect("the network of RK 512");
     let (_, behind) = rest.split_once("END_ORGANIZATION_BLOCK").expect("the end of OB 1");
     let echo = format!("{before}END_ORGANIZATION_BLOCK{behind}");
-    // Telegrams of up to 250 bytes come.
+    // For telegrams of up to 250 bytes.
     echo.replace("ARRAY [0..121] OF WORD", "ARRAY [0..2047] OF WORD")
 }
 
@@ -75,7 +75,7 @@ fn a_cp_240_and_a_cp_341_over_3964r() {
     }
 }
 
-/// A CP 340 sends back what a CP 240 sends: over 3964R, and bare.
+/// A CP 340 sends back the telegrams of a CP 240: over 3964R and ASCII.
 #[test]
 fn a_cp_240_and_a_cp_340_over_3964r_and_ascii() {
     let a = text("two-stations/station-a.toml");
@@ -98,15 +98,15 @@ fn a_cp_240_and_a_cp_340_over_3964r_and_ascii() {
             for column in ["error", "aborted", "wrong", "doubled", "late"] {
                 assert_eq!(outcome.verdict.get(column), 0, "{column}\n{}\n{}", outcome.verdict, outcome.log);
             }
-            // Bare: what A sends before B listens is gone, and nobody knows.
+            // ASCII: a telegram that A sends before B is ready is lost without an error.
             let before_b = u64::from(a == &ascii);
             assert_eq!(outcome.verdict.get("lost"), before_b, "{}\n{}", outcome.verdict, outcome.log);
         }
     }
 }
 
-/// A CP 341 that serves the SEND and FETCH of `examples/rk512-pair/a.awl`: P_RCV_RK moves the data, the program hands
-/// the block on.
+/// A CP 341 that serves the SEND and FETCH of `examples/rk512-pair/a.awl`: P_RCV_RK moves the data, the program passes
+/// on the block.
 const SERVER: &str = r"
 ORGANIZATION_BLOCK OB 1
 VAR_TEMP

@@ -1,6 +1,6 @@
-//! Every number of 3964(R) and RK 512 that a partner can bring about, at a whole CP 341 in virtual time: STL program,
-//! handling blocks, CP and line are the real ones, the partner is written here from the manual's description. What
-//! P_SND_RK and P_RCV_RK say, and what stands in the CP's diagnostic buffer. [reference 1.2, 1.7, 3.6 to 3.12]
+//! Every number of 3964(R) and RK 512 that a partner can cause, with a whole CP 341 in virtual time: STL program,
+//! handling blocks, CP and line are real, the partner is written here from the manual's description. Checks STATUS of
+//! P_SND_RK and P_RCV_RK, and the CP's diagnostic buffer. [reference 1.2, 1.7, 3.6 to 3.12]
 
 mod common;
 mod cp341_status_site;
@@ -9,7 +9,7 @@ use cp341_status_site::Report::{Error, Ndr};
 use cp341_status_site::*;
 use ob1_tests::sim::{MS, SECOND};
 
-/// [reference 3.9]: STATUS is the first error of the job; 0709h or 070Ah is entered behind it.
+/// [reference 3.9]: STATUS is the first error of the job; 0709h or 070Ah is entered after it.
 const SENDING: &[(Manner, u16, &[u16])] = &[
     (Manner::ToStx(&[NAK]), 0x0702, &[0x0702, 0x0701, 0x0702, 0x0702, 0x0709]),
     (Manner::ToStx(b"A"), 0x0702, &[0x0702, 0x0701, 0x0702, 0x0702, 0x0709]),
@@ -47,7 +47,7 @@ fn what_fails_below_rk_512() {
     }
 }
 
-/// What a partner can do wrong when it sends; its blocks, what is entered, what P_RCV_RK says. [reference 3.10, 5.4]
+/// Errors of a sending partner: its blocks, the entries, STATUS of P_RCV_RK. [reference 3.10, 5.4]
 #[test]
 fn what_fails_while_receiving() {
     let (good, bad) = (block(b"123"), spoilt(b"123"));
@@ -74,7 +74,7 @@ fn what_fails_while_receiving() {
     }
 }
 
-/// A partner that gives its block up says NAK: what it sends next is no repetition. [reference 5.3]
+/// A partner that abandons its block sends NAK: its next block is not a repetition. [reference 5.3]
 #[test]
 fn a_new_telegram_is_no_repetition() {
     let mut site = Site::new("3964r", "");
@@ -91,7 +91,7 @@ fn a_new_telegram_is_no_repetition() {
     assert_eq!(site.reports, [Error(0x0808), Ndr(4)]);
 }
 
-/// A character that means nothing: NAK when the line is silent. It does not become the error of the next telegram.
+/// A meaningless character: NAK when the line is silent. It is not reported as an error of the next telegram.
 /// [reference 5.4]
 #[test]
 fn a_character_in_idle() {
@@ -128,8 +128,8 @@ fn what_the_cp_has_is_sent_in_spite_of_r() {
     assert!(site.entries().is_empty());
 }
 
-/// EN_R = 0 while a telegram is being handed over: the transfer fails, the CP keeps the telegram and hands it over
-/// again. [reference 1.7]
+/// EN_R = 0 while a telegram is being passed: the transfer fails, the CP keeps the telegram and passes it again.
+/// [reference 1.7]
 #[test]
 fn the_cp_repeats_a_transfer_that_the_cpu_broke_off() {
     let mut site = Site::new("3964r", "");
@@ -143,7 +143,7 @@ fn the_cp_repeats_a_transfer_that_the_cpu_broke_off() {
     site.pass(SECOND);
     assert_eq!(site.reports, [Error(0x1E0D), Ndr(200)]);
     assert_eq!(site.block(40)[..201], [&telegram[..], &[0]].concat());
-    // R = 1 in the middle is a RESET.
+    // R = 1 during the transfer is a RESET.
     site.partner_sends([block(&telegram[1..])]);
     site.until(|site| site.block(40)[0] != 0);
     site.bit(84, 1, true);
@@ -154,7 +154,7 @@ fn the_cp_repeats_a_transfer_that_the_cpu_broke_off() {
     assert_eq!(site.entries(), ["0407", "040A"]);
 }
 
-/// With RK 512 the job of the partner is refused instead: its program has to repeat it.
+/// With RK 512 the job of the partner is refused instead: its program must repeat it.
 #[test]
 fn rk_512_refuses_a_job_that_the_cpu_broke_off() {
     for (bit, entry) in [(0, "0407"), (1, "040A")] {
@@ -175,8 +175,8 @@ fn rk_512_refuses_a_job_that_the_cpu_broke_off() {
     }
 }
 
-/// Nobody takes it: "temporarily" after a second, given up after 10 s. The telegram of 3964R stays; RK 512 tells the
-/// partner 2Ah.
+/// The telegram is not accepted: "temporarily" after a second, aborted after 10 s. A telegram of 3964R is kept; with RK
+/// 512 the partner gets 2Ah.
 #[test]
 fn nobody_takes_it() {
     let mut site = Site::new("3964r", "");
@@ -208,7 +208,7 @@ fn nobody_takes_it() {
     assert!(site.reports.is_empty());
 }
 
-/// A target that is not there: the block says so in each attempt, and the telegram is not lost. [reference 1.7, 040Ah]
+/// A missing target: the block reports it in each attempt, and the telegram is not lost. [reference 1.7, 040Ah]
 #[test]
 fn a_target_that_is_not_there() {
     let mut site = Site::new("3964r", "");
@@ -225,7 +225,7 @@ fn a_target_that_is_not_there() {
     assert_eq!(site.reports[13..], [Ndr(3)]);
 }
 
-/// Telegrams of the partner that are refused: the error number it gets, and the number here. [reference 3.8, 4.6, 4.10]
+/// Refused telegrams of the partner: the error number it gets, and the number here. [reference 3.8, 4.6, 4.10]
 #[test]
 fn what_the_partner_does_wrong() {
     let data = |n: usize| vec![b'a'; n];
@@ -267,20 +267,20 @@ fn what_the_partner_does_wrong() {
     }
 }
 
-/// A job of the partner that is broken off ends with what happened, once, in the block and in the buffer; that the CPU
-/// took nothing for 10 s (0409h) is another matter. [reference 3.6, 3.8]
+/// An aborted job of the partner is reported once with its cause, in the block and in the buffer, and not as a CPU that
+/// took nothing for 10 s (0409h). [reference 3.6, 3.8]
 #[test]
 fn a_job_that_the_partner_breaks_off() {
     let fetch = b"\0\0ED\x1F\0\0\x42\xFF\xFF".to_vec();
     let other = b"\0\0AD\x1F\0\0\x01\xFF\xFFab".to_vec();
     let begin = [b"\0\0AD\x1F\0\0\x42\xFF\xFF".to_vec(), vec![b'a'; 128]].concat();
     for (first, second, status) in [
-        // It has half of the data of its FETCH and begins something else.
+        // It starts another job after half of the data of its FETCH.
         (&fetch, Some(&other), 0x060E),
         (&fetch, Some(&b"\xFF\0EM".to_vec()), 0x0605),
-        // It does not come back.
+        // It does not continue.
         (&fetch, None, 0x060E),
-        // A SEND whose rest never comes: what has come was acknowledged and is nowhere.
+        // A SEND whose rest never arrives: the received part was acknowledged but is not stored.
         (&begin, None, 0x060E),
         (&begin, Some(&other), 0x060E),
     ] {
@@ -301,7 +301,7 @@ fn a_job_that_the_partner_breaks_off() {
     }
 }
 
-/// The data are in the CPU, and the partner does not take the reaction. [reference 3.8, 0612h]
+/// The data are in the CPU, but the partner does not accept the reaction. [reference 3.8, 0612h]
 #[test]
 fn a_reaction_that_cannot_be_sent() {
     let mut site = Site::new("3964r-rk512", "");
@@ -314,7 +314,7 @@ fn a_reaction_that_cannot_be_sent() {
     site.is_well();
 }
 
-/// What the partner answers to our job. [reference 3.11, 3.12, 4.6]
+/// Answers of the partner to our job. [reference 3.11, 3.12, 4.6]
 #[test]
 fn what_the_partner_answers() {
     for (sf, reaction, status) in [
@@ -350,7 +350,7 @@ fn what_the_partner_answers() {
     }
 }
 
-/// [reference 4.7]: 20 s, or by the transmission rate: 5 s at 9600 baud.
+/// [reference 4.7]: 20 s, or depending on the transmission rate: 5 s at 9600 baud.
 #[test]
 fn no_reaction_within_the_monitoring_time() {
     for (reaction, time) in [("", 20 * SECOND), (", reaction = \"baud\"", 5 * SECOND)] {
@@ -364,13 +364,13 @@ fn no_reaction_within_the_monitoring_time() {
     }
 }
 
-/// A reaction that comes after the monitoring time belongs to no job: the next one does not take it for its own,
-/// whether it is there already or not; nor does the one behind that, when the late one came all the same.
+/// A reaction after the monitoring time belongs to no job: the next job does not accept it, whether it has already
+/// arrived or not; nor does the job after that, if the late reaction arrived as the answer to the second job.
 /// [reference 3.12, 0A01h]
 #[test]
 fn a_late_reaction_ends_no_other_job() {
     let late = |site: &mut Site, reaction: &[u8]| site.partner_sends([block(reaction)]);
-    // It comes while the next job waits.
+    // The late reaction arrives while the next job waits.
     let mut site = Site::new("3964r-rk512", ", reaction = \"baud\"");
     assert_eq!(hex(&[site.job(4)]), ["0A05"]);
     site.begin(6);
@@ -381,7 +381,7 @@ fn a_late_reaction_ends_no_other_job() {
     site.pass(SECOND);
     assert_eq!(site.bench.device.telegrams.len(), 2, "it has come");
     assert_eq!((hex(&site.ends[1..]), site.entries()), (hex(&[0x0903]), hex(&[0x0A05, 0x0A01, 0x0903])));
-    // It does not come: the job goes out after 2 s, and the next one waits once more.
+    // It does not arrive: the job is sent after 2 s, and the next one waits again.
     let mut site = Site::new("3964r-rk512", ", reaction = \"baud\"");
     assert_eq!(hex(&[site.job(4)]), ["0A05"]);
     for expected in [2, 2, 0] {
@@ -391,7 +391,7 @@ fn a_late_reaction_ends_no_other_job() {
         assert_eq!((site.bench.now - begun) / SECOND, expected);
     }
     assert_eq!(site.entries(), ["0A05"]);
-    // It comes as the answer to the second job: the true one, which comes after it, is not taken for the third's.
+    // It arrives as the answer to the second job: the real answer after it is not taken for that of the third.
     let mut site = Site::new("3964r-rk512", ", reaction = \"baud\"");
     assert_eq!(hex(&[site.job(4)]), ["0A05"]);
     site.bench.device.reactions.push_back(b"\0\0\0\0".to_vec());

@@ -47,7 +47,7 @@ fn folder() -> tempfile::TempDir {
     tempfile::tempdir().expect("a folder")
 }
 
-/// All slaves exchange data. A diagnosis may wait to be read.
+/// Waits until all slaves exchange data. There may be an unread diagnosis.
 fn at_work(plant: &mut Plant) {
     plant.until("all are there", |plant| plant.end(1) == DONE && plant.bytes(1, 60, 1)[0] & !4 == 0);
 }
@@ -57,7 +57,7 @@ fn send_and_receive_move_all_slaves_as_one_area_each() {
     let folder = folder();
     let mut plant = Plant::new(folder.path(), &moving());
     plant.scan();
-    // The process is not there yet.
+    // The process is not running yet.
     assert_eq!((plant.end(0), plant.end(1)), (error(0x8183), error(0x8183)));
     assert_eq!(plant.bytes(1, 60, 1), [0x30], "offline");
     plant.until("the process is there", |plant| plant.end(1) != error(0x8183));
@@ -121,7 +121,7 @@ fn each_status_of_send_and_receive() {
 
 #[test]
 fn each_status_of_diagnosis_and_control() {
-    // A control field in DB 3 each: where, its bytes.
+    // Control fields for DB 3, with the expected results.
     let fields: [(&[u8], End); 24] = [
         (&[3, 127], DONE),
         (&[3, 5], DONE),
@@ -195,7 +195,7 @@ fn check(rows: Vec<(Call, End)>) {
     check_with(rows, 0, &[]);
 }
 
-/// Each call comes to its end; the second is DP_RECV.
+/// Checks the result of each call; the second is DP_RECV.
 fn check_with(rows: Vec<(Call, End)>, at: u32, bytes: &[u8]) {
     let folder = folder();
     let (calls, ends): (Vec<Call>, Vec<End>) = rows.into_iter().unzip();
@@ -261,7 +261,7 @@ fn a_fault_is_new_until_its_diagnosis_is_read_and_older_ones_are_given_newest_fi
     let ask = |plant: &mut Plant, dtype: u8| {
         plant.set(50, &[dtype, 5]);
         plant.scan();
-        // One answer alone: the next scan asks for a list.
+        // A single answer: the next scan requests a list.
         let end = (plant.end(2), plant.bytes(1, 61, 1)[0], plant.bytes(1, 100, 8).to_vec());
         plant.set(50, &[0, 0]);
         end
@@ -292,7 +292,7 @@ fn clear_drives_zeros_and_run_what_was_sent() {
         assert_eq!(plant.end(2), DONE);
         assert_eq!((plant.device(0).outputs(), plant.bytes(1, 60, 1)), (outputs.to_vec(), &[dp_status][..]), "{mode}");
     }
-    // In STOP nothing is driven, and a program that starts has sent nothing.
+    // In STOP the outputs are zero, and also after the start until the program has sent.
     plant.cpu.request(ob1_cpu::Command::Stop);
     plant.run(100 * MS);
     assert_eq!(plant.device(0).outputs(), [0; 4]);

@@ -1,6 +1,6 @@
 //! Two whole stations over Ethernet, in virtual time: BSEND, USEND, PUT and GET, and the AG blocks over ISO on TCP, TCP
-//! and UDP, both ways, on a network that delays, splits and loses; connections break or fall silent, the process of a
-//! CP is killed, a station goes to STOP. What must hold: `coupled/judge.rs`.
+//! and UDP, in both directions, on a network with delays, splitting and loss; connections break or become silent, the
+//! process of a CP is killed, a station goes to STOP. The rules: `coupled/judge.rs`.
 
 mod coupled;
 
@@ -8,7 +8,7 @@ use coupled::{MS, Outcome, SECOND, STREAMS, Scenario, run};
 use ob1_tests::siege;
 use ob1_time::{Instant, Span};
 
-/// Telegrams in the suite.
+/// Telegrams in the test suite.
 const TELEGRAMS: u64 = 50_000;
 
 fn trouble(seed: u64) -> Scenario {
@@ -39,7 +39,7 @@ fn on_a_good_network_everything_comes() {
     );
     let Outcome { told, .. } = &outcome;
     assert!(told.telegrams.iter().all(|count| *count > 200), "{outcome:?}");
-    // Until the connections are made jobs fail, and of USEND the newest counts.
+    // Jobs may fail until the connections are established, and newer data of USEND may overwrite older ones.
     assert_eq!(told.late, 0, "{outcome:?}");
 }
 
@@ -53,19 +53,19 @@ fn the_same_seed_gives_the_same_log_and_another_another() {
     assert_ne!(first.log, of(6).log);
 }
 
-/// Two milliseconds before and after each call of a handling block: a CP that was killed is often ready again in the
-/// middle of a scan. The orders the program writes in the rest of it count.
+/// Two milliseconds before and after each call of a handling block: a killed CP is often ready again during a scan. The
+/// orders that the program writes in the rest of that scan must not be lost.
 #[test]
 fn a_cp_that_becomes_ready_within_a_scan_loses_no_order() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut again_in_scans = 0;
     for seed in 1..=12 {
-        // Short: a later kill would set free what waits for ever because of an earlier one.
+        // Short runs, because a later kill would end a wait without end that an earlier one has caused.
         let every = 400 * MS;
         let scenario =
             Scenario { seed, trouble: Instant::from_secs(3), every, kills_only: true, loses: 0, call: 2 * MS };
         let outcome = run(scenario, folder.path());
-        // The first time of each station is no restart.
+        // The first start of each station is not a restart.
         again_in_scans += outcome.up_in_scans.saturating_sub(2);
     }
     assert!(again_in_scans > 30, "{again_in_scans}");

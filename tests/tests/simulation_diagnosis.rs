@@ -1,6 +1,5 @@
-//! Faults of a CP through the whole house, in virtual time: station file with `diagnostics = true`, a line that is gone
-//! and comes back, wrong parameters; driver, back plane, CPU, OB 82 with the four bytes, SFC 59 and SFC 51.
-//! [reference 1.9]
+//! Faults of a CP through all layers, in virtual time: station file with `diagnostics = true`, a line that fails and
+//! recovers, wrong parameters; driver, back plane, CPU, OB 82 with the four bytes, SFC 59 and SFC 51. [reference 1.9]
 
 mod common;
 
@@ -14,7 +13,7 @@ use ob1_tests::sim::device::{Bench, Device};
 use ob1_tests::sim::{MS, SECOND};
 use ob1_time::Instant;
 
-/// Nobody at the other end.
+/// A line without a partner.
 struct Silent;
 
 impl Device for Silent {
@@ -43,7 +42,7 @@ fn house(module: &str, diagnostics: bool, ob_82: bool, spoil: &dyn Fn(&mut CpSet
     write("station.toml", &station("diagnosis", sources, &module));
     let mut bench = Bench::build_with(&folder.path().join("station.toml"), Silent, FaultRates::NONE, 5, spoil)
         .unwrap_or_else(|message| panic!("{message}"));
-    // The driver starts, gets its parameters, and ER of a CP 240 has gone out.
+    // The driver starts, gets its parameters, and ER of a CP 240 is switched off.
     bench.pass(5 * SECOND);
     bench
 }
@@ -52,7 +51,7 @@ fn at(bench: &Bench<Silent>, (db, byte): (u16, usize)) -> u32 {
     bench.station.ledger(db, byte)
 }
 
-/// OB 82: came, went, the four bytes of the last one.
+/// OB 82: number of incoming and outgoing interrupts, the four bytes of the last one.
 fn interrupts(bench: &Bench<Silent>) -> (u32, u32, u32) {
     (at(bench, cell::COMES), at(bench, cell::GOES), at(bench, cell::BYTES))
 }
@@ -74,7 +73,7 @@ fn a_wire_break_comes_and_goes_as_ob_82() {
         assert_eq!(interrupts(&bench), (1, 0, comes), "{name}: {}", bench.log());
         assert_eq!(at(&bench, cell::ADDRESS) >> 16, 256, "{name}");
         bench.fault(LineFault::Back);
-        // ER of a CP 240 goes out 4 s after the last error.
+        // ER of a CP 240 is switched off 4 s after the last error.
         bench.pass(5 * SECOND);
         assert_eq!(interrupts(&bench), (1, 1, goes), "{name}: {}", bench.log());
     }
@@ -109,7 +108,7 @@ fn a_program_reads_diagnostic_data_and_the_buffer_of_a_cp_341() {
     bench.pass(100 * MS);
     let whole = [0, 0x000C_0000, 0x000C_0000];
     assert_eq!(seen(&bench), (whole, 0, 0xF808_0000, 0x080D), "gone");
-    // The driver dies: its buffer is the module's. The next one goes on behind it.
+    // The driver dies: the buffer belongs to the module, and the next driver appends to it.
     let before = at(&bench, (92, 4)) >> 16;
     bench.kill_driver();
     bench.pass(SECOND);
@@ -122,7 +121,7 @@ fn a_cp_040_has_records_0_and_1_and_no_buffer() {
     let mut bench = house(CP_040, false, true, &|_| {});
     bench.fault(LineFault::Gone);
     bench.pass(100 * MS);
-    // Record 1 has 20 bytes, and there is room for 16.
+    // Record 1 has 20 bytes, but there is only room for 16.
     let records = [cell::RETURNS, cell::RECORD_0, cell::RECORD_1].map(|place| at(&bench, place));
     assert_eq!(records, [0, 0x051C_0000, 0x051C_0000], "{}", bench.log());
     assert_eq!(at(&bench, cell::LIST) >> 16, 0x8083);
@@ -153,7 +152,7 @@ fn without_ob_82_the_cpu_stops() {
         bench.fault(LineFault::Gone);
         bench.pass(SECOND);
         assert!(bench.log().contains("456Ah STOP by diagnostic interrupt"), "{module}: {}", bench.log());
-        // Not enabled: a pulled cable stops no CPU.
+        // Diagnostics disabled: an interrupted cable does not stop the CPU.
         let mut bench = house(module, false, false, &|_| {});
         bench.fault(LineFault::Gone);
         bench.pass(SECOND);

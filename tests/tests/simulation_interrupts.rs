@@ -1,8 +1,8 @@
-//! What a CP tells the CPU beside its registers, through the whole house in virtual time: diagnostic interrupts of a
-//! bad line (OB 82), and a CP that is gone while the station file says `absent = "fault"` (OB 86, OB 85 at the process
-//! image, OB 122 at an access).
+//! Events of a CP besides its registers, through all layers in virtual time: diagnostic interrupts of a bad line (OB
+//! 82), and an absent CP with `absent = "fault"` in the station file (OB 86, OB 85 at the process image, OB 122 at an
+//! access).
 //!
-//! Station A of the demo, with organization blocks more that count in DB 90.
+//! Station A of the demo, with additional organization blocks that count in DB 90.
 
 use ob1_time::Span;
 use std::fs;
@@ -11,7 +11,7 @@ use std::path::Path;
 use ob1_line::sim::FaultRates;
 use ob1_tests::sim::{self, Outcome, SECOND, Scenario};
 
-/// The counters of DB 90, as [`INTERRUPTS`] lays them out.
+/// The counters in DB 90, with the layout of [`INTERRUPTS`].
 mod count {
     pub(crate) const DIAGNOSIS_COMES: usize = 0;
     pub(crate) const DIAGNOSIS_GOES: usize = 4;
@@ -19,7 +19,7 @@ mod count {
     pub(crate) const STATION_LOST: usize = 12;
     pub(crate) const STATION_BACK: usize = 16;
     pub(crate) const ACCESS_ERRORS: usize = 20;
-    /// The four bytes of the last diagnostic interrupt that came.
+    /// The four bytes of the last incoming diagnostic interrupt.
     pub(crate) const DIAGNOSIS: usize = 24;
     /// Logical address in the last start information of OB 82, high word; of OB 122, low word.
     pub(crate) const ADDRESSES: usize = 28;
@@ -99,7 +99,7 @@ BEGIN
 END_ORGANIZATION_BLOCK
 ";
 
-/// The demo's stations, A's module with one key more; at `address` instead of 0.
+/// The demo's stations, with an additional key for A's module, and with `address` instead of 0.
 fn stations(key: &str, address: u16) -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");
     let demo = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/two-stations");
@@ -107,7 +107,7 @@ fn stations(key: &str, address: u16) -> tempfile::TempDir {
     let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).expect("a file");
     let station = read("station-a.toml");
     let module = format!("address = {address}\n{key}\n");
-    // A CPU of the 400 family reports image errors at each transfer; one of the 300 family reads 0 without a word.
+    // A CPU of the 400 family reports image errors at each transfer; one of the 300 family reads 0 silently.
     let changed = station
         .replace("watchdog = \"150ms\"\n", "watchdog = \"150ms\"\nfamily = 400\n")
         .replace("sources = [\"a.awl\"]", "sources = [\"a.awl\", \"interrupts.awl\"]")
@@ -148,7 +148,7 @@ fn what_lights_er_raises_ob_82() {
     let framing = FaultRates { framing: 100, ..FaultRates::NONE };
     let outcome = run(&stations("diagnostics = true", 0), framing, Span::ZERO);
     let (comes, goes) = (cell(&outcome, count::DIAGNOSIS_COMES), cell(&outcome, count::DIAGNOSIS_GOES));
-    // ER stays on for 4 s and the line is good in the last part of the run: each error that came has gone.
+    // ER stays on for 4 s and the line is good in the last part of the run: each incoming error has become outgoing.
     assert!(comes > 0 && comes == goes, "{comes} came, {goes} went\n{}", outcome.log);
     assert_eq!(cell(&outcome, count::DIAGNOSIS), 0x050C_0200, "{}", outcome.log);
     assert_eq!(cell(&outcome, count::ADDRESSES) >> 16, 0, "the module's address");

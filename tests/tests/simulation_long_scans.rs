@@ -1,5 +1,5 @@
-//! A scan that takes long, in virtual time: between two calls of handling blocks lines and drivers go on, and a driver
-//! that was killed comes up again in the middle of a scan. What the program then gives it, it must not lose unsaid.
+//! A long scan, in virtual time: lines and drivers continue between two calls of handling blocks, and a killed driver
+//! starts again during a scan. It must not silently lose the orders that the program then gives.
 
 mod common;
 
@@ -8,7 +8,7 @@ use ob1_line::sim::FaultRates;
 use ob1_tests::sim::{MS, SECOND, Scenario};
 use ob1_time::Span;
 
-/// Kills on a good line: each order ends, and the exchange comes back each time.
+/// Kills on a good line: each order ends, and the exchange recovers each time.
 fn comes_back(example: &str, call: Span) {
     let folder = pair::example(example);
     let mut up_in_scans = 0;

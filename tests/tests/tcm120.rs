@@ -1,5 +1,5 @@
-//! The TCM 120 simulator held against the manual, telegram by telegram, in virtual time.
-//! [S1 "Command Telegrams and Messages"]
+//! Compares the TCM 120 simulator with the manual, telegram by telegram, in virtual time. [S1 "Command Telegrams and
+//! Messages"]
 
 use ob1_protocols::MS;
 use ob1_protocols::esp2::frame::encode;
@@ -9,7 +9,7 @@ use ob1_time::{Instant, Span};
 
 const ID_BASE: u32 = 0xFF80_0080;
 
-/// The module between a CP and the air.
+/// The module between a CP and the radio side.
 struct Bench {
     module: Tcm120,
     now: Instant,
@@ -27,7 +27,7 @@ impl Bench {
         out
     }
 
-    /// What it says to these characters, each handed over by itself, and what it sends by radio.
+    /// Passes these characters one by one; returns the serial answers and the telegrams sent by radio.
     fn write(&mut self, bytes: &[u8]) -> (Vec<String>, Vec<Radio>) {
         let mut all = Output::default();
         for byte in bytes {
@@ -45,12 +45,12 @@ impl Bench {
         answer
     }
 
-    /// Hands a telegram over to be sent.
+    /// Passes a telegram to be sent.
     fn send(&mut self, radio: Radio) -> (Vec<String>, Vec<Radio>) {
         self.write(&encode(&Telegram::Transmit(radio).emit()))
     }
 
-    /// A line of the script on the radio side: what the CP is told, and what goes back by radio.
+    /// Executes a line of the script on the radio side; returns the telegrams to the CP and those sent by radio.
     fn air(&mut self, line: &str) -> (Vec<String>, Vec<Radio>) {
         let input = script::line(line).expect("it is understood").expect("it says something");
         let out = self.step(input);
@@ -75,7 +75,7 @@ impl Bench {
     }
 }
 
-/// Frames as lines of text; each must be whole.
+/// Frames as lines of text; each must be complete.
 fn said(serial: &[u8]) -> Vec<String> {
     assert_eq!(serial.len() % 14, 0, "{serial:02X?}");
     let frames = serial.chunks(14).map(|frame| {
@@ -206,7 +206,7 @@ fn a_modem_hears_what_is_for_it_and_acknowledges() {
     assert_eq!(bench.hears("mda 1234 repeat 1"), [""; 0], "our own, repeated");
 }
 
-/// RP_COUNTER comes as a repeater has set it; the filter is the program's affair. [S1 "IMPORTANT NOTE"]
+/// RP_COUNTER is passed on as set by a repeater; the program must filter. [S1 "IMPORTANT NOTE"]
 #[test]
 fn the_repeater_counter_comes_through() {
     let mut bench = Bench::new();

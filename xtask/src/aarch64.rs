@@ -1,5 +1,5 @@
-//! `cargo xtask aarch64`: the tests of the native engine and random programs as code for AArch64, under the user-mode
-//! emulation of QEMU. A campaign and no step of the tests: its dependencies are compiled for that processor first.
+//! `cargo xtask aarch64`: runs the tests of the native engine and random programs as AArch64 code under the user-mode
+//! emulation of QEMU. It is not part of the tests, because all dependencies must first be compiled for that processor.
 
 use std::process::Command;
 
@@ -11,15 +11,15 @@ use crate::test::{count, is_closing_line, own_target};
 
 const TARGET: &str = "aarch64-unknown-linux-gnu";
 const LINKER: &str = "aarch64-linux-gnu-gcc";
-/// The emulator, and where Debian has the libraries of that processor.
+/// The emulator, with the folder of Debian's libraries for that processor.
 const RUNNER: &str = "qemu-aarch64 -L /usr/aarch64-linux-gnu";
-/// Random programs, unless another number is asked for. The emulator runs a tenth as fast.
+/// Default number of random programs. The emulator runs at a tenth of the speed.
 const PROGRAMS: &str = "200";
 
-/// Runs the tests, then so many random programs on both engines.
+/// Runs the tests, then a number of random programs on both engines.
 ///
 /// # Errors
-/// The compiler, the emulator or Rust's library for the processor is not here, or a test fails.
+/// The compiler, the emulator or Rust's library for the processor is missing, or a test fails.
 pub(crate) fn run(args: &[String]) -> Outcome {
     let programs = match args {
         [] => PROGRAMS,
@@ -30,7 +30,7 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     if !has_library() {
         return Err(step(format!("Rust's library for AArch64 is not here: rustup target add {TARGET}")));
     }
-    // Random programs come last, fewer than the tests have.
+    // Random programs come last, fewer than in the tests.
     let closing = shell::watch(&mut emulated(&["test", "--lib", "--test", "image"])?, is_closing_line)?;
     println!("aarch64: {}", count(&closing, "aarch64")?);
     let mut compare = emulated(&["run", "--example", "compare"])?;
@@ -45,7 +45,7 @@ pub(crate) fn run(args: &[String]) -> Outcome {
 }
 
 fn has_library() -> bool {
-    // In the checkout, which names the toolchain.
+    // Run in the checkout, which selects the toolchain.
     let mut command = Command::new("rustc");
     command.args(["--print", "target-libdir", "--target", TARGET]).current_dir(crate::cargo::root());
     shell::read(&mut command).is_ok_and(|folder| std::path::Path::new(folder.trim()).is_dir())

@@ -1,4 +1,4 @@
-//! cargo, asked and called: where the checkout is, where artifacts land, which crate depends on which.
+//! Calls cargo: where the checkout is, where artifacts are, which crate depends on which.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -14,8 +14,8 @@ pub(crate) fn root() -> &'static Path {
     here.parent().unwrap_or(here)
 }
 
-/// `cargo ARGS`, in the checkout. The variables that `cargo run` set for xtask itself are taken away again: build
-/// scripts that look at them would otherwise build anew each time.
+/// `cargo ARGS`, in the checkout. The variables that `cargo run` has set for xtask are removed: otherwise build scripts
+/// that read them would build again each time.
 pub(crate) fn cargo(args: &[&str]) -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     for (key, _) in std::env::vars_os() {
@@ -28,8 +28,8 @@ pub(crate) fn cargo(args: &[&str]) -> Command {
     command
 }
 
-/// `cargo metadata`, whole: packages and the graph resolved for this machine (the crates of other systems stay on the
-/// registry).
+/// The complete `cargo metadata`: packages and the graph resolved for this machine (crates for other systems are not
+/// downloaded).
 pub(crate) fn metadata() -> Outcome<Value> {
     let version = shell::read(Command::new("rustc").arg("-vV").current_dir(root()))?;
     let host =
@@ -37,7 +37,7 @@ pub(crate) fn metadata() -> Outcome<Value> {
     ask(&["--filter-platform", host])
 }
 
-/// `cargo metadata` of the members alone, without their dependencies.
+/// `cargo metadata` of the members, without their dependencies.
 pub(crate) fn members() -> Outcome<Value> {
     ask(&["--no-deps"])
 }
@@ -47,7 +47,7 @@ fn ask(flags: &[&str]) -> Outcome<Value> {
     serde_json::from_str(&text).map_err(|why| step(format!("cargo metadata: {why}")))
 }
 
-/// The folder that holds `debug` and `release`.
+/// The folder that contains `debug` and `release`.
 pub(crate) fn target_dir() -> Outcome<PathBuf> {
     let text = shell::read(&mut cargo(&["metadata", "--format-version", "1", "--no-deps"]))?;
     let metadata: Value = serde_json::from_str(&text).map_err(|why| step(format!("cargo metadata: {why}")))?;
@@ -56,7 +56,7 @@ pub(crate) fn target_dir() -> Outcome<PathBuf> {
     Ok(PathBuf::from(folder))
 }
 
-/// How things are built: the folder below the target directory, and the flag that asks for it.
+/// The build profile: its folder below the target directory, and its flag.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Profile {
     Debug,
@@ -64,7 +64,7 @@ pub(crate) enum Profile {
 }
 
 impl Profile {
-    /// The folder its artifacts lie in.
+    /// The folder of its artifacts.
     pub(crate) fn folder(self) -> Outcome<PathBuf> {
         Ok(target_dir()?.join(match self {
             Self::Debug => "debug",
@@ -72,7 +72,7 @@ impl Profile {
         }))
     }
 
-    /// What cargo wants to hear for it.
+    /// The flags for cargo.
     pub(crate) fn flags(self) -> &'static [&'static str] {
         match self {
             Self::Debug => &[],
@@ -81,7 +81,7 @@ impl Profile {
     }
 }
 
-/// The elements of a JSON array; nothing for anything else.
+/// The elements of a JSON array; empty for anything else.
 pub(crate) fn list(value: &Value) -> &[Value] {
     value.as_array().map_or(&[], Vec::as_slice)
 }

@@ -6,10 +6,10 @@ use crate::cargo::{self, cargo};
 use crate::failure::{Failure, Outcome};
 use crate::shell;
 
-/// `cargo xtask ci`: runs `.ci/run`, the one place where the steps are written down.
+/// `cargo xtask ci`: runs `.ci/run`, the only place where the steps are defined.
 ///
 /// # Errors
-/// When a step fails.
+/// If a step fails.
 pub(crate) fn ci(args: &[String]) -> Outcome {
     none(args, "ci")?;
     shell::run(Command::new(cargo::root().join(".ci/run")).current_dir(cargo::root()))
@@ -18,7 +18,7 @@ pub(crate) fn ci(args: &[String]) -> Outcome {
 /// `cargo xtask fmt`: formats the workspace.
 ///
 /// # Errors
-/// When rustfmt finds something it cannot read.
+/// If rustfmt finds something it cannot parse.
 pub(crate) fn fmt(args: &[String]) -> Outcome {
     none(args, "fmt")?;
     shell::run(&mut cargo(&["fmt", "--all"]))

@@ -1,15 +1,15 @@
-//! The ways a verb ends badly.
+//! The failures of a verb.
 
 use std::fmt;
 
-/// Why a verb did not succeed.
+/// The reason why a verb failed.
 #[derive(Debug)]
 pub(crate) enum Failure {
     /// The command line was wrong: exit code 2.
     Usage(String),
     /// A step failed: exit code 1.
     Step(String),
-    /// The verb is a program of its own, and ended with this exit code, which says how.
+    /// The program of the verb ended with this exit code, which tells the result.
     Program(String, u8),
 }
 

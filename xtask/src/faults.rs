@@ -1,19 +1,20 @@
-//! `cargo xtask faults [PROTOCOL...] [--telegrams N]`: the fault runs `faults_*.rs` of the protocol machines, long.
+//! `cargo xtask faults [PROTOCOL...] [--telegrams N]`: long runs of the fault tests `faults_*.rs` of the protocol
+//! machines.
 //!
-//! `cargo xtask test` runs them too, shorter. A seed that fails is printed with the command that replays it, and
-//! belongs into `driver/protocols/tests/seeds` afterwards.
+//! `cargo xtask test` also runs them, but shorter. A failing seed is printed with the command that replays it; add it
+//! to `driver/protocols/tests/seeds`.
 
 use crate::cargo::cargo;
 use crate::failure::Outcome;
 use crate::{pick, shell};
 
 const PREFIX: &str = "faults_";
-/// Where they are: package, folder.
+/// Location of the tests: package, folder.
 const PLACES: [(&str, &str); 2] = [("ob1-protocols", "driver/protocols/tests"), ("ob1-dp", "driver/dp/tests")];
-/// Orders that must have ended in each test unless `--telegrams` says otherwise.
+/// Default number of orders that must end in each test, see `--telegrams`.
 const TELEGRAMS: u64 = 100_000;
 
-/// What the command line asked for.
+/// The options of the command line.
 #[derive(Debug, PartialEq, Eq)]
 struct Wish {
     protocols: Vec<String>,
@@ -21,7 +22,7 @@ struct Wish {
 }
 
 /// # Errors
-/// When a test cannot be built or a seed fails.
+/// If a test cannot be built or a seed fails.
 pub(crate) fn run(args: &[String]) -> Outcome {
     let wish = parse(args)?;
     let protocols = pick::some_or_all(wish.protocols, protocols()?, "fault run for")?;

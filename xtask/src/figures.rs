@@ -6,21 +6,21 @@ use crate::cargo::{Profile, cargo};
 use crate::failure::Outcome;
 use crate::{python, shell, siege};
 
-/// `cargo xtask sim [--seeds N] [--seed S] [--minutes M] [-- ...]`: the whole station in virtual time. Options
-/// are the program's own.
+/// `cargo xtask sim [--seeds N] [--seed S] [--minutes M] [-- ...]`: simulates the whole station in virtual time. The
+/// program evaluates the options.
 ///
 /// # Errors
-/// When it cannot be built or a seed fails; the program prints the command that replays it.
+/// If it cannot be built or a seed fails; the program prints the command that replays the seed.
 pub(crate) fn sim(args: &[String]) -> Outcome {
     release_run("sim", &["ob1-cp240", "ob1-tests"], args, None)
 }
 
-/// `cargo xtask bench`: the figures of the README with the floor measured in the same run. `stl`, `line`, `io` and `s7`
-/// measure beside others: they get the partners' Python. `gate [items browsers paint] [--minutes M]` loads
-/// the gate.
+/// `cargo xtask bench`: the figures of the README, with the lower limit measured in the same run. `stl`, `line`, `io`
+/// and `s7` compare with other programs and need the Python of the partners. `gate [items browsers paint] [--minutes
+/// M]` puts load on the gate.
 ///
 /// # Errors
-/// When it cannot be built or run.
+/// If it cannot be built or run.
 pub(crate) fn bench(args: &[String]) -> Outcome {
     if let Some(("gate", rest)) = args.split_first().map(|(name, rest)| (name.as_str(), rest)) {
         return siege::loads(rest);
@@ -32,17 +32,17 @@ pub(crate) fn bench(args: &[String]) -> Outcome {
     release_run("bench", &packages, args, python.as_deref())
 }
 
-/// `cargo xtask compare [--seeds N] [--seed S]`: random STL programs on our engine and on awlsim. Options are the
-/// program's own.
+/// `cargo xtask compare [--seeds N] [--seed S]`: runs random STL programs on our engine and on awlsim. The program
+/// evaluates the options.
 ///
 /// # Errors
-/// When it cannot be built, awlsim cannot be installed, or a program differs.
+/// If it cannot be built, awlsim cannot be installed, or the results of a program differ.
 pub(crate) fn compare(args: &[String]) -> Outcome {
     let python = python::interpreter()?;
     release_run("compare", &["ob1-tests"], args, Some(&python))
 }
 
-/// Builds `packages` with their plugins and binaries and runs the program `name` of the tests crate beside them.
+/// Builds `packages` with their plugins and binaries, then runs the program `name` of the tests crate.
 fn release_run(name: &str, packages: &[&str], args: &[String], python: Option<&Path>) -> Outcome {
     let mut build = cargo(&["build", "--release"]);
     for package in packages {

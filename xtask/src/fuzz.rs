@@ -1,7 +1,7 @@
 //! `cargo xtask fuzz [TARGET...] [--each 10m]`: the targets of `fuzz/` under libFuzzer.
 //!
-//! `cargo fuzz run -s none` needs no nightly toolchain: the address sanitizer, which would, finds nothing in safe
-//! code. What a run learns lies in `fuzz/work`, which git ignores; `fuzz/corpus` is what every test run replays.
+//! `cargo fuzz run -s none` needs no nightly toolchain: the address sanitizer would need one, but it finds nothing in
+//! safe code. The inputs that a run finds are in `fuzz/work`, which git ignores; every test run replays `fuzz/corpus`.
 
 use std::fs;
 use std::path::Path;
@@ -13,16 +13,16 @@ use crate::demo::duration;
 use crate::failure::{Outcome, step};
 use crate::{pick, shell};
 
-/// Pinned: a new version may build the targets another way.
+/// Pinned: a new version may build the targets differently.
 const CARGO_FUZZ: &str = "0.13.2";
-/// How long each target runs unless `--each` says otherwise.
+/// Default time for each target, see `--each`.
 const EACH: Duration = Duration::from_secs(60);
-/// Longer inputs teach little and cost much.
+/// Longer inputs find little and cost much time.
 const LONGEST: &str = "-max_len=8192";
-/// Seconds after which an input counts as endless: the work must be linear.
+/// Seconds after which an input is a failure: the run time must be linear.
 const SLOWEST: &str = "-timeout=10";
 
-/// What the command line asked for.
+/// The options of the command line.
 #[derive(Debug, PartialEq, Eq)]
 struct Wish {
     targets: Vec<String>,
@@ -30,7 +30,7 @@ struct Wish {
 }
 
 /// # Errors
-/// When a target cannot be built or an input makes it panic; cargo-fuzz names the file with the input.
+/// If a target cannot be built or an input makes it panic; cargo-fuzz names the file with the input.
 pub(crate) fn run(args: &[String]) -> Outcome {
     let wish = parse(args)?;
     let targets = pick::some_or_all(wish.targets, targets()?, "fuzz target")?;
@@ -51,7 +51,7 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     Ok(())
 }
 
-/// `fuzz/dictionaries/TARGET.txt`: the words of its language, for targets that have one.
+/// `fuzz/dictionaries/TARGET.txt`: the keywords of the target's language, if it has a dictionary.
 fn dictionary(target: &str) -> Option<String> {
     let path = cargo::root().join("fuzz/dictionaries").join(format!("{target}.txt"));
     path.is_file().then(|| format!("-dict={}", path.display()))
@@ -62,7 +62,7 @@ fn targets() -> Outcome<Vec<String>> {
     pick::stems("fuzz/fuzz_targets", "")
 }
 
-/// cargo-fuzz in the checkout's `.tools`, installed when it is missing.
+/// cargo-fuzz in the checkout's `.tools`, installed if it is missing.
 fn install() -> Outcome<std::path::PathBuf> {
     let tool = cargo::root().join(".tools/bin/cargo-fuzz");
     if !is_pinned(&tool) {
@@ -70,7 +70,7 @@ fn install() -> Outcome<std::path::PathBuf> {
         let version = format!("={CARGO_FUZZ}");
         let words = ["install", "cargo-fuzz", "--version", &version, "--locked", "--root", ".tools", "--target-dir"];
         shell::run(cargo(&words).arg(build))?;
-        // Its artifacts serve nothing else; what cannot be removed does no harm.
+        // Its artifacts are not needed any more; a failure to remove them does not matter.
         let _ = fs::remove_dir_all(cargo::root().join(build));
     }
     Ok(tool)

@@ -1,7 +1,7 @@
-//! The two searching runs: loom over the back plane (every order of its memory accesses) and Miri over the crates with
-//! unsafe code (undefined behaviour).
+//! Runs loom for the back plane (every order of its memory accesses) and Miri for the crates with unsafe code
+//! (undefined behaviour).
 //!
-//! Each has a target directory of its own, because their flags would otherwise throw the usual artifacts away.
+//! Each has a target directory of its own, because their flags would otherwise invalidate the usual artifacts.
 
 use std::process::Command;
 
@@ -10,7 +10,7 @@ use crate::failure::{Failure, Outcome, step};
 use crate::shell;
 use crate::test::{count, is_closing_line, own_target};
 
-/// The crate with the shared memory in it.
+/// The crate with the shared memory.
 const CRATE: &str = "ob1-backplane";
 
 /// The crates with unsafe code that Miri can run. It cannot run system calls, shared memory, loaded libraries and
@@ -20,16 +20,16 @@ const MIRI_CRATES: &[&str] = &[CRATE, "ob1-abi", "ob1-sdk", "ob1-arena"];
 /// Runs the loom model tests; returns the line for the summary.
 pub(crate) fn loom() -> Outcome<String> {
     let mut command = cargo(&["test", "--package", CRATE, "--release", "--test", "loom"]);
-    // Optimised: loom walks through many thousand interleavings.
+    // Optimised, because loom checks many thousand interleavings.
     command.arg("--target-dir").arg(own_target("loom")?).env("RUSTFLAGS", "--cfg loom");
     count(&shell::watch(&mut command, is_closing_line)?, "loom")
 }
 
-/// `cargo xtask miri`: the unit tests of the crates with unsafe code under Miri. It needs a nightly toolchain with the
-/// component, so it is a campaign and no step of the tests.
+/// `cargo xtask miri`: the unit tests of the crates with unsafe code under Miri. It needs a nightly toolchain with this
+/// component, so it is not part of the tests.
 ///
 /// # Errors
-/// When the component is not there, or a test fails.
+/// If the component is missing, or a test fails.
 pub(crate) fn miri(args: &[String]) -> Outcome {
     if !args.is_empty() {
         return Err(Failure::Usage("miri takes no arguments".into()));

@@ -1,7 +1,7 @@
-//! `cargo xtask`: every chore of the project, the same on a desk and in CI.
+//! `cargo xtask`: every task of the project, the same on a developer's machine and in CI.
 //!
-//! A verb is one module with a `run`; this file only picks it. A verb that fails prints one line that says which step
-//! failed and leaves the output of the tool above it.
+//! A verb is one module with a `run`; this file only selects it. A failing verb prints one line that names the failed
+//! step, after the output of the tool.
 
 mod aarch64;
 mod arch;

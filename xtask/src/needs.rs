@@ -1,21 +1,21 @@
-//! What a verb needs beyond the Rust toolchain and a C compiler: Debian packages, installed by the verb that needs them
-//! when it runs as root, else named in one command before anything is built.
+//! What a verb needs in addition to the Rust toolchain and a C compiler: Debian packages. As root the verb installs
+//! them; otherwise it prints one command that installs them before it builds anything.
 
 use std::process::Command;
 
 use crate::failure::{Outcome, step};
 use crate::shell;
 
-/// One thing that has to be on the machine.
+/// A requirement for the machine.
 pub(crate) struct Need {
-    /// What it is for, as the message says it.
+    /// Its description in the message.
     what: &'static str,
-    /// The Debian packages that bring it.
+    /// The Debian packages that provide it.
     packages: &'static [&'static str],
     here: fn() -> bool,
 }
 
-/// The interpreter of the partners, with the module that makes their environment.
+/// The interpreter of the partners, with the module that creates their environment.
 pub(crate) const PYTHON: Need =
     Need { what: "Python 3.11 with venv", packages: &["python3", "python3-venv"], here: python_with_venv };
 
@@ -34,54 +34,54 @@ pub(crate) const LIBMODBUS: Need = Need {
     here: || python("import ctypes; ctypes.CDLL('libmodbus.so.5')"),
 };
 
-/// The browser that looks at the page of a station, and what steers it.
+/// The browser that shows the page of a station, and its driver.
 pub(crate) const BROWSER: Need = Need {
     what: "Chromium with its driver",
     packages: &["chromium", "chromium-driver"],
     here: || on_path("chromium") && on_path("chromedriver"),
 };
 
-/// What scrapes the figures of a station.
+/// Reads the metrics of a station.
 pub(crate) const PROMETHEUS: Need =
     Need { what: "Prometheus", packages: &["prometheus"], here: || on_path("prometheus") && on_path("promtool") };
 
-/// Debian's judge of packages.
+/// Checks Debian packages.
 pub(crate) const LINTIAN: Need = Need { what: "lintian", packages: &["lintian"], here: || on_path("lintian") };
 
-/// The C compiler for AArch64, which links.
+/// The C compiler for AArch64, used for linking.
 pub(crate) const AARCH64_GCC: Need = Need {
     what: "the C compiler for AArch64, with its library",
     packages: &["gcc-aarch64-linux-gnu", "libc6-dev-arm64-cross"],
     here: || on_path("aarch64-linux-gnu-gcc"),
 };
 
-/// What runs programs of other processors.
+/// Runs programs of other processors.
 pub(crate) const QEMU_USER: Need =
     Need { what: "QEMU's user-mode emulation", packages: &["qemu-user"], here: || on_path("qemu-aarch64") };
 
-/// What makes a bare Debian.
+/// Creates a minimal Debian.
 pub(crate) const DEBOOTSTRAP: Need =
     Need { what: "debootstrap", packages: &["debootstrap"], here: || on_path("debootstrap") };
 
-/// What boots it.
+/// Boots this Debian.
 pub(crate) const NSPAWN: Need =
     Need { what: "systemd-nspawn", packages: &["systemd-container"], here: || on_path("systemd-nspawn") };
 
-/// The broker of the tests of MQTT.
+/// The broker for the tests of MQTT.
 pub(crate) const MOSQUITTO: Need = Need {
     what: "mosquitto, an MQTT broker",
     packages: &["mosquitto"],
     here: || on_path("mosquitto") || std::path::Path::new("/usr/sbin/mosquitto").is_file(),
 };
 
-/// The judge of what the S7 link says.
+/// Checks the telegrams of the S7 link.
 pub(crate) const TSHARK: Need =
     Need { what: "tshark, the dissectors of Wireshark", packages: &["tshark"], here: || on_path("tshark") };
 
-/// Makes sure that all of `needs` are here.
+/// Makes sure that all `needs` are installed.
 ///
 /// # Errors
-/// When something is missing and cannot be installed: the message names the one command that installs it.
+/// If something is missing and cannot be installed: the message contains the command that installs it.
 pub(crate) fn satisfy(needs: &[Need]) -> Outcome {
     let packages = packages(needs, |need| (need.here)());
     if packages.is_empty() {
@@ -100,7 +100,7 @@ pub(crate) fn satisfy(needs: &[Need]) -> Outcome {
     if missing.is_empty() { Ok(()) } else { Err(step(refusal(&missing))) }
 }
 
-/// What is not here, and the one command that installs it.
+/// The message: what is missing, and the command that installs it.
 fn refusal(missing: &[&Need]) -> String {
     let what: Vec<&str> = missing.iter().map(|need| need.what).collect();
     let packages = packages(missing.iter().copied(), |_| false).join(" ");
@@ -110,7 +110,7 @@ fn refusal(missing: &[&Need]) -> String {
     )
 }
 
-/// The packages of what is not here, each once.
+/// The packages for everything that is missing, each once.
 fn packages<'a>(needs: impl IntoIterator<Item = &'a Need>, here: impl Fn(&Need) -> bool) -> Vec<&'static str> {
     let mut packages = Vec::new();
     for package in needs.into_iter().filter(|need| !here(need)).flat_map(|need| need.packages) {
@@ -121,7 +121,7 @@ fn packages<'a>(needs: impl IntoIterator<Item = &'a Need>, here: impl Fn(&Need) 
     packages
 }
 
-/// Whether packages may be installed: by root alone.
+/// Whether packages may be installed: only as root.
 fn may_install() -> bool {
     shell::works(Command::new("sh").args(["-c", "[ \"$(id -u)\" = 0 ]"]))
 }

@@ -1,11 +1,11 @@
-//! Commands that run some files of a folder, or all of them: `cargo xtask fuzz stl ir --each 10m`.
+//! Arguments of commands that run some or all files of a folder: `cargo xtask fuzz stl ir --each 10m`.
 
 use std::fs;
 
 use crate::cargo;
 use crate::failure::{Failure, Outcome, step};
 
-/// The files `PREFIX*` of a folder of the checkout by what follows the prefix, without their ending, sorted.
+/// The names of the files `PREFIX*` in a folder of the checkout, without prefix and extension, sorted.
 pub(crate) fn stems(folder: &str, prefix: &str) -> Outcome<Vec<String>> {
     let folder = cargo::root().join(folder);
     let entries = fs::read_dir(&folder).map_err(|why| step(format!("{}: {why}", folder.display())))?;
@@ -16,8 +16,7 @@ pub(crate) fn stems(folder: &str, prefix: &str) -> Outcome<Vec<String>> {
     Ok(names)
 }
 
-/// The names on the command line of `command`, and the value of its one option, if it is there; `wants` says what that
-/// is.
+/// The names on the command line of `command`, and the value of its option, if given; `wants` describes that value.
 pub(crate) fn names_and_option<T>(
     args: &[String],
     command: &str,
@@ -40,7 +39,7 @@ pub(crate) fn names_and_option<T>(
     Ok((names, found))
 }
 
-/// What of `known` is wanted: all, unless there are names.
+/// The selected names of `known`: all, unless names are given.
 pub(crate) fn some_or_all(wanted: Vec<String>, known: Vec<String>, what: &str) -> Outcome<Vec<String>> {
     if let Some(wrong) = wanted.iter().find(|name| !known.contains(name)) {
         return Err(Failure::Usage(format!("no {what} `{wrong}`; there are: {}", known.join(", "))));

@@ -1,5 +1,5 @@
-//! What the foreign partners run under: a virtual environment of the checkout with what they need pinned, and beside it
-//! the packages that cannot lie in it.
+//! The environment of the foreign partners: a virtual environment in the checkout with pinned packages, and in addition
+//! the packages that cannot be part of it.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -8,19 +8,19 @@ use std::process::Command;
 use crate::failure::{Outcome, step};
 use crate::{cargo, needs, shell};
 
-/// What the partners need, and all that needs, with the hashes of their files (made from `requirements.in`).
+/// The packages for the partners with all dependencies and hashes (generated from `requirements.in`).
 const REQUIREMENTS: &str = "tests/peers/requirements.txt";
-/// Packages in a folder of their own, because the environment has another version of them.
+/// Packages in a separate folder, because the environment has another version of them.
 const NATIVE: &str = "tests/peers/requirements-native.txt";
-/// Packages for Node.js, and all they need, with hashes.
+/// Packages for Node.js with all dependencies and hashes.
 const NODE: [&str; 2] = ["tests/peers/package.json", "tests/peers/package-lock.json"];
-/// Copy of the requirements the environment was made for; when it differs the environment is made anew.
+/// Copy of the requirements for which the environment was created; if they differ, the environment is created again.
 const STAMP: &str = "ob1-requirements.txt";
 
-/// The interpreter of `.venv`, made first if it is missing or was made for other requirements.
+/// The interpreter of `.venv`, which is created if it is missing or was created for other requirements.
 ///
 /// # Errors
-/// When Python, its `venv` module or a package cannot be had: the partners are part of the tests, so the run fails.
+/// If Python, its `venv` module or a package is not available: the partners are part of the tests, so the run fails.
 pub(crate) fn interpreter() -> Outcome<PathBuf> {
     let root = cargo::root();
     let venv = root.join(".venv");
@@ -34,7 +34,7 @@ pub(crate) fn interpreter() -> Outcome<PathBuf> {
     }
     needs::satisfy(&[needs::PYTHON, needs::NODE])?;
     shell::run(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&venv))?;
-    // What comes with another hash is not what has been tried.
+    // A package with another hash has not been tested.
     let pip = || {
         let mut pip = Command::new(&python);
         pip.args(["-m", "pip", "install", "--disable-pip-version-check", "--quiet", "--require-hashes"]);
@@ -49,7 +49,7 @@ pub(crate) fn interpreter() -> Outcome<PathBuf> {
         let to = node.join(from.file_name().unwrap_or_default());
         fs::copy(from, to).map_err(|why| step(format!("{path}: {why}")))?;
     }
-    // By the lock file alone, and none of them runs a script of its own.
+    // Only from the lock file, and without install scripts.
     let mut npm = Command::new("npm");
     npm.args(["ci", "--ignore-scripts", "--no-audit", "--no-fund", "--loglevel=error"]);
     shell::run(npm.current_dir(&node))?;

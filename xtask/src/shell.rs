@@ -1,11 +1,11 @@
-//! Starting other programs: echo the command line, run it, turn a bad end into one sentence.
+//! Starts other programs: prints the command line, runs it, and turns a failure into one sentence.
 
 use std::ffi::OsStr;
 use std::process::{Command, Output, Stdio};
 
 use crate::failure::{Failure, Outcome, step};
 
-/// The command line as one would type it, with the environment it is given.
+/// The command line as it would be typed, with its environment.
 pub(crate) fn line(command: &Command) -> String {
     let word = |text: &OsStr| text.to_string_lossy().into_owned();
     let settings = command.get_envs().filter_map(|(key, value)| Some(format!("{}={}", word(key), word(value?))));
@@ -13,18 +13,18 @@ pub(crate) fn line(command: &Command) -> String {
     settings.chain([word(program)]).chain(command.get_args().map(word)).collect::<Vec<_>>().join(" ")
 }
 
-/// Runs it with our own input and output.
+/// Runs it with our input and output.
 ///
 /// # Errors
-/// When it cannot be started, or ends with anything but 0.
+/// If it cannot be started, or its exit code is not 0.
 pub(crate) fn run(command: &mut Command) -> Outcome {
     run_program(command).map_err(|failure| step(failure.to_string()))
 }
 
-/// The same for the program that a verb stands for: its exit code becomes ours.
+/// The same for the program of a verb: its exit code becomes ours.
 ///
 /// # Errors
-/// When it cannot be started, or ends with anything but 0.
+/// If it cannot be started, or its exit code is not 0.
 pub(crate) fn run_program(command: &mut Command) -> Outcome {
     let shown = line(command);
     eprintln!("$ {shown}");
@@ -36,10 +36,10 @@ pub(crate) fn run_program(command: &mut Command) -> Outcome {
     Err(Failure::Program(format!("`{shown}` failed ({status})"), code))
 }
 
-/// Runs it and returns what it wrote to standard output; its errors go to ours.
+/// Runs it and returns its standard output; its error output goes to ours.
 ///
 /// # Errors
-/// When it cannot be started, or ends with anything but 0.
+/// If it cannot be started, or its exit code is not 0.
 pub(crate) fn read(command: &mut Command) -> Outcome<String> {
     let shown = line(command);
     let output: Output =
@@ -50,7 +50,7 @@ pub(crate) fn read(command: &mut Command) -> Outcome<String> {
     String::from_utf8(output.stdout).map_err(|_| step(format!("`{shown}` wrote something that is not text")))
 }
 
-/// Whether it starts and ends with 0, without a sound. For "is this tool here?".
+/// Whether it starts and its exit code is 0, without any output. Used to check whether a tool is installed.
 pub(crate) fn works(command: &mut Command) -> bool {
     command
         .stdin(Stdio::null())
@@ -60,10 +60,10 @@ pub(crate) fn works(command: &mut Command) -> bool {
         .is_ok_and(|status| status.success())
 }
 
-/// Runs it, shows its lines as they come, and returns those that `keep` wants, in the order they were read.
+/// Runs it, shows its lines immediately, and returns those that `keep` selects, in the order they were read.
 ///
 /// # Errors
-/// When it cannot be started, or ends with anything but 0.
+/// If it cannot be started, or its exit code is not 0.
 pub(crate) fn watch(command: &mut Command, keep: fn(&str) -> bool) -> Outcome<Vec<String>> {
     let shown = line(command);
     eprintln!("$ {shown}");
@@ -83,8 +83,7 @@ pub(crate) fn watch(command: &mut Command, keep: fn(&str) -> bool) -> Outcome<Ve
     if status.success() { Ok(kept) } else { Err(step(format!("`{shown}` failed ({status})"))) }
 }
 
-/// Copies lines until the pipe ends. Bytes that are not text are shown as such, and a closed output does not stop the
-/// child.
+/// Copies lines until the pipe ends. Invalid text is marked, and a closed output does not stop the child.
 fn relay(pipe: impl std::io::Read, mut to: impl std::io::Write, keep: fn(&str) -> bool) -> Vec<String> {
     let mut from = std::io::BufReader::new(pipe);
     let mut kept = Vec::new();

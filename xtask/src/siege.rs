@@ -1,14 +1,14 @@
-//! `cargo xtask siege [WHAT...] [--rounds N] [--minutes M]`: attacks on what stands, long. `cargo xtask test` runs each
-//! of them short.
+//! `cargo xtask siege [WHAT...] [--rounds N] [--minutes M]`: long stress tests. `cargo xtask test` runs each of them
+//! for a short time.
 //!
-//! A siege is a test whose number of rounds, or of minutes, comes from the environment; a round that fails names its
-//! seed. The figures of a siege that is measured in minutes are judged.
+//! A siege is a test whose number of rounds or minutes comes from the environment; a failing round prints its seed. A
+//! siege that runs for minutes also checks its figures against limits.
 
 use crate::cargo::{self, Profile, cargo};
 use crate::failure::{Failure, Outcome};
 use crate::{needs, pick, python, shell};
 
-/// A siege: its name, which is that of its test; where it stands; how long a campaign is.
+/// The sieges: the name, which is also that of the test; the test file; the default length.
 const SIEGES: &[Siege] = &[
     siege("kill", "process_siege", Long::Rounds(1_000)),
     siege("bus", "process_remote_io", Long::Rounds(200)),
@@ -30,7 +30,8 @@ const SIEGES: &[Siege] = &[
     Siege { package: "ob1-station", ..siege("writer", "process_retentive", Long::Rounds(1_000)) },
 ];
 
-/// What `cargo xtask bench gate` measures: tests as well, whose figures are judged when they run for minutes.
+/// What `cargo xtask bench gate` measures: also tests, whose figures are checked against limits when they run for
+/// minutes.
 const LOADS: &[Siege] = &[
     siege("gate_items", "process_gate_load", Long::Minutes(2.0)),
     siege("gate_browsers", "process_gate_load", Long::Minutes(5.0)),
@@ -44,7 +45,7 @@ struct Siege {
     long: Long,
 }
 
-/// How long a campaign is.
+/// The default length of a siege.
 #[derive(Clone, Copy)]
 enum Long {
     Rounds(u64),
@@ -56,16 +57,16 @@ const fn siege(name: &'static str, binary: &'static str, long: Long) -> Siege {
 }
 
 /// # Errors
-/// When something cannot be built, or a round fails.
+/// If something cannot be built, or a round fails.
 pub(crate) fn run(args: &[String]) -> Outcome {
     let number = |text: &str| text.parse::<u64>().ok().filter(|&number| number > 0);
-    // Either option, anywhere.
+    // Either option, at any position.
     let at = args.iter().position(|arg| arg == "--minutes").unwrap_or(args.len());
     let (option, behind) = args[at..].split_at(2.min(args.len() - at));
     let (_, minutes) = pick::names_and_option(option, "siege", "--minutes", MINUTES, minutes)?;
     let rest = [&args[..at], behind].concat();
     let (names, rounds) = pick::names_and_option(&rest, "siege", "--rounds", "a number, e.g. 1000", number)?;
-    // Of all of them those are meant that are counted so.
+    // Without names, an option selects the sieges it applies to.
     let meant = |siege: &&Siege| match siege.long {
         Long::Rounds(_) => minutes.is_none() || !names.is_empty(),
         Long::Minutes(_) => rounds.is_none() || !names.is_empty(),
@@ -79,7 +80,7 @@ pub(crate) fn run(args: &[String]) -> Outcome {
 /// `cargo xtask bench gate [NAME...] [--minutes M]`
 ///
 /// # Errors
-/// When something cannot be built, or a figure is beyond its aim.
+/// If something cannot be built, or a figure exceeds its limit.
 pub(crate) fn loads(args: &[String]) -> Outcome {
     let (names, minutes) = pick::names_and_option(args, "bench gate", "--minutes", MINUTES, minutes)?;
     let known = LOADS.iter().map(|load| load.name.trim_start_matches("gate_").to_owned()).collect();
@@ -94,7 +95,7 @@ fn minutes(text: &str) -> Option<f64> {
     text.parse::<f64>().ok().filter(|&minutes| minutes > 0.0 && minutes.is_finite())
 }
 
-/// Builds everything, and runs these with what was asked for, else for as long as a campaign is.
+/// Builds everything, and runs these sieges for the given or the default length.
 fn lay(sieges: &[&Siege], rounds: Option<u64>, minutes: Option<f64>) -> Outcome {
     let counted = |siege: &&&Siege| matches!(siege.long, Long::Rounds(_));
     if let Some(siege) = sieges.iter().find(|siege| minutes.is_some() && counted(siege)) {

@@ -1,8 +1,8 @@
 //! `cargo xtask test`: every test of the project.
 //!
-//! `cargo test` alone builds neither the plugins (cdylibs) nor the binaries of other crates, and knows no foreign
-//! partner. This verb installs the partners' packages (`needs.rs`), builds all the rest in the profile of the tests and
-//! says where it is:
+//! `cargo test` alone builds neither the plugins (cdylibs) nor the binaries of other crates, nor installs the foreign
+//! partners. This verb installs the packages of the partners (`needs.rs`), builds everything else in the profile of the
+//! tests and passes its location:
 //!
 //! | Variable          | Meaning                                                        |
 //! |-------------------|----------------------------------------------------------------|
@@ -20,24 +20,24 @@ use crate::cargo::{self, Profile, cargo};
 use crate::failure::{Failure, Outcome, step};
 use crate::{loom_miri, needs, python, shell};
 
-/// Tests that start real processes live in test binaries with this prefix; they run one after the other.
+/// Tests that start real processes are in test binaries with this prefix; they run one after the other.
 const SERIAL_PREFIX: &str = "process_";
 
-/// What the command line asked for.
+/// The options of the command line.
 #[derive(Debug, PartialEq, Eq)]
 struct Wish {
     profile: Profile,
-    /// Only tests whose name contains it; then loom and the doc tests are left out.
+    /// Runs only tests whose name contains it, without loom and the doc tests.
     filter: Option<String>,
 }
 
 /// `cargo xtask test [--release] [FILTER]`
 ///
 /// # Errors
-/// When anything cannot be built or installed, any test fails, or a runner ran no test at all.
+/// If anything cannot be built or installed, any test fails, or a runner ran no test.
 pub(crate) fn run(args: &[String]) -> Outcome {
     let wish = parse(args)?;
-    // What is missing is told, or installed, before anything is built.
+    // Missing packages are installed or reported before anything is built.
     needs::satisfy(&[
         needs::PYTHON,
         needs::NODE,
@@ -92,7 +92,7 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     Ok(())
 }
 
-/// A partner that is wrong proves nothing: each script of `tests/peers` is tested against itself first.
+/// A faulty partner proves nothing: each script of `tests/peers` is first tested against itself.
 fn self_tests(python: &Path) -> Outcome<String> {
     let folder = cargo::root().join("tests/peers");
     let entries = std::fs::read_dir(&folder).map_err(|why| step(format!("{}: {why}", folder.display())))?;
@@ -118,7 +118,7 @@ fn parse(args: &[String]) -> Outcome<Wish> {
     Ok(wish)
 }
 
-/// One command with nextest; without it two, so that the tests with real processes get a run of their own.
+/// One command with nextest; without it two, so that the tests with real processes have a separate run.
 fn test_commands(wish: &Wish) -> Outcome<Vec<Command>> {
     let filter = wish.filter.as_deref();
     if shell::works(&mut cargo(&["nextest", "--version"])) {
@@ -153,12 +153,12 @@ fn integration_tests() -> Outcome<Vec<String>> {
     Ok(names)
 }
 
-/// The last word of a runner: libtest's `test result:` or nextest's `Summary [...]`.
+/// The last line of a runner: libtest's `test result:` or nextest's `Summary [...]`.
 pub(crate) fn is_closing_line(line: &str) -> bool {
     line.starts_with("test result: ") || line.trim_start().starts_with("Summary [")
 }
 
-/// How many tests ran, added up over closing lines.
+/// The number of tests that ran, summed over closing lines.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Tally {
     pub(crate) passed: u64,
@@ -191,7 +191,7 @@ impl std::fmt::Display for Tally {
     }
 }
 
-/// The count as text; a run without a single test is no run.
+/// The count as text; a run without any test is an error.
 pub(crate) fn count(closing: &[String], what: &str) -> Outcome<String> {
     let tally = Tally::of(closing);
     if tally.passed == 0 {
@@ -200,7 +200,7 @@ pub(crate) fn count(closing: &[String], what: &str) -> Outcome<String> {
     Ok(tally.to_string())
 }
 
-/// For [`loom_miri`]: a target directory beside the usual ones.
+/// For [`loom_miri`]: a separate target directory.
 pub(crate) fn own_target(name: &str) -> Outcome<PathBuf> {
     Ok(cargo::target_dir()?.join(name))
 }

@@ -31,7 +31,7 @@ pub(crate) fn components(
             let mut layout = Layout::new();
             for field in fields {
                 let offset = layout.place(&field.ty);
-                // Sections of an instance are parted by nameless structures of no length.
+                // Sections of an instance are separated by nameless structures of no length.
                 if field.name.is_empty() {
                     continue;
                 }

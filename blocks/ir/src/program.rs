@@ -56,8 +56,8 @@ pub enum Arg {
     Operand(Operand),
     /// A timer, counter or block number.
     Number(Number),
-    /// `UC FC 5 { P#M 1.0 }`: one double word of the list that stands behind the call in machine code: the pointer to
-    /// an elementary actual, the pointer to the POINTER or ANY of a composed one, or the number of a timer, counter or
+    /// `UC FC 5 { P#M 1.0 }`: one double word of the list that follows the call in machine code: the pointer to an
+    /// elementary actual, the pointer to the POINTER or ANY of a composed one, or the number of a timer, counter or
     /// block in the high word. Area V is the caller's local data.
     Raw(u32),
 }

@@ -423,7 +423,7 @@ fn interface(interface: &Interface, has_instance: bool, f: &mut Formatter<'_>) -
             }
             None => f.write_char('\n')?,
         }
-        // What lies behind a reference or a POINTER has no address of its own.
+        // What a reference or a POINTER leads to has no address of its own.
         let placed = (has_instance && !param.is_pointer()) || matches!(param.section, Section::Temp);
         components(&param.ty, placed.then_some(param.at), 7, 1, f)?;
     }
@@ -471,7 +471,7 @@ impl Display for DataBlock {
             writeln!(f, "  {at:>7} {} : {}", component.path, type_text(&component.ty))?;
             components(&component.ty, Some(component.at), 0, 1, f)?;
         }
-        // Rows of zeros say nothing.
+        // Rows of zeros are left out.
         for (row, bytes) in (0..).step_by(16).zip(self.bytes.chunks(16)).filter(|(_, b)| b.iter().any(|b| *b != 0)) {
             write!(f, "  {row:>5}:")?;
             bytes.iter().try_for_each(|b| write!(f, " {b:02X}"))?;

@@ -7,8 +7,8 @@ use crate::statement::{Mc7Op, Statement};
 /// What a page finds: the statement and its length; `None` where the bytes begin none.
 pub(crate) type Found = Option<(Statement, usize)>;
 
-/// Code from the first byte of a statement on. What lies beyond the end reads as 0; the caller holds the length found
-/// against what there is.
+/// Code from the first byte of a statement on. What lies beyond the end reads as 0; the caller checks the length found
+/// against the bytes there are.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bytes<'c>(pub(crate) &'c [u8]);
 

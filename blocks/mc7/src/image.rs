@@ -19,8 +19,7 @@ const DB: u8 = 5;
 const VERSION: u8 = 1;
 
 /// The block of this name; `None` where the program does not have it, or no machine code can be made of it. A data
-/// block has its load values. `known` gives the interfaces of the blocks that are called and do not stand in the
-/// program.
+/// block has its load values. `known` gives the interfaces of the blocks that are called and are not in the program.
 #[must_use]
 pub fn image<'c>(
     program: &'c Program,

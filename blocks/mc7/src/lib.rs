@@ -1,4 +1,4 @@
-//! MC7, the machine code of STEP 7, and what stands around it in a block: head, compiled interface, segment table.
+//! MC7, the machine code of STEP 7, and the parts around it in a block: head, compiled interface, segment table.
 //!
 //! Two layers. [`Statement`] is one statement and its bytes, exactly invertible. [`decode`] makes a code block of the
 //! instruction set of it: jumps become statement indices, and what STEP 7's compiler made of a `CALL` becomes the call

@@ -2,16 +2,16 @@
 
 use crate::error::{Mc7Error, Problem};
 
-/// The table behind a block's code, in the project folder and on the CPU alike.
+/// The table after a block's code, in the project folder and on the CPU alike.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Segments {
     /// Bytes of code of each network. The final `BE` belongs to none, except in blocks from SCL, whose one network
     /// counts it.
     pub networks: Vec<u16>,
-    /// Where each jump statement stands, in words from the beginning of the code, in no order. The names of labels go
+    /// The place of each jump statement, in words from the beginning of the code, in no order. The names of labels go
     /// by these entries.
     pub jumps: Vec<u16>,
-    /// What stands behind; its meaning is unknown.
+    /// What follows; its meaning is unknown.
     pub rest: Vec<u8>,
 }
 
@@ -38,7 +38,7 @@ impl Segments {
     pub fn bytes(&self) -> Vec<u8> {
         let mut out = Vec::new();
         for part in [&self.networks, &self.jumps] {
-            // More than 65,535 cannot be: the code has as many bytes at most.
+            // More than 65,535 are impossible: the code has as many bytes at most.
             let count = part.len().min(usize::from(u16::MAX));
             out.extend_from_slice(&(count as u16).to_le_bytes());
             part.iter().take(count).for_each(|word| out.extend_from_slice(&word.to_le_bytes()));

@@ -8,7 +8,7 @@ use ob1_model::BlockKind;
 use crate::bytes::Bytes;
 use crate::pages::{bits, blocks, fixed, jumps, loads, registers, shifts, times};
 
-/// How a constant stands in the code: its width, and a sub-code that only says how it was written.
+/// The form of a constant in the code: its width, and a sub-code that only says how it was written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ConstForm {
     /// 28: one byte.
@@ -28,7 +28,7 @@ pub struct Uncond {
     pub number: Number,
     /// `CC`.
     pub conditional: bool,
-    /// The pointers behind a call of an FC or SFC; `None` behind one of an FB or SFB.
+    /// The pointers after a call of an FC or SFC; `None` after one of an FB or SFB.
     pub list: Option<Vec<u32>>,
 }
 
@@ -72,14 +72,14 @@ pub enum Mc7Op {
 pub struct Statement {
     /// What it does.
     pub op: Mc7Op,
-    /// The long form stands there though the operand fits the short one.
+    /// The code has the long form, though the operand fits the short one.
     pub long: bool,
 }
 
-/// Why bytes are no statement.
+/// Why bytes are not a statement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoStatement {
-    /// No statement begins so.
+    /// No statement begins like this.
     Unknown,
     /// The code ends within the statement.
     Cut,

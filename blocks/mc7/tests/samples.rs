@@ -1,6 +1,6 @@
 //! Real projects: every code block of every block folder below `OB1_STEP7_PROJECTS` decodes, passes the verifier,
 //! prints in both sets of mnemonics, compiles to the same statements, and comes back from machine code as it was.
-//! Without the variable there is nothing to do: projects are their owners', and none lies here.
+//! Without the variable there is nothing to do: projects belong to their owners, and none is kept here.
 
 #![allow(clippy::disallowed_methods, reason = "the test reads projects from the disk")]
 
@@ -68,7 +68,7 @@ struct Known {
     instances: BTreeMap<BlockId, BTreeMap<usize, BlockId>>,
 }
 
-/// Everything a block has to stand; the error says what it did not.
+/// Everything a block has to pass; the error says what it did not.
 fn check(block: &Block, known: &Known, figures: &mut Figures) -> Result<(), String> {
     let callees = |id: BlockId| known.interfaces.get(&id);
     let interface = callees(block.id).ok_or("no interface")?;

@@ -53,7 +53,7 @@ fn bytes_that_begin_nothing() {
     assert_eq!(found, none);
 }
 
-/// A statement's bytes with operands, and a list of one pointer behind calls with a short and with a long number.
+/// A statement's bytes with operands, and a list of one pointer after calls with a short and with a long number.
 fn list(first: u8, second: u8, operand: u16) -> Vec<u8> {
     let [high, low] = operand.to_be_bytes();
     let tail = [0x70, 0x0B, 0, 4, 0x87, 0, 0, 8];
@@ -85,7 +85,7 @@ fn what_reads_writes_back() {
 fn lists_that_leave_the_code_are_cut_off() {
     // UC FC 1 with a list of 3 pointers, of which one is there.
     assert_eq!(Statement::read(&bytes("3D01700B000887000008")), Err(NoStatement::Cut));
-    // A list of an odd number of words, and one shorter than its own head, are none.
+    // A list of an odd number of words, or shorter than its own head, is not a list.
     assert_eq!(Statement::read(&bytes("3D01700B000387000008")), Err(NoStatement::Unknown));
     assert_eq!(Statement::read(&bytes("3D01700B0000")), Err(NoStatement::Unknown));
     assert_eq!(Statement::read(&bytes("3D01700B8000")), Err(NoStatement::Unknown));

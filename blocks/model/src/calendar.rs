@@ -20,7 +20,7 @@ pub const fn days_of_month(year: u32, month: u32) -> u32 {
     }
 }
 
-/// Days from 1970-01-01 to a date; `None` for one that does not exist, or lies before 1970 or behind 9999.
+/// Days from 1970-01-01 to a date; `None` for one that does not exist, or lies before 1970 or after 9999.
 #[must_use]
 pub const fn days_of(year: u32, month: u32, day: u32) -> Option<u32> {
     if year < 1970 || year > 9999 || month == 0 || month > 12 || day == 0 || day > days_of_month(year, month) {

@@ -85,7 +85,7 @@ impl Interface {
         self.params.iter().filter(|p| !matches!(p.section, Section::Static | Section::Temp))
     }
 
-    /// The place of each formal, in the order of [`formals`](Self::formals), in the list of pointers behind a call of
+    /// The place of each formal, in the order of [`formals`](Self::formals), in the list of pointers after a call of
     /// an FC or SFC in machine code: inputs, return value, outputs, in/outs.
     #[must_use]
     pub fn list_places(&self) -> Vec<u16> {

@@ -19,7 +19,7 @@ impl OperatingState {
         self as u8
     }
 
-    /// Of that number; any other is RUN.
+    /// The state with that number; any other is RUN.
     #[must_use]
     pub const fn of(number: u64) -> Self {
         match number {

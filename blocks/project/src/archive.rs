@@ -29,7 +29,7 @@ impl Archive {
     /// Opens an archive.
     ///
     /// # Errors
-    /// Why it is none, in one sentence.
+    /// Why it is not one, in one sentence.
     pub fn open(bytes: Vec<u8>) -> Result<Self, String> {
         let mut zip = zip::ZipArchive::new(Cursor::new(bytes)).map_err(|e| format!("not a .zip archive: {e}"))?;
         if zip.len() > MOST_FILES {
@@ -56,7 +56,7 @@ impl FileSource for Archive {
         let index = *self.index.get(path).ok_or("there is no such file")?;
         let mut zip = self.zip.borrow_mut();
         let file = zip.by_index(index).map_err(|e| format!("{path} in the archive: {e}"))?;
-        // The size in the directory is a claim; what comes out counts.
+        // The size in the directory may be wrong; the bytes that come out count.
         let mut bytes = Vec::new();
         let read = file.take(LONGEST_FILE + 1).read_to_end(&mut bytes).map_err(|e| format!("{path}: {e}"))?;
         if read as u64 > LONGEST_FILE {

@@ -24,7 +24,7 @@ pub struct Network {
     pub title: String,
     /// The network's comment.
     pub comment: String,
-    /// Comments of lines: the number of statements of the network they stand behind or at, and the text.
+    /// Comments of lines: the number of statements of the network up to them, and the text.
     pub lines: Vec<Line>,
 }
 
@@ -33,7 +33,7 @@ pub struct Network {
 pub struct Line {
     /// Statements of the network up to here, the commented one included.
     pub statement: u32,
-    /// True when it stands behind a statement, false for a line of its own.
+    /// True when it follows a statement on its line, false for a line of its own.
     pub behind: bool,
     /// The text.
     pub text: String,
@@ -101,7 +101,7 @@ impl Comments {
         (heading, stream, info)
     }
 
-    /// Takes one record of the stream; its length, or `None` when it is none.
+    /// Takes one record of the stream; its length, or `None` when these bytes are not a record.
     fn record(&mut self, rest: &[u8], page: CodePage) -> Option<usize> {
         let word = |at: usize| Some(usize::from(u16::from_le_bytes(rest.get(at..at + 2)?.try_into().ok()?)));
         if rest.len() >= 6 && rest[0] == 6 && rest[5] == 6 {

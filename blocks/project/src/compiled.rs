@@ -1,4 +1,4 @@
-//! The compiled interface of a block beside its text: do both say the same, and declarations made of it alone.
+//! The compiled interface of a block beside its text: whether both say the same, and declarations made of it alone.
 
 use std::fmt::Write as _;
 
@@ -33,7 +33,7 @@ pub(crate) fn agree(compiled: &CompiledInterface, interface: &Interface) -> bool
         })
 }
 
-/// The same type but for names.
+/// The same type, except for names.
 fn alike(a: &DataType, b: &DataType) -> bool {
     match (a, b) {
         (DataType::Struct(a), DataType::Struct(b)) => {

@@ -1,6 +1,6 @@
 //! Parameters of a CPU: cycle monitoring, clock memory, cyclic interrupts.
 //!
-//! They are records one behind the other: the length (itself included), the number, the content, words big-endian.
+//! They are records one after the other: the length (itself included), the number, the content, words big-endian.
 
 /// What a CPU is set to; `None` and empty where the project says nothing.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -33,7 +33,7 @@ const CLOCK: u8 = 0x07;
 /// Cyclic interrupts OB 30 to 38: priority, reserved, interval, phase offset.
 const CYCLIC: u8 = 0x0D;
 
-/// Reads the records. What is cut off, or has lengths that cannot be, ends the list.
+/// Reads the records. What is cut off, or has impossible lengths, ends the list.
 pub(crate) fn read(bytes: &[u8]) -> CpuParameters {
     let mut parameters = CpuParameters::default();
     let mut rest = bytes;
@@ -63,7 +63,7 @@ pub(crate) fn read(bytes: &[u8]) -> CpuParameters {
     parameters
 }
 
-/// The records of some parameters, for those who write projects.
+/// The records of some parameters, for writing projects.
 pub(crate) fn write(parameters: &CpuParameters) -> Vec<u8> {
     let mut out = Vec::new();
     let mut record = |number: u8, content: &[u8]| {

@@ -1,4 +1,4 @@
-//! dBase tables (`.DBF`) and their memo files (`.DBT`), read from bytes nobody vouches for.
+//! dBase tables (`.DBF`) and their memo files (`.DBT`), read from bytes that cannot be trusted.
 
 use std::fmt;
 

@@ -1,7 +1,7 @@
 //! Reads STEP 7 projects (`.s7p`), libraries (`.s7l`) and archives of them: programs, blocks, symbols, hardware.
 //!
-//! The files come through [`FileSource`]: this crate never touches the disk, and nobody vouches for what it reads.
-//! Every length is held against the file before anything is taken by it; what is damaged is left out and told.
+//! The files come through [`FileSource`]: this crate never touches the disk, and trusts nothing it reads. Every
+//! length is checked against the file before it is used; what is damaged is left out and reported.
 
 mod archive;
 mod comments;

@@ -20,14 +20,14 @@ const FOLDER: (u32, u32) = (0x0011_6001, 0x1E);
 const SYMBOLS: (u32, u32) = (0x0011_3001, 0x18);
 const SOURCES: (u32, u32) = (0x0011_2004, 0x62);
 
-/// Reads the record at `offset`. What lies outside the file, or is none, links to nothing.
+/// Reads the record at `offset`. A record that is outside the file, or invalid, links to nothing.
 pub(crate) fn read(bytes: &[u8], offset: i64) -> Links {
     let mut links = Links::default();
     let Some(start) = usize::try_from(offset).ok().filter(|start| *start < bytes.len()) else { return links };
     let record = &bytes[start..bytes.len().min(start + RECORD)];
     let word = |at: usize| Some(u32::from_le_bytes(record.get(at..at + 4)?.try_into().ok()?));
     let count = word(8).map_or(0, |n| n as usize).min((RECORD - HEAD) / ENTRY);
-    // Behind the unit.
+    // After the unit.
     for at in (0..count).map(|i| HEAD + i * ENTRY + 8) {
         let (Some(ty), Some(id), Some(relation)) = (word(at), word(at + 4), word(at + 8)) else { break };
         match (ty, relation) {
@@ -40,7 +40,7 @@ pub(crate) fn read(bytes: &[u8], offset: i64) -> Links {
     links
 }
 
-/// A record with these links, for those who write projects.
+/// A record with these links, for writing projects.
 pub(crate) fn write(offset: u32, links: Links) -> Vec<u8> {
     let symbols = links.symbols.and_then(|id| u32::try_from(id).ok());
     let entries = [(FOLDER, links.folder), (SYMBOLS, symbols), (SOURCES, links.sources)];

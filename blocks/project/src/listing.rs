@@ -1,4 +1,4 @@
-//! What a listing shows beside the statements: labels, titles and comments of the project.
+//! What a listing shows besides the statements: labels, titles and comments of the project.
 
 use std::collections::BTreeMap;
 

@@ -1,7 +1,7 @@
-//! Blocks in machine code beside a program from sources: what is compiled already comes to the rest.
+//! Adds blocks in machine code to a program from sources.
 //!
-//! A block of machine code that stands in a source too takes its declarations, names included, from there: the source
-//! then is its interface. One that stands in no source has the interface of its compiled form, without names.
+//! A block of machine code that is in a source, too, takes its declarations, names included, from there: the source
+//! then is its interface. One that is in no source has the interface of its compiled form, without names.
 
 use std::collections::BTreeMap;
 
@@ -42,7 +42,7 @@ impl Image {
     }
 }
 
-/// Tells the compiler of the blocks that stand in no source: `sources` says which do.
+/// Tells the compiler of the blocks that are in no source: `sources` says which do.
 pub fn announce(images: &[Image], in_source: &dyn Fn(BlockId) -> bool, library: &mut Library) {
     for image in images {
         let Some(id) = image.id().filter(|id| id.kind != BlockKind::Db && !in_source(*id)) else { continue };
@@ -86,7 +86,7 @@ pub fn overlay(program: &mut Program, images: &[Image], library: &Library) -> Re
                     block.source = source;
                     put(program, block);
                 }),
-                // Told already.
+                // Reported already.
                 None => continue,
             }
         };

@@ -63,10 +63,10 @@ pub(crate) const GSD_NAME: i64 = 110_970;
 pub(crate) const IDENTIFIER: i64 = 110_752;
 pub(crate) const USER_PARAMETERS: i64 = 110_800;
 pub(crate) const SUBNET: i64 = 110_955;
-/// In front of the name of a module that goes on in a further slot.
+/// Precedes the name of a module that goes on in a further slot.
 const GOES_ON: &str = "-->";
 
-/// The bytes behind their number: a word, low byte first. What is not there is not used.
+/// The bytes after their number: a word, low byte first. None unless all are there.
 pub(crate) fn counted(bytes: &[u8]) -> Vec<u8> {
     let Some((count, rest)) = bytes.split_first_chunk::<2>() else { return Vec::new() };
     rest.get(..usize::from(u16::from_le_bytes(*count))).unwrap_or_default().to_vec()

@@ -228,7 +228,7 @@ impl Project {
     }
 
     /// What is taken when no name is given: the program with blocks that belongs to a CPU; without CPUs the one with
-    /// most blocks. Several of the first kind are no choice of ours: all of them come back.
+    /// most blocks. If there are several of the first kind, all of them come back.
     #[must_use]
     pub fn default_choice(&self) -> Vec<Choice> {
         let blocks = |c: &Choice| self.folders.get(c.folder).map_or(0, |f| f.blocks);
@@ -266,7 +266,7 @@ impl Project {
     }
 }
 
-/// The name in a `.s7p`: behind four NULs and a length. Where that gives nothing, the name of the file.
+/// The name in a `.s7p`: after four NULs and a length. Where that gives nothing, the name of the file.
 fn name_of(tree: &Tree<'_>, root: &Root, page: CodePage) -> String {
     let bytes = root.file.as_ref().and_then(|file| tree.read(file)).unwrap_or_default();
     let length = bytes.get(4).map_or(0, |length| usize::from(*length));

@@ -1,6 +1,6 @@
 //! STL source of a block: its heading, its declarations, and room for its statements.
 //!
-//! The declarations of a project are STL but for a few things: a function's value stands among the outputs, the text
+//! The declarations of a project are STL except for a few things: a function's value stands among the outputs, the text
 //! of a data block lacks its last END_VAR, and texts are in the project's code page.
 
 use std::fmt::Write as _;

@@ -1,5 +1,5 @@
-//! Blocks that are called and that neither the project nor ob1 has: one that does nothing stands in, so that the
-//! program starts, and the report says who calls it.
+//! Blocks that are called and that neither the project nor ob1 has: a block that does nothing takes the place of each,
+//! so that the program starts, and the report says who calls it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -113,7 +113,7 @@ impl Missing {
     }
 }
 
-/// Where a value of one word stands in the list of pointers, as the offset a statement names it by.
+/// The place of a value of one word in the list of pointers, as the offset a statement names it by.
 fn result(compiled: &CompiledInterface) -> Option<u16> {
     let interface = compiled.interface(false);
     let formal = interface

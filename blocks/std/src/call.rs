@@ -14,7 +14,7 @@ pub(crate) struct Call<'a> {
     pub(crate) interface: &'a Interface,
 }
 
-/// A REAL that is no number.
+/// A REAL that is not a number.
 pub(crate) fn is_invalid(real: f32) -> bool {
     !real.is_finite()
 }
@@ -159,7 +159,7 @@ impl Call<'_> {
         kept.len() == text.len()
     }
 
-    /// An ANY parameter; `None` when it is not supplied or no pointer.
+    /// An ANY parameter; `None` when it is not supplied or is not a pointer.
     pub(crate) fn any(&mut self, p: impl Params) -> Option<AnyPointer> {
         let mut bytes = [0; 10];
         self.cx.read(p.index(), 0, &mut bytes).ok()?;

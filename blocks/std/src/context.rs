@@ -17,7 +17,7 @@ pub enum Refused {
     Outside,
     /// The data block does not exist.
     NoDb,
-    /// The data block number cannot be.
+    /// The data block number is impossible.
     DbNumber,
     /// The data block is write-protected.
     ReadOnly,
@@ -116,7 +116,7 @@ pub trait Context {
     fn start_info(&mut self) -> &mut dyn StartInfo;
     /// The alarm that is being handled.
     fn alarm_source(&mut self) -> &mut dyn AlarmSource;
-    /// Waits so long inside the call; higher priority classes may run meanwhile.
+    /// Waits this long inside the call; higher priority classes may run meanwhile.
     ///
     /// # Errors
     /// The CPU goes to STOP.

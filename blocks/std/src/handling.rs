@@ -1,6 +1,5 @@
 //! The handling blocks of the communication processors, declared: name, default number and parameters, so that programs
-//! that call them compile. What they do is a plugin's business; a call that no plugin serves is refused when the
-//! program is loaded.
+//! that call them compile. Plugins do their work; a call that no plugin serves is refused when the program is loaded.
 //!
 //! Parameters: CP 240 [S0 "SEND (FC 0)"] and the sections after it; CP 341, CP 340 and CP 040 from the help texts of
 //! their blocks. A spelling after `|` is one that a manual's example or table has beside the first.
@@ -262,7 +261,8 @@ const fn declared<P: Params>(origin: Origin, kind: BlockKind, number: u16, name:
     Row::new::<P>(origin, kind, number, name, served_by_a_plugin).note("declared; a plugin serves it")
 }
 
-/// A declaration cannot run. The loader does not let it come to that; if it does, the CPU goes to STOP.
+/// A declaration cannot run. The loader refuses such a program; should the call happen all the same, the CPU goes to
+/// STOP.
 fn served_by_a_plugin(call: &mut Call<'_>) -> Done {
     Err(call.cx.stop())
 }

@@ -1,4 +1,4 @@
-//! The system functions of STEP 7 by name, those that are not here included: a call of one we lack is told by its name.
+//! The system functions of STEP 7 by name, including those we lack: a call of one of these is reported by its name.
 
 use ob1_model::{BlockId, BlockKind};
 

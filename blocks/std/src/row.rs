@@ -1,4 +1,4 @@
-//! A standard block as a row: what a module of blocks writes down of each, and what becomes of it.
+//! A standard block as a row: what a module of blocks declares of each, and the block that is made of it.
 
 use std::fmt;
 

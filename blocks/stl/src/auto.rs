@@ -131,7 +131,7 @@ fn count(file: &File<'_>, words: [&Words; 2]) -> Votes {
     votes
 }
 
-/// A statement's mnemonic and the operand behind it.
+/// A statement's mnemonic and the operand after it.
 fn head(file: &File<'_>, words: [&Words; 2], at: usize, votes: &mut Votes) {
     let Some(first) = file.tokens.get(at).copied() else { return };
     let second = file.tokens.get(at + 1).copied();

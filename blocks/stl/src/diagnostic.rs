@@ -85,7 +85,7 @@ fn render_line(diagnostic: &Diagnostic, name: &str, shown: &str) -> String {
     let (lead, tail) =
         (if skip > 0 { "..." } else { "" }, if shown.chars().nth(skip + SHOWN).is_some() { "..." } else { "" });
     let window: String = shown.chars().skip(skip).take(SHOWN).map(printable).collect();
-    // The caret line repeats the tabs of the source line, so that it stands right whatever a tab is worth.
+    // The caret line repeats the tabs of the source line, so that the caret is in its place however wide a tab is.
     let indent: String = window.chars().take(column - skip).map(|c| if c == '\t' { '\t' } else { ' ' }).collect();
     let room = SHOWN.saturating_sub(column - skip).max(1);
     let carets = "^".repeat((*length as usize).clamp(1, room));
@@ -114,14 +114,14 @@ struct Raw {
     code: &'static Code,
     message: String,
     remedy: String,
-    /// It speaks of all uses of something, not of its line alone.
+    /// It is about all uses of something, not about its line alone.
     whole: bool,
 }
 
-/// What stands in the message of a [`Missing`](crate::Missing) block for the number of its uses.
+/// The placeholder in the message of a [`Missing`](crate::Missing) block for the number of its uses.
 pub const USES: &str = "{uses}";
 
-/// How often something that is not there is used.
+/// The uses of something that does not exist.
 #[derive(Debug)]
 struct Uses {
     first: Raw,
@@ -132,9 +132,9 @@ struct Uses {
 /// How many findings are given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limit {
-    /// Of one source.
+    /// Findings of one source.
     pub file: usize,
-    /// Of all.
+    /// Findings of all sources.
     pub run: usize,
 }
 
@@ -161,7 +161,7 @@ pub(crate) struct Sink {
     raw: Vec<Raw>,
     /// What is used and not there, by kind and name.
     missing: BTreeMap<String, Uses>,
-    /// Sources that are not STL: nothing is said of them but that.
+    /// Sources that are not STL: nothing else is reported about them.
     foreign: BTreeSet<usize>,
     /// Nearest words are looked up for so many findings only: the search is long compared with everything else.
     suggestions_left: u32,
@@ -191,7 +191,7 @@ impl Sink {
         self.raw.push(Raw { file, span, code, message: message.into(), remedy: remedy.into(), whole: false });
     }
 
-    /// A use of something that is not there. All uses under one key are one finding, at the first of them; what it
+    /// A use of something that does not exist. All uses under one key are one finding, at the first of them; what it
     /// says is asked for once.
     pub(crate) fn missing(
         &mut self,
@@ -211,7 +211,7 @@ impl Sink {
         self.missing.insert(key.to_owned(), Uses { first, count: 1, files: BTreeSet::from([file]) });
     }
 
-    /// Nothing is said of a source that is not STL but that.
+    /// Reports that a source is not STL, and nothing else about it.
     pub(crate) fn foreign(&mut self, file: usize, message: &str, remedy: &str) {
         self.foreign.insert(file);
         self.report_with(file, Span::default(), &codes::OTHER_LANGUAGE, message, remedy);
@@ -278,7 +278,7 @@ impl Sink {
         self.raw.sort_by_key(|r| (r.file, r.span.start));
     }
 
-    /// The findings up to the limit of each file and of all, the worst first to stay; and what is left out.
+    /// The findings up to the limit of each file and of all, the worst ones kept first; and those that are left out.
     fn within(all: Vec<Diagnostic>, limit: Limit) -> (Vec<Diagnostic>, Rest) {
         let mut order: Vec<usize> = (0..all.len()).collect();
         order.sort_by_key(|at| std::cmp::Reverse(all.get(*at).map(|d| d.severity)));
@@ -339,7 +339,7 @@ impl Sink {
                 }
                 wrong_line = (raw.file, place.2);
             }
-            // Marked is the rest of the first line at most, and not more than the renderer shows.
+            // At most the rest of the first line is marked, and not more than the renderer shows.
             let marked = text.get(start..raw.span.end as usize).unwrap_or("");
             let length = marked.chars().take(SHOWN).take_while(|c| !matches!(c, '\n' | '\r')).count().max(1) as u32;
             out.push(Diagnostic {

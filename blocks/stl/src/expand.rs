@@ -5,7 +5,7 @@
 //! block the POINTER names and loads AR1 from it, so that the DB register and AR1 are changed by such a statement; so
 //! do we. An ANY or POINTER to instance data is put together at run time from DINO and AR2, in the local data; ACCU1
 //! and ACCU2 are changed by such a call, as by any CALL of STEP 7. A POINTER for a composed in/out is written into the
-//! instance itself before the call, by which the DB register changes where that is a data block of its own.
+//! instance itself before the call, which changes the DB register if that is a data block of its own.
 
 use std::collections::BTreeMap;
 
@@ -47,7 +47,7 @@ impl Around {
 /// Where hidden local data lies until it is known how much the block itself uses: beyond every address a source can
 /// write.
 const KEPT: u32 = 0x1_0000;
-/// Likewise what one statement uses alone.
+/// The same for what one statement uses alone.
 const SHARED: u32 = 0x2_0000;
 
 /// The hidden local data of a block.
@@ -169,7 +169,7 @@ pub(crate) fn hidden_operand(width: Width, byte: u32) -> Operand {
     local(width, byte)
 }
 
-/// Loads AR1 for an element whose index is known at run time only, with everything else kept but the DB register where
+/// Loads AR1 for an element whose index is known at run time only. Everything else is kept, except the DB register if
 /// the array lies in a data block. Gives the operand of the element, relative to AR1.
 pub(crate) fn index(
     hidden: &mut Hidden,
@@ -229,12 +229,12 @@ pub(crate) fn index(
 #[derive(Debug)]
 pub(crate) struct Indexed {
     pub(crate) operand: Operand,
-    /// What gives AR1 back.
+    /// Restores AR1.
     pub(crate) restore: Option<Op>,
 }
 
-/// Moves a value between the place behind a POINTER and the hidden local data; `out` from there to the place. Bits move
-/// with their byte, inwards only.
+/// Moves a value between the place a POINTER leads to and the hidden local data; `out` from there to the place. Bits
+/// move with their byte, inwards only.
 pub(crate) fn move_through(pointer: BitAddr, operand: Operand, byte: u32, out: bool, ops: &mut Vec<Op>) {
     ops.extend(open(pointer));
     let width = if operand.width == Width::Bit { Width::Byte } else { operand.width };
@@ -278,7 +278,7 @@ pub(crate) fn param_pointer(
     Op::LoadAr(register)
 }
 
-/// Puts the operations around the statements into the code, and the hidden local data behind the `temp_bytes` of the
+/// Puts the operations around the statements into the code, and the hidden local data after the `temp_bytes` of the
 /// block's own. Jump targets follow.
 pub(crate) fn expand(code: Vec<Stmt>, around: BTreeMap<u32, Around>, hidden: &Hidden, temp_bytes: u32) -> Vec<Stmt> {
     if around.is_empty() {
@@ -316,7 +316,7 @@ pub(crate) fn expand(code: Vec<Stmt>, around: BTreeMap<u32, Around>, hidden: &Hi
     out
 }
 
-/// Where the two parts of the hidden local data come to lie.
+/// The final places of the two parts of the hidden local data.
 struct Placing {
     kept: u32,
     shared: u32,

@@ -72,7 +72,7 @@ impl<'l> Labels<'l> {
     }
 }
 
-/// Gives each `SPL` the targets of its list: the `SPA`s from it to its own label, which stands behind the list.
+/// Gives each `SPL` the targets of its list: the `SPA`s from it to its own label, which follows the list.
 pub(crate) fn jump_lists(block: &Block, code: &mut [Stmt], sink: &mut Sink) {
     // From the end, so that each run of jumps is gathered once, whatever the number of lists.
     let mut run: Vec<u32> = Vec::new();

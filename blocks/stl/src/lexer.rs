@@ -276,7 +276,7 @@ impl<'a> Lexer<'a> {
         Kind::Typed
     }
 
-    /// What the first word of a line tells of where in a block it stands.
+    /// What the first word of a line tells about its place in a block.
     fn first_word(&mut self, word: &str) {
         // Nearly every line begins with a mnemonic: those are told apart by their first letter.
         let may_begin = word.len() >= 4
@@ -292,7 +292,7 @@ impl<'a> Lexer<'a> {
         self.tokens.last().is_none_or(|t| t.kind == Kind::Newline)
     }
 
-    /// A title begins a line, or stands behind the name of its block or network.
+    /// A title begins a line, or follows the name of its block or network.
     fn title_may_stand(&self) -> bool {
         let line = self.tokens.iter().rposition(|t| t.kind == Kind::Newline).map_or(0, |at| at + 1);
         self.tokens.get(line).is_none_or(|first| {
@@ -301,7 +301,7 @@ impl<'a> Lexer<'a> {
         })
     }
 
-    /// The rest of a line of a block's head behind its colon: any text, up to a comment.
+    /// The rest of a line of a block's head after its colon: any text, up to a comment.
     fn head_text(&mut self) -> Option<usize> {
         let tokens = self.tokens.as_slice();
         let [.., before, word, colon] = tokens else { return None };
@@ -317,7 +317,7 @@ impl<'a> Lexer<'a> {
         (!text.trim().is_empty()).then_some(text.len())
     }
 
-    /// `= text` behind TITLE; or nothing, which is no title.
+    /// True if `= text`, or nothing, follows the word TITLE.
     fn title_follows(&self) -> bool {
         let rest = self.rest().trim_start_matches([' ', '\t', '\r']);
         rest.is_empty() || rest.starts_with(['=', '\n'])

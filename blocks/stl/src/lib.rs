@@ -152,7 +152,7 @@ pub fn compile(sources: &[Source], library: &Library, options: &Options) -> Outp
     for (index, (file, other)) in files.iter().zip(&foreign).enumerate() {
         match other {
             None => blocks.extend(parser::parse(index, file, sets.of(index), &mut sink)),
-            // What is wrong in another language is not ours to say.
+            // Mistakes in another language are not reported.
             Some(_) => blocks.extend(parser::parse_declarations(index, file, sets.of(index), &mut Sink::new())),
         }
     }

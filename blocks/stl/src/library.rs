@@ -26,7 +26,7 @@ pub struct Missing {
     pub remedy: String,
 }
 
-/// The blocks a program may call beside its own.
+/// The blocks a program may call besides its own.
 #[derive(Clone, Debug, Default)]
 pub struct Library {
     blocks: BTreeMap<BlockId, LibraryBlock>,
@@ -54,7 +54,7 @@ impl Library {
         self.blocks.insert(id, LibraryBlock { name: name.to_owned(), interface, origin, yields: false })
     }
 
-    /// Says of a block who brings it, and whether it yields to one of the program with its number.
+    /// Sets who brings a block, and whether it yields to one of the program with its number.
     pub fn set_origin(&mut self, id: BlockId, origin: &str, yields: bool) {
         if let Some(block) = self.blocks.get_mut(&id) {
             origin.clone_into(&mut block.origin);
@@ -62,8 +62,8 @@ impl Library {
         }
     }
 
-    /// A block that is not here is usually called so: a program that names it without a symbol table is told its
-    /// number.
+    /// The usual name of a block that is not here: a program that uses the name without a symbol table is told the
+    /// block's number.
     pub fn name(&mut self, id: BlockId, name: &str) {
         self.named.entry(name.to_uppercase()).or_insert(id);
     }

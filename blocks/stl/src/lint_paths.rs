@@ -7,7 +7,8 @@ use crate::codes;
 use crate::diagnostic::Sink;
 use crate::inspect::{Inspected, written};
 
-/// Passes over a block at most. Each passes on what backward jumps bring; what is not settled by then is not reported.
+/// Most passes over a block. Each carries along what backward jumps bring; what is not settled after the last is not
+/// reported.
 const PASSES: u32 = 32;
 
 /// One bit for each output: assigned so far on every path.

@@ -19,7 +19,7 @@ pub enum Mnemonics {
     Auto,
 }
 
-/// What stands behind a mnemonic: the operation, and what kind of operand it takes.
+/// What a mnemonic means: the operation, and what kind of operand it takes.
 #[derive(Clone, Debug)]
 pub(crate) enum Shape {
     /// A bit, timer, counter or status bit; `O` also without operand.

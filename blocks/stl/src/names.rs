@@ -3,7 +3,8 @@
 use ob1_ir::CodeBlock;
 use ob1_model::{BitAddr, Component, DataType, Layout, Section};
 
-/// The path behind a name, `.sub[2].x`, to what lies `offset` bits into `ty` and has `bits` bits; as far as it leads.
+/// The path that follows a name, `.sub[2].x`, to what lies `offset` bits into `ty` and has `bits` bits; as far as it
+/// leads.
 fn path_in(ty: &DataType, offset: u32, bits: u32) -> String {
     match ty {
         _ if offset == 0 && Layout::bits(ty) <= bits => String::new(),
@@ -15,7 +16,7 @@ fn path_in(ty: &DataType, offset: u32, bits: u32) -> String {
                 if at > offset {
                     break;
                 }
-                // Nameless structures of no length part the sections of an instance.
+                // Nameless structures of no length separate the sections of an instance.
                 if !field.name.is_empty() {
                     found = Some((field, at));
                 }
@@ -63,7 +64,7 @@ pub(crate) fn in_instance(block: &CodeBlock, at: BitAddr, bits: u32) -> Option<S
     Some(format!("#{}{}", param.name, path_in(&param.ty, at.0 - param.at.0, bits)))
 }
 
-/// `#name` of what lies `at` bits behind the POINTER of a composed in/out.
+/// `#name` of what lies `at` bits into the composed in/out with this POINTER.
 pub(crate) fn behind(block: &CodeBlock, pointer: BitAddr, at: BitAddr, bits: u32) -> Option<String> {
     let param = block.interface.params.iter().find(|p| p.is_pointer() && p.at == pointer)?;
     Some(format!("#{}{}", param.name, path_in(&param.ty, at.0, bits)))

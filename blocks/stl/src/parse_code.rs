@@ -212,7 +212,8 @@ impl Parser<'_, '_> {
         keyword && self.peek_at(1).is_none_or(|t| t.kind != Kind::Assign)
     }
 
-    /// Over the value of an actual parameter, brackets included, up to its comma, the closing bracket or the next name.
+    /// Skips the value of an actual parameter, brackets included, up to its comma, the closing bracket or the next
+    /// name.
     fn skip_actual(&mut self) {
         let mut depth = 0u32;
         while let Some(token) = self.peek() {

@@ -52,7 +52,7 @@ const HEADER_WORDS: [&str; 16] = [
     "SET_ENO_AUTOMATICALLY",
 ];
 
-/// What may stand behind the word of a declaration section.
+/// What may follow the word of a declaration section.
 const SECTION_WORDS: [&str; 4] = ["RETAIN", "NON_RETAIN", "DB_SPECIFIC", "CONSTANT"];
 
 /// A word in capitals, kept without allocation: nearly every statement is asked whether it is one.
@@ -98,7 +98,7 @@ pub(crate) fn is_section(word: &str) -> bool {
     SECTIONS.iter().any(|(begin, _)| begin.eq_ignore_ascii_case(word))
 }
 
-/// True for a word behind which no line of the head can stand.
+/// True for a word after which no line of the head can follow.
 pub(crate) fn ends_head(word: &str) -> bool {
     ["BEGIN", "STRUCT", "NETWORK", "ARRAY"].iter().any(|end| end.eq_ignore_ascii_case(word))
         || word.get(..4).is_some_and(|w| w.eq_ignore_ascii_case("END_"))
@@ -174,7 +174,7 @@ impl<'s> Parser<'_, 's> {
         }
     }
 
-    /// Up to, not over, the end of the line or statement.
+    /// Skips up to the end of the line or statement, not over it.
     pub(crate) fn skip_statement(&mut self) {
         while !matches!(self.peek_kind(), None | Some(Kind::Newline | Kind::Semicolon)) {
             self.bump();
@@ -289,7 +289,7 @@ impl<'s> Parser<'_, 's> {
                 let text = self.text(token);
                 let (word, digits) = split_digits(text);
                 let Some(word) = BlockWord::parse(word) else {
-                    // A symbol without its quotes; a keyword is none.
+                    // A symbol without its quotes; a keyword is not one.
                     if begins_block(text) || is_section(text) || ends_head(text) {
                         return None;
                     }
@@ -464,7 +464,7 @@ impl<'s> Parser<'_, 's> {
         }
     }
 
-    /// Over statements of another language, up to the block's last word.
+    /// Skips statements of another language, up to the block's last word.
     fn foreign_body(&mut self, end: &str) {
         while let Some(token) = self.peek() {
             let word = self.text(token);

@@ -1,4 +1,4 @@
-//! The list of pointers of `UC` and `CC`, as it stands behind the call in machine code: `UC FC 5 { P#M 1.0, N#15 }`.
+//! The list of pointers of `UC` and `CC`, as it follows the call in machine code: `UC FC 5 { P#M 1.0, N#15 }`.
 
 use ob1_ir::{Arg, CallMode, Target};
 

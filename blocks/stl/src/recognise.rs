@@ -102,7 +102,7 @@ fn is_template(text: &str) -> bool {
         || text.match_indices('<').any(|(at, _)| next(at) == Some(b'%'))
 }
 
-/// Lines by the language their first word tells.
+/// Lines by the language that their first word shows.
 #[derive(Default)]
 struct Signs {
     stl: usize,

@@ -7,7 +7,7 @@ use std::borrow::Cow;
 pub struct Source {
     /// Its name, as diagnostics print it.
     pub name: String,
-    /// Its bytes: UTF-16 behind its byte order mark or found out without, UTF-8 where they are valid UTF-8, else
+    /// Its bytes: UTF-16 after its byte order mark or recognised without one, UTF-8 where they are valid UTF-8, else
     /// CP1252; lines end with LF or CR LF.
     pub bytes: Vec<u8>,
 }

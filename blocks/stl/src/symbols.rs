@@ -32,7 +32,7 @@ pub(crate) fn peripheral(symbols: &[Symbol]) -> BTreeMap<String, bool> {
 pub(crate) fn address(symbol: &Symbol, words: &Words) -> Symbolic {
     let empty = World::default();
     let resolver = Resolver::new(&empty, words, None);
-    // What is wrong with an address is said where the symbol is used, not here.
+    // A wrong address is reported where the symbol is used, not here.
     let mut sink = Sink::new();
     let tokens = lexer::lex(0, &symbol.address, &mut sink);
     let all = 0..tokens.len();

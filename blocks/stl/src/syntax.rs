@@ -39,7 +39,7 @@ pub(crate) struct Block {
     pub(crate) file: usize,
     pub(crate) frame: Frame,
     pub(crate) name: NameRef,
-    /// Where its name stands.
+    /// The place of its name.
     pub(crate) span: Span,
     /// `NAME : xyz`.
     pub(crate) header_name: Option<String>,

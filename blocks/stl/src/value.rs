@@ -26,7 +26,7 @@ pub(crate) enum Value<'w> {
     Register(AddressRegister),
     Constant(Constant),
     /// An element of an array whose index is known at run time only: the operand is that of the first element, `terms`
-    /// lead from there on. `through`: the operand lies behind the POINTER at this address of the instance.
+    /// lead from there on. `through`: the operand is reached by the POINTER at this address of the instance.
     Indexed {
         operand: Operand,
         through: Option<BitAddr>,

@@ -8,7 +8,7 @@ use crate::mnemonics::{Mnemonics, ROWS, Row};
 struct Packed(u64);
 
 impl Packed {
-    /// `None` for a word longer than any of ours, and for none.
+    /// `None` for a word longer than any of ours, and for an empty one.
     fn new(word: &str) -> Option<Self> {
         Self::joined(word, "")
     }
@@ -32,7 +32,7 @@ impl Packed {
 /// Words with what they mean.
 #[derive(Debug)]
 struct Table<T> {
-    /// Two words that want one place lie side by side.
+    /// Words that want the same place lie side by side.
     slots: Vec<Option<(Packed, T)>>,
 }
 

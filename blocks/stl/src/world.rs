@@ -27,7 +27,7 @@ pub(crate) struct Info {
     pub(crate) instances: BTreeMap<usize, BlockId>,
     /// `VAR CONSTANT`, by name in capitals.
     pub(crate) constants: BTreeMap<String, Constant>,
-    /// `y AT x : TYPE`, by name in capitals: the index of the variable that lies below, and how it is seen.
+    /// `y AT x : TYPE`, by name in capitals: the index of the underlying variable, and how it is seen.
     pub(crate) overlays: BTreeMap<String, (usize, DataType)>,
     /// Addresses into its instance are refused.
     pub(crate) optimized: bool,
@@ -124,7 +124,7 @@ pub(crate) struct World {
     pub(crate) names: BTreeMap<String, BlockId>,
     /// The program's own blocks, those with mistakes too.
     pub(crate) own: BTreeSet<BlockId>,
-    /// Own data blocks that are not there because this is missing.
+    /// Own data blocks that could not be made, with the block that is missing.
     pub(crate) unmade: BTreeMap<u16, BlockId>,
     /// Symbols of the peripheral area, in capitals: true for outputs.
     pub(crate) peripheral: BTreeMap<String, bool>,

@@ -1,7 +1,7 @@
 //! Constructs of sources as STEP 7 V5, TIA Portal and colleagues write them. `tests/constructs/accepted` has sources
 //! with what they give: lints and the listing of the program. `tests/constructs/refused` has sources with their one
-//! message. A table of symbols beside a source belongs to it. `UPDATE=1 cargo test -p ob1-stl` writes the expectations
-//! anew.
+//! message. A table of symbols beside a source belongs to it. `UPDATE=1 cargo test -p ob1-stl` rewrites the
+//! expectations.
 
 #![allow(clippy::disallowed_methods, reason = "the tests read their data files, and write them when asked to")]
 

@@ -1,5 +1,5 @@
-//! Every `tests/data/*.awl` is compiled; what it gives is held against the `.expected` file beside it: the diagnostics
-//! as printed, then the listing of the program. `UPDATE=1 cargo test -p ob1-stl` writes the expectations anew.
+//! Every `tests/data/*.awl` is compiled, and the result is compared with the `.expected` file beside it: the
+//! diagnostics as printed, then the listing of the program. `UPDATE=1 cargo test -p ob1-stl` rewrites the expectations.
 
 #![allow(clippy::disallowed_methods, reason = "the tests read their data files, and write them when asked to")]
 
@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use ob1_stl::{Source, render};
 
-/// Holds `text` against a file, or writes it when UPDATE is set.
+/// Compares `text` with a file, or writes it when UPDATE is set.
 fn check(path: &Path, text: &str) {
     if std::env::var_os("UPDATE").is_some() {
         std::fs::write(path, text).unwrap();
@@ -189,7 +189,7 @@ fn each_file_has_its_own_set() {
 
 #[test]
 fn every_number_is_seen_in_an_expectation() {
-    // Made only by sources too large to lie here; robust.rs makes them.
+    // Made only by sources too large to be kept here; robust.rs makes them.
     let elsewhere = ["S0003", "S0213", "S0214"];
     let expected = |path: PathBuf| std::fs::read_to_string(path.with_extension("expected")).unwrap_or_default();
     let table = |path: PathBuf| std::fs::read_to_string(table_expectation(&path)).unwrap_or_default();

@@ -56,9 +56,9 @@ fn bare(program: &Program) -> Program {
     bare
 }
 
-/// Blocks that stay unprinted: the first hands on what lies behind the POINTER of an in/out, for which the compiler
-/// puts several operations around the call; the second has an array of instances, whose function block its type does
-/// not say.
+/// Blocks that stay unprinted: the first hands on what the POINTER of an in/out leads to, for which the compiler puts
+/// several operations around the call; the second has an array of instances, whose function block its type does not
+/// say.
 const UNPRINTABLE: [&str; 2] = [
     "05_instances.awl: FB 21, statement 7: no source says `AUF DB INST+2`",
     "pointers.awl: FB 31: no source says the instance of a function block without its number",

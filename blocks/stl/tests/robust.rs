@@ -63,7 +63,7 @@ const WORDS: [&str; 40] = [
     "65535",
 ];
 
-/// Compiles, and holds what comes out against what is promised.
+/// Compiles, and checks the result against what is promised.
 fn check(bytes: &[u8]) -> Output {
     let source = Source::new("any.awl", bytes);
     // With all lints.
@@ -128,7 +128,7 @@ proptest! {
     }
 }
 
-/// Reads bytes as a symbol table under each name, and holds what comes out against what is promised.
+/// Reads bytes as a symbol table under each name, and checks the result against what is promised.
 fn check_table(bytes: &[u8]) {
     for name in ["a.sdf", "a.asc", "a.seq", "a.dif", "a"] {
         let table = ob1_stl::read_symbols(&Source::new(name, bytes));
@@ -191,8 +191,8 @@ fn work_of_symbol_tables_grows_linearly() {
     }
 }
 
-/// Every file of `tests/corpus`, as a source in each set of mnemonics and as a symbol table of each form: what the
-/// fuzzer starts from, and what it has found.
+/// Every file of `tests/corpus`, as a source in each set of mnemonics and as a symbol table of each form: the fuzzer's
+/// starting points, and what it has found.
 #[test]
 fn the_corpus_is_replayed() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus");
@@ -342,7 +342,7 @@ fn forms(n: usize) -> Vec<(&'static str, String)> {
     ]
 }
 
-/// Types that lie in each other much deeper than types can: the work is that of reading them.
+/// Types nested much deeper than types can be: the work is that of reading them.
 #[test]
 fn a_chain_of_20_000_types() {
     for (name, text) in forms(20_000).into_iter().filter(|(name, _)| name.starts_with("a chain")) {

@@ -1,4 +1,4 @@
-//! What the driver denies itself before it begins, as the runtime wants it (`OB1_FENCE`), and the proof from inside.
+//! The driver's confinement before it begins, as set by the runtime (`OB1_FENCE`), and a self-test of it.
 
 use std::fs::{self, File};
 use std::net::{TcpListener, UdpSocket};
@@ -10,25 +10,25 @@ use rustix::process::{Resource, Rlimit, Signal, getppid, kill_process, setrlimit
 use rustix::thread::{CapabilitySet, capabilities, no_new_privs};
 use serde::Deserialize;
 
-/// The variable with the fence, as JSON. Without it the driver is not confined: it was started by hand.
+/// The variable with the fence, as JSON. Without it the driver was started by hand and is not confined.
 const VARIABLE: &str = "OB1_FENCE";
-/// Most data a driver may have, in bytes: some ten times what it takes.
+/// Maximum data of a driver, in bytes: about ten times what it needs.
 const MEMORY: u64 = 64 << 20;
-/// It comes back by itself, the runtime does not: when memory runs out, the driver goes first.
+/// A driver is restarted by itself, the runtime is not: when memory runs out, the driver is killed first.
 const OOM_SCORE: i16 = 500;
 
-/// What the runtime says.
+/// The fence set by the runtime.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 struct Fence {
-    /// Where it makes its link, its sockets, its locks.
+    /// The folders of its link, its sockets and its locks.
     folders: Vec<PathBuf>,
     /// `none`, `address` or `name`.
     network: String,
 }
 
-/// Confines the process as `OB1_FENCE` says; before anything else, and before there is a thread. What became of it:
-/// what the kernel refused.
+/// Confines the process as set in `OB1_FENCE`; call it before anything else, and before there is a thread. Returns what
+/// the kernel refused.
 ///
 /// # Errors
 /// Why the variable cannot be used.
@@ -52,7 +52,8 @@ pub fn raise() -> Result<Vec<ob1_rt::Refusal>, String> {
     Ok(ob1_rt::confine(&wanted))
 }
 
-/// Tries what is forbidden, and says of each whether it was refused. True: all was, and what is allowed still works.
+/// Tries forbidden actions, and logs for each whether it was refused. True if all were refused and allowed actions
+/// still work.
 #[must_use]
 pub fn self_test() -> bool {
     let parent = getppid();
@@ -75,7 +76,7 @@ pub fn self_test() -> bool {
         ("be without a device", File::open("/dev/null").is_err()),
     ];
     for (what, done) in tries {
-        // Said by the log too: standard output belongs to whoever reads the answer.
+        // Through the log too, because standard output is for the reader of the result.
         ob1_log::write(format!("{} {what}\n", if done { "DONE   " } else { "refused" }).as_bytes());
     }
     tries.iter().all(|(_, done)| !done)

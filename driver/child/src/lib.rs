@@ -1,5 +1,5 @@
-//! What the driver processes of a station have in common: the fence they raise around themselves, the log, signals,
-//! what the runtime hands them, the doorbell, and who listens to their lines.
+//! Common parts of a station's driver processes: their confinement, the log, signals, descriptors from the runtime, the
+//! doorbell, and listeners to their lines.
 
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
@@ -15,16 +15,16 @@ use rustix::io::Errno;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use tracing::error;
 
-/// Starts the log: behind the fence, for it has a thread.
+/// Starts the log, after the fence because it has a thread.
 pub fn start_log() {
-    // Without the thread the log is written at once: a driver with a log that can make it wait is better than none.
+    // Without the thread the log is written at once: a driver whose log can delay it is better than none.
     let _ = ob1_log::start();
     ob1_log::tell_panics();
     ob1_log::subscribe("info");
 }
 
-/// Ctrl-C on a terminal reaches the whole group; the runtime is asked, and it ends us by closing standard input. The
-/// result is set by SIGTERM.
+/// Ctrl-C on a terminal reaches the whole group; the runtime handles it, and ends us by closing standard input. The
+/// returned flag is set by SIGTERM.
 #[must_use]
 pub fn signals() -> Arc<AtomicBool> {
     let ignored = Arc::new(AtomicBool::new(false));
@@ -37,7 +37,7 @@ pub fn signals() -> Arc<AtomicBool> {
     terminate
 }
 
-/// The descriptors that the runtime has put into a socket that is our standard output, the segment's first.
+/// The descriptors that the runtime has sent over the socket that is our standard output, the segment's first.
 #[must_use]
 pub fn handed_over() -> Vec<OwnedFd> {
     match handover::receive(rustix::stdio::stdout(), &mut [0]) {
@@ -46,10 +46,10 @@ pub fn handed_over() -> Vec<OwnedFd> {
     }
 }
 
-/// Takes the rings of the doorbell, which is standard input; true at the end of the file.
+/// Reads the doorbell, which is standard input; true at the end of the file.
 ///
 /// # Errors
-/// What the system says.
+/// The system's error.
 pub fn doorbell_closed() -> Result<bool, Errno> {
     let mut rings = [0; 64];
     match rustix::io::read(rustix::stdio::stdin(), &mut rings) {

@@ -2,15 +2,15 @@
 
 use crate::config::{Order, Range};
 
-/// Where register `n` of a range stands in it, and whether its bytes are exchanged.
+/// The place of register `n` in its range, and whether its bytes are swapped.
 const fn place(order: Order, n: usize, count: usize) -> (usize, bool) {
     let pair = n ^ 1;
-    // The last of an odd number has no other to change places with.
+    // The last of an odd number has no partner to swap with.
     let swapped = if matches!(order, Order::Words | Order::Reversed) && pair < count { pair } else { n };
     (swapped, matches!(order, Order::Little | Order::Reversed))
 }
 
-/// Copies what a range and the elements `first..` that were read have in common into the image.
+/// Copies the read elements `first..` that belong to a range into the image.
 pub(crate) fn unpack(range: &Range, first: u16, count: u16, data: &[u8], image: &mut [u8]) {
     let Some(image) = image.get_mut(range.at..range.at + range.bytes()) else { return };
     let from = u32::from(range.first.max(first));
@@ -28,7 +28,7 @@ pub(crate) fn unpack(range: &Range, first: u16, count: u16, data: &[u8], image: 
     }
 }
 
-/// Puts what a range and the elements `first..` have in common from the image where it travels.
+/// Copies the elements `first..` that belong to a range from the image into the telegram's data.
 pub(crate) fn pack(range: &Range, first: u16, count: u16, image: &[u8], data: &mut [u8]) {
     let Some(image) = image.get(range.at..range.at + range.bytes()) else { return };
     let from = u32::from(range.first.max(first));
@@ -84,7 +84,7 @@ mod tests {
         let mut image = [0xFF, 0xFF];
         // Bits 8 to 15: 0 0 1 0 1 0 0 0.
         unpack(&range, 8, 8, &[0b0001_0100], &mut image);
-        // Bits 10 to 15 are the first six; what was not read keeps its value.
+        // Bits 10 to 15 are the first six; bits that were not read keep their values.
         assert_eq!(image, [0b1100_0101, 0xFF]);
         let mut data = [0, 0];
         pack(&range, 18, 4, &[0, 0b11], &mut data);
@@ -93,7 +93,7 @@ mod tests {
         let mut image = [0; 4];
         unpack(&words, 6, 3, &[1, 2, 3, 4, 5, 6], &mut image);
         assert_eq!(image, [0, 0, 1, 2]);
-        // Behind the image: nothing.
+        // Beyond the image: nothing.
         unpack(&Range { at: 3, ..words }, 5, 2, &[1, 2, 3, 4], &mut image);
         assert_eq!(image, [0, 0, 1, 2]);
     }

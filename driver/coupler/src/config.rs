@@ -1,4 +1,4 @@
-//! What a bus is made of. The runtime writes it as JSON, the process of the bus reads it: one definition for both.
+//! The configuration of a bus. The runtime writes it as JSON, the process of the bus reads it: one definition for both.
 
 pub use crate::dp::{DpConfig, DpSlave};
 use crate::gpio::GpioConfig;
@@ -6,7 +6,7 @@ pub use ob1_protocols::modbus::pdu::{exception_remedy, exception_text};
 pub use ob1_protocols::{Instant, Span};
 use serde::{Deserialize, Serialize};
 
-/// A bus: the lines of one process, and the bytes they carry.
+/// A bus: the lines of one process, and their bytes.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BusConfig {
@@ -16,7 +16,7 @@ pub struct BusConfig {
     pub input_bytes: usize,
     /// Output bytes of all couplers.
     pub output_bytes: usize,
-    /// A scan that gives no sign of life for so long drives nothing any more: the outputs go off.
+    /// If the scan gives no sign of life for this long, the outputs go off.
     #[serde(with = "nanos")]
     pub scan_timeout: Span,
     /// Its lines.
@@ -24,12 +24,13 @@ pub struct BusConfig {
 }
 
 impl BusConfig {
-    /// The names of all couplers and slaves, in the order in which [`crate::Image::status`] has them.
+    /// The names of all couplers and slaves, in the order of [`crate::Image::status`].
     pub fn stations(&self) -> impl Iterator<Item = &str> {
         self.lines.iter().flat_map(LineConfig::stations)
     }
 
-    /// What a line is called where others listen to it: the only one as the bus, of more each by who is on it first.
+    /// The name of a line for listeners: that of the bus if there is only one line, otherwise with the name of its
+    /// first station.
     #[must_use]
     pub fn line_name(&self, line: usize) -> String {
         let first = self.lines.get(line).filter(|_| self.lines.len() > 1).and_then(|line| line.stations().next());
@@ -41,14 +42,14 @@ impl BusConfig {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LineConfig {
-    /// Where it leads to, as `ob1-line` reads it.
+    /// The line, in the notation of `ob1-line`.
     pub line: String,
-    /// How characters travel; none: Modbus TCP.
+    /// The serial settings; `None`: Modbus TCP.
     pub serial: Option<Serial>,
     /// Longest wait for an answer.
     #[serde(with = "nanos")]
     pub timeout: Span,
-    /// Who is on it.
+    /// Its couplers.
     pub couplers: Vec<CouplerConfig>,
     /// PROFIBUS DP instead of Modbus.
     #[serde(default)]
@@ -72,7 +73,7 @@ impl LineConfig {
         }
     }
 
-    /// The names of those who are on it.
+    /// The names of its stations.
     pub fn stations(&self) -> impl Iterator<Item = &str> {
         let slaves = self.dp.iter().flat_map(|dp| &dp.slaves).map(|slave| slave.name.as_str());
         let gpio = self.gpio.iter().map(|gpio| gpio.name.as_str());
@@ -111,7 +112,7 @@ pub enum Parity {
 pub struct CouplerConfig {
     /// Its name.
     pub name: String,
-    /// Its address on the line, or behind its connection.
+    /// Its address on the line, or on its connection.
     pub unit: u8,
     /// Time from one reading of its inputs to the next.
     #[serde(with = "nanos")]
@@ -119,22 +120,22 @@ pub struct CouplerConfig {
     /// Outputs that do not change are written again after this time.
     #[serde(with = "nanos")]
     pub refresh: Span,
-    /// A coupler that has not answered for so long is lost.
+    /// A coupler that has not answered for this long is lost.
     #[serde(with = "nanos")]
     pub lost_after: Span,
-    /// What it is written on each connect, before anything else.
+    /// Written on each connect, before anything else.
     pub setup: Vec<Setup>,
-    /// How it says that its watchdog runs as it is set there. `None`: it does not.
+    /// How it shows that its watchdog runs with the set time. `None`: it does not show it.
     #[serde(default)]
     pub proof: Option<Proof>,
-    /// What its inputs come from.
+    /// The sources of its inputs.
     pub inputs: Vec<Range>,
-    /// Where its outputs go to.
+    /// The destinations of its outputs.
     pub outputs: Vec<Range>,
 }
 
-/// Holding registers that say that a watchdog runs. To set one it must be stopped, and what happens meanwhile it does
-/// not see: so it is set only where it does not run already.
+/// Holding registers that show that a watchdog runs. To set a watchdog it must be stopped, and meanwhile it protects
+/// nothing: so it is set only if it does not run already.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Proof {
@@ -142,9 +143,9 @@ pub struct Proof {
     pub first: u16,
     /// How many.
     pub count: u16,
-    /// What some of them must be: the number from the first one on, and the value.
+    /// The required values of some of them: the number counted from the first one, and the value.
     pub expected: Vec<(u16, u16)>,
-    /// So many of what is written on connect are then left out.
+    /// Number of set-up writes that are then skipped.
     pub skips: usize,
 }
 
@@ -186,16 +187,16 @@ impl Table {
     }
 }
 
-/// How the bytes of registers lie in the process image. A register travels high byte first.
+/// The byte order of registers in the process image. A register is transferred high byte first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Order {
     /// As on an S7: the first register's high byte first (`AB CD`).
     #[default]
     Big,
-    /// The bytes of each register exchanged (`BA DC`).
+    /// The bytes of each register swapped (`BA DC`).
     Little,
-    /// The registers of each pair exchanged, for double words (`CD AB`).
+    /// The registers of each pair swapped, for double words (`CD AB`).
     Words,
     /// Both (`DC BA`).
     Reversed,
@@ -207,11 +208,11 @@ impl Order {
         [("big", Self::Big), ("little", Self::Little), ("words", Self::Words), ("reversed", Self::Reversed)];
 }
 
-/// Registers or bits in a row, and the bytes of the image that they are.
+/// Consecutive registers or bits, and their bytes in the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Range {
-    /// Where they stand.
+    /// Their table.
     pub table: Table,
     /// First of them, from 0.
     pub first: u16,
@@ -225,13 +226,13 @@ pub struct Range {
 }
 
 impl Range {
-    /// Behind the last of them; at most 65536.
+    /// The end, after the last of them; at most 65536.
     #[must_use]
     pub const fn end(&self) -> u32 {
         self.first as u32 + self.count as u32
     }
 
-    /// Bytes of the image. Bit n of a row is bit n modulo 8 of byte n / 8.
+    /// Bytes of the image. Bit n of a range is bit n modulo 8 of byte n / 8.
     #[must_use]
     pub const fn bytes(&self) -> usize {
         let count = self.count as usize;
@@ -245,9 +246,9 @@ impl Range {
 pub struct Setup {
     /// [`Table::Holding`] or [`Table::Coil`].
     pub table: Table,
-    /// Which.
+    /// The element.
     pub at: u16,
-    /// What; a coil: 0 or 1.
+    /// The value; for a coil 0 or 1.
     pub value: u16,
 }
 
@@ -261,7 +262,7 @@ pub mod nanos {
     /// Writes it.
     ///
     /// # Errors
-    /// What the text says.
+    /// The serializer's error.
     pub fn serialize<S: Serializer>(span: &Span, to: S) -> Result<S::Ok, S::Error> {
         to.serialize_u64(span.nanos())
     }
@@ -269,7 +270,7 @@ pub mod nanos {
     /// Reads it.
     ///
     /// # Errors
-    /// It is no number.
+    /// It is not a number.
     pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Span, D::Error> {
         u64::deserialize(from).map(Span::from_nanos)
     }

@@ -1,4 +1,4 @@
-//! One coupler: what it is to be asked next, and what its answers mean.
+//! One coupler: its next request, and the evaluation of its answers.
 
 use ob1_protocols::modbus::pdu::{self, Function};
 
@@ -7,25 +7,25 @@ use crate::config::{CouplerConfig, Instant, Proof, Range, Setup, Span, Table};
 use crate::image::{Image, RANGES_MAX, Refusal, State};
 use crate::plan::{self, Chunk};
 
-/// A coupler gets so long to answer for the first time, if it is not lost later anyway.
+/// Minimum time for a coupler's first answer, before it counts as lost.
 const START: Span = Span::from_secs(2);
-/// What a coupler has refused is tried again after this time, or before it would count as lost.
+/// A refused request is tried again after this time, or before the coupler would count as lost.
 const REFUSED_AGAIN: Span = Span::from_secs(1);
-/// After the second request without an answer the next waits so long, then twice as long each time.
+/// Wait after the second request without an answer; it doubles each time.
 const SHORTEST_PAUSE: Span = Span::from_millis(10);
-/// At most so long.
+/// Maximum of this wait.
 const LONGEST_PAUSE: Span = Span::from_secs(1);
 
-/// After so many requests in a row without an answer a coupler may have been without power: it knows nothing any more,
-/// its watchdog least of all.
+/// After this many consecutive requests without an answer a coupler may have lost power, and with it all its settings,
+/// including the watchdog.
 const MAY_HAVE_RESTARTED: u32 = 2;
-/// Exception 04h, device failure: with it a coupler answers whose watchdog has expired.
+/// Exception 04h, device failure: the answer of a coupler whose watchdog has expired.
 const DEVICE_FAILURE: u8 = 4;
 
-/// What a coupler is asked.
+/// A request to a coupler.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Job {
-    /// Whether its watchdog runs.
+    /// Read whether its watchdog runs.
     Prove,
     Setup(usize),
     Write(usize),
@@ -39,17 +39,17 @@ pub(crate) enum Job {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
-    /// Whether its watchdog runs is to be asked.
+    /// The proof that its watchdog runs is due.
     Proof,
-    /// What is written on each connect; so many are done.
+    /// The set-up writes of a connect; this many are done.
     Setup(usize),
     Exchange,
 }
 
-/// Outputs that are one request.
+/// Outputs that form one request.
 struct Outputs {
     chunk: Chunk,
-    /// What the coupler has, as it travels; `None`: nobody knows.
+    /// The coupler's present data, as transferred; `None`: unknown.
     acknowledged: Option<Vec<u8>>,
     at: Instant,
     not_before: Instant,
@@ -62,25 +62,25 @@ pub(crate) struct Coupler {
     phase: Phase,
     reads: Vec<Chunk>,
     writes: Vec<Outputs>,
-    /// Inputs that have been read in this round, at their places in the image.
+    /// Inputs read in this round, at their places in the image.
     staged: Vec<u8>,
-    /// The next request of the round under way.
+    /// The next request of the current round.
     round: Option<usize>,
     round_began: Instant,
     /// A round was completed on this connection.
     has_read: bool,
     due: Instant,
     not_before: Instant,
-    /// The last answer, or the beginning.
+    /// The time of the last answer, or of the start.
     heard: Instant,
     patience: Span,
     misses: u32,
-    /// It does not know function 17h.
+    /// The coupler does not support function 17h.
     never_both: bool,
     wrote_last: bool,
-    /// When a device failure is answered by the set-up again, at the earliest.
+    /// The earliest time at which a device failure triggers the set-up again.
     set_up_again: Instant,
-    /// Why the gateway in front of it says that it does not reach it.
+    /// The exception with which its gateway reports it as unreachable.
     unreached: Option<Refusal>,
     sending: Vec<u8>,
 }
@@ -122,7 +122,7 @@ impl Coupler {
         self.set_up();
     }
 
-    /// From the beginning: what it is written on connect, its outputs, its inputs.
+    /// Starts from the beginning: the set-up writes, then its outputs and inputs.
     fn set_up(&mut self) {
         (self.phase, self.round) = (Phase::Proof, None);
         for outputs in &mut self.writes {
@@ -146,12 +146,12 @@ impl Coupler {
         }
     }
 
-    /// When it is lost if it does not answer before.
+    /// When it counts as lost without an answer.
     pub(crate) const fn lost_at(&self) -> Instant {
         self.heard.saturating_add(self.patience)
     }
 
-    /// When [`Self::tick`] or [`Self::next`] has something to do, whatever the outputs are.
+    /// When [`Self::tick`] or [`Self::next`] is due, independent of the outputs.
     pub(crate) fn due(&self, is_lost: bool) -> Instant {
         let lost = if is_lost { Instant::NEVER } else { self.lost_at() };
         let work = match self.phase {
@@ -165,7 +165,7 @@ impl Coupler {
         lost.min(work.max(self.not_before))
     }
 
-    /// What it is to be asked now.
+    /// The next request now.
     pub(crate) fn next(&mut self, now: Instant, image: &Image) -> Option<Job> {
         if now < self.not_before {
             return None;
@@ -193,7 +193,7 @@ impl Coupler {
         });
         match (write, self.round) {
             (Some(write), Some(read)) if self.goes_together(write, read) => Some(Job::Both { write, read }),
-            // Outputs that never stand still do not keep the inputs from being read.
+            // Outputs that change all the time must not keep the inputs from being read.
             (Some(_), Some(read)) if self.wrote_last => Some(Job::Read(read)),
             (Some(write), _) => Some(Job::Write(write)),
             (None, Some(read)) => Some(Job::Read(read)),
@@ -242,20 +242,20 @@ impl Coupler {
         }
     }
 
-    /// The request went out and nothing that can be used came back.
+    /// The request was sent, but no usable answer came.
     pub(crate) fn failed(&mut self, now: Instant, job: Job, image: &mut Image) {
         self.misses = self.misses.saturating_add(1);
-        // Once at once, then with pauses.
+        // The first repetition at once, then with pauses.
         if let Some(doublings) = self.misses.checked_sub(2) {
             let pause = SHORTEST_PAUSE.times(1 << doublings.min(20)).min(LONGEST_PAUSE);
             self.not_before = now.saturating_add(pause);
         }
-        // What is written on connect is a sequence: one that broke off begins again. A watchdog that has been set, and
-        // only the answer to that was lost, would refuse to be set once more.
+        // The set-up is a sequence, and an interrupted one starts again: if only the answer to the setting of a
+        // watchdog was lost, the watchdog would refuse to be set a second time.
         if self.misses == MAY_HAVE_RESTARTED || matches!(job, Job::Setup(_)) {
             self.set_up();
         }
-        // Whether it was written is not known.
+        // It is unknown whether it was written.
         if let Job::Write(write) | Job::Both { write, .. } = job {
             self.forget(write);
         }
@@ -275,7 +275,7 @@ impl Coupler {
         {
             return self.refused(now, job, code & !pdu::ERROR_BIT, exception, image);
         }
-        // What function 17h reads is as long as it was asked for; the other answers have been looked at.
+        // Checks the length of the data read by function 17h; the other answers have been checked.
         let data = match job {
             Job::Read(n) | Job::Both { read: n, .. } => {
                 let bytes = self.reads.get(n).map_or(0, Chunk::bytes);
@@ -332,7 +332,7 @@ impl Coupler {
         }
         self.round = None;
         self.has_read = true;
-        // In step with the period; what was missed is not made up for.
+        // In step with the period; missed rounds are not made up.
         self.due = self.due.saturating_add(self.config.period);
         if self.due <= now {
             self.due = now.saturating_add(self.config.period);
@@ -358,19 +358,19 @@ impl Coupler {
             status.round = now.since(began);
             if whole && status.state != State::Running {
                 status.state = State::Running;
-                // What was refused on connect is refused no more.
+                // A refusal during the set-up is over.
                 status.refusal = status.refusal.filter(|_| status.bad != 0);
             }
         });
     }
 
-    /// It answers, but will not do it.
+    /// The coupler answers with an exception.
     fn refused(&mut self, now: Instant, job: Job, function: u8, exception: u8, image: &mut Image) {
         image.tell(self.index, |status| status.exceptions += 1);
         let (table, first) = self.asked_for(job);
         let refusal = Refusal { function, exception, table, first };
         if matches!(exception, 10 | 11) {
-            // A gateway that does not reach it: that it was not reached is what counts, and why is kept.
+            // A gateway that does not reach it: it counts as not reached, and the reason is kept.
             self.unreached = Some(refusal);
             return self.failed(now, job, image);
         }
@@ -385,10 +385,10 @@ impl Coupler {
             return self.set_up();
         }
         match job {
-            // It says nothing of that: then it is set.
+            // It does not have these registers, so the watchdog is set.
             Job::Prove => self.phase = Phase::Setup(0),
             Job::Both { write, .. } => {
-                // Tried again one by one: then it is clear what was refused.
+                // Tried again separately, to find out which one was refused.
                 self.never_both = true;
                 self.forget(write);
             }
@@ -414,7 +414,7 @@ impl Coupler {
         }
     }
 
-    /// The elements a request begins with.
+    /// Table and first element of a request.
     fn asked_for(&self, job: Job) -> (Table, u16) {
         let of_chunk = |chunk: &Chunk| (chunk.table, chunk.first);
         let found = match job {
@@ -426,12 +426,12 @@ impl Coupler {
         found.unwrap_or((Table::Holding, 0))
     }
 
-    /// When what was refused is tried again.
+    /// When a refused request is tried again.
     fn again(&self, now: Instant) -> Instant {
         now.saturating_add(REFUSED_AGAIN.min(self.config.lost_after / 2))
     }
 
-    /// The ranges of a chunk are refused, or are not.
+    /// Marks the ranges of a chunk as refused or not refused.
     fn mark(&self, chunk: &Chunk, outputs: bool, refusal: Option<Refusal>, image: &mut Image) {
         let (ranges, first) =
             if outputs { (&self.config.outputs, self.config.inputs.len()) } else { (&self.config.inputs, 0) };
@@ -455,7 +455,7 @@ impl Coupler {
         }
     }
 
-    /// Whether it has the outputs as they are now, as far as it takes any.
+    /// Whether it has the current outputs, as far as it accepts them.
     pub(crate) fn has_outputs(&self, image: &Image) -> bool {
         self.writes.iter().all(|outputs| {
             outputs.not_before > Instant::START
@@ -471,7 +471,7 @@ impl Outputs {
     }
 }
 
-/// The outputs of a chunk as they travel; all 0 when nobody drives them.
+/// The outputs of a chunk as transferred; all 0 when they are not driven.
 fn gathered(ranges: &[Range], chunk: &Chunk, image: &Image) -> Vec<u8> {
     let mut data = vec![0; chunk.bytes()];
     if image.driven {
@@ -482,7 +482,7 @@ fn gathered(ranges: &[Range], chunk: &Chunk, image: &Image) -> Vec<u8> {
     data
 }
 
-/// Whether the registers of an answer are as they must be.
+/// Whether the registers of an answer have the required values.
 fn is_proven(proof: &Proof, data: &[u8]) -> bool {
     let word = |n: u16| data.chunks_exact(2).nth(usize::from(n)).map(|word| u16::from_be_bytes([word[0], word[1]]));
     proof.expected.iter().all(|(n, value)| word(*n) == Some(*value))

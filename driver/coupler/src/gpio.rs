@@ -1,5 +1,5 @@
-//! Lines of a GPIO chip as a small bus: what it is made of, and who reads and drives them, as a machine. The chip
-//! itself is lent to it ([`Pins`]).
+//! Lines of a GPIO chip as a small bus: its configuration, and its master as a machine. The chip itself is passed in
+//! ([`Pins`]).
 
 use serde::{Deserialize, Serialize};
 
@@ -20,13 +20,13 @@ pub struct GpioConfig {
     /// Time from one reading of its inputs to the next.
     #[serde(with = "nanos")]
     pub period: Span,
-    /// What is read.
+    /// The lines to read.
     pub inputs: Vec<GpioLine>,
-    /// What is driven.
+    /// The lines to drive.
     pub outputs: Vec<GpioLine>,
 }
 
-/// A line, and the bit of the image that it is.
+/// A line, and its bit in the image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GpioLine {
@@ -39,22 +39,22 @@ pub struct GpioLine {
     /// Low is 1.
     #[serde(default)]
     pub active_low: bool,
-    /// Of an input.
+    /// Bias of an input.
     #[serde(default)]
     pub bias: Bias,
-    /// An input has changed when it has been stable for so long; 0: at once.
+    /// An input counts as changed when it has been stable for this long; 0: at once.
     #[serde(default, with = "nanos")]
     pub debounce: Span,
-    /// Of an output.
+    /// Drive of an output.
     #[serde(default)]
     pub drive: Drive,
 }
 
-/// What holds an input that nobody drives.
+/// The pull of an input that nothing drives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Bias {
-    /// As the board has it.
+    /// As set by the board.
     #[default]
     AsIs,
     /// A resistor to the supply.
@@ -66,7 +66,7 @@ pub enum Bias {
 }
 
 impl Bias {
-    /// By the word of a station file.
+    /// By the word in a station file.
     pub const ALL: [(&'static str, Self); 4] =
         [("as-is", Self::AsIs), ("pull-up", Self::PullUp), ("pull-down", Self::PullDown), ("disabled", Self::Disabled)];
 }
@@ -75,27 +75,27 @@ impl Bias {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Drive {
-    /// Both ways.
+    /// In both directions.
     #[default]
     PushPull,
-    /// Low alone.
+    /// Only low.
     OpenDrain,
-    /// High alone.
+    /// Only high.
     OpenSource,
 }
 
 impl Drive {
-    /// By the word of a station file.
+    /// By the word in a station file.
     pub const ALL: [(&'static str, Self); 3] =
         [("push-pull", Self::PushPull), ("open-drain", Self::OpenDrain), ("open-source", Self::OpenSource)];
 }
 
-/// The lines of a chip that was opened. All are read, or driven, at the same time; true is active.
+/// The lines of an open chip. All are read, or driven, at the same time; true is active.
 pub trait Pins {
-    /// What the inputs are, in the order of the configuration.
+    /// Reads the inputs, in the order of the configuration.
     ///
     /// # Errors
-    /// What the system says: the chip is gone.
+    /// The system's error: the chip is gone.
     fn read(&mut self, inputs: &mut [bool]) -> Result<(), String>;
     /// Drives the outputs.
     ///
@@ -107,7 +107,7 @@ pub trait Pins {
 /// Opens a chip, with its outputs off.
 pub type OpenPins<'a> = &'a mut dyn FnMut(&GpioConfig) -> Result<Box<dyn Pins>, String>;
 
-/// Who reads and drives the lines of a chip.
+/// Reads and drives the lines of a chip.
 pub struct GpioMaster {
     config: GpioConfig,
     /// Its place in the image's list.
@@ -120,7 +120,7 @@ pub struct GpioMaster {
 }
 
 impl GpioMaster {
-    /// Of a chip that is `index` in the image's list.
+    /// The master of a chip with place `index` in the image's list.
     #[must_use]
     pub fn new(config: &GpioConfig, index: usize) -> Self {
         Self {
@@ -134,7 +134,7 @@ impl GpioMaster {
         }
     }
 
-    /// Drives what is to be driven, and reads what is due; when to call again at the latest.
+    /// Drives the outputs, and reads the inputs when due; returns when to call again at the latest.
     pub fn step(&mut self, now: Instant, image: &mut Image, open: OpenPins<'_>) -> Instant {
         if let Err(why) = self.work(now, image, open) {
             (self.pins, self.due) = (None, now + AGAIN);
@@ -185,13 +185,13 @@ impl GpioMaster {
         Ok(())
     }
 
-    /// Whether nothing is driven, or cannot be.
+    /// Whether no output is on, or none can be driven.
     #[must_use]
     pub fn is_off(&self) -> bool {
         self.pins.is_none() || self.driven.iter().all(|on| !on)
     }
 
-    /// Why the chip cannot be used. Told once.
+    /// Why the chip cannot be used; returned once.
     pub fn take_why(&mut self) -> Option<String> {
         self.why.take()
     }

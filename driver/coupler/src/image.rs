@@ -1,19 +1,19 @@
-//! The inputs and outputs of a bus as its process has them, and how its couplers stand.
+//! The inputs and outputs of a bus in its process, and the state of its couplers.
 
 use crate::config::{BusConfig, Span, Table, exception_remedy, exception_text};
 
-/// How a coupler stands.
+/// The state of a coupler.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub enum State {
-    /// It has not been exchanged with yet.
+    /// There was no exchange yet.
     #[default]
     Starting = 0,
     /// Exchange works.
     Running = 1,
     /// It has not answered for too long.
     Lost = 2,
-    /// It answers, and refuses what it is told on connect: its outputs are not driven.
+    /// It answers, but refuses its set-up: its outputs are not driven.
     Refused = 3,
 }
 
@@ -42,14 +42,14 @@ impl State {
     }
 }
 
-/// What a coupler has refused.
+/// A refusal of a coupler.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Refusal {
     /// Function code of the request.
     pub function: u8,
     /// Exception code of the answer.
     pub exception: u8,
-    /// Where the elements stand.
+    /// Table of the elements.
     pub table: Table,
     /// First element.
     pub first: u16,
@@ -63,19 +63,19 @@ impl std::fmt::Display for Refusal {
     }
 }
 
-/// A coupler as others see it. Counters only grow.
+/// The public status of a coupler. Counters only grow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Status {
-    /// How it stands.
+    /// Its state.
     pub state: State,
-    /// What it refuses at present; the newest, where there is more than one. Of a lost one: why its gateway says that
-    /// it does not reach it.
+    /// Its present refusal; the newest, if there is more than one. For a lost coupler: the exception with which its
+    /// gateway reports it as unreachable.
     pub refusal: Option<Refusal>,
-    /// Ranges that are refused: bit n is range n, the inputs first, then the outputs.
+    /// Refused ranges: bit n is range n, the inputs first, then the outputs.
     pub bad: u64,
-    /// Rounds of exchange that were completed.
+    /// Completed rounds of exchange.
     pub exchanges: u64,
-    /// Requests without an answer that can be used: none in time, wrong check sum, another's.
+    /// Requests without a usable answer: none in time, wrong check sum, answer of another.
     pub failures: u64,
     /// Answers that were exceptions.
     pub exceptions: u64,
@@ -83,12 +83,12 @@ pub struct Status {
     pub losses: u64,
     /// Duration of the last round.
     pub round: Span,
-    /// Counts the diagnoses that differed from the one before: of a DP slave, whose diagnosis lies behind its inputs.
+    /// Number of changed diagnoses of a DP slave, whose diagnosis follows its inputs.
     pub diagnosis: u64,
 }
 
 impl Status {
-    /// As it lies in the image of the bus: state, exception, function, table and first element of the refusal (0: none)
+    /// The words in the image of the bus: state, exception, function, table and first element of the refusal (0: none)
     /// from the lowest byte on; then the other fields in turn, the duration in nanoseconds.
     #[must_use]
     pub fn to_words(self) -> [u64; 8] {
@@ -112,7 +112,7 @@ impl Status {
         ]
     }
 
-    /// Out of the image of a bus; `None`: words that have no meaning.
+    /// From the image of a bus; `None` if the words have no meaning.
     #[must_use]
     pub fn from_words(words: &[u64; 8]) -> Option<Self> {
         let &[first, bad, exchanges, failures, exceptions, losses, round, diagnosis] = words;
@@ -137,9 +137,9 @@ pub const RANGES_MAX: usize = 64;
 /// Inputs, outputs, and the couplers.
 #[derive(Clone, Debug, Default)]
 pub struct Image {
-    /// What the couplers sense. The bytes of one coupler change together.
+    /// The inputs of the couplers. The bytes of one coupler change together.
     pub inputs: Vec<u8>,
-    /// What they are to drive.
+    /// Their outputs.
     pub outputs: Vec<u8>,
     /// False: the outputs are off, whatever [`Self::outputs`] says.
     pub driven: bool,
@@ -150,7 +150,7 @@ pub struct Image {
 }
 
 impl Image {
-    /// Of a bus before its first exchange.
+    /// The image of a bus before its first exchange.
     #[must_use]
     pub fn new(config: &BusConfig) -> Self {
         Self {
@@ -162,7 +162,7 @@ impl Image {
         }
     }
 
-    /// Changes the status of a coupler, and counts that.
+    /// Changes the status of a coupler, and counts the change.
     pub fn tell(&mut self, coupler: usize, change: impl FnOnce(&mut Status)) {
         if let Some(status) = self.status.get_mut(coupler) {
             change(status);

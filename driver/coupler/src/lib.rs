@@ -1,10 +1,10 @@
 //! Couplers on Modbus: remote inputs and outputs that a station reads and writes as its own.
 //!
-//! * [`config`]: what a bus is made of; the runtime writes it, the process of the bus reads it.
-//! * [`dp`]: the same of PROFIBUS DP, whose master is the crate `ob1-dp`.
-//! * [`profile`]: what couplers of known makes want to be told (watchdogs).
-//! * [`plan`]: ranges of registers and bits merged into as few requests as there can be.
-//! * [`image`]: the inputs and outputs of a bus, and how its couplers stand.
+//! * [`config`]: the configuration of a bus; the runtime writes it, the process of the bus reads it.
+//! * [`dp`]: the same for PROFIBUS DP, whose master is the crate `ob1-dp`.
+//! * [`profile`]: the set-up of couplers of known makes (watchdogs).
+//! * [`plan`]: ranges of registers and bits merged into as few requests as possible.
+//! * [`image`]: the inputs and outputs of a bus, and the state of its couplers.
 //! * [`line`]: the master of one line or connection, as a machine in virtual time. Function codes, check sums and
 //!   frames are those of `ob1-protocols`.
 #![forbid(unsafe_code)]

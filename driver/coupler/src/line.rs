@@ -1,7 +1,7 @@
-//! The master of one line or connection: whose turn it is, one request at a time.
+//! The master of one line or connection: it asks its couplers in turn, one request at a time.
 //!
-//! The owner hands in what happened and when, and puts on the line what it is given. It calls again at the time that
-//! [`LineMaster::step`] answers, and when the outputs have changed.
+//! The owner passes in what happened and when, and sends the bytes it gets. It calls again at the time that
+//! [`LineMaster::step`] returns, and when the outputs have changed.
 
 use core::convert::Infallible;
 
@@ -12,18 +12,18 @@ use crate::coupler::{Coupler, Job};
 use crate::image::{Image, State};
 use crate::wire::{Outcome, Wire};
 
-/// A connection on which so many requests in a row got no answer is opened anew.
+/// After this many consecutive requests without an answer a connection is reopened.
 const SILENT: u32 = 3;
 
-/// What happened: time has passed or the outputs have changed ([`Input::Tick`]), or something on the line. A connection
-/// that is open is a line that is back. The outputs come as an image, so there are no orders.
+/// What happened: time has passed or the outputs have changed ([`Input::Tick`]), or something on the line. An open
+/// connection counts as a line that is back. The outputs come as an image, so there are no orders.
 pub type MasterInput<'a> = Input<'a, Infallible>;
 
 /// The master of one line.
 pub struct LineMaster {
     wire: Wire,
     couplers: Vec<Coupler>,
-    /// Who is being asked, and what.
+    /// The coupler being asked, and the request.
     asked: Option<(usize, Job)>,
     turn: usize,
     is_up: bool,
@@ -47,7 +47,7 @@ impl LineMaster {
         }
     }
 
-    /// Takes what has happened; `out` gets what is to be sent. The result is when to call again at the latest.
+    /// Takes an event; `out` gets the bytes to send. Returns when to call again at the latest.
     pub fn step(&mut self, now: Instant, input: MasterInput<'_>, image: &mut Image, out: &mut Vec<u8>) -> Instant {
         match input {
             Input::Line(LineInput::Fault(LineFault::Back)) => {
@@ -56,7 +56,7 @@ impl LineMaster {
             }
             Input::Line(LineInput::Fault(LineFault::Gone)) => {
                 self.is_up = false;
-                // Nobody can answer it any more, and nobody is to blame for that.
+                // It cannot be answered any more, which is no failure of the coupler.
                 self.asked = None;
             }
             _ => {}
@@ -82,7 +82,7 @@ impl LineMaster {
         self.deadline(image)
     }
 
-    /// The connection is to be closed and opened anew: it is silent, or what comes in has no meaning. Told once.
+    /// Whether the connection must be closed and reopened: it is silent, or its input has no meaning. Reported once.
     pub fn wants_reconnect(&mut self) -> bool {
         std::mem::take(&mut self.reconnect) && {
             self.is_up = false;
@@ -91,7 +91,7 @@ impl LineMaster {
         }
     }
 
-    /// Whether every coupler that can be reached has the outputs as they are now.
+    /// Whether every reachable coupler has the current outputs.
     #[must_use]
     pub fn has_told_outputs(&self, image: &Image) -> bool {
         let reached =
@@ -99,7 +99,7 @@ impl LineMaster {
         !self.is_up || self.couplers.iter().filter(reached).all(|coupler| coupler.has_outputs(image))
     }
 
-    /// The next coupler that has something to do, beginning behind the last.
+    /// The next coupler with a request, beginning after the last one asked.
     fn choose(&mut self, now: Instant, image: &Image) -> Option<(usize, Job)> {
         let count = self.couplers.len();
         for step in 1..=count {

@@ -4,14 +4,14 @@ use ob1_protocols::modbus::pdu;
 
 use crate::config::{Range, Table};
 
-/// Elements in a row that one request is about.
+/// Consecutive elements of one request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Chunk {
-    /// Where they stand.
+    /// Their table.
     pub table: Table,
     /// First of them.
     pub first: u16,
-    /// How many; as many as a request can carry at most.
+    /// Their number, at most the maximum of a request.
     pub count: u16,
 }
 
@@ -20,21 +20,21 @@ impl Chunk {
         self.first as u32 + self.count as u32
     }
 
-    /// Whether it has anything of a range.
+    /// Whether it overlaps a range.
     #[must_use]
     pub fn meets(&self, range: &Range) -> bool {
         self.table == range.table && u32::from(range.first) < self.end() && u32::from(self.first) < range.end()
     }
 
-    /// Bytes of its elements as they travel.
+    /// Bytes of its elements as transferred.
     #[must_use]
     pub const fn bytes(&self) -> usize {
         if self.table.has_bits() { (self.count as usize).div_ceil(8) } else { 2 * self.count as usize }
     }
 }
 
-/// The requests that read these ranges. What touches or overlaps is one request, as far as one can carry it; a gap is
-/// never read over, for a coupler refuses a request in which there is an address it does not have.
+/// The requests that read these ranges. Adjacent or overlapping ranges are one request, up to its maximum length. A gap
+/// is never read too, because a coupler refuses a request with a missing address.
 #[must_use]
 pub fn reads(ranges: &[Range]) -> Vec<Chunk> {
     let most = |table: Table| if table.has_bits() { pdu::READ_BITS_MAX } else { pdu::READ_WORDS_MAX };

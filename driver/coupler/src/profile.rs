@@ -1,20 +1,20 @@
-//! What couplers of known makes want to be told: Modbus has no common watchdog.
+//! The watchdog settings of couplers of known makes: Modbus has no common watchdog.
 
 use crate::config::{Proof, Setup, Span, Table};
 
 /// 100 ms: the unit of WAGO's watchdog.
 const WAGO_UNIT: Span = Span::from_millis(100);
-/// 1 ms: that of Beckhoff.
+/// 1 ms: the unit of Beckhoff's watchdog.
 const BECKHOFF_UNIT: Span = Span::MILLISECOND;
 
 /// A make of coupler whose watchdog is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Profile {
-    /// WAGO 750-3xx, 750-8xx (not PFC 200, whose registers are others).
+    /// WAGO 750-3xx, 750-8xx (not PFC 200, whose registers differ).
     Wago750,
     /// Beckhoff BK7300, BK9000, BK9050, BK9100.
     BeckhoffBk,
-    /// Moxa ioLogik E1200: its watchdog is set on its own web page; over Modbus it can only be released.
+    /// Moxa ioLogik E1200: its watchdog is set on its own web page; over Modbus it can only be reset.
     MoxaIoLogik,
 }
 
@@ -33,7 +33,7 @@ impl Profile {
         }
     }
 
-    /// What releases a coupler whose watchdog has expired. Harmless where it has not.
+    /// The writes that reset a coupler whose watchdog has expired. Harmless if it has not.
     #[must_use]
     pub fn reset(self) -> Vec<Setup> {
         match self {
@@ -46,24 +46,24 @@ impl Profile {
         }
     }
 
-    /// What sets the watchdog, behind [`Self::reset`]: a running one cannot be changed. Times are rounded up to what
-    /// the coupler can do.
+    /// The writes that set the watchdog, after [`Self::reset`], because a running one cannot be changed. Times are
+    /// rounded up to the coupler's unit.
     #[must_use]
     pub fn watchdog(self, time: Span) -> Vec<Setup> {
         match self {
-            // 1000h the time, 100Ah the alternative watchdog: every telegram triggers it, it begins with the next.
+            // 1000h the time, 100Ah the alternative watchdog: every telegram triggers it, and it starts with the next.
             Self::Wago750 => vec![word(0x1000, units(time, WAGO_UNIT)), word(0x100A, 1)],
-            // 1120h the time, 1122h what triggers it: 0, writing telegrams.
+            // 1120h the time, 1122h the trigger: 0, writing telegrams.
             Self::BeckhoffBk => vec![word(0x1120, units(time, BECKHOFF_UNIT)), word(0x1122, 0)],
             Self::MoxaIoLogik => Vec::new(),
         }
     }
 
-    /// What says that a watchdog of this time runs; `skips` of what is written on connect are what sets it.
+    /// The proof that a watchdog with this time runs; `skips` of the set-up writes are those that set it.
     #[must_use]
     pub fn proof(self, time: Span, skips: usize) -> Option<Proof> {
         match self {
-            // 1000h the time, 1006h how it stands: 1, it runs.
+            // 1000h the time, 1006h its state: 1, it runs.
             Self::Wago750 => {
                 Some(Proof { first: 0x1000, count: 7, expected: vec![(0, units(time, WAGO_UNIT)), (6, 1)], skips })
             }

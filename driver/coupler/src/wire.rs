@@ -1,4 +1,4 @@
-//! One request on a line, and what comes back: Modbus TCP by its transactions, Modbus RTU by the master of the serial
+//! One request on a line and its outcome: Modbus TCP by its transactions, Modbus RTU by the master of the serial
 //! protocols.
 
 use ob1_protocols::modbus::pdu::{self, Match};
@@ -8,15 +8,15 @@ use ob1_protocols::{Event, Input, LineFault, LineInput, Machine as _, Order, Sen
 use crate::config::{Instant, LineConfig, Parity, Serial, Span};
 use crate::line::MasterInput;
 
-/// How late a device may hand characters over: a UART with a FIFO, a USB adapter.
+/// How late a device may hand over characters: a UART with a FIFO, a USB adapter.
 const BURSTS: Span = Span::from_millis(20);
 
-/// What became of a request.
+/// The outcome of a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Outcome {
     /// Its answer, good or an exception.
     Answer(Vec<u8>),
-    /// None that can be used.
+    /// No usable answer.
     Failed,
 }
 
@@ -41,7 +41,7 @@ impl Wire {
         }
     }
 
-    /// Takes what has happened on the line; the end of the request, if it is that.
+    /// Takes an event of the line; returns the outcome of the request if it has ended.
     pub(crate) fn step(&mut self, now: Instant, input: MasterInput<'_>, out: &mut Vec<u8>) -> Option<Outcome> {
         match self {
             Self::Tcp(tcp) => tcp.step(now, input),
@@ -63,7 +63,7 @@ impl Wire {
         }
     }
 
-    /// Whether the stream of bytes has lost its meaning: it must be opened anew.
+    /// Whether the stream of bytes has lost its framing: it must be reopened.
     pub(crate) fn is_broken(&self) -> bool {
         matches!(self, Self::Tcp(tcp) if tcp.broken)
     }
@@ -95,7 +95,7 @@ impl Tcp {
 
     fn ask(&mut self, now: Instant, telegram: &[u8], out: &mut Vec<u8>) -> Option<Outcome> {
         let mut frame = [0; tcp::FRAME_BYTES];
-        // Never the number of the request before: its answer may come late.
+        // Never the number of the previous request, whose answer may come late.
         self.transaction = self.transaction.wrapping_add(1);
         let Some(len) = tcp::encode(self.transaction, telegram, &mut frame) else { return Some(Outcome::Failed) };
         out.extend_from_slice(&frame[..len]);
@@ -137,7 +137,7 @@ impl Tcp {
 
     fn telegram(&mut self) -> Option<Outcome> {
         let (transaction, answer) = self.receiver.telegram()?;
-        // An answer that came too late is nobody's.
+        // An answer that came too late is ignored.
         let pending = self.pending.take_if(|pending| pending.transaction == transaction)?;
         Some(match pdu::matches(&pending.request, answer, pdu::REGISTER_BYTES) {
             Match::Answer => Outcome::Answer(answer.to_vec()),
@@ -174,7 +174,7 @@ fn char_time(serial: &Serial) -> Span {
     (bits * Span::SECOND).over_ceil(serial.baud.max(1).into())
 }
 
-/// What the serial master has to say.
+/// Collects the output of the serial master.
 struct Ear<'a> {
     out: &'a mut Vec<u8>,
     answer: Option<Vec<u8>>,

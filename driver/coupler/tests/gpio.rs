@@ -1,5 +1,5 @@
-//! The lines of a GPIO chip that is not there: what is read and driven when, what becomes of a chip that goes and
-//! returns, in virtual time.
+//! The lines of a simulated GPIO chip: when they are read and driven, and a chip that vanishes and returns, in virtual
+//! time.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -10,7 +10,7 @@ use ob1_coupler::{BusConfig, Image, LineConfig, State};
 
 const MS: Span = Span::MILLISECOND;
 
-/// What stands at the chip.
+/// The state of the chip.
 #[derive(Default)]
 struct Chip {
     inputs: Vec<bool>,
@@ -137,7 +137,7 @@ fn a_chip_that_goes_is_lost_once_and_driven_again_when_it_returns() {
     assert_eq!(bench.master.take_why(), None, "told once");
     assert!(bench.master.is_off(), "nobody can be waited for");
     let opened = bench.chip.borrow().opened;
-    // The scan rings: that is no reason to try again.
+    // The scan rings, which is no reason to try again.
     assert_eq!((bench.step(10 * MS), bench.chip.borrow().opened), (990 * MS, opened));
     bench.step(990 * MS);
     let status = bench.image.status[0];
@@ -155,7 +155,7 @@ fn a_chip_that_was_never_there_is_lost() {
     assert_eq!((bench.state(), bench.master.take_why().as_deref()), (State::Lost, Some("no such device")));
 }
 
-/// Places beyond the image are a mistake of whoever made the configuration; they are passed over.
+/// Places beyond the image are an error in the configuration; they are skipped.
 #[test]
 fn places_outside_the_image_are_passed_over() {
     let mut bench = bench();

@@ -1,5 +1,5 @@
-//! Couplers on two wires, in virtual time, with characters that are lost, doubled and changed, and couplers that are
-//! switched off: by seeds. The couplers are slaves of `ob1-protocols`.
+//! Couplers on two wires, in virtual time, with characters lost, doubled and changed, and couplers switched off, by
+//! seeds. The couplers are slaves of `ob1-protocols`.
 
 use ob1_coupler::config::{Parity, Span};
 use ob1_coupler::{
@@ -15,7 +15,7 @@ const COUPLERS: usize = 4;
 /// Bytes of each, each way.
 const BYTES: usize = 8;
 
-/// What a slave sends.
+/// The output of a slave.
 #[derive(Default)]
 struct Mouth(Vec<u8>);
 
@@ -111,7 +111,7 @@ impl Wires {
         self.bus.write(self.me, self.now, &out);
     }
 
-    /// A coupler gets its power back: it knows nothing of what was.
+    /// A coupler gets its power back: its state is lost.
     fn switch(&mut self, n: usize, off: bool) {
         let coupler = &mut self.couplers[n];
         if coupler.off && !off {
@@ -161,7 +161,7 @@ impl Wires {
         }
     }
 
-    /// The same word in all registers of each coupler: whatever is read must be so too.
+    /// The same word in all registers of each coupler: every reading must have equal words too.
     fn sense(&mut self, round: u16) {
         for (n, coupler) in self.couplers.iter_mut().enumerate() {
             let word = (round ^ (n as u16) << 12).to_be_bytes();
@@ -177,7 +177,7 @@ impl Wires {
         self.ask(Input::Tick);
     }
 
-    /// Nothing is half read or half written, and nothing was made up.
+    /// Nothing is half read or half written, and there are no invented values.
     fn check(&self, round: u16, seed: u64) {
         for (n, coupler) in self.couplers.iter().enumerate() {
             let whole = |bytes: &[u8], most: u16, what: &str| {

@@ -1,4 +1,4 @@
-//! A coupler behind a connection, in virtual time: what it is asked and when, and what becomes of its answers.
+//! A coupler on a connection, in virtual time: its requests, their times, and the effect of its answers.
 
 mod device;
 
@@ -33,7 +33,7 @@ fn coupler(unit: u8, inputs: Vec<Range>, outputs: Vec<Range>) -> CouplerConfig {
     }
 }
 
-/// A connection with couplers behind it.
+/// A connection with couplers.
 struct Net {
     now: Instant,
     config: BusConfig,
@@ -41,9 +41,9 @@ struct Net {
     image: Image,
     devices: Vec<Device>,
     receiver: tcp::Receiver,
-    /// Bytes on their way to the master.
+    /// Bytes in transit to the master.
     back: VecDeque<(Instant, Vec<u8>)>,
-    /// How long the next answers take, where that is not the usual.
+    /// Unusual durations of the next answers.
     delays: VecDeque<Span>,
     open: bool,
     /// The connection is being made until then.
@@ -70,7 +70,7 @@ impl Net {
                 gpio: None,
             }],
         };
-        // What the runtime writes, the process reads.
+        // The process reads what the runtime writes.
         let text = serde_json::to_string(&config).expect("JSON");
         assert_eq!(serde_json::from_str::<BusConfig>(&text).expect("JSON"), config);
         let line = &config.lines[0];
@@ -120,7 +120,7 @@ impl Net {
         }
     }
 
-    /// The connection is gone; another is made after a time.
+    /// The connection is lost; another one is made after a time.
     fn cut(&mut self, time: Span) {
         self.open = false;
         self.back.clear();
@@ -160,7 +160,7 @@ impl Net {
         self.step(Input::Tick);
     }
 
-    /// Function codes of the requests to a device since the last look.
+    /// Function codes of the requests to a device since the last call.
     fn functions(&mut self, device: usize) -> Vec<u8> {
         self.devices[device].log.drain(..).map(|(_, request)| request[1]).collect()
     }
@@ -231,7 +231,7 @@ fn what_a_coupler_refuses_is_told_and_the_rest_goes_on() {
     assert_eq!(net.states, [(0, State::Running)]);
 }
 
-/// Each exception that a coupler, or the gateway in front of it, answers with: what the user is told.
+/// Each exception of a coupler, or of the gateway in front of it, and its message to the user.
 #[test]
 fn every_exception_is_told_in_words_with_what_helps() {
     for (exception, state, words, helps) in [
@@ -359,7 +359,7 @@ fn a_coupler_that_refuses_its_setup_is_not_driven() {
     assert_eq!(net.devices[0].holding[&0], 7);
 }
 
-/// The network was away for longer than the watchdog, and not as long as it takes to lose the coupler.
+/// The network was down for longer than the watchdog's time, but not long enough to lose the coupler.
 #[test]
 fn a_coupler_whose_watchdog_has_expired_is_set_up_again() {
     let mut config = coupler(1, vec![range(Table::Input, 0, 1, 0)], vec![range(Table::Holding, 0, 1, 0)]);
@@ -375,7 +375,7 @@ fn a_coupler_whose_watchdog_has_expired_is_set_up_again() {
         assert_eq!((net.devices[0].holding[&0x1000], net.devices[0].holding[&0]), (1, 7));
     }
     assert_eq!((net.states.clone(), net.image.status[0].bad), (vec![(0, State::Running)], 0));
-    // One that answers so whatever it is told has its inputs refused, and is not asked without end.
+    // If it answers like this to everything, its inputs count as refused, and it is not asked endlessly.
     net.devices[0].refused = vec![0x1008];
     net.devices[0].expired = true;
     net.devices[0].log.clear();
@@ -385,7 +385,7 @@ fn a_coupler_whose_watchdog_has_expired_is_set_up_again() {
     assert!(net.devices[0].log.len() < 700, "{}", net.devices[0].log.len());
 }
 
-/// To be set it must be stopped, and a process that dies in that moment leaves the outputs on.
+/// To set it, it must be stopped, and a process that dies at that moment would leave the outputs on.
 #[test]
 fn a_watchdog_that_runs_is_not_stopped() {
     let mut config = coupler(1, vec![range(Table::Input, 0, 1, 0)], vec![range(Table::Holding, 0, 1, 0)]);
@@ -415,7 +415,7 @@ fn a_watchdog_that_runs_is_not_stopped() {
     assert_eq!(net.states[0], (0, State::Running));
 }
 
-/// Its power may have been gone: then it has forgotten its watchdog.
+/// It may have lost power, and with it the setting of its watchdog.
 #[test]
 fn a_coupler_that_missed_two_requests_is_set_up_again() {
     let mut config = coupler(1, vec![range(Table::Input, 0, 1, 0)], vec![range(Table::Holding, 0, 1, 0)]);
@@ -447,7 +447,7 @@ fn outputs_that_never_stand_still_leave_the_inputs_their_turn() {
 
 #[test]
 fn noise_in_place_of_answers_is_never_taken_for_one() {
-    // Every byte of every tenth answer in turn is another, by a fixed sequence.
+    // Every tenth answer has one changed byte, by a fixed sequence.
     let mut net = Net::new(vec![coupler(1, vec![range(Table::Input, 0, 4, 0)], Vec::new())]);
     net.devices[0].input.extend((0..4).map(|n| (n, 0x4242)));
     let mut noise = 0x1234_5678_u32;
@@ -457,7 +457,7 @@ fn noise_in_place_of_answers_is_never_taken_for_one() {
         if noise >> 29 == 0
             && let Some((_, bytes)) = net.back.front_mut()
         {
-            // Head, unit, function and length; what TCP carries is not damaged behind it.
+            // Header, unit, function and length; the data after them are not damaged.
             let at = (noise >> 8) as usize % 9;
             bytes[at] ^= (noise >> 16) as u8 | 1;
         }
@@ -475,7 +475,7 @@ fn an_answer_that_comes_too_late_is_not_taken_for_that_of_the_next_request() {
     net.run(15 * MS);
     assert_eq!(net.image.status[0].state, State::Running);
     net.devices[0].input.insert(0, 1);
-    // The next is read at 20 ms, given up at 70 ms, and comes at 72 ms; what is asked then is answered at 80 ms.
+    // The next is read at 20 ms, given up at 70 ms, and comes at 72 ms; the request made then is answered at 80 ms.
     net.delays.extend([52 * MS, 10 * MS]);
     net.run(6 * MS);
     net.devices[0].input.insert(0, 2);

@@ -1,4 +1,4 @@
-//! The JSON text that the runtime transfers with the parameters: what the driver has to know and the CP has not.
+//! The JSON text that the runtime transfers with the parameters: configuration for the driver, not for the CP.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use ob1_line::LineSpec;
 use ob1_params::CpKind;
 use serde::Deserialize;
 
-/// Keys of the JSON text. Unknown ones are for later drivers and ignored.
+/// Keys of the JSON text. Unknown ones are for later drivers, and are ignored.
 #[derive(Debug, Deserialize)]
 struct Keys {
     module: String,
@@ -31,7 +31,7 @@ pub(crate) struct Config {
     pub(crate) line: LineSpec,
     /// Errors raise diagnostic interrupts.
     pub(crate) diagnostics: bool,
-    /// Where the tap listens.
+    /// The socket of the tap.
     pub(crate) trace: Option<PathBuf>,
     pub(crate) cp_type: CpType,
 }

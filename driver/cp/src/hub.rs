@@ -1,8 +1,8 @@
-//! The process as a simulated line instead of a CP: `ob1-cp --hub JSON`. It has a segment too, only to show that it
-//! lives.
+//! The process as a simulated line instead of a CP: `ob1-cp --hub JSON`. It also has a segment, only to show that it is
+//! alive.
 //!
-//! A line that two stations share is started by both: who has the lock of its name is the line, the other stands by and
-//! takes over should the first one end.
+//! A line shared by two stations is started by both: the process that holds the lock on its name is the line, the other
+//! stands by and takes over if the first one ends.
 
 use std::fs::{File, OpenOptions};
 use std::io;
@@ -26,11 +26,11 @@ use tracing::{info, warn};
 
 use crate::process::End;
 
-/// What the runtime says about the line; the station file's words.
+/// The runtime's configuration of the line, in the words of the station file.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct HubConfig {
-    /// Where CPs connect.
+    /// The socket for CPs.
     path: PathBuf,
     #[serde(default)]
     half_duplex: bool,
@@ -141,7 +141,7 @@ pub(crate) fn run(config: &HubConfig, mut segment: CpSide, terminate: &Arc<Atomi
     }
 }
 
-/// The lock of a line's name, if nobody else has it. It goes with its process.
+/// The lock on a line's name, if no other process holds it. It ends with its process.
 fn own(path: &Path) -> io::Result<Option<File>> {
     if let Some(folder) = path.parent() {
         let made = std::fs::DirBuilder::new().mode(0o700).create(folder);
@@ -157,7 +157,7 @@ fn own(path: &Path) -> io::Result<Option<File>> {
     }
 }
 
-/// Waits; whether standard input has something to say.
+/// Waits; true if standard input is readable.
 fn wait(hub: Option<&Hub>, timeout: Span) -> io::Result<bool> {
     let stdin = rustix::stdio::stdin();
     let mut fds = vec![PollFd::new(&stdin, PollFlags::IN)];

@@ -1,16 +1,16 @@
-//! What the driver's configuration says of the module itself: its type, and the parameters of a type that has keys:
-//! `"module": "cp341", "params": { "protocol": "3964r", "baud": 9600 }`.
+//! The module in the driver's configuration: its type, and the parameters of a type that has keys: `"module": "cp341",
+//! "params": { "protocol": "3964r", "baud": 9600 }`.
 
 use ob1_params::{Cp341, CpKind, ParamError, Value};
 use serde_json::{Map, Value as Json};
 
-/// Parameters that are keys, or what is wrong with them.
+/// Parameters that are keys, or the error in them.
 pub type KeyedParameters = Result<Cp341, ParamError>;
 
-/// The type of the module, as the configuration says.
+/// The type of the module in the configuration.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CpType {
-    /// Which it is.
+    /// The type.
     pub kind: CpKind,
     /// Its parameters, if they are keys; otherwise they are 16 bytes.
     pub keys: Option<KeyedParameters>,
@@ -20,16 +20,16 @@ impl CpType {
     /// A type whose parameters are 16 bytes.
     pub const CP240: Self = Self { kind: CpKind::Cp240, keys: None };
 
-    /// The type of this name, with the keys that stand under `params`.
+    /// The type of this name, with the keys under `params`.
     #[must_use]
     pub fn of(name: &str, params: &Map<String, Json>) -> Option<Self> {
-        // A CP with boxes is no serial one.
+        // A CP with boxes is not a serial one.
         let kind = CpKind::of_name(name).filter(|kind| !kind.row().has_boxes)?;
         Some(Self { kind, keys: kind.row().has_channels.then(|| keyed(kind, params)) })
     }
 }
 
-/// Reads them; what is wrong is said in the words of the station file.
+/// Reads the keys; errors use the words of the station file.
 fn keyed(kind: CpKind, keys: &Map<String, Json>) -> KeyedParameters {
     let value = |(key, json): (&String, &Json)| match json {
         Json::String(text) => Ok((key.clone(), Value::Str(text.clone()))),

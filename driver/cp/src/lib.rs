@@ -1,4 +1,4 @@
-//! The driver of a CP: what lies between a segment of the back plane, the firmware and a line.
+//! The driver of a CP: it connects a segment of the back plane, the firmware and a line.
 //!
 //! [`CpPump`] is pure: time is handed in, the line is a [`LinePort`]. The process `ob1-cp` drives it with the clock, a
 //! doorbell and a real line; the simulation of a whole station drives the same type in virtual time, over a heap

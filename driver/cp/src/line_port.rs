@@ -1,4 +1,4 @@
-//! The line as the pump needs it.
+//! The line for the pump.
 
 use ob1_firmware::{CpEvent, Instant, LineSettings, Span};
 
@@ -9,13 +9,12 @@ use crate::keys::CpType;
 #[error("{0}")]
 pub struct Refused(pub String);
 
-/// The line as the pump needs it: it puts things out here. What comes in goes to
-/// [`CpPump::line_event`](crate::CpPump::line_event).
+/// The line for the pump: it takes the pump's output. Input goes to [`CpPump::line_event`](crate::CpPump::line_event).
 pub trait LinePort {
-    /// A parameter transfer brought this JSON text. It comes before [`Self::apply`].
+    /// A parameter transfer contained this JSON text. Called before [`Self::apply`].
     ///
     /// # Errors
-    /// [`Refused`]: the pump shows it; the CP goes on with the line it has, or none.
+    /// [`Refused`]: the pump reports it; the CP continues with its present line, or none.
     fn configure(&mut self, now: Instant, json: &[u8]) -> Result<(), Refused> {
         let _ = (now, json);
         Ok(())
@@ -29,16 +28,16 @@ pub trait LinePort {
     /// Sets baud rate and character frame.
     fn apply(&mut self, now: Instant, settings: &LineSettings);
 
-    /// Sends characters behind those before.
+    /// Sends characters after the previous ones.
     fn transmit(&mut self, now: Instant, bytes: &[u8]);
 
-    /// Takes back what has not begun to leave; answers how many characters.
+    /// Takes back characters that have not begun; returns their number.
     fn take_back(&mut self, now: Instant) -> usize {
         let _ = now;
         0
     }
 
-    /// How late characters that have come in may be handed over, because they come in bursts.
+    /// How late received characters may be handed over, because they come in bursts.
     fn lateness(&self) -> Span {
         Span::ZERO
     }
@@ -53,7 +52,7 @@ pub trait LinePort {
         false
     }
 
-    /// The module's type as the configuration says; asked after [`Self::configure`].
+    /// The module's type in the configuration; asked after [`Self::configure`].
     fn cp_type(&self) -> CpType {
         CpType::CP240
     }

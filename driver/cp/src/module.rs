@@ -1,4 +1,4 @@
-//! The firmware behind the segment: a CP of the type the configuration names, and when it wants to be called.
+//! The firmware of the segment: a CP of the configured type, and when it is due.
 
 use ob1_firmware::{Cp, CpInput, CpPort, Instant};
 use ob1_params::CpKind;
@@ -13,12 +13,12 @@ pub(crate) struct Module {
 }
 
 impl Module {
-    /// A module without parameters, of the generation that has attached, with so many bytes each way.
+    /// A module without parameters, of the attached generation, with `io_bytes` bytes each way.
     pub(crate) fn new(kind: CpKind, generation: u64, io_bytes: usize) -> Self {
         Self { kind, firmware: ob1_firmware::of(kind, generation, io_bytes), due: None }
     }
 
-    /// Which type it is.
+    /// Its type.
     pub(crate) const fn kind(&self) -> CpKind {
         self.kind
     }

@@ -1,4 +1,4 @@
-//! The firmware's plug: what a CP says, put into the segment and onto the line; what the driver itself shows there.
+//! The firmware's port: it puts the output of a CP into the segment and onto the line, besides the driver's own data.
 
 use ob1_backplane::{Channel as SegmentChannel, CpSide, DriverState, Event, EventKind, ModemOutputs};
 use ob1_firmware::cp341::{Channel, ChannelBlock};
@@ -12,14 +12,14 @@ use crate::translate::{self, EventCode, LINE_TEXT_RECORD};
 /// Number of the diagnostic record of a CP 040 [S3 "Diagnostic data"] and a CP 341.
 const DIAGNOSTIC_RECORD: u32 = 1;
 
-/// The driver's end of the segment, with what is shown there.
+/// The driver's end of the segment, with the data shown there.
 pub(crate) struct End {
     pub(crate) segment: CpSide,
     pub(crate) modem: ModemOutputs,
     pub(crate) modem_inputs: ModemLines,
-    /// RTS as the protocol wants it.
+    /// RTS as set by the protocol.
     rts: bool,
-    /// DTR as the CP wants it (FC 8).
+    /// DTR as set by the CP (FC 8).
     dtr: bool,
     pub(crate) parameters: Parameters,
     /// Error number of a line that is gone.
@@ -51,7 +51,7 @@ impl End {
 
     /// A message for the diagnostic buffer.
     pub(crate) fn emit(&mut self, now: Instant, code: u32, data: &[u8]) {
-        // A full ring counts what it could not take.
+        // A full ring counts the events it drops.
         self.segment.emit_event(Event::new(now.nanos(), EventKind::Message, code, data));
     }
 
@@ -61,7 +61,7 @@ impl End {
         while !text.is_char_boundary(end) {
             end -= 1;
         }
-        // Cut to what a record holds, so it is never too long.
+        // Cut to the length of a record, so it is never too long.
         let _ = self.segment.write_diagnosis(LINE_TEXT_RECORD, &text.as_bytes()[..end]);
     }
 
@@ -78,7 +78,7 @@ impl End {
         }
     }
 
-    /// RTS and DTR as they are: the CPU's where it drives them, otherwise the CP's.
+    /// The levels of RTS and DTR: the CPU's if it drives them, otherwise the CP's.
     fn modem_levels(&self) -> (bool, bool) {
         let rts = if self.modem.drive_rts { self.modem.rts } else { self.rts };
         let dtr = if self.modem.drive_dtr { self.modem.dtr } else { self.dtr };
@@ -97,7 +97,7 @@ impl End {
     }
 }
 
-/// Segment and line as the firmware sees them, during one step.
+/// Segment and line for the firmware during one step.
 pub(crate) struct Plug<'a, L: ?Sized> {
     pub(crate) end: &'a mut End,
     pub(crate) line: &'a mut L,
@@ -146,7 +146,7 @@ impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
     }
 
     fn record(&mut self, record: &[u8]) {
-        // Shorter than a record may be.
+        // Always shorter than the maximum of a record.
         let _ = self.end.segment.write_diagnosis(DIAGNOSTIC_RECORD, record);
     }
 

@@ -10,7 +10,7 @@ use tracing::{debug, info, trace, warn};
 use crate::config::Config;
 use crate::tap;
 
-/// How late a real line may hand characters over: the FIFO of a UART, the latency timer of a USB adapter (16 ms), a
+/// How late a real line may hand over characters: the FIFO of a UART, the latency timer of a USB adapter (16 ms), a
 /// busy machine.
 const LATENESS: Span = Span::from_millis(50);
 

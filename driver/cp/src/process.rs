@@ -16,14 +16,14 @@ use tracing::{info, warn};
 
 use crate::port::Port;
 
-/// Passes without asking the system, while the CPU side keeps changing things, before line and doorbell get a look.
+/// Passes without system calls, while the CPU side keeps changing things, before line and doorbell are checked.
 const PASSES: u32 = 16;
 
-/// Who wakes up so much later than he wanted to was held up by the system.
+/// A process that wakes up this much late was held up by the system.
 const HELD_UP: Span = Span::from_millis(5);
 
-/// Events of the line in one pass: then the heart beats, and the CPU has its turn. Who sends as fast as it is read must
-/// not keep the driver from anything else.
+/// Events of the line in one pass: then come the heartbeat and the CPU. A partner that sends as fast as it is read must
+/// not block the driver.
 const EVENTS: u32 = 32;
 
 /// Received bytes handed over at a time.
@@ -34,7 +34,7 @@ const BUFFER: usize = 256;
 pub(crate) enum End {
     /// The doorbell is closed: the runtime is gone, or wants the driver to be.
     Closed,
-    /// A signal.
+    /// A signal has come.
     Terminated,
 }
 
@@ -43,7 +43,7 @@ pub(crate) enum End {
 struct Ready {
     doorbell: bool,
     line: bool,
-    /// Somebody wants to listen.
+    /// A listener wants to connect.
     tap: bool,
 }
 
@@ -82,7 +82,7 @@ impl Process {
 
     pub(crate) fn run(&mut self) -> Result<End, Errno> {
         let mut passes = 0;
-        // The CPU side has changed something since the last wait.
+        // Whether the CPU side has changed something since the last wait.
         let mut changed = false;
         loop {
             let now = self.now();
@@ -118,16 +118,16 @@ impl Process {
                 && let Some(line) = self.port.line()
             {
                 line.ready();
-                // A process that was held up finds times expired, and beside them the answer that came in time: the
-                // line first. Otherwise the times: a silence that is over has ended what came before it.
+                // A process that was held up finds expired times, and also the answer that came in time: then the line
+                // comes first. Otherwise the times come first: an expired silence has ended the telegram before it.
                 let now = self.now();
                 if now.since(due) > HELD_UP {
                     self.line_events(now);
                 }
             }
             if ready.doorbell {
-                // First the work: whoever rang waits for it. A ring for a later change may be swallowed with this one;
-                // that change is then found by `prepare_sleep`.
+                // First the work, because the CPU side waits for it. A ring for a later change may be swallowed with
+                // this one; `prepare_sleep` then finds that change.
                 let now = self.now();
                 changed = self.pump.has_changes();
                 self.pump.poll(now, &mut self.port);
@@ -138,7 +138,7 @@ impl Process {
         }
     }
 
-    /// Spins a moment after a change: a CPU in the middle of a telegram often answers at once, and a sleep costs more.
+    /// Spins briefly after a change: a CPU in the middle of a telegram often answers at once, and a sleep costs more.
     fn changes_soon(&self) -> bool {
         if self.spin.is_zero() {
             return false;
@@ -178,7 +178,7 @@ impl Process {
         }
     }
 
-    /// Takes what the line has to tell; true if that may not have been everything.
+    /// Takes the events of the line; true if there may be more.
     fn line_events(&mut self, now: Instant) -> bool {
         let mut buffer = [0; BUFFER];
         let mut more = true;
@@ -244,7 +244,7 @@ impl Process {
         }
     }
 
-    /// Modem lines cannot be polled for; they are looked at with the heartbeat, where there are any.
+    /// Modem lines cannot be polled for; they are sampled with the heartbeat, if there are any.
     fn sample_modem(&mut self, now: Instant) {
         if now < self.modem_at {
             return;

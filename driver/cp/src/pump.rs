@@ -1,5 +1,5 @@
 //! The pump: moves registers, parameters and times between a segment and the firmware, line events into it, and its
-//! output to the line. It decides when the heart beats and when there is nothing to do; it waits for nothing itself.
+//! output to the line. It decides when the heartbeat is due and when there is nothing to do; it never waits itself.
 
 use ob1_backplane::{ChangeMark, Channel as SegmentChannel, Counter, CpSide, CpuState, Freshness};
 use ob1_firmware::cp341::{Channel, ChannelBlock};
@@ -15,21 +15,21 @@ use crate::translate::EventCode;
 /// Time between two beats of an idle driver.
 pub const HEARTBEAT: Span = Span::from_millis(50);
 
-/// When the other end is found in the middle of a write, look again after this.
+/// Time to the next look when the other end was in the middle of a write.
 const LOOK_AGAIN: Span = Span::from_micros(50);
 
-/// [`DriverState::ParameterError`](ob1_backplane::DriverState::ParameterError) when it is the JSON that is refused;
-/// smaller codes are the number of the parameter byte.
+/// [`DriverState::ParameterError`](ob1_backplane::DriverState::ParameterError) when the JSON is refused; smaller codes
+/// are the number of the parameter byte.
 const CODE_CONFIGURATION: u32 = 0x100;
 
 /// A CP on the back plane.
 pub struct CpPump {
-    /// A CP 240, until the configuration has said what it is.
+    /// A CP 240, until the configuration has set the type.
     module: Module,
     end: End,
-    /// The CPU side's history up to which everything has been looked at.
+    /// The mark of the CPU side up to which everything has been handled.
     seen: Option<ChangeMark>,
-    /// A register set was found in the middle of a write.
+    /// A set of registers was in the middle of a write.
     look_again: bool,
     params_revision: u64,
     cpu_running: Option<bool>,
@@ -37,7 +37,7 @@ pub struct CpPump {
 }
 
 impl CpPump {
-    /// A driver just attached; it beats and looks with the first [`Self::poll`].
+    /// A driver just attached; heartbeat and look begin with the first [`Self::poll`].
     pub fn new(segment: CpSide) -> Self {
         Self {
             module: Module::new(CpKind::Cp240, segment.generation(), segment.io_bytes()),
@@ -60,14 +60,14 @@ impl CpPump {
         self.module.is_working()
     }
 
-    /// Counts log lines of this driver that nobody got.
+    /// Counts log lines of this driver that were dropped.
     pub fn count_lost_log(&mut self, lines: u64) {
         if lines > 0 {
             self.end.segment.count(Counter::LogLost, lines);
         }
     }
 
-    /// Looks at the segment and the time; the result is when to call again at the latest.
+    /// Checks the segment and the time; returns when to call again at the latest.
     ///
     /// With nothing to do this is a handful of comparisons.
     pub fn poll<L: LinePort + ?Sized>(&mut self, now: Instant, line: &mut L) -> Instant {
@@ -86,7 +86,7 @@ impl CpPump {
         self.deadline(now)
     }
 
-    /// Hands in what happened on the line; the result is as of [`Self::poll`].
+    /// Passes in an event of the line; returns the same as [`Self::poll`].
     pub fn line_event<L: LinePort + ?Sized>(&mut self, now: Instant, input: LineInput<'_>, line: &mut L) -> Instant {
         match input {
             LineInput::Fault(LineFault::Back) => self.line_up(now),
@@ -101,8 +101,8 @@ impl CpPump {
         self.deadline(now)
     }
 
-    /// Tells why the line is gone: the operating system's error number (0: none) and a text. The firmware learns of it
-    /// by [`Self::line_event`].
+    /// Reports why the line is gone: the operating system's error number (0: none) and a text. The firmware gets the
+    /// event itself by [`Self::line_event`].
     pub fn line_error(&mut self, now: Instant, errno: u32, reason: &str) {
         self.end.line_error = Some(errno);
         self.end.emit(now, EventCode::LineGone as u32, &errno.to_be_bytes());
@@ -137,7 +137,7 @@ impl CpPump {
         self.module.due().into_iter().chain(again).fold(self.next_beat, Instant::min)
     }
 
-    /// A text about the line, where the module has not its own record in that place.
+    /// Writes a text about the line, if the module does not use the record itself.
     fn write_text(&mut self, text: &str) {
         if !self.module.kind().row().has_record {
             self.end.write_text(text);
@@ -148,7 +148,7 @@ impl CpPump {
         self.module.step(now, input, &mut Plug { end: &mut self.end, line, now });
     }
 
-    /// What the handling blocks show in the channels.
+    /// Reads the blocks of the handling blocks in the channels.
     fn look_channels<L: LinePort + ?Sized>(&mut self, now: Instant, line: &mut L) {
         for (channel, name) in [(SegmentChannel::Send, Channel::Send), (SegmentChannel::Receive, Channel::Receive)] {
             if !self.end.segment.channel_changed(channel) {
@@ -170,7 +170,7 @@ impl CpPump {
             self.end.modem = modem;
             self.end.drive_modem(now, line);
         }
-        // The registers first: what stands in them when parameters arrive is of an earlier life.
+        // The registers first: their content at the arrival of parameters is from before the start.
         if self.end.segment.outputs_changed() {
             self.look_outputs(now, line);
         }
@@ -192,8 +192,8 @@ impl CpPump {
         self.step(now, CpInput::Outputs(outputs), line);
     }
 
-    /// The configuration says what the module is: if that is another than before, it is so from now on, with the world
-    /// as it stands.
+    /// Adopts the configured type: if it has changed, a new module of that type takes over the present state of CPU and
+    /// line.
     fn adopt<L: LinePort + ?Sized>(&mut self, now: Instant, kind: CpKind, line: &mut L) {
         if self.module.kind() == kind {
             return;

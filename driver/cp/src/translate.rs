@@ -1,4 +1,4 @@
-//! One thing, two names: the firmware's words in those of the back plane.
+//! Translates the firmware's types to those of the back plane.
 
 use ob1_backplane::{Counter, ModemInputs};
 use ob1_firmware::{CpCounter, ModemLines};

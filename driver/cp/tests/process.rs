@@ -1,4 +1,4 @@
-//! The process itself: its doorbell, its line, its end. Serial by a lock, for a process is a heavy thing.
+//! The process itself: its doorbell, its line, its end. A lock makes the tests serial, because a process is expensive.
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_types)] // real processes have real time
 
@@ -50,7 +50,7 @@ impl Station {
         (u16::from_be_bytes([inputs[0], inputs[1]]), u16::from_be_bytes([inputs[2], inputs[3]]))
     }
 
-    /// Looks until it is so; the time only ends a test that has failed.
+    /// Checks until the condition holds; the time only ends a failed test.
     fn until<T>(&mut self, what: &str, mut look: impl FnMut(&mut Self) -> Option<T>) -> T {
         loop {
             if let Some(found) = look(self) {
@@ -100,7 +100,7 @@ impl Station {
         Pid::from_child(&self.driver)
     }
 
-    /// What FC 0 does.
+    /// Does what FC 0 does.
     fn send(&mut self, telegram: &[u8]) {
         for (n, block) in telegram.chunks(12).enumerate() {
             let rest = (telegram.len() - 12 * n) as u16;
@@ -110,7 +110,7 @@ impl Station {
         self.put(0, 0, &[]);
     }
 
-    /// What FC 1 does.
+    /// Does what FC 1 does.
     fn receive(&mut self) -> Vec<u8> {
         let mut telegram = Vec::new();
         let mut rest = self.until("telegram", |s| Some(s.words().0).filter(|rx| *rx != 0));
@@ -170,7 +170,7 @@ fn telegrams_pass_and_the_end_of_the_doorbell_ends_it() {
     for _ in 0..20 {
         station.exchange(&mut partner);
     }
-    // Ctrl-C of the terminal goes to all; the runtime decides.
+    // Ctrl-C of the terminal goes to all processes; the runtime decides.
     kill_process(station.pid(), Signal::INT).unwrap();
     station.exchange(&mut partner);
     station.bell = None;
@@ -190,7 +190,7 @@ fn two_drivers_speak_3964r_over_a_null_modem() {
     let mut b = Station::with(&parameters, "serial", line, tempfile::tempdir().unwrap());
     b.synchronise();
     for length in [1, 12, 13, 250] {
-        // With every control character in it.
+        // It contains every control character.
         let telegram: Vec<u8> = (0..length).map(|i| (i * 3) as u8).collect();
         a.send(&telegram);
         assert_eq!(b.receive(), telegram);
@@ -221,7 +221,7 @@ fn an_answer_in_time_counts_for_a_driver_that_comes_late() {
     station.put(0, 1, b"1");
     station.until("echo", |s| (s.words().1 == 1).then_some(()));
     station.put(0, 0, &[]);
-    // What is answered while it is held up: STX, then the block.
+    // Answered while it is held up: STX, then the block.
     for out in [[0x02].as_slice(), &[b'1', 0x10, 0x03, 0x22]] {
         let mut read = vec![0; out.len()];
         partner.read_exact(&mut read).unwrap();
@@ -288,13 +288,13 @@ fn a_line_that_cannot_be_opened_is_a_state_and_heals() {
     });
     let text = station.cpu.read_diagnosis().unwrap();
     assert!(String::from_utf8_lossy(text.data()).contains("No such file"), "{text:?}");
-    // A pty takes the place of the device that was not there.
+    // A pty replaces the missing device.
     let (_master, slave) = serialport::TTYPort::pair().unwrap();
     std::os::unix::fs::symlink(serialport::SerialPort::name(&slave).unwrap(), &device).unwrap();
     station.until("back", |s| (s.cpu.monitor().driver_state() == Ok(DriverState::Ready)).then_some(()));
 }
 
-/// A device that is there under `path` until its master is dropped.
+/// A device that exists under `path` until its master is dropped.
 fn plug_in(path: &Path) -> (serialport::TTYPort, serialport::TTYPort) {
     let _ = std::fs::remove_file(path);
     let (mut master, slave) = serialport::TTYPort::pair().unwrap();
@@ -317,7 +317,7 @@ fn a_device_that_disappears_is_an_error_that_heals_when_it_returns() {
         plugged.0.write_all(b"pong").unwrap();
         assert_eq!(station.receive(), b"pong", "round {round}");
         station.until("no ER", |s| (!s.cpu.monitor().leds().error).then_some(()));
-        // The adapter is pulled out: the kernel takes the device away, and what is open reads an error.
+        // The adapter is pulled out: the kernel removes the device, and open descriptors read an error.
         std::fs::remove_file(&device).unwrap();
         drop(plugged);
         station.until("line error", |s| {
@@ -326,7 +326,7 @@ fn a_device_that_disappears_is_an_error_that_heals_when_it_returns() {
         station.until("ER", |s| s.cpu.monitor().leds().error.then_some(()));
         let text = station.cpu.read_diagnosis().unwrap();
         assert!(!text.data().is_empty(), "why, for whoever asks");
-        // A telegram for a line that is not there ends with an error, it is not swallowed.
+        // A telegram for a missing line ends with an error, it is not discarded.
         if round == 3 {
             station.put(0, 4, b"lost");
             station.until("echo", |s| (s.words().1 == 4).then_some(()));
@@ -378,7 +378,7 @@ fn a_partner_that_floods_the_line_does_not_keep_the_driver_from_its_heartbeat_or
     let mut partner = station.until("listening", |_| TcpStream::connect(("127.0.0.1", port)).ok());
     let flood = std::thread::spawn(move || {
         let noise = [0x55; 1 << 16];
-        // Until nobody is there any more.
+        // Until the line is closed.
         while partner.write_all(&noise).is_ok() {}
     });
     let received = |s: &Station| s.cpu.monitor().counters().get(Counter::BytesRx);

@@ -45,7 +45,7 @@ impl LinePort for Port {
     }
 }
 
-/// A CPU, the segment, and the driver behind it.
+/// A CPU, the segment, and its driver.
 struct Module {
     segment: Segment,
     cpu: CpuSide,
@@ -112,7 +112,7 @@ fn line() -> Rc<RefCell<SimLine>> {
     Rc::new(RefCell::new(SimLine::new(SimConfig::new(115_200, 20), 1)))
 }
 
-/// Runs until `done`, at the latest until `end`; answers the time.
+/// Runs until `done`, at the latest until `end`; returns the time.
 fn run(modules: &mut [Module; 2], mut now: Instant, end: Instant, done: impl Fn(&mut [Module; 2]) -> bool) -> Instant {
     let line = Rc::clone(&modules[0].port.line);
     while !done(modules) {
@@ -228,7 +228,7 @@ fn a_new_driver_shows_another_start_up_and_the_lost_order_is_counted() {
     module.start(Instant::START);
     module.put(Instant::START, 0, 1, b"x");
     module.put(Instant::START, 0, 0, &[]);
-    // Killed with the order on the line; the acknowledgement of the first start-up comes into the registers once more.
+    // Killed with the order on the line; the acknowledgement of the first start-up appears in the registers again.
     let number = 0x8000 | 38;
     module.put(Instant::START, 0x8001, number, &[]);
     module.pump = CpPump::new(CpSide::attach(&module.segment).unwrap());
@@ -272,7 +272,7 @@ fn noise_in_the_segment_is_survived() {
             assert!(module.due > now, "seed {seed}: the pump never asks to be called at once for ever");
             now = module.due;
         }
-        // The CPU side writes everything of its own again; then it works.
+        // The CPU side writes all its words again; then it works.
         module.cpu.restore();
         module.cpu.write_outputs(&[0; 16]);
         module.pump = CpPump::new(CpSide::attach(&module.segment).unwrap());
@@ -298,7 +298,7 @@ fn the_module_is_what_the_configuration_says() {
         module.port.cp_type = cp_type;
         module.cpu.write_channel(Channel::Receive, &start);
         let mut shown = [0; 64];
-        // Parameters come with each STOP -> RUN: the second time it is the same module, and knows what it knew.
+        // Parameters come with each STOP -> RUN: the second time it is the same module, with its state.
         for transfer in 1..=2 {
             // Zeros stand for defaults; those of a CP 341 are keys.
             module.cpu.write_params(&[0; 16], b"{}").unwrap();

@@ -1,5 +1,4 @@
-//! From a GSD file, and the modules in the slots of a slave, to what the slave is told: configuration and user
-//! parameters.
+//! Converts a GSD file, and the modules in the slots of a slave, to the slave's configuration and user parameters.
 
 use std::collections::BTreeMap;
 
@@ -7,15 +6,15 @@ use gsd_parser::{GenericStationDescription, PrmValueConstraint, SupportedSpeeds,
 use ob1_protocols::profibus::DATA_BYTES;
 use ob1_protocols::profibus::diagnosis::{DIAGNOSIS_BYTES, STANDARD_BYTES};
 
-/// User parameters of a slave, at most: the telegram has seven bytes of its own.
+/// Maximum of user parameters of a slave: the telegram has seven bytes of its own.
 const PARAMETER_BYTES: usize = DATA_BYTES - 7;
-/// Slots that the identifiers of a diagnosis can name.
+/// Maximum number of slots in a diagnosis.
 const SLOTS: usize = 244;
 
-/// What a GSD file says.
+/// The content of a GSD file.
 pub struct Gsd(Box<GenericStationDescription>);
 
-/// A parameter as the user gives it.
+/// A parameter given by the user.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Value {
     /// A number.
@@ -24,10 +23,10 @@ pub enum Value {
     Text(String),
 }
 
-/// Parameters as the user gives them.
+/// Parameters given by the user.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Parameters {
-    /// By name; the others are as the GSD file has them.
+    /// By name; the others have the values of the GSD file.
     Named(Vec<(String, Value)>),
     /// All bytes.
     Raw(Vec<u8>),
@@ -39,7 +38,7 @@ impl Default for Parameters {
     }
 }
 
-/// A module that is wanted in a slot.
+/// A wanted module of a slot.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Wanted {
     /// Its name in the GSD file.
@@ -57,7 +56,7 @@ pub struct Placed {
     pub outputs: usize,
 }
 
-/// A slave as it is told to be.
+/// The configuration of a slave.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Made {
     /// Its modules, in the order of their slots.
@@ -68,33 +67,33 @@ pub struct Made {
     pub parameters: Vec<u8>,
 }
 
-/// What cannot be, and where.
+/// A mistake and its place.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mistake {
-    /// In which of the slots that were wanted, from 0; none: the slave as a whole.
+    /// Index of the wanted slot, from 0; `None`: the slave as a whole.
     pub slot: Option<usize>,
-    /// Which parameter; none: the module.
+    /// The parameter; `None`: the module.
     pub parameter: Option<String>,
-    /// In words.
+    /// The message.
     pub message: String,
-    /// What can be done.
+    /// The remedy.
     pub remedy: String,
 }
 
 impl Gsd {
-    /// Reads a file, whatever its code page: UTF-8, or Latin 1 as the standard has it.
+    /// Reads a file in either code page: UTF-8, or Latin 1 as in the standard.
     ///
     /// # Errors
-    /// Where it cannot be read, in words.
+    /// Why and where it cannot be read, in words.
     pub fn read(bytes: &[u8]) -> Result<Self, String> {
         let mut text = match std::str::from_utf8(bytes) {
             Ok(text) => text.trim_start_matches('\u{FEFF}').to_owned(),
             Err(_) => bytes.iter().map(|byte| char::from(*byte)).collect(),
         };
-        // Editors of old ended files with a control character.
+        // Old editors ended files with a control character.
         text.truncate(text.trim_end_matches(['\u{1A}', '\0', ' ', '\t']).len());
         text.push('\n');
-        // The reader panics at references that lead nowhere.
+        // The reader panics at dangling references.
         let read = std::panic::catch_unwind(|| gsd_parser::parser::parse(std::path::Path::new("GSD"), &text));
         match read {
             Ok(Ok(gsd)) => Ok(Self(Box::new(gsd))),
@@ -126,13 +125,13 @@ impl Gsd {
         usize::from(self.0.max_diag_data_length).clamp(STANDARD_BYTES, DIAGNOSIS_BYTES)
     }
 
-    /// What the bits of its device diagnosis mean.
+    /// The meanings of the bits of its device diagnosis.
     #[must_use]
     pub fn texts(&self) -> BTreeMap<u32, String> {
         self.0.unit_diag.bits.iter().map(|(bit, info)| (*bit, info.text.clone())).collect()
     }
 
-    /// The longest time to its answer at a baud rate, in bits; `None`: it cannot have that baud rate.
+    /// The longest time to its answer at a baud rate, in bits; `None`: it does not support that baud rate.
     #[must_use]
     pub fn answer_bits(&self, baud: u32) -> Option<u16> {
         let (speed, times) = (self.0.supported_speeds, &self.0.max_tsdr);
@@ -153,7 +152,7 @@ impl Gsd {
     /// A slave with these modules in its slots, from slot 1 on.
     ///
     /// # Errors
-    /// What the GSD file does not have, or does not allow.
+    /// Anything missing or not allowed in the GSD file.
     pub fn slave(&self, slots: &[Wanted], parameters: &Parameters) -> Result<Made, Mistake> {
         let gsd = &self.0;
         let mut made = Made { slots: Vec::new(), config: Vec::new(), parameters: Vec::new() };
@@ -214,7 +213,7 @@ impl Gsd {
     }
 }
 
-/// The place and the reason out of the picture that the reader draws of an error.
+/// Extracts place and reason from the reader's multi-line error text.
 fn where_and_what(picture: &str) -> String {
     let place = picture.lines().find_map(|line| line.split_once("--> GSD:")).map(|(_, place)| place.trim());
     let what = picture.lines().filter_map(|line| line.trim().strip_prefix("= ")).next_back();
@@ -225,10 +224,10 @@ fn where_and_what(picture: &str) -> String {
     }
 }
 
-/// Input and output bytes of the identifiers of a module; `None`: they break off.
+/// Input and output bytes of the identifiers of a module; `None`: they are incomplete.
 #[must_use]
 pub fn lengths(config: &[u8]) -> Option<(usize, usize)> {
-    // Bits 0 to 5 or 0 to 3: how many less one; bit 6: words.
+    // Bits 0 to 5 or 0 to 3: the number minus one; bit 6: words.
     let bytes = |count: u8, words: bool| (usize::from(count) + 1) * if words { 2 } else { 1 };
     let (mut inputs, mut outputs, mut rest) = (0, 0, config);
     while let [first, behind @ ..] = rest {
@@ -240,8 +239,8 @@ pub fn lengths(config: &[u8]) -> Option<(usize, usize)> {
             outputs += if kind & 2 != 0 { bytes } else { 0 };
             continue;
         }
-        // The special form: bit 7 outputs, bit 6 inputs, a byte of length for each, outputs first; then what the maker
-        // has to say.
+        // The special form: bit 7 outputs, bit 6 inputs, a byte of length for each, outputs first; then the
+        // manufacturer's data.
         for (bit, sum) in [(0x80, &mut outputs), (0x40, &mut inputs)] {
             if first & bit != 0 {
                 let [length, behind @ ..] = rest else { return None };
@@ -249,13 +248,13 @@ pub fn lengths(config: &[u8]) -> Option<(usize, usize)> {
                 rest = behind;
             }
         }
-        // 15 says: no data of the maker, and the master may not compare.
+        // 15 means: no manufacturer's data, and the master may not compare.
         rest = rest.get(if count == 15 { 0 } else { usize::from(count) }..)?;
     }
     Some((inputs, outputs))
 }
 
-/// A parameter that cannot be.
+/// An invalid parameter.
 struct Wrong {
     parameter: Option<String>,
     message: String,
@@ -268,7 +267,7 @@ impl Wrong {
     }
 }
 
-/// Bytes of parameters: what is constant, the defaults, what the user wants.
+/// Bytes of parameters: constants, defaults, then the user's values.
 fn bytes_of(description: &UserPrmData, wanted: &Parameters) -> Result<Vec<u8>, Wrong> {
     let wanted = match wanted {
         Parameters::Raw(bytes) => return Ok(bytes.clone()),
@@ -346,7 +345,7 @@ fn range(kind: UserPrmDataType) -> (i64, i64) {
     }
 }
 
-/// Puts a value at the beginning of `bytes`; a field of bits leaves the others as they are.
+/// Writes a value at the beginning of `bytes`; a bit field leaves the other bits unchanged.
 fn put(bytes: &mut [u8], kind: UserPrmDataType, value: i64) {
     if let Some((first, last)) = field(kind) {
         let mask = (0xFF_u8 >> (7 - (last - first))) << first;

@@ -1,11 +1,11 @@
 //! PROFIBUS DP.
 //!
-//! * [`master`]: the master of one line, as a machine in virtual time. The stack is `profirust`; what it lacks or gets
-//!   wrong is made good around it.
-//! * [`wires`]: what the stack sees of a line. Nothing reaches it but whole telegrams that answer what was asked.
+//! * [`master`]: the master of one line, as a machine in virtual time. The stack is `profirust`; the code around it
+//!   compensates for what it lacks or does wrong.
+//! * [`wires`]: the line for the stack. Only whole telegrams that answer its requests reach it.
 //! * [`slave`]: a DP slave as a machine, for tests and simulated plants.
-//! * [`gsd`]: from a GSD file and the modules in a slave's slots to its configuration and parameters.
-//! * [`scan`]: who is on a line.
+//! * [`gsd`]: converts a GSD file and the modules in a slave's slots to its configuration and parameters.
+//! * [`scan`]: the stations on a line.
 #![forbid(unsafe_code)]
 
 pub mod gsd;

@@ -1,4 +1,4 @@
-//! The master of a line: the stack, its slaves, and what the process image and the program get of them.
+//! The master of a line: the stack, its slaves, and their data for the process image and the program.
 
 use ob1_coupler::config::{Instant, Span};
 use ob1_coupler::dp::{DpConfig, DpSlave, Refused};
@@ -11,21 +11,22 @@ use crate::stack::Stack;
 pub use crate::stack::{NoMaster, least_slot_bits};
 use crate::wires::Wires;
 
-/// A slave gets so long to be heard for the first time, if it is not lost later anyway.
+/// Minimum time for a slave's first answer, before it counts as lost.
 const START: Span = Span::from_secs(2);
-/// Exchanges behind a change of the outputs after which the slave surely has it: the first may have been on its way.
+/// Exchanges after a change of the outputs until the slave certainly has it: the first may already have been in
+/// progress.
 const SURE: u8 = 2;
 
-/// A slave as its master knows it.
+/// The master's data of a slave.
 struct Known {
     config: DpSlave,
     /// Its place in the image's list.
     index: usize,
     handle: PeripheralHandle,
-    /// Something came from it.
+    /// When it last answered.
     heard: Instant,
     diagnosis: Vec<u8>,
-    /// It was told its parameters since it exchanged data last.
+    /// It has got its parameters since the last data exchange.
     tried: bool,
     /// Exchanges since its outputs changed.
     told: u8,
@@ -44,7 +45,7 @@ impl Master {
     /// The master of a line whose slaves begin at `first` in [`Image::status`].
     ///
     /// # Errors
-    /// Bus parameters that the stack does not take, in words.
+    /// Bus parameters that the stack does not accept, in words.
     pub fn new(config: &DpConfig, first: usize, now: Instant) -> Result<Self, NoMaster> {
         let stack = Stack::new(config, now)?;
         let mut dp = DpMaster::new(Vec::new());
@@ -59,12 +60,12 @@ impl Master {
             began: now,
         });
         let slaves = slaves.collect();
-        // The stack knows no other state with data: in STOP the outputs are zeros.
+        // The stack has no other state with data exchange: in STOP the outputs are zeros.
         dp.enter_operate();
         Ok(Self { address: config.address, stack, dp, slaves })
     }
 
-    /// Takes what has happened; `out` gets what is to be sent. The result is when to call again at the latest.
+    /// Takes an event; `out` gets the bytes to send. Returns when to call again at the latest.
     pub fn step(&mut self, now: Instant, input: MasterInput<'_>, image: &mut Image, out: &mut Vec<u8>) -> Instant {
         let back = matches!(input, Input::Line(LineInput::Fault(LineFault::Back)));
         if back {
@@ -100,7 +101,7 @@ impl Master {
         stack.min(missed)
     }
 
-    /// Whether every slave that exchanges data has the outputs as they are now.
+    /// Whether every slave that exchanges data has the current outputs.
     #[must_use]
     pub fn has_told_outputs(&self, image: &Image) -> bool {
         let runs = |known: &&Known| image.status.get(known.index).is_some_and(|status| status.state == State::Running);
@@ -135,7 +136,7 @@ impl Master {
         }
     }
 
-    /// Slaves that have not been heard for too long.
+    /// Marks slaves that have been silent for too long as lost.
     fn miss(&mut self, now: Instant, image: &mut Image) {
         for known in &self.slaves {
             let state = image.status.get(known.index).map(|status| status.state);
@@ -183,17 +184,16 @@ impl Known {
                 });
             }
             PeripheralEvent::Offline => {
-                // Its frame count bit is unknown now: the next telegram must not be taken for a repetition.
+                // Its frame count bit is now unknown: it must not take the next telegram for a repetition.
                 peripheral.reset_address(self.config.station);
                 image.tell(self.index, |status| status.failures += 1);
             }
             PeripheralEvent::ConfigError | PeripheralEvent::ParameterError => refuse(self, image),
             PeripheralEvent::Configured => self.told = 0,
             PeripheralEvent::Online => {
-                // What it is, and whose, can be known before it is parametrised; what it holds against its parameters
-                // and
-                // its configuration once it was told them. (One that wants none of its parameters does not even
-                // listen to its configuration: then the stack begins anew without a word.)
+                // Ident number and master of a slave are known before it has parameters; objections to its parameters
+                // and configuration only after it has got them. (A slave that refuses its parameters ignores its
+                // configuration: then the stack starts again silently.)
                 let diagnosis = Diagnosis::new(&self.diagnosis);
                 match diagnosis.and_then(|diagnosis| diagnosis.refusal(ours, self.config.ident)) {
                     Some(Refused::Ident(_) | Refused::Master(_)) => refuse(self, image),
@@ -204,7 +204,7 @@ impl Known {
             }
             PeripheralEvent::Diagnostics => {}
         }
-        // One that has begun anew was lost, though it never was silent.
+        // A slave that has restarted counts as lost, although it was never silent.
         if !peripheral.is_running() {
             lose(self, image);
         }
@@ -217,7 +217,7 @@ impl Known {
     }
 }
 
-/// A slave that exchanged data does so no more.
+/// A slave no longer exchanges data.
 fn lose(known: &mut Known, image: &mut Image) {
     known.told = 0;
     if image.status.get(known.index).is_some_and(|status| status.state == State::Running) {
@@ -228,7 +228,7 @@ fn lose(known: &mut Known, image: &mut Image) {
     }
 }
 
-/// It answers, and will not have what it is told.
+/// The slave answers, but refuses.
 fn refuse(known: &mut Known, image: &mut Image) {
     lose(known, image);
     if image.status.get(known.index).is_some_and(|status| status.state != State::Refused) {
@@ -240,7 +240,7 @@ fn refuse(known: &mut Known, image: &mut Image) {
 }
 
 fn peripheral(slave: &DpSlave) -> Peripheral<'static> {
-    // It lives as long as the process: a line is never taken away.
+    // It lives as long as the process, because a line is never removed.
     let kept = |bytes: &[u8]| -> Option<&'static [u8]> { Some(Box::leak(bytes.to_vec().into_boxed_slice())) };
     let options = PeripheralOptions {
         ident_number: slave.ident,

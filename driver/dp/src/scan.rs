@@ -1,5 +1,5 @@
-//! Who is on a line: a master that asks every address for its diagnosis, and nothing else. No slave notices: whoever
-//! exchanges data with another master goes on doing so.
+//! The stations on a line: a master that asks every address for its diagnosis, and nothing else. Slaves are not
+//! affected: their data exchange with another master continues.
 
 use ob1_coupler::MasterInput;
 use ob1_coupler::config::Instant;
@@ -13,9 +13,9 @@ use crate::stack::{NoMaster, Stack};
 pub struct Found {
     /// Its address.
     pub station: u8,
-    /// What it is.
+    /// Its ident number.
     pub ident: u16,
-    /// Whose it is.
+    /// Its master.
     pub master: Option<u8>,
 }
 
@@ -27,15 +27,15 @@ pub struct Scan {
 }
 
 impl Scan {
-    /// With the parameters of a bus; its slaves do not matter.
+    /// A scan with the parameters of a bus; its slaves do not matter.
     ///
     /// # Errors
-    /// Bus parameters that the stack does not take, in words.
+    /// Bus parameters that the stack does not accept, in words.
     pub fn new(config: &DpConfig, now: Instant) -> Result<Self, NoMaster> {
         Ok(Self { stack: Stack::new(config, now)?, scanner: DpScanner::new(), found: Vec::new() })
     }
 
-    /// Takes what has happened; `out` gets what is to be sent. The result is when to call again at the latest.
+    /// Takes an event; `out` gets the bytes to send. Returns when to call again at the latest.
     pub fn step(&mut self, now: Instant, input: MasterInput<'_>, out: &mut Vec<u8>) -> Instant {
         let Self { stack, scanner, found } = self;
         stack.step(now, input, out, scanner, |scanner, _| {
@@ -54,13 +54,13 @@ impl Scan {
         })
     }
 
-    /// Who has answered so far, by address.
+    /// The slaves that have answered so far, by address.
     #[must_use]
     pub fn found(&self) -> &[Found] {
         &self.found
     }
 
-    /// Telegrams sent: a round of the line takes one for each address, and one for each token.
+    /// Telegrams sent: a round of the line needs one for each address, and one for each token.
     #[must_use]
     pub const fn sent(&self) -> u64 {
         self.stack.wires.sent()

@@ -1,8 +1,8 @@
 //! A DP slave as a machine (DP-V0): Set_Prm, Chk_Cfg, Slave_Diag, Data_Exchange, Global_Control and the watchdog.
 //!
-//! The owner hands in what happened on the line and when, puts on the line what it is given, and calls again at the
-//! time that [`Slave::step`] answers. The slave watches the times of the others too: what breaks the rules of the line
-//! is counted ([`Slave::violations`]), and never answered.
+//! The owner passes in the events of the line with their times, sends the bytes it gets, and calls again at the time
+//! that [`Slave::step`] returns. The slave also checks the times of the others: violations of the line's rules are
+//! recorded ([`Slave::violations`]), and never answered.
 
 use ob1_coupler::config::{Instant, Span};
 use ob1_coupler::{Input, LineFault, LineInput, MasterInput};
@@ -15,37 +15,37 @@ use crate::times::bits;
 const WATCHDOG_UNIT: Span = Span::from_millis(10);
 /// Bytes of Set_Prm before the user parameters.
 const PARAMETER_HEAD: usize = 7;
-/// Nobody's: the master of a slave without one.
+/// The master address of a slave without a master.
 const NO_MASTER: u8 = 0xFF;
 
-/// What a slave is.
+/// The configuration of a slave.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SlaveConfig {
     /// Bits per second.
     pub baud: u32,
     /// Its address.
     pub address: u8,
-    /// What it is.
+    /// Its ident number.
     pub ident: u16,
-    /// The configuration that its modules have.
+    /// The configuration of its modules.
     pub config: Vec<u8>,
-    /// The user parameters it takes; `None`: any.
+    /// The user parameters it accepts; `None`: any.
     pub parameters: Option<Vec<u8>>,
     /// Input bytes.
     pub inputs: usize,
     /// Output bytes.
     pub outputs: usize,
-    /// Time from a request to its answer, in bits, beyond the shortest that its master wants.
+    /// Time from a request to its answer, in bits, in addition to the minimum set by its master.
     pub delay_bits: u32,
 }
 
-/// How far a slave is.
+/// The state of a slave.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum State {
-    /// It wants parameters.
+    /// It waits for parameters.
     #[default]
     WaitParameters,
-    /// It wants its configuration.
+    /// It waits for its configuration.
     WaitConfig,
     /// It exchanges data.
     Exchange,
@@ -56,38 +56,38 @@ pub struct Slave {
     config: SlaveConfig,
     state: State,
     master: Option<u8>,
-    /// The watchdog's time, and when it is over.
+    /// The watchdog's time, and when it expires.
     watchdog: Option<Span>,
     over: Instant,
     min_answer_bits: u32,
     faults: (bool, bool),
-    /// What it senses.
+    /// Its inputs.
     pub inputs: Vec<u8>,
-    /// What it drives: 0 unless data are exchanged.
+    /// Its outputs: 0 unless data are exchanged.
     pub outputs: Vec<u8>,
     /// Blocks of its extended diagnosis.
     extended: Vec<u8>,
-    /// Its diagnosis is another than the one its master has.
+    /// Its diagnosis differs from the one its master has.
     to_tell: bool,
     received: Vec<u8>,
-    /// What did not fit has spoilt the telegram that is coming in.
+    /// An invalid character has corrupted the telegram being received.
     noise: bool,
     /// The last bit on the line.
     active: Instant,
-    /// How long the line was quiet before the telegram that is coming in, and the longest gap in it.
+    /// How long the line was quiet before the telegram being received, and the longest gap in it.
     pause: Span,
     gap: Span,
     answer: Option<(Instant, Vec<u8>)>,
-    /// The frame count bit of the last request and its answer: a repetition gets the same again.
+    /// The frame count bit of the last request and its answer: a repetition gets the same answer.
     last: Option<(u8, Vec<u8>)>,
     sending: bool,
     violations: Vec<String>,
-    /// Outputs that were taken.
+    /// Number of outputs taken.
     exchanges: u64,
 }
 
 impl Slave {
-    /// Behind power on.
+    /// A slave after power-on.
     #[must_use]
     pub fn new(config: SlaveConfig) -> Self {
         Self {
@@ -115,42 +115,42 @@ impl Slave {
         }
     }
 
-    /// How far it is.
+    /// Its state.
     #[must_use]
     pub const fn state(&self) -> State {
         self.state
     }
 
-    /// Outputs that were taken.
+    /// Number of outputs taken.
     #[must_use]
     pub const fn exchanges(&self) -> u64 {
         self.exchanges
     }
 
-    /// What the others have done against the rules of the line, in words.
+    /// Violations of the line's rules by the others, in words.
     #[must_use]
     pub fn violations(&self) -> &[String] {
         &self.violations
     }
 
-    /// Reports faults (blocks of an extended diagnosis), or that there are none any more.
+    /// Reports faults (blocks of an extended diagnosis), or that there are no more.
     pub fn report(&mut self, blocks: &[u8]) {
         self.to_tell |= self.extended != blocks;
         self.extended = blocks.to_vec();
     }
 
-    /// Its modules are others: what it is told from now on is checked against these.
+    /// Changes its modules: configurations from now on are checked against these.
     pub fn set_config(&mut self, config: Vec<u8>) {
         self.config.config = config;
     }
 
-    /// Its power was gone for a moment.
+    /// Its power was interrupted for a moment.
     pub fn restart(&mut self) {
         let violations = std::mem::take(&mut self.violations);
         *self = Self { violations, active: self.active, inputs: self.inputs.clone(), ..Self::new(self.config.clone()) };
     }
 
-    /// Takes what has happened; `out` gets what is to be sent. The result is when to call again at the latest.
+    /// Takes an event; `out` gets the bytes to send. Returns when to call again at the latest.
     pub fn step(&mut self, now: Instant, input: MasterInput<'_>, out: &mut Vec<u8>) -> Instant {
         match input {
             Input::Line(LineInput::Rx(bytes)) => bytes.iter().for_each(|byte| self.hear(now, Some(*byte))),
@@ -178,7 +178,7 @@ impl Slave {
         bits(count, self.config.baud)
     }
 
-    /// A character has come in whole at this instant; `None`: it could not be read.
+    /// The end of a received character; `None`: it could not be read.
     fn hear(&mut self, now: Instant, byte: Option<u8>) {
         let began = now.saturating_sub(self.bits(ob1_protocols::profibus::CHARACTER_BITS));
         let quiet = began.since(self.active);
@@ -186,7 +186,7 @@ impl Slave {
             self.violations.push(format!("at {now}: somebody speaks while station {} does", self.config.address));
             return;
         }
-        // One nanosecond of a character is lost where its time is not a whole number.
+        // One nanosecond of a character is lost if its time is not a whole number.
         if quiet + Span::from_nanos(1) >= self.bits(SYNC_BITS) {
             self.received.clear();
             self.noise = false;
@@ -221,7 +221,7 @@ impl Slave {
         }
     }
 
-    /// A request begins behind TSYN; the characters of a telegram follow each other at once.
+    /// Checks the rules: a request begins after TSYN; the characters of a telegram follow each other without gaps.
     fn judge(&mut self) {
         let (pause, gap) = (self.pause, self.gap);
         if pause + Span::from_nanos(1) < self.bits(SYNC_BITS) {
@@ -258,7 +258,7 @@ impl Slave {
         let Some(answer) = self.request(now, frame) else { return };
         let len = telegram::encode(&answer.telegram(frame, self.config.address), &mut bytes).unwrap_or(0);
         let bytes = bytes.get(..len).unwrap_or_default().to_vec();
-        // A request that does not count leaves what was counted as it is.
+        // A request without a valid frame count bit leaves the last one unchanged.
         if count != 0 {
             self.last = Some((count, bytes.clone()));
         }
@@ -270,7 +270,7 @@ impl Slave {
         self.answer = Some((due, bytes));
     }
 
-    /// The master's telegram keeps the watchdog from barking.
+    /// The master's telegram triggers the watchdog.
     fn trigger(&mut self, now: Instant, frame: &Frame<'_>) {
         if Some(frame.sa) == self.master
             && let Some(time) = self.watchdog
@@ -360,7 +360,7 @@ impl Slave {
         }
     }
 
-    /// Clear_Data is the one thing of it that is not optional.
+    /// Only Clear_Data is mandatory in it.
     fn global_control(&mut self, now: Instant, data: &[u8]) {
         if let (Some(time), State::Exchange) = (self.watchdog, self.state) {
             self.over = now.saturating_add(time);
@@ -370,7 +370,7 @@ impl Slave {
         }
     }
 
-    /// The watchdog has barked, or everything begins anew: outputs off.
+    /// The watchdog has expired, or everything restarts: outputs off.
     fn leave(&mut self) {
         self.outputs.fill(0);
         (self.state, self.master, self.watchdog, self.over) = (State::WaitParameters, None, None, Instant::NEVER);
@@ -391,10 +391,10 @@ impl Slave {
     }
 }
 
-/// What is answered.
+/// An answer.
 enum Answer {
     Confirmation,
-    /// No data: only how it went.
+    /// No data, only a status.
     Status(u8),
     Data(u8, Vec<u8>),
 }

@@ -1,4 +1,4 @@
-//! The data link layer of a master with its line and its clock: what a master and a scan have in common.
+//! The data link layer of a master with its line and its clock: the common part of a master and a scan.
 
 use ob1_coupler::config::{Instant, Span};
 use ob1_coupler::dp::DpConfig;
@@ -10,16 +10,16 @@ use profirust::time::Duration;
 use crate::times::{MICRO, baud_rate, bits, instant};
 use crate::wires::Wires;
 
-/// It needs a few looks until it has spoken or waits.
+/// It needs a few polls until it has sent something or waits.
 const LOOKS: u32 = 4;
 
-/// Why there can be no master.
+/// Why the master cannot be created.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NoMaster(pub String);
 
 pub(crate) struct Stack {
     baud: u32,
-    /// Pauses behind the last bit on the line after which it has something to do: the line is free, it may speak, an
+    /// Pauses after the last bit on the line after which it has something to do: the line is free, it may send, an
     /// answer is overdue, the token is lost.
     pauses: [Span; 4],
     pub(crate) wires: Wires,
@@ -38,8 +38,8 @@ impl Stack {
         Ok(Self { baud: config.baud, pauses, wires, fdl: station(config)?, is_up: false, active: now })
     }
 
-    /// Takes what has happened and lets the stack speak; the result is when to call again at the latest. `after` is
-    /// called behind each of its steps.
+    /// Takes an event and polls the stack; returns when to call again at the latest. `after` is called after each of
+    /// its steps.
     pub(crate) fn step<A: FdlApplication>(
         &mut self,
         now: Instant,
@@ -54,7 +54,7 @@ impl Stack {
                 self.active = now;
             }
             Input::Line(LineInput::TxDone) if self.is_up => {
-                // Once more while it still speaks: so it counts its pauses from the real end.
+                // Polled again while it still sends, so that it counts its pauses from the real end.
                 self.fdl.poll(instant(now), &mut self.wires, app);
                 self.wires.is_out(now);
                 self.active = now;
@@ -91,10 +91,10 @@ impl Stack {
         if self.is_up { self.deadline(now) } else { Instant::NEVER }
     }
 
-    /// The stack does nothing between events but at a few times behind the last bit.
+    /// Between events the stack acts only at a few times after the last bit.
     fn deadline(&self, now: Instant) -> Instant {
         let times = self.pauses.map(|pause| {
-            // It counts whole microseconds, and waits for more than its pauses.
+            // It counts whole microseconds, and waits longer than its pauses.
             self.active.saturating_add(pause).next_tick(MICRO)
         });
         times.into_iter().find(|at| *at > now).unwrap_or(Instant::NEVER)
@@ -104,7 +104,7 @@ impl Stack {
 fn station(config: &DpConfig) -> Result<FdlActiveStation, NoMaster> {
     let baud = baud_rate(config.baud).ok_or_else(|| NoMaster(format!("PROFIBUS has no {} bit/s", config.baud)))?;
     let watchdog = config.watchdog.millis();
-    // The stack panics where these do not hold; the station file has been checked against the same.
+    // The stack panics if these do not hold; the station file has been checked for the same conditions.
     let holds = config.address < config.hsa
         && config.hsa <= 126
         && (1..=15).contains(&config.retries)
@@ -122,7 +122,7 @@ fn station(config: &DpConfig) -> Result<FdlActiveStation, NoMaster> {
     Ok(FdlActiveStation::new(parameters.build()))
 }
 
-/// The shortest slot time that the standard gives for a baud rate, in bits.
+/// The shortest slot time of the standard for a baud rate, in bits.
 #[must_use]
 pub const fn least_slot_bits(baud: u32) -> u16 {
     match baud {

@@ -6,7 +6,7 @@ use profirust::{Baudrate, time};
 /// The stack counts microseconds.
 pub(crate) const MICRO: Span = Span::MICROSECOND;
 
-/// The stack's word for a baud rate; `None`: PROFIBUS does not have it, or no serial line does.
+/// The stack's value for a baud rate; `None`: PROFIBUS or serial lines do not have it.
 #[must_use]
 pub const fn baud_rate(baud: u32) -> Option<Baudrate> {
     Some(match baud {
@@ -22,13 +22,13 @@ pub const fn baud_rate(baud: u32) -> Option<Baudrate> {
     })
 }
 
-/// So many bits at a baud rate, rounded up.
+/// The time of `bits` bits at a baud rate, rounded up.
 pub(crate) const fn bits(bits: u32, baud: u32) -> Span {
     let baud = if baud == 0 { 1 } else { baud as u64 };
     Span::from_nanos((bits as u64 * Span::SECOND.nanos()).div_ceil(baud))
 }
 
-/// The stack's clock. What it counts is a bit early, never late: a pause that it waits for is over.
+/// The stack's clock. Its count is a little early, never late: a pause that it waits for has really passed.
 pub(crate) fn instant(now: Instant) -> time::Instant {
     time::Instant::from_micros(now.since_start().micros() as i64)
 }

@@ -1,11 +1,11 @@
-//! What the stack sees of a line.
+//! The line for the stack.
 //!
-//! The stack reads what its line hands it, telegram by telegram, and looks at less than it could: an answer is
-//! matched by its sender alone, a short confirmation by nothing, and the rest of a damaged telegram is read as the
-//! beginning of the next. On a line with disturbances, or an adapter that hands characters over late, that would put
-//! a diagnosis into the inputs now and then. So the line itself is strict: it hands over whole telegrams that pass
-//! every check of the standard, and while an answer is due nothing but an answer to what was asked. After the first
-//! character that does not fit, everything is noise until the line was quiet or we have spoken.
+//! The stack reads its line telegram by telegram, and checks less than it could: an answer is matched only by its
+//! sender, a short confirmation by nothing, and the rest of a damaged telegram is read as the beginning of the next. On
+//! a line with disturbances, or with an adapter that hands over characters late, that would sometimes put a diagnosis
+//! into the inputs. So the line itself is strict: it hands over only whole telegrams that pass every check of the
+//! standard, and while an answer is due only an answer to the request. After the first invalid character, everything is
+//! noise until the line has been quiet or we have sent.
 
 use ob1_coupler::config::{Instant, Span};
 use ob1_protocols::profibus::telegram::{self, Frame};
@@ -13,7 +13,7 @@ use ob1_protocols::profibus::{Parsed, TELEGRAM_BYTES, Telegram, function, sap};
 use profirust::phy::ProfibusPhy;
 use profirust::time;
 
-/// What was asked, as far as its answer must mirror it.
+/// The fields of a request that its answer must mirror.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Asked {
     da: u8,
@@ -25,34 +25,34 @@ struct Asked {
 /// The line of a master.
 #[derive(Default)]
 pub struct Wires {
-    /// What is to be put on the line.
+    /// The bytes to send.
     out: Vec<u8>,
-    /// It is leaving, or has left and nobody has noticed.
+    /// They are being sent, or their end has not been noticed yet.
     sending: bool,
     received: Vec<u8>,
-    /// Characters since the last telegram that was handed over: what the stack takes for activity.
+    /// Characters since the last telegram handed over, which the stack takes for activity.
     heard: usize,
     /// The time of the last character, or of our own last bit.
     active: Instant,
-    /// A character did not fit: what follows is noise until the line was quiet for `quiet`.
+    /// A character was invalid: everything after it is noise until the line has been quiet for `quiet`.
     noise: bool,
     quiet: Span,
     asked: Option<Asked>,
-    /// A diagnosis that was asked for: whose, and what it says.
+    /// A requested diagnosis: the slave's address, and its bytes.
     diagnosis: Option<(u8, Vec<u8>)>,
-    /// Telegrams that came damaged, cut off, or were no answer to what was asked.
+    /// Telegrams that were damaged, cut off, or did not answer the request.
     rejected: u64,
     /// Telegrams sent.
     sent: u64,
 }
 
 impl Wires {
-    /// `quiet`: after so long without a character the next one begins a telegram.
+    /// `quiet`: after this long without a character the next one begins a telegram.
     pub(crate) fn new(quiet: Span) -> Self {
         Self { quiet, ..Self::default() }
     }
 
-    /// The line is new: nothing of what was counts any more.
+    /// Resets everything: the line is new.
     pub(crate) fn reset(&mut self) {
         self.out.clear();
         self.received.clear();
@@ -86,7 +86,7 @@ impl Wires {
         self.active = now;
     }
 
-    /// Everything is out.
+    /// Everything has been sent.
     pub(crate) fn is_out(&mut self, now: Instant) {
         (self.sending, self.active) = (false, now);
     }
@@ -95,7 +95,7 @@ impl Wires {
         self.sending
     }
 
-    /// What is to be put on the line since the last time.
+    /// The bytes to send since the last call.
     pub(crate) fn take(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.out)
     }
@@ -104,7 +104,7 @@ impl Wires {
         self.diagnosis.take()
     }
 
-    /// Telegrams that came damaged, cut off, or were no answer to what was asked.
+    /// Telegrams that were damaged, cut off, or did not answer the request.
     #[must_use]
     pub const fn rejected(&self) -> u64 {
         self.rejected
@@ -123,7 +123,7 @@ impl Wires {
         self.received.clear();
     }
 
-    /// Whether what has come in can still be what the stack waits for.
+    /// Checks whether the received characters can still become the telegram that the stack waits for.
     fn check(&mut self) {
         let fits = match telegram::parse(&self.received) {
             Parsed::Wrong => false,
@@ -136,14 +136,14 @@ impl Wires {
     }
 }
 
-/// Whether a telegram answers a request. A short confirmation is one where no data are due; what the stack makes of it
-/// elsewhere is that nothing came.
+/// Whether a telegram answers a request. A short confirmation is an answer if no data are due; otherwise the stack
+/// treats it as no answer.
 fn answers(asked: &Asked, telegram: &Telegram<'_>) -> bool {
     match telegram {
         Telegram::Confirmation => true,
         Telegram::Token { .. } => false,
         Telegram::Data(Frame { da, sa, dsap, ssap, fc, .. }) => {
-            // A refusal has no service access points: the one that was asked is not open.
+            // A refusal has no service access points, because the requested one is not open.
             let bare = dsap.is_none() && ssap.is_none() && !matches!(fc & 0x0F, function::DATA | function::DATA_HIGH);
             fc & function::REQUEST == 0
                 && (*da, *sa) == (asked.sa, asked.da)
@@ -165,7 +165,7 @@ impl ProfibusPhy for Wires {
         let (len, result) = f(&mut buffer);
         let bytes = buffer.get(..len).unwrap_or_default();
         if !bytes.is_empty() {
-            // What has come in before we asked is no answer.
+            // Characters received before the request are not an answer.
             (self.received, self.noise, self.sending) = (Vec::new(), false, true);
             self.sent += 1;
             self.out.extend_from_slice(bytes);
@@ -219,7 +219,7 @@ mod tests {
     const TICK: Span = Span::from_nanos(1);
     const AT: Instant = Instant::START;
 
-    /// What the stack would get of these bytes after a request to station 8.
+    /// The number of bytes the stack gets of these after a request to station 8.
     fn answered(dsap: Option<u8>, bytes: &[u8]) -> usize {
         let mut wires = Wires::new(QUIET);
         let frame = Frame {
@@ -254,7 +254,7 @@ mod tests {
         for (asked, answer, taken) in [
             (None, telegram(8, None, None, function::DATA), true),
             (None, telegram(9, None, None, function::DATA), false),
-            // A diagnosis that comes late is as long as some inputs.
+            // A late diagnosis may be as long as the inputs.
             (None, telegram(8, own, diagnosis, function::DATA), false),
             (diagnosis, telegram(8, own, diagnosis, function::DATA), true),
             (diagnosis, telegram(8, None, None, function::DATA), false),
@@ -271,7 +271,7 @@ mod tests {
     fn the_rest_of_a_damaged_telegram_is_noise() {
         let mut wires = Wires::new(QUIET);
         wires.hear(AT, &[0x68, 5, 6]);
-        // What follows looks like a confirmation.
+        // The next character looks like a confirmation.
         wires.hear(AT + TICK, &[0xE5]);
         assert_eq!(wires.receive_data(time::Instant::ZERO, |bytes| (0, bytes.len())), 0);
         assert_eq!(wires.rejected(), 1);

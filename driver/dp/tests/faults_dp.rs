@@ -1,10 +1,8 @@
 //! Data exchange with damaged telegrams: none is accepted wrong, in either direction.
 //!
-//! One telegram in a hundred is damaged as the standard says that it is always found: up to three wrong bits, of
-//! which parity does not see two in one character; a character is missing; the end is missing;
-//! characters that cannot be
-//! read. `cargo xtask faults dp --telegrams 1000000` runs so many exchanges, a test
-//! run some thousands.
+//! One telegram in a hundred is damaged in a way that is always detected according to the standard: up to three wrong
+//! bits, of which parity does not detect two in one character; a missing character; a missing end; unreadable
+//! characters. `cargo xtask faults dp --telegrams 1000000` runs that many exchanges, a test run some thousands.
 
 mod wires;
 
@@ -13,10 +11,10 @@ use wires::{MS, Wires, config};
 
 const SLAVES: usize = 4;
 const BYTES: usize = 8;
-/// Where `OB1_TELEGRAMS` says nothing.
+/// Default without `OB1_TELEGRAMS`.
 const EXCHANGES: u64 = 6000;
 
-/// Bytes that only this sender makes of this number: the number, and what belongs to it.
+/// Bytes that only this sender makes of this number: the number and its seal.
 fn sealed(sender: u64, number: u32) -> [u8; BYTES] {
     let seal = SplitMix64::new(sender << 32 | u64::from(number)).next_u64();
     let mut bytes = [0; BYTES];
@@ -28,7 +26,7 @@ fn sealed(sender: u64, number: u32) -> [u8; BYTES] {
 /// The number in such bytes.
 ///
 /// # Panics
-/// If nobody has made them.
+/// If this sender has not made them.
 fn opened(sender: u64, bytes: &[u8]) -> u32 {
     let number = u32::from_be_bytes(bytes[..4].try_into().expect("eight bytes"));
     assert_eq!(bytes, sealed(sender, number), "accepted, and nobody has sent it (sender {sender})");
@@ -43,7 +41,7 @@ fn wanted() -> u64 {
 #[test]
 fn none_is_accepted_wrong() {
     let wanted = wanted();
-    // Characters that cannot be read, on top of what is damaged below: 14 of them are a telegram.
+    // Unreadable characters, in addition to the damage below: 14 characters are a telegram.
     let faults = FaultRates { parity: 100, framing: 50, ..FaultRates::NONE };
     let mut wires = Wires::new(&config(500_000, SLAVES, BYTES), faults, 4711);
     wires.damage = Some((SplitMix64::new(815), 8000));
@@ -56,7 +54,7 @@ fn none_is_accepted_wrong() {
     while wires.accepted < wanted {
         wires.run_with(100 * MS, |wires| {
             for n in 0..SLAVES {
-                // New outputs for each exchange; what a slave has is what was sent, and never older than before.
+                // New outputs for each exchange; a slave has outputs that were sent, and never older ones than before.
                 let outputs = wires.slaves[n].slave.outputs.clone();
                 if outputs.iter().any(|byte| *byte != 0) {
                     let number = opened(100 + n as u64, &outputs);

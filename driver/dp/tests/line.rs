@@ -1,5 +1,5 @@
 //! A master and its slaves on two wires, in virtual time: start, exchange, loss and return, refusals, the watchdog, and
-//! how long a round takes.
+//! the duration of a round.
 
 mod wires;
 
@@ -35,7 +35,7 @@ fn inputs_and_outputs_go_through() {
         assert_eq!(wires.slaves[n].slave.outputs, [n as u8 + 11; 4]);
     }
     assert!(wires.master.has_told_outputs(&wires.image));
-    // STOP: zeros, and the watchdogs do not bark.
+    // STOP: zeros, and the watchdogs do not expire.
     wires.image.driven = false;
     wires.ask(Input::Tick);
     assert!(!wires.master.has_told_outputs(&wires.image));
@@ -46,8 +46,8 @@ fn inputs_and_outputs_go_through() {
     assert_eq!(wires.losses, []);
 }
 
-/// Bits of a round with `slaves` of `bytes` each way, as short as the standard lets it be: each waits TSYN, asks, waits
-/// for min TSDR, is answered; then the token, behind another TSYN.
+/// Bits of a round with `slaves` of `bytes` each way, as short as the standard allows: for each TSYN, request, min
+/// TSDR, answer; then the token, after another TSYN.
 fn least_bits(slaves: u64, bytes: u64) -> u64 {
     let telegram = 11 * (bytes + if bytes == 8 { 6 } else { 9 });
     slaves * (33 + telegram + 11 + telegram) + 33 + 33
@@ -85,7 +85,8 @@ fn a_slave_that_loses_its_power_returns_by_itself() {
     assert_eq!(wires.states(), [State::Running; 3]);
     assert_eq!(wires.slaves[1].slave.outputs, [7; 4]);
     assert_eq!(wires.losses.iter().map(|(_, n)| *n).collect::<Vec<_>>(), [1]);
-    // So short a time without power that it never was silent: lost all the same, for its outputs were off.
+    // Without power for so short a time that it was never silent: it still counts as lost, because its outputs were
+    // off.
     wires.slaves[2].slave.restart();
     wires.run(100 * MS);
     assert_eq!(wires.losses.iter().map(|(_, n)| *n).collect::<Vec<_>>(), [1, 2]);
@@ -110,9 +111,9 @@ fn outputs_go_off_with_the_watchdog_when_the_master_is_gone() {
             }
         }
     });
-    // 200 ms are configured; the last telegram to each was at most a round ago, or on its way.
+    // 200 ms are configured; the last telegram to each was at most a round ago, or being sent.
     assert!(off.iter().all(|off| off.is_some_and(|off| (190 * MS..=201 * MS).contains(&off))), "{off:?}");
-    // The next process finds everything as it is.
+    // The next process finds everything unchanged.
     wires.restart_master(&config);
     let again = wires.now;
     wires.start();
@@ -137,7 +138,7 @@ fn who_refuses_says_why() {
     assert!(diagnosis(&wires.image, 4, 4, 0).contains("ident 806Ah"));
     assert!(diagnosis(&wires.image, 4, 4, 1).contains("configuration fault"), "{}", diagnosis(&wires.image, 4, 4, 1));
     assert!(diagnosis(&wires.image, 4, 4, 2).contains("parameter fault"));
-    // As the log of the bus has it.
+    // As in the log of the bus.
     for (n, why) in ["another device than its GSD file", "its modules are not those", "does not take its parameters"]
         .into_iter()
         .enumerate()
@@ -187,7 +188,7 @@ fn a_diagnosis_is_fetched_when_it_comes_and_when_it_goes() {
 fn a_master_that_speaks_too_soon_is_found() {
     // 11 bits at 500 kbit/s.
     const CHARACTER: Span = Span::from_micros(22);
-    // The guard of the guard: a request without TSYN before it.
+    // A test of the check itself: a request without TSYN before it.
     let mut wires = quiet(500_000, 1, 4);
     let mut slave = ob1_dp::Slave::new(slave_of(config(500_000, 1, 4).lines[0].dp.as_ref().expect("DP"), 0));
     let mut out = Vec::new();

@@ -1,4 +1,4 @@
-//! A CP of any type, as whoever owns one sees it.
+//! A CP of any type, as its owner sees it.
 
 use std::fmt;
 
@@ -9,16 +9,16 @@ use crate::{Cp040, Cp240, Cp341, CpInput, CpPort};
 
 /// A whole CP.
 pub trait Cp: fmt::Debug {
-    /// Takes one input at time `now`; the result is when [`CpInput::Tick`] is due. An input that this type does not
-    /// have changes nothing.
+    /// Takes one input at time `now` and returns when [`CpInput::Tick`] is due. An input that this type does not have
+    /// changes nothing.
     fn step(&mut self, now: Instant, input: CpInput<'_>, port: &mut dyn CpPort) -> Option<Instant>;
 
     /// Whether its parameters are valid, and the CPU has acknowledged its start-up where it has one.
     fn is_working(&self) -> bool;
 
-    /// Enables or disables diagnostic interrupts; off unless enabled. CP 240: errors that light ER are also told as
-    /// [`CpEvent::Diagnosis`](crate::CpEvent::Diagnosis); its parameter bytes have no place for it (ours: a switch of
-    /// the station file). CP 040, CP 340 and CP 341: a wire break and wrong parameters are.
+    /// Enables or disables diagnostic interrupts; off unless enabled. CP 240: errors that light ER are also reported as
+    /// [`CpEvent::Diagnosis`](crate::CpEvent::Diagnosis); its parameter bytes have no place for this switch (ours: a
+    /// key of the station file). CP 040, CP 340 and CP 341: a wire break and wrong parameters are reported.
     fn enable_diagnostics(&mut self, enabled: bool);
 }
 
@@ -34,7 +34,7 @@ pub fn of(kind: CpKind, generation: u64, io_bytes: usize) -> Box<dyn Cp> {
     }
 }
 
-/// A CP whose firmware is another process: the link of a CP 343. No serial driver is asked for one.
+/// A CP whose firmware is another process: the link of a CP 343. No serial driver ever creates one.
 #[derive(Debug)]
 struct Elsewhere;
 

@@ -25,10 +25,10 @@ use exchange::{Exchange, Step};
 use ob1_words::cp040::Area;
 use outlet::Outlet;
 
-/// IF flashes: so long on, so long off. "2 Hz" [S3 L293]
+/// IF flashes: on for this time, then off for this time. "2 Hz" [S3 L293]
 const FLASH: Span = Span::from_millis(250);
 
-/// Where the module is on its way to work.
+/// How far the start-up has come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
     /// No parameters have come yet.
@@ -40,9 +40,9 @@ enum Phase {
 
 /// A CP 040.
 ///
-/// Laws for the owner as for a [`Cp240`](crate::Cp240): time never goes backwards; a tick when the answered time has
-/// come; the outputs as they stand before the first parameters. Sixteen zeros as parameters are ASCII with its
-/// defaults.
+/// The owner obeys the same laws as for a [`Cp240`](crate::Cp240): time never goes backwards; it ticks when the
+/// returned time has come; it passes the current outputs before the first parameters. Sixteen zeros as parameters are
+/// ASCII with its defaults.
 #[derive(Debug)]
 pub struct Cp040 {
     phase: Phase,
@@ -53,10 +53,10 @@ pub struct Cp040 {
     setup: Option<Setup>,
     protocol: Protocol,
     protocol_due: Option<Instant>,
-    /// Characters of ours are on the line.
+    /// Characters are being transmitted.
     transmitting: bool,
     line_gone: bool,
-    /// The order was broken off because the line is gone.
+    /// The order was aborted because the line is gone.
     line_broke_off: bool,
     leds: LedDriver,
     leds_shown: Leds,
@@ -111,7 +111,7 @@ impl Cp for Cp040 {
 }
 
 impl Cp040 {
-    /// A module without parameters that occupies so many bytes each way, 8 to 60.
+    /// A module without parameters that occupies `io_bytes` bytes each way, 8 to 60.
     pub fn new(io_bytes: usize) -> Self {
         Self {
             phase: Phase::Off,
@@ -167,7 +167,7 @@ impl Cp040 {
             }
         };
         let Some(setup) = Setup::of_040(&parameters, self.exchange.io_bytes(), port.lateness()) else {
-            // Every protocol that the parameters can name is there.
+            // Every protocol that the parameters can name is implemented.
             (self.phase, self.setup, self.parameters) = (Phase::NoParameters, None, None);
             return;
         };
@@ -206,7 +206,7 @@ impl Cp040 {
     // ---- the host ----
 
     fn look(&mut self, now: Instant, port: &mut dyn CpPort) {
-        // What the outputs of a stopped CPU show is no command; with its start come parameters.
+        // The outputs of a stopped CPU are not a command; its start brings new parameters.
         if self.phase != Phase::Working || self.cpu_stopped {
             return;
         }
@@ -228,7 +228,7 @@ impl Cp040 {
         }
     }
 
-    /// "Execute a reset on the CP": buffers and protocol begin anew.
+    /// "Execute a reset on the CP": buffers and protocol start again.
     fn reset(&mut self, now: Instant, port: &mut dyn CpPort) {
         port.take_back();
         self.clear(port);
@@ -269,7 +269,7 @@ impl Cp040 {
             if let Some(slave) = self.protocol.slave() {
                 slave.change_taken(true);
             }
-            // The buffer has become free: a protocol may have kept its partner waiting for that.
+            // The buffer has become free: a protocol may have made its partner wait for that.
             self.drive(now, Input::Tick, port);
         }
     }
@@ -299,8 +299,8 @@ impl Cp040 {
     // ---- the line and the protocol ----
 
     fn line(&mut self, now: Instant, line: LineInput<'_>, port: &mut dyn CpPort) {
-        // Two wires: "data is exchanged ... but only in one direction at a time". What comes while we send is our own.
-        // [S3 L347]
+        // Two wires: "data is exchanged ... but only in one direction at a time". What arrives while we send is our own
+        // echo. [S3 L347]
         let is_half = self.parameters.as_ref().is_some_and(|p| p.duplex == Duplex::Half);
         let mut input = line;
         match line {
@@ -331,7 +331,7 @@ impl Cp040 {
                 if self.detects_break() {
                     self.diagnosis.wire_break = true;
                 } else {
-                    // Nobody evaluates it: a character without a stop bit.
+                    // Nobody evaluates BREAK, so it counts as a character without a stop bit.
                     input = LineInput::Fault(LineFault::Framing);
                 }
                 self.leds.error(now);
@@ -387,7 +387,7 @@ impl Cp040 {
         }
         self.offer_change(now, port);
         if !self.cpu_stopped {
-            // An acknowledgement has been looked at when it came, unless the CPU was in STOP then: it counts now.
+            // An acknowledgement was evaluated when it came, unless the CPU was in STOP then: it counts now.
             let step = self.exchange.look_receive();
             self.received(now, step, port);
         }
@@ -423,7 +423,7 @@ impl Cp040 {
             }
         }
         self.exchange.send.ended(outcome.is_ok());
-        // The end is shown before a command that was left waiting is looked at.
+        // The end is shown before a waiting command is evaluated.
         self.publish(port);
         if !self.cpu_stopped {
             let step = self.exchange.look_send();

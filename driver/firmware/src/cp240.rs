@@ -1,6 +1,7 @@
 //! The module: start-up, the two handshakes, the protocol, and the bookkeeping between them.
 
-/// The outlet of a CP for one step. No method: the protocol, and what is to be sent, are borrowed besides.
+/// The outlet of a CP for one step. Not a method, because the protocol and the telegram to send are borrowed at the
+/// same time.
 macro_rules! outlet {
     ($cp:ident, $now:ident, $port:ident) => {
         $crate::cp240::outlet::Outlet {
@@ -42,22 +43,22 @@ use receive::ReceiveSide;
 use rk512_side::Rk512Side;
 use send::SendSide;
 
-/// Parameter byte shown when the protocol is one this firmware does not have.
+/// Number of the parameter byte shown when this firmware does not have the protocol.
 const PROTOCOL_BYTE: u8 = 1;
 
 /// Protocol codes of the Modbus modes. [S0 "Modbus - Parameterization"]
 const MODBUS_CODES: [u8; 6] = [0x0A, 0x0B, 0x0C, 0x0D, 0x1C, 0x1D];
 
-/// Where the module is on its way to work.
+/// How far the start-up has come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
     /// No parameters have come yet: all registers read 0.
     Off,
     /// No valid parameters; the byte that is wrong.
     NoParameters(u8),
-    /// The start-up identifier is on show.
+    /// The start-up identifier is shown.
     Identify,
-    /// It was acknowledged; the CPU's words have to leave the acknowledgement.
+    /// It was acknowledged; the CPU must now clear the acknowledgement.
     Clearing,
     /// At work.
     Working,
@@ -66,9 +67,9 @@ enum Phase {
 /// A CP 240.
 ///
 /// Laws for the owner:
-/// * time never goes backwards; [`CpInput::Tick`] at the latest when the time [`Cp240::step`] answered has come;
-/// * the output registers as they stand are handed in before the first [`CpInput::Parameters`]: what is in them is of
-///   an earlier life and must not be taken for an answer;
+/// * time never goes backwards; [`CpInput::Tick`] is due at the latest at the time that [`Cp240::step`] returned;
+/// * the current output registers are passed in before the first [`CpInput::Parameters`]: their content is from before
+///   the start and must not be taken for an answer;
 /// * sixteen zeros as parameters stand for "none": the module then works with its defaults [S0 L2118].
 #[derive(Debug)]
 pub struct Cp240 {
@@ -77,7 +78,7 @@ pub struct Cp240 {
     number: u8,
     /// The CPU is in STOP.
     cpu_stopped: bool,
-    /// A reset request stands in the registers and has been answered.
+    /// The registers contain a reset request that has been answered.
     reset_seen: bool,
     outputs: Registers,
     shown: Registers,
@@ -85,19 +86,19 @@ pub struct Cp240 {
     setup: Option<Setup>,
     /// How the line is set.
     settings: Option<LineSettings>,
-    /// Of the receive buffer.
+    /// Capacity of the receive buffer.
     capacity: Capacity,
     protocol: Protocol,
     protocol_due: Option<Instant>,
     send: SendSide,
     receive: ReceiveSide,
-    /// The receive side of RK 512, in the place of `receive`.
+    /// The receive side of RK 512, used instead of `receive`.
     rk512: Rk512Side,
-    /// RK 512: an order of the CPU waits until the one before is over.
+    /// RK 512: an order of the CPU waits until the previous one has ended.
     order_waits: bool,
 
     line_gone: bool,
-    /// The order was broken off because the line is gone.
+    /// The order was aborted because the line is gone.
     line_broke_off: bool,
     modem: Modem,
     leds: LedDriver,
@@ -129,7 +130,7 @@ impl Cp for Cp240 {
             CpInput::CpuRun(false) => {
                 self.cpu_stopped = true;
                 self.order_rk512(now, Rk512Order::Serve(false), port);
-                // The rest of a telegram will not come any more, whatever the registers show.
+                // The rest of a telegram will never come, whatever the registers show.
                 if self.send.discard() {
                     port.event(now, CpEvent::OrderDiscarded { code: None });
                 }
@@ -164,8 +165,8 @@ impl Cp for Cp240 {
 impl Cp240 {
     /// A module without parameters.
     ///
-    /// `generation` counts the lives of this module, that is, the processes that were it. Start-ups of neighbouring
-    /// lives get numbers far apart, because a new process does not know how many resets the one before it has seen.
+    /// `generation` counts the processes that have run this module. Successive processes start with numbers far apart,
+    /// because a new process does not know how many resets its predecessor has seen.
     pub const fn new(generation: u64) -> Self {
         Self {
             phase: Phase::Off,
@@ -263,7 +264,7 @@ impl Cp240 {
     fn identify(&mut self, now: Instant, reason: StartReason, port: &mut dyn CpPort) {
         self.drop_all(port);
         self.number = next_number(self.number);
-        // A number that stands in the registers from before would be taken for the acknowledgement.
+        // An old number in the registers would be taken for the acknowledgement.
         if tx_word(&self.outputs) == SYSTEM | u16::from(self.number) {
             self.number = next_number(self.number);
         }
@@ -309,8 +310,8 @@ impl Cp240 {
                 }
             }
             Phase::Clearing => {
-                // The CPU writes 0 to both; the first count of a telegram may already stand over it, for the CPU does
-                // not wait until somebody here has seen its zeros.
+                // The CPU writes 0 to both. The first count of a telegram may already have overwritten it, because the
+                // CPU does not wait until the CP has seen the zeros.
                 if (rx | tx) & SYSTEM == 0 {
                     self.work(now, port);
                     self.look_registers(now, port);
@@ -375,7 +376,7 @@ impl Cp240 {
                 port.count(CpCounter::Delivered, 1);
                 port.event(now, CpEvent::Delivered(length));
                 self.change_taken(true);
-                // The buffer has become free: a protocol may have kept its partner waiting for that.
+                // The buffer has become free: a protocol may have made its partner wait for that.
                 self.drive(now, Input::Tick, port);
             }
             receive::Step::Refused => {
@@ -439,7 +440,7 @@ impl Cp240 {
             }
             LineInput::Modem(lines) => self.modem.input(lines),
         }
-        // Before the CPU has acknowledged the start-up nothing is kept of what is received.
+        // Until the CPU has acknowledged the start-up, received data is discarded.
         if self.phase != Phase::Working {
             return;
         }
@@ -480,7 +481,7 @@ impl Cp240 {
         if self.protocol.rk512().is_some() {
             return self.after_rk512(now, port);
         }
-        // A telegram may have come: offer it if nothing else is on show.
+        // A telegram may have come: offer it if nothing else is shown.
         if !self.receive.is_offering() {
             self.receive.look(rx_word(&self.outputs));
         }
@@ -502,13 +503,13 @@ impl Cp240 {
             }
         }
         self.send.ended(outcome.map_err(SendError::code));
-        // The end is shown before a count that was left waiting is looked at.
+        // The end is shown before a waiting count is evaluated.
         self.publish(port);
         self.look_send(now, port);
     }
 }
 
-/// What the receive buffer holds with these parameters.
+/// Capacity of the receive buffer with these parameters.
 fn capacity(parameters: &Parameters) -> Capacity {
     match parameters.protocol {
         // "send and receive data have each a reserved 2048Byte buffer" [S0 L4133]

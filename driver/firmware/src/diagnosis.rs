@@ -1,7 +1,7 @@
-//! What the CP tells when diagnostics are enabled: "the error causes transmission of diagnostic bytes" [S0 L1458].
+//! What the CP reports when diagnostics are enabled: "the error causes transmission of diagnostic bytes" [S0 L1458].
 //!
 //! The error comes with ER and goes with it, 4 s after its last occurrence: a disturbed line raises one interrupt, not
-//! one for each character. A further kind of error while ER is on comes by itself.
+//! one for each character. Another kind of error while ER is on raises an interrupt of its own.
 //!
 //! The manual prints no bytes. The first four are those of an S7 module's data record 0 as the CP 341 has them
 //! [reference 1.9]; two more name the occurrence as in the event classes 7 and 8.
@@ -14,10 +14,10 @@ pub type DiagnosticBytes = [u8; 6];
 /// Module class: communication module.
 const CLASS: u8 = 0x0C;
 
-/// Kinds of error, told apart by what they set in bytes 0 and 2.
+/// Kinds of error, distinguished by what they set in bytes 0 and 2.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
-    /// Open circuit: the line or its device is gone. 25 0C 02 00, as the CP 341.
+    /// Open circuit: the line or its device is gone. 25 0C 02 00, as with the CP 341.
     OpenCircuit,
     /// Parity, framing, break or lost characters: external fault, communication.
     Line,
@@ -46,7 +46,7 @@ impl Kind {
     }
 }
 
-/// What has been found and what has been told.
+/// The faults found, and those reported.
 #[derive(Debug)]
 pub(crate) struct Diagnosis {
     pub(crate) enabled: bool,
@@ -65,7 +65,7 @@ impl Diagnosis {
         self.number = number;
     }
 
-    /// What is to be told now, with `true` for an error that comes; `er` is the LED.
+    /// The report that is due now, with `true` for an error that comes; `er` is the LED.
     pub(crate) fn tell(&mut self, er: bool) -> Option<(bool, DiagnosticBytes)> {
         if !er {
             let gone = self.told != (0, 0);

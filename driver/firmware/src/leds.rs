@@ -6,7 +6,7 @@ pub use ob1_words::Leds;
 /// How long ER stays on after the last error. [S0 L1458]
 const ERROR_TIME: Span = Span::from_secs(4);
 
-/// Modbus without valid parameters: on for so long, then off for so long (ours).
+/// Modbus without valid parameters: on for this time, then off for this time (ours).
 const FLASH: Span = Span::from_millis(250);
 
 /// How long RxD stays on after the last byte, so that it can be seen.
@@ -43,8 +43,8 @@ impl LedDriver {
         }
     }
 
-    /// Switched on, and no parameters yet: ER, TxD and RxD flash. The manual says it of the Modbus module; which
-    /// protocol a module has it learns with its parameters. [S0 L2086]
+    /// Switched on, and no parameters yet: ER, TxD and RxD flash. The manual says this of the Modbus module; a module
+    /// learns its protocol only with its parameters. [S0 L2086]
     pub(crate) const fn switched_on() -> Self {
         let mut leds = Self::new();
         leds.leds.power = true;

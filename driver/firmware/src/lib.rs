@@ -1,10 +1,10 @@
 //! A whole CP as one sans-IO machine: the CPU's side, buffers, protocol, LEDs, counters. [`Cp240`], [`Cp040`] and
 //! [`cp341`].
 //!
-//! [`Cp240`] is pure in its inputs and their times: it knows no clock, no descriptor and no shared memory. Whoever owns
-//! one hands it what happened ([`CpInput`]) and carries out what it answers through a [`CpPort`]. The process `ob1-cp`
-//! does that with a back plane and a real line, the simulation with a heap segment and a simulated one, in virtual
-//! time.
+//! [`Cp240`] depends only on its inputs and their times: it knows no clock, no descriptor and no shared memory. Its
+//! owner passes in what happened ([`CpInput`]) and carries out what it requests through a [`CpPort`]. The process
+//! `ob1-cp` does that with a back plane and a real line, the simulation with a heap segment and a simulated one, in
+//! virtual time.
 //!
 //! The registers are described in `docs/cp240-registers.md` and `docs/cp040-registers.md`.
 #![forbid(unsafe_code)]

@@ -1,4 +1,4 @@
-//! What is different with Modbus: no start-up identifier, a slave whose data are the registers ("short") or whose
+//! The differences of Modbus: no start-up identifier, and a slave whose data are the registers ("short") or whose
 //! blocks go through SEND and RECEIVE ("long"). [S0 "Modbus - Deployment"], `docs/cp240-registers.md`
 
 use ob1_params::{Modbus as Parameters, ModbusKind};
@@ -47,8 +47,8 @@ pub(crate) fn take_image(slave: &mut Slave, outputs: &Registers) -> bool {
     is_short && slave.set_input(outputs)
 }
 
-/// "Slave long": the next changed blocks as a telegram for RECEIVE, once the one before is through. The result is its
-/// length.
+/// "Slave long": offers the next changed blocks as a telegram for RECEIVE, once the previous one is finished. Returns
+/// its length.
 pub(crate) fn offer_change(slave: &mut Slave, receive: &mut ReceiveSide) -> Option<usize> {
     if !slave.config().confirmed {
         return None;

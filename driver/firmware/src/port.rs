@@ -1,4 +1,4 @@
-//! What goes into a CP and what comes out: the plugs of the module.
+//! The inputs and outputs of a CP.
 
 use ob1_params::{Cp341 as Keys, LineSettings, ParamError};
 use ob1_protocols::{Event, Instant, LineFault, LineInput, Span, What, Wire, rk512};
@@ -13,26 +13,26 @@ use crate::leds::Leds;
 pub enum CpInput<'a> {
     /// Time has passed; nothing else.
     Tick,
-    /// The CPU's output registers as they now stand: 16 bytes of a CP 240, 8 to 60 of a CP 040.
+    /// The CPU's current output registers: 16 bytes of a CP 240, 8 to 60 of a CP 040.
     Outputs(&'a [u8]),
     /// Something happened on the line.
     Line(LineInput<'a>),
     /// The CPU went to RUN or start-up (true) or to STOP (false).
     CpuRun(bool),
-    /// Parameters: the CP starts anew with them. Sixteen zeros stand for "none", see [`crate::Cp240`].
+    /// Parameters: the CP restarts with them. Sixteen zeros stand for "none", see [`crate::Cp240`].
     Parameters(&'a [u8; 16]),
-    /// CP 340 and CP 341: their parameters, or what is wrong with them, as sent at each start-up of the CPU.
+    /// CP 340 and CP 341: their parameters, or the error in them, as sent at each start-up of the CPU.
     Keys(Result<&'a Keys, &'a ParamError>),
-    /// CP 340 and CP 341: what the CPU shows in a channel.
+    /// CP 340 and CP 341: the CPU's block of a channel.
     Channel(Channel, &'a ChannelBlock),
 }
 
-/// Where a CP puts what it does, beside what goes to the line. All methods are called inside [`crate::Cp::step`].
+/// Where a CP puts its results, besides output to the line. All methods are called inside [`crate::Cp::step`].
 pub trait CpPort: Wire {
     /// Publishes the input registers, all bytes at once. Called only when they have changed.
     fn inputs(&mut self, registers: &[u8]);
 
-    /// CP 341: shows the CPU a block of a channel. Called only when it has changed.
+    /// CP 341: publishes a block of a channel for the CPU. Called only when it has changed.
     fn channel(&mut self, channel: Channel, block: &ChannelBlock) {
         let _ = (channel, block);
     }
@@ -41,13 +41,13 @@ pub trait CpPort: Wire {
     /// telegram that names another baud rate than the one before.
     fn line_settings(&mut self, settings: &LineSettings);
 
-    /// How late the line may hand over characters that have come in, because they come in bursts. RTU tells telegrams
-    /// apart by their silences. 0: each comes at its time.
+    /// How late the line may hand over received characters, because they come in bursts. RTU separates telegrams by
+    /// their silences. 0: each character is handed over at its time.
     fn lateness(&self) -> Span {
         Span::ZERO
     }
 
-    /// CP 040 and CP 341: the diagnostic data (record 1; its first four bytes are record 0) as they now stand.
+    /// CP 040 and CP 341: the current diagnostic data (record 1; its first four bytes are record 0).
     fn record(&mut self, record: &[u8]) {
         let _ = record;
     }
@@ -64,13 +64,13 @@ pub trait CpPort: Wire {
 
 /// What a CP counts.
 ///
-/// At every moment: orders accepted = sent + failed + aborted + the one under way; telegrams received = delivered +
-/// dropped + those in the buffer. What is under way when a CP is killed is lost in it.
+/// At every moment: orders accepted = sent + failed + aborted + the running one; telegrams received = delivered +
+/// dropped + those in the buffer. What is running or buffered when a CP is killed is lost.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum CpCounter {
     /// Orders taken over completely from the CPU.
     OrdersAccepted,
-    /// Orders ended well: acknowledged by the protocol.
+    /// Orders that ended successfully: acknowledged by the protocol.
     Sent,
     /// Orders ended with an error.
     SendErrors,
@@ -97,7 +97,7 @@ pub enum CpCounter {
 }
 
 impl CpCounter {
-    /// What an occurrence of a protocol counts as, at the CP 240 and the CP 040.
+    /// The counter of an occurrence of a protocol, for the CP 240 and the CP 040.
     pub(crate) const fn of(what: What) -> Option<Self> {
         match what {
             What::NoBuffer | What::TooLong => Some(Self::Rejected),
@@ -132,14 +132,14 @@ pub enum ParameterFault<'a> {
     Protocol(&'a str),
 }
 
-/// What a CP has to tell.
+/// An event reported by a CP.
 #[derive(Debug, Clone, Copy)]
 pub enum CpEvent<'a> {
-    /// It shows start-up identifier number `number` and waits for the CPU.
+    /// The CP shows start-up identifier number `number` and waits for the CPU.
     Startup {
         /// 1 to 255.
         number: u8,
-        /// What led to it.
+        /// The reason.
         reason: StartReason,
     },
     /// The CPU has acknowledged; the CP works.
@@ -153,7 +153,7 @@ pub enum CpEvent<'a> {
         /// 17h, or `None` if the CPU gave up.
         code: Option<u8>,
     },
-    /// The running order ended well.
+    /// The running order ended successfully.
     Sent,
     /// The running order ended with this code of the indicator word.
     SendFailed(u8),
@@ -161,21 +161,21 @@ pub enum CpEvent<'a> {
     JobFailed(u16),
     /// CP 341: an entry of its diagnostic buffer.
     Entry(u16),
-    /// CP 341: an entry too: what had this number is gone.
+    /// CP 341: an entry too: the state with this number has gone.
     EntryGone(u16),
     /// This telegram was received.
     Received(&'a [u8]),
-    /// Modbus slave "long": the master has changed so many bytes that go to the CPU together.
+    /// Modbus slave "long": the master has changed this many bytes, which go to the CPU together.
     Changed(usize),
     /// A telegram of this length was handed over to the CPU.
     Delivered(usize),
-    /// The protocol met something.
+    /// An occurrence in the protocol.
     Protocol(Event),
-    /// RK 512 met something.
+    /// An occurrence in RK 512.
     Rk512(rk512::Event),
     /// RK 512: this order of the partner goes to the CPU, with the data of a SEND.
     Asked(&'a rk512::Request, &'a [u8]),
-    /// RK 512: the order of the partner is over.
+    /// RK 512: the order of the partner has ended.
     Answered(Result<(), rk512::AnswerError>),
     /// Diagnostics are enabled, and ER has come on (or another kind of error has joined) or has gone out: a diagnostic
     /// interrupt for the CPU.

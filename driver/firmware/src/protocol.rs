@@ -40,9 +40,9 @@ impl Setup {
         }
     }
 
-    /// The same for a CP 040 that occupies `io_bytes` each way: where the CP 240 takes double the character time for
-    /// 0, it takes "triple character time" [S3 L303], and the areas of its slave "short" are as long as its process
-    /// image [S3 L385].
+    /// The same for a CP 040 that occupies `io_bytes` each way: where 0 means double the character time for the CP 240,
+    /// it means "triple character time" [S3 L303], and the areas of its slave "short" are as long as its process image
+    /// [S3 L385].
     pub(crate) fn of_040(parameters: &Cp040, io_bytes: usize, late: Span) -> Option<Self> {
         let mut setup = Self::of(&parameters.common, late)?;
         let triple = 3 * parameters.common.char_time();
@@ -78,7 +78,8 @@ impl Setup {
         }
     }
 
-    /// Whether the CP shows a start-up identifier and waits for FC 9. In the Modbus modes the manual calls no FC 9.
+    /// Whether the CP shows a start-up identifier and waits for FC 9. In the Modbus modes the manual does not call FC
+    /// 9.
     pub(crate) const fn has_identifier(&self) -> bool {
         !matches!(self, Self::Modbus(_))
     }
@@ -129,8 +130,8 @@ fn s3964_config(p: &S3964Params, char_time: Span) -> s3964::Config {
     })
 }
 
-/// The protocol at work. The variants differ in size by little and there is one of it: no box but for what has areas
-/// or a send buffer.
+/// The running protocol. There is only one, and the variants differ little in size, so only those with areas or a send
+/// buffer are boxed.
 #[derive(Debug)]
 pub(crate) enum Protocol {
     /// The CP does not work.
@@ -146,7 +147,7 @@ pub(crate) enum Protocol {
 }
 
 impl Protocol {
-    /// One step; with no machine nothing happens.
+    /// One step; without a machine nothing happens.
     pub(crate) fn step<O: Sink + rk512::Owner>(
         &mut self,
         now: Instant,
@@ -162,18 +163,18 @@ impl Protocol {
             Self::ModbusSlave(machine) => machine.step(now, input, out),
             Self::MBus(machine) => machine.step(now, input, out),
             Self::EnOcean(machine) => machine.step(now, input, out),
-            // Its orders come the other way: `Cp240::handed`.
+            // Its orders come through `Cp240::handed`.
             Self::Rk512(machine) => machine.step(now, input.with_orders(rk512::Order::Abort), out),
         }
     }
 
-    /// Whether the partner acknowledges telegrams. Where nobody does, an order on a line that is known to be gone must
-    /// not count as done because its last bit has "left".
+    /// Whether the partner acknowledges telegrams. If not, an order on a lost line must not count as done because its
+    /// last bit has "left".
     pub(crate) const fn is_acknowledged(&self) -> bool {
         matches!(self, Self::S3964(_) | Self::ModbusMaster(_) | Self::Rk512(_) | Self::MBus(_))
     }
 
-    /// Whether what could not be received is lost: nobody repeats it, and no program asks for it again.
+    /// Whether what could not be received is lost: the partner does not repeat it, and no program asks for it again.
     pub(crate) const fn is_heard_once(&self) -> bool {
         matches!(self, Self::Ascii(_) | Self::StxEtx(_))
     }
@@ -202,7 +203,7 @@ impl Protocol {
         }
     }
 
-    /// Whether RTS is the protocol's: hardware flow control.
+    /// Whether the protocol drives RTS: hardware flow control.
     pub(crate) fn drives_rts(&self) -> bool {
         match self {
             Self::Ascii(machine) => machine.config().flow == ascii::Flow::Hardware,

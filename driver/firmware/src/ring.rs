@@ -18,17 +18,17 @@ pub const TELEGRAMS_MAX: usize = 250;
 const MORE: u16 = 0x8000;
 const BROKEN: u16 = 0x4000;
 
-/// What a buffer holds; the protocol decides.
+/// The capacity of a buffer; the protocol decides it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Capacity {
     bytes: usize,
     telegrams: usize,
-    /// A telegram takes the place of those that wait.
+    /// A telegram replaces the waiting one.
     overwrites: bool,
 }
 
 impl Capacity {
-    /// 1024 bytes, and so many telegrams as the parameters permit, 1 to 250.
+    /// 1024 bytes, and as many telegrams as the parameters permit, 1 to 250.
     pub(crate) const fn buffers(n: u8) -> Self {
         let n = n as usize;
         let telegrams = if n == 0 {
@@ -41,13 +41,13 @@ impl Capacity {
         Self { bytes: BUFFER_BYTES, telegrams, overwrites: false }
     }
 
-    /// 2048 bytes, and so many telegrams, 1 to 250: EnOcean (150) [S0 L2916] and M-Bus (no number is printed)
-    /// [S0 L4133].
+    /// 2048 bytes and `telegrams` telegrams, 1 to 250: EnOcean (150) [S0 L2916] and M-Bus (no number is printed) [S0
+    /// L4133].
     pub(crate) const fn large(telegrams: u8) -> Self {
         Self { bytes: BYTES_MAX, ..Self::buffers(telegrams) }
     }
 
-    /// A CP 341 (4096) or a CP 340 (1024): so many bytes, and so many telegrams, 1 to 250.
+    /// A CP 341 (4096) or a CP 340 (1024): `bytes` bytes and `telegrams` telegrams, 1 to 250.
     pub(crate) const fn of_bytes(bytes: usize, telegrams: u8) -> Self {
         Self { bytes, ..Self::buffers(telegrams) }
     }
@@ -99,12 +99,12 @@ impl<const BYTES: usize> Ring<BYTES> {
         self.telegrams
     }
 
-    /// Whether a telegram takes the place of the one that waits.
+    /// Whether a telegram replaces the waiting one.
     pub(crate) const fn overwrites(&self) -> bool {
         self.capacity.overwrites
     }
 
-    /// Bytes the next telegram may have; 0: none is taken.
+    /// Maximum length of the next telegram; 0: none is accepted.
     pub(crate) const fn room(&self) -> usize {
         if self.capacity.overwrites {
             self.capacity.bytes
@@ -134,12 +134,12 @@ impl<const BYTES: usize> Ring<BYTES> {
         true
     }
 
-    /// Bytes the next part of a telegram may have: the last place is kept for its end.
+    /// Maximum length of the next part of a telegram: the last place is reserved for its end.
     pub(crate) const fn room_for_part(&self) -> usize {
         if self.telegrams + 1 < self.capacity.telegrams { self.room() } else { 0 }
     }
 
-    /// Appends a part of a telegram, or what is told behind its parts.
+    /// Appends a part of a telegram, or the mark of its end.
     pub(crate) fn push_part(&mut self, bytes: &[u8], part: Part) -> bool {
         let place = (self.first + self.telegrams) % TELEGRAMS_MAX;
         if bytes.is_empty() && self.telegrams < self.capacity.telegrams {
@@ -156,7 +156,7 @@ impl<const BYTES: usize> Ring<BYTES> {
         true
     }
 
-    /// Telegrams that are complete.
+    /// Number of complete telegrams.
     pub(crate) fn complete(&self) -> usize {
         let places = (self.first..self.first + self.telegrams).map(|place| self.lengths[place % TELEGRAMS_MAX]);
         places.filter(|length| length & (MORE | BROKEN) == 0).count()
@@ -167,7 +167,7 @@ impl<const BYTES: usize> Ring<BYTES> {
         (self.telegrams > 0).then(|| usize::from(self.lengths[self.first] & !(MORE | BROKEN)))
     }
 
-    /// What comes behind it.
+    /// What follows it.
     pub(crate) const fn oldest_part(&self) -> Part {
         match self.lengths[self.first] & (MORE | BROKEN) {
             0 => Part::Last,

@@ -111,7 +111,7 @@ impl Bench {
         self.step(CpInput::Outputs(&outputs));
     }
 
-    /// Hands over a telegram; how the order ended, or `None` while it is with the protocol.
+    /// Hands over a telegram; returns how the order ended, or `None` while the protocol has it.
     fn send(&mut self, telegram: &[u8]) -> Option<Result<(), Failure>> {
         let mut job = SendJob::telegram(telegram.len() as u16).expect("1 to 1024");
         for _ in 0..400 {
@@ -144,7 +144,7 @@ impl Bench {
         panic!("it does not end");
     }
 
-    /// Fetches what there is: bytes, where they go, and the return value.
+    /// Fetches a telegram, if any: its offset, its bytes, and the return value.
     fn fetch(&mut self) -> Option<(usize, Vec<u8>, u16)> {
         let (mut job, mut data, mut begin) = (ReceiveJob::default(), Vec::new(), None);
         for _ in 0..400 {
@@ -372,7 +372,7 @@ fn the_slave_long_tells_where_the_master_has_written() {
     for io_bytes in [8, 16, 60] {
         let mut bench =
             Bench::new(io_bytes, &[("protocol", "modbus-slave-rtu-long"), ("address", "3"), ("duplex", "full")]);
-        // What the host sends lies in the area the master reads.
+        // The host's data are in the area the master reads.
         assert_eq!(bench.send(&pattern(100)), Some(Ok(())));
         bench.line(LineInput::Rx(&rtu(&[3, 4, 0, 0, 0, 50])));
         bench.pass(100 * MS);

@@ -1,4 +1,4 @@
-//! What a CP 340 shows otherwise than a CP 341. The rest is in the CP 341's tests: it is the same machine.
+//! Differences of a CP 340 from a CP 341. The rest is in the CP 341's tests, because it is the same machine.
 
 use ob1_firmware::cp341::{Channel, ChannelBlock, Cp341};
 use ob1_firmware::{Cp as _, CpCounter, CpEvent, CpInput, CpPort, Instant, Leds, LineSettings, Wire};

@@ -1,5 +1,5 @@
-//! The CP 341 beside its telegrams: entries of its diagnostic buffer, diagnostic interrupts, accompanying signals, jobs
-//! without parameters. [reference 1.6, 1.9, 2]
+//! The CP 341 apart from its telegrams: entries of its diagnostic buffer, diagnostic interrupts, accompanying signals,
+//! jobs without parameters. [reference 1.6, 1.9, 2]
 
 mod common;
 
@@ -19,7 +19,7 @@ fn entries(log: &Log) -> Vec<&str> {
     log.events.iter().filter_map(|event| event.strip_prefix("Entry(")?.strip_suffix(')')).collect()
 }
 
-/// What has gone, by entries of the diagnostic buffer.
+/// States that have gone, by entries of the diagnostic buffer.
 fn gone(log: &Log) -> Vec<&str> {
     log.events.iter().filter_map(|event| event.strip_prefix("EntryGone(")?.strip_suffix(')')).collect()
 }
@@ -34,7 +34,7 @@ fn start_stop_and_parameters_are_entered() {
     cp.step(Instant::START, CpInput::Keys(Ok(&parameters(9600))), &mut log);
     cp.step(Instant::START, CpInput::CpuRun(true), &mut log);
     cp.step(Instant::from_millis(1), CpInput::CpuRun(false), &mut log);
-    // STOP -> RUN sends the same ones again.
+    // STOP -> RUN sends the same parameters again.
     cp.step(Instant::from_millis(1), CpInput::Keys(Ok(&parameters(9600))), &mut log);
     cp.step(Instant::from_millis(1), CpInput::CpuRun(true), &mut log);
     cp.step(Instant::from_millis(1), CpInput::Keys(Ok(&parameters(19_200))), &mut log);
@@ -58,7 +58,7 @@ fn without_parameters_a_job_ends_with_0502() {
     assert!(!cp.is_working());
 }
 
-/// A diagnostic interrupt, and the record beside it.
+/// A diagnostic interrupt with its data.
 fn told(incoming: bool, data: [u8; 6]) -> String {
     format!("Diagnosis {{ incoming: {incoming}, data: {data:?} }}")
 }
@@ -67,7 +67,7 @@ const NONE: [u8; 6] = [0, 0x0C, 0, 0, 0, 0];
 const WIRE_BREAK: [u8; 6] = [0x25, 0x0C, 0x02, 0, 0, 0];
 const PARAMETERS: [u8; 6] = [0x83, 0x0C, 0, 0, 0x02, 0x0F];
 
-/// A CP that works, its CPU in RUN, diagnostic interrupts enabled.
+/// A working CP, its CPU in RUN, diagnostic interrupts enabled.
 fn running() -> (Cp341, Log) {
     let (mut cp, mut log) = (Cp341::new(), Log::default());
     cp.enable_diagnostics(true);

@@ -1,6 +1,6 @@
 //! ASCII of the CP 341 (and the block check of 3964R) through a whole CP: end criteria, receive buffer, sending, and
-//! what goes wrong with its number at P_SND_RK or P_RCV_RK and in the diagnostic buffer. [reference 6],
-//! [reference 3.7 to 3.10]
+//! errors with their numbers at P_SND_RK or P_RCV_RK and in the diagnostic buffer. [reference 6], [reference 3.7 to
+//! 3.10]
 
 mod cp341_bench;
 
@@ -57,7 +57,7 @@ fn a_telegram_without_its_end_is_0806h() {
     assert_eq!((bench.all(), bench.entries()), (vec![Got::Error(0x0806)], vec![0x0806]));
 }
 
-/// A character that cannot be read costs its telegram: nobody repeats it.
+/// A character that cannot be read costs its telegram, because the partner does not repeat it.
 #[test]
 fn an_unreadable_character_is_told() {
     let mut bench = by_end(&[]);
@@ -71,8 +71,8 @@ fn an_unreadable_character_is_told() {
     assert_eq!((bench.all(), bench.entries()), (vec![Got::Error(0x080D)], vec![0x080D]));
 }
 
-/// The frame of 3964R that ASCII has not: BCC. 0808h is entered with the NAK, and told when the partner does not
-/// repeat. [reference 3.10]
+/// The part of a 3964R frame that ASCII does not have: BCC. 0808h is entered with the NAK, and reported when the
+/// partner does not repeat. [reference 3.10]
 #[test]
 fn a_wrong_block_check_character_is_0808h() {
     let mut bench = Bench::new(&[("protocol", "3964r".into())]);
@@ -106,7 +106,7 @@ fn the_receive_buffer_holds_4096_bytes() {
     assert_eq!(bench.entries(), []);
     bench.has_said(b"7\r\n");
     assert_eq!(bench.entries(), [0x080A], "not one byte is free");
-    // What is on offer comes first: it was so before the first error.
+    // The telegram on offer comes first, because it was offered before the first error.
     let mut expected: Vec<Got> = (1..=4).map(|n| telegram(&long(n, 1000))).collect();
     expected.insert(1, Got::Error(0x080A));
     expected.insert(2, Got::Error(0x080A));
@@ -157,10 +157,10 @@ fn balanced(bench: &Bench, in_buffer: u64) {
 #[test]
 fn the_newest_telegram_is_kept() {
     let mut bench = by_end(&[("receive_buffers", Value::Int(1)), ("prevent_overwriting", "no".into())]);
-    // The first is offered at once; P_RCV_RK does not look.
+    // The first is offered at once, but P_RCV_RK does not look.
     bench.has_said(b"first\r\nsecond\r\nthird\r\n");
     assert_eq!(bench.entries(), []);
-    // What it was offered is what it gets, whole; then the newest.
+    // It gets the whole offered telegram, then the newest.
     assert_eq!(bench.all(), [telegram(b"first\r\n"), telegram(b"third\r\n")]);
     balanced(&bench, 0);
     // The telegram that is being taken is not mixed with another.
@@ -269,8 +269,8 @@ fn waiting_for_the_partner_ends_with_0708h() {
     assert_eq!((bench.heard(), bench.entries()), (b"now".to_vec(), vec![0x0708]));
 }
 
-/// The partner is stopped when the number of telegrams is reached, and let go when the CPU has taken one.
-/// [reference 6.4]
+/// The partner is stopped when the number of telegrams is reached, and released when the CPU has taken one. [reference
+/// 6.4]
 #[test]
 fn the_partner_is_stopped_by_the_number_of_telegrams() {
     let keys = [("flow", Value::from("xon-xoff")), ("receive_buffers", Value::Int(2)), ("zvz_ms", Value::Int(10))];

@@ -35,11 +35,11 @@ fn automatic(protocol: &str) -> Bench {
 const ASCII: &str = "ascii";
 const MODBUS: &str = "modbus-ascii-master-32";
 
-/// A job and what it looks like on the line.
+/// A job and its characters on the line.
 fn job_of(protocol: &str) -> (&'static [u8], &'static [u8]) {
     match protocol {
         ASCII => (b"Hello", b"Hello"),
-        // Function 05 to all slaves: nobody answers.
+        // Function 05 to all slaves: no answer.
         _ => (&[0, 5, 0, 0x19, 0xFF, 0], b":00050019FF00E3\r\n"),
     }
 }
@@ -57,13 +57,13 @@ fn v24_set_is_without_effect_and_v24_stat_is_not() {
         bench.switches(false, false);
         assert_eq!(bench.v24_stat(), DTR);
     }
-    // With RTS/CTS flow control RTS is not the program's, DTR is. [reference 2.2]
+    // With RTS/CTS flow control the program does not control RTS, but it controls DTR. [reference 2.2]
     let mut bench = bench(&[("protocol", ASCII.into()), ("flow", "rts-cts".into())]);
     bench.v24_set(false, true);
     assert_eq!((bench.outputs(), bench.v24_stat() & (RTS | DTR)), ((true, true), RTS | DTR));
 }
 
-/// Without automatic use they are the program's, and nobody looks at CTS and DSR. [S4 L590]
+/// Without automatic use the program controls them, and CTS and DSR are not checked. [S4 L590]
 #[test]
 fn without_automatic_use_they_are_the_programs() {
     for protocol in [ASCII, MODBUS] {
@@ -131,7 +131,7 @@ fn cts_or_dsr_off_ends_a_job_with_0818h() {
             bench.switches(rts, dtr);
             off(&mut bench, "OFF while sending");
         }
-        // What had not begun to leave did not: two characters of each. And it goes on working.
+        // Only characters already begun were sent: two of each. And the CP still works.
         assert_eq!((bench.job(job), bench.heard()), (Ok(()), frame.to_vec()), "{protocol}");
     }
 }
@@ -176,7 +176,7 @@ fn dsr_off_ends_what_is_received() {
     assert_eq!(bench.all(), []);
 }
 
-/// [S4 L727], [S4 L538]: BREAK while the request leaves, while the reply is awaited, and outside of a job.
+/// [S4 L727], [S4 L538]: BREAK while the request is sent, while the reply is awaited, and outside a job.
 #[test]
 fn break_ends_a_job_of_the_loadable_driver() {
     let mut bench = bench(&[("protocol", MODBUS.into())]);

@@ -12,7 +12,7 @@ use ob1_protocols::esp2::{Button, Command, Message, Radio, Switch, Telegram};
 /// evaluated." [S1 L937]
 const PARAMETERS: [u8; 16] = [0, 0xE0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
 
-/// What FC 101 of the manual sends, up to the ID base. [S1 L1640]
+/// The telegram of the manual's FC 101, up to the ID base. [S1 L1640]
 const FC_101: Bytes = [0x6B, 5, 2, 0, 0, 0, 0, 0, 0x32, 0x67, 6];
 
 fn frame(telegram: Telegram) -> [u8; 14] {
@@ -88,7 +88,7 @@ fn a_new_id_base_counts_after_a_reset() {
     assert_eq!(bench.log.tx[8..12], [0xFF, 0xAB, 0xCD, 0xE7], "the new one");
 }
 
-/// "... which may handle up to 150 telegrams"; "at full buffer new telegrams are ignored"; ER shows it, and nothing
+/// "... which may handle up to 150 telegrams"; "at full buffer new telegrams are ignored"; ER shows this, and nothing
 /// else. [S1 L941]
 #[test]
 fn a_full_buffer_is_all_that_er_shows() {
@@ -113,8 +113,8 @@ fn a_full_buffer_is_all_that_er_shows() {
     }
 }
 
-/// The CPU hands telegrams over faster than 9600 baud: 146 fit into the buffer, one more waits for its turn, and all
-/// leave in order.
+/// The CPU hands over telegrams faster than 9600 baud: 146 fit into the buffer, one more waits, and all are sent in
+/// order.
 #[test]
 fn the_send_buffer_takes_2048_bytes() {
     let mut bench = working(0xFF80_0080);

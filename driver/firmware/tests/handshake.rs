@@ -125,7 +125,7 @@ fn a_partner_that_does_not_answer_is_07h() {
 
 #[test]
 fn nothing_is_done_on_a_line_that_is_gone() {
-    // ASCII has no acknowledgement: the CP knows better than the protocol.
+    // ASCII has no acknowledgement: only the CP knows that the order failed.
     let mut bench = Bench::working(&ascii(1));
     bench.hand_over(b"one");
     bench.line(LineInput::Fault(LineFault::Gone));
@@ -250,7 +250,7 @@ fn fragments_are_offered_as_they_come() {
     let mut bench = Bench::working(&parameters);
     bench.line(LineInput::Rx(b"0123456789AB"));
     assert_eq!(bench.fetch(), b"0123456789AB");
-    // A CPU that is slow does not lose blocks: the number of receive buffers counts telegrams.
+    // A slow CPU does not lose blocks, because the number of receive buffers counts telegrams.
     bench.line(LineInput::Rx(b"CDEFGHIJKLMNOPQRSTUVWXYZ...........end"));
     bench.pass(40 * MS);
     for block in [b"CDEFGHIJKLMN".as_slice(), b"OPQRSTUVWXYZ", b"...........e", b"nd"] {

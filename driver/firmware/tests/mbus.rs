@@ -9,7 +9,7 @@ use ob1_params::Cp240;
 /// "You have only to set F0h in Byte 1 ... The other parameters are reserved and not evaluated." [S0 L4129]
 const PARAMETERS: [u8; 16] = [0, 0xF0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
 
-/// An answer of `bytes` user data behind C, A and CI field, as it is on the line.
+/// An answer with this user data after C, A and CI field, as on the line.
 fn answer(data: &[u8]) -> Vec<u8> {
     let l = 3 + data.len() as u8;
     let body = [&[0x08, 0x02, 0x72][..], data].concat();
@@ -63,7 +63,7 @@ fn each_telegram_sets_its_baud_rate() {
         assert_eq!(bench.fetch(), [0, 0xE5]);
     }
     assert_eq!(bench.log.settings.len(), 4, "set where it changes: {:?}", bench.log.settings);
-    // New parameters, and a reset: a telegram's rate is its own.
+    // New parameters, and a reset: a telegram keeps its own rate.
     bench.step(ob1_firmware::CpInput::Parameters(&PARAMETERS));
     bench.synchronise();
     assert_eq!(bench.log.settings.len(), 5);
@@ -97,7 +97,7 @@ fn what_is_no_frame_ends_with_its_code() {
     }
 }
 
-/// A line that is gone is a meter that does not answer: the program gets its response, and the CP goes on.
+/// A lost line is like a meter that does not answer: the program gets its response, and the CP continues.
 #[test]
 fn a_line_that_is_gone_answers_nothing() {
     let mut bench = Bench::working(&PARAMETERS);
@@ -123,8 +123,8 @@ fn reserved_bytes_are_not_evaluated() {
     assert_eq!(bench.fetch(), [1]);
 }
 
-/// "send and receive data have each a reserved 2048Byte buffer" [S0 L4133]: eight of the longest answers; the order
-/// behind them waits until one is taken.
+/// "send and receive data have each a reserved 2048Byte buffer" [S0 L4133]: eight of the longest answers; the next
+/// order waits until one is taken.
 #[test]
 fn the_receive_buffer_has_2048_bytes() {
     let mut bench = Bench::working(&PARAMETERS);

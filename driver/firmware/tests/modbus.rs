@@ -23,7 +23,7 @@ fn frame(telegram: &[u8]) -> Vec<u8> {
     frame[..len].to_vec()
 }
 
-/// A telegram comes in; what the CP answers within 10 ms.
+/// A telegram comes in; returns the CP's answer within 10 ms.
 fn ask(bench: &mut Bench, telegram: &[u8]) -> Vec<u8> {
     bench.log.tx.clear();
     bench.line(LineInput::Rx(&frame(telegram)));
@@ -35,7 +35,7 @@ fn ask(bench: &mut Bench, telegram: &[u8]) -> Vec<u8> {
     answer
 }
 
-/// What FC 0 does.
+/// Does what FC 0 does.
 fn send(bench: &mut Bench, telegram: &[u8], option: u16) {
     let mut rest = telegram;
     while !rest.is_empty() {
@@ -47,7 +47,7 @@ fn send(bench: &mut Bench, telegram: &[u8], option: u16) {
     bench.put_tx(0, &[]);
 }
 
-/// What FC 1 does, as far as it goes; the telegram, and the bits above the counts.
+/// Does what FC 1 does, as far as possible; returns the bits above the counts, and the telegram.
 fn receive(bench: &mut Bench) -> Option<(u16, Vec<u8>)> {
     let bits = bench.rx() & 0xF000;
     let mut telegram = Vec::new();
@@ -135,7 +135,7 @@ fn a_master_without_an_answer() {
     assert_eq!(bench.log.counters[&CpCounter::SendErrors], 1);
 }
 
-/// An order on a line that is gone is answered as by a slave that is not there.
+/// An order on a lost line ends as with a missing slave.
 #[test]
 fn a_master_on_a_line_that_is_gone() {
     let mut bench = Bench::starting(&MASTER_RTU);
@@ -173,7 +173,7 @@ fn er_stays_until_stop_run() {
     assert!(!bench.log.leds.error);
 }
 
-/// What stands in the registers when a driver is started again is of its predecessor.
+/// The content of the registers at the restart of a driver comes from its predecessor.
 #[test]
 fn a_count_of_an_earlier_life_is_no_telegram() {
     let mut bench = Bench::off();
@@ -210,7 +210,7 @@ fn slave_short_is_the_process_image() {
     let write: Vec<u8> = [5, 0x10, 0, 0, 0, 8, 0x10].into_iter().chain(0xA0..=0xAF).collect();
     assert_eq!(ask(&mut bench, &write), frame(&[5, 0x10, 0, 0, 0, 8]));
     assert_eq!(bench.log.inputs.to_vec(), (0xA0..=0xAF).collect::<Vec<u8>>());
-    // Whatever the bytes are, they are no counts: neither a reset request nor a telegram.
+    // The bytes are never counts: neither a reset request nor a telegram.
     bench.outputs = [0x80, 0x02, 0, 6, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12];
     bench.step(CpInput::Outputs(&bench.outputs.clone()));
     assert_eq!(ask(&mut bench, &[5, 4, 0, 0, 0, 2]), frame(&[5, 4, 4, 0x80, 0x02, 0, 6]));
@@ -237,7 +237,7 @@ fn slave_long_stores_what_is_sent() {
     assert_eq!(bench.tx_echo(), 0x2017, "1025 bytes");
 }
 
-/// Only changed blocks, the coherent ones together, the answer when all of them have been fetched. [S0 L2072],
+/// Only changed blocks, contiguous ones together; the answer follows when all of them have been fetched. [S0 L2072],
 /// [S0 L2082]
 #[test]
 fn slave_long_hands_out_what_has_changed() {
@@ -268,7 +268,7 @@ fn slave_long_hands_out_what_has_changed() {
     assert_eq!(bench.log.counters[&CpCounter::Delivered], 3);
 }
 
-/// The CPU's area ends before: exception 02h to the master. [S0 L2074]
+/// The CPU's area is too short: exception 02h to the master. [S0 L2074]
 #[test]
 fn slave_long_outside_of_the_cpus_area() {
     let mut bench = Bench::starting(&SLAVE_LONG);

@@ -1,5 +1,5 @@
-//! A CPU and a line that do as they like, against what a CP must guarantee: telegrams exactly once and in order, or an
-//! error; nothing leaves that was not completely handed over.
+//! A CPU and a line that act at random, against the guarantees of a CP: telegrams exactly once and in order, or an
+//! error; nothing is sent that was not completely handed over.
 
 mod common;
 
@@ -13,16 +13,16 @@ use proptest::prelude::*;
 #[derive(Default)]
 struct Cpu {
     orders: VecDeque<Vec<u8>>,
-    /// The telegram being handed over, and how much of it is not acknowledged.
+    /// The telegram being handed over, and the number of its unacknowledged bytes.
     sending: Option<(Vec<u8>, usize)>,
     done: Vec<Vec<u8>>,
-    /// What has been fetched of the telegram on show.
+    /// The fetched part of the telegram shown.
     fetching: Vec<u8>,
     fetched: Vec<Vec<u8>>,
 }
 
 impl Cpu {
-    /// What one call of FC 0 does at most.
+    /// At most what one call of FC 0 does.
     fn send(&mut self, bench: &mut Bench) {
         let echo = bench.tx_echo();
         match &mut self.sending {
@@ -46,7 +46,7 @@ impl Cpu {
         }
     }
 
-    /// What one call of FC 1 does at most.
+    /// At most what one call of FC 1 does.
     fn receive(&mut self, bench: &mut Bench) {
         let rest = bench.rx();
         let echo = u16::from_be_bytes([bench.outputs[0], bench.outputs[1]]);
@@ -120,7 +120,7 @@ proptest! {
         for act in &acts {
             run(&mut bench, &mut cpu, act);
         }
-        // To the end: everything that was begun comes out.
+        // To the end: everything begun comes out.
         for _ in 0..2_000 {
             for act in [Act::Send, Act::TxDone, Act::Receive] {
                 run(&mut bench, &mut cpu, &act);
@@ -156,7 +156,7 @@ proptest! {
             let (before, working) = (bench.tx_echo(), bench.cp.is_working());
             let transmitting = bench.log.tx.len();
             bench.put(rx, tx, &[fill; 12]);
-            // The write that ends the start-up may carry a first count already.
+            // The write that ends the start-up may already contain a first count.
             let before = if working { before } else { 0 };
             let after = bench.tx_echo();
             let complete = working && rx != 0x8002 && tx == 0 && (1..=12).contains(&before) && !collected.is_empty();

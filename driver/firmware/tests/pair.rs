@@ -51,7 +51,7 @@ impl CpPort for Port {
     }
 }
 
-/// A CP with a CPU that sends a list of telegrams and fetches what comes, a register write every millisecond.
+/// A CP with a CPU that sends a list of telegrams and fetches received ones, with a register write every millisecond.
 struct Station {
     cp: Cp240,
     port: Port,
@@ -59,7 +59,7 @@ struct Station {
     outputs: Registers,
     orders: std::vec::IntoIter<Vec<u8>>,
     sending: Option<(Vec<u8>, usize)>,
-    /// How each order ended: `None` well, or its code.
+    /// How each order ended: `None` for success, or its code.
     ended: Vec<Option<u8>>,
     fetching: Vec<u8>,
     fetched: Vec<Vec<u8>>,
@@ -228,8 +228,8 @@ fn both_ways_at_once_on_a_good_line() {
 
 #[test]
 fn done_means_arrived_on_a_line_that_spoils_characters() {
-    // Faults that a block check character sees, as long as they come one at a time in a column. A lost 00h it does not
-    // see: there is none here.
+    // Faults that a block check character detects, as long as there is one at a time per bit column. It does not detect
+    // a lost 00h, but there is none here.
     let faults = FaultRates { flip: 200, lose: 200, parity: 200, framing: 200, break_: 100, ..FaultRates::NONE };
     let mut failed = 0;
     let seen = |from: u8| -> Vec<Vec<u8>> {
@@ -253,8 +253,8 @@ fn done_means_arrived_on_a_line_that_spoils_characters() {
 
 #[test]
 fn every_order_ends_on_a_line_that_does_everything() {
-    // With characters that come late or twice, answers meet the wrong question, and four STX too many in front of a
-    // block cancel each other in an XOR. So nothing is said here about what arrives, only that it goes on.
+    // With late or doubled characters, answers match the wrong request, and four extra STX in front of a block cancel
+    // each other in an XOR. So this does not check what arrives, only that the stations continue.
     for seed in 0..30 {
         let (from_a, from_b) = (telegrams(b'a', 12), telegrams(b'b', 12));
         let (a, b) = run(FaultRates::all(300), seed, from_a.clone(), from_b.clone());

@@ -45,7 +45,8 @@ fn the_identifier_is_shown_and_acknowledged() {
 
 #[test]
 fn zeros_that_were_overwritten_are_not_waited_for() {
-    // FC 9 writes its zeros and FC 0, in the same scan, the first count over them: the CP may have seen neither.
+    // FC 9 writes its zeros, and in the same scan FC 0 overwrites them with the first count: the CP may have seen
+    // neither.
     let mut bench = Bench::starting(&ascii(1));
     bench.put(0x8001, 0x8001, &[]);
     bench.put(0, 4, b"ping");
@@ -71,7 +72,7 @@ fn until_then_it_sends_nothing_keeps_nothing_and_takes_no_order() {
 
 #[test]
 fn an_acknowledgement_of_an_earlier_life_is_none() {
-    // The same number as this life would show stands in the registers, reset request and all.
+    // The registers contain the number that this process would show, including the reset request.
     for rx in [0x8001, 0x8002, 0] {
         let mut bench = Bench::off();
         bench.put(rx, 0x8001, &[]);
@@ -111,7 +112,7 @@ fn neighbouring_lives_show_different_numbers() {
 
 #[test]
 fn a_reset_request_is_answered_in_every_state_and_once() {
-    // At work with an order on the line and a telegram in the buffer.
+    // Working, with an order on the line and a telegram in the buffer.
     let mut bench = Bench::working(&s3964r(false));
     bench.hand_over(b"order");
     bench.put_rx(0x8002);
@@ -119,10 +120,10 @@ fn a_reset_request_is_answered_in_every_state_and_once() {
     assert_eq!(bench.count(CpCounter::OrdersAborted), 1);
     bench.pass(5_000 * MS);
     assert_eq!(bench.log.tx, [0x02], "the STX that was out; nothing after the reset");
-    // The request still stands there: it has been answered.
+    // The request is still in the registers, but it has been answered.
     bench.put(0x8002, 0, &[1]);
     assert_eq!(bench.tx_echo(), 0x8002);
-    // A new one while the identifier is on show, and one while the words go to 0.
+    // A new request while the identifier is shown, and one while the words go to 0.
     bench.put(0, 0, &[]);
     bench.put(0x8002, 0, &[]);
     assert_eq!(bench.tx_echo(), 0x8003);

@@ -7,10 +7,10 @@ use ob1_coupler::{Image, LineConfig};
 use ob1_line::Instant;
 use tracing::{info, warn};
 
-/// What others see of who has the lines (`gpioinfo`).
+/// The consumer name of the lines as shown by `gpioinfo`.
 const CONSUMER: &str = "ob1";
 
-/// A chip, and who reads and drives it.
+/// A chip and its master.
 pub(crate) struct Gpio {
     name: String,
     pub(crate) master: GpioMaster,

@@ -1,4 +1,4 @@
-//! What the process of a bus does, without its loop: the whole-station simulation runs the same in virtual time.
+//! The process of a bus without its loop: the whole-station simulation runs the same code in virtual time.
 
 pub mod master;
 pub mod pump;

@@ -1,4 +1,4 @@
-//! One line of the bus: its device, the master on it, and what it has to tell.
+//! One line of the bus: its device, its master, and its events.
 
 use std::io;
 
@@ -11,22 +11,22 @@ use ob1_protocols::trace::record::{Kind, number_of};
 use serde_json::json;
 use tracing::{info, warn};
 
-/// Events in one pass: then the heart beats, and the other lines have their turn.
+/// Events in one pass: then come the heartbeat and the other lines.
 const EVENTS: u32 = 32;
 /// Received bytes handed over at a time.
 const BUFFER: usize = 512;
 
-/// The device or connection, and who is asked on it.
+/// The device or connection, and its master.
 pub(crate) struct Line {
     spec: LineSpec,
     settings: LineSettings,
     pub(crate) real: RealLine,
     pub(crate) master: Master,
-    /// Who listens.
+    /// Its listeners.
     pub(crate) tap: Tap,
-    /// When it has something to do although nothing happens.
+    /// When it is due without any event.
     pub(crate) deadline: Instant,
-    /// Whether it was up when it was last told of it.
+    /// Whether it was up in the last report.
     up: bool,
 }
 
@@ -39,7 +39,7 @@ impl Line {
         Ok(Self { spec, settings, real, master, tap: Tap::default(), deadline: Instant::START, up: false })
     }
 
-    /// Lets others listen at this path.
+    /// Opens the tap at this path.
     pub(crate) fn open_tap(&mut self, path: &std::path::Path, name: &str, config: &LineConfig) {
         self.tap.open(Some(path));
         let baud = config.serial.map(|serial| serial.baud).or(config.dp.as_ref().map(|dp| dp.baud));
@@ -49,7 +49,7 @@ impl Line {
         self.tap.introduce(Instant::START, std::time::SystemTime::now(), about);
     }
 
-    /// Takes what the line has to tell; true if that may not have been everything.
+    /// Takes the events of the line; true if there may be more.
     pub(crate) fn events(&mut self, now: Instant, image: &mut Image) -> bool {
         let mut buffer = [0; BUFFER];
         for _ in 0..EVENTS {
@@ -126,7 +126,7 @@ pub(crate) fn settings(config: &LineConfig) -> LineSettings {
         return LineSettings { baud: dp.baud, parity: ob1_line::Parity::Even, ..LineSettings::default() };
     }
     let Some(serial) = &config.serial else {
-        // TCP: what it has of a line's times is not looked at.
+        // TCP: the times of the line settings are not used.
         return LineSettings { baud: 4_000_000, ..LineSettings::default() };
     };
     LineSettings {

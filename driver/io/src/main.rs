@@ -1,7 +1,7 @@
 //! `ob1-io`: the process of a bus. It exchanges inputs and outputs with the couplers or slaves on its lines, and ends
 //! with its standard input.
 
-// Everything goes through one place that neither panics nor waits for ever.
+// All output goes through one place that neither panics nor waits for ever.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod gpio;
@@ -120,7 +120,7 @@ fn run(arguments: &Arguments, fenced: Result<Vec<(&'static str, String)>, String
     }
 }
 
-/// What was handed over: the segment, then the image of the bus.
+/// The descriptors handed over: the segment, then the image of the bus.
 fn ends() -> Result<(CpSide, BusMemory), SegmentError> {
     let mut descriptors = ob1_child::handed_over().into_iter();
     let (Some(segment), Some(memory)) = (descriptors.next(), descriptors.next()) else {

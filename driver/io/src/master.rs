@@ -1,13 +1,13 @@
-//! The master of a line, whatever is spoken on it.
+//! The master of a line with any protocol.
 
 use ob1_coupler::{Image, LineConfig, LineMaster, MasterInput};
 use ob1_line::Instant;
 
 /// The master of a line.
 pub enum Master {
-    /// Of Modbus couplers.
+    /// Master of Modbus couplers.
     Modbus(Box<LineMaster>),
-    /// Of DP slaves.
+    /// Master of DP slaves.
     Dp(Box<ob1_dp::Master>),
 }
 
@@ -15,7 +15,7 @@ impl Master {
     /// The master of a line whose couplers or slaves begin at `first` in the image's list.
     ///
     /// # Errors
-    /// Bus parameters that cannot be, in words.
+    /// Impossible bus parameters, in words.
     pub fn new(config: &LineConfig, first: usize, input_bytes: usize, now: Instant) -> Result<Self, String> {
         Ok(match &config.dp {
             Some(dp) => Self::Dp(Box::new(ob1_dp::Master::new(dp, first, now).map_err(|why| why.0)?)),
@@ -23,7 +23,7 @@ impl Master {
         })
     }
 
-    /// Takes what has happened; the result is when to call again at the latest.
+    /// Takes an event; returns when to call again at the latest.
     pub fn step(&mut self, now: Instant, input: MasterInput<'_>, image: &mut Image, out: &mut Vec<u8>) -> Instant {
         match self {
             Self::Modbus(master) => master.step(now, input, image, out),
@@ -31,7 +31,7 @@ impl Master {
         }
     }
 
-    /// The connection is to be opened anew. Told once.
+    /// Whether the connection must be reopened. Reported once.
     pub fn wants_reconnect(&mut self) -> bool {
         match self {
             Self::Modbus(master) => master.wants_reconnect(),
@@ -39,7 +39,7 @@ impl Master {
         }
     }
 
-    /// Whether everybody who can be reached has the outputs as they are now.
+    /// Whether every reachable station has the current outputs.
     #[must_use]
     pub fn has_told_outputs(&self, image: &Image) -> bool {
         match self {

@@ -1,4 +1,4 @@
-//! Between the scan and the masters: what is driven, and whether by a scan that lives; what the scan gets to see.
+//! Between the scan and the masters: outputs of a live scan go to the masters, inputs go to the scan.
 
 use ob1_backplane::{BusMemory, BusProcessSide, BusSize, CpSide, DriverState};
 use ob1_coupler::{BusConfig, Image};
@@ -10,24 +10,24 @@ const HEARTBEAT: Span = Span::from_millis(50);
 
 /// The ends of the segment and of the bus's image that belong to the process.
 pub struct Pump {
-    /// The segment it is supervised by.
+    /// The segment for its supervision.
     pub segment: CpSide,
     side: BusProcessSide,
-    /// Inputs, outputs, and how the couplers and slaves stand.
+    /// Inputs, outputs, and the state of the couplers and slaves.
     pub image: Image,
-    /// The generation of the image that was published last.
+    /// The generation of the last published image.
     published: u64,
     next_beat: Instant,
-    /// The scan's last sign of life, and since when there was none.
+    /// The scan's last sign of life, and its time.
     scan: (u64, Instant),
     alive: bool,
     scan_timeout: Span,
-    /// What the CPU has said of the outputs.
+    /// Whether the CPU wants the outputs driven.
     wanted: bool,
 }
 
 impl Pump {
-    /// The process is there.
+    /// A pump of a new process.
     #[must_use]
     pub fn new(config: &BusConfig, segment: CpSide, memory: &BusMemory, size: BusSize, now: Instant) -> Self {
         let mut pump = Self {
@@ -46,7 +46,7 @@ impl Pump {
         pump
     }
 
-    /// What the scan wants of the outputs, and whether it is alive; whether anything is another than before.
+    /// Reads the outputs from the scan, and checks whether it is alive; true if anything has changed.
     pub fn look_at_scan(&mut self, now: Instant) -> bool {
         let mut changed = false;
         if let Some(driven) = self.side.take(&mut self.image.outputs) {
@@ -71,7 +71,7 @@ impl Pump {
         changed
     }
 
-    /// Shows what is new, and that the process lives.
+    /// Publishes new data, and the heartbeat of the process.
     pub fn show(&mut self, now: Instant) {
         if now >= self.next_beat {
             self.segment.beat();
@@ -82,7 +82,7 @@ impl Pump {
         }
     }
 
-    /// When [`Self::show`] has something to do at the latest.
+    /// When [`Self::show`] is due at the latest.
     #[must_use]
     pub const fn deadline(&self) -> Instant {
         self.next_beat

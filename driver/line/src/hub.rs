@@ -1,9 +1,9 @@
-//! The process that is a simulated line: CPs connect to a socket, and what one sends the others hear, in its time, with
+//! The process of a simulated line: CPs connect to a socket, and the others receive what one sends, with its timing and
 //! its faults.
 //!
-//! The model is [`SimBus`], the same as in virtual time; here somebody hands in the real one. A late owner delays
-//! characters, never loses them. The partner of a CP may be another CP, of this or of another station, or a [`Partner`]
-//! that the line brings along.
+//! The model is [`SimBus`], the same as in virtual time; here the owner passes in real time. A late owner delays
+//! characters, but never loses them. The partner of a CP may be another CP, of this or of another station, or a
+//! [`Partner`] of the line itself.
 
 use std::io;
 use std::os::fd::AsFd;
@@ -19,27 +19,27 @@ use crate::sim::{BusConfig, BusEvent, Frame, Participant, SimBus};
 use crate::spec::LineSpec;
 use crate::wire::{FromHub, ToHub};
 
-/// Who else is on the line.
+/// A further participant of the line.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub enum Partner {
-    /// Nobody but the CPs.
+    /// Only the CPs.
     #[default]
     None,
-    /// Somebody who sends back every character.
+    /// A partner that sends back every character.
     Echo,
-    /// A program that opens this pty: it has the line's speed and faults, whatever it sets there.
+    /// A program that opens this pty: it gets the line's speed and faults, whatever it sets on the pty.
     Pty(PathBuf),
 }
 
-/// CPs on two wires, at most: the unit loads of RS-485.
+/// Maximum of CPs on two wires: the unit loads of RS-485.
 const MOST: usize = 32;
 
-/// Callers, messages of one CP and events of a pty taken at a time: whoever floods the line must not keep its process
-/// from anything else.
+/// Callers, messages of one CP and events of a pty taken at a time: a participant that floods the line must not block
+/// the process.
 const CALLERS: usize = 16;
 const MESSAGES: usize = 64;
-/// Characters of one that may wait for the line. Who writes more waits: its messages stay in the socket, its bytes in
-/// the pty.
+/// Characters of one participant that may wait for the line. One that writes more must wait: its messages stay in the
+/// socket, its bytes in the pty.
 const WAITING: usize = 16 * 1024;
 
 /// A CP on the line.
@@ -51,13 +51,13 @@ struct Guest {
     gone: bool,
 }
 
-/// The partner at work.
+/// The partner in operation.
 enum AtWork {
     Echo(Participant),
     Pty(Box<RealLine>, Participant),
 }
 
-/// A simulated line and those on it.
+/// A simulated line and its participants.
 pub struct Hub {
     bus: SimBus,
     listener: Listener,
@@ -72,7 +72,7 @@ impl Hub {
     /// A line that listens at `path`. The caller owns that name (see [`Listener::bind`]).
     ///
     /// # Errors
-    /// What the system says about the path.
+    /// The system's error for the path.
     pub fn open(path: &Path, config: BusConfig, seed: u64, partner: &Partner) -> io::Result<Self> {
         let mut bus = SimBus::new(config, seed);
         let frame = Frame::of(&LineSettings::default());
@@ -93,17 +93,17 @@ impl Hub {
         self.guests.len()
     }
 
-    /// Messages a CP did not fetch in time, which it has lost.
+    /// Messages lost because a CP did not fetch them in time.
     pub const fn lost(&self) -> u64 {
         self.lost
     }
 
-    /// Callers for whom the line has no place: a cable has two ends.
+    /// Callers for whom there was no place: a cable has two ends.
     pub const fn turned_away(&self) -> u64 {
         self.turned_away
     }
 
-    /// Characters that met another's on two wires.
+    /// Characters that collided on two wires.
     pub fn collisions(&self) -> u64 {
         self.bus.collisions()
     }
@@ -131,7 +131,7 @@ impl Hub {
         self.bus.next_event().into_iter().chain(partner).min()
     }
 
-    /// Does everything that has come up by `now`.
+    /// Does everything that is due by `now`.
     pub fn work(&mut self, now: Instant) {
         self.admit();
         self.listen(now);
@@ -146,7 +146,7 @@ impl Hub {
         });
     }
 
-    /// Whether somebody has written so much that he must wait.
+    /// Whether a participant has written so much that it must wait.
     fn is_full(&self, who: Participant) -> bool {
         self.bus.waiting(who) >= WAITING
     }
@@ -177,7 +177,7 @@ impl Hub {
                         Some(ToHub::Settings(settings)) => {
                             let frame = Frame::of(&settings);
                             self.bus.set_frame(guest.who, frame);
-                            // The partner is set like the CP: nobody else could do it.
+                            // The partner gets the settings of the CP, because nothing else sets it.
                             if let Some(AtWork::Echo(who) | AtWork::Pty(_, who)) = &self.partner {
                                 self.bus.set_frame(*who, frame);
                             }
@@ -188,7 +188,7 @@ impl Hub {
                         }
                         Some(ToHub::TakeBack) => drop(self.bus.take_back(guest.who, now)),
                         Some(ToHub::Modem { rts, dtr }) => self.bus.set_modem(guest.who, now, rts, dtr),
-                        // Not one of ours.
+                        // Not one of our messages.
                         None => guest.gone = true,
                     },
                 }
@@ -211,7 +211,7 @@ impl Hub {
         }
     }
 
-    /// Tells everybody what has happened to them.
+    /// Delivers all events to the participants.
     fn speak(&mut self, now: Instant) {
         let mut buffer = [0; 512];
         let mut message = Vec::new();
@@ -225,7 +225,7 @@ impl Hub {
                 }
                 Some(AtWork::Pty(line, partner)) if *partner == who => {
                     if let BusEvent::Rx(count) = event {
-                        // Only as much as a pty holds: nobody reads it, and then it is lost as on a wire.
+                        // A pty holds only so much: if nobody reads, the rest is lost as on a wire.
                         let _ = line.write(now, &buffer[..count]);
                     }
                     continue;
@@ -241,7 +241,7 @@ impl Hub {
                 }
                 BusEvent::Fault(LineFault::Break) => FromHub::Received(&[0xFF, 0, 0]),
                 BusEvent::Fault(_) => FromHub::Received(&[0xFF, 0, 1]),
-                // More was written meanwhile: its end is told by another one.
+                // More was written meanwhile: another event reports its end.
                 BusEvent::TxDone if self.bus.is_sending(who, now) => continue,
                 BusEvent::TxDone => FromHub::Done(guest.written),
                 BusEvent::Modem(lines) => FromHub::Modem(lines),
@@ -256,7 +256,7 @@ impl Hub {
     }
 }
 
-/// Characters as a tty with `PARMRK` hands them out.
+/// Characters as delivered by a tty with `PARMRK`.
 fn mark(bytes: &[u8], into: &mut Vec<u8>) {
     for &byte in bytes {
         into.push(byte);

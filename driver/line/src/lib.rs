@@ -1,11 +1,11 @@
-//! Serial lines as a CP sees them: a serial device, a pty, TCP, and the simulated line.
+//! Serial lines of a CP: a serial device, a pty, TCP, and the simulated line.
 //!
 //! A line is described by a [`LineSpec`] (`serial:/dev/ttyUSB0`, `pty:PATH`, `tcp:HOST:PORT`, `tcp-listen:[ADDR:]PORT`)
 //! and opened as a [`RealLine`]. From then on it is one non-blocking object that never ends the process: a device that
-//! vanishes or a peer that closes is reported as [`LineEvent::Gone`], and the line heals by itself.
+//! vanishes or a peer that closes is reported as [`LineEvent::Gone`], and the line recovers by itself.
 //!
-//! The crate reads no clock. Whoever owns the line passes the time in, polls the descriptors of
-//! [`RealLine::poll_fds`] no longer than [`RealLine::deadline`] says, and then takes events until there are none left.
+//! The crate reads no clock. The owner of the line passes in the time, polls the descriptors of [`RealLine::poll_fds`]
+//! no longer than until [`RealLine::deadline`], and then takes events until there are none left.
 
 // Two ioctls that no crate wraps (see `sys`), and the borrowed descriptor of a serial port.
 #![allow(unsafe_code)]

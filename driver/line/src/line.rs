@@ -1,4 +1,4 @@
-//! What a real line tells, and what its owner waits for.
+//! Events of a real line, and the descriptors its owner waits for.
 
 use std::os::fd::BorrowedFd;
 
@@ -6,19 +6,19 @@ use rustix::event::{PollFd, PollFlags};
 
 pub use ob1_serial::{Instant, LineFault, ModemLines, Span};
 
-/// What a line has to tell.
+/// An event of a line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum LineEvent {
-    /// So many bytes were received and stand at the beginning of the buffer.
+    /// This many bytes were received; they are at the beginning of the buffer.
     Rx(usize),
     /// A fault, in its place between the bytes.
     Fault(LineFault),
-    /// The last bit of everything written has left the line.
+    /// The last bit of everything written has been sent.
     TxDone,
     /// The line can be used; the settings could be applied except for these.
     Up(Vec<crate::Warning>),
-    /// The line cannot be used, and why. What was still to be sent, or is sent from now on, is swallowed. The line
-    /// tries by itself to come back.
+    /// The line cannot be used, and why. Unsent bytes, and bytes written from now on, are discarded. The line tries by
+    /// itself to recover.
     Gone(String),
 }
 

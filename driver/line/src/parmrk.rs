@@ -1,16 +1,16 @@
-//! What a tty in `PARMRK` mode delivers, taken apart again: `FF FF` is the byte FFh, `FF 00 00` a break (or a 00h with
-//! a fault), `FF 00 xx` the byte xx received with a parity or framing fault (termios(3)).
+//! Decodes the input of a tty in `PARMRK` mode: `FF FF` is the byte FFh, `FF 00 00` a break (or a 00h with a fault),
+//! `FF 00 xx` the byte xx received with a parity or framing fault (termios(3)).
 
 /// A fault found between the bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mark {
-    /// Break, or the character 00h with a parity or framing fault: the tty does not tell them apart.
+    /// Break, or the character 00h with a parity or framing fault: the tty does not distinguish them.
     Break,
     /// This byte arrived with a parity or framing fault.
     Faulty(u8),
 }
 
-/// What one call of [`ParmrkDecoder::decode`] did.
+/// The result of one call of [`ParmrkDecoder::decode`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Decoded {
     /// Raw bytes consumed.
@@ -31,7 +31,7 @@ enum State {
     Marked,
 }
 
-/// The decoder; keeps its place when a sequence is cut by the end of a read.
+/// The decoder; it keeps its state when the end of a read cuts a sequence.
 #[derive(Debug, Clone, Default)]
 pub struct ParmrkDecoder {
     state: State,
@@ -44,7 +44,7 @@ impl ParmrkDecoder {
     pub fn decode(&mut self, raw: &[u8], out: &mut [u8]) -> Decoded {
         let (mut used, mut written) = (0, 0);
         while used < raw.len() {
-            // Room for two: an FFh that turns out to be no escape is delivered together with the byte behind it.
+            // Room for two: an FFh that is not an escape after all is delivered together with the next byte.
             if out.len() - written < 2 {
                 break;
             }
@@ -78,7 +78,7 @@ impl ParmrkDecoder {
         Decoded { used, written, mark: None }
     }
 
-    /// Forgets a sequence begun: after the device was opened anew.
+    /// Drops an unfinished sequence, after the device was reopened.
     pub fn reset(&mut self) {
         self.state = State::Plain;
     }

@@ -1,5 +1,5 @@
-//! A real line: one [`Link`] with what all kinds share: the send buffer, the time the last bit leaves, faults, and
-//! coming back.
+//! A real line: one [`Link`] with the common parts of all kinds: the send buffer, the time when the last bit has been
+//! sent, faults, and recovery.
 
 use std::io;
 
@@ -13,38 +13,38 @@ use crate::spec::LineSpec;
 pub const RETRY: Span = Span::from_millis(500);
 
 /// Bytes that may wait for the line: the longest telegram of a CP (1024 bytes, every one a doubled DLE, and its frame),
-/// and room for the answers beside it.
+/// and room for the answers besides.
 const TX_BYTES: usize = 4096;
 /// Raw bytes taken from the descriptor in one read.
 const RX_BYTES: usize = 1024;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum State {
-    /// Closed; the next attempt is due then.
+    /// Closed; when the next attempt is due.
     Down(Instant),
-    /// Being opened; look again when ready, or then.
+    /// Being opened; try again when ready, or at this time.
     Opening(Option<Instant>),
     /// Usable.
     Up,
-    /// The settings are refused: waits for others.
+    /// The settings were refused: waits for others.
     Refused,
 }
 
 /// A serial device, pty or TCP connection.
 ///
-/// `TxDone` means: the bytes have been written and the last bit has left. A UART that tells when its shift register is
-/// empty is asked; otherwise, and on a pty or TCP, it is the time the characters take at the configured baud rate, or
-/// the partner's next character if that is earlier. The bytes themselves reach the partner on a pty or TCP at once, not
-/// one by one.
+/// `TxDone` means that the bytes have been written and the last bit has been sent. A UART that reports an empty shift
+/// register is asked. Otherwise, and on a pty or TCP, the end is computed from the configured baud rate, or is the
+/// partner's next character if that is earlier. On a pty or TCP the bytes themselves reach the partner at once, not one
+/// by one.
 pub struct RealLine {
     spec: LineSpec,
     link: Box<dyn Link>,
     settings: LineSettings,
     state: State,
     pause: Span,
-    /// Events to hand out before anything else.
+    /// An event to return before anything else.
     announce: Option<LineEvent>,
-    /// The reason given last, so that an attempt that fails for the same reason is not told again.
+    /// The last reason given, so that an attempt that fails for the same reason is not reported again.
     reason: String,
     errno: Option<u32>,
 
@@ -92,7 +92,7 @@ impl RealLine {
         }
     }
 
-    /// Where the line leads to.
+    /// The specification of the line.
     pub const fn spec(&self) -> &LineSpec {
         &self.spec
     }
@@ -107,7 +107,7 @@ impl RealLine {
             Ok(Opened::Yes(warnings)) => Some(self.up(warnings)),
             Ok(Opened::Waiting(until)) => {
                 self.state = State::Opening(until);
-                // Told once. A connection that is being made tells its end soon enough.
+                // Reported once. A connection attempt reports its own end soon enough.
                 if until.is_none() && self.reason.is_empty() {
                     "waiting for the partner to connect".clone_into(&mut self.reason);
                     self.errno = None;
@@ -128,7 +128,7 @@ impl RealLine {
         LineEvent::Up(warnings)
     }
 
-    /// Drops what was under way in both directions. `TxDone` for it still comes, by the clock.
+    /// Drops unfinished data in both directions. `TxDone` still comes, at the computed time.
     fn forget(&mut self) {
         (self.tx_begin, self.tx_end) = (0, 0);
         (self.rx_begin, self.rx_end, self.fault) = (0, 0, None);
@@ -149,7 +149,7 @@ impl RealLine {
         Some(LineEvent::Gone(reason))
     }
 
-    /// Writes what waits; an error means that the line is gone.
+    /// Writes waiting bytes; an error means that the line is gone.
     fn flush(&mut self) -> io::Result<()> {
         self.tx_begin += put(&mut *self.link, &mut self.may_write, &self.tx[self.tx_begin..self.tx_end])?;
         if self.tx_begin == self.tx_end {
@@ -158,7 +158,7 @@ impl RealLine {
         Ok(())
     }
 
-    /// Whether the last bit of everything is out; otherwise moves the time to look again.
+    /// Whether the last bit of everything has been sent; otherwise moves the time of the next check.
     fn tx_done(&mut self, now: Instant) -> bool {
         if !self.sending || self.tx_end > 0 {
             return false;
@@ -179,7 +179,7 @@ impl RealLine {
         true
     }
 
-    /// The next event out of the bytes already read.
+    /// The next event from the bytes already read.
     fn decode(&mut self, buffer: &mut [u8]) -> Option<LineEvent> {
         let raw = &self.rx[self.rx_begin..self.rx_end];
         if !self.link.marks_faults() {
@@ -202,7 +202,7 @@ impl RealLine {
         Some(LineEvent::Rx(done.written))
     }
 
-    /// Reads if nothing is left of the last read; true if there is something.
+    /// Reads if nothing is left of the last read; true if there are bytes.
     fn fill(&mut self) -> io::Result<bool> {
         while self.rx_begin == self.rx_end && self.may_read {
             (self.rx_begin, self.rx_end) = (0, 0);
@@ -220,8 +220,8 @@ impl RealLine {
         Ok(self.rx_begin < self.rx_end)
     }
 
-    /// What came in. It may be the answer to what went out, and where the end of that is only computed the answer can
-    /// be faster: a pty carries a telegram in no time. So the end is told first.
+    /// The next received data. It may answer our output, and where the end of the output is only computed the answer
+    /// can come earlier: a pty transfers a telegram in no time. So the end is reported first.
     fn receive(&mut self, now: Instant, buffer: &mut [u8]) -> io::Result<Option<LineEvent>> {
         loop {
             if let Some(fault) = self.fault.take() {
@@ -243,13 +243,13 @@ impl RealLine {
 }
 
 /// Driven by the owner's clock and poll loop: it waits for [`Self::poll_fds`] until [`Self::deadline`]; when a
-/// descriptor was ready it calls [`Self::ready`]; then, in either case, [`Self::next_event`] until it answers `None`.
+/// descriptor was ready it calls [`Self::ready`]; then, in either case, [`Self::next_event`] until it returns `None`.
 impl RealLine {
-    /// Sets baud rate and character frame, now and whenever the line comes back. What was still to be sent is lost.
+    /// Sets baud rate and character frame, now and whenever the line recovers. Unsent bytes are lost.
     ///
     /// # Errors
-    /// Settings no line can do; the line stays as it was. What only this kind of line cannot do comes as a warning with
-    /// the next [`LineEvent::Up`], which follows every accepted call.
+    /// Settings that no line supports; the line stays as it was. Settings that only this kind of line does not support
+    /// come as a warning with the next [`LineEvent::Up`], which follows every accepted call.
     pub fn apply(&mut self, settings: &LineSettings) -> Result<(), SettingsError> {
         let odd_stop_bits = self.link.does_odd_stop_bits();
         if let Err(error) =
@@ -267,7 +267,7 @@ impl RealLine {
         match self.state {
             State::Up => match self.link.apply(settings) {
                 Ok(warnings) => self.announce = Some(self.up(warnings)),
-                // Found again, and told, by the next attempt, which is due at once.
+                // The next attempt, which is due at once, finds and reports it again.
                 Err(error) => {
                     self.announce = self.gone(Instant::START, &error);
                     self.state = State::Down(Instant::START);
@@ -340,18 +340,18 @@ impl RealLine {
         open.into_iter().chain(sent).min()
     }
 
-    /// Sends. Answers how many of the bytes were taken: all, unless more than 4096 are waiting already.
-    /// [`LineEvent::TxDone`] follows once everything taken has left the line; while the line is gone, when it would
-    /// have.
+    /// Sends. Returns how many of the bytes were taken: all, unless more than 4096 are already waiting.
+    /// [`LineEvent::TxDone`] follows once everything taken has been sent; while the line is gone, when it would have
+    /// been.
     pub fn write(&mut self, now: Instant, bytes: &[u8]) -> usize {
         if self.state != State::Up {
-            // Swallowed, as on a wire that leads nowhere.
+            // Discarded, as on a wire that leads nowhere.
             self.sent_at = self.sent_at.max(now) + self.settings.time_of(bytes.len());
             self.sending |= !bytes.is_empty();
             return bytes.len();
         }
-        // At once, not at the next turn of the loop, and without a copy where nothing waits. A failure leaves the bytes
-        // waiting and is told by `next_event`.
+        // Written at once, not at the next turn of the loop, and without a copy if nothing waits. After a failure the
+        // bytes keep waiting, and `next_event` reports it.
         let is_first = self.tx_begin == self.tx_end;
         let through = if is_first { put(&mut *self.link, &mut self.may_write, bytes).unwrap_or(0) } else { 0 };
         let rest = &bytes[through..];
@@ -374,7 +374,7 @@ impl RealLine {
         taken
     }
 
-    /// Takes back what has not yet begun to leave; the result is how many bytes will not be sent.
+    /// Takes back bytes not yet begun; returns how many will not be sent.
     pub fn take_back(&mut self, now: Instant) -> usize {
         let waiting = self.tx_end - self.tx_begin;
         (self.tx_begin, self.tx_end) = (0, 0);
@@ -384,31 +384,30 @@ impl RealLine {
             taken = taken.max(unsent as usize);
         }
         if taken > 0 {
-            // The character in the shift register still leaves.
+            // The character in the shift register is still sent.
             let rest = self.sent_at.saturating_sub(self.settings.time_of(taken));
             self.sent_at = rest.max(now + self.settings.time_of(1));
         }
         taken
     }
 
-    /// The operating system's error number behind the last [`LineEvent::Gone`], if it had one.
+    /// The operating system's error number of the last [`LineEvent::Gone`], if it had one.
     pub fn errno(&self) -> Option<u32> {
         self.errno
     }
 
-    /// The modem lines as they stand; `None` where there are none.
+    /// The present modem lines; `None` if there are none.
     pub fn modem_lines(&mut self) -> Option<ModemLines> {
         self.link.modem_lines()
     }
 
-    /// Sets RTS and DTR, where they exist.
+    /// Sets RTS and DTR, if there are any.
     pub fn set_modem_lines(&mut self, rts: bool, dtr: bool) {
         self.link.set_modem_lines(rts, dtr);
     }
 }
 
-/// Writes what the link takes now; the result is how many of the bytes need no further care. An error means that the
-/// line is gone.
+/// Writes what the link takes now; returns how many of the bytes are finished. An error means that the line is gone.
 fn put(link: &mut dyn Link, may_write: &mut bool, bytes: &[u8]) -> io::Result<usize> {
     let mut done = 0;
     while *may_write && done < bytes.len() {
@@ -423,7 +422,7 @@ fn put(link: &mut dyn Link, may_write: &mut bool, bytes: &[u8]) -> io::Result<us
     Ok(done)
 }
 
-/// The error number, also where a library has kept only its kind.
+/// The error number, even if a library has kept only its kind.
 fn errno_of(error: &io::Error) -> Option<u32> {
     use rustix::io::Errno;
     let number = error.raw_os_error().or(match error.kind() {

@@ -1,4 +1,5 @@
-//! Messages between processes of one user: a Unix socket that keeps their borders (SOCK_SEQPACKET). Never blocks.
+//! Messages between processes of one user: a Unix socket that preserves message boundaries (SOCK_SEQPACKET). Never
+//! blocks.
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
@@ -20,10 +21,10 @@ const BACKLOG: i32 = 16;
 #[derive(Debug)]
 pub struct Channel(OwnedFd);
 
-/// What became of a message.
+/// The outcome of sending a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sent {
-    /// It is on its way.
+    /// It has been sent.
     Yes,
     /// The other end does not fetch its messages: there is no room, the message is dropped.
     Full,
@@ -33,7 +34,7 @@ impl Channel {
     /// Connects.
     ///
     /// # Errors
-    /// What the system says; `NotFound` and `ConnectionRefused`: nobody is there (yet).
+    /// The system's error; `NotFound` and `ConnectionRefused`: nobody listens (yet).
     pub fn connect(path: &Path) -> io::Result<Self> {
         let fd = socket()?;
         connect(&fd, &SocketAddrUnix::new(path)?)?;
@@ -55,7 +56,7 @@ impl Channel {
     /// The next message, `None` if there is none now. An empty one is the end of the connection.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub fn receive<'a>(&self, buffer: &'a mut [u8]) -> io::Result<Option<&'a [u8]>> {
         match recv(&self.0, &mut *buffer, RecvFlags::DONTWAIT) {
             Ok((length, _)) => Ok(Some(&buffer[..length])),
@@ -71,7 +72,7 @@ impl AsFd for Channel {
     }
 }
 
-/// A path where others connect. Removed with it.
+/// A listening socket; its path is removed with it.
 #[derive(Debug)]
 pub struct Listener {
     fd: OwnedFd,
@@ -79,10 +80,10 @@ pub struct Listener {
 }
 
 impl Listener {
-    /// Listens at `path`, in place of what an earlier process has left there: call it only as the owner of that name.
+    /// Listens at `path`, replacing what an earlier process has left there: call it only as the owner of that name.
     ///
     /// # Errors
-    /// What the system says, also that the path is too long for a socket (107 bytes).
+    /// The system's error, or a path too long for a socket (107 bytes).
     pub fn bind(path: &Path) -> io::Result<Self> {
         let address = SocketAddrUnix::new(path)
             .map_err(|_| io::Error::new(io::ErrorKind::InvalidInput, "the path is too long for a socket"))?;
@@ -96,7 +97,7 @@ impl Listener {
     /// The next caller, if there is one.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub fn accept(&self) -> io::Result<Option<Channel>> {
         match accept_with(&self.fd, SocketFlags::CLOEXEC | SocketFlags::NONBLOCK) {
             Ok(fd) => Ok(Some(Channel(fd))),

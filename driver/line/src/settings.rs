@@ -1,10 +1,10 @@
-//! What a line of this crate can do of the settings.
+//! Checks whether the lines of this crate support the settings.
 
 use std::fmt;
 
 pub use ob1_serial::{Flow, LineSettings, Parity, StopBits};
 
-/// Refuses what no line of this crate can do.
+/// Refuses settings that no line of this crate supports.
 ///
 /// # Errors
 /// [`SettingsError`] names the setting and the remedy.
@@ -35,7 +35,7 @@ pub enum SettingsError {
     Baud,
 }
 
-/// Something the line was asked for and cannot do; it runs without it.
+/// A setting that the line does not support; it runs without it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Warning(pub String);
 

@@ -1,12 +1,12 @@
 //! The simulated line in virtual time: [`SimLine`] has two ends, [`SimBus`] any number of participants.
 //!
-//! Characters take their time: start bit, data bits, parity bit and stop bits at the baud rate. What is written at one
-//! end comes out at the other when its last bit does, and [`SimEvent::TxDone`] tells the writer when everything is out.
-//! The same configuration, seed and calls give the same events to the nanosecond; events of the same instant come in a
-//! fixed order (TxDone before received characters, end A before end B).
+//! Characters take their real time: start bit, data bits, parity bit and stop bits at the baud rate. A character
+//! written at one end arrives at the other with its last bit, and [`SimEvent::TxDone`] tells the writer when everything
+//! has been sent. The same configuration, seed and calls give the same events to the nanosecond; events of the same
+//! instant come in a fixed order (TxDone before received characters, end A before end B).
 //!
 //! The line enforces the law of time. It is broken by writing into a half-duplex line while the other end is sending,
-//! and by going back in time. A strict line panics then; another counts it ([`SimLine::violations`]) and lets the
+//! and by going back in time. A strict line then panics; any other counts it ([`SimLine::violations`]) and lets the
 //! characters collide.
 //!
 //! The owner asks [`SimLine::next_event`] for the time of the next event, sets its clock to it, and takes the events
@@ -59,20 +59,20 @@ impl End {
     }
 }
 
-/// What an end of the line sees.
+/// An event at an end of the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SimEvent {
-    /// So many characters were received and stand at the beginning of the buffer.
+    /// This many characters were received; they are at the beginning of the buffer.
     Rx(usize),
     /// A character that could not be read, in its place between the others.
     Fault(LineFault),
-    /// The last bit of everything written at this end is out.
+    /// The last bit of everything written at this end has been sent.
     TxDone,
     /// The other end has switched its RTS, which is this end's CTS (null modem).
     Cts(bool),
 }
 
-/// What the line is like.
+/// Properties of the line.
 #[derive(Debug, Clone)]
 pub struct SimConfig {
     /// Time of one character.
@@ -82,11 +82,11 @@ pub struct SimConfig {
     /// Panic when the law of time is broken.
     pub strict: bool,
     /// Characters that follow the first within this time come together with it, at most this much late. 0: each comes
-    /// at its own time, and only an owner that is late itself gets several at once.
+    /// at its own time, and only a late owner gets several at once.
     pub coalesce: Span,
-    /// What goes wrong.
+    /// The faults.
     pub faults: FaultRates,
-    /// Nothing goes wrong with characters that begin at or after this.
+    /// Characters that begin at or after this time have no faults.
     pub faults_until: Instant,
 }
 
@@ -110,7 +110,7 @@ impl SimConfig {
 pub struct SimLine {
     config: SimConfig,
     rng: SplitMix64,
-    /// By the end that sends.
+    /// Indexed by the sending end.
     directions: [Direction; 2],
     now: Instant,
     violations: u64,
@@ -118,7 +118,7 @@ pub struct SimLine {
 }
 
 impl SimLine {
-    /// A line with nothing on it. The seed determines all faults.
+    /// An idle line. The seed determines all faults.
     pub fn new(config: SimConfig, seed: u64) -> Self {
         Self {
             config,
@@ -135,19 +135,20 @@ impl SimLine {
         &self.config
     }
 
-    /// Changes what goes wrong from now on.
+    /// Changes the faults from now on.
     pub fn set_faults(&mut self, faults: FaultRates, until: Instant) {
         self.config.faults = faults;
         self.config.faults_until = until;
     }
 
-    /// Changes the baud rate or character frame for what is written from now on. Both ends must agree: a line has one.
+    /// Changes the baud rate or character frame for characters written from now on. Both ends must agree: a line has
+    /// only one.
     pub fn set_char_time(&mut self, char_time: Span) {
         self.config.char_time = char_time;
     }
 
-    /// Pulls the cable (true) or puts it back. What is written while it is pulled is lost; it takes its time all the
-    /// same.
+    /// Disconnects the cable (true) or connects it again. Characters written while it is disconnected are lost, but
+    /// still take their time.
     pub fn set_cut(&mut self, cut: bool) {
         self.cut = cut;
     }
@@ -157,7 +158,7 @@ impl SimLine {
         self.violations
     }
 
-    /// Sends characters from `end`, behind those that are still leaving.
+    /// Sends characters from `end`, after those still being sent.
     pub fn write(&mut self, end: End, now: Instant, bytes: &[u8]) {
         self.advance(now);
         if bytes.is_empty() {
@@ -171,7 +172,7 @@ impl SimLine {
         directions[end as usize].write(config, rng, now, bytes, *cut, collides);
     }
 
-    /// Takes back the characters of `end` that have not begun to leave; the result is how many.
+    /// Takes back the characters of `end` that have not begun; returns how many.
     pub fn take_back(&mut self, end: End, now: Instant) -> usize {
         self.advance(now);
         self.directions[end as usize].take_back(now, self.config.char_time)
@@ -195,8 +196,8 @@ impl SimLine {
         [a.next_done(), b.next_done(), a.next_arrival(coalesce), b.next_arrival(coalesce)].into_iter().flatten().min()
     }
 
-    /// Takes the next event that has happened by `now`, with the end that sees it. Received characters that follow each
-    /// other without another event between them come together. `buffer` must not be empty.
+    /// Takes the next event that has happened by `now`, with the end that sees it. Consecutive received characters
+    /// without another event in between come together. `buffer` must not be empty.
     pub fn pop(&mut self, now: Instant, buffer: &mut [u8]) -> Option<(End, SimEvent)> {
         self.advance(now);
         let coalesce = self.config.coalesce;
@@ -207,7 +208,7 @@ impl SimLine {
                 first = first.into_iter().chain([(at, false, end)]).min();
             }
             if let Some(at) = direction.next_arrival(coalesce) {
-                // Seen by the other end: so the order A before B is that of the end that sees it.
+                // The other end sees it, so the order A before B is that of the end that sees it.
                 first = first.into_iter().chain([(at, true, end.other())]).min();
             }
         }
@@ -216,7 +217,7 @@ impl SimLine {
             self.directions[end as usize].take_done();
             return Some((end, SimEvent::TxDone));
         }
-        // Not past an event that comes between.
+        // Not beyond an event in between.
         let mut limit = now;
         for other in End::BOTH {
             let direction = &self.directions[other as usize];

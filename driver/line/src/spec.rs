@@ -6,10 +6,10 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// Where a line leads to.
+/// The kind and address of a line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum LineSpec {
-    /// `serial:/dev/ttyUSB0`: a serial device, or the pty another program made.
+    /// `serial:/dev/ttyUSB0`: a serial device, or a pty created by another program.
     Serial(PathBuf),
     /// `pty:PATH`: create a pty and publish its other end as the symbolic link PATH.
     Pty(PathBuf),
@@ -22,14 +22,14 @@ pub enum LineSpec {
     },
     /// `tcp-listen:PORT` or `tcp-listen:ADDR:PORT`: wait for one client.
     ///
-    /// Without an address only this machine can connect (127.0.0.1): a line to a plant is not opened to the network by
-    /// leaving something out. Port 0 takes any free port.
+    /// Without an address only this machine can connect (127.0.0.1): an omission must not open a line to a plant to the
+    /// network. Port 0 takes any free port.
     Listen(SocketAddr),
     /// `sim:PATH`: a place on a simulated line, whose process listens at PATH.
     Sim(PathBuf),
 }
 
-/// Why a text is no line.
+/// Why a text is not a line.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SpecError {
     /// No known kind before the colon.
@@ -37,16 +37,16 @@ pub enum SpecError {
         "line \"{0}\": unknown kind; a line is serial:DEVICE, pty:PATH, tcp:HOST:PORT, tcp-listen:PORT or tcp-listen:ADDR:PORT"
     )]
     Kind(String),
-    /// Nothing behind the colon.
+    /// Nothing after the colon.
     #[error("line \"{0}\": nothing behind the colon")]
     Empty(String),
     /// The path of a device or pty is relative.
     #[error("line \"{0}\": the path must be absolute, because a driver does not run in the station's folder")]
     Relative(String),
-    /// The port is missing or no number.
+    /// The port is missing or not a number.
     #[error("line \"{0}\": \"{1}\" is no port; a port is a number from {2} to 65535")]
     Port(String, String, u16),
-    /// The address to listen on is no IP address.
+    /// The address to listen on is not an IP address.
     #[error("line \"{0}\": \"{1}\" is no IP address of this machine, such as 0.0.0.0 (all) or 127.0.0.1 (only itself)")]
     Address(String, String),
     /// No host before the port.

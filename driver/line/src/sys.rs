@@ -36,7 +36,7 @@ struct SerialStruct {
     rest: [u64; 16],
 }
 
-/// Whether the shift register of the UART is empty; `None` where the driver cannot say.
+/// Whether the shift register of the UART is empty; `None` if the driver cannot tell.
 pub(crate) fn transmitter_empty(fd: impl AsFd) -> Option<bool> {
     if !GENERIC {
         return None;
@@ -46,7 +46,7 @@ pub(crate) fn transmitter_empty(fd: impl AsFd) -> Option<bool> {
     Some(lsr & TEMT != 0)
 }
 
-/// Asks the driver to hand bytes on at once. Best effort: a port without it works, only later.
+/// Asks the driver to pass on bytes at once. Best effort: a port without it works, only with more delay.
 pub(crate) fn low_latency(fd: impl AsFd) -> Result<(), Errno> {
     if !GENERIC {
         return Err(Errno::NOTTY);

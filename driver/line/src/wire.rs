@@ -1,14 +1,14 @@
-//! What a CP and the hub of a simulated line say to each other: one message of a [`Channel`](crate::seqpacket::Channel)
-//! each.
+//! The messages between a CP and the hub of a simulated line, each one message of a
+//! [`Channel`](crate::seqpacket::Channel).
 //!
 //! | first byte | from | then |
 //! |---|---|---|
 //! | `S` | CP | the character frame: baud (4 bytes, little-endian), data bits, parity (0 none, 1 odd, 2 even), stop bits in halves |
 //! | `W` | CP | characters to send |
-//! | `T` | CP | take back what has not begun to leave |
+//! | `T` | CP | take back characters that have not begun |
 //! | `M` | CP | RTS, DTR |
 //! | `R` | hub | received characters, faults marked as by `PARMRK` |
-//! | `D` | hub | everything of so many `W` (4 bytes, little-endian, modulo 2^32) has left |
+//! | `D` | hub | everything of this many `W` (4 bytes, little-endian, modulo 2^32) has been sent |
 //! | `M` | hub | CTS, DSR, RI, DCD |
 
 use crate::line::ModemLines;
@@ -32,7 +32,7 @@ pub(crate) enum FromHub<'a> {
 }
 
 impl<'a> ToHub<'a> {
-    /// `None`: no message of ours.
+    /// `None`: not one of our messages.
     pub(crate) fn read(message: &'a [u8]) -> Option<Self> {
         let (kind, rest) = message.split_first()?;
         Some(match (*kind, rest) {
@@ -97,7 +97,7 @@ impl<'a> ToHub<'a> {
 }
 
 impl<'a> FromHub<'a> {
-    /// `None`: no message of ours.
+    /// `None`: not one of our messages.
     pub(crate) fn read(message: &'a [u8]) -> Option<Self> {
         let (kind, rest) = message.split_first()?;
         Some(match (*kind, rest) {

@@ -1,4 +1,4 @@
-//! CPs on the process that is a simulated line: real sockets, virtual time.
+//! CPs on the process of a simulated line: real sockets, virtual time.
 
 use std::path::PathBuf;
 
@@ -36,11 +36,11 @@ impl World {
         world
     }
 
-    /// Everything until so much time has passed.
+    /// Runs everything until this much time has passed.
     fn run(&mut self, time: Span) {
         let end = self.now + time;
         loop {
-            // Whatever is said at an instant is heard at that instant.
+            // A message sent at an instant is received at that instant.
             for _ in 0..3 {
                 if let Some(hub) = &mut self.hub {
                     hub.work(self.now);
@@ -84,7 +84,7 @@ fn two_cps_hear_each_other_in_the_time_of_the_line() {
     assert_eq!(world.lines[0].write(begin, &[0x10, 0xFF]), 2);
     world.run(10 * MS);
     assert_eq!(world.take(), ["1041 1 [10]", "2083 0 TxDone", "2083 1 [FF]"]);
-    // Both ways at once, and twice before the first is out: one end for both.
+    // Both ways at once, and twice before the first has been sent: one end for both.
     world.lines[0].write(world.now, &[1]);
     world.lines[1].write(world.now, &[2]);
     world.run(MS / 2);
@@ -120,7 +120,7 @@ fn cps_that_are_set_differently_hear_faults() {
         world.run(10 * MS);
         let log = world.take();
         assert!(log.iter().any(|line| line.contains(&format!("1 Fault({fault:?})"))), "{log:?}");
-        // Set alike they understand each other, without anybody connecting again.
+        // With equal settings they understand each other, without reconnecting.
         world.lines[1].apply(&at_9600()).expect("possible");
         world.run(MS);
         world.take();
@@ -159,7 +159,7 @@ fn the_line_goes_and_comes_back() {
     world.run(100 * MS);
     let log = world.take();
     assert_eq!(log.iter().filter(|line| line.ends_with("gone")).count(), 2, "{log:?}");
-    // Swallowed, but its end comes: a protocol does not hang on a line that is gone.
+    // Discarded, but its end is reported: a protocol does not hang on a lost line.
     world.lines[0].write(world.now, &[1]);
     world.run(5 * MS);
     assert!(world.take().iter().any(|line| line.ends_with("0 TxDone")));
@@ -194,7 +194,7 @@ fn an_echo_comes_back_in_twice_the_time_and_suffers_the_faults_of_the_line() {
     world.run(1000 * MS);
     let log = world.take();
     let of = |what: &str| log.iter().filter(|line| line.ends_with(what)).count();
-    // What the echo could not read it does not send: half get there, half of these come back.
+    // The echo does not send back unreadable characters: half get there, half of these come back.
     assert_eq!((of("TxDone"), log[0].as_str()), (1, log[0].as_str()));
     assert!((30..70).contains(&of("[FF]")) && (30..70).contains(&of("Fault(Framing)")), "{log:?}");
 }
@@ -210,7 +210,7 @@ fn a_program_on_the_pty_is_the_partner() {
     assert!(matches!(program.next_event(Instant::START, &mut buffer), Some(LineEvent::Up(_))));
     world.lines[0].write(world.now, b"ping");
     world.run(10 * MS);
-    // The kernel hands a pty's characters over when it finds the time, not all at once.
+    // The kernel delivers a pty's characters when it has time, not all at once.
     let mut heard = Vec::new();
     while heard.len() < 4 {
         program.ready();
@@ -246,7 +246,7 @@ fn who_writes_without_end_waits_and_the_line_holds_no_more_than_it_must() {
         }
         assert!(taken < 2 << 20, "{taken} characters wait for a line of 9600 baud");
     }
-    // It is no reason to hear nobody else.
+    // It must not keep the line from accepting others.
     let other = Channel::connect(&world.path).expect("the line listens");
     hub.work(Instant::from_nanos(1));
     assert_eq!((hub.guests(), hub.turned_away()), (2, 0));

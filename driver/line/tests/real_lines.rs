@@ -32,12 +32,12 @@ impl Bench {
         Instant::START + self.start.elapsed().into()
     }
 
-    /// The next event that is no received bytes; those are collected.
+    /// The next event other than received bytes, which are collected.
     fn event(&mut self) -> LineEvent {
         self.run(|_| false).expect("an event")
     }
 
-    /// Until so many bytes are there.
+    /// Runs until this many bytes have come.
     fn receive(&mut self, n: usize) -> Vec<u8> {
         let event = self.run(|received| received.len() >= n);
         assert_eq!(event, None, "while waiting for {n} bytes, having {:?}", self.received);
@@ -119,7 +119,7 @@ fn every_byte_goes_both_ways_between_a_pty_and_a_serial_line() {
     let mut b = Bench::new(&format!("serial:{}", path.display()));
     assert_eq!(b.event(), up());
 
-    // FFh is the escape of PARMRK, the control characters are what a tty that is not raw would swallow.
+    // FFh is the escape of PARMRK; a tty that is not raw would swallow the control characters.
     let all: Vec<u8> = (0..=255).collect();
     assert_eq!(a.line.write(a.now(), &all), 256);
     assert_eq!(b.receive(256), all);
@@ -197,7 +197,7 @@ fn a_partner_that_leaves_and_comes_back_is_no_event_on_a_pty() {
     let mut a = Bench::new(&spec);
     assert_eq!(a.event(), up());
     for round in 0..3u8 {
-        // A foreign program, that opens the path as a device.
+        // A foreign program opens the path as a device.
         let mut partner = serialport::new(path.to_string_lossy(), 9600)
             .exclusive(false)
             .timeout(Duration::from_secs(20))
@@ -229,7 +229,7 @@ fn a_serial_line_survives_the_loss_of_its_device() {
         drop(a);
         assert!(matches!(b.event(), LineEvent::Gone(_)));
     }
-    // Swallowed, and the end comes by the clock: a protocol does not hang on a line that is gone.
+    // Discarded, and the end comes at the computed time: a protocol does not hang on a lost line.
     b.line.write(b.now(), b"into the void");
     let mut events = vec![b.event()];
     if events[0] != LineEvent::TxDone {
@@ -279,7 +279,7 @@ fn a_refused_connection_is_told_and_tried_again() {
     drop(server);
     let mut line = Bench::new(&format!("tcp:localhost:{}", address.port()));
     assert!(matches!(line.event(), LineEvent::Gone(why) if why.contains("refused")));
-    // The address that `localhost` stands for first may be either.
+    // `localhost` may resolve to either address first.
     let server = TcpListener::bind(address).or_else(|_| TcpListener::bind(("::1", address.port()))).unwrap();
     let six = TcpListener::bind(("::1", address.port()));
     assert_eq!(line.event(), up());
@@ -301,7 +301,7 @@ fn a_listener_serves_one_client_at_a_time() {
     for round in 0..2u8 {
         let mut partner = TcpStream::connect(("127.0.0.1", port)).unwrap();
         assert_eq!(line.event(), up());
-        // A second caller is turned away, the first is not disturbed.
+        // A second caller is refused, the first is not disturbed.
         let mut second = TcpStream::connect(("127.0.0.1", port)).unwrap();
         partner.write_all(&[round]).unwrap();
         assert_eq!(line.receive(1), [round]);
@@ -324,7 +324,7 @@ fn modem_lines_are_absent_where_there_are_none() {
     assert_eq!(a.event(), up());
     a.line.set_modem_lines(true, true);
     assert_eq!(a.line.modem_lines(), None);
-    // The other end of a pty has none either, and says so when asked through serialport.
+    // The other end of a pty has none either, as serialport reports.
     let (_master, mut slave) = serialport::TTYPort::pair().unwrap();
     assert!(slave.read_clear_to_send().is_err());
 }

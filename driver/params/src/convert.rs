@@ -1,4 +1,4 @@
-//! Between the typed parameters and the rows of the table, in both directions.
+//! Conversion between the typed parameters and the rows of the table, in both directions.
 
 use crate::cp240::{Ascii, Cp240, Modbus, ModbusKind, Priority, Protocol, S3964, StxEtx};
 use crate::error::ParamError;
@@ -91,14 +91,15 @@ impl Cp240 {
 pub(crate) struct Reader<'a> {
     pub(crate) bytes: &'a Record,
     pub(crate) layout: Layout,
-    /// The rows: those of the layout, or of another module that has the same parameters in other places.
+    /// The rows: those of the layout, or of another module with the same parameters in other places.
     pub(crate) fields: &'static [Field],
 }
 
 impl Reader<'_> {
     fn value(&self, key: &str) -> Result<Value, ParamError> {
         let field: Option<&Field> = self.fields.iter().find(|f| f.key == key);
-        // A key that the layout does not have can only be a mistake in this file; the round-trip test walks them all.
+        // A key that the layout does not have can only be a mistake in this file; the round-trip test checks all of
+        // them.
         field.map_or(Ok(Value::Int(0)), |field| record::value(self.bytes, field))
     }
 
@@ -129,7 +130,7 @@ impl Reader<'_> {
         })
     }
 
-    /// Puts the fields together.
+    /// Assembles the typed parameters.
     pub(crate) fn read(&self, name: &str) -> Result<Cp240, ParamError> {
         let protocol = match self.layout {
             Layout::Ascii => Protocol::Ascii(Ascii {

@@ -7,7 +7,7 @@ use crate::table::{Layout, PROTOCOLS};
 use ob1_serial::{Flow, LineSettings, Parity, Span, StopBits};
 
 /// The parameters of a CP 240. Only [`Cp240::decode`] and [`Cp240::from_keys`] check the ranges given at the fields;
-/// [`Cp240::encode`] cuts a value outside of them to what fits its byte.
+/// [`Cp240::encode`] writes the default in the place of a value that its field does not accept.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cp240 {
     /// Baud rate, one of the table's.
@@ -18,7 +18,7 @@ pub struct Cp240 {
     pub parity: Parity,
     /// Stop bits.
     pub stop_bits: StopBits,
-    /// The protocol and what belongs to it.
+    /// The protocol and its parameters.
     pub protocol: Protocol,
 }
 
@@ -108,7 +108,7 @@ pub enum Priority {
 /// Parameters of the Modbus modes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Modbus {
-    /// Which of them.
+    /// The mode.
     pub kind: ModbusKind,
     /// Slave address, 1..255.
     pub address: u8,
@@ -157,8 +157,8 @@ impl Modbus {
 }
 
 impl Cp240 {
-    /// What the CP works with when nobody has sent it parameters: 9600 baud, ASCII, 8 data bits, even parity, 1 stop
-    /// bit, no flow control, ZNA 0, ZVZ 200 ms, 1 receive buffer. [S0 "Note to default parameter!"]
+    /// The parameters of a CP that has received none: 9600 baud, ASCII, 8 data bits, even parity, 1 stop bit, no flow
+    /// control, ZNA 0, ZVZ 200 ms, 1 receive buffer. [S0 "Note to default parameter!"]
     ///
     /// Not the default of the ASCII table, which has no parity.
     pub fn unconfigured() -> Self {
@@ -177,7 +177,7 @@ impl Cp240 {
         }
     }
 
-    /// The bytes of a module, or what it works with without them: sixteen zeros stand for "none".
+    /// Parameters from the bytes of a module: sixteen zeros stand for "none".
     ///
     /// # Errors
     /// As [`Cp240::decode`].
@@ -185,13 +185,13 @@ impl Cp240 {
         if *bytes == [0; 16] { Ok(Self::unconfigured()) } else { Self::decode(bytes) }
     }
 
-    /// M-Bus: 2400 baud until a telegram names another rate [S0 L4298], 8 data bits, even parity, 1 stop bit as EN
-    /// 1434-3 has it.
+    /// M-Bus: 2400 baud until a telegram names another rate [S0 L4298], 8 data bits, even parity, 1 stop bit as in EN
+    /// 1434-3.
     pub const fn mbus() -> Self {
         Self { baud: 2400, data_bits: 8, parity: Parity::Even, stop_bits: StopBits::One, protocol: Protocol::MBus }
     }
 
-    /// EnOcean: 9600 baud [S1 L1919], 8 data bits, no parity, 1 stop bit, as the TCM 120 has them.
+    /// EnOcean: 9600 baud [S1 L1919], 8 data bits, no parity, 1 stop bit, as for the TCM 120.
     pub const fn enocean() -> Self {
         Self { baud: 9600, data_bits: 8, parity: Parity::None, stop_bits: StopBits::One, protocol: Protocol::EnOcean }
     }
@@ -202,7 +202,7 @@ impl Cp240 {
         Self::from_keys([("protocol", Value::from(protocol))])
     }
 
-    /// Reads the 16 bytes. Every code is checked; bits that are reserved must be 0.
+    /// Reads the 16 bytes. Every code is checked; reserved bits must be 0.
     pub fn decode(bytes: &[u8; 16]) -> Result<Self, ParamError> {
         let (name, layout) = record::protocol(bytes)?;
         for field in layout.fields() {
@@ -219,7 +219,7 @@ impl Cp240 {
         bytes[1] = PROTOCOLS.iter().find(|(n, ..)| *n == self.protocol_name()).map_or(0, |(_, code, _)| *code);
         for field in layout.fields() {
             if let Some((_, value)) = keys.iter().find(|(key, _)| *key == field.key) {
-                // A value out of range leaves the default: `decode` of the result is always possible.
+                // A value out of range becomes the default, so that the result can always be decoded.
                 if record::set_value(&mut bytes, field, value).is_err() {
                     record::set_code(&mut bytes, field, field.default);
                 }
@@ -228,7 +228,7 @@ impl Cp240 {
         bytes
     }
 
-    /// Reads named keys. `protocol` must be among them; what is missing has the table's default.
+    /// Reads named keys. `protocol` must be among them; missing keys have the table's default.
     ///
     /// # Errors
     /// An unknown key (with the nearest known one), a key of another protocol, a key given twice, a value out of
@@ -275,7 +275,7 @@ impl Cp240 {
         text
     }
 
-    /// Name of the protocol, as `protocol = ` takes it.
+    /// Name of the protocol, as in `protocol = `.
     pub fn protocol_name(&self) -> &'static str {
         match &self.protocol {
             Protocol::Ascii(p) if p.fragmented => "ascii-fragmented",
@@ -293,7 +293,7 @@ impl Cp240 {
         }
     }
 
-    /// How the line is to be set.
+    /// The settings of the line.
     pub fn line_settings(&self) -> LineSettings {
         let flow = match &self.protocol {
             Protocol::Ascii(p) => p.flow,
@@ -315,7 +315,7 @@ impl Cp240 {
     }
 
     /// Number of receive buffers: the parameter for ASCII; 250 telegrams otherwise [S0 "Properties"], and 250 blocks
-    /// for ASCII-fragmented: a block is no telegram.
+    /// for ASCII-fragmented, where a block is not a telegram.
     pub fn receive_buffers(&self) -> u8 {
         match &self.protocol {
             Protocol::Ascii(p) if !p.fragmented => p.receive_buffers,

@@ -1,5 +1,5 @@
-//! The parameters of a CP 340: those of a CP 341 within narrower bounds, without RK 512 and loadable drivers.
-//! [CP 340 manual 04/2011, p. 64, 67, 72]
+//! The parameters of a CP 340: those of a CP 341 with narrower limits, without RK 512 and loadable drivers. [CP 340
+//! manual 04/2011, p. 64, 67, 72]
 
 use ob1_serial::Span;
 
@@ -18,7 +18,7 @@ const ZVZ_MS: i64 = 4;
 /// The character frame. [CP 340 manual 04/2011, p. 64]
 const FRAME: &[Key341] = &[baud(&["2400", "4800", "9600", "19200"]), CHARACTER[0], CHARACTER[1], CHARACTER[2]];
 
-/// The manual prints 20 ms as default of ZVZ beside the 220 ms of its text; it is 220 here. [reference 5.2]
+/// The manual prints 20 ms as default of ZVZ, but its text says 220 ms; here it is 220. [reference 5.2]
 const S3964: &[Key341] = &[zvz_of_3964(10), qvz(10), ATTEMPTS[0], ATTEMPTS[1], ATTEMPTS[2]];
 
 /// [CP 340 manual 04/2011, p. 67]
@@ -45,12 +45,12 @@ pub const PROTOCOLS_340: Protocols = &[
 ];
 
 /// "The minimum character delay time is the time required to transfer 4 characters", in whole milliseconds: 4 at 9600
-/// baud, as the table's default wants it. [CP 340 manual 04/2011, p. 67]
+/// baud, like the table's default. [CP 340 manual 04/2011, p. 67]
 pub(crate) fn least_zvz_ms(char_time: Span) -> i64 {
     (4 * char_time).millis() as i64
 }
 
-/// 4 ms, or the shortest possible where that is longer. (ours below 9600 baud)
+/// 4 ms, or the shortest possible time if that is longer. (ours below 9600 baud)
 pub(crate) fn default_zvz_ms(char_time: Span) -> i64 {
     least_zvz_ms(char_time).max(ZVZ_MS)
 }

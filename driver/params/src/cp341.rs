@@ -1,8 +1,7 @@
-//! The parameters of a CP 341, and of the CP 340 beside it: named keys, checked against a table.
-//! [reference 4.7, 5.2, 6.2]
+//! The parameters of a CP 341 and of a CP 340: named keys, checked against a table. [reference 4.7, 5.2, 6.2]
 //!
-//! On a rack they lie in a system data block whose layout Siemens does not print; here they travel as keys, in the
-//! station file and in the configuration of the driver alike.
+//! In a rack they are in a system data block whose layout Siemens does not publish; here they are keys, both in the
+//! station file and in the configuration of the driver.
 
 use crate::error::ParamError;
 use crate::record::{Value, nearest};
@@ -29,7 +28,7 @@ pub enum Kind341 {
         /// Step.
         step: i64,
     },
-    /// Text of at most so many bytes.
+    /// Text of at most `max` bytes.
     Text {
         /// Bytes.
         max: usize,
@@ -47,7 +46,7 @@ pub struct Key341 {
     pub default: &'static str,
     /// What it means, for people.
     pub text: &'static str,
-    /// It is a key only where this one before it has this value.
+    /// It is allowed only if this earlier key has this value.
     pub needs: Option<(&'static str, &'static str)>,
 }
 
@@ -96,12 +95,12 @@ pub(crate) const CHARACTER: &[Key341; 3] = &[
 /// [reference 5.2]
 const S3964: &[Key341] = &[zvz_of_3964(20), qvz(20), ATTEMPTS[0], ATTEMPTS[1], ATTEMPTS[2]];
 
-/// ZVZ of 3964(R), at least so many milliseconds.
+/// ZVZ of 3964(R), at least `least` milliseconds.
 pub(crate) const fn zvz_of_3964(least: i64) -> Key341 {
     number("zvz_ms", (least, 65_530, 10), "220", "ZVZ: longest pause between two characters of a telegram")
 }
 
-/// QVZ, at least so many milliseconds.
+/// QVZ, at least `least` milliseconds.
 pub(crate) const fn qvz(least: i64) -> Key341 {
     let text = "QVZ: longest wait for an acknowledgement; 2000 with block check, 550 without";
     number("qvz_ms", (least, 65_530, 10), "", text)
@@ -147,11 +146,11 @@ pub type Protocols = &'static [(&'static str, Tables)];
 pub struct Cp341 {
     /// Which of the two it is.
     pub kind: CpKind,
-    /// How characters travel.
+    /// The line settings.
     pub line: LineSettings,
-    /// The protocol and what belongs to it.
+    /// The protocol and its parameters.
     pub protocol: Protocol341,
-    /// The keys in the order of the table: what [`Cp341::to_keys`] gives.
+    /// The keys in the order of the table: the result of [`Cp341::to_keys`].
     keys: Vec<(&'static str, Value)>,
 }
 
@@ -185,17 +184,17 @@ pub struct S3964Of341 {
     pub block_attempts: u16,
     /// Who goes first.
     pub priority: Priority,
-    /// RK 512: the response is waited for as long as the baud rate has it, instead of 20 s.
+    /// RK 512: the wait for the response depends on the baud rate, instead of 20 s.
     pub reaction_by_baud: bool,
     /// CP 340: the receive buffer is emptied at each start-up of the CPU.
     pub clear_buffer: bool,
 }
 
 impl Cp341 {
-    /// Reads named keys of a CP 341. `protocol` must be among them; what is missing has the table's default.
+    /// Reads named keys of a CP 341. `protocol` must be among them; missing keys have the table's default.
     ///
     /// # Errors
-    /// An unknown key (with the nearest known one), a key given twice, a value that cannot be.
+    /// An unknown key (with the nearest known one), a key given twice, an impossible value.
     pub fn from_keys<'a>(given: impl IntoIterator<Item = (&'a str, Value)>) -> Result<Self, ParamError> {
         Self::of_kind(CpKind::Cp341, given)
     }
@@ -266,18 +265,18 @@ impl Cp341 {
         &self.keys
     }
 
-    /// Name of the protocol, as `protocol = ` takes it.
+    /// Name of the protocol, as in `protocol = `.
     pub fn protocol_name(&self) -> &str {
         Reader(&self.keys).word("protocol")
     }
 
-    /// How the line is to be set.
+    /// The settings of the line.
     pub fn line_settings(&self) -> LineSettings {
         self.line
     }
 }
 
-/// How characters travel.
+/// The line settings.
 fn line_of(keys: &Reader<'_>) -> LineSettings {
     LineSettings {
         baud: keys.number("baud") as u32,
@@ -321,7 +320,7 @@ impl S3964Of341 {
 }
 
 impl Key341 {
-    /// The same key, where another one before it has this value.
+    /// The same key, allowed only if an earlier one has this value.
     pub(crate) const fn only_with(mut self, key: &'static str, value: &'static str) -> Self {
         self.needs = Some((key, value));
         self
@@ -332,13 +331,13 @@ impl Key341 {
         self.needs.is_none_or(|(key, value)| before.value(key) == Some(&written(value)))
     }
 
-    /// It was given without the key that it needs.
+    /// The error for a key given without the key that it needs.
     fn needless(&self, value: &Value) -> ParamError {
         let needed = self.needs.map_or_else(String::new, |(key, value)| format!("{key} = {}", written(value)));
         error(self.key, value.to_string(), format!("only with {needed}"), format!("write {needed}, or remove this key"))
     }
 
-    /// What may stand here, for people.
+    /// The allowed values as text.
     pub fn allowed(&self) -> String {
         match self.kind {
             Kind341::Choice(words) => words.join(", "),
@@ -400,12 +399,12 @@ impl Key341 {
     }
 }
 
-/// A word of the table as the station file writes it.
+/// A word of the table as in the station file.
 fn written(word: &str) -> Value {
     word.parse().map_or_else(|_| Value::from(word), Value::Int)
 }
 
-/// Checked keys by name; one that a protocol does not have reads 0 and "".
+/// Checked keys by name; a key that a protocol does not have reads 0 and "".
 pub(crate) struct Reader<'a>(pub(crate) &'a [(&'static str, Value)]);
 
 impl<'a> Reader<'a> {

@@ -7,7 +7,7 @@ use crate::record::Value;
 /// Its name.
 pub(crate) const NAME: &str = "ascii";
 
-/// End criterion, as the key has it.
+/// End criterion, as in the key.
 const END: &str = "end_criterion";
 const CHARACTERS: &str = "end-characters";
 const LENGTH: &str = "length";
@@ -22,13 +22,13 @@ const FLOW_CHARACTERS: [i64; 2] = [0x11, 0x13];
 pub(crate) const CRITERION: &[Key341] =
     &[choice(END, &["zvz", CHARACTERS, LENGTH], "zvz", "what ends a telegram that comes in")];
 
-/// What a CP 341 bounds otherwise than a CP 340. [reference 6.2]
+/// Keys with limits that differ from a CP 340's. [reference 6.2]
 pub(crate) const LIMITS: &[Key341] = &[
     number("zvz_ms", (2, 65_535, 1), "", "ZVZ: longest pause between two characters of a telegram; 4 at 9600 baud"),
     length(4096),
 ];
 
-/// Bytes of a telegram that comes in, at most so many.
+/// Length of a received telegram, at most `max` bytes.
 pub(crate) const fn length(max: i64) -> Key341 {
     number("length", (1, max, 1), "240", "bytes of a telegram that comes in").only_with(END, LENGTH)
 }
@@ -75,9 +75,9 @@ pub struct AsciiOf341 {
     pub end: EndOf341,
     /// A pause of ZVZ is kept between two telegrams that are sent.
     pub send_pause: bool,
-    /// Telegrams that wait for the CPU at most, 1 to 250.
+    /// Maximum of telegrams waiting for the CPU, 1 to 250.
     pub receive_buffers: u8,
-    /// With one receive buffer a telegram takes the place of the one that waits.
+    /// With one receive buffer a telegram replaces the waiting one.
     pub overwrites: bool,
     /// Longest wait for XON or CTS.
     pub flow_wait_ms: u32,
@@ -94,25 +94,25 @@ pub enum EndOf341 {
     Silence,
     /// End characters.
     Characters {
-        /// The characters; only the first `count` of them mean anything.
+        /// The characters; only the first `count` of them are used.
         characters: [u8; 2],
         /// 1 or 2.
         count: u8,
-        /// What they mean for a telegram that is sent.
+        /// How they affect a telegram that is sent.
         sending: SendingOf341,
     },
-    /// So many characters, 1 to 4096.
+    /// This many characters, 1 to 4096.
     Length(u16),
 }
 
-/// What of LEN bytes is sent that should end with end characters. [reference 6.3]
+/// Which of the LEN bytes are sent when telegrams end with end characters. [reference 6.3]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SendingOf341 {
     /// Up to and including the end characters.
     Through,
     /// All.
     Whole,
-    /// All, and the end characters behind them.
+    /// All, followed by the end characters.
     Appended,
 }
 
@@ -150,18 +150,18 @@ impl AsciiOf341 {
     }
 }
 
-/// The default that depends on a key before it; `None`: this one does not.
+/// A default that depends on an earlier key; `None`: this one does not.
 pub(crate) fn default_of(key: &str, before: &Reader<'_>) -> Option<Value> {
     let baud = before.number("baud");
     let found = ZVZ_BY_BAUD.iter().find(|(up_to, _)| *up_to >= baud);
     (key == "zvz_ms").then(|| Value::Int(found.map_or(2, |(_, ms)| *ms)))
 }
 
-/// What two keys say together. `least`: the shortest ZVZ in milliseconds.
+/// Checks combinations of keys. `least`: the shortest ZVZ in milliseconds.
 ///
 /// # Errors
-/// A ZVZ that ends each character's telegram; end characters that cannot come; overwriting with several receive
-/// buffers; two masters of RTS.
+/// A ZVZ shorter than a character; impossible end characters; overwriting with several receive buffers; two controllers
+/// of RTS.
 pub(crate) fn check(keys: &Reader<'_>, least: i64) -> Result<(), ParamError> {
     let zvz_ms = keys.number("zvz_ms");
     if zvz_ms < least {

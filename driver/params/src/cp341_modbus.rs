@@ -1,7 +1,7 @@
 //! The parameters of the CP 341's loadable driver "Modbus ASCII master, 32-bit registers".
 //! [S4 "3.6 Assigning Parameters to the Loadable Driver"]
 //!
-//! The driver is loaded by its name, as in the manual's dialogue, where it stands among the protocols: `protocol =
+//! The driver is selected by its name, as in the manual's dialogue, where it is listed among the protocols: `protocol =
 //! "modbus-ascii-master-32"`.
 
 use crate::cp341::{Key341, Reader, choice, error, number};
@@ -46,7 +46,7 @@ pub(crate) const DRIVER: &[Key341] = &[
     choice(
         "preset",
         &["none", "break", "high"],
-        // [S4 L549]; for two wires the text recommends "high" [S4 L556], and the default stays what it is.
+        // [S4 L549]; for two wires the text recommends "high" [S4 L556], but the default is kept.
         "break",
         "level of the open receiving line; high is recommended with two wires: BREAK cannot be recognised",
     ),
@@ -87,14 +87,14 @@ impl ModbusMaster32 {
             suppresses_interference: keys.word("operating_mode") == "interference-suppression",
             long_registers: yes("registers_32_bit"),
             half_duplex: keys.word("wiring") == "two-wire",
-            // The line floats when nothing presets it: what is heard then may be anything, BREAK as well.
+            // Without a preset the line floats, and anything may be received, including BREAK.
             breaks: keys.word("preset") != "high",
             signals: yes("rs232_signals").then(|| (ms("rts_off_ms"), ms("output_wait_ms"))),
         }
     }
 }
 
-/// Defaults that depend on a key before them; `None`: this one does not.
+/// Defaults that depend on an earlier key; `None`: this one does not.
 pub(crate) fn default_of(key: &str, before: &Reader<'_>) -> Option<Value> {
     match key {
         "stop_bits" => Some(Value::Int(stop_bits(before))),
@@ -109,7 +109,7 @@ fn stop_bits(keys: &Reader<'_>) -> i64 {
     if keys.word("parity") == "none" { 2 } else { 1 }
 }
 
-/// What two keys say together.
+/// Checks combinations of keys.
 ///
 /// # Errors
 /// Stop bits that the parity does not allow; a turnaround delay that is not shorter than the response time-out;

@@ -1,17 +1,17 @@
-//! What can be wrong with a parameter record, in words that name the place and the remedy.
+//! Errors of a parameter record, in words that name the place and the remedy.
 
 use std::fmt;
 
-/// A parameter that cannot be.
+/// An invalid parameter.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ParamError {
-    /// Parameter byte (0..15), where the mistake has one.
+    /// Parameter byte (0..15), if the mistake has one.
     pub byte: Option<usize>,
     /// Key of the station file; empty for a reserved byte.
     pub key: String,
     /// What was found.
     pub value: String,
-    /// What may stand there.
+    /// What is allowed.
     pub allowed: String,
     /// What to do about it.
     pub remedy: String,

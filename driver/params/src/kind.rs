@@ -1,4 +1,4 @@
-//! The table of module types: one row for each communication processor, for whoever has to tell them apart.
+//! The table of module types: one row for each communication processor, with their differences.
 
 /// A communication processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -15,7 +15,7 @@ pub enum CpKind {
     Cp343,
 }
 
-/// What tells a type from the others.
+/// The properties of a type.
 #[derive(Clone, Copy, Debug)]
 pub struct CpRow {
     /// The type.
@@ -28,19 +28,19 @@ pub struct CpRow {
     pub io_bytes: Option<u16>,
     /// Names of the LEDs on its front, in the order power, error, transmit, receive; empty: it has none there.
     pub leds: [&'static str; 4],
-    /// Its handling blocks talk to it in channels (`docs/cp341-channels.md`), its parameters are keys without another
-    /// form, and it has a diagnostic buffer of its own.
+    /// Its handling blocks use channels (`docs/cp341-channels.md`), its parameters are keys without another form, and
+    /// it has its own diagnostic buffer.
     pub has_channels: bool,
     /// Its handling blocks have boxes (`docs/cp343.md`), and its driver is the process of a link.
     pub has_boxes: bool,
-    /// The place of the diagnostic record is its own: there is none for the text of a line error.
+    /// It uses the diagnostic record itself, so there is no place for the text of a line error.
     pub has_record: bool,
-    /// It wants the outputs as they stand before its first parameters. A CP 341 wants them behind: its driver says
-    /// whose RTS and DTR are. [reference 2.2]
+    /// It needs the current outputs before its first parameters. A CP 341 needs them afterwards: its driver decides who
+    /// controls RTS and DTR. [reference 2.2]
     pub outputs_first: bool,
 }
 
-/// On the front of a CP 240 and a CP 040.
+/// LEDs of a CP 240 and a CP 040.
 const VIPA_LEDS: [&str; 4] = ["PW", "ER", "TxD", "RxD"];
 /// A CP 340 and a CP 341 have no LED for their power. [S4 "Diagnostics via Display Elements (LEDs)"]
 const SIEMENS_LEDS: [&str; 4] = ["", "SF", "TXD", "RXD"];
@@ -111,7 +111,7 @@ impl CpKind {
         const TABLE: &[CpRow] = &CpKind::TABLE;
         match TABLE.iter().find(|row| row.kind == self) {
             Some(row) => row,
-            // A test asks for the row of each type.
+            // A test checks that each type has a row.
             None => &TABLE[0],
         }
     }

@@ -1,8 +1,8 @@
 //! Parameter records: named keys and the 16 parameter bytes, one table for both.
 //!
 //! The station file writes parameters as named keys or as the raw bytes of a hardware configuration; the firmware takes
-//! the bytes. Both go through [`table`], which holds what the manual prints: which byte, which codes, which range,
-//! which default. [`Cp240`] is the same thing typed.
+//! the bytes. Both go through [`table`], which contains the manual's tables: byte, codes, range and default of each
+//! parameter. [`Cp240`] is the typed form.
 //!
 //! ```
 //! use ob1_params::{Cp240, Value};

@@ -1,8 +1,8 @@
 //! The parameters of the printer driver of a CP 340 and a CP 341: page layout, control characters, message texts.
 //! `docs/cp340-printer.md`
 //!
-//! Siemens keeps them in system data blocks whose layout is not printed; here they are keys like the others. Which
-//! there are is the manual's [CP 341 manual 09/2008, p. 76, 94], how they are written is ours.
+//! Siemens keeps them in system data blocks whose layout is not published; here they are keys like the others. The
+//! parameters are those of the manual [CP 341 manual 09/2008, p. 76, 94], their notation is ours.
 
 use std::collections::BTreeMap;
 
@@ -15,16 +15,16 @@ pub(crate) const NAME: &str = "printer";
 /// Longest message text, and longest format string, in bytes. [reference 3.7, 0507h], [reference 1.8]
 pub const TEXT_MAX: usize = 150;
 
-/// Greatest number of a message text. [CP 341 manual 09/2008, p. 101]
+/// Highest number of a message text. [CP 341 manual 09/2008, p. 101]
 pub const TEXT_NUMBER_MAX: u16 = 1999;
 
-/// Bytes of all message texts together as the file has them: what the way to the driver can take. (ours)
+/// Maximum bytes of all message texts in the file: as many as can be passed to the driver. (ours)
 const TEXTS_BYTES: usize = 3000;
 
-/// Bytes of all control characters as the file has them. (ours)
+/// Maximum bytes of all control characters in the file. (ours)
 const CONTROLS_BYTES: usize = 400;
 
-/// The keys behind the character frame and the flow control.
+/// The keys after the character frame and the flow control.
 pub(crate) const DRIVER: &[Key341] = &[
     number("left_margin", (0, 255, 1), "3", "blanks before each line"),
     number("lines_per_page", (0, 255, 1), "50", "lines of a page with headers and footers; 0: one endless page"),
@@ -39,7 +39,7 @@ pub(crate) const DRIVER: &[Key341] = &[
     text("texts", TEXTS_BYTES, "message texts, a line for each: \"17 The pressure in the chamber %S\""),
 ];
 
-/// What the printer understands, in hexadecimal: statement, HP (PCL), IBM (Proprinter). Upper case switches on.
+/// Control sequences of the printer, in hexadecimal: statement, HP (PCL), IBM (Proprinter). Upper case switches on.
 /// (ours; the manual's tables are not public text)
 const EMULATIONS: [(u8, &str, &str); 10] = [
     (b'B', "1B28733342", "1B45"),
@@ -104,7 +104,7 @@ pub enum CharacterSet {
 }
 
 impl CharacterSet {
-    /// The printer's character for one of ANSI; `?` where it has none.
+    /// The printer's character for an ANSI one; `?` if it has none.
     #[must_use]
     pub fn byte(self, ansi: u8) -> u8 {
         let upper = ansi.checked_sub(0xA0).map(usize::from);
@@ -198,7 +198,7 @@ fn texts(given: &str) -> Result<BTreeMap<u16, Vec<u8>>, ParamError> {
     for line in given.lines().map(|line| line.trim_end_matches('\r')).filter(|line| !line.trim().is_empty()) {
         let refused =
             |allowed: &str, remedy: &str| error("texts", format!("the line \"{line}\""), allowed.into(), remedy.into());
-        // As in a file of message texts: `17:text`; or with a blank.
+        // As in a file of message texts: `17:text`, or with a blank.
         let line_of = line.trim_start();
         let (number, text) = line_of.split_once([' ', ':']).unwrap_or((line_of, ""));
         let number = number.parse::<u16>().ok().filter(|number| *number <= TEXT_NUMBER_MAX);

@@ -1,10 +1,10 @@
-//! Values of the station file in and out of the 16 bytes, row by row of the [`table`](crate::table).
+//! Reads and writes values of the station file in the 16 bytes, row by row of the [`table`](crate::table).
 
 use crate::error::ParamError;
 use crate::table::{Field, Kind, Layout, PROTOCOLS, TICK_MS};
 use std::fmt;
 
-/// A parameter as the station file writes it.
+/// A parameter as in the station file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Value {
     /// `baud = 9600`
@@ -26,7 +26,7 @@ impl From<i64> for Value {
 }
 
 impl fmt::Display for Value {
-    /// As the station file writes it.
+    /// As in the station file.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Int(number) => write!(f, "{number}"),
@@ -168,7 +168,7 @@ pub(crate) fn protocol(record: &Record) -> Result<(&'static str, Layout), ParamE
     )
 }
 
-/// Refuses bits that belong to no field: they are a sign that a value stands in the wrong byte.
+/// Refuses bits that belong to no field: they show that a value is in the wrong byte.
 pub(crate) fn check_reserved(record: &Record, layout: Layout) -> Result<(), ParamError> {
     if layout.ignores_reserved() {
         return Ok(());
@@ -190,7 +190,7 @@ pub(crate) fn check_reserved(record: &Record, layout: Layout) -> Result<(), Para
     }
 }
 
-/// The candidate nearest to a misspelt word, if one is near at all.
+/// The candidate nearest to a misspelt word, if one is near enough.
 pub(crate) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     let word = word.to_ascii_lowercase().replace('-', "_");
     candidates

@@ -1,4 +1,4 @@
-//! The parameter tables of the CP 240 manual, as data. Everything else in this crate walks these rows.
+//! The parameter tables of the CP 240 manual, as data. Everything else in this crate uses these rows.
 //!
 //! [S0 "Structure of the parameter bytes of ASCII"], [S0 "Structure of parameter bytes for STX/ETX"],
 //! [S0 "Structure of parameter bytes for 3964(R) / 3964(R) with RK512"], [S0 "Modbus - Parameterization"].
@@ -14,16 +14,16 @@ pub enum Layout {
     S3964,
     /// All Modbus modes.
     Modbus,
-    /// M-Bus: the protocol code alone.
+    /// M-Bus: only the protocol code.
     MBus,
-    /// EnOcean: the protocol code alone.
+    /// EnOcean: only the protocol code.
     EnOcean,
 }
 
 /// How the bits of a field are written as a value of the station file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// One of these names; the first row that matches counts in either direction, so the code to write stands first.
+    /// One of these names; the first row that matches is used in both directions, so the code to write comes first.
     Choice(&'static [(&'static str, u8)]),
     /// A number, `min..=max`.
     Number {
@@ -48,7 +48,7 @@ pub struct Field {
     pub byte: usize,
     /// Lowest bit in the byte.
     pub shift: u8,
-    /// Number of bits; 16: this byte (high) and the next one (low), as all words of an S7.
+    /// Number of bits; 16: this byte (high) and the next one (low), like all words of an S7.
     pub bits: u8,
     /// How it is written.
     pub kind: Kind,
@@ -80,7 +80,7 @@ pub const PROTOCOLS: &[(&str, u8, Layout)] = &[
     ("mbus", 0xF0, Layout::MBus),
 ];
 
-/// Baud rates. 00h is the default; written out, 9600 is 09h. 76800 and 115200 stand in this order in the manual.
+/// Baud rates. 00h is the default; written explicitly, 9600 is 09h. 76800 and 115200 are in this order in the manual.
 const BAUD: Kind = Kind::Choice(&[
     ("9600", 0x09),
     ("9600", 0x00),
@@ -100,7 +100,7 @@ const BAUD: Kind = Kind::Choice(&[
     ("76800", 0x0F),
 ]);
 
-/// The parameter table leaves 7200 baud out, the technical data have it [S0 L2822]; the code is that of the other
+/// The parameter table omits 7200 baud, but the technical data list it [S0 L2822]; the code is that of the other
 /// tables.
 const BAUD_MODBUS: Kind = Kind::Choice(&[
     ("9600", 0x09),
@@ -116,8 +116,8 @@ const BAUD_MODBUS: Kind = Kind::Choice(&[
 const DATA_BITS: Kind = Kind::Choice(&[("5", 0b00), ("6", 0b01), ("7", 0b10), ("8", 0b11)]);
 /// Both 10b and 11b are printed as "even".
 const PARITY: Kind = Kind::Choice(&[("none", 0b00), ("odd", 0b01), ("even", 0b10), ("even", 0b11)]);
-/// The Modbus table prints 11b alone as "even", the description of the byte both [S0 L2155]: 11b is written, both are
-/// read.
+/// The Modbus table prints only 11b as "even", the description of the byte both [S0 L2155]: 11b is written, both are
+/// accepted.
 const PARITY_MODBUS: Kind = Kind::Choice(&[("none", 0b00), ("odd", 0b01), ("even", 0b11), ("even", 0b10)]);
 const STOP_BITS: Kind = Kind::Choice(&[("1", 0b01), ("1.5", 0b10), ("2", 0b11)]);
 const FLOW: Kind = Kind::Choice(&[("none", 0b00), ("hardware", 0b01), ("xon-xoff", 0b10)]);
@@ -222,7 +222,7 @@ impl Layout {
         }
     }
 
-    /// Whether bytes that belong to no field may hold anything: "The other parameters are reserved and not evaluated."
+    /// Whether bytes that belong to no field may have any value: "The other parameters are reserved and not evaluated."
     /// [S0 L4129], [S1 L937]
     pub fn ignores_reserved(self) -> bool {
         matches!(self, Self::MBus | Self::EnOcean)
@@ -233,7 +233,7 @@ impl Layout {
 }
 
 impl Field {
-    /// What may stand here, for people: `5, 6, 7, 8`, `1..250`, `0..5100 in steps of 20`.
+    /// The allowed values as text: `5, 6, 7, 8`, `1..250`, `0..5100 in steps of 20`.
     pub fn allowed(&self) -> String {
         match self.kind {
             Kind::Choice(names) => {

@@ -1,4 +1,4 @@
-//! The parameter tables: every printed code and default, the two forms of one another, and mistakes in words.
+//! The parameter tables: every printed code and default, conversion between the two forms, and error texts.
 
 use ob1_params::table::{Kind, Layout, PROTOCOLS};
 use ob1_params::{Cp240, Flow, ModbusKind, Parity, Priority, Protocol, StopBits, Value};
@@ -19,7 +19,7 @@ fn with(mut bytes: [u8; 16], byte: usize, value: u8) -> [u8; 16] {
     bytes
 }
 
-/// The default columns as printed, but for the baud rate, which is written out as 09h instead of 00h.
+/// The default columns as printed, except the baud rate, which is written as 09h instead of 00h.
 #[test]
 fn printed_defaults() {
     assert_eq!(defaults("ascii"), [9, 0x01, 0x13, 0, 0, 10, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
@@ -186,7 +186,7 @@ fn reserved_bits_must_be_0() {
     assert_eq!(error.byte, Some(2));
 }
 
-/// Every field refuses what is next to its range, by code and by key, and names itself.
+/// Every field refuses values just outside its range, by code and by key, and names itself.
 #[test]
 fn limits_of_every_field() {
     for (protocol, _, layout) in PROTOCOLS {
@@ -272,7 +272,7 @@ fn description() {
     );
 }
 
-/// The rows of a layout lie side by side: no bit belongs to two of them.
+/// The rows of a layout do not overlap: no bit belongs to two of them.
 #[test]
 fn rows_do_not_overlap() {
     for layout in Layout::ALL {
@@ -319,7 +319,7 @@ proptest! {
         prop_assert_eq!(Cp240::from_keys(cp.to_keys()), Ok(cp));
     }
 
-    /// Any 16 bytes are read or refused; what is read means the same when it is written again.
+    /// Any 16 bytes are read or refused; what is read keeps its meaning when it is written again.
     #[test]
     fn any_bytes(bytes: [u8; 16], protocol in 0..PROTOCOLS.len(), known: bool) {
         let bytes = if known { with(bytes, 1, PROTOCOLS[protocol].1) } else { bytes };

@@ -1,20 +1,19 @@
-//! Flow control: who may stop the other, and this side's half of it. [S0 "Flow control"]
+//! Flow control: this side's half of it. [S0 "Flow control"]
 
 use crate::machine::{Instant, Sink, Span};
 
-/// Goes on. [S0 L2010]
+/// Resumes. [S0 L2010]
 pub const XON: u8 = 0x11;
 /// Stops. [S0 L2010]
 pub const XOFF: u8 = 0x13;
 
 pub use ob1_serial::Flow;
 
-/// How often a free receive buffer is looked for while the partner is stopped.
+/// How often the receive buffer is checked for room while the partner is stopped.
 const ROOM_POLL: Span = Span::from_millis(20);
 
-/// The partner is stopped when the receive buffer has less room than this: what it may still send before it obeys, and
-/// no telegram worth the name would fit anyway. The manual names no figure; 50 characters as at the CP 341.
-/// [reference 6.4]
+/// The partner is stopped when the receive buffer has less room than this: it may still send that much before it obeys,
+/// and hardly a telegram would fit anyway. The manual names no figure; 50 characters as at the CP 341. [reference 6.4]
 const MARGIN: usize = 50;
 
 /// Stops the partner while the receive buffer is full.
@@ -30,7 +29,7 @@ impl Gate {
         Self { flow, stopped: None }
     }
 
-    /// Lets the partner send, once at the start: it may have been stopped by whoever was here before.
+    /// Lets the partner send, once at the start: a predecessor may have stopped it.
     pub(crate) fn open(&self, out: &mut dyn Sink) {
         match self.flow {
             Flow::None => {}

@@ -1,8 +1,8 @@
 //! Serial protocols as sans-IO machines: no clock, no descriptor, no shared memory, no allocation.
 //!
-//! A machine is told what happened ([`Input`]) and when, and answers through a [`Sink`]: what to put on the line,
-//! which telegram is complete, how an order ended, what went wrong. Its return value is the time at which it wants to
-//! be called again. Configuration plus the list of (time, input) determines everything, so a field log is a test.
+//! A machine is told what happened ([`Input`]) and when, and answers through a [`Sink`]: what to send, which telegram
+//! is complete, how an order ended, what went wrong. It returns the time at which it wants to be called again.
+//! Configuration and the list of (time, input) determine everything, so a field log is a test.
 //!
 //! * [`machine`]: the contract all protocols share.
 //! * [`ascii`]: bare characters, telegrams end with a pause, with end characters or after a number of characters.
@@ -11,12 +11,12 @@
 //! * [`s3964`]: 3964 and 3964R.
 //! * [`modbus`]: Modbus RTU and ASCII, master and slave.
 //! * [`modbus_master_32`]: loadable driver of the CP 341, Modbus ASCII master with 32-bit registers; [`cp341_events`]:
-//!   what its numbers mean.
+//!   the meaning of its event numbers.
 //! * [`profibus`]: telegrams of PROFIBUS and the diagnosis of a DP slave.
 //! * [`rk512`]: RK 512 on top of either.
 //! * [`signals`]: automatic use of the RS 232C secondary signals.
 //! * [`stx_etx`]: telegrams between start and end characters.
-//! * [`trace`]: a line read by a bystander, for all of them.
+//! * [`trace`]: a line as an observer reads it, for all of them.
 #![no_std]
 #![forbid(unsafe_code)]
 

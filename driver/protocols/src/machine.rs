@@ -1,4 +1,4 @@
-//! The contract between a protocol and whoever pumps it: inputs, outputs, time.
+//! The contract between a protocol and its caller: inputs, outputs, time.
 
 pub use ob1_serial::{Instant, LineFault, LineInput, ModemLines, Span, Wire};
 
@@ -16,14 +16,14 @@ pub const TELEGRAM_MAX: usize = 1024;
 /// Laws for the caller:
 /// * `now` never goes backwards.
 /// * When the returned deadline is reached, call with [`Input::Tick`]. A call before it is harmless. An input that
-///   arrives at or after the deadline without a tick before it is taken as having been in time: a late pump causes no
-///   false time-outs.
+///   arrives at or after the deadline, without a tick before it, counts as in time: a late caller causes no false
+///   time-outs.
 /// * `None` means: only an input can change anything.
 /// * When [`Sink::room`] grows (the CPU has taken a telegram), call with [`Input::Tick`].
 ///
 /// The work of one step is bounded by the bytes handed in plus one telegram.
 pub trait Machine {
-    /// Takes one input at time `now`; the result is the next deadline.
+    /// Takes one input at time `now`; returns the next deadline.
     ///
     /// The very first step must be a [`Input::Tick`]: some CPs put a character on the line when they start.
     fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Sink) -> Option<Instant>;
@@ -32,20 +32,20 @@ pub trait Machine {
     fn busy(&self) -> bool;
 }
 
-/// What happened. `O`: what the CPU can want of this protocol.
+/// What happened. `O`: the orders that the CPU can give this protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Input<'a, O = Order<'a>> {
     /// Time has passed, or the receive buffer has become free; nothing else.
     Tick,
     /// Something happened on the line.
     Line(LineInput<'a>),
-    /// The CPU wants something.
+    /// The CPU gives an order.
     Order(O),
 }
 
 impl<'a> Input<'a> {
-    /// The same for a protocol that has orders of its own: `abort` is its [`Order::Abort`]. A telegram to send is none
-    /// of its orders and becomes a tick.
+    /// The same input for a protocol with orders of its own: `abort` is its [`Order::Abort`]. A telegram to send is not
+    /// among its orders and becomes a tick.
     pub fn with_orders<O>(self, abort: O) -> Input<'a, O> {
         match self {
             Self::Tick | Self::Order(Order::Send(_)) => Input::Tick,
@@ -58,26 +58,26 @@ impl<'a> Input<'a> {
 /// An order of the CPU; one send at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order<'a> {
-    /// Send this telegram. The machine copies it. The end is told by [`Sink::sent`], exactly once an order.
+    /// Send this telegram. The machine copies it. Its end is reported by [`Sink::sent`], exactly once per order.
     ///
-    /// While an order is running a second one is answered at once with [`SendError::Busy`]; the first goes on.
+    /// While an order is running a second one is answered at once with [`SendError::Busy`]; the first continues.
     Send(&'a [u8]),
-    /// Drop the running order (if any: [`Sink::sent`] with [`SendError::Aborted`]) and what is being received, and go
-    /// back to idle. The RESET of the CPU, or new parameters.
+    /// Drop the running order (if any: [`Sink::sent`] with [`SendError::Aborted`]) and the telegram being received, and
+    /// go back to idle. Used for the RESET of the CPU and for new parameters.
     Abort,
 }
 
-/// Where a machine puts its results, beside what goes to the line. Called only inside [`Machine::step`].
+/// Where a machine puts its results, besides output to the line. Called only inside [`Machine::step`].
 pub trait Sink: Wire {
-    /// Bytes that a received telegram may have now; 0: no receive buffer is free.
+    /// Maximum length of a received telegram now, in bytes; 0: no receive buffer is free.
     fn room(&self) -> usize;
 
-    /// A telegram is complete and, where the protocol has that, acknowledged. Never longer than [`Sink::room`] was
+    /// A telegram is complete and, if the protocol acknowledges, acknowledged. Never longer than [`Sink::room`] was
     /// just before, never empty.
     fn deliver(&mut self, telegram: &[u8]);
 
     /// ASCII-fragmented: the next part of a telegram, at most 12 bytes and never longer than [`Sink::room`] was just
-    /// before. Empty only where a telegram ends or breaks off behind parts that have been handed over.
+    /// before. Empty only when a telegram ends or breaks off after parts that have been handed over.
     fn part(&mut self, bytes: &[u8], part: Part) {
         let _ = part;
         if !bytes.is_empty() {
@@ -91,13 +91,13 @@ pub trait Sink: Wire {
     /// Something worth the LED `ER`, a diagnostic entry or a line of the trace.
     fn report(&mut self, event: Event);
 
-    /// Sets the baud rate for what is transmitted and received from now on (M-Bus: each telegram names its own).
+    /// Sets the baud rate from now on, in both directions (M-Bus: each telegram names its own).
     fn baud(&mut self, baud: u32) {
         let _ = baud;
     }
 }
 
-/// What comes behind a part of a telegram.
+/// What follows a part of a telegram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Part {
     /// More of it, or its end.
@@ -115,7 +115,7 @@ pub enum SendError {
     AckDelay,
     /// The partner refused (NAK) until the permitted repetitions were used up.
     Repetitions,
-    /// The partner answered with something that is no answer, or the line broke off, until repetitions were used up.
+    /// The partner's answer was invalid, or the line broke off, until the repetitions were used up.
     Frame,
     /// The telegram is longer than the machine's buffer; nothing was sent.
     TooLong,
@@ -144,7 +144,7 @@ impl SendError {
     }
 }
 
-/// An occurrence: where the machine was, and what met it there.
+/// An occurrence: what the machine was doing, and what happened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Event {
     /// What the machine was doing.
@@ -160,11 +160,11 @@ pub enum Phase {
     Idle,
     /// Setting up a connection: STX is out, the answer is awaited.
     Connect,
-    /// Characters of a telegram are leaving.
+    /// Characters of a telegram are being sent.
     Output,
-    /// The telegram is out, its acknowledgement is awaited.
+    /// The telegram has been sent, its acknowledgement is awaited.
     Acknowledge,
-    /// A telegram is coming in.
+    /// A telegram is being received.
     Receive,
 }
 
@@ -201,7 +201,7 @@ pub enum What {
     NoBuffer,
     /// A telegram is longer than the buffer, or than the room in it.
     TooLong,
-    /// A telegram began before the one before it had ended, which is lost.
+    /// A telegram began before the previous one had ended, which is lost.
     Restarted,
     /// A telegram without user data; acknowledged, not delivered.
     Empty,
@@ -209,9 +209,9 @@ pub enum What {
     Refused(u16),
     /// The partner did not repeat a refused telegram in time (CP 341).
     NoRepetition,
-    /// The partner repeats a telegram more often than is permitted here (CP 341).
+    /// The partner repeats a telegram more often than permitted (CP 341).
     OneMoreRepetition,
-    /// The line suffered.
+    /// A line fault.
     Line(LineFault),
     /// Automatic use of the secondary signals: DSR or CTS is OFF. (CP 341)
     Signals,
@@ -220,8 +220,8 @@ pub enum What {
 }
 
 impl Event {
-    /// Number in the event classes 7 (send) and 8 (receive) of the 3964(R) and ASCII driver; `None` where these have
-    /// no number. [reference 3.9, 3.10]
+    /// Number in the event classes 7 (send) and 8 (receive) of the 3964(R) and ASCII driver; `None` if they have no
+    /// number for it. [reference 3.9, 3.10]
     pub fn number(self) -> Option<u16> {
         use Phase::{Acknowledge, Connect, Output};
         const DLE: u8 = 0x10;
@@ -229,7 +229,7 @@ impl Event {
             (What::Repetition(1), _) => 0x0701,
             (What::Unexpected(_) | What::Nak, Connect) => 0x0702,
             (What::AckDelay, Connect) => 0x0703,
-            // DLE that comes too early belongs to the end of the telegram.
+            // A DLE that comes too early is meant for the end of the telegram.
             (What::Unexpected(DLE), Output) => 0x0706,
             (What::Unexpected(_), Output) => 0x0704,
             (What::Nak, Output) => 0x0705,
@@ -237,7 +237,7 @@ impl Event {
             (What::AckDelay, Acknowledge) => 0x0707,
             (What::AckDelay, _) => 0x0708,
             (What::Exhausted, Connect) => 0x0709,
-            // What was wrong with the telegram has been reported; that it is given up has no number.
+            // The fault of the telegram has been reported; giving it up has no number.
             (What::Exhausted, Phase::Receive) => return None,
             (What::Exhausted, _) => 0x070A,
             (What::Refused(1), _) => 0x0801,

@@ -1,14 +1,15 @@
-//! Sending without acknowledgement, as ASCII and STX/ETX do it: the telegram between its start and end characters, the
+//! Sending without acknowledgement, for ASCII and STX/ETX: the telegram between its start and end characters, the
 //! partner's flow control, ZNA or a pause between telegrams, the secondary signals.
 
 use crate::flow::Flow;
 use crate::machine::{Event, Instant, ModemLines, Order, Phase, SendError, Sink, Span, What};
 use crate::signals::{Clear, Signals, Times};
 
-/// Characters handed to the line at a time while the partner may stop us: what it must be able to take after its XOFF.
+/// Characters handed to the line at a time while the partner may stop us: it must be able to take as many after its
+/// XOFF.
 const CHUNK: usize = 16;
 
-/// None, one or two characters before or behind a telegram. [S0 "Number of start flags"]
+/// None, one or two characters before or after a telegram. [S0 "Number of start flags"]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Flags {
     characters: [u8; 2],
@@ -36,19 +37,19 @@ impl Flags {
     }
 }
 
-/// What of an order's bytes is put out. [reference 6.3]
+/// Which of an order's bytes are sent. [reference 6.3]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Extent {
-    /// All of them, between start and end characters that count for themselves.
+    /// All of them, between separate start and end characters.
     #[default]
     Whole,
     /// Up to and including these characters.
     Through(Flags),
-    /// All of them with the end characters, which count.
+    /// All of them with the end characters, which count as data.
     Appended,
 }
 
-/// What a send follows. Times in nanoseconds.
+/// Rules for sending. Times in nanoseconds.
 #[derive(Clone, Debug)]
 pub(crate) struct Rules {
     pub(crate) start: Flags,
@@ -73,7 +74,7 @@ pub(crate) struct Output<const N: usize> {
     /// The partner has stopped us.
     stopped: bool,
     signals: Signals,
-    /// No telegram begins before this.
+    /// No telegram begins before this time.
     pause_until: Instant,
     /// Bytes of user data in `data`.
     len: usize,
@@ -83,14 +84,14 @@ pub(crate) struct Output<const N: usize> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     Idle,
-    /// The pause after the telegram before is not over.
+    /// The pause after the previous telegram is not over.
     Held {
         until: Instant,
     },
     /// RTS is ON; the data output waiting time runs.
     Asking,
-    /// All up to `next` has been handed over and is leaving; give up at `until`: something below us holds it back (a
-    /// driver that looks at CTS by itself).
+    /// All up to `next` has been handed over and is being sent; give up at `until`: something below us holds it back (a
+    /// driver that checks CTS by itself).
     Leaving {
         next: usize,
         until: Option<Instant>,
@@ -100,7 +101,7 @@ enum State {
         next: usize,
         until: Option<Instant>,
     },
-    /// The last bit is out; ZNA runs.
+    /// The last bit has been sent; ZNA runs.
     Pause {
         until: Instant,
     },
@@ -143,7 +144,7 @@ impl<const N: usize> Output<N> {
         }
     }
 
-    /// Copies what is to be put out. [reference 6.3]
+    /// Copies the bytes to send. [reference 6.3]
     fn take(&mut self, telegram: &[u8]) -> Result<(), SendError> {
         let telegram = match self.rules.extent {
             Extent::Whole => telegram,
@@ -192,8 +193,8 @@ impl<const N: usize> Output<N> {
                     out.take_back();
                 }
                 out.report(Event { phase: Phase::Output, what: What::AckDelay });
-                // An XON may have been lost on the line. The next order tries; a partner that is really full stops it
-                // again.
+                // An XON may have been lost on the line. The next order tries again; a partner that is really full
+                // stops it again.
                 if self.rules.flow == Flow::XonXoff {
                     self.stopped = false;
                 }
@@ -209,7 +210,7 @@ impl<const N: usize> Output<N> {
         }
     }
 
-    /// The modem lines have changed. The result is whether DSR has gone OFF, which ends what is coming in, too.
+    /// The modem lines have changed. True if DSR has gone OFF, which also ends the telegram being received.
     pub(crate) fn modem(&mut self, now: Instant, lines: ModemLines, out: &mut dyn Sink) -> bool {
         if self.rules.flow == Flow::Hardware {
             self.set_stopped(now, !lines.cts, out);
@@ -228,8 +229,8 @@ impl<const N: usize> Output<N> {
         change.dsr_fell
     }
 
-    /// The partner stops us or lets us go on. [S0 "Flow control"] What is leaving leaves: it is no more than a few
-    /// characters, and among them may be an XON of our own, which must not be taken back.
+    /// The partner stops us or lets us continue. [S0 "Flow control"] Characters already handed over are still sent:
+    /// they are few, and they may include an XON of our own, which must not be taken back.
     pub(crate) fn set_stopped(&mut self, now: Instant, stopped: bool, out: &mut dyn Sink) {
         self.stopped = stopped;
         if let (State::Stopped { next, .. }, false) = (self.state, stopped) {
@@ -251,7 +252,7 @@ impl<const N: usize> Output<N> {
         self.rules.start.as_slice().len() + self.len + self.rules.end.as_slice().len()
     }
 
-    /// Hands over what comes next, or begins the pause after the telegram.
+    /// Hands over the next characters, or begins the pause after the telegram.
     fn go_on(&mut self, now: Instant, next: usize, out: &mut dyn Sink) {
         let total = self.total();
         if next == total {

@@ -1,5 +1,5 @@
-//! Automatic use of the RS 232C secondary signals: RTS and DTR are driven, CTS and DSR watched.
-//! [S4 "4.3 RS 232C Secondary Signals"], [reference 6.5]
+//! Automatic use of the RS 232C secondary signals: RTS and DTR are driven, CTS and DSR are monitored. [S4 "4.3 RS 232C
+//! Secondary Signals"], [reference 6.5]
 //!
 //! ```text
 //! parameters    RTS OFF, DTR ON
@@ -7,9 +7,9 @@
 //! its end       last bit out -- time to RTS OFF --> RTS OFF
 //! ```
 //!
-//! The room of the ASCII driver and of the loadable Modbus driver alike. What ends when a signal goes OFF is theirs;
-//! here stand the signals and both times. Without [`Times`] they are neither set nor checked [S4 L590]: everything is
-//! clear at once.
+//! Used by the ASCII driver and by the loadable Modbus driver. They decide what ends when a signal goes OFF; this
+//! module has the signals and both times. Without [`Times`] the signals are neither set nor checked [S4 L590]:
+//! everything is clear at once.
 
 use crate::machine::{Instant, ModemLines, Span, Wire};
 
@@ -22,7 +22,7 @@ pub struct Times {
     pub output_wait: Span,
 }
 
-/// Whether a request may leave.
+/// Whether a request may be sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Clear {
     /// Now.
@@ -33,7 +33,7 @@ pub(crate) enum Clear {
     Off,
 }
 
-/// What a change of the inputs means.
+/// The meaning of a change of the inputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Change {
     /// DSR has gone from ON to OFF.
@@ -47,13 +47,13 @@ pub(crate) struct Change {
 pub(crate) struct Signals {
     /// `None`: no automatic use.
     times: Option<Times>,
-    /// `None`: the line has not told; that counts as ON.
+    /// `None`: the line has not reported; that counts as ON.
     lines: Option<ModemLines>,
-    /// RTS is ON for a request whose last bit is not out.
+    /// RTS is ON for a request whose last bit has not been sent.
     requested: bool,
-    /// The data output waiting time ends then.
+    /// End of the data output waiting time.
     wait: Option<Instant>,
-    /// RTS goes OFF then.
+    /// When RTS goes OFF.
     rts_off: Option<Instant>,
 }
 
@@ -62,7 +62,7 @@ impl Signals {
         Self { times, lines: None, requested: false, wait: None, rts_off: None }
     }
 
-    /// Whether they are used by themselves.
+    /// Whether they are used automatically.
     pub(crate) const fn are_used(&self) -> bool {
         self.times.is_some()
     }
@@ -76,13 +76,13 @@ impl Signals {
     }
 
     /// "When a send request is made, RTS is set to ON and the parameterized data output waiting time starts." [S4 L813]
-    /// With DSR OFF it is not made.
+    /// With DSR OFF the request fails.
     pub(crate) fn request(&mut self, now: Instant, out: &mut dyn Wire) -> Clear {
         let Some(times) = self.times else { return Clear::Go };
         if !self.dsr() {
             return Clear::Off;
         }
-        // RTS may be ON still, for the request before.
+        // RTS may still be ON for the previous request.
         self.rts_off = None;
         self.requested = true;
         self.wait = Some(now + times.output_wait);
@@ -103,8 +103,8 @@ impl Signals {
         }
     }
 
-    /// The last bit of the request is out: "the RTS line is set to OFF after the parameterized time to RTS OFF has
-    /// elapsed". [S4 L815]
+    /// The last bit of the request has been sent: "the RTS line is set to OFF after the parameterized time to RTS OFF
+    /// has elapsed". [S4 L815]
     pub(crate) fn sent(&mut self, now: Instant) {
         if let (Some(times), true) = (self.times, self.requested) {
             self.requested = false;

@@ -1,4 +1,4 @@
-//! What a machine meets, in words: for traces and logs.
+//! Occurrences in words, for traces and logs.
 
 use core::fmt;
 

@@ -1,5 +1,5 @@
-//! Whatever is put in, in whatever order: no panic, each order ends exactly once, nothing is delivered that has no
-//! room, and when the line falls silent for good the machine comes to rest by itself.
+//! Any input in any order: no panic, each order ends exactly once, nothing is delivered without room, and when the line
+//! falls silent for good the machine becomes idle by itself.
 
 mod defaults;
 
@@ -52,7 +52,7 @@ fn step() -> impl Strategy<Value = Step> {
     ]
 }
 
-/// What EnOcean makes something of: whole and mutilated frames, telegrams of its length.
+/// Input for EnOcean: whole and mutilated frames, telegrams of its length.
 fn esp2_step() -> impl Strategy<Value = Step> {
     let frame =
         (any::<[u8; 10]>(), 0..20_usize, prop::sample::select(vec![0x0B_u8, 0x8B])).prop_map(|(data, cut, h)| {
@@ -162,7 +162,7 @@ fn drive(machine: &mut dyn Machine, steps: &[Step]) {
     assert_eq!(books.orders, books.ended, "an order never ends");
 }
 
-/// Lets time pass on a line that puts everything out at once.
+/// Lets time pass on a line that sends everything at once.
 fn wait(
     machine: &mut dyn Machine,
     books: &mut Books,

@@ -67,8 +67,7 @@ fn zvz_of_zero_is_two_characters() {
     );
 }
 
-/// [S0 "Number of receive buffers"]: while it is occupied nothing can be received: nothing, not the rest of a
-/// telegram.
+/// [S0 "Number of receive buffers"]: while it is occupied nothing can be received, not even the rest of a telegram.
 #[test]
 fn no_receive_buffer() {
     run(
@@ -122,8 +121,8 @@ fn line_faults() {
     );
 }
 
-/// [S0 "Communication with ASCII-fragmented"]: blocks of 12 bytes at once, the rest when the line falls silent; where
-/// nothing is left, the end alone. Who has a part is told when the rest is lost.
+/// [S0 "Communication with ASCII-fragmented"]: blocks of 12 bytes at once, the rest when the line falls silent; if
+/// nothing is left, only the end. A receiver that has a part is told when the rest is lost.
 #[test]
 fn fragments() {
     run(
@@ -152,7 +151,7 @@ fn fragments() {
     );
 }
 
-/// [S0 "Flow control"]: XON = 11h, XOFF = 13h. They are not delivered; XOFF stops us, XON lets us go on.
+/// [S0 "Flow control"]: XON = 11h, XOFF = 13h. They are not delivered; XOFF stops us, XON lets us continue.
 #[test]
 fn xoff_stops_us() {
     run(
@@ -174,7 +173,7 @@ fn xoff_stops_us() {
     );
 }
 
-/// An order that waits for XON for ever ends. [reference 6.4]
+/// An order does not wait for XON for ever. [reference 6.4]
 #[test]
 fn waiting_for_xon_has_an_end() {
     run(
@@ -214,7 +213,7 @@ fn we_stop_the_partner() {
          300 room 50 => tx XON
          420 timeout => got 43",
     );
-    // The sink of the tables keeps its room; so let it be taken away just before the end.
+    // The sink of the tables keeps its room, so it is taken away just before the end.
     run(
         Config { flow: Flow::XonXoff, ..config() },
         "0   start => tx XON
@@ -252,7 +251,7 @@ fn cts_stops_us() {
     );
 }
 
-/// A driver below us that holds the output back by itself: the order ends all the same.
+/// A driver below us that holds back the output by itself: the order still ends.
 #[test]
 fn output_that_never_leaves() {
     run(

@@ -1,5 +1,5 @@
-//! What the CP 341 has of ASCII and the CP 240 has not: end characters, fixed length, the pause between telegrams, the
-//! secondary signals; as message tables. One character takes 1 ms, ZVZ is 20 ms. [reference 6]
+//! ASCII features of the CP 341 that the CP 240 does not have: end characters, fixed length, the pause between
+//! telegrams, the secondary signals; as message tables. One character takes 1 ms, ZVZ is 20 ms. [reference 6]
 
 mod common;
 mod defaults;
@@ -30,7 +30,7 @@ fn run(config: Config, table: &str) {
     check(&mut Ascii::<1024>::new(config), table);
 }
 
-/// The end characters belong to the telegram, and it is there at once. [reference 6.1]
+/// The end characters belong to the telegram, which is delivered at once. [reference 6.1]
 #[test]
 fn a_telegram_ends_with_one_end_character() {
     run(
@@ -72,7 +72,7 @@ fn zvz_before_the_end_characters() {
     );
 }
 
-/// What follows in the same burst is the beginning of the next telegram, and discarded when ZVZ expires before that has
+/// Characters after it in the same burst begin the next telegram, and are discarded when ZVZ expires before that has
 /// ended. [reference 6.1]
 #[test]
 fn what_follows_in_the_same_burst() {
@@ -93,7 +93,7 @@ fn what_follows_in_the_same_burst() {
     );
 }
 
-/// Exactly so many characters, whatever they are; ZVZ first is 0806h. [reference 6.1]
+/// Exactly this many characters, whatever they are; if ZVZ expires first: 0806h. [reference 6.1]
 #[test]
 fn a_telegram_of_fixed_length() {
     run(
@@ -112,7 +112,7 @@ fn a_telegram_of_fixed_length() {
     );
 }
 
-/// A telegram that is lost is followed to its end, so that the next one is whole.
+/// A lost telegram is followed to its end, so that the next one is whole.
 #[test]
 fn the_telegram_after_a_lost_one_is_whole() {
     run(
@@ -227,7 +227,7 @@ fn sending_with_end_characters_appended() {
     run(by_end(1, Sending::Appended), "0 start\n 0 order 1024*41 => sent NoEnd\n 1 order 1023*41 => tx 1023*41 0D");
 }
 
-/// "A pause of at least ZVZ is kept between two telegrams": the order is done before. [reference 6.3]
+/// "A pause of at least ZVZ is kept between two telegrams": the order ends before it. [reference 6.3]
 #[test]
 fn a_pause_between_two_telegrams() {
     let config = Config { pause: 20 * MS, ..config(Criterion::Silence) };
@@ -342,7 +342,7 @@ fn nothing_is_received_while_dsr_is_off() {
          60 rx 45
          80 timeout => got 45",
     );
-    // With XON/XOFF beside it DSR OFF stops nobody.
+    // With XON/XOFF, DSR OFF does not stop the output.
     run(
         Config { flow: Flow::XonXoff, ..with_signals(0, 0) },
         "0  start => rts off, dtr on, tx XON
@@ -354,7 +354,7 @@ fn nothing_is_received_while_dsr_is_off() {
     );
 }
 
-/// A line that tells nothing of its signals has them ON.
+/// If a line does not report its signals, they count as ON.
 #[test]
 fn a_line_without_signals() {
     run(with_signals(0, 50), "0 start => rts off, dtr on\n 10 order 41 => rts on\n 60 timeout => tx 41");

@@ -1,10 +1,11 @@
-//! The block codec of 3964(R): check values, and that it undoes itself.
+//! The block codec of 3964(R): check values, and decoding of what was encoded.
 
 use ob1_protocols::rk512::codec::is_whole;
 use ob1_protocols::s3964::codec::{Decoder, Step, block, block_len, check_of};
 use proptest::prelude::*;
 
-/// Feeds the wire to a decoder; the user data and whether the check was right, if the block ended with the last byte.
+/// Feeds the wire to a decoder; returns the user data and whether the check was correct, if the block ended with the
+/// last byte.
 fn decode(wire: &[u8], bcc: bool) -> Option<(Vec<u8>, bool)> {
     let mut decoder = Decoder::new(bcc);
     let mut data = Vec::new();
@@ -59,7 +60,7 @@ proptest! {
         }
     }
 
-    /// Whatever comes in, the decoder survives.
+    /// The decoder survives any input.
     #[test]
     fn any_bytes(wire in proptest::collection::vec(any::<u8>(), 0..300), bcc: bool) {
         let mut decoder = Decoder::new(bcc);
@@ -73,8 +74,8 @@ proptest! {
 }
 
 /// However a partner splits an order, and whichever telegram loses its end on the way: the order never becomes
-/// complete, and the partner never gets an acknowledgement for its last telegram. (A telegram cut to the very length of
-/// a whole one is the exception: then the rest is missed, and told as given up.)
+/// complete, and the partner never gets an acknowledgement for its last telegram. (The exception is a telegram cut to
+/// exactly the length of a whole one: then the rest is missing, and the order is reported as abandoned.)
 #[test]
 fn no_order_with_a_hole_is_ever_done() {
     let mut holes = 0;

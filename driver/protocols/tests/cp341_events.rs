@@ -1,4 +1,4 @@
-//! The table of event numbers: in order, complete against what the machines can say, and the same as the page in docs.
+//! The table of event numbers: in order, complete for the machines' events, and the same as the page in docs.
 
 mod cp341_events_page;
 
@@ -15,14 +15,14 @@ fn in_order_and_without_gaps_in_a_row() {
         assert!(!row.text.is_empty() && !row.text.ends_with('.'), "{:04X}", row.number);
         assert!(row.remedy.is_empty() || row.remedy.ends_with(['.', '?']), "{:04X}", row.number);
         assert!(!row.text.contains('|') && !row.remedy.contains('|'), "{:04X} breaks the page", row.number);
-        // Information needs no remedy; what goes wrong here does.
+        // Information needs no remedy; errors that occur here do.
         let is_information = row.number >> 8 == 0 || matches!(row.number, 0x0701 | 0x0801);
         let wants_remedy = row.origin == Origin::Here && !is_information;
         assert_eq!(!row.remedy.is_empty(), wants_remedy, "{:04X}", row.number);
     }
 }
 
-/// What a machine can say has a row that says it occurs here.
+/// Every event of a machine has a row with origin [`Origin::Here`].
 #[test]
 fn every_number_of_the_machines_has_a_row() {
     let driver = [

@@ -149,14 +149,14 @@ fn what_does_not_count_is_not_looked_at() {
     assert_eq!(Telegram::parse(&bytes("AB 58 FF FF FF FF FF FF FF FF FF")), Telegram::Command(Command::RdIdBase));
 }
 
-/// The check sum, worked out by hand: 0B+05+70+00+12+34+C8+30 = 1BEh.
+/// The check sum, computed by hand: 0B+05+70+00+12+34+C8+30 = 1BEh.
 #[test]
 fn a_frame_is_fourteen_bytes() {
     let frame = encode(&bytes("0B 05 70 00 00 00 00 12 34 C8 30"));
     assert_eq!(frame, [0xA5, 0x5A, 0x0B, 0x05, 0x70, 0, 0, 0, 0, 0x12, 0x34, 0xC8, 0x30, 0xBE]);
 }
 
-/// Frames found among these characters.
+/// The frames among these characters.
 fn found(characters: &[u8]) -> Vec<Bytes> {
     let mut decoder = Decoder::new();
     let step = |byte: &u8| match decoder.feed(*byte) {
@@ -177,12 +177,12 @@ proptest! {
         prop_assert_eq!(Telegram::parse(&emitted), telegram);
     }
 
-    /// Whatever stands before it, also a frame that has lost its end, a frame is found; behind that the next one.
+    /// A frame is found after any characters, even after a frame that has lost its end; then the next one.
     #[test]
     fn a_frame_is_found_behind_anything(mut noise: Vec<u8>, cut in 0..FRAME_BYTES, telegram: [u8; 10]) {
         let mut wanted: Bytes = [0x0B; TELEGRAM_BYTES];
         wanted[1..].copy_from_slice(&telegram);
-        // Noise may by chance be the beginning of a frame that swallows the first one; never the second as well.
+        // By chance noise may begin a frame that swallows the first one, but never the second as well.
         noise.extend(&encode(&wanted)[..cut]);
         for _ in 0..2 {
             noise.extend(encode(&wanted));
@@ -208,9 +208,9 @@ fn a_frame_behind_a_mutilated_one_is_not_lost() {
     assert_eq!(check_sum(&[0xFF; TELEGRAM_BYTES]), 0xF5);
 }
 
-/// The question for the ID base.
+/// The request for the ID base.
 const RD_IDBASE: &str = "A5 5A AB 58 0 0 0 0 0 0 0 0 0 03";
-/// Its answer: FF800080 with bits 6..0 that do not count.
+/// Its answer: FF800080, where bits 6..0 are ignored.
 const INF_IDBASE: &str = "A5 5A 8B 98 FF 80 00 FF 0 0 0 0 0 A1";
 
 fn machine(table: &str) {
@@ -283,7 +283,7 @@ fn telegrams_of_other_lengths_are_refused() {
     );
 }
 
-/// 2048 bytes of frames are 146; the 147th waits for a place, and what waits when the line goes is dropped.
+/// 2048 bytes hold 146 frames; the 147th waits for a place, and waiting telegrams are dropped when the line is lost.
 #[test]
 fn the_send_buffer_is_finite() {
     assert_eq!(SEND_TELEGRAMS, 146);

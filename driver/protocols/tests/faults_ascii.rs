@@ -1,5 +1,5 @@
-//! ASCII on a bad line, see [`pair`]. It has no check but parity, frame and silence: a telegram that is accepted is
-//! what stood between two silences, every character of it readable.
+//! ASCII on a bad line, see [`pair`]. Its only checks are parity, frame and silence: an accepted telegram is everything
+//! between two silences, with every character readable.
 
 mod defaults;
 mod pair;
@@ -13,13 +13,13 @@ struct Pair<const FRAGMENTED: bool>;
 
 struct Silences {
     fragmented: bool,
-    /// XON and XOFF are no characters of a telegram.
+    /// XON and XOFF do not belong to a telegram.
     flow: bool,
     zvz: Span,
     last: Instant,
-    /// What has come since the last silence.
+    /// Characters since the last silence.
     burst: Vec<Option<u8>>,
-    /// Of that: delivered already (ASCII-fragmented).
+    /// Number of them already delivered (ASCII-fragmented).
     taken: usize,
 }
 
@@ -65,7 +65,7 @@ impl<const FRAGMENTED: bool> Duet for Pair<FRAGMENTED> {
             criterion: if FRAGMENTED { Criterion::Fragments } else { Criterion::Silence },
             flow: [Flow::None, Flow::Hardware, Flow::XonXoff][rng.below(3) as usize],
             zvz,
-            // [S0 "ASCII"]: the silence between two telegrams is the sender's.
+            // [S0 "ASCII"]: the sender keeps the silence between two telegrams.
             zna: zvz.max(2 * sim.char_time) + 20 * MS,
             flow_wait: 2 * SECOND,
             ..defaults::ascii(sim.char_time)
@@ -83,7 +83,7 @@ impl<const FRAGMENTED: bool> Duet for Pair<FRAGMENTED> {
     }
 
     fn telegram(rng: &mut SplitMix64, _end: End) -> Option<Vec<u8>> {
-        // A fragment is whole, so that it can be found again.
+        // Each telegram is one fragment, so that it can be found again.
         let len = 1 + if FRAGMENTED { rng.below(12) } else { rng.below(100) };
         Some((0..len).map(|_| 0x20 + rng.below(0xE0) as u8).collect())
     }

@@ -1,8 +1,8 @@
-//! EnOcean's serial protocol on a bad line, see [`pair`]. What is accepted came off the line as A5 5A, these bytes and
-//! their sum, one behind the other, every character of it readable and none later than the gap.
+//! EnOcean's serial protocol on a bad line, see [`pair`]. An accepted telegram came from the line as A5 5A, its bytes
+//! and their sum in sequence, with every character readable and none later than the gap.
 //!
-//! Two CPs face each other: each is asked for its ID base by the other and knows no answer, so telegrams go out as they
-//! are.
+//! Two CPs are connected to each other: each asks the other for its ID base and gets no answer, so telegrams are sent
+//! unchanged.
 
 mod pair;
 

@@ -11,8 +11,8 @@ const ADDRESS: u8 = 5;
 /// Code of 9600 baud, which all telegrams name.
 const BAUD: u8 = 0xBD;
 
-/// The fields of the frame that these characters are: written from the manual's table, not with the codec under test.
-/// [S0 "Overview of M-Bus telegrams"]
+/// The fields of the frame in these characters, written from the manual's table, not with the codec under test. [S0
+/// "Overview of M-Bus telegrams"]
 fn frame(raw: &[Option<u8>]) -> Option<Vec<u8>> {
     let bytes: Vec<u8> = raw.iter().copied().collect::<Option<_>>()?;
     match *bytes {
@@ -31,17 +31,17 @@ fn total(bytes: &[u8]) -> u8 {
     bytes.iter().fold(0, |sum, byte| sum.wrapping_add(*byte))
 }
 
-/// A meter, or the master. The meter shows the harness what it was told, as telegrams delivered.
+/// A meter, or the master. The meter reports received telegrams to the harness as delivered.
 enum Partner {
     Master(Box<MBus>),
     Meter { raw: Vec<Option<u8>>, last: Instant, answer: Option<(Instant, Vec<u8>)>, count: u8 },
 }
 
-/// A frame has no pauses; what comes after one is another frame.
+/// A frame has no pauses; after a pause another frame begins.
 const PAUSE: Span = Span::from_millis(8);
-/// Characters that come together at most.
+/// Maximum of characters that come together.
 const BURST: usize = 64;
-/// A meter thinks a little.
+/// Time a meter takes to answer.
 const THINKS: Span = Span::from_millis(3);
 
 impl Machine for Partner {
@@ -51,7 +51,7 @@ impl Machine for Partner {
             Self::Meter { raw, last, answer, count } => (raw, last, answer, count),
         };
         if let Some((_, bytes)) = answer.take_if(|(at, _)| *at <= now) {
-            // Two wires: who speaks has heard nothing.
+            // Two wires: a sender has received nothing.
             raw.clear();
             out.transmit(&bytes);
         }
@@ -94,7 +94,7 @@ impl Machine for Partner {
     }
 }
 
-/// What came in since the partner last spoke.
+/// Characters received since the partner last sent.
 struct Heard {
     raw: Vec<Option<u8>>,
     broken: bool,
@@ -112,11 +112,11 @@ impl Judge for Heard {
 
     fn accepts(&mut self, _now: Instant, telegram: &[u8]) -> bool {
         match *telegram {
-            // No answer; a short circuit is a fault that was there.
+            // No answer; a reported short circuit must have been a fault.
             [0x01] => true,
             [0x03] => self.broken,
-            // The meter takes a frame as soon as it is whole: a burst may have more behind it. To the master that is a
-            // collision.
+            // The meter takes a frame as soon as it is whole: a burst may contain more after it. For the master that is
+            // a collision.
             [head @ (0x00 | BAUD), ref fields @ ..] => (0..if head == BAUD { BURST } else { 1 }).any(|behind| {
                 let raw = &self.raw[..self.raw.len().saturating_sub(behind)];
                 (0..raw.len()).any(|from| frame(&raw[from..]).is_some_and(|heard| heard == fields))
@@ -132,7 +132,7 @@ impl Duet for Pair {
     const TEST: &'static str = "faults_mbus reading";
     type Machine = Partner;
     type Judge = Heard;
-    // An order nobody has answered is done as well: its response says so.
+    // An unanswered order is also done: its response says so.
     const ACKNOWLEDGED: bool = false;
     const GRACE: Span = Span::from_millis(50);
 
@@ -192,7 +192,7 @@ fn a_clean_line_loses_nothing() {
     pair::check_clean::<Pair>();
 }
 
-/// The judge sees what it has to: the manual's answer, and that answer with one bit wrong.
+/// The judge works: it accepts the manual's answer, and rejects that answer with one bit wrong.
 #[test]
 fn the_judge_knows_a_frame() {
     let mut raw: Vec<Option<u8>> =

@@ -10,8 +10,8 @@ use pair::{Duet, Judge, Stage, Sum};
 
 const ADDRESS: u8 = 5;
 
-/// Whether a telegram that passes the check and this question stands in the characters: in RTU at their end, in ASCII
-/// anywhere, for its end is a character. Written from the definition of CRC and LRC, not with the codec under test.
+/// A telegram in the characters that passes the check and `is_it`: in RTU at their end, in ASCII anywhere, because its
+/// end is a character. Written from the definition of CRC and LRC, not with the codec under test.
 fn heard(rtu: bool, raw: &[Option<u8>], is_it: impl Fn(&[u8]) -> bool) -> Option<Vec<u8>> {
     let good = |from: usize| {
         let rest = &raw[from..];
@@ -44,13 +44,13 @@ fn hex(digits: Option<&[u8]>) -> Option<u8> {
     u8::from_str_radix(std::str::from_utf8(digits?).ok()?, 16).ok()
 }
 
-/// Either partner. The slave shows the harness the requests it answers, as telegrams delivered.
+/// Either partner. The slave reports the requests it answers to the harness as delivered telegrams.
 enum Partner {
     Master(Box<Master>),
     Slave { slave: Box<Slave>, rtu: bool, raw: Vec<Option<u8>> },
 }
 
-/// The slave's sink: an answer is the moment at which its request counts as delivered.
+/// The slave's sink: a request counts as delivered when it is answered.
 struct Shown<'a> {
     out: &'a mut dyn Sink,
     rtu: bool,
@@ -59,7 +59,8 @@ struct Shown<'a> {
 
 impl Wire for Shown<'_> {
     fn transmit(&mut self, bytes: &[u8]) {
-        // An answer carries the function code of its request; the end of a telegram may have a right check by chance.
+        // An answer contains the function code of its request; the end of a telegram may have a correct check by
+        // chance.
         let code = if self.rtu { bytes.get(1).copied() } else { hex(bytes.get(3..5)) };
         let code = code.expect("an answer has a function code") & 0x7F;
         let for_me = |telegram: &[u8]| telegram.starts_with(&[ADDRESS, code]);
@@ -111,7 +112,7 @@ impl Machine for Partner {
     }
 }
 
-/// What came in since the partner last spoke.
+/// Characters received since the partner last sent.
 struct Heard<const RTU: bool> {
     raw: Vec<Option<u8>>,
 }
@@ -153,7 +154,7 @@ impl<const RTU: bool> Duet for Pair<RTU> {
         let slave = Slave::new(slave::Config { confirmed: false, ..slave::Config::long(frame, ADDRESS) });
         let slave = Partner::Slave { slave: Box::new(slave), rtu: RTU, raw: Vec::new() };
         let partners = [Partner::Master(Box::new(master)), slave].map(|machine| (machine, Heard { raw: Vec::new() }));
-        // A slave needs no receive buffer; a master without one is in the table.
+        // A slave needs no receive buffer; the tables test a master without one.
         Stage { sim, partners, pause: 10 * MS, slow_one_in: 0 }
     }
 
@@ -176,7 +177,7 @@ impl<const RTU: bool> Duet for Pair<RTU> {
 
     fn verdict(sum: &Sum) {
         assert!(sum.failed > 0, "the faults do not hurt");
-        // A CRC lets one in 65536 damaged telegrams pass, an LRC one in 256 and all with two errors that cancel out.
+        // A CRC misses one in 65536 damaged telegrams, an LRC one in 256 and all with two errors that cancel out.
         assert!(sum.damaged * if RTU { 2000 } else { 200 } < sum.done, "{sum:?}: more than the check lets through");
     }
 }
@@ -222,7 +223,7 @@ fn a_clean_line_loses_nothing() {
     pair::check_clean::<Pair<false>>();
 }
 
-/// An order of the CPU to a slave is no telegram: it is stored at once.
+/// An order of the CPU to a slave is not a telegram: it is stored at once.
 #[test]
 fn a_slave_has_no_orders_under_way() {
     let frame = frame::Config::new(Mode::Rtu, 9600, MS);

@@ -2,17 +2,18 @@
 //! on 3964.
 //!
 //! Both programs give orders at the same time (SEND and FETCH, 1 to 512 words), answer the partner's, sometimes late
-//! and sometimes with a refusal. What must hold, whatever the line does:
+//! and sometimes with a refusal. Invariants, whatever the line does:
 //!
-//! * every order ends exactly once, done or with an error; every order of the partner that was put before the CPU, too;
-//! * nothing is put before the CPU, and no data of a FETCH are handed over, that do not follow from the telegrams as
-//!   they came off the line: decoded and put together here, from the text, not with the code under test;
-//! * what is reported done was done: the partner's CPU has taken these data, or has given these;
-//! * when the faults are over, every order goes through, in both directions, and whole.
+//! * every order ends exactly once, done or with an error; so does every order of the partner that was passed to the
+//!   CPU;
+//! * nothing is passed to the CPU, and no data of a FETCH are handed over, that do not follow from the telegrams as
+//!   they came from the line: they are decoded and assembled here, from the text, not with the code under test;
+//! * an order reported as done was done: the partner's CPU has taken or given these data;
+//! * when the faults are over, every order succeeds, in both directions, and completely.
 //!
-//! Damage that the check cannot see (two errors that cancel out in the block check character; without one, any) is told
-//! from mistakes by the decoder here, and counted. Seeds as in `pair`: the kept ones, then 1, 2, 3, ... until
-//! `OB1_TELEGRAMS` orders have ended; `OB1_SEED=n` runs one alone and prints what happens.
+//! The decoder here distinguishes damage that the check cannot detect (two errors that cancel out in the block check
+//! character; without one, any) from mistakes, and counts it. Seeds as in `pair`: the kept ones, then 1, 2, 3, ...
+//! until `OB1_TELEGRAMS` orders have ended; `OB1_SEED=n` runs one alone and prints what happens.
 
 #![allow(clippy::disallowed_methods)] // A test reads its seeds and its environment.
 
@@ -32,9 +33,9 @@ use s3964_frame::{Incoming, checked};
 
 /// Virtual time with faults.
 const FAULTY: Instant = Instant::from_secs(30);
-/// After the faults: what has been disturbed may still fail in this time. A CP 341 waits 20 s for the partner to go on.
+/// After the faults: disturbed orders may still fail in this time. A CP 341 waits 20 s for the partner to continue.
 const SETTLE: Span = Span::from_secs(45);
-/// After that: orders must go through.
+/// After that: orders must succeed.
 const CALM: Span = Span::from_secs(8);
 
 type Machine = Rk512<4096>;
@@ -56,31 +57,31 @@ struct Books {
     done: u64,
     failed: u64,
     damaged: u64,
-    /// Orders done whose data did not arrive, though no telegram was spoilt: when they ended.
+    /// Orders done whose data did not arrive although no telegram was corrupted, with the time of their end.
     untrue: Vec<(Instant, Request)>,
     calm: u64,
     incoming: Incoming,
-    /// Telegrams that came off the line whole, each acknowledged by our DLE.
+    /// Complete telegrams from the line, each acknowledged by our DLE.
     accepted: Vec<Vec<u8>>,
-    /// Of those: how many before our running order began.
+    /// Number of them before our running order began.
     order_mark: usize,
-    /// Of those: how many have been held against what the partner has sent.
+    /// Number of them compared with the partner's sent telegrams.
     held: usize,
-    /// Of those: how many the partner has never sent: spoilt, and the check did not see it.
+    /// Number of them that the partner has never sent: corrupted without the check detecting it.
     spoilt: u64,
-    /// Spoilt telegrams at both ends when our running order began.
+    /// Corrupted telegrams at both ends when our running order began.
     spoilt_mark: u64,
-    /// Spoilt telegrams at this end when our running order began.
+    /// Corrupted telegrams at this end when our running order began.
     order_spoilt: u64,
-    /// Spoilt telegrams at this end when the last question was put.
+    /// Corrupted telegrams at this end when the CPU was last asked.
     question_spoilt: u64,
-    /// Characters of the block that is leaving.
+    /// Characters of the block being sent.
     leaving: Vec<Option<u8>>,
-    /// Telegrams that have left.
+    /// Telegrams that have been sent.
     sent: VecDeque<Vec<u8>>,
-    /// The question before the CPU, and when it answers.
+    /// The partner's order that the CPU has, and when it answers.
     question: Option<(Instant, Request)>,
-    /// What the CPU has taken or given, with every answer.
+    /// The data the CPU has taken or given, for each answer.
     served: VecDeque<(Request, Vec<u8>)>,
     /// How the running order ended in this step.
     ended: Option<Result<Vec<u8>, OrderError>>,
@@ -161,7 +162,7 @@ impl Owner for Port<'_> {
 }
 
 impl Books {
-    /// Puts down the telegrams that leave.
+    /// Records sent telegrams.
     fn put_down_sent(&mut self, bytes: &[u8]) {
         match bytes {
             [0x02] => return self.leaving.clear(),
@@ -177,7 +178,7 @@ impl Books {
         }
     }
 
-    /// Holds what was accepted against what the partner has sent.
+    /// Compares accepted telegrams with the partner's sent ones.
     fn hold_against(&mut self, partner: &Self) {
         let new = &self.accepted[self.held..];
         self.spoilt += new.iter().filter(|telegram| !partner.sent.contains(telegram)).count() as u64;
@@ -185,9 +186,9 @@ impl Books {
     }
 }
 
-/// Whether these pieces, in their order, are the data. A piece that is the same as the one before may be that one once
-/// more; where something was spoilt that the check did not see (`certain` is false), one of the two may be it, its
-/// length too.
+/// Whether these pieces, in order, form the data. A piece that equals the previous one may be a repetition of it. If
+/// there was undetected corruption (`certain` is false), one of two consecutive pieces may be a corrupted repetition,
+/// even of another length.
 fn put_together<'a>(pieces: impl Iterator<Item = &'a [u8]>, data: &[u8], certain: bool) -> bool {
     // All lengths the data may have after each piece.
     let mut lengths = vec![0];
@@ -205,7 +206,7 @@ fn put_together<'a>(pieces: impl Iterator<Item = &'a [u8]>, data: &[u8], certain
     lengths.contains(&data.len())
 }
 
-/// Whether the last telegrams off the line are this order.
+/// Whether the last telegrams from the line form this order.
 fn telegrams_say(accepted: &[Vec<u8>], request: &Request, data: &[u8], certain: bool) -> bool {
     let header = request.header();
     let letters = &header[2..4];
@@ -216,12 +217,12 @@ fn telegrams_say(accepted: &[Vec<u8>], request: &Request, data: &[u8], certain: 
     put_together(std::iter::once(first).chain(follow.map(|t| &t[4..])), data, certain)
 }
 
-/// Whether the reactions off the line say "done", and, at a FETCH, these data.
+/// Whether the reactions from the line mean "done" and, for a FETCH, contain these data.
 fn reactions_say(accepted: &[Vec<u8>], data: Option<&[u8]>, certain: bool) -> bool {
     let good = |t: &&Vec<u8>| matches!(t[..], [0x00 | 0xFF, 0, 0, 0, ..]);
     let reactions: Vec<_> = accepted.iter().filter(good).collect();
     let last_is_one = accepted.last().is_some_and(|t| good(&t));
-    // Reactions to something before may have come first.
+    // Reactions to earlier orders may have come first.
     let fits = |from: usize, data| put_together(reactions[from..].iter().map(|t| &t[4..]), data, certain);
     last_is_one && data.is_none_or(|data| (0..reactions.len()).any(|from| fits(from, data)))
 }
@@ -257,7 +258,7 @@ impl Station {
 
     fn step(&mut self, now: Instant, input: Input<'_>, line: &mut SimLine, trace: bool) {
         match input {
-            // One at a time, so that what is accepted is put down before it is acted on.
+            // One at a time, so that an accepted telegram is recorded before it takes effect.
             Input::Line(LineInput::Rx(bytes)) if bytes.len() > 1 => {
                 return bytes.iter().for_each(|b| self.step(now, Input::Line(LineInput::Rx(&[*b])), line, trace));
             }
@@ -283,7 +284,7 @@ impl Station {
         self.deadline.into_iter().chain(order).chain(answer).min()
     }
 
-    /// The CPU answers the question before it.
+    /// The CPU answers the partner's order.
     fn answer(&mut self, now: Instant, line: &mut SimLine, trace: bool) {
         let Some((_, request)) = self.books.question.take_if(|(at, _)| *at <= now) else { return };
         let rng = &mut self.books.rng;
@@ -333,9 +334,9 @@ fn order(rng: &mut SplitMix64) -> (Request, Vec<u8>) {
 struct Sum {
     done: u64,
     failed: u64,
-    /// Orders done whose data did not arrive whole, and a telegram had been spoilt past the check.
+    /// Orders done whose data did not arrive whole because of undetected corruption.
     damaged: u64,
-    /// Of those: on 3964R.
+    /// Number of them on 3964R.
     damaged_bcc: u64,
 }
 
@@ -389,7 +390,7 @@ fn run(seed: u64, faults: bool, trace: bool) -> Sum {
             station.answer(now, &mut line, trace);
             settle(&mut stations, n, now);
             let station = &mut stations[n];
-            // The time in which nothing counts is short of orders, so that the long run is long on faults.
+            // In the time that does not count there are few orders, so that the long run contains many faults.
             let quiet = (FAULTY + SECOND..FAULTY + SETTLE).contains(&now);
             if quiet {
                 station.next_order = station.next_order.max(FAULTY + SETTLE + MS);
@@ -496,12 +497,12 @@ fn orders_survive_a_bad_line() {
         assert!(conversations * 3 <= sum.done + sum.failed, "orders hardly ever end");
     }
     println!("faults_rk512: {conversations} conversations, {sum:?}");
-    // The test tests something: most orders come through, and the faults do hurt.
+    // The test is meaningful: most orders succeed, and the faults make some fail.
     assert!(sum.done > 3 * sum.failed && sum.failed > 0, "{sum:?}");
     assert!(sum.damaged_bcc * 500 < sum.done, "more than the check character lets through: {sum:?}");
 }
 
-/// Without faults nothing fails but what the CPUs refuse, all arrives whole, and the same seed is the same
+/// Without faults only orders refused by the CPUs fail, everything arrives whole, and the same seed gives the same
 /// conversation.
 #[test]
 fn a_clean_line_loses_nothing() {

@@ -15,7 +15,7 @@ struct Pair<const BCC: bool>;
 /// The last block that was acknowledged, from the characters between two of our DLE.
 struct Blocks<const BCC: bool> {
     incoming: Incoming,
-    /// What our last DLE acknowledged.
+    /// The block acknowledged by our last DLE.
     block: Vec<Option<u8>>,
 }
 

@@ -1,5 +1,5 @@
-//! STX/ETX on a bad line, see [`pair`]. What is accepted stood between start and end characters, every character of it
-//! readable and none later than TMO, and no start or end within it was overlooked.
+//! STX/ETX on a bad line, see [`pair`]. An accepted telegram was between start and end characters, with every character
+//! readable and none later than TMO, and contains no start or end.
 
 mod defaults;
 mod pair;
@@ -17,7 +17,7 @@ struct Brackets {
     end: Vec<u8>,
     flow: bool,
     tmo: Span,
-    /// What has come in and belongs to no accepted telegram yet, with its time.
+    /// Received characters that belong to no accepted telegram yet, with their times.
     raw: Vec<(Instant, Option<u8>)>,
 }
 
@@ -36,7 +36,7 @@ impl Judge for Brackets {
         let readable = own.iter().map(|(_, c)| *c).eq(wanted.iter().map(|c| Some(*c)));
         let in_time = own.windows(2).all(|pair| pair[1].0 <= pair[0].0 + self.tmo);
         let overlooked = |flags: &[u8]| !flags.is_empty() && telegram.windows(flags.len()).any(|w| w == flags);
-        // Where there is nothing to begin with, a telegram begins behind an end or a silence.
+        // Without start characters a telegram begins after an end or a silence.
         let first = own.first().map_or(Instant::START, |(at, _)| *at);
         let free = match before.last() {
             Some((at, _)) if self.start.is_empty() && first <= *at + self.tmo => {
@@ -66,7 +66,7 @@ impl Duet for Pair {
             end,
             flow: [Flow::None, Flow::Hardware, Flow::XonXoff][rng.below(3) as usize],
             tmo,
-            // Without end characters the silence behind a telegram is the sender's.
+            // Without end characters the sender keeps the silence after a telegram.
             zna: if end.as_slice().is_empty() { tmo + 20 * MS } else { Span::ZERO },
             flow_wait: 2 * SECOND,
             ..defaults::stx_etx(sim.char_time)

@@ -13,7 +13,7 @@ fn run(table: &str) {
     check(&mut MBus::new(Config::cp240()), table);
 }
 
-/// [S0 "Examples"]: BBh, 7Bh, FEh goes out as 10 7B FE 79 16. The received telegram of the manual has misprints: the L
+/// [S0 "Examples"]: BBh, 7Bh, FEh is sent as 10 7B FE 79 16. The received telegram of the manual has misprints: the L
 /// fields of `08 02 72 01 02 03` are 06h, its check sum is 82h, and 7 bytes reach the program.
 #[test]
 fn the_examples_of_the_manual() {
@@ -23,7 +23,7 @@ fn the_examples_of_the_manual() {
          60    rx 68 06 06 68 08 02 72 01 02 03 82 16 => got 00 08 02 72 01 02 03, sent ok");
 }
 
-/// [S0 "Overview of M-Bus telegrams"]: the length with the baud rate decides which frame it is.
+/// [S0 "Overview of M-Bus telegrams"]: the length including the baud rate decides the frame.
 #[test]
 fn the_length_tells_the_frame() {
     run("0  start
@@ -43,7 +43,8 @@ fn the_length_tells_the_frame() {
          42 rx E5                 => got 00 E5, sent ok");
 }
 
-/// A lone baud rate is no telegram, a lone character other than E5h no frame, 253 bytes of user data are too many.
+/// A lone baud rate is not a telegram, a lone character other than E5h is not a frame, 253 bytes of user data are too
+/// many.
 #[test]
 fn what_is_no_frame_is_refused() {
     run("0 start
@@ -136,7 +137,7 @@ fn every_defect_of_an_answer() {
          15.437478 timeout => !Output: Repetition(1), tx 10 7B 05 80 16");
 }
 
-/// An answer may come in pieces, and behind the echo of a level converter.
+/// An answer may come in pieces, and after the echo of a level converter.
 #[test]
 fn pieces_and_echoes() {
     run("0  start
@@ -161,7 +162,7 @@ fn a_short_circuit_ends_the_order() {
          30 fault Break => !Idle: Line(Break)");
 }
 
-/// Ours: a line that stays at 0 reports its break once. It counts until a character comes in.
+/// Ours: a line that stays at 0 reports its break only once. The break counts until a character comes in.
 #[test]
 fn a_short_circuit_counts_until_a_character_comes_in() {
     run("0          start
@@ -181,7 +182,7 @@ fn a_short_circuit_counts_until_a_character_comes_in() {
          316        done => got 01, sent ok");
 }
 
-/// Ours: a device that never falls silent does not keep the order alive. Three of the longest frames are 897 ms at 9600
+/// Ours: a device that never falls silent does not prolong the order. Three of the longest frames are 897 ms at 9600
 /// baud.
 #[test]
 fn a_babbler_does_not_hold_the_order() {
@@ -194,7 +195,7 @@ fn a_babbler_does_not_hold_the_order() {
     run(&table);
 }
 
-/// Ours: an order waits until its answer has room, so that no answer is lost.
+/// Ours: an order waits until there is room for its answer, so that no answer is lost.
 #[test]
 fn an_order_waits_for_room() {
     run("0  start
@@ -223,7 +224,8 @@ fn frames_survive_the_line() {
         for cut in 0..length {
             assert_eq!(Frame::decode(&bytes[..cut]), Progress::More, "{frame:?} cut at {cut}");
         }
-        // One flipped bit is another start, or is found; but in the single character a flip may begin another frame.
+        // One flipped bit is detected or gives another start; only in the single character a flip may begin another
+        // frame.
         for (place, bit) in (0..length).flat_map(|place| (0..8).map(move |bit| (place, bit))).filter(|_| length > 1) {
             bytes[place] ^= 1 << bit;
             assert!(

@@ -1,5 +1,4 @@
-//! The codecs of Modbus: check values, that they undo themselves, and that nothing that is handed in is too much for
-//! them.
+//! The codecs of Modbus: check values, decoding of what was encoded, and tolerance of any input.
 
 use ob1_protocols::modbus::pdu::{self, Direction, Exception, Function, Match, Request};
 use ob1_protocols::modbus::{FRAME_CHARACTERS, Failure, Mode, TELEGRAM_BYTES, ascii, rtu};
@@ -81,7 +80,7 @@ fn too_long_or_empty_is_not_sent() {
     assert_eq!(ascii::encode(&[1, 2], &mut [0; 8]), None);
 }
 
-/// [S0 "Modbus - Function codes"]: each command telegram, what it means, and its length by its first bytes.
+/// [S0 "Modbus - Function codes"]: each command telegram, its meaning, and its length according to its first bytes.
 #[test]
 fn requests() {
     let good: [(&[u8], Request<'_>); 8] = [
@@ -148,7 +147,7 @@ fn answers_and_their_requests() {
         (&write(16), &[9, 16, 0, 3, 0, 1], Match::Answer),
         (&write(16), &[9, 16, 0, 3, 0, 2], Match::Foreign),
         (&write(16), &[9, 16, 0, 3, 0], Match::Short),
-        // None of the eight: as it comes. With an error announced its length is known.
+        // None of the eight: accepted unchanged. With an announced error its length is known.
         (&[9, 0x17, 1, 2, 3], &[9, 0x17, 7, 7, 7, 7], Match::Answer),
         (&[9, 0x17, 1, 2, 3], &[9, 0x97, 1, 1], Match::Long),
     ];
@@ -157,7 +156,7 @@ fn answers_and_their_requests() {
     }
 }
 
-/// 32-bit extensions: four bytes a register. [S4 L838-L842]
+/// 32-bit extensions: four bytes per register. [S4 L838-L842]
 #[test]
 fn registers_of_four_bytes() {
     assert_eq!(pdu::matches(&[9, 3, 0, 0, 0, 2], &[9, 3, 8, 1, 2, 3, 4, 5, 6, 7, 8], 4), Match::Answer);
@@ -186,7 +185,7 @@ proptest! {
         prop_assert_eq!(decode_ascii(&encode(Mode::Ascii, &telegram)), Ok(telegram));
     }
 
-    /// One bit turned over is found, wherever it is: by the CRC always, by the LRC since it changes one digit.
+    /// One inverted bit is detected wherever it is: by the CRC always, by the LRC because it changes one digit.
     #[test]
     fn one_bit_is_found(telegram in proptest::collection::vec(any::<u8>(), 2..40), at in any::<prop::sample::Index>()) {
         for mode in [Mode::Rtu, Mode::Ascii] {

@@ -21,7 +21,7 @@ fn ascii(table: &str) {
     check(&mut master(Mode::Ascii), table);
 }
 
-/// The text of a failure as a table writes it.
+/// The text of a failure in the notation of the tables.
 fn text(failure: Failure) -> String {
     failure.telegram().iter().map(|b| format!("{b:02X} ")).collect()
 }
@@ -103,7 +103,7 @@ fn no_data() {
     ));
 }
 
-/// An answer that has begun in time is heard to its end.
+/// An answer that has begun in time is received to its end.
 #[test]
 fn an_answer_in_the_last_moment() {
     rtu("0     start
@@ -122,11 +122,11 @@ fn failures_of_rtu() {
     let table = [
         // A character that cannot be read.
         ("30 rx 01 03\n31 fault Parity => !Receive: Line(Parity)\n34.5 timeout", Failure::DataLost),
-        // Longer than its number of bytes says; with a right check.
+        // Longer than its number of bytes says, with a correct check.
         ("30 rx 01 03 02 12 34 00 F2 B7\n33.5 timeout", Failure::Overflow),
         ("30 rx 01 03 02 12\n33.5 timeout", Failure::Incomplete),
         ("30 rx 01\n33.5 timeout", Failure::Incomplete),
-        // A right check, but less than the number of bytes says.
+        // A correct check, but shorter than the number of bytes says.
         ("30 rx 01 03 02 12 70 B5\n33.5 timeout", Failure::Incomplete),
         // 1.6 characters of silence within the telegram.
         ("30 rx 01 03 02\n32.6 rx 12\n34 rx 34\n35 rx B5\n36 rx 33\n39.5 timeout", Failure::Incomplete),
@@ -147,7 +147,7 @@ fn failures_of_rtu() {
 fn failures_of_ascii() {
     let table = [
         ("30 rx 3A 30 31\n31 fault Framing => !Receive: Line(Framing)\n40 rx 30 33 0D 0A", Failure::DataLost),
-        // The end is not recognized: no LF behind CR, LF without CR.
+        // The end is not recognized: no LF after CR, LF without CR.
         ("30 rx 3A 30 31 30 33 30 30 46 43 0D 30 0A", Failure::Overflow),
         ("30 rx 3A 30 31 30 33 30 30 46 43 0A", Failure::Overflow),
         // Longer than permitted.
@@ -179,7 +179,7 @@ fn failures_of_ascii() {
     }
 }
 
-/// A `:` begins a telegram, whatever came before: noise at the switching of the direction costs nothing.
+/// A `:` begins a telegram, whatever came before: noise when the direction is switched does no harm.
 #[test]
 fn a_start_character_in_the_middle_begins_anew() {
     ascii(
@@ -205,7 +205,7 @@ fn broadcast() {
          30   done                    => sent ok");
 }
 
-/// 3.5 characters of silence are kept before a request: after an answer, and after what others say.
+/// 3.5 characters of silence are kept before a request: after an answer, and after characters of others.
 #[test]
 fn silence_before_a_request() {
     rtu("0    start
@@ -221,7 +221,7 @@ fn silence_before_a_request() {
          40   done    => sent ok");
 }
 
-/// A line that never falls silent holds an order up for the delay time, not for ever.
+/// A line that never falls silent delays an order by the delay time, not for ever.
 #[test]
 fn a_line_that_is_never_silent() {
     let jam: String = (0..101).map(|n| format!("{} rx 42\n", 10 + 2 * n)).collect();
@@ -237,7 +237,7 @@ fn a_line_that_is_never_silent() {
     ));
 }
 
-/// Nor does one on which the answer never ends.
+/// An answer that never ends does not delay it for ever either.
 #[test]
 fn an_answer_without_end() {
     // One burst after the other: silence never lasts 3.5 characters.
@@ -258,7 +258,7 @@ fn an_answer_without_end() {
     rtu(&table);
 }
 
-/// Telegrams of others do not end the wait, nor prolong it.
+/// Telegrams of others neither end nor prolong the wait.
 #[test]
 fn what_is_not_the_answer() {
     rtu(&format!(
@@ -278,7 +278,7 @@ fn what_is_not_the_answer() {
     ));
 }
 
-/// On a two-wire line the master hears itself.
+/// On a two-wire line the master receives its own characters.
 #[test]
 fn the_own_echo_is_no_answer() {
     rtu("0    start
@@ -323,7 +323,7 @@ fn orders_that_are_none() {
          41   abort");
 }
 
-/// A function code beyond the eight goes out and comes back as it is.
+/// A function code other than the eight is sent and received unchanged.
 #[test]
 fn other_function_codes_pass() {
     rtu("0    start
@@ -365,7 +365,8 @@ fn without_silence() {
     );
 }
 
-/// A device that hands characters over in bursts: what is whole is taken after the silence, what is not is waited for.
+/// A device that hands over characters in bursts: a whole telegram is taken after the silence, an incomplete one is
+/// waited for.
 #[test]
 fn bursts() {
     let frame = frame::Config::new(Mode::Rtu, 9600, MS).with_bursts(20 * MS);

@@ -83,7 +83,7 @@ fn an_exception_ends_the_job_without_data() {
     }
 }
 
-/// What is refused never reaches the line. [S4 L1620], [S4 L1636]
+/// A refused job never reaches the line. [S4 L1620], [S4 L1636]
 #[test]
 fn a_refused_job_is_not_sent() {
     check(normal(), "0 start\n 1 job 05 => fail 0E40\n 2 job 05 09 => fail 0E42\n 3 typ D 05 07 => fail 0E4F");
@@ -95,7 +95,7 @@ fn a_refused_job_is_not_sent() {
 fn a_second_job_and_an_abort() {
     after_request(normal(), "25 job 05 07 => fail 0522\n 50 say 05 03 02 1234 => got 1234\n 60 taken => ok");
     after_request(normal(), "30 abort => fail 0501\n 31 abort\n 40 say 05 03 02 1234");
-    // What is still on its way out leaves first.
+    // Characters still being sent are finished first.
     check(
         normal(),
         "
@@ -119,9 +119,9 @@ fn a_second_job_and_an_abort() {
 fn response_timeout() {
     after_request(normal(), "2020 timeout => fail 0830");
     after_request(Parameters { response_timeout_ms: 5, ..normal() }, "25 timeout => fail 0830\n 30 say 05 03 02 1234");
-    // It watches the first character alone; from there on the character delay counts.
+    // It monitors only the first character; from then on the character delay applies.
     after_request(normal(), "2019 rx :05\n 3000 rx 0302\n 3900 rx 1234B0\\r\\n => got 1234\n 3901 taken => ok");
-    // A line that hands its characters over late is waited for.
+    // A line that hands over its characters late is waited for.
     after_request(Parameters { late: Span::from_nanos(20_000_000), ..normal() }, "2040 timeout => fail 0830");
 }
 
@@ -154,10 +154,10 @@ fn what_is_wrong_with_a_reply() {
 /// "Overflow of receive buffer in CP during reception of the reply message" [S4 L1755]
 #[test]
 fn a_reply_longer_than_the_buffer() {
-    // 254 bytes and LRC is what the buffer holds: 252 bytes of data. [S4 "Message Structure"]
+    // The buffer holds 254 bytes and LRC: 252 bytes of data. [S4 "Message Structure"]
     after_request(normal(), "50 say 05 03 FC 251*11 => fail 0E52");
     after_request(normal(), "50 say 05 03 FC 252*11 => fail 0832");
-    // The longest there is.
+    // The longest reply.
     check(
         normal(),
         "
@@ -170,7 +170,7 @@ fn a_reply_longer_than_the_buffer() {
     );
 }
 
-/// A partner that never ends does not keep the job (ours).
+/// A partner that never ends does not prolong the job (ours).
 #[test]
 fn a_partner_that_never_ends() {
     let mut table = String::new();
@@ -242,7 +242,7 @@ fn interference_suppression_reports_nothing_outside_a_reply() {
     }
 }
 
-/// Inside of a reply every fault counts in every mode. [S4 L731-L738]
+/// Inside a reply every fault counts in every mode. [S4 L731-L738]
 #[test]
 fn a_fault_inside_a_reply() {
     for parameters in [normal(), suppressed(), two_wire()] {
@@ -254,7 +254,7 @@ fn a_fault_inside_a_reply() {
     after_request(suppressed(), "50 rx :0503\n 51 fault Break => fail 080D\n 60 rx 021234B0\\r\\n");
     // With the presetting "High" there is no BREAK: it is a character without stop bit. [S4 L576]
     after_request(two_wire(), "50 rx :0503\n 51 fault Break\n 52 rx 021234B0\\r\\n => fail 080C");
-    // A colon begins anew; in normal operation the fault before it counts all the same.
+    // A colon restarts reception; in normal operation the fault before it still counts.
     after_request(
         suppressed(),
         "50 rx :05\n 51 fault Parity\n 52 say 05 03 02 1234 => !0834, got 1234\n 53 taken => ok",
@@ -277,7 +277,7 @@ fn while_the_request_leaves() {
     check(two_wire(), &format!("{table} 5 fault Break\n 9 done\n 20 say 05 07 3E => got 3E\n 21 taken => ok"));
 }
 
-/// A line that is known to be interrupted takes no job. [S4 L1750]
+/// A line that is known to be interrupted accepts no job. [S4 L1750]
 #[test]
 fn an_interrupted_line() {
     check(
@@ -292,7 +292,7 @@ fn an_interrupted_line() {
         21 fault Gone => fail 080D
         ",
     );
-    // With the presetting "High" nobody can tell. [S4 L576]
+    // With the presetting "High" this cannot be detected. [S4 L576]
     check(two_wire(), "0 start\n 1 fault Gone\n 2 job 05 07 => ask 05 07\n 20 done\n 2020 timeout => fail 0830");
 }
 

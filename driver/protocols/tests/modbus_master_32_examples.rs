@@ -48,8 +48,8 @@ fn the_examples_of_chapter_5() {
         let area = evaluate(&job, &bytes(reply)).expect(source);
         assert_eq!(hex(area.bytes()), hex(&bytes(destination)), "{source}");
         functions.push(job.function());
-        // And through the whole machine. LEN 32, as the program of chapter 8 has it, does not change the request.
-        // [S4 L2015]
+        // And through the whole machine. LEN 32, as in the program of chapter 8, does not change the request. [S4
+        // L2015]
         let padding = 32_usize.saturating_sub(bytes(source).len());
         let end = if destination.is_empty() {
             format!("30 say {reply} => ok")
@@ -63,14 +63,14 @@ fn the_examples_of_chapter_5() {
     assert!(Function::ALL.iter().all(|function| functions.contains(function)), "a function without its example");
 }
 
-/// The example of the loop back test on the line, character by character; its LRC, left open by the manual, is 8Bh.
-/// [S4 L696-L723]
+/// The example of the loop back test on the line, character by character; its LRC, which the manual omits, is 8Bh. [S4
+/// L696-L723]
 #[test]
 fn the_telegram_example_of_chapter_4() {
     assert_eq!(modbus_master_32_table::frame(&bytes("05 08 0000 A5C3")), ":05080000A5C38B\r\n");
 }
 
-/// Source area => request, or the number it is refused with.
+/// Source area => request, or the number of the refusal.
 const SOURCES: &str = "
     05                          => 0E40   # [S4 L1792]
     05 01 0000 00               => 0E41   # [S4 L1605], [S4 L1793]
@@ -191,7 +191,7 @@ fn length_and_area_type_of_the_job() {
     assert!(Job::of(b'X', &bytes("05 07 4094*00"), true).is_ok());
 }
 
-/// Source area | reply => destination area (`-`: nothing is entered), or the number the job ends with.
+/// Source area | reply => destination area (`-`: nothing is entered), or the number with which the job ends.
 const REPLIES: &str = "
     05 03 0000 0001 | 06 03 02 1234          => 0E50   # [S4 L1807]
     05 03 0000 0001 | 05 04 02 1234          => 0E51   # [S4 L1808]

@@ -14,7 +14,7 @@ fn frame(mode: Mode) -> frame::Config {
     frame::Config::new(mode, 9600, MS)
 }
 
-/// Address 5, 16 bytes each way: F0 F1 .. FF are the CPU's.
+/// Address 5, 16 bytes each way: the CPU's are F0 F1 .. FF.
 fn short() -> Slave {
     let mut slave = Slave::new(Config::short(frame(Mode::Rtu), 5));
     let data: Vec<u8> = (0xF0..=0xFF).collect();
@@ -78,7 +78,7 @@ fn every_function_code() {
     assert_eq!(slave.areas().output(), [0, 0, 0x12, 0x55, 3, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
 }
 
-/// On a bus a slave hears the answers of the others; none is taken for a request of which more is to come.
+/// On a bus a slave also receives the answers of the others; none is taken for an incomplete request.
 #[test]
 fn answers_of_other_slaves() {
     check(
@@ -130,7 +130,7 @@ fn exceptions() {
     );
 }
 
-/// What is not for this slave, or cannot be read, is not answered; what follows it is.
+/// A telegram for another slave, or an unreadable one, is not answered; the next one is.
 #[test]
 fn silence_is_an_answer_too() {
     check(
@@ -198,7 +198,7 @@ fn ascii() {
     assert_eq!(slave.areas().output()[..2], [0x12, 0x34]);
 }
 
-/// Two requests in one burst: the second came while the first was answered, whatever the line's pieces. (Found by
+/// Two requests in one burst: the second came while the first was answered, however the line splits them. (Found by
 /// fuzzing.)
 #[test]
 fn a_request_behind_a_request() {
@@ -217,7 +217,7 @@ fn a_request_behind_a_request() {
 #[test]
 fn a_write_is_answered_when_the_cpu_has_all() {
     let mut slave = long();
-    // Words 3 and 4 lie in the blocks 0 and 1; word 12 in block 3 comes with them.
+    // Words 3 and 4 are in blocks 0 and 1; word 12 in block 3 comes with them.
     check(
         &mut slave,
         "0    start
@@ -245,7 +245,7 @@ fn a_write_is_answered_when_the_cpu_has_all() {
     assert_eq!(slave.take_change(), Some(Change { first: 0, bytes: 8 }));
 }
 
-/// Somebody speaks while the answer waits: the master has given up, and its answer is dropped; the data are not.
+/// Somebody sends while the answer waits: the master has given up, so the answer is dropped, but not the data.
 #[test]
 fn an_answer_that_is_no_longer_wanted() {
     let mut slave = long();
@@ -272,7 +272,7 @@ fn an_answer_that_is_no_longer_wanted() {
     check(&mut slave, "340 start");
 }
 
-/// "Writing master accesses must not lie outside of the reception area!" [S0 L2074]: what the CPU cannot store is
+/// "Writing master accesses must not lie outside of the reception area!" [S0 L2074]: data that the CPU cannot store are
 /// refused.
 #[test]
 fn outside_of_the_reception_area() {
@@ -296,7 +296,7 @@ fn outside_of_the_reception_area() {
     );
 }
 
-/// What the CPU refused is not there, and the same write is refused again; what it stored stays.
+/// Refused data are removed, and the same write is refused again; stored data stay.
 #[test]
 fn a_refused_write_is_taken_back() {
     let mut slave = long();
@@ -339,7 +339,7 @@ fn what_the_cpu_sends() {
     assert_eq!(slave.take_change(), None);
 }
 
-/// [S0 L2072]: 128 blocks of 8 bytes, at most 16 coherent ones together, every other one by itself.
+/// [S0 L2072]: 128 blocks of 8 bytes, at most 16 contiguous ones together, every other one by itself.
 #[test]
 fn changed_blocks() {
     let mut areas = Areas::new(1024);
@@ -358,7 +358,7 @@ fn changed_blocks() {
     }
     let changes: Vec<_> = std::iter::from_fn(|| areas.take_change()).map(|c| (c.first, c.bytes)).collect();
     assert_eq!(changes, (0..8).map(|n| (128 * n, 128)).collect::<Vec<_>>());
-    // One bit is a change, the same bit again is none.
+    // One bit is a change, the same bit again is not.
     for expected in [Some(Change { first: 8, bytes: 8 }), None] {
         areas.serve(&Request::WriteBit { at: 64, on: false }, &mut []).expect("inside");
         assert_eq!(areas.take_change(), expected);

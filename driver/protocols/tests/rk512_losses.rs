@@ -18,7 +18,7 @@ fn orders_in_both_directions() {
          50 takes 00 00 00 00 AA BB CC DD => answered ok
          60 partner 00 00 00 00 => ended ok"
     ));
-    // Ours begins while theirs is with the CPU; the reaction goes first once both wait.
+    // Our order begins while the CPU has theirs; the reaction is sent first once both wait.
     check(&format!(
         "10 partner {SEND_8} 01..10 => asked {SEND_8} | 01..10
          20 order 00 00 45 44 05 01 00 02 FF FF => tx STX
@@ -38,7 +38,7 @@ fn orders_in_both_directions() {
     ));
 }
 
-/// A telegram that comes once more, because its acknowledgement or our reaction was lost, or BWZ ran out.
+/// A repeated telegram, because its acknowledgement or our reaction was lost, or BWZ ran out.
 #[test]
 fn repetitions_are_recognised() {
     // The CPU has not answered yet.
@@ -48,7 +48,7 @@ fn repetitions_are_recognised() {
          30 answer taken => tx STX
          40 takes 00 00 00 00 => answered ok"
     ));
-    // Our reaction has not left: its STX was overtaken.
+    // Our reaction has not been sent: its STX was overtaken.
     check(
         "10 partner 00 00 41 44 0A 00 00 82 FF FF 128*61 => tx STX
          11 partner 00 00 41 44 0A 00 00 82 FF FF 128*61 => !Repeated; tx STX
@@ -61,7 +61,7 @@ fn repetitions_are_recognised() {
          70 answer taken => tx STX
          80 takes FF 00 00 00 => answered ok",
     );
-    // Another order before our reaction: out of order, and the old one is over.
+    // Another order before our reaction: out of order, and the old one ends.
     check(&format!(
         "10 partner {SEND_8} 01..10 => asked {SEND_8} | 01..10
          20 partner 00 00 45 44 05 01 00 02 FF FF => !060E; answered Withdrawn 060E; tx STX
@@ -70,7 +70,7 @@ fn repetitions_are_recognised() {
     ));
 }
 
-/// The acknowledgement of our reaction is lost; what the partner sends next shows that it has it.
+/// The acknowledgement of our reaction is lost; the partner's next telegram shows that it has it.
 #[test]
 fn a_lost_acknowledgement_of_the_reaction() {
     let lost = "12 done
@@ -96,7 +96,8 @@ fn a_lost_acknowledgement_of_the_reaction() {
          {lost}
          521 partner 00 00 45 44 0A 00 00 01 FF FF => answered ok; asked 00 00 45 44 0A 00 00 01 FF FF"
     ));
-    // A follow-on telegram with the data of the last one: it cannot be told which it is. An error, never wrong data.
+    // A follow-on telegram with the data of the last one: it cannot be known which one it is. An error, never wrong
+    // data.
     table(
         "10 partner 00 00 41 44 0A 00 00 C2 FF FF 128*61 => tx STX
          11 takes 00 00 00 00
@@ -128,7 +129,7 @@ fn a_lost_acknowledgement_of_our_telegram() {
     );
 }
 
-/// What the procedure below cannot do ends the order with the CP's error. [S0 "Timeout times"]
+/// If the procedure below fails, the order ends with the CP's error. [S0 "Timeout times"]
 #[test]
 fn the_line_fails() {
     let mut config = cp240(true);
@@ -158,7 +159,7 @@ fn the_line_fails() {
     );
 }
 
-/// The CPU's RESET ends everything, each order once.
+/// The CPU's RESET ends each order once.
 #[test]
 fn abort() {
     check(&format!(
@@ -174,7 +175,7 @@ fn abort() {
     ));
 }
 
-/// Coordination flags and CPU numbers go through as they are. [reference 4.2]
+/// Coordination flags and CPU numbers are passed on unchanged. [reference 4.2]
 #[test]
 fn flags_go_through() {
     let flag = Flag { byte: 6, bit: 4 };

@@ -95,7 +95,8 @@ fn send_with_follow_on_telegrams() {
          60 answer taken => tx STX
          70 takes FF 00 00 00 => answered ok",
     );
-    // Exactly 128 bytes are one telegram, and the split of the tables read by their word is taken. [reference 4.4]
+    // Exactly 128 bytes are one telegram, and the split from a literal reading of the tables is accepted. [reference
+    // 4.4]
     check(
         "10 order 00 00 41 44 0A 00 00 40 FF FF | 128*61 => tx STX
          20 takes 00 00 41 44 0A 00 00 40 FF FF 128*61
@@ -145,7 +146,7 @@ fn fetch() {
     );
 }
 
-/// Every area, as a header says its length. [reference 4.2]
+/// Every area, with its length in the header. [reference 4.2]
 #[test]
 fn fetch_of_every_area() {
     for (letter, units, bytes) in
@@ -176,7 +177,7 @@ fn send_to_a_dx() {
          60 takes 00 00 00 00 => answered ok
          70 partner 00 00 41 58 05 00 00 01 FF FF 61 62 => asked 00 00 4F 44 05 00 00 01 FF FF | 61 62",
     );
-    // The follow-on telegrams carry the same letters.
+    // The follow-on telegrams have the same letters.
     check(
         "10 order 00 00 4F 44 05 00 00 41 FF FF | 130*61 => tx STX
          20 takes 00 00 4F 44 05 00 00 41 FF FF 128*61
@@ -191,7 +192,7 @@ fn send_to_a_dx() {
 fn no_reaction() {
     let order = format!("10 order {SEND_8} | 01..10 => tx STX");
     let telegram = format!("takes {SEND_8} 01..10");
-    // The times of the parameter table: BWZ 2 s, DBL 6. The request goes out six times, and each has its 5 s.
+    // The times of the parameter table: BWZ 2 s, DBL 6. The request is sent six times, and each has its 5 s.
     check(&format!(
         "{order}
          20 {telegram}
@@ -208,7 +209,7 @@ fn no_reaction() {
          12070 timeout => !0A05; ended BwzExceeded
          12100 partner 00 00 00 00 => !0A01"
     ));
-    // Without BWZ, or when something else keeps the line busy: 5 s after the acknowledgement it is over.
+    // Without BWZ, or when something else keeps the line busy: the order ends 5 s after the acknowledgement.
     let mut config = cp240(true);
     config.line.bwz = Span::ZERO;
     rk512_table::check::<1024>(
@@ -306,7 +307,7 @@ fn the_longest_orders() {
     let mut line = defaults::cp341(true, CHAR);
     line.nak_at_start = false;
     rk512_table::check::<4096>(Config::cp341(line), &telegrams(4096));
-    // What is longer than the buffer is not begun, and not taken from the partner.
+    // An order longer than the buffer is not begun, and not accepted from the partner.
     check(
         "10 order 00 00 41 44 01 00 02 01 FF FF | 1026*61 => ended TooLong
          20 partner 00 00 41 44 01 00 02 01 FF FF 128*61 => !0608; tx STX
@@ -316,7 +317,7 @@ fn the_longest_orders() {
     );
 }
 
-/// One order at a time; and one whose data and header differ is none.
+/// One order at a time; one whose data and header differ is not accepted.
 #[test]
 fn orders_that_are_not_begun() {
     check(
@@ -388,7 +389,7 @@ fn bad_reactions() {
          20 takes {SEND_8} 01..10
          30 partner 00 00 00 45 58 39 => !0A04; ended BadReaction(SendData)"
     ));
-    // The first reaction once more after a follow-on telegram is one out of order.
+    // The first reaction repeated after a follow-on telegram is out of order.
     check(
         "10 order 00 00 41 44 0A 00 00 42 FF FF | 132*61 => tx STX
          20 takes 00 00 41 44 0A 00 00 42 FF FF 128*61
@@ -396,7 +397,7 @@ fn bad_reactions() {
          40 takes FF 00 41 44 4*61
          50 partner 00 00 00 00 => !0A01; ended BadReaction(Sequence)",
     );
-    // Without an order, and before ours can have arrived (its STX is out): of something before.
+    // Without an order, and before ours can have arrived (only its STX has been sent): it belongs to an earlier one.
     check(&format!(
         "10 partner 00 00 00 00 => !0A01
          20 partner 01 00 00 00 => !0A02
@@ -410,7 +411,7 @@ fn bad_reactions() {
     }
 }
 
-/// [reference 4.10]: what is refused with which number, and what it is called here (class 6).
+/// [reference 4.10]: the number of each refusal, and its event number here (class 6).
 #[test]
 fn orders_that_are_refused() {
     for (telegram, event, code) in [
@@ -452,7 +453,7 @@ fn orders_that_are_refused() {
     }
 }
 
-/// The same within an order that is open: it is dropped.
+/// The same within an open order, which is dropped.
 #[test]
 fn follow_on_telegrams_that_are_refused() {
     let begin = "10 partner 00 00 41 44 0A 00 00 82 FF FF 128*61 => tx STX
@@ -475,7 +476,7 @@ fn follow_on_telegrams_that_are_refused() {
              60 takes FF 00 00 36"
         ));
     }
-    // More in all than announced.
+    // More in total than announced.
     check(
         "10 partner 00 00 41 44 0A 00 00 41 FF FF 128*61 => tx STX
          20 takes 00 00 00 00
@@ -503,7 +504,7 @@ fn follow_on_telegrams_that_are_refused() {
     }
 }
 
-/// What the CPU says goes out as it is. [S0 "Coordination flags"]: 32h.
+/// The CPU's error number is sent unchanged. [S0 "Coordination flags"]: 32h.
 #[test]
 fn the_cpu_refuses() {
     for (number, event) in
@@ -523,7 +524,7 @@ fn the_cpu_refuses() {
          40 answer refused 14 => !0607; tx STX
          50 takes FF 00 00 14 => answered ok",
     );
-    // An answer that does not fit the question, and one without a question.
+    // An answer that does not match the order, and one without an order.
     check(&format!(
         "10 partner {SEND_8} 01..10 => asked {SEND_8} | 01..10
          20 answer data 01 02 => !0301; tx STX
@@ -556,7 +557,7 @@ fn nobody_serves() {
     ));
 }
 
-/// The partner does not go on: its order is forgotten after 5 s.
+/// The partner does not continue: its order is dropped after 5 s.
 #[test]
 fn an_order_that_stops_half_way() {
     check(

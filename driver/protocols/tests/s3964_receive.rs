@@ -86,7 +86,7 @@ fn characters_while_the_line_is_free() {
     );
 }
 
-/// One NAK at a time: what comes in while one is leaving is answered by it.
+/// One NAK at a time: it also answers what comes in while it is being sent.
 #[test]
 fn a_burst_does_not_pile_up_naks() {
     run(
@@ -134,7 +134,7 @@ fn character_delay_of_zero_is_two_characters() {
     );
 }
 
-/// A partner that does not wait for the end of our DLE: its characters count, and ZVZ runs from them.
+/// A partner that does not wait for the end of our DLE: its characters are accepted, and ZVZ runs from them.
 #[test]
 fn characters_before_our_dle_is_out() {
     run(
@@ -147,8 +147,8 @@ fn characters_before_our_dle_is_out() {
     );
 }
 
-/// This side was late, and the partner has asked again before there was an answer: no data. After that an STX in front
-/// of the block may still be a request: the block is refused, once. Otherwise it is a character like others.
+/// This side was late, and the partner has repeated its request before the answer: that is not data. After that an STX
+/// in front of the block may still be a request, so the block is refused once. Otherwise it is an ordinary character.
 #[test]
 fn a_request_that_was_repeated_before_our_dle() {
     run(
@@ -267,7 +267,7 @@ fn telegram_length() {
     );
 }
 
-/// A block without user data whose check character is right is acknowledged; there is nothing to deliver. Without
+/// A block without user data but with a correct check character is acknowledged; there is nothing to deliver. Without
 /// check character it is a telegram that has lost its characters.
 #[test]
 fn an_empty_block() {
@@ -303,7 +303,7 @@ fn a_repeated_block_is_delivered_twice() {
     );
 }
 
-/// A conflict at the low priority without a buffer: NAK, and its own order again.
+/// A conflict with low priority and without a buffer: NAK, then the own order again.
 #[test]
 fn conflict_without_a_buffer() {
     run(
@@ -318,7 +318,7 @@ fn conflict_without_a_buffer() {
     );
 }
 
-/// RESET of the CPU drops what is coming in.
+/// RESET of the CPU drops the telegram being received.
 #[test]
 fn abort_drops_the_reception() {
     run(
@@ -332,7 +332,7 @@ fn abort_drops_the_reception() {
     );
 }
 
-/// CP 341: NAK only after silence; 400 ms for a receive buffer, looked for every 50 ms. [reference 5.4]
+/// CP 341: NAK only after silence; 400 ms for a receive buffer, checked every 50 ms. [reference 5.4]
 #[test]
 fn what_the_cp_341_does_while_the_line_is_free() {
     run(

@@ -7,7 +7,7 @@ use common::check;
 use ob1_protocols::s3964::{Config, Priority, S3964};
 use ob1_protocols::{MS, SECOND, Span};
 
-/// Without the pause after a refusal, which has a table of its own.
+/// Without the pause after a refusal, which has a separate table.
 fn config(bcc: bool) -> Config {
     Config { quiet: Span::ZERO, ..defaults::cp240(bcc, MS) }
 }
@@ -49,7 +49,7 @@ fn without_bcc_and_with_doubled_dle() {
     );
 }
 
-/// Blocks leave in pieces of 128 characters; the last one may be full.
+/// Blocks are sent in pieces of 128 characters; the last one may be full.
 #[test]
 fn long_blocks() {
     run(
@@ -66,8 +66,8 @@ fn long_blocks() {
     );
 }
 
-/// [S0 "Timeout times"]: QVZ expires after STX: STX is repeated 5 times, then NAK and the end. QVZ begins when STX is
-/// out.
+/// [S0 "Timeout times"]: QVZ expires after STX: STX is repeated 5 times, then NAK and the end. QVZ begins when STX has
+/// been sent.
 #[test]
 fn no_answer_to_stx() {
     run(
@@ -114,8 +114,8 @@ fn nak_and_other_characters_after_stx() {
     );
 }
 
-/// A partner that has come up in the middle of a block answers each character that was still on its way: STX comes
-/// once, when nothing more has come for 10 ms and two characters.
+/// A partner that starts in the middle of a block answers each character still being sent: STX is sent once, when
+/// nothing more has come for 10 ms and two characters.
 #[test]
 fn after_a_refusal_stx_waits_until_the_line_is_quiet() {
     run(
@@ -151,7 +151,7 @@ fn after_a_refusal_stx_waits_until_the_line_is_quiet() {
     );
 }
 
-/// The last attempt decides what the CPU is told: 0Ch when the partner answered with something that is no answer.
+/// The last attempt decides the error code: 0Ch when the partner's answer was invalid.
 #[test]
 fn garbage_after_the_last_stx_is_a_frame_error() {
     run(
@@ -163,7 +163,8 @@ fn garbage_after_the_last_stx_is_a_frame_error() {
     );
 }
 
-/// What ended before our STX was out cannot answer it; STX is the exception (initialisation conflict).
+/// A character that ended before our STX had been sent cannot answer it; STX is the exception (initialisation
+/// conflict).
 #[test]
 fn a_character_before_stx_is_out_is_no_answer() {
     run(
@@ -277,7 +278,7 @@ fn connection_attempts_begin_anew_with_each_block() {
     );
 }
 
-/// A partner that interrupts the block: it is stopped and begun again. DLE while it leaves is too early.
+/// A partner that interrupts the block: it is stopped and begun again. DLE while it is being sent is too early.
 /// [reference 3.9]
 #[test]
 fn a_character_while_the_block_leaves() {
@@ -301,7 +302,7 @@ fn a_character_while_the_block_leaves() {
     );
 }
 
-/// What was taken back needs no time: the answer to the new STX is known for one although the line reports late.
+/// Characters taken back need no time: the answer to the new STX is recognised although the line reports late.
 #[test]
 fn time_of_what_was_taken_back() {
     run(
@@ -351,7 +352,7 @@ fn a_lost_conflict_costs_no_attempt() {
     );
 }
 
-/// Also when the partner, having won, stays silent: ZVZ, NAK, own order again.
+/// The same when the winning partner stays silent: ZVZ, NAK, own order again.
 #[test]
 fn low_priority_begins_again_when_the_winner_stays_silent() {
     run(
@@ -402,7 +403,7 @@ fn stx_instead_of_the_final_dle_repeats_the_block() {
     );
 }
 
-/// An order waits while a telegram comes in, and begins when it is acknowledged.
+/// An order waits while a telegram is received, and begins when that is acknowledged.
 #[test]
 fn an_order_waits_for_the_end_of_a_reception() {
     run(
@@ -483,7 +484,7 @@ fn abort_ends_the_order_wherever_it_is() {
     );
 }
 
-/// A pulled cable is silence: reported, then the times run out as with a partner that is off.
+/// A pulled cable is silence: it is reported, then the times run out as with a partner that is off.
 #[test]
 fn an_open_circuit_runs_into_qvz() {
     run(
@@ -517,8 +518,8 @@ fn what_the_cp_341_does_otherwise() {
     );
 }
 
-/// QVZ of 0 ms, on a line that never says that its output has ended: the time is over in the tick in which it begins,
-/// and the tick leaves none behind it that is due already.
+/// QVZ of 0 ms, on a line that never reports the end of its output: the time expires in the tick in which it begins,
+/// and after the tick no expired time is left.
 #[test]
 fn a_time_of_0_ms_is_over_in_the_same_tick() {
     run(

@@ -46,7 +46,7 @@ fn an_order_is_enclosed_and_done_after_zna() {
     );
 }
 
-/// [S0 "Number of start flags"], [S0 "Number of end flags"]: 0..2; what is not in use is ignored.
+/// [S0 "Number of start flags"], [S0 "Number of end flags"]: 0..2; unused ones are ignored.
 #[test]
 fn none_one_or_two_characters() {
     for (start, end, sent) in [
@@ -60,14 +60,15 @@ fn none_one_or_two_characters() {
         (2, 1, "7B 28 41 29"),
         (2, 2, "7B 28 41 29 7D"),
     ] {
-        // And each of them understands itself: at once where there is an end, otherwise after TMO.
+        // And each configuration receives what it sends: at once if there is an end, otherwise after TMO.
         let arrival =
             if end > 0 { format!("20 rx {sent} => got 41") } else { format!("20 rx {sent}\n220 timeout => got 41") };
         run(braces(start, end), &format!("0 start\n0 order 41 => tx {sent}\n9 done => sent ok\n{arrival}"));
     }
 }
 
-/// [S0 "STX/ETX"]: data must be preceded by STX; what is not is thrown away. Told once, not for each character.
+/// [S0 "STX/ETX"]: data must be preceded by STX; other characters are discarded. This is reported once, not for each
+/// character.
 #[test]
 fn before_the_start_all_is_thrown_away() {
     run(
@@ -78,7 +79,7 @@ fn before_the_start_all_is_thrown_away() {
          500 rx STX 44 ETX => got 44
          501 rx 45 => !Idle: Unexpected(69)",
     );
-    // One of two start characters alone is thrown away too.
+    // One of two start characters alone is discarded too.
     run(
         braces(2, 1),
         "0   start
@@ -114,7 +115,7 @@ fn between_start_and_end_all_is_data() {
     );
 }
 
-/// [S0 "Technical Data Protocols"]: end recognition after TMO, where there are no end characters.
+/// [S0 "Technical Data Protocols"]: end recognition after TMO, if there are no end characters.
 #[test]
 fn without_end_characters_tmo_ends_the_telegram() {
     run(
@@ -134,7 +135,7 @@ fn without_end_characters_tmo_ends_the_telegram() {
          209 rx 42
          409 timeout => got 41 42",
     );
-    // What was held back belongs to the telegram.
+    // A character held back belongs to the telegram.
     run(
         braces(2, 0),
         "0   start
@@ -303,7 +304,7 @@ fn line_faults() {
     );
 }
 
-/// [S0 "Flow control"]: as for ASCII; XON and XOFF belong to no telegram.
+/// [S0 "Flow control"]: as for ASCII; XON and XOFF do not belong to a telegram.
 #[test]
 fn flow_control() {
     run(

@@ -1,4 +1,4 @@
-//! A line read by a bystander: characters in, text out.
+//! A line read by an observer: characters in, text out.
 
 use ob1_protocols::modbus::Mode;
 use ob1_protocols::profibus::Diagnosis;
@@ -11,7 +11,7 @@ const R: Dialect = Dialect::S3964 { bcc: true, rk512: false, pause: Span::from_m
 const RK: Dialect = Dialect::S3964 { bcc: true, rk512: true, pause: Span::from_millis(200) };
 const RTU: Dialect = Dialect::ModbusRtu { master: true, pause: Span::from_millis(50) };
 
-/// Reads a script: `MS > HEX` (from the CP), `MS < HEX` (to it), `MS ! parity`, `MS .` (nothing, time passes); answers
+/// Reads a script: `MS > HEX` (from the CP), `MS < HEX` (to it), `MS ! parity`, `MS .` (nothing, time passes); returns
 /// a line for each unit.
 fn read(dialect: Dialect, script: &str) -> Vec<String> {
     let mut reader = Reader::new(dialect);
@@ -110,7 +110,7 @@ fn what_goes_wrong_with_3964r() {
             "10 > NAK: block refused",
         ],
     );
-    // A block that stops, and a caller who is never answered: no conflict hours later.
+    // A block that stops, and a request that is never answered: not a conflict hours later.
     check(
         R,
         "0 < 02\n 1 > 10\n 2 < 31\n 500 .\n 600 > 02\n 9000 < 02",
@@ -196,7 +196,7 @@ fn frames_of_modbus() {
     );
 }
 
-/// What the CP 341's loadable driver has besides. [S4 "5 Function Codes"]
+/// Additional functions of the CP 341's loadable driver. [S4 "5 Function Codes"]
 #[test]
 fn modbus_functions_of_the_cp341_and_32_bit_registers() {
     let mut script = String::new();

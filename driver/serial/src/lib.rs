@@ -1,5 +1,5 @@
-//! What a serial line is, in words: the character frame, the modem lines, what can go wrong. Parameters, protocols,
-//! firmware and the lines themselves mean the same by them.
+//! The terms of a serial line: the character frame, the modem lines, faults. Parameters, protocols, firmware and the
+//! lines themselves share them.
 #![no_std]
 #![forbid(unsafe_code)]
 

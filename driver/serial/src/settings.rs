@@ -22,7 +22,7 @@ pub enum StopBits {
     /// 1.
     #[default]
     One,
-    /// 1.5: a parameter of the CPs has it, Linux has not.
+    /// 1.5: the CPs have it as a parameter, Linux does not support it.
     OneAndHalf,
     /// 2.
     Two,
@@ -40,7 +40,7 @@ pub enum Flow {
     XonXoff,
 }
 
-/// How characters travel on the line.
+/// The settings of the line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct LineSettings {
     /// Bits per second.
@@ -68,7 +68,7 @@ impl LineSettings {
         2 + 2 * self.data_bits as u32 + parity + stop
     }
 
-    /// Time of so many characters on the line, rounded up.
+    /// Time of this many characters on the line, rounded up.
     #[must_use]
     pub const fn time_of(&self, characters: usize) -> Span {
         let half_bits = (self.half_bits() as u64).saturating_mul(characters as u64);
@@ -91,7 +91,7 @@ impl Default for LineSettings {
 }
 
 impl fmt::Display for LineSettings {
-    /// `9600 8E1`, with the flow control behind it where there is one.
+    /// `9600 8E1`, followed by the flow control if there is one.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let parity = match self.parity {
             Parity::None => 'N',

@@ -1,8 +1,8 @@
-//! The signals of a line, and what can be wrong with them.
+//! The signals of a line, and its faults.
 
 use core::fmt;
 
-/// What a line can suffer. The first four stand in the place of a character.
+/// A fault of a line. The first four take the place of a character.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineFault {
     /// Wrong parity bit.
@@ -13,13 +13,13 @@ pub enum LineFault {
     Overrun,
     /// The line was at 0 for longer than a character.
     Break,
-    /// The device was pulled or the connection ended (open circuit). What is written from now on is swallowed.
+    /// The device was pulled or the connection ended (open circuit). Output from now on is discarded.
     Gone,
-    /// The device or the connection is there again.
+    /// The device or the connection is back.
     Back,
 }
 
-/// Modem lines as the CP sees them; `true` is ON.
+/// The modem inputs of the CP; `true` is ON.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ModemLines {
     /// Clear to send: the partner (or modem) accepts characters.

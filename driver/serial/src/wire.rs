@@ -1,31 +1,30 @@
-//! The two directions of a line: what it tells, and what is put on it.
+//! The two directions of a line: its events, and output to it.
 
 use crate::{LineFault, ModemLines};
 
-/// What a line tells whoever is at its end. From the line to the protocol machine an occurrence keeps this type.
+/// An event of a line. It keeps this type all the way from the line to the protocol machine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LineInput<'a> {
-    /// Characters came in, in this order; now is the end of the last one. A character that the line could not read is
-    /// not among them: a [`LineInput::Fault`] stands in its place.
+    /// Characters came in, in this order; now is the end of the last one. An unreadable character is not among them: a
+    /// [`LineInput::Fault`] takes its place.
     Rx(&'a [u8]),
-    /// The last bit of everything handed to [`Wire::transmit`] has left. A line reports it before any character that
-    /// came in later. A line that is gone, or has no partner, swallows its output and reports this all the same.
+    /// The last bit of everything handed to [`Wire::transmit`] has been sent. A line reports it before any character
+    /// that came in later. A line that is gone, or has no partner, discards its output but still reports this.
     TxDone,
-    /// A character could not be read, the line is gone, or it is back. A line that has never been there is gone: tell
-    /// it once at the start.
+    /// A character could not be read, the line is gone, or it is back. A line that was never up counts as gone: report
+    /// that once at the start.
     Fault(LineFault),
     /// The modem lines have changed.
     Modem(ModemLines),
 }
 
-/// The end of a line as whoever sends on it sees it.
+/// The sending end of a line.
 pub trait Wire {
-    /// Puts characters on the line, behind those handed over before.
+    /// Sends characters, after those handed over before.
     fn transmit(&mut self, bytes: &[u8]);
 
-    /// Takes back what has not yet begun to leave; the result is how many characters will not be sent. A line that
-    /// cannot do it answers 0 and sends all. In either case [`LineInput::TxDone`] comes when the line has fallen
-    /// silent.
+    /// Takes back characters that have not begun; returns how many will not be sent. A line that cannot do this returns
+    /// 0 and sends all. In either case [`LineInput::TxDone`] comes when the line has fallen silent.
     fn take_back(&mut self) -> usize {
         0
     }

@@ -1,7 +1,7 @@
-//! What the driver of a CP, or the process of a bus, tells of its line (`ob1_protocols::trace::record`), read by the
-//! protocol of the CP: for `ob1 trace`, for the web page, and for whoever comes next.
+//! Reads the records of a line from the driver of a CP, or from the process of a bus (`ob1_protocols::trace::record`),
+//! with the protocol of the CP: for `ob1 trace` and for the web page.
 //!
-//! Pure: records in, units and words out; the sockets and clocks are their callers'.
+//! Pure: records in, units and words out; the callers have the sockets and clocks.
 
 use ob1_params::{Cp040, Cp240, Cp341, CpKind, Protocol, Protocol341};
 use ob1_protocols::trace::record::{Kind, Record, fault_of};
@@ -12,7 +12,7 @@ use serde_json::Value;
 /// A CP whose line is read.
 #[derive(Debug)]
 pub struct Cp {
-    /// As in the station file.
+    /// Its name in the station file.
     pub name: String,
     /// Reads the characters of both directions.
     pub reader: Box<Reader>,
@@ -21,7 +21,7 @@ pub struct Cp {
 }
 
 impl Cp {
-    /// The CP of a [`Kind::Hello`], with a line about it; `None`: no such text.
+    /// The CP of a [`Kind::Hello`], with a line about it; `None`: invalid text.
     #[must_use]
     pub fn of_hello(text: &[u8]) -> Option<(Self, String)> {
         let hello: Value = serde_json::from_slice(text).ok()?;
@@ -64,7 +64,7 @@ impl Cp {
             (Kind::Fault, &[number]) => {
                 self.reader.fault(record.time, fault_of(number), out);
             }
-            // What is open will not go on.
+            // An unfinished unit will not continue.
             (Kind::Gone | Kind::Lost, _) => self.reader.finish(out),
             _ => self.reader.silence(record.time, out),
         }
@@ -75,7 +75,7 @@ impl Cp {
 fn of_bus(hello: &Value, name: String) -> Option<(Cp, String)> {
     let protocol = hello["protocol"].as_str()?;
     let baud = hello["baud"].as_u64();
-    // Characters come late from a pty or a USB adapter; a frame that goes on is not cut.
+    // Characters come late from a pty or a USB adapter; a continuing frame must not be cut.
     let pause = 50 * MS;
     let dialect = match protocol {
         "modbus-rtu" => Dialect::ModbusRtu { master: true, pause },
@@ -88,7 +88,7 @@ fn of_bus(hello: &Value, name: String) -> Option<(Cp, String)> {
     Some((Cp { name, reader: Box::new(Reader::new(dialect)), unix }, about))
 }
 
-/// The parameters of a CP 341 or CP 340 out of its keys.
+/// The parameters of a CP 341 or CP 340 from its keys.
 fn keyed(kind: CpKind, keys: &Value) -> Option<Cp341> {
     let value = |(key, value): (&String, &Value)| {
         let value = match value {
@@ -101,7 +101,7 @@ fn keyed(kind: CpKind, keys: &Value) -> Option<Cp341> {
     Cp341::of_kind(kind, keys.iter().map(|(key, value)| (key.as_str(), value.clone()))).ok()
 }
 
-/// What the CP with these parameters speaks.
+/// The protocol of the CP with these parameters.
 fn dialect_of_keyed(cp: &Cp341) -> Dialect {
     match &cp.protocol {
         Protocol341::Ascii(p) => Dialect::Ascii { pause: u64::from(p.zvz_ms) * MS },
@@ -109,16 +109,16 @@ fn dialect_of_keyed(cp: &Cp341) -> Dialect {
             let pause = (u64::from(p.zvz_ms) * MS).max(20 * MS);
             Dialect::S3964 { bcc: p.bcc, rk512: p.rk512, pause }
         }
-        // Lines of text: a pause ends what is shown as one.
+        // Lines of text: a pause ends a shown unit.
         Protocol341::Printer(_) => Dialect::Ascii { pause: 20 * MS },
         Protocol341::ModbusMaster32(p) => {
-            // Characters come late from a pty; a telegram that goes on is not cut.
+            // Characters come late from a pty; a continuing telegram must not be cut.
             Dialect::ModbusAscii { master: true, pause: u64::from(p.character_delay_ms).max(20) * MS }
         }
     }
 }
 
-/// What the CP with these parameters speaks.
+/// The protocol of the CP with these parameters.
 fn dialect(parameters: &Cp240) -> Dialect {
     let characters = |count: u64| count * parameters.char_time();
     // A ZVZ of 0 stands for about two characters. [S0 "Character delay time (ZVZ)"]
@@ -140,13 +140,13 @@ fn dialect(parameters: &Cp240) -> Dialect {
                 Dialect::ModbusAscii { master, pause: 1000 * MS }
             }
         }
-        // 33 bits at 300 baud: whatever rate a telegram names.
+        // 33 bits at 300 baud, enough for any rate of a telegram.
         Protocol::EnOcean => Dialect::EnOcean { pause: 250 * MS },
         Protocol::MBus => Dialect::MBus { pause: 110 * MS },
     }
 }
 
-/// What a record says besides characters, in words; `None`: nothing a person wants to know.
+/// The content of a record besides characters, in words; `None`: nothing of interest.
 #[must_use]
 pub fn remark(record: &Record<'_>) -> Option<String> {
     let words = || String::from_utf8_lossy(record.data);
@@ -172,8 +172,8 @@ pub fn remark(record: &Record<'_>) -> Option<String> {
     }
 }
 
-/// The bytes of a unit that a person wants to see: user data, or the characters as they were on the line where `raw` is
-/// asked for or there are none. A control character says all with its name.
+/// The bytes of a unit to show: user data, or the raw characters if `raw` is set or there are no user data. For a
+/// control character its name is enough.
 #[must_use]
 pub fn shown<'a>(unit: &Unit<'a>, raw: bool) -> Option<&'a [u8]> {
     match (&unit.meaning, unit.meaning.payload()) {

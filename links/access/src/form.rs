@@ -1,4 +1,5 @@
-//! The forms in which people read a value: as its type says, hexadecimal, binary, and the words of handling blocks.
+//! The forms in which people read a value: according to its type, hexadecimal, binary, and the words of handling
+//! blocks.
 
 use ob1_protocols::cp341_events;
 use serde_json::Value;
@@ -6,7 +7,7 @@ use serde_json::Value;
 /// How a value is shown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Form {
-    /// As its type says.
+    /// According to its type.
     #[default]
     Plain,
     /// `16#1A2B`.
@@ -35,7 +36,7 @@ impl Form {
         ENDINGS.iter().find_map(of).unwrap_or((text, Form::Plain))
     }
 
-    /// A value in this form; `hex` are its bits in hexadecimal, as wide as the cell.
+    /// A value in this form; `hex` is its bits in hexadecimal, as wide as the cell.
     #[must_use]
     pub fn show(self, value: &Value, hex: &str) -> String {
         let bits = u32::from_str_radix(hex, 16).unwrap_or(0);

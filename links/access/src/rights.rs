@@ -1,11 +1,11 @@
-//! What the clients of a link may do. Decided by the station file, held by the broker.
+//! What the clients of a link may do. The station file decides it, the broker enforces it.
 
 use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
 
 use ob1_model::{Area, Cell};
 
-/// What a client may do; each includes those before.
+/// What a client may do; each right includes the previous ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Right {
     /// Read.
@@ -30,7 +30,7 @@ impl Right {
     }
 }
 
-/// The areas there are.
+/// The areas of a CPU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Place {
     Inputs,
@@ -80,11 +80,10 @@ pub struct Allowed {
 }
 
 impl Allowed {
-    /// Of the keys `areas` (`"M"`, `"DB"`, ...) and `blocks` (`"DB10"`, `"DB20-29"`); a key that is left out allows
-    /// all.
+    /// From the keys `areas` (`"M"`, `"DB"`, ...) and `blocks` (`"DB10"`, `"DB20-29"`); a missing key allows all.
     ///
     /// # Errors
-    /// What is wrong with an entry, in one sentence.
+    /// The error in an entry, in one sentence.
     pub fn of(areas: Option<&[String]>, blocks: Option<&[String]>) -> Result<Self, String> {
         let area = |name: &String| {
             Place::named(name).ok_or_else(|| format!("\"{name}\" is no area; there are E, A, M, P, T, Z and DB"))
@@ -98,7 +97,7 @@ impl Allowed {
         })
     }
 
-    /// Whether a client may read this cell, and, with the right to write, write it.
+    /// Whether a client may read this cell and, if it has the right to write, write it.
     #[must_use]
     pub fn has(&self, cell: Cell) -> bool {
         let Some(place) = Place::of(cell) else { return false };

@@ -1,7 +1,7 @@
 //! Who did what: a line of JSON for each login, write and change, appended to a file of mode 0600.
 //!
-//! What cannot be written down is not done. The file is opened before the process confines itself and is only ever
-//! appended to; whoever keeps it small copies and truncates it (logrotate's `copytruncate`).
+//! An action that cannot be logged is not carried out. The file is opened before the process confines itself, and is
+//! only appended to; log rotation must copy and truncate it (logrotate's `copytruncate`).
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write as _};
@@ -14,9 +14,10 @@ use serde_json::json;
 
 use crate::clock::{iso, unix_now};
 
-/// Longest text of what was done, in bytes: one line stays one write.
+/// Longest text of an action, in bytes, so that one line stays one write.
 const WHAT: usize = 2000;
-/// Refusals that are written down at once, and the time in which one more may be: whoever may do nothing fills no disk.
+/// Refusals that are logged at once, and the time after which one more may be: clients without rights cannot fill the
+/// disk.
 const REFUSALS: u32 = 500;
 const ONE_MORE: Duration = Duration::from_millis(200);
 
@@ -28,12 +29,12 @@ pub struct Audit {
     refusals: Arc<Mutex<Refusals>>,
 }
 
-/// How many refusals may still be written down.
+/// How many refusals may still be logged.
 #[derive(Debug)]
 struct Refusals {
     free: u32,
     since: Option<Instant>,
-    /// Those that were not.
+    /// Number of refusals not logged.
     left_out: u64,
 }
 
@@ -44,7 +45,7 @@ impl Default for Refusals {
 }
 
 impl Refusals {
-    /// Whether one more is written down, and how many before it were not.
+    /// Whether one more is logged; returns how many before it were not.
     fn take(&mut self, now: Instant) -> Option<u64> {
         let since = *self.since.get_or_insert(now);
         let more = now.saturating_duration_since(since).as_millis() / ONE_MORE.as_millis();
@@ -73,36 +74,36 @@ struct Out {
 }
 
 impl Audit {
-    /// Appends to this file; makes it when it is not there.
+    /// Appends to this file; creates it if necessary.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub fn open(link: &str, path: &Path) -> io::Result<Self> {
         let file = OpenOptions::new().append(true).create(true).mode(0o600).open(path)?;
         let out = Out { file, left: Vec::new() };
         Ok(Self { link: link.into(), file: Some(Arc::new(Mutex::new(out))), refusals: Arc::default() })
     }
 
-    /// Of a link that only reads and has no users: nothing is ever written.
+    /// The log of a link that only reads and has no users: nothing is ever written.
     #[must_use]
     pub fn none(link: &str) -> Self {
         Self { link: link.into(), file: None, refusals: Arc::default() }
     }
 
-    /// Whether the next line will find its place, as far as one can know.
+    /// Whether the next line can be written, as far as can be known.
     ///
     /// # Errors
-    /// Why the last one did not.
+    /// Why the last line could not be written.
     pub fn ready(&self) -> io::Result<()> {
         let Some(file) = &self.file else { return Err(io::Error::other("there is none")) };
         file.lock().unwrap_or_else(PoisonError::into_inner).flush()
     }
 
-    /// Writes down that something was refused. Of very many a second some are counted only; the next line says how
-    /// many.
+    /// Logs that something was refused. Of very many per second some are only counted; the next line states their
+    /// number.
     pub fn refused(&self, user: &str, client: &str, what: &str, why: &str) {
         let left_out = self.refusals.lock().unwrap_or_else(PoisonError::into_inner).take(Instant::now());
-        // What has not been done need not be written down to be known: the disk may be full.
+        // A refused action need not be logged: the disk may be full.
         let _ = match left_out {
             None => Ok(()),
             Some(0) => self.note(user, client, what, &format!("refused: {why}")),
@@ -112,10 +113,10 @@ impl Audit {
         };
     }
 
-    /// Writes a line. A line that finds no place is kept, and tried again before the next.
+    /// Writes a line. A line that cannot be written is kept and retried before the next.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub fn note(&self, user: &str, client: &str, what: &str, outcome: &str) -> io::Result<()> {
         let what = what.get(..what.floor_char_boundary(WHAT)).unwrap_or(what);
         tracing::info!(link = %self.link, user, client, "{what}: {outcome}");
@@ -125,7 +126,7 @@ impl Audit {
             "outcome": outcome,
         });
         let mut out = file.lock().unwrap_or_else(PoisonError::into_inner);
-        // While the disk takes nothing one line is kept: nothing more is done before it is written.
+        // While nothing can be written one line is kept: no further action is carried out before it has been written.
         if out.left.len() < 4 * WHAT {
             out.left.extend_from_slice(line.to_string().as_bytes());
             out.left.push(b'\n');
@@ -175,7 +176,7 @@ mod tests {
         assert_eq!(std::fs::metadata(&path).expect("there").permissions().mode() & 0o777, 0o600);
     }
 
-    /// Whoever may do nothing and tries it all day fills no disk, and is not forgotten.
+    /// A client without rights that tries all day does not fill the disk, but is still counted.
     #[test]
     fn refusals_without_end_are_counted() {
         let mut refusals = Refusals::default();
@@ -195,7 +196,7 @@ mod tests {
         assert!((REFUSALS as usize..2000).contains(&lines), "{lines}");
     }
 
-    /// A full disk: what could not be written down is kept, and until it is written nothing is ready.
+    /// A full disk: a line that could not be written is kept, and the log is not ready until it has been written.
     #[test]
     fn a_line_that_finds_no_place_is_not_lost() {
         let full = OpenOptions::new().append(true).open("/dev/full").expect("a device");

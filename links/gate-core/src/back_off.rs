@@ -1,4 +1,4 @@
-//! Who guesses waits: a machine that is handed the time.
+//! Waiting times after wrong passwords: a machine that is handed the time.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -7,9 +7,9 @@ use std::time::Duration;
 const FIRST: Duration = Duration::from_millis(500);
 /// The longest wait.
 const LONGEST: Duration = Duration::from_secs(60);
-/// Who has not tried for so long begins anew.
+/// After this time without an attempt the count restarts.
 const FORGET: Duration = Duration::from_secs(15 * 60);
-/// Tries that are remembered: whoever is to be forgotten first goes for a new one.
+/// Maximum of remembered keys: the one due to be forgotten first is replaced by a new one.
 const REMEMBERED: usize = 4096;
 
 #[derive(Clone, Copy, Debug)]
@@ -23,18 +23,18 @@ struct Tries {
 #[derive(Debug, Default)]
 pub struct BackOff {
     tries: BTreeMap<String, Tries>,
-    /// So many wrong passwords cost nothing.
+    /// Number of wrong passwords without a wait.
     free: u32,
 }
 
 impl BackOff {
-    /// After so many wrong passwords the waits begin.
+    /// The waits begin after this many wrong passwords.
     #[must_use]
     pub const fn after(free: u32) -> Self {
         Self { tries: BTreeMap::new(), free }
     }
 
-    /// How long this one has to wait still.
+    /// How long this key still has to wait.
     #[must_use]
     pub fn wait(&self, key: &str, now: Duration) -> Duration {
         self.tries.get(key).map_or(Duration::ZERO, |tries| tries.until.saturating_sub(now))

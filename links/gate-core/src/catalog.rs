@@ -1,11 +1,11 @@
-//! What the station's program consists of.
+//! The parts of the station's program.
 
 use ob1_access::Names;
 use ob1_ir::Program;
 
 use crate::Trouble;
 
-/// The program of a station, and the names of its cells. It stays the same as long as the station runs.
+/// The program of a station, and the names of its cells. It does not change while the station runs.
 #[derive(Clone, Debug, Default)]
 pub struct Catalog {
     /// Blocks, data blocks with their declarations, symbols, names of the sources.
@@ -15,7 +15,7 @@ pub struct Catalog {
 }
 
 impl Catalog {
-    /// Of the document the broker sends.
+    /// Reads the broker's document.
     pub(crate) fn read(bytes: &[u8]) -> Result<Self, Trouble> {
         let text = std::str::from_utf8(bytes).map_err(|error| Trouble::Program(error.to_string()))?;
         let program = ob1_ir::parse(text).map_err(|error| Trouble::Program(error.to_string()))?;

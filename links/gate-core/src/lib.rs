@@ -1,9 +1,9 @@
-//! What every protocol of `ob1-gate` shares and none of them owns: the door to the broker for tasks ([`Station`],
-//! [`Client`]), the users and their passwords ([`Users`]), the log of what they did ([`Audit`]), and TLS ([`Tls`]).
+//! Common parts of all protocols of `ob1-gate`: the door to the broker for tasks ([`Station`], [`Client`]), the users
+//! and their passwords ([`Users`]), the log of what they did ([`Audit`]), and TLS ([`Tls`]).
 //!
-//! Rights have two owners, and neither trusts the other's guess: the broker holds the ceiling of the link, whatever is
-//! asked; below it a [`Client`] holds the right of its user. Every write and every change goes through a client, and
-//! a client writes its line of the audit log itself: no protocol can forget it.
+//! Rights are checked twice, independently: the broker enforces the maximum rights of the link; below that a [`Client`]
+//! enforces the right of its user. Every write and every change goes through a client, and a client writes its line of
+//! the audit log itself, so that no protocol can forget it.
 
 mod audit;
 mod back_off;

@@ -1,7 +1,7 @@
-//! How much memory this process has, beside what it may have.
+//! The memory this process uses, compared with its limit.
 //!
-//! Some libraries make room for what a stranger sends as long as he sends it. Whoever serves strangers looks here, and
-//! lets them go before the kernel refuses the memory, which would end the process.
+//! Some libraries allocate memory for a stranger's input as long as it arrives. Code that serves strangers checks here,
+//! and drops them before the kernel refuses memory, which would end the process.
 
 use std::fs::File;
 use std::os::unix::fs::FileExt as _;
@@ -13,26 +13,26 @@ pub struct Memory(Arc<Inner>);
 
 #[derive(Debug)]
 struct Inner {
-    /// What the kernel says of the process; opened while it may still be.
+    /// The kernel's status of the process; opened before the process confines itself.
     status: Option<File>,
     most: u64,
 }
 
 impl Memory {
-    /// Of this process, which may have `most` bytes of data. Before it is confined.
+    /// The memory of this process, which may have `most` bytes of data. Call it before the process is confined.
     #[must_use]
     pub fn open(most: u64) -> Self {
         Self(Arc::new(Inner { status: File::open("/proc/self/status").ok(), most }))
     }
 
-    /// Whether it has come near to what it may have. A buffer that grows doubles: from half of it there would be no
-    /// way on.
+    /// Whether the process is near its limit. A growing buffer doubles, so at half of the limit it could not grow any
+    /// more.
     #[must_use]
     pub fn is_short(&self) -> bool {
         self.data().is_some_and(|data| data > self.0.most / 16 * 7)
     }
 
-    /// Bytes of data; `None` where the kernel does not say.
+    /// Bytes of data; `None` if the kernel does not tell.
     fn data(&self) -> Option<u64> {
         let mut text = [0; 4096];
         let read = self.0.status.as_ref()?.read_at(&mut text, 0).ok()?;

@@ -1,4 +1,4 @@
-//! The task that owns the door: it alone reads the window, writes to the socket and takes what comes.
+//! The task that owns the door: it alone reads the window, and uses the socket.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::future::pending;
@@ -14,22 +14,23 @@ use tokio::time::{Instant, MissedTickBehavior, interval, sleep_until};
 
 use crate::Trouble;
 
-/// Between two signs of life.
+/// Time between two signs of life.
 const BEAT: Duration = Duration::from_millis(200);
 const TICK: Duration = Duration::from_secs(1);
-/// The scan was faster than a read: the next try.
+/// Time to the next attempt when the scan was faster than a read.
 const BUSY: Duration = Duration::from_millis(1);
-/// What does not fit into the share may fit when others look at less.
+/// Time to the next attempt when a read does not fit the share: it may fit when others watch less.
 const NO_ROOM: Duration = Duration::from_secs(1);
-/// What is watched for the first time is there one cycle later. After so long, beyond two cycles, nobody waits for it.
+/// A piece watched for the first time is available one cycle later. After this time, which is more than two cycles, the
+/// wait ends.
 const SILENT: Duration = Duration::from_secs(4);
-/// Events that are kept for those who come later; more of them make a slow listener lose some.
+/// Number of events kept for late listeners; beyond that a slow listener loses some.
 pub(crate) const EVENTS: usize = 1024;
 
-/// What of a watch is newest.
+/// The newest result of a watch.
 pub(crate) type Newest = Option<Result<Arc<Reading>, Trouble>>;
 
-/// What the handles want.
+/// A request of a handle.
 pub(crate) enum Order {
     Watch { pieces: Vec<Piece>, period: Duration, to: watch::Sender<Newest> },
     Read { pieces: Vec<Piece>, to: oneshot::Sender<Result<Reading, Trouble>> },
@@ -38,7 +39,7 @@ pub(crate) enum Order {
     Gone(u32),
 }
 
-/// The events so far, and where the next ones come.
+/// The events so far, and the channel of the next ones.
 #[derive(Debug)]
 pub(crate) struct Events {
     kept: Mutex<VecDeque<Arc<Event>>>,
@@ -57,15 +58,15 @@ impl Events {
             kept.pop_front();
         }
         kept.push_back(Arc::clone(&event));
-        // Nobody may listen. Sent with the lock held: whoever listens gets each event once.
+        // It is possible that nobody listens. Sent with the lock held, so that a listener gets each event once.
         let _ = self.to.send(event);
     }
 
-    /// Those with a higher number, and those to come.
+    /// The events with a higher number, and those to come.
     pub(crate) fn after(&self, after: u64) -> (Vec<Arc<Event>>, broadcast::Receiver<Arc<Event>>) {
         let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         let known = kept.back().is_none_or(|newest| after <= newest.number);
-        // Who knows a number of another run of the station begins anew.
+        // A listener with a number from another run of the station starts from the beginning.
         let after = if known { after } else { 0 };
         (kept.iter().filter(|event| event.number > after).cloned().collect(), self.to.subscribe())
     }
@@ -75,7 +76,7 @@ struct Watched {
     pieces: Vec<Piece>,
     period: Duration,
     due: Instant,
-    /// It was asked for and is not there yet.
+    /// Requested, but not available yet.
     coming: bool,
     to: watch::Sender<Newest>,
 }
@@ -100,7 +101,7 @@ pub(crate) struct Pump {
 }
 
 impl Pump {
-    /// Of a door that has been welcomed. Within a runtime.
+    /// The pump of a door that has been welcomed. Call it within a runtime.
     #[expect(deprecated, reason = "what replaces it is unsafe; an `OwnedFd` stays open as long as it is owned")]
     pub(crate) fn new(
         door: Door,
@@ -122,7 +123,7 @@ impl Pump {
         })
     }
 
-    /// Until the door is closed, or nobody holds a handle any more.
+    /// Runs until the door is closed or the last handle is dropped.
     pub(crate) async fn run(mut self) -> DoorError {
         let mut beat = interval(BEAT);
         let mut tick = interval(TICK);
@@ -165,7 +166,7 @@ impl Pump {
         }
     }
 
-    /// Everything that can be done now.
+    /// Does everything that is possible now.
     fn turn(&mut self) -> Result<(), DoorError> {
         self.door.pump()?;
         let mut watching = false;
@@ -188,7 +189,7 @@ impl Pump {
             }
         }
         self.look(watching);
-        // What was asked for in between goes out before the wait.
+        // Requests made in between are sent before the wait.
         self.door.pump()
     }
 
@@ -197,7 +198,7 @@ impl Pump {
         watched.chain(self.once.iter().map(|once| once.due)).min()
     }
 
-    /// Reads what is due; with `watching` also what has been waited for.
+    /// Reads what is due; with `watching` also the pieces waited for.
     fn look(&mut self, watching: bool) {
         let now = Instant::now();
         self.watched.retain(|watched| !watched.to.is_closed());
@@ -210,7 +211,7 @@ impl Pump {
             match self.door.read(&watched.pieces, &mut reading) {
                 Ok(()) => {
                     watched.to.send_replace(Some(Ok(Arc::new(reading))));
-                    // A reader that was late catches up with nothing.
+                    // A late reader does not make up for missed readings.
                     watched.due = (watched.due + watched.period).max(now);
                 }
                 Err(NotYet::Coming) => watched.coming = true,

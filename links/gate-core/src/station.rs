@@ -1,4 +1,4 @@
-//! The station as tasks see it: a handle that can be cloned, and clients with the right of their user.
+//! The station for tasks: a handle that can be cloned, and clients with the right of their user.
 
 use std::collections::BTreeMap;
 use std::future::Future;
@@ -17,25 +17,25 @@ use tokio::time::Instant;
 use crate::pump::{Events, Newest, Order, Pump};
 use crate::{Audit, Catalog, Memory, Tls, Trouble, Users};
 
-/// No watch looks more often.
+/// Shortest period of a watch.
 const SHORTEST: Duration = Duration::from_millis(10);
-/// Reads of all tasks that wait for their first snapshot at a time.
+/// Maximum of concurrent reads of all tasks that wait for their first snapshot.
 const READS: usize = 256;
-/// Documents have a client of their own at the broker, so that nobody's questions stand in their way; 0 is the link.
+/// Documents have a client of their own at the broker, so that other questions do not block them; 0 is the link.
 const DOCUMENTS: u32 = 0;
 
 /// One link of the station. Clones are the same link.
 #[derive(Clone, Debug)]
 pub struct Station(Arc<Shared>);
 
-/// A document, and when it was made.
+/// A document, and when it was fetched.
 type Made = (Instant, Arc<[u8]>);
 
 #[derive(Debug)]
 struct Shared {
     welcome: Welcome,
     keys: Value,
-    /// What the link's clients may do at most here: the broker's ceiling, or less where the process is not confined.
+    /// The maximum right of the link's clients: the broker's, or less if the process is not confined.
     ceiling: Right,
     orders: mpsc::UnboundedSender<Order>,
     events: Arc<Events>,
@@ -46,40 +46,40 @@ struct Shared {
     audit: Audit,
 }
 
-/// A link of the station with all that its protocol needs: handed to it when the process has confined itself.
+/// A link of the station with everything its protocol needs, handed to it when the process has confined itself.
 #[derive(Debug)]
 pub struct Link {
     /// The way to the CPU; the link's name and keys come with it.
     pub station: Station,
-    /// Where it listens: bound, listening, non-blocking.
+    /// Its sockets: bound, listening, non-blocking.
     pub listeners: Vec<TcpListener>,
-    /// Its users, where it has them.
+    /// Its users, if any.
     pub users: Option<Users>,
-    /// Its certificate, where it has one.
+    /// Its certificate, if any.
     pub tls: Option<Tls>,
-    /// A folder of the gate's own, where it may write; of those kinds of link that need one.
+    /// A writable folder of the gate, for kinds of links that need one.
     pub state: Option<PathBuf>,
     /// The memory of this process.
     pub memory: Memory,
 }
 
-/// Who does something.
+/// The user behind an action.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Who {
-    /// The name of the user; `-` where there are none.
+    /// The name of the user; `-` if the link has no users.
     pub user: String,
-    /// Where from, for the audit log.
+    /// The client's address, for the audit log.
     pub address: String,
-    /// What the user may do. The link's rights are above it.
+    /// The user's right, limited by that of the link.
     pub right: Right,
 }
 
 impl Station {
-    /// Of a door that has been welcomed, within a runtime: the handle, and the task that serves it, which ends when
-    /// the door is closed or no handle is left.
+    /// Makes a station of a door that has been welcomed, within a runtime: the handle, and the task that serves it. The
+    /// task ends when the door is closed or no handle is left.
     ///
     /// # Errors
-    /// The door has not been welcomed, or the system has nothing left to wait with.
+    /// The door has not been welcomed, or the system cannot wait for its descriptor.
     pub fn new(
         door: Door,
         ceiling: Right,
@@ -105,19 +105,19 @@ impl Station {
         Ok((Self(Arc::new(shared)), pump.run()))
     }
 
-    /// What the broker has said first: names, sizes of the areas, the rights of the link.
+    /// The broker's first message: names, sizes of the areas, the rights of the link.
     #[must_use]
     pub fn welcome(&self) -> &Welcome {
         &self.0.welcome
     }
 
-    /// The keys of the link's table in the station file, with whole paths.
+    /// The keys of the link's table in the station file, with full paths.
     #[must_use]
     pub fn keys(&self) -> &Value {
         &self.0.keys
     }
 
-    /// What users of this link may do at most.
+    /// The maximum right of users of this link.
     #[must_use]
     pub fn ceiling(&self) -> Right {
         self.0.ceiling
@@ -129,12 +129,13 @@ impl Station {
         &self.0.audit
     }
 
-    /// Writes down that somebody was not allowed to do this; also for what a protocol refuses before it is a write.
+    /// Logs that somebody was not allowed to do this; also for actions that a protocol refuses before they become a
+    /// write.
     pub fn refused(&self, who: &Who, what: &str) {
         self.0.audit.refused(&who.user, &who.address, what, "not allowed");
     }
 
-    /// Looks at these pieces, all of one scan each time, every `period` and as long as the [`Watch`] lives.
+    /// Reads these pieces, all of one scan each time, every `period` and as long as the [`Watch`] lives.
     #[must_use]
     pub fn watch(&self, pieces: Vec<Piece>, period: Duration) -> Watch {
         let (to, newest) = watch::channel(None);
@@ -145,7 +146,7 @@ impl Station {
     /// Reads these pieces once, all of one scan.
     ///
     /// # Errors
-    /// [`Trouble`]. What the CPU does not have is told of its piece alone, by the [`Reading`].
+    /// [`Trouble`]. A piece that the CPU does not have is refused alone, in the [`Reading`].
     pub async fn read(&self, pieces: Vec<Piece>) -> Result<Reading, Trouble> {
         let _place = self.0.reads.acquire().await.map_err(|_| Trouble::Gone)?;
         let (to, outcome) = oneshot::channel();
@@ -153,8 +154,8 @@ impl Station {
         outcome.await.map_err(|_| Trouble::Gone)?
     }
 
-    /// The events with a higher number than `after` that are still kept, and those to come. Who listens too slowly is
-    /// told by the receiver how many are lost.
+    /// The events with a higher number than `after` that are still kept, and those to come. A slow listener learns from
+    /// the receiver how many are lost.
     #[must_use]
     pub fn events(&self, after: u64) -> (Vec<Arc<Event>>, broadcast::Receiver<Arc<Event>>) {
         self.0.events.after(after)
@@ -174,7 +175,7 @@ impl Station {
         self.0.catalog.get_or_try_init(fetch).await.cloned()
     }
 
-    /// A document of the station, at most so old. Many who want it at a time get the same.
+    /// A document of the station, not older than `age`. Concurrent requests get the same one.
     ///
     /// # Errors
     /// [`Trouble`].
@@ -190,7 +191,7 @@ impl Station {
         Ok(made)
     }
 
-    /// A client of this link: somebody who may write and operate, as far as his right and that of the link go.
+    /// A client of this link: it may write and operate as far as the user's right and that of the link allow.
     #[must_use]
     pub fn client(&self, who: Who) -> Client {
         // After four thousand million connections the first numbers are free again; 0 is the link's.
@@ -217,12 +218,12 @@ fn document(answer: Answer) -> Result<Box<[u8]>, Trouble> {
     }
 }
 
-/// Looks at pieces again and again; only the newest is kept, so who is slow piles up nothing.
+/// Reads pieces repeatedly; only the newest reading is kept, so a slow task queues nothing.
 #[derive(Debug)]
 pub struct Watch(watch::Receiver<Newest>);
 
 impl Watch {
-    /// The next reading; one that nobody has taken is replaced by a newer one.
+    /// The next reading; an unread one is replaced by a newer one.
     ///
     /// # Errors
     /// [`Trouble::TooMuch`]: it is tried again; [`Trouble::Gone`]: nothing more will come.
@@ -236,8 +237,8 @@ impl Watch {
     }
 }
 
-/// A client of a link: everything it changes is checked and written down. When the last clone is dropped the broker
-/// hears that it is gone.
+/// A client of a link: everything it changes is checked and logged. When the last clone is dropped, the broker is told
+/// that it is gone.
 #[derive(Clone, Debug)]
 pub struct Client(Arc<Inner>);
 
@@ -256,14 +257,14 @@ impl Client {
         &self.0.who
     }
 
-    /// What it may do: the right of the user, below that of the link.
+    /// Its right: that of the user, limited by that of the link.
     #[must_use]
     pub fn right(&self) -> Right {
         self.0.who.right.min(self.0.station.ceiling())
     }
 
-    /// Writes a group: all of it lands at one cycle control point, or nothing. `what` is for the audit log:
-    /// `MW10 = 5`. Answers the scan that has it; a read after this sees it.
+    /// Writes a group: all of it is written at one cycle control point, or nothing. `what` is for the audit log: `MW10
+    /// = 5`. Returns the scan that contains it; a later read sees it.
     ///
     /// # Errors
     /// [`Trouble`].
@@ -274,7 +275,7 @@ impl Client {
         self.audited(format!("write {what}"), Right::Write, order, outcome, done).await
     }
 
-    /// Asks; what changes something is checked and written down like a write.
+    /// Asks a question; one that changes something is checked and logged like a write.
     ///
     /// # Errors
     /// [`Trouble`].
@@ -282,7 +283,7 @@ impl Client {
         let what = match &ask {
             Ask::Command(command) => format!("command {command:?}"),
             Ask::SetClock(clock) => format!("set clock {clock:02x?}"),
-            // The gate has users of its own; there is no way past them.
+            // The gate has users of its own; they cannot be bypassed.
             Ask::Login(_) | Ask::Logout => return Err(Trouble::User),
             _ => {
                 let _turn = self.0.turns.acquire().await.map_err(|_| Trouble::Gone)?;
@@ -294,7 +295,7 @@ impl Client {
         self.audited(what, Right::Operate, order, answer, |_: &Answer| "done".to_owned()).await
     }
 
-    /// Does something that takes a right, and writes it down, whatever becomes of it and of whoever waits for it.
+    /// Does something that needs a right, and logs it, whatever its outcome and even if the caller goes away.
     async fn audited<T: Send + 'static>(
         &self,
         what: String,
@@ -323,11 +324,12 @@ impl Client {
                     return outcome;
                 }
             };
-            // It is done; what cannot be written now is kept, and nothing more is done before it is written.
+            // The action is done; a line that cannot be written now is kept, and no further action is carried out
+            // before it has been written.
             let _ = note(&told);
             outcome
         };
-        // A task of its own: who goes away in between does not take the line with him.
+        // A separate task: if the caller goes away in between, the line is still written.
         tokio::spawn(work).await.map_err(|_| Trouble::Gone)?
     }
 }

@@ -25,23 +25,23 @@ impl Tls {
     /// From PEM files; only the station's user may read the key.
     ///
     /// # Errors
-    /// What is wrong with which file.
+    /// Which file is wrong, and why.
     pub fn load(certificate: &Path, key: &Path) -> io::Result<Self> {
         let loaded = Arc::new(Mutex::new((stamps(certificate, key)?, config(certificate, key)?)));
         Ok(Self { certificate: certificate.to_owned(), key: key.to_owned(), loaded })
     }
 
-    /// What new connections are accepted with.
+    /// The acceptor for new connections.
     #[must_use]
     pub fn acceptor(&self) -> TlsAcceptor {
         let loaded = self.loaded.lock().unwrap_or_else(PoisonError::into_inner);
         TlsAcceptor::from(Arc::clone(&loaded.1))
     }
 
-    /// Loads the files again when they are others: a certificate is renewed without a restart.
+    /// Reloads the files if they have changed: a certificate is renewed without a restart.
     ///
     /// # Errors
-    /// What is wrong with which file; then the certificate before stays.
+    /// Which file is wrong, and why; the previous certificate then stays.
     pub fn refresh(&self) -> io::Result<bool> {
         let now = stamps(&self.certificate, &self.key)?;
         if self.loaded.lock().unwrap_or_else(PoisonError::into_inner).0 == now {

@@ -1,12 +1,12 @@
-//! Users: a file of names, rights and hashes of passwords, and who may come in.
+//! Users: a file of names, rights and hashes of passwords, and logins.
 //!
 //! ```text
 //! # name:right:argon2id in the PHC string format
 //! anna:operate:$argon2id$v=19$m=19456,t=2,p=1$c29tZXNhbHQ$...
 //! ```
 //!
-//! One password is checked at a time, in a thread of its own: what strangers ask costs at most one core and the memory
-//! of one hash, and the tasks go on meanwhile.
+//! One password is checked at a time, in a separate thread: strangers cost at most one core and the memory of one hash,
+//! and the other tasks continue meanwhile.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -26,52 +26,52 @@ use tokio::sync::Semaphore;
 
 use crate::BackOff;
 
-/// Longest file that is read.
+/// Maximum size of the file.
 const FILE: u64 = 256 << 10;
 /// Longest name and password, in bytes.
 const NAME: usize = 64;
 const PASSWORD: usize = 256;
-/// What a hash may cost at most: memory in KiB, passes, lanes.
+/// Maximum cost of a hash: memory in KiB, passes, lanes.
 const MOST: (u32, u32, u32) = (64 << 10, 8, 4);
-/// Passwords that may wait for their turn to be checked.
+/// Number of passwords that may wait to be checked.
 const WAITING: usize = 16;
-/// Wrong passwords of an address, whatever the name, before it waits.
+/// Wrong passwords of an address, for any name, before it has to wait.
 const FREE_OF_ADDRESS: u32 = 10;
 
 /// Why a file of users cannot be used.
 #[derive(Debug, Error)]
 pub enum UsersError {
-    /// What the system says.
+    /// An error of the system.
     #[error("{0}: {1}")]
     Io(PathBuf, std::io::Error),
     /// Others can read it.
     #[error("{0} can be read or written by others (mode {1:03o}): chmod 600 {0}")]
     Open(PathBuf, u32),
-    /// A line is none.
+    /// A line is invalid.
     #[error("{0}:{1}: {2}")]
     Line(PathBuf, usize, String),
 }
 
-/// Why somebody is not let in.
+/// Why a login fails.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum LoginError {
     /// There is no such user, or the password is wrong.
     #[error("wrong name or password")]
     Wrong,
-    /// Too many wrong ones; so long it takes until the next is looked at.
+    /// Too many wrong passwords; the time until the next is checked.
     #[error("too many wrong passwords: wait {} s", .0.as_secs() + 1)]
     Wait(Duration),
-    /// Too many want to come in.
+    /// Too many logins at a time.
     #[error("too many log in at the same time: try again")]
     Busy,
 }
 
-/// Somebody who has given his password.
+/// A successful login.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Login {
     /// The name.
     pub user: String,
-    /// What the user may do, as far as the link allows it.
+    /// The user's right, limited by that of the link.
     pub right: Right,
 }
 
@@ -92,7 +92,7 @@ struct Inner {
     turn: Arc<Semaphore>,
     queue: Arc<Semaphore>,
     began: Instant,
-    /// The hash of no user's password: a wrong name takes as long as a wrong password.
+    /// A hash that is no user's password: checking it makes a wrong name take as long as a wrong password.
     nobody: String,
 }
 
@@ -108,7 +108,7 @@ impl fmt::Debug for Users {
 }
 
 impl Users {
-    /// Of a file that nobody else can read.
+    /// Reads a file that nobody else can read.
     ///
     /// # Errors
     /// [`UsersError`].
@@ -125,8 +125,8 @@ impl Users {
         })))
     }
 
-    /// Reads the file again when it is another one: users come and go without a restart. A file that is wrong leaves
-    /// things as they were; the error says why.
+    /// Reads the file again if it has changed: users come and go without a restart. An invalid file changes nothing;
+    /// the error says why.
     ///
     /// # Errors
     /// [`UsersError`].
@@ -144,13 +144,13 @@ impl Users {
         self.0.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What the user may do now; `None`: there is no such user any more. Whoever keeps somebody logged in asks again.
+    /// The user's present right; `None`: the user no longer exists. Code that keeps a user logged in asks again.
     #[must_use]
     pub fn right(&self, user: &str) -> Option<Right> {
         self.known().users.get(user).map(|known| known.right)
     }
 
-    /// Lets somebody in, from this address.
+    /// Logs in a user from this address.
     ///
     /// # Errors
     /// [`LoginError`].
@@ -169,7 +169,7 @@ impl Users {
         }
         let _place = self.0.queue.clone().try_acquire_owned().map_err(|_| LoginError::Busy)?;
         let turn = self.0.turn.clone().acquire_owned().await.map_err(|_| LoginError::Busy)?;
-        // While one waited for the turn others may have tried the same.
+        // While this one waited for its turn, others may have tried the same.
         let wait = waited();
         if !wait.is_zero() {
             return Err(LoginError::Wait(wait));
@@ -250,7 +250,7 @@ pub(crate) fn is_name(name: &str) -> bool {
     !name.is_empty() && name.len() <= NAME && name.chars().all(legal)
 }
 
-/// A hash that a check of it does not take too long.
+/// Accepts only a hash that does not take too long to check.
 fn bounded(hash: &str) -> Result<(), String> {
     let parsed = PasswordHash::new(hash).map_err(|error| format!("the hash: {error}"))?;
     if parsed.algorithm != Algorithm::Argon2id.ident() || parsed.hash.is_none() {
@@ -272,7 +272,7 @@ fn verify(password: &str, hash: &str) -> bool {
 #[must_use]
 pub fn hash(password: &str) -> String {
     let mut salt = [0; 16];
-    // Without random numbers there is no TLS either; the hash then is salted like all others.
+    // Without random numbers there is no TLS either; the salt is then zeros.
     let _ = SystemRandom::new().fill(&mut salt);
     let argon = Argon2::new(Algorithm::Argon2id, Version::V0x13, Params::default());
     let salt = SaltString::encode_b64(&salt);
@@ -310,7 +310,7 @@ mod tests {
                 let again = users.login(user, "b", "::1").await;
                 assert!(matches!(again, Err(LoginError::Wait(_))), "{user}: {again:?}");
             }
-            // Elsewhere nobody waits for that.
+            // Other addresses do not wait.
             assert_eq!(users.login("anna", "pässword", "192.0.2.1").await, Ok(anna));
             let long = "x".repeat(PASSWORD + 1);
             assert_eq!(users.login("anna", &long, "192.0.2.1").await, Err(LoginError::Wrong));

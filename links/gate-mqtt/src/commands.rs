@@ -1,4 +1,4 @@
-//! Writes that come from the broker: of the names the station file lists, and no others.
+//! Writes that come from the broker: only to names listed in the station file.
 
 use std::collections::BTreeMap;
 
@@ -9,20 +9,20 @@ use serde_json::Value;
 
 use crate::items::{plain, topic};
 
-/// Commands under way at a time; more are refused.
+/// Maximum of concurrent commands; more are refused.
 const AT_ONCE: usize = 16;
 
 /// See [the module](self).
 #[derive(Clone)]
 pub(crate) struct Commands {
-    /// By their part of a topic.
+    /// By topic part.
     places: BTreeMap<String, Typed>,
     client: Client,
     turns: std::sync::Arc<tokio::sync::Semaphore>,
 }
 
 impl Commands {
-    /// Of the names of the station file.
+    /// Builds the commands from the names of the station file.
     ///
     /// # Errors
     /// Which name is wrong, in one sentence.
@@ -54,7 +54,7 @@ impl Commands {
         self.places.keys()
     }
 
-    /// Writes a value; says what became of it.
+    /// Writes a value; returns the outcome.
     pub(crate) async fn write(&self, name: &str, value: &Value) -> Result<u64, String> {
         let typed = self.places.get(name).ok_or("there is no such command")?;
         let _turn = self.turns.try_acquire().map_err(|_| "too many commands at a time")?;

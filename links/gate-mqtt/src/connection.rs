@@ -13,17 +13,17 @@ use tokio::task::AbortHandle;
 use crate::flow::WINDOW;
 use crate::keys::Settings;
 
-/// The broker notices within one and a half of it that we are gone; so do we.
+/// The broker notices within one and a half times this that we are gone, and we notice a lost broker likewise.
 const KEEP_ALIVE: Duration = Duration::from_secs(5);
-/// Requests of ours that may wait for the socket.
+/// Maximum of our requests waiting for the socket.
 const REQUESTS: usize = 4 * WINDOW;
-/// Longest packet that is taken: commands are short.
+/// Longest packet that is accepted: commands are short.
 const INCOMING: usize = 64 << 10;
 /// Longest packet that is sent.
 const OUTGOING: usize = 8 << 20;
 /// Longest password.
 const PASSWORD: u64 = 4096;
-/// Things that have happened and wait to be looked at.
+/// Maximum of unprocessed events.
 const EVENTS: usize = 256;
 
 /// See [the module](self). Dropping it ends the connection.
@@ -34,7 +34,7 @@ pub(crate) struct Connection {
 }
 
 impl Connection {
-    /// Begins to connect, with what the broker shall say when we are gone.
+    /// Begins to connect; `will` is what the broker publishes when we are gone.
     ///
     /// # Errors
     /// Why the password cannot be read.
@@ -66,7 +66,7 @@ impl Connection {
         Ok(Self { client, events: happened, task: task.abort_handle() })
     }
 
-    /// What happens next; an error is the last.
+    /// The next event; an error is the last one.
     pub(crate) async fn next(&mut self) -> Result<Event, String> {
         self.events.recv().await.unwrap_or_else(|| Err("the connection has ended".into()))
     }
@@ -78,7 +78,8 @@ impl Drop for Connection {
     }
 }
 
-/// The first line of a file that nobody else can read; each time, so that a new one is taken without a new start.
+/// The first line of a file that nobody else can read. It is read for each connection, so that a new password needs no
+/// restart.
 fn password(path: &Path) -> Result<String, String> {
     let told = |why: &dyn std::fmt::Display| format!("{}: {why}", path.display());
     let about = fs::metadata(path).map_err(|error| told(&error))?;

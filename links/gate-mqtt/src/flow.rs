@@ -1,12 +1,12 @@
-//! Which records are under way, and which have arrived.
+//! Which records are in flight, and which have arrived.
 
 use std::collections::VecDeque;
 
-/// Publishes at QoS 1 under way at a time.
+/// Maximum of QoS 1 publishes in flight.
 pub(crate) const WINDOW: usize = 100;
 
-/// The publishes of one connection, in the order they were asked for. A broker acknowledges in that order, but one
-/// that does not loses nothing: a record has arrived when all before it have.
+/// The publishes of one connection, in the order they were requested. A broker acknowledges in that order; with one
+/// that does not, nothing is lost, because a record counts as arrived only when all before it have.
 #[derive(Debug, Default)]
 pub(crate) struct Flow {
     window: VecDeque<Under>,
@@ -17,12 +17,12 @@ struct Under {
     /// Its packet identifier, once it is on the wire.
     packet: Option<u16>,
     arrived: bool,
-    /// Whether it is the next record of the store; others are messages of the connection's own.
+    /// Whether it is the next record of the store; others are the connection's own messages.
     stored: bool,
 }
 
 impl Flow {
-    /// Records of the store that are under way.
+    /// Records of the store in flight.
     pub(crate) fn stored(&self) -> usize {
         self.window.iter().filter(|under| under.stored).count()
     }
@@ -32,19 +32,19 @@ impl Flow {
         self.window.len() < WINDOW
     }
 
-    /// One has been asked for.
+    /// A publish has been requested.
     pub(crate) fn asked(&mut self, stored: bool) {
         self.window.push_back(Under { packet: None, arrived: false, stored });
     }
 
-    /// The next one is on the wire.
+    /// The next publish is on the wire.
     pub(crate) fn sent(&mut self, packet: u16) {
         if let Some(under) = self.window.iter_mut().find(|under| under.packet.is_none()) {
             under.packet = Some(packet);
         }
     }
 
-    /// One is acknowledged: so many records of the store have arrived now.
+    /// A publish is acknowledged: returns how many records of the store have now arrived.
     pub(crate) fn acknowledged(&mut self, packet: u16) -> usize {
         if let Some(under) = self.window.iter_mut().find(|under| under.packet == Some(packet) && !under.arrived) {
             under.arrived = true;

@@ -13,15 +13,15 @@ use crate::sparkplug::{BD_SEQ, Metric, Payload, REBIRTH, Value, kind, kind_of};
 pub(crate) struct Node {
     group: String,
     name: String,
-    /// Counts births; it ties a death to its birth.
+    /// Counts births; it links a death to its birth.
     bd_seq: u8,
-    /// Of the next data message; a birth is 0.
+    /// Sequence number of the next data message; a birth is 0.
     seq: u8,
     path: PathBuf,
 }
 
 impl Node {
-    /// Of a group; the number of its last birth lies in a file.
+    /// The node of a group; the number of its last birth is in a file.
     pub(crate) fn open(group: &str, name: &str, state: &Path) -> Self {
         let path = state.join("bdseq");
         let before = fs::read_to_string(&path).ok().and_then(|text| text.trim().parse::<u8>().ok());
@@ -34,10 +34,10 @@ impl Node {
         format!("spBv1.0/{}/{kind}/{}", self.group, self.name)
     }
 
-    /// Before each connection: its death, to be said by the broker.
+    /// Before each connection: its death, which the broker is to publish.
     pub(crate) fn next_death(&mut self) -> Payload {
         self.bd_seq = self.bd_seq.wrapping_add(1);
-        // Without a disk the number begins anew with the next start, which costs nothing but a doubt.
+        // Without a disk the number restarts with the next start; then a death may match the wrong birth.
         if let Err(error) = fs::write(&self.path, self.bd_seq.to_string()) {
             tracing::warn!("{}: {error}", self.path.display());
         }
@@ -87,17 +87,17 @@ impl Node {
     }
 }
 
-/// The alias of the value at this place; 0 is left free.
+/// The alias of the value at this place; 0 is unused.
 pub(crate) const fn alias(index: usize) -> u64 {
     index as u64 + 1
 }
 
-/// A value now: told by its alias.
+/// A current value, published with its alias.
 pub(crate) fn live(index: usize, item: &Item, value: Option<&Datum>, unix_ms: u64) -> Metric {
     Metric { alias: Some(alias(index)), ..metric(item, value, unix_ms) }
 }
 
-/// A value of before: told by its name, since the aliases of another birth may be others.
+/// An old value, published with its name, because the aliases of another birth may differ.
 pub(crate) fn historical(item: &Item, value: Option<&Datum>, unix_ms: u64) -> Metric {
     Metric { name: Some(item.name.clone()), historical: true, ..metric(item, value, unix_ms) }
 }

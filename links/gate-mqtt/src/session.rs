@@ -1,4 +1,4 @@
-//! What a link does: looks at its values, tells what has changed, and keeps it until it has arrived.
+//! The work of a link: it reads its values, publishes changes, and keeps them until they have arrived.
 
 use std::future::pending;
 use std::path::Path;
@@ -22,14 +22,14 @@ use crate::sparkplug::{Metric, Payload, REBIRTH};
 use crate::store::{Record, Store};
 use crate::topics::{self, ONLINE};
 
-/// How long until the next try, at first and at most.
+/// Time to the next connection attempt, at first and at most.
 const FIRST_TRY: Duration = Duration::from_millis(250);
 const LAST_TRY: Duration = Duration::from_secs(30);
-/// Metrics of a message of Sparkplug.
+/// Maximum of metrics per Sparkplug message.
 const METRICS: usize = 200;
-/// Messages of old values before the others get their turn.
+/// Messages of old values sent before other work gets its turn.
 const AT_ONCE: usize = 20;
-/// How long the last word may take when the station ends.
+/// Time limit for the last message when the station ends.
 const FAREWELL: Duration = Duration::from_secs(1);
 
 /// See [the module](self).
@@ -41,20 +41,20 @@ pub(crate) struct Session {
     store: Store,
     node: Option<Node>,
     commands: Option<Commands>,
-    /// Until the first reading there is nothing to be born with.
+    /// False until the first reading: before it there is nothing for a birth.
     looked: bool,
-    /// Of the newest look.
+    /// Scan number of the newest reading.
     scan: u64,
-    /// Values told since the start of the link.
+    /// Values published since the start of the link.
     number: u64,
     connection: Option<Connection>,
-    /// The broker has taken us.
+    /// The broker has accepted us.
     online: bool,
     try_at: Instant,
     wait: Duration,
     flow: Flow,
-    /// Of Sparkplug, which knows no acknowledgement: records sent, and how many of them before the ping that is under
-    /// way. What was sent before a ping that is answered has arrived: the broker works in order.
+    /// For Sparkplug, which has no acknowledgement: records sent, and how many of them before the pending ping. Records
+    /// sent before an answered ping have arrived, because the broker works in order.
     sent: usize,
     sent_before_ping: usize,
 }
@@ -105,7 +105,8 @@ impl Session {
                 newest = watch.next() => match newest {
                     Ok(reading) => self.look(&reading),
                     Err(trouble @ Trouble::Gone) => break trouble,
-                    // Told once by the settings' check; here another part of the gate has taken the room.
+                    // The check of the settings has reported this once; here another part of the gate has used up the
+                    // room.
                     Err(trouble) => tracing::warn!(link = %self.name(), "{trouble}"),
                 },
                 event = happened(self.connection.as_mut()) => match event {
@@ -142,7 +143,7 @@ impl Session {
         }
     }
 
-    /// The connection is gone: what has not arrived is sent again by the next one.
+    /// The connection is lost: records that have not arrived are sent again over the next one.
     fn broken(&mut self, why: &str) {
         let waits = self.wait;
         tracing::warn!(link = %self.name(), "broker {}: {why}; next try in {waits:?}", self.settings.host);
@@ -173,7 +174,7 @@ impl Session {
         }
     }
 
-    /// The broker has taken us.
+    /// The broker has accepted us.
     fn welcomed(&mut self) {
         tracing::info!(link = %self.name(), "connected to broker {}", self.settings.host);
         (self.online, self.wait) = (true, FIRST_TRY);
@@ -190,7 +191,7 @@ impl Session {
         }
         self.flow.asked(false);
         let _ = client.try_publish(self.topic(ONLINE), QoS::AtLeastOnce, true, "true");
-        // A broker that has lost what it retained gets it again, behind all that waits.
+        // A broker that has lost its retained messages gets them again, after all waiting records.
         if self.settings.retain {
             let now = unix_now();
             for index in 0..self.items.list.len() {
@@ -207,7 +208,7 @@ impl Session {
         }
     }
 
-    /// A snapshot is there.
+    /// A snapshot has come.
     fn look(&mut self, reading: &Arc<Reading>) {
         let first = !std::mem::replace(&mut self.looked, true);
         let (now, scan) = (unix_now(), reading.scan);
@@ -223,8 +224,8 @@ impl Session {
         if first {
             return;
         }
-        // As long as nothing older waits they are told at once; kept they are in any case, until it is known that they
-        // have arrived.
+        // If nothing older waits they are published at once; in any case they are kept until they are known to have
+        // arrived.
         let live = self.online && self.store.in_memory() && self.waiting() == self.sent;
         for (index, value) in &changes {
             let metric = node::historical(&self.items.list[*index], value.as_ref(), now);
@@ -235,7 +236,7 @@ impl Session {
         }
     }
 
-    /// Tells values of now; false when there is no room on the way.
+    /// Publishes current values; false when there is no room in the queue.
     fn tell(&mut self, changes: &[(usize, Option<Datum>)], now: u64) -> bool {
         let (Some(node), Some(connection)) = (&mut self.node, &self.connection) else { return false };
         for changes in changes.chunks(METRICS) {
@@ -272,7 +273,7 @@ impl Session {
         }
     }
 
-    /// Sends what waits, as far as there is room.
+    /// Sends waiting records, as far as there is room.
     fn send(&mut self) {
         if !self.online {
             return;
@@ -292,7 +293,7 @@ impl Session {
                     .take(METRICS)
                     .filter_map(|record| Metric::decode(&record.payload))
                     .collect();
-                // What cannot be read, from an older version, is passed over with the others.
+                // Records that cannot be read, from an older version, are skipped along with the others.
                 let count = ready.len().saturating_sub(self.sent).min(METRICS);
                 if count == 0 {
                     return;
@@ -317,9 +318,9 @@ impl Session {
         }
     }
 
-    /// Something has come: a value to be written, or that a birth is wanted.
+    /// A command has come: a value to write, or the request for a birth.
     fn command(&mut self, publish: &Publish) {
-        // What was said before we were there is not meant for now.
+        // A command from before the connection is outdated.
         if publish.retain {
             tracing::warn!(link = %self.name(), "a retained command on {} is ignored", publish.topic);
             return;
@@ -351,7 +352,7 @@ impl Session {
         }
     }
 
-    /// Writes in a task of its own, and says on a plain topic what became of it.
+    /// Writes in a separate task, and publishes the outcome on a plain topic.
     fn write(&self, name: String, value: Result<Value, String>) {
         let (Some(commands), Some(connection)) = (self.commands.clone(), &self.connection) else { return };
         let client = connection.client.clone();
@@ -375,7 +376,7 @@ impl Session {
         });
     }
 
-    /// The last word, and what waits is put onto the disk.
+    /// Sends the last message, and stores waiting records on disk.
     async fn end(&mut self) {
         let last = match &self.node {
             Some(node) => (node.topic("NDEATH"), node.death().encode(), false),
@@ -403,7 +404,7 @@ impl Session {
     }
 }
 
-/// What happens to a connection; without one nothing does.
+/// The next event of a connection; without one it never returns.
 async fn happened(connection: Option<&mut Connection>) -> Result<Event, String> {
     match connection {
         Some(connection) => connection.next().await,

@@ -1,6 +1,7 @@
 //! Sparkplug B 3.0: payloads in the wire format of protocol buffers, and the topics of an edge node.
 //!
-//! Three messages of a few fields each; a code generator would be longer. [Sparkplug 3.0, "6.4 Payload Definition"]
+//! There are three messages of a few fields each; a code generator would be longer. [Sparkplug 3.0, "6.4 Payload
+//! Definition"]
 
 use ob1_access::Datum;
 
@@ -20,9 +21,9 @@ pub(crate) mod kind {
     pub(crate) const BYTES: u32 = 17;
 }
 
-/// The metric that asks for a new birth.
+/// The metric that requests a new birth.
 pub(crate) const REBIRTH: &str = "Node Control/Rebirth";
-/// The metric that ties a death to its birth.
+/// The metric that links a death to its birth.
 pub(crate) const BD_SEQ: &str = "bdSeq";
 
 /// A value of a metric.
@@ -78,14 +79,14 @@ pub(crate) fn kind_of(ty: &ob1_model::DataType) -> u32 {
 }
 
 impl Value {
-    /// A single value; an array is the JSON of it.
+    /// A single value; an array is sent as its JSON.
     pub(crate) fn of(datum: &Datum) -> Self {
         match datum {
             Datum::Bool(v) => Self::Boolean(*v),
             Datum::Byte(v) => Self::Int((*v).into()),
             Datum::Word(v) => Self::Int((*v).into()),
             Datum::DWord(v) => Self::Int(*v),
-            // Negative numbers of 16 bits stand in 32 of them.
+            // Negative 16-bit numbers are extended to 32 bits.
             Datum::Int(v) => Self::Int(i32::from(*v) as u32),
             Datum::DInt(v) => Self::Int(*v as u32),
             Datum::Real(v) => Self::Float(*v),
@@ -96,7 +97,7 @@ impl Value {
         }
     }
 
-    /// What a command says, as JSON for a place of the type with this data type.
+    /// The value of a command, as JSON for a place of the type with this data type.
     pub(crate) fn json(&self, datatype: u32) -> serde_json::Value {
         match self {
             Self::Int(v) => match datatype {
@@ -116,7 +117,7 @@ impl Value {
 }
 
 impl Payload {
-    /// As it is sent.
+    /// The bytes to send.
     pub(crate) fn encode(&self) -> Vec<u8> {
         let mut out = Vec::new();
         number(&mut out, 1, self.timestamp);
@@ -129,7 +130,7 @@ impl Payload {
         out
     }
 
-    /// Of what somebody has sent; `None` when it is none. Fields that are not known are passed over.
+    /// From received bytes; `None` if they are not a payload. Unknown fields are skipped.
     pub(crate) fn decode(bytes: &[u8]) -> Option<Self> {
         let mut payload = Self::default();
         for field in fields(bytes) {
@@ -229,7 +230,7 @@ enum Wire<'a> {
     Bytes(&'a [u8]),
 }
 
-/// The fields of a message; the last is `None` when it is broken there.
+/// The fields of a message; the last is `None` if the message is broken there.
 fn fields(mut bytes: &[u8]) -> impl Iterator<Item = Option<(u32, Wire<'_>)>> {
     let mut broken = false;
     std::iter::from_fn(move || {

@@ -1,7 +1,8 @@
-//! What has not been taken by the broker yet: in memory, and beyond that on disk, up to a bound; then the oldest goes.
+//! Records that the broker has not accepted yet: in memory, and beyond that on disk, up to a limit; then the oldest are
+//! dropped.
 //!
-//! In memory lies what comes next; files hold what follows it, in the order of their numbers. A file that is read into
-//! memory is deleted; what is in memory when the link ends is written back in front of the others.
+//! The next records are in memory; files contain the following ones, in the order of their numbers. A file that is read
+//! into memory is deleted; what is in memory when the link ends is written back in front of the others.
 
 use std::collections::VecDeque;
 use std::fs::{self, File, OpenOptions};
@@ -13,17 +14,17 @@ use std::path::{Path, PathBuf};
 const FRONT: usize = 20_000;
 /// Bytes of records in memory.
 const FRONT_BYTES: usize = 4 << 20;
-/// Bytes of a file: what one deletion loses at most.
+/// Bytes of a file: the maximum that one deletion loses.
 const FILE_BYTES: u64 = 64 << 10;
 /// Longest record.
 pub(crate) const RECORD: usize = 256 << 10;
-/// The files of a program before the first of another run begin here, so that there is room in front of them.
+/// The first file number of a new store, high enough to leave room for files in front of it.
 const FIRST: u64 = 1 << 32;
 
-/// Something to be sent.
+/// A record to send.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Record {
-    /// The topic behind the prefix; of Sparkplug empty.
+    /// The topic after the prefix; empty with Sparkplug.
     pub(crate) topic: String,
     pub(crate) payload: Vec<u8>,
 }
@@ -40,7 +41,7 @@ impl Record {
         out.extend(&self.payload);
     }
 
-    /// The next of a file; `None` at its end, or where it was cut off.
+    /// The next record of a file; `None` at its end, or where it was cut off.
     fn decode(bytes: &mut &[u8]) -> Option<Self> {
         let mut number = || -> Option<usize> {
             let (head, rest) = bytes.split_at_checked(4)?;
@@ -66,15 +67,15 @@ pub(crate) struct Store {
     files: VecDeque<(u64, u64)>,
     on_disk: u64,
     lost: u64,
-    /// The file that is written, while there is one: the last.
+    /// The file being written, if any: the last one.
     open: Option<File>,
 }
 
 impl Store {
-    /// Of a folder, with what an earlier run has left there.
+    /// Opens the store of a folder, with the records of an earlier run.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub(crate) fn open(folder: &Path, bound: u64) -> io::Result<Self> {
         fs::create_dir_all(folder)?;
         let mut files = Vec::new();
@@ -98,7 +99,7 @@ impl Store {
         })
     }
 
-    /// Records in memory, the first of which are sent.
+    /// The records in memory; the first ones are sent.
     pub(crate) fn ready(&mut self) -> io::Result<&VecDeque<Record>> {
         while self.front.len() < FRONT / 2 && self.front_bytes < FRONT_BYTES / 2 && !self.files.is_empty() {
             self.load()?;
@@ -106,20 +107,20 @@ impl Store {
         Ok(&self.front)
     }
 
-    /// Whether nothing lies on disk.
+    /// Whether there is nothing on disk.
     pub(crate) fn in_memory(&self) -> bool {
         self.files.is_empty()
     }
 
-    /// Bytes lost so far because the bound was reached, in records; asked once, told once.
+    /// The number of records lost since the last call.
     pub(crate) fn take_lost(&mut self) -> u64 {
         std::mem::take(&mut self.lost)
     }
 
-    /// One more, behind all others.
+    /// Appends a record.
     ///
     /// # Errors
-    /// What the system says; the record is lost.
+    /// The system's error; the record is lost.
     pub(crate) fn push(&mut self, record: Record) -> io::Result<()> {
         if record.len() > RECORD {
             self.lost += 1;
@@ -132,13 +133,13 @@ impl Store {
         }
         let written = self.append(&record);
         if written.is_err() {
-            // What follows goes to a file of its own: this one may end in the middle of a record.
+            // The following records go to a new file: this one may end in the middle of a record.
             (self.open, self.lost) = (None, self.lost + 1);
         }
         written
     }
 
-    /// The first so many have arrived.
+    /// The first `count` records have arrived.
     pub(crate) fn arrived(&mut self, count: usize) {
         for record in self.front.drain(..count.min(self.front.len())) {
             self.front_bytes -= record.len();
@@ -148,7 +149,7 @@ impl Store {
     /// Writes what is in memory back in front of the files: the link ends.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub(crate) fn close(&mut self) -> io::Result<()> {
         let records: Vec<Record> = self.front.drain(..).collect();
         self.front_bytes = 0;
@@ -183,7 +184,7 @@ impl Store {
         Ok(())
     }
 
-    /// Lets the oldest files go until the rest is within the bound; the one that is written stays.
+    /// Deletes the oldest files until the rest is within the limit; the one being written stays.
     fn bounded(&mut self) {
         while self.on_disk > self.bound && self.files.len() > 1 {
             let Some((number, len)) = self.files.pop_front() else { return };

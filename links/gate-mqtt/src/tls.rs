@@ -10,7 +10,7 @@ use rumqttc::{TlsConfiguration, Transport};
 
 use crate::keys::TlsFiles;
 
-/// The way to a broker whose certificate is signed by the given one.
+/// The transport to a broker whose certificate is signed by the given one.
 ///
 /// # Errors
 /// Which file cannot be used, and why.

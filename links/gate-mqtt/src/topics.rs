@@ -1,4 +1,4 @@
-//! Plain topics: `PREFIX/NAME` has each value, `PREFIX/online` whether the link stands.
+//! Plain topics: `PREFIX/NAME` has each value, `PREFIX/online` tells whether the link is up.
 
 use ob1_access::Datum;
 use ob1_gate_core::iso;
@@ -7,10 +7,10 @@ use serde_json::json;
 use crate::items::{Item, topic};
 use crate::store::Record;
 
-/// The topic behind the prefix that says whether the link stands.
+/// The topic after the prefix that tells whether the link is up.
 pub(crate) const ONLINE: &str = "online";
 
-/// A value that has changed; `number` counts all values of the link, so that a gap is a loss.
+/// A value that has changed; `number` counts all values of the link, so that a gap shows a loss.
 pub(crate) fn record(item: &Item, value: Option<&Datum>, unix_ms: u64, scan: u64, number: u64) -> Record {
     let value = value.map_or(serde_json::Value::Null, Datum::json);
     let payload = json!({ "value": value, "time": iso(unix_ms), "scan": scan, "number": number }).to_string();

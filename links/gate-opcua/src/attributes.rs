@@ -1,4 +1,4 @@
-//! The attributes of a node, but for the value of a cell.
+//! The attributes of a node, except the value of a cell.
 
 use ob1_access::Right;
 use opcua_types::{AttributeId, LocalizedText, NodeClass, NodeId, QualifiedName, StatusCode, Variant};
@@ -13,15 +13,15 @@ const CAN_WRITE: u8 = 2;
 /// Bit of EventNotifier [OPC 10000-3, 8.59].
 const SUBSCRIBE_TO_EVENTS: u8 = 1;
 
-/// A node, and who asks.
+/// A node, and the right of the reader.
 pub(crate) struct Attributes<'a> {
     pub(crate) id: &'a str,
     pub(crate) node: &'a Node,
     pub(crate) name: String,
     pub(crate) description: String,
-    /// Whether the link and the program let the value be written.
+    /// Whether the link and the program allow writing the value.
     pub(crate) writable: bool,
-    /// What the user may do.
+    /// The user's right.
     pub(crate) right: Right,
 }
 

@@ -1,4 +1,4 @@
-//! Who comes in, and what each may do: anonymous clients read, where that is allowed; users are those of the gate.
+//! Logins and rights: anonymous clients read, where that is allowed; users are those of the gate.
 
 use std::collections::HashMap;
 
@@ -13,7 +13,7 @@ use parking_lot::Mutex;
 
 /// The token that the server gives all anonymous clients.
 const ANONYMOUS: &str = "ANONYMOUS";
-/// Users that are remembered with their rights; those of the file are fewer.
+/// Maximum of users remembered with their rights; the file has fewer.
 const REMEMBERED: usize = 10_000;
 
 /// See [the module](self).
@@ -21,7 +21,7 @@ pub(crate) struct Auth {
     users: Option<Users>,
     anonymous: bool,
     audit: Audit,
-    /// The rights of those who have come in.
+    /// The rights of users who have logged in.
     known: Mutex<HashMap<String, Right>>,
 }
 
@@ -30,7 +30,7 @@ impl Auth {
         Self { users, anonymous, audit, known: Mutex::default() }
     }
 
-    /// What a session may do now: who is taken out of the file has no right any more.
+    /// The present right of a session: a user removed from the file has none.
     pub(crate) fn right(&self, token: &UserToken) -> Right {
         if token.0 == ANONYMOUS {
             return Right::Read;
@@ -63,7 +63,7 @@ impl AuthManager for Auth {
         password: &Password,
     ) -> Result<UserToken, Error> {
         let users = self.users.as_ref().ok_or_else(|| rejected("this link has no users"))?;
-        // The server does not tell where a client is; wrong passwords are counted by name.
+        // The library does not tell the client's address; wrong passwords are counted by name.
         let outcome = users.login(username, password.get(), "opc.tcp").await;
         let login = outcome.map_err(|why| {
             self.audit.refused(username, &endpoint.security_policy, "login", &why.to_string());
@@ -94,7 +94,7 @@ impl AuthManager for Auth {
             policies.push(policy("anonymous".into(), UserTokenType::Anonymous, UAString::null()));
         }
         if self.users.is_some() {
-            // Over a channel without security the password alone is encrypted, by the server's key.
+            // Over a channel without security only the password is encrypted, with the server's key.
             let own = match endpoint.security_policy() {
                 SecurityPolicy::None => endpoint.password_security_policy().to_uri().into(),
                 _ => UAString::null(),

@@ -1,13 +1,13 @@
-//! When the server looks whether something is to be published: right behind what has been sampled.
+//! When the server checks whether something is to be published: right after sampling.
 //!
-//! The library publishes at the first look after a publishing interval has passed, and counts the next interval from
-//! that look. A look every millisecond makes 100.5 ms of 100 ms, so the looks slide along the samples, and a value
-//! waits anything between nothing and an interval. Here the server's own future is asked for the look: it is polled at
-//! beats alone. They are a step apart to the microsecond, and where changes come as regularly, each beat comes right
-//! behind them. (Connections are tasks of their own; a new one waits for the next beat.)
+//! The library publishes at the first check after a publishing interval has passed, and counts the next interval from
+//! that check. With a check every millisecond an interval of 100 ms becomes 100.5 ms, so the checks drift against the
+//! samples, and a value waits between zero and one interval. Here the server's own future makes the check: it is polled
+//! only at beats. Beats are one step apart, to the microsecond, and where changes come as regularly, each beat comes
+//! right after them. (Connections are separate tasks; a new one waits for the next beat.)
 //!
-//! A beat is a little later than it should be, never earlier. When beats have slid away from regular changes by a
-//! quarter of a step, one goes back to its sample; what has changed then is told with the next one.
+//! A beat is a little later than due, never earlier. When beats have drifted from regular changes by a quarter of a
+//! step, one beat is moved back to its sample; the changes of that step are published with the next beat.
 
 use std::collections::HashMap;
 use std::future::{Future, poll_fn};
@@ -20,28 +20,28 @@ use parking_lot::Mutex;
 use tokio::sync::watch;
 use tokio::time::{sleep, sleep_until};
 
-/// Longest time between two beats: so long a new connection waits at most.
+/// Longest time between two beats, which is also the longest wait of a new connection.
 const LONGEST: Duration = Duration::from_millis(100);
-/// Shortest: publishing intervals that have no common measure are rounded up to multiples of it.
+/// Shortest time between two beats: publishing intervals without a common divisor are rounded up to multiples of it.
 const SHORTEST: Duration = Duration::from_millis(10);
-/// Without subscriptions.
+/// Time between two beats without subscriptions.
 const IDLE: Duration = Duration::from_millis(50);
-/// The library reads its clock so much later than a beat begins, at most; usually.
+/// The library usually reads its clock at most this long after a beat begins.
 const MARGIN: Duration = Duration::from_micros(20);
-/// The runtime's timers are good to a millisecond: the rest is waited for turn by turn, while others run.
+/// The runtime's timers have a resolution of a millisecond: the rest is waited for by yielding, while other tasks run.
 const COARSE: Duration = Duration::from_micros(1_200);
-/// A second look behind each beat, for an interval that was over a moment too late for it.
+/// Time to a second check after each beat, for an interval that ended a moment too late for it.
 const ECHO: Duration = Duration::from_millis(1);
-/// So many steps lie between two beats that go back at least: what is late for it is one of two hundred.
+/// Minimum number of steps between two beats that are moved back: at most one in two hundred is late because of it.
 const SLIPS: u32 = 200;
-/// Between two looks at the intervals that the clients have.
+/// Time between two updates of the clients' intervals.
 const REFRESH: Duration = Duration::from_secs(1);
 
-/// What the beats are made of: the changes that were sampled, and the publishing intervals of those who watch.
+/// The inputs of the beats: the times of sampled changes, and the publishing intervals of the clients.
 pub(crate) struct Pace {
-    /// When changes were handed to the subscriptions last.
+    /// When changes were last handed to the subscriptions.
     told: watch::Sender<Option<Instant>>,
-    /// Subscriptions with items here, and whose they are.
+    /// Subscriptions with items here, and their sessions.
     sessions: Mutex<HashMap<u32, u32>>,
 }
 
@@ -60,7 +60,7 @@ impl Pace {
         self.sessions.lock().insert(subscription, session);
     }
 
-    /// The publishing intervals of all who watch; those who are gone are forgotten.
+    /// The publishing intervals of all clients; clients that are gone are removed.
     pub(crate) fn intervals(&self, subscriptions: &SubscriptionCache) -> Vec<Duration> {
         let mut intervals = Vec::new();
         self.sessions.lock().retain(|subscription, session| {
@@ -73,7 +73,7 @@ impl Pace {
     }
 }
 
-/// Runs a server, at beats; `intervals` are those at which its clients want to be told.
+/// Runs a server at beats; `intervals` gives the publishing intervals of its clients.
 pub(crate) async fn conduct<F: Future>(server: F, pace: &Pace, intervals: impl Fn() -> Vec<Duration>) -> F::Output {
     let mut server = pin!(server);
     let mut told = pace.told.subscribe();
@@ -110,7 +110,7 @@ pub(crate) async fn conduct<F: Future>(server: F, pace: &Pace, intervals: impl F
             }
             let sleep = due - if beats.exact { COARSE } else { Duration::ZERO };
             tokio::select! {
-                // Its sender lives as long as this.
+                // Its sender lives as long as this function runs.
                 _ = told.changed() => told.mark_changed(),
                 () = sleep_until(sleep.into()) => {}
             }
@@ -123,13 +123,13 @@ pub(crate) async fn conduct<F: Future>(server: F, pace: &Pace, intervals: impl F
 struct Beats {
     last: Instant,
     step: Duration,
-    /// Somebody watches.
+    /// There are subscriptions.
     exact: bool,
     /// The newest changes.
     told: Option<Instant>,
-    /// When the next are expected, where they come regularly.
+    /// When the next changes are expected, if they come regularly.
     expected: Option<Instant>,
-    /// When a beat has gone back last.
+    /// When a beat was last moved back.
     slipped: Option<Instant>,
 }
 
@@ -146,25 +146,25 @@ impl Beats {
         self.step = if self.exact { (Duration::from_millis(common as u64) / parts as u32).max(SHORTEST) } else { IDLE };
     }
 
-    /// How far a beat may lie behind regular changes, and how regular they have to be.
+    /// How far a beat may be behind regular changes, and how regular they must be.
     fn slack(&self) -> Duration {
         self.step / 4
     }
 
-    /// When a whole step is over.
+    /// The end of a whole step.
     fn whole(&self) -> Instant {
         self.last + self.step + MARGIN
     }
 
-    /// A step behind the last one; changes that are expected about then are waited for.
+    /// One step after the last beat; changes expected at about that time are waited for.
     fn due(&self) -> Instant {
         let whole = self.whole();
         let near = |expected: &Instant| apart(whole, *expected) <= self.slack();
         self.expected.filter(near).map_or(whole, |expected| whole.max(expected + self.slack()))
     }
 
-    /// The beat for these changes: as soon as the step is over. Regular ones that would wait too long pull the beats to
-    /// themselves, whatever becomes of this step.
+    /// The beat for these changes: as soon as the step is over. Regular changes that would wait too long move the beats
+    /// to themselves, whatever happens to this step.
     fn told(&mut self, at: Instant) -> Instant {
         let pause = self.told.replace(at).map_or(Duration::ZERO, |before| at.saturating_duration_since(before));
         let steps = ((pause + self.step / 2).as_micros() / self.step.as_micros()) as u32;
@@ -213,7 +213,7 @@ mod tests {
         }
     }
 
-    /// The library, with one subscription: when it publishes of these looks.
+    /// A model of the library with one subscription: at which of these checks it publishes.
     fn published(looks: &[Instant], interval: Duration) -> Vec<Instant> {
         let mut last = looks[0];
         looks
@@ -228,7 +228,7 @@ mod tests {
             .collect()
     }
 
-    /// Changes at these times, and beats between them, each so much later than it is due.
+    /// Changes at these times, and beats between them, each `late` after it is due.
     fn play(mut beats: Beats, changes: &[Instant], late: impl Fn(usize) -> Duration) -> Vec<Instant> {
         let mut looks = vec![beats.last];
         let mut changes = changes.iter().copied().peekable();
@@ -255,7 +255,7 @@ mod tests {
         waits[(waits.len() - 1) * per_mille / 1000]
     }
 
-    /// A beat is a little late; now and then a lot.
+    /// A beat is a little late, sometimes very late.
     fn late(n: usize) -> Duration {
         if n.is_multiple_of(499) { MS * 3 } else { Duration::from_micros(15) }
     }
@@ -265,7 +265,7 @@ mod tests {
         for interval in [50, 100] {
             let mut beats = measured(&[interval]);
             beats.last += MS * 37;
-            // To the millisecond, as the runtime's timers are.
+            // To the millisecond, like the runtime's timers.
             let begin = beats.last + MS * 60;
             let changes: Vec<Instant> = (1..4_000).map(|n| begin + MS * 100 * n + (MS / 10) * (n * 7 % 10)).collect();
             let waits = waits(&changes, &published(&play(beats, &changes, late), MS * interval));

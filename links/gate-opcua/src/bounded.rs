@@ -1,10 +1,10 @@
-//! Structures in requests: only those that a request of this server can need are decoded, and one that says it is
+//! Structures in requests: only those that a request to this server can need are decoded, and one that claims to be
 //! longer than any message is refused.
 //!
-//! The length of a structure is the sender's word, and the library makes room for it before it reads: 2 GB for a
+//! The sender states the length of a structure, and the library allocates memory for it before it reads: 2 GB for a
 //! message of 100 bytes, which is more than this process may have, and would end it. A structure that no request here
-//! needs stays a string of bytes: whatever is nested in it costs nothing. One in XML is refused; without the library's
-//! feature for XML its length would be believed.
+//! needs stays a string of bytes: whatever is nested in it costs nothing. A structure in XML is refused; without the
+//! library's XML feature its stated length would be trusted.
 
 use std::io::Read;
 
@@ -14,17 +14,17 @@ use opcua_types::{
     ObjectId, TypeLoader, TypeLoaderCollection, TypeLoaderPriority,
 };
 
-/// Decides before the library's own loader, which it asks for what it needs.
+/// Decides before the library's own loader, and uses that for the structures it needs.
 struct Bounded;
 
-/// What decodes the structures of requests, and nothing besides.
+/// The only loaders for structures of requests.
 pub(crate) fn loaders() -> TypeLoaderCollection {
     let mut loaders = TypeLoaderCollection::new_empty();
     loaders.add_type_loader(Bounded);
     loaders
 }
 
-/// What a request can carry: who somebody is, filters of monitored items, operands of filters of events.
+/// Structures a request can contain: identity tokens, filters of monitored items, operands of filters of events.
 const NEEDED: [ObjectId; 11] = [
     ObjectId::AnonymousIdentityToken_Encoding_DefaultBinary,
     ObjectId::UserNameIdentityToken_Encoding_DefaultBinary,
@@ -44,7 +44,7 @@ fn needed(id: &NodeId) -> bool {
     id.namespace == 0 && NEEDED.iter().any(|needed| *needed as u32 == number)
 }
 
-/// The bytes of a structure as they are.
+/// The raw bytes of a structure.
 fn opaque(id: &NodeId, stream: &mut dyn Read, length: usize) -> EncodingResult<Box<dyn DynEncodable>> {
     let mut bytes = vec![0; length];
     stream.read_exact(&mut bytes)?;
@@ -123,7 +123,7 @@ mod tests {
 
     #[test]
     fn what_no_request_needs_is_not_looked_into() {
-        // A ServiceFault whose diagnostics are nested 300,000 times: the library would go down one by one.
+        // A ServiceFault whose diagnostics are nested 300,000 times: the library would recurse into each.
         let nested = [&[0; 8][..], &[0; 4], &[0; 4], &[0x40; 300_000]].concat();
         let fault = ObjectId::ServiceFault_Encoding_DefaultBinary as u16;
         let found = read(&structure(0, fault, 1, nested.len() as i32, &nested)).expect("bytes");

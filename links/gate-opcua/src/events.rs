@@ -17,7 +17,7 @@ const FAULT: u16 = 700;
 const CHANGE: u16 = 300;
 const TOLD: u16 = 100;
 
-/// Tells events for as long as the station lives; those of before are history.
+/// Publishes events as long as the station lives; earlier ones are not published.
 pub(crate) async fn run(station: Station, subscriptions: Arc<SubscriptionCache>) {
     let (_, mut coming) = station.events(u64::MAX);
     let mut number = 0;
@@ -43,7 +43,7 @@ pub(crate) async fn run(station: Station, subscriptions: Arc<SubscriptionCache>)
     }
 }
 
-/// An event in words, and how urgent it is.
+/// An event in words, and its severity.
 fn words(event: &Event) -> (String, u16) {
     match &event.what {
         What::Diagnosis(entry) => {

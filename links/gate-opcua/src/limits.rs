@@ -1,4 +1,4 @@
-//! What clients may cost. Each number stands in docs/opcua.md, "Limits".
+//! Limits for clients. Each number is in docs/opcua.md, "Limits".
 
 use std::time::Duration;
 
@@ -6,29 +6,29 @@ use opcua_server::{Limits, OperationalLimits, SubscriptionLimits};
 
 /// Shortest sampling interval, in milliseconds.
 pub(crate) const SAMPLING_MS: f64 = 50.0;
-/// Longest.
+/// Longest sampling interval, in milliseconds.
 pub(crate) const SLOWEST_MS: f64 = 3_600_000.0;
-/// Looks at the CPU within the shortest sampling interval that anybody wants.
+/// Reads of the CPU within the shortest requested sampling interval.
 pub(crate) const LOOKS: u32 = 4;
-/// The server looks whether something is to be published at beats (`beat.rs`), but never more often than this.
+/// The server checks at beats (`beat.rs`) whether something is to be published, but never more often than this.
 pub(crate) const POLL_MS: u64 = 1;
-/// New items that come within this time begin together.
+/// New items that come within this time start together.
 pub(crate) const SETTLE: Duration = Duration::from_millis(20);
-/// Sessions, unless the link says another number.
+/// Maximum of sessions, unless the link's key says otherwise.
 pub(crate) const SESSIONS: usize = 20;
-/// Monitored items of all clients together, unless the link says another number.
+/// Maximum of monitored items of all clients together, unless the link's key says otherwise.
 pub(crate) const ITEMS: usize = 20_000;
-/// Single values that an answer takes room for: elements of arrays, mostly. More than this fits no message.
+/// Maximum of single values in an answer, mostly elements of arrays. More than this fits no message.
 pub(crate) const ANSWER: usize = 1 << 20;
-/// Single values that the items of all clients take room for: the newest of each, and its queue.
+/// Maximum of single values kept for the items of all clients: the newest of each, and its queue.
 pub(crate) const KEPT: usize = 1 << 20;
-/// Requests of all clients that change something, under way at a time.
+/// Maximum of concurrent changing requests of all clients.
 pub(crate) const CHANGES: usize = 32;
-/// A session that asks nothing for so long is closed.
+/// A session without a request for this long is closed.
 pub(crate) const SESSION_MS: u64 = 60_000;
-/// Deleted items leave a little behind in the server: after so many it is begun anew when nobody is connected,
+/// Deleted items leave a little memory behind in the server: after this many it is restarted when nobody is connected,
 pub(crate) const RENEW_IDLE: usize = 10_000;
-/// and after so many in any case; clients connect again.
+/// and after this many in any case; clients connect again.
 pub(crate) const RENEW_ANYWAY: usize = 1_000_000;
 
 /// All limits of a server.
@@ -39,7 +39,7 @@ pub(crate) fn limits(sessions: usize, items: usize) -> Limits {
         max_string_length: 65_536,
         max_byte_string_length: 65_536,
         max_message_size: 4 << 20,
-        // A message of the longest in chunks a little below 64 KiB.
+        // The longest message in chunks a little below 64 KiB.
         max_chunk_count: 65,
         max_browse_continuation_points: 50,
         max_history_continuation_points: 1,

@@ -1,4 +1,4 @@
-//! The services of namespace 2: browse, read, write, call, subscribe, each by asking the space and the station.
+//! The services of namespace 2: browse, read, write, call, subscribe, using the space and the station.
 
 use std::sync::Arc;
 
@@ -41,13 +41,13 @@ pub(crate) struct Manager {
     monitor: Arc<Monitor>,
     allowed: Allowed,
     sizes: Sizes,
-    /// What the link allows at most.
+    /// The maximum right of the link.
     ceiling: Right,
-    /// Requests that change something, under way at a time.
+    /// Limits concurrent changing requests.
     turns: Semaphore,
 }
 
-/// A write to one node: its place in the request, what the audit log says, and what is written.
+/// A write to one node: its place in the request, its text for the audit log, and its entries.
 struct Write {
     index: usize,
     told: String,
@@ -110,7 +110,7 @@ impl Manager {
         }
     }
 
-    /// What a node of ours refers to, in a fixed order.
+    /// The references of one of our nodes, in a fixed order.
     fn references(&self, space: &Space<'_>, id: &str, node: &Node) -> Vec<ReferenceDescription> {
         let mut all = Vec::new();
         for child in space.children(id, node) {
@@ -164,7 +164,7 @@ impl Manager {
         }
     }
 
-    /// The attributes of a node but its value; `None` for a node that is not ours.
+    /// The attributes of a node, except its value; `None` for a node that is not ours.
     fn attributes<'a>(&self, space: &'a Space<'a>, id: &'a str, node: &'a Node, right: Right) -> Attributes<'a> {
         let writable = match node {
             Node::Value(typed) => space.writable(typed) && self.ceiling >= Right::Write,
@@ -230,7 +230,7 @@ impl Manager {
             match client.write(&told.join(", "), puts).await {
                 Ok(_) => results.extend(group.iter().map(|write| (write.index, StatusCode::Good))),
                 Err(trouble) if group.len() == 1 => results.push((group[0].index, status(&trouble))),
-                // One of them was refused, and with it all: each by itself, so that the others are written.
+                // One of them was refused, and therefore all: write each separately, so that the others are written.
                 Err(_) => {
                     for Write { index, told, puts } in group {
                         let outcome = client.write(&told, puts).await;
@@ -460,14 +460,14 @@ impl NodeManager for Manager {
                 (Some(_), _) => StatusCode::Good,
             };
             let mut wanted = item.item_to_monitor().clone();
-            // The server takes the part of an array that an item is about, also of its first value.
+            // The server itself cuts out the requested part of an array, also for the first value.
             wanted.index_range = NumericRange::None;
             if status.is_good() && wanted.attribute_id != AttributeId::EventNotifier {
                 reads.push((index, wanted));
             }
             item.set_status(status);
         }
-        // More than a link may watch: none of these, and those of before go on.
+        // More than a link may watch: none of the new items is accepted, and the old ones continue.
         if !added.is_empty() && !self.monitor.fits() {
             for (index, id, handle) in added {
                 self.monitor.remove(&id, handle);
@@ -476,7 +476,7 @@ impl NodeManager for Manager {
             reads.retain(|(index, _)| items[*index].status_code().is_good());
         }
         for (index, value) in self.read_parsed(&catalog, self.right(context), reads).await {
-            // An attribute that the node has not is no item; a value that is bad now may become good.
+            // An item for an attribute that the node does not have is refused; a value that is bad now may become good.
             match value.status() {
                 StatusCode::BadAttributeIdInvalid => items[index].set_status(StatusCode::BadAttributeIdInvalid),
                 _ => items[index].set_initial_value(value),
@@ -568,7 +568,7 @@ impl Manager {
         results
     }
 
-    /// What a write means, if it is allowed.
+    /// Prepares a write, if it is allowed.
     fn prepare(&self, space: &Space<'_>, node: &WriteNode, right: Right) -> Result<(String, Vec<Put>), StatusCode> {
         let wanted = node.value();
         let id = text(&wanted.node_id).ok_or(StatusCode::BadNodeIdUnknown)?;
@@ -582,7 +582,7 @@ impl Manager {
         if right < Right::Write {
             return Err(StatusCode::BadUserAccessDenied);
         }
-        // A part of an array would have to be read first, in another scan: its elements are nodes of their own.
+        // Writing a part of an array would need a read first, in another scan: its elements are separate nodes.
         if wanted.index_range.has_range() || wanted.value.status.is_some_and(|status| !status.is_good()) {
             return Err(StatusCode::BadWriteNotSupported);
         }

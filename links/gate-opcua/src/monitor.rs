@@ -1,6 +1,6 @@
-//! What clients watch: one watch of the station for all of them, and each change told once.
+//! Monitored items: one watch of the station for all clients, and each change is published once.
 //!
-//! The plant is not copied: of each watched value the bytes of its last sample are kept, nothing else. All values of a
+//! The plant's data is not copied: only the bytes of the last sample of each watched value are kept. All values of a
 //! sample are of one scan.
 
 use std::collections::HashMap;
@@ -25,7 +25,7 @@ use crate::sample::{bad, sample, status};
 use crate::space::{FACTS, Fact};
 use crate::value::weight;
 
-/// What is watched when nobody watches a value: one byte, for the state and the number of the scan.
+/// Without monitored values one byte is read at this period, for the state and the scan number.
 const HEARTBEAT: Duration = Duration::from_millis(250);
 
 /// See [the module](self).
@@ -34,7 +34,7 @@ pub(crate) struct Monitor {
     /// Monitored items of values.
     items: AtomicUsize,
     most: usize,
-    /// Single values that they take room for.
+    /// Single values kept for them.
     kept: AtomicUsize,
     /// A byte the link may read, for the state of the CPU.
     heartbeat: Option<Piece>,
@@ -57,7 +57,7 @@ struct Watched {
     handles: HashMap<MonitoredItemHandle, Rate>,
     next: Instant,
     last: Option<Result<Vec<u8>, Refusal>>,
-    /// Where its bytes lie in the merged pieces.
+    /// The place of its bytes in the merged pieces.
     place: Option<(usize, u32)>,
 }
 
@@ -65,18 +65,19 @@ struct Watched {
 struct Rate {
     every: Duration,
     on: bool,
-    /// What it takes room for, in single values.
+    /// The single values kept for it.
     kept: usize,
 }
 
 impl Watched {
-    /// The shortest interval anybody wants; `None` while nobody does.
+    /// The shortest requested interval; `None` without an active item.
     fn every(&self) -> Option<Duration> {
         self.handles.values().filter(|rate| rate.on).map(|rate| rate.every).min()
     }
 
-    /// Whether it may be told now; then its next turn is an interval later. Half of one early is in time, for changes
-    /// and looks have clocks of their own; over many turns it is an interval all the same.
+    /// Whether it may be published now; its next turn is then one interval later. Up to half an interval early counts
+    /// as in time, because changes and readings have different clocks; over many turns the interval is kept all the
+    /// same.
     fn turn(&mut self, now: Instant) -> bool {
         let Some(every) = self.every().filter(|every| self.next <= now + *every / 2) else { return false };
         self.next = self.next.max(now) + every;
@@ -85,7 +86,7 @@ impl Watched {
 }
 
 fn interval(ms: f64) -> Duration {
-    // Negative: as often as is published; the server then samples as often as it may.
+    // Negative: as often as the publishing interval; the server then samples as often as allowed.
     Duration::from_secs_f64(if ms.is_finite() {
         ms.clamp(limits::SAMPLING_MS, limits::SLOWEST_MS) / 1000.0
     } else {
@@ -93,7 +94,7 @@ fn interval(ms: f64) -> Duration {
     })
 }
 
-/// The queue of an item whose values have this weight: as long as it wants, else one value, else there is no room.
+/// The queue length of an item whose values have this weight: as requested, else one value, else there is no room.
 fn queue(weight: usize, wanted: usize, room: usize) -> Option<usize> {
     let fits = |queue: &usize| weight.saturating_mul(*queue + 1) <= room;
     Some(wanted.max(1)).filter(fits).or(Some(1).filter(fits))
@@ -118,7 +119,7 @@ impl Monitor {
         }
     }
 
-    /// Samples, and tells events, until it is stopped or the station is gone.
+    /// Samples values and publishes events until it is stopped or the station is gone.
     pub(crate) fn start(self: &Arc<Self>, station: &Station, subscriptions: &Arc<SubscriptionCache>) {
         let this = Arc::clone(self);
         let (own, cache) = (station.clone(), Arc::clone(subscriptions));
@@ -137,11 +138,11 @@ impl Monitor {
 
     /// Waits until the station is gone.
     pub(crate) async fn gone(&self) {
-        // The sender is this monitor's own: there is always one.
+        // The monitor itself owns the sender, so it always exists.
         let _ = self.ended.subscribe().wait_for(|ended| *ended).await;
     }
 
-    /// A byte the link may read; whoever reads it learns the state of the CPU.
+    /// A byte the link may read; reading it gives the state of the CPU.
     pub(crate) const fn heartbeat(&self) -> Option<Piece> {
         self.heartbeat
     }
@@ -156,17 +157,17 @@ impl Monitor {
         self.scan.load(Ordering::Relaxed)
     }
 
-    /// What the looks of the server go by.
+    /// The input of the server's beats.
     pub(crate) const fn pace(&self) -> &Pace {
         &self.pace
     }
 
-    /// Items deleted since the server began: each leaves a little behind in the server.
+    /// Items deleted since the server began: each leaves a little memory behind in the server.
     pub(crate) fn deleted(&self) -> usize {
         self.deleted.load(Ordering::Relaxed)
     }
 
-    /// What a reading tells besides its values; one without a value tells nothing.
+    /// Takes state and scan number from a reading; one without any value is ignored.
     pub(crate) fn seen(&self, reading: &Reading) {
         if !(0..reading.len()).any(|index| reading.piece(index).is_ok()) {
             return;
@@ -180,7 +181,7 @@ impl Monitor {
         self.state.store(state, Ordering::Relaxed);
     }
 
-    /// Watches a value for an item. The item's queue becomes shorter where there is no room for it.
+    /// Watches a value for an item. The item's queue is shortened if there is no room for it.
     pub(crate) fn add(&self, id: &str, typed: &Typed, item: &mut CreateMonitoredItem) -> StatusCode {
         let Some(piece) = typed.piece() else { return StatusCode::BadNotReadable };
         self.insert(id, Some(typed), Some(piece), item)
@@ -225,7 +226,8 @@ impl Monitor {
             None => drop(self.items.fetch_add(1, Ordering::Relaxed)),
             Some(before) => drop(self.kept.fetch_sub(before.kept, Ordering::Relaxed)),
         }
-        // The new item has its own first value; all the others that watch it get the same again, which is no change.
+        // The new item has its own first value; all other items of this value get the same value again, which is not a
+        // change.
         entry.last = None;
         self.touch();
         StatusCode::Good
@@ -294,7 +296,7 @@ impl Monitor {
                     }
                 },
                 () = self.changed.notified() => {
-                    // Items come a thousand at a time: what comes within this time is one new watch.
+                    // Items come a thousand at a time: all within this time become one new watch.
                     tokio::time::sleep(limits::SETTLE).await;
                     if self.stale.load(Ordering::Relaxed) {
                         (watch, seen) = (self.watch(&station), None);
@@ -304,8 +306,8 @@ impl Monitor {
         }
     }
 
-    /// A watch of all that is watched, some times as often as the fastest item wants: a change is seen soon, and told
-    /// when it is the item's turn.
+    /// A watch of all watched values, several times as often as the fastest item requires: a change is seen soon, and
+    /// published when it is the item's turn.
     fn watch(&self, station: &Station) -> Watch {
         self.stale.store(false, Ordering::Relaxed);
         let mut watched = self.watched.lock();
@@ -319,8 +321,8 @@ impl Monitor {
         station.watch(cover.pieces().to_vec(), every)
     }
 
-    /// Tells the items whose turn it is what has changed since the reading `seen`. Whether everything that has changed
-    /// is told now.
+    /// Publishes changes since the reading `seen` to the items whose turn it is. True if all changes have been
+    /// published.
     fn tell(&self, reading: &Reading, seen: Option<&Reading>, subscriptions: &SubscriptionCache) -> bool {
         self.seen(reading);
         let now = Instant::now();
@@ -342,10 +344,10 @@ impl Monitor {
             let same = |seen: &Reading| {
                 seen.len() == reading.len() && (0..reading.len()).all(|index| seen.piece(index) == reading.piece(index))
             };
-            // Most looks find nothing new: they cost a comparison of bytes, not a walk over ten thousand items.
+            // Most readings are unchanged: they cost a comparison of bytes, not a loop over ten thousand items.
             let entries = if seen.is_some_and(same) { None } else { Some(watched.values_mut()) };
             for entry in entries.into_iter().flatten() {
-                // Not in this watch yet: in the next.
+                // Not in this watch yet, but in the next.
                 let Some((index, skip)) = entry.place else { continue };
                 let Some((typed, piece)) = entry.typed.as_ref().zip(entry.piece.as_ref()) else { continue };
                 let bytes = reading.piece(index).map(|bytes| {
@@ -362,7 +364,7 @@ impl Monitor {
                 }
                 let value = sample(typed, bytes);
                 if !entry.turn(now) {
-                    // Who is disabled waits for nothing.
+                    // A disabled item waits for nothing.
                     complete &= entry.every().is_none();
                     continue;
                 }
@@ -377,7 +379,7 @@ impl Monitor {
         complete
     }
 
-    /// Tells all items the same.
+    /// Publishes the same value to all items.
     fn tell_all(&self, value: &DataValue, subscriptions: &SubscriptionCache) {
         let mut watched = self.watched.lock();
         let changes: Vec<(NodeId, DataValue)> = watched
@@ -392,7 +394,7 @@ impl Monitor {
     }
 }
 
-/// Tells changes to the items of each node; the server gives an item of a part of an array that part.
+/// Publishes changes to the items of each node; the server cuts out the part for an item on a part of an array.
 fn notify(changes: &[(NodeId, DataValue)], subscriptions: &SubscriptionCache) {
     let mut notifier = subscriptions.data_notifier();
     for (node, value) in changes {

@@ -1,4 +1,4 @@
-//! The server's own key and certificate, made once, and the folders of those of clients.
+//! The server's own key and certificate, created once, and the folders of clients' certificates.
 
 use std::fs::{self, DirBuilder, OpenOptions};
 use std::net::IpAddr;
@@ -9,13 +9,13 @@ use opcua_crypto::{CertificateStore, X509Data};
 
 /// Bits of a new key.
 const KEY_BITS: u32 = 2048;
-/// How long a new certificate is good for: plants are not visited every year.
+/// Validity of a new certificate: plants are not visited every year.
 const DAYS: u32 = 3650;
 
-/// Certificates that were not known and are kept.
+/// Maximum of unknown certificates kept.
 const REJECTED: usize = 100;
 
-/// Where the server's certificates lie.
+/// The places of the server's certificates.
 #[derive(Clone, Debug)]
 pub(crate) struct Pki {
     pub(crate) folder: PathBuf,
@@ -23,10 +23,10 @@ pub(crate) struct Pki {
     pub(crate) key: PathBuf,
 }
 
-/// The folders below the state folder of the link, with a key and a certificate, made where there are none.
+/// The folders below the state folder of the link, with a key and a certificate, which are created if missing.
 ///
 /// # Errors
-/// What the system says, or that others can read the key.
+/// The system's error, or that others can read the key.
 pub(crate) fn open(state: &Path, name: &str, uri: &str, address: IpAddr) -> Result<Pki, String> {
     let folder = state.join("pki");
     for part in ["own", "private", "trusted", "rejected"] {
@@ -46,7 +46,7 @@ pub(crate) fn open(state: &Path, name: &str, uri: &str, address: IpAddr) -> Resu
     Ok(pki)
 }
 
-/// Under other names first: a start that is interrupted leaves no half a pair.
+/// Created under other names first, so that an interrupted start leaves no incomplete pair.
 fn make(pki: &Pki, name: &str, uri: &str, address: IpAddr) -> Result<(), String> {
     let (certificate, key) = (pki.certificate.with_extension("new"), pki.key.with_extension("new"));
     let own = (!address.is_unspecified()).then(|| vec![address.to_string()]);
@@ -65,7 +65,7 @@ fn make(pki: &Pki, name: &str, uri: &str, address: IpAddr) -> Result<(), String>
         let path = path.display().to_string();
         move |error: std::io::Error| format!("{path}: {error}")
     };
-    // The library writes into the file that is there, which nobody else can read from its first moment on.
+    // The library writes into the existing file, which nobody else has ever been able to read.
     let _ = fs::remove_file(&key);
     OpenOptions::new().write(true).create_new(true).mode(0o600).open(&key).map_err(told(&key))?;
     CertificateStore::create_certificate_and_key(&data, true, &certificate, &key)?;
@@ -73,7 +73,7 @@ fn make(pki: &Pki, name: &str, uri: &str, address: IpAddr) -> Result<(), String>
     fs::rename(&certificate, &pki.certificate).map_err(told(&certificate))
 }
 
-/// Certificates of clients that were not known, kept to be looked at: the newest. Strangers can send any number.
+/// Keeps only the newest certificates of unknown clients for inspection: strangers can send any number.
 pub(crate) fn prune(folder: &Path) {
     let Ok(entries) = fs::read_dir(folder.join("rejected")) else { return };
     let mut found: Vec<_> = entries

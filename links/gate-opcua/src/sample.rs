@@ -1,4 +1,4 @@
-//! Values out of snapshots, and what became of questions, as status codes.
+//! Values from snapshots, and outcomes of questions as status codes.
 
 use ob1_access::Typed;
 use ob1_access::door::Refusal;
@@ -7,7 +7,7 @@ use opcua_types::{DataValue, DateTime, StatusCode};
 
 use crate::value::{Shape, cell_error, variant};
 
-/// What stands in a snapshot, as the value of a node.
+/// The bytes of a snapshot as the value of a node.
 pub(crate) fn sample(typed: &Typed, bytes: Result<&[u8], Refusal>) -> DataValue {
     let bytes = match bytes {
         Ok(bytes) => bytes,
@@ -16,7 +16,7 @@ pub(crate) fn sample(typed: &Typed, bytes: Result<&[u8], Refusal>) -> DataValue 
     let now = DateTime::now();
     let value = typed.value(bytes).zip(Shape::of(&typed.ty)).map(|(value, shape)| variant(value, &shape));
     DataValue {
-        // What lies there is no date, no time: the client learns it, and that it is not the connection.
+        // The bytes are not a date or time: the status tells the client that the connection is not the cause.
         status: Some(if value.is_some() { StatusCode::Good } else { StatusCode::BadDataEncodingInvalid }),
         value,
         source_timestamp: Some(now),
@@ -30,7 +30,7 @@ pub(crate) fn bad(status: StatusCode) -> DataValue {
     DataValue { status: Some(status), server_timestamp: Some(DateTime::now()), ..DataValue::default() }
 }
 
-/// What the broker refuses, as OPC UA says it.
+/// A refusal of the broker as a status code.
 pub(crate) fn refused(refusal: Refusal) -> StatusCode {
     match refusal {
         Refusal::Cell(error) => cell_error(error),
@@ -42,7 +42,7 @@ pub(crate) fn refused(refusal: Refusal) -> StatusCode {
     }
 }
 
-/// What went wrong, as OPC UA says it.
+/// An error as a status code.
 pub(crate) fn status(trouble: &Trouble) -> StatusCode {
     match trouble {
         Trouble::Refused { why, .. } => refused(*why),

@@ -1,5 +1,5 @@
-//! The nodes of namespace 2: found by their identifiers and told from the catalog when somebody asks. Nothing of the
-//! plant is copied into a table of nodes.
+//! The nodes of namespace 2: found by their identifiers and derived from the catalog on request. Nothing of the plant
+//! is copied into a table of nodes.
 
 use ob1_access::door::Command;
 use ob1_access::{Allowed, Names, Typed};
@@ -18,7 +18,7 @@ pub(crate) struct Sizes {
     pub(crate) counters: u16,
 }
 
-/// Which nodes there are.
+/// The address space.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Space<'a> {
     pub(crate) names: &'a Names,
@@ -60,7 +60,7 @@ pub(crate) enum Fact {
 
 pub(crate) const FACTS: [(&str, Fact); 2] = [("/State", Fact::State), ("/Scan", Fact::Scan)];
 
-/// Methods by identifier: what they command, and what that is.
+/// Methods by identifier: the command, and its description.
 pub(crate) const METHODS: [(&str, Command, &str); 6] = [
     ("/Start", Command::Run, "RUN, by the kind of restart that is due"),
     ("/Stop", Command::Stop, "STOP"),
@@ -80,7 +80,7 @@ pub(crate) enum Node {
     Method(usize),
     /// A data block of the catalog, by its place there.
     Block(usize),
-    /// A structure, or an array of what has no value as a whole.
+    /// A structure, or an array whose elements have no value as a whole.
     Composed(Typed),
     Value(Typed),
 }
@@ -117,7 +117,7 @@ impl Space<'_> {
         self.allowed.has(Cell::Db(blocks[place].number, 0)).then_some(place)
     }
 
-    /// Whether the CPU has the cell; what lies in a data block that the program makes itself is told by reading it.
+    /// Whether the CPU has the cell; for a data block that the program creates, only reading it tells.
     fn exists(&self, typed: &Typed) -> bool {
         let ends = |bytes: u32| typed.cell.bit() + Layout::bits(&typed.ty) <= bytes * 8;
         match typed.cell {
@@ -134,7 +134,7 @@ impl Space<'_> {
         }
     }
 
-    /// Whether the program lets a value be written.
+    /// Whether the program allows writing a value.
     pub(crate) fn writable(&self, typed: &Typed) -> bool {
         let read_only = match typed.cell {
             Cell::Db(number, _) => self.names.blocks().iter().any(|block| block.number == number && block.read_only),
@@ -143,7 +143,7 @@ impl Space<'_> {
         !read_only && !matches!(typed.ty, DataType::Pointer | DataType::Any)
     }
 
-    /// The identifiers of what a node contains.
+    /// The identifiers of a node's children.
     pub(crate) fn children(&self, id: &str, node: &Node) -> Vec<String> {
         let allowed = |cell: Cell| self.allowed.has(cell);
         let bytes = |letter: &str, area: Area, count: u32| match allowed(Cell::Area(area, 0)) {
@@ -170,7 +170,7 @@ impl Space<'_> {
             }
             Node::Folder(Folder::Symbols) => {
                 let ids = self.names.symbols().iter().map(|symbol| format!("\"{}\"", symbol.name));
-                // Symbols of blocks and of places that the CPU does not have name no value.
+                // Symbols of blocks and of missing places do not name a value.
                 ids.filter(|id| matches!(self.find(id), Some(Node::Value(_)))).collect()
             }
             Node::Block(place) => {
@@ -199,7 +199,7 @@ impl Space<'_> {
         }
     }
 
-    /// The identifier of what contains a node; `None` for the root.
+    /// The identifier of a node's parent; `None` for the root.
     pub(crate) fn parent(&self, id: &str, node: &Node) -> Option<String> {
         let place = match node {
             Node::Root => return None,
@@ -232,7 +232,7 @@ impl Space<'_> {
         })
     }
 
-    /// The name a node goes by in its folder.
+    /// The name of a node in its folder.
     pub(crate) fn browse_name(&self, id: &str, node: &Node) -> String {
         match node {
             Node::Root => "Station".to_owned(),
@@ -243,7 +243,7 @@ impl Space<'_> {
             },
             Node::Composed(typed) | Node::Value(typed) => match typed.cell {
                 _ if id.starts_with('"') => id.trim_matches('"').to_owned(),
-                // `DB10.a[1]` is `[1]` of `a`; `DB10.DBX0.1` is a name of its own.
+                // `DB10.a[1]` is `[1]` of `a`; `DB10.DBX0.1` is a separate name.
                 Cell::Db(..) if id.ends_with(']') => id[id.rfind('[').unwrap_or(0)..].to_owned(),
                 Cell::Db(..) => {
                     let rest = id.split_once('.').map_or(id, |(_, rest)| rest);
@@ -257,7 +257,7 @@ impl Space<'_> {
         }
     }
 
-    /// The type of STEP 7 a node has, for people: `ARRAY [1..3] OF INT`.
+    /// The STEP 7 type of a node as text: `ARRAY [1..3] OF INT`.
     pub(crate) fn description(&self, node: &Node) -> String {
         match node {
             Node::Composed(typed) | Node::Value(typed) => declared(&typed.ty),
@@ -270,7 +270,7 @@ impl Space<'_> {
     }
 }
 
-/// Whether this names a bit by its address, `DB10.DBX1.2`: its point is none between components.
+/// Whether this names a bit by its address, `DB10.DBX1.2`: its point does not separate components.
 fn absolute(id: &str) -> bool {
     let rest = id.split_once('.').map_or("", |(_, rest)| rest);
     rest.get(..3).is_some_and(|start| start.eq_ignore_ascii_case("DBX"))
@@ -309,7 +309,7 @@ mod tests {
 
     const SIZES: Sizes = Sizes { inputs: 2, outputs: 2, memory: 20, timers: 4, counters: 2 };
 
-    /// Every node that can be browsed to is found again by its identifier, and its parent lists it.
+    /// Every node found by browsing is found again by its identifier, and its parent lists it.
     #[test]
     fn the_tree_is_whole() {
         let (names, allowed) = (names(), Allowed::default());

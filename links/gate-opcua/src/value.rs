@@ -6,19 +6,19 @@ use opcua_types::{
     Array, ByteString, DataTypeId, DateTime, NodeId, StatusCode, UAString, Variant, VariantScalarTypeId,
 };
 
-/// What OPC UA calls a type of STEP 7.
+/// The OPC UA form of a STEP 7 type.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Shape {
     /// The attribute DataType.
     pub(crate) data_type: DataTypeId,
-    /// What a value of it is encoded as.
+    /// The encoding of a value.
     pub(crate) scalar: VariantScalarTypeId,
     /// The attribute ArrayDimensions; empty for a single value.
     pub(crate) dimensions: Vec<u32>,
 }
 
 impl Shape {
-    /// Of a type that has a value.
+    /// The shape of a type that has a value.
     pub(crate) fn of(ty: &DataType) -> Option<Self> {
         use VariantScalarTypeId as Scalar;
         let (data_type, scalar) = match ty {
@@ -48,7 +48,7 @@ impl Shape {
     }
 }
 
-/// How much room a value of a type takes here, in single values: each element of an array is one, and every 16
+/// The size of a value of a type, in single values: each element of an array counts as one, and so do every 16
 /// characters of a text.
 pub(crate) fn weight(ty: &DataType) -> usize {
     match ty {
@@ -61,7 +61,7 @@ pub(crate) fn weight(ty: &DataType) -> usize {
     }
 }
 
-/// A value as OPC UA has it.
+/// A value in OPC UA form.
 pub(crate) fn variant(value: Datum, shape: &Shape) -> Variant {
     match value {
         Datum::Bool(v) => Variant::Boolean(v),
@@ -93,11 +93,11 @@ fn moment(ms: i64) -> DateTime {
     DateTime::from(TICKS_TO_1970 + ms * 10_000)
 }
 
-/// What a client writes, as a value for this place; the type must be the place's own.
+/// A client's value for this place; its type must be that of the place.
 pub(crate) fn datum(value: &Variant, typed: &Typed) -> Result<Datum, StatusCode> {
     let shape = Shape::of(&typed.ty).ok_or(StatusCode::BadNotWritable)?;
     if let Variant::Array(array) = value {
-        // A client may leave out the dimensions of a one-dimensional array, no others.
+        // A client may omit the dimensions only of a one-dimensional array.
         let same = match &array.dimensions {
             Some(dimensions) => *dimensions == shape.dimensions,
             None => shape.dimensions.len() == 1,
@@ -121,7 +121,7 @@ fn single(value: &Variant, ty: &DataType) -> Result<Datum, StatusCode> {
         (Variant::Int32(v), DataType::DInt) => Datum::DInt(*v),
         (Variant::Float(v), DataType::Real) => Datum::Real(*v),
         (Variant::Double(v), DataType::Time | DataType::S5Time | DataType::TimeOfDay) => {
-            // Beyond 2^53 a double counts no milliseconds any more; the types end far below.
+            // Beyond 2^53 a double cannot represent every millisecond; the types end far below.
             if !v.is_finite() || v.abs() > 9e15 {
                 return Err(StatusCode::BadOutOfRange);
             }
@@ -138,7 +138,7 @@ fn single(value: &Variant, ty: &DataType) -> Result<Datum, StatusCode> {
     })
 }
 
-/// Why a value cannot be written, as OPC UA says it.
+/// Why a value cannot be written, as a status code.
 pub(crate) const fn unfit(why: Unfit) -> StatusCode {
     match why {
         Unfit::Type => StatusCode::BadTypeMismatch,
@@ -148,7 +148,7 @@ pub(crate) const fn unfit(why: Unfit) -> StatusCode {
     }
 }
 
-/// Why the CPU has no such cell, as OPC UA says it.
+/// Why the CPU has no such cell, as a status code.
 pub(crate) const fn cell_error(error: CellError) -> StatusCode {
     match error {
         CellError::Outside | CellError::NoDb | CellError::NoTimer | CellError::NoEntry => StatusCode::BadNotFound,
@@ -158,7 +158,7 @@ pub(crate) const fn cell_error(error: CellError) -> StatusCode {
     }
 }
 
-/// A type's node.
+/// The node of a type.
 pub(crate) fn type_node(shape: &Shape) -> NodeId {
     shape.data_type.into()
 }
@@ -166,7 +166,7 @@ pub(crate) fn type_node(shape: &Shape) -> NodeId {
 /// Longest name and value of a refused write in the audit log.
 const ATTEMPT: usize = 100;
 
-/// A write that was not allowed, for the audit log. What strangers send is not written down at any length.
+/// A write that was not allowed, for the audit log. Strangers' input is cut to a limited length.
 pub(crate) fn attempt(id: Option<&str>, value: Option<&Variant>) -> String {
     let value = match value {
         Some(Variant::Array(array)) => format!("an array of {}", array.values.len()),

@@ -102,7 +102,7 @@ fn run(name: &str) -> ExitCode {
         DoorError::Closed => String::new(),
         other => other.to_string(),
     });
-    // What needs files is opened first; then the process denies itself the rest, still without a thread.
+    // Needed files are opened first; then the process confines itself, still without a thread.
     let served = prepared.and_then(prepare::links).and_then(|(links, memory)| {
         let _ = ob1_log::start();
         ob1_log::tell_panics();

@@ -13,15 +13,15 @@ use tracing::{error, info};
 use crate::prepare::Ready;
 use crate::{metrics, web};
 
-/// Threads for what takes long: a password, a large program.
+/// Threads for long tasks: a password, a large program.
 const HELPERS: usize = 2;
-/// Between two looks at files that may have been renewed.
+/// Time between two checks for renewed files.
 const RENEWED: Duration = Duration::from_secs(5);
 
 type Served = Pin<Box<dyn Future<Output = Result<(), String>>>>;
 type Serve = fn(Link) -> Served;
 
-/// Who serves which type of link.
+/// The function that serves each type of link.
 const PROTOCOLS: &[(&str, Serve)] = &[
     ("web", |link| Box::pin(web::serve(link))),
     ("metrics", |link| Box::pin(metrics::serve(link))),
@@ -49,7 +49,7 @@ async fn all(links: Vec<Ready>, memory: Memory) -> Result<(), String> {
         doors.spawn(pump);
         tokio::task::spawn_local(renew(users.clone(), tls.clone()));
         let name = station.welcome().link.clone();
-        // A link that cannot be served keeps its door: the others go on.
+        // A link that cannot be served keeps its door, and the others continue.
         held.push(station.clone());
         let Some((_, serve)) = PROTOCOLS.iter().find(|(known, _)| *known == kind) else {
             error!("link \"{name}\": this build has no links of type \"{kind}\"");
@@ -70,7 +70,7 @@ async fn all(links: Vec<Ready>, memory: Memory) -> Result<(), String> {
     }
 }
 
-/// Users that come and go, certificates that are renewed: without a restart.
+/// Reloads changed users and renewed certificates without a restart.
 async fn renew(users: Option<ob1_gate_core::Users>, tls: Option<ob1_gate_core::Tls>) {
     let mut look = interval(RENEWED);
     let mut told = String::new();

@@ -1,4 +1,4 @@
-//! `ob1-gate user`: the file of users, changed as a whole and never seen half.
+//! `ob1-gate user`: the file of users, always replaced as a whole.
 
 use std::fs;
 use std::io::{BufRead as _, Write as _};
@@ -12,7 +12,7 @@ use rustix::termios::{LocalModes, OptionalActions, tcgetattr, tcsetattr};
 
 use crate::UserCommand;
 
-/// A shorter password is guessed.
+/// Shortest password: a shorter one is easily guessed.
 const SHORTEST: usize = 8;
 
 pub(crate) fn run(command: &UserCommand) -> ExitCode {
@@ -25,7 +25,7 @@ pub(crate) fn run(command: &UserCommand) -> ExitCode {
         Ok(text) => (text, ExitCode::SUCCESS),
         Err(why) => (format!("ob1-gate: {why}\n"), ExitCode::from(1)),
     };
-    // Nobody may listen.
+    // It is possible that nobody reads it.
     let _ = std::io::stderr().write_all(text.as_bytes());
     exit
 }
@@ -73,7 +73,7 @@ fn without(file: &Path, name: &str) -> Result<Vec<String>, String> {
     Ok(lines)
 }
 
-/// Under another name first: whoever reads finds the old file or the new one.
+/// Written under another name first: a reader finds either the old file or the new one.
 fn replace(file: &Path, lines: &[String]) -> Result<(), String> {
     let new = file.with_extension("new");
     let io = |error: std::io::Error| format!("{}: {error}", new.display());
@@ -83,7 +83,7 @@ fn replace(file: &Path, lines: &[String]) -> Result<(), String> {
     let mut out = fs::OpenOptions::new().write(true).create_new(true).mode(0o600).open(&new).map_err(io)?;
     out.write_all(text.as_bytes()).and_then(|()| out.sync_all()).map_err(io)?;
     drop(out);
-    // What the gate would refuse never takes the place of what it takes.
+    // A file that the gate would refuse never replaces a valid one.
     if let Err(error) = Users::read(&new) {
         let _ = fs::remove_file(&new);
         return Err(error.to_string());
@@ -91,7 +91,7 @@ fn replace(file: &Path, lines: &[String]) -> Result<(), String> {
     fs::rename(&new, file).map_err(|error| format!("{}: {error}", file.display()))
 }
 
-/// A line of standard input; from a terminal without showing it.
+/// A line of standard input; a terminal does not show it.
 fn password(name: &str) -> Result<String, String> {
     let input = std::io::stdin();
     let shown = tcgetattr(&input).ok();

@@ -1,7 +1,7 @@
-//! What a connection asks of the CPU, on its way through the broker.
+//! Requests of a connection to the CPU, on their way through the broker.
 //!
-//! Requests of a connection are served in their order; reads that follow each other at the same time. So a read that
-//! comes after a write sees it, also when the client has not waited for the write.
+//! Requests of a connection are served in order; consecutive reads are served at the same time. So a read after a write
+//! sees it, even if the client has not waited for the write.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -17,18 +17,18 @@ use ob1_s7::wire::{Address, BlockType, DateTime, values_mut};
 use crate::cells;
 use crate::config::Config;
 
-/// Bytes of a data block that are read together: half of what a link may watch.
+/// Bytes of a data block read together: half of what a link may watch.
 const VALUES: usize = 32 * 1024;
-// What a telegram can have lands whole.
+// The content of any telegram fits one group of writes.
 const _: () = assert!(GROUP_ENTRIES >= MAX_PDU as usize);
 const _: () = assert!(WRITE_BYTES >= MAX_PDU as usize);
-/// A CPU that shows nothing for so long does not answer: longer than any cycle a watchdog allows.
+/// After this long without a snapshot the CPU counts as silent: longer than any cycle a watchdog allows.
 const PATIENCE: Duration = Duration::from_secs(6);
-/// While a snapshot could not be read, because the scan was faster in every try.
+/// Time to the next attempt when the scan was faster than every try to read a snapshot.
 const SOON: Duration = Duration::from_millis(1);
-/// So long a change of the operating state may take.
+/// Time limit for a change of the operating state.
 const TRANSITION: Duration = Duration::from_secs(3);
-/// So often its end is looked for.
+/// How often its end is checked.
 const LOOK: Duration = Duration::from_millis(20);
 /// RET_VAL of SFC 51: no such list, no such index.
 const NO_LIST: u16 = 0x8082;
@@ -46,7 +46,7 @@ pub struct Asks {
     doing: Vec<Doing>,
 }
 
-/// A request under way.
+/// A running request.
 #[derive(Debug)]
 enum Doing {
     Read {
@@ -57,7 +57,7 @@ enum Doing {
         again: Instant,
     },
     Write(Write),
-    /// One question, one answer; where it is about a password, what the connection may then.
+    /// One question, one answer; for a password, the rights of the connection afterwards.
     Question {
         id: u64,
         ticket: Ticket,
@@ -65,7 +65,7 @@ enum Doing {
     },
     Control(Transition),
     Load(Load),
-    /// A data block, as it was loaded.
+    /// A data block as loaded.
     Data {
         id: u64,
         ticket: Ticket,
@@ -80,13 +80,13 @@ struct Values {
     id: u64,
     number: u16,
     block: Vec<u8>,
-    /// Values that are there.
+    /// Bytes of values read so far.
     read: usize,
     until: Instant,
     again: Instant,
 }
 
-/// Blocks on their way into the program: one after the other, then all together.
+/// Blocks to be loaded into the program: staged one after the other, then linked together.
 #[derive(Debug)]
 struct Load {
     id: u64,
@@ -94,12 +94,12 @@ struct Load {
     left: VecDeque<Loaded>,
 }
 
-/// Values on their way, all in one group; once more without what was refused.
+/// Values to write, all in one group; repeated without the refused ones.
 #[derive(Debug)]
 struct Write {
     id: u64,
     ticket: Ticket,
-    /// What is left, with the item it belongs to.
+    /// The remaining writes, each with its item.
     left: Vec<(usize, Put)>,
     codes: Vec<ItemCode>,
 }
@@ -114,19 +114,19 @@ struct Transition {
 
 #[derive(Debug)]
 enum Step {
-    /// In which state is it?
+    /// The present state is requested.
     Before(Ticket),
-    /// The command is given.
+    /// The command has been given.
     Commanded(Ticket),
-    /// Has it come to its end?
+    /// The end of the transition is awaited.
     After { ticket: Option<Ticket>, look_at: Instant, until: Instant },
 }
 
-/// What all connections share.
+/// The common surroundings of all connections.
 pub struct Surroundings<'s> {
     /// The way to the CPU.
     pub door: &'s mut Door,
-    /// What was read last.
+    /// The last reading.
     pub reading: &'s mut Reading,
     /// The keys of the link.
     pub config: &'s Config,
@@ -135,12 +135,12 @@ pub struct Surroundings<'s> {
 }
 
 impl Asks {
-    /// A request more.
+    /// Adds a request.
     pub fn push(&mut self, request: Request) {
         self.waiting.push_back(request);
     }
 
-    /// Begins what can begin, and tries again what has to wait. Replies go to `reply`.
+    /// Begins requests that can begin, and retries waiting ones. Replies go to `reply`.
     pub fn step(&mut self, client: u32, around: &mut Surroundings<'_>, reply: &mut dyn FnMut(u64, Reply)) {
         let mut still = Vec::with_capacity(self.doing.len());
         for doing in self.doing.drain(..) {
@@ -170,7 +170,7 @@ impl Asks {
         self.doing.extend(doing.came(news, client, around, reply));
     }
 
-    /// When [`Asks::step`] is wanted, whatever comes before.
+    /// When [`Asks::step`] is due at the latest.
     pub fn due(&self) -> Option<Instant> {
         let due = |doing: &Doing| match doing {
             Doing::Read { again, .. } | Doing::Values(Values { again, .. }) => Some(*again),
@@ -181,7 +181,7 @@ impl Asks {
     }
 }
 
-/// Begins a request; what is left to do, if it cannot be answered at once.
+/// Begins a request; returns the rest of the work if it cannot be answered at once.
 fn begin(
     id: u64,
     ask: Ask,
@@ -207,7 +207,7 @@ fn begin(
             return write.send(client, around, reply);
         }
         Ask::Control(Control::Compress | Control::CopyRamToRom) => {
-            // The memory has no gaps, and what was loaded is kept already.
+            // The memory has no gaps, and loaded blocks are already retained.
             reply(id, Reply::Done);
             return None;
         }
@@ -269,7 +269,7 @@ impl Doing {
         }
     }
 
-    /// Once more, without an answer having come.
+    /// Retries, without an answer having come.
     fn again(self, client: u32, around: &mut Surroundings<'_>, reply: &mut dyn FnMut(u64, Reply)) -> Option<Self> {
         match self {
             Doing::Read { id, addresses, pieces, until, .. } => {
@@ -279,7 +279,7 @@ impl Doing {
                         return None;
                     }
                     Err(why @ (NotYet::Coming | NotYet::Busy)) if around.now < until => {
-                        // What is coming is announced; a snapshot that was too fast is looked for again soon.
+                        // Coming pieces are announced by news; a snapshot that was too fast is retried soon.
                         let again = if why == NotYet::Busy { around.now + SOON } else { until };
                         return Some(Doing::Read { id, addresses, pieces, until, again });
                     }
@@ -333,7 +333,7 @@ impl Doing {
 }
 
 impl Values {
-    /// Reads on: a block of usual length all of one cycle control point.
+    /// Continues reading: a block of usual length is read at one cycle control point.
     fn again(mut self, around: &mut Surroundings<'_>, reply: &mut dyn FnMut(u64, Reply)) -> Option<Doing> {
         loop {
             let Some(rest) = values_mut(&mut self.block).and_then(|values| values.get_mut(self.read..)) else {
@@ -359,7 +359,7 @@ impl Values {
             }
             match (around.reading.piece(0), rest.get_mut(..len)) {
                 (Ok(bytes), Some(place)) if bytes.len() == len => place.copy_from_slice(bytes),
-                // Not allowed, or another block since.
+                // Not allowed, or the block has been replaced since.
                 (refused, _) => {
                     let right = refused == Err(Refusal::Right);
                     reply(self.id, Reply::Refused(if right { Code::PROTECTED } else { Code::NO_BLOCK }));
@@ -372,7 +372,7 @@ impl Values {
 }
 
 impl Load {
-    /// The next block.
+    /// Sends the next block.
     fn send(mut self, client: u32, around: &mut Surroundings<'_>, reply: &mut dyn FnMut(u64, Reply)) -> Option<Doing> {
         let Some(block) = self.left.pop_front() else {
             let ticket = around.door.ask(client, Question::Link);
@@ -403,7 +403,7 @@ impl Load {
 }
 
 impl Write {
-    /// What is left; the reply, when that is nothing.
+    /// Sends the remaining writes, or the reply if nothing is left.
     fn send(mut self, client: u32, around: &mut Surroundings<'_>, reply: &mut dyn FnMut(u64, Reply)) -> Option<Doing> {
         let group: Vec<Put> = self.left.iter().map(|(_, put)| put.clone()).collect();
         let sent = if group.is_empty() { None } else { around.door.write(client, group).ok() };
@@ -425,7 +425,7 @@ impl Write {
     ) -> Option<Doing> {
         match refused {
             None => self.left.clear(),
-            // Nothing of the group was written: the rest goes without the item that cannot be.
+            // Nothing of the group was written: the rest is sent without the refused item.
             Some((entry, why)) => {
                 let Some(item) = self.left.get(entry).or(self.left.first()).map(|(item, _)| *item) else {
                     reply(self.id, Reply::Written(self.codes));
@@ -484,7 +484,7 @@ impl Transition {
     }
 }
 
-/// What an answer of the broker means.
+/// Converts an answer of the broker to a reply.
 fn answered(answer: &Answer, rights: Option<Rights>) -> Reply {
     match answer {
         Answer::Done => rights.map_or(Reply::Done, Reply::Rights),

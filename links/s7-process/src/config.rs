@@ -11,9 +11,9 @@ use ob1_s7::iso::{Place, Tsap};
 use ob1_s7::server::Settings;
 use serde::Deserialize;
 
-/// Connections that may be served at the same time, where the file says nothing.
+/// Default limit of concurrent connections.
 const CLIENTS: usize = 16;
-/// More is not served, whatever the file says.
+/// Absolute limit of concurrent connections.
 const MOST_CLIENTS: usize = 128;
 
 /// The keys.
@@ -31,7 +31,7 @@ struct Keys {
     tap: bool,
 }
 
-/// A connection of a CP 343, as the runtime says it.
+/// A connection of a CP 343, as passed by the runtime.
 #[derive(Clone, Debug, Deserialize)]
 pub struct ConnectionKeys {
     id: u16,
@@ -45,7 +45,7 @@ pub struct ConnectionKeys {
     local: Vec<u8>,
     #[serde(default)]
     remote: Vec<u8>,
-    /// Which of the sockets that were bound for the CP, from 0.
+    /// Index of its socket among those bound for the CP, from 0.
     pub socket: Option<usize>,
 }
 
@@ -67,7 +67,7 @@ impl ConnectionKeys {
         self.partner.as_deref().and_then(|text| text.parse().ok())
     }
 
-    /// The connection, as the machine has it.
+    /// The connection for the machine.
     #[must_use]
     pub fn spec(&self) -> Spec {
         let tsap = |bytes: &[u8]| Tsap::new(bytes).unwrap_or_default();
@@ -84,7 +84,7 @@ impl ConnectionKeys {
 impl Default for Keys {
     fn default() -> Self {
         let pdu = Settings::default().pdu;
-        // Where the CPU of an S7-300 sits.
+        // The position of the CPU in an S7-300.
         Self {
             rack: 0,
             slot: 2,
@@ -98,25 +98,25 @@ impl Default for Keys {
     }
 }
 
-/// What the process does.
+/// The configuration of the process.
 #[derive(Clone, Copy, Debug)]
 pub struct Config {
-    /// Where the CPU sits.
+    /// The position of the CPU.
     pub place: Place,
-    /// What its connections may, and agree to.
+    /// Rights and limits of its connections.
     pub settings: Settings,
-    /// What a connection may after its password.
+    /// The rights of a connection after its password.
     pub unlocked: Rights,
     /// Connections that may be served at the same time.
     pub clients: usize,
-    /// A connection that is silent for so long is closed.
+    /// A connection that is silent for this long is closed.
     pub idle: Option<Duration>,
-    /// The last socket that was handed over is that of the tap.
+    /// The last socket handed over is that of the tap.
     pub tap: bool,
 }
 
 impl Config {
-    /// Of what the broker has said first.
+    /// From the broker's first message.
     ///
     /// # Errors
     /// The keys are not those of this version.

@@ -1,4 +1,4 @@
-//! The sockets of an Ethernet CP: what [`Cp`] does goes over them. (docs/cp343.md)
+//! The sockets of an Ethernet CP: the network of [`Cp`]. (docs/cp343.md)
 
 use std::io::{ErrorKind, Read as _, Write as _};
 use std::net::{IpAddr, SocketAddr, TcpStream, UdpSocket};
@@ -41,7 +41,7 @@ struct Line {
     active: bool,
 }
 
-/// All of them, and the tap that hears what goes over them.
+/// All sockets, and the tap of their traffic.
 #[derive(Default)]
 struct Sockets {
     lines: Vec<Line>,
@@ -61,7 +61,7 @@ impl Sockets {
         }
     }
 
-    /// Tells those who listen what has gone over a TCP connection. Their numbers are behind those of clients.
+    /// Reports the traffic of a TCP connection to the tap. Its numbers follow those of clients.
     fn tell(&self, kind: Kind, index: usize, bytes: &[u8]) {
         let (Some(tap), Some(line)) = (&self.tap, self.lines.get(index)) else { return };
         let Socket::Up(stream) = &line.socket else { return };
@@ -109,7 +109,7 @@ impl Network for Sockets {
     fn receive(&mut self, index: usize, into: &mut [u8]) -> Received {
         loop {
             let read = match self.lines.get_mut(index).map(|line| &mut line.socket) {
-                // To a datagram: nobody is there at the moment.
+                // The answer to a datagram: nobody is listening there at the moment.
                 Some(Socket::Datagrams(socket)) => return socket.recv(into).map_or(Received::Nothing, Received::Bytes),
                 Some(Socket::Up(stream)) => stream.read(into),
                 _ => return Received::Nothing,
@@ -134,7 +134,7 @@ impl Coupler {
         Self { cp: Cp::new(segment, Instant::now()), sockets: Sockets::default() }
     }
 
-    /// The connections, for whoever looks at the station.
+    /// The connections, for tools that show the station.
     pub(crate) fn told(&self) -> Vec<Connection> {
         self.cp.told()
     }
@@ -164,28 +164,28 @@ impl Coupler {
         self.cp.beat();
     }
 
-    /// The connection a call is for.
+    /// The connection that a call is meant for.
     pub(crate) fn find(&self, call: &Call, peer: IpAddr) -> Option<usize> {
         self.cp.find(call, peer)
     }
 
-    /// Somebody has called for a connection.
+    /// A partner has called for a connection.
     pub(crate) fn called(&mut self, index: usize, socket: TcpStream, transport: Transport, now: Instant) {
         self.sockets.set(index, Socket::Up(socket));
         self.cp.called(index, transport, now);
     }
 
-    /// What the CPU has written, what is due, and everything that follows from it.
+    /// Handles the CPU's boxes, everything that is due, and the consequences.
     pub(crate) fn serve(&mut self, around: &mut Surroundings<'_>, number: &mut dyn FnMut() -> u32) {
         self.cp.serve(around, number, &mut self.sockets);
     }
 
-    /// An answer of the broker; false: it is for nobody here.
+    /// Takes an answer of the broker; false: it is not for a connection here.
     pub(crate) fn news(&mut self, client: u32, news: &News, around: &mut Surroundings<'_>) -> bool {
         self.cp.news(client, news, around)
     }
 
-    /// Descriptors to wait for; [`Coupler::ready`] gets what has become of them.
+    /// Descriptors to wait for; [`Coupler::ready`] gets the result.
     pub(crate) fn poll_fds<'c>(&'c self, fds: &mut Vec<PollFd<'c>>) {
         for (index, line) in self.sockets.lines.iter().enumerate() {
             let mut flags = PollFlags::empty();
@@ -210,7 +210,7 @@ impl Coupler {
         }
     }
 
-    /// Which of those descriptors have something, in the same order.
+    /// Which of those descriptors are ready, in the same order.
     pub(crate) fn ready(&mut self, ready: &[bool], now: Instant) {
         let mut ready = ready.iter().copied();
         for index in 0..self.sockets.lines.len() {
@@ -228,7 +228,7 @@ impl Coupler {
         }
     }
 
-    /// A connection that was being made.
+    /// A connection attempt has ended.
     fn made(&mut self, index: usize, now: Instant) {
         let Some(line) = self.sockets.lines.get_mut(index) else { return };
         match std::mem::replace(&mut line.socket, Socket::None) {
@@ -244,7 +244,7 @@ impl Coupler {
         }
     }
 
-    /// A passive TCP connection: the newest partner has it.
+    /// Accepts for a passive TCP connection: the newest partner gets it.
     fn accept(&mut self, index: usize, now: Instant) {
         let Some(listener) = self.sockets.lines.get(index).and_then(|line| line.listener.as_ref()) else { return };
         let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
@@ -258,7 +258,7 @@ impl Coupler {
         self.cp.accepted(index, now);
     }
 
-    /// When [`Coupler::serve`] is wanted, whatever comes before.
+    /// When [`Coupler::serve`] is due at the latest.
     pub(crate) fn due(&self) -> Option<Instant> {
         self.cp.due()
     }
@@ -274,9 +274,9 @@ impl Coupler {
     }
 }
 
-/// A partner that is gone is noticed after a minute.
+/// A lost partner is noticed after a minute.
 pub(crate) fn keep_alive(socket: &OwnedFd) {
-    // Without them a connection works too, only a dead partner is noticed later.
+    // A connection also works without these options, but a dead partner is noticed later.
     let _ = sockopt::set_socket_keepalive(socket, true);
     let _ = sockopt::set_tcp_keepidle(socket, Duration::from_secs(30));
     let _ = sockopt::set_tcp_keepintvl(socket, Duration::from_secs(10));

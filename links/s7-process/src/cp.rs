@@ -1,8 +1,8 @@
-//! The process as an Ethernet CP: its end of the back plane, the connections of the station file with the machine for
-//! them, and what partners ask of the CPU. (docs/cp343.md)
+//! The process as an Ethernet CP: its end of the back plane, the connections of the station file with their machine,
+//! and requests of partners to the CPU. (docs/cp343.md)
 //!
-//! Whoever owns it brings the network and the time. What goes over the network goes through [`Network`]; what happens
-//! there is told: [`Cp::connected`], [`Cp::accepted`], [`Cp::called`], [`Cp::receive`], [`Cp::lost`].
+//! Its owner provides the network and the time. The CP uses the network through [`Network`]; the owner reports its
+//! events: [`Cp::connected`], [`Cp::accepted`], [`Cp::called`], [`Cp::receive`], [`Cp::lost`].
 
 use std::net::{IpAddr, SocketAddr};
 use std::time::{Duration, Instant};
@@ -20,13 +20,13 @@ use crate::config::ConnectionKeys;
 
 /// Bytes read at a time.
 const READ: usize = 8192;
-/// Reads of one connection before the others have their turn.
+/// Reads of one connection before the others get their turn.
 const READS: u32 = 8;
 
-/// What a read has brought.
+/// The result of a read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Received {
-    /// So many bytes, or a datagram of so many.
+    /// This many bytes, or a datagram of this many.
     Bytes(usize),
     /// There is nothing at the moment.
     Nothing,
@@ -34,28 +34,28 @@ pub enum Received {
     Gone,
 }
 
-/// The network of a CP. A connection has its place in the list of the station file.
+/// The network of a CP. `index` is the place of a connection in the list of the station file.
 pub trait Network {
     /// Begins to make a TCP connection; false: it cannot be made.
     fn connect(&mut self, index: usize, partner: SocketAddr) -> bool;
     /// Closes a TCP connection, if there is one. Datagrams go on.
     fn close(&mut self, index: usize);
-    /// Sends over a TCP connection: bytes that were taken, 0: there is no room, or it is not made yet. `None`: it is
-    /// gone.
+    /// Sends over a TCP connection; returns the number of bytes taken. 0: there is no room, or it is not connected yet.
+    /// `None`: it is gone.
     fn send(&mut self, index: usize, bytes: &[u8]) -> Option<usize>;
-    /// Sends a datagram. One that cannot be sent is lost, as one on the way is.
+    /// Sends a datagram. One that cannot be sent is lost, just as it may be lost on the network.
     fn datagram(&mut self, index: usize, bytes: &[u8]);
-    /// Takes what has come.
+    /// Receives data.
     fn receive(&mut self, index: usize, into: &mut [u8]) -> Received;
 }
 
-/// What belongs to a connection beside the machine.
+/// The data of a connection besides the machine.
 #[derive(Debug)]
 struct Line {
-    /// Where an active one connects to; who may call a passive one.
+    /// The partner of an active connection; the permitted caller of a passive one.
     partner: Option<SocketAddr>,
     asks: Asks,
-    /// Its number at the broker, another one with each partner.
+    /// Its number at the broker, a new one with each partner.
     client: u32,
     was: Condition,
 }
@@ -103,7 +103,7 @@ impl Cp {
             was: Condition::Down,
         };
         self.lines = keys.iter().map(line).collect();
-        // What stands in the boxes was meant for a process before this one: the CPU counts those jobs as failed.
+        // The content of the boxes was meant for a previous process: the CPU counts those jobs as failed.
         for index in 0..BOXES {
             let _old = self.segment.read_box(index, &mut [0; BOX_BYTES]);
         }
@@ -112,7 +112,7 @@ impl Cp {
         info!(connections = self.lines.len(), "the CP is ready");
     }
 
-    /// The connections, for whoever looks at the station.
+    /// The connections, for tools that show the station.
     #[must_use]
     pub fn told(&self) -> Vec<door::Connection> {
         let told = |(index, line): (usize, &Line)| {
@@ -152,7 +152,7 @@ impl Cp {
         self.segment.beat();
     }
 
-    /// The connection a call is for.
+    /// The connection that a call is meant for.
     #[must_use]
     pub fn find(&self, call: &Call, peer: IpAddr) -> Option<usize> {
         self.machine.find(call).filter(|index| self.may_call(*index, peer))
@@ -164,7 +164,7 @@ impl Cp {
         self.lines.get(index).is_some_and(|line| line.partner.is_none_or(|partner| partner.ip() == peer))
     }
 
-    /// Somebody has called for a connection.
+    /// A partner has called for a connection.
     pub fn called(&mut self, index: usize, transport: Transport, now: Instant) {
         if let Some(line) = self.lines.get_mut(index) {
             line.asks = Asks::default();
@@ -173,27 +173,27 @@ impl Cp {
         self.machine.called(index, transport, now);
     }
 
-    /// The TCP connection that was to be made is made.
+    /// The requested TCP connection has been made.
     pub fn connected(&mut self, index: usize, now: Instant) {
         let now = self.ms(now);
         self.machine.connected(index, now);
     }
 
-    /// A partner has come to a passive TCP connection: the newest has it.
+    /// A partner has connected to a passive TCP connection: the newest gets it.
     pub fn accepted(&mut self, index: usize, now: Instant) {
         let now = self.ms(now);
         self.machine.lost(index, now);
         self.machine.connected(index, now);
     }
 
-    /// The TCP connection is gone, or could not be made.
+    /// The TCP connection was lost, or could not be made.
     pub fn lost(&mut self, index: usize, now: Instant, net: &mut dyn Network) {
         net.close(index);
         let now = self.ms(now);
         self.machine.lost(index, now);
     }
 
-    /// What the CPU has written, what is due, and everything that follows from it.
+    /// Handles the CPU's boxes, everything that is due, and the consequences.
     pub fn serve(&mut self, around: &mut Surroundings<'_>, number: &mut dyn FnMut() -> u32, net: &mut dyn Network) {
         let at = around.now;
         let mark = self.segment.changes();
@@ -231,7 +231,7 @@ impl Cp {
         self.tell();
     }
 
-    /// What partners ask of the CPU.
+    /// Handles requests of partners to the CPU.
     fn questions(&mut self, index: usize, around: &mut Surroundings<'_>, number: &mut dyn FnMut() -> u32) {
         let Some(line) = self.lines.get_mut(index) else { return };
         let condition = self.machine.condition(index).0;
@@ -267,7 +267,7 @@ impl Cp {
         }
     }
 
-    /// An answer of the broker; false: it is for nobody here.
+    /// Takes an answer of the broker; false: it is not for a connection here.
     pub fn news(&mut self, client: u32, news: &News, around: &mut Surroundings<'_>) -> bool {
         let Some(index) = self.lines.iter().position(|line| line.client == client) else { return false };
         let Some(line) = self.lines.get_mut(index) else { return false };
@@ -293,7 +293,7 @@ impl Cp {
         }
     }
 
-    /// Takes what has come over a connection.
+    /// Receives the data of a connection.
     pub fn receive(&mut self, index: usize, at: Instant, net: &mut dyn Network) {
         let (mut buffer, is_udp, now) = ([0; READ], self.is_udp(index), self.ms(at));
         for _ in 0..READS {
@@ -309,7 +309,7 @@ impl Cp {
         }
     }
 
-    /// Whether [`Cp::receive`] would take something.
+    /// Whether [`Cp::receive`] would accept data.
     #[must_use]
     pub fn wants_read(&self, index: usize) -> bool {
         self.is_udp(index) || self.machine.room(index) > 0
@@ -321,7 +321,7 @@ impl Cp {
         !self.machine.output(index).is_empty()
     }
 
-    /// When [`Cp::serve`] is wanted, whatever comes before.
+    /// When [`Cp::serve`] is due at the latest.
     #[must_use]
     pub fn due(&self) -> Option<Instant> {
         let asks = self.lines.iter().filter_map(|line| line.asks.due()).min();
@@ -339,7 +339,7 @@ impl Cp {
         self.segment.awake();
     }
 
-    /// LEDs and counters.
+    /// Updates LEDs and counters.
     fn tell(&mut self) {
         let (mut jobs, mut errors, mut down) = (0, 0, false);
         for index in 0..self.lines.len() {

@@ -1,7 +1,7 @@
 //! `ob1-s7`: the sockets of S7 communication. It serves panels, SCADA systems and programming devices on behalf of one
 //! link of a station, and reaches the CPU only through the broker, whose socket is its standard input.
 
-// Everything goes through one place that neither panics nor waits for ever.
+// All output goes through one place that neither panics nor waits for ever.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod coupler;
@@ -26,11 +26,11 @@ use tracing::{error, info, warn};
 use coupler::Coupler;
 use server::Server;
 
-/// So long the doorbell of a station that ends may take.
+/// How long to wait for the doorbell of a station that ends.
 const FAREWELL: Timespec = Timespec { tv_sec: 2, tv_nsec: 0 };
-/// Most data, in bytes: 128 connections, each with all it can hold.
+/// Maximum data, in bytes: 128 connections, each with all it can hold.
 const MEMORY: u64 = 256 << 20;
-/// It comes back by itself, the runtime does not: when memory runs out, the link goes first.
+/// The link is restarted by itself, the runtime is not: when memory runs out, the link is killed first.
 const OOM_SCORE: i16 = 500;
 
 const HELP: &str = "\
@@ -105,7 +105,7 @@ fn run(arguments: &Arguments) -> ExitCode {
     let door = door.map_err(DoorError::from).and_then(Door::new);
     let served = door.and_then(|door| Server::new(door, terminate, coupler).run());
     if arguments.cp && matches!(served, Err(DoorError::Closed)) {
-        // The station ends, and says so by the doorbell next: who went before it would be started again.
+        // The station ends, and reports it by the doorbell next: a process that ended earlier would be restarted.
         let _ = poll(&mut [PollFd::from_borrowed_fd(rustix::stdio::stdin(), PollFlags::IN)], Some(&FAREWELL));
     }
     match served {

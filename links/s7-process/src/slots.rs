@@ -1,16 +1,16 @@
-//! Who gets a connection when there are not enough.
+//! Which callers get a connection when there are not enough.
 //!
 //! One connection is always kept free for a programming device: the engineer gets in, whatever the panels do. When none
-//! is free, one that has been silent is given up for the new one: first those that never asked for anything, then the
-//! longest silent.
+//! is free, a silent one is closed for the new one: first those that never sent a request, then the one silent for
+//! longest.
 
 use std::time::Duration;
 
 use ob1_s7::iso::Resource;
 
-/// A connection that never asked for anything may be given up after so long,
+/// A connection that never sent a request may be closed after this time,
 const NEVER: Duration = Duration::from_millis(500);
-/// and one that did after so long.
+/// and one that did after this time.
 const SILENT: Duration = Duration::from_secs(30);
 
 /// A connection that is served.
@@ -18,7 +18,7 @@ const SILENT: Duration = Duration::from_secs(30);
 pub(crate) struct Occupant {
     pub(crate) number: u32,
     pub(crate) resource: Resource,
-    /// It has asked for something.
+    /// It has sent a request.
     pub(crate) works: bool,
     /// It waits for messages or cyclic data, so its silence means nothing.
     pub(crate) waits: bool,
@@ -32,29 +32,29 @@ impl Occupant {
     }
 }
 
-/// What becomes of a new one.
+/// What happens to a new connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Verdict {
     /// There is room.
     Free,
-    /// There is, when this one goes.
+    /// There is room when this one is closed.
     InsteadOf(u32),
-    /// There is none.
+    /// There is no room.
     Full,
 }
 
-/// Whether a new connection for `resource` gets in.
+/// Whether a new connection for `resource` is accepted.
 pub(crate) fn admit(clients: usize, resource: Resource, others: &[Occupant]) -> Verdict {
     let is_pg = |resource| resource == Resource::Pg;
     let not_pg = others.iter().filter(|other| !is_pg(other.resource)).count();
-    // A link for one client keeps nothing free: it would serve nobody else.
+    // A link for one client reserves nothing, otherwise only a programming device could connect.
     let kept = usize::from(clients > 1);
     let all_taken = others.len() >= clients;
     let share_taken = !is_pg(resource) && not_pg + kept >= clients;
     if !all_taken && !share_taken {
         return Verdict::Free;
     }
-    // Who may only use the shared part gets a place there.
+    // A caller limited to the shared part replaces a connection there.
     let candidates =
         others.iter().filter(|other| other.can_go() && (is_pg(resource) || !is_pg(other.resource) || !share_taken));
     candidates.max_by_key(|other| (!other.works, other.silent)).map_or(Verdict::Full, |o| Verdict::InsteadOf(o.number))
@@ -93,13 +93,13 @@ mod tests {
         others[2].silent = SILENT - Duration::from_millis(1);
         others[0].silent = Duration::ZERO;
         assert_eq!(admit(4, Resource::Op, &others), Verdict::Full);
-        // A panel does not take the place of the engineer, an engineer that of a silent panel.
+        // A panel does not replace the engineer; an engineer may replace the longest silent connection.
         others.push(occupant(4, Resource::Pg, true, 90_000));
         assert_eq!(admit(4, Resource::Op, &others), Verdict::Full);
         assert_eq!(admit(4, Resource::Pg, &others), Verdict::InsteadOf(4));
     }
 
-    /// A thousand that say nothing never keep one that works out for long.
+    /// A thousand silent connections never keep out a working one for long.
     #[test]
     fn a_flood_of_silent_ones_keeps_nobody_out() {
         let silent: Vec<_> = (0..15).map(|n| occupant(n, Resource::Op, false, 500 + u64::from(n))).collect();

@@ -1,5 +1,5 @@
-//! The tap: tells whoever listens what goes over the connections. It never waits: a listener that does not fetch its
-//! records loses them, and is told how many. With nobody listening it costs a comparison.
+//! The tap: reports the traffic of the connections to listeners. It never waits: a listener that does not fetch its
+//! records loses them, and is told how many. Without listeners it costs a comparison.
 
 use std::cell::RefCell;
 use std::os::fd::OwnedFd;
@@ -13,7 +13,7 @@ use rustix::io::Errno;
 use rustix::net::{SendFlags, SocketFlags, accept_with, send};
 use serde_json::json;
 
-/// Listeners at the same time.
+/// Maximum of listeners.
 const MOST: usize = 4;
 /// Bytes in one record.
 const CHUNK: usize = 4096;
@@ -21,7 +21,7 @@ const CHUNK: usize = 4096;
 /// Shared by all connections.
 pub(crate) type Shared = Rc<RefCell<Tap>>;
 
-/// Who listens to a link.
+/// The listeners of a link.
 #[derive(Debug)]
 pub(crate) struct Tap {
     socket: Option<OwnedFd>,
@@ -45,7 +45,7 @@ impl Tap {
         Instant::START + self.start.elapsed().into()
     }
 
-    /// The socket where listeners connect, and who this is.
+    /// Opens the tap: the socket for listeners, and the identity of the link.
     pub(crate) fn open(&mut self, socket: OwnedFd, station: &str, link: &str) {
         let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let at_zero = u64::try_from(since_1970.as_nanos()).unwrap_or(0).saturating_sub(self.now().nanos());
@@ -57,7 +57,7 @@ impl Tap {
         self.socket = Some(socket);
     }
 
-    /// Lets in who has called.
+    /// Accepts new listeners.
     pub(crate) fn admit(&mut self) {
         let Some(socket) = &self.socket else { return };
         for _ in 0..MOST {
@@ -71,7 +71,7 @@ impl Tap {
         }
     }
 
-    /// Bytes have gone over a connection: from its partner, or to it.
+    /// Reports bytes sent over a connection, from its partner or to it.
     pub(crate) fn tell(&mut self, kind: Kind, connection: impl FnOnce() -> Tapped, bytes: &[u8]) {
         if self.ears.is_empty() {
             return;

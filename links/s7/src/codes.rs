@@ -1,9 +1,9 @@
 //! Every code of S7 communication that this crate sends or explains, in one table.
 //!
-//! An item of a read or write has a code of one byte. A job as a whole has one of two bytes, in its head or (services
-//! of a programming device) in its parameters.
+//! An item of a read or write has a code of one byte. A job as a whole has a code of two bytes, in its header or
+//! (services of a programming device) in its parameters.
 
-/// What became of one item.
+/// The outcome of one item.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ItemCode(pub u8);
 
@@ -16,7 +16,7 @@ impl ItemCode {
     pub const NOT_ALLOWED: Self = Self(0x03);
     /// No such address in the area.
     pub const ADDRESS: Self = Self(0x05);
-    /// Unknown data type, or one that does not go with the area.
+    /// Unknown data type, or one that does not match the area.
     pub const TYPE: Self = Self(0x06);
     /// The data does not have the type or the length of its address.
     pub const INCONSISTENT: Self = Self(0x07);
@@ -39,7 +39,7 @@ impl ItemCode {
     }
 }
 
-/// What became of a job; 0: done.
+/// The outcome of a job; 0: done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Code(pub u16);
 
@@ -60,9 +60,9 @@ macro_rules! codes {
 codes! {
     /// Done.
     DONE = 0x0000 "done";
-    /// The service is not there, or not on this connection.
+    /// The service does not exist, or not on this connection.
     NO_SERVICE = 0x8104 "the service is not implemented, or not on this connection";
-    /// The answer cannot be made.
+    /// The answer cannot be produced.
     SERVICE = 0x8404 "error while the service was processed";
     /// A job or its answer does not fit the PDU.
     PDU_SIZE = 0x8500 "the length of the PDU is wrong";
@@ -70,7 +70,7 @@ codes! {
     BLOCK_NAME = 0xD201 "syntax error in the name of a block";
     /// A syntax error in the parameters of a function.
     SYNTAX = 0xD202 "syntax error in the parameters of the function";
-    /// The block is not there.
+    /// The block does not exist.
     NO_BLOCK = 0xD209 "the block is not there";
     /// There is no block, or no further one.
     NO_MORE_BLOCKS = 0xD20E "there is no (further) block";
@@ -78,7 +78,7 @@ codes! {
     BLOCK_SIZE = 0xD20F "the block is too large for the CPU";
     /// Not a number for such a block.
     BLOCK_NUMBER = 0xD210 "not a number for such a block";
-    /// The lengths in the head of the block are wrong.
+    /// The lengths in the header of the block are wrong.
     BLOCK_LENGTHS = 0xD219 "the lengths of the block are wrong";
     /// Not while the CPU is in this operating state.
     COORDINATION = 0xD240 "not possible in this operating state";
@@ -92,7 +92,7 @@ codes! {
     NO_SUBSCRIBERS = 0xD404 "no more subscribers";
     /// An unknown service of the group.
     NO_INFORMATION = 0xD405 "the service is not supported, or its parameters are wrong";
-    /// What was asked for is not there at the moment.
+    /// The requested item is not available at the moment.
     NOT_NOW = 0xD406 "not there at the moment";
     /// Wrong parameters of a password service.
     PASSWORD_SYNTAX = 0xD601 "syntax error in the parameters";

@@ -1,17 +1,17 @@
-//! What a link tells those who listen to it (`ob1 trace`): in front of the bytes of each record stands the connection
-//! they have gone over, and in which direction the connection was made.
+//! The records of a link for `ob1 trace`: in front of the bytes of each record are the connection and the direction in
+//! which the connection was made.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 
 /// Bytes of [`Tapped::bytes`].
 pub const TAPPED_BYTES: usize = 11;
 
-/// The connection some bytes have gone over.
+/// The connection of some bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tapped {
-    /// Its number in the link, another one for each.
+    /// Its number in the link, unique per connection.
     pub number: u32,
-    /// The partner's address; of IPv6 only the port is told.
+    /// The partner's address; for IPv6 only the port is given.
     pub partner: Ipv4Addr,
     /// The partner's port.
     pub port: u16,
@@ -27,7 +27,7 @@ impl Tapped {
         Self { number, partner: address, port: partner.port(), is_ours }
     }
 
-    /// As it stands in front of the bytes.
+    /// The bytes in front of the record's data.
     #[must_use]
     pub fn bytes(&self) -> [u8; TAPPED_BYTES] {
         let [a, b, c, d] = self.number.to_le_bytes();
@@ -36,7 +36,7 @@ impl Tapped {
         [a, b, c, d, e, f, g, h, i, j, u8::from(self.is_ours)]
     }
 
-    /// Of a record's data: the connection, and the bytes.
+    /// Splits a record's data into the connection and the bytes.
     #[must_use]
     pub fn read(data: &[u8]) -> Option<(Self, &[u8])> {
         let (&[a, b, c, d, e, f, g, h, i, j, ours], bytes) = data.split_first_chunk::<TAPPED_BYTES>()?;

@@ -1,4 +1,4 @@
-//! Whatever comes over the wire: no panic, no change without the right, bounded memory.
+//! Any input from the wire: no panic, no change without the right, bounded memory.
 
 mod common;
 
@@ -17,7 +17,7 @@ fn frame(message: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// A job of every kind there is, well-formed.
+/// A well-formed job of any kind.
 fn any_message() -> impl Strategy<Value = Vec<u8>> {
     let area = prop_oneof![Just(0x84u8), Just(0x83), 0x80u8..0x88];
     let ty = prop_oneof![Just(1u8), Just(2), Just(4), 0u8..0x20];
@@ -36,7 +36,7 @@ fn any_message() -> impl Strategy<Value = Vec<u8>> {
         let data: Vec<u8> = list
             .iter()
             .flat_map(|item| {
-                // Data that fit, as far as the type is one of bytes.
+                // Matching data, if the type is counted in bytes.
                 let count = usize::from(u16::from_be_bytes([item[4], item[5]]));
                 let count = if matches!(item[3], 4 | 0x1C | 0x1D) { count * 2 } else { count };
                 let mut bytes = if item[3] == 1 { vec![0, 3, 0, 1] } else { vec![0, 9] };
@@ -88,7 +88,7 @@ fn any_message() -> impl Strategy<Value = Vec<u8>> {
     ]
 }
 
-/// One that was damaged: a byte changed, cut off, or made longer.
+/// A damaged message: a byte changed, cut off, or made longer.
 fn damaged(message: impl Strategy<Value = Vec<u8>>) -> impl Strategy<Value = Vec<u8>> {
     (message, any::<prop::sample::Index>(), any::<u8>(), 0..4u8).prop_map(|(mut message, at, byte, how)| {
         match how {
@@ -104,7 +104,7 @@ fn damaged(message: impl Strategy<Value = Vec<u8>>) -> impl Strategy<Value = Vec
     })
 }
 
-/// Sends a message, and answers what the CPU asks in a download. What has come out.
+/// Sends a message, answers the CPU's requests in a download, and returns the output.
 fn feed(desk: &mut Desk, message: &[u8]) -> Vec<Vec<u8>> {
     desk.send(message);
     let mut all = Vec::new();
@@ -137,7 +137,7 @@ fn desk(rights: Rights) -> Desk {
 }
 
 proptest! {
-    /// Bytes without any sense.
+    /// Random bytes.
     #[test]
     fn random_bytes_do_no_harm(chunks in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..200), 0..20)) {
         let mut desk = Desk::new(Settings { rights: Rights::Operate, ..Settings::default() });
@@ -191,7 +191,7 @@ proptest! {
         prop_assert_eq!(desk.cpu.runs, before.runs);
     }
 
-    /// Replies nobody waits for, and replies of the wrong kind.
+    /// Unexpected replies, and replies of the wrong kind.
     #[test]
     fn wrong_replies_do_no_harm(messages in prop::collection::vec(any_message(), 1..20), shift in 0u64..5) {
         use ob1_s7::server::Reply;
@@ -213,7 +213,7 @@ proptest! {
     }
 }
 
-/// The generator reaches what it is made for: with all rights everything that can change does change.
+/// The generator reaches its goal: with all rights everything that can change does change.
 #[test]
 fn the_generator_changes_everything_it_may() {
     use proptest::strategy::ValueTree;

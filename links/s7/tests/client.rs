@@ -1,4 +1,4 @@
-//! The programming device against the CPU, in memory: what one sends the other understands.
+//! The programming device against the CPU, in memory: each understands what the other sends.
 
 mod common;
 

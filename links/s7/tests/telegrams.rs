@@ -1,4 +1,4 @@
-//! Telegrams and what is answered, byte by byte.
+//! Telegrams and their answers, byte by byte.
 
 mod common;
 
@@ -85,7 +85,7 @@ fn many_items_each_with_its_code_odd_lengths_padded() {
     let list = [item(2, 3, 1, 0x84, 0), item(2, 1, 77, 0x84, 0), item(1, 1, 0, 0x83, 8), item(2, 1, 0, 0x83, 16)];
     let data = [0xFF, 4, 0, 24, 1, 2, 3, 0, 0x0A, 0, 0, 0, 0xFF, 3, 0, 1, 1, 0, 0xFF, 4, 0, 8, 2];
     assert_eq!(desk.job(&items(4, &list), &[]), answer(0, &[4, 4], &data));
-    // As many as the PDU holds: no 20 items, no other number.
+    // As many items as the PDU holds, not limited to 20 or another number.
     let many: Vec<_> = (0..38).map(|n| item(2, 2, 0, 0x83, n * 8)).collect();
     assert_eq!(desk.job(&items(4, &many), &[]).len(), 14 + 38 * 6);
 }
@@ -98,11 +98,11 @@ fn what_does_not_fit_the_pdu_is_refused_as_a_whole() {
     let refused = [0x32, 2, 0, 0, 0, 7, 0, 0, 0, 0, 0x85, 0x00];
     assert_eq!(desk.job(&items(4, &[item(2, 480 - 17, 1, 0x84, 0)]), &[]), refused);
     assert_eq!(desk.job(&items(4, &[item(2, 0xFFFF, 1, 0x84, 0)]), &[]), refused);
-    // 255 items that are not there.
+    // 255 items announced, but missing.
     assert_eq!(desk.job(&[4, 255, 0x12, 0x0A], &[]), refused);
     // A job that is longer than agreed.
     assert_eq!(desk.job(&items(5, &[item(2, 500, 1, 0x84, 0)]), &[0; 504]), refused);
-    // A read of nothing gets nothing.
+    // A read without items gets an empty answer.
     assert_eq!(desk.job(&[4, 0], &[]), answer(0, &[4, 0], &[]));
     assert_eq!(desk.job(&[4], &[]), answer(0, &[4, 0], &[]));
     assert_eq!(desk.job(&[5, 0], &[]), refused);
@@ -152,7 +152,7 @@ fn without_the_right_each_item_says_so() {
 #[test]
 fn eight_jobs_are_answered_in_their_order() {
     let mut desk = desk();
-    // All in one go, some of which are answered at once and some by the CPU.
+    // All at once; some are answered at once and some by the CPU.
     let mut frames = Vec::new();
     for n in 0..8u16 {
         let message = if n % 3 == 1 {
@@ -230,7 +230,7 @@ fn a_long_list_comes_in_parts() {
     }
     assert_eq!(list[..8], [0, 0xA0, 0, 0, 0, 20, 0, 100]);
     assert_eq!(list[8..], (0..2000).map(|n| (n / 20) as u8).collect::<Vec<_>>());
-    // A part nobody has begun, and a list that is not there.
+    // A part of an answer that was never begun, and a list that does not exist.
     let mut bytes = job(6, &[0, 1, 0x12, 8, 0x12, 0x44, 1, 99, 0, 0, 0, 0], &[0x0A, 0, 0, 0]);
     bytes[1] = 7;
     desk.send(&bytes);
@@ -282,7 +282,7 @@ fn a_password_raises_the_rights_and_three_wrong_ones_end_the_connection() {
     assert_eq!(desk.service(5, 1, &password("wrong"))[0][20..22], [0xD6, 0x02]);
     assert_eq!(desk.service(5, 1, &password("secret"))[0][20..], [0, 0, 0x0A, 0, 0, 0]);
     assert_eq!(desk.connection.rights(), Rights::Operate);
-    // The list of the protection tells the level of this connection.
+    // The protection list shows the level of this connection.
     assert_eq!(desk.service(4, 1, &[2, 0x32, 0, 4])[0][26 + 8 + 6..][..2], [0, 1]);
     assert_eq!(desk.service(5, 2, &[])[0][20..22], [0, 0]);
     assert_eq!(desk.connection.rights(), Rights::Read);
@@ -312,7 +312,7 @@ fn a_block_goes_up_in_parts() {
     }
     assert_eq!(block, desk.cpu.blocks[&(BlockType::Db, 1)]);
     assert_eq!(desk.job(&[0x1F, 0, 0, 0, 0, 0, 0, 1], &[]), answer(0, &[0x1F], &[]));
-    // Ended, or never begun.
+    // An upload that has ended or never begun.
     assert_eq!(desk.job(&[0x1E, 0, 0, 0, 0, 0, 0, 1], &[])[10..12], [0xD2, 0x09]);
     let missing = desk.job(&[&[0x1D, 0, 0, 0, 0, 0, 0, 0, 9][..], b"_0A00088A"].concat(), &[]);
     assert_eq!(missing[10..12], [0xD2, 0x09]);
@@ -395,7 +395,7 @@ fn cyclic_data_come_by_themselves() {
         }
     }
     assert_eq!(came, [(200, 1, 1), (400, 1, 1), (600, 1, 0x55), (600, 5, 0x55), (800, 1, 0x55)]);
-    // Deleted; unknown; no time; a time base nobody has; too many.
+    // Deleted; unknown; no time; an unknown time base; too many.
     assert_eq!(desk.service(2, 4, &[0, 1])[0][17..22], [1, 0, 0, 0, 0]);
     assert_eq!(desk.service(2, 4, &[0, 1])[0][20..22], [0xD8, 0x02]);
     for bad in [[0, 1, 0, 0], [0, 1, 3, 1]] {
@@ -443,7 +443,7 @@ fn a_variable_table_reads_and_modifies() {
     .concat();
     assert_eq!((answers[1][15], answers[1][16]), (0x01, 2));
     assert_eq!(answers[1][26..], [&[0, 4, 0, values.len() as u8, 1, 0, 0, 1][..], &values].concat());
-    // Once more, listed, deleted.
+    // Requested again, listed, deleted.
     let job = |function| head(&[function, answers[0][17]]);
     assert_eq!(desk.service(1, 0x0E, &job(2))[1][26..], answers[1][26..]);
     assert_eq!(desk.service(1, 0x10, &head(&[]))[0][26 + 8..], [2, answers[0][17], 0, 0]);
@@ -480,7 +480,7 @@ fn who_does_not_read_is_not_served_further() {
     }
     assert!(sent < 200, "{sent}");
     assert!(desk.connection.output().len() < 70_000);
-    // When it reads again everything goes on.
+    // When it reads again everything continues.
     assert_eq!(desk.answers().len(), sent);
     assert!(desk.connection.room() >= frame.len());
 }

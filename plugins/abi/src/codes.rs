@@ -1,4 +1,4 @@
-//! Numbers on both sides of the edge.
+//! Numbers that host and plugin share.
 
 /// The interface's major version; plugin and host must have the same.
 pub const ABI_MAJOR: u16 = 1;
@@ -19,13 +19,13 @@ pub const NO_PARAM: Status = -1;
 pub const OUTSIDE: Status = -2;
 /// The data block does not exist.
 pub const NO_DB: Status = -3;
-/// The data block number cannot be (0, or above what the CPU has).
+/// An impossible data block number (0, or above the CPU's limit).
 pub const DB_NUMBER: Status = -4;
-/// No module at this logical address, or the module is not of the kind that has this.
+/// No module at this logical address, or a module of a kind without this function.
 pub const NO_MODULE: Status = -5;
 /// The module does not answer: its driver is down.
 pub const ABSENT: Status = -6;
-/// The module is at work on something else and has no answer now; asked later it may have one.
+/// The module is busy with another request; a later request may succeed.
 pub const BUSY: Status = -7;
 /// The record does not exist.
 pub const NO_RECORD: Status = -8;
@@ -57,7 +57,7 @@ pub const SECTION_IN: u8 = 0;
 pub const SECTION_OUT: u8 = 1;
 /// `VAR_IN_OUT`.
 pub const SECTION_IN_OUT: u8 = 2;
-/// Instance data of an FB or SFB that is no parameter.
+/// Instance data of an FB or SFB that is not a parameter.
 pub const SECTION_STATIC: u8 = 3;
 /// The function value `RET_VAL` of an FC or SFC. Its index is its place among the parameters, as that of the others.
 pub const SECTION_RETURN: u8 = 4;

@@ -11,7 +11,7 @@ pub struct CallContext {
     _opaque: [u8; 0],
 }
 
-/// Where an actual parameter or the instance lies, in numbers a program could print.
+/// Location of the instance of the running FB.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default)]
 pub struct InstanceInfo {
@@ -21,13 +21,13 @@ pub struct InstanceInfo {
     pub db: u16,
     /// Must be ignored.
     pub reserved: u16,
-    /// First byte of this instance in it (0 but for multi-instances).
+    /// First byte of this instance in the data block (0 except for multi-instances).
     pub offset: u32,
     /// Bytes.
     pub len: u32,
 }
 
-/// The organization block that runs, and its start information.
+/// The running organization block and its start information.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ObInfo {
@@ -85,7 +85,7 @@ pub struct ModuleInfo {
     pub present: u8,
     /// Must be ignored.
     pub reserved: u8,
-    /// Counts the driver's starts; another number means that everything the driver held is gone.
+    /// Counts the driver's starts; a changed number means that everything the driver held is gone.
     pub generation: u32,
 }
 
@@ -205,9 +205,9 @@ pub struct HostTable {
     ) -> Status,
     /// Nanoseconds since the runtime started; virtual in a simulation.
     pub now: unsafe extern "C" fn(call: *mut CallContext, nanos: *mut u64) -> Status,
-    /// The organization block that runs.
+    /// The running organization block.
     pub ob_info: unsafe extern "C" fn(call: *mut CallContext, info: *mut ObInfo) -> Status,
-    /// A safe point: higher priorities may run now. Blocks that loop call it each time round.
+    /// A safe point: higher priorities may run now. Blocks that loop call it in every iteration.
     pub attend: unsafe extern "C" fn(call: *mut CallContext) -> Status,
     /// Raises a programming or access error (event number 25xxh, 29xxh) as a statement would: OB 121/122 or STOP.
     /// Returns `OK` to go on or `ABORT`.

@@ -38,7 +38,7 @@ pub struct ParamDesc {
 pub type BlockEntry =
     Option<unsafe extern "C" fn(host: *const HostTable, call: *mut CallContext, state: *mut c_void) -> Status>;
 
-/// A block a plugin brings.
+/// A block of a plugin.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct BlockDesc {
@@ -59,7 +59,7 @@ pub struct BlockDesc {
     /// Number of entries of `params`.
     pub param_count: u32,
     /// Bytes of memory this block keeps per station: allocated by the host, zeroed at every start-up, aligned to 16
-    /// bytes, given to `entry`. 0: `state` is null. Data that must survive belongs into the instance data block.
+    /// bytes, given to `entry`. 0: `state` is null. Data that must survive belongs in the instance data block.
     pub state_size: u32,
     /// The code.
     pub entry: BlockEntry,

@@ -2,7 +2,7 @@
 
 use crate::{CallContext, Status, Text};
 
-/// Name of the extension, for [`crate::HostTable::extension`]; it answers a [`SettingsTable`].
+/// Name of the extension, for [`crate::HostTable::extension`]; it returns a [`SettingsTable`].
 pub const EXTENSION_SETTINGS: &str = "settings";
 
 /// What [`EXTENSION_SETTINGS`] names. Lives as long as the host.

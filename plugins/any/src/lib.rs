@@ -1,4 +1,4 @@
-//! The memory an ANY parameter of a handling block names, for the plugins whose blocks have one.
+//! The memory that an ANY parameter of a handling block points to, for the plugins that have such blocks.
 #![forbid(unsafe_code)]
 
 use ob1_sdk::types::Any;
@@ -11,22 +11,22 @@ pub struct Span {
     area: Area,
     at: u32,
     bit: Option<u8>,
-    /// Bytes; of a bit one, which is 0 or 1.
+    /// Length in bytes; for a bit 1: the byte is 0 or 1.
     pub len: u32,
 }
 
 impl Span {
-    /// Nothing.
+    /// An empty piece.
     pub const NONE: Self = Self { area: Area::Memory, at: 0, bit: None, len: 0 };
 
-    /// What a parameter names; `None`: nothing a CP can send or receive.
+    /// The memory a parameter points to; `None` if a CP cannot send or receive it.
     pub fn of<S: Readable, M>(cx: &mut Cx<'_, M>, formal: Formal<Any, S>) -> Result<Option<Self>, Abort> {
         let Some(fields) = pointer(cx, formal)? else { return Ok(None) };
         let area = match fields.area {
             0x81 => Area::Input,
             0x82 => Area::Output,
             0x83 => Area::Memory,
-            // Without a number: the one that is open.
+            // Without a number: the open data block.
             0x84 if fields.db == 0 => Area::Db(cx.registers()?.db),
             0x85 if fields.db == 0 => Area::Db(cx.registers()?.di),
             0x84 | 0x85 => Area::Db(fields.db),
@@ -43,12 +43,12 @@ impl Span {
         })
     }
 
-    /// The first bytes of it.
+    /// The first `len` bytes of the piece.
     pub fn first(self, len: u32) -> Self {
         Self { len, ..self }
     }
 
-    /// Reads a part that begins `from` bytes behind the first.
+    /// Reads a part that begins at byte `from` of the piece.
     pub fn read<M>(self, cx: &mut Cx<'_, M>, from: u32, into: &mut [u8]) -> Result<Result<(), Refused>, Abort> {
         match (self.bit, into) {
             (_, []) => Ok(Ok(())),
@@ -57,7 +57,7 @@ impl Span {
         }
     }
 
-    /// Writes a part.
+    /// Writes a part that begins at byte `from` of the piece.
     pub fn write<M>(self, cx: &mut Cx<'_, M>, from: u32, bytes: &[u8]) -> Result<Result<(), Refused>, Abort> {
         match (self.bit, bytes) {
             (_, []) => Ok(Ok(())),
@@ -67,7 +67,7 @@ impl Span {
     }
 }
 
-/// The fields of a parameter.
+/// The fields of the ANY pointer in a parameter.
 pub fn pointer<S: Readable, M>(cx: &mut Cx<'_, M>, formal: Formal<Any, S>) -> Result<Option<Fields>, Abort> {
     let mut bytes = [0; BYTES];
     Ok(match cx.get_bytes(formal, 0, &mut bytes)? {
@@ -76,24 +76,24 @@ pub fn pointer<S: Readable, M>(cx: &mut Cx<'_, M>, formal: Formal<Any, S>) -> Re
     })
 }
 
-/// STATUS of blocks whose parameter names memory that cannot be read or written, or a module that is not there.
+/// STATUS values for memory that cannot be read or written, and for a module that does not exist.
 pub mod status {
     use ob1_sdk::Refused;
 
-    /// There is no such module.
+    /// The module does not exist.
     pub const NO_MODULE: u16 = 0x8090;
-    /// The area that is read reaches beyond its data block.
+    /// The source area exceeds its data block.
     pub const SOURCE: u16 = 0x8F22;
-    /// The area that is written reaches beyond its data block.
+    /// The target area exceeds its data block.
     pub const TARGET: u16 = 0x8F23;
     /// The data block is write-protected.
     const READ_ONLY: u16 = 0x8F30;
-    /// There can be no data block with this number.
+    /// The number is not valid for a data block.
     const DB_NUMBER: u16 = 0x8F32;
-    /// The data block is not there.
+    /// The data block does not exist.
     const NO_DB: u16 = 0x8F3A;
 
-    /// Why memory cannot be read or written; `outside` where it reaches beyond its end.
+    /// STATUS for memory that cannot be read or written; `outside` is the STATUS for an area that exceeds it.
     #[must_use]
     pub fn of_memory(refused: Refused, outside: u16) -> u16 {
         match refused {

@@ -1,7 +1,7 @@
-//! Reads a window as fast as it goes while a writer fills it as fast as it goes, and looks at every word.
+//! Reads a window at full speed while a writer fills it at full speed, and checks every word.
 //!
-//! `cargo run --release -p ob1-backplane --example window -- READS READERS`: 10,000,000 reads of one reader unless said
-//! otherwise. Ends with an error at the first torn snapshot.
+//! `cargo run --release -p ob1-backplane --example window -- READS READERS`: by default 10,000,000 reads by one reader.
+//! Ends with an error at the first torn snapshot.
 
 #![allow(clippy::disallowed_methods, reason = "an example has threads; the product code of this crate has none")]
 
@@ -13,12 +13,12 @@ use ob1_backplane::{WindowHead, WindowReader, WindowWriter};
 /// Words of the pattern.
 const WORDS: usize = 64;
 
-/// What one reader has seen.
+/// What one reader has counted.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Seen {
     /// Whole snapshots.
     pub reads: u64,
-    /// Reads that the writer was faster than in every try.
+    /// Reads in which the writer was faster in every try.
     pub busy: u64,
     /// Snapshots with words of two scans.
     pub torn: u64,
@@ -49,10 +49,11 @@ fn look(reader: &WindowReader, reads: u64) -> Seen {
     seen
 }
 
-/// So many readers, each with so many reads, beside one writer; what each has seen, and how many snapshots there were.
+/// Runs `readers` readers with `reads` reads each beside one writer. Returns what each counted and the number of
+/// snapshots.
 ///
 /// # Panics
-/// No shared memory, no thread.
+/// Panics without shared memory or when no thread can be started.
 #[must_use]
 pub(crate) fn race(readers: usize, reads: u64) -> (Vec<Seen>, u64) {
     let mut writer = WindowWriter::create_shared().expect("shared memory");

@@ -35,23 +35,23 @@ impl BoxEnd {
         }
     }
 
-    /// Zeros in the head of every box of this end, whatever a predecessor has left: without a head there is no job, and
-    /// nobody looks at the data. The scan does this for a new driver: 64 times four words, about a microsecond out of
-    /// cold caches.
+    /// Zeroes the head of every box of this end, whatever a predecessor has left: without a head there is no job, and
+    /// nobody reads the data. The scan does this for a new driver: 64 times four words, about a microsecond with cold
+    /// caches.
     pub(crate) fn clear(&self, cells: Option<&BoxesCells>) {
         for cell in cells.iter().flat_map(|cells| &self.mine(cells).0) {
             cell.content.write(core::iter::repeat_n(0, HEAD_BYTES / 8));
         }
     }
 
-    /// Shows bytes in a box, from its first one on; what lies behind them stays.
+    /// Writes bytes into a box, from its first byte on; the bytes after them stay as they are.
     pub(crate) fn write(&self, cells: Option<&BoxesCells>, index: usize, bytes: &[u8]) {
         if let Some(cell) = cells.and_then(|cells| self.mine(cells).0.get(index)) {
             cell.content.write(words_of(bytes));
         }
     }
 
-    /// Copies what the other side shows, as many bytes as `into` has.
+    /// Copies what the other side has written, as many bytes as `into` has.
     pub(crate) fn read(&mut self, cells: Option<&BoxesCells>, index: usize, into: &mut [u8]) -> Freshness {
         let cell = cells.and_then(|cells| self.other(cells).0.get(index));
         let (Some(reader), Some(cell)) = (self.readers.get_mut(index), cell) else { return Freshness::Stale };
@@ -60,7 +60,7 @@ impl BoxEnd {
         freshness
     }
 
-    /// Whether the other side shows another content than the one read last.
+    /// Whether the other side has written since the last read.
     pub(crate) fn changed(&self, cells: Option<&BoxesCells>, index: usize) -> bool {
         let cell = cells.and_then(|cells| self.other(cells).0.get(index));
         self.readers.get(index).zip(cell).is_some_and(|(reader, cell)| reader.is_outdated(&cell.content))

@@ -1,14 +1,14 @@
-//! The diagnostic buffer of a CP: its newest entries in a ring that nobody empties. It belongs to the module, not to
-//! the driver: who is killed leaves it as it is, and the next one goes on behind it.
+//! The diagnostic buffer of a CP: its newest entries in a ring that is never emptied. It belongs to the module, not to
+//! the driver: a killed driver leaves it as it is, and the next driver appends to it.
 //!
-//! An entry is one word, so it is never half written; one slot more than there are entries is the one the writer is at.
-//! A reader that was overtaken stops where it was.
+//! An entry is one word, so it is never half written. The ring has one slot more than entries: the slot the writer is
+//! filling. A reader that was overtaken stops there.
 
 use crate::cells::BufferCells;
 use crate::layout::{BUFFER_ENTRIES, BUFFER_SLOTS};
 use crate::sync::{AtomicU64, Ordering};
 
-/// The bit of a word that is an entry; a word without it was never written.
+/// Set in every word that holds an entry; a word without it was never written.
 const USED: u64 = 1 << 17;
 const INCOMING: u64 = 1 << 16;
 const TIME_SHIFT: u32 = 18;
@@ -18,7 +18,7 @@ const TIME_SHIFT: u32 = 18;
 pub struct BufferEntry {
     /// Event class (high byte) and number (low byte), as in STATUS of the handling blocks.
     pub number: u16,
-    /// The event has come; otherwise a state that had come is gone.
+    /// True: the event has come. False: a state that had come has gone.
     pub incoming: bool,
     /// Time of the CPU (`cpu.time`) in milliseconds, as of its last scan.
     pub time_ms: u64,
@@ -37,7 +37,7 @@ impl BufferEntry {
 }
 
 fn slot(cells: &BufferCells, number: u64) -> &AtomicU64 {
-    // A remainder by the number of slots is inside the array, and the compiler knows it.
+    // The remainder is always a valid index, and the compiler knows it.
     &cells.entries.0[(number % BUFFER_SLOTS as u64) as usize]
 }
 
@@ -47,22 +47,22 @@ pub(crate) struct BufferWriter {
 }
 
 impl BufferWriter {
-    /// Goes on behind the entries that are there.
+    /// Continues after the existing entries.
     pub(crate) fn resume(cells: &BufferCells) -> Self {
         Self { written: cells.written.load(Ordering::Relaxed) }
     }
 
     pub(crate) fn enter(&mut self, cells: &BufferCells, entry: BufferEntry) {
-        // Pairs with the reader's load(Acquire) of the slot: who sees this entry sees a `written` that says what it
-        // stands over.
+        // Pairs with the reader's load(Acquire) of the slot: a reader that sees this entry also sees the `written` that
+        // shows which entry was overwritten.
         slot(cells, self.written).store(entry.to_word(), Ordering::Release);
         self.written = self.written.wrapping_add(1);
-        // Pairs with the reader's first load(Acquire): who sees this number sees all entries before it.
+        // Pairs with the reader's first load(Acquire): a reader that sees this number sees all entries before it.
         cells.written.store(self.written, Ordering::Release);
     }
 }
 
-/// The entries, newest first. Fewer when a writer overtakes.
+/// The entries, newest first. Fewer if the writer overtakes the reader.
 pub(crate) fn read(cells: &BufferCells) -> impl Iterator<Item = BufferEntry> {
     let written = cells.written.load(Ordering::Acquire);
     let words = (1..=written.min(BUFFER_ENTRIES as u64)).map_while(move |back| {

@@ -1,9 +1,9 @@
 //! The image of a bus: the inputs, outputs and couplers of one line of remote modules, between the scan and the process
 //! that owns the line.
 //!
-//! Each side publishes whole images, each with a number: three slots a direction, and the number says which is the
-//! newest. A reader takes the newest whole one. It never waits: a writer would have to publish twice more while it
-//! copies to get in its way, and then it tries again, a few times. Nothing in it is believed but its bytes; what the
+//! Each side publishes whole numbered images. There are three slots per direction, and the number tells which is the
+//! newest. A reader takes the newest whole image. It never waits: only a writer that publishes twice more during the
+//! copy gets in its way, and then the reader tries again, a few times. A reader trusts nothing but the bytes; what the
 //! words about a coupler mean is agreed elsewhere.
 
 use core::ops::Range;
@@ -26,12 +26,12 @@ pub const BUS_AREA_BYTES: usize = IO_AREA_BYTES;
 
 const SLOTS: u64 = 3;
 const AREA_WORDS: usize = BUS_AREA_BYTES / 8;
-/// What the process says: the couplers, then the inputs.
+/// The image of the process: the couplers, then the inputs.
 const INPUT_WORDS: usize = BUS_COUPLERS * COUPLER_WORDS + AREA_WORDS;
-/// What the scan says: whether the outputs are driven, then the outputs.
+/// The image of the scan: whether the outputs are driven, then the outputs.
 const OUTPUT_WORDS: usize = 1 + AREA_WORDS;
 
-/// One direction: the number of the newest image, and the slots. On a line of their own: each has one writer.
+/// One direction: the number of the newest image, and the slots. Each has one writer and so its own cache line.
 #[repr(C, align(128))]
 struct Way<const N: usize> {
     newest: AtomicU64,
@@ -52,11 +52,11 @@ impl<const N: usize> Way<N> {
     fn publish(&self, words: impl Iterator<Item = u64>) {
         let next = self.newest.load(Ordering::Relaxed).wrapping_add(1);
         self.slot(next).write(words);
-        // Pairs with the load(Acquire) in `take`: who reads this number finds that image in its slot, or a newer one.
+        // Pairs with the load(Acquire) in `take`: a reader of this number finds that image in its slot, or a newer one.
         self.newest.store(next, Ordering::Release);
     }
 
-    /// Takes the newest image, if it is another than `last`; whether it did.
+    /// Takes the newest image if its number is not `last`. `None`: there is no newer image.
     fn take(&self, last: &mut u64, into: &mut [u64]) -> Option<Freshness> {
         for _ in 0..TRIES {
             let newest = self.newest.load(Ordering::Acquire);
@@ -89,7 +89,7 @@ unsafe impl Cells for BusCells {
     }
 }
 
-/// How much of an image is in use: both ends know it from the configuration.
+/// The used part of an image; both ends know it from the configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BusSize {
     couplers: usize,
@@ -98,7 +98,7 @@ pub struct BusSize {
 }
 
 impl BusSize {
-    /// So many couplers, input and output bytes; `None`: more than a bus can have.
+    /// A size in couplers, input bytes and output bytes; `None` if this is too much for a bus.
     #[must_use]
     pub const fn new(couplers: usize, inputs: usize, outputs: usize) -> Option<Self> {
         if couplers > BUS_COUPLERS || inputs > BUS_AREA_BYTES || outputs > BUS_AREA_BYTES {
@@ -115,13 +115,13 @@ impl BusSize {
         1 + self.outputs.div_ceil(8)
     }
 
-    /// The words of the inputs behind those of the couplers.
+    /// The words of the inputs, which follow those of the couplers.
     const fn input_range(self) -> Range<usize> {
         self.couplers * COUPLER_WORDS..self.input_words()
     }
 }
 
-/// The memory, as the runtime makes it and hands it over. Clones are handles of the same.
+/// The memory that the runtime creates and hands over. Clones are handles of the same memory.
 #[derive(Clone)]
 pub struct BusMemory {
     memory: Memory<BusCells>,
@@ -137,7 +137,7 @@ impl BusMemory {
     /// Memory that can be handed over.
     ///
     /// # Errors
-    /// What the system says when it has no memory or no descriptor left.
+    /// The system's error when it has no memory or no descriptor left.
     pub fn create_shared() -> Result<Self, SegmentError> {
         Ok(Self { memory: Memory::create(c"ob1-bus")? })
     }
@@ -145,7 +145,7 @@ impl BusMemory {
     /// The memory that was handed over.
     ///
     /// # Errors
-    /// [`SegmentError`] if it is no sealed file of the right size.
+    /// [`SegmentError`] if it is not a sealed file of the right size.
     pub fn received(file: OwnedFd) -> Result<Self, SegmentError> {
         Ok(Self { memory: Memory::received(file)? })
     }
@@ -156,7 +156,7 @@ impl BusMemory {
         self.memory.descriptor()
     }
 
-    /// Fills the memory with noise, word by word: what a process gone mad may do. For tests.
+    /// Fills the memory with noise, word by word: what a faulty process may do. For tests.
     pub fn scribble(&self, mut noise: impl FnMut() -> u64) {
         let cells = self.memory.cells();
         for (newest, slots) in [
@@ -191,7 +191,7 @@ impl BusCpuSide {
         Self { memory: memory.clone(), size, taken: 0, inputs, outputs, stale: 0 }
     }
 
-    /// Takes the newest image of the inputs whole; whether there was one.
+    /// Takes the newest whole image of the inputs; true if there was a new one.
     pub fn take(&mut self) -> bool {
         match self.memory.memory.cells().inputs.take(&mut self.taken, &mut self.inputs) {
             Some(Freshness::Fresh) => true,
@@ -203,7 +203,7 @@ impl BusCpuSide {
         }
     }
 
-    /// The words about a coupler in the image that was taken; zeros for one there is not.
+    /// The words about a coupler in the image taken last; zeros if there is no such coupler.
     #[must_use]
     pub fn coupler(&self, index: usize) -> [u64; COUPLER_WORDS] {
         let first = index * COUPLER_WORDS;
@@ -211,7 +211,7 @@ impl BusCpuSide {
         words.and_then(|words| words.try_into().ok()).unwrap_or_default()
     }
 
-    /// Copies input bytes of the image that was taken; what lies outside reads 0.
+    /// Copies input bytes of the image taken last; bytes outside it read 0.
     pub fn inputs(&self, at: usize, into: &mut [u8]) {
         let words = self.inputs.get(self.size.input_range()).unwrap_or_default();
         for (n, byte) in into.iter_mut().enumerate() {
@@ -221,7 +221,7 @@ impl BusCpuSide {
         }
     }
 
-    /// Publishes the outputs, if anything is another than before; whether it was.
+    /// Publishes the outputs if anything has changed; true if so.
     pub fn publish(&mut self, driven: bool, outputs: &[u8]) -> bool {
         let (head, area) = self.outputs.split_at_mut(1);
         let bytes = outputs.get(..outputs.len().min(self.size.outputs)).unwrap_or_default();
@@ -235,12 +235,12 @@ impl BusCpuSide {
         true
     }
 
-    /// Publishes the outputs once more: somebody may have written over them.
+    /// Publishes the outputs again, in case somebody has overwritten them.
     pub fn rewrite(&self) {
         self.memory.memory.cells().outputs.publish(self.outputs.iter().copied());
     }
 
-    /// Looks at the inputs that found no whole image.
+    /// Reads of the inputs that found no whole image.
     #[must_use]
     pub const fn stale(&self) -> u64 {
         self.stale
@@ -275,7 +275,7 @@ impl BusProcessSide {
         self.memory.memory.cells().inputs.publish(about.chain(crate::bytes::words_of(bytes)));
     }
 
-    /// Takes the newest outputs whole into `into`, if they are others than the last; whether they are driven then.
+    /// Takes the newest whole outputs into `into` if they are newer than the last; returns whether they are driven.
     pub fn take(&mut self, into: &mut [u8]) -> Option<bool> {
         match self.memory.memory.cells().outputs.take(&mut self.taken, &mut self.outputs) {
             Some(Freshness::Fresh) => {}
@@ -287,14 +287,14 @@ impl BusProcessSide {
     }
 }
 
-/// Somebody who only looks: what both sides have published last.
+/// A read-only view of what both sides have published last.
 pub struct BusLook {
     scan: BusCpuSide,
     process: BusProcessSide,
 }
 
 impl BusLook {
-    /// Looks at a memory now; `None`: both sides write so busily that there is no whole image.
+    /// Takes a view of the memory now; `None` if both sides write too fast for a whole image.
     #[must_use]
     pub fn new(memory: &BusMemory, size: BusSize) -> Option<Self> {
         let mut look = Self { scan: BusCpuSide::new(memory, size), process: BusProcessSide::new(memory, size) };
@@ -314,7 +314,7 @@ impl BusLook {
         self.scan.inputs(at, into);
     }
 
-    /// Copies output bytes; what lies outside reads 0.
+    /// Copies output bytes; bytes outside the image read 0.
     pub fn outputs(&self, at: usize, into: &mut [u8]) {
         let area = self.process.outputs.get(1..).unwrap_or_default();
         for (n, byte) in into.iter_mut().enumerate() {
@@ -394,7 +394,7 @@ mod tests {
         let memory = BusMemory::heap();
         let (mut cpu, mut process) = ends(&memory);
         let mut noise = 1_u64;
-        // Miri walks through the whole area each time.
+        // Under Miri each round walks through the whole area.
         for _ in 0..if cfg!(miri) { 1 } else { 50 } {
             memory.scribble(|| {
                 noise = noise.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
@@ -402,7 +402,7 @@ mod tests {
             });
             let _ = (cpu.take(), process.take(&mut [0; 9]));
         }
-        // Whoever publishes next is heard again.
+        // The next image published is seen again.
         process.publish([[9; 8], [9; 8]].into_iter(), &[9; 12]);
         assert!(cpu.take());
         cpu.rewrite();

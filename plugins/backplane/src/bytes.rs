@@ -1,11 +1,12 @@
 //! Bytes in words and back, in the byte order of the machine: byte 0 of the data is the lowest address.
 
-/// The bytes as words; the last word is filled up with zeros.
+/// The bytes as words; the last word is padded with zeros.
 pub(crate) fn words_of(bytes: &[u8]) -> impl Iterator<Item = u64> {
     bytes.chunks(8).map(|chunk| merged(0, 0, chunk))
 }
 
-/// Writes `bytes` over the beginning of `words`; what lies behind stays, and so does what does not fit.
+/// Writes `bytes` over the beginning of `words`; the words after them stay as they are, and bytes that do not fit are
+/// dropped.
 #[inline]
 pub(crate) fn overlay(words: &mut [u64], bytes: &[u8]) {
     for (word, chunk) in words.iter_mut().zip(bytes.chunks(8)) {
@@ -21,10 +22,10 @@ pub(crate) fn copy_out(words: &[u64], bytes: &mut [u8]) {
     }
 }
 
-/// `word` with `chunk` in the place of its bytes from `first` on.
+/// `word` with its bytes from `first` on replaced by `chunk`.
 #[inline]
 pub(crate) fn merged(word: u64, first: usize, chunk: &[u8]) -> u64 {
-    // Whole words are the rule; the loop is for the ends.
+    // Most chunks are whole words; the loop handles the ends.
     if let (0, Ok(whole)) = (first, <[u8; 8]>::try_from(chunk)) {
         return u64::from_ne_bytes(whole);
     }

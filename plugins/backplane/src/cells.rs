@@ -1,7 +1,7 @@
 //! The memory map as one `repr(C)` structure of atomic words: what both ends lay over the raw memory.
 //!
-//! There is nothing but atomics in it, reserved words included, so a reference to it never promises that the memory
-//! behind stands still.
+//! It contains nothing but atomics, reserved words included, so a reference to it never promises that the memory does
+//! not change.
 
 use crate::layout::{
     BOX_BYTES, BOXES, BUFFER_SLOTS, COUNTER_WORDS, EVENT_SLOTS, IO_BYTES_MAX, JSON_BYTES, PARAMETER_BYTES, RECORD_BYTES,
@@ -16,7 +16,7 @@ pub(crate) const RECORD_WORDS: usize = 2 + RECORD_BYTES / 8;
 /// Words of the parameter record: JSON length, parameter bytes, JSON text.
 pub(crate) const PARAMS_WORDS: usize = 1 + (PARAMETER_BYTES + JSON_BYTES) / 8;
 
-/// What the maker of the segment says about it.
+/// What the creator of the segment writes about it.
 #[repr(C)]
 #[derive(Default)]
 pub(crate) struct HeaderCells {
@@ -48,7 +48,7 @@ pub(crate) struct InputCells {
     pad: Pad<7>,
 }
 
-/// What the CPU says about itself.
+/// The state of the CPU, written by the CPU.
 #[repr(C)]
 #[derive(Default)]
 pub(crate) struct CpuCells {
@@ -59,7 +59,7 @@ pub(crate) struct CpuCells {
     pad: Pad<12>,
 }
 
-/// What the driver says about itself.
+/// The state of the driver, written by the driver.
 #[repr(C)]
 #[derive(Default)]
 pub(crate) struct CpCells {
@@ -167,7 +167,7 @@ pub(crate) struct BoxesCells {
     pub(crate) to_cpu: BoxRow,
 }
 
-/// The whole segment; of one with boxes, what lies before them.
+/// The whole segment; in a segment with boxes, the part before them.
 #[repr(C, align(128))]
 #[derive(Default)]
 pub(crate) struct SegmentCells {

@@ -1,5 +1,5 @@
-//! The two channels of a CP 341, one for each of its handling blocks: each side shows the other a block of 64 bytes
-//! under a sequence lock. What the blocks mean is in `docs/cp341-channels.md`; here they are bytes.
+//! The two channels of a CP 341, one for each of its handling blocks: each side writes a block of 64 bytes for the
+//! other under a sequence lock. What the blocks mean is in `docs/cp341-channels.md`; here they are bytes.
 
 use crate::bytes::copy_out;
 use crate::cells::{ChannelsCells, IO_WORDS};
@@ -8,7 +8,7 @@ use crate::seqlock::{Freshness, SeqCell, SeqReader};
 
 pub use ob1_words::channels::{Channel, ChannelBlock};
 
-/// Which way.
+/// Direction.
 #[derive(Clone, Copy)]
 pub(crate) enum Way {
     ToCp,
@@ -42,26 +42,26 @@ impl ChannelEnd {
         Self { writes, reads, writers: [writer(), writer()], readers: [SeqReader::new(), SeqReader::new()] }
     }
 
-    /// Zeros in both blocks of this end, whatever a predecessor has left.
+    /// Zeroes both blocks of this end, whatever a predecessor has left.
     pub(crate) fn clear(&mut self, cells: &ChannelsCells) {
         for channel in Channel::ALL {
             self.writers[channel as usize].clear(cell(cells, channel, self.writes));
         }
     }
 
-    /// Writes what it has written last once more.
+    /// Writes the last blocks again.
     pub(crate) fn rewrite(&mut self, cells: &ChannelsCells) {
         for channel in Channel::ALL {
             self.writers[channel as usize].rewrite(cell(cells, channel, self.writes));
         }
     }
 
-    /// Shows a block; true if it is another than before.
+    /// Writes a block; true if it differs from the last one.
     pub(crate) fn write(&mut self, cells: &ChannelsCells, channel: Channel, block: &ChannelBlock) -> bool {
         self.writers[channel as usize].write(cell(cells, channel, self.writes), block)
     }
 
-    /// Copies what the other side shows.
+    /// Copies the block of the other side.
     pub(crate) fn read(&mut self, cells: &ChannelsCells, channel: Channel, into: &mut ChannelBlock) -> Freshness {
         let reader = &mut self.readers[channel as usize];
         let freshness = reader.read(cell(cells, channel, self.reads), IO_WORDS);
@@ -69,7 +69,7 @@ impl ChannelEnd {
         freshness
     }
 
-    /// Whether the other side shows another block than the one read last.
+    /// Whether the other side has written a block since the last read.
     pub(crate) fn changed(&self, cells: &ChannelsCells, channel: Channel) -> bool {
         self.readers[channel as usize].is_outdated(cell(cells, channel, self.reads))
     }

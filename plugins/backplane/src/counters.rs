@@ -1,4 +1,4 @@
-//! The counters of a CP: they only grow, over all restarts of its driver, and tell where each telegram went.
+//! The counters of a CP: they only grow, across all restarts of its driver, and tell what became of each telegram.
 
 use crate::layout::COUNTER_WORDS;
 use crate::sync::{AtomicU64, Ordering, Words};
@@ -36,7 +36,7 @@ counters! {
     SendErrors = "send_errors",
     /// Orders dropped by a reset of the CP.
     OrdersAborted = "orders_aborted",
-    /// Orders that lay in the buffers of a driver when it died.
+    /// Orders that were in the buffers of a driver when it died.
     OrdersLost = "orders_lost",
     /// Telegrams of the partner received completely and free of errors.
     TelegramsReceived = "telegrams_received",
@@ -44,12 +44,12 @@ counters! {
     TelegramsDelivered = "telegrams_delivered",
     /// Received telegrams dropped by a reset of the CP.
     ReceiveAborted = "receive_aborted",
-    /// Received telegrams that lay in the buffers of a driver when it died.
+    /// Received telegrams that were in the buffers of a driver when it died.
     ReceiveLost = "receive_lost",
     /// Attempts of the partner that failed: parity, frame, check sum, time.
     ReceiveErrors = "receive_errors",
     /// Attempts of the partner that were rejected because a buffer was full. A warning: a partner that repeats at once
-    /// has used its attempts up before the program has made room, and gives the telegram up.
+    /// uses up its attempts before the program has made room, and gives up the telegram.
     RejectedFull = "rejected_full",
     /// Bytes sent on the line.
     BytesTx = "bytes_tx",
@@ -61,13 +61,13 @@ counters! {
     LineRestarts = "line_restarts",
     /// Times a driver has attached.
     DriverStarts = "driver_starts",
-    /// Log lines of the driver that nobody got.
+    /// Log lines of the driver that were dropped.
     LogLost = "log_lost",
 }
 
 const _: () = assert!(Counter::ALL.len() <= COUNTER_WORDS);
 
-/// All counters at one time. They are read one by one: two of them may be a telegram apart.
+/// All counters at one time. They are read one by one, so two of them may differ by a telegram.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters([u64; Counter::ALL.len()]);
 

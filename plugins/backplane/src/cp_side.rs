@@ -1,5 +1,5 @@
-//! The driver's end of a segment: the CP's side of the back plane. It believes the CPU side as little as that believes
-//! the driver.
+//! The driver's end of a segment: the CP's side of the back plane. It trusts the CPU side as little as the CPU side
+//! trusts the driver.
 
 use crate::boxes::BoxEnd;
 use crate::buffer::{BufferEntry, BufferWriter};
@@ -40,12 +40,12 @@ pub struct CpSide {
 
 impl CpSide {
     /// Attaches a driver: checks the header, clears what an earlier driver has left (its input registers and channels
-    /// read 0, its diagnostic record is empty, orders in its buffers are booked as lost), shows
-    /// [`DriverState::Starting`] and makes the next generation, which tells the CPU side that all this is done. Events
-    /// an earlier driver has completed stay.
+    /// read 0, its diagnostic record is empty, orders in its buffers are booked as lost), sets
+    /// [`DriverState::Starting`] and increments the generation, which tells the CPU side that all this is done.
+    /// Complete events of an earlier driver stay.
     ///
     /// # Errors
-    /// [`SegmentError::Header`] if this is no segment of this layout version; [`SegmentError::InUse`] if another
+    /// [`SegmentError::Header`] if this is not a segment of this layout version; [`SegmentError::InUse`] if another
     /// process is its driver.
     pub fn attach(segment: &Segment) -> Result<Self, SegmentError> {
         let cells = segment.cells();
@@ -65,7 +65,7 @@ impl CpSide {
         book_lost(&cells.counters);
         counters::add(&cells.counters, Counter::DriverStarts, 1);
         let events = Producer::resume(&cells.events);
-        // 0 is kept for "never attached".
+        // 0 means "never attached".
         let generation = cells.cp.generation.load(Ordering::Relaxed).wrapping_add(1).max(1);
         // Pairs with the load(Acquire) in `Monitor::generation`.
         cells.cp.generation.store(generation, Ordering::Release);
@@ -96,22 +96,23 @@ impl CpSide {
         self.io.get()
     }
 
-    /// The number of this driver, counted by attachments; never 0.
+    /// The number of this driver: attachments are counted. Never 0.
     #[must_use]
     pub fn generation(&self) -> u64 {
         self.generation
     }
 
-    /// Where the CPU side is now. Take it first in each pass, then look at everything, then [`Self::prepare_sleep`].
+    /// The CPU side's current mark. Take it first in each pass, then look at everything, then call
+    /// [`Self::prepare_sleep`].
     #[inline]
     #[must_use]
     pub fn changes(&self) -> ChangeMark {
-        // Pairs with the store(Release) in `CpuSide::changed`: all changes up to this mark are visible behind it.
+        // Pairs with the store(Release) in `CpuSide::changed`: all changes up to this mark are visible after it.
         ChangeMark(self.cells().outputs.changes.load(Ordering::Acquire))
     }
 
     /// Announces sleep. True: nothing has changed since `seen`, and the CPU side rings for the next change: wait on the
-    /// doorbell. False: there is something new, go round again. Either way [`Self::awake`] ends it.
+    /// doorbell. False: there is something new, make another pass. In both cases [`Self::awake`] ends it.
     #[must_use]
     pub fn prepare_sleep(&mut self, seen: ChangeMark) -> bool {
         let cells = self.segment.cells();
@@ -125,7 +126,7 @@ impl CpSide {
         false
     }
 
-    /// Takes the announcement back: the driver is at work. A byte may lie in the doorbell all the same.
+    /// Withdraws the announcement: the driver is running. The doorbell may still contain a byte.
     pub fn awake(&mut self) {
         self.cells().doorbell.sleeping.store(0, Ordering::Relaxed);
     }
@@ -137,7 +138,7 @@ impl CpSide {
         self.outputs.is_outdated(&self.cells().outputs.registers)
     }
 
-    /// Copies the output registers into `into` (as far as either reaches). A stale copy is whole, only not the newest.
+    /// Copies the output registers into `into` (as far as either reaches). A stale copy is whole, but not the newest.
     #[inline]
     pub fn read_outputs(&mut self, into: &mut [u8]) -> Freshness {
         let freshness = self.outputs.read(&self.segment.cells().outputs.registers, self.io.words());
@@ -165,10 +166,10 @@ impl CpSide {
         self.params.is_outdated(&self.cells().params)
     }
 
-    /// The parameter record. Its revision is 0 if there was no transfer yet.
+    /// The parameter record. Its revision is 0 before the first transfer.
     ///
     /// # Errors
-    /// [`Fault::ParameterLength`] if it claims more text than there is room.
+    /// [`Fault::ParameterLength`] if it claims more text than fits.
     pub fn read_params(&mut self) -> Result<Params<'_>, Fault> {
         read_params(&mut self.params, &self.segment.cells().params, &mut self.json)
     }
@@ -179,15 +180,15 @@ impl CpSide {
         self.record.is_outdated(&self.cells().record.record)
     }
 
-    /// The record the CPU has written last (SFC 58). Its revision is 0 if there was none yet.
+    /// The record the CPU has written last (SFC 58). Its revision is 0 before the first.
     ///
     /// # Errors
-    /// [`Fault::RecordLength`] if it claims to be longer than there is room.
+    /// [`Fault::RecordLength`] if it claims to be longer than fits.
     pub fn read_record(&mut self) -> Result<Record, Fault> {
         read_record(&mut self.record, &self.segment.cells().record)
     }
 
-    /// Shows a diagnostic record (the CPU reads it by SFC 51 or 59).
+    /// Writes a diagnostic record (the CPU reads it with SFC 51 or 59).
     ///
     /// # Errors
     /// [`TooLong`] beyond 240 bytes; then nothing is written.
@@ -203,23 +204,23 @@ impl CpSide {
         self.buffer.enter(&cells.buffer, BufferEntry { number, incoming, time_ms });
     }
 
-    /// Emits an event; false if the ring is full: it is counted as lost.
+    /// Emits an event. False: the ring is full, and the event is counted as lost.
     pub fn emit_event(&mut self, event: Event) -> bool {
         self.events.emit(&self.segment.cells().events, event)
     }
 
-    /// Shows the CPU a block of a channel; true if it is another than before.
+    /// Writes a block of a channel for the CPU; true if it differs from the last one.
     pub fn write_channel(&mut self, channel: Channel, block: &ChannelBlock) -> bool {
         self.channels.write(&self.segment.cells().channels, channel, block)
     }
 
-    /// Whether the CPU shows another block of a channel than the one read last.
+    /// Whether the CPU has written a block of the channel since the last read.
     #[must_use]
     pub fn channel_changed(&self, channel: Channel) -> bool {
         self.channels.changed(&self.cells().channels, channel)
     }
 
-    /// Copies what the CPU shows in a channel. A stale copy is whole, only not the newest.
+    /// Copies the CPU's block of a channel. A stale copy is whole, but not the newest.
     pub fn read_channel(&mut self, channel: Channel, into: &mut ChannelBlock) -> Freshness {
         self.channels.read(&self.segment.cells().channels, channel, into)
     }
@@ -230,18 +231,18 @@ impl CpSide {
         self.segment.boxes().is_some()
     }
 
-    /// Shows the CPU bytes in a box, from its first one on. Without boxes it does nothing.
+    /// Writes bytes into a box for the CPU, from its first byte on. Does nothing without boxes.
     pub fn write_box(&mut self, index: usize, bytes: &[u8]) {
         self.boxes.write(self.segment.boxes(), index, bytes);
     }
 
-    /// Whether the CPU shows another content of a box than the one read last.
+    /// Whether the CPU has written to a box since the last read.
     #[must_use]
     pub fn box_changed(&self, index: usize) -> bool {
         self.boxes.changed(self.segment.boxes(), index)
     }
 
-    /// Copies what the CPU shows in a box, as many bytes as `into` has. A stale copy is whole, only not the newest.
+    /// Copies the CPU's content of a box, as many bytes as `into` has. A stale copy is whole, but not the newest.
     pub fn read_box(&mut self, index: usize, into: &mut [u8]) -> Freshness {
         self.boxes.read(self.segment.boxes(), index, into)
     }
@@ -273,7 +274,7 @@ impl CpSide {
         self.cells().cp.modem_inputs.store(lines.to_word(), Ordering::Relaxed);
     }
 
-    /// Modem lines as the CPU wants them.
+    /// Modem lines as set by the CPU.
     #[must_use]
     pub fn modem_outputs(&self) -> ModemOutputs {
         ModemOutputs::from_word(self.cells().cpu.modem_outputs.load(Ordering::Acquire))
@@ -293,7 +294,7 @@ impl CpSide {
         self.cells().cpu.heartbeat.load(Ordering::Relaxed)
     }
 
-    /// One more pass of the driver's loop. A driver that sleeps long wakes up now and then to do this.
+    /// Counts one more pass of the driver's loop. A driver that sleeps long wakes up from time to time to do this.
     #[inline]
     pub fn beat(&mut self) {
         let heartbeat = &self.cells().cp.heartbeat;

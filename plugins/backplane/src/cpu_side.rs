@@ -1,5 +1,5 @@
-//! The CPU's end of a segment. It belongs to the scan: it allocates nothing, waits for nobody, makes no system call,
-//! and believes nothing.
+//! The CPU's end of a segment. It belongs to the scan: it does not allocate, wait or make system calls, and trusts
+//! nothing the driver writes.
 
 use crate::boxes::BoxEnd;
 use crate::bytes::copy_out;
@@ -34,11 +34,11 @@ pub struct CpuSide {
 }
 
 impl CpuSide {
-    /// Makes an empty segment for a module with `io_bytes` register bytes each way (8 to 64). Nobody may be attached
-    /// yet.
+    /// Formats an empty segment for a module with `io_bytes` register bytes each way (8 to 64). No driver may be
+    /// attached yet.
     ///
     /// # Errors
-    /// [`SegmentError::IoBytes`] if a module cannot have so many.
+    /// [`SegmentError::IoBytes`] for a number outside that range.
     pub fn create(segment: &Segment, io_bytes: usize) -> Result<Self, SegmentError> {
         let io = IoBytes::new(io_bytes).ok_or(SegmentError::IoBytes(io_bytes))?;
         header::format(segment, io);
@@ -58,22 +58,22 @@ impl CpuSide {
         })
     }
 
-    /// Writes everything of the CPU side once more, header included, but for the parameters and the record, of which it
-    /// keeps no copy. Call it before a driver is started again, and transfer the parameters: the last one may have
-    /// written where it had no business. Without such damage it changes nothing.
+    /// Writes everything of the CPU side again, header included, except the parameters and the record, of which it
+    /// keeps no copy. Call it before a driver is restarted, then transfer the parameters: the last driver may have
+    /// overwritten words that are not its own. Without such damage it changes nothing.
     pub fn restore(&mut self) {
         let cells = self.monitor.cells();
         self.monitor.restore_header();
         self.outputs.rewrite(&cells.outputs.registers);
         self.events.publish(&cells.events);
         self.channels.rewrite(&cells.channels);
-        // Jobs do not outlive a driver: the handling blocks see its successor and begin anew.
+        // Jobs do not outlive a driver: the handling blocks notice its successor and start again.
         self.boxes.clear(self.monitor.boxes());
         self.set_modem_outputs(self.modem);
         self.set_cpu_state(self.state);
     }
 
-    /// State, generation, LEDs, counters: what only looks. Clones of it may go to other threads.
+    /// The read-only view: state, generation, LEDs, counters. Clones of it may go to other threads.
     #[inline]
     #[must_use]
     pub fn monitor(&self) -> &Monitor {
@@ -91,7 +91,7 @@ impl CpuSide {
         self.monitor.cells()
     }
 
-    /// Tells the driver that something has changed: the doorbell protocol counts on one call after each change.
+    /// Tells the driver that something has changed: the doorbell protocol relies on one call after each change.
     #[inline]
     fn changed(&mut self) {
         self.changes = self.changes.wrapping_add(1);
@@ -99,7 +99,7 @@ impl CpuSide {
         self.bell_due = true;
     }
 
-    /// Writes the output registers; true if that changed anything (if not, nothing is touched). Bytes that `data` does
+    /// Writes the output registers; true if that changed anything (if not, nothing is written). Bytes that `data` does
     /// not reach keep their value, bytes beyond `io_bytes` are ignored.
     #[inline]
     pub fn write_outputs(&mut self, data: &[u8]) -> bool {
@@ -110,7 +110,7 @@ impl CpuSide {
         changed
     }
 
-    /// Copies the input registers into `into` (as far as either reaches). A stale copy is whole, only not the newest.
+    /// Copies the input registers into `into` (as far as either reaches). A stale copy is whole, but not the newest.
     #[inline]
     pub fn read_inputs(&mut self, into: &mut [u8]) -> Freshness {
         let freshness = self.inputs.read(&self.monitor.cells().inputs.registers, self.io.words());
@@ -119,8 +119,8 @@ impl CpuSide {
         freshness
     }
 
-    /// Whether the driver has written its registers since the last [`Self::read_inputs`]: one load, for who waits
-    /// spinning.
+    /// Whether the driver has written its registers since the last [`Self::read_inputs`]: one load, for callers that
+    /// spin.
     #[inline]
     #[must_use]
     pub fn inputs_changed(&self) -> bool {
@@ -133,16 +133,16 @@ impl CpuSide {
         self.inputs.stale()
     }
 
-    /// Whether the driver sleeps and has to be woken for what was written since the last call; at most one true for
-    /// each sleep. Call it once a scan, after the last write; it costs nothing when nothing was written.
+    /// Whether the driver sleeps and must be woken for what was written since the last call; true at most once per
+    /// sleep. Call it once per scan, after the last write; it costs nothing if nothing was written.
     #[inline]
     pub fn take_doorbell(&mut self) -> bool {
         if !self.bell_due {
             return false;
         }
         self.bell_due = false;
-        // Either we see the driver's flag, or the driver, behind its own fence in `CpSide::prepare_sleep`, sees our
-        // change: both fences are SeqCst, one of them comes first.
+        // Either we see the driver's flag, or the driver sees our change after its own fence in
+        // `CpSide::prepare_sleep`: both fences are SeqCst, so one of them comes first.
         fence(Ordering::SeqCst);
         let sleeping = &self.cells().doorbell.sleeping;
         if sleeping.load(Ordering::Relaxed) == 0 {
@@ -153,7 +153,7 @@ impl CpuSide {
     }
 
     /// Transfers parameters: the module's 16 bytes and the driver's configuration as JSON text. A driver notices every
-    /// transfer, also one of the same content.
+    /// transfer, even one of the same content.
     ///
     /// # Errors
     /// [`TooLong`] if the text does not fit; then nothing is written.
@@ -176,21 +176,22 @@ impl CpuSide {
     /// The diagnostic record of the CP (SFC 51, 59).
     ///
     /// # Errors
-    /// [`Fault::RecordLength`] if it claims to be longer than there is room.
+    /// [`Fault::RecordLength`] if it claims to be longer than fits.
     pub fn read_diagnosis(&mut self) -> Result<Record, Fault> {
         read_record(&mut self.diagnosis, &self.monitor.cells().diagnosis)
     }
 
-    /// Takes the oldest event of the CP. A driver can produce as fast as this is called: bound the calls a scan.
+    /// Takes the oldest event of the CP. A driver can produce events as fast as this is called: limit the calls per
+    /// scan.
     ///
     /// # Errors
-    /// [`Fault::EventRing`] or [`Fault::Event`]; the next call goes on behind it.
+    /// [`Fault::EventRing`] or [`Fault::Event`]; the next call continues after it.
     #[inline]
     pub fn poll_event(&mut self) -> Result<Option<Event>, Fault> {
         self.events.poll(&self.monitor.cells().events)
     }
 
-    /// Shows the CP a block of a channel; true if it is another than before (if not, nothing is touched).
+    /// Writes a block of a channel for the CP; true if it differs from the last one (if not, nothing is written).
     pub fn write_channel(&mut self, channel: Channel, block: &ChannelBlock) -> bool {
         let changed = self.channels.write(&self.monitor.cells().channels, channel, block);
         if changed {
@@ -199,18 +200,18 @@ impl CpuSide {
         changed
     }
 
-    /// Copies what the CP shows in a channel. A stale copy is whole, only not the newest.
+    /// Copies the CP's block of a channel. A stale copy is whole, but not the newest.
     pub fn read_channel(&mut self, channel: Channel, into: &mut ChannelBlock) -> Freshness {
         self.channels.read(&self.monitor.cells().channels, channel, into)
     }
 
-    /// Shows the CP bytes in a box, from its first one on. Without boxes it does nothing.
+    /// Writes bytes into a box for the CP, from its first byte on. Does nothing without boxes.
     pub fn write_box(&mut self, index: usize, bytes: &[u8]) {
         self.boxes.write(self.monitor.boxes(), index, bytes);
         self.changed();
     }
 
-    /// Copies what the CP shows in a box, as many bytes as `into` has. A stale copy is whole, only not the newest.
+    /// Copies the CP's content of a box, as many bytes as `into` has. A stale copy is whole, but not the newest.
     pub fn read_box(&mut self, index: usize, into: &mut [u8]) -> Freshness {
         self.boxes.read(self.monitor.boxes(), index, into)
     }
@@ -229,14 +230,14 @@ impl CpuSide {
         self.changed();
     }
 
-    /// Shows the CPU's time, in nanoseconds since the runtime started: the clock of the CP's diagnostic buffer. Does
-    /// not wake the driver.
+    /// Publishes the CPU's time, in nanoseconds since the runtime started: the clock of the CP's diagnostic buffer.
+    /// Does not wake the driver.
     #[inline]
     pub fn set_time(&mut self, now: u64) {
         self.cells().cpu.time.store(now, Ordering::Relaxed);
     }
 
-    /// One more scan. Does not wake the driver.
+    /// Counts one more scan. Does not wake the driver.
     #[inline]
     pub fn beat(&mut self) {
         let heartbeat = &self.cells().cpu.heartbeat;

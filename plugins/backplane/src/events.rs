@@ -96,7 +96,7 @@ impl Event {
         }
         let mut data = [0; EVENT_DATA_BYTES];
         copy_out(&[low, high], &mut data);
-        // What lies behind the length is noise of an earlier record or of a careless driver.
+        // Bytes beyond the length are remains of an earlier record or of a careless driver.
         for byte in data.iter_mut().skip(usize::from(len)) {
             *byte = 0;
         }
@@ -105,7 +105,7 @@ impl Event {
 }
 
 fn slot(cells: &EventCells, number: u64) -> &Words<4> {
-    // A remainder by the number of slots is inside the array, and the compiler knows it.
+    // The remainder is always a valid index, and the compiler knows it.
     &cells.slots.0[(number % EVENT_SLOTS as u64) as usize]
 }
 
@@ -126,10 +126,10 @@ impl Producer {
         Self { produced }
     }
 
-    /// Puts an event into the ring; false if it is full (or the consumer's counter means nothing): it is counted as
-    /// lost.
+    /// Puts an event into the ring. False: the ring is full (or the consumer's counter is impossible), and the event is
+    /// counted as lost.
     pub(crate) fn emit(&mut self, cells: &EventCells, event: Event) -> bool {
-        // Pairs with the consumer's store(Release): it has read the slot before we write it again.
+        // Pairs with the consumer's store(Release): it has read the slot before we overwrite it.
         let consumed = cells.consumed.load(Ordering::Acquire);
         if self.produced.wrapping_sub(consumed) >= EVENT_SLOTS as u64 {
             cells.lost.store(cells.lost.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
@@ -156,7 +156,7 @@ impl Consumer {
         Self { consumed: 0 }
     }
 
-    /// Takes the oldest event. After a fault the next call goes on behind it.
+    /// Takes the oldest event. After a fault the next call continues after it.
     #[inline]
     pub(crate) fn poll(&mut self, cells: &EventCells) -> Result<Option<Event>, Fault> {
         // Pairs with the producer's store(Release) of `produced`.
@@ -183,7 +183,7 @@ impl Consumer {
         self.publish(cells);
     }
 
-    /// Shows how far the consumer is.
+    /// Publishes how far the consumer is.
     pub(crate) fn publish(&self, cells: &EventCells) {
         // Pairs with the producer's load(Acquire) of `consumed`.
         cells.consumed.store(self.consumed, Ordering::Release);

@@ -1,8 +1,8 @@
-//! What can be wrong with a segment or with what the other side has put into it.
+//! Faults of a segment, or of what the other side has written into it.
 
 use thiserror::Error;
 
-/// The other side left something in the segment that means nothing. A fault of that CP, never of the scan.
+/// The other side has written something without a meaning. A fault of that CP, never of the scan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Fault {
     /// The word with the driver's state has no meaning.
@@ -22,15 +22,15 @@ pub enum Fault {
     /// An event of an unknown kind, or with more data than fits; it is dropped.
     #[error("an event with the head word {0:#x} has no meaning")]
     Event(u64),
-    /// A record is longer than there is room for.
+    /// A record claims to be longer than fits.
     #[error("a data record claims {0} bytes")]
     RecordLength(u64),
-    /// The JSON text of the parameter record is longer than there is room for.
+    /// The JSON text of the parameter record claims to be longer than fits.
     #[error("the parameter record claims {0} bytes of JSON")]
     ParameterLength(u64),
 }
 
-/// A segment that cannot be made, opened or attached to.
+/// A segment cannot be created, opened or attached to.
 #[derive(Debug, Error)]
 pub enum SegmentError {
     /// The operating system refused.
@@ -44,23 +44,23 @@ pub enum SegmentError {
     /// The file is not sealed against shrinking and growing: whoever holds it could kill every process that maps it.
     #[error("the segment is not sealed against shrinking and growing")]
     NotSealed,
-    /// The file has not the size of a segment.
+    /// The file does not have the size of a segment.
     #[error("the segment has {found} bytes instead of {expected}")]
     Size {
         /// Its size in bytes.
         found: u64,
-        /// The size it must have; of a segment, the size of one without boxes.
+        /// The size it must have; for a segment, the size without boxes.
         expected: u64,
     },
-    /// A word of the header is not what this layout version says.
+    /// A word of the header is not what this layout version requires.
     #[error("the segment's header is wrong: {field} is {found:#x}")]
     Header {
         /// Name of the field as in `docs/backplane.md`.
         field: &'static str,
-        /// What it says.
+        /// Its content.
         found: u64,
     },
-    /// Another driver is attached: there is one to a segment at a time.
+    /// Another driver is attached: a segment has one at a time.
     #[error("a driver is attached to the segment already")]
     InUse,
     /// The number of register bytes is outside 8 to 64.
@@ -68,7 +68,7 @@ pub enum SegmentError {
     IoBytes(usize),
 }
 
-/// Data that does not fit the place it is meant for. Nothing was written.
+/// Data that does not fit. Nothing was written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error("{found} bytes do not fit into {room}")]
 pub struct TooLong {

@@ -1,5 +1,5 @@
-//! Descriptors handed from process to process over a Unix socket (SCM_RIGHTS): `/proc/PID/fd` is closed to a child that
-//! has fewer rights than its parent.
+//! Descriptors handed from process to process over a Unix socket (SCM_RIGHTS): a child with fewer rights than its
+//! parent cannot use `/proc/PID/fd`.
 
 use std::io::{self, IoSlice, IoSliceMut};
 use std::mem::MaybeUninit;
@@ -11,14 +11,14 @@ use rustix::net::{
     SendFlags, SocketFlags, SocketType, recvmsg, sendmsg, socketpair,
 };
 
-/// Descriptors in one message, at most.
+/// Maximum number of descriptors in one message.
 pub const DESCRIPTORS_MAX: usize = 24;
 
-/// The two ends of a socket that keeps the borders of messages: ours, and the one that becomes a descriptor of a child.
+/// The two ends of a socket that preserves message boundaries: ours, and the one that becomes a descriptor of a child.
 /// Both are closed on exec.
 ///
 /// # Errors
-/// What the system says when no descriptor is left.
+/// The system's error if no descriptor is left.
 pub fn pair() -> io::Result<(OwnedFd, OwnedFd)> {
     Ok(socketpair(AddressFamily::UNIX, SocketType::SEQPACKET, SocketFlags::CLOEXEC, None)?)
 }
@@ -26,7 +26,7 @@ pub fn pair() -> io::Result<(OwnedFd, OwnedFd)> {
 /// Sends one message with descriptors. Never waits.
 ///
 /// # Errors
-/// What the system says; too many descriptors.
+/// The system's error; too many descriptors.
 pub fn send(socket: impl AsFd, message: &[u8], descriptors: &[BorrowedFd<'_>]) -> io::Result<()> {
     let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(DESCRIPTORS_MAX))];
     let mut ancillary = SendAncillaryBuffer::new(&mut space);
@@ -41,7 +41,7 @@ pub fn send(socket: impl AsFd, message: &[u8], descriptors: &[BorrowedFd<'_>]) -
 /// it, closed on exec. `None`: there is no message now. Never waits.
 ///
 /// # Errors
-/// What the system says; `NotConnected` or others where the descriptor is no socket.
+/// The system's error; `NotConnected` or others if the descriptor is not a socket.
 pub fn receive(socket: impl AsFd, buffer: &mut [u8]) -> io::Result<Option<(usize, Vec<OwnedFd>)>> {
     let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(DESCRIPTORS_MAX))];
     let mut ancillary = RecvAncillaryBuffer::new(&mut space);

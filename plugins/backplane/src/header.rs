@@ -1,4 +1,4 @@
-//! Making a segment and judging one that somebody else has made.
+//! Formats a segment, and checks one created by another process.
 
 use crate::fault::SegmentError;
 use crate::layout::{CHANNELS_VERSION, COUNTER_WORDS, EVENT_SLOTS, JSON_BYTES, LAYOUT_VERSION, MAGIC, RECORD_BYTES};
@@ -6,7 +6,7 @@ use crate::registers::IoBytes;
 use crate::segment::Segment;
 use crate::sync::{AtomicU64, Ordering};
 
-/// Empties the segment and writes its header, the version last: who finds that finds everything else.
+/// Empties the segment and writes its header, the version last: a reader that finds the version finds everything else.
 pub(crate) fn format(segment: &Segment, io: IoBytes) {
     segment.cells().header.version.store(0, Ordering::Release);
     clear(segment);
@@ -24,7 +24,7 @@ pub(crate) fn write(segment: &Segment, io: IoBytes) {
     cells.header.version.store(LAYOUT_VERSION, Ordering::Release);
 }
 
-/// Checks the header and answers the register bytes it tells.
+/// Checks the header and returns the number of register bytes in it.
 pub(crate) fn check(segment: &Segment) -> Result<IoBytes, SegmentError> {
     let cells = segment.cells();
     // Pairs with the last store(Release) in `write`.

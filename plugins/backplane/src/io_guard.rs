@@ -1,8 +1,8 @@
-//! What a PLC and its guardian share besides the image, and the guardian's end of both.
+//! The memory that a PLC and its guardian share besides the image, and the guardian's end of both.
 //!
-//! The image is open to any program, so nothing in it decides who drives the outputs. That stands in a page of its own,
-//! which only the two map: a sign of life of each, and whether the guardian has taken over. It does so once and for
-//! good.
+//! The image is open to any program, so nothing in it decides who drives the outputs. That is decided in a separate
+//! page that only the two map: it holds a sign of life of each, and whether the guardian has taken over. The guardian
+//! takes over once and for good.
 
 use core::sync::atomic::{AtomicU64, Ordering, fence};
 use std::fmt;
@@ -22,11 +22,11 @@ const AT_LET_GO: usize = 0x180;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u64)]
 pub enum Owner {
-    /// Nobody any more: the PLC has ended in order, its outputs are in their safe state.
+    /// No owner: the PLC has ended normally, and its outputs are in their safe state.
     Nobody = 0,
     /// The PLC.
     Cpu = 1,
-    /// The guardian of a PLC that has died, or stood still for too long: the outputs are in their safe state.
+    /// The guardian, because the PLC has died or stood still for too long: the outputs are in their safe state.
     Guardian = 2,
 }
 
@@ -43,7 +43,7 @@ impl Owner {
     }
 }
 
-/// The page. Clones are handles of the same.
+/// The page. Clones are handles of the same page.
 #[derive(Clone)]
 pub struct GuardPage {
     memory: Memory,
@@ -59,7 +59,7 @@ impl GuardPage {
     /// A page that can be handed over.
     ///
     /// # Errors
-    /// What the system says when it has no memory or no descriptor left.
+    /// The system's error if no memory or no descriptor is left.
     pub fn create_shared() -> Result<Self, SegmentError> {
         Ok(Self { memory: Memory::create(c"ob1-guard")? })
     }
@@ -67,7 +67,7 @@ impl GuardPage {
     /// The page that was handed over.
     ///
     /// # Errors
-    /// [`SegmentError`] if it is no sealed file of the right size.
+    /// [`SegmentError`] if it is not a sealed file of the right size.
     pub fn received(file: OwnedFd) -> Result<Self, SegmentError> {
         Ok(Self { memory: Memory::received(file)? })
     }
@@ -82,7 +82,7 @@ impl GuardPage {
         self.memory.cells().word::<AT_TAKEN>()
     }
 
-    /// A sign of life of the scan: from its thread alone.
+    /// A sign of life of the scan. Only the scan thread calls it.
     #[inline]
     pub fn beat(&self) {
         let beat = self.memory.cells().word::<AT_BEAT>();
@@ -106,12 +106,12 @@ impl GuardPage {
         self.memory.cells().word::<AT_GUARDIAN_BEAT>().load(Ordering::Relaxed)
     }
 
-    /// The PLC has set its outputs to their safe state itself, for good.
+    /// Records that the PLC itself has set its outputs to their safe state, for good.
     pub(crate) fn let_go(&self) {
         self.memory.cells().word::<AT_LET_GO>().store(1, Ordering::Release);
     }
 
-    /// Whether it has: then there is nothing to take over.
+    /// Whether the PLC has let go: then there is nothing to take over.
     #[must_use]
     pub fn has_let_go(&self) -> bool {
         self.memory.cells().word::<AT_LET_GO>().load(Ordering::Acquire) != 0
@@ -133,10 +133,10 @@ pub struct Guardian {
 }
 
 impl Guardian {
-    /// Over an image and a page that were handed over, with the safe state of [`crate::IoImage::safe_state`].
+    /// A guardian of an image and a page that were handed over, with the safe state of [`crate::IoImage::safe_state`].
     ///
     /// # Errors
-    /// [`SegmentError`] if one of them is no sealed file of the right size.
+    /// [`SegmentError`] if one of them is not a sealed file of the right size.
     pub fn received(image: OwnedFd, page: OwnedFd, safe: &[u8]) -> Result<Self, SegmentError> {
         Ok(Self::over(Memory::received(image)?, GuardPage::received(page)?, safe))
     }
@@ -165,8 +165,8 @@ impl Guardian {
         &self.page
     }
 
-    /// Takes the outputs over and sets them to their safe state. Once done it may be repeated at any time: whatever was
-    /// written there is undone.
+    /// Takes the outputs over and sets them to their safe state. It may be repeated at any time: whatever was written
+    /// there since is undone.
     pub fn take_over(&self) {
         self.page.taken().store(1, Ordering::Release);
         // The other half is in `IoImage::put`.

@@ -1,10 +1,10 @@
 //! The image of the `di do ai ao` modules: a shared memory that any program can map, to read what the PLC drives and to
 //! write what it senses.
 //!
-//! Inputs are written by whoever likes, at any time, and every content is legal. Outputs are written by the PLC alone,
-//! until its guardian takes them over ([`GuardPage`]).
-//! A value of 1, 2, 4 or 8 bytes at a multiple of its size is never torn; the outputs of one write belong together
-//! under a sequence (see `docs/backplane.md`, which has the memory map and an example).
+//! Any program may write inputs at any time, and every content is legal. Only the PLC writes outputs, until its
+//! guardian takes them over ([`GuardPage`]). A value of 1, 2, 4 or 8 bytes at a multiple of its size is never torn; the
+//! outputs of one write belong together under a sequence (see `docs/backplane.md`, which has the memory map and an
+//! example).
 
 use core::ops::Range;
 use core::sync::atomic::{AtomicU64, Ordering, fence};
@@ -27,15 +27,16 @@ use crate::memfd::SharedMemory;
 pub struct IoImage {
     memory: Memory,
     guard: GuardPage,
-    /// What the output area holds: the PLC is its only writer.
+    /// A copy of the output area, whose only writer is the PLC.
     outputs: Box<[u64; AREA_WORDS]>,
-    /// What it is to hold when nobody drives it.
+    /// Its content in the safe state.
     safe: Box<[u64; AREA_WORDS]>,
-    /// Words of the area, from its start, that anybody has ever driven: what lies behind is not looked at each cycle.
+    /// Words of the area, from its start, that were ever driven: the words after them are not checked in each cycle.
     used: usize,
 }
 
-/// The field's end: what the PLC drives and senses. In another process it is mapped by its path, in any language.
+/// The field's end: reads what the PLC drives, writes what it senses. Another process, in any language, maps the image
+/// by its path.
 #[derive(Clone)]
 pub struct IoField {
     memory: Memory,
@@ -51,7 +52,7 @@ impl IoImage {
     /// An image that other processes can map.
     ///
     /// # Errors
-    /// What the system says when it has no memory or no descriptor left.
+    /// The system's error if no memory or no descriptor is left.
     pub fn create_shared() -> Result<Self, SegmentError> {
         Ok(Self::format(Memory::create(c"ob1-io")?, GuardPage::create_shared()?))
     }
@@ -62,13 +63,13 @@ impl IoImage {
         Self { memory, guard, outputs: area(), safe: area(), used: 0 }
     }
 
-    /// The page that this image's guardian gets besides.
+    /// The page that the guardian gets besides this image.
     #[must_use]
     pub const fn guard(&self) -> &GuardPage {
         &self.guard
     }
 
-    /// Output bytes from `offset` on are to be these when nobody drives them, and are so from now on.
+    /// Sets the safe state of the output bytes from `offset` on, and writes it to the outputs.
     pub fn set_safe(&mut self, offset: usize, data: &[u8]) {
         for (index, first, place) in pieces(&clip(offset, data.len())) {
             if let Some(word) = self.safe.get_mut(index) {
@@ -107,14 +108,14 @@ impl IoImage {
         IoField { memory: self.memory.clone() }
     }
 
-    /// Copies the input bytes from `offset` on; what lies outside the area reads 0. Returns how many lay inside.
+    /// Copies the input bytes from `offset` on; bytes outside the area read 0. Returns how many are inside.
     pub fn read_inputs(&self, offset: usize, into: &mut [u8]) -> usize {
         read_area(self.memory.cells().area::<AT_INPUTS>(), offset, into)
     }
 
-    /// Writes output bytes from `offset` on, under one sequence: they belong together. What lies outside the area is
-    /// ignored. Touches nothing that does not change, and nothing at all once the guardian has taken over. Returns how
-    /// many lay inside.
+    /// Writes output bytes from `offset` on, under one sequence: they belong together. Bytes outside the area are
+    /// ignored. Writes only what has changed, and nothing once the guardian has taken over. Returns how many bytes are
+    /// inside.
     pub fn write_outputs(&mut self, offset: usize, data: &[u8]) -> usize {
         let inside = clip(offset, data.len());
         self.used = self.used.max(inside.end.div_ceil(8));
@@ -138,16 +139,15 @@ impl IoImage {
             return;
         }
         put_outputs(self.memory.cells(), &self.outputs, words, || self.guard.is_taken());
-        // The other half is in `Guardian::take_over`: either it sees what was written here and writes over it, or this
-        // sees that it was there. A process can be stopped in the middle of anything.
+        // The other half is in `Guardian::take_over`: either the guardian sees what was written here and overwrites it,
+        // or this process sees that the guardian has taken over. A process can be stopped at any point.
         fence(Ordering::SeqCst);
         if self.guard.is_taken() {
             put_outputs(self.memory.cells(), &self.safe, 0..AREA_WORDS, || false);
         }
     }
 
-    /// Once a cycle, in STOP too: what is ours and was changed from outside is as it was, and whoever looks sees a sign
-    /// of life.
+    /// Call once per cycle, also in STOP: undoes outside changes to what belongs to the PLC, and gives a sign of life.
     pub fn refresh(&mut self) {
         self.guard.beat();
         if self.guard.is_taken() {
@@ -165,7 +165,7 @@ impl IoImage {
         alive.store(alive.load(Ordering::Relaxed).wrapping_add(1), Ordering::Release);
     }
 
-    /// The outputs to their safe state, for good: from here on nobody drives them.
+    /// Sets the outputs to their safe state permanently: they are not changed after that.
     pub fn let_go(&mut self) {
         self.outputs.clone_from(&self.safe);
         self.put(0..AREA_WORDS);
@@ -183,7 +183,7 @@ impl IoImage {
     }
 }
 
-/// Writes the header where it is not right: it is read by others all the time.
+/// Writes only the header words that are wrong: others read the header all the time.
 fn put_header(cells: &ImageCells, owner: Owner) {
     let words = [
         (cells.word::<AT_MAGIC>(), IO_MAGIC),
@@ -223,7 +223,7 @@ pub(crate) fn put_outputs(
     sequence.store(odd.wrapping_add(1), Ordering::Release);
 }
 
-/// The guardian's grip: everything in the safe state, and told so.
+/// The guardian's takeover: sets all outputs to the safe state and writes the guardian into the header.
 pub(crate) fn make_safe(memory: &Memory, safe: &[u64; AREA_WORDS]) {
     let cells = memory.cells();
     put_header(cells, Owner::Guardian);
@@ -234,7 +234,7 @@ impl IoField {
     /// Maps the image of another process by its path, like `/proc/PID/fd/N`.
     ///
     /// # Errors
-    /// [`SegmentError`] if that is no image of this layout version.
+    /// [`SegmentError`] if that is not an image of this layout version.
     pub fn open(path: &Path) -> Result<Self, SegmentError> {
         let memory: Memory = Memory::shared(SharedMemory::open(path, &[IO_IMAGE_BYTES])?)?;
         let header = |at: usize| memory.cells().0.get(at / 8).map_or(0, |cell| cell.load(Ordering::Acquire));
@@ -249,19 +249,19 @@ impl IoField {
         Ok(Self { memory })
     }
 
-    /// Copies the output bytes from `offset` on; what lies outside the area reads 0. Returns how many lay inside.
+    /// Copies the output bytes from `offset` on; bytes outside the area read 0. Returns how many are inside.
     pub fn read_outputs(&self, offset: usize, into: &mut [u8]) -> usize {
         read_area(self.memory.cells().area::<AT_OUTPUTS>(), offset, into)
     }
 
-    /// Copies the input bytes from `offset` on, as they were written last; what lies outside the area reads 0. Returns
-    /// how many lay inside.
+    /// Copies the input bytes from `offset` on, as they were written last; bytes outside the area read 0. Returns how
+    /// many are inside.
     pub fn read_inputs(&self, offset: usize, into: &mut [u8]) -> usize {
         read_area(self.memory.cells().area::<AT_INPUTS>(), offset, into)
     }
 
-    /// Writes input bytes from `offset` on; what lies outside the area is ignored. Two threads that write into the same
-    /// eight bytes undo each other's writes. Returns how many lay inside.
+    /// Writes input bytes from `offset` on; bytes outside the area are ignored. Two threads that write into the same
+    /// eight bytes can undo each other's writes. Returns how many bytes are inside.
     pub fn write_inputs(&self, offset: usize, data: &[u8]) -> usize {
         let inside = clip(offset, data.len());
         let area = self.memory.cells().area::<AT_INPUTS>();
@@ -279,25 +279,25 @@ impl IoField {
         self.memory.cells().word::<AT_SCAN>().load(Ordering::Acquire)
     }
 
-    /// A number that changes with every cycle of a PLC that is alive, in STOP too.
+    /// A number that changes with every cycle of a running PLC, also in STOP.
     #[must_use]
     pub fn alive(&self) -> u64 {
         self.memory.cells().word::<AT_ALIVE>().load(Ordering::Acquire)
     }
 
-    /// Who writes the outputs, as the image says; `None` if it says nothing that has a meaning.
+    /// Who writes the outputs, according to the image; `None` if its word has no meaning.
     #[must_use]
     pub fn owner(&self) -> Option<Owner> {
         Owner::of(self.memory.cells().word::<AT_OWNER>().load(Ordering::Acquire))
     }
 
-    /// Reads one word by its offset in the memory map; `None` outside or off a word's boundary.
+    /// Reads one word by its offset in the memory map; `None` outside or if unaligned.
     #[must_use]
     pub fn peek(&self, offset: usize) -> Option<u64> {
         self.memory.peek(offset)
     }
 
-    /// Writes output bytes from `offset` on, as a program that has no business there would. For tests.
+    /// Writes output bytes from `offset` on, as a misbehaving program would. For tests.
     pub fn trespass(&self, offset: usize, data: &[u8]) {
         let area = self.memory.cells().area::<AT_OUTPUTS>();
         for (index, first, place) in pieces(&clip(offset, data.len())) {
@@ -307,7 +307,7 @@ impl IoField {
         }
     }
 
-    /// Fills the whole image with noise, word by word: what a program gone mad may do. For tests.
+    /// Fills the whole image with noise, word by word: what a faulty program may do. For tests.
     pub fn scribble(&self, mut noise: impl FnMut(usize) -> u64) {
         for (index, cell) in self.memory.cells().0.iter().enumerate() {
             cell.store(noise(index * 8), Ordering::Relaxed);
@@ -315,13 +315,14 @@ impl IoField {
     }
 }
 
-/// The part of `offset..offset + len` that lies inside an area.
+/// The part of `offset..offset + len` inside an area.
 fn clip(offset: usize, len: usize) -> Range<usize> {
     let start = offset.min(IO_AREA_BYTES);
     start..offset.saturating_add(len).min(IO_AREA_BYTES).max(start)
 }
 
-/// Cuts a part of an area at its words: index of the word, first byte in it, and where its bytes lie in the data.
+/// Splits a part of an area at word boundaries: index of the word, first byte in it, and the range of its bytes in the
+/// data.
 fn pieces(inside: &Range<usize>) -> impl Iterator<Item = (usize, usize, Range<usize>)> {
     let Range { start, end } = *inside;
     (start / 8..end.div_ceil(8)).map(move |index| {

@@ -1,14 +1,14 @@
-//! The memory map of the process I/O image in numbers, as `docs/backplane.md` tells it to other programs.
+//! The memory map of the process I/O image in numbers, as `docs/backplane.md` documents it for other programs.
 
 use crate::layout::{Field, Writer, field};
 
 /// The first word of an image: the bytes `OB1IOIM` and a zero.
 pub const IO_MAGIC: u64 = u64::from_ne_bytes(*b"OB1IOIM\0");
 
-/// Version of the image's memory map; the last word written when it is made.
+/// Version of the image's memory map; the last word written when the image is created.
 pub const IO_LAYOUT_VERSION: u64 = 2;
 
-/// Input bytes, and as many output bytes: what the largest S7-400 has.
+/// Input bytes, and as many output bytes, as in the largest S7-400.
 pub const IO_AREA_BYTES: usize = 16 * 1024;
 
 /// Size of the image in bytes.
@@ -28,7 +28,7 @@ pub(crate) const AT_ALIVE: usize = 0x098;
 pub(crate) const AT_INPUTS: usize = 0x100;
 pub(crate) const AT_OUTPUTS: usize = AT_INPUTS + IO_AREA_BYTES;
 
-/// The memory map of the image, in rising order. What lies between two fields is reserved and zero.
+/// The memory map of the image, in rising order. Bytes between two fields are reserved and zero.
 pub const IO_FIELDS: &[Field] = &[
     field(AT_MAGIC, 8, "image.magic", Writer::Maker),
     field(AT_VERSION, 8, "image.version", Writer::Maker),

@@ -1,4 +1,4 @@
-//! The memory of an image, and of the page beside it: words of atomics, on the heap or in a sealed file.
+//! The memory of an image, and of its additional page: words of atomics, on the heap or in a sealed file.
 
 use core::ptr::NonNull;
 use core::sync::atomic::{AtomicU64, Ordering};
@@ -33,7 +33,7 @@ impl ImageCells {
     }
 }
 
-/// What such a memory may consist of.
+/// The content of such a memory.
 ///
 /// # Safety
 /// Nothing but atomics, in a fixed layout: any content is valid, also while others write. Aligned to no more than a
@@ -60,7 +60,7 @@ enum Keep<C> {
     Shared(Arc<SharedMemory>),
 }
 
-/// A handle of the memory; clones lead to the same.
+/// A handle of the memory; clones refer to the same memory.
 pub(crate) struct Memory<C: Cells = ImageCells> {
     /// Points into what `keep` holds, for as long as `keep` lives.
     cells: NonNull<C>,
@@ -94,7 +94,7 @@ impl<C: Cells> Memory<C> {
         Self::shared(SharedMemory::create(name, C::BYTES)?)
     }
 
-    /// The sealed file that somebody has handed over.
+    /// A sealed file that was handed over.
     pub(crate) fn received(file: OwnedFd) -> Result<Self, SegmentError> {
         Self::shared(SharedMemory::of(file, &[C::BYTES])?)
     }
@@ -131,7 +131,7 @@ impl<C: Cells> Memory<C> {
 }
 
 impl Memory {
-    /// One word by its offset; `None` outside or off a word's boundary.
+    /// One word by its offset; `None` outside or if unaligned.
     pub(crate) fn peek(&self, offset: usize) -> Option<u64> {
         let cell = offset.is_multiple_of(8).then(|| self.cells().0.get(offset / 8)).flatten();
         cell.map(|cell| cell.load(Ordering::Acquire))

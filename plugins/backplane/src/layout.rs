@@ -1,18 +1,18 @@
-//! The memory map of a segment in numbers: what `docs/backplane.md` says and a driver in C or Python relies on.
+//! The memory map of a segment in numbers: what `docs/backplane.md` documents and a driver in C or Python relies on.
 //!
-//! Every field is made of 64-bit words in the byte order of the machine. [`FIELDS`] names them all; a test holds the
-//! document, this table and the code together.
+//! Every field is made of 64-bit words in the byte order of the machine. [`FIELDS`] names them all; a test compares the
+//! document, this table and the code.
 
 /// The first word of a segment: the bytes `OB1BPLN` and a zero.
 pub const MAGIC: u64 = u64::from_ne_bytes(*b"OB1BPLN\0");
 
-/// Version of this memory map. It is the last word written when a segment is made.
+/// Version of this memory map. It is the last word written when a segment is created.
 pub const LAYOUT_VERSION: u64 = 1;
 
 /// Size of a segment in bytes.
 pub const SEGMENT_BYTES: usize = 0x3000;
 
-/// Size of a segment with boxes, which lie behind all the rest; a segment of any other size than these two is refused.
+/// Size of a segment with boxes, which follow everything else. A segment of any other size than these two is refused.
 pub const SEGMENT_BYTES_BOXES: usize = 0x17000;
 
 /// Smallest number of register bytes of a module, each way.
@@ -42,7 +42,7 @@ pub const BOXES: usize = if cfg!(loom) { 1 } else { ob1_words::boxes::BOXES };
 /// Bytes of a box, each way.
 pub const BOX_BYTES: usize = ob1_words::boxes::BOX_BYTES;
 
-/// Bytes from one box to the next: its sequence, its data, and what fills the line.
+/// Bytes from one box to the next: its sequence, its data and padding to a cache line.
 pub const BOX_STRIDE: usize = 640;
 
 /// Bytes of data in one event record.
@@ -54,7 +54,7 @@ pub const EVENT_SLOTS: usize = if cfg!(loom) { 2 } else { 64 };
 /// Entries of a CP's diagnostic buffer.
 pub const BUFFER_ENTRIES: usize = if cfg!(loom) { 2 } else { 64 };
 
-/// Slots of that ring: one more, where the writer is.
+/// Slots of that ring: one more, for the entry being written.
 pub const BUFFER_SLOTS: usize = BUFFER_ENTRIES + 1;
 
 /// Words for counters; those without a name are reserved.
@@ -69,7 +69,7 @@ pub enum Writer {
     Cpu,
     /// The driver process. While it is down, the runtime clears the fields that show its state.
     Cp,
-    /// The driver sets it, the CPU side takes it back.
+    /// The driver sets it, the CPU side clears it.
     Both,
     /// Any program outside.
     Anyone,
@@ -93,7 +93,7 @@ pub(crate) const fn field(offset: usize, size: usize, name: &'static str, writer
     Field { offset, size, name, writer }
 }
 
-/// The memory map, in rising order. What lies between two fields is reserved and zero. Fields from [`SEGMENT_BYTES`] on
+/// The memory map, in rising order. Bytes between two fields are reserved and zero. Fields from [`SEGMENT_BYTES`] on
 /// are those of a segment with boxes.
 #[cfg(not(loom))]
 pub const FIELDS: &[Field] = &[

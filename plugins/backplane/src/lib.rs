@@ -1,11 +1,11 @@
 //! A module as the CPU sees it, over a shared-memory or a heap segment.
 //!
-//! A [`Segment`] lies between the CPU and the driver process of one CP, in the place of the back plane of a rack. It
-//! has two ends: [`CpuSide`] belongs to the scan, [`CpSide`] to the driver. Neither waits for the other, neither
-//! believes what the other has written, and neither allocates or makes a system call after its construction.
-//! [`IoImage`] is the simpler memory of `di do ai ao` modules, open to any program. [`BusMemory`] carries the inputs
-//! and outputs of a bus, whole images at a time. [`WindowWriter`] and [`WindowReader`] are the ends of a window: the
-//! snapshots that the scan lets one link look at.
+//! A [`Segment`] connects the CPU and the driver process of one CP, in the place of the back plane of a rack. It has
+//! two ends: [`CpuSide`] belongs to the scan, [`CpSide`] to the driver. Neither waits for the other or trusts what the
+//! other has written, and neither allocates or makes a system call after its construction. [`IoImage`] is the simpler
+//! memory of `di do ai ao` modules, open to any program. [`BusMemory`] carries the inputs and outputs of a bus, whole
+//! images at a time. [`WindowWriter`] and [`WindowReader`] are the ends of a window: the snapshots of the scan that one
+//! link may read.
 //!
 //! The crate knows neither the CPU nor the firmware: what the registers mean is agreed elsewhere. The memory map is in
 //! [`layout`] and, for drivers in other languages, in `docs/backplane.md`.
@@ -22,8 +22,8 @@
 //! assert_eq!(registers[..4], [1, 0, 0, 30]);
 //! # Ok::<(), ob1_backplane::SegmentError>(())
 //! ```
-// Memory that two processes share is reached through raw pointers; all of it is in `segment`, `cells`, `io_memory`,
-// `bus_image` and `window`.
+// Memory that two processes share is reached through raw pointers; all of that code is in `segment`, `cells`,
+// `io_memory`, `bus_image` and `window`.
 #![allow(unsafe_code)]
 
 mod boxes;

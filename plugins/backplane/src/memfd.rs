@@ -1,4 +1,4 @@
-//! Shared memory as a sealed memfd: nobody who holds it can cut it, so nobody can kill us with SIGBUS.
+//! Shared memory as a sealed memfd: no process that has it can shrink it, so none can kill this process with SIGBUS.
 
 use core::ffi::CStr;
 use core::ptr::NonNull;
@@ -12,10 +12,10 @@ use rustix::io::Errno;
 
 use crate::fault::SegmentError;
 
-/// Seals a file must carry before we map it: its size is what it is, for ever.
+/// Seals a file must carry before we map it: its size can never change.
 const NEEDED_SEALS: SealFlags = SealFlags::SHRINK.union(SealFlags::GROW);
 
-/// Those of a window: whoever gets it can neither cut it nor write into it.
+/// Those of a window: its receiver can neither shrink it nor write into it.
 const WINDOW_SEALS: SealFlags = NEEDED_SEALS.union(SealFlags::FUTURE_WRITE);
 
 /// A mapped file of fixed size, and its descriptor.
@@ -29,7 +29,7 @@ impl SharedMemory {
     pub(crate) fn create(name: &CStr, len: usize) -> Result<Self, SegmentError> {
         let flags = MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING;
         let file = fs::memfd_create(name, flags).map_err(|source| failed("making the segment", source))?;
-        // fallocate also sets the size; without the pages a full machine would answer the first write with SIGBUS.
+        // fallocate also sets the size; without allocated pages the first write would raise SIGBUS when memory is full.
         fs::fallocate(&file, FallocateFlags::empty(), 0, len as u64)
             .map_err(|source| failed("allocating the segment", source))?;
         fs::fcntl_add_seals(&file, NEEDED_SEALS | SealFlags::SEAL)
@@ -37,7 +37,8 @@ impl SharedMemory {
         Self::map(file, len)
     }
 
-    /// The same for what others may only look at: this mapping writes, no other can ever be made that does.
+    /// The same for memory that others may only read: this mapping is writable, and no other writable one can ever be
+    /// made.
     pub(crate) fn create_window(name: &CStr, len: usize) -> Result<Self, SegmentError> {
         let flags = MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING;
         let file = fs::memfd_create(name, flags).map_err(|source| failed("making the window", source))?;
@@ -49,7 +50,7 @@ impl SharedMemory {
         Ok(memory)
     }
 
-    /// Maps, for reading alone, a window that somebody else has made.
+    /// Maps, only for reading, a window created by another process.
     pub(crate) fn look_through(file: OwnedFd, len: usize) -> Result<Self, SegmentError> {
         let (file, len) = Self::checked(file, &[len], WINDOW_SEALS)?;
         let map = MmapOptions::new().len(len).map_raw_read_only(&file);
@@ -64,7 +65,7 @@ impl SharedMemory {
         Self::of(file, sizes)
     }
 
-    /// Maps an open file of exactly one of these sizes that somebody else has made.
+    /// Maps an open file of exactly one of these sizes, created by another process.
     pub(crate) fn of(file: OwnedFd, sizes: &[usize]) -> Result<Self, SegmentError> {
         let (file, len) = Self::checked(file, sizes, NEEDED_SEALS)?;
         Self::map(file, len)
@@ -72,8 +73,8 @@ impl SharedMemory {
 
     /// The file and its size, when it has these seals and one of these sizes.
     fn checked(file: OwnedFd, sizes: &[usize], needed: SealFlags) -> Result<(OwnedFd, usize), SegmentError> {
-        // Seals first, then the size: the other way round it could still be cut in between. Files that know no seals (a
-        // disk, a device) answer EINVAL: they are not sealed.
+        // Seals first, then the size: in the other order the file could still be shrunk in between. Files without seals
+        // (on a disk, a device) answer EINVAL: they are not sealed.
         let seals = fs::fcntl_get_seals(&file).map_err(|_| SegmentError::NotSealed)?;
         if !seals.contains(needed) {
             return Err(SegmentError::NotSealed);

@@ -1,4 +1,4 @@
-//! What anyone in the runtime may look at, from any thread: the supervisor, the access port, the report.
+//! What any part of the runtime may read, from any thread: the supervisor, the access port, the report.
 
 use crate::buffer::{self, BufferEntry};
 use crate::cells::{BoxesCells, SegmentCells};
@@ -10,7 +10,7 @@ use crate::segment::Segment;
 use crate::sync::Ordering;
 use crate::words::{self, DriverState, Leds, ModemInputs};
 
-/// A view of one CP that disturbs nobody. Every value is a single word, checked.
+/// A view of one CP that does not disturb it. Every value is a single word, checked.
 #[derive(Clone, Debug)]
 pub struct Monitor {
     segment: Segment,
@@ -41,15 +41,15 @@ impl Monitor {
         DriverState::from_word(self.cells().cp.state.load(Ordering::Acquire))
     }
 
-    /// Another number with every driver that attaches; 0 before the first. Nothing follows from its size.
+    /// Changes with every driver that attaches; 0 before the first. Its magnitude has no meaning.
     #[inline]
     #[must_use]
     pub fn generation(&self) -> u64 {
-        // Pairs with the store(Release) in `CpSide::attach`: who sees the new number sees everything reset.
+        // Pairs with the store(Release) in `CpSide::attach`: a reader that sees the new number sees everything reset.
         self.cells().cp.generation.load(Ordering::Acquire)
     }
 
-    /// A number the driver changes with every pass of its loop: a driver that leaves it alone for long hangs.
+    /// A number the driver changes with every pass of its loop. If it stays the same for long, the driver hangs.
     #[must_use]
     pub fn cp_heartbeat(&self) -> u64 {
         self.cells().cp.heartbeat.load(Ordering::Relaxed)
@@ -91,15 +91,14 @@ impl Monitor {
         buffer::read(&self.cells().buffer)
     }
 
-    /// Whether the driver sleeps, as far as one can see. The decision to ring is [`crate::CpuSide::take_doorbell`].
+    /// Whether the driver seems to sleep. The decision to ring is [`crate::CpuSide::take_doorbell`].
     #[must_use]
     pub fn driver_sleeps(&self) -> bool {
         self.cells().doorbell.sleeping.load(Ordering::Relaxed) != 0
     }
 
-    /// Writes the header once more: a driver attaches to nothing else. Without damage it changes nothing. Call it
-    /// before each start of a driver; what the CPU's side has put in besides is restored by
-    /// [`crate::CpuSide::restore`].
+    /// Writes the header again: a driver attaches only to a correct one. Without damage it changes nothing. Call it
+    /// before each start of a driver; [`crate::CpuSide::restore`] restores everything else the CPU side has written.
     pub fn restore_header(&self) {
         header::write(&self.segment, self.io);
     }
@@ -107,11 +106,11 @@ impl Monitor {
     /// Clears what a dead driver has left: input registers, LEDs and modem lines read 0, the state is
     /// [`DriverState::Absent`], orders in its buffers are booked as lost. The generation stays.
     ///
-    /// Only for whoever knows that the driver's process has ended (its pidfd has said so) and has not started another:
-    /// it writes in the driver's place.
+    /// Call it only when the driver's process is known to have ended (by its pidfd) and no other was started: it writes
+    /// in the driver's place.
     pub fn driver_gone(&self) {
         let cells = self.cells();
-        // Before the registers: who sees their zeros no longer sees a driver.
+        // Before the registers: a reader that sees their zeros no longer sees a driver.
         cells.cp.state.store(DriverState::Absent.to_word(), Ordering::Release);
         cells.inputs.registers.write([0; crate::cells::IO_WORDS].into_iter());
         cells.doorbell.sleeping.store(0, Ordering::Relaxed);

@@ -36,7 +36,7 @@ pub(crate) fn write_record(cells: &RecordCells, number: u32, data: &[u8]) -> Res
     Ok(())
 }
 
-/// Puts an empty record in the place of whatever there was, and ends what a dead writer may have left half-way.
+/// Replaces the record by an empty one, and completes a write that a dead writer may have left unfinished.
 pub(crate) fn clear_record(cells: &RecordCells) {
     cells.record.write([0, 0].into_iter());
 }
@@ -57,7 +57,7 @@ pub(crate) fn read_record(reader: &mut SeqReader<RECORD_WORDS>, cells: &RecordCe
 /// The configuration of a CP, as the driver reads it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Params<'a> {
-    /// Changes with every transfer (also with one of the same content); 0 if there was none yet.
+    /// Changes with every transfer (even one of the same content); 0 before the first.
     pub revision: u64,
     /// Whether it is the newest one.
     pub freshness: Freshness,

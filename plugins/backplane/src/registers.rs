@@ -10,7 +10,7 @@ use crate::seqlock::SeqCell;
 pub(crate) struct IoBytes(usize);
 
 impl IoBytes {
-    /// As many as there is room for.
+    /// The maximum.
     pub(crate) const MAX: Self = Self(IO_BYTES_MAX);
 
     pub(crate) fn new(bytes: usize) -> Option<Self> {
@@ -27,8 +27,8 @@ impl IoBytes {
     }
 }
 
-/// The writing end of one direction. It knows what it has written last and leaves the registers alone when nothing has
-/// changed, so that an idle scan does not keep the driver awake.
+/// The writing end of one direction. It remembers what it has written last and does not write when nothing has changed,
+/// so that an idle scan does not keep the driver awake.
 pub(crate) struct RegisterWriter {
     last: [u64; IO_WORDS],
     io: IoBytes,
@@ -40,13 +40,13 @@ impl RegisterWriter {
         Self { last: [0; IO_WORDS], io }
     }
 
-    /// Puts zeros into all registers, whatever there was, and ends what a dead writer may have left half-way.
+    /// Zeroes all registers, and completes a write that a dead writer may have left unfinished.
     pub(crate) fn clear(&mut self, cell: &SeqCell<IO_WORDS>) {
         self.last = [0; IO_WORDS];
         self.rewrite(cell);
     }
 
-    /// Writes what it has written last once more, into all registers.
+    /// Writes the last content of all registers again.
     pub(crate) fn rewrite(&mut self, cell: &SeqCell<IO_WORDS>) {
         cell.write(self.last.into_iter());
     }

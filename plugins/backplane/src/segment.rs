@@ -14,12 +14,12 @@ use crate::layout::{SEGMENT_BYTES, SEGMENT_BYTES_BOXES};
 #[cfg(not(loom))]
 use crate::{memfd::SharedMemory, sync::Ordering};
 
-/// A segment. Clones are handles of the same memory; it goes when the last handle and the last end are gone.
+/// A segment. Clones are handles of the same memory; it is freed with the last handle and the last end.
 #[derive(Clone)]
 pub struct Segment {
     /// Points into what `keep` holds, for as long as `keep` lives.
     cells: NonNull<SegmentCells>,
-    /// Behind the cells, in the same memory, when the CP has boxes.
+    /// After the cells, in the same memory, if the CP has boxes.
     boxes: Option<NonNull<BoxesCells>>,
     keep: Keep,
 }
@@ -54,8 +54,8 @@ impl Segment {
         Self { cells: NonNull::from(&memory.segment), boxes, keep: Keep::Boxed(memory) }
     }
 
-    /// Claims the driver's end for this process, for as long as it lives: the lock goes with the process, however that
-    /// ends. On the heap there is one process anyway.
+    /// Claims the driver's end for this process, for its lifetime: the lock ends with the process, however it ends. On
+    /// the heap there is only one process.
     pub(crate) fn claim(&self) -> Result<(), SegmentError> {
         match &self.keep {
             Keep::Heap(_) | Keep::Boxed(_) => Ok(()),
@@ -97,7 +97,7 @@ impl Segment {
     /// A new shared segment: an anonymous file, fully allocated and sealed against any change of its size.
     ///
     /// # Errors
-    /// What the system says when it has no memory or no descriptor left.
+    /// The system's error when it has no memory or no descriptor left.
     pub fn create_shared() -> Result<Self, SegmentError> {
         Self::from_shared(SharedMemory::create(c"ob1-backplane", SEGMENT_BYTES)?)
     }
@@ -114,8 +114,8 @@ impl Segment {
     /// whether it has boxes.
     ///
     /// # Errors
-    /// [`SegmentError::NotSealed`] or [`SegmentError::Size`] for a file that could be cut under our feet or is no
-    /// segment; what the system says when it cannot be opened.
+    /// [`SegmentError::NotSealed`] or [`SegmentError::Size`] for a file that could be shrunk while mapped or is not a
+    /// segment; the system's error when it cannot be opened.
     pub fn open(path: &std::path::Path) -> Result<Self, SegmentError> {
         Self::from_shared(SharedMemory::open(path, &SIZES)?)
     }
@@ -159,7 +159,7 @@ impl Segment {
         }
     }
 
-    /// Fills the segment with noise, word by word: what a driver gone mad may do. For tests of those who live with it.
+    /// Fills the segment with noise, word by word: what a faulty driver may do. For tests of its users.
     pub fn scribble(&self, mut noise: impl FnMut(usize) -> u64) {
         for (index, cell) in self.words().enumerate() {
             cell.store(noise(index * 8), Ordering::Relaxed);
@@ -171,19 +171,19 @@ impl Segment {
         as_words(self.cells()).iter().chain(self.boxes().into_iter().flat_map(box_words))
     }
 
-    /// Reads one word by its offset in the memory map, as a foreign driver would; `None` outside or off a word's
-    /// boundary. For tests and tools.
+    /// Reads one word by its offset in the memory map, as a foreign driver would; `None` outside or if unaligned. For
+    /// tests and tools.
     #[must_use]
     pub fn peek(&self, offset: usize) -> Option<u64> {
         self.word(offset).map(|cell| cell.load(Ordering::Acquire))
     }
 
-    /// Writes one word by its offset in the memory map; false outside or off a word's boundary. For tests and tools.
+    /// Writes one word by its offset in the memory map; false outside or if unaligned. For tests and tools.
     pub fn poke(&self, offset: usize, word: u64) -> bool {
         self.word(offset).map(|cell| cell.store(word, Ordering::Release)).is_some()
     }
 
-    /// One word by its offset in the memory map, for tools that spin on it; `None` outside or off a word's boundary.
+    /// One word by its offset in the memory map, for tools that spin on it; `None` outside or if unaligned.
     #[must_use]
     pub fn word(&self, offset: usize) -> Option<&crate::sync::AtomicU64> {
         offset.is_multiple_of(8).then(|| self.words().nth(offset / 8)).flatten()

@@ -1,9 +1,9 @@
-//! The bounded sequence lock: one writer, one reader, and neither ever waits for the other.
+//! The bounded sequence lock: one writer, one reader; neither ever waits for the other.
 //!
 //! The writer makes the sequence odd, writes, and makes it even again. The reader takes a copy between two looks at
-//! the sequence; if a writer came between, it tries again, at most [`TRIES`] times, and then keeps the copy it has.
-//! A writer killed half way leaves an odd sequence behind: readers keep their last copy until the next writer has
-//! put a *whole* new content in place, because that one stays odd until it is done.
+//! the sequence; if a writer came between, it tries again, at most [`TRIES`] times, and then keeps its last copy. A
+//! writer killed in the middle leaves an odd sequence behind: readers keep their last copy until the next writer has
+//! written a *whole* new content, because the sequence stays odd until then.
 
 use crate::sync::{AtomicU64, Ordering, Words, fence, spin_loop};
 
@@ -20,7 +20,7 @@ pub enum Freshness {
     Stale,
 }
 
-/// Sequence and data of one sequence lock, as they lie in the segment.
+/// Sequence and data of one sequence lock, as laid out in the segment.
 #[repr(C)]
 #[derive(Default)]
 pub(crate) struct SeqCell<const N: usize> {
@@ -31,24 +31,24 @@ pub(crate) struct SeqCell<const N: usize> {
 impl<const N: usize> SeqCell<N> {
     /// Replaces the first words of the content. There must be one writer at a time.
     ///
-    /// What a dead writer left odd goes on to the next odd number, not to an even one: nobody may take the half-written
-    /// content for whole.
+    /// A sequence that a dead writer left odd goes to the next odd number, not to an even one: no reader may take the
+    /// half-written content for whole.
     #[inline]
     pub(crate) fn write(&self, words: impl Iterator<Item = u64>) {
         let before = self.sequence.load(Ordering::Relaxed);
         let odd = before.wrapping_add(1).wrapping_add(before & 1);
         self.sequence.store(odd, Ordering::Relaxed);
-        // Pairs with the reader's fence(Acquire): who reads one of the words below reads `odd` (or later) afterwards.
+        // Pairs with the reader's fence(Acquire): a reader of one of the words below reads `odd` (or later) afterwards.
         fence(Ordering::Release);
         for (cell, word) in self.data.0.iter().zip(words) {
             cell.store(word, Ordering::Relaxed);
         }
-        // Pairs with the reader's first load (Acquire): who reads this even number reads all the words above.
+        // Pairs with the reader's first load (Acquire): a reader of this even number reads all the words above.
         self.sequence.store(odd.wrapping_add(1), Ordering::Release);
     }
 
-    /// One try: copies the first words of the content, as many as `into` has; whether they are whole (if not, they are
-    /// anything).
+    /// One try: copies the first words of the content, as many as `into` has. True if they are whole; if not, their
+    /// content is undefined.
     #[cfg(not(loom))]
     pub(crate) fn copy(&self, into: &mut [u64]) -> bool {
         let copied = self.try_read(|cells| {
@@ -65,8 +65,8 @@ impl<const N: usize> SeqCell<N> {
         core::iter::once(&self.sequence).chain(&self.data.0)
     }
 
-    /// One try: takes a copy with `copy`, and answers the sequence it belongs to, or `None` if a writer was at work
-    /// (then the copy is anything).
+    /// One try: takes a copy with `copy` and returns its sequence, or `None` if a writer was active (then the content
+    /// of the copy is undefined).
     #[inline]
     fn try_read<T>(&self, copy: impl FnOnce(&[AtomicU64; N]) -> T) -> Option<(u64, T)> {
         let before = self.sequence.load(Ordering::Acquire);
@@ -79,7 +79,7 @@ impl<const N: usize> SeqCell<N> {
     }
 }
 
-/// The reading end of one sequence lock: its own last copy, and how often it had to live on that.
+/// The reading end of one sequence lock: its own last copy, and how often it had to keep that.
 pub(crate) struct SeqReader<const N: usize> {
     last: [u64; N],
     sequence: u64,
@@ -92,7 +92,7 @@ impl<const N: usize> SeqReader<N> {
         Self { last: [0; N], sequence: 0, stale: 0 }
     }
 
-    /// Brings the first `words` words of the copy up to date, if the writer lets us.
+    /// Updates the first `words` words of the copy, if no writer interferes in every try.
     #[inline]
     pub(crate) fn read(&mut self, cell: &SeqCell<N>, words: usize) -> Freshness {
         for _ in 0..TRIES {
@@ -141,8 +141,8 @@ impl<const N: usize> SeqReader<N> {
         self.sequence
     }
 
-    /// Whether there is a whole content newer than the copy. While a writer is at work there is none yet: who looks
-    /// then would only get in its way, and its end is seen by the next look.
+    /// Whether there is a whole content newer than the copy. While a writer is active there is none yet: a read would
+    /// only compete with it, and the next check sees its end.
     #[inline]
     pub(crate) fn is_outdated(&self, cell: &SeqCell<N>) -> bool {
         let sequence = cell.sequence.load(Ordering::Relaxed);

@@ -1,4 +1,4 @@
-//! The only door to atomics: `core` in the product, `loom` in the model test, so that loom sees the real code.
+//! The only import of atomics: `core` in the product, `loom` in the model test, so that loom sees the real code.
 
 #[cfg(not(loom))]
 pub(crate) use core::{
@@ -29,8 +29,8 @@ impl<const N: usize> Default for Words<N> {
     }
 }
 
-/// Words nobody uses: they carry a block to its full size. They are atomics too, so that a reference to a block
-/// never covers plain memory. The model has no use for them.
+/// Unused words that pad a block to its full size. They are atomics too, so that a reference to a block never covers
+/// plain memory. The model does not need them.
 #[cfg(not(loom))]
 pub(crate) type Pad<const N: usize> = Words<N>;
 

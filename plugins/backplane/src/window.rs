@@ -134,7 +134,7 @@ impl WindowWriter {
     /// A window that can be handed over.
     ///
     /// # Errors
-    /// What the system says when it has no memory or no descriptor left.
+    /// The system's error if no memory or no descriptor is left.
     #[cfg(not(loom))]
     pub fn create_shared() -> Result<Self, SegmentError> {
         Ok(Self::over(Memory::shared(SharedMemory::create_window(c"ob1-window", WORDS * 8)?)?))
@@ -146,7 +146,7 @@ impl WindowWriter {
         WindowReader { memory: self.memory.clone() }
     }
 
-    /// Makes the next snapshot: `fill` gets its words, which hold an old one. Waits for nobody.
+    /// Makes the next snapshot: `fill` gets its words, which hold an old one. Never waits.
     #[inline]
     pub fn put(&mut self, head: WindowHead, fill: impl FnOnce(&[AtomicU64])) {
         self.made = self.made.wrapping_add(1);

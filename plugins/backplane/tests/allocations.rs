@@ -1,6 +1,6 @@
-//! Neither end allocates after its construction: the scan and the driver's loop can rely on it.
+//! Neither end allocates after its construction: the scan and the driver's loop rely on this.
 
-// A counting allocator cannot be written without.
+// A counting allocator needs unsafe code.
 #![allow(unsafe_code)]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -9,7 +9,7 @@ use std::cell::Cell;
 use ob1_backplane::{Channel, Counter, CpSide, CpuSide, CpuState, DriverState, Event, EventKind, IoImage, Segment};
 
 thread_local! {
-    /// Allocations of this thread: what the test harness does beside it is its own affair.
+    /// Allocations of this thread only, without those of the test harness.
     static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
 }
 
@@ -18,7 +18,7 @@ struct Counting;
 // SAFETY: everything is left to the system's allocator; counting touches no memory of it.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        // A thread that ends has no count any more, and needs none.
+        // An ending thread has no counter any more, and needs none.
         let _ = ALLOCATIONS.try_with(|count| count.set(count.get() + 1));
         // SAFETY: the caller's promises are passed on unchanged.
         unsafe { System.alloc(layout) }

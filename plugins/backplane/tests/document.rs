@@ -1,4 +1,4 @@
-//! `docs/backplane.md` says what the code does: offsets, sizes, names, writers, counters, and the example in Python.
+//! `docs/backplane.md` matches the code: offsets, sizes, names, writers, counters, and the example in Python.
 
 // A test may read files; the product code of this crate does not.
 #![allow(clippy::disallowed_methods)]

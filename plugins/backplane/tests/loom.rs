@@ -1,8 +1,8 @@
 //! Every interleaving and every legal reordering of the exchanges between both ends, explored by loom.
 //!
 //! loom runs the loads of a thread in their order, so it cannot see a load that is delayed beyond a later store of its
-//! own thread. That `taken` and `consumed` are released behind the copy, and acquired before the slot is written again,
-//! rests on the argument at the code.
+//! own thread. The comments in the code explain why `taken` and `consumed` are released after the copy, and acquired
+//! before the slot is written again.
 //!
 //! `RUSTFLAGS="--cfg loom" cargo test -p ob1-backplane --test loom --release`, with a target directory of its own.
 #![cfg(loom)]
@@ -12,7 +12,7 @@ use loom::thread;
 use ob1_backplane::{CpSide, CpuSide, CpuState, Event, EventKind, Freshness, Segment};
 use std::sync::Arc;
 
-/// Preemptions explored; what goes wrong with sequence locks and doorbells goes wrong with two.
+/// Number of preemptions explored; errors of sequence locks and doorbells occur with two.
 const PREEMPTIONS: usize = 3;
 
 fn explore(test: impl Fn(CpuSide, CpSide) + Send + Sync + 'static) {
@@ -26,14 +26,14 @@ fn explore(test: impl Fn(CpuSide, CpSide) + Send + Sync + 'static) {
     });
 }
 
-/// Registers whose halves belong together.
+/// Registers whose halves must match.
 fn registers(number: u8) -> [u8; 16] {
     let mut registers = [number; 16];
     registers[8..].fill(number ^ 0xff);
     registers
 }
 
-/// The number in registers that are whole; 0 in those that were never written.
+/// The number in consistent registers; 0 if they were never written.
 fn number_of(seen: &[u8; 16]) -> u8 {
     let number = seen[0];
     assert!(*seen == registers(number) || *seen == [0; 16], "a torn read: {seen:?}");
@@ -84,7 +84,7 @@ fn an_answer_never_overtakes_its_question() {
 #[test]
 fn a_driver_never_sleeps_through_a_change() {
     explore(|mut cpu, mut cp| {
-        // The pipe. Should the driver sleep while nobody rings, loom finds a deadlock.
+        // The pipe. If the driver sleeps without being woken, loom finds a deadlock.
         let bell = Arc::new(Notify::new());
         let rung = Arc::clone(&bell);
         let driver = thread::spawn(move || {
@@ -157,8 +157,8 @@ fn events_arrive_whole_and_in_order() {
     });
 }
 
-/// The ring has room for two entries: whoever reads sees neighbours, or fewer while it is overtaken, and never an entry
-/// in another's place.
+/// The ring has room for two entries: a reader gets neighbouring entries, or fewer while it is overtaken, and never an
+/// entry in a wrong position.
 #[test]
 fn a_reader_of_the_diagnostic_buffer_is_overtaken_and_never_misled() {
     explore(|cpu, mut cp| {
@@ -175,7 +175,8 @@ fn a_reader_of_the_diagnostic_buffer_is_overtaken_and_never_misled() {
     });
 }
 
-/// With two slots here the writer is always at one of two: each read is whole, none goes back, the last is the newest.
+/// With the two slots of this test the writer always uses one of them: each read is consistent, none is older than the
+/// one before, the last is the newest.
 #[test]
 fn no_snapshot_of_a_window_is_torn_or_goes_back() {
     let mut model = loom::model::Builder::new();

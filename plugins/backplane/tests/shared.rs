@@ -1,4 +1,4 @@
-//! Shared segments: what is refused at the door, and what a killed process leaves behind.
+//! Shared segments: what is refused when opening, and the state after a killed process.
 
 // A test may open files; the product code of this crate does not.
 #![allow(clippy::disallowed_methods)]
@@ -30,7 +30,7 @@ fn both_ends_meet_in_a_shared_segment() {
     cp.write_inputs(&[0x22; 16]);
     assert_eq!(cpu.read_inputs(&mut seen), Freshness::Fresh);
     assert_eq!(seen, [0x22; 16]);
-    // The maker's mapping outlives the maker's handle, and the driver's outlives both.
+    // The mapping of the creator survives its handle, and that of the driver survives both.
     drop((made, cpu));
     assert_eq!(cp.read_outputs(&mut seen), Freshness::Fresh);
     assert_eq!(seen, [0x11; 16]);
@@ -80,7 +80,7 @@ fn segment_size(segment: &Segment) -> u64 {
     file.metadata().unwrap().len()
 }
 
-/// A memfd of some size with some seals, and its path.
+/// A memfd of this size with these seals, and its path.
 fn foreign(len: u64, seals: SealFlags) -> (File, PathBuf) {
     use std::os::fd::AsRawFd;
     let file = File::from(memfd_create("foreign", MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING).unwrap());
@@ -100,7 +100,7 @@ fn a_file_that_could_be_cut_under_our_feet_is_refused() {
     }
     let (_file, path) = foreign(size, SealFlags::GROW | SealFlags::SHRINK);
     assert!(Segment::open(&path).is_ok(), "another maker's segment need not be sealed any further");
-    // A file on a disk knows no seals.
+    // A file on a disk has no seals.
     let mut on_disk = tempfile::NamedTempFile::new_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
     on_disk.write_all(&vec![0; layout::SEGMENT_BYTES]).unwrap();
     assert!(matches!(Segment::open(on_disk.path()), Err(SegmentError::NotSealed)));
@@ -149,10 +149,10 @@ fn the_image_is_seen_by_its_path() {
     assert_eq!((&outputs, &inputs, field.scan()), (b"outputs", b"inputs", 3));
 }
 
-/// Tells the child process which segment to open, and so that it is the child.
+/// Variable for the child process: the segment to open; it also marks the child.
 const ROLE: &str = "OB1_BACKPLANE_TEST_SEGMENT";
 
-/// A content whose words follow from the first one.
+/// A content whose words are derived from the first one.
 fn fill<const N: usize>(number: u64) -> [u8; N] {
     let mut content = [0; N];
     for (index, chunk) in content.chunks_mut(8).enumerate() {
@@ -161,12 +161,12 @@ fn fill<const N: usize>(number: u64) -> [u8; N] {
     content
 }
 
-/// The child: a driver that writes as fast as it can, until it is killed or left alone.
+/// The child: a driver that writes as fast as it can, until it is killed or its parent has ended.
 fn write_for_ever(path: &Path) {
     let parent = parent_id();
     let mut cp = CpSide::attach(&Segment::open(path).unwrap()).unwrap();
     cp.set_state(DriverState::Ready);
-    // Made beforehand, so that it writes most of its time.
+    // Prepared before, so that it spends most of its time writing.
     let contents: Vec<[u8; 240]> = (1..=1000).map(fill).collect();
     while parent_id() == parent {
         for content in &contents {
@@ -180,7 +180,7 @@ struct Killed(Child);
 
 impl Drop for Killed {
     fn drop(&mut self) {
-        // It may have ended already: nothing to do then.
+        // It may already have ended.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
@@ -236,7 +236,7 @@ fn a_driver_killed_in_the_middle_of_a_write_harms_nobody() {
     panic!("of 1000 drivers only {killed_in_the_middle} died in the middle of a write: this tests nothing");
 }
 
-/// The diagnostic record: empty or whole.
+/// The diagnostic record: empty or complete.
 fn whole_diagnosis(cpu: &mut CpuSide) -> Record {
     let record = cpu.read_diagnosis().unwrap();
     if let Some((first, _)) = record.data().split_first_chunk() {

@@ -1,4 +1,4 @@
-//! The window of a link: who gets it can look, and nothing else; no snapshot is torn.
+//! The window of a link: a process that gets it can only read; no snapshot is torn.
 
 // A test has threads; the product code of this crate has none.
 #![allow(clippy::disallowed_methods)]
@@ -24,7 +24,7 @@ fn a_link_looks_and_cannot_write() {
 
     let seals = fcntl_get_seals(&file).unwrap();
     assert!(seals.contains(SealFlags::FUTURE_WRITE | SealFlags::SHRINK | SealFlags::GROW | SealFlags::SEAL));
-    // SAFETY-relevant for others only: neither a mapping nor a write gets through.
+    // Neither a writable mapping nor a write is possible.
     let mapped = memmap2::MmapOptions::new().len(4096).map_raw(&file);
     assert_eq!(mapped.map(|_| ()).unwrap_err().kind(), std::io::ErrorKind::PermissionDenied);
     let mut file = File::from(file);
@@ -52,7 +52,7 @@ fn what_is_no_window_is_refused() {
     assert!(WindowReader::received(File::open("/dev/null").unwrap().into()).is_err());
 }
 
-/// In short what the example does ten million times.
+/// A short version of the example, which does this ten million times.
 #[test]
 fn no_snapshot_is_torn() {
     for readers in [1, 32] {

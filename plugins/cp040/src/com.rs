@@ -10,7 +10,7 @@ interface! {
     pub(crate) mod com {
         /// A rising edge sends.
         in     REQ_SEND: Bool;
-        /// Telegrams are fetched.
+        /// 1: telegrams are fetched.
         in     EN_RECV: Bool;
         /// A rising edge resets the CP.
         in     RESET: Bool;
@@ -20,29 +20,29 @@ interface! {
         in     ADDR_OUT: Int;
         /// Data block with the telegram to send.
         in     DB_NO_SEND: Int;
-        /// Its first byte there.
+        /// First byte in it.
         in     DBB_NO_SEND: Int;
         /// Bytes to send, 1 to 1024.
         in     LEN_SEND: Int;
         /// Data block for what is received.
         in     DB_NO_RECV: Int;
-        /// Its first byte there.
+        /// First byte in it.
         in     DBB_NO_RECV: Int;
-        /// Bytes the CP occupies each way, 8 to 60.
+        /// Bytes the CP occupies in each direction, 8 to 60.
         in     IO_SIZE: Word;
-        /// Bytes received; with NDR_RECV.
+        /// Bytes received; valid with NDR_RECV.
         out    LEN_RECV: Int;
-        /// For one call: the order is done.
+        /// For one call: the job ended without error.
         out    DONE_SEND: Bool;
-        /// For one call: it has failed.
+        /// For one call: the job failed.
         out    ERROR_SEND: Bool;
-        /// Why; 8181h while a job runs.
+        /// The error; 8181h while a job runs.
         out    STATUS_SEND: Word;
         /// For one call: a telegram was stored.
         out    NDR_RECV: Bool;
-        /// For one call: there is an error.
+        /// For one call: an error occurred.
         out    ERROR_RECV: Bool;
-        /// Which; 8181h while a telegram comes.
+        /// The error; 8181h while a telegram is being received.
         out    STATUS_RECV: Word;
         /// Byte 0 of the outputs.
         in_out CONTROL: Byte;
@@ -80,7 +80,7 @@ impl Block for Com {
                 let sent = module.send(cx, order)?;
                 let (enabled, db) = (cx.get(com::EN_RECV)?, cx.get(com::DB_NO_RECV)?);
                 let byte = cx.get(com::DBB_NO_RECV)?;
-                // A reset that has ended in this call: what was read is of before it.
+                // A reset ended in this call: the inputs were read before its end.
                 let received = if order.busy && sent.is_done() {
                     Outcome::Nothing
                 } else {

@@ -1,9 +1,9 @@
 //! The handling blocks of the CP 040: FB 60 SEND, FB 61 RECEIVE, FB 65 SEND_RECV.
 //! [S3 "Communication via handling blocks"]
 //!
-//! The blocks are parameters around the two machines of `ob1-slio`, which speak the byte protocol of
-//! `docs/cp040-registers.md`. The jobs lie in the plugin's memory of the module, with the start of the CP they belong
-//! to: both blocks write byte 0, each its nibble.
+//! The blocks connect their parameters with the two state machines of `ob1-slio`, which implement the byte protocol of
+//! `docs/cp040-registers.md`. The jobs are in the plugin's memory of the module, together with the start of the CP they
+//! belong to: SEND and RECEIVE both write byte 0, each its own nibble.
 
 mod com;
 mod module;

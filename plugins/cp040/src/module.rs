@@ -1,4 +1,4 @@
-//! The module as the blocks see it, and what a call does with it in each direction.
+//! The module as the blocks see it, and one call of each direction.
 
 use ob1_sdk::{Abort, Area, Cx, Refused};
 use ob1_slio::{ACKNOWLEDGE_SHIFT, IDLE, IO_BYTES, Piece, ReceiveJob, ReceiveStep, SendJob, SendStep, Take};
@@ -8,7 +8,7 @@ use crate::status;
 
 const IO_MAX: usize = *IO_BYTES.end();
 
-/// A CP 040 whose driver answers, with its inputs as they stand.
+/// A CP 040 whose driver answers, with its current inputs.
 pub(crate) struct Module<'a> {
     output_address: u32,
     inputs: [u8; IO_MAX],
@@ -16,32 +16,32 @@ pub(crate) struct Module<'a> {
     pub(crate) state: &'a CpState,
 }
 
-/// What the program wants of the send side.
+/// The program's request to the send side.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Order {
     /// A rising edge of REQ.
     pub(crate) request: bool,
     /// A rising edge of R.
     pub(crate) reset: bool,
-    /// Whose job it is.
+    /// The instance that gives the job.
     pub(crate) instance: u64,
-    /// The instance has begun a job and not seen its end.
+    /// The instance has started a job and has not yet reported its end.
     pub(crate) busy: bool,
     pub(crate) db: i16,
     pub(crate) byte: i16,
     pub(crate) length: i16,
 }
 
-/// How a call of either direction ends.
+/// The result of a call of either direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Outcome {
-    /// There is nothing to tell.
+    /// Nothing to report.
     Nothing,
     /// A job runs.
     Running,
-    /// The request has to be made again: the send side belongs to somebody else.
+    /// The request must be repeated later, because the send side is in use or the CP is not ready.
     Later,
-    /// Sent, received (with the length), or reset.
+    /// Sent, received (with the length), or reset executed.
     Done(u16),
     /// An error, with STATUS.
     Error(u16),
@@ -68,22 +68,22 @@ impl Outcome {
     }
 }
 
-/// The running instance as a number; never 0.
+/// The called instance as a number; never 0.
 pub(crate) fn instance(cx: &mut Cx<'_, CpState>) -> Result<u64, Abort> {
     let instance = cx.instance()?;
     Ok(instance.map_or(u64::MAX, |instance| 1 << 48 | u64::from(instance.db) << 32 | u64::from(instance.offset)))
 }
 
-/// A logical address, or the number of a byte: declared as INT, counted without a sign.
+/// A logical address or a byte number: declared as INT, but unsigned.
 fn unsigned(number: i16) -> u32 {
     u32::from(number as u16)
 }
 
 impl<'a> Module<'a> {
-    /// Looks at the module; the outcome of the call if there is nothing more to do.
+    /// Reads the state of the module; returns the outcome of the call if there is nothing more to do.
     ///
-    /// The inputs first, then what is known of the driver: what a driver that has died no longer shows is never taken
-    /// for the word of one that lives.
+    /// The inputs are read before the state of the driver: so inputs that a dead driver no longer updates are never
+    /// taken for those of a living one.
     pub(crate) fn open(
         cx: &mut Cx<'a, CpState>,
         input: i16,
@@ -104,13 +104,13 @@ impl<'a> Module<'a> {
         let Ok(state) = cx.module_state(input_address)? else { return Ok(Err(Outcome::Error(status::READ_ACCESS))) };
         match read {
             Ok(()) if info.present => {}
-            // Its process is started again; what was asked for waits.
+            // The process of the CP is being restarted; the request waits.
             Ok(()) => return Ok(Err(Outcome::Later)),
             Err(_) => return Ok(Err(Outcome::Error(status::READ_ACCESS))),
         }
         let module = Self { output_address, inputs, io_bytes, state };
         if let Some(byte) = state.see(info.generation) {
-            // What was read may be of the start before.
+            // The inputs may be from before this start.
             return Ok(Err(match cx.io_write(output_address, &[byte])? {
                 Ok(()) => Outcome::Later,
                 Err(_) => Outcome::Error(status::WRITE_ACCESS),
@@ -146,14 +146,14 @@ impl<'a> Module<'a> {
     pub(crate) fn send(&self, cx: &mut Cx<'_, CpState>, order: Order) -> Result<Outcome, Abort> {
         let state = self.state;
         if order.reset {
-            // Whatever runs is over: that is what a reset is for.
+            // A reset ends every running job.
             state.claim(order.instance, SendJob::reset());
             state.set_receive(ReceiveJob::default());
             if let Err(status) = self.acknowledge(cx, IDLE)? {
                 return Ok(Outcome::Error(status));
             }
         } else if state.is_owner(order.instance) {
-            // A request while a job runs is none.
+            // A request while a job runs is ignored.
         } else if order.busy {
             return Ok(Outcome::Error(status::NOT_SYNCHRONISED));
         } else if state.send().is_running() {
@@ -232,7 +232,7 @@ impl<'a> Module<'a> {
         let outcome = match step {
             ReceiveStep::Wait if next.is_running() => Outcome::Running,
             ReceiveStep::Wait => Outcome::Nothing,
-            // The acknowledgement has to go back before anything new comes.
+            // The acknowledgement must return to idle before the next telegram.
             ReceiveStep::Take(_) if !enabled => return Ok(Outcome::Nothing),
             ReceiveStep::Take(take) => {
                 if let Err(status) = self.take(cx, next, &take, db, byte)? {
@@ -257,7 +257,8 @@ impl<'a> Module<'a> {
         Ok(outcome)
     }
 
-    /// Stores a fragment and acknowledges it. What does not fit waits in the CP until it does, or until a reset (ours).
+    /// Stores a fragment and acknowledges it. A fragment that does not fit waits in the CP until it fits, or until a
+    /// reset (ours).
     fn take(
         &self,
         cx: &mut Cx<'_, CpState>,
@@ -270,7 +271,7 @@ impl<'a> Module<'a> {
             return Ok(Err(status::NOT_SYNCHRONISED));
         };
         let (db, begin) = (Area::Db(db as u16), unsigned(byte));
-        // An error of the CP has no data, and needs no data block.
+        // An error reported by the CP has no data and needs no data block.
         if job.end() > 0 {
             match cx.len(db)? {
                 Ok(len) if begin as usize + job.end() <= len as usize => {}

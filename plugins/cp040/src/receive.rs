@@ -8,7 +8,7 @@ use crate::state::CpState;
 interface! {
     /// The parameters.
     pub(crate) mod receive {
-        /// Telegrams are fetched.
+        /// 1: telegrams are fetched.
         in     EN_R: Bool;
         /// A rising edge resets the CP.
         in     R: Bool;
@@ -16,19 +16,19 @@ interface! {
         in     LADDR: Int;
         /// Data block for the telegram.
         in     DB_NO: Int;
-        /// Its first byte there.
+        /// First byte in it.
         in     DBB_NO: Int;
-        /// Bytes the CP occupies each way, 8 to 60.
+        /// Bytes the CP occupies in each direction, 8 to 60.
         in     IO_SIZE: Word;
         /// For one call: a telegram was stored.
         out    NDR: Bool;
-        /// For one call: there is an error.
+        /// For one call: an error occurred.
         out    ERROR: Bool;
-        /// Which; 8181h while a telegram comes.
+        /// The error; 8181h while a telegram is being received.
         out    STATUS: Word;
-        /// Bytes received; with NDR.
+        /// Bytes received; valid with NDR.
         out    LEN: Int;
-        /// Byte 0 of the outputs, the same byte at SEND and RECEIVE.
+        /// Byte 0 of the outputs; SEND and RECEIVE use the same byte.
         in_out CONTROL: Byte;
         static R_BEFORE: Bool;
         static BUSY: Bool;
@@ -54,7 +54,7 @@ impl Block for Receive {
                 cx.set(receive::CONTROL, module.state.byte0())?;
                 outcome
             }
-            // Nothing was asked for that could be lost.
+            // There is no request that could get lost.
             Err(Outcome::Later) => Outcome::Nothing,
             Err(outcome) => outcome,
         };

@@ -16,19 +16,19 @@ interface! {
         in     LADDR: Int;
         /// Data block with the telegram.
         in     DB_NO: Int;
-        /// Its first byte there.
+        /// First byte in it.
         in     DBB_NO: Int;
         /// Bytes to send, 1 to 1024.
         in     LEN: Int;
-        /// Bytes the CP occupies each way, 8 to 60.
+        /// Bytes the CP occupies in each direction, 8 to 60.
         in     IO_SIZE: Word;
-        /// For one call: the order is done.
+        /// For one call: the job ended without error.
         out    DONE: Bool;
-        /// For one call: it has failed.
+        /// For one call: the job failed.
         out    ERROR: Bool;
-        /// Why; 8181h while a job runs.
+        /// The error; 8181h while a job runs.
         out    STATUS: Word;
-        /// Byte 0 of the outputs, the same byte at SEND and RECEIVE.
+        /// Byte 0 of the outputs; SEND and RECEIVE use the same byte.
         in_out CONTROL: Byte;
         static REQ_BEFORE: Bool;
         static R_BEFORE: Bool;
@@ -67,7 +67,7 @@ impl Block for Send {
             }
             Err(outcome) => outcome,
         };
-        // An edge that nobody could take is one still.
+        // An edge that could not be handled yet is kept for the next call.
         if outcome != Outcome::Later {
             cx.store(send::REQ_BEFORE, request)?;
             cx.store(send::R_BEFORE, reset)?;

@@ -1,24 +1,24 @@
-//! What the blocks remember of a module.
+//! What the blocks store for a module.
 
 use std::cell::Cell;
 
 use ob1_slio::{ReceiveJob, SendJob};
 
 ob1_sdk::state! {
-    /// Per module and station, zeroed at every start-up.
+    /// One for each module and station, zeroed at every start-up.
     #[derive(Debug, Default)]
     pub(crate) struct CpState {
         send: Cell<u64>,
         receive: Cell<u64>,
-        /// The instance whose send job or reset it is.
+        /// The instance that owns the send job or reset.
         owner: Cell<u64>,
-        /// Start of the CP that everything here belongs to.
+        /// The start of the CP to which all this belongs.
         generation: Cell<u32>,
-        /// Byte 0 of the outputs was written for that start.
+        /// Byte 0 of the outputs was written since that start.
         written: Cell<bool>,
         /// Byte 0 of the outputs as it was written last.
         byte0: Cell<u8>,
-        /// A telegram was cut off in the middle by a new start: RECEIVE tells it once.
+        /// A restart of the CP interrupted a telegram: RECEIVE reports it once.
         cut_off: Cell<bool>,
     }
 }
@@ -62,7 +62,7 @@ impl CpState {
         self.byte0.set(byte);
     }
 
-    /// Takes note of the CP's start; the byte 0 to write if it is another one than before.
+    /// Notes the start of the CP; returns the byte 0 to write if it is a different start than before.
     pub(crate) fn see(&self, generation: u32) -> Option<u8> {
         if self.written.get() && self.generation.get() == generation {
             return None;
@@ -78,7 +78,7 @@ impl CpState {
         Some(IDLE)
     }
 
-    /// Whether a telegram was cut off since the last time.
+    /// Whether a telegram was interrupted since the last call.
     pub(crate) fn take_cut_off(&self) -> bool {
         self.cut_off.take()
     }

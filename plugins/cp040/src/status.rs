@@ -6,7 +6,7 @@ use ob1_slio::Failure;
 pub(crate) const NONE: u16 = 0x0000;
 /// A job runs; no error.
 pub(crate) const RUNNING: u16 = 0x8181;
-/// Block and CP are not synchronised (a synchronous reset helps), or IO_SIZE is not the module's.
+/// Block and CP are not synchronised (a synchronous reset corrects this), or IO_SIZE is not that of the module.
 pub(crate) const NOT_SYNCHRONISED: u16 = 0x0202;
 /// Data block not valid.
 pub(crate) const DATA_BLOCK: u16 = 0x0301;
@@ -23,7 +23,7 @@ pub(crate) const TOO_SHORT: u16 = 0x8323;
 /// Receive data block not readable: not present, or write-protected.
 pub(crate) const NOT_READABLE: u16 = 0x833A;
 
-/// Why the CP did not do it.
+/// STATUS for a failure of the CP.
 pub(crate) const fn of(failure: Failure) -> u16 {
     match failure {
         Failure::NotSynchronised => NOT_SYNCHRONISED,

@@ -1,9 +1,8 @@
 //! FC 8 STEUERBIT: reads the modem lines, switches RTS and DTR [S0 "STUEBIT (FC 8)"].
 //!
-//! "STATUS returns the actual status of the modem lines" [S0 L1043]: a call with START = 0 reads them, and so does
-//! each that follows; STATUS and DELTA_STATUS are what the last answer of the CP said. A call with START = 1 switches
-//! what the masks name; calls that follow wait for the answer, which takes START back. Both are line commands
-//! (`docs/cp240-registers.md`).
+//! "STATUS returns the actual status of the modem lines" [S0 L1043]: every call with START = 0 reads them; STATUS and
+//! DELTA_STATUS come from the last answer of the CP. A call with START = 1 switches the lines selected by the masks;
+//! the following calls wait for the answer, which resets START. Both are line commands (`docs/cp240-registers.md`).
 
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 
@@ -27,9 +26,9 @@ interface! {
         out    STATUS: Byte;
         /// Bits 3 to 0: which of CD, RI, DSR, CTS have changed since the last access.
         out    DELTA_STATUS: Byte;
-        /// 1 starts the access; the block sets it back when it is done.
+        /// 1 starts the access; the block resets it when the access has ended.
         in_out START: Bool;
-        /// The access is under way.
+        /// The access is running.
         in_out AUFTRAG_LAEU: Bool;
         /// Always 0.
         out    RET_VAL: Word;
@@ -43,19 +42,19 @@ pub(crate) enum Step {
     Wait,
     /// Give the command.
     Command,
-    /// The answer is there: take the command back.
+    /// The answer has arrived: clear the command.
     Done {
         /// STATUS.
         status: u8,
         /// DELTA_STATUS.
         delta: u8,
     },
-    /// The CP has been reset or its process was lost: the command goes with it, the next call gives it again.
+    /// The CP was reset or restarted and the command is lost: the next call gives it again.
     Lost,
 }
 
-/// `running`: the command was given, to the CP as it is now (`held`). `sends`: FC 0 has a job, and "this block must
-/// not be called as long as a transmit command is running" [S0 L1035]: it waits instead.
+/// `running`: the command was given; `held`: the CP has not restarted since. `sends`: FC 0 has a job; "this block must
+/// not be called as long as a transmit command is running" [S0 L1035], so it waits instead.
 pub(crate) fn step(words: Words, running: bool, held: bool, sends: bool) -> Step {
     if running {
         return match tx_count(words.tx_echo) {
@@ -134,8 +133,8 @@ fn advance(cx: &mut Cx<'_, CpState>, module: &Module<'_>, words: Words) -> Resul
         }
         Step::Lost => {
             state.line.release();
-            // Another life of the CP must not take the old command for a new one; a start-up waits for its
-            // acknowledgement in the same word.
+            // A restarted CP must not take the old command for a new one; a start-up waits for its acknowledgement in
+            // the same word.
             if !words.not_ready() && !module.write(cx, TX, &[0, 0])? {
                 return Ok(());
             }

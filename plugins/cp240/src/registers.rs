@@ -1,4 +1,4 @@
-//! The count words and what stands in them [S0 L1829-L1880], `docs/cp240-registers.md`.
+//! The count words and their content [S0 L1829-L1880], `docs/cp240-registers.md`.
 
 use ob1_sdk::{Abort, Cx, ModuleInfo, Refused, Reply};
 use ob1_words::cp240;
@@ -10,16 +10,16 @@ pub(crate) use ob1_words::cp240::{
 use crate::settings::{self, Service};
 use crate::state::CpState;
 
-/// Offset of the TX words; RX lies at 0.
+/// Offset of the TX words; RX is at 0.
 pub(crate) const TX: u32 = 2;
 /// Bytes of a telegram in one block.
 pub(crate) const BLOCK_BYTES: u16 = cp240::BLOCK_BYTES as u16;
 /// Longest telegram: the CP's buffer.
 pub(crate) const TELEGRAM_MAX: u16 = cp240::BUFFER_BYTES as u16;
-/// Bytes of the offset that a changed area begins with.
+/// Bytes of the offset at the beginning of a changed area.
 pub(crate) const OFFSET_BYTES: u16 = cp240::OFFSET_BYTES as u16;
 
-/// All that marks an answer to a line command: everything but STATUS and DELTA_STATUS.
+/// The bits that identify an answer to a line command: all except STATUS and DELTA_STATUS.
 const LINE_ANSWER_MASK: u16 = 0xFC00;
 
 /// The two words the CP writes.
@@ -31,7 +31,7 @@ pub(crate) struct Words {
     pub(crate) tx_echo: u16,
 }
 
-/// A count word, sorted.
+/// A decoded count word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Count {
     /// 0 to 1024.
@@ -47,7 +47,7 @@ pub(crate) enum Count {
     },
     /// A system word.
     System,
-    /// Outside the rules: treated as absent.
+    /// Not valid: treated as absent.
     Nonsense,
 }
 
@@ -57,12 +57,12 @@ impl Count {
     }
 }
 
-/// Sorts `RX`; the bit of a changed area aside.
+/// Decodes `RX`, ignoring the bit of a changed area.
 pub(crate) fn rx_count(word: u16) -> Count {
     if word & SYSTEM != 0 { Count::System } else { Count::bytes(word & !AREA) }
 }
 
-/// Sorts `TX echo`. A CP that echoes the output-area bit with the count means the count.
+/// Decodes `TX echo`. The bit of the output area is ignored.
 pub(crate) fn tx_count(word: u16) -> Count {
     match word & !AREA {
         word if word & SYSTEM != 0 => Count::System,
@@ -80,34 +80,33 @@ impl Words {
         Self { rx: u16::from_be_bytes([a, b]), tx_echo: u16::from_be_bytes([c, d]) }
     }
 
-    /// The number of the start-up the CP shows, 1 to 255.
+    /// The number of the start-up that the CP shows, 1 to 255.
     pub(crate) fn start_up(self) -> Option<u8> {
         let number = self.tx_echo as u8;
         (self.rx == STARTUP && self.tx_echo & 0xFF00 == SYSTEM && number != 0).then_some(number)
     }
 
-    /// True while the CP takes no order: start-up not acknowledged, or no valid parameters.
+    /// True while the CP accepts no job: start-up not acknowledged, or no valid parameters.
     pub(crate) fn not_ready(self) -> bool {
         self.start_up().is_some() || self.rx == NO_PARAMETERS
     }
 }
 
-/// The module a block is called for, with the plugin's memory of it.
+/// The module a block is called for, with the plugin's memory for it.
 pub(crate) struct Module<'a> {
     pub(crate) address: u32,
     pub(crate) info: ModuleInfo,
     pub(crate) state: &'a CpState,
 }
 
-/// A block's access to the CP. Where there is no module, or a driver is down and the station says `absent = "fault"`,
-/// an access does what `L PEW` and `T PAW` do: event 2942h or 2943h, OB 122 or STOP; `None` when OB 122 has dealt with
-/// it.
+/// A block's access to the CP. If there is no module, or a driver is down and the station file says `absent = "fault"`,
+/// an access has the same effect as `L PEW` and `T PAW`: event 2942h or 2943h, OB 122 or STOP; `None` if OB 122 has
+/// handled it.
 impl<'a> Module<'a> {
-    /// Registers first, then what is known of the driver: what a driver that has died no longer shows (0 is also what
-    /// an acknowledged telegram looks like) is never taken for the word of one that lives.
+    /// The registers are read before the state of the driver: so the 0 of a dead driver is never taken for the 0 of an
+    /// acknowledged telegram.
     ///
-    /// `None` also at a Modbus slave "short": what stands there are the master's data, no block may take them for
-    /// words or write there.
+    /// `None` also for a Modbus slave "short": its registers hold the data of the master and not count words.
     pub(crate) fn read<const N: usize>(cx: &mut Cx<'a, CpState>, adr: i16) -> Result<Option<(Self, [u8; N])>, Abort> {
         let Some((module, registers)) = Self::reach(cx, adr)? else { return Ok(None) };
         if settings::service(cx, &module)? == Service::Nothing {
@@ -117,7 +116,7 @@ impl<'a> Module<'a> {
         Ok(Some((module, registers)))
     }
 
-    /// The same, whatever the registers mean.
+    /// The same, also for a Modbus slave "short".
     pub(crate) fn reach<const N: usize>(cx: &mut Cx<'a, CpState>, adr: i16) -> Result<Option<(Self, [u8; N])>, Abort> {
         let address = address(adr);
         let mut registers = [0; N];
@@ -130,12 +129,12 @@ impl<'a> Module<'a> {
         Ok(read_access(cx, state, address)?.map(|state| (Self { address, info, state }, registers)))
     }
 
-    /// The same for the two count words alone.
+    /// The same as [`Module::read`], but only the two count words.
     pub(crate) fn words(cx: &mut Cx<'a, CpState>, adr: i16) -> Result<Option<(Self, Words)>, Abort> {
         Ok(Self::read(cx, adr)?.map(|(module, bytes)| (module, Words::from_bytes(bytes))))
     }
 
-    /// Writes bytes from an offset on, together. False when the access failed and OB 122 has dealt with it.
+    /// Writes bytes from an offset on, in one access. False if the access failed and OB 122 has handled it.
     pub(crate) fn write(&self, cx: &mut Cx<'_, CpState>, offset: u32, bytes: &[u8]) -> Result<bool, Abort> {
         match cx.io_write(self.address + offset, bytes)? {
             Ok(()) => Ok(true),
@@ -144,12 +143,12 @@ impl<'a> Module<'a> {
     }
 }
 
-/// The logical address: the manual declares it as INT, addresses count without a sign.
+/// The logical address: the manual declares it as INT, but addresses are unsigned.
 pub(crate) fn address(adr: i16) -> u32 {
     u32::from(adr as u16)
 }
 
-/// Reads registers; false when the access failed and OB 122 has dealt with it.
+/// Reads registers; false if the access failed and OB 122 has handled it.
 pub(crate) fn read(cx: &mut Cx<'_, CpState>, address: u32, into: &mut [u8]) -> Result<bool, Abort> {
     let done = cx.io_read(address, into)?;
     Ok(read_access(cx, done, address)?.is_some())
@@ -162,11 +161,11 @@ fn read_access<T>(cx: &mut Cx<'_, CpState>, done: Result<T, Refused>, address: u
     }
 }
 
-/// PAFE: what is wrong with the data block [S0 "Standard handling blocks for CPU 21x"].
+/// PAFE: the error of the data block [S0 "Standard handling blocks for CPU 21x"].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum Pafe {
-    /// All is well.
+    /// No error.
     Ok = 0,
     /// Data block not present.
     Missing = 1,
@@ -177,7 +176,7 @@ pub(crate) enum Pafe {
 }
 
 impl Pafe {
-    /// What the host's refusal means; `None` for a write-protected data block, which is no matter of PAFE.
+    /// PAFE for a refusal of the host; `None` for a write-protected data block, which PAFE does not report.
     pub(crate) fn of(refused: Refused) -> Option<Self> {
         Some(match refused {
             Refused::NoDb => Pafe::Missing,
@@ -187,7 +186,7 @@ impl Pafe {
         })
     }
 
-    /// Holds an area of a telegram against the length of its data block.
+    /// Checks whether an area is inside its data block.
     pub(crate) fn check(db_len: Reply<u32>, from: impl Into<u32>, bytes: u16) -> Result<Pafe, Abort> {
         Ok(match db_len? {
             Ok(len) if len >= from.into() + u32::from(bytes) => Pafe::Ok,

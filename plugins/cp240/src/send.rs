@@ -13,11 +13,12 @@ interface! {
         in     ADR: Int;
         /// Data block with the telegram.
         in     _DB: BlockDb;
-        /// First byte of the telegram in it. The tables say "data word", the examples count bytes; bytes it is (ours).
+        /// First byte of the telegram in it. The tables say "data word", the examples count bytes; the block counts
+        /// bytes (ours).
         in     ABD | ADB: Word;
         /// Bytes to send; `OR 4000h` for the Modbus output area [S0 L2311].
         in     ANZ: Word;
-        /// 1 starts the transfer; 0 when it has ended.
+        /// 1 starts the transfer; the block sets it to 0 when the transfer has ended.
         in_out FRG: Bool;
         /// Bytes the CP has taken.
         in_out GESE: Word;
@@ -25,13 +26,13 @@ interface! {
         in_out ANZ_INT: Word;
         /// The CP has the whole telegram and transmits it.
         in_out ENDE_KOMM | ENDE_KOM: Bool;
-        /// The last block stands in the registers.
+        /// The last block is in the registers.
         in_out LETZTER_BLOCK: Bool;
         /// A job is running.
         in_out SENDEN_LAEUFT: Bool;
         /// The last job failed; stays until the next one starts.
         in_out FEHLER_KOM | FEHL_KOM: Bool;
-        /// 1 data block not present, 2 too short, 3 number outside the valid range; back to 0 by itself.
+        /// 1 data block not present, 2 too short, 3 number outside the valid range; returns to 0 automatically.
         out    PAFE: Byte;
     }
 }
@@ -50,22 +51,22 @@ pub(crate) struct Job {
 /// What a call does with the registers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Step {
-    /// Nothing: it is the CP's turn.
+    /// Nothing: the CP has to act.
     Wait,
-    /// Write `len` bytes of the telegram from `from` on, and the count word.
+    /// Write `len` bytes of the telegram, beginning at byte `from`, and the count word.
     Block { from: u16, len: u16, word: u16 },
-    /// Write the count word alone.
+    /// Write only the count word.
     Word(u16),
-    /// The telegram has been acknowledged: FRG falls.
+    /// The telegram has been acknowledged: reset FRG.
     Done,
-    /// The job has failed: FRG falls; the word, if any, takes the order back.
+    /// The job has failed: reset FRG; the word, if any, withdraws the order.
     Failed(Option<u16>),
 }
 
-/// Why no job can start with this ANZ.
+/// The reason why no job can start with this ANZ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Refusal {
-    /// 0 bytes: there is nothing to do, and it is done.
+    /// 0 bytes: there is nothing to do, the job ends without error.
     Empty,
     /// More than the CP's buffer holds: it would refuse with 17h.
     TooLong,
@@ -81,7 +82,7 @@ pub(crate) fn telegram_bytes(anz: u16) -> Result<u16, Refusal> {
 }
 
 impl Job {
-    /// FRG is set and no job is running. A count of before is taken back first: CP and CPU begin at 0.
+    /// FRG is set and no job is running. An old count is cleared first: CP and CPU both start from 0.
     pub(crate) fn start(self, anz: u16, words: Words) -> (Self, Step) {
         match tx_count(words.tx_echo) {
             _ if words.not_ready() => (self, Step::Wait),
@@ -95,7 +96,7 @@ impl Job {
         }
     }
 
-    /// A job is running, on the CP it was started on.
+    /// A job is running, and the CP has not restarted since.
     pub(crate) fn go_on(self, words: Words) -> (Self, Step) {
         if words.not_ready() {
             return (self, self.lost(words));
@@ -111,7 +112,7 @@ impl Job {
                 let gese = self.gese + posted.min(BLOCK_BYTES);
                 Job { gese, ..self }.next_block()
             }
-            // Not yet: the echo of the block before, 0 before the first.
+            // The CP still shows the echo of the previous block, or 0 before the first.
             Count::Bytes(echo) => {
                 let before = if self.gese == 0 { 0 } else { posted + BLOCK_BYTES };
                 self.wait_or_fail(echo == before)
@@ -120,8 +121,8 @@ impl Job {
         }
     }
 
-    /// The CP is no longer the one the job was started on. The count is taken back, unless a start-up waits for its
-    /// acknowledgement in the same word.
+    /// The CP has restarted since the job began. The count is cleared, unless a start-up waits for its acknowledgement
+    /// in the same word.
     pub(crate) fn lost(self, words: Words) -> Step {
         Step::Failed((!words.not_ready()).then_some(0))
     }
@@ -130,7 +131,7 @@ impl Job {
         (self, if expected { Step::Wait } else { Step::Failed(Some(0)) })
     }
 
-    /// The count that stands in `TX` and the count of the last block; `None` when GESE and ANZ_INT are not ours.
+    /// The count in `TX` and the count of the last block; `None` if the values of GESE and ANZ_INT are impossible.
     fn counts(self) -> Option<(u16, u16)> {
         let bytes = telegram_bytes(self.anz_int).ok()?;
         let posted = bytes.checked_sub(self.gese)?;
@@ -187,7 +188,7 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     let (db, abd) = (cx.get(send::_DB)?, cx.get(send::ABD)?);
     let db_len = cx.len(Area::Db(db));
     let pafe = Pafe::check(db_len, settings::offset(cx, &module, abd)?, bytes)?;
-    // A CP whose process is down takes nothing: FRG waits for it, and for a line command of FC 8.
+    // While the process of the CP is down, or a line command of FC 8 is running, FRG waits.
     if pafe != Pafe::Ok || !module.info.present || module.state.line.holds(&module.info) {
         return Ok(pafe);
     }
@@ -236,7 +237,7 @@ fn act(cx: &mut Cx<'_, CpState>, module: &Module<'_>, before: Job, job: Job, ste
     Ok(Pafe::Ok)
 }
 
-/// FRG falls. `failed` tells whether the telegram was acknowledged.
+/// Resets FRG. `failed`: the telegram was not acknowledged.
 fn end(cx: &mut Cx<'_, CpState>, module: &Module<'_>, failed: bool) -> Result<(), Abort> {
     module.state.send.release();
     store(cx, Job { fehler_kom: failed, ..Job::default() })?;

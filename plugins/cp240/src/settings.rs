@@ -1,14 +1,15 @@
-//! What the station file says about the module: `abd`, `protocol`.
+//! The settings of the module in the station file: `abd`, `protocol`.
 
 use ob1_sdk::{Abort, Cx};
 
 use crate::registers::Module;
 use crate::state::CpState;
 
-/// What ABD counts is not known yet: 0, as the module's memory begins.
+/// The setting is not read yet: 0, the initial value of the module's memory.
 const UNKNOWN: u8 = 0;
 
-/// The byte that ABD means: the manual's tables say "data word", its examples count bytes. The station file decides.
+/// The byte that ABD refers to: the manual's tables say "data word", its examples count bytes. The station file
+/// decides.
 pub(crate) fn offset(cx: &mut Cx<'_, CpState>, module: &Module<'_>, abd: u16) -> Result<u32, Abort> {
     let unit = &module.state.abd_bytes;
     if unit.get() == UNKNOWN {
@@ -19,18 +20,18 @@ pub(crate) fn offset(cx: &mut Cx<'_, CpState>, module: &Module<'_>, abd: u16) ->
     Ok(u32::from(abd) * u32::from(unit.get()))
 }
 
-/// What a CP's protocol has for the handling blocks.
+/// Which handling blocks the protocol of the CP supports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Service {
-    /// The handshakes, and a start-up identifier for FC 9.
+    /// All blocks, including FC 9 for the start-up identifier.
     All,
     /// Modbus: no start-up identifier. [S0 L1409 ff.]
     NoSynchronisation,
-    /// Modbus slave "short": the registers are the master's data. [S0 "Modbus Slave Short"]
+    /// Modbus slave "short": the registers hold the data of the master. [S0 "Modbus Slave Short"]
     Nothing,
 }
 
-/// What the CP has for the blocks. A host that does not know the setting has a CP that has all.
+/// The blocks the CP supports: all, if the host does not know the setting.
 pub(crate) fn service(cx: &mut Cx<'_, CpState>, module: &Module<'_>) -> Result<Service, Abort> {
     let known = &module.state.service;
     if known.get() == UNKNOWN {
@@ -50,10 +51,10 @@ pub(crate) fn service(cx: &mut Cx<'_, CpState>, module: &Module<'_>) -> Result<S
     })
 }
 
-/// Number of the entry in the diagnostic buffer: a handling block has nothing to do at this CP (ours).
+/// Number of the entry in the diagnostic buffer: this handling block has no function for this CP (ours).
 const NO_USE: u16 = 1;
 
-/// Tells it once for each start of the station.
+/// Reports this once for each start of the station.
 pub(crate) fn tell_no_use(cx: &mut Cx<'_, CpState>, module: &Module<'_>, text: &str) -> Result<(), Abort> {
     if module.state.told.replace(true) {
         return Ok(());

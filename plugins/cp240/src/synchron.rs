@@ -30,7 +30,7 @@ interface! {
 /// The delay, S5T#100MS (ours: the manual gives the timer, not the time).
 const DELAY: u16 = 0x0010;
 
-/// The bits between two calls.
+/// The bits that keep the state between two calls.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Bits {
     pub(crate) anl: bool,
@@ -41,27 +41,27 @@ pub(crate) struct Bits {
 /// What a call does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Step {
-    /// Nothing to do, or nothing yet.
+    /// Nothing to do, or nothing to do yet.
     Wait,
     /// Ask the CP for a start-up.
     RequestReset,
-    /// Acknowledge the start-up of this number, and start the delay if it is another than before.
+    /// Acknowledge the start-up with this number, and start the delay if it differs from the previous one.
     Acknowledge(u8, StartDelay),
-    /// The CP has emptied both directions: do the same.
+    /// The CP has cleared both directions: do the same.
     Empty,
-    /// The CP works: end when the delay has run out.
+    /// The CP works: end when the delay has elapsed.
     EndAfterDelay,
 }
 
-/// Whether an acknowledgement is a new one.
+/// Whether the start-up is a new one.
 pub(crate) type StartDelay = bool;
 
 impl Bits {
-    /// The table of `docs/cp240-registers.md`. What `state` remembers was zeroed at the CPU's start-up: with it a NULL
-    /// that was retentive is recognised.
+    /// The table of `docs/cp240-registers.md`. `state` is zeroed at the start-up of the CPU, which shows whether NULL
+    /// is an old retentive value.
     ///
-    /// The output words go to 0 as soon as the CP has answered, and stay so until the delay has run out: the first
-    /// count of FC 0 cannot overwrite them before the CP has looked.
+    /// The output words are set to 0 as soon as the CP has answered, and stay 0 until the delay has elapsed: so the
+    /// first count of FC 0 cannot overwrite them before the CP has seen them.
     pub(crate) fn step(self, words: Words, present: bool, state: &CpState) -> (Self, Step) {
         let start_up = words.start_up();
         let mut bits = self;
@@ -78,14 +78,14 @@ impl Bits {
                 bits.null = true;
                 (bits, Step::Acknowledge(number, !waiting || number != acknowledged))
             }
-            // 0 because the driver is down is no answer.
+            // 0 because the driver is down is not an answer.
             None if waiting && !present => (bits, Step::Wait),
             None if waiting && state.emptied.get() => (bits, Step::EndAfterDelay),
             None if waiting => {
                 let empty = words == Words { rx: 0, tx_echo: 0 };
                 (bits, if empty { Step::Empty } else { Step::Wait })
             }
-            // Without parameters a reset changes nothing.
+            // Without parameters a reset has no effect.
             None if words.rx == NO_PARAMETERS => (bits, Step::Wait),
             None => (bits, Step::RequestReset),
         }
@@ -141,7 +141,7 @@ impl Block for SynchronReset {
 }
 
 /// The manual calls no FC 9 with Modbus [S0 L1409 ff.] and does not say what it would do: the module "is ready"
-/// without it [S0 "Commissioning"]. A program that waits for ANL goes on at once, and no register is touched.
+/// without it [S0 "Commissioning"]. A program that waits for ANL continues at once, and no register is written.
 /// (decision 20)
 fn nothing_to_synchronise(cx: &mut Cx<'_, CpState>, module: &Module<'_>, bits: Bits) -> Result<(), Abort> {
     settings::tell_no_use(cx, module, "FC 9 was called, but with Modbus there is nothing to synchronise")?;
@@ -157,7 +157,7 @@ fn end_after_delay(cx: &mut Cx<'_, CpState>, module: &Module<'_>) -> Result<(), 
     let number = cx.get(synchron::TIMER_NR)?;
     let Ok(timer) = cx.timer(number)? else { return timer_fault(cx, number) };
     if !timer.output {
-        // A program that reset the timer in between only makes the delay longer.
+        // If the program resets the timer in between, this only extends the delay.
         return if timer.running { Ok(()) } else { start_timer(cx).map(drop) };
     }
     let _known_above = cx.timer_run(number, TimerKind::OnDelay, false, DELAY)?;
@@ -176,7 +176,7 @@ fn end_after_delay(cx: &mut Cx<'_, CpState>, module: &Module<'_>) -> Result<(), 
     cx.set(synchron::ANL, false)
 }
 
-/// Starts the delay with a fresh edge. False when there is no such timer and OB 121 has dealt with it.
+/// Starts the delay with a new edge. False if the timer does not exist and OB 121 has handled it.
 fn start_timer(cx: &mut Cx<'_, CpState>) -> Result<bool, Abort> {
     let number = cx.get(synchron::TIMER_NR)?;
     for rlo in [false, true] {
@@ -187,7 +187,7 @@ fn start_timer(cx: &mut Cx<'_, CpState>) -> Result<bool, Abort> {
     Ok(true)
 }
 
-/// What `SE T number` does with a timer the CPU does not have: event 2526h, OB 121 or STOP.
+/// The effect of `SE T number` with a timer the CPU does not have: event 2526h, OB 121 or STOP.
 fn timer_fault(cx: &mut Cx<'_, CpState>, number: u16) -> Result<(), Abort> {
     cx.raise_fault(0x2526, u32::from(number))
 }

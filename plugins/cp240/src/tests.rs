@@ -1,4 +1,4 @@
-//! The step functions against a CP made of `docs/cp240-registers.md` alone.
+//! The step functions against a CP written only from `docs/cp240-registers.md`.
 
 mod fragment;
 mod line;
@@ -8,5 +8,5 @@ mod send;
 mod synchron;
 mod wire;
 
-/// What a CP that follows the register document would do, step by step.
+/// A CP that follows the register document, step by step.
 mod fake_cp;

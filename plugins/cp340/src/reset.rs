@@ -1,7 +1,8 @@
 //! FB 12 P_RESET: empties the receive buffer of the CP 340. [TIA help "PtP data link CP 340", "P_RESET"]
 //!
-//! The number of the FB is ours. It asks with a number in the second byte of the CP's outputs, and is answered with it
-//! in the second byte of its inputs (`docs/cp341-channels.md`): so it disturbs no job of the other blocks.
+//! The number of the FB is ours. It writes a number to the second byte of the CP's outputs, and the CP answers with the
+//! same number in the second byte of the inputs (`docs/cp341-channels.md`): so it does not disturb jobs of the other
+//! blocks.
 
 use ob1_ptp::CpState;
 use ob1_ptp::channel::address;
@@ -9,7 +10,7 @@ use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 
 /// STATUS: the CP cannot be written to; RET_VAL of the record transfer is in SFCERR. [reference 3.14]
 const WRITE_FAILED: u16 = 0x1E0F;
-/// That RET_VAL: no module at LADDR.
+/// RET_VAL: no module at LADDR.
 const NO_MODULE: u16 = 0x8090;
 
 interface! {
@@ -19,9 +20,9 @@ interface! {
         in     REQ: Bool;
         /// Logical base address of the CP.
         in     LADDR: Int;
-        /// The job has ended without error: for one call.
+        /// For one call: the job ended without error.
         out    DONE: Bool;
-        /// It has ended with an error: for one call.
+        /// For one call: the job ended with an error.
         out    ERROR: Bool;
         /// Event class and number while ERROR is 1.
         out    STATUS: Word;
@@ -29,9 +30,9 @@ interface! {
         static SFCERR: Word;
         /// REQ at the last call.
         static EDGE: Bool;
-        /// A job is under way.
+        /// A job is running.
         static BUSY: Bool;
-        /// Its number, 1 to 255.
+        /// Number of the job, 1 to 255.
         static NUMBER: Byte;
     }
 }
@@ -55,13 +56,13 @@ impl Block for Reset {
         let is_there = cx.io_read(at, &mut answer)?.is_ok();
         let mut busy = cx.load(rst::BUSY)?;
         if edge && !busy {
-            // A number that is not on show.
+            // A number other than the one the CP shows.
             let number = answer[0].checked_add(1).unwrap_or(1);
             cx.store(rst::NUMBER, number)?;
             busy = true;
         }
         let number = cx.load(rst::NUMBER)?;
-        // Again at each call: a start-up of the CPU takes the outputs back.
+        // Written again at each call, because a start-up of the CPU clears the outputs.
         let fails = busy && !(is_there && cx.io_write(at, &[number])?.is_ok());
         let done = busy && !fails && !edge && answer[0] == number;
         if fails {

@@ -1,6 +1,6 @@
 //! The handling blocks of the CP 341: FB 8 P_SND_RK, FB 7 P_RCV_RK, FB 13 P_PRT341, FC 5 V24_STAT, FC 6 V24_SET.
 //!
-//! What they share with those of the CP 340 is in `ob1-ptp`.
+//! The parts they share with those of the CP 340 are in `ob1-ptp`.
 
 mod receive;
 mod send;

@@ -1,4 +1,4 @@
-//! FB 7 P_RCV_RK: takes telegrams of the partner, and with RK 512 serves its SEND and FETCH. [reference 1.4, 1.5]
+//! FB 7 P_RCV_RK: receives telegrams of the partner, and with RK 512 serves its SEND and FETCH. [reference 1.4, 1.5]
 
 use ob1_ptp::CpState;
 use ob1_ptp::receive::{self, Params};
@@ -7,13 +7,13 @@ use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 interface! {
     /// The parameters, in the manual's order; the instance has 60 bytes.
     pub(crate) mod rcv {
-        /// 1: data and jobs of the partner are taken.
+        /// 1: data and jobs of the partner are accepted.
         in     EN_R: Bool;
-        /// 1 aborts the job and blocks the block.
+        /// 1 aborts the job and disables the block.
         in     R: Bool;
         /// Logical base address of the CP.
         in     LADDR: Int;
-        /// Data block for the data; with RK 512 for those to a DX.
+        /// Data block for the data; with RK 512 for data to a DX.
         in     DB_NO: Int;
         /// First byte in it.
         in     DBB_NO: Int;
@@ -25,11 +25,11 @@ interface! {
         out    L_OFFSET: Int;
         /// RK 512: byte of the coordination flag; 255: none.
         out    L_CF_BYT: Int;
-        /// RK 512: its bit.
+        /// RK 512: bit of the coordination flag.
         out    L_CF_BIT: Int;
-        /// The job has ended without error: for one call.
+        /// For one call: the job ended without error.
         out    NDR: Bool;
-        /// It has ended with an error: for one call.
+        /// For one call: the job ended with an error.
         out    ERROR: Bool;
         /// Bytes of the telegram, while NDR is 1.
         out    LEN: Int;
@@ -37,7 +37,7 @@ interface! {
         out    STATUS: Word;
         /// RET_VAL of RD_REC after 1E0Eh.
         static SFCERR: Word;
-        /// Between two calls.
+        /// The state between two calls.
         static MEMORY: Bytes<34>;
     }
 }
@@ -70,7 +70,7 @@ impl Block for ReceiveRk {
     fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
         if let Some(received) = receive::call(cx, &SHARED)? {
             let has_header = received.letter != 0;
-            // The local area: data to a DX lie in DB_NO, from DBB_NO on. [reference 1.4]
+            // The local area: data to a DX are in DB_NO, from DBB_NO on. [reference 1.4]
             cx.set(rcv::L_TYP, if received.letter == b'X' { b'D' } else { received.letter })?;
             cx.set(rcv::L_NO, if has_header { received.number as i16 } else { 0 })?;
             cx.set(rcv::L_OFFSET, if has_header { received.offset as i16 } else { 0 })?;

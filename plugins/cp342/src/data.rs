@@ -7,7 +7,7 @@ use ob1_words::cp342::{AREA_BYTES, HEAD_BYTES, RECEIVE, SEND, dp_status, mode, s
 
 use crate::outcome::{AREA, Outcome, exchanging, of_memory, of_module};
 
-/// DPSTATUS of a CP that is not there.
+/// DPSTATUS of a CP that does not answer.
 const OFFLINE: u8 = mode::OFFLINE << dp_status::MODE_AT;
 
 interface! {
@@ -17,11 +17,11 @@ interface! {
         in     CPLADDR: Word;
         /// The outputs of the slaves, 1 to 2160 bytes: the send area of the CP from its first byte on.
         in     SEND: Any;
-        /// They have been handed over.
+        /// The outputs have been passed to the CP.
         out    DONE: Bool;
-        /// They have not.
+        /// The outputs have not been passed to the CP.
         out    ERROR: Bool;
-        /// Why, or 8180h while the bus starts.
+        /// The error, or 8180h while the bus starts.
         out    STATUS: Word;
     }
 }
@@ -65,15 +65,15 @@ interface! {
     pub(crate) mod rcv {
         /// Module start address of the CP.
         in     CPLADDR: Word;
-        /// Room for the inputs of the slaves, 1 to 2160 bytes: the receive area of the CP from its first byte on.
+        /// Memory for the inputs of the slaves, 1 to 2160 bytes: the receive area of the CP from its first byte on.
         in     RECV: Any;
-        /// They are there.
+        /// The inputs have been stored.
         out    NDR: Bool;
-        /// They could not be taken.
+        /// The inputs could not be stored.
         out    ERROR: Bool;
-        /// Why, or 8180h while the bus starts.
+        /// The error, or 8180h while the bus starts.
         out    STATUS: Word;
-        /// How the slaves stand; see docs/cp342.md.
+        /// State of the slaves; see docs/cp342.md.
         out    DPSTATUS: Byte;
     }
 }
@@ -113,7 +113,7 @@ fn receive(cx: &mut Cx<'_, ()>) -> Result<(Outcome, u8), Abort> {
             Some(bytes) if HEAD_BYTES + bytes.len() <= len => {
                 span.write(cx, 0, bytes)?.map_or_else(|refused| of_memory(refused, TARGET), |()| Outcome::Done)
             }
-            // More than the slaves have.
+            // Longer than the area of the slaves.
             _ => Outcome::Error(AREA),
         },
     };

@@ -1,4 +1,4 @@
-//! FC 3 DP_DIAG and FC 4 DP_CTRL: what the CP knows of its slaves, and its mode.
+//! FC 3 DP_DIAG and FC 4 DP_CTRL: the CP's diagnoses of its slaves, and its mode.
 
 use ob1_any::Span;
 use ob1_any::status::{SOURCE, TARGET};
@@ -7,10 +7,10 @@ use ob1_words::cp342::{DIAGNOSIS_LEAST, FIELD_BYTES, JOB, JOB_CONTROL, JOB_DIAG,
 
 use crate::outcome::{Outcome, exchanging, of_memory, of_module};
 
-/// What a job gives: its STATUS, and bytes.
+/// The answer to a job: its STATUS, and data bytes.
 type Answer = [u8; STATUS_BYTES + FIELD_BYTES];
 
-/// Has the CP do a job; how many bytes it gives.
+/// Gives the CP a job; returns the number of data bytes in the answer.
 fn job(cx: &mut Cx<'_, ()>, address: u16, wanted: &[u8], answer: &mut Answer) -> Result<Result<usize, Outcome>, Abort> {
     if let Err(outcome) = exchanging(cx, address)? {
         return Ok(Err(outcome));
@@ -35,19 +35,19 @@ interface! {
     pub(crate) mod diag {
         /// Module start address of the CP.
         in     CPLADDR: Word;
-        /// What is asked: 0 station list, 1 diagnostic list, 2 newest diagnosis, 3 an older one, 4 to 6 modes.
+        /// What to read: 0 station list, 1 diagnostic list, 2 newest diagnosis, 3 an older one, 4 to 6 modes.
         in     DTYPE: Byte;
-        /// Of which slave, for DTYPE 2 and 3.
+        /// Address of the slave, for DTYPE 2 and 3.
         in     STATION: Byte;
-        /// Room for the answer, 1 to 240 bytes.
+        /// Memory for the answer, 1 to 240 bytes.
         in     DIAG: Any;
-        /// It is there.
+        /// The answer has been stored.
         out    NDR: Bool;
-        /// There is none.
+        /// There is no answer.
         out    ERROR: Bool;
-        /// Why, or 8182h where there is nothing new.
+        /// The error, or 8182h if there is nothing new.
         out    STATUS: Word;
-        /// Bytes of the answer, also where DIAG is shorter.
+        /// Bytes of the answer, also if DIAG is shorter.
         out    DIAGLNG: Byte;
     }
 }
@@ -76,7 +76,7 @@ impl Block for Diagnose {
 fn diagnose(cx: &mut Cx<'_, ()>) -> Result<(Outcome, usize), Abort> {
     let (address, wanted, station) = (cx.get(diag::CPLADDR)?, cx.get(diag::DTYPE)?, cx.get(diag::STATION)?);
     let Some(span) = Span::of(cx, diag::DIAG)? else { return Ok((Outcome::Error(status::PARAMETER), 0)) };
-    // Asked before the CP is: a diagnosis that has been given is not new any more.
+    // Checked before the job is given, because reading a diagnosis marks it as read.
     let least = if matches!(wanted, dtype::CURRENT | dtype::OLDER) { DIAGNOSIS_LEAST } else { 1 };
     if (span.len as usize) < least {
         return Ok((Outcome::Error(status::SHORT), 0));
@@ -97,13 +97,13 @@ interface! {
     pub(crate) mod ctrl {
         /// Module start address of the CP.
         in     CPLADDR: Word;
-        /// The job field, 1 to 240 bytes: CTYPE, and what belongs to it.
+        /// The job field, 1 to 240 bytes: CTYPE and its parameters.
         in     CONTROL: Any;
-        /// It has been done.
+        /// The job ended without error.
         out    DONE: Bool;
-        /// It has not.
+        /// The job failed.
         out    ERROR: Bool;
-        /// Why.
+        /// The error.
         out    STATUS: Word;
     }
 }

@@ -1,7 +1,7 @@
 //! The handling blocks of the CP 342-5 as a DP master: FC 1 DP_SEND, FC 2 DP_RECV, FC 3 DP_DIAG, FC 4 DP_CTRL.
 //! (docs/cp342.md)
 //!
-//! What they move lies behind data records (`ob1_words::cp342`), and every job is over when its call returns.
+//! They transfer their data as data records (`ob1_words::cp342`), and every job has ended when its call returns.
 
 mod data;
 mod jobs;

@@ -1,4 +1,4 @@
-//! What a call comes to.
+//! The outcome of a call.
 
 use ob1_any::status as memory;
 use ob1_sdk::{Abort, Cx, Refused};
@@ -8,17 +8,17 @@ use ob1_words::cp342::{HEAD_BYTES, RECEIVE, status};
 const STARTING: u16 = 0x8180;
 /// The DP service has not been started.
 const NOT_STARTED: u16 = 0x8183;
-/// The length is not that of the area.
+/// The length does not match the area.
 pub(crate) const AREA: u16 = 0x80B1;
 /// The module is busy.
 const BUSY: u16 = 0x80C1;
 
-/// What a call comes to.
+/// The outcome of a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Outcome {
     /// Done.
     Done,
-    /// Nothing to be done, and no error; why.
+    /// Nothing to do, and no error; with STATUS.
     Nothing(u16),
     /// An error.
     Error(u16),
@@ -41,7 +41,7 @@ impl Outcome {
     }
 }
 
-/// What a module has refused.
+/// The outcome for a refusal of the module.
 pub(crate) fn of_module(refused: Refused) -> Outcome {
     Outcome::Error(match refused {
         Refused::NoModule => memory::NO_MODULE,
@@ -52,12 +52,13 @@ pub(crate) fn of_module(refused: Refused) -> Outcome {
     })
 }
 
-/// Memory of the program that cannot be read, or not be written; `outside` where it reaches beyond its end.
+/// The outcome for memory of the program that cannot be read or written; `outside` is the STATUS for an area that
+/// exceeds it.
 pub(crate) fn of_memory(refused: Refused, outside: u16) -> Outcome {
     Outcome::Error(memory::of_memory(refused, outside))
 }
 
-/// DPSTATUS of the CP at an address that exchanges data; otherwise what the call comes to.
+/// DPSTATUS of a CP that exchanges data; otherwise the outcome of the call.
 pub(crate) fn exchanging(cx: &mut Cx<'_, ()>, address: u16) -> Result<Result<u8, Outcome>, Abort> {
     let mut head = [0; HEAD_BYTES];
     Ok(match cx.record_read(u32::from(address), RECEIVE, &mut head)? {

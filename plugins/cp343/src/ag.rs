@@ -10,29 +10,30 @@ use crate::state::CpState;
 use ob1_any::Span;
 use ob1_any::status::{NO_MODULE, SOURCE, TARGET, of_memory};
 
-/// STATUS: the job is under way.
+/// STATUS: the job is running.
 const RUNNING: u16 = 0x8181;
 /// STATUS of AG_RECV: no data yet.
 const NO_DATA: u16 = 0x8180;
-/// STATUS: SEND, RECV or CMD cannot be.
+/// STATUS: SEND, RECV or CMD is not valid.
 const PARAMETER: u16 = COMMAND;
 /// STATUS: the CP does not answer.
 const ABSENT: u16 = 0x80C0;
 /// STATUS: too many jobs.
 const FULL: u16 = 0x80C3;
-/// Most data of a job; of AG_SEND and AG_RECV on an S7-400, which has AG_LSEND and AG_LRECV for more.
+/// Maximum data length of a job; the second for AG_SEND and AG_RECV of an S7-400, which has AG_LSEND and AG_LRECV for
+/// longer data.
 const LEN_MAX: i16 = 8192;
 const LEN_MAX_400: i16 = 240;
-/// The setting of the station with the family of its CPU.
+/// The setting of the station that names the family of its CPU.
 const FAMILY: &str = "family";
 
-/// Most data of FC `number`, in this CPU.
+/// Maximum data length of FC `number` in this CPU.
 fn most(cx: &mut Cx<'_, CpState>, number: u16) -> Result<i16, Abort> {
     let is_short = number < 50 && cx.setting_int(STATION, FAMILY)?.ok() == Some(400);
     Ok(if is_short { LEN_MAX_400 } else { LEN_MAX })
 }
 
-/// Jobs of a connection that cannot be under way at the same time have the same owner.
+/// Jobs of a connection that cannot run at the same time have the same owner.
 fn owner(class: u64, id: i16) -> u64 {
     1 << 63 | class << 16 | u64::from(id as u16)
 }
@@ -51,7 +52,7 @@ fn status(end: End, outside: u16) -> Option<u16> {
 interface! {
     /// AG_SEND and AG_LSEND.
     pub(crate) mod snd {
-        /// 1: a job begins, when none is under way.
+        /// 1: starts a job, if none is running.
         in     ACT: Bool;
         /// The connection.
         in     ID: Int;
@@ -61,11 +62,11 @@ interface! {
         in     SEND: Any;
         /// Bytes of it, 1 to 8192.
         in     LEN: Int;
-        /// The telegram is out: for one call.
+        /// For one call: the telegram has been sent.
         out    DONE: Bool;
-        /// It could not be sent: for one call.
+        /// For one call: the telegram could not be sent.
         out    ERROR: Bool;
-        /// Why, or 8181h while it is under way.
+        /// The error, or 8181h while the job is running.
         out    STATUS: Word;
     }
 }
@@ -115,15 +116,15 @@ interface! {
         in     ID: Int;
         /// Logical base address of the CP.
         in     LADDR: Word;
-        /// Room for the data; on a TCP connection it is filled.
+        /// Memory for the data; a TCP connection fills it completely.
         in     RECV: Any;
-        /// New data are there: for one call.
+        /// For one call: new data have been stored.
         out    NDR: Bool;
-        /// Data could not be taken: for one call.
+        /// For one call: data could not be stored.
         out    ERROR: Bool;
-        /// Why, or 8180h while there are none, 8181h while they come.
+        /// The error, or 8180h while there are no data, 8181h while they are being received.
         out    STATUS: Word;
-        /// Bytes that have come, while NDR is 1.
+        /// Bytes received, while NDR is 1.
         out    LEN: Int;
     }
 }
@@ -160,17 +161,17 @@ impl<const NUMBER: u16> Block for Receive<NUMBER> {
 interface! {
     /// AG_LOCK and AG_UNLOCK.
     pub(crate) mod lock {
-        /// 1: a job begins.
+        /// 1: starts a job.
         in     ACT: Bool;
         /// The connection.
         in     ID: Int;
         /// Logical base address of the CP.
         in     LADDR: Word;
-        /// Done: for one call.
+        /// For one call: the job ended without error.
         out    DONE: Bool;
-        /// Not done: for one call.
+        /// For one call: the job failed.
         out    ERROR: Bool;
-        /// Why, or 8181h while it is under way.
+        /// The error, or 8181h while the job is running.
         out    STATUS: Word;
     }
 }
@@ -203,19 +204,20 @@ impl<const NUMBER: u16> Block for Lock<NUMBER> {
 interface! {
     /// AG_CNTRL.
     pub(crate) mod cntrl {
-        /// 1: a job begins.
+        /// 1: starts a job.
         in     ACT: Bool;
         /// The connection.
         in     ID: Int;
         /// Logical base address of the CP.
         in     LADDR: Word;
-        /// 0 nothing, 1 state of the connection, 2 reset it, 3 and 4 the same of all, 5 and 6 take locks away.
+        /// 0 nothing, 1 state of the connection, 2 reset it, 3 and 4 the same for all connections, 5 and 6 remove
+        /// locks.
         in     CMD: Int;
-        /// Done: for one call.
+        /// For one call: the job ended without error.
         out    DONE: Bool;
-        /// Not done: for one call.
+        /// For one call: the job failed.
         out    ERROR: Bool;
-        /// Why, or 8181h while it is under way.
+        /// The error, or 8181h while the job is running.
         out    STATUS: Word;
         /// See docs/cp343.md.
         out    RESULT1: DWord;

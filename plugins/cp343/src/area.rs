@@ -1,4 +1,4 @@
-//! The areas of a block here, and pointers into the partner.
+//! The areas of a block in this CPU, and pointers to areas in the partner.
 
 use ob1_any::{Span, pointer};
 use ob1_sdk::types::Any;
@@ -8,7 +8,7 @@ use ob1_words::boxes::ITEMS_MAX;
 
 use crate::state::CpState;
 
-/// Pieces of memory, one behind the other: one of an S7-300's blocks, up to four of an S7-400's.
+/// Pieces of memory, one after the other: one for blocks of an S7-300, up to four for those of an S7-400.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Spans {
     all: [Span; ITEMS_MAX],
@@ -16,11 +16,11 @@ pub(crate) struct Spans {
 }
 
 impl Spans {
-    /// Nothing.
+    /// No pieces.
     pub(crate) const NONE: Self = Self { all: [Span::NONE; ITEMS_MAX], count: 0 };
 
-    /// What the parameters of a block name: those that are given, from the first on. `None`: none, a gap between them,
-    /// or what a CP cannot send or receive.
+    /// The areas in the parameters of a block, from the first on. `None` if there is no area, a gap between areas, or
+    /// an area that a CP cannot send or receive.
     pub(crate) fn of<S: Readable>(cx: &mut Cx<'_, CpState>, formals: &[Formal<Any, S>]) -> Result<Option<Self>, Abort> {
         let mut spans = Self::NONE;
         let mut open = false;
@@ -37,7 +37,7 @@ impl Spans {
         Ok((spans.count > 0).then_some(spans))
     }
 
-    /// One more; there is room for [`ITEMS_MAX`].
+    /// Adds a piece, up to [`ITEMS_MAX`].
     pub(crate) fn push(&mut self, span: Span) {
         if let Some(place) = self.all.get_mut(self.count) {
             *place = span;
@@ -45,17 +45,17 @@ impl Spans {
         }
     }
 
-    /// Each of them.
+    /// The pieces in their order.
     pub(crate) fn iter(&self) -> impl Iterator<Item = &Span> {
         self.all.iter().take(self.count)
     }
 
-    /// Bytes of all.
+    /// Length of all pieces in bytes.
     pub(crate) fn len(&self) -> u32 {
         self.iter().map(|span| span.len).sum()
     }
 
-    /// Reads a part that begins `from` bytes behind the first.
+    /// Reads a part that begins at byte `from`.
     pub(crate) fn read(
         &self,
         cx: &mut Cx<'_, CpState>,
@@ -74,7 +74,7 @@ impl Spans {
         Ok(Ok(()))
     }
 
-    /// Writes a part.
+    /// Writes a part that begins at byte `from`.
     pub(crate) fn write(
         &self,
         cx: &mut Cx<'_, CpState>,
@@ -102,7 +102,7 @@ impl From<Span> for Spans {
     }
 }
 
-/// Nothing was ever given for a parameter, or a pointer to nothing.
+/// Whether a parameter has no value, or is a nil pointer.
 pub(crate) fn is_open<S: Readable>(cx: &mut Cx<'_, CpState>, formal: Formal<Any, S>) -> Result<bool, Abort> {
     let mut bytes = [0; BYTES];
     Ok(match cx.get_bytes(formal, 0, &mut bytes)? {
@@ -111,20 +111,20 @@ pub(crate) fn is_open<S: Readable>(cx: &mut Cx<'_, CpState>, formal: Formal<Any,
     })
 }
 
-/// A pointer into the partner, as it goes over the wire, and how many bytes it names.
+/// A pointer to an area in the partner as it is transmitted, and the length of the area in bytes.
 pub(crate) fn remote<S: Readable>(
     cx: &mut Cx<'_, CpState>,
     formal: Formal<Any, S>,
 ) -> Result<Option<([u8; BYTES], u32)>, Abort> {
     let Some(mut fields) = pointer(cx, formal)? else { return Ok(None) };
     let bits = u32::from(fields.count) * fields.ty.bits();
-    // What the wire has no type for, or another code, is its bytes.
+    // Types that the protocol lacks or codes differently are sent as bytes.
     if matches!(fields.ty, AnyType::String | AnyType::DateAndTime) {
         let Ok(count) = u16::try_from(bits / 8) else { return Ok(None) };
         (fields.ty, fields.count) = (AnyType::Byte, count);
     }
     let len = if fields.ty == AnyType::Bool && fields.count == 1 { 1 } else { bits / 8 };
-    // Eight bits in a row travel as a byte.
+    // Multiples of eight bits are sent as bytes.
     if fields.ty == AnyType::Bool && fields.count > 1 {
         if !bits.is_multiple_of(8) || fields.start % 8 != 0 {
             return Ok(None);

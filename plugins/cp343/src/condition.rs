@@ -1,4 +1,4 @@
-//! How a connection is: C_CNTRL asks by the ID of the connection, CONTROL by the instance of an SFB.
+//! The state of a connection: C_CNTRL names the connection by its ID, CONTROL by the instance of an SFB.
 
 use ob1_sdk::export::bit_address;
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, Refused, interface};
@@ -10,11 +10,11 @@ use crate::state::CpState;
 use crate::telegrams::{brcv4, bsend4, urcv4, usend4};
 use crate::variables::{get4, put4};
 
-/// C_STATUS: the connection is established, and there is none of this ID.
+/// C_STATUS: the connection is established; there is no connection with this ID.
 const UP: u16 = 2;
 const NONE: u16 = 0x00FF;
 
-/// What the CP says of a connection: its C_STATUS, which is not there in each call, or why there is none.
+/// Asks the CP for the C_STATUS of a connection, which is not available in every call; or returns a STATUS.
 fn ask(cx: &mut Cx<'_, CpState>, id: u16) -> Result<Result<Option<u16>, u16>, Abort> {
     let Some(laddr) = module_of(cx, id)? else { return Ok(Ok(Some(NONE))) };
     let mut wanted = Wanted::new(laddr, 1 << 61 | u64::from(id), Service::Status, id);
@@ -31,19 +31,19 @@ fn ask(cx: &mut Cx<'_, CpState>, id: u16) -> Result<Result<Option<u16>, u16>, Ab
 interface! {
     /// C_CNTRL.
     pub(crate) mod cntrl {
-        /// 1: the state is asked for.
+        /// 1: requests the state.
         in     EN_R: Bool;
         /// The connection.
         in     ID: Word;
         /// 0, or the STATUS.
         ret    RET_VAL: Int;
-        /// The state could not be had.
+        /// The state could not be read.
         out    ERROR: Bool;
-        /// Why.
+        /// The error.
         out    STATUS: Word;
         /// The connection is established.
         out    C_CONN: Bool;
-        /// 0000h it is down, 0001h it comes, 0002h it is up, 00FFh there is none.
+        /// 0000h not established, 0001h being established, 0002h established, 00FFh no such connection.
         out    C_STATUS: Word;
     }
 }
@@ -63,7 +63,7 @@ impl Block for Status {
         let failed = if cx.get(cntrl::EN_R)? {
             let id = cx.get(cntrl::ID)?;
             let found = ask(cx, id)?;
-            // Between two answers of the CP the outputs stay as they are.
+            // The outputs do not change between two answers of the CP.
             if let Ok(Some(state)) = found {
                 cx.set(cntrl::C_STATUS, state)?;
                 cx.set(cntrl::C_CONN, state == UP)?;
@@ -84,33 +84,33 @@ impl Block for Status {
 interface! {
     /// CONTROL.
     pub(crate) mod control {
-        /// 1: the state is asked for.
+        /// 1: requests the state.
         in     EN_R: Bool;
         /// The instance data block.
         in     I_DB: BlockDb;
-        /// First byte of the instance in it: not 0 of a multi-instance.
+        /// First byte of the instance in it; not 0 for a multi-instance.
         in     OFFSET: Word;
         /// 0, or the STATUS.
         ret    RET_VAL: Int;
-        /// The state could not be had.
+        /// The state could not be read.
         out    ERROR: Bool;
-        /// Why.
+        /// The error.
         out    STATUS: Word;
-        /// Which SFB it is.
+        /// Type of the SFB.
         out    I_TYP: Byte;
         /// 0: the SFB has not been called since the last start.
         out    I_STATE: Byte;
-        /// Its connection is established.
+        /// The connection of the SFB is established.
         out    I_CONN: Bool;
         /// STATUS of the SFB.
         out    I_STATUS: Word;
     }
 }
 
-/// I_TYP where there is no instance of an SFB.
+/// I_TYP if there is no instance of an SFB.
 const NO_SFB: u8 = 0xFF;
 
-/// Where an instance of an SFB has what CONTROL looks for, in bytes.
+/// Offsets in the instance of an SFB, in bytes, of the values that CONTROL reads.
 struct Place {
     number: u8,
     /// I_TYP.
@@ -143,7 +143,7 @@ const PLACES: [Place; 6] = [
     place!(put4, 15, 0x07),
 ];
 
-/// The SFB whose instance begins at this byte, or the STATUS.
+/// The SFB whose instance begins at this byte, or a STATUS.
 fn instance(cx: &mut Cx<'_, CpState>, db: u16, offset: u32) -> Result<Result<&'static Place, u16>, Abort> {
     match cx.len(Area::Db(db))? {
         Ok(len) if offset < len => {}
@@ -204,7 +204,7 @@ fn of_instance(cx: &mut Cx<'_, CpState>) -> Result<Result<(), u16>, Abort> {
     cx.set(control::I_TYP, place.code)?;
     cx.set(control::I_STATE, u8::from(is_called))?;
     cx.set(control::I_STATUS, state)?;
-    // Between two answers of the CP it stays as it is.
+    // The output does not change between two answers of the CP.
     match ask(cx, id)? {
         Ok(None) => {}
         found => cx.set(control::I_CONN, found == Ok(Some(UP)))?,

@@ -1,4 +1,4 @@
-//! A job at the CP: its data go piece by piece, one a call, and what comes back comes the same way.
+//! A job of the CP: data are passed in pieces, one piece for each call, in both directions.
 
 use ob1_sdk::{Abort, Cx, Refused};
 use ob1_words::boxes::{
@@ -8,29 +8,29 @@ use ob1_words::boxes::{
 use crate::area::Spans;
 use crate::state::{CpState, Phase, Slot};
 
-/// Longest head in front of the data: how many items, of each a length and an ANY pointer.
+/// Maximum header before the data: the number of items, for each item a length and an ANY pointer.
 const FRONT: usize = 1 + ITEMS_MAX * (2 + ITEM_BYTES);
-/// Bytes of a result that is no memory of the program.
+/// Maximum bytes of a result that is not stored in memory of the program.
 pub(crate) const SMALL: usize = 8;
 
-/// What a call wants.
+/// The request of a call.
 #[derive(Debug)]
 pub(crate) struct Wanted {
     /// Address of the module.
     pub(crate) laddr: u32,
-    /// The block: no other has this number at the module.
+    /// The block: no other block has this number at the module.
     pub(crate) owner: u64,
-    /// A job is to begin, if none is under way.
+    /// Starts a job, if none is running.
     pub(crate) begins: bool,
     pub(crate) service: Service,
     pub(crate) id: u16,
     pub(crate) r_id: u32,
-    /// In front of the data.
+    /// The header before the data.
     pub(crate) front: ([u8; FRONT], usize),
     pub(crate) source: Spans,
-    /// Where data of the CP go.
+    /// Memory for the data of the CP.
     pub(crate) target: Spans,
-    /// Or the first of them, where they are a result.
+    /// Or a short result.
     pub(crate) small: [u8; SMALL],
 }
 
@@ -50,7 +50,7 @@ impl Wanted {
         }
     }
 
-    /// Puts bytes in front of the data.
+    /// Adds bytes to the header before the data.
     pub(crate) fn put_front(&mut self, bytes: &[u8]) {
         let (front, len) = &mut self.front;
         for byte in bytes {
@@ -70,28 +70,28 @@ impl Wanted {
     }
 }
 
-/// What has become of it.
+/// The outcome of a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum End {
     /// No job.
     Idle,
-    /// Under way.
+    /// The job is running.
     Running,
-    /// Ended without error, with so many bytes of the CP.
+    /// Ended without error, with this number of bytes from the CP.
     Done(u32),
-    /// Ended with this STATUS of the CP.
+    /// Ended with this STATUS from the CP.
     Failed(u16),
-    /// There is no such module, or it is no CP 343.
+    /// The module does not exist, or is not a CP 343.
     NoModule,
-    /// The CP does not answer, or has started anew.
+    /// The CP does not answer, or has restarted.
     Absent,
-    /// All boxes have jobs.
+    /// All boxes are in use.
     Full,
-    /// The program's memory cannot be read, or not be written.
+    /// The memory of the program cannot be read or written.
     Memory(Refused),
 }
 
-/// A call: one step of the job.
+/// One call: one step of the job.
 pub(crate) fn turn(cx: &mut Cx<'_, CpState>, wanted: &mut Wanted) -> Result<End, Abort> {
     let (Ok(info), Ok(state)) = (cx.module_info(wanted.laddr)?, cx.module_state(wanted.laddr)?) else {
         return Ok(End::NoModule);
@@ -112,7 +112,7 @@ pub(crate) fn turn(cx: &mut Cx<'_, CpState>, wanted: &mut Wanted) -> Result<End,
         return Ok(End::NoModule);
     }
     let answer = Answer::read(&head);
-    // What is to be received has another length now.
+    // The length to be received has changed.
     let is_other = slot.phase() == Phase::Giving && wanted.begins && slot.room.get() != wanted.room();
     if !is_busy || is_other {
         if !wanted.begins {
@@ -155,14 +155,14 @@ pub(crate) fn turn(cx: &mut Cx<'_, CpState>, wanted: &mut Wanted) -> Result<End,
     }
 }
 
-/// Gives a job up; true if there was one.
+/// Cancels a job; true if there was one.
 pub(crate) fn cancel(cx: &mut Cx<'_, CpState>, laddr: u32, owner: u64) -> Result<bool, Abort> {
     let Ok(state) = cx.module_state(laddr)? else { return Ok(false) };
     let Some((index, slot)) = state.slot(owner, false).filter(|(_, slot)| slot.phase() != Phase::Idle) else {
         return Ok(false);
     };
     slot.set(Phase::Idle);
-    // A CP that is gone has forgotten it anyway.
+    // If the CP is gone, its job is gone too.
     let _told = cx.record_write(laddr, record(index), &Order::NONE.bytes())?;
     Ok(true)
 }
@@ -180,7 +180,7 @@ fn order(wanted: &Wanted, slot: &Slot) -> Order {
     }
 }
 
-/// Shows the CP the piece that is due.
+/// Shows the CP the next piece.
 fn give(cx: &mut Cx<'_, CpState>, wanted: &Wanted, slot: &Slot, record: u8) -> Result<End, Abort> {
     let mut block = [0; BOX_BYTES];
     let (head, data) = block.split_at_mut(HEAD_BYTES);
@@ -218,7 +218,7 @@ fn take(cx: &mut Cx<'_, CpState>, wanted: &mut Wanted, slot: &Slot, record: u8) 
     if answer.state != State::Giving || answer.job != slot.job.get() || answer.piece != slot.piece.get() {
         return Ok(End::Running);
     }
-    // A CP that gives more than there is room for is not believed.
+    // If the CP gives more than there is room for, the rest is ignored.
     let len = answer.len.min(slot.room.get());
     let piece = range(answer.piece, len as usize);
     let bytes = data.get(..piece.len()).unwrap_or_default();

@@ -1,8 +1,8 @@
 //! The handling blocks of the CP 343: FC 5, 6, 7, 8, 10, 50, 60 (AG blocks), FC 62 C_CNTRL, and for S7 connections
 //! FB 8, 9, 12 to 15 of an S7-300, SFB 8, 9, 12 to 15 and SFC 62 CONTROL of an S7-400. (docs/cp343.md)
 //!
-//! A block has a box at the CP (`ob1_words::boxes`), which it reads and writes as data records. What a block remembers
-//! between two calls lies in [`state::CpState`], zeroed at every start-up of the CPU.
+//! A block has a box at the CP (`ob1_words::boxes`), which it reads and writes as data records. The state of a block
+//! between two calls is in [`state::CpState`], zeroed at every start-up of the CPU.
 
 mod ag;
 mod area;

@@ -1,7 +1,7 @@
-//! What the blocks for S7 connections share: USEND, URCV, BSEND, BRCV, PUT, GET. They have no LADDR: the connections of
-//! a station have numbers of their own, and the station file says at which CP each is.
+//! What the blocks for S7 connections have in common: USEND, URCV, BSEND, BRCV, PUT, GET. They have no LADDR: an ID is
+//! unique in the station, and the station file says to which CP the connection belongs.
 //!
-//! An S7-300 has them as FB with one area each, an S7-400 as SFB with four ([`FOUR`]). Both are one implementation.
+//! On an S7-300 they are FBs with one area, on an S7-400 SFBs with four ([`FOUR`]). Both share one implementation.
 
 use std::fmt::Write as _;
 
@@ -15,7 +15,7 @@ use crate::area::{Spans, is_open, remote};
 use crate::job::{End, Wanted, cancel, turn};
 use crate::state::{CpState, Phase};
 
-/// The blocks of an S7-400: SFB, four areas, and an instance SFC 62 finds its way in.
+/// The blocks of an S7-400: SFBs with four areas, and an instance that SFC 62 can evaluate.
 pub(crate) const FOUR: bool = true;
 
 /// The kind of a block.
@@ -23,7 +23,7 @@ pub(crate) const fn kind(four: bool) -> Kind {
     if four { Kind::Sfb } else { Kind::Fb }
 }
 
-/// What stands in the instance of SFB `number` from the beginning: SFC 62 knows it by that.
+/// The mark in the initial instance of SFB `number`, by which SFC 62 recognises it.
 pub(crate) const fn mark(number: u8) -> u32 {
     u32::from_be_bytes([b'S', b'F', b'B', number])
 }
@@ -45,7 +45,7 @@ macro_rules! both {
             pub(crate) mod $one {
                 $($head)*
                 $(in_out $area: $ty;)*
-                /// REQ of the last call.
+                /// REQ at the last call.
                 static MEMORY: Byte;
             }
         }
@@ -56,11 +56,11 @@ macro_rules! both {
             pub(crate) mod $four {
                 $($head)*
                 $(in_out $area: $ty;)*
-                /// REQ of the last call.
+                /// REQ at the last call.
                 static MEMORY: Byte;
-                /// Whose instance it is.
+                /// The mark of the SFB.
                 static BLOCK: DWord = $crate::partner::mark($number);
-                /// The start-up in which it was called last.
+                /// The start-up in which the SFB was called last.
                 static CALLED: DWord;
             }
         }
@@ -68,7 +68,7 @@ macro_rules! both {
 }
 pub(crate) use both;
 
-/// Where the CP of a connection is.
+/// The address of the CP of a connection.
 pub(crate) fn module_of(cx: &mut Cx<'_, CpState>, id: u16) -> Result<Option<u32>, Abort> {
     struct Name([u8; 24], usize);
     impl std::fmt::Write for Name {
@@ -87,13 +87,13 @@ pub(crate) fn module_of(cx: &mut Cx<'_, CpState>, id: u16) -> Result<Option<u32>
     Ok(cx.setting_int(STATION, text)?.ok().and_then(|address| u32::try_from(address).ok()))
 }
 
-/// The start-up that is under way, as a number that is never 0.
+/// The number of the current start-up, never 0.
 pub(crate) fn start_up(cx: &mut Cx<'_, CpState>) -> Result<u32, Abort> {
     let now = cx.now();
     Ok(cx.module_state(STATION)?.map_or(0, |state| state.start_up(now)))
 }
 
-/// The instance, as no other block has it.
+/// The instance as a number that no other block has.
 pub(crate) fn owner(cx: &mut Cx<'_, CpState>) -> Result<u64, Abort> {
     Ok(cx.instance()?.map_or(0, |at| u64::from(at.db) << 32 | u64::from(at.offset) | 1 << 62))
 }
@@ -108,7 +108,7 @@ pub(crate) fn failure(end: End) -> Option<u16> {
     })
 }
 
-/// Outputs every such block has.
+/// The outputs that all these blocks have.
 pub(crate) struct Outputs {
     /// DONE or NDR.
     pub(crate) end: Formal<Bool, Out>,
@@ -117,7 +117,7 @@ pub(crate) struct Outputs {
 }
 
 impl Outputs {
-    /// Of a call: done, or an error, or a warning.
+    /// Sets the outputs of a call: done, an error, or a warning.
     pub(crate) fn set(
         &self,
         cx: &mut Cx<'_, CpState>,
@@ -132,16 +132,16 @@ impl Outputs {
     }
 }
 
-/// What a block keeps in its instance.
+/// What a block stores in its instance.
 #[derive(Clone, Copy)]
 pub(crate) struct Memory {
     pub(crate) req: Static<Byte>,
-    /// Of an SFB.
+    /// Only for an SFB.
     pub(crate) called: Option<Static<DWord>>,
 }
 
 impl Memory {
-    /// The block is called.
+    /// Notes that the block was called.
     pub(crate) fn note(self, cx: &mut Cx<'_, CpState>) -> Result<(), Abort> {
         let Some(called) = self.called else { return Ok(()) };
         let start_up = start_up(cx)?;
@@ -149,7 +149,7 @@ impl Memory {
     }
 }
 
-/// [`Memory`] of the one interface or the other.
+/// [`Memory`] of the FB or of the SFB.
 macro_rules! memory {
     ($four:expr, $fb:ident, $sfb:ident) => {
         if $four {
@@ -161,7 +161,7 @@ macro_rules! memory {
 }
 pub(crate) use memory;
 
-/// A block that sends, or fetches, at a rising edge of REQ.
+/// A block that sends or fetches at a rising edge of REQ.
 pub(crate) struct Sender {
     pub(crate) req: Formal<Bool, In>,
     pub(crate) memory: Memory,
@@ -169,7 +169,7 @@ pub(crate) struct Sender {
 }
 
 impl Sender {
-    /// `fill` says what is wanted, or which STATUS its parameters have.
+    /// One call. `fill` completes the request, or returns the STATUS of invalid parameters.
     pub(crate) fn call(
         &self,
         cx: &mut Cx<'_, CpState>,
@@ -210,7 +210,7 @@ fn turn_is_busy(cx: &mut Cx<'_, CpState>, wanted: &Wanted) -> Result<bool, Abort
     Ok(state.slot(wanted.owner, false).is_some_and(|(_, slot)| slot.phase() != Phase::Idle))
 }
 
-/// How many areas, and their lengths, in front of the data.
+/// Writes the number of areas and their lengths before the data.
 pub(crate) fn lengths(wanted: &mut Wanted, spans: &Spans) -> Result<(), u16> {
     wanted.put_front(&[spans.iter().count() as u8]);
     for span in spans.iter() {
@@ -220,11 +220,11 @@ pub(crate) fn lengths(wanted: &mut Wanted, spans: &Spans) -> Result<(), u16> {
     Ok(())
 }
 
-/// An area here, and the one in the partner it goes to or comes from.
+/// An area in this CPU, and the corresponding area in the partner.
 pub(crate) type Pair = (Formal<Any, InOut>, Formal<Any, InOut>);
 
-/// Fills in what PUT and GET say to the partner: how many items; of each its length and the pointer to it. The result
-/// are the areas here. The pairs are used from the first on; both areas of a pair must have one length.
+/// Writes the header of PUT and GET: the number of items; for each item its length and the pointer to it. Returns the
+/// areas in this CPU. The pairs are used from the first on; both areas of a pair must have the same length.
 pub(crate) fn items(
     cx: &mut Cx<'_, CpState>,
     wanted: &mut Wanted,
@@ -232,7 +232,7 @@ pub(crate) fn items(
 ) -> Result<Result<Spans, u16>, Abort> {
     let mut spans = Spans::NONE;
     let mut ended = false;
-    // How many comes first, and is known last.
+    // The number comes first, but is known only at the end.
     wanted.put_front(&[0]);
     for (here, there) in pairs {
         if is_open(cx, *here)? && is_open(cx, *there)? {
@@ -253,7 +253,7 @@ pub(crate) fn items(
     Ok(if count > 0 { Ok(spans) } else { Err(status::AREA) })
 }
 
-/// A block that waits as long as EN_R is 1; the bytes that have come.
+/// A block that receives while EN_R is 1; returns the number of bytes received.
 pub(crate) fn receive(
     cx: &mut Cx<'_, CpState>,
     service: Service,

@@ -1,15 +1,15 @@
-//! What the blocks remember of a module: which job is in which box.
+//! What the blocks store for a module: which job is in which box.
 
 use std::cell::Cell;
 
 use ob1_words::boxes::BOXES;
 
 ob1_sdk::state! {
-    /// Per module and station, zeroed at every start-up of the CPU.
+    /// One for each module and station, zeroed at every start-up of the CPU.
     #[derive(Debug)]
     pub struct CpState {
         slots: [Slot; BOXES],
-        /// Counts what happens in the slots: the one that has rested longest is given up first.
+        /// Counts the uses of the slots: the one that has been idle longest is released first.
         clock: Cell<u32>,
         /// See [`CpState::start_up`].
         start_up: Cell<u32>,
@@ -17,32 +17,32 @@ ob1_sdk::state! {
 }
 
 ob1_sdk::state! {
-    /// A box and whose job is in it.
+    /// A box and the owner of the job in it.
     #[derive(Debug)]
     pub struct Slot {
-        /// The block that has it; 0: none.
+        /// The block that uses the box; 0: none.
         pub(crate) owner: Cell<u64>,
-        /// The start of the CP it belongs to.
+        /// The start of the CP to which it belongs.
         pub(crate) generation: Cell<u32>,
         /// Number of the job.
         pub(crate) job: Cell<u16>,
         /// See [`Phase`].
         phase: Cell<u8>,
-        /// The piece shown last, or pieces taken.
+        /// The piece shown last, or the number of pieces taken.
         pub(crate) piece: Cell<u16>,
-        /// Room for data, as it was when the job began.
+        /// The room for data when the job began.
         pub(crate) room: Cell<u32>,
         used: Cell<u32>,
     }
 }
 
-/// Where a job is.
+/// The phase of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Phase {
     Idle,
-    /// Its data go to the CP, or it is at work there.
+    /// Data are being passed to the CP, or the CP executes the job.
     Giving,
-    /// Data come.
+    /// Data are being received.
     Taking,
 }
 
@@ -61,8 +61,8 @@ impl Slot {
 }
 
 impl CpState {
-    /// A number for the start-up under way, made when it is asked for first. An older one that a retentive data block
-    /// has kept is another, but for the time that comes round after four seconds.
+    /// A number for the current start-up, created at the first call. A number that a retentive data block has kept from
+    /// an earlier start-up differs, with one exception: the number is a time that repeats every four seconds.
     pub(crate) fn start_up(&self, now: u64) -> u32 {
         if self.start_up.get() == 0 {
             self.start_up.set(now as u32 | 1);
@@ -70,7 +70,7 @@ impl CpState {
         self.start_up.get()
     }
 
-    /// The box of a block; one that has none gets one when it wants to begin.
+    /// The box of a block; with `begins`, a block without a box gets one.
     pub(crate) fn slot(&self, owner: u64, begins: bool) -> Option<(usize, &Slot)> {
         let find = |wanted: u64| self.slots.iter().position(|slot| slot.owner.get() == wanted);
         let resting = || {

@@ -13,17 +13,17 @@ use crate::state::CpState;
 both! {
     /// USEND.
     mod usend, usend4 = SFB 8 {
-        /// A rising edge begins a job.
+        /// A rising edge starts a job.
         in     REQ: Bool;
         /// The connection.
         in     ID: Word;
-        /// Which URCV of the partner it is for.
+        /// Identifies the URCV of the partner.
         in     R_ID: DWord;
-        /// The data are out: for one call.
+        /// For one call: the data have been sent.
         out    DONE: Bool;
-        /// They could not be sent: for one call.
+        /// For one call: the data could not be sent.
         out    ERROR: Bool;
-        /// Why; 11: a job is still under way, 25: it is under way.
+        /// The error; 11: REQ came while a job was running, 25: the job is running.
         out    STATUS: Word;
     }
     in_out { SD_1: Any; }
@@ -58,17 +58,17 @@ impl<const FOUR: bool> Block for Usend<FOUR> {
 both! {
     /// URCV.
     mod urcv, urcv4 = SFB 9 {
-        /// 1: data are taken.
+        /// 1: data are accepted.
         in     EN_R: Bool;
         /// The connection.
         in     ID: Word;
-        /// Which USEND of the partner it is for.
+        /// Identifies the USEND of the partner.
         in     R_ID: DWord;
-        /// New data are there: for one call.
+        /// For one call: new data have been stored.
         out    NDR: Bool;
-        /// They could not be taken: for one call.
+        /// For one call: the data could not be stored.
         out    ERROR: Bool;
-        /// Why.
+        /// The error.
         out    STATUS: Word;
     }
     in_out { RD_1: Any; }
@@ -99,23 +99,23 @@ impl<const FOUR: bool> Block for Urcv<FOUR> {
 both! {
     /// BSEND.
     mod bsend, bsend4 = SFB 12 {
-        /// A rising edge begins a job.
+        /// A rising edge starts a job.
         in     REQ: Bool;
-        /// 1 gives a job up.
+        /// 1 cancels the job.
         in     R: Bool;
         /// The connection.
         in     ID: Word;
-        /// Which BRCV of the partner it is for.
+        /// Identifies the BRCV of the partner.
         in     R_ID: DWord;
-        /// The partner's BRCV has the data: for one call.
+        /// For one call: the BRCV of the partner has the data.
         out    DONE: Bool;
-        /// It does not: for one call.
+        /// For one call: the job failed.
         out    ERROR: Bool;
-        /// Why; 11: a job is still under way, 25: it is under way.
+        /// The error; 11: REQ came while a job was running, 25: the job is running.
         out    STATUS: Word;
         /// The data.
         in_out SD_1: Any;
-        /// Bytes of it; 0: all.
+        /// Number of bytes to send; 0: all.
         in_out LEN: Word;
     }
     in_out {}
@@ -168,21 +168,21 @@ impl<const FOUR: bool> Block for Bsend<FOUR> {
 both! {
     /// BRCV.
     mod brcv, brcv4 = SFB 13 {
-        /// 1: data are taken.
+        /// 1: data are accepted.
         in     EN_R: Bool;
         /// The connection.
         in     ID: Word;
-        /// Which BSEND of the partner it is for.
+        /// Identifies the BSEND of the partner.
         in     R_ID: DWord;
-        /// New data are there: for one call.
+        /// For one call: new data have been stored.
         out    NDR: Bool;
-        /// They could not be taken: for one call.
+        /// For one call: the data could not be stored.
         out    ERROR: Bool;
-        /// Why.
+        /// The error.
         out    STATUS: Word;
-        /// Room for the data.
+        /// Memory for the data.
         in_out RD_1: Any;
-        /// Bytes that have come.
+        /// Bytes received.
         in_out LEN: Word;
     }
     in_out {}

@@ -9,15 +9,15 @@ use crate::state::CpState;
 both! {
     /// PUT.
     mod put, put4 = SFB 15 {
-        /// A rising edge begins a job.
+        /// A rising edge starts a job.
         in     REQ: Bool;
         /// The connection.
         in     ID: Word;
-        /// The partner has written the data: for one call.
+        /// For one call: the partner has written the data.
         out    DONE: Bool;
-        /// It has not: for one call.
+        /// For one call: the job failed.
         out    ERROR: Bool;
-        /// Why; 11: a job is still under way, 25: it is under way.
+        /// The error; 11: REQ came while a job was running, 25: the job is running.
         out    STATUS: Word;
     }
     in_out { ADDR_1: Any; SD_1: Any; }
@@ -59,15 +59,15 @@ impl<const FOUR: bool> Block for Put<FOUR> {
 both! {
     /// GET.
     mod get, get4 = SFB 14 {
-        /// A rising edge begins a job.
+        /// A rising edge starts a job.
         in     REQ: Bool;
         /// The connection.
         in     ID: Word;
-        /// The data are there: for one call.
+        /// For one call: the data have been stored.
         out    NDR: Bool;
-        /// There are none: for one call.
+        /// For one call: the job failed.
         out    ERROR: Bool;
-        /// Why; 11: a job is still under way, 25: it is under way.
+        /// The error; 11: REQ came while a job was running, 25: the job is running.
         out    STATUS: Word;
     }
     in_out { ADDR_1: Any; RD_1: Any; }

@@ -1,4 +1,4 @@
-//! An answer: its header, and the way through its records.
+//! An answer: its header, and an iterator over its records.
 
 use crate::quantity::{Quantity, Unit};
 use crate::{fixed, variable};
@@ -7,7 +7,7 @@ use crate::{fixed, variable};
 const VARIABLE: u8 = 0x72;
 /// CI field: fixed data structure. [S0 "CI field"]
 const FIXED: u8 = 0x73;
-/// CI field: the meter tells of an error of its application. [S0 "CI field"]
+/// CI field: the meter reports an error of its application. [S0 "CI field"]
 const APPLICATION_ERROR: u8 = 0x70;
 
 /// Bytes of C, A and CI field.
@@ -18,23 +18,24 @@ const VARIABLE_HEADER: usize = 12;
 /// Bytes of a fixed data structure: identification, access number, state, medium and units, two counters.
 const FIXED_BYTES: usize = 16;
 
-/// Why an answer, or a record, says nothing.
+/// The reason why an answer or a record cannot be evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// No data: the single character, or a short frame.
     NoData,
-    /// A CI field this library does not know; CI 76h (most significant byte first) and wireless ones are among them.
+    /// A CI field that this library does not support, for example CI 76h (most significant byte first) and those of
+    /// wireless M-Bus.
     UnknownCi(u8),
     /// The meter reports an error of its application, with its code (255: without one).
     Application(u8),
-    /// The header, or a record, is cut off or cannot be: the records before it are good, where the next one begins is
+    /// The header or a record is truncated or not valid: the records before it are valid, the start of the next one is
     /// not known.
     Malformed,
-    /// The records are encrypted (AES, modes 5 and 7); keys are not known here.
+    /// The records are encrypted (AES, modes 5 and 7); this library has no keys.
     Encrypted,
 }
 
-/// Who has answered.
+/// The meter that has answered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Header {
     /// A field: primary address.
@@ -43,11 +44,11 @@ pub struct Header {
     pub ci: u8,
     /// Identification number, eight BCD digits: 12345678h is 12345678.
     pub identification: u32,
-    /// Manufacturer, five bits a letter; 0 in a fixed data structure.
+    /// Manufacturer, five bits for each letter; 0 in a fixed data structure.
     pub manufacturer: u16,
     /// Version; 0 in a fixed data structure.
     pub version: u8,
-    /// Medium, as the meter's structure codes it: 07h is water, 04h heat in the variable one.
+    /// Medium, coded as in the data structure of the answer: in the variable one 07h is water, 04h heat.
     pub medium: u8,
     /// Access number: counts the meter's answers.
     pub access: u8,
@@ -68,11 +69,11 @@ impl Header {
 /// A value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Value<'a> {
-    /// Nothing was sent.
+    /// No value.
     None,
     /// A whole number.
     Whole(i32),
-    /// A whole number beyond a DINT, as near as a double comes.
+    /// A whole number beyond a DINT, rounded to a double.
     Big(f64),
     /// A floating point number.
     Real(f32),
@@ -82,9 +83,9 @@ pub enum Value<'a> {
     DateTime([u8; 6]),
     /// Hour, minute, second.
     Time([u8; 3]),
-    /// Text, last character first, as it stands on the line.
+    /// Text, last character first, as it is transmitted.
     Text(&'a [u8]),
-    /// What only the manufacturer knows.
+    /// Manufacturer-specific data.
     Bytes(&'a [u8]),
     /// Characters that are not digits, or a date that the meter calls invalid.
     Invalid,
@@ -101,38 +102,38 @@ pub struct Record<'a> {
     pub tariff: u32,
     /// Subunit of the device.
     pub device: u16,
-    /// What it is.
+    /// The quantity.
     pub quantity: Quantity,
-    /// What it is measured in.
+    /// The unit.
     pub unit: Unit,
     /// Power of ten.
     pub exponent: i16,
     /// The value.
     pub value: Value<'a>,
-    /// VIF, and the first VIFE or 0: for what [`Quantity`] has no name for.
+    /// VIF, and the first VIFE or 0: for quantities that [`Quantity`] does not list.
     pub vif: [u8; 2],
-    /// Where its data lie among the fields of the answer, bytes; behind the LVAR byte.
+    /// Position of its data in the fields of the answer, in bytes; after the LVAR byte.
     pub at: usize,
-    /// How many bytes they are.
+    /// Length of its data in bytes.
     pub len: usize,
 }
 
 /// An answer.
 #[derive(Clone, Copy, Debug)]
 pub struct Answer<'a> {
-    /// Who has answered.
+    /// The meter that has answered.
     pub header: Header,
     /// C, A, CI field, data.
     fields: &'a [u8],
-    /// Where the records begin.
+    /// Position of the first record.
     at: usize,
 }
 
 impl<'a> Answer<'a> {
-    /// Reads C, A, CI field and the header behind them: what the CP gives behind the response byte.
+    /// Reads C, A, CI field and the header after them: the bytes that the CP returns after the response byte.
     ///
     /// # Errors
-    /// [`Fault`]; the answer has no records then.
+    /// [`Fault`]; then the answer has no records.
     pub fn parse(fields: &'a [u8]) -> Result<Self, Fault> {
         let [_c, address, ci, data @ ..] = fields else { return Err(Fault::NoData) };
         let header = Header { address: *address, ci: *ci, ..Header::default() };
@@ -171,15 +172,15 @@ impl<'a> Answer<'a> {
         }
     }
 
-    /// Its records, in their order. A malformed one is the last.
+    /// The records in their order; a malformed record is the last.
     #[must_use]
     pub fn records(&self) -> Records<'a> {
         Records { fixed: (self.header.ci == FIXED).then_some(0), fields: self.fields, at: self.at, more: false }
     }
 }
 
-/// Whether the signature is a configuration of encryption (AES, modes 5 and 7) that fits what came: sixteen bytes a
-/// block. Meters from before that put anything there.
+/// Whether the signature is a configuration of encryption (AES, modes 5 and 7) that matches the length of the data:
+/// blocks of sixteen bytes. Older meters use the signature for other purposes.
 fn is_encrypted(low: u8, high: u8, data: usize) -> bool {
     let blocks = usize::from(low >> 4);
     matches!(high & 0x1F, 5 | 7) && blocks > 0 && blocks * 16 <= data
@@ -196,7 +197,7 @@ pub struct Records<'a> {
 }
 
 impl Records<'_> {
-    /// Whether the meter has more than fits into one answer (DIF 1Fh); known when the last record has been read.
+    /// Whether the meter has more records than fit into one answer (DIF 1Fh); valid after the last record.
     #[must_use]
     pub fn more_follow(&self) -> bool {
         self.more

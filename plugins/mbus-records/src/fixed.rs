@@ -1,25 +1,25 @@
-//! The fixed data structure (CI 73h): two counters with a unit each out of 64, behind sixteen bytes of header. [EN
+//! The fixed data structure (CI 73h): two counters, each with one of 64 units, in a structure of sixteen bytes. [EN
 //! 1434-3]
 
 use crate::answer::{Record, Value};
 use crate::quantity::{Quantity, Unit};
 
-/// Where the state lies among the fields: behind C, A, CI field, identification, access number.
+/// Position of the state in the fields: after C, A, CI field, identification, access number.
 const STATE: usize = 8;
-/// Where medium and units lie.
+/// Position of medium and units.
 const UNITS: usize = 9;
-/// Where the counters lie.
+/// Position of the counters.
 const COUNTERS: usize = 11;
 
-/// State: the counters are binary, else BCD.
+/// State: the counters are binary; otherwise BCD.
 const BINARY: u8 = 0x80;
-/// State: the counters are those of a fixed date, else of now.
+/// State: the counters are values of a fixed date; otherwise current values.
 const FIXED_DATE: u8 = 0x40;
 
-/// Unit of the second counter: that of the first, of an earlier date.
+/// Unit of the second counter: the unit of the first, for a value of an earlier date.
 const SAME_HISTORIC: u8 = 0x3E;
 
-/// The medium: its four bits stand above the two units.
+/// The medium: its four bits are the upper bits of the two unit bytes.
 pub(crate) fn medium(first: u8, second: u8) -> u8 {
     (first >> 6) | (second >> 6) << 2
 }
@@ -56,7 +56,7 @@ fn bcd(digits: u32) -> Value<'static> {
     number.map_or(Value::Invalid, Value::Whole)
 }
 
-/// The units of the fixed data structure: ranges of three or nine powers of ten.
+/// The units of the fixed data structure: ranges of powers of ten.
 fn meaning(code: u8) -> (Quantity, Unit, i16) {
     let from = |first: u8, exponent: i16| exponent + i16::from(code - first);
     match code {
@@ -76,7 +76,7 @@ fn meaning(code: u8) -> (Quantity, Unit, i16) {
 mod tests {
     use super::*;
 
-    /// The example of EN 1434-3: water, 1 l now, 135 l at the last date.
+    /// The example of EN 1434-3: water, now 1 l, at the last date 135 l.
     #[test]
     fn two_counters() {
         // C, A, CI, identification 12345678, access number 10, state 0, units 29h and 7Eh, 1 and 135 in BCD.

@@ -1,5 +1,5 @@
-//! Header and records as they stand in the program's data block: S7 types, high byte first (docs/mbus.md has the tables
-//! and the UDTs).
+//! Header and records as they are in the data block of the program: S7 types, high byte first (docs/mbus.md has the
+//! tables and the UDTs).
 
 use crate::answer::{Header, Record, Value};
 
@@ -8,7 +8,7 @@ pub const HEADER_BYTES: usize = 24;
 /// Bytes of a record (UDT MBUS_RECORD).
 pub const RECORD_BYTES: usize = 40;
 
-/// KIND: what the value is.
+/// KIND: the kind of the value.
 mod kind {
     pub(super) const NONE: u8 = 0;
     pub(super) const WHOLE: u8 = 1;
@@ -23,8 +23,8 @@ mod kind {
 }
 
 impl Header {
-    /// The header with what became of the answer: STATUS, records that follow, whether the meter has more, the code of
-    /// its application's error.
+    /// The header with the result: STATUS, number of records that follow, whether the meter has more, the code of the
+    /// meter's application error.
     #[must_use]
     pub fn to_bytes(self, status: u16, count: u16, more: bool, code: u8) -> [u8; HEADER_BYTES] {
         let mut bytes = [0; HEADER_BYTES];
@@ -48,7 +48,7 @@ impl Header {
 }
 
 impl Record<'_> {
-    /// The value, scaled; 0 for what is no number.
+    /// The scaled value; 0 if it is not a number.
     #[must_use]
     pub fn scaled(self) -> f64 {
         match self.value {
@@ -59,7 +59,7 @@ impl Record<'_> {
         }
     }
 
-    /// The record; `answer_at` is where the fields begin in what DATA_AT counts from.
+    /// The record; `answer_at` is the position of the fields relative to the byte from which DATA_AT counts.
     #[must_use]
     pub fn to_bytes(self, answer_at: u16) -> [u8; RECORD_BYTES] {
         let mut bytes = [0; RECORD_BYTES];
@@ -70,7 +70,7 @@ impl Record<'_> {
             Value::Real(_) => (kind::REAL, 0, [0; 8]),
             Value::Date([day, month, year]) => dated(kind::DATE, [day, month, year, 0, 0, 0]),
             Value::DateTime(time) => dated(kind::DATE_TIME, time),
-            // A DATE_AND_TIME has a date: the first there is.
+            // A DATE_AND_TIME needs a date: the first possible one.
             Value::Time([hour, minute, second]) => dated(kind::TIME, [1, 1, 90, hour, minute, second]),
             Value::Text(_) => (kind::TEXT, 0, [0; 8]),
             Value::Bytes(_) => (kind::BYTES, 0, [0; 8]),
@@ -95,13 +95,14 @@ impl Record<'_> {
     }
 }
 
-/// 10 to this power. The exponents of VIFs and their corrections are small; a chain of corrections stays finite.
+/// 10 to this power. The exponents of VIFs and their corrections are small; the limit keeps a chain of corrections
+/// finite.
 fn power_of_ten(exponent: i16) -> f64 {
     let power = (0..exponent.unsigned_abs().min(60)).fold(1.0, |power: f64, _| power * 10.0);
     if exponent < 0 { 1.0 / power } else { power }
 }
 
-/// A DATE_AND_TIME in BCD with its weekday (1 is Sunday), or what cannot be one.
+/// A DATE_AND_TIME in BCD with its weekday (1 is Sunday), or an invalid value.
 fn dated(kind: u8, [day, month, year, hour, minute, second]: [u8; 6]) -> (u8, i32, [u8; 8]) {
     let can_be = (1..=31).contains(&day)
         && (1..=12).contains(&month)

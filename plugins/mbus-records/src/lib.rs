@@ -1,14 +1,14 @@
-//! What a meter's M-Bus answer says, as records of a fixed size: the data records of EN 1434-3 with variable (CI 72h)
-//! and fixed (CI 73h) structure. Total functions over the bytes that the CP hands to the program, without time and
+//! Decodes the M-Bus answer of a meter into records of fixed size: the data records of EN 1434-3 with variable (CI 72h)
+//! and fixed (CI 73h) structure. Total functions of the bytes that the CP passes to the program, without time and
 //! without allocation.
 //!
-//! What DIF, VIF and their extensions mean says the crate `m-bus-application-layer`, the part of `m-bus-parser`
-//! behind the link layer, which our CP has done already. It is given the head of one record at a time, whose extent has
-//! been measured here before ([`measure`]); the data are decoded here, exactly (docs/decisions/0005-m-bus-records.md
-//! says why).
+//! The crate `m-bus-application-layer` interprets DIF, VIF and their extensions. It is the part of `m-bus-parser` above
+//! the link layer, which the CP has already handled. It gets the header of one record at a time, whose length is
+//! measured here first ([`measure`]); the data are decoded here, without rounding (reasons:
+//! docs/decisions/0005-m-bus-records.md).
 //!
-//! Law of the numbers: `VALUE = RAW * 10^EXPONENT` in `UNIT`. RAW is what the meter counts, to the last digit; a REAL
-//! has no more than seven.
+//! For numbers: `VALUE = RAW * 10^EXPONENT` in `UNIT`. RAW is the exact count of the meter; a REAL has only seven
+//! digits.
 #![no_std]
 
 mod answer;

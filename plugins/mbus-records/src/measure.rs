@@ -1,9 +1,9 @@
-//! How long a data record is, by its DIF and VIF alone. What is longer than what came in is not there.
+//! The length of a data record, from its DIF and VIF only. A record longer than the received data is not returned.
 
-/// DIFEs and VIFEs a record may have, each. [EN 13757-3]
+/// Maximum number of DIFEs and of VIFEs of a record. [EN 13757-3]
 const EXTENSIONS_MAX: usize = 10;
 
-/// The extent of a record.
+/// The lengths of the parts of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Extent {
     /// DIF, VIF, their extensions, and the text of a VIF.
@@ -15,21 +15,21 @@ pub struct Extent {
 }
 
 impl Extent {
-    /// All of it.
+    /// Length of the whole record.
     #[must_use]
     pub fn bytes(self) -> usize {
         self.head + self.lvar + self.data
     }
 }
 
-/// Measures the record at the beginning of `bytes`; its DIF is none of the special functions (xFh).
+/// Measures the record at the beginning of `bytes`; its DIF is not one of the special functions (xFh).
 #[must_use]
 pub fn measure(bytes: &[u8]) -> Option<Extent> {
     let dif = *bytes.first()?;
     let at = chain(bytes, 0)?;
     let vif = *bytes.get(at)?;
     let head = if vif & 0x7F == 0x7C {
-        // The unit as text: length and characters stand between the VIF and its extensions, as meters send it.
+        // The unit as text: length and characters are between the VIF and its extensions, as meters send it.
         let behind = at + 2 + usize::from(*bytes.get(at + 1)?);
         if vif & 0x80 == 0 { behind } else { chain(bytes, behind)? }
     } else {
@@ -49,19 +49,19 @@ pub fn measure(bytes: &[u8]) -> Option<Extent> {
     (extent.bytes() <= bytes.len()).then_some(extent)
 }
 
-/// Behind a chain that begins here: each byte with bit 7 is followed by another one.
+/// The position after a chain that begins at `from`: each byte with bit 7 set is followed by another one.
 fn chain(bytes: &[u8], from: usize) -> Option<usize> {
     let length = bytes.get(from..)?.iter().take(1 + EXTENSIONS_MAX).position(|byte| byte & 0x80 == 0)?;
     Some(from + length + 1)
 }
 
-/// What an LVAR byte stands for, bytes. [EN 13757-3 "Variable length"]
+/// The length given by an LVAR byte, in bytes. [EN 13757-3 "Variable length"]
 fn variable_length(lvar: u8) -> Option<usize> {
     let n = usize::from(lvar);
     match lvar {
         0x00..=0xBF => Some(n),
         0xC0..=0xC9 | 0xD0..=0xD9 => Some(n & 0xF),
-        // A number of no bytes is none.
+        // A number of zero bytes is not valid.
         0xE1..=0xEF => Some(n & 0xF),
         0xF0..=0xF4 => Some(4 * (n - 0xEC)),
         0xF5 => Some(48),
@@ -88,7 +88,7 @@ mod tests {
             (&[0x0D, 0x06, 0x00], Some((2, 1, 0))),
             (&[0x0D, 0x06, 0xE0], None),
             (&[0x0D, 0x06, 0xFF], None),
-            // Cut off: in the data, the DIFEs, the VIFEs, the text; without a VIF.
+            // Truncated: in the data, the DIFEs, the VIFEs, the text; without a VIF.
             (&[0x03, 0x13, 0x15, 0x31], None),
             (&[0x8B, 0x80], None),
             (&[0x8B, 0x60, 0xC3], None),

@@ -1,5 +1,5 @@
-//! What a record measures and in what, as the numbers that stand in the program's data block. A number never changes
-//! its meaning; new ones come at the end.
+//! The quantity and the unit of a record, as the numbers in the data block of the program. A number never changes its
+//! meaning; new numbers are added at the end.
 
 use m_bus_application_layer::value_information::{Unit as CrateUnit, UnitName, ValueLabel};
 
@@ -20,9 +20,9 @@ macro_rules! numbered {
 }
 
 numbered! {
-    /// What it is.
+    /// The measured quantity.
     Quantity {
-        /// Something else: see the VIF.
+        /// Another quantity: see the VIF.
         Other = 0,
         /// Energy.
         Energy = 1,
@@ -30,23 +30,23 @@ numbered! {
         Volume = 2,
         /// Mass.
         Mass = 3,
-        /// Time the meter is on.
+        /// Time the meter has been on.
         OnTime = 4,
-        /// Time the meter works.
+        /// Time the meter has been operating.
         OperatingTime = 5,
         /// Power.
         Power = 6,
-        /// Volume a time.
+        /// Volume flow.
         VolumeFlow = 7,
-        /// Mass a time.
+        /// Mass flow.
         MassFlow = 8,
-        /// Temperature of the flow.
+        /// Flow temperature.
         FlowTemperature = 9,
-        /// Temperature of the return.
+        /// Return temperature.
         ReturnTemperature = 10,
-        /// Difference of both.
+        /// Difference of flow and return temperature.
         TemperatureDifference = 11,
-        /// Temperature outside.
+        /// External temperature.
         ExternalTemperature = 12,
         /// Pressure.
         Pressure = 13,
@@ -54,11 +54,11 @@ numbered! {
         TimePoint = 14,
         /// Units of a heat cost allocator.
         HeatCost = 15,
-        /// Duration over which is averaged.
+        /// Averaging duration.
         AveragingDuration = 16,
         /// Age of the values.
         ActualityDuration = 17,
-        /// Number of the factory.
+        /// Fabrication number.
         FabricationNumber = 18,
         /// Identification.
         Identification = 19,
@@ -78,15 +78,15 @@ numbered! {
         DigitalOutput = 26,
         /// Version of the firmware.
         FirmwareVersion = 27,
-        /// Version of another software.
+        /// Version of other software.
         SoftwareVersion = 28,
         /// Version of the hardware.
         HardwareVersion = 29,
         /// Model.
         Model = 30,
-        /// Customer, or his location.
+        /// Customer or location.
         Customer = 31,
-        /// Operating time of the battery, or what is left of it.
+        /// Operating time or remaining life of the battery.
         Battery = 32,
         /// A number without a unit.
         Dimensionless = 33,
@@ -100,15 +100,15 @@ numbered! {
         ApparentPower = 37,
         /// Count of resets.
         ResetCounter = 38,
-        /// What only the manufacturer knows.
+        /// Manufacturer-specific.
         Manufacturer = 39,
     }
 }
 
 numbered! {
-    /// What it is measured in.
+    /// The unit of the value.
     Unit {
-        /// Nothing, or something else.
+        /// No unit, or another unit.
         None = 0,
         /// Wh.
         WattHour = 1,
@@ -156,7 +156,7 @@ numbered! {
         Hertz = 22,
         /// %.
         Percent = 23,
-        /// degrees of an angle.
+        /// degrees (angle).
         Degree = 24,
         /// varh.
         VarHour = 25,
@@ -170,15 +170,15 @@ numbered! {
         Tonne = 29,
         /// degrees Fahrenheit.
         Fahrenheit = 30,
-        /// Feet cubed.
+        /// Cubic feet.
         CubicFoot = 31,
-        /// American gallons.
+        /// US gallons.
         Gallon = 32,
     }
 }
 
 impl Quantity {
-    /// The first label that has a number here.
+    /// The first label that has a number in this list.
     pub(crate) fn of(mut labels: impl Iterator<Item = ValueLabel>) -> Self {
         labels.find_map(Self::from_label).unwrap_or(Self::Other)
     }
@@ -231,7 +231,7 @@ impl Quantity {
 }
 
 impl Unit {
-    /// What a product of powers is.
+    /// The unit for a product of powers.
     pub(crate) fn of(mut units: impl Iterator<Item = CrateUnit>) -> Self {
         use UnitName as N;
         let power = |unit: Option<CrateUnit>| unit.map(|unit| (unit.name, unit.exponent));

@@ -11,7 +11,7 @@ const DATE_TIME: u8 = 0x6D;
 /// The byte with the minute, in types F and I: the meter's clock is not valid.
 const CLOCK_INVALID: u8 = 0x80;
 
-/// What the data of a record are, by DIF, VIF, and LVAR where there is one.
+/// Decodes the data of a record according to DIF, VIF, and LVAR if there is one.
 pub(crate) fn decode(dif: u8, vif: u8, lvar: u8, data: &[u8]) -> Value<'_> {
     match (dif & 0xF, vif & 0x7F, data) {
         (0x0 | 0x8, ..) => Value::None,
@@ -42,7 +42,7 @@ fn whole(number: i64) -> Value<'static> {
     i32::try_from(number).map_or(Value::Big(number as f64), Value::Whole)
 }
 
-/// Least significant byte first, in two's complement; at most eight bytes.
+/// Decodes two's complement, least significant byte first; at most eight bytes.
 fn binary(data: &[u8]) -> i64 {
     let sign = data.last().is_some_and(|last| last & 0x80 != 0);
     let mut bytes = [if sign { 0xFF } else { 0 }; 8];
@@ -51,7 +51,8 @@ fn binary(data: &[u8]) -> i64 {
     i64::from_le_bytes(bytes)
 }
 
-/// Two digits a byte, least significant first; Fh in front of them is a minus. Eighteen digits at most: they fit.
+/// Decodes two digits for each byte, least significant first; Fh as the first digit is a minus. At most eighteen
+/// digits, which fit.
 fn bcd(data: &[u8], sign: i64) -> Value<'static> {
     let mut digits = data.iter().rev().flat_map(|byte| [byte >> 4, byte & 0xF]).take(18);
     let (first, sign) = match digits.next() {
@@ -64,7 +65,8 @@ fn bcd(data: &[u8], sign: i64) -> Value<'static> {
     number.map_or(Value::Invalid, |number| whole(sign * number))
 }
 
-/// Day, month, year out of the two bytes that have them in every type. "Every" day, month or year is no date.
+/// Day, month, year from the two bytes that contain them in every type. A date with "every" day, month or year is not
+/// valid.
 fn date(day: u8, month: u8) -> Option<[u8; 3]> {
     let year = (day >> 5) | (month >> 4) << 3;
     let (day, month) = (day & 0x1F, month & 0xF);

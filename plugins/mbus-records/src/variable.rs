@@ -1,4 +1,4 @@
-//! A record of the variable data structure (CI 72h). What DIF and VIF mean says `m-bus-application-layer`.
+//! A record of the variable data structure (CI 72h). `m-bus-application-layer` interprets DIF and VIF.
 
 use m_bus_application_layer::data_information::{DataInformation, DataInformationBlock};
 use m_bus_application_layer::value_information::{ValueInformation, ValueInformationBlock};
@@ -8,7 +8,7 @@ use crate::measure::measure;
 use crate::quantity::{Quantity, Unit};
 use crate::value::decode;
 
-/// The record at this place; its DIF is neither filler nor the end of the records.
+/// The record at this position; its DIF is neither filler nor the end of the records.
 pub(crate) fn record(fields: &[u8], from: usize) -> Result<Record<'_>, Fault> {
     let bytes = fields.get(from..).ok_or(Fault::Malformed)?;
     let dif = *bytes.first().ok_or(Fault::Malformed)?;
@@ -27,7 +27,7 @@ pub(crate) fn record(fields: &[u8], from: usize) -> Result<Record<'_>, Fault> {
     let vif = *vib.first().ok_or(Fault::Malformed)?;
     let vife = vib.get(1).copied().unwrap_or(0);
     let (mut quantity, mut unit, mut exponent) = (Quantity::Other, Unit::None, 0);
-    // A VIF it has no meaning for leaves a number without one.
+    // An unknown VIF gives a number without quantity and unit.
     if let Ok(meaning) = ValueInformationBlock::try_from(vib).and_then(|block| ValueInformation::try_from(&block)) {
         quantity = Quantity::of(meaning.labels());
         unit = Unit::of(meaning.units());
@@ -48,7 +48,7 @@ pub(crate) fn record(fields: &[u8], from: usize) -> Result<Record<'_>, Fault> {
     })
 }
 
-/// Behind DIF 0Fh or 1Fh: the rest.
+/// The manufacturer-specific rest after DIF 0Fh or 1Fh.
 pub(crate) fn manufacturer_specific(fields: &[u8], at: usize) -> Record<'_> {
     let data = fields.get(at..).unwrap_or_default();
     Record {

@@ -1,4 +1,4 @@
-//! FC 250 MBUS_DECODE: makes records out of an answer as FC 1 has stored it, response byte first.
+//! FC 250 MBUS_DECODE: decodes an answer as stored by FC 1, response byte first, into records.
 
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
 
@@ -9,15 +9,15 @@ interface! {
     pub(crate) mod decode {
         /// Data block with the answer.
         in     SRC_DB: BlockDb;
-        /// Its first byte there: the response byte.
+        /// First byte in it: the response byte.
         in     SRC_AT: Word;
-        /// Its length, as ANZ of FC 1 gave it.
+        /// Length of the answer, from ANZ of FC 1.
         in     SRC_LEN: Word;
         /// Data block for header and records.
         in     DB_NO: BlockDb;
         /// Records in the data block.
         out    COUNT: Int;
-        /// 0, or what went wrong.
+        /// 0 or an error.
         ret    RET_VAL: Word;
     }
 }

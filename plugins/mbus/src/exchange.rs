@@ -1,5 +1,4 @@
-//! One order and its response, through FC 0 and FC 1: the telegram lies in the instance, and so does everything the two
-//! blocks remember.
+//! One order and its response, through FC 0 and FC 1: the telegram and the state of both blocks are in the instance.
 
 use ob1_sdk::types::{Bool, Byte, Bytes, DWord, Word};
 use ob1_sdk::{Abort, Area, Arg, Cx, Refused, Static};
@@ -9,19 +8,19 @@ use crate::status;
 
 /// Longest telegram: baud rate, C, A, CI field, secondary address.
 pub(crate) const TELEGRAM_MAX: u16 = 12;
-/// The same of the response, as a type wants it.
+/// Maximum length of a response, with the type that `Bytes` needs.
 pub(crate) const RX_BYTES: u16 = RESPONSE_MAX as u16;
 
-/// Nothing runs.
+/// No order is running.
 const IDLE: u8 = 0;
-/// What an earlier order has left in the CP is taken away.
+/// Data that an earlier order has left in the CP are removed.
 const DRAIN: u8 = 1;
-/// FC 0.
+/// FC 0 sends.
 const SEND: u8 = 2;
-/// FC 1.
+/// FC 1 receives.
 const RECEIVE: u8 = 3;
 
-/// The variables of the instance; `exchange_of!` finds them by their names.
+/// The variables of the instance; `exchange_of!` collects them by their names.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Exchange {
     pub(crate) phase: Static<Byte>,
@@ -47,7 +46,7 @@ pub(crate) struct Exchange {
     pub(crate) rx: Static<Bytes<RX_BYTES>>,
 }
 
-/// The variables of a block that gives orders.
+/// Collects the variables of a block that gives orders.
 macro_rules! exchange_of {
     ($block:ident) => {
         $crate::exchange::Exchange {
@@ -77,7 +76,7 @@ macro_rules! exchange_of {
 }
 pub(crate) use exchange_of;
 
-/// Where the order goes.
+/// The CP and the blocks that an order uses.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Way {
     /// Logical address of the CP.
@@ -85,22 +84,22 @@ pub(crate) struct Way {
     /// Numbers of FC SEND and FC RECEIVE in this station.
     pub(crate) fc_send: i16,
     pub(crate) fc_receive: i16,
-    /// Longest time of an order, milliseconds.
+    /// Maximum time of an order, milliseconds.
     pub(crate) timeout_ms: i32,
 }
 
-/// What a call has brought.
+/// The result of a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Progress {
     Running,
-    /// A response of so many bytes lies in RX.
+    /// RX contains a response of this many bytes.
     Response(usize),
     /// STATUS.
     Failed(u16),
 }
 
 impl Exchange {
-    /// Puts a telegram in: the next call sends it.
+    /// Stores a telegram: the next call sends it.
     pub(crate) fn start(self, cx: &mut Cx<'_>, telegram: &[u8]) -> Result<(), Abort> {
         if cx.store_bytes(self.tx, 0, telegram)?.is_err() {
             return Ok(());
@@ -115,7 +114,7 @@ impl Exchange {
         cx.store(self.phase, DRAIN)
     }
 
-    /// Goes on as far as it comes in this scan.
+    /// Continues as far as possible in this scan.
     pub(crate) fn step(self, cx: &mut Cx<'_>, way: Way) -> Result<Progress, Abort> {
         let progress = self.phases(cx, way)?;
         let spent = now_ms(cx).wrapping_sub(cx.load(self.since)?);
@@ -175,7 +174,8 @@ impl Exchange {
         if cx.load(self.fehl_empf)? {
             return Ok(Progress::Failed(status::CP_FAILED));
         }
-        // FC 1 still has to end the handshake when the telegram is there: another instance would find it in the middle.
+        // FC 1 must also end the handshake after the telegram has arrived: otherwise another instance finds it
+        // incomplete.
         if !cx.load(self.emfr)? || cx.load(self.empf_laeuft)? {
             return Ok(Progress::Running);
         }
@@ -183,7 +183,7 @@ impl Exchange {
         Ok(Progress::Response(usize::from(cx.load(self.anz_r)?)))
     }
 
-    /// FC 0; STATUS of what cannot be.
+    /// Calls FC 0; returns the STATUS of an error.
     fn send(self, cx: &mut Cx<'_>, way: Way) -> Result<Option<u16>, Abort> {
         let Some((db, abd)) = place(cx, way, self.tx.bit_address())? else { return Ok(Some(status::NO_DB)) };
         let args = [
@@ -204,7 +204,7 @@ impl Exchange {
         self.verdict(cx, called, self.pafe_s)
     }
 
-    /// FC 1; the same.
+    /// Calls FC 1; returns the STATUS of an error.
     fn receive(self, cx: &mut Cx<'_>, way: Way) -> Result<Option<u16>, Abort> {
         let Some((db, abd)) = place(cx, way, self.rx.bit_address())? else { return Ok(Some(status::NO_DB)) };
         let args = [
@@ -233,7 +233,7 @@ fn own<T>(variable: Static<T>) -> Arg {
     Arg::Operand(Area::Instance, variable.bit_address())
 }
 
-/// The instance's data block, and ABD of a variable in it: bytes, or words where the station file has it so.
+/// The data block of the instance, and ABD of a variable in it: in bytes, or in words if the station file says so.
 fn place(cx: &mut Cx<'_>, way: Way, bit: u32) -> Result<Option<(u32, u32)>, Abort> {
     let Ok(instance) = cx.instance()? else { return Ok(None) };
     let mut text = [0; 8];
@@ -242,7 +242,7 @@ fn place(cx: &mut Cx<'_>, way: Way, bit: u32) -> Result<Option<(u32, u32)>, Abor
     Ok(Some((instance.db.into(), if is_word { byte / 2 } else { byte })))
 }
 
-/// Milliseconds of the runtime; they overflow after 49 days, differences do not mind.
+/// Time of the runtime in milliseconds; it overflows after 49 days, which does not affect differences.
 fn now_ms(cx: &mut Cx<'_>) -> u32 {
     (cx.now() / 1_000_000) as u32
 }

@@ -1,5 +1,5 @@
-//! What the FBs have in common: an edge of REQ starts, each step is an order, its response leads to the next one or to
-//! the end.
+//! What the FBs have in common: an edge of REQ starts a job, each step is an order, and its response leads to the next
+//! step or to the end.
 
 use ob1_sdk::types::{Bool, Byte, Int, Time, Word};
 use ob1_sdk::{Abort, Cx, Formal, In, Out, Static};
@@ -8,13 +8,13 @@ use crate::exchange::{Exchange, Progress, Way};
 use crate::response::{RESPONSE_MAX, Response, read as meaning};
 use crate::status;
 
-/// STEP: nothing runs; SND_NKE, selection, REQ_UD2 have been sent.
+/// STEP: no job; SND_NKE, selection or REQ_UD2 has been sent.
 const IDLE: u8 = 0;
 pub(crate) const RESET: u8 = 1;
 pub(crate) const SELECTION: u8 = 2;
 pub(crate) const REQUEST: u8 = 3;
 
-/// The variables of the instance; `job_of!` finds them by their names.
+/// The variables of the instance; `job_of!` collects them by their names.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Job {
     pub(crate) req: Formal<Bool, In>,
@@ -32,7 +32,7 @@ pub(crate) struct Job {
     pub(crate) exchange: Exchange,
 }
 
-/// The variables of a block that gives orders.
+/// Collects the variables of a block that gives orders.
 macro_rules! job_of {
     ($block:ident) => {
         $crate::job::Job {
@@ -55,8 +55,8 @@ macro_rules! job_of {
 pub(crate) use job_of;
 
 impl Job {
-    /// A call of the block: `start` on an edge of REQ while nothing runs, then the order goes on; `responded` to its
-    /// response, given the step it belongs to, and `end` with the STATUS of an order that has failed.
+    /// One call of the block: calls `start` on an edge of REQ while no job runs, then continues the order; calls
+    /// `responded` with the step when the response arrives, and `end` with the STATUS of a failed order.
     pub(crate) fn call(
         self,
         cx: &mut Cx<'_>,
@@ -103,7 +103,7 @@ impl Job {
         self.exchange.start(cx, telegram)
     }
 
-    /// Ends with STATUS.
+    /// Ends the job with STATUS.
     pub(crate) fn end(self, cx: &mut Cx<'_>, status: u16) -> Result<(), Abort> {
         cx.store(self.step, IDLE)?;
         cx.set(self.busy, false)?;

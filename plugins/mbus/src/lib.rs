@@ -1,9 +1,9 @@
 //! Blocks that read meters over M-Bus, on top of the handling blocks of the CP 240: FB 250 MBUS_READ reads a meter into
-//! typed records, FB 251 MBUS_SEARCH finds meters by their secondary addresses, FC 250 MBUS_DECODE makes records out of
-//! an answer that the program has already.
+//! typed records, FB 251 MBUS_SEARCH finds meters by their secondary addresses, FC 250 MBUS_DECODE decodes an answer
+//! that the program already has.
 //!
-//! The FBs give their orders with FC 0 and take the responses with FC 1, like a program. The program calls FC 9 before
-//! them, and lets one of them work at a time on a CP. docs/mbus.md has parameters, layouts and STATUS.
+//! The FBs send their orders with FC 0 and receive the responses with FC 1, like a user program. The user program must
+//! call FC 9 first, and may use only one of the FBs at a time on a CP. Parameters, layouts and STATUS: docs/mbus.md.
 
 mod decode;
 mod exchange;

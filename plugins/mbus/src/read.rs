@@ -20,15 +20,15 @@ pub(crate) const REQ_UD2: [u8; 2] = [0x5B, 0x7B];
 interface! {
     /// The instance; docs/mbus.md has the table.
     pub(crate) mod read {
-        /// 0 to 1 starts.
+        /// A rising edge starts.
         in     REQ: Bool;
-        /// With REQ: the next telegram of a meter that has MORE.
+        /// With REQ: reads the next telegram of a meter after MORE.
         in     NEXT: Bool;
         /// Logical address of the CP.
         in     ADR: Int = 256;
         /// Baud rate: B8h 300, BBh 2400, BDh 9600.
         in     BAUD: Byte = 0xBB;
-        /// Primary address; 253: the meter with the secondary address that follows.
+        /// Primary address; 253: the meter with the secondary address below.
         in     ADDRESS: Byte = 254;
         /// Identification, eight BCD digits; Fh stands for any digit.
         in     ID: DWord = 0xFFFF_FFFF;
@@ -40,28 +40,28 @@ interface! {
         in     MED: Byte = 0xFF;
         /// Data block for header and records.
         in     DB_NO: BlockDb;
-        /// Longest time of one order.
+        /// Maximum time of one order.
         in     TIMEOUT: Time = 60_000;
         /// Number of FC SEND in this station.
         in     FC_SEND: Int = 0;
         /// Number of FC RECEIVE in this station.
         in     FC_RECEIVE: Int = 1;
-        /// The meter has been read; until the next start.
+        /// The meter has been read; valid until the next start.
         out    DONE: Bool;
-        /// It runs.
+        /// The job is running.
         out    BUSY: Bool;
-        /// It has failed, STATUS says why; until the next start.
+        /// The job failed, see STATUS; valid until the next start.
         out    ERROR: Bool;
-        /// The meter has more: read on with NEXT.
+        /// The meter has more data: continue with NEXT.
         out    MORE: Bool;
-        /// 0, or what went wrong.
+        /// 0 or an error.
         out    STATUS: Word;
         /// Records in the data block.
         out    COUNT: Int;
         static LAST_REQ: Bool;
         /// FCB of the last request.
         static FCB: Bool;
-        /// The last request was answered: there can be a next one.
+        /// The last request was answered: NEXT is possible.
         static ANSWERED: Bool;
         static STEP: Byte;
         static PHASE: Byte;
@@ -117,7 +117,7 @@ fn start(cx: &mut Cx<'_>) -> Result<(), Abort> {
         return request(cx, fcb);
     }
     cx.store(read::ANSWERED, false)?;
-    // The meter begins with its first telegram; who was selected before is it no longer.
+    // Resets the meter to its first telegram, and cancels an earlier selection.
     let telegram = [cx.get(read::BAUD)?, SND_NKE, cx.get(read::ADDRESS)?];
     JOB.order(cx, RESET, &telegram)
 }
@@ -132,7 +132,7 @@ fn responded(cx: &mut Cx<'_>, step: u8, response: Response<'_>) -> Result<(), Ab
     let is_secondary = cx.get(read::ADDRESS)? == SELECTED;
     match (step, response) {
         (_, Response::Error(status::SHORT_CIRCUIT)) => end(cx, status::SHORT_CIRCUIT),
-        // Whether a selected meter was there to acknowledge does not matter.
+        // An acknowledgement is not needed here.
         (RESET, _) if is_secondary => {
             let telegram = selection(
                 cx.get(read::BAUD)?,

@@ -1,11 +1,11 @@
-//! An answer into a data block: the header, then a record behind the other.
+//! Writes an answer into a data block: the header, then the records one after the other.
 
 use ob1_mbus_records::{Answer, Fault, HEADER_BYTES, Header, RECORD_BYTES};
 use ob1_sdk::{Abort, Area, Cx};
 
 use crate::status;
 
-/// What became of it.
+/// The result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Written {
     pub(crate) status: u16,
@@ -14,7 +14,7 @@ pub(crate) struct Written {
 }
 
 /// Writes the records of an answer (C, A, CI field, data) into this data block; DATA_AT counts from the response byte
-/// in front of it.
+/// before it.
 pub(crate) fn write(cx: &mut Cx<'_>, db: u16, fields: &[u8]) -> Result<Written, Abort> {
     let area = Area::Db(db);
     let mut written = Written { status: status::OK, count: 0, more: false };

@@ -1,4 +1,4 @@
-//! What the CP's response means.
+//! Interprets the response of the CP.
 
 use crate::status;
 
@@ -12,18 +12,18 @@ const SINGLE: u8 = 0xE5;
 pub(crate) enum Response<'a> {
     /// The single character: acknowledged.
     Acknowledged,
-    /// A frame: C, A and what follows.
+    /// A frame: C, A and the following bytes.
     Fields(&'a [u8]),
-    /// None: STATUS.
+    /// An error: STATUS.
     Error(u16),
 }
 
-/// Reads it. [S0 "Response byte"]
+/// Decodes a response. [S0 "Response byte"]
 pub(crate) fn read(response: &[u8]) -> Response<'_> {
     match *response {
         [0, SINGLE] => Response::Acknowledged,
         [0, _, _, ..] => Response::Fields(&response[1..]),
-        // Bit 1 counts first: on a short-circuited bus nobody answers either.
+        // Bit 1 has priority: on a short-circuited bus there is no answer either.
         [byte] if byte & 2 != 0 => Response::Error(status::SHORT_CIRCUIT),
         [1] => Response::Error(status::NO_ANSWER),
         _ => Response::Error(status::UNDEFINED),

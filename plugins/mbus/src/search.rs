@@ -1,9 +1,9 @@
 //! FB 251 MBUS_SEARCH: finds the meters on the bus by their secondary addresses.
 //!
-//! A pattern is selected and then asked for data. Nobody answers: nobody is there. One answer: a meter, whose address
-//! stands in it. An answer that is not valid: several meters have spoken; the pattern is narrowed by a digit, ten
-//! times. The CP's response does not tell a spoilt acknowledgement from none, so down to DEPTH digits the search goes
-//! on even where nobody has acknowledged.
+//! The search selects a pattern of addresses and then requests data. No answer: no meter matches. A valid answer: one
+//! meter, whose address is in the answer. An invalid answer: several meters answered at the same time; then the search
+//! sets one more digit of the pattern to each of 0 to 9. The response of the CP does not distinguish a corrupted
+//! acknowledgement from none, so down to DEPTH digits the search continues even without an acknowledgement.
 
 use ob1_mbus_records::{Answer, Header};
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
@@ -17,13 +17,13 @@ use crate::walk::Walk;
 interface! {
     /// The instance; docs/mbus.md has the table.
     pub(crate) mod search {
-        /// 0 to 1 starts.
+        /// A rising edge starts.
         in     REQ: Bool;
         /// Logical address of the CP.
         in     ADR: Int = 256;
         /// Baud rate: B8h 300, BBh 2400, BDh 9600.
         in     BAUD: Byte = 0xBB;
-        /// Where to search: digits Fh are searched, the others given.
+        /// The range to search: digits Fh are searched, the others are fixed.
         in     ID: DWord = 0xFFFF_FFFF;
         /// Manufacturer; FFFFh for any.
         in     MAN: Word = 0xFFFF;
@@ -31,33 +31,33 @@ interface! {
         in     VER: Byte = 0xFF;
         /// Medium; FFh for any.
         in     MED: Byte = 0xFF;
-        /// Digits that are tried even where nobody has acknowledged.
+        /// Number of digits that are tried even without an acknowledgement.
         in     DEPTH: Int = 1;
-        /// Data block for what is found.
+        /// Data block for the meters found.
         in     DB_NO: BlockDb;
-        /// Longest time of one order.
+        /// Maximum time of one order.
         in     TIMEOUT: Time = 60_000;
         /// Number of FC SEND in this station.
         in     FC_SEND: Int = 0;
         /// Number of FC RECEIVE in this station.
         in     FC_RECEIVE: Int = 1;
-        /// The search is over; until the next start.
+        /// The search has ended; valid until the next start.
         out    DONE: Bool;
-        /// It runs.
+        /// The search is running.
         out    BUSY: Bool;
-        /// It has failed, STATUS says why; until the next start.
+        /// The search failed, see STATUS; valid until the next start.
         out    ERROR: Bool;
-        /// 0, or what went wrong.
+        /// 0 or an error.
         out    STATUS: Word;
         /// Meters found.
         out    COUNT: Int;
-        /// The pattern that is tried.
+        /// The current pattern.
         out    CURRENT: DWord;
         static LAST_REQ: Bool;
         static STEP: Byte;
         static LEVEL: Byte;
         static BASE: DWord;
-        /// Patterns with several meters that no digit tells apart.
+        /// Patterns with several meters that no digit distinguishes.
         static COLLISIONS: Int;
         static PHASE: Byte;
         static SINCE: DWord;
@@ -115,7 +115,7 @@ fn walk(cx: &mut Cx<'_>) -> Result<Walk, Abort> {
     Ok(Walk { base: cx.load(search::BASE)?, id: cx.get(search::CURRENT)?, level: cx.load(search::LEVEL)? })
 }
 
-/// Tries a pattern. SND_NKE first: who was selected before is it no longer.
+/// Tries a pattern. Starts with SND_NKE, which cancels an earlier selection.
 fn attempt(cx: &mut Cx<'_>, walk: Walk) -> Result<(), Abort> {
     cx.store(search::BASE, walk.base)?;
     cx.set(search::CURRENT, walk.id)?;
@@ -148,10 +148,10 @@ fn responded(cx: &mut Cx<'_>, step: u8, response: Response<'_>) -> Result<(), Ab
         }
         (REQUEST, Response::Fields(fields)) => match Answer::parse(fields) {
             Ok(Answer { header, .. }) => found(cx, header),
-            // A meter that tells nothing of itself: its pattern is all that is known.
+            // The answer does not contain the address: only the pattern is known.
             Err(_) => several(cx),
         },
-        // Acknowledgements and answers on top of each other.
+        // Several acknowledgements or answers at the same time.
         _ => several(cx),
     }
 }

@@ -1,24 +1,23 @@
-//! The way through the secondary addresses: a wildcard pattern, made narrower digit by digit where several meters
-//! answer.
+//! The search through the secondary addresses: a wildcard pattern, narrowed digit by digit where several meters answer.
 
 /// Digits of an identification.
 const DIGITS: u32 = 8;
-/// The digit that stands for any.
+/// The wildcard digit.
 const ANY: u32 = 0xF;
 
-/// A pattern of identifications, and how far it has been narrowed.
+/// A pattern of identifications, and the number of digits set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Walk {
-    /// What the search began with: its digits Fh are searched, from the left.
+    /// The initial pattern: its digits Fh are searched, from the left.
     pub(crate) base: u32,
-    /// The pattern now.
+    /// The current pattern.
     pub(crate) id: u32,
-    /// How many of the searched digits are set.
+    /// The number of searched digits that are set.
     pub(crate) level: u8,
 }
 
 impl Walk {
-    /// The beginning.
+    /// The start of a search.
     pub(crate) fn new(base: u32) -> Self {
         Self { base, id: base, level: 0 }
     }
@@ -31,7 +30,7 @@ impl Walk {
         true
     }
 
-    /// The next pattern that is not part of this one; false: that was the last.
+    /// Goes to the next pattern outside this one; false: this was the last.
     pub(crate) fn go_on(&mut self) -> bool {
         while let Some(shift) = self.level.checked_sub(1).and_then(|level| self.place(level)) {
             let digit = (self.id >> shift) & ANY;
@@ -49,7 +48,7 @@ impl Walk {
         self.id = self.id & !(ANY << shift) | digit << shift;
     }
 
-    /// Where the searched digit with this number lies.
+    /// The bit position of the searched digit with this number.
     fn place(&self, number: u8) -> Option<u32> {
         let places = (0..DIGITS).rev().map(|digit| 4 * digit);
         places.filter(|shift| (self.base >> shift) & ANY == ANY).nth(number.into())

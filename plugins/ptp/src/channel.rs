@@ -5,10 +5,10 @@ use ob1_words::channels::{BLOCK_BYTES, Block, Channel};
 
 use crate::state::CpState;
 
-/// Longest job of any of them, bytes. [reference 1.1]
+/// Longest job of all blocks, in bytes. [reference 1.1]
 pub const LEN_MAX: u16 = 4096;
 
-/// Why a channel cannot be used, as RET_VAL of SFC 58/59. [reference 3.14]
+/// The reason why a channel cannot be used, as RET_VAL of SFC 58/59. [reference 3.14]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Unreachable(pub(crate) u16);
 
@@ -32,7 +32,7 @@ impl Unreachable {
     }
 }
 
-/// Reads what the CP shows.
+/// Reads the block that the CP shows.
 pub(crate) fn read(
     cx: &mut Cx<'_, CpState>,
     laddr: i16,
@@ -41,7 +41,7 @@ pub(crate) fn read(
     let mut block = [0; BLOCK_BYTES];
     Ok(match cx.record_read(address(laddr), channel.record(), &mut block)? {
         Ok(BLOCK_BYTES) => Ok(Block(block)),
-        // A module of another kind: it has no channels.
+        // A module of another type, without channels.
         Ok(_) => Err(Unreachable(0x80B0)),
         Err(refused) => Err(Unreachable::reading(refused)),
     })
@@ -57,13 +57,13 @@ pub(crate) fn write(
     Ok(cx.record_write(address(laddr), channel.record(), &block.0)?.map_err(Unreachable::writing))
 }
 
-/// LADDR is an INT; addresses reach 65535.
+/// LADDR is an INT; addresses go up to 65535.
 #[must_use]
 pub fn address(laddr: i16) -> u32 {
     u32::from(laddr as u16)
 }
 
-/// A start number that is not the one the CP has acknowledged last, nor the one in use.
+/// A start number that differs from the one that the CP acknowledged last, and from the one in use.
 pub(crate) fn next_start(acknowledged: u16, in_use: u16) -> u16 {
     let mut number = acknowledged.wrapping_add(1);
     while number == 0 || number == in_use {

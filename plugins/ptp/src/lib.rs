@@ -1,9 +1,9 @@
 //! What the handling blocks of the CP 340 and the CP 341 have in common: their channels, a block that gives a job to
-//! the CP (P_SEND, P_SND_RK, P_PRINT), one that takes what the CP has (P_RCV, P_RCV_RK), and the accompanying signals.
+//! the CP (P_SEND, P_SND_RK, P_PRINT), one that receives from the CP (P_RCV, P_RCV_RK), and the accompanying signals.
 //!
-//! A block has a channel (`docs/cp341-channels.md`), which it reads and writes as data records, as the originals do by
-//! RD_REC and WR_REC: 32 bytes of user data a call. What a block remembers between two calls lies in its instance;
-//! [`CpState`] keeps which start of the CPU it belongs to.
+//! A block has a channel (`docs/cp341-channels.md`), which it reads and writes as data records, as the originals do
+//! with RD_REC and WR_REC: 32 bytes of user data for each call. The state of a block between two calls is in its
+//! instance; [`CpState`] stores to which start of the CPU it belongs.
 #![forbid(unsafe_op_in_unsafe_fn)]
 
 pub mod channel;

@@ -1,7 +1,7 @@
 //! P_PRINT of the CP 340 and P_PRT341 of the CP 341: prints a format string with up to four variables. [reference 1.8]
 //!
-//! DB_NO and DBB_NO name a pointer data block: for each of four variables and, last, for the format string three words:
-//! the number of its data block (0: there is none), its first byte there, its length.
+//! DB_NO and DBB_NO name a pointer data block. For each of four variables, and then for the format string, it has three
+//! words: the number of the data block (0: none), the first byte in it, the length.
 
 use std::marker::PhantomData;
 
@@ -20,11 +20,11 @@ const FORMAT_MAX: u16 = 150;
 /// Variables and format string.
 const POINTERS: usize = 5;
 
-/// Bytes of the pointers, and greatest DBB_NO: they lie within 8192 bytes. [reference 1.8]
+/// Bytes of the pointers, and maximum DBB_NO: the pointers must be within 8192 bytes. [reference 1.8]
 const POINTER_BYTES: usize = 6 * POINTERS;
 const DBB_NO_MAX: i16 = 8162;
 
-/// Bytes of a job: the five lengths, and what they are of.
+/// Bytes of a job: the five lengths, the variables and the format string.
 const JOB_MAX: usize = 2 * POINTERS + 4 * VARIABLE_MAX as usize + FORMAT_MAX as usize;
 
 /// STATUS: no pointer to a format string. [reference 3.14]
@@ -35,7 +35,7 @@ interface! {
     pub mod prt {
         /// A rising edge starts a job.
         in     REQ: Bool;
-        /// 1 aborts the job and blocks the block.
+        /// 1 aborts the job and disables the block.
         in     R: Bool;
         /// Logical base address of the CP.
         in     LADDR: Int;
@@ -43,15 +43,15 @@ interface! {
         in     DB_NO: Int;
         /// First byte of the pointers in it, 0 to 8162.
         in     DBB_NO: Int;
-        /// The job has ended without error: for one call.
+        /// For one call: the job ended without error.
         out    DONE: Bool;
-        /// It has ended with an error: for one call.
+        /// For one call: the job ended with an error.
         out    ERROR: Bool;
         /// Event class and number while ERROR is 1.
         out    STATUS: Word;
         /// RET_VAL of WR_REC after 1E0Fh.
         static SFCERR: Word;
-        /// Between two calls.
+        /// The state between two calls.
         static MEMORY: Bytes<34>;
     }
 }
@@ -60,13 +60,13 @@ interface! {
 pub trait Name {
     /// Number of the FB.
     const NUMBER: u16;
-    /// Its name.
+    /// Name of the FB.
     const NAME: &'static str;
     /// STATUS: the length of a variable or of the format string is wrong.
     const LENGTH_WRONG: u16;
 }
 
-/// The block of this number and name.
+/// The block with this number and name.
 #[derive(Debug)]
 pub struct Print<N>(PhantomData<N>);
 
@@ -135,8 +135,8 @@ impl<N: Name> Job for Print<N> {
         Ok(Order { sf: Order::PRINT, ..Order::default() })
     }
 
-    /// The data are put together anew for each piece: the instance has no room for them. Pointers that change while a
-    /// job is under way end it.
+    /// The data are composed again for each piece, because the instance has no room for them. If the pointers change
+    /// while a job is running, the job ends with an error.
     fn read(cx: &mut Cx<'_, CpState>, data: Data, from: u16, into: &mut [u8]) -> Result<Result<(), u16>, Abort> {
         let pointers = match pointers::<N>(cx, data.db, data.byte)? {
             Ok(pointers) if bytes_of(&pointers) == data.len => pointers,

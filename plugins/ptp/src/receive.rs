@@ -1,9 +1,9 @@
-//! A block that takes what the CP has, P_RCV and P_RCV_RK: telegrams of the partner, with RK 512 its SEND and FETCH.
-//! [reference 1.4, 1.5]
+//! The receiving blocks P_RCV and P_RCV_RK: telegrams of the partner, with RK 512 its SEND and FETCH. [reference 1.4,
+//! 1.5]
 //!
-//! A job of LEN bytes takes one call to accept it, LEN/32 calls, rounded up, for its data, and one that tells the end:
-//! at least three. A FETCH gives its first piece with the acceptance. The start-up coordination takes one call before.
-//! [reference 1.0]
+//! A job of LEN bytes takes one call to accept it, LEN/32 calls, rounded up, for its data, and one that reports the
+//! end: at least three. A FETCH passes its first piece in the call that accepts it. The start-up coordination takes one
+//! call before. [reference 1.0]
 
 use ob1_sdk::types::{Bool, Bytes, Int, Word};
 use ob1_sdk::{Abort, Area, Cx, Formal, In, Out, Static};
@@ -18,23 +18,23 @@ use crate::target::Target;
 /// STATUS: RD_REC failed; RET_VAL is in SFCERR. [reference 3.14]
 const READ_FAILED: u16 = 0x1E0E;
 
-/// Where the job is.
+/// The phase of the job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub(crate) enum Phase {
-    /// The CP does not know the block yet.
+    /// There is no start-up coordination with the CP yet.
     #[default]
     Off,
-    /// It has been asked for the start-up coordination.
+    /// The start-up coordination has been requested.
     Starting,
     /// EN_R = 0.
     Rest,
-    /// For something to take.
+    /// Waits for a telegram or a job of the partner.
     Waiting,
-    /// Data come.
+    /// Data are being received.
     Taking,
-    /// Data go to the partner.
+    /// Data are being passed to the CP for the partner.
     Giving,
-    /// The block has done its part.
+    /// The block waits for the CP to end the job.
     Finishing,
 }
 
@@ -56,11 +56,11 @@ impl Phase {
     }
 }
 
-/// What the block remembers between two calls.
+/// The state of the block between two calls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub(crate) struct Memory {
     pub(crate) phase: Phase,
-    /// The channel could not be read at the last call: it is told once.
+    /// The channel could not be read at the last call; reported only once.
     unreachable: bool,
     pub(crate) start: u16,
     pub(crate) job: u16,
@@ -69,7 +69,7 @@ pub(crate) struct Memory {
     pub(crate) len: u16,
     /// Area letter of the header; 0: a telegram without one.
     letter: u8,
-    /// Where the data are: data block, first byte (timer, counter).
+    /// Location of the data: data block, first byte (timer, counter).
     number: u16,
     offset: u16,
     /// Coordination flag, byte and bit.
@@ -105,7 +105,7 @@ impl Memory {
         bytes
     }
 
-    /// Where the data are.
+    /// Location of the data.
     fn target(&self) -> Option<Target> {
         match self.letter {
             // Without a header, and for a DX: DB_NO and DBB_NO.
@@ -115,25 +115,25 @@ impl Memory {
     }
 }
 
-/// How a call ends: NDR, or a STATUS.
+/// The end of a job: NDR, or a STATUS.
 type End = Option<Result<(), u16>>;
 
-/// The parameters every such block has.
+/// The parameters that all these blocks have.
 #[derive(Clone, Copy, Debug)]
 pub struct Params {
-    /// 1: data and jobs of the partner are taken.
+    /// 1: data and jobs of the partner are accepted.
     pub en_r: Formal<Bool, In>,
-    /// 1 aborts the job and blocks the block.
+    /// 1 aborts the job and disables the block.
     pub r: Formal<Bool, In>,
     /// Logical base address of the CP.
     pub laddr: Formal<Int, In>,
-    /// Data block for the data; with RK 512 for those to a DX.
+    /// Data block for the data; with RK 512 for data to a DX.
     pub db_no: Formal<Int, In>,
     /// First byte in it.
     pub dbb_no: Formal<Int, In>,
-    /// The job has ended without error: for one call.
+    /// For one call: the job ended without error.
     pub ndr: Formal<Bool, Out>,
-    /// It has ended with an error: for one call.
+    /// For one call: the job ended with an error.
     pub error: Formal<Bool, Out>,
     /// Bytes of the telegram, while NDR is 1.
     pub len: Formal<Int, Out>,
@@ -141,18 +141,18 @@ pub struct Params {
     pub status: Formal<Word, Out>,
     /// RET_VAL of the record transfer.
     pub sfcerr: Static<Word>,
-    /// Between two calls.
+    /// The state between two calls.
     pub memory: Static<Bytes<34>>,
 }
 
-/// What has come.
+/// The received telegram or job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Received {
-    /// Bytes.
+    /// Length in bytes.
     pub len: u16,
     /// Area letter of the header; 0: a telegram without one.
     pub letter: u8,
-    /// Where the data are: data block, first byte (timer, counter).
+    /// Location of the data: data block, first byte (timer, counter).
     pub number: u16,
     /// First byte, timer or counter.
     pub offset: u16,
@@ -160,8 +160,8 @@ pub struct Received {
     pub flag: (u16, u16),
 }
 
-/// A call of the block: NDR with what has come, or ERROR with a STATUS, or neither, and BR. The outputs are those of
-/// this call alone. [reference 1.5]
+/// One call of the block: sets NDR with the result, or ERROR with a STATUS, or neither, and BR. The outputs are valid
+/// for this call only. [reference 1.5]
 ///
 /// # Errors
 /// The call ends.
@@ -180,7 +180,7 @@ pub fn call(cx: &mut Cx<'_, CpState>, params: &Params) -> Result<Option<Received
 fn job(cx: &mut Cx<'_, CpState>, params: &Params) -> Result<Option<Result<Received, u16>>, Abort> {
     let mut bytes = [0; 34];
     if cx.load_bytes(params.memory, 0, &mut bytes)?.is_err() {
-        // An instance that is too short: as a statement that reads it.
+        // The instance is too short: the same event as for a statement that reads it.
         cx.raise_fault(0x2522, 0)?;
         return Ok(None);
     }
@@ -201,7 +201,7 @@ fn run(cx: &mut Cx<'_, CpState>, params: &Params, memory: &mut Memory) -> Result
         return unreachable(cx, params, memory, takes, Unreachable(0x8090));
     };
     if memory.start != state.receive.start.get() {
-        // The first call since the start-up of the CPU: what was under way before is cancelled. [reference 1.6]
+        // The first call since the start-up of the CPU: a job from before is cancelled. [reference 1.6]
         let cancelled = memory.phase.has_job();
         *memory = Memory::default();
         if cancelled {
@@ -216,7 +216,7 @@ fn run(cx: &mut Cx<'_, CpState>, params: &Params, memory: &mut Memory) -> Result
             if had_job {
                 return Ok(Some(Err(CP_RESTARTED)));
             }
-            // A CP that is starting is no error.
+            // A CP that is starting is not an error.
             return if why == Unreachable(0x80A0) { Ok(None) } else { unreachable(cx, params, memory, takes, why) };
         }
     };
@@ -225,7 +225,7 @@ fn run(cx: &mut Cx<'_, CpState>, params: &Params, memory: &mut Memory) -> Result
     block.step(takes, reset)
 }
 
-/// The static error of RD_REC: told once, while the block is to take something.
+/// The permanent error of RD_REC: reported once, and only while the block is enabled.
 fn unreachable(
     cx: &mut Cx<'_, CpState>,
     params: &Params,
@@ -241,7 +241,7 @@ fn unreachable(
     Ok(Some(Err(READ_FAILED)))
 }
 
-/// A call with its channel.
+/// One call and its channel.
 struct Call<'a, 'c> {
     cx: &'a mut Cx<'c, CpState>,
     params: &'a Params,
@@ -265,7 +265,7 @@ impl Call<'_, '_> {
                 self.memory.phase = Phase::Waiting;
                 self.show(Command::Wait)?;
             }
-            // The CP has started again: everything it had is gone.
+            // The CP has restarted: all its jobs are lost.
             _ if !known => {
                 self.memory.phase = Phase::Off;
                 self.begin(takes)?;
@@ -274,7 +274,7 @@ impl Call<'_, '_> {
             _ => {}
         }
         if !takes {
-            // "The aborted job ends with an error"; R goes back to the initial state. [reference 1.5]
+            // "The aborted job ends with an error"; R resets the block to its initial state. [reference 1.5]
             if had_job && reset {
                 self.begin(false)?;
             } else if self.memory.phase != Phase::Rest {
@@ -297,7 +297,7 @@ impl Call<'_, '_> {
         }
     }
 
-    /// Asks for the start-up coordination with a new number.
+    /// Requests the start-up coordination with a new number.
     fn begin(&mut self, takes: bool) -> Result<(), Abort> {
         let start = next_start(self.cp.start(), self.memory.start);
         *self.memory = Memory { phase: Phase::Starting, start, ..Memory::default() };
@@ -310,12 +310,12 @@ impl Call<'_, '_> {
     }
 
     fn write(&mut self, block: &Block) -> Result<(), Abort> {
-        // A CP that has gone since it was read: the next call finds that.
+        // If the CP has failed since it was read, the next call detects this.
         let _told = channel::write(self.cx, self.laddr, Channel::Receive, block)?;
         Ok(())
     }
 
-    /// Something to take?
+    /// Checks whether the CP offers something.
     fn wait(&mut self) -> Result<End, Abort> {
         if self.cp.job() == self.memory.job {
             return Ok(None);
@@ -331,7 +331,7 @@ impl Call<'_, '_> {
         }
     }
 
-    /// Looks at the header, and takes the job or refuses it.
+    /// Checks the header, and accepts or refuses the job.
     fn accept(&mut self) -> Result<End, Abort> {
         let header = self.cp.header();
         let (is_fetch, letter) = (header.kind == Offered::Provide, header.letter);
@@ -379,19 +379,19 @@ impl Call<'_, '_> {
         Ok(None)
     }
 
-    /// The coordination flag is looked at before any data are moved. [reference 1.5]
+    /// The coordination flag is checked before any data are transferred. [reference 1.5]
     fn locked(&mut self) -> Result<bool, Abort> {
         let (byte, bit) = self.memory.flag;
         if byte == NO_FLAG {
             return Ok(false);
         }
-        // A bit memory without this byte has no flag that could be set.
+        // If the bit memory does not have this byte, the flag is not set.
         Ok(self.cx.bit(Area::Memory, u32::from(byte), bit as u8)?.unwrap_or(false))
     }
 
     fn refuse(&mut self, refusal: Refusal) -> Result<End, Abort> {
         let block = Block::of_cpu(Command::Refuse, self.memory.start, self.memory.job).with_refusal(refusal);
-        // The CP ends the job with the STATUS that goes with the reason.
+        // The CP ends the job with the STATUS for this reason.
         self.memory.phase = Phase::Finishing;
         self.write(&block)?;
         Ok(None)
@@ -409,7 +409,7 @@ impl Call<'_, '_> {
         let data = self.cp;
         let Some(target) = self.memory.target() else { return self.refuse(Refusal::Area) };
         if target.write(self.cx, from, &data.data()[..len])?.is_err() {
-            // Gone, shortened or write-protected since the header was looked at.
+            // The data block was deleted, shortened or write-protected after the header was checked.
             return self.refuse(Refusal::Range);
         }
         self.memory.piece += 1;
@@ -425,7 +425,7 @@ impl Call<'_, '_> {
         match self.cp.state() {
             State::Failed => self.end(Err(self.cp.status())),
             State::Collecting if self.cp.piece() == self.memory.piece => self.give(),
-            // It has all.
+            // The CP has all data.
             State::Running | State::Done => {
                 self.memory.phase = Phase::Finishing;
                 Ok(None)
@@ -453,7 +453,7 @@ impl Call<'_, '_> {
             State::Done => {
                 let (byte, bit) = self.memory.flag;
                 if byte != NO_FLAG {
-                    // The program resets it when it has used the data. [reference 1.5]
+                    // The program resets the flag when it has used the data. [reference 1.5]
                     let _without_such_a_byte = self.cx.set_bit(Area::Memory, u32::from(byte), bit as u8, true)?;
                 }
                 self.end(Ok(()))
@@ -462,7 +462,7 @@ impl Call<'_, '_> {
         }
     }
 
-    /// The job is over, the block waits for the next.
+    /// The job has ended, the block waits for the next one.
     fn end(&mut self, outcome: Result<(), u16>) -> Result<End, Abort> {
         self.memory.phase = Phase::Waiting;
         self.show(Command::Wait)?;

@@ -1,9 +1,9 @@
-//! What the blocks remember of a module beside their instances.
+//! What the blocks store for a module in addition to their instances.
 
 use std::cell::Cell;
 
 ob1_sdk::state! {
-    /// Per module and station, zeroed at every start-up of the CPU.
+    /// One for each module and station, zeroed at every start-up of the CPU.
     #[derive(Debug, Default)]
     pub struct CpState {
         /// P_SEND, P_SND_RK or P_PRINT: they share a channel.
@@ -14,8 +14,8 @@ ob1_sdk::state! {
 }
 
 ob1_sdk::state! {
-    /// A block's start number at the CP; 0: none since the start-up. An instance with another one is of an earlier
-    /// life: instances lie in data blocks, which outlast a start-up.
+    /// The start number of a block at the CP; 0: none since the start-up. An instance with another number is from
+    /// before the start-up: instances are in data blocks, which survive a start-up.
     #[derive(Debug, Default)]
     pub struct Claim {
         /// The number.

@@ -1,4 +1,4 @@
-//! Where P_RCV_RK puts data, or takes them from. [reference 1.5]
+//! The location where P_RCV_RK stores or reads data. [reference 1.5]
 
 use ob1_sdk::{Abort, Area, Cx, Refused};
 
@@ -6,10 +6,10 @@ use ob1_words::channels::Refusal;
 
 use crate::state::CpState;
 
-/// Timers and counters fetched from a CP 341, at most so many bytes. [reference 1.5]
+/// Maximum number of bytes of timers and counters that a partner can fetch from a CP 341. [reference 1.5]
 const TIMERS_MAX: u16 = 32;
 
-/// A place of the CPU.
+/// A location in the CPU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Target {
     /// Bytes of an area, from this one on.
@@ -21,7 +21,8 @@ pub(crate) enum Target {
 }
 
 impl Target {
-    /// Of a letter in the partner's header; `None`: a CP 341 does not have it (DX, and what is no letter).
+    /// The location for a letter in the header of the partner; `None` for areas a CP 341 does not have (DX) and unknown
+    /// letters.
     pub(crate) fn of(letter: u8, number: u16, offset: u16) -> Option<Self> {
         let offset_bytes = u32::from(offset);
         Some(match letter {
@@ -35,7 +36,7 @@ impl Target {
         })
     }
 
-    /// Whether so many bytes are there.
+    /// Whether the area contains this many bytes.
     pub(crate) fn check(self, cx: &mut Cx<'_, CpState>, len: u16) -> Result<Result<(), Refusal>, Abort> {
         Ok(match self {
             Self::Bytes(area, at) => match cx.len(area)? {
@@ -55,7 +56,7 @@ impl Target {
         })
     }
 
-    /// Reads a piece that begins `from` bytes behind the first.
+    /// Reads a piece that begins at byte `from`.
     pub(crate) fn read(
         self,
         cx: &mut Cx<'_, CpState>,
@@ -68,7 +69,7 @@ impl Target {
                 for (n, word) in into.chunks_mut(2).enumerate() {
                     let number = first + from / 2 + n as u16;
                     let value = match self {
-                        // As they lie in the CPU: remaining time as S5TIME, count as BCD.
+                        // In the format of the CPU: remaining time as S5TIME, count as BCD.
                         Self::Timers(_) => cx.timer(number)?.map(|timer| timer.remaining),
                         _ => cx.counter(number)?.map(bcd),
                     };
@@ -80,17 +81,17 @@ impl Target {
         }
     }
 
-    /// Writes a piece.
+    /// Writes a piece that begins at byte `from`.
     pub(crate) fn write(self, cx: &mut Cx<'_, CpState>, from: u16, data: &[u8]) -> Result<Result<(), Refused>, Abort> {
         match self {
             Self::Bytes(area, at) => cx.write(area, at + u32::from(from), data),
-            // Nobody sends to timers and counters.
+            // Timers and counters cannot be written.
             Self::Timers(_) | Self::Counters(_) => Ok(Err(Refused::Outside)),
         }
     }
 }
 
-/// The last timer or counter of so many bytes.
+/// The last timer or counter in this many bytes.
 const fn last(first: u16, len: u16) -> u16 {
     first + len.div_ceil(2).saturating_sub(1)
 }

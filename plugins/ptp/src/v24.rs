@@ -1,7 +1,7 @@
 //! FC 5 V24_STAT and FC 6 V24_SET: the accompanying signals of the RS 232 interface. [reference 2]
 //!
-//! Neither has an error output, and neither touches BR. The CP shows its lines in the first byte of its inputs and
-//! takes RTS and DTR from the first byte of its outputs.
+//! They have no error output and do not change BR. The CP shows its signals in the first byte of its inputs and takes
+//! RTS and DTR from the first byte of its outputs.
 
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 
@@ -55,7 +55,7 @@ impl Block for Stat {
 
     fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
         let (laddr, mut lines) = (cx.get(stat::LADDR)?, [0]);
-        // No error output: a CP that is not there has no signal.
+        // There is no error output: a CP that does not answer has no signal.
         let _there = cx.io_read(address(laddr), &mut lines)?;
         let is_on = |bit: u8| lines[0] & bit != 0;
         cx.set(stat::DTR_OUT, is_on(DTR))?;
@@ -82,7 +82,7 @@ impl Block for Set {
         let laddr = cx.get(set::LADDR)?;
         let rts = if cx.get(set::RTS)? { RTS } else { 0 };
         let dtr = if cx.get(set::DTR)? { DTR } else { 0 };
-        // No error output either.
+        // There is no error output here either.
         let _there = cx.io_write(address(laddr), &[DRIVES | rts | dtr])?;
         Ok(())
     }

@@ -39,14 +39,14 @@ impl Area {
     }
 }
 
-/// Where the instance of the running FB lies.
+/// The location of the instance of the running FB.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Instance {
     /// The instance data block's number.
     pub db: u16,
-    /// First byte of this instance in it; 0 but for multi-instances.
+    /// First byte of this instance in the data block; 0 except for multi-instances.
     pub offset: u32,
-    /// Bytes.
+    /// Length in bytes.
     pub len: u32,
 }
 
@@ -123,7 +123,7 @@ impl<M> Cx<'_, M> {
         self.write(area, at, &value.to_be_bytes())
     }
 
-    /// Length of an area in bytes; tells whether a data block is there.
+    /// Length of an area in bytes. Also tells whether a data block exists.
     ///
     /// # Errors
     /// [`Abort`]; refused with `NoDb`, `DbNumber`, and `NoParam` for the instance of an FC.
@@ -135,7 +135,7 @@ impl<M> Cx<'_, M> {
         Ok(reply(status)?.map(|()| len))
     }
 
-    /// Where the instance of the running FB lies.
+    /// The location of the instance of the running FB.
     ///
     /// # Errors
     /// [`Abort`]; refused with `NoParam` in an FC.

@@ -15,14 +15,14 @@ pub enum Kind {
     Fb = ob1_abi::KIND_FB,
     /// Function.
     Fc = ob1_abi::KIND_FC,
-    /// System function block: an FB that the CPU brings.
+    /// System function block: an FB built into the CPU.
     Sfb = ob1_abi::KIND_SFB,
-    /// System function: an FC that the CPU brings.
+    /// System function: an FC built into the CPU.
     Sfc = ob1_abi::KIND_SFC,
 }
 
 impl Kind {
-    /// It has an instance data block.
+    /// True for blocks with an instance data block.
     #[must_use]
     pub const fn has_instance(self) -> bool {
         matches!(self, Self::Fb | Self::Sfb)
@@ -39,8 +39,8 @@ pub trait Block {
     const NAME: &'static str;
     /// Its parameters, from [`crate::interface!`].
     const PARAMS: &'static [Param];
-    /// Memory of this block per station, zeroed at every start-up; `()` for none. Data that must survive belongs into
-    /// the instance data block.
+    /// Memory of this block per station, zeroed at every start-up; `()` for none. Data that must survive belongs in the
+    /// instance data block.
     type State: Zeroable;
     /// The plugin's memory per module, the same type for all its blocks; `()` for none. See [`Cx::module_state`].
     type Module: Zeroable;

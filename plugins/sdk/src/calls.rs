@@ -1,4 +1,4 @@
-//! Calling other blocks, and what is known of the organization block that runs.
+//! Calls of other blocks, and information about the running organization block.
 
 use ob1_abi as abi;
 
@@ -16,7 +16,7 @@ pub enum Arg {
     Operand(Area, u32),
 }
 
-/// The organization block that runs.
+/// The running organization block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ObInfo {
     /// Its number.
@@ -27,7 +27,7 @@ pub struct ObInfo {
     pub start: [u8; 20],
 }
 
-/// Arguments a call can have.
+/// Maximum number of arguments of a call.
 const ARGS_MAX: usize = 64;
 
 impl<M> Cx<'_, M> {
@@ -81,7 +81,7 @@ impl<M> Cx<'_, M> {
         reply(unsafe { (host.call_block)(call, kind, number, instance_db, raw.as_ptr(), raw.len() as u32) })
     }
 
-    /// The organization block that runs.
+    /// The running organization block.
     ///
     /// # Errors
     /// [`Abort`].

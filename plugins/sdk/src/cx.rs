@@ -12,7 +12,7 @@ use crate::types::{Elementary, S7Type};
 
 /// The call in progress. Everything a block does goes through it; `M` is the plugin's memory per module.
 ///
-/// Functions that can only fail because the block is wrong give `Result<_, Abort>`; the others a [`Reply`].
+/// Functions that fail only when the block itself is wrong return `Result<_, Abort>`; the others return a [`Reply`].
 #[derive(Debug)]
 pub struct Cx<'a, M = ()> {
     host: &'a HostTable,
@@ -20,7 +20,7 @@ pub struct Cx<'a, M = ()> {
     _module: PhantomData<&'a M>,
 }
 
-/// How much a log line matters.
+/// Severity of a log line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Level {
@@ -43,7 +43,7 @@ pub struct Registers {
 
 impl<'a, M> Cx<'a, M> {
     /// # Safety
-    /// `host` and `call` are what the host gave to the entry that is running, and the result lives no longer than it.
+    /// `host` and `call` are those the host passed to the running entry; the result does not outlive that entry.
     #[inline]
     pub(crate) unsafe fn new(host: &'a HostTable, call: *mut CallContext) -> Self {
         Self { host, call, _module: PhantomData }
@@ -81,7 +81,7 @@ impl<'a, M> Cx<'a, M> {
         if status == abi::OK { Ok(()) } else { self.parameter_fault(status, 0x2523, formal.index()) }
     }
 
-    /// What a statement with such an operand would do: raise an area length error.
+    /// Raises an area length error, as a statement with such an operand does.
     #[cold]
     fn parameter_fault(&mut self, status: abi::Status, event: u16, index: u32) -> Result<(), Abort> {
         match reply(status)? {
@@ -180,10 +180,10 @@ impl<'a, M> Cx<'a, M> {
         unsafe { (self.host.log)(self.call, level as u8, line.as_text()) };
     }
 
-    /// A safe point: higher priorities may run now. A block that loops calls it each time round.
+    /// A safe point: higher priorities may run now. A block that loops calls it in every iteration.
     ///
     /// # Errors
-    /// [`Abort`]: the loop is to be left, the CPU goes to STOP or its watchdog has fired.
+    /// [`Abort`]: leave the loop; the CPU goes to STOP or its watchdog has fired.
     pub fn attend(&mut self) -> Result<(), Abort> {
         // SAFETY: as in `get`.
         reply(unsafe { (self.host.attend)(self.call) }).map(drop)

@@ -13,7 +13,7 @@ use crate::state::Zeroable;
 use crate::text::text;
 use crate::{Block, Cx, Kind};
 
-/// Constant data with pointers in it, all of them to constant data.
+/// Constant data that contains pointers, all of them to constant data.
 #[repr(transparent)]
 #[derive(Debug)]
 pub struct Constant<T>(T);
@@ -24,7 +24,7 @@ unsafe impl<const N: usize> Sync for Constant<[BlockDesc; N]> {}
 unsafe impl Sync for Constant<PluginTable> {}
 
 impl<T> Constant<T> {
-    /// Where it lies.
+    /// Its address.
     pub const fn get(&'static self) -> *const T {
         &raw const self.0
     }
@@ -57,7 +57,7 @@ pub const fn table<M: Zeroable, const N: usize>(
     })
 }
 
-/// A block's description, and that its memory per module is the plugin's.
+/// A block's description. The bound on `B` makes its memory per module that of the plugin.
 #[must_use]
 pub const fn block<M: Zeroable, B: Block<Module = M>>() -> BlockDesc {
     const {

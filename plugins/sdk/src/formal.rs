@@ -15,7 +15,7 @@ pub struct InOut;
 #[derive(Clone, Copy, Debug)]
 pub struct Return;
 
-/// A section a block reads. All of them: an output of an FC is the caller's operand and keeps what was there.
+/// A section a block may read: all of them. An output of an FC is the caller's operand and still holds its old value.
 pub trait Readable {}
 /// A section a block writes.
 pub trait Writable {}
@@ -57,7 +57,7 @@ impl<T, S> Formal<T, S> {
     }
 }
 
-/// An instance variable of type `T` that is no parameter.
+/// An instance variable of type `T` that is not a parameter.
 #[derive(Debug)]
 pub struct Static<T> {
     bit: u32,

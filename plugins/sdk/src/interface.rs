@@ -43,7 +43,7 @@ macro_rules! interface {
         $(#[$doc])*
         #[allow(unreachable_pub, reason = "as visible as the module")]
         $vis mod $module {
-            // Each interface uses the types it uses.
+            // An interface uses only some of the types.
             #[allow(unused_imports, reason = "generated")]
             use $crate::types::*;
 

@@ -1,7 +1,7 @@
-//! Where the variables of an FB lie in its instance: the STEP 7 layout, computed at compile time.
+//! Positions of the variables of an FB in its instance: the STEP 7 layout, computed at compile time.
 //!
 //! The same rules as the compiler's: sections in the order inputs, outputs, in/outs, statics, each from an even byte;
-//! BOOLs fill bits, bytes lie anywhere, everything longer on an even byte.
+//! BOOLs fill bits, bytes may be at any address, longer types start at an even byte.
 
 use ob1_abi::{SECTION_IN, SECTION_IN_OUT, SECTION_OUT, SECTION_STATIC, ty};
 

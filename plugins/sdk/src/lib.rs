@@ -34,20 +34,20 @@
 //! # fn main() { assert_eq!(limit::PARAMS.len(), 4); assert_eq!(limit::CLIPPED.index(), 3); }
 //! ```
 //!
-//! In the plugin's crate follows
+//! The plugin's crate also contains
 //!
 //! ```text
 //! ob1_sdk::export_plugin! { name: "limits", version: env!("CARGO_PKG_VERSION"), module_state: (), blocks: [Limit] }
 //! ```
 //!
-//! which must stand in a crate of type `cdylib` and nothing else: the exported function has the same name in every
-//! plugin, and two of them in one program would clash.
+//! This belongs in a crate whose only type is `cdylib`: the exported function has the same name in every plugin, and
+//! two of them in one program would clash.
 //!
 //! # Rules
 //!
 //! - A block runs inside the scan: no allocation, no lock, no system call, no thread, no clock but [`Cx::now`], no
 //!   mutable statics.
-//! - What a call returns as [`Abort`] is passed on with `?` at once: the CPU is on its way to STOP.
+//! - Pass an [`Abort`] on with `?` at once: the CPU is on its way to STOP.
 //! - A panic ends the call and takes the CPU to STOP, with the message in the diagnostic buffer.
 // The edge itself: raw pointers of the C interface become safe functions here, so that no plugin needs unsafe code.
 #![allow(unsafe_code)]

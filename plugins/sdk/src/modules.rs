@@ -17,7 +17,7 @@ pub struct ModuleInfo {
     pub output_bytes: u16,
     /// True while its driver answers.
     pub present: bool,
-    /// Counts the driver's starts: another number means that everything the driver held is gone.
+    /// Counts the driver's starts: a changed number means that everything the driver held is gone.
     pub generation: u32,
 }
 
@@ -86,7 +86,7 @@ impl<M> Cx<'_, M> {
         reply(unsafe { (host.io_write)(call, address, from.as_ptr(), from.len() as u32) })
     }
 
-    /// Reads a record (data set) of the module; gives its length as far as it was copied.
+    /// Reads a record (data set) of the module; returns the number of bytes copied.
     ///
     /// # Errors
     /// [`Abort`](crate::Abort); refused with `NoModule`, `Absent`, `NoRecord`.

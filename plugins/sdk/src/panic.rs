@@ -11,8 +11,8 @@ use std::panic::PanicHookInfo;
 const MESSAGE_BYTES: usize = 512;
 
 // The one place a plugin keeps outside the host's memory. It is written by the hook and read by the host after the
-// entry has returned; were two stations of one process to panic at the same time, their texts could mix, and no more
-// than that.
+// entry has returned; if two stations of one process panic at the same time, their texts can mix, but nothing else
+// happens.
 static MESSAGE: [AtomicU8; MESSAGE_BYTES] = [const { AtomicU8::new(0) }; MESSAGE_BYTES];
 static LEN: AtomicUsize = AtomicUsize::new(0);
 

@@ -14,7 +14,7 @@ pub enum Section {
     Out = abi::SECTION_OUT,
     /// `VAR_IN_OUT`.
     InOut = abi::SECTION_IN_OUT,
-    /// Instance data that is no parameter.
+    /// Instance data that is not a parameter.
     Static = abi::SECTION_STATIC,
     /// The function value `RET_VAL`.
     Return = abi::SECTION_RETURN,

@@ -1,4 +1,4 @@
-//! What comes back from the host.
+//! Answers of the host.
 
 use core::fmt;
 
@@ -6,8 +6,8 @@ use ob1_abi::{self as abi, Status};
 
 use crate::Cx;
 
-/// The CPU is on its way to STOP, or the run ends: the block is left at once. Made by the host alone; pass it on with
-/// `?`.
+/// The CPU is on its way to STOP, or the run ends: the block must return at once. Only the host creates it; pass it on
+/// with `?`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[must_use = "return it: the CPU is going to STOP"]
 pub struct Abort(pub(crate) ());
@@ -21,7 +21,7 @@ pub enum Refused {
     Outside,
     /// The data block does not exist.
     NoDb,
-    /// The data block number cannot be: 0, or above what the CPU has.
+    /// An impossible data block number: 0, or above the CPU's limit.
     DbNumber,
     /// The data block is write-protected.
     ReadOnly,
@@ -29,7 +29,7 @@ pub enum Refused {
     NoModule,
     /// The module's driver is down.
     Absent,
-    /// The module is at work on something else; asked later it may answer.
+    /// The module is busy with another request; a later request may succeed.
     Busy,
     /// The module has no such record.
     NoRecord,
@@ -37,7 +37,7 @@ pub enum Refused {
     NoBlock,
     /// The station file does not give the module this setting, or the host has no settings.
     NoSetting,
-    /// A length that cannot be, or a status this version of the interface does not know.
+    /// An impossible length, or a status this version of the interface does not know.
     BadArgument,
 }
 
@@ -62,7 +62,8 @@ impl fmt::Display for Refused {
 
 /// For requests that are only refused when the program and the CPU do not fit together.
 pub trait OrStop<T> {
-    /// The value; or STOP, with `what` was asked for and the reason in the diagnostic buffer.
+    /// Returns the value, or asks for STOP; the diagnostic buffer then says `what` was asked for and why it was
+    /// refused.
     ///
     /// ```
     /// # use ob1_sdk::{Abort, Area, Cx, OrStop};
@@ -83,10 +84,10 @@ impl<T> OrStop<T> for Result<T, Refused> {
     }
 }
 
-/// The host's answer: `Err(Abort)` is passed on with `?`, a refusal is the block's own affair.
+/// The host's answer: `Err(Abort)` is passed on with `?`, a refusal is handled by the block itself.
 pub type Reply<T> = Result<Result<T, Refused>, Abort>;
 
-/// Sorts a status of the host.
+/// Converts a status of the host.
 #[inline]
 pub(crate) fn reply(status: Status) -> Reply<()> {
     match status {

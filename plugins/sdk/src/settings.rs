@@ -6,8 +6,8 @@ use crate::Cx;
 use crate::reply::{Refused, Reply, reply};
 use crate::text::text;
 
-/// The address under which [`Cx::setting_int`] and [`Cx::setting_text`] find what is said of the station as a whole:
-/// `connection.3` is the address of the CP that has connection 3.
+/// With this address [`Cx::setting_int`] and [`Cx::setting_text`] read settings of the whole station: `connection.3` is
+/// the address of the CP that has connection 3.
 pub const STATION: u32 = u32::MAX;
 
 impl<M> Cx<'_, M> {
@@ -23,7 +23,7 @@ impl<M> Cx<'_, M> {
     }
 
     /// A setting that is a number, of the module at a logical base address. It does not change while the station runs;
-    /// look once and keep it in the module's state.
+    /// read it once and keep it in the module's state.
     ///
     /// # Errors
     /// [`Abort`](crate::Abort); refused with `NoModule`, `NoSetting`.

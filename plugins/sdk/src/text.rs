@@ -18,7 +18,7 @@ pub(crate) struct Line {
 impl Line {
     pub(crate) fn of(content: impl fmt::Display) -> Self {
         let mut line = Self { bytes: [0; TEXT_MAX as usize], len: 0 };
-        // The only error is the full line, and what stands in it is what we want.
+        // The only error is a full line; what fits is kept.
         let _full = write!(line, "{content}");
         line
     }

@@ -24,7 +24,7 @@ pub enum TimerKind {
 /// A timer as `U T`, `L T` and `LC T` see it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Timer {
-    /// What a scan gives.
+    /// Result of scanning it.
     pub output: bool,
     /// True while it runs.
     pub running: bool,

@@ -12,11 +12,11 @@ pub trait S7Type {
 
 /// A type whose value fits 32 bits.
 pub trait Elementary: S7Type {
-    /// What a block sees.
+    /// The Rust type a block sees.
     type Value: Copy;
-    /// The value of the number that crosses the edge.
+    /// Converts the raw number of the interface to the value.
     fn from_raw(raw: u32) -> Self::Value;
-    /// The number that crosses the edge.
+    /// Converts the value to the raw number of the interface.
     fn to_raw(value: Self::Value) -> u32;
 }
 

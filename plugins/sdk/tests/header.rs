@@ -1,6 +1,6 @@
-//! `include/ob1.h` is what `plugins/abi` says.
+//! `include/ob1.h` matches `plugins/abi`.
 //!
-//! After a change of the interface: `OB1_UPDATE=1 cargo test -p ob1-sdk --test header`, and read the difference.
+//! After a change of the interface: `OB1_UPDATE=1 cargo test -p ob1-sdk --test header`, and review the diff.
 
 use std::path::Path;
 
@@ -97,10 +97,10 @@ fn generate() -> String {
         .generate()
         .expect("plugins/abi is C through and through")
         .write(&mut header);
-    // Links of rustdoc are no C.
+    // C has no rustdoc links.
     let header = String::from_utf8(header).expect("C is ASCII");
     let header = header.replace("[`crate::", "`").replace("[`", "`").replace("`]", "`");
-    // C has a type without members only as a declaration.
+    // C can only declare a type without members.
     let (opaque, declared) = ("struct Ob1CallContext {\n  uint8_t _opaque[0];\n};", "struct Ob1CallContext;");
     assert!(header.contains(opaque), "the call context is opaque");
     header.replace(opaque, declared)

@@ -1,9 +1,9 @@
-//! The host's side of the byte protocol of a SLIO CP 040, as two pure machines: [`SendJob`] hands a telegram over,
-//! [`ReceiveJob`] fetches one. [S3 "Principal communication via back plane bus"], `docs/cp040-registers.md`
+//! The host side of the byte protocol of a SLIO CP 040, as two pure state machines: [`SendJob`] passes a telegram to
+//! the CP, [`ReceiveJob`] fetches one. [S3 "Principal communication via back plane bus"], `docs/cp040-registers.md`
 //!
-//! FB 60, 61 and 65 are these machines with parameters around them. A program in Rust that drives the CP through its
-//! peripheral bytes can use them as they are: a call takes byte 0 (and what lies behind it) as read, and answers what
-//! to write. A job is a small value; whoever calls keeps it between two calls.
+//! FB 60, 61 and 65 connect these machines with block parameters. A Rust program that accesses the CP through its
+//! peripheral bytes can use them directly: a call takes the input bytes and returns what to write. A job is a small
+//! value that the caller keeps between two calls.
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -19,11 +19,10 @@ pub use receive::{ReceiveJob, ReceiveStep, Received, Take};
 pub use send::{Piece, SendJob, SendStep};
 pub use wire::fragments;
 
-/// Why a job has ended badly.
+/// The reason why a job failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Failure {
-    /// Host and CP are not where they think: the CP was reset or started anew, or shows what it never should (STATUS
-    /// 0202h).
+    /// Host and CP are not synchronised: the CP was reset or restarted, or shows an invalid value (STATUS 0202h).
     NotSynchronised,
     /// The CP does not accept the length (`D`).
     Length,

@@ -5,26 +5,27 @@ use ob1_words::cp040::{FIRST, HEAD_BYTES, IDLE, INFO_OFFSET, LAST, OFFSET_BYTES,
 
 use crate::wire::is_absent;
 
-/// Where a job is.
+/// The phase of a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Phase {
     /// No telegram.
     #[default]
     Idle,
-    /// Fragment `piece` was taken, more are to come.
+    /// Fragment `piece` was stored, more will follow.
     Taking,
-    /// The last fragment was taken; the CP has to take it away.
+    /// The last fragment was stored; the CP must remove it from the inputs.
     Closing,
 }
 
-/// A telegram on its way from the CP. It has to be fetched whole: "the host system has to acknowledge each fragment".
+/// A telegram that is being fetched from the CP. It must be fetched completely: "the host system has to acknowledge
+/// each fragment".
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct ReceiveJob {
     phase: Phase,
     piece: u8,
     /// User bytes.
     length: u16,
-    /// Offset word, for telegrams that have one.
+    /// Offset word, if the telegram has one.
     offset: Option<u16>,
 }
 
@@ -35,48 +36,49 @@ pub struct Take {
     pub from: usize,
     /// User bytes.
     pub count: usize,
-    /// Where it goes in the receive area: "Data_Offset", in which the telegram's own offset is contained. [S3 L11]
+    /// Position in the receive area: "Data_Offset", which includes the offset of the telegram. [S3 L11]
     pub at: usize,
     /// High nibble of output byte 0, to be written once the bytes are stored.
     pub acknowledge: u8,
-    /// What came, when this is the last fragment.
+    /// The received telegram, if this is the last fragment.
     pub received: Option<Received>,
 }
 
-/// What came.
+/// A received telegram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Received {
     /// User bytes; 0 for an error.
     pub length: u16,
-    /// 0000h, or the error that the CP tells: 0517h, 080Ah, 080Ch.
+    /// 0000h, or an error reported by the CP: 0517h, 080Ah, 080Ch.
     pub return_value: u16,
 }
 
-/// What to do now.
+/// The next action.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ReceiveStep {
-    /// Leave the outputs as they are.
+    /// Leave the outputs unchanged.
     Wait,
-    /// Store this, acknowledge it, and keep the new job; or keep the old one, and it will come again.
+    /// Store this fragment, acknowledge it, and keep the new job; or keep the old job, then the fragment is returned
+    /// again.
     Take(Take),
-    /// Write this high nibble of byte 0 alone.
+    /// Write only this high nibble of byte 0.
     Acknowledge(u8),
-    /// The telegram does not go on. The acknowledgement goes back to [`IDLE`].
+    /// The telegram is incomplete and ends. The acknowledgement returns to [`IDLE`].
     Failed(Failure),
 }
 
 impl ReceiveJob {
-    /// Whether a telegram is half-way through.
+    /// Whether a telegram is partly received.
     pub const fn is_running(self) -> bool {
         matches!(self.phase, Phase::Taking)
     }
 
-    /// Last byte of the receive area that the telegram needs, plus one; known from its first fragment on.
+    /// The number of bytes of the receive area that the telegram needs; known from its first fragment on.
     pub fn end(self) -> usize {
         usize::from(self.offset.unwrap_or(0)) + usize::from(self.length)
     }
 
-    /// One step: the CP's inputs (as many as the CP has, 8 to 60), and byte 0 of the outputs as it was written last.
+    /// One step: the CP's inputs (as many as the CP has, 8 to 60), and byte 0 of the outputs as last written.
     pub fn step(self, inputs: &[u8], output0: u8) -> (Self, ReceiveStep) {
         if is_absent(inputs, output0) {
             return (self, ReceiveStep::Wait);
@@ -88,7 +90,7 @@ impl ReceiveJob {
             Phase::Closing if info == LAST => (self, ReceiveStep::Wait),
             Phase::Closing if info == FIRST => Self::begin(info, inputs),
             Phase::Idle | Phase::Closing if shown != IDLE => (Self::default(), ReceiveStep::Acknowledge(IDLE)),
-            // A fragment of something whose beginning was never seen: a reset sorts it out.
+            // A fragment of a telegram whose first fragment was not seen: this needs a reset.
             Phase::Idle | Phase::Closing => (Self::default(), ReceiveStep::Wait),
             Phase::Taking => self.follow(info, inputs),
         }
@@ -128,13 +130,13 @@ impl ReceiveJob {
             return Self { piece: self.piece.wrapping_add(1), ..self }.take(info, inputs.len(), 0);
         }
         match info {
-            // The CP has begun anew.
+            // The CP has started a new telegram.
             FIRST | LAST => Self::begin(info, inputs),
             _ => (Self::default(), ReceiveStep::Failed(Failure::NotSynchronised)),
         }
     }
 
-    /// What stands in front of the user data.
+    /// The number of bytes before the user data.
     fn head(self) -> usize {
         HEAD_BYTES + RETURN_BYTES + if self.offset.is_some() { OFFSET_BYTES } else { 0 }
     }
@@ -146,8 +148,7 @@ impl ReceiveJob {
     fn take(self, info: u8, io_bytes: usize, return_value: u16) -> (Self, ReceiveStep) {
         let n = usize::from(self.piece);
         let payload = io_bytes - 1;
-        // "Data_Offset = (Fragment_counter ...) x (IO_Size - 1) - 7 + Offset", 7 being the head with an offset.
-        // [S3 L11]
+        // "Data_Offset = (Fragment_counter ...) x (IO_Size - 1) - 7 + Offset", 7 is the header with an offset. [S3 L11]
         let done = (n * payload).saturating_sub(self.head());
         let front = if n == 0 { self.head() } else { 0 };
         let count = (payload - front).min(usize::from(self.length).saturating_sub(done));
@@ -158,7 +159,7 @@ impl ReceiveJob {
         (Self { phase, ..self }, ReceiveStep::Take(take))
     }
 
-    /// The job as a number, for who can only keep numbers; 0 is no job.
+    /// The job as a number, for callers that can only store numbers; 0 is no job.
     pub fn pack(self) -> u64 {
         let phase = match self.phase {
             Phase::Idle => return 0,
@@ -169,7 +170,7 @@ impl ReceiveJob {
         phase | u64::from(self.piece) << 8 | u64::from(self.length) << 16 | offset
     }
 
-    /// The job of a number. What no job has packed is no job.
+    /// The job from a number. An invalid number gives no job.
     pub fn unpack(number: u64) -> Self {
         let phase = match number & 0xFF {
             1 => Phase::Taking,

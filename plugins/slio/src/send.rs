@@ -5,27 +5,27 @@ use ob1_words::cp040::{BAD_LENGTH, FAILED, HEAD_BYTES, IDLE, RESET, RESET_DONE, 
 
 use crate::wire::{fragments, is_absent};
 
-/// Where a job is.
+/// The phase of a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Phase {
     #[default]
     Idle,
-    /// Nothing is written yet: the CP has to be idle first.
+    /// Nothing is written yet: the CP must be idle first.
     Starting,
-    /// Fragment `piece` is written, its answer has to come.
+    /// Fragment `piece` has been written, waits for its answer.
     Waiting,
-    /// A reset will be asked for, once the answer to an earlier one has gone.
+    /// A reset will be requested when the answer to an earlier one has been cleared.
     ResetStarting,
-    /// It is asked for.
+    /// The reset has been requested.
     ResetAsked,
-    /// It was executed; the CP has to become idle.
+    /// The reset was executed; waits until the CP is idle.
     ResetClosing,
 }
 
 const PHASES: [Phase; 6] =
     [Phase::Idle, Phase::Starting, Phase::Waiting, Phase::ResetStarting, Phase::ResetAsked, Phase::ResetClosing];
 
-/// A telegram on its way to the CP, or a reset.
+/// A telegram that is being passed to the CP, or a reset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SendJob {
     phase: Phase,
@@ -33,7 +33,7 @@ pub struct SendJob {
     piece: u8,
 }
 
-/// A fragment to write: user bytes `from` to `from + count` of the telegram, and what stands before them.
+/// A fragment to write: user bytes `from` to `from + count` of the telegram, and the bytes before them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Piece {
     /// Low nibble of byte 0.
@@ -42,27 +42,27 @@ pub struct Piece {
     pub from: usize,
     /// User bytes.
     pub count: usize,
-    /// Length of the telegram: in the first fragment it stands in front of the data.
+    /// Length of the telegram: in the first fragment it is before the data.
     length: Option<u16>,
 }
 
-/// What to do now.
+/// The next action.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SendStep {
-    /// Leave the outputs as they are.
+    /// Leave the outputs unchanged.
     Wait,
     /// Write this fragment.
     Put(Piece),
-    /// Write this low nibble of byte 0 alone.
+    /// Write only this low nibble of byte 0.
     Command(u8),
-    /// The telegram was sent, or the reset executed. The command goes back to [`IDLE`].
+    /// The telegram was sent, or the reset executed. The command returns to [`IDLE`].
     Done,
-    /// It was not. The command goes back to [`IDLE`].
+    /// The telegram was not sent. The command returns to [`IDLE`].
     Failed(Failure),
 }
 
 impl Piece {
-    /// The bytes behind byte 0 of the outputs, without the user data: those lie at the answered place.
+    /// Writes the bytes after byte 0 of the outputs, without the user data; returns the position of the user data.
     pub fn head(&self, behind: &mut [u8]) -> usize {
         behind.fill(0);
         let Some(length) = self.length else { return 0 };
@@ -81,9 +81,9 @@ impl SendJob {
         (1..=TELEGRAM_MAX).contains(&length).then_some(Self { phase: Phase::Starting, length, piece: 0 })
     }
 
-    /// "Command: execute a reset on the CP": both directions are empty afterwards. While it runs nothing is received:
-    /// what stands in the inputs is of before; afterwards begin with a [`ReceiveJob::default`](crate::ReceiveJob) and
-    /// the acknowledgement [`IDLE`].
+    /// "Command: execute a reset on the CP": both directions are empty afterwards. Receive nothing while it runs,
+    /// because the inputs are from before the reset; afterwards start with a [`ReceiveJob::default`](crate::ReceiveJob)
+    /// and the acknowledgement [`IDLE`].
     pub const fn reset() -> Self {
         Self { phase: Phase::ResetStarting, length: 0, piece: 0 }
     }
@@ -98,8 +98,8 @@ impl SendJob {
         matches!(self.phase, Phase::ResetStarting | Phase::ResetAsked | Phase::ResetClosing)
     }
 
-    /// One step: the CP's inputs, byte 0 of the outputs as it was written last, and the number of bytes each way (8 to
-    /// 60).
+    /// One step: the CP's inputs, byte 0 of the outputs as last written, and the number of bytes in each direction (8
+    /// to 60).
     pub fn step(self, inputs: &[u8], output0: u8, io_bytes: usize) -> (Self, SendStep) {
         if is_absent(inputs, output0) {
             return (self, SendStep::Wait);
@@ -107,7 +107,7 @@ impl SendJob {
         let answer = inputs.first().map_or(0, |byte| byte >> 4);
         match self.phase {
             Phase::Idle => (self, if output0 & 0x0F == IDLE { SendStep::Wait } else { SendStep::Command(IDLE) }),
-            // What stands there from an earlier telegram must not be taken for the answer to this one.
+            // An answer to an earlier telegram must not be taken for the answer to this one.
             Phase::Starting if answer != IDLE || output0 & 0x0F != IDLE => (self, SendStep::Command(IDLE)),
             Phase::Starting => self.put(0, io_bytes),
             Phase::Waiting => self.answered(answer, io_bytes),
@@ -145,7 +145,7 @@ impl SendJob {
 
     fn put(self, n: usize, io_bytes: usize) -> (Self, SendStep) {
         let payload = io_bytes - 1;
-        // Fragment n begins in the user data where the fragments before it and the head leave off.
+        // The user data of fragment n begin after those of the previous fragments; the header belongs to fragment 0.
         let from = (n * payload).saturating_sub(HEAD_BYTES);
         let room = if n == 0 { payload - HEAD_BYTES } else { payload };
         let count = room.min(usize::from(self.length).saturating_sub(from));
@@ -154,13 +154,13 @@ impl SendJob {
         (Self { phase: Phase::Waiting, piece: n as u8, ..self }, SendStep::Put(piece))
     }
 
-    /// The job as a number, for who can only keep numbers; 0 is no job.
+    /// The job as a number, for callers that can only store numbers; 0 is no job.
     pub fn pack(self) -> u64 {
         let phase = PHASES.iter().position(|phase| *phase == self.phase).unwrap_or(0);
         phase as u64 | u64::from(self.piece) << 8 | u64::from(self.length) << 16
     }
 
-    /// The job of a number. What no job has packed is no job.
+    /// The job from a number. An invalid number gives no job.
     pub fn unpack(number: u64) -> Self {
         let phase = PHASES.get((number & 0xFF) as usize).copied().unwrap_or_default();
         let length = (number >> 16) as u16;
@@ -178,7 +178,7 @@ mod tests {
     use super::*;
     use std::vec::Vec;
 
-    /// Hands a telegram over to a CP that accepts everything; the answer is what was written.
+    /// Passes a telegram to a CP that accepts everything; returns the written outputs.
     fn written(length: usize, io_bytes: usize) -> Vec<Vec<u8>> {
         let telegram: Vec<u8> = (0..length).map(|n| n as u8).collect();
         let mut job = SendJob::telegram(length as u16).expect("a length that can be");

@@ -1,8 +1,8 @@
-//! The ANY pointer, ten bytes that name a piece of memory, as it lies in memory and on the wire of S7 communication.
+//! The ANY pointer, ten bytes that name a piece of memory; the format in memory and in S7 communication.
 
-/// Its first byte.
+/// The first byte of an ANY pointer.
 pub const SYNTAX: u8 = 0x10;
-/// Its length.
+/// The length of an ANY pointer.
 pub const BYTES: usize = 10;
 
 macro_rules! types {
@@ -16,7 +16,7 @@ macro_rules! types {
             /// All of them.
             pub const ALL: &'static [Self] = &[$(Self::$name,)*];
 
-            /// Of the byte.
+            /// The type for a type code.
             #[must_use]
             pub const fn of(code: u8) -> Option<Self> {
                 match code { $($code => Some(Self::$name),)* _ => None }
@@ -68,18 +68,18 @@ types! {
     Timer = 0x1D: 16,
 }
 
-/// The fields of a pointer, not judged.
+/// The fields of a pointer, not checked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fields {
-    /// What lies there.
+    /// Type of the elements.
     pub ty: AnyType,
-    /// How many of it.
+    /// Number of elements.
     pub count: u16,
     /// The data block, 0 outside data blocks.
     pub db: u16,
     /// Area code.
     pub area: u8,
-    /// Address in bits; of timers and counters their number.
+    /// Address in bits; for timers and counters their number.
     pub start: u32,
 }
 

@@ -1,21 +1,22 @@
 //! CP 343: the boxes. Each handling block that has a job at the CP has a box of its own: 512 bytes to the CP and 512
 //! bytes from it, read and written as data records. (docs/cp343.md)
 //!
-//! The CPU shows a job with its first piece of data; the CP says how many pieces it has, then that it is at work, then
-//! the end, or piece by piece what has come. A box of the CP counts only under the number of the job the CPU shows.
+//! The CPU shows a job with its first piece of data; the CP reports how many pieces it has, then that the job is
+//! running, then its end, or piece by piece the received data. A box of the CP is valid only if it has the number of
+//! the job that the CPU shows.
 
 /// Boxes of a module.
 pub const BOXES: usize = 64;
-/// Bytes of a box, each way.
+/// Bytes of a box in each direction.
 pub const BOX_BYTES: usize = 512;
-/// Bytes of its head: enough to see how a job is.
+/// Bytes of the header, which contains the state of a job.
 pub const HEAD_BYTES: usize = 32;
 /// Bytes of data in a box.
 pub const PIECE: usize = BOX_BYTES - HEAD_BYTES;
-/// Most data of a job: BSEND over a CP, with the heads of its areas.
+/// Maximum data of a job: BSEND over a CP, with the headers of its areas.
 pub const DATA_MAX: usize = 65_536;
 
-/// The box a data record stands for: records 80h to BFh.
+/// The box for a data record: records 80h to BFh.
 #[must_use]
 pub fn of_record(number: u8) -> Option<usize> {
     number.checked_sub(RECORD).map(usize::from).filter(|index| *index < BOXES)
@@ -29,14 +30,14 @@ pub const fn record(index: usize) -> u8 {
 
 const RECORD: u8 = 0x80;
 
-/// Pieces of so many bytes; a job without data has one, which is empty.
+/// Number of pieces for this many bytes; a job without data has one empty piece.
 #[must_use]
 pub const fn pieces(bytes: usize) -> u16 {
     let pieces = bytes.div_ceil(PIECE);
     if pieces == 0 { 1 } else { pieces as u16 }
 }
 
-/// The bytes of a piece in data of this length; empty behind them.
+/// The range of a piece in data of this length; empty after the end.
 #[must_use]
 pub fn range(piece: u16, bytes: usize) -> core::ops::Range<usize> {
     let from = (usize::from(piece) * PIECE).min(bytes);
@@ -51,7 +52,7 @@ macro_rules! codes {
         pub enum $name { $($(#[$item])* $variant = $value,)* }
 
         impl $name {
-            /// Of the byte in a box.
+            /// The value for the byte in a box.
             #[must_use]
             pub const fn of(byte: u8) -> Option<Self> {
                 match byte { $($value => Some(Self::$variant),)* _ => None }
@@ -61,7 +62,7 @@ macro_rules! codes {
 }
 
 codes! {
-    /// What a job is for.
+    /// The service of a job.
     Service {
         /// AG_SEND, AG_LSEND: the data go to the partner.
         Send = 1,
@@ -91,49 +92,49 @@ codes! {
 }
 
 codes! {
-    /// What the CP says of a job.
+    /// State of a job, reported by the CP.
     State {
         /// No job.
         None = 0,
-        /// So many pieces are there; the next one is wanted.
+        /// The CP has a number of pieces and requests the next one.
         Collecting = 1,
-        /// At work, or waiting for the partner.
+        /// Running, or waiting for the partner.
         Running = 2,
-        /// Data for the CPU: this piece of them.
+        /// A piece of data for the CPU.
         Giving = 3,
         /// Ended without error.
         Done = 4,
-        /// Ended with this STATUS.
+        /// Ended with a STATUS.
         Failed = 5,
     }
 }
 
-/// The head of what the CPU shows. Words are big-endian.
+/// The header of a box of the CPU. Words are big-endian.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Order {
-    /// What it is for; `None`: nothing, a job under way is cancelled.
+    /// The service; `None`: no job, a running job is cancelled.
     pub service: Option<Service>,
-    /// Its number, never 0.
+    /// Number of the job, never 0.
     pub job: u16,
     /// The connection.
     pub id: u16,
     /// R_ID of the blocks that have one.
     pub r_id: u32,
-    /// The piece of data behind the head.
+    /// The piece of data after the header.
     pub piece: u16,
     /// Bytes of all pieces.
     pub len: u32,
-    /// Pieces of the CP's data that have been taken.
+    /// Number of pieces of the CP's data that have been taken.
     pub taken: u16,
-    /// Room for data of the CP.
+    /// Room for data of the CP, in bytes.
     pub room: u32,
 }
 
 impl Order {
-    /// Nothing.
+    /// No job.
     pub const NONE: Self = Self { service: None, job: 0, id: 0, r_id: 0, piece: 0, len: 0, taken: 0, room: 0 };
 
-    /// As it lies in the box.
+    /// The bytes in the box.
     #[must_use]
     pub fn bytes(&self) -> [u8; HEAD_BYTES] {
         let mut head = [0; HEAD_BYTES];
@@ -148,7 +149,7 @@ impl Order {
         head
     }
 
-    /// Out of a box.
+    /// Reads the header from a box.
     #[must_use]
     pub const fn read(head: &[u8; HEAD_BYTES]) -> Self {
         Self {
@@ -164,14 +165,14 @@ impl Order {
     }
 }
 
-/// The head of what the CP shows.
+/// The header of a box of the CP.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Answer {
-    /// How the job is.
+    /// State of the job.
     pub state: State,
-    /// Whose state it is.
+    /// Number of the job.
     pub job: u16,
-    /// [`State::Collecting`]: pieces that are there. [`State::Giving`]: the piece behind the head.
+    /// [`State::Collecting`]: number of pieces the CP has. [`State::Giving`]: the piece after the header.
     pub piece: u16,
     /// [`State::Failed`]: the STATUS of the block.
     pub status: u16,
@@ -180,10 +181,10 @@ pub struct Answer {
 }
 
 impl Answer {
-    /// Nothing is there.
+    /// No job.
     pub const NONE: Self = Self { state: State::None, job: 0, piece: 0, status: 0, len: 0 };
 
-    /// As it lies in the box.
+    /// The bytes in the box.
     #[must_use]
     pub fn bytes(&self) -> [u8; HEAD_BYTES] {
         let mut head = [0; HEAD_BYTES];
@@ -195,7 +196,7 @@ impl Answer {
         head
     }
 
-    /// Out of a box; a state that is not valid is no job.
+    /// Reads the header from a box; an invalid state means no job.
     #[must_use]
     pub const fn read(head: &[u8; HEAD_BYTES]) -> Self {
         let state = match State::of(head[0]) {
@@ -214,23 +215,23 @@ const fn dword(head: &[u8; HEAD_BYTES], at: usize) -> u32 {
     u32::from_be_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]])
 }
 
-/// An item of PUT or GET in front of the data: the ten bytes of an ANY pointer into the partner, as ADDR_i has them.
+/// Bytes of an item of PUT or GET before the data: an ANY pointer to an area in the partner, as in ADDR_i.
 pub const ITEM_BYTES: usize = 10;
-/// Items of one PUT or GET, at most: SFB 14 and 15.
+/// Maximum number of items of one PUT or GET: SFB 14 and 15.
 pub const ITEMS_MAX: usize = 4;
 
-/// Most bytes of a BSEND: SFB 12 of an S7-400.
+/// Maximum bytes of a BSEND: SFB 12 of an S7-400.
 pub const BSEND_MAX: usize = 65_534;
-/// Most bytes of a BSEND over a CP: FB 12 of an S7-300.
+/// Maximum bytes of a BSEND over a CP: FB 12 of an S7-300.
 pub const BSEND_MAX_300: usize = 32_768;
 
-/// What the CP says itself in STATUS.
+/// STATUS values that the CP itself reports.
 pub mod status {
     /// AG blocks: the job is not possible on this connection, or the connection is not configured.
     pub const NOT_CONFIGURED: u16 = 0x8183;
-    /// AG blocks: LEN, or what has come, is longer than the area.
+    /// AG blocks: LEN, or the received data, exceed the area.
     pub const LENGTH: u16 = 0x8185;
-    /// AG blocks: ID is not that of a connection.
+    /// AG blocks: no connection has this ID.
     pub const ID: u16 = 0x8186;
     /// AG blocks: the connection is not established.
     pub const NOT_CONNECTED: u16 = 0x8304;
@@ -244,7 +245,7 @@ pub mod status {
     pub const REFUSED: u16 = 2;
     /// FB/SFB: the partner does not know R_ID.
     pub const R_ID: u16 = 3;
-    /// FB/SFB: the areas of both sides do not fit each other.
+    /// FB/SFB: the areas of both sides do not match.
     pub const AREA: u16 = 4;
     /// BSEND, BRCV: reset.
     pub const RESET: u16 = 5;
@@ -258,13 +259,13 @@ pub mod status {
     pub const OVERRUN: u16 = 9;
     /// FB/SFB: no access to the memory of this CPU.
     pub const LOCAL: u16 = 10;
-    /// FB/SFB: REQ came while a job was under way.
+    /// FB/SFB: REQ came while a job was running.
     pub const BUSY: u16 = 11;
     /// FB/SFB: two receiving blocks have the same R_ID on this connection.
     pub const TWICE: u16 = 18;
     /// FB/SFB: too many jobs at the same time.
     pub const FULL: u16 = 20;
-    /// FB/SFB: a job is under way.
+    /// FB/SFB: a job is running.
     pub const RUNNING: u16 = 25;
 }
 

@@ -1,12 +1,12 @@
-//! CP 340 and CP 341: the two channels, and the registers beside them (docs/cp341-channels.md).
+//! CP 340 and CP 341: the two channels, and the additional registers (docs/cp341-channels.md).
 
 /// Bytes of a block.
 pub const BLOCK_BYTES: usize = 64;
 
-/// What one side shows the other in a channel, as bytes.
+/// The bytes that one side shows the other in a channel.
 pub type ChannelBlock = [u8; BLOCK_BYTES];
 
-/// Which of the two channels.
+/// One of the two channels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Channel {
     /// P_SEND, P_SND_RK, P_PRINT: jobs of the CPU.
@@ -28,7 +28,7 @@ impl Channel {
         }
     }
 
-    /// The channel of a data record.
+    /// The channel for a data record.
     #[must_use]
     pub fn of_record(number: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|channel| channel.record() == number)
@@ -38,63 +38,63 @@ impl Channel {
 /// User data in a block. [reference 1.0]
 pub const PIECE: u16 = 32;
 
-/// Where user data begin.
+/// Position of the user data.
 const DATA: usize = BLOCK_BYTES - PIECE as usize;
 
-/// Pieces of so many bytes.
+/// Number of pieces for this many bytes.
 #[must_use]
 pub const fn pieces(bytes: usize) -> u16 {
     bytes.div_ceil(PIECE as usize) as u16
 }
 
-/// The bytes of a piece in data of this length; empty behind them.
+/// The range of a piece in data of this length; empty after the end.
 #[must_use]
 pub fn range(piece: u16, bytes: usize) -> core::ops::Range<usize> {
     let from = (usize::from(piece) * usize::from(PIECE)).min(bytes);
     from..(from + usize::from(PIECE)).min(bytes)
 }
 
-/// What the CPU says in a channel (byte 0).
+/// Command of the CPU in a channel (byte 0).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Command {
-    /// Nothing, or nothing this CP knows.
+    /// No command, or an unknown one.
     None = 0,
-    /// Begin with this start number: everything before is forgotten.
+    /// Start with this start number: all earlier jobs are cancelled.
     Start = 1,
-    /// Send channel: no job. Receive channel: nothing is taken.
+    /// Send channel: no job. Receive channel: nothing is accepted.
     Rest = 2,
-    /// Receive channel: the block waits for something.
+    /// Receive channel: the block waits for a telegram or a job.
     Wait = 3,
-    /// A job is under way.
+    /// A job is running.
     Job = 4,
-    /// Receive channel: the job offered is refused.
+    /// Receive channel: the offered job is refused.
     Refuse = 5,
 }
 
-/// What the CP says in a channel (byte 0).
+/// State of the CP in a channel (byte 0).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum State {
-    /// No start number has been acknowledged, or a state this block does not know.
+    /// No start number has been acknowledged, or an unknown state.
     Off = 0,
     /// No job.
     Ready = 1,
-    /// Data of the job come: so many pieces are there.
+    /// Data of the job are being received: the number of pieces so far.
     Collecting = 2,
-    /// The job is under way.
+    /// The job is running.
     Running = 3,
-    /// Data of the job go to the CPU: this piece.
+    /// Data of the job are being passed to the CPU: this piece.
     Giving = 4,
-    /// It has ended without error.
+    /// The job has ended without error.
     Done = 5,
-    /// It has ended with this STATUS.
+    /// The job has ended with this STATUS.
     Failed = 6,
-    /// Receive channel: a telegram, or a job of the partner.
+    /// Receive channel: the CP offers a telegram or a job of the partner.
     Offered = 7,
 }
 
-/// Why P_RCV or P_RCV_RK refuses what it is offered (byte 8).
+/// The reason why P_RCV or P_RCV_RK refuses an offer (byte 8).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Refusal {
@@ -104,13 +104,13 @@ pub enum Refusal {
     Db = 2,
     /// The area is too short.
     Range = 3,
-    /// This area cannot be had.
+    /// The area is not available.
     Area = 4,
-    /// R = 1, EN_R = 0, or nowhere to put the data.
+    /// R = 1, EN_R = 0, or no memory for the data.
     Reset = 5,
 }
 
-/// What the receive channel offers (byte 12).
+/// The kind of an offer in the receive channel (byte 12).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Offered {
@@ -122,10 +122,10 @@ pub enum Offered {
     Provide = 2,
 }
 
-/// What the receive channel has, as its block has it from byte 12 on.
+/// An offer in the receive channel, from byte 12 of the block on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Header {
-    /// What it is.
+    /// Kind of the offer.
     pub kind: Offered,
     /// RK 512: letter of the area; 0: no header.
     pub letter: u8,
@@ -140,7 +140,7 @@ pub struct Header {
 /// No coordination flag. [reference 1.1]
 pub const NO_FLAG: u16 = 255;
 
-/// A job of P_SEND, P_SND_RK or P_PRINT, as its block has it from byte 8 on.
+/// A job of P_SEND, P_SND_RK or P_PRINT, from byte 8 of the block on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Job {
     /// 'S' send, 'F' fetch, 'P' print.
@@ -162,21 +162,21 @@ pub struct Job {
 }
 
 impl Job {
-    /// SF of P_SEND, and of P_SND_RK that sends.
+    /// SF of P_SEND, and of P_SND_RK when it sends.
     pub const SEND: u8 = b'S';
-    /// SF of P_SND_RK that fetches.
+    /// SF of P_SND_RK when it fetches.
     pub const FETCH: u8 = b'F';
     /// SF of P_PRINT. (ours)
     pub const PRINT: u8 = b'P';
 
-    /// Whether the CPU gives data with it.
+    /// Whether the CPU passes data with the job.
     #[must_use]
     pub const fn has_data(&self) -> bool {
         matches!(self.sf, Self::SEND | Self::PRINT)
     }
 }
 
-/// What one side shows the other in a channel. Words are big-endian.
+/// The block that one side shows the other in a channel. Words are big-endian.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Block(pub ChannelBlock);
 
@@ -195,13 +195,13 @@ impl Block {
         Self::new(command as u8, start, job)
     }
 
-    /// A block of the CP: the state, the start number acknowledged and the job.
+    /// A block of the CP: the state, the acknowledged start number and the job.
     #[must_use]
     pub fn of_cp(state: State, start: u16, job: u16) -> Self {
         Self::new(state as u8, start, job)
     }
 
-    /// Of the CPU: what it says.
+    /// The command in a block of the CPU.
     #[must_use]
     pub const fn command(&self) -> Command {
         match self.0[0] {
@@ -214,7 +214,7 @@ impl Block {
         }
     }
 
-    /// Of the CP: what it says.
+    /// The state in a block of the CP.
     #[must_use]
     pub const fn state(&self) -> State {
         match self.0[0] {
@@ -229,31 +229,31 @@ impl Block {
         }
     }
 
-    /// A word.
+    /// The word at byte `at`.
     #[must_use]
     pub const fn word(&self, at: usize) -> u16 {
         u16::from_be_bytes([self.0[at], self.0[at + 1]])
     }
 
-    /// Sets a word.
+    /// Sets the word at byte `at`.
     pub fn set(&mut self, at: usize, word: u16) {
         self.0[at..at + 2].copy_from_slice(&word.to_be_bytes());
     }
 
-    /// With [`Command::Start`] in the receive channel: the block waits for something at once.
+    /// With [`Command::Start`] in the receive channel: the block waits for an offer at once.
     #[must_use]
     pub const fn takes(&self) -> bool {
         self.0[1] & 1 == 1
     }
 
-    /// The block that says so, or not.
+    /// The block with or without this mark.
     #[must_use]
     pub const fn with_takes(mut self, takes: bool) -> Self {
         self.0[1] = takes as u8;
         self
     }
 
-    /// Start number; of the CP: the one it has acknowledged, 0: none.
+    /// Start number; in a block of the CP the acknowledged one, 0: none.
     #[must_use]
     pub const fn start(&self) -> u16 {
         self.word(2)
@@ -265,33 +265,34 @@ impl Block {
         self.word(4)
     }
 
-    /// Who gives data shows the piece in [`data`](Self::data), who takes them the pieces it has.
+    /// The giving side shows the number of the piece in [`data`](Self::data), the taking side the number of pieces it
+    /// has.
     #[must_use]
     pub const fn piece(&self) -> u16 {
         self.word(6)
     }
 
-    /// The block with it.
+    /// The block with this value.
     #[must_use]
     pub fn with_piece(mut self, piece: u16) -> Self {
         self.set(6, piece);
         self
     }
 
-    /// Of the CP, with [`State::Failed`].
+    /// STATUS in a block of the CP with [`State::Failed`].
     #[must_use]
     pub const fn status(&self) -> u16 {
         self.word(8)
     }
 
-    /// The block with it.
+    /// The block with this value.
     #[must_use]
     pub fn with_status(mut self, status: u16) -> Self {
         self.set(8, status);
         self
     }
 
-    /// Of the CPU, with [`Command::Refuse`].
+    /// The reason in a block of the CPU with [`Command::Refuse`].
     #[must_use]
     pub const fn refusal(&self) -> Refusal {
         match self.0[8] {
@@ -303,33 +304,33 @@ impl Block {
         }
     }
 
-    /// The block with it.
+    /// The block with this value.
     #[must_use]
     pub const fn with_refusal(mut self, refusal: Refusal) -> Self {
         self.0[8] = refusal as u8;
         self
     }
 
-    /// Bytes of the job.
+    /// Length of the job in bytes.
     #[must_use]
     pub const fn len(&self) -> u16 {
         self.word(10)
     }
 
-    /// Whether the job has no byte.
+    /// Whether the length of the job is 0.
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The block with it.
+    /// The block with this value.
     #[must_use]
     pub fn with_len(mut self, len: u16) -> Self {
         self.set(10, len);
         self
     }
 
-    /// Of the CPU in the send channel: its job.
+    /// The job in a block of the CPU in the send channel.
     #[must_use]
     pub const fn order(&self) -> Job {
         Job {
@@ -344,7 +345,7 @@ impl Block {
         }
     }
 
-    /// Sets all of it but the length, which the data have.
+    /// Sets the job except its length, which is set with the data.
     pub fn set_order(&mut self, job: &Job) {
         (self.0[8], self.0[9]) = (job.sf, job.r_typ);
         let words = [job.r_cpu_no, job.r_no, job.r_offset, job.r_cf_byt, job.r_cf_bit];
@@ -353,7 +354,7 @@ impl Block {
         }
     }
 
-    /// Of the CP in the receive channel: what it has.
+    /// The offer in a block of the CP in the receive channel.
     #[must_use]
     pub const fn header(&self) -> Header {
         let kind = match self.0[12] {
@@ -365,7 +366,7 @@ impl Block {
         Header { kind, letter: self.0[13], number: self.word(14), offset: self.word(16), flag }
     }
 
-    /// Sets it.
+    /// Sets the offer.
     pub fn set_header(&mut self, header: &Header) {
         (self.0[12], self.0[13]) = (header.kind as u8, header.letter);
         let words = [header.number, header.offset, header.flag.0, header.flag.1];
@@ -374,13 +375,13 @@ impl Block {
         }
     }
 
-    /// The piece, with what lies behind its end.
+    /// The piece, including the bytes after its end.
     #[must_use]
     pub fn data(&self) -> &[u8] {
         &self.0[DATA..]
     }
 
-    /// The block with this piece, of which it takes what it has room for.
+    /// The block with this piece, truncated to the size of the block.
     #[must_use]
     pub fn with_data(mut self, data: &[u8]) -> Self {
         let room = self.data_mut(data.len());
@@ -388,7 +389,7 @@ impl Block {
         self
     }
 
-    /// Where a piece of so many bytes lies, at most what a block has.
+    /// The bytes of a piece of this length, limited to the size of the block.
     pub fn data_mut(&mut self, len: usize) -> &mut [u8] {
         &mut self.0[DATA..DATA + len.min(usize::from(PIECE))]
     }

@@ -1,21 +1,21 @@
-//! CP 040: what both directions of the host protocol share: byte 0 with its two nibbles, and how a telegram is cut into
-//! fragments.
+//! CP 040: the common parts of both directions of the host protocol: byte 0 with its two nibbles, and how a telegram is
+//! divided into fragments.
 //!
-//! A telegram is one stream of bytes: telegram info, length (high, low), then the rest. It is cut into pieces of IO
-//! size - 1 bytes, and each piece travels behind byte 0: "ceil((length + 3) / (IO size - 1))" telegrams for sending.
-//! [S3 L313]
+//! A telegram is a stream of bytes: telegram info, length (high, low), then the rest. It is divided into pieces of IO
+//! size - 1 bytes, and each piece is transferred after byte 0: "ceil((length + 3) / (IO size - 1))" telegrams for
+//! sending. [S3 L313]
 
-/// Smallest and largest number of bytes the CP occupies each way.
+/// Minimum and maximum number of bytes the CP occupies in each direction.
 pub const IO_BYTES: core::ops::RangeInclusive<usize> = 8..=60;
 
 /// Longest telegram, in user bytes. [S3 L303]
 pub const TELEGRAM_MAX: u16 = 1024;
 
-/// Output byte 0: the acknowledgement of what is received lies in the high nibble, the command in the low one. In input
-/// byte 0 it is the other way about: the answer to the command is high, the fragment info low. [S3 L315]
+/// Output byte 0: the high nibble is the acknowledgement of received fragments, the low nibble the command. In input
+/// byte 0 the high nibble is the answer to the command, the low nibble the fragment info. [S3 L315]
 pub const ACKNOWLEDGE_SHIFT: u8 = 4;
 
-/// Telegram info and length, in front of every telegram.
+/// Bytes of telegram info and length before every telegram.
 pub const HEAD_BYTES: usize = 3;
 
 /// Telegram info: no offset.
@@ -23,10 +23,10 @@ pub const INFO_PLAIN: u8 = 0x00;
 /// Telegram info: an offset word follows the length. [S3 L321]
 pub const INFO_OFFSET: u8 = 0x04;
 
-/// Offset, between length and return value, if there is one.
+/// Bytes of the offset, between length and return value, if there is one.
 pub const OFFSET_BYTES: usize = 2;
 
-/// Return value of the CP, in front of the data.
+/// Bytes of the return value of the CP, before the data.
 pub const RETURN_BYTES: usize = 2;
 
 /// Idle, in every nibble.
@@ -44,7 +44,7 @@ pub const BAD_LENGTH: u8 = 0xD;
 /// Answer of the CP: error in the communication.
 pub const FAILED: u8 = 0xE;
 
-/// The registers of one direction; the first IO-size bytes count.
+/// The registers of one direction; only the first IO-size bytes are used.
 pub type Area = [u8; *IO_BYTES.end()];
 
 /// High and low nibble of byte 0.
@@ -54,8 +54,8 @@ pub fn nibbles(area: &[u8]) -> (u8, u8) {
     (byte >> 4, byte & 0x0F)
 }
 
-/// Nibble of piece `n` (from 0) of a stream of `total` bytes cut into pieces of `piece` bytes. Fragments between the
-/// first and the last count 0 to 7 and begin again. [S3 L315]
+/// Nibble of piece `n` (from 0) of a stream of `total` bytes, divided into pieces of `piece` bytes. Fragments between
+/// the first and the last are numbered 0 to 7 repeatedly. [S3 L315]
 #[must_use]
 pub const fn nibble(n: usize, total: usize, piece: usize) -> u8 {
     if (n + 1) * piece >= total {

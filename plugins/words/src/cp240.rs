@@ -1,12 +1,12 @@
-//! CP 240: the sixteen bytes each way, and what their count words mean (docs/cp240-registers.md).
+//! CP 240: the sixteen bytes in each direction, and the meaning of their count words (docs/cp240-registers.md).
 
-/// Register bytes each way. [S0 L1839]
+/// Register bytes in each direction. [S0 L1839]
 pub const REGISTER_BYTES: usize = 16;
 
 /// Bytes of user data in one block. [S0 L1831]
 pub const BLOCK_BYTES: usize = 12;
 
-/// Longest telegram, and size of the send and of the receive buffer. [S0 L1827]
+/// Maximum telegram length, and size of the send and of the receive buffer. [S0 L1827]
 pub const BUFFER_BYTES: usize = 1024;
 
 /// `RX`: start-up identifier; `RX echo`: the start-up is acknowledged.
@@ -21,7 +21,7 @@ pub const NO_PARAMETERS: u16 = 0x8003;
 /// Marks a system word.
 pub const SYSTEM: u16 = 0x8000;
 
-/// `TX echo`: the order ended with an error, the code is in the low byte; `TX`: seen.
+/// `TX echo`: the order ended with an error, the code is in the low byte; `TX`: the CPU has seen this.
 pub const FAILED: u16 = 0x2000;
 
 /// `TX`: Modbus output area, `ANZ OR 4000h` [S0 L2311]. `RX` and `RX echo`: the telegram is a changed area of the
@@ -29,45 +29,46 @@ pub const FAILED: u16 = 0x2000;
 pub const AREA: u16 = 0x4000;
 
 /// `RX`, ASCII-fragmented: more of the telegram follows this block. Without a count: the telegram is complete; with
-/// [`BROKEN_OFF`]: its rest is lost. `RX echo` may show the bit or leave it out; alone it acknowledges the last two.
+/// [`BROKEN_OFF`]: its rest is lost. `RX echo` may contain or omit the bit; the bit alone acknowledges the last two
+/// cases.
 pub const MORE: u16 = 0x2000;
 
 /// `RX`: the rest of the telegram is lost.
 pub const BROKEN_OFF: u16 = MORE | COUNT_BITS;
 
-/// `RX echo`: the CPU cannot store the changed area, its own ends before.
+/// `RX echo`: the CPU cannot store the changed area because its own area is too short.
 pub const OUTSIDE: u16 = FAILED | 0x02;
 
-/// Framing of RK 512: an own order of the CPU (`TX`) and how it ended (`RX`).
+/// Framing of RK 512: an order of this CPU (`TX`) and its result (`RX`).
 pub const OWN_ORDER: u16 = 0x0800;
 
 /// Framing of RK 512: an order of the partner (`RX`) and the CPU's answer (`TX`). Alone, without a count, in `RX
-/// echo`: the CPU takes orders of the partner.
+/// echo`: the CPU accepts orders of the partner.
 pub const PARTNER_ORDER: u16 = 0x1000;
 
 /// Framing bits of a line command in `TX` and of its answer in `TX echo`.
 pub const LINE: u16 = 0x1800;
 
-/// Line command: the state wanted for RTS.
+/// Line command: the new state of RTS.
 pub const LINE_RTS: u16 = 1 << 0;
-/// Line command: the state wanted for DTR.
+/// Line command: the new state of DTR.
 pub const LINE_DTR: u16 = 1 << 1;
-/// Line command: RTS is to take the state wanted.
+/// Line command: set RTS to the new state.
 pub const LINE_SET_RTS: u16 = 1 << 2;
-/// Line command: DTR is to take the state wanted.
+/// Line command: set DTR to the new state.
 pub const LINE_SET_DTR: u16 = 1 << 3;
 
-/// `TX echo`: the answer to a line command. STATUS lies in bits 0 to 5, DELTA_STATUS in bits 6 to 9. [S0 "STATUS,
+/// `TX echo`: the answer to a line command. STATUS is in bits 0 to 5, DELTA_STATUS in bits 6 to 9. [S0 "STATUS,
 /// DELTA_STATUS"]
 pub const LINE_ANSWER: u16 = LINE | 1 << 10;
 
 /// First bit of DELTA_STATUS in the answer to a line command; STATUS begins at bit 0.
 pub const LINE_DELTA_SHIFT: u16 = 6;
 
-/// Bytes of the offset that a changed area of the Modbus slave "long" begins with.
+/// Bytes of the offset at the beginning of a changed area of the Modbus slave "long".
 pub const OFFSET_BYTES: usize = 2;
 
-/// The five bits above a count: what kind of word it is.
+/// The five bits above a count: the kind of the word.
 pub const KIND: u16 = 0xF800;
 
 /// RK 512: bytes of a header.
@@ -76,7 +77,7 @@ pub const RK512_HEADER_BYTES: usize = 10;
 /// RK 512: bytes before the data of a result and of an answer.
 pub const RK512_RESULT_BYTES: usize = 4;
 
-/// Bits 0 to 10 hold a count; a word with any other bit set is none.
+/// Bits 0 to 10 are a count; a word with any other bit set is not a plain count.
 pub const COUNT_BITS: u16 = 0x07FF;
 
 /// The register bytes of one direction.
@@ -94,13 +95,13 @@ pub const fn tx_word(registers: &Registers) -> u16 {
     u16::from_be_bytes([registers[2], registers[3]])
 }
 
-/// The block behind the words.
+/// The block after the words.
 #[must_use]
 pub fn block(registers: &Registers) -> &[u8] {
     &registers[REGISTER_BYTES - BLOCK_BYTES..]
 }
 
-/// The registers with these words and this block, zeros behind it.
+/// The registers with these words and this block, filled with zeros.
 #[must_use]
 pub fn compose(rx: u16, tx: u16, block: &[u8]) -> Registers {
     let mut registers = [0; REGISTER_BYTES];
@@ -118,7 +119,7 @@ pub const fn line_command(word: u16) -> Option<u16> {
     if word & KIND == LINE { Some(word & COUNT_BITS) } else { None }
 }
 
-/// A word as framing and count of RK 512; a word 0 has none.
+/// A word as framing and count of RK 512; `None` for other words.
 #[must_use]
 pub const fn framed_count(word: u16) -> Option<(u16, usize)> {
     match word & KIND {
@@ -128,13 +129,13 @@ pub const fn framed_count(word: u16) -> Option<(u16, usize)> {
     }
 }
 
-/// A word as a first count that some protocol understands: a count, possibly framed or for the Modbus output area.
+/// Whether a word is a first count of any protocol: a count, possibly framed or for the Modbus output area.
 #[must_use]
 pub const fn is_telegram_of_any_kind(word: u16) -> bool {
     word & COUNT_BITS != 0 && matches!(word & KIND, 0 | AREA | OWN_ORDER | PARTNER_ORDER)
 }
 
-/// A word as a count of bytes, possibly one that is too large for a telegram.
+/// A word as a count of bytes, possibly too large for a telegram.
 #[must_use]
 pub const fn count(word: u16) -> Option<usize> {
     if word & !COUNT_BITS == 0 { Some(word as usize) } else { None }

@@ -1,4 +1,4 @@
-//! What FC 1 to FC 4 and a CP 342-5 say to each other: four data records at its address. (docs/cp342.md)
+//! The interface between FC 1 to FC 4 and a CP 342-5: four data records at its address. (docs/cp342.md)
 //!
 //! | record | | content |
 //! |---|---|---|
@@ -14,38 +14,38 @@ pub const RECEIVE: u8 = 0xD1;
 /// The record of jobs and their answers.
 pub const JOB: u8 = 0xD2;
 
-/// Bytes of the send area and of the receive area, at most.
+/// Maximum bytes of the send area and of the receive area.
 pub const AREA_BYTES: usize = 2160;
-/// In front of the receive area: 1 when data are exchanged, and DPSTATUS.
+/// Bytes before the receive area: 1 if data are exchanged, and DPSTATUS.
 pub const HEAD_BYTES: usize = 2;
-/// Bytes of a job field, and of what a job gives, at most.
+/// Maximum bytes of a job field, and of the answer to a job.
 pub const FIELD_BYTES: usize = 240;
-/// In front of what a job gives: STATUS.
+/// Bytes before the answer to a job: STATUS.
 pub const STATUS_BYTES: usize = 2;
-/// First byte of a job: it is one of DP_DIAG.
+/// First byte of a job of DP_DIAG.
 pub const JOB_DIAG: u8 = 1;
-/// First byte of a job: it is one of DP_CTRL.
+/// First byte of a job of DP_CTRL.
 pub const JOB_CONTROL: u8 = 2;
-/// A list with a bit for each of 128 stations: station n is bit n modulo 8 of byte n / 8.
+/// Bytes of a list with one bit for each of 128 stations: station n is bit n modulo 8 of byte n / 8.
 pub const LIST_BYTES: usize = 16;
 /// Bytes of the shortest diagnosis of a slave.
 pub const DIAGNOSIS_LEAST: usize = 6;
-/// Instead of a station: all.
+/// Instead of a station: all stations.
 pub const ALL_STATIONS: u8 = 127;
 
-/// Bits of DPSTATUS at a master.
+/// Bits of DPSTATUS for a master.
 pub mod dp_status {
-    /// A slave is not exchanged with: the station list says which.
+    /// No data exchange with a slave: see the station list.
     pub const STATIONS: u8 = 0x02;
-    /// There is a diagnosis that nobody has read: the diagnostic list says of which slave.
+    /// There is an unread diagnosis: see the diagnostic list.
     pub const DIAGNOSIS: u8 = 0x04;
-    /// Where the mode of the master stands: two bits.
+    /// First of the two bits with the mode of the master.
     pub const MODE_AT: u8 = 4;
 }
 
 /// Modes of a DP master: in DPSTATUS, and in the job fields.
 pub mod mode {
-    /// Outputs are driven.
+    /// Outputs are active.
     pub const RUN: u8 = 0;
     /// Outputs are zero.
     pub const CLEAR: u8 = 1;
@@ -63,9 +63,9 @@ pub mod dtype {
     pub const DIAGNOSES: u8 = 1;
     /// The newest diagnosis of a slave.
     pub const CURRENT: u8 = 2;
-    /// The diagnosis before it, and so on: each is given once.
+    /// The next older diagnosis; each is returned once.
     pub const OLDER: u8 = 3;
-    /// The mode that DP_CTRL has asked for.
+    /// The mode that DP_CTRL has requested.
     pub const MODE: u8 = 4;
     /// The mode while the CPU is in STOP.
     pub const MODE_CPU_STOP: u8 = 5;
@@ -83,9 +83,9 @@ pub mod dtype {
 pub mod ctype {
     /// SYNC, FREEZE, CLEAR once.
     pub const GLOBAL: u8 = 0;
-    /// SYNC, FREEZE, CLEAR again and again.
+    /// SYNC, FREEZE, CLEAR cyclically.
     pub const CYCLIC_GLOBAL: u8 = 1;
-    /// Forgets older diagnoses.
+    /// Deletes older diagnoses.
     pub const FORGET: u8 = 3;
     /// Sets the mode.
     pub const MODE: u8 = 4;
@@ -97,9 +97,9 @@ pub mod ctype {
     pub const INPUTS: u8 = 7;
     /// Reads outputs of a slave of another master.
     pub const OUTPUTS: u8 = 8;
-    /// Ends that.
+    /// Ends this reading.
     pub const END: u8 = 9;
-    /// Takes a slave out, or in.
+    /// Deactivates or activates a slave.
     pub const SLAVE: u8 = 10;
 }
 
@@ -107,16 +107,16 @@ pub mod ctype {
 pub mod status {
     /// There is nothing new.
     pub const NOTHING: u16 = 0x8182;
-    /// A parameter cannot be what it is.
+    /// A parameter is not valid.
     pub const PARAMETER: u16 = 0x8184;
-    /// There is no such DTYPE, or CTYPE.
+    /// Unknown DTYPE or CTYPE.
     pub const TYPE: u16 = 0x8311;
     /// The area of the parameter is too short.
     pub const SHORT: u16 = 0x8312;
-    /// No slave can have this address.
+    /// The address is not valid for a slave.
     pub const STATION: u16 = 0x8313;
     /// No slave with this address is configured.
     pub const NOT_CONFIGURED: u16 = 0x8341;
-    /// The module does not know such a job.
+    /// The module does not support this job.
     pub const UNKNOWN: u16 = 0x80B0;
 }

@@ -3,17 +3,17 @@
 /// The LEDs as they are now.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Leds {
-    /// PW, yellow: the module has power. CP 040: RUN.
+    /// PW, yellow: power supply. CP 040: RUN.
     pub power: bool,
-    /// TxD, green: it sends.
+    /// TxD, green: the module sends.
     pub transmit: bool,
-    /// RxD, green: it receives.
+    /// RxD, green: the module receives.
     pub receive: bool,
     /// ER (CP 240), SF (CP 340, CP 341), IF or MF (CP 040), red: an error.
     pub error: bool,
 }
 
 impl Leds {
-    /// All of them out.
+    /// All LEDs off.
     pub const NONE: Self = Self { power: false, transmit: false, receive: false, error: false };
 }

@@ -1,8 +1,8 @@
-//! The words between a handling block and its CP: sizes, codes and layouts of what one side shows the other. Each
-//! stands here once; the plugins and the firmware both take it from here.
+//! The interface between a handling block and its CP: sizes, codes and layouts of the data that one side shows the
+//! other. Each is defined once, here, and used by the plugins and the firmware.
 //!
-//! No machine is here: what a word makes a side do is that side's business (`plugins/cp240`, `plugins/slio`,
-//! `plugins/ptp`; `driver/firmware`).
+//! There are no state machines here: they are in `plugins/cp240`, `plugins/slio` and `plugins/ptp`, and in
+//! `driver/firmware`.
 #![no_std]
 #![forbid(unsafe_code)]
 

@@ -1,6 +1,5 @@
-//! The bytes that the memory of a CPU lies in: from the heap, or from whoever can give better ones, as a piece at the
-//! beginning of a reservation in which every other byte traps. The CPU sees bytes; it does not learn where they are
-//! from.
+//! The bytes of a CPU's memory: from the heap, or from another owner, as a piece at the beginning of a reservation in
+//! which every other byte traps. The CPU sees bytes; it does not learn where they are from.
 
 // Fenced by the house rules: bytes that do not come from the allocator have no safe owner.
 #![allow(unsafe_code)]
@@ -12,11 +11,11 @@ use std::ptr::NonNull;
 pub struct Arena {
     bytes: NonNull<[u8]>,
     reserved: u64,
-    /// Dropped behind the last use of `bytes`.
+    /// Dropped after the last use of `bytes`.
     owner: Owner,
 }
 
-/// Who gives the bytes back.
+/// The owner of the bytes, who frees them.
 enum Owner {
     Heap,
     Other(#[expect(dead_code, reason = "its drop gives the bytes back")] Box<dyn Send + Sync>),
@@ -28,7 +27,7 @@ unsafe impl Send for Arena {}
 unsafe impl Sync for Arena {}
 
 impl Arena {
-    /// So many bytes of 0 from the heap.
+    /// `len` bytes of 0 from the heap.
     #[must_use]
     pub fn new(len: usize) -> Self {
         let bytes = Box::into_raw(vec![0u8; len].into_boxed_slice());

@@ -1,4 +1,4 @@
-//! The clients of a link: rights, and what of each is under way.
+//! The clients of a link: rights, and the requests of each that are under way.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -9,12 +9,12 @@ use ob1_time::{Instant, Span};
 
 use crate::LinkConfig;
 
-/// Clients of one link at a time.
+/// Most clients of one link at one time.
 const CLIENTS: usize = 4096;
-/// After a wrong password its client is not let in for so long.
+/// After a wrong password its client is refused for this long.
 const WRONG_PASSWORD: Span = Span::from_millis(250);
 /// Wrong passwords that all clients of a link may have given within [`WINDOW`]. A client that comes back under another
-/// number has no more tries than that; who gives the right one is not held up by a few mistakes of others.
+/// number gets no more tries than that; a client with the right one is not held up by a few wrong ones of others.
 const WRONG_TOGETHER: u32 = 16;
 const WINDOW: Span = Span::SECOND;
 
@@ -64,7 +64,7 @@ impl Clients {
         Some(self.list.entry(number).or_insert_with(new))
     }
 
-    /// One that is there.
+    /// A client that exists already.
     pub(crate) fn known(&mut self, number: u32) -> Option<&mut Client> {
         self.list.get_mut(&number)
     }
@@ -77,7 +77,7 @@ impl Clients {
         self.list.clear();
     }
 
-    /// Whether somebody waits for a turn.
+    /// Whether a client waits for its turn.
     pub(crate) fn wait(&self) -> bool {
         self.list.values().any(|client| !client.jobs.is_empty())
     }
@@ -100,7 +100,7 @@ impl Clients {
         }
     }
 
-    /// The right that this password gives.
+    /// Gives the client the right of this password.
     pub(crate) fn login(&mut self, number: u32, given: &str, config: &LinkConfig, now: Instant) -> Result<(), Refusal> {
         if now >= self.wrong.0.saturating_add(WINDOW) {
             self.wrong = (now, 0);

@@ -1,4 +1,4 @@
-//! The stream of events: numbered, kept for a while, resumed by whoever knows a number.
+//! The stream of events: numbered, kept for a while; a client that knows a number resumes after it.
 
 use std::collections::VecDeque;
 
@@ -29,10 +29,11 @@ impl Stream {
         self.newest
     }
 
-    /// The event after number `after`. When some are gone that nobody has got: how many, as the last of them.
+    /// The event after number `after`. If the next ones are no longer kept: how many were lost, under the number of the
+    /// last.
     pub(crate) fn after(&self, after: u64) -> Option<Event> {
         let first = self.kept.front()?;
-        // A client with a number from another run of the station begins anew.
+        // A client with a number from another run of the station starts at the beginning.
         let after = if after > self.newest { 0 } else { after };
         if after + 1 < first.number {
             let lost = first.number - 1 - after;

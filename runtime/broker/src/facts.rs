@@ -24,7 +24,7 @@ pub struct LinkState {
     pub name: String,
     /// Its process is up.
     pub up: bool,
-    /// Its connections, where it tells them.
+    /// Its connections, where it reports them.
     pub connections: Vec<Connection>,
 }
 
@@ -37,7 +37,7 @@ pub enum Change {
     Delete(Vec<BlockId>),
 }
 
-/// What has become of a change of this number.
+/// The outcome of the change with this number.
 pub type Changed = (u64, Result<(), Refusal>);
 
 /// What the broker needs to know of the station. Asked by its thread, never by the scan.
@@ -67,12 +67,12 @@ pub trait Facts: Send {
     fn document(&self, which: Document, state: State, present: &[bool], links: &[LinkState]) -> Box<[u8]>;
     /// An input that a module feeds is written where the module reads it: true when this was done.
     fn take_input(&self, put: &Put) -> bool;
-    /// Begins a change of the program; what becomes of it comes from [`Facts::changed`] under this number. False: this
-    /// program cannot be changed.
+    /// Begins a change of the program; its outcome comes from [`Facts::changed`] under this number. False: this program
+    /// cannot be changed.
     fn change(&mut self, _number: u64, _change: Change) -> bool {
         false
     }
-    /// The next change that has come to its end.
+    /// The next change that has ended.
     fn changed(&mut self) -> Option<Changed> {
         None
     }
@@ -81,7 +81,7 @@ pub trait Facts: Send {
 /// A link, as the station file has it.
 #[derive(Debug, Default)]
 pub struct LinkConfig {
-    /// Its name; without one it is part of the runtime, and nobody is told of it.
+    /// Its name; without one it is part of the runtime, and no link hears of it.
     pub name: String,
     /// What its clients may do.
     pub rights: Right,
@@ -89,7 +89,7 @@ pub struct LinkConfig {
     pub allowed: Allowed,
     /// With this password a client may do more.
     pub password: Option<String>,
-    /// Namely that.
+    /// The rights with this password.
     pub password_rights: Right,
     /// The keys of its table as JSON, without passwords.
     pub config: String,

@@ -48,7 +48,7 @@ impl Window for Glass {
     }
 }
 
-// What a frame needs, a window has.
+// A window has room for every frame.
 const _: () = assert!(ob1_model::FRAME_WORDS <= ob1_backplane::WINDOW_WORDS);
 
 /// Something at the scan.
@@ -71,7 +71,7 @@ pub(crate) struct Joint {
     pub(crate) beats: Beats,
     /// It has given a sign of life since it was connected.
     pub(crate) up: bool,
-    /// Its connections, as it has told them last.
+    /// Its connections, as it has reported them last.
     pub(crate) connections: Vec<LinkConnection>,
     /// Events up to this number have been sent; none are wanted otherwise.
     pub(crate) events_after: Option<u64>,
@@ -119,7 +119,7 @@ impl Joint {
         self.out.is_empty() && self.awaited.is_none() && self.postponed.is_none() && !self.clients.wait()
     }
 
-    /// A process has come: it is welcomed, and what was of the one before is gone.
+    /// A process has connected: it is welcomed, and everything of the one before is dropped.
     pub(crate) fn connect(&mut self, socket: OwnedFd, facts: &dyn Facts, now: Instant) {
         self.disconnect();
         let [inputs, outputs, memory] = facts.areas();
@@ -212,7 +212,7 @@ impl Joint {
         let Some((generation, pieces)) = self.postponed.take() else { return };
         let empty = pieces.is_empty();
         match self.link.watch(generation, &Frame::of(pieces.clone())) {
-            // No snapshot of nothing will come.
+            // An empty list gets no snapshot.
             Ok(()) if empty => self.say(&ToLink::Watching(generation)),
             Ok(()) => self.awaited = Some(generation),
             Err(TooMuch::UnderWay) => self.postponed = Some((generation, pieces)),
@@ -231,7 +231,7 @@ impl Joint {
             let (ticket, full) = match job {
                 Job::Group(ticket, puts) => {
                     let left: Vec<Put> = puts.iter().filter(|put| !facts.take_input(put)).cloned().collect();
-                    // Whoever sends it has been held to the bounds of a group.
+                    // The sender has been held to the bounds of a group.
                     let Ok(group) = Group::new(number, left) else { continue };
                     (ticket, self.link.write(group).is_err().then_some(Job::Group(ticket, puts)))
                 }
@@ -282,7 +282,7 @@ impl Joint {
         Some(out)
     }
 
-    /// A client is gone: what it waited for goes nowhere.
+    /// A client is gone: its answers are dropped.
     pub(crate) fn client_gone(&mut self, number: u32) {
         self.clients.gone(number);
         self.out.retain(|_, out| out.client != number);

@@ -6,7 +6,7 @@ use ob1_access::door::{Answer, Refusal, Ticket};
 use ob1_cpu::{AccessClient, Answer as PortAnswer, Ask as PortAsk, Request};
 use ob1_time::Instant;
 
-/// Who wants to know.
+/// Who has asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Asker {
     pub(crate) link: usize,
@@ -62,7 +62,7 @@ impl Port {
     /// Posts as much as there is room for, and takes what has come.
     pub(crate) fn step(&mut self) {
         while let Some(response) = self.client.take() {
-            // Others are of a question that was given up.
+            // Other answers belong to a question that was given up.
             let whose =
                 self.questions.iter_mut().find(|question| response.id.wrapping_sub(question.first) < question.posted);
             if let Some(question) = whose {

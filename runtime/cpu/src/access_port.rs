@@ -1,7 +1,7 @@
-//! The access port: commands, and questions about the CPU itself, through two rings. Cells go through the exchange
-//! ([`crate::Link`]).
+//! The access port: commands to the CPU and questions about it, through two rings. Cells are read and written through
+//! the exchange ([`crate::Link`]) instead.
 //!
-//! Figures of the scans do not: they stand in [`crate::Accounts`], where reading them costs the scan nothing.
+//! The figures of the scans are read from [`crate::Accounts`], at no cost to the scan.
 //!
 //! Requests and responses are small `Copy` items. The CPU serves a bounded number of them at the cycle control point;
 //! the client side is `Send` and belongs to one thread (a socket server), which knows names and types.
@@ -18,7 +18,7 @@ pub enum Ask {
     Command(Command),
     /// The operating state.
     State,
-    /// The diagnostic entry so many entries back, 0 the newest.
+    /// A diagnostic entry, counted back from the newest (0).
     Diag(u32),
     /// A hardware interrupt, see [`crate::Cpu::fire_hardware_interrupt`].
     HardwareInterrupt {
@@ -29,7 +29,7 @@ pub enum Ask {
         /// What the module reports, for the start information.
         point: u32,
     },
-    /// The module with this index in the order they were given to the CPU.
+    /// The module with this index, in the order in which the modules were given to the CPU.
     Module(u32),
     /// Date and time of day of the CPU.
     Clock,

@@ -6,7 +6,7 @@
 pub struct ArenaByte(pub u32);
 
 impl ArenaByte {
-    /// The bit `bits` bits behind this byte's first.
+    /// The bit `bits` bits after this byte's first.
     #[inline]
     #[must_use]
     pub const fn bit(self, bits: u32) -> ArenaBit {
@@ -74,14 +74,14 @@ pub struct Range {
 }
 
 impl Range {
-    /// The arena byte of `len` bytes at `at` of this range, when they lie inside.
+    /// The arena byte at offset `at` of this range, if `len` bytes from there lie inside.
     #[inline]
     #[must_use]
     pub fn locate(self, at: u32, len: u32) -> Option<ArenaByte> {
         (u64::from(at) + u64::from(len) <= u64::from(self.len)).then(|| self.at.plus(at))
     }
 
-    /// The byte behind the last.
+    /// The byte after the last.
     #[must_use]
     pub const fn end(self) -> ArenaByte {
         self.at.plus(self.len)

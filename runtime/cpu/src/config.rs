@@ -19,36 +19,36 @@ pub struct CpuConfig {
     pub counters: u16,
     /// Bytes of local data for all nested blocks together, 1024 to 1048576.
     pub local_bytes: u32,
-    /// What differs between S7-300 and S7-400, but for the number of accumulators, which can be chosen by itself.
+    /// The rules of S7-300 or S7-400. The number of accumulators is set separately.
     pub family: Family,
     /// What keeps its value over a warm restart and a power cycle.
     pub retentive: Retentive,
-    /// Bytes reserved for data blocks that the program makes itself (SFC 22), 0 to 64 MiB; 0: it cannot.
+    /// Bytes reserved for data blocks that the program makes itself (SFC 22), 0 to 64 MiB; 0: it cannot make any.
     pub db_pool_bytes: u32,
     /// Accumulators: 2 (S7-300) or 4 (S7-400).
     pub accumulators: u8,
     /// Blocks nested in one another within a priority class, 1 to 64.
     pub nesting_depth: u8,
-    /// Organization blocks beyond those of the program for which the thread has stack: for a [`crate::Successor`].
+    /// Organization blocks beyond those of the program that the thread has stack for: for a [`crate::Successor`].
     pub spare_obs: u8,
     /// Minimum cycle time; 0: the next cycle starts at once.
     pub min_cycle: Span,
-    /// What becomes of a deadline of the cycle that was missed.
+    /// What happens to a missed deadline of the cycle.
     pub missed: MissedCycle,
-    /// What is kept of every scan.
+    /// What is recorded of every scan.
     pub accounts: AccountsConfig,
     /// Cycle monitoring time; 0: none.
     pub watchdog: Span,
     /// Cyclic interrupts whose interval or phase is not the default. Those of OBs that are not loaded have no effect.
     pub cyclic: Vec<CyclicInterrupt>,
-    /// Time-of-day interrupts that are set without the program's doing.
+    /// Time-of-day interrupts set by the configuration, not by the program.
     pub time_of_day: Vec<TimeOfDay>,
     /// The byte of bit memory that carries the clock pulses of 10 Hz (bit 0) to 0.5 Hz (bit 7).
     pub clock_memory: Option<u16>,
     /// Time of day at the runtime's time 0, in nanoseconds since 1990-01-01: the date in start information.
     pub date_at_start: u64,
-    /// Organization blocks find their start information in the first 20 bytes of their local data. Without it these
-    /// bytes are what the block before left there; SFC 6 answers all the same.
+    /// Organization blocks find their start information in the first 20 bytes of their local data. Otherwise these
+    /// bytes hold what the previous block left there; SFC 6 works either way.
     pub ob_start_info: bool,
     /// When OB 85 is called for a part of the process image that is not transferred.
     pub image_errors: ImageErrors,
@@ -113,7 +113,7 @@ pub enum ImageErrors {
     None,
     /// At each transfer: an S7-400 as it is delivered.
     Each,
-    /// When it begins and when it ends.
+    /// When the error begins and when it ends.
     Changes,
 }
 
@@ -149,7 +149,7 @@ impl ModuleSlot {
     }
 }
 
-/// What a cycle leaves behind.
+/// The result of a cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CycleEnd {
     /// When the next cycle or the next interrupt by time is due. In the past or present: at once.

@@ -23,7 +23,7 @@ const HARDWARE_EVENTS: std::ops::RangeInclusive<u16> = 0x1141..=0x1148;
 
 impl Cpu {
     /// One whole cycle: access port, exchange with the links, events of the modules, process image of the inputs, OB 1,
-    /// process image of the outputs, statistics. Before the next cycle is due, when an interrupt is: only that
+    /// process image of the outputs, statistics. If an interrupt is due before the next cycle, only that is served
     /// ([`CycleEnd::whole`] is false then). In STOP only access port, exchange and modules are served. The caller
     /// sleeps until the deadline it is given.
     pub fn cycle(&mut self, clock: &mut dyn Clock) -> CycleEnd {
@@ -72,7 +72,7 @@ impl Cpu {
                 self.context(clock).attend()?;
             }
             self.ob1(start - planned, clock)?;
-            // A cycle too long is noticed at its end too, when the last stretch had no safe point.
+            // An overlong cycle is also noticed at its end, in case the last stretch had no safe point.
             self.context(clock).attend()?;
             outputs_from = Some(self.machine.hot.now);
             self.output_image(clock)
@@ -80,7 +80,7 @@ impl Cpu {
         self.machine.watchdog.expires = None;
         let stopped = ran.is_err() || self.machine.hot.stopping;
         if stopped {
-            // The scan counts all the same, and so does its time since the last safe point.
+            // The scan still counts, and so does its time since the last safe point.
             self.context(clock).look();
         }
         let m = &mut self.machine;
@@ -108,7 +108,7 @@ impl Cpu {
         CycleEnd { next_deadline: self.next_deadline(), state: self.state, whole: true, late }
     }
 
-    /// The exchange with the links, in the account of its own.
+    /// The exchange with the links, timed in its own account.
     fn serve_links(&mut self, clock: &mut dyn Clock) {
         if self.exchange.is_idle() {
             self.exchange.serve(&mut self.machine, self.state);
@@ -129,7 +129,7 @@ impl Cpu {
             self.enter_stop();
             return self.stop_cycle(clock);
         }
-        // Rings for what an interrupt has written to a module.
+        // Rings the doorbells for what an interrupt has written to modules.
         let m = &mut self.machine;
         m.modules.end_scan(m.hot.now);
         m.trace.between(m.hot.now);
@@ -222,7 +222,7 @@ impl Cpu {
         let _ = self.module_events(clock);
         let m = &mut self.machine;
         for index in 0..m.modules.list.len() {
-            // A module that does not answer reads as 0; in STOP that is nobody's error.
+            // A module that does not answer reads as 0; in STOP that is not an error.
             let _ = m.modules.read_image(index, &mut m.memory);
         }
         m.modules.end_scan(now);
@@ -250,7 +250,7 @@ impl Cpu {
             let ob = event.event.0 - HARDWARE_EVENTS.start() + 40;
             return if run { self.module_interrupt(ob, address, data, clock) } else { Ok(()) };
         }
-        // A driver's first start is no return.
+        // A driver's first start does not count as a return.
         let station = match event.event {
             Event::DRIVER_LOST => !std::mem::replace(&mut plugged.lost, true),
             Event::DRIVER_UP => std::mem::replace(&mut plugged.lost, false),
@@ -306,8 +306,8 @@ impl Cpu {
 }
 
 impl Machine {
-    /// When the cycle after the one planned at `planned` is due, now that this one has ended; whether it overran, and
-    /// how many deadlines no cycle will begin for: none, when the CPU has `stopped`.
+    /// Returns when the cycle after the one planned at `planned` is due, whether the planned one overran, and how many
+    /// deadlines get no cycle (none if the CPU has `stopped`).
     fn next_cycle(&mut self, planned: Instant, stopped: bool) -> (Instant, bool, u64) {
         let (min, now) = (self.config.min_cycle, self.hot.now);
         let next = planned.saturating_add(min);
@@ -348,8 +348,8 @@ impl Machine {
     }
 }
 
-/// The module's name, and the event's data: the text behind the four bytes of a diagnostic interrupt, or these where it
-/// has none; otherwise what is text.
+/// The module's name, and the event's data if they are text. Of a diagnostic interrupt: the text after the first four
+/// bytes, or without text these four bytes in hexadecimal.
 fn event_text(name: &str, event: &ModuleEvent) -> ShortText {
     let data = event.data.get(..usize::from(event.len)).unwrap_or(&event.data);
     let data = if event.diagnostic_interrupt { data.get(4..).unwrap_or_default() } else { data };

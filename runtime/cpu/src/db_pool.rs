@@ -6,7 +6,7 @@
 use crate::arena::{ArenaByte, Db};
 use crate::memory::Memory;
 
-/// Data blocks the program can have made at one time.
+/// Most data blocks made by the program that can exist at one time.
 pub(crate) const MADE: usize = 256;
 
 /// A place in the pool.

@@ -1,5 +1,5 @@
-//! The diagnostic buffer: the last hundred events, newest first, as a fixed ring; behind them what led to the last
-//! STOPs, which no flood of other events washes out.
+//! The diagnostic buffer: the last hundred events, newest first, as a fixed ring. After them come the last STOPs and
+//! what led to them; a flood of other events does not overwrite these.
 
 use std::fmt;
 
@@ -9,7 +9,7 @@ use ob1_time::Instant;
 
 /// Entries the buffer holds, whatever they are.
 pub const DIAG_ENTRIES: usize = 100;
-/// Entries it keeps beside them: the last STOPs and what led to each.
+/// Entries it keeps besides: the last STOPs and what led to each.
 pub const DIAG_STOPS: usize = 10;
 /// Bytes of text an entry holds.
 pub const DIAG_TEXT: usize = 80;

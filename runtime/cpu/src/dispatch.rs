@@ -1,4 +1,4 @@
-//! Interrupts in their turn: what is due runs when its priority class is above the running one, at safe points and
+//! Interrupt dispatch: a due interrupt runs when its priority class is above the running one, at safe points and
 //! between cycles.
 
 use ob1_time::Span;
@@ -61,7 +61,8 @@ impl Context<'_> {
             record.late(late);
         }
         self.run_ob(callee, ObInfo { number, priority: priority_of(number), start })?;
-        // Due again while it ran is an error, and has to be seen before the run counts as ended.
+        // An interrupt that became due again while it ran is an error; `collect` must see that before the run counts as
+        // ended.
         let again = self.collect();
         self.machine.interrupts.done(request.slot);
         again

@@ -80,7 +80,7 @@ pub enum LoadError {
         /// Bytes needed.
         bytes: usize,
     },
-    /// L011: a data block number that cannot be.
+    /// L011: an impossible data block number.
     DbNumber(u16),
     /// L012: a data block that is to be retentive is not loaded.
     Retentive(u16),
@@ -101,7 +101,7 @@ pub enum LoadError {
 }
 
 impl LoadError {
-    /// What the verifier has found, in the words of whoever loads a program.
+    /// A finding of the verifier as the error of a load.
     pub(crate) fn of(finding: &Finding, program: &Program) -> Self {
         let block = finding.block.and_then(|id| program.blocks.iter().find(|block| block.id == id));
         let statement = block.zip(finding.statement).and_then(|(block, index)| block.code.get(index as usize));

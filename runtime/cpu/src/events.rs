@@ -70,7 +70,7 @@ impl Context<'_> {
         machine.trace.accounts.watchdogs.add(1);
         let limit_ms = machine.config.watchdog.millis() as u32;
         let ran_ms = (machine.hot.now - machine.cycle_start).millis().min(0xFFFF) as u16;
-        // SFC 43 begins the cycle anew, but not OB 80.
+        // SFC 43 restarts the cycle monitoring, but an excess while OB 80 runs counts as the second.
         let second = std::mem::replace(&mut machine.watchdog.excess, true) || machine.is_active(&[80]);
         machine.watchdog.expires = Some(machine.hot.now.saturating_add(machine.config.watchdog));
         self.entry(Event::CYCLE_TIME_EXCEEDED, limit_ms, "");
@@ -135,7 +135,7 @@ impl Context<'_> {
         self.asynchronous(callee, 80, start)
     }
 
-    /// Runs the OB of an asynchronous error; behind the outermost of them the diagnostic interrupts that wait.
+    /// Runs the OB of an asynchronous error; after the outermost of them the diagnostic interrupts that wait.
     fn asynchronous(&mut self, callee: Callee, number: u16, start: [u8; 20]) -> Result<(), Abort> {
         self.run_ob(callee, ObInfo { number, priority: ASYNCHRONOUS, start })?;
         if self.machine.is_active(&ERROR_OBS) || std::mem::replace(&mut self.machine.diagnoses.serving, true) {
@@ -163,7 +163,7 @@ impl Context<'_> {
         let [a1, a2, ..] = interrupted.accus;
         let number = fault.kind.ob();
         let callee = self.blocks.ob(number);
-        // Both handle errors of the class they interrupt. A higher class has its own.
+        // OB 121 and OB 122 do not handle their own errors. A higher class that interrupts them has its own.
         let nested = matches!(self.machine.ob.number, 121 | 122);
         self.machine.diag.push(DiagEntry {
             number: 0,
@@ -279,14 +279,14 @@ impl Context<'_> {
         self.asynchronous(callee, 86, start)
     }
 
-    /// A bus or one of its stations is lost, or a station is back: OB 86, STOP without it. `data` is that of the
+    /// A bus or one of its stations is lost, or a station is back: OB 86, STOP without it. `data` are those of the
     /// module's event.
     pub(crate) fn bus_station(&mut self, event: Event, data: [u8; 16]) -> Result<(), Abort> {
         if self.disabled(86) {
             return Ok(());
         }
         let Some(callee) = self.blocks.ob(86) else {
-            // Nobody has to be told of a return, and a start-up goes on without a station that was never there.
+            // A return needs no OB, and a start-up goes on without a station that was never there.
             if event == Event::STATION_BACK || data[6] != 0 {
                 return Ok(());
             }
@@ -350,7 +350,7 @@ impl Context<'_> {
                 if error == ModuleError::Absent { ", the module does not answer" } else { "" },
             ]),
         };
-        // Each transfer calls the OB; the buffer keeps where it began.
+        // The OB is called at each transfer; the diagnostic buffer gets only the first error.
         if !plugged.image_error[usize::from(output)] {
             self.machine.diag.push(entry);
             self.machine.modules.list[index].image_error[usize::from(output)] = true;

@@ -95,7 +95,7 @@ pub(crate) struct Cyclic {
     loaded: bool,
 }
 
-/// What came of the due times that have passed, as bits by slot.
+/// What the passed due times have led to, one bit per slot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Passed {
     /// Due while its OB was still being executed.
@@ -193,7 +193,7 @@ impl Interrupts {
         self.settle();
     }
 
-    /// Its time has come, and nobody has looked yet.
+    /// Its time has come, and [`Interrupts::collect`] has not run since.
     pub(crate) fn is_due(&self, slot: usize, now: Instant) -> bool {
         self.due[slot] <= now
     }
@@ -257,7 +257,7 @@ impl Interrupts {
         passed
     }
 
-    /// Enters a hardware interrupt; `false`, and counted, when no more can wait.
+    /// Enters a hardware interrupt; `false`, and counted as lost, when no more can wait.
     pub(crate) fn fire(&mut self, request: Hardware) -> bool {
         let slot = usize::from(request.slot);
         let Some(place) = self.queue.get_mut(self.queued) else {
@@ -275,7 +275,7 @@ impl Interrupts {
         if self.pending == 0 || !self.active {
             return None;
         }
-        // Classes ascend with the slots, but for the time-of-day interrupts, which share one.
+        // Classes ascend with the slots, except for the time-of-day interrupts, which share one.
         let highest = 31 - self.pending.leading_zeros() as usize;
         let slot = if highest < DELAY { self.pending.trailing_zeros() as usize } else { highest };
         if priority_of(ob_of(slot)) <= priority {

@@ -36,7 +36,7 @@ const LONGEST_PERIOD: Span = Span::from_secs(60);
 /// References to actual parameters, for all nested calls together.
 const REFERENCES: usize = 8 * 1024;
 
-/// What a program is loaded beside: the rules of the CPU and the native blocks.
+/// What a program is loaded into: the rules of the CPU and the native blocks.
 #[derive(Clone, Debug)]
 pub struct Surroundings {
     config: CpuConfig,
@@ -54,7 +54,7 @@ pub(crate) struct Prepared {
 }
 
 impl Surroundings {
-    /// Of a CPU that is made of these.
+    /// The surroundings that a CPU with these rules and native blocks gives a program.
     #[must_use]
     pub fn new(config: &CpuConfig, natives: &Natives) -> Self {
         Self {
@@ -70,7 +70,7 @@ impl Surroundings {
         self.natives.iter().any(|(native, _)| *native == id)
     }
 
-    /// Loads a program; `stack` is what the thread may have that runs it.
+    /// Loads a program; `stack` is the most that the thread which runs it may have.
     pub(crate) fn prepare(
         &self,
         program: &Program,

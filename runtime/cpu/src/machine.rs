@@ -42,7 +42,7 @@ impl Attention {
         self.due.load(Ordering::Relaxed)
     }
 
-    /// The flag that [`Attention::is_due`] tells.
+    /// The flag that [`Attention::is_due`] reads.
     pub(crate) fn due(&self) -> &AtomicBool {
         &self.due
     }
@@ -76,11 +76,11 @@ pub(crate) struct Machine {
     pub(crate) trace: Trace,
     pub(crate) log: LogWriter,
     pub(crate) attention: Attention,
-    /// Statements the clock knows of.
+    /// Statements the clock has been told of.
     pub(crate) statements: u64,
     /// What engines read and write directly.
     pub(crate) hot: Hot,
-    /// What 1024 statements have taken between the last looks.
+    /// The time 1024 statements took between the last two looks at the clock.
     pub(crate) pace: Span,
     pub(crate) watchdog: Watchdog,
     /// References to actual parameters, a stack.
@@ -88,7 +88,7 @@ pub(crate) struct Machine {
     /// Bytes of stack the thread needs that runs the CPU.
     pub(crate) stack: usize,
     pub(crate) ob: ObInfo,
-    /// The organization block that gives the running class: `ob`, but where that is OB 121 or OB 122.
+    /// The organization block that gives the running class: `ob`, unless that is OB 121 or OB 122.
     pub(crate) class_ob: u16,
     /// The date behind `now`.
     pub(crate) wall: Wall,
@@ -100,7 +100,7 @@ pub(crate) struct Machine {
     pub(crate) whereabouts: Arc<Whereabouts>,
     /// Bit n: OB n has begun and not ended.
     pub(crate) active: u128,
-    /// The OB for a synchronous error that runs is aborted, and the block it was called for goes on.
+    /// The running OB for a synchronous error is aborted, and the block it was called for goes on.
     pub(crate) aborted: bool,
     /// Diagnostic interrupts that wait for the end of the OB that runs in their class.
     pub(crate) diagnoses: Diagnoses,
@@ -123,7 +123,7 @@ pub(crate) struct Machine {
     pub(crate) substitute: Option<u32>,
     /// The statement at which the engine last came to a safe point that was due.
     pub(crate) at: Option<Caller>,
-    /// What comes from outside, on record or played back: two engines are held against each other.
+    /// While two engines are compared: what comes from outside, recorded or played back.
     pub(crate) tape: Option<Box<Tape>>,
 }
 

@@ -14,7 +14,7 @@ use crate::{CpuConfig, LoadError};
 
 /// Bytes for operands that calls copy in and out, for all nested calls together.
 pub(crate) const SCRATCH_BYTES: u32 = 16 * 1024;
-/// Bytes behind the last data block, so that a double word at the last byte of an area stays inside the arena.
+/// Bytes after the last data block, so that a double word at the last byte of an area stays inside the arena.
 const TAIL: usize = 8;
 const MAX_BYTES: usize = 256 << 20;
 
@@ -134,7 +134,7 @@ impl Memory {
         &mut self.bytes[range.bytes()]
     }
 
-    /// Clears both process images, bit memory but for `keep` (ascending), and local data.
+    /// Clears both process images, bit memory except `keep` (ascending), and local data.
     pub(crate) fn clear_areas(&mut self, keep: &[Range]) {
         let (inputs, outputs) = (self.inputs, self.outputs);
         self.slice_mut(inputs).fill(0);
@@ -146,7 +146,7 @@ impl Memory {
         self.bytes[from..to].fill(0);
     }
 
-    /// Gives the data blocks of the program their load values but for `keep` (ascending).
+    /// Gives the data blocks of the program their load values, except `keep` (ascending).
     pub(crate) fn reload_dbs(&mut self, keep: &[Range]) {
         let all = self.all_dbs;
         for gap in gaps(all, keep) {
@@ -155,7 +155,7 @@ impl Memory {
         }
     }
 
-    /// The load values of a data block. One that the program has made has none but its bytes.
+    /// The load values of a data block; of one that the program has made, its bytes.
     pub(crate) fn load_values_mut(&mut self, number: u16) -> Option<&mut [u8]> {
         let index = usize::from(*self.by_number.get(usize::from(number))?).checked_sub(1)?;
         let Some(db) = self.dbs[..self.program_dbs].get(index) else {
@@ -185,7 +185,7 @@ impl Memory {
         }
     }
 
-    /// New bytes for a data block of the program, and new load values; as many as it has.
+    /// New bytes for a data block of the program, which are also its new load values; only if the length is the same.
     pub(crate) fn set_db(&mut self, number: u16, bytes: &[u8]) {
         let Some(db) = self.program_db(number).filter(|db| db.len as usize == bytes.len()) else { return };
         self.bytes[db.range().bytes()].copy_from_slice(bytes);

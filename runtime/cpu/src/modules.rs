@@ -1,4 +1,4 @@
-//! The modules and the peripheral area: who answers at which byte.
+//! The modules and the peripheral area: which module answers at which byte.
 
 use ob1_std::services::{NoPlace, Placed, Rack};
 use ob1_time::Instant;
@@ -9,7 +9,7 @@ use crate::{BusPlace, Family, LoadError, Memory, Module, ModuleError, ModuleSlot
 /// Bytes of the peripheral area.
 const PERIPHERAL_BYTES: u32 = 65_536;
 
-/// The slot of the first module: behind power supply, CPU and interface module, as on an S7-300.
+/// The slot of the first module: after power supply, CPU and interface module, as on an S7-300.
 pub(crate) const SLOT: u16 = 4;
 
 /// A module in its place.
@@ -121,7 +121,7 @@ impl Modules {
         }
     }
 
-    /// One module's part of the process image of the inputs. What a module that does not answer reads as is its affair.
+    /// One module's part of the process image of the inputs. A module that does not answer decides what the image gets.
     pub(crate) fn read_image(&mut self, index: usize, memory: &mut Memory) -> Result<(), ModuleError> {
         let image = memory.inputs;
         let plugged = &mut self.list[index];

@@ -2,8 +2,8 @@
 //! takes. Blocks of statements need what the engine says: nothing, when they are nested inside its own stack.
 //!
 //! A priority class runs one organization block at a time, and in its class one for a synchronous error. OB 80 may
-//! interrupt its own class once. So the loaded organization blocks say how many run at most at one time; in each of
-//! them `nesting_depth` native blocks can be nested when a plugin is there that calls blocks.
+//! interrupt its own class once. So the loaded organization blocks determine how many run at most at one time; in each
+//! of them `nesting_depth` native blocks can be nested when a plugin is there that calls blocks.
 
 use ob1_model::{BlockId, BlockKind};
 

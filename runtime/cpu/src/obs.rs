@@ -12,7 +12,7 @@ use crate::accounts::{Accounts, ObAccount};
 pub(crate) struct ObRecord {
     place: usize,
     accounts: Arc<Accounts>,
-    /// Of the last completed run: without and with the higher classes.
+    /// Times of the last completed run: without and with the higher classes.
     last: Option<(Span, Span)>,
     /// How late the next run begins.
     waited: Span,
@@ -24,7 +24,7 @@ pub(crate) struct ObRecord {
 struct Current {
     began: Instant,
     requested: Instant,
-    /// Since when a higher class runs, and how long others had before.
+    /// Set while a higher class runs: since when, and how long others had run before.
     paused: Option<(Instant, Span)>,
     /// It has asked for its own times.
     asked: bool,
@@ -44,7 +44,7 @@ impl ObRecord {
         }
     }
 
-    /// A run begins so late.
+    /// The next run begins this late.
     pub(crate) fn late(&mut self, by: Span) {
         self.waited = by;
         if !self.accounts.off {
@@ -70,8 +70,8 @@ impl ObRecord {
         }
     }
 
-    /// The times SFC 78 tells. `inside`: the block is the running one, and others have had so much of its time. `own`:
-    /// it asks for its own times, and gets those of the last run once.
+    /// The times for SFC 78. `inside`: the block is running, and others have used this much of its time. `own`: it asks
+    /// for its own times, and gets those of the last run once.
     pub(crate) fn times(&mut self, now: Instant, inside: Option<Span>, own: bool, into: &mut RunTimes) {
         let micros = |time: Span| u32::try_from(time.micros()).unwrap_or(u32::MAX >> 1);
         if let Some((run, whole)) = self.last {

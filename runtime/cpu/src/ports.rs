@@ -39,7 +39,7 @@ impl Clock for Still {
     fn executed(&mut self, _statements: u64) {}
 }
 
-/// What is said of a snapshot.
+/// The header of a snapshot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mark {
     /// The number that [`crate::Link::watch`] was given.
@@ -65,7 +65,7 @@ pub enum ModuleError {
     Absent,
     /// The bytes lie outside its registers.
     Outside,
-    /// It is at work on something else; asked later it may answer.
+    /// It is busy; a later request may succeed.
     Busy,
     /// It has no such record or line.
     NoRecord,
@@ -94,8 +94,8 @@ pub struct ModuleEvent {
     /// that of the bus, number of the bus, number of the station, 1 for one that was missing at the start-up already;
     /// no text.
     pub data: [u8; 16],
-    /// How many of them. Behind the four bytes of a [`Event::STATION_FAULT`] or [`Event::STATION_REFUSES`] that is a
-    /// diagnostic interrupt stands text.
+    /// Bytes of `data` in use. In a [`Event::STATION_FAULT`] or [`Event::STATION_REFUSES`] that is a diagnostic
+    /// interrupt, text follows the first four bytes.
     pub len: u8,
 }
 
@@ -127,7 +127,7 @@ pub trait Module: Send {
     /// Reads input registers. An absent driver's registers read 0 and this is `Ok`, unless the station file says
     /// `absent = "fault"`.
     fn read(&mut self, at: u16, into: &mut [u8]) -> Result<(), ModuleError>;
-    /// Reads input registers from the first on for the process image. What stands in `into` is what the image gets,
+    /// Reads input registers from the first on for the process image. The image gets what `into` holds,
     /// also when this fails: zeros, unless the module has substitute values.
     fn read_image(&mut self, into: &mut [u8]) -> Result<(), ModuleError> {
         let read = self.read(0, into);
@@ -158,7 +158,7 @@ pub trait Module: Send {
     fn counters(&self, _each: ModuleCounters<'_>) {}
 }
 
-/// A block is to be left at once: the CPU goes to STOP, or the run ends. Comes back unchanged through every caller.
+/// A block is to be left at once: the CPU goes to STOP, or the run ends. Every caller returns it unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Abort;
 
@@ -173,7 +173,7 @@ pub enum NativeError {
     Outside,
     /// The data block does not exist.
     NoDb,
-    /// The data block number cannot be.
+    /// The data block number is impossible.
     DbNumber,
     /// The data block is write-protected.
     ReadOnly,
@@ -288,13 +288,13 @@ pub trait NativeContext {
     fn raise_fault(&mut self, kind: FaultKind, number: u32) -> Result<(), Abort>;
     fn diagnostic_interrupt(&mut self, address: u32, data: &[u8]) -> Result<(), NativeError>;
     fn diag_entry(&mut self, number: u16, text: &str);
-    /// Enters the text, marks the CPU for STOP; the block then returns [`Abort`]. `event` tells a panic from a request.
+    /// Enters the text, marks the CPU for STOP; the block then returns [`Abort`]. `event`: a panic or a request.
     fn stop(&mut self, event: Event, text: &str) -> Abort;
     fn log(&mut self, level: u8, text: &str);
     /// Restarts the cycle monitoring (SFC 43). Not in the plugin interface; nothing by default.
     fn retrigger_watchdog(&mut self) {}
-    /// Comes back after so much time; higher classes may run meanwhile (SFC 47). Not in the plugin interface;
-    /// at once by default.
+    /// Returns after this time; higher classes may run meanwhile (SFC 47). Not in the plugin interface; returns at once
+    /// by default.
     ///
     /// # Errors
     /// The CPU goes to STOP.

@@ -1,4 +1,4 @@
-//! What the standard blocks ask of the CPU beside memory and modules: clock, interrupts by time, masked errors, locks,
+//! What the standard blocks ask of the CPU besides memory and modules: clock, interrupts by time, masked errors, locks,
 //! data blocks.
 //!
 //! The rules of masks and locks stand in `ob1-std`; here they are kept, asked at the right places, and turned into due
@@ -44,7 +44,7 @@ pub(crate) struct ServiceState {
     pub(crate) start_up: [u8; 20],
     /// Signals of block-related messages.
     pub(crate) signals: Signals,
-    /// A block has asked for something that due times depend on.
+    /// A block has used a service that can change due times.
     pub(crate) touched: bool,
 }
 
@@ -145,7 +145,7 @@ impl Machine {
         self.interrupts.set_due(slot_of(10 + i as u16).unwrap_or_default(), due);
     }
 
-    /// Interrupts by time whose due time has passed: the next one is looked for.
+    /// Looks for the next due time of interrupts by time whose due time has passed.
     pub(crate) fn elapsed(&mut self, slots: u32) {
         for i in 0..8 {
             if slots & 1 << i != 0 {

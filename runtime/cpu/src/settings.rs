@@ -1,4 +1,4 @@
-//! What can be set about a CPU beside its sizes: family, interrupts by time, missed deadlines.
+//! What can be set about a CPU besides its sizes: family, interrupts by time, missed deadlines.
 
 use ob1_std::moment::Moment;
 use ob1_std::services::Period;
@@ -25,7 +25,7 @@ impl Family {
     }
 }
 
-/// What becomes of a cyclic interrupt that is due while its OB is still being executed.
+/// What happens to a cyclic interrupt that is due while its OB is still being executed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Missed {
     /// It runs once afterwards, as on the hardware.
@@ -35,7 +35,7 @@ pub enum Missed {
     Skip,
 }
 
-/// What becomes of the schedule of the cycles when one has not ended, or could not begin, before the next was due.
+/// What happens to the schedule of the cycles when one has not ended, or could not begin, before the next was due.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MissedCycle {
     /// The next cycle begins at once, and the minimum cycle time counts from there, as on the hardware.
@@ -63,7 +63,7 @@ pub struct CyclicInterrupt {
     pub period: Span,
     /// How much later than the interval the OB starts, 0 to 60 s.
     pub phase: Span,
-    /// What becomes of a due time that is missed. Both ways it is counted and OB 80 is called.
+    /// What happens to a due time that is missed. Both ways it is counted and OB 80 is called.
     pub missed: Missed,
 }
 

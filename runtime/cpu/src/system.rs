@@ -80,7 +80,7 @@ fn refused(error: NativeError) -> Refused {
         NativeError::Module(ModuleError::Busy) => Refused::Busy,
         NativeError::Module(ModuleError::NoRecord) => Refused::NoRecord,
         NativeError::Module(ModuleError::Outside) | NativeError::Outside => Refused::Outside,
-        // What only calls, timers and counters answer.
+        // Errors that only calls, timers and counters give.
         NativeError::Abort | NativeError::NoBlock | NativeError::NoTimer => Refused::NoParam,
     }
 }

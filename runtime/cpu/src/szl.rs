@@ -27,7 +27,7 @@ const LISTS: [u16; 36] = [
 ];
 /// LEDs of list xy74: SF, RUN, STOP, FRCE.
 const LEDS: [u16; 4] = [0x0001, 0x0004, 0x0005, 0x0006];
-/// Organization blocks of list 0222, and those SFC 78 knows, beside the interrupts.
+/// Organization blocks of list 0222, and those SFC 78 knows, besides the interrupts.
 const OTHER_OBS: [u16; 14] = [1, 80, 81, 82, 83, 84, 85, 86, 87, 88, 100, 101, 102, 121];
 /// Bytes of a diagnostic data record 1, at most.
 const RECORD: usize = 16;
@@ -260,7 +260,7 @@ impl Machine {
         self.diag.iter().find(is_stop).map_or(0x4304, |entry| entry.event.0)
     }
 
-    /// For a program that asks: it runs, or its start-up does.
+    /// The state a program sees when it asks: RUN, or STARTUP while a start-up runs.
     fn state_shown(&self) -> OperatingState {
         let inside = if matches!(self.class_ob, 100..=102) { OperatingState::Startup } else { OperatingState::Run };
         self.seen_from_outside.unwrap_or(inside)
@@ -309,8 +309,8 @@ impl Machine {
         Ok(28)
     }
 
-    /// The last transition: its event, this state (3: STOP, 6: STARTUP, 8: RUN) and that before. Where the state as it
-    /// is now is asked for (0424), clients compare the whole byte with 08 and 03: there is no state before.
+    /// The last transition: its event, this state (3: STOP, 6: STARTUP, 8: RUN) and the one before. If only the current
+    /// state is asked for (0424), the one before is left out, because clients compare the whole byte with 08 and 03.
     fn operating_state(&self, only_now: bool, each: Each<'_>) -> Length {
         let (event, now, before) = match self.state_shown() {
             // What led to STOP, if it is still in the buffer.
@@ -319,7 +319,7 @@ impl Machine {
             OperatingState::Run => (0x4302, 0x08, 0x06),
         };
         let before = if only_now { 0 } else { before };
-        // Request of the start-up, and its OB10x_STRT_INFO but for the first byte.
+        // Request of the start-up, and its OB10x_STRT_INFO except the first byte.
         let start = &self.services.start_up;
         let record = Record::<20>::new().word(event).put(&[0xFF, before << 4 | now]).long(0);
         let record = record.put(&[start[1], start[9], start[10], start[11]]);

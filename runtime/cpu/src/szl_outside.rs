@@ -33,7 +33,7 @@ pub(crate) fn capabilities(index: u16, each: Each<'_>) -> Length {
     Ok(COMMUNICATION)
 }
 
-/// Lists 0132 and 0232: how it stands.
+/// Lists 0132 and 0232: the current state of communication.
 pub(crate) fn communication(index: u16, each: Each<'_>) -> Length {
     let record = Record::<40>::new().word(index);
     let record = match index {

@@ -20,7 +20,7 @@ pub struct Timer {
     pub start_rlo: bool,
     /// RLO at the last `FR`.
     pub enable_rlo: bool,
-    /// The signal state beside the running time: elapsed on-delays, the input of an off-delay.
+    /// The signal state apart from the running time: elapsed on-delays, the input of an off-delay.
     pub latched: bool,
     /// Time base code, 0 to 3.
     pub base: u16,
@@ -54,7 +54,7 @@ impl Timer {
         self.running && now < self.end
     }
 
-    /// Takes note of the end of the time, if it has come.
+    /// Notes that the time has run out, if it has.
     fn settle(&mut self, now: Instant) {
         if self.running && now >= self.end {
             self.running = false;
@@ -159,8 +159,8 @@ impl Timer {
         self.base << 12 | to_bcd(self.remaining(now))
     }
 
-    /// Sets the time as somebody outside does, an S5TIME: what runs goes on with it, what stands shows it. False: it is
-    /// no S5TIME.
+    /// Sets the time from outside, as an S5TIME: a running timer goes on with it, a stopped one shows it. False if it
+    /// is not an S5TIME.
     pub(crate) fn preset(&mut self, time: u16, now: Instant) -> bool {
         let Some(digits) = S5Time(time).digits() else { return false };
         self.settle(now);
@@ -174,7 +174,7 @@ impl Timer {
     /// Bytes of an image.
     pub(crate) const IMAGE: usize = 16;
 
-    /// Time has stood still for so long.
+    /// Moves the end by a time during which time stood still.
     pub(crate) fn shift(&mut self, by: Span) {
         if self.running {
             self.end = self.end.saturating_add(by);

@@ -1,4 +1,4 @@
-//! The accounts of every scan, in virtual time: what a delay looks like in them, and what becomes of missed deadlines.
+//! The accounts of every scan, in virtual time: how a delay shows in them, and what happens to missed deadlines.
 
 mod common;
 
@@ -19,7 +19,7 @@ fn every_ms(missed: MissedCycle) -> CpuConfig {
     CpuConfig { min_cycle: MS, watchdog: Span::ZERO, missed, ..CpuConfig::default() }
 }
 
-/// `count` statements: 100 ns each. Short ones, for whoever wants the rest of the cycle for itself.
+/// `count` statements: 100 ns each. Short ones, to leave the rest of the cycle free.
 fn busy(count: u32) -> Vec<Op> {
     vec![c(count), Op::Loop(1)]
 }

@@ -1,4 +1,4 @@
-//! Two engines held against each other: the same is not told, and the first difference stops the CPU with its place.
+//! Two engines compared: equal runs are not reported, and the first difference stops the CPU with its place.
 
 mod common;
 
@@ -11,7 +11,7 @@ use ob1_cpu::{Abort, Cpu, CpuConfig, Module, ModuleSlot, OperatingState};
 use ob1_ir::{Number, NumberFormat, Op, Program, Width};
 use ob1_model::{Area, Event, FaultKind, Interface, TimerKind};
 
-/// An engine whose program is not quite the one it was given: each change of a statement is a mistake of the engine.
+/// An engine whose program is not quite the one it was given: each changed statement is an error of the engine.
 struct Wrong(fn(&mut Plan));
 
 impl Factory for Wrong {
@@ -101,7 +101,7 @@ fn engines_that_do_the_same_are_not_told_apart() {
     }
 }
 
-/// What the log says of a wrong engine.
+/// The log of a run with a wrong engine.
 fn told(wrong: &'static Wrong) -> (Bench, String) {
     let mut bench = with(&program_of_all(), &Both(wrong));
     let mut log = bench.cpu.log_reader().expect("the first");

@@ -5,7 +5,7 @@ mod common;
 
 use common::{on_each_engine, source::bench};
 
-/// What it is about, blocks before OB 1, its statements, and words of bit memory with what they hold then. M 0.0 is 1.
+/// A name, blocks before OB 1, its statements, and words of bit memory with what they hold then. M 0.0 is 1.
 type Row = (&'static str, &'static str, &'static str, &'static [(u32, u32)]);
 
 const ROWS: &[Row] = &[

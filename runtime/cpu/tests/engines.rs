@@ -45,7 +45,8 @@ fn an_engine_is_exchanged_between_two_scans() {
     }
 }
 
-/// The reference engine, with so many bytes of stack a block for one that takes over, if there is room or in any case.
+/// The reference engine, with this many bytes of stack a block for one that takes over, if there is room or in any
+/// case.
 struct Later(usize, bool);
 
 impl Factory for Later {
@@ -117,7 +118,7 @@ fn each_statement_is_on_the_account_of_its_block() {
     assert_eq!(of(REFERENCE), [0; 5]);
 }
 
-/// What an engine keeps for blocks that an abort has left is forgotten: STOP out of nested blocks, again and again.
+/// What an engine keeps for blocks that an abort has left is dropped: STOP out of nested blocks, again and again.
 #[test]
 fn an_abort_leaves_no_frames_behind() {
     on_each_engine(|| {

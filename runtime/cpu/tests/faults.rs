@@ -172,7 +172,7 @@ fn an_error_in_the_other_handler_is_stop_on_an_s7_300() {
     });
 }
 
-/// Each class has its errors handled, also while a lower one is at it.
+/// Each class has its own errors handled, even while a lower class is handling one.
 #[test]
 fn an_interrupt_in_the_handler_has_a_handler_of_its_own() {
     on_each_engine(|| {

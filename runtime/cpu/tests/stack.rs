@@ -24,7 +24,7 @@ use ob1_time::Instant;
 /// Seconds at which the interrupts come: OB 10, OB 20 to 23, OB 30 to 38.
 const TIMES_MS: [u64; 14] =
     [500, 1000, 2000, 3000, 4000, 65_000, 66_000, 67_000, 68_000, 69_000, 70_000, 71_000, 72_000, 73_000];
-/// The cycle is too long then.
+/// When the cycle is too long.
 const WATCHDOG_MS: u64 = 100_000;
 
 /// What the deepest block does next.
@@ -123,7 +123,7 @@ impl NativeBlock for Deep {
                 }
             };
         }
-        // Each organization block begins to count anew.
+        // Each organization block counts from 0 again.
         self.shared.depth.store(0, Ordering::Relaxed);
         let result = self.bottom(cx);
         self.shared.depth.store(depth, Ordering::Relaxed);

@@ -17,8 +17,8 @@ use ob1_time::Span;
 /// from MB 20 on.
 type Row = (&'static str, &'static str, u32, bool, &'static [u8]);
 
-/// What needs no event and no second block. `CALL` is put in front, `RET_VAL := MW 10` is written out where there is
-/// one.
+/// Calls that need no event and no second block. `CALL` is put in front, `RET_VAL := MW 10` is written out where there
+/// is one.
 const CALLS: &[Row] = &[
     ("SFC 0", "(PDT := DB10.at, RET_VAL := MW 10)", 0, true, &[]),
     ("SFC 0", "(PDT := P#DB10.DBX 32.0, RET_VAL := MW 10)", 0x8080, false, &[]),

@@ -100,18 +100,18 @@ pub enum Input {
 pub enum Request {
     /// Start a process; answer with [`Input::Spawned`] or [`Input::Exited`].
     Spawn,
-    /// Kill it (SIGKILL); its end is told as [`Input::Exited`] with whatever the system says.
+    /// Kill it (SIGKILL); its end is reported as [`Input::Exited`] with whatever the system says.
     Kill,
 }
 
-/// What the CPU's diagnostic buffer is told.
+/// What is reported to the CPU's diagnostic buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Report {
     /// The driver is up for the n-th time.
     Up(u32),
     /// The driver is gone.
     Lost(Exit),
-    /// The driver is back at work: for so long, and longer than a hang is borne, the system has kept it from it
+    /// The driver works again. For this long, longer than a hang is tolerated, the system has kept it from working
     /// ([`Input::Starved`]).
     HeldUp(Span),
 }

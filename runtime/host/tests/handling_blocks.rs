@@ -189,7 +189,7 @@ fn pafe_acknowledges_itself() {
     assert_eq!((send.pafe(), send.0[SENDEN_LAEUFT]), (0, 1));
     assert_eq!(cpu.module.output[2..5], [0, 30, 70]);
 
-    // The data block goes in mid-job: the job waits for it.
+    // The data block disappears in mid-job: the job waits for it.
     let db = cpu.dbs.remove(&10).expect("it was there");
     echo(&mut cpu, 30);
     send.call(&mut cpu, &blocks);

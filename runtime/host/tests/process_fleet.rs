@@ -1,5 +1,5 @@
-//! The fleet with processes that are no drivers: programs that end at once, and one that is missing. (Real drivers: the
-//! tests crate.)
+//! The fleet with processes that are not drivers: programs that end at once, and one that is missing. (Real drivers:
+//! the tests crate.)
 
 use std::path::PathBuf;
 

@@ -1,8 +1,8 @@
 //! Standard error for a process that must not wait for it.
 //!
-//! Whoever reads a log may be slow, stop reading, end, or be a full disk. So nobody writes to standard error but a
-//! thread of its own behind a bounded queue: [`write`] neither waits nor fails nor panics, and what could not be
-//! written is counted in [`lost`]. Before [`start`] everything is written at once, without the thread.
+//! The reader of a log may be slow, stop reading or end, and a disk may be full. So only one thread writes to standard
+//! error, fed by a bounded queue: [`write`] neither waits nor fails nor panics, and what could not be written is
+//! counted in [`lost`]. Before [`start`] everything is written at once, without the thread.
 
 use std::fs::File;
 use std::io::{self, IsTerminal as _, Write as _};
@@ -20,9 +20,9 @@ use tracing_subscriber::EnvFilter;
 pub const LAST_WORDS: Duration = Duration::from_millis(200);
 /// Texts that wait to be written.
 const QUEUE: usize = 1024;
-/// Of the thread, in bytes: it may be locked into memory.
+/// Stack of the thread, in bytes: it may be locked into memory.
 const STACK: usize = 64 * 1024;
-/// Wipes the line the cursor stands in.
+/// Wipes the line of the cursor.
 const WIPE: &[u8] = b"\r\x1b[K";
 /// Between two looks at what still waits.
 const LOOK: Duration = Duration::from_millis(1);
@@ -30,12 +30,12 @@ const LOOK: Duration = Duration::from_millis(1);
 enum Message {
     /// Whole lines.
     Text(Vec<u8>),
-    /// The line that stands below them, in place of the one before; empty: none.
+    /// The line below them, in place of the one before; empty: none.
     Live(Vec<u8>),
 }
 
 static SENDER: OnceLock<SyncSender<Message>> = OnceLock::new();
-/// Texts that nobody got.
+/// Texts that were lost.
 static LOST: AtomicU64 = AtomicU64::new(0);
 /// Texts that are on their way.
 static WAITING: AtomicU64 = AtomicU64::new(0);
@@ -43,7 +43,7 @@ static WAITING: AtomicU64 = AtomicU64::new(0);
 /// Starts the thread that writes. A second call changes nothing.
 ///
 /// # Errors
-/// No thread or no descriptor can be had; then everything is written at once, as before.
+/// No thread or no descriptor is left; then everything is written at once, as before.
 pub fn start() -> io::Result<()> {
     if SENDER.get().is_some() {
         return Ok(());
@@ -109,7 +109,7 @@ pub fn flush(patience: Duration) {
     }
 }
 
-/// A writer of log lines, for who wants one.
+/// A writer of log lines.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Log;
 
@@ -124,7 +124,7 @@ impl io::Write for Log {
     }
 }
 
-/// Whether somebody looks at it on a terminal.
+/// Whether standard error is a terminal.
 #[must_use]
 pub fn is_terminal() -> bool {
     io::stderr().is_terminal()
@@ -139,7 +139,7 @@ pub fn tell_panics() {
     }));
 }
 
-/// The thread: it alone waits for whoever reads.
+/// The thread: only it waits for the reader.
 fn write_all(mut file: File, messages: &Receiver<Message>) {
     let mut live = false;
     for message in messages {
@@ -163,7 +163,7 @@ fn put(file: &mut File, mut bytes: &[u8]) -> io::Result<()> {
             Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
             Ok(count) => bytes = bytes.get(count..).unwrap_or_default(),
             Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-            // Whoever started this process has made it so.
+            // Whoever started this process has set the descriptor so.
             Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
                 poll(&mut [PollFd::new(&*file, PollFlags::OUT)], None)?;
             }

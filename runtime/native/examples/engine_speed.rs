@@ -1,7 +1,7 @@
 //! How fast the engines run STL programs: `cargo run --release -p ob1-native --example engine_speed -- FILE.awl...`
 //!
 //! Each program's OB 1 runs again and again on the reference engine and on the native one in turns; the best round
-//! counts. Before a time is believed both have left the same memory. `--listing FILE.awl` shows the code of its blocks.
+//! counts. A time counts only if both have left the same memory. `--listing FILE.awl` shows the code of its blocks.
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "a measuring tool reads the clock and files")]
 #![allow(clippy::print_stdout, reason = "its output")]
 

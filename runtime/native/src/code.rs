@@ -7,7 +7,7 @@ use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use rustix::fs::{MemfdFlags, SealFlags, fcntl_add_seals, fcntl_get_seals, memfd_create};
 use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 
-/// An empty memory file for code. Filled and sealed later, by who may make none then.
+/// An empty memory file for code. It can be filled and sealed later, when the process may no longer make one.
 ///
 /// # Errors
 /// The system has no room for it.

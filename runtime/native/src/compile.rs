@@ -61,20 +61,21 @@ pub(crate) fn block_signature(convention: CallConv) -> Signature {
     signature
 }
 
-/// Makes the code of processors.
+/// Compiles blocks for one processor.
 pub struct Compiler {
     pub(crate) isa: OwnedTargetIsa,
     target: Target,
     tier: Tier,
 }
 
-/// What Cranelift needs to know; `verify`: it looks at what it is given.
+/// What Cranelift needs to know; with `verify` it checks its input.
 fn isa_of(target: Target, tier: Tier, verify: bool) -> Result<OwnedTargetIsa, CompileError> {
     let wrong = |error: &dyn fmt::Display| CompileError(error.to_string());
     let mut flags = settings::builder();
     let mut set = |name: &str, value: &str| flags.set(name, value).map_err(|error| wrong(&error));
     set("opt_level", if tier == Tier::Fast { "none" } else { "speed" })?;
-    // Of one pass the code is half as long again, and the frames of large blocks are too large for the stack.
+    // With the single-pass allocator the code is half as long again, and the frames of large blocks are too large for
+    // the stack.
     set("regalloc_algorithm", "backtracking")?;
     set("enable_verifier", if verify { "true" } else { "false" })?;
     set("is_pic", "true")?;
@@ -139,7 +140,7 @@ impl Compiler {
         let compiled = context
             .compile(&*self.isa, &mut ControlPlane::default())
             .map_err(|error| CompileError(format!("{:?}", error.inner)))?;
-        // Whatever would have to be found elsewhere is not there.
+        // There is no linker: code that needs relocations cannot be used.
         if !compiled.buffer.relocs().is_empty() {
             return Err(CompileError("the code needs what is not in it".into()));
         }
@@ -164,7 +165,7 @@ impl Compiler {
         translate(plan, block, &mut context.func, frontend, self.isa.frontend_config(), self.tier)
     }
 
-    /// What becomes of a block, for a reader.
+    /// What a block is compiled to, for a reader.
     ///
     /// # Errors
     /// It cannot be compiled.
@@ -175,7 +176,7 @@ impl Compiler {
         let form = context.func.display().to_string();
         mark_statements(&mut context.func);
         context.set_disasm(true);
-        // Marks are for calls only, says who verifies.
+        // The verifier accepts marks at calls only.
         let isa = isa_of(self.target, self.tier, false)?;
         let compiled = context
             .compile(&*isa, &mut ControlPlane::default())
@@ -199,7 +200,7 @@ impl Compiler {
     }
 }
 
-/// What becomes of a block.
+/// What a block is compiled to.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Listing {
     /// Cranelift's intermediate form.
@@ -210,13 +211,13 @@ pub struct Listing {
     pub bytes: usize,
     /// Bytes of stack it takes.
     pub stack: u32,
-    /// The machine code of each statement; a block that has become part of it counts as the call.
+    /// The machine code of each statement; an inlined block counts as part of the call.
     pub statements: Vec<StatementCode>,
     /// Code of no statement: the beginning and the end of the function, and the ways to and from the reference.
     pub rest: Vec<String>,
 }
 
-/// The machine code of a statement. It need not stand together: what is needed rarely lies at the end of the block.
+/// The machine code of a statement. It need not be contiguous: rarely needed code is at the end of the block.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct StatementCode {
     /// Its bytes.
@@ -225,7 +226,7 @@ pub struct StatementCode {
     pub lines: Vec<String>,
 }
 
-/// Marks each instruction with its statement, so that its machine code can be told.
+/// Marks each instruction with its statement, so that the statement of its machine code is known.
 fn mark_statements(func: &mut Function) {
     let mut marks = Vec::new();
     for block in func.layout.blocks() {
@@ -248,8 +249,7 @@ fn marked(line: &str) -> Option<u32> {
 }
 
 /// Divides code among its statements. A line without a mark, such as a move of a register, belongs to the statement
-/// whose mark comes next, and behind the last mark of its part to that one; what is in a part without marks is
-/// nobody's.
+/// whose mark comes next, or after the last mark of its part to that one. A part without marks belongs to no statement.
 fn by_statement(code: &str, statements: &mut [StatementCode]) -> Vec<String> {
     let (mut rest, mut waiting) = (Vec::new(), Vec::new());
     let mut part = String::new();

@@ -1,5 +1,5 @@
-//! What tells two programs, and two code files, apart: 128 bits of SipHash, as the standard library has it. Both ends
-//! are the same executable, so that nothing depends on which SipHash it is.
+//! Digests by which programs and code files are told apart: 128 bits of the standard library's SipHash. Both ends are
+//! the same executable, so it does not matter which SipHash that is.
 
 use std::fmt::{self, Write};
 use std::hash::{DefaultHasher, Hasher};
@@ -13,7 +13,7 @@ pub(crate) const BYTES: usize = 16;
 pub(crate) struct Digest([DefaultHasher; 2]);
 
 impl Digest {
-    /// One that begins with these bytes: nobody who does not know them can make it.
+    /// A digest that begins with these bytes: whoever does not know them cannot compute it.
     pub(crate) fn new(secret: &[u8]) -> Self {
         let mut digest = Self([DefaultHasher::new(), DefaultHasher::new()]);
         for (which, hasher) in (1u8..).zip(&mut digest.0) {
@@ -45,7 +45,7 @@ impl Write for Digest {
     }
 }
 
-/// Everything machine code depends on of a loaded program, in 128 bits: code that was made of a plan with the same
+/// 128 bits over everything in a loaded program that machine code depends on: code made for a plan with the same
 /// fingerprint is code of this plan.
 #[must_use]
 pub fn fingerprint(plan: &Plan) -> [u8; BYTES] {
@@ -55,7 +55,7 @@ pub fn fingerprint(plan: &Plan) -> [u8; BYTES] {
         signatures,
         areas,
         data,
-        // Where code that is wrong would trap: nothing that is right depends on it.
+        // Where wrong code would trap; right code does not depend on it.
         arena_reserved: _,
         // What the runtime has room for.
         stack_per_block: _,
@@ -67,7 +67,7 @@ pub fn fingerprint(plan: &Plan) -> [u8; BYTES] {
         // Grows while it runs.
         executed: _,
     } = plan;
-    // A digest takes whatever is written.
+    // Writing into a digest cannot fail.
     let _ = write!(
         digest,
         "{blocks:?}{signatures:?}{areas:?}{data:?}{accumulators} {timers} {counters} {nesting_depth} {frames}"

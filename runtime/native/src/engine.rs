@@ -94,7 +94,7 @@ impl Native {
 }
 
 impl Native {
-    /// In a line: which code, of how many blocks.
+    /// In one line: which code, for how many blocks.
     #[must_use]
     pub fn told(&self) -> String {
         let functions = &self.code.functions;
@@ -109,14 +109,14 @@ impl Native {
         )
     }
 
-    /// Every block is optimised: there is nothing better to come.
+    /// Every block is optimised: no better code will come.
     #[must_use]
     pub fn is_optimised(&self) -> bool {
         self.code.optimised == self.code.functions.len()
     }
 }
 
-/// The stack that was reckoned at load is enough for nested compiled blocks.
+/// Checks that the stack calculated at load is enough for nested compiled blocks.
 fn has_stack(plan: &Plan) -> Result<(), String> {
     if plan.stack_per_block < crate::STACK_PER_BLOCK {
         return Err("the stack for so many nested blocks would be too large for machine code".into());
@@ -124,8 +124,8 @@ fn has_stack(plan: &Plan) -> Result<(), String> {
     Ok(())
 }
 
-/// What a thread does after it was given code that another has put into place, before it executes any: what it has
-/// fetched ahead of that is forgotten. The kernel has kept the caches when the code was mapped.
+/// A thread calls this after it was given code that another thread has mapped, before it executes any: it discards what
+/// it has prefetched. The kernel has maintained the caches when the code was mapped.
 pub fn synchronise() {
     #[cfg(target_arch = "aarch64")]
     // SAFETY: a barrier; it touches neither memory nor registers.
@@ -162,7 +162,7 @@ impl Engine for Native {
 }
 
 impl Code {
-    /// What a call needs, when it is no more than its frame.
+    /// The frame of a call that needs nothing else.
     pub(crate) fn frame(&self, block: u32, statement: u32) -> Option<&Frame> {
         self.frames.get(block as usize)?.get(statement as usize)?.as_ref()
     }

@@ -7,7 +7,7 @@
 //!     the code, at a multiple of 64
 //! ```
 //!
-//! Numbers have their low byte first. The digest begins with a secret that the runtime has given for this one request.
+//! Numbers are little-endian. The digest begins with a secret that the runtime has given for this one request.
 //! A file that is of another plan, of another request, damaged or not sound in itself is refused.
 
 use crate::digest::{BYTES, Digest};
@@ -43,7 +43,7 @@ impl Order {
         bytes
     }
 
-    /// Of what [`Order::bytes`] has given.
+    /// The inverse of [`Order::bytes`].
     #[must_use]
     pub fn of(bytes: &[u8]) -> Option<Self> {
         let (fingerprint, secret) = bytes.split_first_chunk()?;
@@ -51,7 +51,7 @@ impl Order {
     }
 }
 
-/// What a good file says.
+/// The contents of a valid file.
 #[derive(Debug)]
 pub(crate) struct Contents {
     /// Blocks that the optimising tier has seen.
@@ -172,7 +172,7 @@ mod tests {
 
     const ORDER: Order = Order { fingerprint: [7; BYTES], secret: [9; BYTES] };
 
-    /// Of two blocks, the first of which has code.
+    /// An image of two blocks; only the first has code.
     fn image() -> Image {
         let mut image = Image::of_blocks(2);
         let made = Made { resume: vec![(1, 2), (3, 1)] };
@@ -180,7 +180,7 @@ mod tests {
         image
     }
 
-    /// The file with other contents and a digest that is right for them.
+    /// The file after a change, with a digest that is right for it.
     fn forged(change: impl FnOnce(&mut Vec<u8>)) -> Result<Contents, String> {
         let mut file = image().file(&ORDER);
         change(&mut file);
@@ -206,7 +206,7 @@ mod tests {
             for bit in 0..8 {
                 let mut bad = good.clone();
                 bad[at] ^= 1 << bit;
-                // Between the magic and the fingerprint nothing stands; the digest covers that, too.
+                // There is nothing between the magic and the fingerprint; the digest covers that, too.
                 assert!(read(&bad, &ORDER, &[5, 0]).is_err(), "byte {at}, bit {bit}");
             }
             assert!(read(&good[..at], &ORDER, &[5, 0]).is_err(), "{at} bytes");

@@ -1,6 +1,6 @@
 //! Calls whose block and parameters are known at load, made without asking the CPU: the frame, the references, the
-//! called block's code, and back. What a caller gets back and what a called block finds stands here, for the helper
-//! below and for calls that compiled code makes itself (`translate::direct`).
+//! called block's code, and back. What is restored for the caller and what the called block finds is defined here, for
+//! the helper below and for calls that compiled code makes itself (`translate::direct`).
 
 use std::mem::offset_of;
 
@@ -48,7 +48,7 @@ set! {
     FRESH, begin: nest = 0, mcr = 1, mcr_active = false
 }
 set! {
-    /// The status word at the beginning of a called block and behind the call, where the chain has ended; and OS is 0.
+    /// The status word at the beginning of a called block and after the call, where the chain has ended; and OS is 0.
     CHAIN, end_chain: fc = false, or = false, sta = true
 }
 

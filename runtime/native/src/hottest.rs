@@ -1,26 +1,26 @@
-//! Which blocks are optimised first: those that execute most, for each statement that has to be compiled for it.
+//! Which blocks are optimised first: those that execute most per statement to be compiled.
 //!
-//! Optimising is what takes a compiler's time, and a machine executes most in few of its blocks. The account is that of
-//! [`ob1_cpu::engine::Executed`]. The reference counts a short block as itself where compiled code has it in its
-//! callers ([`crate::inline`]): there its share is theirs.
+//! Optimising takes most of a compiler's time, and a machine executes mostly few of its blocks. The counts are those of
+//! [`ob1_cpu::engine::Executed`]. The reference counts a short block on its own, where compiled code inlines it into
+//! its callers ([`crate::inline`]): there its share is added to theirs.
 
 use ob1_cpu::engine::{CallTarget, Callee, Plan};
 
 use crate::inline;
 
-/// Statements of a program that is optimised in one go: a fifth of a second of the compiler's time, or less.
+/// Most statements of a program that is optimised in one go: a fifth of a second of the compiler's time, or less.
 const AT_ONCE: usize = 10_000;
 /// What a step must gain: the share of all statements executed that is optimised early, times the share of the
 /// compiler's work that comes later. Where all blocks are alike it is a quarter at best.
 const GAIN: f64 = 0.4;
 
-/// A block, as far as its order is concerned.
+/// What the order of a block depends on.
 #[derive(Clone, Copy, Debug)]
 struct Heat {
     block: u32,
     /// Statements it executes.
     executed: f64,
-    /// Statements to compile, those of blocks that become part of it included.
+    /// Statements to compile, including those of blocks that are inlined into it.
     statements: f64,
 }
 
@@ -37,8 +37,8 @@ pub fn is_large(plan: &Plan) -> bool {
     plan.blocks.iter().map(|block| block.stmts.len()).sum::<usize>() > AT_ONCE
 }
 
-/// The blocks that are worth optimising before the others, hottest first; none when there are no such, or nothing is
-/// known.
+/// The blocks that are worth optimising before the others, hottest first; none if there are no such blocks, or nothing
+/// is known.
 #[must_use]
 pub fn hottest(plan: &Plan, executed: &[u64]) -> Vec<u32> {
     let mut heats = heats(plan, executed);
@@ -71,7 +71,7 @@ fn heats(plan: &Plan, executed: &[u64]) -> Vec<Heat> {
         .collect();
     let before = heats.clone();
     for (callee, calls) in (0..).zip(calls(plan)) {
-        // Who executes its own statements more often calls more often.
+        // A caller that executes its own statements more often calls more often.
         let often = |call: &Site| before[call.caller as usize].each();
         let all: f64 = calls.iter().map(often).sum();
         for call in calls.iter().filter(|call| call.is_inlined) {
@@ -115,7 +115,7 @@ mod tests {
     use ob1_time::Span;
     use std::fmt::Write as _;
 
-    /// A function of so many statements, and one for its end. A long one becomes no part of others.
+    /// A function of so many statements, and one for its end. A long one is not inlined.
     fn function(number: usize, statements: usize) -> String {
         let body: String = (0..statements).map(|n| format!("T MW {};\n", 2 * (n % 100))).collect();
         format!("FUNCTION FC {number} : VOID\nBEGIN\n{body}END_FUNCTION\n")

@@ -17,7 +17,7 @@ pub(crate) struct BlockCode {
     pub(crate) stack: u32,
 }
 
-/// A block: what has been made of it, and which tier of the compiler has seen it last.
+/// A block: its code, and the tier of the compiler that has tried it last.
 #[derive(Clone, Debug, Default)]
 struct Slot {
     /// None: the reference runs it.
@@ -40,13 +40,13 @@ pub(crate) struct Compiled {
 }
 
 impl Image {
-    /// Of a plan, without any code.
+    /// An image of a plan, without any code.
     #[must_use]
     pub fn empty(plan: &Plan) -> Self {
         Self::of_blocks(plan.blocks.len())
     }
 
-    /// Of so many blocks, without any code.
+    /// An image of so many blocks, without any code.
     pub(crate) fn of_blocks(blocks: usize) -> Self {
         Self { slots: vec![Slot::default(); blocks] }
     }
@@ -100,7 +100,7 @@ impl Image {
         self.slots.iter().filter_map(|slot| slot.function.as_ref())
     }
 
-    /// All code, one function behind the other, and where that of each block begins.
+    /// All code, one function after the other, and where that of each block begins.
     pub(crate) fn placed(&self) -> (Vec<u8>, Vec<Compiled>) {
         let mut bytes = Vec::with_capacity(self.len());
         let compiled = self.slots.iter().map(|slot| {
@@ -115,7 +115,7 @@ impl Image {
     }
 }
 
-/// Where a function behind so many bytes begins.
+/// Where a function after `len` bytes begins.
 const fn place(len: usize) -> usize {
     len.next_multiple_of(ALIGNMENT)
 }

@@ -43,7 +43,7 @@ pub(crate) const DONE: i32 = 0;
 /// A call was not made: an error organization block has run.
 const FAILED: i32 = 1;
 pub(crate) const ABORTED: i32 = -1;
-/// The reference has come to the end of the block; other places are numbered from 1.
+/// The reference has reached the end of the block; other places are numbered from 1.
 const ENDED: i32 = 0;
 
 impl Run {
@@ -67,14 +67,14 @@ impl Run {
     }
 }
 
-/// The parts of a run that helpers work with. The registers are compiled code's own until it asks.
+/// The parts of a run that helpers work with. Between two helpers the registers belong to compiled code alone.
 struct Parts<'a> {
     regs: &'a mut Regs,
     cx: &'a mut Context<'static>,
     code: &'a Code,
 }
 
-/// Runs a helper's work; a panic ends the run as an abort does and is raised again behind compiled code.
+/// Runs a helper's work; a panic ends the run as an abort does and is raised again after compiled code has returned.
 fn guarded(run: *mut Run, work: impl FnOnce(Parts<'_>) -> Result<i32, Abort>) -> i32 {
     let done = catch_unwind(AssertUnwindSafe(|| {
         // SAFETY: compiled code hands on the pointer that `enter` gave it, which is valid until that returns; compiled
@@ -103,13 +103,13 @@ extern "C" fn step(run: *mut Run, block: u32, statement: u32) -> i32 {
     guarded(run, |parts| parts.cx.step(Caller { block, statement }, parts.regs).map(|()| DONE))
 }
 
-/// Starts a timer with a time that is one: its number in the high word, kind and RLO; the time.
+/// Starts a timer with a valid time. `timer`: its number in the high word, kind and RLO; `time`: the S5TIME.
 extern "C" fn timer(run: *mut Run, timer: u32, time: u32) -> i32 {
     guarded(run, |parts| {
         let now = parts.cx.hot().now;
         let kind = TimerKind::ALL[(timer >> 1 & 7) as usize % TimerKind::ALL.len()];
         if let Some(found) = timer_of(parts.cx, timer >> 16) {
-            // A wrong digit is impossible: the time is a constant that was looked at.
+            // A wrong digit is impossible: the time is a constant that was checked.
             let _ = found.run(kind, timer & 1 == 1, time as u16, now);
         }
         Ok(DONE)
@@ -126,12 +126,12 @@ extern "C" fn time_left(run: *mut Run, timer: u32, _: u32) -> i32 {
 
 fn timer_of<'a>(cx: &'a mut Context<'static>, number: u32) -> Option<&'a mut Timer> {
     let timers = *cx.hot().timers.get_mut();
-    // SAFETY: `Context::hot` has filled the pointer in. The number was held against the plan's when the code was made;
-    // the timers live as long as the CPU, which `cx` borrows.
+    // SAFETY: `Context::hot` has filled the pointer in. The number was checked against the plan's when the code was
+    // made; the timers live as long as the CPU, which `cx` borrows.
     unsafe { timers.add(number as usize).as_mut() }
 }
 
-/// A call, with the safe point before it. The count has it already.
+/// A call, with the safe point before it. The count already includes it.
 extern "C" fn call(run: *mut Run, block: u32, statement: u32) -> i32 {
     // SAFETY: compiled code hands on the pointer that `Code::run` gave it, valid until that returns, as are the
     // pointers in it; nobody else uses what they point to meanwhile. An address of the table is that of the block's
@@ -177,7 +177,7 @@ fn make_call(code: &Code, block: u32, statement: u32, r: &mut Regs, cx: &mut Con
         Prepared::Ready(callee, entry) => (callee, entry),
     };
     let copied = match callee {
-        // What fails behind it has left the chain ended.
+        // What fails from here on has left the chain ended.
         Callee::Native(native) => return cx.run_native(native, at, call, &entry, tops, r).map(|()| DONE),
         Callee::Code(next) => {
             let instance = !matches!(call.instance, InstanceOf::None);
@@ -202,8 +202,8 @@ fn make_call(code: &Code, block: u32, statement: u32, r: &mut Regs, cx: &mut Con
     }
 }
 
-/// The reference executes statements from `statement` on, up to the next place where compiled code can be entered; its
-/// number is the answer.
+/// The reference executes statements from `statement` on, up to the next place where compiled code can be entered;
+/// returns the number of that place.
 extern "C" fn leave(run: *mut Run, block: u32, statement: u32) -> i32 {
     guarded(run, |parts| {
         let resume = &parts.code.functions[block as usize].made.resume;

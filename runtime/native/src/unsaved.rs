@@ -1,4 +1,4 @@
-//! Which registers memory may not have: what a statement changes goes to memory where somebody looks, and what has not
+//! Which registers memory may lack: a changed register is written to memory where somebody looks, and one that has not
 //! changed since is read from there when it is needed.
 
 use ob1_ir::{Jump, Op, Stmt};
@@ -51,9 +51,9 @@ pub(crate) fn changes(op: &Op) -> Set {
 #[derive(Clone, Copy)]
 struct Walk {
     unsaved: Set,
-    /// Brackets opened since jumps met, or since all was saved.
+    /// Brackets opened since jumps met, or since everything was saved.
     opened: u32,
-    /// Whether brackets opened before that wait, too.
+    /// Whether brackets opened before that are unsaved, too.
     waiting: Set,
 }
 
@@ -81,8 +81,8 @@ impl Walk {
     }
 }
 
-/// Registers that memory may not have, before each statement a jump leads to and at the end; `inlined` says which calls
-/// are part of the block.
+/// Registers that memory may lack, before each statement a jump leads to and at the end; `inlined` says which calls are
+/// inlined.
 pub(crate) fn unsaved(
     stmts: &[Stmt],
     entry: Set,
@@ -116,7 +116,7 @@ pub(crate) fn unsaved(
                     at[next] = met;
                 }
             });
-            // An end within a block that is part of another leads to its end.
+            // An end within an inlined block leads to the end of that block.
             if matches!(stmt.op, Op::End | Op::EndIf) {
                 let end = at.len() - 1;
                 again |= at[end] | behind.unsaved != at[end];

@@ -25,7 +25,8 @@ fn cpus(first: u64, count: u64) -> Vec<Cpu> {
 fn every_block_is_compiled_for_every_processor() {
     let cpus = cpus(5000, 30);
     assert!(cpus.len() > 20, "{}", cpus.len());
-    // Which instructions another x86-64 has is not known here, and without those that round not all is compiled.
+    // Which instructions another x86-64 has is not known here, and without those for rounding not everything is
+    // compiled.
     for target in [Target::Host, Target::Aarch64] {
         for tier in [Tier::Fast, Tier::Optimised] {
             let compiler = Compiler::new(target, tier).expect("a processor Cranelift knows");

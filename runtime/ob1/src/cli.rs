@@ -376,10 +376,10 @@ struct SoakArgs {
     /// Say whether the second of two reports is worse than the first
     #[arg(long, num_args = 2, value_names = ["A.json", "B.json"], conflicts_with_all = ["station", "time", "budget", "load"])]
     compare: Option<Vec<PathBuf>>,
-    /// With --compare: worse by no more than this is not worse
+    /// With --compare: a difference up to this does not count as worse
     #[arg(long, value_name = "PERCENT", default_value_t = 10, requires = "compare")]
     margin: u32,
-    /// What has to be kept, separated by commas
+    /// The limits that have to be kept, separated by commas
     #[arg(long, value_name = "LIMIT,...", value_delimiter = ',')]
     budget: Vec<soak::Budget>,
     /// Time in RUN before the measurement begins [default: a tenth of it, at most 10s]
@@ -394,10 +394,10 @@ struct SoakArgs {
     /// The cell in which the program counts telegrams that arrived with another content
     #[arg(long, value_name = "NAME")]
     wrong: Option<String>,
-    /// What to put the station under: cpu=2,memory=64MiB,io=1,driver-kill=10/min,line-faults=500
+    /// The load to put the station under: cpu=2,memory=64MiB,io=1,driver-kill=10/min,line-faults=500
     #[arg(long, value_name = "KIND=AMOUNT,...", default_value = "", hide_default_value = true)]
     load: soak::Load,
-    /// Of the load
+    /// The seed of the load
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// Where the reports go: BASE.json, BASE.html, BASE.txt, BASE.log [default: STATION-soak-DATE-TIME]

@@ -1,5 +1,5 @@
-//! The `ob1` command as a library: the command line and the tools that look at a station. What a station itself
-//! is stands in `ob1-station`. The binary is thin.
+//! The `ob1` command as a library: the command line and the tools that look at a station. The station itself is in
+//! `ob1-station`. The binary is thin.
 
 // Everything goes through one place that neither panics nor waits for ever.
 #![deny(clippy::print_stdout, clippy::print_stderr)]

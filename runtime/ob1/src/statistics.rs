@@ -3,9 +3,9 @@
 
 use serde::{Deserialize, Serialize};
 
-/// A percentile is believed when at least so many values lie beyond it.
+/// A percentile is trusted when at least this many values lie beyond it.
 pub const BEYOND: u64 = 10;
-/// A slope or a comparison is believed from so many intervals on.
+/// A slope or a comparison is trusted from this many intervals on.
 pub const INTERVALS: usize = 8;
 /// The normal distribution's bound of a two-sided 95 % interval.
 const Z95: f64 = 1.959_964;
@@ -24,7 +24,7 @@ pub enum Percentile {
     Needs(u64),
 }
 
-/// So many values it takes that [`BEYOND`] of them lie beyond the share.
+/// How many values it takes so that [`BEYOND`] of them lie beyond the share.
 #[must_use]
 pub fn needed(share: f64) -> u64 {
     // Shares like 0.999 are no binary fractions: a count an epsilon above a whole one is that whole one.
@@ -59,8 +59,8 @@ pub fn beyond(buckets: &[(u64, u64)], limit: u64) -> u64 {
     buckets.iter().filter(|(value, _)| *value > limit).map(|(_, n)| n).sum()
 }
 
-/// What has come to a distribution since an earlier reading. The greatest bucket of a reading may be named by the
-/// greatest value there has been, so that it is another name a moment later: a count that has no bucket any more is
+/// What a distribution has gained since an earlier reading. A reading may name its greatest bucket by the greatest
+/// value so far, so that this bucket has another name in a later reading: a count whose bucket is no longer there is
 /// taken from the next higher one.
 #[must_use]
 pub fn since(now: &[(u64, u64)], before: &[(u64, u64)]) -> Vec<(u64, u64)> {
@@ -80,7 +80,8 @@ pub fn since(now: &[(u64, u64)], before: &[(u64, u64)]) -> Vec<(u64, u64)> {
     new
 }
 
-/// A growth an hour is told from so many hours on: what a process does in its first minute says nothing about an hour.
+/// A growth an hour is reported from this many hours on: what a process does in its first minute says nothing about an
+/// hour.
 pub const SLOPE_HOURS: f64 = 1.0 / 6.0;
 /// What a slope needs, in words.
 pub const SLOPE_NEEDS: &str = "needs 8 intervals in 10 min";
@@ -206,7 +207,8 @@ pub fn compare(a: &[f64], b: &[f64]) -> Option<Shift> {
 /// How much more often something happens: (count, of) in two runs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Ratio {
-    /// Share in the second by share in the first; half an event is added to each, so that none is a number too.
+    /// Share in the second by share in the first; half an event is added to each, so that a run without events has a
+    /// ratio, too.
     pub ratio: f64,
     /// Lower bound of its 95 % interval (on the logarithm, after Katz).
     pub low: f64,

@@ -165,7 +165,7 @@ fn unknown(span: &str) -> Option<String> {
     flags.into_iter().find(|flag| !is_known(flag)).map(|flag| format!("ob1 {} has no --{flag}", verb.get_name()))
 }
 
-/// The word behind `key=` on a fence.
+/// The word after `key=` on a fence.
 fn of_fence<'i>(info: &'i str, key: &str) -> Option<&'i str> {
     info.split(',')
         .filter_map(|word| word.trim().split_once('='))

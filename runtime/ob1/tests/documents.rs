@@ -101,7 +101,7 @@ fn every_key_of_a_test_file_is_in_its_document() {
 fn the_test_files_of_the_document_are_understood() {
     let folder = tempfile::tempdir().expect("a directory");
     for (number, block) in blocks(&document("testing.md"), "toml").iter().enumerate() {
-        // Without their programs they cannot be used; what is told is about those alone.
+        // Without their programs they cannot be used; only that is reported.
         let path = folder.path().join(format!("{number}.test.toml"));
         std::fs::write(&path, block).expect("writable");
         let report = ob1_command::testing::run_file(&path, "");

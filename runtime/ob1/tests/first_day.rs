@@ -5,8 +5,7 @@
 //! say and the first bytes of memory. The files lie there in UTF-8 with LF; the test writes them in every encoding and
 //! line end they may come in, and the answer must be the same each time, places and carets included.
 //!
-//! `OB1_UPDATE=1 cargo test -p ob1 --test first_day` writes the answers anew; look at the difference before you
-//! commit it.
+//! `OB1_UPDATE=1 cargo test -p ob1 --test first_day` rewrites the answers; look at the difference before you commit it.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};

@@ -42,7 +42,7 @@ fn they_compile_against_the_declared_blocks() {
         let output = ob1(&[&["check", &path][..], more].concat(), Path::new("."));
         assert_eq!(output.status.code(), Some(0), "{file}: {output:?}");
         assert!(!String::from_utf8_lossy(&output.stderr).contains("warning S"), "{file}: {output:?}");
-        // Each correction of the print stands at its line, and in the README.
+        // Each correction of the printed text is marked at its line, and listed in the README.
         let source = std::fs::read_to_string(&path).expect("readable");
         let readme = Path::new(&path).with_file_name("README.md");
         let readme = std::fs::read_to_string(readme).expect("each example has a README");
@@ -107,7 +107,7 @@ fn the_meter_s_answer_is_copied_to_its_data_block() {
 fn the_rocker_switches_the_output() {
     let switch = |data: &str, id: &str| {
         let telegram = receive(&format!(" L W#16#{id}; T DBW 8; L B#16#{data}; T DBB 2;"), 11);
-        // The output begins at 1; the scan before is seen in the next call of FC 9, which also sends.
+        // The output begins at 1; the next call of FC 9, which also sends, sees the scan before it.
         let each = "UN M 210.0; SPBN no; S M 210.0; = A 0.0; no: L AB 0; T MB 212; CALL FC 101;";
         let stand_ins = [synchron(each), SEND.to_owned(), telegram].concat();
         let symbols = Some("enocean-switch/enocean.sdf");

@@ -52,7 +52,7 @@ fn cells_are_read_and_written_and_the_state_changed() {
     assert_eq!(events, ["4302h", "4301h", "4304h", "4302h", "4301h"]);
 }
 
-/// A module reads its inputs anew for each scan: what is set by hand is set there, and stays.
+/// A module reads its inputs again for each scan: what is set by hand is set there, and stays.
 #[test]
 fn an_input_set_by_hand_stays() {
     let bench = Bench::new();
@@ -207,7 +207,7 @@ fn said(output: &std::process::Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// Every change of state is told once, with the place of the error and what helps; the end has its exit code.
+/// Every change of state is reported once, with the place of the error and what helps; the end has its exit code.
 #[test]
 fn each_change_of_state_is_told_once() {
     let bench = Bench::new();
@@ -232,7 +232,7 @@ fn each_change_of_state_is_told_once() {
     }
 }
 
-/// STOP in start-up never was RUN, and is not told as if.
+/// A STOP in start-up never was a RUN, and is not reported as one.
 #[test]
 fn a_stop_in_start_up_is_not_told_as_running() {
     let bench = Bench::new();
@@ -283,7 +283,7 @@ fn exec_says_how_it_ended() {
     assert!(text.contains("\nob1: a fault stopped the CPU after ") && text.ends_with("; exit code 11\n"), "{text}");
 }
 
-/// Clients that say nothing keep nobody out: neither others nor the run itself.
+/// Idle clients keep nobody out: neither others nor the run itself.
 #[test]
 fn idle_clients_lock_nobody_out() {
     use std::io::{BufRead as _, BufReader, Write as _};

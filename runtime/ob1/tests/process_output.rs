@@ -1,4 +1,4 @@
-//! Whoever reads what the command writes may be slow, gone or a full disk: the command does not care.
+//! The reader of what the command writes may be slow or gone, or the disk full: the command does not care.
 
 mod bench;
 

@@ -2,8 +2,7 @@
 //!
 //! A line of a script is `MICROSECONDS KIND [DATA]`: data are hexadecimal bytes, `hello` has the 16 parameter bytes,
 //! `cp341` the name of its protocol instead; words are in quotes.
-//! `OB1_UPDATE=1 cargo test -p ob1 --test trace_files` writes the texts anew; look at the difference before you
-//! commit it.
+//! `OB1_UPDATE=1 cargo test -p ob1 --test trace_files` rewrites the texts; look at the difference before you commit it.
 
 use std::path::{Path, PathBuf};
 
@@ -95,7 +94,7 @@ fn each_cp_is_an_interface() {
     assert_eq!(seen, ["scale", "meter", "frame of 1", "frame of 0"]);
 }
 
-/// What happens while a telegram comes in stands behind its beginning.
+/// What happens while a telegram comes in is listed after its beginning.
 #[test]
 fn the_times_of_a_cp_are_in_order() {
     for path in scripts() {

@@ -1,8 +1,8 @@
 //! What a child of the runtime denies itself before it begins: descriptors, privileges, files, system calls, memory.
 //!
 //! Nothing here is given by the parent: a child that is started without a fork of the runtime's memory (posix_spawn)
-//! can only fence itself. Each step is independent of the others; what the kernel does not have is told and left out.
-//! (docs/security.md)
+//! can only fence itself. Each step is independent of the others; what the kernel does not have is reported and left
+//! out. (docs/security.md)
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -59,7 +59,7 @@ pub struct Confinement {
     pub oom_score: i16,
 }
 
-/// What a step of [`confine`] came to: what it is, and why it could not be.
+/// A step of [`confine`] that failed: what it is, and why.
 pub type Refusal = (&'static str, String);
 
 /// Closes every descriptor but 0, 1 and 2. Call it first of all, before anything is opened.
@@ -71,7 +71,7 @@ pub fn close_inherited() {
     }
 }
 
-/// Confines the calling thread and all it starts from now on, for ever: call it before there is another. Answers what
+/// Confines the calling thread and all it starts from now on, for ever: call it before there is another. Returns what
 /// the kernel refused.
 pub fn confine(wanted: &Confinement) -> Vec<Refusal> {
     let mut refused = Vec::new();
@@ -92,20 +92,20 @@ pub fn confine(wanted: &Confinement) -> Vec<Refusal> {
     refused
 }
 
-/// A process may always say that it is to go sooner; that it is to stay longer needs a privilege.
+/// A process may always raise its score; lowering it needs a privilege.
 fn oom_score(score: i16) -> Result<(), String> {
     fs::write("/proc/self/oom_score_adj", score.to_string()).map_err(|error| error.to_string())
 }
 
-/// What no program that is started can be given. Without CAP_SETPCAP it stays as it is: with no new privileges
-/// nothing can be taken out of it either.
+/// Empties the set of what a started program can be given. Without CAP_SETPCAP it stays as it is: with no new
+/// privileges, nothing can be gained from it either.
 pub(crate) fn drop_bounding_set() {
     for capability in CapabilitySet::all().iter() {
         let _ = remove_capability_from_bounding_set(capability);
     }
 }
 
-/// Every set, so that none comes back.
+/// Empties every set, so that no capability comes back.
 pub(crate) fn drop_capabilities() -> Result<(), String> {
     drop_bounding_set();
     let _ = clear_ambient_capability_set();
@@ -149,7 +149,7 @@ fn ruleset(wanted: &Confinement) -> Result<RulesetCreated, landlock::RulesetErro
     for (place, access) in places {
         // What is not there needs no rule.
         if let Ok(file) = PathFd::new(place) {
-            // A rule about a file knows nothing of folders.
+            // A rule about a file must not name rights of folders.
             let access = if place.is_dir() { access } else { access & AccessFs::from_file(LANDLOCK) };
             rules = rules.add_rule(PathBeneath::new(file, access))?;
         }
@@ -303,15 +303,14 @@ fn rules(wanted: &Confinement) -> Result<Rules, String> {
     }
     let thread = libc::CLONE_THREAD as u64;
     rules.insert(libc::SYS_clone, vec![rule(vec![condition(0, Op::MaskedEq(thread), thread)?])?]);
-    // Its own threads, for `abort`; and whether somebody is there.
+    // Its own threads, for `abort`; and whether a process exists.
     let own = u64::from(std::process::id());
     rules.insert(libc::SYS_tgkill, vec![rule(vec![condition(0, Op::Eq, own)?])?]);
     rules.insert(libc::SYS_kill, vec![rule(vec![condition(1, Op::Eq, 0)?])?]);
     let asked =
         [libc::PR_SET_NAME, libc::PR_GET_NO_NEW_PRIVS].map(|what| rule(vec![condition(0, Op::Eq, what as u64)?]));
     rules.insert(libc::SYS_prctl, asked.into_iter().collect::<Result<Vec<_>, String>>()?);
-    // No typing into somebody's terminal.
-    // TIOCSTI and TIOCLINUX.
+    // No typing into somebody's terminal: TIOCSTI and TIOCLINUX.
     let typed = [0x5412, 0x541C];
     let quiet = typed.map(|request| condition(1, Op::Ne, request)).into_iter().collect::<Result<Vec<_>, _>>()?;
     rules.insert(libc::SYS_ioctl, vec![rule(quiet)?]);

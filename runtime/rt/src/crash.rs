@@ -44,7 +44,7 @@ pub type Place = dyn Fn(&mut dyn fmt::Write) -> fmt::Result + Send + Sync;
 
 /// Set once, never freed: a handler may look at any time.
 static WORDS: AtomicPtr<LastWords> = AtomicPtr::new(null_mut());
-/// Somebody has begun to speak them.
+/// A thread has begun to speak them.
 static SPEAKING: AtomicBool = AtomicBool::new(false);
 
 impl LastWords {
@@ -72,8 +72,8 @@ impl LastWords {
     }
 }
 
-/// Gives the calling thread a stack for the handler, so that also an overflow of its own stack is heard. The memory is
-/// never freed: the scan thread ends with the process.
+/// Gives the calling thread a stack for the handler, so that an overflow of its own stack is handled, too. The memory
+/// is never freed: the scan thread ends with the process.
 ///
 /// # Errors
 /// What the system says.
@@ -177,6 +177,6 @@ fn say(text: &[u8]) {
             return;
         }
     }
-    // SAFETY: the text is there; what becomes of it is nobody's business any more.
+    // SAFETY: the text is there; whether it is written no longer matters.
     unsafe { libc::write(libc::STDERR_FILENO, text.as_ptr().cast(), text.len()) };
 }

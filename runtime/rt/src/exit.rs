@@ -1,4 +1,5 @@
-//! A library that ends the whole process by `exit()`: caught at the last moment, and told by an exit code of its own.
+//! A library that ends the whole process by `exit()`: caught at the last moment, and reported by an exit code of its
+//! own.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, Once};
@@ -9,18 +10,19 @@ static FOREIGN: AtomicBool = AtomicBool::new(false);
 static ACTION: Mutex<Option<Action>> = Mutex::new(None);
 static REGISTERED: Once = Once::new();
 
-/// As long as it lives, an end of the process by `exit()` is nobody's wish. Dropping it makes it one again.
+/// While it lives, an end of the process by `exit()` counts as a fault. Dropping it makes `exit()` an ordinary end
+/// again.
 #[derive(Debug)]
 #[must_use]
 pub struct ExitGuard(());
 
 impl ExitGuard {
-    /// From here on `exit()` does `action`, on the thread that has called it, and ends the process with the code it
-    /// answers. Of several actions the newest one counts.
+    /// From here on `exit()` runs `action` on the calling thread, and ends the process with the code that returns. Of
+    /// several actions the newest one counts.
     pub fn raise(action: impl Fn() -> u8 + Send + Sync + 'static) -> Self {
         REGISTERED.call_once(|| {
             // SAFETY: the handler is a function of this program, which is never unloaded. Without room for it (there
-            // is always room for 32) an `exit()` is only not told.
+            // is always room for 32) an `exit()` is only not reported.
             let _registered = unsafe { libc::atexit(at_exit) };
         });
         if let Ok(mut place) = ACTION.lock() {
@@ -37,7 +39,7 @@ impl Drop for ExitGuard {
     }
 }
 
-/// The process is to end by our own wish now.
+/// From here on `exit()` is an ordinary end.
 pub fn lower_exit_guard() {
     FOREIGN.store(false, Ordering::Release);
 }
@@ -47,7 +49,7 @@ extern "C" fn at_exit() {
         && let Ok(place) = ACTION.try_lock()
         && let Some(action) = &*place
     {
-        // A panic here would end the process by SIGABRT: told too.
+        // A panic here would end the process by SIGABRT: that is reported, too.
         let code = action();
         // SAFETY: `_exit` is the end that `exit` would come to anyway, without the rest of the handlers.
         unsafe { libc::_exit(i32::from(code)) }

@@ -1,5 +1,5 @@
-//! Memory of a CPU at the beginning of a reservation: whatever 32-bit offset code that is wrong may form, it reaches
-//! the arena or traps, and never other memory of the process.
+//! Memory of a CPU at the beginning of a reservation: whatever 32-bit offset wrong code may form, it reaches the arena
+//! or traps, and never other memory of the process.
 
 use std::ptr::NonNull;
 
@@ -7,14 +7,14 @@ use ob1_arena::Arena;
 use rustix::io::Errno;
 use rustix::mm::{Advice, MapFlags, MprotectFlags, ProtFlags, madvise, mmap_anonymous, mprotect, munmap};
 
-/// Bytes reserved: every 32-bit offset, and behind the last of them a double word and more.
+/// Bytes reserved: every 32-bit offset, and after the last of them a double word and more.
 pub const RESERVED_BYTES: u64 = (1 << 32) + GUARD;
-/// Bytes behind the last offset.
+/// Bytes after the last offset.
 const GUARD: u64 = 64 * 1024;
 /// A page of any machine we run on divides it.
 const PAGE: usize = 64 * 1024;
 
-/// The address space, which goes back when it is dropped.
+/// The address space, which is released when it is dropped.
 struct Reservation {
     at: NonNull<core::ffi::c_void>,
     len: usize,
@@ -35,8 +35,9 @@ impl Drop for Reservation {
 /// `len` bytes of 0, up to 4 GiB, at the beginning of [`RESERVED_BYTES`] without access rights. It costs address space,
 /// no memory; core dumps leave the rest out.
 ///
-/// # Errors The system has no such address space: a limit on it (`ulimit -v`), or on locked memory when later mappings
-/// are locked.
+/// # Errors
+/// The system has no such address space: a limit on it (`ulimit -v`), or on locked memory when later mappings are
+/// locked.
 pub fn reserve(len: usize) -> Result<Arena, Errno> {
     let reserved = usize::try_from(RESERVED_BYTES).map_err(|_| Errno::NOMEM)?;
     let accessible = len.checked_next_multiple_of(PAGE).filter(|len| *len as u64 <= 1 << 32).ok_or(Errno::NOMEM)?;

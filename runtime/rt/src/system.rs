@@ -1,5 +1,5 @@
-//! What of the system bears on wake-up times, whatever this process asks for: facts, what they cost, and what would
-//! change them.
+//! Settings of the system that affect wake-up times, whatever this process asks for: facts, what they cost, and what
+//! would change them.
 
 use std::fs::{self, File};
 use std::io::Write as _;

@@ -41,7 +41,7 @@ fn parse_status(text: &str) -> Memory {
     }
 }
 
-/// What a process is at.
+/// What a process is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ProcessState {
     /// `R` runs or waits for a core, `S` sleeps, `D` is held by the kernel, `T` is stopped; and others, as in proc(5).
@@ -75,7 +75,7 @@ pub fn thread_id() -> u32 {
 /// What the scheduler has counted for a thread since its start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ThreadTimes {
-    /// On a core. Of a thread that runs up to a tick of the kernel old.
+    /// On a core. For a running thread this is up to a tick of the kernel old.
     pub ran: Span,
     /// Ready to run, and waiting for a core. Entered when it gets one.
     pub waited: Span,

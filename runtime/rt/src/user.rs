@@ -1,4 +1,4 @@
-//! From root to a user without privileges: what only root can raise is raised first, and nothing is kept.
+//! From root to a user without privileges: what only root can raise is raised first, and no privilege is kept.
 
 use std::ffi::{CStr, CString};
 use std::io;
@@ -54,7 +54,7 @@ impl User {
         let _ = setrlimit(Resource::Rtprio, Rlimit { current: Some(99), maximum: Some(99) });
         let _ = setrlimit(Resource::Memlock, Rlimit { current: None, maximum: None });
         set_groups(&self.name, self.gid)?;
-        // As long as it may.
+        // While the process still may.
         drop_bounding_set();
         // SAFETY: plain numbers; glibc changes all threads, of which there is one.
         let changed = unsafe {

@@ -1,4 +1,4 @@
-//! A crash is heard, whatever thread and whatever signal: shown in a child process, which is this test binary again,
+//! A crash is handled, whatever thread and whatever signal: shown in a child process, which is this test binary again,
 //! told by a variable how to crash.
 #![expect(
     clippy::disallowed_types,

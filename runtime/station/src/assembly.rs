@@ -54,13 +54,13 @@ pub struct Assembly {
     pub links: Vec<(String, PathBuf)>,
     /// Which native block runs.
     pub running: Arc<Running>,
-    /// What is to be compiled beside, when the station file leaves the engine to us.
+    /// What is to be compiled in a process of its own, if the station file leaves the choice of the engine to us.
     pub compile: Option<Request>,
     /// Where blocks can be downloaded: what that takes.
     pub download: Option<Downloading>,
 }
 
-/// Why there is none.
+/// Why a station cannot be assembled.
 #[derive(Debug)]
 pub enum AssemblyError {
     /// The program, the plugins or the stimulus were rejected.
@@ -325,7 +325,7 @@ pub fn assemble(
     })
 }
 
-/// The program of the sources with what was downloaded; without, where that cannot be.
+/// The program of the sources with what was downloaded, or without it if that is not possible.
 fn restored(
     station: &Station,
     sources: &Arc<Program>,
@@ -340,7 +340,7 @@ fn restored(
             return Ok(nothing());
         }
         let program = changes.apply(sources, library, around).map_err(|whys| whys.join("; "))?;
-        // As far as loading would come: whatever it is, the station starts.
+        // Loads it on trial: if that fails, the station starts without.
         let tried = around.successor((sources, &program), Vec::new(), ob1_cpu::engine::REFERENCE, usize::MAX);
         tried.map_err(|errors| errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))?;
         Ok((Arc::new(program), changes))
@@ -352,7 +352,7 @@ fn restored(
     })
 }
 
-/// The ptys the drivers of a station publish: what has to go should the runtime be killed.
+/// The ptys the drivers of a station publish: to be removed if the runtime is killed.
 #[must_use]
 pub fn published(station: &Station) -> Vec<PathBuf> {
     station
@@ -427,7 +427,7 @@ impl Building<'_> {
         let made = if settings.boxes { Segment::create_shared_with_boxes() } else { Segment::create_shared() };
         let segment = made.map_err(|e| system(&e))?;
         let mut side = CpuSide::create(&segment, usize::from(config.input_bytes())).map_err(|e| system(&e))?;
-        // Before the driver looks: it would report that it has none.
+        // Before the driver looks: otherwise it would report that it has no parameters.
         side.write_params(&settings.parameters, &settings.json).map_err(|e| system(&e))?;
         if let Some(path) = segment.path() {
             self.links.push((format!("{}.segment", config.name), path));

@@ -1,5 +1,5 @@
-//! Buses as seen from other threads than the scan: how couplers and slaves stand, and what they sense and drive. All of
-//! it is read from shared memory; the scan does not notice.
+//! Buses as seen from other threads than the scan: the state of couplers and slaves, and what they sense and drive. All
+//! of it is read from shared memory; the scan does not notice.
 
 use std::sync::Arc;
 
@@ -83,7 +83,7 @@ impl BusView {
         }
     }
 
-    /// How it stands now.
+    /// Its state now.
     #[must_use]
     pub fn status(&self) -> BusStatus {
         let look = BusLook::new(&self.memory, self.size);
@@ -109,7 +109,7 @@ impl BusView {
 impl Known {
     fn status(&self, n: usize, name: &str, slave: Option<(&DpSlave, u8)>, look: Option<&BusLook>) -> BusStationStatus {
         let words = look.map(|look| look.coupler(n)).unwrap_or_default();
-        // Words without a meaning are a lost coupler, as for the program.
+        // Words without a meaning count as a lost coupler, as they do for the program.
         let status = Status::from_words(&words).unwrap_or(Status { state: State::Lost, ..Status::default() });
         let pieces = |all: &[(u32, usize, usize)], read: &dyn Fn(&BusLook, usize, &mut [u8])| {
             let piece = |(address, at, len): &(u32, usize, usize)| {

@@ -10,14 +10,15 @@ use ob1_native::{AtLoad, Tier};
 /// The engine asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum EngineChoice {
-    /// The reference engine at once, and machine code as soon as a process beside has made it ([`crate::compiling`]).
+    /// The reference engine at once, and machine code as soon as a process of its own has made it
+    /// ([`crate::compiling`]).
     #[default]
     Auto,
     /// The one that compiles to machine code.
     Native,
     /// The one that defines what a statement means.
     Reference,
-    /// The reference engine runs, the native one is held against it.
+    /// The reference engine runs, and the native one is compared with it.
     Both,
     /// The reference engine without short forms; for comparisons.
     Plain,
@@ -94,7 +95,7 @@ impl Factory for Compiled {
     }
 
     fn arena(&self, bytes: usize) -> Arena {
-        // Without so much address space the code's own checks stand alone.
+        // Without so much address space the code relies on its own checks.
         ob1_rt::reserve(bytes).unwrap_or_else(|_| Arena::new(bytes))
     }
 
@@ -103,8 +104,8 @@ impl Factory for Compiled {
     }
 }
 
-/// The reference engine, with memory and stack for machine code that takes over later, and an account of what its
-/// hottest blocks are.
+/// The reference engine, with memory and stack for machine code that takes over later, and an account that shows the
+/// hottest blocks.
 struct Succeeded;
 
 impl Factory for Succeeded {
@@ -127,7 +128,7 @@ impl Factory for Succeeded {
     }
 }
 
-/// The names of all engines, by which [`InUse`] tells them.
+/// The names of all engines, by which [`InUse`] names them.
 const NAMES: [&str; 6] =
     ["reference", "plain", "both", ob1_native::NAME_FAST, ob1_native::NAME_HOTTEST, ob1_native::NAME];
 
@@ -171,8 +172,8 @@ mod tests {
         }
     }
 
-    /// A STRING may be shorter than its formal parameter, and the arena end behind it, where nothing is mapped: what is
-    /// read there is 0 on every engine.
+    /// A STRING may be shorter than its formal parameter, and the arena may end after it, where nothing is mapped: what
+    /// is read there is 0 on every engine.
     #[test]
     fn nothing_is_read_behind_the_arena() {
         use ob1_cpu::{Cpu, CpuConfig, Still};
@@ -190,7 +191,7 @@ mod tests {
             code: ops.into_iter().map(|op| Stmt { op, network: 1, line: 1 }).collect(),
             source: 0,
         };
-        // A short block becomes part of its caller, a long one is called.
+        // A short block is inlined into its caller, a long one is called.
         for (rest, bit_first) in [(0, false), (60, false), (60, true)] {
             let mut ops = vec![
                 Op::Load(Operand { width: Width::DWord, place: formal(200) }),
@@ -200,7 +201,7 @@ mod tests {
                 Op::Load(Operand { width: Width::Byte, place: formal(2) }),
                 Op::Transfer(memory(Width::Byte, 5)),
             ];
-            // Behind a check that refuses, the reference goes on.
+            // After a check that fails, the reference goes on.
             if bit_first {
                 ops.rotate_left(2);
             }

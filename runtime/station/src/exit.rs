@@ -1,4 +1,4 @@
-//! How a running station ends, as an exit code. The table `ob1 --help` prints stands with the command.
+//! How a running station ends, as an exit code. The table `ob1 --help` prints is in the command.
 
 /// How a command ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

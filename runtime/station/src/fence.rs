@@ -1,4 +1,4 @@
-//! What each driver may do: the smallest that its line needs, told by `OB1_FENCE` (docs/security.md).
+//! What each driver may do: the smallest that its line needs, passed in `OB1_FENCE` (docs/security.md).
 
 use std::ffi::OsString;
 use std::net::IpAddr;

@@ -13,7 +13,7 @@ pub use ob1_access::nearest;
 pub enum Level {
     /// It cannot be used as it is.
     Error,
-    /// It can, but is probably not meant so.
+    /// It can be used, but is probably not what was meant.
     Warning,
     /// A matter of style.
     Lint,
@@ -31,7 +31,7 @@ impl Level {
     }
 }
 
-/// One thing to tell about a file.
+/// One thing to report about a file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Finding {
     /// How bad.
@@ -48,7 +48,7 @@ pub struct Finding {
     pub message: String,
     /// What to do about it; may be empty.
     pub remedy: String,
-    /// How many it stands for: above 1 for those that are only counted.
+    /// How many findings it stands for: above 1 if they are only counted.
     #[serde(skip)]
     pub count: usize,
     /// Ready text with the source line and a caret.

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-/// Extensions of sources, and of what is recognised as none.
+/// Extensions of sources, including those in languages that are recognised and refused.
 const SOURCES: [&str; 7] = ["awl", "stl", "db", "udt", "scl", "gr7", "inp"];
 
 /// Extensions of symbol tables.
@@ -38,7 +38,7 @@ fn kind(path: &Path) -> Option<bool> {
         return Some(true);
     }
     if extension == "xml" {
-        // Of the many files of this kind only blocks are told about.
+        // Of the many XML files only those with blocks count.
         let text = std::fs::read(path).ok()?;
         let begin = String::from_utf8_lossy(text.get(..text.len().min(4096))?).into_owned();
         return begin.contains("<SW.").then_some(true);

@@ -35,9 +35,9 @@ const TIMES: Times = Times { hang: Span::from_secs(3), start: Span::from_secs(10
 /// After how long without a sign of life a station counts as dead. (docs/process-io.md)
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Patience {
-    /// Of a process that the kernel says is stopped (SIGSTOP, a debugger).
+    /// For a process that the kernel says is stopped (SIGSTOP, a debugger).
     pub stopped: Span,
-    /// Of one that runs, or waits for a core.
+    /// For one that runs, or waits for a core.
     pub silent: Span,
 }
 
@@ -47,7 +47,7 @@ impl Patience {
     pub fn of(watchdog: Span, min_cycle: Span) -> Self {
         let cycle = min_cycle.times(2);
         let stopped = watchdog.times(2).saturating_add(cycle);
-        // Behind the monitor inside the runtime, which can name the block that hangs.
+        // Later than the monitor inside the runtime, which can name the block that hangs.
         let silent = crate::run::monitor_time(watchdog).saturating_add(Span::SECOND).saturating_add(cycle);
         Self { stopped: stopped.max(Span::SECOND), silent }
     }
@@ -192,7 +192,7 @@ impl Watch {
                 break;
             }
         }
-        // The end of the connection sends it to its work.
+        // The end of the connection makes it clean up.
         self.guardian.end(END);
     }
 }

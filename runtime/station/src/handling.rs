@@ -1,4 +1,4 @@
-//! Handling blocks called for a CP that has nothing for them: found before the station runs.
+//! Calls of handling blocks for a CP that has no use for them: found before the station runs.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -1,8 +1,9 @@
 //! The janitor, which is the guardian: a child process that outlives the runtime.
 //!
-//! As long as the runtime lives it holds its pidfd and the image of its process I/O, and looks at its signs of life.
-//! When it dies, or stands still for too long, the outputs go to their safe state; when it is dead, what it has
-//! published is removed. It does nothing else, so little can keep it from doing that. (docs/process-io.md)
+//! While the runtime lives, the janitor holds its pidfd and the image of its process I/O, and watches its signs of
+//! life. When the runtime dies or stands still for too long, the janitor sets the outputs to their safe state; once the
+//! runtime is dead, it removes what that has published. It does nothing else, so little can keep it from doing that.
+//! (docs/process-io.md)
 
 use std::io;
 use std::os::fd::OwnedFd;
@@ -24,7 +25,7 @@ use crate::rundir;
 /// How long the drivers get to remove what they have published themselves.
 const GRACE: Span = Span::from_secs(3);
 const STEP: Span = Span::from_millis(20);
-/// Between two looks at the runtime. Looks are counted, not time: when the whole machine stood still nobody is dead.
+/// Between two looks at the runtime. Looks are counted, not time: if the whole machine stood still, nothing is dead.
 const LOOK: Span = Span::from_millis(50);
 
 /// Decides, look by look, whether the runtime counts as dead. Pure.
@@ -72,7 +73,7 @@ enum Ward {
 /// The janitor's whole life.
 pub fn run(rundir: &Path, published: &[PathBuf], patience: Patience) {
     ob1_rt::close_inherited();
-    // It goes when the runtime has gone, not before: a shutdown sends SIGTERM to all.
+    // It ends after the runtime, not before: a shutdown sends SIGTERM to all.
     for signal in [SIGTERM, SIGINT, SIGHUP] {
         let _ = signal_hook::flag::register(signal, Arc::new(AtomicBool::new(false)));
     }
@@ -83,8 +84,8 @@ pub fn run(rundir: &Path, published: &[PathBuf], patience: Patience) {
     rundir::bury(rundir, &runtime, || remove_published(published));
 }
 
-/// It needs no more than this: the folders it removes things from, and a look at the runtime in `/proc`. Nobody would
-/// hear what was refused; whatever was not is worth having.
+/// Confines itself to what it needs: the folders it removes things from, and a look at the runtime in `/proc`. Refusals
+/// are ignored: nobody would read about them, and each confinement that works helps.
 fn confine(rundir: &Path, published: &[PathBuf]) {
     let folders =
         [Some(rundir), rundir.parent()].into_iter().flatten().chain(published.iter().filter_map(|p| p.parent()));
@@ -120,7 +121,7 @@ fn receive() -> Option<Ward> {
     })
 }
 
-/// Until the runtime is dead.
+/// Returns when the runtime is dead.
 fn watch(runtime: &str, ward: Option<&Ward>, patience: Patience) {
     let mut vigil = Vigil::new(patience);
     let pid = runtime.parse().ok();
@@ -148,7 +149,7 @@ fn watch(runtime: &str, ward: Option<&Ward>, patience: Patience) {
     }
 }
 
-/// Waits a look long, or until the runtime has gone: true.
+/// Waits for the time of a look, or until the runtime has ended: true.
 fn has_gone(ward: Option<&Ward>) -> bool {
     let stdin = rustix::stdio::stdin();
     let mut fds = vec![PollFd::new(&stdin, PollFlags::IN)];
@@ -174,7 +175,7 @@ fn has_gone(ward: Option<&Ward>) -> bool {
     }
 }
 
-/// Removes links the drivers have left. A living driver ends by the same end of file and removes its own.
+/// Removes links the drivers have left. A living driver sees the same end of file and removes its own.
 fn remove_published(published: &[PathBuf]) {
     let mut waited = Span::ZERO;
     loop {
@@ -190,7 +191,7 @@ fn remove_published(published: &[PathBuf]) {
     }
 }
 
-/// Whether nothing of ours is there any more: removes a link that leads nowhere, leaves alone what is no link to a pty.
+/// Removes a link that leads nowhere; leaves alone what is no link to a pty. True if nothing of ours is left.
 fn removed(path: &Path) -> bool {
     match std::fs::read_link(path) {
         Ok(target) if !target.starts_with("/dev/pts") => true,

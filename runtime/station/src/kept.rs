@@ -74,7 +74,7 @@ impl<C: Charge> Kept<C> {
         self.process.as_ref().map(|process| PollFd::new(&process.pidfd, PollFlags::IN))
     }
 
-    /// Feeds the supervisor and does what it asks; when it wants to be called again.
+    /// Feeds the supervisor and does what it asks; returns when to call it again.
     pub(crate) fn attend(&mut self, now: Instant) -> Instant {
         let mut input = self.observe();
         loop {
@@ -127,7 +127,7 @@ impl<C: Charge> Kept<C> {
         if matches!(state, Some('R' | 'D')) { Input::Starved } else { Input::Tick }
     }
 
-    /// Tells it to end by closing what it holds, and waits so long at the most.
+    /// Tells it to end by closing what it holds, and waits at most this long.
     pub(crate) fn end(&mut self, patience: Duration) {
         let Some(Process { mut child, pidfd, held }) = self.process.take() else { return };
         drop(held);

@@ -1,5 +1,5 @@
 //! The file `STATION.numbers` beside a station file: the numbers that were given to blocks with names only. They stay
-//! when sources are added, since data block numbers are what other programs and retentive data hold on to.
+//! when sources are added, because other programs and retentive data refer to data blocks by number.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

@@ -1,4 +1,4 @@
-//! Blocks that are not there: what is said of a call of one, and of one that is declared but served by no plugin.
+//! Missing blocks: the messages for a call of one, and for a block that is declared but served by no plugin.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -93,7 +93,7 @@ fn compact(id: BlockId) -> String {
 pub struct Unserved(BTreeMap<BlockId, StandardBlock>);
 
 impl Unserved {
-    /// Of these declared libraries, what none of these plugins serves under the number it was given.
+    /// The blocks of these declared libraries that none of these plugins serves under the number it was given.
     pub fn new(standard: &[Choice], plugins: &[(Arc<Plugin>, BTreeMap<BlockId, BlockId>)]) -> Self {
         let mut declared: BTreeMap<BlockId, StandardBlock> = standard
             .iter()
@@ -108,7 +108,8 @@ impl Unserved {
         Self(declared)
     }
 
-    /// The findings of a program that cannot be loaded: use of a declared block is told as such, once a statement.
+    /// The findings of a program that cannot be loaded: the use of a declared block is reported as such, once per
+    /// statement.
     pub fn findings(&self, errors: &[LoadError], program: &Program) -> Vec<Finding> {
         let is_called = |wanted: &BlockId| {
             errors.iter().any(|error| matches!(error, LoadError::MissingBlock { block, .. } if block == wanted))
@@ -119,7 +120,7 @@ impl Unserved {
                 LoadError::MissingBlock { block, site } if self.0.contains_key(block) => {
                     Some(self.unserved(&usual, *block, &format!("{site} calls")))
                 }
-                // Its calls have been told already.
+                // Its calls have been reported already.
                 LoadError::Instance { block, .. } if self.0.contains_key(block) && is_called(block) => None,
                 LoadError::Instance { block, number } if self.0.contains_key(block) => {
                     Some(self.unserved(&usual, *block, &format!("DB {number} is an instance of")))

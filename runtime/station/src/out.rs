@@ -1,8 +1,8 @@
 //! The one place where the command prints: what was asked for on standard output, everything else on standard error.
 //!
-//! Nothing here panics. Whoever reads standard output may have seen enough (`| head`): then nothing more is printed and
-//! the command ends as it would have. An output that cannot be written otherwise (a full disk) is told, and is an exit
-//! code of its own. Standard error goes through [`ob1_log`], which a running station does not wait for.
+//! Nothing here panics. If the reader of standard output closes it (`| head`), nothing more is printed and the command
+//! ends as usual. Any other failure to write it (a full disk) is reported and has an exit code of its own. Standard
+//! error goes through [`ob1_log`], which a running station does not wait for.
 
 use std::fmt;
 use std::io::{self, Write as _};
@@ -16,7 +16,7 @@ use crate::exit::Exit;
 /// How long the last words of a process may hold up its end.
 const LAST_WORDS: Duration = Duration::from_millis(500);
 
-/// What standard output has come to.
+/// State of standard output.
 #[derive(Debug)]
 enum Stdout {
     Open,
@@ -69,17 +69,17 @@ pub fn print(text: fmt::Arguments<'_>) {
     with_stdout(|out| out.write_fmt(text));
 }
 
-/// Hands over what stands in the buffer; for output that comes while somebody looks.
+/// Flushes the buffer; for output that somebody watches.
 pub fn flush() {
     with_stdout(|out| out.flush());
 }
 
-/// Nobody gets what is printed: a command without an end of its own may end.
+/// Nobody reads standard output any more: an endless command may end.
 pub fn is_over() -> bool {
     STDOUT.lock().is_ok_and(|state| !matches!(*state, Stdout::Open))
 }
 
-/// Prints on standard output, but waits only a while for its reader: of a run that ends.
+/// Prints on standard output at the end of a run, and waits only a while for its reader.
 pub fn print_at_the_end(text: String) {
     let (done, printed) = mpsc::channel();
     let printing = ob1_rt::spawn("ob1-print", move || {
@@ -97,7 +97,7 @@ pub fn tell(text: fmt::Arguments<'_>) {
     ob1_log::write(text.to_string().as_bytes());
 }
 
-/// The last thing a command does: what still stands in buffers is written, and the exit code says whether it was.
+/// The last thing a command does: what is still in buffers is written, and the exit code says whether it was.
 pub fn finish(exit: ExitCode) -> ExitCode {
     // Its printing may still wait for the reader.
     if let Ok(mut state) = STDOUT.try_lock() {

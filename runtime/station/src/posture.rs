@@ -42,7 +42,7 @@ pub fn ask_thread(station: &crate::station_file::Realtime) -> Posture {
     grants
 }
 
-/// A scan that would leave nothing of its core to anybody else: free-running, or spinning more than half of its cycle,
+/// A scan that would leave nothing of its core to others: free-running, or spinning more than half of its cycle,
 /// with a real-time priority, on a core that is not its own. The kernel throttles such a thread for tens of
 /// milliseconds each second.
 #[must_use]
@@ -63,7 +63,7 @@ pub fn starves(station: &Station, isolated: &[usize], file: &str) -> Option<Find
     Some(Finding::whole(Level::Error, STARVES, file, message, remedy))
 }
 
-/// Asks for everything, on a thread of its own, and prints what became of it and what of the system bears on it.
+/// Asks for everything on a thread of its own, and prints what was granted and which settings of the system matter.
 #[must_use]
 pub fn check(station: &Station, json: bool) -> Exit {
     let (mut grants, held) = ask_process(station);

@@ -34,7 +34,7 @@ pub struct Loaded {
     pub numbers: Vec<Numbered>,
 }
 
-/// Why they give nothing.
+/// Why they give no program.
 #[derive(Debug)]
 pub enum LoadFailure {
     /// A plugin was refused.
@@ -108,7 +108,7 @@ impl Loaded {
     /// `modules`.
     ///
     /// # Errors
-    /// As [`load`]: a renumbering that cannot be.
+    /// As [`load`]: an impossible renumbering.
     pub fn native_blocks(&self, modules: &[PluginModule]) -> Result<Natives, LoadFailure> {
         let mut blocks = native_standard_blocks(&self.standard);
         for (plugin, renumber) in &self.plugins {
@@ -122,8 +122,7 @@ impl Loaded {
     }
 }
 
-/// The standard blocks of a program: those chosen, but for offered ones that it has itself, and those it calls by
-/// name.
+/// The standard blocks of a program: those chosen, except offered ones that it has itself, and those it calls by name.
 #[must_use]
 pub fn in_use(program: &Program, chosen: &[Choice], demanded: &[Choice]) -> Vec<Choice> {
     let own = |choice: &Choice| choice.offered && program.blocks.iter().any(|block| block.id == choice.id);
@@ -180,7 +179,7 @@ fn of_error(error: &PluginError) -> Finding {
 pub fn native_standard_blocks(standard: &[Choice]) -> Natives {
     let mut blocks = ob1_cpu::system_blocks();
     let chosen = standard.iter().filter_map(|choice| Some((choice.id, choice.block()?)));
-    // A declared block is a plugin's business.
+    // Declared blocks come from plugins.
     let ours = chosen.filter(|(_, block)| !block.origin.is_declared_only());
     blocks.extend(ours.map(|(id, block)| ob1_cpu::standard_block(id, block)));
     blocks.into()
@@ -215,7 +214,7 @@ pub fn library(
             let id = renumber.get(&block.id).copied().unwrap_or(block.id);
             let before = library.insert(id, &block.name, block.interface.clone());
             library.set_origin(id, &format!("the plugin {}", plugin.info().name), false);
-            // A plugin that serves what is declared under this number is what the declaration is for.
+            // A plugin that serves the block declared under this number is no clash: the declaration is for it.
             let serves = declared.remove(&id).is_some_and(|name| name.eq_ignore_ascii_case(&block.name));
             if before.is_some() && !serves {
                 let file = plugin.path().display().to_string();
@@ -253,7 +252,7 @@ pub struct Sources {
     pub places: Vec<(PathBuf, Finding)>,
 }
 
-/// A compiled program and what is to be told of it.
+/// A compiled program and what is to be reported about it.
 #[derive(Debug)]
 pub struct Compiled {
     /// The program.
@@ -342,7 +341,7 @@ fn demanded_choice(called: &Numbered) -> Option<Choice> {
     Some(Choice { id: called.id, key, offered: false })
 }
 
-/// What is beyond the limit: how many, and of each number how many.
+/// The findings beyond the limit: how many in all, and how many of each number.
 fn of_rest(rest: &Rest) -> Option<Finding> {
     let count = rest.count();
     if count == 0 {
@@ -366,7 +365,7 @@ fn of_rest(rest: &Rest) -> Option<Finding> {
 /// A block in machine code that cannot be used.
 const MACHINE_CODE: &str = "C016";
 
-/// Reads blocks in machine code: a file may have several behind one another.
+/// Reads blocks in machine code: a file may hold several, one after another.
 fn read_images(wanted: &Sources, findings: &mut Vec<Finding>) -> Vec<Image> {
     let mut images = Vec::new();
     for file in read_all(&wanted.mc7, &wanted.places, findings) {

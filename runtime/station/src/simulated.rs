@@ -38,13 +38,13 @@ const REGISTER_BYTES: usize = 16;
 /// What the system says, as text.
 pub fn add(fleet: &mut Fleet, rundir: &Path, line: &SimulatedLine, drivers: &DriverSettings) -> Result<(), String> {
     let system = |error: &dyn std::fmt::Display| format!("simulated line {}: {error}", line.name);
-    // The process makes things in it, and no folder itself.
+    // The process creates its files in this folder, but not the folder.
     if let Some(folder) = socket(rundir, line).parent() {
         let made = std::fs::DirBuilder::new().mode(0o700).create(folder);
         made.or_else(|e| if e.kind() == std::io::ErrorKind::AlreadyExists { Ok(()) } else { Err(e) })
             .map_err(|e| system(&e))?;
     }
-    // Only to see that it lives.
+    // Only to see that the process is alive.
     let segment = Segment::create_shared().map_err(|e| system(&e))?;
     let side = CpuSide::create(&segment, REGISTER_BYTES).map_err(|e| system(&e))?;
     let command = DriverCommand {
@@ -59,7 +59,7 @@ pub fn add(fleet: &mut Fleet, rundir: &Path, line: &SimulatedLine, drivers: &Dri
         env: drivers.env.iter().cloned().chain([fence(rundir, line)]).collect(),
         descriptors: Vec::new(),
     };
-    // It has neither registers nor a scan that would ring for it; the supervisor's own log says what becomes of it.
+    // It has no registers, and no scan rings for it; the supervisor's own log says what happens to it.
     let _port = fleet.add(command, segment, side.monitor().clone(), Times::default()).map_err(|e| system(&e))?;
     Ok(())
 }

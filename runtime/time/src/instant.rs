@@ -77,10 +77,10 @@ impl Instant {
         Span::from_nanos(self.0.saturating_sub(earlier.0))
     }
 
-    /// The first instant behind it that is a whole number of such spans after the start.
+    /// The first instant after it that is a whole number of such spans after the start.
     ///
     /// # Panics
-    /// The span is no time.
+    /// The span is 0.
     #[must_use]
     #[inline]
     pub const fn next_tick(self, every: Span) -> Self {

@@ -117,14 +117,14 @@ impl Span {
         self.0 == 0
     }
 
-    /// So many times as long; the longest span if that is too long. What `*` is where constants are made.
+    /// So many times as long; the longest span if that is too long. For constants, which have no `*`.
     #[must_use]
     #[inline]
     pub const fn times(self, factor: u64) -> Self {
         Self(self.0.saturating_mul(factor))
     }
 
-    /// A part of it, rounded down. What `/` is where constants are made.
+    /// A part of it, rounded down. For constants, which have no `/`.
     ///
     /// # Panics
     /// `parts` is 0.
@@ -144,17 +144,17 @@ impl Span {
         Self(self.0.div_ceil(parts))
     }
 
-    /// Both together. What `+` is where constants are made.
+    /// Both together. For constants, which have no `+`.
     #[must_use]
     #[inline]
     pub const fn plus(self, other: Self) -> Self {
         Self(self.0 + other.0)
     }
 
-    /// How often the other is begun in it.
+    /// How often the other fits into it, rounded up.
     ///
     /// # Panics
-    /// `other` is no time.
+    /// `other` is 0.
     #[must_use]
     #[inline]
     pub const fn div_ceil(self, other: Self) -> u64 {

@@ -1,5 +1,5 @@
-//! What it costs a scan to be looked at: a thousand items of four bytes, copied into the window of a link at each cycle
-//! control point, beside a bare copy of the same ranges in the same run.
+//! What link access costs a scan: a thousand items of four bytes, copied into the window of a link at each cycle
+//! control point, compared with a plain copy of the same ranges in the same run.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -18,17 +18,17 @@ use crate::sim::facts::Bare;
 /// Items, and bytes of each.
 const ITEMS: usize = 1000;
 const BYTES: usize = 4;
-/// Bytes of the data block they lie in.
+/// Bytes of their data block.
 const BLOCK: usize = 64_000;
 /// Scans of one measurement.
 const SCANS: usize = 20_000;
-/// Readers beside it.
+/// Concurrent readers.
 const READERS: usize = 32;
 
-/// The figures: items that lie together, items in a cache line each, and these while 32 readers look.
+/// The figures: contiguous items, items in a cache line each, and the latter with 32 concurrent readers.
 ///
 /// # Errors
-/// When the CPU cannot be built, or nothing can be read.
+/// If the CPU cannot be built, or nothing can be read.
 pub fn figures() -> Result<Vec<Figure>, Failure> {
     Ok(vec![
         measure("1,000 items of 4 bytes, together", BYTES, 0)?,

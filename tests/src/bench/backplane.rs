@@ -1,4 +1,5 @@
-//! The back plane alone: sixteen bytes there and back between two spinning processes, beside one word there and back.
+//! The back plane alone: a round trip of sixteen bytes between two spinning processes, compared with a round trip of
+//! one word.
 
 use std::path::Path;
 use std::time::Instant;
@@ -11,10 +12,10 @@ use super::{Figure, in_turns};
 const ROUND_TRIPS: u64 = 20_000;
 const ROUNDS: usize = 31;
 
-/// The peer's side of the registers: what it reads it writes back.
+/// The peer's side of the registers: writes back what it reads.
 ///
 /// # Errors
-/// When the segment cannot be attached to.
+/// If the segment cannot be attached.
 pub fn answer_registers(path: &Path) -> Result<(), Failure> {
     let mut side = CpSide::attach(&Segment::open(path)?)?;
     let mut registers = [0u8; 16];
@@ -31,7 +32,7 @@ pub fn answer_registers(path: &Path) -> Result<(), Failure> {
 /// The peer's side of the word.
 ///
 /// # Errors
-/// When the segment cannot be opened.
+/// If the segment cannot be opened.
 pub fn answer_word(path: &Path) -> Result<(), Failure> {
     let segment = Segment::open(path)?;
     let words = Words::of(&segment)?;
@@ -44,7 +45,7 @@ pub fn answer_word(path: &Path) -> Result<(), Failure> {
 /// Runs the measurement.
 ///
 /// # Errors
-/// When a segment or a process cannot be made.
+/// If a segment or a process cannot be created.
 pub fn measure() -> Result<Figure, Failure> {
     let registers = Segment::create_shared()?;
     let mut cpu = CpuSide::create(&registers, 16)?;
@@ -82,7 +83,7 @@ pub fn measure() -> Result<Figure, Failure> {
     })
 }
 
-/// One round: a fresh peer, one round trip until it is up, then many.
+/// One round: a new peer, one round trip until it is running, then many.
 fn timed(segment: &Segment, role: &str, mut round_trip: impl FnMut()) -> Result<f64, Failure> {
     let _peer = Peer::start(role, segment)?;
     round_trip();

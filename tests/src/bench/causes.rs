@@ -1,7 +1,7 @@
-//! How many late scans have their cause on a machine that is too busy: a station without any right of its own, beside
-//! four threads that compute and one that writes and flushes.
+//! For how many late scans a cause is found on an overloaded machine: a station without real-time rights, with four
+//! computing threads and one that writes and flushes.
 //!
-//! The stations are run by `ob1 soak`, which makes the load and keeps the accounts; here their ledger is read.
+//! `ob1 soak` runs the stations, creates the load and records the causes; this module reads the result.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -12,23 +12,23 @@ use ob1_station::timing::snapshot::LateReport;
 
 use super::peer::Failure;
 
-/// Each station runs so long, if nothing else is said.
+/// Default run time of each station.
 pub const SECONDS: u64 = 60;
-/// What the machine is put under.
+/// The load on the machine.
 const LOAD: &str = "cpu=4,io=1";
-/// Share of the late scans that must have their cause.
+/// Share of the late scans that must have a cause.
 const AIM: f64 = 0.95;
-/// Fewer late scans than that say nothing about a share.
+/// With fewer late scans the share has no meaning.
 const ENOUGH: u64 = 100;
 
-/// Names, intervals, and turns of the program's loop of three statements.
+/// Names, intervals, and iterations of the program's loop of three statements.
 const STATIONS: [(&str, &str, u32); 3] =
     [("short", "1ms", 200), ("usual", "10ms", 200), ("long-program", "10ms", 60_000)];
 
-/// Runs all stations and prints what made their scans late; true when enough of it is known everywhere.
+/// Runs all stations and prints why their scans were late; true if enough causes are known for all.
 ///
 /// # Errors
-/// When a station cannot be run, or was hardly ever late.
+/// If a station cannot be run, or had too few late scans.
 pub fn measure(ob1: &Path, seconds: u64) -> Result<bool, Failure> {
     println!(
         "late scans by cause: {seconds} s each, default posture, under {LOAD}; aim: {:.0} % explained",
@@ -66,7 +66,7 @@ pub fn measure(ob1: &Path, seconds: u64) -> Result<bool, Failure> {
     Ok(met)
 }
 
-/// Of the late scans. Those that came too fast to be looked at have no cause.
+/// The share of late scans with a cause. Those too fast one after the other to be examined have none.
 fn explained(late: &LateReport) -> f64 {
     let told: u64 = late.classes.values().map(|total| total.scans).sum();
     let unexplained = late.classes.get(&Class::Unexplained).map_or(0, |total| total.scans);

@@ -1,5 +1,5 @@
-//! How long the front end takes for a large program: mixed statements, symbols, calls, structures; and that it takes
-//! time in proportion to the length.
+//! The compile time of the front end for a large program: mixed statements, symbols, calls, structures; and whether it
+//! is proportional to the length.
 
 use std::fmt::Write as _;
 use std::time::Instant;
@@ -11,12 +11,12 @@ use ob1_stl::{Library, Options, Source};
 use super::peer::Failure;
 use super::{Figure, median};
 
-/// Statements of the programs measured; the figure is that of the second.
+/// Statements of the measured programs; the figure is from the second.
 const SIZES: [usize; 3] = [50_000, 100_000, 200_000];
 const ROUNDS: usize = 5;
 /// Seconds for 100,000 statements.
 const AIM_S: f64 = 2.0;
-/// Twice the statements may take this many times as long; caches and allocation make it a little more than 2.
+/// Limit of the time ratio for twice the statements; caches and allocation make it a little more than 2.
 const LINEAR: f64 = 2.6;
 /// Statements of one generated function.
 const BODY: usize = 50;
@@ -24,7 +24,7 @@ const BODY: usize = 50;
 /// Compiles the programs; milliseconds of each.
 ///
 /// # Errors
-/// The generated program is refused.
+/// If the generated program is refused.
 pub fn measure() -> Result<[Figure; 2], Failure> {
     let mut times = [0.0; SIZES.len()];
     for (time, statements) in times.iter_mut().zip(SIZES) {
@@ -85,7 +85,7 @@ pub(super) fn program(statements: usize) -> (String, Vec<Symbol>) {
     let mut symbols = Vec::new();
     for n in 0..functions {
         let number = n + 1;
-        // Inside the process images, or the first call ends in STOP.
+        // Inside the process images; otherwise the first call ends in STOP.
         let byte = n % 100;
         if n % 4 == 0 {
             symbols.push(Symbol {

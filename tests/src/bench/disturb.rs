@@ -1,9 +1,9 @@
-//! Whether the scan notices who looks at it: its execution time (without the wake-up) while `ob1 top` is attached,
-//! while reports are written, and while its driver is killed ten times a minute, beside quiet times of the same run.
+//! Whether the scan is disturbed: its execution time (without the wake-up) while `ob1 top` is attached, while reports
+//! are written, and while its driver is killed ten times a minute, compared with quiet times of the same run.
 //!
-//! Rounds of five runs in changing order: quiet, quiet again, and the three disturbances. The two quiet ones of a round
-//! say how much the machine differs from itself. And whatever the program was told is done has arrived: the partner's
-//! CP, which lives, has it.
+//! Rounds of five runs in changing order: quiet, quiet again, and the three disturbances. The two quiet runs of a round
+//! show the variation of the machine itself. Also checked: every telegram reported as done has arrived at the partner's
+//! CP, which is not killed.
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -20,19 +20,19 @@ use super::wake::{Ratios, Verdict};
 
 /// SCHED_FIFO priority of the scan that is measured.
 const PRIORITY: u8 = 80;
-/// Most that a disturbed percentile may be of the quiet ones, if these do not differ by more themselves.
+/// Maximum ratio of a disturbed percentile to the quiet ones, unless these differ more among themselves.
 const LIMIT: f64 = 1.10;
-/// With less than this a comparison says nothing.
+/// Minimum rounds and seconds for a meaningful comparison.
 const ENOUGH: (usize, u64) = (9, 6);
 /// Ten times a minute.
 const KILL: Duration = Duration::from_secs(6);
-/// Between two reports, and two looks of `ob1 top`.
+/// Time between two reports, and between two updates of `ob1 top`.
 const LOOK: Duration = Duration::from_millis(500);
 const GUARD: Duration = Duration::from_secs(60);
-/// Scans after which everything that will be touched has been.
+/// Number of scans after which all memory in use has been touched.
 const SETTLED: u64 = 3000;
 
-/// What goes on beside the scan.
+/// The disturbance of the scan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Beside {
     Nothing,
@@ -49,13 +49,13 @@ const RUNS: [(Beside, &str); 5] = [
     (Beside::Report, "reports written"),
     (Beside::Kill, "driver killed 10/min"),
 ];
-/// The percentiles that are judged.
+/// The percentiles that are checked.
 const JUDGED: [(&str, f64); 2] = [("p50", 0.5), ("p99", 0.99)];
 
-/// Measures and prints; the answer is the worst verdict.
+/// Measures and prints; returns the worst verdict.
 ///
 /// # Errors
-/// When the stations cannot be run, and when a telegram was reported as done that has not arrived.
+/// If the stations cannot be run, or a telegram reported as done has not arrived.
 pub fn measure(rounds: Option<usize>, seconds: Option<u64>) -> Result<Verdict, Failure> {
     let (rounds, seconds) = (rounds.unwrap_or(ENOUGH.0), seconds.unwrap_or(ENOUGH.1));
     let enough = rounds >= ENOUGH.0 && seconds >= ENOUGH.1;
@@ -148,7 +148,7 @@ impl Site {
         Ok(timing.execution.buckets)
     }
 
-    /// The execution times of a run with this beside it.
+    /// The execution times of a run with this disturbance.
     fn run(&self, beside: Beside, time: Duration) -> Result<Vec<(u64, u64)>, Failure> {
         let every = format!("{}ms", LOOK.as_millis());
         let top = match beside {
@@ -176,7 +176,7 @@ impl Site {
         Ok(since(&after, &before))
     }
 
-    /// What a soak reads for its report, on the disk.
+    /// Writes to the disk what a soak reads for its report.
     fn report(&self) -> Result<(), Failure> {
         let status = self.ask("a", Op::Status)?;
         let timing = self.ask("a", Op::Timing { histograms: true })?;
@@ -188,14 +188,14 @@ impl Site {
     fn kill(&self) -> Result<(), Failure> {
         let status = self.ask("a", Op::Status)?.status.ok_or("no status")?;
         let pid = status.modules.iter().find_map(|m| m.driver.as_ref()).map_or(0, |driver| driver.pid);
-        // 0: the one before is not back yet.
+        // 0: the previous one has not restarted yet.
         if pid != 0 {
             Command::new("kill").arg("-KILL").arg(pid.to_string()).stderr(Stdio::null()).status()?;
         }
         Ok(())
     }
 
-    /// A's program was told "done" no more often than B's CP has received.
+    /// Checks that A's program got "done" at most as often as B's CP has received.
     fn telegrams(&self) -> Result<(), Failure> {
         let cells = self.ask("a", Op::Get { items: vec!["DB20.STARTED".into(), "DB20.DONE".into()] })?;
         let cells: Vec<u64> = cells.values.into_iter().flatten().filter_map(|cell| cell.value.as_u64()).collect();
@@ -228,7 +228,7 @@ impl Process {
         Ok(Self(command.args(args).args(file).stdin(Stdio::null()).stdout(Stdio::null()).spawn()?))
     }
 
-    /// So much time passes; the end of the process in it is a failure.
+    /// Waits; fails if the process ends during this time.
     pub(super) fn lives_for(&self, time: Duration) -> Result<(), Failure> {
         let pid = i32::try_from(self.0.id()).ok().and_then(Pid::from_raw).ok_or("no process")?;
         let end = pidfd_open(pid, PidfdFlags::empty())?;

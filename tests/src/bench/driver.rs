@@ -1,5 +1,6 @@
-//! The back plane through `ob1-cp`: the CPU side writes and rings, a sleeping driver wakes, answers, and the CPU side
-//! sees it, spinning; beside a process that waits in `poll` on a bare pipe and answers in a bare word.
+//! The back plane through `ob1-cp`: the CPU side writes and rings, a sleeping driver wakes and answers, and the CPU
+//! side spins until it sees the answer; compared with a process that waits in `poll` on a plain pipe and answers in a
+//! plain word.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -15,13 +16,13 @@ const ROUND_TRIPS: u32 = 300;
 const ROUNDS: usize = 31;
 /// Time for the other side to fall asleep before it is woken again.
 const NAP: Duration = Duration::from_micros(150);
-/// Longest wait for anything before the measurement is given up.
+/// Maximum wait before the measurement is aborted.
 const GUARD: Duration = Duration::from_secs(20);
 
 /// Runs the measurement.
 ///
 /// # Errors
-/// When `ob1-cp` is not there or does not come up.
+/// If `ob1-cp` does not exist or does not start.
 pub fn measure() -> Result<Figure, Failure> {
     let mut cp = Cp::start()?;
     let bare = Segment::create_shared()?;
@@ -36,7 +37,7 @@ pub fn measure() -> Result<Figure, Failure> {
             for trip in 0..ROUND_TRIPS {
                 cp.wait_asleep()?;
                 let start = Instant::now();
-                // A first count is answered; 0 discards it and is answered too.
+                // A first count is answered; 0 discards it and is also answered.
                 cp.round_trip(if trip % 2 == 0 { 24 } else { 0 })?;
                 total += start.elapsed();
             }
@@ -80,7 +81,7 @@ struct Cp {
     _folder: Folder,
 }
 
-/// A folder of this process for the pty's path; removed at the end.
+/// A folder of this process for the path of the pty; removed at the end.
 struct Folder(std::path::PathBuf);
 
 impl Drop for Folder {
@@ -139,7 +140,7 @@ impl Cp {
         self.wait_until(|inputs| inputs[2..4] == [0, count]).map(drop)
     }
 
-    /// The driver sleeps, and has had time to get there.
+    /// Waits until the driver sleeps.
     fn wait_asleep(&mut self) -> Result<(), Failure> {
         let start = Instant::now();
         spin_for(NAP);
@@ -172,7 +173,7 @@ impl Cp {
 
 impl Drop for Cp {
     fn drop(&mut self) {
-        // End of file on its stdin ends it, and it removes its pty; the kill is for one that does not.
+        // End of file on its stdin ends it, and it removes its pty; the kill is only for a driver that does not end.
         drop(self.process.stdin.take());
         let start = Instant::now();
         while matches!(self.process.try_wait(), Ok(None)) {

@@ -1,9 +1,10 @@
-//! The engines beside each other and beside C: `cargo xtask bench stl` shows this table first.
+//! Compares the engines with each other and with C: `cargo xtask bench stl` shows this table first.
 //!
 //! The six programs run on the reference engine, on the native engine, and as the same logic in C
-//! (`tests/native/bench`), which `cc -O2` compiles. Before a time is believed all three leave the same bit memory
-//! and data block. Times are CPU time of this process, in turns; the best round counts. The C has no cycle around its
-//! OB 1: before it is compared, the time of a cycle with an empty OB 1, measured in the same run, is taken off.
+//! (`tests/native/bench`), which `cc -O2` compiles. First a check makes sure that all three produce the same bit memory
+//! and data block. Times are CPU time of this process, measured in turns; the best round counts. The C code has no
+//! cycle around its OB 1: the time of a cycle with an empty OB 1, measured in the same run, is subtracted before the
+//! comparison.
 
 use std::path::Path;
 use std::process::Command;
@@ -17,7 +18,7 @@ use rustix::time::{ClockId, clock_gettime};
 
 use crate::awlsim::{Failure, Scratch};
 
-/// Programs, their data block, and how many times the time of the C is allowed.
+/// Programs, their data block, and the allowed multiple of the time in C.
 const PROGRAMS: [(&str, Option<u16>, f64); 6] = [
     ("bits", None, 1.5),
     ("int", None, 1.5),
@@ -26,16 +27,16 @@ const PROGRAMS: [(&str, Option<u16>, f64); 6] = [
     ("calls", Some(1), 2.0),
     ("timers", None, 1.5),
 ];
-/// OB 1 before memory is compared.
+/// Calls of OB 1 before memory is compared.
 const CALLS: u32 = 50;
-/// OB 1 in one round.
+/// Calls of OB 1 in one round.
 const ROUND: u32 = 2000;
 const ROUNDS: usize = 7;
-/// The native engine by the reference engine: each program, and the geometric mean.
+/// Speed of the native engine relative to the reference engine: for each program, and the geometric mean.
 const EACH: f64 = 3.0;
 const MEAN: f64 = 4.0;
 
-/// Time that goes on by 7 ms for each OB 1 and stands still within it.
+/// Time that advances by 7 ms for each OB 1 and is constant within it.
 struct Steps(Instant);
 
 impl Clock for Steps {
@@ -71,7 +72,7 @@ impl Bench {
         Ok(())
     }
 
-    /// Nanoseconds of one OB 1, the cycle around it included.
+    /// Nanoseconds of one OB 1 including the cycle around it.
     fn round(&mut self) -> Result<f64, Failure> {
         let from = cpu_time();
         self.run(ROUND)?;
@@ -90,14 +91,14 @@ pub(super) fn cpu_time() -> f64 {
     time.tv_sec as f64 * 1e9 + time.tv_nsec as f64
 }
 
-/// What a program in C prints.
+/// The output of a program in C.
 struct InC {
     memory: Vec<u8>,
     data: Vec<u8>,
     ns: f64,
 }
 
-/// Compiles and runs the C of a program.
+/// Compiles and runs the C version of a program.
 fn in_c(name: &str, scratch: &Scratch) -> Result<InC, Failure> {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("native/bench/{name}.c"));
     let program = scratch.path(name);
@@ -126,7 +127,7 @@ fn in_c(name: &str, scratch: &Scratch) -> Result<InC, Failure> {
     })
 }
 
-/// Nanoseconds of a cycle whose OB 1 does nothing.
+/// Nanoseconds of a cycle with an empty OB 1.
 fn empty_cycle() -> Result<f64, Failure> {
     let bytes = b"ORGANIZATION_BLOCK OB 1\nBEGIN\nBE;\nEND_ORGANIZATION_BLOCK\n".to_vec();
     let source = Source { name: "empty.awl".into(), bytes };
@@ -139,10 +140,10 @@ fn empty_cycle() -> Result<f64, Failure> {
     Ok(best)
 }
 
-/// Prints the table; true when memory is the same and every aim is met.
+/// Prints the table; true if memory is the same and every aim is met.
 ///
 /// # Errors
-/// A program does not compile or run.
+/// If a program does not compile or run.
 pub fn measure() -> Result<bool, Failure> {
     let scratch = Scratch::new("bench-engines")?;
     println!("million statements a second of CPU time, best of {ROUNDS}; memory compared first");

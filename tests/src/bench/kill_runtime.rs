@@ -1,4 +1,4 @@
-//! How long the outputs of a killed runtime stay as they were: from SIGKILL to the safe state in the image.
+//! How long the outputs keep their values after the runtime was killed: from SIGKILL to the safe state in the image.
 
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -9,18 +9,18 @@ use ob1_command::statistics::quantile;
 
 use super::peer::Failure;
 
-/// Kills that make a campaign.
+/// Kills in a campaign.
 pub const KILLS: usize = 200;
-/// Most that 99 of 100 may take.
+/// Maximum time for 99 of 100 kills.
 pub const LIMIT: Duration = Duration::from_millis(100);
-/// No wait for a station takes longer.
+/// Maximum wait for a station.
 const GUARD: Duration = Duration::from_secs(60);
 
 const TOML: &str = "[station]\nname = \"kill-runtime\"\n[cpu]\nmin_cycle = \"1ms\"\n[program]\nsources = [\"kill.awl\"]\n\
     [[module]]\ntype = \"do\"\nname = \"lamps\"\naddress = 0\nbytes = 2\n";
 const AWL: &str = "ORGANIZATION_BLOCK OB 1\nBEGIN\nNETWORK\nL W#16#A55A;\nT AW 0;\nEND_ORGANIZATION_BLOCK\n";
 
-/// What a campaign has found.
+/// The result of a campaign.
 #[derive(Clone, Debug)]
 pub struct Kills {
     /// Nanoseconds from each kill to the safe state, in rising order.
@@ -28,7 +28,7 @@ pub struct Kills {
 }
 
 impl Kills {
-    /// The time that so many of them did not exceed.
+    /// The time that this share of the kills did not exceed.
     #[must_use]
     pub fn quantile(&self, part: f64) -> Duration {
         let buckets: Vec<(u64, u64)> = self.times.iter().map(|time| (*time, 1)).collect();
@@ -41,7 +41,7 @@ impl Kills {
         self.quantile(0.99) <= LIMIT
     }
 
-    /// The line for people.
+    /// The line of output.
     #[must_use]
     pub fn line(&self) -> String {
         let ms = |time: Duration| time.as_secs_f64() * 1e3;
@@ -60,7 +60,7 @@ impl Kills {
 /// Runs stations of this `ob1` and kills each while its outputs are on.
 ///
 /// # Errors
-/// When a station cannot be run, or its outputs stay on for ever.
+/// If a station cannot be run, or its outputs stay on.
 pub fn campaign(ob1: &Path, kills: usize) -> Result<Kills, Failure> {
     let folder = std::env::temp_dir().join(format!("ob1-kill-runtime-{}", std::process::id()));
     let run = folder.join("run");
@@ -74,7 +74,7 @@ pub fn campaign(ob1: &Path, kills: usize) -> Result<Kills, Failure> {
     Ok(Kills { times })
 }
 
-/// A station; gone with its handle.
+/// A station, ended when the handle is dropped.
 struct Station(Child);
 
 impl Drop for Station {
@@ -92,7 +92,7 @@ fn one(ob1: &Path, folder: &Path, run: &Path) -> Result<u64, Failure> {
     let image = run.join("ob1/kill-runtime/io");
     let pid = station.0.id();
     let field = loop {
-        // The link of the station before may still be there.
+        // The link of the previous station may still exist.
         let ours = std::fs::read_link(&image).is_ok_and(|link| link.starts_with(format!("/proc/{pid}")));
         if ours && let Ok(field) = IoField::open(&image) {
             break field;
@@ -117,7 +117,7 @@ fn one(ob1: &Path, folder: &Path, run: &Path) -> Result<u64, Failure> {
     Ok(u64::try_from(time.as_nanos()).unwrap_or(u64::MAX))
 }
 
-/// Lets others go first, until it has taken too long.
+/// Yields to other processes, until the time limit is exceeded.
 fn patience(begun: Instant, what: &str) -> Result<(), Failure> {
     if begun.elapsed() > GUARD {
         return Err(what.into());

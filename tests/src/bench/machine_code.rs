@@ -1,5 +1,5 @@
-//! The native engine at work: how long its compiler takes for a large program and how much code that gives; what the
-//! change of the engine costs the scan; and the execution time of a scan of 10,000 statements on either engine.
+//! The native engine: compile time and code size for a large program; what the change of the engine costs the scan; and
+//! the execution time of a scan of 10,000 statements on both engines.
 
 use std::time::Instant;
 
@@ -14,30 +14,30 @@ use super::engines::cpu_time;
 use super::peer::Failure;
 use super::{Figure, compile, median};
 
-/// Statements of the programs compiled; the figures are those of the first.
+/// Statements of the compiled programs; the figures are from the first.
 const SIZES: [usize; 2] = [100_000, 500_000];
 /// Bytes of machine code a statement may take.
 const BYTES: f64 = 60.0;
-/// Rounds of the first program, in turns with bare Cranelift's.
+/// Rounds of the first program, alternating with plain Cranelift.
 const ROUNDS: usize = 3;
-/// The compiler's time by that of bare Cranelift on the same statements.
+/// Limit of the compiler's time relative to plain Cranelift with the same statements.
 const BARE: f64 = 2.0;
-/// Five times the statements may take this many times as long.
+/// Limit of the time ratio for five times the statements.
 const LINEAR: f64 = 6.0;
 /// Statements of a scan whose time is measured, and scans.
 const SCAN: usize = 10_000;
 const SCANS: usize = 20_000;
-/// The native engine's 99th percentile by the reference engine's.
+/// Ratio of the 99th percentiles of the native and the reference engine.
 const TIMES: f64 = 3.0;
 /// Changes of the engine.
 const CHANGES: usize = 1001;
 
-/// Every so many blocks one is hot: its statements are executed a thousand times as often as those of the others.
+/// One in this many blocks is hot: its statements are executed a thousand times as often as those of the others.
 const HOT: usize = 100;
-/// Time until those are optimised, by the time that all take.
+/// Time until these are optimised, relative to the time for all.
 const FIRST: f64 = 0.1;
 
-/// A CPU with a generated program of so many statements, in STOP.
+/// A CPU in STOP with a generated program of this many statements.
 fn cpu(statements: usize, factory: &dyn Factory) -> Result<Cpu, Failure> {
     let (text, symbols) = compile::program(statements);
     let options = Options { symbols, ..Options::default() };
@@ -49,7 +49,7 @@ fn cpu(statements: usize, factory: &dyn Factory) -> Result<Cpu, Failure> {
     Cpu::new(config, &output.program, Vec::new(), Vec::new(), factory).map_err(|why| format!("{why:?}").into())
 }
 
-/// That the scans measured are scans: a CPU in STOP is fast.
+/// Checks that the CPU is in RUN: a CPU in STOP is fast.
 fn running(cpu: &Cpu) -> Result<(), Failure> {
     if cpu.state() == OperatingState::Run {
         return Ok(());
@@ -62,7 +62,7 @@ fn running(cpu: &Cpu) -> Result<(), Failure> {
 /// The compiler of both tiers.
 ///
 /// # Errors
-/// The generated program is refused, or there is no code for this processor.
+/// If the generated program is refused, or there is no code generator for this processor.
 pub fn compiler() -> Result<Vec<Figure>, Failure> {
     let mut figures = Vec::new();
     let cpus = [cpu(SIZES[0], REFERENCE)?, cpu(SIZES[1], REFERENCE)?];
@@ -126,8 +126,7 @@ pub fn compiler() -> Result<Vec<Figure>, Failure> {
     Ok(figures)
 }
 
-/// The hottest blocks of a program, of which one in a hundred is hot: the time until those are optimised, beside that
-/// of `all`.
+/// A program with one hot block in a hundred: the time until the hot ones are optimised, compared with `all`.
 fn first(compiler: &Compiler, plan: &Plan, all: f64) -> Result<Figure, Failure> {
     let often = |index: usize| if index.is_multiple_of(HOT) { 1000 } else { 1 };
     let executed: Vec<u64> =
@@ -153,10 +152,10 @@ fn first(compiler: &Compiler, plan: &Plan, all: f64) -> Result<Figure, Failure> 
     })
 }
 
-/// What it costs the scan that another engine takes over.
+/// What the change of the engine costs the scan.
 ///
 /// # Errors
-/// The generated program is refused.
+/// If the generated program is refused.
 pub fn take_over() -> Result<Figure, Failure> {
     let mut cpu = cpu(1000, &AtLoad(Tier::Fast))?;
     let (mut giver, mut successors) = Giver::pair();
@@ -182,10 +181,11 @@ pub fn take_over() -> Result<Figure, Failure> {
     })
 }
 
-/// The 99th and 99.9th percentile of the execution time of a scan on the native engine, beside the reference engine's.
+/// The 99th and 99.9th percentile of the execution time of a scan on the native engine, compared with the reference
+/// engine.
 ///
 /// # Errors
-/// The generated program is refused.
+/// If the generated program is refused.
 pub fn scan() -> Result<Vec<Figure>, Failure> {
     let mut cpus = [cpu(SCAN, REFERENCE)?, cpu(SCAN, &AtLoad(Tier::Optimised))?];
     let mut times = [Vec::with_capacity(SCANS), Vec::with_capacity(SCANS)];
@@ -195,7 +195,7 @@ pub fn scan() -> Result<Vec<Figure>, Failure> {
         cpu.cycle(&mut clock);
         running(cpu)?;
     }
-    // In turns: a restless moment of the machine meets both.
+    // In turns, so that a disturbance of the machine affects both.
     for _ in 0..SCANS {
         for (cpu, times) in cpus.iter_mut().zip(&mut times) {
             let began = Instant::now();

@@ -1,4 +1,4 @@
-//! Resident memory of the demo's station A as it runs, and of its driver; and how much more of it machine code takes.
+//! Resident memory of the demo's station A and of its driver; and the additional memory for machine code.
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -8,13 +8,13 @@ use super::Figure;
 use super::peer::Failure;
 
 const GUARD: Duration = Duration::from_secs(30);
-/// Scans before the memory is looked at: everything that will be touched has been.
+/// Scans before the measurement, so that all memory in use has been touched.
 const SETTLED: u64 = 3000;
 
 /// Runs the measurement: runtime, driver, and what the native engine adds to the runtime.
 ///
 /// # Errors
-/// When the station does not come up.
+/// If the station does not start.
 pub fn measure() -> Result<[Figure; 3], Failure> {
     let binaries = std::env::var_os("OB1_BIN_DIR").ok_or("OB1_BIN_DIR is not set; run: cargo xtask bench")?;
     let reference = {
@@ -48,7 +48,7 @@ struct Station {
 }
 
 impl Station {
-    /// Station A with its memory locked, in a folder of its own, on this engine.
+    /// Starts station A with locked memory, in its own folder, on this engine.
     fn start(binaries: &Path, engine: &str) -> Result<Self, Failure> {
         let folder = std::env::temp_dir().join(format!("ob1-bench-memory-{}", std::process::id()));
         std::fs::create_dir_all(&folder)?;
@@ -80,7 +80,7 @@ impl Station {
         serde_json::from_slice(&output.stdout).ok()
     }
 
-    /// Waits until it has run for a while, on this engine.
+    /// Waits until it has run for a number of scans on this engine.
     fn settle(&self, engine: &str) -> Result<(), Failure> {
         let start = Instant::now();
         let settled = |status: serde_json::Value| {
@@ -94,13 +94,13 @@ impl Station {
         Ok(())
     }
 
-    /// The process number of its driver.
+    /// The process ID of its driver.
     fn driver(&self) -> Result<u32, Failure> {
         let own = self.process.id();
         for entry in std::fs::read_dir("/proc")? {
             let Some(pid) = entry?.file_name().to_str().and_then(|name| name.parse::<u32>().ok()) else { continue };
             let Ok(stat) = std::fs::read_to_string(format!("/proc/{pid}/stat")) else { continue };
-            // "pid (name) state parent ...": the name may hold anything but ends at the last bracket.
+            // "pid (name) state parent ...": the name may contain anything but ends at the last bracket.
             let Some((name, rest)) = stat.rsplit_once(')') else { continue };
             let parent = rest.split_whitespace().nth(1).and_then(|p| p.parse::<u32>().ok());
             if parent == Some(own) && name.ends_with("(ob1-cp") {

@@ -1,4 +1,4 @@
-//! The figures of the README: each beside a floor measured in the same run.
+//! The figures of the README, each with a lower limit (floor) measured in the same run.
 //!
 //! This machine may be shared and noisy, so a figure and its floor are measured in turns, many short rounds each, and
 //! the median of the rounds is printed with the ratio of the medians.
@@ -27,7 +27,7 @@ use std::time::{Duration, Instant};
 /// One printed line.
 #[derive(Debug)]
 pub struct Figure {
-    /// What was measured.
+    /// The measured quantity.
     pub what: Cow<'static, str>,
     /// The figure in nanoseconds (or KiB, see `unit`).
     pub value: f64,
@@ -35,7 +35,7 @@ pub struct Figure {
     pub unit: &'static str,
     /// The floor: its name and value.
     pub floor: Option<(&'static str, f64)>,
-    /// The aim, as text, and whether it was met; no text: there is none.
+    /// The aim as text, and whether it was met; empty text: no aim.
     pub aim: (&'static str, bool),
 }
 
@@ -71,14 +71,14 @@ pub fn time_per_call(at_least: Duration, mut work: impl FnMut()) -> f64 {
     }
 }
 
-/// The median; 0 of nothing.
+/// The median; 0 if there are no values.
 #[must_use]
 pub fn median(values: &mut [f64]) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// Measures two things in turns and returns the medians.
+/// Measures two things alternately and returns the medians.
 ///
 /// # Errors
 /// The first failure of either.

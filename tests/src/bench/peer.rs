@@ -1,4 +1,4 @@
-//! The other process of a measurement: this binary again, in a role.
+//! The other process of a measurement: this binary, started in another role.
 
 use std::error::Error;
 use std::io::Read as _;
@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use ob1_backplane::Segment;
 use rustix::event::{PollFd, PollFlags, poll};
 
-/// Anything that keeps a measurement from being made.
+/// Any failure of a measurement.
 pub type Failure = Box<dyn Error>;
 
 /// A process that answers at the other end of a segment. Killed when dropped.
@@ -20,7 +20,7 @@ impl Peer {
     /// Starts this binary as `--peer role` on the segment.
     ///
     /// # Errors
-    /// When the process cannot be started, or the segment is on the heap.
+    /// If the process cannot be started, or the segment is on the heap.
     pub fn start(role: &str, segment: &Segment) -> Result<Self, Failure> {
         let path = segment.path().ok_or("a peer needs a shared segment")?;
         let mut command = Command::new(std::env::current_exe()?);
@@ -35,13 +35,13 @@ impl Peer {
 
 impl Drop for Peer {
     fn drop(&mut self) {
-        // It may be gone already.
+        // It may already have ended.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
 }
 
-/// Two words of a segment, on cache lines of their own: the floor under every exchange between two processes.
+/// Two words of a segment, each on its own cache line: the lower limit for every exchange between two processes.
 #[derive(Clone, Copy, Debug)]
 pub struct Words<'a> {
     there: &'a AtomicU64,
@@ -52,23 +52,23 @@ impl<'a> Words<'a> {
     /// The words of a segment.
     ///
     /// # Errors
-    /// When it is too small.
+    /// If it is too small.
     pub fn of(segment: &'a Segment) -> Result<Self, Failure> {
         let (there, back) = segment.word(0).zip(segment.word(256)).ok_or("segment too small")?;
         Ok(Self { there, back })
     }
 
-    /// The peer's part: writes back what stands there.
+    /// The peer's part: writes back each value.
     pub fn answer(self) {
         self.back.store(self.there.load(Ordering::Acquire), Ordering::Release);
     }
 
-    /// Writes the next number there.
+    /// Writes the next number.
     pub fn call(self) {
         self.there.store(self.there.load(Ordering::Relaxed) + 1, Ordering::Release);
     }
 
-    /// Spins until it is back.
+    /// Spins until the number has come back.
     pub fn wait(self) {
         let serial = self.there.load(Ordering::Relaxed);
         while self.back.load(Ordering::Acquire) != serial {
@@ -76,18 +76,18 @@ impl<'a> Words<'a> {
         }
     }
 
-    /// There and back.
+    /// One round trip.
     pub fn round_trip(self) {
         self.call();
         self.wait();
     }
 }
 
-/// The peer's side of a bare pipe: sleeps in `poll` as a driver does, answers the word at each byte, ends at end of
+/// The peer's side of a plain pipe: sleeps in `poll` like a driver, answers in the word for each byte, ends at end of
 /// file.
 ///
 /// # Errors
-/// When the segment cannot be opened or the pipe fails.
+/// If the segment cannot be opened or the pipe fails.
 pub fn answer_pipe(path: &Path) -> Result<(), Failure> {
     let segment = Segment::open(path)?;
     let words = Words::of(&segment)?;

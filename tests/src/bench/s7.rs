@@ -1,5 +1,5 @@
-//! The S7 link beside a bare TCP echo and beside snap7's server, in one run, by a client of ours without any comfort:
-//! the time of a read of 200 bytes, reads a second with eight outstanding, and what 64 clients do to the scan.
+//! The S7 link compared with a plain TCP echo and with snap7's server, in one run, with a minimal client: the time of a
+//! read of 200 bytes, reads per second with eight outstanding, and the effect of 64 clients on the scan.
 
 use std::io::{BufRead as _, BufReader, ErrorKind, Read as _, Write as _};
 use std::net::{TcpListener, TcpStream};
@@ -21,28 +21,28 @@ use crate::s7_raw::{READ_BYTES, Raw, answer_bytes, read_job, write_job};
 const BYTES: u16 = 200;
 /// Jobs outstanding.
 const OUTSTANDING: u16 = 8;
-/// Clients beside the scan, and reads of each in a second.
+/// Clients during the scan, and reads per second of each.
 const CLIENTS: usize = 64;
 const READS: u32 = 100;
-/// The limits: of the time of a read to that of the echo, reads a second, their ratio to snap7's.
+/// The limits: ratio of the read time to the echo time, reads per second, their ratio to snap7.
 const OF_ECHO: f64 = 1.5;
 const A_SECOND: f64 = 60_000.0;
 const OF_SNAP7: f64 = 2.0;
-/// Writes that are read back.
+/// Number of writes that are read back.
 const ECHOES: u32 = 1000;
 /// SCHED_FIFO priority of the scan.
 const PRIORITY: u8 = 80;
 const GUARD: Duration = Duration::from_secs(60);
 const NAME: &str = "bench-s7";
-/// With less than this the scan's comparison says nothing.
+/// Minimum rounds and seconds for a meaningful comparison of the scan.
 const ENOUGH: (usize, u64) = (9, 6);
 
-/// How much is measured.
+/// The extent of the measurement.
 #[derive(Clone, Copy, Debug)]
 pub struct Plan {
     /// Rounds of everything.
     pub rounds: usize,
-    /// Seconds of each look at the scan.
+    /// Seconds of each measurement of the scan.
     pub seconds: u64,
 }
 
@@ -52,11 +52,11 @@ impl Default for Plan {
     }
 }
 
-/// The peer's part: a bare TCP server that answers each job's worth of bytes with an answer's worth, and tells its
-/// port on its standard output.
+/// The peer's part: a plain TCP server that answers the bytes of each job with the bytes of an answer, and prints its
+/// port on standard output.
 ///
 /// # Errors
-/// No socket can be had.
+/// If no socket is available.
 pub fn echo() -> Result<(), Failure> {
     let listener = TcpListener::bind("127.0.0.1:0")?;
     println!("{}", listener.local_addr()?.port());
@@ -76,10 +76,10 @@ pub fn echo() -> Result<(), Failure> {
     }
 }
 
-/// Measures and prints; the answer is the worst verdict.
+/// Measures and prints; returns the worst verdict.
 ///
 /// # Errors
-/// When one of the servers cannot be run, or a value comes back that is not the one written.
+/// If one of the servers cannot be run, or the value read back is not the written one.
 pub fn measure(plan: Plan) -> Result<Verdict, Failure> {
     let (mut echo, echo_port) = Server::start(Command::new(std::env::current_exe()?).args(["--peer", "echo", "-"]))?;
     let (mut snap7, snap7_port) = snap7()?;
@@ -128,13 +128,13 @@ fn figure(what: &'static str, value: f64, floor: (&'static str, f64), aim: (&'st
     Figure { what: what.into(), value: value / 1000.0, unit: "µs", floor: Some((floor.0, floor.1 / 1000.0)), aim }
 }
 
-/// Takes an answer, without allocating.
+/// Reads an answer, without allocating.
 fn take(stream: &mut TcpStream) -> std::io::Result<()> {
     let mut answer = [0; answer_bytes(BYTES as usize)];
     stream.read_exact(&mut answer)
 }
 
-/// The median time of one read after the other, in nanoseconds.
+/// The median time of single reads, in nanoseconds.
 fn time_of_a_read(stream: &mut TcpStream) -> Result<f64, Failure> {
     let job = read_job(1, 0, BYTES);
     let mut times = Vec::with_capacity(2000);
@@ -155,7 +155,7 @@ fn reads_a_second(stream: &mut TcpStream) -> Result<f64, Failure> {
     let mut answers = vec![0; answer_bytes(BYTES.into()) * usize::from(OUTSTANDING)];
     let (mut held, mut done, mut sent) = (0, 0, u32::from(OUTSTANDING));
     while done < JOBS {
-        // As many jobs go out as answers have come in.
+        // Send as many jobs as answers have arrived.
         let room = answers.get_mut(held..).ok_or("more has come than was asked for")?;
         held += match stream.read(room)? {
             0 => return Err("the server has closed the connection".into()),
@@ -173,7 +173,7 @@ fn reads_a_second(stream: &mut TcpStream) -> Result<f64, Failure> {
     Ok(f64::from(done) / from.elapsed().as_secs_f64())
 }
 
-/// A write and a read that leave together: the read sees the write.
+/// Sends a write and a read together: the read must return the written value.
 fn written_is_read(raw: &mut Raw) -> Result<(), Failure> {
     for number in 0..ECHOES {
         let value = number.wrapping_mul(0x9E37_79B9).to_be_bytes();
@@ -187,7 +187,7 @@ fn written_is_read(raw: &mut Raw) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The execution time of the scan with 64 clients beside it, and without, in turns.
+/// The execution time of the scan with and without 64 clients, alternately.
 fn beside_the_scan(site: &Site, plan: Plan) -> Result<Verdict, Failure> {
     let time = Duration::from_secs(plan.seconds);
     let mut ratios = Ratios::default();
@@ -227,12 +227,13 @@ fn beside_the_scan(site: &Site, plan: Plan) -> Result<Verdict, Failure> {
         missed[0],
         missed[1]
     );
-    // A shared machine takes the core away whatever runs on it: what the clients cost is more than both quiet looks.
+    // A shared machine interrupts the core in any case: only more missed scans than in both quiet measurements are
+    // caused by the clients.
     let because_of_it = missed[2] > missed[0] + missed[1];
     Ok(if because_of_it { verdict.max(Verdict::Inconclusive) } else { verdict })
 }
 
-/// 64 clients, each with its reads spread over the second; how many were answered.
+/// 64 clients, each with its reads spread over the second; returns the number of answers.
 fn load(site: &Site, time: Duration) -> Result<u64, Failure> {
     let mut clients = (0..CLIENTS).map(|_| Raw::open(site.port)).collect::<std::io::Result<Vec<_>>>()?;
     let job = read_job(1, 0, BYTES);
@@ -265,7 +266,7 @@ fn snap7() -> Result<(Server, u16), Failure> {
     if said.contains("\"ok\": true") { Ok((server, port)) } else { Err(format!("snap7's server: {said}").into()) }
 }
 
-/// A process that ends with its standard input.
+/// A process that ends when its standard input is closed.
 struct Server(Child);
 
 impl Server {
@@ -285,7 +286,7 @@ impl Server {
     }
 
     fn end(&mut self) {
-        // It may be gone already.
+        // It may already have ended.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
@@ -297,7 +298,7 @@ impl Drop for Server {
     }
 }
 
-/// A station with a link, and a program that does something.
+/// A station with a link and a working program.
 struct Site {
     station: super::disturb::Process,
     folder: PathBuf,

@@ -1,4 +1,4 @@
-//! What a scan costs when nothing happens, and what the idle handling blocks add to it.
+//! The time of an idle scan, and the additional time of idle handling blocks.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -17,10 +17,10 @@ use super::{Figure, in_turns, time_per_call};
 
 const ROUNDS: usize = 21;
 const ROUND: Duration = Duration::from_millis(40);
-/// FC 0 + FC 1 pairs in one OB 1: their cost is the difference to an empty one, divided by this.
+/// FC 0 + FC 1 pairs in one OB 1: the time of a pair is the difference to an empty OB 1, divided by this.
 const PAIRS: usize = 50;
 
-/// One `FC 0` and one `FC 1`, called as the manual calls them, with nothing to do.
+/// One `FC 0` and one `FC 1`, called as in the manual, with nothing to do.
 const PAIR: &str = "
 CALL FC 1 (ADR := 256, _DB := DB11, ABD := W#16#14, ANZ := MW10, EMFR := M1.0, PAFE := MB12, GEEM := MW100,
   ANZ_INT := MW102, empf_laeuft := M1.1, letzter_block := M1.2, fehl_empf := M1.3);
@@ -28,10 +28,10 @@ CALL FC 0 (ADR := 256, _DB := DB10, ABD := W#16#14, ANZ := MW14, FRG := M2.0, PA
   ANZ_INT := MW106, ende_kom := M2.1, letzter_block := M2.2, senden_laeuft := M2.3, fehler_kom := M2.4);
 ";
 
-/// The cost of an empty scan beside the two looks at the clock that no scan can do without.
+/// The time of an empty scan, compared with the two clock readings that every scan needs.
 ///
 /// # Errors
-/// When the CPU cannot be built.
+/// If the CPU cannot be built.
 pub fn empty() -> Result<Figure, Failure> {
     let mut cpu = Station::build("", None)?;
     let mut clock = ob1_rt::MonotonicClock::start();
@@ -53,10 +53,10 @@ pub fn empty() -> Result<Figure, Failure> {
     })
 }
 
-/// What the accounts add to an empty scan: with them, and without.
+/// The additional time of the accounts in an empty scan: with and without them.
 ///
 /// # Errors
-/// When the CPU cannot be built.
+/// If the CPU cannot be built.
 pub fn accounts() -> Result<Figure, Failure> {
     let mut with = Station::build("", None)?;
     let mut without = Station::build_with("", None, AccountsConfig { off: true, ..AccountsConfig::default() })?;
@@ -75,11 +75,11 @@ pub fn accounts() -> Result<Figure, Failure> {
     })
 }
 
-/// What handing a late scan over to the observer costs besides: the one look at the kernel's counters, beside that look
-/// alone.
+/// The time to pass a late scan to the observer, which includes reading the kernel's counters, compared with that
+/// reading alone.
 ///
 /// # Errors
-/// When there is no ring.
+/// If there is no ring.
 pub fn late_scan() -> Result<Figure, Failure> {
     let (mut sender, mut late) = LateSender::pair();
     let (record, own) = (ScanRecord::default(), ThreadLook::open());
@@ -106,10 +106,10 @@ pub fn late_scan() -> Result<Figure, Failure> {
     })
 }
 
-/// The cost of an idle pair of handling blocks beside a fresh look at the registers, which FC 1 cannot do without.
+/// The time of an idle pair of handling blocks, compared with a read of the registers, which FC 1 needs.
 ///
 /// # Errors
-/// When the plugin is not there or the CPU cannot be built.
+/// If the plugin does not exist or the CPU cannot be built.
 pub fn idle_pair() -> Result<Figure, Failure> {
     let plugin = std::env::var_os("OB1_PLUGIN_DIR").ok_or("OB1_PLUGIN_DIR is not set; run: cargo xtask bench")?;
     let plugin = Plugin::load(&std::path::Path::new(&plugin).join("libob1_cp240.so"))?;
@@ -137,7 +137,7 @@ pub fn idle_pair() -> Result<Figure, Failure> {
     })
 }
 
-/// A CPU in RUN with one CP at address 256, driven by hand.
+/// A CPU in RUN with one CP at address 256, cycled directly.
 struct Station {
     cpu: Cpu,
     clock: ob1_rt::MonotonicClock,
@@ -145,7 +145,7 @@ struct Station {
 }
 
 impl Station {
-    /// Without the times of plugins' blocks: the handling blocks are measured here, not the clock.
+    /// Without measuring the times of plugin blocks: this benchmark measures the handling blocks and not the clock.
     fn build(statements: &str, plugin: Option<&Arc<Plugin>>) -> Result<Self, Failure> {
         Self::build_with(statements, plugin, AccountsConfig { blocks: false, ..AccountsConfig::default() })
     }

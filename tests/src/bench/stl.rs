@@ -1,23 +1,23 @@
-//! `cargo xtask bench stl`: the speed of the engine beside awlsim, on six programs of typical statements.
+//! `cargo xtask bench stl`: the speed of the engine compared with awlsim, for six programs of typical statements.
 //!
-//! Before a time is believed, both leave the same memory: bit memory, outputs and the data block a program works on.
-//! Ours runs through the door any script has, `ob1 exec`.
+//! First a check makes sure that both produce the same memory: bit memory, outputs and the data block of the program.
+//! Our engine is run by `ob1 exec`, as in any script.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::awlsim::{Awlsim, Failure, SHOWN, STOP, Scratch, Speed};
 
-/// A program: `blocks/stl/tests/data/bench_NAME.awl`, where the golden tests of the compiler have it too.
+/// A program: `blocks/stl/tests/data/bench_NAME.awl`, which the golden tests of the compiler also use.
 struct Program {
     name: &'static str,
     what: &'static str,
-    /// What awlsim's Cython core, its fastest form, did on this kind of machine: million statements a second
+    /// Speed of awlsim's Cython core, its fastest version, on this kind of machine: million statements per second
     /// (2026-11-21, version 0.77.1, OB 1 in process without I/O).
     cython: f64,
-    /// Its data block and how many bytes of it are compared.
+    /// Its data block and the number of compared bytes.
     data: Option<(u16, usize)>,
-    /// Bytes of bit memory that show real time, which no two engines share.
+    /// Bytes of bit memory that depend on real time, so they differ between engines.
     real_time: &'static [usize],
 }
 
@@ -33,7 +33,7 @@ const PROGRAMS: [Program; 6] = [
         real_time: &[],
     },
     Program { name: "calls", what: "FC and FB with parameters", cython: 9.1, data: Some((1, 10)), real_time: &[] },
-    // MW 22 is what is left of a timer.
+    // MW 22 is the remaining time of a timer.
     Program { name: "timers", what: "SE SI SV SS SA, ZV ZR, L T, L Z", cython: 40.0, data: None, real_time: &[22, 23] },
 ];
 
@@ -41,21 +41,21 @@ const PROGRAMS: [Program; 6] = [
 const MEMORY: usize = 256;
 /// Calls of a program before its memory is compared.
 const CALLS: usize = 3;
-/// OB 1 of ours in one round: about half a second.
+/// Our calls of OB 1 in one round: about half a second.
 const SCANS: u64 = 6_000;
 const ROUNDS: usize = 5;
-/// How long awlsim runs in one round; it says nothing of its speed before the second one.
+/// Run time of awlsim in one round; it reports no speed in the first second.
 const SECONDS: u32 = 2;
-/// All statements by all CPU time, in million a second.
+/// All statements divided by all CPU time, in million per second.
 const AIM: f64 = 150.0;
-/// Attempts at the program with timers: awlsim's run in real time, and a machine that stands still for 100 ms lets one
-/// run out.
+/// Attempts at the program with timers: those of awlsim run in real time, so one may expire if the machine stops for
+/// 100 ms.
 const ATTEMPTS: usize = 5;
 
-/// Prints the table; true when the memory is the same and every aim is met.
+/// Prints the table; true if the memory is the same and every aim is met.
 ///
 /// # Errors
-/// When one of the two cannot be run.
+/// If one of the two cannot be run.
 pub fn measure() -> Result<bool, Failure> {
     let awlsim = Awlsim::find()?;
     let scratch = Scratch::new("bench-stl")?;
@@ -119,7 +119,7 @@ fn checkout(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
 }
 
-/// What `ob1 exec --stats` says of one round.
+/// The output of `ob1 exec --stats` for one round.
 #[derive(Clone, Copy, Debug)]
 struct Run {
     statements: f64,
@@ -129,7 +129,7 @@ struct Run {
 fn ob1() -> Result<Command, Failure> {
     let folder = std::env::var_os("OB1_BIN_DIR").ok_or("OB1_BIN_DIR is not set; run: cargo xtask bench stl")?;
     let mut command = Command::new(Path::new(&folder).join("ob1"));
-    // Statements take no time: a scan is exactly its minimum cycle time, whatever the machine does.
+    // Statements take no time: a scan takes exactly its minimum cycle time, independent of the machine.
     command.args([
         "exec",
         "--quiet",
@@ -160,7 +160,7 @@ fn run(source: &Path, scratch: &Scratch) -> Result<Run, Failure> {
     Ok(Run { statements: number("statements")?, cpu_seconds: number("cpu_seconds")? })
 }
 
-/// Runs the program on both until [`CALLS`] calls have been made. Some text when they differ.
+/// Runs the program on both for [`CALLS`] calls. Returns a text if they differ.
 fn compare(program: &Program, text: &str, awlsim: &Awlsim, scratch: &Scratch) -> Result<Option<String>, Failure> {
     let mut difference = None;
     for _ in 0..if program.real_time.is_empty() { 1 } else { ATTEMPTS } {
@@ -174,7 +174,7 @@ fn compare(program: &Program, text: &str, awlsim: &Awlsim, scratch: &Scratch) ->
 
 fn compare_once(program: &Program, text: &str, awlsim: &Awlsim, scratch: &Scratch) -> Result<Option<String>, Failure> {
     let (db, bytes) = program.data.unwrap_or_default();
-    // With a tenth of the turns of its loop, awlsim's timers do not run out meanwhile.
+    // With a tenth of the loop iterations awlsim's timers do not expire meanwhile.
     let shorter = text.replacen("L 50;", "L 5;", 1);
     let text = if program.real_time.is_empty() { text } else { &shorter };
     let windows = (SHOWN..MEMORY).step_by(SHOWN).map(|from| Window { db: None, from, len: SHOWN });

@@ -1,7 +1,7 @@
-//! Our wake-up latency beside that of cyclictest: same interval, priority and posture, in triples (ours, cyclictest,
-//! cyclictest) of changing order, so that the spread of cyclictest against itself is known. The three of a triple run
-//! in slices, so that a restless minute of the machine meets all of them. The machine may be shared: the maximum is
-//! never judged.
+//! Our wake-up latency compared with cyclictest: same interval, priority and settings, in triples (ours, cyclictest,
+//! cyclictest) of changing order, which also shows the variation between two runs of cyclictest. The three runs of a
+//! triple are interleaved in slices, so that a disturbance of the machine affects all of them. The machine may be
+//! shared, so the maximum is not checked.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -13,18 +13,18 @@ use super::peer::Failure;
 
 /// SCHED_FIFO priority of both.
 const PRIORITY: u8 = 80;
-/// cyclictest counts no further than this, in nanoseconds; neither do we here.
+/// Upper end of the histograms in nanoseconds, for cyclictest and for our measurement.
 const LONGEST: u64 = 1_000_000;
-/// Intervals in microseconds, and whether the 99.9th percentile is judged there.
+/// Intervals in microseconds, and whether the 99.9th percentile is checked.
 const INTERVALS: [(u64, bool); 2] = [(1000, false), (250, true)];
-/// Most that our 99th and 99.9th percentile may be of cyclictest's.
+/// Maximum ratio of our 99th and 99.9th percentile to those of cyclictest.
 const LIMITS: [f64; 2] = [1.15, 1.5];
-/// With less than this a comparison says nothing.
+/// Minimum triples and seconds for a meaningful comparison.
 const ENOUGH: (usize, u64) = (9, 15);
 /// Seconds of a slice.
 const SLICE: u64 = 3;
 
-/// How much is measured.
+/// The extent of the measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plan {
     /// Triples at each interval.
@@ -39,12 +39,12 @@ impl Default for Plan {
     }
 }
 
-/// What a comparison says.
+/// The result of a comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Verdict {
     /// Within the limit.
     Passed,
-    /// Beyond the limit, and not beyond the noise; or measured too short: run longer.
+    /// Beyond the limit but within the noise, or measured too briefly: run longer.
     Inconclusive,
     /// Beyond the limit and beyond the noise.
     Failed,
@@ -73,13 +73,12 @@ fn percentile(latencies: &Latencies, share: f64) -> f64 {
     0.0
 }
 
-/// The ratios of one percentile: ours to the (geometric) mean of the two cyclictests beside it, and the two to one
-/// another.
+/// The ratios of one percentile: ours to the geometric mean of the two cyclictest runs, and these two to each other.
 #[derive(Debug, Default)]
 pub(super) struct Ratios {
     ours: Vec<f64>,
     noise: Vec<f64>,
-    /// Triples in which one of the three lies beyond what is counted: nothing can be said of those.
+    /// Triples in which one of the three is beyond the histogram: these cannot be compared.
     censored: usize,
 }
 
@@ -91,7 +90,7 @@ impl Ratios {
         self.noise.push(a.max(b) / a.min(b));
     }
 
-    /// What all of them say together.
+    /// The summary of all ratios.
     pub(super) fn figures(&self) -> Figures {
         let mut noise = self.noise.clone();
         noise.sort_by(f64::total_cmp);
@@ -106,16 +105,16 @@ impl Ratios {
 /// Ratios of one percentile.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Figures {
-    /// The median of ours to theirs.
+    /// Median of the ratio of ours to cyclictest.
     pub(super) ratio: f64,
     /// The upper end of the median's 95 % interval; infinite with less than six ratios.
     pub(super) at_most: f64,
-    /// The upper quartile of theirs to themselves.
+    /// Upper quartile of the ratio of the two cyclictest runs.
     pub(super) noise: f64,
 }
 
 impl Figures {
-    /// Judges the ratio against its limit and the noise.
+    /// Compares the ratio with its limit and the noise.
     pub(super) fn judge(self, limit: f64, enough: bool) -> Verdict {
         match () {
             () if !enough => Verdict::Inconclusive,
@@ -126,12 +125,12 @@ impl Figures {
     }
 }
 
-/// The greatest rank, counted from either end, whose value bounds the median of so many values with 97.5 %: the sign
-/// test. 0: none does.
+/// The largest rank, counted from either end, whose value bounds the median of this many values with 97.5 %: the sign
+/// test. 0: none.
 fn sign_test_rank(values: usize) -> usize {
     let (mut share, mut beyond) = (0.5_f64.powi(i32::try_from(values).unwrap_or(i32::MAX)), 0.0);
     for rank in 0..values {
-        // Of the coin's throws, exactly `rank` lie below.
+        // The probability that exactly `rank` values are below.
         beyond += share;
         if beyond > 0.025 {
             return rank;
@@ -141,10 +140,10 @@ fn sign_test_rank(values: usize) -> usize {
     0
 }
 
-/// Measures and prints; the answer is the worst verdict of what is judged.
+/// Measures and prints; returns the worst verdict.
 ///
 /// # Errors
-/// When one of the two cannot be run.
+/// If one of the two cannot be run.
 pub fn compare(plan: Plan) -> Result<Verdict, Failure> {
     let cyclictest = cyclictest()?;
     let core = std::thread::available_parallelism().map_or(0, |n| n.get() - 1);
@@ -194,7 +193,7 @@ impl Bench {
         for triple in 0..triples {
             let mut runs: [BTreeMap<u64, u64>; 3] = Default::default();
             for slice in 0..usize::try_from(self.slices)? {
-                // Ours comes first, second, third in turns.
+                // Our run is first, second and third in turn.
                 for place in 0..3 {
                     let who = (place + triple + slice) % 3;
                     let latencies = if who == 0 { self.ours(interval)? } else { self.theirs(interval)? };
@@ -227,7 +226,7 @@ impl Bench {
         Ok(verdicts)
     }
 
-    /// A station with an empty OB 1: one value a scan, from its deadline to its start.
+    /// A station with an empty OB 1: one value for each scan, from its deadline to its start.
     fn ours(&self, interval: u64) -> Result<Latencies, Failure> {
         let (station, report) = (self.folder.join("station.toml"), self.folder.join("report.json"));
         let pid = std::process::id();
@@ -252,7 +251,8 @@ impl Bench {
         Ok(buckets.iter().filter_map(pair).collect())
     }
 
-    /// cyclictest with the same posture: memory locked, timer slack of a real-time thread, `/dev/cpu_dma_latency` at 0.
+    /// cyclictest with the same settings: memory locked, timer slack of a real-time thread, `/dev/cpu_dma_latency` at
+    /// 0.
     fn theirs(&self, interval: u64) -> Result<Latencies, Failure> {
         let file = self.folder.join("histogram");
         let mut command = Command::new(&self.cyclictest);
@@ -279,7 +279,7 @@ fn ended_well(command: &mut Command) -> Result<(), Failure> {
     Err(format!("{name} ended with {}: {}", output.status, String::from_utf8_lossy(&output.stderr)).into())
 }
 
-/// Lines of value and count, and how many were beyond the last one.
+/// Parses lines of value and count.
 fn histogram(text: &str) -> Latencies {
     let mut latencies: Latencies = text
         .lines()
@@ -295,7 +295,7 @@ fn histogram(text: &str) -> Latencies {
     latencies
 }
 
-/// cyclictest, installed with the package manager where we may.
+/// cyclictest, installed with the package manager if allowed.
 fn cyclictest() -> Result<PathBuf, Failure> {
     let find = || {
         let path = std::env::var_os("PATH").unwrap_or_default();

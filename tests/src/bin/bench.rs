@@ -1,4 +1,4 @@
-//! `cargo xtask bench [NAME...]`: the figures of the README, each beside its floor.
+//! `cargo xtask bench [NAME...]`: the figures of the README, each with its floor.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -117,12 +117,12 @@ fn told(verdict: Verdict) -> Result<bool, Failure> {
     }
 }
 
-/// Neither met nor missed.
+/// The aim was neither met nor missed.
 #[derive(Debug, thiserror::Error)]
 #[error("inconclusive")]
 struct Inconclusive;
 
-/// Names, and how much of the comparison with cyclictest.
+/// The names, and the extent of the comparison with cyclictest.
 fn options<'a>(words: &[&'a str]) -> Result<(Vec<&'a str>, wake::Plan), Failure> {
     let (mut names, mut plan) = (Vec::new(), wake::Plan::default());
     let mut words = words.iter();
@@ -148,7 +148,7 @@ fn answer(role: &str, path: &Path) -> Result<(), Failure> {
     }
 }
 
-/// Prints the table; true when every aim was met.
+/// Prints the table; true if every aim was met.
 fn measure(names: &[&str]) -> Result<bool, Failure> {
     println!("medians; a figure and its floor are measured in turns in the same run");
     let mut met = true;

@@ -38,7 +38,7 @@ fn wish() -> Result<(u64, u64), Failure> {
     Ok((first, count))
 }
 
-/// How many seeds differ.
+/// The number of seeds that differ.
 fn run(first: u64, count: u64) -> Result<u64, Failure> {
     let awlsim = Awlsim::find()?;
     let scratch = Scratch::new("compare")?;

@@ -88,7 +88,7 @@ fn run(args: &Args) -> ExitCode {
                             good.fetch_add(outcome.verdict.get("good"), Ordering::Relaxed);
                             kills.fetch_add(outcome.kills, Ordering::Relaxed);
                             if args.log {
-                                // A reader that has seen enough (`| head`) is no error.
+                                // A closed pipe (`| head`) is not an error.
                                 let _ = std::io::stdout().write_all(outcome.log.as_bytes());
                             }
                             if !outcome.verdict.broken.is_empty() {

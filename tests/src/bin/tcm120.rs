@@ -11,7 +11,7 @@ use ob1_tests::tcm120::{Eeprom, Input, Output, Tcm120, script};
 use ob1_time::Instant;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
-/// A module as the manual's example has one: 80h ORed with 67h.
+/// A module as in the manual's example: 80h ORed with 67h.
 const ID_BASE: u32 = 0xFF80_0080;
 
 fn help() -> String {
@@ -50,7 +50,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// A line; the paths of devices count from here.
+/// Parses a line; paths of devices are relative to the current folder.
 fn spec(line: &str) -> Result<LineSpec, String> {
     let text = match line.split_once(':') {
         Some((kind @ ("serial" | "pty"), path)) => {
@@ -66,7 +66,7 @@ fn id_base(text: &str) -> Result<u32, String> {
     u32::from_str_radix(text, 16).map_err(|_| format!("`{text}` is no ID base: eight hexadecimal digits"))
 }
 
-/// Lines of standard input come from a thread of their own; a byte in a pipe wakes the loop.
+/// A separate thread reads lines of standard input; a byte in a pipe wakes the loop.
 fn typed() -> std::io::Result<(std::sync::mpsc::Receiver<String>, OwnedFd)> {
     let (sender, lines) = std::sync::mpsc::channel();
     let (bell, rings) = rustix::pipe::pipe()?;
@@ -96,7 +96,7 @@ fn run(spec: &LineSpec, eeprom: Eeprom) -> Result<(), Box<dyn std::error::Error>
         while let Some(event) = line.next_event(now(), &mut buffer) {
             match event {
                 LineEvent::Rx(n) => due = module.step(now(), Input::Rx(&buffer[..n]), &mut out),
-                // The cable is plugged in: the module has been on for a while.
+                // The cable is plugged in later: the module is already on.
                 LineEvent::Up(_) => println!("line up"),
                 LineEvent::Gone(why) => println!("line gone: {why}"),
                 LineEvent::Fault(_) | LineEvent::TxDone => {}

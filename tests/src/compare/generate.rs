@@ -1,12 +1,12 @@
-//! Random straight-line statements: what a snippet does between its beginning and its harvest.
+//! Random straight-line statements: the body of a snippet.
 //!
-//! They stay where both engines must agree: no operand beyond its area, no BCD number with a digit above 9, no
-//! statement that faults. What is left out because awlsim deviates from the reference is listed in
-//! `tests/compare/README.md`.
+//! Only statements for which both engines must agree: no operand beyond its area, no BCD number with a digit above 9,
+//! no statement that causes a fault. `tests/compare/README.md` lists what is omitted because awlsim deviates from the
+//! reference.
 
 use super::random::Random;
 
-/// Statements that belong together: they are kept or left out as a whole when a failure is made smaller.
+/// Statements that belong together: they are kept or removed as a whole when a failure is reduced.
 pub type Item = Vec<String>;
 
 const SCANS: [&str; 6] = ["U", "UN", "O", "ON", "X", "XN"];
@@ -53,7 +53,7 @@ pub fn items(random: &mut Random, accumulators: u8) -> Vec<Item> {
     items
 }
 
-/// Most results are kept where the statements behind do not overwrite them at once.
+/// Stores a result, mostly where the following statements do not overwrite it at once.
 fn keep(random: &mut Random, accumulators: u8) -> Item {
     let at = 200 + 4 * random.below(16);
     match random.below(8) {
@@ -64,7 +64,7 @@ fn keep(random: &mut Random, accumulators: u8) -> Item {
     }
 }
 
-/// The label of the item with this index; the one behind the last ends the snippet.
+/// The label of the item with this index; the label after the last one is the end of the snippet.
 #[must_use]
 pub fn label(index: usize) -> String {
     format!("m{index:03}")
@@ -124,7 +124,7 @@ fn scan(random: &mut Random) -> String {
     format!("{} {what}", random.of(&SCANS))
 }
 
-/// Bit logic: scans, brackets up to four deep, `O` alone, and what is done with the result.
+/// Bit logic: scans, brackets up to four levels, `O` alone, and a use of the result.
 fn chain(random: &mut Random) -> Item {
     let mut lines = Vec::new();
     scans(random, 4, &mut lines);
@@ -191,7 +191,7 @@ fn integer(random: &mut Random) -> Item {
     };
     let mut lines = then(loads(random), statement.clone());
     if matches!(statement.as_str(), "+I" | "-I" | "*I") && random.once_in(4) {
-        // Only here: behind a division by zero awlsim takes <>0 for true, though neither CC 1 nor CC 0 is 0.
+        // Only here: after a division by zero awlsim takes <>0 for true, though neither CC 1 nor CC 0 is 0.
         lines.push(format!("{} <>0", random.of(&SCANS)));
     }
     lines
@@ -205,8 +205,7 @@ fn double_integer(random: &mut Random) -> Item {
     then(loads(random), statement)
 }
 
-/// A real number whose products and quotients are in range: overflow, and what is not a number, is left to our own
-/// tables.
+/// A real number whose products and quotients are in range: overflow and NaN are tested by our own tables.
 fn real_value(random: &mut Random) -> String {
     let numbers = ["0.0", "1.0", "-1.0", "0.5", "2.5", "3.5", "-2.5", "1.0e8", "-1.0e-8", "16777217.0", "12345.678"];
     let number = match random.below(3) {
@@ -221,7 +220,7 @@ fn real_value(random: &mut Random) -> String {
 fn real(random: &mut Random, accumulators: u8) -> Item {
     let mut two = vec![real_value(random)];
     if accumulators == 4 {
-        // The same in ACCU 2 to 4: awlsim's arithmetic with reals does not move ACCU 3 and 4.
+        // The same in ACCU 2 to 4: awlsim's REAL arithmetic does not move ACCU 3 and 4.
         two.extend([two[0].clone(), "ENT".to_owned(), "ENT".to_owned()]);
     }
     two.push(real_value(random));
@@ -276,7 +275,7 @@ fn convert(random: &mut Random) -> Item {
         1 => vec![format!("L DW#16#{:X}", digits(random, 7)), "BTD".to_owned()],
         2 => vec![format!("L {}", random.below(1_999) as i32 - 999), "ITB".to_owned()],
         3 => vec![format!("L L#{}", random.below(19_999_999) as i32 - 9_999_999), "DTB".to_owned()],
-        // NEGD: awlsim's rounding leaves an older OV as it is.
+        // NEGD: awlsim's rounding does not change an earlier OV.
         4 => vec![real_value(random), random.of(&["RND", "RND+", "RND-", "TRUNC"]).to_owned(), "NEGD".to_owned()],
         5 => then(loads(random), "DTR".to_owned()),
         _ => then(loads(random), random.of(&["ITD", "INVI", "INVD", "NEGI", "NEGD", "TAW", "TAD"]).to_owned()),
@@ -293,7 +292,7 @@ fn accumulator(random: &mut Random, accumulators: u8) -> String {
     }
 }
 
-/// On two accumulators without the bits that an S7-300 does not show.
+/// With two accumulators without the bits that an S7-300 does not show.
 fn load_status(accumulators: u8) -> Item {
     let mask = (accumulators != 4).then(|| "UW W#16#1F2".to_owned());
     std::iter::once("L STW".to_owned()).chain(mask).collect()
@@ -301,7 +300,8 @@ fn load_status(accumulators: u8) -> Item {
 
 fn status(random: &mut Random, accumulators: u8) -> Item {
     match random.below(6) {
-        // On two accumulators awlsim writes /ER, STA and OR too: the assignment shows the RLO and ends their meaning.
+        // With two accumulators awlsim also writes /ER, STA and OR: the assignment shows the RLO and makes them
+        // irrelevant.
         4 => {
             let end = (accumulators != 4).then(|| format!("= M {}.{}", 240 + random.below(16), random.below(8)));
             let word = format!("L W#16#{:X}", random.below(0x200) | 1);
@@ -331,7 +331,7 @@ fn address_register(random: &mut Random) -> Item {
     }
 }
 
-/// Register-indirect within and across areas, memory-indirect; the pointer is made in front of its use.
+/// Register-indirect within and across areas, memory-indirect; the pointer is created directly before its use.
 fn indirect(random: &mut Random) -> Item {
     let one = random.of(&["1", "2"]);
     let (area, name, from) = [("M", "M", 200), ("DBX", "DB", 0), ("E", "E", 64), ("A", "A", 64)][random.below(4)];
@@ -385,7 +385,7 @@ fn data_block(random: &mut Random) -> Item {
     }
 }
 
-/// A zone of the master control relay, closed again.
+/// A zone of the master control relay with its end.
 fn master_control(random: &mut Random) -> Item {
     let mut lines = vec!["MCRA".to_owned(), scan(random), "MCR(".to_owned()];
     for _ in 0..1 + random.below(3) {

@@ -1,9 +1,9 @@
-//! `cargo xtask compare`: random straight-line programs on our engine and on awlsim leave the same memory.
+//! `cargo xtask compare`: random straight-line programs must produce the same memory on our engine and on awlsim.
 //!
 //! awlsim takes long to start, so one run has many snippets ([`program::SNIPPETS`]) and compares a digest of each. A
-//! snippet whose digest differs is run alone, made as small as it still differs, and written as a regression file: an
-//! STL source with what must be in bit memory, which an ordinary test replays on our engine (`tests/compare/*.awl`).
-//! Where awlsim deviates from the published reference the reference wins: `tests/compare/README.md`.
+//! snippet whose digest differs is run alone, reduced as far as it still differs, and written as a regression file: an
+//! STL source with the expected bit memory, which a normal test replays on our engine (`tests/compare/*.awl`). Where
+//! awlsim deviates from the published reference, the reference applies: `tests/compare/README.md`.
 
 pub mod generate;
 pub mod program;
@@ -20,7 +20,7 @@ use crate::awlsim::{Awlsim, Failure, Scratch};
 use crate::sim::clock::VirtualClock;
 use program::{COMPARED, SNIPPETS, Snippet};
 
-/// What one seed gave.
+/// The result of one seed.
 #[derive(Debug)]
 pub enum Verdict {
     /// The same memory.
@@ -29,7 +29,7 @@ pub enum Verdict {
     Differs(Box<Difference>),
 }
 
-/// A snippet, as small as it still differs.
+/// The smallest snippet that still differs.
 #[derive(Debug)]
 pub struct Difference {
     /// Its number in the program of the seed.
@@ -38,14 +38,14 @@ pub struct Difference {
     pub snippet: Snippet,
     /// MB 0 to 191 of our engine.
     pub ours: Vec<u8>,
-    /// The same of awlsim.
+    /// MB 0 to 191 of awlsim.
     pub theirs: Vec<u8>,
 }
 
-/// Runs the program on our engine until it faults; MB 0 to 191.
+/// Runs the program on our engine until its fault; returns MB 0 to 191.
 ///
 /// # Errors
-/// When it does not compile or ends in any other way.
+/// If it does not compile or ends in any other way.
 pub fn run_ours(text: &str, accumulators: u8) -> Result<Vec<u8>, Failure> {
     let options = Options { mnemonics: Mnemonics::German, ..Options::default() };
     let output = ob1_stl::compile(&[Source::new("compare.awl", text.as_bytes())], &Library::new(), &options);
@@ -58,7 +58,7 @@ pub fn run_ours(text: &str, accumulators: u8) -> Result<Vec<u8>, Failure> {
     cpu.request(Command::Warm);
     let mut clock = VirtualClock(Instant::START);
     let end = cpu.cycle(&mut clock);
-    // The deliberate fault opens data block 4711; any other is one of the snippet's.
+    // The deliberate fault opens data block 4711; any other fault is caused by the snippet.
     let fault = cpu.diagnostics().find(|entry| entry.site.is_some());
     if end.state != OperatingState::Stop || fault.is_none_or(|entry| entry.data != 4711) {
         let entries: String = cpu.diagnostics().map(|entry| format!("{entry}\n")).collect();
@@ -70,7 +70,7 @@ pub fn run_ours(text: &str, accumulators: u8) -> Result<Vec<u8>, Failure> {
 /// Compares the program of a seed.
 ///
 /// # Errors
-/// When one of the two cannot run it: that is a failure of the generator or of an engine, and the text says which.
+/// If one of the two cannot run it: an error of the generator or of the engine named in the text.
 pub fn compare(seed: u64, awlsim: &Awlsim, scratch: &Scratch) -> Result<Verdict, Failure> {
     let accumulators = if seed.is_multiple_of(2) { 4 } else { 2 };
     let snippets: Vec<Snippet> = (0..SNIPPETS).map(|index| Snippet::new(seed, index, accumulators)).collect();
@@ -90,10 +90,10 @@ fn both(text: &str, accumulators: u8, awlsim: &Awlsim, scratch: &Scratch) -> Res
     Ok((ours, theirs))
 }
 
-/// Leaves out items, and then single statements, as long as what is left still differs.
+/// Removes items, and then single statements, as long as the rest still differs.
 fn minimal(snippet: &Snippet, awlsim: &Awlsim, scratch: &Scratch) -> Result<Snippet, Failure> {
     let differs = |snippet: &Snippet| {
-        // What one of the two refuses (a bracket without its end, say) is no smaller example.
+        // A snippet that one of the two refuses (for example an unclosed bracket) is not a smaller example.
         both(&program::alone(snippet), snippet.accumulators, awlsim, scratch).is_ok_and(|(ours, theirs)| ours != theirs)
     };
     let mut smallest = snippet.clone();
@@ -120,7 +120,7 @@ fn minimal(snippet: &Snippet, awlsim: &Awlsim, scratch: &Scratch) -> Result<Snip
 }
 
 impl Difference {
-    /// What is left of the snippet, and the bytes that differ.
+    /// The rest of the snippet, and the bytes that differ.
     #[must_use]
     pub fn text(&self) -> String {
         let mut text = String::new();
@@ -133,8 +133,8 @@ impl Difference {
         text
     }
 
-    /// The regression file: the source, and awlsim's bytes as what is expected. Whoever adds it puts the reference's in
-    /// their place where awlsim is wrong.
+    /// The regression file: the source, and awlsim's bytes as the expected ones. If awlsim is wrong, replace them by
+    /// those of the reference when adding the file.
     #[must_use]
     pub fn regression(&self) -> String {
         let rows = self.theirs.chunks(16).map(|row| row.iter().map(|b| format!(" {b:02X}")).collect::<String>());
@@ -143,7 +143,7 @@ impl Difference {
     }
 }
 
-/// What a byte of a lone snippet is.
+/// The meaning of a byte of a single snippet.
 fn meaning(at: usize) -> String {
     match at {
         0..64 => format!("its MB {}", at + 200),
@@ -165,7 +165,7 @@ const EXPECTED: &str = "// expected:";
 /// Replays a regression file on our engine.
 ///
 /// # Errors
-/// The bytes that differ, or why it did not run.
+/// The bytes that differ, or the reason why it did not run.
 pub fn replay(text: &str) -> Result<(), Failure> {
     let accumulators =
         text.lines().find_map(|line| line.strip_prefix(ACCUMULATORS)).map_or(Ok(2), |n| n.trim().parse())?;
@@ -186,7 +186,7 @@ pub fn replay(text: &str) -> Result<(), Failure> {
     if differences.is_empty() { Ok(()) } else { Err(differences.join("\n").into()) }
 }
 
-/// Where regression files lie.
+/// The folder of the regression files.
 #[must_use]
 pub fn regressions() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("compare")

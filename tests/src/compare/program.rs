@@ -1,5 +1,5 @@
-//! Snippets as a program: each is a function that begins from the same state, works, and leaves everything it changed
-//! in bit memory.
+//! Snippets as a program: each is a function that starts from the same state and copies everything it changed to bit
+//! memory.
 //!
 //! | bytes | |
 //! |---|---|
@@ -15,19 +15,19 @@ use super::generate::{Item, items, label};
 use super::random::Random;
 use crate::awlsim::STOP;
 
-/// Snippets of one program: their digests fill MB 0 to 191.
+/// Number of snippets in a program: their digests fill MB 0 to 191.
 pub const SNIPPETS: usize = 48;
-/// Bytes of bit memory that are compared.
+/// Number of compared bytes of bit memory.
 pub const COMPARED: usize = 192;
 
 /// One snippet.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Snippet {
-    /// What its memory holds at first.
+    /// The initial content of its memory.
     pub memory: [u32; 16],
-    /// Its statements. An item that was left out is empty: the labels keep their numbers.
+    /// Its statements. A removed item is empty, so that the labels keep their numbers.
     pub items: Vec<Item>,
-    /// Accumulators of the CPU it is for.
+    /// Number of accumulators of the CPU.
     pub accumulators: u8,
 }
 
@@ -48,8 +48,8 @@ impl Snippet {
         for index in 0..4 {
             let _ = write!(text, "L MD {};\nT LD {};\n", 200 + 4 * index, 4 * index);
         }
-        // The same accumulators, registers and status word each time: what the fill function leaves is the engines' own
-        // affair.
+        // The same accumulators, registers and status word each time: what the fill function leaves in them differs
+        // between the engines.
         text.push_str("UC FC 101;\nAUF DB 10;\nAUF DI 11;\nLAR1 P#0.0;\nLAR2 P#0.0;\nL 0;\nL 0;\n");
         text.push_str(if self.accumulators == 4 { "ENT;\nENT;\n" } else { "" });
         text.push_str("T STW;\nCLR;\n");
@@ -72,7 +72,7 @@ impl Snippet {
     }
 }
 
-/// FC 101: fills the areas from the snippet's memory, and puts the counters back.
+/// FC 101: fills the areas from the snippet's memory, and resets the counters.
 fn fill() -> String {
     let mut text = String::from("FUNCTION FC 101 : VOID\nBEGIN\nAUF DB 10;\nAUF DI 11;\n");
     for at in (0..64).step_by(4) {
@@ -82,7 +82,7 @@ fn fill() -> String {
         let _ = write!(text, "L MD {};\nT ED {};\nL MD {};\nT AD {};\n", 200 + at, 64 + at, 232 + at, 64 + at);
     }
     text.push_str("SET;\nR Z 0;\nR Z 1;\nR Z 2;\nR Z 3;\n");
-    // Each counting and setting edge begins with 0.
+    // Each edge for counting and setting starts with 0.
     text.push_str("CLR;\nZV Z 0;\nZV Z 1;\nZV Z 2;\nZV Z 3;\nZR Z 0;\nZR Z 1;\nZR Z 2;\nZR Z 3;\n");
     text.push_str("L C#0;\nCLR;\nS Z 0;\nS Z 1;\nS Z 2;\nS Z 3;\nL 0;\nT MD 296;\n");
     for at in (264..296).step_by(4) {
@@ -92,7 +92,7 @@ fn fill() -> String {
     text
 }
 
-/// FC 100: the digest of all that a snippet leaves, in MD 300.
+/// FC 100: calculates the digest of everything a snippet leaves, in MD 300.
 fn digest() -> String {
     let mut text = String::from("FUNCTION FC 100 : VOID\nBEGIN\nAUF DB 10;\nAUF DI 11;\nL 0;\nT MD 300;\n");
     let left = (200..296).step_by(4).map(|at| format!("MD {at}"));
@@ -108,7 +108,7 @@ fn digest() -> String {
 const DATA: &str = "DATA_BLOCK DB 10\nSTRUCT\n  a : ARRAY [0..15] OF DWORD;\nEND_STRUCT;\nBEGIN\nEND_DATA_BLOCK\n\n\
     DATA_BLOCK DB 11\nSTRUCT\n  a : ARRAY [0..15] OF DWORD;\nEND_STRUCT;\nBEGIN\nEND_DATA_BLOCK\n\n";
 
-/// Copies MB 64 to 191 to where awlsim shows them, and faults.
+/// Copies MB 64 to 191 to the bytes that awlsim shows, and causes the fault.
 fn show() -> String {
     let mut text = String::new();
     for at in (0..64).step_by(4) {
@@ -117,7 +117,7 @@ fn show() -> String {
     text + STOP
 }
 
-/// All of them: MD 4n is the digest of snippet n.
+/// A program with all snippets: MD 4n is the digest of snippet n.
 #[must_use]
 pub fn with_digests(snippets: &[Snippet]) -> String {
     let mut text = format!("{DATA}{}{}", fill(), digest());
@@ -129,8 +129,8 @@ pub fn with_digests(snippets: &[Snippet]) -> String {
     format!("{text}{ob1}{}END_ORGANIZATION_BLOCK\n", show())
 }
 
-/// One of them, with all it leaves in MB 0 to 191: its memory and results (96 bytes), DB 10 (32 bytes XORed on 32), DB
-/// 11 likewise, E, A.
+/// A program with one snippet, which copies its results to MB 0 to 191: its memory and results (96 bytes), DB 10 (32
+/// bytes XORed on 32), DB 11 in the same way, E, A.
 #[must_use]
 pub fn alone(snippet: &Snippet) -> String {
     let mut ob1 = String::from("ORGANIZATION_BLOCK OB 1\nBEGIN\nUC FC 1;\nAUF DB 10;\nAUF DI 11;\n");

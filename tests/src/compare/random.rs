@@ -2,7 +2,7 @@
 
 use ob1_line::sim::SplitMix64;
 
-/// A stream of them.
+/// A sequence of random numbers.
 #[derive(Clone, Debug)]
 pub struct Random(SplitMix64);
 
@@ -28,7 +28,7 @@ impl Random {
         choices[self.below(choices.len())]
     }
 
-    /// True once in `n`.
+    /// True with a probability of 1 in `n`.
     pub fn once_in(&mut self, n: usize) -> bool {
         self.below(n) == 0
     }

@@ -1,5 +1,5 @@
-//! The registers of a CP 040 on any bytes: no panic, nothing shown that the document does not know, each order ended
-//! once; and the host's machines on any inputs: nothing taken from outside of the registers.
+//! The registers of a CP 040 with any bytes: no panic, only values from the document, each order ends once; and the
+//! host's machines with any inputs: nothing is read outside the registers.
 
 use std::collections::BTreeMap;
 
@@ -20,7 +20,7 @@ const PARAMETERS: [[u8; 16]; 6] = [
     [0x0E, 0x0D, 0x13, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0],
     [0x0E, 0x1D, 0x13, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0],
 ];
-/// The slave "short" shows data, no handshake.
+/// The slave "short" shows data without a handshake.
 const SHORT: [u8; 2] = [0x0C, 0x0D];
 
 #[derive(Default)]
@@ -51,7 +51,7 @@ impl CpPort for Port {
     fn event(&mut self, _now: Instant, _event: CpEvent<'_>) {}
 }
 
-/// First byte: IO size. Second: parameters. Then commands of one byte, some with a length and so many bytes.
+/// First byte: IO size. Second: parameters. Then commands of one byte, some with a length and that many bytes.
 pub fn run(data: &[u8]) {
     let [io_size, kind, rest @ ..] = data else { return };
     let io_bytes = 8 + usize::from(*io_size) % 53;
@@ -127,7 +127,7 @@ pub fn run(data: &[u8]) {
     }
 }
 
-/// Any job of the host on any inputs.
+/// Any job of the host with any inputs.
 fn host(io_bytes: usize, data: &[u8]) {
     let Some((number, inputs)) = data.split_first_chunk::<8>() else { return };
     let number = u64::from_le_bytes(*number);

@@ -1,6 +1,6 @@
-//! EnOcean on any characters: telegrams are read whatever they are and written as they were read; the CP's machine only
-//! sends frames with a right check sum, ends each order exactly once, and hears the same however the characters are
-//! cut; so does the simulated TCM 120.
+//! EnOcean with any characters: all telegrams can be read and are written back unchanged; the CP's machine sends only
+//! frames with a correct checksum, ends each order exactly once, and its result does not depend on how the characters
+//! are divided; the same for the simulated TCM 120.
 
 use ob1_protocols::esp2::frame::{Bytes, Decoder, FRAME_BYTES, Step, TELEGRAM_BYTES, encode};
 use ob1_protocols::esp2::{Config, Esp2, Telegram, WAKE};
@@ -8,7 +8,7 @@ use ob1_protocols::{Event, Input, Instant, LineFault, LineInput, MS, Machine, Or
 
 use crate::tcm120;
 
-/// What the machine has put out.
+/// The output of the machine.
 #[derive(Default)]
 struct Partner {
     sent: Vec<Vec<u8>>,
@@ -46,19 +46,19 @@ fn is_frame(bytes: &[u8]) -> bool {
     telegram(bytes).is_some_and(|telegram| encode(&telegram) == bytes)
 }
 
-/// What happens, read off the input.
+/// An action, decoded from the input.
 #[derive(Debug)]
 enum Act<'a> {
     Characters(Vec<u8>),
     Silence(Span),
-    /// So many times: 147 orders fill the send buffer, and one more waits.
+    /// Order and number of repetitions: 147 orders fill the send buffer, and one more waits.
     Order(&'a [u8], usize),
     TxDone,
     Fault(LineFault),
     Abort,
 }
 
-/// The first byte of each act says what it is, the others are its content.
+/// The first byte of each act is its kind, the others are its content.
 fn acts(mut data: &[u8]) -> Vec<Act<'_>> {
     let mut acts = Vec::new();
     while let [code, rest @ ..] = data {
@@ -68,7 +68,7 @@ fn acts(mut data: &[u8]) -> Vec<Act<'_>> {
                 let (bytes, rest) = take(usize::from(code >> 3));
                 (Act::Characters(bytes.to_vec()), rest)
             }
-            // A frame, so that its check sum need not be guessed.
+            // A frame with a correct checksum.
             1 | 2 => {
                 let (bytes, rest) = take(TELEGRAM_BYTES);
                 let mut telegram = [0; TELEGRAM_BYTES];
@@ -129,7 +129,7 @@ fn machine(acts: &[Act<'_>], room: usize, piece: usize) -> (Vec<Vec<u8>>, Vec<Ve
     (partner.sent, partner.telegrams)
 }
 
-/// All it says by wire and by radio. It speaks in whole frames.
+/// The serial and radio output of the module, which consists of whole frames.
 fn module(acts: &[Act<'_>], piece: usize) -> tcm120::Output {
     let mut module = tcm120::Tcm120::new(tcm120::Eeprom::new(0xFF80_0080));
     let mut out = tcm120::Output::default();
@@ -148,7 +148,7 @@ fn module(acts: &[Act<'_>], piece: usize) -> tcm120::Output {
                     assert!(due != Some(at), "the module does not get past {at}");
                 }
             }
-            // The same bytes come by radio.
+            // The same bytes are received by radio.
             Act::Order(bytes, _) => {
                 let bytes = Bytes::try_from(*bytes).map(|bytes| Telegram::parse(&bytes));
                 if let Ok(Telegram::Received(radio) | Telegram::Transmit(radio)) = bytes {
@@ -168,7 +168,7 @@ fn module(acts: &[Act<'_>], piece: usize) -> tcm120::Output {
     out
 }
 
-/// Any eleven bytes are a telegram, and what is read off them is written so that it is read again.
+/// Any eleven bytes are a telegram, and writing and reading it again gives the same telegram.
 fn codec(bytes: &[u8]) {
     for window in bytes.windows(TELEGRAM_BYTES) {
         let bytes = Bytes::try_from(window).unwrap_or_default();
@@ -184,7 +184,7 @@ fn codec(bytes: &[u8]) {
     }
 }
 
-/// The first byte is the room in the receive buffer and the length of pieces; then come acts.
+/// The first byte is the room in the receive buffer and the length of pieces; then acts follow.
 pub fn run(data: &[u8]) {
     let [setup, data @ ..] = data else { return };
     codec(data);
@@ -201,7 +201,7 @@ pub fn run(data: &[u8]) {
 mod tests {
     use ob1_line::sim::SplitMix64;
 
-    /// Headers, ORG and synchronization bytes come often.
+    /// Headers, ORG and synchronization bytes are frequent.
     #[test]
     fn acts_at_random() {
         let mut rng = SplitMix64::new(11);

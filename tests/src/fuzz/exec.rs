@@ -1,16 +1,16 @@
-//! Whatever compiles runs: some thousand statements on the reference engine and on its plain form, with the same memory
-//! after each cycle.
+//! Every program that compiles can run: some thousand statements on the reference engine and on its plain form, with
+//! the same memory after each cycle.
 
 use ob1_cpu::{Attention, Clock, Command, Cpu, CpuConfig, OperatingState};
 use ob1_ir::Program;
 use ob1_stl::{Mnemonics, Options, Source, compile};
 use ob1_time::{Instant, Span};
 
-/// Statements a program may execute, about: a loop is left at a safe point.
+/// Approximate number of statements a program may execute: a loop is stopped at a safe point.
 const STATEMENTS: u64 = 5_000;
 const CYCLES: usize = 3;
 
-/// Compiles; runs what compiled.
+/// Compiles, and runs the program if this succeeds.
 pub fn run(data: &[u8]) {
     let options = Options { mnemonics: Mnemonics::Auto, ..Options::default() };
     let output = compile(&[Source::new("fuzz.awl", data)], &super::stl::LIBRARY, &options);
@@ -51,7 +51,7 @@ pub(super) fn both(program: &Program) {
     }
 }
 
-/// Virtual time, and so many statements.
+/// Virtual time, and a limited number of statements.
 struct Budget {
     now: Instant,
     left: u64,

@@ -1,5 +1,5 @@
-//! Intermediate code made of bytes: the verifier judges it, the text form prints it, and what the verifier lets through
-//! runs.
+//! Intermediate code made from bytes: the verifier checks it, the text form prints it, and code that the verifier
+//! accepts is run.
 
 use ob1_ir::{
     AccuOp, AddressRegister, BitTest, CodeBlock, Compare, Convert, DataBlock, DataKind, DbRegister, Jump, Logic,
@@ -40,7 +40,7 @@ pub fn run(data: &[u8]) {
     }
 }
 
-/// Bytes as choices; 0 when there are no more.
+/// Bytes used as choices; 0 at the end.
 struct Bytes<'d>(&'d [u8]);
 
 impl Bytes<'_> {

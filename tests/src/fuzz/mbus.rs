@@ -1,6 +1,6 @@
-//! M-Bus: frames of any characters, the master with any answers, and the records of any answer. Nothing panics, a frame
-//! that is accepted is written back to the same characters, each order ends, and its response is one of those the
-//! manual has; records lie behind one another inside the answer, and a malformed one is the last.
+//! M-Bus: frames of any characters, the master with any answers, and the records of any answer. Nothing panics, an
+//! accepted frame is written back to the same characters, each order ends, and its response is one of those in the
+//! manual; records follow one another inside the answer, and a malformed one is the last.
 
 use ob1_mbus_records::{Answer, RECORD_BYTES, Value};
 use ob1_protocols::mbus::frame::{FRAME_MAX, Frame, Progress};
@@ -46,7 +46,7 @@ impl Sink for Program {
     fn report(&mut self, _event: Event) {}
 }
 
-/// A frame that is accepted is written back to the same characters, and none of its beginnings is another one.
+/// An accepted frame is written back to the same characters, and no beginning of it is also a frame.
 fn codec(data: &[u8]) {
     let data = &data[..data.len().min(FRAME_MAX)];
     let Progress::Whole(frame, used) = Frame::decode(data) else { return };
@@ -58,9 +58,9 @@ fn codec(data: &[u8]) {
     }
 }
 
-/// The first byte is the length of the program's telegram, which follows; the rest is what the bus says: FEh is a
-/// silence, FFh a character that cannot be read, FDh a break, FCh the end of our output, and FBh in front of any of
-/// them the character itself.
+/// The first byte is the length of the program's telegram, which follows; the rest is received from the bus: FEh is a
+/// silence, FFh a character error, FDh a break, FCh the end of our output, and FBh before any of them the character
+/// itself.
 fn master(data: &[u8]) {
     let [setup, data @ ..] = data else { return };
     let (telegram, mut data) = data.split_at(data.len().min(usize::from(setup & 0x1F)));
@@ -87,14 +87,14 @@ fn master(data: &[u8]) {
             (byte, _) => machine.step(now, Input::Line(LineInput::Rx(&[*byte])), &mut program),
         };
     }
-    // Three attempts at 300 baud with the grace of an output that never reports its end: less than a minute.
+    // Three attempts at 300 baud, with the tolerance for an output that never reports its end: less than a minute.
     pass(&mut machine, &mut program, &mut now, due, 60_000 * MS);
     assert_eq!((program.ended.len(), machine.busy()), (1, false));
     assert_eq!(program.responses.len(), usize::from(program.ended[0].is_ok()), "an order, a response");
     assert!(program.sent <= 3);
 }
 
-/// Time passes, with a tick at each deadline.
+/// Advances the time, with a tick at each deadline.
 fn pass(machine: &mut MBus, program: &mut Program, now: &mut Instant, mut due: Option<Instant>, time: Span) {
     let end = *now + time;
     while let Some(at) = due.filter(|at| *at <= end) {
@@ -105,7 +105,7 @@ fn pass(machine: &mut MBus, program: &mut Program, now: &mut Instant, mut due: O
     *now = end;
 }
 
-/// The library: as the fields of an answer, and as those of a frame.
+/// Tests the library with the bytes as fields of an answer and of a frame.
 fn records(fields: &[u8]) {
     let Ok(answer) = Answer::parse(fields) else { return };
     let (mut behind, mut is_over) = (0, false);
@@ -122,7 +122,7 @@ fn records(fields: &[u8]) {
     }
 }
 
-/// All of it.
+/// Tests everything.
 pub fn run(data: &[u8]) {
     codec(data);
     master(data);
@@ -136,7 +136,7 @@ pub fn run(data: &[u8]) {
 mod tests {
     use ob1_line::sim::SplitMix64;
 
-    /// The frames of the collection as they are and as answers, each with one character at random.
+    /// The frames of the collection, as frames and as answers, each with one random character.
     #[test]
     fn frames_with_a_wrong_character() {
         let mut rng = SplitMix64::new(3);

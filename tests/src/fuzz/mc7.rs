@@ -1,5 +1,5 @@
-//! Machine code, block heads and compiled interfaces made of bytes: the verifier judges what decodes, and printing it
-//! ends with text or with a reason.
+//! Machine code, block headers and compiled interfaces made from bytes: the verifier checks everything that can be
+//! decoded, and printing it gives a text or a reason.
 
 use ob1_ir::{Defect, Program};
 use ob1_mc7::{BlockImage, CompiledInterface, MachineBlock, Segments, Written, decode, encode};
@@ -7,7 +7,7 @@ use ob1_model::{BlockId, BlockKind, DataType, Field, Interface, Param, Section};
 use ob1_stl::Mnemonics;
 use ob1_stl::print::{Listing, Printer};
 
-/// The first byte says what the others are.
+/// The first byte is the kind of the others.
 pub fn run(data: &[u8]) {
     let Some((what, rest)) = data.split_first() else { return };
     match what % 4 {
@@ -16,7 +16,7 @@ pub fn run(data: &[u8]) {
     }
 }
 
-/// A block as the CPU has it; its code is decoded with the interface it brings.
+/// A block as in the CPU; its code is decoded with its own interface.
 fn image(bytes: &[u8]) {
     let Ok((image, length)) = BlockImage::read(bytes) else {
         let _ = (CompiledInterface::read(bytes), Segments::read(bytes));
@@ -74,7 +74,7 @@ fn judge(id: BlockId, own: &Interface, code: &[u8], segments: &Segments) {
     let _ = encode(&decoded.block, &written, &known);
     let program = Program { blocks: vec![decoded.block], sources: vec!["fuzz".to_owned()], ..Program::default() };
     use Defect::{Brackets, LocalBytes, McrBrackets, ParamOverflow, ParamType, UnknownBlock};
-    // What the machine's code itself may have wrong is the verifier's to find; everything else the decoder holds.
+    // The verifier finds errors that machine code itself can contain; the decoder prevents all others.
     for finding in ob1_ir::verify(&program, &known).err().unwrap_or_default() {
         let allowed = matches!(
             finding.defect,

@@ -1,8 +1,8 @@
-//! Bodies of the fuzz targets: whatever the bytes, none of them panics.
+//! Bodies of the fuzz targets: none of them panics, for any bytes.
 //!
 //! `fuzz/` runs them under libFuzzer (`cargo xtask fuzz`); `tests/tests/fuzz_corpus.rs` replays the committed corpora
 //! in every test run. A new target is a module here, its line in [`TARGETS`], and its two lines in `fuzz/fuzz_targets`
-//! and `fuzz/Cargo.toml`; a test sees that these agree.
+//! and `fuzz/Cargo.toml`; a test checks that these agree.
 
 pub mod cp040;
 pub mod esp2;
@@ -20,7 +20,7 @@ pub mod station;
 pub mod stl;
 pub mod symbols;
 
-/// What a target is given.
+/// A fuzz target.
 pub type Target = fn(&[u8]);
 
 /// All targets by name: the name of the module, of the file in `fuzz/fuzz_targets`, and of the folder in `fuzz/corpus`.

@@ -1,5 +1,5 @@
-//! Modbus on any characters: the decoders are total, what they accept encodes to the same frame, a slave only answers
-//! what passes the check, and a master's order ends exactly once.
+//! Modbus with any characters: the decoders are total, what they accept is encoded to the same frame, a slave answers
+//! only requests that pass the check, and a master's order ends exactly once.
 
 use ob1_protocols::modbus::pdu::{self, Direction, Request};
 use ob1_protocols::modbus::{FRAME_CHARACTERS, Master, Mode, Slave, TELEGRAM_BYTES, ascii, frame, master, rtu, slave};
@@ -59,7 +59,7 @@ fn decode(data: &[u8]) {
     }
 }
 
-/// Hands the characters over in pieces; FEh is a silence, FFh a character that cannot be read.
+/// Passes the characters in pieces; FEh is a silence, FFh a character error.
 fn receive(machine: &mut dyn Machine, data: &[u8], piece: usize) -> Partner {
     let mut partner = Partner::default();
     let mut now: Instant = Instant::from_secs(1);
@@ -91,8 +91,8 @@ fn receive(machine: &mut dyn Machine, data: &[u8], piece: usize) -> Partner {
     partner
 }
 
-/// The first byte is the configuration; what follows goes to the codecs as it is, and to the machines with a right
-/// check behind it.
+/// The first byte is the configuration; the rest is passed to the codecs unchanged, and to the machines with a correct
+/// check.
 pub fn run(data: &[u8]) {
     let [setup, data @ ..] = data else { return };
     decode(data);
@@ -118,7 +118,7 @@ pub fn run(data: &[u8]) {
 mod tests {
     use ob1_line::sim::SplitMix64;
 
-    /// Telegrams that mean something come often.
+    /// Valid telegrams are frequent.
     #[test]
     fn telegrams_at_random() {
         let mut rng = SplitMix64::new(7);

@@ -1,5 +1,5 @@
-//! The CP 341's loadable driver on any source area and any reply: the decoders are total, what they accept has the
-//! length its function has, each job ends exactly once, and what is delivered passed all checks.
+//! The loadable driver of the CP 341 with any source area and any reply: the decoders are total, what they accept has
+//! the length of its function, each job ends exactly once, and delivered data have passed all checks.
 
 use ob1_protocols::modbus_master_32::job::{Function, Job};
 use ob1_protocols::modbus_master_32::reply::evaluate;
@@ -40,7 +40,7 @@ impl Owner for Cpu {
     }
 }
 
-/// Source area and reply as they are.
+/// Decodes source area and reply.
 fn decode(source: &[u8], reply: &[u8], long_registers: bool) {
     let Ok(job) = Job::of(b'X', source, long_registers) else { return };
     assert!((2..=TELEGRAM_BYTES).contains(&job.request().len()));
@@ -59,9 +59,9 @@ fn decode(source: &[u8], reply: &[u8], long_registers: bool) {
     assert_eq!(area.bytes().len(), expected);
 }
 
-/// Low bits: mode and wiring; the next byte is the length of the source area, which follows; the rest is what the line
-/// says. FFh is a character that cannot be read, FEh a silence, FDh a break, FCh the end of our output, FBh DSR and CTS
-/// change.
+/// Low bits: mode and wiring; the next byte is the length of the source area, which follows; the rest is received from
+/// the line. FFh is a character error, FEh a silence, FDh a break, FCh the end of our output, FBh a change of DSR and
+/// CTS.
 pub fn run(data: &[u8]) {
     let [setup, length, data @ ..] = data else { return };
     let (source, line) = data.split_at(data.len().min(usize::from(*length)));
@@ -78,7 +78,7 @@ pub fn run(data: &[u8]) {
     assert_eq!(whole, single, "pieces make a difference");
 }
 
-/// The numbers of requests, deliveries and ends.
+/// Returns the numbers of requests, deliveries and ends.
 fn talk(parameters: Parameters, source: &[u8], line: &[u8], piece: usize) -> (usize, usize) {
     let (mut driver, mut cpu) = (Driver::new(parameters), Cpu::default());
     let mut now: Instant = Instant::from_secs(1);
@@ -119,19 +119,19 @@ fn talk(parameters: Parameters, source: &[u8], line: &[u8], piece: usize) -> (us
     pass(&mut driver, &mut cpu, &mut now, due, 20 * SECOND);
     assert_eq!(cpu.delivered, before, "silence delivers nothing");
     if driver.busy() {
-        // The end of its output has never come.
+        // The end of its output was never reported.
         driver.step(now, Input::Order(Order::Abort), &mut cpu);
     }
     assert_eq!((cpu.ended, driver.busy()), (1, false));
     (cpu.asked, cpu.delivered)
 }
 
-/// Whether the line lets the request out at once.
+/// Whether the line sends the request at once.
 fn leaves_at_once(line: &[u8]) -> bool {
     line.first().is_some_and(|first| *first < 0xFB)
 }
 
-/// Time passes, with a tick at each deadline.
+/// Advances the time, with a tick at each deadline.
 fn pass(driver: &mut Driver, cpu: &mut Cpu, now: &mut Instant, mut due: Option<Instant>, time: Span) {
     let end = *now + time;
     while let Some(at) = due.filter(|at| *at <= end) {
@@ -148,7 +148,7 @@ mod tests {
 
     use crate::modbus_slave::{LONG_FIRST, ModbusSlave};
 
-    /// Requests of every function with the slave's reply, of which one character is replaced.
+    /// Requests of every function with the reply of the slave, in which one character is replaced.
     pub(super) fn seeds() -> Vec<(String, Vec<u8>)> {
         let long = LONG_FIRST.to_be_bytes();
         let sources: [&[u8]; 15] = [
@@ -194,7 +194,7 @@ mod tests {
         }
     }
 
-    /// The committed corpus begins with these.
+    /// The committed corpus contains these inputs.
     #[test]
     fn the_corpus_has_every_function() {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../fuzz/corpus/modbus32");

@@ -1,12 +1,12 @@
-//! Folders of STEP 7 projects: the example's with changes the bytes say, and files that are the bytes themselves.
+//! Folders of STEP 7 projects: the example with changes given by the bytes, and files that consist of the bytes.
 
 use std::sync::OnceLock;
 
 use ob1_project::{Archive, FileSource as _, Files, Project, Table, Tree, Wanted, translate};
 use ob1_stl::{Library, Mnemonics};
 
-/// Reads a changed project as the command does. The first byte chooses: an archive, a table, or changes of 4 bytes
-/// each (file, place, value) to the example's folder.
+/// Reads a changed project like the command. The first byte chooses: an archive, a table, or changes of 4 bytes each
+/// (file, place, value) to the example's folder.
 pub fn run(data: &[u8]) {
     let Some((what, rest)) = data.split_first() else { return };
     match what % 8 {
@@ -25,7 +25,7 @@ pub fn run(data: &[u8]) {
     }
 }
 
-/// The example's folder with changes.
+/// The folder of the example with changes.
 fn changed(rest: &[u8]) -> Files {
     static EXAMPLE: OnceLock<Files> = OnceLock::new();
     let mut files = EXAMPLE.get_or_init(|| crate::step7::example().files()).clone();

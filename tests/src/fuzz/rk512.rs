@@ -1,5 +1,5 @@
-//! RK 512: the decoder is total and goes there and back; the machine takes any characters, orders and answers at any
-//! time, ends each order once, and answers each question of the partner once.
+//! RK 512: the decoder is total and decoding is reversible; the machine accepts any characters, orders and answers at
+//! any time, ends each order once, and answers each request of the partner once.
 
 use crate::defaults;
 use ob1_protocols::rk512::codec::{HEADER, Telegram, parse};
@@ -55,7 +55,7 @@ impl Owner for Books {
     }
 }
 
-/// The first byte tells the procedure; then each byte is a step, some with bytes of their own.
+/// The first byte selects the procedure; then each byte is a step, some with further bytes.
 fn play(script: &[u8]) {
     let Some((&mode, mut rest)) = script.split_first() else { return };
     let line = match mode % 4 {
@@ -71,7 +71,7 @@ fn play(script: &[u8]) {
         let (bytes, after) = tail.split_at(tail.len().min(usize::from(op >> 3)));
         rest = tail;
         let input = match op & 7 {
-            // A telegram as the partner would send it.
+            // A telegram as sent by the partner.
             0 => {
                 rest = after;
                 machine.step(now, Input::Line(LineInput::Rx(&[0x02])), &mut books);

@@ -1,5 +1,5 @@
-//! A connection of S7 communication on any bytes: no panic, no answer longer than agreed, nothing asked of the CPU that
-//! the rights do not allow, bounded memory; and a programming device on any answers.
+//! A connection of S7 communication with any bytes: no panic, no answer longer than agreed, no request to the CPU
+//! beyond the rights, limited memory; and a programming device with any answers.
 
 use ob1_s7::Rights;
 use ob1_s7::client::Client;
@@ -8,15 +8,15 @@ use ob1_s7::iso::Place;
 use ob1_s7::server::{Ask, Connection, Put, Reply, Settings};
 use ob1_s7::wire::DateTime;
 
-/// What a client sends first: the call, and setup for a PDU of 240.
+/// The first bytes of a client: the call, and setup for a PDU of 240.
 const OPENING: [u8; 47] = [
     3, 0, 0, 22, 17, 0xE0, 0, 0, 0, 1, 0, 0xC0, 1, 10, 0xC1, 2, 1, 0, 0xC2, 2, 1, 2, 3, 0, 0, 25, 2, 0xF0, 0x80, 0x32,
     1, 0, 0, 0, 1, 0, 8, 0, 0, 0xF0, 0, 0, 8, 0, 8, 0, 240,
 ];
-/// More than all that waits to go out may be.
+/// Limit for all data waiting to be sent.
 const OUTPUT: usize = 256 * 1024;
 
-/// The first byte says what the connection may; of the rest each piece has its length in front.
+/// The first byte is the rights of the connection; in the rest each piece starts with its length.
 pub fn run(data: &[u8]) {
     let Some((&kind, mut rest)) = data.split_first() else { return };
     let rights = [Rights::Read, Rights::Write, Rights::Operate][usize::from(kind % 3)];
@@ -36,7 +36,7 @@ pub fn run(data: &[u8]) {
         server.tick(now);
         serve(&mut server, kind);
         assert!(server.output().len() < OUTPUT);
-        // Every other answer is left lying for a while.
+        // Every other answer is taken later.
         if len % 2 == 0 {
             server.sent(server.output().len());
         }

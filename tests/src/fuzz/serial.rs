@@ -1,5 +1,5 @@
-//! ASCII and STX/ETX on any characters: no panic, nothing longer than the room, and what is received does not depend on
-//! how the characters are handed over.
+//! ASCII and STX/ETX with any characters: no panic, nothing longer than the buffer, and the result does not depend on
+//! how the characters are divided.
 
 use crate::defaults;
 use ob1_protocols::ascii::{Criterion, Sending};
@@ -38,7 +38,7 @@ impl Sink for Partner {
     fn report(&mut self, _event: Event) {}
 }
 
-/// Hands the characters over in pieces; FEh is a silence, FFh a character that cannot be read.
+/// Passes the characters in pieces; FEh is a silence, FFh a character error.
 fn receive(machine: &mut dyn Machine, data: &[u8], piece: usize, room: usize) -> Vec<Vec<u8>> {
     let mut partner = Partner { room, ..Partner::default() };
     let mut now = Instant::START;
@@ -85,7 +85,7 @@ pub fn run(data: &[u8]) {
     cp341(*setup, [*start_1, *start_2], [*end_1, *end_2], data);
 }
 
-/// What the CP 341 has besides: end characters, fixed length, secondary signals.
+/// Additional functions of the CP 341: end characters, fixed length, secondary signals.
 fn cp341(setup: u8, [sending, length]: [u8; 2], end: [u8; 2], data: &[u8]) {
     let room = if setup & 4 == 0 { 1024 } else { 20 };
     let flow = [ascii::Flow::None, ascii::Flow::XonXoff][usize::from(setup & 1)];
@@ -119,7 +119,7 @@ fn whole_and_piecewise(config: ascii::Config, data: &[u8], room: usize) -> Vec<V
 mod tests {
     use ob1_line::sim::SplitMix64;
 
-    /// Characters that mean something come often.
+    /// Characters with a meaning are frequent.
     #[test]
     fn characters_at_random() {
         let mut rng = SplitMix64::new(7);

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-/// Parses and checks; each finding of a file that is refused can be printed.
+/// Parses and checks; each finding of a refused file can be printed.
 pub fn run(data: &[u8]) {
     let text = String::from_utf8_lossy(data);
     if let Err(findings) = ob1_station::station_file::parse(&text, "fuzz.toml", Path::new("")) {

@@ -1,22 +1,22 @@
-//! The STL front end: sources in both sets of mnemonics, and in the set that is found for them.
+//! The STL front end: sources in both sets of mnemonics, and in the detected set.
 
 use std::sync::LazyLock;
 
 use ob1_stl::{Library, Mnemonics, Options, Source, compile, render};
 
-/// Steps of work a byte of source may cost, and what any source may: the work is linear. A data block declared in a
-/// line has up to 64 KiB of start values, hence so many.
+/// Maximum steps of work for each byte of source, and a constant: the work is linear. The number is large because a
+/// data block declared in one line has up to 64 KiB of start values.
 const STEPS_PER_BYTE: u64 = 8_192;
 const STEPS: u64 = 200_000;
 
-/// Compiles; what comes out passes the verifier, and each diagnostic points into the source.
+/// Compiles; the result passes the verifier, and each diagnostic points into the source.
 pub fn run(data: &[u8]) {
     for mnemonics in [Mnemonics::German, Mnemonics::International, Mnemonics::Auto] {
         let source = Source::new("fuzz.awl", data);
         let options = Options { mnemonics, lints: true, ..Options::default() };
         let output = compile(std::slice::from_ref(&source), &LIBRARY, &options);
         let verified = ob1_ir::verify(&output.program, &|id| LIBRARY.get(id).map(|block| &block.interface));
-        // What is left of a source with errors may lack brackets.
+        // The rest of a source with errors may lack brackets.
         let unsound = |f: &ob1_ir::Finding| {
             output.is_good() || !matches!(f.defect, ob1_ir::Defect::Brackets | ob1_ir::Defect::McrBrackets)
         };
@@ -32,7 +32,7 @@ pub fn run(data: &[u8]) {
     }
 }
 
-/// The standard blocks with STEP 7's numbers, as `ob1 exec` has them; made once.
+/// The standard blocks with the numbers of STEP 7, as in `ob1 exec`; created once.
 pub(super) static LIBRARY: LazyLock<Library> = LazyLock::new(|| {
     let mut library = Library::new();
     for block in ob1_std::system_functions() {

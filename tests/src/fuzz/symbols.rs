@@ -1,8 +1,8 @@
-//! Symbol tables in their four forms, and without a form that is known.
+//! Symbol tables in their four formats, and in an unknown format.
 
 use ob1_stl::{Library, Options, Source, compile, read_symbols};
 
-/// Reads the bytes as each; the symbols are those of a program that uses one.
+/// Reads the bytes in each format, and compiles a program that uses a symbol.
 pub fn run(data: &[u8]) {
     for name in ["a.sdf", "a.asc", "a.seq", "a.dif", "a"] {
         let table = read_symbols(&Source::new(name, data));

@@ -10,37 +10,37 @@ use ob1_time::{Instant, Span};
 use super::Scenario;
 use super::tap::{self, Tap};
 
-/// Characters taken from the line at once.
+/// Maximum characters taken from the line at once.
 const BURST: usize = 64;
 
-/// A line and what its taps have seen.
+/// A line and the records of its taps.
 #[derive(Debug)]
 pub struct Cable {
-    /// What the ends are called in the station files.
+    /// Name of the line in the station files.
     pub name: String,
     line: SimLine,
     coalesce: Span,
     sent: [Tap; 2],
     arrived: [Tap; 2],
-    /// Telegrams put on the line.
+    /// Telegrams sent on the line.
     telegrams: HashSet<Vec<u8>>,
-    /// Telegrams that came out of it good by the check character, and had not gone in. A station may send such a one
-    /// on: then it is both.
+    /// Telegrams received with a correct check character that were not sent. A station may forward such a telegram:
+    /// then it is in both sets.
     damaged: HashSet<Vec<u8>>,
-    /// How often one of these has arrived at each end: once more when the acknowledgement was lost.
+    /// Number of these that arrived at each end; counted again if the acknowledgement was lost.
     undetectable: [u64; 2],
     /// The configuration of the driver at this end enables diagnostics.
     diagnostics: [bool; 2],
-    /// What the CP at this end is.
+    /// Type of the CP at each end.
     cp_types: [CpType; 2],
-    /// CP 341: what stands in its diagnostic buffer, oldest first.
+    /// CP 341: the entries in its diagnostic buffer, oldest first.
     entries: [Vec<u16>; 2],
-    /// What leaves at this end was written by a driver that is dead: its end means nothing to the next one.
+    /// The characters being sent at this end are from a dead driver: their end must not be reported to the next one.
     orphaned: [bool; 2],
 }
 
 impl Cable {
-    /// A line without settings: those of the first parameters count.
+    /// A line without settings: the first parameters determine them.
     #[must_use]
     pub fn new(name: &str, seed: u64, scenario: &Scenario, faults_until: Instant) -> Self {
         let Scenario { faults, coalesce, .. } = *scenario;
@@ -61,36 +61,36 @@ impl Cable {
         }
     }
 
-    /// When something happens on it.
+    /// Time of the next event on the line.
     #[must_use]
     pub fn next_event(&self) -> Option<Instant> {
         self.line.next_event()
     }
 
-    /// How often a telegram has arrived at this end that came out of the line other than it went in, here or on the
-    /// way to the one who sent it on, with a right check character.
+    /// Number of telegrams that arrived at this end changed but with a correct check character, changed here or before
+    /// a station forwarded them.
     #[must_use]
     pub fn undetectable(&self, end: End) -> u64 {
         self.undetectable[end as usize]
     }
 
-    /// What the CP 341 at `end` has entered in its diagnostic buffer.
+    /// The entries of the CP 341 at `end` in its diagnostic buffer.
     #[must_use]
     pub fn entries(&self, end: End) -> &[u16] {
         &self.entries[end as usize]
     }
 
-    /// The driver at `end` is dead. What it has written goes on leaving, as it does from a kernel's buffer.
+    /// The driver at `end` is dead. The characters it has written are still sent, as from a buffer of the kernel.
     pub fn orphan(&mut self, end: End, now: Instant) {
         self.orphaned[end as usize] = self.line.is_sending(end, now);
     }
 
-    /// Hands out what has happened by `now`; the inner `None` is an event that concerns nobody.
+    /// Returns the next event up to `now`; the inner `None` is an event without a receiver.
     pub fn pop<'a>(&mut self, now: Instant, buffer: &'a mut [u8; BURST]) -> Option<(End, Option<LineInput<'a>>)> {
         let (end, event) = self.line.pop(now, buffer)?;
         let input = match event {
             SimEvent::Rx(count) => {
-                // The machine counts its answer as out from this instant on, before it is told so.
+                // From this instant the machine regards its answer as sent, before this is reported to it.
                 if !self.line.is_sending(end, now) {
                     self.arrived[end as usize].answers(false);
                 }
@@ -120,7 +120,7 @@ impl Cable {
         Some((end, Some(input)))
     }
 
-    /// One end of it, as a driver sees it.
+    /// One end of it for a driver.
     pub fn end(&mut self, end: End) -> CableEnd<'_> {
         CableEnd { cable: self, end }
     }

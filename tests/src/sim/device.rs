@@ -1,5 +1,5 @@
 //! One station and a device on its line, in virtual time: the real CPU, plugin, driver pump and firmware; the device is
-//! a machine of its own.
+//! a separate machine.
 
 use std::path::Path;
 
@@ -15,12 +15,12 @@ use super::driver::Driver;
 use super::station::{Plug, SimStation};
 use super::{SECOND, Scenario};
 
-/// What a station has on its line.
+/// A device on the line of a station.
 pub trait Device {
-    /// Takes characters, none when a deadline has come; what it writes goes to `out`. The result is its next deadline.
+    /// Takes characters, or none at a deadline; writes its output to `out`. Returns its next deadline.
     fn hear(&mut self, now: Instant, bytes: &[u8], out: &mut Vec<u8>) -> Option<Instant>;
 
-    /// The line is short-circuited at the device: it hears nothing, and what the station sends comes back to it as a
+    /// The line is short-circuited at the device: it receives nothing, and characters of the station return to it as a
     /// break.
     fn is_shorted(&self) -> bool {
         false
@@ -43,10 +43,10 @@ pub struct Bench<D> {
 }
 
 impl<D: Device> Bench<D> {
-    /// The station of this file with this device.
+    /// The station in this file with this device.
     ///
     /// # Errors
-    /// What is wrong with the files, as text.
+    /// The error in the files, as text.
     pub fn build(station: &Path, device: D, seed: u64) -> Result<Self, String> {
         Self::build_on(station, device, FaultRates::NONE, seed)
     }
@@ -54,15 +54,15 @@ impl<D: Device> Bench<D> {
     /// The same on a bad line.
     ///
     /// # Errors
-    /// What is wrong with the files, as text.
+    /// The error in the files, as text.
     pub fn build_on(station: &Path, device: D, faults: FaultRates, seed: u64) -> Result<Self, String> {
         Self::build_with(station, device, faults, seed, &|_| {})
     }
 
-    /// The same; `spoil` may change what the drivers are given.
+    /// The same; `spoil` may change the configuration of the drivers.
     ///
     /// # Errors
-    /// What is wrong with the files, as text.
+    /// The error in the files, as text.
     pub fn build_with(
         station: &Path,
         device: D,
@@ -88,7 +88,7 @@ impl<D: Device> Bench<D> {
         Ok(Self { station, device, now: Instant::START, drivers, cable, due: None, log: String::new() })
     }
 
-    /// Something happens to the device now that did not come over the line; the result of `act` is its next deadline.
+    /// Acts on the device without using the line; `act` returns its next deadline.
     pub fn meanwhile(&mut self, act: impl FnOnce(&mut D, Instant, &mut Vec<u8>) -> Option<Instant>) {
         let mut out = Vec::new();
         self.due = act(&mut self.device, self.now, &mut out);
@@ -100,7 +100,7 @@ impl<D: Device> Bench<D> {
         self.until(time, |_| false);
     }
 
-    /// Runs until `done` after a scan, at most so long; whether it was done.
+    /// Runs until `done` is true after a scan, at most for `most`; returns whether it was.
     pub fn until(&mut self, most: Span, mut done: impl FnMut(&mut SimStation) -> bool) -> bool {
         let end = self.now + most;
         while self.now < end {
@@ -127,14 +127,14 @@ impl<D: Device> Bench<D> {
         false
     }
 
-    /// `kill -9` of the driver; the supervisor starts another.
+    /// `kill -9` of the driver; the supervisor starts another one.
     pub fn kill_driver(&mut self) {
         for driver in &mut self.drivers {
             driver.kill(self.now, &mut self.cable);
         }
     }
 
-    /// Something is wrong with the line, or the line is back.
+    /// The line has a fault, or works again.
     pub fn fault(&mut self, fault: LineFault) {
         self.tell(LineInput::Fault(fault));
     }
@@ -145,7 +145,7 @@ impl<D: Device> Bench<D> {
         self.cable.entries(End::A)
     }
 
-    /// What the CPU's diagnostic buffer said.
+    /// The log of the CPU's diagnostic buffer.
     #[must_use]
     pub fn log(&self) -> &str {
         &self.log

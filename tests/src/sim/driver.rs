@@ -1,5 +1,5 @@
 //! A driver without a process: the real segment (on the heap), the real supervisor machine, the real pump and firmware;
-//! only their life and death are virtual.
+//! only the start and end of the process are virtual.
 
 use ob1_backplane::{CpSide, CpuSide, Segment};
 use ob1_cp::CpPump;
@@ -11,7 +11,7 @@ use super::life::{Life, Link, Turn};
 
 /// A virtual driver.
 pub struct Driver {
-    /// Which cable it is plugged into, and which end.
+    /// The cable it is connected to, and the end.
     pub cable: usize,
     /// See `cable`.
     pub end: End,
@@ -19,17 +19,17 @@ pub struct Driver {
     monitor: ob1_backplane::Monitor,
     pump: Option<CpPump>,
     life: Life,
-    /// When the pump wants to be polled.
+    /// Next time at which the pump must be polled.
     pump_due: Instant,
     kills: u64,
     ups: u64,
 }
 
 impl Driver {
-    /// A driver for a new segment of so many register bytes, with the CPU's end of it and the link for the module.
+    /// A driver for a new segment of this many register bytes, with the CPU's end of it and the link for the module.
     ///
     /// # Errors
-    /// When the segment cannot be made.
+    /// If the segment cannot be created.
     pub fn new(
         cable: usize,
         end: End,
@@ -45,25 +45,25 @@ impl Driver {
         Ok((driver, side, link))
     }
 
-    /// When it wants to be called.
+    /// Next time at which it must be called.
     #[must_use]
     pub fn next_event(&self) -> Instant {
         self.life.next_event().min(self.pump_due)
     }
 
-    /// Driver processes that were killed so far.
+    /// Number of driver processes killed so far.
     #[must_use]
     pub fn kills(&self) -> u64 {
         self.kills
     }
 
-    /// Driver processes that have begun so far.
+    /// Number of driver processes started so far.
     #[must_use]
     pub fn ups(&self) -> u64 {
         self.ups
     }
 
-    /// The counters it keeps in the segment; they outlive it.
+    /// The counters in the segment, which survive the driver.
     #[must_use]
     pub fn counters(&self) -> ob1_backplane::Counters {
         self.monitor.counters()
@@ -88,14 +88,14 @@ impl Driver {
         }
     }
 
-    /// After a cycle of its CPU: a rung doorbell is heard a little later.
+    /// To be called after a cycle of its CPU: the driver wakes a little after the doorbell was rung.
     pub fn listen(&mut self, now: Instant) {
         if let Some(heard) = self.life.heard(now, self.pump.is_some()) {
             self.pump_due = self.pump_due.min(heard);
         }
     }
 
-    /// Something happened on its line.
+    /// Passes an event of its line.
     pub fn line_event(&mut self, now: Instant, input: ob1_firmware::LineInput<'_>, cable: &mut Cable) {
         if let Some(pump) = &mut self.pump {
             pump.awake();
@@ -104,7 +104,7 @@ impl Driver {
         }
     }
 
-    /// `kill -9`, one time in three in the middle of writing its registers. False if there is nothing to kill.
+    /// `kill -9`, one time in three while it writes its registers. False if there is nothing to kill.
     pub fn kill(&mut self, now: Instant, cable: &mut Cable) -> bool {
         if self.pump.take().is_none() {
             return false;
@@ -124,7 +124,7 @@ impl Driver {
         true
     }
 
-    /// Polls until the pump may sleep, as the process does.
+    /// Polls until the pump may sleep, like the process.
     fn poll(&mut self, now: Instant, cable: &mut Cable) {
         let Some(pump) = &mut self.pump else { return };
         pump.awake();

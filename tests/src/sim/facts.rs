@@ -1,4 +1,4 @@
-//! What a broker is told of a station that is nothing but its CPU.
+//! The information for a broker about a station that consists only of a CPU.
 
 use ob1_access::Put;
 use ob1_access::door::{BlockFact, Diagnosis, Document, State};
@@ -7,7 +7,7 @@ use ob1_cpu::DiagEntry;
 use ob1_model::BlockId;
 use ob1_time::Span;
 
-/// A station without anything but its CPU.
+/// A station with only a CPU.
 #[derive(Clone, Copy, Debug)]
 pub struct Bare;
 

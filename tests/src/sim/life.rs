@@ -1,5 +1,5 @@
-//! The life of a driver process without a process: the real supervisor machine, and what the scan sees of it. Starting,
-//! dying and being noticed take virtual time.
+//! The life cycle of a driver process without a process: the real supervisor machine, and its state for the scan.
+//! Start, end and detection take virtual time.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -12,11 +12,11 @@ use ob1_time::{Instant, Span};
 
 use super::MS;
 
-/// How often the supervisor looks at heartbeats.
+/// Interval at which the supervisor checks heartbeats.
 const LOOK: Span = Span::from_millis(20);
-/// A process takes this long to begin, at least and in addition at most.
+/// Start time of a process: minimum, and maximum addition.
 const START: (Span, Span) = (Span::from_millis(2), Span::from_millis(30));
-/// A doorbell is heard after this long, at least and in addition at most.
+/// Delay until a doorbell is noticed: minimum, and maximum addition.
 const WAKE: (Span, Span) = (Span::from_micros(5), Span::from_micros(60));
 
 /// The scan's view of a virtual driver.
@@ -55,32 +55,32 @@ impl DriverLink for Link {
     }
 }
 
-/// The life of one driver.
+/// The life cycle of one driver.
 pub struct Life {
     monitor: Monitor,
     supervisor: Supervisor,
     shared: Arc<Shared>,
     reports: rtrb::Producer<Report>,
     rng: SplitMix64,
-    /// When a process that was asked for begins to run.
+    /// Time at which a requested process starts.
     starts_at: Option<Instant>,
-    /// When the supervisor notices that the process has ended.
+    /// Time at which the supervisor notices that the process has ended.
     ended_at: Option<Instant>,
     look_at: Instant,
     last_beat: u64,
 }
 
-/// What has become of it.
+/// A change of the process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Turn {
-    /// A process begins to run.
+    /// A process starts.
     Begins,
     /// The supervisor kills it: call [`Life::died`].
     Killed,
 }
 
 impl Life {
-    /// No process yet; with the link for the module.
+    /// Creates it without a process; with the link for the module.
     #[must_use]
     pub fn new(monitor: Monitor, seed: u64) -> (Self, Link) {
         let shared = Arc::new(Shared::default());
@@ -99,13 +99,13 @@ impl Life {
         (life, Link { shared, reports: consumer })
     }
 
-    /// When [`Life::advance`] is wanted.
+    /// Next time at which [`Life::advance`] must be called.
     #[must_use]
     pub fn next_event(&self) -> Instant {
         [self.starts_at, self.ended_at, Some(self.look_at)].into_iter().flatten().min().unwrap_or(Instant::NEVER)
     }
 
-    /// What is due by `now`; each to be obeyed before it is called again, until there is none.
+    /// The next change up to `now`; perform it, then call again until there is none.
     pub fn advance(&mut self, now: Instant) -> Option<Turn> {
         if self.ended_at.take_if(|at| now >= *at).is_some() {
             self.shared.running.store(false, Ordering::Relaxed);
@@ -129,30 +129,30 @@ impl Life {
         None
     }
 
-    /// The process is dead; the supervisor is about to notice.
+    /// The process has died; the supervisor will notice it.
     pub fn died(&mut self, now: Instant) {
         self.ended_at = Some(now + self.rng.span_below(2 * MS));
     }
 
-    /// After a cycle of its CPU: when a rung doorbell is heard.
+    /// To be called after a cycle of its CPU: returns when a rung doorbell is noticed.
     pub fn heard(&mut self, now: Instant, is_alive: bool) -> Option<Instant> {
         let rung = self.shared.rung.swap(false, Ordering::Relaxed) && is_alive;
         rung.then(|| now + WAKE.0 + self.rng.span_below(WAKE.1))
     }
 
-    /// One death in three is in the middle of writing.
+    /// One death in three happens during a write.
     pub fn dies_writing(&mut self) -> bool {
         self.rng.below(3) == 0
     }
 
-    /// True: the process is to be killed.
+    /// True: the process must be killed.
     fn supervise(&mut self, now: Instant, input: Input) -> bool {
         let mut kill = false;
         let mut input = Some(input);
         while let Some(next) = input.take() {
             let step = self.supervisor.step(now, next);
             if let Some(report) = step.report {
-                // 32 reports without a scan in between: the scan stands still, and that is another test's affair.
+                // An overflow needs 32 reports without a scan in between; other tests check a stopped scan.
                 let _ = self.reports.push(report);
             }
             match step.request {

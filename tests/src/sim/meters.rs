@@ -4,8 +4,7 @@ use super::device::Device;
 use crate::meters::Bus;
 use ob1_time::{Instant, Span};
 
-/// A meter thinks so long before it answers: 11 to 330 bit times and 50 ms are permitted; this is enough for 11 bits at
-/// 300 baud.
+/// Delay before a meter answers: 11 to 330 bit times plus 50 ms are permitted; this is longer than 11 bits at 300 baud.
 const THINKS: Span = Span::from_millis(40);
 
 /// The meters on their bus.
@@ -13,14 +12,13 @@ const THINKS: Span = Span::from_millis(40);
 pub struct Meters {
     /// The meters.
     pub bus: Bus,
-    /// While it is true the bus is short-circuited: nothing gets through, and the converter reports a break at each
-    /// frame.
+    /// While true the bus is short-circuited: nothing is transmitted, and the converter reports a break for each frame.
     pub shorted: bool,
     answer: Option<(Instant, Vec<u8>)>,
 }
 
 impl Meters {
-    /// These, on a sound bus.
+    /// These meters on a bus without fault.
     #[must_use]
     pub fn new(bus: Bus) -> Self {
         Self { bus, shorted: false, answer: None }

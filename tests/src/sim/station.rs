@@ -19,22 +19,22 @@ pub struct SimStation {
     pub name: String,
     /// Its CPU.
     pub cpu: Cpu,
-    /// Places of its drivers in the simulation's list.
+    /// Indices of its drivers in the list of the simulation.
     pub drivers: Vec<usize>,
-    /// When its next cycle is due.
+    /// Time of its next cycle.
     pub due: Instant,
-    /// Number of the diagnostic entry that was logged last.
+    /// Number of the last logged diagnostic entry.
     logged: u64,
 }
 
-/// A cable's end wanted by a module: the name of the line.
+/// Finds the end of a cable for a module by the name of the line.
 pub type Plug<'a> = dyn FnMut(&str) -> Result<(usize, ob1_line::sim::End), String> + 'a;
 
 impl SimStation {
     /// Builds a station from its file; `plug` finds the cable of a line, `drivers` gets the drivers.
     ///
     /// # Errors
-    /// What is wrong with the files, as text.
+    /// The error in the files, as text.
     pub fn build(
         path: &Path,
         plug: &mut Plug<'_>,
@@ -44,10 +44,10 @@ impl SimStation {
         Self::build_with(path, plug, drivers, rng, &|_| {})
     }
 
-    /// The same; `spoil` may change what the drivers are given, so that a driver meets what no station file can say.
+    /// The same; `spoil` may change the configuration of the drivers to values that no station file can contain.
     ///
     /// # Errors
-    /// What is wrong with the files, as text.
+    /// The error in the files, as text.
     pub fn build_with(
         path: &Path,
         plug: &mut Plug<'_>,
@@ -67,13 +67,13 @@ impl SimStation {
         Ok(Self { name: station.name, cpu, drivers: own, due: Instant::START, logged: 0 })
     }
 
-    /// One cycle that begins at `now`.
+    /// One cycle, starting at `now`.
     pub fn cycle(&mut self, now: Instant, clock: &mut dyn Clock) {
         let end = self.cpu.cycle(clock);
         self.due = end.next_deadline.max(now + Span::from_nanos(1));
     }
 
-    /// What is new in the diagnostic buffer goes into the log.
+    /// Writes new entries of the diagnostic buffer to the log.
     pub fn tell(&mut self, now: Instant, log: &mut String) {
         let new = self.cpu.diagnostics().take_while(|entry| entry.number > self.logged).count();
         for back in (0..new).rev() {
@@ -91,7 +91,7 @@ impl SimStation {
         self.cpu.engine()
     }
 
-    /// A double word of a data block; 0 where there is none.
+    /// A double word of a data block; 0 if it does not exist.
     #[must_use]
     pub fn ledger(&self, db: u16, byte: usize) -> u32 {
         self.cpu.data_block(db).and_then(|bytes| ob1_model::cells::dword(bytes, byte)).unwrap_or(0)

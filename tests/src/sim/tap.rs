@@ -1,9 +1,9 @@
-//! A tap on the simulated line: which telegrams were sent, and which came out good by the check character alone.
+//! A tap on the simulated line: which telegrams were sent, and which were received with a correct check character.
 //!
-//! 3964R cannot catch everything: two bits flipped in the same column of a block, or a lost 00h, leave the check
-//! character right. So a telegram that arrives wrong is a fault of ours only when no block with a right check
-//! character came out of the line. The tap decides that with a decoder of its own, written from the manual's
-//! description of the block [S0 L1650-L1660] and independent of the machines it judges.
+//! 3964R cannot detect every error: two inverted bits in the same column of a block, or a lost 00h, do not change the
+//! check character. So a wrong telegram is our error only if no block with a correct check character came out of the
+//! line. The tap checks this with its own decoder, written from the manual's description of the block [S0 L1650-L1660]
+//! and independent of the tested machines.
 
 use ob1_time::{Instant, Span};
 
@@ -15,10 +15,10 @@ pub const DLE: u8 = 0x10;
 /// A refusal.
 pub const NAK: u8 = 0x15;
 
-/// The character delay time of the demo's stations: who is silent for longer in a block has given it up.
+/// The character delay time of the demo's stations: a longer silence in a block ends it.
 const ZVZ: Span = Span::from_millis(200);
 
-/// Reads the blocks out of a stream of characters.
+/// Decodes the blocks in a stream of characters.
 #[derive(Debug, Default)]
 pub struct Tap {
     state: State,
@@ -26,11 +26,11 @@ pub struct Tap {
     check: u8,
     spoilt: bool,
     last: Instant,
-    /// When the request came.
+    /// Time of the request.
     begun: Instant,
-    /// What the receiver has sent is still on the line, its DLE perhaps.
+    /// Characters of the receiver, perhaps its DLE, are still on the line.
     answering: bool,
-    /// The request has been repeated before it was answered.
+    /// The request was repeated before it was answered.
     asked_again: bool,
 }
 
@@ -38,10 +38,10 @@ pub struct Tap {
 enum State {
     #[default]
     Idle,
-    /// A connection is asked for, and the receiver has not said DLE yet.
+    /// A connection was requested, and the receiver has not sent DLE yet.
     Asked,
-    /// The same, and since then a refusal has gone out, perhaps for what came before the request in the same burst, or
-    /// the sender has answered a request of the receiver's own: the next STX is no repetition.
+    /// The same, and since then a refusal was sent, perhaps for characters before the request in the same burst, or the
+    /// sender has answered a request of the receiver: the next STX is not a repetition.
     AskedOnce,
     Data,
     Dle,
@@ -49,19 +49,19 @@ enum State {
 }
 
 impl Tap {
-    /// Takes a character that was complete at `now`; answers a payload whose block has a right check character.
+    /// Takes a character that was complete at `now`; returns the payload of a block with a correct check character.
     ///
-    /// An STX asks for a connection where no block is open, and the receiver's DLE opens it; an open one ends with its
-    /// check character, or by silence longer than ZVZ.
+    /// If no block is open, an STX requests a connection, and the DLE of the receiver opens the block; a block ends
+    /// with its check character, or by a silence longer than ZVZ.
     pub fn push(&mut self, now: Instant, byte: u8) -> Option<&[u8]> {
         self.hear(now);
         if byte == STX && self.state == State::Data && self.payload.is_empty() {
             if self.answering || self.begun == now {
-                // A request once more: it was sent before the DLE to the first one could be heard. [reference 5.4]
+                // A repeated request: it was sent before the DLE to the first one could be received. [reference 5.4]
                 self.asked_again = true;
                 return None;
             }
-            // Perhaps one more of these: nobody may take it for data.
+            // Perhaps another repetition, which must not be taken for data.
             self.spoilt |= self.asked_again;
         }
         if matches!(self.state, State::Data | State::Dle) {
@@ -72,7 +72,8 @@ impl Tap {
                 self.asked_again = self.state == State::Asked;
                 (self.state, self.begun) = (State::Asked, now);
             }
-            // Before the DLE nothing is data: it answers a request of the receiver's own, which it puts above this one.
+            // Before the DLE nothing is data: the character answers a request of the receiver that has priority over
+            // this one.
             (State::Asked, _) => self.state = State::AskedOnce,
             (State::Idle | State::AskedOnce, _) => {}
             (State::Data, DLE) => self.state = State::Dle,
@@ -96,7 +97,7 @@ impl Tap {
         None
     }
 
-    /// The sender puts a connection request on the line: what follows is its block, whatever became of the one before.
+    /// The sender sends a connection request: its block follows, independent of the previous one.
     pub fn request(&mut self, now: Instant) {
         self.hear(now);
         self.begun = now;
@@ -104,7 +105,7 @@ impl Tap {
         self.open();
     }
 
-    /// The receiver puts a DLE on the line: where a connection was asked for, the block begins [S0 L1650-L1660].
+    /// The receiver sends a DLE: if a connection was requested, the block begins [S0 L1650-L1660].
     pub fn accepts(&mut self) {
         if matches!(self.state, State::Asked | State::AskedOnce) {
             self.open();
@@ -117,22 +118,22 @@ impl Tap {
         (self.check, self.spoilt) = (0, false);
     }
 
-    /// A character that could not be read: what is open cannot become good.
+    /// A character error: an open block cannot become valid.
     pub fn spoil(&mut self, now: Instant) {
         self.hear(now);
         self.spoilt = true;
         if self.state == State::Check {
-            // In the place of the check character: it has ended.
+            // Instead of the check character: the block has ended.
             self.state = State::Idle;
         }
     }
 
-    /// The receiver puts something on the line, or all of it is out.
+    /// The receiver starts to send something, or has sent all of it.
     pub fn answers(&mut self, is_leaving: bool) {
         self.answering = is_leaving;
     }
 
-    /// The receiver refuses: it has no block open any more, and what comes is a request or means nothing.
+    /// The receiver refuses: no block is open any more, and only a request is valid next.
     pub fn refuses(&mut self) {
         self.state = if self.state == State::Asked { State::AskedOnce } else { State::Idle };
     }
@@ -155,7 +156,7 @@ mod tests {
         Instant::from_nanos(nanos)
     }
 
-    /// What comes good out of a line whose receiver says DLE to the first character of each block.
+    /// The valid blocks of a line whose receiver sends DLE after the first character of each block.
     fn good(blocks: &[&[u8]]) -> Vec<Vec<u8>> {
         let mut tap = Tap::default();
         blocks.iter().zip(1..).flat_map(|(block, at)| block_at(&mut tap, 1_000 * at, block)).collect()
@@ -204,8 +205,8 @@ mod tests {
         );
     }
 
-    /// A driver that was started anew refuses the rest of a block its predecessor was at, a NAK for each character;
-    /// the sender asks anew for each of them. Two of these requests read as data leave the check character as it is.
+    /// A restarted driver refuses the rest of a block of its predecessor with a NAK for each character, and the sender
+    /// repeats its request for each of them. Two of these requests, taken as data, do not change the check character.
     #[test]
     fn a_block_that_was_refused_is_over() {
         let mut tap = Tap::default();
@@ -220,8 +221,9 @@ mod tests {
         assert_eq!(good, [b"\x02\x02\x31"]);
     }
 
-    /// Both ask at once, and the receiver has the higher priority: the sender withdraws and says DLE. This DLE belongs
-    /// to the receiver's block, so it is not data; nor is what the sender answers to it.
+    /// Both send a request at the same time, and the receiver has the higher priority: the sender withdraws and sends
+    /// DLE. This DLE belongs to the receiver's block, so it is not data, and neither are the sender's answers to that
+    /// block.
     #[test]
     fn what_comes_before_the_receivers_answer_is_no_data() {
         let mut tap = Tap::default();
@@ -237,7 +239,7 @@ mod tests {
     #[test]
     fn a_request_that_is_repeated_before_the_answer_is_no_data() {
         let mut tap = Tap::default();
-        // In one go, and while the answer leaves.
+        // Together, and while the answer is being sent.
         assert!(tap.push(ns(1), STX).is_none() && tap.push(ns(1), STX).is_none());
         tap.accepts();
         tap.answers(true);
@@ -247,11 +249,11 @@ mod tests {
             bytes.iter().filter(|byte| tap.push(ns(at), **byte).is_some()).count()
         };
         assert_eq!(good(&mut tap, 3, b"\x31\x10\x03\x22"), 1);
-        // The same, and two more of them behind the answer: they leave the check character right.
+        // The same, and two more of them after the answer: they do not change the check character.
         assert_eq!(good(&mut tap, 4, b"\x02\x02"), 0);
         tap.accepts();
         assert_eq!(good(&mut tap, 5, b"\x02\x02\x31\x10\x03\x22"), 0);
-        // Asked once, they are data.
+        // After a single request they are data.
         assert_eq!(good(&mut tap, 6, b"\x02"), 0);
         tap.accepts();
         assert_eq!(good(&mut tap, 7, b"\x02\x02\x31\x10\x03\x22"), 1);

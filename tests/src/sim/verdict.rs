@@ -1,5 +1,5 @@
-//! What must hold after a run, whatever went wrong in it: read from the ledgers that the stations' own programs keep in
-//! DB 20 (`examples/two-stations/README.md`) and from the counters of the drivers.
+//! The rules that must hold after a run with any faults: checked with the ledgers in DB 20 of the stations' programs
+//! (`examples/two-stations/README.md`) and with the counters of the drivers.
 
 use std::fmt::{self, Write as _};
 
@@ -25,16 +25,16 @@ const LEDGER_A: [(usize, &str); 11] = [
 ];
 const LEDGER_DB: u16 = 20;
 
-/// Watches the ledger while the simulation runs, so that the log tells when something changed.
+/// Watches the ledger during the simulation, so that the log shows when something changed.
 #[derive(Debug, Default)]
 pub struct Watch {
     last: [u32; LEDGER_A.len()],
-    /// When the last good echo came.
+    /// Time of the last good echo.
     pub last_good: Instant,
 }
 
 impl Watch {
-    /// After each cycle of a station.
+    /// To be called after each cycle of a station.
     pub fn look(&mut self, now: Instant, station: &SimStation, log: &mut String) {
         if !is_a(station) {
             return;
@@ -57,12 +57,12 @@ fn is_a(station: &SimStation) -> bool {
     station.name.ends_with("-a")
 }
 
-/// The ledger at the end, and every rule that was broken.
+/// The ledger at the end, and every violated rule.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Verdict {
     /// Column and value.
     pub ledger: Vec<(&'static str, u64)>,
-    /// What must not be. Empty: passed.
+    /// The violated rules. Empty: passed.
     pub broken: Vec<String>,
 }
 
@@ -92,7 +92,7 @@ impl Verdict {
     }
 }
 
-/// Judges a finished run.
+/// Checks a finished run.
 #[must_use]
 pub fn judge(stations: &[SimStation], drivers: &[Driver], undetectable: u64, kills: u64, watch: &Watch) -> Verdict {
     let mut verdict = Verdict::default();
@@ -115,7 +115,7 @@ pub fn judge(stations: &[SimStation], drivers: &[Driver], undetectable: u64, kil
     verdict.must(verdict.get("pafe_send") + verdict.get("pafe_receive") == 0, || "PAFE was not 0".into());
     if kills == 0 {
         verdict.must(aborted == 0, || format!("{aborted} orders aborted although no driver was killed"));
-        // At the end one may be under way.
+        // At the end one may still be in transit.
         verdict.must(lost_in_cp <= drivers.len() as u64, || {
             format!("{lost_in_cp} orders lost in a CP that was not killed")
         });

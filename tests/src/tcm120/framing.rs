@@ -1,16 +1,16 @@
-//! How the TCM 120 takes characters for telegrams, and what it calls a syntax error. [S1 "ERR_SYNTAX"]
+//! How the TCM 120 decodes characters into telegrams, and what is a syntax error. [S1 "ERR_SYNTAX"]
 
 use ob1_protocols::esp2::Field;
 use ob1_protocols::esp2::frame::Bytes;
 
-/// What a character has brought about.
+/// The result of a character.
 pub(super) enum Step {
     More,
     Syntax(Field),
     Telegram(Bytes),
 }
 
-/// A5, 5A, then H_SEQ and LENGTH, ten bytes and the check sum, whatever they are.
+/// A5, 5A, then H_SEQ and LENGTH, ten bytes and the checksum, not checked.
 #[derive(Clone, Debug)]
 pub(super) struct Framing {
     characters: [u8; 14],

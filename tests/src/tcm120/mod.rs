@@ -1,8 +1,8 @@
-//! A TCM 120, the transceiver inside the CP 240 EnOcean: the serial side as the manuals describe it, the radio side fed
-//! by whoever owns it. [S1 "Command Telegrams and Messages"]
+//! A TCM 120, the transceiver inside the CP 240 EnOcean: the serial side as in the manuals, the radio side supplied by
+//! the caller. [S1 "Command Telegrams and Messages"]
 //!
-//! A sans-IO machine: virtual time in tests, a pty in `tcm120` (the binary). Its framing is its own, so that a mistake
-//! in that of `ob1_protocols::esp2` does not hide behind the same mistake here; the typed telegrams are shared.
+//! A sans-IO machine: virtual time in tests, a pty in `tcm120` (the binary). It has its own framing, so that an error
+//! in that of `ob1_protocols::esp2` is not hidden by the same error here; the types of the telegrams are shared.
 
 mod framing;
 pub mod script;
@@ -13,67 +13,67 @@ use ob1_time::{Instant, Span};
 
 use framing::{Framing, Step};
 
-/// A modem waits so long for its acknowledgement. [S1 "ERR_MODEM_ NOTACK"]
+/// Time a modem waits for its acknowledgement. [S1 "ERR_MODEM_ NOTACK"]
 pub const MODEM_TIME: Span = Span::from_millis(100);
 
-/// The ID base can be changed so often. [S1 "SET_IDBASE"]
+/// Maximum number of changes of the ID base. [S1 "SET_IDBASE"]
 pub const ID_BASE_CHANGES: u8 = 10;
 
-/// The lowest ID base there is; the highest is the highest ID. [S1 "SET_IDBASE"]
+/// The lowest possible ID base; the highest is the highest ID. [S1 "SET_IDBASE"]
 const ID_BASE_MIN: u32 = 0xFF80_0000;
 
 /// The 25 most significant bits are stored.
 const ID_BASE_BITS: u32 = 0xFFFF_FF80;
 
-/// What outlives power off.
+/// The data that survive power off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Eeprom {
     /// The ID base, lower 7 bits 0.
     pub id_base: u32,
-    /// Times it has been changed.
+    /// Number of changes.
     pub changes: u8,
-    /// The modem works.
+    /// The modem is on.
     pub modem_on: bool,
-    /// Its ID; 0: it has never had one.
+    /// The modem ID; 0: none was ever set.
     pub modem_id: u16,
 }
 
 impl Eeprom {
-    /// As the module leaves the factory.
+    /// The factory settings.
     #[must_use]
     pub const fn new(id_base: u32) -> Self {
         Self { id_base: id_base & ID_BASE_BITS, changes: 0, modem_on: false, modem_id: 0 }
     }
 }
 
-/// What happens to the module.
+/// An input of the module.
 #[derive(Clone, Copy, Debug)]
 pub enum Input<'a> {
     /// Time has passed.
     Tick,
-    /// Voltage on, or the reset line.
+    /// Power on, or the reset line.
     HardwareReset,
     /// Characters from the CP.
     Rx(&'a [u8]),
-    /// A telegram by radio.
+    /// A telegram received by radio.
     Radio {
-        /// What was sent.
+        /// The telegram.
         radio: Radio,
-        /// From afar: with low sensitivity it is not detected.
+        /// From a distance: not detected with low sensitivity.
         remote: bool,
     },
 }
 
-/// What the module puts out.
+/// The output of the module.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Output {
     /// Characters for the CP.
     pub serial: Vec<u8>,
-    /// Telegrams by radio.
+    /// Telegrams sent by radio.
     pub air: Vec<Radio>,
 }
 
-/// A modem telegram is out, its acknowledgement is awaited.
+/// A modem telegram was sent and waits for its acknowledgement.
 #[derive(Clone, Copy, Debug)]
 struct Awaited {
     address: u16,
@@ -88,22 +88,22 @@ pub struct Tcm120 {
     high_sensitivity: bool,
     asleep: bool,
     awaited: Option<Awaited>,
-    /// To this modem a telegram went that was not acknowledged in time: what comes later is not wanted.
+    /// A telegram to this modem was not acknowledged in time: a later acknowledgement is not wanted.
     late: Option<u16>,
     framing: Framing,
 }
 
 impl Tcm120 {
-    /// Software version, as INF_SW_VER has it: the manual's example.
+    /// Software version in INF_SW_VER: the manual's example.
     pub const VERSION: [u8; 4] = [1, 0, 1, 16];
 
-    /// A module that has been switched on long ago.
+    /// A module that has been on for a long time.
     #[must_use]
     pub const fn new(eeprom: Eeprom) -> Self {
         Self { eeprom, high_sensitivity: true, asleep: false, awaited: None, late: None, framing: Framing::new() }
     }
 
-    /// What it has stored.
+    /// Its stored data.
     #[must_use]
     pub const fn eeprom(&self) -> &Eeprom {
         &self.eeprom
@@ -115,7 +115,7 @@ impl Tcm120 {
         self.asleep
     }
 
-    /// Takes one input; the result is when [`Input::Tick`] is due.
+    /// Takes one input; returns when [`Input::Tick`] is due.
     pub fn step(&mut self, now: Instant, input: Input<'_>, out: &mut Output) -> Option<Instant> {
         self.expire(now, out);
         match input {
@@ -214,7 +214,8 @@ impl Tcm120 {
                 return;
             }
             Command::Reset => return self.start(out),
-            // "If 0x0000 is provided ... the ID previously stored": without one there is nothing to switch on (ours).
+            // "If 0x0000 is provided ... the ID previously stored": without a previous one the modem cannot be switched
+            // on (ours).
             Command::ModemOn(0) if self.eeprom.modem_id == 0 => Message::Err,
             Command::ModemOn(id) => {
                 self.eeprom.modem_on = true;

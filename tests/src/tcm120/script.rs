@@ -1,10 +1,10 @@
-//! The radio side in words: a line a telegram, as people type them into `tcm120`.
+//! The radio side as text: one line for each telegram, as typed into `tcm120`.
 
 use ob1_protocols::esp2::{Button, Radio, Switch};
 
 use super::Input;
 
-/// What may stand in a line.
+/// The possible lines.
 pub const WORDS: &str =
     "  press ID BUTTON        RPS, N-message: a button of a switch is pressed (AI AO BI BO CI CO DI DO)
   release ID             RPS, U-message: the energy bow is released
@@ -16,10 +16,10 @@ pub const WORDS: &str =
   reset                  the reset line of the module
 Numbers are hexadecimal. Behind a telegram may stand: repeat N (RP_COUNTER, 0 to F), remote (from afar).";
 
-/// A line as an input; an empty one and a remark (#) are none.
+/// A line as an input; empty lines and comments (#) are ignored.
 ///
 /// # Errors
-/// What the line has that is not understood.
+/// The part of the line that is not understood.
 pub fn line(text: &str) -> Result<Option<Input<'static>>, String> {
     let mut words: Vec<&str> = text.split('#').next().unwrap_or("").split_whitespace().collect();
     let remote = words.pop_if(|word| *word == "remote").is_some();

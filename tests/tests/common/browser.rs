@@ -1,4 +1,4 @@
-//! Debian's Chromium, steered over WebDriver: one JSON request, one answer. What a test does here a person could do.
+//! Debian's Chromium, controlled over WebDriver: one JSON request, one answer. The tests only do what a user can do.
 
 use std::io::Write as _;
 use std::net::SocketAddr;
@@ -13,7 +13,7 @@ use super::processes::Watched;
 use super::s7::free_port;
 use super::{Guard, told};
 
-/// The key under which WebDriver names an element. [W3C WebDriver, 12.1]
+/// The key by which WebDriver identifies an element. [W3C WebDriver, 12.1]
 const ELEMENT: &str = "element-6066-11e4-a52e-4f735466cecf";
 const PAUSE: Duration = Duration::from_millis(20);
 
@@ -25,7 +25,7 @@ pub(crate) struct Browser {
 }
 
 impl Browser {
-    /// With a window of this width.
+    /// Opens a browser with a window of this width.
     pub(crate) fn open(width: u32) -> Self {
         let port = free_port();
         let driver = Command::new("chromedriver")
@@ -54,7 +54,7 @@ impl Browser {
         browser
     }
 
-    /// Whether it has ended, or ends within a moment.
+    /// Whether it has ended, or ends within a short time.
     fn ended(&self) -> bool {
         Watched::find(self.driver.id()).is_none_or(|process| process.ends_within(PAUSE))
     }
@@ -82,7 +82,7 @@ impl Browser {
         self.call("POST", "/url", &json!({ "url": url }));
     }
 
-    /// What a script of the page's world returns.
+    /// Runs a script in the page and returns its result.
     pub(crate) fn run(&self, script: &str) -> Value {
         self.call("POST", "/execute/sync", &json!({ "script": script, "args": [] }))
     }
@@ -96,7 +96,7 @@ impl Browser {
         }
     }
 
-    /// The text that a person reads there.
+    /// The visible text of an element.
     pub(crate) fn text(&self, selector: &str) -> String {
         let script = format!("return document.querySelector({})?.innerText ?? ''", json!(selector));
         self.run(&script).as_str().unwrap_or_default().to_owned()
@@ -108,14 +108,14 @@ impl Browser {
         found[ELEMENT].as_str().unwrap_or_else(|| panic!("no {selector}")).to_owned()
     }
 
-    /// Clicks, as a person does: only what is there to be seen can be clicked.
+    /// Clicks an element; only visible elements can be clicked.
     pub(crate) fn click(&self, selector: &str) {
         self.until(&format!("document.querySelector({})", json!(selector)));
         let element = self.element(selector);
         self.call("POST", &format!("/element/{element}/click"), &json!({}));
     }
 
-    /// Types.
+    /// Types text into an element.
     pub(crate) fn fill(&self, selector: &str, text: &str) {
         self.until(&format!("document.querySelector({})", json!(selector)));
         let element = self.element(selector);
@@ -123,31 +123,31 @@ impl Browser {
         self.call("POST", &format!("/element/{element}/value"), &json!({ "text": text }));
     }
 
-    /// One of Chromium's own commands.
+    /// Runs a command of Chromium.
     fn devtools(&self, command: &str, params: &Value) -> Value {
         self.call("POST", "/goog/cdp/execute", &json!({ "cmd": command, "params": params }))
     }
 
-    /// The scheme that the system is said to have: `light` or `dark`.
+    /// Sets the colour scheme of the system: `light` or `dark`.
     pub(crate) fn scheme(&self, scheme: &str) {
         let features = json!({ "features": [{ "name": "prefers-color-scheme", "value": scheme }] });
         self.devtools("Emulation.setEmulatedMedia", &features);
         self.until(&format!("matchMedia('(prefers-color-scheme: {scheme})').matches"));
     }
 
-    /// Nothing comes out of a cache any more.
+    /// Disables the cache.
     pub(crate) fn uncached(&self) {
         self.devtools("Network.setCacheDisabled", &json!({ "cacheDisabled": true }));
     }
 
-    /// Presses keys, one after the other, wherever one is.
+    /// Presses keys one after the other, at the current focus.
     pub(crate) fn press(&self, keys: &[Key]) {
         let press = |key: &Key| ["keyDown", "keyUp"].map(|kind| json!({ "type": kind, "value": key.code() }));
         let actions: Vec<Value> = keys.iter().flat_map(press).collect();
         self.call("POST", "/actions", &json!({ "actions": [{ "type": "key", "id": "keys", "actions": actions }] }));
     }
 
-    /// What of all rules of axe-core the page breaks seriously or critically: rule, and where.
+    /// The serious or critical violations of rules of axe-core in the page: rule and place.
     pub(crate) fn barriers(&self) -> Vec<String> {
         if self.run("return typeof axe") != "object" {
             let path = Path::new(&told("NODE_PATH")).join("axe-core/axe.min.js");
@@ -163,7 +163,7 @@ impl Browser {
         found.iter().map(|rule| rule.as_str().unwrap_or_default().to_owned()).collect()
     }
 
-    /// What has been asked of the network since one asked last: the hosts, and the bytes that came.
+    /// The network requests since the last call: the hosts, and the bytes received.
     pub(crate) fn traffic(&self) -> (Vec<String>, u64) {
         let log = self.call("POST", "/se/log", &json!({ "type": "performance" }));
         let (mut hosts, mut bytes) = (Vec::new(), 0);
@@ -182,13 +182,13 @@ impl Browser {
         (hosts, bytes)
     }
 
-    /// What one sees, as a PNG.
+    /// A screenshot as a PNG.
     pub(crate) fn picture(&self) -> Vec<u8> {
         let text = self.call("GET", "/screenshot", &Value::Null);
         decoded(text.as_str().expect("base64"))
     }
 
-    /// What the page has complained of since one asked last.
+    /// The error messages of the page since the last call.
     pub(crate) fn complaints(&self) -> Vec<String> {
         let log = self.call("POST", "/se/log", &json!({ "type": "browser" }));
         let lines = log.as_array().expect("a list");
@@ -196,7 +196,7 @@ impl Browser {
     }
 }
 
-/// Keys that are no characters.
+/// Keys that are not characters.
 #[derive(Clone, Copy)]
 pub(crate) enum Key {
     Tab,

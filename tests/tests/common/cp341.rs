@@ -1,4 +1,4 @@
-//! What the programs of stations with a CP 341 have in common.
+//! Common parts of the programs of stations with a CP 341.
 
 /// Instances of P_RCV_RK and P_SND_RK.
 pub(crate) const INSTANCES: &str = "
@@ -13,7 +13,7 @@ BEGIN
 END_DATA_BLOCK
 ";
 
-/// A data block of so many bytes.
+/// A data block of this many bytes.
 pub(crate) fn data_block(number: u16, bytes: usize) -> String {
     let array = format!("DATA : ARRAY [0..{}] OF BYTE;", bytes - 1);
     format!("\nDATA_BLOCK DB {number}\nSTRUCT\n  {array}\nEND_STRUCT;\nBEGIN\nEND_DATA_BLOCK\n")

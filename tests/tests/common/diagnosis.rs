@@ -1,9 +1,10 @@
-//! A program that looks at the diagnosis of the module at address 256: OB 82 counts, OB 1 reads diagnostic data and
+//! A program that reads the diagnosis of the module at address 256: OB 82 counts, OB 1 reads diagnostic data and
 //! buffer.
 
-/// Cells of DB 90, 91 and 92, as [`PROGRAM`] lays them out.
+/// Cells of DB 90, 91 and 92, with the layout of [`PROGRAM`].
 pub(crate) mod cell {
-    /// OB 82: interrupts that came, that went; the four bytes of the last one; the module's address (high word).
+    /// OB 82: number of incoming and outgoing interrupts; the four bytes of the last one; the module's address (high
+    /// word).
     pub(crate) const COMES: (u16, usize) = (90, 0);
     pub(crate) const GOES: (u16, usize) = (90, 4);
     pub(crate) const BYTES: (u16, usize) = (90, 8);
@@ -91,7 +92,7 @@ goes: L     DB90.DBD 4;
 END_ORGANIZATION_BLOCK
 ";
 
-/// A station with this module, in two or one source. The module's lines begin behind `address`.
+/// A station with this module, in two or one source. The module's lines begin after `address`.
 pub(crate) fn station(name: &str, sources: &str, module: &str) -> String {
     format!(
         "[station]\nname = \"{name}\"\n\n[cpu]\nmin_cycle = \"1ms\"\nwatchdog = \"500ms\"\n\n[program]\nsources = [{sources}]\nmnemonics = \"de\"\n\n\

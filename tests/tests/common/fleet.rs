@@ -44,7 +44,7 @@ BEGIN
 END_DATA_BLOCK
 ";
 
-/// A station with these links, in RUN.
+/// Starts a station with these links; returns when it is in RUN.
 pub(crate) fn station(site: &Site, name: &str, links: &str) -> Running {
     site.write("plant.awl", &counting(DATA, ""));
     site.write("plant.sdf", "\"Start\",\"M 10.0\",\"BOOL\",\"\"\r\n\"Level\",\"MW 20\",\"INT\",\"\"\r\n");
@@ -72,21 +72,22 @@ pub(crate) fn opcua(site: &Site, name: &str, keys: &str) -> (Running, u16) {
     (station, port)
 }
 
-/// asyncua, not connected yet: its first answer says whether it is.
+/// Starts asyncua; its first answer says whether it is connected.
 pub(crate) fn asyncua(site: &Site, port: u16, more: &[&str]) -> Client {
     let mut command = site.command(python());
     command.arg(checkout("tests/peers/opcua.py")).arg(format!("opc.tcp://127.0.0.1:{port}/")).args(more);
     Client::of(&mut command)
 }
 
-/// node-opcua, connected or with the reason why not in its first answer: URL, user, password, policy.
+/// Starts node-opcua; its first answer says whether it is connected, or why not. Arguments: URL, user, password,
+/// policy.
 pub(crate) fn node_opcua(site: &Site, port: u16, more: &[&str]) -> Client {
     let mut command = site.command("node");
     command.arg(checkout("tests/peers/opcua_node.js")).arg(format!("opc.tcp://127.0.0.1:{port}/")).args(more);
     Client::of(&mut command)
 }
 
-/// The same, connected.
+/// The same, checked to be connected.
 pub(crate) fn connected(site: &Site, port: u16, more: &[&str]) -> Client {
     let mut client = asyncua(site, port, more);
     let answer = client.answer();
@@ -94,7 +95,7 @@ pub(crate) fn connected(site: &Site, port: u16, more: &[&str]) -> Client {
     client
 }
 
-/// mosquitto, which can end and come back with what it has kept.
+/// mosquitto, which can be stopped and started again with its stored data.
 pub(crate) struct Broker<'s> {
     site: &'s Site,
     pub(crate) port: u16,
@@ -116,7 +117,7 @@ impl<'s> Broker<'s> {
         broker
     }
 
-    /// Until it takes connections.
+    /// Starts it and waits until it accepts connections.
     pub(crate) fn begin(&mut self) {
         let place =
             ["/usr/sbin/mosquitto", "mosquitto"].into_iter().find(|place| std::path::Path::new(place).is_file());
@@ -130,7 +131,7 @@ impl<'s> Broker<'s> {
         }
     }
 
-    /// Ended as by its service manager: what it has acknowledged it keeps.
+    /// Stopped like by a service manager: it keeps everything it has acknowledged.
     pub(crate) fn end(&mut self) {
         self.signal(Signal::TERM);
     }
@@ -156,7 +157,7 @@ impl Drop for Broker<'_> {
     }
 }
 
-/// paho, which says what it hears, and publishes what it is told.
+/// paho, which reports received messages, and publishes messages on request.
 pub(crate) struct Listener {
     child: Child,
     says: Option<ChildStdin>,
@@ -164,7 +165,7 @@ pub(crate) struct Listener {
 }
 
 impl Listener {
-    /// Subscribed.
+    /// Starts it with a subscription.
     pub(crate) fn start(site: &Site, port: u16, topic: &str) -> Self {
         let mut command: Command = site.command(python());
         command.arg(checkout("tests/peers/mqtt.py")).args(["127.0.0.1", &port.to_string(), topic]);
@@ -185,7 +186,7 @@ impl Listener {
         listener
     }
 
-    /// The first of what comes that is looked for.
+    /// Waits for the first message for which `look` returns a value.
     pub(crate) fn until<T>(&self, what: &str, mut look: impl FnMut(&Value) -> Option<T>) -> T {
         let guard = Guard::begin();
         let mut last = Value::Null;

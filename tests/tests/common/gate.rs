@@ -1,4 +1,4 @@
-//! Stations with a web page and figures, and somebody who speaks HTTP by hand: whatever a browser would not send, too.
+//! Stations with a web page and metrics, and an HTTP client that can also send what a browser would not.
 
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::{SocketAddr, TcpStream};
@@ -14,7 +14,7 @@ use super::site::Site;
 use super::station::Running;
 use super::{checkout, program};
 
-/// What came back.
+/// An answer.
 #[derive(Debug)]
 pub(crate) struct Answer {
     pub(crate) status: u16,
@@ -27,7 +27,7 @@ impl Answer {
         serde_json::from_str(&self.body).unwrap_or_else(|why| panic!("{why}: {self:?}"))
     }
 
-    /// The value of a head line.
+    /// The value of a header line.
     pub(crate) fn head(&self, name: &str) -> Option<&str> {
         self.head.lines().find_map(|line| {
             let (key, value) = line.split_once(':')?;
@@ -36,7 +36,7 @@ impl Answer {
     }
 }
 
-/// Somebody at the page of a station.
+/// A client of the page of a station.
 #[derive(Clone, Debug)]
 pub(crate) struct Visitor {
     pub(crate) address: SocketAddr,
@@ -57,7 +57,7 @@ impl Visitor {
     /// Sends these bytes and reads to the end; `None`: there is no answer.
     pub(crate) fn raw(&self, bytes: &[u8]) -> Option<Answer> {
         let mut stream = self.connect()?;
-        // Whoever is refused in the middle reads the answer all the same.
+        // If the request is refused before its end, the answer is still read.
         let _ = stream.write_all(bytes);
         read(&mut BufReader::new(stream))
     }
@@ -81,7 +81,7 @@ impl Visitor {
         self.raw(self.request("GET", path, more, "").as_bytes()).unwrap_or_else(|| panic!("no answer to {path}"))
     }
 
-    /// As the page asks.
+    /// Sends a request like the page.
     pub(crate) fn post(&self, path: &str, body: &Value) -> Answer {
         let more = format!("Origin: http://{}\r\nContent-Type: application/json\r\n", self.address);
         self.post_with(path, &more, body)
@@ -92,7 +92,7 @@ impl Visitor {
         self.raw(request.as_bytes()).unwrap_or_else(|| panic!("no answer to {path}"))
     }
 
-    /// Logged in.
+    /// A client that is logged in.
     pub(crate) fn as_user(port: u16, user: &str, password: &str) -> Self {
         let mut visitor = Self::at(port);
         let answer = visitor.post("/api/login", &serde_json::json!({ "user": user, "password": password }));
@@ -117,7 +117,7 @@ impl Visitor {
     }
 }
 
-/// The answer that comes over a connection.
+/// Reads the answer from a connection.
 pub(crate) fn answer(stream: TcpStream) -> Option<Answer> {
     read(&mut BufReader::new(stream))
 }
@@ -148,7 +148,7 @@ fn read(reader: &mut BufReader<TcpStream>) -> Option<Answer> {
     Some(Answer { status, head, body: String::from_utf8_lossy(&body).into_owned() })
 }
 
-/// The next chunk of a body; `None`: that was the last.
+/// The next chunk of a body; `None` after the last one.
 fn chunk(reader: &mut BufReader<TcpStream>) -> Option<Vec<u8>> {
     let mut size = String::new();
     reader.read_line(&mut size).ok()?;
@@ -166,7 +166,7 @@ pub(crate) struct Stream {
 }
 
 impl Stream {
-    /// The next line of the body, whatever chunks it came in.
+    /// The next line of the body, independent of the chunks.
     fn line(&mut self) -> Option<String> {
         loop {
             if let Some((line, rest)) = self.text.split_once('\n') {
@@ -198,7 +198,7 @@ impl Stream {
         }
     }
 
-    /// Waits for the first event of this name that is wanted.
+    /// Waits for the first event of this name that `wanted` accepts.
     pub(crate) fn until(&mut self, name: &str, wanted: impl Fn(&Value) -> bool) -> (Option<u64>, Value) {
         loop {
             let (id, data) = self.next(name).expect("the stream goes on");
@@ -209,7 +209,7 @@ impl Stream {
     }
 }
 
-/// The example station with these keys of its page, under another name and on free ports: the page's, and the figures'.
+/// The example station with these keys for its page, another name and free ports for the page and the metrics.
 pub(crate) fn station(site: &Site, name: &str, keys: &str) -> (Running, u16, u16) {
     let (page, figures) = (free_port(), free_port());
     for file in ["plant.awl", "plant.sdf"] {
@@ -230,7 +230,7 @@ pub(crate) fn station(site: &Site, name: &str, keys: &str) -> (Running, u16, u16
     (station, page, figures)
 }
 
-/// A user in a file, as a person makes one.
+/// Adds a user to a file with the command.
 pub(crate) fn add_user(site: &Site, file: &str, name: &str, rights: &str, password: &str) {
     let mut command = site.command(program("ob1-gate"));
     command.args(["user", "add", file, name, "--rights", rights]).stdin(Stdio::piped()).stderr(Stdio::piped());
@@ -240,7 +240,7 @@ pub(crate) fn add_user(site: &Site, file: &str, name: &str, rights: &str, passwo
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// The process of the gate of a station, and its number.
+/// The process of the gate of a station, and its process ID.
 pub(crate) fn gate(station: &Running) -> (u32, Watched) {
     let of = |pid: u32| {
         let status = std::fs::read_to_string(format!("/proc/{pid}/status")).ok()?;

@@ -1,4 +1,4 @@
-//! Blows to drivers while telegrams flow, and what none of them may bring about.
+//! Kills drivers while telegrams are transferred, and checks the consequences.
 
 use ob1_line::sim::SplitMix64;
 use rustix::process::Signal;
@@ -8,16 +8,16 @@ use super::processes::Watched;
 use super::site::Site;
 use super::station::Running;
 
-/// Scans that must go by after each kill, at 1 ms.
+/// Scans that must run after each kill, at 1 ms.
 const ACROSS: u64 = 1000;
 /// Event of an expired cycle watchdog.
 const WATCHDOG: &str = "3501h";
-/// Event of a driver that came up.
+/// Event of a driver that has started.
 const DRIVER_UP: &str = "F202h";
 /// Event of a driver that ended.
 pub(crate) const DRIVER_LOST: &str = "F201h";
 
-/// Both stations in RUN, telegrams flowing.
+/// Starts both stations in RUN with telegrams being transferred.
 pub(crate) fn start(site: &Site) -> (Running, Running) {
     let (a, b) = (site.run("station-a.toml"), site.run("station-b.toml"));
     let stations = (a.until_run(), b.until_run());
@@ -25,7 +25,7 @@ pub(crate) fn start(site: &Site) -> (Running, Running) {
     stations
 }
 
-/// The scan has gone on, in RUN and in time, and the driver is back.
+/// Checks that the scan has continued in RUN and in time, and that the driver has restarted.
 pub(crate) fn assert_survived(station: &Running, lost_before: u32, what: &str) {
     station.scans(ACROSS);
     let status = station.status();
@@ -38,7 +38,7 @@ pub(crate) fn assert_survived(station: &Running, lost_before: u32, what: &str) {
     });
 }
 
-/// What no kill may bring about, with both at rest. A telegram that a killed CP held is lost; nothing else is.
+/// The rules after kills, with both stations idle. Only telegrams in a killed CP may be lost.
 pub(crate) fn assert_accounted(a: &Ledger, b: &Ledger, kills_of_a: i64, kills_of_b: i64, what: &str) {
     let all = format!("{what}\n{a:?}\n{b:?}");
     for (ledger, column) in [(a, "PAFE_SEND"), (a, "PAFE_RECEIVE"), (b, "PAFE_SEND"), (b, "PAFE_RECEIVE")] {
@@ -48,22 +48,22 @@ pub(crate) fn assert_accounted(a: &Ledger, b: &Ledger, kills_of_a: i64, kills_of
     for ledger in [a, b] {
         assert_eq!(ledger["STARTED"], ledger["DONE"] + ledger["ERROR"] + ledger["ABORTED"], "{all}");
     }
-    // Done means: the partner's CP has it. Its program has it too, unless that CP was killed with it.
+    // Done means: the partner's CP has the telegram. Its program also has it, unless that CP was killed before.
     assert!(a["DONE"] <= b["RECEIVED"] + kills_of_b, "done without an acknowledgement: {all}");
     assert!(b["DONE"] <= a.echoes() + a["WRONG"] + kills_of_a, "done without an acknowledgement: {all}");
-    // Nobody receives what was not sent; an order that was cut off may have arrived all the same.
+    // Nothing is received that was not sent; an aborted order may still have arrived.
     assert!(b["RECEIVED"] <= a["STARTED"] && a.echoes() <= b["STARTED"], "{all}");
     assert!(a["DOUBLED"] <= kills_of_a + kills_of_b, "{all}");
 }
 
-/// What is done to a driver.
+/// The kind of attack on a driver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Blow {
     /// `kill -9`.
     Kill,
     /// Stopped: the supervisor finds that it hangs, and kills it.
     Stop,
-    /// A signal that ends a process.
+    /// A terminating signal.
     Signal(Signal),
 }
 
@@ -77,20 +77,21 @@ impl Blow {
     }
 }
 
-/// What a row of kills has shown.
+/// The result of a series of kills.
 #[derive(Debug, Default)]
 pub(crate) struct Losses {
-    /// Telegrams A's program has got back.
+    /// Echoes received by A's program.
     pub(crate) echoes: i64,
-    /// Orders that ended with an error or were broken off, both sides.
+    /// Orders that ended with an error or were aborted, both sides.
     pub(crate) failed: i64,
-    /// Telegrams that came twice, because the acknowledgement of the first was lost with a driver.
+    /// Telegrams received twice because the acknowledgement of the first was lost with a driver.
     pub(crate) doubled: i64,
-    /// Milliseconds from the entry "driver process ended" to the next "driver process is up", after a healthy spell.
+    /// Milliseconds from the entry "driver process ended" to the next "driver process is up", after a longer time
+    /// without failure.
     pub(crate) up_again: Vec<f64>,
 }
 
-/// Strikes drivers, A's and B's in turn, at moments of this seed, each with a blow of the seed.
+/// Attacks the drivers of A and B in turn, at times and in ways given by the seed.
 pub(crate) fn kill_drivers(seed: u64, kills: u32, blows: &[Blow]) -> Losses {
     let site = Site::two_stations_on_a_cable();
     let (a, b) = start(&site);
@@ -102,7 +103,7 @@ pub(crate) fn kill_drivers(seed: u64, kills: u32, blows: &[Blow]) -> Losses {
         let blow = blows[random.below(blows.len() as u64) as usize];
         let what = format!("seed {seed}, kill {kill} ({}, {blow:?})", if of_a { "A" } else { "B" });
         let victim = if of_a { &a } else { &b };
-        // Somewhere within a telegram or its echo: some telegrams from here, and some scans from there.
+        // At any point of a telegram or its echo: after some telegrams and then some scans.
         ledger::flow(&a, random.below(12) as i64 + 1);
         let driver = victim.driver_process();
         let (_, _, lost_before) = victim.driver();
@@ -139,7 +140,7 @@ pub(crate) fn kill_drivers(seed: u64, kills: u32, blows: &[Blow]) -> Losses {
     losses
 }
 
-/// Of the newest loss: how long until the driver was up again, in milliseconds.
+/// For the last loss: time until the driver had restarted, in milliseconds.
 fn up_again(station: &Running) -> Option<f64> {
     let entries = station.diagnostics();
     let lost = entries.iter().position(|entry| entry.event == DRIVER_LOST)?;

@@ -1,4 +1,4 @@
-//! The ledgers that the programs of the examples keep: DB 20 of the demo's stations, and others like them.
+//! The ledgers of the programs of the examples: DB 20 of the demo's stations, and similar ones.
 
 use std::fmt;
 use std::ops::Index;
@@ -37,7 +37,7 @@ const B: &[&str] = &[
     "STATE",
 ];
 
-/// A ledger as it stood between two scans.
+/// A ledger, read between two scans.
 #[derive(Clone, PartialEq, Eq)]
 pub(crate) struct Ledger {
     names: &'static [&'static str],
@@ -45,12 +45,12 @@ pub(crate) struct Ledger {
 }
 
 impl Ledger {
-    /// Of station A: sends and compares.
+    /// The ledger of station A, which sends and compares.
     pub(crate) fn of_a(station: &Running) -> Self {
         Self::read(station, "DB20", A)
     }
 
-    /// Of station B: sends back.
+    /// The ledger of station B, which sends back.
     pub(crate) fn of_b(station: &Running) -> Self {
         Self::read(station, "DB20", B)
     }
@@ -62,7 +62,7 @@ impl Ledger {
         Self { names, values: station.cells(&items) }
     }
 
-    /// Echoes that A's program has got, whatever became of the telegram meanwhile.
+    /// Number of echoes received by A's program, independent of the state of the telegram.
     pub(crate) fn echoes(&self) -> i64 {
         self["GOOD"] + self["LATE"] + self["DOUBLED"]
     }
@@ -83,24 +83,24 @@ impl fmt::Debug for Ledger {
     }
 }
 
-/// Waits until `more` telegrams have come back right.
+/// Waits until `more` telegrams have returned correctly.
 pub(crate) fn flow(a: &Running, more: i64) {
     let good = a.cell("DB20.GOOD");
     a.until("telegrams flow", |a| (a.cell("DB20.GOOD") >= good + more).then_some(()));
 }
 
-/// Scans in which neither ledger may move to count as being at rest: a telegram that a CP holds needs a few dozen to
-/// reach the program.
+/// Both are idle if neither ledger changes for this many scans: a telegram in a CP needs a few dozen to reach the
+/// program.
 const REST: u64 = 500;
 
-/// Lets the last telegram end and reads both ledgers. `pause(a, false)` goes on.
+/// Waits for the end of the last telegram and reads both ledgers. `pause(a, false)` continues.
 pub(crate) fn rest(a: &Running, b: &Running) -> (Ledger, Ledger) {
     pause(a, true);
     let look = || (Ledger::of_a(a), Ledger::of_b(b));
     at_rest([a, b], look, |(of_a, of_b)| of_a["STATE"] == 0 && of_b["STATE"] == 0)
 }
 
-/// Waits until what `look` sees of both stations is idle and does not move any more.
+/// Waits until the result of `look` is idle for both stations and does not change any more.
 pub(crate) fn at_rest<T: PartialEq + fmt::Debug>(
     stations: [&Running; 2],
     look: impl Fn() -> T,
@@ -118,7 +118,7 @@ pub(crate) fn at_rest<T: PartialEq + fmt::Debug>(
     }
 }
 
-/// Whether A begins no new telegrams.
+/// Sets whether A pauses, so that it sends no new telegrams.
 pub(crate) fn pause(a: &Running, on: bool) {
     a.set("DB20.PAUSE", i64::from(on));
 }

@@ -1,7 +1,7 @@
-//! What the tests with real processes have in common: a place of its own for each, stations that run there, partners,
-//! and waits that end when the thing itself has happened.
+//! Common parts of the tests with real processes: a folder for each test, stations that run there, partners, and waits
+//! that end with the awaited event.
 //!
-//! Time appears here as a guard only: a wait that is not over after [`GUARD`] has failed, however busy the machine.
+//! Times are used only as a limit: a wait that has not ended after [`GUARD`] has failed, even on a busy machine.
 
 // Each test binary uses a part of it.
 #![allow(dead_code)]
@@ -28,25 +28,25 @@ pub(crate) mod wire;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// After this a wait has failed. Far beyond anything a test needs on a busy machine.
+/// A wait fails after this time, which is much longer than needed on a busy machine.
 const GUARD: Duration = Duration::from_secs(90);
 
-/// Ends a wait that has failed.
+/// The time limit of a wait.
 pub(crate) struct Guard(Instant);
 
 impl Guard {
-    /// Begins to wait.
+    /// Starts a wait.
     pub(crate) fn begin() -> Self {
         Self(Instant::now() + GUARD)
     }
 
-    /// The wait has failed.
+    /// Whether the wait has failed.
     pub(crate) fn is_over(&self) -> bool {
         Instant::now() >= self.0
     }
 }
 
-/// What `cargo xtask test` says about the surroundings; without it a test cannot know which binaries are meant.
+/// A path from `cargo xtask test`; without it a test does not know which binaries to use.
 fn told(variable: &str) -> PathBuf {
     match std::env::var_os(variable) {
         Some(value) => PathBuf::from(value),
@@ -63,7 +63,7 @@ pub(crate) fn program(name: &str) -> PathBuf {
     path
 }
 
-/// Where the plugins are.
+/// The folder of the plugins.
 pub(crate) fn plugin_dir() -> PathBuf {
     told("OB1_PLUGIN_DIR")
 }

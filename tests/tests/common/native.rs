@@ -1,4 +1,4 @@
-//! Things in C that a test builds for itself: plugins and the allocation counter.
+//! C code built by tests: plugins and the allocation counter.
 
 use std::fs::File;
 use std::os::fd::AsRawFd as _;
@@ -27,8 +27,8 @@ pub(crate) fn build(site: &Site, source: &str, library: &str, flags: &[&str]) ->
     path
 }
 
-/// The counter of `tests/native/count_alloc.c`. In memory: a page of a file on a disk can make whoever writes to it
-/// wait for the disk.
+/// The counter of `tests/native/count_alloc.c`. In memory, because a write to a page of a file on a disk may wait for
+/// the disk.
 #[derive(Debug)]
 pub(crate) struct Counts(File);
 
@@ -40,12 +40,12 @@ impl Counts {
         Self(file)
     }
 
-    /// Where other processes find it, as long as we live.
+    /// Its path for other processes, valid while this process exists.
     pub(crate) fn path(&self) -> PathBuf {
         PathBuf::from(format!("/proc/{}/fd/{}", std::process::id(), self.0.as_raw_fd()))
     }
 
-    /// Heap calls so far: (of the scan thread, of all threads of the process and its children).
+    /// Heap calls so far: (in the scan thread, in all threads of the process and its children).
     pub(crate) fn read(&self) -> (u64, u64) {
         let mut bytes = [0; 16];
         self.0.read_exact_at(&mut bytes, 0).expect("the counter");

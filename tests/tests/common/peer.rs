@@ -11,7 +11,7 @@ use super::processes::Watched;
 use super::site::Site;
 use super::{checkout, python};
 
-/// What a partner has seen, event by event.
+/// The events recorded by a partner.
 #[derive(Debug)]
 pub(crate) struct Events(pub(crate) Vec<Value>);
 
@@ -26,12 +26,12 @@ impl Events {
         self.all("received").iter().map(|event| event["data"].as_str().expect("hexadecimal")).collect()
     }
 
-    /// Why blocks or requests of the station were not acknowledged.
+    /// The reasons why blocks or requests of the station were not acknowledged.
     pub(crate) fn refused(&self) -> Vec<&str> {
         self.all("refused").iter().map(|event| event["why"].as_str().expect("a reason")).collect()
     }
 
-    /// What was answered instead of DLE: (to what, which character).
+    /// The answers instead of DLE: (to what, which character).
     pub(crate) fn answers(&self) -> Vec<(&str, &str)> {
         self.all("answer")
             .into_iter()
@@ -40,7 +40,7 @@ impl Events {
     }
 }
 
-/// The partner at work on a tty. It plays one step after the other; its own guard ends a step that fails.
+/// The running partner on a tty. It plays one step after the other, with its own time limit for each step.
 #[derive(Debug)]
 pub(crate) struct Partner {
     process: Watched,
@@ -54,14 +54,14 @@ impl Partner {
         Self::start_script(site, tty, priority, "tests/peers/s3964r.py")
     }
 
-    /// Another script that takes the same options.
+    /// Starts another script with the same options.
     pub(crate) fn start_script(site: &Site, tty: &Path, priority: &str, script: &str) -> Self {
         let out = site.path("peer.out");
         let mut child = site
             .command(python())
             .arg(checkout(script))
             .arg(tty)
-            // Patient, as the stations of these tests are.
+            // Long times, as in the stations of these tests.
             .args(["--priority", priority, "--qvz-ms", "2000", "--zvz-ms", "1000"])
             .stdin(Stdio::piped())
             .stdout(File::create(&out).expect("room for a file"))
@@ -72,13 +72,13 @@ impl Partner {
         Self { process, child, steps, out }
     }
 
-    /// One step more to play, after those given before.
+    /// Adds a step.
     pub(crate) fn give(&mut self, step: &Value) {
         let steps = self.steps.as_mut().expect("open until the end");
         writeln!(steps, "{step}").expect("a partner that reads its steps");
     }
 
-    /// No more steps: waits until all are played and returns what it has seen.
+    /// Waits until all steps have been played and returns the events.
     pub(crate) fn end(mut self) -> Events {
         drop(self.steps.take());
         self.process.wait("the partner");

@@ -1,4 +1,4 @@
-//! Processes as the system sees them: their end, the threads they have, what they hold.
+//! System information about processes: their end, their threads, their memory.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -12,7 +12,7 @@ use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 
 use super::Guard;
 
-/// A process that is watched through a descriptor: its number may be given away, the descriptor stays.
+/// A process that is watched through a descriptor, which stays valid even if the process ID is reused.
 #[derive(Debug)]
 pub(crate) struct Watched {
     pub(crate) pid: u32,
@@ -20,13 +20,13 @@ pub(crate) struct Watched {
 }
 
 impl Watched {
-    /// Watches a process that runs; `None` if there is none of that number.
+    /// Watches a running process; `None` if there is none with this ID.
     pub(crate) fn find(pid: u32) -> Option<Self> {
         let number = Pid::from_raw(i32::try_from(pid).ok()?)?;
         Some(Self { pid, pidfd: pidfd_open(number, PidfdFlags::empty()).ok()? })
     }
 
-    /// Waits for its end, but not longer than `time`; true when it has ended.
+    /// Waits for its end, at most for `time`; true if it has ended.
     pub(crate) fn ends_within(&self, time: Duration) -> bool {
         let mut fds = [PollFd::new(&self.pidfd, PollFlags::IN)];
         let timeout = Timespec::try_from(time).expect("a short time");
@@ -45,7 +45,7 @@ impl Watched {
         }
     }
 
-    /// Sends a signal; one to a process that has ended goes nowhere.
+    /// Sends a signal; no effect after the end of the process.
     pub(crate) fn signal(&self, signal: Signal) {
         let _ = pidfd_send_signal(&self.pidfd, signal);
     }
@@ -58,19 +58,19 @@ impl Watched {
     }
 }
 
-/// All processes with this entry in their environment, zombies left out.
+/// All processes with this entry in their environment, without zombies.
 pub(crate) fn with_environment(entry: &str) -> Vec<Watched> {
     let entries = fs::read_dir("/proc").expect("/proc");
     let pids = entries.flatten().filter_map(|e| e.file_name().to_str()?.parse::<u32>().ok());
     let has_it = |pid: &u32| {
-        // Unreadable: somebody else's. Empty: a zombie, which holds nothing any more.
+        // Unreadable: a process of another user. Empty: a zombie, which holds nothing any more.
         let environment = fs::read(format!("/proc/{pid}/environ")).unwrap_or_default();
         environment.split(|byte| *byte == 0).any(|variable| variable == entry.as_bytes())
     };
     pids.filter(has_it).filter_map(Watched::find).filter(|process| !process.has_ended()).collect()
 }
 
-/// An anonymous file (a segment, an image) by what the system knows it by.
+/// The system's identification of an anonymous file (a segment, an image).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Memory {
     device: u64,
@@ -78,20 +78,20 @@ pub(crate) struct Memory {
 }
 
 impl Memory {
-    /// What a link in a station's runtime directory leads to.
+    /// The target of a link in a station's runtime directory.
     pub(crate) fn behind(link: &Path) -> Self {
         let found = fs::metadata(link).unwrap_or_else(|why| panic!("{}: {why}", link.display()));
         Self { device: found.dev(), inode: found.ino() }
     }
 
-    /// Processes that still hold it by a descriptor or a mapping.
+    /// Processes that still have a descriptor or a mapping of it.
     pub(crate) fn holders(self) -> Vec<u32> {
         let entries = fs::read_dir("/proc").expect("/proc");
         let pids = entries.flatten().filter_map(|e| e.file_name().to_str()?.parse::<u32>().ok());
         pids.filter(|pid| self.is_open_in(*pid) || self.is_mapped_in(*pid)).collect()
     }
 
-    /// Waits until nobody holds it. A process that ends has lost its environment before it lets go of its files.
+    /// Waits until no process holds it. An ending process loses its environment before it releases its files.
     pub(crate) fn wait_until_free(self) {
         let guard = Guard::begin();
         while let Some(process) = self.holders().into_iter().find_map(Watched::find) {

@@ -1,4 +1,4 @@
-//! Clients of S7 communication that are not ours, and stations with an S7 link.
+//! Foreign clients of S7 communication, and stations with an S7 link.
 
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::net::{TcpListener, TcpStream};
@@ -10,7 +10,7 @@ use super::site::Site;
 use super::station::{Running, counting};
 use super::{checkout, python};
 
-/// A port nobody has at the moment.
+/// A currently unused port.
 pub(crate) fn free_port() -> u16 {
     let free = TcpListener::bind("127.0.0.1:0").expect("a port");
     free.local_addr().expect("an address").port()
@@ -28,7 +28,7 @@ END_STRUCT
 BEGIN
 END_DATA_BLOCK
 ";
-/// Behind the counting.
+/// The program after the counting.
 const REST: &str = "\
       L     S5T#30s;
       U     M 99.0;
@@ -37,7 +37,7 @@ const REST: &str = "\
       ZV    Z 4;
 ";
 
-/// A station with a link of these keys, in RUN and reachable.
+/// A station with a link with these keys, in RUN and reachable.
 pub(crate) fn station(site: &Site, name: &str, keys: &str) -> (Running, u16) {
     let port = free_port();
     site.write("plant.awl", &counting(DATA, REST));
@@ -51,7 +51,7 @@ pub(crate) fn station(site: &Site, name: &str, keys: &str) -> (Running, u16) {
     (station, port)
 }
 
-/// A client at work: one line there, one line back.
+/// A running client: one line as request, one line as answer.
 pub(crate) struct Client {
     child: Child,
     requests: Option<ChildStdin>,
@@ -76,7 +76,7 @@ impl Client {
         client
     }
 
-    /// Of any command that answers line by line.
+    /// Starts any command that answers line by line.
     pub(crate) fn of(command: &mut Command) -> Self {
         let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("the client starts");
         let requests = child.stdin.take();
@@ -84,20 +84,20 @@ impl Client {
         Self { child, requests, answers }
     }
 
-    /// The next line it says.
+    /// The next line of its output.
     pub(crate) fn answer(&mut self) -> Value {
         let mut line = String::new();
         self.answers.read_line(&mut line).expect("a line");
         serde_json::from_str(&line).unwrap_or_else(|why| json!({ "ok": false, "error": format!("{why}: {line:?}") }))
     }
 
-    /// What it says to a request, whatever it is.
+    /// Sends a request; returns the answer, also an error.
     pub(crate) fn ask(&mut self, request: &Value) -> Value {
         writeln!(self.requests.as_mut().expect("open until the end"), "{request}").expect("a client that reads");
         self.answer()
     }
 
-    /// The same, which must work.
+    /// The same; the request must succeed.
     pub(crate) fn done(&mut self, request: &Value) -> Value {
         let answer = self.ask(request);
         assert_eq!(answer["ok"], true, "{request}: {answer}");

@@ -1,4 +1,4 @@
-//! A place of its own for each test: a folder with station files, a runtime directory, and a broom.
+//! The environment of a test: a folder with station files, a runtime directory, and the cleanup.
 
 use std::ffi::OsStr;
 use std::fs;
@@ -13,21 +13,20 @@ use super::processes::{self, Watched};
 use super::station::Running;
 use super::{Guard, checkout, plugin_dir, program};
 
-/// QVZ and ZVZ in which a partner surely answers, however busy the machine: the tests are about telegrams, not about
-/// its speed.
+/// QVZ and ZVZ long enough for a partner on a busy machine: the tests check telegrams and not speed.
 pub(crate) const PATIENT: &str = "qvz_ms = 2000, zvz_ms = 1000, ";
 
-/// The cycle watchdog of the demo's stations: longer than a busy machine may take a scan off its core, shorter than the
-/// second after which a silent driver counts as hung. An OB 1 that waited for such a driver would be caught.
+/// The cycle watchdog of the demo's stations: longer than a busy machine interrupts a scan, shorter than the second
+/// after which a silent driver is treated as hanging. It detects an OB 1 that waits for such a driver.
 const WATCHDOG: &str = "watchdog = \"500ms\"";
 
-/// The folder of a test. Dropping it ends every process that was started from it, whoever started it.
+/// The folder of a test. Dropping it ends every process started from it, directly or indirectly.
 #[derive(Debug)]
 pub(crate) struct Site {
     folder: TempDir,
 }
 
-/// What a finished command has said.
+/// The output of a finished command.
 #[derive(Debug)]
 pub(crate) struct Said {
     pub(crate) code: Option<i32>,
@@ -36,7 +35,7 @@ pub(crate) struct Said {
 }
 
 impl Said {
-    /// The standard output of a command that had to succeed.
+    /// The standard output of a command that must succeed.
     pub(crate) fn fine(self) -> String {
         assert_eq!(self.code, Some(0), "{}{}", self.out, self.err);
         self.out
@@ -51,7 +50,7 @@ impl Site {
         Self { folder }
     }
 
-    /// With the files of the demo, and partners that have the patience for a busy machine.
+    /// With the files of the demo, and delay times long enough for a busy machine.
     pub(crate) fn two_stations() -> Self {
         let site = Self::new();
         for name in ["a.awl", "b.awl"] {
@@ -63,8 +62,8 @@ impl Site {
         site
     }
 
-    /// The same on a simulated cable. A pty hands over what was written to it by a thread of the kernel, and on a busy
-    /// machine that comes seconds late: later than 3964R can bear without sending a telegram twice.
+    /// The same on a simulated cable. A pty is served by a kernel thread, which may be seconds late on a busy machine;
+    /// then 3964R sends a telegram twice.
     pub(crate) fn two_stations_on_a_cable() -> Self {
         let site = Self::two_stations();
         for name in ["station-a.toml", "station-b.toml"] {
@@ -92,12 +91,12 @@ impl Site {
         format!("XDG_RUNTIME_DIR={}", self.path("run").display())
     }
 
-    /// Processes that were started from here, by us or by one another.
+    /// Processes started from this folder, directly or indirectly.
     pub(crate) fn processes(&self) -> Vec<Watched> {
         processes::with_environment(&self.environment())
     }
 
-    /// Waits until no process of this place is left.
+    /// Waits until no process of this folder is left.
     pub(crate) fn wait_until_empty(&self) {
         let guard = Guard::begin();
         while let Some(process) = self.processes().first() {
@@ -106,7 +105,7 @@ impl Site {
         }
     }
 
-    /// A command in these surroundings.
+    /// A command in this environment.
     pub(crate) fn command(&self, program: impl AsRef<OsStr>) -> Command {
         let mut command = Command::new(program);
         command
@@ -119,26 +118,26 @@ impl Site {
         command
     }
 
-    /// `ob1` with these arguments, to its end.
+    /// Runs `ob1` with these arguments until its end.
     pub(crate) fn ob1(&self, args: &[&str]) -> Said {
         let output = self.command(program("ob1")).args(args).output().expect("ob1 starts");
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("UTF-8");
         Said { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
     }
 
-    /// `ob1 run` of a station file, until it is asked for more.
+    /// Starts `ob1 run` with a station file.
     pub(crate) fn run(&self, file: &str) -> Running {
         self.run_with(file, &[], &[])
     }
 
-    /// The same with its log, and those of its drivers, going there.
+    /// The same, with its log and those of its drivers redirected.
     pub(crate) fn run_logging_to(&self, file: &str, log: impl Into<Stdio>) -> Running {
         let mut command = self.command(program("ob1"));
         command.args(["run", file]);
         Running::start_with(self, file, command, Some(log.into()))
     }
 
-    /// The same with more arguments and environment.
+    /// The same with additional arguments and environment.
     pub(crate) fn run_with(&self, file: &str, args: &[&str], environment: &[(&str, &OsStr)]) -> Running {
         let mut command = self.command(program("ob1"));
         command.args(["run", file]).args(args).envs(environment.iter().copied());
@@ -148,7 +147,7 @@ impl Site {
 
 impl Drop for Site {
     fn drop(&mut self) {
-        // Again until there is none: one that is just being started is not seen yet.
+        // Repeated until there is none, because a process that is just starting is not visible yet.
         let guard = Guard::begin();
         loop {
             let left = self.processes();
@@ -164,26 +163,26 @@ impl Drop for Site {
 }
 
 /// A station file of the demo with [`PATIENT`] times, [`WATCHDOG`], and an edit. Its stations are `tested-a` and
-/// `tested-b`: a demo that runs on this machine would be found by its name.
+/// `tested-b`: a demo running on this machine would be found by its name.
 pub(crate) fn demo_station(name: &str, edit: impl FnOnce(String) -> String) -> String {
     example_station("examples/two-stations", name, |text| edit(replaced(&text, "\"two-stations-", "\"tested-")))
 }
 
-/// The same of another example.
+/// The same for another example.
 pub(crate) fn example_station(folder: &str, name: &str, edit: impl FnOnce(String) -> String) -> String {
     let text = fs::read_to_string(checkout(folder).join(name)).expect("a file of the example");
     let text = replaced(&text, "watchdog = \"150ms\"", WATCHDOG);
     edit(replaced(&text, "priority = ", &format!("{PATIENT}priority = ")))
 }
 
-/// With a simulated line, shared by both stations, in the place of the pty of this name.
+/// Replaces the pty of this name by a simulated line shared by both stations.
 pub(crate) fn on_a_simulated_line(station: &str, name: &str) -> String {
     let kind = if station.contains(&format!("pty:{name}.pty")) { "pty" } else { "serial" };
     let text = replaced(station, &format!("{kind}:{name}.pty"), &format!("sim:{name}"));
     text + &format!("\n[[simulated_line]]\nname = \"{name}\"\nshared = true\nseed = 341\n")
 }
 
-/// Replaces what must be there.
+/// Replaces a text, which must exist.
 pub(crate) fn replaced(text: &str, from: &str, to: &str) -> String {
     assert!(text.contains(from), "no `{from}` in:\n{text}");
     text.replace(from, to)

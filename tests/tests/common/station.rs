@@ -1,4 +1,4 @@
-//! A station that runs: `ob1 run` as a process, looked at through its socket.
+//! A running station: `ob1 run` as a process, accessed through its socket.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -16,11 +16,11 @@ use super::Guard;
 use super::processes::Watched;
 use super::site::Site;
 
-/// Between two looks, if nothing happens.
+/// Pause between two checks.
 const PAUSE: Duration = Duration::from_millis(5);
 
-/// A program with these data blocks that counts its scans in MW 100, and then does the rest. The local data from
-/// byte 20 on are the rest's.
+/// A program with these data blocks that counts its scans in MW 100, and then executes `rest`, which may use the local
+/// data from byte 20 on.
 pub(crate) fn counting(data: &str, rest: &str) -> String {
     format!(
         "{data}
@@ -39,10 +39,10 @@ NETWORK
     )
 }
 
-/// `ob1 run`. Its end ends every wait for it.
+/// `ob1 run`. Its end also ends every wait for it.
 #[derive(Debug)]
 pub(crate) struct Running {
-    /// As in its file.
+    /// The name in its file.
     pub(crate) name: String,
     /// Its file, as given to `ob1`.
     pub(crate) file: String,
@@ -53,7 +53,7 @@ pub(crate) struct Running {
     err: PathBuf,
 }
 
-/// How a run ended, and what it has said.
+/// The end of a run, and its output.
 #[derive(Debug)]
 pub(crate) struct Ended {
     pub(crate) status: ExitStatus,
@@ -80,7 +80,7 @@ impl Running {
         Self::start_with(site, file, command, None)
     }
 
-    /// The same with another log than a file.
+    /// The same with a log other than a file.
     pub(super) fn start_with(site: &Site, file: &str, mut command: Command, log: Option<Stdio>) -> Self {
         let name = name_in(&site.path(file));
         let (out, err) = (site.path(format!("{name}.out")), site.path(format!("{name}.err")));
@@ -98,7 +98,7 @@ impl Running {
         format!("{} said:\n{}{}", self.name, read(&self.out), read(&self.err))
     }
 
-    /// Looks until it is so. The end of the station and the guard end a wait that has failed.
+    /// Waits until `look` returns a value. The wait fails at the end of the station or after the time limit.
     pub(crate) fn until<T>(&self, what: &str, mut look: impl FnMut(&Self) -> Option<T>) -> T {
         let guard = Guard::begin();
         loop {
@@ -110,7 +110,7 @@ impl Running {
         }
     }
 
-    /// Until the CPU is in RUN.
+    /// Waits until the CPU is in RUN.
     pub(crate) fn until_run(self) -> Self {
         self.until("RUN", |s| (s.try_ask(Op::Status)?.status?.state == "RUN").then_some(()));
         self
@@ -120,7 +120,7 @@ impl Running {
         Client::to_socket(&self.rundir.join("control.sock")).ok()?.ask(op).ok()
     }
 
-    /// Asks; a refusal is an answer too.
+    /// Sends a request; a refusal is also an answer.
     pub(crate) fn ask(&self, op: Op) -> Result<Response, String> {
         let client = Client::to_socket(&self.rundir.join("control.sock"));
         match client.map_err(AccessError::Io).and_then(|mut client| client.ask(op)) {
@@ -130,7 +130,7 @@ impl Running {
         }
     }
 
-    /// Cells of one control point, as numbers.
+    /// Cells, read at one control point, as numbers.
     pub(crate) fn cells(&self, names: &[&str]) -> Vec<i64> {
         let items = names.iter().map(|&name| name.to_owned()).collect();
         let values = self.ask(Op::Get { items }).expect("these cells exist").values.expect("an answer to get");
@@ -147,7 +147,7 @@ impl Running {
         self.ask(Op::Set { items }).expect("this cell can be written");
     }
 
-    /// The same for a station that may not live to answer.
+    /// The same for a station that may end before it answers.
     pub(crate) fn try_set(&self, name: &str, value: i64) {
         self.try_ask(Op::Set { items: BTreeMap::from([(name.to_owned(), Value::from(value))]) });
     }
@@ -161,19 +161,19 @@ impl Running {
         self.try_ask(Op::Diag { count: 100 }).and_then(|response| response.diagnostics).unwrap_or_default()
     }
 
-    /// How often an event stands in the diagnostic buffer: `"4302h"`.
+    /// Number of entries of an event in the diagnostic buffer: `"4302h"`.
     pub(crate) fn entries(&self, event: &str) -> usize {
         self.diagnostics().iter().filter(|entry| entry.event == event).count()
     }
 
-    /// The driver of the station's CP: its process, how often one came up, how often one was lost.
+    /// The driver of the station's CP: its process, number of starts, number of losses.
     pub(crate) fn driver(&self) -> (u32, u32, u32) {
         let status = self.status();
         let driver = status.modules.iter().find_map(|module| module.driver.as_ref()).expect("a CP");
         (driver.pid, driver.starts, driver.losses)
     }
 
-    /// The same of the CP with this name.
+    /// The same for the CP with this name.
     pub(crate) fn driver_of(&self, cp: &str) -> (u32, u32, u32) {
         let status = self.status();
         let module = status.modules.iter().find(|module| module.name == cp);
@@ -181,12 +181,12 @@ impl Running {
         (driver.pid, driver.starts, driver.losses)
     }
 
-    /// The driver's process, once it is up.
+    /// The process of the driver, after its start.
     pub(crate) fn driver_process(&self) -> Watched {
         self.until("a driver", |s| Watched::find(s.driver().0))
     }
 
-    /// The same of the CP with this name.
+    /// The same for the CP with this name.
     pub(crate) fn driver_process_of(&self, cp: &str) -> Watched {
         self.until("a driver", |s| Watched::find(s.driver_of(cp).0))
     }
@@ -197,13 +197,13 @@ impl Running {
         self.until("scans go on", |s| (s.status().scans >= begin + more).then_some(()));
     }
 
-    /// Ctrl-C, and the end of it.
+    /// Sends Ctrl-C and waits for the end.
     pub(crate) fn interrupt(self) -> Ended {
         self.process.signal(Signal::INT);
         self.end()
     }
 
-    /// kill -9, and the end of it.
+    /// Sends kill -9 and waits for the end.
     pub(crate) fn kill(self) -> Ended {
         self.process.signal(Signal::KILL);
         self.end()

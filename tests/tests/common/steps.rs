@@ -1,11 +1,11 @@
-//! A program that plays JSON lines of its standard input and answers each with a JSON line: what devices of tests are.
+//! A program that plays JSON lines from its standard input and answers each with a JSON line: the devices of the tests.
 
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 use serde_json::Value;
 
-/// Such a program at work.
+/// Such a running program.
 pub(crate) struct Steps {
     child: Child,
     steps: Option<ChildStdin>,
@@ -13,7 +13,7 @@ pub(crate) struct Steps {
 }
 
 impl Steps {
-    /// Starts it, and hands over what it says first.
+    /// Starts it, and returns its first output.
     pub(crate) fn start(command: &mut Command) -> (Self, Value) {
         let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("the interpreter starts");
         let steps = child.stdin.take();
@@ -23,13 +23,13 @@ impl Steps {
         (steps, first)
     }
 
-    /// One step, and what it says to it.
+    /// Gives one step and returns the answer.
     pub(crate) fn ask(&mut self, step: &Value) -> Value {
         writeln!(self.steps.as_mut().expect("open until the end"), "{step}").expect("a device that reads its steps");
         self.answer()
     }
 
-    /// Ends its standard input; what it says to that.
+    /// Closes its standard input and returns the answer.
     pub(crate) fn finish(&mut self) -> Value {
         drop(self.steps.take());
         self.answer()

@@ -1,4 +1,4 @@
-//! A terminal for a program that draws on one: a pseudo terminal with a size, and what stands on its screen.
+//! A terminal for a program that draws on it: a pseudo terminal with a size, and the content of its screen.
 
 use std::os::fd::OwnedFd;
 use std::process::{Child, Command, ExitStatus};
@@ -13,14 +13,14 @@ use rustix::termios::{LocalModes, Termios, Winsize, tcgetattr, tcsetwinsize};
 use super::Guard;
 use super::processes::Watched;
 
-/// Begin and end of the other screen.
+/// Start and end of the alternate screen.
 const ENTER: &str = "\x1b[?1049h";
 const LEAVE: &str = "\x1b[?1049l";
 
 /// A program on a terminal of its own.
 pub(crate) struct Terminal {
     ours: OwnedFd,
-    /// Keeps the terminal, and its modes, while nobody else has it.
+    /// Keeps the terminal and its modes while no other process has it open.
     theirs: OwnedFd,
     child: Child,
     said: Vec<u8>,
@@ -59,13 +59,13 @@ impl Terminal {
         assert_eq!(rustix::io::write(&self.ours, keys).expect("its keyboard"), keys.len());
     }
 
-    /// Line mode and echo are off: it reads single keys.
+    /// Whether line mode and echo are off: the program reads single keys.
     pub(crate) fn is_raw(&self) -> bool {
         let modes = tcgetattr(&self.theirs).expect("its modes").local_modes;
         !modes.intersects(LocalModes::ICANON | LocalModes::ECHO)
     }
 
-    /// What stands on the screen, a line a row.
+    /// The content of the screen, one line for each row.
     pub(crate) fn screen(&self) -> String {
         self.screen.iter().map(|row| row.iter().collect::<String>().trim_end().to_owned() + "\n").collect()
     }
@@ -92,7 +92,7 @@ impl Terminal {
         count > 0
     }
 
-    /// Draws what has been said since the program began on its screen: places and characters, no colours.
+    /// Draws the output since the program has entered its screen: positions and characters, without colours.
     fn draw(&mut self) {
         let text = String::from_utf8_lossy(&self.said).into_owned();
         let rows = self.screen.len();
@@ -123,11 +123,11 @@ impl Terminal {
         }
     }
 
-    /// Its end: that it has left the terminal as it was.
+    /// Waits for its end, and checks that it has restored the terminal.
     pub(crate) fn end(mut self) -> ExitStatus {
         let watched = Watched::find(self.child.id()).expect("not waited for yet");
         let guard = Guard::begin();
-        // Who does not read keeps it from writing its last words.
+        // Its output must be read, otherwise it cannot write its last bytes.
         while !watched.has_ended() {
             self.read();
             assert!(!guard.is_over(), "it does not end:\n{}", self.screen());

@@ -1,4 +1,4 @@
-//! What goes over a TCP connection between two others, in a file that Wireshark's dissectors read.
+//! Records a TCP connection between two others in a file that Wireshark's dissectors can read.
 
 use std::io::{Read as _, Write as _};
 use std::net::{Ipv4Addr, Shutdown, TcpListener, TcpStream};
@@ -9,15 +9,15 @@ use std::thread::JoinHandle;
 
 /// Link type of packets that begin with their IP header.
 const RAW: u32 = 101;
-/// The port under which dissectors look for ISO on TCP.
+/// The port at which dissectors expect ISO on TCP.
 const PORT: u16 = 102;
-/// Bytes of a packet.
+/// Maximum bytes of a packet.
 const SEGMENT: usize = 1400;
 
 /// Bytes of one connection, in their order; true: to the server.
 type Said = Arc<Mutex<Vec<(usize, bool, Vec<u8>)>>>;
 
-/// Somebody between clients and a server, who writes down what they say.
+/// A proxy between clients and a server that records their data.
 pub(crate) struct Between {
     pub(crate) port: u16,
     said: Said,
@@ -25,14 +25,14 @@ pub(crate) struct Between {
 }
 
 impl Between {
-    /// In front of a server on this machine.
+    /// Starts it before a server on this machine.
     pub(crate) fn listen(server: u16) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let port = listener.local_addr().expect("an address").port();
         let said = Said::default();
         let threads: Arc<Mutex<Vec<JoinHandle<()>>>> = Arc::default();
         let (log, all) = (Arc::clone(&said), Arc::clone(&threads));
-        // Ends with the process: nobody calls any more then.
+        // This thread ends with the process.
         std::thread::spawn(move || {
             for (number, client) in listener.incoming().flatten().enumerate() {
                 let Ok(server) = TcpStream::connect(("127.0.0.1", server)) else { continue };
@@ -50,7 +50,7 @@ impl Between {
         Self { port, said, threads }
     }
 
-    /// Writes what was said, once all connections are closed.
+    /// Writes the recorded data after all connections have been closed.
     pub(crate) fn write(&self, path: &Path) {
         for thread in self.threads.lock().expect("not poisoned").drain(..) {
             thread.join().expect("it copies");
@@ -89,7 +89,7 @@ fn copy(mut from: TcpStream, mut to: TcpStream, number: usize, there: bool, said
     let _ = from.shutdown(Shutdown::Both);
 }
 
-/// A packet with its IP and TCP headers; nobody looks at their check sums.
+/// A packet with its IP and TCP headers; their checksums are not used.
 fn packet(number: usize, there: bool, (at, acknowledged): (u32, u32), bytes: &[u8]) -> Vec<u8> {
     let client = 50_000 + number as u16;
     let (from, to) = if there { (client, PORT) } else { (PORT, client) };
@@ -110,7 +110,7 @@ fn packet(number: usize, there: bool, (at, acknowledged): (u32, u32), bytes: &[u
     packet
 }
 
-/// The packets of a file that a filter of tshark finds, each as one line.
+/// The packets of a file that match a filter of tshark, one line each.
 pub(crate) fn tshark(file: &Path, filter: &str) -> Vec<String> {
     let mut command = Command::new("tshark");
     command.arg("-r").arg(file).args(["-Y", filter]);

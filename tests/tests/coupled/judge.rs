@@ -1,10 +1,11 @@
-//! What must hold, whatever goes wrong. The ledgers of both programs are read after each cycle.
+//! The rules that must hold with any faults. The ledgers of both programs are read after each cycle.
 //!
-//! - Nothing comes torn, twice, or out of turn.
-//! - When BSEND says DONE the partner's BRCV has the telegram, when PUT says it the telegram stands in the partner.
-//! - GET brings what PUT has written.
-//! - A job ends: after ten seconds without an answer, or when a partner who says nothing is given up.
-//! - STATUS is one that docs/cp343.md has for what has happened.
+//! - No telegram is received corrupted, twice, or out of order.
+//! - After DONE of BSEND the partner's BRCV has the telegram; after DONE of PUT the telegram is in the partner's
+//!   memory.
+//! - GET returns what PUT has written.
+//! - Every job ends: after ten seconds without an answer, or when the connection to a silent partner is closed.
+//! - STATUS is one that docs/cp343.md defines for the fault.
 
 use std::collections::BTreeMap;
 
@@ -13,27 +14,29 @@ use ob1_time::{Instant, Span};
 use super::program::{Kind, STREAMS, bytes, receives, sends};
 use super::station::Station;
 
-/// A job on an S7 connection gets ten seconds (docs/cp343.md), and what is before it in the partner a little more.
+/// Maximum time of a job on an S7 connection: ten seconds (docs/cp343.md), and additional time for earlier jobs in the
+/// partner.
 const JOB: Span = Span::from_secs(15);
-/// A telegram is out when the kernel has it; a partner who says nothing is given up after a minute.
+/// Maximum time of a telegram: it is sent when the kernel has it; the connection to a silent partner is closed after a
+/// minute.
 const TELEGRAM: Span = Span::from_secs(75);
 
 /// STATUS of URCV: older data were overwritten.
 const OLDER: u16 = 9;
 
-/// STATUS that may come with ERROR, by what the stream goes over: sending, receiving.
+/// Permitted STATUS values with ERROR for each kind of stream: sending, receiving.
 const fn permitted(kind: Kind) -> (&'static [u16], &'static [u16]) {
     match kind {
-        // 1 the connection, 2 the partner has started anew in between, 3 it has no BRCV yet, 6 it was not ready.
+        // 1 the connection, 2 the partner has restarted in between, 3 it has no BRCV yet, 6 it was not ready.
         Kind::Block => (&[1, 2, 3, 6], &[1]),
         Kind::Message => (&[1], &[1, OLDER]),
         Kind::Variables => (&[1], &[1]),
-        // 8304h: it is not established, 80C0h: the CP does not answer, or has started again.
+        // 8304h: the connection is not established, 80C0h: the CP does not answer, or has restarted.
         Kind::Ag(_) => (&[0x8304, 0x80C0], &[0x80C0]),
     }
 }
 
-/// A ledger, as it was seen last.
+/// The last state of a ledger.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Seen {
     done: u32,
@@ -42,18 +45,18 @@ struct Seen {
     got: u32,
     not_got: u32,
     not_come: u32,
-    /// When a job has ended last, or could begin.
+    /// Time of the end of the last job, or of the possible start of a job.
     ended: Instant,
 }
 
-/// What has come of it.
+/// The result.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Told {
-    /// Telegrams that have come whole: by stream.
+    /// Complete telegrams received, by stream.
     pub(crate) telegrams: [u64; STREAMS.len()],
-    /// ERROR with this STATUS: by stream, sending or receiving.
+    /// Number of ERROR with this STATUS: by stream, sending or receiving.
     pub(crate) failed: BTreeMap<(&'static str, &'static str, u16), u64>,
-    /// Of these: after something has come over every stream, and not because of older data (9).
+    /// Those after every stream has received something, except because of older data (9).
     pub(crate) late: u64,
 }
 
@@ -62,7 +65,7 @@ pub(crate) struct Judge {
     seen: [[Seen; STREAMS.len()]; 2],
     ran: [bool; 2],
     pub(crate) told: Told,
-    /// Of everything that was seen, in its order.
+    /// Digest of all observations in their order.
     pub(crate) digest: u64,
 }
 
@@ -85,7 +88,7 @@ impl Judge {
         *self.told.failed.entry((STREAMS[stream].name, which, status)).or_default() += u64::from(count);
     }
 
-    /// After each cycle of station `me`.
+    /// To be called after each cycle of station `me`.
     pub(crate) fn look(&mut self, now: Instant, me: usize, stations: &[Station; 2]) {
         let (own, partner) = (&stations[me], &stations[1 - me]);
         let runs = own.runs();
@@ -137,7 +140,7 @@ impl Judge {
         }
     }
 
-    /// DONE: where that means that the partner has it, it has.
+    /// Checks DONE: if it means that the partner has the telegram, the partner must have it.
     fn is_done(&self, at: &str, stream: usize, number: u32, partner: &Station) {
         match STREAMS[stream].kind {
             Kind::Block => {
@@ -153,7 +156,7 @@ impl Judge {
         }
     }
 
-    /// Telegrams of each station's streams that have come through by now.
+    /// Number of telegrams received so far for each station's streams.
     pub(crate) fn through(&self) -> [[u32; STREAMS.len()]; 2] {
         self.seen.map(|seen| seen.map(|seen| seen.good + seen.got))
     }

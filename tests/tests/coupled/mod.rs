@@ -1,6 +1,6 @@
-//! Two whole stations that are connected by their Ethernet CPs, in one thread and in virtual time. Everything that
-//! decides is real: station files, compiler, CPU, the plugin's shared library, module adapter, back plane, supervisor,
-//! broker and door, the CP and its machine. Virtual are time, the network, and the life of the CP's process.
+//! Two whole stations that are connected by their Ethernet CPs, in one thread and in virtual time. All tested parts are
+//! real: station files, compiler, CPU, the plugin's shared library, module adapter, back plane, supervisor, broker and
+//! door, the CP and its machine. Time, the network and the life cycle of the CP's process are virtual.
 
 mod judge;
 mod net;
@@ -26,31 +26,31 @@ use station::Station;
 
 pub(crate) use sim::{MS, SECOND};
 
-/// When nothing goes wrong any more, everything comes back within this time: the longest wait between two calls, and
-/// one job that gets no answer.
+/// Without further faults everything recovers within this time: the longest wait between two calls, and one job without
+/// an answer.
 const BACK: Span = Span::from_secs(20);
-/// What goes wrong: from this number on, of 20, a CP is killed.
+/// Of 20 kinds of fault, those from this number on kill a CP.
 const KILL: u64 = 11;
-/// So many telegrams of each stream show that it is back.
+/// After this many telegrams of each stream it has recovered.
 const ENOUGH: u32 = 3;
 
-/// What goes wrong in a run.
+/// The faults in a run.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Scenario {
     pub(crate) seed: u64,
-    /// Something goes wrong until here.
+    /// End of the faults.
     pub(crate) trouble: Instant,
-    /// So often, on average; 0: nothing does.
+    /// Average interval between faults; 0: no faults.
     pub(crate) every: Span,
-    /// Nothing goes wrong but that CPs are killed.
+    /// The only faults are killed CPs.
     pub(crate) kills_only: bool,
-    /// One datagram in so many is lost, and one call in so many refused; 0: none.
+    /// One datagram in this many is lost, and one connection request in this many is refused; 0: none.
     pub(crate) loses: u64,
-    /// A long scan: so much time passes before and after each call of a handling block; 0: none.
+    /// A long scan: this time passes before and after each call of a handling block; 0: none.
     pub(crate) call: Span,
 }
 
-/// What came of it.
+/// The result of a run.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Outcome {
     pub(crate) told: Told,
@@ -58,14 +58,14 @@ pub(crate) struct Outcome {
     pub(crate) mutes: u64,
     pub(crate) kills: u64,
     pub(crate) stops: u64,
-    /// Processes that became ready while a scan was under way.
+    /// Number of processes that became ready during a scan.
     pub(crate) up_in_scans: u64,
-    /// What went wrong, and at the end a digest of all that happened.
+    /// The faults, and at the end a digest of all events.
     pub(crate) log: String,
 }
 
 impl Outcome {
-    /// Telegrams that have come through.
+    /// Number of received telegrams.
     pub(crate) fn telegrams(&self) -> u64 {
         self.told.telegrams.iter().sum()
     }
@@ -79,7 +79,7 @@ struct World {
     stations: [Station; 2],
     judge: Judge,
     trouble: Instant,
-    /// When a station that was stopped starts again.
+    /// Time at which a stopped station starts again.
     starts: [Instant; 2],
     outcome: Outcome,
 }
@@ -171,7 +171,7 @@ impl World {
                 let now = self.stations[me].cycle(now, self.scenario.call, &mut self.net);
                 self.now = now;
                 self.outcome.up_in_scans += self.stations[me].process.ups - ups;
-                // The broker's socket wakes it too.
+                // The broker's socket also wakes it.
                 let heard = now + Span::from_micros(5) + self.rng.span_below(Span::from_micros(60));
                 self.stations[me].process.nudge(heard);
                 self.judge.look(now, me, &self.stations);

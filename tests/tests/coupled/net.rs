@@ -1,5 +1,5 @@
-//! The network between two stations: TCP connections whose chunks are delayed and split, that break, or of which one
-//! day nothing comes any more; datagrams that are lost. What a kernel has for a process that is dead, it keeps.
+//! The network between two stations: TCP connections whose chunks are delayed and divided, that break or become silent;
+//! datagrams that are lost. The kernel keeps the data of a dead process.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::net::SocketAddr;
@@ -11,19 +11,19 @@ use ob1_time::{Instant, Span};
 use super::SECOND;
 use super::program::LINES;
 
-/// A chunk is on its way for so long, at least and in addition at most.
+/// Transmission time of a chunk: minimum, and maximum addition.
 const WAY: (Span, Span) = (Span::from_micros(20), Span::from_millis(3));
-/// Bytes under way in one direction, at most.
+/// Maximum bytes in transit in one direction.
 const ROOM: usize = 64 * 1024;
-/// Datagrams a kernel keeps.
+/// Maximum datagrams that a kernel keeps.
 const DATAGRAMS: usize = 64;
-/// A partner from whom nothing comes is noticed after this long.
+/// Time after which a silent partner is detected.
 const KEEP_ALIVE: Span = Span::from_secs(60);
 
-/// What is under way.
+/// Something in transit.
 enum Item {
     Bytes(Vec<u8>),
-    /// Nothing follows.
+    /// End of the data.
     End,
 }
 
@@ -37,13 +37,13 @@ struct Pipe {
 struct Conn {
     line: usize,
     caller: usize,
-    /// When each station knows that it is made.
+    /// Time at which each station knows that the connection is established.
     made: [Instant; 2],
-    /// On the way to each station.
+    /// In transit to each station.
     to: [Pipe; 2],
     /// Stations that have closed their end.
     closed: [bool; 2],
-    /// It is broken: when each station sees that.
+    /// If broken: the time at which each station detects this.
     broken: Option<[Instant; 2]>,
 }
 
@@ -52,12 +52,12 @@ pub(crate) struct Net {
     rng: SplitMix64,
     conns: BTreeMap<u64, Conn>,
     last: u64,
-    /// Who has called each station, and was not taken yet.
+    /// Incoming connections of each station that are not accepted yet.
     backlog: [VecDeque<u64>; 2],
     datagrams: [VecDeque<(Instant, Vec<u8>)>; 2],
-    /// One datagram in so many is lost; one call in so many is refused; 0: none.
+    /// One datagram in this many is lost; one connection request in this many is refused; 0: none.
     pub(crate) loses: u64,
-    /// Until then a connection may be mute.
+    /// Time until which a connection may be silent.
     pub(crate) mute_until: Instant,
 }
 
@@ -82,12 +82,13 @@ impl Net {
         self.loses > 0 && self.rng.below(self.loses) == 0
     }
 
-    /// A connection breaks: both see it a little later, and what was under way is lost. True if there was one.
+    /// Breaks a connection: both stations detect it a little later, and data in transit are lost. True if there was
+    /// one.
     pub(crate) fn breaks(&mut self, line: usize, now: Instant) -> bool {
         self.sever(line, |net| [now + net.way(), now + net.way()])
     }
 
-    /// Nothing comes any more, and nobody is told.
+    /// Makes a connection silent without an error.
     pub(crate) fn mutes(&mut self, line: usize, now: Instant) -> bool {
         let until = now + KEEP_ALIVE;
         let done = self.sever(line, |net| [until + net.rng.span_below(SECOND), until + net.rng.span_below(SECOND)]);
@@ -108,19 +109,19 @@ impl Net {
         true
     }
 
-    /// Who has called `me`.
+    /// Accepts an incoming connection of `me`.
     pub(crate) fn accept(&mut self, me: usize, now: Instant) -> Option<(u64, usize)> {
         let is_there = |id: &u64| self.conns.get(id).is_some_and(|conn| now >= conn.made[me]);
         let id = self.backlog[me].iter().position(is_there).and_then(|at| self.backlog[me].remove(at))?;
         self.conns.get(&id).map(|conn| (id, conn.line))
     }
 
-    /// Whether a call of `me` has come through.
+    /// Whether an outgoing connection of `me` is established.
     pub(crate) fn is_made(&self, id: u64, me: usize, now: Instant) -> bool {
         self.conns.get(&id).is_none_or(|conn| now >= conn.made[me])
     }
 
-    /// The kernel closes the ends of a dead process: what has been sent still arrives, or not even that.
+    /// The kernel closes the connections of a dead process: data already sent may still arrive.
     pub(crate) fn kill(&mut self, id: u64, me: usize, now: Instant) {
         let seen = [now + self.way(); 2];
         let is_broken = self.rng.below(2) == 0;
@@ -139,7 +140,7 @@ impl Net {
         let pipe = &mut conn.to[1 - me];
         let due = pipe.queue.back().map_or(Instant::START, |last| last.0).max(now + way);
         pipe.queue.push_back((due, Item::End));
-        // Whoever was not accepted yet is nevertheless there.
+        // A connection that is not accepted yet exists nevertheless.
         if conn.closed == [true; 2] {
             self.conns.remove(&id);
             self.backlog.iter_mut().for_each(|backlog| backlog.retain(|waiting| *waiting != id));
@@ -175,7 +176,7 @@ impl Net {
         let conn = self.conns.get_mut(&id)?;
         let pipe = &mut conn.to[1 - me];
         if let Some(seen) = conn.broken {
-            // The kernel takes it, and it goes nowhere.
+            // The kernel accepts the data but does not deliver them.
             let taken = part.min(ROOM - pipe.bytes);
             pipe.bytes += taken;
             return (now < seen[me]).then_some(taken);
@@ -192,7 +193,7 @@ impl Net {
         Some(taken)
     }
 
-    /// When something comes for `me`; a connection it reads nothing of now says nothing.
+    /// Time of the next event for `me`; ignores connections that `me` does not read now.
     pub(crate) fn next(&self, me: usize, now: Instant, reads: impl Fn(u64) -> bool) -> Instant {
         let of = |(id, conn): (&u64, &Conn)| {
             if conn.closed[me] {
@@ -203,7 +204,7 @@ impl Net {
                 Some(seen) => Some(seen[me]),
                 None => conn.to[me].queue.front().map(|front| front.0),
             };
-            // Nothing comes before the connection is made.
+            // Nothing arrives before the connection is established.
             let came = came.map(|at| at.max(conn.made[me])).filter(|_| reads(*id));
             [made, came].into_iter().flatten().min()
         };
@@ -229,7 +230,7 @@ impl Socket {
     }
 }
 
-/// The network as a station's process has it now.
+/// The network for a station's process.
 pub(crate) struct Sockets<'n> {
     pub(crate) net: &'n mut Net,
     pub(crate) me: usize,

@@ -1,5 +1,5 @@
-//! The process `ob1-s7 --cp` without being one: the CP, the door and the calls on the port of the link are what they
-//! are; only its life and its network are virtual.
+//! Simulates the process `ob1-s7 --cp`: the CP, the door and the calls of the link's port are real; only its life cycle
+//! and its network are virtual.
 
 use std::net::{IpAddr, Ipv4Addr};
 use std::os::fd::OwnedFd;
@@ -22,7 +22,7 @@ use super::program::LINES;
 /// Between two signs of life.
 const BEAT: Span = Span::from_millis(200);
 
-/// The process while it lives.
+/// A running process.
 struct Alive {
     cp: Cp,
     door: Door,
@@ -31,23 +31,23 @@ struct Alive {
     /// Numbers of clients at the broker.
     number: u32,
     lines: [Socket; LINES.len()],
-    /// Who has not said yet which connection he wants.
+    /// Clients that have not requested a connection yet.
     fronts: Vec<(u64, Connection)>,
     beat: Instant,
     tick: Instant,
 }
 
-/// The process, and whether there is one.
+/// The process, if it is running.
 pub(crate) struct Process {
     me: usize,
     segment: Segment,
     life: Life,
     alive: Option<Alive>,
-    /// The zero of virtual time, for what counts in the time of the machine.
+    /// The zero of virtual time, for code that uses the time of the machine.
     base: time::Instant,
     due: Instant,
     pub(crate) kills: u64,
-    /// Times it was ready.
+    /// Number of times it was ready.
     pub(crate) ups: u64,
 }
 
@@ -65,7 +65,7 @@ impl Process {
         self.life.next_event().min(self.due).min(net.next(self.me, now, reads))
     }
 
-    /// Everything that is due.
+    /// Handles everything that is due.
     pub(crate) fn advance(&mut self, now: Instant, broker: &mut Broker, net: &mut Net) {
         while let Some(turn) = self.life.advance(now) {
             match turn {
@@ -94,19 +94,19 @@ impl Process {
         });
     }
 
-    /// After a cycle of the CPU, and what its broker had to say.
+    /// To be called after a cycle of the CPU and of its broker.
     pub(crate) fn listen(&mut self, now: Instant) {
         if let Some(heard) = self.life.heard(now, self.alive.is_some()) {
             self.due = self.due.min(heard);
         }
     }
 
-    /// The broker has something for it, perhaps.
+    /// The broker may have something for it.
     pub(crate) fn nudge(&mut self, at: Instant) {
         self.due = self.due.min(at);
     }
 
-    /// `kill -9`, one time in three in the middle of writing a box. False: there is none.
+    /// `kill -9`, one time in three while it writes a box. False: there is no process.
     pub(crate) fn kill(&mut self, now: Instant, at: usize, net: &mut Net) -> bool {
         let Some(alive) = self.alive.take() else { return false };
         let ids = alive.lines.iter().filter_map(|socket| socket.id()).chain(alive.fronts.iter().map(|front| front.0));
@@ -126,7 +126,7 @@ impl Process {
         true
     }
 
-    /// As `Server::run` does it, until it may sleep.
+    /// Runs like `Server::run` until it may sleep.
     fn poll(&mut self, now: Instant, broker: &mut Broker, net: &mut Net) {
         let Some(alive) = &mut self.alive else { return };
         let at = self.base + Duration::from(now.since_start());
@@ -183,7 +183,7 @@ impl Alive {
         self.door.pump().expect("the broker is there");
     }
 
-    /// What has come over the network.
+    /// Handles data from the network.
     fn network(&mut self, me: usize, now: Instant, at: time::Instant, net: &mut Net, config: &Config) {
         for line in 0..LINES.len() {
             if let Socket::Coming(id) = self.lines[line]
@@ -229,7 +229,7 @@ impl Alive {
 }
 
 impl Sockets<'_> {
-    /// The newest partner has the connection; the one before is closed.
+    /// The newest partner gets the connection; the previous one is closed.
     fn take(&mut self, line: usize, id: u64) {
         if let Some(before) = std::mem::replace(&mut self.lines[line], Socket::Up(id)).id() {
             self.net.close(before, self.me, self.now);

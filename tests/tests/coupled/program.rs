@@ -1,22 +1,21 @@
-//! The program of both stations, and their files. Each stream of telegrams has a number: what it sends lies in DB 50
-//! and on, what it receives in DB 70 and on, its ledgers are DB 10 and DB 30 and on.
+//! The program of both stations, and their files. Each stream of telegrams has a number: sent data are in DB 50 and
+//! following, received data in DB 70 and following, the ledgers in DB 10 and DB 30 and following.
 //!
-//! A telegram is double words: its number, and one more in each that follows. Its length follows from the number. So
-//! a piece of another telegram, a piece in the wrong place and a piece that is missing are all seen by the program that
-//! receives it.
+//! A telegram consists of double words: its number, then increasing by one. Its length depends on the number. So the
+//! receiving program detects pieces of another telegram, pieces in the wrong place and missing pieces.
 
 use std::fmt::Write as _;
 
-/// What a stream goes over.
+/// The service of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     /// FB 12 and 13.
     Block,
     /// FB 8 and 9.
     Message,
-    /// FB 15 and 14: written into the partner, and read back.
+    /// FB 15 and 14: written to the partner, and read back.
     Variables,
-    /// FC 5 and 6, with this connection.
+    /// FC 5 and 6 with this connection.
     Ag(u16),
 }
 
@@ -25,9 +24,9 @@ pub(crate) enum Kind {
 pub(crate) struct Stream {
     pub(crate) name: &'static str,
     pub(crate) kind: Kind,
-    /// Double words of the shortest telegram.
+    /// Minimum length in double words.
     pub(crate) shortest: u32,
-    /// So many lengths follow it; 1: all are as long.
+    /// Number of different lengths; 1: all have the same length.
     pub(crate) lengths: u32,
 }
 
@@ -47,23 +46,23 @@ pub(crate) const STREAMS: [Stream; 8] = [
     stream("USEND short", Kind::Message, 5, 1),
 ];
 
-/// The kinds of connection in the order of the station files, and which station makes it.
+/// The kinds of connection in the order of the station files, and the station that establishes it.
 pub(crate) const LINES: [(&str, usize); 5] = [("s7", 0), ("iso-on-tcp", 1), ("tcp", 0), ("udp", 0), ("s7", 1)];
 /// IDs of the S7 connections: blocks and messages, variables.
 const S7: [u16; 2] = [1, 5];
 
-/// Number, started, done, failed, the number done last, STATUS. A sender of variables also: values read back, wrong
-/// ones, failed, STATUS.
+/// Number, started, done, failed, the number done last, STATUS. For variables also: values read back, wrong ones,
+/// failed, STATUS.
 pub(crate) const fn sends(stream: usize) -> u16 {
     10 + stream as u16
 }
 
-/// The number that came last, good ones, torn ones, ones out of turn, failed, STATUS.
+/// The last number received, good telegrams, corrupted ones, ones out of order, failed, STATUS.
 pub(crate) const fn receives(stream: usize) -> u16 {
     30 + stream as u16
 }
 
-/// What has come, and where the partner puts.
+/// The data block for received data, and for PUT of the partner.
 pub(crate) const fn received(stream: usize) -> u16 {
     70 + stream as u16
 }
@@ -80,7 +79,7 @@ fn count(cell: &str) -> String {
     format!("      L     {cell};\n      {PLUS_ONE}{cell};\n")
 }
 
-/// Compares what has come with the number it has; jumps to TORN.
+/// Checks a received telegram against its number; jumps to TORN.
 fn compare(stream: usize, has_len: bool) -> String {
     let Stream { shortest, lengths, .. } = STREAMS[stream];
     let db = received(stream);
@@ -115,7 +114,7 @@ fn fill(stream: usize) -> String {
     )
 }
 
-/// Ends a sender's job, and begins the next one a cycle later.
+/// Ends a sender's job, and starts the next one a cycle later.
 fn sender(stream: usize) -> String {
     let (m, ledger) = (10 + stream, sends(stream));
     format!(
@@ -130,7 +129,7 @@ fn sender(stream: usize) -> String {
     )
 }
 
-/// PUT has ended: GET. GET has ended: compare, and the next number.
+/// After PUT: GET. After GET: compare, then the next number.
 fn variables(stream: usize) -> String {
     let (m, ledger, db) = (10 + stream, sends(stream), received(stream));
     let expect =
@@ -171,7 +170,7 @@ fn receiver(stream: usize, has_len: bool) -> String {
     )
 }
 
-/// The calls of a stream: what is sent under this R_ID, and what comes under that.
+/// The calls of a stream, with the R_IDs for sending and receiving.
 fn calls(stream: usize, (out, come): (usize, usize)) -> String {
     let (s, m, r) = (stream, 10 + stream, 30 + stream);
     let longest = 4 * (STREAMS[s].shortest + STREAMS[s].lengths - 1);
@@ -204,7 +203,7 @@ fn calls(stream: usize, (out, come): (usize, usize)) -> String {
         Kind::Message => {
             format!("{}  SD_1 := {source}\nCALL FC {}\n{}CALL FC {}\n", sends(8, &id), 20 + s, receives(9), 80 + s)
         }
-        // The partner's place is that of what this one reads back, which is another data block.
+        // GET reads from the partner's data block into another data block here.
         Kind::Variables => format!(
             "{}  ADDR_1 := P#DB99.DBX0.0 BYTE {longest}\n  SD_1 := {source}\nCALL FB 14, DB {}\n  REQ := M{m}.4\n  ID := W#16#{values}\n\
              \x20 NDR := M{m}.5\n  ERROR := M{m}.6\n  STATUS := MW{came}\n  ADDR_1 := P#DB99.DBX0.0 BYTE {longest}\n  RD_1 := {target}\nCALL FC {}\n",

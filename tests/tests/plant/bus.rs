@@ -1,4 +1,4 @@
-//! A bus of the station: the process with its masters while it lives, and the field.
+//! A bus of the station: the process with its masters while it is running, and the field.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -40,20 +40,21 @@ impl DriverLink for Link {
     }
 }
 
-/// A GPIO chip of the machine: it outlives the process that has its lines.
+/// A GPIO chip of the machine, which survives the process that uses its lines.
 #[derive(Default)]
 pub(crate) struct Chip {
     pub(crate) inputs: Vec<bool>,
     pub(crate) outputs: Vec<bool>,
     pub(crate) gone: bool,
-    /// Somebody has its lines.
+    /// Its lines are in use.
     pub(crate) taken: bool,
     pub(crate) opened: u32,
 }
 
 pub(crate) type SharedChip = Rc<RefCell<Chip>>;
 
-/// The lines of a chip as a process has them. When it dies the kernel frees them, and lets them stay as they are.
+/// The lines of a chip in use by a process. When the process dies, the kernel releases them without changing their
+/// values.
 struct Lines(SharedChip);
 
 impl Lines {
@@ -91,7 +92,7 @@ impl Drop for Lines {
     }
 }
 
-/// The process while it lives.
+/// The running process.
 struct Alive {
     pump: Pump,
     masters: Vec<(Master, Instant)>,
@@ -99,7 +100,7 @@ struct Alive {
 }
 
 impl Alive {
-    /// As the process does it: each chip when it is due, or the outputs have changed.
+    /// Like the process: handles each chip when it is due, or when the outputs have changed.
     fn chips(&mut self, now: Instant) {
         let Self { pump, chips, .. } = self;
         let changed = !chips.is_empty() && pump.look_at_scan(now);
@@ -125,16 +126,16 @@ pub(crate) struct SimulatedBus {
     size: BusSize,
     config: BusConfig,
     alive: Option<Alive>,
-    /// When the next process begins.
+    /// Start of the next process.
     begins: Instant,
     pub(crate) fields: Vec<Field>,
-    /// Those of its GPIO lines.
+    /// The chips of its GPIO lines.
     pub(crate) chips: Vec<SharedChip>,
     pub(crate) kills: u32,
 }
 
 impl SimulatedBus {
-    /// With what the CPU sees of it.
+    /// Creates it, and the part for the CPU.
     pub(crate) fn new(bus: &BusOfFile, fields: Vec<Field>, begins: Instant) -> (Self, Bus) {
         let (segment, memory) = (Segment::heap(), BusMemory::heap());
         let side = CpuSide::create(&segment, 8).expect("a segment");
@@ -216,7 +217,7 @@ impl SimulatedBus {
         self.process.reports.lock().expect("not poisoned").push_back(Report::Lost(Exit::Signal(9)));
     }
 
-    /// The end of a scan rings.
+    /// Rings the doorbell at the end of a scan.
     pub(crate) fn ring(&mut self, now: Instant) {
         let Some(alive) = &mut self.alive else { return };
         if !alive.chips.is_empty() {

@@ -1,5 +1,5 @@
-//! Who is in the field: slaves on PROFIBUS, couplers on two wires or behind a connection. What they sense changes each
-//! time they are read; all of them have a watchdog.
+//! The devices in the field: slaves on PROFIBUS, couplers on two wires or on a connection. Their inputs change with
+//! each read; all have a watchdog.
 
 use ob1_coupler::{Input, LineInput, MasterInput};
 use ob1_dp::Slave;
@@ -7,10 +7,10 @@ use ob1_dp::slave::SlaveConfig;
 use ob1_tests::coupler::{Coupler, crc};
 use ob1_time::{Instant, Span};
 
-/// Bytes of a device, each way.
+/// Bytes of a device in each direction.
 pub(crate) const BYTES: usize = 4;
 
-/// What device `n` senses when it has been read so often.
+/// The inputs of device `n` after this number of reads.
 pub(crate) fn sensed(n: usize, reads: u64) -> [u8; BYTES] {
     let k = reads as u8;
     [k, n as u8, k ^ 0xA5, !k]
@@ -18,27 +18,27 @@ pub(crate) fn sensed(n: usize, reads: u64) -> [u8; BYTES] {
 
 enum Kind {
     Slave(Box<Slave>, SlaveConfig),
-    /// With what it has heard of a telegram, and whether that is spoiled.
+    /// With the received part of a telegram, and whether it is corrupted.
     Coupler(Box<Coupler>, Vec<u8>, bool),
 }
 
 pub(crate) struct Device {
     n: usize,
     kind: Kind,
-    /// When it wants to be asked again.
+    /// Time of its next call.
     pub(crate) deadline: Instant,
-    /// Without power until then.
+    /// End of a power failure.
     off_until: Instant,
-    /// Nothing reaches it, and nothing comes from it, until then.
+    /// End of an interruption of its cable.
     cut_until: Instant,
     reads: u64,
-    /// The last exchange.
+    /// Time of the last exchange.
     pub(crate) heard: Instant,
-    /// What it was written since the last look.
+    /// Values written since the last check.
     written: Vec<Vec<u8>>,
-    /// It was another one since the last look.
+    /// Restarted since the last check.
     restarted: bool,
-    /// Times its watchdog has switched it off.
+    /// Number of times its watchdog has expired.
     pub(crate) expired: u32,
 }
 
@@ -68,7 +68,7 @@ impl Device {
         Self::new(n, Kind::Coupler(Box::new(Coupler::new(unit, BYTES / 2)), Vec::new(), false))
     }
 
-    /// Another one, as after power on; without power until then.
+    /// Restarts it like after power on; without power until `off_until`.
     pub(crate) fn restart(&mut self, off_until: Instant) {
         match &mut self.kind {
             Kind::Slave(slave, config) => **slave = Slave::new(config.clone()),
@@ -81,12 +81,12 @@ impl Device {
         self.sense();
     }
 
-    /// Its cable is pulled, until then.
+    /// Interrupts its cable until `until`.
     pub(crate) fn cut(&mut self, until: Instant) {
         self.cut_until = until;
     }
 
-    /// It reports a fault, or none. Only a slave does.
+    /// Reports a fault, or no fault. Only for a slave.
     pub(crate) fn report(&mut self, blocks: &[u8]) {
         if let Kind::Slave(slave, _) = &mut self.kind {
             slave.report(blocks);
@@ -108,7 +108,7 @@ impl Device {
         }
     }
 
-    /// How often it has been read.
+    /// Number of reads.
     pub(crate) fn reads(&self) -> u64 {
         self.reads
     }
@@ -131,13 +131,13 @@ impl Device {
         }
     }
 
-    /// What happens on wires; what it says to that. `quiet`: a pause that ends a telegram.
+    /// Handles an input from the wires; returns its answer. `quiet`: a pause that ends a telegram.
     pub(crate) fn on_wires(&mut self, now: Instant, input: MasterInput<'_>, quiet: Span) -> Vec<u8> {
         let silent = !self.is_reached(now);
         let mut out = Vec::new();
         match &mut self.kind {
             Kind::Slave(slave, _) => {
-                // Its cable is pulled: it hears nothing. What it was saying comes to its end.
+                // Its cable is interrupted: it receives nothing. A telegram being sent is completed.
                 let deaf = now < self.cut_until && matches!(input, Input::Line(LineInput::Rx(_) | LineInput::Fault(_)));
                 let input = if deaf { Input::Tick } else { input };
                 if now < self.off_until {
@@ -181,7 +181,7 @@ impl Device {
         out
     }
 
-    /// A coupler is asked; its answer.
+    /// Handles a request to a coupler; returns its answer.
     pub(crate) fn asked(&mut self, now: Instant, telegram: &[u8]) -> Vec<u8> {
         self.look(now);
         let Kind::Coupler(coupler, ..) = &mut self.kind else { return Vec::new() };
@@ -196,7 +196,7 @@ impl Device {
         answer
     }
 
-    /// The watchdog of a coupler.
+    /// Checks the watchdog of a coupler.
     pub(crate) fn look(&mut self, now: Instant) {
         if let Kind::Coupler(coupler, ..) = &mut self.kind {
             let was = coupler.deadline();

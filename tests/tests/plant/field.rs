@@ -1,4 +1,4 @@
-//! What lies between a master and its devices: wires with all their faults, or a connection that is closed and opened.
+//! The connection between a master and its devices: wires with faults, or a TCP connection that is closed and opened.
 
 use std::collections::VecDeque;
 
@@ -11,7 +11,7 @@ use ob1_time::{Instant, Span};
 
 use super::device::Device;
 
-/// A master is told what has happened; what it says, and whether the connection is to be opened anew.
+/// Passes an input to a master; returns its output, and whether the connection must be opened again.
 pub(crate) trait Ask: FnMut(MasterInput<'_>) -> (Vec<u8>, bool) {}
 impl<T: FnMut(MasterInput<'_>) -> (Vec<u8>, bool)> Ask for T {}
 
@@ -31,7 +31,7 @@ pub(crate) struct Net {
     device: Device,
     rng: SplitMix64,
     open: bool,
-    /// When it is opened; somebody wants that.
+    /// Time at which it is opened; whether this was requested.
     opens: Instant,
     there: VecDeque<(Instant, Vec<u8>)>,
     back: VecDeque<(Instant, Vec<u8>)>,
@@ -71,7 +71,7 @@ impl Field {
         }
     }
 
-    /// When something happens.
+    /// Time of the next event.
     pub(crate) fn next(&self) -> Instant {
         match self {
             Self::Wires(wires) => {
@@ -85,7 +85,7 @@ impl Field {
         }
     }
 
-    /// The process is there: it begins with its line.
+    /// The process has started and opens its line.
     pub(crate) fn begin(&mut self, now: Instant, ask: &mut impl Ask) {
         match self {
             Self::Wires(_) => self.tell(now, Input::Line(LineInput::Fault(LineFault::Back)), ask),
@@ -93,7 +93,7 @@ impl Field {
         }
     }
 
-    /// The process is gone, and what it was saying.
+    /// The process has ended, and its data in transit are lost.
     pub(crate) fn end(&mut self, now: Instant) {
         match self {
             Self::Wires(wires) => drop(wires.bus.take_back(wires.me, now)),
@@ -101,7 +101,7 @@ impl Field {
         }
     }
 
-    /// The master is told something.
+    /// Passes an input to the master.
     pub(crate) fn tell(&mut self, now: Instant, input: MasterInput<'_>, ask: &mut impl Ask) {
         let (said, reconnect) = ask(input);
         match self {
@@ -119,7 +119,7 @@ impl Field {
         }
     }
 
-    /// Everything that is due.
+    /// Handles everything that is due.
     pub(crate) fn advance(&mut self, now: Instant, ask: &mut impl Ask) {
         self.devices().into_iter().for_each(|device| device.look(now));
         match self {
@@ -160,7 +160,7 @@ impl Field {
             let (_, bytes) = net.there.pop_front().expect("looked at");
             net.hear(now, &bytes);
         }
-        // A device that has lost its power does not know the connection any more.
+        // A device that has lost its power has also lost the connection.
         if net.open && !net.device.has_power(now) {
             net.close(now + 50 * MS);
             return self.tell(now, Input::Line(LineInput::Fault(LineFault::Gone)), ask);
@@ -191,7 +191,7 @@ impl Net {
         (self.there, self.back) = (VecDeque::new(), VecDeque::new());
     }
 
-    /// The device hears, and answers; now and then late.
+    /// The device receives bytes and answers, sometimes late.
     fn hear(&mut self, now: Instant, bytes: &[u8]) {
         if !self.device.is_reached(now) {
             return;

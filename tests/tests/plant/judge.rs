@@ -1,17 +1,16 @@
-//! What must hold, looked at after each scan.
+//! The rules, checked after each scan.
 //!
-//! - An input is what its device has sensed, whole and never older than before, or the substitute. From the scan in
-//!   which OB 86 says that the device is lost to that in which it says that it is back it is the substitute.
-//! - OB 86 and OB 82 run once for each entry, and OB 86 is told of what the entry is.
+//! - An input is the complete value of its device, never older than before, or the substitute value. From the scan in
+//!   which OB 86 reports the loss of the device to that in which it reports its return it is the substitute value.
+//! - OB 86 and OB 82 run once for each entry, and OB 86 gets the data of the entry.
 //! - A bus has failed (39C3h) once for each process of it that died, at the next scan, and at no other time; a device
-//!   is lost (39C4h) only while the process is there.
-//! - A device that has not been heard for as long as the station file says is lost; so is a slave that has begun anew,
-//!   however soon it was exchanged with again.
-//! - A fault is reported when there was none, and is gone when there was one.
-//! - Outputs are off when nothing has been exchanged for as long as the watchdog says.
-//! - A device is written what OB 1 drove for it a moment ago, never something older than before, and not zeros in
-//!   between.
-//! - What is read of a device that answers is what it sensed a moment ago.
+//!   is lost (39C4h) only while the process is running.
+//! - A device is lost if nothing was received from it for the time in the station file; a slave also if it has
+//!   restarted, even if data exchange was resumed at once.
+//! - A fault is reported as incoming if there was none, and as outgoing if there was one.
+//! - Outputs are off if nothing was exchanged for the watchdog time.
+//! - A device gets the recent outputs of OB 1, never older ones than before, and no zeros in between.
+//! - The values read from an answering device are recent.
 
 use ob1_cpu::{Cpu, OperatingState};
 use ob1_model::Event;
@@ -21,22 +20,22 @@ use ob1_time::{Instant, Span};
 use super::device::{BYTES, Device, sensed};
 use super::{CALL, COUNT, COUNTS, DEVICES, LOST_AFTER, WATCHDOG};
 
-/// Scans ago: what a device is written at the most. A request is made when it goes out, and is not kept.
+/// Maximum age of outputs in scans when they are written to a device. A request is created when it is sent.
 const WRITTEN_AGO: u32 = 10;
-/// Scans ago: when a device was written at the latest that is not lost. On bad wires requests are lost one after the
-/// other, for as long as it takes to be lost: 400 ms.
+/// Maximum scans since the last write to a device that is not lost. On bad wires several requests may be lost in
+/// series, until the device is lost after 400 ms.
 const HEARD_AGO: u32 = 50;
-/// Readings ago: what the program reads at the most. Answers that are lost on the wire are readings too.
+/// Maximum age of inputs in reads. Answers lost on the wire count as reads.
 const READ_AGO: u8 = 40;
 const SUBSTITUTE: [u8; BYTES] = [0xEE; BYTES];
 
-/// What a seed comes to.
+/// The result of a seed.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Told {
     pub(crate) kills: u32,
-    /// Times that OB 86 and OB 82 ran.
+    /// Number of calls of OB 86 and OB 82.
     pub(crate) interrupts: [u16; 2],
-    /// Times that a watchdog has switched off.
+    /// Number of expired watchdogs.
     pub(crate) expired: u32,
 }
 
@@ -44,15 +43,15 @@ pub(crate) struct Told {
 struct Known {
     seen: bool,
     lost: bool,
-    /// What was read last.
+    /// The last value read.
     last: Option<u8>,
-    /// It has begun to count anew, which the image does not show yet.
+    /// Its counting has restarted, but the image does not show this yet.
     anew: bool,
-    /// What it was written last.
+    /// The last value written to it.
     driven: u32,
-    /// A slave that began anew, and of which nobody has said that it was lost: scans in which it was exchanged with.
+    /// For a restarted slave not yet reported as lost: number of scans with data exchange.
     again: Option<u32>,
-    /// It has reported a fault; none: nobody can know after a loss.
+    /// Whether it has reported a fault; `None`: unknown after a loss.
     faulty: Option<bool>,
 }
 
@@ -62,11 +61,11 @@ pub(crate) struct Judge {
     logged: u64,
     known: [Known; COUNT],
     told: Told,
-    /// What OB 1 drives.
+    /// The outputs of OB 1.
     driven: u32,
-    /// What OB 86 is told of where each device is: diagnostic address, bus, number on it.
+    /// The location of each device in OB 86: diagnostic address, bus, number on it.
     places: Vec<u32>,
-    /// Buses whose process is dead, and whether that is still to be told.
+    /// Buses whose process is dead, and whether this must still be reported.
     dead: [Option<bool>; DEVICES.len()],
 }
 
@@ -76,13 +75,13 @@ impl Judge {
         Self { seed, cycle, logged: 0, known, told: Told::default(), driven: 0, places, dead: [None; _] }
     }
 
-    /// The process of a bus is dead.
+    /// The process of a bus was killed.
     pub(crate) fn killed(&mut self, bus: usize) {
         let is_told = self.known[devices_of(bus)].iter().all(|known| known.lost || !known.seen);
         self.dead[bus] = Some(!is_told);
     }
 
-    /// Whether the process of each bus is alive: what is so after a scan.
+    /// Sets for each bus whether its process is alive after a scan.
     pub(crate) fn alive(&mut self, alive: [bool; DEVICES.len()]) {
         for (dead, _) in self.dead.iter_mut().zip(alive).filter(|(_, alive)| *alive) {
             *dead = None;
@@ -169,7 +168,7 @@ impl Judge {
         }
     }
 
-    /// OB 86 has run once more, and was told this.
+    /// Checks one call of OB 86 and its data.
     fn ran_86(&mut self, at: &str, cpu: &Cpu, event: Event, place: u32) {
         let calls = &mut self.told.interrupts[0];
         *calls += 1;
@@ -179,12 +178,12 @@ impl Judge {
         assert_eq!(bytes[..], told, "{at}: call {calls} of OB 86 is told something else");
     }
 
-    /// The program has been told of all that they are there, and reads them.
+    /// Whether the program has got reports of the return of all devices, and reads them.
     pub(crate) fn all_are_back(&self) -> bool {
         self.known.iter().all(|known| known.last.is_some())
     }
 
-    /// Everything has come back.
+    /// Checks the end, when everything has recovered.
     pub(crate) fn end<'a>(&mut self, kills: u32, devices: impl Iterator<Item = &'a mut Device>) -> Told {
         let mut told = Told { kills, ..self.told };
         for (n, (device, known)) in devices.zip(&self.known).enumerate() {
@@ -210,7 +209,7 @@ fn bus_of(n: usize) -> usize {
 }
 
 impl Known {
-    /// One that is not heard, or has begun anew, is lost.
+    /// Checks that a silent or restarted device is lost in time.
     fn is_lost_in_time(&mut self, at: &str, now: Instant, cycle: Span, device: &Device) {
         let silent = now - device.heard;
         assert!(
@@ -241,13 +240,13 @@ impl Known {
         self.last = Some(bytes[0]);
     }
 
-    /// `driven`: what OB 1 drives by now.
+    /// `driven`: the current outputs of OB 1.
     fn is_written(&mut self, at: &str, n: usize, bytes: &[u8], driven: u32) {
         let value = u32::from_be_bytes(bytes.try_into().expect("4 bytes"));
         let (of, value) = (value >> 24, value & 0xFF_FFFF);
         assert!(value >= self.driven, "{at}: is written {value} after {}", self.driven);
         if value == 0 {
-            // Before OB 1 has driven anything.
+            // OB 1 has not set outputs yet.
             return;
         }
         assert_eq!(of, n as u32, "{at}: is written what is another's");

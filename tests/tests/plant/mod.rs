@@ -1,9 +1,9 @@
-//! A station with three buses in virtual time. Everything that decides is real: the CPU, the bus modules, their images,
-//! the pumps and masters of the processes. Simulated are the devices, wires and connections, and the life of the
-//! processes.
+//! A station with three buses in virtual time. All tested parts are real: the CPU, the bus modules, their images, the
+//! pumps and masters of the processes. The devices, wires and connections and the life cycle of the processes are
+//! simulated.
 
 pub(crate) mod bus;
-// Of the tests that have a plant, one has this.
+// Only one of the tests with a plant uses this.
 #[allow(dead_code)]
 pub(crate) mod cp342;
 pub(crate) mod device;
@@ -28,22 +28,22 @@ use field::Field;
 use judge::Judge;
 pub(crate) use judge::Told;
 
-/// Of each bus: slaves, couplers on wires, couplers behind connections.
+/// Number for each bus: slaves, couplers on wires, couplers on connections.
 const DEVICES: [usize; 3] = [3, 2, 2];
 const COUNT: usize = DEVICES[0] + DEVICES[1] + DEVICES[2];
 const DP_BAUD: u32 = 93_750;
 const RTU_BAUD: u32 = 57_600;
-/// Of every device.
+/// Watchdog time of every device.
 const WATCHDOG: Span = Span::from_millis(200);
-/// A scan, by the seed.
+/// Cycle time, selected by the seed.
 const CYCLES: [Span; 2] = [Span::from_millis(40), Span::from_millis(10)];
-/// A coupler that is silent for so long is lost; a slave is so earlier.
+/// A coupler is lost after this time without an answer; a slave earlier.
 const LOST_AFTER: Span = Span::from_millis(400);
-/// Something goes wrong until here; then everything must come back by itself.
+/// End of the faults; after it everything must recover without help.
 const TROUBLE: Instant = Instant::from_secs(3);
 const END: Instant = Instant::from_secs(6);
 
-/// What a process takes to be there again.
+/// Time for the restart of a process.
 const START: Span = Span::from_millis(100);
 
 /// Four bytes in, four bytes out, compact.
@@ -64,12 +64,12 @@ Module = \"4 in 4 out\" 0x33
 EndModule
 ";
 
-/// Where DB 1 counts the calls of OB 86 and OB 82.
+/// Position of the counters of OB 86 and OB 82 in DB 1.
 const COUNTS: usize = 60;
-/// From here on DB 2 has eight bytes of each call of OB 86, the first one at 1: event, then which station of which bus.
+/// DB 2 has eight bytes for each call of OB 86, starting with call 1: event, then station and bus.
 const CALL: usize = 8;
 
-/// OB 1 keeps what it reads, and drives every device with a number that grows, behind that of the device.
+/// OB 1 stores the inputs, and writes to every device its number and a rising counter.
 fn program_text() -> String {
     let (mut read, mut drive) = (String::new(), String::new());
     for n in 0..COUNT {
@@ -150,7 +150,7 @@ impl World {
     /// `noisy`: on bad wires.
     fn with(seed: u64, folder: &Path, noisy: bool) -> Self {
         let mut rng = SplitMix64::new(seed);
-        // In the time of a long one a slave can be lost, parametrised and exchanged with again.
+        // During a long cycle a slave can be lost, parametrised and exchange data again.
         let cycle = CYCLES[(seed % 2) as usize];
         let station = station(folder, cycle);
         let loaded = program::load(&station).unwrap_or_else(|failure| panic!("{:?}", failure.findings()));
@@ -204,7 +204,7 @@ impl World {
             1 => self.devices()[n].report(&[0x42, 0x01]),
             2 => self.devices()[n].report(&[]),
             3 => self.devices()[n].cut(now + time),
-            // A coupler takes its time to start; a slave's restart is seen however short it is.
+            // A coupler needs time to start; the restart of a slave is detected even if it is short.
             _ => {
                 self.devices()[n].restart(now + if what == 4 && n < DEVICES[0] { Span::ZERO } else { 200 * MS + time });
             }
@@ -239,7 +239,7 @@ impl World {
 
 /// The field of each bus of a station.
 fn fields(station: &Station, rng: &mut SplitMix64, noisy: bool) -> Vec<Vec<Field>> {
-    // What goes wrong with the characters; the last part of a run is for coming back, with as many.
+    // Rate of character errors; the last part of a run, for the recovery, has the same rate.
     let rate = if noisy { [0, 50, 300, 1000][rng.below(4) as usize] } else { 0 };
     let readable = FaultRates { parity: rate, framing: rate / 2, lose: rate / 2, ..FaultRates::NONE };
     let damaged = FaultRates { flip: 3 * rate, double: rate, ..readable };
@@ -261,7 +261,7 @@ fn fields(station: &Station, rng: &mut SplitMix64, noisy: bool) -> Vec<Vec<Field
     let coupler = |k: usize| Device::coupler(DEVICES[0] + k, (k + 1) as u8);
     let on_wires = (0..DEVICES[1]).map(coupler).collect();
     let connected = (0..DEVICES[2]).map(|k| {
-        // Behind a connection of its own the unit is FFh.
+        // On a separate connection the unit is FFh.
         Field::net(rng.next_u64(), Device::coupler(DEVICES[0] + DEVICES[1] + k, 255))
     });
     let connected = connected.collect();
@@ -272,7 +272,8 @@ fn fields(station: &Station, rng: &mut SplitMix64, noisy: bool) -> Vec<Vec<Field
     ]
 }
 
-/// Nothing goes wrong but that all processes are killed, at a moment of the seed; after how long all devices are back.
+/// The only fault: all processes are killed at a time given by the seed. Returns the time until all devices have
+/// returned.
 pub(crate) fn killed(seed: u64, folder: &Path) -> Span {
     let mut world = World::with(seed, folder, false);
     let rest = |world: &mut World, until: Instant| {
@@ -290,7 +291,7 @@ pub(crate) fn killed(seed: u64, folder: &Path) -> Span {
     world.now - killed
 }
 
-/// A seed.
+/// Runs a seed.
 pub(crate) fn run(seed: u64, folder: &Path) -> Told {
     let mut world = World::new(seed, folder);
     world.run(END);

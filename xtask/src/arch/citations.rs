@@ -1,19 +1,19 @@
-//! Every citation of a manual, `[S0 L1631]` or `[S0 "Timeout times"]`, names a manual we have and lines that it has.
+//! Every citation of a manual, `[S0 L1631]` or `[S0 "Timeout times"]`, names a known manual and existing lines.
 
 use std::ops::RangeInclusive;
 
 use super::Finding;
 use super::tree::Tree;
 
-/// The manuals' texts and how many lines each has.
+/// The manuals and their numbers of lines.
 const MANUALS: &[(&str, u32)] = &[("S0", 4956), ("S1", 2498), ("S3", 400), ("S4", 2330)];
 
 const RULE: &str = "invariant 12";
 
-/// Checks all citations of the checkout.
+/// Checks all citations in the checkout.
 pub(super) fn check(tree: &Tree) -> Vec<Finding> {
     let mut findings = Vec::new();
-    // This crate's own tests cite badly on purpose.
+    // The tests in this file contain wrong citations on purpose.
     for file in tree.files.iter().filter(|file| file.path != "xtask/src/arch/citations.rs") {
         for (index, line) in file.text.lines().enumerate() {
             for citation in citations(line) {
@@ -27,18 +27,18 @@ pub(super) fn check(tree: &Tree) -> Vec<Finding> {
     findings
 }
 
-/// What stands between `[S<digit>` and `]`.
+/// The text between `[S<digit>` and `]`.
 fn citations(line: &str) -> impl Iterator<Item = &str> {
     line.match_indices("[S").filter_map(|(at, _)| {
         let inner = &line[at + 1..];
         let digit = inner.as_bytes().get(1).is_some_and(u8::is_ascii_digit);
         let citation = &inner[..inner.find(']')?];
-        // `[S7]` and the like are words, not citations.
+        // `[S7]` and similar are words and not citations.
         (digit && citation.contains(' ')).then_some(citation)
     })
 }
 
-/// `S0 L12`, `S0 L12-34`, `S0 L12, L34-56`, `S0 "Title"`, `S0 "Title", L12`; several manuals are parted by `;`.
+/// `S0 L12`, `S0 L12-34`, `S0 L12, L34-56`, `S0 "Title"`, `S0 "Title", L12`; several manuals are separated by `;`.
 fn verify(citation: &str) -> Result<(), String> {
     for part in citation.split(';') {
         let part = part.trim();

@@ -1,9 +1,9 @@
 //! The conformance tables of the CP 341 and the CP 340: every row of the manuals with the test that proves it, or the
-//! reason why there is none.
+//! reason why there is no test.
 //!
-//! `docs/conformance/*.rows` are written by hand, the pages beside them are made of them by
-//! `cargo xtask arch --bless`. The guard finds rows that have neither test nor reason, tests that are not there,
-//! sections without a row, and a page that is not the rows.
+//! `docs/conformance/*.rows` are written by hand, and `cargo xtask arch --bless` generates the pages from them. The
+//! guard finds rows without test and reason, missing tests, sections without a row, and pages that do not match the
+//! rows.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -19,11 +19,11 @@ const RULE: &str = "conformance";
 struct Manual {
     rows: &'static str,
     page: &'static str,
-    /// What it has to speak of.
+    /// The sections it must contain.
     sections: &'static str,
-    /// How the page begins.
+    /// The beginning of the page.
     head: &'static str,
-    /// The event numbers are its rows too.
+    /// The event numbers are also rows of this table.
     has_events: bool,
 }
 
@@ -51,14 +51,14 @@ const MANUALS: [Manual; 3] = [
     },
 ];
 
-/// The table of event numbers, itself made of the code.
+/// The table of event numbers, generated from the code.
 const EVENTS: &str = "docs/cp341-events.md";
 
-/// Why a row has no test.
+/// The reasons for a row without test.
 const REASONS: [&str; 3] = ["fact only", "other module", "hardware fault"];
 
-/// What the table has to speak of: chapters 3 to 7 of the driver's manual, sections 1 to 6 of the reference. 3.2 to
-/// 3.14 of the reference are the event numbers.
+/// The sections the table must contain: chapters 3 to 7 of the driver's manual, sections 1 to 6 of the reference. 3.2
+/// to 3.14 of the reference are the event numbers.
 const SECTIONS: &str = "
     S4 3.1; S4 3.2; S4 3.3; S4 3.4; S4 3.5; S4 3.6; S4 3.6.1; S4 3.6.2; S4 3.6.3; S4 3.7; S4 3.8; S4 4; S4 4.1; S4 4.2; S4 4.3;
     S4 5; S4 5.1; S4 5.2; S4 5.3; S4 5.4; S4 5.5; S4 5.6; S4 5.7; S4 5.8; S4 5.9; S4 5.10; S4 5.11; S4 5.12; S4 5.13; S4 5.14; S4 5.15;
@@ -69,7 +69,7 @@ const SECTIONS: &str = "
     reference 5.1; reference 5.2; reference 5.3; reference 5.4; reference 5.5; reference 5.6; reference 5.7;
     reference 6.1; reference 6.2; reference 6.3; reference 6.4; reference 6.5; reference 6.6; events";
 
-/// The pages of the manuals that public text has, and the blocks.
+/// The pages of the manuals that are publicly available, and the blocks.
 const SECTIONS_340: &str = "
     CP 340 blocks; CP 340 p. 39; CP 340 p. 54; CP 340 p. 64; CP 340 p. 67; CP 340 p. 72; CP 340 p. 85; CP 340 p. 142; CP 340 p. 143;
     CP 341 p. 76; CP 341 p. 94; CP 341 p. 100; CP 341 p. 101; CP 341 p. 103; reference 3.7";
@@ -116,7 +116,7 @@ struct Row<'a> {
     proof: &'a str,
 }
 
-/// The rows file, read.
+/// The contents of a rows file.
 #[derive(Default)]
 struct Table<'a> {
     aliases: BTreeMap<&'a str, &'a str>,
@@ -150,7 +150,7 @@ impl<'a> Table<'a> {
         self.sections.iter().flat_map(|(_, rows)| rows)
     }
 
-    /// The tests a row names, `alias::name, alias::name`; what is wrong with one.
+    /// The tests that a row names, `alias::name, alias::name`; or the error in one.
     fn prove(&self, tree: &Tree, row: &Row<'_>) -> Result<Vec<(&'a str, String)>, String> {
         let mut tests = Vec::new();
         for proof in row.proof.split(',').map(str::trim) {
@@ -166,7 +166,7 @@ impl<'a> Table<'a> {
     }
 }
 
-/// `fn name(` with `#[test]` above it; attributes and comments (which are blank here) may stand between.
+/// `fn name(` with `#[test]` above it; attributes and comments (which are blank here) may be between.
 fn has_test(file: &File, name: &str) -> bool {
     let lines: Vec<&str> = file.code.split('\n').map(str::trim).collect();
     let head = format!("fn {name}(");
@@ -177,7 +177,7 @@ fn has_test(file: &File, name: &str) -> bool {
 }
 
 impl Manual {
-    /// The event numbers that are its rows.
+    /// The event numbers that are rows of this table.
     fn events<'t>(&self, tree: &'t Tree) -> Vec<(&'t str, &'t str, &'t str)> {
         if self.has_events { events(tree) } else { Vec::new() }
     }
@@ -194,12 +194,12 @@ fn events(tree: &Tree) -> Vec<(&str, &str, &str)> {
     rows.collect()
 }
 
-/// Whether a heading is about this section: `S4 3.6.1 Modbus ASCII Protocol` is about `S4 3.6.1`.
+/// Whether a heading belongs to this section: `S4 3.6.1 Modbus ASCII Protocol` belongs to `S4 3.6.1`.
 fn is_about(heading: &str, section: &str) -> bool {
     heading.strip_prefix(section).is_some_and(|rest| rest.is_empty() || rest.starts_with(' '))
 }
 
-/// The guard.
+/// Runs the guard.
 pub(super) fn check(tree: &Tree) -> Vec<Finding> {
     let required = |manual: &Manual| manual.sections.split(';').map(str::trim);
     MANUALS.iter().flat_map(|manual| check_against(tree, manual, required(manual))).collect()
@@ -307,7 +307,7 @@ mod tests {
     const EVENT_PAGE: &str = "| STATUS | event |\n| 0E20 | bits | remedy | |\n| 0101 | memory | | hardware fault |\n";
     const GOOD: &str = "@m a/tests/m.rs\n== S4 3.1 Title\nL12 | said | m::good\nL13 | said | fact only\n== events\n0E20 | - | m::good\n";
 
-    /// What the guard finds in these rows, the page being right.
+    /// The findings for these rows with a matching page.
     fn findings(rows: &str) -> Vec<String> {
         let files = [("a/tests/m.rs", CODE), (EVENTS, EVENT_PAGE), (CP341.rows, rows)];
         let page = page(&Tree::of(&files), CP341, &Table::read(rows));

@@ -1,11 +1,11 @@
-//! Which crate may know which: direct edges from a table, and ways that must not exist over any number of edges.
+//! Which crate may depend on which: direct dependencies from a table, and forbidden indirect dependencies.
 //!
-//! Normal and build dependencies count, as resolved for this machine; what only tests use does not.
+//! Checks normal and build dependencies as resolved for this machine, but not those used only by tests.
 
 use super::Finding;
 use super::tree::Tree;
 
-/// What a crate may depend on directly, and the invariant that says so.
+/// The allowed direct dependencies of a crate, and the invariant that requires this.
 struct Row {
     name: &'static str,
     may_need: &'static [&'static str],
@@ -16,27 +16,27 @@ const fn row(name: &'static str, rule: &'static str, may_need: &'static [&'stati
     Row { name, may_need, rule }
 }
 
-/// Every member of the workspace but `ob1-tests`, which may see everything.
+/// Every member of the workspace except `ob1-tests`, which may depend on everything.
 const TABLE: &[Row] = &[
     row("ob1-model", "invariant 2", &[]),
     row("ob1-ir", "invariant 3", &["ob1-model"]),
     row("ob1-stl", "invariant 3", &["ob1-model", "ob1-ir", "strsim", "thiserror"]),
-    // Text and machine code meet in the instruction set, nowhere else.
+    // Text and machine code share only the instruction set.
     row("ob1-mc7", "invariant 3", &["ob1-model", "ob1-ir"]),
     row("ob1-std", "invariant 2", &["ob1-model", "ob1-time", "ob1-words"]),
     row("ob1-project", "invariant 3", &["ob1-model", "ob1-ir", "ob1-stl", "ob1-mc7", "encoding_rs", "zip"]),
-    // It runs the system blocks, which are pure functions, as native blocks.
-    // The bytes of a memory, wherever they come from.
+    // It runs the system blocks as native blocks: they are pure functions. The bytes of a memory, independent of their
+    // origin.
     row("ob1-arena", "invariant 2", &[]),
     row("ob1-cpu", "invariant 2", &["ob1-arena", "ob1-model", "ob1-ir", "ob1-std", "ob1-time", "hdrhistogram", "rtrb"]),
     row("ob1-log", "invariant 4", &["rustix", "tracing-subscriber"]),
-    // The one crate that makes machine code.
+    // The only crate that generates machine code.
     row(
         "ob1-native",
         "invariant 3",
         &["ob1-cpu", "ob1-ir", "ob1-model", "cranelift-codegen", "cranelift-frontend", "rustix", "target-lexicon"],
     ),
-    // What every link shares; STATUS in words stands with the protocols, the moments of DATE_AND_TIME with the blocks.
+    // Common parts of all links; the texts of STATUS are in the protocols, the times of DATE_AND_TIME in the blocks.
     row(
         "ob1-access",
         "invariant 2",
@@ -52,15 +52,15 @@ const TABLE: &[Row] = &[
             "thiserror",
         ],
     ),
-    // The words of a CP 343 and of ANY pointers.
+    // The interface of a CP 343, and ANY pointers.
     row("ob1-s7", "invariant 1", &["ob1-words"]),
-    // It owns the sockets; the CPU is behind the broker.
+    // It owns the sockets and reaches the CPU through the broker.
     row(
         "ob1-s7-process",
         "invariant 2",
         &[
             "ob1-access",
-            // The end of a CP 343 on the back plane.
+            // The side of a CP 343 on the back plane.
             "ob1-backplane",
             "ob1-log",
             "ob1-model",
@@ -76,7 +76,7 @@ const TABLE: &[Row] = &[
             "tracing",
         ],
     ),
-    // The one process with an async runtime, and what its protocols share.
+    // The only process with an async runtime, and the common parts of its protocols.
     row(
         "ob1-gate-core",
         "invariant 2",
@@ -95,7 +95,7 @@ const TABLE: &[Row] = &[
             "tracing",
         ],
     ),
-    // Protocols of the gate that others speak: async-opcua and rumqttc stay in these two.
+    // Protocols of the gate from other projects: only these two crates use async-opcua and rumqttc.
     row(
         "ob1-gate-opcua",
         "invariant 2",
@@ -170,9 +170,9 @@ const TABLE: &[Row] = &[
             "ob1-backplane",
             // The boxes of a CP 343.
             "ob1-words",
-            // How the couplers of a bus stand.
+            // The state of the couplers of a bus.
             "ob1-coupler",
-            // What the system says of a driver's process.
+            // Information of the system about a driver's process.
             "ob1-rt",
             "ob1-time",
             "libc",
@@ -183,7 +183,7 @@ const TABLE: &[Row] = &[
             "tracing",
         ],
     ),
-    // What a running station is; no tool is below it.
+    // A running station; it depends on no tool.
     row(
         "ob1-station",
         "invariant 2",
@@ -204,12 +204,12 @@ const TABLE: &[Row] = &[
             "ob1-broker",
             "ob1-host",
             "ob1-backplane",
-            // Buses: what the station file says is what their processes are told.
+            // Buses: their processes get the settings of the station file.
             "ob1-coupler",
             // GSD files.
             "ob1-dp",
             "ob1-params",
-            // The events of a CP's diagnostic buffer, in words.
+            // The texts of the events in a CP's diagnostic buffer.
             "ob1-protocols",
             "bincode",
             "parking_lot",
@@ -244,13 +244,13 @@ const TABLE: &[Row] = &[
             "ob1-host",
             "ob1-backplane",
             "ob1-params",
-            // `ob1 trace` reads what is spoken on a line.
+            // `ob1 trace` reads the traffic on a line.
             "ob1-protocols",
             "ob1-trace",
             // `ob1 upload` is a client of S7 communication.
             "ob1-s7",
             "clap",
-            // Loads of a soak.
+            // Loads of a soak test.
             "fastrand",
             // `ob1 top`.
             "ratatui",
@@ -263,7 +263,7 @@ const TABLE: &[Row] = &[
     ),
     row("ob1-abi", "invariant 9", &[]),
     row("ob1-sdk", "invariant 9", &["ob1-abi"]),
-    // What a handling block and its CP say to each other, each word once.
+    // The interface between a handling block and its CP, defined once.
     row("ob1-words", "invariant 9", &[]),
     row("ob1-backplane", "invariant 7", &["ob1-words", "loom", "memmap2", "rustix", "thiserror"]),
     row("ob1-cp240", "invariant 9", &["ob1-sdk", "ob1-words"]),
@@ -282,18 +282,18 @@ const TABLE: &[Row] = &[
     row("ob1-example-rust-ob1", "invariant 9", &["ob1-sdk"]),
     row("ob1-panicking-plugin", "invariant 9", &["ob1-sdk"]),
     row("ob1-params", "invariant 11", &["ob1-serial", "strsim", "thiserror"]),
-    // What a serial line is, in words.
+    // The description of a serial line.
     row("ob1-serial", "invariant 1", &["ob1-time"]),
-    // Instants and spans of the one clock.
+    // Instants and durations of the common clock.
     row("ob1-time", "invariant 1", &[]),
     row("ob1-protocols", "invariant 1", &["ob1-serial"]),
-    // What a bus is made of goes from the runtime to its process: serde; JSON is the affair of both ends.
+    // The configuration of a bus is sent from the runtime to its process, so it needs serde; both ends choose JSON.
     row("ob1-coupler", "invariant 11", &["ob1-protocols", "serde"]),
-    // What a tap tells, read: for the tools and for the page.
+    // Reads the records of a tap: for the tools and for the page.
     row("ob1-trace", "invariant 11", &["ob1-params", "ob1-protocols", "serde_json"]),
-    // PROFIBUS: the stack, and the files that say what a slave is.
+    // PROFIBUS: the stack, and the files that describe a slave.
     row("ob1-dp", "invariant 11", &["ob1-coupler", "ob1-protocols", "gsd-parser", "profirust"]),
-    // The printer shows S7 values: the calendar of DATE.
+    // The printer prints S7 values: needs the calendar of DATE.
     row("ob1-firmware", "invariant 1", &["ob1-model", "ob1-params", "ob1-protocols", "ob1-words"]),
     row("ob1-line", "invariant 4", &["ob1-serial", "libc", "rustix", "serialport", "thiserror"]),
     row(
@@ -342,7 +342,7 @@ const TABLE: &[Row] = &[
             "ob1-log",
             "ob1-protocols",
             "clap",
-            // The lines of a chip: the kernel's character device.
+            // The lines of a GPIO chip: the character device of the kernel.
             "gpiocdev",
             "rustix",
             "serde_json",
@@ -352,10 +352,11 @@ const TABLE: &[Row] = &[
     row("xtask", "tools", &["pulldown-cmark", "serde_json"]),
 ];
 
-/// The one member without a row.
+/// The only member without a row.
 const SEES_ALL: &str = "ob1-tests";
 
-/// Compares the direct edges with the table; a member without a row, and a row without a member, are findings too.
+/// Compares the direct dependencies with the table; a member without a row and a row without a member are also
+/// findings.
 pub(super) fn direct(tree: &Tree) -> Vec<Finding> {
     let mut findings = Vec::new();
     for (name, node) in tree.graph.crates.iter().filter(|(_, node)| !node.folder.is_empty()) {
@@ -387,9 +388,9 @@ pub(super) fn direct(tree: &Tree) -> Vec<Finding> {
     findings
 }
 
-/// No way may lead from one of the first to one of the second, not even through crates that are not ours.
+/// No crate of the first list may depend on a crate of the second list, not even indirectly through external crates.
 const NO_WAY: &[(&str, &[&str], &[&str])] = &[
-    // The CPU, the language and the system blocks know no plugin, no driver, no operating system.
+    // The CPU, the language and the system blocks depend on no plugin, no driver and no operating system.
     (
         "invariant 2",
         &["ob1-arena", "ob1-cpu", "ob1-ir", "ob1-mc7", "ob1-model", "ob1-std", "ob1-stl"],
@@ -416,7 +417,7 @@ const NO_WAY: &[(&str, &[&str], &[&str])] = &[
     ("invariant 3", &["ob1-cpu", "ob1-host", "ob1-rt", "ob1-cp"], &["ob1-native", "cranelift-codegen"]),
     ("invariant 3", &["ob1-native"], &["ob1-stl", "ob1-mc7", "ob1-host", "ob1-rt"]),
     ("invariant 3", &["ob1-cpu", "ob1-host", "ob1-rt", "ob1-ir"], &["ob1-stl", "ob1-mc7"]),
-    // A protocol machine, and the firmware around it, see nothing but bytes and times.
+    // A protocol machine, and the firmware around it, use only bytes and times.
     (
         "invariant 1",
         &["ob1-protocols", "ob1-firmware", "ob1-params", "ob1-coupler"],
@@ -433,15 +434,15 @@ const NO_WAY: &[(&str, &[&str], &[&str])] = &[
             "ob1-rt",
         ],
     ),
-    // The same of PROFIBUS, whose reader of GSD files guards its stack through libc.
+    // The same for PROFIBUS, except that its GSD parser needs libc to protect its stack.
     (
         "invariant 1",
         &["ob1-dp"],
         &["rustix", "memmap2", "serialport", "tracing", "ob1-abi", "ob1-backplane", "ob1-line", "ob1-cpu", "ob1-rt"],
     ),
-    // A link knows no CPU: it goes through the broker.
+    // A link does not depend on the CPU: it uses the broker.
     ("invariant 2", &["ob1-access", "ob1-s7"], &["ob1-cpu", "ob1-host", "ob1-rt", "ob1-stl"]),
-    // An async runtime lives in the gate alone.
+    // Only the gate has an async runtime.
     ("invariant 2", &["ob1", "ob1-station", "ob1-cp", "ob1-io", "ob1-s7-process", "ob1-access"], &["tokio", "hyper"]),
     ("invariant 2", &["ob1-gate-core"], &["ob1-cpu", "ob1-host", "ob1-rt", "ob1-stl", "hyper"]),
     (
@@ -449,9 +450,9 @@ const NO_WAY: &[(&str, &[&str], &[&str])] = &[
         &["ob1-gate-opcua", "ob1-gate-mqtt"],
         &["ob1-cpu", "ob1-host", "ob1-rt", "ob1-stl", "hyper", "openssl", "aws-lc-rs"],
     ),
-    // Shared memory is no serialisation format.
+    // Shared memory does not use a serialisation format.
     ("invariant 7", &["ob1-backplane"], &["serde", "bincode", "parking_lot"]),
-    // Everything a plugin does goes through the host's functions.
+    // A plugin may only use the functions of the host.
     (
         "invariant 9",
         &[
@@ -470,16 +471,16 @@ const NO_WAY: &[(&str, &[&str], &[&str])] = &[
         ],
         &["libc", "rustix", "ob1-backplane", "ob1-cpu", "ob1-model", "parking_lot", "tracing"],
     ),
-    // Only `line` opens a device, only `host` loads a plugin, and the driver process knows no CPU but for the clock in
-    // `rt`.
+    // Only `line` opens a device, only `host` loads a plugin, and the driver process uses nothing of the CPU except the
+    // clock in `rt`.
     ("invariant 4", &["ob1", "ob1-station", "ob1-host", "ob1-rt", "ob1-backplane"], &["serialport", "ob1-line"]),
     ("invariant 4", &["ob1-cp", "ob1-io", "ob1-line", "ob1-backplane", "ob1-rt"], &["libloading"]),
     ("invariant 2", &["ob1-cp", "ob1-io"], &["ob1-host", "ob1-stl", "ob1-abi"]),
-    // A station is held without the tools that look at one.
+    // A station does not depend on the tools that inspect it.
     ("invariant 2", &["ob1-station"], &["ob1", "clap", "ratatui"]),
 ];
 
-/// Looks for ways that must not exist.
+/// Looks for forbidden indirect dependencies.
 pub(super) fn reach(tree: &Tree) -> Vec<Finding> {
     let mut findings = Vec::new();
     for (rule, starts, ends) in NO_WAY {
@@ -499,7 +500,7 @@ pub(super) fn reach(tree: &Tree) -> Vec<Finding> {
 mod tests {
     use super::*;
 
-    /// The graph the table describes, and one more edge.
+    /// The graph of the table, with one more edge.
     fn tree_with(from: &str, to: &str) -> Tree {
         let mut tree = Tree::of(&[]);
         for row in TABLE {

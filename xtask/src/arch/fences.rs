@@ -1,10 +1,10 @@
-//! The fences clippy guards: what a crate may not call or name, as one table from which the clippy.toml files are
-//! written.
+//! The fences that clippy checks: what a crate must not call or name. The clippy.toml files are generated from this
+//! table.
 //!
-//! A crate's clippy.toml replaces the one at the root, so each repeats its common part. The files are what clippy
-//! reads; this guard sees that they are what the table says (`cargo xtask arch --bless` writes them), and that no
-//! product code has a hole cut into its fence with an `allow`. Test code obeys too; where it must not (data files,
-//! threads of a model), the test says `#![expect(clippy::disallowed_methods, reason = "...")]`.
+//! The clippy.toml of a crate replaces the one at the root, so each repeats the common part. This guard checks that the
+//! files match the table (`cargo xtask arch --bless` writes them), and that no product code disables a fence with an
+//! `allow`. The fences also apply to test code; a test that needs an exception (data files, threads of a model) says
+//! `#![expect(clippy::disallowed_methods, reason = "...")]`.
 
 use super::Finding;
 use super::mask::has_word;
@@ -12,7 +12,7 @@ use super::tree::Tree;
 use crate::cargo;
 use crate::failure::{Outcome, step};
 
-/// One thing a crate is kept from.
+/// One thing that is forbidden to a crate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Ban {
     /// Reading a clock.
@@ -25,14 +25,14 @@ enum Ban {
     Disk,
     /// Sockets.
     Net,
-    /// Other processes, and what this one was started with.
+    /// Other processes, and the arguments and environment of this one.
     Process,
-    /// Collections whose order is another one at each start.
+    /// Collections whose order differs at each start.
     Hash,
 }
 
 impl Ban {
-    /// What the message says.
+    /// The reason in the message.
     fn reason(self) -> &'static str {
         match self {
             Self::Clock => "invariant 4: only ob1 and ob1-cp read the clock; here the time is handed in",
@@ -116,10 +116,10 @@ impl Ban {
 
 use Ban::{Clock, Disk, Hash, Locks, Net, Process, Threads};
 
-/// Everything: such a crate is a pure function of what it is given.
+/// Everything: the output of such a crate depends only on its input.
 const ALL: &[Ban] = &[Clock, Threads, Locks, Disk, Net, Process, Hash];
 
-/// Crate folders and what each is kept from.
+/// Crate folders, and what is forbidden to each.
 const FENCES: &[(&str, &[Ban])] = &[
     ("blocks/ir", ALL),
     ("blocks/mc7", ALL),
@@ -154,19 +154,19 @@ const FENCES: &[(&str, &[Ban])] = &[
     ("runtime/arena", ALL),
     ("runtime/cpu", ALL),
     ("runtime/time", ALL),
-    // Its memory for code comes from the system, through rustix.
+    // It gets its memory for code from the system, through rustix.
     ("runtime/native", &[Clock, Threads, Locks, Disk, Net, Process, Hash]),
-    // It maps files that others made, through rustix.
+    // It maps files created by others, through rustix.
     ("plugins/backplane", &[Clock, Threads, Locks, Disk, Net, Hash]),
-    // It is handed the time; its pty has a name on the disk, and TCP is one of its lines.
+    // The time is passed in; its pty has a name on the disk, and TCP is one of its lines.
     ("driver/line", &[Clock, Threads, Hash]),
-    // It may start processes and load plugins; its supervisor is a machine that is handed the time.
+    // It may start processes and load plugins; the time is passed to its supervisor.
     ("runtime/host", &[Clock, Disk, Net, Hash]),
-    // It is the clock, and it reads /proc.
+    // It provides the clock, and reads /proc.
     ("runtime/rt", &[Net, Process, Hash]),
 ];
 
-/// What every clippy.toml says.
+/// The common part of every clippy.toml.
 const COMMON: &str = "avoid-breaking-exported-api = false\n";
 
 /// The clippy.toml of a crate with these bans.
@@ -178,7 +178,7 @@ fn clippy_toml(bans: &[Ban]) -> String {
         text.push_str(&format!("\ndisallowed-{key} = [\n"));
         for ban in bans {
             for path in paths(*ban) {
-                // Without std in its dependencies a crate cannot name the path, which is no fault of the table.
+                // A crate without std cannot resolve the path, which is not an error.
                 text.push_str(&format!(
                     "    {{ path = \"{path}\", reason = \"{}\", allow-invalid = true }},\n",
                     ban.reason()
@@ -213,11 +213,11 @@ pub(super) fn check(tree: &Tree) -> Vec<Finding> {
     findings
 }
 
-/// Files of product code that may cut a hole into their crate's fence, and why.
+/// Files of product code that may disable a fence of their crate, with the reason.
 const HOLES: &[(&str, &str)] =
     &[("driver/line/src/link/tcp_client.rs", "a thread that looks up a host name: getaddrinfo exists only blocking")];
 
-/// An `allow` or `expect` of the fence lints in what a crate ships: not its tests, examples and benches.
+/// Finds `allow` or `expect` of the fence lints in product code, but not in tests, examples and benches.
 pub(super) fn holes(tree: &Tree) -> Vec<Finding> {
     let mut findings = Vec::new();
     for file in tree.rust().filter(|file| FENCES.iter().any(|(folder, _)| file.is_in(&[&format!("{folder}/src")]))) {

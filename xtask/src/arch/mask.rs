@@ -1,6 +1,6 @@
-//! Rust source with its comments, strings and characters blanked, so that a search finds code only.
+//! Rust source with blanked comments, strings and characters, so that a search finds only code.
 
-/// `source` with the same length and lines, but blanks for what is in comments and in string and character literals.
+/// `source` with the same length and lines, but with blanks in comments and in string and character literals.
 pub(super) fn mask(source: &str) -> String {
     let bytes = source.as_bytes();
     let mut code = bytes.to_vec();
@@ -36,7 +36,7 @@ pub(super) fn mask(source: &str) -> String {
         }
         at = end;
     }
-    // Only whole literals and comments were blanked, byte for byte, so what is left is text; anything else shows as a
+    // Only whole literals and comments were blanked byte by byte, so the rest is valid text; anything else becomes a
     // blank.
     String::from_utf8(code).unwrap_or_else(|_| source.chars().map(|c| if c == '\n' { c } else { ' ' }).collect())
 }
@@ -99,7 +99,7 @@ fn character(bytes: &[u8], from: usize) -> Option<usize> {
     let text = std::str::from_utf8(&bytes[from + 1..bytes.len().min(from + 6)]);
     let width = match text {
         Ok(text) => text.chars().next()?.len_utf8(),
-        // Five bytes may cut a later character in two; what is valid before it is enough.
+        // Five bytes may end inside a later character; the valid part before it is sufficient.
         Err(cut) => {
             std::str::from_utf8(&bytes[from + 1..from + 1 + cut.valid_up_to()]).ok()?.chars().next()?.len_utf8()
         }
@@ -108,7 +108,7 @@ fn character(bytes: &[u8], from: usize) -> Option<usize> {
 }
 
 fn continues_a_word(bytes: &[u8], at: usize) -> bool {
-    // `br"..."` is a raw string too.
+    // `br"..."` is also a raw string.
     let mut before = bytes[..at].iter().rev();
     match before.next() {
         Some(b'b') => before.next().is_some_and(|byte| is_word(*byte)),

@@ -1,7 +1,7 @@
-//! `cargo xtask arch`: the guards of the invariants, as far as the compiler and clippy do not guard them already.
+//! `cargo xtask arch`: the guards of the invariants that the compiler and clippy do not check.
 //!
 //! A guard is a function from the checkout to findings. A finding names the place, the invariant (the number in
-//! ARCHITECTURE.md) and what is wrong. Each guard's own tests feed it a breach and see it found.
+//! ARCHITECTURE.md) and the violation. The tests of each guard check that it finds a violation.
 
 mod citations;
 mod conformance;
@@ -18,14 +18,14 @@ use std::fmt;
 use crate::failure::{Failure, Outcome, step};
 use tree::Tree;
 
-/// Something that is not as the architecture says.
+/// A violation of the architecture.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Finding {
     /// `path:line`, or the crate.
     place: String,
-    /// Which rule: `invariant 5`, `style`, ...
+    /// The rule: `invariant 5`, `style`, ...
     rule: &'static str,
-    /// What is wrong, and what to do.
+    /// The violation, and how to correct it.
     what: String,
 }
 
@@ -35,7 +35,7 @@ impl fmt::Display for Finding {
     }
 }
 
-/// A guard, and the name it has in the table of ARCHITECTURE.md.
+/// A guard, with its name in the table of ARCHITECTURE.md.
 struct Guard {
     name: &'static str,
     check: fn(&Tree) -> Vec<Finding>,
@@ -68,8 +68,8 @@ const fn guard(name: &'static str, check: fn(&Tree) -> Vec<Finding>) -> Guard {
     Guard { name, check, warning: false }
 }
 
-/// `cargo xtask arch [--bless]`: runs all guards; with `--bless` first writes the clippy.toml files and the conformance
-/// table anew.
+/// `cargo xtask arch [--bless]`: runs all guards; with `--bless` first rewrites the clippy.toml files and the
+/// conformance pages.
 ///
 /// # Errors
 /// When a guard finds something.

@@ -1,12 +1,12 @@
-//! Things that have one owner: the verifier, the table of module types, the words between a handling block and its CP,
-//! the types of time.
+//! Things that are defined only once: the verifier, the table of module types, the words between a handling block and
+//! its CP, the types of time.
 
 use std::collections::BTreeMap;
 
 use super::Finding;
 use super::tree::{File, Tree};
 
-/// The crate of the words, and those that may not define one anew.
+/// The crate of the words, and the crates that must not define them again.
 const WORDS: &str = "plugins/words/src";
 const BOTH_SIDES: &[&str] = &[
     "driver/firmware/src",
@@ -25,20 +25,19 @@ const BOTH_SIDES: &[&str] = &[
 /// The table of module types.
 const KINDS: &str = "driver/params/src/kind.rs";
 
-/// Where a module's type counts. A plugin has a name of its own, which may be that of its CP.
+/// Folders in which module types are checked. The name of a plugin may be that of its CP.
 const TYPES_COUNT: &[&str] = &["driver", "links", "runtime"];
 
 /// The verifier.
 const VERIFIER: &str = "blocks/ir/src/verify.rs";
 
-/// The crate of instants and spans.
+/// The crate of instants and durations.
 const TIME: &str = "runtime/time/src";
 
-/// Other names of numbers that are no times: the number of a request, a set of registers.
+/// Type names that are not times: the number of a request, a set of registers.
 const NO_TIMES: &[&str] = &["Ticket", "Set"];
 
-/// No wire constant has a second definition: of a name that stands in the words, neither side has one with a value of
-/// its own.
+/// No wire constant is defined twice: neither side defines a constant with the name and the value of one in the words.
 pub(super) fn words(tree: &Tree) -> Vec<Finding> {
     let mut owned: BTreeMap<String, Vec<String>> = BTreeMap::new();
     for file in tree.rust().filter(|file| file.is_in(&[WORDS])) {
@@ -52,7 +51,7 @@ pub(super) fn words(tree: &Tree) -> Vec<Finding> {
     for file in tree.rust().filter(|file| file.is_in(BOTH_SIDES)) {
         for (number, line, _) in file.code_lines().filter(|(_, _, test)| !test) {
             let Some((name, value)) = constant(line) else { continue };
-            // Another thing of that name, such as a STATUS, has another value.
+            // A different constant with that name, such as a STATUS, has another value.
             let is_copy = owned.get(name).is_some_and(|values| values.iter().any(|own| own == value));
             if is_copy && value.starts_with(|c: char| c.is_ascii_digit()) {
                 findings.push(Finding {
@@ -66,7 +65,7 @@ pub(super) fn words(tree: &Tree) -> Vec<Finding> {
     findings
 }
 
-/// `const NAME: T = VALUE;` in one line.
+/// Finds `const NAME: T = VALUE;` in one line.
 fn constant(line: &str) -> Option<(&str, &str)> {
     let rest = line.trim_start();
     let rest = rest.strip_prefix("pub(crate) ").or_else(|| rest.strip_prefix("pub ")).unwrap_or(rest);
@@ -75,7 +74,7 @@ fn constant(line: &str) -> Option<(&str, &str)> {
     Some((name.trim(), value.strip_suffix(';')?.trim()))
 }
 
-/// Nothing but the table tells module types apart by their names.
+/// Only the table distinguishes module types by their names.
 pub(super) fn module_types(tree: &Tree) -> Vec<Finding> {
     let mut findings = Vec::new();
     for file in tree.rust().filter(|file| file.is_in(TYPES_COUNT) && is_product(file) && file.path != KINDS) {
@@ -97,7 +96,7 @@ fn is_product(file: &File) -> bool {
     file.path.contains("/src/") && !file.path.ends_with("tests.rs") && !file.path.contains("/tests/")
 }
 
-/// A text that is a type's name as the station file has it.
+/// Whether a line contains a type name of the station file.
 fn names_a_cp(line: &str) -> bool {
     line.split("\"cp").skip(1).any(|rest| {
         let mut digits = rest.chars();
@@ -105,7 +104,7 @@ fn names_a_cp(line: &str) -> bool {
     })
 }
 
-/// One verifier: nobody else makes a `Verified`, and nobody else has a function that verifies a program.
+/// There is only one verifier: no other file creates a `Verified` or has a function that verifies a program.
 pub(super) fn verifier(tree: &Tree) -> Vec<Finding> {
     let mut findings = Vec::new();
     for file in tree.rust().filter(|file| file.is_in(&["blocks", "runtime"]) && file.path != VERIFIER) {
@@ -123,7 +122,7 @@ pub(super) fn verifier(tree: &Tree) -> Vec<Finding> {
     findings
 }
 
-/// Instants and spans are types: no other name of a bare number stands for one.
+/// Instants and durations are types: no alias of a plain number is used for them.
 pub(super) fn time(tree: &Tree) -> Vec<Finding> {
     let mut findings = Vec::new();
     for file in tree.rust().filter(|file| !file.is_in(&[TIME])) {
@@ -144,7 +143,7 @@ pub(super) fn time(tree: &Tree) -> Vec<Finding> {
     findings
 }
 
-/// `type NAME = T;` in one line, but for those of traits.
+/// Finds `type NAME = T;` in one line, except associated types of traits.
 fn alias(line: &str) -> Option<(&str, &str)> {
     let rest = line.strip_prefix("pub(crate) ").or_else(|| line.strip_prefix("pub(super) ")).unwrap_or(line);
     let (name, of) = rest.strip_prefix("pub ").unwrap_or(rest).strip_prefix("type ")?.split_once(" = ")?;

@@ -1,10 +1,10 @@
-//! Guards over source text: no allocation in the protocols, unsafe code only behind its fence, no state in plugins.
+//! Guards over source text: no allocation in the protocols, unsafe code only in certain crates, no state in plugins.
 
 use super::Finding;
 use super::mask::has_word;
 use super::tree::{File, Tree};
 
-/// Crates that are `no_std` and never ask for `alloc`.
+/// Crates that are `no_std` and do not use `alloc`.
 const NO_ALLOC: &[(&str, &str)] = &[
     ("driver/protocols", "invariant 1"),
     ("driver/serial", "invariant 1"),
@@ -12,7 +12,8 @@ const NO_ALLOC: &[(&str, &str)] = &[
     ("plugins/abi", "invariant 9"),
 ];
 
-/// `#![no_std]` at the crate root and no `extern crate` outside tests: then `Vec`, `String` and `Box` have no name.
+/// `#![no_std]` at the crate root and no `extern crate` outside tests: then `Vec`, `String` and `Box` are not
+/// available.
 pub(super) fn no_std_without_alloc(tree: &Tree) -> Vec<Finding> {
     let mut findings = Vec::new();
     for (folder, rule) in NO_ALLOC {
@@ -35,7 +36,7 @@ pub(super) fn no_std_without_alloc(tree: &Tree) -> Vec<Finding> {
     findings
 }
 
-/// Crates with unsafe code: fenced, each block with its SAFETY line (clippy sees to that).
+/// Crates with unsafe code; each block has a SAFETY comment (checked by clippy).
 const UNSAFE_CRATES: &[&str] = &[
     "plugins/backplane",
     "plugins/sdk",
@@ -46,10 +47,10 @@ const UNSAFE_CRATES: &[&str] = &[
     "driver/line",
 ];
 
-/// Files elsewhere that need it, and why.
+/// Other files that need unsafe code, with the reason.
 const UNSAFE_FILES: &[(&str, &str)] = &[];
 
-/// `unsafe`, or leave to write it, outside the fence.
+/// Finds `unsafe`, or an `allow` of it, outside these crates.
 pub(super) fn unsafe_code(tree: &Tree) -> Vec<Finding> {
     let exempt = |file: &File| file.is_in(UNSAFE_CRATES) || UNSAFE_FILES.iter().any(|(path, _)| file.path == *path);
     let mut findings = Vec::new();
@@ -68,7 +69,7 @@ pub(super) fn unsafe_code(tree: &Tree) -> Vec<Finding> {
     findings
 }
 
-/// `unsafe` anywhere but in the type of a function pointer, which is no code: `unsafe extern "C" fn(...)`.
+/// Whether a line has `unsafe`, except in the type of a function pointer: `unsafe extern "C" fn(...)`.
 fn has_unsafe_code(line: &str) -> bool {
     line.match_indices("unsafe").any(|(at, word)| {
         let rest = line[at + word.len()..].trim_start();
@@ -77,7 +78,7 @@ fn has_unsafe_code(line: &str) -> bool {
     }) && has_word(line, "unsafe")
 }
 
-/// Crates that end up in a plugin.
+/// Crates that become part of a plugin.
 const PLUGIN_CRATES: &[&str] = &[
     "plugins/cp040",
     "plugins/cp240",
@@ -98,7 +99,7 @@ const PLUGIN_STATICS: &[(&str, &str, &str)] = &[
     ("plugins/sdk/src/panic.rs", "LEN", "the length of that message"),
 ];
 
-/// Types a static can be changed through.
+/// Types that make a static mutable.
 const CELLS: &[&str] = &[
     "Cell",
     "RefCell",
@@ -113,11 +114,11 @@ const CELLS: &[&str] = &[
     "SyncUnsafeCell",
 ];
 
-/// What else a plugin has no business with; clippy refuses most of it too, but a plugin of a user has no clippy.toml of
-/// ours.
+/// Other names that are forbidden in a plugin; clippy also refuses most of them, but a plugin of a user does not have
+/// our clippy.toml.
 const PLUGIN_WORDS: &[&str] = &["thread_local", "Instant", "SystemTime"];
 
-/// No mutable statics, threads or clocks in plugins: one loaded .so serves many stations.
+/// No mutable statics, threads or clocks in plugins: one loaded .so may serve many stations.
 pub(super) fn plugin_statics(tree: &Tree) -> Vec<Finding> {
     let mut findings = Vec::new();
     for file in tree.rust().filter(|file| file.is_in(PLUGIN_CRATES)) {
@@ -142,7 +143,7 @@ pub(super) fn plugin_statics(tree: &Tree) -> Vec<Finding> {
     findings
 }
 
-/// The name of the static this line declares, if it can change.
+/// The name of the static that this line declares, if it is mutable.
 fn mutable_static(line: &str) -> Option<&str> {
     let rest = line.trim_start();
     let declaration = rest.split_once("static ").filter(|(before, _)| {

@@ -16,9 +16,9 @@ use crate::shell;
 pub(super) struct File {
     /// From the root of the checkout, with `/`.
     pub(super) path: String,
-    /// As it is.
+    /// The text of the file.
     pub(super) text: String,
-    /// Rust only: without comments and literals, line for line the same.
+    /// Rust only: the text with blanked comments and literals, with the same lines.
     pub(super) code: String,
     /// Rust only: byte ranges of `code` that exist under `cfg(test)` only.
     tests: Vec<Range<usize>>,
@@ -47,13 +47,13 @@ impl File {
         })
     }
 
-    /// Whether it lies under one of the folders.
+    /// Whether it is below one of the folders.
     pub(super) fn is_in(&self, folders: &[&str]) -> bool {
         folders.iter().any(|folder| self.path.strip_prefix(folder).is_some_and(|rest| rest.starts_with('/')))
     }
 }
 
-/// Everything.
+/// All files, and the graph of crates.
 pub(super) struct Tree {
     pub(super) files: Vec<File>,
     pub(super) graph: Graph,
@@ -70,7 +70,7 @@ impl Tree {
         for path in names.lines().filter(|path| is_text(path)) {
             match std::fs::read_to_string(root.join(path)) {
                 Ok(text) => files.push(File::new(path, &text)),
-                // Deleted but still in the index, or a program in CP1252: not for us.
+                // Deleted but still in the index, or a program in CP1252: ignored.
                 Err(why) if matches!(why.kind(), std::io::ErrorKind::NotFound | std::io::ErrorKind::InvalidData) => {}
                 Err(why) => return Err(step(format!("{path}: {why}"))),
             }
@@ -78,7 +78,7 @@ impl Tree {
         Ok(Self { files, graph: Graph::of(&cargo::metadata()?) })
     }
 
-    /// A tree of these files and no crates, for the guards' own tests.
+    /// A tree of these files without crates, for the tests of the guards.
     #[cfg(test)]
     pub(super) fn of(files: &[(&str, &str)]) -> Self {
         let files = files.iter().map(|(path, text)| File::new(path, text)).collect();
@@ -97,7 +97,7 @@ fn is_text(path: &str) -> bool {
         .any(|end| path.to_ascii_lowercase().ends_with(end))
 }
 
-/// The files of an unpacked archive, which has no git to ask.
+/// The files of an unpacked archive without git.
 fn walk(root: &Path) -> String {
     let mut found = String::new();
     let mut folders = vec![root.to_path_buf()];
@@ -118,7 +118,8 @@ fn walk(root: &Path) -> String {
     found
 }
 
-/// Where `code` is test code: whole files in a `tests` folder or named `tests.rs`, and items behind `#[cfg(test)]`.
+/// The ranges of `code` that are test code: whole files in a `tests` folder or named `tests.rs`, and items with
+/// `#[cfg(test)]`.
 fn test_ranges(path: &str, code: &str) -> Vec<Range<usize>> {
     let mut ranges = Vec::new();
     if path.starts_with("tests/") || path.contains("/tests/") || path.ends_with("/tests.rs") {
@@ -165,7 +166,7 @@ pub(super) struct Graph {
 }
 
 impl Graph {
-    /// Takes the resolved graph out of `cargo metadata`.
+    /// Reads the resolved graph from `cargo metadata`.
     fn of(metadata: &Value) -> Self {
         let mut graph = Self::default();
         let mut names = BTreeMap::new();
@@ -192,7 +193,7 @@ impl Graph {
         graph
     }
 
-    /// A way from `from` to `to` over any number of edges, as names; `None` if there is none.
+    /// A path from `from` to `to` over any number of edges, as names; `None` if there is none.
     pub(super) fn way(&self, from: &str, to: &str) -> Option<Vec<String>> {
         let mut seen = BTreeMap::from([(from.to_owned(), String::new())]);
         let mut queue = std::collections::VecDeque::from([from.to_owned()]);

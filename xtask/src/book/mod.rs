@@ -1,8 +1,8 @@
 //! `cargo xtask book [--check]`: the pages of `docs/` as a book.
 //!
-//! The check: every page is in the table of contents, every link and path leads somewhere (`rules`); what the pages
-//! show of STL compiles and the command lines parse (`runtime/ob1/tests/book.rs`). Without `--check` mdBook then
-//! makes HTML of it, in `target/book`.
+//! The check: every page is in the table of contents, the target of every link and path exists (`rules`), the STL in
+//! the pages compiles and the command lines parse (`runtime/ob1/tests/book.rs`). Without `--check` mdBook then
+//! generates HTML in `target/book`.
 
 mod page;
 mod rules;
@@ -16,11 +16,11 @@ use crate::shell;
 use page::Page;
 use rules::Book;
 
-/// Pinned: a new version may render another way.
+/// Pinned: a new version may render differently.
 const MDBOOK: &str = "0.5.4";
 
 /// # Errors
-/// When anything is wrong with a page, or mdBook cannot be built.
+/// If a page has an error, or mdBook cannot be built.
 pub(crate) fn run(args: &[String], usage: &str) -> Outcome {
     let only_check = match args {
         [] => false,
@@ -43,17 +43,17 @@ pub(crate) fn run(args: &[String], usage: &str) -> Outcome {
     build().map(drop)
 }
 
-/// The book as HTML; gives its folder.
+/// Generates the book as HTML; returns its folder.
 ///
 /// # Errors
-/// When mdBook cannot be had, or refuses a page.
+/// If mdBook cannot be installed, or refuses a page.
 pub(crate) fn build() -> Outcome<PathBuf> {
     let mdbook = install()?;
     shell::run(Command::new(mdbook).arg("build").current_dir(cargo::root()))?;
     Ok(cargo::root().join("target/book"))
 }
 
-/// The checkout as git would keep it.
+/// Reads the files that git knows or would add.
 fn read(usage: &str) -> Outcome<Book> {
     let list = shell::read(
         Command::new("git")
@@ -65,7 +65,7 @@ fn read(usage: &str) -> Outcome<Book> {
     book.ignored = ignored.lines().filter_map(|line| Some(line.strip_prefix('/')?.to_owned())).collect();
     for path in list.lines() {
         let file = cargo::root().join(path);
-        // Deleted, but not yet for git.
+        // Deleted, but still known to git.
         if !file.exists() {
             continue;
         }
@@ -78,13 +78,13 @@ fn read(usage: &str) -> Outcome<Book> {
     Ok(book)
 }
 
-/// The verbs of the help text: the first word of each line two blanks in.
+/// The verbs of the help text: the first word of each line indented by two blanks.
 fn verbs(usage: &str) -> Vec<String> {
     let lines = usage.lines().filter_map(|line| line.strip_prefix("  "));
     lines.filter(|line| !line.starts_with(' ')).filter_map(|line| Some(line.split(' ').next()?.to_owned())).collect()
 }
 
-/// mdBook in the checkout's `.tools`, installed when it is missing: three minutes, once.
+/// mdBook in the checkout's `.tools`, installed if it is missing, which takes three minutes.
 fn install() -> Outcome<PathBuf> {
     let tool = cargo::root().join(".tools/bin/mdbook");
     let version = format!("={MDBOOK}");
@@ -96,7 +96,7 @@ fn install() -> Outcome<PathBuf> {
         let words =
             ["install", "mdbook", "--version", &version, "--locked", "--no-default-features", "--root", ".tools"];
         shell::run(cargo(&words).args(["--target-dir", ".tools/target"]))?;
-        // Its artifacts serve nothing else.
+        // Its artifacts are not needed any more.
         let artifacts = cargo::root().join(".tools/target");
         std::fs::remove_dir_all(&artifacts).map_err(|why| step(format!("{}: {why}", artifacts.display())))?;
     }

@@ -1,4 +1,4 @@
-//! A Markdown page as the rules of the book see it: headings with their anchors, links, spans of code.
+//! The parts of a Markdown page that the rules of the book need: headings with their anchors, links, spans of code.
 
 use std::collections::BTreeMap;
 
@@ -14,9 +14,9 @@ pub(super) struct Placed {
 /// One page.
 #[derive(Debug, Default)]
 pub(super) struct Page {
-    /// The heading of the first level, when the page begins with one.
+    /// The heading of the first level, if the page begins with one.
     pub(super) title: Option<String>,
-    /// What a link may name behind `#`.
+    /// The anchors a link may use after `#`.
     pub(super) anchors: Vec<String>,
     /// Targets of links and images, as written.
     pub(super) links: Vec<Placed>,
@@ -76,7 +76,8 @@ impl Page {
     }
 }
 
-/// The anchor mdBook and forges make of a heading: small letters, blanks to `-`, other signs left out.
+/// The anchor that mdBook and forges derive from a heading: lower-case letters, `-` for blanks, other characters
+/// removed.
 fn anchor(heading: &str) -> String {
     let keep = |c: char| match c {
         c if c.is_alphanumeric() || c == '_' || c == '-' => Some(c.to_ascii_lowercase()),
@@ -86,7 +87,7 @@ fn anchor(heading: &str) -> String {
     heading.trim().chars().filter_map(keep).collect()
 }
 
-/// The second one of a name gets `-1`, and so on.
+/// The second anchor with the same name gets `-1`, and so on.
 fn unique(name: &str, ids: &mut BTreeMap<String, usize>) -> String {
     let count = ids.entry(name.to_owned()).or_default();
     *count += 1;

@@ -1,5 +1,5 @@
-//! What must hold between the pages: every page of `docs/` is in the table of contents, every link and every path named
-//! leads somewhere.
+//! The rules between the pages: every page of `docs/` is in the table of contents, the target of every link and every
+//! named path exists.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -8,22 +8,22 @@ use super::page::{Page, Placed};
 
 /// The table of contents.
 pub(super) const SUMMARY: &str = "docs/SUMMARY.md";
-/// Folders whose paths, written as code, must exist.
+/// Paths below these folders that are written as code must exist.
 const FOLDERS: [&str; 10] =
     ["blocks/", "runtime/", "plugins/", "driver/", "docs/", "examples/", "tests/", "include/", "xtask/", "fuzz/"];
 
-/// The checkout: Markdown files by path from its root, and everything git would keep.
+/// The checkout: Markdown files by path from its root, and all files that git knows or would add.
 #[derive(Debug, Default)]
 pub(super) struct Book {
     pub(super) pages: BTreeMap<String, Page>,
     pub(super) files: BTreeSet<String>,
-    /// Paths that are there only after a build or a run.
+    /// Paths that exist only after a build or a run.
     pub(super) ignored: Vec<String>,
-    /// What `cargo xtask` knows.
+    /// The verbs of `cargo xtask`.
     pub(super) verbs: Vec<String>,
 }
 
-/// Something that is wrong, and what to do.
+/// An error, and how to correct it.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Finding {
     place: String,
@@ -37,7 +37,7 @@ impl fmt::Display for Finding {
 }
 
 impl Book {
-    /// Everything that is wrong.
+    /// All findings.
     pub(super) fn check(&self) -> Vec<Finding> {
         let mut found = self.contents();
         for (path, page) in &self.pages {
@@ -56,7 +56,7 @@ impl Book {
         let mut found = Vec::new();
         let mut listed = BTreeSet::new();
         for link in &summary.links {
-            // Whether it leads somewhere is the links' rule.
+            // The rule for links checks the target.
             if !listed.insert(resolve(SUMMARY, &link.text)) {
                 found.push(at(SUMMARY, link.line, format!("{} is listed twice; keep one of the lines", link.text)));
             }
@@ -77,7 +77,7 @@ impl Book {
         found
     }
 
-    /// A link that leads nowhere.
+    /// The finding for a link without target.
     fn link(&self, path: &str, link: &Placed) -> Option<Finding> {
         let text = link.text.as_str();
         if text.contains("://") || text.starts_with("mailto:") {
@@ -99,7 +99,7 @@ impl Book {
         Some(at(path, link.line, what))
     }
 
-    /// A path of the checkout, written as code, that is not there.
+    /// The finding for a path written as code that does not exist.
     fn named_path(&self, path: &str, span: &Placed) -> Option<Finding> {
         let text = span.text.trim_end_matches('/');
         let is_path = FOLDERS.iter().any(|folder| text.starts_with(folder))
@@ -110,7 +110,7 @@ impl Book {
         Some(at(path, span.line, format!("`{text}` does not exist")))
     }
 
-    /// `cargo xtask VERB` with an unknown verb.
+    /// The finding for `cargo xtask VERB` with an unknown verb.
     fn verb(&self, path: &str, code: &Placed) -> Option<Finding> {
         let rest = code.text.split_once("cargo xtask ")?.1;
         let verb: String = rest.chars().take_while(|c| c.is_ascii_alphanumeric() || *c == '-').collect();
@@ -120,7 +120,7 @@ impl Book {
         Some(at(path, code.line, format!("cargo xtask has no `{verb}`; it has {}", self.verbs.join(", "))))
     }
 
-    /// A file, or a folder with one in it.
+    /// Whether a path is a file or a folder with files.
     fn exists(&self, path: &str) -> bool {
         let folder = format!("{path}/");
         self.files.contains(path) || self.files.range(folder.clone()..).next().is_some_and(|f| f.starts_with(&folder))
@@ -156,7 +156,7 @@ mod tests {
         ("README.md", "# R\n\n[A](docs/a.md)\n"),
     ];
 
-    /// The findings of the good book with one file changed.
+    /// The findings for the correct book with one file changed.
     fn findings(path: &str, text: &str) -> Vec<String> {
         let mut texts: BTreeMap<&str, &str> = GOOD.iter().copied().collect();
         if !path.is_empty() {

@@ -1,37 +1,37 @@
-//! The ledgers of the two stations: DB 20, as `examples/two-stations/*.awl` lay it out.
+//! The ledgers of the two stations: DB 20, with the layout of `examples/two-stations/*.awl`.
 
-/// Set from outside: A begins no new telegram.
+/// Set from outside: A sends no new telegram.
 pub(super) const PAUSE: &str = "DB20.DBX60.0";
 
-/// DB 20 of station A, in telegrams unless it says otherwise.
+/// DB 20 of station A, in telegrams unless stated otherwise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct LedgerA {
-    /// Given to FC 0.
+    /// Passed to FC 0.
     pub(super) started: i64,
     /// Acknowledged by the partner's CP.
     pub(super) done: i64,
     /// Ended with FEHLER_KOM.
     pub(super) error: i64,
-    /// Cut off by FC 9.
+    /// Aborted by FC 9.
     pub(super) aborted: i64,
-    /// Echoes that were right, byte for byte.
+    /// Correct echoes, compared byte by byte.
     pub(super) good: i64,
-    /// Received, but no echo of anything sent.
+    /// Received telegrams that are not an echo of a sent one.
     pub(super) wrong: i64,
-    /// Echoes that came a second time.
+    /// Echoes received a second time.
     pub(super) doubled: i64,
-    /// Right echoes of telegrams given up.
+    /// Correct echoes of abandoned telegrams.
     pub(super) late: i64,
-    /// Done, but no echo in time.
+    /// Acknowledged, but without an echo in time.
     pub(super) lost: i64,
     /// Scans with a parameter error, FC 0 and FC 1 together.
     pub(super) pafe: i64,
-    /// 0: no telegram under way.
+    /// 0: no telegram is running.
     pub(super) state: i64,
 }
 
 impl LedgerA {
-    /// What [`From`] wants, in this order.
+    /// The values for [`From`], in this order.
     pub(super) const OPERANDS: [&'static str; 12] = [
         "DB20.DBD8",
         "DB20.DBD12",
@@ -47,7 +47,7 @@ impl LedgerA {
         "DB20.DBW58",
     ];
 
-    /// Everything it received.
+    /// All received telegrams.
     pub(super) fn received(&self) -> i64 {
         self.good + self.wrong + self.doubled + self.late
     }
@@ -61,29 +61,29 @@ impl From<[i64; 12]> for LedgerA {
     }
 }
 
-/// DB 20 of station B, likewise.
+/// DB 20 of station B, in telegrams unless stated otherwise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct LedgerB {
     /// Received.
     pub(super) received: i64,
-    /// Echoes given to FC 0.
+    /// Echoes passed to FC 0.
     pub(super) started: i64,
     /// Echoes acknowledged by the partner's CP.
     pub(super) done: i64,
     /// Ended with FEHLER_KOM.
     pub(super) error: i64,
-    /// Cut off by FC 9.
+    /// Aborted by FC 9.
     pub(super) aborted: i64,
-    /// Not echoed: the echo before was not out, or it did not fit.
+    /// Not echoed: the previous echo was not sent yet, or the telegram was too long.
     pub(super) refused: i64,
     /// Scans with a parameter error, FC 0 and FC 1 together.
     pub(super) pafe: i64,
-    /// 0: no echo under way.
+    /// 0: no echo is running.
     pub(super) state: i64,
 }
 
 impl LedgerB {
-    /// What [`From`] wants, in this order.
+    /// The values for [`From`], in this order.
     pub(super) const OPERANDS: [&'static str; 10] = [
         "DB20.DBD0",
         "DB20.DBD4",
@@ -106,7 +106,8 @@ impl From<[i64; 10]> for LedgerB {
     }
 }
 
-/// Telegrams that one side's CP acknowledged and the other side's program never saw. Both ledgers at rest.
+/// Telegrams acknowledged by the CP of one side but never received by the program of the other. Valid when both
+/// stations are idle.
 pub(super) fn lost_in_cp(done_there: i64, received_here: i64) -> i64 {
     (done_there - received_here).max(0)
 }

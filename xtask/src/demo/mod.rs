@@ -1,11 +1,12 @@
-//! `cargo xtask demo`: the two stations of `examples/two-stations` in two processes, watched, and judged at the end.
+//! `cargo xtask demo`: runs the two stations of `examples/two-stations` in two processes, watches them, and evaluates
+//! the result at the end.
 //!
-//! Both run in a folder of their own below the target directory, joined by a null modem: A's driver makes a pty, B's
-//! opens it as a serial device. With `--dirty` each makes one, and this program carries the bytes between them and
-//! spoils some on the way.
+//! Both run in a folder of their own below the target directory, connected by a null modem: A's driver creates a pty,
+//! B's opens it as a serial device. With `--dirty` each creates one, and this program transfers the bytes between them
+//! and corrupts some of them.
 //!
-//! The end is orderly: A is told to begin no new telegram, the one under way comes home, the ledgers (DB 20 of each
-//! station) are read, then both get the signal that Ctrl-C sends.
+//! At the end A stops sending new telegrams, the current telegram is completed, the ledgers (DB 20 of each station) are
+//! read, then both get the signal that Ctrl-C sends.
 
 mod ledger;
 mod null_modem;
@@ -24,15 +25,14 @@ use crate::shell;
 use ledger::{LedgerA, LedgerB};
 use station::Station;
 
-/// Where the story lies.
+/// Folder of the example.
 const EXAMPLE: &str = "examples/two-stations";
-/// How long the stations may take until the first telegram, and to come to rest at the end. A guard: both take a
-/// moment.
+/// Maximum time until the first telegram, and until the stations are idle at the end. Normally both are short.
 const PATIENCE: Duration = Duration::from_secs(20);
-/// Between two looks.
+/// Time between two checks.
 const LOOK: Duration = Duration::from_millis(500);
 
-/// What the command line asked for.
+/// The options of the command line.
 #[derive(Debug, PartialEq, Eq)]
 struct Wish {
     time: Duration,
@@ -42,7 +42,7 @@ struct Wish {
 /// `cargo xtask demo [--for 20s] [--dirty]`
 ///
 /// # Errors
-/// When it cannot be built, a station ends by itself, no telegram flows, or one was wrong or lost.
+/// If it cannot be built, a station ends unexpectedly, no telegram is transferred, or one was wrong or lost.
 pub(crate) fn run(args: &[String]) -> Outcome {
     let wish = parse(args)?;
     shell::run(&mut cargo(&[
@@ -64,7 +64,7 @@ pub(crate) fn run(args: &[String]) -> Outcome {
 
     watch(&mut a, &mut b, wish.time)?;
     let (ledger_a, ledger_b) = settle(&mut a, &mut b)?;
-    // B first: A's driver owns the line.
+    // B first, because A's driver owns the line.
     let report_b = b.stop(PATIENCE)?;
     let report_a = a.stop(PATIENCE)?;
 
@@ -107,14 +107,14 @@ pub(crate) fn duration(text: &str) -> Option<Duration> {
     number.parse::<u64>().ok().filter(|number| *number > 0)?.checked_mul(unit).map(Duration::from_secs)
 }
 
-/// The two ends of the line when the bytes go through our hands.
+/// The two ends of the line if this program transfers the bytes.
 const END_A: &str = "end-a.pty";
 const END_B: &str = "end-b.pty";
-/// What the station files say, and what they say with `--dirty`.
+/// The line in the station files, and the line with `--dirty`.
 const LINES: [(&str, &str); 2] =
     [("\"pty:null-modem.pty\"", "\"pty:end-a.pty\""), ("\"serial:null-modem.pty\"", "\"pty:end-b.pty\"")];
 
-/// Copies the example, so that nothing is left in the source tree; returns the folder.
+/// Copies the example, so that the source tree is not changed; returns the folder.
 fn stage(dirty: bool) -> Outcome<PathBuf> {
     let folder = cargo::target_dir()?.join("demo");
     let failed = |path: &Path, why: std::io::Error| step(format!("{}: {why}", path.display()));
@@ -143,7 +143,7 @@ fn stage(dirty: bool) -> Outcome<PathBuf> {
     Ok(folder)
 }
 
-/// Shows a live line until the time is over.
+/// Shows a live line until the time has elapsed.
 fn watch(a: &mut Station, b: &mut Station, time: Duration) -> Outcome {
     let start = Instant::now();
     let mut flowing = false;
@@ -164,7 +164,7 @@ fn watch(a: &mut Station, b: &mut Station, time: Duration) -> Outcome {
     Ok(())
 }
 
-/// Lets the telegram under way come home, then reads both ledgers.
+/// Waits for the end of the current telegram, then reads both ledgers.
 fn settle(a: &mut Station, b: &mut Station) -> Outcome<(LedgerA, LedgerB)> {
     a.set(&format!("{}=1", ledger::PAUSE))?;
     let start = Instant::now();
@@ -172,7 +172,7 @@ fn settle(a: &mut Station, b: &mut Station) -> Outcome<(LedgerA, LedgerB)> {
     loop {
         let ledger_a = LedgerA::from(a.ledger(&LedgerA::OPERANDS)?);
         let ledger_b = LedgerB::from(b.ledger(&LedgerB::OPERANDS)?);
-        // At rest: nobody has an order, and since the last look nothing has moved.
+        // Idle: no station has an order, and nothing has changed since the last check.
         let at_rest = ledger_a.state == 0 && ledger_b.state == 0;
         let both = (ledger_a, ledger_b);
         if at_rest && before.as_ref() == Some(&both) {

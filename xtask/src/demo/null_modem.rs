@@ -1,7 +1,7 @@
-//! A bad cable between two ptys: carries bytes both ways and spoils one bit now and then.
+//! A bad cable between two ptys: transfers bytes in both directions and sometimes corrupts one bit.
 //!
-//! Only single bits: the block check of 3964R, an exclusive or, sees every one of them. Which byte is hit is the same
-//! in every run, counted in bytes; what stands there is not, because the two stations run in real time.
+//! Only single bits: the block check of 3964R, an exclusive or, detects each of them. The positions of the corrupted
+//! bytes are the same in every run, but their content is not, because the two stations run in real time.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Write};
@@ -13,10 +13,10 @@ use std::time::{Duration, Instant};
 
 use crate::failure::{Outcome, step};
 
-/// One byte in about so many is hit: some telegrams of 250 bytes take two attempts, few take three.
+/// About one byte in this many is corrupted: some telegrams of 250 bytes need two attempts, few need three.
 const ONE_IN: u64 = 2_000;
 
-/// How many bytes were spoiled so far.
+/// Number of corrupted bytes so far.
 pub(super) struct Spoiled(Arc<AtomicU64>);
 
 impl Spoiled {
@@ -25,7 +25,7 @@ impl Spoiled {
     }
 }
 
-/// Waits until both ends are there, then carries bytes until one of them goes away. The creators have set raw mode.
+/// Waits until both ends exist, then transfers bytes until one of them closes. Their creators have set raw mode.
 pub(super) fn join(a: &Path, b: &Path, patience: Duration) -> Outcome<Spoiled> {
     let (ends_a, ends_b) = (open(a, patience)?, open(b, patience)?);
     let spoiled = Arc::new(AtomicU64::new(0));
@@ -59,7 +59,7 @@ fn carry(mut from: File, mut to: File, mut cable: Cable, spoiled: &AtomicU64) {
     }
 }
 
-/// Decides which byte is hit, and where: an xorshift generator.
+/// Selects the byte and the bit to corrupt: an xorshift generator.
 struct Cable {
     state: u64,
 }
@@ -76,7 +76,7 @@ impl Cable {
         self.state
     }
 
-    /// Flips a bit here and there; returns how many.
+    /// Inverts some bits; returns how many.
     fn spoil(&mut self, bytes: &mut [u8]) -> u64 {
         let mut hits = 0;
         for byte in bytes {

@@ -1,4 +1,4 @@
-//! One running station: the process, the questions put to it through `ob1 get` and `ob1 set`, its report.
+//! One running station: the process, access through `ob1 get` and `ob1 set`, its report.
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use serde_json::Value;
 use crate::failure::{Outcome, step};
 use crate::shell;
 
-/// A process `ob1 run`, ended when this is dropped.
+/// A process `ob1 run`, which is ended when this is dropped.
 pub(super) struct Station {
     name: &'static str,
     child: Child,
@@ -21,7 +21,7 @@ pub(super) struct Station {
 }
 
 impl Station {
-    /// Starts it in `folder`. `at_most` ends it should nobody else do so.
+    /// Starts it in `folder`. It ends by itself after `at_most`.
     pub(super) fn start(
         name: &'static str,
         folder: &Path,
@@ -50,7 +50,7 @@ impl Station {
     }
 
     /// # Errors
-    /// When the process has ended by itself.
+    /// If the process has ended unexpectedly.
     pub(super) fn is_alive(&mut self) -> Outcome {
         match self.child.try_wait() {
             Ok(None) => Ok(()),
@@ -87,10 +87,10 @@ impl Station {
         command
     }
 
-    /// Sends what Ctrl-C sends, waits for the end and returns the report.
+    /// Sends the signal of Ctrl-C, waits for the end and returns the report.
     pub(super) fn stop(&mut self, patience: Duration) -> Outcome<Value> {
         self.is_alive()?;
-        // The shell's own `kill`: there on every system, and no unsafe code here.
+        // The `kill` of the shell: it exists on every system and needs no unsafe code here.
         shell::read(Command::new("sh").args(["-c", "kill -INT \"$0\"", &self.child.id().to_string()]))?;
         let start = Instant::now();
         let status = loop {
@@ -121,13 +121,13 @@ impl Station {
 
 impl Drop for Station {
     fn drop(&mut self) {
-        // After a clean stop both say that there is no such process; its drivers end with it.
+        // After a clean stop both fail because the process does not exist; its drivers end with it.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
 }
 
-/// The value of an operand in the answer: an object by operand, or a list of objects that name it; either may lie under
+/// The value of an operand in the answer: an object by operand, or a list of objects that name it; both may be under
 /// `values`.
 fn value_of(answer: &Value, operand: &str) -> Option<i64> {
     if let Some(inner) = answer.get("values") {
@@ -147,7 +147,7 @@ fn value_of(answer: &Value, operand: &str) -> Option<i64> {
     }
 }
 
-/// A number as the operand's width reads it with a sign: DBW 0xFFFF is -1.
+/// A number as a signed value of the operand's width: DBW 0xFFFF is -1.
 fn signed(value: &Value, operand: &str) -> Option<i64> {
     let number = match value {
         Value::Bool(bit) => i64::from(*bit),

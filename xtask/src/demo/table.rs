@@ -1,10 +1,10 @@
-//! What the demo prints: the live line, the table, the verdict.
+//! The output of the demo: the live line, the table, the verdict.
 
 use serde_json::Value;
 
 use super::ledger::{LedgerA, LedgerB, lost_in_cp};
 
-/// One line that fits a terminal and always has the same length or more.
+/// One line that fits into a terminal and never becomes shorter.
 pub(super) fn live(a: &LedgerA, b: &LedgerB) -> String {
     format!(
         "A sent {:>6}  echoes right {:>6} wrong {} lost {} doubled {}   B received {:>6} returned {:>6}   ",
@@ -48,7 +48,7 @@ pub(super) fn print(a: &LedgerA, b: &LedgerB, report_a: &Value, report_b: &Value
     println!("echoes    {} right, {} late, {} never came, {} refused by B", a.good, a.late, a.lost, b.refused);
 }
 
-/// The judgement: telegrams flowed, and none was wrong or lost.
+/// Succeeds if telegrams were transferred and none was wrong or lost.
 pub(super) fn verdict(a: &LedgerA, b: &LedgerB) -> Result<String, String> {
     let lost = lost_in_cp(a.done, b.received) + lost_in_cp(b.done, a.received());
     let faults = [

@@ -1,4 +1,4 @@
-//! The plain archive: the tree below `usr`, under one folder, to be unpacked anywhere.
+//! The plain archive: the tree below `usr` in one folder; it can be unpacked anywhere.
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -8,7 +8,7 @@ use super::stage::Stage;
 use crate::failure::{Outcome, step};
 use crate::shell;
 
-/// Written sorted, by nobody, at one moment: two runs give the same bytes.
+/// Written sorted, without an owner, with one time: two runs give the same bytes.
 pub(super) fn build(site: &Site, version: &str, stage: &Stage) -> Outcome<PathBuf> {
     let name = format!("ob1-{version}-{}-linux", std::env::consts::ARCH);
     let archive = site.dist.join(format!("{name}.tar.gz"));

@@ -1,4 +1,4 @@
-//! `cargo xtask package --check`: what was made is what it should be.
+//! `cargo xtask package --check`: checks the created packages.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -9,7 +9,7 @@ use crate::cargo::cargo;
 use crate::failure::{Outcome, step};
 use crate::{needs, shell};
 
-/// `systemd-analyze security` in tenths: what the scan and its processes need cannot be had for less.
+/// Limit for `systemd-analyze security` in tenths: the scan and its processes need this much.
 const EXPOSURE: u32 = 22;
 
 pub(super) fn run(site: &Site, parts: &Parts, book: &Path, made: &Made) -> Outcome {
@@ -45,11 +45,11 @@ fn lintian(package: &Path) -> Outcome {
     shell::run(Command::new("lintian").args(["--fail-on", "error", "--no-tag-display-limit"]).arg(package))
 }
 
-/// As systemd reads it, in the tree of the package.
+/// Checks the unit in the tree of the package with systemd.
 fn unit(site: &Site) -> Outcome {
     let unit = site.dist.join("root/usr/lib/systemd/system/ob1@.service");
     let text = std::fs::read_to_string(&unit).map_err(|why| step(format!("{}: {why}", unit.display())))?;
-    // The tree has no /bin/sh of its own, and its ob1 is not at its place: their paths are no question of the unit.
+    // The tree has no /bin/sh, and its ob1 is at another path: this is not an error of the unit.
     let here = site.dist.join("ob1@.service");
     let ob1 = site.dist.join("root/usr/bin/ob1");
     std::fs::write(&here, text.replace("/usr/bin/ob1", &ob1.display().to_string()))
@@ -69,7 +69,7 @@ fn unit(site: &Site) -> Outcome {
     )
 }
 
-/// A folder of its own outside of the checkout, removed at the end.
+/// A temporary folder outside the checkout, removed at the end.
 struct Away(PathBuf);
 
 impl Away {
@@ -86,7 +86,7 @@ impl Drop for Away {
     }
 }
 
-/// The plain archive, where nothing of this checkout is.
+/// Tests the plain archive without access to the checkout.
 fn anywhere(made: &Made) -> Outcome {
     let away = Away::new()?;
     let away = away.0.as_path();
@@ -113,6 +113,6 @@ fn anywhere(made: &Made) -> Outcome {
     let mut build = cargo(&["build", "--release", "--offline"]);
     shell::run(build.current_dir(&plugin).env("CARGO_TARGET_DIR", plugin.join("target")))?;
     runs(&plugin)?;
-    // The handling blocks of the package, beside its ob1.
+    // The handling blocks of the package, installed with its ob1.
     at(away, &["check", "--plugin", "ob1_cp240"])
 }

@@ -1,4 +1,4 @@
-//! The crates a plugin in Rust needs, as `cargo package` makes them: they build without this workspace.
+//! The crates that a plugin in Rust needs, as created by `cargo package`: they build without this workspace.
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -8,10 +8,10 @@ use crate::cargo::{self, cargo};
 use crate::failure::{Outcome, step};
 use crate::shell;
 
-/// The sdk, and what it stands on. `ob1 new plugin --language rust` looks for the first one.
+/// The sdk and its dependency. `ob1 new plugin --language rust` looks for the first one.
 const CRATES: [&str; 2] = ["ob1-sdk", "ob1-abi"];
 
-/// Packs the crates, lets cargo build them from what was packed, and unpacks them into `usr/share/ob1/crates`.
+/// Packs the crates, builds them from the archives with cargo, and unpacks them into `usr/share/ob1/crates`.
 pub(super) fn into(stage: &mut Stage, version: &str) -> Outcome {
     let packed = pack()?;
     let below = cargo::target_dir()?.join("dist/crates");
@@ -23,7 +23,7 @@ pub(super) fn into(stage: &mut Stage, version: &str) -> Outcome {
             Command::new("tar").args(["--extract", "--gzip", "--directory"]).arg(&below).arg("--file").arg(file),
         )?;
         let folder = below.join(format!("{name}-{version}"));
-        // What only the registry and git read.
+        // Files that only the registry and git need.
         for left_out in ["Cargo.toml.orig", "Cargo.lock", ".cargo_vcs_info.json", "tests", "clippy.toml"] {
             let path = folder.join(left_out);
             let _ = if path.is_dir() { std::fs::remove_dir_all(&path) } else { std::fs::remove_file(&path) };
@@ -37,7 +37,7 @@ pub(super) fn into(stage: &mut Stage, version: &str) -> Outcome {
     Ok(())
 }
 
-/// `cargo package` of both: cargo builds each from its archive alone. Gives the folder of the archives.
+/// `cargo package` of both: cargo builds each from its archive only. Returns the folder of the archives.
 fn pack() -> Outcome<PathBuf> {
     let mut command = cargo(&["package", "--allow-dirty", "--quiet"]);
     command.args(CRATES.iter().flat_map(|name| ["-p", name]));
@@ -45,7 +45,7 @@ fn pack() -> Outcome<PathBuf> {
     Ok(cargo::target_dir()?.join("package"))
 }
 
-/// The manifest with the path of each of our crates, which lie beside one another.
+/// The manifest with the paths of our crates, which are in neighbouring folders.
 fn side_by_side(manifest: &str) -> String {
     let mut text = String::with_capacity(manifest.len());
     for line in manifest.lines() {

@@ -1,4 +1,4 @@
-//! The `.deb`, put together by dpkg-deb.
+//! Creates the `.deb` with dpkg-deb.
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -10,10 +10,10 @@ use crate::cargo;
 use crate::failure::{Outcome, step};
 use crate::shell;
 
-/// Who answers for the package unless `DEBEMAIL` says it, as `Name <address>`.
+/// Default maintainer, as `Name <address>`; see `DEBEMAIL`.
 const MAINTAINER: &str = "The ob1 developers <ob1@packages.invalid>";
 
-/// Debian's own counter behind the version.
+/// The Debian revision after the version.
 const REVISION: &str = "1";
 
 /// Scripts that dpkg runs, from `xtask/package`.
@@ -64,7 +64,7 @@ pub(super) fn build(site: &Site, parts: &Parts, stage: &Stage) -> Outcome<PathBu
     Ok(package)
 }
 
-/// Debian has its own place for these.
+/// Whether Debian has its own location for this file.
 fn is_replaced(name: &str) -> bool {
     name.starts_with("usr/share/doc/ob1/LICENSE")
 }
@@ -95,7 +95,7 @@ fn changelog(version: &str, maintainer: &str, date: &str) -> String {
     format!("ob1 ({version}) unstable; urgency=medium\n\n  * See changelog.gz.\n\n -- {maintainer}  {date}\n")
 }
 
-/// As Debian writes it, in UTC.
+/// The date in the format of Debian, in UTC.
 fn date(epoch: u64) -> Outcome<String> {
     let text = shell::read(
         Command::new("date").env("LC_ALL", "C").args(["--utc", "--rfc-email", "--date"]).arg(format!("@{epoch}")),
@@ -103,7 +103,7 @@ fn date(epoch: u64) -> Outcome<String> {
     Ok(text.trim().to_owned())
 }
 
-/// The sums of all files, sorted by name.
+/// The checksums of all files, sorted by name.
 fn sums(tree: &Stage) -> Outcome<String> {
     shell::read(Command::new("md5sum").args(tree.files.keys()).current_dir(&tree.root))
 }

@@ -1,4 +1,5 @@
-//! What programs and libraries need of a system, read by objdump: the packages of the libraries, the oldest C library.
+//! The requirements of programs and libraries, read by objdump: the packages of the libraries, the minimum version of
+//! the C library.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
@@ -7,11 +8,11 @@ use super::stage::Stage;
 use crate::failure::{Outcome, step};
 use crate::shell;
 
-/// Libraries, and the packages of Debian that bring them.
+/// Libraries, and the Debian packages that provide them.
 const PACKAGES: [(&str, &str); 4] =
     [("libc.so.6", "libc6"), ("libm.so.6", "libc6"), ("ld-linux", "libc6"), ("libgcc_s.so.1", "libgcc-s1")];
 
-/// `Depends` of what lies in these folders.
+/// `Depends` for the programs and libraries in the tree.
 pub(super) fn depends(stage: &Stage) -> Outcome<String> {
     let mut found = Needs::default();
     for name in stage.files.keys().filter(|name| name.starts_with("usr/bin/") || name.ends_with(".so")) {
@@ -20,7 +21,7 @@ pub(super) fn depends(stage: &Stage) -> Outcome<String> {
     found.depends()
 }
 
-/// Of all that was read.
+/// The requirements of all files that were read.
 #[derive(Debug, Default)]
 struct Needs {
     libraries: BTreeSet<String>,

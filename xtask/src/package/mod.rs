@@ -1,9 +1,9 @@
-//! `cargo xtask package [--check] [--debug]`: what a user installs.
+//! `cargo xtask package [--check] [--debug]`: creates the packages that a user installs.
 //!
-//! One tree (`stage`) holds all of it: the programs and plugins of the workspace (`parts`), manual pages, completions,
-//! the book, examples, the C header, the crates a plugin in Rust needs, and the files of `xtask/package`. It becomes a
-//! `.deb` (`debian`) and a plain archive (`archive`) in `target/dist`. `--check` looks at both, and installs the
-//! package in a Debian of its own (`check`, `bare`).
+//! One tree (`stage`) contains everything: the programs and plugins of the workspace (`parts`), manual pages,
+//! completions, the book, examples, the C header, the crates a plugin in Rust needs, and the files of `xtask/package`.
+//! It becomes a `.deb` (`debian`) and a plain archive (`archive`) in `target/dist`. `--check` checks both, and installs
+//! the package in a minimal Debian (`check`, `bare`).
 
 mod archive;
 mod bare;
@@ -24,25 +24,25 @@ use crate::{book, shell};
 use parts::Parts;
 use stage::Stage;
 
-/// Where everything is made.
+/// The folders and settings of a run.
 struct Site {
     /// `target/dist`.
     dist: PathBuf,
-    /// Where cargo has put programs and plugins.
+    /// The folder of the built programs and plugins.
     built: PathBuf,
     profile: Profile,
-    /// The moment all files carry, in seconds since 1970.
+    /// The date of all files, in seconds since 1970.
     epoch: u64,
 }
 
-/// What was made.
+/// The created packages.
 struct Made {
     debian: PathBuf,
     archive: PathBuf,
 }
 
 /// # Errors
-/// When anything cannot be built, or the check finds something.
+/// If anything cannot be built, or the check finds an error.
 pub(crate) fn run(args: &[String]) -> Outcome {
     let (mut wants_check, mut profile) = (false, Profile::Release);
     for arg in args {
@@ -68,7 +68,7 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     if wants_check { check::run(&site, &parts, &book, &made) } else { Ok(()) }
 }
 
-/// The tree, and both packages of it.
+/// Creates the tree and both packages.
 fn make(site: &Site, parts: &Parts, book: &Path) -> Outcome<Made> {
     let stage = stage_of(site, parts, book)?;
     Ok(Made { debian: debian::build(site, parts, &stage)?, archive: archive::build(site, &parts.version, &stage)? })
@@ -113,7 +113,7 @@ fn epoch() -> Outcome<u64> {
     text.trim().parse().map_err(|_| step(format!("SOURCE_DATE_EPOCH: `{}` is no number of seconds", text.trim())))
 }
 
-/// Its SHA-256, by coreutils.
+/// The SHA-256 of a file, calculated by coreutils.
 fn digest(file: &Path) -> Outcome<String> {
     let text = shell::read(Command::new("sha256sum").arg(file))?;
     Ok(text.split(' ').next().unwrap_or_default().to_owned())

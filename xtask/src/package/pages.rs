@@ -1,5 +1,5 @@
-//! Manual pages and shell completions: those of `ob1` made by its own command line (`runtime/ob1/examples/manual.rs`),
-//! those of the processes it starts made of their help texts.
+//! Manual pages and shell completions: those of `ob1` are generated from its command line
+//! (`runtime/ob1/examples/manual.rs`), those of the processes it starts from their help texts.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -14,7 +14,7 @@ use crate::shell;
 
 const MANUALS: &str = "usr/share/man/man1";
 
-/// Where each shell looks for completions, and what it is called there.
+/// The completion files, and where each shell looks for them.
 const COMPLETIONS: [(&str, &str); 3] = [
     ("ob1.bash", "usr/share/bash-completion/completions/ob1"),
     ("_ob1", "usr/share/zsh/vendor-completions/_ob1"),
@@ -48,7 +48,7 @@ fn read(path: &Path) -> Outcome<Vec<u8>> {
     std::fs::read(path).map_err(|why| step(format!("{}: {why}", path.display())))
 }
 
-/// A page of a program that a user hardly ever starts: its help, as it is.
+/// A page of a program that users rarely start: its help text, unchanged.
 fn of_help(program: &Program, version: &str, help: &str) -> String {
     let name = &program.name;
     let mut page = format!(
@@ -63,13 +63,13 @@ fn of_help(program: &Program, version: &str, help: &str) -> String {
     page
 }
 
-/// A line of text, not of commands.
+/// Escapes a line of text, so that it is not taken for a command.
 fn escaped(line: &str) -> String {
     let text = line.replace('\\', "\\e").replace('-', "\\-");
     if text.starts_with(['.', '\'']) { format!("\\&{text}") } else { text }
 }
 
-/// Compressed without a name or a date in it.
+/// Compresses without a name and a date.
 pub(super) fn gzip(bytes: &[u8]) -> Outcome<Vec<u8>> {
     let failed = |why: std::io::Error| step(format!("gzip: {why}"));
     let mut child = Command::new("gzip")
@@ -80,7 +80,7 @@ pub(super) fn gzip(bytes: &[u8]) -> Outcome<Vec<u8>> {
         .map_err(failed)?;
     let mut input = child.stdin.take().ok_or_else(|| step("gzip has no input"))?;
     let text = bytes.to_owned();
-    // Beside it: a pipe holds less than a page may have.
+    // In a second thread, because a page may be larger than a pipe.
     let writer = std::thread::spawn(move || input.write_all(&text));
     let output = child.wait_with_output().map_err(failed)?;
     match (writer.join(), output.status.success()) {
@@ -105,7 +105,7 @@ mod tests {
         let text = vec![b'x'; 1 << 20];
         let once = gzip(&text).expect("gzip is there");
         assert!(once.len() < 10_000 && once == gzip(&text).expect("gzip is there"));
-        // Bytes 4 to 7 are its date.
+        // Bytes 4 to 7 are the date.
         assert_eq!(once[4..8], [0; 4]);
     }
 }

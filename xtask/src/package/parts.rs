@@ -1,4 +1,5 @@
-//! What of the workspace is packed: asked of cargo, so that a new program or plugin is in the package by being there.
+//! The parts of the workspace that are packed. cargo lists them, so new programs and plugins are included
+//! automatically.
 
 use serde_json::Value;
 
@@ -15,7 +16,7 @@ const PLUGINS: &str = "plugins/";
 pub(super) struct Program {
     pub(super) name: String,
     package: String,
-    /// What its package says of it.
+    /// The description of its package.
     pub(super) about: String,
 }
 
@@ -24,7 +25,7 @@ pub(super) struct Program {
 pub(super) struct Parts {
     pub(super) version: String,
     pub(super) programs: Vec<Program>,
-    /// Names of files: `libob1_cp240.so`.
+    /// File names: `libob1_cp240.so`.
     pub(super) plugins: Vec<String>,
     packages: Vec<String>,
 }
@@ -71,12 +72,12 @@ impl Parts {
         parts
     }
 
-    /// `-p NAME` of all packages.
+    /// `-p NAME` for all packages.
     pub(super) fn flags(&self) -> impl Iterator<Item = &str> {
         self.packages.iter().flat_map(|name| ["-p", name.as_str()])
     }
 
-    /// `-p NAME` of the package of `ob1`.
+    /// `-p NAME` for the package of `ob1`.
     pub(super) fn command(&self) -> [&str; 2] {
         let ob1 = self.programs.iter().find(|program| program.name == "ob1");
         ["-p", ob1.map_or("ob1", |program| program.package.as_str())]

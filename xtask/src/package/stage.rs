@@ -1,4 +1,4 @@
-//! The tree of files that is packed: every file with its mode, nothing from the machine it was made on.
+//! The tree of files that is packed: every file with its mode, without information about the build machine.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -10,7 +10,7 @@ use crate::cargo;
 use crate::failure::{Failure, Outcome, step};
 use crate::shell;
 
-/// The tree, and what is in it: paths from its root with their modes, sorted.
+/// The tree and its files: paths from its root with their modes, sorted.
 pub(super) struct Stage {
     pub(super) root: PathBuf,
     pub(super) files: BTreeMap<String, u32>,
@@ -21,7 +21,7 @@ fn at(path: &Path) -> impl FnOnce(std::io::Error) -> Failure + '_ {
 }
 
 impl Stage {
-    /// An empty one; what lay there is removed.
+    /// An empty tree; removes an old one.
     pub(super) fn new(root: PathBuf) -> Outcome<Self> {
         if root.exists() {
             fs::remove_dir_all(&root).map_err(at(&root))?;
@@ -30,7 +30,7 @@ impl Stage {
         Ok(Self { root, files: BTreeMap::new() })
     }
 
-    /// A file with these bytes. Programs are 0755, everything else 0644.
+    /// Adds a file with these bytes. Programs are 0755, everything else 0644.
     pub(super) fn put(&mut self, to: &str, bytes: &[u8], mode: u32) -> Outcome {
         let path = self.root.join(to);
         if let Some(folder) = path.parent() {
@@ -47,7 +47,7 @@ impl Stage {
         self.put(to, &bytes, 0o644)
     }
 
-    /// A program or library, without what only a debugger reads.
+    /// Adds a program or library without debug information.
     pub(super) fn object(&mut self, from: &Path, to: &str, mode: u32) -> Outcome {
         self.copy(from, to)?;
         let path = self.root.join(to);
@@ -57,7 +57,7 @@ impl Stage {
         Ok(())
     }
 
-    /// A folder with everything below it.
+    /// Adds a folder with everything below it.
     pub(super) fn folder(&mut self, from: &Path, to: &str) -> Outcome {
         let entries = fs::read_dir(from).map_err(at(from))?;
         for entry in entries {
@@ -69,7 +69,7 @@ impl Stage {
         Ok(())
     }
 
-    /// The files of a folder of the checkout that git knows: nothing that was built or left there.
+    /// Adds the files of a folder of the checkout that git knows.
     pub(super) fn tracked(&mut self, folder: &str, to: &str) -> Outcome {
         let names = shell::read(Command::new("git").args(["ls-files", folder]).current_dir(cargo::root()))?;
         for name in names.lines() {
@@ -79,7 +79,7 @@ impl Stage {
         Ok(())
     }
 
-    /// Bytes of all files, in KiB, as Debian counts them.
+    /// Size of all files in KiB, as Debian counts it.
     pub(super) fn kib(&self) -> Outcome<u64> {
         let mut sum = 0;
         for name in self.files.keys() {
@@ -89,7 +89,7 @@ impl Stage {
         Ok(sum)
     }
 
-    /// Every file and folder gets one date, so that two runs give the same archive.
+    /// Sets the same date for all files and folders, so that two runs give the same archive.
     pub(super) fn date(root: &Path, epoch: u64) -> Outcome {
         shell::run(Command::new("find").arg(root).args(["-exec", "touch", "--no-dereference", "--date"]).args([
             &format!("@{epoch}"),

@@ -1,6 +1,6 @@
 //! What is left of a line.
 
-/// The rest of a line; what cannot be read leaves it as it was and says what was expected.
+/// The rest of a line. What cannot be read leaves it unchanged and says what was expected.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cursor<'t>(pub(super) &'t str);
 

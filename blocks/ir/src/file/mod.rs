@@ -13,8 +13,8 @@
 //!   bytes 00FF
 //! ```
 //!
-//! A statement stands behind its network and line, in the form of a listing. Blank lines and lines that begin with `;`
-//! are left out.
+//! A statement follows its network and line, in the form of a listing. Blank lines and lines that begin with `;` are
+//! left out.
 
 mod cursor;
 mod operands;
@@ -30,14 +30,14 @@ use std::fmt;
 pub use program::parse;
 pub use write::write;
 
-/// Why a text is no program.
+/// Why a text is not a program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ParseError {
     /// The line, from 1.
     pub line: usize,
     /// What was expected there.
     pub expected: &'static str,
-    /// What stands there instead.
+    /// What is there instead.
     pub found: String,
 }
 

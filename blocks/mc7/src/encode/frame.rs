@@ -72,7 +72,7 @@ impl Encoder<'_, '_> {
     }
 }
 
-/// An operand behind a place.
+/// An operand at an offset from a place.
 pub(super) fn behind(place: impl Fn(BitAddr) -> Place, start: BitAddr) -> impl Fn(Width, u32) -> Operand {
     move |width, bytes| operand(width, place(BitAddr(start.0 + bytes * 8)))
 }

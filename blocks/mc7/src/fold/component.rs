@@ -35,7 +35,7 @@ const fn crossing(width: Width, bytes: u32) -> Op {
     Op::Load(Operand { width, place })
 }
 
-/// The statements behind `BLD 5` (a function) or `BLD 18` (a function block).
+/// The statements after `BLD 5` (a function) or `BLD 18` (a function block).
 pub(crate) fn component(kind: u8, rest: &[Item]) -> Option<Component> {
     let ops: Vec<&Mc7Op> = rest.iter().take(16).map(|item| &item.op).collect();
     let mut cursor = Cursor::new(&ops);

@@ -1,4 +1,4 @@
-//! `CALL` of a function or system function: pointers to the actuals stand behind the `UC`.
+//! `CALL` of a function or system function: pointers to the actuals follow the `UC`.
 
 use ob1_ir::{AddressRegister, Arg, Call, CallMode, DbRegister, Number, Op, Operand, Place, Target, Width};
 use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Param, Section};
@@ -52,7 +52,7 @@ pub(super) fn call(kind: BlockKind, ops: &[&Mc7Op], caller: &Caller<'_, '_>, cal
 fn opened(operand: Operand, db: Option<u16>, caller: &Caller<'_, '_>) -> Option<Operand> {
     let place = match (operand.place, db) {
         (Place::Fixed(Area::Db, at), Some(db)) => Place::InDb(db, at),
-        // DBX without a data block needs no copy; who copies means something else.
+        // DBX without a data block needs no copy; a copy of it means something else.
         (Place::Fixed(Area::Db, _), None) => return None,
         (Place::Register(Some(Area::Di), AddressRegister::Ar2, at), _) if caller.block.multi_instance => {
             Place::Instance(at)
@@ -84,7 +84,7 @@ fn inputs(cursor: &mut Cursor<'_>, caller: &Caller<'_, '_>, saved: Option<BitAdd
     Some(puts)
 }
 
-/// `AUF DB n` where it stands, and the statement behind it.
+/// `AUF DB n` where it stands, and the statement after it.
 fn open<'o>(cursor: &mut Cursor<'o>) -> Option<(&'o Mc7Op, Option<u16>)> {
     let first = cursor.next()?;
     match first {

@@ -18,7 +18,7 @@ struct Frame<'f> {
     caller: &'f Caller<'f, 'f>,
     /// Opens the instance.
     instance: Number,
-    /// Multi-instance: everything lies behind AR2.
+    /// Multi-instance: everything is addressed relative to AR2.
     multi: bool,
 }
 
@@ -60,7 +60,7 @@ pub(super) fn call(
     else {
         return None;
     };
-    // The block called may be left by an offset back instead of what was saved.
+    // After the call AR2 may be put back by a negative offset instead of from what was saved.
     let back = BitAddr((0x1_0000 - start.0) & 0xFFFF);
     if cursor.restore_ar2(saved).is_none() {
         cursor.eat(&Op::AddArConst(AddressRegister::Ar2, back)).filter(|()| multi)?;

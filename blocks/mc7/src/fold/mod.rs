@@ -2,7 +2,7 @@
 //!
 //! A `CALL` stands between two `BLD`, whose numbers tell what is called. Within them values that have no address of
 //! their own are put into the caller's local data or the instance, then the block is called, then results are copied
-//! out. A frame in which anything else happens does not fold and stays as it stands.
+//! out. A frame in which anything else happens does not fold and stays as it is.
 
 mod component;
 mod function;
@@ -18,7 +18,7 @@ use crate::statement::Mc7Op;
 pub(crate) use component::{Base, component};
 pub(crate) use instance::INSTANCE_START;
 
-/// What stands between the two `BLD` of a frame; the closing number is one more.
+/// The kind of frame between two `BLD`; the closing number is one more.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Frame {
     /// A function or system function.

@@ -1,7 +1,7 @@
 //! The opcode pages: what each first byte begins, and the bytes of each statement. Every page reads and writes.
 //!
 //! Names of operations are German. Long forms begin with a byte of their own; where an operand also fits the short
-//! form, [`Statement::long`](crate::Statement::long) tells which one stands in the code.
+//! form, [`Statement::long`](crate::Statement::long) says which one is in the code.
 
 pub(crate) mod bits;
 pub(crate) mod blocks;

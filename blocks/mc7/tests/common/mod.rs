@@ -159,7 +159,7 @@ pub(crate) struct Made<'m> {
     closed: BTreeSet<usize>,
 }
 
-/// What the declarations of a block say besides: which are instances.
+/// Which declarations of a block are instances; the declarations alone do not say it.
 pub(crate) type Instances = BTreeMap<usize, BlockId>;
 
 /// A block of the choices: an OB, an FC or an FB, and which of its variables are instances.
@@ -392,7 +392,7 @@ impl Made<'_> {
         let list: Vec<Op> = targets.iter().map(|to| Op::Jump(Jump::Always, *to)).collect();
         self.push(Op::JumpList { targets: targets.into(), otherwise });
         list.into_iter().for_each(|op| self.push(op));
-        // What stands behind is not another jump of the list.
+        // What follows is not another jump of the list.
         self.push(Op::Nop);
     }
 

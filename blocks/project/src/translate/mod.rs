@@ -1,6 +1,6 @@
 //! A block folder becomes a program: STL sources that say the same as the machine code, and machine code for the rest.
 //!
-//! The sources are held against the machine code by compiling them: a block whose source does not give the very same
+//! The sources are checked against the machine code by compiling them: a block whose source does not give the very same
 //! statements stays in machine code, so that what runs is always what the project has.
 
 mod data_values;
@@ -25,9 +25,9 @@ use crate::text::CodePage;
 pub struct Wanted<'w> {
     /// The code page of its texts.
     pub page: CodePage,
-    /// The blocks the program may call beside its own; among them those of [`Wanted::replaced`].
+    /// The blocks the program may call besides its own; among them those of [`Wanted::replaced`].
     pub library: &'w Library,
-    /// Blocks of the project that others take the place of.
+    /// Blocks of the project that are replaced by others.
     pub replaced: &'w BTreeSet<BlockId>,
     /// The symbols, as the symbol table will give them.
     pub symbols: Vec<Symbol>,
@@ -44,7 +44,7 @@ pub struct ProgramFile {
     pub bytes: Vec<u8>,
 }
 
-/// What became of a folder.
+/// The result of translating a folder.
 #[derive(Debug, Default)]
 pub struct Translation {
     /// STL sources.
@@ -98,7 +98,7 @@ impl std::fmt::Display for Of {
 struct Draft<'f> {
     folder: &'f Folder,
     wanted: &'f Wanted<'f>,
-    /// The blocks the program may call beside its own, those that stand in for missing ones among them.
+    /// The blocks the program may call besides its own, those that stand in for missing ones among them.
     library: Library,
     /// Blocks that stand in for missing ones.
     stand_ins: Vec<Image>,
@@ -204,7 +204,7 @@ impl<'f> Draft<'f> {
         match (fb, udt, compiled) {
             (Some(fb), ..) => fb.to_string(),
             (_, Some(udt), _) => format!("UDT {}", udt.number),
-            // The sections of an FB that is not there are a structure all the same.
+            // The sections of a missing FB still make a structure.
             (.., Some(compiled)) if !declared.trim_start().starts_with("STRUCT") => {
                 compiled::structure(compiled, &|_| false)
             }

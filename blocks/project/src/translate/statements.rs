@@ -81,7 +81,7 @@ impl Draft<'_> {
         symbols
     }
 
-    /// Statements as text, held against the machine code; what does not give the same stays in machine code.
+    /// Statements as text, checked against the machine code; what does not give the same stays in machine code.
     pub(super) fn write_statements(&mut self) {
         let (symbols, library, interfaces) =
             (self.symbols(), self.library.clone(), std::mem::take(&mut self.interfaces));

@@ -205,7 +205,7 @@ fn head_of(block: &Block) -> Part {
     }
 }
 
-/// Bytes a block takes beside its three parts: its head, and that of its record.
+/// Bytes a block takes besides its three parts: its head, and that of its record.
 const AROUND: usize = 78;
 
 fn part_row(table: &mut TableWriter, object: i64, ty: i64, number: u16, part: Part, page: CodePage) {

@@ -76,7 +76,7 @@ impl TableWriter {
     }
 }
 
-/// Puts a memo behind the others and gives its block number as text.
+/// Puts a memo after the others and gives its block number as text.
 fn memo_number(memos: Option<&mut Vec<u8>>, memo: &[u8], length: usize) -> Vec<u8> {
     let Some(memos) = memos.filter(|_| !memo.is_empty()) else { return Vec::new() };
     let number = memos.len() / BLOCK;

@@ -45,7 +45,7 @@ impl Value {
         Some(Self { ty: any.ty, bytes })
     }
 
-    /// The order of two numbers of one type; `None` for other types and REALs that are no number.
+    /// The order of two numbers of one type; `None` for other types and REALs that are not numbers.
     fn order(&self, other: &Self) -> Option<Ordering> {
         let (a, b) = (self.bytes, other.bytes);
         match (self.ty, other.ty) {

@@ -43,7 +43,7 @@ fn join(call: &mut Call<'_>, ret_val: impl Params, pieces: &[&[u8]]) -> Done {
     call.br(fits)
 }
 
-/// An empty result and BR 0: lengths and positions that cannot be.
+/// An empty result and BR 0: for impossible lengths and positions.
 fn refuse(call: &mut Call<'_>, ret_val: impl Params) -> Done {
     call.set_text(ret_val, &[]);
     call.br(false)
@@ -54,7 +54,7 @@ fn concat(call: &mut Call<'_>) -> Done {
     join(call, Concat::RET_VAL, &[one.as_slice(), other.as_slice()])
 }
 
-/// L characters from the P-th on are left out. With L or P 0, or P behind the end, nothing is.
+/// L characters from the P-th on are left out. With L or P 0, or P beyond the end, nothing is.
 fn delete(call: &mut Call<'_>) -> Done {
     let input = call.text(Cut::IN);
     let text = input.as_slice();
@@ -68,7 +68,7 @@ fn delete(call: &mut Call<'_>) -> Done {
     join(call, Cut::RET_VAL, &[&text[..p - 1], &text[rest..]])
 }
 
-/// L characters from the P-th on, or up to the end. L or P not above 0, or P behind the end, is an error.
+/// L characters from the P-th on, or up to the end. L or P not above 0, or P beyond the end, is an error.
 fn mid(call: &mut Call<'_>) -> Done {
     let input = call.text(Cut::IN);
     let text = input.as_slice();
@@ -99,7 +99,7 @@ fn find(call: &mut Call<'_>) -> Done {
     Ok(())
 }
 
-/// The second string is put behind the P-th character of the first; with P behind its end, at its end.
+/// The second string is inserted after the P-th character of the first; with P beyond its end, at its end.
 fn insert(call: &mut Call<'_>) -> Done {
     let (one, other) = (call.text(Insert::IN1), call.text(Insert::IN2));
     let Ok(p) = usize::try_from(call.int(Insert::P)) else { return refuse(call, Insert::RET_VAL) };
@@ -113,8 +113,8 @@ fn len(call: &mut Call<'_>) -> Done {
     Ok(())
 }
 
-/// L characters of the first string from the P-th on give way to the second. L 0: the first string. P 0 counts as 1. P
-/// behind the end: the second string is put at the end.
+/// L characters of the first string from the P-th on are replaced by the second. L 0: the first string. P 0 is taken as
+/// P 1. P beyond the end: the second string is put at the end.
 fn replace(call: &mut Call<'_>) -> Done {
     let (one, other) = (call.text(Replace::IN1), call.text(Replace::IN2));
     let (Ok(l), Ok(p)) = (usize::try_from(call.int(Replace::L)), usize::try_from(call.int(Replace::P))) else {

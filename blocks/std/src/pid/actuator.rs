@@ -4,7 +4,7 @@
 //! signal, less what the pulses have moved it. A pulse begins when that and the proportional part make up the travel of
 //! a shortest pulse, and ends when less than the travel of half a cycle is left; this choice of thresholds is ours.
 
-/// What one should know of it, for the documentation.
+/// A remark for the documentation.
 pub(super) const THRESHOLDS: &str =
     "thresholds of the three-step element are ours: the travel of a shortest pulse, and of half a cycle";
 

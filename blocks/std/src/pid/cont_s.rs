@@ -100,7 +100,7 @@ mod tests {
         // 20 % of 30 s are 6 s.
         assert_eq!(run(&mut fake(20.0), 9), "++++++...");
         assert_eq!(run(&mut fake(-20.0), 9), "------...");
-        // 10 % is the shortest pulse; less is none.
+        // 10 % is the shortest pulse; less gives none.
         assert_eq!(run(&mut fake(10.5), 6), "+++...");
         assert_eq!(run(&mut fake(9.0), 6), "......");
     }

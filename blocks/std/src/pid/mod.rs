@@ -35,7 +35,7 @@ fn process_variable(external: bool, word: u16, [input, factor, offset]: [f32; 3]
     if external { f32::from(word as i16) * 100.0 / 27_648.0 * factor + offset } else { input }
 }
 
-/// The error signal behind the dead band: 0 inside, closer to 0 by the band's width outside.
+/// The error signal after the dead band: 0 inside, closer to 0 by the band's width outside.
 fn dead_band(error: f32, width: f32) -> f32 {
     let width = width.max(0.0);
     if error > width {

@@ -76,7 +76,7 @@ fn durations(call: &mut Call<'_>, input: f32, period: i32, three_step: bool) -> 
     if input > 0.0 { (length, 0) } else { (0, length) }
 }
 
-/// Pulses shorter than the shortest are none, breaks shorter than that neither.
+/// Pulses shorter than the shortest are left out, and so are breaks shorter than that.
 fn limited(length: f32, shortest: f32, whole: f32) -> i32 {
     if length < shortest || length <= 0.0 {
         0

@@ -2,7 +2,7 @@
 //! ["PID Temperature Control"]
 //!
 //! One instance is called at one or at two places (SELECT): the pulses every CYCLE_P, the PID algorithm every CYCLE.
-//! Statics behind POI_CYCL are ours.
+//! Statics after POI_CYCL are ours.
 
 use ob1_model::BlockKind::Fb;
 
@@ -107,7 +107,7 @@ fn tcont_cp(call: &mut Call<'_>) -> Done {
     Ok(())
 }
 
-/// COM_RST: the integral action begins at I_ITLVAL, every output is 0, and the bit takes itself back.
+/// COM_RST: the integral action begins at I_ITLVAL, every output is 0, and the bit resets itself.
 fn restart(call: &mut Call<'_>) {
     use TcontCp::{
         COM_RST, ER, LMN, LMN_D, LMN_P, LMN_PER, PHASE, PV, QLMN_HLM, QLMN_LLM, QPULSE, QTUN_RUN, TUN_ON, TUN_ST,
@@ -124,7 +124,7 @@ fn restart(call: &mut Call<'_>) {
     call.set_real(TcontCp::LMN_I, first);
 }
 
-/// SAVE_PAR, UNDO_PAR and LOAD_PID: done once, then the bit takes itself back. The last two only by hand.
+/// SAVE_PAR, UNDO_PAR and LOAD_PID: done once, then the bit resets itself. The last two only by hand.
 fn parameters(call: &mut Call<'_>) {
     if call.bool(TcontCp::SAVE_PAR) {
         call.set_bool(TcontCp::SAVE_PAR, false);

@@ -14,7 +14,7 @@ const OFF: i16 = 0;
 const READY: i16 = 1;
 /// PHASE: the step is out, the point of inflection is looked for.
 const SEARCH: i16 = 2;
-/// PHASE: parameters are found; the output stands until TUN_KEEP lets go.
+/// PHASE: parameters are found; the output is held until TUN_KEEP releases it.
 const FOLLOW: i16 = 5;
 
 /// STATUS_H: the parameters found are good.

@@ -1,8 +1,8 @@
 //! Services of the CPU that some standard blocks need: state the CPU keeps, and traits it implements.
 //!
-//! Where the rules of a service are those of the reference manual, the state stands here with its rules (error filter,
-//! interrupt locks, run-time meters, interrupts by time), and the CPU keeps it and asks it; where they are the CPU's
-//! own business (memory of data blocks, images, the diagnostic buffer) there is a trait.
+//! If the rules of a service are those of the reference manual, its state is here together with its rules (error
+//! filter, interrupt locks, run-time meters, interrupts by time): the CPU keeps the state and asks it. What the CPU
+//! does in its own way (memory of data blocks, images, the diagnostic buffer) is a trait.
 
 mod filter;
 mod locks;

@@ -1,4 +1,4 @@
-//! Services that are the CPU's own business.
+//! Services that the CPU provides in its own way.
 
 use crate::moment::Moment;
 use crate::services::{DelayInterrupt, RunTimeMeter, TimeOfDayInterrupt};
@@ -85,7 +85,7 @@ pub enum LoadError {
     Protected,
 }
 
-/// What SFC 24 tells of a data block.
+/// What SFC 24 reports of a data block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DbInfo {
     /// Length in bytes.
@@ -98,7 +98,8 @@ pub struct DbInfo {
 
 /// Making and deleting data blocks.
 pub trait DataBlocks {
-    /// Makes a data block with the lowest free number and returns that. Its bytes are what they were there, or 0.
+    /// Makes a data block with the lowest free number and returns that. Its bytes are what was in this memory before,
+    /// or 0.
     ///
     /// # Errors
     /// Why not.
@@ -220,7 +221,7 @@ pub struct Placed {
     pub outputs: (u16, u16),
 }
 
-/// What of the place of a distributed module does not exist.
+/// Which part of the place of a distributed module does not exist.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoPlace {
     /// The master system.
@@ -242,7 +243,7 @@ pub trait Rack {
     /// The module in this slot of a station.
     ///
     /// # Errors
-    /// What of this place does not exist.
+    /// Which part of this place does not exist.
     fn module_on(&mut self, master: u16, station: u16, slot: u16) -> Result<Placed, NoPlace>;
 }
 
@@ -321,11 +322,11 @@ pub trait Messages {
     fn release(&mut self, which: &dyn Fn(InUse) -> bool);
 }
 
-/// Start information as it stands in the local data of an OB: 12 bytes without the time stamp.
+/// Start information as in the local data of an OB: 12 bytes without the time stamp.
 pub trait StartInfo {
-    /// Of the OB that was called last and has not ended.
+    /// That of the OB that was called last and has not ended.
     fn current(&mut self) -> [u8; 12];
-    /// Of the start-up OB that was started last.
+    /// That of the start-up OB that was started last.
     fn start_up(&mut self) -> [u8; 12];
 }
 

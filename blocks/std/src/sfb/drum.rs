@@ -144,7 +144,7 @@ mod tests {
 
     use crate::testing::Fake;
 
-    /// Three steps of 20, 30 and 10 ms; outputs 1, 2 and 4, of which the third is masked but for bit 2.
+    /// Three steps of 20, 30 and 10 ms; outputs 1, 2 and 4, of which the third is masked except bit 2.
     fn fake() -> Fake {
         let mut fake = Fake::new("SYSTEM:DRUM").with("LST_STEP", [3]).with("DSP", [1]).with("DTBP", [0, 10]);
         let words = |values: [u16; 3]| {

@@ -2,8 +2,8 @@
 //! bytes, CTU_INT, CTD_INT, CTUD_INT and IEC_COUNTER of 6. They have no numbers there; here they are SFB 1000 to 1005,
 //! each 1000 beyond that of an S7-300. R_TRIG and F_TRIG are SFB 1006 and 1007.
 //!
-//! What is declared is what a call has, in the order of SFB 0 to 5; where it lies is TIA Portal's. Bytes and bits that
-//! no name of TIA Portal has keep the timer's state and the counter's last signals.
+//! The declarations are those of a call, in the order of SFB 0 to 5; the addresses are TIA Portal's. Bytes and bits
+//! that no name of TIA Portal has keep the timer's state and the counter's last signals.
 
 use super::counters::{ctd, ctu, ctud};
 use super::timers::{Moment, State, Step, off_delay, on_delay, pulse};

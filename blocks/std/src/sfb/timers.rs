@@ -19,7 +19,7 @@ pub(super) const ROWS: &[Row] = &[
     Row::sfb::<Timer>(5, "TOF", |call| run(call, off_delay, State::holds)),
 ];
 
-/// Where a timer stands. The elapsed time itself wraps after 24 days, so that its end is kept.
+/// The state of a timer. The elapsed time itself wraps after 24 days, so that its end is kept.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum State {
     /// Waits for its edge; a TOF with Q = 0.
@@ -73,7 +73,7 @@ fn run(call: &mut Call<'_>, step: Step, output: fn(State) -> bool) -> Done {
     Ok(())
 }
 
-/// Where a timer stands, and since when it runs.
+/// The state of a timer, and since when it runs.
 #[derive(Clone, Copy)]
 pub(super) struct Moment {
     pub(super) state: State,

@@ -172,7 +172,7 @@ const TOO_SHORT: u16 = 0x8082;
 /// Numbers that READ_SI gives at most.
 const MOST: usize = 64;
 
-/// SYS_INST: where it lies, for how many numbers it has room, and what stands in its first.
+/// SYS_INST: where it lies, for how many numbers it has room, and what is in its first.
 fn resources(call: &mut Call<'_>, p: impl Params) -> Result<(AnyPointer, usize, [u8; SYS_INST]), u16> {
     let any = call.any(p).ok_or(TOO_SHORT)?;
     let room = any.bytes().unwrap_or(0) as usize / SYS_INST;

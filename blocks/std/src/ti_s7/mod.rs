@@ -1,7 +1,7 @@
 //! "TI-S7 Converting Blocks". ["Standard Functions for S7-300/400, Part 2"]
 //!
 //! A POINTER names where a table or a row of bits begins; without a data block number it is in the block that is open
-//! in the caller. FB 85 DRUM stands with SFB 32.
+//! in the caller. FB 85 DRUM is with SFB 32.
 
 mod alarms;
 mod bits;
@@ -41,7 +41,7 @@ struct Place {
 }
 
 impl Place {
-    /// What a parameter of type POINTER names; `None` for an area there is not.
+    /// What a parameter of type POINTER names; `None` for an unknown area.
     fn of(call: &mut Call<'_>, p: impl Params) -> Option<Self> {
         let mut bytes = [0; 6];
         call.cx.read(p.index(), 0, &mut bytes).ok()?;
@@ -100,7 +100,7 @@ impl Element {
         }
     }
 
-    /// The bits of an element at a byte behind a place, right-aligned.
+    /// The bits of an element at a byte offset from a place, right-aligned.
     fn get(self, call: &mut Call<'_>, place: Place, byte: u32) -> Result<u32, Refused> {
         let mut bytes = [0; 4];
         place.read(call, byte, &mut bytes[4 - self.bytes() as usize..])?;

@@ -53,7 +53,7 @@ fn end(call: &mut Call<'_>, ret_val: impl Params, code: u16) -> Done {
     call.br(code == 0)
 }
 
-/// Words of a table that fills: its size, how many there are, then they.
+/// A table of words that fills: its size, how many words there are, then the words.
 fn att(call: &mut Call<'_>) -> Done {
     let data = call.word(Att::DATA).to_be_bytes();
     let done = Place::of(call, Att::TABLE).and_then(|table| {
@@ -67,7 +67,7 @@ fn att(call: &mut Call<'_>) -> Done {
     call.br(done.is_some())
 }
 
-/// The oldest word, those behind it move up; or the newest.
+/// Takes the oldest word, and those after it move up; or takes the newest.
 fn take(call: &mut Call<'_>, oldest: bool) -> Done {
     let taken = Place::of(call, Take::TABLE).and_then(|table| {
         let used = u32::from(table.word(call, 2).ok()?);
@@ -88,7 +88,7 @@ fn take(call: &mut Call<'_>, oldest: bool) -> Done {
     call.br(taken.is_some())
 }
 
-/// The next entry behind INDX that equals the pattern (CMD 1), or differs from it (2).
+/// The next entry after INDX that equals the pattern (CMD 1), or differs from it (2).
 fn tbl_find(call: &mut Call<'_>) -> Done {
     let (command, element) = (call.byte(TblFind::CMD), Element::of(call.byte(TblFind::E_TYPE)));
     let (Some(element), 1 | 2) = (element, command) else { return end(call, TblFind::RET_VAL, BEYOND) };

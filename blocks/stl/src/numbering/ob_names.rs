@@ -144,7 +144,7 @@ const SERIES: &[(&str, u16, u16)] = &[
     ("PROZESSALARM", 40, 8),
 ];
 
-/// The number that the name of an organization block tells.
+/// The number of an organization block by its name.
 pub(super) fn number(name: &str) -> Option<u16> {
     let plain: String = name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_uppercase).collect();
     // An organization block may be called by its own address: OB1, OB_35.

@@ -11,7 +11,7 @@ use super::operand::path;
 use super::{Listing, Printer, Unprintable, quoted};
 use crate::initial;
 
-/// What stands at the head of a block.
+/// The head of a block.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Heading {
     /// `TITLE =`.
@@ -26,7 +26,7 @@ pub struct Heading {
     pub version: u8,
 }
 
-/// What declarations are called that types alone do not say.
+/// Names of declared types, which the types alone do not hold.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Declared {
     /// Variables that are instances of a function block, by their index in the interface.
@@ -48,7 +48,7 @@ impl Printer<'_> {
     /// A code block from its first word to its last.
     ///
     /// # Errors
-    /// What no source can say.
+    /// What no source can express.
     pub fn block(
         &self,
         block: &CodeBlock,
@@ -85,7 +85,7 @@ impl Printer<'_> {
     /// it would begin with.
     ///
     /// # Errors
-    /// What no source can say, a value for which no constant stands among it.
+    /// What no source can express, such as a value without a constant.
     pub fn data(&self, data: &DataBlock, heading: &Heading) -> Result<String, Unprintable> {
         let wrong =
             |what: String| Unprintable { block: BlockId::new(BlockKind::Db, data.number), statement: None, what };
@@ -130,7 +130,7 @@ impl Printer<'_> {
     /// A user-defined type.
     ///
     /// # Errors
-    /// What no source can say; why, in words.
+    /// What no source can express, in words.
     pub fn udt(&self, number: u16, ty: &DataType, heading: &Heading) -> Result<String, String> {
         let mut out = format!("TYPE UDT {number}\n");
         self.heading(&mut out, heading, None);

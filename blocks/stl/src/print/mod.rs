@@ -2,7 +2,7 @@
 //!
 //! [`Printer`] prints the statements of a block, a whole block, data blocks and programs. Labels, comments, titles and
 //! the way constants are written come in a [`Listing`]; without one they are made up or left out. What no source can
-//! say is [`Unprintable`], with the statement: such a block stays what it is.
+//! express is [`Unprintable`], with the statement: such a block is left as it is.
 //!
 //! The words are those of the compiler's own tables.
 
@@ -26,7 +26,7 @@ use crate::mnemonics::{ROWS, Shape};
 pub use constant::constant;
 pub use declare::{Declared, Heading};
 
-/// What a listing shows beside the statements, by the index of the statement.
+/// What a listing shows besides the statements, by the index of the statement.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Listing {
     /// Labels; a target without one gets `M001` and so on.
@@ -48,7 +48,7 @@ pub struct Unprintable {
     pub block: BlockId,
     /// The statement; `None` for the declarations.
     pub statement: Option<u32>,
-    /// What no source can say.
+    /// What no source can express.
     pub what: String,
 }
 
@@ -72,7 +72,7 @@ pub type Callees<'c> = dyn Fn(BlockId) -> Option<&'c Interface> + 'c;
 pub struct Printer<'p> {
     mnemonics: Mnemonics,
     callees: &'p Callees<'p>,
-    /// Symbols of absolute operands, `M 1.0` to `Motor`; where there is none the address stands.
+    /// Symbols of absolute operands, `M 1.0` to `Motor`; without one the address is printed.
     symbols: Option<&'p BTreeMap<String, String>>,
 }
 
@@ -98,7 +98,7 @@ impl<'p> Printer<'p> {
     /// The statements of a block, each network with its heading, each line ended.
     ///
     /// # Errors
-    /// The first statement that no source can say.
+    /// The first statement that no source can express.
     pub fn statements(&self, block: &CodeBlock, listing: &Listing) -> Result<String, Unprintable> {
         statement::print(*self, block, listing)
     }
@@ -107,7 +107,7 @@ impl<'p> Printer<'p> {
         self.mnemonics == Mnemonics::International
     }
 
-    /// The last mnemonic of a shape: `BEA` stands behind `BE`.
+    /// The last mnemonic of a shape: `BEA` comes after `BE`.
     fn mnemonic(&self, shape: &dyn Fn(&Shape) -> bool) -> &'static str {
         let row = ROWS.iter().rev().find(|row| shape(&row.shape));
         row.map_or("", |row| if self.international() { row.international } else { row.german })

@@ -100,7 +100,7 @@ impl Lines<'_, '_> {
     }
 
     /// `LAR1 P##name` of a function's parameter: the pointer comes by ACCU1, both accumulators are kept in the local
-    /// data behind what is declared.
+    /// data after what is declared.
     fn pointed(&self, at: usize) -> Option<String> {
         let [a, tak, b, pointer, load, back, again] = self.block.code.get(at..at + 7)? else { return None };
         let (Op::Transfer(accu1), Op::Transfer(accu2)) = (&a.op, &b.op) else { return None };
@@ -142,7 +142,7 @@ impl Lines<'_, '_> {
         }
     }
 
-    /// What stands behind the mnemonic, perhaps nothing. `None`: it cannot be said.
+    /// What follows the mnemonic, perhaps nothing. `None`: it cannot be expressed.
     fn operand(&self, at: usize, op: &Op) -> Option<String> {
         let p = self.printer;
         let interface = &self.block.interface;
@@ -188,7 +188,7 @@ impl Lines<'_, '_> {
         })
     }
 
-    /// The SPAs of a jump list stand behind it, and then the statement for a number beyond.
+    /// True if the SPAs of a jump list follow it, and then the statement for a number beyond.
     fn list_stands(&self, at: usize, targets: &[u32], otherwise: u32) -> bool {
         let jumps = self.block.code.get(at + 1..).into_iter().flatten();
         let same = targets.iter().zip(jumps).filter(|(to, s)| s.op == Op::Jump(Jump::Always, **to)).count();
@@ -309,7 +309,7 @@ fn has_shape(shape: &Shape, op: &Op) -> bool {
         (Shape::CountUp, Op::CountUp(_)) | (Shape::CountDown, Op::CountDown(_)) => true,
         (Shape::Jump(jump), Op::Jump(j, _)) => jump == j,
         (Shape::Loop, Op::Loop(_)) | (Shape::JumpList, Op::JumpList { .. }) => true,
-        // `NOP` stands behind `BLD`.
+        // `NOP` comes after `BLD`.
         (Shape::Numbered, Op::Nop) => true,
         _ => false,
     }

@@ -1,4 +1,4 @@
-//! What TIA Portal's dialect has beside that of STEP 7 V5: its types, and its instances of IEC timers and counters.
+//! What TIA Portal's dialect has besides that of STEP 7 V5: its types, and its instances of IEC timers and counters.
 
 use ob1_model::{BlockId, BlockKind, DataType, Field};
 
@@ -59,7 +59,7 @@ const INSTANCES: [(&str, u16); 16] = [
     ("F_TRIG", OF_1500 + 7),
 ];
 
-/// Between the numbers of IEC timers and counters with instances of an S7-300 and of an S7-1500.
+/// Distance between the numbers of IEC timers and counters with instances of an S7-300 and of an S7-1500.
 const OF_1500: u16 = 1000;
 
 /// What an instance of the IEC timers and counters is made for.

@@ -1,20 +1,20 @@
-//! A coupler as tests have it: tables, a list of all requests, and the ways in which it can be difficult.
+//! A test coupler: tables, a list of all requests, and its possible misbehaviour.
 
 use ob1_coupler::config::Instant;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// A coupler behind a connection.
+/// A coupler on a connection.
 pub(crate) struct Device {
     pub(crate) unit: u8,
     pub(crate) holding: BTreeMap<u16, u16>,
     pub(crate) input: BTreeMap<u16, u16>,
     pub(crate) coils: BTreeSet<u16>,
     pub(crate) discrete: BTreeSet<u16>,
-    /// It knows function 17h.
+    /// It supports function 17h.
     pub(crate) knows_both: bool,
     /// Requests that begin at one of these are refused.
     pub(crate) refused: Vec<u16>,
-    /// With this exception.
+    /// The exception of these refusals.
     pub(crate) exception: u8,
     /// It does not answer, and does nothing.
     pub(crate) silent: bool,

@@ -10,7 +10,7 @@ use ob1_line::sim::{BusConfig as WiresConfig, FaultRates, Frame, Participant, Si
 use ob1_line::{Instant, LineSettings, Parity, Span};
 
 pub(crate) const MS: Span = Span::MILLISECOND;
-/// What all slaves of the tests are.
+/// The ident number of all slaves of the tests.
 const IDENT: u16 = 0x801D;
 
 pub(crate) struct OnLine {
@@ -31,16 +31,16 @@ pub(crate) struct Wires {
     pub(crate) slaves: Vec<OnLine>,
     /// The master is gone.
     pub(crate) killed: bool,
-    /// Which slave the master lost, and when.
+    /// The slaves that the master lost, with times.
     pub(crate) losses: Vec<(Instant, usize)>,
     /// Exchanges that the master accepted.
     pub(crate) accepted: u64,
-    /// So many telegrams in a million are damaged, and how many were.
+    /// Rate of damaged telegrams per million, and their number so far.
     pub(crate) damage: Option<(SplitMix64, u64)>,
     pub(crate) damaged: u64,
 }
 
-/// A bus of so many slaves with so many bytes each way.
+/// A bus of `slaves` slaves with `bytes` bytes each way.
 pub(crate) fn config(baud: u32, slaves: usize, bytes: usize) -> BusConfig {
     let slave = |n: usize| DpSlave {
         name: format!("s{n}"),
@@ -130,7 +130,7 @@ impl Wires {
         wires
     }
 
-    /// Another master in the place of the one that was killed, as a process that is started again.
+    /// Replaces the killed master by another one, like a restarted process.
     pub(crate) fn restart_master(&mut self, config: &BusConfig) {
         let dp = config.lines[0].dp.as_ref().expect("a DP line");
         self.master = Master::new(dp, 0, self.now).expect("bus parameters that hold");
@@ -169,7 +169,7 @@ impl Wires {
             // One character cannot be cut.
             match rng.below(if telegram.len() > 1 { 3 } else { 1 }) {
                 0 => {
-                    // Parity does not see it.
+                    // Parity does not detect it.
                     let first = rng.below(8);
                     telegram[at] ^= 1 << first | 1 << ((first + 1 + rng.below(7)) % 8);
                 }
@@ -192,7 +192,7 @@ impl Wires {
         self.send(who, out);
     }
 
-    /// Lets so much time pass; `each` looks at everything behind each event.
+    /// Lets this much time pass; `each` is called after each event.
     pub(crate) fn run_with(&mut self, time: Span, mut each: impl FnMut(&mut Self)) {
         let until = self.now + time;
         let mut buffer = [0; 256];

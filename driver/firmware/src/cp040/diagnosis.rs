@@ -1,11 +1,11 @@
-//! The diagnostic record (record set 01h) and when it is told. [S3 "Diagnostic data"]
+//! The diagnostic record (record set 01h) and when it is reported. [S3 "Diagnostic data"]
 
 use ob1_protocols::Instant;
 
 /// ERR_A to CH7ERR, and the µs ticker: 20 bytes, 2 of them the reserved ones the index list leaves out.
 pub type DiagnosticRecord = [u8; 20];
 
-/// ERR_A: module fault; set together with whatever is wrong.
+/// ERR_A: module fault; set together with every other fault.
 const FAULT: u8 = 1 << 0;
 /// ERR_A: error outside of the module.
 const EXTERNAL: u8 = 1 << 2;
@@ -14,12 +14,12 @@ const PARAMETERS: u8 = 1 << 7;
 /// CH0ERR: wire break.
 const WIRE_BREAK: u8 = 1 << 4;
 
-/// What is wrong with the module, and what of it has been told.
+/// The faults of the module, and which of them have been reported.
 #[derive(Debug)]
 pub(super) struct Diagnosis {
     /// Diagnostic interrupts are enabled: DIAG_EN = 40h.
     pub(super) enabled: bool,
-    /// An open receive line, where the line preset lets it be seen.
+    /// An open receive line, if the line preset makes it visible.
     pub(super) wire_break: bool,
     /// No valid parameters.
     pub(super) parameters: bool,
@@ -48,7 +48,7 @@ impl Diagnosis {
         if self.wire_break {
             (self.record[7], self.record[8]) = (1, WIRE_BREAK);
         }
-        // The ticker begins with 0 when the module is switched on, and begins again after 2^32 µs. [S3 L337]
+        // The ticker begins with 0 when the module is switched on, and wraps after 2^32 µs. [S3 L337]
         let ticker = (now.since_start().micros() as u32).to_be_bytes();
         (self.record[16], self.record[17], self.record[18], self.record[19]) =
             (ticker[0], ticker[1], ticker[2], ticker[3]);
@@ -59,8 +59,7 @@ impl Diagnosis {
         &self.record
     }
 
-    /// Whether there is something new; `Some(true)` if an error has come, `Some(false)` if one has gone. The record is
-    /// renewed then.
+    /// What has changed: `Some(true)` if an error has come, `Some(false)` if one has gone. The record is then updated.
     pub(super) fn change(&mut self, now: Instant) -> Option<bool> {
         let found = (self.wire_break, self.parameters);
         if found == self.told {

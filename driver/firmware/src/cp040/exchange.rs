@@ -4,12 +4,12 @@ use super::receive::{self, ReceiveSide};
 use super::send::{self, SendSide};
 use ob1_words::cp040::{Area, IO_BYTES, RESET, nibbles};
 
-/// What the host's output bytes have brought about; at most one thing in each direction.
+/// The effect of the host's output bytes; at most one in each direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Step {
-    /// The host has asked for a reset: both directions have to be emptied, with [`Exchange::clear`].
+    /// The host has asked for a reset: empty both directions with [`Exchange::clear`].
     Reset,
-    /// What the two directions have done.
+    /// The steps of the two directions.
     Both(send::Step, receive::Step),
 }
 
@@ -18,14 +18,14 @@ pub(crate) enum Step {
 pub(crate) struct Exchange {
     io_bytes: usize,
     outputs: Area,
-    /// A reset command stands in the outputs.
+    /// The outputs contain a reset command.
     reset: bool,
     pub(crate) send: SendSide,
     pub(crate) receive: ReceiveSide,
 }
 
 impl Exchange {
-    /// Areas of so many bytes, cut to 8 to 60.
+    /// Areas of `io_bytes` bytes, clamped to 8 to 60.
     pub(crate) fn new(io_bytes: usize) -> Self {
         Self {
             io_bytes: io_bytes.clamp(*IO_BYTES.start(), *IO_BYTES.end()),
@@ -41,7 +41,7 @@ impl Exchange {
         self.io_bytes
     }
 
-    /// The output bytes as they now stand.
+    /// Sets the current output bytes.
     pub(crate) fn set_outputs(&mut self, outputs: &[u8]) {
         for (to, from) in self.outputs.iter_mut().zip(outputs) {
             *to = *from;
@@ -53,15 +53,15 @@ impl Exchange {
         &self.outputs[..self.io_bytes]
     }
 
-    /// Empties both directions. What stands in the outputs is of before and is not taken for a telegram.
+    /// Empties both directions. The present content of the outputs is old and is not taken for a telegram.
     ///
-    /// The result: whether an order was broken off, and how many telegrams were dropped.
+    /// Returns whether an order was aborted, and how many telegrams were dropped.
     pub(crate) fn clear(&mut self, telegrams_max: u8) -> (bool, usize) {
         let (_, command) = nibbles(self.outputs());
         (self.send.clear(command), self.receive.clear(telegrams_max))
     }
 
-    /// Looks at the outputs.
+    /// Evaluates the outputs.
     pub(crate) fn look(&mut self) -> Step {
         let (acknowledgement, command) = nibbles(self.outputs());
         if command == RESET || acknowledgement == RESET {
@@ -73,19 +73,19 @@ impl Exchange {
         Step::Both(self.look_send(), self.look_receive())
     }
 
-    /// Looks at the command alone: an order has ended.
+    /// Evaluates only the command: an order has ended.
     pub(crate) fn look_send(&mut self) -> send::Step {
         let (_, command) = nibbles(&self.outputs);
         if self.reset { send::Step::Wait } else { self.send.look(command, &self.outputs[..self.io_bytes]) }
     }
 
-    /// Looks at the acknowledgement alone: a telegram has come.
+    /// Evaluates only the acknowledgement: a telegram has come.
     pub(crate) fn look_receive(&mut self) -> receive::Step {
         let (acknowledgement, _) = nibbles(&self.outputs);
         if self.reset { receive::Step::Wait } else { self.receive.look(acknowledgement, self.io_bytes) }
     }
 
-    /// The input bytes; those behind the IO size are 0.
+    /// The input bytes; those beyond the IO size are 0.
     pub(crate) fn inputs(&self) -> Area {
         let mut inputs = *self.receive.shown();
         let answer = if self.reset { ob1_words::cp040::RESET_DONE } else { self.send.nibble() };

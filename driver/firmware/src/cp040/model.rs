@@ -1,6 +1,5 @@
-//! Model test of the host protocol: the CP's side here, the host's side from `ob1-slio`, registers between them, and
-//! an order of events drawn by chance. Every telegram goes through exactly once and in order; with resets, at most
-//! once.
+//! Model test of the host protocol: the CP's side from here, the host's side from `ob1-slio`, registers between them,
+//! and a random order of events. Every telegram goes through exactly once and in order; with resets, at most once.
 
 use std::collections::VecDeque;
 
@@ -18,15 +17,15 @@ enum Act {
     HostSend,
     /// A call of its receive block.
     HostReceive,
-    /// The CP looks at the outputs and shows its inputs.
+    /// The CP evaluates the outputs and publishes its inputs.
     Cp,
-    /// The line is through with the order.
+    /// The line has finished the order.
     Ends(bool),
     /// A telegram has come.
     Telegram(usize),
     /// The program asks for a reset.
     Reset,
-    /// The CP's process begins a new life.
+    /// The CP's process restarts.
     Restart,
 }
 
@@ -89,7 +88,7 @@ impl World {
         let io_bytes = self.cp.io_bytes();
         let was_reset = self.send.is_reset();
         let (job, step) = self.send.step(&self.inputs[..io_bytes], self.outputs[0], io_bytes);
-        // What a program can keep is a number.
+        // A program can keep only a number.
         self.send = SendJob::unpack(job.pack());
         match step {
             SendStep::Wait => {}
@@ -110,7 +109,7 @@ impl World {
     }
 
     fn host_receive(&mut self) {
-        // What still stands in the inputs is of before the reset.
+        // The inputs still show the state before the reset.
         if self.send.is_reset() {
             return;
         }
@@ -187,7 +186,7 @@ impl World {
         }
     }
 
-    /// To the end: what was begun comes out.
+    /// Runs to the end, so that everything that was started is completed.
     fn finish(&mut self) {
         for _ in 0..40_000 {
             for act in [Act::HostSend, Act::Cp, Act::Ends(true), Act::HostReceive, Act::Cp] {

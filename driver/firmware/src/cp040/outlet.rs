@@ -11,9 +11,9 @@ pub(super) struct Outlet<'a> {
     pub(super) receive: &'a mut ReceiveSide,
     pub(super) leds: &'a mut LedDriver,
     pub(super) port: &'a mut dyn CpPort,
-    /// Nobody repeats what could not be received: the CPU is told by the return value.
+    /// The partner does not repeat what could not be received: the return value tells the CPU.
     pub(super) tells_errors: bool,
-    /// Characters are under way.
+    /// Characters are being transmitted.
     pub(super) transmitting: &'a mut bool,
     pub(super) outcome: Option<Result<(), SendError>>,
 }
@@ -85,7 +85,7 @@ impl Sink for Outlet<'_> {
     }
 }
 
-/// A CP 040 has no RK 512; the dispatch over all protocols asks for this plug.
+/// A CP 040 has no RK 512; the dispatch over all protocols needs this implementation.
 impl rk512::Owner for Outlet<'_> {
     fn ended(&mut self, _outcome: Result<&[u8], rk512::OrderError>) {}
 

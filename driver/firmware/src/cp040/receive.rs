@@ -4,12 +4,12 @@ use crate::ring::{Capacity, Ring};
 use ob1_words::cp040::{Area, FIRST, HEAD_BYTES, IDLE, INFO_OFFSET, INFO_PLAIN, IO_BYTES, LAST, nibble};
 use ob1_words::cp240::BUFFER_BYTES;
 
-/// Telegrams that wait are kept with what stands between their length and their data: info, offset if there is one,
-/// return value.
+/// Waiting telegrams are kept with the fields between their length and their data: info, offset if there is one, return
+/// value.
 const PLAIN_HEAD: usize = 3;
 const OFFSET_HEAD: usize = 5;
 
-/// What a telegram tells in its return value. [S3 L319]
+/// The return value of a telegram. [S3 L319]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum ReturnValue {
     /// 0517h: the length is not valid.
@@ -23,24 +23,24 @@ pub(crate) enum ReturnValue {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum State {
     Idle,
-    /// Piece `piece` of the oldest telegram is on show.
+    /// Piece `piece` of the oldest telegram is shown.
     Offered {
         piece: usize,
         nibble: u8,
     },
-    /// The last piece was acknowledged, or everything was forgotten: until the host shows idle, nobody could tell
-    /// whether what it shows means the next telegram, and it could take that for the rest of the one before.
+    /// The last piece was acknowledged, or everything was dropped. The CP waits until the host shows idle: before that,
+    /// its acknowledgement could mean either telegram, and the host could take the next one for the rest of the last.
     Closing,
 }
 
-/// What the host's acknowledgement has brought about.
+/// The effect of the host's acknowledgement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Step {
     /// Nothing to do.
     Wait,
-    /// Another piece is on show.
+    /// Another piece is shown.
     Offered,
-    /// The last piece was taken; user bytes of the telegram, or `None` if it told an error.
+    /// The last piece was taken; user bytes of the telegram, or `None` if it was an error telegram.
     Delivered(Option<usize>),
 }
 
@@ -50,12 +50,12 @@ pub(crate) struct ReceiveSide {
     ring: Ring,
     state: State,
     shown: Area,
-    /// User bytes in the ring: 1024 is what the buffer holds, whatever is kept beside them.
+    /// User bytes in the ring: the buffer holds 1024, not counting what is kept beside them.
     used: usize,
     telegrams_max: usize,
     /// Error telegrams among the telegrams.
     errors: usize,
-    /// The newest entry tells this error; it is not told again before something else has come.
+    /// The newest entry is this error; it is not reported again until something else has come.
     newest: Option<ReturnValue>,
 }
 
@@ -72,7 +72,7 @@ impl ReceiveSide {
         }
     }
 
-    /// Empties the buffer; the result is the number of telegrams (not errors) that were in it.
+    /// Empties the buffer; returns the number of telegrams (not errors) that were in it.
     pub(crate) fn clear(&mut self, telegrams_max: u8) -> usize {
         let dropped = self.telegrams();
         self.ring.clear(Capacity::large(u8::MAX));
@@ -87,7 +87,7 @@ impl ReceiveSide {
         self.ring.telegrams() - self.errors
     }
 
-    /// User bytes the next telegram may have; 0: none is taken.
+    /// Maximum user bytes of the next telegram; 0: none is accepted.
     pub(crate) fn room(&self) -> usize {
         let head = self.ring.room().saturating_sub(OFFSET_HEAD);
         if self.ring.telegrams() < self.telegrams_max { (BUFFER_BYTES - self.used).min(head) } else { 0 }
@@ -117,8 +117,7 @@ impl ReceiveSide {
         pushed
     }
 
-    /// Appends an error: a telegram of nothing but the return value. In a full buffer it has no place, as in a real
-    /// one.
+    /// Appends an error: a telegram with only the return value. It is dropped if the buffer is full, as in a real one.
     pub(crate) fn push_error(&mut self, value: ReturnValue) {
         if self.newest == Some(value) {
             return;
@@ -138,12 +137,12 @@ impl ReceiveSide {
         }
     }
 
-    /// The bytes behind byte 0.
+    /// The bytes after byte 0.
     pub(crate) const fn shown(&self) -> &Area {
         &self.shown
     }
 
-    /// Looks at the acknowledgement; offers what can be offered in an area of `io_bytes`.
+    /// Evaluates the acknowledgement; offers as much as fits an area of `io_bytes`.
     pub(crate) fn look(&mut self, acknowledgement: u8, io_bytes: usize) -> Step {
         match self.state {
             State::Idle => self.offer(0, acknowledgement, io_bytes),
@@ -186,7 +185,7 @@ impl ReceiveSide {
         let total = HEAD_BYTES + entry - 1;
         let payload = io_bytes - 1;
         let nibble = nibble(piece, total, payload);
-        // The acknowledgement of an earlier telegram would be taken for one of this.
+        // The acknowledgement of an earlier telegram would be taken for that of this one.
         if piece == 0 && acknowledgement == nibble {
             return Step::Wait;
         }

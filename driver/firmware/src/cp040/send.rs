@@ -3,23 +3,23 @@
 use ob1_words::cp040::{BAD_LENGTH, FAILED, FIRST, HEAD_BYTES, IDLE, INFO_PLAIN, LAST, RESET, RESET_DONE, nibble};
 use ob1_words::cp240::BUFFER_BYTES;
 
-/// Where host and CP are with an order.
+/// The progress of an order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum State {
     /// The next telegram may begin.
     Idle,
-    /// Piece `piece` was stored, and its nibble is the answer on show.
+    /// Piece `piece` was stored, and its nibble is shown as the answer.
     Collecting { piece: usize, shown: u8 },
-    /// The order is with the protocol; the answer to the piece before stays on show.
+    /// The order is with the protocol; the answer to the previous piece stays shown.
     Transmitting { shown: u8, withdrawn: bool },
     /// The order is over: `A` or `E`; or it was refused: `D` or `E`.
     Answered { shown: u8 },
-    /// "Reset was executed": shown until nothing stands in the outputs that could be taken for the beginning of a
+    /// "Reset was executed": shown until the outputs contain nothing that could be taken for the beginning of a
     /// telegram.
     Reset,
 }
 
-/// What the host's command has brought about.
+/// The effect of the host's command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Step {
     /// Nothing to do.
@@ -51,10 +51,9 @@ impl SendSide {
         Self { state: State::Idle, buffer: [0; BUFFER_BYTES], length: 0, stored: 0 }
     }
 
-    /// Forgets everything; true if an order was with the protocol and will never be answered.
+    /// Drops everything; true if the protocol had an order that will never be answered.
     ///
-    /// A `command` that stands there from before, of a host that has heard no answer, must not send its telegram a
-    /// second time.
+    /// An old `command` of a host that has received no answer must not send its telegram a second time.
     pub(crate) fn clear(&mut self, command: u8) -> bool {
         let aborted = self.is_transmitting();
         self.state = if matches!(command, FIRST | LAST | RESET) { State::Reset } else { State::Idle };
@@ -80,12 +79,12 @@ impl SendSide {
         }
     }
 
-    /// Looks at the command and the output area it stands in.
+    /// Evaluates the command and the output area that contains it.
     pub(crate) fn look(&mut self, command: u8, area: &[u8]) -> Step {
         match self.state {
             State::Idle => match command {
                 FIRST | LAST => self.begin(command, area),
-                // Idle, or a fragment of nothing: output bytes that were never written are 0.
+                // Idle, or a fragment without a telegram: output bytes that were never written are 0.
                 _ => Step::Wait,
             },
             State::Collecting { shown, .. } if command == shown => Step::Wait,
@@ -95,7 +94,7 @@ impl SendSide {
             }
             State::Collecting { piece, .. } => self.follow(piece + 1, command, area),
             State::Transmitting { shown, .. } => {
-                // Who takes the command back wants no answer; another telegram must not get it.
+                // A host that withdraws the command wants no answer, and another telegram must not get it.
                 if command == IDLE {
                     self.state = State::Transmitting { shown, withdrawn: true };
                 }
@@ -130,7 +129,7 @@ impl SendSide {
 
     fn follow(&mut self, piece: usize, command: u8, area: &[u8]) -> Step {
         if !matches!(command, 0..=7 | LAST) {
-            // 9h inside a telegram; the others are no commands of the host.
+            // 9h inside a telegram; the others are not commands of the host.
             if command == FIRST {
                 self.state = State::Answered { shown: FAILED };
                 return Step::BadOrder;

@@ -8,7 +8,7 @@ use ob1_words::cp240::{LINE_ANSWER, LINE_DELTA_SHIFT, LINE_DTR, LINE_RTS, LINE_S
 /// The lines as the module sees and drives them; `true` is ON.
 #[derive(Debug)]
 pub(crate) struct Modem {
-    /// `None`: the line has not told yet.
+    /// `None`: the line has not reported yet.
     lines: Option<ModemLines>,
     /// CTS, DSR, RI, CD (bits 0 to 3) that have changed since the last command.
     delta: u16,
@@ -32,7 +32,7 @@ impl Modem {
         self.lines
     }
 
-    /// The line tells how its inputs stand. The first time nothing has changed.
+    /// The line reports its inputs. The first report counts as no change.
     pub(crate) fn input(&mut self, lines: ModemLines) {
         if let Some(before) = self.lines.replace(lines) {
             self.delta |= bits(before) ^ bits(lines);
@@ -49,8 +49,8 @@ impl Modem {
         (self.delta, self.rts, self.dtr) = (0, true, true);
     }
 
-    /// Carries out a command; the result is what was switched and the word of the answer. RTS belongs to the protocol
-    /// where that has hardware flow control.
+    /// Carries out a command; returns what was switched and the word of the answer. With hardware flow control RTS
+    /// belongs to the protocol.
     pub(crate) fn command(&mut self, command: u16, rts_is_free: bool) -> (Switched, u16) {
         let mut switched = Switched::default();
         if command & LINE_SET_RTS != 0 && rts_is_free {

@@ -58,7 +58,7 @@ impl Sink for Outlet<'_> {
     }
 
     fn part(&mut self, bytes: &[u8], part: Part) {
-        // There is room for it: asked for before, or kept for the end.
+        // There is room for it: it was checked before, or reserved for the end.
         self.ring.push_part(bytes, part);
         if part == Part::Last {
             self.port.count(CpCounter::Received, 1);
@@ -89,7 +89,7 @@ impl Sink for Outlet<'_> {
     }
 
     fn baud(&mut self, baud: u32) {
-        // Most telegrams have the rate of the one before: a line is not set without need.
+        // Most telegrams have the rate of the previous one: the line is set only when needed.
         if let Some(settings) = self.settings.as_mut().filter(|settings| settings.baud != baud) {
             settings.baud = baud;
             self.port.line_settings(settings);

@@ -9,26 +9,26 @@ use ob1_words::cp240::{AREA, BLOCK_BYTES, BROKEN_OFF, MORE, OUTSIDE, count};
 enum State {
     /// `RX` is 0; the next telegram may be offered once `RX echo` is 0 too.
     Idle,
-    /// `RX` = `rest`, and the block that goes with it.
+    /// `RX` = `rest`, with its block.
     Offered { rest: usize },
-    /// `RX` tells of the end of a telegram whose parts have been fetched.
+    /// `RX` shows the end of a telegram whose parts have been fetched.
     Marked { word: u16 },
-    /// The last block has been fetched, `RX` is 0; `RX echo` has to follow.
+    /// The last block has been fetched, `RX` is 0; `RX echo` must become 0 too.
     Closing,
 }
 
-/// What the CPU's echo has brought about.
+/// The effect of the CPU's echo.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Step {
     /// Nothing to do.
     Wait,
-    /// Another block is on show.
+    /// Another block is shown.
     Offered,
     /// A telegram of this length was handed over completely and has left the buffer.
     Delivered(usize),
-    /// A part of one has left the buffer, or the word that its rest is lost.
+    /// A part of a telegram has left the buffer, or the mark that its rest is lost.
     PartTaken,
-    /// The CPU refuses the changed area; it has left the buffer.
+    /// The CPU refuses the changed area, which has left the buffer.
     Refused,
 }
 
@@ -38,9 +38,9 @@ pub(crate) struct ReceiveSide {
     state: State,
     pub(crate) ring: Ring,
     block: [u8; BLOCK_BYTES],
-    /// Bit of all counts: the telegrams are changed areas of the Modbus slave "long".
+    /// Bit set in all counts when the telegrams are changed areas of the Modbus slave "long".
     area: u16,
-    /// [`MORE`] behind the block on show.
+    /// [`MORE`] if more follows the shown block.
     more: u16,
     /// Bytes of the parts that were fetched.
     fetched: usize,
@@ -52,7 +52,7 @@ impl ReceiveSide {
         Self { state: State::Idle, ring: Ring::new(), block, area: 0, more: 0, fetched: 0 }
     }
 
-    /// Back to "nothing received"; the number of telegrams dropped.
+    /// Back to "nothing received"; returns the number of telegrams dropped.
     pub(crate) fn clear(&mut self, capacity: Capacity) -> usize {
         let dropped = self.ring.complete();
         (self.state, self.more, self.fetched) = (State::Idle, 0, 0);
@@ -82,17 +82,17 @@ impl ReceiveSide {
         }
     }
 
-    /// Whether something is on show.
+    /// Whether something is shown.
     pub(crate) const fn is_offering(&self) -> bool {
         matches!(self.state, State::Offered { .. } | State::Marked { .. })
     }
 
-    /// The block that goes with `RX`; empty if that is 0.
+    /// The block of `RX`; empty if `RX` is 0.
     pub(crate) fn block(&self) -> &[u8] {
         &self.block[..usize::from(self.rest()).min(BLOCK_BYTES)]
     }
 
-    /// Looks at `RX echo`.
+    /// Evaluates `RX echo`.
     pub(crate) fn look(&mut self, echo: u16) -> Step {
         if self.area != 0 && echo == OUTSIDE && matches!(self.state, State::Offered { .. }) {
             self.ring.pop();
@@ -136,7 +136,7 @@ impl ReceiveSide {
         Step::Offered
     }
 
-    /// What was on show has been fetched.
+    /// The shown block has been fetched.
     fn taken(&mut self, length: usize) -> Step {
         let part = self.ring.oldest_part();
         self.ring.pop();
@@ -208,7 +208,7 @@ mod tests {
         assert_eq!((receive.look(0), receive.word()), (Step::Wait, 0));
     }
 
-    /// A CPU that knows nothing of the bit: counts, and 0.
+    /// A CPU that does not know the bit sends counts, and 0.
     #[test]
     fn the_bit_may_be_left_out_of_the_echo() {
         let mut receive = ReceiveSide::new();

@@ -12,8 +12,7 @@ use ob1_words::cp240::OWN_ORDER;
 
 impl Cp240 {
     /// The CPU has handed over an order, or the answer to the partner's. `TX` is free again as soon as it has been
-    /// taken over; how an order ends is told by `RX`, so that an answer can go out while an order waits for its
-    /// reaction.
+    /// taken over. `RX` tells how an order ends, so that an answer can go out while an order waits for its reaction.
     pub(super) fn handed(&mut self, now: Instant, port: &mut dyn CpPort) {
         let framing = self.send.framing();
         if framing == OWN_ORDER {
@@ -21,7 +20,7 @@ impl Cp240 {
                 port.count(CpCounter::OrdersAccepted, 1);
                 port.event(now, CpEvent::Order(self.send.telegram()));
             }
-            // One that the program has given up is still running: this one begins after it.
+            // An order that the program has given up is still running: this one begins after it.
             self.order_waits = self.is_busy();
             if self.order_waits {
                 return;
@@ -46,15 +45,15 @@ impl Cp240 {
             let mut out = outlet!(self, now, port);
             self.protocol_due = machine.step(now, Input::Order(order), &mut out);
         }
-        // "Taken" would tell FC 4 that the partner has its answer; it has been told something else.
+        // "Taken" would tell FC 4 that the partner has its answer, but the partner has got another one.
         let taken = if is_stale { Err(OrderError::Invalid.code()) } else { Ok(()) };
         self.send.ended(taken);
-        // The end is shown before a count that was left waiting is looked at.
+        // The end is shown before a waiting count is evaluated.
         self.publish(port);
         self.look_registers(now, port);
     }
 
-    /// An order that stands in no register.
+    /// Passes on an order that does not come from the registers.
     pub(super) fn order_rk512(&mut self, now: Instant, order: rk512::Order<'_>, port: &mut dyn CpPort) {
         let mut out = outlet!(self, now, port);
         if let Protocol::Rk512(machine) = &mut self.protocol {
@@ -62,7 +61,7 @@ impl Cp240 {
         }
     }
 
-    /// Looks at `RX echo`.
+    /// Evaluates `RX echo`.
     pub(super) fn look_rk512(&mut self, now: Instant, port: &mut dyn CpPort) {
         if let Some((Offer::Partner, length)) = self.rk512.look(rx_word(&self.outputs)) {
             port.count(CpCounter::Delivered, 1);
@@ -70,7 +69,7 @@ impl Cp240 {
         }
     }
 
-    /// What a step of the protocol may have made possible.
+    /// Continues with what a step of the protocol may have made possible.
     pub(super) fn after_rk512(&mut self, now: Instant, port: &mut dyn CpPort) {
         if self.order_waits && !self.is_busy() {
             return self.handed(now, port);
@@ -78,7 +77,7 @@ impl Cp240 {
         self.look_rk512(now, port);
     }
 
-    /// Forgets both roles, and counts what is lost. `None`: the protocol is another.
+    /// Clears both roles, and counts what is lost. `None`: the protocol is not RK 512.
     pub(super) fn drop_rk512(&mut self, port: &mut dyn CpPort) -> Option<()> {
         let busy = self.protocol.rk512()?.busy();
         let orders = u64::from(core::mem::take(&mut self.order_waits)) + u64::from(busy);
@@ -127,7 +126,7 @@ impl rk512::Owner for Outlet<'_> {
     fn report(&mut self, event: rk512::Event) {
         match event {
             rk512::Event::Line(event) => Sink::report(self, event),
-            // A part of an order that was acknowledged and has no rest is a telegram that is lost.
+            // A part of an order that was acknowledged but whose rest never came is a lost telegram.
             other @ (rk512::Event::Refused(_) | rk512::Event::Abandoned) => {
                 self.port.count(CpCounter::ReceiveErrors, 1);
                 if other == rk512::Event::Refused(rk512::Refusal::TooLong) {

@@ -1,5 +1,5 @@
-//! RK 512 between CPU and protocol: the CPU's orders and answers taken apart, results and orders of the partner handed
-//! over block by block (docs/cp240-registers.md, "RK 512").
+//! RK 512 between CPU and protocol: parses the CPU's orders and answers, and hands over results and orders of the
+//! partner block by block (docs/cp240-registers.md, "RK 512").
 
 use ob1_protocols::rk512::{Answer, Command, OrderError, Request};
 
@@ -16,11 +16,11 @@ const BY_CP: u8 = 1;
 /// What waits for the CPU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Offer {
-    /// How its order ended.
+    /// The end of the CPU's own order.
     Result,
     /// An order of the partner.
     Partner,
-    /// An order of the partner that the CP has refused by itself, and that the program is to hear of.
+    /// An order of the partner that the CP has refused by itself, reported to the program.
     Notice,
 }
 
@@ -37,9 +37,9 @@ impl Offer {
 enum State {
     /// `RX` is 0.
     Idle,
-    /// `RX` is the framing and `rest`, with the block that goes with it.
+    /// `RX` is the framing and `rest`, with its block.
     Offered { what: Offer, rest: usize },
-    /// `RX` is 0 again; `RX echo` has to lose its count.
+    /// `RX` is 0 again; the count in `RX echo` must become 0.
     Closing,
 }
 
@@ -68,16 +68,16 @@ impl<const N: usize> Record<N> {
     }
 }
 
-/// What the CPU hands over, taken apart.
+/// A telegram of the CPU, parsed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Handed<'a> {
     /// An order.
     Order(Request, &'a [u8]),
     /// An invalid order: its header or its length is wrong.
     BadOrder,
-    /// The answer to the order of the partner that is with the CPU.
+    /// The answer to the partner's order that the CPU has.
     Answer(Answer<'a>),
-    /// An answer to something that is over.
+    /// An answer to an order that has already ended.
     Stale,
 }
 
@@ -89,11 +89,11 @@ pub(crate) struct Rk512Side {
     result: Record<{ RESULT_BYTES + BUFFER_BYTES }>,
     partner: Record<{ HEADER_BYTES + BUFFER_BYTES }>,
     notice: Record<HEADER_BYTES>,
-    /// The CPU's mark on the order that is running, or was the last; comes back in its result.
+    /// The CPU's mark on the running order, or on the last one; it is returned in its result.
     token: u8,
     /// Number of the last order of the partner, 1 to 255.
     job: u8,
-    /// What it wants, while the CPU's answer is awaited.
+    /// Its command, while the CPU's answer is awaited.
     asked: Option<Command>,
 }
 
@@ -119,10 +119,10 @@ impl Rk512Side {
         dropped
     }
 
-    // ---- what the CPU hands over ----
+    // ---- from the CPU ----
 
-    /// Takes a complete telegram of the CPU apart. An order leaves its mark here, and what was left of the order
-    /// before is dropped.
+    /// Parses a complete telegram of the CPU. The mark of an order is kept, and the result of the previous order is
+    /// dropped.
     pub(crate) fn handed<'a>(&mut self, framing: u16, telegram: &'a [u8]) -> Handed<'a> {
         if framing == OWN_ORDER {
             self.drop_result();
@@ -156,7 +156,7 @@ impl Rk512Side {
         }
     }
 
-    // ---- what the protocol brings ----
+    // ---- from the protocol ----
 
     /// The CPU's order has ended.
     pub(crate) fn ended(&mut self, outcome: Result<&[u8], OrderError>) {
@@ -168,7 +168,7 @@ impl Rk512Side {
         self.result.set(&[0, self.token, by, code], data);
     }
 
-    /// The partner wants something.
+    /// The partner has sent an order.
     pub(crate) fn asked(&mut self, request: &Request, data: &[u8]) {
         self.job = if self.job == u8::MAX { 1 } else { self.job + 1 };
         self.asked = Some(request.command);
@@ -178,14 +178,14 @@ impl Rk512Side {
     }
 
     /// The CP has refused an order of the partner that the CPU has not seen; `code` is for its indicator word. Number
-    /// 0: nobody awaits an answer. Of several the last is told.
+    /// 0: no answer is awaited. Of several, only the last is reported.
     pub(crate) fn refused(&mut self, code: u8) {
         if !matches!(self.state, State::Offered { what: Offer::Notice, .. }) {
             self.notice.set(&[code, 0, 0, 0, 0, 0, 0, 0, 0, 0], &[]);
         }
     }
 
-    /// The order of the partner is over. True if the CPU had not fetched it completely: it is taken out of the
+    /// The order of the partner has ended. True if the CPU had not fetched it completely: it is removed from the
     /// registers.
     pub(crate) fn answered(&mut self) -> bool {
         self.asked = None;
@@ -207,7 +207,7 @@ impl Rk512Side {
         }
     }
 
-    /// The block that goes with `RX`.
+    /// The block of `RX`.
     pub(crate) fn block(&self) -> &[u8] {
         match self.state {
             State::Offered { rest, .. } => &self.block[..rest.min(BLOCK_BYTES)],
@@ -215,7 +215,7 @@ impl Rk512Side {
         }
     }
 
-    /// Looks at `RX echo`. The result: what was handed over completely, with its length.
+    /// Evaluates `RX echo`. Returns what was handed over completely, with its length.
     pub(crate) fn look(&mut self, echo: u16) -> Option<(Offer, usize)> {
         let (framing, count) = framed_count(echo)?;
         match self.state {
@@ -224,7 +224,7 @@ impl Rk512Side {
                 self.look(echo)
             }
             State::Idle if count == 0 => {
-                // A result first: the order of the partner may wait for a program that has none.
+                // Results come first: the program may have no call that takes the partner's order.
                 if self.result.len > 0 {
                     self.offer(Offer::Result, self.result.len);
                 } else if self.partner.len > 0 && framing == PARTNER_ORDER {

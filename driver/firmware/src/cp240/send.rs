@@ -9,29 +9,29 @@ use ob1_words::cp240::{
 const TOO_LONG: u8 = 0x17;
 
 /// Error code of a telegram whose kind the protocol does not have (ours): FC 0 with RK 512, FC 2 or FC 3 without,
-/// `OR 4000h` elsewhere than at the Modbus slave "long". Left waiting, the block of the program would wait for ever.
+/// `OR 4000h` elsewhere than at the Modbus slave "long". Without this error the program's block would wait for ever.
 const WRONG_KIND: u8 = 0x0C;
 
-/// Where the CPU and the CP are with an order.
+/// The progress of an order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum State {
     /// `TX echo` is 0; the next telegram may begin.
     Idle,
     /// Blocks arrive; `rest` is the count echoed last.
     Collecting { rest: usize },
-    /// The order is with the protocol; `rest` stays on show.
+    /// The order is with the protocol; `rest` stays shown.
     Transmitting { rest: usize },
-    /// The error is on show until the CPU has seen it.
+    /// The error is shown until the CPU has seen it.
     Failed(u8),
-    /// The CPU has seen it; its `TX` has to leave the acknowledgement.
+    /// The CPU has seen it and must now clear the acknowledgement in `TX`.
     Closing,
-    /// What stands in `TX` is of an earlier life: the CPU has to take it back first.
+    /// The content of `TX` is from before the start: the CPU must clear it first.
     Stale,
-    /// The answer to a line command is on show; `TX` has to leave the command.
+    /// The answer to a line command is shown; the CPU must now clear the command in `TX`.
     Answered(u16),
 }
 
-/// What the CPU's count has brought about.
+/// The effect of the CPU's count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Step {
     /// Nothing to do.
@@ -42,7 +42,7 @@ pub(crate) enum Step {
     Complete,
     /// The CPU gave up before the telegram was complete.
     Discarded,
-    /// The telegram is too long, or of a kind that the protocol does not have: this error code is on show.
+    /// The telegram is too long, or of a kind that the protocol does not have: this error code is shown.
     Refused(u8),
     /// A line command: [`SendSide::answer`] it.
     Line(u16),
@@ -57,7 +57,7 @@ pub(crate) struct SendSide {
     length: usize,
     /// The bit 4000h is permitted: the telegram may be for the Modbus output area.
     area: bool,
-    /// It stood in the first count.
+    /// It was set in the first count.
     for_output_area: bool,
     /// RK 512: telegrams carry a framing.
     framed: bool,
@@ -78,7 +78,7 @@ impl SendSide {
         }
     }
 
-    /// Back to "nothing to send"; true if an order was with the protocol and will never be answered.
+    /// Back to "nothing to send"; true if the protocol had an order that will never be answered.
     pub(crate) fn clear(&mut self) -> bool {
         let aborted = self.is_transmitting();
         self.state = State::Idle;
@@ -101,7 +101,7 @@ impl SendSide {
         self.framing
     }
 
-    /// A word as framing and count, the framing being what the protocol has.
+    /// Splits a word into framing and count, according to the protocol's framing.
     const fn count(&self, word: u16) -> Option<(u16, usize)> {
         if self.framed {
             return framed_count(word);
@@ -122,8 +122,8 @@ impl SendSide {
         self.for_output_area
     }
 
-    /// A start without start-up identifier: a count that stands in `TX` belongs to a telegram that is lost. `TX echo`
-    /// shows 1 until it is gone, which no job of the CPU goes on with, and which makes the next one write 0 first.
+    /// A start without start-up identifier: a count in `TX` belongs to a lost telegram. `TX echo` shows 1 until the
+    /// count is gone: no job of the CPU continues with 1, and it makes the next job write 0 first.
     pub(crate) const fn begin(&mut self, tx: u16) {
         self.state = if tx == 0 { State::Idle } else { State::Stale };
     }
@@ -149,7 +149,7 @@ impl SendSide {
         }
     }
 
-    /// Looks at `TX` and the block that came with it.
+    /// Evaluates `TX` and the block that came with it.
     pub(crate) fn look(&mut self, tx: u16, block: &[u8]) -> Step {
         let has_bit = self.area && tx & AREA != 0;
         let tx = if has_bit { tx & !AREA } else { tx };
@@ -184,10 +184,10 @@ impl SendSide {
                 {
                     self.store(next, block)
                 }
-                // The count echoed already, or one that does not follow: treated as absent.
+                // The count that was already echoed, or one out of sequence: ignored.
                 _ => Step::Wait,
             },
-            // A first count is left waiting.
+            // A first count must wait.
             State::Transmitting { .. } => Step::Wait,
             State::Failed(_) => {
                 if tx != FAILED {
@@ -198,8 +198,8 @@ impl SendSide {
             }
             State::Closing if tx == FAILED => Step::Wait,
             State::Answered(_) if line_command(tx).is_some() => Step::Wait,
-            // 0, or already the first count of the next telegram: the CPU may have written over its 0 before anyone
-            // here has seen it.
+            // 0, or already the first count of the next telegram: the CPU may have overwritten its 0 before the CP has
+            // seen it.
             State::Closing | State::Answered(_) => {
                 self.state = State::Idle;
                 self.look(tx, block)
@@ -224,7 +224,7 @@ impl SendSide {
         }
     }
 
-    /// The protocol is through with the order.
+    /// The protocol has finished the order.
     pub(crate) fn ended(&mut self, outcome: Result<(), u8>) {
         if self.is_transmitting() {
             self.state = match outcome {

@@ -1,4 +1,5 @@
-//! The two channels at work: what the CPU shows there becomes jobs of the protocol, and what comes in is offered to it.
+//! The two channels at work: blocks of the CPU become jobs of the protocol, and received telegrams are offered to the
+//! CPU.
 
 use std::mem;
 
@@ -12,7 +13,8 @@ use crate::cp::Cp as _;
 use crate::port::{CpCounter, CpEvent, CpPort};
 use ob1_words::channels::{Offered as Kind, Refusal as Reason};
 
-/// A telegram that the CPU has no place for is offered again after this. (ours; "repeated attempts" [reference 1.7])
+/// A telegram that the CPU has no room for is offered again after this time. (ours; "repeated attempts" [reference
+/// 1.7])
 const AGAIN: Span = Span::from_millis(1_000);
 
 impl Cp341 {
@@ -77,7 +79,7 @@ impl Cp341 {
         self.break_off(now, port);
     }
 
-    /// P_PRINT: what is wrong with a printout stands in it, and is told when it is out.
+    /// P_PRINT: a printout shows its own faults; STATUS reports them when it has been output.
     fn print(&mut self, now: Instant, port: &mut dyn CpPort) {
         let (bytes, misprint) = match self.protocol.print(self.send.job().1) {
             Ok(printout) => printout,
@@ -96,7 +98,7 @@ impl Cp341 {
         self.break_off(now, port);
     }
 
-    /// The job of the send channel has ended before the protocol had it.
+    /// The job of the send channel has ended before it reached the protocol.
     fn job_ended(&mut self, now: Instant, outcome: Result<&[u8], u16>, port: &mut dyn CpPort) {
         match outcome {
             Ok(_) => port.count(CpCounter::Sent, 1),
@@ -111,7 +113,7 @@ impl Cp341 {
     pub(super) fn look_receive(&mut self, now: Instant, block: &ChannelBlock, port: &mut dyn CpPort) {
         let (kind, moves) = (self.receive.offered(), self.receive.moves());
         match self.receive.look(block) {
-            // A slow CPU is not one that takes nothing.
+            // The CPU is slow, but it does take data.
             receive::Step::Nothing if self.receive.moves() != moves => {
                 self.order_rk512(now, rk512::Order::Working, port);
             }
@@ -122,7 +124,7 @@ impl Cp341 {
                 self.order_loadable(now, modbus_master_32::Order::Taken(false), port);
             }
             receive::Step::Interrupted(moved) => {
-                // A telegram that only was on show is shown again, as if nothing had been.
+                // A telegram that was only shown, not taken, is shown again as if nothing had happened.
                 let is_shown_again = kind == Some(Kind::Telegram) && !moved && self.protocol.is_plain();
                 if is_shown_again {
                     self.withdraw(port);
@@ -143,12 +145,12 @@ impl Cp341 {
             }
             receive::Step::Complete => self.taken(now, kind, port),
         }
-        // What lies in the send channel may have waited for nothing but this; and the buffer may have room again.
+        // A job in the send channel may have waited only for this, and the buffer may have room again.
         self.drive(now, Input::Tick, port);
     }
 
-    /// The block does not take what was offered. A telegram stays where it is, unless a newer one has taken its place;
-    /// a job of the partner is refused.
+    /// The block does not take what was offered. A telegram stays in the buffer, unless a newer one has replaced it; a
+    /// job of the partner is refused.
     fn give_back(&mut self, now: Instant, kind: Option<Kind>, reason: Reason, port: &mut dyn CpPort) {
         if kind == Some(Kind::Telegram) {
             self.withdraw(port);
@@ -165,14 +167,14 @@ impl Cp341 {
         }
     }
 
-    /// A telegram is not on offer any more: it waits in the buffer, or a newer one has taken its place and it is gone.
+    /// A telegram is no longer offered: it waits in the buffer, or a newer one has replaced it.
     pub(super) fn withdraw(&mut self, port: &mut dyn CpPort) {
         if !mem::take(&mut self.parts.on_offer) {
             port.count(CpCounter::ReceiveAborted, 1);
         }
     }
 
-    /// The CPU has all data, or has given all.
+    /// The CPU has taken or given all data.
     fn taken(&mut self, now: Instant, kind: Option<Kind>, port: &mut dyn CpPort) {
         match kind {
             None => {}
@@ -198,7 +200,7 @@ impl Cp341 {
         }
     }
 
-    /// Offers what there is, if the block waits for something.
+    /// Offers the next item if the block waits for one.
     pub(super) fn offer(&mut self, now: Instant) {
         if !self.receive.is_ready() {
             return;
@@ -221,8 +223,8 @@ impl Cp341 {
         }
     }
 
-    /// Enters that the CPU does not take what there is for it. The job of an RK 512 partner is given up by the
-    /// protocol, and the loadable driver has numbers of its own. [reference 1.7]
+    /// Makes a diagnostic entry if the CPU does not take what is offered. The protocol itself gives up the job of an RK
+    /// 512 partner, and the loadable driver has numbers of its own. [reference 1.7]
     pub(super) fn watch_cpu(&mut self, now: Instant, port: &mut dyn CpPort) {
         let is_rk512 = self.protocol.rk512().is_some();
         let waits = self.cpu_running

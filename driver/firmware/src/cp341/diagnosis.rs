@@ -1,5 +1,4 @@
-//! What is wrong with a CP 341 as a module: its diagnostic data, and when a diagnostic interrupt is raised.
-//! [reference 1.9]
+//! Faults of a CP 341 as a module: its diagnostic data, and when a diagnostic interrupt is raised. [reference 1.9]
 
 use super::model::Model;
 use crate::diagnosis::DiagnosticBytes;
@@ -7,8 +6,8 @@ use crate::diagnosis::DiagnosticBytes;
 /// Diagnostic data record 1; the first four bytes are record 0.
 pub(crate) type Record = [u8; 16];
 
-/// Module class: communication module, without channel information and without user information. So the twelve bytes
-/// behind the first four have nothing to say.
+/// Module class: communication module, without channel information and without user information, so the twelve bytes
+/// after the first four have no meaning.
 const CLASS: u8 = 0x0C;
 
 /// BREAK: the receiving line is interrupted.
@@ -43,7 +42,7 @@ impl Faults {
     }
 }
 
-/// What has been found, shown and told.
+/// The faults found, shown and reported.
 #[derive(Debug)]
 pub(crate) struct Diagnosis {
     model: &'static Model,
@@ -69,7 +68,7 @@ impl Diagnosis {
         self.told = Faults::default();
     }
 
-    /// What is found now; the result is what has gone, for the diagnostic buffer.
+    /// Takes the present faults; returns the ones that have gone, for the diagnostic buffer.
     pub(crate) fn find(&mut self, found: Faults) -> impl Iterator<Item = u16> + use<> {
         let before = std::mem::replace(&mut self.found, found);
         let gone =

@@ -1,12 +1,12 @@
 //! SF, TXD and RXD of a CP 341. [S4 "Diagnostics via Display Elements (LEDs)"]
 //!
-//! SF stands for the module's state, not for single errors of the line: a telegram that fails does not light it.
+//! SF shows the module's state, not single errors of the line: a failed telegram does not light it.
 
 use ob1_protocols::{Instant, Span};
 
 use crate::leds::Leds;
 
-/// "lights up again briefly when new parameters are loaded" [S4 L1696]: so long, that it can be seen (ours).
+/// "lights up again briefly when new parameters are loaded" [S4 L1696]: long enough to be seen (ours).
 const NEW_PARAMETERS: Span = Span::from_millis(500);
 
 /// How long RXD stays on after the last character, so that it can be seen (ours).
@@ -19,9 +19,9 @@ pub(crate) struct LedDriver {
     starting: bool,
     /// The parameters are wrong.
     parameters_wrong: bool,
-    /// New ones have been loaded: until then.
+    /// New parameters have been loaded: SF is on until then.
     loaded_until: Instant,
-    /// "CTS or DSR signals not asserted at the connector" [S4 L1703]: they have broken a transmission off.
+    /// "CTS or DSR signals not asserted at the connector" [S4 L1703]: they have aborted a transmission.
     signals_missing: bool,
     transmit: bool,
     receive_until: Instant,

@@ -1,8 +1,8 @@
 //! The loadable driver in its CP: parameters, jobs of P_SND_RK, replies for P_RCV_RK. [S4 "6 CPU – CP Interface"]
 //!
-//! A reply lies in the receive buffer like any telegram, and never more than one: the driver's job goes on until
-//! P_RCV_RK has it. When the job ends without that, the reply is taken out again: "no receive data are transferred to
-//! the CPU" [S4 L1652].
+//! A reply is kept in the receive buffer like any telegram, and there is never more than one: the driver's job
+//! continues until P_RCV_RK has it. If the job ends before that, the reply is removed: "no receive data are transferred
+//! to the CPU" [S4 L1652].
 
 use ob1_params::{LineSettings, ModbusMaster32, StopBits};
 use ob1_protocols::Span;

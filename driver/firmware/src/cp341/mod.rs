@@ -1,7 +1,8 @@
 //! A whole CP 341, or a CP 340 (`model`), as one sans-IO machine: two channels towards the CPU, protocol, receive
 //! buffer, LEDs, counters, diagnostic buffer.
 //!
-//! As the CP 240 it is pure in its inputs and their times. The channels are described in `docs/cp341-channels.md`.
+//! Like the CP 240 it depends only on its inputs and their times. The channels are described in
+//! `docs/cp341-channels.md`.
 
 mod channels;
 mod diagnosis;
@@ -39,8 +40,8 @@ use v24::V24;
 
 /// A CP 341, or a CP 340.
 ///
-/// Laws for the owner: time never goes backwards; [`CpInput::Tick`] at the latest when the time [`Cp341::step`]
-/// answered has come.
+/// Laws for the owner: time never goes backwards; [`CpInput::Tick`] is due at the latest at the time that
+/// [`Cp341::step`] returned.
 #[derive(Debug)]
 pub struct Cp341 {
     model: &'static Model,
@@ -52,7 +53,7 @@ pub struct Cp341 {
     send: SendChannel,
     /// The job that is with the protocol.
     sending: Option<send::Token>,
-    /// What is wrong with a printout that is on its way: its job ends with it.
+    /// The fault of the printout being output: its job ends with it.
     misprint: Option<u16>,
     receive: ReceiveChannel,
     patience: Patience,
@@ -82,7 +83,7 @@ impl Cp for Cp341 {
             CpInput::Channel(Channel::Send, block) => self.look_send(now, block, port),
             CpInput::Channel(Channel::Receive, block) => self.look_receive(now, block, port),
             CpInput::Outputs(outputs) => {
-                // With fewer bytes than it has the segment is another module's.
+                // With fewer bytes than a CP 341 has, the segment belongs to another module.
                 if let Some(outputs) = outputs.first_chunk() {
                     if self.v24.reset(outputs) {
                         self.reset_buffer(port);
@@ -93,7 +94,7 @@ impl Cp for Cp341 {
             CpInput::Line(line) => self.line(now, line, port),
             CpInput::CpuRun(run) => self.cpu(now, run, port),
             CpInput::Keys(parameters) => self.parametrise(now, parameters, port),
-            // Its parameters are keys.
+            // This CP takes its parameters as keys.
             CpInput::Parameters(_) => {}
         }
         self.diagnose(now, port);
@@ -155,7 +156,7 @@ impl Cp341 {
         self.model.kind
     }
 
-    /// Tells of a wire break and of wrong parameters that have come or gone. [reference 1.9]
+    /// Reports wire breaks and wrong parameters that have come or gone. [reference 1.9]
     fn diagnose(&mut self, now: Instant, port: &mut dyn CpPort) {
         let found = Faults { wire_break: self.parts.is_interrupted(), parameters: self.parameters_wrong };
         for number in self.diagnosis.find(found) {
@@ -222,7 +223,7 @@ impl Cp341 {
         }
     }
 
-    /// P_RESET: all telegrams that wait are dropped; the one that P_RCV is taking is taken to its end.
+    /// P_RESET: all waiting telegrams are dropped; the one that P_RCV is taking is completed.
     fn reset_buffer(&mut self, port: &mut dyn CpPort) {
         let Some(parameters) = &self.parameters else { return };
         if !self.protocol.is_plain() {
@@ -235,7 +236,7 @@ impl Cp341 {
         self.clear_buffer(capacity, port);
     }
 
-    /// Drops the telegrams that wait.
+    /// Drops the waiting telegrams.
     fn clear_buffer(&mut self, capacity: Capacity, port: &mut dyn CpPort) {
         let dropped = self.parts.ring.telegrams();
         if dropped > 0 {
@@ -255,15 +256,15 @@ impl Cp341 {
         self.diagnosis.cpu(run);
         self.enter(now, if run { 0x0008 } else { 0x0007 }, port);
         if !run {
-            // "All send and receive jobs stop"; a job that the protocol has goes to its end, without anybody waiting
-            // for it.
+            // "All send and receive jobs stop"; a job that the protocol already has continues to its end, but nobody
+            // waits for it.
             self.send.off();
             if self.receive.offered() == Some(Kind::Telegram) {
                 self.withdraw(port);
             }
             self.receive.off();
             self.parts.untold.clear();
-            // The slave's reply would be nobody's.
+            // Nobody would take the slave's reply.
             self.order_loadable(now, modbus_master_32::Order::Abort, port);
         }
         self.serve(now, port);
@@ -302,14 +303,15 @@ impl Cp341 {
             }
         }
         self.drive(now, Input::Line(line), port);
-        // "BREAK: receiving line to partner device is interrupted" [S4 L1750]; a protocol that has noticed has said so.
+        // "BREAK: receiving line to partner device is interrupted" [S4 L1750]; a protocol that has noticed it has
+        // already reported it.
         if self.parts.line_gone && !std::mem::replace(&mut self.parts.interrupted, true) {
             self.enter(now, 0x080D, port);
         }
         self.break_off(now, port);
     }
 
-    /// Nobody acknowledges: what is sent into a line that is gone is not done.
+    /// Without acknowledgements a job that is sent on a lost line must not count as done.
     fn break_off(&mut self, now: Instant, port: &mut dyn CpPort) {
         if self.parts.line_gone && !self.protocol.is_acknowledged() && self.protocol.busy() {
             self.parts.first_error.get_or_insert(0x0708);
@@ -342,7 +344,7 @@ impl Cp341 {
         self.after(now, collected, port);
     }
 
-    /// What a step of the protocol has brought.
+    /// Carries out the results of a protocol step.
     fn after(&mut self, now: Instant, collected: Collected, port: &mut dyn CpPort) {
         self.v24.switched(collected.rts, collected.dtr);
         if let Some(outcome) = collected.answered {
@@ -370,7 +372,7 @@ impl Cp341 {
         if self.sending.take() == Some(self.send.token()) {
             self.send.ended(outcome.map(|len| self.parts.fetched(len)));
         }
-        // One may have come while a job that was reset went to its end.
+        // A job may have come while a reset job ran to its end.
         self.begin(now, port);
     }
 
@@ -391,7 +393,7 @@ impl Cp341 {
                 let offered = self.receive.offered().is_some();
                 let status = match error {
                     AnswerError::Line(_) => 0x0612,
-                    // "receive impossible: given up after 10 s" [reference 3.6]; in STOP nobody was waited for.
+                    // "receive impossible: given up after 10 s" [reference 3.6]; in STOP there was no waiting.
                     AnswerError::Withdrawn(Refusal::Mode) if self.cpu_running => {
                         self.enter(now, 0x0409, port);
                         0x0409
@@ -404,7 +406,7 @@ impl Cp341 {
                     self.enter(now, status, port);
                 }
                 if offered {
-                    // The block's own job ends with it: it is not told a second time.
+                    // The block's own job ends with this STATUS, so it is not reported a second time.
                     self.parts.untold.forget(status);
                 }
                 self.receive.ended(Err(status));
@@ -419,7 +421,7 @@ impl Cp341 {
     }
 }
 
-/// What the receive buffer holds: ASCII has parameters for it. [reference 6.2]
+/// Capacity of the receive buffer: ASCII has parameters for it. [reference 6.2]
 const fn capacity(model: &Model, parameters: &Parameters) -> Capacity {
     match &parameters.protocol {
         Protocol341::Ascii(p) if p.overwrites => Capacity::of_bytes(model.bytes, 1).newest(),

@@ -1,4 +1,4 @@
-//! What tells the CPs of the family apart: a row each.
+//! The differences between the CPs of the family, one row per type.
 
 use ob1_params::CpKind;
 

@@ -1,5 +1,5 @@
-//! What a protocol works on during one step: receive buffer, job of the partner, errors, LEDs; and where it puts its
-//! results.
+//! The data a protocol works on during one step (receive buffer, job of the partner, errors, LEDs), and where it puts
+//! its results.
 
 use std::mem;
 
@@ -12,7 +12,7 @@ use super::model::JOB_MAX;
 use crate::port::{CpCounter, CpEvent, CpPort};
 use crate::ring::{BYTES_341, Ring};
 
-/// Errors that P_RCV_RK can be behind with.
+/// Maximum number of errors that P_RCV_RK has not been told yet.
 const UNTOLD_MAX: usize = 8;
 
 /// The parts of the CP that a protocol reaches.
@@ -22,7 +22,7 @@ pub(crate) struct Parts {
     pub(crate) ring: Ring<BYTES_341>,
     /// RK 512: the job of the partner that waits for the CPU.
     pub(crate) asked: Asked,
-    /// Errors that P_RCV_RK is to be told.
+    /// Errors to report to P_RCV_RK.
     pub(crate) untold: Untold,
     pub(crate) leds: LedDriver,
     /// First error of the job that is with the protocol. [reference 3.9]
@@ -33,7 +33,7 @@ pub(crate) struct Parts {
     pub(crate) interrupted: bool,
     /// The oldest telegram of the buffer is on offer to P_RCV_RK.
     pub(crate) on_offer: bool,
-    /// Nobody repeats a telegram that could not be read: ASCII.
+    /// The partner does not repeat a telegram that could not be read: ASCII.
     pub(crate) heard_once: bool,
     /// First error of the telegram that is being received.
     receive_error: Option<u16>,
@@ -93,18 +93,18 @@ impl Asked {
         self.request = Some(*request);
     }
 
-    /// What is to be offered, with the data of a SEND.
+    /// The job to offer, with the data of a SEND.
     pub(crate) fn open(&self) -> Option<(&Request, &[u8])> {
         Some((self.request.as_ref()?, &self.data[..self.len]))
     }
 
-    /// It is over; true if it still waited.
+    /// The job has ended; true if it still waited.
     pub(crate) fn close(&mut self) -> bool {
         self.request.take().is_some()
     }
 }
 
-/// A few numbers, oldest first; what does not fit is dropped (it stands in the diagnostic buffer).
+/// A few numbers, oldest first; what does not fit is dropped (it is in the diagnostic buffer).
 #[derive(Debug, Default)]
 pub(crate) struct Untold {
     numbers: [u16; UNTOLD_MAX],
@@ -123,7 +123,7 @@ impl Untold {
         }
     }
 
-    /// The number told last is told another way.
+    /// The last number is reported in another way.
     pub(crate) fn forget(&mut self, number: u16) {
         if self.count > 0 && self.numbers[self.count - 1] == number {
             self.count -= 1;
@@ -176,7 +176,7 @@ impl Outlet<'_> {
         }
     }
 
-    /// An error of receiving: told to P_RCV_RK where it costs a telegram.
+    /// A receive error: reported to P_RCV_RK if it costs a telegram.
     fn receive_error(&mut self, event: Event, number: u16) {
         let first = self.parts.receive_error.unwrap_or(number);
         let lost = match event.what {
@@ -188,14 +188,14 @@ impl Outlet<'_> {
             self.parts.receive_error = None;
             self.tell(first);
         } else if event.phase == Phase::Receive {
-            // What comes between two telegrams belongs to neither.
+            // Characters between two telegrams belong to neither.
             self.parts.receive_error = Some(first);
         }
     }
 }
 
-/// Event number of the CP 341: NAK while characters leave is one of the "characters received while sending"; 0705h is
-/// the CP 441's. [reference 3.9]
+/// Event number of the CP 341: NAK during output is one of the "characters received while sending"; 0705h is the CP
+/// 441's. [reference 3.9]
 fn number(event: Event) -> Option<u16> {
     match event.number() {
         Some(0x0705) => Some(0x0704),
@@ -243,7 +243,7 @@ impl Sink for Outlet<'_> {
     fn deliver(&mut self, telegram: &[u8]) {
         self.parts.receive_error = None;
         if self.parts.ring.overwrites() && self.parts.ring.telegrams() > 0 && !mem::take(&mut self.parts.on_offer) {
-            // What is on offer is counted where P_RCV_RK takes it, or does not.
+            // A telegram on offer is counted when P_RCV_RK takes or refuses it.
             self.port.count(CpCounter::ReceiveAborted, 1);
         }
         if self.parts.ring.push(telegram) {
@@ -265,7 +265,7 @@ impl Sink for Outlet<'_> {
             SendError::Signals => first.unwrap_or(0x0818),
             SendError::Aborted => first.unwrap_or(0x0501),
             SendError::Busy => 0x0501,
-            // The first error of the job is what it ends with. [reference 3.9]
+            // The job ends with its first error. [reference 3.9]
             SendError::AckDelay => first.unwrap_or(0x0708),
             SendError::Repetitions | SendError::Frame => first.unwrap_or(0x070A),
         }));
@@ -288,7 +288,7 @@ impl Sink for Outlet<'_> {
         if let Some(number) = number {
             self.enter(number);
             match event.phase {
-                // Information, and the two that say "used up", are no first error.
+                // Information, and the two numbers that mean "used up", do not count as first error.
                 _ if matches!(number, 0x0701 | 0x0709 | 0x070A | 0x0801 | 0x0815) => {}
                 Phase::Connect | Phase::Output | Phase::Acknowledge => {
                     self.parts.first_error.get_or_insert(number);
@@ -325,13 +325,13 @@ impl rk512::Owner for Outlet<'_> {
     fn report(&mut self, event: rk512::Event) {
         match event {
             rk512::Event::Line(event) => Sink::report(self, event),
-            // Entered where the block's refusal is looked at.
+            // Entered where the block's refusal is evaluated.
             rk512::Event::RefusedByCpu(_) => {}
             other => {
                 if let Some(number) = other.number() {
                     self.enter(number);
                 }
-                // A part of an order that was acknowledged and has no rest is a telegram that is lost.
+                // A part of an order that was acknowledged but whose rest never came is a lost telegram.
                 if let (rk512::Event::Refused(_) | rk512::Event::Abandoned, Some(number)) = (other, other.number()) {
                     self.port.count(CpCounter::ReceiveErrors, 1);
                     self.tell(number);

@@ -1,4 +1,4 @@
-//! How long something waits for P_RCV_RK, and when that is told. [reference 1.7]
+//! How long something waits for P_RCV_RK, and when that is reported. [reference 1.7]
 
 use ob1_protocols::{Instant, Span};
 
@@ -8,18 +8,18 @@ const SLOW: Span = Span::from_secs(1);
 /// "Given up after repeated attempts for 10 s." [reference 3.6, 0409h]
 const GIVEN_UP: Span = Span::from_secs(10);
 
-/// Watches one thing at a time: what is oldest.
+/// Watches one item at a time: the oldest.
 #[derive(Debug, Default)]
 pub(crate) struct Patience {
-    /// Since when the CPU has not moved, and what it was like then.
+    /// Since when the CPU has made no progress, and the number at that time.
     since: Option<(Instant, u32)>,
-    /// What is still to be told, and after how long.
+    /// The next number to report, and after how long.
     next: Option<(Span, u16)>,
 }
 
 impl Patience {
-    /// Something waits, or nothing (`None`); the number changes when the CPU gets on with it. With `is_watched`
-    /// something else gives it up. The result is an event number, each once for a wait.
+    /// `waits` is `None` if nothing waits; otherwise its number changes when the CPU makes progress. With `is_watched`
+    /// something else gives up the wait. Returns an event number, each once per wait.
     pub(crate) fn look(&mut self, now: Instant, waits: Option<u32>, is_watched: bool) -> Option<u16> {
         if self.since.map(|(_, moves)| moves) != waits {
             self.since = waits.map(|moves| (now, moves));
@@ -31,7 +31,7 @@ impl Patience {
         Some(number)
     }
 
-    /// When it wants to be looked at.
+    /// When [`Patience::look`] is due.
     pub(crate) fn deadline(&self) -> Option<Instant> {
         Some(self.since?.0 + self.next?.0)
     }

@@ -13,12 +13,12 @@ use super::loadable;
 use super::model::{JOB_MAX, JOB_MAX_340};
 use crate::printer::Printer;
 
-/// The protocol at work.
+/// The running protocol.
 pub(crate) enum Protocol {
     /// No valid parameters.
     None,
     Plain(Plain),
-    /// Output alone: what comes in is XON and XOFF, or nothing.
+    /// Output only: the input is XON and XOFF, or nothing.
     Printer(Box<Printer>, Plain),
     Rk512(Box<Rk512<JOB_MAX>>),
     Loadable(Box<Driver>),
@@ -26,9 +26,9 @@ pub(crate) enum Protocol {
 
 /// A protocol whose telegrams have no header and belong to no job: ASCII, 3964(R).
 pub(crate) struct Plain {
-    /// Boxed: its buffers are as long as the CP's telegrams.
+    /// Boxed, because its buffers are as long as the CP's telegrams.
     machine: Box<dyn Machine>,
-    /// Whether RTS and DTR are the protocol's: flow control, automatic use.
+    /// Whether the protocol drives RTS and DTR: flow control, automatic use.
     driven: (bool, bool),
     is_acknowledged: bool,
     flow: ascii::Flow,
@@ -101,7 +101,7 @@ impl Protocol {
                     flow_wait: u64::from(p.flow_wait_ms) * MS,
                     ..ascii::Config::unset(char_time)
                 };
-                // What one job prints may be longer than a CP 340's telegrams.
+                // The output of one job may be longer than a CP 340's telegrams.
                 return Self::Printer(Box::new(Printer::new(p)), Plain::ascii(config, CpKind::Cp341));
             }
             Protocol341::S3964(p) => p,
@@ -121,7 +121,7 @@ impl Protocol {
         }
     }
 
-    /// One step; with no machine nothing happens.
+    /// One step; without a machine nothing happens.
     pub(crate) fn step<O: Sink + rk512::Owner + modbus_master_32::Owner>(
         &mut self,
         now: Instant,
@@ -132,7 +132,7 @@ impl Protocol {
             Self::None => None,
             Self::Plain(plain) => plain.machine.step(now, input, out),
             Self::Printer(_, plain) => plain.step_deaf(now, input, out),
-            // Its orders come the other way.
+            // Its orders come through [`Protocol::rk512`].
             Self::Rk512(machine) => machine.step(now, input.with_orders(rk512::Order::Abort), out),
             Self::Loadable(driver) => driver.step(now, input.with_orders(modbus_master_32::Order::Abort), out),
         }
@@ -161,7 +161,7 @@ impl Protocol {
         matches!(self, Self::Plain(_))
     }
 
-    /// Whether RTS and DTR are the protocol's: flow control, automatic use.
+    /// Whether the protocol drives RTS and DTR: flow control, automatic use.
     pub(crate) fn driven(&self) -> (bool, bool) {
         match self {
             Self::Plain(plain) | Self::Printer(_, plain) => plain.driven,
@@ -170,8 +170,8 @@ impl Protocol {
         }
     }
 
-    /// Whether the partner acknowledges telegrams. Where nobody does, a job on a line that is known to be gone must not
-    /// count as done because its last bit has "left".
+    /// Whether the partner acknowledges telegrams. If not, a job on a lost line must not count as done because its last
+    /// bit has "left".
     pub(crate) const fn is_acknowledged(&self) -> bool {
         match self {
             Self::Plain(plain) | Self::Printer(_, plain) => plain.is_acknowledged,
@@ -179,8 +179,8 @@ impl Protocol {
         }
     }
 
-    /// Prints a job: what goes to the line, and the STATUS it ends with when it is out. With another protocol there is
-    /// no printer. [reference 3.7]
+    /// Prints a job: returns the bytes for the line, and the STATUS with which the job ends after the output. With
+    /// another protocol there is no printer. [reference 3.7]
     pub(crate) fn print(&mut self, job: &[u8]) -> Result<(Vec<u8>, Option<u16>), u16> {
         let Self::Printer(printer, _) = self else { return Err(0x0502) };
         printer.print(job).map(|printout| (printout.bytes, printout.fault.map(|fault| fault as u16)))
@@ -208,7 +208,7 @@ fn ascii_config(p: &AsciiOf341, parameters: &Parameters, late: Span) -> ascii::C
     ascii::Config {
         criterion,
         flow: parameters.line.flow,
-        // Where ZVZ only watches over a telegram, characters that the line hands over late did not come late.
+        // Where ZVZ only supervises a telegram, characters that the line hands over late did not come late.
         zvz: if criterion == ascii::Criterion::Silence { zvz } else { zvz + late },
         pause: if p.send_pause { zvz } else { Span::ZERO },
         flow_wait: u64::from(p.flow_wait_ms) * MS,

@@ -3,7 +3,7 @@
 use super::model::JOB_MAX;
 use ob1_words::channels::{Block, ChannelBlock, Command, Header, Offered as Kind, Refusal, State, pieces, range};
 
-/// Where what was offered is.
+/// Progress of the item on offer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
     /// No start number acknowledged.
@@ -12,13 +12,13 @@ enum Phase {
     Rest,
     /// The block waits.
     Ready,
-    /// Its header is on show.
+    /// Its header is shown.
     Offered,
-    /// Data go to the CPU; it has so many pieces.
+    /// Data go to the CPU, which has this many pieces.
     Giving {
         given: u16,
     },
-    /// Data come from the CPU; so many pieces are here.
+    /// Data come from the CPU; this many pieces are here.
     Collecting {
         taken: u16,
     },
@@ -51,22 +51,22 @@ impl Offer {
     }
 }
 
-/// What a block of the CPU has brought about.
+/// The effect of a block of the CPU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Step {
-    /// Nothing for others.
+    /// Nothing for the CP to do.
     Nothing,
-    /// The block has begun anew (R = 1): what was offered is free again.
+    /// The block has started again (R = 1): the item on offer is free again.
     Dropped,
-    /// It takes nothing for the moment (EN_R = 0), and the same holds; whether data were on their way.
+    /// It takes nothing at the moment (EN_R = 0): the item on offer is free again. True if data had been moving.
     Interrupted(bool),
     /// The block refuses it.
     Refused(Refusal),
-    /// The CPU has all data, or has given all.
+    /// The CPU has taken or given all data.
     Complete,
 }
 
-/// The channel and the data of what is offered.
+/// The channel, and the data of the item on offer.
 #[derive(Debug)]
 pub(crate) struct ReceiveChannel {
     phase: Phase,
@@ -74,7 +74,7 @@ pub(crate) struct ReceiveChannel {
     number: u16,
     offer: Offer,
     data: Box<[u8; JOB_MAX]>,
-    /// Pieces and good ends so far: it changes when the CPU gets on with something.
+    /// Counts pieces and successful ends: it changes when the CPU makes progress.
     moves: u32,
 }
 
@@ -84,7 +84,7 @@ impl ReceiveChannel {
         Self { phase: Phase::Off, start: 0, number: 0, offer: Offer::telegram(0), data, moves: 0 }
     }
 
-    /// The CPU is in STOP, or the CP begins anew.
+    /// The CPU is in STOP, or the CP starts again.
     pub(crate) fn off(&mut self) {
         (self.phase, self.start) = (Phase::Off, 0);
     }
@@ -94,17 +94,17 @@ impl ReceiveChannel {
         self.phase == Phase::Ready
     }
 
-    /// The block has begun, and takes something or is at it.
+    /// The block has started and is ready to take something, or is taking it.
     pub(crate) fn is_taking(&self) -> bool {
         !matches!(self.phase, Phase::Off | Phase::Rest)
     }
 
-    /// Changes when the CPU gets on with something.
+    /// Changes when the CPU makes progress.
     pub(crate) fn moves(&self) -> u32 {
         self.moves
     }
 
-    /// What is on show, while it is.
+    /// The kind of the item shown, if any.
     pub(crate) fn offered(&self) -> Option<Kind> {
         match self.phase {
             Phase::Offered | Phase::Giving { .. } | Phase::Collecting { .. } | Phase::Finishing => {
@@ -114,8 +114,8 @@ impl ReceiveChannel {
         }
     }
 
-    /// It is the CPU's turn to do something with what is on show; not so when it has done its part and the partner
-    /// takes its time.
+    /// It is the CPU's turn to act on the item shown. False when the CPU has done its part and the partner takes its
+    /// time.
     pub(crate) fn awaits_cpu(&self) -> bool {
         matches!(self.phase, Phase::Offered | Phase::Giving { .. } | Phase::Collecting { .. })
     }
@@ -125,7 +125,7 @@ impl ReceiveChannel {
         &self.data[..self.offer.len]
     }
 
-    /// Offers something; `fill` puts its data in their place.
+    /// Offers an item; `fill` writes its data.
     pub(crate) fn offer(&mut self, offer: Offer, fill: impl FnOnce(&mut [u8])) {
         let len = offer.len.min(JOB_MAX);
         self.offer = Offer { len, ..offer };
@@ -134,13 +134,13 @@ impl ReceiveChannel {
         self.phase = Phase::Offered;
     }
 
-    /// Tells of an error that belongs to no job of the block.
+    /// Reports an error that belongs to no job of the block.
     pub(crate) fn tell(&mut self, status: u16) {
         self.number = next(self.number);
         self.phase = Phase::Failed(status);
     }
 
-    /// What was offered has come to its end.
+    /// The item on offer has ended.
     pub(crate) fn ended(&mut self, outcome: Result<(), u16>) {
         if self.offered().is_some() {
             self.moves = self.moves.wrapping_add(u32::from(outcome.is_ok()));
@@ -148,7 +148,7 @@ impl ReceiveChannel {
         }
     }
 
-    /// Looks at what the CPU shows.
+    /// Evaluates the CPU's block.
     pub(crate) fn look(&mut self, block: &ChannelBlock) -> Step {
         let cpu = Block(*block);
         if cpu.command() == Command::Start && cpu.start() != 0 {
@@ -173,7 +173,7 @@ impl ReceiveChannel {
                 self.phase = Phase::Ready;
                 Step::Nothing
             }
-            // The end of the job before is acknowledged.
+            // The end of the previous job is acknowledged.
             (Command::Wait, Phase::Done | Phase::Failed(_)) => {
                 self.phase = Phase::Ready;
                 Step::Nothing
@@ -223,7 +223,7 @@ impl ReceiveChannel {
         }
     }
 
-    /// What the CPU is shown.
+    /// The block for the CPU.
     pub(crate) fn show(&self) -> ChannelBlock {
         let bare = |state| Block::of_cp(state, self.start, self.number);
         let block = |state| {

@@ -5,7 +5,7 @@ use ob1_protocols::rk512::{Area, Command, Coordination, Flag, Request};
 use super::receive::Offer;
 use ob1_words::channels::{Job, NO_FLAG, Offered as Kind};
 
-/// STATUS numbers of parameters that cannot be. [reference 3.5, 3.7]
+/// STATUS numbers of impossible parameters. [reference 3.5, 3.7]
 const TYPE: u16 = 0x0301;
 const ADDRESS: u16 = 0x0514;
 const FLAG_BIT: u16 = 0x0515;
@@ -73,7 +73,7 @@ fn area(letter: u8) -> Option<Area> {
 pub(crate) fn offer(request: &Request) -> Offer {
     let is_block = matches!(request.area, Area::Db | Area::Dx);
     let l_offset = u16::from(request.start) * if is_block { 2 } else { 1 };
-    // The machine has looked at the flag: what it lets through is one, or none.
+    // The machine has checked the flag: only a valid flag or none gets here.
     let flag = request.coordination.flag(u8::MAX - 1).ok().flatten();
     Offer {
         kind: if request.command == Command::Send { Kind::Receive } else { Kind::Provide },

@@ -3,19 +3,19 @@
 use super::model::{JOB_MAX, Model};
 use ob1_words::channels::{Block, ChannelBlock, Command, Job, State, pieces, range};
 
-/// Where the job is.
+/// Progress of the job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
     /// No start number acknowledged.
     Off,
     Ready,
-    /// Its data come; so many pieces are here.
+    /// Its data are coming; this many pieces are here.
     Collecting {
         taken: u16,
     },
-    /// It is complete here.
+    /// The CP has the complete job.
     Running,
-    /// Fetched data go to the CPU; it has so many pieces.
+    /// Fetched data go to the CPU, which has this many pieces.
     Giving {
         given: u16,
     },
@@ -23,19 +23,19 @@ enum Phase {
     Failed(u16),
 }
 
-/// Tells a job from all others: start number and job number.
+/// Identifies a job: start number and job number.
 pub(crate) type Token = (u16, u16);
 
-/// What a block of the CPU has brought about.
+/// The effect of a block of the CPU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Step {
-    /// Nothing for others.
+    /// Nothing for the CP to do.
     Nothing,
-    /// A new start number: the job that was, if one was incomplete, is gone.
+    /// A new start number: an incomplete job is dropped.
     Started,
     /// The job is complete.
     Complete,
-    /// It cannot be a job.
+    /// It is not a possible job; STATUS.
     Refused(u16),
 }
 
@@ -58,12 +58,12 @@ impl SendChannel {
         Self { model, phase: Phase::Off, start: 0, number: 0, job: Job::default(), data, fetched: 0 }
     }
 
-    /// The CPU is in STOP, or the CP begins anew: nobody waits for an answer any more.
+    /// The CPU is in STOP, or the CP starts again: nobody waits for an answer.
     pub(crate) fn off(&mut self) {
         (self.phase, self.start) = (Phase::Off, 0);
     }
 
-    /// The job under way has its data here.
+    /// The CP has the complete current job.
     pub(crate) fn is_running(&self) -> bool {
         self.phase == Phase::Running
     }
@@ -79,8 +79,7 @@ impl SendChannel {
         (self.job, &self.data[..len])
     }
 
-    /// The data of a SEND as long as its request says: an odd LEN travels with a filler 00h behind them.
-    /// [reference 1.3]
+    /// The data of a SEND in the length its request states: with an odd LEN a filler 00h is appended. [reference 1.3]
     pub(crate) fn padded(&mut self, bytes: usize) -> &[u8] {
         let len = self.job().1.len();
         if len == 0 {
@@ -94,7 +93,7 @@ impl SendChannel {
         usize::try_from(self.job.len).unwrap_or(0).min(self.model.bytes)
     }
 
-    /// Looks at what the CPU shows.
+    /// Evaluates the CPU's block.
     pub(crate) fn look(&mut self, block: &ChannelBlock) -> Step {
         let cpu = Block(*block);
         if cpu.command() == Command::Start && cpu.start() != 0 {
@@ -156,7 +155,7 @@ impl SendChannel {
         Step::Nothing
     }
 
-    /// The job has ended; at FETCH with these data.
+    /// The job has ended; a FETCH with these data.
     pub(crate) fn ended(&mut self, outcome: Result<&[u8], u16>) {
         if self.phase != Phase::Running {
             return;
@@ -164,7 +163,7 @@ impl SendChannel {
         self.phase = match outcome {
             Err(status) => Phase::Failed(status),
             Ok([]) => Phase::Done,
-            // More may have come than LEN says: an odd LEN travels with a filler. [reference 1.3]
+            // More may have come than LEN states: with an odd LEN a filler is appended. [reference 1.3]
             Ok(data) => {
                 self.fetched = data.len().min(self.len());
                 self.data[..self.fetched].copy_from_slice(&data[..self.fetched]);
@@ -173,7 +172,7 @@ impl SendChannel {
         };
     }
 
-    /// What the CPU is shown.
+    /// The block for the CPU.
     pub(crate) fn show(&self) -> ChannelBlock {
         let block = |state| Block::of_cp(state, self.start, self.number);
         match self.phase {

@@ -10,10 +10,10 @@ use ob1_words::cp240::Registers;
 /// "The CP refreshes its status image every 20 ms". [reference 2.1]
 const REFRESH: Span = Span::from_millis(20);
 
-/// The signals and what of them is on show.
+/// The signals, and their image for the CPU.
 #[derive(Debug)]
 pub(crate) struct V24 {
-    /// `None`: the line has not told yet.
+    /// `None`: the line has not reported yet.
     lines: Option<ModemLines>,
     rts: bool,
     dtr: bool,
@@ -36,12 +36,12 @@ impl V24 {
         port.dtr(false);
     }
 
-    /// How the line's inputs stand, if it has told.
+    /// The line's inputs, once it has reported them.
     pub(crate) fn lines(&self) -> Option<ModemLines> {
         self.lines
     }
 
-    /// The line tells how its inputs stand.
+    /// The line reports its inputs.
     pub(crate) fn input(&mut self, lines: ModemLines) {
         self.lines = Some(lines);
     }
@@ -52,7 +52,7 @@ impl V24 {
         self.dtr = dtr.unwrap_or(self.dtr);
     }
 
-    /// P_RESET: true for a new request to empty the receive buffer. It is answered with its number.
+    /// P_RESET: true for a new request to empty the receive buffer. The answer is its number.
     pub(crate) fn reset(&mut self, outputs: &Registers) -> bool {
         let number = outputs[1];
         let is_new = number != 0 && number != self.reset;
@@ -60,8 +60,8 @@ impl V24 {
         is_new
     }
 
-    /// V24_SET. RTS is not the program's where flow control drives it, and neither of them with automatic use.
-    /// [reference 2.2]
+    /// V24_SET. RTS does not belong to the program where flow control drives it, and neither signal does with automatic
+    /// use. [reference 2.2]
     pub(crate) fn set(
         &mut self,
         outputs: &Registers,
@@ -83,7 +83,7 @@ impl V24 {
         }
     }
 
-    /// Brings the image up to date, every 20 ms at most; the result is when it is due.
+    /// Updates the image, at most every 20 ms; returns when the next update is due.
     pub(crate) fn refresh(&mut self, now: Instant, port: &mut dyn CpPort) -> Option<Instant> {
         let image = self.image();
         let is_answered = self.reset == self.reset_shown;

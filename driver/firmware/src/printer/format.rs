@@ -17,7 +17,7 @@ const PRECISION_MAX: usize = 99;
 pub(crate) enum Piece {
     /// ANSI text.
     Text(Vec<u8>),
-    /// Control characters as the printer takes them.
+    /// Control characters for the printer.
     Control(Vec<u8>),
     /// Begin a new page.
     NewPage,
@@ -41,8 +41,8 @@ struct Conversion {
     display: u8,
 }
 
-/// Reads the conversion statement behind a `%`; the result is with how many bytes it has. When it is none: where what
-/// is right goes on.
+/// Reads the conversion statement after a `%`; returns it and its length in bytes. For an invalid one the error
+/// contains the fault and where the text continues.
 fn conversion(text: &[u8]) -> Result<(Conversion, usize), (Fault, usize)> {
     let mut at = 0;
     let left = text.first() == Some(&b'-');
@@ -78,7 +78,7 @@ fn conversion(text: &[u8]) -> Result<(Conversion, usize), (Fault, usize)> {
     }
 }
 
-/// The page number that a format string sets which is nothing but `%P`.
+/// The page number set by a format string that consists only of `%P`.
 pub(crate) fn page_number(format: &[u8], variables: &[&[u8]]) -> Option<Result<u16, Fault>> {
     let is_it = matches!(format, [b'%', b'P' | b'p']);
     is_it.then(|| match variables {
@@ -91,14 +91,14 @@ pub(crate) fn page_number(format: &[u8], variables: &[&[u8]]) -> Option<Result<u
     })
 }
 
-/// Where a text comes from.
+/// The source of a text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Level {
     FormatString,
     MessageText,
 }
 
-/// A message text that stands in a printout, to be expanded behind the format string.
+/// A message text in a printout, to be expanded after the format string.
 enum Part {
     Piece(Piece),
     Message(u16),
@@ -108,7 +108,7 @@ enum Part {
 pub(crate) struct Source<'a> {
     parameters: &'a Parameters,
     variables: std::slice::Iter<'a, &'a [u8]>,
-    /// First thing that was wrong.
+    /// The first fault.
     fault: Option<Fault>,
 }
 
@@ -130,7 +130,7 @@ impl<'a> Source<'a> {
         Ok(pieces)
     }
 
-    /// What was wrong; a variable without a conversion statement is not printed.
+    /// The first fault; a variable without a conversion statement is not printed.
     pub(crate) fn finish(mut self) -> Option<Fault> {
         if self.variables.next().is_some() {
             self.note(Fault::TooManyVariables);
@@ -192,7 +192,7 @@ impl<'a> Source<'a> {
                 },
             }
         }
-        // A new page and nothing else is no line.
+        // A new page alone is not a line.
         let is_a_line = !matches!(&parts[..], [Part::Piece(Piece::NewPage)]);
         if ends && is_a_line {
             parts.push(Part::Piece(Piece::LineEnd));
@@ -206,7 +206,7 @@ impl<'a> Source<'a> {
             Ok(found) => found,
             Err((fault, length)) => {
                 self.note(fault);
-                // It stands for its variable all the same.
+                // It uses up its variable all the same.
                 self.variables.next();
                 return (Some(Part::Piece(stars(STARS))), length);
             }
@@ -238,7 +238,7 @@ impl<'a> Source<'a> {
         (Some(Part::Piece(piece)), length)
     }
 
-    /// Brings it to its width. [CP 341 manual 09/2008, p. 100, 103]
+    /// Fits it to its width. [CP 341 manual 09/2008, p. 100, 103]
     fn fit(&mut self, shown: Shown, statement: Conversion) -> Piece {
         let Shown { mut text, is_cut } = shown;
         let Some(width) = statement.width else { return Piece::Text(text) };

@@ -1,7 +1,7 @@
-//! The printer driver of a CP 340 and a CP 341: makes what the printer gets out of format string, variables and message
+//! The printer driver of a CP 340 and a CP 341: makes the printer's input from format string, variables and message
 //! texts. `docs/cp340-printer.md`
 //!
-//! Pure: a job and the state of the page in, characters and the new state out. The line is the ASCII machine's.
+//! Pure: a job and the state of the page in, characters and the new state out. The ASCII machine handles the line.
 
 mod format;
 mod page;
@@ -12,13 +12,13 @@ use ob1_params::printer::Printer as Parameters;
 use format::{Piece, Source};
 use page::Page;
 
-/// Most characters of a printout without those of its layout. [reference 3.7, 0507h]
+/// Maximum number of characters of a printout, without its layout. [reference 3.7, 0507h]
 const CHARACTERS_MAX: usize = 250;
 
 /// Variables of a job. [reference 1.8]
 const VARIABLES: usize = 4;
 
-/// What is wrong with a job, as STATUS and the diagnostic buffer have it. [reference 3.7]
+/// The fault of a job, as in STATUS and the diagnostic buffer. [reference 3.7]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u16)]
 pub(crate) enum Fault {
@@ -40,24 +40,24 @@ pub(crate) enum Fault {
     Value = 0x050C,
     /// The width is too small or too great.
     Width = 0x050D,
-    /// The precision cannot be.
+    /// The precision is impossible.
     Precision = 0x051B,
-    /// The variable has not the length of its display type.
+    /// The variable does not have the length of its display type.
     Variable = 0x051C,
     /// More line ends than a page has lines.
     Lines = 0x051E,
 }
 
-/// What a job has made.
+/// The result of a job.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(crate) struct Printout {
-    /// What the printer gets.
+    /// Bytes for the printer.
     pub(crate) bytes: Vec<u8>,
-    /// First thing that was wrong: the printout shows where.
+    /// The first fault: the printout shows where it is.
     pub(crate) fault: Option<Fault>,
 }
 
-/// The driver: its parameters, and where on the paper it is.
+/// The driver: its parameters, and its position on the paper.
 #[derive(Debug)]
 pub(crate) struct Printer {
     parameters: Parameters,
@@ -69,11 +69,11 @@ impl Printer {
         Self { parameters: parameters.clone(), page: Page::new() }
     }
 
-    /// Prints the job of P_PRINT: five words with the lengths of four variables (0: none) and the format string, and
-    /// behind them the bytes. `docs/cp341-channels.md`
+    /// Prints the job of P_PRINT: five words with the lengths of four variables (0: none) and the format string, then
+    /// the bytes. `docs/cp341-channels.md`
     ///
     /// # Errors
-    /// Nothing is printed: the job is not valid (0301h), or what it makes is too long.
+    /// Nothing is printed: the job is not valid (0301h), or its result is too long.
     pub(crate) fn print(&mut self, job: &[u8]) -> Result<Printout, u16> {
         const WRONG: u16 = 0x0301;
         let (lengths, mut rest) = job.split_at_checked(2 * (VARIABLES + 1)).ok_or(WRONG)?;

@@ -1,7 +1,7 @@
-//! Where on the paper the printer is: margin, lines, headers and footers. [CP 341 manual 09/2008, p. 94]
+//! The printer's position on the paper: margin, lines, headers and footers. [CP 341 manual 09/2008, p. 94]
 //!
-//! What the manual's public text leaves open is ours, `docs/cp340-printer.md`: a page that is full ends at once, with
-//! its footers and a form feed.
+//! What the manual's public text leaves open is ours, `docs/cp340-printer.md`: a full page ends at once, with its
+//! footers and a form feed.
 
 use ob1_params::printer::Printer as Parameters;
 
@@ -10,10 +10,10 @@ use super::format::Piece;
 
 const FORM_FEED: u8 = 0x0C;
 
-/// Where the printer is.
+/// The printer's position.
 #[derive(Debug, Clone)]
 pub(crate) struct Page {
-    /// Of this page; the first is 1. [CP 340 manual 04/2011, p. 85]
+    /// Number of this page; the first is 1. [CP 340 manual 04/2011, p. 85]
     pub(crate) number: u16,
     /// Lines of text on this page so far.
     line: usize,
@@ -23,7 +23,7 @@ pub(crate) struct Page {
     at_line_start: bool,
 }
 
-/// A page in the making.
+/// A page under construction.
 struct Sheet<'a> {
     page: Page,
     parameters: &'a Parameters,
@@ -35,9 +35,9 @@ impl Page {
         Self { number: 1, line: 0, is_empty: true, at_line_start: true }
     }
 
-    /// Characters for the printer; on an error the paper is where it was.
+    /// Characters for the printer; on an error the position stays as it was.
     pub(crate) fn lay_out(&mut self, parameters: &Parameters, pieces: &[Piece]) -> Result<Vec<u8>, Fault> {
-        /// What goes to the line as one telegram.
+        /// Maximum length of one telegram for the line.
         const BYTES_MAX: usize = 4096;
         let ends = |text: &[u8]| text.iter().filter(|byte| **byte == parameters.line_end.counted()).count();
         let lines: usize = pieces.iter().map(|piece| if let Piece::Text(text) = piece { ends(text) } else { 0 }).sum();
@@ -108,7 +108,7 @@ impl Sheet<'_> {
         }
     }
 
-    /// Footers go to the foot of the page. A page with nothing on it stays where it is.
+    /// Footers go to the foot of the page. An empty page is not ended.
     fn end_page(&mut self) {
         if self.page.is_empty {
             return;

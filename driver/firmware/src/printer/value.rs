@@ -4,18 +4,18 @@ use ob1_model::calendar;
 
 use super::Fault;
 
-/// What a display type makes of a variable.
+/// A variable as its display type shows it.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Shown {
     pub(crate) text: Vec<u8>,
-    /// Too small a width cuts it; otherwise it gives asterisks. [CP 341 manual 09/2008, p. 103]
+    /// True: too small a width cuts it. False: too small a width makes it asterisks. [CP 341 manual 09/2008, p. 103]
     pub(crate) is_cut: bool,
 }
 
-/// The display types of the table, `N` and `P` besides.
+/// The display types of the table, plus `N` and `P`.
 pub(crate) const TYPES: &[u8] = b"ACDFHINPRSTUXYZ";
 
-/// Asterisks that stand for a statement without a width of its own. [CP 341 manual 09/2008, p. 103]
+/// Number of asterisks for a statement without a width of its own. [CP 341 manual 09/2008, p. 103]
 pub(crate) const STARS: usize = 6;
 
 /// Width of the default display of F and R.
@@ -25,7 +25,8 @@ const REAL_WIDTH: usize = 8;
 const R_PLACES: usize = 2;
 const F_PLACES: usize = 6;
 
-/// The characters of a STRING: behind its two length bytes, where the first two bytes are such; otherwise all. (ours)
+/// The characters of a STRING: those after its two length bytes, if the first two bytes are length bytes; otherwise
+/// all. (ours)
 pub(crate) fn characters(bytes: &[u8]) -> &[u8] {
     match bytes {
         [most, length, text @ ..] if usize::from(*most) == text.len() && length <= most => {
@@ -86,7 +87,7 @@ fn exact<const N: usize>(bytes: &[u8]) -> Result<[u8; N], Fault> {
     bytes.try_into().map_err(|_| Fault::Variable)
 }
 
-/// DATE, German (A) or as IEC 61131-3 has it (D); the precision is the number of digits of the year.
+/// DATE, German (A) or as in IEC 61131-3 (D); the precision is the number of digits of the year.
 fn date(display: u8, bytes: &[u8], precision: Option<usize>) -> Result<Vec<u8>, Fault> {
     /// DATE ends with 2168-12-31.
     const LAST: u16 = 65_378;
@@ -113,7 +114,7 @@ fn real(display: u8, value: f32, precision: Option<usize>) -> Result<Vec<u8>, Fa
     let text = match (display, precision) {
         (b'F', Some(places)) => format!("{value:.places$}"),
         (b'F', None) => {
-            // As many places as the default display has room for; what is greater needs more than its width. (ours)
+            // As many places as fit the default display; a greater value exceeds its width. (ours)
             let mut tries = (0..=F_PLACES).rev().map(|places| format!("{value:.places$}"));
             tries.find(|text| text.len() <= REAL_WIDTH).unwrap_or_else(|| format!("{value:.0}"))
         }
@@ -122,7 +123,7 @@ fn real(display: u8, value: f32, precision: Option<usize>) -> Result<Vec<u8>, Fa
     Ok(text.into_bytes())
 }
 
-/// `0.12E-04`: a mantissa below 1 with so many places; with none `1E-05`.
+/// `0.12E-04`: a mantissa below 1 with `places` decimal places; with 0 places `1E-05`.
 fn exponential(value: f32, places: usize) -> String {
     let digits = places.saturating_sub(1);
     let text = format!("{value:.digits$e}");

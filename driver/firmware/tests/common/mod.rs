@@ -1,4 +1,4 @@
-//! A CP on the bench: virtual time, the registers under our hands, everything it does written down.
+//! A CP on the bench: virtual time, registers set by the test, everything it does is recorded.
 
 #![allow(dead_code)] // each test file uses its own part of it
 
@@ -105,7 +105,7 @@ impl Bench {
         bench
     }
 
-    /// What FC 9 does.
+    /// Does what FC 9 does.
     pub(crate) fn synchronise(&mut self) {
         assert_eq!(self.rx(), 0x8001, "a start-up identifier");
         let number = self.tx_echo();

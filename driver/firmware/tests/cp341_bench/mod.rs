@@ -1,5 +1,5 @@
 //! A CP 341 on the bench: its line is the simulated one with modem lines (null modem), a partner at the other end; the
-//! two channels are under our hands as P_SND_RK and P_RCV_RK have them (`docs/cp341-channels.md`). Virtual time.
+//! test uses the two channels as P_SND_RK and P_RCV_RK do (`docs/cp341-channels.md`). Virtual time.
 
 #![allow(dead_code)] // each test file uses its own part of it
 
@@ -18,7 +18,7 @@ pub(crate) const MS: Span = Span::MILLISECOND;
 const CP: usize = 0;
 const PARTNER: usize = 1;
 
-/// States of a channel, as the CP shows them.
+/// States of a channel as shown by the CP.
 const GIVING: u8 = 4;
 const DONE: u8 = 5;
 const FAILED: u8 = 6;
@@ -91,7 +91,7 @@ impl CpPort for Port {
     }
 }
 
-/// What P_RCV_RK ends with.
+/// A result of P_RCV_RK.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum Got {
     Telegram(Vec<u8>),
@@ -107,15 +107,15 @@ pub(crate) struct Bench {
     started: u16,
     job: u16,
     parameters: Parameters,
-    /// What the partner has heard: each character with its end.
+    /// Characters received by the partner, each with the time of its end.
     pub(crate) heard: Vec<(Instant, u8)>,
 }
 
 impl Bench {
-    /// A CP at work with these parameters, both its blocks started; the partner's RTS and DTR are ON.
+    /// A working CP with these parameters, both its blocks started; the partner's RTS and DTR are ON.
     pub(crate) fn new(keys: &[(&str, Value)]) -> Self {
         let parameters = Parameters::from_keys(keys.iter().cloned()).expect("parameters");
-        // Unreadable characters are made otherwise than by their parity.
+        // Unreadable characters are produced in other ways than by parity.
         let frame = Frame {
             char_time: Span::from_nanos(1),
             parity: ob1_line::Parity::None,
@@ -169,7 +169,7 @@ impl Bench {
         self.step(CpInput::CpuRun(run));
     }
 
-    /// STOP -> RUN sends the parameters again, and the blocks start anew.
+    /// STOP -> RUN sends the parameters again, and the blocks restart.
     pub(crate) fn restart(&mut self) {
         let parameters = self.parameters.clone();
         self.step(CpInput::Keys(Ok(&parameters)));
@@ -229,7 +229,7 @@ impl Bench {
         self.port.line.borrow_mut().write(PARTNER, self.now, bytes);
     }
 
-    /// The partner sends, and its last bit is out.
+    /// The partner sends; returns when its last bit has been sent.
     pub(crate) fn has_said(&mut self, bytes: &[u8]) {
         self.says(bytes);
         self.pass(bytes.len() as u64 * self.char_time());
@@ -255,7 +255,7 @@ impl Bench {
         self.pass(Span::ZERO);
     }
 
-    /// What the partner has heard since it was asked last.
+    /// Characters received by the partner since the last call.
     pub(crate) fn heard(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.heard).into_iter().map(|(_, byte)| byte).collect()
     }
@@ -278,7 +278,7 @@ impl Bench {
         }
     }
 
-    /// How the job has ended, if it has; P_SND_RK is ready for the next.
+    /// The outcome of the job, if it has ended; P_SND_RK is then ready for the next.
     pub(crate) fn sent(&mut self) -> Option<Result<(), u16>> {
         let shown = self.port.shown[0];
         let outcome = match shown[0] {
@@ -293,7 +293,7 @@ impl Bench {
         Some(outcome)
     }
 
-    /// A whole job: handed over, waited for.
+    /// Hands over a job and waits for its end.
     pub(crate) fn job(&mut self, data: &[u8]) -> Result<(), u16> {
         self.send(data);
         for _ in 0..100_000 {
@@ -314,7 +314,7 @@ impl Bench {
         block
     }
 
-    /// P_RCV_RK begins to take what is offered, if something is; the result is its length.
+    /// P_RCV_RK begins to take the telegram on offer, if any; returns its length.
     pub(crate) fn begin(&mut self) -> Option<usize> {
         let shown = self.port.shown[1];
         (shown[0] == OFFERED).then(|| {
@@ -341,7 +341,7 @@ impl Bench {
         data
     }
 
-    /// P_RCV_RK refuses what is offered: R = 1.
+    /// P_RCV_RK refuses the telegram on offer: R = 1.
     pub(crate) fn refuse(&mut self) {
         let block = self.receive_block(5, 0);
         self.step(CpInput::Channel(Channel::Receive, &block));
@@ -358,7 +358,7 @@ impl Bench {
         }
     }
 
-    /// What P_RCV_RK is told next.
+    /// The next result of P_RCV_RK.
     pub(crate) fn got(&mut self) -> Option<Got> {
         let shown = self.port.shown[1];
         if shown[0] == FAILED {
@@ -370,7 +370,7 @@ impl Bench {
         Some(Got::Telegram(self.finish(length)))
     }
 
-    /// Everything P_RCV_RK is told.
+    /// All results of P_RCV_RK.
     pub(crate) fn all(&mut self) -> Vec<Got> {
         std::iter::from_fn(|| self.got()).collect()
     }

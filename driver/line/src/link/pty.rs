@@ -101,7 +101,7 @@ impl Link for PtyLink {
     }
 }
 
-/// Makes `path` a symbolic link to `device`, in one step, in place of a link an earlier pty may have left.
+/// Makes `path` a symbolic link to `device`, in one step, replacing a link that an earlier pty may have left.
 fn publish(device: &Path, path: &Path) -> io::Result<()> {
     match std::fs::read_link(path) {
         Ok(old) if !old.starts_with("/dev/pts") => return Err(taken(path, "is a link to something else than a pty")),

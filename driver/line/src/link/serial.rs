@@ -23,9 +23,9 @@ pub(crate) struct SerialLink {
 
 struct Port {
     tty: TTYPort,
-    /// The UART says when its shift register is empty.
+    /// The UART reports when its shift register is empty.
     knows_empty: bool,
-    /// There are modem lines.
+    /// The device has modem lines.
     has_modem: bool,
 }
 
@@ -49,8 +49,8 @@ impl SerialLink {
 
 impl Link for SerialLink {
     fn open(&mut self, _now: Instant, settings: &LineSettings) -> io::Result<Opened> {
-        // A pty outlives the program that opened it, for its creator keeps it open, and with it the exclusive mode of
-        // TIOCEXCL: after a kill nobody could open it again. The lock alone goes with its process.
+        // A pty outlives the program that opened it, because its creator keeps it open, and with it the exclusive mode
+        // of TIOCEXCL: after a kill nobody could open it again. A lock ends with its process.
         let real = std::fs::canonicalize(&self.path)?;
         let is_pty = real.starts_with("/dev/pts");
         let tty = builder(&self.path, settings).exclusive(!is_pty).open_native()?;
@@ -61,7 +61,7 @@ impl Link for SerialLink {
         let flags = fcntl_getfl(&port)?;
         fcntl_setfl(&port, flags | OFlags::NONBLOCK)?;
         let warnings = configure(&mut port, settings)?;
-        // What came before the settings did is noise, or the past.
+        // Bytes from before the settings are noise or outdated.
         port.tty.clear(ClearBuffer::Input)?;
         let _ = sys::low_latency(&port);
         port.knows_empty = sys::transmitter_empty(&port).is_some();
@@ -129,7 +129,7 @@ impl Link for SerialLink {
 
     fn set_modem_lines(&mut self, rts: bool, dtr: bool) {
         if let Some(port) = self.port.as_mut().filter(|port| port.has_modem) {
-            // A line that vanishes here is found gone at the next read.
+            // A line that vanishes here is noticed at the next read.
             let _ = port.tty.write_request_to_send(rts);
             let _ = port.tty.write_data_terminal_ready(dtr);
         }
@@ -144,7 +144,7 @@ fn builder(path: &std::path::Path, settings: &LineSettings) -> serialport::Seria
         .flow_control(flow(settings))
 }
 
-/// Sets what serialport leaves out, reads everything back, and names what the device did not take.
+/// Sets what serialport leaves out, reads everything back, and names the settings that the device did not accept.
 fn configure(port: &mut Port, settings: &LineSettings) -> io::Result<Vec<Warning>> {
     let mut termios = tcgetattr(&port)?;
     termios.input_modes |= InputModes::INPCK | InputModes::PARMRK;
@@ -211,8 +211,8 @@ const fn stop_bits(settings: &LineSettings) -> serialport::StopBits {
     }
 }
 
-/// XON and XOFF are the protocol's affair: a tty that stops its output at XOFF would hold back the protocol's own XON
-/// with it, and two partners that have stopped each other would stay silent for ever.
+/// The protocol handles XON and XOFF itself: a tty that stops its output at XOFF would also hold back the protocol's
+/// own XON, and two partners that have stopped each other would stay silent for ever.
 const fn flow(settings: &LineSettings) -> FlowControl {
     match settings.flow {
         Flow::None | Flow::XonXoff => FlowControl::None,

@@ -1,4 +1,4 @@
-//! A place on a simulated line: a connection to the process that is the line.
+//! A place on a simulated line: a connection to the process of the line.
 
 use std::collections::VecDeque;
 use std::io;
@@ -13,12 +13,12 @@ use crate::seqpacket::{Channel, MESSAGE_MAX, Sent};
 use crate::settings::{LineSettings, Warning};
 use crate::wire::{FromHub, ToHub};
 
-/// Between two looks for a hub that is just being started, in nanoseconds.
+/// Time between two attempts to find a hub that is being started, in nanoseconds.
 const LOOK: Span = Span::from_millis(20);
-/// How long it may take to start before the line counts as gone.
+/// How long the hub may take to start before the line counts as gone.
 const START: Span = Span::from_secs(3);
 
-/// Messages of the hub taken at a time, and characters that wait to be read: then they wait in the socket.
+/// Messages of the hub taken at a time, and the maximum of unread characters: beyond that they wait in the socket.
 const MESSAGES: usize = 64;
 const RECEIVED: usize = 64 * 1024;
 
@@ -26,7 +26,7 @@ const RECEIVED: usize = 64 * 1024;
 pub(crate) struct SimLink {
     path: PathBuf,
     open: Option<Open>,
-    /// Since when the hub is looked for.
+    /// Since when the hub has been searched for.
     since: Option<Instant>,
     modem: (bool, bool),
 }
@@ -35,7 +35,7 @@ struct Open {
     channel: Channel,
     /// Received and not yet read, with marks.
     received: VecDeque<u8>,
-    /// `W` messages sent, and how many of them have left.
+    /// `W` messages sent, and how many of them the line has finished.
     written: u32,
     left: u32,
     lines: Option<ModemLines>,
@@ -152,7 +152,7 @@ impl Link for SimLink {
     }
 
     fn take_back(&mut self) -> usize {
-        // How many it will be decides the line; the owner reckons by the time.
+        // The line decides how many bytes are taken back; the owner computes the number from the time.
         if let Some(open) = &self.open {
             let _ = tell(&open.channel, ToHub::TakeBack);
         }

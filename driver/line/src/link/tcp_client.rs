@@ -13,9 +13,9 @@ use super::{Link, Opened, not_a_wire, tcp_common};
 use crate::line::{Instant, PollFds, Span};
 use crate::settings::{LineSettings, Warning};
 
-/// How often an answer of the name service is looked for.
+/// How often to check for an answer of the name service.
 const LOOK: Span = Span::from_millis(20);
-/// A connection that is not made by then is given up.
+/// A connection attempt is given up after this time.
 const CONNECT_TIME: Span = Span::from_secs(5);
 /// The longest pause between two attempts.
 const SLOWEST: Span = Span::from_secs(2);
@@ -53,7 +53,7 @@ impl ClientLink {
             let found = (host.as_str(), port).to_socket_addrs().and_then(|mut all| {
                 all.next().ok_or_else(|| io::Error::new(io::ErrorKind::NotFound, "the name has no address"))
             });
-            // Nobody waits any more: the line was closed meanwhile.
+            // If nobody waits any more, the line was closed meanwhile.
             let _ = sender.send(found);
         })?;
         Ok(State::Resolving(receiver))
@@ -64,7 +64,7 @@ impl ClientLink {
     }
 }
 
-/// Begins to connect; the socket becomes writable when it is decided.
+/// Begins to connect; the socket becomes writable when the attempt has ended.
 fn dial(address: SocketAddr, now: Instant) -> io::Result<State> {
     let family = if address.is_ipv4() { AddressFamily::INET } else { AddressFamily::INET6 };
     let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;

@@ -1,4 +1,4 @@
-//! What both ends of a TCP line share: the options of the connection, reading and writing.
+//! Common parts of both ends of a TCP line: the options of the connection, reading and writing.
 
 use std::io::{self, Read, Write};
 use std::net::TcpStream;
@@ -9,7 +9,7 @@ use rustix::net::sockopt;
 /// Time without an answer after which a partner that vanished without closing counts as gone.
 const SILENT: Duration = Duration::from_secs(10);
 
-/// Small telegrams go out at once; a partner that lost its power is noticed.
+/// Small telegrams are sent at once; a partner that lost its power is noticed.
 pub(super) fn set_options(stream: &TcpStream) -> io::Result<()> {
     stream.set_nonblocking(true)?;
     stream.set_nodelay(true)?;

@@ -10,7 +10,7 @@ use super::{Link, Opened, not_a_wire, tcp_common};
 use crate::line::{Instant, PollFds};
 use crate::settings::{LineSettings, Warning};
 
-/// Callers turned away at a time; the others wait.
+/// Callers refused at a time; the others wait.
 const CALLERS: usize = 16;
 
 /// Listener and the client that has the line.
@@ -41,7 +41,7 @@ impl Link for ListenerLink {
                 self.client = Some(stream);
                 Ok(Opened::Yes(not_a_wire("TCP", settings)))
             }
-            // Nobody there, or gone again before we came to the door.
+            // No caller, or it was gone again before we accepted.
             Err(error) if is_passing(&error) => Ok(Opened::Waiting(None)),
             Err(error) => {
                 self.listener = None;
@@ -54,7 +54,7 @@ impl Link for ListenerLink {
         Ok(not_a_wire("TCP", settings))
     }
 
-    /// The client goes, the listener stays: the next one may already wait.
+    /// Closes the client, but keeps the listener: the next client may already wait.
     fn close(&mut self) {
         self.client = None;
     }
@@ -77,7 +77,7 @@ impl Link for ListenerLink {
         tcp_common::write(self.client.as_ref(), bytes)
     }
 
-    /// A serial line has one other end: whoever calls while it is taken is turned away.
+    /// A serial line has one other end: callers are refused while it is taken.
     fn housekeeping(&mut self) {
         if let Some(listener) = &self.listener {
             for _ in 0..CALLERS {

@@ -1,10 +1,10 @@
 //! A simulated line with any number of participants: two on a cable, or many on a two-wire RS-485 bus.
 //!
-//! Like [`SimLine`](super::SimLine) it keeps the time of every character and lets them suffer by a seed; with two
-//! participants, full duplex and the same seed it gives the same events. What it has beyond that: each participant has
-//! its own character frame, and one that listens with another baud rate or parity hears faults; on a two-wire line
-//! everybody hears everybody, who speaks is deaf, and who speaks at the same time as another spoils both; a participant
-//! may send a break; faults may come in bursts.
+//! Like [`SimLine`](super::SimLine) it keeps the time of every character and draws faults from a seed; with two
+//! participants, full duplex and the same seed it gives the same events. In addition, each participant has its own
+//! character frame, and one that receives with another baud rate or parity gets faults; on a two-wire line everybody
+//! receives everybody, a sender does not receive, and two senders at the same time corrupt both; a participant may send
+//! a break; faults may come in bursts.
 
 use std::collections::VecDeque;
 
@@ -18,10 +18,10 @@ use crate::settings::{LineSettings, Parity};
 /// Number of a participant, in the order in which they joined.
 pub type Participant = usize;
 
-/// Bursts a sender remembers: more than one character can overlap with.
+/// Transmissions a sender remembers: more than one character can overlap with.
 const REMEMBERED: usize = 8;
 
-/// The character frame a participant sends and listens with.
+/// The character frame with which a participant sends and receives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Frame {
     /// Time of one character.
@@ -38,9 +38,9 @@ impl Frame {
         Self { char_time: settings.time_of(1), parity: settings.parity, data_bits: settings.data_bits }
     }
 
-    /// What a receiver with this frame makes of a character that was sent with another.
+    /// The result of receiving with this frame a character sent with another.
     fn hears(&self, sent: &Self, byte: u8) -> Result<u8, LineFault> {
-        // A UART bears 2 to 3 % of difference.
+        // A UART tolerates a difference of 2 to 3 %.
         if self.char_time.abs_diff(sent.char_time) > sent.char_time / 40 {
             return Err(LineFault::Framing);
         }
@@ -51,53 +51,53 @@ impl Frame {
     }
 }
 
-/// Times in which more goes wrong.
+/// Periods with more faults.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Bursts {
-    /// Mean time from the end of one to the beginning of the next.
+    /// Mean time from the end of one burst to the beginning of the next.
     pub every: Span,
-    /// How long one lasts.
+    /// Duration of a burst.
     pub length: Span,
-    /// What goes wrong with a character that begins in one.
+    /// Faults of characters that begin in a burst.
     pub faults: FaultRates,
 }
 
-/// What the bus is like.
+/// Properties of the bus.
 #[derive(Debug, Clone, Copy)]
 pub struct BusConfig {
     /// Two wires: everybody on the same pair.
     pub half_duplex: bool,
-    /// Panic when two speak at the same time on two wires, or when time goes back.
+    /// Panic when two send at the same time on two wires, or when time goes back.
     pub strict: bool,
-    /// What goes wrong all the time.
+    /// Permanent faults.
     pub faults: FaultRates,
-    /// What goes wrong at times.
+    /// Temporary faults.
     pub bursts: Option<Bursts>,
 }
 
 impl BusConfig {
-    /// A line on which nothing goes wrong. On two wires collisions are counted.
+    /// A line without faults. On two wires collisions are counted.
     pub const fn new(half_duplex: bool) -> Self {
         Self { half_duplex, strict: false, faults: FaultRates::NONE, bursts: None }
     }
 }
 
-/// What a participant sees.
+/// An event of a participant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BusEvent {
-    /// So many characters were received and stand at the beginning of the buffer.
+    /// This many characters were received; they are at the beginning of the buffer.
     Rx(usize),
     /// A character that could not be read, in its place between the others.
     Fault(LineFault),
-    /// The last bit of everything written by this participant is out.
+    /// The last bit of everything written by this participant has been sent.
     TxDone,
-    /// The modem lines as they now stand (null modem: the other's RTS is CTS, its DTR is DSR and carrier).
+    /// The present modem lines (null modem: the other's RTS is CTS, its DTR is DSR and carrier).
     Modem(ModemLines),
 }
 
 impl BusEvent {
-    /// As a protocol machine is told it, with the buffer that the event came with; None: the modem lines, of which a
-    /// protocol on a bus is not told.
+    /// The event as input of a protocol machine, with the buffer of the event. `None` for modem lines, which a protocol
+    /// on a bus does not get.
     #[must_use]
     pub fn input(self, buffer: &[u8]) -> Option<LineInput<'_>> {
         Some(match self {
@@ -109,12 +109,12 @@ impl BusEvent {
     }
 }
 
-/// A character on its way, or what became of it.
+/// A character in transit, or its fault.
 #[derive(Debug, Clone, Copy)]
 struct Item {
     begin: Instant,
     end: Instant,
-    /// When it is heard: its end, or later.
+    /// When it is received: at its end, or later.
     arrival: Instant,
     frame: Frame,
     what: What,
@@ -126,7 +126,7 @@ enum What {
     Fault(LineFault),
 }
 
-/// What a participant has not yet been told.
+/// An event not yet delivered to a participant.
 #[derive(Debug, Clone, Copy)]
 enum News {
     Byte(u8),
@@ -138,7 +138,7 @@ struct Member {
     present: bool,
     frame: Frame,
     queue: VecDeque<Item>,
-    /// When it spoke: begin and end of each uninterrupted stretch, the newest last.
+    /// When it sent: begin and end of each uninterrupted transmission, the newest last.
     spoke: VecDeque<(Instant, Instant)>,
     busy_until: Instant,
     owes_done: bool,
@@ -150,7 +150,7 @@ struct Member {
 }
 
 impl Member {
-    /// The modem lines that another's RTS and DTR are here.
+    /// Converts another's RTS and DTR to modem lines here.
     fn see(&mut self, rts: bool, dtr: bool) {
         let lines = ModemLines { cts: rts, dsr: dtr, ri: false, cd: dtr };
         if self.modem != lines {
@@ -183,7 +183,7 @@ impl Member {
     }
 }
 
-/// When bursts come: drawn one after the other from a stream of their own.
+/// The times of bursts, drawn one after the other from a separate random stream.
 #[derive(Debug, Clone)]
 struct Weather {
     rng: SplitMix64,
@@ -204,7 +204,7 @@ impl Weather {
     }
 
     fn is_bad(&mut self, at: Instant) -> bool {
-        // A burst of no length would never end this loop with `every` 0.
+        // With a burst of length 0 and `every` 0 this loop would never end.
         let length = self.bursts.length.max(Span::from_nanos(1));
         while at >= self.begin.saturating_add(length) {
             self.next(self.begin + length);
@@ -225,7 +225,7 @@ pub struct SimBus {
 }
 
 impl SimBus {
-    /// A line without participants. The seed determines everything that goes wrong.
+    /// A line without participants. The seed determines all faults.
     pub fn new(config: BusConfig, seed: u64) -> Self {
         Self {
             config,
@@ -239,8 +239,8 @@ impl SimBus {
 
     /// A participant joins. A cable has two ends; with a third the characters collide.
     ///
-    /// On a cable, whoever joins while one that has left is still sending takes that end: it sends behind those
-    /// characters, as behind what a UART still holds of an earlier program, and does not hear them.
+    /// On a cable, a participant that joins while one that has left is still sending takes that end: it sends after
+    /// those characters, as if a UART still held them from an earlier program, and does not receive them.
     pub fn join(&mut self, frame: Frame) -> Participant {
         let mut member = Member {
             present: true,
@@ -281,8 +281,8 @@ impl SimBus {
         who
     }
 
-    /// A participant leaves: it is told nothing more, its modem lines fall. What it has written still leaves, as from
-    /// the buffer of a UART; its number is given to a later one. What nobody is left to hear is gone.
+    /// A participant leaves: it gets no more events, and its modem lines go OFF. Characters it has written are still
+    /// sent, as from the buffer of a UART; its number is reused. Characters without any receiver left are lost.
     pub fn leave(&mut self, who: Participant, now: Instant) {
         self.set_modem(who, now, false, false);
         if let Some(member) = self.members.get_mut(who) {
@@ -295,29 +295,29 @@ impl SimBus {
         }
     }
 
-    /// How many participants are there.
+    /// Number of present participants.
     pub fn participants(&self) -> usize {
         self.members.iter().filter(|member| member.present).count()
     }
 
-    /// Characters that met another's on two wires.
+    /// Characters that collided on two wires.
     pub fn collisions(&self) -> u64 {
         self.collisions
     }
 
-    /// Characters of a participant that have not been heard yet.
+    /// Characters of a participant that have not arrived yet.
     pub fn waiting(&self, who: Participant) -> usize {
         self.members.get(who).map_or(0, |member| member.queue.len())
     }
 
-    /// Changes the frame of a participant, for what it writes and hears from now on.
+    /// Changes the frame of a participant for both directions from now on.
     pub fn set_frame(&mut self, who: Participant, frame: Frame) {
         if let Some(member) = self.members.get_mut(who) {
             member.frame = frame;
         }
     }
 
-    /// Sends characters, behind those that are still leaving.
+    /// Sends characters, after those still being sent.
     pub fn write(&mut self, who: Participant, now: Instant, bytes: &[u8]) {
         self.advance(now);
         let Self { config, rng, weather, members, .. } = self;
@@ -346,7 +346,7 @@ impl SimBus {
         member.owes_done = true;
     }
 
-    /// Holds the line at 0 for so long, behind what is still leaving.
+    /// Holds the line at 0 for this long, after characters still being sent.
     pub fn send_break(&mut self, who: Participant, now: Instant, length: Span) {
         self.advance(now);
         let Some(member) = self.members.get_mut(who) else { return };
@@ -357,7 +357,7 @@ impl SimBus {
         member.owes_done = true;
     }
 
-    /// Takes back the characters of `who` that have not begun to leave; the result is how many.
+    /// Takes back the characters of `who` that have not begun; returns how many.
     pub fn take_back(&mut self, who: Participant, now: Instant) -> usize {
         self.advance(now);
         let Some(member) = self.members.get_mut(who) else { return 0 };
@@ -404,8 +404,8 @@ impl SimBus {
         self.next_due().map(|(at, ..)| at)
     }
 
-    /// Takes the next event that has happened by `now`, with the participant that sees it: of the first of them all in
-    /// their order, then of the second. `buffer` must not be empty.
+    /// Takes the next event that has happened by `now`, with its participant: first all events of the first participant
+    /// in order, then those of the second. `buffer` must not be empty.
     pub fn pop(&mut self, now: Instant, buffer: &mut [u8]) -> Option<(Participant, BusEvent)> {
         self.advance(now);
         let (who, member) = self.members.iter_mut().enumerate().find(|(_, member)| !member.news.is_empty())?;
@@ -425,7 +425,7 @@ impl SimBus {
         }
     }
 
-    /// The next thing due: when, whether it is an arrival (ends of transmission come first), whose.
+    /// The next event: its time, whether it is an arrival (ends of transmission come first), and its participant.
     fn next_due(&self) -> Option<(Instant, bool, Participant)> {
         let dues = self.members.iter().enumerate().flat_map(|(who, member)| {
             let done = member.owes_done.then_some((member.busy_until, false, who));
@@ -451,7 +451,7 @@ impl SimBus {
         self.now = now;
     }
 
-    /// Hands the first character of `from` to everybody who hears it.
+    /// Delivers the first character of `from` to all receivers.
     fn arrive(&mut self, from: Participant) {
         let Some(item) = self.members[from].queue.pop_front() else { return };
         let half_duplex = self.config.half_duplex;
@@ -478,7 +478,7 @@ impl SimBus {
         }
     }
 
-    /// What two characters at once look like: mostly no character at all, sometimes one that nobody has sent.
+    /// Two characters at once: mostly an unreadable character, sometimes a wrong one.
     fn spoilt(&mut self, what: What) -> What {
         let draw = self.rng.next_u64();
         match what {

@@ -1,4 +1,4 @@
-//! The bus keeps the times of the cable, and has the trouble of two wires.
+//! The bus keeps the times of the cable, and has the collisions of two wires.
 
 use super::super::{End, SimConfig, SimEvent, SimLine};
 use super::*;
@@ -14,7 +14,7 @@ fn bus(config: BusConfig, participants: usize) -> SimBus {
     bus
 }
 
-/// Runs the bus dry; one line an event: time, participant, what.
+/// Runs the bus until it is idle; one line per event: time, participant, event.
 fn drain(bus: &mut SimBus) -> Vec<String> {
     let mut log = Vec::new();
     let mut buffer = [0; 64];
@@ -91,7 +91,7 @@ fn two_speakers_are_deaf_and_spoil_what_the_third_hears() {
     bus.write(1, Instant::from_nanos(1500), &[0x2A]);
     let log = drain(&mut bus);
     assert_eq!(bus.collisions(), 3, "the second and third of the one, the only of the other: {log:?}");
-    // Told at 1500, when somebody looked.
+    // Delivered at 1500, when it was read.
     assert!(log.contains(&"1500 1 [55]".to_owned()) && log.contains(&"1500 2 [55]".to_owned()), "{log:?}");
     let of = |who: &str| log.iter().filter(|line| line.split(' ').nth(1) == Some(who)).count();
     assert_eq!((of("0"), of("1"), of("2")), (1, 2, 4), "{log:?}");
@@ -173,7 +173,7 @@ fn bursts_come_at_their_rate_and_spare_the_rest() {
         .filter(|line| line.contains("Parity"))
         .map(|line| line.split(' ').next().and_then(|at| at.parse().ok()).map(Instant::from_nanos).expect("a time"))
         .collect();
-    // About 100 bursts of 100 characters, half of which suffer.
+    // About 100 bursts of 100 characters, half of which have faults.
     assert!((4000..6000).contains(&bad.len()), "{}", bad.len());
     let gaps = bad.windows(2).filter(|pair| pair[1] - pair[0] > 300 * T).count();
     assert!((80..120).contains(&gaps), "{gaps}");

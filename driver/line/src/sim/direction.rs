@@ -1,4 +1,4 @@
-//! One direction of the line: what one end has sent and the other has not yet seen.
+//! One direction of the line: characters that one end has sent and the other has not yet received.
 
 use std::collections::VecDeque;
 
@@ -6,10 +6,10 @@ use super::faults::Fate;
 use super::{SimConfig, SimEvent, SplitMix64};
 use crate::line::{Instant, LineFault, Span};
 
-/// A character, or what became of it, on its way.
+/// A character in transit, or its fault.
 #[derive(Debug, Clone, Copy)]
 struct Item {
-    /// When it began to leave.
+    /// When its transmission began.
     begin: Instant,
     /// When its last bit arrives.
     arrival: Instant,
@@ -26,9 +26,9 @@ enum What {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Direction {
     items: VecDeque<Item>,
-    /// When the last bit handed over is out.
+    /// When the last bit handed over has been sent.
     busy_until: Instant,
-    /// The writer has not yet been told that everything is out.
+    /// The writer has not yet been told that everything has been sent.
     owes_done: bool,
     /// Arrival of the last item: nothing arrives out of order.
     last_arrival: Instant,
@@ -47,7 +47,7 @@ impl Direction {
         self.owes_done = false;
     }
 
-    /// When the next items are handed on: the first, and what follows it within `coalesce`.
+    /// When the next items are delivered: the first, and those within `coalesce` after it.
     pub(super) fn next_arrival(&self, coalesce: Span) -> Option<Instant> {
         let first = self.items.front()?.arrival;
         if coalesce == Span::ZERO {

@@ -1,9 +1,9 @@
-//! What goes wrong on the line, and how often.
+//! Faults of the line, and their rates.
 
 use super::rng::SplitMix64;
 use crate::line::{LineFault, Span};
 
-/// Rates of faults, each in characters per million. A character suffers at most one of them.
+/// Rates of faults, each in characters per million. A character has at most one of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FaultRates {
     /// One bit of the character is inverted, unnoticed.
@@ -12,7 +12,7 @@ pub struct FaultRates {
     pub lose: u32,
     /// The character comes twice.
     pub double: u32,
-    /// The character, and what follows, comes later by up to [`Self::delay_max`].
+    /// The character, and those after it, come late by up to [`Self::delay_max`].
     pub delay: u32,
     /// The character comes as a parity error.
     pub parity: u32,
@@ -25,11 +25,11 @@ pub struct FaultRates {
 }
 
 impl FaultRates {
-    /// Nothing goes wrong.
+    /// No faults.
     pub const NONE: Self =
         Self { flip: 0, lose: 0, double: 0, delay: 0, parity: 0, framing: 0, break_: 0, delay_max: Span::ZERO };
 
-    /// Everything goes wrong at the same rate, in characters per million; delays up to 300 ms.
+    /// All faults at the same rate, in characters per million; delays up to 300 ms.
     pub fn all(rate: u32) -> Self {
         Self {
             flip: rate,

@@ -1,5 +1,5 @@
 //! The random numbers of the simulation: SplitMix64 (Steele, Lea, Flood: "Fast splittable pseudorandom number
-//! generators"). Small, fast, and written down here so that a seed means the same for ever.
+//! generators"). Small, fast, and implemented here so that a seed always gives the same numbers.
 
 use ob1_serial::Span;
 
@@ -27,7 +27,7 @@ impl SplitMix64 {
         ((u128::from(self.next_u64()) * u128::from(bound)) >> 64) as u64
     }
 
-    /// A time shorter than `bound`; none if `bound` is none.
+    /// A time shorter than `bound`; zero if `bound` is zero.
     pub fn span_below(&mut self, bound: Span) -> Span {
         Span::from_nanos(self.below(bound.nanos()))
     }

@@ -8,7 +8,7 @@ fn config() -> SimConfig {
     SimConfig { char_time: T, ..SimConfig::new(9600, 20) }
 }
 
-/// Runs the line dry; one line an event: time, end, what.
+/// Runs the line until it is idle; one line per event: time, end, event.
 fn drain(line: &mut SimLine) -> Vec<String> {
     let mut log = Vec::new();
     let mut buffer = [0; 64];

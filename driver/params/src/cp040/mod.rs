@@ -1,7 +1,7 @@
 //! The 16 parameter bytes of record set 80h of a CP 040, typed.
 //!
-//! The other record sets stand elsewhere in a station file: the lengths of the process image (02h) are `io_bytes`, the
-//! diagnostic interrupt (00h) is `diagnostics`.
+//! The other record sets are separate keys of a station file: the lengths of the process image (02h) are `io_bytes`,
+//! the diagnostic interrupt (00h) is `diagnostics`.
 
 pub mod table;
 
@@ -15,7 +15,7 @@ use ob1_serial::Flow;
 /// The parameters of a CP 040.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cp040 {
-    /// What it has in common with a CP 240: the character frame, and the protocol with its own parameters. Times are in
+    /// The common part with a CP 240: the character frame, and the protocol with its own parameters. Times are in
     /// milliseconds, of ASCII, STX/ETX and Modbus in steps of 1 (0..65535), of 3964(R) in steps of 20.
     pub common: Cp240,
     /// Operating mode.
@@ -27,13 +27,13 @@ pub struct Cp040 {
 /// Operating mode of the interface. [S3 L347]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Duplex {
-    /// Two wires, RS485: one side at a time sends, and hears itself.
+    /// Two wires, RS485: one side at a time sends, and receives its own characters.
     Half,
     /// Four wires, RS422.
     Full,
 }
 
-/// What the receiver's lines are kept at while nobody drives them. [S3 L349]
+/// The level of the receiver's lines while nobody drives them. [S3 L349]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Preset {
     /// Nothing: "only makes sense with bus capable special drivers".
@@ -45,7 +45,7 @@ pub enum Preset {
 }
 
 impl Cp040 {
-    /// Whether breaks are evaluated: only with the preset that makes them, and only in full duplex. [S3 L349]
+    /// Whether breaks are evaluated: only with the preset that causes them, and only in full duplex. [S3 L349]
     pub fn detects_break(&self) -> bool {
         self.preset == Preset::Break && self.duplex == Duplex::Full
     }
@@ -58,7 +58,7 @@ impl Cp040 {
         Self::from_keys([("protocol", Value::from(protocol))])
     }
 
-    /// Reads the 16 bytes. Every code is checked; bits that are reserved must be 0.
+    /// Reads the 16 bytes. Every code is checked; reserved bits must be 0.
     ///
     /// # Errors
     /// [`ParamError`], with the byte.
@@ -94,14 +94,14 @@ impl Cp040 {
         let mut bytes = defaults(table::fields(layout), code.map_or(0, |(_, code, _)| *code));
         for field in table::fields(layout) {
             if let Some((_, value)) = keys.iter().find(|(key, _)| *key == field.key) {
-                // A value out of range leaves the default: `decode` of the result is always possible.
+                // A value out of range becomes the default, so that the result can always be decoded.
                 let _refused = record::set_value(&mut bytes, field, value);
             }
         }
         bytes
     }
 
-    /// Reads named keys. `protocol` must be among them; what is missing has the table's default.
+    /// Reads named keys. `protocol` must be among them; missing keys have the table's default.
     ///
     /// # Errors
     /// An unknown key (with the nearest known one), a value out of range, XON/XOFF in half duplex.
@@ -190,7 +190,7 @@ impl Cp040 {
         Ok(Self { common, duplex, preset })
     }
 
-    /// Telegrams the receive buffer may hold: the parameter for ASCII, 250 otherwise. [S3 L303]
+    /// Maximum of telegrams in the receive buffer: the parameter for ASCII, 250 otherwise. [S3 L303]
     pub fn receive_buffers(&self) -> u8 {
         match &self.common.protocol {
             Protocol::Ascii(ascii) => ascii.receive_buffers,

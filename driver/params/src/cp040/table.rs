@@ -3,7 +3,7 @@
 
 use crate::table::{BYTE, DATA_BITS_ROW, FLAGS, Field, Kind, Layout, PARITY_ROW, STOP_BITS_ROW, TICKS, bits, whole};
 
-/// Protocol codes (byte 1). 01h, 02h and 0Bh are printed; the others are those of the CP 240 (ours).
+/// Protocol codes (byte 1). 01h, 02h and 0Bh are printed in the manual; the others are those of the CP 240 (ours).
 pub const PROTOCOLS: &[(&str, u8, Layout)] = &[
     ("ascii", 0x01, Layout::Ascii),
     ("stx-etx", 0x02, Layout::StxEtx),
@@ -38,7 +38,7 @@ const BAUD: Kind = Kind::Choice(&[
     ("109700", 0x10),
 ]);
 
-/// Not as in the CP 240, where hardware is 01b and XON/XOFF 10b. [reference 7.5]
+/// Different from the CP 240, where hardware is 01b and XON/XOFF 10b. [reference 7.5]
 const FLOW: Kind = Kind::Choice(&[("none", 0b00), ("hardware", 0b10), ("xon-xoff", 0b11)]);
 /// "ZVZ parameterizable in ms steps" [S3 L291]
 const MS: Kind = Kind::Number { min: 0, max: 65_535 };
@@ -68,7 +68,7 @@ const ASCII: &[Field] = &[
     STOP_BITS_ROW,
     FLOW_ROW,
     ZNA_ROW,
-    // The default is not legible in our copy: 200 ms as the CP 240 (ours).
+    // The default is not legible in our copy: 200 ms as for the CP 240 (ours).
     bits("zvz_ms", 5, 0, 16, MS, 200, "ZVZ: pause that ends a telegram; 0: three character times"),
     whole("receive_buffers", 7, Kind::Number { min: 1, max: 250 }, 1, "number of receive buffers"),
     DUPLEX_ROW,
@@ -93,7 +93,7 @@ const STX_ETX: &[Field] = &[
     PRESET_ROW,
 ];
 
-/// Units of 20 ms: other defaults than in the CP 240. [S3 L365]
+/// Units of 20 ms, with other defaults than in the CP 240. [S3 L365]
 const S3964: &[Field] = &[
     BAUD_ROW,
     DATA_BITS_ROW,

@@ -4,12 +4,12 @@
 //! [S0 "ASCII"], [S0 "ASCII-fragmented"], [S0 "Parameter description"], [reference 6]. Sending and receiving are
 //! independent of each other (full duplex). An order is done when ZNA has run out after the last bit.
 //!
-//! Flow control: XON/XOFF or RTS/CTS. The partner's XOFF (CTS OFF) stops the output; an order that is kept waiting for
-//! longer than [`Config::flow_wait`] fails. This side stops the partner while no receive buffer is free. In XON/XOFF
-//! mode the two characters never belong to a telegram.
+//! Flow control: XON/XOFF or RTS/CTS. The partner's XOFF (CTS OFF) stops the output; an order that waits longer than
+//! [`Config::flow_wait`] fails. This side stops the partner while no receive buffer is free. In XON/XOFF mode the two
+//! characters never belong to a telegram.
 //!
-//! What a CP 341 has and a CP 240 has not is configuration: the other criteria, the pause between telegrams, the
-//! automatic use of the RS 232C secondary signals.
+//! Features of a CP 341 that a CP 240 does not have are configuration: the other criteria, the pause between telegrams,
+//! the automatic use of the RS 232C secondary signals.
 
 mod receive;
 
@@ -21,10 +21,10 @@ use crate::output::{Extent, Output, Rules};
 use crate::signals::Times;
 use receive::Receive;
 
-/// Bytes in a block of ASCII-fragmented: what one exchange over the back plane carries.
+/// Bytes in a block of ASCII-fragmented: one exchange over the back plane carries as many.
 pub const FRAGMENT: usize = 12;
 
-/// What ends a telegram that is coming in. [reference 6.1]
+/// What ends a received telegram. [reference 6.1]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Criterion {
     /// ZVZ.
@@ -35,21 +35,21 @@ pub enum Criterion {
     Characters {
         /// The characters.
         end: Flags,
-        /// What they mean for a telegram that is sent.
+        /// How they affect a telegram that is sent.
         sending: Sending,
     },
-    /// So many characters.
+    /// This many characters.
     Length(usize),
 }
 
-/// What of a telegram is sent that should end with end characters. [reference 6.3]
+/// Which part of a telegram is sent when telegrams end with end characters. [reference 6.3]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sending {
     /// Everything up to and including the first end characters; without them the order fails.
     Through,
     /// Everything.
     Whole,
-    /// Everything, and the end characters behind it; the order fails when the buffer does not hold both.
+    /// Everything, followed by the end characters; the order fails when the buffer does not hold both.
     Appended,
 }
 
@@ -62,7 +62,7 @@ pub struct Config {
     pub flow: Flow,
     /// ZNA: from the last bit of a telegram to the end of its order.
     pub zna: Span,
-    /// From the last bit of a telegram to the first of the next. The order has ended before. (CP 341)
+    /// From the last bit of a telegram to the first of the next. The order ends before this pause. (CP 341)
     pub pause: Span,
     /// ZVZ: silence that ends a telegram; 0: two character times.
     pub zvz: Span,
@@ -76,7 +76,7 @@ pub struct Config {
 }
 
 impl Config {
-    /// Nothing set: no times, no flow control, telegrams end with silence. The defaults of the parameters stand in
+    /// Nothing set: no times, no flow control, telegrams end with silence. The defaults of the parameters are in
     /// `ob1-params`.
     pub const fn unset(char_time: Span) -> Self {
         Self {

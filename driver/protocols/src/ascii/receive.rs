@@ -1,28 +1,28 @@
-//! Characters to telegrams: where one ends. [S0 "Communication via back plane bus"], [reference 6.1]
+//! Characters to telegrams: where a telegram ends. [S0 "Communication via back plane bus"], [reference 6.1]
 //!
 //! | end criterion | a telegram ends | ZVZ expires before |
 //! |---|---|---|
 //! | silence | when ZVZ expires | |
 //! | fragments | when ZVZ expires; each 12 bytes of it are handed on as they come | |
 //! | end characters | with them; they belong to it | 0806h, what has come is dropped |
-//! | length | after so many characters | 0806h, what has come is dropped |
+//! | length | after this many characters | 0806h, what has come is dropped |
 //!
-//! With the last two the next character, however soon it comes, is the first of the next telegram. A telegram that is
-//! lost (no room, an unreadable character) is followed to its end all the same, so that the next one is whole.
+//! With the last two criteria the next character, however soon it comes, is the first of the next telegram. A lost
+//! telegram (no room, an unreadable character) is still followed to its end, so that the next one is whole.
 
 use super::{Criterion, FRAGMENT};
 use crate::machine::{Event, Instant, Part, Phase, Sink, Span, What};
 
-/// The telegram that is coming in.
+/// The telegram being received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Coming {
-    /// Characters so far; of fragments: since the last part.
+    /// Characters so far; with fragments: since the last part.
     len: usize,
     /// Fragments: parts of it have been handed on.
     begun: bool,
-    /// The one before, where it could be read.
+    /// The previous character, if it could be read.
     before: Option<u8>,
-    /// It will not be delivered; that was reported.
+    /// It will not be delivered; this has been reported.
     lost: bool,
     /// Silence until then ends it.
     until: Instant,
@@ -33,7 +33,7 @@ impl Coming {
         Self { len: 0, begun: false, before: None, lost: false, until: now }
     }
 
-    /// It will not be delivered; who has its parts already is told that nothing comes behind them.
+    /// It will not be delivered; a receiver that already has parts of it is told that nothing follows.
     fn lose(&mut self, what: What, out: &mut dyn Sink) {
         out.report(Event { phase: Phase::Receive, what });
         self.break_off(out);
@@ -61,7 +61,7 @@ impl<const N: usize> Receive<N> {
         Self { criterion, zvz, coming: None, data: [0; N] }
     }
 
-    /// What is coming in is forgotten.
+    /// Drops the telegram being received.
     pub(super) fn clear(&mut self, out: &mut dyn Sink) {
         if let Some(mut coming) = self.coming.take() {
             coming.break_off(out);
@@ -72,7 +72,7 @@ impl<const N: usize> Receive<N> {
         self.coming.map(|coming| coming.until)
     }
 
-    /// What a fault of the line meets.
+    /// The phase in which a line fault occurs.
     pub(super) fn phase(&self) -> Phase {
         if self.coming.is_some() { Phase::Receive } else { Phase::Idle }
     }
@@ -98,14 +98,14 @@ impl<const N: usize> Receive<N> {
     /// A character that could not be read: its telegram is not passed on as if it were whole.
     pub(super) fn unreadable(&mut self, now: Instant, what: What, out: &mut dyn Sink) -> bool {
         let mut coming = self.coming.unwrap_or(Coming::new(now));
-        // The rest of a telegram that is lost already costs nothing more.
+        // The rest of a telegram that is already lost costs nothing more.
         let phase = if coming.lost { Phase::Idle } else { Phase::Receive };
         out.report(Event { phase, what });
         coming.break_off(out);
         self.take(now, coming, None, out)
     }
 
-    /// What is coming in is dropped, the rest of it as well.
+    /// Drops the telegram being received, and the rest of it too.
     pub(super) fn abandon(&mut self, what: What, out: &mut dyn Sink) {
         if let Some(coming) = self.coming.as_mut().filter(|coming| !coming.lost) {
             coming.lose(what, out);

@@ -1,8 +1,8 @@
 //! Event numbers of the CP 341 and the CP 340, class and number as in STATUS, with text and remedy in our own words.
 //! [reference 3], [S4 "7.3 Table of Errors / Events"]
 //!
-//! One table for the diagnostic buffer's text, for `docs/cp341-events.md`, and for the test that asks of each number
-//! which test provokes it. "The numbers mean the same in every block." [S4 L1709]
+//! One table for the diagnostic buffer's text, for `docs/cp341-events.md`, and for the test that checks which test
+//! provokes each number. "The numbers mean the same in every block." [S4 L1709]
 
 mod driver;
 mod job;
@@ -16,9 +16,9 @@ pub enum Origin {
     Here,
     /// It names a state that cannot arise in this CP; the number is kept for the text.
     FactOnly,
-    /// Another module's (CP 440, CP 441, Modbus slave driver).
+    /// It belongs to another module (CP 440, CP 441, Modbus slave driver).
     OtherModule,
-    /// The hardware's or the original's firmware fault.
+    /// A fault of the hardware or of the original firmware.
     HardwareFault,
 }
 
@@ -41,7 +41,7 @@ pub struct Row {
     pub number: u16,
     /// What has happened.
     pub text: &'static str,
-    /// What helps; empty for mere information.
+    /// The remedy; empty for mere information.
     pub remedy: &'static str,
     /// Whether it occurs here.
     pub origin: Origin,

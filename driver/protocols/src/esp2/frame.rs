@@ -19,7 +19,7 @@ pub const TELEGRAM_BYTES: usize = 11;
 /// Bytes of a frame on the line.
 pub const FRAME_BYTES: usize = TELEGRAM_BYTES + 3;
 
-/// What LENGTH says in every frame: so many bytes follow it, the check sum among them.
+/// The value of LENGTH in every frame: the number of bytes that follow it, including the check sum.
 const LENGTH: u8 = 11;
 
 /// LENGTH is the lower five bits, H_SEQ the upper three.
@@ -42,10 +42,10 @@ pub fn encode(telegram: &Bytes) -> [u8; FRAME_BYTES] {
     frame
 }
 
-/// What a character has brought about.
+/// The effect of a character.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
-    /// The frame goes on, or has begun.
+    /// The frame continues, or has begun.
     More,
     /// A character that belongs to no frame.
     Noise(u8),
@@ -60,8 +60,8 @@ pub enum Step {
     },
 }
 
-/// Finds frames among characters. Behind characters that are no frame it begins anew at the first A5 5A that can be
-/// one, even if that stands within them: a frame that follows a mutilated one is not lost.
+/// Finds frames among characters. After characters that are not a frame it restarts at the first A5 5A that can begin
+/// one, even if it is among those characters: a frame that follows a mutilated one is not lost.
 #[derive(Clone, Debug)]
 pub struct Decoder {
     window: [u8; FRAME_BYTES],
@@ -80,7 +80,7 @@ impl Decoder {
         Self { window: [0; FRAME_BYTES], len: 0 }
     }
 
-    /// Forgets a frame that is not complete; true if there was one.
+    /// Drops an incomplete frame; true if there was one.
     pub const fn reset(&mut self) -> bool {
         let open = self.is_open();
         self.len = 0;
@@ -94,7 +94,7 @@ impl Decoder {
 
     /// Takes one character.
     pub fn feed(&mut self, byte: u8) -> Step {
-        // Never full here: at FRAME_BYTES it is judged below.
+        // Never full here: a window of FRAME_BYTES is evaluated below.
         if let Some(place) = self.window.get_mut(self.len) {
             *place = byte;
             self.len += 1;
@@ -118,14 +118,14 @@ impl Decoder {
         Step::Wrong { computed, received }
     }
 
-    /// Whether what is in the window may be the beginning of a frame.
+    /// Whether the window may contain the beginning of a frame.
     fn begins(&self) -> bool {
         let has = &self.window[..self.len];
         has.iter().zip(SYNC).all(|(byte, sync)| *byte == sync)
             && has.get(2).is_none_or(|byte| byte & LENGTH_BITS == LENGTH)
     }
 
-    /// Drops at least one character, and so many that the rest may be a beginning again.
+    /// Drops at least one character, and as many more until the rest may begin a frame.
     fn realign(&mut self) {
         loop {
             self.window.copy_within(1.., 0);

@@ -4,8 +4,8 @@
 //! * [`frame`]: fourteen bytes on the line, eleven for the program.
 //! * [`telegram`], [`radio`]: every telegram of the manuals, typed.
 //!
-//! The machine passes telegrams on in both directions and knows of one thing in them alone, the ID base: at its start
-//! it asks the module for it (RD_IDBASE), and ORs the lower 7 bits of the IDs that the program sends with it.
+//! The machine passes telegrams on in both directions. It uses only one item in them, the ID base: at its start it asks
+//! the module for it (RD_IDBASE), and ORs the lower 7 bits of the IDs that the program sends with it.
 
 pub mod frame;
 mod queue;
@@ -33,7 +33,7 @@ const OWN_BITS: u32 = 0x7F;
 pub struct Config {
     /// Longest wait for the answer to the question for the ID base, nanoseconds.
     pub answer: Span,
-    /// A pause of so long within a frame ends it, nanoseconds. A tty or a network hands characters out in pieces.
+    /// A pause this long within a frame ends it, nanoseconds. A tty or a network delivers characters in pieces.
     pub gap: Span,
 }
 
@@ -44,16 +44,16 @@ impl Config {
     }
 }
 
-/// What is known of the module's ID base.
+/// State of the module's ID base.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Base {
     /// Not asked yet.
     Unasked,
     /// Asked, for the n-th time; nothing else is sent until then.
     Asked { attempt: u8, until: Instant },
-    /// Only the upper 25 bits.
+    /// Known; only the upper 25 bits.
     Known(u32),
-    /// The module does not tell: IDs go out as the program has written them.
+    /// The module does not answer: IDs go out as the program has written them.
     Untold,
 }
 
@@ -68,9 +68,9 @@ pub struct Esp2 {
     /// An order that waits for a place in the send buffer.
     held: Option<Outgoing>,
     decoder: Decoder,
-    /// What has begun is given up then.
+    /// An incomplete frame is given up at this time.
     gap_until: Instant,
-    /// Noise has been told once.
+    /// Noise has been reported once.
     noise: bool,
 }
 
@@ -89,7 +89,7 @@ impl Esp2 {
         }
     }
 
-    /// The ID base that goes into what is sent, once it is known.
+    /// The ID base that goes into sent telegrams, once it is known.
     pub const fn id_base(&self) -> Option<u32> {
         match self.base {
             Base::Known(base) => Some(base),
@@ -123,8 +123,7 @@ impl Esp2 {
         self.output(out);
     }
 
-    /// Asks for the ID base. The module may have been sent to sleep, and the reset of the CP 240 resets it by wire;
-    /// here WAKE does.
+    /// Asks for the ID base. The module may be asleep. The reset of the CP 240 resets it by wire; here WAKE wakes it.
     fn ask(&mut self, now: Instant, attempt: u8, out: &mut dyn Sink) {
         if attempt > 1 {
             out.transmit(&[WAKE]);
@@ -152,8 +151,8 @@ impl Esp2 {
         self.output(out);
     }
 
-    /// "The telegrams stored in the send buffer are immediately transmitted." One at a time: what is to be dropped is
-    /// still here.
+    /// "The telegrams stored in the send buffer are immediately transmitted." One at a time, so that waiting telegrams
+    /// can still be dropped.
     fn output(&mut self, out: &mut dyn Sink) {
         if self.leaving || matches!(self.base, Base::Unasked | Base::Asked { .. }) {
             return;
@@ -206,7 +205,7 @@ impl Esp2 {
         if let (Base::Asked { .. }, Telegram::Message(Message::InfIdBase(base))) =
             (self.base, Telegram::parse(telegram))
         {
-            // The answer to our own question; the program has asked none.
+            // The answer to our own question; the program has not asked.
             self.base = Base::Known(base & !OWN_BITS);
             return self.output(out);
         }
@@ -219,13 +218,13 @@ impl Esp2 {
 
     fn fault(&mut self, now: Instant, fault: LineFault, out: &mut dyn Sink) {
         if fault == LineFault::Back {
-            // Another module may be there: its ID base is another one.
+            // It may be another module, with another ID base.
             return self.ask(now, 1, out);
         }
         let phase = if self.decoder.reset() { Phase::Receive } else { Phase::Idle };
         out.report(Event { phase, what: What::Line(fault) });
         if fault == LineFault::Gone {
-            // What waits must not switch anything when the line comes back, who knows when.
+            // Waiting telegrams must not switch anything when the line comes back at some later time.
             self.queue.clear();
             if self.held.take().is_some() {
                 out.sent(Err(SendError::Frame));

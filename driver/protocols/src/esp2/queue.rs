@@ -16,7 +16,7 @@ pub(super) enum Outgoing {
 }
 
 impl Outgoing {
-    /// `None`: a length that no telegram has.
+    /// `None`: not a length of a telegram.
     pub(super) fn of(bytes: &[u8]) -> Option<Self> {
         match bytes {
             [WAKE] => Some(Self::Wake),

@@ -1,11 +1,11 @@
-//! What comes and goes by radio: the ORG formats RPS, 1BS, 4BS, HRC, 6DT and MDA with their bit fields.
-//! [S1 "Description of ORG field"]
+//! Radio telegrams: the ORG formats RPS, 1BS, 4BS, HRC, 6DT and MDA with their bit fields. [S1 "Description of ORG
+//! field"]
 
 use super::frame::Bytes;
 
-/// A radio telegram. `repeater` is RP_COUNTER, 0 to 15: 0 the original message, more a repetition.
+/// A radio telegram. `repeater` is RP_COUNTER, 0 to 15: 0 is the original message, a higher value a repetition.
 ///
-/// Where the manual says "always = 0" or "do not care", a telegram is written with 0 and read whatever stands there.
+/// Where the manual says "always = 0" or "do not care", a telegram is written with 0 and read with any value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Radio {
     /// 05h, RPS: a PTM switch module.
@@ -88,14 +88,14 @@ pub enum Switch {
         button: Button,
         /// PR: energy bow pressed, otherwise released.
         pressed: bool,
-        /// SRID, SUD; without a second action they say nothing.
+        /// SRID, SUD; without a second action they have no meaning.
         second: Button,
         /// SA: two buttons pressed at the same time.
         second_action: bool,
     },
     /// NU = 0, U-message.
     U {
-        /// BUTTONS, 0 to 7, as the table counts them.
+        /// BUTTONS, 0 to 7, as in the table.
         buttons: u8,
         /// PR: energy bow pressed.
         pressed: bool,
@@ -154,7 +154,7 @@ impl Switch {
 }
 
 impl Radio {
-    /// Of the bytes behind H_SEQ; `None`: an ORG that no radio telegram has.
+    /// Reads the bytes of a telegram; `None`: not the ORG of a radio telegram.
     pub(super) fn read(bytes: &Bytes) -> Option<Self> {
         let [_, org, data3, data2, data1, data0, id3, id2, id1, id0, status] = *bytes;
         let id = u32::from_be_bytes([id3, id2, id1, id0]);
@@ -181,7 +181,7 @@ impl Radio {
         })
     }
 
-    /// As bytes, behind this H_SEQ and LENGTH.
+    /// As bytes, after this H_SEQ and LENGTH.
     pub(super) fn write(&self, header: u8) -> Bytes {
         let with_id = |org, [d3, d2, d1, d0]: [u8; 4], id: u32, status| {
             let [i3, i2, i1, i0] = id.to_be_bytes();

@@ -1,5 +1,5 @@
-//! Every telegram of the manuals as a typed value: radio telegrams, commands to the TCM 120 and what it answers.
-//! [S1 "Command Telegrams and Messages"]
+//! Every telegram of the manuals as a typed value: radio telegrams, commands to the TCM 120 and its answers. [S1
+//! "Command Telegrams and Messages"]
 
 use core::fmt;
 
@@ -30,7 +30,7 @@ pub enum Telegram {
     Unknown(Bytes),
 }
 
-/// What the TCM 120 can be told. WAKE is no telegram but a single byte, [`super::WAKE`].
+/// A command to the TCM 120. WAKE is not a telegram but a single byte, [`super::WAKE`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command {
     /// 58h: answer with INF_IDBASE.
@@ -43,7 +43,7 @@ pub enum Command {
     RdRxSensitivity,
     /// 09h: sleep until WAKE.
     Sleep,
-    /// 0Ah: start anew.
+    /// 0Ah: restart.
     Reset,
     /// 28h: modem on, with this ID; 0: with the one stored.
     ModemOn(u16),
@@ -55,10 +55,10 @@ pub enum Command {
     RdSwVer,
 }
 
-/// What the TCM 120 says.
+/// A message of the TCM 120.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Message {
-    /// 89h: one of the 15 lines behind a start, ASCII with zeros behind it.
+    /// 89h: one of the 15 lines after a start, ASCII padded with zeros.
     InfInit([u8; 9]),
     /// 58h: done.
     Ok,
@@ -83,7 +83,7 @@ pub enum Message {
     ErrModemNotAck,
     /// 0Ch: ERR_MODEM_DUP_ID, another module has this modem ID. Only in S1. [S1 "ERR_MODEM_ DUP_ID"]
     ErrModemDupId,
-    /// 08h to 0Bh: ERR_SYNTAX, the code of the field stands in the place of ORG. Only in S1. [S1 "ERR_SYNTAX"]
+    /// 08h to 0Bh: ERR_SYNTAX, the code of the field is in the place of ORG. Only in S1. [S1 "ERR_SYNTAX"]
     ErrSyntax(Field),
     /// 22h: ERR_TX_IDRANGE, the ID of a radio telegram is not in the module's range; it is not sent.
     ErrTxIdRange,
@@ -91,7 +91,7 @@ pub enum Message {
     ErrIdRange,
 }
 
-/// Where a telegram is wrong.
+/// The wrong field of a telegram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Field {
     /// 08h.
@@ -105,7 +105,7 @@ pub enum Field {
 }
 
 impl Telegram {
-    /// Reads eleven bytes; total.
+    /// Reads eleven bytes; never fails.
     pub fn parse(bytes: &Bytes) -> Self {
         let known = match bytes[0] {
             RECEIVED => Radio::read(bytes).map(Self::Received),
@@ -271,7 +271,7 @@ impl Message {
 }
 
 impl fmt::Display for Telegram {
-    /// One line, as a trace has it.
+    /// One line, as in a trace.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Received(radio) => write!(f, "received {radio}"),
@@ -348,7 +348,7 @@ impl fmt::Display for Button {
     }
 }
 
-/// Text up to its first zero; what cannot be printed as a dot.
+/// Text up to its first zero; unprintable characters are shown as dots.
 struct Ascii<'a>(&'a [u8]);
 
 impl fmt::Display for Ascii<'_> {

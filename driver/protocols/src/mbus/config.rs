@@ -1,4 +1,4 @@
-//! Times of the M-Bus, and the baud rate that stands in front of each telegram.
+//! Times of the M-Bus, and the baud rate in front of each telegram.
 
 use super::frame::FRAME_MAX;
 use crate::machine::{MS, Span};
@@ -6,14 +6,14 @@ use crate::machine::{MS, Span};
 /// Times of [`MBus`](super::MBus).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Config {
-    /// The answer's first character must come within so many bit times ...
+    /// The answer's first character must come within this many bit times ...
     pub answer_bits: u32,
     /// ... and this much more, nanoseconds.
     pub answer_more: Span,
-    /// Silence of the bus after an exchange that failed, bit times.
+    /// Silence of the bus after a failed exchange, bit times.
     pub pause_bits: u32,
-    /// Shortest gap that ends an answer, nanoseconds: a frame has no pauses, but a tty or a network hands characters
-    /// out in pieces. 0: bit times alone count.
+    /// Shortest gap that ends an answer, nanoseconds: a frame has no pauses, but a tty or a network delivers characters
+    /// in pieces. 0: only bit times count.
     pub gap_min: Span,
 }
 
@@ -26,7 +26,7 @@ impl Config {
         Self { answer_bits: 330, answer_more: 50 * MS, pause_bits: 33, gap_min: 30 * MS }
     }
 
-    /// For a line that may hand characters over so late, because they come in bursts.
+    /// For a line that may hand over characters up to `late` late, because they come in bursts.
     #[must_use]
     pub fn with_bursts(mut self, late: Span) -> Self {
         self.gap_min = self.gap_min.max(late);
@@ -52,7 +52,7 @@ impl Config {
     }
 }
 
-/// The baud rate that a telegram's first byte stands for; any other byte is 2400. [S0 "Overview of M-Bus telegrams"]
+/// The baud rate of a telegram's first byte; any other byte means 2400. [S0 "Overview of M-Bus telegrams"]
 pub fn baud_of(code: u8) -> u32 {
     match code {
         0xB8 => 300,

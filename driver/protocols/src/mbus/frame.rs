@@ -15,7 +15,7 @@ pub const SINGLE: u8 = 0xE5;
 pub const START_SHORT: u8 = 0x10;
 /// First and fourth character of a control or long frame.
 pub const START_LONG: u8 = 0x68;
-/// Last character of every frame but the single character.
+/// Last character of every frame except the single character.
 pub const STOP: u8 = 0x16;
 
 /// Longest user data of a long frame, bytes. [S0 "Overview of M-Bus telegrams"]
@@ -25,10 +25,10 @@ pub const FRAME_MAX: usize = 261;
 /// Bytes of C, A and CI field.
 const FIELDS: usize = 3;
 
-/// The bits of the C field by which a master is told from a slave. [S0 "C field"]
+/// The bit of the C field that distinguishes a master from a slave. [S0 "C field"]
 pub const FROM_MASTER: u8 = 0x40;
 
-/// A frame. C, A and CI field are handed on as they are: which function it is decides the program.
+/// A frame. C, A and CI field are passed on unchanged: the program decides the function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Frame<'a> {
     /// The single character E5h.
@@ -46,17 +46,17 @@ pub enum Frame<'a> {
         c: u8,
         /// A field: address.
         a: u8,
-        /// CI field: what the user data are.
+        /// CI field: the kind of user data.
         ci: u8,
         /// User data, at most [`USER_MAX`] bytes.
         data: &'a [u8],
     },
 }
 
-/// What is wrong with characters that should be a frame.
+/// Why characters are not a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum FrameError {
-    /// The first character begins no frame.
+    /// The first character does not begin a frame.
     Start(u8),
     /// The two L fields differ, or are below 3.
     Length(u8, u8),
@@ -73,19 +73,19 @@ pub enum FrameError {
     Stop(u8),
 }
 
-/// What the characters so far are.
+/// Result of reading the characters so far.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress<'a> {
     /// The beginning of a frame.
     More,
-    /// A frame; it takes so many of the characters.
+    /// A frame, and the number of its characters.
     Whole(Frame<'a>, usize),
-    /// No frame, whatever follows.
+    /// Not a frame, whatever follows.
     Wrong(FrameError),
 }
 
 impl<'a> Frame<'a> {
-    /// Writes the frame; the result is its length. User data beyond [`USER_MAX`] are cut.
+    /// Writes the frame; returns its length. User data beyond [`USER_MAX`] are cut.
     pub fn encode(&self, out: &mut [u8; FRAME_MAX]) -> usize {
         match *self {
             Self::Single => {
@@ -109,7 +109,7 @@ impl<'a> Frame<'a> {
         }
     }
 
-    /// Looks at the characters received so far, at most [`FRAME_MAX`].
+    /// Reads the characters received so far, at most [`FRAME_MAX`].
     pub fn decode(bytes: &'a [u8]) -> Progress<'a> {
         match bytes {
             [] => Progress::More,
@@ -134,7 +134,7 @@ pub fn check_sum(bytes: &[u8]) -> u8 {
     bytes.iter().fold(0, |sum, byte| sum.wrapping_add(*byte))
 }
 
-/// Behind 10h.
+/// Reads the characters after 10h.
 fn decode_short(rest: &[u8]) -> Progress<'_> {
     let [c, a, received, stop, ..] = *rest else { return Progress::More };
     match ends(&[c, a], received, stop) {
@@ -143,7 +143,7 @@ fn decode_short(rest: &[u8]) -> Progress<'_> {
     }
 }
 
-/// Behind 68h. What is wrong is told as soon as it is there: the line need not be waited for.
+/// Reads the characters after 68h. A fault is reported as soon as it is visible, without waiting for the rest.
 fn decode_long(rest: &[u8]) -> Progress<'_> {
     let [first, second, ..] = *rest else { return Progress::More };
     let length = usize::from(first);

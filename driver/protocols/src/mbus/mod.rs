@@ -1,8 +1,8 @@
 //! M-Bus master of the CP 240 (240-1FA20): a program's telegram out as a frame, the slave's answer back.
 //!
-//! [S0 "CP 240 - M-Bus"]. The first byte of a telegram from the program is the baud rate; what follows decides by its
-//! length which frame it becomes. One order at a time: it ends when the slave has answered, or has been given up after
-//! two repetitions. Each order brings exactly one response telegram, whose first byte tells how it went:
+//! [S0 "CP 240 - M-Bus"]. The first byte of a telegram from the program is the baud rate; the length of the rest
+//! decides which frame it becomes. One order at a time: it ends when the slave has answered, or has been given up after
+//! two repetitions. Each order brings exactly one response telegram, whose first byte is the result:
 //!
 //! | response | |
 //! |---|---|
@@ -13,11 +13,11 @@
 //! | `03` | bits 0 and 1: the bus is short-circuited |
 //!
 //! Ours, because the manual is silent: an order waits until the longest response fits into the receive buffer, so that
-//! no answer is lost; an order nobody answers ends with `01` at once, so that a program that waits for a response (as
-//! the manual's FC 100 does) goes on; a short circuit is what the level converter reports as a break of the line. A
-//! line that stays at 0 reports its break once, so it counts until a character comes in again. A device that never
-//! falls silent does not keep an order alive: an attempt takes the time of the answer and of [`ATTEMPT_FRAMES`] of the
-//! longest frames at most.
+//! no answer is lost; an order that nobody is to answer ends with `01` at once, so that a program that waits for a
+//! response (as the manual's FC 100 does) continues; a short circuit is what the level converter reports as a break of
+//! the line. A line that stays at 0 reports its break only once, so the break counts until a character comes in again.
+//! A device that never falls silent does not prolong an order: an attempt takes at most the time of the answer and of
+//! [`ATTEMPT_FRAMES`] of the longest frames.
 
 mod config;
 pub mod frame;
@@ -47,14 +47,14 @@ const BROADCAST: u8 = 255;
 /// "It repeats the transfer of the same telegram for up to two times." [S0 "FCB bit"]
 const ATTEMPTS: u16 = 3;
 
-/// Longest frames that fit into one attempt, beside the wait for the answer: an echo, an answer, and what is behind a
-/// defective one.
+/// Number of longest frames that fit into one attempt, besides the wait for the answer: an echo, an answer, and the
+/// rest after a defective one.
 const ATTEMPT_FRAMES: u64 = 3;
 
-/// A line that never reports the end of its output is taken to have ended it this long after the time it needed.
+/// If a line never reports the end of its output, the output counts as ended this long after its computed duration.
 const OUTPUT_GRACE: Span = Span::SECOND;
 
-/// How often the receive buffer is looked at while an order waits for room in it.
+/// How often the receive buffer is checked while an order waits for room in it.
 const ROOM_POLL: Span = Span::from_millis(20);
 
 /// The master.
@@ -69,16 +69,16 @@ pub struct MBus {
     tx: [u8; FRAME_MAX],
     tx_len: usize,
     answered: bool,
-    /// A break has been heard, and no character since.
+    /// A break has been received, and no character since.
     shorted: bool,
-    /// When the running attempt ends, whatever comes in.
+    /// When the running attempt ends, whatever is received.
     limit: Instant,
     /// The answer so far.
     rx: [u8; FRAME_MAX],
     rx_len: usize,
 }
 
-/// Where the exchange stands. `attempt` counts from 1.
+/// Progress of the exchange. `attempt` counts from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     Idle,
@@ -86,12 +86,12 @@ enum State {
     Held {
         poll: Instant,
     },
-    /// The frame is leaving.
+    /// The frame is being sent.
     Output {
         attempt: u16,
         until: Instant,
     },
-    /// The answer is awaited, or coming in: a time-out at `until`.
+    /// The answer is awaited or being received: a time-out at `until`.
     Answer {
         attempt: u16,
         until: Instant,
@@ -104,7 +104,7 @@ enum State {
 }
 
 impl MBus {
-    /// A master at rest.
+    /// An idle master.
     pub fn new(config: Config) -> Self {
         Self {
             config,
@@ -129,7 +129,7 @@ impl MBus {
         let frame = match *telegram {
             [] | [_] => return out.sent(Err(SendError::Frame)),
             [_, SINGLE] => Frame::Single,
-            // The only single character there is.
+            // E5h is the only single character.
             [_, _] => return out.sent(Err(SendError::Frame)),
             [_, c, a] => Frame::Short { c, a },
             [_, c, a, ci, ref data @ ..] if data.len() <= USER_MAX => Frame::Long { c, a, ci, data },
@@ -145,7 +145,7 @@ impl MBus {
         self.hold(now, out);
     }
 
-    /// Begins the exchange as soon as its response has room.
+    /// Begins the exchange as soon as there is room for its response.
     fn hold(&mut self, now: Instant, out: &mut dyn Sink) {
         if out.room() >= RESPONSE_MAX {
             out.baud(self.baud);
@@ -209,11 +209,11 @@ impl MBus {
         self.shorted &= bytes.is_empty();
         match self.state {
             State::Answer { attempt, .. } => self.collect(now, attempt, bytes, out),
-            // A defective answer goes on.
+            // A defective answer continues.
             State::Silence { attempt, .. } => {
                 self.state = State::Silence { attempt, until: self.limited(now + self.config.pause(self.bit), now) };
             }
-            // What comes in while our frame leaves is a level converter's echo of it.
+            // Characters received while our frame is sent are a level converter's echo.
             State::Output { .. } => {}
             State::Idle | State::Held { .. } => {
                 if let Some(byte) = bytes.first() {
@@ -286,17 +286,17 @@ impl MBus {
         until.min(self.limit).max(now)
     }
 
-    /// The exchange is over without an answer. [S0 "Response byte"]
+    /// The exchange has ended without an answer. [S0 "Response byte"]
     fn unanswered(&mut self, out: &mut dyn Sink) {
         self.end(&[if self.shorted { SHORT_CIRCUIT } else { NO_ANSWER }], out);
     }
 
-    /// The exchange is over: the response, then the end of the order.
+    /// The exchange has ended: the response, then the end of the order.
     fn end(&mut self, response: &[u8], out: &mut dyn Sink) {
         if out.room() >= response.len() {
             out.deliver(response);
         } else {
-            // There was room when the exchange began: who gives it away meanwhile loses the response.
+            // There was room when the exchange began: an owner that uses it meanwhile loses the response.
             out.report(Event { phase: self.phase(), what: What::NoBuffer });
         }
         self.state = State::Idle;
@@ -337,7 +337,7 @@ impl Machine for MBus {
     }
 }
 
-/// What the trace and the counters call a defect.
+/// The defect as the trace and the counters name it.
 fn defect(error: FrameError) -> What {
     match error {
         FrameError::Check { computed, received } => What::BadCheck { computed, received },
@@ -346,7 +346,7 @@ fn defect(error: FrameError) -> What {
     }
 }
 
-/// What the program sees of a frame; the result is how many bytes. `into` has room for the longest.
+/// Writes the part of a frame that the program sees; returns its length. `into` has room for the longest.
 fn fields(frame: Frame<'_>, into: &mut [u8]) -> usize {
     match frame {
         Frame::Single => {

@@ -1,13 +1,13 @@
 //! The two areas of a slave, and which of its blocks the master has changed. [S0 "Range definitions"]
 //!
-//! Input and output are the master's: it reads the input area (1x, 3x) and reads and writes the output area (0x, 4x).
-//! Bits and words lie over one another, for "the CP 240 is not differentiating digital and analog data" [S0 L2335]:
-//! word n is bytes 2n (high) and 2n + 1 (low), bit n is bit n modulo 8 of byte n / 8 (ours: so bit 0 is `E x.0` of the
-//! first byte).
+//! Input and output are named from the master's point of view: it reads the input area (1x, 3x) and reads and writes
+//! the output area (0x, 4x). Bits and words overlap, because "the CP 240 is not differentiating digital and analog
+//! data" [S0 L2335]: word n is bytes 2n (high) and 2n + 1 (low), bit n is bit n modulo 8 of byte n / 8 (ours: so bit 0
+//! is `E x.0` of the first byte).
 
 use super::pdu::{Exception, Request};
 
-/// Bytes of an area at most. [S0 "Modbus Slave Long"]
+/// Maximum number of bytes of an area. [S0 "Modbus Slave Long"]
 pub const AREA_BYTES: usize = 1024;
 /// Bytes of an area of the slave "short".
 pub const SHORT_BYTES: usize = 16;
@@ -33,7 +33,7 @@ pub struct Areas {
     size: usize,
     input: [u8; AREA_BYTES],
     output: [u8; AREA_BYTES],
-    /// The output area as the CPU has it.
+    /// The output area as the CPU knows it.
     stored: [u8; AREA_BYTES],
     /// Blocks of the output area that the CPU has not been given yet; bit n is block n.
     changed: u128,
@@ -72,7 +72,7 @@ impl Areas {
         self.changed != 0
     }
 
-    /// The next changed blocks, from the lowest on, as far as they are coherent, at most 16. "If the 8Byte blocks are
+    /// The next changed blocks, from the lowest on, as far as they are contiguous, at most 16. "If the 8Byte blocks are
     /// not coherent every changed 8Byte block requires one block cycle." [S0 L2072]
     pub fn take_change(&mut self) -> Option<Change> {
         if self.changed == 0 {
@@ -85,12 +85,12 @@ impl Areas {
         Some(Change { first: first * BLOCK_BYTES, bytes: blocks * BLOCK_BYTES })
     }
 
-    /// The CPU has stored a change, or cannot: then the area gets back what the CPU has, and the same write is a change
-    /// again.
+    /// The CPU has stored a change, or cannot. In the latter case the area is reset to the CPU's data, so that the same
+    /// write counts as a change again.
     pub fn close_change(&mut self, change: Change, stored: bool) {
         for block in change.first / BLOCK_BYTES..(change.first + change.bytes).min(self.size) / BLOCK_BYTES {
             let bytes = block * BLOCK_BYTES..(block + 1) * BLOCK_BYTES;
-            // Written again in the meantime: that is a change of its own.
+            // Written again in the meantime: that is a separate change.
             if self.changed >> block & 1 == 1 {
                 continue;
             }
@@ -102,7 +102,7 @@ impl Areas {
         }
     }
 
-    /// Carries a request out; `answer` takes what follows address and function code. The result is its length.
+    /// Carries out a request; `answer` takes the bytes after address and function code. Returns their number.
     ///
     /// # Errors
     /// [`Exception::Address`] outside of the area: nothing is changed.

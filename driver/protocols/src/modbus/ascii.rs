@@ -2,7 +2,7 @@
 
 use super::Failure;
 
-/// Begins a frame, wherever it stands.
+/// Begins a frame at any position.
 pub const START: u8 = b':';
 /// First of the two end characters.
 pub const CR: u8 = 0x0D;
@@ -14,7 +14,7 @@ pub fn lrc(bytes: &[u8]) -> u8 {
     bytes.iter().fold(0_u8, |sum, byte| sum.wrapping_add(*byte)).wrapping_neg()
 }
 
-/// The value of a hexadecimal digit. Capital letters only: a small one is a capital one with a bit turned over.
+/// The value of a hexadecimal digit. Capital letters only: a small letter is a capital one with one wrong bit.
 pub const fn digit(character: u8) -> Option<u8> {
     match character {
         b'0'..=b'9' => Some(character - b'0'),
@@ -23,7 +23,7 @@ pub const fn digit(character: u8) -> Option<u8> {
     }
 }
 
-/// Writes the frame of a telegram; the result is its length. `None`: there is no room for it.
+/// Writes the frame of a telegram; returns its length. `None`: there is no room for it.
 pub fn encode(telegram: &[u8], frame: &mut [u8]) -> Option<usize> {
     const DIGITS: &[u8; 16] = b"0123456789ABCDEF";
     let len = 2 * (telegram.len() + 1) + 3;
@@ -40,12 +40,12 @@ pub fn encode(telegram: &[u8], frame: &mut [u8]) -> Option<usize> {
     Some(len)
 }
 
-/// Decodes a frame, from its `:` to its LF, into `telegram`; the result is the telegram's length.
+/// Decodes a frame, from its `:` to its LF, into `telegram`; returns the telegram's length.
 ///
 /// # Errors
-/// [`Failure::Start`]: the first character is not `:`. [`Failure::Overflow`]: CR LF does not stand at the end, or the
-/// telegram is longer than `telegram` less one byte. [`Failure::Incomplete`]: half a byte, or not even address,
-/// function code and LRC. [`Failure::Fault`]: a character that is no digit, or a wrong LRC.
+/// [`Failure::Start`]: the first character is not `:`. [`Failure::Overflow`]: CR LF is not at the end, or the telegram
+/// is longer than `telegram` less one byte. [`Failure::Incomplete`]: half a byte, or not even address, function code
+/// and LRC. [`Failure::Fault`]: a character that is not a digit, or a wrong LRC.
 pub fn decode(frame: &[u8], telegram: &mut [u8]) -> Result<usize, Failure> {
     let Some((&START, rest)) = frame.split_first() else {
         return Err(if frame.is_empty() { Failure::Incomplete } else { Failure::Start });

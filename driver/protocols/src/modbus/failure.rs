@@ -1,4 +1,5 @@
-//! What the master writes into the receive block when it has no valid answer. [S0 "Master doesn't receive valid data"]
+//! The text that the master writes into the receive block when there is no valid answer. [S0 "Master doesn't receive
+//! valid data"]
 
 use crate::machine::SendError;
 
@@ -39,7 +40,7 @@ impl Failure {
         }
     }
 
-    /// How the order ends: without an answer as without an acknowledgement, otherwise with a frame error.
+    /// The end of the order: without an answer as if not acknowledged, otherwise with a frame error.
     pub const fn outcome(self) -> SendError {
         match self {
             Self::NoData => SendError::AckDelay,

@@ -4,10 +4,10 @@
 //! Modbus specification for serial lines: 3.5 characters of silence separate telegrams, within one it is 1.5 at most;
 //! above 19200 bit/s 1.75 ms and 0.75 ms.
 //!
-//! The time of a character is that of its end, so a pause between two characters is what lies between their ends less
-//! one character. A device that hands characters over in bursts (a UART with a FIFO, a USB adapter) tells a burst's
-//! time only: [`Config::with_bursts`] says how late it may be. A telegram whose check is right is taken after the
-//! silence all the same; only one that is not whole, or is shorter than it says itself, is waited for.
+//! The time of a character is that of its end, so a pause between two characters is the time between their ends minus
+//! one character time. A device that hands over characters in bursts (a UART with a FIFO, a USB adapter) gives only a
+//! burst's time: [`Config::with_bursts`] says how late it may be. A telegram whose check is correct is still taken
+//! after the silence; only an incomplete one, or one shorter than its own length field, is waited for.
 
 use super::{Failure, Mode, TELEGRAM_BYTES, ascii, pdu, rtu};
 use crate::machine::{Instant, SECOND, Span};
@@ -15,22 +15,22 @@ use crate::machine::{Instant, SECOND, Span};
 /// Above this rate the silences of RTU no longer depend on it.
 const FIXED_ABOVE_BAUD: u32 = 19_200;
 
-/// Most bytes of a telegram with its check: CRC (LRC: one less).
+/// Maximum length of a telegram with its CRC (with LRC one byte less).
 const BUFFER: usize = TELEGRAM_BYTES + 2;
 
-/// How telegrams are told apart.
+/// How telegrams are separated.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Config {
     /// RTU or ASCII.
     pub mode: Mode,
     /// Time of one character on the line.
     pub char_time: Span,
-    /// RTU: silence that ends a telegram and that is kept before one. 0: none is kept, and a telegram ends when it has
-    /// the length its function code asks for and its check is right. ASCII has none.
+    /// RTU: the silence that ends a telegram and is kept before one. 0: none is kept, and a telegram ends when it has
+    /// the length of its function code and its check is correct. ASCII has none.
     pub silence: Span,
-    /// RTU: longest pause within a telegram; 0: not looked at.
+    /// RTU: longest pause within a telegram; 0: not checked.
     pub gap: Span,
-    /// Longest time that a telegram that is not whole is waited for after its last character.
+    /// How long an incomplete telegram is waited for after its last character.
     pub patience: Span,
     /// Bytes of a register: 2, or 4 with 32-bit extensions.
     pub register_bytes: usize,
@@ -52,7 +52,7 @@ impl Config {
         Self { mode, char_time, silence, gap, patience, register_bytes: pdu::REGISTER_BYTES }
     }
 
-    /// The same on a line that hands characters over up to `late` after they have come in.
+    /// The same on a line that hands over characters up to `late` after their arrival.
     #[must_use]
     pub const fn with_bursts(mut self, late: Span) -> Self {
         if !self.gap.is_zero() {
@@ -62,8 +62,8 @@ impl Config {
         self
     }
 
-    /// The same without silences: as fast as the partner can. For lines that separate telegrams by themselves, and to
-    /// measure.
+    /// The same without silences: as fast as the partner can. For lines that separate telegrams by themselves, and for
+    /// measurements.
     #[must_use]
     pub const fn without_silence(mut self) -> Self {
         if matches!(self.mode, Mode::Rtu) {
@@ -77,20 +77,20 @@ impl Config {
 /// A telegram has ended: whole, or not.
 pub type End = Result<(), Failure>;
 
-/// Puts telegrams together.
+/// Assembles telegrams.
 #[derive(Clone, Debug)]
 pub struct Receiver {
     config: Config,
     direction: pdu::Direction,
-    /// Characters have come that no end has followed yet.
+    /// Characters have come, but no end yet.
     open: bool,
     /// End of the last character.
     last: Instant,
-    /// The first thing that was wrong with the telegram.
+    /// The telegram's first fault.
     flaw: Option<Failure>,
     bytes: [u8; BUFFER],
     len: usize,
-    /// RTU: over what has come in.
+    /// RTU: CRC of the bytes received so far.
     crc: u16,
     /// ASCII: the first digit of a byte.
     half: Option<u8>,
@@ -101,7 +101,7 @@ pub struct Receiver {
 }
 
 impl Receiver {
-    /// One that has heard nothing yet, for telegrams that go this way.
+    /// A receiver before its first character, for telegrams in this direction.
     pub const fn new(config: Config, direction: pdu::Direction) -> Self {
         Self {
             config,
@@ -123,22 +123,22 @@ impl Receiver {
         &self.config
     }
 
-    /// Whether a telegram is coming in.
+    /// Whether a telegram is being received.
     pub const fn is_open(&self) -> bool {
         self.open
     }
 
-    /// The telegram that has just ended well; until the next character.
+    /// The valid telegram that has just ended; available until the next character.
     pub fn telegram(&self) -> &[u8] {
         self.bytes.get(..self.telegram).unwrap_or(&[])
     }
 
-    /// When the line has been silent for long enough to send.
+    /// When the line will have been silent long enough to send.
     pub const fn quiet_at(&self) -> Instant {
         self.last.saturating_add(self.config.silence)
     }
 
-    /// Forgets what has come in; the line counts as busy until `now`.
+    /// Drops what has been received; the line counts as busy until `now`.
     pub const fn clear(&mut self, now: Instant) {
         self.reset();
         self.open = false;
@@ -149,7 +149,7 @@ impl Receiver {
         (self.len, self.crc, self.half, self.cr, self.flaw, self.telegram) = (0, rtu::CRC_START, None, false, None, 0);
     }
 
-    /// Characters came in together, the last of them now. Before their [`Receiver::character`]s.
+    /// Characters came in together, the last of them now. Call it before their [`Receiver::character`] calls.
     pub fn chunk(&mut self, now: Instant, characters: usize) {
         let begun = now.saturating_sub(self.config.char_time * characters as u64);
         if self.open && !self.config.gap.is_zero() && begun.since(self.last) > self.config.gap {
@@ -157,7 +157,7 @@ impl Receiver {
         }
     }
 
-    /// One character; what it ends, if anything.
+    /// Takes one character; returns the end of a telegram, if it is one.
     pub fn character(&mut self, now: Instant, byte: u8) -> Option<End> {
         self.last = now;
         match self.config.mode {
@@ -166,7 +166,7 @@ impl Receiver {
         }
     }
 
-    /// A character that could not be read: it spoils the telegram it belongs to.
+    /// A character that could not be read: it invalidates its telegram.
     pub const fn unreadable(&mut self, now: Instant) {
         self.last = now;
         self.begin();
@@ -179,14 +179,14 @@ impl Receiver {
         self.open.then(|| self.last + wait)
     }
 
-    /// Time has passed; what has ended by that.
+    /// Time has passed; returns the end of a telegram, if that ended one.
     pub fn tick(&mut self, now: Instant) -> Option<End> {
         if self.deadline().is_none_or(|at| now < at) {
             return None;
         }
         Some(match self.config.mode {
             Mode::Rtu => self.end_rtu(),
-            // Without CR LF it is a part.
+            // Without CR LF it is incomplete.
             Mode::Ascii => self.end(Err(self.flaw.unwrap_or(Failure::Incomplete))),
         })
     }
@@ -221,7 +221,7 @@ impl Receiver {
 
     // ---- RTU ----
 
-    /// RTU: nothing is wrong, and the check is right.
+    /// RTU: no fault so far, and the check is correct.
     const fn is_whole(&self) -> bool {
         matches!(self.config.mode, Mode::Rtu) && self.flaw.is_none() && self.len >= 4 && self.crc == 0
     }
@@ -234,13 +234,13 @@ impl Receiver {
         at_once.then(|| self.end_rtu())
     }
 
-    /// Length of the telegram by its first bytes.
+    /// Length of the telegram according to its first bytes.
     fn expected(&self) -> Option<usize> {
         pdu::length(self.direction, self.bytes.get(..self.len)?, self.config.register_bytes)
     }
 
-    /// The telegram names a length that is not there yet: a burst may end where the check happens to be right. On a bus
-    /// a slave hears the answers of the others too, which are not short requests.
+    /// The telegram announces more bytes than have come: a burst may end where the check happens to be correct. On a
+    /// bus a slave also receives the answers of other slaves, which are not short requests.
     fn names_more(&self) -> bool {
         let is_answer = self.direction == pdu::Direction::Request
             && self.bytes.get(..self.len).is_some_and(|bytes| {
@@ -264,7 +264,7 @@ impl Receiver {
 
     fn ascii(&mut self, byte: u8) -> Option<End> {
         if byte == ascii::START {
-            // Whatever came before: here a telegram begins.
+            // Whatever came before, a telegram begins here.
             self.open = false;
             self.begin();
             return None;

@@ -1,12 +1,12 @@
 //! The master: one order, one request, one answer. [S0 "Master-Slave-Communication"]
 //!
 //! An order is a request telegram. It ends when its answer, good or with an error announced by the slave, has been
-//! delivered; when no valid answer came, with the plain text of the [`Failure`] delivered in its place and an error
-//! (ours: the manual tells the program by the text alone); a broadcast, when its last bit is out. "After a broadcast
-//! the master is not waiting for a respond telegram." [S0 L2309]
+//! delivered. If no valid answer came, the plain text of the [`Failure`] is delivered instead and the order ends with
+//! an error (ours: with the manual only the text tells the program). A broadcast ends when its last bit has been sent.
+//! "After a broadcast the master is not waiting for a respond telegram." [S0 L2309]
 //!
-//! The delay time runs from the last bit of the request to the first character of the answer; from there on the times
-//! of [`frame`](super::frame) decide (ours). Telegrams that are not the answer do not end the wait.
+//! The delay time runs from the last bit of the request to the first character of the answer; from then on the times of
+//! [`frame`](super::frame) apply (ours). Telegrams that are not the answer do not end the wait.
 
 use super::frame::{self, End, Receiver};
 use super::pdu::{self, BROADCAST, Direction, Function, Match};
@@ -16,7 +16,7 @@ use crate::machine::{Event, Input, Instant, LineFault, LineInput, Machine, Order
 /// Configuration of [`Master`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Config {
-    /// How telegrams travel.
+    /// How telegrams are framed.
     pub frame: frame::Config,
     /// Delay time: longest wait for the first character of the answer.
     pub wait: Span,
@@ -44,13 +44,13 @@ pub const fn automatic_wait(mode: Mode, baud: u32) -> Span {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     Idle,
-    /// The line has to be silent first. It is not waited for longer than `until`.
+    /// The line must be silent first. The wait ends at `until` at the latest.
     Silence {
         until: Instant,
     },
-    /// The request is leaving.
+    /// The request is being sent.
     Output,
-    /// The answer has to begin before `until`, and to end before `end`, whatever the line does.
+    /// The answer must begin before `until` and end before `end`, whatever the line does.
     Answer {
         until: Instant,
         end: Instant,
@@ -112,7 +112,7 @@ impl Master {
         }
     }
 
-    /// Sends as soon as the line has been silent for long enough.
+    /// Sends as soon as the line has been silent long enough.
     fn silence(&mut self, now: Instant, out: &mut dyn Sink) {
         let State::Silence { until } = self.state else { return };
         if now < self.receiver.quiet_at().min(until) {
@@ -125,7 +125,7 @@ impl Master {
                 self.state = State::Output;
                 out.transmit(frame.get(..len).unwrap_or(&[]));
             }
-            // Not to be had: the length was checked with the order.
+            // Impossible: the length was checked with the order.
             None => self.end(Err(SendError::TooLong), out),
         }
     }
@@ -139,8 +139,8 @@ impl Master {
             return self.end(Ok(()), out);
         }
         let until = now + self.config.wait;
-        // Twice the longest telegram, and its last pause: a partner that never falls silent does not keep the order for
-        // ever.
+        // Twice the longest telegram, and its last pause: a partner that never falls silent does not prolong the order
+        // for ever.
         let frame = &self.config.frame;
         let end = until + 2 * FRAME_CHARACTERS as u64 * (frame.char_time + frame.gap) + frame.patience;
         self.state = State::Answer { until, end };
@@ -158,7 +158,7 @@ impl Master {
     /// A telegram has ended.
     fn ended(&mut self, end: End, out: &mut dyn Sink) {
         if !matches!(self.state, State::Answer { .. }) {
-            // Nobody was asked, or an answer that came too late.
+            // No request is pending, or the answer came too late.
             return;
         }
         let failure = match end {
@@ -203,7 +203,7 @@ impl Master {
     fn fault(&mut self, now: Instant, fault: LineFault, out: &mut dyn Sink) {
         out.report(Event { phase: self.phase(), what: What::Line(fault) });
         match fault {
-            // Whatever was coming in ends in the air; the delay time goes on.
+            // The telegram being received is dropped; the delay time goes on.
             LineFault::Gone | LineFault::Back => self.receiver.clear(now),
             _ => self.receiver.unreadable(now),
         }
@@ -250,7 +250,7 @@ impl Machine for Master {
     fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Sink) -> Option<Instant> {
         match input {
             Input::Tick => self.tick(now, out),
-            // What comes in while we send is our own echo, or nobody's.
+            // Characters received while we send are our own echo, or noise.
             Input::Line(LineInput::Rx(_)) if self.state == State::Output => {}
             Input::Line(LineInput::Rx(bytes)) => self.received(now, bytes, out),
             Input::Line(LineInput::TxDone) => self.tx_done(now, out),

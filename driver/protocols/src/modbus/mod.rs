@@ -1,16 +1,16 @@
 //! Modbus, RTU and ASCII, master and slave. [S0 "Modbus - Basics"] to [S0 "Modbus - Error messages"]
 //!
-//! Four rooms, each usable alone:
+//! Four parts, each usable alone:
 //!
 //! * [`rtu`] and [`ascii`]: a telegram to a frame and back; total functions without time. [`tcp`]: the same for
-//!   couplers on a network, which no CP speaks.
+//!   couplers on a network, which no CP uses.
 //! * [`pdu`]: what the bytes of a telegram mean; lengths, requests, answers, exceptions.
 //! * [`frame`]: characters with their times to telegrams; the silences of RTU, the start and end characters of ASCII.
 //! * [`Master`] and [`Slave`]: the two machines.
 //!
-//! A *telegram* is what stands in the data blocks of the program: slave address, function code, data, without the
-//! check. "The check sums are automatically added to every telegram. They are not shown in the data block."
-//! [S0 "Check sum CRC, RTU, LRC"]
+//! A *telegram* is the content of the program's data blocks: slave address, function code, data, without the check.
+//! "The check sums are automatically added to every telegram. They are not shown in the data block." [S0 "Check sum
+//! CRC, RTU, LRC"]
 
 pub mod area;
 pub mod ascii;
@@ -33,7 +33,7 @@ pub const TELEGRAM_BYTES: usize = 257;
 /// Characters of the longest frame: that of ASCII, two for each byte of telegram and LRC, `:`, CR and LF.
 pub const FRAME_CHARACTERS: usize = 2 * (TELEGRAM_BYTES + 1) + 3;
 
-/// How bytes travel. [S0 "ASCII-, RTU-Modus"]
+/// How bytes are encoded. [S0 "ASCII-, RTU-Modus"]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Mode {
     /// Every byte is a character; silence separates telegrams.
@@ -43,8 +43,8 @@ pub enum Mode {
 }
 
 impl Mode {
-    /// Writes the frame of a telegram; the result is its length in characters. `None`: the telegram is empty or longer
-    /// than [`TELEGRAM_BYTES`].
+    /// Writes the frame of a telegram; returns its length in characters. `None`: the telegram is empty or longer than
+    /// [`TELEGRAM_BYTES`].
     pub fn encode(self, telegram: &[u8], frame: &mut [u8; FRAME_CHARACTERS]) -> Option<usize> {
         if telegram.is_empty() || telegram.len() > TELEGRAM_BYTES {
             return None;

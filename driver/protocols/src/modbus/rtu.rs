@@ -5,7 +5,7 @@ use super::Failure;
 /// The CRC before the first byte.
 pub const CRC_START: u16 = 0xFFFF;
 
-/// Table of the CRC, polynomial A001h (8005h with its bits turned round).
+/// Table of the CRC, polynomial A001h (8005h with its bits reversed).
 const TABLE: [u16; 256] = {
     let mut table = [0; 256];
     let mut n = 0;
@@ -22,7 +22,7 @@ const TABLE: [u16; 256] = {
     table
 };
 
-/// The CRC with one byte more. Over a whole frame, its two check bytes included, it is 0.
+/// The CRC extended by one byte. Over a whole frame, its two check bytes included, it is 0.
 pub const fn crc_push(crc: u16, byte: u8) -> u16 {
     (crc >> 8) ^ TABLE[((crc ^ byte as u16) & 0xFF) as usize]
 }
@@ -32,7 +32,7 @@ pub fn crc(bytes: &[u8]) -> u16 {
     bytes.iter().fold(CRC_START, |crc, byte| crc_push(crc, *byte))
 }
 
-/// Writes telegram and CRC; the result is the length. `None`: there is no room for it.
+/// Writes telegram and CRC; returns the length. `None`: there is no room for it.
 pub fn encode(telegram: &[u8], frame: &mut [u8]) -> Option<usize> {
     let len = telegram.len() + 2;
     let (body, check) = frame.get_mut(..len)?.split_at_mut(telegram.len());

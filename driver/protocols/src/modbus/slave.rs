@@ -1,9 +1,8 @@
-//! The slave, "short" and "long": it answers from its [`Areas`], and hands what the master writes to the CPU.
+//! The slave, "short" and "long": it answers from its [`Areas`], and passes the master's writes to the CPU.
 //!
 //! "The CP 240 only reports a respond telegram to the master after all data has been received." [S0 L2082]: with
-//! [`Config::confirmed`] the answer to a write waits until the CPU has taken every block that has changed. Somebody
-//! speaking in the meantime means that the master has given up, and the answer is dropped: it would meet another
-//! telegram.
+//! [`Config::confirmed`] the answer to a write waits until the CPU has taken every block that has changed. If somebody
+//! sends in the meantime, the master has given up, and the answer is dropped: it would collide with another telegram.
 
 use super::area::{AREA_BYTES, Areas, Change, SHORT_BYTES};
 use super::frame::{self, End, Receiver};
@@ -14,13 +13,13 @@ use crate::machine::{Event, Input, Instant, LineFault, LineInput, Machine, Order
 /// Configuration of [`Slave`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Config {
-    /// How telegrams travel.
+    /// How telegrams are framed.
     pub frame: frame::Config,
     /// The slave's address, 1 to 255.
     pub address: u8,
     /// Bytes of each area.
     pub area_bytes: usize,
-    /// Writes are answered when the CPU has taken the data.
+    /// Writes are answered only when the CPU has taken the data.
     pub confirmed: bool,
 }
 
@@ -41,7 +40,7 @@ enum State {
     Listen,
     /// The answer is ready; the CPU does not have all data yet.
     Held,
-    /// The answer is leaving.
+    /// The answer is being sent.
     Output,
 }
 
@@ -52,7 +51,7 @@ pub struct Slave {
     state: State,
     receiver: Receiver,
     areas: Areas,
-    /// A change is with the CPU.
+    /// The CPU has a change that it has not confirmed.
     with_cpu: Option<Change>,
     answer: [u8; TELEGRAM_BYTES],
     len: usize,
@@ -87,7 +86,7 @@ impl Slave {
         self.areas.set_output(bytes)
     }
 
-    /// What the CPU has to be given next, unless it still has to confirm what it was given before.
+    /// The next change for the CPU, unless it still has to confirm the last one.
     pub fn take_change(&mut self) -> Option<Change> {
         if self.with_cpu.is_some() {
             return None;
@@ -96,8 +95,7 @@ impl Slave {
         self.with_cpu
     }
 
-    /// The CPU has stored what it was given, or refuses it because its own area ends before. Follow with
-    /// [`Input::Tick`].
+    /// The CPU has stored the change, or refuses it because its own area is too short. Follow with [`Input::Tick`].
     pub fn change_taken(&mut self, stored: bool) {
         if let Some(change) = self.with_cpu.take() {
             self.areas.close_change(change, stored);
@@ -115,7 +113,7 @@ impl Slave {
                 State::Listen => {}
                 // The master has given up.
                 State::Held => self.state = State::Listen,
-                // What comes in while we answer is our own echo, or nobody's.
+                // Characters received while we answer are our own echo, or noise.
                 State::Output => return,
             }
             if let Some(end) = self.receiver.character(now, *byte) {
@@ -127,7 +125,7 @@ impl Slave {
     /// A telegram has ended.
     fn ended(&mut self, now: Instant, end: End, out: &mut dyn Sink) {
         if let Err(failure) = end {
-            // A slave does not answer what it could not read.
+            // A slave does not answer a telegram that it could not read.
             return out.report(Event { phase: Phase::Receive, what: What::Modbus(failure) });
         }
         let telegram = self.receiver.telegram();
@@ -137,7 +135,7 @@ impl Slave {
         }
         let request = Request::parse(telegram);
         if address == BROADCAST {
-            // Only writes, and without an answer. [S0 L2051]
+            // Only writes are carried out, and without an answer. [S0 L2051]
             if let Ok(request) = request
                 && Function::of(code).is_some_and(Function::writes)
             {
@@ -147,7 +145,7 @@ impl Slave {
         }
         self.answer[..2].copy_from_slice(&[address, code]);
         match request.and_then(|request| self.areas.serve(&request, &mut self.answer[2..])) {
-            // Writes: what stood behind the function code comes back. [S0 "Modbus - Function codes"]
+            // Writes: the four bytes after the function code are returned. [S0 "Modbus - Function codes"]
             Ok(0) => {
                 self.answer[2..6].copy_from_slice(telegram.get(2..6).unwrap_or(&[0; 4]));
                 self.len = 6;
@@ -166,7 +164,7 @@ impl Slave {
         self.len = 3;
     }
 
-    /// Answers, unless data are still to be taken.
+    /// Answers, unless the CPU still has to take data.
     fn release(&mut self, now: Instant, out: &mut dyn Sink) {
         let waits = self.config.confirmed && (self.with_cpu.is_some() || self.areas.has_changes());
         let writes = self.answer.get(1).copied().and_then(Function::of).is_some_and(Function::writes);
@@ -233,7 +231,7 @@ impl Machine for Slave {
         self.receiver.deadline()
     }
 
-    /// Never: what the CPU sends is stored at once.
+    /// Never busy: the CPU's data are stored at once.
     fn busy(&self) -> bool {
         false
     }

@@ -1,11 +1,11 @@
-//! The frame of Modbus TCP: a head of transaction, protocol and length in front of the telegram, and no check: TCP has
-//! its own. ["MODBUS Messaging on TCP/IP Implementation Guide V1.0b", 3.1.3]
+//! The frame of Modbus TCP: a header of transaction, protocol and length in front of the telegram, and no check,
+//! because TCP has its own. ["MODBUS Messaging on TCP/IP Implementation Guide V1.0b", 3.1.3]
 //!
 //! The telegram is the one of serial lines: unit (where those have the slave address), function code, data.
 
 use super::Failure;
 
-/// Bytes of the head in front of the telegram.
+/// Bytes of the header in front of the telegram.
 pub const HEAD_BYTES: usize = 6;
 /// Longest telegram: unit and 253 bytes of function code and data.
 pub const TELEGRAM_BYTES: usize = 254;
@@ -14,7 +14,7 @@ pub const FRAME_BYTES: usize = HEAD_BYTES + TELEGRAM_BYTES;
 /// Unit and function code.
 const SHORTEST: usize = 2;
 
-/// Writes head and telegram; the result is the length. `None`: the telegram is too short or too long.
+/// Writes header and telegram; returns the length. `None`: the telegram is too short or too long.
 pub fn encode(transaction: u16, telegram: &[u8], frame: &mut [u8; FRAME_BYTES]) -> Option<usize> {
     if !(SHORTEST..=TELEGRAM_BYTES).contains(&telegram.len()) {
         return None;
@@ -27,7 +27,7 @@ pub fn encode(transaction: u16, telegram: &[u8], frame: &mut [u8; FRAME_BYTES]) 
     Some(HEAD_BYTES + telegram.len())
 }
 
-/// Puts telegrams together out of a stream of bytes.
+/// Assembles telegrams from a stream of bytes.
 #[derive(Clone, Debug)]
 pub struct Receiver {
     bytes: [u8; FRAME_BYTES],
@@ -43,21 +43,21 @@ impl Default for Receiver {
 }
 
 impl Receiver {
-    /// One that has heard nothing yet.
+    /// A receiver before its first byte.
     pub const fn new() -> Self {
         Self { bytes: [0; FRAME_BYTES], len: 0, done: false }
     }
 
-    /// Forgets what has come in: another connection begins.
+    /// Drops what has been received: another connection begins.
     pub const fn clear(&mut self) {
         (self.len, self.done) = (0, false);
     }
 
-    /// One byte; whether a telegram is whole with it.
+    /// Takes one byte; true if it completes a telegram.
     ///
     /// # Errors
-    /// [`Failure::Start`]: another protocol. [`Failure::Overflow`]: a length that no telegram has. From then on nobody
-    /// knows where a telegram begins: the connection must be closed.
+    /// [`Failure::Start`]: another protocol. [`Failure::Overflow`]: a length that no telegram has. After that the
+    /// beginning of a telegram can no longer be found: the connection must be closed.
     pub fn byte(&mut self, byte: u8) -> Result<bool, Failure> {
         if self.done {
             self.clear();
@@ -79,7 +79,7 @@ impl Receiver {
         Ok(self.done)
     }
 
-    /// The telegram that is whole, and its transaction; until the next byte.
+    /// The complete telegram and its transaction; available until the next byte.
     pub fn telegram(&self) -> Option<(u16, &[u8])> {
         let telegram = self.bytes.get(HEAD_BYTES..self.len)?;
         self.done.then_some((u16::from_be_bytes([self.bytes[0], self.bytes[1]]), telegram))

@@ -1,5 +1,5 @@
-//! What the parameter assignment tool asks for, and what the driver makes of it at its start.
-//! [S4 "3.6.1 Modbus ASCII Protocol"]
+//! The parameters of the parameter assignment tool, and how the driver converts them at its start. [S4 "3.6.1 Modbus
+//! ASCII Protocol"]
 
 use super::number;
 use crate::machine::{MS, SECOND, Span};
@@ -8,11 +8,11 @@ use crate::signals::Times;
 /// Transmission rates of the driver, bit/s. [S4 "Overview of Transmission Parameters"]
 pub const BAUD_RATES: [u32; 9] = [300, 600, 1200, 2400, 4800, 9600, 19_200, 38_400, 76_800];
 
-/// How long the CPU may take to fetch a reply. The driver's manual names no time [S4 L1785]; this is the one of 0409h
+/// How long the CPU may take to fetch a reply. The driver's manual names no time [S4 L1785]; this is the time of 0409h
 /// [reference 3.6].
 const TRANSFER: Span = Span::from_secs(10);
 
-/// Longest times the parameters may name, ms. [S4 "3.6.3 RS232 Secondary Signals"]
+/// Maximum of the times in the parameters, ms. [S4 "3.6.3 RS232 Secondary Signals"]
 const SIGNAL_MS_MAX: u32 = 655_350;
 
 pub use ob1_serial::Parity;
@@ -25,7 +25,7 @@ pub(super) const fn stop_bits_of(parity: Parity) -> u8 {
     }
 }
 
-/// What the receiving line is like. [S4 "3.6.2 RS422/485 (X27) Interface"]
+/// Properties of the receiving line. [S4 "3.6.2 RS422/485 (X27) Interface"]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Wiring {
     /// Two-wire operation: the driver switches the line from sending to receiving; faults and BREAK before and after a
@@ -57,7 +57,7 @@ impl Default for Signals {
     }
 }
 
-/// The parameters as assigned: raw, for the driver itself checks them.
+/// The parameters as assigned: unchecked, because the driver itself checks them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Parameters {
     /// One of [`BAUD_RATES`].
@@ -82,7 +82,7 @@ pub struct Parameters {
     pub wiring: Wiring,
     /// Automatic use of the RS 232C secondary signals; `None`: they are neither set nor checked.
     pub signals: Option<Signals>,
-    /// How late the line may hand characters over (a UART with a FIFO, a USB adapter); no parameter of the CP.
+    /// How late the line may hand over characters (a UART with a FIFO, a USB adapter); not a parameter of the CP.
     pub late: Span,
 }
 
@@ -113,7 +113,7 @@ impl Default for Parameters {
     }
 }
 
-/// What the machine works with: times in nanoseconds.
+/// The machine's configuration: times in nanoseconds.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Config {
     pub(super) character_delay: Span,
@@ -142,7 +142,7 @@ impl Parameters {
         if self.operating_mode > Self::INTERFERENCE_SUPPRESSION {
             refuse(number::OPERATING_MODE);
         }
-        // The driver's own list has no number for these; the CP has one (ours to choose it). [reference 3.4]
+        // The driver's own list has no number for these; the CP has one (our choice). [reference 3.4]
         let signals_fit = self.signals.is_none_or(|s| s.rts_off_ms.max(s.output_wait_ms) <= SIGNAL_MS_MAX);
         if !BAUD_RATES.contains(&self.baud) || self.stop_bits != stop_bits_of(self.parity) || !signals_fit {
             refuse(number::PARAMETERS);
@@ -160,7 +160,7 @@ impl Parameters {
         // Start, 7 data, 1 parity or 2 stop: ten bits either way.
         let char_time = 10 * SECOND / u64::from(self.baud.max(1));
         ready.then(|| Config {
-            // What is measured is the quiet time; a character counts from its end. [S4 "Character Delay Time"]
+            // The quiet time is measured; a character counts from its end. [S4 "Character Delay Time"]
             character_delay: u64::from(character_delay_ms) * MS + char_time + self.late,
             response: u64::from(response_ms) * MS + self.late,
             turnaround: u64::from(self.turnaround_ms) * MS,

@@ -1,8 +1,8 @@
-//! A job: the SEND source area of the program becomes the request.
-//! [S4 "6.1.1 Data Transfer from CPU to CP with P_SND_RK"]
+//! A job: it converts the SEND source area of the program to the request. [S4 "6.1.1 Data Transfer from CPU to CP with
+//! P_SND_RK"]
 //!
-//! Layout of the source area: slave address, function code, then words, as in the manual's tables. What follows behind
-//! the last byte needed is not looked at: "the data length LEN may exceed the required amount". [S4 L1622]
+//! Layout of the source area: slave address, function code, then words, as in the manual's tables. Bytes after the last
+//! one needed are ignored: "the data length LEN may exceed the required amount". [S4 L1622]
 
 use super::{TELEGRAM_BYTES, number};
 
@@ -79,7 +79,7 @@ impl Function {
     }
 }
 
-/// A request, and what its reply will be measured by.
+/// A request, and the data for checking its reply.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Job {
     function: Function,
@@ -89,9 +89,9 @@ pub struct Job {
 }
 
 impl Job {
-    /// Checks the source area and makes the request of it. `long_registers`: the parameter "32-bit mode".
+    /// Checks the source area and builds the request from it. `long_registers`: the parameter "32-bit mode".
     ///
-    /// The length is looked at first [S4 L1634], then what stands in the area from the front to the back.
+    /// The length is checked first [S4 L1634], then the content of the area from front to back.
     ///
     /// # Errors
     /// The event number.
@@ -133,7 +133,7 @@ impl Job {
         self.request.get(..self.len).unwrap_or(&[])
     }
 
-    /// Whether nobody will answer.
+    /// Whether no slave will answer.
     pub const fn is_broadcast(&self) -> bool {
         self.request[0] == BROADCAST
     }
@@ -148,7 +148,7 @@ impl Job {
         u16::from_be_bytes([self.request[4], self.request[5]])
     }
 
-    /// Bytes that number of bits takes.
+    /// Bytes that this number of bits takes.
     pub const fn bit_bytes(&self) -> usize {
         (self.value() as usize).div_ceil(8)
     }
@@ -170,7 +170,7 @@ impl Job {
         }
     }
 
-    /// What the third word may be.
+    /// Checks the third word.
     fn check_value(&self) -> Result<(), u16> {
         let value = self.value();
         let (allowed, number) = match self.function {
@@ -211,8 +211,8 @@ impl Job {
             self.put(data);
             return Ok(());
         }
-        // "coil_state[1] EFCD: Status Coil 5FH..58H/57H..50H": the low byte of each word travels first, as it stands.
-        // [S4 L1434]
+        // "coil_state[1] EFCD: Status Coil 5FH..58H/57H..50H": the low byte of each word is sent first, unchanged. [S4
+        // L1434]
         for (at, word) in data.chunks_exact(2).enumerate() {
             let both = [word[1], word[0]];
             self.put(both.get(..(bytes - 2 * at).min(2)).unwrap_or(&[]));
@@ -223,7 +223,7 @@ impl Job {
 
 /// Function and register width of a code in the source area.
 fn function_of(code: u8, long_registers: bool) -> Result<(Function, bool), u16> {
-    // Without the parameter there is no such bit, and the code is not in the list (ours).
+    // Without the parameter the bit does not exist, and the code is not in the list (ours).
     let is_long = long_registers && code & LONG_BIT != 0;
     let base = if is_long { code & !LONG_BIT } else { code };
     match Function::of(base) {

@@ -7,19 +7,19 @@
 //! P_SND_RK   DONE / ERROR  <-  ended
 //! ```
 //!
-//! A job ends when its reply has been judged: a writing one at once, a reading one when the CPU has taken the data
-//! [S4 L1648], a broadcast after the turnaround delay [S4 "Turnaround Delay"]. Every error is an event number that goes
-//! to [`Owner::event`] (the diagnostic buffer, [S4 L1687]); the one that ends the job goes to [`Owner::ended`] too and
-//! is P_SND_RK's STATUS. 0834h ends no job.
+//! A job ends when its reply has been checked: a writing one at once, a reading one when the CPU has taken the data [S4
+//! L1648], a broadcast after the turnaround delay [S4 "Turnaround Delay"]. Every error is an event number that goes to
+//! [`Owner::event`] (the diagnostic buffer, [S4 L1687]); the one that ends the job goes to [`Owner::ended`] too and is
+//! P_SND_RK's STATUS. 0834h does not end a job.
 //!
-//! * [`job`]: the source area to a request, all checks of it; total, without time.
-//! * [`reply`]: a reply to the destination area; total, without time.
-//! * [`Parameters`]: what the assignment tool asks for; the driver checks them at its start.
+//! * [`job`]: the source area to a request, with all its checks; never panics, needs no time.
+//! * [`reply`]: a reply to the destination area; never panics, needs no time.
+//! * [`Parameters`]: the parameters of the assignment tool; the driver checks them at its start.
 //! * [`Driver`]: the machine.
 //! * [`number`]: the event numbers.
 //!
-//! It differs from [`modbus::Master`](crate::modbus::Master), the CP 240's, in everything the program and the line see:
-//! layouts, numbers, times, signals. Both share what is Modbus: LRC and digits.
+//! It differs from [`modbus::Master`](crate::modbus::Master), the CP 240's, in everything visible to the program and on
+//! the line: layouts, numbers, times, signals. Both share the Modbus part: LRC and digits.
 
 mod config;
 pub mod job;
@@ -42,7 +42,7 @@ pub const TELEGRAM_BYTES: usize = 254;
 /// Characters of the longest frame.
 pub const FRAME_CHARACTERS: usize = 2 * (TELEGRAM_BYTES + 1) + 3;
 
-/// Most bytes of a destination area: 2008 bits are 251 bytes, in whole words.
+/// Maximum bytes of a destination area: 2008 bits are 251 bytes, in whole words.
 pub const DESTINATION_BYTES: usize = 252;
 
 /// What happened.
@@ -52,23 +52,23 @@ pub type Input<'a> = crate::machine::Input<'a, Order<'a>>;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order<'a> {
     /// A job of P_SND_RK: `R_TYP` and the source area, LEN bytes of it. It ends with [`Owner::ended`], exactly once.
-    /// While one runs another is answered at once with [`number::BUSY`]; the first goes on.
+    /// While one runs, another is answered at once with [`number::BUSY`]; the first continues.
     Job {
         /// Parameter `R_TYP`.
         r_typ: u8,
         /// Source area.
         source: &'a [u8],
     },
-    /// P_RCV_RK has taken what was delivered (`true`), or cannot (`false`, after the reason went into the diagnostic
-    /// buffer).
+    /// P_RCV_RK has taken the delivered data (`true`), or cannot take them (`false`, after the reason was entered in
+    /// the diagnostic buffer).
     Taken(bool),
     /// Drop the running job: it ends with [`number::ABORTED`].
     Abort,
 }
 
-/// Where the driver puts its results, beside what goes to the line. Called only inside [`Driver::step`].
+/// Where the driver puts its results, besides output to the line. Called only inside [`Driver::step`].
 pub trait Owner: Wire {
-    /// The destination area of a reading job, for P_RCV_RK; never empty. The job goes on until [`Order::Taken`].
+    /// The destination area of a reading job, for P_RCV_RK; never empty. The job continues until [`Order::Taken`].
     fn deliver(&mut self, destination: &[u8]);
 
     /// The job has ended; the error is P_SND_RK's STATUS.
@@ -83,21 +83,21 @@ enum State {
     /// Before the first step.
     Start,
     Idle,
-    /// What an earlier job has left on the line has to leave first.
+    /// Characters of an earlier job must be sent first.
     Queue,
     /// RTS is ON; the data output waiting time runs.
     OutputWait,
-    /// The request is leaving.
+    /// The request is being sent.
     Output,
-    /// The reply has to begin before `until`.
+    /// The reply must begin before `until`.
     Reply {
         until: Instant,
     },
-    /// The slaves carry out a broadcast.
+    /// The slaves are carrying out a broadcast.
     Turnaround {
         until: Instant,
     },
-    /// The CPU takes the data.
+    /// The CPU is taking the data.
     Transfer {
         until: Instant,
     },
@@ -112,7 +112,7 @@ pub struct Driver {
     state: State,
     job: Option<Job>,
     receiver: Receiver,
-    /// Characters of ours are on their way out.
+    /// Characters are being sent.
     leaving: bool,
     signals: signals::Signals,
     /// The line is gone.
@@ -134,7 +134,7 @@ impl Driver {
         }
     }
 
-    /// Whether the parameters let it work; after the first step.
+    /// Whether the parameters are valid; known after the first step.
     pub const fn is_ready(&self) -> bool {
         self.config.is_some()
     }
@@ -149,7 +149,7 @@ impl Driver {
         !matches!(self.state, State::Start | State::Idle)
     }
 
-    /// Takes one input at time `now`; the result is the next deadline. The laws are those of [`crate::Machine`].
+    /// Takes one input at time `now`; returns the next deadline. The laws are those of [`crate::Machine`].
     pub fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Owner) -> Option<Instant> {
         if self.state == State::Start {
             self.start(out);
@@ -226,7 +226,7 @@ impl Driver {
     fn send(&mut self, out: &mut dyn Owner) {
         let mut frame = [0; FRAME_CHARACTERS];
         let request = self.job.as_ref().map_or(&[][..], Job::request);
-        // A request is never longer than the frame holds: its job limits it.
+        // A request always fits the frame: its job limits it.
         let len = ascii::encode(request, &mut frame).unwrap_or(0);
         self.state = State::Output;
         self.leaving = true;
@@ -305,7 +305,8 @@ impl Driver {
         let number = if is_break { number::BREAK } else { number::TRANSMISSION };
         match self.state {
             // "If BREAK is recognized on the receiving line by the CP during output of a message, the triggered
-            // P_SND_RK job is completed with error." [S4 L727] In two-wire operation nobody listens meanwhile.
+            // P_SND_RK job is completed with error." [S4 L727] In two-wire operation the CP does not receive while
+            // sending.
             State::Output if is_break && !config.wiring.half_duplex => self.fail(number, out),
             State::Output => {}
             State::Reply { .. } if is_break && (config.normal || self.receiver.is_open()) => self.fail(number, out),

@@ -1,6 +1,6 @@
-//! Event numbers of the driver, class and number as they stand in STATUS. [S4 "7.3 Table of Errors / Events"]
+//! Event numbers of the driver, class and number as in STATUS. [S4 "7.3 Table of Errors / Events"]
 //!
-//! What each of them means, and what helps, is in [`cp341_events`](crate::cp341_events).
+//! Their meanings and remedies are in [`cp341_events`](crate::cp341_events).
 
 /// Invalid parameters: the interface could not be parametrised. [reference 3.4]
 pub const PARAMETERS: u16 = 0x020F;
@@ -10,7 +10,7 @@ pub const ABORTED: u16 = 0x0501;
 pub const NOT_READY: u16 = 0x0502;
 /// Nothing, or more than 4096 bytes, came from the CPU. [S4 L1742]
 pub const LENGTH: u16 = 0x0518;
-/// A job before the end of the one before. [reference 3.7]
+/// A job before the end of the previous one. [reference 3.7]
 pub const BUSY: u16 = 0x0522;
 
 /// Character delay time exceeded. [S4 L1748]
@@ -32,18 +32,18 @@ pub const RESTART: u16 = 0x0834;
 
 /// Data bits other than 7. [S4 L1776]
 pub const DATA_BITS: u16 = 0x0E20;
-/// Character delay time out of range; 1000 ms are taken. [S4 L1777]
+/// Character delay time out of range; 1000 ms is used. [S4 L1777]
 pub const CHARACTER_DELAY_RANGE: u16 = 0x0E21;
 /// No such operating mode. [S4 L1778]
 pub const OPERATING_MODE: u16 = 0x0E22;
-/// Response time-out out of range; 2000 ms are taken. [S4 L1779]
+/// Response time-out out of range; 2000 ms is used. [S4 L1779]
 pub const RESPONSE_TIMEOUT_RANGE: u16 = 0x0E23;
 
 /// An acknowledgement of the CPU nobody waits for. [S4 L1784]
 pub const UNEXPECTED_TAKEN: u16 = 0x0E30;
 /// The CPU does not take the data in time. [S4 L1785]
 pub const TRANSFER_TIMEOUT: u16 = 0x0E31;
-/// The CPU cannot take the data; why stands in the diagnostic buffer before this entry. [S4 L1786]
+/// The CPU cannot take the data; the reason is in the diagnostic buffer before this entry. [S4 L1786]
 pub const TRANSFER_FAILED: u16 = 0x0E32;
 
 /// LEN below 2. [S4 L1792]

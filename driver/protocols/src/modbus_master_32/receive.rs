@@ -1,27 +1,28 @@
 //! Characters to a reply: colon, digits, CR, LF. [S4 "4.1 Message Structure"]
 //!
-//! What is wrong with a reply is kept until it has ended, by LF or by silence: the next request must not meet the rest
-//! of it.
+//! A fault of a reply is kept until the reply has ended, by LF or by silence: the next request must not collide with
+//! the rest.
 
 use super::{FRAME_CHARACTERS, TELEGRAM_BYTES, number};
 use crate::machine::Instant;
 use crate::modbus::ascii::{CR, LF, START, digit, lrc};
 
-/// Most characters one reply may take, false starts included: a partner that never ends keeps no job for ever (ours).
+/// Maximum characters of one reply, false starts included: a partner that never ends must not prolong a job for ever
+/// (ours).
 const CHARACTERS_MAX: usize = 2 * FRAME_CHARACTERS;
 
-/// What a character has brought about.
+/// The effect of a character.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Heard {
     /// Nothing yet.
     Nothing,
-    /// A second colon: what came before it is forgotten.
+    /// A second colon: everything before it is dropped.
     Restart,
-    /// The reply has ended; it is whole, or what was wrong.
+    /// The reply has ended: complete, or with an event number.
     End(Result<(), u16>),
 }
 
-/// Puts one reply together.
+/// Assembles one reply.
 #[derive(Clone, Debug)]
 pub(super) struct Receiver {
     bytes: [u8; TELEGRAM_BYTES + 1],
@@ -38,9 +39,9 @@ pub(super) struct Receiver {
     last: Instant,
     /// Characters so far.
     heard: usize,
-    /// Wrong with what follows the last colon.
+    /// Fault in the characters since the last colon.
     flaw: Option<u16>,
-    /// Wrong with the line since the request: no colon mends it.
+    /// Fault of the line since the request: a colon does not clear it.
     fault: Option<u16>,
 }
 
@@ -60,7 +61,7 @@ impl Receiver {
         }
     }
 
-    /// Forgets everything: a request has left.
+    /// Drops everything: a request has been sent.
     pub(super) const fn clear(&mut self) {
         self.forget();
         (self.open, self.colon, self.heard, self.fault) = (false, false, 0, None);
@@ -84,13 +85,13 @@ impl Receiver {
         self.bytes.get(..self.len.saturating_sub(1)).unwrap_or(&[])
     }
 
-    /// What ends a reply that has fallen silent.
+    /// The event number of a reply that has ended by silence.
     pub(super) fn silence(&self) -> u16 {
         self.fault.or(self.flaw).unwrap_or(number::CHARACTER_DELAY)
     }
 
-    /// A character that could not be read. In normal operation it counts before the colon as well, and no colon mends
-    /// it.
+    /// A character that could not be read. In normal operation it also counts before the colon, and a colon does not
+    /// clear it.
     pub(super) const fn unreadable(&mut self, now: Instant, normal: bool) {
         if normal {
             self.open = true;
@@ -160,7 +161,7 @@ impl Receiver {
             return Err(number);
         }
         if !self.cr {
-            // LF is no character of a reply but behind CR.
+            // LF is valid only after CR.
             return Err(number::CHARACTER);
         }
         // Half a byte, or not even address, function code and LRC. [S4 L1809]

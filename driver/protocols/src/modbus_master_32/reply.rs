@@ -1,4 +1,5 @@
-//! A reply: held against its request, and laid out as the RCV destination area of the program. [S4 "5 Function Codes"]
+//! A reply: compared with its request, and converted to the RCV destination area of the program. [S4 "5 Function
+//! Codes"]
 
 use super::{DESTINATION_BYTES, number};
 use crate::modbus_master_32::job::{Function, Job};
@@ -22,8 +23,7 @@ pub struct Destination {
 impl Destination {
     const EMPTY: Self = Self { bytes: [0; DESTINATION_BYTES], len: 0 };
 
-    /// What is entered from the area's first byte on; its length is what P_RCV_RK shows as LEN. Empty: nothing is
-    /// entered.
+    /// The bytes to enter from the area's first byte on; P_RCV_RK shows their number as LEN. Empty: nothing is entered.
     pub fn bytes(&self) -> &[u8] {
         self.bytes.get(..self.len).unwrap_or(&[])
     }
@@ -46,7 +46,7 @@ impl Destination {
         for (at, byte) in data.iter().enumerate() {
             let is_last = at + 1 == data.len();
             let used = if is_last && !count.is_multiple_of(8) { (1 << (count % 8)) - 1 } else { 0xFF };
-            // The low byte of an S7 word stands at the odd address.
+            // The low byte of an S7 word is at the odd address.
             if let Some(place) = area.bytes.get_mut(at ^ 1) {
                 *place = byte & used;
             }
@@ -55,7 +55,7 @@ impl Destination {
     }
 }
 
-/// Holds a reply (address first, LRC gone and right) against its job.
+/// Checks a reply (address first, correct LRC already removed) against its job.
 ///
 /// # Errors
 /// The event number; then nothing is entered into the destination area. [S4 L757], [S4 "How to Handle an Error"]
@@ -91,8 +91,7 @@ pub fn evaluate(job: &Job, reply: &[u8]) -> Result<Destination, u16> {
     }
 }
 
-/// Exception codes 1 to 7 have a number each. [S4 L1819-L1825] Another one is the answer to nothing the driver knows:
-/// a wrong function code (ours).
+/// Exception codes 1 to 7 have a number each. [S4 L1819-L1825] Any other code counts as a wrong function code (ours).
 fn exception(data: &[u8]) -> u16 {
     match data {
         [] => number::REPLY_SHORT,
@@ -111,13 +110,13 @@ fn exactly(data: &[u8], bytes: usize) -> Result<&[u8], u16> {
     }
 }
 
-/// The bytes behind a byte counter: as many as it says.
+/// The bytes after a byte counter, which must be as many as it says.
 fn behind_counter(data: &[u8]) -> Result<&[u8], u16> {
     let (counter, data) = data.split_first().ok_or(number::REPLY_SHORT)?;
     exactly(data, usize::from(*counter))
 }
 
-/// The same, and as many as were asked for.
+/// The same, and as many as were requested.
 fn counted(data: &[u8], bytes: usize) -> Result<&[u8], u16> {
     let data = behind_counter(data)?;
     match data.len() {
@@ -127,9 +126,9 @@ fn counted(data: &[u8], bytes: usize) -> Result<&[u8], u16> {
     }
 }
 
-/// Function 03. A slave that answers with registers of the other width is told apart from one that counts wrongly:
-/// "check accessed address of the slave whether it belongs to the expected memory area (16/32-bit)". [S4 L844],
-/// [S4 L1809-L1810]
+/// Function 03. A slave that answers with registers of the other width is distinguished from one that counts wrongly:
+/// "check accessed address of the slave whether it belongs to the expected memory area (16/32-bit)". [S4 L844], [S4
+/// L1809-L1810]
 fn registers(job: &Job, data: &[u8]) -> Result<Destination, u16> {
     let count = usize::from(job.value());
     let other_width = 6 - job.register_bytes();
@@ -141,8 +140,8 @@ fn registers(job: &Job, data: &[u8]) -> Result<Destination, u16> {
     }
 }
 
-/// Function 12. The manual's slave has 64 event bytes; one that has fewer to tell is taken at its word (ours; the
-/// Modbus specification has "0 to 64").
+/// Function 12. The manual's slave has 64 event bytes; a slave that reports fewer is accepted (ours; the Modbus
+/// specification has "0 to 64").
 fn event_log(data: &[u8]) -> Result<&[u8], u16> {
     let data = behind_counter(data)?;
     match data.len() {

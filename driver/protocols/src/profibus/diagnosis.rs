@@ -1,15 +1,16 @@
-//! The diagnosis of a DP slave: six bytes that each has, then blocks about the device, its modules and its channels.
+//! The diagnosis of a DP slave: six bytes that every diagnosis has, then blocks about the device, its modules and its
+//! channels.
 
 use core::fmt;
 
 /// Bytes that every diagnosis has.
 pub const STANDARD_BYTES: usize = 6;
-/// Characters of [`Diagnosis::short`], at most.
+/// Maximum number of characters of [`Diagnosis::short`].
 pub const SHORT: usize = 12;
-/// Bytes of a diagnosis, at most.
+/// Maximum number of bytes of a diagnosis.
 pub const DIAGNOSIS_BYTES: usize = super::DATA_BYTES;
 
-/// What the first two bytes say, bit by bit: byte, mask, words.
+/// The bits of the first two bytes: byte, mask, words.
 const FLAGS: [(usize, u8, &str); 15] = [
     (0, 0x01, "does not exist"),
     (0, 0x02, "not ready"),
@@ -28,7 +29,7 @@ const FLAGS: [(usize, u8, &str); 15] = [
     (2, 0x80, "more than fits"),
 ];
 
-/// Why a channel reports a fault: error type, words.
+/// Faults of a channel: error type, words.
 const CHANNEL_ERRORS: [(u8, &str); 9] = [
     (1, "short circuit"),
     (2, "undervoltage"),
@@ -41,16 +42,16 @@ const CHANNEL_ERRORS: [(u8, &str); 9] = [
     (9, "error"),
 ];
 
-/// A diagnosis as it came.
+/// A diagnosis as received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Diagnosis<'a>(&'a [u8]);
 
 /// A part of the extended diagnosis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Block<'a> {
-    /// About the device as a whole; what the bits mean stands in its GSD file.
+    /// About the device as a whole; its GSD file tells the meaning of the bits.
     Device(&'a [u8]),
-    /// Bit n of byte m: slot 8 m + n + 1 has something to tell.
+    /// Bit n of byte m: slot 8 m + n + 1 has a diagnosis.
     Modules(&'a [u8]),
     /// A channel of a module.
     Channel {
@@ -63,12 +64,12 @@ pub enum Block<'a> {
         /// Error type.
         error: u8,
     },
-    /// What has another form: revision, or the rest behind a length that cannot be.
+    /// Any other block: a revision, or the rest after an impossible length.
     Other(&'a [u8]),
 }
 
 impl<'a> Diagnosis<'a> {
-    /// Of received bytes; `None`: too short to be one.
+    /// A diagnosis of received bytes; `None` if they are too few.
     #[must_use]
     pub const fn new(bytes: &'a [u8]) -> Option<Self> {
         if bytes.len() < STANDARD_BYTES { None } else { Some(Self(bytes)) }
@@ -78,43 +79,43 @@ impl<'a> Diagnosis<'a> {
         self.0.get(byte).is_some_and(|byte| byte & mask != 0)
     }
 
-    /// It is not ready for data.
+    /// The slave is not ready for data.
     #[must_use]
     pub fn not_ready(self) -> bool {
         self.bit(0, 0x02)
     }
 
-    /// It does not take its configuration.
+    /// The slave does not accept its configuration.
     #[must_use]
     pub fn configuration_fault(self) -> bool {
         self.bit(0, 0x04)
     }
 
-    /// It reports faults of its own.
+    /// The slave reports faults of its own.
     #[must_use]
     pub fn has_faults(self) -> bool {
         self.bit(0, 0x08)
     }
 
-    /// It does not take its parameters.
+    /// The slave does not accept its parameters.
     #[must_use]
     pub fn parameter_fault(self) -> bool {
         self.bit(0, 0x40)
     }
 
-    /// It has no parameters.
+    /// The slave has no parameters.
     #[must_use]
     pub fn wants_parameters(self) -> bool {
         self.bit(1, 0x01)
     }
 
-    /// The master it takes orders from.
+    /// The master that controls the slave.
     #[must_use]
     pub fn master(self) -> Option<u8> {
         self.0.get(3).copied().filter(|master| *master != 0xFF)
     }
 
-    /// What it is.
+    /// The slave's ident number.
     #[must_use]
     pub fn ident(self) -> u16 {
         match *self.0 {
@@ -123,7 +124,7 @@ impl<'a> Diagnosis<'a> {
         }
     }
 
-    /// The blocks behind the standard bytes.
+    /// The blocks after the standard bytes.
     pub fn blocks(self) -> impl Iterator<Item = Block<'a>> {
         let mut rest = self.0.get(STANDARD_BYTES..).unwrap_or_default();
         core::iter::from_fn(move || {
@@ -151,7 +152,7 @@ impl<'a> Diagnosis<'a> {
         })
     }
 
-    /// The slots that have something to tell, from 1.
+    /// The slots that have a diagnosis, from 1.
     pub fn slots(self) -> impl Iterator<Item = u8> {
         self.blocks().flat_map(|block| {
             let bits = match block {
@@ -168,8 +169,8 @@ impl<'a> Diagnosis<'a> {
         })
     }
 
-    /// Why it does not exchange data, in words; `None`: it says nothing about that. `ours`: who we are, and what it is
-    /// to be.
+    /// Why the slave does not exchange data; `None` if the diagnosis does not tell. `ours` is our address, `ident` the
+    /// expected ident number.
     #[must_use]
     pub fn refusal(self, ours: u8, ident: u16) -> Option<Refused> {
         if self.ident() != ident {
@@ -188,7 +189,7 @@ impl<'a> Diagnosis<'a> {
         }
     }
 
-    /// The most important thing it says, in at most [`SHORT`] characters: for a line of the diagnostic buffer.
+    /// Its most important content in at most [`SHORT`] characters, for a line of the diagnostic buffer.
     pub fn short(self, out: &mut dyn fmt::Write) -> fmt::Result {
         let channel = self.blocks().find_map(|block| match block {
             Block::Channel { slot, channel, error, .. } => Some((slot, channel, error)),
@@ -207,13 +208,13 @@ impl<'a> Diagnosis<'a> {
 /// Why a slave does not exchange data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refused {
-    /// It is another device.
+    /// The slave is another device.
     Ident(u16),
-    /// It takes orders from another master.
+    /// Another master controls the slave.
     Master(u8),
-    /// It does not take its parameters.
+    /// The slave does not accept its parameters.
     Parameters,
-    /// It does not take its configuration.
+    /// The slave does not accept its configuration.
     Configuration,
 }
 
@@ -251,7 +252,7 @@ impl fmt::Display for Refused {
     }
 }
 
-/// Everything it says, in words.
+/// The whole diagnosis as text.
 impl fmt::Display for Diagnosis<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "ident {:04X}h", self.ident())?;

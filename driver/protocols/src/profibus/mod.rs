@@ -1,7 +1,7 @@
-//! PROFIBUS as it lies on the wire: telegrams of the data link layer, and the diagnosis of a DP slave.
-//! ["EN 50170-2", DIN 19245 parts 1 and 3]
+//! PROFIBUS on the wire: telegrams of the data link layer, and the diagnosis of a DP slave. ["EN 50170-2", DIN 19245
+//! parts 1 and 3]
 //!
-//! The master is a stack of its own; what stands here is what all who look at the line must agree on.
+//! The master is a separate stack; this module contains what everybody who reads the line must agree on.
 
 pub mod diagnosis;
 pub mod telegram;
@@ -11,22 +11,22 @@ pub use telegram::{Parsed, Telegram};
 
 /// Bits of a character: start bit, eight data bits, even parity, one stop bit.
 pub const CHARACTER_BITS: u32 = 11;
-/// TSYN: the line is quiet for so many bits before a request, so that everybody knows that one begins.
+/// TSYN: the line is quiet for this many bits before a request, so that everybody knows that one begins.
 pub const SYNC_BITS: u32 = 33;
 /// The shortest time from a request to its answer, in bits (min TSDR).
 pub const MIN_ANSWER_BITS: u32 = 11;
 /// The highest address a station can have.
 pub const LAST_ADDRESS: u8 = 125;
-/// To all.
+/// Address of all stations.
 pub const BROADCAST: u8 = 127;
-/// Bytes of user data in a telegram, at most.
+/// Maximum bytes of user data in a telegram.
 pub const DATA_BYTES: usize = 244;
 /// The longest telegram.
 pub const TELEGRAM_BYTES: usize = 255;
 
-/// Service access points of DP: where a telegram to a slave belongs.
+/// Service access points of DP: the service that a telegram to a slave addresses.
 pub mod sap {
-    /// Where the master's own services sit (MS0).
+    /// The master's own services (MS0).
     pub const MASTER: u8 = 62;
     /// A new address for the slave.
     pub const SET_ADDRESS: u8 = 55;
@@ -36,16 +36,16 @@ pub mod sap {
     pub const READ_OUTPUTS: u8 = 57;
     /// Sync, freeze, clear; to all or a group.
     pub const GLOBAL_CONTROL: u8 = 58;
-    /// Its configuration, for whoever asks.
+    /// Its configuration, for any master.
     pub const GET_CONFIG: u8 = 59;
     /// Its diagnosis.
     pub const DIAGNOSIS: u8 = 60;
     /// Its parameters.
     pub const PARAMETERS: u8 = 61;
-    /// The configuration it is to check.
+    /// The configuration that it must check.
     pub const CHECK_CONFIG: u8 = 62;
 
-    /// What is done there, in words.
+    /// The name of the service.
     #[must_use]
     pub const fn text(sap: Option<u8>) -> &'static str {
         match sap {
@@ -75,7 +75,7 @@ pub mod function {
     pub const SDN: u8 = 4;
     /// The same with high priority.
     pub const SDN_HIGH: u8 = 6;
-    /// Who are you: status of the data link layer.
+    /// Request of the status of the data link layer.
     pub const STATUS: u8 = 9;
     /// Send and request data, low priority.
     pub const SRD: u8 = 12;
@@ -91,7 +91,7 @@ pub mod function {
     /// Answer: data, and a diagnosis to be fetched.
     pub const DATA_HIGH: u8 = 10;
 
-    /// Of a request or an answer, in words.
+    /// The function code of a request or an answer, in words.
     #[must_use]
     pub const fn text(fc: u8) -> &'static str {
         if fc & REQUEST != 0 {

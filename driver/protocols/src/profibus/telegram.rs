@@ -4,11 +4,11 @@ use super::{DATA_BYTES, TELEGRAM_BYTES};
 
 /// Start delimiter of a telegram without data.
 const SD1: u8 = 0x10;
-/// Of one with data of any length.
+/// Start delimiter of a telegram with data of any length.
 const SD2: u8 = 0x68;
-/// Of one with 8 bytes.
+/// Start delimiter of a telegram with 8 bytes of data.
 const SD3: u8 = 0xA2;
-/// Of a token.
+/// Start delimiter of a token.
 const SD4: u8 = 0xDC;
 /// Short confirmation: the whole telegram.
 const SC: u8 = 0xE5;
@@ -16,20 +16,20 @@ const SC: u8 = 0xE5;
 const ED: u8 = 0x16;
 /// Bit of an address that says that a service access point follows.
 const EXTENSION: u8 = 0x80;
-/// DA, SA and FC: what the length counts besides the data.
+/// DA, SA and FC, which the length counts besides the data.
 const HEAD: usize = 3;
 
 /// A telegram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Telegram<'a> {
-    /// The token: `da` may speak next.
+    /// The token: `da` may send next.
     Token {
         /// To whom.
         da: u8,
         /// From whom.
         sa: u8,
     },
-    /// Done, nothing to say.
+    /// Done, no data.
     Confirmation,
     /// A request or an answer.
     Data(Frame<'a>),
@@ -52,10 +52,10 @@ pub struct Frame<'a> {
     pub data: &'a [u8],
 }
 
-/// What the beginning of received bytes is.
+/// What received bytes begin with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Parsed<'a> {
-    /// A telegram of so many bytes.
+    /// A telegram, and its number of bytes.
     Telegram(Telegram<'a>, usize),
     /// The beginning of one.
     More,
@@ -63,8 +63,8 @@ pub enum Parsed<'a> {
     Wrong,
 }
 
-/// Reads the telegram at the beginning of `bytes`. Everything that the standard gives for finding damage is looked at:
-/// delimiters at both ends, both lengths, the check sum. Parity is the receiver's affair.
+/// Reads the telegram at the beginning of `bytes`. All the standard's means to detect damage are checked: delimiters at
+/// both ends, both lengths, the check sum. Parity is checked by the receiver.
 #[must_use]
 pub fn parse(bytes: &[u8]) -> Parsed<'_> {
     let (first, len) = match *bytes {
@@ -99,7 +99,7 @@ pub fn parse(bytes: &[u8]) -> Parsed<'_> {
     Parsed::Telegram(Telegram::Data(frame), first + len + 2)
 }
 
-/// The service access point that an address promises; the outer `None`: it is not there.
+/// The service access point that an address announces; the outer `None`: it is missing.
 fn extension(address: u8, data: &[u8]) -> (Option<Option<u8>>, &[u8]) {
     match (address & EXTENSION != 0, data) {
         (false, _) => (Some(None), data),
@@ -112,7 +112,7 @@ fn checksum(bytes: &[u8]) -> u8 {
     bytes.iter().fold(0, |sum, byte| sum.wrapping_add(*byte))
 }
 
-/// Writes a telegram; the result is its length, `None` if the data is too long.
+/// Writes a telegram; returns its length, `None` if the data is too long.
 pub fn encode(telegram: &Telegram<'_>, out: &mut [u8; TELEGRAM_BYTES]) -> Option<usize> {
     let frame = match *telegram {
         Telegram::Confirmation => {
@@ -198,16 +198,15 @@ mod tests {
         assert_eq!(parse(&[]), Parsed::More);
     }
 
-    /// The code has a Hamming distance of 4 with the parity of the characters: what three wrong bits leave
-    /// of a telegram
-    /// is no telegram of the same length, unless parity has seen it.
+    /// With the parity of the characters the code has a Hamming distance of 4: three wrong bits never leave a valid
+    /// telegram of the same length, unless parity detects them.
     #[test]
     fn up_to_three_wrong_bits_are_found() {
         let mut bytes = [0; TELEGRAM_BYTES];
         let telegram = Telegram::Data(frame(&[1, 2, 3, 4, 5, 6, 7, 8], false));
         let size = encode(&telegram, &mut bytes).expect("it fits");
         let bits = size * 8;
-        // Only pairs within a character escape the parity bit; a third wrong bit anywhere is seen by it.
+        // Only pairs within a character escape the parity bit; it detects a third wrong bit anywhere.
         for (a, b) in (0..bits).flat_map(|a| (a + 1..bits).map(move |b| (a, b))).filter(|(a, b)| a / 8 == b / 8) {
             let mut damaged = bytes;
             damaged[a / 8] ^= 1 << (a % 8);
@@ -230,7 +229,7 @@ mod tests {
             &[0x68, 5, 5, 0x69],
             &[0x68, 2, 2, 0x68],
             &[0x68, 250, 250, 0x68],
-            // A service access point is promised, and there is none.
+            // A service access point is announced but missing.
             &[0x10, 0x83, 2, 0x49, 0xCE, 0x16],
             &[0x10, 3, 2, 0x49, 0x4E, 0x17],
         ];

@@ -9,18 +9,18 @@ use crate::machine::{Instant, SendError};
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Own {
     request: Request,
-    /// Bytes of data that are through: the partner has said so, or they are here.
+    /// Bytes of data transferred: acknowledged by the partner, or received.
     at: usize,
-    /// The telegram under way is a follow-on telegram.
+    /// The current telegram is a follow-on telegram.
     follow: bool,
     stage: Stage,
     /// How often it has been sent because BWZ ran out.
     repetitions: u16,
-    /// Reaction monitoring; begins with each acknowledgement of the telegram under way.
+    /// Reaction monitoring; begins with each acknowledgement of the current telegram.
     until: Option<Instant>,
 }
 
-/// Where the telegram under way is.
+/// Progress of the current telegram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
     /// It waits for the line.
@@ -31,14 +31,14 @@ enum Stage {
     Awaiting { bwz: Option<Instant> },
 }
 
-/// An order has ended without its reaction, which may still come. Nothing in a reaction tells which order it belongs
-/// to, so the next one waits a while for it; and so does the one behind that, for the partner may have answered the
-/// first to what was sent as the second. (ours)
+/// An order has ended without its reaction, which may still come. A reaction does not tell which order it belongs to,
+/// so the next order waits a while for it. The order after that waits too, because the reaction that ended the second
+/// order may have been the late one to the first. (ours)
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Late {
-    /// No order begins before this; `None`: the wait is over.
+    /// No order begins before this time; `None`: the wait is over.
     until: Option<Instant>,
-    /// The order behind the one without reaction has ended, too.
+    /// The order after the one without reaction has ended, too.
     last: bool,
 }
 
@@ -54,7 +54,7 @@ impl Own {
         }
     }
 
-    /// Bytes of data of the telegram under way.
+    /// Bytes of data of the current telegram.
     fn piece(&self) -> usize {
         match self.request.command {
             Command::Send => (self.request.bytes() - self.at).min(PIECE),
@@ -83,8 +83,8 @@ impl<const N: usize> Rk512<N> {
         out.ended(Err(refused));
     }
 
-    /// The telegram under way; marks it as being on the line. [S0 "Structure of the output message"],
-    /// [S0 "Structure of the input message"], [S0 "Structure of additional messages"]
+    /// Composes the current telegram and marks it as being on the line. [S0 "Structure of the output message"], [S0
+    /// "Structure of the input message"], [S0 "Structure of additional messages"]
     pub(super) fn compose_order(&mut self, telegram: &mut [u8]) -> usize {
         let Some(own) = &mut self.own else { return 0 };
         if self.late.is_some_and(|late| late.last) {
@@ -102,7 +102,7 @@ impl<const N: usize> Rk512<N> {
         head + piece
     }
 
-    /// The procedure below is through with our telegram: the monitoring times begin. [S0 L1678], [S0 L1635]
+    /// The procedure below has finished our telegram: the monitoring times begin. [S0 L1678], [S0 L1635]
     pub(super) fn order_sent(&mut self, now: Instant, outcome: Result<(), SendError>, out: &mut dyn Owner) {
         let Some(own) = &mut self.own else { return };
         match outcome {
@@ -114,8 +114,8 @@ impl<const N: usize> Rk512<N> {
         }
     }
 
-    /// BWZ runs while the line is free: it ends with STX of the reaction. An order of the partner, or something that
-    /// was no telegram, lets it begin anew.
+    /// BWZ runs while the line is free: it ends with STX of the reaction. An order of the partner, or an invalid
+    /// telegram, restarts it.
     pub(super) fn watch_bwz(&mut self, now: Instant) {
         let free = self.line.is_free();
         let time = self.config.line.bwz;
@@ -128,7 +128,7 @@ impl<const N: usize> Rk512<N> {
         }
     }
 
-    /// Whether the next order waits for the late reaction to one before.
+    /// Whether the next order waits for the late reaction to a previous one.
     pub(super) fn waits_for_late(&self) -> bool {
         self.late.is_some_and(|late| late.until.is_some())
     }
@@ -162,11 +162,11 @@ impl<const N: usize> Rk512<N> {
         }
     }
 
-    /// Whether a reaction that comes now would be the one to our telegram.
+    /// Whether a reaction that comes now belongs to our telegram.
     pub(super) fn awaits_reaction(&self) -> bool {
         match self.own.as_ref().map(|own| own.stage) {
             Some(Stage::Awaiting { .. }) => true,
-            // Its acknowledgement was lost, or spoilt: the reaction tells that it has arrived.
+            // Its acknowledgement was lost or damaged: the reaction shows that it has arrived.
             Some(Stage::OnLine) if self.line.block_is_out() => true,
             // It is to be sent once more, because BWZ ran out.
             Some(Stage::OnLine | Stage::ToSend) => self.own.as_ref().is_some_and(|own| own.until.is_some()),
@@ -177,7 +177,8 @@ impl<const N: usize> Rk512<N> {
     /// A reaction has come.
     pub(super) fn reaction(&mut self, now: Instant, follow: bool, number: u8, data: &[u8], out: &mut dyn Owner) {
         if !self.awaits_reaction() {
-            // Without an order, or before our telegram can have arrived: of something before. [reference 3.12]
+            // Without an order, or before our telegram can have arrived: it belongs to something earlier. [reference
+            // 3.12]
             self.late = None;
             return out.report(Event::BadReaction(BadReaction::Sequence));
         }
@@ -185,8 +186,8 @@ impl<const N: usize> Rk512<N> {
         if follow != own.follow {
             return self.bad_reaction(now, BadReaction::Sequence, out);
         }
-        // Data come "only if byte 4 = 00h" [reference 4.3]: this may be the partner's own order, made a reaction by
-        // the line.
+        // Data come "only if byte 4 = 00h" [reference 4.3]: this may be the partner's own order, which a line fault
+        // turned into a reaction.
         let with_data = !data.is_empty();
         let bytes = own.request.bytes();
         let piece = match own.request.command {
@@ -195,7 +196,7 @@ impl<const N: usize> Rk512<N> {
             // [reference 4.5]: the order ends, without data, without further telegrams.
             _ if number != 0 => return self.end_own(now, Err(OrderError::Rejected(number)), out),
             Command::Send => own.piece(),
-            // Less than 128 bytes is tolerated in a reaction [reference 4.4]: what is missing is fetched.
+            // Less than 128 bytes is tolerated in a reaction [reference 4.4]: the rest is fetched.
             Command::Fetch => match self.own_data[..bytes].get_mut(own.at..own.at + data.len()) {
                 Some(place) if !data.is_empty() && data.len() <= PIECE => {
                     place.copy_from_slice(data);
@@ -225,7 +226,7 @@ impl<const N: usize> Rk512<N> {
     fn end_own(&mut self, now: Instant, outcome: Result<(), OrderError>, out: &mut dyn Owner) {
         self.forget_own_telegram();
         let Some(own) = self.own.take() else { return };
-        // What was no good reaction need not have been the reaction.
+        // An invalid reaction may not have been the one to this order.
         if matches!(outcome, Err(OrderError::NoReaction | OrderError::BwzExceeded | OrderError::BadReaction(_))) {
             self.expect_late(now, false);
         } else if self.late.is_some() {
@@ -246,7 +247,7 @@ impl<const N: usize> Rk512<N> {
         self.late = Some(Late { until: Some(now + self.config.late_wait), last });
     }
 
-    /// What the procedure below still wants to repeat has been answered.
+    /// The telegram that the procedure below still wants to repeat has been answered.
     fn forget_own_telegram(&mut self) {
         if self.carries == super::Carries::Order {
             self.line.forget_order();

@@ -10,12 +10,13 @@ pub const SHORT: usize = 4;
 /// 128Byte". [S0 "Structure of additional messages"], [reference 4.4]
 pub const PIECE: usize = 128;
 
-/// Whether a telegram of a SEND has as many data as it must, when `rest` are still to come; `first`: data of the
-/// order's first telegram, `None` if this is it.
+/// Whether a telegram of a SEND has the right number of data bytes, `len`, when `rest` bytes are still to come.
+/// `first`: data of the order's first telegram, `None` if this is the first.
 ///
-/// Up to 128 bytes are one telegram [S0 L1713], more are split by 128. What is shorter has lost its end, and the
-/// partner would take the acknowledgement of its last telegram for "all is stored". The one other split that is taken
-/// is that of the tables read by their word, where a telegram has 128 bytes with its header. (decision 20)
+/// Up to 128 bytes are one telegram [S0 L1713], more are split by 128. A shorter telegram has lost its end, and the
+/// partner would take the acknowledgement of its last telegram for "all is stored". The only other split that is
+/// accepted follows from a literal reading of the tables, where a telegram has 128 bytes including its header.
+/// (decision 20)
 pub const fn is_whole(len: usize, rest: usize, first: Option<usize>) -> bool {
     if len == (if rest < PIECE { rest } else { PIECE }) {
         return len > 0;
@@ -33,7 +34,7 @@ const FOLLOW: u8 = 0xFF;
 /// Ninth byte, and low nibble of the tenth, without coordination flag.
 const NONE: u8 = 0xFF;
 
-/// What an order wants.
+/// The command of an order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Command {
     /// "Output": data go to the partner. [S0 "Structure of the output message"]
@@ -42,7 +43,7 @@ pub enum Command {
     Fetch,
 }
 
-/// Where data lie in the station that serves.
+/// The area of the data in the serving station.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Area {
     /// Data block.
@@ -102,7 +103,7 @@ pub struct Flag {
     pub bit: u8,
 }
 
-/// Bytes 9 and 10 of a header as they travel: flag byte, CPU number and flag bit.
+/// Bytes 9 and 10 of a header as sent: flag byte, CPU number and flag bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Coordination(pub [u8; 2]);
 
@@ -134,7 +135,7 @@ impl Coordination {
         }
     }
 
-    /// The CPU number, if there is one, of any value.
+    /// The CPU number, if there is one, whatever its value.
     pub const fn cpu(self) -> Option<u8> {
         match self.0[1] >> 4 {
             0 | 0x0F => None,
@@ -143,16 +144,16 @@ impl Coordination {
     }
 }
 
-/// A coordination flag that cannot be.
+/// An impossible coordination flag.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BadFlag;
 
-/// An order as its header says it.
+/// An order as in its header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Request {
     /// SEND or FETCH.
     pub command: Command,
-    /// Where: at SEND a [`Area::Db`] or [`Area::Dx`].
+    /// The area: with SEND [`Area::Db`] or [`Area::Dx`].
     pub area: Area,
     /// Number of the DB or DX; 0 for the other areas.
     pub db: u8,
@@ -194,10 +195,10 @@ impl Request {
         [FOLLOW, 0, command, area]
     }
 
-    /// Reads a header; what follows it is not looked at.
+    /// Reads a header; bytes after it are ignored.
     ///
     /// # Errors
-    /// [`Malformed`]: the first thing that is wrong with it.
+    /// [`Malformed`]: its first fault.
     pub fn of_header(header: &[u8; HEADER]) -> Result<Self, Malformed> {
         let [first, second, command, area, db, start, high, low, flag, bit] = *header;
         if first != FIRST || second != 0 {
@@ -209,7 +210,7 @@ impl Request {
     }
 }
 
-/// What the third and fourth byte mean. `A X` is taken for a DX, as some partners send it. [reference 1.3]
+/// The meaning of the third and fourth byte. `A X` counts as a DX, because some partners send it. [reference 1.3]
 fn letters(command: u8, area: u8) -> Result<(Command, Area), Malformed> {
     match (command, area) {
         (b'A', b'D') => Ok((Command::Send, Area::Db)),
@@ -231,11 +232,11 @@ pub enum Malformed {
     ReactionBytes,
     /// The third byte is neither A, O nor E (nor the 00h of a reaction).
     CommandLetter,
-    /// The fourth byte is no area, or none the command may name.
+    /// The fourth byte is not an area, or not one that the command may name.
     AreaLetter,
 }
 
-/// A telegram, sorted.
+/// A parsed telegram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Telegram<'a> {
     /// The first telegram of an order, with its part of the data.
@@ -260,7 +261,7 @@ pub enum Telegram<'a> {
     },
 }
 
-/// Sorts a telegram. The third byte tells reactions (00h) from orders. [reference 4.5]
+/// Parses a telegram. The third byte distinguishes reactions (00h) from orders. [reference 4.5]
 ///
 /// # Errors
 /// [`Malformed`].
@@ -283,7 +284,7 @@ pub fn parse(telegram: &[u8]) -> Result<Telegram<'_>, Malformed> {
         let (command, area) = letters(third, fourth)?;
         return Ok(Telegram::Follow { command, area, data: rest });
     }
-    // What is wrong with the letters is told before what is missing behind them.
+    // Wrong letters are reported before missing bytes after them.
     letters(third, fourth)?;
     let Some((header, data)) = telegram.split_first_chunk::<HEADER>() else { return Err(Malformed::Short) };
     Request::of_header(header).map(|request| Telegram::Order(request, data))
@@ -350,7 +351,7 @@ mod tests {
             (1, 2, Some(128), false),
             (128, 300, Some(128), true),
             (124, 300, Some(128), false),
-            // The tables by their word.
+            // The tables read literally.
             (118, 130, None, true),
             (124, 200, Some(118), true),
             (118, 120, Some(118), false),

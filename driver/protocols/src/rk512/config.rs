@@ -1,33 +1,33 @@
-//! What is set at an RK 512 interface, and what differs between the CPs that speak it.
+//! Settings of an RK 512 interface, and the differences between the CPs that have it.
 
 use crate::machine::{SECOND, Span};
 use crate::s3964;
 
-/// Long enough for a telegram that is on its way, repetitions included; short beside the monitoring it follows.
+/// Long enough for a telegram being sent, repetitions included; short compared with the monitoring before it.
 const LATE_WAIT: Span = Span::from_secs(2);
 
 /// Configuration of [`Rk512`](super::Rk512). Times in nanoseconds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Config {
     /// The procedure below: 3964 or 3964R. Its BWZ is the longest time from the acknowledgement of an order's telegram
-    /// to STX of the reaction, after which the telegram is sent again, its `block_attempts` (DBL) times in all; 0: not
-    /// at all (CP 341). [S0 L1635]
+    /// to STX of the reaction, after which the telegram is sent again, `block_attempts` (DBL) times in all; 0: never
+    /// (CP 341). [S0 L1635]
     pub line: s3964::Config,
-    /// Reaction monitoring: longest time from the acknowledgement of an order's telegram to its reaction; it begins
-    /// anew with each repetition and each follow-on telegram. [S0 L1678], [reference 4.7]
+    /// Reaction monitoring: longest time from the acknowledgement of an order's telegram to its reaction; it restarts
+    /// with each repetition and each follow-on telegram. [S0 L1678], [reference 4.7]
     pub reaction: Span,
-    /// How long an order waits for the reaction that one before it has not got in time, so that it is not taken for
+    /// How long an order waits for the overdue reaction of a previous order, so that it does not take that reaction for
     /// its own. (ours)
     pub late_wait: Span,
-    /// How long the CPU has to answer an order of the partner, or to get on with it
-    /// ([`Order::Working`](super::Order::Working)); after that it is refused with 2Ah. Shorter than the partner's
-    /// reaction monitoring.
+    /// How long the CPU has to answer an order of the partner, or to make progress with it
+    /// ([`Order::Working`](super::Order::Working)); after that the order is refused with 2Ah. Shorter than the
+    /// partner's reaction monitoring.
     pub answer_wait: Span,
     /// How long the next telegram of the partner's order is waited for.
     pub follow_wait: Span,
     /// Longest order in bytes; the machine's own buffer is a further limit.
     pub data_max: usize,
-    /// Highest byte a coordination flag may lie in, 0 to 254.
+    /// Highest byte of a coordination flag, 0 to 254.
     pub flag_byte_max: u8,
     /// Highest CPU number in the partner's orders; 0 to 4.
     pub cpu_max: u8,
@@ -35,7 +35,7 @@ pub struct Config {
 
 impl Config {
     /// The CP 240: 5 s for the reaction [S0 L1678], 1024 bytes [S0 "Error message CP Byte 0"], flags in bytes 0 to 199
-    /// [reference 9.4]. A CPU number is taken as the Siemens texts say, 1 to 4, and not looked at.
+    /// [reference 9.4]. A CPU number is accepted as in the Siemens texts, 1 to 4, and ignored.
     pub fn cp240(line: s3964::Config) -> Self {
         Self {
             line,

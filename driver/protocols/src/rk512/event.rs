@@ -1,4 +1,4 @@
-//! What can go wrong, with its error number for the partner and its event number for the own side.
+//! Faults, with the error number for the partner and the event number for the own side.
 
 use super::codec::Malformed;
 use crate::machine::{self, SendError};
@@ -19,11 +19,11 @@ pub mod code {
     pub const RANGE: u8 = 0x14;
     /// Third byte wrong: no such command.
     pub const COMMAND: u8 = 0x16;
-    /// The station is in STOP, or nobody there takes the order.
+    /// The station is in STOP, or no program there takes the order.
     pub const STOP: u8 = 0x2A;
     /// Locked by the coordination flag. [S0 "Coordination flags"]
     pub const LOCKED: u8 = 0x32;
-    /// The telegram's length and the length in its header do not go together.
+    /// The telegram's length does not match the length in its header.
     pub const LENGTH: u8 = 0x34;
     /// Telegrams out of order.
     pub const SEQUENCE: u8 = 0x36;
@@ -52,15 +52,14 @@ pub enum Refusal {
     Flag,
     /// CPU number not allowed.
     Cpu,
-    /// First telegram of a SEND whose data are not as many as the header announces: fewer, more, none, or more than
-    /// 128 bytes.
+    /// First telegram of a SEND whose data do not match the header: fewer, more, none, or more than 128 bytes.
     SendLength,
-    /// Follow-on telegram of a SEND whose data do not go with the announced length: fewer or more than are missing,
-    /// none, or more than 128 bytes.
+    /// Follow-on telegram of a SEND whose data do not match the announced length: fewer or more than are missing, none,
+    /// or more than 128 bytes.
     FollowLength,
     /// FETCH with data.
     FetchData,
-    /// Nobody takes it: CPU in STOP, or it does not answer in time.
+    /// No program takes it: the CPU is in STOP, or does not answer in time.
     Mode,
     /// A follow-on telegram instead of a first one, or the other way round, or before our reaction.
     Sequence,
@@ -132,12 +131,12 @@ impl From<Malformed> for Refusal {
     }
 }
 
-/// What is wrong with a reaction of the partner. [reference 3.12]
+/// The fault of a reaction of the partner. [reference 3.12]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum BadReaction {
     /// Without an order, before our telegram was sent, or to another kind of telegram than ours.
     Sequence,
-    /// Its first bytes, or it is too short.
+    /// Its first bytes are wrong, or it is too short.
     Structure,
     /// Too many or too few data.
     Data,
@@ -172,7 +171,7 @@ pub enum OrderError {
     BadReaction(BadReaction),
     /// Longer than the buffer; nothing was sent.
     TooLong,
-    /// Without data, or its data do not go with its header; nothing was sent.
+    /// Without data, or its data do not match its header; nothing was sent.
     Invalid,
     /// Dropped by [`Order::Abort`](super::Order::Abort).
     Aborted,
@@ -226,11 +225,11 @@ const fn rejected(number: u8) -> u16 {
     }
 }
 
-/// Why an answer to the partner was not wanted any more, or did not arrive.
+/// Why an answer to the partner was no longer wanted, or did not arrive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum AnswerError {
-    /// The order was refused in the meantime: the CPU has not answered in time ([`Refusal::Mode`]), or the partner did
-    /// something else before it had all of the answer.
+    /// The order was refused in the meantime: the CPU has not answered in time ([`Refusal::Mode`]), or the partner sent
+    /// something else before it had the whole answer.
     Withdrawn(Refusal),
     /// The partner did not fetch the rest, or broke the order of telegrams.
     Abandoned,
@@ -243,15 +242,15 @@ pub enum AnswerError {
 /// An occurrence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
-    /// Of the 3964(R) below.
+    /// An occurrence of the 3964(R) below.
     Line(machine::Event),
     /// An order of the partner was refused.
     Refused(Refusal),
     /// The CPU refused an order of the partner with this error number.
     RefusedByCpu(u8),
-    /// A telegram of the partner came once more and was recognised as the same.
+    /// A telegram of the partner was repeated and recognised as the same.
     Repeated,
-    /// The partner did not go on with its order.
+    /// The partner did not continue its order.
     Abandoned,
     /// Our reaction could not be sent.
     ReactionNotSent(SendError),
@@ -264,7 +263,7 @@ pub enum Event {
 }
 
 impl Event {
-    /// Event number in classes 5 to 10; `None` where these have no number. [reference 3.7 to 3.12]
+    /// Event number in classes 5 to 10; `None` if they have no number for it. [reference 3.7 to 3.12]
     pub fn number(self) -> Option<u16> {
         match self {
             Self::Line(event) => event.number(),

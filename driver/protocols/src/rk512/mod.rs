@@ -13,16 +13,16 @@
 //!                                      <-    [FF 00 00 code  data]
 //! ```
 //!
-//! One machine plays both roles at once: an own order waits for its reaction while orders of the partner come in and
-//! are answered ("quasi full duplex", one order each way) [reference 4.5]. The active role is in `active`, the passive
-//! one in `passive`; [`codec`] knows the telegrams, [`Config`] the differences between CPs.
+//! One machine has both roles at once: an own order waits for its reaction while orders of the partner come in and are
+//! answered ("quasi full duplex", one order each way) [reference 4.5]. The active role is in `active`, the passive one
+//! in `passive`; [`codec`] knows the telegrams, [`Config`] the differences between CPs.
 //!
 //! 3964(R) may deliver a block twice, when the acknowledgement of the first is lost. The rules here (ours, the texts
-//! are silent): a reaction proves that the telegram it answers has arrived, once that has left completely; one that
-//! comes earlier belongs to something before. A telegram that is the same as the last one, before our reaction can have
-//! arrived, is the last one. When it cannot be told whether a follow-on telegram is the last one or the next with the
-//! same data, the order is refused: an error, never wrong data. The reaction to an order that has been given up may
-//! still come: the next order waits a while for it, and it ends nothing.
+//! are silent): a reaction proves that the telegram it answers has arrived, once that has been sent completely; a
+//! reaction that comes earlier belongs to an earlier telegram. A telegram that equals the last one, and comes before
+//! our reaction can have arrived, is a repetition of it. If a follow-on telegram may be either a repetition or the next
+//! one with the same data, the order is refused: an error, never wrong data. The reaction to an order that has been
+//! given up may still come: the next order waits a while for it, and that reaction ends no order.
 
 mod active;
 pub mod codec;
@@ -39,8 +39,8 @@ use crate::s3964::S3964;
 use active::{Late, Own};
 use passive::{Partner, Reply};
 
-/// Longest telegram on the line that is taken in. 138 bytes is what a partner may send; what is a little longer is
-/// refused with an error number instead of NAK.
+/// Longest telegram accepted from the line. A partner may send 138 bytes; a slightly longer telegram is refused with an
+/// error number instead of NAK.
 const LINE: usize = 256;
 
 /// What happened.
@@ -49,41 +49,42 @@ pub type Input<'a> = machine::Input<'a, Order<'a>>;
 /// An order of the CPU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order<'a> {
-    /// Do this; for a SEND with these data. The end is told by [`Owner::ended`], exactly once an order.
+    /// Carry out this request, a SEND with these data. Its end is reported by [`Owner::ended`], exactly once per order.
     ///
-    /// While an order is running a second one is answered at once with [`OrderError::Busy`]; the first goes on.
+    /// While an order is running a second one is answered at once with [`OrderError::Busy`]; the first continues.
     Start(Request, &'a [u8]),
     /// The answer to the order of the partner that [`Owner::asked`] brought. Without one it is dropped.
     Answer(Answer<'a>),
-    /// The CPU is at the order of the partner: its time to answer begins anew.
+    /// The CPU is working on the order of the partner: its time to answer restarts.
     Working,
     /// From now on the CPU takes orders of the partner (true, as at the start) or does not (CPU in STOP).
     Serve(bool),
-    /// Drop everything in both roles and go back to idle. The RESET of the CPU, or new parameters.
+    /// Drop everything in both roles and go back to idle. Used for the RESET of the CPU and for new parameters.
     Abort,
 }
 
-/// What the CPU answers to an order of the partner.
+/// The CPU's answer to an order of the partner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answer<'a> {
     /// The data of the SEND have been taken.
     Taken,
-    /// The data of the FETCH; as many as the request says.
+    /// The data of the FETCH; as many as the request asks for.
     Data(&'a [u8]),
     /// Refused with this error number, not 0. [reference 4.6]
     Refused(u8),
 }
 
-/// Where the machine puts its results, beside what goes to the line. Called only inside [`Rk512::step`].
+/// Where the machine puts its results, besides output to the line. Called only inside [`Rk512::step`].
 pub trait Owner: Wire {
-    /// The own order has ended: the data of the FETCH (of a SEND none), or why it failed.
+    /// The own order has ended: the data of the FETCH (none for a SEND), or why it failed.
     fn ended(&mut self, outcome: Result<&[u8], OrderError>);
 
-    /// The partner wants something; with the data of a SEND. Answer with [`Order::Answer`]; until then no other comes.
+    /// The partner has sent an order, a SEND with its data. Answer with [`Order::Answer`]; until then no other order
+    /// comes.
     fn asked(&mut self, request: &Request, data: &[u8]);
 
-    /// The order of the partner is over, exactly once for each [`Owner::asked`]: the answer has arrived, or why not. An
-    /// answer given from now on belongs to nothing.
+    /// The order of the partner has ended, exactly once for each [`Owner::asked`]: the answer has arrived, or why not.
+    /// An answer given after this is dropped.
     fn answered(&mut self, outcome: Result<(), AnswerError>);
 
     /// Something worth the LED `ER`, a diagnostic entry or a line of the trace.
@@ -98,12 +99,12 @@ pub struct Rk512<const N: usize = TELEGRAM_MAX> {
     /// Whose telegram the procedure below is sending.
     carries: Carries,
     own: Option<Own>,
-    /// The reaction to an own order before may still come.
+    /// The reaction to an earlier own order may still come.
     late: Option<Late>,
     own_data: [u8; N],
     partner: Option<Partner>,
     partner_data: [u8; N],
-    /// The reaction that is to be sent, or being sent.
+    /// The reaction to send, or being sent.
     reply: Option<Reply>,
     /// The CPU takes orders of the partner.
     serves: bool,
@@ -150,13 +151,13 @@ impl<const N: usize> Rk512<N> {
         self.partner.as_ref().is_some_and(Partner::is_asked)
     }
 
-    /// Takes one input at time `now`; the result is the next deadline. The laws are those of [`machine::Machine`].
+    /// Takes one input at time `now`; returns the next deadline. The laws are those of [`machine::Machine`].
     pub fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Owner) -> Option<Instant> {
         let line = match input {
             Input::Tick => machine::Input::Tick,
             Input::Line(LineInput::Rx(bytes)) => {
                 let mut due = None;
-                // One at a time: a telegram is dealt with before the procedure below begins something new.
+                // One at a time: a telegram is handled before the procedure below begins something new.
                 for byte in bytes {
                     due = self.drive(now, machine::Input::Line(LineInput::Rx(core::slice::from_ref(byte))), out);
                 }
@@ -170,7 +171,7 @@ impl<const N: usize> Rk512<N> {
         };
         let due = self.drive(now, line, out);
         let mut due = self.deadline(due);
-        // As in 3964(R): a tick leaves no time behind it that is over.
+        // As in 3964(R): after a tick no expired time is left.
         while input == Input::Tick && due.is_some_and(|due| due <= now) {
             let line = self.drive(now, machine::Input::Tick, out);
             due = self.deadline(line);
@@ -195,7 +196,7 @@ impl<const N: usize> Rk512<N> {
 
     fn abort(&mut self, now: Instant, out: &mut dyn Owner) {
         let is_owed = self.awaits_reaction();
-        // What it says of its running order is not passed on: the order here ends below in any case.
+        // The outcome it reports for its running order is not passed on: the order ends further down in any case.
         self.line.take(now, machine::Input::Order(machine::Order::Abort), &mut Tap::new(out));
         self.carries = Carries::Nothing;
         self.reply = None;
@@ -210,7 +211,7 @@ impl<const N: usize> Rk512<N> {
         }
     }
 
-    /// The procedure below takes an input; then what it brought, our own times, and what is to be sent.
+    /// Passes an input to the procedure below, then handles its results, our own times, and the next telegram to send.
     fn drive(&mut self, now: Instant, input: machine::Input<'_>, out: &mut dyn Owner) -> Option<Instant> {
         let mut tap = Tap::new(out);
         self.line.take(now, input, &mut tap);
@@ -237,7 +238,7 @@ impl<const N: usize> Rk512<N> {
             Ok(codec::Telegram::Reaction { follow, code, data }) => self.reaction(now, follow, code, data, out),
             Ok(codec::Telegram::Order(request, data)) => self.partner_order(now, request, data, out),
             Ok(codec::Telegram::Follow { command, area, data }) => self.partner_follow(now, command, area, data, out),
-            // What cannot be told from a reaction is taken for one while one is due.
+            // A telegram that could be a reaction counts as one while one is due.
             Err(codec::Malformed::Short) if self.awaits_reaction() && telegram.len() < codec::SHORT => {
                 self.bad_reaction(now, BadReaction::Structure, out);
             }
@@ -249,7 +250,7 @@ impl<const N: usize> Rk512<N> {
         }
     }
 
-    /// The procedure below is through with a telegram.
+    /// The procedure below has finished a telegram.
     fn line_sent(&mut self, now: Instant, outcome: Result<(), SendError>, out: &mut dyn Owner) {
         match core::mem::replace(&mut self.carries, Carries::Nothing) {
             Carries::Nothing => {}
@@ -258,7 +259,7 @@ impl<const N: usize> Rk512<N> {
         }
     }
 
-    /// Gives the next telegram to the procedure below: a reaction first, the partner waits for it.
+    /// Gives the next telegram to the procedure below: a reaction first, because the partner waits for it.
     fn hand_down(&mut self, now: Instant, out: &mut dyn Owner) {
         if self.line.busy() {
             return;
@@ -275,12 +276,12 @@ impl<const N: usize> Rk512<N> {
         let mut tap = Tap::new(out);
         self.line.take(now, machine::Input::Order(machine::Order::Send(&telegram[..len])), &mut tap);
         if let Some(outcome) = tap.sent {
-            // A procedure configured for telegrams shorter than ours.
+            // The procedure is configured for telegrams shorter than ours.
             self.line_sent(now, outcome, out);
         }
     }
 
-    /// Takes back the reaction that is being sent or to be sent. Only while the line is free.
+    /// Withdraws the reaction. Only while the line is free.
     fn forget_reply(&mut self) {
         self.reply = None;
         if self.carries == Carries::Reaction {

@@ -1,4 +1,4 @@
-//! The passive role: take the partner's orders in, put them before the CPU, send the reactions.
+//! The passive role: receive the partner's orders, pass them to the CPU, send the reactions.
 
 use super::codec::{self, Area, PIECE};
 use super::event::{AnswerError, Event, Refusal, code};
@@ -9,11 +9,11 @@ use crate::machine::{Instant, SendError};
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Partner {
     request: Request,
-    /// Bytes of data that have come, or gone, up to now.
+    /// Bytes of data received or sent so far.
     at: usize,
-    /// Of those: with the last telegram.
+    /// Bytes of them in the last telegram.
     piece: usize,
-    /// SEND: with the first telegram.
+    /// SEND: bytes in the first telegram.
     first: usize,
     /// Its last telegram was a follow-on telegram.
     follow: bool,
@@ -24,11 +24,11 @@ pub(super) struct Partner {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
-    /// The CPU has it and must answer before.
+    /// The CPU has it and must answer before `until`.
     Asked { until: Instant },
-    /// The reaction to its last telegram is on its way.
+    /// The reaction to its last telegram is being sent.
     Replying,
-    /// Its next telegram must come before.
+    /// Its next telegram must come before `until`.
     Next { until: Instant },
 }
 
@@ -78,7 +78,7 @@ impl<const N: usize> Rk512<N> {
             let same = !partner.follow
                 && partner.request == request
                 && (request.command == Command::Fetch || partner.at == partner.piece && data == last);
-            // Our reaction is still to come, and it will be the answer to this too.
+            // Our reaction is still to come, and it will answer this telegram too.
             if same && !matches!(partner.stage, Stage::Next { .. }) {
                 return out.report(Event::Repeated);
             }
@@ -105,7 +105,7 @@ impl<const N: usize> Rk512<N> {
         }
     }
 
-    /// Holds a first telegram against what is allowed, in the order of [reference 4.10].
+    /// Checks a first telegram, in the order of [reference 4.10].
     fn check(&self, request: &Request, data: &[u8]) -> Result<(), Refusal> {
         let bytes = request.bytes();
         if matches!(request.area, Area::Db | Area::Dx) && request.db == 0 {
@@ -147,12 +147,12 @@ impl<const N: usize> Rk512<N> {
             && (command, area) == (partner.request.command, partner.request.area)
             && (command == Command::Fetch || data == &self.partner_data[partner.at - partner.piece..partner.at]);
         match partner.stage {
-            // The CPU has not answered, or our reaction has not left: it can only be the last one.
+            // The CPU has not answered, or our reaction has not been sent: it can only be a repetition.
             Stage::Asked { .. } if same => return out.report(Event::Repeated),
             Stage::Replying if same && !self.reply_has_left() => return out.report(Event::Repeated),
-            // It may be the last one or the next one with the same data.
+            // It may be a repetition, or the next one with the same data.
             Stage::Replying if same && command == Command::Send => return self.refuse(true, Refusal::Sequence, out),
-            // The partner goes on, so it has our reaction.
+            // The partner continues, so it has our reaction.
             Stage::Replying if self.reply_has_left() => self.reply_arrived(now, out),
             _ => {}
         }
@@ -185,7 +185,7 @@ impl<const N: usize> Rk512<N> {
         }
     }
 
-    /// A part of a SEND has been taken in.
+    /// A part of a SEND has been received.
     fn go_on_taking(&mut self, now: Instant, out: &mut dyn Owner) {
         let Some(partner) = &mut self.partner else { return };
         if partner.is_complete() {
@@ -223,7 +223,7 @@ impl<const N: usize> Rk512<N> {
                 return self.reply_data();
             }
             (Answer::Refused(number), _) if number != code::OK => number,
-            // An answer to another question.
+            // An answer that does not match the order.
             _ => code::NO_ACCESS,
         };
         partner.stage = Stage::Replying;
@@ -265,7 +265,7 @@ impl<const N: usize> Rk512<N> {
         }
     }
 
-    /// The reaction as it goes out; `None`: there is none to send.
+    /// Composes the reaction; `None`: there is none to send.
     pub(super) fn compose_reply(&self, telegram: &mut [u8]) -> Option<usize> {
         let reply = self.reply?;
         let head = codec::reaction(reply.follow, reply.code);
@@ -275,12 +275,12 @@ impl<const N: usize> Rk512<N> {
         Some(end)
     }
 
-    /// Our reaction has left completely and is not acknowledged: the partner may have it.
+    /// Our reaction has been sent completely and is not acknowledged: the partner may have it.
     fn reply_has_left(&self) -> bool {
         self.carries == Carries::Reaction && self.line.block_is_out()
     }
 
-    /// What came shows that the partner has our reaction.
+    /// The telegram received shows that the partner has our reaction.
     fn reply_arrived(&mut self, now: Instant, out: &mut dyn Owner) {
         let reply = self.reply;
         self.forget_reply();
@@ -289,7 +289,7 @@ impl<const N: usize> Rk512<N> {
         }
     }
 
-    /// The procedure below is through with the reaction.
+    /// The procedure below has finished the reaction.
     pub(super) fn reply_sent(&mut self, now: Instant, outcome: Result<(), SendError>, out: &mut dyn Owner) {
         let Some(reply) = self.reply.take() else { return };
         match outcome {

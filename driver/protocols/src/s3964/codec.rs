@@ -9,8 +9,8 @@ pub const DLE: u8 = 0x10;
 /// Negative acknowledgement.
 pub const NAK: u8 = 0x15;
 
-/// Characters of the block that carries `payload`, from the first data character to the last check character:
-/// `data (DLE doubled) DLE ETX [BCC]`. STX is not part of it.
+/// Characters of the block with `payload`, from the first data character to the last check character: `data (DLE
+/// doubled) DLE ETX [BCC]`. STX is not part of it.
 pub fn block(payload: &[u8], bcc: bool) -> impl Iterator<Item = u8> + '_ {
     let data = payload.iter().flat_map(|&byte| core::iter::repeat_n(byte, if byte == DLE { 2 } else { 1 }));
     let check = bcc.then(|| check_of(payload));
@@ -22,13 +22,13 @@ pub fn block_len(payload: &[u8], bcc: bool) -> usize {
     payload.len() + payload.iter().filter(|byte| **byte == DLE).count() + 2 + usize::from(bcc)
 }
 
-/// The block check character: XOR over everything after STX, both DLEs of a doubled one (they cancel) and the closing
-/// DLE ETX included. It is never doubled itself. [S0 "Block check character (BCC-Byte)"]
+/// The block check character: XOR of everything after STX, including both DLEs of a doubled one (they cancel) and the
+/// closing DLE ETX. It is never doubled itself. [S0 "Block check character (BCC-Byte)"]
 pub fn check_of(payload: &[u8]) -> u8 {
     payload.iter().filter(|byte| **byte != DLE).fold(DLE ^ ETX, |check, byte| check ^ byte)
 }
 
-/// What the next character did to a block that is being received.
+/// The effect of the next character on a block being received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
     /// First half of something; more must come.
@@ -37,14 +37,14 @@ pub enum Step {
     Data(u8),
     /// DLE followed by a character that is neither DLE nor ETX.
     BadDle(u8),
-    /// The block is complete; with BCC: what was computed and what came in.
+    /// The block is complete, with its check characters in 3964R.
     End {
         /// Computed and received check character.
         check: Option<(u8, u8)>,
     },
 }
 
-/// Undoes the doubling and computes the check while characters come in.
+/// Undoes the doubling and computes the check character by character.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Decoder {
     bcc: bool,
@@ -94,8 +94,7 @@ impl Decoder {
         }
     }
 
-    /// A character came in that the line could not read. True: it stood where the check character belongs, so the block
-    /// is at its end.
+    /// A character could not be read. True if it was in the place of the check character, so that the block has ended.
     pub fn unreadable(&mut self) -> bool {
         let end = self.awaits == Awaits::Check;
         self.awaits = Awaits::Any;

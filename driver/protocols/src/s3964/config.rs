@@ -1,4 +1,4 @@
-//! What is set at a 3964(R) interface, and what differs between the CPs that speak it.
+//! Settings of a 3964(R) interface, and the differences between the CPs that have it.
 
 use crate::machine::{Span, TELEGRAM_MAX};
 
@@ -26,7 +26,7 @@ pub struct Config {
     /// ZNA: pause between the end of an order and the STX of the next. [S0 "Time delay after command (ZNA)"]
     pub zna: Span,
     /// BWZ of the CP 240: from the acknowledged request telegram to STX of the answer telegram. Plain 3964(R) has
-    /// neither requests nor answers, so this machine carries it for RK 512 only. [S0 L1635]
+    /// neither requests nor answers, so this field is only for RK 512. [S0 L1635]
     pub bwz: Span,
     /// Time of one character on the line.
     pub char_time: Span,
@@ -36,24 +36,24 @@ pub struct Config {
     pub block_attempts: u16,
     /// Longest telegram, bytes of user data; the machine's own buffer is a further limit.
     pub telegram_max: usize,
-    /// How long a partner that wants to send is kept waiting for a receive buffer before NAK; 0: not at all.
+    /// How long a partner that wants to send must wait for a receive buffer before NAK; 0: not at all.
     pub buffer_wait: Span,
-    /// One NAK at start puts the partner into idle.
+    /// One NAK at the start sets the partner to idle.
     pub nak_at_start: bool,
     /// A character without meaning is answered by NAK when the line has fallen silent for ZVZ; otherwise at once.
     pub nak_after_silence: bool,
     /// BREAK ends the running order; otherwise it counts as an unreadable character.
     pub break_ends_order: bool,
-    /// How long nothing may have come in before STX follows a refusal; 0: at once. A partner that answers each
-    /// character without meaning with NAK answers those too that were on their way when it refused the first. If STX
-    /// followed each of these answers, two of them could come where data begin, and two equal characters cancel out in
-    /// the check character. (ours)
+    /// How long the line must be silent after a refusal before the next STX; 0: at once. A partner that answers each
+    /// character without meaning with NAK also answers those that were still being sent when it refused the first. If
+    /// STX followed each of these answers, two STX could arrive where data begin, and two equal characters cancel out
+    /// in the check character. (ours)
     pub quiet: Span,
-    /// How long the repetition of a refused block is waited for before own orders go on; 0: back to idle at once.
+    /// How long to wait for the repetition of a refused block before own orders continue; 0: back to idle at once.
     pub repetition_wait: Span,
 }
 
-/// What is set at an interface, with the words of [`Config`]. The defaults stand where the parameters are, in
+/// The settings of an interface; the fields are those of [`Config`]. The defaults are with the parameters, in
 /// `ob1-params`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[expect(missing_docs, reason = "the fields of Config")]

@@ -5,10 +5,10 @@
 //! receiver       DLE                                    DLE
 //! ```
 //!
-//! One machine plays both roles, as on the module: an order waits while a telegram comes in. The sending role is in
+//! One machine has both roles, as on the module: an order waits while a telegram is received. The sending role is in
 //! `send`, the receiving one in `receive`; [`codec`] knows the characters of a block, [`Config`] the differences
 //! between CPs. "Done" means that the partner's DLE after the block has come. If that DLE is lost the partner repeats
-//! the block, and it is delivered again: the procedure has no means to tell it from a new one.
+//! the block, and it is delivered again: the procedure cannot distinguish it from a new one.
 
 pub mod codec;
 mod config;
@@ -24,10 +24,10 @@ use codec::NAK;
 use receive::Block;
 use send::Job;
 
-/// How often a partner that is kept waiting for a receive buffer is looked after. [reference 5.6]
+/// How often the receive buffer is checked while a partner waits for it. [reference 5.6]
 const BUFFER_POLL: Span = Span::from_millis(50);
 
-/// A line that never reports the end of its output is taken to have ended it this long after the time it needed.
+/// If a line never reports the end of its output, the output counts as ended this long after its computed duration.
 const OUTPUT_GRACE: Span = Span::SECOND;
 
 /// The 3964(R) procedure with a send and a receive buffer of `N` bytes each.
@@ -36,18 +36,19 @@ pub struct S3964<const N: usize = TELEGRAM_MAX> {
     config: Config,
     state: State,
     output: Output,
-    /// An order that has not begun, or that begins again behind a telegram of the partner.
+    /// An order that has not begun, or that begins again after a telegram of the partner.
     waiting: Option<Job>,
     /// The telegram of the order.
     tx: [u8; N],
     rx: [u8; N],
-    /// No order begins before this: ZNA, or the quiet after a refusal.
+    /// No order begins before this time: ZNA, or the quiet after a refusal.
     pause_until: Instant,
-    /// A block was refused as often as is permitted: a partner that repeats it once more does so before this. (CP 341)
+    /// A block was refused as often as permitted: if the partner repeats it once more, it does so before this time. (CP
+    /// 341)
     given_up_until: Option<Instant>,
 }
 
-/// Where the procedure stands, with what is known there and nowhere else.
+/// The state of the procedure, with the data of that state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     /// Before the first step.
@@ -56,34 +57,34 @@ enum State {
     Idle,
     /// A block was refused for the `refused`-th time; its repetition must begin before `until`. (CP 341)
     Repetition { until: Instant, refused: u16 },
-    /// The partner has sent STX and is kept waiting for a receive buffer until `until`. (CP 341)
+    /// The partner has sent STX and waits for a receive buffer until `until`. (CP 341)
     Buffer { until: Instant, poll: Instant, refused: u16 },
-    /// Something without meaning came in; NAK follows when the line has been silent until `until`. (CP 341)
-    /// `disturbed`: it came while our block was leaving, which is then repeated.
+    /// A character without meaning came in; NAK follows when the line has been silent until `until`. (CP 341)
+    /// `disturbed`: it came while our block was being sent, which is then repeated.
     Silence { until: Instant, disturbed: Option<(Job, What)> },
-    /// STX is out, DLE must come before `expiry` (QVZ).
+    /// STX has been sent, DLE must come before `expiry` (QVZ).
     Connect { job: Job, expiry: Instant },
-    /// The block is leaving.
+    /// The block is being sent.
     Output { job: Job },
-    /// The block is out, DLE must come before `expiry` (QVZ).
+    /// The block has been sent, DLE must come before `expiry` (QVZ).
     Acknowledge { job: Job, expiry: Instant },
-    /// DLE is out, the next character must come before `expiry` (ZVZ).
+    /// DLE has been sent, the next character must come before `expiry` (ZVZ).
     Receive { block: Block, expiry: Instant },
 }
 
-/// What this side has on the line.
+/// The output of this side on the line.
 #[derive(Clone, Copy, Debug, Default)]
 struct Output {
-    /// Handed over and not yet reported as out.
+    /// Handed over and not yet reported as sent.
     in_flight: bool,
-    /// When the last bit is out at the earliest.
+    /// When the last bit has been sent at the earliest.
     end: Instant,
     /// The last character handed over was a NAK to something without meaning.
     nak: bool,
 }
 
 impl Output {
-    /// Everything has left, reported or by the time it takes.
+    /// Everything has been sent, as reported or by its computed duration.
     fn is_out(&self, now: Instant) -> bool {
         !self.in_flight || now >= self.end
     }
@@ -122,12 +123,12 @@ impl<const N: usize> S3964<N> {
         self.output.end = self.output.end.saturating_sub(saved).max(now);
     }
 
-    /// No order begins before the line was quiet.
+    /// No order begins until the line has been quiet.
     fn wait_for_quiet(&mut self, now: Instant) {
         self.pause_until = self.pause_until.max(self.output.end.max(now) + self.config.quiet);
     }
 
-    /// Begins, or begins again, to wait for silence before NAK.
+    /// Starts or restarts the wait for silence before NAK.
     fn silence(&mut self, now: Instant, disturbed: Option<(Job, What)>) {
         self.state = State::Silence { until: now + self.config.zvz(), disturbed };
     }
@@ -137,7 +138,7 @@ impl<const N: usize> S3964<N> {
         self.output.end + OUTPUT_GRACE + time
     }
 
-    /// The order at work, if there is one.
+    /// The running order, if there is one.
     fn running(&self) -> Option<&Job> {
         match &self.state {
             State::Connect { job, .. }
@@ -192,7 +193,7 @@ impl<const N: usize> S3964<N> {
     fn fault(&mut self, now: Instant, fault: LineFault, out: &mut dyn Sink) {
         let what = What::Line(fault);
         if matches!(fault, LineFault::Gone | LineFault::Back) {
-            // An open circuit has no other effect than silence: QVZ, ZVZ and the repetitions deal with it.
+            // An open circuit only causes silence: QVZ, ZVZ and the repetitions handle it.
             return self.report(self.phase(), what, out);
         }
         match self.state {
@@ -215,7 +216,7 @@ impl<const N: usize> S3964<N> {
         }
     }
 
-    /// The last bit of everything handed over is out: the times of the partner begin. [S0 "Timeout times"]
+    /// The last bit of everything handed over has been sent: the partner's times begin. [S0 "Timeout times"]
     fn tx_done(&mut self, now: Instant) {
         self.output = Output { in_flight: false, end: now, nak: false };
         match &mut self.state {
@@ -275,9 +276,9 @@ impl<const N: usize> S3964<N> {
     }
 }
 
-/// What RK 512 needs of the procedure below it.
+/// The interface of this procedure for RK 512.
 impl<const N: usize> S3964<N> {
-    /// The first half of a step: takes the input, begins nothing.
+    /// The first half of a step: takes the input, but begins nothing.
     pub(crate) fn take(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Sink) {
         match input {
             Input::Tick => self.tick(now, out),
@@ -289,7 +290,7 @@ impl<const N: usize> S3964<N> {
         }
     }
 
-    /// The second half: an order that may begin begins. The result is the next deadline.
+    /// The second half: begins an order if possible. Returns the next deadline.
     pub(crate) fn go(&mut self, now: Instant, out: &mut dyn Sink) -> Option<Instant> {
         if self.state == State::Idle
             && now >= self.pause_until
@@ -305,18 +306,18 @@ impl<const N: usize> S3964<N> {
         &self.rx[..len.min(N)]
     }
 
-    /// Whether the line is free: nothing is leaving, coming in or being waited for.
+    /// Whether the line is free: nothing is being sent, received or waited for.
     pub(crate) fn is_free(&self) -> bool {
         self.state == State::Idle
     }
 
-    /// Whether the order's block has left completely at least once.
+    /// Whether the order's block has been sent completely at least once.
     pub(crate) fn block_is_out(&self) -> bool {
         self.running().or(self.waiting.as_ref()).is_some_and(Job::is_out)
     }
 
-    /// Forgets the order between two halves of a step, without a word: the telegram that was delivered in the first
-    /// half has shown that the partner has it. The line is free then, so the order waits.
+    /// Drops the order between two halves of a step, without a report: the telegram delivered in the first half has
+    /// shown that the partner has it. The line is free then, so the order waits.
     pub(crate) fn forget_order(&mut self) {
         debug_assert!(self.running().is_none(), "the line is free");
         self.waiting = None;
@@ -327,7 +328,7 @@ impl<const N: usize> Machine for S3964<N> {
     fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Sink) -> Option<Instant> {
         self.take(now, input, out);
         let mut due = self.go(now, out);
-        // A time of 0 ms is over as soon as it has begun: a tick leaves none behind it.
+        // A time of 0 ms expires as soon as it begins: after a tick no expired time is left.
         while input == Input::Tick && due.is_some_and(|due| due <= now) {
             self.take(now, Input::Tick, out);
             due = self.go(now, out);

@@ -1,11 +1,11 @@
-//! The receiving role: accept a connection, take the block in, check it, acknowledge or refuse it.
+//! The receiving role: accept a connection, receive the block, check it, acknowledge or refuse it.
 
 use super::codec::{DLE, Decoder, NAK, STX, Step};
 use super::send::Job;
 use super::{BUFFER_POLL, S3964, State};
 use crate::machine::{Instant, Phase, Sink, What};
 
-/// A block that is coming in; its user data are in the machine's `rx`.
+/// A block being received; its user data are in the machine's `rx`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Block {
     decoder: Decoder,
@@ -13,7 +13,7 @@ pub(super) struct Block {
     len: usize,
     /// Characters so far, unreadable ones included.
     characters: usize,
-    /// The request for the connection has been repeated before our DLE was out.
+    /// The request for the connection was repeated before our DLE had been sent.
     asked_again: bool,
     /// An error has been noted (and reported): the block will be refused at its end.
     bad: bool,
@@ -38,7 +38,7 @@ impl<const N: usize> S3964<N> {
                 }
                 self.connection_asked(now, refused, out);
             }
-            // [S0 "Passive operation"]: NAK is not answered. A partner that gives its block up says it. [reference
+            // [S0 "Passive operation"]: NAK is not answered. A partner that gives up its block sends NAK. [reference
             // 5.3]
             NAK => {
                 self.given_up_until = None;
@@ -56,7 +56,7 @@ impl<const N: usize> S3964<N> {
         if self.config.nak_after_silence {
             self.silence(now, None);
         } else if !self.output.nak || self.output.is_out(now) {
-            // One NAK at a time: what comes in while one is leaving is answered by it.
+            // One NAK at a time: it also answers what comes in while it is being sent.
             self.transmit(now, &[NAK], out);
             self.output.nak = true;
         }
@@ -95,7 +95,7 @@ impl<const N: usize> S3964<N> {
         self.state = State::Idle;
     }
 
-    /// A partner is kept waiting for a buffer. (CP 341)
+    /// A partner waits for a buffer. (CP 341)
     pub(super) fn buffer_tick(
         &mut self,
         now: Instant,
@@ -123,8 +123,8 @@ impl<const N: usize> S3964<N> {
                 return self.report(Phase::Idle, What::Unexpected(byte), out);
             }
             if block.asked_again {
-                // One more of these, or the first of the data? Two as data would leave BCC as it is: the partner is to
-                // repeat the block.
+                // One more of these, or the first of the data? As data, two of them would not change the BCC: so the
+                // partner must repeat the block.
                 self.note(&mut block, What::Unexpected(byte), out);
             }
         }
@@ -151,8 +151,7 @@ impl<const N: usize> S3964<N> {
         self.state = State::Receive { block, expiry: now + self.config.zvz() };
     }
 
-    /// A character of the block that could not be read: the block will be refused, and is received to its end.
-    /// [reference 5.4]
+    /// A character of the block could not be read: the block is received to its end, then refused. [reference 5.4]
     pub(super) fn receive_unreadable(&mut self, now: Instant, mut block: Block, what: What, out: &mut dyn Sink) {
         block.characters += 1;
         self.note(&mut block, what, out);
@@ -174,8 +173,8 @@ impl<const N: usize> S3964<N> {
         match out.room() {
             0 => self.note(&mut block, What::NoBuffer, out),
             room if block.len > room => self.note(&mut block, What::TooLong, out),
-            // Nobody sends nothing: without a check character this is a telegram that has lost its characters, and an
-            // acknowledgement would tell the partner that it has arrived. (ours)
+            // Nobody sends an empty telegram: without a check character this is a telegram that has lost its
+            // characters, and an acknowledgement would tell the partner that it has arrived. (ours)
             _ if block.len == 0 && !self.config.bcc => self.note(&mut block, What::Empty, out),
             _ => {}
         }

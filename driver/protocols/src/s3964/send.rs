@@ -4,7 +4,7 @@ use super::codec::{self, DLE, NAK, STX};
 use super::{Priority, S3964, State};
 use crate::machine::{Instant, Phase, SendError, Sink, What};
 
-/// An order, and how far it has got. It lies in the states in which it is at work.
+/// An order and its progress. The states in which it runs contain it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Job {
     /// Bytes of the telegram.
@@ -13,7 +13,7 @@ pub(super) struct Job {
     connects: u16,
     /// Attempts to send the block that have failed.
     blocks: u16,
-    /// The whole block has left at least once: the partner may have it.
+    /// The whole block has been sent at least once: the partner may have it.
     out: bool,
 }
 
@@ -22,7 +22,7 @@ impl Job {
         Self { len, connects: 0, blocks: 0, out: false }
     }
 
-    /// The whole block has left at least once.
+    /// The whole block has been sent at least once.
     pub(super) fn is_out(&self) -> bool {
         self.out
     }
@@ -55,7 +55,7 @@ impl<const N: usize> S3964<N> {
             }
             // [reference 5.5]: the higher priority ignores it; QVZ keeps running.
             STX => self.report(Phase::Connect, What::Conflict { yielded: false }, out),
-            // It ended before our STX had left, so it is no answer to it.
+            // It ended before our STX had been sent, so it does not answer it.
             _ if !self.output.is_out(now) => {}
             DLE => self.send_block(now, job, out),
             NAK => self.connect_failed(now, job, What::Nak, out),
@@ -98,10 +98,10 @@ impl<const N: usize> S3964<N> {
         self.state = State::Output { job };
     }
 
-    /// A character came in while the block leaves.
+    /// A character came in while the block is being sent.
     pub(super) fn output_character(&mut self, now: Instant, job: Job, byte: u8, out: &mut dyn Sink) {
         if self.output.is_out(now) {
-            // The line has had its time and has not said so yet: this is the answer.
+            // The output must have ended, although the line has not reported it yet: this is the answer.
             let job = self.output_done(now, job);
             return self.acknowledge_character(now, job, byte, out);
         }
@@ -116,7 +116,7 @@ impl<const N: usize> S3964<N> {
         }
     }
 
-    /// Something other than NAK came in while the block leaves.
+    /// Something other than NAK came in while the block is being sent.
     pub(super) fn output_disturbed(&mut self, now: Instant, job: Job, what: What, out: &mut dyn Sink) {
         self.report(Phase::Output, what, out);
         self.take_back(now, out);
@@ -129,7 +129,7 @@ impl<const N: usize> S3964<N> {
         }
     }
 
-    /// The last bit of the block is out: QVZ begins.
+    /// The last bit of the block has been sent: QVZ begins.
     pub(super) fn output_done(&mut self, now: Instant, job: Job) -> Job {
         let job = Job { out: true, ..job };
         self.state = State::Acknowledge { job, expiry: now + self.config.qvz };
@@ -163,7 +163,7 @@ impl<const N: usize> S3964<N> {
         }
     }
 
-    /// STX once more: at once if nothing has come, otherwise when the line is quiet.
+    /// Sends STX again: at once if nothing has come, otherwise when the line is quiet.
     fn again(&mut self, now: Instant, job: Job, what: What, out: &mut dyn Sink) {
         if what == What::AckDelay || self.config.quiet.is_zero() {
             return self.connect(now, job, out);

@@ -1,14 +1,14 @@
-//! Where telegrams begin and end in a stream of characters. Without time: the silence that ends a telegram is the
-//! machine's affair. [S0 "STX/ETX"], [S0 "Number of start flags"], [S0 "Number of end flags"]
+//! Where telegrams begin and end in a stream of characters. Without time: the machine handles the silence that ends a
+//! telegram. [S0 "STX/ETX"], [S0 "Number of start flags"], [S0 "Number of end flags"]
 
 use crate::output::Flags;
 
-/// What a character, or one that was held back before it, turned out to be.
+/// The meaning of a character, or of one held back before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
-    /// Outside a telegram: thrown away.
+    /// Outside a telegram: discarded.
     Noise(u8),
-    /// A telegram begins; one that has not ended is lost.
+    /// A telegram begins; an open one is lost.
     Begin,
     /// A character of user data.
     Data(u8),
@@ -22,15 +22,15 @@ enum State {
     Hunt,
     /// Between start and end. Without start characters also before the first character.
     Inside,
-    /// The telegram is lost; its end is awaited, or the start of another.
+    /// The telegram is lost; its end, or the start of another, is awaited.
     Skip,
 }
 
 /// Finds telegrams in a stream.
 ///
-/// The first of two start or end characters alone is held back until the next one tells what it was. "All the
+/// The first of two start or end characters is held back until the next character shows its meaning. "All the
 /// characters between STX and ETX" are user data [S0 "STX/ETX"]; a start within a telegram means that its end was lost:
-/// the procedure is for characters 20h..7Fh, so it cannot be user data.
+/// the procedure is for characters 20h..7Fh, so a start cannot be user data.
 #[derive(Clone, Debug)]
 pub struct Decoder {
     start: Flags,
@@ -45,7 +45,7 @@ impl Decoder {
         Self { start, end, state: Self::rest(start), held: None }
     }
 
-    /// Where a telegram may begin: with its start characters, or with any character.
+    /// The state between telegrams: a telegram begins with its start characters, or with any character.
     fn rest(start: Flags) -> State {
         if start.as_slice().is_empty() { State::Inside } else { State::Hunt }
     }
@@ -83,14 +83,14 @@ impl Decoder {
         }
     }
 
-    /// The line has been silent: what was held back is an ordinary character.
+    /// The line has been silent: a character held back is an ordinary one.
     pub fn flush(&mut self, each: &mut dyn FnMut(&mut Self, Step)) {
         if let Some(first) = self.held.take() {
             self.ordinary(first, each);
         }
     }
 
-    /// The telegram is lost: nothing of it is told any more.
+    /// The telegram is lost: nothing more of it is reported.
     pub fn skip(&mut self) {
         if self.state == State::Inside {
             self.state = State::Skip;
@@ -98,7 +98,7 @@ impl Decoder {
         self.held = None;
     }
 
-    /// The next character is the first of something new.
+    /// The next character begins something new.
     pub fn reset(&mut self) {
         self.state = Self::rest(self.start);
         self.held = None;

@@ -1,19 +1,19 @@
 //! STX/ETX: telegrams between start and end characters; nothing is acknowledged, nothing checked. [S0 "STX/ETX"]
 //!
-//! None, one or two characters each. What comes before the start is thrown away; the characters between start and end
-//! go to the CPU when the end has come. Without end characters a telegram ends with the silence of TMO
-//! [S0 "Technical Data Protocols"]; without start characters it begins with any character. Sending and receiving are
-//! independent of each other (full duplex), an order is done when ZNA has run out after the last bit, and flow control
-//! is that of [`ascii`](crate::ascii).
+//! None, one or two characters each. Characters before the start are discarded; those between start and end go to the
+//! CPU when the end has come. Without end characters a telegram ends with the silence of TMO [S0 "Technical Data
+//! Protocols"]; without start characters it begins with any character. Sending and receiving are independent of each
+//! other (full duplex), an order is done when ZNA has run out after the last bit, and flow control is that of
+//! [`ascii`](crate::ascii).
 //!
 //! | the manual leaves open | here |
 //! |---|---|
 //! | TMO expires within a telegram that has end characters | the telegram is lost, reported as 0806h |
 //! | a start within a telegram | the end was lost: that telegram is dropped and a new one begins |
-//! | one of two start (end) characters alone | before a telegram thrown away, within it user data |
+//! | one of two start (end) characters alone | before a telegram discarded, within it user data |
 //! | start and end are the same character | within a telegram it is the end |
 //! | a telegram without user data | not delivered |
-//! | a character that cannot be read, or no room | the telegram is lost; the next start, end or silence begins anew |
+//! | a character that cannot be read, or no room | the telegram is lost, until the next start, end or silence |
 
 mod decoder;
 
@@ -45,7 +45,7 @@ pub struct Config {
 }
 
 impl Config {
-    /// Nothing set: no characters, no times, no flow control. The defaults of the parameters stand in `ob1-params`.
+    /// Nothing set: no characters, no times, no flow control. The defaults of the parameters are in `ob1-params`.
     pub const fn unset(char_time: Span) -> Self {
         Self {
             start: Flags::NONE,
@@ -68,11 +68,11 @@ pub struct StxEtx<const N: usize = TELEGRAM_MAX> {
     gate: Gate,
     decoder: Decoder,
     receive: Receive<N>,
-    /// Silence until then ends what is coming in.
+    /// Silence until then ends the telegram being received.
     silence: Option<Instant>,
 }
 
-/// The telegram that is coming in.
+/// The telegram being received.
 #[derive(Clone, Debug)]
 struct Receive<const N: usize> {
     /// A start has come, or without start characters the first character.
@@ -167,7 +167,7 @@ impl<const N: usize> StxEtx<N> {
         }
     }
 
-    /// Silence counts while anything is coming in.
+    /// Silence is monitored while anything is being received.
     fn watch(&mut self, now: Instant) {
         let runs = self.receive.open || self.decoder.skips() || self.decoder.holds();
         self.silence = runs.then(|| now + self.config.tmo);
@@ -189,7 +189,7 @@ impl<const N: usize> Receive<N> {
     fn take(&mut self, decoder: &mut Decoder, step: Step, out: &mut dyn Sink) {
         match step {
             Step::Noise(byte) => {
-                // [S0 "STX/ETX"]: data must be preceded by STX. Once is enough to tell.
+                // [S0 "STX/ETX"]: data must be preceded by STX. One report is enough.
                 if !core::mem::replace(&mut self.noise, true) {
                     out.report(Event { phase: Phase::Idle, what: What::Unexpected(byte) });
                 }

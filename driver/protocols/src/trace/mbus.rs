@@ -5,7 +5,7 @@ use core::fmt;
 use super::meaning::Bytes;
 use crate::mbus::frame::{FROM_MASTER, Frame};
 
-/// FCB and FCV of a master's C field, ACD and DFC of a slave's: they do not tell the function. [S0 "C field"]
+/// FCB and FCV of a master's C field, ACD and DFC of a slave's: they are not part of the function. [S0 "C field"]
 const BITS: u8 = 0x30;
 
 /// A frame in words.
@@ -29,7 +29,7 @@ impl fmt::Display for Words<'_> {
     }
 }
 
-/// Who, and what for.
+/// Direction, address and function.
 fn head(f: &mut fmt::Formatter<'_>, c: u8, a: u8) -> fmt::Result {
     f.write_str(if c & FROM_MASTER != 0 { "to " } else { "from " })?;
     // [S0 "A field"]

@@ -1,8 +1,8 @@
-//! What goes over a line, read by a bystander: characters of both directions in, telegrams and control characters with
-//! their meaning out.
+//! Reads a line as an observer: characters of both directions in, telegrams and control characters with their meaning
+//! out.
 //!
-//! Total over any characters, without clock and allocation. A bystander cannot know what a CP has decided; where the
-//! line alone leaves it open, [`Meaning`] says what the characters are, not what became of them.
+//! Accepts any characters, without clock and allocation. An observer cannot know what a CP has decided; where the line
+//! alone leaves it open, [`Meaning`] says what the characters are, not what became of them.
 
 mod mbus;
 mod meaning;
@@ -17,7 +17,7 @@ pub use reader::{Reader, Unit};
 use crate::machine::Span;
 use crate::output::Flags;
 
-/// Which way characters went, seen from the CP that is listened to.
+/// Direction of characters, seen from the observed CP.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Way {
     /// From the CP.
@@ -37,10 +37,10 @@ impl Way {
     }
 }
 
-/// What is spoken on the line.
+/// The protocol of the line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dialect {
-    /// Bare characters; a pause of so long ends a telegram.
+    /// Bare characters; a pause this long ends a telegram.
     Ascii {
         /// The pause.
         pause: Span,
@@ -51,7 +51,7 @@ pub enum Dialect {
         start: Flags,
         /// End characters.
         end: Flags,
-        /// The pause after which an open telegram has none.
+        /// The pause after which an open telegram is incomplete.
         pause: Span,
     },
     /// 3964 and 3964R.

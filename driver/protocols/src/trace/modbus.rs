@@ -5,8 +5,8 @@ use core::fmt;
 use super::meaning::{Bytes, Modbus};
 use crate::modbus::pdu::{Direction, ERROR_BIT, Function, exception_text};
 
-/// Length of function 06 with a 32-bit register: its data have four bytes, and nothing else tells.
-/// [S4 "5.8 Function Code 06 – Write Single 32-Bit Register"]
+/// Length of function 06 with a 32-bit register: only its four bytes of data show it. [S4 "5.8 Function Code 06 – Write
+/// Single 32-Bit Register"]
 const LONG_WRITE: usize = 8;
 
 impl fmt::Display for Modbus<'_> {
@@ -52,7 +52,7 @@ impl fmt::Display for Modbus<'_> {
     }
 }
 
-/// Functions of the CP 341's loadable driver that the CP 240 does not have; and those nobody has.
+/// Functions of the CP 341's loadable driver that the CP 240 does not have; and unknown functions.
 fn others(f: &mut fmt::Formatter<'_>, telegram: &[u8], answer: bool) -> fmt::Result {
     let byte = |at: usize| telegram.get(at).copied().unwrap_or(0);
     let word = |at: usize| u16::from_be_bytes([byte(at), byte(at + 1)]);

@@ -39,7 +39,7 @@ fn data(f: &mut fmt::Formatter<'_>, frame: &Frame<'_>) -> fmt::Result {
     }
 }
 
-/// What Set_Prm says: the watchdog is the product of two factors and 10 ms.
+/// The content of Set_Prm: the watchdog is the product of two factors and 10 ms.
 fn parameters(f: &mut fmt::Formatter<'_>, data: &[u8]) -> fmt::Result {
     let &[status, wd1, wd2, _, high, low, _, ref user @ ..] = data else { return f.write_str(": too short") };
     write!(f, ": ident {:04X}h", u16::from_be_bytes([high, low]))?;

@@ -22,7 +22,7 @@ pub struct Unit<'a> {
     pub begin: Instant,
     /// When its last one was.
     pub end: Instant,
-    /// Which way it went.
+    /// Its direction.
     pub way: Way,
     /// Its characters as they were on the line.
     pub raw: &'a [u8],
@@ -30,13 +30,13 @@ pub struct Unit<'a> {
     pub meaning: Meaning<'a>,
 }
 
-/// The longest QVZ there is, and some more: after it nobody waits for an answer. [S0 "Timeout times"]
+/// A little more than the longest QVZ: after it no partner waits for an answer. [S0 "Timeout times"]
 const NO_ANSWER: Span = Span::from_secs(6);
 
 /// Where units go.
 type Out<'a> = dyn FnMut(Unit<'_>) + 'a;
 
-/// What is open in one direction.
+/// The unfinished unit of one direction.
 #[derive(Debug)]
 struct Side {
     raw: [u8; RAW],
@@ -46,23 +46,23 @@ struct Side {
     begin: Instant,
     last: Instant,
     link: Link,
-    /// Since when `link` is what it is.
+    /// Since when `link` has its value.
     since: Instant,
-    /// A character of the block could not be read; with start characters: what is kept has begun with them.
+    /// A character of the block could not be read; with start characters: the kept characters began with them.
     damaged: bool,
     flags: Option<stx_etx::Decoder>,
     frames: esp2::Decoder,
 }
 
-/// Where a partner of 3964(R) is.
+/// The state of a partner of 3964(R).
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Link {
     Idle,
     /// It has sent STX.
     Called,
-    /// The other has answered DLE: what comes is a block.
+    /// The other has answered DLE: a block follows.
     Block(Decoder),
-    /// Its block is out.
+    /// It has sent its block.
     Sent,
 }
 
@@ -96,7 +96,7 @@ impl Side {
     }
 
     fn keep_payload(&mut self, byte: u8) {
-        // Never longer than what is on the line.
+        // Never longer than the characters on the line.
         if let Some(place) = self.payload.get_mut(self.payload_len) {
             *place = byte;
             self.payload_len += 1;
@@ -115,7 +115,7 @@ impl Side {
         &self.raw[..self.len]
     }
 
-    /// Puts out everything that is kept.
+    /// Outputs everything that is kept.
     fn put(&mut self, way: Way, meaning: impl FnOnce(&[u8], &[u8], &mut dyn FnMut(Meaning<'_>)), out: &mut Out<'_>) {
         let (raw, payload) = (&self.raw[..self.len], &self.payload[..self.payload_len]);
         let (begin, end) = (self.begin, self.last);
@@ -132,19 +132,19 @@ pub struct Reader {
 }
 
 impl Reader {
-    /// A reader at a quiet line.
+    /// A reader of a quiet line.
     #[must_use]
     pub fn new(dialect: Dialect) -> Self {
         Self { dialect, sides: [Side::new(), Side::new()] }
     }
 
-    /// What it takes the line for.
+    /// The protocol it expects.
     #[must_use]
     pub const fn dialect(&self) -> &Dialect {
         &self.dialect
     }
 
-    /// When the oldest telegram that is not finished yet has begun.
+    /// When the oldest unfinished telegram began.
     #[must_use]
     pub fn open_since(&self) -> Option<Instant> {
         self.sides.iter().filter(|side| side.len > 0).map(|side| side.begin).min()
@@ -207,7 +207,7 @@ impl Reader {
         let side = &mut self.sides[Way::In as usize];
         let mut complete = false;
         if let Link::Block(decoder) = &mut side.link {
-            // The block goes on, but nothing good can become of it.
+            // The block continues, but it is already invalid.
             side.damaged = true;
             complete = decoder.unreadable();
         } else {
@@ -229,7 +229,7 @@ impl Reader {
         }
     }
 
-    /// Time has passed: puts out what a pause has ended.
+    /// Time has passed: outputs what a pause has ended.
     pub fn silence(&mut self, now: Instant, out: &mut Out<'_>) {
         for way in [Way::Out, Way::In] {
             let side = &mut self.sides[way as usize];
@@ -243,13 +243,13 @@ impl Reader {
         }
     }
 
-    /// Puts out what is open, as at the end of a recording.
+    /// Outputs unfinished units, as at the end of a recording.
     pub fn finish(&mut self, out: &mut Out<'_>) {
         self.close(Way::Out, out);
         self.close(Way::In, out);
     }
 
-    /// Puts out what is open in one direction.
+    /// Outputs the unfinished unit of one direction.
     fn close(&mut self, way: Way, out: &mut Out<'_>) {
         let side = &mut self.sides[way as usize];
         side.flags = None;
@@ -353,7 +353,7 @@ impl Reader {
             }
             return;
         }
-        // A call, an answer, or nothing that has a meaning here.
+        // A connection request, an answer, or a character without meaning here.
         let (idle, answered) = (Link::Idle, other.link);
         let (own, others, text) = match (byte, answered) {
             (STX, Link::Called) => (Link::Called, answered, "connection request, conflict: both want to send"),
@@ -365,7 +365,7 @@ impl Reader {
             (NAK, Link::Block(_)) => (side.link, idle, "block broken off by the receiver"),
             (NAK, Link::Idle) => (side.link, idle, "no connection"),
             _ => {
-                // More of them may follow: they are put out together.
+                // More of them may follow: they are output together.
                 if !side.keep(now, byte) {
                     self.close(way, out);
                 }
@@ -374,7 +374,7 @@ impl Reader {
         };
         self.close(way, out);
         if byte == NAK {
-            // What it breaks off stands before it.
+            // The unit it interrupts is output first.
             self.close(way.other(), out);
         }
         let name = match byte {
@@ -392,7 +392,7 @@ impl Reader {
         side.put(way, |_, _, put| put(Meaning::Control(name, text)), out);
     }
 
-    /// A frame ends where its length says so and its CRC is right; anything else is ended by a pause or an answer.
+    /// A frame ends where its length says so and its CRC is correct; anything else ends with a pause or an answer.
     fn modbus_rtu(&mut self, way: Way, master: bool, out: &mut Out<'_>) {
         let side = &mut self.sides[way as usize];
         let Ok(telegram) = rtu::decode(side.raw()) else { return };
@@ -493,7 +493,7 @@ impl Reader {
     }
 }
 
-/// Characters of EnOcean that are no frame.
+/// Characters of EnOcean that are not a frame.
 fn outside_a_frame(raw: &[u8], damaged: bool) -> Meaning<'static> {
     match raw {
         [WAKE] => Meaning::Control("WAKE", "the module is to wake up"),

@@ -1,9 +1,9 @@
-//! What a CP's tap writes for each thing that happens on its line: one record, by itself in a message, or behind its
-//! length in a file.
+//! The records that a CP's tap writes for each event on its line: one record per message, or with its length in front
+//! in a file.
 //!
 //! A record is the time (8 bytes, nanoseconds since the start of the driver), the kind (1 byte) and its data. A file is
-//! [`MAGIC`], the version (2 bytes) and records, each behind its length (2 bytes) and the number of its CP (1 byte).
-//! All numbers are little-endian. A stream and a file begin with a [`Kind::Hello`], and there may be more of them: the
+//! [`MAGIC`], the version (2 bytes) and records, each preceded by its length (2 bytes) and the number of its CP (1
+//! byte). All numbers are little-endian. A stream and a file begin with a [`Kind::Hello`]; a further one means that the
 //! CP has got other parameters.
 
 use crate::machine::{Instant, LineFault};
@@ -15,32 +15,32 @@ pub const VERSION: u16 = 1;
 /// Bytes before the data of a record.
 pub const HEAD: usize = 9;
 
-/// What a record tells.
+/// The kind of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Kind {
-    /// Who this is: JSON text with `version`, `station`, `name`, `line`, `parameters` (16 numbers), `unix_ns` (the time
-    /// at 0).
+    /// The identity of the CP: JSON text with `version`, `station`, `name`, `line`, `parameters` (16 numbers),
+    /// `unix_ns` (the time at 0).
     Hello = 0,
     /// Characters handed to the line.
     Out = 1,
     /// Characters received.
     In = 2,
-    /// Everything handed to the line has left.
+    /// Everything handed to the line has been sent.
     Done = 3,
     /// A character that could not be read: 1 parity, 2 framing, 3 overrun, 4 break.
     Fault = 4,
     /// The line is gone: why, as text.
     Gone = 5,
-    /// The line is there.
+    /// The line is up.
     Up = 6,
     /// Modem lines: bit 0 CTS, 1 DSR, 2 RI, 3 CD.
     Modem = 7,
-    /// So many records (8 bytes) before this one were lost, because nobody fetched them.
+    /// The number of records (8 bytes) lost before this one because nobody fetched them.
     Lost = 8,
-    /// Something the CP has to say, as text.
+    /// A message of the CP, as text.
     Note = 9,
-    /// So many characters (4 bytes) of those handed to the line were taken back.
+    /// The number of characters (4 bytes) handed to the line and then taken back.
     TakenBack = 10,
 }
 
@@ -60,14 +60,14 @@ impl Kind {
     ];
 }
 
-/// A record, read.
+/// A record as read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Record<'a> {
     /// When, by the clock of the driver.
     pub time: Instant,
-    /// What it tells.
+    /// Its kind.
     pub kind: Kind,
-    /// More of it.
+    /// Its data.
     pub data: &'a [u8],
 }
 
@@ -91,7 +91,7 @@ impl<'a> Record<'a> {
     }
 }
 
-/// The byte of a [`Kind::Fault`]. Lines that go and come have records of their own.
+/// The byte of a [`Kind::Fault`]. A line that goes down or comes up has records of its own.
 #[must_use]
 pub const fn number_of(fault: LineFault) -> u8 {
     match fault {

@@ -1,19 +1,19 @@
-//! Message tables: a machine is led through a conversation in virtual time.
+//! Message tables: a machine is driven through a conversation in virtual time.
 //!
-//! One line a step, `TIME_MS INPUT => OUTPUT, OUTPUT`; what stands behind `#` is a remark. A step without an output
-//! may leave the arrow out. Times are absolute and may have decimals.
+//! One line per step, `TIME_MS INPUT => OUTPUT, OUTPUT`; text after `#` is a comment. A step without an output may omit
+//! the arrow. Times are absolute and may have decimals.
 //!
 //! | input | |
 //! |---|---|
 //! | `start` | the first tick |
 //! | `rx 10 03` | characters (hexadecimal, or `STX` `ETX` `DLE` `NAK` `XON` `XOFF`) |
-//! | `done` | the last bit of our output is out |
+//! | `done` | the last bit of our output has been sent |
 //! | `order 41 42` | send this telegram; `order N*41` repeats a byte |
 //! | `abort` | the CPU resets |
 //! | `fault Parity` | a character that cannot be read |
 //! | `cts on`, `cts off` | the modem line |
 //! | `lines cts dsr` | the modem lines that are ON |
-//! | `room 12` | from now on the receive buffer has room for so many bytes; a tick |
+//! | `room 12` | from now on the receive buffer has room for this many bytes; a tick |
 //! | `timeout` | the machine must have asked to be called exactly now; a tick |
 //!
 //! | output | |
@@ -21,24 +21,24 @@
 //! | `tx 02` | characters for the line; consecutive ones in one piece |
 //! | `back` | our output is taken back |
 //! | `got 41` | a telegram is delivered |
-//! | `more 41`, `end`, `broken` | a part of one, and what comes behind parts |
+//! | `more 41`, `end`, `broken` | a part of one, and what follows parts |
 //! | `sent ok`, `sent AckDelay` | the end of the order |
 //! | `!Phase: What` | a report |
 //! | `rts on`, `rts off`, `dtr on` | the modem line |
-//! | `baud 2400` | the line goes on at this baud rate |
+//! | `baud 2400` | the line continues at this baud rate |
 //!
-//! Between two lines the machine must stay silent: each deadline that passes is ticked, and must bring nothing.
+//! Between two lines the machine must stay silent: each deadline that passes is ticked, and must cause no output.
 
 use ob1_protocols::{
     Event, Input, Instant, LineFault, LineInput, MS, Machine, ModemLines, Order, Part, SendError, Sink, Wire,
 };
 
-/// A sink that writes down what it gets, in the words of the tables.
+/// A sink that records its calls in the words of the tables.
 #[derive(Default)]
 pub(crate) struct Recorder {
     pub(crate) log: Vec<String>,
     pub(crate) room: usize,
-    /// What `take_back` answers.
+    /// The result of `take_back`.
     pub(crate) back: usize,
 }
 
@@ -140,7 +140,7 @@ fn expected(text: &str) -> Vec<String> {
     list
 }
 
-/// Leads the machine through the table.
+/// Drives the machine through the table.
 pub(crate) fn check(machine: &mut dyn Machine, table: &str) {
     let mut out = Recorder { room: 1024, ..Recorder::default() };
     let mut deadline = None;

@@ -1,4 +1,4 @@
-//! Configurations with the defaults of the parameter tables, as the tests of the machines count with them.
+//! Configurations with the defaults of the parameter tables, for the tests of the machines.
 
 #![allow(dead_code)] // each test file uses its own part of it
 

@@ -1,13 +1,13 @@
-//! Message tables of the loadable driver: it is led through a conversation in virtual time.
+//! Message tables of the loadable driver: it is driven through a conversation in virtual time.
 //!
-//! One line a step, `TIME_MS INPUT => OUTPUT, OUTPUT`; what stands behind `#` is a remark. Times are absolute.
+//! One line per step, `TIME_MS INPUT => OUTPUT, OUTPUT`; text after `#` is a comment. Times are absolute.
 //!
 //! | input | |
 //! |---|---|
 //! | `start` | the first tick |
 //! | `job 05 03 0040 0002` | P_SND_RK with this source area, `R_TYP` 'X'; `job N*41` repeats a byte |
 //! | `typ D 05 07` | the same with another `R_TYP` |
-//! | `done` | the last bit of our output is out |
+//! | `done` | the last bit of our output has been sent |
 //! | `say 05 03 04 21232527` | the slave sends this telegram: colon, digits, LRC, CR LF are added |
 //! | `rx :0501\r\n` | characters as they are; `_` is a blank |
 //! | `taken`, `refused` | P_RCV_RK has taken the data, cannot take them |
@@ -20,13 +20,13 @@
 //! |---|---|
 //! | `ask 05 03 0040 0002` | the request on the line, as a telegram |
 //! | `got 2123 2527` | the destination area for P_RCV_RK |
-//! | `ok` | the job has ended well |
+//! | `ok` | the job has ended successfully |
 //! | `fail 0830` | an entry in the diagnostic buffer, and the job has ended with this STATUS |
 //! | `!0834` | an entry in the diagnostic buffer |
 //! | `back` | our output is taken back |
 //! | `rts on`, `dtr on` | the signal |
 //!
-//! Between two lines the driver must stay silent: each deadline that passes is ticked, and must bring nothing.
+//! Between two lines the driver must stay silent: each deadline that passes is ticked, and must cause no output.
 
 use ob1_protocols::modbus_master_32::{Driver, Input, Order, Owner, Parameters};
 use ob1_protocols::{Instant, LineFault, LineInput, MS, ModemLines, Wire};
@@ -39,7 +39,7 @@ pub(crate) fn frame(telegram: &[u8]) -> String {
     format!(":{digits}{lrc:02X}\r\n")
 }
 
-/// The telegram of a frame; none if the frame is not one.
+/// The telegram of a frame; `None` if the frame is invalid.
 fn telegram(frame: &[u8]) -> Option<Vec<u8>> {
     let text = std::str::from_utf8(frame).ok()?.strip_prefix(':')?.strip_suffix("\r\n")?;
     let mut bytes = bytes(text);
@@ -65,7 +65,7 @@ pub(crate) fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02X}")).collect()
 }
 
-/// Writes down what the driver says, in the words of the tables.
+/// Records the driver's outputs in the words of the tables.
 #[derive(Default)]
 struct Recorder {
     log: Vec<String>,
@@ -101,7 +101,7 @@ impl Owner for Recorder {
         match outcome {
             Ok(()) => self.log.push("ok".into()),
             Err(number) => {
-                // The entry comes first, then what the end brings with it.
+                // The entry comes first, then the other outputs of the end.
                 let entry = format!("!{number:04X}");
                 let at = self.log.iter().rposition(|line| *line == entry);
                 self.log.remove(at.expect("no entry for what ended the job"));
@@ -124,7 +124,7 @@ fn expected(text: &str) -> Vec<String> {
     text.split(',').map(str::trim).filter(|output| !output.is_empty()).map(spell).collect()
 }
 
-/// Leads a driver with these parameters through the table.
+/// Drives a driver with these parameters through the table.
 pub(crate) fn check(parameters: Parameters, table: &str) {
     let (mut driver, mut out) = (Driver::new(parameters), Recorder::default());
     let (mut deadline, mut last): (Option<Instant>, Instant) = (None, Instant::START);

@@ -1,14 +1,14 @@
 //! Two machines back to back on a bad line, in virtual time.
 //!
-//! A [`Duet`] says which two machines, what their programs send, and who judges what is accepted. The harness plays
-//! both programs and the line, and holds every protocol to the same invariants:
+//! A [`Duet`] defines the two machines, the telegrams of their programs, and the judge of accepted telegrams. The
+//! harness plays both programs and the line, and checks the same invariants for every protocol:
 //!
 //! * every order ends exactly once, done or with an error;
-//! * nothing is accepted that the protocol's own check would have caught: the [`Judge`] sees every character as it came
-//!   off the line and decides from the text of the procedure, not with the code under test;
+//! * nothing is accepted that the protocol's own check would have detected: the [`Judge`] sees every character as it
+//!   came from the line and decides from the text of the procedure, not with the code under test;
 //! * "done" is true: the telegram arrived ([`Duet::ACKNOWLEDGED`]), at the latest when the line is calm
 //!   ([`Duet::GRACE`]);
-//! * no deadlock: when the faults are over, telegrams get through in bounded time in both directions, and whole.
+//! * no deadlock: when the faults are over, telegrams arrive in bounded time in both directions, and whole.
 //!
 //! The seeds kept in `tests/seeds` run first, then 1, 2, 3, ... until `OB1_TELEGRAMS` orders have ended (default 20000;
 //! the long run takes 100000). A seed that fails is named together with the command that replays it; `OB1_SEED=n` runs
@@ -25,7 +25,7 @@ use ob1_protocols::{Event, Input, Instant, LineInput, MS, Machine, ModemLines, O
 const FAULTY: Instant = Instant::from_secs(30);
 /// After the faults: an order that was running may still fail in this time.
 const SETTLE: Span = Span::from_secs(10);
-/// After that: orders must go through.
+/// After that: orders must succeed.
 const CALM: Span = Span::from_secs(5);
 
 /// Two partners of one protocol.
@@ -34,9 +34,10 @@ pub(crate) trait Duet {
     const TEST: &'static str;
     /// Either partner.
     type Machine: Machine;
-    /// Who judges what it accepts.
+    /// The judge of accepted telegrams.
     type Judge: Judge;
-    /// "Done" is the partner's word: the telegram has been delivered before. Otherwise it means "the last bit is out".
+    /// "Done" is confirmed by the partner: the telegram has been delivered before. Otherwise it means "the last bit has
+    /// been sent".
     const ACKNOWLEDGED: bool;
     /// On a calm line: longest time from the end of an order to the delivery of its telegram.
     const GRACE: Span;
@@ -44,10 +45,10 @@ pub(crate) trait Duet {
     /// The line without its faults, and the partners at its ends A and B.
     fn stage(rng: &mut SplitMix64) -> Stage<Self::Machine, Self::Judge>;
 
-    /// What the program at this end sends next; `None`: it sends nothing of its own (a slave).
+    /// The next telegram of the program at this end; `None`: it sends none of its own (a slave).
     fn telegram(rng: &mut SplitMix64, end: End) -> Option<Vec<u8>>;
 
-    /// How often each kind of fault may happen at most, in characters per million; the seed draws below.
+    /// Maximum rate of each kind of fault, in characters per million; the seed draws a lower one.
     fn worst() -> FaultRates {
         FaultRates {
             flip: 3000,
@@ -61,28 +62,28 @@ pub(crate) trait Duet {
         }
     }
 
-    /// A last look at the sum of all seeds.
+    /// A final check of the sum of all seeds.
     fn verdict(_sum: &Sum) {}
 }
 
-/// What a seed begins with.
+/// The starting point of a seed.
 pub(crate) struct Stage<M, J> {
     pub(crate) sim: SimConfig,
     /// At the ends A and B.
     pub(crate) partners: [(M, J); 2],
     /// Longest pause of a program between the end of an order and the next.
     pub(crate) pause: Span,
-    /// The CPU is slow to take one telegram in so many; 0: never.
+    /// The CPU is slow to take one telegram in this many; 0: never.
     pub(crate) slow_one_in: u64,
 }
 
-/// Judges one partner from what it saw and said.
+/// Judges one partner from its inputs and outputs.
 pub(crate) trait Judge {
     /// A readable character came in (`None`: one that could not be read).
     fn character(&mut self, now: Instant, character: Option<u8>);
     /// The machine put this on the line.
     fn transmitted(&mut self, _now: Instant, _bytes: &[u8]) {}
-    /// All that the machine put on the line is out.
+    /// All output of the machine has been sent.
     fn out(&mut self) {}
     /// Whether the machine may deliver this now.
     fn accepts(&mut self, now: Instant, telegram: &[u8]) -> bool;
@@ -95,7 +96,7 @@ pub(crate) struct Sum {
     pub(crate) done: u64,
     /// Orders ended with an error.
     pub(crate) failed: u64,
-    /// Orders done whose telegram did not arrive whole: what the protocol's check cannot see.
+    /// Orders done whose telegram did not arrive whole, undetectable by the protocol's check.
     pub(crate) damaged: u64,
 }
 
@@ -117,12 +118,12 @@ struct Books<J> {
     failed: u64,
     damaged: u64,
     delivered: Vec<Vec<u8>>,
-    /// Of those: how many before the partner's running order began.
+    /// Number of them before the partner's running order began.
     partner_mark: usize,
     /// Telegrams of orders done on a calm line, with the time of their end.
     calm: Vec<(Instant, Vec<u8>)>,
     slow_one_in: u64,
-    /// The CPU has not taken the last telegram before this.
+    /// When the CPU takes the last telegram.
     occupied_until: Instant,
     /// When it put its last DLE on the line, and its last block.
     last_dle: Instant,
@@ -238,7 +239,7 @@ impl<D: Duet> Station<D> {
         );
     }
 
-    /// When the station wants to do something by itself.
+    /// When the station will act by itself.
     fn next(&self, now: Instant) -> Option<Instant> {
         let order = self.books.running.is_none().then_some(self.next_order);
         let room = Some(self.books.occupied_until).filter(|at| *at > now);
@@ -349,7 +350,7 @@ fn settle<D: Duet>(stations: &mut [Station<D>; 2], n: usize, now: Instant, pause
             let arrived = &partner.delivered[partner.partner_mark..];
             let whole = arrived.contains(&data);
             if D::ACKNOWLEDGED {
-                // A DLE that left before our block did, and was late: nothing tells it from the acknowledgement.
+                // A late DLE sent before our block cannot be distinguished from the acknowledgement.
                 let is_late = partner.last_dle <= stations[n].books.last_block && now < FAULTY + SETTLE;
                 assert!(!arrived.is_empty() || is_late, "reported done and not delivered");
                 assert!(whole || now < FAULTY + SETTLE, "damaged on a calm line");
@@ -368,7 +369,7 @@ fn settle<D: Duet>(stations: &mut [Station<D>; 2], n: usize, now: Instant, pause
     stations[n].next_order = now + stations[n].books.rng.span_below(pause);
 }
 
-/// The kept seeds of a test: lines `TEST NUMBER` in `tests/seeds/*.txt`, with a remark behind `#`.
+/// The kept seeds of a test: lines `TEST NUMBER` in `tests/seeds/*.txt`, with a comment after `#`.
 fn kept_seeds(test: &str) -> Vec<u64> {
     let mut files: Vec<_> = std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/seeds"))
         .expect("the directory of kept seeds")
@@ -426,13 +427,13 @@ pub(crate) fn check<D: Duet>() {
         assert!(conversations * 3 <= sum.done + sum.failed, "telegrams hardly ever end");
     }
     println!("{}: {conversations} conversations, {sum:?}", D::TEST);
-    // The test tests something: most telegrams come through.
+    // The test is meaningful: most telegrams arrive.
     assert!(sum.done > sum.failed, "{sum:?}");
     D::verdict(&sum);
 }
 
-/// Without faults and with a CPU that takes everything at once nothing fails, all arrives whole, and the same seed is
-/// the same conversation.
+/// Without faults and with a CPU that takes everything at once nothing fails, everything arrives whole, and the same
+/// seed gives the same conversation.
 pub(crate) fn check_clean<D: Duet>() {
     for seed in 1..=3 {
         let sum = run::<D>(seed, FaultRates::NONE, false);

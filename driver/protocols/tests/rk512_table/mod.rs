@@ -1,7 +1,7 @@
-//! Message tables for RK 512: a machine is led through a conversation in virtual time.
+//! Message tables for RK 512: a machine is driven through a conversation in virtual time.
 //!
-//! One line a step, `TIME_MS INPUT => OUTPUT; OUTPUT`; what stands behind `#` is a remark. Bytes are hexadecimal;
-//! `3*41` repeats one, `01..10` counts from one to the other. `|` parts header and data.
+//! One line per step, `TIME_MS INPUT => OUTPUT; OUTPUT`; text after `#` is a comment. Bytes are hexadecimal; `3*41`
+//! repeats one, `01..10` counts from one to the other. `|` separates header and data.
 //!
 //! | input | |
 //! |---|---|
@@ -22,7 +22,7 @@
 //! | `answered ok`, `answered Withdrawn 060E` (why) | the partner's order |
 //! | `!060E`, `!Repeated` | a report: its number, or its name where it has none |
 //!
-//! Between two lines the machine must stay silent: each deadline that passes is ticked, and must bring nothing.
+//! Between two lines the machine must stay silent: each deadline that passes is ticked, and must cause no output.
 
 use ob1_protocols::rk512::{Answer, AnswerError, Config, Event, Input, Order, OrderError, Owner, Request, Rk512};
 use ob1_protocols::s3964::codec::block;
@@ -133,12 +133,12 @@ impl<const N: usize> Bench<N> {
         self.deadline = self.machine.step(self.now, input, &mut self.out);
     }
 
-    /// What has been put out since the last look.
+    /// Outputs since the last call.
     fn seen(&mut self) -> Vec<String> {
         std::mem::take(&mut self.out.log)
     }
 
-    /// Takes `tx` of these characters from the front of what was put out.
+    /// Takes `tx` of these characters from the front of the outputs.
     fn expect_first(&mut self, characters: &[u8]) {
         assert!(!self.out.log.is_empty(), "nothing was put out instead of {}", hex(characters));
         let first = self.out.log.remove(0);
@@ -152,7 +152,7 @@ impl<const N: usize> Bench<N> {
     /// The partner sends a telegram.
     fn partner(&mut self, telegram: &[u8]) {
         self.step(Input::Line(LineInput::Rx(&[0x02])));
-        // A low station whose own STX is out gives way, and says so.
+        // A low-priority station whose own STX has been sent gives way, and reports it.
         self.out.log.retain(|line| !line.starts_with("!Line") && line != "tx 02");
         assert_eq!(self.seen(), ["tx 10"], "our answer to STX");
         self.step(Input::Line(LineInput::TxDone));
@@ -162,7 +162,7 @@ impl<const N: usize> Bench<N> {
         self.step(Input::Line(LineInput::TxDone));
     }
 
-    /// The partner takes a telegram from us; our STX is out.
+    /// The partner takes a telegram from us; our STX has been sent.
     fn takes(&mut self, telegram: &[u8]) {
         self.step(Input::Line(LineInput::TxDone));
         self.step(Input::Line(LineInput::Rx(&[0x10])));
@@ -214,7 +214,7 @@ impl<const N: usize> Bench<N> {
     }
 }
 
-/// Leads a machine through the table.
+/// Drives a machine through the table.
 pub(crate) fn check<const N: usize>(config: Config, table: &str) {
     let bcc = config.line.bcc;
     let machine = Rk512::<N>::new(config);

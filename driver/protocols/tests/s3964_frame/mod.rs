@@ -1,7 +1,7 @@
-//! A block of the procedure 3964(R) as the text of the manual has it, without the code under test.
+//! A block of the procedure 3964(R) as in the text of the manual, without the code under test.
 
-/// The user data of a block as it came off the line, if everything is right with it.
-/// [S0 "Block check character (BCC-Byte)"], [S0 "Data Link Escape (DLE-character)"]
+/// The user data of a block as it came from the line, if it is valid. [S0 "Block check character (BCC-Byte)"], [S0
+/// "Data Link Escape (DLE-character)"]
 pub(crate) fn checked(raw: &[Option<u8>], bcc: bool) -> Option<Vec<u8>> {
     let mut raw: Vec<u8> = raw.iter().copied().collect::<Option<_>>()?;
     if bcc && raw.pop()? != raw.iter().fold(0, |a, b| a ^ b) {
@@ -19,29 +19,29 @@ pub(crate) fn checked(raw: &[Option<u8>], bcc: bool) -> Option<Vec<u8>> {
     Some(plain)
 }
 
-/// What came in since our last DLE; `None` in the place of a character that could not be read.
+/// Characters since our last DLE; `None` in the place of an unreadable one.
 #[derive(Default)]
 pub(crate) struct Incoming {
     characters: Vec<Option<u8>>,
-    /// Something of ours is on the line.
+    /// We are sending.
     leaving: bool,
-    /// The request has been repeated before our DLE was out.
+    /// The request was repeated before our DLE had been sent.
     asked_again: bool,
 }
 
 impl Incoming {
     pub(crate) fn push(&mut self, character: Option<u8>) {
-        // Before our DLE is out nothing of a block can come; an STX is the request once more. [reference 5.4]
+        // Before our DLE has been sent no block can come; an STX is a repeated request. [reference 5.4]
         let request = self.characters.is_empty() && character == Some(0x02);
         if request && self.leaving {
             self.asked_again = true;
         } else {
-            // One more of these, or data: nobody may take it for data.
+            // Another repeated request, or data: it must not be taken for data.
             self.characters.push(character.filter(|_| !(request && self.asked_again)));
         }
     }
 
-    /// Put on the line. A DLE ends a block, or begins one: all that came before it.
+    /// Characters sent. A DLE ends or begins a block: returns everything before it.
     pub(crate) fn transmitted(&mut self, bytes: &[u8]) -> Option<Vec<Option<u8>>> {
         self.leaving = true;
         (bytes == [0x10]).then(|| {
@@ -50,7 +50,7 @@ impl Incoming {
         })
     }
 
-    /// All of ours is out.
+    /// Everything has been sent.
     pub(crate) fn out(&mut self) {
         self.leaving = false;
     }

@@ -1,8 +1,8 @@
 //! The door of a link: its connection to the broker of a running station.
 //!
-//! What it reads it reads out of shared memory that the scan fills ([`Door::read`]); what it writes, asks and is told
-//! goes through a socket. Nothing here waits, reads a clock or starts a thread: the process waits for
-//! [`Door::fd`], calls [`Door::pump`], and takes what has come with [`Door::take_news`].
+//! Reads come from shared memory that the scan fills ([`Door::read`]); writes, questions and answers go through a
+//! socket. Nothing here waits, reads a clock or starts a thread: the process waits for [`Door::fd`], calls
+//! [`Door::pump`], and fetches the results with [`Door::take_news`].
 //!
 //! ```no_run
 //! use std::os::fd::AsFd as _;
@@ -49,33 +49,34 @@ use ranges::Ranges;
 pub use ranges::{Cover, Found};
 pub use reading::Reading;
 
-/// Messages that may wait for room in the socket; who asks more than that without pumping loses the door.
+/// Messages that may wait for room in the socket; a process that queues more without pumping loses the door.
 const OUTBOX: usize = 4096;
 
-/// Why a link has no door any more.
+/// Why a link has lost its door.
 #[derive(Debug, Error)]
 pub enum DoorError {
-    /// The station ends, or has let go of this link.
+    /// The station ends, or has dropped this link.
     #[error("the station has closed the door")]
     Closed,
-    /// What the system says.
+    /// An error of the system.
     #[error("the socket of the broker: {0}")]
     Io(#[from] io::Error),
-    /// The window cannot be looked through.
+    /// The window cannot be mapped.
     #[error("the window: {0}")]
     Window(#[from] SegmentError),
-    /// What came is no message of this version.
+    /// A received packet is not a message of this version.
     #[error("the broker speaks another version: link and runtime must come from one build")]
     Version,
-    /// Too much was said without listening.
+    /// Too many messages were queued without [`Door::pump`].
     #[error("too many messages wait for the broker")]
     Full,
 }
 
-/// Why nothing was read. Nothing is lost: the same read works later.
+/// Why nothing was read. Nothing is lost: the same read can succeed later.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum NotYet {
-    /// Not all of it was watched; it is asked for now and there one cycle later, when [`News::Watching`] comes.
+    /// Not all of it was watched yet; it has now been requested and is available one cycle later, when
+    /// [`News::Watching`] comes.
     #[error("not watched yet")]
     Coming,
     /// More than a link may watch: read it in parts.
@@ -86,17 +87,17 @@ pub enum NotYet {
     Busy,
 }
 
-/// Why a group is no group.
+/// A group is too large.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error("at most {GROUP_ENTRIES} entries and {WRITE_BYTES} bytes can be written at once")]
 pub struct GroupTooLarge;
 
-/// What has come.
+/// News from the broker.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum News {
-    /// What was asked for by reading it is there.
+    /// The pieces requested by a read are available.
     Watching,
-    /// What became of a group of writes: the scan whose snapshot contains it. A read after this sees it.
+    /// The outcome of a group of writes: the scan whose snapshot contains it. A later read sees it.
     Written {
         /// Whose.
         client: u32,
@@ -130,21 +131,21 @@ pub struct Door {
     news: VecDeque<News>,
     tickets: Ticket,
     buffer: Vec<u8>,
-    /// Documents of which not all parts have come.
+    /// Incomplete documents.
     documents: BTreeMap<Ticket, Vec<u8>>,
 }
 
-/// What became of one try to read.
+/// The outcome of one attempt to read.
 enum Try {
     Whole,
     Missing,
 }
 
 impl Door {
-    /// Over the socket that the supervisor has handed over, which is the standard input of a link.
+    /// A door over the socket that the supervisor has handed over, which is the standard input of a link.
     ///
     /// # Errors
-    /// What the system says.
+    /// An error of the system.
     pub fn new(socket: OwnedFd) -> Result<Self, DoorError> {
         Ok(Self {
             socket,
@@ -160,10 +161,10 @@ impl Door {
         })
     }
 
-    /// All the doors of a process that serves several links: they come over its standard input, one a message.
+    /// All doors of a process that serves several links: they come over its standard input, one per message.
     ///
     /// # Errors
-    /// What the system says; what comes is no message of this version.
+    /// The system's error, or a packet that is not a message of this version.
     pub fn several(socket: &OwnedFd) -> Result<Option<Vec<Self>>, DoorError> {
         let mut doors = Vec::new();
         loop {
@@ -182,10 +183,10 @@ impl Door {
         }
     }
 
-    /// The other end of [`Door::several`]: hands all of them over at once.
+    /// The other end of [`Door::several`]: hands over all doors at once.
     ///
     /// # Errors
-    /// What the system says.
+    /// An error of the system.
     pub fn hand_over(socket: &OwnedFd, doors: &[OwnedFd]) -> io::Result<()> {
         let more = (0..doors.len()).rev();
         doors
@@ -194,19 +195,19 @@ impl Door {
             .try_for_each(|(door, more)| handover::send(socket, &[u8::from(more > 0)], &[door.as_fd()]))
     }
 
-    /// To wait for: something has come; with [`Door::wants_write`] also: there is room.
+    /// The descriptor to wait for: readable, and with [`Door::wants_write`] also writable.
     #[must_use]
     pub fn fd(&self) -> BorrowedFd<'_> {
         self.socket.as_fd()
     }
 
-    /// Something waits to be sent.
+    /// Whether something waits to be sent.
     #[must_use]
     pub fn wants_write(&self) -> bool {
         !self.outbox.is_empty()
     }
 
-    /// Sends what waits and takes all that has come.
+    /// Sends waiting messages and receives all that have come.
     ///
     /// # Errors
     /// [`DoorError`]: the door is gone.
@@ -238,7 +239,7 @@ impl Door {
             }
             ToLink::Unwatched { generation, refused } => {
                 self.ranges.unwatched(generation, &refused);
-                // A reader that waits for one of them learns of it by reading again.
+                // A reader that waits for one of them finds out by reading again.
                 self.news.push_back(News::Watching);
             }
             ToLink::Written { client, ticket, outcome } => {
@@ -287,7 +288,7 @@ impl Door {
         if self.outbox.len() > OUTBOX { Err(DoorError::Full) } else { Ok(()) }
     }
 
-    /// What the broker has said first; `None` until it has come.
+    /// The broker's first message; `None` until it has come.
     #[must_use]
     pub fn welcome(&self) -> Option<&Welcome> {
         self.welcome.as_ref()
@@ -299,30 +300,29 @@ impl Door {
         std::mem::take(&mut self.listeners)
     }
 
-    /// A sign of life, to be given at least four times a second: a link without one for a second is killed and started
-    /// again.
+    /// A sign of life. Call it at least four times a second: a link without one for a second is killed and restarted.
     pub fn beat(&mut self) {
-        // While the broker listens to nothing there is no use in more of them.
+        // While the broker reads nothing, more of them are useless.
         if self.outbox.is_empty() {
             self.say(&ToBroker::Beat);
         }
     }
 
-    /// To be called about once a second: what nobody has read for half a minute is let go.
+    /// Call it about once a second: pieces not read for half a minute are no longer watched.
     pub fn tick(&mut self) {
         self.ranges.tick();
         self.watch();
     }
 
-    /// The number of the newest snapshot; 0: there is none yet.
+    /// The number of the newest snapshot; 0 if there is none yet.
     #[must_use]
     pub fn newest_scan(&self) -> u64 {
         self.window.as_ref().and_then(WindowReader::newest).map_or(0, |head| head.scan)
     }
 
-    /// Reads these pieces, all of the newest snapshot, without a system call. What is read for the first time is asked
-    /// for: then [`Door::pump`], wait for [`News::Watching`], read again. A piece that the CPU does not have, or that
-    /// this link is not allowed to read, is told of that piece alone.
+    /// Reads these pieces, all of the newest snapshot, without a system call. A piece read for the first time is
+    /// requested: then call [`Door::pump`], wait for [`News::Watching`], and read again. A piece that the CPU does not
+    /// have, or that this link may not read, is refused without affecting the others.
     ///
     /// # Errors
     /// [`NotYet`].
@@ -370,8 +370,8 @@ impl Door {
         self.tickets
     }
 
-    /// Writes a group for a client (a number of the link's own; 0: for itself): all of it lands at one cycle control
-    /// point, or nothing. [`News::Written`] says what became of it.
+    /// Writes a group for a client (a number of the link's own; 0: for itself): all of it is written at one cycle
+    /// control point, or nothing. [`News::Written`] reports the outcome.
     ///
     /// # Errors
     /// More than [`GROUP_ENTRIES`] entries or [`WRITE_BYTES`] bytes.
@@ -384,24 +384,24 @@ impl Door {
         Ok(ticket)
     }
 
-    /// Asks for a client. [`News::Answer`] is the answer.
+    /// Asks a question for a client. [`News::Answer`] brings the answer.
     pub fn ask(&mut self, client: u32, ask: Ask) -> Ticket {
         let ticket = self.ticket();
         self.say(&ToBroker::Ask { client, ticket, ask });
         ticket
     }
 
-    /// A client is gone: its rights and what it still waits for go with it.
+    /// A client is gone: its rights and its open requests are dropped.
     pub fn client_gone(&mut self, client: u32) {
         self.say(&ToBroker::Gone(client));
     }
 
-    /// These are the connections now; whoever looks at the station is told.
+    /// Reports the present connections, for tools that show the station.
     pub fn connections(&mut self, list: Vec<Connection>) {
         self.say(&ToBroker::Connections(list));
     }
 
-    /// The next thing that has come.
+    /// The next news.
     pub fn take_news(&mut self) -> Option<News> {
         self.news.pop_front()
     }

@@ -1,16 +1,16 @@
-//! Messages as bytes: whole numbers in the machine's order of a network, texts and lists with their length in front.
+//! Messages as bytes: whole numbers in network byte order, texts and lists preceded by their length.
 //!
-//! What comes is not trusted: whatever the bytes are, the result is a value or nothing.
+//! Received bytes are not trusted: whatever they are, the result is a value or nothing.
 
-/// Something that crosses the socket.
+/// A value that is sent over the socket.
 pub(crate) trait Wire: Sized {
     /// Appends it.
     fn put(&self, out: &mut Vec<u8>);
-    /// Takes it from the front; `None`: these bytes are none.
+    /// Takes it from the front; `None`: the bytes are not such a value.
     fn get(bytes: &mut &[u8]) -> Option<Self>;
 }
 
-/// The whole message, and nothing behind it.
+/// A whole message with nothing after it.
 pub(crate) fn decode<T: Wire>(mut bytes: &[u8]) -> Option<T> {
     let value = T::get(&mut bytes)?;
     bytes.is_empty().then_some(value)
@@ -53,7 +53,7 @@ impl Wire for bool {
     }
 }
 
-/// A length, and so many bytes.
+/// A length, and that many bytes.
 fn block<'a>(bytes: &mut &'a [u8]) -> Option<&'a [u8]> {
     let len = u32::get(bytes)? as usize;
     let (block, rest) = bytes.split_at_checked(len)?;
@@ -102,7 +102,7 @@ impl<T: Wire> Wire for Vec<T> {
     }
     fn get(bytes: &mut &[u8]) -> Option<Self> {
         let len = u32::get(bytes)? as usize;
-        // Each takes a byte at least: a length that lies makes no room.
+        // Each element takes at least a byte, so a false length reserves no memory.
         let mut list = Vec::with_capacity(len.min(bytes.len()));
         for _ in 0..len {
             list.push(T::get(bytes)?);
@@ -136,7 +136,7 @@ impl<T: Wire, E: Wire> Wire for Result<T, E> {
     }
 }
 
-/// A structure by its fields, an enumeration by the number of each variant.
+/// A structure is sent by its fields, an enumeration by the number of the variant.
 macro_rules! wire {
     (struct $name:ident { $($field:ident),* $(,)? }) => {
         impl Wire for $name {

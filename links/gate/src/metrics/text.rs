@@ -1,4 +1,4 @@
-//! Figures as OpenMetrics: each family with its type and what it means, classic buckets, `# EOF`.
+//! Figures as OpenMetrics: each family with its type and help text, classic buckets, `# EOF`.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use ob1_model::Event;
 use serde_json::Value;
 
-/// Upper bounds of the buckets of all times, in nanoseconds: 1, 2, 5 a decade from 10 µs to 10 s.
+/// Upper bounds of the buckets of all times, in nanoseconds: 1, 2, 5 per decade from 10 µs to 10 s.
 const BOUNDS: [u64; 19] = [
     10_000,
     20_000,
@@ -31,7 +31,7 @@ const BOUNDS: [u64; 19] = [
 /// Operating states.
 const STATES: [&str; 3] = ["STOP", "STARTUP", "RUN"];
 
-/// What the station has told.
+/// The documents of the station.
 pub(super) struct Told {
     pub(super) status: Value,
     pub(super) timing: Value,
@@ -39,7 +39,7 @@ pub(super) struct Told {
     pub(super) buffers: Value,
 }
 
-/// What has happened since the gate began to listen.
+/// Events since the gate began to listen.
 #[derive(Debug, Default)]
 pub(super) struct Counts {
     events: BTreeMap<u16, u64>,
@@ -60,7 +60,7 @@ impl Counts {
 struct Page(String);
 
 impl Page {
-    /// Begins a family; of a counter the name without `_total`.
+    /// Begins a family; the name of a counter is given without `_total`.
     fn family(&mut self, name: &str, kind: &str, help: &str) {
         let unit = if name.ends_with("_seconds") {
             format!("# UNIT {name} seconds\n")
@@ -109,7 +109,7 @@ impl Page {
 }
 
 fn seconds(ns: f64) -> f64 {
-    // What is 0.00001 shall not be told as 0.000010000000000000001.
+    // 0.00001 must not be printed as 0.000010000000000000001.
     ns / 1e9
 }
 
@@ -338,7 +338,7 @@ mod tests {
         assert!(text.ends_with("# EOF\n"));
     }
 
-    /// Each sample belongs to the family above it, and no family comes twice: what a strict reader wants.
+    /// Each sample belongs to the family above it, and no family comes twice, as strict parsers require.
     #[test]
     fn every_sample_stands_under_its_family() {
         let text = figures(&told(), &Counts::default());

@@ -1,4 +1,4 @@
-//! The files of the page: they are part of the program, and nothing comes from elsewhere.
+//! The files of the page: they are part of the program, and nothing is loaded from elsewhere.
 
 use std::sync::LazyLock;
 
@@ -25,7 +25,7 @@ static FILES: [File; 8] = [
     File { path: "/icon.svg", kind: "image/svg+xml", text: include_str!("../../page/icon.svg") },
 ];
 
-/// Of all files together: another build has another one.
+/// The tag of all files together; it changes with the build.
 static TAG: LazyLock<String> = LazyLock::new(|| {
     let mut all = ring::digest::Context::new(&ring::digest::SHA256);
     FILES.iter().for_each(|file| all.update(file.text.as_bytes()));
@@ -39,7 +39,7 @@ pub(super) fn find(path: &str) -> Option<&'static File> {
 }
 
 impl File {
-    /// The file, or that it is still the same.
+    /// The file, or "not modified".
     pub(super) fn reply(&self, headers: &HeaderMap) -> Reply {
         let known = headers.get(IF_NONE_MATCH).is_some_and(|tag| tag.as_bytes() == TAG.as_bytes());
         let mut answer = reply(StatusCode::OK, self.kind, self.text);
@@ -59,7 +59,7 @@ impl File {
 mod tests {
     use super::*;
 
-    /// The page is light, and asks nobody but the station for anything.
+    /// The page is small, and makes requests only to the station.
     #[test]
     fn the_page_is_small_and_alone() {
         let bytes: usize = FILES.iter().map(|file| file.text.len()).sum();

@@ -1,4 +1,4 @@
-//! The program: its blocks, their statements, declarations of data blocks, and who uses what.
+//! The program: its blocks, their statements, declarations of data blocks, and cross references.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use super::api::{send, trouble};
 use crate::http::{Reply, plain, query};
 
-/// References that are shown at a time.
+/// Maximum of references shown at a time.
 const REFERENCES: usize = 500;
 
 /// All blocks, and the symbols.
@@ -83,7 +83,7 @@ fn rows(db: u16, path: &str, at: BitAddr, ty: &DataType) -> Vec<Value> {
     all
 }
 
-/// `?operand=MW 10`: who reads and writes it; a part of the name or symbol is enough.
+/// `?operand=MW 10`: its readers and writers; a part of the name or symbol is enough.
 pub(super) async fn xref(station: &Station, asked: &str) -> Reply {
     let catalog = match station.catalog().await {
         Ok(catalog) => catalog,

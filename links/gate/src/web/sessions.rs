@@ -1,4 +1,4 @@
-//! Who is logged in: a random token in a cookie that no other page and no script gets.
+//! Sessions: a random token in a cookie that no other site and no script can read.
 
 use std::cell::RefCell;
 use std::time::{Duration, Instant};
@@ -7,9 +7,9 @@ use hyper::header::{COOKIE, HeaderMap};
 use ob1_gate_core::{Client, Users};
 use ring::rand::{SecureRandom as _, SystemRandom};
 
-/// Sessions at a time; the one that has been silent longest goes for a new one.
+/// Maximum of sessions; a new one replaces the one that has been silent longest.
 const SESSIONS: usize = 128;
-/// Without a request for so long one is logged out; after so long in any case.
+/// A session ends after this long without a request, and after this long in any case.
 const SILENT: Duration = Duration::from_secs(3600);
 const LONGEST: Duration = Duration::from_secs(12 * 3600);
 /// Bytes of a token.
@@ -22,17 +22,17 @@ struct Session {
     last: Instant,
 }
 
-/// All of them.
+/// All sessions.
 #[derive(Default)]
 pub(super) struct Sessions(RefCell<Vec<Session>>);
 
-/// The name of the cookie: with TLS a browser takes it from this very host alone.
+/// The name of the cookie: with TLS a browser accepts it only from this very host.
 pub(super) const fn cookie_name(tls: bool) -> &'static str {
     if tls { "__Host-ob1" } else { "ob1" }
 }
 
 impl Sessions {
-    /// A new session: its token.
+    /// Opens a session; returns its token.
     pub(super) fn open(&self, client: Client) -> Option<String> {
         let mut token = [0; TOKEN];
         SystemRandom::new().fill(&mut token).ok()?;
@@ -47,7 +47,7 @@ impl Sessions {
         Some(token.iter().map(|byte| format!("{byte:02x}")).collect())
     }
 
-    /// The client of the session that the cookie names; none when the user is gone or has other rights now.
+    /// The client of the session that the cookie names; `None` if the user is gone or now has other rights.
     pub(super) fn client(&self, headers: &HeaderMap, users: &Users) -> Option<Client> {
         let now = Instant::now();
         let mut all = self.0.borrow_mut();
@@ -64,7 +64,7 @@ impl Sessions {
         Some(session.client.clone())
     }
 
-    /// The session is over.
+    /// Closes the session.
     pub(super) fn close(&self, headers: &HeaderMap) -> Option<Client> {
         let mut all = self.0.borrow_mut();
         let at = place(&all, headers)?;
@@ -74,12 +74,12 @@ impl Sessions {
 
 fn place(all: &[Session], headers: &HeaderMap) -> Option<usize> {
     tokens(headers).into_iter().find_map(|token| {
-        // Of 256 random bits no guess comes near: how long a comparison takes tells nothing.
+        // No guess comes near 256 random bits, so the duration of a comparison reveals nothing.
         all.iter().position(|session| session.token == token)
     })
 }
 
-/// All that could be a token; others may have set cookies of the same name.
+/// All possible tokens; other sites may have set cookies of the same name.
 fn tokens(headers: &HeaderMap) -> Vec<[u8; TOKEN]> {
     let texts = headers.get_all(COOKIE).iter().filter_map(|value| value.to_str().ok());
     let pairs = texts.flat_map(|text| text.split(';')).filter_map(|pair| pair.trim().split_once('='));

@@ -1,7 +1,7 @@
-//! What a programming device wants of a CPU, as dialogues over any wire.
+//! The jobs of a programming device, as dialogues over any wire.
 //!
-//! [`Wire`] moves telegrams: it gives a client's output to the partner and what comes back to the client. Everything
-//! else is here, and the same over a socket and in a test.
+//! [`Wire`] moves telegrams: it sends a client's output to the partner and passes the replies to the client. Everything
+//! else is here, and is the same over a socket and in a test.
 
 use super::{Came, Client, Failure};
 use crate::codes::{Code, ItemCode};
@@ -11,28 +11,28 @@ use crate::wire::{
 
 /// Bytes of a part of a download: head, parameters, length and mark.
 const PART: usize = crate::wire::ANSWER_HEAD + 2 + 4;
-/// More parts than any block or list has.
+/// A limit above the parts of any block or list.
 const PARTS: usize = 100_000;
 
 /// Moves bytes until something has come.
 pub trait Wire {
-    /// What can go wrong on the way.
+    /// Its errors.
     type Error: From<Failure>;
     /// Sends the client's output, then waits for bytes and gives them to it.
     ///
     /// # Errors
-    /// The partner is gone, or says nothing.
+    /// The partner is gone, or does not answer.
     fn exchange(&mut self, client: &mut Client) -> Result<(), Self::Error>;
 }
 
 /// Why a job has no result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refused {
-    /// The partner says so.
+    /// The partner refused the job.
     Job(Code),
-    /// The partner says so of an item.
+    /// The partner refused an item.
     Item(ItemCode),
-    /// The answer is not one to this job.
+    /// The answer does not belong to this job.
     Answer,
 }
 
@@ -46,10 +46,10 @@ impl std::fmt::Display for Refused {
     }
 }
 
-/// A result, or why there is none; the outer error is the wire's.
+/// A result, or why there is none; the outer error is that of the wire.
 type Done<T, W> = Result<Result<T, Refused>, <W as Wire>::Error>;
 
-/// A programming device at work.
+/// A connected programming device.
 #[derive(Debug)]
 pub struct Device<W> {
     client: Client,
@@ -60,7 +60,7 @@ impl<W: Wire> Device<W> {
     /// Waits until the connection is set up.
     ///
     /// # Errors
-    /// The wire's.
+    /// The wire's error.
     pub fn connect(mut client: Client, mut wire: W) -> Result<Self, W::Error> {
         while client.pdu().is_none() {
             wire.exchange(&mut client)?;
@@ -78,7 +78,7 @@ impl<W: Wire> Device<W> {
         }
     }
 
-    /// The answer to the job of this number; messages in between are not for us.
+    /// The answer to the job of this number; other messages in between are skipped.
     fn answer(&mut self, reference: u16) -> Done<Came, W> {
         loop {
             let came = self.next()?;
@@ -93,7 +93,7 @@ impl<W: Wire> Device<W> {
         self.answer(reference)
     }
 
-    /// A service, with all parts of its answer.
+    /// Runs a service and joins all parts of its answer.
     fn service(&mut self, group: Group, sub: u8, data: &[u8]) -> Done<Vec<u8>, W> {
         let mut job = UserData::job(group, sub, data);
         let mut all = Vec::new();
@@ -119,7 +119,7 @@ impl<W: Wire> Device<W> {
     /// Values of addresses, as many as fit into a PDU.
     ///
     /// # Errors
-    /// The wire's.
+    /// The wire's error.
     pub fn read(&mut self, addresses: &[Address]) -> Done<Vec<Result<Vec<u8>, ItemCode>>, W> {
         let mut parameters = vec![function::READ, addresses.len() as u8];
         addresses.iter().for_each(|address| address.write(&mut parameters));
@@ -136,7 +136,7 @@ impl<W: Wire> Device<W> {
     /// A system status list: bytes of a record, and the records.
     ///
     /// # Errors
-    /// The wire's.
+    /// The wire's error.
     pub fn szl(&mut self, id: u16, index: u16) -> Done<(u16, Vec<u8>), W> {
         let wanted = [id.to_be_bytes(), index.to_be_bytes()].concat();
         Ok(self.service(Group::Cpu, sub::SZL, &wanted)?.and_then(|data| {
@@ -148,16 +148,16 @@ impl<W: Wire> Device<W> {
     /// The clock.
     ///
     /// # Errors
-    /// The wire's.
+    /// The wire's error.
     pub fn clock(&mut self) -> Done<DateTime, W> {
         let data = self.service(Group::Clock, sub::CLOCK, &[])?;
         Ok(data.and_then(|data| DateTime::read(&data).ok_or(Refused::Answer)))
     }
 
-    /// With this password the connection may do more.
+    /// Gives the password, which extends the rights of the connection.
     ///
     /// # Errors
-    /// The wire's.
+    /// The wire's error.
     pub fn login(&mut self, password: &str) -> Done<(), W> {
         let Some(bytes) = crate::wire::encode_password(password) else {
             return Ok(Err(Refused::Job(Code::PASSWORD)));
@@ -168,7 +168,7 @@ impl<W: Wire> Device<W> {
     /// The numbers of all blocks of a type; none is no error.
     ///
     /// # Errors
-    /// The wire's.
+    /// The wire's error.
     pub fn blocks(&mut self, ty: BlockType) -> Done<Vec<u16>, W> {
         let data = match self.service(Group::Blocks, sub::BLOCK_LIST, &[b'0', ty.letter()])? {
             Err(Refused::Job(Code::NO_MORE_BLOCKS | Code::NO_BLOCK)) => Vec::new(),
@@ -185,7 +185,7 @@ impl<W: Wire> Device<W> {
     /// A whole block.
     ///
     /// # Errors
-    /// The wire's.
+    /// The wire's error.
     pub fn upload(&mut self, ty: BlockType, number: u16) -> Done<Vec<u8>, W> {
         let name = BlockName { ty, number, place: FileSystem::Active }.text();
         let start = [&[function::START_UPLOAD, 0, 0, 0, 0, 0, 0, 0, 9, b'_'][..], &name].concat();
@@ -214,10 +214,10 @@ impl<W: Wire> Device<W> {
         Ok(self.job(&[function::END_UPLOAD, 0, 0, 0, a, b, c, d])?.map(|_| block))
     }
 
-    /// Loads a block; it counts when it is linked ([`Device::link`]).
+    /// Loads a block; it takes effect when it is linked ([`Device::link`]).
     ///
     /// # Errors
-    /// The wire's.
+    /// The wire's error.
     pub fn download(&mut self, ty: BlockType, number: u16, block: &[u8]) -> Done<(), W> {
         let name = BlockName { ty, number, place: FileSystem::Passive }.text();
         let code = block.get(34..36).and_then(<[u8]>::first_chunk::<2>).map_or(0, |len| u16::from_be_bytes(*len));
@@ -229,7 +229,7 @@ impl<W: Wire> Device<W> {
         let most = usize::from(self.client.pdu().unwrap_or(crate::MIN_PDU)).saturating_sub(PART).max(1);
         let mut parts = block.chunks(most).peekable();
         loop {
-            // Now the partner has the jobs.
+            // From here on the partner sends the jobs.
             let came = self.next()?;
             match (came.kind, came.parameters.first().copied()) {
                 (Kind::Job, Some(function::DOWNLOAD)) => {
@@ -252,7 +252,7 @@ impl<W: Wire> Device<W> {
     /// Links blocks that were loaded into the program, together.
     ///
     /// # Errors
-    /// The wire's.
+    /// The wire's error.
     pub fn link(&mut self, blocks: &[(BlockType, u16)]) -> Done<(), W> {
         let mut argument = vec![blocks.len() as u8, 0];
         for (ty, number) in blocks {
@@ -264,7 +264,7 @@ impl<W: Wire> Device<W> {
     /// A program invocation service.
     ///
     /// # Errors
-    /// The wire's.
+    /// The wire's error.
     pub fn control(&mut self, argument: &[u8], name: &[u8]) -> Done<(), W> {
         let mut parameters = vec![function::CONTROL, 0, 0, 0, 0, 0, 0, 0xFD];
         parameters.extend_from_slice(&(argument.len() as u16).to_be_bytes());
@@ -277,14 +277,14 @@ impl<W: Wire> Device<W> {
     /// To STOP.
     ///
     /// # Errors
-    /// The wire's.
+    /// The wire's error.
     pub fn stop(&mut self) -> Done<(), W> {
         let parameters = [&[function::STOP, 0, 0, 0, 0, 0, 9][..], b"P_PROGRAM"].concat();
         Ok(self.job(&parameters)?.map(drop))
     }
 }
 
-/// The bytes of a part: their length, a mark, and they.
+/// A part: the length, a mark, and the bytes.
 fn part(data: &[u8]) -> Option<&[u8]> {
     let (&[high, low, _, _], bytes) = data.split_first_chunk::<4>()?;
     bytes.get(..usize::from(u16::from_be_bytes([high, low])))

@@ -1,7 +1,7 @@
 //! A connection as a programming device sees it: jobs out, answers back, one at a time.
 //!
-//! [`Client`] knows telegrams and their order; [`jobs`] makes jobs of what is wanted and results of what comes. Whoever
-//! owns the socket gives bytes in and takes bytes out.
+//! [`Client`] knows telegrams and their order; [`jobs`] builds the jobs and evaluates the answers. The owner of the
+//! socket passes bytes in and takes bytes out.
 
 pub mod jobs;
 
@@ -17,9 +17,9 @@ use crate::{MAX_JOBS, MAX_PDU};
 pub enum Failure {
     /// The partner refuses the connection, with this reason.
     Refused(u8),
-    /// What came is not ISO transport.
+    /// The received bytes are not ISO transport.
     Broken(Broken),
-    /// What came is not S7 communication, or not what was asked for.
+    /// The received telegram is not S7 communication, or not the expected answer.
     NotS7,
     /// The partner refuses the setup.
     Setup(Code),
@@ -28,7 +28,7 @@ pub enum Failure {
 impl std::fmt::Display for Failure {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            // A CPU that has another place, and one that is full, look the same to some clients.
+            // To some clients a CPU in another slot and one without free connections look the same.
             Self::Refused(3) => f.write_str("the partner has no such rack and slot (try --rack and --slot)"),
             Self::Refused(1) => f.write_str("all connections of the partner are taken"),
             Self::Refused(reason) => write!(f, "the partner refuses the connection (reason {reason:02X})"),
@@ -48,7 +48,7 @@ pub struct Came {
     pub kind: Kind,
     /// Its number.
     pub reference: u16,
-    /// What became of the job.
+    /// The outcome of the job.
     pub error: Code,
     /// The parameters.
     pub parameters: Vec<u8>,
@@ -66,7 +66,7 @@ pub struct Client {
 }
 
 impl Client {
-    /// Calls the CPU in this place as a programming device; the call lies in the output.
+    /// Calls the CPU in this place as a programming device; the call is in the output.
     #[must_use]
     pub fn call(place: Place) -> Self {
         let mut transport = Transport::new();
@@ -74,7 +74,7 @@ impl Client {
         Self { transport, pdu: None, reference: 0, came: VecDeque::new() }
     }
 
-    /// Bytes that may be given to [`Client::receive`] now.
+    /// Number of bytes that [`Client::receive`] accepts now.
     #[must_use]
     pub const fn room(&self) -> usize {
         self.transport.room()
@@ -83,7 +83,7 @@ impl Client {
     /// Bytes from the wire.
     ///
     /// # Errors
-    /// [`Failure`]: the connection is of no use any more.
+    /// [`Failure`]: the connection is no longer usable.
     pub fn receive(&mut self, bytes: &[u8]) -> Result<(), Failure> {
         self.transport.receive(bytes).map_err(Failure::Broken)?;
         while let Some(event) = self.transport.event().map_err(Failure::Broken)? {
@@ -128,14 +128,14 @@ impl Client {
         self.pdu
     }
 
-    /// Sends a job; its number.
+    /// Sends a job; returns its number.
     pub fn job(&mut self, parameters: &[u8], data: &[u8]) -> u16 {
         self.reference = self.reference.wrapping_add(1);
         self.transport.send(&write(Kind::Job, self.reference, Code::DONE, parameters, data));
         self.reference
     }
 
-    /// Sends a service of a programming device; its number.
+    /// Sends a service of a programming device; returns its number.
     pub fn service(&mut self, service: &crate::wire::UserData<'_>) -> u16 {
         self.reference = self.reference.wrapping_add(1);
         self.transport.send(&service.write(self.reference));
@@ -147,18 +147,18 @@ impl Client {
         self.transport.send(&write(Kind::Answer, reference, Code::DONE, parameters, data));
     }
 
-    /// The next telegram that has come.
+    /// The next received telegram.
     pub fn take(&mut self) -> Option<Came> {
         self.came.pop_front()
     }
 
-    /// What has to go out.
+    /// The bytes to send.
     #[must_use]
     pub fn output(&self) -> &[u8] {
         self.transport.output()
     }
 
-    /// So many bytes of the output are out.
+    /// Reports that `count` bytes of the output have been sent.
     pub fn sent(&mut self, count: usize) {
         self.transport.sent(count);
     }

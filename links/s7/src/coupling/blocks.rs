@@ -1,4 +1,4 @@
-//! What USEND, URCV, BSEND, BRCV, PUT and GET want of an S7 connection, and what comes for them.
+//! USEND, URCV, BSEND, BRCV, PUT and GET on an S7 connection: their jobs, and the telegrams for them.
 
 use ob1_words::boxes::{BSEND_MAX, Service, status};
 
@@ -11,7 +11,7 @@ use crate::codes::Code;
 use crate::wire::pbc::{self, Sent};
 use crate::wire::{Kind, UserData};
 
-/// What a part of BSEND is refused with, and the STATUS it gives the sender.
+/// The codes that refuse a part of BSEND, and the STATUS of the sender.
 const REFUSALS: [(Code, u16); 3] =
     [(Code::NO_SERVICE, status::R_ID), (Code::PDU_SIZE, status::AREA), (Code::COORDINATION, status::DISABLED)];
 
@@ -29,7 +29,7 @@ impl Coupling {
         self.link_of(id).filter(|index| self.links.get(*index).is_some_and(|l| l.spec.kind == ConnectionKind::S7))
     }
 
-    /// Sends what jobs of a connection wait for a place, as long as there is one.
+    /// Sends the waiting jobs of a connection as long as there is a free place.
     pub(super) fn queued(&mut self, index: usize) {
         let Some(id) = self.links.get(index).map(|link| link.spec.id) else { return };
         for at in 0..self.slots.len() {
@@ -101,7 +101,7 @@ impl Coupling {
         self.own_job(at, index, Kind::UserData, &parameters, &data);
     }
 
-    /// Everything the partner has sent for our blocks.
+    /// Handles everything the partner has sent for our blocks.
     pub(super) fn came(&mut self, index: usize) {
         while let Some(came) = self.links.get_mut(index).and_then(super::Link::s7).and_then(|s7| s7.take_came()) {
             match pbc::read(&came.parameters, &came.data) {
@@ -123,7 +123,7 @@ impl Coupling {
         let Some(own) = link.own.iter().position(|own| own.reference == came.reference) else { return };
         let own = link.own.swap_remove(own);
         let Some(slot) = self.slots.get_mut(own.at) else { return };
-        // The CPU has begun something else in this box.
+        // The CPU has begun another job in this box.
         if slot.order.job != own.job || slot.phase != Phase::Running {
             return;
         }
@@ -150,7 +150,7 @@ impl Coupling {
         }
     }
 
-    /// URCV or BRCV waits from now on.
+    /// URCV or BRCV starts to wait.
     pub(super) fn wait_for_blocks(&mut self, at: usize) {
         let Some(order) = self.slots.get(at).map(|slot| slot.order) else { return };
         let Some(index) = self.s7_link(order.id) else {
@@ -175,7 +175,7 @@ impl Coupling {
         }
     }
 
-    /// Gives data of USEND to the URCV that waits for them.
+    /// Gives data of USEND to the waiting URCV.
     fn unread(&mut self, index: usize) {
         let Some(link) = self.links.get_mut(index) else { return };
         let id = link.spec.id;
@@ -186,7 +186,7 @@ impl Coupling {
         let values = self.slots.get(at).and_then(|slot| vars::received(&items, &slot.data));
         match values {
             _ if is_newer => {
-                // The newest stay for the next call; this one tells that older ones were lost.
+                // The newest data stay for the next call; this call reports that older ones were lost.
                 link.inbox.insert(r_id, (items, false));
                 self.fail(at, status::OVERRUN);
             }
@@ -210,7 +210,7 @@ impl Coupling {
             return;
         };
         let Some(slot) = self.slots.get_mut(at) else { return };
-        // The count comes round to 1 behind 255 parts.
+        // The count wraps to 1 after 255 parts.
         let is_first = unit <= 1 && (slot.total.is_none() || slot.unit != u8::MAX);
         let bytes = match (is_first, bytes) {
             (true, [high, low, rest @ ..]) => {
@@ -239,7 +239,7 @@ impl Coupling {
                 connection.answer(&pbc::part_answer(came.reference, unit, Code::DONE));
             }
         } else {
-            // The sender's DONE says that the data are there: the answer comes when the CPU has taken them.
+            // The sender's DONE means that the data have arrived, so the answer is sent when the CPU has taken them.
             slot.total = None;
             slot.held = Some(Held { reference: came.reference, unit, until: u64::MAX });
             let bytes = std::mem::take(&mut slot.give);
@@ -253,7 +253,7 @@ impl Coupling {
         }
     }
 
-    /// The CPU gives a box up, whatever its job was: a sender that waits for its BRCV is told.
+    /// The CPU gives up a box, whatever its job was: a sender that waits for its BRCV is informed.
     pub(super) fn abandon(&mut self, at: usize) {
         let Some(slot) = self.slots.get_mut(at) else { return };
         let Some(held) = slot.held.take() else { return };
@@ -263,7 +263,7 @@ impl Coupling {
         }
     }
 
-    /// Parts that have waited for their BRCV for too long.
+    /// Refuses parts that have waited too long for their BRCV.
     pub(super) fn expire(&mut self, index: usize) {
         let now = self.now;
         let Some(link) = self.links.get_mut(index) else { return };

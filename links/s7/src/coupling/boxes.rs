@@ -1,21 +1,21 @@
-//! A box: how a job comes from the CPU piece by piece, and how its end goes back.
+//! A box: a job comes from the CPU piece by piece, and its end goes back.
 
 use ob1_words::boxes::{Answer, BOX_BYTES, DATA_MAX, HEAD_BYTES, Order, PIECE, Service, State, pieces, range, status};
 
 use super::Coupling;
 use crate::wire::pbc;
 
-/// Where a job is.
+/// The progress of a job.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Phase {
-    /// There is none.
+    /// No job.
     #[default]
     Idle,
-    /// Its data come.
+    /// Its data are coming from the CPU.
     Collecting,
-    /// It is at work, or waits.
+    /// It is running, or waits.
     Running,
-    /// Its data go.
+    /// Its data are going to the CPU.
     Giving,
     /// It has ended.
     Ended,
@@ -36,18 +36,18 @@ pub(super) struct Slot {
     pub(super) phase: Phase,
     /// Data of the CPU.
     pub(super) data: Vec<u8>,
-    /// Data for the CPU, and while BRCV collects them what has come so far.
+    /// Data for the CPU; while BRCV collects, the data so far.
     pub(super) give: Vec<u8>,
-    /// Pieces that are there, or the one shown.
+    /// Number of pieces received, or the piece shown.
     piece: u16,
-    /// A job of an S7 connection that waits for a place.
+    /// A job of an S7 connection waits for a free place.
     pub(super) is_queued: bool,
-    /// The count of the connection's bytes at which a sent telegram is out.
+    /// The count of the connection's bytes at which the telegram has been sent.
     pub(super) out_at: Option<u64>,
-    /// BSEND: bytes that are confirmed, and the number of the part under way.
+    /// BSEND: bytes confirmed, and the number of the current part.
     pub(super) confirmed: usize,
     pub(super) unit: u8,
-    /// BRCV: bytes there will be; what the partner waits for.
+    /// BRCV: total number of bytes, and the answer the partner waits for.
     pub(super) total: Option<usize>,
     pub(super) held: Option<Held>,
     shown: [u8; BOX_BYTES],
@@ -87,7 +87,7 @@ impl Slot {
         self.is_new = true;
     }
 
-    /// It waits for data of the partner.
+    /// Whether it waits for data of the partner.
     pub(super) fn waits_for(&self, service: Service, id: u16, r_id: u32) -> bool {
         self.phase == Phase::Running
             && self.order.service == Some(service)
@@ -97,7 +97,7 @@ impl Slot {
 }
 
 impl Coupling {
-    /// What the CPU shows in a box.
+    /// Takes the CPU's content of a box.
     pub fn show(&mut self, at: usize, block: &[u8; BOX_BYTES], now: u64) {
         self.now = now;
         let Some((head, data)) = block.split_first_chunk::<HEAD_BYTES>() else { return };
@@ -180,7 +180,7 @@ impl Coupling {
         }
     }
 
-    /// The CPU has taken all that was given.
+    /// The CPU has taken all data.
     fn taken(&mut self, at: usize) {
         let Some(slot) = self.slots.get_mut(at) else { return };
         let (id, held) = (slot.order.id, slot.held.take());
@@ -196,7 +196,7 @@ impl Coupling {
         self.end(at, State::Done, 0);
     }
 
-    /// It has ended with this STATUS.
+    /// The job has ended with this STATUS.
     pub(super) fn fail(&mut self, at: usize, status: u16) {
         self.end(at, State::Failed, status);
     }
@@ -222,7 +222,7 @@ impl Coupling {
         slot.show(State::Giving, 0);
     }
 
-    /// The CPU wants nothing of the job any more.
+    /// The CPU drops the job.
     pub(super) fn cancel(&mut self, at: usize) {
         self.abandon(at);
         let Some(slot) = self.slots.get_mut(at) else { return };

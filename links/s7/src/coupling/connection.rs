@@ -1,4 +1,4 @@
-//! A connection: its TCP connection, what it speaks, and what waits on it.
+//! A connection: its TCP connection, its protocol, and what waits on it.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -6,7 +6,8 @@ use super::{Condition, ConnectionKind, PATIENCE, RETRY, RETRY_MAX, Spec, Traffic
 use crate::iso::{Event, Transport};
 use crate::server::{Connection, Settings};
 
-/// Telegrams, and bytes of a stream, that wait for AG_RECV; then the partner has to wait, and datagrams are lost.
+/// Telegrams, and bytes of a stream, that wait for AG_RECV; beyond that the partner has to wait, and datagrams are
+/// lost.
 const MESSAGES: usize = 8;
 const STREAM: usize = 16 * 1024;
 /// Longest datagram.
@@ -14,7 +15,7 @@ const DATAGRAM: usize = 2048;
 /// R_IDs whose USEND waits for a URCV.
 const INBOX: usize = 64;
 
-/// What is spoken.
+/// The protocol of a connection.
 #[derive(Debug)]
 enum Wire {
     None,
@@ -28,7 +29,7 @@ enum Wire {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Own {
     pub(super) reference: u16,
-    /// The box it is for, and the job in it.
+    /// Its box, and the job in it.
     pub(super) at: usize,
     pub(super) job: u16,
     pub(super) since: u64,
@@ -38,7 +39,7 @@ pub(super) struct Own {
 pub(super) struct Link {
     pub(super) spec: Spec,
     wire: Wire,
-    /// The TCP connection is there, or wanted.
+    /// The TCP connection exists, or is wanted.
     is_wired: bool,
     asked: bool,
     retry_at: u64,
@@ -47,7 +48,7 @@ pub(super) struct Link {
     is_broken: bool,
     told_up: bool,
     pub(super) is_locked: bool,
-    /// Bytes that have gone out, of all connections so far.
+    /// Bytes sent so far, over all TCP connections.
     out: u64,
     stream: Vec<u8>,
     messages: VecDeque<Vec<u8>>,
@@ -101,7 +102,7 @@ impl Link {
         if let Wire::S7(connection) = &self.wire { connection.pdu().unwrap_or(0) } else { 0 }
     }
 
-    /// A TCP connection has to be made now.
+    /// Whether a TCP connection must be made now.
     pub(super) fn wants_connection(&mut self, now: u64) -> bool {
         let wants = self.spec.active
             && self.spec.kind != ConnectionKind::Udp
@@ -114,7 +115,7 @@ impl Link {
         wants
     }
 
-    /// Setting up has taken too long, or a job of ours has no answer.
+    /// Whether the setup has taken too long, or a job of ours has no answer.
     pub(super) fn is_late(&self, now: u64) -> bool {
         let coming = (self.asked || self.is_wired) && self.condition() == Condition::Coming;
         coming && now >= self.since + PATIENCE || self.own.iter().any(|own| now >= own.since + PATIENCE)
@@ -155,12 +156,12 @@ impl Link {
             transport.accept();
             Wire::Iso(transport)
         };
-        // What came behind the call.
+        // Handles the bytes that followed the call.
         self.events();
         self.is_up();
     }
 
-    /// Counts each time it comes up.
+    /// Counts each time the connection comes up.
     fn is_up(&mut self) {
         if !self.told_up && self.condition() == Condition::Up {
             self.told_up = true;
@@ -258,17 +259,17 @@ impl Link {
         }
     }
 
-    /// Bytes that have gone out.
+    /// Bytes sent.
     pub(super) const fn out(&self) -> u64 {
         self.out
     }
 
-    /// Everything so far is out when so many bytes have gone.
+    /// The byte count at which everything so far has been sent.
     pub(super) fn out_with_this(&self) -> u64 {
         self.out + self.output().len() as u64
     }
 
-    /// Sends a telegram, or bytes; it is out when so many bytes have gone.
+    /// Sends a telegram, or bytes; returns the byte count at which it has been sent.
     pub(super) fn send(&mut self, bytes: &[u8]) -> u64 {
         match &mut self.wire {
             Wire::None | Wire::S7(_) => {}
@@ -279,7 +280,7 @@ impl Link {
         self.out_with_this()
     }
 
-    /// A telegram that has come; of a stream so many bytes, when they are all there.
+    /// A received telegram; for a stream `room` bytes, once all of them have come.
     pub(super) fn take(&mut self, room: usize) -> Option<Vec<u8>> {
         if self.spec.kind == ConnectionKind::Tcp {
             return (self.stream.len() >= room).then(|| self.stream.drain(..room).collect());
@@ -307,7 +308,7 @@ impl Link {
         }
     }
 
-    /// A BRCV or URCV has asked for it.
+    /// A BRCV or URCV has asked for this R_ID.
     pub(super) fn know(&mut self, r_id: u32) {
         if !self.known.contains(&r_id) && self.known.len() < INBOX {
             self.known.push(r_id);

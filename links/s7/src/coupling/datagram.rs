@@ -1,4 +1,4 @@
-//! What AG_SEND, AG_RECV, AG_LOCK, AG_UNLOCK, AG_CNTRL and C_CNTRL want.
+//! The jobs of AG_SEND, AG_RECV, AG_LOCK, AG_UNLOCK, AG_CNTRL and C_CNTRL.
 
 use ob1_words::boxes::{Service, status};
 
@@ -16,13 +16,13 @@ mod command {
     pub(super) const CLEAR_LOCK_ALL: u16 = 6;
 }
 
-/// Most data of a UDP telegram.
+/// Maximum data of a UDP telegram.
 const UDP_MAX: usize = 2048;
-/// Most data of AG_SEND and AG_LSEND.
+/// Maximum data of AG_SEND and AG_LSEND.
 const SEND_MAX: usize = 8192;
 
 impl Coupling {
-    /// The connection of a job of the AG blocks; a job that has none ends.
+    /// The connection of a job of the AG blocks; a job without one ends.
     fn ag_link(&mut self, at: usize) -> Option<usize> {
         let id = self.slots.get(at)?.order.id;
         let Some(index) = self.link_of(id) else {
@@ -55,7 +55,7 @@ impl Coupling {
         }
     }
 
-    /// Telegrams that are out.
+    /// Ends the jobs whose telegrams have been sent.
     pub(super) fn flushed(&mut self, index: usize) {
         let Some((id, out)) = self.links.get(index).map(|link| (link.spec.id, link.out())) else { return };
         for at in 0..self.slots.len() {
@@ -74,7 +74,7 @@ impl Coupling {
         }
     }
 
-    /// Gives what has come to the block that waits for it.
+    /// Gives received data to the block that waits for them.
     pub(super) fn waiting(&mut self, index: usize) {
         let Some(link) = self.links.get_mut(index) else { return };
         let id = link.spec.id;
@@ -176,7 +176,7 @@ impl Coupling {
         }
     }
 
-    /// C_CNTRL: C_STATUS of a connection; FFh: there is none.
+    /// C_CNTRL: C_STATUS of a connection; FFh: there is no such connection.
     pub(super) fn status(&mut self, at: usize) {
         let Some(id) = self.slots.get(at).map(|slot| slot.order.id) else { return };
         let status: u16 = match self.link_of(id).map(|index| self.condition(index).0) {

@@ -1,8 +1,8 @@
-//! An Ethernet CP as a machine: the connections of its station to other PLCs, and the jobs its handling blocks have on
+//! An Ethernet CP as a machine: the connections of its station to other PLCs, and the jobs of its handling blocks on
 //! them. (docs/cp343.md)
 //!
-//! Whoever owns it makes and loses TCP connections for it, moves bytes, shows it what the CPU writes into the boxes and
-//! shows the CPU what it answers. It has no socket and no clock; times are milliseconds from any beginning.
+//! Its owner makes the TCP connections and reports lost ones, moves bytes, passes the CPU's boxes to it and its answers
+//! to the CPU. It has no socket and no clock; times are milliseconds from any origin.
 
 mod blocks;
 mod boxes;
@@ -19,12 +19,12 @@ use crate::server::{Reply, Request, Settings};
 use boxes::{Phase, Slot};
 use connection::Link;
 
-/// Before the first try to make a connection that was lost, and most between two tries.
+/// Time before the first attempt to restore a lost connection, and the maximum between two attempts.
 const RETRY: u64 = 250;
 const RETRY_MAX: u64 = 4_000;
-/// A connection that is being set up, and a job of ours, get so long.
+/// Time limit for setting up a connection, and for a job of ours.
 const PATIENCE: u64 = 10_000;
-/// A part of BSEND waits so long for a BRCV that is known, but not ready.
+/// How long a part of BSEND waits for a BRCV that is known, but not ready.
 const NOT_READY: u64 = 3_000;
 
 /// The kinds of connection of an Ethernet CP.
@@ -41,7 +41,7 @@ pub enum ConnectionKind {
 }
 
 impl ConnectionKind {
-    /// As the station file has it.
+    /// The name in the station file.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -64,11 +64,11 @@ pub struct Spec {
     pub active: bool,
     /// Our TSAP.
     pub local: Tsap,
-    /// The partner's TSAP; of a connection we wait for: empty is anybody's.
+    /// The partner's TSAP; for a passive connection an empty one means any partner.
     pub remote: Tsap,
 }
 
-/// What the machine wants of its owner.
+/// A request of the machine to its owner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action {
     /// Make the TCP connection of this index.
@@ -77,10 +77,10 @@ pub enum Action {
     Close(usize),
 }
 
-/// How a connection is.
+/// State of a connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Condition {
-    /// It is not there.
+    /// It does not exist.
     Down,
     /// It is being set up.
     Coming,
@@ -88,7 +88,7 @@ pub enum Condition {
     Up,
 }
 
-/// What has gone over a connection.
+/// Counters of a connection.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
     /// Jobs that ended without error.
@@ -129,7 +129,7 @@ impl Coupling {
         self.actions.pop_front()
     }
 
-    /// The CPU runs, or stops: in STOP no block is called, and every job is gone.
+    /// The CPU runs or stops: in STOP no block is called, and every job is dropped.
     pub fn run(&mut self, runs: bool) {
         if self.runs && !runs {
             (0..self.slots.len()).for_each(|index| self.cancel(index));
@@ -137,7 +137,7 @@ impl Coupling {
         self.runs = runs;
     }
 
-    /// The connection that waits for this call.
+    /// The configured connection that matches this call.
     #[must_use]
     pub fn find(&self, call: &Call) -> Option<usize> {
         self.links.iter().position(|link| {
@@ -148,25 +148,25 @@ impl Coupling {
         })
     }
 
-    /// The connection of an index, as it is configured.
+    /// The configured connection of an index.
     #[must_use]
     pub fn spec(&self, index: usize) -> Option<&Spec> {
         self.links.get(index).map(|link| &link.spec)
     }
 
-    /// How a connection is, and what has gone over it.
+    /// State and counters of a connection.
     #[must_use]
     pub fn condition(&self, index: usize) -> (Condition, Traffic) {
         self.links.get(index).map_or((Condition::Down, Traffic::default()), |link| (link.condition(), link.traffic))
     }
 
-    /// The PDU of an S7 connection; 0: none was agreed on.
+    /// The agreed PDU of an S7 connection; 0: none.
     #[must_use]
     pub fn agreed_pdu(&self, index: usize) -> u16 {
         self.links.get(index).map_or(0, Link::agreed_pdu)
     }
 
-    /// Time passes; when [`Coupling::tick`] is wanted again.
+    /// Time passes; returns when [`Coupling::tick`] is due again.
     pub fn tick(&mut self, now: u64) -> Option<u64> {
         self.now = now;
         for index in 0..self.links.len() {
@@ -176,8 +176,8 @@ impl Coupling {
         self.slots.iter().filter_map(|slot| slot.held.as_ref().map(|held| held.until)).chain(due).min()
     }
 
-    /// Somebody has called, and [`Coupling::find`] has found this connection for it. A connection that was there is
-    /// given up: the partner has started anew.
+    /// A partner has called, and [`Coupling::find`] has found this connection for it. An existing connection is given
+    /// up, because the partner has restarted.
     pub fn called(&mut self, index: usize, transport: Transport, now: u64) {
         self.lost(index, now);
         self.is_another(index);
@@ -188,7 +188,7 @@ impl Coupling {
         self.advance(index);
     }
 
-    /// The TCP connection is made: ours, or one that was waited for.
+    /// The TCP connection has been made, by us or by the partner.
     pub fn connected(&mut self, index: usize, now: u64) {
         self.now = now;
         self.is_another(index);
@@ -199,7 +199,7 @@ impl Coupling {
         self.advance(index);
     }
 
-    /// The TCP connection is gone, or could not be made.
+    /// The TCP connection was lost, or could not be made.
     pub fn lost(&mut self, index: usize, now: u64) {
         self.now = now;
         let Some(link) = self.links.get_mut(index) else { return };
@@ -207,7 +207,7 @@ impl Coupling {
         self.orphans(index);
     }
 
-    /// Bytes that may be given to [`Coupling::receive`] now.
+    /// Number of bytes that [`Coupling::receive`] accepts now.
     #[must_use]
     pub fn room(&self, index: usize) -> usize {
         self.links.get(index).map_or(0, Link::room)
@@ -222,13 +222,13 @@ impl Coupling {
         self.advance(index);
     }
 
-    /// What has to go out.
+    /// The bytes to send.
     #[must_use]
     pub fn output(&self, index: usize) -> &[u8] {
         self.links.get(index).map_or(&[], Link::output)
     }
 
-    /// So many bytes of it are out.
+    /// Reports that `count` bytes of the output have been sent.
     pub fn sent(&mut self, index: usize, count: usize, now: u64) {
         self.now = now;
         if let Some(link) = self.links.get_mut(index) {
@@ -237,17 +237,17 @@ impl Coupling {
         self.advance(index);
     }
 
-    /// The next datagram that has to go out.
+    /// The next datagram to send.
     pub fn datagram(&mut self, index: usize) -> Option<Vec<u8>> {
         self.links.get_mut(index)?.take_datagram()
     }
 
-    /// What a partner asks of the CPU.
+    /// The next request of a partner to the CPU.
     pub fn next_ask(&mut self, index: usize) -> Option<Request> {
         self.links.get_mut(index)?.s7()?.next_ask()
     }
 
-    /// What the CPU says to it.
+    /// The CPU's reply to it.
     pub fn reply(&mut self, index: usize, id: u64, reply: Reply) {
         if let Some(connection) = self.links.get_mut(index).and_then(Link::s7) {
             connection.reply(id, reply);
@@ -255,7 +255,7 @@ impl Coupling {
         self.advance(index);
     }
 
-    /// What happens to a connection's jobs now that something has happened to it.
+    /// Advances a connection's jobs after any event on it.
     fn advance(&mut self, index: usize) {
         self.came(index);
         if self.links.get_mut(index).is_some_and(Link::broken) {
@@ -266,7 +266,8 @@ impl Coupling {
         self.queued(index);
     }
 
-    /// A TCP connection has taken the place of the one before: what was to be closed is gone, and must not cost it.
+    /// A TCP connection has replaced the previous one: a pending close was for the old one and must not close the new
+    /// one.
     fn is_another(&mut self, index: usize) {
         self.actions.retain(|action| *action != Action::Close(index));
     }
@@ -292,7 +293,7 @@ impl Coupling {
         self.expire(index);
     }
 
-    /// Jobs that were at work on a connection that is gone.
+    /// Ends the jobs of a lost connection.
     fn orphans(&mut self, index: usize) {
         let Some(id) = self.links.get(index).map(|link| link.spec.id) else { return };
         for at in 0..self.slots.len() {

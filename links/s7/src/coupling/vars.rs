@@ -1,8 +1,8 @@
 //! PUT and GET: the items of a box as jobs that read and write variables, and their answers.
 //!
-//! The data of a box of PUT, USEND and GET: how many items; of each its length (two bytes) and, with PUT and GET, the
-//! ten bytes of the ANY pointer into the partner; then the values of PUT and USEND, one after the other. URCV gives the
-//! lengths of its areas.
+//! The data of a box of PUT, USEND and GET: the number of items; for each its length (two bytes) and, with PUT and GET,
+//! the ten bytes of the ANY pointer into the partner; then the values of PUT and USEND, one after the other. URCV gives
+//! the lengths of its areas.
 
 use ob1_words::boxes::{ITEM_BYTES, ITEMS_MAX, status};
 
@@ -14,10 +14,10 @@ use crate::wire::{ANSWER_HEAD, Address, DataItems, Items, JOB_HEAD, Kind, functi
 /// Bytes of an item in front of its value.
 const ITEM: usize = 4;
 
-/// Addresses in the partner, each with the bytes it has here.
+/// Addresses in the partner, each with its length in bytes here.
 type Wanted = Vec<(Address, usize)>;
 
-/// The items of a box, and the values behind them.
+/// The items of a box, and the values after them.
 fn items(data: &[u8]) -> Option<(Wanted, &[u8])> {
     let (count, mut rest) = data.split_first()?;
     let mut items = Vec::with_capacity(ITEMS_MAX);
@@ -46,8 +46,8 @@ pub(super) fn areas(data: &[u8]) -> Option<Vec<&[u8]>> {
     (!areas.is_empty() && areas.len() <= ITEMS_MAX && values.is_empty()).then_some(areas)
 }
 
-/// The values of a USEND that has come, one after the other, for areas of these lengths (a count, and two bytes each).
-/// They have to be as many and as long; one that is alone may be shorter.
+/// The values of a received USEND, one after the other, for areas of these lengths (a count, and two bytes each).
+/// Number and lengths must match; a single value may be shorter.
 pub(super) fn received(items: &[u8], wanted: &[u8]) -> Option<Vec<u8>> {
     let (count, lengths) = wanted.split_first()?;
     let (lengths, _) = lengths.as_chunks::<2>();

@@ -2,10 +2,10 @@
 
 use super::Tsap;
 
-/// The version of TPKT, and the bytes of its head.
+/// The version of TPKT, and the length of its header.
 pub(super) const TPKT: u8 = 3;
 pub(super) const TPKT_HEAD: usize = 4;
-/// The head of a data TPDU.
+/// The header of a data TPDU.
 pub(super) const DATA_HEAD: usize = 3;
 
 /// Kinds of TPDU.
@@ -21,7 +21,7 @@ const SIZE: u8 = 0xC0;
 const CALLING: u8 = 0xC1;
 const CALLED: u8 = 0xC2;
 
-/// Largest TPDU class 0 knows.
+/// Largest TPDU of class 0.
 pub const MAX_TPDU: usize = 8192;
 
 /// The agreed size of TPDUs, as a power of two: 7 (128 bytes) to 13 (8192 bytes).
@@ -29,10 +29,10 @@ pub const MAX_TPDU: usize = 8192;
 pub struct TpduSize(u8);
 
 impl TpduSize {
-    /// 1024 bytes, which nearly all clients ask for.
+    /// 1024 bytes, which nearly all clients request.
     pub const USUAL: Self = Self(10);
 
-    /// Of the byte on the wire; what is out of range becomes the nearest.
+    /// From the byte on the wire; a value out of range becomes the nearest allowed one.
     #[must_use]
     pub fn of(exponent: u8) -> Self {
         Self(exponent.clamp(7, 13))
@@ -60,7 +60,7 @@ pub(super) struct Connect {
     pub(super) called: Tsap,
 }
 
-/// A TPDU without its TPKT head.
+/// A TPDU without its TPKT header.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Tpdu<'b> {
     Connect(Connect),
@@ -71,12 +71,12 @@ pub(super) enum Tpdu<'b> {
         last: bool,
         bytes: &'b [u8],
     },
-    /// One that class 0 does not use; it changes nothing.
+    /// A TPDU that class 0 does not use; it changes nothing.
     Other,
 }
 
 impl Tpdu<'_> {
-    /// `None`: this is no TPDU.
+    /// `None`: not a TPDU.
     pub(super) fn read(bytes: &[u8]) -> Option<Tpdu<'_>> {
         let (&length, rest) = bytes.split_first()?;
         let (head, data) = rest.split_at_checked(usize::from(length))?;
@@ -106,7 +106,7 @@ fn connect(kind: u8, fields: &[u8]) -> Option<Connect> {
             SIZE => connect.size = value.first().map(|exponent| TpduSize::of(*exponent)),
             CALLING => connect.calling = Tsap::new(value)?,
             CALLED => connect.called = Tsap::new(value)?,
-            // What class 0 does not know is left alone.
+            // Parameters unknown to class 0 are ignored.
             _ => {}
         }
         rest = behind;
@@ -114,7 +114,7 @@ fn connect(kind: u8, fields: &[u8]) -> Option<Connect> {
     Some(connect)
 }
 
-/// A TPKT with a TPDU whose head is `head` (without its length byte) and whose data is `data`.
+/// A TPKT with a TPDU whose header is `head` (without its length byte) and whose data is `data`.
 pub(super) fn write(out: &mut Vec<u8>, head: &[u8], data: &[u8]) {
     let length = TPKT_HEAD + 1 + head.len() + data.len();
     out.extend_from_slice(&[TPKT, 0]);

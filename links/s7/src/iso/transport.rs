@@ -3,28 +3,28 @@
 use super::Tsap;
 use super::cotp::{self, CONFIRM, CONNECT, Connect, DATA_HEAD, MAX_TPDU, TPKT, TPKT_HEAD, Tpdu, TpduSize};
 
-/// A whole TPKT, and as much again: what may wait to be looked at.
+/// Maximum of unread input: twice the longest TPKT.
 const INPUT: usize = 2 * (MAX_TPDU + TPKT_HEAD);
 /// Longest message, joined from its fragments: 8192 bytes of an ISO-on-TCP connection.
 const MESSAGE: usize = 8192;
 /// Our reference. One connection has one socket, so one number is enough.
 const REFERENCE: u16 = 1;
 
-/// Somebody calls.
+/// A connection request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Call {
-    /// Who calls.
+    /// The calling TSAP.
     pub calling: Tsap,
-    /// Who is called.
+    /// The called TSAP.
     pub called: Tsap,
 }
 
-/// What a connection has to say.
+/// An event of a connection.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Event {
-    /// A connection is wanted: [`Transport::accept`] or [`Transport::refuse`].
+    /// A partner calls: answer with [`Transport::accept`] or [`Transport::refuse`].
     Call(Call),
-    /// The partner has confirmed ours.
+    /// The partner has confirmed our call.
     Open,
     /// A whole message.
     Message(Vec<u8>),
@@ -37,7 +37,7 @@ pub enum Event {
 pub enum Refusal {
     /// No resource is free.
     Full,
-    /// Nobody has this TSAP.
+    /// No module has this TSAP.
     Unknown,
 }
 
@@ -52,14 +52,14 @@ impl Refusal {
     }
 }
 
-/// What came is not ISO transport: the connection has to be closed.
+/// The received bytes are not ISO transport: the connection must be closed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Broken {
     /// Not a TPKT, or not a TPDU in it.
     Frame,
-    /// A message that is longer than any of ours.
+    /// A message longer than the maximum.
     TooLong,
-    /// A TPDU that is not allowed now.
+    /// A TPDU that is not allowed in this state.
     Order,
     /// More bytes than [`Transport::room`].
     Flood,
@@ -67,9 +67,9 @@ pub enum Broken {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
-    /// Nobody has called yet.
+    /// No call yet.
     Idle,
-    /// Somebody has called and waits.
+    /// A partner has called and waits.
     Called,
     /// We have called and wait.
     Calling,
@@ -82,7 +82,7 @@ enum State {
 pub struct Transport {
     state: State,
     input: Vec<u8>,
-    /// Bytes of `input` that are done with.
+    /// Bytes of `input` already consumed.
     done: usize,
     /// Fragments of a message.
     joined: Vec<u8>,
@@ -99,7 +99,7 @@ impl Default for Transport {
 }
 
 impl Transport {
-    /// Nobody has called yet.
+    /// No call yet.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -122,7 +122,7 @@ impl Transport {
         self.state = State::Calling;
     }
 
-    /// Bytes that may be given to [`Transport::receive`] now.
+    /// Number of bytes that [`Transport::receive`] accepts now.
     #[must_use]
     pub const fn room(&self) -> usize {
         INPUT - (self.input.len() - self.done)
@@ -144,19 +144,19 @@ impl Transport {
         Ok(())
     }
 
-    /// The next event, if what has come is enough for one.
+    /// The next event, if enough bytes have come.
     ///
     /// # Errors
     /// [`Broken`]: close the connection.
     pub fn event(&mut self) -> Result<Option<Event>, Broken> {
         loop {
-            // Who calls waits for an answer; what follows the call is looked at when it has one.
+            // A caller waits for its answer; bytes after the call are read when the answer has been given.
             if self.state == State::Called || self.state == State::Ended {
                 return Ok(None);
             }
             let waiting = self.input.get(self.done..).unwrap_or_default();
             let Some((&[version, _, high, low], _)) = waiting.split_first_chunk::<TPKT_HEAD>() else {
-                // What is wrong from the first byte on is not waited for.
+                // Input that is wrong from its first byte is refused at once.
                 return if waiting.first().is_some_and(|version| *version != TPKT) {
                     Err(Broken::Frame)
                 } else {
@@ -178,7 +178,7 @@ impl Transport {
                         return Err(Broken::TooLong);
                     }
                     self.joined.extend_from_slice(bytes);
-                    // A message without a byte is none.
+                    // An empty message is ignored.
                     (last && !self.joined.is_empty()).then(|| Event::Message(std::mem::take(&mut self.joined)))
                 }
                 Tpdu::Connect(connect) => Some(match (self.state, connect.kind) {
@@ -209,7 +209,7 @@ impl Transport {
         }
     }
 
-    /// The one who calls gets the connection. The size of TPDUs is the one asked for.
+    /// Accepts the call, with the requested size of TPDUs.
     pub fn accept(&mut self) {
         if let Some(mut connect) = self.call.take() {
             self.size = connect.size;
@@ -221,7 +221,7 @@ impl Transport {
         }
     }
 
-    /// The one who calls does not get the connection; it can be closed when the output is out.
+    /// Refuses the call; the connection can be closed when the output has been sent.
     pub fn refuse(&mut self, why: Refusal) {
         if let Some(connect) = self.call.take() {
             cotp::write_disconnect(&mut self.output, connect.source, 0, why.reason());
@@ -229,7 +229,7 @@ impl Transport {
         }
     }
 
-    /// A message to the partner, in as many fragments as the agreed size wants.
+    /// Sends a message to the partner, in as many fragments as the agreed size requires.
     pub fn send(&mut self, message: &[u8]) {
         if self.state != State::Open {
             return;
@@ -242,24 +242,24 @@ impl Transport {
         }
     }
 
-    /// What has to go out.
+    /// The bytes to send.
     #[must_use]
     pub fn output(&self) -> &[u8] {
         &self.output
     }
 
-    /// So many bytes of the output are out.
+    /// Reports that `count` bytes of the output have been sent.
     pub fn sent(&mut self, count: usize) {
         self.output.drain(..count.min(self.output.len()));
     }
 
-    /// Messages can be sent.
+    /// Whether messages can be sent.
     #[must_use]
     pub fn is_open(&self) -> bool {
         self.state == State::Open
     }
 
-    /// Nothing will come any more.
+    /// Whether the connection has ended.
     #[must_use]
     pub fn is_ended(&self) -> bool {
         self.state == State::Ended
@@ -284,7 +284,7 @@ mod tests {
     #[test]
     fn a_call_is_confirmed_with_what_it_asked_for() {
         let mut transport = Transport::new();
-        // Byte by byte: nothing is said before the whole is there.
+        // Byte by byte: there is no event before the telegram is complete.
         for byte in &CALL[..21] {
             transport.receive(&[*byte]).expect("there is room");
             assert_eq!(transport.event(), Ok(None));
@@ -315,7 +315,7 @@ mod tests {
         assert_eq!(transport.event(), Ok(None));
         transport.receive(&[3, 0, 0, 8, 2, 0xF0, 0x80, 3]).expect("there is room");
         assert_eq!(transport.event(), Ok(Some(Event::Message(vec![1, 2, 3]))));
-        // An empty message is none.
+        // An empty message is ignored.
         transport.receive(&[3, 0, 0, 7, 2, 0xF0, 0x80]).expect("there is room");
         assert_eq!(transport.event(), Ok(None));
     }

@@ -1,4 +1,4 @@
-//! TSAPs: who is called, and through which kind of connection.
+//! TSAPs: the called module and the kind of connection.
 
 /// The kinds of connection a CPU keeps resources for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,7 +23,7 @@ impl Resource {
     }
 }
 
-/// Where a module sits.
+/// The position of a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Place {
     /// Rack, 0 to 7.
@@ -37,16 +37,16 @@ pub struct Place {
 pub struct Tsap(Vec<u8>);
 
 impl Tsap {
-    /// Longest one.
+    /// Maximum length.
     pub const MAX: usize = 32;
 
-    /// Of these bytes; `None` when there are too many.
+    /// A TSAP of these bytes; `None` when there are too many.
     #[must_use]
     pub fn new(bytes: &[u8]) -> Option<Self> {
         (bytes.len() <= Self::MAX).then(|| Self(bytes.to_vec()))
     }
 
-    /// Of a module in a rack, for a kind of connection.
+    /// The TSAP of a module in a rack, for a kind of connection.
     #[must_use]
     pub fn of(resource: Resource, place: Place) -> Self {
         Self(vec![resource.byte(), (place.rack & 7) << 5 | place.slot & 0x1F])
@@ -82,7 +82,7 @@ impl Tsap {
     }
 }
 
-/// As engineers write it: `01.02`, or the text.
+/// In the usual notation: `01.02`, or the text.
 impl std::fmt::Display for Tsap {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let text = self.0.len() > 2 && self.0.iter().all(|byte| byte.is_ascii_graphic());

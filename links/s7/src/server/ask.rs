@@ -1,4 +1,4 @@
-//! What a connection asks of the CPU, and what it gets for it.
+//! Requests of a connection to the CPU, and the replies.
 
 use crate::Rights;
 use crate::codes::{Code, ItemCode};
@@ -7,13 +7,13 @@ use crate::wire::{Address, BlockType, DateTime};
 /// A request with its number.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Request {
-    /// Comes back with the reply.
+    /// Returned with the reply.
     pub id: u64,
-    /// What is asked.
+    /// The request.
     pub ask: Ask,
 }
 
-/// What is asked of the CPU.
+/// A request to the CPU.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Ask {
     /// Values, all of one cycle control point. [`Reply::Values`].
@@ -27,9 +27,9 @@ pub enum Ask {
         /// The index.
         index: u16,
     },
-    /// Which blocks there are. [`Reply::Blocks`].
+    /// The list of blocks. [`Reply::Blocks`].
     Blocks,
-    /// A whole block: head, code or actual values, interface, segments, foot. [`Reply::Block`].
+    /// A whole block: header, code or actual values, interface, segments, foot. [`Reply::Block`].
     Block {
         /// Its type.
         ty: BlockType,
@@ -42,13 +42,13 @@ pub enum Ask {
     SetClock(DateTime),
     /// A change of the operating state, or of the memory. [`Reply::Done`].
     Control(Control),
-    /// Blocks to be linked into the program, together. [`Reply::Done`].
+    /// Links blocks into the program, together. [`Reply::Done`].
     Load(Vec<Loaded>),
-    /// Blocks to be deleted. [`Reply::Done`].
+    /// Deletes blocks. [`Reply::Done`].
     Delete(Vec<(BlockType, u16)>),
     /// A password was given. [`Reply::Rights`].
     Login(String),
-    /// The password counts no more. [`Reply::Rights`].
+    /// The password is no longer valid. [`Reply::Rights`].
     Logout,
 }
 
@@ -61,14 +61,14 @@ pub struct Put {
     pub bytes: Vec<u8>,
 }
 
-/// A block that has come over the wire.
+/// A received block.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Loaded {
     /// Its type.
     pub ty: BlockType,
     /// Its number.
     pub number: u16,
-    /// Head, code or values, interface, segments, foot.
+    /// Header, code or values, interface, segments, foot.
     pub bytes: Vec<u8>,
 }
 
@@ -94,18 +94,18 @@ pub struct Listed {
     pub ty: BlockType,
     /// Its number.
     pub number: u16,
-    /// The language of its head.
+    /// The language in its header.
     pub language: u8,
 }
 
-/// What the CPU says.
+/// A reply of the CPU.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Reply {
     /// Done.
     Done,
-    /// Of each address its bytes, or why there are none.
+    /// The bytes of each address, or why there are none.
     Values(Vec<Result<Vec<u8>, ItemCode>>),
-    /// What became of each value.
+    /// The outcome for each value.
     Written(Vec<ItemCode>),
     /// Records of a status list.
     Szl {
@@ -120,7 +120,7 @@ pub enum Reply {
     Block(Vec<u8>),
     /// Date and time.
     Clock(DateTime),
-    /// What the connection may do from now on.
+    /// The rights of the connection from now on.
     Rights(Rights),
     /// Not done, for this reason.
     Refused(Code),
@@ -131,8 +131,8 @@ pub enum Reply {
 /// Something happened in the CPU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CpuEvent {
-    /// An entry of the diagnostic buffer, as list 00A0 has it.
+    /// An entry of the diagnostic buffer, as in list 00A0.
     Diagnosis([u8; 20]),
-    /// The operating state, as the message has it: 0 STOP, 1 warm restart, 2 RUN.
+    /// The operating state, as in the message: 0 STOP, 1 warm restart, 2 RUN.
     Mode(u8),
 }

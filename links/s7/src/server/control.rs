@@ -24,7 +24,7 @@ fn invocation(parameters: &[u8]) -> Option<(&[u8], &[u8])> {
     Some((argument, name.get(..usize::from(len))?))
 }
 
-/// The blocks in the argument of a service: how many, a zero, their names.
+/// The blocks in the argument of a service: their number, a zero, their names.
 fn names(argument: &[u8]) -> Option<Vec<BlockName>> {
     let (&[count, _], names) = argument.split_first_chunk::<2>()?;
     let (names, rest) = names.as_chunks::<NAME>();

@@ -1,4 +1,4 @@
-//! Cyclic data: a partner names variables and a time, and gets their values again and again; or only when they change.
+//! Cyclic data: a partner names variables and a time, and gets their values repeatedly, or only when they change.
 
 use super::service::Service;
 use super::var::{Slot, addresses, values};
@@ -10,11 +10,11 @@ use crate::wire::{Group, Items, Telegram, USERDATA_HEAD, UserData, sub, write_it
 const JOBS: usize = 8;
 /// Time bases, in milliseconds.
 const BASES: [u64; 3] = [100, 1000, 10_000];
-/// In front of the items: their number, time base, factor.
+/// Bytes in front of the items: their number, time base, factor.
 const HEAD: usize = 4;
-/// In front of the values: their number.
+/// Bytes in front of the values: their number.
 const COUNT: usize = 2;
-/// Where a telegram has its data.
+/// Offset of the data in a telegram.
 const DATA_AT: usize = USERDATA_HEAD - 4;
 
 #[derive(Debug)]
@@ -26,7 +26,7 @@ struct CyclicJob {
     due_ms: Option<u64>,
     /// Asked, and not answered yet.
     under_way: bool,
-    /// What was sent last, where only changes are wanted.
+    /// The last values sent, if only changes are wanted.
     last: Option<Vec<u8>>,
 }
 
@@ -96,7 +96,7 @@ impl Connection {
         if self.cyclic.jobs.len() >= JOBS {
             return Err(Code::CYCLIC_FULL);
         }
-        // A number nobody has: there are fewer jobs than numbers.
+        // A free number always exists: there are fewer jobs than numbers.
         loop {
             self.cyclic.next = self.cyclic.next % 0xFF + 1;
             if self.cyclic.jobs.iter().all(|job| job.id != self.cyclic.next) {
@@ -109,14 +109,14 @@ impl Connection {
         Ok(Self::later(Ask::Read(wanted), Service::Cyclic { first: true, job: id, sub, slots }))
     }
 
-    /// The time goes on: asks for the values of the cyclic jobs that are due. Milliseconds of any clock that never goes
-    /// back.
+    /// Time passes: requests the values of the cyclic jobs that are due. `now_ms` is any clock in milliseconds that
+    /// never goes back.
     pub fn tick(&mut self, now_ms: u64) {
         let mut due = Vec::new();
         for job in &mut self.cyclic.jobs {
             let at = *job.due_ms.get_or_insert(now_ms + job.every_ms);
             if at <= now_ms && !job.under_way {
-                // A time that was missed is not made up for.
+                // Missed times are not made up.
                 job.due_ms = Some((at + job.every_ms).max(now_ms + 1));
                 job.under_way = true;
                 due.push((job.id, job.sub, job.slots.clone()));
@@ -134,7 +134,8 @@ impl Connection {
         self.cyclic.jobs.iter().filter(|job| !job.under_way).map(|job| job.due_ms.unwrap_or(0)).min()
     }
 
-    /// Values of a cyclic job are here; false: nobody wants them, because they have not changed, or the job is gone.
+    /// Values of a cyclic job have come. False: they need not be sent, because they have not changed or the job is
+    /// gone.
     pub(super) fn cyclic_came(&mut self, id: u8, telegram: &[u8]) -> bool {
         let Some(job) = self.cyclic.jobs.iter_mut().find(|job| job.id == id) else { return false };
         job.under_way = false;

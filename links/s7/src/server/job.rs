@@ -1,4 +1,4 @@
-//! Jobs: what kind of telegram it is, setup, and who serves what.
+//! Jobs: kinds of telegrams, setup, and dispatch.
 
 use super::{Agreed, Connection, End, Step};
 use crate::codes::Code;
@@ -25,7 +25,7 @@ impl Connection {
             Kind::Job => self.job(&pdu),
             Kind::UserData => self.user_data(&pdu),
             Kind::Answer | Kind::Ack => {
-                // Of a job of ours: a download goes on.
+                // An answer to our own job: a download continues.
                 self.download_answer(&pdu);
                 return;
             }
@@ -54,7 +54,7 @@ impl Connection {
         }
     }
 
-    /// Setup may come again; jobs under way keep their places.
+    /// Setup may come again; running jobs keep their places.
     fn setup(&mut self, pdu: &Pdu<'_>) -> Step {
         let Some(&[_, _, a, b, c, d, e, f]) = pdu.parameters.first_chunk::<SETUP_BYTES>() else {
             return self.refuse_job(pdu.reference, Code::PDU_SIZE);
@@ -79,7 +79,7 @@ impl Connection {
         Step::Answer(write(Kind::Ack, reference, why, &[], &[]))
     }
 
-    /// The job is refused; its function comes back.
+    /// The job is refused; the answer repeats its function.
     pub(super) fn refuse_function(&mut self, reference: u16, function: u8, why: Code) -> Vec<u8> {
         self.counts.errors += 1;
         write(Kind::Answer, reference, why, &[function], &[])

@@ -9,16 +9,17 @@ use crate::wire::{
     BlockInfo, BlockName, BlockType, DateTime, FileSystem, Group, PASSWORD_BYTES, UserData, decode_password, sub,
 };
 
-/// Wrong passwords after which a connection is closed.
+/// Number of wrong passwords after which a connection is closed.
 const PASSWORDS: u8 = 3;
-/// Of a block in a list: linked.
+/// Flags of a block in a list: linked.
 const LINKED: u8 = 0x22;
 /// List of the protection of the CPU, and the index of its record.
 const PROTECTION: [u16; 2] = [0x0132, 0x0232];
 const PROTECTION_INDEX: u16 = 4;
-/// In the record: the level that is in force, a word.
+/// Offset in the record of the level in force, a word.
 const LEVEL_AT: usize = 6;
-/// List of what communication can do, the index of its general record, and in it the PDU and the connections, words.
+/// List of communication capabilities, the index of its general record, and in it the offset of the PDU and the
+/// connections, words.
 const CAPABILITIES: u16 = 0x0131;
 const GENERAL_INDEX: u16 = 1;
 const PDU_AT: usize = 2;

@@ -1,4 +1,5 @@
-//! Uploads and downloads of blocks. In an upload the partner asks for each part; in a download we ask the partner.
+//! Uploads and downloads of blocks. In an upload the partner requests each part; in a download we request them from the
+//! partner.
 
 use super::{Ask, Connection, Loaded, Reply, Step, Then, is_loadable};
 use crate::Rights;
@@ -7,16 +8,16 @@ use crate::wire::{ANSWER_HEAD, BlockInfo, BlockName, FileSystem, Kind, Pdu, func
 
 /// Uploads of a connection at the same time.
 const UPLOADS: usize = 2;
-/// Largest block: each of its parts has at most 65,535 bytes, and no CPU has more for all.
+/// Largest block: each of its parts has at most 65,535 bytes, and no CPU allows more in total.
 const BLOCK: usize = 72 + 65_535 + 16_384;
-/// Bytes of blocks that have come and are not linked yet.
+/// Maximum bytes of blocks received and not linked yet.
 const STAGED: usize = 1024 * 1024;
-/// In front of a part: its length, and two bytes that are always the same.
+/// Bytes in front of a part: its length, and two constant bytes.
 const PART_HEAD: usize = 4;
 const PART_MARK: [u8; 2] = [0x00, 0xFB];
 /// Digits of the length of an upload.
 const DIGITS: usize = 7;
-/// Where the name of a block begins, and where an upload has its number.
+/// Offset of the name of a block, and of the number of an upload.
 const NAME_AT: usize = 8;
 const ID_AT: usize = 4;
 
@@ -33,11 +34,11 @@ struct Download {
     bytes: Vec<u8>,
     /// Number of our job that waits for an answer.
     reference: u16,
-    /// The whole block is here; the partner has to confirm that.
+    /// The whole block has come; the partner must confirm the end.
     ended: bool,
 }
 
-/// Blocks on their way.
+/// Blocks being transferred.
 #[derive(Debug, Default)]
 pub(super) struct Loads {
     uploads: Vec<Upload>,
@@ -48,7 +49,7 @@ pub(super) struct Loads {
 }
 
 impl Loads {
-    /// The blocks of these names, as they have come; all of them, or none.
+    /// The received blocks of these names; all of them, or none.
     pub(super) fn take(&mut self, names: &[BlockName]) -> Result<Vec<Loaded>, Code> {
         let is_there = |name: &BlockName| self.staged.iter().any(|b| (b.ty, b.number) == (name.ty, name.number));
         if names.is_empty() || !names.iter().all(is_there) {
@@ -77,7 +78,7 @@ impl Connection {
     pub(super) fn start_upload(&mut self, pdu: &Pdu<'_>) -> Step {
         let refused = match name(pdu) {
             None => Code::BLOCK_NAME,
-            // What is not linked yet is nobody's business but of those who load it.
+            // A block that is not linked yet is visible only to those who load it.
             Some(name) if name.place == FileSystem::Passive => Code::NO_BLOCK,
             Some(name) => return Step::Ask(Ask::Block { ty: name.ty, number: name.number }, Then::Upload),
         };
@@ -90,11 +91,11 @@ impl Connection {
             Reply::Refused(why) => return self.refuse_function(reference, function::START_UPLOAD, why),
             _ => return self.refuse_function(reference, function::START_UPLOAD, Code::SERVICE),
         };
-        // The oldest one was forgotten by its partner.
+        // The partner has forgotten the oldest one.
         if self.loads.uploads.len() >= UPLOADS {
             self.loads.uploads.remove(0);
         }
-        // Clients look at the last byte of the number alone.
+        // Clients evaluate only the last byte of the number.
         self.loads.next_upload = self.loads.next_upload % 0xFF + 1;
         let id = self.loads.next_upload;
         let mut parameters = vec![function::START_UPLOAD, 0, 1, 0];
@@ -134,10 +135,10 @@ impl Connection {
             Some(name) if !is_loadable(name.ty) => Code::BLOCK_NUMBER,
             Some(name) => {
                 let answer = write(Kind::Answer, pdu.reference, Code::DONE, &[function::REQUEST_DOWNLOAD], &[]);
-                // One the partner has given up is forgotten.
+                // A download that the partner has given up is dropped.
                 self.loads.download = Some(Download { name, bytes: Vec::new(), reference: 0, ended: false });
                 let job = self.download_job(function::DOWNLOAD);
-                // Our first job comes behind the answer, whatever else is under way.
+                // Our first job follows the answer, whatever else is running.
                 self.enqueue(pdu.reference, Step::Answer(answer));
                 match self.queue.back_mut() {
                     Some(last) => last.answer.extend(job),
@@ -149,7 +150,7 @@ impl Connection {
         Step::Answer(self.refuse_function(pdu.reference, function::REQUEST_DOWNLOAD, refused))
     }
 
-    /// Our job to the partner: the next part, or the end.
+    /// Our job for the partner: the next part, or the end.
     fn download_job(&mut self, function: u8) -> Option<Vec<u8>> {
         let download = self.loads.download.as_mut()?;
         self.loads.next_reference = self.loads.next_reference.wrapping_add(1);
@@ -174,7 +175,7 @@ impl Connection {
         if download.ended {
             let Some(Download { name, bytes, .. }) = self.loads.download.take() else { return };
             let fits = self.loads.staged_bytes() + bytes.len() <= STAGED;
-            // A block that is not what its name says never gets into the program.
+            // A block that does not match its name never gets into the program.
             let is_it = BlockInfo::of(&bytes).is_some_and(|info| info.ty == name.ty);
             if fits && is_it {
                 self.loads.staged.retain(|block| (block.ty, block.number) != (name.ty, name.number));

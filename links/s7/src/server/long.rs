@@ -3,9 +3,9 @@
 use crate::codes::{Code, ItemCode};
 use crate::wire::{Group, Telegram, USERDATA_HEAD, UserData};
 
-/// Long answers of a connection that are not all out.
+/// Maximum of unfinished long answers per connection.
 const ANSWERS: usize = 4;
-/// Bytes of an answer, at most: a list of 16,384 blocks.
+/// Maximum bytes of an answer: a list of 16,384 blocks.
 pub(super) const MOST: usize = 64 * 1024;
 
 #[derive(Debug)]
@@ -28,7 +28,7 @@ impl LongAnswers {
     /// The first part of an answer; the only one, if it fits.
     pub(super) fn first(&mut self, reference: u16, group: Group, sub: u8, bytes: Vec<u8>, pdu: usize) -> Vec<u8> {
         if bytes.len() > pdu - USERDATA_HEAD {
-            // The oldest one was forgotten by its partner.
+            // The partner has forgotten the oldest one.
             if self.answers.len() >= ANSWERS {
                 self.answers.remove(0);
             }

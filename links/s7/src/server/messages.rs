@@ -1,10 +1,10 @@
-//! Messages nobody asks for one by one: changes of the operating state, entries of the diagnostic buffer.
+//! Unsolicited messages: changes of the operating state, entries of the diagnostic buffer.
 
 use super::{Connection, CpuEvent, Step};
 use crate::codes::Code;
 use crate::wire::{Group, Telegram, UserData, sub};
 
-/// Kinds of message a partner can have.
+/// Kinds of messages a partner can subscribe to.
 const MODE: u8 = 0x01;
 const SYSTEM: u8 = 0x02;
 const USER: u8 = 0x04;
@@ -14,7 +14,7 @@ const SUBSCRIBED: [u8; 2] = [0x02, 0x00];
 /// Event classes A and B of the diagnostic buffer are the user's own.
 const USER_CLASSES: [u8; 2] = [0xA, 0xB];
 
-/// What a partner wants to hear of.
+/// The messages a partner has subscribed to.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Subscribed(u8);
 
@@ -34,12 +34,12 @@ impl Subscribed {
 }
 
 impl Connection {
-    /// Which messages, a reserved byte, the name of the partner; of alarms their kind.
+    /// Data: the messages, a reserved byte, the name of the partner; for alarms their kind.
     pub(super) fn subscribe(&mut self, reference: u16, service: &UserData<'_>) -> Step {
         let &[events, _, ..] = service.data else {
             return self.refuse_service(reference, service, Code::NO_INFORMATION);
         };
-        // No block of ours sends alarms, so nobody can wait for one.
+        // No block of ours sends alarms, so a subscription is refused.
         if events & ALARMS != 0 && events & (MODE | SYSTEM | USER) == 0 {
             return self.refuse_service(reference, service, Code::NO_INFORMATION);
         }
@@ -48,7 +48,7 @@ impl Connection {
         Step::Answer(UserData { telegram: Telegram::Answer, ..job }.write(reference))
     }
 
-    /// The partner wants to hear of events.
+    /// Whether the partner has subscribed to events.
     #[must_use]
     pub const fn wants_events(&self) -> bool {
         self.subscribed.0 != 0

@@ -1,7 +1,7 @@
 //! A connection as the CPU sees it: telegrams in, requests to the CPU out, answers back in the order of the jobs.
 //!
-//! Whoever owns it gives it bytes and replies and takes requests and bytes; it may be asked for nothing, too little or
-//! the wrong thing at any moment.
+//! Its owner passes in bytes and replies, and takes requests and bytes. It tolerates missing, short or wrong input at
+//! any moment.
 
 mod ask;
 mod control;
@@ -24,21 +24,21 @@ use crate::iso::{Broken, Call, Event, Refusal, Transport};
 use crate::wire::{BlockType, MAX_TELEGRAM};
 use crate::{MAX_JOBS, MAX_PDU, Rights};
 
-/// While so much waits to go out, nothing more is taken in.
+/// While this many bytes wait to be sent, no more input is accepted.
 const OUTPUT: usize = 64 * 1024;
 
-/// What a connection is allowed, and what it agrees to.
+/// The rights of a connection, and its limits for the setup.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
     /// Largest PDU.
     pub pdu: u16,
-    /// Most jobs outstanding.
+    /// Maximum of outstanding jobs.
     pub jobs: u16,
-    /// What may be done without a password.
+    /// Rights without a password.
     pub rights: Rights,
     /// There is a password.
     pub has_password: bool,
-    /// Connections there can be, all together.
+    /// Maximum number of connections in total.
     pub connections: u16,
 }
 
@@ -48,31 +48,31 @@ impl Default for Settings {
     }
 }
 
-/// What has gone through a connection.
+/// Counters of a connection.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Jobs and services.
     pub jobs: u64,
-    /// Of these: refused as a whole.
+    /// Jobs refused as a whole.
     pub errors: u64,
-    /// Messages nobody took, because the partner does not read.
+    /// Messages dropped because the partner does not read.
     pub lost: u64,
 }
 
-/// Why a connection is over.
+/// Why a connection has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
-    /// Its partner has ended it, or it was refused.
+    /// The partner has ended it, or it was refused.
     Closed,
-    /// What came was not ISO transport.
+    /// The received bytes were not ISO transport.
     Broken(Broken),
-    /// What came was not S7 communication.
+    /// The received telegram was not S7 communication.
     NotS7,
     /// Too many wrong passwords.
     Passwords,
 }
 
-/// What has to be done with a reply, and then the answer.
+/// How to turn a reply into an answer.
 #[derive(Debug)]
 enum Then {
     Read(Vec<var::Slot>),
@@ -82,7 +82,7 @@ enum Then {
     Upload,
 }
 
-/// A job on its way: it waits for the CPU, or for those before it.
+/// A running job: it waits for the CPU, or for the jobs before it.
 #[derive(Debug)]
 struct Job {
     id: u64,
@@ -92,24 +92,24 @@ struct Job {
     answer: Vec<Vec<u8>>,
 }
 
-/// What a job leads to.
+/// The result of a job's first evaluation.
 #[derive(Debug)]
 enum Step {
     /// An answer at once.
     Answer(Vec<u8>),
-    /// Something has to be asked first.
+    /// The CPU must be asked first.
     Ask(Ask, Then),
     /// Nothing.
     Silence,
 }
 
-/// What setup has agreed on.
+/// The result of the setup.
 #[derive(Clone, Copy, Debug)]
 struct Agreed {
     pdu: usize,
     /// Jobs of the partner that may be outstanding.
     jobs: usize,
-    /// Jobs of ours, where the partner is a CPU too.
+    /// Jobs of ours, if the partner is a CPU too.
     own: usize,
 }
 
@@ -123,7 +123,7 @@ pub struct Connection {
     agreed: Option<Agreed>,
     /// Jobs of the partner, in order.
     queue: VecDeque<Job>,
-    /// What is asked without a job of the partner: cyclic data.
+    /// Requests without a job of the partner: cyclic data.
     aside: Vec<Job>,
     asks: VecDeque<Request>,
     next: u64,
@@ -139,7 +139,7 @@ pub struct Connection {
 }
 
 impl Connection {
-    /// Somebody has connected.
+    /// A new connection.
     #[must_use]
     pub fn new(settings: Settings) -> Self {
         Self {
@@ -164,7 +164,7 @@ impl Connection {
         }
     }
 
-    /// Bytes that may be given to [`Connection::receive`] now; 0 while the CPU or the partner has to catch up.
+    /// Number of bytes that [`Connection::receive`] accepts now; 0 while the CPU or the partner has to catch up.
     #[must_use]
     pub fn room(&self) -> usize {
         if self.end.is_some() || self.is_busy() { 0 } else { self.transport.room() }
@@ -178,20 +178,20 @@ impl Connection {
         self.advance();
     }
 
-    /// Somebody calls and waits for [`Connection::accept`] or [`Connection::refuse`].
+    /// The call that waits for [`Connection::accept`] or [`Connection::refuse`].
     #[must_use]
     pub const fn call(&self) -> Option<&Call> {
         self.call.as_ref()
     }
 
-    /// The one who calls gets the connection.
+    /// Accepts the call.
     pub fn accept(&mut self) {
         self.call = None;
         self.transport.accept();
         self.advance();
     }
 
-    /// The one who calls does not get it.
+    /// Refuses the call.
     pub fn refuse(&mut self, why: Refusal) {
         self.call = None;
         self.transport.refuse(why);
@@ -203,7 +203,7 @@ impl Connection {
         self.asks.pop_front()
     }
 
-    /// What the CPU says to a request. One nobody has asked is ignored.
+    /// The CPU's reply to a request. A reply without a request is ignored.
     pub fn reply(&mut self, id: u64, reply: Reply) {
         if let Some(then) = self.queue.iter_mut().find(|job| job.id == id).and_then(|job| job.then.take()) {
             let reference = self.queue.iter().find(|job| job.id == id).map_or(0, |job| job.reference);
@@ -223,43 +223,43 @@ impl Connection {
         }
     }
 
-    /// What has to go out.
+    /// The bytes to send.
     #[must_use]
     pub fn output(&self) -> &[u8] {
         self.transport.output()
     }
 
-    /// So many bytes of the output are out.
+    /// Reports that `count` bytes of the output have been sent.
     pub fn sent(&mut self, count: usize) {
         self.transport.sent(count);
         self.advance();
     }
 
-    /// The connection is over: close it when the output is out.
+    /// Why the connection has ended: close it when the output has been sent.
     #[must_use]
     pub const fn end(&self) -> Option<End> {
         self.end
     }
 
-    /// Setup is done, and with this PDU.
+    /// The PDU of the setup, once that is done.
     #[must_use]
     pub fn pdu(&self) -> Option<u16> {
         self.agreed.map(|agreed| agreed.pdu as u16)
     }
 
-    /// Jobs under way.
+    /// Number of running jobs.
     #[must_use]
     pub fn under_way(&self) -> usize {
         self.queue.len()
     }
 
-    /// What the connection may do at the moment.
+    /// The present rights of the connection.
     #[must_use]
     pub const fn rights(&self) -> Rights {
         self.rights
     }
 
-    /// What has gone through it.
+    /// Its counters.
     #[must_use]
     pub const fn counts(&self) -> Counts {
         self.counts
@@ -270,7 +270,7 @@ impl Connection {
         self.queue.len() >= most || self.transport.output().len() >= OUTPUT || self.is_full()
     }
 
-    /// Bytes a telegram may have.
+    /// Maximum length of a telegram.
     fn pdu_bytes(&self) -> usize {
         self.agreed.map_or(MAX_TELEGRAM, |agreed| agreed.pdu)
     }
@@ -289,7 +289,7 @@ impl Connection {
         }
     }
 
-    /// Puts a job into the queue, and its request, if it has one, to the CPU.
+    /// Puts a job into the queue, and passes its request, if any, to the CPU.
     fn enqueue(&mut self, reference: u16, step: Step) {
         match step {
             Step::Silence => {}
@@ -312,7 +312,7 @@ impl Connection {
         id
     }
 
-    /// A request beside the jobs of the partner.
+    /// A request besides the jobs of the partner.
     fn ask_aside(&mut self, ask: Ask, then: Then) {
         let id = self.ask(ask);
         self.aside.push(Job { id, reference: 0, then: Some(then), answer: Vec::new() });
@@ -327,7 +327,7 @@ impl Connection {
         }
     }
 
-    /// Sends what nobody has asked for at the moment; lost when the partner does not read.
+    /// Sends an unsolicited telegram; it is dropped if the partner does not read.
     fn message(&mut self, telegram: &[u8]) {
         if self.transport.output().len() < OUTPUT {
             self.transport.send(telegram);
@@ -336,7 +336,7 @@ impl Connection {
         }
     }
 
-    /// Makes the answer of a reply.
+    /// Builds the answer from a reply.
     fn finish(&mut self, reference: u16, then: Then, reply: Reply) -> Vec<Vec<u8>> {
         match then {
             Then::Read(slots) => vec![var::read_answer(reference, &slots, reply)],

@@ -1,5 +1,4 @@
-//! A connection between two CPUs: who has called sets it up, and both send jobs of their own beside serving the
-//! partner's.
+//! A connection between two CPUs: the caller sets it up, and both sides send jobs and serve the partner's.
 
 use super::{Agreed, Connection, End, Settings};
 use crate::client::Came;
@@ -8,24 +7,24 @@ use crate::iso::{Transport, Tsap};
 use crate::wire::{Kind, Pdu, function, pbc, write};
 use crate::{MAX_JOBS, MIN_PDU};
 
-/// What has come and was not taken yet, at most; then the partner has to wait.
+/// Maximum of received telegrams not taken yet; beyond that the partner has to wait.
 const CAME: usize = 16;
 
-/// What a connection to another CPU has beside its server.
+/// The additional state of a connection to another CPU.
 #[derive(Debug, Default)]
 pub(super) struct Partner {
-    /// We have called: the setup is ours.
+    /// We have called, so we send the setup.
     calls: bool,
-    /// Number of the setup that is not answered yet.
+    /// Number of the setup not answered yet.
     setup: Option<u16>,
     reference: u16,
-    /// Our jobs that are not answered yet.
+    /// Our jobs not answered yet.
     own: Vec<u16>,
     came: std::collections::VecDeque<Came>,
 }
 
 impl Connection {
-    /// Calls another CPU; the call lies in the output.
+    /// Calls another CPU; the call is in the output.
     #[must_use]
     pub fn calling(settings: Settings, calling: Tsap, called: Tsap) -> Self {
         let mut connection = Self::new(settings);
@@ -34,7 +33,7 @@ impl Connection {
         connection
     }
 
-    /// Another CPU has called, and its call stands in this transport: it gets the connection.
+    /// Accepts the call of another CPU that this transport contains.
     #[must_use]
     pub fn called(settings: Settings, transport: Transport) -> Self {
         let mut connection = Self::new(settings);
@@ -44,13 +43,13 @@ impl Connection {
         connection
     }
 
-    /// The transport of one that has called, for whoever the call is for.
+    /// The transport of a caller, for the connection that the call is meant for.
     #[must_use]
     pub fn into_transport(self) -> Transport {
         self.transport
     }
 
-    /// Jobs of ours that may be sent now.
+    /// Number of our jobs that may be sent now.
     #[must_use]
     pub fn places(&self) -> usize {
         match (&self.partner, self.agreed, self.end) {
@@ -59,7 +58,7 @@ impl Connection {
         }
     }
 
-    /// Sends a job of ours; its number.
+    /// Sends a job of ours; returns its number.
     pub fn own_job(&mut self, kind: Kind, parameters: &[u8], data: &[u8]) -> u16 {
         let Some(partner) = &mut self.partner else { return 0 };
         partner.reference = partner.reference.wrapping_add(1);
@@ -69,19 +68,19 @@ impl Connection {
         reference
     }
 
-    /// Sends what nobody answers.
+    /// Sends a message without an answer.
     pub fn own_message(&mut self, parameters: &[u8], data: &[u8]) {
         let Some(partner) = &mut self.partner else { return };
         partner.reference = partner.reference.wrapping_add(1);
         self.transport.send(&write(Kind::UserData, partner.reference, Code::DONE, parameters, data));
     }
 
-    /// Answers what [`Connection::take_came`] has given.
+    /// Answers a telegram from [`Connection::take_came`].
     pub fn answer(&mut self, telegram: &[u8]) {
         self.transport.send(telegram);
     }
 
-    /// The next answer to a job of ours, or what the partner's sending blocks have sent.
+    /// The next answer to a job of ours, or the next telegram of the partner's sending blocks.
     pub fn take_came(&mut self) -> Option<Came> {
         let came = self.partner.as_mut()?.came.pop_front();
         if came.is_some() {
@@ -90,7 +89,7 @@ impl Connection {
         came
     }
 
-    /// The transport is there.
+    /// The transport is open.
     pub(super) fn opened(&mut self) {
         if !self.partner.as_ref().is_some_and(|partner| partner.calls) {
             self.end = Some(End::Closed);
@@ -109,7 +108,7 @@ impl Connection {
         self.partner.as_ref().is_some_and(|partner| partner.came.len() >= CAME)
     }
 
-    /// A telegram that is for our own blocks; false: the server's.
+    /// Handles a telegram for our own blocks. False: it is for the server.
     pub(super) fn partner_telegram(&mut self, pdu: &Pdu<'_>) -> bool {
         let Some(partner) = &mut self.partner else { return false };
         let is_answer = match pdu.kind {
@@ -119,7 +118,7 @@ impl Connection {
         };
         if is_answer {
             let Some(index) = partner.own.iter().position(|own| *own == pdu.reference) else {
-                // To a job of the server (a download goes on), or to nothing.
+                // An answer to a job of the server (a download continues), or to none.
                 return pdu.kind == Kind::UserData;
             };
             partner.own.swap_remove(index);

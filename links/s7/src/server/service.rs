@@ -1,4 +1,4 @@
-//! Services of a programming device: who serves which.
+//! Services of a programming device: dispatch.
 
 use super::long::{done, refused};
 use super::{Connection, CpuEvent, Reply, Step, Then, cyclic, test_jobs};
@@ -52,7 +52,7 @@ impl Connection {
         if self.agreed.is_none() {
             return self.refuse_job(pdu.reference, Code::NO_SERVICE);
         }
-        // An answer to a message of ours, or a message: nothing we have asked for.
+        // An answer to a message of ours, or a message: not requested.
         if service.telegram != Telegram::Job {
             return Step::Silence;
         }
@@ -127,14 +127,14 @@ impl Connection {
         }
     }
 
-    /// Something happened in the CPU: a message, where the partner wants it.
+    /// An event in the CPU: sends a message if the partner has subscribed to it.
     pub fn event(&mut self, event: &CpuEvent) {
         if let Some(telegram) = self.subscribed.message(event) {
             self.message(&telegram);
         }
     }
 
-    /// Waits for the CPU with this service.
+    /// Lets this service wait for the CPU.
     pub(super) const fn later(ask: super::Ask, service: Service) -> Step {
         Step::Ask(ask, Then::Service(service))
     }

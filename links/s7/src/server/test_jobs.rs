@@ -1,5 +1,5 @@
-//! Test functions: the status of variables and modifying them, as the variable table of a programming device asks for
-//! them. Block status, breakpoints and forcing are not served.
+//! Test functions: status and modification of variables, as requested by the variable table of a programming device.
+//! Block status, breakpoints and forcing are not served.
 
 use super::long::done;
 use super::service::Service;
@@ -11,7 +11,7 @@ use crate::wire::{Address, Area, DataItems, DataType, Group, Telegram, USERDATA_
 
 /// Jobs of a connection.
 const JOBS: usize = 8;
-/// In front of parameters and data: their lengths.
+/// Bytes in front of parameters and data: their lengths.
 const LENGTHS: usize = 4;
 /// Bytes of an address.
 const ADDRESS: usize = 6;
@@ -63,7 +63,7 @@ fn address(bytes: [u8; ADDRESS]) -> Slot {
     Ok(Address { area, db, start, ty, count: u16::from(count) })
 }
 
-/// The data of a job: the items' addresses, and what follows them.
+/// The data of a job: the addresses of the items, and the bytes after them.
 fn items(data: &[u8]) -> Option<(Vec<Slot>, &[u8])> {
     let (&[high, low, _, _], rest) = data.split_first_chunk::<LENGTHS>()?;
     let data = rest.get(usize::from(u16::from_be_bytes([high, low]))..)?;
@@ -83,7 +83,7 @@ fn message(sub: u8, job: u8, data: &[u8]) -> Vec<u8> {
     UserData { telegram: Telegram::Message, sequence: job, ..UserData::job(Group::Test, sub, &bytes) }.write(0)
 }
 
-/// The answer, if it is the first time, and the values.
+/// The answer, if this is the first time, and the values.
 pub(super) fn status_telegrams(reference: u16, first: bool, job: u8, slots: &[Slot], reply: Reply) -> Vec<Vec<u8>> {
     let mut data = (slots.len() as u16).to_be_bytes().to_vec();
     for value in values(slots, reply) {
@@ -103,7 +103,7 @@ pub(super) fn status_telegrams(reference: u16, first: bool, job: u8, slots: &[Sl
     vec![done(reference, Group::Test, sub, job), message(sub::TEST_STATUS, job, &data)]
 }
 
-/// The answer, and what became of each variable.
+/// The answer, and the outcome for each variable.
 pub(super) fn modify_telegrams(reference: u16, job: u8, slots: &[Slot], reply: Reply) -> Vec<Vec<u8>> {
     let mut data = (slots.len() as u16).to_be_bytes().to_vec();
     data.extend(codes(slots, reply).into_iter().map(|code| code.0));
@@ -124,7 +124,7 @@ impl Connection {
                 Step::Answer(done(reference, Group::Test, sub::TEST_DELETE, job.id))
             }),
             sub::TEST_LIST => Ok(Step::Answer(self.job_list(reference))),
-            // There is no LED to be found by its light; the partner is told that it blinks.
+            // There is no LED; the partner is told that it blinks.
             sub::TEST_BLINK => Ok(Step::Answer(done(reference, Group::Test, sub::TEST_BLINK, 0))),
             _ => Err(Code::NO_SERVICE),
         };
@@ -147,7 +147,7 @@ impl Connection {
             return Err(Code::PDU_SIZE);
         }
         if self.tests.jobs.len() >= JOBS {
-            // A partner that never deletes its jobs still gets its values: the oldest goes.
+            // A partner that never deletes its jobs still gets values: the oldest job is dropped.
             self.tests.jobs.remove(0);
         }
         let job = self.job_number();
@@ -156,7 +156,7 @@ impl Connection {
         Ok(Self::later(Ask::Read(addresses(&slots)), service))
     }
 
-    /// The values of a job once more.
+    /// Requests the values of a job again.
     fn again(&self, index: usize) -> Result<Step, Code> {
         let job = self.tests.jobs.get(index).ok_or(Code::TEST_JOB)?;
         let slots = job.slots.clone();
@@ -185,7 +185,7 @@ impl Connection {
         Ok(Self::later(Ask::Write(puts), Service::Modify { job, slots }))
     }
 
-    /// The job a service is about: its function and number stand in the data behind the parameters.
+    /// The job of a service: its function and number are in the data after the parameters.
     fn job_of(&self, service: &UserData<'_>) -> Result<usize, Code> {
         let data = service
             .data
@@ -195,7 +195,7 @@ impl Connection {
         self.tests.jobs.iter().position(|job| job.id == *id).ok_or(Code::TEST_JOB)
     }
 
-    /// Lengths, parameters, and of each job its function, its number, and that it is idle.
+    /// Lengths, parameters, and for each job its function, its number and the state idle.
     fn job_list(&self, reference: u16) -> Vec<u8> {
         let jobs: Vec<u8> = self.tests.jobs.iter().flat_map(|job| [sub::TEST_STATUS, job.id, 0, 0]).collect();
         let mut bytes = vec![0, MESSAGE.len() as u8];

@@ -7,7 +7,7 @@ use crate::wire::{
     ANSWER_HEAD, Address, DataItems, DataType, Items, Kind, Pdu, function, write, write_item, write_refused,
 };
 
-/// An item: its address, or why it has none that can be served.
+/// An item: its address, or why it cannot be served.
 pub(super) type Slot = Result<Address, ItemCode>;
 
 /// Bytes in front of the items of an answer: head, function, count.
@@ -22,7 +22,7 @@ fn slots(pdu: &Pdu<'_>) -> Option<Vec<Slot>> {
     slots.filter(|slots| !slots.is_empty())
 }
 
-/// The answer to a read would have so many bytes.
+/// Length of the answer to a read.
 fn answer_bytes(slots: &[Slot]) -> usize {
     let item = |slot: &Slot| ITEM + slot.map_or(0, |address| address.bytes().next_multiple_of(2));
     let last = slots.last().map_or(0, |slot| slot.map_or(0, |address| address.bytes() % 2));
@@ -34,7 +34,7 @@ pub(super) fn addresses(slots: &[Slot]) -> Vec<Address> {
     slots.iter().filter_map(|slot| slot.ok()).collect()
 }
 
-/// Values or codes of all items: those that were asked for take theirs from the reply.
+/// Values or codes of all items: items with an address take theirs from the reply.
 pub(super) fn values(slots: &[Slot], reply: Reply) -> Vec<Result<(DataType, Vec<u8>), ItemCode>> {
     let refused = match &reply {
         Reply::Refused(Code::PROTECTED) => ItemCode::NOT_ALLOWED,
@@ -48,7 +48,7 @@ pub(super) fn values(slots: &[Slot], reply: Reply) -> Vec<Result<(DataType, Vec<
     let of = |slot: &Slot| {
         let address = (*slot)?;
         let bytes = values.next().unwrap_or(Err(refused))?;
-        // A value that is not as long as it must be would shift all that follow.
+        // A value of the wrong length would shift all that follow.
         if bytes.len() == address.bytes() { Ok((address.ty, bytes)) } else { Err(ItemCode::HARDWARE) }
     };
     slots.iter().map(of).collect()
@@ -86,7 +86,7 @@ pub(super) fn write_answer(reference: u16, slots: &[Slot], reply: Reply) -> Vec<
 
 impl Connection {
     pub(super) fn read(&mut self, pdu: &Pdu<'_>) -> Step {
-        // A read of nothing, as one client asks to see whether somebody is there, gets nothing.
+        // A read without items, which one client uses to test the connection, gets an empty answer.
         if let [_] | [_, 0] = pdu.parameters {
             return Step::Answer(write(Kind::Answer, pdu.reference, Code::DONE, &[function::READ, 0], &[]));
         }

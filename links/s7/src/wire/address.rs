@@ -51,7 +51,7 @@ impl Area {
     }
 }
 
-/// The type of a variable as it is asked for.
+/// The requested type of a variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[expect(missing_docs, reason = "the names say it")]
 pub enum DataType {
@@ -72,7 +72,7 @@ pub enum DataType {
     Timer,
 }
 
-/// The types, as an ANY pointer has them.
+/// The types as in an ANY pointer.
 const TYPES: [(AnyType, DataType); 15] = [
     (AnyType::Bool, DataType::Bit),
     (AnyType::Byte, DataType::Byte),
@@ -90,7 +90,7 @@ const TYPES: [(AnyType, DataType); 15] = [
     (AnyType::Counter, DataType::Counter),
     (AnyType::Timer, DataType::Timer),
 ];
-/// On the wire this type has another code than in memory.
+/// The code of this type on the wire, which differs from the one in memory.
 const DATE_AND_TIME: u8 = 0x0F;
 
 impl DataType {
@@ -109,14 +109,14 @@ impl DataType {
     }
 }
 
-/// A variable, or a row of them.
+/// A variable, or several in a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Address {
     /// Where.
     pub area: Area,
     /// The data block; 0 elsewhere.
     pub db: u16,
-    /// The first bit; of counters and timers the first number.
+    /// The first bit; for counters and timers the first number.
     pub start: u32,
     /// The type of each element.
     pub ty: DataType,
@@ -147,7 +147,7 @@ impl Address {
         matches!(self.area, Area::Counters | Area::Timers)
     }
 
-    /// The first byte; of counters and timers the first number.
+    /// The first byte; for counters and timers the first number.
     #[must_use]
     pub const fn first(&self) -> u32 {
         if self.is_counted() { self.start } else { self.start / 8 }
@@ -176,11 +176,11 @@ impl Address {
         address.check().map(|()| address)
     }
 
-    /// What can be told without looking at the CPU.
+    /// Checks that are possible without the CPU.
     fn check(&self) -> Result<(), BadItem> {
         let counted = matches!(self.ty, DataType::Counter | DataType::Timer);
         let fits = match self.area {
-            // A word is what a counter or timer is, so it is taken as one.
+            // A counter or timer is a word, so WORD is accepted.
             Area::Counters => matches!(self.ty, DataType::Counter | DataType::Word | DataType::Int),
             Area::Timers => matches!(self.ty, DataType::Timer | DataType::Word | DataType::Int | DataType::S5Time),
             _ => !counted,
@@ -210,7 +210,7 @@ impl Address {
     }
 }
 
-/// The items of a job, one after the other. An item that cannot be read is told alone, as long as its end can be found.
+/// The items of a job, one after the other. A bad item is reported alone, as long as its end can be found.
 #[derive(Clone, Debug)]
 pub struct Items<'b> {
     rest: &'b [u8],
@@ -239,7 +239,7 @@ impl Iterator for Items<'_> {
             self.left = 0;
             return Some(None);
         };
-        // An odd item is followed by a fill byte, but for the last.
+        // An item of odd length is followed by a fill byte, except the last.
         let pad = if self.left > 0 { item.len() % 2 } else { 0 };
         self.rest = self.rest.get(item.len() + pad..).unwrap_or_default();
         Some(Some(Address::read(item)))

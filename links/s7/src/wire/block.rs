@@ -1,4 +1,4 @@
-//! Names of blocks on the wire (`_0A00001P`), and what lists tell of them.
+//! Names of blocks on the wire (`_0A00001P`), and their entries in lists.
 
 /// Types of blocks a CPU lists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -17,7 +17,7 @@ impl BlockType {
     /// All, in the order of a list of blocks.
     pub const ALL: [Self; 7] = [Self::Ob, Self::Fb, Self::Fc, Self::Db, Self::Sdb, Self::Sfc, Self::Sfb];
 
-    /// The letter behind the 0.
+    /// The letter after the 0.
     #[must_use]
     pub const fn letter(self) -> u8 {
         match self {
@@ -31,20 +31,20 @@ impl BlockType {
         }
     }
 
-    /// Of the letter; small ones too.
+    /// From the letter, upper or lower case.
     #[must_use]
     pub fn of(letter: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|ty| ty.letter() == letter.to_ascii_uppercase())
     }
 
-    /// Of the byte in the head of a block.
+    /// From the byte in the header of a block.
     #[must_use]
     pub fn of_head(byte: u8) -> Option<Self> {
         let digit = char::from_digit(u32::from(byte), 16)?;
         Self::of(digit as u8)
     }
 
-    /// As engineers write it.
+    /// The usual name.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -59,7 +59,7 @@ impl BlockType {
     }
 }
 
-/// Where a block lies.
+/// The place of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileSystem {
     /// Linked: the program that runs.
@@ -96,12 +96,12 @@ pub struct BlockName {
     pub ty: BlockType,
     /// Its number.
     pub number: u16,
-    /// Where it lies.
+    /// Its place.
     pub place: FileSystem,
 }
 
 impl BlockName {
-    /// `0A00001P`; in uploads and downloads `_` stands in front.
+    /// `0A00001P`; in uploads and downloads preceded by `_`.
     #[must_use]
     pub fn read(text: &[u8]) -> Option<Self> {
         let text = text.strip_prefix(b"_").unwrap_or(text);
@@ -128,10 +128,10 @@ impl BlockName {
 
 /// Bytes of the answer to a block info.
 pub const INFO_BYTES: usize = 78;
-/// Bytes of the head of a block, and of its foot.
+/// Length of the header of a block, and of its footer.
 const HEAD: usize = 36;
 
-/// The values in the bytes of a whole data block; `None`: it is no data block.
+/// The values in the bytes of a whole data block; `None`: not a data block.
 #[must_use]
 pub fn values_mut(block: &mut [u8]) -> Option<&mut [u8]> {
     let head = block.first_chunk::<HEAD>()?;
@@ -140,7 +140,7 @@ pub fn values_mut(block: &mut [u8]) -> Option<&mut [u8]> {
     block.get_mut(HEAD..HEAD + len).filter(|_| is_data)
 }
 
-/// What a block info tells: it is the head and the foot of the block.
+/// The content of a block info: the header and the footer of the block.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BlockInfo {
     /// The type.
@@ -152,7 +152,7 @@ pub struct BlockInfo {
 }
 
 impl BlockInfo {
-    /// Of a whole block.
+    /// From a whole block.
     #[must_use]
     pub fn of(block: &[u8]) -> Option<Self> {
         let head = block.first_chunk::<HEAD>()?;
@@ -164,14 +164,14 @@ impl BlockInfo {
     #[must_use]
     pub fn bytes(&self) -> Vec<u8> {
         let mut out = vec![b'0', self.ty.letter()];
-        // What follows, and its version.
+        // The length of the rest, and its version.
         out.extend_from_slice(&[0, (INFO_BYTES - 4) as u8, 0, 0x22]);
         out.extend_from_slice(&self.head);
         out.extend_from_slice(&self.foot);
         out
     }
 
-    /// Out of the answer's data.
+    /// From the answer's data.
     #[must_use]
     pub fn read(data: &[u8]) -> Option<Self> {
         let (&[zero, letter, ..], rest) = data.split_first_chunk::<6>()?;

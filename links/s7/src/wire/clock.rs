@@ -32,7 +32,7 @@ fn from_bcd(byte: u8) -> Option<u8> {
 }
 
 impl DateTime {
-    /// The eight bytes of a `DATE_AND_TIME`, as the CPU has it.
+    /// The eight bytes of a `DATE_AND_TIME`, as in the CPU.
     #[must_use]
     pub fn date_and_time(&self) -> [u8; 8] {
         let tens = (self.ms / 10) as u8;
@@ -43,7 +43,7 @@ impl DateTime {
         [a, b, c, d, e, f, g, ones << 4 | self.weekday()]
     }
 
-    /// Out of a `DATE_AND_TIME`; the day of the week is worked out anew.
+    /// From a `DATE_AND_TIME`; the day of the week is recalculated.
     #[must_use]
     pub fn of_date_and_time(bytes: [u8; 8]) -> Option<Self> {
         let [year, month, day, hour, minute, second, tens, ones] = bytes;
@@ -67,7 +67,7 @@ impl DateTime {
         [0, bcd((self.year / 100) as u8), a, b, c, d, e, f, g, h]
     }
 
-    /// Out of the bytes on the wire. The century is not looked at: clients send 19h in any year.
+    /// From the bytes on the wire. The century is ignored: clients send 19h in any year.
     #[must_use]
     pub fn read(data: &[u8]) -> Option<Self> {
         let bytes = data.first_chunk::<CLOCK_BYTES>()?;
@@ -126,7 +126,7 @@ mod tests {
             assert_eq!(DateTime::read(&bytes), None);
         }
         assert_eq!(DateTime::read(&[0; 9]), None);
-        // Without a century of its own: 00 to 89 is this one.
+        // The century is not evaluated: 00 to 89 means this one.
         assert_eq!(DateTime::read(&[0, 0x19, 0x89, 1, 1, 0, 0, 0, 0, 0]).map(|time| time.year), Some(2089));
     }
 }

@@ -1,5 +1,4 @@
-//! Data of variables as they lie in a telegram: code, transport size, length, bytes; padded to an even length but for
-//! the last.
+//! Data of variables in a telegram: code, transport size, length, bytes; padded to an even length, except the last.
 
 use super::address::DataType;
 use crate::codes::ItemCode;
@@ -12,7 +11,7 @@ const OCTETS: [u8; 4] = [0x06, REAL, OCTET, 0x00];
 const REAL: u8 = 0x07;
 const OCTET: u8 = 0x09;
 
-/// The transport size an answer has for a type.
+/// The transport size of a type in an answer.
 #[must_use]
 pub const fn transport_of(ty: DataType) -> u8 {
     match ty {
@@ -23,7 +22,7 @@ pub const fn transport_of(ty: DataType) -> u8 {
     }
 }
 
-/// How many bytes `length` means; `None` for an unknown transport size.
+/// The number of bytes that `length` means; `None` for an unknown transport size.
 #[must_use]
 pub fn bytes_of(transport: u8, length: u16) -> Option<usize> {
     match transport {
@@ -53,7 +52,7 @@ pub fn write_refused(out: &mut Vec<u8>, code: ItemCode) {
     out.extend_from_slice(&[code.0, 0, 0, 0]);
 }
 
-/// What follows begins at an even byte.
+/// Pads to an even length.
 fn pad(out: &mut Vec<u8>) {
     if !out.len().is_multiple_of(2) {
         out.push(0);
@@ -63,7 +62,7 @@ fn pad(out: &mut Vec<u8>) {
 /// An item's data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DataItem<'b> {
-    /// What became of it; of a write 0.
+    /// Its outcome; 0 in a write.
     pub code: ItemCode,
     /// How its length was counted.
     pub transport: u8,
@@ -72,7 +71,7 @@ pub struct DataItem<'b> {
 }
 
 impl DataItem<'_> {
-    /// These are data of an address of this type and length.
+    /// Whether these are data of an address of this type and length.
     #[must_use]
     pub fn fits(&self, ty: DataType, bytes: usize) -> bool {
         self.bytes.len() == bytes && (self.transport == BITS) == (ty == DataType::Bit)
@@ -87,7 +86,7 @@ pub struct DataItems<'b> {
 }
 
 impl<'b> DataItems<'b> {
-    /// What lies in the data of a telegram.
+    /// The items in the data of a telegram.
     #[must_use]
     pub const fn new(data: &'b [u8]) -> Self {
         Self { rest: data, ended: false }

@@ -1,7 +1,7 @@
 //! Passwords on the wire: eight characters, padded with spaces, each mixed with the one two places before. This hides
 //! nothing; the protocol has no secrets.
 
-/// Characters of a password, at most, and bytes on the wire.
+/// Maximum characters of a password, and bytes on the wire.
 pub const PASSWORD_BYTES: usize = 8;
 const MASK: u8 = 0x55;
 

@@ -1,4 +1,5 @@
-//! What the sending blocks of two CPUs exchange: USEND and BSEND. BSEND cuts its data into parts, each with an answer.
+//! The telegrams of the sending blocks of two CPUs: USEND and BSEND. BSEND splits its data into parts, each with an
+//! answer.
 
 use super::{Kind, write};
 use crate::codes::Code;
@@ -9,39 +10,39 @@ const R_ID: [u8; 4] = [0x12, 6, 0x13, 0];
 const HEAD: [u8; 3] = [0, 1, 0x12];
 /// Parameters of a part of BSEND: length, long form, a job of the group, BSEND, sequence.
 const BSEND: [u8; 5] = [8, 0x12, 0x46, 1, 0];
-/// Data by bytes.
+/// Data counted in bytes.
 const OCTET: u8 = 0x09;
-/// Head, parameters, data head and R_ID of a part.
+/// Header, parameters, data header and R_ID of a part.
 const PART: usize = JOB_HEAD + 12 + 4 + 8;
-/// Head, parameters, return code and count, and the head of an item of USEND.
+/// Header, parameters, return code and count, and the header of an item of USEND.
 const USEND: usize = JOB_HEAD + 10 + 4 + 4;
 
-/// Bytes of data in a part of BSEND; the first one has two less.
+/// Bytes of data in a part of BSEND; the first one has two fewer.
 #[must_use]
 pub const fn part_bytes(pdu: u16) -> usize {
     (pdu as usize).saturating_sub(PART)
 }
 
-/// Most data of a USEND.
+/// Maximum data of a USEND.
 #[must_use]
 pub const fn usend_bytes(pdu: u16) -> usize {
     (pdu as usize).saturating_sub(USEND)
 }
 
-/// The answer to a part of BSEND.
+/// Whether these are the parameters of an answer to a part of BSEND.
 #[must_use]
 pub(crate) fn is_answer(parameters: &[u8]) -> bool {
     UserData::read(parameters, &[]).is_some_and(|s| s.telegram == Telegram::Answer && s.group == Group::Pbc)
 }
 
-/// A part of BSEND, or a USEND.
+/// Whether these are the parameters of a part of BSEND, or of a USEND.
 #[must_use]
 pub(crate) fn is_for_blocks(parameters: &[u8]) -> bool {
     parameters.starts_with(&[HEAD[0], HEAD[1]]) && parameters.get(2..6) == Some(&R_ID)
         || parameters.starts_with(&HEAD) && parameters.get(3..7) == Some(&[BSEND[0], BSEND[1], BSEND[2], BSEND[3]])
 }
 
-/// Parameters and data of a part. `unit` counts the parts from 1, 0: there is only one; `total` stands in the first.
+/// Parameters and data of a part. `unit` counts the parts from 1; 0 means the only part. `total` is in the first.
 #[must_use]
 pub fn part(r_id: u32, unit: u8, more: bool, total: Option<u16>, bytes: &[u8]) -> (Vec<u8>, Vec<u8>) {
     let parameters = [&HEAD[..], &BSEND, &[unit, u8::from(more), 0, 0]].concat();
@@ -52,30 +53,30 @@ pub fn part(r_id: u32, unit: u8, more: bool, total: Option<u16>, bytes: &[u8]) -
     (parameters, data)
 }
 
-/// A part of BSEND, or a USEND, that has come.
+/// A received part of BSEND, or a received USEND.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sent<'b> {
     /// A part.
     Part {
-        /// Whose.
+        /// Its R_ID.
         r_id: u32,
         /// Its number from 1, 0: the only one.
         unit: u8,
         /// Another one follows.
         more: bool,
-        /// Behind R_ID; the first part has the length of all in front.
+        /// The bytes after R_ID; the first part begins with the total length.
         bytes: &'b [u8],
     },
-    /// The first area of a USEND.
+    /// A USEND.
     Usend {
-        /// Whose.
+        /// Its R_ID.
         r_id: u32,
-        /// All areas, one after the other, each with its head.
+        /// All areas, one after the other, each with its header.
         items: &'b [u8],
     },
 }
 
-/// `None`: neither, or one that is cut off.
+/// `None`: neither, or cut off.
 #[must_use]
 pub fn read<'b>(parameters: &[u8], data: &'b [u8]) -> Option<Sent<'b>> {
     if let Some([a, b, c, d]) = parameters.strip_prefix(&HEAD[..2]).and_then(|rest| rest.strip_prefix(&R_ID)) {
@@ -118,7 +119,7 @@ mod tests {
     use super::*;
     use crate::wire::Pdu;
 
-    /// What snap7's partner sends for 10 bytes with R_ID 11223344h, and the first of three parts of 600.
+    /// The telegram of snap7's partner for 10 bytes with R_ID 11223344h, and the first of three parts of 600.
     #[test]
     fn parts_are_those_of_a_known_partner() {
         let bytes: Vec<u8> = (0..10).collect();

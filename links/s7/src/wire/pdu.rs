@@ -1,12 +1,12 @@
-//! The head that every S7 telegram has.
+//! The header of every S7 telegram.
 
 use crate::codes::Code;
 
 /// The first byte of each telegram.
 const PROTOCOL: u8 = 0x32;
-/// Bytes of the head of a job, and of the services of a programming device.
+/// Length of the header of a job, and of the services of a programming device.
 pub const JOB_HEAD: usize = 10;
-/// Bytes of the head of an answer.
+/// Length of the header of an answer.
 pub const ANSWER_HEAD: usize = 12;
 /// Longest telegram before anything is agreed.
 pub const MAX_TELEGRAM: usize = 240;
@@ -63,9 +63,9 @@ impl Kind {
 pub struct Pdu<'b> {
     /// Its kind.
     pub kind: Kind,
-    /// The number an answer takes over from its job.
+    /// The number that an answer copies from its job.
     pub reference: u16,
-    /// Of an answer: what became of the job.
+    /// In an answer: the outcome of the job.
     pub error: Code,
     /// The parameters.
     pub parameters: &'b [u8],
@@ -74,7 +74,7 @@ pub struct Pdu<'b> {
 }
 
 impl Pdu<'_> {
-    /// `None` when this is no S7 telegram, or one that is cut off.
+    /// `None` if this is not an S7 telegram, or is cut off.
     #[must_use]
     pub fn read(bytes: &[u8]) -> Option<Pdu<'_>> {
         let head = bytes.first_chunk::<JOB_HEAD>()?;

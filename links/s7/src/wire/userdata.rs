@@ -3,7 +3,7 @@
 use super::pdu::{JOB_HEAD, Kind, write};
 use crate::codes::{Code, ItemCode};
 
-/// Bytes of head, parameters and data head of a long answer.
+/// Length of header, parameters and data header of a long answer.
 pub const USERDATA_HEAD: usize = JOB_HEAD + 12 + 4;
 /// Transport size of data: counted in bytes.
 const OCTET: u8 = 0x09;
@@ -60,7 +60,7 @@ pub enum Group {
     Pbc,
     /// The clock.
     Clock,
-    /// One we do not know.
+    /// An unknown group.
     Other(u8),
 }
 
@@ -94,10 +94,10 @@ impl Group {
     }
 }
 
-/// What kind of telegram of a service it is.
+/// The kinds of telegrams of a service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Telegram {
-    /// Nobody asked for it.
+    /// An unsolicited telegram.
     Message,
     /// A job.
     Job,
@@ -137,11 +137,11 @@ pub struct UserData<'b> {
     pub sequence: u8,
     /// Number that all parts of a long answer share.
     pub unit: u8,
-    /// A further part follows; in a job: the next part of an answer is wanted.
+    /// A further part follows; in a job: the next part of an answer is requested.
     pub more: bool,
-    /// Of an answer.
+    /// The error code of an answer.
     pub error: Code,
-    /// What became of the data.
+    /// The code of the data.
     pub code: ItemCode,
     /// The data.
     pub data: &'b [u8],
@@ -155,7 +155,7 @@ impl<'b> UserData<'b> {
         Self { telegram: Telegram::Job, group, sub, sequence: 0, unit: 0, more: false, error: Code::DONE, code, data }
     }
 
-    /// `None`: not a service, or one that is cut off.
+    /// `None`: not a service, or cut off.
     #[must_use]
     pub fn read(parameters: &[u8], data: &'b [u8]) -> Option<Self> {
         let (&[a, b, c, length, _method, group, sub, sequence], rest) = parameters.split_first_chunk::<8>()?;
@@ -174,9 +174,9 @@ impl<'b> UserData<'b> {
             None if data.is_empty() => (ItemCode::NO_OBJECT, data),
             None => return None,
         };
-        // The short form is a job; one client leaves its mark out.
+        // The short form is a job; one client omits its mark.
         let telegram = if length == SHORT { Telegram::Job } else { Telegram::of(group >> 4)? };
-        // In a job the long form itself says that the next part is wanted.
+        // In a job the long form itself means that the next part is requested.
         let more = if telegram == Telegram::Job { length == LONG } else { last != 0 };
         Some(Self {
             telegram,

@@ -1,4 +1,4 @@
-//! A CPU in memory, and a client that speaks bytes.
+//! A CPU in memory, and a client that sends bytes.
 
 #![allow(dead_code, reason = "each test binary uses a part of it")]
 
@@ -27,7 +27,7 @@ pub(crate) struct ModelCpu {
     pub(crate) changes: u32,
 }
 
-/// A block with head and foot around this code.
+/// A block with header and footer around this code.
 pub(crate) fn block(ty: BlockType, number: u16, code: &[u8]) -> Vec<u8> {
     let mut bytes = vec![0x70, 0x70, 1, 1, if ty == BlockType::Db { 5 } else { 1 }];
     bytes.push((ty.letter() as char).to_digit(16).expect("hexadecimal") as u8);
@@ -187,7 +187,7 @@ impl ModelCpu {
         }
     }
 
-    /// Everything but the count of changes.
+    /// Equality without the count of changes.
     pub(crate) fn same_as(&self, other: &Self) -> bool {
         Self { changes: 0, ..self.clone() } == Self { changes: 0, ..other.clone() }
     }
@@ -222,7 +222,7 @@ impl Desk {
         Self::open(Settings { rights, ..Settings::default() }, 480)
     }
 
-    /// Bytes from the wire; the CPU serves what is asked.
+    /// Passes bytes from the wire; the CPU serves the requests.
     pub(crate) fn give(&mut self, bytes: &[u8]) {
         self.connection.receive(bytes);
         self.serve();
@@ -239,7 +239,7 @@ impl Desk {
         }
     }
 
-    /// What has come out, as messages without TPKT and COTP.
+    /// The output as messages without TPKT and COTP.
     pub(crate) fn answers(&mut self) -> Vec<Vec<u8>> {
         let out = self.connection.output().to_vec();
         self.connection.sent(out.len());

@@ -1,5 +1,5 @@
-//! The boxes of a CP 343: each content arrives whole in its box, a successor of a driver finds and shows no job, and a
-//! segment without boxes is what it was before there were any.
+//! The boxes of a CP 343: each content arrives complete in its box, the successor of a driver finds and shows no job,
+//! and the format of a segment without boxes is unchanged.
 
 use super::at;
 use crate::layout::{BOX_BYTES, BOX_STRIDE, BOXES, SEGMENT_BYTES, SEGMENT_BYTES_BOXES};
@@ -44,7 +44,7 @@ fn a_successor_shows_no_job_and_finds_none_when_the_scan_has_cleared_them() {
     for index in 0..BOXES {
         cpu.write_box(index, &[1; BOX_BYTES]);
         cp.write_box(index, &[2; BOX_BYTES]);
-        // Dead in the middle of a write.
+        // Killed during a write.
         let sequence = at("boxes.to_cpu") + index * BOX_STRIDE;
         segment.poke(sequence, segment.peek(sequence).expect("inside") + 1);
     }
@@ -66,7 +66,7 @@ fn a_segment_without_boxes_ends_before_them() {
         let _cpu = CpuSide::create(&segment, 16).expect("legal");
         assert_eq!((segment.bytes(), segment.peek(at("header.total_bytes"))), (bytes, Some(bytes as u64)));
         assert_eq!((segment.peek(bytes - 8), segment.peek(bytes)), (Some(0), None));
-        // Size and header have to agree.
+        // Size and header must match.
         segment.poke(at("header.total_bytes"), (SEGMENT_BYTES + SEGMENT_BYTES_BOXES - bytes) as u64);
         let refused = CpSide::attach(&segment).err();
         assert!(matches!(refused, Some(SegmentError::Header { field: "header.total_bytes", .. })), "{refused:?}");

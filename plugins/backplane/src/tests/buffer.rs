@@ -1,4 +1,4 @@
-//! The diagnostic buffer: newest first, nothing half written, kept over a killed driver, noise is no entry of ours.
+//! The diagnostic buffer: newest first, no partly written entries, kept after a killed driver, noise is not an entry.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -43,7 +43,7 @@ fn a_driver_killed_in_the_middle_of_an_entry_leaves_the_others_whole() {
     let before = numbers(cpu.monitor());
     let written = segment.peek(at("buffer.written")).unwrap();
     cp.enter(0x0BAD, true);
-    // The entry is in its slot, and the number of entries does not tell yet.
+    // The entry is in its slot, but the number of entries does not include it yet.
     segment.poke(at("buffer.written"), written);
     drop(cp);
     cpu.monitor().driver_gone();
@@ -64,13 +64,13 @@ fn words_nobody_wrote_are_no_entries() {
     drop(cp);
     let mut cp = CpSide::attach(&segment).unwrap();
     cp.enter(8, true);
-    // 0 entries are written now, they say: nothing is shown until there are some again.
+    // The number of entries is 0 again: nothing is shown until there are new ones.
     assert_eq!(numbers(cpu.monitor()), []);
     cp.enter(9, true);
     assert_eq!(numbers(cpu.monitor()), [9]);
 }
 
-/// One thread enters all the time, another reads: what is read goes down by one from entry to entry.
+/// One thread writes entries all the time, another reads: the numbers read decrease by one from entry to entry.
 #[test]
 fn a_reader_never_sees_an_entry_out_of_its_place() {
     let (_segment, cpu, mut cp) = both_ends(16);
@@ -78,7 +78,7 @@ fn a_reader_never_sees_an_entry_out_of_its_place() {
     let writer = {
         let over = Arc::clone(&over);
         std::thread::spawn(move || {
-            // The number's low bits are enough to tell neighbours.
+            // The low bits of the number are sufficient to identify neighbours.
             for number in (0..=u16::MAX).cycle() {
                 cp.enter(number, true);
                 if over.load(Ordering::Relaxed) {

@@ -1,4 +1,4 @@
-//! The channels of a CP 341: each block arrives whole, a successor begins with empty ones, noise stays noise.
+//! The channels of a CP 341: each block arrives complete, a successor starts with empty ones, noise is not a block.
 
 use crate::{Channel, CpSide, CpuSide, Freshness, Segment};
 

@@ -1,4 +1,4 @@
-//! The doorbell: no change is slept through, and nobody is woken for nothing.
+//! The doorbell: no change is missed, and there are no unnecessary wake-ups.
 
 use std::sync::mpsc;
 use std::thread;
@@ -56,7 +56,7 @@ fn every_kind_of_change_wakes_the_driver() {
 #[test]
 fn no_change_is_slept_through() {
     let (_segment, mut cpu, mut cp) = both_ends(16);
-    // The pipe: a driver that waits for a byte nobody writes would wait for ever.
+    // The pipe: a driver that waits for a byte that is never written would wait without end.
     let (bell, rung) = mpsc::channel();
     let last = ROUNDS;
     thread::scope(|scope| {
@@ -81,7 +81,7 @@ fn no_change_is_slept_through() {
             cpu.write_outputs(&registers);
             if cpu.take_doorbell() {
                 bell.send(()).unwrap();
-                // Now and then let it catch up, so that it sleeps often.
+                // Sometimes let it catch up, so that it sleeps often.
                 while number % 8 == 0 && number < last && cpu.read_inputs(&mut registers) == Freshness::Fresh {
                     if u64::from_le_bytes(registers[..8].try_into().unwrap()) == number {
                         break;

@@ -1,4 +1,4 @@
-//! Everything else that crosses the segment, in both directions.
+//! All other data in the segment, in both directions.
 
 use super::{Noise, at, both_ends};
 use crate::{
@@ -107,7 +107,7 @@ fn an_event_keeps_its_parts() {
         }
     }
     assert_eq!(Event::new(0, Message, 0, &[9; 20]).data(), [9; 16], "what is longer is cut");
-    // As a foreign driver writes it: kind 6, two bytes of data, code 7, and noise behind the data.
+    // As written by a foreign driver: kind 6, two bytes of data, code 7, and noise after the data.
     let slot = at("events.slots") + segment.peek(at("events.produced")).unwrap() as usize % 64 * 32;
     let bytes = u64::from_ne_bytes([1, 2, 3, 4, 5, 6, 7, 8]);
     for (offset, word) in [(0, 1234), (8, 7 << 32 | 2 << 16 | 6), (16, bytes), (24, u64::MAX)] {

@@ -1,4 +1,4 @@
-//! Noise in every field: every method of both ends comes back, without a panic and with legal values.
+//! Noise in every field: every method of both ends returns, without a panic and with valid values.
 
 use super::{Noise, at, both_ends};
 use crate::{
@@ -8,7 +8,7 @@ use crate::{
 
 const SEEDS: u64 = if cfg!(miri) { 2 } else { 300 };
 
-/// Values that sit at the borders of what is legal, and values that sit nowhere.
+/// Values at the limits of the valid range, and random values.
 fn nasty(noise: &mut Noise) -> u64 {
     let number = noise.next();
     match number % 6 {
@@ -136,7 +136,7 @@ fn a_restored_segment_works_for_the_next_driver_whatever_the_last_one_did() {
         cpu.restore();
         cpu.write_params(&[9; 16], b"[]").unwrap();
         let mut cp = CpSide::attach(&segment).unwrap();
-        // Events the last driver has, or seems to have, completed come first.
+        // Events that the last driver has completed, or seems to have, come first.
         while cpu.poll_event() != Ok(None) {}
         let mut registers = [0; 16];
         assert_eq!(cp.read_outputs(&mut registers), Freshness::Fresh);

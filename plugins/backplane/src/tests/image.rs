@@ -156,14 +156,14 @@ fn a_guardian_takes_the_outputs_over_once_and_for_good() {
     guardian.take_over();
     assert_eq!((outputs(), field.owner()), ([0, 0, 0xA5, 0, 0, 0], Some(Owner::Guardian)));
     let (alive, scan) = (field.alive(), field.scan());
-    // The PLC comes to life again.
+    // The PLC starts again.
     image.write_outputs(0, &[9; 6]);
     image.refresh();
     image.scan_done(77);
     image.let_go();
     assert_eq!((outputs(), field.owner()), ([0, 0, 0xA5, 0, 0, 0], Some(Owner::Guardian)));
     assert_eq!((field.alive(), field.scan()), (alive, scan), "a dead image looks dead");
-    // What others write there is undone by its owner, too.
+    // Writes of others are also undone by the owner.
     field.trespass(0, &[7; 6]);
     guardian.take_over();
     assert_eq!(outputs(), [0, 0, 0xA5, 0, 0, 0]);

@@ -1,6 +1,6 @@
-//! What both ends promise, over heap segments. Whatever needs a file or a process is in `tests/`.
+//! The guarantees of both ends, with heap segments. Tests that need a file or a process are in `tests/`.
 
-// Two ends only meet in earnest on two threads. The product code of this crate starts none.
+// Both ends must run on two threads. The product code of this crate starts none.
 #![allow(clippy::disallowed_methods)]
 
 mod boxes;
@@ -17,7 +17,7 @@ mod window;
 
 use crate::{CpSide, CpuSide, Segment};
 
-/// Rounds of the tests that hammer: few where each step is interpreted.
+/// Rounds of the stress tests: few if each step is interpreted.
 const ROUNDS: u64 = if cfg!(miri) { 60 } else { 200_000 };
 
 /// A fresh segment with both its ends.
@@ -58,7 +58,7 @@ fn the_memory_map_has_no_overlap_and_no_odd_corner() {
     assert!(end <= crate::layout::SEGMENT_BYTES_BOXES);
     let before = crate::layout::FIELDS.iter().rfind(|field| !field.name.starts_with("boxes."));
     assert!(before.is_some_and(|field| field.offset + field.size <= crate::layout::SEGMENT_BYTES));
-    // What one side writes often shares no pair of cache lines with what the other side writes often.
+    // Data often written by one side share no pair of cache lines with data often written by the other side.
     let line = |name: &str| at(name) / 128;
     assert_ne!(line("outputs.sequence"), line("inputs.sequence"));
     assert_ne!(line("cpu.heartbeat"), line("cp.heartbeat"));

@@ -76,7 +76,7 @@ fn a_writer_killed_half_way_costs_at_most_its_last_write() {
     let mut seen = [0; 16];
     assert!(cp.write_inputs(&[5; 16]));
     assert_eq!(cpu.read_inputs(&mut seen), Fresh);
-    // The driver dies behind its first word.
+    // The driver dies after its first word.
     let sequence = segment.peek(at("inputs.sequence")).unwrap();
     segment.poke(at("inputs.sequence"), sequence + 1);
     segment.poke(at("inputs.data"), u64::MAX);
@@ -87,7 +87,7 @@ fn a_writer_killed_half_way_costs_at_most_its_last_write() {
         assert_eq!(seen, [5; 16], "the reader's own last copy");
         assert_eq!(cpu.stale_reads(), round);
     }
-    // The next driver never lets the half-written content out.
+    // The next driver never makes the partly written content visible.
     let mut cp = crate::CpSide::attach(&segment).unwrap();
     assert_eq!(segment.peek(at("inputs.sequence")).unwrap() % 2, 0);
     assert_eq!(cpu.read_inputs(&mut seen), Fresh);
@@ -106,7 +106,7 @@ fn a_sequence_left_odd_stays_odd_until_the_next_content_is_whole() {
     cell.write((0..2).inspect(|_| during.push(sequence())));
     assert_eq!(during, [9, 9]);
     assert_eq!(sequence(), 10);
-    // The number range has an end only in theory, but it is no panic either.
+    // The end of the number range is only theoretical, but does not cause a panic.
     cell.sequence.store(u64::MAX, crate::sync::Ordering::Relaxed);
     cell.write(0..2);
     assert_eq!(sequence(), 2);
@@ -146,7 +146,7 @@ fn a_reader_comes_back_from_a_writer_that_never_ends() {
     assert_eq!(cpu.stale_reads(), ROUNDS / 20);
 }
 
-/// Registers that tell whether they belong together: every word follows from the first.
+/// Registers that show whether they are consistent: every word is derived from the first.
 fn fill(number: u64, registers: &mut [u8]) {
     for (index, chunk) in registers.chunks_mut(8).enumerate() {
         let word = number.wrapping_mul(2 * index as u64 + 1).to_le_bytes();
@@ -183,7 +183,7 @@ fn no_read_is_ever_torn() {
                 }
             });
             let (mut registers, mut echoed) = ([0; 64], 0);
-            // A busy machine may leave the reader waiting for its processor: longer, then, but not for ever.
+            // On a busy machine the reader may wait for its processor: then longer, but not without limit.
             let goes_on = |number| number <= ROUNDS || (!has_read.load(Ordering::Acquire) && number <= 10_000 * ROUNDS);
             for number in (1..).take_while(|&number| goes_on(number)) {
                 fill(number, &mut registers[..io_bytes]);

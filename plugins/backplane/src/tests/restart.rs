@@ -1,4 +1,4 @@
-//! A driver dies and another one takes its place.
+//! A driver dies and another one replaces it.
 
 use super::{at, both_ends};
 use crate::{Counter, CpSide, DriverState, Event, EventKind, Freshness, Leds, ModemInputs};
@@ -52,7 +52,7 @@ fn while_no_driver_is_there_its_side_reads_zero() {
     cp.set_leds(Leds { error: true, ..Leds::default() });
     cp.set_modem_inputs(ModemInputs { cd: true, ..ModemInputs::default() });
     assert!(cp.prepare_sleep(cp.changes()));
-    // Killed in its sleep, in the middle of a write, as far as one can be.
+    // Killed while sleeping, and during a write, as far as this can be simulated.
     segment.poke(at("inputs.sequence"), 1001);
     drop(cp);
     cpu.monitor().driver_gone();

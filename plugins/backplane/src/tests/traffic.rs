@@ -34,7 +34,7 @@ fn events_between_two_threads_are_whole_in_order_and_those_that_are_lost_are_cou
             assert_eq!(next, event(next.time));
             (last, seen) = (next.time, seen + 1);
         }
-        // Each refused try of the last one counts as well.
+        // Each refused attempt of the last one is also counted.
         assert!(seen + cpu.monitor().events_lost() >= MANY);
         assert_eq!(cpu.poll_event(), Ok(None));
     });

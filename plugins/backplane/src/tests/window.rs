@@ -1,4 +1,4 @@
-//! Windows on the heap: the newest whole snapshot, whatever the writer is at.
+//! Windows on the heap: the newest complete snapshot, in every state of the writer.
 
 use crate::sync::Ordering;
 use crate::{WINDOW_WORDS, WindowHead, WindowWriter};
@@ -16,7 +16,7 @@ fn the_newest_whole_snapshot_is_read() {
         let seen = reader.clone();
         writer.put(head(scan), |words| {
             assert_eq!(words.len(), WINDOW_WORDS);
-            // While a slot is filled, the one before is the newest.
+            // While a slot is filled, the previous one is the newest.
             let before = seen.newest();
             assert_eq!(before, (scan > 1).then(|| head(scan - 1)));
             words.iter().take(3).for_each(|word| word.store(scan, Ordering::Relaxed));
@@ -26,8 +26,8 @@ fn the_newest_whole_snapshot_is_read() {
     }
 }
 
-/// A writer that dies half way leaves the snapshot before; one that is always faster than the reader gets no torn
-/// snapshot into its hands.
+/// A writer that dies during a write leaves the previous snapshot; the reader gets no torn snapshot, even if the writer
+/// is always faster.
 #[test]
 fn a_torn_snapshot_is_never_the_result() {
     let mut writer = WindowWriter::heap();

@@ -1,8 +1,8 @@
 //! FC 4 S/R_ALL_RK512: serves the SEND and FETCH orders of the partner [S0 "S/R\\_ALL\\_RK512 (FC 4)"].
 //!
-//! SEND goes to data blocks; FETCH reads data blocks, inputs, outputs, bit memory, timers and counters. What cannot be
-//! is refused with the error numbers of RK 512 (ours where the manual names none): 0Ch coordination flag, 10h area,
-//! 14h data block or range, 32h locked.
+//! SEND goes to data blocks; FETCH reads data blocks, inputs, outputs, bit memory, timers and counters. Orders that
+//! cannot be served are refused with the error numbers of RK 512 (ours if the manual names none): 0Ch coordination
+//! flag, 10h area, 14h data block or range, 32h locked.
 
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
 
@@ -18,53 +18,52 @@ interface! {
     pub(crate) mod all {
         /// Logical address of the CP.
         in     ADR: Int;
-        /// Indicator word of the last order of the partner. The table says "in"; it is written.
+        /// Indicator word of the last order of the partner. The manual's table says "in", but the block writes it.
         in_out ANZW: Word;
-        /// What was wrong with the data block of the last order: 1 not present, 2 too short, 3 number outside the
-        /// valid range.
+        /// Error of the data block of the last order: 1 not present, 2 too short, 3 number outside the valid range.
         out    PAFE: Byte;
-        /// Bytes of the telegram that are through.
+        /// Bytes of the telegram transferred so far.
         in_out GESE: Word;
-        /// Bytes of the telegram that comes or goes.
+        /// Length of the telegram in bytes.
         in_out ANZ: Word;
         /// Area letter and data block number of the order.
         in_out DB_KOPF: Word;
-        /// Number of the order at the CP, and first data word (or byte, timer, counter).
+        /// Number of the order in the CP, and first data word (or byte, timer, counter).
         in_out ABF_KOPF: Word;
         /// The header has been evaluated.
         in_out KOPF_AUSGEW: Bool;
-        /// The last block is through.
+        /// The last block has been transferred.
         in_out LETZTER_BLOCK: Bool;
-        /// The answer goes to the CP.
+        /// The answer is being passed to the CP.
         in_out SENDE_LAEUFT | SENDEN_LAEUFT: Bool;
-        /// The order comes.
+        /// The order is being received.
         in_out EMPF_LAEUFT: Bool;
-        /// The CP has all of the answer.
+        /// The CP has the whole answer.
         in_out ENDE_KOM | ENDE_KOMM: Bool;
-        /// The order is a FETCH: data go to the partner.
+        /// The order is a FETCH: data are sent to the partner.
         in_out SEND_ALL: Bool;
-        /// The order is a SEND: data come from the partner.
+        /// The order is a SEND: data are received from the partner.
         in_out RECEIV_ALL | RECEIVE_ALL: Bool;
-        /// The last order was refused, or broke off.
+        /// The last order was refused or aborted.
         in_out FEHLER: Bool;
     }
 }
 
-/// Error numbers of a reaction.
+/// Error numbers of a reaction message.
 const OK: u8 = 0x00;
 const FLAG: u8 = 0x0C;
 const AREA: u8 = 0x10;
 const RANGE: u8 = 0x14;
 const LOCKED: u8 = 0x32;
-/// In the place of the number of an order: nobody awaits an answer.
+/// Instead of the number of an order: no answer is expected.
 const NOTICE: u8 = 0;
 /// Highest byte of a coordination flag.
 const FLAG_BYTE_MAX: u8 = 199;
 
-/// The header of an order as the registers carry it.
+/// The header of an order, as in the registers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Header {
-    /// Number of the order at the CP.
+    /// Number of the order in the CP.
     pub(crate) job: u8,
     /// `E`: FETCH; otherwise SEND.
     pub(crate) fetch: bool,
@@ -94,12 +93,12 @@ impl Header {
         self.length.saturating_mul(Self::unit(self.area))
     }
 
-    /// First byte of the area; of timers and counters the first number.
+    /// First byte of the area; for timers and counters the first number.
     fn from(&self) -> u32 {
         u32::from(self.start) * if self.area == b'D' { 2 } else { 1 }
     }
 
-    /// The coordination flag: `Some(None)` without one, `None` when it cannot be.
+    /// The coordination flag: `Some(None)` without one, `None` if it is not valid.
     fn flag(coordination: u16) -> Option<Option<(u32, u8)>> {
         let [byte, bit] = coordination.to_be_bytes();
         match (byte, bit & 0x0F) {
@@ -110,7 +109,7 @@ impl Header {
     }
 }
 
-/// What the CPU's memory says to an order.
+/// The result of checking an order against the memory of the CPU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Evaluated {
     /// Error number of the answer.
@@ -118,14 +117,14 @@ pub(crate) struct Evaluated {
     pub(crate) pafe: Pafe,
 }
 
-/// Evaluates a header. `locked`: the coordination flag (`None`: outside the bit memory); `db`: what is wrong with the
-/// data block; `room`: whether the area holds the order.
+/// Evaluates a header. `locked`: the coordination flag (`None`: outside the bit memory); `db`: the error of the data
+/// block; `room`: whether the area contains all data of the order.
 pub(crate) fn evaluate(header: &Header, locked: Option<bool>, db: Pafe, room: bool) -> Evaluated {
     let refuse = |code| Evaluated { code, pafe: Pafe::Ok };
     match header.area {
         b'D' => {}
         b'E' | b'A' | b'M' | b'T' | b'Z' if header.fetch => {}
-        // "FC 4 serves D; E A M T Z on FETCH" (ours), no DX: this CPU has none.
+        // "FC 4 serves D; E A M T Z on FETCH" (ours); no DX, because this CPU has none.
         _ => return refuse(AREA),
     }
     match locked {
@@ -197,13 +196,13 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
             [code, NOTICE, ..] => refused_by_cp(cx, &module, words.rx, code).map(|()| Pafe::Ok),
             _ => begin(cx, &module, count, &block),
         },
-        // Nothing there: say that somebody is here. While a result is on show the echo is that block's.
+        // No order: show that FC 4 is being called. While `RX` shows a result, FC 2 or FC 3 uses the echo.
         (0, 0) if module.state.rk512.echo.get() != PARTNER => write_echo(cx, &module, PARTNER).map(|_| Pafe::Ok),
         _ => Ok(Pafe::Ok),
     }
 }
 
-/// An order of the partner is on show: its header is evaluated.
+/// The CP shows an order of the partner: evaluates its header.
 fn begin(
     cx: &mut Cx<'_, CpState>,
     module: &Module<'_>,
@@ -246,7 +245,7 @@ fn begin(
     Ok(pafe)
 }
 
-/// Whether inputs, outputs, bit memory, timers or counters hold what is asked for.
+/// Whether the requested inputs, outputs, bit memory, timers or counters exist.
 fn has_room(cx: &mut Cx<'_, CpState>, header: &Header) -> Result<bool, Abort> {
     let last = header.from() + u32::from(header.length.max(1)) - 1;
     Ok(match (area_of(header.area, header.db), u16::try_from(last)) {
@@ -267,7 +266,7 @@ fn area_of(letter: u8, db: u8) -> Option<Area> {
     })
 }
 
-/// The order comes.
+/// The order is being received.
 fn receive(
     cx: &mut Cx<'_, CpState>,
     module: &Module<'_>,
@@ -283,11 +282,11 @@ fn receive(
         if words.rx == 0 && !write_echo(cx, module, PARTNER)? {
             return Ok(());
         }
-        // All is here. The flag is set before the partner can learn of it. [S0 "Coordination flags"]
+        // All data are stored. The flag is set before the partner gets the answer. [S0 "Coordination flags"]
         if state.refusal.get() == OK
             && let Some(Some((byte, bit))) = Header::flag(state.coordination.get())
         {
-            // It was read when the header was evaluated.
+            // The flag exists: it was read when the header was evaluated.
             let _there = cx.set_bit(Area::Memory, byte, bit, true)?;
         }
         let data = if job.is_fetch && state.refusal.get() == OK { state.length.get() } else { 0 };
@@ -305,7 +304,7 @@ fn receive(
                 let [_, start] = job.abf_kopf.to_be_bytes();
                 let at = u32::from(start) * 2 + u32::from((from + skip).saturating_sub(HEADER_BYTES));
                 if !data.is_empty() && cx.write(Area::Db(u16::from(db)), at, data)?.is_err() {
-                    // Gone, shortened or write-protected since its header was evaluated.
+                    // The data block was deleted, shortened or write-protected after the header was evaluated.
                     state.refusal.set(RANGE);
                 }
             }
@@ -316,20 +315,20 @@ fn receive(
             job.last = job.gese >= job.anz;
             store(cx, job)
         }
-        // The CP has refused it in the meantime.
+        // Meanwhile the CP has refused the order.
         Rx::Broken => broken_off(cx, module, FRAME_ERROR),
     }
 }
 
-/// The answer goes.
+/// The answer is being passed to the CP.
 fn answer(cx: &mut Cx<'_, CpState>, module: &Module<'_>, mut job: Job, words: Words) -> Result<(), Abort> {
     let (state, now) = (&module.state.rk512, cx.now());
-    // The order of FC 2 or FC 3 that is being handed over goes first, and a line command.
+    // An order of FC 2 or FC 3 that is being passed to the CP, or a line command, goes first.
     if module.state.line.holds(&module.info) || !state.take_tx(PARTNER, now) {
         return Ok(());
     }
     let tx = if job.evaluated {
-        // The first block: what an order that was given up has left in TX goes before.
+        // The first block: first clear what an abandoned order has left in TX.
         match words.tx_echo {
             0 => Tx::next(PARTNER, job.anz, 0),
             _ => return write_tx(cx, module, 0, &[]).map(drop),
@@ -365,7 +364,7 @@ fn answer(cx: &mut Cx<'_, CpState>, module: &Module<'_>, mut job: Job, words: Wo
             store(cx, Job { failed: code != OK, ..Job::default() })?;
             cx.set(all::ANZW, if code == OK { DONE } else { failed(code) })
         }
-        // The order was over before the answer came.
+        // The order ended before the answer was complete.
         Tx::Refused(_) | Tx::Broken => {
             let (word, code) = match tx {
                 Tx::Refused(code) => (crate::registers::FAILED, code),
@@ -379,7 +378,7 @@ fn answer(cx: &mut Cx<'_, CpState>, module: &Module<'_>, mut job: Job, words: Wo
     }
 }
 
-/// Bytes of the answer: `00`, number of the order, `00`, error number, and the data of a FETCH as they are now.
+/// Bytes of the answer: `00`, number of the order, `00`, error number, and the current data of a FETCH.
 fn compose(cx: &mut Cx<'_, CpState>, job: &Job, code: u8, from: u16, into: &mut [u8]) -> Result<(), Abort> {
     let [number, start] = job.abf_kopf.to_be_bytes();
     let [area, db] = job.db_kopf.to_be_bytes();
@@ -395,13 +394,13 @@ fn compose(cx: &mut Cx<'_, CpState>, job: &Job, code: u8, from: u16, into: &mut 
     match area_of(area, db) {
         Some(place) => {
             let begin = u32::from(start) * if area == b'D' { 2 } else { 1 };
-            // A data block that has gone since its header was evaluated reads as zeros.
+            // A data block deleted after the header was evaluated reads as zeros.
             let _there = cx.read(place, begin + at, data)?;
         }
         None => {
             for (n, word) in data.chunks_mut(2).enumerate() {
                 let number = u16::from(start) + (at / 2) as u16 + n as u16;
-                // A timer as its remaining time (S5TIME), a counter as BCD: as both lie in an S7 (ours).
+                // A timer as its remaining time (S5TIME), a counter as BCD: their format in an S7 (ours).
                 let value = if area == b'T' {
                     cx.timer(number)?.map_or(0, |timer| timer.remaining)
                 } else {
@@ -420,7 +419,7 @@ fn bcd(value: u16) -> u16 {
     (digit(100) << 8) | (digit(10) << 4) | digit(1)
 }
 
-/// The CP is another (00h), or has taken the order back (0Ch): it has told the partner something else.
+/// The CP has restarted (00h) or has withdrawn the order (0Ch): it has given the partner another answer.
 fn broken_off(cx: &mut Cx<'_, CpState>, module: &Module<'_>, code: u8) -> Result<(), Abort> {
     module.state.rk512.partner.release();
     module.state.rk512.release_tx(PARTNER);
@@ -428,7 +427,7 @@ fn broken_off(cx: &mut Cx<'_, CpState>, module: &Module<'_>, code: u8) -> Result
     cx.set(all::ANZW, failed(code))
 }
 
-/// The CP has refused an order of the partner by itself: there is nothing to answer. [S0 L1298]
+/// The CP itself has refused an order of the partner: no answer is needed. [S0 L1298]
 fn refused_by_cp(cx: &mut Cx<'_, CpState>, module: &Module<'_>, word: u16, code: u8) -> Result<(), Abort> {
     if !write_echo(cx, module, word)? {
         return Ok(());

@@ -14,31 +14,31 @@ interface! {
         in     ADR: Int;
         /// Data block in the partner, 1 to 255.
         in     QDB: BlockDb;
-        /// First data word there, 0 to 255.
+        /// First data word in it, 0 to 255.
         in     QBDW: Word;
         /// Words to fetch, 1 to 512.
         in     LANG: Int;
-        /// Data block for the data, here.
+        /// Data block for the data in this CPU.
         in     ZDB: BlockDb;
         /// First data word in it.
         in     ZBDW: Int;
-        /// Coordination flag: byte and bit, `W#16#0604` is M 6.4 of the partner; FFFFh: none.
+        /// Coordination flag: byte and bit, `W#16#0604` is M 6.4 in the partner; FFFFh: none.
         in     KOOR: Word;
         /// Indicator word.
         out    ANZW: Word;
-        /// 1 data block not present, 2 too short, 3 number outside the valid range; back to 0 by itself.
+        /// 1 data block not present, 2 too short, 3 number outside the valid range; returns to 0 automatically.
         out    PAFE: Byte;
-        /// Mark of the order (bits 11 to 15) and bytes of the telegram that goes or comes.
+        /// Mark of the order (bits 11 to 15) and length of the telegram in bytes.
         in_out ANZ: Word;
-        /// Bytes of it that are through.
+        /// Bytes of the telegram transferred so far.
         in_out GESE: Word;
-        /// The header goes to the CP.
+        /// The header is being passed to the CP.
         in_out KOPF_GESE | KOPF_GESENET: Bool;
-        /// The CP has the order; its result is awaited.
+        /// The CP has the order; the block waits for its result.
         in_out WART_DATEN: Bool;
-        /// The data come.
+        /// The data are being received.
         in_out EMPF_LAEUFT: Bool;
-        /// They are here.
+        /// The last block has been stored.
         in_out LETZTER_BLOCK: Bool;
         /// The last order failed; stays until the next one.
         in_out FEHL_KOM | FEHLER_KOM: Bool;

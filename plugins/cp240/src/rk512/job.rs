@@ -1,21 +1,21 @@
-//! An own order between two calls, as FC 2 and FC 3 keep it: pure steps over control bits and registers.
+//! The state of an order of this CPU between two calls of FC 2 or FC 3: pure steps over control bits and registers.
 
 use super::{COUNT, FRAME_ERROR, INITIALISED, KIND, OWN, RESULT_BYTES, Rx, Tx, last_count};
 use crate::registers::{BLOCK_BYTES, Words};
 
-/// Where an order is.
+/// The phase of an order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Phase {
-    /// There is none: a call with these control bits is the order.
+    /// No order: a call with these control bits starts one.
     #[default]
     Idle,
-    /// Header and data go to the CP.
+    /// Header and data are being passed to the CP.
     Sending,
-    /// The CP has it; the result is awaited.
+    /// The CP has the order; the block waits for the result.
     Waiting,
-    /// The result comes.
+    /// The result is being received.
     Receiving,
-    /// The result is here; the CP has to see the last echo.
+    /// The result is complete; the CP must see the last echo.
     Closing,
 }
 
@@ -25,9 +25,9 @@ pub(crate) struct Job {
     pub(crate) phase: Phase,
     /// Mark of the order, 1 to 31.
     pub(crate) token: u8,
-    /// Bytes of the telegram that goes or comes.
+    /// Length of the telegram in bytes.
     pub(crate) total: u16,
-    /// Bytes of it that are through; while closing: the error code.
+    /// Bytes of the telegram transferred so far; while closing: the error code.
     pub(crate) gese: u16,
     /// The order has failed.
     pub(crate) failed: bool,
@@ -36,19 +36,19 @@ pub(crate) struct Job {
 /// What a call does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Step {
-    /// Nothing: it is the CP's turn.
+    /// Nothing: the CP has to act.
     Wait,
     /// Write this block of the telegram.
     Post { from: u16, len: u16, word: u16 },
     /// Write `TX`.
     Word(u16),
-    /// The CP has the order: `TX` is free.
+    /// The CP has the whole order: `TX` is free.
     Handed,
-    /// Take these bytes of the result, then echo the word.
+    /// Store these bytes of the result, then echo the word.
     Take { from: u16, len: u16, word: u16 },
-    /// A result of an order that was given up: echo the word, keep nothing.
+    /// The result of an abandoned order: echo the word, store nothing.
     Drain(u16),
-    /// Over; `Err`: the code for ANZW. `TX` and `RX echo` go to what is given.
+    /// The order has ended; `Err`: the code for ANZW. `TX` and `RX echo` are set to the given words.
     Ended { outcome: Result<(), u8>, tx: Option<u16>, echo: Option<u16> },
 }
 
@@ -58,7 +58,7 @@ impl Job {
         u16::from(self.token) << 11 | self.total & COUNT
     }
 
-    /// An order of `total` bytes begins.
+    /// Starts an order of `total` bytes.
     pub(crate) fn start(token: u8, total: u16) -> (Self, Step) {
         let job = Job { phase: Phase::Sending, token, total, gese: 0, failed: false };
         (job, Self::step_of(Tx::next(OWN, total, 0)))
@@ -75,7 +75,7 @@ impl Job {
         }
     }
 
-    /// The order runs, on the CP it was given to.
+    /// The order is running, and the CP has not restarted since.
     pub(crate) fn go_on(self, words: Words, block: &[u8; BLOCK_BYTES as usize]) -> (Self, Step) {
         let rx = words.rx;
         match self.phase {
@@ -102,25 +102,25 @@ impl Job {
             Phase::Closing if rx == OWN | last_count(self.total) => (self, Step::Wait),
             Phase::Closing => {
                 let outcome = if self.failed { Err(self.gese as u8) } else { Ok(()) };
-                // Something else on show: its echo is not ours.
+                // The CP shows something else: its echo belongs to another block.
                 (self, Step::Ended { outcome, tx: None, echo: (rx == 0).then_some(0) })
             }
         }
     }
 
-    /// Bytes of the result have been taken; `code`: what the first block says, if it was that.
+    /// Bytes of the result have been stored; `code`: the error code, if this was the first block.
     pub(crate) fn taken(self, len: u16, code: Option<u8>) -> Self {
         let gese = self.gese + len;
         let failed = self.failed || code.is_some_and(|code| code != 0);
         if gese < self.total {
             return Job { gese, failed, ..self };
         }
-        // Whole lengths differ, or the code of the only block.
+        // The code of the only block, or a frame error because the lengths differ.
         let code = if failed { code.filter(|code| *code != 0).unwrap_or(FRAME_ERROR) } else { 0 };
         Job { phase: Phase::Closing, gese: u16::from(code), failed, ..self }
     }
 
-    /// The CP is no longer the one the order was given to [S0 "Error message CP Byte 0"]: "the CP had to reinitialize
-    /// the connection".
+    /// The CP has restarted since it got the order [S0 "Error message CP Byte 0"]: "the CP had to reinitialize the
+    /// connection".
     pub(crate) const LOST: u8 = INITIALISED;
 }

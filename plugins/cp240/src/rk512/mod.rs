@@ -39,7 +39,7 @@ const RUNNING: u16 = 0x0002;
 const DONE: u16 = 0x0004;
 const FAILED: u16 = 0x0008;
 
-/// The CP's error codes that the blocks give themselves, in ANZW byte 0.
+/// Error codes of the CP that the blocks also report themselves, in ANZW byte 0.
 const FRAME_ERROR: u8 = 0x0C;
 const TOO_LONG: u8 = 0x17;
 const INITIALISED: u8 = 0x00;
@@ -49,35 +49,34 @@ const fn failed(code: u8) -> u16 {
     (code as u16) << 8 | FAILED
 }
 
-/// A block that has not been called for so long has given up what it holds: the reaction monitoring of the CP
-/// [S0 L1678].
+/// A block that has not been called for this time loses its claims: the reaction monitoring time of the CP [S0 L1678].
 const GIVEN_UP: u64 = 5_000_000_000;
 
 ob1_sdk::state! {
-    /// What the blocks remember of the two roles.
+    /// What the blocks store for the two roles.
     #[derive(Debug, Default)]
     pub(crate) struct Rk512State {
-        /// The running own order.
+        /// The running order of this CPU.
         pub(crate) order: Claim,
-        /// Its mark, and when its block was called last.
+        /// The mark of that order, and the time of the last call of its block.
         token: Cell<u8>,
         order_seen: Cell<u64>,
-        /// The order of the partner that FC 4 is at.
+        /// The order of the partner that FC 4 is serving.
         pub(crate) partner: Claim,
-        /// Error number it will be answered with, its coordination flag as in the header, its length in bytes.
+        /// The error number of its answer, its coordination flag as in the header, its length in bytes.
         refusal: Cell<u8>,
         coordination: Cell<u16>,
         length: Cell<u16>,
-        /// What stands in `RX echo`.
+        /// The content of `RX echo`.
         echo: Cell<u16>,
-        /// Who has begun a telegram in `TX`: 0, [`OWN`] or [`PARTNER`]; and when it was called last.
+        /// The role that has a telegram in `TX`: 0, [`OWN`] or [`PARTNER`]; and the time of its last call.
         tx: Cell<u16>,
         tx_seen: Cell<u64>,
     }
 }
 
 impl Rk512State {
-    /// FC 9 has synchronised: nothing runs, all words are 0.
+    /// FC 9 has synchronised: no order runs, all words are 0.
     pub(crate) fn clear(&self) {
         self.order.release();
         self.partner.release();
@@ -85,7 +84,7 @@ impl Rk512State {
         self.tx.set(0);
     }
 
-    /// Takes `TX` for a telegram, or keeps it; false while the other role has it.
+    /// Takes or keeps `TX` for a telegram; false while the other role uses it.
     fn take_tx(&self, framing: u16, now: u64) -> bool {
         let other = self.tx.get() != 0 && self.tx.get() != framing;
         if other && now.saturating_sub(self.tx_seen.get()) < GIVEN_UP {
@@ -108,32 +107,32 @@ impl Rk512State {
     }
 }
 
-/// What to do with `TX` while a telegram is handed over.
+/// What to do with `TX` while a telegram is passed to the CP.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Tx {
     /// Nothing yet.
     Wait,
-    /// Write the block from this byte of the telegram on, and the count word.
+    /// Write the block that begins at this byte of the telegram, and the count word.
     Post { from: u16, len: u16, word: u16 },
-    /// All blocks are there: write 0.
+    /// All blocks have been passed: write 0.
     Close,
-    /// The CP has it.
+    /// The CP has the telegram.
     Taken,
-    /// The CP has refused it.
+    /// The CP has refused the telegram.
     Refused(u8),
-    /// The CP does something else.
+    /// The CP shows an unexpected word.
     Broken,
 }
 
 impl Tx {
-    /// The next block of a telegram of `total` bytes of which the CP has `done`.
+    /// The next block of a telegram of `total` bytes, of which the CP has `done`.
     pub(crate) fn next(framing: u16, total: u16, done: u16) -> Self {
         let rest = total.saturating_sub(done);
         let len = rest.min(BLOCK_BYTES);
         if rest == 0 { Tx::Close } else { Tx::Post { from: done, len, word: framing | rest } }
     }
 
-    /// Goes on by what `TX echo` shows; with the bytes the CP has now.
+    /// The next step according to `TX echo`; also returns the number of bytes the CP now has.
     pub(crate) fn go_on(echo: u16, framing: u16, total: u16, done: u16) -> (u16, Self) {
         if let Count::Failed(code) = tx_count(echo) {
             return (done, Tx::Refused(code));
@@ -161,19 +160,19 @@ impl Tx {
     }
 }
 
-/// What to do with `RX` while a telegram comes.
+/// What to do with `RX` while a telegram is being received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Rx {
     /// Nothing yet.
     Wait,
-    /// Take `len` bytes that stand at `from` of the telegram, then echo the word.
+    /// Store `len` bytes, which begin at byte `from` of the telegram, then echo the word.
     Take { from: u16, len: u16, word: u16 },
-    /// The CP does something else: it has taken the telegram back.
+    /// The CP shows an unexpected word: it has withdrawn the telegram.
     Broken,
 }
 
 impl Rx {
-    /// Goes on by what `RX` shows, with `done` of `total` bytes taken; not for a telegram that is complete.
+    /// The next step according to `RX`, with `done` of `total` bytes stored; not for a complete telegram.
     pub(crate) fn go_on(rx: u16, framing: u16, total: u16, done: u16) -> Self {
         let rest = total.saturating_sub(done);
         if rest > 0 && rx == framing | rest {
@@ -191,7 +190,7 @@ fn last_count(total: u16) -> u16 {
     total.saturating_sub(1) % BLOCK_BYTES + 1
 }
 
-/// Writes `RX echo`; false when the access failed and OB 122 has dealt with it.
+/// Writes `RX echo`; false if the access failed and OB 122 has handled it.
 fn write_echo(cx: &mut Cx<'_, CpState>, module: &Module<'_>, word: u16) -> Result<bool, Abort> {
     let written = module.write(cx, 0, &word.to_be_bytes())?;
     if written {
@@ -200,7 +199,7 @@ fn write_echo(cx: &mut Cx<'_, CpState>, module: &Module<'_>, word: u16) -> Resul
     Ok(written)
 }
 
-/// Writes a count word with its block, or a word alone.
+/// Writes a count word with its block, or only a word.
 fn write_tx(cx: &mut Cx<'_, CpState>, module: &Module<'_>, word: u16, block: &[u8]) -> Result<bool, Abort> {
     let mut registers = [0; 2 + BLOCK_BYTES as usize];
     registers[..2].copy_from_slice(&word.to_be_bytes());

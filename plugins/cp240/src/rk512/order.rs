@@ -1,4 +1,5 @@
-//! What FC 2 and FC 3 have in common: an own order, from the call that gives it to the call that tells its end.
+//! What FC 2 and FC 3 have in common: an order of this CPU, from the call that starts it to the call that reports its
+//! end.
 
 use ob1_sdk::{Abort, Area, Cx};
 
@@ -10,13 +11,13 @@ use super::{
 use crate::registers::{BLOCK_BYTES, Count, Module, Pafe, REGISTER_BYTES, Words, tx_count};
 use crate::state::CpState;
 
-/// What the program wants.
+/// The order in the parameters of the block.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Wish {
     pub(crate) adr: i16,
     /// Data block and first word in the partner.
     pub(crate) remote: (u16, i32),
-    /// Data block and first word here.
+    /// Data block and first word in this CPU.
     pub(crate) local: (u16, i32),
     /// LANG.
     pub(crate) words: i16,
@@ -29,20 +30,20 @@ impl Wish {
         self.words.unsigned_abs().saturating_mul(2)
     }
 
-    /// First byte here.
+    /// First byte in this CPU.
     fn from(&self) -> u16 {
         u16::try_from(self.local.1.saturating_mul(2)).unwrap_or(u16::MAX)
     }
 
-    /// The header as the registers carry it [S0 "Structure of the output message"].
+    /// The header as in the registers [S0 "Structure of the output message"].
     fn header(&self, command: u8, token: u8) -> [u8; HEADER_BYTES as usize] {
         let [high, low] = self.words.to_be_bytes();
         let [flag, bit] = self.koor.to_be_bytes();
         [0, token, command, b'D', self.remote.0 as u8, self.remote.1 as u8, high, low, flag, bit]
     }
 
-    /// PAFE of what can be told without the partner: its data blocks have numbers 1 to 255 and words 0 to 255 on the
-    /// line.
+    /// PAFE as far as it can be checked without the partner: on the line its data blocks have numbers 1 to 255 and
+    /// words 0 to 255.
     fn check(&self, cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
         if !(1..=255).contains(&self.remote.0) {
             return Ok(Pafe::Number);
@@ -55,7 +56,7 @@ impl Wish {
     }
 }
 
-/// What differs between the two blocks.
+/// The difference between the two blocks.
 pub(crate) trait Order {
     /// Third byte of the header.
     const COMMAND: u8;
@@ -66,7 +67,7 @@ pub(crate) trait Order {
     fn anzw(cx: &mut Cx<'_, CpState>, anzw: u16) -> Result<(), Abort>;
 }
 
-/// A call.
+/// One call.
 pub(crate) fn run<O: Order>(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     let wish = O::wish(cx)?;
     let Some((module, registers)) = Module::read::<REGISTER_BYTES>(cx, wish.adr)? else { return Ok(Pafe::Ok) };
@@ -89,7 +90,7 @@ pub(crate) fn run<O: Order>(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
         state.tx_seen.set(now);
     }
     if job.phase == Phase::Waiting && words.rx == 0 && state.echo.get() & KIND == OWN {
-        // The end of a result that was nobody's.
+        // The end of a result that belonged to no order.
         return write_echo(cx, &module, 0).map(|_| Pafe::Ok);
     }
     let (next, step) = job.go_on(words, &block);
@@ -105,14 +106,14 @@ fn start<O: Order>(
     now: u64,
 ) -> Result<Pafe, Abort> {
     if wish.words == 0 {
-        // Nothing to do, and it is done (ours).
+        // Nothing to transfer: ended without error (ours).
         return O::anzw(cx, DONE).map(|()| Pafe::Ok);
     }
     if !(1..=WORDS_MAX).contains(&wish.words) {
         return O::anzw(cx, failed(TOO_LONG)).map(|()| Pafe::Ok);
     }
     let pafe = wish.check(cx)?;
-    // A CP whose process is down, or that has not been synchronised, takes nothing: the order waits for it.
+    // A CP whose process is down, or that is not synchronised, accepts nothing: the order waits.
     if pafe != Pafe::Ok || !module.info.present || words.not_ready() {
         return Ok(pafe);
     }
@@ -122,7 +123,7 @@ fn start<O: Order>(
         // "SEND/FETCH blocked" [S0 "Content and structure of the indicator word ANZW"].
         return O::anzw(cx, RUNNING).map(|()| Pafe::Ok);
     }
-    // What an order that was given up has left behind goes first.
+    // First clear what an abandoned order has left.
     let left = match tx_count(words.tx_echo) {
         Count::Failed(_) => Some(crate::registers::FAILED),
         _ if words.tx_echo != 0 => Some(0),
@@ -143,7 +144,7 @@ fn start<O: Order>(
     state.token.set(token);
     state.order.take(&module.info);
     state.order_seen.set(now);
-    // Bit 1 comes, bits 2 and 3 go: "when the according order is triggered for a second time".
+    // Bit 1 is set, bits 2 and 3 are reset: "when the according order is triggered for a second time".
     O::anzw(cx, RUNNING)?;
     act::<O>(cx, module, wish, job, step, &[0; BLOCK_BYTES as usize])
 }
@@ -233,7 +234,7 @@ fn source(
     cx.read(Area::Db(wish.local.0), u32::from(wish.from()) + u32::from(at), data)
 }
 
-/// What the first block of a result says: 0, or the error. Data that are not as many as asked for are a frame error.
+/// The error code in the first block of a result, or 0. A wrong number of data bytes is a frame error.
 fn verdict(wish: &Wish, command: u8, total: u16, block: &[u8; BLOCK_BYTES as usize]) -> u8 {
     let [_, _, by, code, ..] = *block;
     let data = if command == b'E' { wish.bytes() } else { 0 };

@@ -12,7 +12,7 @@ interface! {
     pub(crate) mod send {
         /// Logical address of the CP.
         in     ADR: Int;
-        /// Data block with the data, here.
+        /// Data block with the data in this CPU.
         in     QDB: BlockDb;
         /// First data word in it.
         in     QBDW: Word;
@@ -20,27 +20,27 @@ interface! {
         in     LANG: Int;
         /// Data block in the partner, 1 to 255.
         in     ZDB: BlockDb;
-        /// First data word there, 0 to 255.
+        /// First data word in it, 0 to 255.
         in     ZBDW: Int;
-        /// Coordination flag: byte and bit, `W#16#0604` is M 6.4 of the partner; FFFFh: none.
+        /// Coordination flag: byte and bit, `W#16#0604` is M 6.4 in the partner; FFFFh: none.
         in     KOOR: Word;
         /// Indicator word.
         out    ANZW: Word;
-        /// 1 data block not present, 2 too short, 3 number outside the valid range; back to 0 by itself.
+        /// 1 data block not present, 2 too short, 3 number outside the valid range; returns to 0 automatically.
         out    PAFE: Byte;
-        /// Mark of the order (bits 11 to 15) and bytes of the telegram.
+        /// Mark of the order (bits 11 to 15) and length of the telegram in bytes.
         in_out ANZ: Word;
-        /// Bytes of it that are through.
+        /// Bytes of the telegram transferred so far.
         in_out GESE: Word;
-        /// The header is with the CP.
+        /// The CP has the header.
         in_out KOPF_GESENET | KOPF_GESE: Bool;
-        /// The first block stands in the registers.
+        /// The first block is in the registers.
         in_out ERSTER_BLOCK: Bool;
-        /// Header and data go to the CP.
+        /// Header and data are being passed to the CP.
         in_out SENDEN_LAEUFT: Bool;
-        /// The CP has the order; its result is awaited.
+        /// The CP has the order; the block waits for its result.
         in_out SENDEN_FERTIG: Bool;
-        /// The last block is through.
+        /// The last block has been transferred.
         in_out LETZTER_BLOCK: Bool;
         /// The last order failed; stays until the next one.
         in_out FEHLER: Bool;

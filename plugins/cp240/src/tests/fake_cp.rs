@@ -2,7 +2,7 @@
 
 use crate::registers::{FAILED, RESET, STARTUP, SYSTEM, Words};
 
-/// What the CP does in the send direction.
+/// State of the CP in the send direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Send {
     Collecting,
@@ -18,7 +18,7 @@ pub(super) struct FakeCp {
     pub(super) input: [u8; 16],
     /// The telegrams it was asked to transmit.
     pub(super) transmitted: Vec<Vec<u8>>,
-    /// The code its next transmission fails with.
+    /// The error code of its next transmission.
     pub(super) fails_with: Option<u8>,
     /// Every `TX` and every `RX echo` it has acted on.
     pub(super) log: Vec<u16>,
@@ -32,7 +32,7 @@ pub(super) struct FakeCp {
 }
 
 impl FakeCp {
-    /// One that works.
+    /// A CP that works.
     pub(super) fn working() -> Self {
         Self {
             output: [0; 16],
@@ -65,7 +65,7 @@ impl FakeCp {
         self.output[at..at + bytes.len()].copy_from_slice(bytes);
     }
 
-    /// A telegram has come over the line.
+    /// A telegram has arrived on the line.
     pub(super) fn receive(&mut self, telegram: &[u8]) {
         self.offered = telegram.to_vec();
         self.offer();
@@ -81,7 +81,7 @@ impl FakeCp {
         self.set(2, SYSTEM | u16::from(self.number));
     }
 
-    /// Looks at the CPU's registers once.
+    /// Reads the registers of the CPU once.
     pub(super) fn look(&mut self) {
         let (rx_echo, tx) = (Self::word(&self.output, 0), Self::word(&self.output, 2));
         if rx_echo == RESET {
@@ -101,7 +101,7 @@ impl FakeCp {
         }
     }
 
-    /// The protocol has finished with the telegram.
+    /// The protocol has finished the telegram.
     pub(super) fn finish(&mut self) {
         assert_eq!(self.send, Send::Transmitting, "nothing is on the line");
         match self.fails_with.take() {

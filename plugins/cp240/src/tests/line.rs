@@ -30,7 +30,7 @@ fn command_answer_and_back() {
     assert_eq!(step(cp.words(), false, false, false), Step::Wait, "the next one only when the answer has gone");
     cp.look();
     assert_eq!(step(cp.words(), false, false, false), Step::Command);
-    // A telegram right behind it, over the 0 that the CP has not seen.
+    // A telegram directly after it overwrites the 0 before the CP has seen it.
     cp.write(2, &0x1800_u16.to_be_bytes());
     cp.look();
     cp.write(2, &[0, 2, b'a', b'b']);

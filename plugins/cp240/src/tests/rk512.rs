@@ -1,5 +1,5 @@
-//! FC 2, FC 3 and FC 4: the steps of an own order against a CP made of the register document, and what a header of the
-//! partner is answered with.
+//! FC 2, FC 3 and FC 4: the steps of an order of this CPU against a CP written from the register document, and the
+//! answers to headers of the partner.
 
 use crate::registers::{FAILED, Pafe, Words};
 use crate::rk512::{Evaluated, Header, Job, OWN, PARTNER, Phase, Step, evaluate};
@@ -57,7 +57,7 @@ impl Cp {
     }
 }
 
-/// A block's calls with a telegram, until the order is over; the CP looks after each.
+/// Calls a block with a telegram until the order has ended; the CP acts after each call.
 fn play(telegram: &[u8], result: &[u8]) -> (Cp, Vec<u8>, Result<(), u8>, Vec<Step>) {
     let (mut cp, mut got, mut log) = (Cp::default(), Vec::new(), Vec::new());
     let (mut job, mut step) = Job::start(7, telegram.len() as u16);
@@ -191,7 +191,7 @@ fn what_an_order_of_the_partner_is_answered() {
         (b'A', b'D', free, Pafe::Missing, true, 0x14, Pafe::Missing),
         (b'E', b'D', free, Pafe::Short, true, 0x14, Pafe::Short),
         (b'A', b'D', free, Pafe::Number, true, 0x14, Pafe::Number),
-        // The flag is looked at before the data block: what is locked is not told about.
+        // The flag is checked before the data block: a locked area gives no other error.
         (b'A', b'D', Some(true), Pafe::Missing, true, 0x32, Pafe::Ok),
     ] {
         let header = header(&[0, 1, command, letter, 7, 1, 0, 1, 0xFF, 0xFF]);

@@ -116,7 +116,7 @@ fn a_failed_order_ends_with_fehler_kom() {
     assert_eq!((fc0.frg, fc0.job), (false, Job { fehler_kom: true, ..Job::default() }));
     assert_eq!(cp.log, [5, 0, FAILED]);
 
-    // The next start clears FEHLER_KOM, and the telegram goes through.
+    // The next start clears FEHLER_KOM, and the telegram is sent.
     fc0.frg = true;
     assert_eq!(fc0.call(&mut cp, &data, 0), Step::Block { from: 0, len: 5, word: 5 });
     assert!(!fc0.job.fehler_kom);
@@ -149,13 +149,13 @@ fn a_start_up_in_mid_job_fails_it_and_leaves_the_registers_to_fc_9() {
 fn an_echo_that_does_not_follow_fails_the_job() {
     let job = |gese| Job { gese, anz_int: 30, senden_laeuft: true, ..Job::default() };
     let go_on = |job: Job, tx_echo| job.go_on(Words { rx: 0, tx_echo }).1;
-    // A CP that was reset in between has forgotten the first block.
+    // A CP that was reset in between has lost the first block.
     assert_eq!(go_on(job(12), 0), Step::Failed(Some(0)));
     assert_eq!(go_on(job(0), 29), Step::Failed(Some(0)));
     assert_eq!(go_on(job(24), 30), Step::Failed(Some(0)));
     let complete = Job { gese: 30, ende_kom: true, letzter_block: true, ..job(0) };
     assert_eq!(go_on(complete, 18), Step::Failed(Some(0)));
-    // What is no count is treated as absent.
+    // A word that is not a count is treated as absent.
     for nonsense in [0x8000, 0xFFFF, 0x1000, 0x0800, 1025] {
         assert_eq!(go_on(job(12), nonsense), Step::Wait, "{nonsense:04X}h");
         assert_eq!(go_on(complete, nonsense), Step::Wait, "{nonsense:04X}h");

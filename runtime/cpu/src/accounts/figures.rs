@@ -13,7 +13,7 @@ pub struct Figures {
     pub statements: u64,
     /// Cycles that had not ended when the next was due.
     pub overruns: u64,
-    /// Deadlines that no cycle has begun for: skipped after an overrun, or after a wake-up that came too late.
+    /// Deadlines without a cycle: skipped after an overrun or after a late wake-up.
     pub missed: u64,
     /// Cycles in which the watchdog expired.
     pub watchdogs: u64,
@@ -25,8 +25,8 @@ pub struct Figures {
     pub execution: Histogram,
     /// From the deadline of a cycle to its start: one value a cycle.
     pub wake: Histogram,
-    /// The same with a value for each missed deadline too: how late the next cycle began for it. A pause of ten cycles
-    /// is ten late deadlines here and one late cycle in `wake`.
+    /// Like `wake`, with one more value for each missed deadline: how late the next cycle began after it. A pause of
+    /// ten cycles counts as ten late deadlines here and as one late cycle in `wake`.
     pub deadlines: Histogram,
     /// Back plane and process image before OB 1: events of the modules, inputs.
     pub inputs: Histogram,
@@ -36,12 +36,13 @@ pub struct Figures {
     pub links: Histogram,
     /// Each loaded organization block, in ascending order.
     pub obs: Vec<ObFigures>,
-    /// Each block of a plugin, where their times are taken.
+    /// Each block of a plugin, if the times of its calls are recorded
+    /// ([`AccountsConfig::blocks`](super::AccountsConfig)).
     pub blocks: Vec<BlockFigures>,
 }
 
 impl Figures {
-    /// What has come since an earlier reading of the same accounts.
+    /// The difference to an earlier reading of the same accounts.
     #[must_use]
     pub fn since(&self, earlier: &Self) -> Self {
         let ob =
@@ -111,7 +112,7 @@ impl ObFigures {
         }
     }
 
-    /// The same in few figures.
+    /// A summary of these figures.
     #[must_use]
     pub fn statistics(&self) -> ObStatistics {
         ObStatistics {

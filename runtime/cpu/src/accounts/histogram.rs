@@ -10,7 +10,8 @@ use ob1_time::Span;
 
 use super::Count;
 
-/// Longest time told apart, 60 s in nanoseconds; longer ones count as that, the greatest is kept exactly.
+/// Longest time with a bucket of its own, 60 s in nanoseconds. Longer times count as 60 s; the greatest is kept
+/// exactly.
 const LONGEST: u64 = 60 * Span::SECOND.nanos();
 /// Buckets to a power of two.
 const FINE: u64 = 256;
@@ -131,7 +132,7 @@ impl Histogram {
         Span::ZERO
     }
 
-    /// How many values are greater, as far as the buckets tell.
+    /// How many values are greater, to the precision of the buckets.
     #[must_use]
     pub fn beyond(&self, value: Span) -> u64 {
         self.counts.iter().skip(bucket(value.nanos().min(LONGEST)) + 1).sum()
@@ -172,7 +173,7 @@ impl Histogram {
         }
     }
 
-    /// The value a bucket stands for: its greatest, but not more than there has been.
+    /// The value a bucket stands for: its upper end, but at most the greatest recorded value.
     fn value(&self, bucket: usize) -> Span {
         Span::from_nanos(if bucket == BUCKETS - 1 { self.greatest } else { upper(bucket).min(self.greatest) })
     }

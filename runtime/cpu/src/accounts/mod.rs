@@ -25,13 +25,13 @@ use histogram::Recording;
 use recorder::Recorder;
 pub(crate) use trace::{Ended, Trace, plugin_blocks};
 
-/// What is kept, and from when on a scan is late.
+/// What is recorded, and the thresholds for a late scan.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AccountsConfig {
-    /// A scan that begins so much after its deadline, or later, is late; 0: a tenth of the minimum cycle time, at least
-    /// 100 µs.
+    /// A scan that begins this long after its deadline, or later, is late. 0: a tenth of the minimum cycle time, at
+    /// least 100 µs.
     pub late: Span,
-    /// A scan that takes so long, or longer, is late; 0: the minimum cycle time, or 10 ms without one.
+    /// A scan that takes this long, or longer, is late. 0: the minimum cycle time, or 10 ms without one.
     pub long: Span,
     /// Scans the flight recorder holds, 1 to 65536.
     pub recorder: usize,
@@ -100,7 +100,7 @@ pub(crate) struct BlockAccount {
     pub(crate) execution: Recording,
 }
 
-/// Sums over all scans since load: what two looks at them differ by is what came between.
+/// Sums over all scans since load. The difference between two readings covers the scans between them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sums {
     /// Finished cycles in RUN.
@@ -175,7 +175,7 @@ impl Accounts {
         }
     }
 
-    /// The figures so far, since load. May be read at any time from any thread; single figures of it may be of
+    /// The figures since load. May be read at any time from any thread; single figures of one reading may belong to
     /// neighbouring scans.
     #[must_use]
     pub fn figures(&self) -> Figures {
@@ -215,31 +215,32 @@ impl Accounts {
         self.scans.get()
     }
 
-    /// The sums over all scans. May be read at any time from any thread; the scan that runs may be in one of them.
+    /// The sums over all scans. May be read at any time from any thread; the running scan may already be in some of
+    /// them.
     #[must_use]
     pub fn sums(&self) -> Sums {
         Sums { scans: self.scans.get(), late: self.late.get(), wake: self.wake.sum(), execution: self.execution.sum() }
     }
 
-    /// From when on a scan is late: (beginning after its deadline, time it takes).
+    /// The thresholds for a late scan: (start after its deadline, execution time).
     #[must_use]
     pub fn thresholds(&self) -> (Span, Span) {
         (self.late_from, self.long_from)
     }
 
-    /// The last scans, oldest first: those that are still whole when they have been copied.
+    /// The last scans, oldest first. Records overwritten while they were copied are left out.
     #[must_use]
     pub fn flight(&self) -> Vec<ScanRecord> {
         self.recorder.read()
     }
 
-    /// The flight that an overrun has frozen, and makes room for the next one. There is one reader.
+    /// Takes the flight that an overrun has frozen, which makes room for the next one. There is one reader.
     #[must_use]
     pub fn take_frozen(&self) -> Option<Flight> {
         self.recorder.take_frozen()
     }
 
-    /// Overruns that could not freeze the recorder because the flight before had not been taken.
+    /// Overruns that could not freeze the recorder because the previous flight had not been taken.
     #[must_use]
     pub fn freezes_skipped(&self) -> u64 {
         self.recorder.skipped()

@@ -1,4 +1,4 @@
-//! One scan, in full: what the flight recorder keeps, and what a late scan is explained from.
+//! The full record of one scan: the flight recorder keeps it, and a late scan is explained from it.
 
 use ob1_model::{BlockId, BlockKind};
 use ob1_time::{Instant, Span};
@@ -35,9 +35,9 @@ pub struct ScanRecord {
     pub start: Instant,
     /// When it had ended.
     pub end: Instant,
-    /// How much of its lateness is the scan before, which had not ended at the deadline.
+    /// The part of its lateness caused by the previous scan, which had not ended at the deadline.
     pub carried: Span,
-    /// How much of its lateness are organization blocks that ran between the two scans and had not ended at the
+    /// The part of its lateness caused by organization blocks that ran between the two scans and had not ended at the
     /// deadline.
     pub between: Span,
     /// The longest organization block that ran between the two scans; 0: none.
@@ -46,7 +46,7 @@ pub struct ScanRecord {
     pub inputs: Span,
     /// All organization blocks, plugins included.
     pub program: Span,
-    /// All blocks of plugins, where their times are taken.
+    /// All blocks of plugins, if the times of their calls are recorded.
     pub plugins: Span,
     /// Process image and back plane after OB 1.
     pub outputs: Span,
@@ -60,7 +60,7 @@ pub struct ScanRecord {
     pub longest_plugin: Option<BlockId>,
     /// Its time.
     pub longest_plugin_time: Span,
-    /// The block that ran when the scan had become long, as seen at the first safe point after that.
+    /// The block that was running at the first safe point after the scan had become long.
     pub long_in: Option<BlockId>,
     /// The line of its source.
     pub long_at_line: u32,
@@ -140,7 +140,7 @@ impl ScanRecord {
     }
 }
 
-/// Kind and number in 24 bits, with a bit above them that tells a block from none.
+/// Kind and number in 24 bits; the bit above them is set when there is a block.
 fn of_block(block: Option<BlockId>) -> u64 {
     block.map_or(0, |id| 1 << 24 | (id.kind as u64) << 16 | u64::from(id.number))
 }

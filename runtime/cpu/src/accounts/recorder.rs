@@ -1,5 +1,5 @@
-//! The flight recorder: the last scans in full, in two rings. An overrun freezes the ring it stands in, and the scan
-//! goes on in the other one; who has taken the frozen ring gives it back.
+//! The flight recorder: the last scans in full, in two rings. An overrun freezes the ring that is being written, and
+//! the scan goes on in the other one. Taking the frozen ring releases it.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering, fence};
 
@@ -27,8 +27,8 @@ impl Ring {
 
     fn push(&self, record: &ScanRecord) {
         let written = self.written.load(Ordering::Relaxed);
-        // Pairs with the fence in `read`: who sees a word of this record also sees that its slot is being written
-        // again.
+        // Pairs with the fence in `read`: a reader that sees a word of this record also sees that its slot is being
+        // written again.
         fence(Ordering::Release);
         let slot = &self.slots[written as usize % self.slots.len()];
         for (cell, word) in slot.iter().zip(record.to_words()) {
@@ -50,7 +50,7 @@ impl Ring {
         fence(Ordering::Acquire);
         let now = self.written.load(Ordering::Relaxed);
         if now < end {
-            // Begun anew by a freeze.
+            // A freeze has restarted this ring.
             return Vec::new();
         }
         copied.into_iter().filter(|(index, _)| index + len > now).map(|(_, record)| record).collect()

@@ -15,7 +15,7 @@ const SPREAD: u64 = 512;
 #[derive(Debug)]
 pub(crate) struct Trace {
     pub(crate) accounts: Arc<Accounts>,
-    /// The scan that runs, as far as it is known.
+    /// The record of the running scan so far.
     record: ScanRecord,
     /// The last finished scan.
     pub(crate) last: ScanRecord,
@@ -23,7 +23,7 @@ pub(crate) struct Trace {
     longest_ob: (u16, Span),
     /// End of the last interrupt between two scans.
     between_end: Instant,
-    /// When the running scan has become long; [`Instant::NEVER`] when that has been noted.
+    /// When the running scan counts as long; [`Instant::NEVER`] once that has been noted.
     long_at: Instant,
     /// The statement that was about to be executed then.
     pub(crate) long_in: Option<Caller>,
@@ -82,14 +82,14 @@ impl Trace {
         (self.inside, self.statements, self.watchdogs) = (inside, statements, accounts.watchdogs.get());
     }
 
-    /// A scan begins so long after the one before.
+    /// Records the time from the start of the previous scan to the start of this one.
     pub(crate) fn cycle(&self, time: Span) {
         if !self.accounts.off {
             self.accounts.cycle.record(time);
         }
     }
 
-    /// The exchange with the links has taken so long.
+    /// Records the time of the exchange with the links.
     pub(crate) fn exchanged(&mut self, time: Span) {
         if !self.accounts.off {
             self.accounts.links.record(time);
@@ -134,7 +134,7 @@ impl Trace {
         self.between_end = end;
     }
 
-    /// The scan has ended; `outputs_from` is when the program had. The answer: whether it was late.
+    /// The scan has ended; the program had ended at `outputs_from`. Returns whether the scan was late.
     pub(crate) fn end(&mut self, ended: &Ended) -> bool {
         let accounts = &*self.accounts;
         let record = &mut self.record;
@@ -173,7 +173,7 @@ impl Trace {
         late
     }
 
-    /// Deadlines without a scan: each is as late as the scan that comes instead.
+    /// Records deadlines without a scan: each is as late as the scan that comes next.
     pub(crate) fn missed(&self, first: Instant, period: Span, count: u64, next: Instant) {
         let stride = count.div_ceil(SPREAD).max(1);
         let mut index = 0;
@@ -199,7 +199,7 @@ pub(crate) struct Ended {
     pub(crate) site: Option<Site>,
 }
 
-/// What tells the blocks of plugins from those of the standard library.
+/// The blocks of plugins, without those of the standard library: id and name.
 pub(crate) fn plugin_blocks<'a>(
     natives: impl Iterator<Item = &'a dyn crate::NativeBlock> + 'a,
 ) -> impl Iterator<Item = (BlockId, Box<str>)> + 'a {

@@ -1,7 +1,7 @@
 //! Arithmetic and comparison: results and condition codes as pure functions of the accumulators.
 //!
 //! Condition codes: "Evaluating the Bits of the Status Word" with integer and floating-point functions, STL reference.
-//! `cc` holds CC1, CC0 and OV in their places of the status word; who uses it also sets OS from OV.
+//! `cc` holds CC1, CC0 and OV at their places in the status word; the caller also sets OS from OV.
 
 use ob1_ir::{AccuOp, Compare, MathFn};
 
@@ -24,7 +24,7 @@ pub(crate) const fn low_word(accu: u32, low: u16) -> u32 {
 pub fn int(op: AccuOp, a2: u32, a1: u32) -> (u32, u32) {
     let (x, y) = (i32::from(a2 as i16), i32::from(a1 as i16));
     match op {
-        // The codes of a sum that overflows follow from the 16 bits that are left of it.
+        // If a sum overflows, the codes follow from its low 16 bits.
         AccuOp::Add => sum16(a1, x + y),
         AccuOp::Sub => sum16(a1, x - y),
         AccuOp::Mul => {
@@ -113,7 +113,7 @@ fn with_real_cc(result: f32) -> (u32, u32) {
     special(bits, sign)
 }
 
-/// Zero, denormalised, infinite, and what is no number: the latter is always the same, or processors would differ.
+/// Zero, denormalised, infinite and NaN. A NaN result always has the same bits, because processors differ there.
 #[cold]
 fn special(bits: u32, sign: u32) -> (u32, u32) {
     match ((bits >> 23) & 0xFF, bits & 0x007F_FFFF) {

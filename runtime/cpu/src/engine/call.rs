@@ -44,7 +44,7 @@ pub struct Saved {
     refs: u32,
     mcr: u32,
     mcr_active: bool,
-    /// AR2 comes back: a function block was called with its instance.
+    /// AR2 is restored: a function block was called with its instance.
     instance: bool,
 }
 
@@ -75,7 +75,7 @@ pub(crate) fn entry(call: &Call, tops: Tops, r: &Regs) -> Entry {
     }
 }
 
-/// One more block can be called.
+/// Checks that one more block can be nested.
 pub(crate) fn check_depth(m: &Machine) -> Result<(), Fault> {
     if m.hot.depth >= u32::from(m.config.nesting_depth) {
         return Err(Fault::new(FaultKind::NestingDepth, m.hot.depth));

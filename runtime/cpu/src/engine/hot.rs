@@ -1,4 +1,4 @@
-//! What an engine touches at every turn, in one piece whose layout compiled code can rely on.
+//! What an engine accesses all the time, in one structure with a layout that compiled code can rely on.
 
 use std::sync::atomic::{AtomicBool, AtomicPtr};
 
@@ -15,9 +15,9 @@ use crate::timers::{Counter, Timer};
 #[derive(Debug)]
 #[repr(C)]
 pub struct Hot {
-    /// Statements executed that the clock has not been told of.
+    /// Statements executed that the clock has not been told of yet.
     pub pending: u32,
-    /// With so many of them a safe point looks at the clock.
+    /// With this many pending, a safe point looks at the clock.
     pub look_after: u32,
     /// Bytes of the local data stack in use.
     pub local_top: u32,
@@ -83,7 +83,7 @@ impl Default for Hot {
     }
 }
 
-/// What of the hot state is no pointer and no flag of others.
+/// The hot state without its pointers and without the flags that other threads set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Values {
     pub(crate) pending: u32,
@@ -108,7 +108,7 @@ impl Hot {
         (self.local_top, self.refs_top, self.scratch_top, self.depth) = (local_top, refs_top, scratch_top, depth);
     }
 
-    /// The stacks become empty, as behind an aborted run.
+    /// Empties the stacks, as after an aborted run.
     pub(crate) fn unwind(&mut self) {
         (self.refs_top, self.scratch_top, self.local_top, self.depth) = (0, 0, 0, 0);
     }

@@ -11,9 +11,9 @@
 //! returns: an organization block runs within a safe point or a fault, and a native block calls blocks. What an engine
 //! keeps for nested blocks is its own affair; so are the registers of the running block, [`Regs`].
 //!
-//! **Registers.** Nobody but the engine sees them. A helper of [`Context`] that needs them is given them; before it is
-//! called they must be in the structure, behind it they are read from there. An organization block that runs within a
-//! safe point has its own.
+//! **Registers.** Only the engine sees them. A helper of [`Context`] that needs them takes them as an argument: before
+//! the call they must be in the structure, after it they are read back from there. An organization block that runs
+//! within a safe point has its own.
 //!
 //! **The hot state.** [`Context::hot`] hands out [`Hot`], which the engine reads and writes directly, and which every
 //! helper may change. The arena is one alias region: parameters, pointers, areas and data blocks may name the same
@@ -26,13 +26,13 @@
 //! **Safe points** are backward jumps that are taken and calls, conditional ones included; in no other place does time
 //! move. A safe point looks when `pending >= look_after` or the flag `due` is set; then [`Context::safe_point`] tells
 //! the clock, serves the operator's STOP, the cycle monitoring and interrupts of higher classes. `at` is the statement
-//! that comes next: the jump's target, or the one behind the call.
+//! that comes next: the jump's target, or the one after the call.
 //!
 //! **Faults** go to [`Context::fault_at`] with the statement that made them; the site in the source follows from it.
 //! The organization block runs, and the program goes on with the next statement.
 //!
-//! **[`Abort`]** comes back unchanged through every level at once. Stacks and counters in the hot state are put right
-//! by who called the engine.
+//! **[`Abort`]** comes back unchanged through every level at once. The caller of the engine restores stacks and
+//! counters in the hot state.
 
 mod arith;
 mod both;
@@ -119,7 +119,7 @@ pub trait Factory {
     /// Why it cannot.
     fn engine(&self, plan: &Arc<Plan>) -> Result<Box<dyn Engine>, String>;
 
-    /// The memory of the CPU: so many bytes of 0. One that covers offsets of 32 bits lets the engine leave checks to
+    /// The memory of the CPU: `bytes` bytes of 0. One that covers offsets of 32 bits lets the engine leave checks to
     /// the hardware.
     fn arena(&self, bytes: usize) -> Arena {
         Arena::new(bytes)
@@ -131,8 +131,8 @@ pub trait Factory {
         0
     }
 
-    /// That stack is for an engine that may take over later. When there is no room for so much, the program is loaded
-    /// without: [`Plan::stack_per_block`] says so.
+    /// That stack is for an engine that may take over later. If there is not enough room for it, the program is loaded
+    /// without it, as [`Plan::stack_per_block`] then shows.
     fn stack_is_for_later(&self) -> bool {
         false
     }

@@ -1,10 +1,10 @@
-//! The list of pointers behind a `UC` or `CC` of an FC or SFC, as machine code has it, and the pointers to a function's
+//! The list of pointers after a `UC` or `CC` of an FC or SFC, as machine code has it, and the pointers to a function's
 //! own parameters.
 //!
-//! A reference to an actual is a bit of the arena, which fits 31 bits. With the highest bit set it is a pointer as the
-//! list has it: its area is looked up at each access, as on the CPU. That is how what lies in a data block follows the
-//! data block registers, what lies in the peripheral area is read there, and what lies nowhere is an area error of the
-//! statement that touches it.
+//! A reference to an actual is a bit of the arena, which fits 31 bits. With the highest bit set it is a pointer from
+//! the list: its area is resolved at each access, as on the CPU. So an operand in a data block follows the data block
+//! registers, an operand in the peripheral area is read there, and a pointer to nothing is an area error of the
+//! statement that uses it.
 
 use ob1_ir::DbRegister;
 use ob1_model::{Area, BitAddr, Fault, FaultKind};
@@ -27,7 +27,7 @@ const COPIES: u32 = 0x8000;
 /// Bits of a POINTER.
 const POINTER: u32 = 48;
 
-/// Puts the references of a list on their stack: one for each formal, to nothing where the list is too short. Gives
+/// Puts the references of a list on their stack: one for each formal, [`NOWHERE`] where the list is too short. Returns
 /// which formals the list has.
 pub(crate) fn references(list: &[u32], formals: &[Formal], r: &Regs, m: &mut Machine) -> Result<u64, Fault> {
     let base = m.hot.refs_top as usize;
@@ -109,7 +109,7 @@ pub(crate) fn locate(pointer: u32, at: u32, bits: u32, write: bool, r: &Regs, m:
     in_area(area, at, bits, write, r, m)
 }
 
-/// The reference for a block that gets the parameter of this one.
+/// The reference for a called block that is passed the parameter of this one.
 pub(crate) fn handed_on(reference: u32, at: u32, r: &Regs, m: &Machine) -> u32 {
     if reference & RAW == 0 {
         return reference + at;
@@ -127,8 +127,8 @@ pub(crate) fn copies(at: u32, bits: u32, m: &Machine) -> Option<Where> {
     m.memory.scratch.locate(byte, bits.div_ceil(8)).map(|byte| Where::Arena(byte.bit(at % 8)))
 }
 
-/// `L P##name`: the pointer to the actual parameter `index`. With `by` its POINTER goes to this place of the local
-/// data, and the pointer to that is the answer.
+/// `L P##name`: the pointer to the actual parameter `index`. With `by`, its POINTER is written to that place of the
+/// local data, and the answer points there.
 pub(crate) fn pointer_to(index: u16, by: Option<BitAddr>, r: &Regs, m: &mut Machine) -> Result<u32, Fault> {
     let reference = reference(index, r, m);
     let Some(by) = by else {
@@ -167,7 +167,7 @@ fn pointer(bit: ArenaBit, r: &Regs, m: &Machine) -> Result<(u16, u32), Fault> {
             return Ok((0, code(area) | (at + offset)));
         }
     }
-    // The data blocks of the program lie in ascending order; the few it has made itself in any.
+    // The data blocks of the program are in ascending order; the few it has made itself are in any order.
     let (program, made) = memory.dbs.split_at(memory.program_dbs.min(memory.dbs.len()));
     let last = program.partition_point(|db| db.at <= byte);
     let candidates = program.get(last.saturating_sub(1)..last).into_iter().flatten().chain(made);

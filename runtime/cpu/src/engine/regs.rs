@@ -73,7 +73,7 @@ pub struct Regs {
 }
 
 /// The registers of a block that an error has interrupted. OB 121 and OB 122 find them in their own, as they belong to
-/// the same class; they come back unchanged, but for what SFC 44 puts in ACCU1. ["Error Organization Blocks" of
+/// the same class; they come back unchanged, except for what SFC 44 puts in ACCU1. ["Error Organization Blocks" of
 /// Programming with STEP 7]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Interrupted {
@@ -97,7 +97,7 @@ impl Regs {
         (self.ar1, self.ar2, self.db, self.di) = (from.ar1, from.ar2, from.db, from.di);
     }
 
-    /// What a block finds that is entered from outside the engine.
+    /// The registers of a block that is entered from outside the engine.
     #[must_use]
     pub fn new(entry: &Entry, local: ArenaByte, local_len: u32) -> Self {
         Self {
@@ -169,7 +169,7 @@ impl Regs {
         self.fc = true;
     }
 
-    /// The result of `FP` and `FN`. STA is the bit written, as of each statement that writes one: the RLO it found.
+    /// The result of `FP` and `FN`. STA is the bit written, as for every statement that writes one: the RLO before it.
     #[inline]
     pub fn set_edge(&mut self, written: bool, rlo: bool) {
         self.set_result(rlo);

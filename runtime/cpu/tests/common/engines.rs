@@ -26,8 +26,8 @@ pub fn engine() -> &'static dyn Factory {
     ENGINES[ROW.get()].1
 }
 
-/// Whether the engine under test is the reference: long walks whose matter is not the engine's take the short way on
-/// the others.
+/// Whether the engine under test is the reference: long walks that do not test the engine take a short cut on the
+/// others.
 pub fn is_reference() -> bool {
     ROW.get() == 0
 }

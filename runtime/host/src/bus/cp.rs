@@ -1,9 +1,9 @@
 //! A CP 342-5: a PROFIBUS whose slaves are not in the address space of the CPU. The program moves their data with FC 1
-//! and FC 2, asks how they stand with FC 3, and sets the mode with FC 4; what these say is in `ob1_words::cp342`.
+//! and FC 2, reads their state with FC 3, and sets the mode with FC 4; the codes of these are in `ob1_words::cp342`.
 //! (docs/cp342.md)
 //!
-//! A slave that is lost, refuses or reports a fault is the program's business, not the CPU's: an entry of the
-//! diagnostic buffer, and neither OB 82 nor OB 86.
+//! A slave that is lost, refuses or reports a fault concerns the program, not the CPU: it gives an entry of the
+//! diagnostic buffer, but neither OB 82 nor OB 86.
 
 use std::sync::{Arc, Mutex};
 
@@ -42,16 +42,16 @@ pub struct DpPiece {
     pub image: usize,
     /// How many.
     pub len: usize,
-    /// What stands in the receive area while the slave is not exchanged with.
+    /// What the receive area holds while the slave is not exchanged with.
     pub on_loss: OnLoss,
 }
 
 /// What lies behind a CP 342-5.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct DpAreas {
-    /// Of the receive area.
+    /// Pieces of the receive area.
     pub inputs: Vec<DpPiece>,
-    /// Of the send area.
+    /// Pieces of the send area.
     pub outputs: Vec<DpPiece>,
 }
 
@@ -125,7 +125,7 @@ impl DpCp {
         }
     }
 
-    /// A slave's diagnosis is another one now.
+    /// Takes a slave's diagnosis, if it is another one than before, which is kept.
     fn learn(older: &mut Vec<(u8, Kept)>, number: u8, slave: &mut Slave, newest: Kept, fresh: bool) {
         if slave.newest.bytes() == newest.bytes() {
             return;
@@ -157,7 +157,7 @@ impl DpCp {
                 continue;
             }
             let counted = stations.diagnoses(n);
-            // Back: what it says now is newer than that it is not there.
+            // It is back: its own diagnosis is newer than the one that says it is not there.
             let back = present && slave.newest.1[0] & NON_EXISTENT != 0;
             if (present || refuses) && (counted != slave.looked || back) {
                 slave.looked = counted;
@@ -181,7 +181,7 @@ impl DpCp {
         }
     }
 
-    /// What the send area says becomes what the slaves are written.
+    /// Copies the send area into the outputs of the slaves.
     fn drive(&self, shared: &mut Shared) {
         for piece in &self.areas.outputs {
             let places = shared.outputs.get_mut(piece.image..piece.image + piece.len);
@@ -274,7 +274,7 @@ impl DpCp {
                 self.drive(shared);
                 0
             }
-            // What is so already. The master below has neither STOP nor OFFLINE.
+            // These hold already: the master below has neither STOP nor OFFLINE.
             (Some(ctype::MODE_CPU_STOP), Some(mode::CLEAR)) | (Some(ctype::MODE_CP_STOP), Some(mode::OFFLINE)) => 0,
             (Some(ctype::MODE | ctype::MODE_CPU_STOP | ctype::MODE_CP_STOP), Some(mode)) if mode > mode::OFFLINE => {
                 status::PARAMETER
@@ -288,7 +288,7 @@ impl DpCp {
     }
 }
 
-/// An event of the bus as an entry of its CP: none of them is the CPU's business.
+/// An event of the bus as an entry of its CP: none of them concerns the CPU.
 fn of_slave(event: ModuleEvent, number: u8) -> ModuleEvent {
     let said = event.data.get(..usize::from(event.len)).and_then(|text| std::str::from_utf8(text).ok()).unwrap_or("");
     match event.event {

@@ -1,8 +1,8 @@
 //! A bus as the CPU sees it: the inputs and outputs of each coupler as modules in their places, behind one image that
 //! is taken whole at the cycle control point.
 //!
-//! All modules of a bus live on the scan thread and share one port; nobody else takes its lock. Nothing the process of
-//! the bus says is trusted: an image without a meaning is a lost coupler.
+//! All modules of a bus live on the scan thread and share one port; nobody else takes its lock. Nothing that the
+//! process of the bus says is trusted: an image without a meaning counts as a lost coupler.
 
 mod cp;
 mod stations;
@@ -46,11 +46,11 @@ pub struct BusModuleConfig {
     pub inputs: (usize, u16),
     /// Number of the range in the coupler's list: what [`Status::bad`] counts.
     pub input_range: Option<usize>,
-    /// As [`Self::inputs`], of the outputs.
+    /// The same of the outputs.
     pub outputs: (usize, u16),
     /// What its inputs are while they cannot be read.
     pub on_loss: OnLoss,
-    /// The first module of its coupler: it tells what becomes of it.
+    /// The first module of its coupler: it reports the coupler's events.
     pub speaks: bool,
 }
 
@@ -138,7 +138,7 @@ impl Shared {
     fn begin(&mut self, now: Instant) -> bool {
         let life = self.link.life();
         if life.attempts > self.whole_for {
-            // Another process: the last one may have written where it had no business.
+            // Another process: the last one may have written where it must not.
             self.whole_for = life.attempts;
             self.side.restore();
             self.image.rewrite();
@@ -204,7 +204,7 @@ impl BusModule {
             && self.config.input_range.is_none_or(|range| !shared.stations.refuses(self.config.station, range))
     }
 
-    /// What an access to it comes to that found no inputs: one that is still starting is nobody's error.
+    /// The result of an access that found no inputs: no error while the station is still starting.
     fn missed(&self, shared: &Shared) -> Result<(), ModuleError> {
         let stations = &shared.stations;
         let starting = !stations.is_present(self.config.station) && !stations.is_missed(self.config.station);

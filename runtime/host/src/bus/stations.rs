@@ -1,5 +1,5 @@
-//! How the couplers and slaves of a bus stand for the program: what is present, and what has been told of it.
-//! A pure machine.
+//! The couplers and slaves of a bus as the program sees them: which are present, and what has been reported of them. A
+//! pure machine.
 
 use std::fmt::Write as _;
 
@@ -12,8 +12,8 @@ use ob1_time::{Instant, Span};
 use crate::module::messages as entry;
 use crate::supervisor::Report;
 
-/// Of the time between two looks at most so much counts as silence of the process: a scan that comes late itself has
-/// not seen what the process could do meanwhile.
+/// At most this much of the time between two looks counts as silence of the process: a scan that is late itself has not
+/// seen what the process could do meanwhile.
 const LOOK: Span = Span::from_millis(100);
 
 /// A coupler, as the CPU knows it.
@@ -23,7 +23,7 @@ pub struct Station {
     pub diagnostic: u16,
     /// Its number on the bus.
     pub number: u8,
-    /// A process that publishes nothing for so long has lost it.
+    /// It counts as lost when the process has published nothing for this long.
     pub lost_after: Span,
     /// What it refuses, or reports of itself, raises OB 82.
     pub interrupts: bool,
@@ -64,7 +64,7 @@ pub struct StationRules {
     pub number: u8,
 }
 
-/// What the program has been told of a station.
+/// What has been reported of a station to the program.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Told {
     /// Nothing yet: it has neither come nor been missed.
@@ -80,13 +80,13 @@ struct Known {
     present: bool,
     status: Status,
     told: Told,
-    /// Lost or back, still to be told.
+    /// Lost or back, still to be reported.
     due: Option<Event>,
     /// It was not there at the start-up.
     missing: bool,
-    /// The refusal that has been told.
+    /// The refusal that has been reported.
     refusal: Option<Refusal>,
-    /// Of a DP slave: the number of the diagnosis that has been looked at, and what has been told of it.
+    /// Of a DP slave: the number of the diagnosis that has been looked at, and what has been reported of it.
     diagnosis: u64,
     faulty: bool,
     refuses: bool,
@@ -130,10 +130,10 @@ impl Stations {
         }
     }
 
-    /// The process has ended: told as a failure of the bus, once, and only of a bus that was there.
+    /// The process has ended: reported once as a failure of the bus, and only if a station was there.
     fn fail(&mut self) {
         let mut had = false;
-        // Each returns by itself, also where the next process is faster than the scan.
+        // Each returns by itself, even if the next process is faster than the scan.
         for known in self.list.iter_mut().filter(|known| known.told == Told::Present) {
             (had, known.told, known.present) = (true, Told::Lost, false);
         }
@@ -141,7 +141,7 @@ impl Stations {
     }
 
     /// At the cycle control point. `running`: the process is there; `ready`: it says so itself; `fresh`: it has
-    /// published an image since the last look; `status` gives what that says of each station, `None` what cannot be.
+    /// published an image since the last look; `status` gives what the image says of each station, `None` if invalid.
     pub(super) fn look(
         &mut self,
         now: Instant,
@@ -165,7 +165,8 @@ impl Stations {
         }
     }
 
-    /// A start-up: who was lost before, and is so still, is told again. The program that starts knows nothing.
+    /// A start-up: stations that were lost before, and still are, are reported again. The starting program knows
+    /// nothing.
     pub(super) fn restart(&mut self) {
         for known in &mut self.list {
             if known.told == Told::Lost && !known.present {
@@ -179,7 +180,7 @@ impl Stations {
         self.list.get(station).is_none_or(|known| !known.present && known.told != Told::Nothing)
     }
 
-    /// Whether a station answers, and will not have what it is told.
+    /// Whether a station answers, but refuses what it is told.
     pub(super) fn refuses_all(&self, station: usize) -> bool {
         self.list.get(station).is_some_and(|known| known.status.state == State::Refused)
     }
@@ -212,7 +213,7 @@ impl Stations {
         self.list.get(station).map_or(0, |known| known.status.diagnosis)
     }
 
-    /// What is to be told of the bus as a whole.
+    /// What is to be reported of the bus as a whole.
     pub(super) fn bus_event(&mut self) -> Option<ModuleEvent> {
         if std::mem::take(&mut self.bus_failed) {
             return Some(self.about(Event::BUS_FAILED, 0, 0));
@@ -225,8 +226,8 @@ impl Stations {
         self.list.get(station)?.station.dp
     }
 
-    /// What is to be told of a station. `inputs` reads the bus's inputs from a place on: a diagnosis is long, and this
-    /// is asked at every scan, so it is read when there is something new in it, and not otherwise.
+    /// What is to be reported of a station. `inputs` reads the bus's inputs from a place on. A diagnosis is long, and
+    /// this is called at every scan, so the diagnosis is read only if there is something new in it.
     pub(super) fn event(&mut self, station: usize, inputs: impl FnOnce(usize, &mut [u8])) -> Option<ModuleEvent> {
         let known = self.list.get_mut(station)?;
         if let Some(event) = known.due.take() {
@@ -292,12 +293,12 @@ impl Known {
         self.status = status;
         let gone = match self.told {
             Told::Present => !self.present,
-            // The process knows how long it has waited; one that is not there, or silent, has not.
+            // Only a process that is there and not silent knows how long it has waited for the station.
             Told::Nothing => alive && matches!(status.state, State::Lost | State::Refused),
             Told::Lost => false,
         };
         if self.present {
-            // The first time is no return.
+            // The first time does not count as a return.
             if self.told == Told::Lost {
                 self.due = Some(Event::STATION_BACK);
             }

@@ -1,4 +1,4 @@
-//! A bus without its process: what the modules show and tell, at which cycle control point.
+//! A bus without its process: what the modules show and report, at which cycle control point.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -154,7 +154,7 @@ fn the_end_of_the_process_is_one_failure_of_the_bus_and_each_station_returns_by_
     let mut bench = bench();
     bench.publish([Running, Running], [1, 2, 3, 4]);
     bench.scan();
-    // Seen by the scan before the supervisor has told it.
+    // The scan sees it before the supervisor has reported it.
     bench.process.running.store(false, Ordering::Relaxed);
     assert_eq!(bench.scan(), ([0xAA, 0xBB, 3, 4], vec![0x39C3]));
     bench.report(Report::Lost(Exit::Signal(9)));
@@ -163,7 +163,7 @@ fn the_end_of_the_process_is_one_failure_of_the_bus_and_each_station_returns_by_
     bench.cp.set_state(DriverState::Starting);
     bench.report(Report::Up(2));
     assert_eq!(bench.scan().1, vec![Event::DRIVER_UP.0]);
-    // What the dead one has left is not believed, and neither is one that has not exchanged anything.
+    // What the dead process has left is not trusted, nor is one that has not exchanged anything.
     bench.publish([Starting, Starting], [0; 4]);
     bench.cp.set_state(DriverState::Ready);
     assert_eq!(bench.scan(), ([0xAA, 0xBB, 3, 4], vec![]));
@@ -269,7 +269,7 @@ fn noise_is_a_lost_station() {
     assert_eq!(bench.scan(), ([0xAA, 0xBB, 3, 4], vec![0x39C4, 0x39C4]));
 }
 
-/// A DP slave of two bytes each way, at its diagnostic address 2046; behind its inputs a diagnosis of up to 16 bytes.
+/// A DP slave of two bytes each way, at its diagnostic address 2046; after its inputs a diagnosis of up to 16 bytes.
 fn slave_bench(interrupts: bool) -> Bench {
     let (segment, memory) = (Segment::heap(), BusMemory::heap());
     let cpu = CpuSide::create(&segment, 8).expect("a segment");
@@ -344,7 +344,7 @@ fn the_diagnosis_of_a_slave_is_a_record_at_its_diagnostic_address() {
     assert_eq!(bench.modules[1].record_read(DP_DIAGNOSIS, &mut into), Err(ModuleError::NoRecord), "a slot");
     bench.slave(State::Lost, 1, &good);
     assert_eq!(bench.modules[0].record_read(DP_DIAGNOSIS, &mut into), Err(ModuleError::Absent), "lost");
-    // What the process says of its length is not believed.
+    // The length that the process gives is not trusted.
     let mut inputs = [0; 19];
     inputs[2] = 200;
     let status = Status { state: State::Running, diagnosis: 9, ..Status::default() };

@@ -19,9 +19,9 @@ use crate::supervisor::{Exit, Input, Phase, Report, Request, Supervisor, Times};
 
 /// How often the heartbeats are looked at while all drivers are up.
 const LOOK: Span = Span::from_millis(100);
-/// The same while one is starting: so long its first sign of life may go unseen.
+/// The same while one is starting: its first sign of life may go unseen for this long.
 const LOOK_STARTING: Span = Span::from_millis(5);
-/// A look that comes so long after the last one comes late: the whole process, or the machine, has stood still.
+/// A look this long after the last one is late: the whole process, or the machine, has stood still.
 const LOOK_LATE: Span = LOOK.times(3);
 /// Reports the scan has not fetched yet; more are dropped.
 const REPORTS: usize = 32;
@@ -56,7 +56,7 @@ impl DriverStatus {
     /// Its process, 0 when there is none.
     #[must_use]
     pub fn pid(&self) -> u32 {
-        // Who sees a process sees its attempt counted.
+        // Acquire: whoever sees a process also sees its attempt counted.
         self.pid.load(Ordering::Acquire)
     }
 
@@ -155,7 +155,7 @@ impl Fleet {
         Ok(port)
     }
 
-    /// Each process of this driver gets a descriptor of its own behind the others.
+    /// Each process of this driver gets a descriptor of its own after the others.
     pub fn hand_over(&mut self, name: &str, make: HandOver) {
         if let Some(driver) = self.drivers.iter_mut().find(|driver| driver.command.name == name) {
             driver.hand_over = Some(make);
@@ -254,7 +254,7 @@ impl<C: Clock> Watch<C> {
     fn stop(&mut self) {
         for driver in &mut self.drivers {
             driver.supervisor.stop();
-            // Under its number now stands the read end: rings of a scan thread that still runs go nowhere.
+            // Its number now stands for the read end: rings of a scan thread that still runs go nowhere.
             let _ = driver.doorbell.hang_up(&driver.stdin);
         }
         let give_up = self.clock.now() + STOP_WAIT;
@@ -332,8 +332,8 @@ impl Driver {
     }
 
     fn spawn(&mut self) -> Input {
-        // Whoever holds the segment may have written into its header while no driver was there, which no driver would
-        // attach to; the rest of what the CPU's side owns follows from the scan, which sees the attempt.
+        // While no driver was there, anybody with the segment may have written into its header, and no driver would
+        // attach to that. The scan restores the rest of what the CPU's side owns when it sees the attempt.
         self.monitor.restore_header();
         self.status.incidents.store(self.supervisor.incidents(), Ordering::Relaxed);
         self.status.attempts.fetch_add(1, Ordering::Release);

@@ -16,8 +16,8 @@ use rustix::process::{Pid, PidfdFlags, pidfd_open};
 
 use crate::supervisor::Exit;
 
-/// Time on a core that is enough for any number of signs of life. Who has had so much since the last one goes round in
-/// circles.
+/// Time on a core that is enough for any number of signs of life. A process that has had this much since the last one
+/// runs in circles.
 const ENOUGH: Span = Span::from_millis(200);
 
 /// How a driver is started.
@@ -31,7 +31,7 @@ pub struct DriverCommand {
     pub args: Vec<OsString>,
     /// Variables added to its environment.
     pub env: Vec<(OsString, OsString)>,
-    /// Handed over behind the segment's.
+    /// Handed over after the segment's.
     pub descriptors: Vec<Arc<OwnedFd>>,
 }
 
@@ -53,8 +53,8 @@ impl Process {
     /// Starts it. No `pre_exec`, so that std uses posix_spawn: a fork of a process with locked memory would cost the
     /// scan milliseconds.
     ///
-    /// The segment's descriptor lies in a socket that is its standard output: `/proc/PID/fd` is closed to a driver with
-    /// fewer rights than the runtime. The path is for drivers of others, and for people.
+    /// The segment's descriptor is in a socket that is its standard output: `/proc/PID/fd` is closed to a driver with
+    /// fewer rights than the runtime. The path is for drivers by others, and for people.
     pub(super) fn start(
         command: &DriverCommand,
         segment: &Segment,
@@ -105,7 +105,7 @@ impl Process {
         self.silent_at = None;
     }
 
-    /// Whether it is silent because it can do nothing.
+    /// Whether it is silent because it cannot run.
     pub(super) fn is_starved(&mut self) -> bool {
         let Some(ProcessState { state, ran }) = process_state(self.id()) else { return false };
         is_starved(state, ran.saturating_sub(*self.silent_at.get_or_insert(ran)))
@@ -120,7 +120,7 @@ impl Process {
     pub(super) fn ended(&mut self) -> Option<Exit> {
         match self.child.try_wait() {
             Ok(status) => status.map(exit_of),
-            // Somebody else has waited for it: it is gone all the same.
+            // Another has waited for it: it is gone all the same.
             Err(_) => Some(Exit::Code(-1)),
         }
     }
@@ -131,9 +131,8 @@ impl Process {
     }
 }
 
-/// Of a process in this state that has had so much time on a core since it fell silent: it waits for a core, or the
-/// kernel holds it (a tty does, to hand over what it has received). Not: it sleeps, is stopped, or goes round in
-/// circles.
+/// Whether a process in this state, with this much time on a core since it fell silent, waits for a core or is held by
+/// the kernel (a tty does that to hand over what it has received). False if it sleeps, is stopped, or runs in circles.
 fn is_starved(state: char, ran: Span) -> bool {
     state == 'D' || state == 'R' && ran < ENOUGH
 }

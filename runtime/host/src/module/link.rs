@@ -9,11 +9,11 @@ pub trait DriverLink: Send {
     fn ring(&mut self);
     /// False as soon as the driver's end is known, before what it showed in the segment is cleared.
     fn is_running(&self) -> bool;
-    /// What the supervisor has to tell.
+    /// What the supervisor has to report.
     fn next_report(&mut self) -> Option<Report>;
-    /// What the supervisor counts of its starts: what the driver itself has no hand in.
+    /// The supervisor's counts of its starts, which the driver cannot influence.
     fn life(&self) -> Life;
-    /// True while a driver runs that was among the first so many attempts. The scan asks at each access: one call.
+    /// True while a driver runs that was among the first `attempts` started. The scan asks at each access: one call.
     fn is_running_of(&self, attempts: u32) -> bool {
         self.is_running() && self.life().attempts <= attempts
     }

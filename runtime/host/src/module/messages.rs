@@ -1,8 +1,8 @@
 //! What a driver and its supervisor report, as entries of the diagnostic buffer. Made on the scan thread: no
 //! allocation.
 //!
-//! A CP also reports each repetition and each failed order; those are not entered. They are the program's affair
-//! (FEHLER_KOM), are counted, and a noisy line would push everything else out of the buffer.
+//! A CP also reports each repetition and each failed order; those are not entered. The program sees them (FEHLER_KOM),
+//! they are counted, and a noisy line would push everything else out of the buffer.
 
 use std::fmt::{self, Write};
 
@@ -23,19 +23,19 @@ mod code {
     pub(super) const SEGMENT: u32 = 8;
 }
 
-/// Kinds of what a driver may not do, each entered once in an incident.
+/// Kinds of rule violations by a driver, each entered once in an incident.
 const KINDS: usize = 8;
 /// The kinds that are no [`Fault`].
 const SEEN_BY_THE_CP: usize = 6;
 const INTERRUPT_OFF: usize = 7;
 
 /// Entries about line and parameters at once, and the time after which there may be one more: a line that comes and
-/// goes all the time must not wash everything else out of the buffer.
+/// goes all the time must not push everything else out of the buffer.
 const STATES: (u32, Span) = (16, Span::from_secs(10));
 /// Diagnostic interrupts at once, and the time after which there may be one more.
 const INTERRUPTS: (u32, Span) = (64, Span::from_millis(100));
 
-/// So many at once, and one more after each time.
+/// So many at once, and one more each time a period has passed.
 #[derive(Debug)]
 struct Allowance {
     left: u32,
@@ -74,12 +74,12 @@ enum Refused {
     Configuration,
 }
 
-/// Something that comes and goes: how it is, and what has been entered of it.
+/// Something that comes and goes: its present state, and the one entered last.
 #[derive(Debug)]
 struct Told<T> {
     is: Option<T>,
     told: Option<T>,
-    /// It has come again since it was told.
+    /// It has come again since it was entered.
     anew: bool,
 }
 
@@ -96,7 +96,7 @@ impl<T: Copy + PartialEq> Told<T> {
         self.anew = false;
     }
 
-    /// How it is, if that has not been told.
+    /// The present state, if it has not been entered.
     fn due(&mut self, allowance: &mut Allowance) -> Option<Option<T>> {
         let due = (self.anew || self.is != self.told) && allowance.take();
         due.then(|| {
@@ -107,7 +107,7 @@ impl<T: Copy + PartialEq> Told<T> {
     }
 }
 
-/// What a module has to tell, and what it has told.
+/// What a module has to report, and what it has reported.
 #[derive(Debug)]
 pub(super) struct Messages {
     /// Diagnostic interrupts are enabled.

@@ -36,8 +36,8 @@ pub struct CpSettings {
     pub channels: bool,
     /// It has boxes (the CP 343): its handling blocks read and write them as data records. (`docs/cp343.md`)
     pub boxes: bool,
-    /// `diagnostics = true`: it may raise diagnostic interrupts (OB 82). Whatever its driver does, it may not
-    /// otherwise.
+    /// `diagnostics = true`: it may raise diagnostic interrupts (OB 82). Otherwise it may not, whatever its driver
+    /// does.
     pub diagnostics: bool,
 }
 
@@ -49,7 +49,7 @@ pub struct CpModule {
     outputs: [u8; IO_MAX],
     messages: Messages,
     garbage: u64,
-    /// The CPU's part of the segment is whole for so many drivers.
+    /// The CPU's part of the segment has been restored for this many attempts to start a driver.
     whole_for: u32,
 }
 
@@ -68,9 +68,9 @@ impl CpModule {
         Ok(Self { side, link, settings, outputs: [0; IO_MAX], messages, garbage: 0, whole_for: 1 })
     }
 
-    /// True while a driver is attached that has shown its state. A state word without a meaning is no state. One that
-    /// was started during this scan is there from the next cycle control point on, when the CPU's part is made whole
-    /// for it: an order of before would be wiped away unseen.
+    /// True while a driver is attached that has shown its state. A state word without a meaning is no state. A driver
+    /// that was started during this scan is present from the next cycle control point on, when the CPU's part is
+    /// restored for it: an earlier order would be wiped away unseen.
     #[inline]
     fn is_present(&self) -> bool {
         let state = self.side.monitor().driver_state();
@@ -104,12 +104,12 @@ impl CpModule {
         let _fits = self.side.write_params(&self.settings.parameters, &self.settings.json);
     }
 
-    /// The box that stands under a record number.
+    /// The box with this record number.
     fn box_of(&self, record: u8) -> Option<usize> {
         self.settings.boxes.then(|| ob1_words::boxes::of_record(record)).flatten()
     }
 
-    /// The channel that stands under a record number.
+    /// The channel with this record number.
     fn channel(&self, record: u8) -> Option<Channel> {
         self.settings.channels.then(|| Channel::of_record(record)).flatten()
     }
@@ -173,8 +173,8 @@ impl Module for CpModule {
     fn poll_event(&mut self) -> Option<ModuleEvent> {
         let life = self.link.life();
         if life.attempts > self.whole_for {
-            // The last driver, or anybody else while there was none, may have written where he had no business, the
-            // parameters included.
+            // The last driver, or anybody else while there was none, may have written where it must not, the parameters
+            // included.
             self.whole_for = life.attempts;
             self.side.restore();
             self.send_parameters();

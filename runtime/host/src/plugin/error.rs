@@ -31,7 +31,7 @@ pub enum Refusal {
         /// And its minor version.
         minor: u16,
     },
-    /// Its table says something that cannot be.
+    /// Its table says something impossible.
     Malformed(String),
     /// Its `init` returned a status other than 0.
     InitFailed(i32),

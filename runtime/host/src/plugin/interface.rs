@@ -7,7 +7,7 @@ use ob1_model::{BitAddr, BlockKind, DataType, Dimension, Interface, Layout, Para
 
 use super::table::{text, word};
 
-/// Converts and lays out; what is wrong with it otherwise.
+/// Converts the parameters and lays them out; `Err`: what is wrong with them.
 pub(super) fn of(kind: BlockKind, descs: Vec<&ParamDesc>) -> Result<Interface, String> {
     let mut names = BTreeSet::new();
     let mut params = Vec::new();

@@ -127,7 +127,7 @@ impl Plugin {
     /// thread at a time.
     ///
     /// # Errors
-    /// [`Refusal::NoSuchBlock`] and [`Refusal::SameNumber`] for a `renumber` that cannot be.
+    /// [`Refusal::NoSuchBlock`] and [`Refusal::SameNumber`] for an impossible `renumber`.
     pub fn station(
         &self,
         renumber: &BTreeMap<BlockId, BlockId>,
@@ -151,7 +151,7 @@ impl Plugin {
     }
 }
 
-/// What the loader says: the library's error keeps it behind its own text.
+/// What the loader says: the library's error puts it after its own text.
 fn reason(error: &libloading::Error) -> String {
     std::error::Error::source(error).map_or_else(|| error.to_string(), ToString::to_string)
 }

@@ -11,7 +11,7 @@ pub enum Setting {
     Text(String),
 }
 
-/// The address under which plugins find what is said of the station as a whole; no module has it.
+/// The address under which plugins find the settings of the station as a whole; no module has it.
 pub const STATION: u32 = u32::MAX;
 
 /// A module of a station as its plugins see it.

@@ -96,7 +96,7 @@ impl Table {
         }
     }
 
-    /// Blocks with their code; kind and number are each other's only ones.
+    /// Blocks with their code; no two have the same kind and number.
     pub(super) fn blocks(&self) -> Result<Vec<(BlockInfo, Code)>, Refusal> {
         let (first, count) = (self.table.blocks, self.table.block_count);
         if count == 0 || count > BLOCKS_MAX {

@@ -1,4 +1,4 @@
-//! The accumulators: arithmetic, comparison, logic, shifts, conversions. What each gives stands in the reference
+//! The accumulators: arithmetic, comparison, logic, shifts, conversions. Their results are defined by the reference
 //! (`ob1_cpu::engine::arith`, `convert`, `shift`).
 
 use std::mem::offset_of;
@@ -47,7 +47,7 @@ impl Translation<'_, '_> {
         }
     }
 
-    /// Somebody looks at one of these registers behind the statement.
+    /// One of these registers is used after the statement.
     const fn seen(&self, set: flow::Set) -> bool {
         self.wanted & set != 0
     }
@@ -61,7 +61,7 @@ impl Translation<'_, '_> {
         self.now.ov = Bit::Known(false);
     }
 
-    /// The low word of a result with its sign, and whether it is another number than the result.
+    /// The low word of a result, sign-extended, and whether it differs from the result.
     fn cut(&mut self, whole: Value) -> (Value, Bit) {
         if !self.seen(flow::CC | OVERFLOW) {
             return (whole, Bit::Known(false));
@@ -96,7 +96,7 @@ impl Translation<'_, '_> {
         self.now.a[0] = Accu::Full(v);
     }
 
-    /// A register of the accumulators that only memory has: ACCU3, ACCU4.
+    /// An accumulator that only memory has: ACCU3, ACCU4.
     fn third(&mut self, at: usize) -> Value {
         self.load_state(types::I32, self.run, Self::reg(at))
     }
@@ -267,7 +267,7 @@ impl Translation<'_, '_> {
         }
     }
 
-    /// Whether a divisor is 0, when that is not known, and one that never is.
+    /// Whether the divisor is 0, unless that is known; and a divisor that is never 0.
     fn divisor(&mut self, y: Value) -> (Option<Value>, Value) {
         if state::constant(&self.b, y).is_some_and(|c| c as i32 != 0) {
             return (None, y);
@@ -354,7 +354,7 @@ impl Translation<'_, '_> {
         self.set_real(result);
     }
 
-    /// A floating-point result: 0 and denormalised numbers have no sign, what is no number has both codes.
+    /// A floating-point result: 0 and denormalised numbers have no sign, a NaN sets both codes.
     fn set_real(&mut self, result: Value) {
         self.now.a[0] = Accu::Real(result);
         if !self.seen(flow::CC | OVERFLOW) {
@@ -396,7 +396,7 @@ impl Translation<'_, '_> {
         self.set_result(Bit::Val(rlo));
     }
 
-    /// Of what is no number every comparison is false.
+    /// With a NaN every comparison is false.
     fn compare_real(&mut self, compare: Compare) {
         let x = state::real(self.now.a[1], self.vars.a[1], &mut self.b);
         let y = state::real(self.now.a[0], self.vars.a[0], &mut self.b);
@@ -465,7 +465,7 @@ impl Translation<'_, '_> {
                 self.set_full(v);
             }
             Convert::Abs => {
-                // Of what is no number the known one is left, whose sign is 0.
+                // A NaN becomes the CPU's one, whose sign is 0.
                 if let Accu::Real(v) = self.now.a[0] {
                     let v = self.b.ins().fabs(v);
                     self.now.a[0] = Accu::Real(v);
@@ -492,7 +492,7 @@ impl Translation<'_, '_> {
         }
     }
 
-    /// Out of range or no number: ACCU1 stays, OV and OS are set. CC1 and CC0 stay.
+    /// Out of range or NaN: ACCU1 stays, OV and OS are set. CC1 and CC0 stay.
     fn round(&mut self, kind: Convert) {
         let x = state::real(self.now.a[0], self.vars.a[0], &mut self.b);
         let before = self.accu(0);
@@ -502,7 +502,7 @@ impl Translation<'_, '_> {
             Convert::RndMinus => self.b.ins().floor(x),
             _ => self.b.ins().trunc(x),
         };
-        // Of the numbers of this format, those from -2^31 to below 2^31 have an answer.
+        // Of the numbers of this format, those from -2^31 to below 2^31 have a result.
         let least = self.b.ins().f32const(-2_147_483_648.0);
         let beyond = self.b.ins().f32const(2_147_483_648.0);
         let low = self.b.ins().fcmp(FloatCC::GreaterThanOrEqual, whole, least);

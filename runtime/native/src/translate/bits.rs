@@ -8,7 +8,7 @@ use super::Translation;
 use super::state::{self, Bit, Bracket};
 
 impl Translation<'_, '_> {
-    /// A bit that can be combined: not in its variable.
+    /// Reads a bit out of its variable, so that it can be combined.
     pub(crate) fn read_bit(&mut self, bit: Bit, var: Variable) -> Bit {
         match bit {
             Bit::Var => Bit::Val(self.b.use_var(var)),
@@ -132,7 +132,7 @@ impl Translation<'_, '_> {
         let tested = if negate { state::not(bit, &mut self.b) } else { bit };
         let fc = self.fc();
         let rlo = match fc {
-            // The first of a chain does not look at the RLO.
+            // The first scan of a chain does not use the RLO.
             Bit::Known(false) => Bit::Known(false),
             _ => self.rlo(),
         };

@@ -1,12 +1,12 @@
-//! The front end's builder, with the constants of the block being filled: each is made once there. Every instruction
-//! costs the compiler time, also one that it finds to be there already.
+//! The front end's builder, with the constants of the block being filled: each is made once per block. Every
+//! instruction costs the compiler time, even one that turns out to be a duplicate.
 
 use std::ops::{Deref, DerefMut};
 
 use cranelift_codegen::ir::{self, InstBuilder, Type, Value};
 use cranelift_frontend::FunctionBuilder;
 
-/// Constants of a block that are looked through, at most: those made last.
+/// How many constants of a block are searched, at most: the newest ones.
 const LOOK: usize = 24;
 
 pub(crate) struct Builder<'f> {

@@ -57,7 +57,7 @@ impl Cache {
         self.held.clear();
     }
 
-    /// Forgets but what waits to be written and the `most` places known shortest. What is left.
+    /// Forgets all but what waits to be written and the `most` newest places. Returns the places that are left.
     fn keep(&mut self, most: usize) -> Vec<Place> {
         let mut ages: Vec<u64> = self.held.values().filter(|held| !held.waits).map(|held| held.age).collect();
         ages.sort_unstable_by_key(|age| Reverse(*age));
@@ -66,7 +66,7 @@ impl Cache {
         self.held.iter().map(|(key, held)| (key.0, key.1, held.bytes)).collect()
     }
 
-    /// Forgets the place known longest when there are too many.
+    /// Forgets the oldest place when there are too many.
     fn limit(&mut self) {
         if self.held.len() > KNOWN
             && let Some(key) =
@@ -97,7 +97,7 @@ impl Translation<'_, '_> {
         }
     }
 
-    /// Forgets but what waits to be written and the `most` places known shortest. Places in this order.
+    /// Forgets all but what waits to be written and the `most` newest places. Returns the places in order.
     pub(crate) fn keep(&mut self, most: usize) -> Vec<Place> {
         if self.fast {
             self.write_back();
@@ -110,7 +110,7 @@ impl Translation<'_, '_> {
         places.iter().filter_map(|(part, at, _)| Some(self.checked.cache.held.get(&(*part, *at))?.value)).collect()
     }
 
-    /// The values of known places are these from here on.
+    /// From here on these are the values of known places.
     pub(crate) fn hold(&mut self, places: &[Place], values: &[Value]) {
         for ((part, at, _), value) in places.iter().zip(values) {
             if let Some(held) = self.checked.cache.held.get_mut(&(*part, *at)) {
@@ -125,7 +125,7 @@ impl Translation<'_, '_> {
         self.load_arena(Spot { base, offset: at, bit: super::operand::BitAt::Known(0) }, bytes * 8)
     }
 
-    /// Jumps meet before statement `pc`: the variables of its places get their values. Only places that all ways know
+    /// Jumps meet before statement `pc`: the variables of its places get their values. Only places known on all paths
     /// are known there.
     pub(crate) fn send_places(&mut self, pc: usize) {
         if self.fast || self.body.loops[pc] {

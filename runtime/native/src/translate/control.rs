@@ -63,9 +63,9 @@ impl Translation<'_, '_> {
         }
     }
 
-    /// Another way when `condition` is (`when`) or is not 1, which does not come back here.
+    /// Branches to `other` if `condition` is 1 (`when`) or is not 1; `other` does not come back here.
     ///
-    /// What waits for memory is written before: both ways need it, and each would calculate it again.
+    /// What waits to be written is written before: both paths need it, and each would calculate it again.
     fn branch(&mut self, condition: Bit, when: bool, other: impl FnOnce(&mut Self)) {
         self.write_back();
         let condition = condition.condition(self.vars.rlo, &mut self.b);
@@ -125,9 +125,9 @@ impl Translation<'_, '_> {
         }
     }
 
-    /// Looks at the clock and at what is due when it is time, before statement `statement`.
+    /// A safe point before statement `statement`: looks at the clock and at what is due, if it is time.
     ///
-    /// Memory need not have what waits for it unless somebody looks; behind the look all is read again.
+    /// What waits to be written is written only if the safe point looks; after that everything is read again.
     pub(crate) fn safe_point(&mut self, statement: usize) {
         let uncounted = self.body.uncounted(statement);
         self.count(uncounted);
@@ -197,7 +197,7 @@ impl Translation<'_, '_> {
         self.end_chain(Bit::Known(true));
     }
 
-    /// A call. All registers are in memory, for the helper and for the reference, which may come here.
+    /// A call. All registers are in memory, for the helper and for the reference, which may take over here.
     pub(crate) fn call(&mut self, pc: usize) {
         if self.inlined_call(pc) {
             return;

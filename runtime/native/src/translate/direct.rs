@@ -1,7 +1,7 @@
-//! Calls from compiled block to compiled block: the frame is made here, nothing of the CPU is asked.
+//! Calls from compiled block to compiled block: the frame is made here, without asking the CPU.
 //!
-//! The called block runs on the same [`Run`]: its registers are the caller's, as on the CPU. What the caller gets back
-//! of them when the block ends is kept in this function's frame meanwhile.
+//! The called block runs on the same [`Run`]: its registers are the caller's, as on the CPU. Those that are restored
+//! for the caller when the block ends are kept in this function's frame meanwhile.
 
 use std::mem::offset_of;
 
@@ -26,7 +26,7 @@ fn values((at, bytes): Field) -> impl Iterator<Item = (Type, usize)> {
 
 impl Translation<'_, '_> {
     /// The call of a function block at `pc`, when the block, its instance and its parameters are known at load: it goes
-    /// on at `next`. What is emitted behind this is for a block without code, and where there is no room for one more.
+    /// on at `next`. The code emitted after this handles a block without code, and a lack of room for one more.
     pub(crate) fn call_directly(&mut self, pc: usize, next: ir::Block) {
         let plan = self.plan;
         let Op::Call { call: index } = self.body.ops[pc] else { return };
@@ -115,7 +115,7 @@ impl Translation<'_, '_> {
         self.store_state(ar2, self.run, Self::reg(offset_of!(Regs, ar2)));
     }
 
-    /// The status word at the beginning of a called block and behind the call: OS = 0, the chain has ended.
+    /// The status word at the beginning of a called block and after the call: OS = 0, the chain has ended.
     fn end_of_chain(&mut self) {
         let flags = self.load_state(types::I32, self.run, Self::reg(offset_of!(Regs, flags)));
         let rest = self.word(!OS);

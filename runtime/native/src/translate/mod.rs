@@ -56,7 +56,7 @@ pub(crate) struct Translation<'a, 'f> {
     pub(crate) now: State,
     /// What has been checked on the way to here.
     pub(crate) checked: Checked,
-    /// The block, or the one that has become part of it.
+    /// The block, or the one that is inlined into it.
     pub(crate) body: Body<'a>,
     /// Index of the block in the plan.
     pub(crate) block: u32,
@@ -65,28 +65,28 @@ pub(crate) struct Translation<'a, 'f> {
     pub(crate) resume: Vec<Resume>,
     /// Where the reference is asked to go on; its argument is the statement.
     pub(crate) leave: ir::Block,
-    /// The same when memory has the count already.
+    /// The same when the count is already in memory.
     pub(crate) leave_counted: ir::Block,
-    /// Where a call leads that was not made, or was aborted: the answer, and the statement behind it.
+    /// Where a call leads that was not made, or was aborted: the answer, and the statement after it.
     pub(crate) failed: ir::Block,
     /// Where an abort returns.
     pub(crate) abort: ir::Block,
-    /// Which of these ways anything leads to.
+    /// Which of these exits are used.
     pub(crate) ways: Ways,
     pub(crate) helper: SigRef,
     /// The signature of other compiled blocks.
     pub(crate) other: SigRef,
-    /// Registers that are needed behind the statement being translated.
+    /// Registers that are needed after the statement being translated.
     pub(crate) wanted: Set,
-    /// No actual parameter is a pointer: that was looked at before the first statement.
+    /// No actual parameter is a pointer: that was checked before the first statement.
     pub(crate) no_pointers: bool,
-    /// Compiled quickly: what memory holds is not carried on where ways meet.
+    /// Compiled quickly: known contents of memory are dropped where paths meet.
     pub(crate) fast: bool,
-    /// The variables of places of memory, for where ways meet.
+    /// The variables of places of memory, for where paths meet.
     pub(crate) places: BTreeMap<cache::Place, Variable>,
 }
 
-/// Ways out of a function besides its end, that something leads to.
+/// The exits of a function, besides its end, that are used.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Ways {
     pub(crate) leaves: bool,
@@ -127,20 +127,20 @@ pub(crate) struct Body<'a> {
     pub(crate) facts: Vec<Option<Facts>>,
     /// Code of the statements jumps lead to.
     pub(crate) starts: Vec<Option<ir::Block>>,
-    /// Statements a jump leads back to: not all that is known there is seen before.
+    /// Statements a jump leads back to: not every path to them is known when they are translated.
     pub(crate) loops: Vec<bool>,
-    /// Places whose values all ways know that lead to a statement so far.
+    /// Places whose values are known on all paths that lead to a statement so far.
     pub(crate) meeting: Vec<Option<Vec<cache::Place>>>,
-    /// Registers that memory may not have where jumps meet.
+    /// Registers that memory may lack where jumps meet.
     pub(crate) unsaved: Vec<Set>,
     /// Statements where compiled code can be entered from the reference.
     pub(crate) entries: Vec<bool>,
-    /// Set when the block has become part of its caller.
+    /// Set when the block is inlined into its caller.
     pub(crate) inlined: Option<Inlined>,
     pub(crate) instance_bytes: u32,
 }
 
-/// What is known of a block that has become part of its caller.
+/// What is known of an inlined block.
 #[derive(Clone, Debug)]
 pub(crate) struct Inlined {
     /// Where its local data begins in that of the function.
@@ -199,13 +199,13 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// What the variable does not count at statement `pc` where jumps meet: it grows with the statements, so that most
-    /// ways there have nothing to add.
+    /// How many statements the variable lacks at statement `pc`, where jumps meet: the number grows with the
+    /// statements, so that most paths there have nothing to add.
     pub(crate) fn uncounted(&self, pc: usize) -> u32 {
         self.inlined.as_ref().map_or(0, |inlined| inlined.uncounted) + pc as u32
     }
 
-    /// Ends within the block meet at its end.
+    /// The ends inside an inlined block meet at its end.
     pub(crate) fn ends_within(&mut self) {
         let end = self.stmts.len();
         let early = |(i, stmt): (usize, &Stmt)| matches!(stmt.op, Op::End | Op::EndIf) && i + 1 < end;
@@ -221,8 +221,7 @@ impl<'a> Body<'a> {
 /// Statements between two entries from the reference, at least; those that jumps lead back to are always entries.
 const BETWEEN: usize = 64;
 
-/// Where compiled code can be entered from the reference. Each entry costs code, and is used behind a failed check
-/// only.
+/// Where compiled code can be entered from the reference. Each entry costs code, and is used only after a failed check.
 fn entries(marks: &[bool], loops: &[bool], calls: &dyn Fn(usize) -> bool) -> Vec<bool> {
     let end = marks.len() - 1;
     let mut next = BETWEEN;
@@ -309,8 +308,8 @@ pub(crate) fn translate(
     Made { resume }
 }
 
-/// What a block reaches besides the memory of the CPU: its local data, and references to actual parameters. Blocks that
-/// are part of it lie behind its local data.
+/// What a block reaches besides the memory of the CPU: its local data, and references to actual parameters. The local
+/// data of inlined blocks lie after its own.
 fn touches(plan: &Plan, block: u32) -> (bool, BTreeSet<u16>) {
     let code = &plan.blocks[block as usize];
     let (mut local, mut refs) = (false, BTreeSet::new());
@@ -326,9 +325,9 @@ fn touches(plan: &Plan, block: u32) -> (bool, BTreeSet<u16>) {
     (local, refs)
 }
 
-/// Statements of a block that the reference runs as a whole, at most, when an actual parameter is a pointer. Pointers
-/// are rare, and a check for each use takes much code; but a long block or a loop should not go to the reference for
-/// one of them.
+/// Most statements of a block that the reference runs as a whole when an actual parameter is a pointer. Pointers are
+/// rare, and a check for each use takes much code; but a long block or a loop should not go to the reference for one of
+/// them.
 const WHOLE: usize = 2 * BETWEEN;
 
 impl Translation<'_, '_> {
@@ -359,7 +358,7 @@ impl Translation<'_, '_> {
         self.now.or = Bit::Known(false);
     }
 
-    /// Where the references to actual parameters lie; and whether none is a pointer, when that is looked at once.
+    /// Where the references to actual parameters lie; and whether none is a pointer, if that is checked once.
     fn references(&mut self, used: &BTreeSet<u16>) -> Option<Value> {
         use std::mem::offset_of;
         let refs = self.load_pointer(self.hot, offset_of!(ob1_cpu::engine::Hot, refs));
@@ -481,7 +480,7 @@ impl Translation<'_, '_> {
     }
 
     fn compiled(&mut self, op: &Op, pc: usize) -> bool {
-        // What grows with each statement is read although it is not looked at.
+        // OS is sticky: a statement that may set it needs its value, although it does not use it.
         let grows = self.wanted & crate::unsaved::changes(op) & flow::OS;
         let uses = self.body.env.at_hand(op, self.wanted);
         if !matches!(op, Op::End) {
@@ -511,7 +510,7 @@ impl Translation<'_, '_> {
         true
     }
 
-    /// Memory nobody but the CPU looks at.
+    /// Memory that only the CPU uses.
     pub(crate) fn state_flags(&self) -> MemFlagsData {
         MemFlagsData::trusted().with_alias_region(Some(self.state_region))
     }

@@ -1,4 +1,4 @@
-//! Where an operand lies: an address, behind the checks that are needed.
+//! Where an operand lies: an address, after the checks it needs.
 
 use std::mem::offset_of;
 
@@ -14,7 +14,7 @@ use crate::place;
 /// The part of a pointer that is an address.
 const POINTER_BITS: u32 = 0x7_FFFF;
 
-/// Address of an operand: a pointer and bytes behind it, and the bit.
+/// Address of an operand: a pointer and an offset, and the bit.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Spot {
     pub(crate) base: Value,
@@ -108,7 +108,7 @@ impl Translation<'_, '_> {
         }
     }
 
-    /// Opens a data block of the program. Memory gets it where somebody looks.
+    /// Opens a data block of the program. It is written to memory where somebody looks.
     pub(crate) fn open(&mut self, which: Which, number: u16) {
         let data = self.known_data(number);
         let (place, checked) = match which {
@@ -192,7 +192,7 @@ impl Translation<'_, '_> {
         }
         let mut param = self.reference(index, pc);
         if at > 0 {
-            // The actual of a STRING may be shorter than its formal, and the arena end behind it.
+            // The actual of a STRING may be shorter than its formal, and the arena end after it.
             let length = self.load_state(types::I32, self.hot, offset_of!(Hot, arena_len));
             let three = self.word(3);
             let behind = self.word(at);
@@ -306,7 +306,7 @@ impl Translation<'_, '_> {
                 !matches!(area, Area::Peripheral | Area::PreviousLocal) && (bits == 1 || at.is_multiple_of(8))
             });
             return match reachable {
-                // What is verified of a fixed operand is not of this one.
+                // Unlike a fixed operand, this one was not verified.
                 Some(Area::Local) if at / 8 + bits.div_ceil(8) > self.local_len() => {
                     self.never(pc);
                     self.in_area(Area::Local, 0, bits, write, pc)

@@ -14,7 +14,7 @@ use crate::run::Run;
 const FLAGS: Set = flow::CC | flow::OV | flow::OS | flow::BR;
 
 impl Translation<'_, '_> {
-    /// Writes the registers of `set` to memory that it does not have.
+    /// Writes those registers of `set` to memory that memory does not have yet.
     pub(crate) fn spill(&mut self, set: Set) {
         let set = set & !self.in_memory();
         for (i, (bit, at)) in
@@ -299,7 +299,7 @@ impl Translation<'_, '_> {
             let v = self.nest();
             self.b.def_var(self.vars.nest, v);
         }
-        // A block that is part of another opens none.
+        // An inlined block opens no data block.
         if self.body.inlined.is_none() {
             let unknown = [facts.db.is_none(), facts.di.is_none()];
             let saved = self.now.saved;
@@ -322,7 +322,7 @@ impl Translation<'_, '_> {
         }
     }
 
-    /// Statements executed, those that the variable does not count yet included.
+    /// Statements executed, including those that the variable does not count yet.
     pub(crate) fn executed(&mut self) -> Value {
         if self.now.stored & flow::COUNT != 0 {
             self.now.stored &= !flow::COUNT;
@@ -337,7 +337,7 @@ impl Translation<'_, '_> {
         self.b.ins().iadd(executed, more)
     }
 
-    /// Tells memory how many statements were executed.
+    /// Writes to memory how many statements were executed.
     pub(crate) fn tell_count(&mut self) {
         if self.now.stored & flow::COUNT != 0 && self.now.uncounted == 0 {
             return;
@@ -346,7 +346,7 @@ impl Translation<'_, '_> {
         self.store_state(executed, self.hot, offset_of!(Hot, pending));
     }
 
-    /// The count is as memory has it, behind a helper.
+    /// After a helper: the count is the one in memory.
     pub(crate) const fn take_count(&mut self) {
         self.now.stored |= flow::COUNT;
         self.now.uncounted = 0;
@@ -397,7 +397,7 @@ impl Translation<'_, '_> {
         self.b.ins().jump(self.leave, &[BlockArg::from(at)]);
     }
 
-    /// Calls a helper with two numbers; its answer.
+    /// Calls a helper with two numbers; returns its answer.
     pub(crate) fn call_helper(&mut self, pointer: usize, first: Value, second: Value) -> Value {
         let helper = self.load_pointer(self.run, pointer);
         let call = self.b.ins().call_indirect(self.helper, helper, &[self.run, first, second]);
@@ -469,14 +469,14 @@ impl Translation<'_, '_> {
         }
     }
 
-    /// The reference goes on, and perhaps gives back.
+    /// The reference goes on, and may return to compiled code.
     fn reference_goes_on(&mut self) {
         let at = self.b.append_block_param(self.leave_counted, types::I32);
         self.b.switch_to_block(self.leave_counted);
         let block = self.word(self.block);
         let answer = self.call_helper(offset_of!(Run, leave), block, at);
         if self.landings.is_empty() {
-            // It has come to the end, or was aborted.
+            // It has reached the end, or was aborted.
             self.b.ins().return_(&[answer]);
         } else {
             self.dispatch(answer);
@@ -488,7 +488,7 @@ impl Translation<'_, '_> {
         let dispatch = self.b.create_block();
         self.b.set_cold_block(dispatch);
         self.b.ins().jump(dispatch, &[]);
-        // Number 0: the reference has come to the end.
+        // Number 0: the reference has reached the end.
         let ended = self.b.create_block();
         self.b.set_cold_block(ended);
         let mut calls = vec![self.b.func.dfg.block_call(ended, &[])];

@@ -13,7 +13,7 @@ use ob1_ir::StatusBit;
 use super::builder::Builder;
 use crate::flow::{self, Set};
 
-/// What a floating-point result is that is no number.
+/// The bits of every NaN result.
 const NO_NUMBER: i64 = 0x7FFF_FFFF;
 
 /// A bit of the status word.
@@ -37,7 +37,7 @@ pub(crate) enum Accu {
         hi: Value,
         lo: Value,
     },
-    /// A floating-point result. What is no number is made the one that the CPU knows when the bits are needed.
+    /// A floating-point result. A NaN is replaced by the CPU's one when its bits are needed.
     Real(Value),
 }
 
@@ -95,9 +95,9 @@ pub(crate) struct State {
     pub(crate) di: Data,
     /// Brackets opened since the last place where jumps meet; others are in the variable.
     pub(crate) brackets: Vec<Bracket>,
-    /// Statements that the variable does not count yet; it may count too many, for the sum is right.
+    /// Statements that the variable does not count yet. The variable may count too many: only the sum has to be right.
     pub(crate) uncounted: u32,
-    /// Registers that are not in their variables but in memory, as long as nothing else is said of them here.
+    /// Registers that are in memory instead of their variables, unless this state gives them a value.
     pub(crate) stored: Set,
     /// Values that memory has, too, by the places of registers in a [`Set`].
     pub(crate) fresh: [Option<Value>; 12],
@@ -236,7 +236,7 @@ fn masked(v: Value, n: u8, b: &mut Builder<'_>) -> Value {
     b.ins().band(v, mask)
 }
 
-/// Two bits at one place of their values, the lower of theirs, and whether the other bits of both are 0.
+/// Two bits moved to one place, the lower of the two; and whether the other bits of both values are 0.
 fn side_by_side(x: Bit, y: Bit, b: &mut Builder<'_>) -> Option<(Value, Value, u8, bool)> {
     match (x, y) {
         (Bit::Val(x), Bit::Val(y)) => Some((x, y, 0, true)),
@@ -250,7 +250,7 @@ fn side_by_side(x: Bit, y: Bit, b: &mut Builder<'_>) -> Option<(Value, Value, u8
     }
 }
 
-/// What two bits have given.
+/// The result of combining two bits.
 fn combined(result: Value, at: u8, clean: bool) -> Bit {
     if clean { Bit::Val(result) } else { Bit::At(result, at) }
 }
@@ -262,7 +262,7 @@ pub(crate) fn and(x: Bit, y: Bit, b: &mut Builder<'_>) -> Bit {
         (Bit::Known(true), other) | (other, Bit::Known(true)) => other,
         _ => {
             let Some((u, v, at, clean)) = side_by_side(x, y, b) else { return unreachable_bit() };
-            // One without other bits clears those of the other.
+            // A value without other bits clears those of the other.
             let clean = clean || matches!(x, Bit::Val(_)) || matches!(y, Bit::Val(_));
             combined(b.ins().band(u, v), at, clean)
         }
@@ -454,7 +454,7 @@ pub(crate) fn signed(accu: Accu, var: Variable, b: &mut Builder<'_>) -> Value {
     b.ins().sextend(types::I32, word)
 }
 
-/// The word that a value of 32 bits is made of.
+/// The 16-bit value that a value of 32 bits was extended from.
 pub(crate) fn word_of(v: Value, b: &Builder<'_>) -> Option<Value> {
     use cranelift_codegen::ir::{InstructionData, Opcode, ValueDef};
     let ValueDef::Result(inst, 0) = b.func.dfg.value_def(v) else { return None };
@@ -482,7 +482,7 @@ pub(crate) fn real(accu: Accu, var: Variable, b: &mut Builder<'_>) -> Value {
     }
 }
 
-/// The floating-point result whose bits these are, made by [`full`]. What is no number stays no number whichever it is.
+/// The floating-point result whose bits these are, made by [`full`]. A NaN stays a NaN, whichever it is.
 fn real_of(bits: Value, b: &Builder<'_>) -> Option<Value> {
     use cranelift_codegen::ir::{InstructionData, Opcode, ValueDef};
     let made = |v: Value| match b.func.dfg.value_def(v) {

@@ -1,4 +1,4 @@
-//! Timers and counters. What each statement does stands in `ob1_cpu::engine::{Timer, Counter}`.
+//! Timers and counters. What each statement does is defined in `ob1_cpu::engine::{Timer, Counter}`.
 
 use std::mem::offset_of;
 

@@ -8,7 +8,7 @@ use ob1_model::{Area, BitAddr, TimerKind};
 
 use super::Random;
 
-/// REAL: 0, halves, the ends of DINT, denormalised numbers, infinity, what is no number; each with both signs.
+/// REAL: 0, halves, the ends of DINT, denormalised numbers, infinity, NaN; each with both signs.
 const REALS: &[u32] = &[
     0,
     0x3F00_0000,
@@ -29,7 +29,7 @@ const REALS: &[u32] = &[
     0x7FC0_0000,
     0x7FFF_FFFF,
 ];
-/// INT and DINT at their ends, and BCD numbers that are some and that are none.
+/// INT and DINT at their ends, and valid and invalid BCD numbers.
 const WHOLE: &[u32] = &[
     0,
     1,
@@ -55,7 +55,7 @@ const WHOLE: &[u32] = &[
 ];
 /// Where shifts end.
 const COUNTS: &[u8] = &[0, 1, 8, 15, 16, 17, 31, 32, 33, 63, 64, 127, 128, 255];
-/// Byte addresses at and behind the ends of areas and data blocks.
+/// Byte addresses at and beyond the ends of areas and data blocks.
 const ADDRESSES: &[u32] = &[0, 5, 6, 31, 32, 63, 64, 124, 125, 127, 128, 252, 255, 256, 1023, 1024, 65_532, 65_535];
 const AREAS: &[u32] = &[0x00, 0x80, 0x81, 0x82, 0x83, 0x84, 0x85, 0x86, 0x87, 0x88, 0xFF];
 

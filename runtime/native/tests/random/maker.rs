@@ -69,7 +69,7 @@ impl Maker<'_> {
             }
             14 | 15 => Place::Fixed(Area::Db, at),
             16 => {
-                // At and behind the end of bit memory.
+                // At and beyond the end of bit memory.
                 at = BitAddr(at.0 + 236 * 8);
                 Place::Fixed(Area::Memory, at)
             }

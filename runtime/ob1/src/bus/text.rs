@@ -120,7 +120,7 @@ pub(crate) mod tests {
             \u{20}                      configuration fault\n";
         assert_eq!(said, expected, "\n{said}");
         assert_eq!(text(&new, None, Some("other")), "");
-        // Another process begins to count anew.
+        // Another process counts from 0.
         assert!(text(&[bus(1)], Some((&old, 2.0)), Some("field")).contains("exchange          0.0"));
         let dead = BusStatus { pid: 0, ..bus(1) };
         assert!(text(&[dead], None, None).contains("no process, lost 0"));

@@ -62,7 +62,7 @@ pub struct ExecArgs {
     /// End after this time; where time is virtual, also after 120 s of real time
     #[arg(long, value_name = "TIME", default_value = "60s", value_parser = station_file::parse_duration)]
     pub limit: Span,
-    /// The engine: auto, native, reference, both (the one held against the other), or plain (reference without its
+    /// The engine: auto, native, reference, both (the one checked against the other), or plain (reference without its
     /// short forms)
     #[arg(long, value_name = "NAME", default_value = "auto", value_parser = EngineChoice::parse)]
     pub engine: EngineChoice,
@@ -90,7 +90,7 @@ pub struct ExecArgs {
     /// Write the figures of the run there as JSON
     #[arg(long, value_name = "FILE.json")]
     pub stats: Option<PathBuf>,
-    /// Print no warnings of the sources; errors, faults and the limit's line are printed all the same
+    /// Print no warnings of the sources; errors, faults and the line about the limit are still printed
     #[arg(long, short)]
     pub quiet: bool,
 }

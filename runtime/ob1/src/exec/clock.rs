@@ -41,8 +41,8 @@ impl fmt::Debug for WallTime {
     }
 }
 
-/// A clock that ends the run. The limit is looked at between two cycles; a cycle that does not end is halted when it is
-/// over by the cycle monitoring time, or when real time is up.
+/// A clock that ends the run. The limit is looked at between two cycles; a cycle that does not end is halted when it
+/// exceeds the limit by the cycle monitoring time, or when real time is up.
 #[derive(Debug)]
 pub(super) struct ExecClock {
     time: Time,
@@ -144,7 +144,8 @@ mod tests {
     use super::*;
     use crate::exit::ExecExit;
 
-    /// Runs OB 1 with a real time that takes a second between two looks; the exit, and what the clock says of it.
+    /// Runs OB 1 with a real time that takes a second between two looks: the exit, whether real time was up, and the
+    /// seconds taken.
     fn exec(code: &str, words: &[&str]) -> (ExecExit, bool, u64) {
         let folder = tempfile::tempdir().expect("a directory");
         let path = folder.path().join("p.awl");

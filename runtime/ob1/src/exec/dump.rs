@@ -16,7 +16,7 @@ pub enum DumpArea {
 /// A wanted dump.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Dump {
-    /// What of.
+    /// The area.
     pub area: DumpArea,
     /// The first byte.
     pub from: usize,

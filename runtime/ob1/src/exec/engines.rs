@@ -9,7 +9,7 @@ use ob1_station::compiling::{Compiling, Request, Successors};
 
 use super::ExecArgs;
 
-/// A run that is over before does without: a process more would cost it more than it gains.
+/// A run that is over before does without: another process would cost it more than it gains.
 const LASTS: Duration = Duration::from_millis(200);
 /// Cycles between two looks at the time.
 const LOOKS: u32 = 64;
@@ -24,7 +24,7 @@ pub(super) struct Engines {
 }
 
 impl Engines {
-    /// Of a run that begins now; `request`: what is to be compiled, if anything.
+    /// The engines of a run that begins now; `request`: what is to be compiled, if anything.
     pub(super) fn new(args: &ExecArgs, cpu: &Cpu, request: Option<Request>) -> Self {
         let wanted = request.map(|request| (request, Arc::clone(cpu.plan())));
         Self { begun: Instant::now(), cycles: 0, wanted, running: None, quiet: args.quiet }

@@ -61,7 +61,7 @@ fn try_exec(args: &ExecArgs) -> Result<ExecExit, Failure> {
     let (program, standard) = compile(args, &standard)?;
     let (mut cpu, request) = load(args, &standard, &program)?;
     for dump in &args.dump {
-        // Before the run: a dump that cannot be is known at once, not after a minute.
+        // Before the run: an impossible dump is known at once, not after a minute.
         dump.bytes(&cpu).map_err(|text| (ExecExit::Other(Exit::Usage), format!("ob1: --dump {text}\n")))?;
     }
     let mut clock = ExecClock::new(args, cpu.attention(), WallTime::start());
@@ -114,7 +114,7 @@ fn compile(args: &ExecArgs, standard: &[Choice]) -> Result<(Program, Vec<Choice>
     Ok((compiled.program, standard))
 }
 
-/// The CPU, and what is to be compiled beside.
+/// The CPU, and what is to be compiled in a process of its own.
 fn load(args: &ExecArgs, standard: &[Choice], program: &Program) -> Result<(Cpu, Option<Request>), Failure> {
     let config = CpuConfig {
         input_bytes: args.inputs,

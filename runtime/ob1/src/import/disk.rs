@@ -53,7 +53,7 @@ fn folder(root: &Path) -> Result<Box<dyn FileSource>, String> {
     Ok(Box::new(Folder { root: root.to_owned(), paths }))
 }
 
-/// Lists files; links are not followed, a folder that cannot be read is passed over but for the first.
+/// Lists files; links are not followed, a folder that cannot be read is skipped unless it is the first.
 fn walk(root: &Path, below: &str, depth: u32, paths: &mut Vec<String>) -> Result<(), String> {
     let entries = std::fs::read_dir(root.join(below)).map_err(|error| error.to_string())?;
     for entry in entries.flatten() {

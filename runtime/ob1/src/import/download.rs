@@ -15,8 +15,8 @@ use super::upload::{Blocks, UPLOADED};
 use super::wire::{CpuArgs, Socket, connect};
 use crate::exit::ImportExit;
 
-/// Blocks that are linked together, and bytes of them: their names fit any PDU that is asked for, they themselves what
-/// a CPU puts aside.
+/// Most blocks that are linked together, and most bytes of them: their names fit any PDU we ask for, the blocks fit
+/// what a CPU puts aside.
 const TOGETHER: usize = 64;
 const TOGETHER_BYTES: usize = 512 * 1024;
 
@@ -57,7 +57,7 @@ fn run(args: &DownloadArgs) -> Result<ImportExit, String> {
     let mut device = connect(&args.cpu)?;
     if args.stop {
         match device.stop().map_err(|error| error.0)? {
-            // It stands already.
+            // It is in STOP already.
             Ok(()) | Err(Refused::Job(Code::COORDINATION)) => {}
             Err(why) => return Err(format!("the CPU does not go to STOP: {why}")),
         }
@@ -79,7 +79,8 @@ fn run(args: &DownloadArgs) -> Result<ImportExit, String> {
     })
 }
 
-/// The blocks that were refused for good. One that needs another is loaded behind it, in the next round.
+/// Loads the blocks; returns those that were refused for good. One that needs another is loaded after it, in the next
+/// round.
 fn load_all(device: &mut Device<Socket>, blocks: Blocks) -> Result<BTreeMap<String, Refused>, String> {
     let mut groups = together(blocks);
     loop {
@@ -165,7 +166,7 @@ fn folder(path: &Path, blocks: &mut Blocks) -> Result<(), String> {
     if found { Ok(()) } else { Err(format!("{}: no .mc7 lies there; `ob1 upload` makes them", path.display())) }
 }
 
-/// A file may have several blocks behind one another.
+/// A file may hold several blocks, one after another.
 fn file(path: &Path, blocks: &mut Blocks) -> Result<(), String> {
     let bytes = std::fs::read(path).map_err(|error| format!("{}: {error}", path.display()))?;
     let mut rest = bytes.as_slice();

@@ -36,7 +36,7 @@ pub(super) fn cp_type(module: &Module) -> Option<&'static str> {
     CPS.iter().find(|(_, starts)| starts.iter().any(begins)).map(|(kind, _)| kind.name())
 }
 
-/// Areas one behind the other, those that touch or overlap as one.
+/// Areas in order, those that touch or overlap as one.
 pub(super) fn merged(areas: impl Iterator<Item = Area>) -> Vec<Area> {
     let mut sorted: Vec<Area> = areas.collect();
     sorted.sort_unstable();

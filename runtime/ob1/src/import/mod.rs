@@ -27,7 +27,7 @@ pub use upload::{CompareArgs, UploadArgs, compare, upload};
 /// Make a station of a STEP 7 project
 ///
 /// Reads a project or library of STEP 7 V5: its folder, its .s7p or .s7l, or a .zip of it. The sources need not be in
-/// it: STL is made of the machine code, and held against it. The station runs as it is; report.txt says what was
+/// it: STL is made from the machine code, and compared with it. The station runs as it is; report.txt says what was
 /// replaced, made up or left out, and why.
 #[derive(Clone, Debug, Args)]
 #[command(

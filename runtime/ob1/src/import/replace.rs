@@ -76,7 +76,7 @@ fn same_parameters(block: &Block, ours: &Interface) -> bool {
     their_ins == our_ins && their_outs == our_outs
 }
 
-/// What is one type on the wire of a call.
+/// Types that a call passes alike, as one type.
 fn normal(ty: &DataType) -> DataType {
     match ty {
         DataType::TimerOrWord => DataType::Word,
@@ -90,7 +90,7 @@ impl Replaced {
         self.blocks.keys().copied().collect()
     }
 
-    /// What the program may call beside its own blocks.
+    /// What the program may call besides its own blocks.
     pub(super) fn library(&self) -> Result<Library, String> {
         let choices: Vec<Choice> =
             self.blocks.iter().map(|(id, block)| Choice { id: *id, key: block.key(), offered: false }).collect();

@@ -198,8 +198,8 @@ impl Modules {
         notes.push(Note::warning(name, what));
     }
 
-    /// Addresses no module has. Without any module that could be read every byte gets one: which of them pointers
-    /// reach, no statement says.
+    /// Modules for addresses that no module has. If no module could be read, every byte gets one: no statement says
+    /// which bytes pointers reach.
     fn of_operands(&mut self, used: &Used, hardware: &Hardware, notes: &mut Notes) {
         if hardware.modules.is_empty() {
             let all = Area { first: 0, bytes: IO_AREA_BYTES as u32 };

@@ -22,7 +22,7 @@ impl File {
     }
 }
 
-/// Makes the folder and fills it. Making it is also the proof that nothing lay there, of whatever kind.
+/// Makes the folder and fills it. Making it also proves that nothing of any kind was there.
 pub(super) fn write(path: &Path, files: &[File]) -> Result<(), Refusal> {
     if let Some(parent) = path.parent().filter(|parent| !parent.as_os_str().is_empty()) {
         std::fs::create_dir_all(parent).map_err(|error| refused(parent, &error))?;
@@ -35,7 +35,7 @@ pub(super) fn write(path: &Path, files: &[File]) -> Result<(), Refusal> {
         _ => refused(path, &error),
     })?;
     fill(path, files).map_err(|error| {
-        // Half a folder would run half.
+        // An incomplete folder must not stay: it could be run.
         let _ = std::fs::remove_dir_all(path);
         refused(path, &error)
     })

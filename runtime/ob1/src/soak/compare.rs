@@ -13,7 +13,7 @@ use crate::units::time;
 
 /// The series that are compared by their intervals.
 const SERIES: [&str; 6] = ["wake.p50", "wake.p99", "execution.p50", "execution.p99", "cycle.p50", "cycle.p99"];
-/// A tail is worse when more than so many times as many values lie beyond the first run's percentile.
+/// A tail is worse when the values beyond the first run's percentile are more than this many times as many.
 const MORE: f64 = 2.0;
 
 /// What a row says. The order is that of severity.

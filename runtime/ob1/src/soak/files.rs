@@ -1,4 +1,4 @@
-//! The files of a soak: where they are, and that under each name there is always a whole one.
+//! The files of a soak: where they are, and how each name always stands for a whole file.
 
 use std::fs::{self, File};
 use std::io::{self, Write as _};

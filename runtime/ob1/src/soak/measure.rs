@@ -80,7 +80,7 @@ impl Measurement {
         self.before = reading;
     }
 
-    /// The last reading, which may come in the middle of an interval: one of less than half its length tells nothing
+    /// The last reading, which may come in the middle of an interval: one of less than half its length says nothing
     /// about the trend.
     pub(super) fn finish(&mut self, reading: Reading) {
         if (reading.time_ns - self.before.time_ns) * 2 >= self.report.interval_ns {

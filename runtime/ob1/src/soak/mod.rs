@@ -1,8 +1,8 @@
-//! `ob1 soak`: a station runs for hours, and at the end stands a verdict (docs/soak.md).
+//! `ob1 soak`: a station runs for hours, and the result is a verdict (docs/soak.md).
 //!
 //! The station is a process of its own, asked through its socket like any other; the soak reads its accounts, draws up
 //! the report, and judges it. Everything from the readings on is pure: [`measure`] collects, [`judge`] decides,
-//! [`text`] and [`html`] tell.
+//! [`text`] and [`html`] show.
 
 mod budget;
 mod compare;
@@ -46,7 +46,7 @@ pub struct Options {
     pub wrong: Option<String>,
     /// What to put the station under.
     pub load: Load,
-    /// Of the load.
+    /// The seed of the load.
     pub seed: u64,
     /// The reports' path without its ending.
     pub report: Option<PathBuf>,

@@ -1,4 +1,4 @@
-//! The report of a soak: what the checkpoint of each minute and the last one are alike.
+//! The report of a soak: the checkpoints of each minute and the last report have the same form.
 
 use std::fs;
 use std::path::Path;
@@ -35,7 +35,7 @@ pub struct Report {
     pub interval_ns: u64,
     /// How it ended.
     pub ended: Ended,
-    /// More about that, when nobody has wanted it.
+    /// More about an end that nobody wanted.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub end: String,
     /// Somebody else has reset the statistics meanwhile: the figures are not those of all scans.
@@ -88,7 +88,7 @@ pub struct NamedSlope {
     pub series: String,
     /// Values are times, in nanoseconds.
     pub is_time: bool,
-    /// An hour; none with too few intervals.
+    /// Growth an hour; none with too few intervals.
     pub slope: Option<Slope>,
 }
 

@@ -75,7 +75,7 @@ impl Data {
         self.rate(|look| look.timing.scans)
     }
 
-    /// So many a second of what only grows.
+    /// The rate a second of a count that only grows.
     fn rate(&self, count: impl Fn(&Look) -> u64) -> Option<f64> {
         let seconds = self.seconds();
         let before = self.before.as_ref().filter(|_| seconds > 0.0)?;

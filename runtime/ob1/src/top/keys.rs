@@ -61,7 +61,7 @@ pub(super) enum Entry {
         cell: String,
         text: String,
     },
-    /// Whether that is really meant.
+    /// A question whether to write the value.
     Confirm { cell: String, value: String },
 }
 
@@ -72,7 +72,7 @@ pub(super) enum Act {
     Quit,
     /// One more line in the variable table.
     Watch(String),
-    /// The line of the variable table goes.
+    /// The line of the variable table is removed.
     Forget(usize),
     /// A cell gets a value: confirmed.
     Write {

@@ -53,7 +53,7 @@ pub(super) fn times(data: &Data) -> String {
 /// A CP or another module in a line: LEDs, driver, orders, telegrams.
 pub(super) fn module(data: &Data, number: usize, m: &ModuleStatus) -> String {
     let mut out = format!("{:<10} {:<8} {:>5}  ", m.name, m.type_name, m.address);
-    // A coupler has a process too, but no orders: what there is to say of it stands with its bus.
+    // A coupler has a process too, but no orders: it is shown with its bus.
     let (Some(driver), Some(cp)) = (&m.driver, CpKind::of_name(&m.type_name)) else {
         out += if m.present { "present" } else { "absent" };
         return out;

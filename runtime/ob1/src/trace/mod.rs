@@ -80,7 +80,7 @@ pub fn trace(options: &Options) -> Exit {
     }
 }
 
-/// Where records go: to the eye, to a recording, to Wireshark.
+/// Where records go: to standard output, to a recording, to Wireshark.
 struct Sinks {
     printer: Printer,
     recorder: Option<Recorder<File>>,
@@ -102,7 +102,7 @@ impl Sinks {
         })
     }
 
-    /// Nobody gets anything of this trace.
+    /// Nothing takes this trace any more.
     fn is_over(&self) -> bool {
         out::is_over() && self.recorder.is_none() && self.pcapng.is_none()
     }

@@ -42,7 +42,7 @@ impl<W: Write> Recorder<W> {
     /// Of the file.
     pub fn write(&mut self, cp: u8, record: &Record<'_>) -> io::Result<()> {
         let head = Record::head(record.time, record.kind);
-        // What a message holds is far below.
+        // A message never holds so much.
         let length = u16::try_from(head.len() + record.data.len()).map_err(|_| io::ErrorKind::InvalidInput)?;
         let mut bytes = length.to_le_bytes().to_vec();
         bytes.push(cp);
@@ -52,7 +52,7 @@ impl<W: Write> Recorder<W> {
     }
 }
 
-/// The records of a recording. One that was cut off, as by a full disk, ends with an error behind all that is whole.
+/// The records of a recording. One that was cut off, as by a full disk, ends with an error after all that is whole.
 ///
 /// # Errors
 /// [`RecordingError::Magic`], [`RecordingError::Version`].

@@ -25,9 +25,9 @@ pub(super) struct Link {
     pub(super) name: String,
     /// Nanoseconds since 1970 at time 0.
     pub(super) unix: u64,
-    /// Of each connection and direction what has no end yet.
+    /// The unfinished telegram of each connection and direction.
     open: BTreeMap<(u32, bool), Vec<u8>>,
-    /// Of each connection and direction how many bytes have gone: their numbers in TCP.
+    /// Bytes sent so far on each connection and direction: their numbers in TCP.
     sent: BTreeMap<(u32, bool), u32>,
 }
 
@@ -39,7 +39,7 @@ pub(super) struct Told {
 }
 
 impl Link {
-    /// The link of a [`Kind::Hello`], with a line about it; `None`: it is none.
+    /// The link of a [`Kind::Hello`], with a line about it; `None`: the hello is not one of a link.
     pub(super) fn of_hello(text: &[u8]) -> Option<(Self, String)> {
         let hello: Value = serde_json::from_slice(text).ok()?;
         if hello["module"].as_str() != Some("s7") {
@@ -51,7 +51,7 @@ impl Link {
         Some((Self { name, unix, open: BTreeMap::new(), sent: BTreeMap::new() }, about))
     }
 
-    /// The telegrams that have come to their end with this record.
+    /// The telegrams that end with this record.
     pub(super) fn read(&mut self, record: &Record<'_>) -> Vec<Told> {
         let way = match record.kind {
             Kind::Out => Way::Out,
@@ -104,7 +104,7 @@ impl Link {
 
 /// A packet with heads of IP and TCP. Their check sums are 0, as network cards leave them.
 fn packet(tapped: &Tapped, is_out: bool, (at, acknowledged): (u32, u32), bytes: &[u8]) -> Vec<u8> {
-    // Who was called has the port of ISO on TCP, whatever it is here.
+    // The side that was called has the port of ISO on TCP, whatever its real port is.
     let partner = if tapped.is_ours { PORT } else { tapped.port };
     let ours = if tapped.is_ours { 49_152 + (tapped.number % 16_384) as u16 } else { PORT };
     let (here, there) = ((HERE, ours), (tapped.partner, partner));

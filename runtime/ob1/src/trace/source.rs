@@ -1,4 +1,4 @@
-//! A running station's taps: a socket each, on which its drivers tell what happens on their lines (docs/trace.md).
+//! A running station's taps: a socket each, on which its drivers report what happens on their lines (docs/trace.md).
 
 use std::io;
 use std::os::fd::OwnedFd;
@@ -19,7 +19,7 @@ use ob1_station::rundir;
 
 /// Longest record a driver sends.
 const RECORD: usize = 8192;
-/// Without news for so long, pauses that end telegrams are looked for.
+/// After this long without news, pauses that end telegrams are looked for.
 const QUIET: Duration = Duration::from_millis(200);
 
 /// A CP that is listened to.
@@ -33,9 +33,9 @@ struct Tap {
 
 /// What is heard of a CP, by its number.
 pub(crate) enum News<'a> {
-    /// It has told something.
+    /// It has reported something.
     Record(u8, Record<'a>),
-    /// It has told nothing until this time of its driver.
+    /// It has reported nothing until this time of its driver.
     Silence(u8, Instant),
 }
 
@@ -118,7 +118,7 @@ fn open(station: &str, wanted: Option<&str>, buses: bool) -> Result<Vec<Tap>, Tr
     let status = status.ok_or_else(|| nobody(&"the station does not answer"))?;
     let folder = rundir::find(&status.station).ok_or_else(|| nobody(&"the station has just ended"))?;
     let links = client.ask(Op::Links).map_err(|e| nobody(&e))?.links.unwrap_or_default();
-    // What has no tap has nothing to tell here: a CP 343 is heard at its link.
+    // A module without a tap has nothing to report here: a CP 343 is heard at its link.
     let has_tap = |name: &String| folder.join(format!("{name}.trace")).exists();
     let cps = status.modules.iter().filter(|module| CpKind::of_name(&module.type_name).is_some());
     let links = links.into_iter().map(|link| link.name);

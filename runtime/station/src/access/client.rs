@@ -11,11 +11,11 @@ use super::protocol::{Op, Request, Response};
 use crate::rundir;
 use crate::station_file;
 
-/// How long a station may take to answer. Its socket thread answers for a CPU that hangs; this is for a process that
+/// How long a station may take to answer. Its socket thread answers even if the CPU hangs; this is for a process that
 /// was stopped.
 const ANSWER_TIME: Duration = Duration::from_secs(60);
 
-/// Why a station was not asked.
+/// Why a station gave no answer.
 #[derive(Debug, thiserror::Error)]
 pub enum AccessError {
     /// It does not run.
@@ -29,7 +29,7 @@ pub enum AccessError {
     /// The connection broke.
     #[error("the station does not answer: {0}")]
     Io(#[from] io::Error),
-    /// It said no.
+    /// The station refused.
     #[error("{0}")]
     Refused(String),
 }

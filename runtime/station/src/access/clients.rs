@@ -1,8 +1,8 @@
-//! The connections of the socket: lines in, lines out, and nobody who waits for another.
+//! The connections of the socket: lines in, lines out; no client waits for another.
 //!
-//! A client that sends nothing keeps its place until somebody else needs it: then the one that has been silent longest
-//! goes. One that does not take its answer is asked nothing more, and goes after a while. Each client has one request
-//! under way at a time.
+//! A client that sends nothing keeps its place until another one needs it; then the one that has been silent longest is
+//! dropped. A client that does not take its answer is served no further, and is dropped after a while. Each client has
+//! one request under way at a time.
 
 use std::io::{self, Read as _, Write as _};
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -15,15 +15,15 @@ use super::protocol::LINE_BYTES;
 
 /// Clients at a time.
 const CLIENTS: usize = 32;
-/// A client that has taken nothing of its answer for so long is dropped.
+/// A client that has taken nothing of its answer for this long is dropped.
 const WRITE_TIME: Duration = Duration::from_secs(5);
-/// Without a free descriptor the next look for a client waits so long, and twice as long each time.
+/// First pause before new clients are accepted again when no descriptor was free; it doubles each time.
 const PAUSE: Duration = Duration::from_millis(10);
-/// Longest time between two looks.
+/// Longest pause.
 const LOOK: Duration = Duration::from_secs(1);
 const LONGEST_PAUSE: Duration = Duration::from_secs(1);
 
-/// How long nobody is let in, after the system had no descriptor left.
+/// How long no client is accepted after the system had no descriptor left.
 #[derive(Debug)]
 struct BackOff {
     next: Duration,
@@ -45,7 +45,7 @@ impl BackOff {
 }
 
 struct Client {
-    /// Not 0, and nobody else's while it is there.
+    /// Not 0, and unique among the connected clients.
     number: u32,
     stream: UnixStream,
     input: Vec<u8>,
@@ -54,7 +54,7 @@ struct Client {
     active: Instant,
     /// Its request is under way.
     waits: bool,
-    /// It goes when it has taken what is left.
+    /// It is closed once it has taken the rest of its answer.
     closing: bool,
     gone: bool,
 }
@@ -68,13 +68,13 @@ impl Client {
     fn wants(&self) -> PollFlags {
         match (self.output.is_empty(), self.waits) {
             (false, _) => PollFlags::OUT,
-            // Its end is told all the same.
+            // A hang-up is reported anyway.
             (true, true) => PollFlags::empty(),
             (true, false) => PollFlags::IN,
         }
     }
 
-    /// Something of what it wants is there.
+    /// Reads or writes what `poll` has reported.
     fn work(&mut self, what: PollFlags, now: Instant) {
         if !self.output.is_empty() {
             self.write(now);
@@ -85,7 +85,7 @@ impl Client {
         }
     }
 
-    /// A whole line waits, and nothing stands in its way.
+    /// A whole line is there and can be handled.
     fn is_ready(&self) -> bool {
         self.may_ask() && self.input.contains(&b'\n')
     }
@@ -141,7 +141,7 @@ fn is_nothing(error: &io::Error) -> bool {
 pub(super) struct Clients {
     list: Vec<Client>,
     last: u32,
-    /// Who has gone since the last look.
+    /// Clients gone since the last call of [`Clients::take_gone`].
     gone: Vec<u32>,
     back_off: BackOff,
 }
@@ -200,14 +200,14 @@ impl Clients {
         true
     }
 
-    /// Until the next thing that no descriptor tells; `None`: there is none.
+    /// Time until the next event that no descriptor reports; `None`: there is none.
     fn timeout(&self, now: Instant, pause: Option<Duration>) -> Option<Duration> {
         if self.list.iter().any(Client::is_ready) {
             return Some(Duration::ZERO);
         }
         let stuck = self.list.iter().filter(|client| !client.output.is_empty());
         let stuck = stuck.map(|client| (client.active + WRITE_TIME).saturating_duration_since(now)).min();
-        // And now and then, for what nobody asks for any more.
+        // And now and then, to release what is no longer asked for.
         stuck.into_iter().chain(pause).chain([LOOK]).min()
     }
 
@@ -224,7 +224,7 @@ impl Clients {
                 }
             }
             Err(error) if is_nothing(&error) || error.kind() == io::ErrorKind::ConnectionAborted => {}
-            // No descriptor or no memory: somebody silent makes room, and nobody asks for a while.
+            // No descriptor or no memory: the most silent client makes room, and no other is accepted for a while.
             Err(_) => {
                 self.close_the_most_silent();
                 self.back_off.refused(now);
@@ -250,13 +250,13 @@ impl Clients {
         });
     }
 
-    /// Who has gone since the last call.
+    /// The clients gone since the last call.
     pub(super) fn take_gone(&mut self) -> Vec<u32> {
         std::mem::take(&mut self.gone)
     }
 
-    /// One line of each client that has one and waits for nothing: `begin` gives what it is told, or nothing as long as
-    /// its request is under way.
+    /// Takes one line of each client that has one and no request under way. `begin` returns the answer, or nothing
+    /// while the request is under way.
     pub(super) fn take_requests(
         &mut self,
         mut begin: impl FnMut(u32, &[u8]) -> Option<Vec<u8>>,
@@ -355,7 +355,7 @@ mod tests {
         assert_eq!(ends[1].read(&mut answer).expect("an end"), 0, "the most silent");
     }
 
-    /// A client that does not take its answer is asked nothing more; the others go on.
+    /// A client that does not take its answer is served no further; the others go on.
     #[test]
     fn a_slow_reader_waits_alone() {
         let mut site = Site::new();
@@ -377,7 +377,7 @@ mod tests {
         assert_eq!(waiting.input, b"2\n3\n");
     }
 
-    /// A request that waits for the scan holds nobody up, and an end is noticed meanwhile.
+    /// A request that waits for the scan holds up no other, and an end is noticed meanwhile.
     #[test]
     fn a_request_under_way_waits_alone() {
         let mut site = Site::new();

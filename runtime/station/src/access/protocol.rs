@@ -53,7 +53,7 @@ pub enum Op {
         #[serde(default = "default_count")]
         count: u32,
     },
-    /// Starts the scan statistics anew.
+    /// Restarts the scan statistics.
     ResetStatistics,
     /// The accounts of every scan.
     Timing {
@@ -136,7 +136,7 @@ pub struct LinkStatus {
     pub name: String,
     /// Its process is up.
     pub up: bool,
-    /// Its connections, where it tells them: an S7 link does.
+    /// Its connections, where it reports them: an S7 link does.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub connections: Vec<Connection>,
 }
@@ -189,7 +189,7 @@ pub struct BusStatus {
     pub starts: u32,
     /// Times one was lost.
     pub losses: u32,
-    /// How the process stands: `ready` when it exchanges.
+    /// State of the process: `ready` when it exchanges.
     pub process: String,
     /// The scan drives the outputs.
     pub driven: bool,
@@ -231,7 +231,7 @@ pub struct BusStationStatus {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(default)]
 pub struct Piece {
-    /// First of them in the process image, or behind it.
+    /// First of them in the process image, or beyond it.
     pub address: u32,
     /// Two digits a byte.
     pub hex: String,
@@ -287,7 +287,7 @@ pub struct Status {
     pub modules: Vec<ModuleStatus>,
     /// What was asked of the operating system.
     pub posture: Vec<GrantStatus>,
-    /// How the writing of retentive memory stands, where it is wanted.
+    /// State of the writing of retentive memory, where it is wanted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub retentive: Option<RetentiveStatus>,
     /// Memory of the process.
@@ -295,7 +295,7 @@ pub struct Status {
     /// Log lines of the runtime that nobody got: its stderr was full, slow or gone.
     #[serde(default)]
     pub log_lost: u64,
-    /// Blocks that were downloaded or deleted and are other ones than in the sources.
+    /// Blocks that were downloaded or deleted and differ from the sources.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub downloads: Vec<Download>,
     /// Why they will be lost when the station ends.
@@ -370,7 +370,7 @@ pub struct GrantStatus {
     pub remedy: Option<String>,
 }
 
-/// How the writing of retentive memory stands.
+/// State of the writing of retentive memory.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 pub struct RetentiveStatus {
     /// The newest generation written by this runtime.
@@ -423,7 +423,7 @@ pub struct CpEntry {
     pub unix_ns: u64,
     /// Event class and number, `0703h`.
     pub number: String,
-    /// It has come; otherwise what had come is gone.
+    /// True: the event has come; false: it has gone.
     pub incoming: bool,
     /// The event in words.
     pub text: String,
@@ -448,8 +448,8 @@ pub struct Diagnostic {
     /// File and line of the statement, `press.awl:14`; empty for an entry about none.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub place: String,
-    /// What stood in the way, where the cycle monitoring expired and that is known: `of 182.0 ms 180.1 ms kernel:
-    /// waited 180.100 ms for a core`.
+    /// What made the cycle too long, if the cycle monitoring has expired and the cause is known: `of 182.0 ms 180.1 ms
+    /// kernel: waited 180.100 ms for a core`.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub because: String,
     /// What helps; empty for mere information.
@@ -458,7 +458,7 @@ pub struct Diagnostic {
 }
 
 impl Diagnostic {
-    /// The entry with its place and what stood in the way, in a line.
+    /// The entry in one line, with its place and its cause.
     #[must_use]
     pub fn told(&self) -> String {
         let mut told = self.text.clone();

@@ -73,7 +73,7 @@ struct UnderWay {
     then: Then,
 }
 
-/// What becomes of the answer.
+/// What happens to the answer.
 enum Then {
     Values(Vec<Item>),
     Written(Vec<String>),
@@ -106,7 +106,7 @@ impl Serving {
         }
     }
 
-    /// The answer, where nothing has to be waited for.
+    /// The answer, if it is there at once.
     fn begin(&mut self, client: u32, line: &[u8]) -> Option<Response> {
         let request: Request = match serde_json::from_slice(line) {
             Ok(request) => request,
@@ -125,7 +125,7 @@ impl Serving {
         }
     }
 
-    /// Goes on with what is under way; the answers to what has ended.
+    /// Goes on with what is under way; returns the answers of what has ended.
     fn go_on(&mut self) -> Vec<(u32, Response)> {
         let mut answers = Vec::new();
         let mut may_read = true;

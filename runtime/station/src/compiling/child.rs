@@ -1,6 +1,7 @@
 //! The process that compiles: a child of low priority, so that neither its memory nor its time is the scan's. Its
-//! standard input is a socket. A request comes in, sealed files of code go out: all blocks quickly made; then, of a
-//! large program, with its hottest blocks optimised, of which an account comes in; then all of them optimised.
+//! standard input is a socket. A request comes in, sealed files of code go out: first all blocks, compiled quickly;
+//! then, for a large program, the same with its hottest blocks optimised, by an account that comes in; then all blocks
+//! optimised.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -16,7 +17,7 @@ use super::{FILES, request};
 
 /// Most data it may have.
 const MEMORY: u64 = 4 << 30;
-/// When memory runs out it goes first: the station does without it.
+/// When memory runs out it is killed first: the station can do without it.
 const OOM_SCORE: i16 = 1000;
 /// The lowest priority.
 const NICE: i32 = 19;
@@ -27,10 +28,10 @@ const NICE: i32 = 19;
 /// Why there is no code, for the exit code and the log.
 pub fn run() -> Result<(), String> {
     ob1_rt::close_inherited();
-    // Nobody else wants its work.
+    // Without the runtime its work is of no use.
     let _ = rustix::process::set_parent_process_death_signal(Some(Signal::KILL));
     let _ = rustix::process::nice(NICE);
-    // Once confined it makes no more.
+    // Once confined it can make no more files.
     let files = [(); FILES].map(|()| memory_file());
     let _refused = ob1_rt::confine(&Confinement { memory: MEMORY, oom_score: OOM_SCORE, ..Confinement::default() });
     serve(rustix::stdio::stdin(), files)
@@ -95,8 +96,8 @@ mod tests {
 
     use crate::compiling::{Request, send};
 
-    /// A program of so many functions of 60 statements, the first of which has a loop: the names of the engines that
-    /// come when this is its account, and how it ends. None: the runtime is gone before it is asked.
+    /// A program of so many functions of 60 statements, the first of which has a loop: returns the names of the engines
+    /// that come when this is its account, and how it ends. `None`: the runtime is gone before it is asked.
     fn served(functions: usize, account: Option<&[u8]>) -> (Vec<&'static str>, Result<(), String>) {
         let body = "L MW 2;\n+ 1;\nT MW 2;\n".repeat(20);
         let text: String = (1..=functions)

@@ -1,4 +1,4 @@
-//! `ob1 check --listing --native`: what becomes of the statements of each block.
+//! `ob1 check --listing --native`: the machine code of the statements of each block.
 
 use std::fmt::Write as _;
 
@@ -6,7 +6,7 @@ use ob1_cpu::engine::Plan;
 use ob1_native::{Compiler, Target, Tier};
 
 /// The blocks of a program: each statement with the bytes of machine code it takes, and below it that code. The code of
-/// a statement need not stand together, and some need none; what belongs to no statement stands at the end of its
+/// a statement need not be contiguous, and some statements need none; code of no statement is listed at the end of its
 /// block.
 ///
 /// # Errors

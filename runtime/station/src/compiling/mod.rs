@@ -1,8 +1,8 @@
 //! Machine code without a pause: the station starts on the reference engine at once; a process of its own compiles, and
-//! what it hands over takes the program over between two scans.
+//! its code takes over between two scans.
 //!
-//! The runtime's part is a thread that starts the process, looks at what comes (a sealed file of code, refused unless
-//! it is made for this order), maps it, and puts the engine into a ring. The scan takes it out between two cycles and
+//! The runtime's part is a thread that starts the process, checks what comes (a sealed file of code, refused unless it
+//! is made for this order), maps it, and puts the engine into a ring. The scan takes it out between two cycles and
 //! gives the old one back through another ring: no lock, no allocation, no system call there. Whatever goes wrong here,
 //! the station goes on with the engine it has, and says so once. (docs/engines.md)
 
@@ -34,7 +34,7 @@ pub use request::Request;
 
 /// Files of code that come for a program, at most: made quickly, with its hottest blocks optimised, optimised.
 const FILES: usize = 3;
-/// The command of this executable that is the process.
+/// The command of this executable that runs as the process.
 const COMMAND: &str = "compile-blocks";
 /// The longest wait for engines that the scan gives back.
 const LOOK: Duration = Duration::from_millis(250);
@@ -52,8 +52,8 @@ impl fmt::Debug for Successors {
 }
 
 impl Successors {
-    /// The newest engine takes over, when one has come: its name. Between two cycles only. It allocates and frees
-    /// nothing, takes no lock and makes no system call.
+    /// Lets the newest engine take over, if one has come; returns its name. Between two cycles only. It allocates and
+    /// frees nothing, takes no lock and makes no system call.
     pub fn take_over(&mut self, cpu: &mut Cpu) -> Option<&'static str> {
         let mut name = None;
         while let Ok(engine) = self.come.pop() {
@@ -63,7 +63,7 @@ impl Successors {
                     name = Some(cpu.engine());
                     old
                 }
-                // Of another plan. It was looked at before.
+                // Made for another plan; this was checked before.
                 Err(refused) => refused,
             };
             // There is room for all that ever come.
@@ -144,10 +144,10 @@ impl Giver {
         (Self { to_scan, from_scan }, Successors { come, gone })
     }
 
-    /// The scan finds it behind its next cycle.
+    /// Hands an engine to the scan, which finds it after its current cycle.
     ///
     /// # Errors
-    /// There is no room; it comes back.
+    /// There is no room; the engine is returned.
     pub fn give(&mut self, engine: Box<dyn Engine>) -> Result<(), Box<dyn Engine>> {
         self.to_scan.push(engine).map_err(|rtrb::PushError::Full(engine)| engine)
     }
@@ -197,9 +197,9 @@ impl Process {
         Ok(Self { child, socket })
     }
 
-    /// What it has died of.
+    /// Why it has ended.
     fn death(&mut self) -> String {
-        // One that ends has its reason already; one that has only closed its socket is not waited for.
+        // One that has ended keeps its exit status; one that has only closed its socket is not waited for.
         let _ = self.child.kill();
         match self.child.wait() {
             Ok(status) => status.signal().map_or_else(
@@ -254,7 +254,7 @@ impl Work {
                 return Ok(Outcome::Done);
             }
             if count == 1 && is_large(&self.plan) {
-                // The process waits for it. What the scan has executed until now is what it will go on with.
+                // The process waits for the account. What the scan has executed so far predicts what it will execute.
                 let account = request::account(&self.plan.executed.read());
                 send(&process.socket, &[0], &account).map_err(|error| {
                     format!("the process that compiles is not reached: {error}; {}", process.death())
@@ -287,7 +287,7 @@ impl Work {
         }
     }
 
-    /// Waits for the engines that the scan gives back, and gives back their memory.
+    /// Waits for the engines that the scan gives back, and frees their memory.
     fn bury(&mut self) {
         loop {
             while self.giver.take_back().is_some() {
@@ -360,7 +360,7 @@ mod tests {
         }
     }
 
-    /// What becomes of files that a process sends: how many engines the scan has then, and the end.
+    /// Hands over files as a process would: how many engines the scan has then, and the end.
     fn taken(cpu: &Cpu, order: &Order, files: &[OwnedFd]) -> (usize, String) {
         let (giver, successors) = Giver::pair();
         let (stopped, _stop) = io::pipe().expect("a pipe");

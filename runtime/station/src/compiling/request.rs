@@ -1,5 +1,5 @@
 //! What the process that compiles is told: the program, the parameters of native blocks, and the sizes of the CPU. It
-//! loads them as the runtime has done, and makes code of the same plan. And the account of what each block executes.
+//! loads them as the runtime has done, and makes code for the same plan. Also the account of what each block executes.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use ob1_ir::{CodeBlock, Program};
 use ob1_model::{BlockId, Interface};
 use serde::{Deserialize, Serialize};
 
-/// A loaded program as the process that compiles can be told of it.
+/// A loaded program, in the form for the process that compiles.
 #[derive(Clone, Debug)]
 pub struct Request {
     sizes: Sizes,
@@ -17,7 +17,7 @@ pub struct Request {
     natives: Vec<(BlockId, Interface)>,
 }
 
-/// What of a CPU's configuration its plan depends on.
+/// The part of a CPU's configuration that its plan depends on.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 struct Sizes {
     input_bytes: u32,
@@ -60,7 +60,7 @@ struct Sent {
 }
 
 impl Request {
-    /// Of a CPU that is made of these.
+    /// The request of a CPU with this configuration, program and native blocks.
     #[must_use]
     pub fn new(config: &CpuConfig, program: Arc<Program>, natives: &Natives) -> Self {
         let sizes = sizes!(Sizes, config);
@@ -68,7 +68,7 @@ impl Request {
         Self { sizes, program, natives }
     }
 
-    /// Of another program for the same CPU.
+    /// The request for another program on the same CPU.
     #[must_use]
     pub fn with(&self, program: Arc<Program>) -> Self {
         Self { program, ..self.clone() }
@@ -107,7 +107,7 @@ pub(super) fn plan(bytes: &[u8]) -> Result<Arc<Plan>, String> {
     cpu.map(|cpu| Arc::clone(cpu.plan())).map_err(|errors| format!("{errors:?}"))
 }
 
-/// The account of a plan's blocks as it is sent: a number of 64 bits for each, its low byte first.
+/// The account of a plan's blocks as it is sent: a little-endian number of 64 bits for each.
 pub(super) fn account(executed: &[u64]) -> Vec<u8> {
     executed.iter().flat_map(|statements| statements.to_le_bytes()).collect()
 }

@@ -1,4 +1,4 @@
-//! What was downloaded and deleted, and the program it makes of that of the sources.
+//! What was downloaded and deleted, and the program that results from it and the sources.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -36,17 +36,17 @@ impl Changes {
         self.0.is_empty()
     }
 
-    /// A block has come.
+    /// Notes a block that has come.
     pub fn put(&mut self, id: BlockId, bytes: Vec<u8>) {
         self.0.insert(id, Some(bytes));
     }
 
-    /// A block has gone.
+    /// Notes a block that was deleted.
     pub fn delete(&mut self, id: BlockId) {
         self.0.insert(id, None);
     }
 
-    /// Forgets what is as in the sources.
+    /// Forgets changes that leave a block as it is in the sources.
     pub fn forget_same(&mut self, sources: &Program, library: &Library) {
         let known = |id: BlockId| library.get(id).map(|block| &block.interface);
         self.0.retain(|id, change| match change {
@@ -73,7 +73,7 @@ impl Changes {
         self.0.iter().map(told).collect()
     }
 
-    /// What others see of the program these changes have made of the sources.
+    /// What others see of the program that results from the sources and these changes.
     #[must_use]
     pub fn known(
         &self,
@@ -140,7 +140,7 @@ impl Changes {
     }
 }
 
-/// A block that is what its name says.
+/// The block in these bytes, if it has the expected kind and number.
 ///
 /// # Errors
 /// Why it is not.
@@ -176,7 +176,7 @@ fn same(one: &BlockImage, other: &BlockImage) -> bool {
     all(one) == all(other) && is_read_only(one) == is_read_only(other)
 }
 
-/// Whether the names of the sources fit a block: its declarations are theirs.
+/// Whether the names of the sources fit a block: its declarations are the same.
 fn is_declared_so(program: &Program, id: BlockId, block: &BlockImage) -> bool {
     if id.kind == BlockKind::Db {
         let there = program.data.iter().find(|db| db.number == id.number && db.bytes.len() == block.code.len());

@@ -32,7 +32,7 @@ pub fn read(path: &Path) -> Result<Changes, String> {
     decode(&fs::read(path).map_err(|error| error.to_string())?)
 }
 
-/// Writes it: beside, synced, renamed; nothing to keep is no file.
+/// Writes the file: under another name, synced, renamed. Without changes there is no file.
 ///
 /// # Errors
 /// What the system says.

@@ -1,10 +1,10 @@
-//! The thread that makes a program of what has come, and hands it to the scan.
+//! The thread that makes a program of downloaded blocks, and hands it to the scan.
 //!
-//! The scan takes it between two cycles through a ring and gives what was before back through another, one whole cycle
-//! later: the snapshot of that cycle shows the new program. It allocates, frees and waits for nothing.
+//! The scan takes it between two cycles through a ring, and gives the program before it back through another ring one
+//! whole cycle later: the snapshot of that cycle shows the new program. It allocates, frees and waits for nothing.
 //!
-//! Nobody waits for a compiler either: where the engine is left to us, a program that comes in STOP begins on the
-//! reference engine, as at a start, and machine code follows from the process beside once no more blocks come.
+//! Nobody waits for a compiler either: if the choice of the engine is left to us, a program that comes in STOP begins
+//! on the reference engine, as at a start. Machine code follows from a process of its own once no more blocks come.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -34,9 +34,9 @@ const UNDER_WAY: usize = 2;
 const PATIENCE: Duration = Duration::from_secs(3);
 /// Pause between two looks at the way back.
 const LOOK: Duration = Duration::from_millis(1);
-/// So long no block may have come before machine code is made: whoever loads a program loads one block after the other.
+/// Machine code is made when no block has come for this long: a program is loaded block by block.
 const QUIET: Duration = Duration::from_millis(500);
-/// Of a program on its way: it waits, the scan has it, nobody waits for it any more.
+/// States of a program on its way: it waits, the scan has it, nobody waits for it any more.
 const WAITS: u8 = 0;
 const TAKEN: u8 = 1;
 const GIVEN_UP: u8 = 2;
@@ -45,7 +45,7 @@ const GIVEN_UP: u8 = 2;
 #[derive(Debug)]
 struct OnItsWay {
     successor: Successor,
-    /// Where its machine code will come from; then those of the program before.
+    /// Where its machine code will come from; after it took over, the same of the program before.
     engines: Option<Successors>,
     state: Arc<AtomicU8>,
     outcome: Result<(), NotNow>,
@@ -61,8 +61,8 @@ pub struct Newcomers {
 }
 
 impl Newcomers {
-    /// Between two cycles: a program that has come takes over. The name of the engine that runs it then.
-    /// `engines` are those that come for the program that runs.
+    /// Between two cycles: lets a program that has come take over, and returns the name of the engine that runs it
+    /// then. `engines` are those that come for the running program.
     pub fn take_over(&mut self, cpu: &mut Cpu, engines: &mut Option<Successors>) -> Option<&'static str> {
         if let Some(held) = self.held.take() {
             // There is room for all that are under way.
@@ -85,13 +85,13 @@ impl Newcomers {
 
 /// What the thread is started with.
 pub struct Downloading {
-    /// What programs are loaded beside.
+    /// What programs are loaded into.
     pub around: Surroundings,
     /// The program of the sources.
     pub sources: Arc<Program>,
     /// The one that runs.
     pub now: Arc<Program>,
-    /// What makes the one of the other.
+    /// The changes that turn the one into the other.
     pub changes: Changes,
     /// Where that is kept; none: it is lost at the end.
     pub path: Option<PathBuf>,
@@ -101,7 +101,7 @@ pub struct Downloading {
     pub known: Known,
     /// The engine asked for.
     pub engine: EngineChoice,
-    /// What is compiled beside, where that is left to us.
+    /// What is compiled in a process of its own, if the choice of the engine is left to us.
     pub compile: Option<Request>,
     /// Bytes of stack the scan has.
     pub stack: usize,
@@ -115,7 +115,7 @@ impl std::fmt::Debug for Downloading {
     }
 }
 
-/// The thread at work: changes go in, what has become of them comes out. Dropping it ends the thread.
+/// The thread at work: changes go in, their outcomes come out. Dropping it ends the thread.
 #[derive(Debug)]
 pub(crate) struct Loader {
     orders: Option<Sender<(u64, Change)>>,
@@ -138,7 +138,7 @@ impl Loader {
         self.orders.as_ref().is_some_and(|orders| orders.send((number, change)).is_ok())
     }
 
-    /// What has come to its end.
+    /// The outcome of a change, if one has ended.
     pub(crate) fn changed(&self) -> Option<Changed> {
         self.done.try_recv().ok()
     }
@@ -211,7 +211,7 @@ impl Work {
         }
     }
 
-    /// Machine code for the program that runs now, beside.
+    /// Has machine code made for the running program, in a process of its own.
     fn compile(&mut self) {
         let (Some((plan, giver)), Some(request)) = (self.wanted.take(), &self.with.compile) else { return };
         // The program it was made for is gone.
@@ -245,13 +245,13 @@ impl Work {
                 }
             }
         }
-        // What is as in the sources is theirs again, with all that machine code does not say.
+        // A block that is as in the sources is the sources' again, with everything that machine code does not hold.
         changes.forget_same(&with.sources, &with.library);
         let next = changes.apply(&with.sources, &with.library, &with.around);
         let next = next.map_err(|whys| Refused::new(Refusal::Block, whys.join("; ")))?;
         let successor = self.load(&next, fresh)?;
         let next = Arc::new(next);
-        // Of values alone the machine code there is stays right.
+        // If only values change, the machine code stays right.
         let plan = successor.plan().filter(|_| self.with.compile.is_some()).cloned();
         let (giver, engines) = plan.as_ref().map(|_| Giver::pair()).unzip();
         self.hand_over(successor, engines)?;
@@ -347,7 +347,7 @@ mod tests {
         format!("ORGANIZATION_BLOCK OB 1\nBEGIN\nL MW 2;\n+ {number};\nT MW 2;\nEND_ORGANIZATION_BLOCK\n")
     }
 
-    /// Which engines run what has come, until the client has its answer.
+    /// Links a block and cycles until the loader has answered: the engines that took over.
     fn linked(
         (cpu, engines): (&mut Cpu, &mut Option<Successors>),
         (loader, newcomers): (&Loader, &mut Newcomers),

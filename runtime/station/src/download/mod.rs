@@ -1,8 +1,8 @@
-//! Blocks that came into a running station over the network: what they make of the program of the sources, how they
-//! take effect, and how they outlast the runtime. (docs/s7-link.md)
+//! Blocks that came into a running station over the network: the program they result in together with the sources, how
+//! they take effect, and how they outlast the runtime. (docs/s7-link.md)
 //!
-//! The sources stay what they are. What was downloaded or deleted lies over them as [`Changes`], in the folder of
-//! `[station] state`, and is put over them again at each start.
+//! The sources are not changed. What was downloaded or deleted is kept as [`Changes`] in the folder of `[station]
+//! state`, and is applied to the sources again at each start.
 
 mod changes;
 mod file;

@@ -91,14 +91,14 @@ impl ProcessIo {
         Some(self.shared.lock().ok()?.field.clone())
     }
 
-    /// The module a station file describes; `None` for one that is no process I/O. The first one made leads: it plays
-    /// the stimulus at the start of a scan and counts the scan at its end.
+    /// The module a station file describes; `None` if that is no process I/O. The first module made leads: it plays the
+    /// stimulus at the start of a scan and counts the scan at its end.
     #[must_use]
     pub fn module(&self, config: &ModuleConfig, leads: bool) -> Option<Box<dyn Module>> {
         let (inputs, outputs) = match &config.kind {
             ModuleKind::Inputs { bytes } => (*bytes, 0),
             ModuleKind::Outputs { bytes } => (0, *bytes),
-            // A coupler that is not there: where a program is tried without its plant.
+            // Stands in for a coupler where a program is tried without its plant.
             ModuleKind::Remote { .. } | ModuleKind::DpMaster { .. } => (config.input_bytes(), config.output_bytes()),
             _ => return None,
         };
@@ -167,7 +167,7 @@ impl Module for IoModule {
 
     fn write(&mut self, at: u16, from: &[u8]) -> Result<(), ModuleError> {
         Self::inside(self.outputs, at, from.len())?;
-        // In STOP the CPU writes zeros; the module knows better.
+        // In STOP the CPU writes zeros; the module keeps its substitute values.
         if !self.run && !self.substitute.is_empty() {
             return Ok(());
         }

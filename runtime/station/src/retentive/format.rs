@@ -22,19 +22,19 @@ pub struct Content {
     pub image: Vec<u8>,
 }
 
-/// Why bytes are no retentive file.
+/// Why bytes are not a retentive file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FormatError {
     /// Something else.
     #[error("this is not a retentive file of ob1")]
     Foreign,
-    /// Of another version of ob1.
+    /// A file of another version of ob1.
     #[error("its format has version {0}, this ob1 knows version {VERSION}")]
     Version(u32),
     /// Torn or changed.
     #[error("it is torn or damaged")]
     Damaged,
-    /// Of another station.
+    /// A file of another station.
     #[error("it belongs to the station \"{0}\"")]
     OtherStation(String),
 }

@@ -1,4 +1,4 @@
-//! How the writing of retentive memory stands: for `status`, the log and the diagnostic buffer, each change once.
+//! State of the writing of retentive memory: for `status`, the log and the diagnostic buffer, each change once.
 
 use std::io;
 use std::sync::Arc;
@@ -20,7 +20,7 @@ struct State {
     error: Option<(Option<i32>, String)>,
 }
 
-/// A change that is to be told.
+/// A change that is to be reported.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Change {
     /// What the diagnostic buffer says.
@@ -30,7 +30,7 @@ pub struct Change {
 }
 
 impl Health {
-    /// What is on the disk is what memory holds; a number when it has just been written. What has changed by that.
+    /// The disk holds what memory holds; `generation` is the number of an image just written. Returns what has changed.
     pub fn good(&self, generation: Option<u64>, now: Instant) -> Option<Change> {
         let mut state = self.0.lock();
         // Nothing new to write says nothing about the disk.
@@ -44,7 +44,7 @@ impl Health {
         Some(Change { event: Event::RETENTIVE_KEPT, text })
     }
 
-    /// A generation could not be written. What has changed by that: nothing, when this error is known.
+    /// A generation could not be written. Returns what has changed: nothing, if this error is known.
     pub fn bad(&self, error: &io::Error, now: Instant) -> Option<Change> {
         let mut state = self.0.lock();
         let (code, text) = (error.raw_os_error(), error.to_string());

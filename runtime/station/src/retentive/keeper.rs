@@ -89,7 +89,7 @@ impl Keeper {
     /// end of RUN. `len` is the length of the CPU's image.
     ///
     /// # Errors
-    /// No thread can be had.
+    /// No thread can be started.
     pub fn start(store: Store, every: Span, len: usize, health: Health) -> std::io::Result<(Self, ScanEnd)> {
         let (mut to_scan, empty) = RingBuffer::new(BUFFERS);
         let (full, from_scan) = RingBuffer::new(BUFFERS);
@@ -110,7 +110,7 @@ impl Keeper {
                     wanted.store(true, Ordering::Relaxed);
                 }
             }
-            // The CPU is in STOP and goes on cycling: one image more, of what was written since.
+            // The CPU is in STOP and still cycles: one image more, of what was written since.
             wanted.store(true, Ordering::Relaxed);
             let end = Instant::now() + LAST;
             while wanted.load(Ordering::Relaxed) && !writer.from_scan.is_abandoned() && Instant::now() < end {

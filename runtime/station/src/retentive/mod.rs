@@ -22,7 +22,7 @@ pub struct RetentiveFile {
     pub every: Span,
 }
 
-/// Puts the newest generation back that fits, and tells what was refused.
+/// Puts the newest generation back that fits, and returns what was refused.
 ///
 /// # Errors
 /// [`StoreError`].

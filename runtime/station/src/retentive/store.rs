@@ -1,8 +1,8 @@
 //! Two generations of a retentive file on the disk.
 //!
 //! `.NAME.retentive.a` and `.b` take turns. A file is written under another name, synced, renamed over the older
-//! generation, and the folder synced: at every moment at least one whole generation is there under its name. Who holds
-//! the lock on `.NAME.retentive.lock` owns them, whichever runtime directory he has.
+//! generation, and the folder synced: at every moment at least one whole generation is there under its name. Whoever
+//! holds the lock on `.NAME.retentive.lock` owns them, whatever runtime directory it uses.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read as _, Write as _};
@@ -49,7 +49,7 @@ pub struct Store {
     sequence: u64,
     /// The slot that is written next.
     next: usize,
-    /// Slots in whose place something stands that cannot be moved.
+    /// Slots blocked by something that cannot be moved.
     blocked: [bool; 2],
     /// Held as long as the files are ours.
     _lock: Lock,
@@ -66,7 +66,7 @@ pub struct Found {
 
 impl Store {
     /// Locks the files and looks at what is there. What is refused is renamed to `….refused` and stays for inspection;
-    /// a leftover of an interrupted writing goes.
+    /// a leftover of an interrupted writing is removed.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -92,7 +92,7 @@ impl Store {
         Ok((store, found))
     }
 
-    /// Makes and removes a file. A full disk is no reason to refuse: it may have room when it counts.
+    /// Makes and removes a file. A full disk is no reason to refuse: it may have room later.
     fn try_folder(&self) -> io::Result<()> {
         let temporary = self.temporary();
         let made = self.create(&temporary);
@@ -188,7 +188,7 @@ fn is_full(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded)
 }
 
-/// The lock. It is taken back rather than left to the descriptor: a child that is just being started has a copy of
+/// The lock. It is released explicitly, not by closing the descriptor: a child that is just being started has a copy of
 /// that.
 #[derive(Debug)]
 struct Lock(File);
@@ -216,7 +216,7 @@ fn lock(folder: &Path, station: &str) -> Result<Lock, StoreError> {
         .map_err(failed)?;
     match flock(&file, FlockOperation::NonBlockingLockExclusive) {
         Ok(()) => {
-            // For people; whoever holds the lock is the owner, whatever stands there.
+            // For people; whoever holds the lock is the owner, whatever the file says.
             let _ = file.set_len(0).and_then(|()| writeln!(file, "{}", std::process::id()));
             Ok(Lock(file))
         }
@@ -326,7 +326,7 @@ mod tests {
         assert!(
             folder.path().join(".s.retentive.b.refused").exists() && !folder.path().join(".s.retentive.new").exists()
         );
-        // The whole one is not what is overwritten.
+        // The whole generation is not the one that is overwritten.
         store.write(b"3").expect("writable");
         drop(store);
         assert_eq!(images(&Store::open(folder.path(), "s").expect("readable").1), [b"3", b"1"]);
@@ -346,8 +346,8 @@ mod tests {
         assert_eq!(fs::read(folder.path().join(".s.retentive.b.refused")).ok(), Some(b"my diary".to_vec()));
     }
 
-    /// Whatever stands in the place of the newest is told, nothing waits for it, the older one is taken, and the next
-    /// generation gets its place.
+    /// Whatever is in the place of the newest generation is reported and not waited for; the older one is used, and the
+    /// next generation gets that place.
     #[test]
     fn what_is_no_file_is_refused_and_waited_for_by_nobody() {
         type Put = fn(&Path);

@@ -43,7 +43,7 @@ use crate::station_file::{ConnectionType, LinkKind, Station, StationLink};
 use crate::timing::Observer;
 use crate::view::{StationView, state_name};
 
-/// Who may wait at the tap of a link.
+/// Connections that may wait at the tap of a link.
 const TAP_CALLERS: i32 = 4;
 /// Time between two looks at the scan and the clock.
 const TICK: Duration = Duration::from_millis(20);
@@ -52,7 +52,7 @@ const LIVE_TICKS: u32 = 25;
 /// How long the CPU gets to go to STOP, beyond two cycles.
 const STOP_TIME: Span = Span::from_secs(3);
 
-/// A station at work. The fields are dropped in this order: whoever uses something goes before it.
+/// A station at work. The fields are dropped in this order: a user of something before the thing itself.
 pub(super) struct AtWork {
     view: StationView,
     scan: Arc<ScanState>,
@@ -64,7 +64,7 @@ pub(super) struct AtWork {
     min_cycle: Span,
     thread: Option<JoinHandle<Result<(), String>>>,
     monitor: Option<Monitor>,
-    /// Makes machine code beside.
+    /// Has machine code made in a process of its own.
     compiling: Option<Compiling>,
     observer: Option<Observer>,
     keeper: Option<Keeper>,
@@ -91,7 +91,7 @@ impl AtWork {
         options: &Options,
     ) -> Result<Self, Failure> {
         let Assembly { mut cpu, view, mut fleet, io, links, running, compile, download } = assembly;
-        // First: a folder that cannot be used is told before anything has been started.
+        // First: a folder that cannot be used is reported before anything has been started.
         let (keeper, retentive) = keep(station, &mut cpu, &view)?;
         for (name, target) in links {
             rundir.link(name, &target).map_err(|e| Failure(Exit::System, format!("ob1: {e}\n")))?;
@@ -245,7 +245,7 @@ impl AtWork {
         text
     }
 
-    /// STOP, last figures, then everything goes, in order.
+    /// STOP, last figures, then everything is ended, in order.
     pub(super) fn stop(mut self, ended: Ended) -> Result<Report, Failure> {
         let died = self.thread.take_if(|thread| thread.is_finished()).map(JoinHandle::join);
         let died = died.map(|result| match result {
@@ -306,7 +306,8 @@ impl AtWork {
         Ok(())
     }
 
-    /// The CPU has done it in STOP; this is for one that never came there, and for programs that keep the image mapped.
+    /// The CPU does this in STOP; here it is done for a CPU that never got there, and for programs that keep the image
+    /// mapped.
     fn outputs_off(&self) {
         if let Some(io) = &self.io {
             io.switch_off();
@@ -327,7 +328,7 @@ impl AtWork {
     }
 }
 
-/// Passwords and keys of links are there, and nobody else can read them.
+/// Checks that passwords and keys of links are there, and that nobody else can read them.
 fn keep_secret(station: &Station) -> Result<(), Failure> {
     let refused = |link: &StationLink, file: &Path, why: &str, remedy: &str| {
         let (name, file) = (&link.name, file.display());
@@ -383,7 +384,7 @@ fn listen(station: &Station, rundir: &Path) -> Result<Vec<Vec<OwnedFd>>, Failure
     };
     let udp = |at: SocketAddr, partner: Option<SocketAddr>| {
         let socket = UdpSocket::bind(at)?;
-        // Who else sends is not heard.
+        // Telegrams from others are ignored.
         if let Some(partner) = partner {
             socket.connect(partner)?;
         }
@@ -409,7 +410,7 @@ fn listen(station: &Station, rundir: &Path) -> Result<Vec<Vec<OwnedFd>>, Failure
     station.links.iter().map(bind).collect()
 }
 
-/// The socket where those connect who listen to a link (docs/trace.md).
+/// The socket for those who listen to a link (docs/trace.md).
 fn tap(path: &Path) -> std::io::Result<OwnedFd> {
     let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
     let socket = socket_with(AddressFamily::UNIX, SocketType::SEQPACKET, flags, None)?;
@@ -418,8 +419,8 @@ fn tap(path: &Path) -> std::io::Result<OwnedFd> {
     Ok(socket)
 }
 
-/// The keys of a link. An S7 link has a tap; a page that may show everything is told where the drivers tell what goes
-/// over their lines.
+/// The keys of a link. An S7 link has a tap; a page that may show everything is told where the drivers publish what
+/// goes over their lines.
 fn with_taps(link: &StationLink, control_socket: &Path) -> String {
     let keys: Option<serde_json::Value> = serde_json::from_str(&link.config).ok();
     match (keys, control_socket.parent()) {

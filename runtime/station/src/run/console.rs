@@ -1,7 +1,7 @@
 //! What a run writes on stderr while it runs: log lines, and below them one live line when stderr is a terminal.
 
 /// Sends log lines to stderr: warnings with `quiet`, else information too, or what `OB1_LOG` says. From here on nothing
-/// waits for who reads them.
+/// waits for the reader of stderr.
 pub fn start_log(quiet: bool) {
     // Without the thread the log is written at once.
     let _ = ob1_log::start();

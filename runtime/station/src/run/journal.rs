@@ -1,4 +1,4 @@
-//! The diagnostic buffer as a run itself sees it: the scan hands each entry over, the run tells the changes of the
+//! The diagnostic buffer as a run itself sees it: the scan hands each entry over, the run reports the changes of the
 //! operating state and knows at the end what led to STOP. No socket and no text lies in between.
 
 use std::collections::VecDeque;
@@ -17,17 +17,17 @@ pub(super) struct Journal {
     kept: VecDeque<DiagEntry>,
     /// The last change of the operating state.
     change: Option<DiagEntry>,
-    /// The cycle monitoring led to STOP; what stood in the way is told when it is known.
+    /// The cycle monitoring led to STOP; the cause is reported when it is known.
     exceeded: Option<DiagEntry>,
 }
 
 impl Journal {
-    /// Of what the scan hands over there.
+    /// A journal of what the scan hands over at this end.
     pub(super) fn new(entries: FeedEnd) -> Self {
         Self { entries, kept: VecDeque::with_capacity(DIAG_ENTRIES), change: None, exceeded: None }
     }
 
-    /// Takes what has come, and tells each change of the operating state once.
+    /// Takes what has come, and reports each change of the operating state once.
     pub(super) fn take(&mut self, view: &StationView) {
         while let Some(entry) = self.entries.take() {
             if let Some(change) = entry.event.state_change() {
@@ -71,7 +71,7 @@ impl Journal {
     }
 }
 
-/// RUN and the like are information; STOP because of a fault is an error, with what it came from below it.
+/// RUN and the like are information; STOP because of a fault is an error, with its cause below it.
 fn tell(change: StateChange, entry: &DiagEntry, cause: Option<&DiagEntry>, view: &StationView) {
     let known = view.known.get();
     let text = known.places.told(entry);

@@ -18,7 +18,7 @@ pub(super) fn prepare(
     whereabouts: Arc<Whereabouts>,
 ) -> std::io::Result<()> {
     let words = LastWords {
-        // The lock inside is only tried for: whoever held it when the process crashed keeps it.
+        // The lock inside is only tried: whoever held it when the process crashed keeps it.
         outputs_off: Box::new(move || {
             if let Some(io) = &io {
                 io.switch_off();

@@ -47,9 +47,9 @@ pub struct Options {
     pub fence: bool,
     /// End with standard input: whoever started this run holds the other end.
     pub lifeline: bool,
-    /// Of a million characters on simulated lines, so many more suffer.
+    /// More faults on simulated lines, in characters per million.
     pub line_faults: u32,
-    /// Another course of what goes wrong there.
+    /// Gives these faults another course.
     pub line_seed: u64,
 }
 
@@ -109,7 +109,7 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
         return Err(Failure::of_findings(Exit::Rejected, &[finding]));
     }
     let loaded = program::load(&station).map_err(|f| Failure::of_load(&f))?;
-    // Lints are for `check`. That nothing will be executed is said in any case.
+    // Lints are for `check`. That nothing will be executed is always reported.
     let told = |f: &&Finding| f.level != Level::Lint && (!options.quiet || f.code == program::NO_OB1);
     for finding in loaded.findings.iter().chain(&devices).filter(told) {
         err!("{finding}");
@@ -166,7 +166,7 @@ fn exit_of(report: &Report) -> Exit {
     }
 }
 
-/// Until this is dropped, who calls `exit()` is a plugin.
+/// Until this is dropped, a call of `exit()` is taken for a plugin's.
 fn exit_is_a_fault(assembly: &assembly::Assembly) -> ob1_rt::ExitGuard {
     let (running, io) = (Arc::clone(&assembly.running), assembly.io.clone());
     ob1_rt::ExitGuard::raise(move || {

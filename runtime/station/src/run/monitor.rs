@@ -1,7 +1,7 @@
 //! The monitor: names a native block that never returns, switches the outputs off and ends the process.
 //!
-//! Nothing can bring the scan thread back from such a block. A statement loop is the watchdog's business and needs no
-//! monitor.
+//! Nothing can bring the scan thread back from such a block. A loop of statements is caught by the watchdog and
+//! needs no monitor.
 
 use std::sync::Arc;
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};

@@ -2,7 +2,7 @@
 //!
 //! From its first cycle on it allocates nothing, takes no lock another thread can hold, and makes no system call but
 //! the sleep, the doorbells, and one look at its kernel counters after a late scan; the fence proves it. What others
-//! want to know of it stands in atomics.
+//! want to know of it is kept in atomics.
 
 use std::sync::Arc;
 use std::sync::OnceLock;
@@ -43,7 +43,7 @@ pub(super) struct ScanState {
 }
 
 impl ScanState {
-    /// Of a CPU with so many modules.
+    /// The state for a CPU with this many modules.
     pub(super) fn new(modules: usize) -> Self {
         Self {
             state: AtomicU8::new(0),
@@ -141,7 +141,7 @@ pub(super) struct Scan {
     pub(super) retentive: Option<ScanEnd>,
     /// Hands late scans over to be explained.
     pub(super) late: LateSender,
-    /// Hand diagnostic entries over to be told: to the run, to the broker.
+    /// Hand diagnostic entries over to be reported: to the run, to the broker.
     pub(super) feeds: [Feed; 2],
     /// Where the guardian looks for signs of life.
     pub(super) guard: Option<GuardPage>,
@@ -149,7 +149,7 @@ pub(super) struct Scan {
     pub(super) successors: Option<Successors>,
     /// Programs that take over between two cycles.
     pub(super) newcomers: Option<Newcomers>,
-    /// Which one runs.
+    /// Which engine runs.
     pub(super) engine: Arc<InUse>,
 }
 
@@ -172,7 +172,7 @@ impl Scan {
         self.cpu.request(Command::Warm);
         self.cycle();
         if self.fence {
-            // Behind the fence a thread cannot end: it sleeps until the process does.
+            // A fenced thread cannot end: it sleeps until the process does.
             loop {
                 self.clock.sleep_until(FOREVER);
             }

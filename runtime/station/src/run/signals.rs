@@ -1,5 +1,5 @@
 //! Ctrl-C, SIGTERM and SIGHUP: the first ends the run in order; a second Ctrl-C or SIGTERM at once. A terminal that is
-//! closed may say so more than once, and who starts a run with `nohup` wants it to go on.
+//! closed may send SIGHUP more than once, and a run started with `nohup` is to go on.
 
 use std::io::{self, Read as _, Write as _};
 use std::os::unix::net::UnixStream;
@@ -36,7 +36,7 @@ impl Signals {
         Ok(Self { caught, sender })
     }
 
-    /// Takes the end of standard input for a signal too.
+    /// Treats the end of standard input as a signal, too.
     pub fn and_end_of_stdin(&self) -> io::Result<()> {
         let mut sender = self.sender.try_clone()?;
         // It ends with the process: nothing wakes it but the end of its input.

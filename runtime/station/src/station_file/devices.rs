@@ -1,5 +1,5 @@
-//! Serial devices that are not there: no error, for an adapter may be plugged in later, but said before anybody waits
-//! for it.
+//! Warnings about serial devices that do not exist: no error, because an adapter may be plugged in later, but reported
+//! before somebody waits for it.
 
 use std::path::{Path, PathBuf};
 
@@ -39,7 +39,7 @@ fn remedy(present: &[PathBuf]) -> String {
     }
 }
 
-/// Names under which adapters stay the same whatever they are plugged into.
+/// Names of adapters that do not depend on where they are plugged in.
 fn present() -> Vec<PathBuf> {
     let entries = std::fs::read_dir("/dev/serial/by-id");
     let mut names: Vec<PathBuf> = entries.into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path())).collect();

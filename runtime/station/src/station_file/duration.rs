@@ -39,7 +39,7 @@ pub fn parse_duration(text: &str) -> Result<Span, String> {
     let mut time = scale.times(whole);
     let mut place = *scale;
     for digit in decimals.bytes() {
-        // Decimals finer than a nanosecond say nothing.
+        // Decimals finer than a nanosecond are ignored.
         place = place / 10;
         time = time.saturating_add(u64::from(digit - b'0') * place);
     }

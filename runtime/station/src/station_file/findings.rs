@@ -12,15 +12,15 @@ pub const SYNTAX: &str = "C002";
 pub const UNKNOWN_KEY: &str = "C003";
 /// A key that must be there is missing.
 pub const MISSING: &str = "C004";
-/// A value that cannot be.
+/// An impossible value.
 pub const VALUE: &str = "C005";
 /// A name that is there twice.
 pub const TWICE: &str = "C006";
 /// Two modules at one address, or a module outside the address space.
 pub const ADDRESS: &str = "C007";
-/// A parameter of a CP that cannot be.
+/// An impossible parameter of a CP.
 pub const PARAMETER: &str = "C008";
-/// A line that cannot be.
+/// An invalid line.
 pub const LINE: &str = "C009";
 /// Two keys that do not go together.
 pub const CONTRADICTION: &str = "C010";

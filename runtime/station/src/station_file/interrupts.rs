@@ -50,7 +50,7 @@ fn interval(f: &mut Findings<'_>, text: &Placed<String>) -> Span {
     period
 }
 
-/// The time-of-day interrupts that are set without the program's doing.
+/// The time-of-day interrupts that are set without the program.
 pub(super) fn time_of_day(f: &mut Findings<'_>, tables: &[TimeOfDayTable]) -> Vec<TimeOfDay> {
     const EVERY: [(&str, Period); 8] = [
         ("once", Period::Once),

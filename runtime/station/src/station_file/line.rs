@@ -18,13 +18,13 @@ pub enum Line {
     Sim(String),
 }
 
-/// A line that cannot be.
+/// Why a line is invalid.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LineError {
     /// No kind in front, or an unknown one.
     #[error("\"{0}\" is not a kind of line")]
     Kind(String),
-    /// Nothing behind the colon.
+    /// Nothing after the colon.
     #[error("nothing stands behind \"{0}:\"")]
     Empty(&'static str),
     /// No port number.
@@ -35,7 +35,7 @@ pub enum LineError {
     Host(String),
 }
 
-/// What may stand there.
+/// The remedy for a wrong line.
 pub(super) const REMEDY: &str = "a line is \"serial:DEVICE\", \"pty:PATH\", \"tcp:HOST:PORT\", \"tcp-listen:PORT\", \
      \"tcp-listen:ADDRESS:PORT\" or \"sim:NAME\"";
 

@@ -42,7 +42,7 @@ pub fn load(path: &Path) -> Result<Station, Vec<Finding>> {
     parse(&read(path)?, &path.display().to_string(), folder_of(path))
 }
 
-/// The same for who is about to run it: with warnings for serial devices that are not there now.
+/// The same for a run: with warnings for serial devices that are not there now.
 ///
 /// # Errors
 /// All findings, at least one of them an error.
@@ -57,7 +57,7 @@ pub fn load_and_look(path: &Path) -> Result<(Station, Vec<Finding>), Vec<Finding
 }
 
 /// The user a station file wants its runtime to become (`[station] user`), before anything else is done with it. A file
-/// that cannot be read or understood names none: what is wrong with it is told when it is loaded.
+/// that cannot be read or understood names none: what is wrong with it is reported when it is loaded.
 #[must_use]
 pub fn user_of(path: &Path) -> Option<String> {
     let (text, name) = (read(path).ok()?, path.display().to_string());

@@ -1,5 +1,4 @@
-//! The station file as it is written: one struct a table, unknown keys refused. What the values mean is `check`'s
-//! business.
+//! The station file as it is written: one struct a table, unknown keys refused. `check` gives the values their meaning.
 
 use std::collections::BTreeMap;
 

@@ -95,7 +95,7 @@ pub struct StationLink {
     pub allowed: ob1_access::Allowed,
     /// With this password a client may do more.
     pub password: Option<String>,
-    /// Namely that.
+    /// The rights with this password.
     pub password_rights: ob1_access::Right,
     /// The keys its process reads itself, as JSON.
     pub config: String,
@@ -121,7 +121,7 @@ pub enum ConnectionType {
 }
 
 impl ConnectionType {
-    /// It is told by TSAPs; the others by ports.
+    /// Connections of this kind are named by TSAPs, the others by ports.
     #[must_use]
     pub const fn has_tsaps(self) -> bool {
         matches!(self, Self::Iso | Self::S7)
@@ -205,7 +205,7 @@ pub struct FaultRates {
 }
 
 impl SimulatedLine {
-    /// More goes wrong: of a million characters so many, with each kind of fault in equal parts, on another course.
+    /// Adds faults to `rate` of a million characters, in equal parts of each kind, on another course.
     pub(crate) fn disturb(&mut self, rate: u32, seed: u64) {
         self.seed ^= seed;
         let FaultRates { flip, lose, double, delay, parity, framing, break_, .. } = &mut self.faults;
@@ -405,7 +405,7 @@ pub enum ModuleKind {
     Remote {
         /// Which bus, from 0.
         bus: usize,
-        /// What of it.
+        /// Which part of it.
         module: BusModuleConfig,
     },
 }

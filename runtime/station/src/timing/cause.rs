@@ -5,7 +5,7 @@ use ob1_cpu::ScanRecord;
 use ob1_time::Span;
 use serde::{Deserialize, Serialize};
 
-/// Who made a scan late.
+/// The cause of a late scan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Class {
@@ -59,8 +59,8 @@ impl Class {
     }
 }
 
-/// What is known about the time around a scan. But for `measured`, it is of a window: up to two looks of the observer
-/// wide, so these are upper bounds for the scan itself.
+/// What is known about the time around a scan. Except `measured`, the figures are those of a window up to two looks of
+/// the observer wide, so they are upper bounds for the scan itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Evidence {
@@ -110,24 +110,24 @@ pub struct Measured {
     pub ran: Span,
     /// Other scans that lie in this time.
     pub others: u64,
-    /// What those can have had of the waiting: of the time they have lost, beginning late and off their core, as much
-    /// as is usual for scans on time.
+    /// How much of the waiting may be theirs: of the time they have lost (late starts, time off their core), the share
+    /// that is usual for scans on time.
     #[serde(rename = "others_ns", with = "nanos")]
     pub others_waited: Span,
 }
 
 impl Measured {
-    /// So long at least this scan waited for a core.
+    /// How long this scan has waited for a core at least.
     #[must_use]
     pub const fn waited_at_least(&self) -> Span {
         self.waited.saturating_sub(self.others_waited)
     }
 }
 
-/// The answer.
+/// The cause that was found.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cause {
-    /// Who.
+    /// The class.
     pub class: Class,
     /// What exactly, in words.
     pub what: String,
@@ -135,9 +135,9 @@ pub struct Cause {
     pub size: Span,
 }
 
-/// A minor fault takes about so long.
+/// A minor fault takes about this long.
 const MINOR_FAULT: Span = Span::MICROSECOND;
-/// A time on a core may be so old.
+/// A time on a core may be out of date by this much.
 const KERNEL_TICK: Span = Span::from_millis(10);
 /// A program is believed to have taken a time when its statements usually take at least an eighth of it.
 const PLAUSIBLE: u64 = 8;
@@ -183,7 +183,7 @@ pub fn explain(record: &ScanRecord, evidence: &Evidence) -> Cause {
     Cause { class, what, size }
 }
 
-/// What the scan itself was at.
+/// The cause within the scan itself.
 fn own(part: Part, record: &ScanRecord, evidence: &Evidence, size: Span) -> (Class, String) {
     match part {
         Part::Program if plausible(record, evidence, size) => (Class::Program, program(record)),
@@ -202,7 +202,7 @@ fn own(part: Part, record: &ScanRecord, evidence: &Evidence, size: Span) -> (Cla
             (Class::Driver, format!("inputs {inputs:.1} µs, outputs {outputs:.1} µs"))
         }
         _ => match evidence.measured {
-            // What it waited at all is not half of it: it slept.
+            // All its waiting is less than half of the delay: it slept.
             Some(m) if m.waited < size / 2 => {
                 let (late, waited) = (size.as_millis_f64(), m.waited.as_millis_f64());
                 (
@@ -255,7 +255,7 @@ fn kernel(evidence: &Evidence, record: &ScanRecord, size: Span, part: Part) -> O
     None
 }
 
-/// What was looked at, for a scan that nothing explains.
+/// What was checked, for a scan that nothing explains.
 fn unexplained(evidence: &Evidence, what: &str) -> (Class, String) {
     let mut looked = match evidence.measured {
         Some(m) => format!(

@@ -19,7 +19,7 @@ pub(super) struct Ledger {
     unexplained: Vec<LateEntry>,
     /// Those in which the watchdog expired.
     watchdogs: Vec<LateEntry>,
-    /// Late scans that came too fast to be told.
+    /// Late scans that came too fast to be recorded.
     lost: u64,
 }
 
@@ -44,7 +44,7 @@ impl Ledger {
         }
     }
 
-    /// What stood in the way of the scan in which the watchdog expired at this time, if that has been explained.
+    /// Why the scan was late in which the watchdog expired at this time, if that has been explained.
     pub(super) fn watchdog(&self, expired: Instant) -> Option<&LateEntry> {
         self.watchdogs.iter().rev().find(|entry| {
             let start = entry.planned_ns + entry.lateness_ns;
@@ -73,7 +73,7 @@ impl Ledger {
     }
 }
 
-/// The newest go last; the oldest go.
+/// Appends the entry; the oldest is dropped.
 fn keep(kept: &mut Vec<LateEntry>, entry: &LateEntry) {
     if kept.len() == KEPT {
         kept.remove(0);

@@ -2,7 +2,7 @@
 //!
 //! What is measured: the scan thread's time on a core and its waiting for one, between the last look before the scan
 //! began and the scan's own look at its end. Other scans may lie between the two. The accounts know how much time these
-//! have lost at all, so that what is left of the waiting is this scan's.
+//! have lost in all; what is left of the waiting is this scan's.
 
 use std::collections::VecDeque;
 
@@ -15,9 +15,9 @@ use super::kernel::Counters;
 
 /// Samples kept: what a scan of some seconds is explained from.
 const SAMPLES: usize = 256;
-/// Pairs of samples that say what is usual.
+/// Pairs of samples needed to say what is usual.
 const ENOUGH: usize = 8;
-/// The observer is late when it comes so much after its time.
+/// The observer is late when it comes this long after its time.
 const OBSERVER_LATE: Span = Span::MILLISECOND;
 
 /// A late scan, and its own look at its end.
@@ -120,8 +120,8 @@ impl Looks {
         })
     }
 
-    /// How much of what scans on time lose is waiting for a core: of all samples without a late scan between them. 1
-    /// where there are too few.
+    /// Which share of the time that scans on time lose is waiting for a core, over all samples without a late scan
+    /// between them. 1 if there are too few.
     fn waiting_share(&self) -> f64 {
         let looks = || self.samples.iter().filter_map(|s| s.look);
         let on_time = looks().zip(looks().skip(1)).filter(|(a, b)| a.sums.late == b.sums.late);
@@ -136,13 +136,13 @@ impl Looks {
 
     /// Whether the process was stopped in this scan, or before it began, when it was continued at this time.
     fn was_stopped(&self, record: &ScanRecord, continued: Instant) -> bool {
-        // The scan may have gone on, and ended, before the thread that takes the signals came to note it.
+        // The scan may have gone on, and ended, before the thread that takes the signals noted it.
         let noted_by = record.end.max(record.planned) + self.every;
         (record.planned..=noted_by).contains(&continued)
     }
 }
 
-/// Scans between two looks, without one with these sums of its own, and the time they have lost: beginning late, and
+/// The scans between two looks, without the one with the sums `own`, and the time they have lost by beginning late and
 /// off their core.
 fn lost(was: &Look, is: &Look, own: &Sums) -> (u64, Span) {
     let count = |now: u64, then: u64, own: u64| now.wrapping_sub(then).saturating_sub(own);

@@ -62,7 +62,7 @@ impl Timings {
         self.accounts.figures().since(&self.state.lock().before)
     }
 
-    /// Everything from here on is counted anew. The scan does not notice.
+    /// From here on everything is counted from 0. The scan does not notice.
     pub fn reset(&self) {
         let before = self.accounts.figures();
         *self.state.lock() = State { before, since: self.clock.time(), ..State::default() };
@@ -116,7 +116,7 @@ impl Timings {
         }
     }
 
-    /// What stood in the way of the scan in which the watchdog expired at this time; known a tenth of a second later.
+    /// Why the scan was late in which the watchdog expired at this time; known a tenth of a second later.
     #[must_use]
     pub fn watchdog(&self, expired: Instant) -> Option<String> {
         self.state.lock().ledger.watchdog(expired).map(text::cause)

@@ -1,4 +1,4 @@
-//! What the observer tells others: versioned, and the same in the socket's answers and in reports.
+//! What the observer reports: versioned, and the same in the socket's answers and in reports.
 
 use std::collections::BTreeMap;
 
@@ -17,15 +17,15 @@ pub struct Timing {
     pub schema: u32,
     /// When this was read, by the runtime's clock.
     pub time_ns: u64,
-    /// From when on it counts.
+    /// The time from which the figures count.
     pub since_ns: u64,
     /// The minimum cycle time; 0: none.
     pub min_cycle_ns: u64,
-    /// What becomes of a missed deadline: `now`, `skip`, `catch-up`.
+    /// What happens to a missed deadline: `now`, `skip`, `catch-up`.
     pub missed_rule: String,
-    /// A scan that begins so much after its deadline is late.
+    /// A scan that begins this long after its deadline is late.
     pub late_from_ns: u64,
-    /// A scan that takes so long is late.
+    /// A scan that takes this long is late.
     pub long_from_ns: u64,
     /// Finished cycles in RUN.
     pub scans: u64,
@@ -41,7 +41,8 @@ pub struct Timing {
     pub cycle: Spread,
     /// From the deadline of a cycle to its start, one value a cycle.
     pub wake: Spread,
-    /// The same, with a value for each missed deadline too: nothing is left out because the scan was not there.
+    /// The same, with one more value for each missed deadline: the distribution does not leave out scans that never
+    /// began.
     pub deadlines: Spread,
     /// From the start of a cycle to its end.
     pub execution: Spread,
@@ -163,7 +164,7 @@ pub struct LateReport {
     pub scans: u64,
     /// Not explained yet: at most a tenth of a second old.
     pub pending: u64,
-    /// Came too fast to be told.
+    /// Came too fast to be recorded.
     pub lost: u64,
     /// Share of those explained that remain unexplained, 0 to 1: the host is suspected.
     pub unexplained_share: f64,
@@ -200,7 +201,7 @@ pub struct LateEntry {
     pub lateness_ns: u64,
     /// From its start to its end.
     pub execution_ns: u64,
-    /// Who made it late.
+    /// The class of its cause.
     pub class: Class,
     /// What exactly.
     pub what: String,

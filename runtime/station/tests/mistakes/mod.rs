@@ -1,4 +1,4 @@
-//! Mistakes of a station file, as rows: what is written in the place of what, in which line it is found, what is said,
+//! Mistakes of a station file, as rows: what is written instead of what, in which line it is found, what is reported,
 //! and what helps.
 
 use ob1_station::finding::Finding;
@@ -14,7 +14,7 @@ pub(crate) fn check(good: &str, read: fn(&str) -> Result<Station, Vec<Finding>>,
         match read(&good.replacen(from, to, 1)) {
             Ok(_) => wrong.push(format!("{from} -> {to}: nothing is said")),
             Err(findings) => {
-                // A range that is wrong is one all the same.
+                // A wrong range is a range all the same.
                 if findings.iter().any(|f| f.message.contains("neither inputs nor outputs")) {
                     wrong.push(format!("{from} -> {to}: said of a module that has ranges"));
                 }

@@ -1,5 +1,6 @@
-//! Remote I/O over Modbus TCP on this machine: 32 couplers of 16 bytes each way at a cycle of 10 ms, the way of an
-//! input through OB 1 to an output, and requests a second beside libmodbus' client on the same server.
+//! Remote I/O over Modbus TCP on this machine: 32 couplers with 16 bytes in each direction at a cycle of 10 ms, the
+//! time from an input through OB 1 to an output, and requests per second compared with libmodbus' client on the same
+//! server.
 
 mod server;
 
@@ -17,21 +18,21 @@ use super::{Figure, median};
 use server::Bank;
 
 const COUPLERS: usize = 32;
-/// Words of each, each way: 16 bytes.
+/// Words of each coupler in each direction: 16 bytes.
 const WORDS: usize = 8;
 const CYCLE: Duration = Duration::from_millis(10);
-/// Ranges of the coupler that is asked as often as it goes; none touches another, so each is a request.
+/// Ranges of the coupler that is read as fast as possible; they are not adjacent, so each needs its own request.
 const RANGES: usize = 60;
-/// Times that we and libmodbus take turns.
+/// Number of alternating rounds of ob1 and libmodbus.
 const TURNS: usize = 3;
-/// Requests of libmodbus in a turn.
+/// Requests of libmodbus in a round.
 const REQUESTS: u32 = 20_000;
 const GUARD: Duration = Duration::from_secs(90);
 
-/// Measures for about so long.
+/// Measures for about this time.
 ///
 /// # Errors
-/// When the station cannot be run, or the partner is not there.
+/// If the station cannot be run, or the partner does not exist.
 pub fn measure(seconds: u64) -> Result<Vec<Figure>, Failure> {
     let seconds = Duration::from_secs(seconds.max(1));
     let mut figures = exchange(seconds)?;
@@ -74,7 +75,7 @@ fn exchange(time: Duration) -> Result<Vec<Figure>, Failure> {
     ])
 }
 
-/// Our process and libmodbus' client, one after the other on the same server: one register a request.
+/// Our process and libmodbus' client, one after the other on the same server: one register for each request.
 fn requests(time: Duration) -> Result<Figure, Failure> {
     let bank = Bank::start(1, 2 * RANGES)?;
     let port = bank.ports[0];
@@ -121,7 +122,7 @@ fn many(ports: &[u16]) -> String {
     ports.iter().enumerate().map(one).collect()
 }
 
-/// One coupler that is asked without a pause.
+/// One coupler that is read without a pause.
 fn fast(port: u16) -> String {
     let range = |n: usize| format!("{{ at = \"EB {}\", from = \"holding:{}\", registers = 1 }}", 2 * n, 2 * n);
     let ranges: Vec<String> = (0..RANGES).map(range).collect();
@@ -132,7 +133,7 @@ fn fast(port: u16) -> String {
     )
 }
 
-/// A station with a bus; it ends with its handle.
+/// A station with a bus; it ends when the handle is dropped.
 struct Station {
     child: Child,
     folder: PathBuf,
@@ -140,7 +141,7 @@ struct Station {
 }
 
 impl Station {
-    /// Until all of its couplers exchange.
+    /// Starts it and waits until all couplers exchange data.
     fn start(name: &str, modules: &str, statements: &str) -> Result<Self, Failure> {
         let ob1 = std::env::current_exe()?.with_file_name("ob1");
         let folder = std::env::temp_dir().join(format!("ob1-bench-{name}-{}", std::process::id()));
@@ -181,7 +182,7 @@ fn ask(socket: &Path) -> Result<Vec<BusStatus>, Failure> {
 
 impl Drop for Station {
     fn drop(&mut self) {
-        // In order, so that its processes end with it.
+        // Ended normally, so that its processes end with it.
         let _ = Command::new("kill").arg("-TERM").arg(self.child.id().to_string()).status();
         let _ = self.child.wait();
         let _ = std::fs::remove_dir_all(&self.folder);

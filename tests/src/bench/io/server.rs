@@ -1,4 +1,4 @@
-//! Couplers behind TCP, all in one thread: fast enough to be no part of what is measured.
+//! Couplers with TCP connections, all in one thread: fast enough not to affect the measurement.
 
 use std::io::{ErrorKind, Read as _, Write as _};
 use std::net::{TcpListener, TcpStream};
@@ -15,30 +15,30 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use super::super::peer::Failure;
 use crate::coupler::{Coupler, Stream, framed};
 
-/// Longest pause of the probe between an output that has followed and the next input.
+/// Maximum pause between an output that has followed and the next input.
 const PAUSE: Span = Span::from_millis(30);
-/// The wait for anything, at most: how soon the end is seen.
+/// Maximum wait, which limits the time until the end is noticed.
 const LOOK: Timespec = Timespec { tv_sec: 0, tv_nsec: 20_000_000 };
 
-/// What has been seen.
+/// The measured values.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Seen {
     /// Telegrams.
     pub(super) requests: u64,
-    /// Nanoseconds between two readings of a coupler, of all of them.
+    /// Nanoseconds between two reads of a coupler, for all couplers.
     pub(super) periods: Vec<u64>,
     /// Nanoseconds from an input of the first coupler to the output that follows it.
     pub(super) latencies: Vec<u64>,
 }
 
-/// So much time passes.
+/// Waits.
 pub(super) fn pause(time: Duration) -> Result<(), Failure> {
     let time = Timespec { tv_sec: time.as_secs() as i64, tv_nsec: i64::from(time.subsec_nanos()) };
     poll(&mut [], Some(&time))?;
     Ok(())
 }
 
-/// The couplers at work; they end with it.
+/// The running couplers; they end when this is dropped.
 pub(super) struct Bank {
     pub(super) ports: Vec<u16>,
     seen: Arc<Mutex<Seen>>,
@@ -47,14 +47,14 @@ pub(super) struct Bank {
 }
 
 impl Bank {
-    /// So many couplers of so many words each way.
+    /// Starts `count` couplers with `words` words in each direction.
     pub(super) fn start(count: usize, words: usize) -> Result<Self, Failure> {
         let mut all = Vec::new();
         for _ in 0..count {
             let listener = TcpListener::bind("127.0.0.1:0")?;
             listener.set_nonblocking(true)?;
             let mut coupler = Coupler::new(255, words);
-            // What the client that is measured beside us expects.
+            // The value that the other client expects.
             coupler.driven[0] = 0x1234;
             all.push(One { listener, connections: Vec::new(), coupler, read: None });
         }
@@ -78,7 +78,7 @@ impl Bank {
         Ok(Self { ports, seen, ends, thread: Some(thread) })
     }
 
-    /// What was seen in so long a time from now.
+    /// The values measured in this time from now.
     pub(super) fn watch(&self, time: Duration) -> Result<Seen, Failure> {
         let take = || self.seen.lock().map(|mut seen| std::mem::take(&mut *seen)).map_err(|_| "the couplers are gone");
         take()?;
@@ -101,7 +101,7 @@ struct One {
     read: Option<Instant>,
 }
 
-/// An input of the first coupler that is waited for.
+/// An input of the first coupler whose output is expected.
 struct Probe {
     value: u16,
     at: Option<Instant>,
@@ -162,7 +162,7 @@ impl Server {
     }
 }
 
-/// Whether the connection is still there.
+/// Answers a request; whether the connection still exists.
 fn answer(
     connection: &mut TcpStream,
     stream: &mut Stream,

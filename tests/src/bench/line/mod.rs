@@ -1,7 +1,7 @@
-//! User data over the simulated line, beside what the protocol's own characters and pauses leave of the baud rate: at
-//! the protocol machines with orders queued, and end to end through FC 0 and FC 1 at a scan of 1 ms. In virtual time;
-//! only the cost of an order is the processor's. Then Modbus RTU over a pty, beside others, where the interpreter of
-//! the partners' scripts is known.
+//! Throughput of user data over the simulated line, compared with the limit given by the baud rate and the protocol's
+//! own characters and pauses: for the protocol machines with queued orders, and end to end through FC 0 and FC 1 with a
+//! scan of 1 ms. In virtual time, except for the processor time of an order. Then Modbus RTU over a pty, compared with
+//! other programs, if the interpreter of the partners' scripts is known.
 
 mod modbus;
 mod queue;
@@ -18,24 +18,23 @@ use super::{Figure, median};
 use queue::{Bare, OfMachine, OfRk512, PAYLOAD, Side, char_time, payload, run};
 
 const BAUDS: [u32; 2] = [9600, 115_200];
-/// Of the processor's cost.
+/// Rounds for the processor time.
 const ROUNDS: usize = 9;
 
-/// A protocol at its machines.
+/// A protocol and its machines.
 struct Case {
     name: &'static str,
     sides: [Box<dyn Side>; 2],
-    /// Characters of an order that brings [`PAYLOAD`] bytes, both ways, one after the other.
+    /// Characters of an order with [`PAYLOAD`] bytes, the sum of both directions.
     characters: usize,
-    /// Pauses that the protocol or its parameters demand.
+    /// Pauses that the protocol or its parameters require.
     pause: Span,
 }
 
-/// Runs the measurement: throughput at the machines and end to end, the processor's cost of an order, Modbus over a
-/// pty.
+/// Runs the measurement: throughput of the machines and end to end, processor time of an order, Modbus over a pty.
 ///
 /// # Errors
-/// When an order fails, the stations cannot be built, or a partner cannot be had.
+/// If an order fails, the stations cannot be built, or a partner is not available.
 pub fn measure() -> Result<Vec<Figure>, Failure> {
     let mut figures = Vec::new();
     for baud in BAUDS {
@@ -55,7 +54,8 @@ pub fn measure() -> Result<Vec<Figure>, Failure> {
     Ok(figures)
 }
 
-/// The processor's cost of an order, both sides, beside that of as many characters on the simulated line alone.
+/// The processor time of an order, both sides, compared with that of the same number of characters on the simulated
+/// line alone.
 fn costs() -> Result<Vec<Figure>, Failure> {
     let baud = BAUDS[0];
     let mut times: Vec<(&str, Vec<f64>, Vec<f64>)> =
@@ -93,7 +93,7 @@ fn cases(baud: u32) -> Vec<Case> {
             ..defaults::stx_etx(char_time)
         })
     };
-    // Telegrams are told apart by pauses: ZNA longer than the receiver's ZVZ.
+    // Telegrams are separated by pauses: ZNA longer than the receiver's ZVZ.
     let ascii = || <Ascii>::new(ascii::Config { zna: 20 * MS, zvz: Span::ZERO, ..defaults::ascii(char_time) });
     let of_rk512 = |order: Option<(Request, Vec<u8>)>| {
         let priority = if order.is_some() { s3964::Priority::High } else { s3964::Priority::Low };
@@ -104,13 +104,13 @@ fn cases(baud: u32) -> Vec<Case> {
     let of_modbus = |mode| {
         let frame = frame::Config::new(mode, baud, char_time);
         let registers = (PAYLOAD / 2) as u8;
-        // Address, function code and number of bytes stand before the data.
+        // Address, function code and number of bytes are before the data.
         let master = Master::new(master::Config { frame: frame.clone(), wait: SECOND });
         let slave = Slave::new(slave::Config { confirmed: false, ..slave::Config::long(frame, 5) });
         [OfMachine::with_overhead(master, vec![5, 3, 0, 0, 0, registers], 3), OfMachine::side(slave, Vec::new())]
     };
     let silence = frame::Config::new(Mode::Rtu, baud, char_time).silence;
-    // 3964R puts 6 characters round a block: STX, DLE, DLE, ETX, BCC, DLE. RK 512 needs two telegrams and two reactions
+    // 3964R adds 6 characters to a block: STX, DLE, DLE, ETX, BCC, DLE. RK 512 needs two telegrams and two reactions
     // for 250 bytes, the first telegram with a header of 10 bytes, the others with 4.
     let of_rk512_order = PAYLOAD + 10 + 3 * 4 + 4 * 6;
     let case = |name, sides, characters, pause| Case { name, sides, characters, pause };

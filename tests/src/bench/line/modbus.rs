@@ -1,6 +1,6 @@
-//! Modbus RTU over a pty: transactions of the protocol machine a second, beside a bare loop, libmodbus and pymodbus,
-//! all against the same server. One register is read, 38400 baud, so that 1.75 ms of silence are kept; once more with
-//! no silence, as libmodbus keeps none.
+//! Modbus RTU over a pty: transactions per second of the protocol machine, compared with a plain loop, libmodbus and
+//! pymodbus, all with the same server. One register is read at 38400 baud, with a silence of 1.75 ms; and again without
+//! silence, because libmodbus keeps none.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Read as _, Write as _};
@@ -25,9 +25,9 @@ const CHARACTER: Span = Span::from_secs(10).over(BAUD as u64);
 const REQUEST: [u8; 6] = [5, 3, 0, 0, 0, 1];
 const ANSWER: [u8; 5] = [5, 3, 2, 0x12, 0x34];
 const ROUNDS: usize = 7;
-/// Transactions of a round with silence, and without.
+/// Transactions of a round with silence.
 const SLOW: u32 = 200;
-/// See [`SLOW`].
+/// Transactions of a round without silence.
 const FAST: u32 = 3000;
 
 /// A pty with a server at its other end that answers each request at once, until the pty is closed.
@@ -55,7 +55,7 @@ impl Line {
         Ok(Self { tty, path })
     }
 
-    /// Waits for characters, at most so long; what came.
+    /// Waits for characters, at most `timeout`; returns the number received.
     fn wait(&mut self, timeout: Span, buffer: &mut [u8]) -> Result<usize, Failure> {
         let timeout = Timespec::try_from(Duration::from(timeout))?;
         let mut ready = [PollFd::from_borrowed_fd(self.tty.as_fd(), PollFlags::IN)];
@@ -74,7 +74,7 @@ fn config(silent: bool) -> frame::Config {
     if silent { frame } else { frame.without_silence() }
 }
 
-/// Write, read, keep the silence: the floor. Transactions a second.
+/// Write, read, keep the silence: the lower limit. Returns transactions per second.
 fn bare(line: &mut Line, silence: Span, count: u32) -> Result<f64, Failure> {
     let (request, answer) = (framed(&REQUEST), framed(&ANSWER));
     let mut buffer = [0; 64];
@@ -100,7 +100,7 @@ fn bare(line: &mut Line, silence: Span, count: u32) -> Result<f64, Failure> {
     Ok(f64::from(count) / start.elapsed().as_secs_f64())
 }
 
-/// What a step of the machine has brought.
+/// The output of a step of the machine.
 #[derive(Default)]
 struct Out {
     frame: Vec<u8>,
@@ -127,7 +127,7 @@ impl Sink for Out {
     fn report(&mut self, _: Event) {}
 }
 
-/// The protocol machine on the same line, orders one after the other. Transactions a second.
+/// The protocol machine on the same line, orders one after the other. Returns transactions per second.
 fn machine(line: &mut Line, silent: bool, count: u32) -> Result<f64, Failure> {
     let mut machine = Master::new(master::Config { frame: config(silent), wait: 1_000 * MS });
     let mut buffer = [0; 64];
@@ -155,7 +155,7 @@ fn machine(line: &mut Line, silent: bool, count: u32) -> Result<f64, Failure> {
     Ok(f64::from(count) / start.elapsed().as_secs_f64())
 }
 
-/// A library as a master, in its own process; it measures itself. Transactions a second.
+/// A library as a master, in its own process, which measures itself. Returns transactions per second.
 fn library(line: &Line, name: &str, count: u32) -> Result<f64, Failure> {
     let python = std::env::var_os("OB1_PYTHON").ok_or("OB1_PYTHON is not set; run: cargo xtask bench line")?;
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/peers/modbus.py");
@@ -171,7 +171,7 @@ fn library(line: &Line, name: &str, count: u32) -> Result<f64, Failure> {
 /// The figures.
 ///
 /// # Errors
-/// When a pty, the libraries or an answer cannot be had.
+/// If a pty, a library or an answer is not available.
 pub(super) fn measure() -> Result<Vec<Figure>, Failure> {
     let mut line = Line::new()?;
     let silence = config(true).silence;

@@ -14,7 +14,7 @@ pub(super) const ORDERS: u64 = 400;
 /// 8N1.
 pub(super) const HALF_BITS: u32 = 20;
 
-/// User data; no DLE among them, which would be doubled.
+/// User data without DLE, which would be doubled.
 pub(super) fn payload() -> Vec<u8> {
     (0..PAYLOAD).map(|i| 0x20 + (i % 0x60) as u8).collect()
 }
@@ -24,13 +24,13 @@ pub(super) fn char_time(baud: u32) -> Span {
     (u64::from(HALF_BITS) * SECOND / 2).over_ceil(u64::from(baud))
 }
 
-/// What this thread has had of the processor, in nanoseconds: other work on the machine does not count.
+/// The processor time of this thread in nanoseconds: not affected by other work on the machine.
 fn processor_time() -> f64 {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
     time.tv_sec as f64 * 1e9 + time.tv_nsec as f64
 }
 
-/// The line as one end sees it while it is at work.
+/// The line as seen by one end during a step.
 pub(super) struct SimEnd<'a> {
     line: &'a mut SimLine,
     end: End,
@@ -39,27 +39,27 @@ pub(super) struct SimEnd<'a> {
 
 /// One end of the line.
 pub(super) trait Side {
-    /// Takes an input; the next deadline.
+    /// Handles an input; returns the next deadline.
     fn step(&mut self, input: Input<'_>, wire: &mut SimEnd<'_>) -> Option<Instant>;
 
-    /// Orders that have ended well, telegrams taken, and the first failure.
+    /// Successful orders, received telegrams, and the first failure.
     fn account(&self) -> Account;
 }
 
 /// What a side has done.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Account {
-    /// Own orders that ended well.
+    /// Own successful orders.
     pub(super) done: u64,
-    /// User data handed over to this side's CPU.
+    /// User data passed to this side's CPU.
     pub(super) taken: u64,
-    /// Why an order failed.
+    /// The reason why an order failed.
     pub(super) failure: Option<String>,
 }
 
-/// What a run came to.
+/// The result of a run.
 pub(super) struct Run {
-    /// Bytes of user data a second of the line's time.
+    /// Bytes of user data per second of line time.
     pub(super) rate: f64,
     /// Processor time of an order, both sides and the line, in nanoseconds.
     pub(super) cost: f64,
@@ -68,7 +68,7 @@ pub(super) struct Run {
 /// Runs [`ORDERS`] orders of the first side.
 ///
 /// # Errors
-/// When an order fails on this good line, or both sides wait for ever.
+/// If an order fails on this undisturbed line, or both sides wait without end.
 pub(super) fn run(mut sides: [Box<dyn Side>; 2], baud: u32) -> Result<Run, Failure> {
     let mut line = SimLine::new(SimConfig::new(baud, HALF_BITS), 1);
     let mut due = [None, None];
@@ -112,7 +112,7 @@ pub(super) fn run(mut sides: [Box<dyn Side>; 2], baud: u32) -> Result<Run, Failu
     Ok(Run { rate: (ORDERS * PAYLOAD as u64) as f64 * SECOND.nanos() as f64 / now.nanos() as f64, cost })
 }
 
-/// A machine of the common contract. The first tick gives it its first order, the end of one the next.
+/// A machine with the common interface. The first tick gives it its first order, the end of an order gives the next.
 pub(super) struct OfMachine {
     machine: Box<dyn Machine>,
     /// Empty: this side only serves.
@@ -123,12 +123,12 @@ pub(super) struct OfMachine {
 }
 
 impl OfMachine {
-    /// A side that sends `order` again and again; empty: none.
+    /// A side that sends `order` repeatedly; empty: none.
     pub(super) fn side(machine: impl Machine + 'static, order: Vec<u8>) -> Box<dyn Side> {
         Self::with_overhead(machine, order, 0)
     }
 
-    /// The same where a delivered telegram has `overhead` bytes that are not user data.
+    /// The same, if a delivered telegram has `overhead` bytes that are not user data.
     pub(super) fn with_overhead(machine: impl Machine + 'static, order: Vec<u8>, overhead: usize) -> Box<dyn Side> {
         Box::new(Self { machine: Box::new(machine), order, overhead, account: Account::default() })
     }
@@ -185,7 +185,7 @@ impl Side for OfMachine {
     }
 }
 
-/// RK 512: an order again and again, or a CPU that takes every order of the partner at once.
+/// RK 512: an order repeatedly, or a CPU that accepts every order of the partner at once.
 pub(super) struct OfRk512 {
     machine: Rk512,
     request: Option<(Request, Vec<u8>)>,
@@ -193,7 +193,7 @@ pub(super) struct OfRk512 {
 }
 
 impl OfRk512 {
-    /// A side that gives this order, a SEND with its data or a FETCH; or only serves.
+    /// A side that gives this order, a SEND with its data or a FETCH; or that only serves.
     pub(super) fn side(config: rk512::Config, request: Option<(Request, Vec<u8>)>) -> Box<dyn Side> {
         Box::new(Self { machine: Rk512::new(config), request, account: Account::default() })
     }
@@ -264,14 +264,14 @@ impl Side for OfRk512 {
     }
 }
 
-/// No protocol: so many characters, and when they have left, again. What the line itself costs.
+/// No protocol: sends the same characters repeatedly, to measure the line itself.
 pub(super) struct Bare {
     block: Vec<u8>,
     account: Account,
 }
 
 impl Bare {
-    /// A side that sends this block again and again, or (empty) counts what comes in.
+    /// A side that sends this block repeatedly, or (empty) counts the received characters.
     pub(super) fn side(block: Vec<u8>) -> Box<dyn Side> {
         Box::new(Self { block, account: Account::default() })
     }

@@ -10,10 +10,10 @@ use super::super::peer::Failure;
 use super::queue::PAYLOAD;
 use crate::sim::{self, Scenario};
 
-/// Bytes of user data a second over 3964R: telegrams of [`PAYLOAD`] bytes, one behind the other.
+/// Bytes of user data per second over 3964R: telegrams of [`PAYLOAD`] bytes, one after the other.
 ///
 /// # Errors
-/// When the stations cannot be built.
+/// If the stations cannot be built.
 pub(super) fn end_to_end(baud: u32) -> Result<f64, Failure> {
     let folder = std::env::temp_dir().join(format!("ob1-bench-line-{}", std::process::id()));
     std::fs::create_dir_all(&folder)?;
@@ -32,7 +32,7 @@ pub(super) fn end_to_end(baud: u32) -> Result<f64, Failure> {
         let outcome = sim::run(&scenario)?;
         outcome.stations.iter().map(|station| station.ledger(20, 0)).max().ok_or_else(|| "no station".into())
     };
-    // The start-up is not part of it.
+    // The start-up is not included.
     let (first, second) = (20 * SECOND, 120 * SECOND);
     let telegrams = done(second)?.saturating_sub(done(first)?);
     std::fs::remove_dir_all(&folder)?;

@@ -22,11 +22,11 @@ pub(super) enum What {
     Question(Option<Question>, Option<Question>),
     /// Whether the block ran to its end.
     End { reference: bool, other: bool },
-    /// The stacks behind the run.
+    /// The stacks after the run.
     Stacks,
 }
 
-/// A difference and its place: behind what the engines last agreed on, before what they come to next.
+/// A difference and its place: after the last point where the engines agreed, before the next one.
 #[derive(Clone, Debug)]
 pub(super) struct Difference {
     pub(super) what: What,

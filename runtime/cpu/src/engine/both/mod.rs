@@ -1,9 +1,9 @@
-//! Two engines held against each other: the reference engine runs for real, and what comes from outside is recorded
-//! (safe points, errors, native blocks, peripheral bytes); then the other engine runs the same organization block from
-//! the same state and is given the same answers. The first difference stops the CPU and is told in the log.
+//! Compares two engines: the reference engine runs for real, and what comes from outside is recorded (safe points,
+//! errors, native blocks, peripheral bytes); then the other engine runs the same organization block from the same state
+//! and is given the same answers. The first difference stops the CPU and is reported in the log.
 //!
-//! Each organization block is a run of its own, those that interrupt another too. It takes memory at each run, and more
-//! than twice the time: a mode for who doubts an engine.
+//! Each organization block is a run of its own, including those that interrupt another. Each run allocates memory and
+//! takes more than twice the time: this mode is for checking an engine.
 
 mod difference;
 mod state;
@@ -22,10 +22,10 @@ use difference::Difference;
 use state::State;
 pub(crate) use tape::{Answer, Question, Tape};
 
-/// Makes an engine that holds another one against the reference engine.
+/// Makes an engine that compares another one with the reference engine.
 #[derive(Clone, Copy)]
 pub struct Both(
-    /// What makes the other one.
+    /// Makes the other engine.
     pub &'static dyn Factory,
 );
 

@@ -1,4 +1,4 @@
-//! What an engine can see and change, but for references and frames of calls under way.
+//! What an engine can read and change, except references and frames of calls in progress.
 
 use crate::arena::Db;
 use crate::db_pool::Made;
@@ -10,7 +10,7 @@ use crate::timers::{Counter, Timer};
 /// Bytes that are compared at one time.
 const PIECE: usize = 64;
 
-/// A copy of it.
+/// A copy of this state.
 #[derive(Clone)]
 pub(super) struct State {
     pub(super) arena: Box<[u8]>,
@@ -55,7 +55,7 @@ impl Rest {
     }
 }
 
-/// What tells whether more than the hot state has changed.
+/// Detects whether more than the hot state has changed.
 pub(super) struct Marks {
     timers: Box<[Timer]>,
     counters: Box<[Counter]>,

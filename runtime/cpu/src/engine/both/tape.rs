@@ -55,11 +55,11 @@ struct Event {
     question: Question,
     /// Statements when it was asked.
     pending: u32,
-    /// What the engine has written since the answer before.
+    /// What the engine has written since the previous answer.
     own: Writes,
     /// What the outside has written.
     outside: Writes,
-    /// The rest behind the answer, when more than the hot state has changed.
+    /// The rest of the state after the answer, if more than the hot state has changed.
     rest: Option<Box<Rest>>,
     hot: crate::engine::hot::Values,
     answer: Answer,
@@ -68,9 +68,9 @@ struct Event {
 /// A run of an organization block on record.
 pub(crate) struct Tape {
     events: Vec<Event>,
-    /// What the engine has written behind the last answer.
+    /// What the engine has written after the last answer.
     tail: Writes,
-    /// The arena as the record has it.
+    /// The arena as of the last recorded event.
     shadow: Box<[u8]>,
     /// Events played back; `None`: it records.
     played: Option<usize>,
@@ -93,7 +93,7 @@ impl Context<'_> {
 }
 
 impl Machine {
-    /// Peripheral bytes that a statement reads while two engines are held against each other.
+    /// Peripheral bytes that a statement reads while two engines are compared.
     pub(crate) fn read_on_tape(&mut self, tape: Box<Tape>, address: u32, into: &mut [u8]) -> Result<(), IoError> {
         let len = into.len();
         let bytes = self.io(tape, Question::Read(address, len as u8), |modules| {
@@ -104,7 +104,7 @@ impl Machine {
         Ok(())
     }
 
-    /// Peripheral bytes that a statement writes meanwhile.
+    /// Peripheral bytes that a statement writes while two engines are compared.
     pub(crate) fn write_on_tape(&mut self, tape: Box<Tape>, address: u32, from: &[u8]) -> Result<(), IoError> {
         let mut bytes = [0; 4];
         bytes.get_mut(..from.len()).ok_or(IoError::NoModule)?.copy_from_slice(from);
@@ -155,7 +155,7 @@ impl Tape {
         Self { events: Vec::new(), tail: Writes::default(), shadow, played: None, difference: None }
     }
 
-    /// A question is asked: the tape comes back when it plays.
+    /// A question is asked; `Err` gives the tape back, because it plays.
     fn asked(mut self: Box<Self>, m: &Machine) -> Result<Asked, Box<Self>> {
         if self.played.is_some() {
             return Err(self);
@@ -169,14 +169,14 @@ impl Tape {
         self.tail = Writes::since(&mut self.shadow, &m.memory.bytes);
     }
 
-    /// From the beginning, for an engine that starts from `before`.
+    /// Plays from the beginning, for an engine that starts from `before`.
     pub(super) fn play_back(&mut self, before: &State, m: &mut Machine) {
         self.shadow.copy_from_slice(&before.arena);
         self.played = Some(0);
         self.until_next(m);
     }
 
-    /// The next safe point that looks is the next on record: nothing else makes the engine look before.
+    /// Makes the next recorded safe point the next one that looks: nothing else makes the engine look earlier.
     fn until_next(&self, m: &mut Machine) {
         m.hot.look_after = match self.events.get(self.played.unwrap_or(0)) {
             Some(Event { question: Question::SafePoint(_), pending, .. }) => *pending,
@@ -192,7 +192,7 @@ impl Tape {
         self.difference.get_or_insert(Difference { what, from, to, events });
     }
 
-    /// The answer on record, when the engine asks the same in the same state.
+    /// The recorded answer, if the engine asks the same question in the same state.
     fn play(mut self: Box<Self>, question: Question, m: &mut Machine) -> Answer {
         let answer = self.played_back(question, m);
         m.tape = Some(self);
@@ -202,7 +202,7 @@ impl Tape {
     fn played_back(&mut self, question: Question, m: &mut Machine) -> Answer {
         let played = self.played.unwrap_or(0);
         let at = question.at();
-        // Another thread has set the flag meanwhile; on record it was not.
+        // Another thread has set the flag since; in the recording it was not set.
         if matches!(question, Question::SafePoint(_)) && m.hot.pending < m.hot.look_after && self.difference.is_none() {
             return Answer::Done(Ok(()));
         }

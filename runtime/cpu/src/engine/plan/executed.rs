@@ -19,12 +19,12 @@ impl Executed {
         }
     }
 
-    /// The account begins anew.
+    /// The account begins at zero.
     pub(crate) fn forget(&self) {
         self.0.iter().for_each(|count| count.set(0));
     }
 
-    /// The account of the same blocks goes on here.
+    /// Continues the account `before` of the same blocks.
     pub(crate) fn go_on_from(&self, before: &Self) {
         for (count, before) in self.0.iter().zip(&before.0) {
             count.set(before.get());

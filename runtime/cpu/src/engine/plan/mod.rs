@@ -1,6 +1,5 @@
 //! What is loaded, as every engine runs it: blocks in pre-decoded form, calls with their parameters resolved, the
-//! places of areas and data blocks. Made once at load, never changed but for the
-//! account of what has been executed.
+//! places of areas and data blocks. Made once at load, never changed except for the account of what has been executed.
 
 mod call;
 mod executed;
@@ -91,10 +90,10 @@ pub struct Plan {
     pub signatures: Signatures,
     /// Where the areas lie.
     pub areas: Areas,
-    /// The data blocks of the program in ascending order of their numbers. They stay where they are, as long and as
-    /// writable as they are; a program makes and deletes only others.
+    /// The data blocks of the program in ascending order of their numbers. Their place, length and write protection
+    /// never change; a program makes and deletes only others.
     pub data: Box<[Db]>,
-    /// Bytes of address space from the arena's first on in which an access reaches the arena or traps.
+    /// Bytes of address space, from the arena's first on, in which an access either reaches the arena or traps.
     pub arena_reserved: u64,
     /// 2 or 4.
     pub accumulators: u8,
@@ -104,12 +103,12 @@ pub struct Plan {
     pub counters: u16,
     /// Blocks that can be nested in one organization block.
     pub nesting_depth: u8,
-    /// Bytes of stack for a nested block of statements that the thread which runs the CPU has; an engine that needs
-    /// more cannot take over.
+    /// Bytes of stack that the thread of the CPU has for each nested block of statements; an engine that needs more
+    /// cannot take over.
     pub stack_per_block: usize,
-    /// Blocks of statements that can be entered and not left, in all organization blocks that run at one time.
+    /// Most blocks of statements under way at one time, in all organization blocks together.
     pub frames: usize,
-    /// What an engine that accounts for it has executed of each block.
+    /// Statements executed in each block, if the engine counts them.
     pub executed: Executed,
 }
 

@@ -18,7 +18,7 @@ pub struct Scan {
     pub negate: bool,
 }
 
-/// Places that are cheap to find: the base is in a register of the engine. The operation has the address in it.
+/// Places that are cheap to find: the base is in a register of the engine, the address in the operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Base {
     /// Local data of the running block; inside them, as the block was verified.
@@ -29,7 +29,7 @@ pub enum Base {
     Instance,
     /// An actual parameter.
     Param(u16),
-    /// `[AR1,P#x]` into the area of this pointer code; [`AREA_IN_POINTER`]: the area stands in the register.
+    /// `[AR1,P#x]` into the area of this pointer code; [`AREA_IN_POINTER`]: the area is in the register.
     Ar1(u8),
     /// `[AR2,P#x]`.
     Ar2(u8),
@@ -110,12 +110,12 @@ pub enum Op {
         base: Base,
         at: BitAddr,
     },
-    /// A timer that is there.
+    /// A timer that exists.
     ScanTimer {
         scan: Scan,
         number: u16,
     },
-    /// A counter that is there.
+    /// A counter that exists.
     ScanCounter {
         scan: Scan,
         number: u16,
@@ -148,7 +148,7 @@ pub enum Op {
         at: ArenaByte,
     },
     /// A fully qualified operand of a data block of the program: `db` is its number, which the data block register
-    /// holds behind it.
+    /// holds afterwards.
     LoadInDb {
         bits: u8,
         db: u16,

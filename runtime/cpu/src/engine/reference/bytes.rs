@@ -1,4 +1,4 @@
-//! Cells of the arena. Outside of it there is nothing: places are checked before, and what is not is harmless.
+//! Cells of the arena. Places are checked before; outside of the arena, reads give 0 and writes do nothing.
 
 use crate::arena::ArenaByte;
 

@@ -1,4 +1,4 @@
-//! The blocks that have called and wait.
+//! The stack of callers.
 
 use std::cell::Cell;
 
@@ -9,7 +9,7 @@ use crate::engine::call::{Saved, Tops};
 pub(super) struct Frame {
     /// Its index.
     pub(super) block: u32,
-    /// The statement behind the call.
+    /// The statement after the call.
     pub(super) pc: u32,
     /// Index of the call in the block's table.
     pub(super) call: u32,
@@ -48,7 +48,7 @@ impl Frames {
         Some(self.list[top].get())
     }
 
-    /// Forgets those above.
+    /// Drops the frames above `top`.
     pub(super) fn cut(&self, top: usize) {
         self.top.set(top);
     }

@@ -79,7 +79,7 @@ impl<const ACCOUNTS: bool> Engine for Reference<ACCOUNTS> {
     fn call(&self, block: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<(), Abort> {
         let floor = self.frames.top();
         let ran = self.run(block, entry, cx);
-        // Blocks that an abort has left.
+        // Drops the frames of blocks that an abort has left.
         self.frames.cut(floor);
         ran
     }

@@ -103,7 +103,7 @@ impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
             ($base:expr, $at:expr, $bits:expr, $write:expr) => {
                 match operand::based($base, $at, $bits, $write, &r, cx.machine) {
                     Ok(Where::Arena(at)) => at,
-                    // The slow form goes there.
+                    // The slow form handles the peripheral area.
                     Ok(Where::Peripheral(_)) => step_slowly!(),
                     Err(fault) => fail!(fault),
                 }

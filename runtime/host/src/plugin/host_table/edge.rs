@@ -35,7 +35,7 @@ impl From<Abort> for Refused {
     }
 }
 
-/// A pointer or a length that cannot be.
+/// An impossible pointer or length.
 pub(super) const BAD_ARGUMENT: Refused = Refused(abi::BAD_ARGUMENT);
 
 /// Runs a host function's body on the frame of the call.

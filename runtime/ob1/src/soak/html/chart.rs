@@ -45,7 +45,7 @@ impl Axis {
         Self { from, to, log: true }
     }
 
-    /// Logarithmic, for counts: 1 stands clear of the ground.
+    /// Logarithmic, for counts: a bar of 1 can be seen.
     pub(super) fn counts(counts: impl Iterator<Item = u64>) -> Self {
         Self { from: 0.5, ..Self::decades(counts.map(|count| count as f64).chain([1.0])) }
     }

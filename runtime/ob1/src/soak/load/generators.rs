@@ -12,7 +12,7 @@ use super::{Load, LoadReport};
 
 /// Bytes written and flushed at once.
 const BLOCK: usize = 256 * 1024;
-/// A file of the I/O load begins anew after so many blocks.
+/// A file of the I/O load starts again after this many blocks.
 const BLOCKS: u64 = 64;
 
 #[derive(Debug, Default)]
@@ -116,7 +116,7 @@ impl Drop for Generators {
     }
 }
 
-/// A file that goes with its last descriptor, however this process ends.
+/// A file that disappears with its last descriptor, however this process ends.
 fn nameless(folder: &Path, number: u64) -> std::io::Result<File> {
     let path: PathBuf = folder.join(format!(".ob1-load-{}-{number}", std::process::id()));
     let file = OpenOptions::new().create_new(true).write(true).open(&path)?;

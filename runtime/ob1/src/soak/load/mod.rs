@@ -31,7 +31,7 @@ pub struct Load {
     io: u64,
     /// Driver kills a minute.
     kills: u64,
-    /// Of a million characters on simulated lines, so many suffer.
+    /// Faults on simulated lines, in characters per million.
     pub(super) line_faults: u64,
 }
 
@@ -102,7 +102,7 @@ fn available_memory() -> Option<u64> {
 pub struct LoadReport {
     /// As on the command line.
     pub spec: String,
-    /// Of all generators.
+    /// The seed of all generators.
     pub seed: u64,
     /// Slices of 100,000 turns the CPU load has done.
     pub cpu_slices: u64,
@@ -114,7 +114,7 @@ pub struct LoadReport {
     pub io_errors: u64,
     /// Drivers killed.
     pub driver_kills: u64,
-    /// Of a million characters on simulated lines, so many suffered.
+    /// Faults on simulated lines, in characters per million.
     #[serde(default)]
     pub line_faults: u64,
 }
