@@ -47,7 +47,7 @@ const struct Ob1PluginTable *ob1_plugin(void);
 // `VAR_IN_OUT`.
 #define OB1_SECTION_IN_OUT 2
 
-// Instance data of an FB or SFB that is no parameter.
+// Instance data of an FB or SFB that is not a parameter.
 #define OB1_SECTION_STATIC 3
 
 // The function value `RET_VAL` of an FC or SFC. Its index is its place among the parameters, as that of the others.
@@ -179,7 +179,7 @@ struct Ob1ParamDesc {
 // The call in progress; opaque to the plugin.
 struct Ob1CallContext;
 
-// Where an actual parameter or the instance lies, in numbers a program could print.
+// Location of the instance of the running FB.
 struct Ob1InstanceInfo {
   // `sizeof` this struct, set by the caller.
   uint32_t size;
@@ -187,7 +187,7 @@ struct Ob1InstanceInfo {
   uint16_t db;
   // Must be ignored.
   uint16_t reserved;
-  // First byte of this instance in it (0 but for multi-instances).
+  // First byte of this instance in the data block (0 except for multi-instances).
   uint32_t offset;
   // Bytes.
   uint32_t len;
@@ -229,7 +229,7 @@ struct Ob1ModuleInfo {
   uint8_t present;
   // Must be ignored.
   uint8_t reserved;
-  // Counts the driver's starts; another number means that everything the driver held is gone.
+  // Counts the driver's starts; a changed number means that everything the driver held is gone.
   uint32_t generation;
 };
 
@@ -247,7 +247,7 @@ struct Ob1CallArg {
   uint32_t value;
 };
 
-// The organization block that runs, and its start information.
+// The running organization block and its start information.
 struct Ob1ObInfo {
   // `sizeof` this struct, set by the caller.
   uint32_t size;
@@ -353,9 +353,9 @@ struct Ob1HostTable {
                           uint32_t arg_count);
   // Nanoseconds since the runtime started; virtual in a simulation.
   Ob1Status (*now)(struct Ob1CallContext *call, uint64_t *nanos);
-  // The organization block that runs.
+  // The running organization block.
   Ob1Status (*ob_info)(struct Ob1CallContext *call, struct Ob1ObInfo *info);
-  // A safe point: higher priorities may run now. Blocks that loop call it each time round.
+  // A safe point: higher priorities may run now. Blocks that loop call it in every iteration.
   Ob1Status (*attend)(struct Ob1CallContext *call);
   // Raises a programming or access error (event number 25xxh, 29xxh) as a statement would: OB 121/122 or STOP.
   // Returns `OK` to go on or `ABORT`.
@@ -375,7 +375,7 @@ struct Ob1HostTable {
 // A block's entry. `state` is the plugin's memory for this station (see `BlockDesc::state_size`).
 typedef Ob1Status (*Ob1BlockEntry)(const struct Ob1HostTable *host, struct Ob1CallContext *call, void *state);
 
-// A block a plugin brings.
+// A block of a plugin.
 struct Ob1BlockDesc {
   // `sizeof` this struct.
   uint32_t size;
@@ -394,7 +394,7 @@ struct Ob1BlockDesc {
   // Number of entries of `params`.
   uint32_t param_count;
   // Bytes of memory this block keeps per station: allocated by the host, zeroed at every start-up, aligned to 16
-  // bytes, given to `entry`. 0: `state` is null. Data that must survive belongs into the instance data block.
+  // bytes, given to `entry`. 0: `state` is null. Data that must survive belongs in the instance data block.
   uint32_t state_size;
   // The code.
   Ob1BlockEntry entry;
@@ -460,16 +460,16 @@ struct Ob1SettingsTable {
 // The data block does not exist.
 #define OB1_NO_DB -3
 
-// The data block number cannot be (0, or above what the CPU has).
+// An impossible data block number (0, or above the CPU's limit).
 #define OB1_DB_NUMBER -4
 
-// No module at this logical address, or the module is not of the kind that has this.
+// No module at this logical address, or a module of a kind without this function.
 #define OB1_NO_MODULE -5
 
 // The module does not answer: its driver is down.
 #define OB1_ABSENT -6
 
-// The module is at work on something else and has no answer now; asked later it may have one.
+// The module is busy with another request; a later request may succeed.
 #define OB1_BUSY -7
 
 // The record does not exist.

@@ -1,4 +1,4 @@
-//! Blocks into a station that runs: by python-snap7's clients and by `ob1 download`; what becomes of them over a start.
+//! Downloads blocks into a running station: by python-snap7's clients and by `ob1 download`; also after a restart.
 
 mod common;
 
@@ -10,8 +10,8 @@ use ob1_model::{BlockId, BlockKind};
 use ob1_stl::{Library, Options, Source};
 use serde_json::{Value, json};
 
-/// Clients that load and delete blocks. python-snap7's pure one loads data blocks alone and never links them, and its
-/// delete is no telegram of the protocol.
+/// Clients that load and delete blocks. python-snap7's pure client loads only data blocks and never links them, and its
+/// delete is not a telegram of the protocol.
 const LOADERS: [&str; 1] = ["native"];
 
 /// FC 7 and an OB 1 that calls it, and a data block.
@@ -50,7 +50,7 @@ fn compiled(text: &str) -> Program {
     output.program
 }
 
-/// A block as a CPU holds it.
+/// A block in the format of a CPU.
 fn image(kind: BlockKind, number: u16) -> Vec<u8> {
     let program = compiled(OTHER);
     let image = ob1_mc7::image(&program, BlockId::new(kind, number), &|_| None).expect("machine code");
@@ -65,7 +65,7 @@ fn download(bytes: &[u8]) -> Value {
     json!({ "op": "download", "hex": hex(bytes) })
 }
 
-/// What `status` says is other than in the sources.
+/// The differences to the sources that `status` reports.
 fn differences(station: &Running) -> Vec<(String, String)> {
     station.status().downloads.into_iter().map(|one| (one.block, one.what)).collect()
 }
@@ -82,13 +82,13 @@ fn blocks_go_into_a_cpu_and_stay_there() {
         let file = format!("s7-load-{name}");
         let (first, port) = station(&site, &file, "rights = \"operate\"");
         let mut client = Client::start(&site, name, port);
-        // In RUN: data blocks, no statements.
+        // In RUN: data blocks, but no code blocks.
         client.done(&download(&db));
         assert_eq!(client.done(&json!({ "op": "read", "db": 20, "at": 0, "bytes": 4 }))["hex"], "00050006", "{name}");
         assert_eq!(client.ask(&download(&fc))["ok"], false, "{name}");
         assert_eq!(differences(&first), pairs(&[("DB 20", "new")]), "{name}");
         first.set("DB10.DBW 0", 99);
-        // In STOP all of it, and values that were there stay.
+        // In STOP everything, and existing values are kept.
         client.done(&json!({ "op": "stop" }));
         client.done(&download(&fc));
         client.done(&download(&ob));
@@ -106,7 +106,7 @@ fn blocks_go_into_a_cpu_and_stay_there() {
         let mut wanted = changed.clone();
         wanted.sort();
         assert_eq!(told, wanted, "{name}");
-        // What goes up is what came down, with the values of now.
+        // The upload matches the download, with current values.
         first.set("DB20.DBW 2", 0x1234);
         let up = |client: &mut Client, ty: &str, number: u16| {
             client.done(&json!({ "op": "upload", "type": ty, "number": number }))["hex"].clone()
@@ -114,7 +114,7 @@ fn blocks_go_into_a_cpu_and_stay_there() {
         assert_eq!(up(&mut client, "FC", 7), hex(&fc), "{name}");
         let data = up(&mut client, "DB", 20);
         assert_eq!(data.as_str().and_then(|data| data.get(72..80)), Some("00051234"), "{name}");
-        // A block that is called cannot go in RUN; a data block can.
+        // A called block cannot be deleted in RUN; a data block can.
         assert_eq!(client.ask(&json!({ "op": "delete", "type": "FC", "number": 7 }))["ok"], false, "{name}");
         client.done(&json!({ "op": "delete", "type": "DB", "number": 20 }));
         assert_eq!(client.done(&json!({ "op": "list", "type": "DB" }))["numbers"], json!([10]), "{name}");
@@ -123,7 +123,7 @@ fn blocks_go_into_a_cpu_and_stay_there() {
         drop(client);
         assert_eq!(first.interrupt().code(), Some(0));
 
-        // It outlasts the runtime.
+        // It survives a restart of the runtime.
         let again = site.run("station.toml").until_run();
         again.until("the new program runs", |station| (station.cell("MW 106") > 3).then_some(()));
         let mut told = differences(&again);
@@ -131,7 +131,7 @@ fn blocks_go_into_a_cpu_and_stay_there() {
         assert_eq!((told, again.cell("MW 104")), (wanted, 77), "{name}");
         assert_eq!(again.interrupt().code(), Some(0));
 
-        // A file that is damaged, or whose blocks do not fit, is told and left out.
+        // A damaged file, or one whose blocks do not match, is reported and ignored.
         let path = site.path(format!(".{file}.downloaded"));
         let mut bytes = std::fs::read(&path).expect("what was kept");
         *bytes.last_mut().expect("not empty") ^= 1;
@@ -174,16 +174,21 @@ fn the_program_of_a_station_goes_into_another() {
     let loaded = site.ob1(&["download", &host, "other.toml", "--stop"]);
     assert_eq!(loaded.code, Some(0), "{}", loaded.err);
     station.until("the new program runs", |station| (station.cell("MW 106") > 3).then_some(()));
-    // What it had besides is still there: that is the only difference.
+    // Its additional blocks are still there: this is the only difference.
     let compared = site.ob1(&["compare", &host, "other.toml"]);
     assert_eq!(compared.code, Some(1), "{}", compared.out);
-    assert!(compared.out.starts_with("DB10 is in the CPU only\n4 blocks in the CPU, 1 of them"), "{}", compared.out);
+    assert!(
+        compared.out.starts_with("DB10 is in the CPU only\n4 blocks in the CPU, differences from other.toml: 1"),
+        "{}",
+        compared.out
+    );
     assert_eq!(site.ob1(&["upload", &host, "--out", "copy"]).code, Some(0));
     assert_eq!(site.ob1(&["compare", &host, "copy"]).code, Some(0));
     assert_eq!(station.interrupt().code(), Some(0));
 }
 
-/// Blocks that call system functions: an FC with SFC 1 and 20, an FB with a timer of SFB 4 inside and one beside it.
+/// Blocks that call system functions: an FC with SFC 1 and 20, an FB with a timer of SFB 4 as multi-instance and
+/// another one separately.
 const CALLS: &str = "
 FUNCTION FC 30 : INT
 VAR_TEMP
@@ -245,7 +250,7 @@ NETWORK
 END_ORGANIZATION_BLOCK
 ";
 
-/// A station of this program, and its address.
+/// A station with this program, and its address.
 fn of_program(site: &Site, name: &str, program: &str) -> (Running, String) {
     let port = free_port();
     site.write(&format!("{name}.awl"), program);
@@ -290,7 +295,7 @@ fn calls_of_system_functions_go_up_and_down_again() {
     let names: Vec<&str> = copied.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(names, ["DB31.mc7", "DB32.mc7", "FB31.mc7", "FC30.mc7", "OB1.mc7"]);
     let paths: Vec<String> = names.iter().map(|name| format!("copy/uploaded/{name}")).collect();
-    // Into one that has none of it, and into the one they come from.
+    // Into a station without these blocks, and into the one they come from.
     for (station, host) in [(&second, &to), (&first, &from), (&first, &from)] {
         let mut args = vec!["download", host.as_str(), "--stop"];
         args.extend(paths.iter().map(String::as_str));
@@ -304,10 +309,10 @@ fn calls_of_system_functions_go_up_and_down_again() {
             (cells == [0, 0x1234_5678, 1, 1] && station.cell("MW 106") > before).then_some(())
         });
     }
-    // Data blocks have come with the values of their timers; statements are as in the sources.
+    // Data blocks contain the values of their timers; code is as in the sources.
     let told = differences(&first);
     assert!(told.iter().all(|(block, _)| block.starts_with("DB")), "{told:?}");
-    // Statements go up again as they came, byte for byte.
+    // Code is uploaded unchanged, byte by byte.
     done(&["upload", &to, "--out", "again"]);
     let code = |files: Vec<(String, Vec<u8>)>| -> Vec<(String, Vec<u8>)> {
         files.into_iter().filter(|(name, _)| !name.starts_with("DB")).collect()
@@ -318,7 +323,7 @@ fn calls_of_system_functions_go_up_and_down_again() {
     }
 }
 
-/// A program that has come is run by machine code again, in STOP and in RUN.
+/// A downloaded program is run by machine code again, in STOP and in RUN.
 #[test]
 fn machine_code_follows_a_download() {
     let (ob, db) = (image(BlockKind::Ob, 1), image(BlockKind::Db, 20));

@@ -1,9 +1,10 @@
-//! Sieges of running stations. Short here; `cargo xtask siege kill socket` makes them long.
+//! Sieges of running stations. Short here; long runs with `cargo xtask siege kill socket`.
 
 mod common;
 
 use std::io::{Read as _, Write as _};
 use std::os::unix::net::UnixStream;
+use std::thread;
 
 use common::kills::{Blow, kill_drivers};
 use common::site::Site;
@@ -11,11 +12,14 @@ use ob1_line::sim::SplitMix64;
 use ob1_tests::siege::{mutate, rounds};
 use rustix::process::Signal;
 
-/// Drivers are killed, stopped and sent signals at random moments while telegrams flow: no telegram is wrong, none is
-/// reported as done that has not arrived, the scan goes on, the driver comes back.
+/// Drivers are killed, stopped and sent signals at random times while telegrams are transferred: no telegram is wrong,
+/// none is reported as done without having arrived, the scan continues, the driver is restarted.
 #[test]
 fn kill() {
+    /// Blows at one site.
     const SITE: u64 = 50;
+    /// Sites that are struck at the same time.
+    const AT_ONCE: usize = 3;
     let blows = [
         Blow::Kill,
         Blow::Kill,
@@ -28,12 +32,19 @@ fn kill() {
     ];
     let kills = rounds(4);
     let (mut echoes, mut failed, mut doubled, mut up_again) = (0, 0, 0, Vec::new());
-    for (seed, first) in (0..kills).step_by(SITE as usize).enumerate() {
-        let losses = kill_drivers(0x51E6E + seed as u64, SITE.min(kills - first) as u32, &blows);
-        echoes += losses.echoes;
-        failed += losses.failed;
-        doubled += losses.doubled;
-        up_again.extend(losses.up_again);
+    let sites: Vec<(u64, u64)> = (0x51E6E..).zip((0..kills).step_by(SITE as usize)).collect();
+    for group in sites.chunks(AT_ONCE) {
+        let strike = |&(seed, first): &(u64, u64)| kill_drivers(seed, SITE.min(kills - first) as u32, &blows);
+        let losses: Vec<_> = thread::scope(|scope| {
+            let strikes: Vec<_> = group.iter().map(|site| scope.spawn(|| strike(site))).collect();
+            strikes.into_iter().map(|site| site.join().expect("the site keeps what it promises")).collect()
+        });
+        for losses in losses {
+            echoes += losses.echoes;
+            failed += losses.failed;
+            doubled += losses.doubled;
+            up_again.extend(losses.up_again);
+        }
     }
     up_again.sort_by(f64::total_cmp);
     assert!(!up_again.is_empty());
@@ -46,8 +57,8 @@ fn kill() {
     );
 }
 
-/// Whatever is written to the socket of a station, by many clients at once, half of whom read nothing: it answers those
-/// who ask, and the scan goes on.
+/// Many clients write any data to the socket of a station, and half of them read nothing: it answers requests, and the
+/// scan continues.
 #[test]
 fn socket() {
     let site = Site::two_stations_on_a_cable();
@@ -69,7 +80,7 @@ fn socket() {
         let pick = |random: &mut SplitMix64| requests[random.below(requests.len() as u64) as usize];
         let (one, other) = (pick(&mut random), pick(&mut random));
         let mut message = mutate(&mut random, one, other);
-        // The words that end a run are orders, not attacks.
+        // Requests that end a run are not sent: they are valid commands.
         if message.windows(4).any(|word| word.eq_ignore_ascii_case(b"stop") || word.eq_ignore_ascii_case(b"halt")) {
             continue;
         }
@@ -89,7 +100,7 @@ fn socket() {
             continue;
         }
         let at = random.below(clients.len() as u64) as usize;
-        // A client that was shut out or is not read from loses its words; that is its own affair.
+        // A write may fail if the client was disconnected or is not read.
         let sent = clients[at].write(&message);
         if at.is_multiple_of(2) {
             let _ = clients[at].read(&mut [0; 4096]);

@@ -20,17 +20,7 @@ fn replay(seed: u64) -> String {
 
 #[test]
 fn a_good_line_loses_nothing() {
-    let scenario = Scenario {
-        faults: FaultRates::NONE,
-        kill_every: Span::ZERO,
-        duration: 20 * SECOND,
-        ..Scenario::demo(&folder(), 7)
-    };
-    let outcome = run(&scenario);
-    assert_eq!(outcome.verdict.broken, Vec::<String>::new(), "{}", outcome.log);
-    for column in ["error", "aborted", "wrong", "doubled", "late", "lost", "undetectable"] {
-        assert_eq!(outcome.verdict.get(column), 0, "{column}\n{}", outcome.verdict);
-    }
+    let outcome = pair::loses_nothing(Scenario::demo(&folder(), 7), 20 * SECOND, &pair::FAULTS);
     // 250 bytes there and back at 115200 baud and a handshake block a scan: some ten telegrams a second.
     assert!(outcome.verdict.get("good") > 100, "{}", outcome.verdict);
 }
@@ -53,21 +43,22 @@ fn seeds_of_a_simulated_minute() {
     }
 }
 
-/// Seeds that a longer run has found, each with what it was. In all of them the judge did not know what the check
-/// character cannot see.
+/// Seeds found by longer runs, each with its cause. In all of them the check of the test did not consider errors that
+/// the check character cannot detect.
 #[test]
 fn seeds_that_once_failed() {
     for seed in [
-        // A 00 lost on the way to B; the acknowledgement of B's echo was spoilt, so that the wrong one came twice. The
-        // third: a 00 lost on the way back, behind a request that was answered by a request.
+        // A 00 lost on the way to B; the acknowledgement of B's echo was corrupted, so that the wrong echo was received
+        // twice. The third: a 00 lost on the way back, after a request that was answered by a request.
         911, 1762, 4778,
-        // A driver was killed in the middle of a block. The next one refused each character of the rest, the sender
-        // asked anew for each NAK, and two of the requests came as data: they cancel out in the check character.
+        // A driver was killed during a block. The next one refused each character of the rest, the sender repeated its
+        // request after each NAK, and two of the requests were received as data: they cancel out in the check
+        // character.
         2007,
-        // The rest of a block that nobody listened to any more has an STX among its data: a block of its own, with a
-        // right check character.
+        // The rest of an abandoned block has an STX in its data: it looks like a block with a correct check character.
         8162,
-        // Both asked at once, one withdrew: the other's DLE is no data, and the next request is no repetition.
+        // Both sent a request at the same time, one withdrew: the DLE of the other is not data, and the next request is
+        // not a repetition.
         9754, 9981,
     ] {
         let outcome = run(&Scenario::demo(&folder(), seed));
@@ -77,14 +68,14 @@ fn seeds_that_once_failed() {
 
 #[test]
 fn without_a_cable_no_order_is_ever_done() {
-    // Every character is lost: the guard against "done" without an acknowledgement.
+    // Every character is lost: checks that "done" is not reported without an acknowledgement.
     let scenario = Scenario {
         faults: FaultRates { lose: 1_000_000, ..FaultRates::NONE },
         kill_every: Span::ZERO,
         duration: 60 * SECOND,
         ..Scenario::demo(&folder(), 3)
     };
-    // Nothing is lost in the calm at the end, so only the time before it is looked at: the log has each change of a
+    // Nothing is lost in the calm at the end, so only the time before it is checked: the log contains each change of a
     // counter.
     let calm = 45_000_000;
     let outcome = run(&scenario);
@@ -105,8 +96,8 @@ fn without_a_cable_no_order_is_ever_done() {
     assert!(outcome.verdict.broken.is_empty(), "and it came back:\n{}", outcome.verdict);
 }
 
-/// B takes seconds for the echo of a long telegram, longer than A waits for it: the echoes of the short ones that
-/// follow come when A is two telegrams further. That is late, and nothing is wrong with them.
+/// B needs several seconds for the echo of a long telegram, longer than A waits: the echoes of the following short ones
+/// arrive when A is two telegrams ahead. They are late, but correct.
 #[test]
 fn late_echoes_of_short_telegrams_are_known_as_such() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -128,7 +119,7 @@ fn late_echoes_of_short_telegrams_are_known_as_such() {
         std::fs::write(folder.path().join(name), text).expect("room for a file");
     }
     let demo = Scenario::demo(folder.path(), 7);
-    let outcome = run(&Scenario { faults: FaultRates::NONE, kill_every: Span::ZERO, duration: 60 * SECOND, ..demo });
+    let outcome = run(&demo.undisturbed(60 * SECOND));
     let [lost, late] = ["lost", "late"].map(|column| outcome.verdict.get(column));
     assert!(lost > 2 && late > 2, "{}", outcome.log);
     assert_eq!((outcome.verdict.get("wrong"), outcome.verdict.get("undetectable")), (0, 0), "{}", outcome.log);

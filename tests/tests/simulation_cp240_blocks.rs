@@ -1,5 +1,5 @@
-//! The handling blocks of the CP 240 in a whole station, in virtual time, with a partner that does what a test tells
-//! it: what a program learns when things do not go as they should.
+//! The handling blocks of the CP 240 in a whole station, in virtual time, with a partner controlled by the test: the
+//! error reports for the program.
 
 mod common;
 
@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use ob1_cpu::{Cell, CellWidth};
+use ob1_cpu::{Cell, Width};
 use ob1_firmware::LineFault;
 use ob1_model::Area;
 use ob1_tests::sim::device::{Bench, Device};
@@ -18,21 +18,21 @@ const STX: u8 = 0x02;
 const ETX: u8 = 0x03;
 const DLE: u8 = 0x10;
 
-/// A partner on the line: with 3964R it acknowledges what comes and sends its blocks; with other protocols it only
-/// listens.
+/// A partner on the line: with 3964R it acknowledges received blocks and sends its own; with other protocols it only
+/// receives.
 #[derive(Default)]
 struct Partner {
     is_3964r: bool,
-    /// Everything that came.
+    /// All received characters.
     heard: Vec<u8>,
-    /// 3964R: where the telegram that is coming begins.
+    /// 3964R: start of the telegram being received.
     from: Option<usize>,
     telegrams: Vec<Vec<u8>>,
     blocks: VecDeque<Vec<u8>>,
     connects: bool,
 }
 
-/// A telegram as it goes over the line.
+/// A telegram as transmitted on the line.
 fn block(telegram: &[u8]) -> Vec<u8> {
     ob1_protocols::s3964::codec::block(telegram, true).collect()
 }
@@ -80,7 +80,7 @@ struct Site {
     bench: Bench<Partner>,
 }
 
-/// A station whose one CP 240 has these parameters, with this in its cycle.
+/// A station with one CP 240 with these parameters, and this program in its cycle.
 fn station(folder: &Path, params: &str, cycle: &str, blocks: &str) -> PathBuf {
     let parameters = if params.starts_with('"') { format!("raw = {params}") } else { format!("params = {params}") };
     let program = format!(
@@ -111,7 +111,7 @@ impl Site {
 
     fn bit(&mut self, byte: u32, bit: u32, on: bool) {
         let cell = Cell::Area(Area::Memory, 8 * byte + bit);
-        self.bench.station.cpu.write(cell, CellWidth::Bit, u32::from(on)).expect("bit memory");
+        self.bench.station.cpu.write(cell, Width::Bit, u32::from(on)).expect("bit memory");
     }
 
     fn is_set(&self, byte: usize, bit: u32) -> bool {
@@ -166,8 +166,8 @@ fn serving() -> Site {
     site
 }
 
-/// [S0 "Error message CP Byte 0"], 17h: "Maximally 1024byte user data may be transferred." The limit is told to the
-/// program that serves by its own number, not as a data block that is too short.
+/// [S0 "Error message CP Byte 0"], 17h: "Maximally 1024byte user data may be transferred." The serving program gets
+/// this limit as its own error number, and not as a data block that is too short.
 #[test]
 fn an_order_of_the_partner_above_512_words() {
     let mut site = serving();
@@ -178,7 +178,7 @@ fn an_order_of_the_partner_above_512_words() {
         assert!(site.is_set(52, FEHLER));
         site.until(|site| !site.bench.device.telegrams.is_empty());
         assert_eq!(site.bench.device.telegrams, [[0, 0, 0, 0x14]]);
-        // 512 words are served, and the indicator word is that order's.
+        // 512 words are served, and the indicator word is that of this order.
         site.bench.device.telegrams.clear();
         site.partner_sends(&[0, 0, b'E', b'D', 10, 0, 2, 0, 0xFF, 0xFF]);
         site.until(|site| site.word(40) == 0x0004);
@@ -190,7 +190,7 @@ fn an_order_of_the_partner_above_512_words() {
     }
 }
 
-/// The program was slower than the CP waits: the partner has been told 2Ah, so the program is not told "done".
+/// The program was too slow for the CP: the partner got 2Ah, so the program does not get "done".
 #[test]
 fn an_answer_that_comes_too_late() {
     for stage in [EMPF_LAEUFT, SENDE_LAEUFT] {
@@ -206,7 +206,7 @@ fn an_answer_that_comes_too_late() {
         site.bit(4, 0, false);
         site.until(|site| !site.is_set(52, EMPF_LAEUFT) && !site.is_set(52, SENDE_LAEUFT));
         assert_eq!((site.word(40), site.is_set(52, FEHLER)), (0x0C08, true), "bit {stage}");
-        // And it serves the next one.
+        // It serves the next order.
         site.partner_sends(&[0, 0, b'A', b'D', 10, 0, 0, 1, 0xFF, 0xFF, 1, 2]);
         site.until(|site| site.word(40) == 0x0004);
         site.until(|site| site.bench.device.telegrams.len() == 2);
@@ -219,8 +219,8 @@ const FRAGMENTS: &str = "U M 1.0;\nBEB;\nCALL FC 11 (ADR := 256, _DB := DB 10, A
      EMFR := M 5.0, GEEM := MW 44, ANZ_INT := MW 46, EMPF_LAEUFT := M 3.0, LETZTER_BLOCK := M 3.1, \
      FEHLER_EMPF := M 3.2, PAFE := MB 42);\n";
 
-/// [S0 L1099], [S0 "ASCII-fragmented"]: the blocks stand in the data block as they come, EMFR tells that the telegram
-/// is complete, ANZ is its length. 24 bytes have an end, too.
+/// [S0 L1099], [S0 "ASCII-fragmented"]: the blocks are stored in the data block as received, EMFR shows that the
+/// telegram is complete, ANZ is its length. Also with 24 bytes, a multiple of 12.
 #[test]
 fn fragments_of_a_telegram_and_its_end() {
     let params = "{ protocol = \"ascii-fragmented\", baud = 9600, zvz_ms = 100 }";
@@ -235,7 +235,7 @@ fn fragments_of_a_telegram_and_its_end() {
             None
         });
         if len > 12 {
-            // The first blocks are there long before the end.
+            // The first blocks are stored long before the end.
             site.until(|site| site.word(44) == 12);
             assert!(!site.is_set(5, 0));
         }
@@ -243,7 +243,7 @@ fn fragments_of_a_telegram_and_its_end() {
         assert_eq!((site.word(40), site.word(44), site.is_set(3, 1)), (len, len, true));
         let data = site.bench.station.cpu.data_block(10).expect("it is there");
         assert!(data[..usize::from(len)] == telegram, "{len} bytes");
-        // Nothing further is taken until the program has set EMFR back.
+        // Nothing more is accepted until the program has reset EMFR.
         site.bench.meanwhile(|_, _, out| {
             out.extend(b"next");
             None
@@ -256,7 +256,7 @@ fn fragments_of_a_telegram_and_its_end() {
         site.bit(5, 0, false);
         site.bench.pass(50 * MS);
     }
-    // A character that cannot be read, behind the first block: no telegram, and the program is told.
+    // A character error after the first block: no telegram, and the program gets an error.
     site.bench.meanwhile(|_, _, out| {
         out.extend(b"twelve bytes, ");
         None
@@ -274,8 +274,8 @@ fn fragments_of_a_telegram_and_its_end() {
     assert_eq!((site.word(40), site.is_set(3, 2)), (10, false));
 }
 
-/// The manual names no FC 9 for Modbus: a program that waits for ANL goes on, the registers (at a slave "short" the
-/// data that the master reads) stay as they are, and the diagnostic buffer says so.
+/// The manual names no FC 9 for Modbus: a program that waits for ANL continues, the registers (for a slave "short" the
+/// data that the master reads) are not changed, and the diagnostic buffer has an entry.
 #[test]
 fn fc_9_with_a_modbus_protocol() {
     for protocol in ["modbus-slave-rtu-short", "modbus-slave-rtu-long", "modbus-master-rtu"] {
@@ -300,7 +300,7 @@ fn fc_9_with_a_modbus_protocol() {
     }
 }
 
-/// No handling block takes the master's data for words, or writes over what the master reads.
+/// No handling block takes the data of the master for count words, or overwrites the data that the master reads.
 #[test]
 fn the_registers_of_a_slave_short_are_its_data() {
     let program = "L 42;\nT PAW 256;\nU M 5.0;\nCALL FC 1 (ADR := 256, _DB := DB 10, ABD := W#16#0, ANZ := MW 40, \
@@ -331,7 +331,7 @@ fn the_registers_of_a_slave_short_are_its_data() {
     assert_eq!(site.bench.device.heard, rtu(&[1, 4, 4, 0, 42, 0, 0]));
 }
 
-/// `ob1 check` says it before the station runs.
+/// `ob1 check` reports it before the station runs.
 #[test]
 fn a_call_for_nothing_is_found_before() {
     let warnings = |protocol: &str, cycle: &str| {

@@ -1,6 +1,6 @@
-//! The CP 340 in virtual time: the pair of `examples/cp340-pair`; CP 340 with CP 340 and with CP 341, every length that
-//! is a boundary somewhere, both ways, over 3964(R) and ASCII, byte by byte; aborts by R and EN_R; the receive buffer;
-//! what a partner does wrong. [reference 3.7 to 3.10], [CP 340 manual 04/2011]
+//! The CP 340 in virtual time: the pair of `examples/cp340-pair`; CP 340 with CP 340 and with CP 341, all boundary
+//! lengths in both directions, over 3964(R) and ASCII, compared byte by byte; aborts by R and EN_R; the receive buffer;
+//! errors of the partner. [reference 3.7 to 3.10], [CP 340 manual 04/2011]
 
 mod common;
 
@@ -8,8 +8,7 @@ use std::fs;
 
 use common::cp341::data_block;
 use common::pair::{self, run};
-use ob1_cpu::{Cell, CellWidth};
-use ob1_line::sim::FaultRates;
+use ob1_cpu::{Cell, Width};
 use ob1_tests::sim::device::{Bench, Device};
 use ob1_tests::sim::station::SimStation;
 use ob1_tests::sim::{self, MS, SECOND, Scenario};
@@ -20,21 +19,11 @@ use ob1_time::{Instant, Span};
 #[test]
 fn the_pair_loses_nothing_on_a_good_line() {
     let folder = pair::example("cp340-pair");
-    let scenario = Scenario {
-        faults: FaultRates::NONE,
-        kill_every: Span::ZERO,
-        duration: 30 * SECOND,
-        ..Scenario::demo(&folder, 7)
-    };
-    let outcome = run(&scenario);
-    assert_eq!(outcome.verdict.broken, Vec::<String>::new(), "{}", outcome.log);
-    for column in ["error", "aborted", "wrong", "doubled", "late", "lost", "undetectable"] {
-        assert_eq!(outcome.verdict.get(column), 0, "{column}\n{}\n{}", outcome.verdict, outcome.log);
-    }
+    let outcome = pair::loses_nothing(Scenario::demo(&folder, 7), 30 * SECOND, &pair::FAULTS);
     assert!(outcome.verdict.get("good") > 50, "{}", outcome.verdict);
 }
 
-/// Bad lines, characters in bursts, drivers killed: each job ends exactly once, nothing wrong is taken for right.
+/// Bad lines, characters in bursts, killed drivers: each job ends exactly once, no wrong data are accepted.
 #[test]
 fn the_pair_on_bad_lines() {
     for seed in 1..=3 {
@@ -51,10 +40,10 @@ fn the_same_seed_gives_the_same_log() {
 // ---- two stations, every length ----
 
 /// Both blocks of a CP 340 (FB 2, FB 3) or a CP 341 (FB 7, FB 8): DB 60 has the parameters of P_SEND, DB 61 those of
-/// P_RCV. DB 10 is what is sent, DB 40 what has come.
+/// P_RCV. DB 10 has the data to send, DB 40 the received data.
 fn program(kind: &str) -> String {
     let (receive, send) = if kind == "cp340" { (2, 3) } else { (7, 8) };
-    // P_RESET: DBX 6.0 asks, DBB 7 counts DONE.
+    // P_RESET: DBX 6.0 is REQ, DBB 7 counts DONE.
     let reset = "CALL FB 12, DB 12\n  REQ := DB60.DBX 6.0\n  LADDR := 256\n  DONE := DB60.DBX 6.2\n  ERROR := DB60.DBX 6.3\n      \
                  U     DB60.DBX 6.2;\n      SPBN  end;\n      L     DB60.DBB 7;\n      L     1;\n      +I;\n      T     DB60.DBB 7;\nend:  NOP   0;\n";
     let reset = if kind == "cp340" { reset } else { "" };
@@ -75,7 +64,7 @@ fn program(kind: &str) -> String {
     [code, instances.concat(), blocks.concat()].concat()
 }
 
-/// A station with one CP; `more` is TOML behind its parameters.
+/// A station with one CP; `more` is TOML after its parameters.
 fn station_file(name: &str, kind: &str, line: &str, params: &str, more: &str) -> String {
     format!(
         "[station]\nname = \"{name}\"\n[cpu]\nmin_cycle = \"1ms\"\nwatchdog = \"500ms\"\n\
@@ -85,8 +74,8 @@ fn station_file(name: &str, kind: &str, line: &str, params: &str, more: &str) ->
     )
 }
 
-fn put(station: &mut SimStation, db: u16, byte: u32, width: CellWidth, value: i32) {
-    let value = if width == CellWidth::Byte { value & 0xFF } else { value & 0xFFFF };
+fn put(station: &mut SimStation, db: u16, byte: u32, width: Width, value: i32) {
+    let value = if width == Width::Byte { value & 0xFF } else { value & 0xFFFF };
     station.cpu.write(Cell::Db(db, 8 * byte), width, value as u32).expect("a cell of the program");
 }
 
@@ -98,12 +87,12 @@ fn word(block: &[u8], at: usize) -> u16 {
     u16::from_be_bytes([block[at], block[at + 1]])
 }
 
-/// What DB 10 has for this job: every value comes, those of control characters too.
+/// The content of DB 10 for this job: all values, including control characters.
 fn filling(job: usize) -> Vec<u8> {
     (0..4200).map(|at| (at * 7 + job * 31 + at / 256) as u8).collect()
 }
 
-/// A job: who sends, LEN, STATUS (0: DONE, and the other side has the telegram).
+/// A job: sender, LEN, STATUS (0: DONE, and the other side has the telegram).
 type Job = (usize, i32, u16);
 
 #[derive(Default)]
@@ -122,7 +111,7 @@ impl Operator {
     }
 
     fn look(&mut self, place: usize, station: &mut SimStation) {
-        put(station, 61, 1, CellWidth::Byte, 1);
+        put(station, 61, 1, Width::Byte, 1);
         let Some(&(sender, len, status)) = self.jobs.get(self.at) else { return };
         if place == sender {
             self.look_sender(station, len);
@@ -137,14 +126,14 @@ impl Operator {
     fn look_sender(&mut self, station: &mut SimStation, len: i32) {
         if !self.has_begun {
             for (at, byte) in (0..).zip(filling(self.at)) {
-                put(station, 10, at, CellWidth::Byte, byte.into());
+                put(station, 10, at, Width::Byte, byte.into());
             }
-            put(station, 60, 2, CellWidth::Word, len);
-            put(station, 60, 0, CellWidth::Byte, 1);
+            put(station, 60, 2, Width::Word, len);
+            put(station, 60, 0, Width::Byte, 1);
             self.has_begun = true;
             return;
         }
-        put(station, 60, 0, CellWidth::Byte, 0);
+        put(station, 60, 0, Width::Byte, 0);
         self.cycles += 1;
         assert!(self.cycles < 40_000, "job {} does not end: {:?}", self.at, self.jobs[self.at]);
         let (flags, status) = (block(station, 60)[1], word(block(station, 60), 4));
@@ -156,7 +145,7 @@ impl Operator {
         }
     }
 
-    /// The telegram is there, to the byte, and nothing beside it.
+    /// Checks that exactly the telegram was received, and nothing else was changed.
     fn look_receiver(&mut self, station: &mut SimStation, len: i32) {
         let flags = block(station, 61)[0];
         if flags == 0 {
@@ -174,13 +163,13 @@ impl Operator {
             "beside the telegram of job {job}"
         );
         for at in 0..target.len() as u32 {
-            put(station, 40, at, CellWidth::Byte, 0);
+            put(station, 40, at, Width::Byte, 0);
         }
         self.report = Some(received);
     }
 }
 
-/// Two stations with a CP of these types on a cable; the jobs go one after the other.
+/// Two stations with a CP of these types on a cable; executes the jobs one after the other.
 fn exchange(kinds: [&str; 2], params: [&str; 2], jobs: Vec<Job>) {
     let folder = tempfile::tempdir().expect("a folder");
     let places = [("a", "pty:cable"), ("b", "serial:cable")];
@@ -190,8 +179,7 @@ fn exchange(kinds: [&str; 2], params: [&str; 2], jobs: Vec<Job>) {
         fs::write(folder.path().join(format!("station-{name}.toml")), file).expect("a station file");
     }
     let duration = 900 * SECOND;
-    let scenario =
-        Scenario { faults: FaultRates::NONE, kill_every: Span::ZERO, duration, ..Scenario::demo(folder.path(), 1) };
+    let scenario = Scenario::demo(folder.path(), 1).undisturbed(duration);
     let mut operator = Operator { jobs, ..Operator::default() };
     let outcome = sim::run_with(&scenario, |place, station| {
         operator.look(place, station);
@@ -201,10 +189,10 @@ fn exchange(kinds: [&str; 2], params: [&str; 2], jobs: Vec<Job>) {
     assert!(operator.is_done(), "job {} has not ended\n{}", operator.at, outcome.log);
 }
 
-/// Words, pieces of 32 bytes, a byte's range, the greatest telegram of a CP 340.
+/// Limits of words, pieces of 32 bytes, the range of a byte, the longest telegram of a CP 340.
 const BOUNDARIES: [i32; 14] = [1, 2, 31, 32, 33, 63, 64, 65, 255, 256, 257, 991, 1023, 1024];
 
-/// All of them both ways, and lengths that cannot be.
+/// All of them in both directions, and invalid lengths.
 fn all_lengths(limits: [(i32, u16); 2]) -> Vec<Job> {
     let good = BOUNDARIES.iter().flat_map(|len| [(0, *len, 0), (1, *len, 0)]);
     let wrong = (0..2).flat_map(|sender| {
@@ -242,7 +230,7 @@ fn fixed_lengths_and_end_characters() {
     for length in [1, 240, 1024] {
         exchange(["cp340"; 2], [&by_length(length), &by_length(length)], vec![(0, length, 0), (1, length, 0)]);
     }
-    // 1024 with its end does not go, and nothing of it is sent.
+    // 1024 bytes plus the end characters are too long, and nothing is sent.
     let by_end = "protocol = \"ascii\", end_criterion = \"end-characters\", end_flag_1 = 13, sending = \"append-end\"";
     exchange(["cp340"; 2], [by_end; 2], vec![(0, 1024, 0x050E)]);
 }
@@ -254,12 +242,12 @@ const ETX: u8 = 0x03;
 const DLE: u8 = 0x10;
 const NAK: u8 = 0x15;
 
-/// A partner that answers what it is told to.
+/// A partner with given answers.
 #[derive(Default)]
 struct Partner {
-    /// What it answers to STX, and to the block.
+    /// Its answers to STX and to the block.
     answers: [&'static [u8]; 2],
-    /// Telegrams it sends, each behind a DLE of the CP.
+    /// Telegrams it sends, each after a DLE of the CP.
     blocks: Vec<Vec<u8>>,
     heard: Vec<u8>,
 }
@@ -288,7 +276,7 @@ impl Device for Partner {
     }
 }
 
-/// A block behind STX and DLE: 3964R.
+/// A block after STX and DLE: 3964R.
 fn framed(telegram: &[u8]) -> Vec<u8> {
     let doubled = telegram.iter().flat_map(|byte| if *byte == DLE { vec![DLE; 2] } else { vec![*byte] });
     let mut line: Vec<u8> = doubled.chain([DLE, ETX]).collect();
@@ -329,7 +317,7 @@ impl Site {
     }
 
     fn set(&mut self, db: u16, byte: u32, value: u8) {
-        put(&mut self.bench.station, db, byte, CellWidth::Byte, value.into());
+        put(&mut self.bench.station, db, byte, Width::Byte, value.into());
     }
 
     fn pass(&mut self, time: Span) {
@@ -348,7 +336,7 @@ impl Site {
         });
     }
 
-    /// An edge of REQ, and so long.
+    /// Gives an edge of REQ and runs for `time`.
     fn send(&mut self, len: u8, time: Span) -> Vec<u16> {
         self.set(60, 3, len);
         self.set(60, 0, 1);
@@ -371,7 +359,7 @@ impl Site {
     }
 }
 
-/// What goes wrong on the line has its number at P_SEND; the buffer has what led to it.
+/// Errors on the line have their number in STATUS of P_SEND; the diagnostic buffer has the causes.
 #[test]
 fn a_job_ends_with_what_the_partner_did() {
     for (answers, status, entries) in [
@@ -389,7 +377,8 @@ fn a_job_ends_with_what_the_partner_did() {
     }
 }
 
-/// R: the job ends with 1E0Dh at once; EN_R = 0 or R in the middle of a telegram: 1E0Dh, and it comes again whole.
+/// R: the job ends with 1E0Dh at once; EN_R = 0 or R during a telegram: 1E0Dh, and the telegram is passed again
+/// completely.
 #[test]
 fn aborts_by_r_and_en_r() {
     let mut site = Site::s3964r();
@@ -407,7 +396,7 @@ fn aborts_by_r_and_en_r() {
         site.set(61, 1, 1);
         site.pass(10 * MS);
         site.says(&telegram);
-        // Until data are on their way.
+        // Until data are being transferred.
         for _ in 0..2000 {
             if block(&site.bench.station, 40)[3 + 40] != 0 {
                 break;
@@ -424,7 +413,7 @@ fn aborts_by_r_and_en_r() {
     }
 }
 
-/// 1024 bytes and no more; what does not fit is told, and the oldest come first.
+/// 1024 bytes and no more; telegrams that do not fit are reported, and the oldest are passed first.
 #[test]
 fn the_receive_buffer_holds_1024_bytes() {
     let mut site = Site::ascii("");
@@ -445,7 +434,7 @@ fn the_receive_buffer_holds_1024_bytes() {
     assert_eq!(site.reports(), [Ok(1024)]);
 }
 
-/// ASCII: a character that cannot be read costs its telegram. [TIA help "PtP data link CP 340", "STATUS parameter"]
+/// ASCII: a character error discards its telegram. [TIA help "PtP data link CP 340", "STATUS parameter"]
 #[test]
 fn unreadable_characters_have_their_numbers() {
     use ob1_firmware::LineFault::{Framing, Overrun, Parity};
@@ -464,7 +453,7 @@ fn unreadable_characters_have_their_numbers() {
     }
 }
 
-/// P_RESET: what waits is gone, what comes behind it is not.
+/// P_RESET discards waiting telegrams, but not later ones.
 #[test]
 fn p_reset_empties_the_receive_buffer() {
     let mut site = Site::ascii("");

@@ -1,12 +1,12 @@
 //! The printer driver of a CP 340 and a CP 341 in virtual time: STL program with P_PRINT (P_PRT341), the CP, and a
-//! printer on its line that keeps every byte. [reference 1.8], `docs/cp340-printer.md`
+//! printer on its line that records every byte. [reference 1.8], `docs/cp340-printer.md`
 
 mod common;
 
 use std::fs;
 
 use common::cp341::data_block;
-use ob1_cpu::{Cell, CellWidth};
+use ob1_cpu::{Cell, Width};
 use ob1_tests::sim::device::{Bench, Device};
 use ob1_tests::sim::{MS, SECOND};
 use ob1_time::{Instant, Span};
@@ -16,10 +16,10 @@ const XOFF: u8 = 0x13;
 
 const KINDS: [&str; 2] = ["cp340", "cp341"];
 
-/// Format string, variables, what is on the paper, STATUS.
+/// Format string, variables, printed text, STATUS.
 type Misprint<'a> = (&'a [u8], &'a [&'a [u8]], &'a [u8], u16);
 
-/// A printer: keeps what it gets; with XON/XOFF it stops the CP after so many bytes.
+/// A printer that records its data; with XON/XOFF it stops the CP after a number of bytes.
 #[derive(Default)]
 struct Paper {
     bytes: Vec<u8>,
@@ -83,7 +83,7 @@ impl Site {
 
     fn put(&mut self, db: u16, at: u32, bytes: &[u8]) {
         for (at, byte) in (at..).zip(bytes) {
-            self.bench.station.cpu.write(Cell::Db(db, 8 * at), CellWidth::Byte, u32::from(*byte)).expect("a cell");
+            self.bench.station.cpu.write(Cell::Db(db, 8 * at), Width::Byte, u32::from(*byte)).expect("a cell");
         }
     }
 
@@ -91,7 +91,7 @@ impl Site {
         self.put(db, at, &word.to_be_bytes());
     }
 
-    /// Lays out pointers, variables and format string.
+    /// Writes pointers, variables and format string.
     fn prepare(&mut self, format: &[u8], variables: &[&[u8]]) {
         let mut at = 1;
         for place in 0..4 {
@@ -122,7 +122,7 @@ impl Site {
         });
     }
 
-    /// An edge of REQ, and until the job has ended.
+    /// Gives an edge of REQ and waits for the end of the job.
     fn run(&mut self) -> u16 {
         self.put(60, 0, &[1]);
         self.pass(2 * MS);
@@ -138,7 +138,7 @@ impl Site {
         panic!("it does not end\n{}", self.bench.log());
     }
 
-    /// What the printer got for this job, and how that ended.
+    /// Executes a job; returns the printed bytes and STATUS.
     fn print(&mut self, format: &[u8], variables: &[&[u8]]) -> (Vec<u8>, u16) {
         self.prepare(format, variables);
         let status = self.run();
@@ -159,7 +159,7 @@ fn message_texts_variables_and_control_characters() {
         assert_eq!(printed, (b"\x1BEThe pressure in the chamber\x1BF is falling\r\n".to_vec(), 0), "{kind}");
         assert_eq!(site.print(b"%P", &[&10_u16.to_be_bytes()]), (vec![], 0), "{kind}");
         assert_eq!(site.print(b"\\x", &[]), (vec![], 0), "{kind}");
-        // DONE comes with the last bit: everything is on the paper then.
+        // DONE comes with the last bit, when everything is printed.
         let longest = [b'#'; 150];
         let four: [&[u8]; 4] = [&[b'1'; 25]; 4];
         let printed = site.print(&[&longest[..142], b"%C%C%C%C"].concat(), &four);
@@ -167,7 +167,7 @@ fn message_texts_variables_and_control_characters() {
     }
 }
 
-/// What is wrong is asterisks on the paper and a number at the block and in the diagnostic buffer.
+/// Errors are printed as asterisks and reported in STATUS and in the diagnostic buffer.
 #[test]
 fn a_misprint_is_printed_and_told() {
     for kind in KINDS {
@@ -196,7 +196,7 @@ fn a_misprint_is_printed_and_told() {
     }
 }
 
-/// Pointers that cannot be: nothing is printed. [reference 3.14]
+/// Invalid pointers: nothing is printed. [reference 3.14]
 #[test]
 fn wrong_pointers() {
     for kind in KINDS {
@@ -209,7 +209,7 @@ fn wrong_pointers() {
             (30, 0, length),
             (6, 33, length),
             (6, 0, length),
-            // OB 121 lets the program go on.
+            // The program continues after OB 121.
             (26, 99, 0x0301),
             (28, 190, 0x0301),
             (2, 99, 0x0301),
@@ -231,7 +231,7 @@ fn wrong_pointers() {
     }
 }
 
-/// P_PRINT is the printer driver's alone. [reference 3.7, 0502h]
+/// P_PRINT works only with the printer driver. [reference 3.7, 0502h]
 #[test]
 fn other_protocols_do_not_print() {
     for kind in KINDS {
@@ -240,7 +240,7 @@ fn other_protocols_do_not_print() {
     }
 }
 
-/// XOFF stops the printer's data, XON lets them go on; who waits too long ends with 0708h.
+/// XOFF stops the data, XON continues them; a wait that is too long ends with 0708h.
 #[test]
 fn flow_control() {
     for kind in KINDS {
@@ -263,12 +263,12 @@ fn flow_control() {
         site.bench.device.bytes.clear();
         site.bench.device.stops_after = Some(20);
         assert_eq!(site.run(), 0x0708, "{kind}");
-        // What a printer says otherwise is nobody's.
+        // Other characters of a printer are ignored.
         assert!(!site.bench.entries().iter().any(|entry| entry >> 8 == 8), "{:04X?}", site.bench.entries());
     }
 }
 
-/// R = 1 ends the job at the block; what has reached the CP is printed all the same.
+/// R = 1 ends the job of the block; data already in the CP are printed nevertheless.
 #[test]
 fn a_reset_ends_the_job() {
     let mut site = Site::printer("cp340", "");
@@ -294,7 +294,7 @@ fn a_page() {
     assert_eq!(site.print(b"\\F", &[]).0, b"\r\n shift 1\r\n\x0C");
 }
 
-/// The line goes while it prints: the job is not done.
+/// The line fails while printing: the job ends with an error.
 #[test]
 fn a_line_that_goes() {
     let mut site = Site::printer("cp340", "");
@@ -306,7 +306,7 @@ fn a_line_that_goes() {
     assert_eq!(site.ends, [0x0708]);
 }
 
-/// `examples/cp340-printer`: what its README shows comes out of the printer, to the byte.
+/// `examples/cp340-printer`: the output is exactly that in its README.
 #[test]
 fn the_example_prints_its_log() {
     let station = common::pair::example("cp340-printer").join("station.toml");
@@ -319,16 +319,16 @@ fn the_example_prints_its_log() {
     bench.device.bytes.clear();
     for (message, text) in [(17, &b"\x14\x0Ais falling"[..]), (18, b"\x14\x04full"), (19, b"\x14\x00")] {
         let cpu = &mut bench.station.cpu;
-        cpu.write(Cell::Db(51, 0), CellWidth::Word, message).expect("DB 51");
+        cpu.write(Cell::Db(51, 0), Width::Word, message).expect("DB 51");
         for (at, byte) in (2..).zip(text) {
-            cpu.write(Cell::Db(51, 8 * at), CellWidth::Byte, u32::from(*byte)).expect("DB 51");
+            cpu.write(Cell::Db(51, 8 * at), Width::Byte, u32::from(*byte)).expect("DB 51");
         }
-        cpu.write(Cell::Area(ob1_model::Area::Memory, 80), CellWidth::Bit, 1).expect("M 10.0");
+        cpu.write(Cell::Area(ob1_model::Area::Memory, 80), Width::Bit, 1).expect("M 10.0");
         bench.pass(SECOND);
     }
     let lines = [
         &b"    17:30:00.000  The pressure in the chamber is falling  \r\n"[..],
-        // Message text 18 has a conversion statement of its own, and no variable is left for it.
+        // Message text 18 has its own conversion statement, for which no variable is left.
         b"    17:30:00.000  The level is  l full        \r\n",
         b"    17:30:00.000  ******             \r\n",
     ];

@@ -3,11 +3,9 @@
 
 mod common;
 
-use ob1_time::Span;
 use std::path::PathBuf;
 
 use common::pair::{self, run};
-use ob1_line::sim::FaultRates;
 use ob1_tests::sim::{Outcome, SECOND, Scenario};
 
 fn folder() -> PathBuf {
@@ -22,19 +20,9 @@ fn cell(outcome: &Outcome, station: &str, db: u16, byte: usize) -> u32 {
 
 #[test]
 fn a_good_line_loses_nothing() {
-    let scenario = Scenario {
-        faults: FaultRates::NONE,
-        kill_every: Span::ZERO,
-        duration: 20 * SECOND,
-        ..Scenario::demo(&folder(), 7)
-    };
-    let outcome = run(&scenario);
-    assert_eq!(outcome.verdict.broken, Vec::<String>::new(), "{}", outcome.log);
-    for column in ["error", "aborted", "wrong", "doubled", "late", "lost", "undetectable"] {
-        assert_eq!(outcome.verdict.get(column), 0, "{column}\n{}\n{}", outcome.verdict, outcome.log);
-    }
+    let outcome = pair::loses_nothing(Scenario::demo(&folder(), 7), 20 * SECOND, &pair::FAULTS);
     assert!(outcome.verdict.get("good") > 200, "{}", outcome.verdict);
-    // RK 512: a SEND and a FETCH each, all right.
+    // RK 512: a SEND and a FETCH each, all correct.
     let (done, good) = (cell(&outcome, "-a", 21, 12), cell(&outcome, "-a", 21, 24));
     assert!(good > 100 && done >= 2 * good, "{done} jobs done, {good} blocks right");
     for (name, byte) in [("error", 16), ("aborted", 20), ("wrong", 28)] {
@@ -50,8 +38,8 @@ fn the_same_seed_gives_the_same_log_and_another_another() {
     pair::assert_repeats(&folder());
 }
 
-/// Good and bad lines, characters in bursts, drivers killed: each job ends exactly once, nothing wrong is taken for
-/// right, and all comes back.
+/// Good and bad lines, characters in bursts, killed drivers: each job ends exactly once, no wrong data are accepted,
+/// and everything recovers.
 #[test]
 fn seeds_of_a_simulated_minute() {
     for seed in 1..=4 {

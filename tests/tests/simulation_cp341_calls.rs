@@ -1,15 +1,13 @@
-//! FB 7 and FB 8 called in every way a program can: with instance data blocks and as multi-instances of a calling FB
-//! (and of the FB that calls that one), absolute and symbolic, two of each for two CPs in one program. STL through the
-//! compiler, two whole stations over two cables in virtual time. [reference 1.0]
+//! FB 7 and FB 8 in all kinds of call: with instance data blocks and as multi-instances of a calling FB (and of the FB
+//! that calls that one), absolute and symbolic, two of each for two CPs in one program. STL through the compiler, two
+//! whole stations over two cables in virtual time. [reference 1.0]
 
 mod common;
 
-use ob1_time::Span;
 use std::fs;
 
 use common::cp341::{INSTANCES, data_block};
-use ob1_cpu::{Cell, CellWidth};
-use ob1_line::sim::FaultRates;
+use ob1_cpu::{Cell, Width};
 use ob1_tests::sim::station::SimStation;
 use ob1_tests::sim::{self, SECOND, Scenario};
 
@@ -130,23 +128,23 @@ END_DATA_BLOCK
 const SYMBOLS: &str = "\"P_RCV_RK\",\"FB      7\",\"FB      7\",\"\"\n\"P_SND_RK\",\"FB      8\",\"FB      8\",\"\"\n\
                        \"I_RCV_2\",\"DB     17\",\"FB      7\",\"\"\n\"I_SND_2\",\"DB     18\",\"FB      8\",\"\"\n";
 
-/// Where the operands of a CP begin in DB 30.
+/// Start of the operands of each CP in DB 30.
 const CPS: [usize; 2] = [0, 20];
 
-/// The telegram of a round from a station over a CP.
+/// The telegram of a round, sent by a station over a CP.
 fn telegram(round: usize, station: usize, cp: usize) -> Vec<u8> {
     let len = [1, 31, 32, 33, 100, 240][(round + 2 * cp + 3 * station) % 6];
     (0..len).map(|at| (at + 16 * round + 64 * station + 128 * cp) as u8).collect()
 }
 
-/// What is looked for in a station.
+/// The results of a station.
 #[derive(Debug, Default)]
 struct Seen {
     round: usize,
     is_waiting: bool,
-    /// Of each CP: how the jobs have ended.
+    /// For each CP: the results of the jobs.
     ends: [Vec<u16>; 2],
-    /// Of each CP: what has been received.
+    /// For each CP: the received telegrams.
     telegrams: [Vec<Vec<u8>>; 2],
     errors: Vec<u16>,
 }
@@ -159,14 +157,14 @@ fn word(station: &SimStation, at: usize) -> u16 {
     u16::from_be_bytes([block(station, 30)[at], block(station, 30)[at + 1]])
 }
 
-fn write(station: &mut SimStation, db: u16, at: usize, width: CellWidth, value: u32) {
+fn write(station: &mut SimStation, db: u16, at: usize, width: Width, value: u32) {
     station.cpu.write(Cell::Db(db, 8 * at as u32), width, value).expect("a cell of the program");
 }
 
 impl Seen {
     fn look(&mut self, place: usize, station: &mut SimStation) {
         for (cp, base) in CPS.into_iter().enumerate() {
-            write(station, 30, base, CellWidth::Byte, 0);
+            write(station, 30, base, Width::Byte, 0);
             match block(station, 30)[base + 1] {
                 0 => assert_eq!(word(station, base + 2), 0),
                 1 => self.ends[cp].push(0),
@@ -189,17 +187,17 @@ impl Seen {
             for (cp, base) in CPS.into_iter().enumerate() {
                 let data = telegram(self.round, place, cp);
                 for (at, byte) in data.iter().enumerate() {
-                    write(station, 11 + cp as u16, at, CellWidth::Byte, u32::from(*byte));
+                    write(station, 11 + cp as u16, at, Width::Byte, u32::from(*byte));
                 }
-                // In the last two rounds the second one is wrong: no module at this address, no such length.
+                // In the last two rounds the second CP has wrong parameters: no module at this address, invalid length.
                 let (laddr, len) = match (cp, ROUNDS - self.round) {
                     (1, 1) => (999, data.len()),
                     (1, 2) => (272, 0),
                     _ => (256 + 16 * cp, data.len()),
                 };
-                write(station, 30, base + 12, CellWidth::Word, laddr as u32);
-                write(station, 30, base + 14, CellWidth::Word, len as u32);
-                write(station, 30, base, CellWidth::Byte, 1);
+                write(station, 30, base + 12, Width::Word, laddr as u32);
+                write(station, 30, base + 14, Width::Word, len as u32);
+                write(station, 30, base, Width::Byte, 1);
             }
         }
     }
@@ -239,12 +237,7 @@ fn instances_multi_instances_numbers_and_symbols() {
         );
         fs::write(folder.path().join(format!("station-{name}.toml")), file).expect("a station file");
     }
-    let scenario = Scenario {
-        faults: FaultRates::NONE,
-        kill_every: Span::ZERO,
-        duration: 30 * SECOND,
-        ..Scenario::demo(folder.path(), 1)
-    };
+    let scenario = Scenario::demo(folder.path(), 1).undisturbed(30 * SECOND);
     let mut seen = [Seen::default(), Seen::default()];
     let outcome = sim::run_with(&scenario, |place, station| {
         seen[place].look(place, station);

@@ -1,19 +1,18 @@
-//! Jobs of P_SND_RK over RK 512 as a table, between two CP 341 in virtual time: how each ends at P_SND_RK, and what
-//! P_RCV_RK says of it. [reference 1.3, 1.5, 3, 4.6]
+//! Jobs of P_SND_RK over RK 512 as a table, between two CP 341 in virtual time: the results of P_SND_RK and of
+//! P_RCV_RK. [reference 1.3, 1.5, 3, 4.6]
 //!
-//! Station A gives the jobs one after the other out of DB 60 and writes their ends into DB 61; station B writes what
-//! P_RCV_RK reports into DB 71.
+//! Station A gives the jobs in DB 60 one after the other and writes their results to DB 61; station B writes the
+//! reports of P_RCV_RK to DB 71.
 
 use ob1_time::Span;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-use ob1_line::sim::FaultRates;
 use ob1_tests::sim::station::SimStation;
 use ob1_tests::sim::{self, Outcome, SECOND, Scenario};
 
-/// A job: what it is, where in A, what it asks of B.
+/// A job: its kind, the location in A, the request to B.
 #[derive(Clone, Copy)]
 struct Job {
     sf: char,
@@ -31,7 +30,7 @@ const SEND: Job =
     Job { sf: 'S', r_typ: 'D', db_no: 10, dbb_no: 0, len: 10, r_cpu_no: 1, r_no: 31, r_offset: 0, cf: (255, 0) };
 const FETCH: Job = Job { sf: 'F', db_no: 12, ..SEND };
 
-/// What P_RCV_RK reports: NDR with (L_TYP, L_NO, L_OFFSET, LEN), ERROR with STATUS, or nothing.
+/// A report of P_RCV_RK: NDR with (L_TYP, L_NO, L_OFFSET, LEN), ERROR with STATUS, or nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Report {
     Nothing,
@@ -41,7 +40,7 @@ enum Report {
 
 use Report::{Error, Ndr, Nothing};
 
-/// Job, STATUS at A (0: DONE), report at B.
+/// Job, STATUS in A (0: DONE), report in B.
 const JOBS: &[(Job, u16, Report)] = &[
     // SEND to DB and DX; odd lengths and offsets.
     (Job { len: 1, ..SEND }, 0, Ndr('D', 31, 0, 2)),
@@ -57,7 +56,7 @@ const JOBS: &[(Job, u16, Report)] = &[
     (Job { r_typ: 'A', dbb_no: 46, r_offset: 5, len: 1, ..FETCH }, 0, Ndr('A', 0, 5, 1)),
     (Job { r_typ: 'Z', dbb_no: 48, r_offset: 3, len: 32, ..FETCH }, 0, Ndr('Z', 0, 3, 32)),
     (Job { r_typ: 'T', dbb_no: 80, r_offset: 0, len: 32, ..FETCH }, 0, Ndr('T', 0, 0, 32)),
-    // Timers and counters: 16 at most. A DX cannot be fetched from a CP 341.
+    // At most 16 timers or counters. A DX cannot be fetched from a CP 341.
     (Job { r_typ: 'Z', r_offset: 3, len: 34, ..FETCH }, 0x0903, Error(0x0607)),
     (Job { r_typ: 'T', len: 34, ..FETCH }, 0x0903, Error(0x0607)),
     (Job { r_typ: 'X', ..FETCH }, 0x090B, Error(0x0604)),
@@ -67,12 +66,12 @@ const JOBS: &[(Job, u16, Report)] = &[
     (Job { r_offset: 500, len: 100, ..SEND }, 0x0903, Error(0x0607)),
     (Job { r_offset: 500, len: 100, ..FETCH }, 0x0903, Error(0x0607)),
     (Job { r_typ: 'M', r_offset: 250, len: 100, ..FETCH }, 0x0903, Error(0x0607)),
-    // The coordination flag: set by the first, it locks the second; and a FETCH too.
+    // The coordination flag: set by the first job, it locks the second, also a FETCH.
     (Job { cf: (50, 3), ..SEND }, 0, Ndr('D', 31, 0, 10)),
     (Job { cf: (50, 3), ..SEND }, 0x0909, Error(0x060F)),
     (Job { cf: (50, 3), ..FETCH }, 0x0909, Error(0x060F)),
     (Job { cf: (50, 4), ..FETCH }, 0, Ndr('D', 31, 0, 10)),
-    // What cannot be a job: refused here.
+    // Invalid jobs: refused by P_SND_RK.
     (Job { sf: 's', ..SEND }, 0x0301, Nothing),
     (Job { r_typ: 'd', ..SEND }, 0x0301, Nothing),
     (Job { r_typ: 'M', ..SEND }, 0x0301, Nothing),
@@ -86,7 +85,7 @@ const JOBS: &[(Job, u16, Report)] = &[
     (Job { len: 0, ..SEND }, 0x1E41, Nothing),
     (Job { len: -1, ..SEND }, 0x1E41, Nothing),
     (Job { len: 4097, ..SEND }, 0x1E41, Nothing),
-    // And all is well again.
+    // Then a valid job succeeds.
     (SEND, 0, Ndr('D', 31, 0, 10)),
 ];
 
@@ -300,7 +299,7 @@ fn job_table(jobs: &[(Job, u16, Report)]) -> String {
     text + "END_STRUCT;\nBEGIN\nEND_DATA_BLOCK\n"
 }
 
-/// `L DBW [from]`, `T MW to`, and on to the next word.
+/// `L DBW [from]`, `T MW to`, then the next word.
 fn copy_words(pointer: u32, from: &[&str], to: &[&str]) -> String {
     let mut text = String::new();
     for (from, to) in from.iter().zip(to) {
@@ -340,11 +339,11 @@ fn write_a(folder: &Path, jobs: &[(Job, u16, Report)]) {
 }
 
 fn simulate(folder: &Path, duration: Span) -> Outcome {
-    let scenario = Scenario { faults: FaultRates::NONE, kill_every: Span::ZERO, duration, ..Scenario::demo(folder, 1) };
+    let scenario = Scenario::demo(folder, 1).undisturbed(duration);
     sim::run(&scenario).unwrap_or_else(|message| panic!("{message}\nrun: cargo xtask test"))
 }
 
-/// Runs the jobs; B goes to STOP 30 scans after so many reports.
+/// Runs the jobs; B goes to STOP 30 scans after `stop_at` reports.
 fn run(jobs: &[(Job, u16, Report)], stop_at: usize, duration: Span) -> Outcome {
     let folder = tempfile::tempdir().expect("a folder");
     write_a(folder.path(), jobs);
@@ -363,7 +362,7 @@ fn word(station: &SimStation, db: u16, at: usize) -> u16 {
     (station.ledger(db, at & !3) >> if at.is_multiple_of(4) { 16 } else { 0 }) as u16
 }
 
-/// STATUS at A (0: DONE) and the calls it took.
+/// STATUS in A (0: DONE) and the number of calls.
 fn end_of(a: &SimStation, job: usize) -> Option<(u16, u16)> {
     let flags = a.ledger(61, 8 * job + 4) >> 24;
     let (status, calls) = (word(a, 61, 8 * job), word(a, 61, 8 * job + 2));
@@ -399,7 +398,7 @@ fn every_job_ends_as_the_tables_say() {
         }
     }
     assert_eq!(report(b, reports), Nothing, "nothing else was reported");
-    // The data.
+    // Checks the data.
     let bytes = |station: &SimStation, db: u16| station.cpu.data_block(db).expect("the data block").to_vec();
     let sent = bytes(a, 10);
     assert_eq!(bytes(b, 32)[..4096], sent[..4096]);
@@ -410,13 +409,13 @@ fn every_job_ends_as_the_tables_say() {
     assert_eq!((fetched[46], &fetched[48..50]), (0xA5, &[0x01, 0x23][..]), "outputs, counter 3");
 }
 
-/// The other way round is in `simulation_cp341_interwork`.
+/// The reverse is tested in `simulation_cp341_interwork`.
 #[test]
 fn a_cp_240_serves_a_cp_341() {
     let folder = tempfile::tempdir().expect("a folder");
     let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/rk512-pair/b.awl");
     let b = fs::read_to_string(example).expect("the program of the CP 240");
-    // It has nothing of its own to send.
+    // It sends no own orders.
     let b = b.replace("PAUSE : BOOL;", "PAUSE : BOOL := TRUE;");
     let jobs = [
         (Job { r_no: 21, len: 200, ..SEND }, 0, Nothing),
@@ -425,7 +424,7 @@ fn a_cp_240_serves_a_cp_341() {
         (Job { r_no: 99, ..SEND }, 0x0903, Nothing),
         (Job { r_no: 21, r_offset: 100, len: 102, ..FETCH }, 0x0903, Nothing),
         (Job { r_typ: 'X', r_no: 21, ..FETCH }, 0x090B, Nothing),
-        // The CP 240 has 1024 bytes.
+        // The CP 240 has a limit of 1024 bytes.
         (Job { r_no: 21, len: 1026, ..SEND }, 0x0903, Nothing),
         (Job { r_no: 21, cf: (6, 4), ..SEND }, 0, Nothing),
     ];

@@ -1,26 +1,23 @@
-//! Two whole CP 341 stations in virtual time, every length that is a boundary somewhere, and random ones: 3964R, RK 512
-//! SEND to D and X, FETCH of every area up to its limit and one beyond it, odd offsets and lengths, coordination flag.
-//! Each job's data are compared byte by byte on both sides, whole data blocks, and so are the outputs of both blocks.
-//! [reference 1.2 to 1.5, 4.6, 4.8]
+//! Two whole CP 341 stations in virtual time, all boundary lengths, and random ones: 3964R, RK 512 SEND to D and X,
+//! FETCH of every area up to its limit and one beyond it, odd offsets and lengths, coordination flag. For each job the
+//! whole data blocks on both sides and the outputs of both blocks are compared. [reference 1.2 to 1.5, 4.6, 4.8]
 //!
-//! Both stations have the same program; the test is their operator. Data block 60 has the parameters of P_SND_RK, DB 61
-//! the outputs of P_RCV_RK. DB 10 is what is sent, DB 12 what is fetched; DB 31 (512 bytes), DB 32 and DB 40 (for
-//! telegrams without header and for DX) are the partner's.
+//! Both stations have the same program, controlled by the test. DB 60 has the parameters of P_SND_RK, DB 61 the outputs
+//! of P_RCV_RK. DB 10 has the data to send, DB 12 the fetched data; the partner accesses DB 31 (512 bytes), DB 32 and
+//! DB 40 (for telegrams without header and for DX).
 
 mod common;
 
-use ob1_time::Span;
 use std::fs;
 
 use common::cp341::{INSTANCES, data_block};
-use ob1_cpu::{Cell, CellWidth};
-use ob1_line::sim::{FaultRates, SplitMix64};
+use ob1_cpu::{Cell, Width};
+use ob1_line::sim::SplitMix64;
 use ob1_model::Area;
 use ob1_tests::sim::station::SimStation;
 use ob1_tests::sim::{self, SECOND, Scenario};
 
-/// Lengths at which something changes: words, pieces of 32 bytes to the CPU, telegrams of 128 bytes, a byte's range,
-/// the greatest.
+/// Boundary lengths: words, pieces of 32 bytes to the CPU, telegrams of 128 bytes, the range of a byte, the maximum.
 const BOUNDARIES: [i32; 21] =
     [1, 2, 3, 31, 32, 33, 127, 128, 129, 130, 254, 255, 256, 257, 258, 1023, 1024, 1025, 4094, 4095, 4096];
 
@@ -100,14 +97,14 @@ struct Job {
     r_no: i32,
     r_offset: i32,
     cf: (i32, i32),
-    /// The partner's program has used the data of the flag before.
+    /// The partner's program resets the flag of an earlier job first.
     releases: bool,
     /// STATUS (0: DONE).
     status: u16,
     report: Report,
 }
 
-/// What P_RCV_RK reports: NDR with (L_TYP, L_NO, L_OFFSET, LEN), or ERROR with STATUS.
+/// A report of P_RCV_RK: NDR with (L_TYP, L_NO, L_OFFSET, LEN), or ERROR with STATUS.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Report {
     Ndr(char, u16, u16, u16),
@@ -129,7 +126,7 @@ const JOB: Job = Job {
     report: Ndr('D', 32, 0, 10),
 };
 
-/// Bytes as they travel over RK 512: words, with a filler.
+/// Number of bytes in RK 512: words, with a fill byte.
 fn even(len: i32) -> u16 {
     (len + len % 2) as u16
 }
@@ -143,14 +140,14 @@ fn fetch(len: i32) -> Job {
     Job { sf: 'F', len, report: Ndr('D', 32, 0, even(len)), ..JOB }
 }
 
-/// FETCH of an area; `letter` is what the partner sees.
+/// FETCH of an area; `letter` is the area letter for the partner.
 fn area(r_typ: char, letter: char, r_offset: i32, len: i32) -> Job {
     let bytes = if matches!(letter, 'T' | 'Z') { even(len) } else { len as u16 };
     Job { sf: 'F', r_typ, len, r_no: 0, r_offset, report: Ndr(letter, 0, r_offset as u16, bytes), ..JOB }
 }
 
 impl Job {
-    /// It fails with this STATUS here and that one at the partner's P_RCV_RK.
+    /// The job fails with this STATUS here and with `there` at the partner's P_RCV_RK.
     fn fails(self, status: u16, there: u16) -> Self {
         Self { status, report: Error(there), ..self }
     }
@@ -159,7 +156,7 @@ impl Job {
         self.status == 0 && self.report == self.at(db)
     }
 
-    /// The report with this data block, whatever the rest.
+    /// The report with this data block and otherwise the same values.
     fn at(self, db: u16) -> Report {
         match self.report {
             Ndr(letter, _, offset, len) => Ndr(letter, db, offset, len),
@@ -168,13 +165,13 @@ impl Job {
     }
 }
 
-/// What a data block has before a job: every job has other bytes.
+/// The content of a data block before a job: different for every job.
 fn filling(job: usize, place: usize, db: u16, bytes: usize) -> Vec<u8> {
     let mut rng = SplitMix64::new((job as u64) << 32 | (place as u64) << 16 | u64::from(db));
     (0..bytes).map(|_| rng.next_u64() as u8).collect()
 }
 
-/// Bit memory: as a filling, the byte with the coordination flags 0.
+/// Bit memory: the same content, but the byte with the coordination flags is 0.
 fn memory(job: usize, place: usize) -> Vec<u8> {
     let mut memory = filling(job, place, 1, 256);
     memory[200] = 0;
@@ -184,8 +181,8 @@ fn memory(job: usize, place: usize) -> Vec<u8> {
 fn fill(station: &mut SimStation, cell: impl Fn(u32) -> Cell, data: &[u8]) {
     for (at, bytes) in (0..).step_by(4).zip(data.chunks(4)) {
         let value = bytes.iter().fold(0, |value, byte| value << 8 | u32::from(*byte));
-        let width = if bytes.len() == 4 { CellWidth::DWord } else { CellWidth::Byte };
-        assert!(width == CellWidth::DWord || bytes.len() == 1, "whole double words");
+        let width = if bytes.len() == 4 { Width::DWord } else { Width::Byte };
+        assert!(width == Width::DWord || bytes.len() == 1, "whole double words");
         station.cpu.write(cell(8 * at), width, value).expect("a cell of the program");
     }
 }
@@ -202,14 +199,14 @@ fn word(station: &SimStation, db: u16, at: usize) -> u16 {
     u16::from_be_bytes([block(station, db)[at], block(station, db)[at + 1]])
 }
 
-fn put(station: &mut SimStation, at: u32, width: CellWidth, value: i32) {
-    let value = if width == CellWidth::Word { u32::from(value as u16) } else { value as u32 };
+fn put(station: &mut SimStation, at: u32, width: Width, value: i32) {
+    let value = if width == Width::Word { u32::from(value as u16) } else { value as u32 };
     station.cpu.write(Cell::Db(60, 8 * at), width, value).expect("DB 60");
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Phase {
-    /// The partner's data are to be laid out.
+    /// The data of the partner must be prepared.
     Prepare,
     Begin,
     Running,
@@ -222,10 +219,10 @@ struct Direction {
     jobs: Vec<Job>,
     at: usize,
     phase: Phase,
-    /// How the present job has ended.
+    /// The result of the current job.
     end: Option<u16>,
     report: Option<Report>,
-    /// What is to be in DB 12: for a FETCH of an area, as the partner had it.
+    /// The expected content of DB 12: for a FETCH of an area, the values of the partner.
     fetched: Vec<u8>,
     cycles: u32,
 }
@@ -263,18 +260,18 @@ impl Direction {
                 for db in [10, 12] {
                     fill_block(station, db, &filling(self.at, self.active, db, 4200));
                 }
-                put(station, 0, CellWidth::Byte, job.sf as i32);
-                put(station, 1, CellWidth::Byte, job.r_typ as i32);
+                put(station, 0, Width::Byte, job.sf as i32);
+                put(station, 1, Width::Byte, job.r_typ as i32);
                 let db = if job.sf == 'S' { 10 } else { 12 };
                 let words = [db, job.dbb_no, job.len, job.r_no, job.r_offset, job.cf.0, job.cf.1];
                 for (at, value) in (4..).step_by(2).zip(words) {
-                    put(station, at, CellWidth::Word, value);
+                    put(station, at, Width::Word, value);
                 }
-                put(station, 2, CellWidth::Byte, 1);
+                put(station, 2, Width::Byte, 1);
                 (self.phase, self.cycles) = (Phase::Running, 0);
             }
             Phase::Running => {
-                put(station, 2, CellWidth::Byte, 0);
+                put(station, 2, Width::Byte, 0);
                 self.cycles += 1;
                 assert!(self.cycles < 30_000, "job {} does not end: {job:?}", self.at);
                 let (flags, status) = (block(station, 60)[20], word(station, 60, 22));
@@ -287,7 +284,7 @@ impl Direction {
         }
     }
 
-    /// DB 12 has what was fetched and nothing else; DB 10 is as it was.
+    /// Checks that DB 12 has exactly the fetched data, and that DB 10 is unchanged.
     fn check_active(&self, station: &SimStation, job: Job) {
         let mut expected = filling(self.at, self.active, 12, 4200);
         if job.sf == 'F' && job.status == 0 {
@@ -308,7 +305,7 @@ impl Direction {
                 fill(station, |bit| Cell::Area(Area::Memory, bit), &memory(self.at, passive));
             }
             fill(station, |bit| Cell::Area(Area::Output, bit), &filling(self.at, passive, 2, 128));
-            put(station, 24, CellWidth::Byte, i32::from(job.releases));
+            put(station, 24, Width::Byte, i32::from(job.releases));
             self.phase = Phase::Begin;
             return;
         }
@@ -331,8 +328,8 @@ impl Direction {
         self.check_passive(station, job);
     }
 
-    /// The target has what was sent, with its filler, and nothing else has changed; what was fetched is noted for the
-    /// other side.
+    /// Checks that the target has the sent data with the fill byte, and that nothing else has changed; notes the
+    /// fetched data for the other side.
     fn check_passive(&mut self, station: &mut SimStation, job: Job) {
         let (passive, offset) = (1 - self.active, (job.r_offset & !1) as usize);
         let source = filling(self.at, self.active, 10, 4200);
@@ -354,7 +351,7 @@ impl Direction {
             let at = job.r_offset as usize;
             let mut words = |cell: fn(u16) -> Cell| -> Vec<u8> {
                 (at..at + len / 2)
-                    .flat_map(|n| station.cpu.read(cell(n as u16), CellWidth::Word).expect("it is there").to_be_bytes())
+                    .flat_map(|n| station.cpu.read(cell(n as u16), Width::Word).expect("it is there").to_be_bytes())
                     .collect::<Vec<u8>>()
                     .chunks(4)
                     .flat_map(|value| [value[2], value[3]])
@@ -362,7 +359,7 @@ impl Direction {
             };
             self.fetched = match job.report {
                 Ndr('T', ..) => words(Cell::Timer),
-                // A count is three decimal digits.
+                // A counter value is three decimal digits.
                 Ndr('Z', ..) => {
                     let counts = words(Cell::Counter);
                     let bcd = |n: u16| u16::from_str_radix(&n.to_string(), 16).expect("digits");
@@ -399,8 +396,7 @@ fn run_at(cycle: &str, protocol: &str, jobs: [Vec<Job>; 2]) {
         fs::write(folder.path().join(format!("station-{name}.toml")), file).expect("a station file");
     }
     let duration = 600 * SECOND;
-    let scenario =
-        Scenario { faults: FaultRates::NONE, kill_every: Span::ZERO, duration, ..Scenario::demo(folder.path(), 1) };
+    let scenario = Scenario::demo(folder.path(), 1).undisturbed(duration);
     let [of_a, of_b] = jobs;
     let mut directions = [Direction::new(0, of_a), Direction::new(1, of_b)];
     let outcome = sim::run_with(&scenario, |place, station| {
@@ -438,14 +434,14 @@ fn every_boundary_as_fetch_of_d() {
     run("3964-rk512", [BOUNDARIES.map(fetch).to_vec(), vec![]]);
 }
 
-/// A CPU of 100 ms takes 13 s for 4096 bytes: it is slow, and it is not given up after 10 s as one that takes nothing.
-/// [reference 1.7]
+/// A CPU with a cycle of 100 ms needs 13 s for 4096 bytes: it is slow, but the transfer is not aborted after 10 s as if
+/// the CPU took nothing. [reference 1.7]
 #[test]
 fn a_slow_cpu_is_waited_for() {
     run_at("100ms", "3964r-rk512", [vec![send('D', 4096), fetch(4096)], vec![]]);
 }
 
-/// Both stations at once, lengths and offsets by chance.
+/// Both stations at the same time, random lengths and offsets.
 #[test]
 fn random_jobs_in_both_directions() {
     let jobs = |seed: u64, protocol: &str| -> Vec<Job> {
@@ -453,7 +449,7 @@ fn random_jobs_in_both_directions() {
         let mut below = move |n: u64| rng.below(n) as i32;
         let mut any = || {
             let (len, dbb_no, word) = (1 + below(4096), below(100), below(200));
-            // Most are short: the long ones take the time.
+            // Most are short, because long ones take much time.
             let len = if below(4) > 0 { 1 + len % 300 } else { len };
             if protocol == "3964r" {
                 return Job { dbb_no, ..telegram(len) };
@@ -505,7 +501,7 @@ fn every_area_to_its_limit_and_beyond() {
             jobs.push(area(r_typ, letter, at, len).fails(0x0903, 0x0607));
         }
     }
-    // An address that a header can say and the area does not have.
+    // A valid address in a header that the area does not have.
     jobs.push(area('E', 'E', 128, 1).fails(0x0903, 0x0607));
     jobs.push(area('A', 'A', 255, 1).fails(0x0903, 0x0607));
     for len in [1, 2, 4096] {
@@ -514,7 +510,7 @@ fn every_area_to_its_limit_and_beyond() {
     run("3964r-rk512", [jobs, vec![]]);
 }
 
-/// Odd offsets and lengths; a data block to its end and beyond it, and one that is not there; the coordination flag.
+/// Odd offsets and lengths; a data block to its end and beyond it, and a missing one; the coordination flag.
 #[test]
 fn places_and_flags() {
     let d31 = |job: Job, r_offset: i32, len: i32| {
@@ -528,7 +524,7 @@ fn places_and_flags() {
         Job { dbb_no: 3, ..d31(JOB, 0, 9) },
         d31(fetch(1), 9, 7),
         Job { dbb_no: 5, ..d31(fetch(1), 11, 33) },
-        // To the end: 512 bytes.
+        // To the end of the data block: 512 bytes.
         d31(JOB, 0, 512),
         d31(JOB, 0, 511),
         d31(JOB, 510, 2),
@@ -542,7 +538,7 @@ fn places_and_flags() {
         Job { r_no: 99, ..JOB }.fails(0x0903, 0x0606),
         Job { r_no: 99, len: 4096, ..JOB }.fails(0x0903, 0x0606),
         Job { r_no: 255, ..fetch(1) }.fails(0x0903, 0x0606),
-        // Set by the first job; reset by the partner's program, or not.
+        // The flag is set by the first job, and reset by the partner's program or not.
         flag(JOB),
         Job { releases: false, ..flag(JOB) }.fails(0x0909, 0x060F),
         Job { releases: false, ..flag(send('X', 300)) }.fails(0x0909, 0x060F),

@@ -1,11 +1,10 @@
-//! The program of the loadable driver's manual, chapter 8, in virtual time: its own variable M 120.7 starts each job, a
-//! slave of our own answers. Every function, what goes wrong with its STATUS, and the diagnostic buffer.
-//! [S4 "8 Application Example"]
+//! The program of the loadable driver's manual, chapter 8, in virtual time: its variable M 120.7 starts each job, our
+//! own slave answers. Every function, errors with their STATUS, and the diagnostic buffer. [S4 "8 Application Example"]
 
 use std::collections::VecDeque;
 use std::path::Path;
 
-use ob1_cpu::{Cell, CellWidth};
+use ob1_cpu::{Cell, Width};
 use ob1_model::Area;
 use ob1_protocols::MS;
 use ob1_tests::modbus_slave::{LONG_FIRST, ModbusSlave};
@@ -13,20 +12,20 @@ use ob1_tests::sim::SECOND;
 use ob1_tests::sim::device::{Bench, Device};
 use ob1_time::{Instant, Span};
 
-/// The slave thinks so long before it answers.
+/// Delay before the slave answers.
 const THINKS: Span = Span::from_millis(20);
 
-/// What the CP enters when it starts: the CPU is in RUN, the parameters are accepted. [reference 3.2]
+/// The diagnostic entries of the CP at its start: the CPU is in RUN, the parameters are accepted. [reference 3.2]
 const STARTED: &[u16] = &[0x0008, 0x0003];
 
-/// What is done to an answer.
+/// A change of an answer.
 type Damage = fn(Vec<u8>) -> Vec<u8>;
 
-/// The slave on its line, and what is wrong with it.
+/// The slave on its line, and its faults.
 struct OnLine {
     slave: ModbusSlave,
     answers: VecDeque<(Instant, Vec<u8>)>,
-    /// Is done to each answer.
+    /// Applied to each answer.
     damage: Damage,
 }
 
@@ -74,11 +73,11 @@ impl Example {
     }
 
     fn write(&mut self, cell: Cell, byte: u8) {
-        self.bench.station.cpu.write(cell, CellWidth::Byte, byte.into()).expect("a byte of the program");
+        self.bench.station.cpu.write(cell, Width::Byte, byte.into()).expect("a byte of the program");
     }
 
-    /// Writes the source block (from byte 10 on, as FC 21 has it) and sets M 120.7; ends when the program has counted
-    /// the job. The result is what P_RCV_RK has put into DB 43, or the STATUS that the program has saved.
+    /// Writes the source block (from byte 10 on, as in FC 21) and sets M 120.7; ends when the program has counted the
+    /// job. Returns the data that P_RCV_RK has stored in DB 43, or the STATUS saved by the program.
     fn job(&mut self, source: &[u8]) -> Result<Vec<u8>, u16> {
         for (at, byte) in (10..).zip(source) {
             self.write(Cell::Db(42, 8 * at), *byte);
@@ -88,7 +87,7 @@ impl Example {
         }
         let before = self.counters();
         let trigger = Cell::Area(Area::Memory, 8 * 120 + 7);
-        self.bench.station.cpu.write(trigger, CellWidth::Bit, 1).expect("M 120.7");
+        self.bench.station.cpu.write(trigger, Width::Bit, 1).expect("M 120.7");
         let counted = |cpu: &ob1_cpu::Cpu| {
             let db = cpu.data_block(40).expect("DB 40");
             [u16::from_be_bytes([db[6], db[7]]), u16::from_be_bytes([db[8], db[9]])]
@@ -96,7 +95,7 @@ impl Example {
         let done = self.bench.until(15 * SECOND, |s| counted(&s.cpu) != before[..2]);
         assert!(done, "{source:02X?} does not end\n{}", self.bench.log());
         let after = self.counters();
-        // Data or an error for P_RCV_RK come before the end of the whole job.
+        // Data or an error of P_RCV_RK come before the end of the whole job.
         let received = after[2] - before[2];
         self.bench.pass(50 * MS);
         assert_eq!(self.counters()[..3], after[..3], "nothing comes after the end");
@@ -145,7 +144,7 @@ fn every_function_through_the_manuals_program() {
     assert_eq!(example.job(&[5, 16, 0, 0x60, 0, 3, 0x41, 0xA1, 0x42, 0xA2, 0x43, 0xA3]), Ok(vec![]));
     let two = [5, 0x50, high, low + 1, 0, 2, 0x51, 0xA1, 0x52, 0xA2, 0x53, 0xA3, 0x54, 0xA4];
     assert_eq!(example.job(&two), Ok(vec![]));
-    // To all slaves.
+    // Broadcast.
     assert_eq!(example.job(&[0, 6, 0, 7, 0x12, 0x34]), Ok(vec![]));
     let slave = &example.bench.device.slave;
     assert!(slave.coils[0x19] && slave.registers[0x180] == 0x3E7F && slave.registers[7] == 0x1234);
@@ -156,7 +155,7 @@ fn every_function_through_the_manuals_program() {
     assert_eq!(example.counters(), [16, 0, 8, 0]);
 }
 
-/// [S4 "7.3 Table of Errors / Events"]: the number is STATUS of P_SND_RK and stands in the diagnostic buffer.
+/// [S4 "7.3 Table of Errors / Events"]: the number is STATUS of P_SND_RK and is in the diagnostic buffer.
 #[test]
 fn what_goes_wrong_has_its_status() {
     let mut example = Example::new();
@@ -217,8 +216,8 @@ fn a_colon_within_a_reply_only_stands_in_the_diagnostic_buffer() {
     assert_eq!(example.bench.entries(), [STARTED, &[0x0834]].concat());
 }
 
-/// EN_R = 0: nobody takes the reply. The job ends with 0E31h, and the reply is not there for the next one. [S4 L1652],
-/// [S4 L1785]
+/// EN_R = 0: the reply is not accepted. The job ends with 0E31h, and the reply is not passed to the next one. [S4
+/// L1652], [S4 L1785]
 #[test]
 fn a_reply_that_nobody_takes() {
     let mut example = Example::new();

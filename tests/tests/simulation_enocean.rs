@@ -1,9 +1,9 @@
 //! The EnOcean examples in virtual time with a TCM 120: the manual's program as printed, the filter for repeated
-//! telegrams, the ID base, a CP that is killed; from the radio telegram to the output and back.
+//! telegrams, the ID base, a killed CP; from the radio telegram to the output and back.
 
 use std::path::Path;
 
-use ob1_cpu::{Cell, CellWidth, Command};
+use ob1_cpu::{Cell, Command, Width};
 use ob1_line::sim::FaultRates;
 use ob1_model::Area;
 use ob1_protocols::MS;
@@ -16,7 +16,7 @@ use ob1_time::{Instant, Span};
 
 const ID_BASE: u32 = 0xFF80_0080;
 
-/// The module and what it has sent by radio.
+/// The module and the telegrams it has sent by radio.
 struct Air {
     module: Tcm120,
     sent: Vec<(Instant, Radio)>,
@@ -55,7 +55,7 @@ fn example_on(file: &str, faults: FaultRates) -> Bench<Air> {
     bench
 }
 
-/// A line of the script happens on the radio side; `time` passes.
+/// Executes a line of the script on the radio side; then `time` passes.
 fn air(bench: &mut Bench<Air>, line: &str, time: Span) {
     let input = script::line(line).expect("understood").expect("something");
     bench.meanwhile(|air, now, out| air.step(now, input, out));
@@ -63,23 +63,23 @@ fn air(bench: &mut Bench<Air>, line: &str, time: Span) {
 }
 
 fn light(bench: &mut Bench<Air>) -> bool {
-    bench.station.cpu.read(Cell::Area(Area::Output, 0), CellWidth::Bit).expect("A 0.0") == 1
+    bench.station.cpu.read(Cell::Area(Area::Output, 0), Width::Bit).expect("A 0.0") == 1
 }
 
 const MEMORY_3: Cell = Cell::Area(Area::Memory, 24);
 
 fn set(bench: &mut Bench<Air>, cell: Cell, byte: u8) {
-    bench.station.cpu.write(cell, CellWidth::Byte, byte.into()).expect("a byte of the program");
+    bench.station.cpu.write(cell, Width::Byte, byte.into()).expect("a byte of the program");
 }
 
-/// FC 101 once: its FRG is the last bit of DBB 15.
+/// Calls FC 101 once: its FRG is the last bit of DBB 15.
 fn send(bench: &mut Bench<Air>) {
     set(bench, Cell::Db(10, 8 * 15), 0x80);
     assert!(bench.until(SECOND, |s| db(s, 10)[15] == 0), "FRG is taken back\n{}", bench.log());
     bench.pass(200 * MS);
 }
 
-/// FC 102 with this telegram; the last one that has been received when all is quiet again.
+/// Calls FC 102 with this telegram; returns the last telegram received afterwards.
 fn command(bench: &mut Bench<Air>, telegram: &str) -> String {
     let bytes = telegram.split(' ').map(|byte| u8::from_str_radix(byte, 16).expect("a byte"));
     for (at, byte) in (0..).zip(bytes.chain(std::iter::repeat(0)).take(11)) {
@@ -101,8 +101,8 @@ fn db(station: &SimStation, number: u16) -> &[u8] {
     station.cpu.data_block(number).expect("a data block of the program")
 }
 
-/// FC 100 as printed: 5 in the upper half of data byte 3 switches on, 7 off; the switch is known by the lower half of
-/// its ID.
+/// FC 100 as printed: 5 in the upper half of data byte 3 switches on, 7 off; the switch is identified by the lower half
+/// of its ID.
 #[test]
 fn the_manual_s_switch() {
     let mut bench = example("station.toml");
@@ -127,7 +127,7 @@ fn the_manual_s_telegram() {
         send(&mut bench);
         assert_eq!(bench.device.sent.len(), round);
     }
-    // 02h and U-message as printed; the TCM 120 sends type 2 only.
+    // 02h and U-message as printed; the TCM 120 sends only type 2.
     let switch = Switch::U { buttons: 0, pressed: false };
     assert_eq!(db(&bench.station, 10)[..11], [0x6B, 5, 2, 0, 0, 0, 0, 0, 0x32, 0x67, 6]);
     let radio = Radio::Rps { switch, type_2: true, id: ID_BASE | 0x67, repeater: 6 };
@@ -167,7 +167,7 @@ fn a_module_is_replaced() {
     assert_eq!(command(&mut bench, "AB 58"), "INF_IDBASE FF800900");
 }
 
-/// Every command of the program and what comes back into its data block.
+/// Every command of the program and the answer in its data block.
 #[test]
 fn the_module_s_commands() {
     let mut bench = example("station.toml");
@@ -198,7 +198,7 @@ fn the_module_s_commands() {
     assert_eq!(command(&mut bench, "AB 58"), "INF_IDBASE FF800080");
 }
 
-/// A button that switches on and off, heard directly and through two repeaters.
+/// A button that switches on and off, received directly and through two repeaters.
 #[test]
 fn repeated_telegrams_do_not_toggle_the_light() {
     let mut bench = example("toggle.toml");
@@ -206,9 +206,9 @@ fn repeated_telegrams_do_not_toggle_the_light() {
         &[("", 0)],
         &[("", 20), (" repeat 1", 0)],
         &[("", 20), (" repeat 1", 40), (" repeat 2", 0)],
-        // The original is lost, two repeaters are heard, and one that repeats them.
+        // The original is lost; two repeaters are received, and one that repeats them.
         &[(" repeat 1", 20), (" repeat 1", 40), (" repeat 2", 0)],
-        // As fast as the line carries them.
+        // As fast as the line permits.
         &[("", 15), (" repeat 1", 15), (" repeat 2", 15), (" repeat 2", 0)],
     ];
     let (mut presses, mut telegrams) = (0, 0);
@@ -228,7 +228,7 @@ fn repeated_telegrams_do_not_toggle_the_light() {
     assert_eq!((bench.station.ledger(20, 0), bench.station.ledger(20, 4)), (telegrams, presses));
 }
 
-/// Asleep the module says nothing; the question for the ID base of a CP that comes anew wakes it up.
+/// A sleeping module sends nothing; the request for the ID base from a restarted CP wakes it up.
 #[test]
 fn a_cp_that_is_killed_wakes_the_module_up() {
     let mut bench = example("station.toml");
@@ -243,8 +243,8 @@ fn a_cp_that_is_killed_wakes_the_module_up() {
     assert!(light(&mut bench), "{}", bench.log());
 }
 
-/// On a bad line, and with a CP that is killed now and then, telegrams are lost, but none is invented, doubled or
-/// overtaken. Only faults that are seen: eight bits of check sum let one in 256 of the others pass.
+/// On a bad line, and with a CP that is killed sometimes, telegrams are lost, but none is invented, doubled or out of
+/// order. Only detectable faults: the 8-bit checksum misses one in 256 of the others.
 #[test]
 fn a_bad_line_loses_telegrams_and_nothing_else() {
     let faults =
@@ -282,7 +282,7 @@ fn a_bad_line_loses_telegrams_and_nothing_else() {
 
 const SLEEP: [u8; 14] = [0xA5, 0x5A, 0xAB, 9, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xB4];
 
-/// The button's own words.
+/// The text for the button.
 #[test]
 fn the_script_s_switch_is_the_manual_s() {
     let Some(Input::Radio { radio, .. }) = script::line("press 121c7a BI").expect("understood") else {

@@ -1,6 +1,6 @@
-//! The process of a bus of GPIO lines in virtual time: the CPU, the bus's modules and image, the pump and the master of
-//! the lines are what they are; the chip, and the life of the process, are simulated. (Of the process itself only what
-//! asks the kernel is left out: a chip of the machine is not there in a test.)
+//! The process of a bus of GPIO lines in virtual time: the CPU, the modules and image of the bus, the pump and the
+//! master of the lines are real; the chip and the life cycle of the process are simulated. (Only the calls of the
+//! kernel are missing, because a test has no chip.)
 
 #[expect(dead_code, reason = "what judges the whole plant is not needed here")]
 mod plant;
@@ -130,16 +130,16 @@ impl Board {
         self.cpu.bit_memory()[at]
     }
 
-    /// How often OB 86 has run, and what it was told last.
+    /// Number of calls of OB 86, and its last data.
     fn ob_86(&self) -> (u16, u16) {
         let word = |at| u16::from_be_bytes([self.memory(at), self.memory(at + 1)]);
         (word(10), word(12))
     }
 
-    /// OB 1 drives this.
+    /// Sets the output of OB 1.
     fn drive(&mut self, value: u8) {
         self.cpu
-            .write(ob1_cpu::Cell::Area(ob1_model::Area::Memory, 0), ob1_cpu::CellWidth::Byte, value.into())
+            .write(ob1_cpu::Cell::Area(ob1_model::Area::Memory, 0), ob1_cpu::Width::Byte, value.into())
             .expect("MB 0");
     }
 
@@ -147,10 +147,10 @@ impl Board {
         self.chip.borrow().outputs.clone()
     }
 
-    /// At work, with both outputs on.
+    /// A running station with both outputs on.
     fn at_work() -> Self {
         let mut board = Self::new();
-        // A start-up clears the memory.
+        // A start-up clears the bit memory.
         board.run(100 * MS);
         board.drive(0b11);
         board.run(100 * MS);

@@ -4,7 +4,7 @@
 mod common;
 
 use common::meters::{Reading, next, reading, seen, station};
-use ob1_cpu::{Cell, CellWidth};
+use ob1_cpu::{Cell, Width};
 use ob1_model::Area;
 use ob1_tests::meters::{Bus, Fixture, Meter, Trouble, fixtures};
 use ob1_tests::sim::SECOND;
@@ -28,7 +28,7 @@ fn every_frame_of_the_collection_arrives_unchanged() {
     let bad = ["invalid_length", "manual_frame1", "manual_frame4", "manual_frame5", "manual_frame6"];
     assert_eq!(refused, bad.map(|name| format!("unsupported-frames/{name}")), "malformed, or a master's");
     assert_eq!(good, 95);
-    // Each malformed one was asked for three times, all others once.
+    // Each malformed answer was requested three times, all others once.
     assert_eq!(reading.device.bus.frames, 95 + 3 * 5);
     assert_eq!(reading.log().lines().count(), 3, "start-up, RUN, the driver, and nothing else:\n{}", reading.log());
 }
@@ -64,7 +64,7 @@ fn troubles_end_with_the_response_of_the_manual() {
     assert_eq!(next(&mut reading), good);
 }
 
-/// An unchanging FCB asks for the last answer again; SND_NKE makes the next request the first. [S0 "FCB bit"]
+/// An unchanged FCB requests the last answer again; after SND_NKE the next request is the first. [S0 "FCB bit"]
 #[test]
 fn the_frame_count_bit() {
     let fixtures = fixtures();
@@ -84,16 +84,16 @@ fn order(reading: &mut Reading, bytes: [u8; 5]) -> u32 {
     let memory = |byte: u32| Cell::Area(Area::Memory, byte * 8);
     let cpu = &mut reading.station.cpu;
     for (at, byte) in (100..).zip(bytes) {
-        cpu.write(memory(at), CellWidth::Byte, byte.into()).expect("bit memory");
+        cpu.write(memory(at), Width::Byte, byte.into()).expect("bit memory");
     }
     let start = memory(99);
-    cpu.write(start, CellWidth::Bit, 1).expect("bit memory");
+    cpu.write(start, Width::Bit, 1).expect("bit memory");
     let ended = reading.until(30 * SECOND, |station| station.cpu.bit_memory()[99] & 1 == 0);
     assert!(ended, "no end of {bytes:02X?}\n{}", reading.log());
-    reading.station.cpu.read(memory(106), CellWidth::Word).expect("bit memory")
+    reading.station.cpu.read(memory(106), Width::Word).expect("bit memory")
 }
 
-/// [S0 "PLC program", chapter 6]: what FC 100 says for an answer, no answer, and a short circuit.
+/// [S0 "PLC program", chapter 6]: the result of FC 100 for an answer, no answer, and a short circuit.
 #[test]
 fn the_manual_s_program_reads_a_meter() {
     let answer = &fixtures().into_iter().find(|f| f.name.ends_with("/frame2")).expect("a fixture").bytes;
@@ -105,11 +105,10 @@ fn the_manual_s_program_reads_a_meter() {
     assert_eq!(order(&mut reading, [0xBB, 0x7B, 1, 0, 0]), 0, "OB 1 has taken 2000h");
     let expected = seen(answer);
     assert_eq!(stored(&reading)[..expected.len()], expected[..]);
-    // SND_NKE: the acknowledgement, behind it what was there.
+    // SND_NKE: the acknowledgement, followed by the old content.
     assert_eq!(order(&mut reading, [0xBB, 0x40, 1, 0, 0]), 0);
     assert_eq!(stored(&reading)[..2], [0, 0xE5]);
-    // SND_UD as a control frame: reset of the application; as a long frame: the two bytes that lie behind the CI field
-    // in DB 10.
+    // SND_UD as a control frame: reset of the application; as a long frame: the two bytes after the CI field in DB 10.
     assert_eq!(order(&mut reading, [0xBB, 0x53, 1, 0x50, 0]), 0);
     assert_eq!(order(&mut reading, [0xBB, 0x73, 1, 0x51, 2]), 0);
     assert_eq!(reading.device.bus.meters[0].told, [vec![0x50], vec![0x51, 0, 2]]);

@@ -1,10 +1,10 @@
 //! The M-Bus library in virtual time: `examples/mbus-meter/library.awl` reads meters into typed records, searches a
-//! bus, and takes no harm from what is malformed.
+//! bus, and handles malformed answers.
 
 mod common;
 
 use common::meters::{Reading, station, word};
-use ob1_cpu::{Cell, CellWidth};
+use ob1_cpu::{Cell, Width};
 use ob1_mbus_records::{Answer, HEADER_BYTES, Header, RECORD_BYTES};
 use ob1_model::Area;
 use ob1_tests::meters::{Bus, Meter, Trouble, fields, fixtures};
@@ -16,13 +16,13 @@ fn library(meters: Vec<Meter>) -> Reading {
     reading
 }
 
-fn set(reading: &mut Reading, byte: u32, width: CellWidth, value: u32) {
+fn set(reading: &mut Reading, byte: u32, width: Width, value: u32) {
     reading.station.cpu.write(Cell::Area(Area::Memory, byte * 8), width, value).expect("bit memory");
 }
 
-/// Gives an order with bits of MB 10, waits for its end; STATUS.
+/// Gives an order with bits of MB 10, waits for its end; returns STATUS.
 fn order(reading: &mut Reading, bits: u8, status_at: usize) -> u16 {
-    set(reading, 10, CellWidth::Byte, bits.into());
+    set(reading, 10, Width::Byte, bits.into());
     let ended = reading.until(600 * SECOND, |station| station.cpu.bit_memory()[10] & 5 == 0);
     assert!(ended, "no end\n{}", reading.log());
     // The block sees the end of REQ in the scan that follows.
@@ -31,9 +31,9 @@ fn order(reading: &mut Reading, bits: u8, status_at: usize) -> u16 {
     u16::from_be_bytes([memory[status_at], memory[status_at + 1]])
 }
 
-/// Reads the meter with this primary address; STATUS.
+/// Reads the meter with this primary address; returns STATUS.
 fn read(reading: &mut Reading, address: u8) -> u16 {
-    set(reading, 11, CellWidth::Byte, address.into());
+    set(reading, 11, Width::Byte, address.into());
     order(reading, 1, 18)
 }
 
@@ -41,7 +41,7 @@ fn block(reading: &Reading, db: u16, len: usize) -> Vec<u8> {
     reading.station.cpu.data_block(db).expect("a data block of the program")[..len].to_vec()
 }
 
-/// What must stand in the data block.
+/// The expected content of the data block.
 fn expected(fields: &[u8]) -> (u16, Vec<u8>) {
     let (mut status, mut code, mut more, mut header) = (0, 0, false, Header::default());
     let mut records = Vec::new();
@@ -93,7 +93,7 @@ fn every_meter_of_the_collection_as_records() {
     assert_eq!(reading.log().lines().count(), 3, "start-up, RUN, the driver, and nothing else:\n{}", reading.log());
 }
 
-/// 1389817 kWh and 504647 m3, as the program takes them out of the records.
+/// 1389817 kWh and 504647 m3, as read from the records by the program.
 #[test]
 fn the_values_that_the_plant_wants() {
     let answer = frame("test-frames/example_data_01");
@@ -103,7 +103,7 @@ fn the_values_that_the_plant_wants() {
     let real = |at: usize| f32::from_be_bytes([values[at], values[at + 1], values[at + 2], values[at + 3]]);
     assert_eq!((real(0), real(4), values[8]), (1_389_817.0, 504_647.0, 3));
     // The same answer by FC 250, into a data block with room for three records.
-    set(&mut reading, 10, CellWidth::Byte, 8);
+    set(&mut reading, 10, Width::Byte, 8);
     assert!(reading.until(SECOND, |station| station.cpu.bit_memory()[10] == 0));
     let memory = reading.station.cpu.bit_memory();
     assert_eq!(memory[36..40], [0, 3, 0x81, 0x0A], "three records, then the data block is full");
@@ -114,7 +114,7 @@ fn frame(name: &str) -> Vec<u8> {
     fixtures().into_iter().find(|fixture| fixture.name == name).expect("a fixture").bytes
 }
 
-/// A meter with this identification, and so many litres.
+/// A meter with this identification and number of litres.
 fn meter_of(address: u8, id: u32, litres: u32) -> Meter {
     let ([i0, i1, i2, i3], [v0, v1, v2, v3]) = (id.to_le_bytes(), litres.to_le_bytes());
     let fields = [8, address, 0x72, i0, i1, i2, i3, 0x77, 0x04, 0x14, 0x07, 1, 0, 0, 0, 0x0C, 0x13, v0, v1, v2, v3];
@@ -125,7 +125,7 @@ fn meter_of(address: u8, id: u32, litres: u32) -> Meter {
 }
 
 fn meter(address: u8, id: u32) -> Meter {
-    // Litres whose bits do not hide in one another's, as those of neighbours do.
+    // Values whose bits differ clearly, so that overlapping answers are detected.
     meter_of(address, id, id.wrapping_mul(0x9E37_79B1))
 }
 
@@ -133,7 +133,7 @@ fn meter(address: u8, id: u32) -> Meter {
 fn by_the_secondary_address() {
     let mut reading = library(vec![meter(0, 0x1234_5678), meter(0, 0x1234_5679), meter(0, 0x8765_4321)]);
     let mut select = |id: u32| {
-        set(&mut reading, 12, CellWidth::DWord, id);
+        set(&mut reading, 12, Width::DWord, id);
         let status = read(&mut reading, 253);
         (status, word(&reading.station, 20, 4) << 16 | word(&reading.station, 20, 6))
     };
@@ -157,7 +157,7 @@ fn a_meter_with_two_telegrams() {
     assert_eq!(order(&mut reading, 3, 18), 0);
     let (_, bytes) = expected(&fields(&second).expect("a frame"));
     assert_eq!(block(&reading, 20, bytes.len()), bytes);
-    // Anew: SND_NKE makes it the first again.
+    // Read again: SND_NKE makes it the first again.
     assert_eq!(read(&mut reading, 1), 0);
     let (_, bytes) = expected(&fields(&first).expect("a frame"));
     assert_eq!(block(&reading, 20, bytes.len()), bytes);
@@ -176,7 +176,7 @@ fn troubles() {
     assert_eq!(order(&mut reading, 4, 22), 0x8003, "the search ends");
     reading.device.shorted = false;
     assert_eq!(read(&mut reading, 2), 0);
-    // The single character where data were asked for is answered by no meter of ours: 255 is, by none.
+    // None of our meters answers a data request with the single character. Address 255 is not answered by any meter.
     assert_eq!(read(&mut reading, 255), 0x8001);
 }
 
@@ -195,7 +195,7 @@ fn the_search_finds_all_meters() {
     assert_eq!(reading.log().lines().count(), 3, "{}", reading.log());
 }
 
-/// Two meters with one identification are told apart by nothing the search varies; it says so and goes on.
+/// The search cannot distinguish two meters with the same identification; it reports this and continues.
 #[test]
 fn twins() {
     let twins = [0x5A, 0xA5].map(|litres| meter_of(0, 0x1234_5678, litres));
@@ -204,8 +204,8 @@ fn twins() {
     assert_eq!(block(&reading, 21, 8), [0, 1, 0, 1, 0x20, 0, 0, 0]);
 }
 
-/// The driver is killed at every moment of a reading. The order ends with a reason or with the right records, never
-/// with wrong ones, and the next one is none the worse.
+/// The driver is killed at every time of a reading. The order ends with an error or with the correct records, never
+/// with wrong ones, and the next order works.
 #[test]
 fn the_driver_is_killed_in_the_middle() {
     let answer = frame("test-frames/example_data_01");
@@ -213,8 +213,8 @@ fn the_driver_is_killed_in_the_middle() {
     let mut reading = library(vec![Meter::new(1, &answer)]);
     let mut ends = std::collections::BTreeMap::new();
     for moment in 0..60 {
-        set(&mut reading, 11, CellWidth::Byte, 1);
-        set(&mut reading, 10, CellWidth::Byte, 1);
+        set(&mut reading, 11, Width::Byte, 1);
+        set(&mut reading, 10, Width::Byte, 1);
         // The reading takes about 540 ms.
         let kill_at = reading.now + moment * 10 * MS;
         reading.until(kill_at - reading.now, |_| false);

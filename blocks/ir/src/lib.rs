@@ -1,4 +1,4 @@
-//! The typed instruction set the engines run: the only word between the STL compiler and the engines.
+//! The typed instruction set the engines run: the only thing the STL compiler and the engines share.
 //!
 //! A [`Program`] is a set of code blocks and data blocks. A statement ([`Stmt`]) is one STL statement: its operation,
 //! its operand in typed form, and where it came from (network and line). Nothing here remembers mnemonics or source
@@ -15,7 +15,8 @@ mod verify;
 
 pub use file::{ParseError, parse, write};
 pub use notation::Notation;
+pub use ob1_model::Width;
 pub use op::{AccuOp, BitTest, Compare, Convert, Jump, Logic, MathFn, NumberFormat, Op, Shift, StatusBit, WordLogic};
-pub use place::{AddressRegister, DbRegister, Number, Operand, Place, Pointer, Width};
+pub use place::{AddressRegister, DbRegister, Number, Operand, Place, Pointer};
 pub use program::{Arg, Call, CallMode, CodeBlock, DataBlock, DataKind, Program, Stmt, Symbol, Target};
 pub use verify::{BRACKETS, Defect, Finding, LOCAL_BYTES, MCR_BRACKETS, Verified, verify};

@@ -498,6 +498,29 @@ pub enum Op {
     Nop,
 }
 
+/// The number in an operation, shared or exclusive as the operation is.
+macro_rules! number_in {
+    ($op:expr) => {
+        match $op {
+            Op::Scan { test: BitTest::Timer(n) | BitTest::Counter(n), .. }
+            | Op::LoadTimer(n)
+            | Op::LoadTimerBcd(n)
+            | Op::LoadCounter(n)
+            | Op::LoadCounterBcd(n)
+            | Op::OpenDb(_, n)
+            | Op::StartTimer(_, n)
+            | Op::ResetTimer(n)
+            | Op::EnableTimer(n)
+            | Op::CountUp(n)
+            | Op::CountDown(n)
+            | Op::SetCounter(n)
+            | Op::ResetCounter(n)
+            | Op::EnableCounter(n) => Some(n),
+            _ => None,
+        }
+    };
+}
+
 impl Op {
     /// Shows `see` every place this operation reads or writes, those of pointers and numbers in memory included, with
     /// the width of the access.
@@ -546,37 +569,30 @@ impl Op {
         });
     }
 
+    /// The number of the timer, counter or data block that an operation other than a call names.
+    #[must_use]
+    pub const fn number(&self) -> Option<&Number> {
+        number_in!(self)
+    }
+
+    /// The same number, to be exchanged.
+    pub const fn number_mut(&mut self) -> Option<&mut Number> {
+        number_in!(self)
+    }
+
     /// Shows `see` the number of every timer, counter and block this operation names.
     pub fn numbers(&self, see: &mut dyn FnMut(&Number)) {
-        match self {
-            Op::Scan { test: BitTest::Timer(n) | BitTest::Counter(n), .. } => see(n),
-            Op::LoadTimer(n)
-            | Op::LoadTimerBcd(n)
-            | Op::LoadCounter(n)
-            | Op::LoadCounterBcd(n)
-            | Op::OpenDb(_, n)
-            | Op::StartTimer(_, n)
-            | Op::ResetTimer(n)
-            | Op::EnableTimer(n)
-            | Op::CountUp(n)
-            | Op::CountDown(n)
-            | Op::SetCounter(n)
-            | Op::ResetCounter(n)
-            | Op::EnableCounter(n) => see(n),
-            Op::Call(call) => {
-                if let Target::Indirect(_, n) = &call.target {
-                    see(n);
-                }
-                if let Some(n) = &call.instance {
-                    see(n);
-                }
-                for arg in &call.args {
-                    if let Arg::Number(n) = arg {
-                        see(n);
-                    }
-                }
+        let Op::Call(call) = self else { return self.number().into_iter().for_each(see) };
+        if let Target::Indirect(_, n) = &call.target {
+            see(n);
+        }
+        if let Some(n) = &call.instance {
+            see(n);
+        }
+        for arg in &call.args {
+            if let Arg::Number(n) = arg {
+                see(n);
             }
-            _ => {}
         }
     }
 }

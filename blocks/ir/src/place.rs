@@ -1,28 +1,6 @@
 //! Operands: where a statement reads or writes.
 
-use ob1_model::{Area, BitAddr};
-
-/// Width of an access.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[expect(missing_docs, reason = "the names say it")]
-pub enum Width {
-    Bit,
-    Byte,
-    Word,
-    DWord,
-}
-
-impl Width {
-    /// Bytes moved; a bit lies in one byte.
-    #[must_use]
-    pub const fn bytes(self) -> u32 {
-        match self {
-            Width::Bit | Width::Byte => 1,
-            Width::Word => 2,
-            Width::DWord => 4,
-        }
-    }
-}
+use ob1_model::{Area, BitAddr, Width};
 
 /// The two address registers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

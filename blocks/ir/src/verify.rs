@@ -1,7 +1,7 @@
-//! The verifier: what every engine may rely on without looking again.
+//! The verifier: what every engine may rely on without checking again.
 //!
-//! A program that passes has jump targets within their blocks or right behind them (which ends the block), brackets
-//! that are closed and not nested too deep, parameters that exist and are of the kind they are used as, local data and
+//! A program that passes has jump targets within their blocks or right after them (which ends the block), brackets that
+//! are closed and not nested too deep, parameters that exist and are of the kind they are used as, local data and
 //! instance operands within their sizes, whole-byte addresses where bytes and words are accessed, and calls with one
 //! argument for each formal of a block that exists.
 //!
@@ -44,7 +44,7 @@ pub enum Defect {
     /// Two data blocks have this number, or it is 0.
     DataNumber(u16),
     /// An instance data block that is shorter than its function block's instance, or whose function block is missing. A
-    /// longer one is none: it may have been made for an older interface.
+    /// longer one is no defect: it may have been made for an older interface.
     InstanceLength(u16),
     /// The index of the source file is beyond [`Program::sources`].
     Source(BlockId),
@@ -259,7 +259,7 @@ fn count(open: &mut u32, opens: bool, most: u32) -> bool {
     fits
 }
 
-/// The pointer to a parameter, and its copy. That the parameter is there is seen at its place.
+/// The pointer to a parameter, and its copy. Whether the parameter exists is checked at its place.
 fn check_pointer(op: &Op, formals: &[&Param]) -> Result<(), Defect> {
     let (index, defect) = match op {
         Op::LoadParamPointer { index, .. } => (*index, Defect::ParamPointer(*index)),
@@ -275,7 +275,7 @@ fn check_pointer(op: &Op, formals: &[&Param]) -> Result<(), Defect> {
     if fits { Ok(()) } else { Err(defect) }
 }
 
-/// `whole`: not the place says how much of a parameter is meant.
+/// `whole`: the place does not say how much of a parameter is meant.
 fn check_place(block: &CodeBlock, formals: &[&Param], place: Place, width: Width, whole: bool) -> Result<(), Defect> {
     let has_instance = block.id.kind.has_instance();
     let beyond = |at: BitAddr, bytes: u32| at.byte().saturating_add(width.bytes()) > bytes;
@@ -293,7 +293,7 @@ fn check_place(block: &CodeBlock, formals: &[&Param], place: Place, width: Width
             if param.ty.is_parameter_type() && !whole {
                 return Err(Defect::ParamType(index));
             }
-            let bits = if width == Width::Bit { 1 } else { width.bytes() * 8 };
+            let bits = u32::from(width.bits());
             if !whole && at.0.saturating_add(bits) > Layout::bits(&param.ty).max(8) {
                 return Err(Defect::ParamOverflow(index, at));
             }
@@ -355,7 +355,7 @@ fn check_call<'p>(call: &Call, interface: &dyn Fn(BlockId) -> Option<&'p Interfa
     if call.instance.is_some() != needs_instance {
         report(Defect::Instance);
     }
-    // A list of pointers is as long as it is.
+    // A list of pointers may have any length.
     let listed = !with_parameters && !id.kind.has_instance();
     let formals = if with_parameters { callee.formals().count() } else { 0 };
     if call.args.len() != formals && !listed {
@@ -426,7 +426,7 @@ mod tests {
     fn each_defect_is_found() {
         let one = |op| defects(vec![block(FC1, vec![op])], Vec::new());
         let at = BitAddr::new(1, 0);
-        // Right behind the last statement is the block's end.
+        // Right after the last statement is the block's end.
         assert_eq!(one(Op::Jump(Jump::IfRlo, 1)), []);
         assert_eq!(one(Op::Jump(Jump::IfRlo, 2)), [Defect::JumpTarget(2)]);
         assert_eq!(one(Op::Loop(9)), [Defect::JumpTarget(9)]);

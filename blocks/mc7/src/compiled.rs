@@ -1,5 +1,5 @@
-//! The compiled interface of a block: declarations with types and sections, start values behind them. The same bytes in
-//! the project folder and on the CPU. Little-endian, without names.
+//! The compiled interface of a block: declarations with types and sections, then start values. The same bytes in the
+//! project folder and on the CPU. Little-endian, without names.
 
 use ob1_model::{BlockId, BlockKind, DataType, Dimension, Section};
 
@@ -108,7 +108,7 @@ pub struct CompiledInterface {
     pub entries: Vec<Entry>,
     /// The start values, packed, in the order of the entries that have one.
     pub start: Vec<u8>,
-    /// What stands behind, mostly one byte.
+    /// What follows, mostly one byte.
     pub rest: Vec<u8>,
 }
 
@@ -242,7 +242,7 @@ impl Reader<'_> {
 
     fn entry(&mut self, depth: u32) -> Result<Entry, &'static str> {
         if depth > DEPTH {
-            return Err("types lie too deep in each other");
+            return Err("types are nested too deep");
         }
         let code = self.byte()?;
         if matches!(code, FB | SFB) {

@@ -115,7 +115,7 @@ fn entries(
     const ORDER: [Section; 6] =
         [Section::Input, Section::Return, Section::Output, Section::InOut, Section::Static, Section::Temp];
     if depth > DEPTH / 2 {
-        return Err("instances lie too deep in each other");
+        return Err("instances are nested too deep");
     }
     let mut out = Vec::new();
     for section in ORDER {
@@ -220,8 +220,8 @@ fn data_type(ty: &EntryType, start: &mut Start<'_>) -> DataType {
     }
 }
 
-/// The components of a structure; of an instance without its temporaries, and parted by section as
-/// `ob1_ir`'s layout text says: nameless structures of no length make the next section begin on an even byte.
+/// The components of a structure; of an instance without its temporaries, and separated by section as `ob1_ir`'s layout
+/// text says: nameless structures of no length make the next section begin on an even byte.
 fn fields(children: &[Entry], instance: bool, start: &mut Start<'_>) -> Vec<Field> {
     let mut out: Vec<Field> = Vec::new();
     let mut last = None;

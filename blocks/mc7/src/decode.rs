@@ -1,8 +1,8 @@
 //! Machine code to a code block of the instruction set.
 //!
-//! Each statement becomes one operation, but for what STEP 7's compiler makes of one statement of a source: the frame
-//! of a `CALL` ([`crate::fold`]), a data block opened for one access (`L DB10.DBW 2`), a number that a function block
-//! has as parameter (`SE #timer`). What does not fold stays as it stands, which is always right.
+//! Each statement becomes one operation, except for what STEP 7's compiler makes of one statement of a source: the
+//! frame of a `CALL` ([`crate::fold`]), a data block opened for one access (`L DB10.DBW 2`), a number that a function
+//! block has as parameter (`SE #timer`). What does not fold stays as it is, which is always right.
 
 use std::collections::BTreeMap;
 
@@ -82,7 +82,7 @@ pub const fn notation(form: ConstForm) -> Notation {
     }
 }
 
-/// The formals' indices in the order of the list of pointers behind a call in machine code.
+/// The formals' indices in the order of the list of pointers after a call in machine code.
 #[must_use]
 pub fn list_order(interface: &Interface) -> Vec<u16> {
     let mut order: Vec<(u16, u16)> = interface.list_places().into_iter().zip(0u16..).collect();
@@ -151,7 +151,7 @@ fn statements(block: &MachineBlock<'_>) -> Result<Vec<Item>, Mc7Error> {
 }
 
 /// For each statement that jumps, by its index, the statements it leads to: one for a jump; for `SPL` those of its list
-/// and then the one behind it.
+/// and then the one after it.
 fn targets(code: &[u8], items: &[Item]) -> Result<BTreeMap<u32, Vec<u32>>, Mc7Error> {
     let find = |item: &Item, words: i16| {
         let to = item.offset as i64 + 2 * i64::from(words);
@@ -216,7 +216,7 @@ impl Lowering<'_, '_, '_> {
         while let Some(item) = self.items.get(self.starts.len()) {
             let at = self.starts.len();
             let rest = self.items.get(at..).unwrap_or_default();
-            // The block's own end says nothing, unless a jump leads to it.
+            // The block's own end adds nothing, unless a jump leads to it.
             if item.op == Mc7Op::BlockEnd && at + 1 == self.items.len() && !item.target {
                 self.starts.push(self.out.len() as u32);
                 break;
@@ -241,14 +241,14 @@ impl Lowering<'_, '_, '_> {
         self.out.extend(ops.into_iter().map(|op| Made { op, item, shown }));
     }
 
-    /// What stands for one statement of a source, and how many statements it takes.
+    /// The operations for one statement of a source, and how many statements of the code they take.
     fn folded(&self, rest: &[Item]) -> Option<(Vec<Op>, usize)> {
         let (ops, used) = self
             .call(rest)
             .or_else(|| self.in_data_block(rest))
             .or_else(|| self.number_parameter(rest))
             .or_else(|| self.component(rest))?;
-        // A jump into the middle means the statements, not what they stand for.
+        // If a jump leads into the middle, the single statements are meant, not what they stand for together.
         let whole = rest.get(1..used)?.iter().all(|item| !item.target);
         let network = rest.first()?.network;
         (whole && rest.get(..used)?.iter().all(|item| item.network == network)).then_some((ops, used))
@@ -293,7 +293,7 @@ impl Lowering<'_, '_, '_> {
             Mc7Op::Plain(op) => op.clone(),
             _ => return None,
         };
-        let number = parts::number_mut(&mut op)?;
+        let number = op.number_mut()?;
         let named = self.declared(at).is_some_and(|ty| ty.is_parameter_type());
         let pointer = ob1_ir::Pointer { area: Area::Local, at: word };
         if !exchanged || !named || !self.own_temporaries(&[accu1, accu2, word]) || *number != Number::Memory(pointer) {
@@ -329,13 +329,13 @@ impl Lowering<'_, '_, '_> {
                 let operand = Operand { width: Width::DWord, place: Place::Instance(BitAddr(pointer.0 + 16)) };
                 let open = Op::OpenDb(DbRegister::Db, Number::Instance(pointer));
                 let load = Op::LoadArFrom(AddressRegister::Ar1, operand);
-                // The statement itself stands behind these two as it is.
+                // The statement itself follows these two as it is.
                 (declared && self.block.id.kind.has_instance()).then(|| (vec![open, load], found.used))
             }
         }
     }
 
-    /// True when these lie behind the temporaries that are declared: the compiler's own.
+    /// True when these lie after the temporaries that are declared: the compiler's own.
     fn own_temporaries(&self, at: &[BitAddr]) -> bool {
         at.iter().all(|at| at.byte() >= declared_temps(self.block.interface))
     }
@@ -399,7 +399,7 @@ impl Lowering<'_, '_, '_> {
 
     /// Parameters by their index; what the block's own instance has at that address as its variable.
     fn own_names(&self, op: &mut Op) -> Result<(), Problem> {
-        if let Some(number) = parts::number_mut(op) {
+        if let Some(number) = op.number_mut() {
             *number = self.number(*number)?;
         }
         let Some(bits) = parts::bits_of(op) else { return Ok(()) };
@@ -485,7 +485,7 @@ pub(crate) fn declared_temps(interface: &Interface) -> u32 {
     declared.map(|p| (temps.place(&p.ty).0 + Layout::bits(&p.ty)).div_ceil(8)).max().unwrap_or(0)
 }
 
-/// Gives the copies of `L P##parameter` their places: behind the block's own local data, in the order of their first
+/// Gives the copies of `L P##parameter` their places: after the block's own local data, in the order of their first
 /// use, as the compiler of the source does. Gives where the last one ends.
 fn place_copies(code: &mut [Stmt], own: u32) -> u32 {
     let mut places: BTreeMap<u16, u32> = BTreeMap::new();

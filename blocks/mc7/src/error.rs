@@ -17,13 +17,13 @@ pub enum Problem {
     JumpList(u16),
     /// A parameter that the interface does not have.
     Parameter(u16),
-    /// The copies of `L P##parameter` find no room behind the local data the code uses.
+    /// The copies of `L P##parameter` find no room after the local data the code uses.
     LocalData,
     /// A count of the segment table leads beyond its bytes.
     SegmentTable,
     /// The compiled interface is cut off, nested too deep, or has an unknown type.
     Interface(&'static str),
-    /// The head of a block is no head, or its lengths do not fit together.
+    /// The head of a block is invalid, or its lengths do not fit together.
     Head(&'static str),
     /// A statement of the instruction set for which the machine has no code.
     NoCode(String),
@@ -91,7 +91,7 @@ impl fmt::Display for Mc7Error {
         }
         f.write_str(": ")?;
         match &self.problem {
-            Problem::UnknownStatement => f.write_str("no statement of MC7 begins so"),
+            Problem::UnknownStatement => f.write_str("no statement of MC7 begins with these bytes"),
             Problem::CutOff => f.write_str("the code ends within this statement"),
             Problem::JumpTarget(to) => write!(f, "the jump leads to {to}, where no statement begins"),
             Problem::JumpList(entries) => write!(f, "the {entries} SPA of this SPL do not follow it"),

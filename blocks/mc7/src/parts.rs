@@ -1,6 +1,6 @@
 //! Parts of operations, and what lies at an address of a declaration.
 
-use ob1_ir::{BitTest, Number, Op, Operand, Place, Width};
+use ob1_ir::{BitTest, Op, Operand, Place, Width};
 use ob1_model::{Area, BitAddr, DataType, Interface, Layout, Param, Section};
 
 use crate::statement::Mc7Op;
@@ -31,49 +31,10 @@ pub(crate) fn bits_of(op: &Op) -> Option<u32> {
         | Op::EdgePositive(_)
         | Op::EdgeNegative(_) => 1,
         Op::Load(operand) | Op::Transfer(operand) | Op::LoadArFrom(_, operand) | Op::TransferArTo(_, operand) => {
-            width_bits(operand.width)
+            u32::from(operand.width.bits())
         }
         _ => return None,
     })
-}
-
-/// Bits of a width.
-pub(crate) const fn width_bits(width: Width) -> u32 {
-    match width {
-        Width::Bit => 1,
-        other => other.bytes() * 8,
-    }
-}
-
-/// The width of an elementary type.
-pub(crate) fn width_of(ty: &DataType) -> Option<Width> {
-    Some(match ty.elementary_bits()? {
-        1 => Width::Bit,
-        8 => Width::Byte,
-        16 => Width::Word,
-        _ => Width::DWord,
-    })
-}
-
-/// The number of a timer, counter or data block that an operation names.
-pub(crate) const fn number_mut(op: &mut Op) -> Option<&mut Number> {
-    match op {
-        Op::Scan { test: BitTest::Timer(n) | BitTest::Counter(n), .. }
-        | Op::LoadTimer(n)
-        | Op::LoadTimerBcd(n)
-        | Op::LoadCounter(n)
-        | Op::LoadCounterBcd(n)
-        | Op::OpenDb(_, n)
-        | Op::StartTimer(_, n)
-        | Op::ResetTimer(n)
-        | Op::EnableTimer(n)
-        | Op::CountUp(n)
-        | Op::CountDown(n)
-        | Op::SetCounter(n)
-        | Op::ResetCounter(n)
-        | Op::EnableCounter(n) => Some(n),
-        _ => None,
-    }
 }
 
 /// Where in the local data a statement transfers to.

@@ -76,8 +76,8 @@ fn plain(op: &Op) -> String {
         };
         return format!("{} #{}:{letter}", text.split(" PAR").next().unwrap_or_default(), *index + 1);
     }
-    if let Some(Number::Param(index)) = parts::number_mut(&mut op) {
-        // `SE T PAR3`: what it is stands before its number.
+    if let Some(Number::Param(index)) = op.number_mut() {
+        // `SE T PAR3`: its kind comes before its number.
         let mut words = text.split(' ');
         let (mnemonic, what) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
         return format!("{mnemonic} #{}:{what}", *index + 1);
@@ -96,7 +96,7 @@ fn pointer(bits: u32) -> String {
     }
 }
 
-/// A constant in the form it stands in.
+/// A constant in the form that the code has.
 fn constant(form: ConstForm, value: u32) -> String {
     let signed = value as i32;
     match notation(form) {

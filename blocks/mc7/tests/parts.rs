@@ -173,7 +173,7 @@ fn errors_say_block_offset_and_bytes() {
     let none = Interface::default();
     let of = |code| decoded(FC1, &none, code, None);
     for (code, message) in [
-        ("8305 0300", "S1501: FC 1, offset 2 (03 00): no statement of MC7 begins so"),
+        ("8305 0300", "S1501: FC 1, offset 2 (03 00): no statement of MC7 begins with these bytes"),
         ("8305 7E2200", "S1502: FC 1, offset 2 (7E 22 00): the code ends within this statement"),
         (
             "3D01 700B0006 87000008",
@@ -232,11 +232,11 @@ fn a_call_of_a_function() {
                 7E620006 2005 7E460004 1002 6500";
     let wanted = "CALL FC 7 (16#1, DB5.DBW 2, #15, LW 0, DB5.DBW 4, M 1.0)";
     assert_eq!(decoded(FC1, &own, code, Some((id, &callee))), Ok(wanted.to_owned()));
-    // A frame with anything else in it stays as it stands, and so does one whose callee is not known.
+    // A frame with anything else in it stays as it is, and so does one whose callee is not known.
     let other = code.replace("681D", "682C");
     assert!(decoded(FC1, &own, &other, Some((id, &callee))).unwrap().contains("; UC FC 7 { P#V 2.1, "));
     assert!(decoded(FC1, &own, code, None).unwrap().starts_with("NOP 0; = L 2.0; SET; "));
-    // Values in declared temporaries are the block's own business.
+    // Values in declared temporaries belong to the block itself.
     let more = interface(false, &[("n", Section::Temp, Int), ("m", Section::Temp, Any)]);
     assert!(decoded(FC1, &more, code, Some((id, &callee))).unwrap().contains("UC FC 7"));
 }

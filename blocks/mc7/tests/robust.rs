@@ -8,31 +8,17 @@
 mod common;
 
 use std::collections::BTreeMap;
+use std::iter::repeat_with;
 
+use fastrand::Rng;
 use ob1_ir::{Defect, Program};
 use ob1_mc7::{BlockImage, CompiledInterface, MachineBlock, Segments, Statement, Written, decode, encode};
 use ob1_model::{BlockId, Interface};
 use ob1_stl::Mnemonics;
 use ob1_stl::print::{Listing, Printer};
 
-/// A sequence of numbers that looks random: xorshift.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0
-    }
-
-    fn below(&mut self, end: usize) -> usize {
-        (self.next() % end.max(1) as u64) as usize
-    }
-
-    fn bytes(&mut self, count: usize) -> Vec<u8> {
-        (0..count).map(|_| self.next() as u8).collect()
-    }
+fn bytes(random: &mut Rng, count: usize) -> Vec<u8> {
+    repeat_with(|| random.u8(..)).take(count).collect()
 }
 
 fn cases(short: usize) -> usize {
@@ -40,7 +26,7 @@ fn cases(short: usize) -> usize {
 }
 
 /// What code that decodes may have wrong, and the verifier finds: brackets, parameters used as what they are not, more
-/// local data than there is. Everything else the decoder has to hold.
+/// local data than there is. Everything else the decoder has to ensure.
 const fn allowed(defect: &Defect) -> bool {
     use Defect::{Brackets, LocalBytes, McrBrackets, ParamOverflow, ParamType, UnknownBlock};
     matches!(defect, UnknownBlock(_) | Brackets | McrBrackets | ParamType(_) | ParamOverflow(..) | LocalBytes(_))
@@ -68,21 +54,21 @@ fn run(
 
 #[test]
 fn random_bytes() {
-    let mut random = Random(0x0B1_5EED);
+    let mut random = Rng::with_seed(0x0B1_5EED);
     let (block, _, callees) = common::block(&[2]);
     let blocks = [common::block(&[0]).0, common::block(&[1]).0, block];
     let mut done = 0;
     let mut decoded = 0;
     // Four of five first bytes begin a statement: short code decodes at times, long code hardly ever.
     while done < cases(400_000) {
-        let length = 2 + random.below(24) * 2;
+        let length = 2 + random.usize(..24) * 2;
         done += length;
-        let mut code = random.bytes(length);
-        if random.below(2) == 0 {
+        let mut code = bytes(&mut random, length);
+        if random.usize(..2) == 0 {
             code.extend([0x65, 0]);
         }
-        let segments = Segments::read(&random.bytes(12)).unwrap_or_default();
-        let which = random.below(blocks.len());
+        let segments = Segments::read(&bytes(&mut random, 12)).unwrap_or_default();
+        let which = random.usize(..blocks.len());
         decoded += usize::from(run(blocks[which].id, &blocks[which].interface, &code, &segments, &callees));
         let _ = (BlockImage::read(&code), CompiledInterface::read(&code), Statement::read(&code));
     }
@@ -91,24 +77,24 @@ fn random_bytes() {
 
 #[test]
 fn valid_blocks_with_changed_bytes() {
-    let mut random = Random(0x00C0_FFEE);
+    let mut random = Rng::with_seed(0x00C0_FFEE);
     let mut decoded = 0;
     let mut done = 0;
     let wanted = cases(4_000);
     while done < wanted {
-        let (block, _, callees) = common::block(&random.bytes(8 + done % 120));
+        let (block, _, callees) = common::block(&bytes(&mut random, 8 + done % 120));
         let known = |id: BlockId| callees.get(&id);
         let written = Written { multi_instance: true, ..Written::default() };
         let encoded = encode(&block, &written, &known).expect("valid");
         for _ in 0..40 {
             done += 1;
             let mut code = encoded.code.clone();
-            for _ in 0..=random.below(3) {
-                let at = random.below(code.len());
-                code[at] = random.next() as u8;
+            for _ in 0..=random.usize(..3) {
+                let at = random.usize(..code.len());
+                code[at] = random.u8(..);
             }
-            if random.below(4) == 0 {
-                code.truncate(random.below(code.len()));
+            if random.usize(..4) == 0 {
+                code.truncate(random.usize(..code.len()));
             }
             decoded += usize::from(run(block.id, &block.interface, &code, &encoded.segments, &callees));
         }
@@ -119,7 +105,7 @@ fn valid_blocks_with_changed_bytes() {
 /// Heads, interfaces and segment tables with changed bytes: what reads writes itself back.
 #[test]
 fn parts_with_changed_bytes() {
-    let mut random = Random(0x00FA_C7ED);
+    let mut random = Rng::with_seed(0x00FA_C7ED);
     let interface =
         CompiledInterface::of(7, &common::callees()[&common::FB], &BTreeMap::new(), &|_| None).expect("short");
     let interface = interface.bytes().expect("short");
@@ -127,9 +113,9 @@ fn parts_with_changed_bytes() {
     let mut read = 0;
     for _ in 0..cases(20_000) {
         let mut bytes = interface.clone();
-        let at = random.below(bytes.len());
-        bytes[at] = random.next() as u8;
-        bytes.truncate(bytes.len() - random.below(3));
+        let at = random.usize(..bytes.len());
+        bytes[at] = random.u8(..);
+        bytes.truncate(bytes.len() - random.usize(..3));
         if let Ok(compiled) = CompiledInterface::read(&bytes) {
             let _ = (compiled.interface(true), compiled.components(), compiled.instances());
             let again = compiled.bytes().expect("as long as it was");
@@ -137,8 +123,8 @@ fn parts_with_changed_bytes() {
             read += 1;
         }
         let mut bytes = segments.clone();
-        let at = random.below(bytes.len());
-        bytes[at] = random.next() as u8;
+        let at = random.usize(..bytes.len());
+        bytes[at] = random.u8(..);
         if let Ok(table) = Segments::read(&bytes) {
             assert_eq!(Segments::read(&table.bytes()), Ok(table));
         }

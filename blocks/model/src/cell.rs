@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::Area;
+use crate::{Area, DataType};
 
 /// A place the outside can read and write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -20,8 +20,8 @@ pub enum Cell {
 }
 
 impl Cell {
-    /// What lies beside another in memory has the same: the kind of memory, the number of a data block. `None` for
-    /// cells that are not memory as it is shown.
+    /// The kind of memory and the number of the data block: the same for cells that lie beside each other in memory.
+    /// `None` for cells that are not plain memory.
     #[must_use]
     pub const fn block(self) -> Option<(u8, u16)> {
         match self {
@@ -60,32 +60,50 @@ impl Cell {
     }
 }
 
-/// How much of it.
+/// How much of it: the width of an access.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[expect(missing_docs, reason = "the names say it")]
-pub enum CellWidth {
+pub enum Width {
     Bit,
     Byte,
     Word,
     DWord,
 }
 
-impl CellWidth {
+impl Width {
     /// Bits.
     #[must_use]
     pub const fn bits(self) -> u8 {
         match self {
-            CellWidth::Bit => 1,
-            CellWidth::Byte => 8,
-            CellWidth::Word => 16,
-            CellWidth::DWord => 32,
+            Width::Bit => 1,
+            Width::Byte => 8,
+            Width::Word => 16,
+            Width::DWord => 32,
         }
     }
 
-    /// Bytes that hold it.
+    /// Bytes that hold it; a bit lies in one byte.
     #[must_use]
-    pub const fn bytes(self) -> u8 {
-        self.bits().div_ceil(8)
+    pub const fn bytes(self) -> u32 {
+        self.bits().div_ceil(8) as u32
+    }
+
+    /// The width of so many bits: 1, 8, 16 or 32.
+    #[must_use]
+    pub const fn of_bits(bits: u32) -> Option<Width> {
+        Some(match bits {
+            1 => Width::Bit,
+            8 => Width::Byte,
+            16 => Width::Word,
+            32 => Width::DWord,
+            _ => return None,
+        })
+    }
+
+    /// The width of a variable of an elementary type.
+    #[must_use]
+    pub fn of(ty: &DataType) -> Option<Width> {
+        Width::of_bits(ty.elementary_bits()?)
     }
 }
 
@@ -99,8 +117,8 @@ pub enum Piece {
         /// How many.
         len: u32,
     },
-    /// A value that does not lie in memory as it is shown: a timer, a counter, a peripheral input.
-    Value(Cell, CellWidth),
+    /// A value that is not plain memory: a timer, a counter, a peripheral input.
+    Value(Cell, Width),
 }
 
 impl Piece {
@@ -110,7 +128,7 @@ impl Piece {
     pub const fn len(&self) -> u32 {
         match self {
             Piece::Bytes { len, .. } => *len,
-            Piece::Value(_, width) => width.bytes() as u32,
+            Piece::Value(_, width) => width.bytes(),
         }
     }
 }
@@ -145,7 +163,7 @@ impl CellError {
         self as u8 + 1
     }
 
-    /// Of that number.
+    /// The error with that number.
     #[must_use]
     pub const fn from_code(code: u8) -> Option<Self> {
         match code {

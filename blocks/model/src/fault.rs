@@ -57,13 +57,13 @@ pub enum FaultKind {
     WriteProtectedDb,
     /// 2531h: write to a write-protected instance data block.
     WriteProtectedDi,
-    /// 2532h: `AUF DB` with a number that cannot be.
+    /// 2532h: `AUF DB` with an impossible number.
     DbNumber,
-    /// 2533h: `AUF DI` with a number that cannot be.
+    /// 2533h: `AUF DI` with an impossible number.
     DiNumber,
-    /// 2534h: call of an FC with a number that cannot be.
+    /// 2534h: call of an FC with an impossible number.
     FcNumber,
-    /// 2535h: call of an FB with a number that cannot be.
+    /// 2535h: call of an FB with an impossible number.
     FbNumber,
     /// 253Ah: the data block is not loaded.
     DbNotLoaded,
@@ -157,7 +157,7 @@ impl FaultKind {
     ];
 }
 
-/// A fault with what is needed to explain it: the number that was wrong and the size it was held against.
+/// A fault with what is needed to explain it: the number that was wrong and the size it was compared with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fault {
     /// What went wrong.
@@ -283,13 +283,13 @@ impl Event {
     pub const DRIVER_LOST: Event = Event(0xF201);
     /// A driver process is up (ours).
     pub const DRIVER_UP: Event = Event(0xF202);
-    /// A CP's shared memory holds something that cannot be (ours).
+    /// A CP's shared memory holds an impossible value (ours).
     pub const SEGMENT_GARBAGE: Event = Event(0xF203);
     /// A CP reports an error of its line or its parameters (ours).
     pub const CP_ERROR: Event = Event(0xF204);
     /// A CP's error is gone (ours).
     pub const CP_ERROR_GONE: Event = Event(0xF205);
-    /// A driver process got no core, or the kernel held it, for longer than a hang is borne (ours).
+    /// A driver process got no core, or the kernel held it, for longer than a hang is tolerated (ours).
     pub const DRIVER_HELD_UP: Event = Event(0xF206);
     /// A station of a bus refuses a request (ours).
     pub const STATION_REFUSES: Event = Event(0xF207);
@@ -310,7 +310,7 @@ impl Event {
     /// STOP because two engines do not do the same (ours, `engine = "both"`).
     pub const ENGINES_DIFFER: Event = Event(0xF401);
 
-    /// Every event with a name that is no fault.
+    /// Every event with a name that is not a fault.
     pub const ALL: [Event; 42] = [
         Event::STARTUP,
         Event::RUN,
@@ -417,14 +417,14 @@ impl Event {
             0xF205 => "a CP's error is gone",
             0xF206 => "driver process was held up by the system",
             0xF207 => "distributed I/O, a station refuses a request",
-            0xF208 => "distributed I/O, a station refuses nothing any more",
+            0xF208 => "distributed I/O, a station accepts all requests again",
             0xF209 => "distributed I/O, a slave reports a fault",
             0xF20A => "distributed I/O, a slave reports no fault any more",
             0xF20B => "a slave of a communication processor is lost",
             0xF20C => "a slave of a communication processor is back",
             0xF301 => "retentive memory cannot be written",
             0xF302 => "retentive memory is written again",
-            0xF401 => "STOP, two engines do not do the same",
+            0xF401 => "STOP, the two engines disagree",
             // Entries of the program itself (SFC 52): classes 8 and 9 are for its messages, A and B for the user's own.
             _ if matches!(self.0 >> 12, 8..=0xB) => "entry of the program",
             _ => "event",

@@ -1,11 +1,10 @@
-//! How the pieces of a snapshot lie behind each other, in words of eight bytes: what the scan writes and a reader
-//! finds.
+//! How the pieces of a snapshot follow each other, in words of eight bytes: what the scan writes and a reader finds.
 //!
 //! Pieces of one area or data block that follow each other are a run. A run begins with a head word: how many bytes the
-//! block has, or why there is no block; behind it lie the bytes of each piece, each from a whole word on. A value is a
-//! head word alone: the value, or why there is none.
+//! block has, or why there is no block. After it come the bytes of each piece, each beginning with a whole word. A
+//! value is a head word alone: the value, or why there is none.
 
-use crate::{Cell, CellError, CellWidth, Piece};
+use crate::{Cell, CellError, Piece, Width};
 
 /// Most entries of a group of writes: as many values as the largest telegram of a link can have.
 pub const GROUP_ENTRIES: usize = 1024;
@@ -26,7 +25,7 @@ const LINE: u32 = 64;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Put {
     /// A value into a cell; a bit changes no other bit of its byte.
-    Value(Cell, CellWidth, u32),
+    Value(Cell, Width, u32),
     /// Bytes, from the byte of a cell in an area or a data block on.
     Bytes(Cell, Box<[u8]>),
 }
@@ -36,7 +35,7 @@ impl Put {
     #[must_use]
     pub fn bytes(&self) -> usize {
         match self {
-            Put::Value(_, width, _) => usize::from(width.bytes()),
+            Put::Value(_, width, _) => width.bytes() as usize,
             Put::Bytes(_, bytes) => bytes.len(),
         }
     }
@@ -71,7 +70,7 @@ pub struct Head {
 }
 
 impl Head {
-    /// Of a block with so many bytes, of a value.
+    /// The head of a block with this many bytes, or of a value.
     #[must_use]
     pub const fn of(found: Result<u32, CellError>) -> Self {
         match found {
@@ -90,7 +89,7 @@ impl Head {
         (error as u64) << 32 | self.number as u64
     }
 
-    /// Out of a snapshot; a code nobody has is [`CellError::Outside`].
+    /// Out of a snapshot; an unknown code is [`CellError::Outside`].
     #[must_use]
     pub const fn from_word(word: u64) -> Self {
         let error = match word >> 32 {
@@ -111,7 +110,7 @@ pub struct Run {
     pub head: usize,
     /// The first piece, counted from 0.
     pub first: usize,
-    /// The one behind the last.
+    /// The one after the last.
     pub end: usize,
 }
 
@@ -132,7 +131,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Of these pieces, in this order.
+    /// A frame of these pieces, in this order.
     #[must_use]
     pub fn of(pieces: impl Into<Box<[Piece]>>) -> Self {
         let pieces: Box<[Piece]> = pieces.into();
@@ -200,7 +199,7 @@ impl Frame {
         match *piece {
             Piece::Value(_, width) => {
                 let bytes = head.number.to_be_bytes();
-                into.extend_from_slice(&bytes[bytes.len() - usize::from(width.bytes())..]);
+                into.extend_from_slice(&bytes[bytes.len() - width.bytes() as usize..]);
             }
             Piece::Bytes { at, len: whole } => {
                 let end = skip.checked_add(len).filter(|end| *end <= whole).ok_or(CellError::Outside)?;
@@ -235,8 +234,8 @@ mod tests {
     #[test]
     fn runs_share_a_head() {
         let frame = Frame::of([
-            Piece::Value(Cell::Timer(3), CellWidth::Word),
-            Piece::Value(Cell::Timer(4), CellWidth::Word),
+            Piece::Value(Cell::Timer(3), Width::Word),
+            Piece::Value(Cell::Timer(4), Width::Word),
             bytes(Cell::Area(M, 0), 10),
             bytes(Cell::Area(M, 800), 1),
             bytes(Cell::Db(7, 0), 8),
@@ -247,10 +246,10 @@ mod tests {
         assert_eq!(frame.words(), 9);
     }
 
-    /// Each part of each piece is found, and what the block does not have is told.
+    /// Each part of each piece is found, and what the block does not have is reported.
     #[test]
     fn parts_are_found() {
-        let frame = Frame::of([bytes(Cell::Db(1, 16 * 8), 20), Piece::Value(Cell::Counter(2), CellWidth::Word)]);
+        let frame = Frame::of([bytes(Cell::Db(1, 16 * 8), 20), Piece::Value(Cell::Counter(2), Width::Word)]);
         let memory: Vec<u8> = (0..64).collect();
         let mut words = vec![Head::of(Ok(30)).word()];
         words.extend(memory[16..40].chunks(8).map(|c| u64::from_ne_bytes(c.try_into().expect("eight"))));
@@ -284,7 +283,7 @@ mod tests {
         assert!(fits_a_share([bytes(cell, WATCH_BYTES as u32)]));
         assert!(!fits_a_share([bytes(cell, WATCH_BYTES as u32 + 1)]));
         assert!(!fits_a_share([bytes(cell, u32::MAX), bytes(cell, u32::MAX)]));
-        let many = |count| std::iter::repeat_n(Piece::Value(Cell::Timer(0), CellWidth::Word), count);
+        let many = |count| std::iter::repeat_n(Piece::Value(Cell::Timer(0), Width::Word), count);
         assert!(fits_a_share(many(WATCH_LINES / 2)) && !fits_a_share(many(WATCH_LINES / 2 + 1)));
         // The largest that fits has room in a window.
         let worst: Vec<Piece> = (0..WATCH_LINES as u16 / 2).map(|n| bytes(Cell::Db(n, 0), 25)).collect();

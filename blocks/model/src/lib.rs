@@ -19,7 +19,7 @@ mod types;
 
 pub use address::{Area, BitAddr};
 pub use block::{BlockId, BlockKind};
-pub use cell::{Cell, CellError, CellWidth, Piece};
+pub use cell::{Cell, CellError, Piece, Width};
 pub use fault::{Access, Event, Fault, FaultKind, Site};
 pub use frame::{
     FRAME_WORDS, Frame, GROUP_ENTRIES, Head, Put, Run, WATCH_BYTES, WATCH_LINES, WRITE_BYTES, fits_a_share,

@@ -47,26 +47,26 @@ impl Event {
         match self {
             Event::STOP_PROGRAM => "The program calls SFC 46 (STP): look at the condition in front of the call.",
             Event::STOP_PROGRAMMING_ERROR => {
-                "Mend the statement the entry before names, or load OB 121 to go on in spite of such errors."
+                "Correct the statement named in the entry before, or load OB 121 to continue in spite of such errors."
             }
             Event::STOP_ACCESS_ERROR => {
-                "Check the module behind the address the entry before names, or load OB 122 to go on without it."
+                "Check the module at the address named in the entry before, or load OB 122 to continue without it."
             }
             Event::STOP_TIME_ERROR => {
-                "Shorten the cycle or raise `watchdog` in [cpu]; with OB 80 the first excess of a cycle is borne."
+                "Shorten the cycle or raise `watchdog` in [cpu]; with OB 80 the CPU stays in RUN after the first excess of a cycle."
             }
             Event::STOP_DIAGNOSIS => {
-                "Mend what the module reports (`ob1 diag`), load OB 82, or set `diagnostics = false` for the module."
+                "Clear the fault that the module reports (`ob1 diag`), load OB 82, or set `diagnostics = false` for the module."
             }
-            Event::STOP_SEQUENCE_ERROR => "Load the OB the entry before names, or OB 85 to go on without it.",
+            Event::STOP_SEQUENCE_ERROR => "Load the OB named in the entry before, or OB 85 to continue without it.",
             Event::STOP_RACK_FAILURE => {
-                "Look at the station the entry before names, its power and its line; load OB 86 to go on without it."
+                "Check the station named in the entry before, its power and its line; load OB 86 to continue without it."
             }
             Event::BUS_FAILED => {
-                "The process of the bus is started again by itself. If this repeats: see its log, and its line."
+                "The process of the bus is restarted automatically. If this repeats, check its log and its line."
             }
             Event::STATION_FAILED | Event::SLAVE_LOST => {
-                "Check power, address and cable of the station; the log of the bus says what became of its requests."
+                "Check power, address and cable of the station; the log of the bus says how its requests failed."
             }
             Event::STATION_REFUSES => {
                 "Compare its table in the station file with the station's manual: the function (exception 01h), the \
@@ -74,18 +74,20 @@ impl Event {
                  slave the GSD file, the modules in its slots, their parameters; `ob1 bus watch` says which."
             }
             Event::STATION_FAULT => {
-                "Mend the module and the channel it names (s slot, c channel, e error type); the log of the bus has it \
-                 in words, SFC 13 reads all of it."
+                "Repair the module and the channel it names (s slot, c channel, e error type); the log of the bus says \
+                 it in words, SFC 13 reads all of it."
             }
             Event::STOP_ABORTED | Event::SYNCHRONOUS_NESTING => {
-                "Mend the statement in OB 121 or OB 122 that is wrong itself; with OB 88 the program goes on without it."
+                "Correct the faulty statement in OB 121 or OB 122; with OB 88 the program continues without it."
             }
             Event::CYCLE_TIME_EXCEEDED => {
                 "Look where the time goes (`ob1 ctl recorder`), shorten the program, or raise `watchdog` in [cpu]."
             }
             Event::OB_STILL_RUNS => "Give the OB a longer period, or make it shorter.",
-            Event::OB_QUEUE_OVERFLOW => "Its requests come faster than it runs: make it shorter, or ask more seldom.",
-            Event::OB_NOT_LOADED => "Load the OB, or take away what asks for it.",
+            Event::OB_QUEUE_OVERFLOW => {
+                "Its requests come faster than it runs: make it shorter, or request it less often."
+            }
+            Event::OB_NOT_LOADED => "Load the OB, or remove what requests it.",
             Event::INPUT_IMAGE_ERROR | Event::OUTPUT_IMAGE_ERROR => {
                 "Check the module that feeds this byte; for a CP, its driver and its line (`ob1 diag`)."
             }
@@ -94,7 +96,7 @@ impl Event {
             }
             Event::PLUGIN_STOP => "The plugin's block says why in the text of this entry.",
             Event::DRIVER_LOST => {
-                "It is started again by itself. If this repeats: see the log of the driver, and its device."
+                "It is restarted automatically. If this repeats, check the log of the driver and its device."
             }
             Event::SEGMENT_GARBAGE => {
                 "The driver does not fit this runtime, or is damaged: install `ob1` and `ob1-cp` together."
@@ -104,10 +106,10 @@ impl Event {
                 "The machine is too busy: give the drivers cores of their own (`affinity`), or take load away."
             }
             Event::RETENTIVE_LOST => {
-                "Make room on the disk, or make the folder writable ([station] state); until then a power cycle loses what is new."
+                "Make room on the disk, or make the folder writable ([station] state); until then a power cycle loses the newest values."
             }
             Event::ENGINES_DIFFER => {
-                "An error of ours: report it with the program and the lines of the log; take engine = \"reference\"."
+                "An error in ob1: report it with the program and the lines of the log; set engine = \"reference\" until it is corrected."
             }
             // A change somebody wanted, the end of a fault, a program's own entry.
             _ => "",
@@ -185,7 +187,7 @@ impl FaultKind {
 mod tests {
     use super::*;
 
-    /// Those that tell something good, or what somebody wanted.
+    /// Those that report something good, or what somebody wanted.
     const NOTHING_TO_DO: [Event; 14] = [
         Event::STARTUP,
         Event::RUN,

@@ -90,7 +90,7 @@ impl<'l> Lowerer<'l, '_> {
         self.sink.report(self.index, token.span, &codes::ACTUAL_SYNTAX, message);
     }
 
-    /// Holds the instance data block against the FB called; asks for it when no source declares it.
+    /// Checks the instance data block against the FB called; asks for it when no source declares it.
     fn check_instance(
         &mut self,
         mode: CallMode,
@@ -119,7 +119,8 @@ impl<'l> Lowerer<'l, '_> {
                 None => {
                     self.wanted.insert(db, id);
                     let message = format!("DB {db} is in no source; it is made as an instance of {id}");
-                    let remedy = format!("Nothing, or declare it: DATA_BLOCK DB {db} {id} BEGIN END_DATA_BLOCK");
+                    let remedy =
+                        format!("Nothing has to be done; or declare it: DATA_BLOCK DB {db} {id} BEGIN END_DATA_BLOCK");
                     self.sink.report_with(self.index, span, &codes::INSTANCE_MADE, message, remedy);
                     None
                 }
@@ -195,7 +196,7 @@ impl<'l> Lowerer<'l, '_> {
         if !reader.finish(&codes::TOO_MUCH) {
             return None;
         }
-        // A pointer names the place that is written; every other constant loses what comes.
+        // A pointer names the place that is written; with every other constant the result is lost.
         let loses = matches!(&value, Value::Constant(c) if !matches!(c, Constant::Pointer(_)));
         if loses && writes(formal.section) {
             let message = format!("{} of {id} is written to, a constant takes nothing from it", formal.name);
@@ -271,7 +272,7 @@ fn called_data(resolver: &Resolver<'_>, value: &Value<'_>, mode: CallMode) -> Op
     }
 }
 
-/// What stands after the comma.
+/// The instance after the comma.
 enum Instance {
     Data(Number),
     /// A multi-instance of this block: `CALL TON, #timer` of TIA Portal.
@@ -307,7 +308,7 @@ fn instance_of(resolver: &Resolver<'_>, reader: &mut Reader<'_, '_>) -> Option<I
             None
         }
         _ => {
-            reader.report(span, &codes::INSTANCE, "after the comma stands the instance data block: DB 50");
+            reader.report(span, &codes::INSTANCE, "the instance data block should follow the comma: DB 50");
             None
         }
     }

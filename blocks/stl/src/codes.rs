@@ -64,7 +64,7 @@ codes! {
         "End each declaration with a semicolon.";
     UNKNOWN_TYPE = "S0203", Error, "A word that is not a data type.",
         "Use an elementary type, STRING[n], ARRAY [..] OF, STRUCT, UDT n, FB n, or a parameter type.";
-    TYPE_DEPTH = "S0204", Error, "Types lie too deep in each other.",
+    TYPE_DEPTH = "S0204", Error, "Types are nested too deep.",
         "Flatten the structure.";
     STRING_LENGTH = "S0205", Error, "The length of a STRING is not from 1 to 254.",
         "Write STRING[n] with n from 1 to 254, or STRING alone for 254.";
@@ -91,7 +91,7 @@ codes! {
     ASSIGNMENT = "S0216", Error, "An assignment in a data block is not well formed.",
         "Write name := constant;";
     TYPE_WITHOUT_STL = "S0217", Error, "A type of TIA Portal that STL cannot work on.",
-        "STL has no statement for types of 64 bits, WSTRING, VARIANT, and counters but those of INT.";
+        "STL has no statement for types of 64 bits, WSTRING, VARIANT, and counters other than those of INT.";
     // Statements and operands
     UNKNOWN_MNEMONIC = "S0301", Error, "A word that is not a mnemonic.",
         "See the list of mnemonics; a call's parameters follow CALL directly.";
@@ -126,7 +126,7 @@ codes! {
     NOT_SUPPORTED = "S0316", Error, "Legal STL that this compiler does not know yet.",
         "Copy the value into a temp or the instance and use that.";
     AMBIGUOUS_SET = "S0317", Error, "A word means different things in the two sets of mnemonics, and no other word tells which set is meant.",
-        "Say it: --mnemonics de or --mnemonics en (in the station file: mnemonics = ...). SE is on-delay in German, extended pulse in international mnemonics.";
+        "Name the set: --mnemonics de or --mnemonics en (in the station file: mnemonics = ...). SE is on-delay in German, extended pulse in international mnemonics.";
     OPTIMIZED = "S0318", Error, "An address into an optimised block.",
         "Use the names of its components, or clear the block's attribute S7_Optimized_Access.";
     // Constants
@@ -182,17 +182,17 @@ codes! {
         "Correct the address or lengthen the data block; as it is, the access ends in OB 121 or STOP.";
     // Lints
     CONSTANT_FOR_OUTPUT = "S0901", Lint, "A constant is supplied to a parameter that the block writes.",
-        "What the block gives is lost; supply an operand.";
+        "The value that the block writes is lost; supply an operand.";
     INSTANCE_MADE = "S0902", Lint, "An instance data block is in no source and is made with start values.",
-        "Nothing, or declare it: DATA_BLOCK DB 50 FB 8 BEGIN END_DATA_BLOCK.";
+        "Nothing has to be done; or declare it: DATA_BLOCK DB 50 FB 8 BEGIN END_DATA_BLOCK.";
     OUTPUT_UNASSIGNED = "S0903", Lint, "An output of a function is not assigned on every path.",
-        "Assign it at the function's begin: outputs of an FC have no memory, a path around them leaves what was there before.";
+        "Assign it at the beginning of the function: outputs of an FC have no memory; a path without an assignment leaves the old value.";
     MEMORY_OVERLAP = "S0904", Lint, "Bit memory is used under widths that overlap.",
         "Where it is not meant, move one of them: MW 10 is MB 10 and MB 11, MD 10 reaches to MB 13.";
     ACCU_LOST = "S0905", Lint, "An accumulator is used after a call that has changed it.",
         "Keep the value in a temp over the call, or hand the result over as a parameter.";
-    BR_MISUSED = "S0906", Lint, "BR (BIE) is overwritten before it is asked for, or asked for though nothing has set it.",
-        "SAVE directly before the block's end; a block whose ENO is asked for sets BR on every path: SET, SAVE.";
+    BR_MISUSED = "S0906", Lint, "BR (BIE) is overwritten before it is read, or read though nothing has set it.",
+        "SAVE directly before the block's end; a block whose ENO is read sets BR on every path: SET, SAVE.";
     INPUT_WRITTEN = "S0907", Lint, "An input parameter is written to.",
         "Copy the input into a temp and change that, or declare an in/out.";
     UNUSED_LABEL = "S0908", Lint, "Nothing jumps to a label.",

@@ -303,11 +303,11 @@ impl Constant {
             Constant::Bool(_) => return Err("a truth value cannot be loaded; use SET or CLR".into()),
             Constant::Dtl(_) => return Err("a DTL has 12 bytes and cannot be loaded".into()),
             Constant::DateTime(_) => return Err("a date and time has 8 bytes and cannot be loaded".into()),
-            Constant::ToParam { .. } => return Err("a pointer to a parameter is for L and LAR1 alone".into()),
+            Constant::ToParam { .. } => return Err("only L and LAR1 take a pointer to a parameter".into()),
         })
     }
 
-    /// The constant as a value of type `ty`; the error says why it is none.
+    /// The constant as a value of type `ty`; the error says why it is not one.
     pub(crate) fn encode(&self, ty: &DataType) -> Result<Encoded, String> {
         let encoded = match ty {
             DataType::Bool => match self {

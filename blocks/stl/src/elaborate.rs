@@ -34,7 +34,7 @@ const BUDGET: u64 = 64 << 20;
 /// A type or interface on its way.
 #[derive(Debug)]
 pub(crate) enum State<T> {
-    /// Being made: whoever asks for it now is part of a circle.
+    /// Being made: a request for it now is part of a cycle.
     Busy,
     Done(T),
     /// It has a mistake, reported.
@@ -113,7 +113,7 @@ impl<'e> Elaborator<'e> {
         self.name_blocks();
         let demanded = self.demand_blocks();
         for (id, block) in self.library.iter() {
-            // The program's own block stands for one that is only offered, whatever its mistakes.
+            // The program's own block replaces one that is only offered, whatever its mistakes.
             if self.world.own.contains(&id) {
                 continue;
             }
@@ -159,7 +159,7 @@ impl<'e> Elaborator<'e> {
                 self.world.own.extend(id);
                 if let Some(known) = id.and_then(|id| self.library.get(id)).filter(|known| !known.yields) {
                     let by = if known.origin.is_empty() { "the library" } else { known.origin.as_str() };
-                    let message = format!("{} {} is this block, and {} of {by}", name.0.name(), name.1, known.name);
+                    let message = format!("{} {} is both this block and {} of {by}", name.0.name(), name.1, known.name);
                     self.sink.report(block.file, block.span, &codes::ALSO_IN_LIBRARY, message);
                 }
             }
@@ -178,7 +178,7 @@ impl<'e> Elaborator<'e> {
         let fits = word == expected && (word != BlockWord::Db || number > 0);
         if !fits {
             let message =
-                format!("{} {number} cannot be the name of this block, {} n is", word.name(), expected.name());
+                format!("{} {number} cannot be the name of this block; write {} n", word.name(), expected.name());
             self.sink.report(block.file, block.span, &codes::BLOCK_NAME, message);
         }
         fits
@@ -324,9 +324,9 @@ impl<'e> Elaborator<'e> {
         let mut names = BTreeMap::new();
         let mut overlays = Vec::new();
         let mut good = true;
-        // Limits are held as declarations come: names of one declaration share a type that may be large.
+        // Limits are checked as declarations come: names of one declaration share a type that may be large.
         let (mut instance_bits, mut temp_bits, mut formals) = (0u64, 0u64, 0usize);
-        // Inputs of an organization block are temps behind the start information, which the CPU writes.
+        // Inputs of an organization block are temps after the start information, which the CPU writes.
         let of_ob = block.frame == Frame::Ob && block.sections.iter().any(|(section, _)| *section == Section::Input);
         if of_ob {
             let bytes = Dimension { low: 1, high: 20 };
@@ -399,8 +399,8 @@ impl<'e> Elaborator<'e> {
         Some(info)
     }
 
-    /// `y AT x : TYPE`: the type `x` is seen with as well. `None` when there is no such variable, or it cannot be seen
-    /// so (reported).
+    /// `y AT x : TYPE`: a second type with which `x` is seen. `None` when there is no such variable, or it cannot be
+    /// seen so (reported).
     fn overlay(
         &mut self,
         file: usize,
@@ -417,7 +417,7 @@ impl<'e> Elaborator<'e> {
         let resolved = self.ty(file, &declaration.ty, nesting)?;
         let special = |ty: &DataType| ty.is_parameter_type() || matches!(ty, DataType::Pointer);
         if resolved.fb.is_some() || special(&resolved.ty) || special(&below) {
-            let message = "AT lays values over each other, no instances, timers, counters or blocks";
+            let message = "AT overlays values only, not instances, timers, counters or blocks";
             self.sink.report(file, declaration.span, &codes::TYPE_NOT_HERE, message);
             return None;
         }
@@ -454,7 +454,7 @@ impl<'e> Elaborator<'e> {
         })
     }
 
-    /// Holds an interface against the limits; `None` when it breaks one (reported).
+    /// Checks an interface against the limits; `None` when it breaks one (reported).
     fn within_limits(&mut self, block: &Block, instance_bytes: u64, temp_bytes: u64, formals: usize) -> Option<()> {
         for (bytes, what) in [(instance_bytes, "the instance"), (temp_bytes, "the local data")] {
             if bytes > u64::from(LONGEST) {

@@ -5,7 +5,6 @@ use ob1_model::{Area, DataType, Param};
 
 use crate::constant::{Constant, Encoded, PointerConstant, any_of_number};
 use crate::identifiers::BlockWord;
-use crate::type_words::width_of;
 use crate::value::Value;
 
 /// Why an actual parameter does not fit.
@@ -53,7 +52,7 @@ pub(crate) fn fit(formal: &Param, value: Value<'_>, instance: bool) -> Result<Ar
                 }
             }
             _ => {
-                let fits = width_of(ty) == Some(operand.width) && actual.is_none_or(|a| !a.is_composed());
+                let fits = Width::of(ty) == Some(operand.width) && actual.is_none_or(|a| !a.is_composed());
                 if fits { Ok(Arg::Operand(operand)) } else { Err(misfit()) }
             }
         },

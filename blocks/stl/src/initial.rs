@@ -133,7 +133,7 @@ fn number(resolver: &Resolver<'_>, reader: &mut Reader<'_, '_>, ty: &DataType) -
         _ => None,
     };
     if fits.is_none() {
-        let message = format!("{} takes the number of one, this is {}", with_article(ty.name()), value.describe());
+        let message = format!("{} is given by its number, this is {}", with_article(ty.name()), value.describe());
         reader.report(span, &codes::CONSTANT_TYPE, message);
     }
     fits.map(|n| n.to_be_bytes().to_vec())

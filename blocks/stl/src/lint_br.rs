@@ -39,8 +39,7 @@ pub(crate) fn overwritten(i: &Inspected<'_>, sink: &mut Sink) {
             saved = None;
         }
         if let (Some(by), Some(save)) = (sets(&stmt.op), saved) {
-            let message =
-                format!("nothing asks for what SAVE puts into BR before {by} in line {} changes it", stmt.line);
+            let message = format!("nothing reads the BR that SAVE sets before {by} in line {} changes it", stmt.line);
             sink.report(i.block.file, i.span(save), &codes::BR_MISUSED, message);
             saved = None;
         }
@@ -53,7 +52,7 @@ pub(crate) fn overwritten(i: &Inspected<'_>, sink: &mut Sink) {
     }
 }
 
-/// Who sets BR, and who asks for it, over all blocks.
+/// Which blocks set BR, and where it is asked for, over all blocks.
 #[derive(Debug, Default)]
 pub(crate) struct BrUse {
     /// For each block of the program: whether it sets BR somewhere.
@@ -89,7 +88,7 @@ impl BrUse {
     pub(crate) fn report(&self, sink: &mut Sink) {
         for (id, file, span) in &self.asks {
             if self.sets.get(id) == Some(&false) {
-                let message = format!("{id} never sets BR, so this asks for what BR held before the call");
+                let message = format!("{id} never sets BR, so this reads the BR from before the call");
                 sink.report(*file, *span, &codes::BR_MISUSED, message);
             }
         }

@@ -147,7 +147,7 @@ impl Resolver<'_> {
             Place::Fixed(area, at) => (area, at, 0),
             Place::InDb(db, at) => (Area::Db, at, db),
             _ => {
-                reader.report(span, &codes::POINTER, "where this lies is known at run time only");
+                reader.report(span, &codes::POINTER, "the address of this is known only at run time");
                 return None;
             }
         };
@@ -204,8 +204,7 @@ impl Resolver<'_> {
                 return Some(Constant::ToParam { index, kind });
             }
             Value::Memory { .. } | Value::Through { .. } => {
-                let message =
-                    "where this lies is known at run time only; P## takes whole parameters, temps and instance data";
+                let message = "the address of this is known only at run time; P## takes whole parameters, temps and instance data";
                 reader.report(span, &codes::NOT_SUPPORTED, message);
                 return None;
             }
@@ -214,7 +213,7 @@ impl Resolver<'_> {
             | Value::Counter(Number::Instance(at))
             | Value::Block(_, Number::Instance(at)) => (Area::Di, at),
             Value::Timer(_) | Value::Counter(_) | Value::Block(..) => {
-                let message = "a TIMER, COUNTER or BLOCK parameter of a function is a number, which lies nowhere";
+                let message = "a TIMER, COUNTER or BLOCK parameter of a function is a number and has no address";
                 reader.report(span, &codes::NOT_SUPPORTED, message);
                 return None;
             }

@@ -199,7 +199,7 @@ fn operation(
         }
         (Value::Indexed { .. }, Shape::LoadAr(AddressRegister::Ar1))
         | (Value::Through { .. } | Value::Indexed { .. }, Shape::TransferAr(AddressRegister::Ar1)) => {
-            let message = "AR1 is needed to reach this, and lost; use a temp in between";
+            let message = "reaching this needs AR1, so the value of AR1 is lost; use a temp in between";
             reader.report(span, &codes::NOT_SUPPORTED, message);
             return None;
         }

@@ -9,7 +9,6 @@ use crate::parser::{split_digits, unquote};
 use crate::path::{self, Indices};
 use crate::reader::Reader;
 use crate::token::{Kind, Span, Token};
-use crate::type_words::width_of;
 use crate::value::{Term, Value};
 use crate::words::Words;
 use crate::world::{Info, Symbolic, World};
@@ -209,7 +208,7 @@ impl<'w> Resolver<'w> {
         }
     }
 
-    /// `:P` behind an address or tag of inputs or outputs: the module itself. `None`: a bit (reported).
+    /// `:P` after an address or tag of inputs or outputs: the module itself. `None`: a bit (reported).
     fn at_periphery(&self, reader: &mut Reader<'_, '_>, place: Place, width: Width) -> Option<Place> {
         let Place::Fixed(Area::Input | Area::Output, at) = place else { return Some(place) };
         let colon = reader.peek_kind() == Some(Kind::Colon);
@@ -251,7 +250,7 @@ impl<'w> Resolver<'w> {
                     reader.report(
                         span,
                         &codes::WRONG_OPERAND,
-                        format!("a data block is meant, this is {}", other.describe()),
+                        format!("a data block is needed, this is {}", other.describe()),
                     );
                     None
                 }
@@ -300,7 +299,7 @@ impl<'w> Resolver<'w> {
                 reader.report(
                     span,
                     &codes::COMPONENT,
-                    "after the point stands DBX, DBB, DBW, DBD or a component's name",
+                    "DBX, DBB, DBW, DBD or a component's name should follow the point",
                 );
                 return None;
             }
@@ -318,7 +317,7 @@ impl<'w> Resolver<'w> {
         };
         let mut terms = Vec::new();
         let (ty, at) = path::follow(self, reader, &self.world.fields, &component.ty, component.at, &mut terms)?;
-        let width = width_of(ty).unwrap_or(Width::Byte);
+        let width = Width::of(ty).unwrap_or(Width::Byte);
         Some(at_index(Operand { width, place: place(at) }, ty, None, terms))
     }
 
@@ -341,7 +340,7 @@ impl<'w> Resolver<'w> {
         }
     }
 
-    /// `"symbol"`, with a component behind a data block's.
+    /// `"symbol"`; a component may follow that of a data block.
     pub(crate) fn symbol(&self, reader: &mut Reader<'_, '_>, name: &str, span: Span) -> Option<Value<'w>> {
         match self.world.symbol(name) {
             Some(Symbolic::Block(BlockWord::Db, n)) if reader.peek_kind() == Some(Kind::Dot) => {
@@ -351,7 +350,7 @@ impl<'w> Resolver<'w> {
             Some(Symbolic::Block(word, n)) => Some(Value::Block(*word, Number::Fixed(*n))),
             Some(Symbolic::Memory(operand, ty)) => {
                 // A type of another width (from a careless table) does not change what the address says.
-                let ty = ty.as_ref().filter(|ty| width_of(ty) == Some(operand.width));
+                let ty = ty.as_ref().filter(|ty| Width::of(ty) == Some(operand.width));
                 if let (operand, Some(ty)) = path::sliced(reader, *operand) {
                     return Some(Value::Memory { operand, ty: Some(ty) });
                 }
@@ -423,7 +422,7 @@ impl<'w> Resolver<'w> {
             let mut terms = Vec::new();
             let (ty, at) = path::follow(self, reader, &self.world.fields, ty, BitAddr(0), &mut terms)?;
             let place = Place::Register(None, AddressRegister::Ar1, at);
-            let operand = Operand { width: width_of(ty).unwrap_or(Width::Byte), place };
+            let operand = Operand { width: Width::of(ty).unwrap_or(Width::Byte), place };
             if !terms.is_empty() {
                 return Some(at_index(operand, ty, Some(param.at), terms));
             }
@@ -433,7 +432,8 @@ impl<'w> Resolver<'w> {
         let mut terms = Vec::new();
         let (ty, at) = path::follow(self, reader, &self.world.fields, ty, base, &mut terms)?;
         if !terms.is_empty() && formal.is_some() && !in_instance {
-            let message = "a parameter of a function lies at a place known at run time only, and so does its element";
+            let message =
+                "the address of a parameter of a function is known only at run time, and so is that of its element";
             reader.report(span, &codes::NOT_SUPPORTED, message);
             return None;
         }
@@ -443,11 +443,11 @@ impl<'w> Resolver<'w> {
             Some(index) => Place::Param { index, at },
             None => return None,
         };
-        let width = width_of(ty).unwrap_or(Width::Byte);
+        let width = Width::of(ty).unwrap_or(Width::Byte);
         Some(at_index(Operand { width, place }, ty, None, terms))
     }
 
-    /// What `#pump` or `#pumps[2]` names: an instance, or with a component behind it a place within one.
+    /// What `#pump` or `#pumps[2]` names: an instance, or with a component after it a place within one.
     fn instance(
         &self,
         reader: &mut Reader<'_, '_>,
@@ -465,13 +465,13 @@ impl<'w> Resolver<'w> {
         if std::ptr::eq(ty, one) {
             if !terms.is_empty() {
                 let message =
-                    "an instance is called by a fixed index; one known at run time has no instance of its own";
+                    "an instance can be called with a fixed index only, not with one that is known at run time";
                 reader.report(span, &codes::NOT_SUPPORTED, message);
                 return None;
             }
             return Some(Value::Instance(fb, at));
         }
-        let operand = Operand { width: width_of(ty).unwrap_or(Width::Byte), place: Place::Instance(at) };
+        let operand = Operand { width: Width::of(ty).unwrap_or(Width::Byte), place: Place::Instance(at) };
         Some(at_index(operand, ty, None, terms))
     }
 }

@@ -123,7 +123,7 @@ impl Parser<'_, '_> {
         self.end_of_declaration(bad);
     }
 
-    /// `AT x` behind a name.
+    /// `AT x` after a name.
     fn overlaid(&mut self) -> Option<String> {
         let at = self.peek().filter(|t| t.kind == Kind::Word && self.text(*t).eq_ignore_ascii_case("AT"));
         let over = self.peek_at(1).filter(|t| matches!(t.kind, Kind::Word | Kind::Symbol | Kind::Local));
@@ -191,7 +191,7 @@ impl Parser<'_, '_> {
         self.skip_newlines();
         let span = self.here();
         if depth >= TYPE_DEPTH {
-            self.report(span, &codes::TYPE_DEPTH, format!("types lie more than {TYPE_DEPTH} deep in each other"));
+            self.report(span, &codes::TYPE_DEPTH, format!("types are nested more than {TYPE_DEPTH} deep"));
             self.skip_nested();
             return Type::bad(span);
         }
@@ -331,7 +331,7 @@ impl Parser<'_, '_> {
         (value <= 32_767).then_some(value)
     }
 
-    /// Over a structure too deep to be parsed, by counting.
+    /// Skips a structure too deep to be parsed, by counting.
     fn skip_nested(&mut self) {
         let mut depth = 0u32;
         while self.peek().is_some() {

@@ -8,10 +8,10 @@ use crate::fields::FieldIndex;
 use crate::parser::unquote;
 use crate::reader::Reader;
 use crate::token::{Kind, Span};
-use crate::type_words::{width_of, with_article};
+use crate::type_words::with_article;
 use crate::value::{Term, Value};
 
-/// What may stand in `[ ]` beside a number.
+/// What may stand in `[ ]` besides a number.
 pub(crate) trait Indices {
     /// A whole number of `VAR CONSTANT`.
     fn whole_number(&self, name: &str) -> Option<i32>;
@@ -82,7 +82,7 @@ fn at_run_time(indices: &dyn Indices, reader: &mut Reader<'_, '_>, ty: &DataType
     let span = reader.here();
     let value = indices.variable(reader, span)?;
     let (DataType::Array(_, element), Some((dim, inner))) = (ty, dims_from(ty, at)) else {
-        reader.report(span, &codes::ARRAY_INDEX, "an index that is known at run time is one of an array");
+        reader.report(span, &codes::ARRAY_INDEX, "only an array can have an index that is known at run time");
         return None;
     };
     // Rows begin on even bytes, as `Layout` places them.
@@ -137,7 +137,7 @@ fn slice(bits: u32, name: &str) -> Option<(&'static DataType, BitAddr)> {
 
 /// A slice of an address or tag of its own: `"Tag".%X3`. The operand as it is where none follows.
 pub(crate) fn sliced(reader: &mut Reader<'_, '_>, operand: Operand) -> (Operand, Option<&'static DataType>) {
-    let bits = if operand.width == Width::Bit { 1 } else { operand.width.bytes() * 8 };
+    let bits = u32::from(operand.width.bits());
     let name = reader.peek_second().filter(|t| reader.peek_kind() == Some(Kind::Dot) && t.kind == Kind::Word);
     let Some((ty, at)) = name.and_then(|t| slice(bits, reader.text(t))) else { return (operand, None) };
     let beyond = |start: BitAddr| BitAddr(start.0 + at.0);
@@ -148,7 +148,7 @@ pub(crate) fn sliced(reader: &mut Reader<'_, '_>, operand: Operand) -> (Operand,
     };
     reader.next();
     reader.next();
-    (Operand { width: width_of(ty).unwrap_or(operand.width), place }, Some(ty))
+    (Operand { width: Width::of(ty).unwrap_or(operand.width), place }, Some(ty))
 }
 
 /// What a STRING is made of.
@@ -194,7 +194,7 @@ fn element<'t>(
         reader.report(span, &codes::ARRAY_INDEX, "the index is not closed with ]");
         return None;
     }
-    // A character of a STRING lies behind the two bytes of its lengths.
+    // A character of a STRING lies after the two bytes of its lengths.
     if let (DataType::String(max), [index]) = (ty, indices.as_slice()) {
         let at = u32::try_from(*index).ok().filter(|i| (1..=u32::from(*max)).contains(i));
         if at.is_none() {

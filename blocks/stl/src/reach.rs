@@ -1,5 +1,5 @@
-//! Actual parameters that have no fixed address: instance data for POINTER and ANY, and what lies behind the POINTER of
-//! a function block's composed in/out.
+//! Actual parameters that have no fixed address: instance data for POINTER and ANY, and what the POINTER of a function
+//! block's composed in/out leads to.
 
 use ob1_ir::{Arg, Op, Operand, Place, Width};
 use ob1_model::{Area, BitAddr, DataType, Param, Section};
@@ -9,11 +9,11 @@ use crate::expand::{self, Pointee};
 use crate::fit::{any_length, same_layout};
 use crate::lower::Lowerer;
 use crate::token::Span;
-use crate::type_words::{width_of, with_article};
+use crate::type_words::with_article;
 use crate::value::Term;
 use crate::value::Value;
 
-/// What became of an actual.
+/// The result for an actual.
 pub(crate) enum Reached<'w> {
     /// It is ready.
     Arg(Arg),
@@ -56,7 +56,7 @@ impl Lowerer<'_, '_> {
                 match place {
                     Place::Instance(at) => Pointee::Instance(*at),
                     Place::Param { .. } => {
-                        let message = "where a parameter of a function lies is known at run time only; it cannot be \
+                        let message = "the address of a parameter of a function is known only at run time; it cannot be \
                                        supplied to a POINTER, an ANY or a composed in/out";
                         self.sink.report(self.index, span, &codes::PARAMETER_TYPE, message);
                         return None;
@@ -106,7 +106,7 @@ impl Lowerer<'_, '_> {
             self.sink.report(self.index, span, &codes::NOT_SUPPORTED, message);
             return None;
         }
-        if width_of(&formal.ty) != Some(operand.width) {
+        if Width::of(&formal.ty) != Some(operand.width) {
             let message =
                 format!("{} is {}, this is {}", formal.name, with_article(formal.ty.name()), with_article(ty.name()));
             self.sink.report(self.index, span, &codes::PARAMETER_TYPE, message);
@@ -129,7 +129,7 @@ impl Lowerer<'_, '_> {
         Some(hidden_operand(operand.width, hidden_at, 0))
     }
 
-    /// What lies behind a POINTER, for a formal that takes the value itself or a reference to it.
+    /// What a POINTER leads to, for a formal that takes the value itself or a reference to it.
     fn through(
         &mut self,
         formal: &Param,
@@ -153,7 +153,7 @@ impl Lowerer<'_, '_> {
             }
             return Some(Arg::Operand(operand));
         }
-        if ty.is_composed() || width_of(&formal.ty) != Some(operand.width) {
+        if ty.is_composed() || Width::of(&formal.ty) != Some(operand.width) {
             let message =
                 format!("{} is {}, this is {}", formal.name, with_article(formal.ty.name()), with_article(ty.name()));
             self.sink.report(self.index, span, &codes::PARAMETER_TYPE, message);

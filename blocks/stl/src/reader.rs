@@ -23,7 +23,7 @@ impl<'r, 's> Reader<'r, 's> {
         reader
     }
 
-    /// Over line ends and attributes.
+    /// Skips line ends and attributes.
     fn settle(&mut self) {
         while self.peek().is_some_and(|t| matches!(t.kind, Kind::Newline | Kind::Attributes)) {
             self.at += 1;
@@ -93,7 +93,7 @@ impl<'r, 's> Reader<'r, 's> {
         }
         let text: String = self.text(token).chars().take(32).collect();
         let span = self.rest();
-        self.report(span, code, format!("{text} is too much here"));
+        self.report(span, code, format!("{text} does not belong here"));
         false
     }
 }

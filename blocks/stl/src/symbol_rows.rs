@@ -42,7 +42,7 @@ pub(crate) fn sdf(text: &str, sink: &mut Sink) -> Vec<Row> {
     for (span, line) in lines(text, sink) {
         match quoted(line).or_else(|| loosely_quoted(line)) {
             Some(fields) if fields.len() >= 3 => {
-                // TIA Portal's tables have more columns, in some versions the path behind the name.
+                // TIA Portal's tables have more columns, in some versions the path after the name.
                 let is_address = |at: usize| fields.get(at).is_some_and(|f| f.starts_with('%'));
                 let (address, ty) = match (1..4).find(|at| is_address(*at)) {
                     Some(2) => (2, 1),
@@ -58,7 +58,7 @@ pub(crate) fn sdf(text: &str, sink: &mut Sink) -> Vec<Row> {
     rows
 }
 
-/// The texts in quotes of a line, parted by commas. `None` when they are not well formed.
+/// The texts in quotes of a line, separated by commas. `None` when they are not well formed.
 fn quoted(line: &str) -> Option<Vec<String>> {
     let mut fields = Vec::new();
     let mut rest = line.trim();
@@ -159,7 +159,7 @@ pub(crate) fn dif(text: &str, sink: &mut Sink) -> Vec<Row> {
     let begin = lines.iter().skip(data).position(|(_, l)| l.trim().starts_with("-1"));
     let Some(mut at) = begin.map(|begin| data + begin) else {
         let span = lines.first().map_or(Span::default(), |(span, _)| *span);
-        wrong(span, "the header of the DIF file does not come to DATA and a first tuple", sink);
+        wrong(span, "the header of the DIF file is not followed by DATA and a first tuple", sink);
         return rows;
     };
     let mut tuple: Option<(Span, Vec<String>)> = None;

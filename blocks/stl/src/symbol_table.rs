@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
-use ob1_ir::Symbol;
+use ob1_ir::{Symbol, Width};
 
 use crate::codes;
 use crate::diagnostic::{Diagnostic, Severity, Sink};
@@ -16,7 +16,6 @@ use crate::parse_types::simple_type;
 use crate::source::Source;
 use crate::symbol_rows::{self, Row};
 use crate::symbols;
-use crate::type_words::width_of;
 use crate::words::Words;
 use crate::world::Symbolic;
 
@@ -95,8 +94,8 @@ impl SymbolTable {
 /// The longest table, in bytes of text.
 const LONGEST_TABLE: usize = 64 << 20;
 
-/// Reads a symbol table. Its form is that of the name's extension, held against what the first line looks like; where
-/// the extension says nothing, that of the first line.
+/// Reads a symbol table. Its form is that of the name's extension, checked against the first line; where the extension
+/// says nothing, the first line decides.
 #[must_use]
 pub fn read_symbols(source: &Source) -> SymbolTable {
     read_one(source, &mut Names::new())
@@ -179,7 +178,7 @@ fn symbol(row: &Row, form: TableForm, words: &Words, sink: &mut Sink) -> Option<
     if is_table || address.is_empty() {
         return None;
     }
-    // The quotes that TIA Portal leaves around a name are no part of it.
+    // The quotes that TIA Portal leaves around a name are not part of it.
     let name = name.strip_prefix('"').and_then(|n| n.strip_suffix('"')).unwrap_or(name);
     if name.is_empty() || name.contains('"') {
         sink.report(0, row.span, &codes::TABLE_ROW, format!("the address {} has no usable name", clip(&address)));
@@ -203,7 +202,7 @@ fn symbol(row: &Row, form: TableForm, words: &Words, sink: &mut Sink) -> Option<
     let written = row.ty.trim().trim_matches('"').to_ascii_uppercase();
     let ty = simple_type(&written).or_else(|| crate::tia::simple(&written)).filter(|ty| ty.elementary_bits().is_some());
     if let (Some(width), false) = (width, row.ty.trim().is_empty()) {
-        if ty.as_ref().and_then(width_of) == Some(width) {
+        if ty.as_ref().and_then(Width::of) == Some(width) {
             symbol.ty = ty;
         } else {
             let message = format!("the type {} of {} does not fit {}", clip(&row.ty), clip(name), symbol.address);

@@ -36,7 +36,7 @@ impl Elaborator<'_> {
                 file,
                 ty.span,
                 &codes::TYPE_DEPTH,
-                format!("types lie more than {TYPE_DEPTH} deep in each other"),
+                format!("types are nested more than {TYPE_DEPTH} deep"),
             );
             return None;
         }
@@ -69,7 +69,7 @@ impl Elaborator<'_> {
         }
         let dims = numbers;
         let count = dims.iter().fold(1u64, |n, d| n.saturating_mul(u64::from(d.len())));
-        // Rows begin on even bytes, so the size is held against the limit row by row.
+        // Rows begin on even bytes, so the size is checked against the limit row by row.
         let row = dims.last().map_or(0, |d| u64::from(d.len()).saturating_mul(u64::from(Layout::stride(&inner.ty))));
         let rows = count / dims.last().map_or(1, |d| u64::from(d.len()).max(1));
         let bits = row.saturating_add(15).saturating_mul(rows.max(1));
@@ -174,7 +174,7 @@ impl Elaborator<'_> {
             Some(State::Busy) => {
                 self.sink.report(file, span, &codes::UNUSABLE_TYPE, format!("{name} contains itself"));
             }
-            // Its mistake has been told.
+            // Its mistake has been reported.
             Some(_) => {}
             None => self.sink.missing(&name, file, span, &codes::UNUSABLE_TYPE, |_| {
                 (format!("{name}: {USES}, and it is not in the program"), codes::NO_BLOCK.remedy.to_owned())
@@ -195,7 +195,7 @@ impl Elaborator<'_> {
         let resolved = match &block.shape {
             Some(shape) if nesting <= TYPE_DEPTH => self.ty(block.file, shape, nesting),
             Some(_) => {
-                let message = format!("types lie more than {TYPE_DEPTH} deep in each other");
+                let message = format!("types are nested more than {TYPE_DEPTH} deep");
                 self.sink.report(block.file, block.span, &codes::TYPE_DEPTH, message);
                 None
             }
@@ -221,10 +221,10 @@ impl Elaborator<'_> {
                 Some(State::Busy) => {
                     self.sink.report(file, span, &codes::UNUSABLE_TYPE, format!("{id} contains itself"));
                 }
-                // Its mistake has been told.
+                // Its mistake has been reported.
                 Some(_) => {}
                 None => {
-                    self.sink.report(file, span, &codes::UNUSABLE_TYPE, format!("{id} lies too deep"));
+                    self.sink.report(file, span, &codes::UNUSABLE_TYPE, format!("{id} is nested too deep"));
                 }
             }
             return None;

@@ -12,7 +12,6 @@ use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Interface, Layout, 
 use crate::library::Library;
 use crate::names;
 use crate::symbols;
-use crate::type_words::width_of;
 use crate::words::Words;
 use crate::world::Symbolic;
 
@@ -71,7 +70,7 @@ pub struct Reference {
 }
 
 /// The cross-reference of a program, sorted by operand, then by place. Parameters of blocks outside the program count
-/// as read and written; [`xref_with`] knows better.
+/// as read and written; [`xref_with`] is more exact.
 #[must_use]
 pub fn xref(program: &Program) -> Vec<Reference> {
     xref_with(program, &Library::new())
@@ -182,7 +181,7 @@ impl Seen<'_, '_> {
     }
 
     fn operand(&mut self, operand: Operand, access: Access, via: Option<&str>) {
-        let bits = if operand.width == Width::Bit { 1 } else { operand.width.bytes() * 8 };
+        let bits = u32::from(operand.width.bits());
         self.sized(operand, bits, access, via);
     }
 
@@ -334,7 +333,7 @@ impl Seen<'_, '_> {
                         Some(Area::PreviousLocal) => Some(Area::Local),
                         area => area,
                     };
-                    if let (Some(area), width) = (area, width_of(ty).unwrap_or(Width::Byte)) {
+                    if let (Some(area), width) = (area, Width::of(ty).unwrap_or(Width::Byte)) {
                         self.operand(Operand { width, place: Place::Fixed(area, at) }, access, Some(via));
                     }
                 }
@@ -409,7 +408,7 @@ fn pointed(bytes: &[u8]) -> Option<(Operand, u32)> {
         (Area::PreviousLocal, _) => Place::Fixed(Area::Local, at),
         (area, _) => Place::Fixed(area, at),
     };
-    let bits = if width == Width::Bit { 1 } else { width.bytes() * 8 };
+    let bits = u32::from(width.bits());
     Some((Operand { width, place }, count * bits))
 }
 

@@ -1,4 +1,4 @@
-//! The tap: tells whoever listens what happens on the line. It never waits: a listener that does not fetch its records
+//! The tap: reports the events of the line to listeners. It never waits: a listener that does not fetch its records
 //! loses them, and is told how many.
 
 use std::io;
@@ -12,14 +12,14 @@ use ob1_protocols::trace::record::{Kind, Record, VERSION};
 use serde_json::Value;
 use tracing::warn;
 
-/// Listeners at the same time.
+/// Maximum of listeners.
 const MOST: usize = 4;
-/// Callers looked at in one pass; the others wait.
+/// Callers handled in one pass; the others wait.
 const CALLERS: usize = 4;
 /// Characters in one record.
 const CHUNK: usize = 4096;
 
-/// Who listens to a line.
+/// The listeners of a line.
 #[derive(Debug, Default)]
 pub struct Tap {
     path: Option<PathBuf>,
@@ -35,7 +35,7 @@ struct Ear {
 }
 
 impl Tap {
-    /// Opens the socket where listeners connect; again only when it is another one.
+    /// Opens the socket for listeners; reopens it only if the path changes.
     pub fn open(&mut self, path: Option<&Path>) {
         if self.path.as_deref() == path {
             return;
@@ -43,11 +43,12 @@ impl Tap {
         self.path = path.map(Path::to_owned);
         self.socket = path.and_then(|path| {
             let bound = Listener::bind(path);
-            bound.inspect_err(|error| warn!("no trace at {}: {error}", path.display())).ok()
+            bound.inspect_err(|error| warn!("the socket for traces {} cannot be opened: {error}", path.display())).ok()
         });
     }
 
-    /// Who this is, for all listeners and those to come: JSON. The time at 0 is added; `wall` is the time now.
+    /// Sets the identity for all present and future listeners: JSON. The wall-clock time at 0 is added; `wall` is the
+    /// present time.
     pub fn introduce(&mut self, now: Instant, wall: SystemTime, mut about: Value) {
         let since_1970 = wall.duration_since(UNIX_EPOCH).unwrap_or_default();
         let at_zero = u64::try_from(since_1970.as_nanos()).unwrap_or(0).saturating_sub(now.nanos());
@@ -60,13 +61,13 @@ impl Tap {
         }
     }
 
-    /// Whether nobody listens.
+    /// Whether there are no listeners.
     #[must_use]
     pub fn is_alone(&self) -> bool {
         self.listeners.is_empty()
     }
 
-    /// Lets in who has called.
+    /// Accepts new listeners.
     pub fn admit(&mut self, now: Instant) {
         let Some(socket) = &self.socket else { return };
         for _ in 0..CALLERS {
@@ -79,19 +80,19 @@ impl Tap {
         }
     }
 
-    /// The descriptor that says that somebody calls.
+    /// The descriptor that becomes readable when somebody calls.
     #[must_use]
     pub fn fd(&self) -> Option<BorrowedFd<'_>> {
         self.socket.as_ref().map(Listener::as_fd)
     }
 
-    /// Tells one thing. With nobody listening it costs a comparison.
+    /// Reports one event. Without listeners it costs a comparison.
     pub fn tell(&mut self, now: Instant, kind: Kind, data: &[u8]) {
         if self.listeners.is_empty() {
             return;
         }
         let mut message = Vec::with_capacity(data.len().min(CHUNK) + 16);
-        // Also once for nothing at all.
+        // Also once for empty data.
         let mut rest = Some(data);
         while let Some(data) = rest {
             let (part, more) = data.split_at(data.len().min(CHUNK));
@@ -146,7 +147,7 @@ mod tests {
         tap.introduce(Instant::from_nanos(5), UNIX_EPOCH, json!({ "name": "cp" }));
         let ear = Channel::connect(&path).expect("the tap listens");
         tap.admit(Instant::from_nanos(9));
-        // Nobody fetches these: the tap neither waits nor grows.
+        // Nobody reads these: the tap neither waits nor grows.
         for time in 0..100_000 {
             tap.tell(Instant::from_nanos(time), Kind::In, &[0x55; 100]);
         }

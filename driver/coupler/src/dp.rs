@@ -1,4 +1,4 @@
-//! What a PROFIBUS DP line is made of, and where the diagnosis of its slaves lies.
+//! The configuration of a PROFIBUS DP line, and the places of its slaves' diagnoses.
 
 use std::collections::BTreeMap;
 
@@ -17,16 +17,16 @@ pub struct DpConfig {
     pub baud: u32,
     /// Our own address.
     pub address: u8,
-    /// HSA: the highest address at which another master is looked for.
+    /// HSA: the highest address at which to look for another master.
     pub hsa: u8,
-    /// TSL: how long an answer may let wait, in bits.
+    /// TSL: the longest wait for an answer, in bits.
     pub slot_bits: u16,
-    /// A telegram without an answer is repeated so often.
+    /// Number of repetitions of a telegram without an answer.
     pub retries: u8,
     /// The watchdog of the slaves.
     #[serde(with = "nanos")]
     pub watchdog: Span,
-    /// Who is on it.
+    /// Its slaves.
     pub slaves: Vec<DpSlave>,
 }
 
@@ -38,39 +38,39 @@ pub struct DpSlave {
     pub name: String,
     /// Its address.
     pub station: u8,
-    /// What it must be: the ident number of its GSD file.
+    /// Its expected ident number, from its GSD file.
     pub ident: u16,
-    /// The longest time to its answer by its GSD file, in bits.
+    /// The longest time to its answer according to its GSD file, in bits.
     pub answer_bits: u16,
     /// Its configuration: the identifiers of its modules.
     pub config: Vec<u8>,
     /// Its user parameters.
     pub parameters: Vec<u8>,
-    /// A slave that has not been heard for so long since the start is lost.
+    /// A slave that has been silent for this long is lost.
     #[serde(with = "nanos")]
     pub lost_after: Span,
-    /// First byte in the inputs of the bus, and how many.
+    /// Its inputs: first byte in the inputs of the bus, and number of bytes.
     pub inputs: (usize, usize),
-    /// The same of the outputs.
+    /// The same for its outputs.
     pub outputs: (usize, usize),
-    /// Where its diagnosis lies among the inputs of the bus: a byte for its length, then so many.
+    /// The place of its diagnosis in the inputs of the bus: a byte for its length, then the maximum number of bytes.
     pub diagnosis: (usize, usize),
-    /// What the bits of its device diagnosis mean, from its GSD file.
+    /// The meanings of the bits of its device diagnosis, from its GSD file.
     #[serde(default)]
     pub texts: BTreeMap<u32, String>,
 }
 
-/// The baud rates of PROFIBUS DP that a serial line can have.
+/// The baud rates of PROFIBUS DP that a serial line supports.
 pub const BAUD_RATES: [u32; 8] = [9600, 19_200, 31_250, 45_450, 93_750, 187_500, 500_000, 1_500_000];
 
 impl DpSlave {
-    /// Bytes of the inputs of a bus that a diagnosis of so many takes.
+    /// Bytes of the inputs of a bus for a diagnosis of `bytes` bytes.
     #[must_use]
     pub const fn diagnosis_area(bytes: usize) -> usize {
         bytes + 1
     }
 
-    /// Puts a diagnosis into its place; what does not fit is left out.
+    /// Writes a diagnosis to its place; the part that does not fit is cut off.
     pub fn keep_diagnosis(&self, bytes: &[u8], image: &mut Image) {
         let (at, room) = self.diagnosis;
         let len = bytes.len().min(room);
@@ -82,10 +82,10 @@ impl DpSlave {
     }
 }
 
-/// Everything that a diagnosis says, with the texts of the slave's GSD file.
+/// The whole content of a diagnosis, with the texts of the slave's GSD file.
 #[must_use]
 pub fn diagnosis_words(bytes: &[u8], texts: &BTreeMap<u32, String>) -> String {
-    let Some(diagnosis) = Diagnosis::new(bytes) else { return "it says nothing".into() };
+    let Some(diagnosis) = Diagnosis::new(bytes) else { return "it has sent no diagnosis".into() };
     let mut text = diagnosis.to_string();
     for block in diagnosis.blocks() {
         if let Block::Device(data) = block {
@@ -99,7 +99,7 @@ pub fn diagnosis_words(bytes: &[u8], texts: &BTreeMap<u32, String>) -> String {
     text
 }
 
-/// Why a slave refuses what the master at `ours` tells it, what helps, and everything else that its diagnosis says.
+/// Why a slave refuses the master at address `ours`, the remedy, and the rest of its diagnosis.
 #[must_use]
 pub fn refusal_words(bytes: &[u8], slave: &DpSlave, ours: u8) -> String {
     let said = diagnosis_words(bytes, &slave.texts);
@@ -114,7 +114,7 @@ pub fn refusal_words(bytes: &[u8], slave: &DpSlave, ours: u8) -> String {
     format!("{what}{wanted}: {said}; {helps}")
 }
 
-/// The diagnosis in an area that [`DpSlave::keep_diagnosis`] has filled: nothing in it is believed.
+/// The diagnosis in an area filled by [`DpSlave::keep_diagnosis`]; its content is not trusted.
 #[must_use]
 pub fn kept_diagnosis(area: &[u8]) -> &[u8] {
     match area {
@@ -162,6 +162,6 @@ mod tests {
         ] {
             assert_eq!(refusal_words(&diagnosis, &slave, 2), words);
         }
-        assert_eq!(refusal_words(&[0; 3], &slave, 2), "it says nothing");
+        assert_eq!(refusal_words(&[0; 3], &slave, 2), "it has sent no diagnosis");
     }
 }

@@ -1,4 +1,4 @@
-//! What a CP tells those who listen to its line, beside the characters.
+//! Records for the listeners of a CP's line, besides the characters.
 
 use std::time::SystemTime;
 
@@ -9,14 +9,14 @@ use serde_json::json;
 
 use crate::config::Config;
 
-/// The CP has got parameters: who it is.
+/// Reports the identity of the CP when it has got parameters.
 pub(crate) fn introduce(tap: &mut Tap, now: Instant, config: &Config, parameters: &[u8; 16]) {
     let mut text = json!({
         "station": config.station, "name": config.name, "line": config.line.to_string(),
         "parameters": parameters, "module": config.cp_type.kind.name(),
     });
     if let Some(Ok(keyed)) = &config.cp_type.keys {
-        // Its parameters are keys: there are no bytes of it.
+        // Its parameters are keys, not bytes.
         for (key, value) in keyed.to_keys() {
             text["params"][*key] = match value {
                 ob1_params::Value::Int(number) => json!(number),
@@ -27,13 +27,13 @@ pub(crate) fn introduce(tap: &mut Tap, now: Instant, config: &Config, parameters
     tap.introduce(now, SystemTime::now(), text);
 }
 
-/// Tells what the CP has to say.
+/// Reports an event of the CP.
 pub(crate) fn note(tap: &mut Tap, now: Instant, event: &CpEvent<'_>) {
     if tap.is_alone() {
         return;
     }
     let text = match event {
-        // The characters are told by themselves.
+        // The characters have their own records.
         CpEvent::Order(telegram) => format!("order of {} bytes", telegram.len()),
         CpEvent::Received(telegram) => format!("telegram of {} bytes received", telegram.len()),
         CpEvent::SendFailed(code) => format!("order failed, {code:02X}h"),
@@ -61,7 +61,7 @@ pub(crate) fn note(tap: &mut Tap, now: Instant, event: &CpEvent<'_>) {
             )
         }
         CpEvent::Answered(Ok(())) => "order of the partner done".to_owned(),
-        CpEvent::Answered(Err(_)) => "order of the partner came to nothing".to_owned(),
+        CpEvent::Answered(Err(_)) => "order of the partner failed".to_owned(),
         CpEvent::Diagnosis { incoming: true, .. } | CpEvent::Record { incoming: true, .. } => {
             "diagnostic interrupt: an error has come".to_owned()
         }
@@ -72,7 +72,7 @@ pub(crate) fn note(tap: &mut Tap, now: Instant, event: &CpEvent<'_>) {
     tap.tell(now, Kind::Note, text.as_bytes());
 }
 
-/// What a number of the CP 341 means.
+/// The meaning of an event number of the CP 341.
 fn meaning(number: u16) -> &'static str {
     cp341_events::row(number).map_or("no event of the CP 341", |row| row.text)
 }

@@ -42,7 +42,7 @@ impl Partner for Bench {
         self.log.tx.remove(0);
     }
 
-    /// Our STX is out.
+    /// Our STX has been sent.
     fn partner_takes(&mut self, telegram: &[u8]) {
         assert_eq!(self.log.tx, [0x02]);
         self.line(LineInput::TxDone);
@@ -85,7 +85,7 @@ fn an_order_of_the_cpu_and_its_result() {
     assert_eq!(cp.rx(), 0, "the reaction is awaited");
     cp.partner_sends(&[0, 0, 0, 0]);
     assert_eq!(cp.fetch_framed(OWN, 0), [0, 7, 0, 0]);
-    // The partner refuses: its number, as its number.
+    // The partner refuses: the result has its number, marked as the partner's.
     cp.line(LineInput::TxDone);
     cp.hand_over_framed(OWN, &[0, 8, b'E', b'D', 5, 1, 0, 2, 6, 4]);
     cp.partner_takes(&[0, 0, b'E', b'D', 5, 1, 0, 2, 6, 4]);
@@ -104,14 +104,14 @@ fn an_order_of_the_cpu_and_its_result() {
 #[test]
 fn the_cps_own_errors_are_told_from_the_partners() {
     let mut cp = Bench::working(&RK512);
-    // Nobody answers: QVZ after each of 6 STX.
+    // No answer: QVZ after each of 6 STX.
     cp.hand_over_framed(OWN, &SEND);
     for _ in 0..6 {
         cp.line(LineInput::TxDone);
         cp.pass(500 * MS);
     }
     assert_eq!(cp.fetch_framed(OWN, 0), [0, 7, 1, 0x07]);
-    // No header, and data that do not go with it.
+    // No header, and data that do not match it.
     cp.line(LineInput::TxDone);
     cp.hand_over_framed(OWN, &[0, 1, b'A']);
     assert_eq!(cp.fetch_framed(OWN, 0), [0, 1, 1, 0x0C]);
@@ -120,7 +120,7 @@ fn the_cps_own_errors_are_told_from_the_partners() {
     // Longer than the buffer.
     cp.put_tx(OWN | 1035, &[]);
     assert_eq!(cp.tx_echo(), 0x2017);
-    // A count without framing (FC 0) is no order of RK 512: told, not left waiting.
+    // A count without framing (FC 0) is not an order of RK 512: it is refused, not left waiting.
     cp.put_tx(0x2000, &[]);
     cp.put_tx(0, &[]);
     cp.put_tx(30, b"abcdefghijkl");
@@ -173,7 +173,7 @@ fn both_directions_at_once() {
     cp.partner_takes(&[0, 0, 0, 0, 0x5A]);
     cp.partner_sends(&[0, 0, 0, 0]);
     assert_eq!(cp.fetch_framed(OWN, PARTNER), [0, 7, 0, 0]);
-    // A result goes before an order of the partner nobody serves.
+    // A result comes before an order of the partner that no program serves.
     cp.line(LineInput::TxDone);
     cp.put_rx(0);
     cp.hand_over_framed(OWN, &SEND);
@@ -191,7 +191,7 @@ fn an_order_nobody_serves_is_refused_with_2a() {
     cp.line(LineInput::TxDone);
     cp.pass(4000 * MS);
     cp.partner_takes(&[0, 0, 0, 0x2A]);
-    // It was on show, and half fetched: taken back.
+    // It was shown and half fetched: it is withdrawn.
     cp.put_rx(PARTNER);
     cp.partner_sends(&[0, 0, b'A', b'D', 5, 1, 0, 4, 6, 4, 1, 2, 3, 4, 5, 6, 7, 8]);
     cp.line(LineInput::TxDone);
@@ -258,17 +258,12 @@ fn a_reset_drops_both_roles() {
     assert!(cp.log.tx.is_empty() && cp.rx() == 0, "nothing of before comes back");
 }
 
-/// Whatever stands in the registers and comes off the line: no panic, the books balance, and a reset brings it back to
-/// work.
+/// Any content of the registers and any input from the line: no panic, the counters balance, and after a reset the CP
+/// works again.
 #[test]
 fn noise() {
-    let mut seed = 0x2545_F491_4F6C_DD1D_u64;
-    let mut next = move |below: u64| {
-        seed ^= seed << 13;
-        seed ^= seed >> 7;
-        seed ^= seed << 17;
-        seed % below
-    };
+    let mut random = fastrand::Rng::with_seed(0x2545_F491_4F6C_DD1D);
+    let mut next = move |below: u64| random.u64(..below);
     let mut cp = Bench::working(&RK512);
     for round in 0..30_000 {
         match next(8) {

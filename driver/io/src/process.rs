@@ -1,5 +1,5 @@
-//! The loop of the process: wait for the doorbell, the lines or a time; hand what has happened to the masters; publish
-//! the image.
+//! The loop of the process: wait for the doorbell, the lines or a time; pass the events to the masters; publish the
+//! image.
 
 use std::io;
 use std::path::Path;
@@ -19,7 +19,7 @@ use crate::gpio::Gpio;
 use crate::line::Line;
 use crate::told::Told;
 
-/// At the end the couplers get so long to take their outputs off.
+/// Time for switching off the outputs of the couplers at the end.
 const LAST_OUTPUTS: Span = Span::from_millis(500);
 
 /// The process.
@@ -74,7 +74,7 @@ impl Process {
         Instant::START + self.start.elapsed().into()
     }
 
-    /// Until standard input closes, or SIGTERM.
+    /// Runs until standard input closes, or until SIGTERM.
     pub(crate) fn run(&mut self) -> io::Result<()> {
         loop {
             let seen = self.pump.segment.changes();
@@ -89,7 +89,7 @@ impl Process {
         }
     }
 
-    /// One look at everything; whether a line may have more to tell. `beats`: the scan decides about the outputs.
+    /// One pass over everything; true if a line may have more events. `beats`: the scan decides about the outputs.
     fn pass(&mut self, beats: bool) -> bool {
         let now = self.now();
         let lost = ob1_log::lost();
@@ -118,14 +118,14 @@ impl Process {
         self.lines.iter().map(line).chain(chips).fold(self.pump.deadline(), Instant::min)
     }
 
-    /// Waits; whether standard input has something to say.
+    /// Waits; true if standard input is readable.
     fn wait(&mut self, timeout: Span, doorbell: bool) -> io::Result<bool> {
         let stdin = rustix::stdio::stdin();
         let mut fds = Vec::with_capacity(1 + 2 * self.lines.len());
         if doorbell {
             fds.push(PollFd::new(&stdin, PollFlags::IN));
         }
-        // Which line each descriptor belongs to.
+        // The line of each descriptor.
         let mut owners = Vec::with_capacity(fds.capacity());
         for (n, line) in self.lines.iter().enumerate() {
             let mut of_line = PollFds::default();
@@ -158,7 +158,7 @@ impl Process {
         Ok(rung)
     }
 
-    /// The outputs off, as far as the couplers can be reached.
+    /// Switches the outputs off, as far as the couplers can be reached.
     fn end(&mut self) -> io::Result<()> {
         self.pump.image.driven = false;
         let until = self.now() + LAST_OUTPUTS;
@@ -180,7 +180,7 @@ impl Process {
                 return Ok(());
             }
             if now >= until {
-                warn!("not every coupler has taken that its outputs are off");
+                warn!("not every coupler has confirmed that its outputs are off");
                 return Ok(());
             }
             let timeout = if more { Span::ZERO } else { self.deadline().min(until).since(self.now()) };

@@ -1,4 +1,4 @@
-//! `ob1-io --scan`: who is on a PROFIBUS. Nobody else may have the line meanwhile.
+//! `ob1-io --scan`: the stations on a PROFIBUS. Nobody else may use the line meanwhile.
 
 use std::io::{self, Write as _};
 use std::time;
@@ -11,15 +11,15 @@ use rustix::io::Errno;
 
 use crate::line;
 
-/// Telegrams of two rounds over all addresses: each is asked once, and the token goes round behind it.
+/// Telegrams of two rounds over all addresses: each is asked once, and the token follows.
 const TELEGRAMS: u64 = 2 * 2 * 126;
-/// A line that is not there by then is not there.
+/// A line that is not up by then counts as missing.
 const LONGEST: Span = Span::from_secs(60);
 
 /// Prints a line of JSON for each slave that answers.
 ///
 /// # Errors
-/// What the line says, in words.
+/// The line's error, in words.
 pub(crate) fn run(bus: &BusConfig) -> io::Result<()> {
     let config = bus.lines.iter().find(|line| line.dp.is_some()).ok_or_else(|| io::Error::other("no PROFIBUS"))?;
     let dp = config.dp.as_ref().ok_or_else(|| io::Error::other("no PROFIBUS"))?;
@@ -32,7 +32,7 @@ pub(crate) fn run(bus: &BusConfig) -> io::Result<()> {
     let mut buffer = [0; 512];
     while scan.sent() < TELEGRAMS {
         if now().since_start() > LONGEST {
-            return Err(io::Error::other("the line does not let us speak: another master, or a short circuit"));
+            return Err(io::Error::other("the line is never free to send: another master, or a short circuit"));
         }
         while let Some(event) = real.next_event(now(), &mut buffer) {
             let input = match &event {

@@ -1,4 +1,4 @@
-//! What becomes of the couplers and slaves, in words, for the log: once for each change.
+//! State changes of the couplers and slaves, in words for the log, each once.
 
 use ob1_coupler::dp::{Diagnosis, DpSlave, diagnosis_words, kept_diagnosis, refusal_words};
 use ob1_coupler::{BusConfig, Image, State, Status};
@@ -7,7 +7,7 @@ use tracing::{info, warn};
 struct Known {
     name: String,
     status: Status,
-    /// Of a DP slave.
+    /// The data of a DP slave.
     slave: Option<Slave>,
 }
 
@@ -39,10 +39,14 @@ impl Told {
                     (State::Running, _) => info!(coupler = name, "exchange"),
                     (State::Lost, _) => warn!(coupler = name, failures = status.failures, "does not answer: lost"),
                     (State::Refused, None) => {
-                        warn!(coupler = name, "refuses what it is written on connect: not driven");
+                        warn!(coupler = name, "refuses what is written to it on connect: its outputs are not driven");
                     }
                     (State::Refused, Some(slave)) => {
-                        warn!(coupler = name, "refuses what it is told, not driven: {}", slave.refusal(image));
+                        warn!(
+                            coupler = name,
+                            "refuses to exchange data, its outputs are not driven: {}",
+                            slave.refusal(image)
+                        );
                     }
                 }
             }
@@ -50,7 +54,7 @@ impl Told {
                 Some(refusal) if known.status.refusal != status.refusal => {
                     warn!(coupler = name, "{refusal}");
                 }
-                None if known.status.refusal.is_some() => info!(coupler = name, "refuses nothing any more"),
+                None if known.status.refusal.is_some() => info!(coupler = name, "accepts all requests again"),
                 _ => {}
             }
             if let Some(slave) = known.slave.as_mut().filter(|_| known.status.diagnosis != status.diagnosis) {
@@ -71,12 +75,12 @@ impl Slave {
         image.inputs.get(at..at + DpSlave::diagnosis_area(room)).map(kept_diagnosis).unwrap_or_default()
     }
 
-    /// Everything its diagnosis says, with the texts of its GSD file.
+    /// Its whole diagnosis, with the texts of its GSD file.
     fn words(&self, image: &Image) -> String {
         diagnosis_words(self.bytes(image), &self.config.texts)
     }
 
-    /// Why it refuses, and what helps.
+    /// Why it refuses, and the remedy.
     fn refusal(&self, image: &Image) -> String {
         refusal_words(self.bytes(image), &self.config, self.master)
     }

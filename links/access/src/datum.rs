@@ -1,12 +1,12 @@
-//! Values of every S7 type, texts, times and arrays included, out of the bytes of a CPU and into writes.
+//! Values of every S7 type, including texts, times and arrays: read from the bytes of a CPU, and converted to writes.
 //!
-//! [`crate::value`] speaks of single values of up to 32 bits, as people write them; this of whole types, as programs
-//! exchange them.
+//! [`crate::value`] is about single values of up to 32 bits, as people write them; this module is about whole types, as
+//! programs exchange them.
 
 use std::fmt;
 
 use ob1_model::calendar::{self, DAYS_TO_1990};
-use ob1_model::{Cell, CellWidth, DataType, GROUP_ENTRIES, Layout, Piece, Put, S5Time, WRITE_BYTES};
+use ob1_model::{Cell, DataType, GROUP_ENTRIES, Layout, Piece, Put, S5Time, WRITE_BYTES, Width};
 use ob1_std::moment::{DAY_MS, Moment};
 use serde_json::{Value, json};
 use thiserror::Error;
@@ -66,7 +66,7 @@ impl Datum {
         }
     }
 
-    /// Of JSON, as [`Datum::json`] writes it, for a place of this type. Bits may be 0 and 1.
+    /// From JSON as [`Datum::json`] writes it, for a place of this type. Bits may be 0 and 1.
     ///
     /// # Errors
     /// [`Unfit`].
@@ -110,7 +110,7 @@ impl fmt::Display for Datum {
     }
 }
 
-/// The shortest digits that are this number again.
+/// The number with the shortest digits that parse to the same value.
 fn real(value: f32) -> Value {
     let text = value.to_string();
     text.parse().ok().and_then(serde_json::Number::from_f64).map_or_else(|| json!(text), Value::Number)
@@ -123,7 +123,7 @@ fn moment_text(ms: i64) -> String {
     format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{:03}", of_day % 1000)
 }
 
-/// `2026-01-31`, or that with `T06:00:00` and a fraction behind it.
+/// `2026-01-31`, optionally followed by `T06:00:00` and a fraction.
 fn moment_of(text: &str) -> Option<i64> {
     let (date, time) = text.split_once('T').unwrap_or((text, "00:00:00"));
     let mut date = date.splitn(3, '-').map(str::parse::<u32>);
@@ -149,19 +149,19 @@ pub enum Unfit {
     /// Nothing of this type can be written: a structure, a pointer.
     #[error("this type cannot be written")]
     Never,
-    /// More than one group of writes holds.
+    /// It does not fit one group of writes.
     #[error("more than {GROUP_ENTRIES} bits or {WRITE_BYTES} bytes at once")]
     TooLong,
 }
 
 impl Typed {
-    /// Whether a value lies here, other than a structure or an array of such.
+    /// Whether the place has a value, that is, not a structure or an array of structures.
     #[must_use]
     pub fn has_value(&self) -> bool {
         has_value(&self.ty)
     }
 
-    /// What has to be read for its value; `None` where there is none.
+    /// The piece to read for its value; `None` if it has none.
     #[must_use]
     pub fn piece(&self) -> Option<Piece> {
         if !self.has_value() {
@@ -169,8 +169,8 @@ impl Typed {
         }
         let bits = Layout::bits(&self.ty);
         Some(match self.cell {
-            Cell::Timer(_) | Cell::Counter(_) => Piece::Value(self.cell, CellWidth::Word),
-            Cell::Peripheral(_) => Piece::Value(self.cell, width(bits)?),
+            Cell::Timer(_) | Cell::Counter(_) => Piece::Value(self.cell, Width::Word),
+            Cell::Peripheral(_) => Piece::Value(self.cell, Width::of_bits(bits)?),
             Cell::Area(..) | Cell::Db(..) => {
                 let bit = self.cell.bit() % 8;
                 Piece::Bytes { at: self.cell.at_bit(self.cell.bit() - bit), len: (bit + bits).div_ceil(8) }
@@ -178,8 +178,8 @@ impl Typed {
         })
     }
 
-    /// The value in the bytes of [`Typed::piece`]. `None` when they are too few or not what the type says: a date of
-    /// 31 February, an S5TIME without digits.
+    /// The value in the bytes of [`Typed::piece`]. `None` when they are too few or invalid for the type: a date of 31
+    /// February, an S5TIME without digits.
     #[must_use]
     pub fn value(&self, bytes: &[u8]) -> Option<Datum> {
         let bit = match self.cell {
@@ -189,7 +189,7 @@ impl Typed {
         read(&self.ty, bytes, bit)
     }
 
-    /// What has to be written for this value.
+    /// The writes for this value.
     ///
     /// # Errors
     /// [`Unfit`].
@@ -197,7 +197,7 @@ impl Typed {
         if matches!(self.cell, Cell::Timer(_) | Cell::Counter(_) | Cell::Peripheral(_)) {
             let bytes = write(&self.ty, value)?;
             let number = bytes.iter().fold(0, |number, byte| number << 8 | u32::from(*byte));
-            let width = width(bytes.len() as u32 * 8).ok_or(Unfit::Never)?;
+            let width = Width::of_bits(bytes.len() as u32 * 8).ok_or(Unfit::Never)?;
             return Ok(vec![Put::Value(self.cell, width, number)]);
         }
         let mut puts = Vec::new();
@@ -213,7 +213,7 @@ impl Typed {
                 if !has_value(&self.ty) || places.len() != values.len() {
                     return Err(Unfit::Type);
                 }
-                // What lies together is one entry; bits go one by one, so that none beside them is touched.
+                // Adjacent elements are one entry; bits go one by one, so that no neighbour is touched.
                 if element.elementary_bits() == Some(1) || Layout::bits(element) != Layout::stride(element) {
                     for (place, value) in places.iter().zip(values) {
                         self.at(place.0, element).put_into(value, puts)?;
@@ -232,7 +232,7 @@ impl Typed {
             }
             (DataType::Array(..), _) => return Err(Unfit::Type),
             (DataType::Bool, Datum::Bool(bit)) => {
-                puts.push(Put::Value(self.cell, CellWidth::Bit, u32::from(*bit)));
+                puts.push(Put::Value(self.cell, Width::Bit, u32::from(*bit)));
             }
             (ty, value) => puts.push(Put::Bytes(self.cell, write(ty, value)?.into())),
         }
@@ -258,17 +258,7 @@ fn has_value(ty: &DataType) -> bool {
     }
 }
 
-fn width(bits: u32) -> Option<CellWidth> {
-    Some(match bits {
-        1 => CellWidth::Bit,
-        8 => CellWidth::Byte,
-        16 => CellWidth::Word,
-        32 => CellWidth::DWord,
-        _ => return None,
-    })
-}
-
-/// A value of a type, its first bit so many bits into the bytes.
+/// A value of a type whose first bit is bit `bit` of the bytes.
 fn read(ty: &DataType, bytes: &[u8], bit: u32) -> Option<Datum> {
     let bytes = bytes.get((bit / 8) as usize..)?;
     let take = |len: usize| bytes.get(..len);
@@ -306,7 +296,7 @@ fn read(ty: &DataType, bytes: &[u8], bit: u32) -> Option<Datum> {
     })
 }
 
-/// The bytes of a value of a type; of a BOOL in a byte of its own.
+/// The bytes of a value of a type; a BOOL takes one byte.
 fn write(ty: &DataType, value: &Datum) -> Result<Vec<u8>, Unfit> {
     Ok(match (ty, value) {
         (DataType::Bool, Datum::Bool(bit)) => vec![u8::from(*bit)],
@@ -336,7 +326,7 @@ fn write(ty: &DataType, value: &Datum) -> Result<Vec<u8>, Unfit> {
         (DataType::String(most), Datum::Text(text)) => {
             let chars: Vec<u8> = text.chars().map(u8::try_from).collect::<Result<_, _>>().map_err(|_| Unfit::Range)?;
             let len = u8::try_from(chars.len()).ok().filter(|len| len <= most).ok_or(Unfit::Range)?;
-            // The rest of the text stays as it is: a length says where it ends.
+            // The rest of the text stays as it is, because the length says where it ends.
             [&[*most, len], chars.as_slice()].concat()
         }
         (DataType::Struct(_) | DataType::Pointer | DataType::Any, _) => return Err(Unfit::Never),
@@ -424,10 +414,10 @@ mod tests {
         let bit = Typed { name: "x".into(), cell: Cell::Area(Area::Memory, 13), ty: DataType::Bool };
         assert_eq!(bit.piece(), Some(Piece::Bytes { at: Cell::Area(Area::Memory, 8), len: 1 }));
         assert_eq!(bit.value(&[0x20]), Some(Datum::Bool(true)));
-        assert_eq!(bit.puts(&Datum::Bool(true)), Ok(vec![Put::Value(bit.cell, CellWidth::Bit, 1)]));
+        assert_eq!(bit.puts(&Datum::Bool(true)), Ok(vec![Put::Value(bit.cell, Width::Bit, 1)]));
         let bits = typed(list(1, 3, DataType::Bool));
         let puts = bits.puts(&Datum::List([true, false, true].map(Datum::Bool).into())).expect("fits");
-        assert_eq!(puts[2], Put::Value(Cell::Db(1, 162), CellWidth::Bit, 1));
+        assert_eq!(puts[2], Put::Value(Cell::Db(1, 162), Width::Bit, 1));
         assert_eq!(bits.value(&[5, 0]), Some(Datum::List([true, false, true].map(Datum::Bool).into())));
         let many = |count: usize| {
             let bits = typed(list(1, count as i32, DataType::Bool));
@@ -440,9 +430,9 @@ mod tests {
     #[test]
     fn timers_counters_and_peripherals_are_values() {
         let timer = Typed { name: "T2".into(), cell: Cell::Timer(2), ty: DataType::S5Time };
-        assert_eq!(timer.piece(), Some(Piece::Value(timer.cell, CellWidth::Word)));
+        assert_eq!(timer.piece(), Some(Piece::Value(timer.cell, Width::Word)));
         assert_eq!(timer.value(&[0x02, 0x00]), Some(Datum::Duration(2_000)));
-        assert_eq!(timer.puts(&Datum::Duration(2_000)), Ok(vec![Put::Value(timer.cell, CellWidth::Word, 0x200)]));
+        assert_eq!(timer.puts(&Datum::Duration(2_000)), Ok(vec![Put::Value(timer.cell, Width::Word, 0x200)]));
         let input = Typed { name: "PEB".into(), cell: Cell::Peripheral(2051), ty: DataType::Byte };
         assert_eq!(input.value(&[9]), Some(Datum::Byte(9)), "the bit of a byte's address is no shift");
     }

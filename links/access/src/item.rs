@@ -1,7 +1,7 @@
 //! Names of cells: `M1.0`, `MW10`, `DB10.DBW20`, `PEW256`, `T2`, `Z3`, `DB20.DONE`, and symbols.
 
 use ob1_ir::{DataBlock, Program, Symbol};
-use ob1_model::{Area, Cell, CellWidth, Component, DataType, Layout};
+use ob1_model::{Area, Cell, Component, DataType, Layout, Width};
 
 use crate::near::nearest;
 
@@ -25,27 +25,27 @@ pub struct Item {
     pub name: String,
     /// The place.
     pub cell: Cell,
-    /// How much of it.
-    pub width: CellWidth,
-    /// What it means.
+    /// Its width.
+    pub width: Width,
+    /// How its bits are read.
     pub reading: Reading,
     /// The S7 type, for people: `WORD`, `DINT`.
     pub type_name: &'static str,
 }
 
-/// A place by its name, with its type: also texts, times, arrays and structures, which are no [`Item`].
+/// A place by its name, with its type: also texts, times, arrays and structures, which are not an [`Item`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Typed {
     /// The name as it was given.
     pub name: String,
     /// The place.
     pub cell: Cell,
-    /// What lies there.
+    /// The type of the place.
     pub ty: DataType,
 }
 
 impl Item {
-    /// Of a place where a single value of up to 32 bits lies.
+    /// An item for a place with a single value of up to 32 bits.
     #[must_use]
     pub fn of(typed: &Typed) -> Option<Self> {
         let (width, reading) = of_type(&typed.ty)?;
@@ -67,9 +67,9 @@ pub struct NamedBlock {
     pub number: u16,
     /// The name of its header or symbol.
     pub name: Option<String>,
-    /// Its declarations, composed types whole.
+    /// Its declarations, composed types as a whole.
     pub components: Vec<Component>,
-    /// How long it is.
+    /// Its length.
     pub bytes: u32,
     /// `READ_ONLY`: the program cannot write it.
     pub read_only: bool,
@@ -89,7 +89,7 @@ impl Names {
         Self::of(program.data.iter().map(block).collect(), program.symbols.clone())
     }
 
-    /// Of data blocks and symbols.
+    /// The names of data blocks and symbols.
     #[must_use]
     pub fn of(blocks: Vec<NamedBlock>, symbols: Vec<Symbol>) -> Self {
         Self { blocks, symbols }
@@ -110,17 +110,16 @@ impl Names {
     /// Finds a cell by name.
     ///
     /// # Errors
-    /// What is wrong with the name, in one sentence.
+    /// The error in the name, in one sentence.
     pub fn parse(&self, name: &str) -> Result<Item, String> {
         let typed = self.typed(name)?;
         Item::of(&typed).ok_or_else(|| format!("{} is a {}, which is no single value", name.trim(), typed.ty.name()))
     }
 
-    /// Finds a place and its type by name. A symbol has the type of the symbol table where that is as long as the
-    /// address says.
+    /// Finds a place and its type by name. A symbol has the type of the symbol table if that is as long as its address.
     ///
     /// # Errors
-    /// What is wrong with the name, in one sentence.
+    /// The error in the name, in one sentence.
     pub fn typed(&self, name: &str) -> Result<Typed, String> {
         let trimmed = name.trim().trim_matches('"');
         let text: String = trimmed.chars().filter(|c| !c.is_whitespace()).collect();
@@ -224,27 +223,20 @@ fn split_width(letters: &str) -> Option<(&str, DataType)> {
     Some((letters.get(..split)?, ty))
 }
 
-fn of_type(ty: &DataType) -> Option<(CellWidth, Reading)> {
+fn of_type(ty: &DataType) -> Option<(Width, Reading)> {
     let reading = match ty {
         DataType::Bool => Reading::Bool,
         DataType::Int | DataType::DInt | DataType::Time => Reading::Signed,
         DataType::Real => Reading::Real,
         _ => Reading::Unsigned,
     };
-    // A counter's value is a word, as it stands behind its number.
+    // A counter's value is a word.
     let bits = if *ty == DataType::Counter { Some(16) } else { ty.elementary_bits() };
-    let width = match bits? {
-        1 => CellWidth::Bit,
-        8 => CellWidth::Byte,
-        16 => CellWidth::Word,
-        32 => CellWidth::DWord,
-        _ => return None,
-    };
-    Some((width, reading))
+    Some((Width::of_bits(bits?)?, reading))
 }
 
 fn number<T: std::str::FromStr>(text: &str) -> Result<T, String> {
-    text.parse().map_err(|_| format!("\"{text}\" is no number that can stand there"))
+    text.parse().map_err(|_| format!("\"{text}\" is not a valid number here"))
 }
 
 fn checked_bits(byte: u32) -> Result<u32, String> {
@@ -293,14 +285,14 @@ mod tests {
         })
     }
 
-    fn parse(name: &str) -> Result<(Cell, CellWidth, Reading), String> {
+    fn parse(name: &str) -> Result<(Cell, Width, Reading), String> {
         names().parse(name).map(|i| (i.cell, i.width, i.reading))
     }
 
     #[test]
     fn cells_by_address() {
-        use CellWidth::{Bit, Byte, DWord, Word};
         use Reading::{Bool, Unsigned};
+        use Width::{Bit, Byte, DWord, Word};
         let table = [
             ("M1.0", Cell::Area(Area::Memory, 8), Bit, Bool),
             ("m 1.7", Cell::Area(Area::Memory, 15), Bit, Bool),
@@ -326,11 +318,11 @@ mod tests {
 
     #[test]
     fn cells_by_name() {
-        let done = Ok((Cell::Db(20, 96), CellWidth::DWord, Reading::Signed));
+        let done = Ok((Cell::Db(20, 96), Width::DWord, Reading::Signed));
         assert_eq!(parse("DB20.DONE"), done);
         assert_eq!(parse("ledger.done"), done);
-        assert_eq!(parse("DB20.PAUSE").map(|p| p.1), Ok(CellWidth::Bit));
-        assert_eq!(parse("\"Ready lamp\""), Ok((Cell::Area(Area::Output, 32), CellWidth::Bit, Reading::Bool)));
+        assert_eq!(parse("DB20.PAUSE").map(|p| p.1), Ok(Width::Bit));
+        assert_eq!(parse("\"Ready lamp\""), Ok((Cell::Area(Area::Output, 32), Width::Bit, Reading::Bool)));
     }
 
     #[test]
@@ -353,7 +345,7 @@ mod tests {
             ("M1.8", "no bit 8"),
             ("MW70000", "no byte 70000"),
             ("MWx", "no name of a cell"),
-            ("MW1x", "no number"),
+            ("MW1x", "not a valid number"),
             ("DB20.DON", "did you mean DB20.DONE?"),
             ("DB20.WHEN", "no single value"),
             ("DB7.DONE", "DB7 has no component"),

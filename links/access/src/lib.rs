@@ -1,8 +1,8 @@
-//! What every link that looks into a CPU from outside shares: names of cells ([`Names`]), their values as text and JSON
-//! ([`value`]), the forms people read them in ([`Form`]), and who may do what ([`Allowed`]).
+//! Common parts of all links into a CPU: names of cells ([`Names`]), their values as text and JSON ([`value`]), the
+//! forms people read them in ([`Form`]), and the rights of clients ([`Allowed`]).
 //!
-//! It knows the program's names and the vocabulary of an S7, no CPU: whoever reads and writes cells asks it what they
-//! mean.
+//! It knows the program's names and the terms of an S7, but no CPU: callers that read and write cells ask it for their
+//! meaning.
 
 mod datum;
 pub mod door;
@@ -16,5 +16,5 @@ pub use datum::{Datum, Unfit};
 pub use form::Form;
 pub use item::{Item, NamedBlock, Names, Reading, Typed};
 pub use near::nearest;
-pub use ob1_model::{Cell, CellError, CellWidth, Piece, Put};
+pub use ob1_model::{Cell, CellError, Piece, Put, Width};
 pub use rights::{Allowed, Right};

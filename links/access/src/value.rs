@@ -1,6 +1,6 @@
 //! Values as text and JSON, both ways.
 
-use ob1_model::CellWidth;
+use ob1_model::Width;
 use serde_json::{Value, json};
 
 use crate::{Item, Reading};
@@ -12,13 +12,13 @@ pub fn to_json(item: &Item, bits: u32) -> Value {
         Reading::Bool => json!(bits != 0),
         Reading::Unsigned => json!(bits),
         Reading::Signed => json!(match item.width {
-            CellWidth::Bit | CellWidth::Byte => i32::from(bits as u8 as i8),
-            CellWidth::Word => i32::from(bits as u16 as i16),
-            CellWidth::DWord => bits as i32,
+            Width::Bit | Width::Byte => i32::from(bits as u8 as i8),
+            Width::Word => i32::from(bits as u16 as i16),
+            Width::DWord => bits as i32,
         }),
         Reading::Real => {
             let real = f32::from_bits(bits);
-            // JSON has no infinities; a word says it.
+            // JSON has no infinities; they become a word.
             if real.is_finite() { json!(real) } else { json!(real.to_string()) }
         }
     }
@@ -27,7 +27,7 @@ pub fn to_json(item: &Item, bits: u32) -> Value {
 /// The bits of a value given as JSON: a boolean, a number, or a text in the notation of STL.
 ///
 /// # Errors
-/// What is wrong with it, in one sentence.
+/// The error in it, in one sentence.
 pub fn from_json(item: &Item, value: &Value) -> Result<u32, String> {
     match value {
         Value::Bool(bit) => fit(item, i64::from(*bit)),
@@ -44,7 +44,7 @@ pub fn from_json(item: &Item, value: &Value) -> Result<u32, String> {
 /// The bits of a value as text: `1`, `true`, `-5`, `16#1A`, `W#16#1A`, `L#5`, `2#1010`, `1.5`.
 ///
 /// # Errors
-/// What is wrong with it, in one sentence.
+/// The error in it, in one sentence.
 pub fn from_text(item: &Item, text: &str) -> Result<u32, String> {
     let wrong =
         || format!("\"{text}\" is no value for {}, a {}; write 1, -5, 16#1A, 2#1010 or 1.5", item.name, item.type_name);
@@ -74,7 +74,7 @@ pub fn to_hex(item: &Item, bits: u32) -> String {
     format!("{bits:0width$X}", width = usize::from(item.width.bits()).div_ceil(4))
 }
 
-/// The lowest bits of a number that the cell can hold, with or without a sign.
+/// The lowest bits of a number if the cell can hold it, with or without a sign.
 fn fit(item: &Item, number: i64) -> Result<u32, String> {
     let bits = u32::from(item.width.bits());
     let least = if bits == 1 { 0 } else { -(1i64 << (bits - 1)) };
@@ -91,17 +91,17 @@ mod tests {
     use super::*;
     use ob1_model::Cell;
 
-    fn item(width: CellWidth, reading: Reading) -> Item {
+    fn item(width: Width, reading: Reading) -> Item {
         Item { name: "X".into(), cell: Cell::Timer(0), width, reading, type_name: "TYPE" }
     }
 
     #[test]
     fn values_go_both_ways() {
-        let word = item(CellWidth::Word, Reading::Unsigned);
-        let int = item(CellWidth::Word, Reading::Signed);
-        let bit = item(CellWidth::Bit, Reading::Bool);
-        let real = item(CellWidth::DWord, Reading::Real);
-        let dword = item(CellWidth::DWord, Reading::Unsigned);
+        let word = item(Width::Word, Reading::Unsigned);
+        let int = item(Width::Word, Reading::Signed);
+        let bit = item(Width::Bit, Reading::Bool);
+        let real = item(Width::DWord, Reading::Real);
+        let dword = item(Width::DWord, Reading::Unsigned);
         for (item, text, bits) in [
             (&word, "16#1234", 0x1234),
             (&word, "w#16#12_34", 0x1234),
@@ -124,8 +124,8 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_is_refused() {
-        let byte = item(CellWidth::Byte, Reading::Unsigned);
-        let bit = item(CellWidth::Bit, Reading::Bool);
+        let byte = item(Width::Byte, Reading::Unsigned);
+        let bit = item(Width::Bit, Reading::Bool);
         for (item, text) in
             [(&byte, "256"), (&byte, "-129"), (&bit, "2"), (&bit, "-1"), (&byte, ""), (&byte, "1.5"), (&byte, "16#")]
         {

@@ -1,4 +1,4 @@
-//! Handles and clients against a broker of the test: a window and a socket, no CPU.
+//! Handles and clients against a test broker: a window and a socket, no CPU.
 
 use std::os::fd::{AsFd as _, OwnedFd};
 use std::time::Duration;
@@ -6,7 +6,7 @@ use std::time::Duration;
 use ob1_access::door::{
     Answer, Ask, Document, Door, Event, MESSAGE_BYTES, Refusal, State, ToBroker, ToLink, VERSION, Welcome, What,
 };
-use ob1_access::{Cell, CellWidth, Piece, Put, Right};
+use ob1_access::{Cell, Piece, Put, Right, Width};
 use ob1_backplane::{WindowHead, WindowWriter, handover};
 use ob1_gate_core::{Audit, Client, Station, Trouble, Who};
 use ob1_model::Area;
@@ -21,7 +21,7 @@ struct Desk {
     scan: u64,
 }
 
-/// A station of the test: its log is in the folder.
+/// A test station: its log is in the folder.
 struct Plant {
     desk: Desk,
     station: Station,
@@ -71,7 +71,7 @@ impl Plant {
 }
 
 impl Desk {
-    /// The next message that is no sign of life.
+    /// The next message that is not a sign of life.
     async fn hear(&self) -> ToBroker {
         let mut buffer = vec![0; MESSAGE_BYTES];
         loop {
@@ -117,7 +117,7 @@ fn a_watch_gives_the_newest_and_piles_up_nothing() {
         plant.desk.say(&ToLink::Watching(generation));
         let first = watch.next().await.expect("there");
         assert_eq!(first.scan, 1);
-        // Somebody who looks at the same joins in without a question.
+        // A second reader of the same piece needs no request.
         let once = plant.station.read(vec![word(10)]).await.expect("there");
         assert_eq!((once.scan, once.len()), (1, 1));
         (0..1000).for_each(|_| plant.desk.scan(generation, 0));
@@ -153,12 +153,12 @@ fn what_is_read_for_the_first_time_comes_a_cycle_later() {
     });
 }
 
-/// Below the link's right lies the user's. What is refused here never reaches the broker, and it is written down.
+/// The user's right is below the link's. A request refused here never reaches the broker, and it is logged.
 #[test]
 fn rights_of_users_and_their_trace() {
     run(async {
         let plant = Plant::new(Right::Write);
-        let put = || vec![Put::Value(Cell::Area(Area::Memory, 80), CellWidth::Word, 5)];
+        let put = || vec![Put::Value(Cell::Area(Area::Memory, 80), Width::Word, 5)];
         let reader = plant.client(Right::Read);
         assert_eq!(reader.write("MW10 = 5", put()).await, Err(Trouble::User));
         let operator = plant.client(Right::Operate);
@@ -182,14 +182,14 @@ fn rights_of_users_and_their_trace() {
     });
 }
 
-/// Who goes away while his write is under way leaves his line all the same.
+/// If a caller goes away during a write, its line is still logged.
 #[test]
 fn a_write_that_nobody_waits_for_is_written_down() {
     run(async {
         let plant = Plant::new(Right::Write);
         let client = plant.client(Right::Write);
         let write = tokio::spawn(async move {
-            let _ = client.write("MB1 = 1", vec![Put::Value(Cell::Area(Area::Memory, 8), CellWidth::Byte, 1)]).await;
+            let _ = client.write("MB1 = 1", vec![Put::Value(Cell::Area(Area::Memory, 8), Width::Byte, 1)]).await;
         });
         let ToBroker::Write { client, ticket, .. } = plant.desk.hear().await else { panic!("no write") };
         write.abort();
@@ -222,7 +222,7 @@ fn many_who_want_a_document_get_the_same() {
         for reader in readers {
             assert_eq!(&*reader.await.expect("no panic").expect("there"), b"one, two");
         }
-        // An error is not kept.
+        // An error is not cached.
         let station = plant.station.clone();
         let other = tokio::spawn(async move { station.document(Document::Timing, AGE).await });
         let ToBroker::Ask { client, ticket, .. } = plant.desk.hear().await else { panic!("no question") };

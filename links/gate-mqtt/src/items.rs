@@ -1,36 +1,36 @@
-//! What a link tells: the values of the names in the station file, and which of them have changed.
+//! The values a link publishes: those of the names in the station file, and which of them have changed.
 
 use ob1_access::door::{Cover, Reading};
 use ob1_access::{Allowed, Datum, NamedBlock, Names, Piece, Typed};
 use ob1_model::{DataType, Layout};
 
-/// Values of a link.
+/// Maximum of values per link.
 const MOST: usize = 10_000;
 
-/// A value that is told.
+/// A published value.
 #[derive(Clone, Debug)]
 pub(crate) struct Item {
-    /// As it is named to the outside: `MW10`, `DB10.Motor.Speed`, `Start`.
+    /// Its published name: `MW10`, `DB10.Motor.Speed`, `Start`.
     pub(crate) name: String,
     pub(crate) typed: Typed,
     place: (usize, u32, u32),
     last: Option<Vec<u8>>,
 }
 
-/// All of a link.
+/// All values of a link.
 #[derive(Debug, Default)]
 pub(crate) struct Items {
     pub(crate) list: Vec<Item>,
-    /// What has to be watched.
+    /// The pieces to watch.
     pub(crate) pieces: Vec<Piece>,
 }
 
 impl Items {
-    /// Of the names of the station file: values, structures, whole data blocks. With `flat` each element of an array is
-    /// a value of its own.
+    /// Builds the values from the names of the station file: values, structures, whole data blocks. With `flat` each
+    /// element of an array is a separate value.
     ///
     /// # Errors
-    /// Which name is wrong, and how, in one sentence.
+    /// Which name is wrong and why, in one sentence.
     pub(crate) fn of(wanted: &[String], names: &Names, allowed: &Allowed, flat: bool) -> Result<Self, String> {
         let mut found = Vec::new();
         for name in wanted {
@@ -63,19 +63,19 @@ impl Items {
         let mut topics: Vec<String> = list.iter().map(|item| topic(&item.name)).collect();
         topics.sort_unstable();
         if let Some(twice) = topics.windows(2).find(|pair| pair[0] == pair[1]) {
-            return Err(format!("`publish`: {} would be told twice", twice[0]));
+            return Err(format!("`publish`: {} would be published twice", twice[0]));
         }
         Ok(Self { list, pieces: cover.pieces().to_vec() })
     }
 
-    /// Which values of a reading are others than in the one before, by their places; the first time all of them.
-    /// `None`: there is no value there now.
+    /// The values of a reading that differ from the previous one, by their places; the first time all of them. `None`:
+    /// there is no value now.
     pub(crate) fn changes(&mut self, reading: &Reading) -> Vec<(usize, Option<Datum>)> {
         let mut changes = Vec::new();
         for (index, item) in self.list.iter_mut().enumerate() {
             let (piece, skip, len) = item.place;
             let (from, to) = (skip as usize, (skip + len) as usize);
-            // An empty slice stands for what the CPU does not have: no value has no bytes.
+            // An empty slice means that the CPU does not have the cell: every value has at least one byte.
             let bytes = reading.piece(piece).ok().and_then(|bytes| bytes.get(from..to)).unwrap_or_default();
             if item.last.as_deref() == Some(bytes) {
                 continue;
@@ -84,7 +84,7 @@ impl Items {
             let first = item.last.is_none();
             item.last = Some(bytes.to_vec());
             let now = item.value();
-            // Bits beside it may have changed.
+            // Only neighbouring bits may have changed.
             if first || before != now {
                 changes.push((index, now));
             }

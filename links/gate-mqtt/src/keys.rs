@@ -7,12 +7,12 @@ use std::time::Duration;
 use ob1_access::{Allowed, Right};
 use serde::Deserialize;
 
-/// Shortest time between two looks at the values.
+/// Shortest period of reading the values.
 const SHORTEST: Duration = Duration::from_millis(50);
-/// Bytes on disk, unless the link says another number.
+/// Maximum bytes on disk, unless the link's key says otherwise.
 const STORE: u64 = 16 << 20;
 
-/// What the table says.
+/// The keys of the table.
 #[derive(Clone, Debug, Deserialize)]
 pub(crate) struct Keys {
     pub(crate) broker: String,
@@ -36,7 +36,7 @@ pub(crate) struct Keys {
     pub(crate) blocks: Option<Vec<String>>,
 }
 
-/// What a link does, all of it decided.
+/// The final settings of a link.
 #[derive(Clone, Debug)]
 pub(crate) struct Settings {
     pub(crate) host: String,
@@ -46,7 +46,7 @@ pub(crate) struct Settings {
     pub(crate) publish: Vec<String>,
     pub(crate) every: Duration,
     pub(crate) retain: bool,
-    /// The group, where Sparkplug B is spoken.
+    /// The group, if Sparkplug B is used.
     pub(crate) sparkplug: Option<String>,
     pub(crate) commands: Vec<String>,
     pub(crate) store: u64,
@@ -55,7 +55,7 @@ pub(crate) struct Settings {
     pub(crate) allowed: Allowed,
 }
 
-/// Whom to trust, and who we are.
+/// The trusted certificates, and our own.
 #[derive(Clone, Debug)]
 pub(crate) struct TlsFiles {
     pub(crate) ca: PathBuf,
@@ -63,10 +63,10 @@ pub(crate) struct TlsFiles {
 }
 
 impl Keys {
-    /// What follows from the keys.
+    /// Derives the settings from the keys.
     ///
     /// # Errors
-    /// What does not go together, in one sentence.
+    /// The contradiction, in one sentence.
     pub(crate) fn settle(self, station: &str, link: &str, ceiling: Right) -> Result<Settings, String> {
         let (tls, address) = match (self.broker.strip_prefix("mqtts://"), self.broker.strip_prefix("mqtt://")) {
             (Some(address), _) => (true, address),
@@ -74,7 +74,7 @@ impl Keys {
             (None, None) => return Err("`broker` is a URL: \"mqtts://broker.plant:8883\"; \"mqtt://localhost\"".into()),
         };
         let address = address.trim_end_matches('/');
-        // The colons of `[::1]` begin no port.
+        // The colons of `[::1]` do not begin a port.
         let (host, port) = match address.rsplit_once(':').filter(|(_, port)| !port.ends_with(']')) {
             Some((host, port)) => (host, Some(port.parse().map_err(|_| format!("`broker`: \"{port}\" is no port"))?)),
             None => (address, None),
@@ -87,7 +87,9 @@ impl Keys {
         let tls = match (tls, self.ca, self.certificate.zip(self.key)) {
             (false, ..) if !here => return Err("a broker on another machine is reached by TLS alone: mqtts://".into()),
             (false, ..) => None,
-            (true, None, _) => return Err("mqtts:// needs `ca`: the certificate of who signed the broker's".into()),
+            (true, None, _) => {
+                return Err("mqtts:// needs `ca`: the certificate of the authority that signed the broker's".into());
+            }
             (true, Some(ca), own) => Some(TlsFiles { ca, own }),
         };
         let user = match (self.user, self.password_file) {

@@ -1,8 +1,8 @@
 //! MQTT of a station: values on change, as plain topics at QoS 1 or as Sparkplug B, kept while the broker is away, and
 //! commands where the link allows writing (docs/mqtt.md).
 //!
-//! rumqttc speaks the protocol. A connection is begun with nothing in it: what was not acknowledged lies in the store,
-//! and is sent again.
+//! rumqttc implements the protocol. Each connection starts empty: unacknowledged records are in the store, and are sent
+//! again.
 
 mod commands;
 mod connection;
@@ -26,14 +26,14 @@ use crate::store::Store;
 /// Serves a link until its station is gone.
 ///
 /// # Errors
-/// What is wrong with the link's keys or its files.
+/// The error in the link's keys or its files.
 pub async fn serve(link: Link) -> Result<(), String> {
     let Link { station, state, .. } = link;
     let keys: Keys = serde_json::from_value(station.keys().clone()).map_err(|error| error.to_string())?;
     let welcome = station.welcome();
     let settings = keys.settle(&welcome.station, &welcome.link, station.ceiling())?;
     let transport = settings.tls.as_ref().map(tls::transport).transpose()?;
-    let state = state.ok_or("it has no folder for what waits")?.join(&welcome.link);
+    let state = state.ok_or("it has no folder for values that wait to be sent")?.join(&welcome.link);
     let catalog = station.catalog().await.map_err(|trouble| trouble.to_string())?;
     let flat = settings.sparkplug.is_some();
     let items = Items::of(&settings.publish, &catalog.names, &settings.allowed, flat)?;

@@ -5,15 +5,15 @@ use serde::Deserialize;
 
 use crate::limits;
 
-/// What the table says.
+/// The keys of the table.
 #[derive(Clone, Debug, Deserialize)]
 pub(crate) struct Keys {
-    /// Whether clients without a user may read; unless said: on loopback alone.
+    /// Whether clients without a user may read; default: only on loopback.
     pub(crate) anonymous: Option<bool>,
-    /// Which certificates of clients are taken: `listed` or `any`.
+    /// Which certificates of clients are accepted: `listed` or `any`.
     #[serde(default)]
     pub(crate) trust: Trust,
-    /// Sessions at a time.
+    /// Maximum of concurrent sessions.
     pub(crate) clients: Option<usize>,
     /// Monitored items of all clients together.
     pub(crate) items: Option<usize>,
@@ -21,18 +21,18 @@ pub(crate) struct Keys {
     pub(crate) blocks: Option<Vec<String>>,
 }
 
-/// Which certificates of client programs are taken.
+/// Which certificates of client programs are accepted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Trust {
-    /// Those in the folder `trusted`; others are put into `rejected`, to be looked at and moved.
+    /// Those in the folder `trusted`; others are put into `rejected`, for inspection.
     #[default]
     Listed,
     /// All that are valid.
     Any,
 }
 
-/// What a link does, all of it decided.
+/// The final settings of a link.
 #[derive(Clone, Debug)]
 pub(crate) struct Settings {
     pub(crate) anonymous: bool,
@@ -40,19 +40,19 @@ pub(crate) struct Settings {
     pub(crate) sessions: usize,
     pub(crate) items: usize,
     pub(crate) allowed: Allowed,
-    /// Whether a channel without security is offered: on loopback alone.
+    /// Whether a channel without security is offered: only on loopback.
     pub(crate) open: bool,
 }
 
 impl Keys {
-    /// What follows from the keys, where the link listens and what it allows.
+    /// Derives the settings from the keys, the link's address and its rights.
     ///
     /// # Errors
-    /// What does not go together, in one sentence.
+    /// The contradiction, in one sentence.
     pub(crate) fn settle(self, loopback: bool, ceiling: Right, users: bool) -> Result<Settings, String> {
         let anonymous = self.anonymous.unwrap_or(loopback);
         if !users && !anonymous {
-            return Err("nobody could come in: give it `users`, or `anonymous = true`".into());
+            return Err("nobody could log in: give it `users`, or `anonymous = true`".into());
         }
         if !users && ceiling > Right::Read {
             return Err("above `rights = \"read\"` it needs `users`: anonymous clients only read".into());

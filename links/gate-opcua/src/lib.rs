@@ -1,8 +1,8 @@
-//! OPC UA of a station: namespace 2 has the cells by the names the tools take (`ns=2;s=MW10`), data blocks as objects
+//! OPC UA of a station: namespace 2 has the cells under the names of the tools (`ns=2;s=MW10`), data blocks as objects
 //! from their declarations, diagnostic events, and methods for the operating state (docs/opcua.md).
 //!
-//! async-opcua speaks the protocol; what a node is, what it holds and who may change it is decided here and in
-//! `ob1-gate-core`. No node is stored: the program's catalog says which there are.
+//! async-opcua implements the protocol; the nodes, their values and who may change them are decided here and in
+//! `ob1-gate-core`. No node is stored: the program's catalog determines which exist.
 
 mod attributes;
 mod auth;
@@ -39,21 +39,21 @@ use crate::manager::Manager;
 use crate::monitor::Monitor;
 use crate::pki::Pki;
 
-/// How often it is looked whether a server has to be begun anew.
+/// How often to check whether a server must be restarted.
 const LOOK: Duration = Duration::from_secs(1);
-/// How often it is looked whether memory is short: a stranger sends some ten megabytes in between.
+/// How often to check whether memory is short: a stranger can send some ten megabytes in between.
 const MEMORY_LOOK: Duration = Duration::from_millis(20);
-/// A server that ends has so long for its last words.
+/// Time a server has for its last messages.
 const GOODBYE: Duration = Duration::from_millis(500);
-/// The library goes down into values that lie in values, without counting: so much is enough for a whole chunk of them.
+/// The library recurses into nested values without a limit: this stack is enough for a whole chunk of them.
 const STACK: usize = 64 << 20;
-/// Threads for passwords, of each server.
+/// Threads for passwords, per server.
 const HELPERS: usize = 2;
 
 /// Serves a link until its station is gone.
 ///
 /// # Errors
-/// What is wrong with the link's keys, its files or its sockets.
+/// The error in the link's keys, its files or its sockets.
 pub async fn serve(link: Link) -> Result<(), String> {
     let Link { station, listeners, users, state, memory, .. } = link;
     let keys: Keys = serde_json::from_value(station.keys().clone()).map_err(|error| error.to_string())?;
@@ -83,7 +83,7 @@ pub async fn serve(link: Link) -> Result<(), String> {
     Ok(())
 }
 
-/// What all servers of a link have in common.
+/// The common data of all servers of a link.
 struct About {
     station: Station,
     settings: Settings,
@@ -95,8 +95,8 @@ struct About {
 }
 
 impl About {
-    /// Keeps a server at a socket until the station is gone. The library forgets nothing of an item that is deleted,
-    /// so a server is begun anew after many of them; and when memory runs short, whoever takes it.
+    /// Keeps a server running at a socket until the station is gone. The library never frees all of a deleted item, so
+    /// the server is restarted after many deletions. It is also restarted when memory runs short, whatever uses it.
     async fn keep(&self, listener: &TcpListener, address: SocketAddr) -> Result<(), String> {
         loop {
             let monitor = Arc::new(Monitor::new(self.settings.items, heartbeat(&self.settings.allowed)));
@@ -113,7 +113,7 @@ impl About {
             running.end().await;
             monitor.stop();
             let Some(why) = why else { return Ok(()) };
-            tracing::warn!(link = %self.station.welcome().link, "the OPC UA server is begun anew: {why}");
+            tracing::warn!(link = %self.station.welcome().link, "the OPC UA server is restarted: {why}");
         }
     }
 
@@ -158,10 +158,10 @@ impl About {
     }
 }
 
-/// A server in a thread and a runtime of its own: when it ends, all that it holds is free, whatever its clients do.
+/// A server in a thread and a runtime of its own: when it ends, all its memory is freed, whatever its clients do.
 struct Running {
     ended: oneshot::Receiver<Result<(), String>>,
-    /// Dropped: it ends at once.
+    /// Dropping it ends the server at once.
     hold: oneshot::Sender<()>,
 }
 
@@ -199,7 +199,7 @@ impl Running {
         Ok(Self { ended, hold })
     }
 
-    /// Waits a moment until it has said goodbye to its clients.
+    /// Waits a moment while it closes the connections of its clients.
     async fn end(mut self) {
         if tokio::time::timeout(GOODBYE, &mut self.ended).await.is_err() {
             drop(self.hold);
@@ -214,7 +214,7 @@ fn heartbeat(allowed: &Allowed) -> Option<Piece> {
     cells.into_iter().find(|cell| allowed.has(*cell)).map(|at| Piece::Bytes { at, len: 1 })
 }
 
-/// The endpoints: the policies of today, and on loopback one without security. None with SHA-1 signatures.
+/// The endpoints: the current policies, and on loopback one without security. None with SHA-1 signatures.
 fn endpoints(open: bool) -> Vec<(String, ServerEndpoint)> {
     let anonymous: &[&str] = &[ANONYMOUS_USER_TOKEN_ID];
     let mut all = Vec::new();
@@ -233,7 +233,7 @@ fn endpoints(open: bool) -> Vec<(String, ServerEndpoint)> {
     all
 }
 
-/// Waits until so many items have been deleted that the server is better begun anew.
+/// Waits until enough items have been deleted to restart the server.
 async fn worn(monitor: &Monitor, handle: &ServerHandle, pki: &Pki) {
     loop {
         tokio::time::sleep(LOOK).await;

@@ -1,4 +1,4 @@
-//! HTTP/1.1 for a link: who may connect, how long a request may take, whom it may name. What comes is a stranger's.
+//! HTTP/1.1 for a link: who may connect, how long a request may take, which hosts it may name. All input is untrusted.
 
 use std::convert::Infallible;
 use std::future::Future;
@@ -23,23 +23,23 @@ use tokio::sync::mpsc;
 use tokio::time::timeout;
 use tracing::{debug, warn};
 
-/// A request's head, a handshake, a body: each has so long to come.
+/// Time limit for each of a request's header, a handshake and a body.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// A partner that takes nothing for so long is gone.
+/// A partner that takes nothing for this long is dropped.
 const DEAF: Duration = Duration::from_secs(30);
-/// Longest head and body, in bytes.
+/// Longest header and body, in bytes.
 const HEAD: usize = 32 << 10;
 const BODY: usize = 64 << 10;
-/// Connections at a time, where the station file says nothing; of one address at most half of them.
+/// Default limit of concurrent connections; one address gets at most half of them.
 const CLIENTS: usize = 64;
-/// Without a descriptor the next look for a connection waits so long.
+/// Wait before the next accept when there is no free descriptor.
 const PAUSE: Duration = Duration::from_millis(100);
 
-/// Only what the page brings itself may run, be shown or be asked for.
+/// Only the page's own files may run, be shown or be requested.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self'; \
                       base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
-/// A request, whole.
+/// A complete request.
 #[derive(Debug)]
 pub(crate) struct Call {
     pub(crate) method: Method,
@@ -51,14 +51,14 @@ pub(crate) struct Call {
     pub(crate) tls: bool,
 }
 
-/// What answers.
+/// The handler of requests.
 pub(crate) trait Site: 'static {
     fn call(self: Rc<Self>, call: Call) -> Pin<Box<dyn Future<Output = Reply>>>;
 }
 
 pub(crate) type Reply = Response<Body>;
 
-/// A body that is there, or comes bit by bit.
+/// A complete body, or one that comes in parts.
 #[derive(Debug)]
 pub(crate) enum Body {
     Whole(Option<Bytes>),
@@ -104,13 +104,13 @@ pub(crate) fn plain(status: StatusCode, text: impl Into<String>) -> Reply {
     reply(status, "text/plain; charset=utf-8", text.into() + "\n")
 }
 
-/// Which names a link may be called by.
+/// The host names accepted by a link.
 #[derive(Debug)]
 struct Names(Vec<String>);
 
 impl Names {
-    /// Addresses are what they say; a name may have been made to lead here by somebody else (DNS rebinding), so only
-    /// those count that the station file has.
+    /// Addresses are always accepted; somebody else may have made a name lead here (DNS rebinding), so only names in
+    /// the station file are.
     fn has(&self, host: &str) -> bool {
         let name = host_name(host);
         name.parse::<IpAddr>().is_ok()
@@ -128,22 +128,22 @@ fn host_name(host: &str) -> &str {
         .map_or(host, |(name, port)| if port.bytes().all(|b| b.is_ascii_digit()) { name } else { host })
 }
 
-/// Why a request is not even looked at.
+/// Why a request is refused without evaluation.
 fn stranger(names: &Names, headers: &HeaderMap, method: &Method, tls: bool) -> Option<&'static str> {
     let text = |value: Option<&HeaderValue>| value.and_then(|value| value.to_str().ok()).map(str::to_owned);
     let hosts: Vec<_> = headers.get_all(HOST).iter().collect();
-    let [host] = hosts[..] else { return Some("one Host is wanted") };
+    let [host] = hosts[..] else { return Some("exactly one Host header is needed") };
     let Some(host) = text(Some(host)).filter(|host| names.has(host)) else {
-        return Some("this station is not called so: the key `hosts` of the link lists its names");
+        return Some("this is not a name of the station: the key `hosts` of the link lists its names");
     };
     let origin = text(headers.get(ORIGIN));
     let own = format!("{}://{host}", if tls { "https" } else { "http" });
     let changes = !matches!(*method, Method::GET | Method::HEAD);
     if (changes || origin.is_some()) && origin.as_deref() != Some(&own) {
-        return Some("another page asks for this (Origin)");
+        return Some("the request comes from another page (Origin)");
     }
     match text(headers.get("sec-fetch-site")).as_deref() {
-        Some("cross-site" | "same-site") if changes => Some("another page asks for this (Sec-Fetch-Site)"),
+        Some("cross-site" | "same-site") if changes => Some("the request comes from another page (Sec-Fetch-Site)"),
         _ => None,
     }
 }
@@ -228,7 +228,7 @@ async fn answer<S: Site>(request: Request<Incoming>, peer: SocketAddr, tls: bool
     let body = match timeout(PATIENCE, Limited::new(body, BODY).collect()).await {
         Ok(Ok(body)) => body.to_bytes(),
         Ok(Err(_)) => return plain(StatusCode::PAYLOAD_TOO_LARGE, "at most 64 KiB"),
-        Err(_) => return plain(StatusCode::REQUEST_TIMEOUT, "the body does not come"),
+        Err(_) => return plain(StatusCode::REQUEST_TIMEOUT, "the body of the request did not arrive in time"),
     };
     let path = head.uri.path().to_owned();
     let query = head.uri.query().unwrap_or_default().to_owned();
@@ -237,7 +237,7 @@ async fn answer<S: Site>(request: Request<Incoming>, peer: SocketAddr, tls: bool
     site.call(call).await
 }
 
-/// What every answer says.
+/// The headers of every answer.
 fn guarded(mut reply: Reply) -> Reply {
     let headers = reply.headers_mut();
     for (name, value) in [
@@ -261,7 +261,7 @@ pub(crate) fn query(query: &str, key: &str) -> Option<String> {
     })
 }
 
-/// `%41+b` -> `A b`. What is no character is replaced.
+/// `%41+b` -> `A b`. Invalid characters are replaced.
 fn decode(text: &str) -> String {
     let mut bytes = Vec::with_capacity(text.len());
     let mut rest = text.as_bytes();

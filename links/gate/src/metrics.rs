@@ -17,18 +17,18 @@ use serde_json::Value;
 
 use crate::http::{self, Call, Reply, Site, plain, reply};
 
-/// The type of OpenMetrics.
+/// The content type of OpenMetrics.
 const TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
-/// Scrapes in a shorter time get the same figures.
+/// Scrapes within this time get the same figures.
 const AGE: Duration = Duration::from_millis(500);
-/// A password that was right is not computed again for so long: a scrape comes every few seconds.
+/// A correct password is not checked again for this long: a scrape comes every few seconds.
 const TRUSTED: Duration = Duration::from_secs(300);
 const TRUSTED_ONES: usize = 16;
 
 struct Figures {
     station: Station,
     users: Option<Users>,
-    /// Digests of what was right, whose it was, and when.
+    /// Digests of correct passwords, their users, and when they were checked.
     trusted: RefCell<Vec<(Vec<u8>, String, Instant)>>,
     events: Rc<RefCell<text::Counts>>,
 }
@@ -42,7 +42,7 @@ pub(crate) async fn serve(mut link: Link) -> Result<(), String> {
     http::serve(link, Rc::new(figures)).await
 }
 
-/// Counts what happens.
+/// Counts events.
 async fn count(station: Station, counts: Rc<RefCell<text::Counts>>) {
     let (kept, mut events) = station.events(0);
     let take = |what: &What| match what {
@@ -81,7 +81,7 @@ impl Site for Figures {
 }
 
 impl Figures {
-    /// With users a name and a password come with each request.
+    /// With users, each request must contain a name and a password.
     async fn known(&self, call: &Call) -> Result<(), Box<Reply>> {
         let Some(users) = &self.users else { return Ok(()) };
         let ask = |why: &str| {
@@ -90,7 +90,7 @@ impl Figures {
             Box::new(reply)
         };
         let given = call.headers.get(AUTHORIZATION).and_then(|value| value.to_str().ok());
-        let Some((user, password)) = given.and_then(basic) else { return Err(ask("name and password are wanted")) };
+        let Some((user, password)) = given.and_then(basic) else { return Err(ask("name and password are needed")) };
         let proof = digest(&SHA256, format!("{user}\n{password}").as_bytes()).as_ref().to_vec();
         let now = Instant::now();
         self.trusted.borrow_mut().retain(|(_, _, since)| now.duration_since(*since) < TRUSTED);
@@ -131,7 +131,7 @@ fn basic(header: &str) -> Option<(String, String)> {
     Some((user.to_owned(), password.to_owned()))
 }
 
-/// Base 64 with padding; `None`: it is none.
+/// Base 64 with padding; `None`: invalid.
 fn base64(text: &str) -> Option<Vec<u8>> {
     let digits = text.trim_end_matches('=').as_bytes();
     let (mut bytes, mut bits, mut count) = (Vec::with_capacity(digits.len()), 0u32, 0);

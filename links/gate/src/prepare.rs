@@ -1,4 +1,4 @@
-//! Before the first thread: the doors and what the broker says first, the files that are needed, and the fences.
+//! Before the first thread: the doors with the broker's first messages, the needed files, and the fences.
 
 use std::net::TcpListener;
 use std::os::fd::OwnedFd;
@@ -12,9 +12,9 @@ use rustix::event::{PollFd, PollFlags, poll};
 use serde_json::Value;
 use tracing::{error, warn};
 
-/// Most data, in bytes.
+/// Maximum data, in bytes.
 const MEMORY: u64 = 1 << 30;
-/// It comes back by itself, the runtime does not: when memory runs out, the gate goes first.
+/// The gate is restarted by itself, the runtime is not: when memory runs out, the gate is killed first.
 const OOM_SCORE: i16 = 600;
 
 /// A link that is ready to be served.
@@ -29,10 +29,10 @@ pub(crate) struct Ready {
     pub(crate) state: Option<PathBuf>,
 }
 
-/// Waits for the doors of all links, and until each has been welcomed.
+/// Waits for the doors of all links, and for the broker's first message on each.
 pub(crate) fn doors(input: &OwnedFd) -> Result<Vec<Door>, DoorError> {
     let wait = |fd: std::os::fd::BorrowedFd<'_>| {
-        // An interrupted wait is a short one.
+        // An interrupted wait just ends early.
         let _ = poll(&mut [PollFd::from_borrowed_fd(fd, PollFlags::IN)], None);
     };
     let mut doors = loop {
@@ -58,15 +58,12 @@ pub(crate) fn links(doors: Vec<Door>) -> Result<(Vec<Ready>, Memory), String> {
     let mut wanted = Confinement { events: true, memory: MEMORY, oom_score: OOM_SCORE, ..Confinement::default() };
     for link in &links {
         let keys = keys(&link.door)?;
-        // Folders, not files: what is renewed is another file of the same name.
+        // Folders, not files: renewal replaces a file by another of the same name.
         let of = |key: &str| path(&keys, key).and_then(|path| path.parent().map(Path::to_owned));
         wanted.readable.extend(["users", "certificate", "key", "ca", "password_file"].into_iter().filter_map(of));
         if let Some(reports) = path(&keys, "reports") {
             if !reports.is_dir() {
-                warn!(
-                    "{} is no folder: reports there are seen once it is one and the gate has begun anew",
-                    reports.display()
-                );
+                warn!("{} is not a folder: create it and restart the gate to see reports there", reports.display());
             }
             wanted.readable.push(reports);
         }
@@ -77,7 +74,7 @@ pub(crate) fn links(doors: Vec<Door>) -> Result<(Vec<Ready>, Memory), String> {
     }
     let refused = ob1_rt::confine(&wanted);
     refused.iter().for_each(|(what, why)| warn!("not confined, {what}: {why}"));
-    // Whoever breaks in shall find nothing: without fences there is little to be had here.
+    // Without fences an intruder must gain as little as possible.
     if refused.iter().any(|(what, _)| matches!(*what, "landlock" | "seccomp" | "no new privileges")) {
         error!("this process cannot be confined here: every link is read only, and only from this machine");
         for link in &mut links {
@@ -108,7 +105,7 @@ fn link(mut door: Door) -> Result<Ready, String> {
         (Some(certificate), Some(key)) => Some(Tls::load(&certificate, &key).map_err(|why| named(&why))?),
         _ => None,
     };
-    // Who only reads and has no name leaves no trace.
+    // A link that only reads and has no users writes no log.
     let audit = match path(&keys, "audit").filter(|_| users.is_some() || welcome.rights > Right::Read) {
         Some(file) => Audit::open(&welcome.link, &file)
             .map_err(|why| named(&format!("the audit log {}: {why}", file.display())))?,

@@ -1,12 +1,12 @@
 //! Addresses of S7 communication and cells of the CPU.
 
 use ob1_access::door::{Reading, Refusal};
-use ob1_model::{Area as Place, Cell, CellError, CellWidth, Piece, Put};
+use ob1_model::{Area as Place, Cell, CellError, Piece, Put, Width};
 use ob1_s7::codes::ItemCode;
 use ob1_s7::server;
 use ob1_s7::wire::{Address, Area, DataType};
 
-/// Where an address begins.
+/// The first cell of an address.
 fn cell(address: &Address) -> Cell {
     let bit = address.start;
     match address.area {
@@ -20,20 +20,20 @@ fn cell(address: &Address) -> Cell {
     }
 }
 
-/// Elements of the width the address asks for, where each is a value of its own: modules, timers, counters.
-fn single(address: &Address) -> Option<(CellWidth, u32)> {
+/// Width and number of elements, if each is a separate value: modules, timers, counters.
+fn single(address: &Address) -> Option<(Width, u32)> {
     let count = u32::from(address.count);
     match (address.area, address.ty.bytes()) {
-        (Area::Counters | Area::Timers, _) => Some((CellWidth::Word, count)),
-        (Area::Peripheral, 2) => Some((CellWidth::Word, count)),
-        (Area::Peripheral, 4) => Some((CellWidth::DWord, count)),
-        (Area::Peripheral, bytes) => Some((CellWidth::Byte, count * bytes)),
+        (Area::Counters | Area::Timers, _) => Some((Width::Word, count)),
+        (Area::Peripheral, 2) => Some((Width::Word, count)),
+        (Area::Peripheral, 4) => Some((Width::DWord, count)),
+        (Area::Peripheral, bytes) => Some((Width::Byte, count * bytes)),
         _ => None,
     }
 }
 
 /// The n-th element of an address.
-fn element(address: &Address, width: CellWidth, index: u32) -> Cell {
+fn element(address: &Address, width: Width, index: u32) -> Cell {
     match cell(address) {
         Cell::Counter(first) => Cell::Counter(first.saturating_add(index as u16)),
         Cell::Timer(first) => Cell::Timer(first.saturating_add(index as u16)),
@@ -41,7 +41,7 @@ fn element(address: &Address, width: CellWidth, index: u32) -> Cell {
     }
 }
 
-/// The pieces of all addresses, one behind the other.
+/// The pieces of all addresses, one after the other.
 pub(crate) fn pieces(addresses: &[Address]) -> Vec<Piece> {
     let mut pieces = Vec::with_capacity(addresses.len());
     for address in addresses {
@@ -58,7 +58,7 @@ pub(crate) fn pieces(addresses: &[Address]) -> Vec<Piece> {
     pieces
 }
 
-/// The values of all addresses, out of what was read of their pieces.
+/// The values of all addresses, from the reading of their pieces.
 pub(crate) fn values(addresses: &[Address], reading: &Reading) -> Vec<Result<Vec<u8>, ItemCode>> {
     let mut next = 0..reading.len();
     let mut piece = || next.next().map_or(Err(Refusal::NotThere), |index| reading.piece(index)).map_err(code);
@@ -69,7 +69,7 @@ pub(crate) fn values(addresses: &[Address], reading: &Reading) -> Vec<Result<Vec
             let bit = |byte: &u8| byte >> (address.start % 8) & 1;
             return Ok(if is_bit { bytes.iter().map(bit).collect() } else { bytes.to_vec() });
         };
-        // All pieces are taken, also behind one that is not there.
+        // All pieces are consumed, even after a missing one.
         let all: Vec<Result<&[u8], ItemCode>> = (0..count).map(|_| piece()).collect();
         let mut bytes = Vec::with_capacity(address.bytes());
         for piece in all {
@@ -87,7 +87,7 @@ pub(crate) fn values(addresses: &[Address], reading: &Reading) -> Vec<Result<Vec
     addresses.iter().map(&mut of).collect()
 }
 
-/// What is to be written for a value.
+/// The writes for a value.
 ///
 /// # Errors
 /// The value does not fit.
@@ -95,12 +95,12 @@ pub(crate) fn puts(put: &server::Put) -> Result<Vec<Put>, ItemCode> {
     let address = &put.address;
     if address.ty == DataType::Bit {
         let value = put.bytes.first().map_or(0, |byte| u32::from(byte & 1));
-        return Ok(vec![Put::Value(cell(address), CellWidth::Bit, value)]);
+        return Ok(vec![Put::Value(cell(address), Width::Bit, value)]);
     }
     let Some((width, _)) = single(address) else {
         return Ok(vec![Put::Bytes(cell(address), put.bytes.clone().into())]);
     };
-    let elements = put.bytes.chunks(usize::from(width.bytes())).zip(0..);
+    let elements = put.bytes.chunks(width.bytes() as usize).zip(0..);
     elements
         .map(|(bytes, index)| {
             let value = match address.area {
@@ -116,7 +116,7 @@ fn number(bytes: &[u8]) -> u32 {
     bytes.iter().fold(0, |number, byte| number << 8 | u32::from(*byte))
 }
 
-/// A counter goes over the wire as three decimal digits.
+/// A counter is sent as three decimal digits.
 fn to_bcd(count: u32) -> u16 {
     let count = count.min(999) as u16;
     count + count / 10 * 6 + count / 100 * 96
@@ -128,7 +128,7 @@ fn from_bcd(word: u32) -> Option<u32> {
     is_count.then(|| digits.iter().fold(0, |count, digit| count * 10 + digit))
 }
 
-/// Why an item was not read or written, as a CPU says it.
+/// The code with which a CPU refuses to read or write an item.
 pub(crate) fn code(refusal: Refusal) -> ItemCode {
     match refusal {
         Refusal::Cell(CellError::Outside | CellError::NoTimer) => ItemCode::ADDRESS,
@@ -157,15 +157,15 @@ mod tests {
             address(Area::Peripheral, 8, DataType::DateAndTime, 1),
             address(Area::Timers, 5, DataType::Timer, 2),
         ];
-        let value = |at: u32| Piece::Value(Cell::Peripheral(at), CellWidth::Byte);
+        let value = |at: u32| Piece::Value(Cell::Peripheral(at), Width::Byte);
         let mut expected = vec![
             Piece::Bytes { at: Cell::Db(7, 160), len: 12 },
             Piece::Bytes { at: Cell::Area(Place::Memory, 80), len: 1 },
-            Piece::Value(Cell::Peripheral(80), CellWidth::Word),
-            Piece::Value(Cell::Peripheral(96), CellWidth::Word),
+            Piece::Value(Cell::Peripheral(80), Width::Word),
+            Piece::Value(Cell::Peripheral(96), Width::Word),
         ];
         expected.extend((0..8).map(|n| value(8 + n * 8)));
-        expected.extend([5, 6].map(|n| Piece::Value(Cell::Timer(n), CellWidth::Word)));
+        expected.extend([5, 6].map(|n| Piece::Value(Cell::Timer(n), Width::Word)));
         assert_eq!(pieces(&all), expected);
     }
 
@@ -173,14 +173,14 @@ mod tests {
     fn values_are_put_as_they_lie() {
         let put = |address, bytes: &[u8]| puts(&server::Put { address, bytes: bytes.to_vec() });
         let bit = address(Area::Db, 83, DataType::Bit, 1);
-        assert_eq!(put(bit, &[0xFF]), Ok(vec![Put::Value(Cell::Db(7, 83), CellWidth::Bit, 1)]));
+        assert_eq!(put(bit, &[0xFF]), Ok(vec![Put::Value(Cell::Db(7, 83), Width::Bit, 1)]));
         let words = address(Area::Db, 16, DataType::Word, 2);
         assert_eq!(put(words, &[1, 2, 3, 4]), Ok(vec![Put::Bytes(Cell::Db(7, 16), [1, 2, 3, 4].into())]));
         let outputs = address(Area::Peripheral, 16, DataType::DWord, 1);
-        let expected = Put::Value(Cell::Peripheral(16), CellWidth::DWord, 0x0102_0304);
+        let expected = Put::Value(Cell::Peripheral(16), Width::DWord, 0x0102_0304);
         assert_eq!(put(outputs, &[1, 2, 3, 4]), Ok(vec![expected]));
         let counters = address(Area::Counters, 3, DataType::Counter, 2);
-        let expected = [(3, 999), (4, 12)].map(|(n, value)| Put::Value(Cell::Counter(n), CellWidth::Word, value));
+        let expected = [(3, 999), (4, 12)].map(|(n, value)| Put::Value(Cell::Counter(n), Width::Word, value));
         assert_eq!(put(counters, &[0x09, 0x99, 0x00, 0x12]), Ok(expected.to_vec()));
         assert_eq!(put(counters, &[0x09, 0x9A, 0, 0]), Err(ItemCode::INCONSISTENT));
         assert_eq!(put(counters, &[0x19, 0x99, 0, 0]), Err(ItemCode::INCONSISTENT));

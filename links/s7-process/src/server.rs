@@ -24,22 +24,22 @@ use crate::tap::{Shared, Tap};
 use ob1_s7_process::asks::Surroundings;
 use ob1_s7_process::config::Config;
 
-/// Between two signs of life.
+/// Time between two signs of life.
 const BEAT: Duration = Duration::from_millis(200);
 const TICK: Duration = Duration::from_secs(1);
-/// Connections that have not said yet whom they want; the oldest goes for a new one.
+/// Maximum of connections without a call; a new one replaces the oldest.
 const HALF_OPEN: usize = 64;
-/// So long one may take to say it.
+/// Time limit for the call.
 const CALL: Duration = Duration::from_secs(10);
-/// Accepted in one round: those who are served come in between.
+/// Maximum accepted per round, so that served connections get their turn.
 const ACCEPTS: usize = 64;
-/// Connections that are told, at most: as many as a message holds.
+/// Maximum of reported connections: as many as fit a message.
 const TOLD: usize = 256;
-/// Lines about connections in the log, of each [`TICK`].
+/// Maximum log lines about connections per [`TICK`].
 const LINES: u32 = 10;
 /// The newest entry of the diagnostic buffer.
 const DIAGNOSIS: Ask = Ask::Szl { id: 0x01A0, index: 1 };
-/// What the link asks for itself, not for a connection.
+/// Client number of the link's own requests.
 const SELF: u32 = 0;
 
 pub(crate) struct Server {
@@ -54,11 +54,11 @@ pub(crate) struct Server {
     beat: Instant,
     tick: Instant,
     buffer: Box<[u8; 16 * 1024]>,
-    /// Lines of the log that may still be written, and those that were not.
+    /// Log lines that may still be written, and the number of those omitted.
     lines: u32,
     unsaid: u64,
     subscribed: bool,
-    /// The connections, as they were told last.
+    /// The connections as last reported.
     told: Vec<ob1_access::door::Connection>,
     /// Waiting for the newest entry of the diagnostic buffer.
     diagnosis: Option<Ticket>,
@@ -67,12 +67,12 @@ pub(crate) struct Server {
     tap: Shared,
 }
 
-/// What is ready after a wait.
+/// The result of a wait.
 #[derive(Default)]
 struct Ready {
     accept: Vec<usize>,
     read: Vec<usize>,
-    /// The doorbell of the back plane.
+    /// The doorbell of the back plane has rung.
     rung: bool,
     /// Descriptors of the CP, in its order.
     coupler: Vec<bool>,
@@ -103,7 +103,7 @@ impl Server {
         }
     }
 
-    /// Until SIGTERM, or until the door is closed.
+    /// Runs until SIGTERM, or until the door is closed.
     pub(crate) fn run(&mut self) -> Result<(), DoorError> {
         while !self.terminate.load(Ordering::Relaxed) {
             let now = Instant::now();
@@ -112,7 +112,7 @@ impl Server {
             self.welcome();
             self.news(now);
             self.serve(now);
-            // What was asked in between goes out before the wait.
+            // Requests made in between are sent before the wait.
             self.door.pump()?;
             let ready = self.wait()?;
             let now = Instant::now();
@@ -147,7 +147,7 @@ impl Server {
                     self.tap.borrow_mut().open(socket, &station, &link);
                 }
                 if let Some(coupler) = &mut self.coupler {
-                    // The first is the server's, those behind it belong to connections.
+                    // The first is the server's, the following ones belong to connections.
                     let sockets = self.listeners.split_off(self.listeners.len().min(1));
                     let sockets = sockets.into_iter().map(Some).collect();
                     coupler.configure(&connections, config.settings, sockets, Rc::clone(&self.tap));
@@ -175,7 +175,7 @@ impl Server {
             self.tell_connections();
             self.lines = LINES;
             if std::mem::take(&mut self.unsaid) > 0 {
-                warn!("more connections than can be told one by one");
+                warn!("too many connections to log each of them");
             }
             let idle = self.config.and_then(|config| config.idle);
             let late = |session: &Session| session.resource.is_none() && now.duration_since(session.since) >= CALL;
@@ -186,7 +186,7 @@ impl Server {
         }
     }
 
-    /// Who looks at the station sees the connections of a second ago at most.
+    /// Reports the connections: tools that show the station see them at most a second late.
     fn tell_connections(&mut self) {
         let is_there = |session: &&Session| session.resource.is_some();
         let mut list: Vec<_> = self.sessions.iter().filter(is_there).map(Session::told).collect();
@@ -231,7 +231,7 @@ impl Server {
                 let mode = CpuEvent::Mode(state.number());
                 self.sessions.iter_mut().for_each(|session| session.event(&mode));
             }
-            // One question at a time: the newest entry is what counts.
+            // One question at a time: only the newest entry matters.
             What::Diagnosis(_) if self.diagnosis.is_none() => self.diagnosis = Some(self.door.ask(SELF, DIAGNOSIS)),
             _ => {}
         }
@@ -262,7 +262,7 @@ impl Server {
         }
     }
 
-    /// Those who have said whom they want.
+    /// Handles connections whose call has come.
     fn calls(&mut self, config: &Config, now: Instant) {
         loop {
             let caller = self.sessions.iter().position(|s| s.resource.is_none() && s.call().is_some());
@@ -303,7 +303,7 @@ impl Server {
         }
     }
 
-    /// A call for a connection of the CP goes there.
+    /// Passes a call for a connection of the CP to it.
     fn is_for_coupler(&mut self, index: usize, now: Instant) -> bool {
         let Some(coupler) = &mut self.coupler else { return false };
         let Some(session) = self.sessions.get(index) else { return false };
@@ -342,7 +342,7 @@ impl Server {
                 let (socket, peer) = match acceptfrom_with(listener, flags) {
                     Ok((socket, Some(peer))) => (socket, peer),
                     Ok((_, None)) | Err(Errno::CONNABORTED | Errno::INTR) => continue,
-                    // No more of them, or no more descriptors: the next round tries again.
+                    // No more connections, or no more descriptors: the next round tries again.
                     Err(_) => break,
                 };
                 self.open(socket, peer, &config, now);
@@ -359,7 +359,7 @@ impl Server {
             && let Some(oldest) = half_open.clone().map(|s| s.since).min()
             && let Some(number) = half_open.find(|s| s.since == oldest).map(|s| s.number)
         {
-            self.close(number, "it has not said whom it wants, and others wait");
+            self.close(number, "it has sent no connection request, and others wait");
         }
         let connection = Connection::new(config.settings);
         self.sessions.push(Session::new(number(&mut self.next), TcpStream::from(socket), peer, connection, now));
@@ -416,13 +416,13 @@ impl Server {
     }
 }
 
-/// Each number once, so that nobody gets the rights of one before.
+/// Each number is used once, so that no connection gets the rights of an earlier one.
 fn number(next: &mut u32) -> u32 {
     *next = next.checked_add(1).unwrap_or(SELF + 1);
     *next
 }
 
-/// Takes the rings of the doorbell; true at its end.
+/// Reads the doorbell; true if it has been closed.
 fn doorbell_closed() -> Result<bool, DoorError> {
     let mut rings = [0; 64];
     match rustix::io::read(rustix::stdio::stdin(), &mut rings) {

@@ -16,16 +16,16 @@ use ob1_s7_process::asks::{Asks, Surroundings};
 
 /// Bytes read at a time.
 const READ: usize = 16 * 1024;
-/// A partner that takes nothing for so long is gone.
+/// A partner that takes nothing for this long is dropped.
 const STUCK: Duration = Duration::from_secs(30);
-/// So long the end may take: the last answer goes out.
+/// Time limit for the end, while the last answer is sent.
 const FAREWELL: Duration = Duration::from_secs(1);
 
 #[derive(Debug)]
 pub(crate) struct Session {
     pub(crate) number: u32,
     pub(crate) peer: SocketAddr,
-    /// What it counts as, since it was let in.
+    /// Its kind, once it has been accepted.
     pub(crate) resource: Option<Resource>,
     pub(crate) since: Instant,
     /// The TSAP it has called.
@@ -63,7 +63,7 @@ impl Session {
         &self.socket
     }
 
-    /// For whoever looks at the station.
+    /// The connection, for tools that show the station.
     pub(crate) fn told(&self) -> door::Connection {
         let (pdu, jobs, errors) = self.summary();
         let state = match self.connection.pdu() {
@@ -79,7 +79,7 @@ impl Session {
         self.connection.call()
     }
 
-    /// The socket, and the call that stands in its transport, for whoever it is for.
+    /// The socket, and the transport with the call, for the connection that it is meant for.
     pub(crate) fn into_call(self) -> (TcpStream, Transport) {
         (self.socket, self.connection.into_transport())
     }
@@ -94,7 +94,7 @@ impl Session {
         self.connection.refuse(why);
     }
 
-    /// Something may be read.
+    /// Whether it can take input.
     pub(crate) fn wants_read(&self) -> bool {
         self.connection.room() > 0
     }
@@ -128,7 +128,7 @@ impl Session {
         Tapped::of(self.number, self.peer, false)
     }
 
-    /// Takes what has come.
+    /// Receives data.
     pub(crate) fn receive(&mut self, buffer: &mut [u8; READ], tap: &Shared, now: Instant) {
         let room = self.connection.room().min(READ);
         if room == 0 {
@@ -140,7 +140,7 @@ impl Session {
                 self.heard = now;
                 tap.borrow_mut().tell(Kind::In, || self.tapped(), &buffer[..len]);
                 self.connection.receive(&buffer[..len]);
-                // Setup alone is no work.
+                // Setup alone does not count as work.
                 self.works |= self.connection.counts().jobs > 1;
             }
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => {}
@@ -148,7 +148,7 @@ impl Session {
         }
     }
 
-    /// Serves the requests of the machine as far as that is possible now.
+    /// Serves the requests of the machine as far as possible now.
     pub(crate) fn serve(&mut self, around: &mut Surroundings<'_>, now_ms: u64) {
         if self.connection.next_tick().is_some_and(|due| due <= now_ms) {
             self.connection.tick(now_ms);
@@ -200,7 +200,7 @@ impl Session {
         }
     }
 
-    /// Why it is over, when it is.
+    /// Why the session has ended, if it has.
     pub(crate) fn over(&mut self, now: Instant) -> Option<&'static str> {
         if self.gone {
             return Some("closed by the partner");
@@ -215,10 +215,10 @@ impl Session {
             });
         }
         let stuck = !self.connection.output().is_empty() && now.saturating_duration_since(self.moved) >= STUCK;
-        stuck.then_some("it does not take its answers")
+        stuck.then_some("it does not read its answers")
     }
 
-    /// When [`Session::serve`] or [`Session::over`] is wanted, whatever comes before. Milliseconds count from `start`.
+    /// When [`Session::serve`] or [`Session::over`] is due at the latest. Milliseconds count from `start`.
     pub(crate) fn due(&self, start: Instant) -> Option<Instant> {
         let tick = self.connection.next_tick().map(|ms| start + Duration::from_millis(ms));
         [tick, self.asks.due(), self.ends_by].into_iter().flatten().min()

@@ -1,5 +1,5 @@
 //! Two Ethernet CPs on a bad network, in virtual time: PUT, GET, BSEND, USEND, ISO on TCP and TCP in both directions,
-//! with connections that break at any moment. What was said to be done has been done, and nothing comes torn.
+//! with connections that break at any moment. A job reported as done has been done, and no data arrives torn.
 
 use std::collections::VecDeque;
 
@@ -10,30 +10,15 @@ use ob1_s7::iso::{Event, Transport, Tsap};
 use ob1_s7::server::{Ask, Reply, Settings};
 use ob1_words::boxes::{Answer, BOX_BYTES, HEAD_BYTES, Order, Service, State, pieces, range, status};
 
-/// Most milliseconds a chunk is on its way.
+/// Maximum transfer time of a chunk, in milliseconds.
 const DELAY: u64 = 3;
 const S7: usize = 0;
 const ISO: usize = 1;
 const TCP: usize = 2;
 const UDP: usize = 3;
-/// Those with a TCP connection.
+/// The connections over TCP.
 const STREAMS: [usize; 3] = [ISO, TCP, S7];
 const TCP_BYTES: usize = 700;
-
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0
-    }
-
-    fn below(&mut self, most: u64) -> u64 {
-        self.next() % most
-    }
-}
 
 /// A box as a handling block uses it.
 #[derive(Default)]
@@ -68,7 +53,7 @@ impl Job {
         self.block(&order)
     }
 
-    /// What the block does next, and how the job has ended.
+    /// The block's next content, and how the job has ended.
     fn step(&mut self, answer: &Answer, data: &[u8]) -> (Option<[u8; BOX_BYTES]>, Option<End>) {
         let Some(mut order) = self.order.filter(|order| order.job == answer.job) else { return (None, None) };
         match answer.state {
@@ -154,7 +139,7 @@ impl Plc {
         self.jobs[at].order.is_none()
     }
 
-    /// Everything the CP has shown; the ends of jobs.
+    /// Handles everything the CP has shown; returns the ends of jobs.
     fn boxes(&mut self, now: u64) -> Vec<(usize, End)> {
         let mut ends = Vec::new();
         loop {
@@ -168,7 +153,7 @@ impl Plc {
         }
     }
 
-    /// The CPU answers what partners ask: DB 1 is there.
+    /// The CPU answers requests of partners: DB 1 exists.
     fn serve(&mut self, index: usize) {
         while let Some(request) = self.machine.next_ask(index) {
             let at = |address: &ob1_s7::wire::Address| {
@@ -200,11 +185,11 @@ impl Plc {
     }
 }
 
-/// A TCP connection between both, or a place for one: chunks on their way to A and to B with the time they come.
+/// A TCP connection between both, or a place for one: chunks in transit to A and to B with their arrival times.
 #[derive(Default)]
 struct Wire {
     is_up: bool,
-    /// The call that B has not seen whole yet.
+    /// The call that B has not received completely yet.
     front: Option<Transport>,
     to: [VecDeque<(u64, Vec<u8>)>; 2],
 }
@@ -225,7 +210,7 @@ fn item(len: usize) -> Vec<u8> {
     item
 }
 
-/// What came of a run.
+/// The result of a run.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Tally {
     chunks: u64,
@@ -236,18 +221,18 @@ struct Tally {
     early: u64,
 }
 
-/// Runs until so many chunks have travelled; one connection in `odds` milliseconds breaks.
+/// Runs until this many chunks have been transferred; one connection in `odds` milliseconds breaks.
 fn run(seed: u64, chunks: u64, odds: u64, rights: Rights) -> Tally {
-    let mut random = Random(seed | 1);
+    let mut random = fastrand::Rng::with_seed(seed);
     let mut plcs = [Plc::new(true, rights), Plc::new(false, rights)];
     let mut wires: Vec<Wire> = (0..3).map(|_| Wire::default()).collect();
     let mut tally = Tally::default();
     let mut numbers = [[0u32; BLOCKS]; 2];
     let mut sent: [[Vec<u8>; BLOCKS]; 2] = Default::default();
-    // What each has got by BRCV and not been told about by the other's DONE yet.
+    // What each has received by BRCV before the other's DONE.
     let mut received: [Vec<Vec<u8>>; 2] = Default::default();
     let mut datagrams: [VecDeque<Vec<u8>>; 2] = Default::default();
-    // What certainly stands in the partner's memory.
+    // The certain content of the partner's memory.
     let mut written: [Option<Vec<u8>>; 2] = Default::default();
     let (mut now, mut set_up) = (0, false);
     while tally.chunks < chunks {
@@ -262,8 +247,8 @@ fn run(seed: u64, chunks: u64, odds: u64, rights: Rights) -> Tally {
                 match action {
                     Action::Connect(index) => {
                         wires[index] = Wire { is_up: true, front: Some(Transport::new()), ..Wire::default() };
-                        wires[index].to[0].push_back((now + 1 + random.below(DELAY), Vec::new()));
-                        wires[index].to[1].push_back((now + 1 + random.below(DELAY), Vec::new()));
+                        wires[index].to[0].push_back((now + 1 + random.u64(..DELAY), Vec::new()));
+                        wires[index].to[1].push_back((now + 1 + random.u64(..DELAY), Vec::new()));
                     }
                     Action::Close(index) => wires[index].is_up = false,
                 }
@@ -273,21 +258,21 @@ fn run(seed: u64, chunks: u64, odds: u64, rights: Rights) -> Tally {
                 if output.is_empty() || !wires[index].is_up {
                     continue;
                 }
-                let len = 1 + random.below(output.len() as u64) as usize;
-                let due = now + 1 + random.below(DELAY);
+                let len = 1 + random.usize(..output.len());
+                let due = now + 1 + random.u64(..DELAY);
                 let due = wires[index].to[1 - me].back().map_or(due, |last| last.0.max(due));
                 wires[index].to[1 - me].push_back((due, output[..len].to_vec()));
                 plc.machine.sent(index, len, now);
             }
             while let Some(datagram) = plc.machine.datagram(UDP) {
                 // One in eight is lost.
-                if random.below(8) > 0 {
+                if random.u64(..8) > 0 {
                     datagrams[1 - me].push_back(datagram);
                 }
             }
         }
         for (index, wire) in wires.iter_mut().enumerate() {
-            if wire.is_up && random.below(odds) == 0 {
+            if wire.is_up && random.u64(..odds) == 0 {
                 wire.is_up = false;
                 tally.breaks += 1;
             }
@@ -296,7 +281,8 @@ fn run(seed: u64, chunks: u64, odds: u64, rights: Rights) -> Tally {
                     *wire = Wire::default();
                 }
                 for plc in &mut plcs {
-                    if plc.machine.condition(index).0 == Condition::Up || !plc.machine.output(index).is_empty() {
+                    let is_open = matches!(plc.machine.condition(index).0, Condition::Up | Condition::Coming);
+                    if is_open || !plc.machine.output(index).is_empty() {
                         plc.machine.lost(index, now);
                     }
                 }
@@ -335,7 +321,7 @@ fn run(seed: u64, chunks: u64, odds: u64, rights: Rights) -> Tally {
         }
         set_up |= plcs.iter().all(|plc| STREAMS.iter().all(|index| plc.machine.condition(*index).0 == Condition::Up));
         let both = [plcs[0].boxes(now), plcs[1].boxes(now)];
-        // What has come first: the DONE of its sender is never earlier.
+        // Received data first: the DONE of their sender is never earlier.
         for (me, ends) in both.iter().enumerate() {
             for (at, end) in ends {
                 let End::Done(bytes) = end else {
@@ -373,7 +359,7 @@ fn run(seed: u64, chunks: u64, odds: u64, rights: Rights) -> Tally {
                 }
             }
             let plc = &mut plcs[me];
-            // Waits at once; sends after a while.
+            // Receiving jobs wait at once; sending jobs begin after a while.
             for (at, service, id, room) in [
                 (BRCV, Service::Brcv, 1, 4000),
                 (ISO_RECV, Service::Receive, 2, 2000),
@@ -387,22 +373,22 @@ fn run(seed: u64, chunks: u64, odds: u64, rights: Rights) -> Tally {
             if plc.is_idle(URCV) {
                 plc.begin(URCV, Service::Urcv, 1, vec![1, 0, 100], 100, now);
             }
-            let at = [BSEND, ISO_SEND, TCP_SEND, UDP_SEND, USEND, PUT][random.below(6) as usize];
+            let at = [BSEND, ISO_SEND, TCP_SEND, UDP_SEND, USEND, PUT][random.usize(..6)];
             if !plc.is_idle(at) || at == PUT && !plc.is_idle(GET) {
                 continue;
             }
             numbers[me][at] += 1;
             let number = numbers[me][at];
             let (service, id, data) = match at {
-                BSEND => (Service::Bsend, 1, pattern(number, 4 + random.below(3000) as usize)),
-                ISO_SEND => (Service::Send, 2, pattern(number, 4 + random.below(1500) as usize)),
+                BSEND => (Service::Bsend, 1, pattern(number, 4 + random.usize(..3000))),
+                ISO_SEND => (Service::Send, 2, pattern(number, 4 + random.usize(..1500))),
                 TCP_SEND => (Service::Send, 3, pattern(number, TCP_BYTES)),
-                UDP_SEND => (Service::Send, 4, pattern(number, 4 + random.below(1500) as usize)),
+                UDP_SEND => (Service::Send, 4, pattern(number, 4 + random.usize(..1500))),
                 USEND => (Service::Usend, 1, [&[1, 0, 100][..], &pattern(number, 100)].concat()),
                 _ if written[me].is_some() => (Service::Get, 1, item(160)),
                 _ => (Service::Put, 1, pattern(number, 160)),
             };
-            // Only one writes into the other's block, so what it reads back is what it has written.
+            // Only one side writes into the other's block, so it reads back what it has written.
             if at == PUT {
                 if service == Service::Get {
                     plc.begin(GET, Service::Get, id, data, 160, now);
@@ -430,7 +416,7 @@ fn on_a_good_network_nothing_fails() {
             assert!(*done > 20, "block {at} of {me}: {tally:?}");
         }
     }
-    // A job may come before everything is set up; later none fails. Only of URCV can older data be overwritten.
+    // A job may come before everything is set up; later none fails. Only with URCV can older data be overwritten.
     let failed: u64 = tally.failed.iter().flat_map(|failed| failed.iter().take(URCV)).sum();
     assert_eq!(failed, 0, "{tally:?}");
 }
@@ -455,7 +441,7 @@ fn what_is_done_has_been_done_whatever_breaks() {
     }
 }
 
-/// A call of A, as it comes to the place of B: not a word more.
+/// A call of A as it reaches B, with nothing after it.
 fn call() -> Transport {
     let (mut caller, mut front) = (Transport::new(), Transport::new());
     let [a, b] = ["ISO-A", "ISO-B"].map(|tsap| Tsap::new(tsap.as_bytes()).expect("short"));
@@ -465,8 +451,8 @@ fn call() -> Transport {
     front
 }
 
-/// A connection has to be closed, and before anybody looks for that another one has come into its place. To close now
-/// would close the new one, which the machine believes to be up.
+/// A connection has to be closed, but before that happens another one has replaced it. A close would then close the new
+/// one, which the machine takes to be up.
 #[test]
 fn what_comes_in_the_place_of_a_connection_is_not_closed_for_it() {
     let reset = vec![0, 2];
@@ -480,7 +466,7 @@ fn what_comes_in_the_place_of_a_connection_is_not_closed_for_it() {
             comes(&mut plc);
             assert_eq!(plc.machine.condition(index).0, Condition::Up);
             match index {
-                // No telegram of ISO on TCP.
+                // Not a telegram of ISO on TCP.
                 ISO => plc.machine.receive(ISO, &[0xFF; 8], 2),
                 _ => plc.begin(ISO_SEND, Service::Control, id, reset.clone(), 8, 2),
             }

@@ -1,13 +1,13 @@
 //! The handling blocks of the CP 340: FB 2 P_RCV, FB 3 P_SEND, FB 4 P_PRINT, FB 12 P_RESET, FC 5 V24_STAT and
 //! FC 6 V24_SET.
 //!
-//! What they share with those of the CP 341 is in `ob1-ptp`. A CP 340 has no header and no areas: P_RCV puts each
-//! telegram where DB_NO and DBB_NO say, P_SEND sends from there.
+//! The parts they share with those of the CP 341 are in `ob1-ptp`. A CP 340 has no header and no areas: P_RCV stores
+//! each telegram at DB_NO and DBB_NO, P_SEND sends from there.
 
 mod reset;
 
 use ob1_ptp::print::{Name, Print};
-use ob1_ptp::send::{self, Data, Job};
+use ob1_ptp::send::{self, Data, Job, LEN_WRONG, Source};
 use ob1_ptp::{CpState, receive};
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 use ob1_words::channels::Job as Order;
@@ -15,9 +15,9 @@ use ob1_words::channels::Job as Order;
 interface! {
     /// The parameters of P_RCV, in the manual's order.
     pub(crate) mod rcv {
-        /// 1: telegrams of the partner are taken.
+        /// 1: telegrams of the partner are accepted.
         in     EN_R: Bool;
-        /// 1 aborts the job and blocks the block.
+        /// 1 aborts the job and disables the block.
         in     R: Bool;
         /// Logical base address of the CP.
         in     LADDR: Int;
@@ -25,9 +25,9 @@ interface! {
         in     DB_NO: Int;
         /// First byte in it.
         in     DBB_NO: Int;
-        /// A telegram has come without error: for one call.
+        /// For one call: a telegram was received without error.
         out    NDR: Bool;
-        /// The job has ended with an error: for one call.
+        /// For one call: the job ended with an error.
         out    ERROR: Bool;
         /// Bytes of the telegram, while NDR is 1.
         out    LEN: Int;
@@ -35,7 +35,7 @@ interface! {
         out    STATUS: Word;
         /// RET_VAL of the record transfer after 1E0Eh.
         static SFCERR: Word;
-        /// Between two calls.
+        /// The state between two calls.
         static MEMORY: Bytes<34>;
     }
 }
@@ -45,25 +45,25 @@ interface! {
     pub(crate) mod snd {
         /// A rising edge starts a job.
         in     REQ: Bool;
-        /// 1 aborts the job and blocks the block.
+        /// 1 aborts the job and disables the block.
         in     R: Bool;
         /// Logical base address of the CP.
         in     LADDR: Int;
-        /// Data block of the data.
+        /// Data block with the data.
         in     DB_NO: Int;
         /// First byte in it.
         in     DBB_NO: Int;
         /// Bytes, 1 to 1024.
         in     LEN: Int;
-        /// The job has ended without error: for one call.
+        /// For one call: the job ended without error.
         out    DONE: Bool;
-        /// It has ended with an error: for one call.
+        /// For one call: the job ended with an error.
         out    ERROR: Bool;
         /// Event class and number while ERROR is 1.
         out    STATUS: Word;
         /// RET_VAL of the record transfer after 1E0Fh.
         static SFCERR: Word;
-        /// Between two calls.
+        /// The state between two calls.
         static MEMORY: Bytes<34>;
     }
 }
@@ -101,8 +101,7 @@ impl Block for Receive {
 /// Longest telegram, bytes.
 const LEN_MAX: i16 = 1024;
 
-/// STATUS: LEN is not 1 to 1024, or a length of P_PRINT. [TIA help "PtP data link CP 340", "STATUS parameter"]
-const LEN_WRONG: u16 = 0x1E41;
+const SOURCE: Source = Source { db_no: snd::DB_NO, dbb_no: snd::DBB_NO, len: snd::LEN, longest: LEN_MAX };
 
 /// FB 3.
 struct Send;
@@ -120,13 +119,11 @@ impl Job for Send {
     };
 
     fn check(cx: &mut Cx<'_, CpState>) -> Result<Result<(), u16>, Abort> {
-        let is_possible = (1..=LEN_MAX).contains(&cx.get(snd::LEN)?);
-        Ok(if is_possible { Ok(()) } else { Err(LEN_WRONG) })
+        SOURCE.check(cx)
     }
 
     fn begin(cx: &mut Cx<'_, CpState>) -> Result<Result<Data, u16>, Abort> {
-        let (db, byte) = (cx.get(snd::DB_NO)? as u16, cx.get(snd::DBB_NO)? as u16);
-        Ok(Ok(Data { db, byte, len: cx.get(snd::LEN)? as u16 }))
+        SOURCE.data(cx).map(Ok)
     }
 
     fn order(_: &mut Cx<'_, CpState>) -> Result<Order, Abort> {

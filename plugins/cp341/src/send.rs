@@ -2,12 +2,9 @@
 
 use ob1_ptp::CpState;
 use ob1_ptp::channel::LEN_MAX;
-use ob1_ptp::send::{self, Data, Job, Params};
+use ob1_ptp::send::{self, Data, Job, Params, Source};
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 use ob1_words::channels::Job as Order;
-
-/// STATUS: LEN is not 1 to 4096. [reference 3.14]
-const LEN_WRONG: u16 = 0x1E41;
 
 interface! {
     /// The parameters, in the manual's order; the instance has 62 bytes.
@@ -16,11 +13,11 @@ interface! {
         in     SF: Char = b'S';
         /// A rising edge starts a job.
         in     REQ: Bool;
-        /// 1 aborts the job and blocks the block.
+        /// 1 aborts the job and disables the block.
         in     R: Bool;
         /// Logical base address of the CP.
         in     LADDR: Int;
-        /// Data block of the data.
+        /// Data block with the data.
         in     DB_NO: Int;
         /// First byte in it.
         in     DBB_NO: Int;
@@ -38,18 +35,20 @@ interface! {
         in     R_CF_BYT: Int = 255;
         /// Bit of the coordination flag.
         in     R_CF_BIT: Int;
-        /// The job has ended without error: for one call.
+        /// For one call: the job ended without error.
         out    DONE: Bool;
-        /// It has ended with an error: for one call.
+        /// For one call: the job ended with an error.
         out    ERROR: Bool;
         /// Event class and number while ERROR is 1.
         out    STATUS: Word;
         /// RET_VAL of WR_REC after 1E0Fh.
         static SFCERR: Word;
-        /// Between two calls.
+        /// The state between two calls.
         static MEMORY: Bytes<34>;
     }
 }
+
+const SOURCE: Source = Source { db_no: snd::DB_NO, dbb_no: snd::DBB_NO, len: snd::LEN, longest: LEN_MAX as i16 };
 
 impl Job for SendRk {
     const PARAMS: Params = Params {
@@ -64,13 +63,11 @@ impl Job for SendRk {
     };
 
     fn check(cx: &mut Cx<'_, CpState>) -> Result<Result<(), u16>, Abort> {
-        let is_possible = (1..=LEN_MAX as i16).contains(&cx.get(snd::LEN)?);
-        Ok(if is_possible { Ok(()) } else { Err(LEN_WRONG) })
+        SOURCE.check(cx)
     }
 
     fn begin(cx: &mut Cx<'_, CpState>) -> Result<Result<Data, u16>, Abort> {
-        let (db, byte) = (cx.get(snd::DB_NO)? as u16, cx.get(snd::DBB_NO)? as u16);
-        Ok(Ok(Data { db, byte, len: cx.get(snd::LEN)? as u16 }))
+        SOURCE.data(cx).map(Ok)
     }
 
     fn order(cx: &mut Cx<'_, CpState>) -> Result<Order, Abort> {

@@ -1,8 +1,8 @@
 //! A block that gives a job to the CP: P_SEND and P_SND_RK send data of a DB, P_SND_RK also fetches data of the partner
 //! into a DB (RK 512), P_PRINT prints. [reference 1.1, 1.2]
 //!
-//! A job of LEN bytes takes LEN/32 calls, rounded up, to hand over its data, one more to see that the CP has them, and
-//! one that tells the end: at least three. The start-up coordination takes one call before. [reference 1.0]
+//! A job of LEN bytes takes LEN/32 calls, rounded up, to pass its data, one more to see that the CP has them, and one
+//! that reports the end: at least three. The start-up coordination takes one call before. [reference 1.0]
 
 use ob1_sdk::types::{Bool, Bytes, Int, Word};
 use ob1_sdk::{Abort, Area, Cx, Formal, In, Out, Refused, Static};
@@ -20,24 +20,26 @@ const WRITE_FAILED: u16 = 0x1E0F;
 pub(crate) const CP_RESTARTED: u16 = 0x0501;
 /// STATUS: the DB is missing or too short. [reference 3.5]
 pub const DB_WRONG: u16 = 0x0301;
+/// STATUS: LEN is 0, negative or more than the CP takes, or a length of P_PRINT. [reference 3.14]
+pub const LEN_WRONG: u16 = 0x1E41;
 
 /// How long a job waits for a CP that does not answer: it may be starting. (ours)
 const ABSENCE_MS: u32 = 10_000;
 
-/// Where the job is.
+/// The phase of the job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub(crate) enum Phase {
-    /// The CP does not know the block yet.
+    /// There is no start-up coordination with the CP yet.
     #[default]
     Off,
-    /// It has been asked for the start-up coordination.
+    /// The start-up coordination has been requested.
     Starting,
     Idle,
-    /// Data go to the CP.
+    /// Data are being passed to the CP.
     Giving,
-    /// The CP has the job.
+    /// The CP executes the job.
     Running,
-    /// Fetched data come.
+    /// Fetched data are being received.
     Taking,
 }
 
@@ -58,7 +60,7 @@ impl Phase {
     }
 }
 
-/// What the block remembers between two calls.
+/// The state of the block between two calls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub(crate) struct Memory {
     pub(crate) phase: Phase,
@@ -79,13 +81,13 @@ pub(crate) struct Memory {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Act {
     Wait,
-    /// Ask for the start-up coordination with this number.
+    /// Request the start-up coordination with a new number.
     Start,
     /// Begin the job with its first piece.
     Begin,
-    /// Give the next piece.
+    /// Pass the next piece.
     Give,
-    /// Take the piece the CP shows.
+    /// Store the piece that the CP shows.
     Take,
     Done,
     Failed(u16),
@@ -120,7 +122,7 @@ impl Memory {
         bytes
     }
 
-    /// A call while R is 0; `cp`: what the CP shows.
+    /// One call while R is 0; `cp` is the block that the CP shows.
     pub(crate) fn step(&mut self, cp: &Block) -> Act {
         let known = self.start != 0 && cp.start() == self.start;
         match self.phase {
@@ -130,7 +132,7 @@ impl Memory {
                 self.step(cp)
             }
             Phase::Starting => Act::Wait,
-            // The CP has started again: everything it had is gone.
+            // The CP has restarted: all its jobs are lost.
             _ if !known => {
                 let had_job = self.phase.has_job();
                 self.phase = Phase::Off;
@@ -141,7 +143,7 @@ impl Memory {
             _ if cp.job() != self.job => Act::Wait,
             Phase::Giving => match cp.state() {
                 State::Collecting if cp.piece() == self.piece => Act::Give,
-                // It has all, or does not want it: how the job ends is told by the next call.
+                // The CP has all data, or refuses the job: the next call reports how the job ends.
                 State::Running | State::Giving | State::Done | State::Failed => {
                     (self.phase, self.piece) = (Phase::Running, 0);
                     Act::Wait
@@ -158,56 +160,56 @@ impl Memory {
     }
 }
 
-/// The parameters every such block has.
+/// The parameters that all these blocks have.
 #[derive(Clone, Copy, Debug)]
 pub struct Params {
     /// A rising edge starts a job.
     pub req: Formal<Bool, In>,
-    /// 1 aborts the job and blocks the block.
+    /// 1 aborts the job and disables the block.
     pub r: Formal<Bool, In>,
     /// Logical base address of the CP.
     pub laddr: Formal<Int, In>,
-    /// The job has ended without error: for one call.
+    /// For one call: the job ended without error.
     pub done: Formal<Bool, Out>,
-    /// It has ended with an error: for one call.
+    /// For one call: the job ended with an error.
     pub error: Formal<Bool, Out>,
     /// Event class and number while ERROR is 1.
     pub status: Formal<Word, Out>,
     /// RET_VAL of the record transfer.
     pub sfcerr: Static<Word>,
-    /// Between two calls.
+    /// The state between two calls.
     pub memory: Static<Bytes<34>>,
 }
 
-/// What a job is about: the part in which the blocks differ.
+/// The part in which the blocks differ.
 pub trait Job {
     /// The parameters.
     const PARAMS: Params;
 
-    /// Looks at the parameters at the edge of REQ; the result is a STATUS with which the job ends at once.
+    /// Checks the parameters at the edge of REQ; with an inner error the job ends at once with this STATUS.
     ///
     /// # Errors
     /// The call ends.
     fn check(cx: &mut Cx<'_, CpState>) -> Result<Result<(), u16>, Abort>;
 
-    /// The job begins: where its data are, and how many bytes.
+    /// Starts the job; returns the location and length of its data.
     ///
     /// # Errors
     /// The call ends.
     fn begin(cx: &mut Cx<'_, CpState>) -> Result<Result<Data, u16>, Abort>;
 
-    /// What the CP is to do; its length comes from [`begin`](Self::begin).
+    /// The job for the CP; its length comes from [`begin`](Self::begin).
     ///
     /// # Errors
     /// The call ends.
     fn order(cx: &mut Cx<'_, CpState>) -> Result<ob1_words::channels::Job, Abort>;
 
-    /// Whether the CPU gives data with the job.
+    /// Whether the CPU passes data with the job.
     fn has_data(_: &ob1_words::channels::Job) -> bool {
         true
     }
 
-    /// Reads a piece of the data that begins `from` bytes behind the first.
+    /// Reads a piece of the data that begins at byte `from`.
     ///
     /// # Errors
     /// The call ends.
@@ -220,19 +222,52 @@ pub trait Job {
     }
 }
 
-/// Where the data of a job are.
+/// The parameters that say where the data of a job are: DB_NO, DBB_NO and LEN.
+#[derive(Clone, Copy, Debug)]
+pub struct Source {
+    /// DB_NO.
+    pub db_no: Formal<Int, In>,
+    /// DBB_NO.
+    pub dbb_no: Formal<Int, In>,
+    /// LEN, bytes.
+    pub len: Formal<Int, In>,
+    /// The longest LEN that the CP takes.
+    pub longest: i16,
+}
+
+impl Source {
+    /// Whether LEN is possible; the STATUS if it is not.
+    ///
+    /// # Errors
+    /// The call ends.
+    pub fn check(&self, cx: &mut Cx<'_, CpState>) -> Result<Result<(), u16>, Abort> {
+        let is_possible = (1..=self.longest).contains(&cx.get(self.len)?);
+        Ok(if is_possible { Ok(()) } else { Err(LEN_WRONG) })
+    }
+
+    /// What the parameters say now.
+    ///
+    /// # Errors
+    /// The call ends.
+    pub fn data(&self, cx: &mut Cx<'_, CpState>) -> Result<Data, Abort> {
+        let (db, byte) = (cx.get(self.db_no)? as u16, cx.get(self.dbb_no)? as u16);
+        Ok(Data { db, byte, len: cx.get(self.len)? as u16 })
+    }
+}
+
+/// Location and length of the data of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Data {
     /// Data block.
     pub db: u16,
     /// First byte in it.
     pub byte: u16,
-    /// Bytes.
+    /// Length in bytes.
     pub len: u16,
 }
 
-/// A call of the block: DONE, or ERROR with a STATUS, or neither, and BR. The outputs are those of this call alone.
-/// SFCERR and what lies between two calls are in the instance. [reference 1.2]
+/// One call of the block: sets DONE, or ERROR with a STATUS, or neither, and BR. The outputs are valid for this call
+/// only. SFCERR and the state between two calls are in the instance. [reference 1.2]
 ///
 /// # Errors
 /// The call ends.
@@ -248,7 +283,7 @@ pub fn call<J: Job>(cx: &mut Cx<'_, CpState>) -> Result<(), Abort> {
 fn job<J: Job>(cx: &mut Cx<'_, CpState>) -> Result<End, Abort> {
     let mut bytes = [0; 34];
     if cx.load_bytes(J::PARAMS.memory, 0, &mut bytes)?.is_err() {
-        // An instance that is too short: as a statement that reads it.
+        // The instance is too short: the same event as for a statement that reads it.
         cx.raise_fault(0x2522, 0)?;
         return Ok(None);
     }
@@ -261,7 +296,7 @@ fn job<J: Job>(cx: &mut Cx<'_, CpState>) -> Result<End, Abort> {
     Ok(end)
 }
 
-/// How a job has ended in this call: with a STATUS, or without error.
+/// The end of a job in this call: without error, or with a STATUS.
 type End = Option<Result<(), u16>>;
 
 fn run<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory) -> Result<End, Abort> {
@@ -274,7 +309,7 @@ fn run<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory) -> Result<End, Abo
         Err(_) => return Ok(None),
     };
     if memory.start != state.send.start.get() {
-        // The first call since the start-up of the CPU: what was under way before is cancelled. [reference 1.6]
+        // The first call since the start-up of the CPU: a job from before is cancelled. [reference 1.6]
         let cancelled = memory.phase.has_job();
         *memory = Memory { req, ..Memory::default() };
         if cancelled {
@@ -326,7 +361,7 @@ fn run<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory) -> Result<End, Abo
             unreachable::<J>(cx, why).map(Some)
         }
         Err(Wrong(status)) => {
-            // The CP is in the middle of the job: it is told to forget it.
+            // The CP is executing the job: cancel it there.
             let reset = ask(cx, memory, laddr, state, &cp)?;
             if !matches!(reset, Ok(Ok(()))) {
                 memory.phase = Phase::Off;
@@ -336,13 +371,12 @@ fn run<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory) -> Result<End, Abo
     }
 }
 
-/// The job cannot have its data: the data block is missing or too short, and OB 121 has let the program go on.
+/// The job cannot have its data: the data block is missing or too short, and the program continued after OB 121.
 struct Wrong(u16);
 
 type Done = Result<Result<(), Unreachable>, Wrong>;
 
-/// R = 1: the block goes back to its initial state; what has reached the CP completely is still transmitted.
-/// [reference 1.2]
+/// R = 1: the block returns to its initial state; a job that the CP has completely is still executed. [reference 1.2]
 fn reset_block(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16, state: &CpState) -> Result<End, Abort> {
     let aborted = memory.phase.has_job() || memory.latched;
     (memory.latched, memory.absent_since) = (false, None);
@@ -362,7 +396,7 @@ fn reset_block(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16, state:
     Ok(aborted.then_some(Err(ABORTED)))
 }
 
-/// The CP does not answer: a job under way is lost, one that waits does so for a while.
+/// The CP does not answer: a running job is lost, a waiting job waits for a limited time.
 fn absent<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory, why: Unreachable) -> Result<End, Abort> {
     let had_job = memory.phase.has_job();
     memory.phase = Phase::Off;
@@ -375,7 +409,7 @@ fn absent<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory, why: Unreachabl
     }
     let now = (cx.now() / 1_000_000) as u32;
     let since = *memory.absent_since.get_or_insert(now);
-    // A module that is not there at all will not come.
+    // If the module does not exist, waiting is useless.
     let hopeless = why == Unreachable(0x8090) || why == Unreachable(0x80B0);
     if !hopeless && now.wrapping_sub(since) < ABSENCE_MS {
         return Ok(None);
@@ -389,7 +423,7 @@ fn unreachable<J: Job>(cx: &mut Cx<'_, CpState>, why: Unreachable) -> Result<Res
     Ok(Err(WRITE_FAILED))
 }
 
-/// Asks for the start-up coordination with a new number.
+/// Requests the start-up coordination with a new number.
 fn ask(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16, state: &CpState, cp: &Block) -> Result<Done, Abort> {
     memory.start = next_start(cp.start(), memory.start);
     state.send.start.set(memory.start);
@@ -397,15 +431,15 @@ fn ask(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16, state: &CpStat
     Ok(Ok(channel::write(cx, laddr, Channel::Send, &Block::of_cpu(Command::Start, memory.start, 0))?))
 }
 
-/// The job has ended: the CP may forget it.
+/// The job has ended: the CP may delete it.
 fn rest(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16) -> Result<(), Abort> {
     memory.phase = Phase::Idle;
-    // A CP that is gone by now has forgotten it anyway.
+    // If the CP is gone, its job is gone too.
     let _told = channel::write(cx, laddr, Channel::Send, &Block::of_cpu(Command::Rest, memory.start, memory.job))?;
     Ok(())
 }
 
-/// Gives the next piece; a FETCH has none.
+/// Passes the next piece; a FETCH has none.
 fn give<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16) -> Result<Done, Abort> {
     let order = J::order(cx)?;
     let mut block =
@@ -413,7 +447,7 @@ fn give<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16) -> Re
     block.set_order(&order);
     let from = memory.piece * PIECE;
     let len = usize::from(memory.data.len.saturating_sub(from).min(PIECE));
-    // SF counts when the job begins: only a SEND is asked for more.
+    // SF is evaluated only when the job begins: after that the CP requests pieces only for a SEND.
     if (J::has_data(&order) || memory.piece > 0)
         && let Err(status) = J::read(cx, memory.data, from, block.data_mut(len))?
     {
@@ -425,7 +459,7 @@ fn give<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16) -> Re
     Ok(Ok(channel::write(cx, laddr, Channel::Send, &block)?))
 }
 
-/// Takes a piece of fetched data.
+/// Stores a piece of fetched data.
 fn take(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16, cp: &Block) -> Result<Done, Abort> {
     memory.phase = Phase::Taking;
     let from = memory.piece * PIECE;
@@ -440,8 +474,8 @@ fn take(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16, cp: &Block) -
     Ok(Ok(channel::write(cx, laddr, Channel::Send, &block)?))
 }
 
-/// "Wrong parameters can drive the CPU into STOP": the same events as for a statement with that operand.
-/// [reference 1.0] If OB 121 lets the program go on, the job ends with this STATUS.
+/// "Wrong parameters can drive the CPU into STOP": causes the same events as a statement with this operand. [reference
+/// 1.0] If the program continues after OB 121, the job ends with this STATUS.
 pub(crate) fn wrong_db(
     cx: &mut Cx<'_, CpState>,
     refused: Refused,
@@ -454,7 +488,7 @@ pub(crate) fn wrong_db(
     Ok(DB_WRONG)
 }
 
-/// The event of a statement that cannot have its operand, and what it is about.
+/// The event of a statement whose operand is not accessible, and its additional information.
 pub(crate) fn fault_of(refused: Refused, db: u16, at: u32, writing: bool) -> (u16, u32) {
     match refused {
         Refused::NoDb | Refused::DbNumber => (0x253A, u32::from(db)),

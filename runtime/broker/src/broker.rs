@@ -1,4 +1,4 @@
-//! The broker itself: takes what links say, does what they may, tells them what has come of it.
+//! The broker itself: takes requests of links, carries out what is allowed, and reports the outcome.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -23,7 +23,7 @@ const ANSWER_TIME: Span = Span::from_secs(3);
 /// Pause between two looks while the scan has something to answer, and while it has not.
 const LOOK: Span = Span::from_micros(200);
 const IDLE_LOOK: Span = Span::from_millis(20);
-/// What the scan has not answered after so many looks is looked at more slowly.
+/// After this many looks without an answer of the scan, the broker looks less often.
 const PATIENT_LOOKS: u32 = 500;
 /// Messages of one link that are taken before the next link's turn.
 const MESSAGES: usize = 64;
@@ -154,13 +154,13 @@ impl Broker {
                 Some((connection.gone()?, joint.config.name.clone()))
             });
             if let Some((why, name)) = gone {
-                tracing::info!(link = %name, "let go: {why}");
+                tracing::info!(link = %name, "dropped: {why}");
                 self.lost(link, now);
             }
         }
     }
 
-    /// Changes of the program that have come to their end.
+    /// Reports changes of the program that have ended.
     fn tell_changes(&mut self) {
         while let Some((number, outcome)) = self.facts.changed() {
             let Some(asker) = self.changes.remove(&number) else { continue };
@@ -181,7 +181,7 @@ impl Broker {
         Ok(None)
     }
 
-    /// What a link says, up to a bound.
+    /// Takes messages of a link, up to a bound.
     fn listen(&mut self, link: usize, now: Instant) {
         let mut buffer = std::mem::take(&mut self.buffer);
         for _ in 0..MESSAGES {
@@ -408,14 +408,14 @@ impl Broker {
         }
     }
 
-    /// The window of a link, for whoever measures beside it.
+    /// The window of a link, for measurements.
     #[must_use]
     pub fn window(&self, link: usize) -> Option<WindowReader> {
         self.joints.get(link).map(|joint| joint.window().clone())
     }
 }
 
-/// A data block may be changed where its values may be.
+/// A data block may be changed if its values may be.
 fn may_touch(id: BlockId, config: &LinkConfig) -> Result<(), Refusal> {
     let allowed = id.kind != BlockKind::Db || config.allowed.has(ob1_access::Cell::Db(id.number, 0));
     if allowed { Ok(()) } else { Err(Refusal::Right) }

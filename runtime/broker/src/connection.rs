@@ -1,4 +1,4 @@
-//! The socket of a link: packets in, packets out, and nobody waits.
+//! The socket of a link: packets in, packets out, and no waiting.
 
 use std::collections::VecDeque;
 use std::io;
@@ -8,9 +8,9 @@ use ob1_access::door::{MESSAGE_BYTES, ToBroker, ToLink};
 use ob1_backplane::handover;
 use ob1_time::{Instant, Span};
 
-/// Packets that wait for a link to take them; one that lets more come is gone.
+/// Packets that may wait for a link to take them; with more it is dropped.
 const OUTBOX: usize = 4096;
-/// A link that has taken nothing for so long is gone.
+/// A link that has taken nothing for this long is dropped.
 const PATIENCE: Span = Span::from_secs(5);
 
 /// A link's process at the other end.
@@ -58,14 +58,14 @@ impl Connection {
         handover::send(&self.socket, &message.encode(), descriptors)
     }
 
-    /// Sends when there is room, and keeps it otherwise.
+    /// Queues a message; [`Connection::flush`] sends it.
     pub(crate) fn say(&mut self, message: &ToLink) {
         let packet = message.encode();
-        // What is longer than a message may be comes of the station's own size; the link is told that there is none.
+        // The broker keeps to the bound: documents go in parts, and a block that is too long is answered as not there.
         debug_assert!(packet.len() <= MESSAGE_BYTES);
         self.outbox.push_back(packet);
         if self.outbox.len() > OUTBOX {
-            self.gone = Some("it takes nothing of what it has asked for");
+            self.gone = Some("it does not fetch the answers to its questions");
         }
     }
 
@@ -75,7 +75,7 @@ impl Connection {
             Ok(Some((0, _))) => self.is_gone("its socket is closed"),
             Ok(Some((len, _))) => match buffer.get(..len).and_then(ToBroker::decode) {
                 Some(message) => Received::Message(message),
-                None => self.is_gone("it does not speak as this version does"),
+                None => self.is_gone("it speaks another version"),
             },
             Err(_) => self.is_gone("its socket is broken"),
         }
@@ -104,7 +104,7 @@ impl Connection {
         if self.outbox.is_empty() {
             self.took = now;
         } else if now.since(self.took) >= PATIENCE {
-            self.gone = Some("it takes nothing of what it has asked for");
+            self.gone = Some("it does not fetch the answers to its questions");
         }
     }
 }

@@ -8,7 +8,7 @@ use ob1_access::door::{
     Answer, Ask, BlockFact, Command, Connection, Diagnosis, Document, Door, Event, News, NotYet, OUTSTANDING, Reading,
     Refusal, Refused, State, Ticket, What,
 };
-use ob1_access::{Allowed, Cell, CellError, CellWidth, Piece, Put, Right};
+use ob1_access::{Allowed, Cell, CellError, Piece, Put, Right, Width};
 use ob1_backplane::handover;
 use ob1_broker::{Broker, Change, Changed, DriverState, Facts, Feed, LinkConfig, LinkState, feed};
 use ob1_cpu::{Clock, Cpu, CpuConfig, DiagEntry, system_blocks};
@@ -232,7 +232,7 @@ fn bytes(at: Cell, len: u32) -> Piece {
 }
 
 fn word(at: Cell, value: u32) -> Put {
-    Put::Value(at, CellWidth::Word, value)
+    Put::Value(at, Width::Word, value)
 }
 
 #[test]
@@ -262,7 +262,7 @@ fn everything_read_is_of_one_scan_and_a_write_is_seen_by_the_next_read() {
     assert_eq!(station.write(&mut door, 1, &wrong), Err(refused));
     assert_eq!(station.read(&mut door, &[bytes(memory(20), 2)]).value(0), Ok(49), "nothing of it landed");
     // An input that a module feeds goes there.
-    assert!(station.write(&mut door, 1, &[Put::Value(Cell::Area(Area::Input, 0), CellWidth::Bit, 1)]).is_ok());
+    assert!(station.write(&mut door, 1, &[Put::Value(Cell::Area(Area::Input, 0), Width::Bit, 1)]).is_ok());
 }
 
 /// A document of any length comes whole, whatever else is asked meanwhile.
@@ -283,7 +283,7 @@ fn documents() {
     let links = station.ask(&mut door, 3, Ask::Document(Document::Links));
     let Answer::Document { bytes: links, .. } = links else { panic!("{links:?}") };
     assert_eq!(String::from_utf8_lossy(&links), r#"Links Stop [("page", true, 1), ("metrics", false, 0)]"#);
-    // Who asks for more than it takes is told so, and what waits for it is bounded.
+    // A client that asks for more than it takes is told so, and what waits for it is bounded.
     for _ in 0..200 {
         door.ask(4, Ask::Document(Document::Program));
     }
@@ -341,7 +341,7 @@ fn changes_of_the_program() {
     let linked = Change::Link(vec![(db7, bytes.clone()), (fc, bytes)]);
     let wanted = [Change::Link(Vec::new()), linked, Change::Delete(Vec::new())];
     assert_eq!(*station.changes.lock().expect("not poisoned"), wanted);
-    // As often as one likes: each answer gives its place free.
+    // As often as wanted: each answer frees its place.
     for _ in 0..3 * OUTSTANDING {
         assert_eq!(station.ask(&mut door, 1, Ask::Link), Answer::Done);
     }
@@ -365,10 +365,10 @@ fn rights() {
         let refused = Err(Refused { entry: 0, why: Refusal::Right });
         if right == Right::Read {
             assert_eq!((written, station.write(&mut door, 1, &[])), (refused, refused));
-            assert_eq!(station.cpu.read(memory(20), CellWidth::Word), Ok(0));
+            assert_eq!(station.cpu.read(memory(20), Width::Word), Ok(0));
         } else {
             assert!(written.is_ok());
-            assert_eq!(station.cpu.read(memory(20), CellWidth::Word), Ok(7));
+            assert_eq!(station.cpu.read(memory(20), Width::Word), Ok(7));
         }
         for ask in operates.clone() {
             let answer = station.ask(&mut door, 1, ask.clone());
@@ -393,7 +393,7 @@ fn areas_and_blocks() {
         bytes(Cell::Db(7, 0), 2),
         bytes(Cell::Db(8, 0), 2),
         bytes(Cell::Area(Area::Output, 0), 1),
-        Piece::Value(Cell::Timer(1), CellWidth::Word),
+        Piece::Value(Cell::Timer(1), Width::Word),
     ];
     let reading = station.read(&mut door, &pieces);
     let seen: Vec<bool> = (0..pieces.len()).map(|at| reading.piece(at).is_ok()).collect();
@@ -431,7 +431,7 @@ fn a_password_gives_one_client_more() {
     assert_eq!(station.ask(&mut door, 1, Ask::Login("secret".into())), Answer::Done);
     door.client_gone(1);
     assert!(station.write(&mut door, 1, &[word(memory(20), 4)]).is_err(), "its rights went with it");
-    assert_eq!(station.cpu.read(memory(20), CellWidth::Word), Ok(1));
+    assert_eq!(station.cpu.read(memory(20), Width::Word), Ok(1));
 }
 
 #[test]
@@ -556,7 +556,7 @@ fn clients_take_turns_and_none_takes_the_turn_of_another() {
     }
 }
 
-/// A CPU that hangs: each question is answered all the same, and what comes too late is of nobody.
+/// A CPU that hangs: each question is answered all the same, and an answer that comes too late belongs to nobody.
 #[test]
 fn a_silent_cpu_is_told() {
     let mut station = Station::new(vec![link("panel", Right::Operate)]);
@@ -587,21 +587,18 @@ fn a_silent_cpu_is_told() {
 fn noise_closes_one_door() {
     let mut station = Station::new(vec![link("mad", Right::Operate), link("panel", Right::Write)]);
     let mut panel = station.open(1);
-    let mut random = 0x1234_5678_9ABC_DEF0u64;
+    let mut random = fastrand::Rng::with_seed(0x1234_5678_9ABC_DEF0);
     for round in 0..300 {
         let (ours, theirs): (OwnedFd, OwnedFd) = handover::pair().expect("a socket");
         station.broker.connect(0, ours, station.time);
         let mut packet = ob1_access::door::ToBroker::Watch {
             generation: u64::from(round % 3 == 0) << 40 | round,
-            pieces: vec![bytes(memory(0), 2), Piece::Value(Cell::Timer(9), CellWidth::Bit)],
+            pieces: vec![bytes(memory(0), 2), Piece::Value(Cell::Timer(9), Width::Bit)],
         }
         .encode();
         for _ in 0..round % 5 {
-            random ^= random << 13;
-            random ^= random >> 7;
-            random ^= random << 17;
-            let at = random as usize % packet.len();
-            packet[at] = (random >> 32) as u8;
+            let at = random.usize(..packet.len());
+            packet[at] = random.u8(..);
         }
         handover::send(&theirs, &packet, &[]).expect("room");
         station.cycle();
@@ -610,7 +607,7 @@ fn noise_closes_one_door() {
     assert_eq!(station.read(&mut panel, &[bytes(memory(20), 2)]).value(0), Ok(77));
 }
 
-/// A link that asks and takes nothing of its answers is let go, and nobody else waits for it.
+/// A link that asks and takes none of its answers is dropped, and nobody else waits for it.
 #[test]
 fn a_link_that_takes_nothing_is_let_go() {
     let mut station = Station::new(vec![link("stuck", Right::Read), link("panel", Right::Write)]);

@@ -5,7 +5,7 @@ use ob1_model::{Area, S5Time};
 use crate::arena::{ArenaBit, Range};
 use crate::machine::Machine;
 use crate::timers::Counter;
-use crate::{Cell, CellError, CellWidth};
+use crate::{Cell, CellError, Width};
 
 /// The piece of memory a cell lies in, and its bit there; `None` for cells that are not memory.
 fn range(m: &Machine, cell: Cell, write: bool) -> Result<Option<(Range, u32)>, CellError> {
@@ -38,8 +38,8 @@ pub(crate) fn block(m: &Machine, cell: Cell) -> Result<&[u8], CellError> {
     m.memory.bytes.get(range.bytes()).ok_or(CellError::Outside)
 }
 
-/// Whether a value can be written, without writing it. A module's answer is known only then.
-pub(crate) fn check(m: &Machine, cell: Cell, width: CellWidth, value: u32) -> Result<(), CellError> {
+/// Whether a value can be written, without writing it. A module answers only when it is written to.
+pub(crate) fn check(m: &Machine, cell: Cell, width: Width, value: u32) -> Result<(), CellError> {
     if width.bits() < 32 && value >> width.bits() != 0 {
         return Err(CellError::Value);
     }
@@ -50,8 +50,8 @@ pub(crate) fn check(m: &Machine, cell: Cell, width: CellWidth, value: u32) -> Re
             Some(_) if value > u32::from(Counter::MAX) => Err(CellError::Value),
             Some(_) => Ok(()),
         },
-        Cell::Peripheral(_) if width != CellWidth::Bit => Ok(()),
-        Cell::Timer(n) if width == CellWidth::Word => {
+        Cell::Peripheral(_) if width != Width::Bit => Ok(()),
+        Cell::Timer(n) if width == Width::Word => {
             m.timers.get(usize::from(n)).ok_or(CellError::NoTimer)?;
             S5Time(value as u16).digits().map(|_| ()).ok_or(CellError::Value)
         }
@@ -60,7 +60,7 @@ pub(crate) fn check(m: &Machine, cell: Cell, width: CellWidth, value: u32) -> Re
 }
 
 /// The arena bit of a cell in memory; `None` for cells that are not memory.
-fn locate(m: &Machine, cell: Cell, width: CellWidth, write: bool) -> Result<Option<ArenaBit>, CellError> {
+fn locate(m: &Machine, cell: Cell, width: Width, write: bool) -> Result<Option<ArenaBit>, CellError> {
     let Some((range, at)) = range(m, cell, write)? else { return Ok(None) };
     let bits = u32::from(width.bits());
     if bits > 1 && at % 8 != 0 {
@@ -71,7 +71,7 @@ fn locate(m: &Machine, cell: Cell, width: CellWidth, write: bool) -> Result<Opti
 }
 
 /// Reads a cell.
-pub(crate) fn read(m: &mut Machine, cell: Cell, width: CellWidth) -> Result<u32, CellError> {
+pub(crate) fn read(m: &mut Machine, cell: Cell, width: Width) -> Result<u32, CellError> {
     if let Some(at) = locate(m, cell, width, false)? {
         return Ok(m.memory.read_bits(at, width.bits()));
     }
@@ -79,14 +79,14 @@ pub(crate) fn read(m: &mut Machine, cell: Cell, width: CellWidth) -> Result<u32,
         Cell::Timer(n) => {
             let timer = m.timers.get(usize::from(n)).ok_or(CellError::NoTimer)?;
             Ok(match width {
-                CellWidth::Bit => u32::from(timer.output(m.hot.now)),
+                Width::Bit => u32::from(timer.output(m.hot.now)),
                 _ => u32::from(timer.remaining_bcd(m.hot.now)),
             })
         }
         Cell::Counter(n) => {
             let counter = m.counters.get(usize::from(n)).ok_or(CellError::NoTimer)?;
             Ok(match width {
-                CellWidth::Bit => u32::from(counter.value != 0),
+                Width::Bit => u32::from(counter.value != 0),
                 _ => u32::from(counter.value),
             })
         }
@@ -95,14 +95,14 @@ pub(crate) fn read(m: &mut Machine, cell: Cell, width: CellWidth) -> Result<u32,
             let len = usize::from(width.bits().div_ceil(8));
             m.io_read(at / 8, &mut bytes[4 - len..]).map_err(|_| CellError::NoModule)?;
             let value = u32::from_be_bytes(bytes);
-            Ok(if width == CellWidth::Bit { value >> (at % 8) & 1 } else { value })
+            Ok(if width == Width::Bit { value >> (at % 8) & 1 } else { value })
         }
         Cell::Area(..) | Cell::Db(..) => Err(CellError::Outside),
     }
 }
 
 /// Writes a cell.
-pub(crate) fn write(m: &mut Machine, cell: Cell, width: CellWidth, value: u32) -> Result<(), CellError> {
+pub(crate) fn write(m: &mut Machine, cell: Cell, width: Width, value: u32) -> Result<(), CellError> {
     check(m, cell, width, value)?;
     if let Some(at) = locate(m, cell, width, true)? {
         m.memory.write_bits(at, width.bits(), value);
@@ -118,7 +118,7 @@ pub(crate) fn write(m: &mut Machine, cell: Cell, width: CellWidth, value: u32) -
             let timer = m.timers.get_mut(usize::from(n)).ok_or(CellError::NoTimer)?;
             if timer.preset(value as u16, now) { Ok(()) } else { Err(CellError::Value) }
         }
-        Cell::Peripheral(at) if width != CellWidth::Bit => {
+        Cell::Peripheral(at) if width != Width::Bit => {
             let len = usize::from(width.bits() / 8);
             m.io_write(at / 8, &value.to_be_bytes()[4 - len..]).map_err(|_| CellError::NoModule)
         }

@@ -10,14 +10,15 @@ use ob1_time::{Instant, Span};
 use crate::engine::{Callee, Engine, Entry, Plan};
 use crate::machine::{Attention, Machine};
 use crate::native::Native;
+use crate::whereabouts::Packed;
 use crate::{Abort, Clock, DiagEntry, ObInfo, Running, ShortText};
 
 /// Statements after which the engine looks at the clock at its next safe point, at the latest.
 const STATEMENTS_PER_LOOK: u32 = 1000;
-/// Fewest statements between two looks at a clock whose pace is only guessed at.
+/// Fewest statements between two looks at a clock whose pace is only estimated.
 const FEWEST_STATEMENTS: u64 = 16;
 
-/// What runs: blocks by number, and who executes them.
+/// The loaded blocks by number, and the engine that runs them.
 pub(crate) struct Blocks {
     pub(crate) engine: Box<dyn Engine>,
     pub(crate) plan: Arc<Plan>,
@@ -39,7 +40,7 @@ impl Blocks {
     }
 }
 
-/// A run of an organization block: the machine, the blocks and the clock. What engines may ask of it stands in
+/// A run of an organization block: the machine, the blocks and the clock. The functions that engines may use are in
 /// [`crate::engine`].
 pub struct Context<'a> {
     pub(crate) machine: &'a mut Machine,
@@ -54,7 +55,7 @@ impl std::fmt::Debug for Context<'_> {
 }
 
 impl Context<'_> {
-    /// Time goes on: tells the clock of the statements executed and asks it.
+    /// Brings the time up to date: tells the clock how many statements were executed, then reads it.
     pub(crate) fn look(&mut self) {
         let machine = &mut *self.machine;
         let pending = u64::from(std::mem::take(&mut machine.hot.pending));
@@ -67,8 +68,8 @@ impl Context<'_> {
         }
         let due = machine.interrupts.next_due().min(machine.watchdog.expires.unwrap_or(Instant::NEVER));
         let time = due.since(machine.hot.now);
-        // A due time is seen at the first safe point behind it where statements are charged, else within some
-        // statements of it.
+        // With a clock that charges statements, a due time is seen at the first safe point after it, otherwise within
+        // some statements of it.
         let statements = match self.clock.statements_in(time) {
             Some(statements) => statements.max(1),
             None => (time.times(1024) / machine.pace.max(Span::from_nanos(1))).max(FEWEST_STATEMENTS),
@@ -159,7 +160,7 @@ impl Context<'_> {
         let tops = (machine.hot.local_top, machine.hot.refs_top, machine.hot.scratch_top);
         let result = match callee {
             Callee::Code(block) => self.blocks.engine.call(block, &Entry::default(), self),
-            Callee::Native(index) => crate::native::call(index, &Entry::default(), self).map(|_| ()),
+            Callee::Native(index) => crate::native::call(index, Packed::NONE, &Entry::default(), self).map(|_| ()),
         };
         self.look();
         let machine = &mut *self.machine;
@@ -186,7 +187,7 @@ impl Context<'_> {
         result
     }
 
-    /// Starts the cycle monitoring anew, as at the beginning of a cycle.
+    /// Restarts the cycle monitoring, as at the beginning of a cycle.
     pub(crate) fn retrigger_watchdog(&mut self) {
         let machine = &mut *self.machine;
         machine.watchdog.excess = false;

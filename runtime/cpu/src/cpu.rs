@@ -17,9 +17,9 @@ use crate::interrupts::{Hardware, slot_of};
 use crate::machine::{Attention, Machine};
 use crate::natives::Running;
 use crate::{
-    AccessClient, Accounts, Answer, Ask, Cell, CellError, CellWidth, Command, DiagEntry, InterruptError, LogReader,
+    AccessClient, Accounts, Answer, Ask, Cell, CellError, Command, DiagEntry, InterruptError, LogReader,
     ModuleCounters, ModuleSlot, ModuleStatus, ObStatistics, OperatingState, ScanRecord, ScanStatistics, ShortText,
-    Sums, Whereabouts, Window,
+    Sums, Whereabouts, Width, Window,
 };
 
 /// A CPU with its program, modules and native blocks.
@@ -105,11 +105,10 @@ impl Cpu {
         self.blocks.engine.name()
     }
 
-    /// Exchanges the engine, between two calls of [`Cpu::cycle`]; nothing is allocated or freed. The old one comes
-    /// back.
+    /// Exchanges the engine, between two calls of [`Cpu::cycle`]; nothing is allocated or freed. Returns the old one.
     ///
     /// # Errors
-    /// The new one was made of another plan than [`Cpu::plan`], and comes back.
+    /// The new engine was made for another plan than [`Cpu::plan`]; it is returned.
     pub fn exchange_engine(&mut self, engine: Box<dyn Engine>) -> Result<Box<dyn Engine>, Box<dyn Engine>> {
         if !Arc::ptr_eq(engine.plan(), &self.blocks.plan) {
             return Err(engine);
@@ -130,7 +129,7 @@ impl Cpu {
     }
 
     /// Bytes of stack that a thread needs to call [`Cpu::cycle`]: for the deepest nesting of organization blocks and
-    /// native blocks that can come of what is loaded.
+    /// native blocks that is possible with what is loaded.
     #[must_use]
     pub fn stack_bytes(&self) -> usize {
         self.machine.stack
@@ -164,7 +163,7 @@ impl Cpu {
         self.machine.diag.iter()
     }
 
-    /// The diagnostic entry so many entries back, 0 the newest.
+    /// A diagnostic entry, counted back from the newest (0).
     #[must_use]
     pub fn diagnostic(&self, back: usize) -> Option<&DiagEntry> {
         self.machine.diag.get(back)
@@ -257,7 +256,7 @@ impl Cpu {
     ///
     /// # Errors
     /// The cell does not exist.
-    pub fn read(&mut self, cell: Cell, width: CellWidth) -> Result<u32, CellError> {
+    pub fn read(&mut self, cell: Cell, width: Width) -> Result<u32, CellError> {
         cells::read(&mut self.machine, cell, width)
     }
 
@@ -265,7 +264,7 @@ impl Cpu {
     ///
     /// # Errors
     /// The cell does not exist, cannot be written, or does not hold the value.
-    pub fn write(&mut self, cell: Cell, width: CellWidth, value: u32) -> Result<(), CellError> {
+    pub fn write(&mut self, cell: Cell, width: Width, value: u32) -> Result<(), CellError> {
         cells::write(&mut self.machine, cell, width, value)
     }
 

@@ -1,15 +1,14 @@
 //! The exchange: what links read and write in the CPU, at the cycle control point.
 //!
-//! In this order: the outputs are out, then writes, then the snapshots, then the inputs come in; in STOP too. A link
-//! says which pieces of memory it watches; they are copied once, together, into its window ([`crate::Window`]). Its
-//! writes come in groups that land whole; a group's answer leaves after the snapshot that contains it. Everything else
-//! goes through two rings of a link; what it brings goes back to it: the scan allocates and frees nothing, and waits
-//! for nobody.
+//! The order, in STOP too: outputs, writes of the links, snapshots, inputs. A link says which pieces of memory it
+//! watches; they are copied together into its window ([`crate::Window`]). Its writes come in groups that land whole; a
+//! group is answered after the snapshot that contains it. Everything else goes through the two rings of a link. What a
+//! link has sent is returned to it, so the scan allocates and frees nothing, and waits for nobody.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use ob1_model::{Cell, CellError, CellWidth, Frame, GROUP_ENTRIES, Head, Piece, Put, WRITE_BYTES, fits_a_share};
+use ob1_model::{Cell, CellError, Frame, GROUP_ENTRIES, Head, Piece, Put, WRITE_BYTES, Width, fits_a_share};
 use ob1_std::services::{StatusError, SystemStatus as _};
 use rtrb::{Consumer, Producer, RingBuffer};
 
@@ -17,12 +16,12 @@ use crate::cells;
 use crate::machine::Machine;
 use crate::{Mark, OperatingState, Window};
 
-/// Links that can be had.
+/// Most links of a CPU.
 pub const LINKS: usize = 8;
 /// Bytes of a system status list that a link can be given.
 pub const LIST_BYTES: usize = 8 * 1024;
 
-/// Orders and groups under way, of a link.
+/// Orders and groups of one link that can be under way.
 const RING: usize = 32;
 /// Groups of a link that one cycle control point takes.
 const GROUPS: usize = 8;
@@ -34,23 +33,23 @@ pub struct Group {
     puts: Box<[Put]>,
     bytes: usize,
     scan: u64,
-    /// Which could not be written, and why; then none was.
+    /// The first entry that could not be written, and why.
     refused: Option<(usize, CellError)>,
 }
 
-/// Why there is no such group or watch.
+/// Why a group or a watch is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TooMuch {
     /// More than [`GROUP_ENTRIES`] or [`WRITE_BYTES`].
     Group,
     /// More than a link's share: [`ob1_model::WATCH_BYTES`] or [`ob1_model::WATCH_LINES`].
     Watch,
-    /// So many are under way already.
+    /// Too many are under way already.
     UnderWay,
 }
 
 impl Group {
-    /// Of these writes, with the link's own number.
+    /// A group of these writes, with the link's own number.
     ///
     /// # Errors
     /// [`TooMuch::Group`].
@@ -74,7 +73,8 @@ impl Group {
         self.scan
     }
 
-    /// What became of it: `Err` names the entry that could not be written; then none was.
+    /// What became of it. `Err` names the first entry that could not be written; no entry was written then, unless it
+    /// was a module that refused.
     ///
     /// # Errors
     /// The first entry that was refused, and why.
@@ -85,7 +85,7 @@ impl Group {
         }
     }
 
-    /// All or nothing.
+    /// All or nothing, except for what a module refuses.
     fn land(&mut self, m: &mut Machine) {
         let check = |put: &Put| match put {
             Put::Value(cell, width, value) => cells::check(m, *cell, *width, *value),
@@ -104,7 +104,7 @@ impl Group {
                     }
                 }),
             };
-            // Only a module can still say no: what is behind it is not ours to look at before.
+            // Only a module can still refuse: whether it takes a value shows only at the write.
             if let Err(error) = written
                 && self.refused.is_none()
             {
@@ -126,7 +126,7 @@ pub struct Listing {
 }
 
 impl Listing {
-    /// List and index, with the link's own number.
+    /// A request for a list and index, with the link's own number.
     #[must_use]
     pub fn new(id: u64, list: u16, index: u16) -> Self {
         Self { id, list, index, bytes: Vec::with_capacity(LIST_BYTES), found: Err(StatusError::NotNow), whole: true }
@@ -146,7 +146,7 @@ impl Listing {
         self.found.map(|record| (record, self.bytes.as_slice()))
     }
 
-    /// Whether all of it is there; otherwise it is cut behind [`LIST_BYTES`].
+    /// Whether all of it is there; otherwise it is cut after [`LIST_BYTES`].
     #[must_use]
     pub const fn is_whole(&self) -> bool {
         self.whole
@@ -154,7 +154,7 @@ impl Listing {
 
     fn ask(&mut self, m: &mut Machine, state: OperatingState) {
         let (bytes, whole) = (&mut self.bytes, &mut self.whole);
-        // Lists are made for a program that runs; whoever looks from outside sees STOP too.
+        // Lists are made for a running program; a link sees STOP too.
         m.seen_from_outside = Some(state);
         self.found = m.list(self.list, self.index, &mut |record| {
             if *whole && bytes.len() + record.len() <= bytes.capacity() {
@@ -180,7 +180,7 @@ struct Watch {
 enum Step {
     Value {
         cell: Cell,
-        width: CellWidth,
+        width: Width,
         head: usize,
     },
     Block {
@@ -188,7 +188,7 @@ enum Step {
         head: usize,
         copies: Range<usize>,
     },
-    /// Each of them fits a word: bytes from there on, as many as a word has.
+    /// Like `Block`, when each piece fits a word: a whole word is copied from where it begins.
     Words {
         at: Cell,
         head: usize,
@@ -250,7 +250,7 @@ impl Watch {
                     for copied in self.copies.get(copies.clone()).unwrap_or_default() {
                         let (from, len, at) = (copied.from as usize, copied.len as usize, copied.at as usize);
                         let Some(into) = words.get(at..at + len.div_ceil(8)) else { continue };
-                        // As many as there are: the head says how many that is.
+                        // The bytes that exist; the head holds the length of the block.
                         let there = block.get(from..from + len).or_else(|| block.get(from..));
                         copy(there.unwrap_or_default(), into);
                     }
@@ -300,7 +300,7 @@ enum Order {
 enum Back {
     Group(Box<Group>),
     List(Box<Listing>),
-    /// A watch that is no more: to be freed.
+    /// A replaced watch, to be freed.
     OldWatch(#[expect(dead_code, reason = "it comes back to be freed")] Box<Watch>),
 }
 
@@ -358,7 +358,7 @@ impl Link {
     /// Hands a group over; it comes back with [`Link::take`].
     ///
     /// # Errors
-    /// Too much is under way: the group.
+    /// Too much is under way; the group is returned.
     pub fn write(&mut self, group: Group) -> Result<(), Group> {
         match self.orders.push(Order::Group(Box::new(group))) {
             Err(rtrb::PushError::Full(Order::Group(group))) => Err(*group),
@@ -409,7 +409,7 @@ pub(crate) struct Exchange {
     ends: Vec<End>,
     /// Cycle control points so far.
     scan: u64,
-    /// Whose group comes first this time.
+    /// The link whose groups come first this time.
     first: usize,
 }
 
@@ -420,7 +420,7 @@ impl Exchange {
             return None;
         }
         let (to_cpu, orders) = RingBuffer::new(RING);
-        // For all orders, and the watch that goes with each.
+        // Room for all orders, and for the watch that each may replace.
         let (back, from_cpu) = RingBuffer::new(2 * RING);
         self.ends.push(End { orders, back, window, watch: None, landed: [const { None }; GROUPS] });
         Some(Link { orders: to_cpu, back: from_cpu, generation: 0 })
@@ -465,13 +465,13 @@ impl End {
         let Some(place) = self.landed.iter().position(Option::is_none) else { return false };
         let mut listed = false;
         loop {
-            // What is taken must find room on its way back.
+            // Everything taken must find room on its way back.
             if self.back.slots() < GROUPS + 1 {
                 return false;
             }
             match self.orders.peek() {
                 Ok(Order::Group(group)) if group.bytes > *left => return false,
-                // One list at a time: each is work.
+                // One list per call: each takes time.
                 Ok(Order::List(_)) if listed => return false,
                 _ => {}
             }

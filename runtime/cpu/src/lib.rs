@@ -60,8 +60,8 @@ pub use machine::Attention;
 pub use natives::{Natives, Running};
 pub use nesting::{MOST_STACK_BYTES, PLUGIN_STACK_BYTES};
 pub use ob1_model::{
-    Cell, CellError, CellWidth, Command, Frame, GROUP_ENTRIES, OperatingState, Piece, Put, WATCH_BYTES, WATCH_LINES,
-    WRITE_BYTES,
+    Cell, CellError, Command, Frame, GROUP_ENTRIES, OperatingState, Piece, Put, WATCH_BYTES, WATCH_LINES, WRITE_BYTES,
+    Width,
 };
 pub use ob1_std::DP_DIAGNOSIS;
 pub use ob1_std::services::StatusError;

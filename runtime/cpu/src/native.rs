@@ -7,6 +7,7 @@ use crate::arena::{ArenaBit, Range};
 use crate::context::Context;
 use crate::engine::{Callee, Entry, Interrupted, POINTER_BITS, RAW};
 use crate::timers::Counter;
+use crate::whereabouts::Packed;
 use crate::{
     Abort, DiagEntry, Instance, IoError, ModuleStatus, NativeArea, NativeArg, NativeBlock, NativeContext, NativeError,
     Natives, ObInfo, Running, Services, ShortText, TimerState,
@@ -69,11 +70,11 @@ impl Native {
     }
 }
 
-/// Calls a native block; the answer is the binary result it leaves.
-pub(crate) fn call(index: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<bool, Abort> {
+/// Calls a native block from the statement at `site`; the answer is the binary result it leaves.
+#[inline]
+pub(crate) fn call(index: u32, site: Packed, entry: &Entry, cx: &mut Context<'_>) -> Result<bool, Abort> {
     let Some(native) = cx.blocks.natives.get(index as usize) else { return Ok(true) };
     if native.is_plugin {
-        let site = cx.machine.native_caller.and_then(|caller| cx.blocks.plan.site(caller));
         cx.machine.whereabouts.call(site);
     }
     let br = match native.account {
@@ -83,7 +84,7 @@ pub(crate) fn call(index: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<bo
     if cx.machine.services.touched {
         cx.machine.reschedule();
     }
-    // Also when the block has overlooked it.
+    // Also when the block has ignored the refusal.
     if cx.machine.hot.stopping || cx.machine.aborted { Err(Abort) } else { Ok(br) }
 }
 
@@ -555,7 +556,9 @@ fn nested_call(call: &mut Call<'_, '_>, called: &Called<'_>) -> Result<(), Nativ
         Callee::Code(block) => call.cx.blocks.engine.call(block, &entry, call.cx),
         Callee::Native(index) => {
             call.cx.machine.hot.depth += 1;
-            let result = self::call(index, &entry, call.cx).map(|_| ());
+            // From the statement that has called the block which calls now.
+            let site = caller.and_then(|caller| call.cx.blocks.plan.site(caller)).map_or(Packed::NONE, Packed::of);
+            let result = self::call(index, site, &entry, call.cx).map(|_| ());
             call.cx.machine.hot.depth -= 1;
             result
         }

@@ -3,7 +3,7 @@
 //! The image is one contiguous piece, all numbers little-endian: magic, version, length, number of data blocks made by
 //! the program; then what has to be the same when it is restored (checksum of the declarations, the ranges); then the
 //! made data blocks, the contents, and a checksum over everything before. Keeping it on a disk is the caller's
-//! business.
+//! task.
 
 use ob1_ir::Program;
 use ob1_model::BlockKind;
@@ -79,7 +79,7 @@ impl std::fmt::Display for Why {
             Why::Damaged => f.write_str("the image is cut off or damaged"),
             Why::OtherProgram => f.write_str("the image belongs to a program with other data blocks"),
             Why::OtherRanges => f.write_str("the image was made with other retentive ranges"),
-            Why::NoRoom => f.write_str("the data blocks made by the program find no room"),
+            Why::NoRoom => f.write_str("there is no room for the data blocks made by the program"),
             Why::NotInStop => f.write_str("the CPU is not in STOP"),
         }
     }
@@ -140,7 +140,7 @@ impl Keep {
         let numbers = |list: &[std::ops::Range<usize>]| -> Vec<(u32, u32)> {
             list.iter().map(|r| (r.start as u32, r.len() as u32)).collect()
         };
-        // Places in their area, not in the arena, where they move with the program's constants.
+        // Offsets in their area: offsets in the arena move with the program's constants.
         let places = |list: &[Range], base: ArenaByte| -> Vec<(u32, u32)> {
             list.iter().map(|r| (r.at.0 - base.0, r.len)).collect()
         };

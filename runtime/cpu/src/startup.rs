@@ -43,7 +43,7 @@ impl Start {
         }
     }
 
-    /// OB1_SCAN_1 of the first cycle behind it.
+    /// OB1_SCAN_1 of the first cycle after it.
     const fn first_scan(self) -> u8 {
         match self {
             Start::Warm => 1,
@@ -54,7 +54,7 @@ impl Start {
 }
 
 impl Cpu {
-    /// Memory counts as that of a RUN before, so that a hot restart can go on from it, as after a power failure of a
+    /// Treats memory as left by a RUN before, so that a hot restart can go on from it, as after a power failure of a
     /// CPU with a battery.
     pub fn assume_run(&mut self) {
         self.has_run = true;
@@ -69,7 +69,7 @@ impl Cpu {
             Command::Hot if self.machine.config.family == Family::S7_300 => {
                 self.diagnose(Event::STARTUP, 0, "refused: an S7-300 has no hot restart");
             }
-            Command::Hot if !self.has_run => self.diagnose(Event::STARTUP, 0, "refused: no RUN to go on from"),
+            Command::Hot if !self.has_run => self.diagnose(Event::STARTUP, 0, "refused: there is no RUN to continue"),
             Command::Hot => self.start_up(Start::Hot, clock),
             Command::Stop if running => {
                 self.diagnose(Event::STOP_OPERATOR, 0, "");
@@ -156,7 +156,7 @@ impl Cpu {
         let mut start = cx.start_info(0x13, kind.request(), 27, number as u8);
         start[6..8].copy_from_slice(&stop_event.to_be_bytes());
         start[9] = kind.completed();
-        // Start-up is permitted, automatic and manual; what was set last is this one.
+        // Automatic and manual start-up are permitted; the last setting is this start-up.
         (start[10], start[11]) = (0x77, kind.completed());
         cx.machine.services.start_up = start;
         if let Some(callee) = found {
@@ -168,7 +168,7 @@ impl Cpu {
         }
         self.state = OperatingState::Run;
         self.has_run = true;
-        // What the start-up has executed says nothing of the scans to come.
+        // What the start-up has executed says nothing about the scans to come.
         self.blocks.plan.executed.forget();
         if self.blocks.ob(1).is_none() {
             self.diagnose(Event::OB_NOT_LOADED, 1, "OB 1: no program runs in the cycle");

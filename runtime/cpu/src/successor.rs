@@ -1,7 +1,7 @@
-//! Another program for a CPU that has one: made beside the scan, taken over whole between two cycles.
+//! Another program for a CPU that already has one: prepared outside the scan, taken over whole between two cycles.
 //!
-//! What a successor needs is allocated when it is made. [`Cpu::succeed`] copies values and exchanges; it allocates and
-//! frees nothing, and what was before goes back with the successor to whoever has made it.
+//! Everything a successor needs is allocated when it is made. [`Cpu::succeed`] copies values and swaps; it allocates
+//! and frees nothing. The old program goes back inside the successor to whoever made it.
 
 use std::sync::Arc;
 
@@ -17,7 +17,7 @@ pub struct Successor {
     what: What,
     /// Data blocks that begin with their load values, in ascending order.
     fresh: Vec<u16>,
-    /// Only data blocks are other ones: it can take over in RUN.
+    /// Only data blocks have changed: it can take over in RUN.
     data_only: bool,
 }
 
@@ -33,13 +33,13 @@ impl std::fmt::Debug for Successor {
     }
 }
 
-/// The program cannot take over: the CPU is not in STOP, and statements are other ones.
+/// The program cannot take over: its statements have changed, and the CPU is not in STOP.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NotNow;
 
 impl Surroundings {
-    /// What `next` needs to follow `before`. `fresh` are the data blocks that begin with their load values even where
-    /// they have been there before; `stack` is [`Cpu::stack_bytes`] of the CPU that is to take it.
+    /// What `next` needs to follow `before`. The data blocks in `fresh` begin with their load values even if they
+    /// existed before; `stack` is [`Cpu::stack_bytes`] of the CPU that is to take it.
     ///
     /// # Errors
     /// Everything that is wrong with the program.
@@ -71,7 +71,7 @@ impl Surroundings {
 }
 
 impl Successor {
-    /// What engines for it are made of; `None`: the plan of the program that runs stays.
+    /// The plan to make its engines from; `None`: the plan of the running program stays.
     #[must_use]
     pub fn plan(&self) -> Option<&Arc<Plan>> {
         match &self.what {
@@ -83,8 +83,8 @@ impl Successor {
 
 impl Cpu {
     /// The program of `next` takes over, between two calls of [`Cpu::cycle`]. Areas, timers and counters keep their
-    /// values, and so do data blocks of the same number and length that are not fresh. What was before is in `next`
-    /// then.
+    /// values, and so do data blocks of the same number and length that are not fresh. Afterwards `next` holds the old
+    /// program.
     ///
     /// # Errors
     /// [`NotNow`]; nothing has changed then.
@@ -145,7 +145,7 @@ impl Memory {
 mod tests {
     use super::*;
     use crate::engine::REFERENCE;
-    use crate::{CellWidth, Command, CpuConfig, Natives, Still};
+    use crate::{Command, CpuConfig, Natives, Still, Width};
     use ob1_model::{Area, Cell};
 
     fn program(text: &str) -> Program {
@@ -190,14 +190,14 @@ mod tests {
         assert_eq!(word(&cpu, 1), Some(3), "the program before goes on");
         cpu.request(Command::Stop);
         cpu.cycle(&mut Still);
-        cpu.write(Cell::Db(2, 0), CellWidth::Word, 77).expect("it is there");
+        cpu.write(Cell::Db(2, 0), Width::Word, 77).expect("it is there");
         assert_eq!(cpu.succeed(&mut next), Ok(()));
         assert_eq!((word(&cpu, 1), word(&cpu, 2)), (Some(3), Some(2)), "DB 2 is fresh");
-        assert_eq!(cpu.read(Cell::Area(Area::Memory, 16), CellWidth::Word), Ok(3));
+        assert_eq!(cpu.read(Cell::Area(Area::Memory, 16), Width::Word), Ok(3));
         cpu.request(Command::Run);
         cpu.cycle(&mut Still);
         assert_eq!(word(&cpu, 1), Some(13));
-        // And back again, with what has come back.
+        // And back again, with the old program.
         cpu.request(Command::Stop);
         cpu.cycle(&mut Still);
         assert_eq!(cpu.succeed(&mut next), Ok(()));
@@ -256,7 +256,7 @@ mod tests {
         assert_eq!(cpu.succeed(&mut next), Ok(()));
         assert!(!Arc::ptr_eq(&before, cpu.plan()), "another plan");
         assert_eq!(cpu.plan().executed.read(), account);
-        // Other statements begin with nothing.
+        // Other statements begin at zero.
         let mut other = adding("10");
         std::mem::swap(&mut other.data, &mut longer.data);
         let mut next =

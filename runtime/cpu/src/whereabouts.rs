@@ -1,15 +1,39 @@
-//! Where the scan is, for whoever has to say so when it can no longer say anything itself.
+//! Where the scan is: for those who must report it when the scan itself no longer can.
 
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 use ob1_model::{BlockId, BlockKind, Site};
+
+/// A statement in one word: the kind of its block (4 bits, of 1 up), its number (16), network (16), line (28).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Packed(u64);
+
+impl Packed {
+    /// No statement.
+    pub(crate) const NONE: Self = Self(0);
+
+    pub(crate) fn of(site: Site) -> Self {
+        Self(
+            (site.block.kind as u64 + 1) << 60
+                | u64::from(site.block.number) << 44
+                | u64::from(site.network) << 28
+                | u64::from(site.line) & 0x0FFF_FFFF,
+        )
+    }
+
+    fn site(self) -> Option<Site> {
+        let kind = BlockKind::from_repr(((self.0 >> 60) as u8).checked_sub(1)?)?;
+        let block = BlockId::new(kind, (self.0 >> 44) as u16);
+        Some(Site { block, network: (self.0 >> 28) as u16, line: (self.0 & 0x0FFF_FFFF) as u32 })
+    }
+}
 
 /// The running organization block, and the statement that has called the last plugin block. One thread writes, anybody
 /// may read at any time, also a signal handler: there is nothing but atomics.
 #[derive(Debug, Default)]
 pub struct Whereabouts {
     ob: AtomicU32,
-    /// A `Site`: kind (4 bits, of 1 up), number (16), network (16), line (28).
+    /// [`Packed`].
     caller: AtomicU64,
 }
 
@@ -18,14 +42,9 @@ impl Whereabouts {
         self.ob.store(u32::from(ob), Ordering::Relaxed);
     }
 
-    pub(crate) fn call(&self, site: Option<Site>) {
-        let packed = site.map_or(0, |site| {
-            (site.block.kind as u64 + 1) << 60
-                | u64::from(site.block.number) << 44
-                | u64::from(site.network) << 28
-                | u64::from(site.line) & 0x0FFF_FFFF
-        });
-        self.caller.store(packed, Ordering::Relaxed);
+    #[inline]
+    pub(crate) fn call(&self, site: Packed) {
+        self.caller.store(site.0, Ordering::Relaxed);
     }
 
     /// The running organization block; `None` between two of them.
@@ -37,10 +56,7 @@ impl Whereabouts {
     /// The statement that has called the last block of a plugin.
     #[must_use]
     pub fn caller(&self) -> Option<Site> {
-        let packed = self.caller.load(Ordering::Relaxed);
-        let kind = BlockKind::from_repr(((packed >> 60) as u8).checked_sub(1)?)?;
-        let block = BlockId::new(kind, (packed >> 44) as u16);
-        Some(Site { block, network: (packed >> 28) as u16, line: (packed & 0x0FFF_FFFF) as u32 })
+        Packed(self.caller.load(Ordering::Relaxed)).site()
     }
 }
 
@@ -54,10 +70,10 @@ mod tests {
         assert_eq!((place.ob(), place.caller()), (None, None));
         for kind in [BlockKind::Ob, BlockKind::Fb, BlockKind::Fc] {
             let site = Site { block: BlockId::new(kind, 65_535), network: 65_535, line: 0x0FFF_FFFF };
-            place.call(Some(site));
+            place.call(Packed::of(site));
             assert_eq!(place.caller(), Some(site));
         }
-        place.call(None);
+        place.call(Packed::NONE);
         place.enter(121);
         assert_eq!((place.ob(), place.caller()), (Some(121), None));
     }

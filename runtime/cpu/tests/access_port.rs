@@ -3,7 +3,7 @@
 mod common;
 
 use common::*;
-use ob1_cpu::{Answer, Ask, Cell, CellError, CellWidth, Command, Cpu, CpuConfig, OperatingState, Request};
+use ob1_cpu::{Answer, Ask, Cell, CellError, Command, Cpu, CpuConfig, OperatingState, Request, Width};
 use ob1_model::Area;
 
 fn bench(items: u32, capacity: usize) -> Bench {
@@ -90,7 +90,7 @@ fn commands_and_refusals() {
 fn cells_and_refusals() {
     let mut bench = bench(64, 64);
     bench.run();
-    use CellWidth::{Bit, Byte, DWord, Word};
+    use Width::{Bit, Byte, DWord, Word};
     let cpu = &mut bench.cpu;
     assert_eq!(cpu.read(Cell::Db(7, 0), Word), Ok(0x1234));
     assert_eq!(cpu.write(Cell::Db(7, 8), Byte, 0xFF), Ok(()));
@@ -122,15 +122,15 @@ fn warm_and_cold_restart_and_memory_reset() {
     let mut bench = bench(64, 64);
     bench.run();
     let set = |bench: &mut Bench| {
-        bench.set(0, CellWidth::Byte, 5);
-        bench.cpu.write(Cell::Db(7, 0), CellWidth::Word, 0x9999).expect("a word");
-        bench.cpu.write(Cell::Counter(1), CellWidth::Word, 5).expect("a counter");
+        bench.set(0, Width::Byte, 5);
+        bench.cpu.write(Cell::Db(7, 0), Width::Word, 0x9999).expect("a word");
+        bench.cpu.write(Cell::Counter(1), Width::Word, 5).expect("a counter");
     };
     set(&mut bench);
     bench.cpu.request(Command::Warm);
     bench.run();
     assert_eq!((bench.mb(0), bench.dbw(7, 0)), (0, 0x9999));
-    assert_eq!(bench.cpu.read(Cell::Counter(1), CellWidth::Word), Ok(0));
+    assert_eq!(bench.cpu.read(Cell::Counter(1), Width::Word), Ok(0));
     bench.cpu.request(Command::Cold);
     bench.run();
     assert_eq!(bench.dbw(7, 0), 0x1234);

@@ -7,9 +7,7 @@ use std::alloc::System;
 use common::rack::TestModule;
 use common::window::Looker;
 use common::*;
-use ob1_cpu::{
-    Ask, Cell, CellWidth, Cpu, CpuConfig, CyclicInterrupt, Module, ModuleSlot, Piece, Request, system_blocks,
-};
+use ob1_cpu::{Ask, Cell, Cpu, CpuConfig, CyclicInterrupt, Module, ModuleSlot, Piece, Request, system_blocks};
 use ob1_ir::{AccuOp, Arg, CallMode, Number, NumberFormat, Op, Width};
 use ob1_model::{Area, BlockId, BlockKind, DataType, Interface, Section, TimerKind};
 use ob1_time::Span;
@@ -58,7 +56,7 @@ fn ten_thousand_cycles_allocate_nothing() {
     let mut bench = Bench::with(cpu);
     let mut client = bench.cpu.access_client().expect("the first");
     let mut link = Looker::of(&mut bench.cpu).expect("the first");
-    let pieces = [Piece::Bytes { at: Cell::Db(3, 0), len: 4 }, Piece::Value(Cell::Counter(1), CellWidth::Word)];
+    let pieces = [Piece::Bytes { at: Cell::Db(3, 0), len: 4 }, Piece::Value(Cell::Counter(1), Width::Word)];
     link.watch(&pieces).expect("little");
     bench.run();
     // The counter sees the test harness's own thread too, which allocates now and then: a scan that allocated would do

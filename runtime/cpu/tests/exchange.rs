@@ -5,8 +5,8 @@ mod common;
 use common::window::Looker;
 use common::*;
 use ob1_cpu::{
-    Cell, CellError, CellWidth, Command, Cpu, CpuConfig, GROUP_ENTRIES, Group, LINKS, Listing, OperatingState, Piece,
-    Put, StatusError, TooMuch, WATCH_BYTES, WRITE_BYTES,
+    Cell, CellError, Command, Cpu, CpuConfig, GROUP_ENTRIES, Group, LINKS, Listing, OperatingState, Piece, Put,
+    StatusError, TooMuch, WATCH_BYTES, WRITE_BYTES, Width,
 };
 use ob1_ir::{NumberFormat, Op};
 use ob1_model::Area;
@@ -68,11 +68,11 @@ fn a_group_lands_whole_and_its_answer_follows_its_snapshot() {
     let mut link = Looker::of(&mut bench.cpu).expect("the first");
     link.watch(&[bytes(memory(20), 4), bytes(Cell::Db(7, 100 * 8), 4)]).expect("little");
     let puts = [
-        Put::Value(memory(20), CellWidth::Word, 0x1234),
+        Put::Value(memory(20), Width::Word, 0x1234),
         Put::Bytes(Cell::Db(7, 100 * 8), Box::from([1, 2, 3, 4])),
-        Put::Value(Cell::Area(Area::Memory, 24 * 8 + 3), CellWidth::Bit, 1),
+        Put::Value(Cell::Area(Area::Memory, 24 * 8 + 3), Width::Bit, 1),
     ];
-    bench.set(24, CellWidth::Byte, 0x80);
+    bench.set(24, Width::Byte, 0x80);
     link.link.write(group(5, &puts)).expect("room");
     bench.cycle();
     let answer = link.answer().expect("landed");
@@ -84,19 +84,19 @@ fn a_group_lands_whole_and_its_answer_follows_its_snapshot() {
     assert_eq!(bench.mb(24), 0x88, "a bit changes no other");
 
     for (wrong, error) in [
-        (Put::Value(Cell::Db(9, 0), CellWidth::Word, 0), CellError::NoDb),
-        (Put::Value(Cell::Db(8, 0), CellWidth::Byte, 0), CellError::ReadOnly),
+        (Put::Value(Cell::Db(9, 0), Width::Word, 0), CellError::NoDb),
+        (Put::Value(Cell::Db(8, 0), Width::Byte, 0), CellError::ReadOnly),
         (Put::Bytes(Cell::Db(8, 0), Box::from([1])), CellError::ReadOnly),
         (Put::Bytes(Cell::Db(7, 598 * 8), Box::from([1, 2, 3])), CellError::Outside),
-        (Put::Value(memory(255), CellWidth::Word, 0), CellError::Outside),
-        (Put::Value(memory(30), CellWidth::Byte, 256), CellError::Value),
-        (Put::Value(Cell::Counter(1), CellWidth::Word, 1000), CellError::Value),
-        (Put::Value(Cell::Timer(1), CellWidth::Word, 0x0A00), CellError::Value),
-        (Put::Value(Cell::Timer(999), CellWidth::Word, 0), CellError::NoTimer),
-        (Put::Value(Cell::Timer(1), CellWidth::Bit, 1), CellError::ReadOnly),
+        (Put::Value(memory(255), Width::Word, 0), CellError::Outside),
+        (Put::Value(memory(30), Width::Byte, 256), CellError::Value),
+        (Put::Value(Cell::Counter(1), Width::Word, 1000), CellError::Value),
+        (Put::Value(Cell::Timer(1), Width::Word, 0x0A00), CellError::Value),
+        (Put::Value(Cell::Timer(999), Width::Word, 0), CellError::NoTimer),
+        (Put::Value(Cell::Timer(1), Width::Bit, 1), CellError::ReadOnly),
         (Put::Bytes(Cell::Counter(1), Box::from([1])), CellError::Outside),
     ] {
-        link.link.write(group(6, &[Put::Value(memory(20), CellWidth::Word, 0xFFFF), wrong.clone()])).expect("room");
+        link.link.write(group(6, &[Put::Value(memory(20), Width::Word, 0xFFFF), wrong.clone()])).expect("room");
         bench.cycle();
         assert_eq!(link.answer().expect("an answer").outcome(), Err((1, error)), "{wrong:?}");
         assert_eq!(bench.mw(20), 0x1234, "{wrong:?}: nothing was written");
@@ -108,11 +108,10 @@ fn a_group_lands_whole_and_its_answer_follows_its_snapshot() {
 fn timers_and_counters_are_written() {
     let mut bench = bench();
     let mut link = Looker::of(&mut bench.cpu).expect("the first");
-    let values = [Cell::Timer(1), Cell::Counter(1)].map(|cell| Piece::Value(cell, CellWidth::Word));
+    let values = [Cell::Timer(1), Cell::Counter(1)].map(|cell| Piece::Value(cell, Width::Word));
     link.watch(&values).expect("little");
     // 25 s in steps of 100 ms; it stands.
-    let puts =
-        [(Cell::Timer(1), 0x1250), (Cell::Counter(1), 999)].map(|(cell, v)| Put::Value(cell, CellWidth::Word, v));
+    let puts = [(Cell::Timer(1), 0x1250), (Cell::Counter(1), 999)].map(|(cell, v)| Put::Value(cell, Width::Word, v));
     link.link.write(group(1, &puts)).expect("room");
     for _ in 0..3 {
         bench.cycle();
@@ -128,7 +127,7 @@ fn in_stop_too() {
     bench.cpu.request(Command::Stop);
     bench.cycle();
     link.watch(&[bytes(memory(20), 2)]).expect("little");
-    link.link.write(group(1, &[Put::Value(memory(20), CellWidth::Word, 7)])).expect("room");
+    link.link.write(group(1, &[Put::Value(memory(20), Width::Word, 7)])).expect("room");
     assert_eq!(bench.cycle().state, OperatingState::Stop);
     assert_eq!(link.answer().map(|answer| answer.outcome()), Some(Ok(())));
     assert_eq!((link.word(0), link.mark().map(|mark| mark.state)), (7, Some(OperatingState::Stop)));
@@ -175,7 +174,7 @@ fn a_reader_that_sleeps_changes_nothing() {
     let mut link = Looker::of(&mut bench.cpu).expect("the first");
     link.watch(&[bytes(memory(0), 2)]).expect("little");
     for id in 0..20 {
-        link.link.write(group(id, &[Put::Value(memory(20), CellWidth::Word, id as u32)])).expect("room");
+        link.link.write(group(id, &[Put::Value(memory(20), Width::Word, id as u32)])).expect("room");
     }
     let before = bench.mw(0);
     for _ in 0..100 {
@@ -200,14 +199,14 @@ fn what_is_missing_is_told_of_its_piece() {
     link.watch(&[
         bytes(Cell::Db(99, 0), 4),
         bytes(Cell::Db(7, 598 * 8), 4),
-        Piece::Value(Cell::Counter(3), CellWidth::Word),
-        Piece::Value(Cell::Peripheral(0), CellWidth::DWord),
+        Piece::Value(Cell::Counter(3), Width::Word),
+        Piece::Value(Cell::Peripheral(0), Width::DWord),
         bytes(memory(300), 2),
         bytes(Cell::Db(7, 598 * 8), 2),
     ])
     .expect("little");
-    bench.cpu.write(Cell::Counter(3), CellWidth::Word, 42).expect("a counter");
-    bench.cpu.write(Cell::Db(7, 598 * 8), CellWidth::Word, 0xABCD).expect("there");
+    bench.cpu.write(Cell::Counter(3), Width::Word, 42).expect("a counter");
+    bench.cpu.write(Cell::Db(7, 598 * 8), Width::Word, 0xABCD).expect("there");
     bench.cycle();
     assert_eq!(link.piece(0), Err(CellError::NoDb));
     assert_eq!(link.piece(1), Err(CellError::Outside));
@@ -221,14 +220,14 @@ fn what_is_missing_is_told_of_its_piece() {
 fn bounds() {
     let mut bench = bench();
     let mut link = Looker::of(&mut bench.cpu).expect("the first");
-    let put = Put::Value(memory(0), CellWidth::Byte, 0);
+    let put = Put::Value(memory(0), Width::Byte, 0);
     assert!(Group::new(1, vec![put.clone(); GROUP_ENTRIES]).is_ok());
     assert_eq!(Group::new(1, vec![put; GROUP_ENTRIES + 1]).err(), Some(TooMuch::Group));
     assert_eq!(Group::new(1, vec![Put::Bytes(memory(0), vec![0; WRITE_BYTES + 1].into())]).err(), Some(TooMuch::Group));
     assert_eq!(link.watch(&[bytes(memory(0), WATCH_BYTES as u32 + 1)]).err(), Some(TooMuch::Watch));
     let scattered: Vec<Piece> = (0..3000).map(|n| bytes(Cell::Db(n, 0), 4)).collect();
     assert_eq!(link.watch(&scattered).err(), Some(TooMuch::Watch));
-    // What is watched anew in every cycle leaves nothing behind.
+    // What is watched newly in every cycle leaves no trace.
     for round in 1..500u64 {
         assert_eq!(link.watch(&[bytes(memory(0), 1 + (round % 7) as u32)]), Ok(round));
         bench.cycle();
@@ -261,7 +260,7 @@ fn lists() {
     assert_eq!([0x0424, 0x0124].map(|id| list(&mut bench, id, 0).map(|(_, bytes)| bytes[3])), [Ok(0x03), Ok(0x83)]);
 }
 
-/// The copy is accounted while somebody looks, and not before.
+/// The copy is accounted for while a link watches something, and not before.
 #[test]
 fn the_exchange_has_an_account_of_its_own() {
     let mut bench = bench();

@@ -89,7 +89,7 @@ impl Pipe for usize {}
 
 #[test]
 fn every_engine_leaves_the_same_memory() {
-    let mut random = Random(0x1234_5678_9ABC_DEF1);
+    let mut random = Random::new(0x1234_5678_9ABC_DEF1);
     for seed in 0..300 {
         let count = 120;
         let mut code = vec![Op::OpenDb(DbRegister::Db, Number::Fixed(7)), Op::OpenDb(DbRegister::Di, Number::Fixed(7))];

@@ -5,7 +5,7 @@ mod common;
 
 use common::*;
 use ob1_cpu::engine::Factory;
-use ob1_cpu::{CellWidth, Cpu, CpuConfig};
+use ob1_cpu::{Cpu, CpuConfig, Width};
 use ob1_ir::{
     AccuOp, AddressRegister, BitTest, Compare, Convert, DbRegister, Jump, Logic, MathFn, NumberFormat, Op, Shift,
     StatusBit, WordLogic,
@@ -25,7 +25,7 @@ const BR: u32 = 256;
 /// The place of the first statement given to [`run`]: its own come before.
 const FIRST: u32 = 7;
 
-/// Brings about /FC, STA and OR where `T STW` leaves them alone. OR without /FC cannot be.
+/// Brings about /FC, STA and OR where `T STW` leaves them alone. OR without /FC is impossible.
 fn first_bits(stw: u32) -> Vec<Op> {
     let (one, zero) = (scan(Logic::And, false, true), scan(Logic::And, false, false));
     match (stw & FC != 0, stw & STA != 0, stw & OR != 0) {
@@ -61,10 +61,10 @@ fn run_on(engine: &dyn Factory, ops: &[Op], a1: u32, a2: u32, stw: u32, accumula
     let mut bench = Bench::with(cpu.expect("loads"));
     // The start-up clears memory: a first cycle for it, a second with the values.
     bench.cycle();
-    bench.set(2, CellWidth::Word, stw);
-    bench.set(4, CellWidth::DWord, a2);
-    bench.set(8, CellWidth::DWord, a1);
-    bench.set(100, CellWidth::DWord, 0x0F00_0000);
+    bench.set(2, Width::Word, stw);
+    bench.set(4, Width::DWord, a2);
+    bench.set(8, Width::DWord, a1);
+    bench.set(100, Width::DWord, 0x0F00_0000);
     bench.run();
     (bench.md(12), bench.md(16), bench.mw(20))
 }
@@ -112,7 +112,7 @@ fn integer_arithmetic() {
         (Div, 17, 0, 0, CC1 | CC0 | OV | OS),
     ] {
         check("I", Op::Arithmetic(NumberFormat::Int, op), (a2, a1, 0), (out, stw));
-        // What was set before goes, but for OS, BR, RLO.
+        // What was set before is cleared, except OS, BR, RLO.
         let before = all | OS | BR | RLO;
         check("I", Op::Arithmetic(NumberFormat::Int, op), (a2, a1, before), (out, stw | OS | BR | RLO));
     }
@@ -161,7 +161,7 @@ fn real_arithmetic() {
     ] {
         check("R", Op::Arithmetic(NumberFormat::Real, op), (r(a2), r(a1), 0), (r(out), stw));
     }
-    // No number: always the same one, whatever the processor makes.
+    // NaN: always the same one, whatever the processor makes.
     check("R", Op::Arithmetic(NumberFormat::Real, Div), (0, 0, 0), (0x7FFF_FFFF, CC1 | CC0 | OV | OS));
 }
 
@@ -195,7 +195,7 @@ fn comparisons() {
             (LessEqual, less || equal),
         ] {
             let stw = cc | if holds { yes } else { FC };
-            // OR and OV go, OS stays.
+            // OR and OV are cleared, OS stays.
             check("compare", Op::Compare(format, compare), (a2, a1, OR | OV | OS), (a1, stw | OS));
         }
     }
@@ -396,7 +396,7 @@ fn and_before_or() {
     // Three of them.
     let three = [zero.clone(), Op::OrBranch, zero.clone(), Op::OrBranch, one.clone()];
     chain(&three, 0, FC | RLO | STA);
-    // What becomes of an OR that waits for its second AND.
+    // What happens to an OR that waits for its second AND.
     let waiting = |then: Op| [one.clone(), Op::OrBranch, then];
     chain(&waiting(Op::SetRlo), 0, RLO | STA);
     chain(&waiting(Op::ClearRlo), 0, 0);

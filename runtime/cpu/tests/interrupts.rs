@@ -5,8 +5,8 @@ mod common;
 use common::rack::TestModule;
 use common::*;
 use ob1_cpu::{
-    Answer, Ask, Cell, CellWidth, Cpu, CpuConfig, CyclicInterrupt, InterruptError, Missed, Module, ModuleEvent,
-    ModuleSlot, OperatingState, Request,
+    Answer, Ask, Cell, Cpu, CpuConfig, CyclicInterrupt, InterruptError, Missed, Module, ModuleEvent, ModuleSlot,
+    OperatingState, Request,
 };
 use ob1_ir::{AccuOp, CodeBlock, NumberFormat, Op, Width};
 use ob1_model::{Event, Interface};
@@ -151,8 +151,8 @@ fn a_request_while_the_ob_runs_calls_ob_80_and_runs_later_or_is_skipped() {
         };
         let first_slow = |bench: &mut Bench| {
             bench.run();
-            bench.set(50, CellWidth::Word, 60_000);
-            bench.set(52, CellWidth::Word, 60_000);
+            bench.set(50, Width::Word, 60_000);
+            bench.set(52, Width::Word, 60_000);
             bench.clock.now = at(10 * MS);
         };
         for (missed, runs) in [(Missed::CatchUp, 2), (Missed::Skip, 1)] {
@@ -433,10 +433,10 @@ fn the_process_image_is_not_touched_by_an_interrupt_between_cycles() {
         bench.clock.now = at(20 * MS);
         bench.run();
         let input = Cell::Area(ob1_model::Area::Input, 64);
-        assert_eq!((bench.mw(2), bench.cpu.read(input, CellWidth::Byte)), (1, Ok(0)));
+        assert_eq!((bench.mw(2), bench.cpu.read(input, Width::Byte)), (1, Ok(0)));
         bench.clock.now = at(50 * MS);
         bench.run();
-        assert_eq!(bench.cpu.read(input, CellWidth::Byte), Ok(9));
+        assert_eq!(bench.cpu.read(input, Width::Byte), Ok(9));
     });
 }
 

@@ -4,7 +4,7 @@ mod common;
 
 use common::rack::TestModule;
 use common::*;
-use ob1_cpu::{Cell, CellWidth, Command, Cpu, CpuConfig, Module, ModuleEvent, ModuleSlot, OperatingState};
+use ob1_cpu::{Cell, Command, Cpu, CpuConfig, Module, ModuleEvent, ModuleSlot, OperatingState};
 use ob1_ir::{Op, Operand, Program, Width};
 use ob1_model::{Area, Event, Interface};
 
@@ -111,7 +111,7 @@ fn stop_drives_zeros_everywhere_and_modules_are_served_on() {
                 assert_eq!(s.states, [true, false]);
             });
         }
-        assert_eq!(bench.cell(Area::Output, 0, CellWidth::DWord), 0);
+        assert_eq!(bench.cell(Area::Output, 0, Width::DWord), 0);
         let scans = low.look(|s| s.scans);
         bench.cycle();
         assert_eq!(low.look(|s| s.scans), scans + 1);
@@ -134,7 +134,7 @@ fn an_absent_module_reads_as_zero_in_the_image_and_faults_when_it_says_so() {
         low.look(|s| s.absent = true);
         bench.run();
         assert_eq!(bench.mb(10), 0);
-        assert_eq!(bench.cpu.read(Cell::Peripheral(0), CellWidth::Byte), Err(ob1_cpu::CellError::NoModule));
+        assert_eq!(bench.cpu.read(Cell::Peripheral(0), Width::Byte), Err(ob1_cpu::CellError::NoModule));
         assert_eq!(
             bench.cpu.module(0).map(|(slot, status)| (slot.name.clone(), status.present)),
             Some(("m0".into(), false))
@@ -230,8 +230,8 @@ fn without_modules_the_image_can_answer() {
             Cpu::new(config, &program(vec![ob1(code)], vec![]), vec![], vec![], common::engine()).expect("loads"),
         );
         bench.run();
-        bench.cpu.write(Cell::Area(Area::Input, 16), CellWidth::Word, 0x1234).expect("an input");
+        bench.cpu.write(Cell::Area(Area::Input, 16), Width::Word, 0x1234).expect("an input");
         bench.run();
-        assert_eq!((bench.mw(10), bench.cell(Area::Output, 3, CellWidth::Byte)), (0x1234, 7));
+        assert_eq!((bench.mw(10), bench.cell(Area::Output, 3, Width::Byte)), (0x1234, 7));
     });
 }

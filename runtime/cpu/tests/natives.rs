@@ -288,7 +288,7 @@ fn a_whole_ob_1_can_be_native_and_call_blocks_of_statements() {
         let data = vec![db(3, &[0; 2]), instance_db(5, fb(1), 4)];
         let mut bench = bench(&program(vec![add, double], data), vec![main]);
         bench.run();
-        bench.set(4, ob1_cpu::CellWidth::Word, 37);
+        bench.set(4, ob1_cpu::Width::Word, 37);
         bench.run();
         assert_eq!((bench.dbw(3, 0), bench.mw(10)), (42, 6));
     });
@@ -471,8 +471,8 @@ fn sfc_43_restarts_the_watchdog() {
     });
 }
 
-/// A plugin block that reports a diagnosis from within OB 82, and OB 80 that never ends but begins the cycle monitoring
-/// anew: neither nests for ever.
+/// A plugin block that reports a diagnosis from within OB 82, and an OB 80 that never ends but restarts the cycle
+/// monitoring: neither nests for ever.
 #[test]
 fn error_obs_do_not_nest_in_themselves() {
     on_each_engine(|| {

@@ -163,9 +163,9 @@ fn elementary_actuals_of_every_kind_for_every_kind_of_block() {
                     bench.run();
                     match ty.width {
                         'X' => bench.set_m(0, 3, ty.before == 1),
-                        'B' => bench.set(0, ob1_cpu::CellWidth::Byte, ty.before),
-                        'W' => bench.set(0, ob1_cpu::CellWidth::Word, ty.before),
-                        _ => bench.set(0, ob1_cpu::CellWidth::DWord, ty.before),
+                        'B' => bench.set(0, ob1_cpu::Width::Byte, ty.before),
+                        'W' => bench.set(0, ob1_cpu::Width::Word, ty.before),
+                        _ => bench.set(0, ob1_cpu::Width::DWord, ty.before),
                     }
                     bench.run();
                     let got = (value(&mut bench, ty, 10), value(&mut bench, ty, 20));
@@ -300,7 +300,7 @@ fn composed_actuals_of_every_kind_for_every_kind_of_block() {
                     );
                     let mut bench = bench(&source, &[]);
                     bench.run();
-                    bench.set(0, ob1_cpu::CellWidth::Word, 0x1200);
+                    bench.set(0, ob1_cpu::Width::Word, 0x1200);
                     bench.run();
                     let got = (bench.mw(10), bench.mw(20), bench.mw(30));
                     assert_eq!(got, (0x1201, 0x1202, 0x1200), "{ty} {name} {callee}");

@@ -141,8 +141,8 @@ fn a_composed_in_out_handed_on() {
                 let source = text.replace("{body}", body).replace("{actual}", actual);
                 let mut bench = bench(&source, &[]);
                 bench.run();
-                bench.set(100, ob1_cpu::CellWidth::Word, 7);
-                bench.set(104, ob1_cpu::CellWidth::DWord, 20);
+                bench.set(100, ob1_cpu::Width::Word, 7);
+                bench.set(104, ob1_cpu::Width::DWord, 20);
                 bench.run();
                 let got = (bench.mw(110), bench.md(112), bench.m(116, 0));
                 assert_eq!(got, (a, second, on), "{body} on {actual}");

@@ -7,7 +7,7 @@ mod common;
 use std::path::Path;
 
 use common::{Bench, ENGINES};
-use ob1_cpu::{Cell, CellWidth, Cpu, CpuConfig};
+use ob1_cpu::{Cell, Cpu, CpuConfig, Width};
 use ob1_model::Area;
 
 #[test]
@@ -26,9 +26,9 @@ fn every_program_leaves_what_it_says() {
                 let Some((place, value)) = line.split_once(" = ") else { continue };
                 let (width, byte) = place.split_once(' ').expect("a width and a byte");
                 let width = match width {
-                    "B" => CellWidth::Byte,
-                    "W" => CellWidth::Word,
-                    _ => CellWidth::DWord,
+                    "B" => Width::Byte,
+                    "W" => Width::Word,
+                    _ => Width::DWord,
                 };
                 let cell = Cell::Area(Area::Memory, byte.parse::<u32>().expect("a byte") * 8);
                 let expected = u32::from_str_radix(value, 16).expect("hexadecimal");

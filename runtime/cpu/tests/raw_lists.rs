@@ -1,11 +1,11 @@
-//! The list of pointers behind `UC` and `CC`, as decompilers write it: the frames that STEP 7 makes of `CALL`, written
+//! The list of pointers after `UC` and `CC`, as decompilers write it: the frames that STEP 7 makes of `CALL`, written
 //! by hand.
 
 mod common;
 
 use common::source::bench;
 use common::{Bench, fc, on_each_engine};
-use ob1_cpu::{CellWidth, Cpu, CpuConfig};
+use ob1_cpu::{Cpu, CpuConfig, Width};
 use ob1_ir::{Arg, Call, CallMode, Op, Target};
 use ob1_model::{DataType, Section};
 
@@ -156,7 +156,7 @@ fn a_short_list_is_an_area_error_where_the_rest_is_touched() {
         bench.run();
         // q, RET_VAL, io twice; then x as well.
         assert_eq!(bench.mw(90), 9);
-        assert_eq!(bench.cell(ob1_model::Area::Input, 0, CellWidth::DWord), 0);
+        assert_eq!(bench.cell(ob1_model::Area::Input, 0, Width::DWord), 0);
     });
 }
 
@@ -195,7 +195,7 @@ fn a_pointer_to_a_parameter_leads_to_whatever_is_supplied() {
         assert_eq!([bench.mw(10), bench.mw(12), bench.mw(14), bench.mw(16)], [5, 44, 6, 9]);
         assert_eq!((bench.md(20), bench.mw(98), bench.mb(1)), (0x6161_6161, 15, 0b111));
         let cell = ob1_cpu::Cell::Db(7, 16);
-        assert_eq!(bench.cpu.read(cell, CellWidth::Bit), Ok(1));
+        assert_eq!(bench.cpu.read(cell, Width::Bit), Ok(1));
     });
 }
 

@@ -5,7 +5,7 @@
 mod common;
 
 use common::*;
-use ob1_cpu::{Cell, CellWidth, Command, Cpu, CpuConfig, DataRange, OperatingState, Retentive, RetentiveData, Why};
+use ob1_cpu::{Cell, Command, Cpu, CpuConfig, DataRange, OperatingState, Retentive, RetentiveData, Why, Width};
 use ob1_ir::{Number, Op, Program};
 use ob1_model::TimerKind;
 use ob1_time::Span;
@@ -27,14 +27,14 @@ fn station() -> Program {
 
 fn fill(bench: &mut Bench) {
     bench.run();
-    bench.set(0, CellWidth::DWord, 0x0102_0304);
-    bench.set(4, CellWidth::DWord, 0x0506_0708);
-    bench.set(8, CellWidth::DWord, 0x090A_0B0C);
+    bench.set(0, Width::DWord, 0x0102_0304);
+    bench.set(4, Width::DWord, 0x0506_0708);
+    bench.set(8, Width::DWord, 0x090A_0B0C);
     for counter in [1, 2, 3] {
-        bench.cpu.write(Cell::Counter(counter), CellWidth::Word, 70 + u32::from(counter)).expect("a counter");
+        bench.cpu.write(Cell::Counter(counter), Width::Word, 70 + u32::from(counter)).expect("a counter");
     }
     for (db, at) in [(2, 0), (9, 0), (9, 2), (9, 4)] {
-        bench.cpu.write(Cell::Db(db, at * 8), CellWidth::Word, 0x1111).expect("a word");
+        bench.cpu.write(Cell::Db(db, at * 8), Width::Word, 0x1111).expect("a word");
     }
     bench.run();
     bench.clock.now += 4000 * MS;
@@ -44,7 +44,7 @@ fn fill(bench: &mut Bench) {
 /// M 0, 4, 8; timers 1 and 2; counters 1 to 3; DB 2; DB 9.
 fn state(bench: &mut Bench) -> ([u32; 3], [u32; 2], [u32; 3], u32, [u32; 3]) {
     let memory = [0, 4, 8].map(|at| bench.md(at));
-    let mut cell = |cell| bench.cpu.read(cell, CellWidth::Word).expect("it exists");
+    let mut cell = |cell| bench.cpu.read(cell, Width::Word).expect("it exists");
     let timers = [1, 2].map(|n| cell(Cell::Timer(n)));
     let counters = [1, 2, 3].map(|n| cell(Cell::Counter(n)));
     let two = cell(Cell::Db(2, 0));

@@ -4,9 +4,7 @@
 mod common;
 
 use common::*;
-use ob1_cpu::{
-    Cell, CellError, CellWidth, Command, Cpu, CpuConfig, CyclicInterrupt, OperatingState, TimeOfDay, system_blocks,
-};
+use ob1_cpu::{Cell, CellError, Command, Cpu, CpuConfig, CyclicInterrupt, OperatingState, TimeOfDay, system_blocks};
 use ob1_ir::{AccuOp, Arg, CodeBlock, Jump, NumberFormat, Op, Width};
 use ob1_model::{BlockId, BlockKind, Interface};
 use ob1_std::moment::Moment;
@@ -212,7 +210,7 @@ fn the_program_makes_and_deletes_data_blocks() {
         assert_eq!(bench.dbw(100, 6), 0x4711, "a warm restart keeps it");
         bench.cpu.request(Command::Cold);
         bench.run();
-        assert_eq!(bench.cpu.read(Cell::Db(100, 0), CellWidth::Word), Err(CellError::NoDb));
+        assert_eq!(bench.cpu.read(Cell::Db(100, 0), Width::Word), Err(CellError::NoDb));
 
         let mut bench = start(config, vec![on_demand(vec![delete])]);
         bench.cpu.request(Command::Stop);
@@ -221,8 +219,8 @@ fn the_program_makes_and_deletes_data_blocks() {
         bench.cpu.request(Command::Run);
         bench.run();
         assert_eq!(bench.dbw(100, 6), 0x4711, "and so does the image");
-        bench.set(10, CellWidth::Word, 100);
+        bench.set(10, Width::Word, 100);
         demand(&mut bench);
-        assert_eq!(bench.cpu.read(Cell::Db(100, 0), CellWidth::Word), Err(CellError::NoDb));
+        assert_eq!(bench.cpu.read(Cell::Db(100, 0), Width::Word), Err(CellError::NoDb));
     });
 }

@@ -10,7 +10,7 @@ use common::source::{bench_with, blocks};
 use common::{
     Bench, MS, block, db, instance_db, is_reference, mw, ob, ob1, on_each_engine, operand, program, transfer,
 };
-use ob1_cpu::{Cell, CellWidth, Command, Cpu, CpuConfig, CyclicInterrupt, OperatingState, TimeOfDay};
+use ob1_cpu::{Cell, Command, Cpu, CpuConfig, CyclicInterrupt, OperatingState, TimeOfDay};
 use ob1_ir::{Arg, Call, CallMode, Number, Op, Place, Target, Width};
 use ob1_model::{BitAddr, DataType, Interface, Layout};
 use ob1_std::moment::{DAY_MS, Moment};
@@ -116,7 +116,7 @@ fn fill(random: &mut Random, bytes: &mut [u8]) {
 fn write(bench: &mut Bench, db: u16, bytes: &[u8]) {
     for (at, byte) in (0..).zip(bytes) {
         // A block that the program has deleted or protected is not there to be written.
-        let _ = bench.cpu.write(Cell::Db(db, at * 8), CellWidth::Byte, u32::from(*byte));
+        let _ = bench.cpu.write(Cell::Db(db, at * 8), Width::Byte, u32::from(*byte));
     }
 }
 
@@ -132,7 +132,7 @@ fn random_parameters_of_every_block() {
 }
 
 fn call_every_block() {
-    let mut random = Random(0x0B1_5EED);
+    let mut random = Random::new(0x0B1_5EED);
     for of in all() {
         let (program, bytes) = caller(&of);
         let keys: Vec<String> = if of.key().starts_with("SYSTEM:") { vec![] } else { vec![of.key()] };

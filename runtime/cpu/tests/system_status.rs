@@ -1,4 +1,4 @@
-//! What the CPU tells a program of itself: run times, system status lists, the diagnostic buffer.
+//! What the CPU tells a program about itself: run times, system status lists, the diagnostic buffer.
 
 mod common;
 
@@ -126,7 +126,7 @@ fn the_diagnostic_buffer_of_a_cp_in_the_status_lists() {
         };
         let entries = vec![entry(0x080D, false, 3_723_004), entry(0x1E0D, true, u64::MAX), entry(0x0003, true, 0)];
         module.look(|seen| seen.buffer = entries);
-        bench.set(4, ob1_cpu::CellWidth::Word, 0xC0A0);
+        bench.set(4, ob1_cpu::Width::Word, 0xC0A0);
         bench.set_m(0, 0, true);
         bench.run();
         assert_eq!((bench.mw(10), bench.mw(14), bench.mw(16)), (0x0081, 20, 2), "there is room for two");
@@ -135,7 +135,7 @@ fn the_diagnostic_buffer_of_a_cp_in_the_status_lists() {
         let first = [0xF8, 0x08, 0, 0, 0, 0, 0x08, 0x0D, 1, 0, 0, 0, 0x90, 0x01, 0x01, 0x01, 0x02, 0x03, 0x00, 0x42];
         assert_eq!(memory[..20], first);
         assert_eq!(memory[20..32], [0xF9, 0x1E, 0, 0, 0, 0, 0x1E, 0x0D, 1, 0, 0, 0]);
-        bench.set(4, ob1_cpu::CellWidth::Word, 0xCFA0);
+        bench.set(4, ob1_cpu::Width::Word, 0xCFA0);
         bench.set_m(0, 0, false);
         bench.run();
         bench.set_m(0, 0, true);
@@ -172,8 +172,8 @@ fn entries_and_messages_of_the_program() {
             CALL SFC 17 (SIG := M 70.0, ID := W#16#EEEE, EV_ID := DW#16#12, SD := MW 60, RET_VAL := MW 20)";
         let mut bench = bench(&on_demand(call), &[]);
         bench.run();
-        bench.set(60, ob1_cpu::CellWidth::Word, 0x1122);
-        bench.set(62, ob1_cpu::CellWidth::DWord, 0x3344_5566);
+        bench.set(60, ob1_cpu::Width::Word, 0x1122);
+        bench.set(62, ob1_cpu::Width::DWord, 0x3344_5566);
         let mut log = bench.cpu.log_reader().expect("the first");
         for (signal, code, line) in [
             (false, 0x8087, None),

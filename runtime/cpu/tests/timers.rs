@@ -3,7 +3,7 @@
 mod common;
 
 use common::*;
-use ob1_cpu::{Cell, CellWidth};
+use ob1_cpu::{Cell, Width};
 use ob1_ir::{BitTest, Logic, Number, Op};
 use ob1_model::TimerKind;
 use ob1_time::Span;
@@ -45,7 +45,7 @@ fn play(kind: TimerKind, rows: &[(u64, u8, bool, u32)]) {
     bench.run();
     for (ms, inputs, output, left) in rows {
         bench.clock.now = at(*ms * MS);
-        bench.set(0, CellWidth::Byte, u32::from(*inputs));
+        bench.set(0, Width::Byte, u32::from(*inputs));
         bench.run();
         assert_eq!((bench.m(1, 0), bench.mw(2)), (*output, *left), "{kind:?} at {ms} ms");
         assert_eq!(bench.mw(4) & 0xFFF, ((left / 10 % 10) << 4) | (left % 10), "BCD at {ms} ms");
@@ -242,11 +242,11 @@ fn counters() {
             (reset, 0),
             (reset | up, 0),
         ] {
-            bench.set(0, CellWidth::Byte, inputs);
+            bench.set(0, Width::Byte, inputs);
             bench.run();
             assert_eq!((bench.mw(2), bench.m(1, 0)), (value, value > 0), "inputs {inputs:05b}");
             assert_eq!(bench.mw(4), (value / 100) << 8 | (value / 10 % 10) << 4 | (value % 10));
         }
-        assert_eq!(bench.cpu.read(Cell::Counter(3), CellWidth::Word), Ok(0));
+        assert_eq!(bench.cpu.read(Cell::Counter(3), Width::Word), Ok(0));
     });
 }

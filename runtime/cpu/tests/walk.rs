@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use common::source::blocks;
 use common::{Bench, on_each_engine};
-use ob1_cpu::{CellWidth, Cpu, CpuConfig};
+use ob1_cpu::{Cpu, CpuConfig, Width};
 use ob1_stl::{Library, Mnemonics, Options, Source, compile};
 use ob1_time::Span;
 
@@ -326,7 +326,7 @@ fn pairs(text: &'static str) -> BTreeMap<&'static str, &'static str> {
 
 /// Runs statements of a set; ACCU1, ACCU2 and status word afterwards.
 fn run(text: &str, set: Mnemonics, before: [u32; 3], accumulators: u8) -> [u32; 3] {
-    // T STW of an S7-300 leaves /FC, STA and OR alone: statements bring them about. OR without /FC cannot be.
+    // T STW of an S7-300 leaves /FC, STA and OR alone: statements bring them about. OR without /FC is impossible.
     let (fc, sta, or) = (before[2] & FC != 0, before[2] & STA != 0, before[2] & (OR | FC) == OR | FC);
     let bits = match (accumulators, fc, sta, or) {
         (4, ..) => "",
@@ -368,9 +368,9 @@ fn run(text: &str, set: Mnemonics, before: [u32; 3], accumulators: u8) -> [u32; 
     // The start-up clears memory: the first cycle does nothing, the second has the values.
     bench.run();
     bench.set_m(0, 0, true);
-    bench.set(2, CellWidth::Word, before[2]);
-    bench.set(4, CellWidth::DWord, before[1]);
-    bench.set(8, CellWidth::DWord, before[0]);
+    bench.set(2, Width::Word, before[2]);
+    bench.set(4, Width::DWord, before[1]);
+    bench.set(8, Width::DWord, before[0]);
     bench.run();
     [bench.md(12), bench.md(16), bench.mw(20)]
 }
@@ -413,8 +413,8 @@ fn every_instruction_in_both_sets() {
     });
 }
 
-/// `T STW` on an S7-300 leaves /FC, STA and OR as they are: the scan behind it begins or goes on as if it were not
-/// there ["Statement List (STL) for S7-300 and S7-400 Programming", "T STW", note]. M 100.0 is 1, M 100.1 is 0.
+/// `T STW` on an S7-300 leaves /FC, STA and OR as they are: the scan after it begins or goes on as if it were not there
+/// ["Statement List (STL) for S7-300 and S7-400 Programming", "T STW", note]. M 100.0 is 1, M 100.1 is 0.
 #[test]
 fn what_t_stw_writes() {
     on_each_engine(|| {
@@ -435,7 +435,7 @@ fn what_t_stw_writes() {
     });
 }
 
-/// What moves between four accumulators. ACCU1 to ACCU4 are 1, 2, 3, 4 before.
+/// How values move between four accumulators. ACCU1 to ACCU4 are 1, 2, 3, 4 before.
 #[test]
 fn four_accumulators() {
     on_each_engine(|| {

@@ -95,7 +95,7 @@ fn a_table_that_cannot_be_is_refused() {
     }
 }
 
-/// Version 1.1 has SFB and SFC; what was built with 1.0 is loaded as it was.
+/// Version 1.1 has SFB and SFC; a plugin built with 1.0 is loaded as before.
 #[test]
 fn a_block_may_be_a_system_block() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -271,7 +271,7 @@ fn a_block_that_breaks_the_rules_is_stop() {
     let returns = find(&blocks, BlockKind::Fc, 2);
     assert_eq!(cpu.call(returns, &[0]), Ok(()));
     for (status, event, text) in [
-        (1, Event::PLUGIN_STOP, "FC 2 RETURNS broke off without being asked"),
+        (1, Event::PLUGIN_STOP, "FC 2 RETURNS returned ABORT without being asked to"),
         (-5, Event::PLUGIN_STOP, "FC 2 RETURNS returned status -5"),
         (12, Event::PLUGIN_STOP, "FC 2 RETURNS returned status 12"),
         (-100, Event::PLUGIN_PANIC, "FC 2 RETURNS: a panic without a message"),

@@ -1,5 +1,5 @@
-//! What a block does with the registers: which are needed behind each statement, and what is known of them where jumps
-//! meet. Whatever nobody can see is not computed.
+//! Data flow of a block's registers: which are needed after each statement, and what is known of them where jumps meet.
+//! Values that nobody sees are not computed.
 
 use ob1_cpu::engine::Plan;
 use ob1_ir::{
@@ -31,9 +31,9 @@ pub(crate) const ALL: Set = (1 << 13) - 1;
 /// The count of statements executed; no register of the CPU.
 pub(crate) const COUNT: Set = 1 << 13;
 pub(crate) const CHAIN: Set = FC | OR | STA;
-/// What a called block's caller finds in the registers.
+/// The registers that the caller sees after a call.
 pub(crate) const RESULTS: Set = A1 | A2 | AR1 | AR2 | RLO | CC | OV | BR;
-/// What an error organization block finds.
+/// The registers that an error organization block sees.
 pub(crate) const SEEN_BY_FAULTS: Set = A1 | A2 | AR1 | AR2;
 
 /// How a statement is executed.
@@ -41,7 +41,7 @@ pub(crate) const SEEN_BY_FAULTS: Set = A1 | A2 | AR1 | AR2;
 pub(crate) enum How {
     /// Compiled; it cannot fail.
     Plain,
-    /// Compiled behind checks; what they refuse is left to the reference.
+    /// Compiled, after checks; if one fails, the reference runs the statement.
     Checked,
     /// By the reference.
     Step,
@@ -55,7 +55,7 @@ pub(crate) struct Env<'a> {
     pub(crate) plan: &'a Plan,
     /// The block has `MCRA`: what depends on the master control relay is left to the reference.
     pub(crate) mcr: bool,
-    /// The registers somebody sees when the block has ended.
+    /// The registers that are seen when the block has ended.
     pub(crate) end: Set,
 }
 
@@ -87,8 +87,8 @@ impl Env<'_> {
             },
             Op::Assign(place) | Op::Set(place) | Op::Reset(place) => written(place, 1),
             Op::EdgePositive(place) | Op::EdgeNegative(place) => at(place, 1),
-            Op::Load(o) | Op::LoadArFrom(_, o) | Op::TransferArTo(_, o) => at(&o.place, place::bits(o.width)),
-            Op::Transfer(o) => written(&o.place, place::bits(o.width)),
+            Op::Load(o) | Op::LoadArFrom(_, o) | Op::TransferArTo(_, o) => at(&o.place, u32::from(o.width.bits())),
+            Op::Transfer(o) => written(&o.place, u32::from(o.width.bits())),
             Op::OpenDb(_, Number::Fixed(n)) if *n == 0 || place::data(self.plan, *n).is_some() => How::Plain,
             Op::OpenDb(..)
             | Op::LoadParamPointer { .. }
@@ -117,7 +117,7 @@ impl Env<'_> {
         }
     }
 
-    /// Registers that must be right before `op`, when `after` must be right behind it.
+    /// Registers that must be right before `op`, if `after` must be right after it.
     pub(crate) fn before(&self, op: &Op, after: Set) -> Set {
         let how = self.how(op);
         if how == How::Call {
@@ -131,8 +131,8 @@ impl Env<'_> {
         }
     }
 
-    /// Registers that must be at hand when `op` is compiled, when `after` are needed behind it: what it looks at, and
-    /// what its code may look at in vain, but leaves as it is.
+    /// Registers that must be at hand when `op` is compiled, if `after` are needed after it: those it uses, and those
+    /// its code may read without using them, which it leaves as they are.
     pub(crate) fn at_hand(&self, op: &Op, after: Set) -> Set {
         let (all, kills) = self.uses_kills(op, ALL);
         self.uses_kills(op, after).0 | all & after & !kills
@@ -225,7 +225,7 @@ impl Env<'_> {
             Op::ResetTimer(_) | Op::CountUp(_) | Op::CountDown(_) | Op::ResetCounter(_) => (RLO | AR2, FC | OR),
             Op::LoadDbLength(_) | Op::LoadDbNumber(_) => (A1, 0),
             Op::Nop => (0, 0),
-            // By the reference: whatever it may look at.
+            // Run by the reference, which may use any of these.
             _ => (ALL & !(CC | OV | OS | BR), 0),
         }
     }
@@ -250,7 +250,7 @@ pub(crate) fn liveness(stmts: &[Stmt], env: &Env<'_>) -> Vec<Set> {
     }
 }
 
-/// The statements that can come behind statement `i`.
+/// The statements that can come after statement `i`.
 pub(crate) fn successors(op: &Op, i: usize, see: &mut dyn FnMut(usize)) {
     match op {
         Op::Jump(Jump::Always, to) => see(*to as usize),
@@ -292,7 +292,7 @@ pub(crate) fn loops(stmts: &[Stmt]) -> Vec<bool> {
     marks
 }
 
-/// What is known of the registers whatever way has led to a statement.
+/// What is known of the registers at a statement, whichever path led there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Facts {
     pub(crate) fc: Option<bool>,
@@ -318,7 +318,7 @@ impl Facts {
         }
     }
 
-    /// Behind `op`, when it may also have failed.
+    /// The facts after `op`, which may also have failed.
     fn behind(self, op: &Op, env: &Env<'_>) -> Self {
         let mut next = self;
         let mut set = |fc: Option<bool>, or: Option<bool>| (next.fc, next.or) = (fc, or);
@@ -350,7 +350,7 @@ impl Facts {
     }
 }
 
-/// The data block registers behind `op`.
+/// The data block registers after `op`.
 fn opened(op: &Op, env: &Env<'_>, facts: &mut Facts) {
     let mut place = |p: &Place| match p {
         // Opened before anything can fail, when it is loaded.
@@ -358,7 +358,7 @@ fn opened(op: &Op, env: &Env<'_>, facts: &mut Facts) {
         Place::InDi(n, _) => facts.di = place::data(env.plan, *n).map(|_| *n),
         _ => {}
     };
-    // A call gives both registers back.
+    // A call restores both registers.
     if !matches!(op, Op::Call(_)) {
         op.places(&mut |p, _| place(&p));
     }
@@ -375,7 +375,7 @@ fn opened(op: &Op, env: &Env<'_>, facts: &mut Facts) {
     }
 }
 
-/// What is known before each statement a jump leads to; `None` where nothing ever leads.
+/// What is known before each statement a jump leads to; `None` where no path leads.
 pub(crate) fn facts(stmts: &[Stmt], entry: Facts, marks: &[bool], env: &Env<'_>) -> Vec<Option<Facts>> {
     let mut at: Vec<Option<Facts>> = vec![None; stmts.len() + 1];
     at[0] = Some(entry);

@@ -24,7 +24,7 @@ pub(crate) fn instance_bytes(plan: &Plan, block: u32) -> u32 {
     plan.signatures.find(id).map_or(0, |signature| signature.instance_bytes)
 }
 
-/// A call whose block becomes part of the caller: its index, and where its instance lies.
+/// A call whose block is inlined: its index, and where its instance lies.
 pub(crate) fn candidate(plan: &Plan, call: &Call) -> Option<(u32, Option<Db>)> {
     simple(plan, call).filter(|(block, instance)| leaf(plan, *block, instance.is_some()))
 }
@@ -72,7 +72,7 @@ pub(crate) fn simple(plan: &Plan, call: &Call) -> Option<(u32, Option<Db>)> {
     Some((block, instance))
 }
 
-/// The block can become part of another: short, without loops and calls, and nothing in it can fail.
+/// The block can be inlined: short, without loops and calls, and nothing in it can fail.
 fn leaf(plan: &Plan, block: u32, instance: bool) -> bool {
     let code = &plan.blocks[block as usize];
     let (id, kind) = (code.id, code.id.kind);
@@ -106,7 +106,7 @@ fn leaf(plan: &Plan, block: u32, instance: bool) -> bool {
                 Place::Param { index, at } => at.0 == 0 || !is_string(plan, id, index),
                 Place::Fixed(Area::Local, _) => true,
                 Place::Instance(_) => instance,
-                other => matches!(place::class(&other, place::bits(width), plan), place::Class::Fixed(_)),
+                other => matches!(place::class(&other, u32::from(width.bits()), plan), place::Class::Fixed(_)),
             };
         });
         let sets_ar2 = matches!(
@@ -137,8 +137,8 @@ fn is_string(plan: &Plan, id: BlockId, index: u16) -> bool {
     plan.signatures.find(id).and_then(|signature| signature.formals.get(usize::from(index))).is_some_and(|f| f.string)
 }
 
-/// Whether there is room for the blocks that become part of this one: nesting, local data, references. Nothing when
-/// there is none such.
+/// Whether there is room for the blocks that are inlined into this one: nesting, local data, references. `None` if
+/// there are no such blocks.
 pub(crate) fn room(t: &mut Translation<'_, '_>) -> Option<Value> {
     let block = &t.plan.blocks[t.block as usize];
     let (mut any, mut local, mut refs) = (false, 0, 0);
@@ -188,7 +188,7 @@ pub(crate) fn references(call: &Call) -> Vec<Reference> {
 }
 
 impl Translation<'_, '_> {
-    /// The call at `pc`, when its block becomes part of this one.
+    /// Translates the call at `pc`, if its block is inlined here.
     pub(crate) fn inlined_call(&mut self, pc: usize) -> bool {
         if self.body.inlined.is_some() {
             return false;
@@ -210,7 +210,7 @@ impl Translation<'_, '_> {
             db: if let Data::Known(db) = self.now.db { Some(db.number) } else { None },
             di: None,
         };
-        // Behind the call AR2 is the caller's again.
+        // After the call AR2 is the caller's again.
         let given_back = if instance.is_some() { flow::AR2 } else { 0 };
         let end = self.body.live[pc + 1] & flow::RESULTS & !given_back;
         let uncounted = self.now.uncounted;
@@ -273,13 +273,13 @@ impl Translation<'_, '_> {
         }
     }
 
-    /// The status word at the beginning of a called block and behind the call.
+    /// The status word at the beginning of a called block and after the call.
     fn called(&mut self) {
         self.now.os = Bit::Known(false);
         self.end_chain(Bit::Known(true));
     }
 
-    /// The end of a block that has become part of its caller.
+    /// The end of an inlined block.
     pub(crate) fn end_inlined(&mut self) {
         let end = self.body.stmts.len();
         if self.body.marks[end] {
@@ -290,25 +290,14 @@ impl Translation<'_, '_> {
     }
 
     fn read_at(&mut self, base: Value, bit: u32, bits: u32) -> Value {
-        let spot = Spot { base, offset: bit / 8, bit: BitAt::Known((bit % 8) as u8) };
-        if bits > 1 {
-            return self.read(spot, bits);
-        }
-        let byte = self.byte_of(spot);
-        let bit = self.bit_of(byte, spot).value(self.vars.rlo, &mut self.b);
-        self.b.ins().uextend(types::I32, bit)
+        self.value(spot(base, bit), bits)
     }
 
     fn write_at(&mut self, base: Value, bit: u32, bits: u32, value: Value) {
-        let spot = Spot { base, offset: bit / 8, bit: BitAt::Known((bit % 8) as u8) };
-        if bits > 1 {
-            self.write(spot, bits, value);
-            return;
-        }
-        let byte = self.byte_of(spot);
-        let low = self.b.ins().ireduce(types::I8, value);
-        let one = self.b.iconst(types::I8, 1);
-        let low = self.b.ins().band(low, one);
-        self.put_bit(byte, spot, Bit::Val(low));
+        self.put_value(spot(base, bit), bits, value);
     }
+}
+
+const fn spot(base: Value, bit: u32) -> Spot {
+    Spot { base, offset: bit / 8, bit: BitAt::Known((bit % 8) as u8) }
 }

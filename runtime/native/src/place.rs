@@ -1,7 +1,7 @@
 //! Which operands the translation reaches itself, and what is known of them at load.
 
 use ob1_cpu::engine::{Db, Plan};
-use ob1_ir::{Place, Width};
+use ob1_ir::Place;
 use ob1_model::Area;
 
 /// How an operand is reached.
@@ -13,15 +13,6 @@ pub(crate) enum Class {
     Checked,
     /// By the reference.
     Slow,
-}
-
-pub(crate) const fn bits(width: Width) -> u32 {
-    match width {
-        Width::Bit => 1,
-        Width::Byte => 8,
-        Width::Word => 16,
-        Width::DWord => 32,
-    }
 }
 
 /// The place of a data block of the program.

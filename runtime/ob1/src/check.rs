@@ -51,7 +51,7 @@ pub struct Options {
     pub verbose: bool,
 }
 
-/// What a check has found, and what it can tell of what is right.
+/// What a check has found, and the text it prints about what is right.
 #[derive(Debug, Default)]
 struct Checked {
     findings: Vec<Finding>,
@@ -62,7 +62,7 @@ struct Checked {
 #[must_use]
 pub fn posture(files: &[PathBuf], json: bool) -> Exit {
     let [file] = files else {
-        err!("ob1: --posture is asked for one station file");
+        err!("ob1: --posture takes one station file");
         return Exit::Usage;
     };
     match station_file::load(file) {

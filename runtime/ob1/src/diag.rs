@@ -137,7 +137,7 @@ cp (cp341 at 272), driver: ready
         1990-01-01 00:00:00.000        61.000 s  080Dh BREAK: the receiving line is interrupted
                                                   = Connect the devices, switch the partner on; with RS 422/485 check the wires R(A), R(B).
         1990-01-01 00:00:00.000         0.012 s  0003h The parameters were accepted
-        1990-01-01 00:00:00.000         0.000 s  FFFFh an event nobody knows
+        1990-01-01 00:00:00.000         0.000 s  FFFFh unknown event
 ";
         assert_eq!(text(Some(&cpu), &[cp]), expected);
     }

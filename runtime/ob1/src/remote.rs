@@ -135,7 +135,7 @@ fn print_status(status: &Status) {
     }
     if !status.downloads.is_empty() {
         let list: Vec<String> = status.downloads.iter().map(|one| format!("{} {}", one.block, one.what)).collect();
-        say!("other than in the sources: {}", list.join(", "));
+        say!("different from the sources: {}", list.join(", "));
     }
     if let Some(why) = &status.downloads_not_kept {
         say!("what was downloaded is lost when the station ends: {why}");
@@ -160,7 +160,7 @@ fn print_status(status: &Status) {
 fn retentive_text(retentive: &RetentiveStatus) -> String {
     let age = retentive.age_ns.map_or_else(
         || "never written by this runtime".to_owned(),
-        |age| format!("as in memory {:.1} s ago", age as f64 / 1e9),
+        |age| format!("saved as of {:.1} s ago", age as f64 / 1e9),
     );
     let generation = retentive.generation.map_or_else(String::new, |number| format!(", generation {number}"));
     match &retentive.error {

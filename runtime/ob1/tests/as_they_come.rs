@@ -98,7 +98,7 @@ fn the_program_s_block_stands_for_one_that_is_offered() {
     let chosen = ob1(folder.path(), &["exec", "own.awl", "--library", "FC105=TI-S7:FC105"]);
     let said = text(&chosen);
     assert_eq!(chosen.status.code(), Some(10), "{said}");
-    assert!(said.contains("FC 105 is this block, and SCALE of [library] \"FC 105\" = \"TI-S7:FC105\""), "{said}");
+    assert!(said.contains("FC 105 is both this block and SCALE of [library] \"FC 105\" = \"TI-S7:FC105\""), "{said}");
 }
 
 #[test]

@@ -170,7 +170,7 @@ fn start_information_is_there_or_not() {
     assert_eq!(bench.memory(4, &["--ob-start-info", "off"]), (Some(0), vec![0; 4]));
 }
 
-/// What the figures are called is part of the contract.
+/// The names of the figures are part of the contract.
 #[test]
 fn the_figures_have_these_names() {
     let bench = Bench::new(&ob(1, COUNT));
@@ -203,9 +203,9 @@ fn a_run_that_lasts_gets_machine_code_meanwhile_and_a_short_one_none() {
         assert_eq!(memory, ((limit * 1000) as u16).to_be_bytes());
         stats["engine"].as_str().expect("a name").to_owned()
     };
-    // Over before anybody looks at the time.
+    // It ends before anybody looks at the time.
     assert_eq!(bench.stats(&["--engine", "auto", "--limit", "10ms"])["engine"], "reference");
-    // How much virtual time passes before the code is made is the machine's business.
+    // How much virtual time passes before the code is made depends on the machine.
     assert!((8..17).any(|n| run(1 << n) == "native"), "it runs on the reference engine to the end");
 }
 
@@ -265,13 +265,13 @@ fn standard_blocks_by_number() {
     assert_eq!(bench.memory(4, &["--library", "FC4=IEC:FC4,FC21=IEC:LEN"]), (Some(0), vec![0, 5, 0, 5]));
     assert_eq!(bench.memory(4, &["--library", "IEC"]), (Some(0), vec![0, 5, 0, 5]));
     fails(&bench.exec(&["--library", "FC21=IEC:FC999"]), 1, "no standard block");
-    fails(&bench.exec(&["--library", "FC21=IEC:FC21,FC21=IEC:FC4"]), 1, "FC 21 is wanted for IEC:FC21 and for IEC:FC4");
+    fails(&bench.exec(&["--library", "FC21=IEC:FC21,FC21=IEC:FC4"]), 1, "FC 21 would be both IEC:FC21 and IEC:FC4");
 }
 
 #[test]
 fn blocks_that_are_not_there_are_named() {
     for (code, args, parts) in [
-        // A block of STEP 7 that nobody has written here, and a number STEP 7 does not use.
+        // A block of STEP 7 that we lack, and a number STEP 7 does not use.
         ("CALL SFC 25;", &[][..], &["S0602", "SFC 25 COMPRESS is a block of STEP 7 that this CPU does not have"][..]),
         ("CALL SFC 16;", &[], &["S0602", "SFC 16: 1 use in 1 file"]),
         ("CALL SFB 12, DB 5;", &[], &["S0602", "SFB 12 BSEND"]),
@@ -305,7 +305,7 @@ fn several_symbol_tables() {
     bench.write("b.seq", "\tMB 1\ttwo\tsecond table\r\n");
     fails(&bench.exec(&["--symbols", "a.sdf"]), 10, "two");
     assert_eq!(bench.memory(2, &["--symbols", "a.sdf", "--symbols", "b.seq"]), (Some(0), vec![0, 0]));
-    // A name in two tables is told; the first one counts.
+    // A name in two tables is reported; the first one counts.
     bench.write("c.sdf", "\"one\",\"MB 9\",\"BYTE\",\"\"\n\"two\",\"MB 1\",\"BYTE\",\"\"\n");
     bench.write("p.awl", &ob(1, "L 7; T MB 8; L \"ONE\"; T \"two\"; CALL SFC 46;"));
     let words = ["--symbols", "a.sdf", "--symbols", "c.sdf"];

@@ -260,7 +260,7 @@ expect = { \"A 4.0\" = true }
         "  p.test.toml:9: DB5.PLACE.NAME: expected 'right', found 'left' (step 1, ",
         "  p.test.toml:14: the CPU is in STOP; 4562h",
         "ok     p.test.toml: right",
-        "  p.test.toml:25: this time is over: it is 1.000 s",
+        "  p.test.toml:25: this time has already passed: it is 1.000 s",
         "  p.test.toml:30: A 4.0: expected true, found false (step 1, 1.000 s, scan 101)",
         "1 passed, 4 failed\n",
     ] {
@@ -293,10 +293,10 @@ fn what_cannot_be_used_is_told_before_anything_runs() {
         (
             "[[test]]\nname = \"a\"\ncall = \"FC 10\"\nwith = { T = \"M 0.0\" }\n[[test.step]]\n",
             4,
-            "cannot be called so",
+            "cannot be called in this way",
         ),
         ("[[test]]\nname = \"a\"\ncall = \"FB 3\"\nwith = { X = \"1\" }\n[[test.step]]\n", 5, "has no parameter X"),
-        ("cycle = \"0ms\"\n[[test]]\nname = \"a\"\n[[test.step]]\n", 2, "a cycle of no time"),
+        ("cycle = \"0ms\"\n[[test]]\nname = \"a\"\n[[test.step]]\n", 2, "the cycle time is 0"),
         ("station = \"s.toml\"\n[[test]]\nname = \"a\"\n[[test.step]]\n", 1, "a station and sources"),
     ] {
         let good = format!("[[test]]\nname = \"good\"{step}");

@@ -16,7 +16,7 @@ pub struct Choice {
     pub id: BlockId,
     /// The block, as its library names it: `IEC:FC4`.
     pub key: String,
-    /// It came with a whole library: a block of the program with its number stands for it.
+    /// It came with a whole library: a block of the program with the same number replaces it.
     pub offered: bool,
 }
 
@@ -129,7 +129,7 @@ fn unknown(key: &str) -> String {
     format!("there is no standard block \"{key}\"{hint} (docs/standard-blocks.md lists them)")
 }
 
-/// Single choices, and whole libraries beside them: a single one stands for the block a library would bring under its
+/// Single choices, and whole libraries beside them: a single choice replaces the block a library would bring under its
 /// number.
 ///
 /// # Errors
@@ -164,7 +164,7 @@ pub struct Clash {
 
 impl fmt::Display for Clash {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} is wanted for {} and for {}", self.id, self.first, self.second)
+        write!(f, "{} would be both {} and {}", self.id, self.first, self.second)
     }
 }
 
@@ -191,13 +191,13 @@ mod tests {
 
     #[test]
     fn a_number_is_one_block() {
-        // What is said twice is said once; a single choice stands for that of a library.
+        // A choice made twice counts once; a single choice replaces that of a library.
         assert_eq!(together(&["IEC", "IEC"]).map(|all| all.len()), Ok(40));
         let merged = together(&["CP341", "FC5=IEC:FC16"]).expect("no clash");
         assert_eq!(merged, ["FB 7=CP341:FB7", "FB 8=CP341:FB8", "FB 13=CP341:FB13", "FC 5=IEC:FC16", "FC 6=CP341:FC6"]);
         // The libraries of two manuals want the same numbers.
         let clash = together(&["IEC", "CP341"]).expect_err("FC 5 and FC 6");
-        assert!(clash.contains("FC 5 is wanted for IEC:FC5 and for CP341:FC5, FC 6 is"), "{clash}");
+        assert!(clash.contains("FC 5 would be both IEC:FC5 and CP341:FC5, FC 6 would"), "{clash}");
         let settled = together(&["IEC", "CP341", "FC5=CP341:FC5", "FC6=IEC:FC6", "FC106=CP341:FC6"]);
         assert_eq!(settled.map(|all| all.len()), Ok(44));
         assert!(together(&["FC4=IEC:FC4", "FC4=IEC:FC5"]).is_err());

@@ -3,8 +3,8 @@
 //!
 //! `$XDG_RUNTIME_DIR/ob1/NAME`, or `/run/ob1/NAME` for root and for the user who owns `/run/ob1`, or
 //! `/run/ob1-UID/NAME` for a user root has dropped to, or `/tmp/ob1-UID/NAME`; mode 0700. In it: `control.sock`
-//! (0600), `io` and `MODULE.segment` (links to `/proc/PID/fd/N`), and `pid`. Who holds the lock on `pid` owns the
-//! directory: the lock goes with its process, however that ends, so a leftover is known by being unlocked.
+//! (0600), `io` and `MODULE.segment` (links to `/proc/PID/fd/N`), and `pid`. Whoever holds the lock on `pid` owns the
+//! directory: the lock ends with its process, however that ends, so an unlocked directory is a leftover.
 
 use std::ffi::OsStr;
 use std::fs::{self, DirBuilder, File, OpenOptions};
@@ -24,12 +24,12 @@ pub const SOCKET: &str = "control.sock";
 /// Name of the process I/O image.
 pub const IO: &str = "io";
 const PID: &str = "pid";
-/// Another owner may vanish between two looks; more often than this it does not. With [`STEP`] in between also how long
-/// a dead runtime and its janitor are waited for: 5 s.
+/// How often a directory is tried whose owner may vanish between two looks. With [`STEP`] in between, this is also how
+/// long a dead runtime and its janitor are waited for: 5 s.
 const ATTEMPTS: usize = 500;
 const STEP: Duration = Duration::from_millis(10);
 
-/// Why a runtime directory cannot be had.
+/// Why there is no runtime directory.
 #[derive(Debug, thiserror::Error)]
 pub enum RunDirError {
     /// The station runs already.
@@ -43,7 +43,7 @@ pub enum RunDirError {
         path: PathBuf,
     },
     /// The directory belongs to somebody else or is open to others.
-    #[error("{} is not a directory of this user alone; remove it, or set XDG_RUNTIME_DIR", .0.display())]
+    #[error("{} is not a directory that only this user can use; remove it, or set XDG_RUNTIME_DIR", .0.display())]
     Foreign(PathBuf),
     /// The system refused.
     #[error("runtime directory {}: {source}", .path.display())]
@@ -193,7 +193,7 @@ fn private_dir(path: &Path) -> Result<(), RunDirError> {
     let found = fs::symlink_metadata(path).map_err(at(path))?;
     let ours = found.is_dir() && found.uid() == rustix::process::getuid().as_raw();
     if ours && found.permissions().mode() & 0o077 != 0 {
-        // Ours, but made with a wider mode by somebody's hand: close it.
+        // Ours, but its mode is too wide.
         fs::set_permissions(path, fs::Permissions::from_mode(0o700)).map_err(at(path))?;
     }
     if ours { Ok(()) } else { Err(RunDirError::Foreign(path.to_owned())) }
@@ -261,7 +261,7 @@ fn lives(pid: &str) -> bool {
 }
 
 /// For the janitor: takes the directory of the runtime `dead` over and keeps it while `work` runs; then removes it.
-/// False when it has a living owner or does not get free.
+/// False if it has a living owner or its lock is not released.
 ///
 /// A dying process closes its files in no useful order: the janitor may know of its end before the lock is gone.
 pub(crate) fn bury(dir: &Path, dead: &str, work: impl FnOnce()) -> bool {
@@ -272,7 +272,7 @@ pub(crate) fn bury(dir: &Path, dead: &str, work: impl FnOnce()) -> bool {
         }
         match lock_of(dir) {
             Ok(Some(lock)) if still_there(dir, &lock) => {
-                // Nobody's now: who wants to claim it waits.
+                // It belongs to nobody now; a runtime that wants it waits.
                 let _ = lock.set_len(0);
                 work();
                 remove(dir);

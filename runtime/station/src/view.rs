@@ -28,7 +28,7 @@ use ob1_access::Names;
 use ob1_access::door::BlockFact;
 use ob1_time::Instant;
 
-/// Where the blocks of a program stand.
+/// The source files of a program's blocks.
 #[derive(Debug, Default)]
 pub struct Places(BTreeMap<BlockId, String>);
 
@@ -104,7 +104,7 @@ impl KnownProgram {
 pub struct Known(Arc<RwLock<Arc<KnownProgram>>>);
 
 impl Known {
-    /// This one from now on.
+    /// The program from now on.
     pub fn set(&self, program: KnownProgram) {
         *self.0.write() = Arc::new(program);
     }
@@ -133,7 +133,7 @@ pub struct StationView {
     pub panel: Option<Panel>,
     /// What the operating system granted; set by the scan thread when it has asked.
     pub posture: Arc<OnceLock<Vec<Grant>>>,
-    /// How the writing of retentive memory stands, where the station file wants it.
+    /// State of the writing of retentive memory, where the station file wants it.
     pub retentive: Option<Health>,
     /// The clock of this runtime.
     pub clock: MonotonicClock,
@@ -250,7 +250,7 @@ impl StationView {
         }
     }
 
-    /// What made the cycle too long that this entry is about.
+    /// What made the cycle too long, if the entry is about one.
     #[must_use]
     pub fn stood_in_the_way(&self, entry: &DiagEntry) -> Option<String> {
         if entry.event == Event::CYCLE_TIME_EXCEEDED { self.timings.watchdog(entry.time) } else { None }
@@ -334,14 +334,14 @@ fn times(d: &Distribution) -> Times {
 
 impl From<BufferEntry> for CpEntry {
     fn from(entry: BufferEntry) -> Self {
-        // What lies in shared memory can be any number.
+        // Shared memory can hold any number.
         let row = ob1_protocols::cp341_events::row(entry.number);
         Self {
             time_ms: entry.time_ms,
             unix_ns: 0,
             number: format!("{:04X}h", entry.number),
             incoming: entry.incoming,
-            text: row.map_or("an event nobody knows", |row| row.text).to_owned(),
+            text: row.map_or("unknown event", |row| row.text).to_owned(),
             remedy: row.map_or("", |row| row.remedy).to_owned(),
         }
     }

@@ -1,4 +1,4 @@
-//! A station file with a PROFIBUS: what it becomes, and what is said of each mistake, with its place.
+//! A station file with a PROFIBUS: what it becomes, and the finding for each mistake, with its place.
 
 mod mistakes;
 
@@ -90,7 +90,7 @@ fn each_mistake_has_its_place_and_its_words() {
             ("station = 8", "station = 126", 15, "out of range", "0 to 125"),
             ("station = 8", "station = 2", 15, "the address 2 is taken", "of its own"),
             ("ET200M.GSD", "ET200X.GSD", 16, "cannot be read", "counts from the folder"),
-            ("ET200M.GSD", "line.rs", 16, "is no GSD file", "from the maker"),
+            ("ET200M.GSD", "line.rs", 16, "is not a valid GSD file", "from the maker"),
             ("gsd = \"ET200M.GSD\"\n", "", 12, "no GSD file", "add `gsd`"),
             (
                 "DI 16 x DC 24V",
@@ -129,7 +129,7 @@ fn keys_of_profibus_do_not_belong_elsewhere() {
     }
 }
 
-/// The same rack behind a CP 342-5 that stands in front of it or behind it in the file.
+/// The same rack behind a CP 342-5 that comes before it or after it in the file.
 fn behind_cp(text: &str, first: bool) -> String {
     let cp = "[[module]]\ntype = \"cp342-5\"\nname = \"cp\"\nbus = \"profi\"\naddress = 512\n\n";
     let text = text.replace("diagnostic = 2040\n", "").replace("PEW 256", "EB 2");
@@ -165,7 +165,7 @@ fn each_mistake_at_a_cp_has_its_words() {
         ("station = 8", "station = 8\ndiagnostics = true", "`diagnostics` does not belong to a slave behind"),
         ("EB 2", "EB 1", "rack.3 overlaps bytes 0 to 1 of the area"),
         ("EB 2", "EB 2158", "rack.3 reaches to byte 2161 of the area"),
-        ("type = \"dp\"", "type = \"modbus-rtu\"", "\"profi\" is no PROFIBUS"),
+        ("type = \"dp\"", "type = \"modbus-rtu\"", "the bus \"profi\" is not a PROFIBUS"),
         (
             "[[module]]\ntype = \"coupler\"",
             "[[module]]\ntype = \"cp342-5\"\nname = \"b\"\nbus = \"profi\"\naddress = 768\n[[module]]\ntype = \"coupler\"",

@@ -1,4 +1,4 @@
-//! A station file with a GPIO chip: what it becomes, and what is said of each mistake, with its place.
+//! A station file with a GPIO chip: what it becomes, and the finding for each mistake, with its place.
 
 mod mistakes;
 
@@ -86,13 +86,13 @@ fn each_mistake_has_its_place_and_its_words() {
             ("period = \"5ms\"", "period = \"2s\"", 13, "cannot be read in this period", "\"1s\""),
             ("period = \"5ms\"", "unit = 1", 13, "`unit` does not belong to a GPIO chip", "leave it out"),
             ("pull-up", "pullup", 16, "bias cannot be", "pull-up"),
-            ("debounce = \"5ms\"", "debounce = \"11s\"", 16, "for so long", "10s"),
+            ("debounce = \"5ms\"", "debounce = \"11s\"", 16, "`debounce` is too long", "10s"),
             ("lines = [22]", "lines = [17]", 18, "line 17 is there twice", "one bit"),
             ("lines = [22], ", "", 18, "`lines` is missing", "numbers on the chip"),
             ("drive = \"open-drain\"", "bias = \"pull-up\"", 18, "does not belong to outputs", "leave it out"),
             ("lines = [22]", "lines = [22], to = \"coil:0\"", 18, "`to` does not belong to outputs", "leave it out"),
-            ("AB 4", "EB 4", 18, "is no place for outputs", "AB 0"),
-            ("AB 4", "AB 16384", 18, "is no place for outputs", "AB 0"),
+            ("AB 4", "EB 4", 18, "is not an address for outputs", "AB 0"),
+            ("AB 4", "AB 16384", 18, "is not an address for outputs", "AB 0"),
             (", substitute = [1, 0]", "", 16, "no substitute values", "add `substitute`"),
             (
                 "type = \"gpio\"\nchip = \"gpiochip0\"",

@@ -1,4 +1,4 @@
-//! A station file with Modbus couplers: what is said of each mistake, with its place.
+//! A station file with Modbus couplers: the finding for each mistake, with its place.
 
 mod mistakes;
 
@@ -64,7 +64,7 @@ fn each_mistake_has_its_place_and_its_words() {
             ("EB 8", "EB 7", 32, "input byte 7 belongs to north already", "north occupies 0 to 7"),
             ("EB 8", "EB 19", 32, "input byte 20 belongs to panel already", "panel occupies 20 to 21"),
             ("EB 8", "EB 16383", 32, "the range reaches to byte 16384", "the last byte is 16383"),
-            ("EB 8", "AB 8", 32, "\"AB 8\" is no place for", "the first byte"),
+            ("EB 8", "AB 8", 32, "\"AB 8\" is not an address for", "the first byte"),
             (
                 "bus = \"field\"\nname = \"south\"",
                 "bus = \"feld\"\nname = \"south\"",
@@ -76,8 +76,8 @@ fn each_mistake_has_its_place_and_its_words() {
             ("line = \"tcp:10.0.0.12:502\"\n", "", 28, "the coupler has no line", "tcp:"),
             ("tcp:10.0.0.12:502", "serial:/dev/ttyS0", 31, "cannot be the line of such a bus", "tcp:"),
             ("name = \"south\"", "name = \"north\"", 30, "north", "name"),
-            ("discrete:0", "discreet:0", 32, "names nothing of a coupler", "holding:N, input:N"),
-            ("discrete:0", "discrete:40001x", 32, "names nothing of a coupler", "counted from 0"),
+            ("discrete:0", "discreet:0", 32, "is not a register or bit of a coupler", "holding:N, input:N"),
+            ("discrete:0", "discrete:40001x", 32, "is not a register or bit of a coupler", "counted from 0"),
             ("bits = 16", "registers = 1", 32, "`discrete` is counted in `bits`", "`bits` for coil"),
             (", bits = 16", "", 32, "`bits` is missing", "how many"),
             ("coil:16", "discrete:16", 20, "`discrete` cannot be written", "holding:N or coil:N"),
@@ -89,8 +89,8 @@ fn each_mistake_has_its_place_and_its_words() {
             ("profile = \"wago-750\"\n", "", 22, "unknown coupler", "`profile` says"),
             ("wago-750", "moxa-iologik", 23, "cannot be set over Modbus", "on the coupler itself"),
             ("watchdog = \"500ms\"", "watchdog = \"50ms\"", 23, "no such watchdog time", "100 ms to"),
-            ("lost_after = \"1s\"", "lost_after = \"10ms\"", 24, "would be lost now and then", "100ms"),
-            ("lost_after = \"1s\"", "lost_after = \"2ms\"", 24, "would be lost now and then", "100ms"),
+            ("lost_after = \"1s\"", "lost_after = \"10ms\"", 24, "would be reported lost", "100ms"),
+            ("lost_after = \"1s\"", "lost_after = \"2ms\"", 24, "would be reported lost", "100ms"),
             (
                 "lost_after = \"1s\"",
                 "lost_after = \"1s\"\nperiod = \"2s\"",
@@ -98,7 +98,13 @@ fn each_mistake_has_its_place_and_its_words() {
                 "cannot be read in this period",
                 "half",
             ),
-            ("lost_after = \"1s\"", "lost_after = \"1s\"\nrefresh = \"400ms\"", 25, "refreshed so seldom", "half"),
+            (
+                "lost_after = \"1s\"",
+                "lost_after = \"1s\"\nrefresh = \"400ms\"",
+                25,
+                "`refresh` is out of range",
+                "half",
+            ),
             ("diagnostic = 2040", "station = 3", 25, "`station` does not belong to a coupler", "`unit`"),
             ("diagnostic = 2040", "diagnostic = 20", 25, "belongs to something else", "leave it out"),
         ],

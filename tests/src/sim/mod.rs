@@ -1,8 +1,8 @@
 //! The whole-station simulation: both demo stations in one thread, in virtual time.
 //!
-//! Everything that decides is the real thing: station files, compiler, CPU, the plugin's shared library, module
-//! adapter, segments, supervisor machine, driver pump, firmware, protocol machines. Virtual are time, the life of the
-//! driver processes, and the line. The same scenario gives the same log, to the byte.
+//! All tested parts are real: station files, compiler, CPU, the plugin's shared library, module adapter, segments,
+//! supervisor machine, driver pump, firmware, protocol machines. Time, the life cycle of the driver processes and the
+//! line are virtual. The same scenario gives exactly the same log.
 
 pub mod cable;
 pub mod clock;
@@ -15,14 +15,13 @@ pub mod station;
 pub mod tap;
 pub mod verdict;
 
-use ob1_cpu::Clock;
 use ob1_line::sim::{End, FaultRates, SplitMix64};
 use ob1_time::{Instant, Span};
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use cable::Cable;
-use clock::VirtualClock;
+use clock::{LongScan, VirtualClock};
 use driver::Driver;
 use station::SimStation;
 
@@ -30,7 +29,7 @@ use station::SimStation;
 pub const MS: Span = Span::MILLISECOND;
 /// A second.
 pub const SECOND: Span = Span::SECOND;
-/// Nothing goes wrong in the last part of a run: what has been disturbed must come back by itself.
+/// There are no faults in the last part of a run: everything must recover without help.
 const CALM: Span = Span::from_secs(15);
 
 /// What is simulated.
@@ -38,27 +37,27 @@ const CALM: Span = Span::from_secs(15);
 pub struct Scenario {
     /// Station files.
     pub stations: Vec<PathBuf>,
-    /// Determines everything that chance decides.
+    /// Seed of all random decisions.
     pub seed: u64,
     /// Virtual time simulated.
     pub duration: Span,
     /// Faults of the line.
     pub faults: FaultRates,
-    /// Characters that follow one another come together, at most this much late, as a tty hands them out; 0: each at
-    /// its own time.
+    /// Consecutive characters are delivered together, delayed by at most this time, like by a tty; 0: each at its own
+    /// time.
     pub coalesce: Span,
     /// Mean time between two `kill -9` of drivers; 0: none.
     pub kill_every: Span,
-    /// A long scan: so much time passes before and after each call of a handling block, and lines and drivers go on
-    /// meanwhile. 0: a scan takes no time for them.
+    /// A long scan: this time passes before and after each call of a handling block, while lines and drivers continue.
+    /// 0: a scan takes no time.
     pub call: Span,
-    /// Every character that arrives goes into the log, too.
+    /// Also logs every received character.
     pub wire: bool,
 }
 
 impl Scenario {
-    /// The demo's two stations for a minute, with a bad line and a killer about. What goes wrong, and how often,
-    /// depends on the seed.
+    /// The two stations of the demo for a minute, with a bad line and killed drivers. The kind and number of faults
+    /// depend on the seed.
     #[must_use]
     pub fn demo(folder: &std::path::Path, seed: u64) -> Self {
         let mut rng = SplitMix64::new(seed);
@@ -78,40 +77,46 @@ impl Scenario {
 }
 
 impl Scenario {
-    /// From then on nothing goes wrong.
+    /// The same for so long on a good line, and nobody is killed.
+    #[must_use]
+    pub fn undisturbed(self, duration: Span) -> Self {
+        Self { faults: FaultRates::NONE, kill_every: Span::ZERO, duration, ..self }
+    }
+
+    /// Time after which there are no more faults.
     fn calm(&self) -> Instant {
         Instant::START + self.duration.saturating_sub(CALM)
     }
 }
 
-/// What came of it.
+/// The result of a run.
 #[derive(Debug)]
 pub struct Outcome {
-    /// Everything that happened, a line each: microseconds, who, what.
+    /// All events, one line each: microseconds, source, event.
     pub log: String,
-    /// The stations as they were at the end.
+    /// The stations at the end.
     pub stations: Vec<SimStation>,
-    /// The ledger of both ends and what must not be.
+    /// The ledger of both ends and the violated rules.
     pub verdict: verdict::Verdict,
-    /// Drivers killed.
+    /// Number of killed drivers.
     pub kills: u64,
-    /// Drivers that came up while a scan was under way.
+    /// Number of drivers that started during a scan.
     pub up_in_scans: u64,
 }
 
 /// Runs a scenario.
 ///
 /// # Errors
-/// When the stations cannot be built.
+/// If the stations cannot be built.
 pub fn run(scenario: &Scenario) -> Result<Outcome, String> {
     run_with(scenario, |_, _| true)
 }
 
-/// Runs a scenario with an operator: it sees each station (by its place in the scenario) after each of its cycles,
-/// reads and writes what it likes, and ends the run with `false`.
+/// Runs a scenario with an operator: it is called for each station (by its index in the scenario) after each of its
+/// cycles, can read and write everything, and ends the run with `false`.
 ///
 /// # Errors
-/// When the stations cannot be built.
+/// If the stations cannot be built.
 pub fn run_with(
     scenario: &Scenario,
     mut operator: impl FnMut(usize, &mut SimStation) -> bool,
@@ -132,43 +137,13 @@ struct World {
     watch: verdict::Watch,
 }
 
-/// What goes on while a CPU works.
+/// The part that continues while a CPU works.
 struct Plant {
     cables: Vec<Cable>,
     drivers: Vec<Driver>,
     log: String,
     wire: bool,
     up_in_scans: u64,
-}
-
-/// The clock of a CPU whose scan is long: each look at it, which is one before and one after each call of a handling
-/// block, takes time, and the plant goes on.
-struct LongScan<'p> {
-    clock: VirtualClock,
-    call: Span,
-    plant: &'p mut Plant,
-}
-
-impl Clock for LongScan<'_> {
-    fn now(&mut self) -> Instant {
-        self.clock.0 += self.call;
-        let were_up = self.plant.up();
-        self.plant.advance(self.clock.0);
-        self.plant.up_in_scans += self.plant.up() - were_up;
-        self.clock.0
-    }
-
-    fn executed(&mut self, statements: u64) {
-        self.clock.executed(statements);
-    }
-
-    fn statements_in(&self, time: Span) -> Option<u64> {
-        self.clock.statements_in(time)
-    }
-
-    fn wait(&mut self, deadline: Instant) {
-        self.clock.wait(deadline);
-    }
 }
 
 impl World {
@@ -182,7 +157,7 @@ impl World {
         let cable_seed = rng.next_u64();
         for path in &scenario.stations {
             let mut plug = |line: &str| {
-                // `pty:.../null-modem.pty` here and `serial:.../null-modem.pty` there are the two ends of one cable.
+                // `pty:.../null-modem.pty` and `serial:.../null-modem.pty` are the two ends of one cable.
                 let name = line.split_once(':').map_or(line, |(_, rest)| rest);
                 let at = cables.iter().position(|c| c.name == name).unwrap_or_else(|| {
                     cables.push(Cable::new(name, cable_seed.wrapping_add(cables.len() as u64), scenario, calm));
@@ -223,7 +198,7 @@ impl World {
         }
     }
 
-    /// Everything of one instant, in a fixed order: line, drivers, killer, CPUs. False at the end.
+    /// Handles everything at one instant in a fixed order: line, drivers, kills, CPUs. False at the end.
     fn step(&mut self, scenario: &Scenario, operator: &mut Operator<'_>) -> bool {
         let cycles = self.stations.iter().map(|s| s.due);
         let next = cycles.chain([self.plant.next_event(), self.kill_at]).min().unwrap_or(Instant::NEVER);
@@ -272,14 +247,19 @@ impl World {
     }
 }
 
-/// One cycle of a station; when it has ended, as the plant sees it.
+/// One cycle of a station; returns the time of its end for the plant.
 fn cycle(station: &mut SimStation, now: Instant, call: Span, plant: &mut Plant) -> Instant {
     let clock = VirtualClock(now);
     if call.is_zero() {
         station.cycle(now, &mut { clock });
         return now;
     }
-    let mut scan = LongScan { clock, call, plant };
+    let meanwhile = |_, until| {
+        let were_up = plant.up();
+        plant.advance(until);
+        plant.up_in_scans += plant.up() - were_up;
+    };
+    let mut scan = LongScan { clock, call, meanwhile };
     station.cycle(now, &mut scan);
     let end = scan.clock.0;
     plant.advance(end);
@@ -292,7 +272,7 @@ impl Plant {
         lines.chain(self.drivers.iter().map(Driver::next_event)).min().unwrap_or(Instant::NEVER)
     }
 
-    /// Everything that is due by then, in its order.
+    /// Handles everything that is due by `until`, in its order.
     fn advance(&mut self, until: Instant) {
         loop {
             let now = self.next_event().min(until);
@@ -308,7 +288,7 @@ impl Plant {
         }
     }
 
-    /// Drivers that have come up so far.
+    /// Number of drivers started so far.
     fn up(&self) -> u64 {
         self.drivers.iter().map(Driver::ups).sum()
     }

@@ -1,16 +1,17 @@
-//! A pair of stations in virtual time, as the examples have them.
+//! A pair of stations of the examples in virtual time.
 
 use std::path::{Path, PathBuf};
 
 use ob1_line::sim::FaultRates;
 use ob1_tests::sim::{self, Outcome, SECOND, Scenario};
+use ob1_time::Span;
 
 /// The folder of an example.
 pub(crate) fn example(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples").join(name)
 }
 
-/// The files of an example whose stations run on this engine, in a folder of their own.
+/// The files of an example in a new folder, changed so that its stations run on this engine.
 pub(crate) fn on_engine(folder: &Path, engine: &str) -> tempfile::TempDir {
     let copy = tempfile::tempdir().expect("room for a folder");
     for entry in std::fs::read_dir(folder).expect("the example").map(|entry| entry.expect("a file")) {
@@ -28,7 +29,7 @@ pub(crate) fn on_engine(folder: &Path, engine: &str) -> tempfile::TempDir {
     copy
 }
 
-/// On each engine the same seed gives the same log, to the byte.
+/// Checks that the same seed gives exactly the same log on each engine.
 pub(crate) fn assert_engines_agree(folder: &Path, seeds: impl Iterator<Item = u64>) {
     let folders = ["reference", "native"].map(|engine| on_engine(folder, engine));
     for seed in seeds {
@@ -49,6 +50,19 @@ pub(crate) fn run(scenario: &Scenario) -> Outcome {
         panic!("{message}\nThis test needs the plugins that `cargo xtask test` builds; run: cargo xtask test")
     })
 }
+
+/// Runs it undisturbed; no telegram is lost, and none of these columns counts anything.
+pub(crate) fn loses_nothing(scenario: Scenario, duration: Span, columns: &[&str]) -> Outcome {
+    let outcome = run(&scenario.undisturbed(duration));
+    assert_eq!(outcome.verdict.broken, Vec::<String>::new(), "{}", outcome.log);
+    for column in columns {
+        assert_eq!(outcome.verdict.get(column), 0, "{column}\n{}\n{}", outcome.verdict, outcome.log);
+    }
+    outcome
+}
+
+/// What a pair on a good line never counts.
+pub(crate) const FAULTS: [&str; 7] = ["error", "aborted", "wrong", "doubled", "late", "lost", "undetectable"];
 
 /// On a bad line, with kills, the same seed gives the same log to the byte, and another seed another log.
 pub(crate) fn assert_repeats(folder: &Path) {

@@ -5,10 +5,10 @@ use std::time;
 
 use ob1_backplane::{CpuSide, Segment};
 use ob1_broker::{Broker, feed};
-use ob1_cpu::{Clock, Command, Cpu, Module, OperatingState};
+use ob1_cpu::{Command, Cpu, Module, OperatingState};
 use ob1_host::module::CpModule;
 use ob1_station::{assembly, program, station_file};
-use ob1_tests::sim::clock::VirtualClock;
+use ob1_tests::sim::clock::{LongScan, VirtualClock};
 use ob1_tests::sim::facts::Bare;
 use ob1_tests::sim::life::Life;
 use ob1_time::{Instant, Span};
@@ -16,46 +16,6 @@ use ob1_time::{Instant, Span};
 use super::net::Net;
 use super::process::Process;
 use super::program as text;
-
-/// The clock of a CPU whose scan is long: while its blocks are at work the process goes on.
-struct LongScan<'w> {
-    clock: VirtualClock,
-    call: Span,
-    process: &'w mut Process,
-    broker: &'w mut Broker,
-    net: &'w mut Net,
-}
-
-impl Clock for LongScan<'_> {
-    fn now(&mut self) -> Instant {
-        if self.call.is_zero() {
-            return self.clock.0;
-        }
-        let until = self.clock.0 + self.call;
-        loop {
-            let next = self.process.next(self.clock.0, self.net);
-            if next > until {
-                break;
-            }
-            self.clock.0 = self.clock.0.max(next);
-            self.process.advance(self.clock.0, self.broker, self.net);
-        }
-        self.clock.0 = until;
-        until
-    }
-
-    fn executed(&mut self, statements: u64) {
-        self.clock.executed(statements);
-    }
-
-    fn statements_in(&self, time: Span) -> Option<u64> {
-        self.clock.statements_in(time)
-    }
-
-    fn wait(&mut self, deadline: Instant) {
-        self.clock.wait(deadline);
-    }
-}
 
 pub(crate) struct Station {
     pub(crate) cpu: Cpu,
@@ -89,10 +49,22 @@ impl Station {
         Self { cpu, broker, process: Process::new(me, segment, life, base), due: Instant::START }
     }
 
-    /// One cycle, in which so much time passes before and after each call of a handling block; when it has ended.
+    /// One cycle, in which `call` passes before and after each call of a handling block; returns its end.
     pub(crate) fn cycle(&mut self, now: Instant, call: Span, net: &mut Net) -> Instant {
-        let mut scan =
-            LongScan { clock: VirtualClock(now), call, process: &mut self.process, broker: &mut self.broker, net };
+        let meanwhile = |mut from: Instant, until: Instant| {
+            if from == until {
+                return;
+            }
+            loop {
+                let next = self.process.next(from, net);
+                if next > until {
+                    break;
+                }
+                from = from.max(next);
+                self.process.advance(from, &mut self.broker, net);
+            }
+        };
+        let mut scan = LongScan { clock: VirtualClock(now), call, meanwhile };
         let end = self.cpu.cycle(&mut scan);
         let now = if call.is_zero() { now } else { scan.clock.0 };
         self.due = end.next_deadline.max(now + Span::from_nanos(1));

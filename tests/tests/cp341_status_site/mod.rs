@@ -1,9 +1,9 @@
-//! A whole CP 341 with its program, and a partner on 3964R that does what it is told to, right or wrong.
+//! A whole CP 341 with its program, and a 3964R partner with configurable, also wrong behaviour.
 
 use std::collections::VecDeque;
 use std::fs;
 
-use ob1_cpu::{Cell, CellWidth};
+use ob1_cpu::{Cell, Width};
 use ob1_model::Area;
 use ob1_tests::sim::device::{Bench, Device};
 use ob1_tests::sim::{MS, SECOND};
@@ -16,10 +16,10 @@ pub(crate) const ETX: u8 = 0x03;
 pub(crate) const DLE: u8 = 0x10;
 pub(crate) const NAK: u8 = 0x15;
 
-/// What the CP enters when it starts. [reference 3.2]
+/// The diagnostic entries of the CP at its start. [reference 3.2]
 pub(crate) const STARTED: &[u16] = &[0x0008, 0x0003];
 
-/// A block as it lies on the line behind STX and DLE: 3964R. [reference 5.1]
+/// A block on the line after STX and DLE: 3964R. [reference 5.1]
 pub(crate) fn block(telegram: &[u8]) -> Vec<u8> {
     let mut line = Vec::new();
     for byte in telegram {
@@ -40,16 +40,16 @@ pub(crate) fn spoilt(telegram: &[u8]) -> Vec<u8> {
     line
 }
 
-/// What the partner says to a telegram of the CP.
+/// The partner's reaction to a telegram of the CP.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Manner {
-    /// What it should.
+    /// Correct.
     Good,
-    /// This to STX.
+    /// These characters after STX.
     ToStx(&'static [u8]),
-    /// This to the first character of the block.
+    /// These characters after the first character of the block.
     Within(&'static [u8]),
-    /// This to the whole block.
+    /// These characters after the whole block.
     AtEnd(&'static [u8]),
 }
 
@@ -61,21 +61,21 @@ pub(crate) enum Hears {
     Check,
 }
 
-/// A partner on the line: 3964R as a receiver and as a sender that repeats what it is told to repeat.
+/// A partner on the line: 3964R as a receiver and as a sender with given repetitions.
 pub(crate) struct Partner {
     pub(crate) manner: Manner,
     pub(crate) hears: Hears,
-    /// The telegram that comes in.
+    /// The telegram being received.
     pub(crate) telegram: Vec<u8>,
-    /// Those that have come in.
+    /// The received telegrams.
     pub(crate) telegrams: Vec<Vec<u8>>,
-    /// Answers to the next telegrams: telegrams of its own.
+    /// Answers to the next telegrams: also telegrams.
     pub(crate) reactions: VecDeque<Vec<u8>>,
     /// Blocks to send, one for each connection.
     pub(crate) blocks: VecDeque<Vec<u8>>,
-    /// It waits for DLE: to its STX (true) or to its block.
+    /// It waits for DLE: after its STX (true) or after its block.
     pub(crate) connects: Option<bool>,
-    /// What the CP has said to its blocks.
+    /// The answers of the CP to its blocks.
     pub(crate) acknowledged: Vec<u8>,
 }
 
@@ -93,7 +93,7 @@ impl Partner {
         }
     }
 
-    /// Sends what is in `blocks`, one after the other.
+    /// Sends the contents of `blocks`, one after the other.
     pub(crate) fn begin(&mut self, out: &mut Vec<u8>) {
         if self.connects.is_none() && !self.blocks.is_empty() {
             self.connects = Some(true);
@@ -164,7 +164,7 @@ impl Device for Partner {
     }
 }
 
-/// Both blocks, with everything in bit memory.
+/// Calls of both blocks, with all parameters in bit memory.
 pub(crate) const PROGRAM: &str = r"
 ORGANIZATION_BLOCK OB 1
 VAR_TEMP
@@ -218,17 +218,17 @@ pub(crate) enum Report {
 /// The station with its partner.
 pub(crate) struct Site {
     pub(crate) bench: Bench<Partner>,
-    /// How jobs of P_SND_RK have ended: STATUS, or 0 for DONE.
+    /// The results of the jobs of P_SND_RK: STATUS, or 0 for DONE.
     pub(crate) ends: Vec<u16>,
     pub(crate) reports: Vec<Report>,
 }
 
-/// What DB 10 has: no control characters.
+/// The content of DB 10, without control characters.
 pub(crate) fn pattern(at: u32) -> u8 {
     0x20 + (at % 0xD0) as u8
 }
 
-/// So many of them.
+/// This many bytes of it.
 pub(crate) fn patterns(bytes: u32) -> Vec<u8> {
     (0..bytes).map(pattern).collect()
 }
@@ -258,7 +258,7 @@ impl Site {
         });
         let mut site = Self { bench, ends: Vec::new(), reports: Vec::new() };
         for at in 0..300 {
-            site.write(Cell::Db(10, 8 * at), CellWidth::Byte, pattern(at).into());
+            site.write(Cell::Db(10, 8 * at), Width::Byte, pattern(at).into());
         }
         site.pass(SECOND);
         assert_eq!(site.bench.entries(), STARTED, "the CP works");
@@ -268,21 +268,21 @@ impl Site {
         site
     }
 
-    pub(crate) fn write(&mut self, cell: Cell, width: CellWidth, value: u32) {
+    pub(crate) fn write(&mut self, cell: Cell, width: Width, value: u32) {
         self.bench.station.cpu.write(cell, width, value).expect("a cell of the program");
     }
 
     pub(crate) fn set_bytes(&mut self, bytes: &[(u32, u8)]) {
         for (at, value) in bytes {
-            self.write(Cell::Area(Area::Memory, 8 * at), CellWidth::Byte, u32::from(*value));
+            self.write(Cell::Area(Area::Memory, 8 * at), Width::Byte, u32::from(*value));
         }
     }
 
     pub(crate) fn bit(&mut self, byte: u32, bit: u32, on: bool) {
-        self.write(Cell::Area(Area::Memory, 8 * byte + bit), CellWidth::Bit, u32::from(on));
+        self.write(Cell::Area(Area::Memory, 8 * byte + bit), Width::Bit, u32::from(on));
     }
 
-    /// Runs until something has been noted (or for so long) and notes what the blocks say.
+    /// Runs until the condition is true, at most for `most`, and records the outputs of the blocks.
     pub(crate) fn run(&mut self, most: Span, until: impl Fn(&[u16], &[Report]) -> bool) -> bool {
         let Self { bench, ends, reports } = self;
         bench.until(most, |station| {
@@ -305,7 +305,7 @@ impl Site {
         self.run(time, |_, _| false);
     }
 
-    /// Runs until something is the case.
+    /// Runs until the condition is true.
     pub(crate) fn until(&mut self, what: impl Fn(&Self) -> bool) {
         for _ in 0..10_000 {
             if what(self) {
@@ -320,7 +320,7 @@ impl Site {
         self.bench.station.cpu.data_block(db).expect("a data block of the program")
     }
 
-    /// An edge of REQ.
+    /// Gives an edge of REQ.
     pub(crate) fn begin(&mut self, len: u16) {
         let [high, low] = len.to_be_bytes();
         self.set_bytes(&[(106, high), (107, low)]);
@@ -330,7 +330,7 @@ impl Site {
         }
     }
 
-    /// A job to its end: STATUS, or 0.
+    /// Runs a job to its end; returns STATUS, or 0.
     pub(crate) fn job(&mut self, len: u16) -> u16 {
         let before = self.ends.len();
         self.begin(len);
@@ -338,7 +338,7 @@ impl Site {
         self.ends[before]
     }
 
-    /// The partner sends these blocks, one after the other, as often as it takes.
+    /// The partner sends these blocks one after the other, with repetitions.
     pub(crate) fn partner_sends(&mut self, blocks: impl IntoIterator<Item = Vec<u8>>) {
         self.bench.device.blocks.extend(blocks);
         self.bench.meanwhile(|partner, _, out| {
@@ -352,7 +352,7 @@ impl Site {
         hex(&self.bench.entries()[STARTED.len()..])
     }
 
-    /// The partner does as it should from now on; of what went wrong before nothing comes later.
+    /// The partner behaves correctly from now on, without later effects of earlier errors.
     pub(crate) fn is_well(&mut self) {
         let (ends, reports) = (self.ends.len(), self.reports.len());
         self.bench.device.manner = Manner::Good;

@@ -1,8 +1,8 @@
-//! A PROFIBUS behind a CP 342-5, in virtual time: handling blocks out of the plugin, the module, the master, slaves.
+//! A PROFIBUS on a CP 342-5, in virtual time: handling blocks of the plugin, the module, the master, slaves.
 
 use std::path::Path;
 
-use ob1_cpu::{Cell, CellWidth, Command, Cpu, Module, ModuleSlot};
+use ob1_cpu::{Cell, Command, Cpu, Module, ModuleSlot, Width};
 use ob1_dp::slave::SlaveConfig;
 use ob1_line::sim::FaultRates;
 use ob1_station::station_file::{self, ModuleKind, Station};
@@ -19,18 +19,18 @@ use super::{DP_BAUD, GSD};
 /// Addresses of the slaves.
 pub(crate) const STATIONS: [u8; 2] = [5, 6];
 
-/// A call of the program, with the names of its two flags: it is done, or not.
+/// A call in the program, with the names of its two flags for success and error.
 pub(crate) struct Call {
     pub(crate) block: &'static str,
     pub(crate) flag: &'static str,
-    /// Its inputs, and outputs beside the flags and STATUS.
+    /// Its inputs, and its outputs except the flags and STATUS.
     pub(crate) parameters: String,
 }
 
-/// What a call has come to: done or new data, error, STATUS.
+/// The result of a call: done or new data, error, STATUS.
 pub(crate) type End = (bool, bool, u16);
 
-/// OB 1 with these calls in turn, each with four bytes in DB 2. DB 1 and DB 3 are theirs.
+/// OB 1 with these calls one after the other, each with four bytes in DB 2. They use DB 1 and DB 3.
 fn program_text(calls: &[Call]) -> String {
     let blocks: String = (1..=3)
         .map(|n| {
@@ -57,7 +57,7 @@ fn station(folder: &Path, calls: &[Call]) -> Station {
          [[bus]]\nname = \"profi\"\ntype = \"dp\"\nline = \"sim:wires\"\nbaud = {DP_BAUD}\nhsa = 4\nwatchdog = \"200ms\"\n"
     );
     for (n, station) in STATIONS.into_iter().enumerate() {
-        // In the areas of the CP the second one comes first.
+        // In the areas of the CP the second slave is first.
         let at = BYTES * (1 - n);
         text += &format!(
             "[[module]]\ntype = \"coupler\"\nname = \"s{n}\"\nbus = \"profi\"\nstation = {station}\ngsd = \"four.gsd\"\n\
@@ -122,7 +122,7 @@ impl Plant {
         self.bus.fields[0].devices().into_iter().nth(n).expect("there is such a slave")
     }
 
-    /// The next scan.
+    /// Runs one scan.
     pub(crate) fn scan(&mut self) {
         loop {
             self.now = self.bus.next().min(self.due).max(self.now);
@@ -143,7 +143,7 @@ impl Plant {
         }
     }
 
-    /// Scans until something is so.
+    /// Runs scans until the condition is true.
     pub(crate) fn until(&mut self, what: &str, is_so: impl Fn(&Self) -> bool) {
         let until = self.now + 3000 * MS;
         while !is_so(self) {
@@ -164,7 +164,7 @@ impl Plant {
     /// Sets bytes of DB 3.
     pub(crate) fn set(&mut self, at: u32, bytes: &[u8]) {
         for (at, byte) in (at..).zip(bytes) {
-            self.cpu.write(Cell::Db(3, 8 * at), CellWidth::Byte, u32::from(*byte)).expect("DB 3");
+            self.cpu.write(Cell::Db(3, 8 * at), Width::Byte, u32::from(*byte)).expect("DB 3");
         }
     }
 

@@ -1,13 +1,13 @@
-//! Rules of the house: what a test never does, the workspace's lints in every crate, and the size of a room.
+//! House rules: what a test must not do, the lints of the workspace in every crate, and the size of a file.
 
 use super::Finding;
 use super::mask::has_word;
 use super::tree::Tree;
 
-/// Sleeps in tests that are allowed, with the reason: file, why.
+/// Allowed sleeps in tests: file and reason.
 const SLEEPS: &[(&str, &str)] = &[];
 
-/// No test is left out, and none sleeps: a sleep is either too short on a busy machine or too long on all others.
+/// No test is ignored, and none sleeps: a sleep is either too short on a busy machine or too long on all others.
 pub(super) fn tests(tree: &Tree) -> Vec<Finding> {
     let mut findings = Vec::new();
     let mut found = |place: String, what: &str| {
@@ -44,7 +44,7 @@ pub(super) fn tests(tree: &Tree) -> Vec<Finding> {
     findings
 }
 
-/// No half-merged text: a document does not fail to build, it only reads wrong.
+/// No merge marks: a document with merge marks does not fail to build.
 pub(super) fn merge_marks(tree: &Tree) -> Vec<Finding> {
     let mark = |line: &str| ["<<<<<<< ", ">>>>>>> "].iter().any(|mark| line.starts_with(mark));
     let lines =
@@ -59,7 +59,7 @@ pub(super) fn merge_marks(tree: &Tree) -> Vec<Finding> {
         .collect()
 }
 
-/// Every member inherits the lints of the workspace; one that does not is outside every fence the compiler guards.
+/// Every member inherits the lints of the workspace; without them the compiler checks no fence.
 pub(super) fn workspace_lints(tree: &Tree) -> Vec<Finding> {
     let manifests = tree.files.iter().filter(|file| file.path.ends_with("/Cargo.toml"));
     let without = manifests.filter(|file| {
@@ -74,7 +74,7 @@ pub(super) fn workspace_lints(tree: &Tree) -> Vec<Finding> {
     without.map(|file| finding(&file.path)).collect()
 }
 
-/// Past this many lines without its tests a file wants a second room.
+/// A file with more lines than this, without its tests, should be divided.
 const LONG: usize = 600;
 
 /// Names long files.
@@ -84,24 +84,25 @@ pub(super) fn long_files(tree: &Tree) -> Vec<Finding> {
         let lines = file.code_lines().filter(|(_, _, test)| !test).count();
         let is_test = file.path.starts_with("tests/");
         if !is_test && lines > LONG {
-            let what = format!("{lines} lines without tests: it wants a second room");
+            let what = format!("{lines} lines without tests: divide the file");
             findings.push(Finding { place: file.path.clone(), rule: "style", what });
         }
     }
     findings
 }
 
-/// Columns of a line, as in rustfmt.toml, which leaves comments alone.
+/// Columns of a line, as in rustfmt.toml, which does not change comments.
 const WIDE: usize = 120;
 
-/// Comments and pages are as narrow as code. Rows of tables cannot be folded, and what is quoted keeps its lines.
+/// Comments and pages have the same maximum width as code. Rows of tables cannot be wrapped, and quotations keep their
+/// lines.
 pub(super) fn width(tree: &Tree) -> Vec<Finding> {
     let mut findings = wide_comments(tree);
     findings.extend(wide_pages(tree));
     findings
 }
 
-/// `CHANGELOG.md` is many hands' list of one-line entries.
+/// `CHANGELOG.md` is excluded, because each of its entries is one line.
 fn wide_pages(tree: &Tree) -> Vec<Finding> {
     let mut findings = Vec::new();
     for file in tree.files.iter().filter(|file| file.path.ends_with(".md") && file.path != "CHANGELOG.md") {

@@ -1,6 +1,6 @@
-//! A bare Debian for the package, of each release it is for: made by debootstrap once, booted by systemd-nspawn over a
-//! layer that is thrown away; where nothing can be booted, a chroot, in which `ob1 run` takes the place of the unit.
-//! What happens inside is `xtask/package/inside.sh`.
+//! A minimal Debian of each supported release to test the package: created once by debootstrap, booted by
+//! systemd-nspawn with a temporary layer; if nothing can be booted, a chroot in which `ob1 run` replaces the unit.
+//! `xtask/package/inside.sh` runs inside.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -12,10 +12,10 @@ use crate::shell;
 
 /// Debian 12 and 13.
 const SUITES: [&str; 2] = ["bookworm", "trixie"];
-/// What the script says last, when all is well.
+/// The last line of the script after success.
 const DONE: &str = "inside: all is well";
 
-/// Says how it was run.
+/// Runs the check; returns how it was run.
 pub(super) fn run(site: &Site, made: &Made) -> Outcome<String> {
     let mut how = Vec::new();
     for suite in SUITES {
@@ -45,7 +45,7 @@ fn run_in(site: &Site, made: &Made, suite: &str) -> Outcome<&'static str> {
     Ok("chroot, without systemd: the unit itself was not started")
 }
 
-/// The system, made when it is not there yet.
+/// The system, created if it does not exist yet.
 fn system(site: &Site, suite: &str) -> Outcome<PathBuf> {
     let system = site.dist.join(format!("debian-{suite}"));
     if !system.join("usr/bin/dpkg").exists() {
@@ -56,7 +56,7 @@ fn system(site: &Site, suite: &str) -> Outcome<PathBuf> {
     Ok(system)
 }
 
-/// A container over the system whose changes are thrown away.
+/// A container of the system that discards all changes.
 fn container(system: &Path) -> Command {
     let mut command = Command::new("systemd-nspawn");
     command.args(["--quiet", "--register=no", "--keep-unit", "--volatile=overlay", "--console=pipe"]);
@@ -64,7 +64,7 @@ fn container(system: &Path) -> Command {
     command
 }
 
-/// Whether systemd can be booted here at all.
+/// Whether systemd can be booted here.
 fn boots(system: &Path) -> bool {
     let mut command = Command::new("timeout");
     command.args(["--kill-after=5", "60"]).arg("systemd-nspawn").args(container(system).get_args());
@@ -73,21 +73,21 @@ fn boots(system: &Path) -> bool {
 
 fn booted(system: &Path, check: &Path) -> Outcome {
     let mut command = container(system);
-    // The script writes its log there: a container without a terminal has no console that could be read.
+    // The script writes its log there, because a container without a terminal has no readable console.
     command.arg(format!("--bind={}:/check", check.display()));
     command.arg(format!("--bind-ro={}:/etc/systemd/system/inside.service", check.join("inside.service").display()));
-    // FIFO and locked memory are the unit's to grant, and the container's to keep.
+    // The unit needs FIFO scheduling and locked memory, so the container must have them.
     command.args(["--capability=CAP_SYS_NICE,CAP_IPC_LOCK", "--rlimit=RLIMIT_RTPRIO=99"]);
     command.args(["--rlimit=RLIMIT_MEMLOCK=infinity", "--boot", "systemd.unit=inside.service"]);
     let ended = shell::run(&mut command);
     let log = std::fs::read_to_string(check.join("log")).unwrap_or_default();
     print!("{log}");
     ended?;
-    if log.contains(DONE) { Ok(()) } else { Err(step("the check in the bare system did not come to its end")) }
+    if log.contains(DONE) { Ok(()) } else { Err(step("the check in the bare system did not finish")) }
 }
 
 fn chrooted(site: &Site, system: &Path, check: &Path) -> Outcome {
-    // Everything in a mount namespace of its own: nothing stays mounted, however it ends.
+    // Everything in a separate mount namespace: nothing stays mounted, even after an error.
     let script = "set -e; mount -t tmpfs layer \"$2\"; mkdir \"$2/up\" \"$2/work\" \"$2/root\"; \
         mount -t overlay overlay -o lowerdir=\"$1\",upperdir=\"$2/up\",workdir=\"$2/work\" \"$2/root\"; cd \"$2/root\"; \
         mount -t proc proc proc; mount --rbind /dev dev; mount -t tmpfs run run; mkdir check; \
@@ -99,8 +99,8 @@ fn chrooted(site: &Site, system: &Path, check: &Path) -> Outcome {
     told(command.arg(system).arg(&layer).arg(check))
 }
 
-/// The script has to say that it came to its end: a system that goes down early ends well too.
+/// Requires the last line of the script, because a system that shuts down early also ends with exit code 0.
 fn told(command: &mut Command) -> Outcome {
     let lines = shell::watch(command, |line| line.contains(DONE))?;
-    if lines.is_empty() { Err(step("the check in the bare system did not come to its end")) } else { Ok(()) }
+    if lines.is_empty() { Err(step("the check in the bare system did not finish")) } else { Ok(()) }
 }

@@ -84,7 +84,7 @@ impl Encoder<'_, '_> {
         match arg {
             Arg::Number(Number::Fixed(n)) if formal.ty.is_parameter_type() => Some(u32::from(*n) << 16),
             Arg::Const(value) => {
-                let width = super::width_of(formal)?;
+                let width = Width::of(&formal.ty)?;
                 let at = self.copy(width, used);
                 self.load_const(width, *value)?;
                 self.store(at);
@@ -123,7 +123,7 @@ impl Encoder<'_, '_> {
     }
 
     fn elementary(&mut self, formal: &Param, from: Operand, used: &mut Used) -> Option<u32> {
-        if super::width_of(formal)? != from.width {
+        if Width::of(&formal.ty)? != from.width {
             return None;
         }
         match from.place {

@@ -14,7 +14,7 @@ use crate::statement::{Mc7Op, Uncond};
 struct Instance {
     /// Opens its data block.
     number: Number,
-    /// Where it begins behind AR2; `None` in a data block of its own.
+    /// Where it begins, relative to AR2; `None` in a data block of its own.
     start: Option<BitAddr>,
 }
 
@@ -102,7 +102,7 @@ impl Encoder<'_, '_> {
         match arg {
             Arg::Open => return Some(()),
             Arg::Const(value) => {
-                let width = super::width_of(formal)?;
+                let width = Width::of(&formal.ty)?;
                 self.load_const(width, *value)?;
                 self.store(to(width));
             }
@@ -127,7 +127,7 @@ impl Encoder<'_, '_> {
                 }
                 self.pointer_bytes(bytes, &behind(|at| instance.place(at), formal.at))?;
             }
-            Arg::Operand(from) if super::width_of(formal) == Some(from.width) && !formal.ty.is_parameter_type() => {
+            Arg::Operand(from) if Width::of(&formal.ty) == Some(from.width) && !formal.ty.is_parameter_type() => {
                 let (there, db) = self.outside(*from)?;
                 if let Some(db) = db {
                     self.plain(Op::OpenDb(DbRegister::Di, Number::Fixed(db)));
@@ -149,7 +149,7 @@ impl Encoder<'_, '_> {
         if formal.section == Section::Input {
             return Some(());
         }
-        if super::width_of(formal) != Some(to.width) {
+        if Width::of(&formal.ty) != Some(to.width) {
             return None;
         }
         let (there, db) = self.outside(*to)?;

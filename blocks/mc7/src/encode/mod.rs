@@ -240,7 +240,7 @@ impl Encoder<'_, '_> {
     /// An operation with perhaps one place or number.
     fn operation(&mut self, op: &Op) -> Option<()> {
         let mut op = op.clone();
-        if let Some(number) = parts::number_mut(&mut op) {
+        if let Some(number) = op.number_mut() {
             match *number {
                 Number::Param(index) => *number = Number::Param(self.place(index)?),
                 Number::Instance(at) => return self.number_of_instance(at, op),
@@ -322,9 +322,4 @@ impl Encoder<'_, '_> {
 /// An operand of a width at a place.
 const fn operand(width: ob1_ir::Width, place: Place) -> Operand {
     Operand { width, place }
-}
-
-/// The width of an elementary formal.
-fn width_of(formal: &ob1_model::Param) -> Option<ob1_ir::Width> {
-    parts::width_of(&formal.ty)
 }

@@ -40,7 +40,7 @@ impl Encoder<'_, '_> {
         let from = self.own(at)?;
         if !self.written.multi_instance {
             let pointer = Pointer { area: Area::Di, at };
-            *parts::number_mut(&mut op)? = Number::Memory(pointer);
+            *op.number_mut()? = Number::Memory(pointer);
             self.plain(op);
             return Some(());
         }
@@ -49,7 +49,7 @@ impl Encoder<'_, '_> {
         self.plain(Op::Load(operand(Width::Word, from)));
         self.plain(Op::Transfer(local(Width::Word, word)));
         self.restore(saved);
-        *parts::number_mut(&mut op)? = number_at(word);
+        *op.number_mut()? = number_at(word);
         self.plain(op);
         Some(())
     }
@@ -59,7 +59,8 @@ impl Encoder<'_, '_> {
         self.block.interface.params.iter().any(|p| p.is_pointer() && p.at == at)
     }
 
-    /// A component behind such a POINTER: the data block opened and AR1 loaded, in front of the statement itself.
+    /// A component that such a POINTER leads to: the data block opened and AR1 loaded, in front of the statement
+    /// itself.
     pub(super) fn through(&mut self, pointer: BitAddr, rest: &[Stmt]) -> Option<usize> {
         let address = operand(Width::DWord, Place::Instance(BitAddr(pointer.0 + 16)));
         if rest.get(1)?.op != Op::LoadArFrom(AR1, address) || !self.written.multi_instance {

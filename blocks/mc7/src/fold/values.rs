@@ -16,7 +16,7 @@ pub(super) enum Source {
     From(Operand),
     /// `L DINO`.
     InstanceNumber,
-    /// `TAR2` behind `+AR2`: the pointer into the caller's instance.
+    /// `TAR2` after `+AR2`: the pointer into the caller's instance.
     InstancePointer(BitAddr),
 }
 
@@ -133,7 +133,7 @@ pub(super) fn fits(given: Given, to: Width) -> Option<Source> {
         Given::Bit(source) if to == Width::Bit => Some(source),
         Given::Wide(source @ Source::Const(value), _) if to != Width::Bit => {
             // A constant wider than its place would be cut.
-            let bits = parts::width_bits(to);
+            let bits = u32::from(to.bits());
             (bits == 32 || value >> bits == 0 || bits < 16 && value >> 16 == 0).then_some(match source {
                 Source::Const(v) if bits < 32 => Source::Const(v & ((1 << bits) - 1)),
                 other => other,
@@ -156,7 +156,7 @@ impl Caller<'_, '_> {
                 Place::Param { index: *self.order.get(usize::from(index))?, at }
             }
             Place::Instance(at) => {
-                let bits = parts::width_bits(operand.width);
+                let bits = u32::from(operand.width.bits());
                 if !has_instance || !parts::variable_at(self.block.interface, at, bits) {
                     return None;
                 }
@@ -227,7 +227,7 @@ pub(super) const fn handed_bytes(ty: &DataType) -> u32 {
 
 /// Bits of an elementary or number formal.
 pub(super) fn formal_width(formal: &Param) -> Option<Width> {
-    if formal.ty.is_parameter_type() { Some(Width::Word) } else { parts::width_of(&formal.ty) }
+    if formal.ty.is_parameter_type() { Some(Width::Word) } else { Width::of(&formal.ty) }
 }
 
 /// True when a type is so long that a place of the local data could hold it.

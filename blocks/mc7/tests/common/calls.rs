@@ -3,7 +3,6 @@
 use ob1_ir::{Arg, Call, CallMode, Number, Op, Operand, Place, Target, Width};
 use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Interface, Param, Section};
 
-use super::operands::width_of;
 use super::{FB, FC, FC_NONE, Made, SFB, SFC};
 
 impl Made<'_> {
@@ -61,7 +60,7 @@ impl Made<'_> {
         if formal.ty.is_parameter_type() {
             return Arg::Number(Number::Fixed(1 + u16::from(self.bytes.byte())));
         }
-        let Some(width) = width_of(&formal.ty) else { return self.composed(formal, instance) };
+        let Some(width) = Width::of(&formal.ty) else { return self.composed(formal, instance) };
         if formal.section == Section::Input && self.bytes.flag() {
             let value = self.bytes.double();
             return Arg::Const(match (&formal.ty, width) {

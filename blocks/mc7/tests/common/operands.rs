@@ -5,16 +5,6 @@ use ob1_model::{Area, BitAddr, BlockKind, Component, DataType, Layout, Param, Se
 
 use super::Made;
 
-/// The width of an elementary type.
-pub(super) fn width_of(ty: &DataType) -> Option<Width> {
-    Some(match ty.elementary_bits()? {
-        1 => Width::Bit,
-        8 => Width::Byte,
-        16 => Width::Word,
-        _ => Width::DWord,
-    })
-}
-
 impl Made<'_> {
     pub(super) fn width(&mut self) -> Width {
         self.bytes.of(&[Width::Bit, Width::Byte, Width::Word, Width::DWord])
@@ -102,7 +92,7 @@ impl Made<'_> {
     pub(super) fn component(&mut self, ty: &DataType, width: Width) -> Option<BitAddr> {
         let mut all: Vec<Component> = Vec::new();
         Layout::components("", ty, BitAddr(0), &mut all);
-        all.retain(|c| width_of(&c.ty) == Some(width));
+        all.retain(|c| Width::of(&c.ty) == Some(width));
         if all.is_empty() { None } else { Some(self.bytes.of(&all).at) }
     }
 

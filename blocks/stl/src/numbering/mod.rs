@@ -119,7 +119,7 @@ impl Elaborator<'_> {
         wanted
     }
 
-    /// The name of an organization block tells its number.
+    /// An organization block gets its number by its name.
     fn name_ob(&mut self, key: String, name: &str, file: usize, span: Span) {
         match ob_names::number(name) {
             Some(number) => {
@@ -128,7 +128,7 @@ impl Elaborator<'_> {
             None => {
                 let message = format!("\"{name}\" is no name that STEP 7 or TIA Portal gives an organization block");
                 let remedy =
-                    format!("Say its number in the station file: [program] numbers = {{ \"{name}\" = \"OB 35\" }}");
+                    format!("Write its number in the station file: [program] numbers = {{ \"{name}\" = \"OB 35\" }}");
                 self.sink.report_with(file, span, &codes::OB_NAME, message, remedy);
                 self.world.symbols.insert(key, Symbolic::Nameless);
             }
@@ -144,7 +144,7 @@ fn free(taken: &mut BTreeSet<u16>, next: &mut u16) -> Option<u16> {
     Some(number)
 }
 
-/// Every number that stands behind the word of a block.
+/// Every number that follows the word of a block.
 fn mentioned<'s>(files: &[File<'_>], library: &Library, symbols: impl Iterator<Item = &'s Symbolic>) -> Mentioned {
     let mut mentioned = Mentioned::new();
     let mut mention = |word: BlockWord, number: u16| {

@@ -11,7 +11,6 @@ use super::{Printer, quoted};
 use crate::fit::same_layout;
 use crate::identifiers::Identifier;
 use crate::mnemonics::Shape;
-use crate::type_words::width_of;
 
 impl Printer<'_> {
     /// A call with its actual parameters. The error says what cannot be said.
@@ -96,7 +95,7 @@ impl Printer<'_> {
     /// An operand as actual parameter.
     fn actual(&self, interface: &Interface, formal: &Param, operand: Operand, callee: BlockId) -> Option<String> {
         if !formal.ty.is_composed() {
-            let wanted = width_of(&formal.ty).or(matches!(formal.ty, DataType::TimerOrWord).then_some(Width::Word))?;
+            let wanted = Width::of(&formal.ty).or(matches!(formal.ty, DataType::TimerOrWord).then_some(Width::Word))?;
             let write = matches!(formal.section, Section::Output | Section::InOut | Section::Return);
             return self.operand(interface, operand, write).filter(|_| wanted == operand.width);
         }

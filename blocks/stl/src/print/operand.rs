@@ -5,7 +5,6 @@ use ob1_model::{Area, BitAddr, DataType, Interface, Layout, Param, Section};
 
 use super::{Printer, quoted};
 use crate::identifiers::Identifier;
-use crate::type_words::width_of;
 
 /// The path to what lies `offset` bits into a type and is what `wanted` says, `[2].x`; empty for the type itself.
 pub(super) fn path(ty: &DataType, offset: u32, wanted: &dyn Fn(&DataType) -> bool) -> Option<String> {
@@ -53,7 +52,7 @@ pub(super) fn path(ty: &DataType, offset: u32, wanted: &dyn Fn(&DataType) -> boo
 
 /// What an access of this width may be declared as.
 pub(super) fn of_width(width: Width) -> impl Fn(&DataType) -> bool {
-    move |ty| width_of(ty) == Some(width)
+    move |ty| Width::of(ty) == Some(width)
 }
 
 /// `#name` of what lies at an address among the declarations.
@@ -92,7 +91,7 @@ pub(super) fn of_param(
     path(&param.ty, at.0, wanted).map(|path| format!("#{}{path}", quoted(&param.name)))
 }
 
-/// `#name` of what lies behind the POINTER of a composed in/out of a function block.
+/// `#name` of what the POINTER of a composed in/out of a function block leads to.
 pub(super) fn behind(
     interface: &Interface,
     pointer: BitAddr,
@@ -168,7 +167,7 @@ impl Printer<'_> {
         self.absolute(pointer.area, pointer.at, width, false).filter(|_| holds)
     }
 
-    /// A number behind the letters of what it counts; `#name` alone for a parameter.
+    /// A number after the letters of what it counts; `#name` alone for a parameter.
     pub(super) fn number(
         &self,
         interface: &Interface,

@@ -7,18 +7,6 @@ use std::path::Path;
 
 use ob1_stl::{Limit, Mnemonics, Options, Source, compile};
 
-/// A generator that needs no crate and gives the same each time.
-struct Dice(u64);
-
-impl Dice {
-    fn roll(&mut self, sides: usize) -> usize {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 % sides.max(1) as u64) as usize
-    }
-}
-
 fn gather(folder: &Path, sources: &mut Vec<(String, Vec<String>)>) {
     let mut paths: Vec<_> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
     paths.sort();
@@ -43,17 +31,17 @@ pub(crate) fn run(rounds: usize) -> usize {
     assert!(sources.len() > 40);
     let library = super::library();
     let limit = Limit { file: 20, run: 100 };
-    let mut dice = Dice(0x0B1);
+    let mut dice = fastrand::Rng::with_seed(0x0B1);
     let mut messages = 0;
     for round in 0..rounds {
-        let (name, lines) = &sources[dice.roll(sources.len())];
+        let (name, lines) = &sources[dice.usize(..sources.len())];
         let mut lines = lines.clone();
-        for _ in 0..=dice.roll(3) {
-            let at = dice.roll(lines.len());
-            if at >= lines.len() {
-                continue;
+        for _ in 0..=dice.usize(..3) {
+            if lines.is_empty() {
+                break;
             }
-            if dice.roll(2) == 0 {
+            let at = dice.usize(..lines.len());
+            if dice.bool() {
                 lines.remove(at);
             } else {
                 lines.insert(at, lines[at].clone());

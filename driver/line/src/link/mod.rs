@@ -1,4 +1,4 @@
-//! What differs between the kinds of line: how it is opened, what it can be set to, and when it is gone.
+//! The differences between the kinds of lines: opening, settings, and the loss of the line.
 
 mod pty;
 mod serial;
@@ -13,19 +13,19 @@ use crate::line::{Instant, ModemLines, PollFds, Span};
 use crate::settings::{LineSettings, Warning};
 use crate::spec::LineSpec;
 
-/// What trying to open a line came to.
+/// The result of an attempt to open a line.
 pub(crate) enum Opened {
     /// It is open.
     Yes(Vec<Warning>),
-    /// Not yet (a connection is being made, or nobody has called yet): ask again when a descriptor is ready, or at the
-    /// time given.
+    /// Not yet (a connection is being made, or no partner has called yet): try again when a descriptor is ready, or at
+    /// the given time.
     Waiting(Option<Instant>),
 }
 
 /// One kind of line. Everything is non-blocking; an error of `read` or `write` other than "would block" means that the
 /// line is gone, and so does reading nothing.
 pub(crate) trait Link {
-    /// Opens, or goes on with opening.
+    /// Opens, or continues opening.
     fn open(&mut self, now: Instant, settings: &LineSettings) -> io::Result<Opened>;
 
     /// Applies changed settings to the open line.
@@ -37,10 +37,10 @@ pub(crate) trait Link {
     /// The descriptors to wait for, open or waiting.
     fn poll_fds<'a>(&'a self, want_write: bool, fds: &mut PollFds<'a>);
 
-    /// Reads what is there, without faults decoded.
+    /// Reads available bytes, with faults still encoded.
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize>;
 
-    /// Writes what there is room for.
+    /// Writes as many bytes as there is room for.
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize>;
 
     /// Whether `read` delivers PARMRK sequences.
@@ -48,37 +48,37 @@ pub(crate) trait Link {
         false
     }
 
-    /// Whether everything written has left the line; `None`: cannot say, compute it.
+    /// Whether everything written has been sent; `None`: unknown, compute it.
     fn drained(&mut self) -> Option<bool> {
         None
     }
 
-    /// Whether the line itself says when everything has left, by something to read: then nothing is computed.
+    /// Whether the line itself reports the end of the output by something to read: then nothing is computed.
     fn tells_drained(&self) -> bool {
         false
     }
 
-    /// Drops what the device still has to send; the result is how many bytes.
+    /// Drops the unsent bytes of the device; returns their number.
     fn take_back(&mut self) -> usize {
         0
     }
 
-    /// Whether `take_back` cannot say how many: then it is computed from the time.
+    /// Whether `take_back` cannot tell the number: then it is computed from the time.
     fn reckons_taken_back(&self) -> bool {
         false
     }
 
-    /// Whether 1.5 stop bits can be had.
+    /// Whether 1.5 stop bits are possible.
     fn does_odd_stop_bits(&self) -> bool {
         false
     }
 
-    /// Whether bytes for which there is no room are lost instead of waiting: a wire that nobody listens to.
+    /// Whether bytes without room are dropped instead of waiting, as on a wire without a receiver.
     fn drops_when_full(&self) -> bool {
         false
     }
 
-    /// Something else to do while the line is open (turn callers away).
+    /// Other tasks while the line is open (refuse callers).
     fn housekeeping(&mut self) {}
 
     /// The longest pause between attempts to open.
@@ -86,12 +86,12 @@ pub(crate) trait Link {
         crate::RETRY
     }
 
-    /// Modem lines, where they exist.
+    /// The modem lines, if there are any.
     fn modem_lines(&mut self) -> Option<ModemLines> {
         None
     }
 
-    /// Sets RTS and DTR, where they exist.
+    /// Sets RTS and DTR, if there are any.
     fn set_modem_lines(&mut self, _rts: bool, _dtr: bool) {}
 }
 
@@ -106,11 +106,11 @@ pub(crate) fn of(spec: &LineSpec) -> Box<dyn Link> {
     }
 }
 
-/// What neither a pty nor TCP can do of these settings.
+/// The settings that neither a pty nor TCP can apply.
 fn not_a_wire(kind: &str, settings: &LineSettings) -> Vec<Warning> {
     let plain = LineSettings { baud: settings.baud, ..LineSettings::default() };
     if *settings == plain {
         return Vec::new();
     }
-    vec![Warning(format!("{kind} carries 8 bits a character: of {settings} only the baud rate counts, as time"))]
+    vec![Warning(format!("{kind} carries 8 bits a character: of {settings} it uses only the baud rate, as timing"))]
 }

@@ -1,5 +1,5 @@
-//! Classes 14 and 30: loadable driver, and what the blocks find.
-//! [S4 "7.3.3 Error Codes for “General Processing Errors”"], [reference 3.14]
+//! Classes 14 and 30: loadable driver, and errors found by the blocks. [S4 "7.3.3 Error Codes for “General Processing
+//! Errors”"], [reference 3.14]
 
 use super::Origin::{FactOnly, HardwareFault, OtherModule};
 use super::{Row, here, other};
@@ -31,7 +31,7 @@ pub(super) const ROWS: &[Row] = &[
     ),
     here(0x0E23, "The response time-out is not 5 to 65500 ms; the driver works with 2000 ms", PARAMETERS),
     other(HardwareFault, 0x0E2E, "The interface's parameters cannot be read; the driver does not work"),
-    here(0x0E30, "The CPU acknowledged data that were not on their way", "Can be ignored when it is rare."),
+    here(0x0E30, "The CPU acknowledged data that were not being transferred", "Can be ignored when it is rare."),
     here(0x0E31, "The CPU did not take the reply in time", "Call P_RCV_RK with EN_R = 1."),
     here(
         0x0E32,
@@ -96,7 +96,7 @@ pub(super) const ROWS: &[Row] = &[
     ),
     here(
         0x1E42,
-        "Printer: a variable has not 1 to 32 bytes, or the format string not 1 to 150; or the pointers changed in a job",
+        "Printer: a variable is not 1 to 32 bytes long, or the format string not 1 to 150; or the pointers changed in a job",
         "Correct the lengths in the pointer DB, and leave it alone until DONE or ERROR.",
     ),
     here(

@@ -49,7 +49,7 @@ pub(super) const ROWS: &[Row] = &[
     here(
         0x050C,
         "Printer: the variable has a value that its conversion statement cannot show; asterisks stand in the printout",
-        "Check the variable: a date, a time of day, a number that is one?",
+        "Check that the variable is a valid date, time of day or number.",
     ),
     here(
         0x050D,
@@ -83,12 +83,12 @@ pub(super) const ROWS: &[Row] = &[
     ),
     here(
         0x051B,
-        "Printer: the precision of a conversion statement cannot be; asterisks stand in the printout",
+        "Printer: the precision of a conversion statement is not allowed; asterisks stand in the printout",
         "1 to 99 places with F and R, 2 or 4 digits of the year with A and D.",
     ),
     here(
         0x051C,
-        "Printer: a variable has not the length of its conversion statement; asterisks stand in the printout",
+        "Printer: a variable does not have the length its conversion statement needs; asterisks stand in the printout",
         "Correct the length in the pointer DB, or the statement: %I needs 2 or 4 bytes, %F 4, %Y 8.",
     ),
     other(OtherModule, 0x051D, "Sending or receiving was interrupted by a reset or by new parameters"),

@@ -133,7 +133,7 @@ pub(super) const ROWS: &[Row] = &[
     here(0x090B, "Partner: 1st or 4th byte of our header wrong", HEADER),
     here(0x090C, "Partner: length of our telegram wrong", HEADER),
     here(0x090D, "Partner: not started again yet", "Put the partner into RUN."),
-    here(0x090E, "Partner: an error number nobody knows", "See the partner's manual."),
+    here(0x090E, "Partner: unknown error number", "See the partner's manual."),
     here(0x0A01, "The response came at the wrong time", HEADER),
     here(0x0A02, "The response's first bytes are wrong", HEADER),
     here(0x0A03, "The response has too many or too few data", HEADER),

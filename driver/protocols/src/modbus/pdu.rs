@@ -1,14 +1,14 @@
 //! What the bytes of a telegram mean: function codes, lengths, requests, answers, exceptions.
 //! [S0 "Modbus - Function codes"]
 //!
-//! Registers have two bytes; where a slave has registers of four bytes too (codes 03h, 06h, 10h with the "32-bit
+//! Registers have two bytes; where a slave also has registers of four bytes (codes 03h, 06h, 10h with the "32-bit
 //! extensions" of [S4 "32-Bit Registers"]), the functions take the size as a parameter.
 
 /// Bytes of a register.
 pub const REGISTER_BYTES: usize = 2;
 /// Bytes of a register with 32-bit extensions.
 pub const LONG_REGISTER_BYTES: usize = 4;
-/// Most bytes of user data in a telegram. [S0 L2397], [S0 L2458]
+/// Maximum bytes of user data in a telegram. [S0 L2397], [S0 L2458]
 pub const DATA_BYTES: usize = 250;
 /// Address of all slaves. [S0 "Broadcast with slave address = 0"]
 pub const BROADCAST: u8 = 0;
@@ -16,9 +16,10 @@ pub const BROADCAST: u8 = 0;
 pub const ERROR_BIT: u8 = 0x80;
 
 /// 17h: write n words and read n words of the output area 4x in one telegram. Not one of the manual's eight: a master
-/// of couplers may ask for it, a CP does not know it. ["MODBUS Application Protocol Specification V1.1b3", 6.17]
+/// of couplers may use it, a CP does not know it. ["MODBUS Application Protocol Specification V1.1b3", 6.17]
 pub const READ_WRITE_WORDS: u8 = 0x17;
-/// Most bits and words of one request by the specification, which couplers keep to (a CP goes up to [`DATA_BYTES`]).
+/// Maximum number of bits or words of one request by the specification, which couplers observe (a CP allows up to
+/// [`DATA_BYTES`]).
 pub const READ_BITS_MAX: u16 = 2000;
 /// As [`READ_BITS_MAX`]: 0Fh.
 pub const WRITE_BITS_MAX: u16 = 1968;
@@ -29,7 +30,7 @@ pub const WRITE_WORDS_MAX: u16 = 123;
 /// As [`READ_BITS_MAX`]: what 17h writes.
 pub const READ_WRITE_WORDS_MAX: u16 = 121;
 
-/// What an exception code means, in words.
+/// The meaning of an exception code, in words.
 pub const fn exception_text(code: u8) -> &'static str {
     match code {
         1 => "illegal function",
@@ -45,14 +46,14 @@ pub const fn exception_text(code: u8) -> &'static str {
     }
 }
 
-/// What helps against an exception code.
+/// The remedy for an exception code.
 pub const fn exception_remedy(code: u8) -> &'static str {
     match code {
         1 => "it does not have this function: take another table, by its manual",
-        2 => "it has no such elements: compare the first one, counted from 0, and how many with its manual",
+        2 => "it has no such elements: compare the first one (counted from 0) and their number with its manual",
         3 => "it does not take this value, or so many at once: compare with its manual",
         4 => "look at the device: it reports a fault of its own, or its watchdog has expired",
-        5 | 6 => "it has too much to do: a longer `period`, or fewer who ask it",
+        5 | 6 => "it is overloaded: set a longer `period`, or let fewer masters ask it",
         8 => "the memory of the device is damaged",
         10 => "the gateway knows no way to this `unit`: look at its table",
         11 => "nobody answers behind the gateway: check `unit`, power and cable of the device",
@@ -111,13 +112,13 @@ impl Function {
 pub enum Exception {
     /// The function code is not one of the eight.
     Function = 1,
-    /// Not all of it lies inside the area.
+    /// Not all of the data is inside the area.
     Address = 2,
-    /// A number of elements that is not permitted, or that does not go with the bytes.
+    /// A number of elements that is not permitted, or that does not match the bytes.
     Value = 3,
 }
 
-/// A request, taken apart.
+/// A parsed request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request<'a> {
     /// 01h, 02h.
@@ -140,7 +141,7 @@ pub enum Request<'a> {
     },
     /// 05h.
     WriteBit {
-        /// Which.
+        /// The bit.
         at: u16,
         /// 0000h: false, FF00h: true.
         on: bool,
@@ -169,8 +170,8 @@ fn word(telegram: &[u8], at: usize) -> Option<u16> {
 }
 
 impl<'a> Request<'a> {
-    /// Takes a request telegram (address first, no check) apart, as a slave must: function, then numbers. Whether the
-    /// area is large enough is the area's matter.
+    /// Parses a request telegram (address first, no check) in the order prescribed for a slave: function, then numbers.
+    /// The area itself checks whether it is large enough.
     ///
     /// # Errors
     /// The exception to answer with.
@@ -179,7 +180,7 @@ impl<'a> Request<'a> {
         let (Some(first), Some(value)) = (word(telegram, 2), word(telegram, 4)) else { return Err(Exception::Value) };
         let count = usize::from(value);
         let bare = telegram.len() == 6;
-        // Number of bytes, then the bytes; all of it, and no more.
+        // Number of bytes, then exactly that many bytes.
         let data = || match telegram.get(6..).and_then(<[u8]>::split_first) {
             Some((bytes, data)) if usize::from(*bytes) == data.len() => Ok(data),
             _ => Err(Exception::Value),
@@ -221,7 +222,7 @@ const fn check(good: bool) -> Result<(), Exception> {
     if good { Ok(()) } else { Err(Exception::Value) }
 }
 
-/// Which way a telegram goes: its length follows from it.
+/// Direction of a telegram, which determines its length.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
     /// Master to slave.
@@ -230,8 +231,8 @@ pub enum Direction {
     Answer,
 }
 
-/// Length of a telegram by its first bytes; `None` when more of it must be known, or when
-/// there is no such function code.
+/// Length of a telegram according to its first bytes; `None` if more of them are needed, or if there is no such
+/// function code.
 pub fn length(direction: Direction, telegram: &[u8], register_bytes: usize) -> Option<usize> {
     let code = *telegram.get(1)?;
     if direction == Direction::Answer && code & ERROR_BIT != 0 {
@@ -246,12 +247,12 @@ pub fn length(direction: Direction, telegram: &[u8], register_bytes: usize) -> O
     })
 }
 
-/// How an answer goes with its request.
+/// How an answer matches its request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Match {
     /// It is the answer, good or with an error announced.
     Answer,
-    /// It is the answer to something else: of another slave, to another function, about other elements.
+    /// It is the answer to another request: to another slave, function or elements.
     Foreign,
     /// Shorter than its own function code and number of bytes say.
     Short,
@@ -259,8 +260,8 @@ pub enum Match {
     Long,
 }
 
-/// Holds an answer (with a good check) against its request. A function code other than the eight cannot be looked
-/// into.
+/// Compares an answer (with a correct check) with its request. A function code other than the eight cannot be checked
+/// further.
 pub fn matches(request: &[u8], answer: &[u8], register_bytes: usize) -> Match {
     let (Some(asked), Some(code)) = (request.get(1), answer.get(1)) else { return Match::Short };
     if request.first() != answer.first() || code & !ERROR_BIT != *asked {
@@ -275,9 +276,9 @@ pub fn matches(request: &[u8], answer: &[u8], register_bytes: usize) -> Match {
         _ => return Match::Short,
     }
     let expected = match Function::of(*code) {
-        // Announced as an error, or not to be looked into.
+        // An announced error, or a function that cannot be checked further.
         None => true,
-        // Address and value or number come back. [S0 "Modbus - Function codes"]
+        // Address and value or number are returned. [S0 "Modbus - Function codes"]
         Some(Function::WriteWord) => request.get(2..4 + register_bytes) == answer.get(2..4 + register_bytes),
         Some(function) if function.writes() => request.get(2..6) == answer.get(2..6),
         Some(function) => {

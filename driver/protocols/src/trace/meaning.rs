@@ -1,4 +1,4 @@
-//! What a telegram or control character says, in words.
+//! The meaning of a telegram or control character, in words.
 
 use core::fmt;
 
@@ -34,7 +34,7 @@ pub enum Meaning<'a> {
     EnOcean(&'a esp2::frame::Bytes),
     /// A telegram of PROFIBUS.
     Profibus(Profibus<'a>),
-    /// Characters that make no telegram, and why.
+    /// Characters that do not form a telegram, and why.
     Broken(&'static str),
     /// A character that the line could not read.
     Fault(LineFault),
@@ -126,7 +126,7 @@ impl fmt::Display for Rk512<'_> {
                 match request.coordination.flag(u8::MAX) {
                     Ok(Some(flag)) => write!(f, ", flag M {}.{}", flag.byte, flag.bit)?,
                     Ok(None) => {}
-                    Err(_) => f.write_str(", coordination flag that cannot be")?,
+                    Err(_) => f.write_str(", invalid coordination flag")?,
                 }
                 if let Some(cpu) = request.coordination.cpu() {
                     write!(f, ", CPU {cpu}")?;

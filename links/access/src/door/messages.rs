@@ -1,12 +1,12 @@
-//! What a link and the broker say to each other: one message a packet, in the order they were said.
+//! The messages between a link and the broker: one message per packet, in the order they were sent.
 
-use ob1_model::{Area, BlockId, BlockKind, Cell, CellError, CellWidth, Command, OperatingState as State, Piece, Put};
+use ob1_model::{Area, BlockId, BlockKind, Cell, CellError, Command, OperatingState as State, Piece, Put, Width};
 use serde::{Deserialize, Serialize};
 
 use super::wire::{Wire, wire};
 use crate::Right;
 
-/// Version of these messages. Both ends come from one build, and say so.
+/// Version of these messages. Both ends come from one build, and check it.
 pub const VERSION: u16 = 3;
 /// The longest message either way, in bytes.
 pub const MESSAGE_BYTES: usize = 160 * 1024;
@@ -14,20 +14,20 @@ pub const MESSAGE_BYTES: usize = 160 * 1024;
 pub const PART_BYTES: usize = 128 * 1024;
 /// Bytes of blocks that a client may have put aside.
 pub const STAGED_BYTES: usize = 1024 * 1024;
-/// Groups and questions of one client that may be unanswered.
+/// Maximum of unanswered groups and questions per client.
 pub const OUTSTANDING: usize = 8;
 
-/// Comes back with the answer.
+/// Returned with the answer.
 pub type Ticket = u64;
 
-/// What a client asks the broker. In brackets: the right it takes beyond reading.
+/// What a client asks the broker. In brackets: the right it needs beyond reading.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Ask {
-    /// With this password the client gets the rights of the key `password_rights`.
+    /// Password: it gives the client the rights of the key `password_rights`.
     Login(String),
     /// Back to the rights of the link.
     Logout,
-    /// A change of the operating state (operate). Done: it is under way.
+    /// A change of the operating state (operate). [`Answer::Done`] means that it has been started.
     Command(Command),
     /// Date and time of day of the CPU.
     Clock,
@@ -40,24 +40,24 @@ pub enum Ask {
         /// INDEX.
         index: u16,
     },
-    /// The diagnostic buffer: so many entries at most.
+    /// The diagnostic buffer, with at most this many entries.
     Diagnostics(u16),
     /// The operating state, and which modules answer, in the order of the station file.
     Modules,
     /// The blocks of the program.
     Blocks,
-    /// One of them as a block folder has it.
+    /// One of them, as in a block folder.
     Block(BlockId),
-    /// Events with a higher number than this, and from now on each as it comes.
+    /// Events with a higher number than this, and every new one as it comes.
     Events {
-        /// The last one that is known; 0: all there are.
+        /// The last known number; 0: all events.
         after: u64,
     },
-    /// No events any more.
+    /// No more events.
     NoEvents,
     /// One of the station's documents.
     Document(Document),
-    /// A block as a block folder has it, put aside for [`Ask::Link`] (operate; the broker holds what a client has put
+    /// A block as in a block folder, put aside for [`Ask::Link`] (operate; the broker keeps what a client has put
     /// aside, up to [`STAGED_BYTES`]).
     Stage {
         /// Which one it is.
@@ -65,17 +65,17 @@ pub enum Ask {
         /// Its bytes.
         bytes: Box<[u8]>,
     },
-    /// What this client has put aside becomes part of the program, together (operate). Done: it has taken effect.
+    /// Adds everything this client has put aside to the program, together (operate). [`Answer::Done`] means that it has
+    /// taken effect.
     Link,
-    /// These blocks go out of the program, together (operate). Done: it has taken effect.
+    /// Removes these blocks from the program, together (operate). [`Answer::Done`] means that it has taken effect.
     Delete(Vec<BlockId>),
 }
 
-/// What a station tells of itself as a whole. But for the program each is a JSON object as the control socket has it
-/// (docs/access.md).
+/// A document about the whole station. All but the program are JSON objects as on the control socket (docs/access.md).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Document {
-    /// The program in the file form of `ob1_ir::file`. It is the same as long as the station runs.
+    /// The program in the file form of `ob1_ir::file`. It does not change while the station runs.
     Program,
     /// `status`: operating state, modules, figures.
     Status,
@@ -87,10 +87,10 @@ pub enum Document {
     Links,
 }
 
-/// What the broker answers.
+/// An answer of the broker.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Answer {
-    /// It is done, or under way.
+    /// The request has been carried out or started.
     Done,
     /// A DATE_AND_TIME.
     Clock([u8; 8]),
@@ -101,7 +101,7 @@ pub enum Answer {
         /// The records.
         bytes: Box<[u8]>,
     },
-    /// There is none: RET_VAL of SFC 51.
+    /// There is no such list: RET_VAL of SFC 51.
     NoSzl(u16),
     /// Newest first.
     Diagnostics(Vec<Diagnosis>),
@@ -109,16 +109,16 @@ pub enum Answer {
     Modules {
         /// The state.
         state: State,
-        /// Of each module: it answers.
+        /// For each module: whether it answers.
         present: Vec<bool>,
     },
     /// In ascending order.
     Blocks(Vec<BlockFact>),
     /// Its bytes.
     Block(Box<[u8]>),
-    /// No.
+    /// The request was refused.
     Refused(Refusal),
-    /// A document. On its way it comes in parts, of which the last one says so; [`Door`](super::Door) joins them.
+    /// A document. It is sent in parts, and `last` marks the last one; [`Door`](super::Door) joins them.
     Document {
         /// Nothing follows.
         last: bool,
@@ -127,24 +127,24 @@ pub enum Answer {
     },
 }
 
-/// Why not.
+/// Why a request was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refusal {
-    /// The CPU does not have it so.
+    /// The CPU does not have such a cell.
     Cell(CellError),
     /// The rights of this client do not allow it: kind of access, area or data block.
     Right,
-    /// A wrong password, or there is none.
+    /// A wrong password, or the link has none.
     Password,
     /// There is no such thing here.
     NotThere,
-    /// Too much of this client is unanswered.
+    /// Too many requests of this client are unanswered.
     Full,
     /// The CPU does not answer.
     Silent,
     /// Not while the CPU is in RUN.
     InRun,
-    /// This is not a block that the CPU can use, or not together with the others.
+    /// The CPU cannot use this block, or not together with the others.
     Block,
     /// There is no room for it.
     Room,
@@ -187,9 +187,9 @@ pub struct Diagnosis {
     pub text: String,
     /// File and line; empty for an entry about no statement.
     pub place: String,
-    /// What stood in the way, where the cycle monitoring expired and that is known.
+    /// What delayed the scan, if the cycle monitoring expired and the cause is known.
     pub because: String,
-    /// What helps; empty for mere information.
+    /// The remedy; empty for mere information.
     pub remedy: String,
 }
 
@@ -200,7 +200,7 @@ pub struct BlockFact {
     pub id: BlockId,
     /// Bytes of its data; 0 for code.
     pub bytes: u32,
-    /// The language it was written in, as a block's head has it: 1 STL, 5 a data block, 0 unknown.
+    /// The language it was written in, as in a block's header: 1 STL, 5 a data block, 0 unknown.
     pub language: u8,
     /// Its name; empty without one.
     pub name: String,
@@ -238,11 +238,11 @@ pub enum What {
         /// It is up.
         up: bool,
     },
-    /// So many events before this one are gone.
+    /// The number of events lost before this one.
     Lost(u64),
 }
 
-/// What a link is told first.
+/// The first message to a link.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Welcome {
     /// [`VERSION`].
@@ -271,35 +271,35 @@ pub struct Welcome {
     pub min_cycle: u64,
     /// Generations of watches begin above this.
     pub generation: u64,
-    /// Listening sockets that come with this message, behind the window.
+    /// Number of listening sockets that come with this message, after the window.
     pub listeners: u8,
 }
 
-/// A connection of a link, for whoever looks at the station.
+/// A connection of a link, for tools that show the station.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 pub struct Connection {
     /// Its partner: address and port.
     pub partner: String,
-    /// What it is called under: a TSAP, or the number and type of a configured connection.
+    /// Its name: a TSAP, or the number and type of a configured connection.
     pub name: String,
-    /// What it is at.
+    /// Its state.
     pub state: String,
-    /// The PDU that was agreed on; 0: none.
+    /// The agreed PDU; 0: none.
     pub pdu: u16,
     /// Jobs of both sides.
     pub jobs: u64,
-    /// Of these: refused or failed.
+    /// Jobs refused or failed.
     pub errors: u64,
 }
 
-/// From a link.
+/// A message from a link.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ToBroker {
     /// A sign of life.
     Beat,
-    /// These pieces instead of those before.
+    /// Watches these pieces instead of the previous ones.
     Watch {
-        /// Higher than that before.
+        /// Higher than the previous one.
         generation: u64,
         /// The pieces.
         pieces: Vec<Piece>,
@@ -324,26 +324,26 @@ pub enum ToBroker {
     },
     /// This client is gone.
     Gone(u32),
-    /// These are its connections now.
+    /// Its present connections.
     Connections(Vec<Connection>),
 }
 
-/// To a link.
+/// A message to a link.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ToLink {
     /// The first message.
     Welcome(Welcome),
     /// A snapshot of this generation is there.
     Watching(u64),
-    /// Nothing of this generation is watched: these of its pieces are not allowed; none is named when they are more
-    /// than a share.
+    /// Nothing of this generation is watched, because these of its pieces are not allowed. None is named if the pieces
+    /// exceed the link's share.
     Unwatched {
         /// The generation.
         generation: u64,
         /// Indexes of pieces.
         refused: Vec<u32>,
     },
-    /// What became of a group.
+    /// The outcome of a group.
     Written {
         /// Whose.
         client: u32,
@@ -420,7 +420,7 @@ impl Wire for BlockId {
     }
 }
 
-wire!(enum CellWidth { 0 => Bit, 1 => Byte, 2 => Word, 3 => DWord });
+wire!(enum Width { 0 => Bit, 1 => Byte, 2 => Word, 3 => DWord });
 wire!(enum Piece { 0 => Bytes { at, len }, 1 => Value(cell, width) });
 wire!(enum Put { 0 => Value(cell, width, value), 1 => Bytes(cell, bytes) });
 wire!(enum State { 0 => Stop, 1 => Startup, 2 => Run });
@@ -469,7 +469,7 @@ impl ToBroker {
         super::wire::encode(self)
     }
 
-    /// Of a packet; `None`: it is not a message.
+    /// From a packet; `None`: it is not a message.
     #[must_use]
     pub fn decode(bytes: &[u8]) -> Option<Self> {
         super::wire::decode(bytes)
@@ -483,7 +483,7 @@ impl ToLink {
         super::wire::encode(self)
     }
 
-    /// Of a packet; `None`: it is not a message.
+    /// From a packet; `None`: it is not a message.
     #[must_use]
     pub fn decode(bytes: &[u8]) -> Option<Self> {
         super::wire::decode(bytes)
@@ -497,7 +497,7 @@ mod tests {
     fn samples() -> (Vec<ToBroker>, Vec<ToLink>) {
         let at = Cell::Db(7, 160);
         let cells = [at, Cell::Area(Area::Output, 3), Cell::Peripheral(8), Cell::Timer(2), Cell::Counter(9)];
-        let pieces = cells.into_iter().map(|cell| Piece::Value(cell, CellWidth::DWord)).collect();
+        let pieces = cells.into_iter().map(|cell| Piece::Value(cell, Width::DWord)).collect();
         let entry = Diagnosis {
             number: 1,
             time: 2,
@@ -545,7 +545,7 @@ mod tests {
             ToBroker::Write {
                 client: 1,
                 ticket: 2,
-                puts: vec![Put::Value(at, CellWidth::Bit, 1), Put::Bytes(at, Box::from([1, 2]))],
+                puts: vec![Put::Value(at, Width::Bit, 1), Put::Bytes(at, Box::from([1, 2]))],
             },
             ToBroker::Gone(5),
         ];

@@ -1,20 +1,20 @@
-//! What the clients of a link read: merged into pieces, watched as one list, found again in a snapshot.
+//! The pieces that the clients of a link read: merged, watched as one list, and found again in a snapshot.
 //!
-//! What is read for the first time is asked for; what nobody has read for a while is let go; what does not fit the
-//! link's share lets go what has not been read for longest.
+//! A piece read for the first time is requested; a piece not read for a while is dropped; if the pieces exceed the
+//! link's share, the least recently read are dropped.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use ob1_model::{Cell, CellWidth, Frame, Piece, fits_a_share};
+use ob1_model::{Cell, Frame, Piece, Width, fits_a_share};
 
-/// A gap of so many bytes is copied along: a piece of its own costs more.
+/// A gap up to this many bytes is copied too: a separate piece would cost more.
 const GAP: u32 = 8;
-/// Pieces that are remembered; parts of others that are read too cost nothing more.
+/// Maximum number of remembered pieces; parts of other pieces cost nothing more.
 const REMEMBERED: usize = 4096;
-/// What was not read for so many ticks is let go.
+/// Pieces not read for this many ticks are dropped.
 const IDLE_TICKS: u64 = 30;
 
-/// What lies beside each other: the kind of memory, the number of a data block.
+/// A contiguous memory: the kind of memory, the number of a data block.
 type Block = (u8, u16);
 
 /// When a piece was read last.
@@ -24,7 +24,7 @@ struct Used {
     tick: u64,
 }
 
-/// A piece that is watched, as the words of a snapshot have it.
+/// A watched piece as in the words of a snapshot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Stretch {
     block: Block,
@@ -33,21 +33,21 @@ struct Stretch {
     index: usize,
 }
 
-/// Pieces merged into fewer, and where each of them lies in those. What lies together becomes one piece.
+/// Pieces merged into fewer, and the place of each in the merged ones. Adjacent pieces become one.
 #[derive(Clone, Debug, Default)]
 pub struct Cover {
     generation: u64,
     frame: Frame,
-    /// Ascending, apart from each other.
+    /// Ascending, not adjacent.
     stretches: Vec<Stretch>,
-    values: BTreeMap<(Cell, CellWidth), usize>,
+    values: BTreeMap<(Cell, Width), usize>,
 }
 
-/// Where a piece lies: which one of the merged, and how many of its bytes to skip.
+/// The place of a piece: the index of the merged piece, and how many of its bytes to skip.
 pub type Found = (usize, u32);
 
 impl Cover {
-    /// Of these pieces.
+    /// Merges these pieces.
     #[must_use]
     pub fn merging<'p>(wanted: impl Iterator<Item = &'p Piece>) -> Self {
         Self::of(0, wanted)
@@ -108,7 +108,7 @@ impl Cover {
         &self.frame
     }
 
-    /// Where a piece lies, if all of it is among the merged.
+    /// The place of a piece, if all of it is among the merged ones.
     #[must_use]
     pub fn find(&self, piece: &Piece) -> Option<Found> {
         match *piece {
@@ -124,14 +124,14 @@ impl Cover {
     }
 }
 
-/// All of them.
+/// All pieces of a link.
 #[derive(Debug, Default)]
 pub(crate) struct Ranges {
     wanted: BTreeMap<Piece, Used>,
-    /// What the broker has said no to.
+    /// What the broker has refused.
     refused: BTreeSet<Block>,
     refused_values: BTreeSet<Cell>,
-    /// What is or will be in snapshots, in ascending order of generations.
+    /// The layouts of present and coming snapshots, in ascending order of generations.
     layouts: Vec<Cover>,
     generation: u64,
     in_flight: bool,
@@ -146,7 +146,7 @@ impl Ranges {
         Self { generation, ..Self::default() }
     }
 
-    /// Whether the broker has said no to this.
+    /// Whether the broker has refused this piece.
     pub(crate) fn is_refused(&self, piece: &Piece) -> bool {
         match piece {
             Piece::Bytes { at, .. } => at.block().is_some_and(|block| self.refused.contains(&block)),
@@ -171,7 +171,7 @@ impl Ranges {
         }
     }
 
-    /// These pieces shall be watched too. False: they alone are more than a share.
+    /// Adds these pieces to the watched ones. False: they alone exceed the share.
     pub(crate) fn want(&mut self, pieces: &[Piece]) -> bool {
         let allowed: Vec<Piece> = pieces.iter().filter(|piece| !self.is_refused(piece)).copied().collect();
         if !Cover::of(0, allowed.iter()).fits() {
@@ -186,7 +186,7 @@ impl Ranges {
         true
     }
 
-    /// The next list to be watched, if it has changed and the one before is answered.
+    /// The next list to watch, if it has changed and the previous one has been answered.
     pub(crate) fn next(&mut self) -> Option<(u64, Vec<Piece>)> {
         if !self.changed || self.in_flight {
             return None;
@@ -200,7 +200,7 @@ impl Ranges {
         Some((self.generation, pieces))
     }
 
-    /// Lets go what has not been read for longest, until the rest fits.
+    /// Drops the least recently read pieces until the rest fits.
     fn fit(&mut self) {
         if self.wanted.len() <= REMEMBERED && Cover::of(0, self.wanted.keys()).fits() {
             return;
@@ -208,7 +208,7 @@ impl Ranges {
         let mut newest: Vec<(Piece, Used)> = self.wanted.iter().map(|(piece, used)| (*piece, *used)).collect();
         newest.sort_by_key(|(_, used)| std::cmp::Reverse(used.turn));
         newest.truncate(REMEMBERED);
-        // How many of the newest fit: more pieces never take less.
+        // How many of the newest fit: more pieces never take less room.
         let (mut fits, mut not) = (0, newest.len() + 1);
         while fits + 1 < not {
             let middle = usize::midpoint(fits, not);
@@ -226,7 +226,7 @@ impl Ranges {
         self.layouts.retain(|layout| layout.generation >= generation);
     }
 
-    /// Nothing of this generation is watched: these of its pieces are not allowed.
+    /// Nothing of this generation is watched, because these of its pieces are not allowed.
     pub(crate) fn unwatched(&mut self, generation: u64, refused: &[u32]) {
         let Some(place) = self.layouts.iter().position(|layout| layout.generation == generation) else { return };
         let layout = self.layouts.remove(place);
@@ -242,7 +242,7 @@ impl Ranges {
         (self.in_flight, self.changed) = (false, true);
     }
 
-    /// Time passes: what has been idle for long is let go.
+    /// Time passes: drops pieces that have been idle for long.
     pub(crate) fn tick(&mut self) {
         self.tick += 1;
         let (before, tick) = (self.wanted.len(), self.tick);
@@ -264,7 +264,7 @@ mod tests {
         Piece::Bytes { at: Cell::Db(number, from * 8), len }
     }
 
-    const TIMER: Piece = Piece::Value(Cell::Timer(3), CellWidth::Word);
+    const TIMER: Piece = Piece::Value(Cell::Timer(3), Width::Word);
 
     #[test]
     fn what_lies_together_is_one_piece_and_parts_are_found() {
@@ -284,7 +284,7 @@ mod tests {
             (db(7, 1, 1), Some((3, 1))),
             (db(9, 0, 1), None),
             (TIMER, Some((0, 0))),
-            (Piece::Value(Cell::Timer(3), CellWidth::Bit), None),
+            (Piece::Value(Cell::Timer(3), Width::Bit), None),
         ] {
             assert_eq!(layout.find(&piece), found, "{piece:?}");
         }
@@ -324,7 +324,7 @@ mod tests {
         assert_eq!(ranges.next(), Some((3, vec![])), "and then nothing is copied any more");
     }
 
-    /// Beyond the share the oldest go; what is asked for now is always there.
+    /// Beyond the share the oldest are dropped; a piece requested now is always kept.
     #[test]
     fn beyond_the_share_the_least_recently_used_go() {
         let mut ranges = Ranges::new(0);
@@ -364,7 +364,7 @@ mod tests {
         assert!(ranges.next().is_none());
     }
 
-    /// Clients that read another place each time fill nothing up.
+    /// Clients that read another place each time do not fill up memory.
     #[test]
     fn memory_is_bounded() {
         let mut ranges = Ranges::new(0);
@@ -375,7 +375,7 @@ mod tests {
                 ranges.watching(generation);
             }
             if place == 400 {
-                // From here on only now and then: each list is work.
+                // From here on only sometimes, because each list is work.
                 ranges.in_flight = true;
             }
         }

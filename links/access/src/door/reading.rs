@@ -1,11 +1,11 @@
-//! What was read: all of one scan.
+//! The result of a read: all of one scan.
 
-use ob1_model::{CellWidth, Piece};
+use ob1_model::{Piece, Width};
 
 use super::State;
 use super::messages::Refusal;
 
-/// The pieces of one read, all of one cycle control point. Used again it allocates nothing.
+/// The pieces of one read, all of one cycle control point. Reusing it allocates nothing.
 #[derive(Clone, Debug, Default)]
 pub struct Reading {
     /// The cycle control point, counted from 1, those in STOP included.
@@ -22,43 +22,43 @@ pub struct Reading {
 struct Item {
     from: usize,
     found: Result<usize, Refusal>,
-    /// Of a bit: its place in the byte.
+    /// For a bit: its place in the byte.
     bit: Option<u32>,
 }
 
 impl Reading {
-    /// Nothing yet.
+    /// An empty reading.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// How many pieces.
+    /// Number of pieces.
     #[must_use]
     pub fn len(&self) -> usize {
         self.items.len()
     }
 
-    /// None.
+    /// Whether there are no pieces.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.items.is_empty()
     }
 
-    /// The bytes of a piece, as long as it is, big-endian as in the CPU.
+    /// The bytes of a piece, big-endian as in the CPU.
     ///
     /// # Errors
-    /// Why the CPU does not have it, or why it is not shown.
+    /// Why the CPU does not have it, or why it may not be read.
     pub fn piece(&self, index: usize) -> Result<&[u8], Refusal> {
         let item = self.items.get(index).ok_or(Refusal::NotThere)?;
         let len = item.found?;
         self.bytes.get(item.from..item.from + len).ok_or(Refusal::NotThere)
     }
 
-    /// The same as a number, of at most four bytes; of a bit 0 or 1.
+    /// The same as a number of at most four bytes; for a bit 0 or 1.
     ///
     /// # Errors
-    /// As of [`Reading::piece`].
+    /// As for [`Reading::piece`].
     pub fn value(&self, index: usize) -> Result<u32, Refusal> {
         let value = self.piece(index)?.iter().fold(0, |value, byte| value << 8 | u32::from(*byte));
         let bit = self.items.get(index).and_then(|item| item.bit);
@@ -71,11 +71,11 @@ impl Reading {
         self.items.clear();
     }
 
-    /// Appends a piece that `read` puts behind the bytes.
+    /// Appends a piece; `read` appends its bytes.
     pub(super) fn push(&mut self, piece: &Piece, read: impl FnOnce(&mut Vec<u8>) -> Result<(), Refusal>) {
         let from = self.bytes.len();
         let found = read(&mut self.bytes).map(|()| self.bytes.len() - from);
-        let bit = matches!(piece, Piece::Value(_, CellWidth::Bit)).then_some(0);
+        let bit = matches!(piece, Piece::Value(_, Width::Bit)).then_some(0);
         self.items.push(Item { from, found, bit });
     }
 }

@@ -1,7 +1,7 @@
-//! A door against a broker of the test: a window on this side, a socket between.
+//! A door against a test broker: a window on this side, a socket between.
 
 use ob1_backplane::{WindowHead, WindowWriter};
-use ob1_model::{Area, Cell, CellError, CellWidth, Frame, Head};
+use ob1_model::{Area, Cell, CellError, Frame, Head, Width};
 
 use super::*;
 use crate::Right;
@@ -90,8 +90,7 @@ fn what_is_read_first_comes_one_cycle_later_and_then_at_once() {
     let (mut desk, mut door) = Desk::open();
     assert_eq!(door.welcome().map(|welcome| welcome.station.as_str()), Some("press"));
     let mut reading = Reading::new();
-    let wanted =
-        [m(10, 3), Piece::Value(Cell::Timer(1), CellWidth::Word), Piece::Bytes { at: Cell::Db(99, 0), len: 1 }];
+    let wanted = [m(10, 3), Piece::Value(Cell::Timer(1), Width::Word), Piece::Bytes { at: Cell::Db(99, 0), len: 1 }];
     assert_eq!(door.read(&wanted, &mut reading), Err(NotYet::Coming));
     assert_eq!(door.read(&wanted, &mut reading), Err(NotYet::Coming));
     door.pump().expect("open");
@@ -109,7 +108,7 @@ fn what_is_read_first_comes_one_cycle_later_and_then_at_once() {
     door.read(&[m(11, 1)], &mut reading).expect("a part");
     assert_eq!(reading.piece(0), Ok(&[12][..]));
 
-    // While more is on its way, what is watched goes on being read.
+    // While more is requested, watched pieces can still be read.
     assert_eq!(door.read(&[m(100, 1)], &mut reading), Err(NotYet::Coming));
     door.pump().expect("open");
     let Some(ToBroker::Watch { generation, pieces }) = desk.hear() else { panic!("no watch") };
@@ -147,7 +146,7 @@ fn what_is_not_allowed_is_told_of_its_piece() {
 #[test]
 fn writes_and_questions_go_out_and_their_answers_come_in() {
     let (mut desk, mut door) = Desk::open();
-    let put = Put::Value(Cell::Area(Area::Memory, 3), CellWidth::Bit, 1);
+    let put = Put::Value(Cell::Area(Area::Memory, 3), Width::Bit, 1);
     let ticket = door.write(7, vec![put.clone()]).expect("small");
     assert!(door.write(7, vec![put.clone(); GROUP_ENTRIES + 1]).is_err());
     assert!(door.write(7, vec![Put::Bytes(put.cell(), vec![0; WRITE_BYTES + 1].into())]).is_err());
@@ -177,7 +176,7 @@ fn a_door_that_is_gone_says_so() {
     let (desk, mut door) = Desk::open();
     handover::send(&desk.socket, b"what is this", &[]).expect("room");
     assert!(matches!(door.pump(), Err(DoorError::Version)));
-    // Nobody listens: what waits is bounded.
+    // Nobody reads: the queue is bounded.
     let (_desk, mut door) = Desk::open();
     for _ in 0..200_000 {
         door.ask(1, Ask::Clock);
@@ -205,7 +204,7 @@ fn several_doors_come_over_one_socket() {
     assert!(matches!(Door::several(&input), Err(DoorError::Closed)));
 }
 
-/// The parts of documents that come mixed are put together each for itself.
+/// Parts of several documents that come interleaved are joined separately.
 #[test]
 fn documents_are_put_together() {
     let (desk, mut door) = Desk::open();

@@ -1,4 +1,4 @@
-//! What the page asks and does: log in, figures, why the machine stands, writes, changes of mode.
+//! Requests of the page: login, figures, the cause of a STOP, writes, changes of mode.
 
 use std::time::Duration;
 
@@ -16,11 +16,11 @@ use super::Page;
 use super::sessions::cookie_name;
 use crate::http::{Call, Reply, plain, query, reply};
 
-/// A document that many want is made once in this time.
+/// Within this time concurrent requests share one document.
 const AGE: Duration = Duration::from_millis(800);
 /// Entries of the diagnostic buffer that are shown.
 const ENTRIES: u16 = 100;
-/// Longest report that is shown, in bytes, and how many.
+/// Longest report shown, in bytes, and the maximum number of reports.
 const REPORT: u64 = 1 << 20;
 const REPORTS: usize = 200;
 
@@ -28,7 +28,7 @@ pub(super) fn send(value: &Value) -> Reply {
     reply(StatusCode::OK, "application/json", value.to_string())
 }
 
-/// What went wrong, for people.
+/// An error as text.
 pub(super) fn trouble(trouble: &Trouble) -> Reply {
     let status = match trouble {
         Trouble::User => StatusCode::FORBIDDEN,
@@ -65,7 +65,7 @@ struct Wanted {
 }
 
 fn body<'b, T: Deserialize<'b>>(headers: Option<&HeaderMap>, bytes: &'b Bytes) -> Option<T> {
-    // A form of another page cannot send this type.
+    // A form of another site cannot send this type.
     let json = headers.is_none_or(|headers| {
         headers.get("content-type").is_some_and(|kind| kind.as_bytes().starts_with(b"application/json"))
     });
@@ -73,7 +73,7 @@ fn body<'b, T: Deserialize<'b>>(headers: Option<&HeaderMap>, bytes: &'b Bytes) -
 }
 
 fn wrong() -> Reply {
-    plain(StatusCode::BAD_REQUEST, "this is no such question")
+    plain(StatusCode::BAD_REQUEST, "this is not a valid request")
 }
 
 impl Page {
@@ -106,7 +106,7 @@ impl Page {
         if let Err(error) = self.station.audit().note(&user, &address, "login", "done") {
             return trouble(&Trouble::Audit(error.to_string()));
         }
-        // One that was there before is over.
+        // A previous session ends.
         let _ = self.sessions.close(&call.headers);
         let client = self.station.client(Who { user: login.user, address, right: login.right });
         let right = right_name(client.right());
@@ -151,7 +151,7 @@ impl Page {
         }
     }
 
-    /// Why the machine stands, or stood last: the newest STOP, and what came right before it.
+    /// Why the CPU is or was last in STOP: the newest STOP, and the entry right before it.
     pub(super) async fn why(&self, client: &Client) -> Reply {
         match self.entries(client).await {
             Ok(entries) => send(&why(&entries)),
@@ -207,7 +207,7 @@ impl Page {
         names.reverse();
         names.truncate(REPORTS);
         let Some(name) = query(asked, "name") else { return send(&json!(names)) };
-        // One of those that are there, so no path leads out of the folder.
+        // Only an existing name is accepted, so no path leads out of the folder.
         let Some(name) = names.into_iter().find(|known| *known == name) else {
             return plain(StatusCode::NOT_FOUND, "there is no such report");
         };
@@ -255,7 +255,7 @@ pub(super) fn entry(entry: &Diagnosis) -> Value {
     })
 }
 
-/// The newest STOP of these entries (newest first), what led to it, and whether the station has run since.
+/// The newest STOP of these entries (newest first), its cause, and whether the station has run since.
 fn why(entries: &[Diagnosis]) -> Value {
     let stopped = |found: &&Diagnosis| matches!(change(found), Some("stop" | "fault"));
     let Some(stop) = entries.iter().find(stopped) else { return json!({ "stop": null, "cause": null, "over": true }) };

@@ -1,4 +1,4 @@
-//! The web page: its files, and what it asks.
+//! The web page: its files, and its requests.
 
 mod api;
 mod files;
@@ -24,12 +24,12 @@ pub(super) struct Page {
     station: Station,
     users: Option<Users>,
     sessions: Sessions,
-    /// Without users everybody is this one, who reads.
+    /// Without users everybody is this client, which may read.
     everybody: Client,
     reports: Option<std::path::PathBuf>,
-    /// Where the drivers tell what goes over their lines.
+    /// The folder of the drivers' taps.
     taps: Option<std::path::PathBuf>,
-    /// Who is told without asking.
+    /// The open event streams.
     streams: stream::Streams,
 }
 
@@ -56,7 +56,7 @@ impl Site for Page {
 }
 
 impl Page {
-    /// Who asks: `None` is somebody who has to log in first.
+    /// The client of a request; `None`: login is required first.
     fn client(&self, call: &Call) -> Option<Client> {
         match &self.users {
             None => Some(self.everybody.clone()),
@@ -73,7 +73,7 @@ impl Page {
             return plain(StatusCode::NOT_FOUND, "there is no such page");
         };
         let what = what.to_owned();
-        // What anybody may ask.
+        // Requests that need no login.
         match (&*what, reads) {
             ("session", true) => return self.session(&call),
             ("login", false) => return self.login(&call).await,
@@ -95,7 +95,7 @@ impl Page {
             ("write", false) => self.write(&client, &call.body).await,
             ("command", false) => self.command(&client, &call.body).await,
             ("write" | "command" | "login" | "logout", true) => not_so("POST"),
-            _ if reads => plain(StatusCode::NOT_FOUND, "there is no such question"),
+            _ if reads => plain(StatusCode::NOT_FOUND, "there is no such request"),
             _ => not_so("GET, HEAD"),
         }
     }

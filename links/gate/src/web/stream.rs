@@ -1,5 +1,4 @@
-//! What the page is told without asking: server-sent events with the station's state, what happens, and the values of
-//! a variable table.
+//! Server-sent events of the page: the station's state, its events, and the values of a variable table.
 
 use std::cell::RefCell;
 use std::net::IpAddr;
@@ -10,7 +9,7 @@ use hyper::StatusCode;
 use hyper::body::Bytes;
 use hyper::header::{CONTENT_TYPE, HeaderValue};
 use ob1_access::door::{Document, Event, What};
-use ob1_access::{CellWidth, Datum, Form, Names, Typed, value};
+use ob1_access::{Datum, Form, Names, Typed, Width, value};
 use ob1_gate_core::{Client, Trouble, Watch, iso};
 use serde_json::{Value, json};
 use tokio::sync::broadcast::error::RecvError;
@@ -21,24 +20,24 @@ use super::api::entry;
 use super::{Page, taps};
 use crate::http::{Body, Call, Reply, plain, query};
 
-/// Streams at a time; one address has half of them at most, so that others look too.
+/// Maximum of streams; one address gets at most half of them, so that others can connect too.
 const STREAMS: usize = 32;
 const OF_ONE: usize = STREAMS / 2;
-/// Messages that may wait for a browser; who takes none for so long is let go.
+/// Messages that may wait for a browser; one that takes none for this long is dropped.
 const WAITING: usize = 32;
 const DEAF: Duration = Duration::from_secs(20);
-/// Between two looks at the station's figures.
+/// Time between two reads of the station's figures.
 const STATUS: Duration = Duration::from_secs(1);
-/// Variables of a table, and how often they are looked at.
+/// Maximum variables of a table, and the limits of its period in milliseconds.
 const ITEMS: usize = 500;
 const PERIODS: (u64, u64) = (100, 60_000);
 
-/// The addresses of all streams. Clones are the same.
+/// The addresses of all streams. Clones share them.
 #[derive(Clone, Default)]
 pub(super) struct Streams(Rc<RefCell<Vec<IpAddr>>>);
 
 impl Streams {
-    /// A place for one more; `None`: there is none for this address.
+    /// A place for one more stream; `None`: there is none for this address.
     fn place(&self, peer: IpAddr) -> Option<Counted> {
         let mut all = self.0.borrow_mut();
         if all.len() >= STREAMS || all.iter().filter(|other| **other == peer).count() >= OF_ONE {
@@ -69,10 +68,10 @@ struct Line {
     index: usize,
 }
 
-/// Opens a stream: `items` are names, one a line; `period` in milliseconds.
+/// Opens a stream: `items` are names, one per line; `period` in milliseconds.
 pub(super) fn open(page: &Rc<Page>, client: Client, call: &Call) -> Reply {
     let Some(counted) = page.streams.place(call.peer) else {
-        return plain(StatusCode::SERVICE_UNAVAILABLE, "too many look at this station: close another page");
+        return plain(StatusCode::SERVICE_UNAVAILABLE, "too many pages show this station: close another one");
     };
     let (to, parts) = mpsc::channel(WAITING);
     let after = call.headers.get("last-event-id").and_then(|id| id.to_str().ok()?.parse().ok());
@@ -92,7 +91,7 @@ pub(super) fn open(page: &Rc<Page>, client: Client, call: &Call) -> Reply {
 
 type To = mpsc::Sender<Bytes>;
 
-/// Sends one message; an error: nobody takes it.
+/// Sends one message; an error means that the browser is gone.
 async fn say(to: &To, name: &str, id: Option<u64>, data: &str) -> Result<(), ()> {
     let id = id.map_or_else(String::new, |id| format!("id: {id}\n"));
     let text = format!("{id}event: {name}\ndata: {data}\n\n");
@@ -109,7 +108,7 @@ async fn run(
 ) -> Result<(), ()> {
     let station = &page.station;
     let (kept, mut events) = station.events(after.unwrap_or(0));
-    // Who comes for the first time asks for what has been; who comes again gets what was missed.
+    // A new page requests past events itself; a reconnected one gets the events it has missed.
     let kept = if after.is_some() { kept } else { Vec::new() };
     let mut status = interval(STATUS);
     let (lines, mut watch) = table(page, items, period).await;
@@ -130,7 +129,7 @@ async fn run(
                     Ok(text) => say(to, "status", None, &String::from_utf8_lossy(&text)).await?,
                     Err(why) => say(to, "trouble", None, &json!(why.to_string()).to_string()).await?,
                 }
-                // Who is logged out, or may less now, sees nothing more.
+                // A user who is logged out or has lost rights gets nothing more.
                 if page.users.as_ref().is_some_and(|users| users.right(&client.who().user).is_none()) {
                     return Err(());
                 }
@@ -197,7 +196,7 @@ fn head(line: &Line) -> Value {
     }
 }
 
-/// A value in its form; the reason where there is none.
+/// A value in its form, or the reason why there is none.
 fn shown(line: &Line, reading: &ob1_access::door::Reading) -> Value {
     let Ok(typed) = &line.typed else { return Value::Null };
     let bytes = match reading.piece(line.index) {
@@ -208,7 +207,7 @@ fn shown(line: &Line, reading: &ob1_access::door::Reading) -> Value {
     match (single, typed.value(bytes)) {
         (Some(item), datum) if line.form != Form::Plain || matches!(datum, Some(Datum::Bool(_)) | None) => {
             let bits = bytes.iter().fold(0, |bits, byte| bits << 8 | u32::from(*byte));
-            let bits = if item.width == CellWidth::Bit && typed.cell.block().is_some() {
+            let bits = if item.width == Width::Bit && typed.cell.block().is_some() {
                 bits >> (typed.cell.bit() % 8) & 1
             } else {
                 bits
@@ -221,7 +220,7 @@ fn shown(line: &Line, reading: &ob1_access::door::Reading) -> Value {
     }
 }
 
-/// A value as people write it.
+/// A value as text.
 fn text(datum: &Datum) -> String {
     match datum {
         Datum::Bool(bit) => u8::from(*bit).to_string(),

@@ -1,5 +1,5 @@
-//! What goes over the lines of the CPs, live: each driver has a tap, a socket in the folder of the running station.
-//! What it tells is read by the protocol of its CP, as `ob1 trace` reads it.
+//! Live traffic on the lines of the CPs: each driver has a tap, a socket in the folder of the running station. Its
+//! records are read with the protocol of its CP, as by `ob1 trace`.
 
 use std::io;
 use std::os::fd::OwnedFd;
@@ -23,20 +23,20 @@ use super::Page;
 
 /// Longest record a driver sends.
 const RECORD: usize = 8192;
-/// A driver that is gone is looked for again.
+/// Time to the next attempt to find a driver that is gone.
 const AGAIN: Duration = Duration::from_secs(1);
-/// Records that wait for the page; what comes meanwhile stays with the driver, which counts what it drops.
+/// Records that may wait for the page; beyond that they stay with the driver, which counts those it drops.
 const WAITING: usize = 64;
-/// Without news for so long, pauses that end telegrams are looked for.
+/// After this long without records the reader checks for pauses that end telegrams.
 const QUIET: Duration = Duration::from_millis(200);
 
-/// All taps of a station. Dropping it lets go of them.
+/// All taps of a station. Dropping it closes them.
 pub(super) struct Taps {
     heard: mpsc::Receiver<Value>,
     _tasks: JoinSet<()>,
 }
 
-/// The taps, where this link may show them.
+/// The taps, if this link may show them.
 pub(super) async fn open(page: &Page) -> Option<Taps> {
     let (to, heard) = mpsc::channel(WAITING);
     let mut tasks = JoinSet::new();
@@ -50,7 +50,7 @@ pub(super) async fn open(page: &Page) -> Option<Taps> {
     Some(Taps { heard, _tasks: tasks })
 }
 
-/// The CPs.
+/// The names of the CPs.
 async fn names(page: &Page) -> Vec<String> {
     let text = page.station.document(Document::Status, AGAIN).await;
     let status: Value = text.ok().and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default();
@@ -59,7 +59,7 @@ async fn names(page: &Page) -> Vec<String> {
     cps.filter_map(|module| module["name"].as_str().map(str::to_owned)).collect()
 }
 
-/// The next thing that is heard.
+/// The next record.
 pub(super) async fn next(taps: &mut Option<Taps>) -> Value {
     match taps {
         Some(taps) => match taps.heard.recv().await {
@@ -72,7 +72,7 @@ pub(super) async fn next(taps: &mut Option<Taps>) -> Value {
 
 async fn listen(path: PathBuf, cp: String, to: mpsc::Sender<Value>) {
     loop {
-        // Whoever listened is gone when nothing can be sent any more.
+        // If nothing can be sent any more, the listener is gone.
         if let Ok(tap) = tap(&path)
             && hear(&tap, &cp, &to).await.is_none()
         {
@@ -90,7 +90,7 @@ fn tap(path: &Path) -> io::Result<AsyncFd<OwnedFd>> {
     AsyncFd::new(fd)
 }
 
-/// Until the driver ends (`Some`), or nobody listens any more.
+/// Runs until the driver ends (`Some`) or nobody listens any more.
 async fn hear(tap: &AsyncFd<OwnedFd>, cp: &str, to: &mpsc::Sender<Value>) -> Option<()> {
     let mut buffer = vec![0; RECORD];
     let mut line = Line::new(cp);
@@ -98,7 +98,7 @@ async fn hear(tap: &AsyncFd<OwnedFd>, cp: &str, to: &mpsc::Sender<Value>) -> Opt
         match recv(tap.get_ref(), buffer.as_mut_slice(), RecvFlags::DONTWAIT) {
             Ok((0, _)) | Err(Errno::CONNRESET) => return Some(()),
             Ok((length, _)) => {
-                // A newer driver may have kinds nobody here knows.
+                // A newer driver may send unknown kinds.
                 let Some(record) = Record::read(buffer.get(..length).unwrap_or_default()) else { continue };
                 line.take(&record);
             }
@@ -115,14 +115,14 @@ async fn hear(tap: &AsyncFd<OwnedFd>, cp: &str, to: &mpsc::Sender<Value>) -> Opt
     }
 }
 
-/// The line of a CP, as its driver tells of it.
+/// The line of a CP as reported by its driver.
 struct Line {
     name: String,
-    /// Nothing before the greeting.
+    /// `None` before the first hello record.
     cp: Option<Cp>,
     /// The driver's time at its last record, and when it came.
     last: (Instant, time::Instant),
-    /// For the page.
+    /// Messages for the page.
     told: Vec<Value>,
 }
 
@@ -134,7 +134,7 @@ impl Line {
     fn take(&mut self, record: &Record<'_>) {
         self.last = (record.time, time::Instant::now());
         if record.kind == Kind::Hello {
-            // What is open ends with the parameters it was sent with.
+            // Unfinished units end with the parameters they were sent with.
             self.read(|cp, out| cp.reader.finish(out));
             let unknown = self.cp.is_none();
             match Cp::of_hello(record.data) {
@@ -144,7 +144,7 @@ impl Line {
                         self.note(record.time, &about);
                     }
                 }
-                None => self.note(record.time, "a CP with parameters that cannot be"),
+                None => self.note(record.time, "a CP with invalid parameters"),
             }
             return;
         }
@@ -199,7 +199,7 @@ mod tests {
         assert_eq!(told[0]["what"], "telegram, 2 bytes");
         assert_eq!(told[1]["what"], "the line is gone: unplugged");
         line.take(&record(Kind::Hello, b"{"));
-        assert_eq!(line.told[0]["what"], "a CP with parameters that cannot be");
+        assert_eq!(line.told[0]["what"], "a CP with invalid parameters");
         line.take(&record(Kind::Done, &[]));
     }
 }

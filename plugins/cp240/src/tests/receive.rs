@@ -1,7 +1,8 @@
 //! FC 1.
 
 use super::fake_cp::FakeCp;
-use crate::receive::{Job, Step};
+use crate::receive::Step;
+use crate::reception::Job;
 use crate::registers::OUTSIDE;
 
 /// FC 1's call, with its data block and EMFR.
@@ -145,7 +146,7 @@ fn counters_that_are_not_ours_fail_the_job() {
     }
 }
 
-/// A changed area of the Modbus slave "long": the bit goes with every count, back too.
+/// A changed area of the Modbus slave "long": the bit is in every count and every echo.
 #[test]
 fn the_counts_of_a_changed_area() {
     let (job, step) = Job::default().start(0x4012);
@@ -159,7 +160,7 @@ fn the_counts_of_a_changed_area() {
     assert_eq!(job.go_on(0, false).1, Step::Finish);
 }
 
-/// A refusal stands until the CP has seen it; the job ends with an error.
+/// A refusal stays until the CP has seen it; the job ends with an error.
 #[test]
 fn a_refused_area_ends_with_an_error() {
     let job = Job { geem: 18, anz_int: 0x4012, empf_laeuft: true, letzter_block: true, fehler_empf: true };

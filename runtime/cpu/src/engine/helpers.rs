@@ -10,6 +10,7 @@ use super::regs::{BR, Regs};
 use super::{Entry, Hot, statement};
 use crate::arena::ArenaByte;
 use crate::native;
+use crate::whereabouts::Packed;
 use crate::{Abort, Context};
 
 impl Context<'_> {
@@ -45,7 +46,7 @@ impl Context<'_> {
         answer.done()
     }
 
-    /// The statement `at` has made a mistake: its organization block runs, and the program goes on with the next
+    /// The statement `at` has failed: its organization block runs, and the program goes on with the next
     /// statement. A statement that loads gives 0, or what SFC 44 has given.
     ///
     /// # Errors
@@ -66,7 +67,7 @@ impl Context<'_> {
         Ok(())
     }
 
-    /// Executes any statement but jumps, calls and ends straight from the intermediate code, its mistake included.
+    /// Executes any statement except jumps, calls and ends directly from the intermediate code, including its fault.
     ///
     /// # Errors
     /// The CPU goes to STOP.
@@ -82,7 +83,7 @@ impl Context<'_> {
     /// The place of a based operand of `bits` bits.
     ///
     /// # Errors
-    /// It lies nowhere, is not aligned, or may not be written.
+    /// The place does not exist, is not aligned, or may not be written.
     pub fn locate(&self, base: Base, at: BitAddr, bits: u32, write: bool, r: &Regs) -> Result<Where, Fault> {
         operand::based(base, at, bits, write, r, self.machine)
     }
@@ -102,7 +103,7 @@ impl Context<'_> {
     /// Local data and registers for the block that [`super::Engine::call`] is asked for.
     ///
     /// # Errors
-    /// There is no room: a mistake of the block's first statement.
+    /// There is no room; this is a fault of the block's first statement.
     pub fn begin(&mut self, block: &Block, entry: &Entry) -> Result<Regs, Fault> {
         call::begin(block, entry, self.machine)
     }
@@ -114,7 +115,7 @@ impl Context<'_> {
         Tops::of(self.machine)
     }
 
-    /// Gives references and scratch of a call back, behind its copies out.
+    /// Releases references and scratch of a call, after its copies out.
     #[inline]
     pub fn release(&mut self, tops: Tops) {
         tops.release(self.machine);
@@ -123,7 +124,7 @@ impl Context<'_> {
     /// Finds the block called and supplies its parameters.
     ///
     /// # Errors
-    /// A mistake of the call; [`Context::release`] all the same.
+    /// The call is faulty; call [`Context::release`] anyway.
     pub fn prepare(&mut self, call: &Call, r: &mut Regs) -> Result<Prepared, Fault> {
         call::prepare(call, r, self.machine, &self.blocks.plan.signatures)
     }
@@ -144,15 +145,16 @@ impl Context<'_> {
     /// Copies a call's results to its actuals, when [`Call::copies_out`] says so.
     ///
     /// # Errors
-    /// An actual cannot be written; [`Context::release`] all the same.
+    /// An actual cannot be written; call [`Context::release`] anyway.
     pub fn copy_out(&mut self, call: &Call, tops: Tops, r: &mut Regs) -> Result<(), Fault> {
         call::copy_out(call, tops, r, self.machine)
     }
 
-    /// Runs a native block whose parameters are in place: results, stacks and mistakes included.
+    /// Runs a native block whose parameters are in place; handles its results, stacks and faults.
     ///
     /// # Errors
     /// The CPU goes to STOP.
+    #[inline]
     pub fn run_native(
         &mut self,
         native: u32,
@@ -164,10 +166,10 @@ impl Context<'_> {
     ) -> Result<(), Abort> {
         self.machine.hot.depth += 1;
         let br = if self.machine.tape.is_none() {
-            self.native_block(native, at, entry)?
+            self.native_block(native, at, call.site, entry)?
         } else {
             let question = Question::Native(native, at, *entry);
-            self.outside(question, |cx| Answer::Result(cx.native_block(native, at, entry))).result()?
+            self.outside(question, |cx| Answer::Result(cx.native_block(native, at, call.site, entry))).result()?
         };
         self.machine.hot.depth -= 1;
         call::status_of_call(r);
@@ -181,14 +183,14 @@ impl Context<'_> {
     }
 
     #[inline]
-    fn native_block(&mut self, native: u32, at: Caller, entry: &Entry) -> Result<bool, Abort> {
+    fn native_block(&mut self, native: u32, at: Caller, site: Packed, entry: &Entry) -> Result<bool, Abort> {
         let caller = self.machine.native_caller.replace(at);
-        let br = native::call(native, entry, self)?;
+        let br = native::call(native, site, entry, self)?;
         self.machine.native_caller = caller;
         Ok(br)
     }
 
-    /// A whole [`super::Op::CallNative`] behind its safe point.
+    /// Runs a whole [`super::Op::CallNative`], after its safe point.
     ///
     /// # Errors
     /// The CPU goes to STOP.
@@ -211,7 +213,7 @@ impl Context<'_> {
         self.run_native(native, at, call, &entry, tops, r)
     }
 
-    /// The registers of [`super::Engine::call`]'s first block could not be had.
+    /// [`Context::begin`] has failed for the first block of [`super::Engine::call`].
     ///
     /// # Errors
     /// The CPU goes to STOP.

@@ -1,6 +1,6 @@
 //! From an operand to a place in the arena or the peripheral area.
 
-use ob1_ir::{AddressRegister, DbRegister, Number, Place, Pointer, Width};
+use ob1_ir::{AddressRegister, DbRegister, Number, Place, Pointer};
 use ob1_model::{Area, BitAddr, BlockKind, Fault, FaultKind};
 
 use super::plan::{AREA_IN_POINTER, Base};
@@ -19,15 +19,6 @@ pub enum Where {
     Arena(ArenaBit),
     /// Byte and bit in the peripheral area.
     Peripheral(BitAddr),
-}
-
-pub(crate) const fn width_bits(width: Width) -> u8 {
-    match width {
-        Width::Bit => 1,
-        Width::Byte => 8,
-        Width::Word => 16,
-        Width::DWord => 32,
-    }
 }
 
 /// The place of `bits` bits (any number; above 1 they are whole bytes) for reading or writing.
@@ -83,7 +74,7 @@ pub(crate) fn param(index: u16, at: u32, bits: u32, write: bool, r: &Regs, m: &M
     Ok(Where::Arena(ArenaBit(reference.wrapping_add(at))))
 }
 
-/// Whole bytes begin at one.
+/// Checks that an operand of whole bytes begins at a byte.
 #[inline(always)]
 pub(crate) fn aligned(area: Area, at: u32, bits: u32, write: bool) -> Result<(), Fault> {
     if bits > 1 && at & 7 != 0 {

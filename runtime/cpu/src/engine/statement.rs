@@ -7,7 +7,7 @@ use ob1_model::{Area, BitAddr, Fault, FaultKind};
 
 use super::arith::{self, low_word};
 use super::convert::convert;
-use super::operand::{self, number, read, width_bits, write};
+use super::operand::{self, number, read, write};
 use super::regs::{BR, CC0, CC1, OV, Regs, with_cc};
 use super::shift::shift;
 use crate::arena::Db;
@@ -211,7 +211,7 @@ fn set_reset(place: Place, value: bool, r: &mut Regs, m: &mut Machine) -> Result
     Ok(())
 }
 
-/// The edge memory bit before, and the RLO, which it holds now.
+/// Returns the previous edge memory bit, and the RLO, which the bit holds now.
 fn edge(place: Place, r: &mut Regs, m: &mut Machine) -> Result<(bool, bool), Fault> {
     let before = read(place, 1, r, m)? != 0;
     write(place, 1, u32::from(r.rlo), r, m)?;
@@ -240,7 +240,7 @@ fn status_bits(m: &Machine) -> u32 {
 fn load_transfer(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
     match *op {
         Op::Load(operand) => {
-            let value = read(operand.place, width_bits(operand.width), r, m)?;
+            let value = read(operand.place, operand.width.bits(), r, m)?;
             load(r, value);
         }
         Op::LoadConst(value) => load(r, value),
@@ -259,7 +259,7 @@ fn load_transfer(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
         }
         Op::Transfer(operand) => {
             let value = if r.mcr_off() { 0 } else { r.a1 };
-            write(operand.place, width_bits(operand.width), value, r, m)?;
+            write(operand.place, operand.width.bits(), value, r, m)?;
         }
         Op::LoadStatus => {
             let seen = status_bits(m);
@@ -415,7 +415,7 @@ fn address_registers(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault
         Op::LoadAr(register) => *ar(register, r) = r.a1,
         Op::LoadArConst(register, value) => *ar(register, r) = value,
         Op::LoadArFrom(register, operand) => {
-            let value = read(operand.place, width_bits(operand.width), r, m)?;
+            let value = read(operand.place, operand.width.bits(), r, m)?;
             *ar(register, r) = value;
         }
         Op::CopyAr2ToAr1 => r.ar1 = r.ar2,
@@ -425,7 +425,7 @@ fn address_registers(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault
         }
         Op::TransferArTo(register, operand) => {
             let value = *ar(register, r);
-            write(operand.place, width_bits(operand.width), value, r, m)?;
+            write(operand.place, operand.width.bits(), value, r, m)?;
         }
         Op::CopyAr1ToAr2 => r.ar2 = r.ar1,
         Op::ExchangeArs => std::mem::swap(&mut r.ar1, &mut r.ar2),
@@ -443,7 +443,8 @@ fn address_registers(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault
         }
         Op::OpenDb(register, n) => {
             let db = match number(n, r, m)? {
-                // The POINTER of an operand outside data blocks names none: nothing is open then, and that is no error.
+                // The POINTER of an operand outside data blocks has number 0: no data block is open then, and that is
+                // no error.
                 0 => Db::default(),
                 n => operand::open(m, n, register)?,
             };
@@ -481,7 +482,7 @@ fn timers_counters(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> 
         return Ok(());
     };
     let n = number(*n, r, m)?;
-    // The chain ends whatever becomes of the timer.
+    // The chain ends, whatever happens to the timer.
     r.fc = false;
     r.or = false;
     let at = usize::from(n);

@@ -9,7 +9,7 @@ pub mod source;
 pub mod window;
 
 pub use engines::{ENGINES, engine, is_reference, on_each_engine};
-use ob1_cpu::{Cell, CellWidth, Clock, Command, Cpu, CpuConfig, CycleEnd, OperatingState};
+use ob1_cpu::{Cell, Clock, Command, Cpu, CpuConfig, CycleEnd, OperatingState};
 use ob1_ir::{Arg, Call, CallMode, CodeBlock, DataBlock, DataKind, Op, Operand, Place, Program, Stmt, Target, Width};
 use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Interface, Layout, Param, Section};
 use ob1_time::{Instant, Span};
@@ -38,7 +38,7 @@ impl Clock for ManualClock {
 
 pub const MS: Span = Span::MILLISECOND;
 
-/// So long after the clock's start.
+/// The instant this long after the clock's start.
 pub fn at(time: Span) -> Instant {
     Instant::START + time
 }
@@ -135,7 +135,7 @@ pub fn uc(mode: CallMode, target: BlockId) -> Op {
     Op::Call(Box::new(Call { mode, target: Target::Block(target), instance: None, args: Vec::new() }))
 }
 
-/// A block whose statement n stands in line n + 1. Its local data is as long as its operands reach, as the compiler has
+/// A block whose statement n is in line n + 1. Its local data is as long as its operands reach, as the compiler makes
 /// it.
 pub fn block(id: BlockId, mut interface: Interface, ops: Vec<Op>) -> CodeBlock {
     for op in &ops {
@@ -215,37 +215,37 @@ impl Bench {
         assert_eq!(end.state, OperatingState::Run, "{why:#?}");
     }
 
-    pub fn cell(&mut self, area: Area, byte: u32, width: CellWidth) -> u32 {
+    pub fn cell(&mut self, area: Area, byte: u32, width: Width) -> u32 {
         self.cpu.read(Cell::Area(area, byte * 8), width).expect("the cell exists")
     }
 
     pub fn mb(&mut self, byte: u32) -> u32 {
-        self.cell(Area::Memory, byte, CellWidth::Byte)
+        self.cell(Area::Memory, byte, Width::Byte)
     }
 
     pub fn mw(&mut self, byte: u32) -> u32 {
-        self.cell(Area::Memory, byte, CellWidth::Word)
+        self.cell(Area::Memory, byte, Width::Word)
     }
 
     pub fn md(&mut self, byte: u32) -> u32 {
-        self.cell(Area::Memory, byte, CellWidth::DWord)
+        self.cell(Area::Memory, byte, Width::DWord)
     }
 
     pub fn m(&mut self, byte: u32, bit: u8) -> bool {
-        self.cpu.read(Cell::Area(Area::Memory, BitAddr::new(byte, bit).0), CellWidth::Bit).expect("a bit") == 1
+        self.cpu.read(Cell::Area(Area::Memory, BitAddr::new(byte, bit).0), Width::Bit).expect("a bit") == 1
     }
 
-    pub fn set(&mut self, byte: u32, width: CellWidth, value: u32) {
+    pub fn set(&mut self, byte: u32, width: Width, value: u32) {
         self.cpu.write(Cell::Area(Area::Memory, byte * 8), width, value).expect("the cell exists");
     }
 
     pub fn set_m(&mut self, byte: u32, bit: u8, value: bool) {
         let cell = Cell::Area(Area::Memory, BitAddr::new(byte, bit).0);
-        self.cpu.write(cell, CellWidth::Bit, u32::from(value)).expect("a bit");
+        self.cpu.write(cell, Width::Bit, u32::from(value)).expect("a bit");
     }
 
     pub fn dbw(&mut self, db: u16, byte: u32) -> u32 {
-        self.cpu.read(Cell::Db(db, byte * 8), CellWidth::Word).expect("the cell exists")
+        self.cpu.read(Cell::Db(db, byte * 8), Width::Word).expect("the cell exists")
     }
 
     /// Event numbers in the diagnostic buffer, newest first.

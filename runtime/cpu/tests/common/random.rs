@@ -1,21 +1,22 @@
 //! Random numbers that are the same in every run.
 
-/// xorshift.
+/// The numbers of a seed.
 #[derive(Debug)]
-pub struct Random(pub u64);
+pub struct Random(fastrand::Rng);
 
 impl Random {
+    pub fn new(seed: u64) -> Self {
+        Self(fastrand::Rng::with_seed(seed))
+    }
+
     /// 64 bits.
     pub fn bits(&mut self) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0
+        self.0.u64(..)
     }
 
     /// A number below `below`, which is not 0.
     pub fn next(&mut self, below: u32) -> u32 {
-        (self.bits() >> 33) as u32 % below
+        self.0.u32(..below)
     }
 
     /// One of the choices.

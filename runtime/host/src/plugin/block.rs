@@ -73,7 +73,7 @@ impl PluginBlock {
             }
             abi::ABORT => cx.stop(
                 Event::PLUGIN_STOP,
-                Line::new(format_args!("{id} {name} broke off without being asked")).as_str(),
+                Line::new(format_args!("{id} {name} returned ABORT without being asked to")).as_str(),
             ),
             other => {
                 cx.stop(Event::PLUGIN_STOP, Line::new(format_args!("{id} {name} returned status {other}")).as_str())

@@ -6,7 +6,6 @@ use ob1_ir::{AddressRegister, DbRegister, Number, Op};
 use super::Translation;
 use super::operand::Which;
 use super::state::{self, Accu, Bit, Reg};
-use crate::place;
 
 /// The low 24 bits of an address register: the area code above them stays when addresses are added.
 const AR_ADDRESS: u32 = 0x00FF_FFFF;
@@ -21,9 +20,9 @@ const fn index(register: AddressRegister) -> usize {
 impl Translation<'_, '_> {
     /// A value into ACCU1; what it held goes to ACCU2.
     pub(crate) fn load(&mut self, value: Accu) {
-        // What is in its variable moves as a value.
+        // A value in its variable moves as a value.
         if self.now.a[0] == Accu::Var {
-            // Nobody needs what only memory has.
+            // A value that only memory has is not needed by anybody.
             let stored = self.now.stored & crate::flow::A1 != 0;
             let v = if stored { self.word(0) } else { self.b.use_var(self.vars.a[0]) };
             self.now.a[0] = Accu::Full(v);
@@ -54,7 +53,7 @@ impl Translation<'_, '_> {
         }
     }
 
-    /// A value that is a constant is known.
+    /// A constant value is known.
     fn known(&self, v: Value) -> Reg {
         state::constant(&self.b, v).map_or(Reg::Val(v), |c| Reg::Known(c as u32))
     }
@@ -63,7 +62,7 @@ impl Translation<'_, '_> {
     pub(crate) fn word_statement(&mut self, op: &Op, pc: usize) -> bool {
         match op {
             Op::Load(operand) => {
-                let bits = place::bits(operand.width);
+                let bits = u32::from(operand.width.bits());
                 let spot = self.spot(&operand.place, bits, false, pc);
                 let v = self.value(spot, bits);
                 self.load(Accu::Full(v));
@@ -73,19 +72,19 @@ impl Translation<'_, '_> {
                 self.load(Accu::Full(v));
             }
             Op::Transfer(operand) => {
-                let bits = place::bits(operand.width);
+                let bits = u32::from(operand.width.bits());
                 let spot = self.spot(&operand.place, bits, true, pc);
                 let v = if bits == 32 { self.accu(0) } else { self.accu_low(0) };
                 self.put_value(spot, bits, v);
             }
             Op::LoadArFrom(register, operand) => {
-                let bits = place::bits(operand.width);
+                let bits = u32::from(operand.width.bits());
                 let spot = self.spot(&operand.place, bits, false, pc);
                 let v = self.value(spot, bits);
                 self.set_address(index(*register), Reg::Val(v));
             }
             Op::TransferArTo(register, operand) => {
-                let bits = place::bits(operand.width);
+                let bits = u32::from(operand.width.bits());
                 let spot = self.spot(&operand.place, bits, true, pc);
                 let v = self.address(index(*register));
                 self.put_value(spot, bits, v);
@@ -132,7 +131,8 @@ impl Translation<'_, '_> {
         true
     }
 
-    fn value(&mut self, spot: super::operand::Spot, bits: u32) -> Value {
+    /// A value of so many bits; one bit as 0 or 1.
+    pub(crate) fn value(&mut self, spot: super::operand::Spot, bits: u32) -> Value {
         if bits > 1 {
             return self.read(spot, bits);
         }
@@ -141,7 +141,7 @@ impl Translation<'_, '_> {
         self.b.ins().uextend(types::I32, bit)
     }
 
-    fn put_value(&mut self, spot: super::operand::Spot, bits: u32, value: Value) {
+    pub(crate) fn put_value(&mut self, spot: super::operand::Spot, bits: u32, value: Value) {
         if bits > 1 {
             self.write(spot, bits, value);
             return;

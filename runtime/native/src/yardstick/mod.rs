@@ -1,11 +1,11 @@
 //! A yardstick for the compiler: the same statements as a bare translator built on Cranelift would make them.
 //!
 //! Each block is one function, each place of a jump a block of it. Accumulators and all status bits are variables of
-//! the front end, read from a struct where the function begins and behind what is called, and written there before that
-//! and at the end; what the first bit of a chain is, is known to the translator. Operands, parameters and timers lie as
-//! the CPU has them. That is all: no check of an operand, no safe point, no count of statements, no way to the
-//! reference, no block that becomes part of another. What it costs is what a compiler built on Cranelift takes for the
-//! program at least. The code is never run.
+//! the front end. They are read from a struct where the function begins and after each call, and written there before
+//! each call and at the end. The translator knows which scan is the first of a chain. Operands, parameters and timers
+//! lie as the CPU has them. That is all: no check of an operand, no safe point, no count of statements, no way to the
+//! reference, no inlining. A compiler built on Cranelift takes at least this long for the program. The code is never
+//! run.
 
 mod accus;
 
@@ -38,7 +38,8 @@ const CC0: usize = 6;
 const OV: usize = 7;
 const OS: usize = 8;
 const BR: usize = 9;
-/// Where the struct has pointers behind them: the arena, the local data, references to parameters, timers, a helper.
+/// Where the struct has pointers, after the registers: the arena, the local data, references to parameters, timers, a
+/// helper.
 const ARENA: i32 = 16;
 const LOCAL: i32 = 24;
 const REFERENCES: i32 = 32;
@@ -226,7 +227,7 @@ impl Bare<'_, '_> {
         (base, first as i32, distance)
     }
 
-    /// A helper; its answer is not looked at.
+    /// Calls a helper and ignores its answer.
     fn call(&mut self, number: u32, with: Value) {
         let code = self.b.ins().load(types::I64, FLAGS, self.run, HELPER);
         let number = self.word(number);
@@ -429,7 +430,7 @@ impl Bare<'_, '_> {
                 self.set(STA, rlo);
             }
             Op::Load(operand) => {
-                let bits = place::bits(operand.width);
+                let bits = u32::from(operand.width.bits());
                 let (base, offset, _) = self.spot(&operand.place, bits);
                 let ty = Type::int(bits.max(8) as u16).unwrap_or(types::I32);
                 let value = self.b.ins().load(ty, FLAGS, base, offset);
@@ -442,7 +443,7 @@ impl Bare<'_, '_> {
                 self.load(value);
             }
             Op::Transfer(operand) => {
-                let bits = place::bits(operand.width);
+                let bits = u32::from(operand.width.bits());
                 let (base, offset, _) = self.spot(&operand.place, bits);
                 let value = self.get(A1);
                 let ty = Type::int(bits.max(8) as u16).unwrap_or(types::I32);

@@ -1,4 +1,4 @@
-//! Random programs of every kind of statement, and two CPUs that must not differ by anything a user can see.
+//! Random programs of every kind of statement, and two CPUs that must not differ in anything a user can see.
 
 #![allow(dead_code, reason = "each test uses its own part")]
 
@@ -8,9 +8,7 @@ mod maker;
 use std::sync::Arc;
 
 use ob1_cpu::engine::{Engine, Factory, Plan, REFERENCE};
-use ob1_cpu::{
-    Cell, CellWidth, Clock, Command, Cpu, CpuConfig, CyclicInterrupt, Family, OperatingState, system_blocks,
-};
+use ob1_cpu::{Cell, Clock, Command, Cpu, CpuConfig, CyclicInterrupt, Family, OperatingState, system_blocks};
 use ob1_ir::{AddressRegister, CodeBlock, DataBlock, DataKind, Op, Operand, Place, Program, Stmt, Width};
 use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Interface, Layout, Param, Section};
 use ob1_native::{AtLoad, Compiler, Native, Target, Tier};
@@ -200,11 +198,11 @@ fn seen(cpu: &mut Cpu, program: &Program, now: Instant) -> Vec<String> {
     ];
     list.extend(program.data.iter().map(|db| format!("DB {}: {:02X?}", db.number, cpu.data_block(db.number))));
     for n in 0..4 {
-        list.push(format!("T {n}: {:?}", cpu.read(Cell::Timer(n), CellWidth::Word)));
-        list.push(format!("Z {n}: {:?}", cpu.read(Cell::Counter(n), CellWidth::Word)));
+        list.push(format!("T {n}: {:?}", cpu.read(Cell::Timer(n), Width::Word)));
+        list.push(format!("Z {n}: {:?}", cpu.read(Cell::Counter(n), Width::Word)));
     }
     for area in [Area::Input, Area::Output] {
-        let words = (0..16).map(|i| cpu.read(Cell::Area(area, i * 32), CellWidth::DWord)).collect::<Vec<_>>();
+        let words = (0..16).map(|i| cpu.read(Cell::Area(area, i * 32), Width::DWord)).collect::<Vec<_>>();
         list.push(format!("{area:?}: {words:X?}"));
     }
     list.extend(cpu.diagnostics().map(|entry| format!("{entry:?}")));

@@ -17,7 +17,7 @@ use crate::exit::Exit;
 
 /// Look at the buses of a station
 ///
-/// `watch` shows the couplers and slaves of a running station live: how they stand, what they say, their inputs and
+/// `watch` shows the couplers and slaves of a running station live: their state, their diagnosis, their inputs and
 /// outputs. `scan` asks a PROFIBUS who is on it, while the station does not run.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "Examples:\n  ob1 bus watch press.toml\n  ob1 bus scan station.toml")]
@@ -89,7 +89,11 @@ fn scan(options: &ScanArgs) -> Exit {
     };
     let Some(bus) = bus else {
         let names: Vec<&str> = station.buses.iter().filter(is_dp).map(|bus| bus.name.as_str()).collect();
-        let remedy = if names.is_empty() { "there is none".to_owned() } else { format!("--bus {}", names.join(" | ")) };
+        let remedy = if names.is_empty() {
+            "the station has no bus of type \"dp\"".to_owned()
+        } else {
+            format!("--bus {}", names.join(" | "))
+        };
         err!("ob1: which bus of type \"dp\"?\n  = {remedy}");
         return Exit::Usage;
     };
@@ -100,7 +104,7 @@ fn scan(options: &ScanArgs) -> Exit {
     let found = match ask(bus) {
         Ok(found) => found,
         Err(why) => {
-            err!("ob1: bus {}: {why}\n  = a running station has its line for itself; end it first", bus.name);
+            err!("ob1: bus {}: {why}\n  = a running station keeps the line to itself: end the station first", bus.name);
             return Exit::System;
         }
     };
@@ -113,7 +117,7 @@ fn scan(options: &ScanArgs) -> Exit {
     Exit::Ok
 }
 
-/// The process of the bus knows how to; it has the line, we have not.
+/// The process of the bus does it: it owns the line, and knows how.
 fn ask(bus: &Bus) -> Result<BTreeMap<u8, Found>, String> {
     let program = assembly::find_driver("ob1-io", "OB1_IO")?;
     let text = serde_json::to_string(&bus.config).map_err(|error| error.to_string())?;

@@ -81,7 +81,7 @@ fn watch(args: &WatchArgs) -> Result<Exit, AccessError> {
     if now.is_empty() {
         let names: Vec<String> =
             look(&mut client, None)?.into_iter().map(|bus| format!("--bus {}", bus.name)).collect();
-        let remedy = if names.is_empty() { "the station has none".to_owned() } else { names.join(" | ") };
+        let remedy = if names.is_empty() { "the station has no bus".to_owned() } else { names.join(" | ") };
         err!("ob1: which bus?\n  = {remedy}");
         return Ok(Exit::Usage);
     }

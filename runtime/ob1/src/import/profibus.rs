@@ -1,5 +1,5 @@
-//! DP slaves of a project as `[[bus]]` and `[[module]]`. A project does not hold the GSD files of its slaves, and
-//! without one nobody knows a slave's ident number: those it was made with are given to the import, or the tables stay
+//! DP slaves of a project as `[[bus]]` and `[[module]]`. A project does not hold the GSD files of its slaves, and only
+//! they tell a slave's ident number. So the files it was made with are given to the import; otherwise the tables stay
 //! comments and the slaves' bytes are plain inputs and outputs.
 
 use std::collections::BTreeSet;
@@ -21,7 +21,7 @@ const MASTER: u8 = 2;
 const SLOT_MARGIN: u16 = 15;
 /// The folder of GSD files in an imported station.
 pub(super) const GSD: &str = "gsd";
-/// How the name of a CP that has its slaves for itself begins.
+/// Beginning of the name of a CP that has its slaves for itself.
 const CP_342_5: &str = "CP 342-5";
 
 /// GSD files that were given.
@@ -29,7 +29,7 @@ const CP_342_5: &str = "CP 342-5";
 pub(super) struct GsdFiles(Vec<(String, Vec<u8>, Gsd)>);
 
 impl GsdFiles {
-    /// All GSD files of a folder; those that cannot be read are told.
+    /// All GSD files of a folder; those that cannot be read are reported.
     pub(super) fn read(folder: &Path, notes: &mut Notes) -> Result<Self, String> {
         let refused = |error: std::io::Error| format!("{}: {error}", folder.display());
         let mut names: Vec<std::path::PathBuf> =
@@ -43,14 +43,14 @@ impl GsdFiles {
             let bytes = std::fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
             match Gsd::read(&bytes) {
                 Ok(gsd) => files.push((name.to_owned(), bytes, gsd)),
-                Err(why) => notes.push(Note::warning(name, format!("it is no GSD file that can be read: {why}"))),
+                Err(why) => notes.push(Note::warning(name, format!("it is not a valid GSD file: {why}"))),
             }
         }
         Ok(Self(files))
     }
 }
 
-/// What has become of the slaves.
+/// The slaves of a project in the station file.
 #[derive(Default)]
 pub(super) struct Slaves {
     /// Tables of the station file.
@@ -78,7 +78,7 @@ struct Taken {
 
 /// A slot of a slave.
 struct Slot {
-    /// Its name in the GSD file; without that file, what the project says of it.
+    /// Its name in the GSD file; without that file, what the project calls it.
     module: String,
     inputs: Vec<Area>,
     outputs: Vec<Area>,
@@ -93,7 +93,7 @@ struct Made<'a> {
 }
 
 impl Slaves {
-    /// Of the master systems of a station.
+    /// The slaves of the master systems of a station.
     pub(super) fn of(hardware: &Hardware, gsds: &GsdFiles, notes: &mut Notes) -> Self {
         let mut all = Self::default();
         for system in hardware.dp.iter().filter(|system| !system.slaves.is_empty()) {
@@ -193,7 +193,7 @@ impl Slaves {
         }
     }
 
-    /// Puts a table into the file; one that cannot be yet as a comment.
+    /// Puts a table into the file; one that cannot be used yet as a comment.
     fn put(&mut self, text: &str, is_alive: bool) {
         for line in text.lines() {
             let mark = if is_alive || line.is_empty() || line.starts_with('#') { "" } else { "# " };

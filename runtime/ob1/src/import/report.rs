@@ -13,8 +13,8 @@ pub(super) fn text(title: &str, translation: &Translation, made: &Made, notes: &
     let mut out = format!("Import of {title}\n\n");
     let _ = writeln!(
         out,
-        "{} blocks (OB, FB, FC, DB), {} came over, {} were left out.\n{} code blocks are STL that gives the very statements of \
-         their machine code; {} files are machine code.",
+        "{} blocks (OB, FB, FC, DB), {} came over, {} were left out.\n{} code blocks are STL that compiles to exactly the \
+         statements of their machine code; {} files are machine code.",
         translation.blocks,
         translation.decoded,
         translation.left_out.len(),
@@ -28,7 +28,7 @@ pub(super) fn text(title: &str, translation: &Translation, made: &Made, notes: &
         }
     }
     let all = || notes.iter().chain(&translation.notes).chain(&made.notes);
-    for (weight, heading) in [(Weight::Warning, "Otherwise than it should be"), (Weight::Info, "Worth knowing")] {
+    for (weight, heading) in [(Weight::Warning, "Warnings"), (Weight::Info, "Worth knowing")] {
         let mut of_weight = all().filter(|note| note.weight == weight).peekable();
         if of_weight.peek().is_some() {
             let _ = writeln!(out, "\n{heading}");

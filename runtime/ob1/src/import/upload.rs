@@ -1,4 +1,4 @@
-//! `ob1 upload` and `ob1 compare`: the program of a CPU on the network becomes a station, and is held against one.
+//! `ob1 upload` and `ob1 compare`: the program of a CPU on the network becomes a station, or is compared with one.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -45,10 +45,10 @@ pub struct UploadArgs {
     pub json: bool,
 }
 
-/// Hold the program of a CPU on the network against an upload
+/// Compare the program of a CPU on the network with an upload
 ///
-/// Tells which blocks are other ones in the CPU than in the folder of an `ob1 upload`, or in a station (its .toml):
-/// changed, missing, or more. Of data blocks the declarations and the length count, not the values.
+/// Tells which blocks of the CPU differ from those in the folder of an `ob1 upload`, or of a station (its .toml):
+/// changed, missing, or additional. Of data blocks the declarations and the length count, not the values.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "Examples:\n  ob1 compare 192.168.0.10 press\n  \
     ob1 compare 192.168.0.10 press/station.toml\n\n\
@@ -175,14 +175,14 @@ fn held_against(args: &CompareArgs) -> Result<ImportExit, String> {
     for name in names {
         let told = match (kept.get(name), there.get(name)) {
             (Some(kept), Some(there)) if same(kept, there) => continue,
-            (Some(_), Some(_)) => "is another one in the CPU",
+            (Some(_), Some(_)) => "differs in the CPU",
             (Some(_), None) => "is not in the CPU",
             (None, _) => "is in the CPU only",
         };
         say!("{name} {told}");
         other += 1;
     }
-    say!("{} blocks in the CPU, {other} of them other than in {}", there.len(), args.folder.display());
+    say!("{} blocks in the CPU, differences from {}: {other}", there.len(), args.folder.display());
     Ok(if other == 0 { ImportExit::Whole } else { ImportExit::LeftOut })
 }
 

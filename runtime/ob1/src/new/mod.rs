@@ -29,8 +29,8 @@ const NO_SDK: &str = "N004";
 #[command(
     after_help = "Examples:\n  ob1 new station press\n  ob1 new station /etc/ob1/press      where ob1@press.service looks for it\n  \
     ob1 new plugin batch\n  ob1 new plugin batch --language rust\n\n\
-    Errors:\n  N001  the name is none for a station or plugin\n  N002  the folder is there already\n  \
-    N003  the system refuses to write there\n  N004  ob1-sdk is not to be found\n\n\
+    Errors:\n  N001  the name is not valid for a station or plugin\n  N002  the folder is there already\n  \
+    N003  the system refuses to write there\n  N004  ob1-sdk cannot be found\n\n\
     Exit codes: 0 written, 1 nothing was written, 6 the system refused."
 )]
 pub struct NewArgs {
@@ -121,7 +121,7 @@ fn write(
 fn name_of<'p>(path: &'p Path, what: &str) -> Result<&'p str, Refusal> {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     if !station_file::is_name(name) {
-        let message = format!("\"{name}\" is no name for a {what}");
+        let message = format!("\"{name}\" is not a valid name for a {what}");
         return Err(Refusal::new(Exit::Usage, NAME, path, message, station_file::NAME_RULE));
     }
     Ok(name)

@@ -47,7 +47,7 @@ pub(super) const fn next(language: Language) -> &'static str {
 /// The files; a plugin in Rust needs the sdk.
 pub(super) fn files(name: &str, language: Language, sdk: Option<&Path>, at: &Path) -> Result<Vec<File>, Refusal> {
     if language == Language::Rust && !name.starts_with(|c: char| c.is_ascii_alphabetic()) {
-        let message = format!("\"{name}\" is no name for a crate");
+        let message = format!("\"{name}\" is not a valid name for a crate");
         return Err(Refusal::new(Exit::Usage, super::NAME, at, message, "begin it with a letter"));
     }
     let sdk = match language {
@@ -57,7 +57,7 @@ pub(super) fn files(name: &str, language: Language, sdk: Option<&Path>, at: &Pat
     Ok(unchecked(name, language, &sdk))
 }
 
-/// The files, with the sdk at a place that is taken as it is.
+/// The files, with the sdk at a place that is not checked.
 pub(super) fn unchecked(name: &str, language: Language, sdk: &Path) -> Vec<File> {
     let kit = kit(language);
     let of_crate = name.replace('-', "_");

@@ -31,7 +31,7 @@ const INTERVALS: u32 = 480;
 const SHORTEST: Duration = Duration::from_secs(1);
 /// Longest warm-up that is not asked for.
 const WARM_UP: Duration = Duration::from_secs(10);
-/// A station that comes to no RUN in this time does not come there.
+/// A station that is not in RUN after this time will not get there.
 const START: Duration = Duration::from_secs(120);
 
 /// Runs a soak. The error is what to print.
@@ -258,7 +258,7 @@ impl Soak<'_> {
     }
 
     fn read(&mut self, time: Duration) -> Result<Reading, String> {
-        let nothing = || "an answer without what was asked for".to_owned();
+        let nothing = || "the answer does not contain what was asked for".to_owned();
         let mut ask = |op| self.station.try_ask(op).map_err(|error| error.to_string());
         let cells = if self.cells.is_empty() {
             Vec::new()

@@ -98,8 +98,8 @@ fn of_percentile(report: &Report, name: &str, share: f64, limit: f64) -> Judged 
         let why = format!("{} values have been seen, {over} of them greater than the limit", spread.count);
         return (measured, Verdict::Inconclusive, why);
     }
-    // Between the sure pass and the sure break: the percentile lies beyond, by fewer than ten values. Cannot be with
-    // enough values.
+    // Between the sure pass and the sure break: the percentile lies beyond, by fewer than ten values. With enough
+    // values this does not happen.
     (measured, kept(over as f64 <= allowed.max(BEYOND as f64)), String::new())
 }
 
@@ -126,7 +126,7 @@ fn of_count(report: &Report, counted: Counted, limit: f64) -> Judged {
         _ => Some(0),
     };
     let Some(told) = told else {
-        return unseen("known to the program alone: name its counter with --doubled or --wrong");
+        return unseen("only the program knows this: name its counter with --doubled or --wrong");
     };
     let n = match counted {
         Counted::TelegramsDoubled | Counted::TelegramsWrong => told,
@@ -176,7 +176,7 @@ fn of_slope(report: &Report, series: &str, limit: f64) -> Judged {
     (measured, verdict, why.into())
 }
 
-/// Who made scans late, the most expensive class first.
+/// The classes of late scans, the most expensive one first.
 fn causes(report: &Report) -> String {
     let Some(timing) = &report.timing else { return String::new() };
     let mut classes: Vec<_> = timing.late.classes.iter().collect();

@@ -117,7 +117,7 @@ fn telegrams(out: &mut String, r: &Report) {
     if !r.telegrams.is_empty() && r.cells.iter().all(|cell| cell.role == Role::Own) {
         let _ = writeln!(
             out,
-            "  doubled and wrong telegrams are known to the program alone: name its counters with --doubled and --wrong"
+            "  only the program can count doubled and wrong telegrams: name its counters with --doubled and --wrong"
         );
     }
     for cell in &r.cells {

@@ -2,7 +2,7 @@
 
 use ob1_backplane::io_layout::IO_AREA_BYTES;
 use ob1_backplane::{IoField, IoImage};
-use ob1_cpu::{Attention, Cell, CellWidth, Clock, Command, Cpu, CpuConfig, OperatingState};
+use ob1_cpu::{Attention, Cell, Clock, Command, Cpu, CpuConfig, OperatingState, Width};
 use ob1_ir::Program;
 use ob1_model::Area;
 
@@ -19,12 +19,12 @@ use ob1_time::{Instant, Span};
 
 /// Statements that take no time in one scan: those of an ordinary program, so that timers run out to the millisecond.
 const FREE: u64 = 1_000_000;
-/// What each one beyond takes: a loop without end meets the watchdog.
+/// What each further one takes, so that an endless loop meets the watchdog.
 const PER_STATEMENT: Span = Span::from_nanos(100);
 /// Statements in one scan after which it is given up, whatever the watchdog says.
 const GIVE_UP: u64 = 1_000_000_000;
 
-/// Process image of sources without a station, in bytes each way; what lies behind is reached as `PEW` and `PAW`.
+/// Process image of sources without a station, in bytes each way; what lies beyond is reached as `PEW` and `PAW`.
 const BARE_IMAGE_BYTES: u32 = 1024;
 
 /// Process I/O of sources without a station: as much as there can be.
@@ -86,7 +86,7 @@ pub(super) struct Bench {
     inputs: Vec<std::ops::Range<u32>>,
     /// When the next scan or interrupt is due.
     due: Instant,
-    /// The time the test has come to: that of the last scan, or what `run` was to reach.
+    /// The time the test has reached: that of the last scan, or what `run` was to reach.
     pub(super) now: Instant,
     pub(super) scans: u64,
 }
@@ -193,7 +193,7 @@ impl Bench {
 
     fn set_input(&mut self, bit: u32, set: &Set) {
         let byte = (bit / 8) as usize;
-        if set.item.width == CellWidth::Bit {
+        if set.item.width == Width::Bit {
             let mask = 1u8 << (bit % 8);
             let old = self.process.get(byte).copied().unwrap_or_default();
             self.write_input(byte, &[if set.value != 0 { old | mask } else { old & !mask }]);

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use ob1_cpu::{Cell, CellWidth, Cpu};
+use ob1_cpu::{Cell, Cpu, Width};
 use ob1_ir::Program;
 use ob1_model::{Area, Component, DataType};
 
@@ -24,7 +24,7 @@ pub(super) struct Set {
 #[derive(Clone, Debug)]
 pub(super) struct Expect {
     pub(super) name: String,
-    /// Where it stands.
+    /// Its place in the file.
     pub(super) at: Range<usize>,
     place: Place,
     wanted: Wanted,
@@ -176,7 +176,7 @@ impl Resolver<'_> {
         let is_timer = matches!(item.cell, Cell::Timer(_));
         let wanted = match value {
             toml::Value::Boolean(bit) if is_timer || matches!(item.cell, Cell::Counter(_)) => {
-                (item.width, item.reading) = (CellWidth::Bit, Reading::Bool);
+                (item.width, item.reading) = (Width::Bit, Reading::Bool);
                 Wanted::Bits(u32::from(*bit))
             }
             toml::Value::String(text) if is_timer && parse_duration(text).is_ok() => {

@@ -1,6 +1,6 @@
 //! A program that calls one block, for tests of that block alone.
 //!
-//! The call stands in a generated function that becomes OB 1; no other organization block of the program stays. A
+//! The call is in a generated function that becomes OB 1; no other organization block of the program stays. A
 //! function gets its actual parameters from a generated data block, a function block keeps its own in a generated
 //! instance. The first step of a test opens the call: in the scan before, with the start of the CPU, nothing is set
 //! yet.
@@ -144,7 +144,7 @@ impl Making<'_> {
                 }
                 (false, Some(text)) => text,
                 (false, None) => {
-                    let message = format!("{} is a {} and needs an actual", param.name, param.ty.name());
+                    let message = format!("{} is a {} and needs an actual parameter", param.name, param.ty.name());
                     let remedy =
                         format!("with = {{ {} = \"...\" }}, as a CALL in STL has it: T 5, P#M 0.0 BYTE 4", param.name);
                     f.error(CALL, self.call.at.clone(), message, remedy);
@@ -177,14 +177,14 @@ fn type_text(ty: &DataType) -> String {
     }
 }
 
-/// Findings about the generated source, told of the place of the call.
+/// Findings about the generated source, reported at the place of the call.
 pub(super) fn of_generated(
     findings: &[ob1_station::finding::Finding],
     call: &Call,
     source: Text<'_>,
 ) -> Vec<ob1_station::finding::Finding> {
     let told = findings.iter().map(|found| {
-        let message = format!("{} cannot be called so: {}", call.block, found.message);
+        let message = format!("{} cannot be called in this way: {}", call.block, found.message);
         source.finding(found.level, CALL, call.at.clone(), message, found.remedy.clone())
     });
     told.collect()

@@ -44,7 +44,7 @@ impl Plan {
 #[derive(Debug)]
 pub(super) struct Test {
     pub(super) name: String,
-    /// Where it stands.
+    /// Its place in the file.
     pub(super) at: Range<usize>,
     pub(super) start: Command,
     pub(super) call: Option<Call>,
@@ -78,7 +78,7 @@ pub(super) struct Step {
 pub(super) enum Run {
     Scans(u64),
     Time(Span),
-    /// Until everything expected holds, at most so long.
+    /// Until everything expected holds, at most this long.
     Within(Span),
 }
 
@@ -117,7 +117,7 @@ pub(super) fn parse(text: &str, name: &str, folder: &Path) -> Result<Plan, Vec<F
     };
     let cycle = file.cycle.as_ref().and_then(|cycle| time(f, cycle));
     if let (Some(Span::ZERO), Some(at)) = (cycle, &file.cycle) {
-        f.error(VALUE, at.span(), "a cycle of no time", "virtual time moves with the cycles: at least \"1us\"");
+        f.error(VALUE, at.span(), "the cycle time is 0", "virtual time moves with the cycles: at least \"1us\"");
     }
     if file.test.is_empty() {
         f.error(MISSING, 0..0, "there is no test", "add [[test]] with name and [[test.step]]");
@@ -173,7 +173,7 @@ fn step(f: &mut Findings<'_>, table: Placed<StepTable>) -> Step {
     let scans = table.scans.as_ref().and_then(|n| match u64::try_from(*n.get_ref()) {
         Ok(scans) if scans <= 1_000_000_000 => Some(Run::Scans(scans)),
         _ => {
-            f.error(VALUE, n.span(), "so many scans cannot be", "0 to 1000000000");
+            f.error(VALUE, n.span(), "`scans` is out of range", "0 to 1000000000");
             None
         }
     });

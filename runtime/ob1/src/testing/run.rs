@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Instant;
 
-use ob1_cpu::{Cell, CellWidth, CpuConfig, DiagEntry, OperatingState};
+use ob1_cpu::{Cell, CpuConfig, DiagEntry, OperatingState, Width};
 use ob1_ir::Program;
 use ob1_stl::{Library, Source};
 use ob1_time::Span;
@@ -51,7 +51,7 @@ fn run_text(text: &str, file: &str, folder: &Path, filter: &str) -> Result<Vec<O
     let source = Text { file, text };
     let plan = plan::parse(text, file, folder)?;
     let subject = Subject::new(&plan)?;
-    // All tests are resolved before the first one runs: a name that is wrong is told at once.
+    // All tests are resolved before the first one runs: a wrong name is reported at once.
     let chosen = plan.tests.iter().filter(|test| test.name.contains(filter));
     let mut wrong = Vec::new();
     let mut ready = Vec::new();
@@ -175,7 +175,7 @@ impl<'p> Ready<'p> {
         }
         self.bench.start(self.test.start);
         if let Some(cell) = self.opening {
-            let opened = self.bench.cpu.write(cell, CellWidth::Bit, 1);
+            let opened = self.bench.cpu.write(cell, Width::Bit, 1);
             opened.map_err(|error| unusable(&self.test.at, error.to_string()))?;
         }
         let mut failures = Vec::new();
@@ -207,12 +207,13 @@ impl<'p> Ready<'p> {
 type Wrong = (std::ops::Range<usize>, String);
 
 impl ReadyStep<'_> {
-    /// What does not hold. An error: the step itself cannot be.
+    /// Returns what does not hold. `Err`: the step itself is impossible.
     fn run(&self, bench: &mut Bench) -> Result<Vec<Wrong>, String> {
         let step = self.step;
         if let Some((until, at)) = &step.until {
             if *until < bench.now {
-                let text = format!("this time is over: it is {:.3} s", bench.now.since_start().as_secs_f64());
+                let text =
+                    format!("this time has already passed: it is {:.3} s", bench.now.since_start().as_secs_f64());
                 return Ok(vec![(at.clone(), text)]);
             }
             bench.run_until(*until);

@@ -31,7 +31,7 @@ impl Source {
 
     /// One round of questions.
     pub(super) fn look(&mut self, watch: &[Watched]) -> Result<Look, AccessError> {
-        let nothing = || AccessError::Refused("an answer without what was asked for".into());
+        let nothing = || AccessError::Refused("the answer does not contain what was asked for".into());
         let status = self.client.ask(Op::Status)?.status.ok_or_else(nothing)?;
         let timing = *self.client.ask(Op::Timing { histograms: true })?.timing.ok_or_else(nothing)?;
         let buses = self.client.ask(Op::Buses)?.buses.unwrap_or_default();

@@ -17,8 +17,8 @@ const WIDTH: usize = 16;
 /// Lines with their times that wait for a telegram that has begun before them.
 type Held = Vec<(Instant, String)>;
 
-/// Turns records into text. A telegram is known when it has ended, and stands at the time it has begun: what has
-/// happened meanwhile waits, so that the times of a CP are in order.
+/// Turns records into text. A telegram is printed when it has ended, with the time at which it began: lines from in
+/// between wait, so that the times of a CP are in order.
 #[derive(Debug)]
 pub struct Printer {
     raw: bool,
@@ -75,7 +75,7 @@ impl Printer {
                 }
                 None => {
                     let held = self.held.entry(number).or_default();
-                    line(held, record.time, "?", ' ', "a CP with parameters that cannot be");
+                    line(held, record.time, "?", ' ', "a CP with invalid parameters");
                 }
             }
             return;
@@ -97,7 +97,7 @@ impl Printer {
         }
     }
 
-    /// So much time has passed at all CPs without a record.
+    /// The clock of a CP has reached `now` without a record.
     pub fn silence(&mut self, number: u8, now: Instant) {
         let Self { raw, cps, held, .. } = self;
         if let Some(cp) = cps.get_mut(&number) {

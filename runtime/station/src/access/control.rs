@@ -1,24 +1,24 @@
 //! The control socket's own door to the broker. Requests of many clients are under way at a time; none of them waits
 //! for another.
 //!
-//! What is asked for is watched, all of it at once, for as long as somebody asks; nobody who asks costs the scan more
-//! than that copy.
+//! All requested cells are watched together, as long as somebody asks for them; however many ask, the scan makes only
+//! that one copy.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use ob1_access::door::{Answer, Ask, Door, News, NotYet, Reading, Refusal, Refused, Ticket};
-use ob1_access::{Cell, CellWidth, Piece, Put};
+use ob1_access::{Cell, Piece, Put, Width};
 use ob1_cpu::GROUP_ENTRIES;
 use rustix::event::{PollFd, PollFlags};
 
 /// Pause between two looks at the window, while a snapshot is waited for.
 const LOOK: Duration = Duration::from_micros(200);
-/// How often the door lets go of what is no longer asked for.
+/// How often cells are released that are no longer asked for.
 const TICK: Duration = Duration::from_secs(1);
 
 /// A cell and how much of it.
-pub(super) type Wanted = (Cell, CellWidth);
+pub(super) type Wanted = (Cell, Width);
 
 /// A request under way.
 pub(super) struct Pending {
@@ -54,7 +54,7 @@ pub(super) enum Outcome {
 }
 
 impl Pending {
-    /// When it wants to be looked at again, whatever comes.
+    /// How long until it must be looked at again, at the latest.
     pub(super) fn due(&self, now: Instant) -> Duration {
         let left = self.give_up.saturating_duration_since(now);
         if matches!(self.work, Work::Read { .. }) { left.min(LOOK) } else { left }
@@ -86,7 +86,7 @@ impl Control {
     pub(super) fn fd(&self) -> PollFd<'_> {
         let mut flags = PollFlags::IN;
         flags.set(PollFlags::OUT, self.door.wants_write());
-        // A door that is gone is told of once, by what is under way.
+        // A lost door is reported once, by the requests under way.
         PollFd::from_borrowed_fd(self.door.fd(), if self.gone.is_some() { PollFlags::empty() } else { flags })
     }
 
@@ -95,7 +95,7 @@ impl Control {
         self.gone.is_none()
     }
 
-    /// Begins a round: hears what has come. What was asked for long ago is let go.
+    /// Begins a round: takes what has come, and releases what was asked for long ago.
     pub(super) fn pump(&mut self) {
         while self.ticked.elapsed() >= TICK {
             self.ticked += TICK;
@@ -105,13 +105,13 @@ impl Control {
             self.gone = Some(error.to_string());
         }
         self.news.clear();
-        // What nobody waits for is of a request that was given up.
+        // News that nobody waits for belong to a request that was given up.
         self.news.extend(std::iter::from_fn(|| self.door.take_news()));
     }
 
     /// The bits of these cells.
     pub(super) fn read(&self, client: u32, wanted: Vec<Wanted>) -> Pending {
-        // What lies there already may have been taken long ago.
+        // The snapshot that is there already may be old.
         let (part, seen) = (wanted.len(), self.door.newest_scan());
         let values = Vec::with_capacity(part);
         let work = Work::Read { wanted, values, part, seen };
@@ -140,8 +140,9 @@ impl Control {
         self.door.client_gone(client);
     }
 
-    /// Goes on with a request; `None`: later. Reads are asked for in the order they came: while what one of them wants
-    /// is only asked for, `may_read` becomes false for those behind it, which could take its place at the broker.
+    /// Goes on with a request; `None`: it has not ended. Reads are asked for in the order they came: while one still
+    /// waits for its cells to be watched, `may_read` becomes false for those after it, which could take its place at
+    /// the broker.
     pub(super) fn advance(&mut self, pending: &mut Pending, may_read: &mut bool) -> Option<Result<Outcome, String>> {
         if let Some(why) = &self.gone {
             return Some(Err(why.clone()));
@@ -232,14 +233,14 @@ impl Control {
 fn value_of(reading: &Reading, index: usize, (cell, width): &Wanted) -> Result<u32, Refusal> {
     let value = reading.value(index)?;
     // A bit in memory comes with its byte.
-    let bit = *width == CellWidth::Bit && cell.block().is_some();
+    let bit = *width == Width::Bit && cell.block().is_some();
     Ok(if bit { value >> (cell.bit() % 8) & 1 } else { value })
 }
 
 /// The bytes a cell lies in, or its value.
-fn piece(cell: Cell, width: CellWidth) -> Piece {
+fn piece(cell: Cell, width: Width) -> Piece {
     match cell.block() {
-        Some(_) => Piece::Bytes { at: cell.at_bit(cell.byte() * 8), len: u32::from(width.bytes()) },
+        Some(_) => Piece::Bytes { at: cell.at_bit(cell.byte() * 8), len: width.bytes() },
         None => Piece::Value(cell, width),
     }
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ob1_access::door::{BlockFact, Diagnosis, Document, State};
-use ob1_access::{Cell, CellWidth, Put};
+use ob1_access::{Cell, Put, Width};
 use ob1_broker::{Change, Changed, DriverState, Facts, LinkState};
 use ob1_cpu::{CpuConfig, DIAG_ENTRIES, DiagEntry, Family};
 use ob1_host::driver;
@@ -162,7 +162,7 @@ impl Facts for StationFacts {
                 let mut all = true;
                 for (offset, byte) in (0..).zip(bytes) {
                     let cell = cell.at_bit(cell.bit().saturating_add(offset * 8));
-                    all &= panel.write(cell, CellWidth::Byte, u32::from(*byte));
+                    all &= panel.write(cell, Width::Byte, u32::from(*byte));
                 }
                 all
             }

@@ -1,11 +1,11 @@
-//! Inputs written through the socket. An input that a module feeds is read anew at the start of each scan: whoever
-//! writes it means the module, so it is written into the image, as a hand on the switch would.
+//! Inputs written through the socket. An input that a module feeds is read again at the start of each scan, so a write
+//! has to reach the module: it goes into the image, as if somebody had moved the switch.
 
 use std::fmt;
 use std::ops::Range;
 
 use ob1_backplane::IoField;
-use ob1_cpu::{Cell, CellWidth};
+use ob1_cpu::{Cell, Width};
 use ob1_model::Area;
 
 use super::ProcessIo;
@@ -38,16 +38,16 @@ impl Panel {
         Some(Self { field: io.field()?, modules: modules.iter().filter_map(bytes).collect() })
     }
 
-    /// Writes an input if all of it belongs to modules. False: it does not, and the CPU's memory is meant.
+    /// Writes an input if all of it belongs to modules. False: it does not, and the CPU's memory has to take the value.
     #[must_use]
-    pub fn write(&self, cell: Cell, width: CellWidth, bits: u32) -> bool {
+    pub fn write(&self, cell: Cell, width: Width, bits: u32) -> bool {
         let Cell::Area(Area::Input, at) = cell else { return false };
         let (first, count) = (at / 8, u32::from(width.bits()).div_ceil(8));
         if !(first..first.saturating_add(count)).all(|byte| self.modules.iter().any(|module| module.contains(&byte))) {
             return false;
         }
         let offset = first as usize;
-        if width == CellWidth::Bit {
+        if width == Width::Bit {
             let mut byte = [0];
             self.field.read_inputs(offset, &mut byte);
             let mask = 1 << (at % 8);
@@ -95,18 +95,18 @@ mod tests {
             field.read_inputs(3, &mut bytes);
             bytes
         };
-        assert!(panel.write(input(4, 0), CellWidth::Byte, 0x81));
-        assert!(panel.write(input(4, 1), CellWidth::Bit, 1));
-        assert!(panel.write(input(4, 7), CellWidth::Bit, 0));
+        assert!(panel.write(input(4, 0), Width::Byte, 0x81));
+        assert!(panel.write(input(4, 1), Width::Bit, 1));
+        assert!(panel.write(input(4, 7), Width::Bit, 0));
         // Over the border of two modules.
-        assert!(panel.write(input(5, 0), CellWidth::Word, 0x1234));
+        assert!(panel.write(input(5, 0), Width::Word, 0x1234));
         assert_eq!(inputs(), [0, 3, 0x12, 0x34, 0]);
         // Half outside, wholly outside, no input.
-        assert!(!panel.write(input(6, 0), CellWidth::Word, 0x5678));
-        assert!(!panel.write(input(4, 0), CellWidth::DWord, 0x5678));
-        assert!(!panel.write(input(3, 0), CellWidth::Bit, 1));
-        assert!(!panel.write(Cell::Area(Area::Output, 32), CellWidth::Byte, 1));
-        assert!(!panel.write(Cell::Peripheral(4), CellWidth::Byte, 1));
+        assert!(!panel.write(input(6, 0), Width::Word, 0x5678));
+        assert!(!panel.write(input(4, 0), Width::DWord, 0x5678));
+        assert!(!panel.write(input(3, 0), Width::Bit, 1));
+        assert!(!panel.write(Cell::Area(Area::Output, 32), Width::Byte, 1));
+        assert!(!panel.write(Cell::Peripheral(4), Width::Byte, 1));
         assert_eq!(inputs(), [0, 3, 0x12, 0x34, 0]);
     }
 }

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use ob1_backplane::{IoField, IoImage};
-use ob1_cpu::{Cell, CellWidth};
+use ob1_cpu::{Cell, Width};
 use ob1_model::Area;
 use ob1_time::{Instant, Span};
 use serde::Deserialize;
@@ -16,7 +16,7 @@ use crate::station_file::parse_duration;
 use ob1_access::Names;
 use ob1_access::value;
 
-/// A stimulus that cannot be.
+/// An invalid stimulus.
 const STIMULUS: &str = "C011";
 
 #[derive(Deserialize)]
@@ -48,10 +48,10 @@ struct Change {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Stimulus {
     changes: Vec<Change>,
-    /// The list begins anew after this time.
+    /// The list starts again after this time.
     repeat: Option<Span>,
     next: usize,
-    /// When the list began, this time.
+    /// When the current round of the list began.
     round: Instant,
 }
 
@@ -170,7 +170,7 @@ fn change(time: Span, cell: &str, value: &toml::Value) -> Result<Change, String>
         toml::Value::String(text) => serde_json::Value::from(text.as_str()),
         other => return Err(format!("a {} is not a value for {cell}", other.type_str())),
     };
-    let bits = if item.width == CellWidth::Bit { 1 } else { item.width.bits() };
+    let bits = if item.width == Width::Bit { 1 } else { item.width.bits() };
     Ok(Change { time, bit, bits, value: value::from_json(&item, &json)? })
 }
 

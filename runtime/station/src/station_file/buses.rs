@@ -18,11 +18,11 @@ use super::tables::{BusTable, Placed};
 use super::types::{Bus, ModuleConfig, ModuleKind};
 use super::{dp, gpio};
 
-/// Longest wait for an answer, where nothing else is said.
+/// The default for the longest wait for an answer.
 const TIMEOUT: Span = Span::from_millis(200);
-/// Of a scan without a watchdog.
+/// The patience for a scan without a watchdog.
 const PATIENCE_WITHOUT_WATCHDOG: Span = Span::from_secs(60);
-/// What may stand there.
+/// The remedy for a wrong line.
 const REMEDY: &str = "the line of a bus is \"tcp:HOST:PORT\", \"serial:DEVICE\" or \"sim:NAME\"";
 
 /// A kind of bus.
@@ -108,7 +108,7 @@ impl Buses {
                     TWICE,
                     at.clone(),
                     message,
-                    "an address that no input byte has; leave it out, and one is found",
+                    "use an address that no input byte has, or leave it out: then one is chosen",
                 );
             }
         }
@@ -126,7 +126,7 @@ impl Buses {
                 station.diagnostic = next();
             }
             if building.bus.stations.is_empty() {
-                let message = format!("nobody is on the bus \"{}\"", building.bus.name);
+                let message = format!("the bus \"{}\" has no modules", building.bus.name);
                 f.error(CONTRADICTION, building.at.clone(), message, "give it a [[module]] with `type = \"coupler\"`");
             }
             let order = building.by_line();
@@ -176,7 +176,12 @@ impl Building {
     ) -> Option<Line> {
         if let Some(own) = own {
             if self.kind != BusKind::ModbusTcp {
-                f.error(CONTRADICTION, own.span(), "`line` stands at the bus", "all its modules are on one line");
+                f.error(
+                    CONTRADICTION,
+                    own.span(),
+                    "`line` belongs in the [[bus]] table",
+                    "all its modules share one line",
+                );
                 return None;
             }
             return line(f, own, self.kind, folder);

@@ -224,7 +224,8 @@ pub fn standard(
     libraries: &[Placed<String>],
     single: &BTreeMap<Placed<String>, Placed<String>>,
 ) -> Vec<Choice> {
-    const REMEDY: &str = "libraries = [\"IEC\"] takes a whole one, [library] single blocks: \"FC 104\" = \"IEC:FC4\"";
+    const REMEDY: &str =
+        "libraries = [\"IEC\"] takes a whole library, [library] single blocks: \"FC 104\" = \"IEC:FC4\"";
     let (mut chosen, mut of_libraries) = (Vec::new(), Vec::new());
     for (number, key) in single {
         match Choice::new(number.get_ref(), key.get_ref()) {
@@ -264,7 +265,7 @@ fn fixed_numbers(f: &mut Findings<'_>, table: &BTreeMap<Placed<String>, Placed<S
     fixed
 }
 
-/// For each file of lists: what is said at its line when it cannot be read.
+/// For each file of lists: the finding at its line if it cannot be read.
 pub fn places(f: &Findings<'_>, lists: &[&Vec<Placed<String>>], folder: &Path) -> Vec<(PathBuf, Finding)> {
     let all = lists.iter().flat_map(|list| list.iter());
     all.map(|named| {

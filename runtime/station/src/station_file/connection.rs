@@ -81,7 +81,7 @@ pub(super) fn connections(
         };
         if ids.contains(&connection.id) {
             let message = format!("there are two connections with the ID {}", connection.id);
-            f.error(TWICE, table.id.span(), message, "IDs are those of the station: give each its own");
+            f.error(TWICE, table.id.span(), message, "an ID is used once in a station: give each its own");
         }
         ids.push(connection.id);
         let is_waiting = |other: &StationConnection| {
@@ -103,7 +103,7 @@ pub(super) fn connections(
     links.iter_mut().filter(|link| link.cp.is_some()).for_each(tell);
 }
 
-/// The connections as the process is told them.
+/// Puts the connections into what the process is told.
 fn tell(link: &mut StationLink) {
     let mut sockets = 0..;
     let Some(ip) = link.listen.map(|listen| listen.ip()) else { return };

@@ -18,11 +18,11 @@ use super::{dp, gpio};
 use crate::finding::{Finding, Level, Text, nearest};
 
 const MS: Span = Span::MILLISECOND;
-/// A coupler that does not answer for so long is lost, where nothing else is said.
+/// Default: a coupler that does not answer for this long is lost.
 pub(super) const LOST_AFTER: Span = Span::SECOND;
 /// Outputs that do not change are written again after this time, or more often where a watchdog wants it.
 const REFRESH: Span = Span::from_millis(500);
-/// Unit of a coupler behind its own connection: FFh says that it does not matter.
+/// Unit of a coupler with a connection of its own: FFh says that the unit does not matter.
 const UNIT_TCP: u8 = 255;
 /// The last byte of the process image's addresses.
 const LAST: u32 = BUS_AREA_BYTES as u32 - 1;
@@ -43,7 +43,7 @@ struct Placement {
     substitute: Vec<u8>,
 }
 
-/// Keys of a coupler at another module. `is_behind_bus`: a module that has a bus all the same.
+/// Keys of a coupler at another module. `is_behind_bus`: that module has a bus nevertheless.
 pub(super) fn no_keys(f: &mut Findings<'_>, table: &ModuleTable, is_behind_bus: bool) {
     for (key, at) in [
         ("bus", table.bus.as_ref().filter(|_| !is_behind_bus).map(Placed::span)),
@@ -122,7 +122,7 @@ pub(super) fn modules(
     let diagnostic = table.diagnostic.as_ref().map(|at| (number::<u16>(f, "diagnostic", Some(at), 1..=16_383, 0), at));
     let station = Station {
         diagnostic: diagnostic.as_ref().map_or(0, |(address, _)| *address),
-        // Behind connections of their own units are alike.
+        // On connections of their own, units may be alike.
         number: match building.kind {
             BusKind::ModbusRtu => unit,
             _ => (building.stations() + 1).min(255) as u8,
@@ -168,7 +168,7 @@ impl Loss {
     }
 }
 
-/// One module of it.
+/// One module of a coupler.
 fn one(
     name: &str,
     n: usize,
@@ -212,15 +212,15 @@ fn foreign_keys(f: &mut Findings<'_>, table: &ModuleTable) {
         ("output_address", table.output_address.as_ref().map(Placed::span), "`at` of each range says where it lies"),
         ("bytes", table.bytes.as_ref().map(Placed::span), "`registers` or `bits` of each range say how long it is"),
         ("channels", table.channels.as_ref().map(Placed::span), "`registers` of each range say how long it is"),
-        ("params", table.params.as_ref().map(Placed::span), "`setup` is what a coupler is told"),
-        ("raw", table.raw.as_ref().map(Placed::span), "`setup` is what a coupler is told"),
+        ("params", table.params.as_ref().map(Placed::span), "write what a coupler has to be told in `setup`"),
+        ("raw", table.raw.as_ref().map(Placed::span), "write what a coupler has to be told in `setup`"),
         ("absent", table.absent.as_ref().map(Placed::span), "`on_loss` says what its inputs read"),
         ("abd", table.abd.as_ref().map(Placed::span), "leave it out here"),
-        ("substitute", table.substitute.as_ref().map(Placed::span), "it stands in each range of `inputs`"),
+        ("substitute", table.substitute.as_ref().map(Placed::span), "write it in each range of `inputs`"),
         ("driver", table.driver.as_ref().map(Placed::span), "leave it out here"),
         ("station", table.station.as_ref().map(Placed::span), "it is the address of a DP slave; a coupler has `unit`"),
-        ("gsd", table.gsd.as_ref().map(Placed::span), "it is of a DP slave"),
-        ("slots", table.slots.as_ref().map(Placed::span), "they are those of a DP slave"),
+        ("gsd", table.gsd.as_ref().map(Placed::span), "leave it out: only a DP slave has a GSD file"),
+        ("slots", table.slots.as_ref().map(Placed::span), "leave it out: only a DP slave has slots"),
     ] {
         if let Some(at) = at {
             f.error(CONTRADICTION, at, format!("`{key}` does not belong to a coupler"), remedy);
@@ -267,7 +267,7 @@ fn times(f: &mut Findings<'_>, table: &ModuleTable, min_cycle: Span, timeout: Sp
     let lost_after = time(f, table.lost_after.as_ref(), LOST_AFTER);
     if let Some(short) = table.lost_after.as_ref().filter(|_| lost_after < 100 * MS || lost_after < timeout) {
         let remedy = "at least \"100ms\", and longer than the `timeout` of the bus";
-        f.error(VALUE, short.span(), "a coupler that works would be lost now and then", remedy);
+        f.error(VALUE, short.span(), "`lost_after` is too short: a coupler that works would be reported lost", remedy);
     }
     let period = time(f, table.period.as_ref(), min_cycle.clamp(MS, (lost_after / 4).max(MS)));
     if let Some(long) = table.period.as_ref().filter(|_| period.is_zero() || period > lost_after / 2) {
@@ -279,7 +279,7 @@ fn times(f: &mut Findings<'_>, table: &ModuleTable, min_cycle: Span, timeout: Sp
     let refresh = time(f, table.refresh.as_ref(), REFRESH.min(longest / 3));
     if let Some(long) = table.refresh.as_ref().filter(|_| refresh < MS || refresh > longest / 2) {
         let remedy = "at least \"1ms\", and at most half of `watchdog` and of `lost_after`";
-        f.error(CONTRADICTION, long.span(), "the outputs cannot be refreshed so seldom, or so often", remedy);
+        f.error(CONTRADICTION, long.span(), "`refresh` is out of range", remedy);
     }
     Times { period, refresh: refresh.max(MS), lost_after, watchdog }
 }
@@ -312,7 +312,7 @@ fn watchdog(f: &mut Findings<'_>, table: &ModuleTable) -> Option<(Profile, Span)
     }
 }
 
-/// What is written on connect: what releases the coupler, its watchdog, what the file says; and what says that the
+/// What is written on connect: the release of the coupler, its watchdog, what the file says; and how to see that the
 /// watchdog runs already.
 fn setup(f: &mut Findings<'_>, table: &ModuleTable, watchdog: Option<(Profile, Span)>) -> (Vec<Setup>, Option<Proof>) {
     let mut all = match &table.watchdog_reset {
@@ -354,7 +354,7 @@ fn element(f: &mut Findings<'_>, text: &Placed<String>) -> Option<(Table, u16)> 
         None => at.parse().ok(),
     };
     if table.is_none() || number.is_none() {
-        f.error(VALUE, text.span(), format!("\"{}\" names nothing of a coupler", text.get_ref()), remedy);
+        f.error(VALUE, text.span(), format!("\"{}\" is not a register or bit of a coupler", text.get_ref()), remedy);
     }
     table.zip(number)
 }
@@ -466,7 +466,7 @@ pub(super) fn address(f: &mut Findings<'_>, text: &Placed<String>, outputs: bool
     if !known || number.is_none() {
         let what = if outputs { "outputs" } else { "inputs" };
         let remedy = format!("the first byte, 0 to {LAST}: \"{example}\"");
-        f.error(ADDRESS, text.span(), format!("\"{written}\" is no place for {what}"), remedy);
+        f.error(ADDRESS, text.span(), format!("\"{written}\" is not an address for {what}"), remedy);
     }
     number.filter(|_| known)
 }
@@ -493,7 +493,8 @@ pub(super) fn unwatched(file: &StationFile, source: Text<'_>) -> Vec<Finding> {
         table.outputs.as_ref().is_some_and(|outputs| !outputs.get_ref().is_empty()) && table.watchdog.is_none()
     });
     open.map(|table| {
-        let message = format!("nothing switches the outputs of {} off when it loses us", table.name.get_ref());
+        let message =
+            format!("nothing switches the outputs of {} off when its connection to ob1 is lost", table.name.get_ref());
         let remedy = "add `profile` and `watchdog` (docs/io.md), or set a watchdog on the coupler itself";
         source.finding(Level::Warning, VALUE, table.name.span(), message, remedy.to_owned())
     })

@@ -24,17 +24,17 @@ use super::types::{Absent, Bus, ModuleConfig, ModuleKind};
 use crate::finding::nearest;
 
 const MS: Span = Span::MILLISECOND;
-/// Where nothing else is said.
+/// The default baud rate.
 const BAUD: u32 = 500_000;
-/// That of the CPU's own DP interface, where nothing else is said.
+/// The default address of the master: that of the CPU's own DP interface.
 const ADDRESS_OF_MASTER: u8 = 2;
-/// All addresses.
+/// The highest station address.
 const HSA: u8 = 126;
-/// Repetitions of a telegram, where nothing else is said.
+/// The default number of repetitions of a telegram.
 const RETRIES: u8 = 3;
-/// Watchdog of the slaves, where nothing else is said.
+/// The default watchdog of the slaves.
 const WATCHDOG: Span = Span::from_millis(500);
-/// A serial adapter takes so long at worst until what came in is seen.
+/// Longest time until data that reached a serial adapter are seen.
 const ADAPTER: Span = Span::from_millis(8);
 /// TSL, at most: what the standard lets a bus have.
 const SLOT_BITS: u16 = 16_383;
@@ -70,10 +70,15 @@ pub(super) fn bus(f: &mut Findings<'_>, table: &BusTable, kind: BusKind, line: O
     let hsa = number(f, "hsa", table.hsa.as_ref(), 1..=126, HSA);
     if hsa <= address {
         let at = table.hsa.as_ref().or(table.address.as_ref()).map_or_else(|| table.kind.span(), Placed::span);
-        f.error(CONTRADICTION, at, format!("the master has address {address}, above `hsa`"), "hsa = 126 is all");
+        f.error(
+            CONTRADICTION,
+            at,
+            format!("the master has address {address}, above `hsa`"),
+            "hsa = 126 covers all addresses",
+        );
     }
     let least = least_slot_bits(baud);
-    // What is simulated answers in time; behind an adapter an answer takes its time to be seen.
+    // A simulated line answers in time; behind an adapter it takes a while until an answer is seen.
     let usual = match line {
         Some(Line::Sim(_)) => least,
         _ => u16::try_from(u64::from(baud) * ADAPTER / Span::SECOND).unwrap_or(SLOT_BITS).clamp(least, SLOT_BITS),
@@ -87,14 +92,14 @@ pub(super) fn bus(f: &mut Findings<'_>, table: &BusTable, kind: BusKind, line: O
     Some(DpConfig { baud, address, hsa, slot_bits, retries, watchdog, slaves: Vec::new() })
 }
 
-/// A bus whose slaves are known: a round must be over well before a watchdog barks.
+/// A bus whose slaves are known: a round must be over well before a watchdog expires.
 pub(super) fn check_bus(f: &mut Findings<'_>, bus: &Bus, at: ops::Range<usize>) {
     for dp in bus.config.lines.iter().filter_map(|line| line.dp.as_ref()) {
         let bits = |slave: &DpSlave| 11 * (slave.inputs.1 + slave.outputs.1 + 18) as u64 + 100;
         let round = dp.slaves.iter().map(bits).sum::<u64>() * Span::SECOND / u64::from(dp.baud.max(1));
         if dp.watchdog < 3 * round {
             let message = format!(
-                "a round of the bus takes {} ms at least, and `watchdog` is shorter than three",
+                "a round of the bus takes at least {} ms, and `watchdog` is shorter than three rounds",
                 round.millis()
             );
             f.error(CONTRADICTION, at.clone(), message, "a longer `watchdog`, or a higher `baud`");
@@ -149,7 +154,12 @@ pub(super) fn modules(
     }
     let lost_after = time(f, table.lost_after.as_ref(), LOST_AFTER);
     if let Some(short) = table.lost_after.as_ref().filter(|_| lost_after < 100 * MS) {
-        f.error(VALUE, short.span(), "a slave that works would be lost now and then", "at least \"100ms\"");
+        f.error(
+            VALUE,
+            short.span(),
+            "`lost_after` is too short: a slave that works would be reported lost",
+            "at least \"100ms\"",
+        );
     }
     let slave = DpSlave {
         name: name.clone(),
@@ -279,12 +289,12 @@ fn of_slot(
 fn foreign_keys(f: &mut Findings<'_>, table: &ModuleTable) {
     for (key, at, remedy) in [
         ("unit", table.unit.as_ref().map(Placed::span), "the address of a slave is `station`"),
-        ("inputs", table.inputs.as_ref().map(Placed::span), "they stand in `slots`"),
-        ("outputs", table.outputs.as_ref().map(Placed::span), "they stand in `slots`"),
-        ("setup", table.setup.as_ref().map(Placed::span), "`params` are what a slave is told"),
+        ("inputs", table.inputs.as_ref().map(Placed::span), "write them in `slots`"),
+        ("outputs", table.outputs.as_ref().map(Placed::span), "write them in `slots`"),
+        ("setup", table.setup.as_ref().map(Placed::span), "write what a slave has to be told in `params`"),
         ("watchdog_reset", table.watchdog_reset.as_ref().map(Placed::span), "leave it out here"),
         ("profile", table.profile.as_ref().map(Placed::span), "its GSD file says what it is"),
-        ("watchdog", table.watchdog.as_ref().map(Placed::span), "it stands at the bus"),
+        ("watchdog", table.watchdog.as_ref().map(Placed::span), "write it in the [[bus]] table"),
         ("period", table.period.as_ref().map(Placed::span), "a slave is asked in each round of the bus"),
         ("refresh", table.refresh.as_ref().map(Placed::span), "a slave is asked in each round of the bus"),
         ("address", table.address.as_ref().map(Placed::span), "`inputs` and `outputs` of each slot say where it lies"),
@@ -294,7 +304,7 @@ fn foreign_keys(f: &mut Findings<'_>, table: &ModuleTable) {
         ("channels", table.channels.as_ref().map(Placed::span), "the GSD file says how long a module is"),
         ("absent", table.absent.as_ref().map(Placed::span), "`on_loss` says what its inputs read"),
         ("abd", table.abd.as_ref().map(Placed::span), "leave it out here"),
-        ("substitute", table.substitute.as_ref().map(Placed::span), "it stands in each slot with inputs"),
+        ("substitute", table.substitute.as_ref().map(Placed::span), "write it in each slot with inputs"),
         ("driver", table.driver.as_ref().map(Placed::span), "leave it out here"),
     ] {
         if let Some(at) = at {
@@ -320,8 +330,8 @@ fn gsd(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Gsd> 
     match Gsd::read(&bytes) {
         Ok(gsd) => Some(gsd),
         Err(error) => {
-            let message = format!("{} is no GSD file that can be read: {error}", path.display());
-            f.error(VALUE, file.span(), message, "get the file from the maker of the slave, of the language you read");
+            let message = format!("{} is not a valid GSD file: {error}", path.display());
+            f.error(VALUE, file.span(), message, "get the file from the maker of the slave, in a language you read");
             None
         }
     }
@@ -339,7 +349,7 @@ fn slots<'a>(f: &mut Findings<'_>, table: &'a ModuleTable) -> Vec<&'a Placed<Slo
         let number = &slot.get_ref().slot;
         if *number.get_ref() != wanted {
             let message = match *number.get_ref() < wanted {
-                true => format!("slot {} is there twice, or is none", number.get_ref()),
+                true => format!("slot {} is there twice, or is less than 1", number.get_ref()),
                 false => format!("slot {wanted} has no module"),
             };
             let remedy = "slots count from 1 without a gap; many GSD files have a module for an empty slot";
@@ -396,13 +406,23 @@ fn parameters(
     raw: Option<&Placed<String>>,
 ) -> Option<Parameters> {
     if let (Some(_), Some(raw)) = (named, raw) {
-        f.error(CONTRADICTION, raw.span(), "the parameters are given twice, as `params` and as `raw`", "one of both");
+        f.error(
+            CONTRADICTION,
+            raw.span(),
+            "the parameters are given twice, as `params` and as `raw`",
+            "keep one of them",
+        );
     }
     if let Some(raw) = raw {
         let digits = raw.get_ref().split_whitespace();
         let bytes: Option<Vec<u8>> = digits.map(|digits| u8::from_str_radix(digits, 16).ok()).collect();
         if bytes.is_none() {
-            f.error(VALUE, raw.span(), "these are no bytes", "two hexadecimal digits each: raw = \"C0 00 08\"");
+            f.error(
+                VALUE,
+                raw.span(),
+                "`raw` is not a list of bytes",
+                "two hexadecimal digits each: raw = \"C0 00 08\"",
+            );
         }
         return bytes.map(Parameters::Raw);
     }
@@ -414,7 +434,12 @@ fn parameters(
             toml::Value::String(text) => Value::Text(text.clone()),
             _ => {
                 let remedy = "a number, or a text of the GSD file";
-                f.error(VALUE, value.span(), format!("\"{}\" cannot be this", name.get_ref()), remedy);
+                f.error(
+                    VALUE,
+                    value.span(),
+                    format!("\"{}\" cannot have a value of this type", name.get_ref()),
+                    remedy,
+                );
                 return None;
             }
         };
@@ -423,7 +448,7 @@ fn parameters(
     Some(Parameters::Named(all))
 }
 
-/// As many as a process can be told.
+/// The texts of a GSD file, as many as a process can be told.
 fn texts(gsd: &Gsd) -> BTreeMap<u32, String> {
     let mut room = TEXTS;
     let fits = |(_, text): &(u32, String)| {

@@ -16,7 +16,7 @@ pub(super) fn claim(f: &mut Findings<'_>, table: &ModuleTable, buses: &mut Buses
     let Some(name) = &table.bus else { return };
     let Some(building) = buses.of(name.get_ref()).and_then(|bus| buses.get_mut(bus)) else { return };
     if building.kind != BusKind::Dp {
-        let message = format!("\"{}\" is no PROFIBUS", name.get_ref());
+        let message = format!("the bus \"{}\" is not a PROFIBUS", name.get_ref());
         f.error(VALUE, name.span(), message, "a CP 342-5 has a [[bus]] with type = \"dp\"");
         return;
     }
@@ -40,7 +40,7 @@ pub(super) fn module(f: &mut Findings<'_>, table: &ModuleTable, buses: &Buses) -
         ("link", table.link.as_ref().map(Placed::span)),
     ] {
         if let Some(at) = at {
-            let remedy = "leave it out: line and parameters stand at its [[bus]]";
+            let remedy = "leave it out: line and parameters belong in its [[bus]] table";
             f.error(CONTRADICTION, at, format!("a CP 342-5 has no `{key}`"), remedy);
         }
     }
@@ -49,7 +49,7 @@ pub(super) fn module(f: &mut Findings<'_>, table: &ModuleTable, buses: &Buses) -
     Some(ModuleKind::DpMaster { bus, areas: DpAreas::default() })
 }
 
-/// What belongs to a slave of the CPU alone.
+/// Refuses keys that only a slave of the CPU itself has.
 pub(super) fn no_addresses(f: &mut Findings<'_>, table: &ModuleTable) {
     for (key, at) in [
         ("diagnostic", table.diagnostic.as_ref().map(Placed::span)),

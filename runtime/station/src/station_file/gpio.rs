@@ -174,7 +174,7 @@ fn pieces(
         let drive = choice(f, "drive", range.drive.as_ref(), &Drive::ALL).unwrap_or_default();
         let debounce = time(f, range.debounce.as_ref(), Span::ZERO);
         if let Some(wrong) = range.debounce.as_ref().filter(|_| debounce > DEBOUNCE) {
-            f.error(VALUE, wrong.span(), "nothing is debounced for so long", "at most \"10s\"");
+            f.error(VALUE, wrong.span(), "`debounce` is too long", "at most \"10s\"");
         }
         let active_low = range.active_low.as_ref().is_some_and(|low| *low.get_ref());
         for (n, given) in lines.get_ref().iter().enumerate() {

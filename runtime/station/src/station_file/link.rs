@@ -22,7 +22,7 @@ const KINDS: [(&str, LinkKind); 5] = [("s7", S7), ("web", Web), ("metrics", Metr
 const SERVERS: &[LinkKind] = &[LinkKind::S7, Web, Metrics, OpcUa];
 /// Kinds with users.
 const WITH_USERS: &[LinkKind] = &[Web, Metrics, OpcUa];
-/// Kinds that write down who did what.
+/// Kinds with an audit log.
 const WITH_AUDIT: &[LinkKind] = &[Web, Metrics, OpcUa, Mqtt];
 /// Kinds whose connections TLS protects; OPC UA brings its own.
 const WITH_TLS: &[LinkKind] = &[Web, Metrics];
@@ -126,7 +126,7 @@ fn link(f: &mut Findings<'_>, table: &LinkTable, station: &str, folder: &Path, s
                 config.insert(key.into(), json!(list.get_ref()));
             }
         }
-        // Whoever may do more than read leaves a trace.
+        // What clients with more than the right to read do is recorded.
         let audit = absolute(state, &format!("{station}.audit"));
         config.entry("audit").or_insert_with(|| json!(audit));
         if matches!(kind, OpcUa | Mqtt) {
@@ -151,7 +151,7 @@ fn link(f: &mut Findings<'_>, table: &LinkTable, station: &str, folder: &Path, s
 fn password(f: &mut Findings<'_>, table: &LinkTable, kind: Option<LinkKind>) {
     match (&table.password, &table.password_rights) {
         (Some(password), _) if kind.is_some_and(|kind| kind != S7) => {
-            let message = "a password that all share, which only S7 communication has";
+            let message = "only a link of type \"s7\" has one password for all";
             f.error(CONTRADICTION, password.span(), message, "users = \"press.users\": a name and a password each");
         }
         (Some(password), _) if !fits(password.get_ref()) => {
@@ -163,7 +163,7 @@ fn password(f: &mut Findings<'_>, table: &LinkTable, kind: Option<LinkKind>) {
             f.error(CONTRADICTION, rights.span(), message, "add `password`, or take `password_rights` away");
         }
         (Some(password), None) => {
-            let message = "a password that gives no rights";
+            let message = "`password_rights` is missing: the password gives no rights";
             f.error(CONTRADICTION, password.span(), message, "add password_rights = \"write\" or \"operate\"");
         }
         _ => {}
@@ -206,7 +206,7 @@ fn own_keys(
 
 fn milliseconds(f: &mut Findings<'_>, key: &str, text: &Placed<String>, range: &RangeInclusive<i64>) -> i64 {
     let time = time(f, Some(text), Span::ZERO).millis() as i64;
-    // What is no time has been told.
+    // A malformed time has been reported already.
     if time != 0 && !range.contains(&time) {
         let message = format!("`{key}` is {}; it can be {}ms to {}ms", text.get_ref(), range.start(), range.end());
         f.error(VALUE, text.span(), message, "a time within that range: \"500ms\"");
@@ -234,7 +234,7 @@ fn listening(f: &mut Findings<'_>, table: &LinkTable, kind: LinkKind) -> Option<
     listen(f, text)
 }
 
-/// Who may come in from where, and with what rights: the rules of the gate (docs/web.md).
+/// Which clients may connect from where, and with what rights: the rules of the gate (docs/web.md).
 fn protected(f: &mut Findings<'_>, table: &LinkTable, kind: LinkKind, rights: Right, listen: Option<SocketAddr>) {
     if !WITH_USERS.contains(&kind) {
         return;
@@ -246,7 +246,7 @@ fn protected(f: &mut Findings<'_>, table: &LinkTable, kind: LinkKind, rights: Ri
         f.error(CONTRADICTION, one.span(), "TLS takes a certificate and its key", "add the other one");
     }
     let wants_users = "users = \"press.users\", made by `ob1-gate user add press.users NAME --rights write`";
-    // On this machine too: any local user reaches it, and so does a page of a browser through a name that changes.
+    // On this machine, too: any local user can reach it, and so can a web page whose host name changes its address.
     if let (true, None, Some(at)) = (rights > Right::Read, &table.users, &table.rights) {
         let message = format!("rights = \"{}\" for everybody who reaches it", at.get_ref());
         f.error(UNPROTECTED, at.span(), message, wants_users);
@@ -256,19 +256,19 @@ fn protected(f: &mut Findings<'_>, table: &LinkTable, kind: LinkKind, rights: Ri
         return;
     }
     if table.users.is_none() {
-        let message = format!("{listen} is reached from outside this machine, and nobody has to say who he is");
+        let message = format!("{listen} can be reached from outside this machine, and nobody has to log in");
         f.error(UNPROTECTED, at.span(), message, wants_users);
     }
     if WITH_TLS.contains(&kind) && table.certificate.is_none() {
         let message =
-            format!("{listen} is reached from outside this machine, and passwords would go there unprotected");
+            format!("{listen} can be reached from outside this machine, and passwords would not be encrypted");
         let remedy =
             "certificate = \"press.crt\" and key = \"press.key\", or listen on 127.0.0.1 behind a proxy with TLS";
         f.error(UNPROTECTED, at.span(), message, remedy);
     }
 }
 
-/// What goes to a broker on another machine is encrypted, and it knows who we are (docs/mqtt.md).
+/// A connection to a broker on another machine must be encrypted, and the broker must know who we are (docs/mqtt.md).
 fn brokered(f: &mut Findings<'_>, table: &LinkTable, kind: LinkKind, rights: Right) {
     let (Mqtt, Some(broker)) = (kind, &table.broker) else { return };
     if let (Some(commands), Right::Read) = (&table.commands, rights) {
@@ -291,15 +291,15 @@ fn brokered(f: &mut Findings<'_>, table: &LinkTable, kind: LinkKind, rights: Rig
     };
     let here = ["localhost", "127.", "[::1]"].iter().any(|start| rest.starts_with(start));
     if !tls && !here {
-        let message = "what goes to another machine would go unprotected";
+        let message = "the connection to a broker on another machine would not be encrypted";
         f.error(UNPROTECTED, broker.span(), message, "mqtts://, with `ca`");
     }
     if tls && table.ca.is_none() {
-        let message = "nobody says who signs the broker's certificate: the key `ca` is missing";
+        let message = "the broker's certificate cannot be checked: the key `ca` is missing";
         f.error(MISSING, broker.span(), message, "ca = \"plant-ca.pem\"");
     }
     if tls && !here && table.user.is_none() && table.certificate.is_none() {
-        let message = "the broker would not know who we are";
+        let message = "this link would not identify itself to the broker";
         f.error(UNPROTECTED, broker.span(), message, "`user` and `password_file`, or `certificate` and `key`");
     }
 }

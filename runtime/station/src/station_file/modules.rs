@@ -197,7 +197,7 @@ fn io_bytes(f: &mut Findings<'_>, table: &ModuleTable, ty: Type) -> u16 {
         ("bytes", &table.bytes, &table.channels, IO_AREA_BYTES as i64)
     };
     if let Some(other) = other {
-        let message = format!("a module of this type is as long as its `{key}`");
+        let message = format!("the length of a module of this type is given by `{key}`");
         f.error(
             CONTRADICTION,
             other.span(),
@@ -230,7 +230,7 @@ fn cp240(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Mod
     Some(ModuleKind::Cp240 { params: Box::new(params), bytes, line, abd, diagnostics })
 }
 
-/// A line that cannot do 1.5 stop bits.
+/// Refuses 1.5 stop bits on a line that does not have them.
 pub(super) fn stop_bits_of(f: &mut Findings<'_>, table: &ModuleTable, line: &Line, stop_bits: StopBits) {
     if stop_bits == StopBits::OneAndHalf && !matches!(line, Line::Sim(_)) {
         let at = match (&table.params, &table.raw) {
@@ -274,7 +274,7 @@ pub(super) fn characters_of_modbus(f: &mut Findings<'_>, table: &ModuleTable, pa
     }
 }
 
-/// Where a parameter stands in the file: its value, or else what has all of them.
+/// The place of a parameter in the file: its value, or else what has all of them.
 fn place_of(table: &ModuleTable, key: &str) -> std::ops::Range<usize> {
     let named = table
         .params
@@ -333,7 +333,7 @@ pub(super) fn keys_of<'a>(f: &mut Findings<'_>, params: &'a Placed<Keys>) -> Opt
     Some(keys)
 }
 
-/// Where the key that is wrong stands.
+/// The place of the key that is wrong.
 pub(super) fn place_in(params: &Placed<Keys>, error: &ParamError) -> std::ops::Range<usize> {
     let found = params.get_ref().iter().find(|(key, _)| *key.get_ref() == error.key);
     found.map_or(params.span(), |(key, value)| key.span().start..value.span().end)
@@ -345,7 +345,7 @@ fn from_raw<P>(
     raw: &Placed<String>,
     decode: fn(&[u8; 16]) -> Result<P, ParamError>,
 ) -> Option<P> {
-    // Behind the opening quote; a string with escapes would only move the caret.
+    // After the opening quote; in a string with escapes only the caret would be off.
     let start = raw.span().start + 1;
     let mut bytes = [0; 16];
     let mut places = Vec::new();

@@ -20,7 +20,7 @@ const EVERY: Span = Span::from_secs(1);
 /// Shorter than this the disk would do nothing else.
 const SHORTEST: Span = Span::from_millis(100);
 
-/// The ranges go into the CPU's configuration; the file is there when the table is.
+/// Puts the ranges into the CPU's configuration; returns the file if the table is there.
 pub(super) fn retentive(
     f: &mut Findings<'_>,
     table: Option<&RetentiveTable>,
@@ -41,7 +41,7 @@ pub(super) fn retentive(
     let every = table.every.as_ref().map_or(EVERY, |text| match parse_duration(text.get_ref()) {
         Ok(every) if every >= SHORTEST => every,
         Ok(_) => {
-            f.error(VALUE, text.span(), "so often retentive memory cannot be written", "\"100ms\" or more");
+            f.error(VALUE, text.span(), "retentive memory cannot be written so often", "\"100ms\" or more");
             EVERY
         }
         Err(message) => {
@@ -68,7 +68,7 @@ pub(super) fn downloads(
         f.error(
             CONTRADICTION,
             state.span(),
-            "there is nothing to be kept there",
+            "`state` is not needed: this station keeps nothing",
             "add [retentive], an S7 link with rights = \"operate\" or a link of the gate, or leave `state` out",
         );
     }
@@ -101,12 +101,12 @@ fn ranges(f: &mut Findings<'_>, key: &str, list: &[Placed<String>], len: u32) ->
         match range(text.get_ref()).filter(|range| range.end <= len) {
             Some(range) => ranges.push(range),
             None => {
-                let message = format!("{key} = \"{}\" is not a range there", text.get_ref());
+                let message = format!("{key} = \"{}\" is not a valid range", text.get_ref());
                 f.error(
                     VALUE,
                     text.span(),
                     message,
-                    format!("first and last, such as \"0..15\"; the last there is {}", i64::from(len) - 1),
+                    format!("first and last, such as \"0..15\"; the last possible is {}", i64::from(len) - 1),
                 );
             }
         }

@@ -13,7 +13,7 @@ use crate::finding::nearest;
 
 /// The default of `delay_max`.
 pub(super) const DELAY_MAX: Span = Span::from_millis(20);
-/// What a burst without a time of its own is told to last: the file is refused anyway.
+/// Stands in for the missing length of a burst: the file is refused anyway.
 const SHORTEST: Span = Span::from_nanos(1);
 
 pub(super) fn lines(f: &mut Findings<'_>, file: &StationFile, folder: &Path) -> Vec<SimulatedLine> {
@@ -37,7 +37,7 @@ fn line(f: &mut Findings<'_>, table: &SimulatedLineTable, folder: &Path) -> Simu
             f.error(
                 CONTRADICTION,
                 key.span(),
-                "faults that come all the time have no times",
+                "`every` and `length` belong to `bursts`: `faults` apply all the time",
                 "put them under `bursts`",
             );
         }
@@ -70,7 +70,7 @@ fn fault_rates(f: &mut Findings<'_>, rates: &RatesTable) -> FaultRates {
     let sum: u64 = [flip, lose, double, delay, parity, framing, break_].into_iter().map(u64::from).sum();
     let last = [&rates.break_, &rates.framing, &rates.parity, &rates.delay, &rates.double, &rates.lose, &rates.flip];
     if let (true, Some(key)) = (sum > 1_000_000, last.into_iter().flatten().next()) {
-        let message = format!("{sum} of a million characters cannot suffer");
+        let message = format!("the fault rates add up to {sum}, more than 1000000");
         f.error(
             CONTRADICTION,
             key.span(),
@@ -138,7 +138,7 @@ fn places(f: &mut Findings<'_>, file: &StationFile, lines: &[SimulatedLine]) {
         }
     }
     for (table, _) in file.simulated_line.iter().zip(on).filter(|(_, on)| *on == 0) {
-        let message = format!("nobody is on the simulated line \"{}\"", table.name.get_ref());
+        let message = format!("the simulated line \"{}\" is not used", table.name.get_ref());
         f.error(
             CONTRADICTION,
             table.name.span(),

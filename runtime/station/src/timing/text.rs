@@ -61,7 +61,7 @@ fn row(out: &mut String, name: &str, s: &Spread) {
     let _ = writeln!(out, "{:>10.1}", us(s.max_ns));
 }
 
-/// The late scans: how many of which class, the share nobody explains, and the longest.
+/// The late scans: how many of which class, the share without an explanation, and the longest.
 #[must_use]
 pub fn late(late: &LateReport) -> String {
     if late.scans == 0 {
@@ -69,7 +69,7 @@ pub fn late(late: &LateReport) -> String {
     }
     let mut out = format!("{} late scans", late.scans);
     if late.pending + late.lost > 0 {
-        let _ = write!(out, " ({} not explained yet, {} too fast to be told)", late.pending, late.lost);
+        let _ = write!(out, " ({} not explained yet, {} too fast to be explained)", late.pending, late.lost);
     }
     let _ = writeln!(out, "; unexplained (host suspected): {:.1} %", late.unexplained_share * 100.0);
     for (class, total) in &late.classes {
@@ -92,7 +92,7 @@ fn one(entry: &LateEntry) -> String {
     )
 }
 
-/// Who made a scan late, and what exactly.
+/// The class of a late scan, and the exact cause.
 pub(super) fn cause(entry: &LateEntry) -> String {
     let took = entry.lateness_ns.max(entry.execution_ns) as f64 / 1e6;
     format!("of {took:.1} ms {:.1} ms {}: {}", entry.size_ns as f64 / 1e6, entry.class.name(), entry.what)

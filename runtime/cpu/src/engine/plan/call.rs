@@ -5,6 +5,7 @@ use ob1_model::BlockKind;
 
 use super::Callee;
 use crate::arena::{ArenaBit, ArenaByte};
+use crate::whereabouts::Packed;
 
 /// Who is called.
 #[derive(Clone, Copy, Debug)]
@@ -143,7 +144,7 @@ pub struct InstanceOut {
 /// The list of pointers of a call.
 #[derive(Clone, Debug)]
 pub struct List {
-    /// The pointers, as they stand behind the call.
+    /// The pointers, as they follow the call.
     pub pointers: Box<[u32]>,
     /// Index of the signature of the block called, when it is known at load.
     pub signature: Option<u32>,
@@ -176,4 +177,6 @@ pub struct Call {
     pub given: u64,
     /// Something is to be copied back.
     pub copies_out: bool,
+    /// The statement of the call, as [`Whereabouts`](crate::Whereabouts) keep it.
+    pub(crate) site: Packed,
 }

@@ -6,7 +6,6 @@ use ob1_model::{Area, BitAddr, BlockKind};
 use super::lower_call::{Constants, lower_call};
 use super::{AREA_IN_POINTER, Base, Block, CallTarget, Callee, InstanceOf, Op, Scan, Signatures};
 use crate::arena::ArenaByte;
-use crate::engine::operand::width_bits;
 use crate::memory::Memory;
 use crate::{CpuConfig, LoadError};
 
@@ -149,7 +148,7 @@ fn scan_bit(scan: Scan, place: Place, l: &Lowering<'_>) -> Option<Op> {
 }
 
 fn load(operand: Operand, l: &Lowering<'_>) -> Option<Op> {
-    let bits = width_bits(operand.width);
+    let bits = operand.width.bits();
     if let Some((at, _)) = fixed(operand.place, u32::from(bits), l) {
         return Some(match bits {
             8 => Op::LoadByte { at },
@@ -165,7 +164,7 @@ fn load(operand: Operand, l: &Lowering<'_>) -> Option<Op> {
 }
 
 fn transfer(operand: Operand, l: &Lowering<'_>) -> Option<Op> {
-    let bits = width_bits(operand.width);
+    let bits = operand.width.bits();
     if let Some((at, _)) = fixed(operand.place, u32::from(bits), l) {
         return Some(match bits {
             8 => Op::StoreByte { at },

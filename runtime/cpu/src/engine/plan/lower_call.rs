@@ -9,7 +9,7 @@ use super::{
     Signatures,
 };
 use crate::LoadError;
-use crate::engine::operand::width_bits;
+use crate::whereabouts::Packed;
 
 /// Formals a block may have.
 const FORMALS: usize = 256;
@@ -87,6 +87,7 @@ pub(crate) fn lower_call(block: &CodeBlock, index: usize, call: &IrCall, l: &Low
         outs: Box::default(),
         given: 0,
         copies_out: false,
+        site: Packed::of(site),
     };
     let id = match call.target {
         Target::Block(id) | Target::Local(id, _) => id,
@@ -211,7 +212,7 @@ fn check_width(
     index: usize,
     wrong: &dyn Fn(String) -> LoadError,
 ) -> Result<(), LoadError> {
-    let bits = u32::from(width_bits(operand.width));
+    let bits = u32::from(operand.width.bits());
     if (formal.elementary || formal.number) && bits != formal.bits {
         return Err(wrong(format!("parameter {} has {} bits, its operand {bits}", index + 1, formal.bits)));
     }
