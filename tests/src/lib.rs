@@ -4,7 +4,7 @@ pub mod awlsim;
 pub mod bench;
 pub mod compare;
 pub mod coupler;
-#[path = "../../driver/protocols/tests/defaults/mod.rs"]
+#[path = "../../driver/protocols/tests/protocols/defaults/mod.rs"]
 mod defaults;
 pub mod fuzz;
 pub mod meters;

@@ -9,8 +9,9 @@ use crate::failure::Outcome;
 use crate::{pick, shell};
 
 const PREFIX: &str = "faults_";
-/// Location of the tests: package, folder.
-const PLACES: [(&str, &str); 2] = [("ob1-protocols", "driver/protocols/tests"), ("ob1-dp", "driver/dp/tests")];
+/// Location of the tests: package, test binary, its folder.
+const PLACES: [(&str, &str, &str); 2] =
+    [("ob1-protocols", "protocols", "driver/protocols/tests/protocols"), ("ob1-dp", "dp", "driver/dp/tests/dp")];
 /// Default number of orders that must end in each test, see `--telegrams`.
 const TELEGRAMS: u64 = 100_000;
 
@@ -26,17 +27,15 @@ struct Wish {
 pub(crate) fn run(args: &[String]) -> Outcome {
     let wish = parse(args)?;
     let protocols = pick::some_or_all(wish.protocols, protocols()?, "fault run for")?;
-    for (package, folder) in PLACES {
+    for (package, binary, folder) in PLACES {
         let here = pick::stems(folder, PREFIX)?;
         let wanted: Vec<&String> = protocols.iter().filter(|protocol| here.contains(protocol)).collect();
         if wanted.is_empty() {
             continue;
         }
-        let mut test = cargo(&["test", "--release", "--package", package]);
-        for protocol in wanted {
-            test.args(["--test", &format!("{PREFIX}{protocol}")]);
-        }
-        shell::run(test.args(["--", "--nocapture"]).env("OB1_TELEGRAMS", wish.telegrams.to_string()))?;
+        let mut test = cargo(&["test", "--release", "--package", package, "--test", binary, "--", "--nocapture"]);
+        test.args(wanted.iter().map(|protocol| format!("{PREFIX}{protocol}::")));
+        shell::run(test.env("OB1_TELEGRAMS", wish.telegrams.to_string()))?;
     }
     Ok(())
 }
@@ -44,7 +43,7 @@ pub(crate) fn run(args: &[String]) -> Outcome {
 /// The files `faults_*.rs`.
 fn protocols() -> Outcome<Vec<String>> {
     let mut all = Vec::new();
-    for (_, folder) in PLACES {
+    for (_, _, folder) in PLACES {
         all.extend(pick::stems(folder, PREFIX)?);
     }
     Ok(all)

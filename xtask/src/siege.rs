@@ -8,22 +8,23 @@ use crate::cargo::{self, Profile, cargo};
 use crate::failure::{Failure, Outcome};
 use crate::{needs, pick, python, shell};
 
-/// The sieges: the name, which is also that of the test; the test file; the default length.
+/// The sieges: the name, which is also that of the test; the test binary, with the module of the test if it has one;
+/// the default length.
 const SIEGES: &[Siege] = &[
-    siege("kill", "process_siege", Long::Rounds(1_000)),
-    siege("bus", "process_remote_io", Long::Rounds(200)),
-    siege("bus_dp", "process_profibus", Long::Rounds(200)),
-    siege("socket", "process_siege", Long::Rounds(100_000)),
-    siege("s7_kill", "process_s7_siege", Long::Rounds(100)),
-    siege("s7_sessions", "process_s7_siege", Long::Rounds(1_000_000)),
-    siege("s7_torn", "process_s7_siege", Long::Rounds(10_000_000)),
-    siege("s7_simulation", "simulation_cp343", Long::Rounds(1_000_000)),
-    siege("gate_http", "process_gate_siege", Long::Minutes(10.0)),
-    siege("gate_opcua", "process_gate_siege", Long::Minutes(10.0)),
-    siege("gate_mqtt", "process_gate_siege", Long::Minutes(10.0)),
-    siege("gate_greed", "process_gate_siege", Long::Minutes(60.0)),
-    siege("gate_broker", "process_gate_siege", Long::Rounds(100)),
-    siege("browsers", "process_browser", Long::Rounds(50)),
+    siege("kill", "process::siege", Long::Rounds(1_000)),
+    siege("bus", "process::remote_io", Long::Rounds(200)),
+    siege("bus_dp", "process::profibus", Long::Rounds(200)),
+    siege("socket", "process::siege", Long::Rounds(100_000)),
+    siege("s7_kill", "process::s7_siege", Long::Rounds(100)),
+    siege("s7_sessions", "process::s7_siege", Long::Rounds(1_000_000)),
+    siege("s7_torn", "process::s7_siege", Long::Rounds(10_000_000)),
+    siege("s7_simulation", "simulation::cp343", Long::Rounds(1_000_000)),
+    siege("gate_http", "process::gate_siege", Long::Minutes(10.0)),
+    siege("gate_opcua", "process::gate_siege", Long::Minutes(10.0)),
+    siege("gate_mqtt", "process::gate_siege", Long::Minutes(10.0)),
+    siege("gate_greed", "process::gate_siege", Long::Minutes(60.0)),
+    siege("gate_broker", "process::gate_siege", Long::Rounds(100)),
+    siege("browsers", "process::browser", Long::Rounds(50)),
     siege("segment", "siege", Long::Rounds(1_000_000)),
     siege("input", "siege", Long::Rounds(100_000)),
     siege("cut", "siege", Long::Rounds(1_000)),
@@ -33,16 +34,27 @@ const SIEGES: &[Siege] = &[
 /// What `cargo xtask bench gate` measures: also tests, whose figures are checked against limits when they run for
 /// minutes.
 const LOADS: &[Siege] = &[
-    siege("gate_items", "process_gate_load", Long::Minutes(2.0)),
-    siege("gate_browsers", "process_gate_load", Long::Minutes(5.0)),
-    siege("gate_paint", "process_gate_load", Long::Minutes(0.5)),
+    siege("gate_items", "process::gate_load", Long::Minutes(2.0)),
+    siege("gate_browsers", "process::gate_load", Long::Minutes(5.0)),
+    siege("gate_paint", "process::gate_load", Long::Minutes(0.5)),
 ];
 
 struct Siege {
     name: &'static str,
     package: &'static str,
-    binary: &'static str,
+    /// `BINARY` or `BINARY::MODULE`.
+    file: &'static str,
     long: Long,
+}
+
+impl Siege {
+    /// The test binary, and the full name of the test in it.
+    fn test(&self) -> (&'static str, String) {
+        match self.file.split_once("::") {
+            Some((binary, module)) => (binary, format!("{module}::{}", self.name)),
+            None => (self.file, self.name.to_owned()),
+        }
+    }
 }
 
 /// The default length of a siege.
@@ -52,8 +64,8 @@ enum Long {
     Minutes(f64),
 }
 
-const fn siege(name: &'static str, binary: &'static str, long: Long) -> Siege {
-    Siege { name, package: "ob1-tests", binary, long }
+const fn siege(name: &'static str, file: &'static str, long: Long) -> Siege {
+    Siege { name, package: "ob1-tests", file, long }
 }
 
 /// # Errors
@@ -109,12 +121,14 @@ fn lay(sieges: &[&Siege], rounds: Option<u64>, minutes: Option<f64>) -> Outcome 
     shell::run(&mut cargo(&["build", "--release", "--workspace"]))?;
     let folder = Profile::Release.folder()?;
     for siege in sieges {
-        let mut test = cargo(&["test", "--release", "--package", siege.package, "--test", siege.binary]);
+        let (binary, test) = siege.test();
+        let mut command = cargo(&["test", "--release", "--package", siege.package, "--test", binary]);
         let (variable, long) = match siege.long {
             Long::Rounds(usual) => ("OB1_SIEGE_ROUNDS", rounds.unwrap_or(usual).to_string()),
             Long::Minutes(usual) => ("OB1_SIEGE_MINUTES", minutes.unwrap_or(usual).to_string()),
         };
-        test.args(["--", "--nocapture", "--test-threads=1", siege.name])
+        command
+            .args(["--", "--nocapture", "--test-threads=1", "--exact", &test])
             .env(variable, long)
             .env("OB1_UNDER_XTASK", "1")
             .env("OB1_PLUGIN_DIR", &folder)
@@ -122,7 +136,7 @@ fn lay(sieges: &[&Siege], rounds: Option<u64>, minutes: Option<f64>) -> Outcome 
             .env("OB1_PYTHON", &python)
             .env("NODE_PATH", python::node_modules())
             .current_dir(cargo::root());
-        shell::run(&mut test)?;
+        shell::run(&mut command)?;
     }
     Ok(())
 }
@@ -159,9 +173,9 @@ mod tests {
     fn sieges_are_tests() {
         for siege in SIEGES.iter().chain(LOADS) {
             let folder = if siege.package == "ob1-station" { "runtime/station/tests" } else { "tests/tests" };
-            let path = cargo::root().join(folder).join(format!("{}.rs", siege.binary));
+            let path = cargo::root().join(folder).join(format!("{}.rs", siege.file.replace("::", "/")));
             let text = std::fs::read_to_string(&path).expect("its file");
-            let stands = text.contains(&format!("\nfn {}()", siege.name)) || siege.binary == "process_retentive";
+            let stands = text.contains(&format!("\nfn {}()", siege.name)) || siege.file == "process_retentive";
             let long = match siege.long {
                 Long::Rounds(_) => text.contains("rounds(") || text.contains("OB1_SIEGE_ROUNDS"),
                 Long::Minutes(_) => text.contains("Span::of("),

@@ -21,7 +21,7 @@ use crate::failure::{Failure, Outcome, step};
 use crate::{loom_miri, needs, python, shell};
 
 /// Tests that start real processes are in test binaries with this prefix; they run one after the other.
-const SERIAL_PREFIX: &str = "process_";
+const SERIAL_PREFIX: &str = "process";
 
 /// The options of the command line.
 #[derive(Debug, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! Prints `docs/cp341-events.md`.
 
-#[path = "../tests/cp341_events_page/mod.rs"]
+#[path = "../tests/protocols/cp341_events_page/mod.rs"]
 mod cp341_events_page;
 
 fn main() {

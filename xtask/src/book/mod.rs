@@ -1,7 +1,7 @@
 //! `cargo xtask book [--check]`: the pages of `docs/` as a book.
 //!
 //! The check: every page is in the table of contents, the target of every link and path exists (`rules`), the STL in
-//! the pages compiles and the command lines parse (`runtime/ob1/tests/book.rs`). Without `--check` mdBook then
+//! the pages compiles and the command lines parse (`runtime/ob1/tests/command/book.rs`). Without `--check` mdBook then
 //! generates HTML in `target/book`.
 
 mod page;
@@ -36,7 +36,7 @@ pub(crate) fn run(args: &[String], usage: &str) -> Outcome {
         return Err(step(format!("the book: {} findings", findings.len())));
     }
     println!("book: {} pages, every page listed, every link and path there", book.pages.len());
-    shell::run(&mut cargo(&["test", "--quiet", "--package", "ob1", "--test", "book"]))?;
+    shell::run(&mut cargo(&["test", "--quiet", "--package", "ob1", "--test", "command", "book::"]))?;
     if only_check {
         return Ok(());
     }

@@ -1,0 +1,5 @@
+//! A PROFIBUS DP master and its slaves on a simulated line, in virtual time.
+
+mod faults_dp;
+mod line;
+mod wires;

@@ -1,0 +1,35 @@
+//! The protocol machines in virtual time.
+
+mod any_input;
+mod ascii;
+mod ascii_cp341;
+mod ascii_line;
+mod codec;
+mod common;
+mod cp341_events;
+mod cp341_events_page;
+mod defaults;
+mod esp2;
+mod faults_ascii;
+mod faults_esp2;
+mod faults_mbus;
+mod faults_modbus;
+mod faults_rk512;
+mod faults_s3964;
+mod faults_stx_etx;
+mod mbus;
+mod modbus_codec;
+mod modbus_master;
+mod modbus_master_32;
+mod modbus_master_32_examples;
+mod modbus_master_32_table;
+mod modbus_slave;
+mod pair;
+mod rk512_losses;
+mod rk512_procedure;
+mod rk512_table;
+mod s3964_frame;
+mod s3964_receive;
+mod s3964_send;
+mod stx_etx;
+mod trace;

@@ -1,0 +1,34 @@
+//! The CPU on each engine, in virtual time.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod access_port;
+mod accounts;
+mod addressing;
+mod both;
+mod calls;
+mod cycle;
+mod edges;
+mod engines;
+mod exchange;
+mod faults;
+mod forms;
+mod instructions;
+mod interrupts;
+mod modules;
+mod natives;
+mod parameters;
+mod pointers;
+mod programs;
+mod raw_lists;
+mod retentive;
+mod services;
+mod stack;
+mod standard_blocks;
+mod system_functions;
+mod system_inputs;
+mod system_status;
+mod tia;
+mod timers;
+mod walk;

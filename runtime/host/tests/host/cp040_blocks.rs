@@ -1,0 +1,209 @@
+//! The handling blocks of the CP 040, loaded as the runtime loads them, against registers written by hand.
+
+use std::collections::BTreeMap;
+
+use ob1_cpu::{ModuleStatus, Natives};
+use ob1_host::plugin::{Plugin, PluginModule};
+use ob1_model::BlockKind;
+
+use crate::support::{Cpu, Registers, find, plugin};
+
+const ADR: u32 = 256;
+
+/// A block with its actual parameters and its instance.
+struct Fb {
+    number: u16,
+    params: Vec<u32>,
+    instance: Vec<u8>,
+    /// Places of DONE or NDR, ERROR, STATUS.
+    outputs: [usize; 3],
+}
+
+impl Fb {
+    /// FB 60: REQ, R, LADDR, DB_NO, DBB_NO, LEN, IO_SIZE, DONE, ERROR, STATUS, CONTROL.
+    fn send(len: u32) -> Self {
+        Self {
+            number: 60,
+            params: vec![1, 0, ADR, 10, 20, len, 16, 0, 0, 0, 0],
+            instance: vec![0; 32],
+            outputs: [7, 8, 9],
+        }
+    }
+
+    /// FB 61: EN_R, R, LADDR, DB_NO, DBB_NO, IO_SIZE, NDR, ERROR, STATUS, LEN, CONTROL.
+    fn receive() -> Self {
+        Self {
+            number: 61,
+            params: vec![1, 0, ADR, 11, 4, 16, 0, 0, 0, 0, 0],
+            instance: vec![0; 32],
+            outputs: [6, 7, 8],
+        }
+    }
+
+    /// One call: DONE, ERROR and STATUS. BR is the contrary of ERROR.
+    fn call(&mut self, cpu: &mut Cpu, blocks: &Natives) -> (u32, u32, u32) {
+        std::mem::swap(&mut cpu.instance, &mut self.instance);
+        assert_eq!(cpu.call(find(blocks, BlockKind::Fb, self.number), &self.params), Ok(()));
+        std::mem::swap(&mut cpu.instance, &mut self.instance);
+        self.params = cpu.params.iter().map(|value| value.expect("supplied")).collect();
+        let [done, error, status] = self.outputs.map(|at| self.params[at]);
+        assert_eq!(cpu.br, Some(error == 0));
+        (done, error, status)
+    }
+}
+
+fn cp040() -> (Cpu, Natives) {
+    let mut cpu = Cpu::new();
+    cpu.module = Registers {
+        address: ADR,
+        status: ModuleStatus { present: true, generation: 1, leds: 0 },
+        ..Registers::default()
+    };
+    cpu.module.input[0] = 0x88;
+    cpu.dbs.insert(10, (0..100).collect());
+    cpu.dbs.insert(11, vec![0xEE; 60]);
+    let plugin = Plugin::load(&plugin("ob1_cp040")).expect("it is ours");
+    let blocks = plugin.station(&BTreeMap::new(), &[PluginModule::at(ADR)]).expect("nothing is renumbered");
+    (cpu, blocks)
+}
+
+const RUNNING: (u32, u32, u32) = (0, 0, 0x8181);
+const NOTHING: (u32, u32, u32) = (0, 0, 0);
+
+#[test]
+fn fb_60_hands_over_fragment_by_fragment() {
+    let (mut cpu, blocks) = cp040();
+    let mut send = Fb::send(50);
+    assert_eq!(send.call(&mut cpu, &blocks), RUNNING, "first 88h");
+    assert_eq!(cpu.module.output[0], 0x88);
+    // [S3 L323], [S3 L325]: 09, 00, 01, 0A, each answered.
+    for (command, answer, first) in [(0x89, 0x98, 20), (0x80, 0x08, 32), (0x81, 0x18, 47), (0x8A, 0xA8, 62)] {
+        assert_eq!(send.call(&mut cpu, &blocks), RUNNING);
+        let data = if command == 0x89 { 4 } else { 1 };
+        assert_eq!((cpu.module.output[0], cpu.module.output[data]), (command, first));
+        assert_eq!(send.call(&mut cpu, &blocks), RUNNING, "not answered");
+        cpu.module.input[0] = answer;
+    }
+    assert_eq!(cpu.module.output[1..9], [62, 63, 64, 65, 66, 67, 68, 69]);
+    assert_eq!(send.call(&mut cpu, &blocks), (1, 0, 0), "DONE");
+    assert_eq!((cpu.module.output[0], send.params[10]), (0x88, 0x88), "CONTROL is byte 0");
+    assert_eq!(send.call(&mut cpu, &blocks), NOTHING, "for one call, and REQ is no edge");
+}
+
+#[test]
+fn fb_60_tells_why_it_has_failed() {
+    for (answer, status) in [(0xD8, 0x0517), (0xE8, 0x070A), (0xC8, 0x0202)] {
+        let (mut cpu, blocks) = cp040();
+        let mut send = Fb::send(5);
+        send.call(&mut cpu, &blocks);
+        assert_eq!(send.call(&mut cpu, &blocks), RUNNING);
+        cpu.module.input[0] = answer;
+        assert_eq!(send.call(&mut cpu, &blocks), (0, 1, status), "{answer:02X}h");
+        assert_eq!(cpu.module.output[0], 0x88);
+        assert_eq!(send.call(&mut cpu, &blocks), NOTHING);
+    }
+}
+
+#[test]
+fn wrong_parameters_have_their_status() {
+    // Place of the parameter, its value, STATUS.
+    for (at, value, status) in [
+        (6, 0, 0x0202),
+        (6, 61, 0x0202),
+        (6, 60, 0x0202),
+        (2, 300, 0x80A0),
+        (3, 99, 0x0301),
+        (3, 0, 0x0301),
+        (4, 60, 0x0301),
+        (5, 0, 0x0517),
+        (5, 1025, 0x0517),
+    ] {
+        let (mut cpu, blocks) = cp040();
+        Fb::receive().call(&mut cpu, &blocks);
+        let mut send = Fb::send(50);
+        send.params[at] = value;
+        assert_eq!(send.call(&mut cpu, &blocks), (0, 1, status), "parameter {at} = {value}");
+        assert_eq!(cpu.module.output[1..], [0; 15], "nothing goes out");
+    }
+}
+
+#[test]
+fn fb_61_fetches_and_says_how_much() {
+    let (mut cpu, blocks) = cp040();
+    let mut receive = Fb::receive();
+    assert_eq!(receive.call(&mut cpu, &blocks), NOTHING);
+    // [S3 L327]: 40 bytes in three fragments.
+    cpu.module.input = [0x89, 0, 0, 0x2A, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9];
+    assert_eq!(receive.call(&mut cpu, &blocks), RUNNING);
+    assert_eq!(cpu.module.output[0], 0x98);
+    cpu.module.input = std::array::from_fn(|n| if n == 0 { 0x80 } else { 9 + n as u8 });
+    assert_eq!(receive.call(&mut cpu, &blocks), RUNNING);
+    assert_eq!(cpu.module.output[0], 0x08);
+    cpu.module.input = std::array::from_fn(|n| if n == 0 { 0x8A } else { 24 + n as u8 });
+    assert_eq!(receive.call(&mut cpu, &blocks), (1, 0, 0), "NDR");
+    assert_eq!((receive.params[9], cpu.module.output[0]), (40, 0xA8));
+    assert_eq!(cpu.dbs[&11][4..44], Vec::from_iter(0..40));
+    assert_eq!(cpu.dbs[&11][44..], [0xEE; 16]);
+    cpu.module.input[0] = 0x88;
+    assert_eq!(receive.call(&mut cpu, &blocks), NOTHING);
+    assert_eq!(cpu.module.output[0], 0x88);
+}
+
+#[test]
+fn what_does_not_fit_waits_in_the_cp() {
+    let (mut cpu, blocks) = cp040();
+    let mut receive = Fb::receive();
+    receive.call(&mut cpu, &blocks);
+    cpu.module.input = [0x8A, 0, 0, 7, 0, 0, 1, 2, 3, 4, 5, 0, 0, 0, 0, 0];
+    for (db, byte, status) in [(11, 56, 0x8323), (12, 0, 0x833A), (0, 0, 0x0301)] {
+        (receive.params[3], receive.params[4]) = (db, byte);
+        assert_eq!(receive.call(&mut cpu, &blocks), (0, 1, status));
+        assert_eq!(cpu.module.output[0], 0x88, "not acknowledged");
+    }
+    (receive.params[3], receive.params[4]) = (11, 55);
+    assert_eq!(receive.call(&mut cpu, &blocks), (1, 0, 0));
+    assert_eq!(cpu.dbs[&11][54..], [0xEE, 1, 2, 3, 4, 5]);
+}
+
+#[test]
+fn an_error_of_the_cp_is_the_status() {
+    let (mut cpu, blocks) = cp040();
+    let mut receive = Fb::receive();
+    receive.call(&mut cpu, &blocks);
+    cpu.module.input[..6].copy_from_slice(&[0x8A, 0, 0, 2, 0x08, 0x0C]);
+    assert_eq!(receive.call(&mut cpu, &blocks), (0, 1, 0x080C));
+    assert_eq!(cpu.module.output[0], 0xA8, "acknowledged like any other");
+}
+
+#[test]
+fn r_resets_and_says_that_it_is_done() {
+    for mut block in [Fb::send(5), Fb::receive()] {
+        let (mut cpu, blocks) = cp040();
+        block.params[0] = 0;
+        block.call(&mut cpu, &blocks);
+        block.params[1] = 1;
+        assert_eq!(block.call(&mut cpu, &blocks), RUNNING);
+        assert_eq!(cpu.module.output[0], 0x8B);
+        cpu.module.input[0] = 0xC8;
+        assert_eq!(block.call(&mut cpu, &blocks), RUNNING);
+        assert_eq!(cpu.module.output[0], 0x88);
+        cpu.module.input[0] = 0x88;
+        assert_eq!(block.call(&mut cpu, &blocks), (1, 0, 0), "FB {}", block.number);
+        assert_eq!(block.call(&mut cpu, &blocks), NOTHING, "R is no edge any more");
+    }
+}
+
+#[test]
+fn a_new_start_of_the_cp_ends_the_job_once() {
+    let (mut cpu, blocks) = cp040();
+    let mut send = Fb::send(5);
+    send.call(&mut cpu, &blocks);
+    assert_eq!(send.call(&mut cpu, &blocks), RUNNING);
+    cpu.module.status.present = false;
+    assert_eq!(send.call(&mut cpu, &blocks), RUNNING, "its driver is started again");
+    cpu.module.status = ModuleStatus { present: true, generation: 2, leds: 0 };
+    assert_eq!(send.call(&mut cpu, &blocks), RUNNING);
+    assert_eq!(cpu.module.output[0], 0x88, "nothing of before stands there");
+    assert_eq!(send.call(&mut cpu, &blocks), (0, 1, 0x0202));
+    assert_eq!(send.call(&mut cpu, &blocks), NOTHING);
+}

@@ -1,0 +1,7 @@
+//! `ob1` as a real process.
+
+mod bench;
+mod command;
+mod new;
+mod output;
+mod retentive_files;

@@ -1,0 +1,96 @@
+//! The files of retentive memory under a real run: a disk that takes nothing more, two runs at once, a folder that
+//! cannot be used.
+
+use std::process::{Command, Stdio};
+
+use rustix::process::{Pid, Resource, Rlimit, prlimit};
+use serde_json::Value;
+
+use crate::bench::{Bench, STATION, Station, until};
+
+fn bench() -> Bench {
+    let bench = Bench::new();
+    // MW 0 counts scans: there is always something to write.
+    bench.write("bench.toml", &format!("{STATION}\n[retentive]\nmemory = [\"0..255\"]\nevery = \"100ms\"\n"));
+    bench
+}
+
+fn retentive(bench: &Bench) -> Value {
+    bench.json(&["ctl", "bench", "status", "--json"])["retentive"].clone()
+}
+
+fn entries(bench: &Bench, event: &str) -> usize {
+    let diag = bench.json(&["diag", "bench", "--json"]);
+    diag["cpu"].as_array().map_or(0, |list| list.iter().filter(|entry| entry["event"] == event).count())
+}
+
+fn limit_files(station: &Station, bytes: Option<u64>) {
+    let pid = Pid::from_child(&station.child);
+    prlimit(Some(pid), Resource::Fsize, Rlimit { current: bytes, maximum: None }).expect("our own child");
+}
+
+/// The station goes on; each state is reported once, with the age of the last good image.
+#[test]
+fn a_disk_that_takes_nothing_more_is_told_once() {
+    let bench = bench();
+    // A process that ignores SIGXFSZ gets an error from the write instead, as on a full disk.
+    let mut command = Command::new("sh");
+    let ob1 = env!("CARGO_BIN_EXE_ob1");
+    command.args(["-c", &format!("trap '' XFSZ; exec {ob1} run bench.toml --quiet")]).current_dir(bench.folder.path());
+    command.env("XDG_RUNTIME_DIR", bench.folder.path()).stdin(Stdio::null()).stdout(Stdio::null());
+    let station = Station { child: command.spawn().expect("a shell") };
+    bench.until_state("RUN");
+    until(|| retentive(&bench)["generation"].as_u64() > Some(2));
+    limit_files(&station, Some(100));
+    until(|| retentive(&bench)["error"].as_str().is_some_and(|text| text.contains("File too large")));
+    let age = || retentive(&bench)["age_ns"].as_u64();
+    let then = age();
+    // Some attempts more.
+    until(|| age() > then.map(|age| age + 500_000_000));
+    assert_eq!((entries(&bench, "F301h"), entries(&bench, "F302h")), (1, 0));
+    assert_eq!(bench.json(&["ctl", "bench", "status", "--json"])["state"], "RUN");
+    let status = bench.ob1(&["ctl", "bench", "status"]);
+    assert!(String::from_utf8_lossy(&status.stdout).contains("cannot be written: File too large"), "{status:?}");
+    limit_files(&station, None);
+    until(|| !retentive(&bench)["error"].is_string());
+    until(|| entries(&bench, "F302h") == 1);
+    assert_eq!(entries(&bench, "F301h"), 1);
+}
+
+/// `ob1 run station.toml` in the station's own folder: two generations, and nothing to complain of.
+#[test]
+fn a_bare_file_name_has_two_generations() {
+    let bench = bench();
+    let mut station = bench.start(&[]);
+    until(|| retentive(&bench)["generation"].as_u64() >= Some(3));
+    assert_eq!((retentive(&bench)["error"].clone(), entries(&bench, "F301h")), (Value::Null, 0));
+    for slot in ["a", "b"] {
+        assert!(bench.folder.path().join(format!(".bench.retentive.{slot}")).exists(), "{slot}");
+    }
+    station.signal("-INT");
+    assert_eq!(station.child.wait().expect("it ends").code(), Some(0));
+}
+
+#[test]
+fn a_station_runs_once_whatever_its_runtime_directory() {
+    let bench = bench();
+    let station = bench.start(&[]);
+    let other = tempfile::tempdir().expect("a directory");
+    let mut second = bench.command(&["run", "bench.toml", "--scans", "1"]);
+    let output = second.env("XDG_RUNTIME_DIR", other.path()).output().expect("ob1 starts");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(5), "{said}");
+    assert!(said.contains(&format!("in use by process {}", station.child.id())), "{said}");
+}
+
+#[test]
+fn a_folder_that_cannot_be_used_is_refused_at_once() {
+    let bench = bench();
+    let text = std::fs::read_to_string(bench.folder.path().join("bench.toml")).expect("there");
+    bench.write("bench.toml", &text.replace("name = \"bench\"", "name = \"bench\"\nstate = \"bench.awl/below\""));
+    let output = bench.ob1(&["run", "bench.toml", "--scans", "1"]);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(6), "{said}");
+    assert!(said.contains("bench.awl/below") && said.contains("  = name a folder"), "{said}");
+    assert!(!said.contains("STARTUP") && !bench.rundir().exists(), "{said}");
+}

@@ -1,0 +1,187 @@
+//! The outputs of the process I/O do not stay active without their program: however the runtime ends, its guardian sets
+//! them to their safe state, and they are not changed after that.
+
+use std::fs;
+
+use ob1_backplane::{IoField, Owner};
+use rustix::process::Signal;
+
+use crate::common;
+use crate::common::Guard;
+use crate::common::native;
+use crate::common::processes::Watched;
+use crate::common::site::Site;
+use crate::common::station::Running;
+
+/// AB 0, PAW 4, PAW 6 while the program sets them, and in the safe state: the second valve has a substitute value.
+const DRIVEN: [u8; 8] = [0xA1, 0, 0, 0, 0x12, 0x34, 0x43, 0x21];
+const SAFE: [u8; 8] = [0, 0, 0, 0, 0, 0, 0xFF, 0xFE];
+
+/// A station whose program sets outputs. FC 234 ends the process if M 200.0 is set, FC 7 loops without end if M 200.1
+/// is set.
+fn station(site: &Site, min_cycle: &str) -> Running {
+    let plugin = native::build(site, "tests/native/exit_block.c", "exit_block.so", &[]);
+    let toml = format!(
+        "[station]\nname = \"guarded\"\n\n[cpu]\nmin_cycle = \"{min_cycle}\"\nwatchdog = \"500ms\"\nmissed = \"skip\"\n\n\
+         [program]\nsources = [\"guarded.awl\"]\n\n\
+         [[module]]\ntype = \"do\"\nname = \"lamps\"\naddress = 0\nbytes = 1\n\n\
+         [[module]]\ntype = \"ao\"\nname = \"valves\"\naddress = 4\nchannels = 1\n\n\
+         [[module]]\ntype = \"ao\"\nname = \"brake\"\naddress = 6\nchannels = 1\nsubstitute = [-2]\n\n\
+         [[plugin]]\npath = \"{}\"\n",
+        plugin.display()
+    );
+    let awl = "ORGANIZATION_BLOCK OB 1\nBEGIN\nNETWORK\nL B#16#A1;\nT AB 0;\nL W#16#1234;\nT PAW 4;\nL W#16#4321;\nT PAW 6;\n\
+               U M 200.0;\nSPBN end;\nCALL FC 234;\nend: NOP 0;\nEND_ORGANIZATION_BLOCK\n";
+    site.write("guarded.toml", &toml);
+    site.write("guarded.awl", awl);
+    site.run("guarded.toml").until_run()
+}
+
+/// The image, mapped independently of the processes of the station.
+struct Plant(IoField);
+
+impl Plant {
+    fn of(station: &Running) -> Self {
+        let field = IoField::open(&station.rundir.join("io")).expect("the image of a station that runs");
+        let plant = Self(field);
+        station.until("the outputs are driven", |_| (plant.outputs() == DRIVEN).then_some(()));
+        assert_eq!(plant.0.owner(), Some(Owner::Cpu));
+        plant
+    }
+
+    fn outputs(&self) -> [u8; 8] {
+        let mut outputs = [0xEE; 8];
+        self.0.read_outputs(0, &mut outputs);
+        outputs
+    }
+
+    fn until_safe(&self) {
+        let guard = Guard::begin();
+        while (self.outputs(), self.0.owner()) != (SAFE, Some(Owner::Guardian)) {
+            assert!(!guard.is_over(), "{:02X?}, {:?}", self.outputs(), self.0.owner());
+            std::thread::yield_now();
+        }
+    }
+}
+
+/// The guardian of the station, after it has started to watch.
+fn guardian(site: &Site, station: &Running) -> Watched {
+    station.until("a guardian", |_| {
+        site.processes().into_iter().find(|process| {
+            let words = fs::read(format!("/proc/{}/cmdline", process.pid)).unwrap_or_default();
+            words.split(|byte| *byte == 0).any(|word| word == b"janitor")
+        })
+    })
+}
+
+#[test]
+fn the_outputs_of_a_killed_runtime_go_to_their_safe_state() {
+    let site = Site::new();
+    let station = station(&site, "10ms");
+    let plant = Plant::of(&station);
+    let memory = common::processes::Memory::behind(&station.rundir.join("io"));
+    assert_eq!(station.kill().signal(), Some(9));
+    plant.until_safe();
+    let alive = plant.0.alive();
+    site.wait_until_empty();
+    assert!(!site.rundir("guarded").exists(), "and it has cleaned up");
+    assert_eq!((plant.outputs(), plant.0.alive()), (SAFE, alive), "a dead image looks dead");
+    drop(plant);
+    memory.wait_until_free();
+}
+
+#[test]
+fn a_guardian_that_is_killed_or_asked_to_end_is_there_when_it_is_needed() {
+    let site = Site::new();
+    let station = station(&site, "10ms");
+    let plant = Plant::of(&station);
+    let first = guardian(&site, &station);
+    first.signal(Signal::KILL);
+    first.wait("the first guardian");
+    let second = guardian(&site, &station);
+    assert_ne!(first.pid, second.pid);
+    // It may not be ready yet: wait for one of its checks.
+    let beats = |process: &Watched| fs::read_to_string(format!("/proc/{}/status", process.pid)).unwrap_or_default();
+    let ignores = |status: &str| {
+        let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));
+        caught.is_some_and(|mask| u64::from_str_radix(mask.trim(), 16).unwrap_or(0) >> 14 & 1 == 1)
+    };
+    station.until("it hears signals", |_| ignores(&beats(&second)).then_some(()));
+    for signal in [Signal::TERM, Signal::HUP, Signal::INT] {
+        second.signal(signal);
+    }
+    station.scans(20);
+    assert_eq!(plant.outputs(), DRIVEN);
+    assert!(!second.has_ended(), "it goes when the runtime has gone");
+    station.kill();
+    plant.until_safe();
+    site.wait_until_empty();
+}
+
+#[test]
+fn a_runtime_that_was_stopped_drives_nothing_when_it_comes_to_life_again() {
+    let site = Site::new();
+    let station = station(&site, "1ms");
+    let plant = Plant::of(&station);
+    station.process.signal(Signal::STOP);
+    plant.until_safe();
+    station.process.signal(Signal::CONT);
+    while !station.process.ends_within(std::time::Duration::from_millis(1)) {
+        assert_eq!((plant.outputs(), plant.0.owner()), (SAFE, Some(Owner::Guardian)));
+    }
+    let ended = station.end();
+    assert_eq!(ended.code(), Some(12), "{ended:?}");
+    assert!(ended.err.contains("stood still"), "{ended:?}");
+    assert_eq!(plant.outputs(), SAFE);
+    site.wait_until_empty();
+}
+
+#[test]
+fn a_plugin_that_calls_exit_is_a_fault() {
+    let site = Site::new();
+    let station = station(&site, "10ms");
+    let plant = Plant::of(&station);
+    station.try_set("M200.0", 1);
+    let ended = station.end();
+    assert_eq!(ended.code(), Some(13), "{ended:?}");
+    assert!(ended.err.contains("FC 234 has called exit()"), "{ended:?}");
+    assert_eq!(plant.outputs(), SAFE);
+    site.wait_until_empty();
+}
+
+#[test]
+fn outputs_that_others_write_are_written_again_in_the_next_cycle() {
+    let site = Site::new();
+    let station = station(&site, "1ms");
+    let plant = Plant::of(&station);
+    for round in 0..20_u8 {
+        plant.0.trespass(0, &[round; 8]);
+        plant.0.trespass(100, &[round | 1; 8]);
+        station.until("they are the program's again", |_| {
+            let mut unused = [0; 8];
+            plant.0.read_outputs(100, &mut unused);
+            (plant.outputs() == DRIVEN && unused == [0; 8]).then_some(())
+        });
+    }
+    let alive = plant.0.alive();
+    site.ob1(&["ctl", "guarded.toml", "stop"]).fine();
+    station.until("STOP", |s| (s.status().state == "STOP").then_some(()));
+    assert_eq!(plant.outputs(), SAFE, "in STOP the same");
+    station.until("it is alive in STOP too", |_| (plant.0.alive() > alive + 10).then_some(()));
+    assert_eq!(station.interrupt().code(), Some(0));
+    assert_eq!((plant.outputs(), plant.0.owner()), (SAFE, Some(Owner::Nobody)), "it has ended in order");
+}
+
+#[test]
+fn a_terminal_that_is_closed_ends_the_run_in_order() {
+    let site = Site::new();
+    let station = station(&site, "10ms");
+    let plant = Plant::of(&station);
+    station.process.signal(Signal::HUP);
+    station.process.signal(Signal::HUP);
+    let ended = station.end();
+    assert_eq!(ended.code(), Some(0), "{ended:?}");
+    assert!(ended.out.contains("ended by a signal"), "{ended:?}");
+    assert_eq!((plant.outputs(), plant.0.owner()), (SAFE, Some(Owner::Nobody)));
+    site.wait_until_empty();
+}

@@ -1,0 +1,333 @@
+//! `ob1 import`: the example becomes a running station; damaged parts are omitted and reported; exit codes and JSON.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use ob1_mc7::CompiledInterface;
+use ob1_model::{BlockId, BlockKind};
+use ob1_project::{Area, Block, DpModule, DpSlave, DpSystem, Files, Head, NewProject};
+use ob1_tests::step7;
+use serde_json::Value;
+
+use crate::common::checkout;
+use crate::common::site::Site;
+
+fn put(files: &Files, folder: &Path) {
+    for (name, bytes) in &files.0 {
+        let path = folder.join(name);
+        fs::create_dir_all(path.parent().expect("a folder")).expect("room");
+        fs::write(path, bytes).expect("room");
+    }
+}
+
+fn project(site: &Site, files: &Files) -> String {
+    let folder = site.path("project");
+    put(files, &folder);
+    folder.display().to_string()
+}
+
+fn text(path: &Path) -> String {
+    fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+/// All files below a folder.
+fn files_of(folder: &Path, below: &str, found: &mut BTreeMap<String, Vec<u8>>) {
+    for entry in fs::read_dir(folder.join(below)).expect("a folder").flatten() {
+        let name = format!("{below}{}", entry.file_name().to_string_lossy());
+        if entry.path().is_dir() {
+            files_of(folder, &format!("{name}/"), found);
+        } else if name != "README.md" {
+            found.insert(name.clone(), fs::read(folder.join(&name)).expect("a file"));
+        }
+    }
+}
+
+/// The folder in `examples` matches the output of the encoder. OB1_BLESS=1 writes it.
+#[test]
+fn the_example_is_what_the_encoder_writes() {
+    let folder = checkout("examples/step7-project");
+    let made = step7::example().files();
+    if std::env::var_os("OB1_BLESS").is_some() {
+        put(&made, &folder);
+    }
+    let mut found = BTreeMap::new();
+    files_of(&folder, "", &mut found);
+    assert_eq!(found.keys().collect::<Vec<_>>(), made.0.keys().collect::<Vec<_>>());
+    for (name, bytes) in &made.0 {
+        assert_eq!(found.get(name), Some(bytes), "{name}; OB1_BLESS=1 writes it anew");
+    }
+}
+
+/// A master system with one slave whose GSD file is available, and one without.
+fn with_slaves() -> Files {
+    let module = |slot, gsd: &str, inputs: &[Area], outputs: &[Area]| DpModule {
+        slot,
+        name: "66".into(),
+        gsd: gsd.into(),
+        identifier: vec![0x42],
+        inputs: inputs.to_vec(),
+        outputs: outputs.to_vec(),
+        ..DpModule::default()
+    };
+    let area = |first| [Area { first, bytes: 2 }];
+    let rack = DpSlave {
+        name: "Rack \"north\"\n[[bus]]".into(),
+        address: 2,
+        diagnostic: Some(2040),
+        modules: vec![module(4, "DI 16 x DC 24V", &area(400), &[]), module(5, "DO 16  x DC 24V", &[], &area(400))],
+        ..DpSlave::default()
+    };
+    let drive = DpSlave {
+        name: "Drive".into(),
+        address: 7,
+        modules: vec![module(4, "PPO 1", &area(410), &[])],
+        ..DpSlave::default()
+    };
+    let system = DpSystem { name: "PROFIBUS(1)".into(), slaves: vec![rack, drive], ..DpSystem::default() };
+    NewProject { dp: vec![system], ..step7::example() }.files()
+}
+
+#[test]
+fn slaves_become_a_bus_with_their_gsd_files_and_stay_plain_bytes_without() {
+    let site = Site::new();
+    let project = project(&site, &with_slaves());
+    let gsd = checkout("driver/dp/tests").display().to_string();
+    for (n, options) in [&[][..], &["--gsd", &gsd]].into_iter().enumerate() {
+        let out = site.path(format!("station{n}"));
+        let folder = out.display().to_string();
+        site.ob1(&[&["import", &project, "--out", &folder][..], options].concat()).fine();
+        let (station, report) = (text(&out.join("station.toml")), text(&out.join("report.txt")));
+        let file = out.join("station.toml").display().to_string();
+        let checked = site.ob1(&["check", &file, "--verbose"]).fine();
+        let has = |what: &str| station.lines().any(|line| line == what);
+        // For the second slave only its modules are known.
+        assert!(has("#     { slot = 1, module = \"PPO 1\", inputs = \"EB 410\" },"), "{station}");
+        assert!(report.contains("DP slave 7 (Drive)"), "{report}");
+        assert!(checked.contains("inputs, bytes 410..411"), "{checked}");
+        if options.is_empty() {
+            assert!(!has("[[bus]]") && checked.contains("inputs, bytes 400..401"), "{station}\n{checked}");
+            assert!(report.contains("--gsd") && has("# station = 2"), "{report}\n{station}");
+            continue;
+        }
+        assert!(
+            has("[[bus]]") && has("type = \"dp\"") && has("station = 2") && has("gsd = \"gsd/ET200M.GSD\""),
+            "{station}"
+        );
+        // The master gets another address, because a slave has its default address.
+        assert!(has("address = 0") && has("diagnostic = 2040"), "{station}");
+        assert!(has("    { slot = 2, module = \"DO 16 x DC 24V\", outputs = \"AB 400\" },"), "{station}");
+        assert!(out.join("gsd/ET200M.GSD").is_file());
+        assert!(
+            checked.contains("coupler on profibus-1, inputs 400..401") && !checked.contains("inputs, bytes 400"),
+            "{checked}"
+        );
+        assert!(report.contains("1 of 2 slaves are on the bus profibus-1"), "{report}");
+    }
+    assert_eq!(site.ob1(&["import", &project, "--out", "x", "--gsd", "nowhere"]).code, Some(2));
+}
+
+#[test]
+fn the_example_runs() {
+    let site = Site::new();
+    let example = checkout("examples/step7-project").display().to_string();
+    let out = site.path("station");
+    let said = site.ob1(&["import", &example, "--out", &out.display().to_string(), "--json"]).fine();
+    let json: Value = serde_json::from_str(&said).expect("JSON");
+    let keys: Vec<&String> = json.as_object().expect("an object").keys().collect();
+    assert_eq!(keys, ["blocks", "decoded", "files", "left_out", "program", "programs"]);
+    assert_eq!((&json["blocks"], &json["decoded"]), (&Value::from(4), &Value::from(4)));
+    assert_eq!(json["program"], "Conveyor/CPU 315-2 DP/S7 Program(1)");
+    assert_eq!(json["left_out"], Value::Array(Vec::new()));
+    for file in json["files"].as_array().expect("a list") {
+        assert!(out.join(file.as_str().expect("a name")).is_file(), "{file}");
+    }
+    let main = text(&out.join("blocks/OB_1.awl"));
+    for wanted in [
+        "CALL FC 1",
+        "Start := \"Start button\"",
+        "FP M 10.0;  // it has started",
+        "JCN run",
+        "run: ",
+        "TITLE = Conveyor",
+    ] {
+        assert!(main.replace("  ", " ").contains(&wanted.replace("  ", " ")), "{wanted} is not in\n{main}");
+    }
+    assert!(text(&out.join("blocks/FC_1.awl")).contains("Made in LAD"));
+    let hidden = text(&out.join("blocks/FC_2.awl"));
+    assert!(
+        hidden.contains("Value : INT") && !hidden.contains("+ 7") && out.join("blocks/FC_2.mc7").is_file(),
+        "{hidden}"
+    );
+    let data = text(&out.join("blocks/DB_1.awl"));
+    for wanted in [
+        "Limit : REAL  := 1.000000e+001",
+        "Starts := 3",
+        "Limit := 1.25e",
+        "Place.Row := 'A'",
+        "Place.Column := W#16#7",
+    ] {
+        assert!(data.contains(wanted), "{wanted} is not in\n{data}");
+    }
+    let station = text(&out.join("station.toml"));
+    for wanted in ["watchdog = \"200ms\"", "clock_memory = 100", "address = 288", "DO16xDC24V"] {
+        assert!(station.contains(wanted), "{wanted} is not in\n{station}");
+    }
+    let file = out.join("station.toml").display().to_string();
+    site.ob1(&["check", &file]).fine();
+    site.ob1(&["run", &file, "--scans", "20", "--quiet"]).fine();
+}
+
+#[test]
+fn what_is_damaged_is_left_out_and_told() {
+    let site = Site::new();
+    let mut files = step7::example().files();
+    // An unknown statement in the middle of FC 1.
+    let memo = files.0.get_mut("ombstx/offline/00000001/SUBBLK.DBT").expect("a memo file");
+    let at = memo.windows(4).position(|bytes| bytes == [0xFB, 0x82, 0x00, 0x06]).expect("FC 1");
+    memo[at..at + 2].copy_from_slice(&[0x7F, 0x7F]);
+    let example = project(&site, &files);
+    let out = site.path("station").display().to_string();
+    let said = site.ob1(&["import", &example, "--out", &out, "--json"]);
+    assert_eq!(said.code, Some(1), "{}{}", said.out, said.err);
+    let json: Value = serde_json::from_str(&said.out).expect("JSON");
+    assert_eq!((&json["blocks"], &json["decoded"]), (&Value::from(4), &Value::from(3)));
+    assert_eq!(json["left_out"][0]["block"], "FC 1");
+    assert!(json["left_out"][0]["reason"].as_str().is_some_and(|why| why.contains("S1501")), "{json}");
+    // The rest runs with an empty FC 1.
+    let file = format!("{out}/station.toml");
+    site.ob1(&["run", &file, "--scans", "20", "--quiet"]).fine();
+    // A second import into the folder needs an option.
+    assert_eq!(site.ob1(&["import", &example, "--out", &out]).code, Some(2));
+    assert_eq!(site.ob1(&["import", &example, "--out", &out, "--overwrite"]).code, Some(1));
+}
+
+#[test]
+fn nothing_that_can_be_read_is_exit_code_2() {
+    let site = Site::new();
+    let mut files = step7::example().files();
+    files.0.remove("ombstx/offline/00000001/SUBBLK.DBT");
+    let example = project(&site, &files);
+    fs::create_dir(site.path("empty")).expect("a folder");
+    let (empty, out) = (site.path("empty").display().to_string(), site.path("out").display().to_string());
+    for (args, told) in [
+        (["import", &example, "--out", &out], "memo file"),
+        (["import", &empty, "--out", &out], "no STEP 7 project"),
+        (["import", "/nowhere", "--out", &out], "/nowhere"),
+    ] {
+        let said = site.ob1(&args);
+        assert_eq!(said.code, Some(2), "{}{}", said.out, said.err);
+        assert!(said.err.contains(told), "{told} is not in {}", said.err);
+    }
+    let listed = site.ob1(&["import", &example, "--list"]).fine();
+    assert!(
+        listed.contains("Conveyor/CPU 315-2 DP/S7 Program(1)") && listed.contains("FC 1: the memo file"),
+        "{listed}"
+    );
+}
+
+#[test]
+fn blocks_are_printed_but_for_the_protected() {
+    let site = Site::new();
+    let example = checkout("examples/step7-project").display().to_string();
+    let listed = site.ob1(&["import", &example, "--listing", "FC1"]).fine();
+    assert!(listed.contains("FUNCTION FC 1 : VOID") && listed.contains("#Motor"), "{listed}");
+    assert_eq!(site.ob1(&["import", &example, "--listing", "FC 2"]).code, Some(2));
+}
+
+/// A function with this number and code, without parameters.
+fn function(number: u16, code: &[u8]) -> Block {
+    Block {
+        id: BlockId::new(BlockKind::Fc, number),
+        code: code.to_vec(),
+        interface: vec![1, 0, 0, 0, 0, 0, 0, 0],
+        declarations: Some(String::new()),
+        ..Block::default()
+    }
+}
+
+#[test]
+fn a_block_nobody_has_is_stood_in_for() {
+    let site = Site::new();
+    let mut project = step7::example();
+    // UC SFC 250 with one pointer; UC FC 77, which is not in the project.
+    let code = [0xFB, 0x74, 0, 250, 0x70, 0x0B, 0, 4, 0x83, 0, 0, 0, 0x3D, 77, 0x70, 0x0B, 0, 2, 0x65, 0];
+    project.blocks.push(function(3, &code));
+    let out = site.path("station").display().to_string();
+    let example = self::project(&site, &project.files());
+    site.ob1(&["import", &example, "--out", &out]).fine();
+    let report = text(&site.path("station/report.txt"));
+    for wanted in ["SFC 250: this CPU does not have it", "FC 77: it is not in the project", "FC 3 calls it"] {
+        assert!(report.contains(wanted), "{wanted} is not in\n{report}");
+    }
+    site.ob1(&["run", &format!("{out}/station.toml"), "--scans", "20", "--quiet"]).fine();
+}
+
+#[test]
+fn handling_blocks_are_replaced_by_ours() {
+    let site = Site::new();
+    let mut project = step7::example();
+    let ours = ob1_std::standard_block("CP341:FB8").expect("P_SND_RK");
+    let compiled = CompiledInterface::of(12, &ours.interface, &BTreeMap::new(), &|_| None).expect("short");
+    let like = |number, name: &str, interface: Vec<u8>| Block {
+        id: BlockId::new(BlockKind::Fb, number),
+        head: Head { name: name.into(), ..Head::default() },
+        interface,
+        ..function(number, &[0x65, 0])
+    };
+    project.blocks.push(like(12, "P_SND_RK", compiled.bytes().expect("short")));
+    // A block with the same name but other parameters belongs to the user.
+    project.blocks.push(like(13, "P_SND_RK", vec![1, 13, 0, 2, 0, 0, 0, 0x05, 0x01, 0]));
+    let mut cp = project.modules[0].clone();
+    (cp.name, cp.place) = ("CP 341-RS232C".into(), (0, 7, 0));
+    cp.inputs = vec![Area { first: 304, bytes: 16 }];
+    project.modules.push(cp);
+    let out = site.path("station").display().to_string();
+    site.ob1(&["import", &self::project(&site, &project.files()), "--out", &out]).fine();
+    let station = text(&site.path("station/station.toml"));
+    for wanted in [
+        "\"FB 12\" = \"CP341:FB8\"",
+        "path = \"ob1_cp341\"\nblocks = { \"FB 8\" = \"FB 12\" }",
+        "type = \"cp341\"",
+        "address = 304",
+    ] {
+        assert!(station.contains(wanted), "{wanted} is not in\n{station}");
+    }
+    assert!(!station.contains("FB_12.awl") && station.contains("FB_13.awl"), "{station}");
+    let report = text(&site.path("station/report.txt"));
+    assert!(
+        report.contains("FB 12: it is the handling block P_SND_RK") && report.contains("has other parameters"),
+        "{report}"
+    );
+}
+
+#[test]
+fn as_many_blocks_as_a_plant_has_come_over() {
+    let site = Site::new();
+    let example = project(&site, &step7::large(2000).files());
+    let out = site.path("station").display().to_string();
+    let json: Value =
+        serde_json::from_str(&site.ob1(&["import", &example, "--out", &out, "--json"]).fine()).expect("JSON");
+    assert_eq!((&json["blocks"], &json["decoded"]), (&Value::from(2004), &Value::from(2004)));
+}
+
+/// Projects in the folder OB1_STEP7_PROJECTS, each in its own folder: every block of every program with a CPU is
+/// imported, and the program is in RUN after 20 scans.
+#[test]
+fn projects_that_lie_beside_run() {
+    let Some(folder) = std::env::var_os("OB1_STEP7_PROJECTS") else { return };
+    for entry in fs::read_dir(folder).expect("a folder").flatten() {
+        let (site, path) = (Site::new(), entry.path().display().to_string());
+        let listed = site.ob1(&["import", &path, "--list", "--json"]);
+        let json: Value = serde_json::from_str(&listed.out).expect("JSON");
+        for program in json["programs"].as_array().into_iter().flatten().filter_map(Value::as_str) {
+            if !program.contains('/') {
+                continue;
+            }
+            let out = site.path("out").display().to_string();
+            let said = site.ob1(&["import", &path, "--program", program, "--out", &out, "--overwrite"]);
+            assert_eq!(said.code, Some(0), "{path} {program}: {}{}", said.out, said.err);
+            site.ob1(&["run", &format!("{out}/station.toml"), "--scans", "20", "--quiet"]).fine();
+        }
+    }
+}

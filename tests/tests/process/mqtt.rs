@@ -1,0 +1,175 @@
+//! MQTT of a running station: mosquitto as the broker, paho and Eclipse Tahu's Sparkplug B as the partner.
+
+use std::collections::BTreeSet;
+
+use serde_json::{Value, json};
+
+use crate::common::fleet::{Broker, Listener, station};
+use crate::common::site::Site;
+
+fn link(port: u16, keys: &str) -> String {
+    format!(
+        "[[link]]\ntype = \"mqtt\"\nname = \"cloud\"\nbroker = \"mqtt://127.0.0.1:{port}\"\nevery = \"50ms\"\n{keys}"
+    )
+}
+
+#[test]
+fn values_are_told_when_they_change() {
+    let site = Site::new();
+    let broker = Broker::start(&site);
+    let listener = Listener::start(&site, broker.port, "ob1/#");
+    let keys = "publish = [\"MW20\", \"\\\"Start\\\"\", \"DB10\"]\n";
+    let station = station(&site, "mq-values", &link(broker.port, keys));
+    let mut first = std::collections::BTreeMap::new();
+    listener.until("all values", |said| {
+        first.insert(said["topic"].as_str()?.to_owned(), said["payload"].clone());
+        (first.len() == 13).then_some(())
+    });
+    for (name, value) in [
+        ("DB10.number", json!(-7)),
+        ("DB10.text", json!("hello")),
+        ("DB10.ramp", json!([1, 2, 3])),
+        ("DB10.motor.on", json!(true)),
+        ("DB10.moment", json!("2026-01-02T03:04:05.678")),
+        ("Start", json!(false)),
+    ] {
+        assert_eq!(first[&format!("ob1/mq-values/{name}")]["value"], value, "{name}");
+    }
+    assert_eq!(first["ob1/mq-values/online"], json!(true));
+    station.set("MW 20", 321);
+    let told = listener.until("the change", |said| (said["payload"]["value"] == 321).then(|| said.clone()));
+    assert_eq!(told["topic"], "ob1/mq-values/MW20");
+    // A late subscriber gets the last values.
+    let late = Listener::start(&site, broker.port, "ob1/mq-values/MW20");
+    assert!(
+        late.until("kept", |said| (said["payload"]["value"] == 321).then(|| said["retain"].as_bool())).unwrap_or(false)
+    );
+    assert_eq!(station.interrupt().code(), Some(0));
+    listener.until("the last word", |said| {
+        (said["topic"] == "ob1/mq-values/online" && said["payload"] == false).then_some(())
+    });
+}
+
+/// The broker is stopped repeatedly while values change: each has a number, and none is missing.
+#[test]
+fn a_broker_that_comes_and_goes_loses_nothing() {
+    let site = Site::new();
+    let mut broker = Broker::start(&site);
+    let listener = Listener::start(&site, broker.port, "ob1/mq-kill/MW100");
+    let station = station(&site, "mq-kill", &link(broker.port, "publish = [\"MW100\"]\n"));
+    let mut numbers = BTreeSet::new();
+    let mut hear = |count: u64, what: &str| {
+        let mut left = count;
+        listener.until(what, |said| {
+            let number = said["payload"]["number"].as_u64()?;
+            left -= u64::from(numbers.insert(number) && left > 0);
+            (left == 0).then_some(number)
+        })
+    };
+    hear(10, "the first values");
+    for round in 0..5 {
+        broker.end();
+        // Values continue to change without a broker.
+        station.scans(100);
+        broker.begin();
+        hear(20, &format!("after the broker was gone {round} times"));
+    }
+    let last = *numbers.last().expect("some");
+    listener.until("up to the last", |said| {
+        numbers.extend(said["payload"]["number"].as_u64());
+        (numbers.range(..=last).count() as u64 == last).then_some(())
+    });
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
+#[test]
+fn commands_are_written_by_right_alone() {
+    let site = Site::new();
+    let broker = Broker::start(&site);
+    let mut listener = Listener::start(&site, broker.port, "ob1/mq-set/#");
+    // A retained command from before the connection: it must not be executed.
+    listener.say(&json!({ "topic": "ob1/mq-set/MW20/set", "payload": 666, "retain": true }));
+    let keys = "rights = \"write\"\npublish = [\"MW20\"]\ncommands = [\"MW20\", \"DB10.text\"]\n";
+    let station = station(&site, "mq-set", &link(broker.port, keys));
+    listener.until("online", |said| (said["topic"] == "ob1/mq-set/online" && said["payload"] == true).then_some(()));
+    for (name, value, ok) in [
+        ("MW20", json!(17), true),
+        ("DB10.text", json!("bye"), true),
+        ("MW20", json!("x"), false),
+        ("MW20", json!(70_000), false),
+        ("MW22", json!(1), false),
+    ] {
+        listener.say(&json!({ "topic": format!("ob1/mq-set/{name}/set"), "payload": value }));
+        if name == "MW22" {
+            continue;
+        }
+        let topic = format!("ob1/mq-set/{name}/result");
+        let result = listener.until("the result", |said| (said["topic"] == topic).then(|| said["payload"].clone()));
+        assert_eq!(result["ok"], ok, "{name}: {result}");
+    }
+    assert_eq!(station.cells(&["MW 20", "MW 22"]), [17, 0]);
+    let log = std::fs::read_to_string(site.path("mq-set.audit")).expect("an audit log");
+    assert!(log.contains("write MW20 = 17") && !log.contains("666"), "{log}");
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
+/// Births, deaths, sequence numbers, and after an interruption the missed values as historical ones.
+#[test]
+fn sparkplug_is_whole_after_a_break() {
+    let site = Site::new();
+    let mut broker = Broker::start(&site);
+    let mut listener = Listener::start(&site, broker.port, "spBv1.0/plant/#");
+    let keys = "rights = \"write\"\nsparkplug = \"plant\"\ncommands = [\"MW20\"]\n\
+                publish = [\"MW20\", \"DB10.ramp\", \"DB10.number\"]\n";
+    let station = station(&site, "mq-spb", &link(broker.port, keys));
+    let kind = |said: &Value, kind: &str| said["topic"] == format!("spBv1.0/plant/{kind}/mq-spb");
+    let birth = listener.until("a birth", |said| kind(said, "NBIRTH").then(|| said["payload"].clone()));
+    assert_eq!(birth["seq"], 0);
+    let metric = |name: &str| {
+        let all = birth["metrics"].as_array().expect("metrics");
+        all.iter().find(|metric| metric["name"] == name).unwrap_or_else(|| panic!("{name}: {birth}")).clone()
+    };
+    assert_eq!((&metric("DB10.number")["value"], &metric("DB10.ramp[2]")["value"]), (&json!(-7), &json!(2)));
+    assert_eq!(metric("Node Control/Rebirth")["value"], false);
+    let alias = metric("MW20")["alias"].clone();
+    let bd_seq = metric("bdSeq")["value"].clone();
+
+    let mut seq = 0;
+    for value in 1..=5 {
+        station.set("MW 20", value);
+        let data = listener.until("data", |said| kind(said, "NDATA").then(|| said["payload"].clone()));
+        assert_eq!((&data["metrics"][0]["alias"], &data["metrics"][0]["value"]), (&alias, &json!(value)));
+        seq += 1;
+        assert_eq!(data["seq"], seq);
+    }
+    let command =
+        json!({ "topic": "spBv1.0/plant/NCMD/mq-spb", "metrics": [{ "name": "MW20", "type": 6, "value": 77 }] });
+    listener.say(&command);
+    station.until("the command", |station| (station.cell("MW 20") == 77).then_some(()));
+    listener.say(&json!({
+        "topic": "spBv1.0/plant/NCMD/mq-spb", "metrics": [{ "name": "Node Control/Rebirth", "type": 11, "value": true }]
+    }));
+    listener.until("another birth", |said| (kind(said, "NBIRTH") && said["payload"]["seq"] == 0).then_some(()));
+
+    broker.end();
+    for value in [1001, 1002, 1003] {
+        station.set("MW 20", value);
+        // Longer than the sampling interval of the link, in scans of the CPU.
+        station.scans(200);
+    }
+    broker.begin();
+    let birth = listener.until("a birth after the break", |said| kind(said, "NBIRTH").then(|| said["payload"].clone()));
+    let again = birth["metrics"].as_array().and_then(|all| all.iter().find(|one| one["name"] == "bdSeq").cloned());
+    assert_ne!(again.map(|one| one["value"].clone()), Some(bd_seq));
+    let mut missed = BTreeSet::new();
+    listener.until("what was missed", |said| {
+        for metric in said["payload"]["metrics"].as_array()? {
+            if metric["historical"] == true && metric["name"] == "MW20" {
+                missed.extend(metric["value"].as_i64());
+            }
+        }
+        missed.contains(&1003).then_some(())
+    });
+    assert_eq!(station.interrupt().code(), Some(0));
+    listener.until("a death", |said| kind(said, "NDEATH").then_some(()));
+}

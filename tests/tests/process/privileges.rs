@@ -1,0 +1,173 @@
+//! The privileges of the processes of a station, checked from outside; and forbidden actions of a driver, tried from
+//! inside.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::os::unix::fs::{PermissionsExt as _, chown};
+use std::path::Path;
+use std::process::Command;
+
+use crate::common;
+use crate::common::ledger;
+use crate::common::program;
+use crate::common::site::{Site, replaced};
+
+/// A field of `/proc/PID/status`.
+fn status(pid: u32, field: &str) -> String {
+    let text = fs::read_to_string(format!("/proc/{pid}/status")).expect("a living process");
+    let line = text.lines().find_map(|line| line.strip_prefix(field)?.strip_prefix(':'));
+    line.unwrap_or_else(|| panic!("no {field} in {text}")).trim().to_owned()
+}
+
+fn words(pid: u32, file: &str) -> Vec<String> {
+    let bytes = fs::read(format!("/proc/{pid}/{file}")).expect("a living process");
+    bytes.split(|byte| *byte == 0).filter(|w| !w.is_empty()).map(|w| String::from_utf8_lossy(w).into_owned()).collect()
+}
+
+#[test]
+fn a_driver_that_tries_what_is_forbidden_fails() {
+    let site = Site::new();
+    let fence = |network: &str| format!(r#"{{"folders":["{}"],"network":"{network}"}}"#, site.path("run").display());
+    let output = site.command(program("ob1-cp")).arg("--selftest").env("OB1_FENCE", fence("none")).output();
+    let output = output.expect("it starts");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert_eq!(said.lines().filter(|line| line.starts_with("refused ")).count(), 13, "{said}");
+    // With IP allowed it can listen on TCP and use UDP: this shows that the test detects the difference.
+    let output = site.command(program("ob1-cp")).arg("--selftest").env("OB1_FENCE", fence("address")).output();
+    let output = output.expect("it starts");
+    let said = String::from_utf8_lossy(&output.stderr);
+    let done: Vec<&str> = said.lines().filter_map(|line| line.strip_prefix("DONE    ")).collect();
+    assert_eq!((output.status.code(), done), (Some(1), vec!["listen on TCP", "speak UDP"]), "{said}");
+    let output = site.command(program("ob1-cp")).arg("--selftest").env("OB1_FENCE", "{}x").output().expect("it starts");
+    assert_eq!(output.status.code(), Some(2), "a fence that cannot be understood is no fence");
+}
+
+#[test]
+fn drivers_lines_and_guardian_have_the_least_that_they_need() {
+    let site = Site::two_stations_on_a_cable();
+    // A shell that passes on an open descriptor.
+    let mut leaky = site.command("sh");
+    let ob1 = program("ob1");
+    leaky.args(["-c", "exec 9</etc/passwd; exec \"$0\" run station-a.toml"]).arg(&ob1);
+    let a = common::station::Running::start_command(&site, "station-a.toml", leaky).until_run();
+    let b = site.run("station-b.toml").until_run();
+    ledger::flow(&a, 5);
+    let mut seen = BTreeMap::<&str, usize>::new();
+    for process in site.processes() {
+        let pid = process.pid;
+        let command = words(pid, "cmdline");
+        let kind = match () {
+            () if command.iter().any(|word| word == "janitor") => "guardian",
+            () if command.iter().any(|word| word == "--hub") => "line",
+            () if command.iter().any(|word| word == "--segment") => "driver",
+            () => continue,
+        };
+        *seen.entry(kind).or_default() += 1;
+        for (field, value) in [("NoNewPrivs", "1"), ("Seccomp", "2")] {
+            assert_eq!(status(pid, field), value, "{kind}: {field}");
+        }
+        for field in ["CapInh", "CapPrm", "CapEff", "CapAmb"] {
+            assert_eq!(u64::from_str_radix(&status(pid, field), 16), Ok(0), "{kind}: {field}");
+        }
+        for variable in words(pid, "environ") {
+            let name = variable.split('=').next().unwrap_or_default().to_owned();
+            assert!(["PATH", "XDG_RUNTIME_DIR", "OB1_LOG", "OB1_FENCE"].contains(&name.as_str()), "{kind}: {variable}");
+        }
+        let limits = fs::read_to_string(format!("/proc/{pid}/limits")).expect("a living process");
+        let data = limits.lines().find(|line| line.starts_with("Max data size")).expect("a limit");
+        assert!(data.contains("67108864"), "{kind}: {data}");
+        let open = fs::read_dir(format!("/proc/{pid}/fd")).expect("ours");
+        for link in open.flatten().filter_map(|entry| fs::read_link(entry.path()).ok()) {
+            assert_ne!(link, Path::new("/etc/passwd"), "{kind}: a descriptor that is not its own");
+        }
+    }
+    assert!(seen.len() == 3 && seen["driver"] == 2 && seen["guardian"] == 2, "{seen:?}");
+    assert_eq!((a.interrupt().code(), b.interrupt().code()), (Some(0), Some(0)));
+    site.wait_until_empty();
+}
+
+#[test]
+fn a_station_with_a_user_runs_as_that_user_or_not_at_all() {
+    let site = Site::new();
+    let toml = "[station]\nname = \"dropped\"\nuser = \"nobody\"\n\n[cpu.realtime]\npriority = 5\n\n[program]\n\
+                sources = [\"dropped.awl\"]\n\n[[module]]\ntype = \"do\"\nname = \"lamps\"\naddress = 0\nbytes = 1\n";
+    site.write("dropped.toml", toml);
+    site.write("dropped.awl", "ORGANIZATION_BLOCK OB 1\nBEGIN\nNETWORK\nL B#16#A1;\nT AB 0;\nEND_ORGANIZATION_BLOCK\n");
+    if !rustix::process::geteuid().is_root() {
+        let said = site.ob1(&["run", "dropped.toml"]);
+        assert_eq!(said.code, Some(6), "{said:?}");
+        assert!(said.err.contains("only root can become another user"), "{said:?}");
+        return;
+    }
+    let passwd = fs::read_to_string("/etc/passwd").expect("a system with users");
+    let fields: Vec<&str> = passwd.lines().find(|l| l.starts_with("nobody:")).expect("nobody").split(':').collect();
+    let (uid, gid) = (fields[2].parse().expect("a number"), fields[3].parse().expect("a number"));
+    for place in [site.path(""), site.path("run"), site.path("dropped.toml"), site.path("dropped.awl")] {
+        chown(&place, Some(uid), Some(gid)).expect("root may");
+    }
+    // The binaries of a build may be in a folder that only root can read.
+    let bin = site.path("bin");
+    fs::create_dir(&bin).expect("room");
+    fs::set_permissions(&bin, fs::Permissions::from_mode(0o755)).expect("ours");
+    fs::copy(program("ob1"), bin.join("ob1")).expect("room");
+    let mut command: Command = site.command(bin.join("ob1"));
+    command.args(["run", "dropped.toml"]);
+    let station = common::station::Running::start_command(&site, "dropped.toml", command).until_run();
+    let pid = station.process.pid;
+    assert_eq!(status(pid, "Uid"), format!("{uid}\t{uid}\t{uid}\t{uid}"));
+    assert_eq!(status(pid, "Gid"), format!("{gid}\t{gid}\t{gid}\t{gid}"));
+    for field in ["CapInh", "CapPrm", "CapEff", "CapAmb", "CapBnd"] {
+        assert_eq!(u64::from_str_radix(&status(pid, field), 16), Ok(0), "{field}");
+    }
+    assert_eq!(status(pid, "NoNewPrivs"), "1");
+    // Root without CAP_SYS_RESOURCE, in a container, raises no limit above its own.
+    let may_raise = u64::from_str_radix(&status(std::process::id(), "CapEff"), 16).unwrap_or(0) >> 24 & 1 == 1;
+    if may_raise {
+        let granted = station.status().posture.into_iter().find(|grant| grant.what.contains("SCHED_FIFO"));
+        assert_eq!(granted.map(|grant| grant.outcome).as_deref(), Some("granted"), "raised before it was given up");
+    }
+    let field = ob1_backplane::IoField::open(&station.rundir.join("io")).expect("the link leads to the image");
+    let mut lamps = [0];
+    station.until("outputs", |_| {
+        field.read_outputs(0, &mut lamps);
+        (lamps == [0xA1]).then_some(())
+    });
+    assert_eq!(station.kill().signal(), Some(9));
+    let guard = common::Guard::begin();
+    while lamps != [0] {
+        field.read_outputs(0, &mut lamps);
+        assert!(!guard.is_over(), "its guardian has the image all the same");
+        std::thread::yield_now();
+    }
+    let wrong = replaced(toml, "\"nobody\"", "\"nobody-of-this-name\"");
+    site.write("dropped.toml", &wrong);
+    let said = site.ob1(&["run", "dropped.toml"]);
+    assert_eq!(said.code, Some(6), "{said:?}");
+    assert!(said.err.contains("there is no such user") && said.err.contains("\n  = "), "{said:?}");
+}
+
+#[test]
+fn a_segment_has_one_driver_and_a_module_may_have_its_own_program() {
+    let site = Site::two_stations_on_a_cable();
+    // Named in the station file, relative to its folder.
+    fs::copy(program("ob1-cp"), site.path("my-driver")).expect("room");
+    let toml = fs::read_to_string(site.path("station-a.toml")).expect("the demo");
+    site.write("station-a.toml", &replaced(&toml, "type = \"cp240\"\n", "type = \"cp240\"\ndriver = \"my-driver\"\n"));
+    let a = site.run("station-a.toml").until_run();
+    let b = site.run("station-b.toml").until_run();
+    ledger::flow(&a, 5);
+    let driver = a.driver_process();
+    let program_of = fs::read_link(format!("/proc/{}/exe", driver.pid)).expect("ours");
+    assert_eq!(program_of, fs::canonicalize(site.path("my-driver")).expect("there"));
+    // A second station at the same time.
+    let link = fs::read_dir(&a.rundir).expect("ours").flatten().map(|entry| entry.path());
+    let segment = link.into_iter().find(|path| path.extension().is_some_and(|e| e == "segment")).expect("a segment");
+    let second = site.command(program("ob1-cp")).arg("--segment").arg(&segment).output().expect("it starts");
+    let said = String::from_utf8_lossy(&second.stderr);
+    assert_eq!(second.status.code(), Some(1), "{said}");
+    assert!(said.contains("a driver is attached to the segment already"), "{said}");
+    ledger::flow(&a, 5);
+    assert_eq!(a.driver(), (driver.pid, 1, 0), "the first one has not noticed");
+    assert_eq!((a.interrupt().code(), b.interrupt().code()), (Some(0), Some(0)));
+}

@@ -1,0 +1,348 @@
+//! Downloads blocks into a running station: by python-snap7's clients and by `ob1 download`; also after a restart.
+
+use ob1_ir::Program;
+use ob1_model::{BlockId, BlockKind};
+use ob1_stl::{Library, Options, Source};
+use serde_json::{Value, json};
+
+use crate::common::s7::{Client, free_port, station};
+use crate::common::site::Site;
+use crate::common::station::Running;
+
+/// Clients that load and delete blocks. python-snap7's pure client loads only data blocks and never links them, and its
+/// delete is not a telegram of the protocol.
+const LOADERS: [&str; 1] = ["native"];
+
+/// FC 7 and an OB 1 that calls it, and a data block.
+const OTHER: &str = "
+FUNCTION FC 7 : VOID
+BEGIN
+NETWORK
+      L     77;
+      T     MW 104;
+END_FUNCTION
+
+DATA_BLOCK DB 20
+STRUCT
+  a : INT := 5;
+  b : INT := 6;
+END_STRUCT
+BEGIN
+END_DATA_BLOCK
+
+ORGANIZATION_BLOCK OB 1
+VAR_TEMP
+  info : ARRAY[0..19] OF BYTE;
+END_VAR
+BEGIN
+NETWORK
+      CALL  FC 7;
+      L     MW 106;
+      +     1;
+      T     MW 106;
+END_ORGANIZATION_BLOCK
+";
+
+fn compiled(text: &str) -> Program {
+    let output = ob1_stl::compile(&[Source::new("other.awl", text)], &Library::new(), &Options::default());
+    assert!(output.is_good(), "{:#?}", output.diagnostics);
+    output.program
+}
+
+/// A block in the format of a CPU.
+fn image(kind: BlockKind, number: u16) -> Vec<u8> {
+    let program = compiled(OTHER);
+    let image = ob1_mc7::image(&program, BlockId::new(kind, number), &|_| None).expect("machine code");
+    image.bytes().expect("short")
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn download(bytes: &[u8]) -> Value {
+    json!({ "op": "download", "hex": hex(bytes) })
+}
+
+/// The differences to the sources that `status` reports.
+fn differences(station: &Running) -> Vec<(String, String)> {
+    station.status().downloads.into_iter().map(|one| (one.block, one.what)).collect()
+}
+
+fn pairs(list: &[(&str, &str)]) -> Vec<(String, String)> {
+    list.iter().map(|(block, what)| ((*block).to_owned(), (*what).to_owned())).collect()
+}
+
+#[test]
+fn blocks_go_into_a_cpu_and_stay_there() {
+    let (fc, ob, db) = (image(BlockKind::Fc, 7), image(BlockKind::Ob, 1), image(BlockKind::Db, 20));
+    for name in LOADERS {
+        let site = Site::new();
+        let file = format!("s7-load-{name}");
+        let (first, port) = station(&site, &file, "rights = \"operate\"");
+        let mut client = Client::start(&site, name, port);
+        // In RUN: data blocks, but no code blocks.
+        client.done(&download(&db));
+        assert_eq!(client.done(&json!({ "op": "read", "db": 20, "at": 0, "bytes": 4 }))["hex"], "00050006", "{name}");
+        assert_eq!(client.ask(&download(&fc))["ok"], false, "{name}");
+        assert_eq!(differences(&first), pairs(&[("DB 20", "new")]), "{name}");
+        first.set("DB10.DBW 0", 99);
+        // In STOP everything, and existing values are kept.
+        client.done(&json!({ "op": "stop" }));
+        client.done(&download(&fc));
+        client.done(&download(&ob));
+        // Bytes that are not machine code: refused, and nothing has changed.
+        let mut broken = fc.clone();
+        broken[36] = 0xFF;
+        broken[37] = 0xFF;
+        assert_eq!(client.ask(&download(&broken))["ok"], false, "{name}");
+        client.done(&json!({ "op": "warm" }));
+        first.until("the new program runs", |station| (station.cell("MW 106") > 3).then_some(()));
+        assert_eq!((first.cell("MW 104"), first.cell("DB10.DBW 0")), (77, 99), "{name}");
+        let changed = pairs(&[("OB 1", "changed"), ("FC 7", "new"), ("DB 20", "new")]);
+        let mut told = differences(&first);
+        told.sort();
+        let mut wanted = changed.clone();
+        wanted.sort();
+        assert_eq!(told, wanted, "{name}");
+        // The upload matches the download, with current values.
+        first.set("DB20.DBW 2", 0x1234);
+        let up = |client: &mut Client, ty: &str, number: u16| {
+            client.done(&json!({ "op": "upload", "type": ty, "number": number }))["hex"].clone()
+        };
+        assert_eq!(up(&mut client, "FC", 7), hex(&fc), "{name}");
+        let data = up(&mut client, "DB", 20);
+        assert_eq!(data.as_str().and_then(|data| data.get(72..80)), Some("00051234"), "{name}");
+        // A called block cannot be deleted in RUN; a data block can.
+        assert_eq!(client.ask(&json!({ "op": "delete", "type": "FC", "number": 7 }))["ok"], false, "{name}");
+        client.done(&json!({ "op": "delete", "type": "DB", "number": 20 }));
+        assert_eq!(client.done(&json!({ "op": "list", "type": "DB" }))["numbers"], json!([10]), "{name}");
+        assert_eq!(client.ask(&json!({ "op": "delete", "type": "DB", "number": 20 }))["ok"], false, "{name}");
+        client.done(&download(&db));
+        drop(client);
+        assert_eq!(first.interrupt().code(), Some(0));
+
+        // It survives a restart of the runtime.
+        let again = site.run("station.toml").until_run();
+        again.until("the new program runs", |station| (station.cell("MW 106") > 3).then_some(()));
+        let mut told = differences(&again);
+        told.sort();
+        assert_eq!((told, again.cell("MW 104")), (wanted, 77), "{name}");
+        assert_eq!(again.interrupt().code(), Some(0));
+
+        // A damaged file, or one whose blocks do not match, is reported and ignored.
+        let path = site.path(format!(".{file}.downloaded"));
+        let mut bytes = std::fs::read(&path).expect("what was kept");
+        *bytes.last_mut().expect("not empty") ^= 1;
+        std::fs::write(&path, &bytes).expect("written");
+        let without = site.run("station.toml").until_run();
+        without.until("the sources run", |station| (station.cell("MW 100") > 3).then_some(()));
+        assert_eq!((differences(&without), without.cell("MW 104")), (Vec::new(), 0), "{name}");
+        let ended = without.interrupt();
+        assert!(ended.err.contains("what was downloaded is left out"), "{name}: {}", ended.err);
+    }
+}
+
+#[test]
+fn without_the_right_nothing_is_loaded_or_deleted() {
+    let db = image(BlockKind::Db, 20);
+    let site = Site::new();
+    let (station, port) = station(&site, "s7-no-load", "rights = \"write\"");
+    for name in ["native", "pure"] {
+        let mut client = Client::start(&site, name, port);
+        assert_eq!(client.ask(&download(&db))["ok"], false, "{name}");
+        assert_eq!(client.ask(&json!({ "op": "delete", "type": "DB", "number": 10 }))["ok"], false, "{name}");
+        assert_eq!(client.done(&json!({ "op": "list", "type": "DB" }))["numbers"], json!([10]), "{name}");
+    }
+    assert!(differences(&station).is_empty());
+    assert_eq!(station.interrupt().code(), Some(0));
+    assert!(!site.path(".s7-no-load.downloaded").exists());
+}
+
+#[test]
+fn the_program_of_a_station_goes_into_another() {
+    let site = Site::new();
+    let (station, port) = station(&site, "s7-target", "rights = \"operate\"");
+    site.write("other.awl", OTHER);
+    site.write("other.toml", "[station]\nname = \"other\"\n\n[program]\nsources = [\"other.awl\"]\n");
+    let host = format!("127.0.0.1:{port}");
+    assert_eq!(site.ob1(&["compare", &host, "other.toml"]).code, Some(1));
+    let in_run = site.ob1(&["download", &host, "other.toml"]);
+    assert_eq!(in_run.code, Some(2), "{}", in_run.err);
+    assert!(in_run.err.contains("--stop"), "{}", in_run.err);
+    let loaded = site.ob1(&["download", &host, "other.toml", "--stop"]);
+    assert_eq!(loaded.code, Some(0), "{}", loaded.err);
+    station.until("the new program runs", |station| (station.cell("MW 106") > 3).then_some(()));
+    // Its additional blocks are still there: this is the only difference.
+    let compared = site.ob1(&["compare", &host, "other.toml"]);
+    assert_eq!(compared.code, Some(1), "{}", compared.out);
+    assert!(
+        compared.out.starts_with("DB10 is in the CPU only\n4 blocks in the CPU, differences from other.toml: 1"),
+        "{}",
+        compared.out
+    );
+    assert_eq!(site.ob1(&["upload", &host, "--out", "copy"]).code, Some(0));
+    assert_eq!(site.ob1(&["compare", &host, "copy"]).code, Some(0));
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
+/// Blocks that call system functions: an FC with SFC 1 and 20, an FB with a timer of SFB 4 as multi-instance and
+/// another one separately.
+const CALLS: &str = "
+FUNCTION FC 30 : INT
+VAR_TEMP
+  NOW : DATE_AND_TIME;
+END_VAR
+BEGIN
+NETWORK
+      CALL SFC 1
+       RET_VAL:=MW60
+       CDT    :=#NOW
+      CALL SFC 20
+       SRCBLK :=P#M40.0 BYTE 8
+       RET_VAL:=MW62
+       DSTBLK :=P#M50.0 BYTE 8
+      L     MW 62
+      T     #RET_VAL
+END_FUNCTION
+
+FUNCTION_BLOCK FB 31
+VAR
+  WAITS : SFB 4;
+END_VAR
+BEGIN
+NETWORK
+      CALL #WAITS
+       IN     :=M70.0
+       PT     :=T#10MS
+       Q      :=M70.1
+       ET     :=MD72
+      CALL SFB 4, DB 32
+       IN     :=M70.0
+       PT     :=T#20MS
+       Q      :=M70.2
+       ET     :=MD76
+END_FUNCTION_BLOCK
+
+DATA_BLOCK DB 31
+FB 31
+BEGIN
+END_DATA_BLOCK
+
+DATA_BLOCK DB 32
+SFB 4
+BEGIN
+END_DATA_BLOCK
+
+ORGANIZATION_BLOCK OB 1
+VAR_TEMP
+  INFO : ARRAY[0..19] OF BYTE;
+END_VAR
+BEGIN
+NETWORK
+      CALL FC 30
+       RET_VAL:=MW64
+      CALL FB 31, DB 31
+      L     MW 106
+      +     1
+      T     MW 106
+END_ORGANIZATION_BLOCK
+";
+
+/// A station with this program, and its address.
+fn of_program(site: &Site, name: &str, program: &str) -> (Running, String) {
+    let port = free_port();
+    site.write(&format!("{name}.awl"), program);
+    site.write(
+        &format!("{name}.toml"),
+        &format!(
+            "[station]\nname = \"{name}\"\n\n[cpu]\nmin_cycle = \"5ms\"\nwatchdog = \"10s\"\n\n[program]\n\
+             sources = [\"{name}.awl\"]\nmnemonics = \"de\"\n\n[[link]]\ntype = \"s7\"\nname = \"panel\"\n\
+             listen = \"127.0.0.1:{port}\"\nrights = \"operate\"\n"
+        ),
+    );
+    let station = site.run(&format!("{name}.toml")).until_run();
+    station.until("the link listens", |_| std::net::TcpStream::connect(("127.0.0.1", port)).ok());
+    (station, format!("127.0.0.1:{port}"))
+}
+
+#[test]
+fn calls_of_system_functions_go_up_and_down_again() {
+    const NOTHING: &str = "ORGANIZATION_BLOCK OB 1\nBEGIN\nNETWORK\n NOP 0;\nEND_ORGANIZATION_BLOCK\n";
+    let site = Site::new();
+    let (first, from) = of_program(&site, "s7-calls", CALLS);
+    let (second, to) = of_program(&site, "s7-empty", NOTHING);
+    let done = |args: &[&str]| {
+        let said = site.ob1(args);
+        assert_eq!(said.code, Some(0), "{args:?}: {} {}", said.out, said.err);
+    };
+    done(&["upload", &from, "--out", "copy"]);
+    assert_eq!(site.ob1(&["compare", &to, "copy"]).code, Some(1), "it is not there yet");
+    let files = |folder: &str| {
+        let mut files: Vec<(String, Vec<u8>)> = std::fs::read_dir(site.path(folder).join("uploaded"))
+            .expect("what was uploaded")
+            .map(|file| {
+                let file = file.expect("readable");
+                (file.file_name().to_string_lossy().into_owned(), std::fs::read(file.path()).expect("readable"))
+            })
+            .filter(|(name, _)| name.ends_with(".mc7"))
+            .collect();
+        files.sort();
+        files
+    };
+    let copied = files("copy");
+    let names: Vec<&str> = copied.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(names, ["DB31.mc7", "DB32.mc7", "FB31.mc7", "FC30.mc7", "OB1.mc7"]);
+    let paths: Vec<String> = names.iter().map(|name| format!("copy/uploaded/{name}")).collect();
+    // Into a station without these blocks, and into the one they come from.
+    for (station, host) in [(&second, &to), (&first, &from), (&first, &from)] {
+        let mut args = vec!["download", host.as_str(), "--stop"];
+        args.extend(paths.iter().map(String::as_str));
+        done(&args);
+        done(&["compare", host, "copy"]);
+        let before = station.cell("MW 106");
+        station.set("MD 40", 0x1234_5678);
+        station.set("M 70.0", 1);
+        station.until("the blocks do their work", |station| {
+            let cells = station.cells(&["MW 64", "MD 50", "M 70.1", "M 70.2"]);
+            (cells == [0, 0x1234_5678, 1, 1] && station.cell("MW 106") > before).then_some(())
+        });
+    }
+    // Data blocks contain the values of their timers; code is as in the sources.
+    let told = differences(&first);
+    assert!(told.iter().all(|(block, _)| block.starts_with("DB")), "{told:?}");
+    // Code is uploaded unchanged, byte by byte.
+    done(&["upload", &to, "--out", "again"]);
+    let code = |files: Vec<(String, Vec<u8>)>| -> Vec<(String, Vec<u8>)> {
+        files.into_iter().filter(|(name, _)| !name.starts_with("DB")).collect()
+    };
+    assert_eq!(code(files("again")), code(copied));
+    for station in [first, second] {
+        assert_eq!(station.interrupt().code(), Some(0));
+    }
+}
+
+/// A downloaded program is run by machine code again, in STOP and in RUN.
+#[test]
+fn machine_code_follows_a_download() {
+    let (ob, db) = (image(BlockKind::Ob, 1), image(BlockKind::Db, 20));
+    let fc = image(BlockKind::Fc, 7);
+    let site = Site::new();
+    let (station, port) = station(&site, "s7-machine-code", "rights = \"operate\"");
+    let until_native = |what: &str| station.until(what, |s| (s.status().engine == "native").then_some(()));
+    until_native("machine code of the sources");
+    let mut client = Client::start(&site, "native", port);
+    client.done(&json!({ "op": "stop" }));
+    client.done(&download(&fc));
+    client.done(&download(&ob));
+    client.done(&json!({ "op": "warm" }));
+    until_native("machine code of what was downloaded");
+    let before = station.cell("MW 106");
+    station.until("it runs", |station| (station.cell("MW 106") > before).then_some(()));
+    client.done(&download(&db));
+    until_native("machine code beside another data block");
+    drop(client);
+    let ended = station.interrupt();
+    assert_eq!(ended.code(), Some(0));
+    assert!(!ended.err.contains("goes on without it"), "{}", ended.err);
+}
