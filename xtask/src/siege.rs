@@ -25,9 +25,9 @@ const SIEGES: &[Siege] = &[
     siege("gate_greed", "process::gate_siege", Long::Minutes(60.0)),
     siege("gate_broker", "process::gate_siege", Long::Rounds(100)),
     siege("browsers", "process::browser", Long::Rounds(50)),
-    siege("segment", "siege", Long::Rounds(1_000_000)),
-    siege("input", "siege", Long::Rounds(100_000)),
-    siege("cut", "siege", Long::Rounds(1_000)),
+    siege("segment", "parts::siege", Long::Rounds(1_000_000)),
+    siege("input", "parts::siege", Long::Rounds(100_000)),
+    siege("cut", "parts::siege", Long::Rounds(1_000)),
     Siege { package: "ob1-station", ..siege("writer", "process_retentive", Long::Rounds(1_000)) },
 ];
 

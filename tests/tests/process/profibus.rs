@@ -161,7 +161,7 @@ fn a_scan_finds_the_rack_and_says_who_is_missing() {
 }
 
 /// A killed process of the bus causes one failure, and is restarted. `cargo xtask siege bus_dp`: 200 times.
-/// (`simulation_buses` tests the time: here the test must connect the rack again each time.)
+/// (`simulation::buses` tests the time: here the test must connect the rack again each time.)
 #[test]
 fn bus_dp() {
     let rounds = usize::try_from(rounds(3)).expect("so many");

@@ -409,7 +409,7 @@ fn every_job_ends_as_the_tables_say() {
     assert_eq!((fetched[46], &fetched[48..50]), (0xA5, &[0x01, 0x23][..]), "outputs, counter 3");
 }
 
-/// The reverse is tested in `simulation_cp341_interwork`.
+/// The reverse is tested in `cp341_interwork`.
 #[test]
 fn a_cp_240_serves_a_cp_341() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,7 +1,6 @@
 //! FC 1 DP_SEND, FC 2 DP_RECV, FC 3 DP_DIAG and FC 4 DP_CTRL with a CP 342-5 and two slaves, in virtual time.
 //! (docs/cp342.md)
 
-#[expect(dead_code, reason = "what judges the whole plant is not needed here")]
 use ob1_tests::sim::MS;
 use ob1_time::Instant;
 

@@ -2,7 +2,6 @@
 //! master of the lines are real; the chip and the life cycle of the process are simulated. (Only the calls of the
 //! kernel are missing, because a test has no chip.)
 
-#[expect(dead_code, reason = "what judges the whole plant is not needed here")]
 use std::cell::RefCell;
 use std::rc::Rc;
 

@@ -188,7 +188,7 @@ fn malformed_answers() {
 /// docs/mbus.md names every number in a record.
 #[test]
 fn the_document_names_every_number() {
-    let text = include_str!("../../docs/mbus.md");
+    let text = include_str!("../../../docs/mbus.md");
     for (head, count) in [("\nQUANTITY: ", Quantity::ALL.len()), ("\nUNIT: ", Unit::ALL.len())] {
         let paragraph = text.split(head).nth(1).and_then(|rest| rest.split("\n\n").next()).expect("a paragraph");
         let number = |item: &str| item.split_whitespace().next().and_then(|word| word.parse::<usize>().ok());
