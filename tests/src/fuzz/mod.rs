@@ -1,8 +1,8 @@
 //! Bodies of the fuzz targets: none of them panics, for any bytes.
 //!
-//! `fuzz/` runs them under libFuzzer (`cargo xtask fuzz`); `tests/tests/parts/fuzz_corpus.rs` replays the committed corpora
-//! in every test run. A new target is a module here, its line in [`TARGETS`], and its two lines in `fuzz/fuzz_targets`
-//! and `fuzz/Cargo.toml`; a test checks that these agree.
+//! `fuzz/` runs them under libFuzzer (`cargo xtask fuzz`); `tests/tests/parts/fuzz_corpus.rs` replays the committed
+//! corpora in every test run. A new target is a module here, its line in [`TARGETS`], and its two lines in
+//! `fuzz/fuzz_targets` and `fuzz/Cargo.toml`; a test checks that these agree.
 
 pub mod cp040;
 pub mod esp2;
