@@ -22,6 +22,15 @@ pub(crate) fn copy_out(words: &[u64], bytes: &mut [u8]) {
     }
 }
 
+/// The same, from byte `at` of `words` on.
+#[inline]
+pub(crate) fn copy_out_from(words: &[u64], at: usize, bytes: &mut [u8]) {
+    let Some((first, rest)) = words.get(at / 8..).and_then(<[u64]>::split_first) else { return };
+    let (head, tail) = bytes.split_at_mut(bytes.len().min(8 - at % 8));
+    extract(*first, at % 8, head);
+    copy_out(rest, tail);
+}
+
 /// `word` with its bytes from `first` on replaced by `chunk`.
 #[inline]
 pub(crate) fn merged(word: u64, first: usize, chunk: &[u8]) -> u64 {
@@ -65,6 +74,13 @@ mod tests {
         let mut short = [0; 10];
         copy_out(&words, &mut short);
         assert_eq!(short, [1, 2, 3, 4, 5, 6, 7, 8, 9, 10]);
+        for at in 0..=25 {
+            let mut part = [0xff; 11];
+            copy_out_from(&words, at, &mut part);
+            let behind = [&bytes[..], &[0; 5]].concat();
+            let there: Vec<u8> = behind.iter().skip(at).copied().chain([0xff; 11]).take(11).collect();
+            assert_eq!(part[..], there, "from {at}");
+        }
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //! nothing the driver writes.
 
 use crate::boxes::BoxEnd;
-use crate::bytes::copy_out;
+use crate::bytes::copy_out_from;
 use crate::cells::{IO_WORDS, RECORD_WORDS, SegmentCells};
 use crate::channel::{Channel, ChannelBlock, ChannelEnd, Way};
 use crate::events::{Consumer, Event};
@@ -113,9 +113,15 @@ impl CpuSide {
     /// Copies the input registers into `into` (as far as either reaches). A stale copy is whole, but not the newest.
     #[inline]
     pub fn read_inputs(&mut self, into: &mut [u8]) -> Freshness {
+        self.read_inputs_from(0, into)
+    }
+
+    /// The same, from register byte `at` on.
+    #[inline]
+    pub fn read_inputs_from(&mut self, at: usize, into: &mut [u8]) -> Freshness {
         let freshness = self.inputs.read(&self.monitor.cells().inputs.registers, self.io.words());
-        let len = into.len().min(self.io.get());
-        copy_out(self.inputs.last(), into.get_mut(..len).unwrap_or_default());
+        let len = into.len().min(self.io.get().saturating_sub(at));
+        copy_out_from(self.inputs.last(), at, into.get_mut(..len).unwrap_or_default());
         freshness
     }
 

@@ -138,10 +138,8 @@ impl Module for CpModule {
             into.fill(0);
             return if self.settings.absent_is_fault { Err(ModuleError::Absent) } else { Ok(()) };
         }
-        let (mut registers, len) = ([0; IO_MAX], self.io_bytes());
         // A stale copy is whole, only not the newest: the next look sees more. CpuSide counts them.
-        let _freshness = self.side.read_inputs(&mut registers[..len]);
-        into.copy_from_slice(&registers[range]);
+        let _freshness = self.side.read_inputs_from(range.start, into);
         Ok(())
     }
 
