@@ -45,6 +45,15 @@ impl Coming {
             out.part(&[], Part::Broken);
         }
     }
+
+    /// [S0 "Communication with ASCII-fragmented"]: blocks are transferred immediately; the telegram goes on.
+    fn hand_on(&mut self, data: &[u8], out: &mut dyn Sink) {
+        if self.len > out.room() {
+            return self.lose(What::NoBuffer, out);
+        }
+        out.part(&data[..self.len], Part::More);
+        (self.len, self.begun) = (0, true);
+    }
 }
 
 /// The receiving half, with a buffer of `N` bytes.
@@ -79,8 +88,9 @@ impl<const N: usize> Receive<N> {
 
     /// A character; true if a telegram has ended with it.
     pub(super) fn character(&mut self, now: Instant, byte: u8, out: &mut dyn Sink) -> bool {
-        let mut coming = self.coming.unwrap_or(Coming::new(now));
-        if self.coming.is_none() && out.room() == 0 {
+        let is_first = self.coming.is_none();
+        let coming = self.coming.get_or_insert(Coming::new(now));
+        if is_first && out.room() == 0 {
             // [S0 "Number of receive buffers"]: no more data can be received while the receive buffer is occupied.
             coming.lose(What::NoBuffer, out);
         }
@@ -92,17 +102,17 @@ impl<const N: usize> Receive<N> {
                 None => coming.lose(What::TooLong, out),
             }
         }
-        self.take(now, coming, Some(byte), out)
+        self.take(now, Some(byte), out)
     }
 
     /// A character that could not be read: its telegram is not passed on as if it were whole.
     pub(super) fn unreadable(&mut self, now: Instant, what: What, out: &mut dyn Sink) -> bool {
-        let mut coming = self.coming.unwrap_or(Coming::new(now));
+        let coming = self.coming.get_or_insert(Coming::new(now));
         // The rest of a telegram that is already lost costs nothing more.
         let phase = if coming.lost { Phase::Idle } else { Phase::Receive };
         out.report(Event { phase, what });
         coming.break_off(out);
-        self.take(now, coming, None, out)
+        self.take(now, None, out)
     }
 
     /// Drops the telegram being received, and the rest of it too.
@@ -112,14 +122,15 @@ impl<const N: usize> Receive<N> {
         }
     }
 
-    fn take(&mut self, now: Instant, mut coming: Coming, byte: Option<u8>, out: &mut dyn Sink) -> bool {
+    fn take(&mut self, now: Instant, byte: Option<u8>, out: &mut dyn Sink) -> bool {
+        let Some(coming) = &mut self.coming else { return false };
         coming.len += 1;
         coming.until = now + self.zvz;
         let ended = match self.criterion {
             Criterion::Silence => false,
             Criterion::Fragments => {
                 if coming.len == FRAGMENT && !coming.lost {
-                    self.hand_on(&mut coming, out);
+                    coming.hand_on(&self.data, out);
                 }
                 false
             }
@@ -131,20 +142,10 @@ impl<const N: usize> Receive<N> {
             Criterion::Length(length) => coming.len >= length,
         };
         coming.before = byte;
-        self.coming = Some(coming);
         if ended {
-            self.end(coming, out);
+            self.end(out);
         }
         ended
-    }
-
-    /// [S0 "Communication with ASCII-fragmented"]: blocks are transferred immediately; the telegram goes on.
-    fn hand_on(&mut self, coming: &mut Coming, out: &mut dyn Sink) {
-        if coming.len > out.room() {
-            return coming.lose(What::NoBuffer, out);
-        }
-        out.part(&self.data[..coming.len], Part::More);
-        (coming.len, coming.begun) = (0, true);
     }
 
     /// ZVZ may have expired; true if a telegram has ended with that.
@@ -152,7 +153,7 @@ impl<const N: usize> Receive<N> {
         let Some(coming) = self.coming.filter(|coming| now >= coming.until) else { return false };
         match self.criterion {
             // [S0 "Communication via back plane bus"]: complete with the expiration of the ZVZ.
-            Criterion::Silence | Criterion::Fragments => self.end(coming, out),
+            Criterion::Silence | Criterion::Fragments => self.end(out),
             Criterion::Characters { .. } | Criterion::Length(_) if !coming.lost => {
                 out.report(Event { phase: Phase::Receive, what: What::CharacterDelay });
             }
@@ -163,11 +164,8 @@ impl<const N: usize> Receive<N> {
     }
 
     /// The end of a telegram, lost or not.
-    fn end(&mut self, mut coming: Coming, out: &mut dyn Sink) {
-        self.coming = None;
-        if coming.lost {
-            return;
-        }
+    fn end(&mut self, out: &mut dyn Sink) {
+        let Some(mut coming) = self.coming.take().filter(|coming| !coming.lost) else { return };
         // [S0 "Communication via back plane bus"]: when the buffer is filled up, new telegrams are rejected.
         if coming.len > out.room() {
             return coming.lose(What::NoBuffer, out);

@@ -261,16 +261,14 @@ impl<const N: usize> Rk512<N> {
 
     /// Gives the next telegram to the procedure below: a reaction first, because the partner waits for it.
     fn hand_down(&mut self, now: Instant, out: &mut dyn Owner) {
-        if self.line.busy() {
+        let is_order_due = self.own.as_ref().is_some_and(Own::is_to_send) && !self.waits_for_late();
+        if (self.reply.is_none() && !is_order_due) || self.line.busy() {
             return;
         }
         let mut telegram = [0; LINE];
-        let (carries, len) = match (self.compose_reply(&mut telegram), &self.own) {
-            (Some(len), _) => (Carries::Reaction, len),
-            (None, Some(own)) if own.is_to_send() && !self.waits_for_late() => {
-                (Carries::Order, self.compose_order(&mut telegram))
-            }
-            _ => return,
+        let (carries, len) = match self.compose_reply(&mut telegram) {
+            Some(len) => (Carries::Reaction, len),
+            None => (Carries::Order, self.compose_order(&mut telegram)),
         };
         self.carries = carries;
         let mut tap = Tap::new(out);
