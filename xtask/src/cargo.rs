@@ -56,6 +56,10 @@ pub(crate) fn target_dir() -> Outcome<PathBuf> {
     Ok(PathBuf::from(folder))
 }
 
+/// Builds everything that the tests need. Cargo chooses the features of a dependency by all packages of a command: any
+/// other choice of packages would build the large ones once more.
+pub(crate) const TESTS: &[&str] = &["build", "--workspace", "--all-targets"];
+
 /// The build profile: its folder below the target directory, and its flag.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Profile {

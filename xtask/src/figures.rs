@@ -2,17 +2,22 @@
 
 use std::path::Path;
 
-use crate::cargo::{Profile, cargo};
+use crate::cargo::{Profile, TESTS, cargo};
 use crate::failure::Outcome;
 use crate::{python, shell, siege};
 
-/// `cargo xtask sim [--seeds N] [--seed S] [--minutes M] [-- ...]`: simulates the whole station in virtual time. The
-/// program evaluates the options.
+/// `cargo xtask sim [--debug] [--seeds N] [--seed S] [--minutes M] [-- ...]`: simulates the whole station in virtual
+/// time. The program evaluates the options, except `--debug`: the build of the tests, for a machine that has it already.
 ///
 /// # Errors
 /// If it cannot be built or a seed fails; the program prints the command that replays the seed.
 pub(crate) fn sim(args: &[String]) -> Outcome {
-    release_run("sim", &["ob1-cp240", "ob1-tests"], args, None)
+    let rest: Vec<String> = args.iter().filter(|arg| *arg != "--debug").cloned().collect();
+    if rest.len() == args.len() {
+        return release_run("sim", &["ob1-cp240", "ob1-tests"], args, None);
+    }
+    shell::run(&mut cargo(TESTS))?;
+    start("sim", Profile::Debug, &rest, None)
 }
 
 /// `cargo xtask bench`: the figures of the README, with the lower limit measured in the same run. `stl`, `line`, `io`
@@ -49,7 +54,12 @@ fn release_run(name: &str, packages: &[&str], args: &[String], python: Option<&P
         build.args(["--package", package]);
     }
     shell::run(&mut build)?;
-    let folder = Profile::Release.folder()?;
+    start(name, Profile::Release, args, python)
+}
+
+/// Runs the program `name` of the tests crate, with the plugins and binaries beside it.
+fn start(name: &str, profile: Profile, args: &[String], python: Option<&Path>) -> Outcome {
+    let folder = profile.folder()?;
     let mut program = std::process::Command::new(folder.join(name));
     program
         .args(args.iter().filter(|arg| *arg != "--"))

@@ -49,7 +49,7 @@ pub(crate) fn run(args: &[String]) -> Outcome {
         needs::TSHARK,
     ])?;
     let python = python::interpreter()?;
-    shell::run(cargo(&["build", "--workspace", "--all-targets"]).args(wish.profile.flags()))?;
+    shell::run(cargo(cargo::TESTS).args(wish.profile.flags()))?;
     let folder = wish.profile.folder()?;
     let surroundings = |command: &mut Command| {
         command

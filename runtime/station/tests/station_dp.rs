@@ -90,7 +90,7 @@ fn each_mistake_has_its_place_and_its_words() {
             ("station = 8", "station = 126", 15, "out of range", "0 to 125"),
             ("station = 8", "station = 2", 15, "the address 2 is taken", "of its own"),
             ("ET200M.GSD", "ET200X.GSD", 16, "cannot be read", "counts from the folder"),
-            ("ET200M.GSD", "line.rs", 16, "is not a valid GSD file", "from the maker"),
+            ("ET200M.GSD", "dp/main.rs", 16, "is not a valid GSD file", "from the maker"),
             ("gsd = \"ET200M.GSD\"\n", "", 12, "no GSD file", "add `gsd`"),
             (
                 "DI 16 x DC 24V",
