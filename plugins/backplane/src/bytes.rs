@@ -25,10 +25,16 @@ pub(crate) fn copy_out(words: &[u64], bytes: &mut [u8]) {
 /// The same, from byte `at` of `words` on.
 #[inline]
 pub(crate) fn copy_out_from(words: &[u64], at: usize, bytes: &mut [u8]) {
-    let Some((first, rest)) = words.get(at / 8..).and_then(<[u64]>::split_first) else { return };
-    let (head, tail) = bytes.split_at_mut(bytes.len().min(8 - at % 8));
-    extract(*first, at % 8, head);
-    copy_out(rest, tail);
+    let words = words.get(at / 8..).unwrap_or_default();
+    match (at % 8, words) {
+        (0, _) => copy_out(words, bytes),
+        (inside, [first, rest @ ..]) => {
+            let (head, tail) = bytes.split_at_mut(bytes.len().min(8 - inside));
+            extract(*first, inside, head);
+            copy_out(rest, tail);
+        }
+        (_, []) => {}
+    }
 }
 
 /// `word` with its bytes from `first` on replaced by `chunk`.

@@ -159,7 +159,9 @@ impl Call<'_, '_> {
         Ok(Found::Place(ArenaBit(reference), formal.bits))
     }
 
-    /// What a pointer of a raw list names.
+    /// What a pointer of a raw list names. Seldom: out of line, so that the usual case is short.
+    #[cold]
+    #[inline(never)]
     fn by_pointer(&self, pointer: u32, bits: u32, write: bool) -> Result<Found, NativeError> {
         let at = BitAddr(pointer & POINTER_BITS);
         let db = match Area::from_pointer_code((pointer >> 24) as u8) {
