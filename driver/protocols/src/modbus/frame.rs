@@ -151,8 +151,11 @@ impl Receiver {
 
     /// Characters came in together, the last of them now. Call it before their [`Receiver::character`] calls.
     pub fn chunk(&mut self, now: Instant, characters: usize) {
+        if !self.open || self.config.gap.is_zero() {
+            return;
+        }
         let begun = now.saturating_sub(self.config.char_time * characters as u64);
-        if self.open && !self.config.gap.is_zero() && begun.since(self.last) > self.config.gap {
+        if begun.since(self.last) > self.config.gap {
             self.spoil(Failure::Incomplete);
         }
     }
