@@ -7,7 +7,8 @@ use crate::failure::Outcome;
 use crate::{python, shell, siege};
 
 /// `cargo xtask sim [--debug] [--seeds N] [--seed S] [--minutes M] [-- ...]`: simulates the whole station in virtual
-/// time. The program evaluates the options, except `--debug`: the build of the tests, for a machine that has it already.
+/// time. The program evaluates the options, except `--debug`: it runs the build of the tests, for a machine that has
+/// it already.
 ///
 /// # Errors
 /// If it cannot be built or a seed fails; the program prints the command that replays the seed.
