@@ -5,10 +5,15 @@ use std::process::{Command, Output, Stdio};
 
 use serde_json::Value;
 
-fn ob1(args: &[&str]) -> Output {
+fn command(args: &[&str]) -> Command {
     let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples");
     let mut command = Command::new(env!("CARGO_BIN_EXE_ob1"));
-    command.args(args).current_dir(examples).stdin(Stdio::null()).output().expect("ob1 starts")
+    command.args(args).current_dir(examples).stdin(Stdio::null());
+    command
+}
+
+fn ob1(args: &[&str]) -> Output {
+    command(args).output().expect("ob1 starts")
 }
 
 fn text(output: &Output) -> String {
@@ -102,7 +107,8 @@ fn a_declared_block_compiles_but_does_not_run() {
     for (args, code) in
         [(&["check", &station][..], 1), (&["run", &station, "--scans", "1"], 2), (&["xref", &station], 0)]
     {
-        let output = ob1(args);
+        // A runtime directory of its own: another run of this test has a station of the same name.
+        let output = command(args).env("XDG_RUNTIME_DIR", folder.path()).output().expect("ob1 starts");
         assert_eq!(output.status.code(), Some(code), "{output:?}");
         let stderr = String::from_utf8_lossy(&output.stderr);
         let told = stderr.contains("L020") && stderr.contains("V24_SET (CP341:FC6)");
