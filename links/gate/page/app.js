@@ -141,7 +141,10 @@ function show() {
     main.replaceChildren(h("p", {}, say("loginWanted")), h("button", { type: "button", onclick: login }, say("login")));
     return;
   }
-  state.view = (views[key] ?? station)(main);
+  // Each visit has an element of its own: an answer that comes after it paints over nothing.
+  const place = h("div", {});
+  main.replaceChildren(place);
+  state.view = (views[key] ?? station)(place);
 }
 
 /** Listens to the station; a table asks for its values too. */

@@ -395,6 +395,34 @@ fn browsers() {
     }
 }
 
+/// An answer that comes when the visitor has already turned to another page does not paint over that page.
+#[test]
+fn a_late_answer_leaves_the_next_page_alone() {
+    let site = Site::new();
+    let (_station, port, _) = station(&site, "filling", "");
+    let browser = Browser::open(900);
+    browser.go(&format!("http://127.0.0.1:{port}/"));
+    browser.until("document.querySelector('.card.run')");
+    browser.run(
+        "const real = window.fetch; window.asked = 0; window.told = 0;
+         window.fetch = async (...words) => {
+             const answer = await real(...words);
+             if (!String(words[0]).includes('timing')) return answer;
+             window.asked += 1;
+             await new Promise((go) => { window.release = go; });
+             setTimeout(() => { window.told += 1; }, 100);
+             return answer;
+         };",
+    );
+    browser.click("nav a[href='#scan']");
+    browser.until("window.asked === 1");
+    browser.click("nav a[href='#variables']");
+    browser.until("document.querySelector('#names')");
+    browser.run("window.release()");
+    browser.until("window.told === 1");
+    assert_eq!(browser.run("return Boolean(document.querySelector('#names'))"), true, "{}", browser.text("main"));
+}
+
 /// Screenshots of the pages for the book: written to the folder in OB1_PICTURES.
 #[test]
 fn pictures() {

@@ -258,8 +258,15 @@ fn gate_claims() {
     let ids = vec!["DB11.long".to_owned(); 1000];
     let nodes = ids.iter().map(|id| value_of(id)).collect();
     let read = ReadRequest { request_header: client.header(), nodes_to_read: Some(nodes), ..ReadRequest::default() };
-    let answer: ReadResponse = client.call(&read).expect("an answer");
-    let statuses: Vec<StatusCode> = answer.results.iter().flatten().map(DataValue::status).collect();
+    let guard = Guard::begin();
+    let statuses = loop {
+        let answer: ReadResponse = client.call(&read).expect("an answer");
+        let statuses: Vec<StatusCode> = answer.results.iter().flatten().map(DataValue::status).collect();
+        // On a machine without a free core the scan may not answer in the time that a gate waits for it.
+        if statuses[0] != StatusCode::BadTimeout || guard.is_over() {
+            break statuses;
+        }
+    };
     assert_eq!((statuses[0], statuses[999]), (StatusCode::Good, StatusCode::BadEncodingLimitsExceeded));
     let subscription = client.subscribe(100.0).expect("a subscription");
     let (taken, refused) = client.monitor(subscription, &ids, 100.0).expect("an answer");
