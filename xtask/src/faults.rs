@@ -6,6 +6,7 @@
 
 use crate::cargo::cargo;
 use crate::failure::Outcome;
+use crate::test::{count, is_closing_line};
 use crate::{pick, shell};
 
 const PREFIX: &str = "faults_";
@@ -35,7 +36,8 @@ pub(crate) fn run(args: &[String]) -> Outcome {
         }
         let mut test = cargo(&["test", "--release", "--package", package, "--test", binary, "--", "--nocapture"]);
         test.args(wanted.iter().map(|protocol| format!("{PREFIX}{protocol}::")));
-        shell::run(test.env("OB1_TELEGRAMS", wish.telegrams.to_string()))?;
+        let closing = shell::watch(test.env("OB1_TELEGRAMS", wish.telegrams.to_string()), is_closing_line)?;
+        println!("faults: {}", count(&closing, package)?);
     }
     Ok(())
 }

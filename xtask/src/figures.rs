@@ -13,11 +13,11 @@ use crate::{python, shell, siege};
 /// # Errors
 /// If it cannot be built or a seed fails; the program prints the command that replays the seed.
 pub(crate) fn sim(args: &[String]) -> Outcome {
-    let rest: Vec<String> = args.iter().filter(|arg| *arg != "--debug").cloned().collect();
-    if rest.len() == args.len() {
+    if !args.iter().any(|arg| arg == "--debug") {
         return release_run("sim", &["ob1-cp240", "ob1-tests"], args, None);
     }
     shell::run(&mut cargo(TESTS))?;
+    let rest: Vec<String> = args.iter().filter(|arg| *arg != "--debug").cloned().collect();
     start("sim", Profile::Debug, &rest, None)
 }
 

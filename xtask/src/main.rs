@@ -31,7 +31,7 @@ usage: cargo xtask VERB [...]
 
   demo [--for 20s] [--dirty]      the two stations of examples/two-stations, live, with a verdict; --dirty: over a bad cable
   test [--release] [FILTER]       all tests: plugins, binaries and partners are built and handed to them
-  sim [--seeds N] [--seed S] [--minutes M] [-- ...]
+  sim [--debug] [--seeds N] [--seed S] [--minutes M] [-- ...]
                                   the whole station in virtual time, with line faults and driver kills
   bench [...]                     the figures of the README, next to the floor of this machine; bench stl: the engine beside awlsim;
                                   bench disturb: the scan while it is looked at and its driver is killed;

@@ -141,7 +141,8 @@ function show() {
     main.replaceChildren(h("p", {}, say("loginWanted")), h("button", { type: "button", onclick: login }, say("login")));
     return;
   }
-  // Each visit has an element of its own: an answer that comes after it paints over nothing.
+  // Each visit has an element of its own. An answer that comes when the visitor has gone on changes an element that
+  // is no longer shown.
   const place = h("div", {});
   main.replaceChildren(place);
   state.view = (views[key] ?? station)(place);

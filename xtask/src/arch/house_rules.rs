@@ -7,9 +7,10 @@ use super::tree::Tree;
 /// Allowed sleeps in tests: file and reason.
 const SLEEPS: &[(&str, &str)] = &[];
 
-/// No test is ignored, and none sleeps: a sleep is either too short on a busy machine or too long on all others.
+/// No test is ignored or left out of its binary, and none sleeps: a sleep is either too short on a busy machine or too
+/// long on all others.
 pub(super) fn tests(tree: &Tree) -> Vec<Finding> {
-    let mut findings = Vec::new();
+    let mut findings = left_out(tree);
     let mut found = |place: String, what: &str| {
         findings.push(Finding { place, rule: "tests", what: what.to_owned() });
     };
@@ -38,6 +39,25 @@ pub(super) fn tests(tree: &Tree) -> Vec<Finding> {
                     format!("{}:{}", file.path, index + 1),
                     "a sleep in a partner: wait for the line, with a deadline",
                 );
+            }
+        }
+    }
+    findings
+}
+
+/// Files beside a `tests/KIND/main.rs` that it does not name: nobody compiles them.
+fn left_out(tree: &Tree) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    let is_kind = |folder: &str| folder.rsplit_once('/').is_some_and(|(tests, _)| tests.ends_with("tests"));
+    for main in tree.rust() {
+        let Some(folder) = main.path.strip_suffix("/main.rs").filter(|folder| is_kind(folder)) else { continue };
+        for file in tree.rust() {
+            let name = file.path.strip_prefix(folder).and_then(|rest| rest.strip_prefix('/')?.strip_suffix(".rs"));
+            let Some(name) = name.filter(|name| *name != "main") else { continue };
+            let module = name.split_once('/').map_or(name, |(module, _)| module);
+            if !main.text.lines().any(|line| line == format!("mod {module};")) {
+                let what = format!("{} does not name it, so it is never compiled", main.path);
+                findings.push(Finding { place: file.path.clone(), rule: "tests", what });
             }
         }
     }
@@ -155,6 +175,21 @@ mod unit {
         ]);
         let places: Vec<String> = tests(&tree).into_iter().map(|finding| finding.place).collect();
         assert_eq!(places, ["a/src/lib.rs:5", "a/tests/b.rs:2", "a/tests/b.rs:4", "tests/peers/p.py:2"]);
+    }
+
+    #[test]
+    fn every_test_file_is_in_its_binary() {
+        let tree = Tree::of(&[
+            ("a/tests/kind/main.rs", "mod one;\nmod help;\n"),
+            ("a/tests/kind/one.rs", ""),
+            ("a/tests/kind/two.rs", ""),
+            ("a/tests/kind/help/mod.rs", ""),
+            ("a/tests/kind/other/mod.rs", ""),
+            ("a/src/main.rs", ""),
+            ("a/src/free.rs", ""),
+        ]);
+        let places: Vec<String> = tests(&tree).into_iter().map(|finding| finding.place).collect();
+        assert_eq!(places, ["a/tests/kind/two.rs", "a/tests/kind/other/mod.rs"]);
     }
 
     #[test]
