@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use ob1_backplane::{IoField, IoImage};
-use ob1_cpu::{Cell, Width};
+use ob1_cpu::Cell;
 use ob1_model::Area;
 use ob1_time::{Instant, Span};
 use serde::Deserialize;
@@ -170,8 +170,7 @@ fn change(time: Span, cell: &str, value: &toml::Value) -> Result<Change, String>
         toml::Value::String(text) => serde_json::Value::from(text.as_str()),
         other => return Err(format!("a {} is not a value for {cell}", other.type_str())),
     };
-    let bits = if item.width == Width::Bit { 1 } else { item.width.bits() };
-    Ok(Change { time, bit, bits, value: value::from_json(&item, &json)? })
+    Ok(Change { time, bit, bits: item.width.bits(), value: value::from_json(&item, &json)? })
 }
 
 #[cfg(test)]
