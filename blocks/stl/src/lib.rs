@@ -63,7 +63,7 @@ mod xref;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use ob1_ir::{DataBlock, Program, Symbol};
+use ob1_ir::{DataBlock, DataKind, Program, Symbol};
 use ob1_model::BlockId;
 
 pub use diagnostic::{Diagnostic, Limit, Rest, Severity, USES, render, render_all};
@@ -178,6 +178,13 @@ pub fn compile(sources: &[Source], library: &Library, options: &Options) -> Outp
             world.data.entry(number).or_insert(data);
         }
     }
+    let compiled: BTreeSet<BlockId> = program.blocks.iter().map(|block| block.id).collect();
+    // An FB in another language is not compiled; an instance of it is left out with it.
+    let own = &world.own;
+    world.data.retain(|_, data| match data.kind {
+        DataKind::Instance(fb) => compiled.contains(&fb) || !own.contains(&fb),
+        _ => true,
+    });
     program.data = world.data.into_iter().map(|(number, data)| data_block(number, data)).collect();
     let texts: Vec<&str> = files.iter().map(|f| f.text).collect();
     let steps = sink.steps;

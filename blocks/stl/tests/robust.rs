@@ -89,6 +89,14 @@ fn check(bytes: &[u8]) -> Output {
     output
 }
 
+/// Found by random words: the FB counts as SCL, so it has no code, and the instance was without its FB.
+#[test]
+fn an_instance_of_a_block_in_another_language_is_left_out_with_it() {
+    let output = check(b"CALL\nFUNCTION FC 1 : VOID'\nFUNCTION_BLOCK FB 1CALLCALL\n;DATA_BLOCK DB 1FB 1:=");
+    assert!(output.diagnostics.iter().any(|d| d.code == "S0111"), "{:?}", output.diagnostics);
+    assert_eq!(output.program.data, []);
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
