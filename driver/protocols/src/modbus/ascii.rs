@@ -23,6 +23,11 @@ pub const fn digit(character: u8) -> Option<u8> {
     }
 }
 
+/// The byte of a pair of digits, the high one first.
+pub fn byte([high, low]: &[u8; 2]) -> Option<u8> {
+    Some(digit(*high)? << 4 | digit(*low)?)
+}
+
 /// Writes the frame of a telegram; returns its length. `None`: there is no room for it.
 pub fn encode(telegram: &[u8], frame: &mut [u8]) -> Option<usize> {
     const DIGITS: &[u8; 16] = b"0123456789ABCDEF";
@@ -56,9 +61,8 @@ pub fn decode(frame: &[u8], telegram: &mut [u8]) -> Result<usize, Failure> {
         return Err(Failure::Incomplete);
     }
     let bytes = telegram.get_mut(..pairs.len()).ok_or(Failure::Overflow)?;
-    for ([high, low], byte) in pairs.iter().zip(bytes.iter_mut()) {
-        let (Some(high), Some(low)) = (digit(*high), digit(*low)) else { return Err(Failure::Fault) };
-        *byte = high << 4 | low;
+    for (pair, place) in pairs.iter().zip(bytes.iter_mut()) {
+        *place = byte(pair).ok_or(Failure::Fault)?;
     }
     // The sum over the telegram and its LRC is 0.
     if lrc(bytes) == 0 { Ok(bytes.len() - 1) } else { Err(Failure::Fault) }

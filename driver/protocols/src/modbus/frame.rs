@@ -149,7 +149,7 @@ impl Receiver {
         (self.len, self.crc, self.half, self.cr, self.flaw, self.telegram) = (0, rtu::CRC_START, None, false, None, 0);
     }
 
-    /// Characters came in together, the last of them now. Call it before their [`Receiver::character`] calls.
+    /// Characters came in together, the last of them now. Call it before [`Receiver::take`].
     pub fn chunk(&mut self, now: Instant, characters: usize) {
         if !self.open || self.config.gap.is_zero() {
             return;
@@ -160,13 +160,23 @@ impl Receiver {
         }
     }
 
-    /// Takes one character; returns the end of a telegram, if it is one.
-    pub fn character(&mut self, now: Instant, byte: u8) -> Option<End> {
-        self.last = now;
-        match self.config.mode {
-            Mode::Rtu => self.rtu(byte),
-            Mode::Ascii => self.ascii(byte),
+    /// Takes characters, up to the end of a telegram if there is one; what follows it remains in `characters`.
+    pub fn take(&mut self, now: Instant, characters: &mut &[u8]) -> Option<End> {
+        while let Some((&byte, rest)) = characters.split_first() {
+            (*characters, self.last) = (rest, now);
+            let end = match self.config.mode {
+                Mode::Rtu => self.rtu(byte),
+                Mode::Ascii => {
+                    let end = self.ascii(byte);
+                    self.ascii_pairs(characters);
+                    end
+                }
+            };
+            if end.is_some() {
+                return end;
+            }
         }
+        None
     }
 
     /// A character that could not be read: it invalidates its telegram.
@@ -265,6 +275,19 @@ impl Receiver {
 
     // ---- ASCII ----
 
+    /// Takes whole bytes in the middle of a telegram, which are nearly all of it. Whatever is not a pair of digits is
+    /// left to [`Self::ascii`].
+    fn ascii_pairs(&mut self, characters: &mut &[u8]) {
+        if !self.open || self.flaw.is_some() || self.half.is_some() || self.cr {
+            return;
+        }
+        let places = self.bytes.get_mut(self.len..).unwrap_or_default();
+        let bytes = characters.as_chunks::<2>().0.iter().map_while(ascii::byte);
+        let taken = places.iter_mut().zip(bytes).map(|(place, byte)| *place = byte).count();
+        self.len += taken;
+        *characters = characters.get(2 * taken..).unwrap_or_default();
+    }
+
     fn ascii(&mut self, byte: u8) -> Option<End> {
         if byte == ascii::START {
             // Whatever came before, a telegram begins here.
@@ -305,5 +328,70 @@ impl Receiver {
         };
         self.telegram = end.unwrap_or(0);
         self.end(end.map(drop))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use std::vec;
+    use std::vec::Vec;
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// What a receiver makes of characters that come in pieces of this length: each end, and its telegram.
+    fn received(mode: Mode, characters: &[u8], piece: usize) -> Vec<(End, Vec<u8>)> {
+        let config = Config::new(mode, 9600, Span::from_millis(1)).without_silence();
+        let mut receiver = Receiver::new(config, pdu::Direction::Request);
+        let mut ends = Vec::new();
+        for mut rest in characters.chunks(piece) {
+            while let Some(end) = receiver.take(Instant::START, &mut rest) {
+                ends.push((end, receiver.telegram().to_vec()));
+            }
+        }
+        ends
+    }
+
+    /// Characters of ASCII frames, some of them whole and valid, some too long, with anything in between.
+    fn ascii_characters() -> impl Strategy<Value = Vec<u8>> {
+        let frame = proptest::collection::vec(any::<u8>(), 0..=TELEGRAM_BYTES).prop_map(|telegram| {
+            let mut frame = [0; 2 * BUFFER + 3];
+            let len = ascii::encode(&telegram, &mut frame).unwrap_or(0);
+            frame[..len].to_vec()
+        });
+        let digits = proptest::collection::vec(prop::sample::select(b"0123456789ABCDEF".as_slice()), 0..1200);
+        let odd = proptest::collection::vec(prop::sample::select(b":\r\n5Fa".as_slice()), 0..8);
+        let parts = prop_oneof![4 => frame, 1 => digits, 2 => odd];
+        proptest::collection::vec(parts, 0..6).prop_map(|parts| parts.concat())
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn it_does_not_matter_in_which_pieces_ascii_comes(characters in ascii_characters(), piece in 2_usize..700) {
+            prop_assert_eq!(received(Mode::Ascii, &characters, piece), received(Mode::Ascii, &characters, 1));
+        }
+    }
+
+    #[test]
+    fn the_test_sees_telegrams_and_every_fault() {
+        let mut long = vec![b'0'; 2 * BUFFER + 2];
+        long[0] = ascii::START;
+        let long = [&long, &b"0\r\n"[..]].concat();
+        let cases: [(&[u8], End); 6] = [
+            (b":1103006B00037E\r\n", Ok(())),
+            (b":1103006B00037F\r\n", Err(Failure::Fault)),
+            (b":1103006B0003x7E\r\n", Err(Failure::Fault)),
+            (b":110300\r6B\r\n", Err(Failure::Overflow)),
+            (b"11\r\n", Err(Failure::Start)),
+            (&long, Err(Failure::Overflow)),
+        ];
+        for (characters, end) in cases {
+            let ends = received(Mode::Ascii, characters, characters.len());
+            assert_eq!(ends.iter().map(|(end, _)| *end).collect::<Vec<_>>(), [end], "{}", characters.escape_ascii());
+        }
     }
 }

@@ -146,12 +146,10 @@ impl Master {
         self.state = State::Answer { until, end };
     }
 
-    fn received(&mut self, now: Instant, bytes: &[u8], out: &mut dyn Sink) {
+    fn received(&mut self, now: Instant, mut bytes: &[u8], out: &mut dyn Sink) {
         self.receiver.chunk(now, bytes.len());
-        for byte in bytes {
-            if let Some(end) = self.receiver.character(now, *byte) {
-                self.ended(end, out);
-            }
+        while let Some(end) = self.receiver.take(now, &mut bytes) {
+            self.ended(end, out);
         }
     }
 

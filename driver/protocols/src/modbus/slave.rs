@@ -106,9 +106,9 @@ impl Slave {
         }
     }
 
-    fn received(&mut self, now: Instant, bytes: &[u8], out: &mut dyn Sink) {
+    fn received(&mut self, now: Instant, mut bytes: &[u8], out: &mut dyn Sink) {
         self.receiver.chunk(now, bytes.len());
-        for byte in bytes {
+        while !bytes.is_empty() {
             match self.state {
                 State::Listen => {}
                 // The master has given up.
@@ -116,9 +116,8 @@ impl Slave {
                 // Characters received while we answer are our own echo, or noise.
                 State::Output => return,
             }
-            if let Some(end) = self.receiver.character(now, *byte) {
-                self.ended(now, end, out);
-            }
+            let Some(end) = self.receiver.take(now, &mut bytes) else { return };
+            self.ended(now, end, out);
         }
     }
 
