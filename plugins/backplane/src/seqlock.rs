@@ -95,17 +95,31 @@ impl<const N: usize> SeqReader<N> {
     /// Updates the first `words` words of the copy, if no writer interferes in every try.
     #[inline]
     pub(crate) fn read(&mut self, cell: &SeqCell<N>, words: usize) -> Freshness {
-        for _ in 0..TRIES {
-            // 16 bytes of registers are by far the most frequent size: two loads instead of a loop.
-            let sequence = if words == 2 { self.try_two(cell) } else { self.try_any(cell, words) };
-            if let Some(sequence) = sequence {
-                self.sequence = sequence;
+        if self.try_once(cell, words) { Freshness::Fresh } else { self.try_again(cell, words) }
+    }
+
+    /// Out of line: a writer seldom interferes, and what is left of [`Self::read`] is short enough for every caller.
+    #[cold]
+    #[inline(never)]
+    fn try_again(&mut self, cell: &SeqCell<N>, words: usize) -> Freshness {
+        for _ in 1..TRIES {
+            spin_loop();
+            if self.try_once(cell, words) {
                 return Freshness::Fresh;
             }
-            spin_loop();
         }
         self.stale = self.stale.wrapping_add(1);
         Freshness::Stale
+    }
+
+    #[inline]
+    fn try_once(&mut self, cell: &SeqCell<N>, words: usize) -> bool {
+        // 16 bytes of registers are by far the most frequent size: two loads instead of a loop.
+        let sequence = if words == 2 { self.try_two(cell) } else { self.try_any(cell, words) };
+        if let Some(sequence) = sequence {
+            self.sequence = sequence;
+        }
+        sequence.is_some()
     }
 
     #[inline]
@@ -119,6 +133,7 @@ impl<const N: usize> SeqReader<N> {
         Some(sequence)
     }
 
+    #[inline(never)]
     fn try_any(&mut self, cell: &SeqCell<N>, words: usize) -> Option<u64> {
         let mut copy = [0; N];
         let (sequence, ()) = cell.try_read(|cells| {
