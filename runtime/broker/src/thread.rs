@@ -3,9 +3,9 @@
 use std::io;
 use std::os::fd::OwnedFd;
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::thread::JoinHandle;
 
 use ob1_cpu::Clock;
+use ob1_rt::SideThread;
 
 use crate::Broker;
 
@@ -28,9 +28,8 @@ impl Handle {
 /// A broker at work. Dropping it ends its thread and closes all doors.
 #[derive(Debug)]
 pub struct RunningBroker {
+    thread: SideThread<Sender<()>>,
     handle: Handle,
-    stop: Option<Sender<()>>,
-    thread: Option<JoinHandle<()>>,
 }
 
 impl RunningBroker {
@@ -43,11 +42,8 @@ impl RunningBroker {
 
 impl Drop for RunningBroker {
     fn drop(&mut self) {
-        drop(self.stop.take());
+        self.thread.ask_to_end();
         let _ = rustix::io::write(&*self.handle.wake, &[1]);
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
     }
 }
 
@@ -62,10 +58,9 @@ impl Broker {
         rustix::io::ioctl_fionbio(&awake, true)?;
         rustix::io::ioctl_fionbio(&wake, true)?;
         let (connections, new) = channel();
-        let (stop, stopped) = channel();
-        let thread = ob1_rt::spawn("ob1-broker", move || self.run(clock, &awake, &new, &stopped))?;
+        let thread = SideThread::looking("ob1-broker", move |stopped| self.run(clock, &awake, &new, &stopped))?;
         let handle = Handle { connections, wake: std::sync::Arc::new(wake) };
-        Ok(RunningBroker { handle, stop: Some(stop), thread: Some(thread) })
+        Ok(RunningBroker { handle, thread })
     }
 
     fn run(mut self, mut clock: impl Clock, awake: &OwnedFd, new: &Receiver<(usize, OwnedFd)>, stopped: &Receiver<()>) {

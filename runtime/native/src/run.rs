@@ -256,8 +256,7 @@ pub(crate) fn interpret(
                 None
             }
             Op::EndIf if !r.rlo => {
-                r.rlo = true;
-                (r.fc, r.or, r.sta) = (false, false, true);
+                r.set_rlo(true);
                 None
             }
             Op::End | Op::EndIf => return Ok(ENDED),

@@ -1,7 +1,7 @@
 //! The fenced operating-system calls of the runtime: the clock and the sleep to a deadline, locking memory, scheduling
-//! of the scan thread, its stack, the reservation its memory lies in, what the kernel says about it, when it was
-//! continued after a stop, what a process that crashes still does, the system-call fence, what a child denies itself,
-//! and the user it all runs as.
+//! of the scan thread, its stack, the threads beside it, the reservation its memory lies in, what the kernel says about
+//! it, when it was continued after a stop, what a process that crashes still does, the system-call fence, what a child
+//! denies itself, and the user it all runs as.
 //!
 //! Everything asked of the system answers with what was granted, what was refused and what would grant it ([`Grant`]);
 //! nothing here fails a run because a privilege is missing.
@@ -18,6 +18,7 @@ mod exit;
 mod fence;
 mod posture;
 mod reservation;
+mod side_thread;
 mod stack;
 mod system;
 mod usage;
@@ -31,6 +32,7 @@ pub use exit::{ExitGuard, lower_exit_guard};
 pub use fence::{ALLOWED_SYSTEM_CALLS, FenceError, fence_scan};
 pub use posture::{Grant, Outcome, Posture, lock_memory, may_lock_all, pin_to, raise_priority, set_timer_slack};
 pub use reservation::{RESERVED_BYTES, reserve};
+pub use side_thread::SideThread;
 pub use stack::{
     PREFAULT_BYTES, THREAD_STACK_BYTES, block_signals, prefault_stack, spawn, spawn_with_stack, warm_heap, with_stack,
 };

@@ -9,12 +9,12 @@ use std::os::fd::{AsFd as _, OwnedFd};
 use std::os::unix::process::CommandExt as _;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
-use std::thread::JoinHandle;
 use std::time::{self, Duration};
 
 use ob1_backplane::{GuardPage, handover};
 use ob1_host::driver::kept_environment;
 use ob1_host::supervisor::{Report, Times};
+use ob1_rt::SideThread;
 use ob1_time::{Instant, Span};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::{PidfdFlags, getpid, pidfd_open};
@@ -98,9 +98,7 @@ impl Ward {
 /// The guardian of this runtime. Dropping it lets it clean up and waits for it.
 #[derive(Debug)]
 pub struct Guardian {
-    /// Closed to end the thread.
-    stop: Option<OwnedFd>,
-    thread: Option<JoinHandle<()>>,
+    _watch: SideThread<OwnedFd>,
 }
 
 impl Guardian {
@@ -109,20 +107,10 @@ impl Guardian {
     /// # Errors
     /// What the system says.
     pub fn start(ward: Ward) -> io::Result<Self> {
-        let (stopped, stop) = io::pipe()?;
         let guardian = Kept::started(ward, TIMES)?;
-        let watch = Watch { guardian, stopped: stopped.into(), began: time::Instant::now() };
-        let thread = ob1_rt::spawn("ob1-guardian", move || watch.run())?;
-        Ok(Self { stop: Some(stop.into()), thread: Some(thread) })
-    }
-}
-
-impl Drop for Guardian {
-    fn drop(&mut self) {
-        drop(self.stop.take());
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
+        let began = time::Instant::now();
+        let watch = SideThread::polling("ob1-guardian", move |stopped| Watch { guardian, stopped, began }.run())?;
+        Ok(Self { _watch: watch })
     }
 }
 

@@ -6,7 +6,6 @@ use std::os::fd::OwnedFd;
 use std::os::unix::process::CommandExt as _;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
-use std::thread::JoinHandle;
 use std::time::{self, Duration};
 
 use ob1_access::door::Door;
@@ -14,6 +13,7 @@ use ob1_backplane::handover;
 use ob1_broker::{Beats, Handle};
 use ob1_host::driver::kept_environment;
 use ob1_host::supervisor::{Exit, Report, Times};
+use ob1_rt::SideThread;
 use ob1_time::Instant;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::time::Timespec;
@@ -50,9 +50,7 @@ impl LinkSpec {
 /// The processes of all links. Dropping it ends them: drop the broker first, so that they find their doors closed.
 #[derive(Debug)]
 pub struct Links {
-    /// Closed to end the thread.
-    stop: Option<OwnedFd>,
-    thread: Option<JoinHandle<()>>,
+    _watch: SideThread<OwnedFd>,
 }
 
 impl Links {
@@ -61,21 +59,11 @@ impl Links {
     /// # Errors
     /// What the system says when it has no thread or descriptor left.
     pub fn start(specs: Vec<LinkSpec>, broker: &Handle) -> io::Result<Self> {
-        let (stopped, stop) = io::pipe()?;
         let children =
             specs.into_iter().map(|spec| Kept::new(Watched { spec, broker: broker.clone() }, Times::DEFAULT)).collect();
-        let watch = Watch { children, stopped: stopped.into(), began: time::Instant::now() };
-        let thread = ob1_rt::spawn("ob1-links", move || watch.run())?;
-        Ok(Self { stop: Some(stop.into()), thread: Some(thread) })
-    }
-}
-
-impl Drop for Links {
-    fn drop(&mut self) {
-        drop(self.stop.take());
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
+        let began = time::Instant::now();
+        let watch = SideThread::polling("ob1-links", move |stopped| Watch { children, stopped, began }.run())?;
+        Ok(Self { _watch: watch })
     }
 }
 

@@ -14,8 +14,7 @@ pub fn condition(on: Jump, r: &mut Regs) -> bool {
             if matches!(on, Jump::IfRloSaveBr | Jump::IfNotRloSaveBr) {
                 r.flags = flags & !BR | (u32::from(rlo) * BR);
             }
-            r.rlo = true;
-            r.end_chain(true);
+            r.set_rlo(true);
             rlo == matches!(on, Jump::IfRlo | Jump::IfRloSaveBr)
         }
         Jump::IfBr | Jump::IfNotBr => {

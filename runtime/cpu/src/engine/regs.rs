@@ -183,6 +183,20 @@ impl Regs {
         self.or = false;
         self.sta = sta;
     }
+
+    /// SET and CLR.
+    #[inline]
+    pub fn set_rlo(&mut self, rlo: bool) {
+        self.rlo = rlo;
+        self.end_chain(rlo);
+    }
+
+    /// NOT.
+    #[inline]
+    pub fn invert_rlo(&mut self) {
+        self.rlo = !self.rlo;
+        self.sta = true;
+    }
 }
 
 /// `flags` with CC1, CC0, OV of `cc`; OV also sets OS.

@@ -182,18 +182,9 @@ fn bit_logic(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
             let (before, now) = edge(place, r, m)?;
             r.set_edge(now, !now && before);
         }
-        Op::SetRlo => {
-            r.rlo = true;
-            r.end_chain(true);
-        }
-        Op::ClearRlo => {
-            r.rlo = false;
-            r.end_chain(false);
-        }
-        Op::NotRlo => {
-            r.rlo = !r.rlo;
-            r.sta = true;
-        }
+        Op::SetRlo => r.set_rlo(true),
+        Op::ClearRlo => r.set_rlo(false),
+        Op::NotRlo => r.invert_rlo(),
         Op::SaveRlo => r.flags = r.flags & !BR | (u32::from(r.rlo) * BR),
         _ => {}
     }

@@ -4,10 +4,10 @@ use std::io;
 use std::os::fd::OwnedFd;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::thread::{Builder, JoinHandle};
 
 use ob1_backplane::{Monitor, Segment};
 use ob1_cpu::Clock;
+use ob1_rt::SideThread;
 use ob1_time::{Instant, Span};
 use rtrb::{Consumer, Producer, RingBuffer};
 use rustix::event::{PollFd, PollFlags, poll};
@@ -25,8 +25,6 @@ const LOOK_STARTING: Span = Span::from_millis(5);
 const LOOK_LATE: Span = LOOK.times(3);
 /// Reports the scan has not fetched yet; more are dropped.
 const REPORTS: usize = 32;
-/// Stack of the supervisor thread, in bytes.
-const STACK: usize = 256 * 1024;
 
 /// How long drivers get between end of file on stdin and SIGKILL.
 pub const STOP_WAIT: Span = Span::from_secs(2);
@@ -168,53 +166,23 @@ impl Fleet {
     /// # Errors
     /// What the system says when it has no thread or descriptor left.
     pub fn start(self, clock: impl Clock + Send + 'static) -> io::Result<RunningFleet> {
-        let (stop, stopped) = io::pipe()?.into_ends();
-        let thread = Builder::new()
-            .name("ob1-supervisor".into())
-            .stack_size(STACK)
-            .spawn(move || Watch { drivers: self.drivers, clock, stopped }.run())?;
-        Ok(RunningFleet { stop: Some(stop), thread: Some(thread) })
-    }
-}
-
-/// Both ends of a std pipe as plain descriptors.
-trait IntoEnds {
-    /// (write end, read end)
-    fn into_ends(self) -> (OwnedFd, OwnedFd);
-}
-
-impl IntoEnds for (io::PipeReader, io::PipeWriter) {
-    fn into_ends(self) -> (OwnedFd, OwnedFd) {
-        (self.1.into(), self.0.into())
+        let drivers = self.drivers;
+        let watch = SideThread::polling("ob1-supervisor", move |stopped| Watch { drivers, clock, stopped }.run())?;
+        Ok(RunningFleet { _watch: watch })
     }
 }
 
 /// Drivers under supervision. Dropping it stops them.
 #[derive(Debug)]
 pub struct RunningFleet {
-    /// Closed to ask the thread to stop.
-    stop: Option<OwnedFd>,
-    thread: Option<JoinHandle<()>>,
+    _watch: SideThread<OwnedFd>,
 }
 
 impl RunningFleet {
     /// Stops the drivers: end of file on their stdin, up to [`STOP_WAIT`] for them to end, then SIGKILL. Returns when
     /// all are gone.
-    pub fn stop(mut self) {
-        self.halt();
-    }
-
-    fn halt(&mut self) {
-        drop(self.stop.take());
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
-    }
-}
-
-impl Drop for RunningFleet {
-    fn drop(&mut self) {
-        self.halt();
+    pub fn stop(self) {
+        drop(self);
     }
 }
 

@@ -5,6 +5,7 @@
 //! one request under way at a time.
 
 use std::io::{self, Read as _, Write as _};
+use std::os::fd::AsFd;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::time::{Duration, Instant};
 
@@ -156,7 +157,7 @@ impl Clients {
     pub(super) fn wait(
         &mut self,
         listener: &UnixListener,
-        stopped: &io::PipeReader,
+        stopped: &impl AsFd,
         other: Option<PollFd<'_>>,
         due: Option<Duration>,
     ) -> bool {

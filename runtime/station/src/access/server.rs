@@ -2,15 +2,16 @@
 //! request under way at a time, and none waits for another's.
 
 use std::io;
+use std::os::fd::OwnedFd;
 use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::net::UnixListener;
 use std::path::Path;
-use std::thread::JoinHandle;
 use std::time::{self, Duration};
 
 use ob1_access::door::{Answer, Ask, Command, Diagnosis, Document, Door, Refusal};
 use ob1_access::{Item, Put, value};
 use ob1_cpu::Family;
+use ob1_rt::SideThread;
 use ob1_time::{Instant, Span};
 use serde_json::Value;
 
@@ -26,8 +27,7 @@ const ANSWER_TIME: Duration = Duration::from_secs(3);
 /// A running server. Dropping it ends the thread and removes the socket.
 #[derive(Debug)]
 pub struct Server {
-    stop: Option<io::PipeWriter>,
-    thread: Option<JoinHandle<()>>,
+    _thread: SideThread<OwnedFd>,
 }
 
 impl Server {
@@ -40,23 +40,13 @@ impl Server {
         let listener = UnixListener::bind(socket)?;
         std::fs::set_permissions(socket, std::fs::Permissions::from_mode(0o600))?;
         listener.set_nonblocking(true)?;
-        let (stopped, stop) = io::pipe()?;
         let socket = socket.to_owned();
         let answer_time = ANSWER_TIME.saturating_add(min_cycle.times(2).into());
-        let thread = ob1_rt::spawn("ob1-access", move || {
+        let thread = SideThread::polling("ob1-access", move |stopped| {
             Serving { control: Control::new(door, answer_time), view, under_way: Vec::new() }.run(&listener, &stopped);
             let _ = std::fs::remove_file(socket);
         })?;
-        Ok(Self { stop: Some(stop), thread: Some(thread) })
-    }
-}
-
-impl Drop for Server {
-    fn drop(&mut self) {
-        drop(self.stop.take());
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
+        Ok(Self { _thread: thread })
     }
 }
 
@@ -84,7 +74,7 @@ enum Then {
 }
 
 impl Serving {
-    fn run(&mut self, listener: &UnixListener, stopped: &io::PipeReader) {
+    fn run(&mut self, listener: &UnixListener, stopped: &OwnedFd) {
         let mut clients = Clients::new();
         let too_long = || line(&Response::refused(Value::Null, format!("a line has at most {LINE_BYTES} bytes")));
         loop {

@@ -16,7 +16,6 @@ use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
-use std::thread::JoinHandle;
 use std::time::Duration;
 
 use ob1_backplane::handover;
@@ -24,6 +23,7 @@ use ob1_cpu::Cpu;
 use ob1_cpu::engine::{Engine, Plan};
 use ob1_host::driver::kept_environment;
 use ob1_native::{Native, Order, fingerprint, is_large, memory_file};
+use ob1_rt::SideThread;
 use rtrb::{Consumer, Producer, RingBuffer};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::time::Timespec;
@@ -76,18 +76,7 @@ impl Successors {
 /// The thread that starts the process and takes what comes from it. Dropping it ends both.
 #[derive(Debug)]
 pub struct Compiling {
-    /// Closed to end the thread.
-    stop: Option<OwnedFd>,
-    thread: Option<JoinHandle<()>>,
-}
-
-impl Drop for Compiling {
-    fn drop(&mut self) {
-        drop(self.stop.take());
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
-    }
+    _thread: SideThread<OwnedFd>,
 }
 
 impl Compiling {
@@ -105,10 +94,9 @@ impl Compiling {
     /// # Errors
     /// As of [`Compiling::start`].
     pub fn giving(request: Request, plan: &Arc<Plan>, giver: Giver) -> io::Result<Self> {
-        let (stopped, stop) = io::pipe()?;
         let plan = Arc::clone(plan);
-        let work = move || {
-            let mut work = Work { plan, giver, sent: 0, stopped: stopped.into() };
+        let work = move |stopped| {
+            let mut work = Work { plan, giver, sent: 0, stopped };
             match work.run(&request) {
                 Ok(Outcome::Stopped) => {}
                 Ok(Outcome::Done) => work.bury(),
@@ -118,8 +106,7 @@ impl Compiling {
                 }
             }
         };
-        let thread = ob1_rt::spawn("ob1-compiling", work)?;
-        Ok(Self { stop: Some(stop.into()), thread: Some(thread) })
+        Ok(Self { _thread: SideThread::polling("ob1-compiling", work)? })
     }
 }
 

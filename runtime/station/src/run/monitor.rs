@@ -4,8 +4,7 @@
 //! needs no monitor.
 
 use std::sync::Arc;
-use std::sync::mpsc::{self, RecvTimeoutError, Sender};
-use std::thread::JoinHandle;
+use std::sync::mpsc::{RecvTimeoutError, Sender};
 
 use ob1_model::BlockId;
 
@@ -13,6 +12,7 @@ use super::scan::ScanState;
 use crate::exit::Exit;
 use crate::io::ProcessIo;
 use ob1_cpu::Running;
+use ob1_rt::SideThread;
 use ob1_time::Span;
 
 /// Time between two looks.
@@ -59,8 +59,7 @@ impl Suspicion {
 /// The monitor thread. Dropping it ends it.
 #[derive(Debug)]
 pub(super) struct Monitor {
-    stop: Option<Sender<()>>,
-    thread: Option<JoinHandle<()>>,
+    _thread: SideThread<Sender<()>>,
 }
 
 impl Monitor {
@@ -70,8 +69,7 @@ impl Monitor {
         io: Option<ProcessIo>,
         watchdog: Span,
     ) -> std::io::Result<Self> {
-        let (stop, stopped) = mpsc::channel();
-        let thread = ob1_rt::spawn("ob1-monitor", move || {
+        let thread = SideThread::looking("ob1-monitor", move |stopped| {
             let mut suspicion = Suspicion::new(watchdog);
             while stopped.recv_timeout(LOOK.into()) == Err(RecvTimeoutError::Timeout) {
                 let block = running.block().filter(|_| scan.is_in_cycle());
@@ -80,16 +78,7 @@ impl Monitor {
                 }
             }
         })?;
-        Ok(Self { stop: Some(stop), thread: Some(thread) })
-    }
-}
-
-impl Drop for Monitor {
-    fn drop(&mut self) {
-        drop(self.stop.take());
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
+        Ok(Self { _thread: thread })
     }
 }
 

@@ -3,11 +3,10 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
-use std::sync::mpsc::{self, RecvTimeoutError, Sender};
-use std::thread::JoinHandle;
+use std::sync::mpsc::{RecvTimeoutError, Sender};
 
 use ob1_cpu::{ScanRecord, Sums};
-use ob1_rt::{Continued, ThreadLook};
+use ob1_rt::{Continued, SideThread, ThreadLook};
 use ob1_time::{Instant, Span};
 use rtrb::{Consumer, Producer, RingBuffer};
 
@@ -85,8 +84,7 @@ impl Unobserved {
 /// The observer. Dropping it ends its thread, after a last look.
 #[derive(Debug)]
 pub struct Observer {
-    stop: Option<Sender<()>>,
-    thread: Option<JoinHandle<()>>,
+    _thread: SideThread<Sender<()>>,
 }
 
 impl Observer {
@@ -98,7 +96,6 @@ impl Observer {
         let (ring, late) = RingBuffer::new(ROOM);
         let shared = Arc::new(Shared::default());
         let continued = Continued::watch(timings.clock)?;
-        let (stop, stopped) = mpsc::channel();
         let mut looking = Looking {
             timings,
             sources: Sources::find(cores),
@@ -108,7 +105,7 @@ impl Observer {
             looks: Looks::new(LOOK),
             waiting: Vec::with_capacity(ROOM),
         };
-        let thread = ob1_rt::spawn("ob1-observer", move || {
+        let thread = SideThread::looking("ob1-observer", move |stopped| {
             let mut planned = looking.timings.clock.time();
             loop {
                 looking.look(planned);
@@ -121,19 +118,7 @@ impl Observer {
             looking.look(Instant::NEVER);
             looking.look(Instant::NEVER);
         })?;
-        Ok((
-            Self { stop: Some(stop), thread: Some(thread) },
-            LateSender { ring, shared, look: ThreadLook::default(), ready: (0, None) },
-        ))
-    }
-}
-
-impl Drop for Observer {
-    fn drop(&mut self) {
-        drop(self.stop.take());
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
+        Ok((Self { _thread: thread }, LateSender { ring, shared, look: ThreadLook::default(), ready: (0, None) }))
     }
 }
 

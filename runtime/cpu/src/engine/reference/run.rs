@@ -248,18 +248,9 @@ impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
                 Op::Open { scan } => statement::open_bracket(scan.logic, scan.negate, &mut r),
                 Op::Close => statement::close_bracket(&mut r),
                 Op::OrBranch => statement::or_branch(&mut r),
-                Op::SetRlo => {
-                    r.rlo = true;
-                    r.end_chain(true);
-                }
-                Op::ClearRlo => {
-                    r.rlo = false;
-                    r.end_chain(false);
-                }
-                Op::NotRlo => {
-                    r.rlo = !r.rlo;
-                    r.sta = true;
-                }
+                Op::SetRlo => r.set_rlo(true),
+                Op::ClearRlo => r.set_rlo(false),
+                Op::NotRlo => r.invert_rlo(),
 
                 Op::LoadByte { at } => statement::load(&mut r, u32::from(byte(&mem!(), at))),
                 Op::LoadWord { at } => statement::load(&mut r, word(&mem!(), at)),
@@ -390,8 +381,7 @@ impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
                     }
                 }
                 Op::EndIf if !r.rlo => {
-                    r.rlo = true;
-                    r.end_chain(true);
+                    r.set_rlo(true);
                 }
                 Op::End | Op::EndIf => {
                     count!();
