@@ -108,19 +108,31 @@ impl Browser {
         found[ELEMENT].as_str().unwrap_or_else(|| panic!("no {selector}")).to_owned()
     }
 
+    /// Does something with an element once it is there. A page may replace an element between the moment it is found
+    /// and the moment it is used: then its successor is used.
+    fn with(&self, selector: &str, what: &str, body: &Value) {
+        self.until(&format!("document.querySelector({})", json!(selector)));
+        let guard = Guard::begin();
+        loop {
+            let path = format!("{}/element/{}/{what}", self.session, self.element(selector));
+            let value = self.try_call("POST", &path, body).expect("the driver answers");
+            if value["error"].is_null() {
+                return;
+            }
+            let replaced = value["error"] == "stale element reference" && !guard.is_over();
+            assert!(replaced, "{selector}, {what}: {}", value["message"]);
+        }
+    }
+
     /// Clicks an element; only visible elements can be clicked.
     pub(crate) fn click(&self, selector: &str) {
-        self.until(&format!("document.querySelector({})", json!(selector)));
-        let element = self.element(selector);
-        self.call("POST", &format!("/element/{element}/click"), &json!({}));
+        self.with(selector, "click", &json!({}));
     }
 
     /// Types text into an element.
     pub(crate) fn fill(&self, selector: &str, text: &str) {
-        self.until(&format!("document.querySelector({})", json!(selector)));
-        let element = self.element(selector);
-        self.call("POST", &format!("/element/{element}/clear"), &json!({}));
-        self.call("POST", &format!("/element/{element}/value"), &json!({ "text": text }));
+        self.with(selector, "clear", &json!({}));
+        self.with(selector, "value", &json!({ "text": text }));
     }
 
     /// Runs a command of Chromium.

@@ -166,6 +166,13 @@ impl Running {
         self.diagnostics().iter().filter(|entry| entry.event == event).count()
     }
 
+    /// A counter of the station's CP: `"telegrams_sent"`.
+    pub(crate) fn counter(&self, name: &str) -> i64 {
+        let status = self.status();
+        let cp = status.modules.iter().find(|module| module.driver.is_some()).expect("a CP");
+        cp.counters[name] as i64
+    }
+
     /// The driver of the station's CP: its process, number of starts, number of losses.
     pub(crate) fn driver(&self) -> (u32, u32, u32) {
         let status = self.status();
