@@ -38,7 +38,7 @@ pub enum SpecError {
     )]
     Kind(String),
     /// Nothing after the colon.
-    #[error("line \"{0}\": nothing behind the colon")]
+    #[error("line \"{0}\": nothing after the colon")]
     Empty(String),
     /// The path of a device or pty is relative.
     #[error("line \"{0}\": the path must be absolute, because a driver does not run in the station's folder")]

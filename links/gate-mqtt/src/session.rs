@@ -399,7 +399,7 @@ impl Session {
             let _ = tokio::time::timeout(FAREWELL, farewell).await;
         }
         if let Err(error) = self.store.close() {
-            tracing::error!(link = %self.name(), "what waits cannot be kept: {error}");
+            tracing::error!(link = %self.name(), "waiting values cannot be kept: {error}");
         }
     }
 }

@@ -56,7 +56,7 @@ pub const fn exception_remedy(code: u8) -> &'static str {
         5 | 6 => "it is overloaded: set a longer `period`, or let fewer masters ask it",
         8 => "the memory of the device is damaged",
         10 => "the gateway knows no way to this `unit`: look at its table",
-        11 => "nobody answers behind the gateway: check `unit`, power and cable of the device",
+        11 => "no device behind the gateway answers: check `unit`, power and cable of the device",
         _ => "the manual of the device says what it means",
     }
 }
