@@ -13,9 +13,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::ops::Deref;
 
-use ob1_model::{Area, BitAddr, BlockId, BlockKind, Interface, Layout, Param, Section};
+use ob1_model::{Area, BitAddr, BlockId, BlockKind, Interface, Layout, Param, Section, Width};
 
-use crate::{Arg, Call, CallMode, CodeBlock, DataKind, Number, Op, Place, Program, Target, Width};
+use crate::{Arg, Call, CallMode, CodeBlock, DataKind, Number, Op, Place, Program, Target};
 
 /// Most brackets open at once.
 pub const BRACKETS: u32 = 7;
