@@ -1,6 +1,27 @@
 //! The table of diagnostics: every number with its text and remedy. `docs/stl-errors.md` is made from it.
 
-use crate::diagnostic::Severity;
+/// How bad it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Severity {
+    /// Legal, but a known trap.
+    Lint,
+    /// Accepted, though STEP 7 would not, or likely not meant.
+    Warning,
+    /// The program cannot be used.
+    Error,
+}
+
+impl Severity {
+    /// The word printed before the number.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Severity::Lint => "lint",
+            Severity::Warning => "warning",
+            Severity::Error => "error",
+        }
+    }
+}
 
 /// A row of the table.
 #[derive(Debug)]

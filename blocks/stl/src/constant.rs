@@ -1,5 +1,6 @@
 //! Constants: as written, and as the bits a cell of a given type stores.
 
+use ob1_model::bcd::to_bcd;
 use ob1_model::{Area, BitAddr, DataType, Layout, S5Time};
 
 use crate::source::to_byte;
@@ -144,7 +145,7 @@ pub(crate) fn parse(text: &str, negative: bool) -> Result<Constant, String> {
         "L" | "DINT" => decimal(body).map_or_else(|| wrong("double integer"), |v| Ok(Constant::DInt(v))),
         "INT" => decimal(body).map_or_else(|| wrong("integer"), |v| Ok(Constant::Integer(i64::from(v)))),
         "C" => match plain(body).filter(|v| *v <= 999) {
-            Some(v) => Ok(Constant::Count((time::bcd(v / 100) << 8 | time::bcd(v % 100)) as u16)),
+            Some(v) => Ok(Constant::Count(to_bcd(v) as u16)),
             None => wrong("counter value, C#0 to C#999"),
         },
         "S5T" | "S5TIME" => {

@@ -3,32 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
-use crate::codes::{self, Code};
+use crate::codes::{self, Code, Severity};
 use crate::source::Source;
 use crate::token::Span;
-
-/// How bad it is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Severity {
-    /// Legal, but a known trap.
-    Lint,
-    /// Accepted, though STEP 7 would not, or likely not meant.
-    Warning,
-    /// The program cannot be used.
-    Error,
-}
-
-impl Severity {
-    /// The word printed before the number.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Severity::Lint => "lint",
-            Severity::Warning => "warning",
-            Severity::Error => "error",
-        }
-    }
-}
 
 /// One finding.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -66,7 +66,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use ob1_ir::{DataBlock, DataKind, Program, Symbol};
 use ob1_model::BlockId;
 
-pub use diagnostic::{Diagnostic, Limit, Rest, Severity, USES, render, render_all};
+pub use codes::Severity;
+pub use diagnostic::{Diagnostic, Limit, Rest, USES, render, render_all};
 pub use library::{Library, LibraryBlock, Missing};
 pub use listing::listing;
 pub use mnemonics::Mnemonics;

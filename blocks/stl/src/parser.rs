@@ -20,15 +20,6 @@ const FRAMES: [(&str, &str, Frame); 5] = [
     ("TYPE", "END_TYPE", Frame::Udt),
 ];
 
-/// Words that begin a declaration section.
-const SECTIONS: [(&str, Section); 5] = [
-    ("VAR_INPUT", Section::Input),
-    ("VAR_OUTPUT", Section::Output),
-    ("VAR_IN_OUT", Section::InOut),
-    ("VAR_TEMP", Section::Temp),
-    ("VAR", Section::Static),
-];
-
 /// Header lines of the form `VERSION : 0.1`.
 pub(crate) const HEADER_LINES: [&str; 4] = ["VERSION", "AUTHOR", "FAMILY", "NAME"];
 
@@ -95,7 +86,7 @@ pub(crate) fn begins_block(word: &str) -> bool {
 
 /// True for the first word of a declaration section.
 pub(crate) fn is_section(word: &str) -> bool {
-    SECTIONS.iter().any(|(begin, _)| begin.eq_ignore_ascii_case(word))
+    Section::opened_by(word).is_some()
 }
 
 /// True for a word after which no line of the head can follow.
@@ -107,13 +98,13 @@ pub(crate) fn ends_head(word: &str) -> bool {
 /// Words a statement may not begin with, proposed when an unknown word is near one of them.
 pub(crate) fn keywords() -> impl Iterator<Item = &'static str> {
     let frames = FRAMES.into_iter().flat_map(|(begin, end, _)| [begin, end]);
-    let sections = SECTIONS.into_iter().map(|(word, _)| word);
+    let sections = Section::WORDS.into_iter().map(|(_, word)| word);
     frames.chain(sections).chain(HEADER_WORDS).chain(["BEGIN", "NETWORK", "TITLE", "END_VAR", "STRUCT", "END_STRUCT"])
 }
 
 /// Words that begin a block or a declaration section.
 pub(crate) fn is_frame_or_section(word: &str) -> bool {
-    FRAMES.iter().any(|(begin, _, _)| *begin == word) || SECTIONS.iter().any(|(begin, _)| *begin == word)
+    FRAMES.iter().any(|(begin, _, _)| *begin == word) || Section::WORDS.iter().any(|(_, begin)| *begin == word)
 }
 
 /// Parses one file.
@@ -358,8 +349,8 @@ impl<'s> Parser<'_, 's> {
                 self.bump();
                 return;
             }
-            if let Some((_, section)) = SECTIONS.iter().find(|(name, _)| *name == &*word) {
-                self.section(block, *section);
+            if let Some(section) = Section::opened_by(&word) {
+                self.section(block, section);
             } else if HEADER_WORDS.contains(&&*word) {
                 block.read_only |= &*word == "READ_ONLY";
                 self.bump();
@@ -369,7 +360,7 @@ impl<'s> Parser<'_, 's> {
                 block.shape = Some(self.ty(0));
             } else if begin.is_some_and(|begin| self.at < begin) {
                 let text: String = self.text(token).chars().take(32).collect();
-                let known = HEADER_WORDS.into_iter().chain(HEADER_LINES).chain(SECTIONS.map(|(word, _)| word));
+                let known = HEADER_WORDS.into_iter().chain(HEADER_LINES).chain(Section::WORDS.map(|(_, word)| word));
                 let message = format!("{text} is no word of a block's head");
                 self.sink.report_unknown(self.index, token.span, &codes::HEAD, message, &word, known);
                 self.skip_line();

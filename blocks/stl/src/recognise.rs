@@ -1,5 +1,7 @@
 //! Files that are not STL, recognised as what they are, so that one message is enough.
 
+use ob1_model::Section;
+
 use crate::words::Words;
 
 /// What a file is instead of STL.
@@ -134,7 +136,7 @@ impl Signs {
                 brackets = 0;
             } else if is(&["DATA_BLOCK", "TYPE", "END_DATA_BLOCK", "END_TYPE"]) {
                 (block, code) = (false, false);
-            } else if is(&["VAR", "VAR_INPUT", "VAR_OUTPUT", "VAR_IN_OUT", "VAR_TEMP"]) {
+            } else if Section::opened_by(word).is_some() {
                 code = false;
             } else if is(&["END_VAR", "BEGIN"]) {
                 code = block;

@@ -11,7 +11,8 @@ use std::collections::btree_map::Entry;
 use ob1_ir::{Symbol, Width};
 
 use crate::codes;
-use crate::diagnostic::{Diagnostic, Severity, Sink};
+use crate::codes::Severity;
+use crate::diagnostic::{Diagnostic, Sink};
 use crate::parse_types::simple_type;
 use crate::source::Source;
 use crate::symbol_rows::{self, Row};
