@@ -4,7 +4,7 @@
 //! Phases, status numbers and statics are the manual's. The rule of Chien, Hrones and Reswick for an answer without
 //! overshoot takes the place of the manual's design, which is not public.
 
-use super::tcont_cp::{TcontCp, load, save, set_member};
+use super::tcont_parameters::{TcontCp, load, save, set_member};
 use super::temperature::limited;
 use crate::call::Call;
 
