@@ -145,7 +145,7 @@ mod tests {
         for (text, says) in [
             ("/dev/ttyUSB0", "unknown kind"),
             ("rs232:/dev/x", "unknown kind"),
-            ("serial:", "nothing behind"),
+            ("serial:", "nothing after"),
             ("serial:ttyUSB0", "absolute"),
             ("pty:x", "absolute"),
             ("tcp:4001", "HOST:PORT"),
