@@ -36,7 +36,7 @@ pub enum Arg {
     /// A constant of a composed type (STRING, DATE_AND_TIME, POINTER, ANY), as laid-out bytes. Operands supplied to
     /// POINTER and ANY come as such a constant; so does the actual of an FB's composed in/out, whose instance keeps a
     /// POINTER (`ob1_model::Param::is_pointer`). What is known at run time only comes otherwise: a POINTER or ANY to
-    /// instance data is put together in the local data and handed over as an operand, and the POINTER of a composed
+    /// instance data is composed in the local data and handed over as an operand, and the POINTER of a composed
     /// in/out is written into the instance before the call, whose argument then is `Open`.
     Bytes(Box<[u8]>),
     /// An operand. M, E, A, L and DBX through the DB register go by reference; fully qualified data operands (`InDb`),

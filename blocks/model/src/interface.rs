@@ -23,7 +23,7 @@ impl Section {
     /// Every section, in the order in which an instance lays them out, the local data last.
     pub const ALL: [Self; 6] = [Self::Input, Self::Output, Self::InOut, Self::Return, Self::Static, Self::Temp];
 
-    /// The sections a source declares, each with the word that opens it. The function value stands in the block's head.
+    /// The sections a source declares, each with the word that opens it. The function value is in the block's head.
     pub const WORDS: [(Self, &'static str); 5] = [
         (Self::Input, "VAR_INPUT"),
         (Self::Output, "VAR_OUTPUT"),

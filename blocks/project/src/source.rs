@@ -11,7 +11,7 @@ use crate::comments::Comments;
 use crate::folder::{Block, Head, Language};
 use crate::text::CodePage;
 
-/// The declarations of a block, ready to stand in a source.
+/// The declarations of a block, ready for a source.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Declarations {
     /// The type of a function's value.

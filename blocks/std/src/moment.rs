@@ -94,7 +94,7 @@ impl Moment {
         }
     }
 
-    /// From the eight bytes of a DATE_AND_TIME. The day of the week is not looked at.
+    /// From the eight bytes of a DATE_AND_TIME. The day of the week is ignored.
     ///
     /// # Errors
     /// What is no date or no time.

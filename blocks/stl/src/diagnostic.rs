@@ -211,7 +211,7 @@ impl Sink {
 
     /// The known word nearest to `word`, when one is near. Searches for a bounded number of words only.
     pub(crate) fn nearest<'w>(&mut self, word: &str, known: impl IntoIterator<Item = &'w str>) -> Option<&'w str> {
-        /// Candidates looked at for one word.
+        /// Candidates compared with one word.
         const CANDIDATES: usize = 2_000;
         if self.suggestions_left == 0 || word.len() > 40 {
             return None;

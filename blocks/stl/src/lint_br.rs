@@ -31,7 +31,7 @@ fn asks(op: &Op) -> bool {
     )
 }
 
-/// Reports each SAVE whose BR is overwritten before anything asks for it. Looked at up to the next label or jump.
+/// Reports each SAVE whose BR is overwritten before anything reads it. Checked up to the next label or jump.
 pub(crate) fn overwritten(i: &Inspected<'_>, sink: &mut Sink) {
     let mut saved: Option<usize> = None;
     for (at, stmt) in i.code.iter().enumerate() {
@@ -62,7 +62,7 @@ pub(crate) struct BrUse {
 }
 
 impl BrUse {
-    /// Gathers whether this block sets BR, and where it asks for the BR of a block it has called.
+    /// Gathers whether this block sets BR, and where it reads the BR of a block it has called.
     pub(crate) fn gather(&mut self, i: &Inspected<'_>) {
         let mut sets_br = false;
         let mut called = None;

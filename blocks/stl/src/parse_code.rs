@@ -14,7 +14,7 @@ impl Parser<'_, '_> {
         let first = self.peek()?;
         let label = self.label();
         if label.is_some() {
-            // A label may stand on a line of its own before its statement; then it labels an empty one.
+            // A label may be on a line of its own before its statement; then it labels an empty one.
             if matches!(self.peek_kind(), None | Some(Kind::Newline | Kind::Semicolon)) {
                 return Some(Statement::empty(label, first, self.at, network));
             }
@@ -119,7 +119,7 @@ impl Parser<'_, '_> {
         from..self.at
     }
 
-    /// The list of pointers of `UC` and `CC` may stand on the next line.
+    /// The list of pointers of `UC` and `CC` may be on the next line.
     fn list_behind(&mut self, statement: &mut Statement) {
         let end_of_target = self.at;
         let listed = statement.row.is_some_and(|r| matches!(r.shape, Shape::Call(mode) if mode != CallMode::Call));

@@ -1,4 +1,4 @@
-//! Tokens to blocks: frames, headers and sections. Never fails: after a mistake it goes on at the next statement,
+//! Tokens to blocks: frames, headers and sections. Never fails: after a mistake it continues at the next statement,
 //! declaration or block.
 
 use ob1_model::Section;

@@ -11,7 +11,7 @@ use crate::token::{Kind, Span};
 use crate::type_words::with_article;
 use crate::value::{Term, Value};
 
-/// What may stand in `[ ]` besides a number.
+/// What may be in `[ ]` besides a number.
 pub(crate) trait Indices {
     /// A whole number of `VAR CONSTANT`.
     fn whole_number(&self, name: &str) -> Option<i32>;

@@ -49,7 +49,7 @@ impl Lowerer<'_, '_> {
                 return self.indexed(formal, *operand, *through, terms, ty, span).map(Reached::Arg);
             }
             Value::Memory { operand: Operand { place, .. }, ty } if typed || by_pointer => {
-                // A POINTER or ANY of the caller's own is handed on as it is.
+                // A POINTER or ANY of the caller's own is passed on as it is.
                 if typed && ty.is_some_and(|ty| *ty == formal.ty) {
                     return Some(Reached::Value(value));
                 }

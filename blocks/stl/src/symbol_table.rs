@@ -2,7 +2,7 @@
 //!
 //! The formats ["Programming with STEP 7", "File Formats for Importing/Exporting a Symbol Table"]: `.SDF` has four
 //! texts in quotes, `.ASC` records of 126 characters in fixed columns, `.SEQ` tabulated address, symbol and comment,
-//! `.DIF` tuples of typed cells. Each is CP1252 or UTF-8, addresses stand in either set of mnemonics, comments stay
+//! `.DIF` tuples of typed cells. Each is CP1252 or UTF-8, addresses are in either set of mnemonics, comments stay
 //! out.
 
 use std::collections::BTreeMap;
@@ -102,7 +102,7 @@ pub fn read_symbols(source: &Source) -> SymbolTable {
     read_one(source, &mut Names::new())
 }
 
-/// Reads the symbol tables of one program, in their order. A name that stands in two of them is reported in the later
+/// Reads the symbol tables of one program, in their order. A name that is in two of them is reported in the later
 /// one; the first one counts, as within a table.
 #[must_use]
 pub fn read_symbol_tables(sources: &[Source]) -> Vec<SymbolTable> {

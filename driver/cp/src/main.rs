@@ -1,7 +1,7 @@
 //! `ob1-cp`: one process is one CP 240. It attaches to a segment, takes parameters and line from it, and ends with its
 //! standard input.
 
-// All output goes through one place that neither panics nor waits for ever.
+// All output goes through one place that neither panics nor waits forever.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod config;

@@ -1,7 +1,7 @@
 //! `ob1-io`: the process of a bus. It exchanges inputs and outputs with the couplers or slaves on its lines, and ends
 //! with its standard input.
 
-// All output goes through one place that neither panics nor waits for ever.
+// All output goes through one place that neither panics nor waits forever.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod gpio;

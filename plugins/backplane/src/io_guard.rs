@@ -86,7 +86,7 @@ impl GuardPage {
         self.memory.cells().word::<AT_LET_GO>().store(1, Ordering::Release);
     }
 
-    /// Whether the PLC has let go: then there is nothing to take over.
+    /// Whether the PLC has released the outputs: then there is nothing to take over.
     #[must_use]
     pub fn has_let_go(&self) -> bool {
         self.memory.cells().word::<AT_LET_GO>().load(Ordering::Acquire) != 0

@@ -26,7 +26,7 @@ pub struct Attention {
 }
 
 impl Attention {
-    /// Makes the program look at the clock and the watchdog at its next safe point.
+    /// Makes the program read the clock and the watchdog at its next safe point.
     pub fn attend(&self) {
         self.due.store(true, Ordering::Release);
     }
@@ -100,7 +100,7 @@ pub(crate) struct Machine {
     pub(crate) whereabouts: Arc<Whereabouts>,
     /// Bit n: OB n has begun and not ended.
     pub(crate) active: u128,
-    /// The running OB for a synchronous error is aborted, and the block it was called for goes on.
+    /// The running OB for a synchronous error is aborted, and the block it was called for continues.
     pub(crate) aborted: bool,
     /// Diagnostic interrupts that wait for the end of the OB that runs in their class.
     pub(crate) diagnoses: Diagnoses,

@@ -1,7 +1,7 @@
 //! What the standard blocks ask of the CPU besides memory and modules: clock, interrupts by time, masked errors, locks,
 //! data blocks.
 //!
-//! The rules of masks and locks stand in `ob1-std`; here they are kept, asked at the right places, and turned into due
+//! The rules of masks and locks are in `ob1-std`; here they are kept, asked at the right places, and turned into due
 //! times.
 
 use ob1_std::moment::Moment;

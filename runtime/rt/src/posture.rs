@@ -14,7 +14,7 @@ pub enum Outcome {
     Granted,
     /// In part; see the text.
     Partly,
-    /// Refused; the run goes on without it.
+    /// Refused; the run continues without it.
     Refused,
     /// A fact about the system, which needs nothing.
     Noted,

@@ -201,7 +201,7 @@ mod tests {
                 Op::Load(Operand { width: Width::Byte, place: formal(2) }),
                 Op::Transfer(memory(Width::Byte, 5)),
             ];
-            // After a check that fails, the reference goes on.
+            // After a check that fails, the reference continues.
             if bit_first {
                 ops.rotate_left(2);
             }

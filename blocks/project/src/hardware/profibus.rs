@@ -61,7 +61,7 @@ pub struct DpModule {
 
 /// The object type of a DP master system.
 const SYSTEM: i64 = 1_314_971;
-/// Precedes the name of a module that goes on in a further slot.
+/// Precedes the name of a module that continues in a further slot.
 const GOES_ON: &str = "-->";
 
 /// The master systems among the objects; `station` finds the station of one.

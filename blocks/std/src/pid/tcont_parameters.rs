@@ -1,4 +1,4 @@
-//! The instance of FB 58 TCONT_CP, and the controller parameters in it: kept, brought back, put into effect. Statics
+//! The instance of FB 58 TCONT_CP, and the controller parameters in it: kept, restored, put into effect. Statics
 //! after POI_CYCL are ours.
 
 use super::input::{TRUE, real};

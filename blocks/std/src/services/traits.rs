@@ -294,7 +294,7 @@ pub enum AlarmError {
     FirstIsZero,
 }
 
-/// Why a user message was not sent to a station. The entry is in the diagnostic buffer all the same.
+/// Why a user message was not sent to a station. The entry is in the diagnostic buffer nevertheless.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MessageError {
     /// No station is logged on.

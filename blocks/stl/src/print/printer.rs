@@ -97,7 +97,7 @@ impl<'p> Printer<'p> {
     }
 }
 
-/// A name as it may stand in a source: as it is, or in quotes.
+/// A name as it may be in a source: as it is, or in quotes.
 pub(super) fn quoted(name: &str) -> String {
     let mut chars = name.chars();
     let plain =

@@ -1,7 +1,7 @@
 //! The accounts of every scan: what the scan thread writes down, and what others read of it without the scan noticing.
 //!
 //! One writer, the scan; any number of readers. Everything is a relaxed atomic of its own, allocated at load: writing
-//! takes no lock, allocates nothing and waits for nobody, and reading costs the scan nothing. Nothing is ever reset
+//! takes no lock, allocates nothing and never waits, and reading costs the scan nothing. Nothing is ever reset
 //! here: whoever wants figures from a moment on takes the difference of two snapshots ([`Figures::since`]).
 
 mod figures;

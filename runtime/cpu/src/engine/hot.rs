@@ -57,7 +57,7 @@ pub struct Hot {
 }
 
 impl Default for Hot {
-    /// Nothing runs. The first safe point looks at the clock.
+    /// Nothing runs. The first safe point reads the clock.
     fn default() -> Self {
         Self {
             pending: 0,

@@ -20,7 +20,7 @@ pub struct PluginError {
 pub enum Refusal {
     /// The file cannot be found; what the system says.
     Missing(String),
-    /// The file is no shared library for this machine, or needs one that is not there; what the loader says.
+    /// The file is not a shared library for this machine, or needs one that is not there; what the loader says.
     NotALibrary(String),
     /// It has no function `ob1_plugin`.
     NoSymbol,

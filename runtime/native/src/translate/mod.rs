@@ -1,7 +1,7 @@
 //! From the statements of a block to Cranelift's intermediate form.
 //!
 //! Accumulators, address registers and status bits are values while a stretch of statements runs; they go to memory
-//! only where somebody else looks at them. A statement whose operand cannot be reached goes, with all registers, to the
+//! only where other code reads them. A statement whose operand cannot be reached goes, with all registers, to the
 //! reference, which executes it and what follows up to the next place where compiled code can be entered again.
 
 mod arithmetic;

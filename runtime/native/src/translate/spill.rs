@@ -469,7 +469,7 @@ impl Translation<'_, '_> {
         }
     }
 
-    /// The reference goes on, and may return to compiled code.
+    /// The reference continues, and may return to compiled code.
     fn reference_goes_on(&mut self) {
         let at = self.b.append_block_param(self.leave_counted, types::I32);
         self.b.switch_to_block(self.leave_counted);

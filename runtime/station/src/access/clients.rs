@@ -314,7 +314,7 @@ mod tests {
             UnixStream::connect(self.folder.path().join("s")).expect("it listens")
         }
 
-        /// One round; whether the server goes on.
+        /// One round; whether the server continues.
         fn wait(&mut self) -> bool {
             self.clients.wait(&self.listener, &self.stopped, None, None)
         }

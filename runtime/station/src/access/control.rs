@@ -54,7 +54,7 @@ pub(super) enum Outcome {
 }
 
 impl Pending {
-    /// How long until it must be looked at again, at the latest.
+    /// How long until it must be polled again, at the latest.
     pub(super) fn due(&self, now: Instant) -> Duration {
         let left = self.give_up.saturating_duration_since(now);
         if matches!(self.work, Work::Read { .. }) { left.min(LOOK) } else { left }

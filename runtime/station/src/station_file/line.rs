@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// A line of the station file. Its text form is what the driver is told; paths in it are absolute.
+/// A line of the station file. The driver gets its text form; paths in it are absolute.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Line {
     /// `serial:/dev/ttyUSB0`: a serial device.
