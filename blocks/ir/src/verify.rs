@@ -93,8 +93,8 @@ pub enum Defect {
 impl fmt::Display for Defect {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Defect::DuplicateBlock(id) => write!(f, "{id} is there twice"),
-            Defect::DataNumber(n) => write!(f, "DB {n} is there twice, or has no number"),
+            Defect::DuplicateBlock(id) => write!(f, "{id} occurs twice"),
+            Defect::DataNumber(n) => write!(f, "DB {n} occurs twice, or has no number"),
             Defect::InstanceLength(n) => write!(f, "DB {n} does not fit its function block"),
             Defect::Source(id) => write!(f, "{id} is of a source that is not there"),
             Defect::JumpTarget(to) => write!(f, "jump to statement {to}, which is not there"),

@@ -192,7 +192,7 @@ fn clip(text: &str) -> String {
 fn number(text: &str, negative: bool) -> Result<Constant, String> {
     let digits = text.replace('_', "");
     if digits.contains(['.', 'e', 'E']) {
-        let value: f32 = digits.parse().map_err(|_| format!("{} is no real number", clip(text)))?;
+        let value: f32 = digits.parse().map_err(|_| format!("{} is not a real number", clip(text)))?;
         if value.is_infinite() {
             return Err(format!("{} is beyond the largest real number, 3.402823e+38", clip(text)));
         }
@@ -200,7 +200,7 @@ fn number(text: &str, negative: bool) -> Result<Constant, String> {
     }
     match digits.parse::<i64>() {
         Ok(value) => Ok(Constant::Integer(if negative { -value } else { value })),
-        Err(_) => Err(format!("{} is no number of at most 32 bits", clip(text))),
+        Err(_) => Err(format!("{} is not a number of at most 32 bits", clip(text))),
     }
 }
 
@@ -257,7 +257,7 @@ pub(crate) fn text(quoted: &str) -> Result<Vec<u8>, String> {
             },
             c => c,
         };
-        out.push(to_byte(c).ok_or_else(|| format!("{c} is no character of the S7 (CP1252, CP1250 or CP1251)"))?);
+        out.push(to_byte(c).ok_or_else(|| format!("{c} is not a character of the S7 (CP1252, CP1250 or CP1251)"))?);
     }
     Ok(out)
 }

@@ -45,7 +45,7 @@ impl<'l> Labels<'l> {
                     block.file,
                     token.span,
                     &codes::DUPLICATE_LABEL,
-                    format!("the label {shown} is there twice"),
+                    format!("the label {shown} occurs twice"),
                 );
             } else {
                 own.insert(name, at);

@@ -81,7 +81,7 @@ impl Parser<'_, '_> {
             return;
         }
         if self.peek_at(1).is_some_and(|t| t.kind == Kind::Assign) {
-            let message = format!("{shown} := stands after no CALL");
+            let message = format!("{shown} := does not follow a CALL");
             self.report(head.span, &codes::STRAY_ACTUAL, message);
             return;
         }
@@ -92,7 +92,7 @@ impl Parser<'_, '_> {
         }
         let next = self.peek_at(1).filter(|next| next.span.start == head.span.end).map_or("", |next| self.text(next));
         if matches!((text, next.chars().next()), ("/" | "(", Some('*'))) {
-            let message = format!("{shown}* begins no comment in STL");
+            let message = format!("{shown}* does not begin a comment in STL");
             let remedy = "A comment begins with // and ends with its line: one // in each line.";
             self.sink.report_with(self.index, head.span, &codes::UNKNOWN_MNEMONIC, message, remedy);
             return;

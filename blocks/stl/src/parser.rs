@@ -215,7 +215,7 @@ impl<'s> Parser<'_, 's> {
     /// Text outside any block: reported once a run, and where it is a block's first word misspelt.
     fn outside(&mut self, token: Token, reported: bool) {
         let begins = FRAMES.iter().map(|(begin, _, _)| *begin);
-        let message = "this stands outside any block";
+        let message = "this is outside any block";
         match self.sink.nearest(self.text(token), begins) {
             Some(near) => {
                 let remedy = format!("Did you mean {near}?");
@@ -339,7 +339,7 @@ impl<'s> Parser<'_, 's> {
             }
             let Some(word) = self.keyword() else {
                 if begin.is_some_and(|begin| self.at < begin) {
-                    self.report(token.span, &codes::HEAD, "this word does not belong in the head of a block");
+                    self.report(token.span, &codes::HEAD, "this word does not belong in a block header");
                     self.skip_line();
                     continue;
                 }
@@ -361,7 +361,7 @@ impl<'s> Parser<'_, 's> {
             } else if begin.is_some_and(|begin| self.at < begin) {
                 let text: String = self.text(token).chars().take(32).collect();
                 let known = HEADER_WORDS.into_iter().chain(HEADER_LINES).chain(Section::WORDS.map(|(_, word)| word));
-                let message = format!("{text} is no word of a block's head");
+                let message = format!("{text} is not a word of a block header");
                 self.sink.report_unknown(self.index, token.span, &codes::HEAD, message, &word, known);
                 self.skip_line();
             } else {
@@ -496,12 +496,12 @@ impl<'s> Parser<'_, 's> {
                     network = network.saturating_add(1);
                 }
                 Some("BEGIN") => {
-                    self.report(token.span, &codes::MISPLACED, "BEGIN stands once, before the first statement");
+                    self.report(token.span, &codes::MISPLACED, "BEGIN occurs once, before the first statement");
                     self.bump();
                 }
                 _ if block.frame == Frame::Db => self.assignment(block),
                 _ if block.frame == Frame::Udt => {
-                    self.report(token.span, &codes::MISPLACED, "a TYPE has nothing but one structure");
+                    self.report(token.span, &codes::MISPLACED, "a TYPE has exactly one structure");
                     self.skip_statement();
                 }
                 _ => {

@@ -198,7 +198,7 @@ fn element<'t>(
     if let (DataType::String(max), [index]) = (ty, indices.as_slice()) {
         let at = u32::try_from(*index).ok().filter(|i| (1..=u32::from(*max)).contains(i));
         if at.is_none() {
-            let message = format!("the index lies outside the STRING, which has {max} characters from 1");
+            let message = format!("the index is outside the STRING, which has {max} characters from 1");
             reader.report(span, &codes::ARRAY_INDEX, message);
         }
         return at.map(|i| (&CHARACTER, BitAddr::byte_addr(i + 1)));
@@ -210,7 +210,7 @@ fn element<'t>(
     let at = Layout::element(dims, inner, &indices);
     if at.is_none() {
         let bounds: Vec<_> = dims.iter().map(|d| format!("{}..{}", d.low, d.high)).collect();
-        let message = format!("the index lies outside the array's bounds [{}]", bounds.join(", "));
+        let message = format!("the index is outside the array's bounds [{}]", bounds.join(", "));
         reader.report(span, &codes::ARRAY_INDEX, message);
     }
     at.map(|at| (&**inner, at))

@@ -41,7 +41,7 @@ impl Other {
             Other::Template => {
                 ("this is a template with places to be filled in, not a source", "Load what is generated from it.")
             }
-            Other::Binary => ("this is no text", "Load the source the file was made from."),
+            Other::Binary => ("this is not a text file", "Load the source the file was made from."),
         }
     }
 }

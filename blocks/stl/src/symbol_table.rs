@@ -162,7 +162,7 @@ fn table(form: TableForm, file: &str, text: &str, names: &mut Names, sink: &mut 
             }
             Entry::Occupied(first) => {
                 let first = if first.get() == file { String::new() } else { format!(", first in {}", first.get()) };
-                let message = format!("the symbol {} is there twice{first}; the first one counts", symbol.name);
+                let message = format!("the symbol {} occurs twice{first}; the first one counts", symbol.name);
                 sink.report(0, row.span, &codes::SYMBOL_TWICE, message);
             }
         }
@@ -189,10 +189,10 @@ fn symbol(row: &Row, form: TableForm, words: &Words, sink: &mut Sink) -> Option<
     let found = symbols::address(&symbol, words);
     let width = match &found {
         Symbolic::Unknown(_) => {
-            let mut message = format!("{} of {} is no address", clip(&symbol.address), clip(name));
+            let mut message = format!("{} of {} is not an address", clip(&symbol.address), clip(name));
             if form == TableForm::Asc {
                 // Whoever edits such a file by hand easily moves a column.
-                message += "; an ASC file has columns of 24, 12, 10 and 80 characters behind 126,";
+                message += "; an ASC file has columns of 24, 12, 10 and 80 characters after 126,";
             }
             sink.report(0, row.span, &codes::TABLE_ADDRESS, message);
             return None;

@@ -44,10 +44,10 @@ pub enum SpecError {
     #[error("line \"{0}\": the path must be absolute, because a driver does not run in the station's folder")]
     Relative(String),
     /// The port is missing or not a number.
-    #[error("line \"{0}\": \"{1}\" is no port; a port is a number from {2} to 65535")]
+    #[error("line \"{0}\": \"{1}\" is not a port; a port is a number from {2} to 65535")]
     Port(String, String, u16),
     /// The address to listen on is not an IP address.
-    #[error("line \"{0}\": \"{1}\" is no IP address of this machine, such as 0.0.0.0 (all) or 127.0.0.1 (only itself)")]
+    #[error("line \"{0}\": \"{1}\" is not an IP address of this machine, such as 0.0.0.0 (all) or 127.0.0.1 (only itself)")]
     Address(String, String),
     /// No host before the port.
     #[error("line \"{0}\": tcp needs HOST:PORT")]

@@ -71,7 +71,7 @@ pub fn lock_memory() -> Grant {
             what,
             outcome: Outcome::Partly,
             detail:
-                "what was mapped at the start is locked, later mappings are not: the limit on locked memory is finite"
+                "memory mapped at the start is locked, later mappings are not: the limit on locked memory is finite"
                     .into(),
             remedy: Some(LOCK_REMEDY),
         },

@@ -112,7 +112,7 @@ impl Elaborator<'_> {
                 self.world.symbols.insert(key, Symbolic::Block(BlockWord::Ob, number));
             }
             None => {
-                let message = format!("\"{name}\" is no name that STEP 7 or TIA Portal gives an organization block");
+                let message = format!("\"{name}\" is not a name that STEP 7 or TIA Portal gives an organization block");
                 let remedy =
                     format!("Write its number in the station file: [program] numbers = {{ \"{name}\" = \"OB 35\" }}");
                 self.sink.report_with(file, span, &codes::OB_NAME, message, remedy);
