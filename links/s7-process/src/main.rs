@@ -114,7 +114,7 @@ fn run(arguments: &Arguments) -> ExitCode {
             ExitCode::SUCCESS
         }
         Err(DoorError::Closed) => {
-            info!("the station has closed the door: end");
+            info!("the station has closed the connection: end");
             ExitCode::SUCCESS
         }
         Err(error) => {

@@ -25,7 +25,7 @@ pub enum LineError {
     #[error("\"{0}\" is not a kind of line")]
     Kind(String),
     /// Nothing after the colon.
-    #[error("nothing stands behind \"{0}:\"")]
+    #[error("nothing follows \"{0}:\"")]
     Empty(&'static str),
     /// No port number.
     #[error("\"{0}\" is not a port number (1 to 65535)")]
