@@ -1,4 +1,4 @@
-//! Calls: who is called, how, and with what.
+//! Calls: the called block, the kind of the call, and its parameters.
 
 use ob1_model::{BitAddr, BlockId, BlockKind};
 

@@ -5,7 +5,7 @@
 //! instance operands within their sizes, whole-byte addresses where bytes and words are accessed, and calls with one
 //! argument for each formal of a block that exists.
 //!
-//! It is the only verifier: a CPU takes nothing but a [`Verified`] program, whoever has made it (STL, machine code that
+//! It is the only verifier: a CPU takes only a [`Verified`] program, whatever has made it (STL, machine code that
 //! came over a network, a test).
 
 use std::borrow::Borrow;

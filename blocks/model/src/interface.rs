@@ -195,7 +195,7 @@ impl Interface {
         last_before(self.params.iter().filter(|p| p.section != Section::Temp), at)
     }
 
-    /// The temporary that an address of the local data lies in or after, and how many bits behind its beginning.
+    /// The temporary that an address of the local data lies in or after, and how many bits after its beginning.
     #[must_use]
     pub fn in_local(&self, at: BitAddr) -> Option<(&Param, u32)> {
         last_before(self.params.iter().filter(|p| p.section == Section::Temp), at)

@@ -325,7 +325,7 @@ fn read_parts(table: &Table, memos: Option<&Memos>, page: CodePage, parts: &mut 
             }
         }
         match parts.get(&key) {
-            // A row that a crash left behind: the later one counts.
+            // A row that a crash left: the later one counts.
             Some(before) if before.changed > part.changed => notes.push(twice(key)),
             Some(_) => {
                 notes.push(twice(key));

@@ -1,4 +1,4 @@
-//! Calls: who is called, and with which actual parameters.
+//! Calls: the called block and its actual parameters.
 
 use std::collections::BTreeMap;
 

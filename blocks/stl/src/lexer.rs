@@ -251,7 +251,7 @@ impl<'a> Lexer<'a> {
             self.bump();
             return Kind::PointerSign;
         }
-        // `L#name` is the mnemonic L and a local name, `L#5` a constant: constants go on with a digit or a sign.
+        // `L#name` is the mnemonic L and a local name, `L#5` a constant: constants continue with a digit or a sign.
         let second = self.peek_second();
         if second == Some('\'') && word.eq_ignore_ascii_case("CHAR") {
             self.bump();

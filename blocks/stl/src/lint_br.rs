@@ -52,12 +52,12 @@ pub(crate) fn overwritten(i: &Inspected<'_>, sink: &mut Sink) {
     }
 }
 
-/// Which blocks set BR, and where it is asked for, over all blocks.
+/// Which blocks set BR, and where it is read, over all blocks.
 #[derive(Debug, Default)]
 pub(crate) struct BrUse {
     /// For each block of the program: whether it sets BR somewhere.
     sets: BTreeMap<BlockId, bool>,
-    /// Where BR is asked for after a call: the block called, the file, the place.
+    /// Where BR is read after a call: the called block, the file, the place.
     asks: Vec<(BlockId, usize, Span)>,
 }
 
@@ -84,7 +84,7 @@ impl BrUse {
         self.sets.insert(i.id, sets_br);
     }
 
-    /// Reports where BR is asked for after a call of a block that never sets it.
+    /// Reports where BR is read after a call of a block that never sets it.
     pub(crate) fn report(&self, sink: &mut Sink) {
         for (id, file, span) in &self.asks {
             if self.sets.get(id) == Some(&false) {

@@ -474,7 +474,7 @@ impl<'s> Parser<'_, 's> {
                 self.bump();
                 continue;
             }
-            // The words looked for have four letters at least, mnemonics mostly fewer.
+            // The searched words have four letters at least, mnemonics mostly fewer.
             let long = token.kind == Kind::Word && token.span.end - token.span.start >= 4;
             let word = if long { self.keyword() } else { None };
             match word.as_deref() {

@@ -97,7 +97,7 @@ pub(crate) fn other(name: &str, text: &str, words: [&Words; 2]) -> Option<Other>
     (signs.scl > signs.stl).then_some(Other::Scl)
 }
 
-/// True for a text with `{{`, `{%` or `<%`. Single signs are looked for, which is many times faster than pairs.
+/// True for a text with `{{`, `{%` or `<%`. Single signs are searched, which is many times faster than pairs.
 fn is_template(text: &str) -> bool {
     let next = |at: usize| text.as_bytes().get(at + 1).copied();
     text.match_indices('{').any(|(at, _)| matches!(next(at), Some(b'{' | b'%')))

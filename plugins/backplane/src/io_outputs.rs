@@ -63,7 +63,7 @@ pub(crate) fn put_outputs(
     let sequence = cells.word::<AT_SEQUENCE>();
     let odd = sequence.load(Ordering::Relaxed) | 1;
     sequence.store(odd, Ordering::Relaxed);
-    // As in `seqlock`: pairs with the reader's fence between its copy and its second look at the sequence.
+    // As in `seqlock`: pairs with the reader's fence between its copy and its second reading of the sequence.
     fence(Ordering::Release);
     for (cell, word) in cells.area::<AT_OUTPUTS>().iter().zip(from).take(words.end).skip(words.start) {
         if give_up() {

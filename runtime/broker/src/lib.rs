@@ -1,6 +1,6 @@
 //! The access broker: the one door of a running CPU.
 //!
-//! Whoever looks in or writes is a *link*: a process of its own ([`ob1_access::door`] is its end), or the control
+//! Every reader or writer is a *link*: a process of its own ([`ob1_access::door`] is its end), or the control
 //! socket of the station. Each has a share of what the scan copies, a window it looks through, and rights; a link's
 //! *clients* are the connections it serves, distinguished by numbers of its own. The broker is one thread. It checks
 //! rights (here and nowhere else), hands writes to the scan in groups that land whole, asks the CPU what links want to

@@ -93,7 +93,7 @@ pub enum LoadError {
         /// Blocks nested in each.
         nesting: u8,
     },
-    /// L014: the engine asked for cannot run here.
+    /// L014: the requested engine cannot run here.
     Engine {
         /// Why.
         reason: String,

@@ -84,7 +84,7 @@ impl fmt::Display for Exit {
 pub enum Input {
     /// Time has passed.
     Tick,
-    /// The process asked for runs.
+    /// The requested process runs.
     Spawned,
     /// The process has ended, or could not be started ([`Exit::NotStarted`]).
     Exited(Exit),

@@ -22,7 +22,7 @@ use seccompiler::{
     SeccompRule,
 };
 
-/// The newest rules of landlock that are asked for; an older kernel keeps those it knows.
+/// The newest rules of landlock that are requested; an older kernel keeps those it knows.
 const LANDLOCK: ABI = ABI::V6;
 
 /// How far a process may speak over IP.

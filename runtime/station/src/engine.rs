@@ -7,7 +7,7 @@ use ob1_arena::Arena;
 use ob1_cpu::engine::{ACCOUNTING, Both, Engine, Factory, PLAIN, Plan, REFERENCE};
 use ob1_native::{AtLoad, Tier};
 
-/// The engine asked for.
+/// The requested engine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum EngineChoice {
     /// The reference engine at once, and machine code as soon as a process of its own has made it

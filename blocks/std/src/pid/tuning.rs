@@ -12,7 +12,7 @@ use crate::call::Call;
 const OFF: i16 = 0;
 /// PHASE: ready, waiting for the step.
 const READY: i16 = 1;
-/// PHASE: the step is out, the point of inflection is looked for.
+/// PHASE: the step is out, the search for the point of inflection runs.
 const SEARCH: i16 = 2;
 /// PHASE: parameters are found; the output is held until TUN_KEEP releases it.
 const FOLLOW: i16 = 5;

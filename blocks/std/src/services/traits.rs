@@ -7,7 +7,7 @@ use crate::services::{DelayInterrupt, RunTimeMeter, TimeOfDayInterrupt};
 pub trait WallClock {
     /// Date and time now.
     fn moment(&mut self) -> Moment;
-    /// Sets date and time; they go on from there.
+    /// Sets date and time; they continue from there.
     fn set_moment(&mut self, moment: Moment);
 }
 

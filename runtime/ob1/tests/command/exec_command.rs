@@ -87,7 +87,7 @@ fn the_limit_counts_virtual_time() {
     let stats = bench.stats(&["--limit", "60s"]);
     assert_eq!((stats["exit"].clone(), stats["scans"].clone()), (3.into(), 60_000.into()));
     assert_eq!(stats["plc_seconds"], 60.0);
-    // Real time too, where it is asked for.
+    // Real time, too, if requested.
     assert_eq!(bench.exec(&["--limit", "5ms", "--real-time"]).status.code(), Some(3));
 }
 
