@@ -4,6 +4,8 @@
 //! its operand in typed form, and where it came from (network and line). Nothing here remembers mnemonics or source
 //! text; nothing here knows how an engine represents memory.
 
+mod access;
+mod call;
 mod file;
 mod layout_text;
 mod notation;
@@ -13,10 +15,11 @@ mod program;
 mod text;
 mod verify;
 
+pub use call::{Arg, Call, CallMode, Target};
 pub use file::{ParseError, parse, write};
 pub use notation::Notation;
 pub use ob1_model::Width;
 pub use op::{AccuOp, BitTest, Compare, Convert, Jump, Logic, MathFn, NumberFormat, Op, Shift, StatusBit, WordLogic};
 pub use place::{AddressRegister, DbRegister, Number, Operand, Place, Pointer};
-pub use program::{Arg, Call, CallMode, CodeBlock, DataBlock, DataKind, Program, Stmt, Symbol, Target};
+pub use program::{CodeBlock, DataBlock, DataKind, Program, Stmt, Symbol};
 pub use verify::{BRACKETS, Defect, Finding, LOCAL_BYTES, MCR_BRACKETS, Verified, verify};

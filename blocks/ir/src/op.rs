@@ -1,8 +1,9 @@
 //! The operations, each one STL statement. Meaning: "Statement List (STL) for S7-300 and S7-400" reference.
 
-use ob1_model::{Area, BitAddr, TimerKind};
+use ob1_model::{BitAddr, TimerKind};
 
-use crate::{AddressRegister, Arg, Call, DbRegister, Number, Operand, Place, Target, Width};
+use crate::call::Call;
+use crate::place::{AddressRegister, DbRegister, Number, Operand, Place};
 
 /// Combination of a bit with the result of logic operation (RLO).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -496,103 +497,4 @@ pub enum Op {
     McrClose,
     /// `NOP 0`, `NOP 1`, `BLD n`.
     Nop,
-}
-
-/// The number in an operation, shared or exclusive as the operation is.
-macro_rules! number_in {
-    ($op:expr) => {
-        match $op {
-            Op::Scan { test: BitTest::Timer(n) | BitTest::Counter(n), .. }
-            | Op::LoadTimer(n)
-            | Op::LoadTimerBcd(n)
-            | Op::LoadCounter(n)
-            | Op::LoadCounterBcd(n)
-            | Op::OpenDb(_, n)
-            | Op::StartTimer(_, n)
-            | Op::ResetTimer(n)
-            | Op::EnableTimer(n)
-            | Op::CountUp(n)
-            | Op::CountDown(n)
-            | Op::SetCounter(n)
-            | Op::ResetCounter(n)
-            | Op::EnableCounter(n) => Some(n),
-            _ => None,
-        }
-    };
-}
-
-impl Op {
-    /// Shows `see` every place this operation reads or writes, those of pointers and numbers in memory included, with
-    /// the width of the access.
-    pub fn places(&self, see: &mut dyn FnMut(Place, Width)) {
-        let place = |p: Place, width: Width, see: &mut dyn FnMut(Place, Width)| {
-            if let Place::Memory(_, pointer) = p {
-                see(Place::Fixed(pointer.area, pointer.at), Width::DWord);
-            }
-            see(p, width);
-        };
-        match self {
-            Op::Scan { test: BitTest::Bit(p), .. }
-            | Op::Assign(p)
-            | Op::Set(p)
-            | Op::Reset(p)
-            | Op::EdgePositive(p)
-            | Op::EdgeNegative(p) => place(*p, Width::Bit, see),
-            Op::Load(o) | Op::Transfer(o) | Op::LoadArFrom(_, o) | Op::TransferArTo(_, o) => {
-                place(o.place, o.width, see);
-            }
-            Op::Call(call) => {
-                for arg in &call.args {
-                    if let Arg::Operand(o) = arg {
-                        place(o.place, o.width, see);
-                    }
-                }
-            }
-            Op::LoadParamPointer { index, at } => {
-                see(Place::Param { index: *index, at: BitAddr(0) }, Width::Byte);
-                if let Some(at) = at {
-                    see(Place::Fixed(Area::Local, *at), Width::Word);
-                    see(Place::Fixed(Area::Local, BitAddr(at.0 + 16)), Width::DWord);
-                }
-            }
-            Op::LoadParamCopy { index, bytes, at } => {
-                see(Place::Param { index: *index, at: BitAddr(0) }, Width::Byte);
-                see(Place::Fixed(Area::Local, *at), Width::Word);
-                see(Place::Fixed(Area::Local, BitAddr(at.0 + u32::from(*bytes).saturating_sub(4) * 8)), Width::DWord);
-            }
-            _ => {}
-        }
-        self.numbers(&mut |number| match number {
-            Number::Memory(pointer) => see(Place::Fixed(pointer.area, pointer.at), Width::Word),
-            Number::Instance(at) => see(Place::Instance(*at), Width::Word),
-            Number::Fixed(_) | Number::Param(_) => {}
-        });
-    }
-
-    /// The number of the timer, counter or data block that an operation other than a call names.
-    #[must_use]
-    pub const fn number(&self) -> Option<&Number> {
-        number_in!(self)
-    }
-
-    /// The same number, to be exchanged.
-    pub const fn number_mut(&mut self) -> Option<&mut Number> {
-        number_in!(self)
-    }
-
-    /// Shows `see` the number of every timer, counter and block this operation names.
-    pub fn numbers(&self, see: &mut dyn FnMut(&Number)) {
-        let Op::Call(call) = self else { return self.number().into_iter().for_each(see) };
-        if let Target::Indirect(_, n) = &call.target {
-            see(n);
-        }
-        if let Some(n) = &call.instance {
-            see(n);
-        }
-        for arg in &call.args {
-            if let Arg::Number(n) = arg {
-                see(n);
-            }
-        }
-    }
 }

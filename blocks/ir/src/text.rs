@@ -5,13 +5,13 @@
 
 use std::fmt::{self, Display, Formatter, Write as _};
 
-use ob1_model::{Area, BitAddr, Interface, Section, TimerKind};
+use ob1_model::{Area, BitAddr, Interface, Section, TimerKind, Width};
 
 use crate::layout_text::{components, type_text};
 use crate::{
     AccuOp, AddressRegister, Arg, BitTest, Call, CallMode, CodeBlock, Compare, Convert, DataBlock, DataKind,
     DbRegister, Jump, Logic, MathFn, Number, NumberFormat, Op, Operand, Place, Pointer, Program, Shift, StatusBit,
-    Target, Width, WordLogic,
+    Target, WordLogic,
 };
 
 /// The letter of a width, `X B W D`.

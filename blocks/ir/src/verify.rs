@@ -5,7 +5,7 @@
 //! instance operands within their sizes, whole-byte addresses where bytes and words are accessed, and calls with one
 //! argument for each formal of a block that exists.
 //!
-//! It is the only verifier: a CPU takes nothing but a [`Verified`] program, whoever has made it (STL, machine code that
+//! It is the only verifier: a CPU takes only a [`Verified`] program, whatever has made it (STL, machine code that
 //! came over a network, a test).
 
 use std::borrow::Borrow;
@@ -13,9 +13,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::ops::Deref;
 
-use ob1_model::{Area, BitAddr, BlockId, BlockKind, Interface, Layout, Param, Section};
+use ob1_model::{Area, BitAddr, BlockId, BlockKind, Interface, Layout, Param, Section, Width};
 
-use crate::{Arg, Call, CallMode, CodeBlock, DataKind, Number, Op, Place, Program, Target, Width};
+use crate::{Arg, Call, CallMode, CodeBlock, DataKind, Number, Op, Place, Program, Target};
 
 /// Most brackets open at once.
 pub const BRACKETS: u32 = 7;
@@ -93,8 +93,8 @@ pub enum Defect {
 impl fmt::Display for Defect {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Defect::DuplicateBlock(id) => write!(f, "{id} is there twice"),
-            Defect::DataNumber(n) => write!(f, "DB {n} is there twice, or has no number"),
+            Defect::DuplicateBlock(id) => write!(f, "{id} occurs twice"),
+            Defect::DataNumber(n) => write!(f, "DB {n} occurs twice, or has no number"),
             Defect::InstanceLength(n) => write!(f, "DB {n} does not fit its function block"),
             Defect::Source(id) => write!(f, "{id} is of a source that is not there"),
             Defect::JumpTarget(to) => write!(f, "jump to statement {to}, which is not there"),

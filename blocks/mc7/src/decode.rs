@@ -10,29 +10,13 @@ use ob1_ir::{
     AddressRegister, Arg, Call, CallMode, CodeBlock, DbRegister, Notation, Number, Op, Operand, Place, Stmt, Target,
     Width,
 };
-use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Interface, Layout};
+use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType};
 
+use crate::block::{Callees, Item, MachineBlock, list_order};
 use crate::error::{Mc7Error, Problem};
 use crate::segments::Segments;
 use crate::statement::{ConstForm, Mc7Op, NoStatement, Statement, Uncond};
 use crate::{fold, parts};
-
-/// A block of machine code with what is known of it.
-#[derive(Clone, Debug)]
-pub struct MachineBlock<'b> {
-    /// Kind and number.
-    pub id: BlockId,
-    /// The name of its head.
-    pub name: Option<String>,
-    /// Its declarations, laid out.
-    pub interface: &'b Interface,
-    /// The code, its final `BE` included.
-    pub code: &'b [u8],
-    /// The segment table; an empty one puts everything into network 1.
-    pub segments: &'b Segments,
-    /// A function block of code version 2: its instance is addressed through AR2, so that it can be a multi-instance.
-    pub multi_instance: bool,
-}
 
 /// What [`decode`] gives.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,27 +65,6 @@ pub const fn notation(form: ConstForm) -> Notation {
         ConstForm::DWord(_) => Notation::DWord,
     }
 }
-
-/// The formals' indices in the order of the list of pointers after a call in machine code.
-#[must_use]
-pub fn list_order(interface: &Interface) -> Vec<u16> {
-    let mut order: Vec<(u16, u16)> = interface.list_places().into_iter().zip(0u16..).collect();
-    order.sort_unstable();
-    order.into_iter().map(|(_, formal)| formal).collect()
-}
-
-/// A statement at its place.
-#[derive(Clone, Debug)]
-pub(crate) struct Item {
-    pub(crate) offset: usize,
-    pub(crate) op: Mc7Op,
-    /// Some jump leads here.
-    pub(crate) target: bool,
-    pub(crate) network: u16,
-}
-
-/// Interfaces of the blocks that are called.
-pub(crate) type Callees<'c> = dyn Fn(BlockId) -> Option<&'c Interface> + 'c;
 
 /// Decodes a block. `callees` gives the interfaces of the blocks it calls; calls of others stay unfolded.
 ///
@@ -270,7 +233,7 @@ impl Lowering<'_, '_, '_> {
         };
         let Mc7Op::Plain(op) = &access.op else { return None };
         let mut op = op.clone();
-        let place = parts::place_mut(&mut op)?;
+        let place = op.place_mut()?;
         match *place {
             Place::Fixed(Area::Db, at) if *n > 0 => *place = Place::InDb(*n, at),
             _ => return None,
@@ -315,13 +278,13 @@ impl Lowering<'_, '_, '_> {
                 let index = *self.order.get(usize::from(place))?;
                 let formal = self.block.interface.formals().nth(usize::from(index))?;
                 let mut op = found.last?;
-                let at = parts::place_mut(&mut op)?;
+                let at = op.place_mut()?;
                 let Place::Register(None, AddressRegister::Ar1, offset) = *at else { return None };
-                let bits = parts::bits_of(&op)?;
+                let bits = u32::from(op.operand()?.width.bits());
                 if self.block.id.kind != BlockKind::Fc || parts::component_at(&formal.ty, offset.0, bits).is_none() {
                     return None;
                 }
-                *parts::place_mut(&mut op)? = Place::Param { index, at: offset };
+                *op.place_mut()? = Place::Param { index, at: offset };
                 Some((vec![op], found.used + 1))
             }
             fold::Base::Instance(pointer) => {
@@ -337,7 +300,7 @@ impl Lowering<'_, '_, '_> {
 
     /// True when these lie after the temporaries that are declared: the compiler's own.
     fn own_temporaries(&self, at: &[BitAddr]) -> bool {
-        at.iter().all(|at| at.byte() >= declared_temps(self.block.interface))
+        at.iter().all(|at| at.byte() >= self.block.interface.declared_temps())
     }
 
     /// The type declared at an address of the instance.
@@ -345,7 +308,7 @@ impl Lowering<'_, '_, '_> {
         if !self.block.id.kind.has_instance() || !self.block.multi_instance {
             return None;
         }
-        parts::in_instance(self.block.interface, at).filter(|(_, offset)| *offset == 0).map(|(param, _)| &param.ty)
+        self.block.interface.in_instance(at).filter(|(_, offset)| *offset == 0).map(|(param, _)| &param.ty)
     }
 
     /// One statement as one operation.
@@ -402,8 +365,8 @@ impl Lowering<'_, '_, '_> {
         if let Some(number) = op.number_mut() {
             *number = self.number(*number)?;
         }
-        let Some(bits) = parts::bits_of(op) else { return Ok(()) };
-        let Some(place) = parts::place_mut(op) else { return Ok(()) };
+        let Some(bits) = op.operand().map(|operand| u32::from(operand.width.bits())) else { return Ok(()) };
+        let Some(place) = op.place_mut() else { return Ok(()) };
         match *place {
             Place::Param { index, at } => *place = Place::Param { index: self.formal(index)?, at },
             Place::Register(Some(Area::Di), AddressRegister::Ar2, at)
@@ -466,7 +429,7 @@ impl Lowering<'_, '_, '_> {
             shown.push(made.shown);
         }
         let mut interface = self.block.interface.clone();
-        let declared = declared_temps(&interface).next_multiple_of(2);
+        let declared = interface.declared_temps().next_multiple_of(2);
         let own = declared.max(CodeBlock::local_bytes(&code));
         let end = place_copies(&mut code, own);
         if end > own && end > BitAddr::MAX_BYTE {
@@ -476,13 +439,6 @@ impl Lowering<'_, '_, '_> {
         let block = CodeBlock { id: self.block.id, name: self.block.name.clone(), interface, code, source: 0 };
         Ok(Decoded { block, offsets, shown, notations: self.notations, jumps })
     }
-}
-
-/// Bytes that the declared temporaries take. The compiler's own begin at the next byte, even or not.
-pub(crate) fn declared_temps(interface: &Interface) -> u32 {
-    let mut temps = Layout::new();
-    let declared = interface.params.iter().filter(|p| p.section == ob1_model::Section::Temp);
-    declared.map(|p| (temps.place(&p.ty).0 + Layout::bits(&p.ty)).div_ceil(8)).max().unwrap_or(0)
 }
 
 /// Gives the copies of `L P##parameter` their places: after the block's own local data, in the order of their first

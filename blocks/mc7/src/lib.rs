@@ -7,6 +7,7 @@
 //!
 //! Everything here is pure, and none of it panics, whatever the bytes. Source of the facts: docs/mc7.md.
 
+mod block;
 mod bytes;
 mod compiled;
 mod declared;
@@ -22,9 +23,10 @@ mod segments;
 mod statement;
 mod text;
 
+pub use block::{MachineBlock, list_order};
 pub use compiled::{CompiledInterface, Entry, EntryType, InterfaceKind};
 pub use declared::Blocks;
-pub use decode::{Decoded, MachineBlock, decode, list_order, notation};
+pub use decode::{Decoded, decode, notation};
 pub use encode::{Encoded, Written, encode};
 pub use error::{Mc7Error, Problem};
 pub use head::{BlockFoot, BlockHead, BlockImage, HEAD_BYTES, Stamp};

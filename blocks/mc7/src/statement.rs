@@ -1,12 +1,9 @@
-//! One statement of MC7 and its bytes, exactly invertible.
+//! One statement of MC7. Its bytes, there and back: the opcode pages.
 
 use std::fmt;
 
 use ob1_ir::{Jump, Number, Op};
 use ob1_model::BlockKind;
-
-use crate::bytes::Bytes;
-use crate::pages::{bits, blocks, fixed, jumps, loads, registers, shifts, times};
 
 /// The form of a constant in the code: its width, and a sub-code that only says how it was written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -97,56 +94,5 @@ impl fmt::Display for NoStatement {
 impl From<Mc7Op> for Statement {
     fn from(op: Mc7Op) -> Self {
         Self { op, long: false }
-    }
-}
-
-impl Statement {
-    /// Reads the statement at the beginning of `code` and its length in bytes.
-    ///
-    /// # Errors
-    /// [`NoStatement`] where none begins there, or where the code ends within it.
-    pub fn read(code: &[u8]) -> Result<(Self, usize), NoStatement> {
-        let b = Bytes(code);
-        if code.len() < 2 {
-            return Err(NoStatement::Cut);
-        }
-        let op = fixed::read(b.head());
-        let found = op.map(|op| (Self { op: Mc7Op::Plain(op), long: false }, 2));
-        // Pages that share first bytes tell each other apart by the second.
-        let found = found
-            .or_else(|| jumps::read(&b))
-            .or_else(|| bits::read(&b))
-            .or_else(|| loads::read(&b))
-            .or_else(|| times::read(&b))
-            .or_else(|| shifts::read(&b))
-            .or_else(|| registers::read(&b))
-            .or_else(|| blocks::read(&b));
-        match found {
-            None => Err(NoStatement::Unknown),
-            Some((_, length)) if length > code.len() => Err(NoStatement::Cut),
-            Some(found) => Ok(found),
-        }
-    }
-
-    /// The bytes of the statement; `None` for what the machine has no form of.
-    #[must_use]
-    pub fn bytes(&self) -> Option<Vec<u8>> {
-        match &self.op {
-            Mc7Op::Plain(op) => fixed::write(op)
-                .map(|word| word.to_be_bytes().to_vec())
-                .or_else(|| bits::write(op, self.long))
-                .or_else(|| loads::write(op, self.long))
-                .or_else(|| times::write(op, self.long))
-                .or_else(|| shifts::write(op))
-                .or_else(|| registers::write(op))
-                .or_else(|| blocks::write(op, self.long)),
-            Mc7Op::Constant(form, value) => loads::write_constant(*form, *value),
-            Mc7Op::ParamPointer { index, other } => blocks::write_pointer(*index, *other),
-            Mc7Op::Call(call) => blocks::write_call(call, self.long),
-            Mc7Op::Build(n) => Some(vec![0x10, *n]),
-            Mc7Op::BlockEnd => Some(vec![0x65, 0]),
-            Mc7Op::End => Some(vec![0x65, 1]),
-            jump => jumps::write(jump),
-        }
     }
 }

@@ -3,11 +3,10 @@
 
 use std::fmt::{self, Display, Formatter};
 
-use ob1_ir::{Notation, Number, Op, Place};
+use ob1_ir::{Notation, Number, Op, Place, Width};
 use ob1_model::{Area, BitAddr, S5Time};
 
 use crate::decode::notation;
-use crate::parts;
 use crate::statement::{ConstForm, Mc7Op, Statement, Uncond};
 
 impl Display for Statement {
@@ -57,7 +56,7 @@ fn plain(op: &Op) -> String {
     let mut op = op.clone();
     // The periphery is named by the direction.
     if matches!(
-        parts::place_mut(&mut op),
+        op.place_mut(),
         Some(
             Place::Fixed(Area::Peripheral, _)
                 | Place::Memory(Area::Peripheral, _)
@@ -66,13 +65,13 @@ fn plain(op: &Op) -> String {
     ) {
         text = text.replacen(" P", if matches!(op, Op::Transfer(_)) { " PA" } else { " PE" }, 1);
     }
-    let bits = parts::bits_of(&op);
-    if let Some(Place::Param { index, .. }) = parts::place_mut(&mut op) {
-        let letter = match bits {
-            Some(1) => 'X',
-            Some(8) => 'B',
-            Some(16) => 'W',
-            _ => 'D',
+    let width = op.operand().map(|operand| operand.width);
+    if let Some(Place::Param { index, .. }) = op.place_mut() {
+        let letter = match width {
+            Some(Width::Bit) => 'X',
+            Some(Width::Byte) => 'B',
+            Some(Width::Word) => 'W',
+            Some(Width::DWord) | None => 'D',
         };
         return format!("{} #{}:{letter}", text.split(" PAR").next().unwrap_or_default(), *index + 1);
     }

@@ -1,10 +1,15 @@
 //! The calendar, for dates of any epoch of STEP 7: 1970 (DTL), 1984 (blocks), 1990 (DATE).
 
+use crate::bcd::to_bcd;
+
 /// Days from 1970-01-01 to 1984-01-01, where the moments of blocks begin.
 pub const DAYS_TO_1984: u32 = 5_113;
 
 /// Days from 1970-01-01 to 1990-01-01, where DATE begins.
 pub const DAYS_TO_1990: u32 = 7_305;
+
+/// Milliseconds of a day.
+pub const DAY_MS: u64 = 86_400_000;
 
 /// Days from 1600-03-01, so that a leap day ends its year, to 1970-01-01.
 const FROM_1600: u32 = 135_080;
@@ -48,6 +53,25 @@ pub const fn date_of(days: u32) -> (u32, u32, u32) {
 #[must_use]
 pub const fn weekday_of(days: u32) -> u32 {
     (days % 7 + 4) % 7 + 1
+}
+
+/// The eight bytes of a DATE_AND_TIME: a day of 1990 to 2089 by the days after 1970-01-01, and the milliseconds since
+/// midnight.
+#[must_use]
+pub fn date_and_time(days: u32, ms: u32) -> [u8; 8] {
+    let (year, month, day) = date_of(days);
+    let byte = |value: u32| to_bcd(value % 100) as u8;
+    let (seconds, thousandths) = (ms / 1000, ms % 1000);
+    [
+        byte(year),
+        byte(month),
+        byte(day),
+        byte(seconds / 3600),
+        byte(seconds / 60 % 60),
+        byte(seconds % 60),
+        byte(thousandths / 10),
+        (thousandths % 10 << 4 | weekday_of(days)) as u8,
+    ]
 }
 
 #[cfg(test)]

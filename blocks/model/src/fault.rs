@@ -229,7 +229,7 @@ impl Event {
     pub const STARTUP: Event = Event(0x4301);
     /// STARTUP to RUN.
     pub const RUN: Event = Event(0x4302);
-    /// STOP asked for by an operator (`ob1 ctl stop`, end of a run).
+    /// STOP requested by an operator (`ob1 ctl stop`, end of a run).
     pub const STOP_OPERATOR: Event = Event(0x4304);
     /// Memory reset by an operator.
     pub const MEMORY_RESET: Event = Event(0x4307);
@@ -275,7 +275,7 @@ impl Event {
     pub const STATION_BACK: Event = Event(0x38C4);
     /// A plugin block panicked (ours).
     pub const PLUGIN_PANIC: Event = Event(0xF101);
-    /// A plugin block asked for STOP or broke the rules of the interface (ours).
+    /// A plugin block requested STOP or broke the rules of the interface (ours).
     pub const PLUGIN_STOP: Event = Event(0xF102);
     /// An entry written by a plugin block (ours).
     pub const PLUGIN_ENTRY: Event = Event(0xF103);

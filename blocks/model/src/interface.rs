@@ -19,6 +19,26 @@ pub enum Section {
     Return,
 }
 
+impl Section {
+    /// Every section, in the order in which an instance lays them out, the local data last.
+    pub const ALL: [Self; 6] = [Self::Input, Self::Output, Self::InOut, Self::Return, Self::Static, Self::Temp];
+
+    /// The sections a source declares, each with the word that opens it. The function value is in the block's head.
+    pub const WORDS: [(Self, &'static str); 5] = [
+        (Self::Input, "VAR_INPUT"),
+        (Self::Output, "VAR_OUTPUT"),
+        (Self::InOut, "VAR_IN_OUT"),
+        (Self::Static, "VAR"),
+        (Self::Temp, "VAR_TEMP"),
+    ];
+
+    /// The section that a word opens.
+    #[must_use]
+    pub fn opened_by(word: &str) -> Option<Self> {
+        Self::WORDS.into_iter().find(|(_, opens)| opens.eq_ignore_ascii_case(word)).map(|(section, _)| section)
+    }
+}
+
 /// One declared parameter or variable.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Param {
@@ -107,11 +127,9 @@ impl Interface {
     /// function block lies in the instance as a POINTER of 6 bytes, as STEP 7 does it. The parameters of other blocks
     /// are references and keep the address 0.
     pub fn lay_out(&mut self, has_instance: bool) {
-        const IN_INSTANCE: [Section; 5] =
-            [Section::Input, Section::Output, Section::InOut, Section::Return, Section::Static];
         let mut instance = Layout::new();
         let mut temps = Layout::new();
-        for section in IN_INSTANCE.into_iter().filter(|_| has_instance) {
+        for section in Section::ALL.into_iter().filter(|s| has_instance && *s != Section::Temp) {
             for param in self.params.iter_mut().filter(|p| p.section == section) {
                 param.at = instance.place(if param.is_pointer() { &DataType::Pointer } else { &param.ty });
             }
@@ -122,6 +140,14 @@ impl Interface {
         }
         self.instance_bytes = if has_instance { instance.bytes() } else { 0 };
         self.temp_bytes = temps.bytes();
+    }
+
+    /// Bytes of local data that the declared temporaries reach into, without the filling to an even number.
+    #[must_use]
+    pub fn declared_temps(&self) -> u32 {
+        let mut temps = Layout::new();
+        let declared = self.params.iter().filter(|p| p.section == Section::Temp);
+        declared.map(|p| (temps.place(&p.ty).0 + Layout::bits(&p.ty)).div_ceil(8)).max().unwrap_or(0)
     }
 
     /// Places the declarations of an instance at given addresses, in their order: system types of TIA Portal lie in
@@ -163,11 +189,29 @@ impl Interface {
         self.formals().enumerate().find(|(_, p)| p.is_called(name))
     }
 
+    /// The declaration that an address of the instance lies in, and how many bits into it.
+    #[must_use]
+    pub fn in_instance(&self, at: BitAddr) -> Option<(&Param, u32)> {
+        last_before(self.params.iter().filter(|p| p.section != Section::Temp), at)
+    }
+
+    /// The temporary that an address of the local data lies in or after, and how many bits after its beginning.
+    #[must_use]
+    pub fn in_local(&self, at: BitAddr) -> Option<(&Param, u32)> {
+        last_before(self.params.iter().filter(|p| p.section == Section::Temp), at)
+    }
+
     /// Any declaration by name.
     #[must_use]
     pub fn find(&self, name: &str) -> Option<&Param> {
         self.params.iter().find(|p| p.is_called(name))
     }
+}
+
+/// The last of these that begins at or before an address, and the bits between.
+fn last_before<'p>(params: impl Iterator<Item = &'p Param>, at: BitAddr) -> Option<(&'p Param, u32)> {
+    let param = params.filter(|p| p.at.0 <= at.0).max_by_key(|p| p.at.0)?;
+    Some((param, at.0 - param.at.0))
 }
 
 #[cfg(test)]

@@ -147,6 +147,29 @@ impl Layout {
         Some(BitAddr(at))
     }
 
+    /// The element that lies `offset` bits into an array, counted as [`Layout::places`] does, and the bits into it;
+    /// `None` where no element lies.
+    #[must_use]
+    pub fn element_at(dims: &[Dimension], element: &DataType, offset: u32) -> Option<(u32, u32)> {
+        let stride = Self::stride(element).max(1);
+        let (last, outer) = dims.split_last()?;
+        let row_bits = align_to(last.len().saturating_mul(stride), 16).max(1);
+        let rows = outer.iter().map(|d| d.len()).fold(1u32, u32::saturating_mul);
+        let (row, in_row) = (offset / row_bits, offset % row_bits);
+        let column = in_row / stride;
+        (row < rows && column < last.len()).then(|| (row * last.len() + column, in_row % stride))
+    }
+
+    /// The last field of a structure with a name that begins `offset` bits into it or before, and the bits behind its
+    /// beginning. Nameless structures of no length separate the sections of an instance.
+    #[must_use]
+    pub fn field_at(fields: &[Field], offset: u32) -> Option<(&Field, u32)> {
+        let mut layout = Self::new();
+        let places = fields.iter().map(|field| (field, layout.place(&field.ty).0));
+        let begun = places.take_while(|(_, at)| *at <= offset).filter(|(field, _)| !field.name.is_empty());
+        begun.last().map(|(field, at)| (field, offset - at))
+    }
+
     /// Where each element of an array lies, the last dimension fastest.
     #[must_use]
     pub fn places(dims: &[Dimension], element: &DataType) -> Vec<BitAddr> {

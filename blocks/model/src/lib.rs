@@ -4,6 +4,7 @@
 //! This crate knows no source text, no engine and no operating system.
 
 mod address;
+pub mod bcd;
 mod block;
 pub mod calendar;
 mod cell;

@@ -9,7 +9,7 @@ pub enum StateChange {
     Startup,
     /// To RUN.
     Run,
-    /// To STOP, because somebody wanted it.
+    /// To STOP, by command.
     Stop,
     /// To STOP, because of a fault.
     Fault,
@@ -45,7 +45,7 @@ impl Event {
             return kind.remedy();
         }
         match self {
-            Event::STOP_PROGRAM => "The program calls SFC 46 (STP): look at the condition in front of the call.",
+            Event::STOP_PROGRAM => "The program calls SFC 46 (STP): look at the condition before the call.",
             Event::STOP_PROGRAMMING_ERROR => {
                 "Correct the statement named in the entry before, or load OB 121 to continue in spite of such errors."
             }
@@ -69,13 +69,14 @@ impl Event {
                 "Check power, address and cable of the station; the log of the bus says how its requests failed."
             }
             Event::STATION_REFUSES => {
-                "Compare its table in the station file with the station's manual: the function (exception 01h), the \
-                 address (02h), the length or value (03h); 04h is a fault of the device, 06h that it is busy. For a DP \
-                 slave the GSD file, the modules in its slots, their parameters; `ob1 bus watch` says which."
+                "Compare its entry in the station file with the manual of the device: the function (exception 01h), the \
+                 address (02h), the length or value (03h); 04h is a fault of the device, 06h means that it is busy. For \
+                 a DP slave, compare the GSD file, the modules in its slots and their parameters; `ob1 bus watch` says \
+                 which is wrong."
             }
             Event::STATION_FAULT => {
-                "Repair the module and the channel it names (s slot, c channel, e error type); the log of the bus says \
-                 it in words, SFC 13 reads all of it."
+                "Repair the module and the channel that it names (s slot, c channel, e error type); the log of the bus \
+                 describes the fault in words, SFC 13 reads the whole diagnosis."
             }
             Event::STOP_ABORTED | Event::SYNCHRONOUS_NESTING => {
                 "Correct the faulty statement in OB 121 or OB 122; with OB 88 the program continues without it."
@@ -83,35 +84,35 @@ impl Event {
             Event::CYCLE_TIME_EXCEEDED => {
                 "Look where the time goes (`ob1 ctl recorder`), shorten the program, or raise `watchdog` in [cpu]."
             }
-            Event::OB_STILL_RUNS => "Give the OB a longer period, or make it shorter.",
+            Event::OB_STILL_RUNS => "Give the OB a longer period, or shorten it.",
             Event::OB_QUEUE_OVERFLOW => {
-                "Its requests come faster than it runs: make it shorter, or request it less often."
+                "The OB is requested more often than it can run: shorten it, or request it less often."
             }
-            Event::OB_NOT_LOADED => "Load the OB, or remove what requests it.",
+            Event::OB_NOT_LOADED => "Load the OB, or remove the interrupt or call that requests it.",
             Event::INPUT_IMAGE_ERROR | Event::OUTPUT_IMAGE_ERROR => {
                 "Check the module that feeds this byte; for a CP, its driver and its line (`ob1 diag`)."
             }
             Event::PLUGIN_PANIC => {
-                "An error in the plugin: tell its author the text of this entry; a warm restart goes on."
+                "This is an error in the plugin: report the text of this entry to its author; a warm restart continues the program."
             }
-            Event::PLUGIN_STOP => "The plugin's block says why in the text of this entry.",
+            Event::PLUGIN_STOP => "The text of this entry says why the block of the plugin has stopped the CPU.",
             Event::DRIVER_LOST => {
                 "It is restarted automatically. If this repeats, check the log of the driver and its device."
             }
             Event::SEGMENT_GARBAGE => {
                 "The driver does not fit this runtime, or is damaged: install `ob1` and `ob1-cp` together."
             }
-            Event::CP_ERROR => "The CP names it: check its parameters, its cable and its partner (`ob1 trace`).",
+            Event::CP_ERROR => "Check the parameters of the CP, its cable and its partner (`ob1 trace`).",
             Event::DRIVER_HELD_UP => {
-                "The machine is too busy: give the drivers cores of their own (`affinity`), or take load away."
+                "The machine is too busy: give the drivers cores of their own (`affinity`), or reduce the load."
             }
             Event::RETENTIVE_LOST => {
                 "Make room on the disk, or make the folder writable ([station] state); until then a power cycle loses the newest values."
             }
             Event::ENGINES_DIFFER => {
-                "An error in ob1: report it with the program and the lines of the log; set engine = \"reference\" until it is corrected."
+                "This is an error in ob1: report it with the program and the lines of the log; set engine = \"reference\" until it is corrected."
             }
-            // A change somebody wanted, the end of a fault, a program's own entry.
+            // A change that was commanded, the end of a fault, an entry of the program.
             _ => "",
         }
     }
@@ -149,29 +150,29 @@ impl FaultKind {
         match self {
             FaultKind::BcdConversion => "Check the value before BTI, BTD or ITB: each digit must be 0 to 9.",
             FaultKind::AreaLengthRead | FaultKind::AreaLengthWrite => {
-                "The address lies behind the end of its area: check the pointer, the length of the DB, or [cpu] in the station file."
+                "The address is beyond the end of its area: check the pointer, the length of the DB, or [cpu] in the station file."
             }
             FaultKind::AreaRead | FaultKind::AreaWrite => {
                 "The pointer has an area code that does not exist, or one that is not allowed here: check how it is built."
             }
-            FaultKind::TimerNumber => "Use a timer the CPU has, or raise `timers` in [cpu].",
-            FaultKind::CounterNumber => "Use a counter the CPU has, or raise `counters` in [cpu].",
+            FaultKind::TimerNumber => "Use a timer that the CPU has, or raise `timers` in [cpu].",
+            FaultKind::CounterNumber => "Use a counter that the CPU has, or raise `counters` in [cpu].",
             FaultKind::AlignmentRead | FaultKind::AlignmentWrite => {
                 "Bits 0 to 2 of the pointer must be 0 for bytes, words and double words."
             }
             FaultKind::WriteProtectedDb | FaultKind::WriteProtectedDi => {
-                "The data block is READ_ONLY: write to another, or take the attribute away."
+                "The data block is READ_ONLY: write to another one, or remove the attribute."
             }
             FaultKind::DbNumber | FaultKind::DiNumber => {
-                "A data block has a number from 1 to 65535: check the word it comes from."
+                "The number of a data block is 1 to 65535: check the value from which the program takes it."
             }
-            FaultKind::FcNumber | FaultKind::FbNumber => "Check the word the number of the block comes from.",
-            FaultKind::DbNotLoaded => "Load the data block, or make it with SFC 22 before it is used.",
+            FaultKind::FcNumber | FaultKind::FbNumber => "Check the value from which the program takes the number of the block.",
+            FaultKind::DbNotLoaded => "Load the data block, or create it with SFC 22 before it is used.",
             FaultKind::FcNotLoaded | FaultKind::FbNotLoaded => {
                 "Load the block: name its source, its library or its plugin in the station file."
             }
             FaultKind::SfcNotLoaded | FaultKind::SfbNotLoaded => {
-                "This system block does not exist here: docs/standard-blocks.md lists those there are."
+                "This system block does not exist here: docs/standard-blocks.md lists those that exist."
             }
             FaultKind::PeripheralRead | FaultKind::PeripheralWrite => {
                 "No module has this address, or it does not answer: check [[module]] in the station file, and the module's driver."
@@ -187,7 +188,7 @@ impl FaultKind {
 mod tests {
     use super::*;
 
-    /// Those that report something good, or what somebody wanted.
+    /// Events that report something good, or a command.
     const NOTHING_TO_DO: [Event; 14] = [
         Event::STARTUP,
         Event::RUN,

@@ -1,5 +1,7 @@
 //! S5TIME: a three-digit BCD value and a time base, and the five kinds of S5 timers.
 
+use crate::bcd::{from_bcd, to_bcd};
+
 /// The five S5 timers, by their German mnemonics.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
@@ -43,7 +45,7 @@ impl S5Time {
     #[must_use]
     pub fn from_ms(ms: u32) -> Option<Self> {
         let (code, base) = (0u16..).zip(BASE_MS).find(|(_, base)| ms / base <= 999)?;
-        Some(Self(code << 12 | bcd((ms / base) as u16)))
+        Some(Self(code << 12 | to_bcd(ms / base) as u16))
     }
 
     /// The time in milliseconds; `None` when a digit is no BCD digit.
@@ -60,14 +62,9 @@ impl S5Time {
 
     /// The three BCD digits as a number; `None` when a digit is no BCD digit.
     #[must_use]
-    pub fn digits(self) -> Option<u32> {
-        let (h, t, o) = (self.0 >> 8 & 15, self.0 >> 4 & 15, self.0 & 15);
-        (h < 10 && t < 10 && o < 10).then(|| u32::from(h * 100 + t * 10 + o))
+    pub const fn digits(self) -> Option<u32> {
+        from_bcd(self.0 as u32 & 0x0FFF)
     }
-}
-
-const fn bcd(value: u16) -> u16 {
-    (value / 100) << 8 | (value / 10 % 10) << 4 | (value % 10)
 }
 
 #[cfg(test)]

@@ -9,10 +9,10 @@ use crate::tree::FileSource;
 
 /// The longest file read from an archive: a memo file of the largest plants has some tens of megabytes.
 const LONGEST_FILE: u64 = 256 << 20;
-/// Most files of an archive that are looked at.
+/// Most files of an archive that are read.
 const MOST_FILES: usize = 200_000;
 
-/// The files of a `.zip`, unpacked one at a time when they are asked for.
+/// The files of a `.zip`, unpacked one at a time on request.
 pub struct Archive {
     zip: RefCell<zip::ZipArchive<Cursor<Vec<u8>>>>,
     /// Path to index; names of old archives are in the code page of the machine that packed them.

@@ -130,7 +130,7 @@ impl Comments {
     }
 }
 
-/// The column comments stand in where STEP 7 prints a block.
+/// The column of the comments where STEP 7 prints a block.
 const COLUMN: u8 = 28;
 
 fn word(value: usize) -> [u8; 2] {

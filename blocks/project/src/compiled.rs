@@ -7,24 +7,12 @@ use ob1_model::{BlockId, DataType, Field, Interface, Param, Section};
 
 use crate::source::Declarations;
 
-/// The sections in the order of an interface, with their words.
-const SECTIONS: [(Section, &str); 5] = [
-    (Section::Input, "VAR_INPUT"),
-    (Section::Output, "VAR_OUTPUT"),
-    (Section::InOut, "VAR_IN_OUT"),
-    (Section::Static, "VAR"),
-    (Section::Temp, "VAR_TEMP"),
-];
-
-const ALL: [Section; 6] =
-    [Section::Input, Section::Output, Section::InOut, Section::Return, Section::Static, Section::Temp];
-
 /// True when both say the same: the same declarations in each section, with types that lie alike.
 #[must_use]
 pub(crate) fn agree(compiled: &CompiledInterface, interface: &Interface) -> bool {
     let mine = compiled.interface(false);
     mine.params.len() == interface.params.len()
-        && ALL.iter().all(|section| {
+        && Section::ALL.iter().all(|section| {
             let of = |interface: &Interface| {
                 interface.params.iter().filter(|p| p.section == *section).cloned().collect::<Vec<_>>()
             };
@@ -63,7 +51,7 @@ pub(crate) fn declarations(
     let made = compiled.interface(false);
     let mut result = None;
     let mut out = String::new();
-    for (section, word) in SECTIONS {
+    for (section, word) in Section::WORDS {
         let entries: Vec<&Entry> = compiled.entries.iter().filter(|e| e.section() == Some(section)).collect();
         if entries.is_empty() {
             continue;

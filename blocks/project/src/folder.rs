@@ -325,7 +325,7 @@ fn read_parts(table: &Table, memos: Option<&Memos>, page: CodePage, parts: &mut 
             }
         }
         match parts.get(&key) {
-            // A row that a crash left behind: the later one counts.
+            // A row that a crash left: the later one counts.
             Some(before) if before.changed > part.changed => notes.push(twice(key)),
             Some(_) => {
                 notes.push(twice(key));
@@ -341,7 +341,7 @@ fn read_parts(table: &Table, memos: Option<&Memos>, page: CodePage, parts: &mut 
 fn twice((part, number): (i64, u16)) -> Note {
     let of = KINDS.iter().find(|k| [k.code, k.declarations, k.comments, k.uses].contains(&part));
     let name = of.map_or_else(|| format!("UDT {number}"), |k| BlockId::new(k.kind, number).to_string());
-    Note::warning(name, format!("its part {part} is there twice; the later one counts"))
+    Note::warning(name, format!("its part {part} occurs twice; the later one counts"))
 }
 
 /// `SFC20,` and two times of 6 bytes and `;`, again and again, to a NUL.

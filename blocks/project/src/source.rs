@@ -5,13 +5,13 @@
 
 use std::fmt::Write as _;
 
-use ob1_model::{BlockId, BlockKind};
+use ob1_model::{BlockId, BlockKind, Section};
 
 use crate::comments::Comments;
 use crate::folder::{Block, Head, Language};
 use crate::text::CodePage;
 
-/// The declarations of a block, ready to stand in a source.
+/// The declarations of a block, ready for a source.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Declarations {
     /// The type of a function's value.
@@ -95,7 +95,7 @@ fn cut_result(text: &mut String) -> Option<String> {
 /// Sections opened and closed, by the first word of each line.
 fn count_sections(text: &str) -> (usize, usize) {
     let words = || text.lines().filter_map(|line| line.split_whitespace().next());
-    let opened = |w: &&str| matches!(*w, "VAR" | "VAR_INPUT" | "VAR_OUTPUT" | "VAR_IN_OUT" | "VAR_TEMP");
+    let opened = |w: &&str| Section::WORDS.iter().any(|(_, word)| word == w);
     (words().filter(opened).count(), words().filter(|w| *w == "END_VAR").count())
 }
 

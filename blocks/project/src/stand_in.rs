@@ -1,4 +1,4 @@
-//! Blocks that are called and that neither the project nor ob1 has: a block that does nothing takes the place of each,
+//! Called blocks that neither the project nor ob1 has: a block that does nothing takes the place of each,
 //! so that the program starts, and the report says who calls it.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -21,7 +21,7 @@ pub(crate) struct Missing {
     parameters: usize,
 }
 
-/// The blocks that are called and that nobody has.
+/// Called blocks that are missing.
 pub(crate) fn missing(
     decoded: &BTreeMap<BlockId, Decoded>,
     folder: &Folder,
@@ -72,7 +72,7 @@ impl Missing {
         CompiledInterface::read(&block.interface).ok().filter(|compiled| !compiled.entries.is_empty())
     }
 
-    /// The block that stands in.
+    /// The substitute for a missing block.
     pub(crate) fn image(&self, folder: &Folder) -> BlockImage {
         let compiled = self.interface(folder).unwrap_or_else(|| {
             let entry = Entry { ty: EntryType::Simple(DataType::DWord), attribute: 3, extra: 0 };

@@ -175,7 +175,7 @@ fn files_that_are_missing_are_told() {
         let mut notes: Vec<String> = project.notes.iter().map(ToString::to_string).collect();
         notes.extend(folders.iter().flat_map(|f| &f.notes).map(ToString::to_string));
         assert!(notes.iter().any(|note| note.contains(told)), "{missing}: {notes:?}");
-        // The blocks are found all the same, those whose content is lost by name.
+        // The blocks are found nevertheless, those whose content is lost by name.
         let found: usize = folders.iter().map(|f| f.blocks.len() + f.damaged.len()).sum();
         assert!(found >= 3, "{missing}: {found}");
     }

@@ -37,7 +37,7 @@ params!(SendRk {
     InOut { ANZ: WORD, GESE: WORD, KOPF_GESENET | KOPF_GESE: BOOL, ERSTER_BLOCK: BOOL, SENDEN_LAEUFT: BOOL,
         SENDEN_FERTIG: BOOL, LETZTER_BLOCK: BOOL, FEHLER: BOOL }
 });
-// ANZW is "in" in the table and written all the same: in_out.
+// ANZW is "in" in the table and written nevertheless: in_out.
 params!(All {
     Input { ADR: INT }
     InOut { ANZW: WORD }
@@ -261,7 +261,7 @@ const fn declared<P: Params>(origin: Origin, kind: BlockKind, number: u16, name:
     Row::new::<P>(origin, kind, number, name, served_by_a_plugin).note("declared; a plugin serves it")
 }
 
-/// A declaration cannot run. The loader refuses such a program; should the call happen all the same, the CPU goes to
+/// A declaration cannot run. The loader refuses such a program; if the call happens nevertheless, the CPU goes to
 /// STOP.
 fn served_by_a_plugin(call: &mut Call<'_>) -> Done {
     Err(call.cx.stop())

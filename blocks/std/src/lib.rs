@@ -2,7 +2,7 @@
 //!
 //! [`standard_blocks`] lists them all: system functions (SFC, SFB), the IEC functions, the converting blocks, the
 //! controllers. An entry has STEP 7's default number, name and parameters, and a function that runs over a [`Context`],
-//! which the CPU gives: parameters, memory, modules, and the [`services`] behind the system functions.
+//! which the CPU gives: parameters, memory, modules, and the [`services`] of the system functions.
 //!
 //! Facts: "System Software for S7-300/400, System and Standard Functions"; its section titles are cited in brackets.
 

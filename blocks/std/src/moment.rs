@@ -2,10 +2,10 @@
 
 use std::fmt;
 
+use ob1_model::bcd::from_bcd;
 use ob1_model::calendar::{self, DAYS_TO_1990};
 
-/// Milliseconds of a day.
-pub const DAY_MS: u64 = 86_400_000;
+pub use ob1_model::calendar::DAY_MS;
 
 /// A point in time that DATE_AND_TIME can show: 1990-01-01 to 2089-12-31, to the millisecond.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -94,15 +94,12 @@ impl Moment {
         }
     }
 
-    /// From the eight bytes of a DATE_AND_TIME. The day of the week is not looked at.
+    /// From the eight bytes of a DATE_AND_TIME. The day of the week is ignored.
     ///
     /// # Errors
     /// What is no date or no time.
     pub fn from_bytes(bytes: [u8; 8]) -> Result<Self, MomentError> {
-        let digits = |i: usize| {
-            let (tens, ones) = (u32::from(bytes[i] >> 4), u32::from(bytes[i] & 15));
-            (tens < 10 && ones < 10).then_some(tens * 10 + ones)
-        };
+        let digits = |i: usize| from_bcd(u32::from(bytes[i]));
         let date = || {
             let year = digits(0)?;
             let year = if year >= 90 { 1900 + year } else { 2000 + year };
@@ -110,8 +107,7 @@ impl Moment {
         };
         let time = || {
             let (hour, minute, second) = (digits(3)?, digits(4)?, digits(5)?);
-            let last = u32::from(bytes[7] >> 4);
-            let milli = digits(6)? * 10 + if last < 10 { last } else { return None };
+            let milli = digits(6)? * 10 + from_bcd(u32::from(bytes[7] >> 4))?;
             (hour < 24 && minute < 60 && second < 60).then(|| ((hour * 60 + minute) * 60 + second) * 1000 + milli)
         };
         let days = date().ok_or(MomentError::Date)?;
@@ -122,37 +118,17 @@ impl Moment {
     /// As eight bytes, the day of the week included.
     #[must_use]
     pub fn to_bytes(self) -> [u8; 8] {
-        // A moment's days are always a date of these years.
-        let date = Date::from_days(self.days()).unwrap_or(Date { year: 2089, month: 12, day: 31 });
-        let bcd = |v: u32| (v / 10 % 10 * 16 + v % 10) as u8;
-        let ms = self.time_of_day();
-        [
-            bcd(date.year % 100),
-            bcd(date.month),
-            bcd(date.day),
-            bcd(ms / 3_600_000),
-            bcd(ms / 60_000 % 60),
-            bcd(ms / 1000 % 60),
-            bcd(ms % 1000 / 10),
-            (ms % 10 * 16 + self.weekday()) as u8,
-        ]
+        calendar::date_and_time(self.days() + DAYS_TO_1990, self.time_of_day())
     }
 }
 
 impl fmt::Display for Moment {
     /// `2026-01-31 06:00:00.000`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let date = Date::from_days(self.days()).unwrap_or(Date { year: 2089, month: 12, day: 31 });
+        let (year, month, day) = calendar::date_of(self.days() + DAYS_TO_1990);
         let ms = self.time_of_day();
         let (hours, minutes, seconds) = (ms / 3_600_000, ms / 60_000 % 60, ms / 1000 % 60);
-        write!(
-            f,
-            "{}-{:02}-{:02} {hours:02}:{minutes:02}:{seconds:02}.{:03}",
-            date.year,
-            date.month,
-            date.day,
-            ms % 1000
-        )
+        write!(f, "{year}-{month:02}-{day:02} {hours:02}:{minutes:02}:{seconds:02}.{:03}", ms % 1000)
     }
 }
 

@@ -1,4 +1,4 @@
-//! A CPU made of paper: parameters by name, memory, modules and every service, for the tests of the blocks.
+//! A CPU for tests: parameters by name, memory, modules and every service, for the tests of the blocks.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! Writes a plant that nobody has: a folder of STL sources with calls, data types, instances and symbols, to measure
+//! Writes an invented plant: a folder of STL sources with calls, data types, instances and symbols, to measure
 //! what reading a large program takes.
 //!
 //!     cargo run --release -p ob1-stl --example plant -- FOLDER [SOURCES] [LINES]

@@ -108,7 +108,7 @@ impl Resolver<'_> {
                 _ => None,
             };
             let Some(pointer) = pointer else {
-                reader.report(span, &codes::INDIRECT, "the number lies in a fixed word of M, L, DB or DI: [MW 50]");
+                reader.report(span, &codes::INDIRECT, "the number must be in a fixed word of M, L, DB or DI: [MW 50]");
                 return None;
             };
             self.close(reader, span)?;
@@ -118,7 +118,7 @@ impl Resolver<'_> {
         let number = text.parse().ok();
         if number.is_none() {
             let span = span.to(reader.here());
-            reader.report(span, &codes::NUMBER, "a number from 0 to 65535 should stand here");
+            reader.report(span, &codes::NUMBER, "a number from 0 to 65535 is expected here");
         }
         number.map(Number::Fixed)
     }

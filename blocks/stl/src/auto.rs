@@ -97,7 +97,7 @@ pub(crate) fn decide(index: usize, file: &File<'_>, words: [&Words; 2], sink: &m
     }
     if let Some(token) = votes.ambiguous.filter(|_| votes.german == 0) {
         let message = format!(
-            "{} means one thing in German and another in international mnemonics, and nothing here tells which are meant",
+            "{} has different meanings in German and international mnemonics, and no other word decides which are meant",
             file.of(token)
         );
         sink.report(index, token.span, &codes::AMBIGUOUS_SET, message);

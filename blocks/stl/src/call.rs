@@ -1,4 +1,4 @@
-//! Calls: who is called, and with which actual parameters.
+//! Calls: the called block and its actual parameters.
 
 use std::collections::BTreeMap;
 
@@ -118,7 +118,7 @@ impl<'l> Lowerer<'l, '_> {
             None => match self.wanted.get(&db) {
                 None => {
                     self.wanted.insert(db, id);
-                    let message = format!("DB {db} is in no source; it is made as an instance of {id}");
+                    let message = format!("DB {db} is in no source; it is created as an instance of {id}");
                     let remedy =
                         format!("Nothing has to be done; or declare it: DATA_BLOCK DB {db} {id} BEGIN END_DATA_BLOCK");
                     self.sink.report_with(self.index, span, &codes::INSTANCE_MADE, message, remedy);
@@ -199,7 +199,7 @@ impl<'l> Lowerer<'l, '_> {
         // A pointer names the place that is written; with every other constant the result is lost.
         let loses = matches!(&value, Value::Constant(c) if !matches!(c, Constant::Pointer(_)));
         if loses && writes(formal.section) {
-            let message = format!("{} of {id} is written to, a constant takes nothing from it", formal.name);
+            let message = format!("{} of {id} is written to; a constant cannot take the value", formal.name);
             reader.report(span, &codes::CONSTANT_FOR_OUTPUT, message);
         }
         let value = match self.reached(formal, value, id.kind.has_instance(), span)? {

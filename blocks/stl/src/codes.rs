@@ -1,6 +1,27 @@
 //! The table of diagnostics: every number with its text and remedy. `docs/stl-errors.md` is made from it.
 
-use crate::diagnostic::Severity;
+/// How bad it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Severity {
+    /// Legal, but a known trap.
+    Lint,
+    /// Accepted, though STEP 7 would not, or likely not meant.
+    Warning,
+    /// The program cannot be used.
+    Error,
+}
+
+impl Severity {
+    /// The word printed before the number.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Severity::Lint => "lint",
+            Severity::Warning => "warning",
+            Severity::Error => "error",
+        }
+    }
+}
 
 /// A row of the table.
 #[derive(Debug)]
@@ -33,7 +54,7 @@ codes! {
     SOURCE_TOO_LONG = "S0003", Error, "The source is longer than the compiler reads (64 MiB).",
         "Split the source into several files.";
     // Frames
-    OUTSIDE_BLOCK = "S0101", Error, "Text stands outside any block.",
+    OUTSIDE_BLOCK = "S0101", Error, "There is text outside any block.",
         "Begin a block first: ORGANIZATION_BLOCK OB 1, FUNCTION FC 1 : VOID, FUNCTION_BLOCK FB 1, DATA_BLOCK DB 1, TYPE UDT 1.";
     BLOCK_NAME = "S0102", Error, "The name of a block is missing or does not fit its kind.",
         "Write kind and number, as in FUNCTION FC 9 : VOID, or a symbol of the symbol table. Data blocks count from 1.";
@@ -47,12 +68,12 @@ codes! {
         "Close each block with its own END_ word.";
     RETURN_TYPE = "S0107", Error, "A function has no return type.",
         "Write the type of the function value after the name, VOID when there is none.";
-    SECTION = "S0108", Error, "A declaration section does not belong into this kind of block.",
+    SECTION = "S0108", Error, "This kind of block does not have such a declaration section.",
         "Organization blocks have VAR_TEMP only, functions no VAR, data blocks a STRUCT.";
-    MISPLACED = "S0109", Error, "A word or statement stands where it cannot.",
+    MISPLACED = "S0109", Error, "A word or statement is in the wrong place.",
         "Remove it or move it.";
-    HEAD = "S0110", Error, "A word or line that does not belong into a block's head.",
-        "Between the block's name and its declarations stand TITLE, VERSION, AUTHOR, FAMILY, NAME, KNOW_HOW_PROTECT and their like.";
+    HEAD = "S0110", Error, "A word or line that does not belong in a block header.",
+        "Between the block's name and its declarations there may only be TITLE, VERSION, AUTHOR, FAMILY, NAME, KNOW_HOW_PROTECT and similar words.";
     OTHER_LANGUAGE = "S0111", Error, "A file that is not STL.",
         "Translate the file into STL, or export it as such.";
     OB_NAME = "S0112", Error, "No number is known for the name of an organization block.",
@@ -85,12 +106,12 @@ codes! {
     TOO_MUCH_DATA = "S0213", Error, "All declarations together take more memory than any CPU has.",
         "Make arrays smaller.";
     TOO_MANY_PARAMETERS = "S0214", Error, "A block has too many parameters.",
-        "Hand over a structure or a data block instead.";
-    INITIAL_VALUE = "S0215", Error, "A start value is not well formed or cannot stand here.",
-        "Write a constant, for arrays a list: 1, 2, 3(0). Functions, in/outs of composed types and temps have none.";
+        "Pass a structure or a data block instead.";
+    INITIAL_VALUE = "S0215", Error, "A start value is not well formed or not allowed here.",
+        "Write a constant, for arrays a list: 1, 2, 3(0). Functions, in/out parameters of complex types and temps have no start value.";
     ASSIGNMENT = "S0216", Error, "An assignment in a data block is not well formed.",
         "Write name := constant;";
-    TYPE_WITHOUT_STL = "S0217", Error, "A type of TIA Portal that STL cannot work on.",
+    TYPE_WITHOUT_STL = "S0217", Error, "A data type of TIA Portal for which STL has no statements.",
         "STL has no statement for types of 64 bits, WSTRING, VARIANT, and counters other than those of INT.";
     // Statements and operands
     UNKNOWN_MNEMONIC = "S0301", Error, "A word that is not a mnemonic.",
@@ -98,9 +119,9 @@ codes! {
     UNKNOWN_OPERAND = "S0302", Error, "A word that is not an operand.",
         "Write an address (M 1.0, DB10.DBW 20), #name for a declared name, \"name\" for a symbol.";
     FOREIGN_MNEMONIC = "S0303", Error, "A word of the other set of mnemonics.",
-        "Write a source in one set. Which: --mnemonics de, en or auto (in the station file: mnemonics = ...).";
+        "Write each source in one set of mnemonics. --mnemonics de, en or auto names the set (in the station file: mnemonics = ...).";
     OPERAND_MISSING = "S0304", Error, "An operand is missing.",
-        "Write what the statement works on.";
+        "Write the operand of the statement.";
     WRONG_OPERAND = "S0305", Error, "An operand does not fit its mnemonic.",
         "Bits: M 1.0; bytes, words, double words: MB 1, MW 2, MD 4.";
     TOO_MUCH = "S0306", Error, "Text is left over after a complete statement.",
@@ -115,9 +136,9 @@ codes! {
         "Write P#12.0, P#M 3.0, P#DB10.DBX0.0 BYTE 12.";
     UNKNOWN_LOCAL = "S0311", Error, "A name is not declared in the block.",
         "Declare it in a VAR section of the block.";
-    UNKNOWN_SYMBOL = "S0312", Error, "A symbol is in no symbol table, or stands for something else.",
+    UNKNOWN_SYMBOL = "S0312", Error, "A symbol is in no symbol table, or names something else.",
         "Add the symbol table that has it, or write the address.";
-    COMPONENT = "S0313", Error, "A component is not there.",
+    COMPONENT = "S0313", Error, "A component does not exist.",
         "Use the names of the structure's declaration.";
     ARRAY_INDEX = "S0314", Error, "The index of an array is not well formed or outside its bounds.",
         "Write one number for each dimension: a[1,2].";
@@ -139,7 +160,7 @@ codes! {
         "Write the label, followed by a colon, before the statement to jump to. Upper and lower case differ.";
     LABEL_ELSEWHERE = "S0502", Error, "A jump leaves its block.",
         "Jumps stay within a block: call the other block, or put the label into this one.";
-    DUPLICATE_LABEL = "S0503", Error, "A label is there twice in a block.",
+    DUPLICATE_LABEL = "S0503", Error, "A label occurs twice in a block.",
         "Rename one of them.";
     JUMP_LIST = "S0504", Error, "The list after SPL is empty or too long.",
         "Write 1 to 255 SPA statements directly after SPL.";
@@ -152,11 +173,11 @@ codes! {
         "Load its source, or import the project.";
     INSTANCE = "S0603", Error, "The instance data block of a call is missing or wrong.",
         "Write CALL FB 8, DB 50, where DB 50 is an instance of FB 8.";
-    ACTUAL_SYNTAX = "S0604", Error, "An actual parameter is not well formed or cannot stand here.",
+    ACTUAL_SYNTAX = "S0604", Error, "An actual parameter is not well formed or not allowed here.",
         "Write NAME := operand.";
-    STRAY_ACTUAL = "S0605", Error, "An actual parameter stands after no CALL.",
-        "Parameters follow the CALL's line directly, or stand in its brackets.";
-    UNKNOWN_PARAMETER = "S0606", Error, "The block called has no such parameter.",
+    STRAY_ACTUAL = "S0605", Error, "An actual parameter does not follow a CALL.",
+        "Parameters follow the line of the CALL directly, or are in its brackets.";
+    UNKNOWN_PARAMETER = "S0606", Error, "The called block has no such parameter.",
         "Use the names of its declaration.";
     SUPPLIED_TWICE = "S0607", Error, "A parameter is supplied twice.",
         "Remove one of them.";
@@ -177,22 +198,22 @@ codes! {
         "Correct the type: BOOL for bits, WORD or INT for words; the address counts.";
     // Warnings
     LONG_LABEL = "S0801", Warning, "A label is longer than the four characters STEP 7 allows.",
-        "Shorten it if the source is to go back to STEP 7.";
+        "Shorten it if STEP 7 must compile the source again.";
     BEYOND_DATA_BLOCK = "S0802", Warning, "An address lies beyond the end of its data block.",
         "Correct the address or lengthen the data block; as it is, the access ends in OB 121 or STOP.";
     // Lints
     CONSTANT_FOR_OUTPUT = "S0901", Lint, "A constant is supplied to a parameter that the block writes.",
         "The value that the block writes is lost; supply an operand.";
-    INSTANCE_MADE = "S0902", Lint, "An instance data block is in no source and is made with start values.",
+    INSTANCE_MADE = "S0902", Lint, "An instance data block is in no source and is created with start values.",
         "Nothing has to be done; or declare it: DATA_BLOCK DB 50 FB 8 BEGIN END_DATA_BLOCK.";
     OUTPUT_UNASSIGNED = "S0903", Lint, "An output of a function is not assigned on every path.",
         "Assign it at the beginning of the function: outputs of an FC have no memory; a path without an assignment leaves the old value.";
     MEMORY_OVERLAP = "S0904", Lint, "Bit memory is used under widths that overlap.",
-        "Where it is not meant, move one of them: MW 10 is MB 10 and MB 11, MD 10 reaches to MB 13.";
+        "If this is not intended, move one of them: MW 10 is MB 10 and MB 11, MD 10 reaches to MB 13.";
     ACCU_LOST = "S0905", Lint, "An accumulator is used after a call that has changed it.",
-        "Keep the value in a temp over the call, or hand the result over as a parameter.";
-    BR_MISUSED = "S0906", Lint, "BR (BIE) is overwritten before it is read, or read though nothing has set it.",
-        "SAVE directly before the block's end; a block whose ENO is read sets BR on every path: SET, SAVE.";
+        "Save the value in a temp before the call, or pass the result as a parameter.";
+    BR_MISUSED = "S0906", Lint, "BR (BIE) is overwritten before it is read, or read although nothing has set it.",
+        "Write SAVE directly before the end of the block. A block whose ENO is read must set BR on every path: SET, SAVE.";
     INPUT_WRITTEN = "S0907", Lint, "An input parameter is written to.",
         "Copy the input into a temp and change that, or declare an in/out.";
     UNUSED_LABEL = "S0908", Lint, "Nothing jumps to a label.",
@@ -200,7 +221,7 @@ codes! {
     LOCAL_IS_SHARED = "S0909", Lint, "A name with # is not declared in the block and is taken as the shared symbol.",
         "Write the symbol in quotes, or declare the name.";
     DB_NOT_THERE = "S0910", Lint, "A data block that is in no source is opened.",
-        "Load its source, unless the program makes the data block itself (SFC 22).";
+        "Load its source, unless the program creates the data block itself (SFC 22).";
 }
 
 /// The page `docs/stl-errors.md`.

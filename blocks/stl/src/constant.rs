@@ -1,5 +1,6 @@
 //! Constants: as written, and as the bits a cell of a given type stores.
 
+use ob1_model::bcd::to_bcd;
 use ob1_model::{Area, BitAddr, DataType, Layout, S5Time};
 
 use crate::source::to_byte;
@@ -144,7 +145,7 @@ pub(crate) fn parse(text: &str, negative: bool) -> Result<Constant, String> {
         "L" | "DINT" => decimal(body).map_or_else(|| wrong("double integer"), |v| Ok(Constant::DInt(v))),
         "INT" => decimal(body).map_or_else(|| wrong("integer"), |v| Ok(Constant::Integer(i64::from(v)))),
         "C" => match plain(body).filter(|v| *v <= 999) {
-            Some(v) => Ok(Constant::Count((time::bcd(v / 100) << 8 | time::bcd(v % 100)) as u16)),
+            Some(v) => Ok(Constant::Count(to_bcd(v) as u16)),
             None => wrong("counter value, C#0 to C#999"),
         },
         "S5T" | "S5TIME" => {
@@ -191,7 +192,7 @@ fn clip(text: &str) -> String {
 fn number(text: &str, negative: bool) -> Result<Constant, String> {
     let digits = text.replace('_', "");
     if digits.contains(['.', 'e', 'E']) {
-        let value: f32 = digits.parse().map_err(|_| format!("{} is no real number", clip(text)))?;
+        let value: f32 = digits.parse().map_err(|_| format!("{} is not a real number", clip(text)))?;
         if value.is_infinite() {
             return Err(format!("{} is beyond the largest real number, 3.402823e+38", clip(text)));
         }
@@ -199,7 +200,7 @@ fn number(text: &str, negative: bool) -> Result<Constant, String> {
     }
     match digits.parse::<i64>() {
         Ok(value) => Ok(Constant::Integer(if negative { -value } else { value })),
-        Err(_) => Err(format!("{} is no number of at most 32 bits", clip(text))),
+        Err(_) => Err(format!("{} is not a number of at most 32 bits", clip(text))),
     }
 }
 
@@ -256,7 +257,7 @@ pub(crate) fn text(quoted: &str) -> Result<Vec<u8>, String> {
             },
             c => c,
         };
-        out.push(to_byte(c).ok_or_else(|| format!("{c} is no character of the S7 (CP1252, CP1250 or CP1251)"))?);
+        out.push(to_byte(c).ok_or_else(|| format!("{c} is not a character of the S7 (CP1252, CP1250 or CP1251)"))?);
     }
     Ok(out)
 }

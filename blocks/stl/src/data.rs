@@ -40,7 +40,7 @@ impl Elaborator<'_> {
             (_, ty) => global_data(ty),
         };
         let Some(mut data) = data else {
-            self.sink.report(block.file, shape.span, &codes::NO_STRUCTURE, "a data block is made of a structure");
+            self.sink.report(block.file, shape.span, &codes::NO_STRUCTURE, "a data block needs a structure");
             return;
         };
         if data.image.len() > LONGEST as usize {
@@ -97,7 +97,7 @@ impl Elaborator<'_> {
         let name = match reader.peek_kind() {
             Some(Kind::Word | Kind::Symbol | Kind::Local) => reader.next().map_or("", |t| unquote(reader.text(t))),
             _ => {
-                reader.report(whole, &codes::ASSIGNMENT, "the name of a component should stand here");
+                reader.report(whole, &codes::ASSIGNMENT, "the name of a component is expected here");
                 return None;
             }
         };

@@ -3,32 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
-use crate::codes::{self, Code};
+use crate::codes::{self, Code, Severity};
 use crate::source::Source;
 use crate::token::Span;
-
-/// How bad it is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Severity {
-    /// Legal, but a known trap.
-    Lint,
-    /// Accepted, though STEP 7 would not, or likely not meant.
-    Warning,
-    /// The program cannot be used.
-    Error,
-}
-
-impl Severity {
-    /// The word printed before the number.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Severity::Lint => "lint",
-            Severity::Warning => "warning",
-            Severity::Error => "error",
-        }
-    }
-}
 
 /// One finding.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -234,7 +211,7 @@ impl Sink {
 
     /// The known word nearest to `word`, when one is near. Searches for a bounded number of words only.
     pub(crate) fn nearest<'w>(&mut self, word: &str, known: impl IntoIterator<Item = &'w str>) -> Option<&'w str> {
-        /// Candidates looked at for one word.
+        /// Candidates compared with one word.
         const CANDIDATES: usize = 2_000;
         if self.suggestions_left == 0 || word.len() > 40 {
             return None;

@@ -148,7 +148,7 @@ impl<'e> Elaborator<'e> {
             let name = name.filter(|name| {
                 let twice = self.by_name.contains_key(name);
                 if twice {
-                    let message = format!("{} {} is there twice", name.0.name(), name.1);
+                    let message = format!("{} {} occurs twice", name.0.name(), name.1);
                     self.sink.report(block.file, block.span, &codes::DUPLICATE_BLOCK, message);
                 }
                 !twice
@@ -194,7 +194,7 @@ impl<'e> Elaborator<'e> {
             Some(Symbolic::Block(word, number)) => Some((*word, *number)),
             Some(Symbolic::Nameless) => None,
             Some(_) => {
-                self.sink.report(file, span, &codes::UNKNOWN_SYMBOL, format!("\"{symbol}\" is the symbol of no block"));
+                self.sink.report(file, span, &codes::UNKNOWN_SYMBOL, format!("\"{symbol}\" is not the symbol of a block"));
                 None
             }
             None if matches!(name, NameRef::Bare(_)) => {
@@ -410,7 +410,7 @@ impl<'e> Elaborator<'e> {
         nesting: u32,
     ) -> Option<DataType> {
         let Some(below) = before.iter().find(|p| p.is_called(over)).map(|p| p.ty.clone()) else {
-            let message = format!("{over} is not declared before it, so nothing can lie AT it");
+            let message = format!("{over} is not declared before it, so AT cannot overlay it");
             self.sink.report(file, declaration.span, &codes::UNKNOWN_LOCAL, message);
             return None;
         };
@@ -422,7 +422,7 @@ impl<'e> Elaborator<'e> {
             return None;
         }
         if Layout::bits(&resolved.ty) > Layout::bits(&below) {
-            let message = format!("{} is longer than {over}, which it lies AT", declaration.name);
+            let message = format!("{} is longer than {over}, which it overlays", declaration.name);
             self.sink.report(file, declaration.span, &codes::TYPE_NOT_HERE, message);
             return None;
         }
@@ -495,7 +495,7 @@ impl<'e> Elaborator<'e> {
         let takes_initial = block.frame == Frame::Fb && section != Section::Temp && resolved.fb.is_none();
         let mut param = Param::new(&declaration.name, section, resolved.ty);
         if declaration.initial.is_some() && (!takes_initial || section == Section::InOut && param.ty.is_composed()) {
-            self.sink.report(block.file, declaration.span, &codes::INITIAL_VALUE, "there is no start value here");
+            self.sink.report(block.file, declaration.span, &codes::INITIAL_VALUE, "a start value is not allowed here");
         } else {
             param.initial = self.start_value(block.file, declaration.initial.as_ref(), declaration.span, &param.ty);
         }

@@ -3,7 +3,7 @@
 //!
 //! A composed in/out of a function block lies in the instance as a POINTER. To reach a component, STEP 7 opens the data
 //! block the POINTER names and loads AR1 from it, so that the DB register and AR1 are changed by such a statement; so
-//! do we. An ANY or POINTER to instance data is put together at run time from DINO and AR2, in the local data; ACCU1
+//! do we. An ANY or POINTER to instance data is composed at run time from DINO and AR2, in the local data; ACCU1
 //! and ACCU2 are changed by such a call, as by any CALL of STEP 7. A POINTER for a composed in/out is written into the
 //! instance itself before the call, which changes the DB register if that is a data block of its own.
 
@@ -98,7 +98,7 @@ pub(crate) fn open(pointer: BitAddr) -> [Op; 2] {
     ]
 }
 
-/// Where a POINTER or ANY that is put together at run time points.
+/// Where a POINTER or ANY that is composed at run time points.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Pointee {
     /// An address in the instance.
@@ -125,7 +125,7 @@ pub(crate) fn pointer(
         Pointee::Instance(offset) => {
             before.push(Op::LoadDbNumber(DbRegister::Di));
             before.push(Op::Transfer(place(Width::Word, at)));
-            // AR2 holds where the instance begins, with the area DI; a pointer that is handed on names the data block
+            // AR2 holds where the instance begins, with the area DI; a pointer that is passed on names the data block
             // itself.
             before.push(Op::TransferAr(AddressRegister::Ar2));
             before.push(Op::DWordLogic(WordLogic::And, Some(0x00FF_FFFF)));

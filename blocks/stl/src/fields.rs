@@ -9,7 +9,7 @@ use ob1_model::{BitAddr, DataType, Field, Layout};
 type Places = BTreeMap<String, (usize, BitAddr)>;
 
 /// The components of structures by name, each structure indexed when first used. Valid as long as the types it has
-/// seen are neither changed nor dropped: structures are told apart by their address.
+/// seen are neither changed nor dropped: structures are distinguished by their address.
 #[derive(Debug, Default)]
 pub(crate) struct FieldIndex {
     known: RefCell<BTreeMap<*const Field, Places>>,

@@ -102,7 +102,7 @@ fn composed_place(pointer: PointerConstant) -> Option<Operand> {
     Some(Operand { width: Width::Byte, place })
 }
 
-/// A POINTER or ANY to an operand. Own parameters of these types are handed on as they are.
+/// A POINTER or ANY to an operand. Own parameters of these types are passed on as they are.
 fn pointer_to(ty: &DataType, operand: Operand, actual: Option<&DataType>) -> Option<Arg> {
     if actual.is_some_and(|a| a == ty) {
         return Some(Arg::Operand(operand));

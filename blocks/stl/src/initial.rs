@@ -1,6 +1,7 @@
 //! Start values: the bytes a data block begins with.
 
 use ob1_ir::Number;
+use ob1_model::calendar::{self, DAYS_TO_1990};
 use ob1_model::{BitAddr, DataType, Layout, cells};
 
 use crate::codes;
@@ -24,7 +25,7 @@ pub(crate) fn write_default(ty: &DataType, at: BitAddr, image: &mut [u8]) {
     match ty {
         DataType::Char => put(image, at, ty, b" "),
         DataType::String(max) => put(image, at, ty, &[*max]),
-        DataType::DateAndTime => put(image, at, ty, &[0x90, 1, 1, 0, 0, 0, 0, 2]),
+        DataType::DateAndTime => put(image, at, ty, &calendar::date_and_time(DAYS_TO_1990, 0)),
         DataType::Struct(fields) => {
             let mut layout = Layout::new();
             for field in fields {
@@ -41,22 +42,11 @@ pub(crate) fn write_default(ty: &DataType, at: BitAddr, image: &mut [u8]) {
             if one.iter().all(|b| *b == 0) {
                 return;
             }
-            for_each_element(dims, element, |offset| put(image, BitAddr(at.0 + offset), element, &one));
+            for offset in Layout::places(dims, element) {
+                put(image, BitAddr(at.0 + offset.0), element, &one);
+            }
         }
         _ => {}
-    }
-}
-
-/// The bit offsets of all elements of an array in order.
-fn for_each_element(dims: &[ob1_model::Dimension], element: &DataType, mut f: impl FnMut(u32)) {
-    let Some((last, outer)) = dims.split_last() else { return };
-    let rows: u32 = outer.iter().map(|d| d.len()).product();
-    let stride = Layout::stride(element);
-    let row_bits = ob1_model::align_to(last.len() * stride, 16);
-    for row in 0..rows {
-        for column in 0..last.len() {
-            f(row * row_bits + column * stride);
-        }
     }
 }
 
@@ -168,8 +158,7 @@ fn array(
     bytes: usize,
 ) -> Option<Vec<u8>> {
     let mut image = vec![0; bytes];
-    let mut places = Vec::new();
-    for_each_element(dims, element, |offset| places.push(BitAddr(offset)));
+    let places = Layout::places(dims, element);
     let start = reader.here();
     // TIA Portal puts the list into brackets.
     let bracket = reader.eat(Kind::LeftBracket).is_some();

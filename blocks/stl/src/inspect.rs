@@ -32,11 +32,7 @@ impl Inspected<'_> {
 
 /// The place a statement writes itself, calls left out.
 pub(crate) fn written(op: &Op) -> Option<Place> {
-    match op {
-        Op::Assign(p) | Op::Set(p) | Op::Reset(p) | Op::EdgePositive(p) | Op::EdgeNegative(p) => Some(*p),
-        Op::Transfer(o) | Op::TransferArTo(_, o) => Some(o.place),
-        _ => None,
-    }
+    op.operand().filter(|_| op.writes()).map(|operand| operand.place)
 }
 
 /// True for operations after which the next statement is not reached.

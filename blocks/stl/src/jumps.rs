@@ -45,7 +45,7 @@ impl<'l> Labels<'l> {
                     block.file,
                     token.span,
                     &codes::DUPLICATE_LABEL,
-                    format!("the label {shown} is there twice"),
+                    format!("the label {shown} occurs twice"),
                 );
             } else {
                 own.insert(name, at);
@@ -54,7 +54,7 @@ impl<'l> Labels<'l> {
         Self { own, elsewhere }
     }
 
-    /// The statement a label stands at. `None` when there is none in this block (reported).
+    /// The statement of a label. `None` when there is none in this block (reported).
     pub(crate) fn find(&self, name: &str, reader: &mut Reader<'_, '_>, span: Span) -> Option<u32> {
         if let Some(at) = self.own.get(name) {
             return Some(*at);

@@ -1,4 +1,4 @@
-//! Text to tokens. Never fails: what is no token becomes one of the kind `Bad`, with a diagnostic.
+//! Text to tokens. Never fails: other text becomes a token of the kind `Bad`, with a diagnostic.
 
 use crate::codes;
 use crate::diagnostic::Sink;
@@ -37,7 +37,7 @@ const CONSTANT_PREFIXES: [&str; 28] = [
     "DATE_AND_TIME",
 ];
 
-/// Splits `text`. Every token costs one step; every character is looked at a bounded number of times.
+/// Splits `text`. Every token costs one step; every character is read a bounded number of times.
 pub(crate) fn lex(file: usize, text: &str, sink: &mut Sink) -> Vec<Token> {
     let mut lexer = Lexer {
         lines_within: 0,
@@ -251,7 +251,7 @@ impl<'a> Lexer<'a> {
             self.bump();
             return Kind::PointerSign;
         }
-        // `L#name` is the mnemonic L and a local name, `L#5` a constant: constants go on with a digit or a sign.
+        // `L#name` is the mnemonic L and a local name, `L#5` a constant: constants continue with a digit or a sign.
         let second = self.peek_second();
         if second == Some('\'') && word.eq_ignore_ascii_case("CHAR") {
             self.bump();
@@ -278,7 +278,7 @@ impl<'a> Lexer<'a> {
 
     /// What the first word of a line tells about its place in a block.
     fn first_word(&mut self, word: &str) {
-        // Nearly every line begins with a mnemonic: those are told apart by their first letter.
+        // Nearly every line begins with a mnemonic: those are distinguished by their first letter.
         let may_begin = word.len() >= 4
             && matches!(word.as_bytes().first(), Some(b'O' | b'F' | b'D' | b'T' | b'o' | b'f' | b'd' | b't'));
         if may_begin && begins_block(word) {

@@ -2,7 +2,7 @@
 //!
 //! The way of a source: bytes -> text ([`Source`]) -> tokens -> blocks with declarations and statements, operands still
 //! tokens -> the world (numbers, types, interfaces, data blocks of all sources and the library) -> operations. Each
-//! stage goes on after a mistake, so that one run finds all of them; none panics, whatever the bytes; each takes time
+//! stage continues after a mistake, so that one run finds all of them; none panics, whatever the bytes; each takes time
 //! linear in the input.
 //!
 //! This crate knows the instruction set ([`ob1_ir`]) and no engine.
@@ -66,7 +66,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use ob1_ir::{DataBlock, DataKind, Program, Symbol};
 use ob1_model::BlockId;
 
-pub use diagnostic::{Diagnostic, Limit, Rest, Severity, USES, render, render_all};
+pub use codes::Severity;
+pub use diagnostic::{Diagnostic, Limit, Rest, USES, render, render_all};
 pub use library::{Library, LibraryBlock, Missing};
 pub use listing::listing;
 pub use mnemonics::Mnemonics;
@@ -114,7 +115,7 @@ pub struct Output {
     pub numbers: Vec<Numbered>,
     /// The blocks of [`Library::offer`] that the program calls, with their names and numbers.
     pub demanded: Vec<Numbered>,
-    /// Elementary steps of work done (tokens looked at, declarations, bytes of start values): grows linearly with the
+    /// Elementary steps of work done (tokens read, declarations, bytes of start values): grows linearly with the
     /// input.
     pub steps: u64,
 }

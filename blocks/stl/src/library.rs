@@ -62,7 +62,7 @@ impl Library {
         }
     }
 
-    /// The usual name of a block that is not here: a program that uses the name without a symbol table is told the
+    /// The usual name of a block that is not here: a program that uses the name without a symbol table gets the
     /// block's number.
     pub fn name(&mut self, id: BlockId, name: &str) {
         self.named.entry(name.to_uppercase()).or_insert(id);

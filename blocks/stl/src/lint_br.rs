@@ -31,7 +31,7 @@ fn asks(op: &Op) -> bool {
     )
 }
 
-/// Reports each SAVE whose BR is overwritten before anything asks for it. Looked at up to the next label or jump.
+/// Reports each SAVE whose BR is overwritten before anything reads it. Checked up to the next label or jump.
 pub(crate) fn overwritten(i: &Inspected<'_>, sink: &mut Sink) {
     let mut saved: Option<usize> = None;
     for (at, stmt) in i.code.iter().enumerate() {
@@ -52,17 +52,17 @@ pub(crate) fn overwritten(i: &Inspected<'_>, sink: &mut Sink) {
     }
 }
 
-/// Which blocks set BR, and where it is asked for, over all blocks.
+/// Which blocks set BR, and where it is read, over all blocks.
 #[derive(Debug, Default)]
 pub(crate) struct BrUse {
     /// For each block of the program: whether it sets BR somewhere.
     sets: BTreeMap<BlockId, bool>,
-    /// Where BR is asked for after a call: the block called, the file, the place.
+    /// Where BR is read after a call: the called block, the file, the place.
     asks: Vec<(BlockId, usize, Span)>,
 }
 
 impl BrUse {
-    /// Gathers whether this block sets BR, and where it asks for the BR of a block it has called.
+    /// Gathers whether this block sets BR, and where it reads the BR of a block it has called.
     pub(crate) fn gather(&mut self, i: &Inspected<'_>) {
         let mut sets_br = false;
         let mut called = None;
@@ -84,7 +84,7 @@ impl BrUse {
         self.sets.insert(i.id, sets_br);
     }
 
-    /// Reports where BR is asked for after a call of a block that never sets it.
+    /// Reports where BR is read after a call of a block that never sets it.
     pub(crate) fn report(&self, sink: &mut Sink) {
         for (id, file, span) in &self.asks {
             if self.sets.get(id) == Some(&false) {

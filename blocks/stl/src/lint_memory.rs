@@ -24,7 +24,7 @@ struct First {
 #[derive(Debug, Default)]
 pub(crate) struct MemoryUse {
     bits: BTreeMap<u32, First>,
-    /// By first byte and length. Bytes are not looked at: flags are packed into them on purpose everywhere.
+    /// By first byte and length. Bytes are ignored: flags are packed into them on purpose everywhere.
     wide: BTreeMap<(u32, u32), First>,
 }
 

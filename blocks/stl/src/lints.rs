@@ -1,4 +1,4 @@
-//! The classic traps of ported programs, looked for on request: legal statements that seldom mean what they do.
+//! The classic traps of ported programs, reported on request: legal statements that seldom mean what they do.
 //!
 //! The checks of one block run on its statements before anything is put around them. What concerns several blocks is
 //! gathered in [`Whole`] and said at the end.

@@ -54,7 +54,7 @@ impl Resolver<'_> {
                 Ok(Constant::Bool(false))
             }
             Some((Kind::Bad, _)) => return None,
-            _ => Err("a constant should stand here".into()),
+            _ => Err("a constant is expected here".into()),
         };
         let span = token.map_or(span, |t| span.to(t.span));
         result.map_err(|message| reader.report(span, &codes::CONSTANT, message)).ok()

@@ -36,7 +36,7 @@ pub(crate) struct Found<'f> {
     pub(crate) wanted: BTreeMap<u16, BlockId>,
     /// Data blocks that are opened, with the first place in each block.
     pub(crate) opened: BTreeSet<(u16, usize, Span)>,
-    /// Where traps are looked for, what concerns several blocks.
+    /// With lints: findings that concern several blocks.
     pub(crate) lints: Option<&'f mut Whole>,
 }
 

@@ -1,45 +1,23 @@
 //! Addresses back to names: which component lies where.
 
 use ob1_ir::CodeBlock;
-use ob1_model::{BitAddr, Component, DataType, Layout, Section};
+use ob1_model::{BitAddr, Component, DataType, Layout};
 
 /// The path that follows a name, `.sub[2].x`, to what lies `offset` bits into `ty` and has `bits` bits; as far as it
 /// leads.
 fn path_in(ty: &DataType, offset: u32, bits: u32) -> String {
     match ty {
         _ if offset == 0 && Layout::bits(ty) <= bits => String::new(),
-        DataType::Struct(fields) => {
-            let mut layout = Layout::new();
-            let mut found = None;
-            for field in fields {
-                let at = layout.place(&field.ty).0;
-                if at > offset {
-                    break;
-                }
-                // Nameless structures of no length separate the sections of an instance.
-                if !field.name.is_empty() {
-                    found = Some((field, at));
-                }
-            }
-            found.map_or_else(String::new, |(field, at)| {
-                format!(".{}{}", field.name, path_in(&field.ty, offset - at, bits))
-            })
-        }
+        DataType::Struct(fields) => Layout::field_at(fields, offset)
+            .map_or_else(String::new, |(field, into)| format!(".{}{}", field.name, path_in(&field.ty, into, bits))),
         DataType::Array(dims, element) => {
             let stride = Layout::stride(element).max(1);
             let columns = dims.last().map_or(1, |d| d.len()).max(1);
             let row_bits = ob1_model::align_to(columns.saturating_mul(stride), 16).max(1);
             let (row, column) = (offset / row_bits, offset % row_bits / stride);
-            let mut flat = row.saturating_mul(columns).saturating_add(column.min(columns - 1));
-            let mut indices = Vec::with_capacity(dims.len());
-            for dim in dims.iter().rev() {
-                let len = dim.len().max(1);
-                indices.push((i64::from(dim.low) + i64::from(flat % len)).to_string());
-                flat /= len;
-            }
-            indices.reverse();
+            let flat = row.saturating_mul(columns).saturating_add(column.min(columns - 1));
             let inner = path_in(element, (offset % row_bits).saturating_sub(column * stride), bits);
-            format!("[{}]{inner}", indices.join(","))
+            format!("{}{inner}", Layout::index_text(dims, flat))
         }
         _ => String::new(),
     }
@@ -56,12 +34,11 @@ pub(crate) fn in_data(components: &[Component], at: BitAddr, bits: u32) -> Optio
 
 /// `#name` of what lies at `at` in a function block's instance.
 pub(crate) fn in_instance(block: &CodeBlock, at: BitAddr, bits: u32) -> Option<String> {
-    let placed = block.interface.params.iter().filter(|p| p.section != Section::Temp);
-    let param = placed.filter(|p| p.at.0 <= at.0).max_by_key(|p| p.at.0)?;
+    let (param, offset) = block.interface.in_instance(at)?;
     if param.is_pointer() {
         return Some(format!("#{}", param.name));
     }
-    Some(format!("#{}{}", param.name, path_in(&param.ty, at.0 - param.at.0, bits)))
+    Some(format!("#{}{}", param.name, path_in(&param.ty, offset, bits)))
 }
 
 /// `#name` of what lies `at` bits into the composed in/out with this POINTER.
@@ -72,9 +49,7 @@ pub(crate) fn behind(block: &CodeBlock, pointer: BitAddr, at: BitAddr, bits: u32
 
 /// `#name` of what lies at `at` in a block's local data; `None` beyond what is declared.
 pub(crate) fn in_local(block: &CodeBlock, at: BitAddr, bits: u32) -> Option<String> {
-    let temps = block.interface.params.iter().filter(|p| p.section == Section::Temp);
-    let param = temps.filter(|p| p.at.0 <= at.0).max_by_key(|p| p.at.0)?;
-    let offset = at.0 - param.at.0;
+    let (param, offset) = block.interface.in_local(at)?;
     (offset < Layout::bits(&param.ty)).then(|| format!("#{}{}", param.name, path_in(&param.ty, offset, bits)))
 }
 

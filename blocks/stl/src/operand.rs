@@ -46,7 +46,7 @@ impl<'w> Resolver<'w> {
     /// Reads the operand within `[ ]`.
     pub(crate) fn inner(&self, reader: &mut Reader<'_, '_>, span: Span) -> Option<Value<'w>> {
         if self.nested {
-            reader.report(span, &codes::INDIRECT, "an indirect address cannot itself lie at an indirect address");
+            reader.report(span, &codes::INDIRECT, "an indirect address cannot be at an indirect address itself");
             return None;
         }
         Self { nested: true, ..*self }.operand(reader)
@@ -335,7 +335,7 @@ impl<'w> Resolver<'w> {
     fn check_inside(&self, reader: &mut Reader<'_, '_>, db: u16, at: BitAddr, width: Width, span: Span) {
         let Some(data) = self.world.data.get(&db) else { return };
         if (at.byte() + width.bytes()) as usize > data.image.len() {
-            let message = format!("DB {db} has {} bytes, this lies beyond", data.image.len());
+            let message = format!("DB {db} has {} bytes, this is beyond its end", data.image.len());
             reader.report(span, &codes::BEYOND_DATA_BLOCK, message);
         }
     }

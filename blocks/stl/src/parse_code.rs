@@ -14,7 +14,7 @@ impl Parser<'_, '_> {
         let first = self.peek()?;
         let label = self.label();
         if label.is_some() {
-            // A label may stand on a line of its own before its statement; then it labels an empty one.
+            // A label may be on a line of its own before its statement; then it labels an empty one.
             if matches!(self.peek_kind(), None | Some(Kind::Newline | Kind::Semicolon)) {
                 return Some(Statement::empty(label, first, self.at, network));
             }
@@ -81,7 +81,7 @@ impl Parser<'_, '_> {
             return;
         }
         if self.peek_at(1).is_some_and(|t| t.kind == Kind::Assign) {
-            let message = format!("{shown} := stands after no CALL");
+            let message = format!("{shown} := does not follow a CALL");
             self.report(head.span, &codes::STRAY_ACTUAL, message);
             return;
         }
@@ -92,7 +92,7 @@ impl Parser<'_, '_> {
         }
         let next = self.peek_at(1).filter(|next| next.span.start == head.span.end).map_or("", |next| self.text(next));
         if matches!((text, next.chars().next()), ("/" | "(", Some('*'))) {
-            let message = format!("{shown}* begins no comment in STL");
+            let message = format!("{shown}* does not begin a comment in STL");
             let remedy = "A comment begins with // and ends with its line: one // in each line.";
             self.sink.report_with(self.index, head.span, &codes::UNKNOWN_MNEMONIC, message, remedy);
             return;
@@ -119,7 +119,7 @@ impl Parser<'_, '_> {
         from..self.at
     }
 
-    /// The list of pointers of `UC` and `CC` may stand on the next line.
+    /// The list of pointers of `UC` and `CC` may be on the next line.
     fn list_behind(&mut self, statement: &mut Statement) {
         let end_of_target = self.at;
         let listed = statement.row.is_some_and(|r| matches!(r.shape, Shape::Call(mode) if mode != CallMode::Call));

@@ -203,7 +203,7 @@ impl Parser<'_, '_> {
             };
         }
         let Some(word) = self.keyword() else {
-            self.report(span, &codes::UNKNOWN_TYPE, "a type should stand here");
+            self.report(span, &codes::UNKNOWN_TYPE, "a type is expected here");
             return Type::bad(span);
         };
         let kind = match &*word {
@@ -214,7 +214,7 @@ impl Parser<'_, '_> {
             }
             "STRING" => self.string(),
             _ if ends_declarations(&word) => {
-                self.report(span, &codes::UNKNOWN_TYPE, "a type should stand here");
+                self.report(span, &codes::UNKNOWN_TYPE, "a type is expected here");
                 self.at = before;
                 TypeKind::Bad
             }

@@ -1,4 +1,4 @@
-//! Tokens to blocks: frames, headers and sections. Never fails: after a mistake it goes on at the next statement,
+//! Tokens to blocks: frames, headers and sections. Never fails: after a mistake it continues at the next statement,
 //! declaration or block.
 
 use ob1_model::Section;
@@ -18,15 +18,6 @@ const FRAMES: [(&str, &str, Frame); 5] = [
     ("FUNCTION", "END_FUNCTION", Frame::Fc),
     ("DATA_BLOCK", "END_DATA_BLOCK", Frame::Db),
     ("TYPE", "END_TYPE", Frame::Udt),
-];
-
-/// Words that begin a declaration section.
-const SECTIONS: [(&str, Section); 5] = [
-    ("VAR_INPUT", Section::Input),
-    ("VAR_OUTPUT", Section::Output),
-    ("VAR_IN_OUT", Section::InOut),
-    ("VAR_TEMP", Section::Temp),
-    ("VAR", Section::Static),
 ];
 
 /// Header lines of the form `VERSION : 0.1`.
@@ -95,7 +86,7 @@ pub(crate) fn begins_block(word: &str) -> bool {
 
 /// True for the first word of a declaration section.
 pub(crate) fn is_section(word: &str) -> bool {
-    SECTIONS.iter().any(|(begin, _)| begin.eq_ignore_ascii_case(word))
+    Section::opened_by(word).is_some()
 }
 
 /// True for a word after which no line of the head can follow.
@@ -107,13 +98,13 @@ pub(crate) fn ends_head(word: &str) -> bool {
 /// Words a statement may not begin with, proposed when an unknown word is near one of them.
 pub(crate) fn keywords() -> impl Iterator<Item = &'static str> {
     let frames = FRAMES.into_iter().flat_map(|(begin, end, _)| [begin, end]);
-    let sections = SECTIONS.into_iter().map(|(word, _)| word);
+    let sections = Section::WORDS.into_iter().map(|(_, word)| word);
     frames.chain(sections).chain(HEADER_WORDS).chain(["BEGIN", "NETWORK", "TITLE", "END_VAR", "STRUCT", "END_STRUCT"])
 }
 
 /// Words that begin a block or a declaration section.
 pub(crate) fn is_frame_or_section(word: &str) -> bool {
-    FRAMES.iter().any(|(begin, _, _)| *begin == word) || SECTIONS.iter().any(|(begin, _)| *begin == word)
+    FRAMES.iter().any(|(begin, _, _)| *begin == word) || Section::WORDS.iter().any(|(_, begin)| *begin == word)
 }
 
 /// Parses one file.
@@ -224,7 +215,7 @@ impl<'s> Parser<'_, 's> {
     /// Text outside any block: reported once a run, and where it is a block's first word misspelt.
     fn outside(&mut self, token: Token, reported: bool) {
         let begins = FRAMES.iter().map(|(begin, _, _)| *begin);
-        let message = "this stands outside any block";
+        let message = "this is outside any block";
         match self.sink.nearest(self.text(token), begins) {
             Some(near) => {
                 let remedy = format!("Did you mean {near}?");
@@ -348,7 +339,7 @@ impl<'s> Parser<'_, 's> {
             }
             let Some(word) = self.keyword() else {
                 if begin.is_some_and(|begin| self.at < begin) {
-                    self.report(token.span, &codes::HEAD, "this word does not belong in the head of a block");
+                    self.report(token.span, &codes::HEAD, "this word does not belong in a block header");
                     self.skip_line();
                     continue;
                 }
@@ -358,8 +349,8 @@ impl<'s> Parser<'_, 's> {
                 self.bump();
                 return;
             }
-            if let Some((_, section)) = SECTIONS.iter().find(|(name, _)| *name == &*word) {
-                self.section(block, *section);
+            if let Some(section) = Section::opened_by(&word) {
+                self.section(block, section);
             } else if HEADER_WORDS.contains(&&*word) {
                 block.read_only |= &*word == "READ_ONLY";
                 self.bump();
@@ -369,8 +360,8 @@ impl<'s> Parser<'_, 's> {
                 block.shape = Some(self.ty(0));
             } else if begin.is_some_and(|begin| self.at < begin) {
                 let text: String = self.text(token).chars().take(32).collect();
-                let known = HEADER_WORDS.into_iter().chain(HEADER_LINES).chain(SECTIONS.map(|(word, _)| word));
-                let message = format!("{text} is no word of a block's head");
+                let known = HEADER_WORDS.into_iter().chain(HEADER_LINES).chain(Section::WORDS.map(|(_, word)| word));
+                let message = format!("{text} is not a word of a block header");
                 self.sink.report_unknown(self.index, token.span, &codes::HEAD, message, &word, known);
                 self.skip_line();
             } else {
@@ -483,7 +474,7 @@ impl<'s> Parser<'_, 's> {
                 self.bump();
                 continue;
             }
-            // The words looked for have four letters at least, mnemonics mostly fewer.
+            // The searched words have four letters at least, mnemonics mostly fewer.
             let long = token.kind == Kind::Word && token.span.end - token.span.start >= 4;
             let word = if long { self.keyword() } else { None };
             match word.as_deref() {
@@ -505,12 +496,12 @@ impl<'s> Parser<'_, 's> {
                     network = network.saturating_add(1);
                 }
                 Some("BEGIN") => {
-                    self.report(token.span, &codes::MISPLACED, "BEGIN stands once, before the first statement");
+                    self.report(token.span, &codes::MISPLACED, "BEGIN occurs once, before the first statement");
                     self.bump();
                 }
                 _ if block.frame == Frame::Db => self.assignment(block),
                 _ if block.frame == Frame::Udt => {
-                    self.report(token.span, &codes::MISPLACED, "a TYPE has nothing but one structure");
+                    self.report(token.span, &codes::MISPLACED, "a TYPE has exactly one structure");
                     self.skip_statement();
                 }
                 _ => {

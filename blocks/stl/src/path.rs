@@ -11,7 +11,7 @@ use crate::token::{Kind, Span};
 use crate::type_words::with_article;
 use crate::value::{Term, Value};
 
-/// What may stand in `[ ]` besides a number.
+/// What may be in `[ ]` besides a number.
 pub(crate) trait Indices {
     /// A whole number of `VAR CONSTANT`.
     fn whole_number(&self, name: &str) -> Option<i32>;
@@ -198,7 +198,7 @@ fn element<'t>(
     if let (DataType::String(max), [index]) = (ty, indices.as_slice()) {
         let at = u32::try_from(*index).ok().filter(|i| (1..=u32::from(*max)).contains(i));
         if at.is_none() {
-            let message = format!("the index lies outside the STRING, which has {max} characters from 1");
+            let message = format!("the index is outside the STRING, which has {max} characters from 1");
             reader.report(span, &codes::ARRAY_INDEX, message);
         }
         return at.map(|i| (&CHARACTER, BitAddr::byte_addr(i + 1)));
@@ -210,7 +210,7 @@ fn element<'t>(
     let at = Layout::element(dims, inner, &indices);
     if at.is_none() {
         let bounds: Vec<_> = dims.iter().map(|d| format!("{}..{}", d.low, d.high)).collect();
-        let message = format!("the index lies outside the array's bounds [{}]", bounds.join(", "));
+        let message = format!("the index is outside the array's bounds [{}]", bounds.join(", "));
         reader.report(span, &codes::ARRAY_INDEX, message);
     }
     at.map(|at| (&**inner, at))

@@ -49,7 +49,7 @@ impl Lowerer<'_, '_> {
                 return self.indexed(formal, *operand, *through, terms, ty, span).map(Reached::Arg);
             }
             Value::Memory { operand: Operand { place, .. }, ty } if typed || by_pointer => {
-                // A POINTER or ANY of the caller's own is handed on as it is.
+                // A POINTER or ANY of the caller's own is passed on as it is.
                 if typed && ty.is_some_and(|ty| *ty == formal.ty) {
                     return Some(Reached::Value(value));
                 }
@@ -148,7 +148,7 @@ impl Lowerer<'_, '_> {
             if self.around.reached.replace(pointer).is_some_and(|other| other != pointer) {
                 return refuse(
                     self,
-                    "two composed in/outs are handed on in one call; only one can be reached at a time",
+                    "one call passes on two complex in/out parameters; only one of them can be accessed at a time",
                 );
             }
             return Some(Arg::Operand(operand));
@@ -161,7 +161,7 @@ impl Lowerer<'_, '_> {
         }
         let written = matches!(formal.section, Section::Output | Section::InOut | Section::Return);
         if written && operand.width == Width::Bit {
-            return refuse(self, "a bit of a composed in/out cannot be supplied to a parameter that the block writes");
+            return refuse(self, "a bit of a complex in/out parameter cannot be supplied to a parameter that the block writes");
         }
         let byte = self.hidden.take(operand.width.bytes());
         if formal.section != Section::Output && formal.section != Section::Return {

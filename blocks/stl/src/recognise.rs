@@ -1,5 +1,7 @@
 //! Files that are not STL, recognised as what they are, so that one message is enough.
 
+use ob1_model::Section;
+
 use crate::words::Words;
 
 /// What a file is instead of STL.
@@ -39,7 +41,7 @@ impl Other {
             Other::Template => {
                 ("this is a template with places to be filled in, not a source", "Load what is generated from it.")
             }
-            Other::Binary => ("this is no text", "Load the source the file was made from."),
+            Other::Binary => ("this is not a text file", "Load the source the file was made from."),
         }
     }
 }
@@ -95,7 +97,7 @@ pub(crate) fn other(name: &str, text: &str, words: [&Words; 2]) -> Option<Other>
     (signs.scl > signs.stl).then_some(Other::Scl)
 }
 
-/// True for a text with `{{`, `{%` or `<%`. Single signs are looked for, which is many times faster than pairs.
+/// True for a text with `{{`, `{%` or `<%`. Single signs are searched, which is many times faster than pairs.
 fn is_template(text: &str) -> bool {
     let next = |at: usize| text.as_bytes().get(at + 1).copied();
     text.match_indices('{').any(|(at, _)| matches!(next(at), Some(b'{' | b'%')))
@@ -134,7 +136,7 @@ impl Signs {
                 brackets = 0;
             } else if is(&["DATA_BLOCK", "TYPE", "END_DATA_BLOCK", "END_TYPE"]) {
                 (block, code) = (false, false);
-            } else if is(&["VAR", "VAR_INPUT", "VAR_OUTPUT", "VAR_IN_OUT", "VAR_TEMP"]) {
+            } else if Section::opened_by(word).is_some() {
                 code = false;
             } else if is(&["END_VAR", "BEGIN"]) {
                 code = block;

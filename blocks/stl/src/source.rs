@@ -1,4 +1,4 @@
-//! Source files: bytes in CP1252 or UTF-8, and the text made of them.
+//! Source files: bytes in CP1252 or UTF-8, and their text.
 
 use std::borrow::Cow;
 

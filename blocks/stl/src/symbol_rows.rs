@@ -189,7 +189,7 @@ pub(crate) fn dif(text: &str, sink: &mut Sink) -> Vec<Row> {
                 }
             }
             _ => {
-                wrong(*span, "the DIF file goes on with neither a cell (1,0) nor a tuple (-1,0)", sink);
+                wrong(*span, "the DIF file continues with neither a cell (1,0) nor a tuple (-1,0)", sink);
                 return rows;
             }
         }

@@ -2,7 +2,7 @@
 //!
 //! The formats ["Programming with STEP 7", "File Formats for Importing/Exporting a Symbol Table"]: `.SDF` has four
 //! texts in quotes, `.ASC` records of 126 characters in fixed columns, `.SEQ` tabulated address, symbol and comment,
-//! `.DIF` tuples of typed cells. Each is CP1252 or UTF-8, addresses stand in either set of mnemonics, comments stay
+//! `.DIF` tuples of typed cells. Each is CP1252 or UTF-8, addresses are in either set of mnemonics, comments stay
 //! out.
 
 use std::collections::BTreeMap;
@@ -11,7 +11,8 @@ use std::collections::btree_map::Entry;
 use ob1_ir::{Symbol, Width};
 
 use crate::codes;
-use crate::diagnostic::{Diagnostic, Severity, Sink};
+use crate::codes::Severity;
+use crate::diagnostic::{Diagnostic, Sink};
 use crate::parse_types::simple_type;
 use crate::source::Source;
 use crate::symbol_rows::{self, Row};
@@ -101,7 +102,7 @@ pub fn read_symbols(source: &Source) -> SymbolTable {
     read_one(source, &mut Names::new())
 }
 
-/// Reads the symbol tables of one program, in their order. A name that stands in two of them is reported in the later
+/// Reads the symbol tables of one program, in their order. A name that is in two of them is reported in the later
 /// one; the first one counts, as within a table.
 #[must_use]
 pub fn read_symbol_tables(sources: &[Source]) -> Vec<SymbolTable> {
@@ -161,7 +162,7 @@ fn table(form: TableForm, file: &str, text: &str, names: &mut Names, sink: &mut 
             }
             Entry::Occupied(first) => {
                 let first = if first.get() == file { String::new() } else { format!(", first in {}", first.get()) };
-                let message = format!("the symbol {} is there twice{first}; the first one counts", symbol.name);
+                let message = format!("the symbol {} occurs twice{first}; the first one counts", symbol.name);
                 sink.report(0, row.span, &codes::SYMBOL_TWICE, message);
             }
         }
@@ -188,10 +189,10 @@ fn symbol(row: &Row, form: TableForm, words: &Words, sink: &mut Sink) -> Option<
     let found = symbols::address(&symbol, words);
     let width = match &found {
         Symbolic::Unknown(_) => {
-            let mut message = format!("{} of {} is no address", clip(&symbol.address), clip(name));
+            let mut message = format!("{} of {} is not an address", clip(&symbol.address), clip(name));
             if form == TableForm::Asc {
                 // Whoever edits such a file by hand easily moves a column.
-                message += "; an ASC file has columns of 24, 12, 10 and 80 characters behind 126,";
+                message += "; an ASC file has columns of 24, 12, 10 and 80 characters after 126,";
             }
             sink.report(0, row.span, &codes::TABLE_ADDRESS, message);
             return None;

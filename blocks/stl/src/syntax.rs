@@ -123,7 +123,7 @@ pub(crate) struct Statement {
     pub(crate) label: Option<usize>,
     /// `None` where the mnemonic is not known (reported), or where only a label stands.
     pub(crate) row: Option<&'static Row>,
-    /// The mnemonic, or the label where it stands alone.
+    /// The mnemonic, or the label if it is alone.
     pub(crate) span: Span,
     pub(crate) operand: Tokens,
     pub(crate) args: Vec<Actual>,

@@ -60,11 +60,6 @@ fn numbers<const N: usize>(text: &str, separator: char) -> Option<[u32; N]> {
     parts.next().is_none().then_some(out)
 }
 
-/// The last two decimal digits as BCD.
-pub(crate) const fn bcd(value: u32) -> u32 {
-    ((value / 10 % 10) << 4) | (value % 10)
-}
-
 /// `1994-3-15`: days since 1990-01-01.
 pub(crate) fn date(text: &str) -> Option<u16> {
     let [year, month, day] = numbers(text, '-')?;
@@ -116,19 +111,7 @@ pub(crate) fn date_and_time(text: &str) -> Option<[u8; 8]> {
     };
     let days = u32::from(days(year, month, day)?);
     let ms = time_of_day(clock)?;
-    let byte = |v: u32| bcd(v) as u8;
-    let weekday = calendar::weekday_of(days + DAYS_TO_1990);
-    let (seconds, thousandths) = (ms / 1_000, ms % 1_000);
-    Some([
-        byte(year),
-        byte(month),
-        byte(day),
-        byte(seconds / 3_600),
-        byte(seconds / 60 % 60),
-        byte(seconds % 60),
-        byte(thousandths / 10),
-        ((thousandths % 10) << 4 | weekday) as u8,
-    ])
+    Some(calendar::date_and_time(days + DAYS_TO_1990, ms))
 }
 
 /// A date as [`date`] reads it: `1994-3-15`.

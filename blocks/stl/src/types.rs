@@ -92,7 +92,7 @@ impl Elaborator<'_> {
             let key = format!("bound {}", name.to_uppercase());
             let shown: String = name.chars().take(64).collect();
             self.sink.missing(&key, file, span, &codes::ARRAY_BOUNDS, |_| {
-                let message = format!("{shown} is no whole number of VAR CONSTANT in this block: {USES}");
+                let message = format!("{shown} is not a whole number of VAR CONSTANT in this block: {USES}");
                 (message, "Constants of a tag table are not exported with it: write the number instead.".to_owned())
             });
         }

@@ -56,7 +56,7 @@ fn bare(program: &Program) -> Program {
     bare
 }
 
-/// Blocks that stay unprinted: the first hands on what the POINTER of an in/out leads to, for which the compiler puts
+/// Blocks that stay unprinted: the first passes on what the POINTER of an in/out leads to, for which the compiler puts
 /// several operations around the call; the second has an array of instances, whose function block its type does not
 /// say.
 const UNPRINTABLE: [&str; 2] = [

@@ -1,5 +1,5 @@
 //! The tap: reports the events of the line to listeners. It never waits: a listener that does not fetch its records
-//! loses them, and is told how many.
+//! loses them, and gets their number.
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd};

@@ -148,14 +148,14 @@ mod tests {
             ),
             (
                 [0x42, 0x05, 0, 0xFF, 0x80, 0x1D],
-                "it does not take its parameters: ident 801Dh, not ready, parameter fault, wants parameters; compare \
+                "it refuses its parameters: ident 801Dh, not ready, parameter fault, wants parameters; compare \
                  `params` with its manual, and the revision of its GSD file with that of the device"
                     .to_owned(),
             ),
             (
                 [0x06, 0x05, 0, 0xFF, 0x80, 0x1D],
                 "its modules are not those of the station file: ident 801Dh, not ready, configuration fault, wants \
-                 parameters; compare `slots` with what is plugged, in its order"
+                 parameters; compare `slots` with the plugged modules, in their order"
                     .to_owned(),
             ),
             ([0x02, 0x05, 0, 0xFF, 0x80, 0x1D], format!("ident 801Dh, {others}")),

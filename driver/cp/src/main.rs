@@ -1,7 +1,7 @@
 //! `ob1-cp`: one process is one CP 240. It attaches to a segment, takes parameters and line from it, and ends with its
 //! standard input.
 
-// All output goes through one place that neither panics nor waits for ever.
+// All output goes through one place that neither panics nor waits forever.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod config;
@@ -28,17 +28,18 @@ SIGINT and SIGHUP are ignored (the runtime decides); SIGTERM ends the driver in 
 
 Exit codes:
   0  end of file on standard input, or SIGTERM
-  1  the segment cannot be opened or is none
+  1  the segment cannot be opened, or is not a segment
   2  wrong arguments
   3  waiting failed (standard input is unusable)
 
-The runtime hands the segment over by a socket as standard output (SCM_RIGHTS); --segment is for those it does not.
+The runtime passes the segment over a socket, which is the standard output (SCM_RIGHTS). --segment is for a driver that
+is started by hand.
 
 Environment:
   OB1_LOG    what to log on standard error: error, warn, info (default), debug (telegrams), trace (bytes)
-  OB1_FENCE  what the driver may do, as JSON (docs/security.md); without it all its user may";
+  OB1_FENCE  what the driver may do, as JSON (docs/security.md); without it everything that its user may do";
 
-/// The driver of a CP 240.
+/// The driver of a communication processor: CP 240, CP 040, CP 340 or CP 341.
 #[derive(Debug, Parser)]
 #[command(name = "ob1-cp", version, after_help = HELP)]
 struct Arguments {
@@ -46,7 +47,7 @@ struct Arguments {
     #[arg(long, value_name = "PATH", required_unless_present = "self_test")]
     segment: Option<PathBuf>,
 
-    /// Try what is forbidden behind the fence (OB1_FENCE), and say what was refused.
+    /// Try every operation that the fence (OB1_FENCE) forbids, and list those that were refused.
     #[arg(long = "selftest", id = "self_test", hide = true)]
     self_test: bool,
 

@@ -63,7 +63,7 @@ pub(crate) fn note(tap: &mut Tap, now: Instant, event: &CpEvent<'_>) {
         CpEvent::Answered(Ok(())) => "order of the partner done".to_owned(),
         CpEvent::Answered(Err(_)) => "order of the partner failed".to_owned(),
         CpEvent::Diagnosis { incoming: true, .. } | CpEvent::Record { incoming: true, .. } => {
-            "diagnostic interrupt: an error has come".to_owned()
+            "diagnostic interrupt: an error comes".to_owned()
         }
         CpEvent::Diagnosis { incoming: false, .. } | CpEvent::Record { incoming: false, .. } => {
             "diagnostic interrupt: all errors are gone".to_owned()

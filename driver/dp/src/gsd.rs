@@ -178,7 +178,7 @@ impl Gsd {
             ("bytes of user parameters", made.parameters.len(), PARAMETER_BYTES),
         ] {
             if bytes > most {
-                let remedy = "take modules out, or use a second station".to_owned();
+                let remedy = "remove modules, or use a second station".to_owned();
                 let message = format!("the modules have {bytes} {what}; the station takes {most}");
                 return Err(Mistake { slot: None, parameter: None, message, remedy });
             }
@@ -220,7 +220,7 @@ fn where_and_what(picture: &str) -> String {
     match (place.and_then(|place| place.split_once(':')), what) {
         (_, Some("expected start")) => "the line #Profibus_DP is missing".to_owned(),
         (Some((line, column)), Some(what)) => format!("line {line}, column {column}: {what}"),
-        _ => "it is no GSD file".to_owned(),
+        _ => "it is not a GSD file".to_owned(),
     }
 }
 
@@ -277,7 +277,7 @@ fn bytes_of(description: &UserPrmData, wanted: &Parameters) -> Result<Vec<u8>, W
     let of_values = description.data_ref.iter().map(|(at, value)| at + value.data_type.size());
     let len = of_constants.chain(of_values).fold(usize::from(description.length), usize::max);
     if len > DATA_BYTES {
-        let message = format!("the GSD file wants {len} bytes of parameters");
+        let message = format!("the GSD file needs {len} bytes of parameters");
         return Err(Wrong { parameter: None, message, remedy: "ask the maker for another GSD file".into() });
     }
     let mut bytes = vec![0; len];
@@ -302,7 +302,7 @@ fn bytes_of(description: &UserPrmData, wanted: &Parameters) -> Result<Vec<u8>, W
                 let Some(number) = texts.get(text) else {
                     let names: Vec<String> = texts.keys().map(|name| format!("\"{name}\"")).collect();
                     let remedy = if names.is_empty() { "a number".into() } else { names.join(", ") };
-                    return Err(wrong(format!("\"{text}\" is no value of \"{name}\""), remedy));
+                    return Err(wrong(format!("\"{text}\" is not a value of \"{name}\""), remedy));
                 };
                 *number
             }

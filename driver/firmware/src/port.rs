@@ -119,7 +119,7 @@ impl CpCounter {
 pub enum StartReason {
     /// It has been given parameters: power-up, or STOP -> RUN of the CPU.
     Parameters,
-    /// The CPU asked for it.
+    /// The CPU requested it.
     ResetRequest,
 }
 

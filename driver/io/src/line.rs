@@ -104,7 +104,7 @@ impl Line {
             self.real.write(now, &out);
         }
         if self.master.wants_reconnect() {
-            warn!(line = %self.spec, "no answer on this connection: it is opened anew");
+            warn!(line = %self.spec, "no answer on this connection: it is opened again");
             self.up = false;
             match open(&self.spec, &self.settings) {
                 Ok(real) => self.real = real,

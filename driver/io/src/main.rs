@@ -1,7 +1,7 @@
 //! `ob1-io`: the process of a bus. It exchanges inputs and outputs with the couplers or slaves on its lines, and ends
 //! with its standard input.
 
-// All output goes through one place that neither panics nor waits for ever.
+// All output goes through one place that neither panics nor waits forever.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod gpio;
@@ -34,9 +34,9 @@ Exit codes:
 
 Environment:
   OB1_LOG    what to log on standard error: error, warn, info (default), debug (exchanges), trace (bytes)
-  OB1_FENCE  what the process may do, as JSON (docs/security.md); without it all its user may";
+  OB1_FENCE  what the process may do, as JSON (docs/security.md); without it everything that its user may do";
 
-/// The process of a bus.
+/// The process of a bus: Modbus couplers, PROFIBUS DP slaves or GPIO lines.
 #[derive(Debug, Parser)]
 #[command(name = "ob1-io", version, after_help = HELP)]
 struct Arguments {
@@ -52,11 +52,11 @@ struct Arguments {
     #[arg(long, default_value = "bus")]
     name: String,
 
-    /// Where others may listen to its lines: a folder.
+    /// The folder of the sockets by which others may listen to its lines.
     #[arg(long, value_name = "FOLDER")]
     trace: Option<std::path::PathBuf>,
 
-    /// Only say who is on a PROFIBUS: a line of JSON for each slave that answers.
+    /// Only list the slaves on a PROFIBUS: a line of JSON for each slave that answers.
     #[arg(long)]
     scan: bool,
 }

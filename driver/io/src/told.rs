@@ -39,7 +39,7 @@ impl Told {
                     (State::Running, _) => info!(coupler = name, "exchange"),
                     (State::Lost, _) => warn!(coupler = name, failures = status.failures, "does not answer: lost"),
                     (State::Refused, None) => {
-                        warn!(coupler = name, "refuses what is written to it on connect: its outputs are not driven");
+                        warn!(coupler = name, "refuses a set-up request: its outputs are not driven");
                     }
                     (State::Refused, Some(slave)) => {
                         warn!(

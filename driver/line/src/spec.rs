@@ -38,16 +38,16 @@ pub enum SpecError {
     )]
     Kind(String),
     /// Nothing after the colon.
-    #[error("line \"{0}\": nothing behind the colon")]
+    #[error("line \"{0}\": nothing after the colon")]
     Empty(String),
     /// The path of a device or pty is relative.
     #[error("line \"{0}\": the path must be absolute, because a driver does not run in the station's folder")]
     Relative(String),
     /// The port is missing or not a number.
-    #[error("line \"{0}\": \"{1}\" is no port; a port is a number from {2} to 65535")]
+    #[error("line \"{0}\": \"{1}\" is not a port; a port is a number from {2} to 65535")]
     Port(String, String, u16),
     /// The address to listen on is not an IP address.
-    #[error("line \"{0}\": \"{1}\" is no IP address of this machine, such as 0.0.0.0 (all) or 127.0.0.1 (only itself)")]
+    #[error("line \"{0}\": \"{1}\" is not an IP address of this machine, such as 0.0.0.0 (all) or 127.0.0.1 (only itself)")]
     Address(String, String),
     /// No host before the port.
     #[error("line \"{0}\": tcp needs HOST:PORT")]
@@ -145,7 +145,7 @@ mod tests {
         for (text, says) in [
             ("/dev/ttyUSB0", "unknown kind"),
             ("rs232:/dev/x", "unknown kind"),
-            ("serial:", "nothing behind"),
+            ("serial:", "nothing after"),
             ("serial:ttyUSB0", "absolute"),
             ("pty:x", "absolute"),
             ("tcp:4001", "HOST:PORT"),

@@ -92,7 +92,7 @@ pub struct S3964 {
     pub stx_repetitions: u8,
     /// DBL: attempts to send a block, the first included.
     pub dbl: u8,
-    /// Who gives way when both want to send.
+    /// Which side gives way when both want to send.
     pub priority: Priority,
 }
 

@@ -110,7 +110,7 @@ pub(crate) const fn qvz(least: i64) -> Key341 {
 pub(crate) const ATTEMPTS: &[Key341; 3] = &[
     number("connect_attempts", (1, 255, 1), "6", "attempts to get a connection, the first included"),
     number("block_attempts", (1, 255, 1), "6", "attempts to get a telegram through, the first included"),
-    choice("priority", &["high", "low"], "high", "who goes first when both want to send"),
+    choice("priority", &["high", "low"], "high", "which side sends first when both want to send"),
 ];
 
 /// [reference 4.7]

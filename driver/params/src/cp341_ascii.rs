@@ -42,7 +42,7 @@ pub(crate) const DRIVER: &[Key341] = &[
         "sending",
         &["through-end", "whole", "append-end"],
         "through-end",
-        "up to and including the end characters in the data; LEN bytes; LEN bytes and the end characters behind them",
+        "up to and including the end characters in the data; LEN bytes; LEN bytes, then the end characters",
     )
     .only_with(END, CHARACTERS),
     choice("send_pause", &["yes", "no"], "yes", "a pause of ZVZ between two telegrams sent").only_with(END, LENGTH),

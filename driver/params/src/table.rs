@@ -189,7 +189,7 @@ const S3964: &[Field] = &[
     // The table prints 5, the description 3. [reference 10, row 7]
     whole("stx_repetitions", 8, BYTE, 5, "repetitions of STX after the first attempt"),
     whole("dbl", 9, BYTE, 6, "DBL: attempts to send a block, the first included"),
-    whole("priority", 10, Kind::Choice(&[("low", 0), ("high", 1)]), 0, "who gives way when both want to send"),
+    whole("priority", 10, Kind::Choice(&[("low", 0), ("high", 1)]), 0, "which side gives way when both want to send"),
 ];
 
 const MODBUS: &[Field] = &[

@@ -252,7 +252,7 @@ fn mistakes_in_words() {
     assert_eq!(
         Cp240::decode(&with(defaults("3964r"), 10, 2)).expect_err("priority 2").to_string(),
         "parameter `priority` (byte 10): 02h is not allowed here; allowed: 00h (low), 01h (high); correct the byte or write \
-         `priority = ...` instead (who gives way when both want to send)"
+         `priority = ...` instead (which side gives way when both want to send)"
     );
 }
 

@@ -1,7 +1,7 @@
 //! Serial protocols as sans-IO machines: no clock, no descriptor, no shared memory, no allocation.
 //!
 //! A machine is told what happened ([`Input`]) and when, and answers through a [`Sink`]: what to send, which telegram
-//! is complete, how an order ended, what went wrong. It returns the time at which it wants to be called again.
+//! is complete, how an order ended, what went wrong. It returns the time at which it must be called again.
 //! Configuration and the list of (time, input) determine everything, so a field log is a test.
 //!
 //! * [`machine`]: the contract all protocols share.

@@ -160,7 +160,7 @@ pub fn remark(record: &Record<'_>) -> Option<String> {
         }
         Kind::TakenBack => {
             let count = record.data.first_chunk().map_or(0, |bytes| u32::from_le_bytes(*bytes));
-            (count > 0).then(|| format!("{count} characters were taken back before they left"))
+            (count > 0).then(|| format!("{count} characters were withdrawn before they were sent"))
         }
         Kind::Modem => {
             let bits = record.data.first().copied().unwrap_or(0);

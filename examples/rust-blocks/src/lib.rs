@@ -47,7 +47,7 @@ impl Block for TwoPoint {
         let now_ms = (cx.now() / 1_000_000) as u32;
         let off_at = cx.load(two_point::OFF_AT)?;
         let rested = !cx.load(two_point::HAS_BEEN_ON)? || {
-            // The counter of milliseconds starts anew with the runtime: a time that lies ahead is of an earlier life.
+            // The counter of milliseconds begins again with the runtime: a time in the future is of an earlier run.
             let pause = cx.get(two_point::PAUSE)?.max(0) as u32;
             now_ms.checked_sub(off_at).is_none_or(|off_for| off_for >= pause)
         };

@@ -113,7 +113,7 @@ impl Names {
     /// The error in the name, in one sentence.
     pub fn parse(&self, name: &str) -> Result<Item, String> {
         let typed = self.typed(name)?;
-        Item::of(&typed).ok_or_else(|| format!("{} is a {}, which is no single value", name.trim(), typed.ty.name()))
+        Item::of(&typed).ok_or_else(|| format!("{} is a {}, which is not a single value", name.trim(), typed.ty.name()))
     }
 
     /// Finds a place and its type by name. A symbol has the type of the symbol table if that is as long as its address.
@@ -208,7 +208,7 @@ impl Names {
 type Place = (Cell, DataType);
 
 fn unknown(text: &str) -> String {
-    format!("\"{text}\" is no name of a cell; write it like M1.0, MW10, DB10.DBW20, EB4, AW6, PEW256, T2, Z3")
+    format!("\"{text}\" is not the name of a cell; write it like M1.0, MW10, DB10.DBW20, EB4, AW6, PEW256, T2, Z3")
 }
 
 /// `MW` -> `M` and a word.

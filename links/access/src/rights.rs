@@ -86,7 +86,7 @@ impl Allowed {
     /// The error in an entry, in one sentence.
     pub fn of(areas: Option<&[String]>, blocks: Option<&[String]>) -> Result<Self, String> {
         let area = |name: &String| {
-            Place::named(name).ok_or_else(|| format!("\"{name}\" is no area; there are E, A, M, P, T, Z and DB"))
+            Place::named(name).ok_or_else(|| format!("\"{name}\" is not an area; there are E, A, M, P, T, Z and DB"))
         };
         let block = |text: &String| {
             range(text).ok_or_else(|| format!("\"{text}\" names no data blocks; write \"DB10\" or \"DB20-29\""))

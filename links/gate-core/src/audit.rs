@@ -133,7 +133,7 @@ impl Audit {
         }
         let written = out.flush();
         if let Err(error) = &written {
-            tracing::error!(link = %self.link, "the audit log cannot be written: {error}; nothing is changed any more");
+            tracing::error!(link = %self.link, "the audit log cannot be written: {error}; until it can, nothing can be changed");
         }
         written
     }

@@ -214,7 +214,7 @@ impl Station {
 fn document(answer: Answer) -> Result<Box<[u8]>, Trouble> {
     match answer {
         Answer::Document { bytes, .. } => Ok(bytes),
-        _ => Err(Trouble::Program("the broker answers something else".into())),
+        _ => Err(Trouble::Program("the broker sends another answer".into())),
     }
 }
 

@@ -211,7 +211,7 @@ fn read(path: &Path) -> Result<Read, UsersError> {
         return Err(UsersError::Open(path.to_owned(), mode));
     }
     if !about.is_file() || about.len() > FILE {
-        return Err(io(std::io::Error::other("this is no file of users")));
+        return Err(io(std::io::Error::other("this is not a file of users")));
     }
     let mut text = String::new();
     file.take(FILE).read_to_string(&mut text).map_err(io)?;
@@ -237,7 +237,7 @@ fn parse(text: &str) -> Result<BTreeMap<String, Known>, (usize, String)> {
         let right = Right::named(right).ok_or_else(|| wrong("a right is read, write or operate"))?;
         bounded(hash).map_err(|why| wrong(&why))?;
         if users.insert(name.to_owned(), Known { right, hash: hash.to_owned() }).is_some() {
-            return Err(wrong("this user is there twice"));
+            return Err(wrong("this user occurs twice"));
         }
     }
     Ok(users)

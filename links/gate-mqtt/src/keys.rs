@@ -76,7 +76,7 @@ impl Keys {
         let address = address.trim_end_matches('/');
         // The colons of `[::1]` do not begin a port.
         let (host, port) = match address.rsplit_once(':').filter(|(_, port)| !port.ends_with(']')) {
-            Some((host, port)) => (host, Some(port.parse().map_err(|_| format!("`broker`: \"{port}\" is no port"))?)),
+            Some((host, port)) => (host, Some(port.parse().map_err(|_| format!("`broker`: \"{port}\" is not a port"))?)),
             None => (address, None),
         };
         let host = host.trim_start_matches('[').trim_end_matches(']').to_owned();
@@ -85,7 +85,7 @@ impl Keys {
         }
         let here = host == "localhost" || host.parse::<IpAddr>().is_ok_and(|address| address.is_loopback());
         let tls = match (tls, self.ca, self.certificate.zip(self.key)) {
-            (false, ..) if !here => return Err("a broker on another machine is reached by TLS alone: mqtts://".into()),
+            (false, ..) if !here => return Err("a broker on another machine needs TLS: mqtts://".into()),
             (false, ..) => None,
             (true, None, _) => {
                 return Err("mqtts:// needs `ca`: the certificate of the authority that signed the broker's".into());

@@ -329,14 +329,14 @@ impl Session {
             let name = publish.topic.strip_prefix(&self.settings.prefix).and_then(|rest| rest.strip_prefix('/'));
             let Some(name) = name.and_then(|rest| rest.strip_suffix("/set")) else { return };
             let value = serde_json::from_slice(&publish.payload);
-            self.write(name.to_owned(), value.map_err(|error| format!("this is no JSON: {error}")));
+            self.write(name.to_owned(), value.map_err(|error| format!("this is not JSON: {error}")));
             return;
         };
         if publish.topic != node.topic("NCMD") {
             return;
         }
         let Some(payload) = Payload::decode(&publish.payload) else {
-            tracing::warn!(link = %self.name(), "a command is no payload of Sparkplug B");
+            tracing::warn!(link = %self.name(), "a command is not a payload of Sparkplug B");
             return;
         };
         for metric in payload.metrics {
@@ -399,7 +399,7 @@ impl Session {
             let _ = tokio::time::timeout(FAREWELL, farewell).await;
         }
         if let Err(error) = self.store.close() {
-            tracing::error!(link = %self.name(), "what waits cannot be kept: {error}");
+            tracing::error!(link = %self.name(), "waiting values cannot be kept: {error}");
         }
     }
 }

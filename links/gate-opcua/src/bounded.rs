@@ -76,7 +76,7 @@ impl TypeLoader for Bounded {
         _ctx: &Context<'_>,
         _name: &str,
     ) -> Option<EncodingResult<Box<dyn DynEncodable>>> {
-        Some(Err(Error::decoding(format!("a structure {node_id} in XML, which is not taken here"))))
+        Some(Err(Error::decoding(format!("a structure {node_id} in XML, which is not accepted here"))))
     }
 
     fn priority(&self) -> TypeLoaderPriority {

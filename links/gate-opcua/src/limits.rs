@@ -26,7 +26,7 @@ pub(crate) const KEPT: usize = 1 << 20;
 pub(crate) const CHANGES: usize = 32;
 /// A session without a request for this long is closed.
 pub(crate) const SESSION_MS: u64 = 60_000;
-/// Deleted items leave a little memory behind in the server: after this many it is restarted when nobody is connected,
+/// Deleted items leave a little memory in the server: after this many it is restarted when nobody is connected,
 pub(crate) const RENEW_IDLE: usize = 10_000;
 /// and after this many in any case; clients connect again.
 pub(crate) const RENEW_ANYWAY: usize = 1_000_000;

@@ -110,7 +110,7 @@ fn run(name: &str) -> ExitCode {
     });
     match served {
         Ok(()) => {
-            info!("the station has closed the door: end");
+            info!("the station has closed the connection: end");
             ExitCode::SUCCESS
         }
         Err(why) if why.is_empty() => ExitCode::SUCCESS,

@@ -84,7 +84,7 @@ async fn renew(users: Option<ob1_gate_core::Users>, tls: Option<ob1_gate_core::T
                 Ok(false) => {}
                 Err(why) if why == told => {}
                 Err(why) => {
-                    error!("{why}; what was read before stays");
+                    error!("{why}; the values read before stay valid");
                     told = why;
                 }
             }

@@ -31,7 +31,7 @@ pub(crate) fn run(command: &UserCommand) -> ExitCode {
 }
 
 fn add(file: &Path, name: &str, rights: &str) -> Result<String, String> {
-    Right::named(rights).ok_or_else(|| format!("\"{rights}\" is no right: read, write or operate"))?;
+    Right::named(rights).ok_or_else(|| format!("\"{rights}\" is not a right: read, write or operate"))?;
     let password = password(name)?;
     if password.chars().count() < SHORTEST {
         return Err(format!("a password has {SHORTEST} characters at least"));
@@ -39,7 +39,7 @@ fn add(file: &Path, name: &str, rights: &str) -> Result<String, String> {
     let mut lines = without(file, name)?;
     lines.push(format!("{name}:{rights}:{}", hash(&password)));
     replace(file, &lines)?;
-    Ok(format!("{name} may {rights}; a gate that runs knows it within five seconds\n"))
+    Ok(format!("{name} may {rights}; a running gate uses this within five seconds\n"))
 }
 
 fn remove(file: &Path, name: &str) -> Result<String, String> {
@@ -49,7 +49,7 @@ fn remove(file: &Path, name: &str) -> Result<String, String> {
         return Err(format!("{} has no user \"{name}\"", file.display()));
     }
     replace(file, &lines)?;
-    Ok(format!("{name} is removed; a gate that runs knows it within five seconds\n"))
+    Ok(format!("{name} is removed; a running gate uses this within five seconds\n"))
 }
 
 fn list(file: &Path) -> Result<String, String> {

@@ -38,7 +38,7 @@ pub enum Received {
 pub trait Network {
     /// Begins to make a TCP connection; false: it cannot be made.
     fn connect(&mut self, index: usize, partner: SocketAddr) -> bool;
-    /// Closes a TCP connection, if there is one. Datagrams go on.
+    /// Closes a TCP connection, if there is one. Datagrams continue.
     fn close(&mut self, index: usize);
     /// Sends over a TCP connection; returns the number of bytes taken. 0: there is no room, or it is not connected yet.
     /// `None`: it is gone.

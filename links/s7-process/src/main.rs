@@ -1,7 +1,7 @@
 //! `ob1-s7`: the sockets of S7 communication. It serves panels, SCADA systems and programming devices on behalf of one
 //! link of a station, and reaches the CPU only through the broker, whose socket is its standard input.
 
-// All output goes through one place that neither panics nor waits for ever.
+// All output goes through one place that neither panics nor waits forever.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod coupler;
@@ -114,7 +114,7 @@ fn run(arguments: &Arguments) -> ExitCode {
             ExitCode::SUCCESS
         }
         Err(DoorError::Closed) => {
-            info!("the station has closed the door: end");
+            info!("the station has closed the connection: end");
             ExitCode::SUCCESS
         }
         Err(error) => {

@@ -1,5 +1,5 @@
 //! The tap: reports the traffic of the connections to listeners. It never waits: a listener that does not fetch its
-//! records loses them, and is told how many. Without listeners it costs a comparison.
+//! records loses them, and gets their number. Without listeners it costs a comparison.
 
 use std::cell::RefCell;
 use std::os::fd::OwnedFd;

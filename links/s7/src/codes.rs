@@ -10,7 +10,7 @@ pub struct ItemCode(pub u8);
 impl ItemCode {
     /// Done.
     pub const DONE: Self = Self(0xFF);
-    /// The module behind the address does not answer.
+    /// The module at the address does not answer.
     pub const HARDWARE: Self = Self(0x01);
     /// Not allowed.
     pub const NOT_ALLOWED: Self = Self(0x03);

@@ -210,7 +210,7 @@ pub struct HostTable {
     /// A safe point: higher priorities may run now. Blocks that loop call it in every iteration.
     pub attend: unsafe extern "C" fn(call: *mut CallContext) -> Status,
     /// Raises a programming or access error (event number 25xxh, 29xxh) as a statement would: OB 121/122 or STOP.
-    /// Returns `OK` to go on or `ABORT`.
+    /// Returns `OK` to continue or `ABORT`.
     pub raise_fault: unsafe extern "C" fn(call: *mut CallContext, event: u16, number: u32) -> Status,
     /// Raises a diagnostic interrupt (OB 82) for the module, with up to 16 bytes of its diagnostic data.
     pub diagnostic_interrupt:

@@ -9,7 +9,7 @@
 //! Every function of the host table runs on the scan thread and neither blocks nor allocates.
 //!
 //! Versions: [`ABI_MAJOR`] must match. Every struct begins with its `size` in bytes and grows at the end only; a reader
-//! uses no field beyond the size it is told. Later additions are found by name through [`HostTable::extension`].
+//! uses no field beyond the size it is given. Later additions are found by name through [`HostTable::extension`].
 #![no_std]
 
 mod codes;

@@ -54,7 +54,7 @@ pub struct BlockDesc {
     pub name: Text,
     /// Parameters in the manual's order, then instance variables of an FB or SFB. The place in this table, from 0,
     /// is the parameter index in the host's functions, for inputs, outputs, in/outs and the function value
-    /// `RET_VAL` alike, whichever order they stand in; instance variables have no index.
+    /// `RET_VAL` alike, in any order; instance variables have no index.
     pub params: *const ParamDesc,
     /// Number of entries of `params`.
     pub param_count: u32,

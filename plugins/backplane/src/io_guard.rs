@@ -9,39 +9,14 @@ use std::fmt;
 use std::os::fd::{BorrowedFd, OwnedFd};
 
 use crate::fault::SegmentError;
-use crate::io_image::make_safe;
 use crate::io_layout::IO_AREA_BYTES;
 use crate::io_memory::{AREA_WORDS, Memory};
+use crate::io_outputs::make_safe;
 
 const AT_BEAT: usize = 0x000;
 const AT_TAKEN: usize = 0x080;
 const AT_GUARDIAN_BEAT: usize = 0x100;
 const AT_LET_GO: usize = 0x180;
-
-/// Who writes the outputs of an image.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u64)]
-pub enum Owner {
-    /// No owner: the PLC has ended normally, and its outputs are in their safe state.
-    Nobody = 0,
-    /// The PLC.
-    Cpu = 1,
-    /// The guardian, because the PLC has died or stood still for too long: the outputs are in their safe state.
-    Guardian = 2,
-}
-
-impl Owner {
-    /// The owner of this number.
-    #[must_use]
-    pub const fn of(number: u64) -> Option<Self> {
-        match number {
-            0 => Some(Self::Nobody),
-            1 => Some(Self::Cpu),
-            2 => Some(Self::Guardian),
-            _ => None,
-        }
-    }
-}
 
 /// The page. Clones are handles of the same page.
 #[derive(Clone)]
@@ -111,7 +86,7 @@ impl GuardPage {
         self.memory.cells().word::<AT_LET_GO>().store(1, Ordering::Release);
     }
 
-    /// Whether the PLC has let go: then there is nothing to take over.
+    /// Whether the PLC has released the outputs: then there is nothing to take over.
     #[must_use]
     pub fn has_let_go(&self) -> bool {
         self.memory.cells().word::<AT_LET_GO>().load(Ordering::Acquire) != 0
@@ -141,7 +116,7 @@ impl Guardian {
         Ok(Self::over(Memory::received(image)?, GuardPage::received(page)?, safe))
     }
 
-    fn over(image: Memory, page: GuardPage, safe: &[u8]) -> Self {
+    pub(crate) fn over(image: Memory, page: GuardPage, safe: &[u8]) -> Self {
         let mut words = Box::new([0; AREA_WORDS]);
         for (word, bytes) in
             words.iter_mut().zip(safe.get(..safe.len().min(IO_AREA_BYTES)).unwrap_or_default().chunks(8))
@@ -151,12 +126,6 @@ impl Guardian {
             *word = u64::from_ne_bytes(whole);
         }
         Self { image, page, safe: words }
-    }
-
-    /// The guardian of an image in the same process. For tests.
-    #[must_use]
-    pub fn beside(image: &crate::IoImage) -> Self {
-        Self::over(image.memory().clone(), image.guard().clone(), &image.safe_state())
     }
 
     /// The page.

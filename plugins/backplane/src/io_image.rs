@@ -14,13 +14,13 @@ use std::path::{Path, PathBuf};
 
 use crate::bytes::{extract, merged};
 use crate::fault::SegmentError;
-use crate::io_guard::{GuardPage, Owner};
+use crate::io_guard::{GuardPage, Guardian};
 use crate::io_layout::{
-    AT_ALIVE, AT_INPUT_BYTES, AT_INPUT_OFFSET, AT_INPUTS, AT_MAGIC, AT_OUTPUT_BYTES, AT_OUTPUT_OFFSET, AT_OUTPUTS,
-    AT_OWNER, AT_SCAN, AT_SEQUENCE, AT_TOTAL_BYTES, AT_VERSION, IO_AREA_BYTES, IO_IMAGE_BYTES, IO_LAYOUT_VERSION,
-    IO_MAGIC,
+    AT_ALIVE, AT_INPUTS, AT_MAGIC, AT_OUTPUTS, AT_OWNER, AT_SCAN, AT_VERSION, IO_AREA_BYTES, IO_IMAGE_BYTES,
+    IO_LAYOUT_VERSION, IO_MAGIC,
 };
-use crate::io_memory::{AREA_WORDS, ImageCells, Memory};
+use crate::io_memory::{AREA_WORDS, Memory};
+use crate::io_outputs::{Owner, put_header, put_outputs};
 use crate::memfd::SharedMemory;
 
 /// The PLC's end of the image.
@@ -96,10 +96,6 @@ impl IoImage {
     #[must_use]
     pub fn descriptor(&self) -> Option<BorrowedFd<'_>> {
         self.memory.descriptor()
-    }
-
-    pub(crate) const fn memory(&self) -> &Memory {
-        &self.memory
     }
 
     /// The other end.
@@ -183,51 +179,12 @@ impl IoImage {
     }
 }
 
-/// Writes only the header words that are wrong: others read the header all the time.
-fn put_header(cells: &ImageCells, owner: Owner) {
-    let words = [
-        (cells.word::<AT_MAGIC>(), IO_MAGIC),
-        (cells.word::<AT_TOTAL_BYTES>(), IO_IMAGE_BYTES as u64),
-        (cells.word::<AT_INPUT_OFFSET>(), AT_INPUTS as u64),
-        (cells.word::<AT_INPUT_BYTES>(), IO_AREA_BYTES as u64),
-        (cells.word::<AT_OUTPUT_OFFSET>(), AT_OUTPUTS as u64),
-        (cells.word::<AT_OUTPUT_BYTES>(), IO_AREA_BYTES as u64),
-        (cells.word::<AT_OWNER>(), owner as u64),
-        (cells.word::<AT_VERSION>(), IO_LAYOUT_VERSION),
-    ];
-    for (cell, word) in words {
-        if cell.load(Ordering::Relaxed) != word {
-            cell.store(word, Ordering::Release);
-        }
+impl Guardian {
+    /// The guardian of an image in the same process. For tests.
+    #[must_use]
+    pub fn beside(image: &IoImage) -> Self {
+        Self::over(image.memory.clone(), image.guard.clone(), &image.safe_state())
     }
-}
-
-/// Writes words of the output area under one sequence; `give_up` is asked before each.
-pub(crate) fn put_outputs(
-    cells: &ImageCells,
-    from: &[u64; AREA_WORDS],
-    words: Range<usize>,
-    give_up: impl Fn() -> bool,
-) {
-    let sequence = cells.word::<AT_SEQUENCE>();
-    let odd = sequence.load(Ordering::Relaxed) | 1;
-    sequence.store(odd, Ordering::Relaxed);
-    // As in `seqlock`: pairs with the reader's fence between its copy and its second look at the sequence.
-    fence(Ordering::Release);
-    for (cell, word) in cells.area::<AT_OUTPUTS>().iter().zip(from).take(words.end).skip(words.start) {
-        if give_up() {
-            return;
-        }
-        cell.store(*word, Ordering::Relaxed);
-    }
-    sequence.store(odd.wrapping_add(1), Ordering::Release);
-}
-
-/// The guardian's takeover: sets all outputs to the safe state and writes the guardian into the header.
-pub(crate) fn make_safe(memory: &Memory, safe: &[u64; AREA_WORDS]) {
-    let cells = memory.cells();
-    put_header(cells, Owner::Guardian);
-    put_outputs(cells, safe, 0..AREA_WORDS, || false);
 }
 
 impl IoField {

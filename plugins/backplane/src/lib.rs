@@ -49,6 +49,8 @@ mod io_image;
 pub mod io_layout;
 #[cfg(not(loom))]
 mod io_memory;
+#[cfg(not(loom))]
+mod io_outputs;
 pub mod layout;
 #[cfg(not(loom))]
 mod memfd;
@@ -73,9 +75,11 @@ pub use cpu_side::CpuSide;
 pub use events::{Event, EventKind};
 pub use fault::{Fault, SegmentError, TooLong};
 #[cfg(not(loom))]
-pub use io_guard::{GuardPage, Guardian, Owner};
+pub use io_guard::{GuardPage, Guardian};
 #[cfg(not(loom))]
 pub use io_image::{IoField, IoImage};
+#[cfg(not(loom))]
+pub use io_outputs::Owner;
 pub use monitor::Monitor;
 pub use record::{Params, Record};
 pub use segment::Segment;

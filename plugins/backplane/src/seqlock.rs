@@ -2,7 +2,7 @@
 //!
 //! The writer makes the sequence odd, writes, and makes it even again. The reader takes a copy between two looks at
 //! the sequence; if a writer came between, it tries again, at most [`TRIES`] times, and then keeps its last copy. A
-//! writer killed in the middle leaves an odd sequence behind: readers keep their last copy until the next writer has
+//! writer killed in the middle leaves an odd sequence: readers keep their last copy until the next writer has
 //! written a *whole* new content, because the sequence stays odd until then.
 
 use crate::sync::{AtomicU64, Ordering, Words, fence, spin_loop};

@@ -1,8 +1,8 @@
 //! The window of a link: the snapshots that the scan makes for it, in shared memory that the link can only read.
 //!
-//! There are four slots, each with a sequence of its own. The scan fills them in turn and waits for nobody: the slot it
+//! There are four slots, each with a sequence of its own. The scan fills them in turn and never waits: the slot it
 //! fills is the one that has not been the newest for longest. The sequence is odd while a slot is filled, and then
-//! twice the number of the snapshot; a reader takes the slot with the highest even one and looks at the sequence again
+//! twice the number of the snapshot; a reader takes the slot with the highest even one and reads the sequence again
 //! when it has its copy. It must try again only if three whole snapshots were made meanwhile.
 //!
 //! The file is sealed with `F_SEAL_FUTURE_WRITE`: the mapping of the scan is the only one that writes, for ever.

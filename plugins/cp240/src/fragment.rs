@@ -9,9 +9,9 @@
 
 use ob1_sdk::{Abort, Block, Cx, Kind, Param};
 
+use crate::module::Module;
 use crate::reception::{Job, end, hand_over, put, reception};
-use crate::registers::{AREA, BLOCK_BYTES, BROKEN_OFF, Count, MORE, Module, Pafe, REGISTER_BYTES, Words, rx_count};
-use crate::settings;
+use crate::registers::{AREA, BLOCK_BYTES, BROKEN_OFF, Count, MORE, Pafe, REGISTER_BYTES, Words, rx_count};
 use crate::state::CpState;
 
 /// What a call does.
@@ -193,7 +193,7 @@ fn take(
     count: u16,
 ) -> Result<Pafe, Abort> {
     let abd = cx.get(reception::ABD)?;
-    let begin = settings::offset(cx, module, abd)? + u32::from(to);
+    let begin = module.offset(cx, abd)? + u32::from(to);
     if !block.is_empty()
         && let Err(pafe) = put(cx, begin, block)?
     {

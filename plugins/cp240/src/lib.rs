@@ -8,8 +8,10 @@
 //! for each module to which start of the CP a job belongs, so that a job from before a reset or restart of the CP is
 //! never continued after it.
 
+mod claim;
 mod fragment;
 mod line;
+mod module;
 mod receive;
 mod reception;
 mod registers;

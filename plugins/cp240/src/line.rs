@@ -6,7 +6,8 @@
 
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 
-use crate::registers::{Count, LINE, LINE_DTR, LINE_RTS, LINE_SET_DTR, LINE_SET_RTS, Module, TX, Words, tx_count};
+use crate::module::Module;
+use crate::registers::{Count, LINE, LINE_DTR, LINE_RTS, LINE_SET_DTR, LINE_SET_RTS, TX, Words, tx_count};
 use crate::state::CpState;
 
 interface! {

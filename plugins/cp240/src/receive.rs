@@ -2,12 +2,12 @@
 
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param};
 
+use crate::module::{Module, address, read};
 use crate::reception::{Job, end, hand_over, put, reception};
 use crate::registers::{
-    AREA, BLOCK_BYTES, BROKEN_OFF, COUNT_BITS, Count, MORE, Module, OFFSET_BYTES, OUTSIDE, Pafe, REGISTER_BYTES, Words,
-    address, read, rx_count,
+    AREA, BLOCK_BYTES, BROKEN_OFF, COUNT_BITS, Count, MORE, OFFSET_BYTES, OUTSIDE, Pafe, REGISTER_BYTES, Words,
+    rx_count,
 };
-use crate::settings;
 use crate::state::CpState;
 
 /// What a call does.
@@ -152,7 +152,7 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     let db_len = cx.len(Area::Db(db));
     let is_area = next.offset_bytes() > 0;
     module.state.offset.set(if is_area { u16::from_be_bytes([block[0], block[1]]) } else { 0 });
-    let begin = settings::offset(cx, &module, abd)? + u32::from(module.state.offset.get());
+    let begin = module.offset(cx, abd)? + u32::from(module.state.offset.get());
     let pafe = Pafe::check(db_len, begin, next.bytes().saturating_sub(next.offset_bytes()))?;
     if pafe == Pafe::Short && is_area {
         module.state.receive.take(&module.info);
@@ -184,7 +184,7 @@ fn act(cx: &mut Cx<'_, CpState>, module: &Module<'_>, job: Job, step: Step, bloc
             let abd = cx.get(reception::ABD)?;
             let head = job.offset_bytes();
             let bytes = block.get(usize::from(head.saturating_sub(to))..usize::from(len)).unwrap_or(&[]);
-            let abd = settings::offset(cx, module, abd)?;
+            let abd = module.offset(cx, abd)?;
             let at = abd + u32::from(module.state.offset.get()) + u32::from(to.saturating_sub(head));
             if let Err(pafe) = put(cx, at, bytes)? {
                 return Ok(pafe);

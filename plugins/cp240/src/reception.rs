@@ -3,7 +3,8 @@
 
 use ob1_sdk::{Abort, Area, Cx, interface};
 
-use crate::registers::{Module, Pafe};
+use crate::module::Module;
+use crate::registers::Pafe;
 use crate::state::CpState;
 
 interface! {

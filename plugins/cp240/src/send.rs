@@ -2,8 +2,8 @@
 
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
 
-use crate::registers::{AREA, BLOCK_BYTES, Count, FAILED, Module, Pafe, TELEGRAM_MAX, TX, Words, tx_count};
-use crate::settings;
+use crate::module::Module;
+use crate::registers::{AREA, BLOCK_BYTES, Count, FAILED, Pafe, TELEGRAM_MAX, TX, Words, tx_count};
 use crate::state::CpState;
 
 interface! {
@@ -187,7 +187,7 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     };
     let (db, abd) = (cx.get(send::_DB)?, cx.get(send::ABD)?);
     let db_len = cx.len(Area::Db(db));
-    let pafe = Pafe::check(db_len, settings::offset(cx, &module, abd)?, bytes)?;
+    let pafe = Pafe::check(db_len, module.offset(cx, abd)?, bytes)?;
     // While the process of the CP is down, or a line command of FC 8 is running, FRG waits.
     if pafe != Pafe::Ok || !module.info.present || module.state.line.holds(&module.info) {
         return Ok(pafe);
@@ -213,7 +213,7 @@ fn act(cx: &mut Cx<'_, CpState>, module: &Module<'_>, before: Job, job: Job, ste
             let mut registers = [0; 2 + BLOCK_BYTES as usize];
             let (count, block) = registers.split_at_mut(2);
             count.copy_from_slice(&word.to_be_bytes());
-            let at = settings::offset(cx, module, abd)? + u32::from(from);
+            let at = module.offset(cx, abd)? + u32::from(from);
             if let Err(refused) = cx.read(Area::Db(db), at, &mut block[..usize::from(len)])? {
                 return Ok(Pafe::of(refused).unwrap_or(Pafe::Short));
             }

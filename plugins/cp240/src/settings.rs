@@ -2,7 +2,6 @@
 
 use ob1_sdk::{Abort, Cx};
 
-use crate::registers::Module;
 use crate::state::CpState;
 
 /// The setting is not read yet: 0, the initial value of the module's memory.
@@ -10,11 +9,11 @@ const UNKNOWN: u8 = 0;
 
 /// The byte that ABD refers to: the manual's tables say "data word", its examples count bytes. The station file
 /// decides.
-pub(crate) fn offset(cx: &mut Cx<'_, CpState>, module: &Module<'_>, abd: u16) -> Result<u32, Abort> {
-    let unit = &module.state.abd_bytes;
+pub(crate) fn offset(cx: &mut Cx<'_, CpState>, address: u32, state: &CpState, abd: u16) -> Result<u32, Abort> {
+    let unit = &state.abd_bytes;
     if unit.get() == UNKNOWN {
         let mut text = [0; 8];
-        let is_word = matches!(cx.setting_text(module.address, "abd", &mut text)?, Ok(b"word"));
+        let is_word = matches!(cx.setting_text(address, "abd", &mut text)?, Ok(b"word"));
         unit.set(if is_word { 2 } else { 1 });
     }
     Ok(u32::from(abd) * u32::from(unit.get()))
@@ -32,11 +31,11 @@ pub(crate) enum Service {
 }
 
 /// The blocks the CP supports: all, if the host does not know the setting.
-pub(crate) fn service(cx: &mut Cx<'_, CpState>, module: &Module<'_>) -> Result<Service, Abort> {
-    let known = &module.state.service;
+pub(crate) fn service(cx: &mut Cx<'_, CpState>, address: u32, state: &CpState) -> Result<Service, Abort> {
+    let known = &state.service;
     if known.get() == UNKNOWN {
         let mut text = [0; 32];
-        let protocol = cx.setting_text(module.address, "protocol", &mut text)?.unwrap_or(b"");
+        let protocol = cx.setting_text(address, "protocol", &mut text)?.unwrap_or(b"");
         let is_modbus = protocol.starts_with(b"modbus-");
         known.set(match is_modbus {
             true if protocol.ends_with(b"-short") => 3,
@@ -49,15 +48,4 @@ pub(crate) fn service(cx: &mut Cx<'_, CpState>, module: &Module<'_>) -> Result<S
         2 => Service::NoSynchronisation,
         _ => Service::Nothing,
     })
-}
-
-/// Number of the entry in the diagnostic buffer: this handling block has no function for this CP (ours).
-const NO_USE: u16 = 1;
-
-/// Reports this once for each start of the station.
-pub(crate) fn tell_no_use(cx: &mut Cx<'_, CpState>, module: &Module<'_>, text: &str) -> Result<(), Abort> {
-    if module.state.told.replace(true) {
-        return Ok(());
-    }
-    cx.diag_entry(NO_USE, format_args!("module at {}: {text}", module.address))
 }

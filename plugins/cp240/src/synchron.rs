@@ -3,8 +3,9 @@
 
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, TimerKind, interface};
 
-use crate::registers::{Module, NO_PARAMETERS, RESET, STARTUP, SYSTEM, Words};
-use crate::settings::{self, Service};
+use crate::module::Module;
+use crate::registers::{NO_PARAMETERS, RESET, STARTUP, SYSTEM, Words};
+use crate::settings::Service;
 use crate::state::CpState;
 
 interface! {
@@ -109,7 +110,7 @@ impl Block for SynchronReset {
         let words = Words::from_bytes(words);
         let before =
             Bits { anl: cx.get(synchron::ANL)?, null: cx.get(synchron::NULL)?, reset: cx.get(synchron::RESET)? };
-        if settings::service(cx, &module)? != Service::All {
+        if module.service(cx)? != Service::All {
             return nothing_to_synchronise(cx, &module, before);
         }
         let state = module.state;
@@ -144,7 +145,7 @@ impl Block for SynchronReset {
 /// without it [S0 "Commissioning"]. A program that waits for ANL continues at once, and no register is written.
 /// (decision 20)
 fn nothing_to_synchronise(cx: &mut Cx<'_, CpState>, module: &Module<'_>, bits: Bits) -> Result<(), Abort> {
-    settings::tell_no_use(cx, module, "FC 9 was called, but with Modbus there is nothing to synchronise")?;
+    module.tell_no_use(cx, "FC 9 was called, but with Modbus there is nothing to synchronise")?;
     if bits != Bits::default() {
         cx.set(synchron::RESET, false)?;
         cx.set(synchron::NULL, false)?;

@@ -68,19 +68,7 @@ interface! {
     }
 }
 
-const RECEIVE: receive::Params = receive::Params {
-    en_r: rcv::EN_R,
-    r: rcv::R,
-    laddr: rcv::LADDR,
-    db_no: rcv::DB_NO,
-    dbb_no: rcv::DBB_NO,
-    ndr: rcv::NDR,
-    error: rcv::ERROR,
-    len: rcv::LEN,
-    status: rcv::STATUS,
-    sfcerr: rcv::SFCERR,
-    memory: rcv::MEMORY,
-};
+const RECEIVE: receive::Params = ob1_ptp::receive_params!(rcv);
 
 /// FB 2.
 struct Receive;
@@ -107,16 +95,7 @@ const SOURCE: Source = Source { db_no: snd::DB_NO, dbb_no: snd::DBB_NO, len: snd
 struct Send;
 
 impl Job for Send {
-    const PARAMS: send::Params = send::Params {
-        req: snd::REQ,
-        r: snd::R,
-        laddr: snd::LADDR,
-        done: snd::DONE,
-        error: snd::ERROR,
-        status: snd::STATUS,
-        sfcerr: snd::SFCERR,
-        memory: snd::MEMORY,
-    };
+    const PARAMS: send::Params = ob1_ptp::send_params!(snd);
 
     fn check(cx: &mut Cx<'_, CpState>) -> Result<Result<(), u16>, Abort> {
         SOURCE.check(cx)

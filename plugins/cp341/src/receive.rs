@@ -42,19 +42,7 @@ interface! {
     }
 }
 
-const SHARED: Params = Params {
-    en_r: rcv::EN_R,
-    r: rcv::R,
-    laddr: rcv::LADDR,
-    db_no: rcv::DB_NO,
-    dbb_no: rcv::DBB_NO,
-    ndr: rcv::NDR,
-    error: rcv::ERROR,
-    len: rcv::LEN,
-    status: rcv::STATUS,
-    sfcerr: rcv::SFCERR,
-    memory: rcv::MEMORY,
-};
+const SHARED: Params = ob1_ptp::receive_params!(rcv);
 
 /// FB 7.
 pub(crate) struct ReceiveRk;

@@ -51,16 +51,7 @@ interface! {
 const SOURCE: Source = Source { db_no: snd::DB_NO, dbb_no: snd::DBB_NO, len: snd::LEN, longest: LEN_MAX as i16 };
 
 impl Job for SendRk {
-    const PARAMS: Params = Params {
-        req: snd::REQ,
-        r: snd::R,
-        laddr: snd::LADDR,
-        done: snd::DONE,
-        error: snd::ERROR,
-        status: snd::STATUS,
-        sfcerr: snd::SFCERR,
-        memory: snd::MEMORY,
-    };
+    const PARAMS: Params = ob1_ptp::send_params!(snd);
 
     fn check(cx: &mut Cx<'_, CpState>) -> Result<Result<(), u16>, Abort> {
         SOURCE.check(cx)

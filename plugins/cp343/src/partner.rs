@@ -28,16 +28,41 @@ pub(crate) const fn mark(number: u8) -> u32 {
     u32::from_be_bytes([b'S', b'F', b'B', number])
 }
 
-/// The two interfaces of a block: with the areas of the FB, and with those of the SFB.
+/// A block of both families: its interface as an FB, its interface as an SFB with more areas, and the block itself,
+/// whose calls go to `run`.
 macro_rules! both {
     (
         $(#[$doc:meta])*
-        mod $one:ident, $four:ident = SFB $number:literal { $($head:tt)* }
+        $block:ident = $name:literal $number:literal: mod $one:ident, $four:ident { $($head:tt)* }
         in_out $one_areas:tt
         in_out $four_areas:tt
     ) => {
         $crate::partner::both! { @one $(#[$doc])* $one { $($head)* } $one_areas }
         $crate::partner::both! { @four $(#[$doc])* $four $number { $($head)* } $four_areas }
+
+        $(#[$doc])*
+        pub(crate) struct $block<const FOUR: bool>;
+
+        impl<const FOUR: bool> $block<FOUR> {
+            const MEMORY: $crate::partner::Memory = if FOUR {
+                $crate::partner::Memory { req: $four::MEMORY, called: Some($four::CALLED) }
+            } else {
+                $crate::partner::Memory { req: $one::MEMORY, called: None }
+            };
+        }
+
+        impl<const FOUR: bool> ob1_sdk::Block for $block<FOUR> {
+            const KIND: ob1_sdk::Kind = $crate::partner::kind(FOUR);
+            const NUMBER: u16 = $number;
+            const NAME: &'static str = $name;
+            const PARAMS: &'static [ob1_sdk::Param] = if FOUR { $four::PARAMS } else { $one::PARAMS };
+            type State = ();
+            type Module = $crate::state::CpState;
+
+            fn call(cx: &mut ob1_sdk::Cx<'_, $crate::state::CpState>, _state: &()) -> Result<(), ob1_sdk::Abort> {
+                Self::run(cx)
+            }
+        }
     };
     (@one $(#[$doc:meta])* $one:ident { $($head:tt)* } { $($area:ident: $ty:ident;)* }) => {
         ob1_sdk::interface! {
@@ -148,18 +173,6 @@ impl Memory {
         cx.store(called, start_up)
     }
 }
-
-/// [`Memory`] of the FB or of the SFB.
-macro_rules! memory {
-    ($four:expr, $fb:ident, $sfb:ident) => {
-        if $four {
-            $crate::partner::Memory { req: $sfb::MEMORY, called: Some($sfb::CALLED) }
-        } else {
-            $crate::partner::Memory { req: $fb::MEMORY, called: None }
-        }
-    };
-}
-pub(crate) use memory;
 
 /// A block that sends or fetches at a rising edge of REQ.
 pub(crate) struct Sender {

@@ -1,18 +1,18 @@
 //! USEND and URCV, BSEND and BRCV: FB 8, 9, 12, 13 of an S7-300, SFB 8, 9, 12, 13 of an S7-400.
 
-use ob1_sdk::{Abort, Block, Cx, Kind, Param};
+use ob1_sdk::{Abort, Cx};
 use ob1_words::boxes::{BSEND_MAX, BSEND_MAX_300, Service, status};
 
 use ob1_any::Span;
 
 use crate::area::Spans;
 use crate::job::{End, cancel};
-use crate::partner::{Outputs, Sender, both, kind, lengths, memory, module_of, owner, receive};
+use crate::partner::{Outputs, Sender, both, lengths, module_of, owner, receive};
 use crate::state::CpState;
 
 both! {
-    /// USEND.
-    mod usend, usend4 = SFB 8 {
+    /// FB 8, SFB 8: USEND.
+    Usend = "USEND" 8: mod usend, usend4 {
         /// A rising edge starts a job.
         in     REQ: Bool;
         /// The connection.
@@ -30,22 +30,12 @@ both! {
     in_out { SD_1: Any; SD_2: Any; SD_3: Any; SD_4: Any; }
 }
 
-/// FB 8, SFB 8.
-pub(crate) struct Usend<const FOUR: bool>;
-
-impl<const FOUR: bool> Block for Usend<FOUR> {
-    const KIND: Kind = kind(FOUR);
-    const NUMBER: u16 = 8;
-    const NAME: &'static str = "USEND";
-    const PARAMS: &'static [Param] = if FOUR { usend4::PARAMS } else { usend::PARAMS };
-    type State = ();
-    type Module = CpState;
-
-    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
+impl<const FOUR: bool> Usend<FOUR> {
+    fn run(cx: &mut Cx<'_, CpState>) -> Result<(), Abort> {
         let areas: &[_] = if FOUR { &[usend4::SD_1, usend4::SD_2, usend4::SD_3, usend4::SD_4] } else { &[usend::SD_1] };
         let outputs = Outputs { end: usend::DONE, error: usend::ERROR, status: usend::STATUS };
         let at = (cx.get(usend::ID)?, cx.get(usend::R_ID)?);
-        let sender = Sender { req: usend::REQ, memory: memory!(FOUR, usend, usend4), outputs };
+        let sender = Sender { req: usend::REQ, memory: Self::MEMORY, outputs };
         sender.call(cx, Service::Usend, at, |cx, wanted| {
             let Some(spans) = Spans::of(cx, areas)? else { return Ok(Err(status::AREA)) };
             wanted.source = spans;
@@ -56,8 +46,8 @@ impl<const FOUR: bool> Block for Usend<FOUR> {
 }
 
 both! {
-    /// URCV.
-    mod urcv, urcv4 = SFB 9 {
+    /// FB 9, SFB 9: URCV.
+    Urcv = "URCV" 9: mod urcv, urcv4 {
         /// 1: data are accepted.
         in     EN_R: Bool;
         /// The connection.
@@ -75,19 +65,9 @@ both! {
     in_out { RD_1: Any; RD_2: Any; RD_3: Any; RD_4: Any; }
 }
 
-/// FB 9, SFB 9.
-pub(crate) struct Urcv<const FOUR: bool>;
-
-impl<const FOUR: bool> Block for Urcv<FOUR> {
-    const KIND: Kind = kind(FOUR);
-    const NUMBER: u16 = 9;
-    const NAME: &'static str = "URCV";
-    const PARAMS: &'static [Param] = if FOUR { urcv4::PARAMS } else { urcv::PARAMS };
-    type State = ();
-    type Module = CpState;
-
-    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
-        memory!(FOUR, urcv, urcv4).note(cx)?;
+impl<const FOUR: bool> Urcv<FOUR> {
+    fn run(cx: &mut Cx<'_, CpState>) -> Result<(), Abort> {
+        Self::MEMORY.note(cx)?;
         let areas: &[_] = if FOUR { &[urcv4::RD_1, urcv4::RD_2, urcv4::RD_3, urcv4::RD_4] } else { &[urcv::RD_1] };
         let outputs = Outputs { end: urcv::NDR, error: urcv::ERROR, status: urcv::STATUS };
         let at = (cx.get(urcv::EN_R)?, cx.get(urcv::ID)?, cx.get(urcv::R_ID)?);
@@ -97,8 +77,8 @@ impl<const FOUR: bool> Block for Urcv<FOUR> {
 }
 
 both! {
-    /// BSEND.
-    mod bsend, bsend4 = SFB 12 {
+    /// FB 12, SFB 12: BSEND.
+    Bsend = "BSEND" 12: mod bsend, bsend4 {
         /// A rising edge starts a job.
         in     REQ: Bool;
         /// 1 cancels the job.
@@ -122,25 +102,14 @@ both! {
     in_out {}
 }
 
-/// FB 12, SFB 12.
-pub(crate) struct Bsend<const FOUR: bool>;
-
-impl<const FOUR: bool> Block for Bsend<FOUR> {
-    const KIND: Kind = kind(FOUR);
-    const NUMBER: u16 = 12;
-    const NAME: &'static str = "BSEND";
-    const PARAMS: &'static [Param] = if FOUR { bsend4::PARAMS } else { bsend::PARAMS };
-    type State = ();
-    type Module = CpState;
-
-    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
+impl<const FOUR: bool> Bsend<FOUR> {
+    fn run(cx: &mut Cx<'_, CpState>) -> Result<(), Abort> {
         let outputs = Outputs { end: bsend::DONE, error: bsend::ERROR, status: bsend::STATUS };
         let at = (cx.get(bsend::ID)?, cx.get(bsend::R_ID)?);
-        let memory = memory!(FOUR, bsend, bsend4);
         if cx.get(bsend::R)? {
-            memory.note(cx)?;
+            Self::MEMORY.note(cx)?;
             let req = cx.get(bsend::REQ)?;
-            cx.store(memory.req, u8::from(req))?;
+            cx.store(Self::MEMORY.req, u8::from(req))?;
             let had_job = match module_of(cx, at.0)? {
                 Some(laddr) => {
                     let owner = owner(cx)?;
@@ -151,7 +120,7 @@ impl<const FOUR: bool> Block for Bsend<FOUR> {
             return outputs.set(cx, End::Idle, had_job.then_some(status::RESET), 0);
         }
         let most = if FOUR { BSEND_MAX } else { BSEND_MAX_300 } as u32;
-        Sender { req: bsend::REQ, memory, outputs }.call(cx, Service::Bsend, at, |cx, wanted| {
+        Sender { req: bsend::REQ, memory: Self::MEMORY, outputs }.call(cx, Service::Bsend, at, |cx, wanted| {
             let len = u32::from(cx.get(bsend::LEN)?);
             let Some(span) = Span::of(cx, bsend::SD_1)? else { return Ok(Err(status::AREA)) };
             let len = if len == 0 { span.len } else { len };
@@ -166,8 +135,8 @@ impl<const FOUR: bool> Block for Bsend<FOUR> {
 }
 
 both! {
-    /// BRCV.
-    mod brcv, brcv4 = SFB 13 {
+    /// FB 13, SFB 13: BRCV.
+    Brcv = "BRCV" 13: mod brcv, brcv4 {
         /// 1: data are accepted.
         in     EN_R: Bool;
         /// The connection.
@@ -189,19 +158,9 @@ both! {
     in_out {}
 }
 
-/// FB 13, SFB 13.
-pub(crate) struct Brcv<const FOUR: bool>;
-
-impl<const FOUR: bool> Block for Brcv<FOUR> {
-    const KIND: Kind = kind(FOUR);
-    const NUMBER: u16 = 13;
-    const NAME: &'static str = "BRCV";
-    const PARAMS: &'static [Param] = if FOUR { brcv4::PARAMS } else { brcv::PARAMS };
-    type State = ();
-    type Module = CpState;
-
-    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
-        memory!(FOUR, brcv, brcv4).note(cx)?;
+impl<const FOUR: bool> Brcv<FOUR> {
+    fn run(cx: &mut Cx<'_, CpState>) -> Result<(), Abort> {
+        Self::MEMORY.note(cx)?;
         let outputs = Outputs { end: brcv::NDR, error: brcv::ERROR, status: brcv::STATUS };
         let at = (cx.get(brcv::EN_R)?, cx.get(brcv::ID)?, cx.get(brcv::R_ID)?);
         let spans = Spans::of(cx, &[brcv::RD_1])?;

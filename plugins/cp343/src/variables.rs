@@ -1,14 +1,14 @@
 //! PUT and GET: FB 15 and 14 of an S7-300, SFB 15 and 14 of an S7-400.
 
-use ob1_sdk::{Abort, Block, Cx, Kind, Param};
+use ob1_sdk::{Abort, Cx};
 use ob1_words::boxes::Service;
 
-use crate::partner::{Outputs, Pair, Sender, both, items, kind, memory};
+use crate::partner::{Outputs, Pair, Sender, both, items};
 use crate::state::CpState;
 
 both! {
-    /// PUT.
-    mod put, put4 = SFB 15 {
+    /// FB 15, SFB 15: PUT.
+    Put = "PUT" 15: mod put, put4 {
         /// A rising edge starts a job.
         in     REQ: Bool;
         /// The connection.
@@ -24,18 +24,8 @@ both! {
     in_out { ADDR_1: Any; ADDR_2: Any; ADDR_3: Any; ADDR_4: Any; SD_1: Any; SD_2: Any; SD_3: Any; SD_4: Any; }
 }
 
-/// FB 15, SFB 15.
-pub(crate) struct Put<const FOUR: bool>;
-
-impl<const FOUR: bool> Block for Put<FOUR> {
-    const KIND: Kind = kind(FOUR);
-    const NUMBER: u16 = 15;
-    const NAME: &'static str = "PUT";
-    const PARAMS: &'static [Param] = if FOUR { put4::PARAMS } else { put::PARAMS };
-    type State = ();
-    type Module = CpState;
-
-    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
+impl<const FOUR: bool> Put<FOUR> {
+    fn run(cx: &mut Cx<'_, CpState>) -> Result<(), Abort> {
         let pairs: &[Pair] = if FOUR {
             &[
                 (put4::SD_1, put4::ADDR_1),
@@ -48,7 +38,7 @@ impl<const FOUR: bool> Block for Put<FOUR> {
         };
         let outputs = Outputs { end: put::DONE, error: put::ERROR, status: put::STATUS };
         let at = (cx.get(put::ID)?, 0);
-        let sender = Sender { req: put::REQ, memory: memory!(FOUR, put, put4), outputs };
+        let sender = Sender { req: put::REQ, memory: Self::MEMORY, outputs };
         sender.call(cx, Service::Put, at, |cx, wanted| {
             Ok(items(cx, wanted, pairs)?.map(|spans| wanted.source = spans))
         })?;
@@ -57,8 +47,8 @@ impl<const FOUR: bool> Block for Put<FOUR> {
 }
 
 both! {
-    /// GET.
-    mod get, get4 = SFB 14 {
+    /// FB 14, SFB 14: GET.
+    Get = "GET" 14: mod get, get4 {
         /// A rising edge starts a job.
         in     REQ: Bool;
         /// The connection.
@@ -74,18 +64,8 @@ both! {
     in_out { ADDR_1: Any; ADDR_2: Any; ADDR_3: Any; ADDR_4: Any; RD_1: Any; RD_2: Any; RD_3: Any; RD_4: Any; }
 }
 
-/// FB 14, SFB 14.
-pub(crate) struct Get<const FOUR: bool>;
-
-impl<const FOUR: bool> Block for Get<FOUR> {
-    const KIND: Kind = kind(FOUR);
-    const NUMBER: u16 = 14;
-    const NAME: &'static str = "GET";
-    const PARAMS: &'static [Param] = if FOUR { get4::PARAMS } else { get::PARAMS };
-    type State = ();
-    type Module = CpState;
-
-    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
+impl<const FOUR: bool> Get<FOUR> {
+    fn run(cx: &mut Cx<'_, CpState>) -> Result<(), Abort> {
         let pairs: &[Pair] = if FOUR {
             &[
                 (get4::RD_1, get4::ADDR_1),
@@ -98,7 +78,7 @@ impl<const FOUR: bool> Block for Get<FOUR> {
         };
         let outputs = Outputs { end: get::NDR, error: get::ERROR, status: get::STATUS };
         let at = (cx.get(get::ID)?, 0);
-        let sender = Sender { req: get::REQ, memory: memory!(FOUR, get, get4), outputs };
+        let sender = Sender { req: get::REQ, memory: Self::MEMORY, outputs };
         sender.call(cx, Service::Get, at, |cx, wanted| {
             Ok(items(cx, wanted, pairs)?.map(|spans| wanted.target = spans))
         })?;

@@ -1,7 +1,7 @@
 //! Header and records as they are in the data block of the program: S7 types, high byte first (docs/mbus.md has the
 //! tables and the UDTs).
 
-use crate::answer::{Header, Record, Value};
+use crate::record::{Header, Record, Value};
 
 /// Bytes of the header (UDT MBUS_HEADER); the first record follows.
 pub const HEADER_BYTES: usize = 24;

@@ -16,10 +16,12 @@ mod fixed;
 mod layout;
 mod measure;
 mod quantity;
+mod record;
 mod value;
 mod variable;
 
-pub use answer::{Answer, Fault, Header, Record, Value};
+pub use answer::Answer;
 pub use layout::{HEADER_BYTES, RECORD_BYTES};
 pub use measure::measure;
 pub use quantity::{Quantity, Unit};
+pub use record::{Fault, Header, Record, Value};

@@ -3,9 +3,9 @@
 use m_bus_application_layer::data_information::{DataInformation, DataInformationBlock};
 use m_bus_application_layer::value_information::{ValueInformation, ValueInformationBlock};
 
-use crate::answer::{Fault, Record, Value};
 use crate::measure::measure;
 use crate::quantity::{Quantity, Unit};
+use crate::record::{Fault, Record, Value};
 use crate::value::decode;
 
 /// The record at this position; its DIF is neither filler nor the end of the records.

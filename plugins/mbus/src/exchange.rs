@@ -46,6 +46,41 @@ pub(crate) struct Exchange {
     pub(crate) rx: Static<Bytes<RX_BYTES>>,
 }
 
+/// The interface of a block that gives orders: its own parameters and variables, then those of [`Exchange`].
+macro_rules! with_exchange {
+    ($(#[$doc:meta])* mod $block:ident { $($own:tt)* }) => {
+        ob1_sdk::interface! {
+            $(#[$doc])*
+            pub(crate) mod $block {
+                $($own)*
+                static PHASE: Byte;
+                static SINCE: DWord;
+                static FRG: Bool;
+                static ENDE_KOM: Bool;
+                static LETZTER_S: Bool;
+                static SENDEN_LAEUFT: Bool;
+                static FEHLER_KOM: Bool;
+                static EMFR: Bool;
+                static EMPF_LAEUFT: Bool;
+                static LETZTER_R: Bool;
+                static FEHL_EMPF: Bool;
+                static PAFE_S: Byte;
+                static PAFE_R: Byte;
+                static ANZ_S: Word;
+                static GESE: Word;
+                static INT_S: Word;
+                static ANZ_R: Word;
+                static GEEM: Word;
+                static INT_R: Word;
+                static TX: Bytes<12>;
+                /// The last response: response byte, C, A, CI field, data. DATA_AT of the records counts from here.
+                static RX: Bytes<256>;
+            }
+        }
+    };
+}
+pub(crate) use with_exchange;
+
 /// Collects the variables of a block that gives orders.
 macro_rules! exchange_of {
     ($block:ident) => {

@@ -1,7 +1,8 @@
 //! FB 250 MBUS_READ: reads a meter into a data block, by its primary or its secondary address.
 
-use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
+use ob1_sdk::{Abort, Block, Cx, Kind, Param};
 
+use crate::exchange::with_exchange;
 use crate::job::{Job, REQUEST, RESET, SELECTION, job_of};
 use crate::response::Response;
 use crate::{records, status};
@@ -17,9 +18,9 @@ pub(crate) const SELECT: u8 = 0x52;
 /// REQ_UD2 with FCB 0 and 1. [S0 "Functions"]
 pub(crate) const REQ_UD2: [u8; 2] = [0x5B, 0x7B];
 
-interface! {
+with_exchange! {
     /// The instance; docs/mbus.md has the table.
-    pub(crate) mod read {
+    mod read {
         /// A rising edge starts.
         in     REQ: Bool;
         /// With REQ: reads the next telegram of a meter after MORE.
@@ -64,28 +65,6 @@ interface! {
         /// The last request was answered: NEXT is possible.
         static ANSWERED: Bool;
         static STEP: Byte;
-        static PHASE: Byte;
-        static SINCE: DWord;
-        static FRG: Bool;
-        static ENDE_KOM: Bool;
-        static LETZTER_S: Bool;
-        static SENDEN_LAEUFT: Bool;
-        static FEHLER_KOM: Bool;
-        static EMFR: Bool;
-        static EMPF_LAEUFT: Bool;
-        static LETZTER_R: Bool;
-        static FEHL_EMPF: Bool;
-        static PAFE_S: Byte;
-        static PAFE_R: Byte;
-        static ANZ_S: Word;
-        static GESE: Word;
-        static INT_S: Word;
-        static ANZ_R: Word;
-        static GEEM: Word;
-        static INT_R: Word;
-        static TX: Bytes<12>;
-        /// The last response: response byte, C, A, CI field, data. DATA_AT of the records counts from here.
-        static RX: Bytes<256>;
     }
 }
 

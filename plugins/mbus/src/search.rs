@@ -6,17 +6,18 @@
 //! acknowledgement from none, so down to DEPTH digits the search continues even without an acknowledgement.
 
 use ob1_mbus_records::{Answer, Header};
-use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
+use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param};
 
+use crate::exchange::with_exchange;
 use crate::job::{Job, REQUEST, RESET, SELECTION, job_of};
 use crate::read::{REQ_UD2, SELECTED, SND_NKE, selection};
 use crate::response::Response;
 use crate::status;
 use crate::walk::Walk;
 
-interface! {
+with_exchange! {
     /// The instance; docs/mbus.md has the table.
-    pub(crate) mod search {
+    mod search {
         /// A rising edge starts.
         in     REQ: Bool;
         /// Logical address of the CP.
@@ -59,27 +60,6 @@ interface! {
         static BASE: DWord;
         /// Patterns with several meters that no digit distinguishes.
         static COLLISIONS: Int;
-        static PHASE: Byte;
-        static SINCE: DWord;
-        static FRG: Bool;
-        static ENDE_KOM: Bool;
-        static LETZTER_S: Bool;
-        static SENDEN_LAEUFT: Bool;
-        static FEHLER_KOM: Bool;
-        static EMFR: Bool;
-        static EMPF_LAEUFT: Bool;
-        static LETZTER_R: Bool;
-        static FEHL_EMPF: Bool;
-        static PAFE_S: Byte;
-        static PAFE_R: Byte;
-        static ANZ_S: Word;
-        static GESE: Word;
-        static INT_S: Word;
-        static ANZ_R: Word;
-        static GEEM: Word;
-        static INT_R: Word;
-        static TX: Bytes<12>;
-        static RX: Bytes<256>;
     }
 }
 

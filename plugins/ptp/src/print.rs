@@ -107,16 +107,7 @@ fn bytes_of(pointers: &Pointers) -> u16 {
 }
 
 impl<N: Name> Job for Print<N> {
-    const PARAMS: Params = Params {
-        req: prt::REQ,
-        r: prt::R,
-        laddr: prt::LADDR,
-        done: prt::DONE,
-        error: prt::ERROR,
-        status: prt::STATUS,
-        sfcerr: prt::SFCERR,
-        memory: prt::MEMORY,
-    };
+    const PARAMS: Params = crate::send_params!(prt);
 
     fn check(cx: &mut Cx<'_, CpState>) -> Result<Result<(), u16>, Abort> {
         Ok(Self::begin(cx)?.map(|_| ()))

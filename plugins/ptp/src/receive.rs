@@ -145,6 +145,26 @@ pub struct Params {
     pub memory: Static<Bytes<34>>,
 }
 
+/// The [`Params`](crate::receive::Params) of a block, collected by their names.
+#[macro_export]
+macro_rules! receive_params {
+    ($block:ident) => {
+        $crate::receive::Params {
+            en_r: $block::EN_R,
+            r: $block::R,
+            laddr: $block::LADDR,
+            db_no: $block::DB_NO,
+            dbb_no: $block::DBB_NO,
+            ndr: $block::NDR,
+            error: $block::ERROR,
+            len: $block::LEN,
+            status: $block::STATUS,
+            sfcerr: $block::SFCERR,
+            memory: $block::MEMORY,
+        }
+    };
+}
+
 /// The received telegram or job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Received {

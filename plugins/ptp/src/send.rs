@@ -181,6 +181,23 @@ pub struct Params {
     pub memory: Static<Bytes<34>>,
 }
 
+/// The [`Params`](crate::send::Params) of a block, collected by their names.
+#[macro_export]
+macro_rules! send_params {
+    ($block:ident) => {
+        $crate::send::Params {
+            req: $block::REQ,
+            r: $block::R,
+            laddr: $block::LADDR,
+            done: $block::DONE,
+            error: $block::ERROR,
+            status: $block::STATUS,
+            sfcerr: $block::SFCERR,
+            memory: $block::MEMORY,
+        }
+    };
+}
+
 /// The part in which the blocks differ.
 pub trait Job {
     /// The parameters.

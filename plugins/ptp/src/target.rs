@@ -71,7 +71,7 @@ impl Target {
                     let value = match self {
                         // In the format of the CPU: remaining time as S5TIME, count as BCD.
                         Self::Timers(_) => cx.timer(number)?.map(|timer| timer.remaining),
-                        _ => cx.counter(number)?.map(bcd),
+                        _ => cx.counter_bcd(number)?,
                     };
                     let Ok(value) = value else { return Ok(Err(Refusal::Range)) };
                     word.copy_from_slice(&value.to_be_bytes()[..word.len()]);
@@ -101,10 +101,4 @@ fn refusal(refused: Refused) -> Refusal {
         Refused::NoDb | Refused::DbNumber => Refusal::Db,
         _ => Refusal::Range,
     }
-}
-
-/// 0 to 999 as three decimal digits.
-fn bcd(value: u16) -> u16 {
-    let digit = |power: u16| value / power % 10;
-    digit(100) << 8 | digit(10) << 4 | digit(1)
 }

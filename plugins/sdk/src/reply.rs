@@ -4,8 +4,6 @@ use core::fmt;
 
 use ob1_abi::{self as abi, Status};
 
-use crate::Cx;
-
 /// The CPU is on its way to STOP, or the run ends: the block must return at once. Only the host creates it; pass it on
 /// with `?`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,30 +55,6 @@ impl fmt::Display for Refused {
             Refused::NoSetting => "the station file does not give this setting",
             Refused::BadArgument => "an argument cannot be",
         })
-    }
-}
-
-/// For requests that are only refused when the program and the CPU do not fit together.
-pub trait OrStop<T> {
-    /// Returns the value, or asks for STOP; the diagnostic buffer then says `what` was asked for and why it was
-    /// refused.
-    ///
-    /// ```
-    /// # use ob1_sdk::{Abort, Area, Cx, OrStop};
-    /// fn start_button(cx: &mut Cx<'_>) -> Result<bool, Abort> {
-    ///     cx.bit(Area::Input, 0, 0)?.or_stop(cx, "E 0.0")
-    /// }
-    /// ```
-    ///
-    /// # Errors
-    /// [`Abort`] after a refusal.
-    fn or_stop<M>(self, cx: &mut Cx<'_, M>, what: &str) -> Result<T, Abort>;
-}
-
-impl<T> OrStop<T> for Result<T, Refused> {
-    #[inline]
-    fn or_stop<M>(self, cx: &mut Cx<'_, M>, what: &str) -> Result<T, Abort> {
-        self.map_err(|refused| cx.stop(format_args!("{what}: {refused}")))
     }
 }
 

@@ -81,6 +81,15 @@ impl<M> Cx<'_, M> {
         Ok(reply(status)?.map(|()| value))
     }
 
+    /// Reads a counter as three BCD digits, as `LC` loads it.
+    ///
+    /// # Errors
+    /// As [`Cx::counter`].
+    pub fn counter_bcd(&mut self, number: u16) -> Reply<u16> {
+        let digit = |value: u16, power: u16| value / power % 10;
+        Ok(self.counter(number)?.map(|value| digit(value, 100) << 8 | digit(value, 10) << 4 | digit(value, 1)))
+    }
+
     /// Sets a counter, 0 to 999.
     ///
     /// # Errors

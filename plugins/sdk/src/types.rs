@@ -69,7 +69,7 @@ elementary! {
     DInt = DINT: i32, |raw| raw as i32, |v| v as u32;
     /// `REAL`.
     Real = REAL: f32, |raw| f32::from_bits(raw), |v| v.to_bits();
-    /// `S5TIME`: base and three BCD digits, as it stands in a timer.
+    /// `S5TIME`: base and three BCD digits, as it is in a timer.
     S5Time = S5TIME: u16, |raw| raw as u16, |v| v as u32;
     /// `TIME` in milliseconds.
     Time = TIME: i32, |raw| raw as i32, |v| v as u32;

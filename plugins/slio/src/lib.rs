@@ -10,22 +10,13 @@
 #[cfg(test)]
 extern crate std;
 
+mod failure;
 mod receive;
 mod send;
 mod wire;
 
+pub use failure::Failure;
 pub use ob1_words::cp040::{ACKNOWLEDGE_SHIFT, IDLE, IO_BYTES, RESET, TELEGRAM_MAX};
 pub use receive::{ReceiveJob, ReceiveStep, Received, Take};
 pub use send::{Piece, SendJob, SendStep};
 pub use wire::fragments;
-
-/// The reason why a job failed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Failure {
-    /// Host and CP are not synchronised: the CP was reset or restarted, or shows an invalid value (STATUS 0202h).
-    NotSynchronised,
-    /// The CP does not accept the length (`D`).
-    Length,
-    /// Error in the communication: the partner does not answer, or refuses (`E`).
-    Communication,
-}

@@ -1,6 +1,6 @@
 //! CP -> host. [S3 "Receiving data"]
 
-use crate::Failure;
+use crate::failure::Failure;
 use ob1_words::cp040::{FIRST, HEAD_BYTES, IDLE, INFO_OFFSET, LAST, OFFSET_BYTES, RETURN_BYTES, TELEGRAM_MAX, nibble};
 
 use crate::wire::is_absent;

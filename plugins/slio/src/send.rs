@@ -1,6 +1,6 @@
 //! Host -> CP. [S3 "Sending data"]
 
-use crate::Failure;
+use crate::failure::Failure;
 use ob1_words::cp040::{BAD_LENGTH, FAILED, HEAD_BYTES, IDLE, RESET, RESET_DONE, TELEGRAM_MAX, nibble};
 
 use crate::wire::{fragments, is_absent};

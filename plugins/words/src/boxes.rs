@@ -5,6 +5,8 @@
 //! running, then its end, or piece by piece the received data. A box of the CP is valid only if it has the number of
 //! the job that the CPU shows.
 
+use crate::codes::codes;
+
 /// Boxes of a module.
 pub const BOXES: usize = 64;
 /// Bytes of a box in each direction.
@@ -42,23 +44,6 @@ pub const fn pieces(bytes: usize) -> u16 {
 pub fn range(piece: u16, bytes: usize) -> core::ops::Range<usize> {
     let from = (usize::from(piece) * PIECE).min(bytes);
     from..(from + PIECE).min(bytes)
-}
-
-macro_rules! codes {
-    ($(#[$doc:meta])* $name:ident { $($(#[$item:meta])* $variant:ident = $value:literal,)* }) => {
-        $(#[$doc])*
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        #[repr(u8)]
-        pub enum $name { $($(#[$item])* $variant = $value,)* }
-
-        impl $name {
-            /// The value for the byte in a box.
-            #[must_use]
-            pub const fn of(byte: u8) -> Option<Self> {
-                match byte { $($value => Some(Self::$variant),)* _ => None }
-            }
-        }
-    };
 }
 
 codes! {

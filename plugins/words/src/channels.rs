@@ -1,5 +1,7 @@
 //! CP 340 and CP 341: the two channels, and the additional registers (docs/cp341-channels.md).
 
+use crate::codes::codes;
+
 /// Bytes of a block.
 pub const BLOCK_BYTES: usize = 64;
 
@@ -54,72 +56,72 @@ pub fn range(piece: u16, bytes: usize) -> core::ops::Range<usize> {
     from..(from + usize::from(PIECE)).min(bytes)
 }
 
-/// Command of the CPU in a channel (byte 0).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Command {
-    /// No command, or an unknown one.
-    None = 0,
-    /// Start with this start number: all earlier jobs are cancelled.
-    Start = 1,
-    /// Send channel: no job. Receive channel: nothing is accepted.
-    Rest = 2,
-    /// Receive channel: the block waits for a telegram or a job.
-    Wait = 3,
-    /// A job is running.
-    Job = 4,
-    /// Receive channel: the offered job is refused.
-    Refuse = 5,
+codes! {
+    /// Command of the CPU in a channel (byte 0).
+    Command {
+        /// No command, or an unknown one.
+        None = 0,
+        /// Start with this start number: all earlier jobs are cancelled.
+        Start = 1,
+        /// Send channel: no job. Receive channel: nothing is accepted.
+        Rest = 2,
+        /// Receive channel: the block waits for a telegram or a job.
+        Wait = 3,
+        /// A job is running.
+        Job = 4,
+        /// Receive channel: the offered job is refused.
+        Refuse = 5,
+    }
 }
 
-/// State of the CP in a channel (byte 0).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
-pub enum State {
-    /// No start number has been acknowledged, or an unknown state.
-    Off = 0,
-    /// No job.
-    Ready = 1,
-    /// Data of the job are being received: the number of pieces so far.
-    Collecting = 2,
-    /// The job is running.
-    Running = 3,
-    /// Data of the job are being passed to the CPU: this piece.
-    Giving = 4,
-    /// The job has ended without error.
-    Done = 5,
-    /// The job has ended with this STATUS.
-    Failed = 6,
-    /// Receive channel: the CP offers a telegram or a job of the partner.
-    Offered = 7,
+codes! {
+    /// State of the CP in a channel (byte 0).
+    State {
+        /// No start number has been acknowledged, or an unknown state.
+        Off = 0,
+        /// No job.
+        Ready = 1,
+        /// Data of the job are being received: the number of pieces so far.
+        Collecting = 2,
+        /// The job is running.
+        Running = 3,
+        /// Data of the job are being passed to the CPU: this piece.
+        Giving = 4,
+        /// The job has ended without error.
+        Done = 5,
+        /// The job has ended with this STATUS.
+        Failed = 6,
+        /// Receive channel: the CP offers a telegram or a job of the partner.
+        Offered = 7,
+    }
 }
 
-/// The reason why P_RCV or P_RCV_RK refuses an offer (byte 8).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Refusal {
-    /// The coordination flag is set.
-    Locked = 1,
-    /// The data block is missing.
-    Db = 2,
-    /// The area is too short.
-    Range = 3,
-    /// The area is not available.
-    Area = 4,
-    /// R = 1, EN_R = 0, or no memory for the data.
-    Reset = 5,
+codes! {
+    /// The reason why P_RCV or P_RCV_RK refuses an offer (byte 8).
+    Refusal {
+        /// The coordination flag is set.
+        Locked = 1,
+        /// The data block is missing.
+        Db = 2,
+        /// The area is too short.
+        Range = 3,
+        /// The area is not available.
+        Area = 4,
+        /// R = 1, EN_R = 0, or no memory for the data.
+        Reset = 5,
+    }
 }
 
-/// The kind of an offer in the receive channel (byte 12).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Offered {
-    /// A telegram.
-    Telegram = 0,
-    /// RK 512: data of the partner.
-    Receive = 1,
-    /// RK 512: data for the partner.
-    Provide = 2,
+codes! {
+    /// The kind of an offer in the receive channel (byte 12).
+    Offered {
+        /// A telegram.
+        Telegram = 0,
+        /// RK 512: data of the partner.
+        Receive = 1,
+        /// RK 512: data for the partner.
+        Provide = 2,
+    }
 }
 
 /// An offer in the receive channel, from byte 12 of the block on.
@@ -204,28 +206,18 @@ impl Block {
     /// The command in a block of the CPU.
     #[must_use]
     pub const fn command(&self) -> Command {
-        match self.0[0] {
-            1 => Command::Start,
-            2 => Command::Rest,
-            3 => Command::Wait,
-            4 => Command::Job,
-            5 => Command::Refuse,
-            _ => Command::None,
+        match Command::of(self.0[0]) {
+            Some(known) => known,
+            None => Command::None,
         }
     }
 
     /// The state in a block of the CP.
     #[must_use]
     pub const fn state(&self) -> State {
-        match self.0[0] {
-            1 => State::Ready,
-            2 => State::Collecting,
-            3 => State::Running,
-            4 => State::Giving,
-            5 => State::Done,
-            6 => State::Failed,
-            7 => State::Offered,
-            _ => State::Off,
+        match State::of(self.0[0]) {
+            Some(known) => known,
+            None => State::Off,
         }
     }
 
@@ -295,12 +287,9 @@ impl Block {
     /// The reason in a block of the CPU with [`Command::Refuse`].
     #[must_use]
     pub const fn refusal(&self) -> Refusal {
-        match self.0[8] {
-            1 => Refusal::Locked,
-            2 => Refusal::Db,
-            3 => Refusal::Range,
-            4 => Refusal::Area,
-            _ => Refusal::Reset,
+        match Refusal::of(self.0[8]) {
+            Some(known) => known,
+            None => Refusal::Reset,
         }
     }
 
@@ -357,10 +346,9 @@ impl Block {
     /// The offer in a block of the CP in the receive channel.
     #[must_use]
     pub const fn header(&self) -> Header {
-        let kind = match self.0[12] {
-            1 => Offered::Receive,
-            2 => Offered::Provide,
-            _ => Offered::Telegram,
+        let kind = match Offered::of(self.0[12]) {
+            Some(known) => known,
+            None => Offered::Telegram,
         };
         let flag = (self.word(18), self.word(20));
         Header { kind, letter: self.0[13], number: self.word(14), offset: self.word(16), flag }

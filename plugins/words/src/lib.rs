@@ -12,6 +12,7 @@ extern crate std;
 pub mod any;
 pub mod boxes;
 pub mod channels;
+mod codes;
 pub mod cp040;
 pub mod cp240;
 pub mod cp342;

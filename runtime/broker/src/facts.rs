@@ -1,4 +1,4 @@
-//! What the broker is told of the station and of each link.
+//! What the broker knows of the station and of each link.
 
 use std::os::fd::OwnedFd;
 

@@ -13,7 +13,7 @@ use crate::native::Native;
 use crate::whereabouts::Packed;
 use crate::{Abort, Clock, DiagEntry, ObInfo, Running, ShortText};
 
-/// Statements after which the engine looks at the clock at its next safe point, at the latest.
+/// Statements after which the engine reads the clock at its next safe point, at the latest.
 const STATEMENTS_PER_LOOK: u32 = 1000;
 /// Fewest statements between two looks at a clock whose pace is only estimated.
 const FEWEST_STATEMENTS: u64 = 16;

@@ -93,7 +93,7 @@ pub enum LoadError {
         /// Blocks nested in each.
         nesting: u8,
     },
-    /// L014: the engine asked for cannot run here.
+    /// L014: the requested engine cannot run here.
     Engine {
         /// Why.
         reason: String,
@@ -164,7 +164,7 @@ impl fmt::Display for LoadError {
         write!(f, "L{:03}: ", self.number())?;
         match self {
             LoadError::Config { field, value, max } => write!(f, "CPU setting {field} = {value}: at most {max}"),
-            LoadError::BlockTwice(id) => write!(f, "{id} is there twice; renumber one of them or leave it out"),
+            LoadError::BlockTwice(id) => write!(f, "{id} occurs twice; renumber one of them or leave it out"),
             LoadError::MissingBlock { block, site } => {
                 write!(f, "{site} calls {block}, which neither the program nor a library or plugin has")
             }
@@ -196,7 +196,7 @@ impl fmt::Display for LoadError {
                 crate::MOST_STACK_BYTES >> 20
             ),
             LoadError::Engine { reason } => f.write_str(reason),
-            LoadError::DbNumber(number) => write!(f, "there can be no DB {number}; numbers begin at 1"),
+            LoadError::DbNumber(number) => write!(f, "DB {number} is not possible; numbers begin at 1"),
         }
     }
 }

@@ -148,8 +148,8 @@ impl Context<'_> {
         Ok(())
     }
 
-    /// A programming or access error: its OB, or STOP. `Ok`: the program goes on with the next statement, with what SFC
-    /// 44 has put in ACCU1, if it was called.
+    /// A programming or access error: its OB, or STOP. `Ok`: the program continues with the next statement, with the
+    /// value that SFC 44 has put in ACCU1, if it was called.
     #[cold]
     pub(crate) fn fault(
         &mut self,
@@ -203,7 +203,7 @@ impl Context<'_> {
     }
 
     /// An S7-400 aborts an OB for a synchronous error that makes an error itself, and calls OB 88: the block that was
-    /// interrupted goes on then. STOP without OB 88, or when it is OB 88 whose error was handled. ["Processing
+    /// interrupted continues then. STOP without OB 88, or when it is OB 88 whose error was handled. ["Processing
     /// Interrupt OB (OB 88)" of the system software reference]
     fn aborted(&mut self, site: Option<Site>) -> Result<Option<u32>, Abort> {
         let event = Event::SYNCHRONOUS_NESTING;
@@ -267,7 +267,7 @@ impl Context<'_> {
     /// OB 86, when it is loaded: the station behind the module at `address` is lost or back. `index` counts the modules
     /// from 0.
     ///
-    /// A lost driver is no reason for STOP here, unlike on the hardware: it is started again, and the scan goes on
+    /// A lost driver is no reason for STOP here, unlike on the hardware: it is started again, and the scan continues
     /// meanwhile.
     pub(crate) fn station(&mut self, address: u32, index: usize, lost: bool) -> Result<(), Abort> {
         let Some(callee) = self.blocks.ob(86).filter(|_| !self.disabled(86)) else { return Ok(()) };
@@ -286,7 +286,7 @@ impl Context<'_> {
             return Ok(());
         }
         let Some(callee) = self.blocks.ob(86) else {
-            // A return needs no OB, and a start-up goes on without a station that was never there.
+            // A return needs no OB, and a start-up continues without a station that was never there.
             if event == Event::STATION_BACK || data[6] != 0 {
                 return Ok(());
             }

@@ -3,7 +3,7 @@
 //! The order, in STOP too: outputs, writes of the links, snapshots, inputs. A link says which pieces of memory it
 //! watches; they are copied together into its window ([`crate::Window`]). Its writes come in groups that land whole; a
 //! group is answered after the snapshot that contains it. Everything else goes through the two rings of a link. What a
-//! link has sent is returned to it, so the scan allocates and frees nothing, and waits for nobody.
+//! link has sent is returned to it, so the scan allocates and frees nothing, and never waits.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};

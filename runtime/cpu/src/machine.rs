@@ -18,7 +18,7 @@ use crate::wall::Wall;
 use crate::whereabouts::Whereabouts;
 use crate::{CpuConfig, DiagBuffer, IoError, Memory, Modules, ObInfo, OperatingState};
 
-/// Flags that other threads may set; the scan looks at them at safe points.
+/// Flags that other threads may set; the scan reads them at safe points.
 #[derive(Clone, Debug, Default)]
 pub struct Attention {
     due: Arc<AtomicBool>,
@@ -26,7 +26,7 @@ pub struct Attention {
 }
 
 impl Attention {
-    /// Makes the program look at the clock and the watchdog at its next safe point.
+    /// Makes the program read the clock and the watchdog at its next safe point.
     pub fn attend(&self) {
         self.due.store(true, Ordering::Release);
     }
@@ -80,7 +80,7 @@ pub(crate) struct Machine {
     pub(crate) statements: u64,
     /// What engines read and write directly.
     pub(crate) hot: Hot,
-    /// The time 1024 statements took between the last two looks at the clock.
+    /// The time 1024 statements took between the last two readings of the clock.
     pub(crate) pace: Span,
     pub(crate) watchdog: Watchdog,
     /// References to actual parameters, a stack.
@@ -90,7 +90,7 @@ pub(crate) struct Machine {
     pub(crate) ob: ObInfo,
     /// The organization block that gives the running class: `ob`, unless that is OB 121 or OB 122.
     pub(crate) class_ob: u16,
-    /// The date behind `now`.
+    /// The date at `now`.
     pub(crate) wall: Wall,
     /// While a link asks for a list: the operating state it sees.
     pub(crate) seen_from_outside: Option<OperatingState>,
@@ -100,7 +100,7 @@ pub(crate) struct Machine {
     pub(crate) whereabouts: Arc<Whereabouts>,
     /// Bit n: OB n has begun and not ended.
     pub(crate) active: u128,
-    /// The running OB for a synchronous error is aborted, and the block it was called for goes on.
+    /// The running OB for a synchronous error is aborted, and the block it was called for continues.
     pub(crate) aborted: bool,
     /// Diagnostic interrupts that wait for the end of the OB that runs in their class.
     pub(crate) diagnoses: Diagnoses,

@@ -99,7 +99,7 @@ fn run(native: &Native, entry: &Entry, cx: &mut Context<'_>) -> Result<bool, Abo
 }
 
 /// The same with the time it takes, without organization blocks and plugin blocks that run within it. The CPU's own
-/// time does not move by these looks at the clock.
+/// time does not move by these readings of the clock.
 fn timed(native: &Native, account: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<bool, Abort> {
     let inside = cx.machine.inside;
     let outer = std::mem::take(&mut cx.machine.trace.nested);

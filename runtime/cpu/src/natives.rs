@@ -92,7 +92,7 @@ impl Running {
         BUSY | (id.kind as u32) << 16 | id.number as u32
     }
 
-    /// A block begins, or its caller goes on. Only the scan thread writes: no read-modify-write is needed.
+    /// A block begins, or its caller continues. Only the scan thread writes: no read-modify-write is needed.
     #[inline]
     pub(crate) fn replace(&self, word: u32) -> u32 {
         let outer = self.0.load(Ordering::Relaxed);

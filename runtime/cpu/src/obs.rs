@@ -26,7 +26,7 @@ struct Current {
     requested: Instant,
     /// Set while a higher class runs: since when, and how long others had run before.
     paused: Option<(Instant, Span)>,
-    /// It has asked for its own times.
+    /// It has requested its own times.
     asked: bool,
 }
 

@@ -25,7 +25,7 @@ const CHECKSUM: usize = 8;
 pub struct Retentive {
     /// Bytes of bit memory.
     pub memory: Vec<std::ops::Range<u32>>,
-    /// Timers. A running one goes on with the time that was left.
+    /// Timers. A running one continues with the time that was left.
     pub timers: Vec<std::ops::Range<u16>>,
     /// Counters.
     pub counters: Vec<std::ops::Range<u16>>,

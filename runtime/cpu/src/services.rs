@@ -1,7 +1,7 @@
 //! What the standard blocks ask of the CPU besides memory and modules: clock, interrupts by time, masked errors, locks,
 //! data blocks.
 //!
-//! The rules of masks and locks stand in `ob1-std`; here they are kept, asked at the right places, and turned into due
+//! The rules of masks and locks are in `ob1-std`; here they are kept, asked at the right places, and turned into due
 //! times.
 
 use ob1_std::moment::Moment;
@@ -32,7 +32,7 @@ pub trait Services:
     fn replace_value(&mut self, value: u32) -> bool;
 }
 
-/// State behind the services.
+/// State of the services.
 #[derive(Debug)]
 pub(crate) struct ServiceState {
     pub(crate) filter: ErrorFilter,
@@ -75,7 +75,7 @@ impl ServiceState {
         }
     }
 
-    /// A start-up begins: masks, locks and interrupts by time that the program has set are gone. Run-time meters go on.
+    /// A start-up begins: masks, locks and interrupts by time that the program has set are gone. Run-time meters run on.
     pub(crate) fn clear(&mut self) {
         (self.filter, self.locks) = (ErrorFilter::default(), InterruptLocks::default());
         self.time_of_day.iter_mut().for_each(|i| (i.set, i.active) = (None, false));

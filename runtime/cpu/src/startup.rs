@@ -54,7 +54,7 @@ impl Start {
 }
 
 impl Cpu {
-    /// Treats memory as left by a RUN before, so that a hot restart can go on from it, as after a power failure of a
+    /// Treats memory as left by a RUN before, so that a hot restart can continue from it, as after a power failure of a
     /// CPU with a battery.
     pub fn assume_run(&mut self) {
         self.has_run = true;

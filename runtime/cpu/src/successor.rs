@@ -116,7 +116,7 @@ impl Cpu {
             let blocks = &self.blocks;
             m.services.loaded(|ob| blocks.ob(ob).is_some());
             m.interrupts.loaded(|ob| blocks.ob(ob).is_some());
-            // What a hot restart would go on from belongs to the program before.
+            // What a hot restart would continue from belongs to the program before.
             self.has_run = false;
         }
         Ok(())

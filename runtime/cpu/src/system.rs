@@ -10,7 +10,7 @@ use ob1_time::{Instant, Span};
 
 use crate::{Abort, ModuleError, NativeArea, NativeBlock, NativeContext, NativeError};
 
-/// The system functions (SFC, SFB), ready for [`crate::Cpu::new`]. The compiler is told of the same by
+/// The system functions (SFC, SFB), ready for [`crate::Cpu::new`]. The compiler gets the same by
 /// [`ob1_std::system_functions`].
 #[must_use]
 pub fn system_blocks() -> Vec<Box<dyn NativeBlock>> {

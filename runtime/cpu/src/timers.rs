@@ -159,7 +159,7 @@ impl Timer {
         self.base << 12 | to_bcd(self.remaining(now))
     }
 
-    /// Sets the time from outside, as an S5TIME: a running timer goes on with it, a stopped one shows it. False if it
+    /// Sets the time from outside, as an S5TIME: a running timer continues with it, a stopped one shows it. False if it
     /// is not an S5TIME.
     pub(crate) fn preset(&mut self, time: u16, now: Instant) -> bool {
         let Some(digits) = S5Time(time).digits() else { return false };

@@ -8,7 +8,7 @@ use ob1_time::{Instant, Span};
 
 const NANOS_PER_MS: u64 = Span::MILLISECOND.nanos();
 
-/// The date behind the CPU's own time.
+/// The date at a time of the CPU.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Wall {
     /// Nanoseconds from 1990-01-01 to the CPU's time 0; below 0 when the clock was set to an earlier date than the CPU

@@ -27,7 +27,7 @@ pub struct Times {
     /// A driver that has been started must give its first sign of life within this time. Default 5 s.
     pub start: Span,
     /// A driver that is kept from giving a sign of life ([`Input::Starved`]) is killed after this long without one: its
-    /// device may never let go of it. Default 30 s.
+    /// device may never release it. Default 30 s.
     pub starved: Span,
     /// The first wait that is not zero; each further one is twice as long. Default 50 ms.
     pub first_wait: Span,
@@ -79,12 +79,12 @@ impl fmt::Display for Exit {
     }
 }
 
-/// What the supervisor is told.
+/// Inputs of the supervisor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Input {
     /// Time has passed.
     Tick,
-    /// The process asked for runs.
+    /// The requested process runs.
     Spawned,
     /// The process has ended, or could not be started ([`Exit::NotStarted`]).
     Exited(Exit),

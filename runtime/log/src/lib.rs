@@ -24,7 +24,7 @@ const QUEUE: usize = 1024;
 const STACK: usize = 64 * 1024;
 /// Wipes the line of the cursor.
 const WIPE: &[u8] = b"\r\x1b[K";
-/// Between two looks at what still waits.
+/// Between two checks of what still waits.
 const LOOK: Duration = Duration::from_millis(1);
 
 enum Message {

@@ -8,7 +8,7 @@ use ob1_cpu::engine::{CallTarget, Callee, Plan};
 
 use crate::inline;
 
-/// Most statements of a program that is optimised in one go: a fifth of a second of the compiler's time, or less.
+/// Most statements of a program that is optimised at once: a fifth of a second of the compiler's time, or less.
 const AT_ONCE: usize = 10_000;
 /// What a step must gain: the share of all statements executed that is optimised early, times the share of the
 /// compiler's work that comes later. Where all blocks are alike it is a quarter at best.

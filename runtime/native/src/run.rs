@@ -77,7 +77,7 @@ struct Parts<'a> {
 /// Runs a helper's work; a panic ends the run as an abort does and is raised again after compiled code has returned.
 fn guarded(run: *mut Run, work: impl FnOnce(Parts<'_>) -> Result<i32, Abort>) -> i32 {
     let done = catch_unwind(AssertUnwindSafe(|| {
-        // SAFETY: compiled code hands on the pointer that `enter` gave it, which is valid until that returns; compiled
+        // SAFETY: compiled code passes on the pointer that `enter` gave it, which is valid until that returns; compiled
         // code holds no reference into it, and nobody else uses the registers, the CPU and the code meanwhile.
         let parts = unsafe { Parts { regs: &mut (*run).regs, cx: &mut *(*run).cpu, code: &*(*run).code } };
         work(parts)
@@ -133,7 +133,7 @@ fn timer_of<'a>(cx: &'a mut Context<'static>, number: u32) -> Option<&'a mut Tim
 
 /// A call, with the safe point before it. The count already includes it.
 extern "C" fn call(run: *mut Run, block: u32, statement: u32) -> i32 {
-    // SAFETY: compiled code hands on the pointer that `Code::run` gave it, valid until that returns, as are the
+    // SAFETY: compiled code passes on the pointer that `Code::run` gave it, valid until that returns, as are the
     // pointers in it; nobody else uses what they point to meanwhile. An address of the table is that of the block's
     // code.
     unsafe {

@@ -3,7 +3,7 @@
 use ob1_cpu::Clock;
 use ob1_time::{Instant, Span};
 
-/// A clock that moves by the statements executed and by what it is told to let pass.
+/// A clock that moves by the statements executed and by the times that it is ordered to let pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VirtualClock {
     now: Instant,

@@ -33,7 +33,7 @@ impl MonotonicClock {
         sleep_until(self.origin.saturating_add(deadline.since_start()));
     }
 
-    /// The same, but sleeps `spin` less and looks at the clock without pause until the deadline: the core
+    /// The same, but sleeps `spin` less and polls the clock until the deadline: the core
     /// is awake then, and the time the kernel needs to wake a thread has passed.
     pub fn spin_until(&self, deadline: Instant, spin: Span) {
         self.sleep_until(deadline.saturating_sub(spin));

@@ -22,7 +22,7 @@ use seccompiler::{
     SeccompRule,
 };
 
-/// The newest rules of landlock that are asked for; an older kernel keeps those it knows.
+/// The newest rules of landlock that are requested; an older kernel keeps those it knows.
 const LANDLOCK: ABI = ABI::V6;
 
 /// How far a process may speak over IP.
@@ -65,7 +65,7 @@ pub type Refusal = (&'static str, String);
 /// Closes every descriptor but 0, 1 and 2. Call it first of all, before anything is opened.
 pub fn close_inherited() {
     // SAFETY: called before this program has opened anything, so no object owns one of these descriptors; what else
-    // stands there was inherited by mistake.
+    // is there was inherited by mistake.
     unsafe {
         libc::syscall(libc::SYS_close_range, 3_u32, u32::MAX, 0_u32);
     }

@@ -10,11 +10,11 @@ use rustix::thread::{CapabilitySet, CpuSet, capabilities, sched_setaffinity, set
 /// What became of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// As asked for.
+    /// As requested.
     Granted,
     /// In part; see the text.
     Partly,
-    /// Refused; the run goes on without it.
+    /// Refused; the run continues without it.
     Refused,
     /// A fact about the system, which needs nothing.
     Noted,
@@ -25,7 +25,7 @@ pub enum Outcome {
 /// One request and its outcome.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Grant {
-    /// What was asked for: `lock memory`, `SCHED_FIFO priority 50`.
+    /// What was requested: `lock memory`, `SCHED_FIFO priority 50`.
     pub what: String,
     /// What became of it.
     pub outcome: Outcome,
@@ -45,7 +45,7 @@ impl Grant {
     }
 }
 
-/// All grants of a run, in the order they were asked for.
+/// All grants of a run, in the order of the requests.
 pub type Posture = Vec<Grant>;
 
 const LOCK_REMEDY: &str =
@@ -71,7 +71,7 @@ pub fn lock_memory() -> Grant {
             what,
             outcome: Outcome::Partly,
             detail:
-                "what was mapped at the start is locked, later mappings are not: the limit on locked memory is finite"
+                "memory mapped at the start is locked, later mappings are not: the limit on locked memory is finite"
                     .into(),
             remedy: Some(LOCK_REMEDY),
         },

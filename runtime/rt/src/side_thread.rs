@@ -51,7 +51,7 @@ impl<S> Drop for SideThread<S> {
     fn drop(&mut self) {
         self.ask_to_end();
         if let Some(thread) = self.thread.take() {
-            // A panic has been reported by its hook; the owner goes on.
+            // A panic has been reported by its hook; the owner continues.
             let _ = thread.join();
         }
     }

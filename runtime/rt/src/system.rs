@@ -75,7 +75,7 @@ fn clock_source(name: Option<&str>) -> Grant {
         Some("tsc" | "kvm-clock" | "arch_sys_counter") => noted("clock source", name.unwrap_or_default().into(), None),
         Some(other) => costs(
             "clock source",
-            format!("{other}: each look at the clock is a system call"),
+            format!("{other}: each reading of the clock is a system call"),
             "boot with tsc=reliable, or: echo tsc > /sys/devices/system/clocksource/clocksource0/current_clocksource",
         ),
         None => noted("clock source", "unknown".into(), None),
@@ -131,7 +131,7 @@ fn host(virtual_machine: bool) -> Grant {
     if virtual_machine {
         return costs(
             "host",
-            "a virtual machine: its host can take the core away, and no counter here need say so".into(),
+            "a virtual machine: its host can take the core away, and the counters here may not show it".into(),
             "pin the virtual processors on the host, or run on bare metal",
         );
     }

@@ -145,7 +145,7 @@ mod tests {
             (None, None, None)
         );
         assert_eq!(ThreadLook::default().times(), None);
-        // A look is the calling thread's own, and it goes on.
+        // A look is the calling thread's own, and it continues.
         let look = ThreadLook::open();
         let before = look.times().expect("a kernel with schedstat");
         while look.times().expect("the same file").ran < before.ran + Span::MILLISECOND {

@@ -7,7 +7,7 @@ use ob1_arena::Arena;
 use ob1_cpu::engine::{ACCOUNTING, Both, Engine, Factory, PLAIN, Plan, REFERENCE};
 use ob1_native::{AtLoad, Tier};
 
-/// The engine asked for.
+/// The requested engine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum EngineChoice {
     /// The reference engine at once, and machine code as soon as a process of its own has made it
@@ -201,7 +201,7 @@ mod tests {
                 Op::Load(Operand { width: Width::Byte, place: formal(2) }),
                 Op::Transfer(memory(Width::Byte, 5)),
             ];
-            // After a check that fails, the reference goes on.
+            // After a check that fails, the reference continues.
             if bit_first {
                 ops.rotate_left(2);
             }

@@ -191,7 +191,7 @@ fn remove_published(published: &[PathBuf]) {
     }
 }
 
-/// Removes a link that leads nowhere; leaves alone what is no link to a pty. True if nothing of ours is left.
+/// Removes a link that leads nowhere; leaves everything that is not a link to a pty. True if nothing of ours is left.
 fn removed(path: &Path) -> bool {
     match std::fs::read_link(path) {
         Ok(target) if !target.starts_with("/dev/pts") => true,

@@ -1,4 +1,4 @@
-//! The figures of the README, each with a lower limit (floor) measured in the same run.
+//! The figures of `docs/figures.md`, each with a lower limit (floor) measured in the same run.
 //!
 //! This machine may be shared and noisy, so a figure and its floor are measured in turns, many short rounds each, and
 //! the median of the rounds is printed with the ratio of the medians.

@@ -1,4 +1,4 @@
-//! `cargo xtask bench [NAME...]`: the figures of the README, each with its floor.
+//! `cargo xtask bench [NAME...]`: the figures of `docs/figures.md`, each with its floor.
 
 use std::path::Path;
 use std::process::ExitCode;

@@ -29,14 +29,14 @@ impl Clock for VirtualClock {
 }
 
 /// The clock of a CPU whose scan is long: each look at it, which is one before and one after each call of a handling
-/// block, takes time, and the plant goes on.
+/// block, takes time, and the plant continues.
 #[derive(Debug)]
 pub struct LongScan<M> {
     /// The time.
     pub clock: VirtualClock,
     /// What a look takes.
     pub call: Span,
-    /// The plant goes on from the first instant until the second.
+    /// The plant continues from the first instant until the second.
     pub meanwhile: M,
 }
 

@@ -104,7 +104,7 @@ fn nothing_bars_anybodys_way() {
     browser.run("document.body.lastElementChild.remove()");
     log_in(&browser, "anna");
     station.set("M 9.0", 1);
-    browser.until("document.querySelector('.card.stop')?.innerText.includes('What helps')");
+    browser.until("document.querySelector('.card.stop')?.innerText.includes('Remedy')");
     for scheme in ["light", "dark"] {
         browser.scheme(scheme);
         judge(&browser, scheme);
@@ -186,10 +186,10 @@ fn a_technician_sees_why_the_machine_stands() {
     browser.go(&format!("http://127.0.0.1:{port}/"));
     browser.until("document.querySelector('.card.run')");
     station.set("M 9.0", 1);
-    browser.until("document.querySelector('.card.stop')?.innerText.includes('What helps')");
+    browser.until("document.querySelector('.card.stop')?.innerText.includes('Remedy')");
     let card = browser.text(".card");
     for part in
-        ["The station is in STOP.", "data block not loaded", "Place: plant.awl:", "What helps: Load the data block"]
+        ["The station is in STOP.", "data block not loaded", "Place: plant.awl:", "Remedy: Load the data block"]
     {
         assert!(card.contains(part), "{part}: {card}");
     }
@@ -450,7 +450,7 @@ fn pictures() {
     phone.go(&format!("http://127.0.0.1:{port}/"));
     phone.until("document.querySelector('.card.run')");
     station.set("M 9.0", 1);
-    phone.until("document.querySelector('.card.stop')?.innerText.includes('What helps')");
+    phone.until("document.querySelector('.card.stop')?.innerText.includes('Remedy')");
     keep(&phone, "web-stop");
     phone.scheme("dark");
     keep(&phone, "web-stop-dark");

@@ -25,26 +25,5 @@ mod tests;
 mod types;
 mod write;
 
-use std::fmt;
-
-pub use program::parse;
+pub use program::{ParseError, parse};
 pub use write::write;
-
-/// Why a text is not a program.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ParseError {
-    /// The line, from 1.
-    pub line: usize,
-    /// What was expected there.
-    pub expected: &'static str,
-    /// What is there instead.
-    pub found: String,
-}
-
-impl fmt::Display for ParseError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "line {}: expected {}, found \"{}\"", self.line, self.expected, self.found)
-    }
-}
-
-impl std::error::Error for ParseError {}

@@ -8,7 +8,7 @@ use crate::{
     NumberFormat, Op, Shift, StatusBit, Target, WordLogic,
 };
 
-/// Every operation without an operand. Their texts stand with the operations, not here.
+/// Every operation without an operand. Their texts are with the operations, not here.
 pub(super) fn plain() -> Vec<Op> {
     let mut all = vec![
         Op::Close,

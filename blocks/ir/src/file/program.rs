@@ -1,15 +1,32 @@
 //! Reading line by line.
 
+use std::fmt;
+
 use ob1_model::{Component, Interface, Param, Section};
 
-use super::ParseError;
 use super::cursor::{Cursor, Expected};
 use super::ops::op;
 use crate::text::section;
 use crate::{CodeBlock, DataBlock, DataKind, Program, Stmt, Symbol};
 
-const SECTIONS: [Section; 6] =
-    [Section::Input, Section::Output, Section::InOut, Section::Static, Section::Temp, Section::Return];
+/// Why a text is not a program.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ParseError {
+    /// The line, from 1.
+    pub line: usize,
+    /// What was expected there.
+    pub expected: &'static str,
+    /// What is there instead.
+    pub found: String,
+}
+
+impl fmt::Display for ParseError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "line {}: expected {}, found \"{}\"", self.line, self.expected, self.found)
+    }
+}
+
+impl std::error::Error for ParseError {}
 
 /// The program of a text in the file form.
 ///
@@ -85,7 +102,7 @@ fn of_block(line: &mut Cursor<'_>, block: &mut CodeBlock) -> Expected<()> {
         block.code.push(Stmt { op, network, line: number });
         return Ok(());
     }
-    let section = line.choice(&SECTIONS, |one| format!("{} ", section(one)), "a section or a statement")?;
+    let section = line.choice(&Section::ALL, |one| format!("{} ", section(one)), "a section or a statement")?;
     let name = line.quoted()?;
     line.need("@")?;
     let at = line.address()?;

@@ -179,12 +179,10 @@ impl Random {
     }
 
     fn block(&mut self) -> CodeBlock {
-        const SECTIONS: [Section; 6] =
-            [Section::Input, Section::Output, Section::InOut, Section::Static, Section::Temp, Section::Return];
         let param = |random: &mut Self| Param {
             name: random.text(),
             aliases: (0..random.below(3)).map(|_| random.text()).collect(),
-            section: random.of(&SECTIONS),
+            section: random.of(&Section::ALL),
             ty: random.ty(3),
             at: random.at(),
             initial: random.initial(),

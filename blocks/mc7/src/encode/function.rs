@@ -6,9 +6,8 @@ use ob1_model::{Area, BitAddr, BlockId, DataType, Param, Section};
 use super::frame::behind;
 use super::parameter::local;
 use super::{Encoder, operand};
-use crate::decode::list_order;
+use crate::block::list_order;
 use crate::fold::Frame;
-use crate::parts;
 use crate::statement::{Mc7Op, Uncond};
 
 /// A result that is copied out after the call.
@@ -167,7 +166,7 @@ impl Encoder<'_, '_> {
 
     /// The POINTER to a variable of the own instance: data block and AR2 as they are.
     fn of_instance(&mut self, formal: &Param, offset: BitAddr, used: &Used) -> Option<u32> {
-        let (param, into) = parts::in_instance(&self.block.interface, offset)?;
+        let (param, into) = self.block.interface.in_instance(offset)?;
         let ar2 = used.ar2.filter(|_| self.written.multi_instance && into == 0 && param.ty == formal.ty)?;
         let at = self.take(6);
         self.plain(Op::LoadDbNumber(DbRegister::Di));

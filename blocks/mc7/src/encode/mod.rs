@@ -13,9 +13,8 @@ use ob1_ir::{
 };
 use ob1_model::{Area, BlockId};
 
-use crate::decode::Callees;
+use crate::block::Callees;
 use crate::error::{Mc7Error, Problem};
-use crate::parts;
 use crate::segments::Segments;
 use crate::statement::{ConstForm, Mc7Op, Statement, Uncond};
 
@@ -247,7 +246,7 @@ impl Encoder<'_, '_> {
                 Number::Fixed(_) | Number::Memory(_) => {}
             }
         }
-        if let Some(place) = parts::place_mut(&mut op) {
+        if let Some(place) = op.place_mut() {
             match *place {
                 Place::InDb(db, at) => {
                     *place = Place::Fixed(Area::Db, at);

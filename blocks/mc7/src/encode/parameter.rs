@@ -5,7 +5,6 @@ use ob1_ir::{AddressRegister, DbRegister, Number, Op, Operand, Place, Pointer, S
 use ob1_model::{Area, BitAddr};
 
 use super::{Encoder, operand};
-use crate::parts;
 use crate::statement::Mc7Op;
 
 /// An operand in the local data.
@@ -86,7 +85,7 @@ impl Encoder<'_, '_> {
         if matches!(op, Op::LoadArFrom(..) | Op::TransferArTo(..)) {
             return None;
         }
-        *parts::place_mut(&mut op)? = Place::Register(None, AR1, at);
+        *op.place_mut()? = Place::Register(None, AR1, at);
         self.put(Mc7Op::Build(5));
         let saved = self.save();
         let word = self.take(2);

@@ -5,7 +5,7 @@ use ob1_ir::{AddressRegister, DbRegister, Number, Op, Operand, Place, Pointer, W
 use ob1_model::{Area, BitAddr};
 
 use super::values::Cursor;
-use crate::decode::Item;
+use crate::block::Item;
 use crate::parts;
 use crate::statement::Mc7Op;
 

@@ -1,23 +1,24 @@
 //! `CALL` of a function or system function: pointers to the actuals follow the `UC`.
 
 use ob1_ir::{AddressRegister, Arg, Call, CallMode, DbRegister, Number, Op, Operand, Place, Target, Width};
-use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Param, Section};
+use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Param};
 
-use super::Caller;
+use super::caller::Caller;
 use super::values::{
-    Cursor, Given, Put, Source, Taken, bytes, fits, formal_width, given, handed_bytes, local_holds, pointed, taken_by,
+    Copies, Cursor, Given, Put, Source, Taken, bytes, fits, formal_width, given, handed_bytes, local_holds, pointed,
+    taken_by,
 };
-use crate::decode::{Callees, declared_temps, list_order};
+use crate::block::{Callees, list_order};
 use crate::parts;
 use crate::statement::{Mc7Op, Uncond};
 
 /// The call between the `BLD`.
 pub(super) fn call(kind: BlockKind, ops: &[&Mc7Op], caller: &Caller<'_, '_>, callees: &Callees<'_>) -> Option<Call> {
-    let own = declared_temps(caller.block.interface);
+    let own = caller.block.interface.declared_temps();
     let mut cursor = Cursor::new(ops);
     let rlo = cursor.save_rlo()?;
     let saved = cursor.save_ar2();
-    let mut puts = inputs(&mut cursor, caller, saved)?;
+    let puts = inputs(&mut cursor, caller, saved)?;
     let Mc7Op::Call(Uncond { kind: called, number: Number::Fixed(number), conditional: false, list: Some(list) }) =
         cursor.next()?
     else {
@@ -26,7 +27,7 @@ pub(super) fn call(kind: BlockKind, ops: &[&Mc7Op], caller: &Caller<'_, '_>, cal
     if let Some(saved) = saved {
         cursor.restore_ar2(saved)?;
     }
-    let mut taken = outputs(&mut cursor, caller)?;
+    let taken = outputs(&mut cursor, caller)?;
     let mut places = puts.iter().map(|p| p.at).chain(saved).chain([rlo]);
     if *called != kind || places.any(|at| at.byte() < own) {
         return None;
@@ -37,15 +38,15 @@ pub(super) fn call(kind: BlockKind, ops: &[&Mc7Op], caller: &Caller<'_, '_>, cal
     if order.len() != list.len() {
         return None;
     }
+    let mut copies = Copies { puts, taken };
     let mut args: Vec<Option<Arg>> = vec![None; order.len()];
     let formals: Vec<&Param> = callee.formals().collect();
     for (formal, pointer) in order.iter().zip(list) {
-        let arg = argument(formals.get(usize::from(*formal))?, *pointer, &mut puts, &mut taken, caller)?;
+        let arg = argument(formals.get(usize::from(*formal))?, *pointer, &mut copies, caller)?;
         *args.get_mut(usize::from(*formal))? = Some(arg);
     }
-    let whole = puts.iter().all(|p| p.used) && taken.iter().all(|t| t.used);
     let args = args.into_iter().collect::<Option<Vec<Arg>>>()?;
-    whole.then_some(Call { mode: CallMode::Call, target: Target::Block(id), instance: None, args })
+    copies.all_used().then_some(Call { mode: CallMode::Call, target: Target::Block(id), instance: None, args })
 }
 
 /// What a data block opened just before makes of an operand; own variables by AR2.
@@ -140,13 +141,7 @@ fn outputs(cursor: &mut Cursor<'_>, caller: &Caller<'_, '_>) -> Option<Vec<Taken
 }
 
 /// The actual of one formal.
-fn argument(
-    formal: &Param,
-    pointer: u32,
-    puts: &mut [Put],
-    taken: &mut [Taken],
-    caller: &Caller<'_, '_>,
-) -> Option<Arg> {
+fn argument(formal: &Param, pointer: u32, copies: &mut Copies, caller: &Caller<'_, '_>) -> Option<Arg> {
     if formal.ty.is_parameter_type() && (formal.ty != DataType::TimerOrWord || pointer >> 31 == 0) {
         return (pointer & 0xFFFF == 0).then_some(Arg::Number(Number::Fixed((pointer >> 16) as u16)));
     }
@@ -156,7 +151,7 @@ fn argument(
         return None;
     }
     let Some(width) = formal_width(formal) else {
-        return composed(formal, area, at, puts, caller);
+        return composed(formal, area, at, &mut copies.puts, caller);
     };
     if width != Width::Bit && at.bit() != 0 {
         return None;
@@ -167,33 +162,8 @@ fn argument(
         let named = area != Area::Local && (width != Width::Bit || area != Area::Peripheral);
         return named.then_some(Arg::Operand(Operand { width, place }));
     }
-    let put = puts.iter_mut().find(|p| p.at == at && p.width == width && !p.used);
-    let out = taken.iter_mut().find(|t| t.at == at && t.width == width && !t.used);
-    match (formal.section, put, out) {
-        (Section::Input, Some(put), None) => {
-            put.used = true;
-            caller.value(put.source, formal)
-        }
-        (Section::Output | Section::Return, None, Some(out)) => {
-            out.used = true;
-            caller.operand(Operand { width, place: out.to }).map(Arg::Operand)
-        }
-        (Section::InOut, Some(put), Some(out)) => {
-            (put.used, out.used) = (true, true);
-            let Source::From(from) = put.source else { return None };
-            (from.place == out.to).then(|| caller.operand(from).map(Arg::Operand))?
-        }
-        // A constant is written to, and lost.
-        (Section::InOut, Some(put), None) => {
-            put.used = true;
-            matches!(put.source, Source::Const(_)).then(|| caller.value(put.source, formal))?
-        }
-        (_, None, None) => {
-            let place = Place::Fixed(Area::Local, at);
-            Some(Arg::Operand(Operand { width, place }))
-        }
-        _ => None,
-    }
+    let own = Operand { width, place: Place::Fixed(Area::Local, at) };
+    caller.copied(formal, width, at, copies, Arg::Operand(own))
 }
 
 /// The actual of a composed formal: its POINTER or ANY lies in the local data.
@@ -214,7 +184,7 @@ fn composed(formal: &Param, area: Area, at: BitAddr, puts: &mut [Put], caller: &
         let instance = |p: &Put| matches!(p.source, Source::InstancePointer(_)).then_some(p.at.0);
         let pointer = puts.iter().position(|p| instance(p) == Some(at.0 + 16))?;
         let Source::InstancePointer(offset) = puts.get(pointer)?.source else { return None };
-        let (param, into) = parts::in_instance(caller.block.interface, offset)?;
+        let (param, into) = caller.block.interface.in_instance(offset)?;
         // Where an ANY or POINTER is wanted the source may have had any of several things.
         if own || into != 0 || param.ty != formal.ty || !caller.block.multi_instance {
             return None;

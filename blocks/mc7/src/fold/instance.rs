@@ -2,11 +2,11 @@
 //! the call and out of it after.
 
 use ob1_ir::{AddressRegister, Arg, Call, CallMode, DbRegister, Number, Op, Operand, Place, Pointer, Target, Width};
-use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Param, Section};
+use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Param};
 
-use super::Caller;
-use super::values::{Cursor, Given, Put, Source, Taken, bytes, fits, formal_width, given, taken_by};
-use crate::decode::{Callees, declared_temps};
+use super::caller::Caller;
+use super::values::{Copies, Cursor, Given, Put, Source, Taken, bytes, fits, formal_width, given, taken_by};
+use crate::block::Callees;
 use crate::parts;
 use crate::statement::{Mc7Op, Uncond};
 
@@ -14,7 +14,7 @@ use crate::statement::{Mc7Op, Uncond};
 pub(crate) const INSTANCE_START: u32 = 0x8400_0000;
 
 /// What is known while the frame is read.
-struct Frame<'f> {
+struct InstanceFrame<'f> {
     caller: &'f Caller<'f, 'f>,
     /// Opens the instance.
     instance: Number,
@@ -48,8 +48,8 @@ pub(super) fn call(
     };
     let saved = cursor.save_ar2()?;
     own.push(saved);
-    let frame = Frame { caller, instance, multi };
-    let mut puts = frame.inputs(&mut cursor)?;
+    let frame = InstanceFrame { caller, instance, multi };
+    let puts = frame.inputs(&mut cursor)?;
     let start = match cursor.next()? {
         Mc7Op::Plain(Op::LoadArConst(AddressRegister::Ar2, INSTANCE_START)) if !multi => BitAddr(0),
         Mc7Op::Plain(Op::AddArConst(AddressRegister::Ar2, at)) if multi => *at,
@@ -65,17 +65,18 @@ pub(super) fn call(
     if cursor.restore_ar2(saved).is_none() {
         cursor.eat(&Op::AddArConst(AddressRegister::Ar2, back)).filter(|()| multi)?;
     }
-    let mut taken = frame.outputs(&mut cursor)?;
-    if *called != kind || own.iter().any(|at| at.byte() < declared_temps(caller.block.interface)) {
+    let taken = frame.outputs(&mut cursor)?;
+    if *called != kind || own.iter().any(|at| at.byte() < caller.block.interface.declared_temps()) {
         return None;
     }
     let id = BlockId::new(kind, *number);
     let callee = callees(id)?;
+    let mut copies = Copies { puts, taken };
     let mut args = Vec::new();
     for formal in callee.formals() {
-        args.push(argument(formal, start, &mut puts, &mut taken, caller)?);
+        args.push(argument(formal, start, &mut copies, caller)?);
     }
-    if puts.iter().any(|p| !p.used) || taken.iter().any(|t| !t.used) {
+    if !copies.all_used() {
         return None;
     }
     let (target, instance) = if multi {
@@ -91,7 +92,7 @@ pub(super) fn call(
     Some(Call { mode: CallMode::Call, target, instance, args })
 }
 
-impl Frame<'_> {
+impl InstanceFrame<'_> {
     /// `AUF DI n` of another data block.
     fn foreign(&self, op: &Mc7Op) -> Option<u16> {
         match op {
@@ -186,13 +187,7 @@ impl Frame<'_> {
 }
 
 /// The actual of one formal, which lies in the instance.
-fn argument(
-    formal: &Param,
-    start: BitAddr,
-    puts: &mut [Put],
-    taken: &mut [Taken],
-    caller: &Caller<'_, '_>,
-) -> Option<Arg> {
+fn argument(formal: &Param, start: BitAddr, copies: &mut Copies, caller: &Caller<'_, '_>) -> Option<Arg> {
     let at = BitAddr(start.0 + formal.at.0);
     let Some(width) = formal_width(formal) else {
         let count = match formal.ty {
@@ -201,30 +196,9 @@ fn argument(
             _ if formal.is_pointer() => 6,
             _ => 0,
         };
+        let puts = &mut copies.puts;
         let given = puts.iter().any(|p| (at.0..at.0 + count * 8).contains(&p.at.0));
         return if given { bytes(puts, at, count).map(|bytes| Arg::Bytes(bytes.into())) } else { Some(Arg::Open) };
     };
-    let put = puts.iter_mut().find(|p| p.at == at && p.width == width && !p.used);
-    let out = taken.iter_mut().find(|t| t.at == at && t.width == width && !t.used);
-    match (formal.section, put, out) {
-        (_, None, None) => Some(Arg::Open),
-        (Section::Input, Some(put), None) => {
-            put.used = true;
-            caller.value(put.source, formal)
-        }
-        (Section::Output | Section::Return, None, Some(out)) => {
-            out.used = true;
-            caller.operand(Operand { width, place: out.to }).map(Arg::Operand)
-        }
-        (Section::InOut, Some(put), Some(out)) => {
-            (put.used, out.used) = (true, true);
-            let Source::From(from) = put.source else { return None };
-            (from.place == out.to).then(|| caller.operand(from).map(Arg::Operand))?
-        }
-        (Section::InOut, Some(put), None) if matches!(put.source, Source::Const(_)) => {
-            put.used = true;
-            caller.value(put.source, formal)
-        }
-        _ => None,
-    }
+    caller.copied(formal, width, at, copies, Arg::Open)
 }

@@ -1,10 +1,8 @@
 //! Values on their way into and out of a frame.
 
-use ob1_ir::{AddressRegister, Arg, BitTest, DbRegister, Logic, Number, Op, Operand, Place, Width};
-use ob1_model::{Area, BitAddr, BlockKind, DataType, Layout, Param};
+use ob1_ir::{AddressRegister, BitTest, DbRegister, Logic, Op, Operand, Place, Width};
+use ob1_model::{Area, BitAddr, DataType, Layout, Param};
 
-use super::Caller;
-use crate::parts;
 use crate::statement::Mc7Op;
 
 /// Where a value comes from.
@@ -36,6 +34,20 @@ pub(super) struct Taken {
     pub(super) width: Width,
     pub(super) to: Place,
     pub(super) used: bool,
+}
+
+/// What a frame copies before and after its call.
+#[derive(Clone, Debug)]
+pub(super) struct Copies {
+    pub(super) puts: Vec<Put>,
+    pub(super) taken: Vec<Taken>,
+}
+
+impl Copies {
+    /// True when every copy belongs to a formal.
+    pub(super) fn all_used(&self) -> bool {
+        self.puts.iter().all(|p| p.used) && self.taken.iter().all(|t| t.used)
+    }
 }
 
 /// The statements of a frame, read from the front.
@@ -141,49 +153,6 @@ pub(super) fn fits(given: Given, to: Width) -> Option<Source> {
         }
         Given::Wide(source, width) if to == width => Some(source),
         _ => None,
-    }
-}
-
-impl Caller<'_, '_> {
-    /// An operand of the caller as its source names it: variables of its instance, its parameters.
-    pub(super) fn operand(&self, operand: Operand) -> Option<Operand> {
-        let has_instance = self.block.id.kind.has_instance();
-        let place = match operand.place {
-            Place::Param { index, at } => {
-                if self.block.id.kind != BlockKind::Fc {
-                    return None;
-                }
-                Place::Param { index: *self.order.get(usize::from(index))?, at }
-            }
-            Place::Instance(at) => {
-                let bits = u32::from(operand.width.bits());
-                if !has_instance || !parts::variable_at(self.block.interface, at, bits) {
-                    return None;
-                }
-                Place::Instance(at)
-            }
-            other => other,
-        };
-        Some(Operand { place, ..operand })
-    }
-
-    /// The argument of an elementary formal that a value stands for.
-    pub(super) fn value(&self, source: Source, formal: &Param) -> Option<Arg> {
-        match source {
-            Source::Const(value) if formal.ty.is_parameter_type() => {
-                u16::try_from(value).ok().map(|n| Arg::Number(Number::Fixed(n)))
-            }
-            Source::Const(value) => Some(Arg::Const(value)),
-            Source::From(operand) if formal.ty.is_parameter_type() => match operand.place {
-                Place::Instance(at) => {
-                    let (param, offset) = parts::in_instance(self.block.interface, at)?;
-                    (param.ty == formal.ty && offset == 0).then_some(Arg::Number(Number::Instance(at)))
-                }
-                _ => None,
-            },
-            Source::From(operand) => self.operand(operand).map(Arg::Operand),
-            Source::InstanceNumber | Source::InstancePointer(_) => None,
-        }
     }
 }
 

@@ -4,7 +4,9 @@ use ob1_ir::{BitTest, Logic, Op, Place};
 use ob1_model::{Area, BitAddr};
 
 use super::fixed::{SCANS, scan_code};
-use super::{area_code, bit_area, offset, param_place, param_word, pointer, pointer_code, register, register_bit};
+use super::operands::{
+    area_code, bit_area, offset, param_place, param_word, pointer, pointer_code, register, register_bit,
+};
 use crate::bytes::{self, Bytes, Found, with_word};
 
 /// A bit operation without its operand.

@@ -3,7 +3,7 @@
 use ob1_ir::{DbRegister, Number, Op};
 use ob1_model::BlockKind;
 
-use super::{param_number, param_word, pointer, pointer_code};
+use super::operands::{param, param_number, param_word, pointer, pointer_code};
 use crate::bytes::{self, Bytes, Found, with_word};
 use crate::statement::{Mc7Op, Statement, Uncond};
 
@@ -55,7 +55,7 @@ pub(crate) fn read(b: &Bytes<'_>) -> Found {
         (0xFB, 0xD0) => return call(b, 4, BlockKind::Fc, false, param_number(b.word())?, false),
         (0xFB, 0xD2) => return call(b, 4, BlockKind::Fb, false, param_number(b.word())?, false),
         (0xFB, 0xCA | 0xCB) => {
-            let op = Mc7Op::ParamPointer { index: super::param(b.word())?, other: second == 0xCA };
+            let op = Mc7Op::ParamPointer { index: param(b.word())?, other: second == 0xCA };
             return Some((Statement { op, long: false }, 4));
         }
         (0xFB, _) => {}

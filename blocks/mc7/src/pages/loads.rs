@@ -3,7 +3,7 @@
 use ob1_ir::{Op, Operand, Place, Width};
 use ob1_model::{Area, BitAddr};
 
-use super::{
+use super::operands::{
     area, area_code, offset, param_place, param_word, pointer, pointer_code, register, register_bit, whole_byte,
 };
 use crate::bytes::{self, Bytes, Found, with_double, with_word};

@@ -1,105 +1,69 @@
-//! The opcode pages: what each first byte begins, and the bytes of each statement. Every page reads and writes.
+//! The opcode pages: what each first byte begins, and the bytes of each statement, exactly invertible. Every page reads
+//! and writes.
 //!
 //! Names of operations are German. Long forms begin with a byte of their own; where an operand also fits the short
-//! form, [`Statement::long`](crate::Statement::long) says which one is in the code.
+//! form, [`Statement::long`] says which one is in the code.
 
-pub(crate) mod bits;
-pub(crate) mod blocks;
-pub(crate) mod fixed;
-pub(crate) mod jumps;
-pub(crate) mod loads;
-pub(crate) mod registers;
-pub(crate) mod shifts;
-pub(crate) mod times;
+mod bits;
+mod blocks;
+mod fixed;
+mod jumps;
+mod loads;
+mod operands;
+mod registers;
+mod shifts;
+mod times;
 
-use ob1_ir::{AddressRegister, Number, Place, Pointer};
-use ob1_model::{Area, BitAddr};
+use crate::bytes::Bytes;
+use crate::statement::{Mc7Op, NoStatement, Statement};
 
-/// The code of an area in a nibble; 0 is the periphery.
-pub(crate) const fn area_code(area: Area) -> Option<u8> {
-    Some(match area {
-        Area::Peripheral => 0,
-        Area::Input => 1,
-        Area::Output => 2,
-        Area::Memory => 3,
-        Area::Db => 4,
-        Area::Di => 5,
-        Area::Local => 6,
-        Area::PreviousLocal => return None,
-    })
-}
-
-/// The area of a nibble.
-pub(crate) const fn area(code: u8) -> Option<Area> {
-    Some(match code {
-        0 => Area::Peripheral,
-        1 => Area::Input,
-        2 => Area::Output,
-        3 => Area::Memory,
-        4 => Area::Db,
-        5 => Area::Di,
-        6 => Area::Local,
-        _ => return None,
-    })
-}
-
-/// The area of a bit operand: as [`area`], the periphery has no bits.
-pub(crate) fn bit_area(code: u8) -> Option<Area> {
-    area(code).filter(|a| *a != Area::Peripheral)
-}
-
-/// The place of a pointer or number in memory, whose code is 3 to 6.
-pub(crate) fn pointer(code: u8, byte: u16) -> Option<Pointer> {
-    let area = area(code).filter(|_| code >= 3)?;
-    Some(Pointer { area, at: BitAddr::byte_addr(u32::from(byte)) })
-}
-
-/// The code and byte address of a pointer's place.
-pub(crate) fn pointer_code(pointer: Pointer) -> Option<(u8, u16)> {
-    let code = area_code(pointer.area).filter(|code| *code >= 3)?;
-    Some((code, whole_byte(pointer.at)?))
-}
-
-/// A byte address that a word operand holds.
-pub(crate) fn whole_byte(at: BitAddr) -> Option<u16> {
-    if at.bit() == 0 { u16::try_from(at.byte()).ok() } else { None }
-}
-
-/// A register-indirect offset: 16 bits of bit address.
-pub(crate) fn offset(at: BitAddr) -> Option<u16> {
-    u16::try_from(at.0).ok()
-}
-
-/// 0 for AR1, 8 for AR2, as the second byte has it.
-pub(crate) const fn register_bit(register: AddressRegister) -> u8 {
-    match register {
-        AddressRegister::Ar1 => 0,
-        AddressRegister::Ar2 => 8,
+impl Statement {
+    /// Reads the statement at the beginning of `code` and its length in bytes.
+    ///
+    /// # Errors
+    /// [`NoStatement`] where none begins there, or where the code ends within it.
+    pub fn read(code: &[u8]) -> Result<(Self, usize), NoStatement> {
+        let b = Bytes(code);
+        if code.len() < 2 {
+            return Err(NoStatement::Cut);
+        }
+        let op = fixed::read(b.head());
+        let found = op.map(|op| (Self { op: Mc7Op::Plain(op), long: false }, 2));
+        // Pages that share first bytes tell each other apart by the second.
+        let found = found
+            .or_else(|| jumps::read(&b))
+            .or_else(|| bits::read(&b))
+            .or_else(|| loads::read(&b))
+            .or_else(|| times::read(&b))
+            .or_else(|| shifts::read(&b))
+            .or_else(|| registers::read(&b))
+            .or_else(|| blocks::read(&b));
+        match found {
+            None => Err(NoStatement::Unknown),
+            Some((_, length)) if length > code.len() => Err(NoStatement::Cut),
+            Some(found) => Ok(found),
+        }
     }
-}
 
-/// The register of that bit.
-pub(crate) const fn register(code: u8) -> AddressRegister {
-    if code & 8 == 0 { AddressRegister::Ar1 } else { AddressRegister::Ar2 }
-}
-
-/// A formal parameter by its word offset in the caller's list: the first is 2, the second 4. The index counts from 0 in
-/// the order of the list.
-pub(crate) fn param(word: u16) -> Option<u16> {
-    (word >= 2 && word.is_multiple_of(2)).then(|| word / 2 - 1)
-}
-
-/// The word offset of a parameter.
-pub(crate) fn param_word(index: u16) -> Option<u16> {
-    index.checked_add(1)?.checked_mul(2)
-}
-
-/// A whole formal parameter as a place.
-pub(crate) fn param_place(word: u16) -> Option<Place> {
-    Some(Place::Param { index: param(word)?, at: BitAddr(0) })
-}
-
-/// The parameter number of a word, as a number.
-pub(crate) fn param_number(word: u16) -> Option<Number> {
-    param(word).map(Number::Param)
+    /// The bytes of the statement; `None` for what the machine has no form of.
+    #[must_use]
+    pub fn bytes(&self) -> Option<Vec<u8>> {
+        match &self.op {
+            Mc7Op::Plain(op) => fixed::write(op)
+                .map(|word| word.to_be_bytes().to_vec())
+                .or_else(|| bits::write(op, self.long))
+                .or_else(|| loads::write(op, self.long))
+                .or_else(|| times::write(op, self.long))
+                .or_else(|| shifts::write(op))
+                .or_else(|| registers::write(op))
+                .or_else(|| blocks::write(op, self.long)),
+            Mc7Op::Constant(form, value) => loads::write_constant(*form, *value),
+            Mc7Op::ParamPointer { index, other } => blocks::write_pointer(*index, *other),
+            Mc7Op::Call(call) => blocks::write_call(call, self.long),
+            Mc7Op::Build(n) => Some(vec![0x10, *n]),
+            Mc7Op::BlockEnd => Some(vec![0x65, 0]),
+            Mc7Op::End => Some(vec![0x65, 1]),
+            jump => jumps::write(jump),
+        }
+    }
 }

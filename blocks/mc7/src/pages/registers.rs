@@ -3,7 +3,7 @@
 use ob1_ir::{Op, Operand, Place, Width};
 use ob1_model::{Area, BitAddr};
 
-use super::{offset, pointer, pointer_code, register, register_bit};
+use super::operands::{offset, pointer, pointer_code, register, register_bit};
 use crate::bytes::{self, Bytes, Found, with_double, with_word};
 
 /// Reads a statement of page FE that has an operand.

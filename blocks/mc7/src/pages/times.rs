@@ -4,7 +4,7 @@ use ob1_ir::{BitTest, Number, Op};
 use ob1_model::TimerKind;
 
 use super::fixed::{SCANS, scan_code};
-use super::{param_number, param_word, pointer, pointer_code};
+use super::operands::{param_number, param_word, pointer, pointer_code};
 use crate::bytes::{self, Bytes, Found, with_word};
 
 /// Short forms: first byte, whether of a counter, and the code of the operation in the long form.

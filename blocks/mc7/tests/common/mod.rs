@@ -132,21 +132,6 @@ pub(crate) fn callees() -> BTreeMap<BlockId, Interface> {
     .into()
 }
 
-/// An instance as a structure, as the front end makes it.
-fn instance_type(interface: &Interface) -> DataType {
-    let mut fields: Vec<Field> = Vec::new();
-    let mut last = None;
-    for param in interface.params.iter().filter(|p| p.section != Section::Temp) {
-        if last.is_some_and(|section| section != param.section) {
-            fields.push(Field { name: String::new(), ty: Struct(Vec::new()), initial: None });
-        }
-        last = Some(param.section);
-        let ty = if param.is_pointer() { Pointer } else { param.ty.clone() };
-        fields.push(Field { name: param.name.clone(), ty, initial: None });
-    }
-    Struct(fields)
-}
-
 /// A block on its way.
 pub(crate) struct Made<'m> {
     pub(crate) bytes: Bytes<'m>,
@@ -191,8 +176,8 @@ pub(crate) fn block(choices: &[u8]) -> (CodeBlock, Instances, BTreeMap<BlockId, 
         }
         _ => {
             params.extend(inputs.into_iter().chain(composed));
-            params.push(("pump", Static, instance_type(&callees[&FB])));
-            params.push(("delay", Static, instance_type(&callees[&SFB])));
+            params.push(("pump", Static, callees[&FB].instance_type()));
+            params.push(("delay", Static, callees[&SFB].instance_type()));
             params.push(("kept", Static, structure()));
             id(BlockKind::Fb, 50)
         }

@@ -98,9 +98,9 @@ impl std::fmt::Display for Of {
 struct Draft<'f> {
     folder: &'f Folder,
     wanted: &'f Wanted<'f>,
-    /// The blocks the program may call besides its own, those that stand in for missing ones among them.
+    /// The blocks the program may call besides its own, the substitutes for missing ones included.
     library: Library,
-    /// Blocks that stand in for missing ones.
+    /// Substitutes for missing blocks.
     stand_ins: Vec<Image>,
     compiled: BTreeMap<BlockId, CompiledInterface>,
     udts: BTreeMap<u16, Declarations>,

@@ -56,7 +56,7 @@ impl Draft<'_> {
         self.interfaces = interfaces;
     }
 
-    /// Blocks that are called and that nobody has get one that does nothing. True when there are any.
+    /// Called blocks that are missing are replaced by one that does nothing. True when there are any.
     pub(super) fn stand_in(&mut self) -> bool {
         let missing =
             stand_in::missing(&self.decoded, self.folder, &self.library, &|id| self.decoded.contains_key(&id));

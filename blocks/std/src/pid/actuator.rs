@@ -58,7 +58,7 @@ impl Actuator {
             let (cycle, time) = (travel.cycle, travel.integration);
             let part = if time <= 0 { 0.0 } else { cycle as f32 / time.max(cycle / 2) as f32 };
             let integral = part * (signal + self.last) / 2.0;
-            // The last output has moved the actuator for a cycle, unless it stands at its end.
+            // The last output has moved the actuator for a cycle, unless it is at its end.
             let moved = f32::from(self.stopped(self.direction)) * travel.of_cycle();
             self.rest += integral - moved;
             self.automatic(self.rest + signal, travel)

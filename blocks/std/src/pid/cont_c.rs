@@ -2,7 +2,7 @@
 
 use ob1_model::BlockKind::Fb;
 
-use super::{TRUE, dead_band, process_variable, real, seconds};
+use super::input::{TRUE, dead_band, process_variable, real, seconds};
 use crate::Done;
 use crate::call::Call;
 use crate::declare::params;

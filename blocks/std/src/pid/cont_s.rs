@@ -4,7 +4,7 @@
 use ob1_model::BlockKind::Fb;
 
 use super::actuator::{Actuator, THRESHOLDS, Travel};
-use super::{TRUE, dead_band, process_variable, real, seconds};
+use super::input::{TRUE, dead_band, process_variable, real, seconds};
 use crate::Done;
 use crate::call::Call;
 use crate::declare::params;

@@ -2,7 +2,7 @@
 
 use ob1_model::BlockKind::Fb;
 
-use super::{TRUE, real, seconds};
+use super::input::{TRUE, real, seconds};
 use crate::Done;
 use crate::call::Call;
 use crate::declare::params;

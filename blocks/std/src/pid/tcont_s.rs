@@ -6,8 +6,8 @@
 use ob1_model::BlockKind::Fb;
 
 use super::actuator::{Actuator, THRESHOLDS, Travel};
+use super::input::{TRUE, dead_band, real};
 use super::temperature::{Input, proportional_step};
-use super::{TRUE, dead_band, real};
 use crate::Done;
 use crate::call::Call;
 use crate::declare::params;

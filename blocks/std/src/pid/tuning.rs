@@ -4,7 +4,7 @@
 //! Phases, status numbers and statics are the manual's. The rule of Chien, Hrones and Reswick for an answer without
 //! overshoot takes the place of the manual's design, which is not public.
 
-use super::tcont_cp::{TcontCp, load, save, set_member};
+use super::tcont_parameters::{TcontCp, load, save, set_member};
 use super::temperature::limited;
 use crate::call::Call;
 
@@ -12,7 +12,7 @@ use crate::call::Call;
 const OFF: i16 = 0;
 /// PHASE: ready, waiting for the step.
 const READY: i16 = 1;
-/// PHASE: the step is out, the point of inflection is looked for.
+/// PHASE: the step is out, the search for the point of inflection runs.
 const SEARCH: i16 = 2;
 /// PHASE: parameters are found; the output is held until TUN_KEEP releases it.
 const FOLLOW: i16 = 5;

@@ -7,7 +7,7 @@ use crate::services::{DelayInterrupt, RunTimeMeter, TimeOfDayInterrupt};
 pub trait WallClock {
     /// Date and time now.
     fn moment(&mut self) -> Moment;
-    /// Sets date and time; they go on from there.
+    /// Sets date and time; they continue from there.
     fn set_moment(&mut self, moment: Moment);
 }
 
@@ -294,7 +294,7 @@ pub enum AlarmError {
     FirstIsZero,
 }
 
-/// Why a user message was not sent to a station. The entry is in the diagnostic buffer all the same.
+/// Why a user message was not sent to a station. The entry is in the diagnostic buffer nevertheless.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MessageError {
     /// No station is logged on.

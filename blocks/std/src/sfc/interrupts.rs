@@ -14,7 +14,7 @@ pub(super) const ROWS: &[Row] = &[
     Row::sfc::<Irt>(40, "EN_IRT", |call| irt(call, false)),
     Row::sfc::<Airt>(41, "DIS_AIRT", |call| {
         let locks = call.cx.interrupt_locks();
-        // Fewer than 32768 delays in one OB: a nesting depth nobody reaches.
+        // Fewer than 32768 delays in one OB: a nesting depth that no program reaches.
         let delays = locks.delay().min(0x7FFF);
         call.end(Airt::RET_VAL, delays)
     })

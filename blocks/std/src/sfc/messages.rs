@@ -100,7 +100,7 @@ fn layout(number: InUse) -> [u8; SYS_INST] {
     bytes
 }
 
-/// Which numbers a MODE means: 1 all, 2 the one whose EV_ID stands in SYS_INST, 3 those with its CMP_ID. Only numbers
+/// Which numbers a MODE means: 1 all, 2 the one whose EV_ID is in SYS_INST, 3 those with its CMP_ID. Only numbers
 /// of SFC 107 and 108 count: those of SFC 17 and 18 are the configuration's.
 fn selection(mode: i16, given: [u8; SYS_INST]) -> Option<impl Fn(InUse) -> bool> {
     let long = |at: usize| given[at..at + 4].iter().fold(0, |value: u32, byte| value << 8 | u32::from(*byte));
@@ -295,7 +295,7 @@ mod tests {
                 (code, state, acknowledged)
             );
         }
-        // MODE, room in bytes, what stands in SYS_INST; RET_VAL and the EV_IDs that come.
+        // MODE, room in bytes, what is in SYS_INST; RET_VAL and the EV_IDs that come.
         for (mode, room, id, component, code, ids) in [
             (1i16, 48, 0u32, 0u32, 0, vec![2u32, 3, 4]),
             (1, 35, 0, 0, 1, vec![2, 3]),

@@ -20,7 +20,7 @@ pub(super) const ROWS: &[Row] = &[
     Row::sfc::<Ob>(29, "CAN_TINT", |call| on_ob(call, Ob::RET_VAL, can_tint)),
     Row::sfc::<Ob>(30, "ACT_TINT", |call| on_ob(call, Ob::RET_VAL, act_tint)),
     Row::sfc::<Query>(31, "QRY_TINT", |call| query(call, tint_state)),
-    Row::sfc::<SrtDint>(32, "SRT_DINT", srt_dint).note("1 to 60000 ms; a new start begins anew"),
+    Row::sfc::<SrtDint>(32, "SRT_DINT", srt_dint).note("1 to 60000 ms; a new call starts the delay again"),
     Row::sfc::<Ob>(33, "CAN_DINT", |call| on_ob(call, Ob::RET_VAL, can_dint)),
     Row::sfc::<Query>(34, "QRY_DINT", |call| query(call, dint_state)),
 ];

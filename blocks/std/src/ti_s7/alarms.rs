@@ -39,7 +39,7 @@ fn dcat(call: &mut Call<'_>) -> Done {
     if command != history {
         elapsed = 0;
     } else {
-        // There, and not at the other end: the time stands at its end, so that leaving is reported at once.
+        // There, and not at the other end: the time is at its end, so that leaving is reported at once.
         let (there, away) = if command { (opened, closed) } else { (closed, opened) };
         if there && !away {
             elapsed = preset;

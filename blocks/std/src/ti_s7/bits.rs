@@ -2,7 +2,7 @@
 
 use ob1_model::BlockKind::Fc;
 
-use super::Place;
+use super::place::Place;
 use crate::Done;
 use crate::call::Call;
 use crate::declare::params;

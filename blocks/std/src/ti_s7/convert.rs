@@ -2,7 +2,7 @@
 
 use ob1_model::BlockKind::Fc;
 
-use super::Place;
+use super::place::Place;
 use crate::Done;
 use crate::call::Call;
 use crate::declare::params;
@@ -97,7 +97,7 @@ fn hta(call: &mut Call<'_>) -> Done {
     call.br(done.is_ok())
 }
 
-/// 10,000,000 less a BCD number of seven digits. The leftmost four bits are not looked at.
+/// 10,000,000 less a BCD number of seven digits. The leftmost four bits are ignored.
 fn bcdcpl(call: &mut Call<'_>) -> Done {
     let bcd = call.raw(BcdCpl::IN);
     let digits = |value: u32| (0..7).rev().fold(0, |sum, digit| sum * 10 + (value >> (4 * digit) & 15));

@@ -3,7 +3,7 @@
 use ob1_model::BitAddr;
 use ob1_model::BlockKind::Fb;
 
-use super::Place;
+use super::place::Place;
 use crate::call::Call;
 use crate::declare::params;
 use crate::row::{Origin, Row};

@@ -3,7 +3,7 @@
 
 use ob1_model::BlockKind::Fc;
 
-use super::{Element, Place};
+use super::place::{Element, Place};
 use crate::Done;
 use crate::call::Call;
 use crate::declare::{Params, params};

@@ -2,11 +2,11 @@
 //! its kind that nothing in the program, its symbol tables and its libraries mentions.
 
 mod demand;
+mod numbered;
 mod ob_names;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use ob1_ir::Symbol;
 use ob1_model::BlockId;
 
 use crate::codes;
@@ -19,24 +19,10 @@ use crate::syntax::{Frame, NameRef};
 use crate::token::{File, Kind, Span};
 use crate::world::Symbolic;
 
+pub use numbered::Numbered;
+
 /// Numbers begin here: below it are those that people give.
 const FIRST: u16 = 1000;
-
-/// A block's name with its number.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Numbered {
-    /// The name, without quotes.
-    pub name: String,
-    /// Kind and number.
-    pub id: BlockId,
-}
-
-impl Numbered {
-    /// The name as a symbol.
-    pub(crate) fn symbol(&self) -> Symbol {
-        Symbol { name: self.name.clone(), address: self.id.to_string(), ty: None }
-    }
-}
 
 /// The numbers of a kind of block that are mentioned somewhere.
 type Mentioned = BTreeMap<BlockWord, BTreeSet<u16>>;
@@ -126,7 +112,7 @@ impl Elaborator<'_> {
                 self.world.symbols.insert(key, Symbolic::Block(BlockWord::Ob, number));
             }
             None => {
-                let message = format!("\"{name}\" is no name that STEP 7 or TIA Portal gives an organization block");
+                let message = format!("\"{name}\" is not a name that STEP 7 or TIA Portal gives an organization block");
                 let remedy =
                     format!("Write its number in the station file: [program] numbers = {{ \"{name}\" = \"OB 35\" }}");
                 self.sink.report_with(file, span, &codes::OB_NAME, message, remedy);

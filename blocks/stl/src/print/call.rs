@@ -7,7 +7,7 @@ use ob1_model::{Area, BitAddr, BlockId, DataType, Interface, Param, Section};
 
 use super::constant::{constant, elementary};
 use super::operand::{of_instance, of_param, of_temp};
-use super::{Printer, quoted};
+use super::printer::{Printer, quoted};
 use crate::fit::same_layout;
 use crate::identifiers::Identifier;
 use crate::mnemonics::Shape;

@@ -8,7 +8,7 @@ use ob1_model::{BitAddr, BlockId, BlockKind, Component, DataType, Field, Interfa
 
 use super::constant::constant;
 use super::operand::path;
-use super::{Listing, Printer, Unprintable, quoted};
+use super::printer::{Listing, Printer, Unprintable, quoted};
 use crate::initial;
 
 /// The head of a block.
@@ -34,15 +34,6 @@ pub struct Declared {
     /// Declarations of a user-defined type, by their index.
     pub udts: BTreeMap<usize, u16>,
 }
-
-/// The sections of an interface in their order.
-const SECTIONS: [(Section, &str); 5] = [
-    (Section::Input, "VAR_INPUT"),
-    (Section::Output, "VAR_OUTPUT"),
-    (Section::InOut, "VAR_IN_OUT"),
-    (Section::Static, "VAR"),
-    (Section::Temp, "VAR_TEMP"),
-];
 
 impl Printer<'_> {
     /// A code block from its first word to its last.
@@ -161,7 +152,7 @@ impl Printer<'_> {
 
     /// The declaration sections of an interface.
     fn sections(&self, out: &mut String, interface: &Interface, declared: &Declared) -> Result<(), String> {
-        for (section, word) in SECTIONS {
+        for (section, word) in Section::WORDS {
             let mut of = interface.params.iter().enumerate().filter(|(_, p)| p.section == section).peekable();
             if of.peek().is_none() {
                 continue;

@@ -62,7 +62,7 @@ fn made(number: u32) -> String {
     format!("{first}{rest}")
 }
 
-/// True for what can stand before a colon as a label.
+/// True for what can be before a colon as a label.
 fn is_label(name: &str) -> bool {
     let mut chars = name.chars();
     let word =

@@ -3,7 +3,7 @@
 use ob1_ir::{AddressRegister, Number, Operand, Place, Pointer, Width};
 use ob1_model::{Area, BitAddr, DataType, Interface, Layout, Param, Section};
 
-use super::{Printer, quoted};
+use super::printer::{Printer, quoted};
 use crate::identifiers::Identifier;
 
 /// The path to what lies `offset` bits into a type and is what `wanted` says, `[2].x`; empty for the type itself.
@@ -13,38 +13,14 @@ pub(super) fn path(ty: &DataType, offset: u32, wanted: &dyn Fn(&DataType) -> boo
     }
     match ty {
         DataType::Struct(fields) => {
-            let mut layout = Layout::new();
-            for field in fields {
-                let at = layout.place(&field.ty).0;
-                let inside = at <= offset && offset < at + Layout::bits(&field.ty);
-                if inside && !field.name.is_empty() {
-                    let inner = path(&field.ty, offset - at, wanted)?;
-                    return Some(format!(".{}{inner}", quoted(&field.name)));
-                }
-            }
-            None
+            let (field, into) = Layout::field_at(fields, offset)?;
+            let inner = (into < Layout::bits(&field.ty)).then(|| path(&field.ty, into, wanted))??;
+            Some(format!(".{}{inner}", quoted(&field.name)))
         }
         DataType::Array(dims, element) => {
-            let stride = Layout::stride(element).max(1);
-            let (last, outer) = dims.split_last()?;
-            let columns = last.len();
-            let row_bits = ob1_model::align_to(columns.saturating_mul(stride), 16).max(1);
-            let (row, column) = (offset / row_bits, offset % row_bits / stride);
-            let rows = outer.iter().map(|d| d.len()).fold(1u32, u32::saturating_mul);
-            if row >= rows || column >= columns {
-                return None;
-            }
-            let mut indices = vec![i64::from(last.low) + i64::from(column)];
-            let mut left = row;
-            for dim in outer.iter().rev() {
-                let len = dim.len().max(1);
-                indices.push(i64::from(dim.low) + i64::from(left % len));
-                left /= len;
-            }
-            indices.reverse();
-            let inner = path(element, offset % row_bits - column * stride, wanted)?;
-            let indices: Vec<String> = indices.iter().map(i64::to_string).collect();
-            Some(format!("[{}]{inner}", indices.join(",")))
+            let (flat, into) = Layout::element_at(dims, element, offset)?;
+            let inner = path(element, into, wanted)?;
+            Some(format!("{}{inner}", Layout::index_text(dims, flat)))
         }
         _ => None,
     }

@@ -6,24 +6,29 @@ use std::fmt::Write as _;
 use ob1_ir::{
     AddressRegister, BitTest, CodeBlock, DbRegister, Jump, Number, NumberFormat, Op, Operand, Place, StatusBit, Width,
 };
-use ob1_model::{Area, BitAddr, DataType, Interface, Layout, Section};
+use ob1_model::{Area, BitAddr, DataType};
 
 use super::labels::labels;
 use super::operand::{behind, of_param, of_width};
-use super::{Listing, Printer, Unprintable};
+use super::printer::{Listing, Printer, Unprintable};
 use crate::identifiers::{Identifier, RELATIONS};
 use crate::mnemonics::Shape;
 
-/// The statements of a block.
-pub(super) fn print(printer: Printer<'_>, block: &CodeBlock, listing: &Listing) -> Result<String, Unprintable> {
-    let labels = labels(block, &listing.labels);
-    let mut lines = Lines { printer, block, listing, labels, out: String::new(), network: 0 };
-    let mut at = 0;
-    while at < block.code.len() {
-        at += lines.statement(at)?;
+impl Printer<'_> {
+    /// The statements of a block, each network with its heading, each line ended.
+    ///
+    /// # Errors
+    /// The first statement that no source can express.
+    pub fn statements(&self, block: &CodeBlock, listing: &Listing) -> Result<String, Unprintable> {
+        let labels = labels(block, &listing.labels);
+        let mut lines = Lines { printer: *self, block, listing, labels, out: String::new(), network: 0 };
+        let mut at = 0;
+        while at < block.code.len() {
+            at += lines.statement(at)?;
+        }
+        lines.networks(listing.networks.len().min(usize::from(u16::MAX)) as u16);
+        Ok(lines.out)
     }
-    lines.networks(listing.networks.len().min(usize::from(u16::MAX)) as u16);
-    Ok(lines.out)
 }
 
 struct Lines<'l, 'p> {
@@ -90,7 +95,7 @@ impl Lines<'_, '_> {
             return None;
         }
         let inside = [at + 1, at + 2].iter().any(|i| self.labels.contains_key(&(*i as u32)));
-        let (operand, _) = accessed(&last.op).filter(|_| !inside)?;
+        let operand = last.op.operand().filter(|_| !inside)?;
         let Place::Register(None, AddressRegister::Ar1, offset) = operand.place else { return None };
         let name = behind(&self.block.interface, pointer, offset, &of_width(operand.width))?;
         if matches!(last.op, Op::TransferArTo(AddressRegister::Ar1, _)) {
@@ -106,7 +111,7 @@ impl Lines<'_, '_> {
         let (Op::Transfer(accu1), Op::Transfer(accu2)) = (&a.op, &b.op) else { return None };
         let hidden = |operand: &Operand| {
             let Place::Fixed(Area::Local, at) = operand.place else { return false };
-            operand.width == Width::DWord && at.byte() >= declared_temps(&self.block.interface)
+            operand.width == Width::DWord && at.byte() >= self.block.interface.declared_temps()
         };
         let kept = hidden(accu1) && hidden(accu2) && tak.op == Op::ExchangeAccus;
         let restored = back.op == Op::Load(*accu2) && again.op == Op::Load(*accu1);
@@ -147,8 +152,8 @@ impl Lines<'_, '_> {
         let p = self.printer;
         let interface = &self.block.interface;
         let label = |to: &u32| self.labels.get(to).cloned();
-        if let Some((operand, write)) = accessed(op) {
-            return p.operand(interface, operand, write);
+        if let Some(operand) = op.operand() {
+            return p.operand(interface, operand, op.writes());
         }
         Some(match op {
             Op::Scan { test: BitTest::Status(status), .. } => match status {
@@ -219,32 +224,9 @@ impl Lines<'_, '_> {
     }
 }
 
-/// Bytes of the declared temporaries.
-fn declared_temps(interface: &Interface) -> u32 {
-    let mut temps = Layout::new();
-    interface.params.iter().filter(|p| p.section == Section::Temp).for_each(|p| {
-        temps.place(&p.ty);
-    });
-    temps.bytes()
-}
-
 /// A text on one line.
 fn one_line(text: &str) -> String {
     text.replace(['\r', '\n'], " ").trim_end().to_owned()
-}
-
-/// The operand an operation reads or writes, and whether it writes.
-fn accessed(op: &Op) -> Option<(Operand, bool)> {
-    let bit = |place: Place| Operand { width: Width::Bit, place };
-    Some(match op {
-        Op::Scan { test: BitTest::Bit(place), .. } => (bit(*place), false),
-        Op::Assign(place) | Op::Set(place) | Op::Reset(place) | Op::EdgePositive(place) | Op::EdgeNegative(place) => {
-            (bit(*place), true)
-        }
-        Op::Load(operand) | Op::LoadArFrom(_, operand) => (*operand, false),
-        Op::Transfer(operand) | Op::TransferArTo(_, operand) => (*operand, true),
-        _ => return None,
-    })
 }
 
 /// The timer or counter (true) an operation is about.

@@ -7,7 +7,7 @@ use ob1_words::cp040::{Area, IO_BYTES, RESET, nibbles};
 /// The effect of the host's output bytes; at most one in each direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Step {
-    /// The host has asked for a reset: empty both directions with [`Exchange::clear`].
+    /// The host has requested a reset: empty both directions with [`Exchange::clear`].
     Reset,
     /// The steps of the two directions.
     Both(send::Step, receive::Step),

@@ -206,7 +206,7 @@ impl<'a> Source<'a> {
             Ok(found) => found,
             Err((fault, length)) => {
                 self.note(fault);
-                // It uses up its variable all the same.
+                // It uses up its variable nevertheless.
                 self.variables.next();
                 return (Some(Part::Piece(stars(STARS))), length);
             }

@@ -104,8 +104,8 @@ impl Link for PtyLink {
 /// Makes `path` a symbolic link to `device`, in one step, replacing a link that an earlier pty may have left.
 fn publish(device: &Path, path: &Path) -> io::Result<()> {
     match std::fs::read_link(path) {
-        Ok(old) if !old.starts_with("/dev/pts") => return Err(taken(path, "is a link to something else than a pty")),
-        Err(error) if error.kind() == io::ErrorKind::InvalidInput => return Err(taken(path, "exists and is no link")),
+        Ok(old) if !old.starts_with("/dev/pts") => return Err(taken(path, "is a link to something other than a pty")),
+        Err(error) if error.kind() == io::ErrorKind::InvalidInput => return Err(taken(path, "exists and is not a link")),
         _ => {}
     }
     let mut fresh = path.as_os_str().to_owned();

@@ -2,7 +2,7 @@
 //!
 //! Like [`SimLine`](super::SimLine) it keeps the time of every character and draws faults from a seed; with two
 //! participants, full duplex and the same seed it gives the same events. In addition, each participant has its own
-//! character frame, and one that receives with another baud rate or parity gets faults; on a two-wire line everybody
+//! character frame, and one that receives with another baud rate or parity gets faults; on a two-wire line all
 //! receives everybody, a sender does not receive, and two senders at the same time corrupt both; a participant may send
 //! a break; faults may come in bursts.
 
@@ -65,7 +65,7 @@ pub struct Bursts {
 /// Properties of the bus.
 #[derive(Debug, Clone, Copy)]
 pub struct BusConfig {
-    /// Two wires: everybody on the same pair.
+    /// Two wires: all on the same pair.
     pub half_duplex: bool,
     /// Panic when two send at the same time on two wires, or when time goes back.
     pub strict: bool,

@@ -105,7 +105,7 @@ const S3964: &[Field] = &[
     whole("bwz_ms", 6, TICKS, 10, "BWZ: without a meaning where there is no RK 512"),
     whole("stx_repetitions", 7, BYTE, 5, "repetitions of STX after the first attempt"),
     whole("dbl", 8, BYTE, 6, "DBL: attempts to send a block"),
-    whole("priority", 9, Kind::Choice(&[("low", 0), ("high", 1)]), 0, "who gives way when both want to send"),
+    whole("priority", 9, Kind::Choice(&[("low", 0), ("high", 1)]), 0, "which side gives way when both want to send"),
     DUPLEX_ROW,
     PRESET_ROW,
 ];

@@ -29,7 +29,7 @@ pub const FRAGMENT: usize = 12;
 pub enum Criterion {
     /// ZVZ.
     Silence,
-    /// ZVZ; each 12 bytes are handed on as they come, the rest with the end. [S0 "ASCII-fragmented"]
+    /// ZVZ; each 12 bytes are passed on as they come, the rest with the end. [S0 "ASCII-fragmented"]
     Fragments,
     /// One or two end characters; they belong to the telegram.
     Characters {

@@ -3,7 +3,7 @@
 //! | end criterion | a telegram ends | ZVZ expires before |
 //! |---|---|---|
 //! | silence | when ZVZ expires | |
-//! | fragments | when ZVZ expires; each 12 bytes of it are handed on as they come | |
+//! | fragments | when ZVZ expires; each 12 bytes of it are passed on as they come | |
 //! | end characters | with them; they belong to it | 0806h, what has come is dropped |
 //! | length | after this many characters | 0806h, what has come is dropped |
 //!
@@ -18,7 +18,7 @@ use crate::machine::{Event, Instant, Part, Phase, Sink, Span, What};
 struct Coming {
     /// Characters so far; with fragments: since the last part.
     len: usize,
-    /// Fragments: parts of it have been handed on.
+    /// Fragments: parts of it have been passed on.
     begun: bool,
     /// The previous character, if it could be read.
     before: Option<u8>,
@@ -33,7 +33,7 @@ impl Coming {
         Self { len: 0, begun: false, before: None, lost: false, until: now }
     }
 
-    /// It will not be delivered; a receiver that already has parts of it is told that nothing follows.
+    /// It will not be delivered; a receiver that already has parts of it learns that nothing follows.
     fn lose(&mut self, what: What, out: &mut dyn Sink) {
         out.report(Event { phase: Phase::Receive, what });
         self.break_off(out);
@@ -46,7 +46,7 @@ impl Coming {
         }
     }
 
-    /// [S0 "Communication with ASCII-fragmented"]: blocks are transferred immediately; the telegram goes on.
+    /// [S0 "Communication with ASCII-fragmented"]: blocks are transferred immediately; the telegram continues.
     fn hand_on(&mut self, data: &[u8], out: &mut dyn Sink) {
         if self.len > out.room() {
             return self.lose(What::NoBuffer, out);

@@ -35,7 +35,7 @@ pub(super) const ROWS: &[Row] = &[
     here(0x0E31, "The CPU did not take the reply in time", "Call P_RCV_RK with EN_R = 1."),
     here(
         0x0E32,
-        "The CPU could not take the reply; the reason stands in the diagnostic buffer before this entry",
+        "The CPU could not take the reply; the entry before this one in the diagnostic buffer is the reason",
         "See the remedy of the entry before.",
     ),
     other(HardwareFault, 0x0E33, "Internal: no such state of the transfer to the CPU"),
@@ -78,12 +78,12 @@ pub(super) const ROWS: &[Row] = &[
     here(0x1E0D, "The job was dropped by a restart or by R = 1", "Start the job again."),
     here(
         0x1E0E,
-        "Reading from the CP failed (SFC 59); RET_VAL stands in SFCERR of the instance DB",
+        "Reading from the CP failed (SFC 59); SFCERR of the instance DB is its RET_VAL",
         "Check LADDR, and whether the CP is there.",
     ),
     here(
         0x1E0F,
-        "Writing to the CP failed (SFC 58); RET_VAL stands in SFCERR of the instance DB",
+        "Writing to the CP failed (SFC 58); SFCERR of the instance DB is its RET_VAL",
         "Check LADDR, and whether the CP is there.",
     ),
     other(OtherModule, 0x1E10, "Modbus slave: fault of the driver's block"),
@@ -102,6 +102,6 @@ pub(super) const ROWS: &[Row] = &[
     here(
         0x1E43,
         "Printer: the pointer DB names no data block for the format string",
-        "Write its DB number behind those of the four variables.",
+        "Write its DB number after those of the four variables.",
     ),
 ];

@@ -13,12 +13,12 @@ pub(super) const ROWS: &[Row] = &[
     other(OtherModule, 0x0503, "Wrong time"),
     here(
         0x0505,
-        "Printer: there are no message texts; asterisks stand in the printout",
+        "Printer: there are no message texts; the printout has asterisks",
         "Write `texts` into the parameters of the CP, or take %N out of the format string.",
     ),
     here(
         0x0506,
-        "Printer: there is no message text of this number; asterisks stand in the printout",
+        "Printer: there is no message text of this number; the printout has asterisks",
         "Correct the variable of %N, or add the text to `texts`.",
     ),
     here(
@@ -38,22 +38,22 @@ pub(super) const ROWS: &[Row] = &[
     ),
     here(
         0x050A,
-        "Printer: unknown conversion statement; asterisks stand in the printout",
+        "Printer: unknown conversion statement; the printout has asterisks",
         "Correct the statement: % - width . precision and one of A C D F H I N P R S T U X Y Z.",
     ),
     here(
         0x050B,
         "Printer: unknown control statement; it was neither carried out nor printed",
-        "Correct the statement behind \\, or define it with `controls` in the parameters of the CP.",
+        "Correct the statement after \\, or define it with `controls` in the parameters of the CP.",
     ),
     here(
         0x050C,
-        "Printer: the variable has a value that its conversion statement cannot show; asterisks stand in the printout",
+        "Printer: the variable has a value that its conversion statement cannot show; the printout has asterisks",
         "Check that the variable is a valid date, time of day or number.",
     ),
     here(
         0x050D,
-        "Printer: the width is too small for the value (it was cut, or asterisks stand there), or not 1 to 255",
+        "Printer: the width is too small for the value (it was cut, or the printout has asterisks), or not 1 to 255",
         "Make the width of the conversion statement greater, or leave it out.",
     ),
     here(
@@ -78,17 +78,17 @@ pub(super) const ROWS: &[Row] = &[
     other(OtherModule, 0x0519, "Job of the CPU not possible"),
     here(
         0x051A,
-        "RK 512: the command telegram could not be sent; the procedure's error stands before this entry",
+        "RK 512: the command telegram could not be sent; the entry before this one is the error of the procedure",
         "See the remedy of the entry before.",
     ),
     here(
         0x051B,
-        "Printer: the precision of a conversion statement is not allowed; asterisks stand in the printout",
+        "Printer: the precision of a conversion statement is not allowed; the printout has asterisks",
         "1 to 99 places with F and R, 2 or 4 digits of the year with A and D.",
     ),
     here(
         0x051C,
-        "Printer: a variable does not have the length its conversion statement needs; asterisks stand in the printout",
+        "Printer: a variable does not have the length its conversion statement needs; the printout has asterisks",
         "Correct the length in the pointer DB, or the statement: %I needs 2 or 4 bytes, %F 4, %Y 8.",
     ),
     other(OtherModule, 0x051D, "Sending or receiving was interrupted by a reset or by new parameters"),

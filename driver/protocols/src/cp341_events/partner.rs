@@ -40,7 +40,7 @@ pub(super) const ROWS: &[Row] = &[
     here(0x0611, "The telegram's length differs from the length in its header", HEADER),
     here(
         0x0612,
-        "The response could not be sent; the procedure's error stands before this entry",
+        "The response could not be sent; the entry before this one is the error of the procedure",
         "See the remedy of the entry before.",
     ),
     here(0x0701, "The first repetition is being sent", ""),
@@ -116,7 +116,7 @@ pub(super) const ROWS: &[Row] = &[
     here(0x0833, "The reply does not begin with a colon (3Ah)", "Check the slave's protocol settings."),
     here(
         0x0834,
-        "A colon within a reply: what came before it was dropped. The job goes on",
+        "A colon within a reply: the characters before it were dropped. The job continues",
         "Look for interference on the line.",
     ),
     here(

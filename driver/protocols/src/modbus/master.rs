@@ -201,7 +201,7 @@ impl Master {
     fn fault(&mut self, now: Instant, fault: LineFault, out: &mut dyn Sink) {
         out.report(Event { phase: self.phase(), what: What::Line(fault) });
         match fault {
-            // The telegram being received is dropped; the delay time goes on.
+            // The telegram being received is dropped; the delay time continues.
             LineFault::Gone | LineFault::Back => self.receiver.clear(now),
             _ => self.receiver.unreadable(now),
         }

@@ -49,14 +49,14 @@ pub const fn exception_text(code: u8) -> &'static str {
 /// The remedy for an exception code.
 pub const fn exception_remedy(code: u8) -> &'static str {
     match code {
-        1 => "it does not have this function: take another table, by its manual",
-        2 => "it has no such elements: compare the first one (counted from 0) and their number with its manual",
-        3 => "it does not take this value, or so many at once: compare with its manual",
+        1 => "the device does not have this function: take another table, see its manual",
+        2 => "the device has no such elements: compare the first one (counted from 0) and their number with its manual",
+        3 => "the device does not accept this value or this number of elements: see its manual",
         4 => "look at the device: it reports a fault of its own, or its watchdog has expired",
         5 | 6 => "it is overloaded: set a longer `period`, or let fewer masters ask it",
         8 => "the memory of the device is damaged",
-        10 => "the gateway knows no way to this `unit`: look at its table",
-        11 => "nobody answers behind the gateway: check `unit`, power and cable of the device",
+        10 => "the gateway has no path to this `unit`: check its table",
+        11 => "no device behind the gateway answers: check `unit`, power and cable of the device",
         _ => "the manual of the device says what it means",
     }
 }

@@ -7,7 +7,7 @@ use super::{FRAME_CHARACTERS, TELEGRAM_BYTES, number};
 use crate::machine::Instant;
 use crate::modbus::ascii::{CR, LF, START, digit, lrc};
 
-/// Maximum characters of one reply, false starts included: a partner that never ends must not prolong a job for ever
+/// Maximum characters of one reply, false starts included: an endless reply must not prolong a job forever
 /// (ours).
 const CHARACTERS_MAX: usize = 2 * FRAME_CHARACTERS;
 

@@ -228,14 +228,14 @@ impl Refused {
                 "take the GSD file of the device that is there, or check its address switches",
             ),
             Self::Master(_) => {
-                ("another master has it", "take it out of that master's configuration, or switch that master off")
+                ("another master has it", "remove it from the configuration of that master, or switch that master off")
             }
             Self::Parameters => (
-                "it does not take its parameters",
+                "it refuses its parameters",
                 "compare `params` with its manual, and the revision of its GSD file with that of the device",
             ),
             Self::Configuration => {
-                ("its modules are not those of the station file", "compare `slots` with what is plugged, in its order")
+                ("its modules are not those of the station file", "compare `slots` with the plugged modules, in their order")
             }
         }
     }

@@ -1,7 +1,7 @@
 //! PROFIBUS on the wire: telegrams of the data link layer, and the diagnosis of a DP slave. ["EN 50170-2", DIN 19245
 //! parts 1 and 3]
 //!
-//! The master is a separate stack; this module contains what everybody who reads the line must agree on.
+//! The master is a separate stack; this module contains what all readers of the line must agree on.
 
 pub mod diagnosis;
 pub mod telegram;
@@ -11,7 +11,7 @@ pub use telegram::{Parsed, Telegram};
 
 /// Bits of a character: start bit, eight data bits, even parity, one stop bit.
 pub const CHARACTER_BITS: u32 = 11;
-/// TSYN: the line is quiet for this many bits before a request, so that everybody knows that one begins.
+/// TSYN: the line is quiet for this many bits before a request, so that all know that one begins.
 pub const SYNC_BITS: u32 = 33;
 /// The shortest time from a request to its answer, in bits (min TSDR).
 pub const MIN_ANSWER_BITS: u32 = 11;

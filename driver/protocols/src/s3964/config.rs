@@ -2,7 +2,7 @@
 
 use crate::machine::{Span, TELEGRAM_MAX};
 
-/// Who gives way in an initialisation conflict. The two partners must be set differently. [S0 "Priority"]
+/// Which side gives way in an initialisation conflict. The two partners must be set differently. [S0 "Priority"]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Priority {
     /// Gives way: receives first, then starts its own order again.
@@ -16,7 +16,7 @@ pub enum Priority {
 pub struct Config {
     /// 3964R: blocks carry a block check character.
     pub bcc: bool,
-    /// Who gives way.
+    /// Which side gives way.
     pub priority: Priority,
     /// ZVZ, character delay: longest time between two characters of a block, and from our DLE to the first of them.
     /// 0: two character times. [S0 "Character delay time (ZVZ)"]

@@ -336,7 +336,7 @@ impl Reader {
                 codec::Step::Data(byte) => side.keep_payload(byte),
                 codec::Step::BadDle(_) => {
                     side.turn(now, Link::Idle);
-                    side.put(way, |_, _, put| put(Meaning::Broken("DLE without DLE or ETX behind it")), out);
+                    side.put(way, |_, _, put| put(Meaning::Broken("DLE without DLE or ETX after it")), out);
                 }
                 codec::Step::End { check } => {
                     side.turn(now, Link::Sent);

@@ -121,7 +121,7 @@ fn line_faults() {
 }
 
 /// [S0 "Communication with ASCII-fragmented"]: blocks of 12 bytes at once, the rest when the line falls silent; if
-/// nothing is left, only the end. A receiver that has a part is told when the rest is lost.
+/// nothing is left, only the end. A receiver that has a part learns when the rest is lost.
 #[test]
 fn fragments() {
     run(

@@ -32,7 +32,7 @@ fn tables() -> Vec<(&'static str, &'static str, Telegram)> {
         ("0B 05 70 00 00 00 00 12 34 C8 30", "received RPS 001234C8 BO pressed", n(BO, true, AI, false)),
         ("0B 05 1F 00 00 00 00 12 34 C8 30", "received RPS 001234C8 AI and DO pressed", n(AI, true, DO, true)),
         ("0B 05 E0 00 00 00 00 12 34 C8 30", "received RPS 001234C8 DO released", n(DO, false, AI, false)),
-        // RPS, U-messages, and a PTM type 1 behind a repeater of level 2
+        // RPS, U-messages, and a PTM type 1 after a repeater of level 2
         (
             "0B 05 70 00 00 00 00 12 34 C8 20",
             "received RPS 001234C8 buttons 3 pressed",

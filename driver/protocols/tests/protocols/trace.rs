@@ -91,7 +91,7 @@ fn what_goes_wrong_with_3964r() {
             "3 > NAK: block broken off by the receiver",
             "4 < STX: connection request",
             "5 > DLE: ready to receive",
-            "6 < DLE without DLE or ETX behind it",
+            "6 < DLE without DLE or ETX after it",
         ],
     );
     check(

@@ -186,12 +186,12 @@ fn scan(page: &mut Page, timing: &Value) {
     }
     let late = &timing["late"];
     page.counter("ob1_scan_late", "scans that began late or took long", number(&late["scans"]));
-    page.family("ob1_scan_late_cause", "counter", "late scans by what made them late");
+    page.family("ob1_scan_late_cause", "counter", "late scans by cause");
     let classes = late["classes"].as_object();
     for (class, total) in classes.into_iter().flatten() {
         page.sample("ob1_scan_late_cause_total", &[("cause", class)], number(&total["scans"]));
     }
-    page.family("ob1_scan_late_cause_seconds", "counter", "delays of late scans by what made them late");
+    page.family("ob1_scan_late_cause_seconds", "counter", "delays of late scans by cause");
     for (class, total) in classes.into_iter().flatten() {
         page.sample("ob1_scan_late_cause_seconds_total", &[("cause", class)], seconds(number(&total["time_ns"])));
     }
@@ -217,7 +217,7 @@ fn modules(page: &mut Page, status: &Value) {
         Some(f64::from(u8::from(module["present"] == Value::Bool(true))))
     });
     each("ob1_driver_starts", "counter", "driver processes that have come up", &|module| driver(module, "starts"));
-    each("ob1_driver_losses", "counter", "driver processes that ended unasked", &|module| driver(module, "losses"));
+    each("ob1_driver_losses", "counter", "driver processes that ended unexpectedly", &|module| driver(module, "losses"));
     each("ob1_line_ready", "gauge", "the driver of the CP is ready: parameters and line are right", &|module| {
         module["driver"].get("state").map(|state| f64::from(u8::from(text(state) == "ready")))
     });
@@ -251,7 +251,7 @@ fn rest(page: &mut Page, told: &Told, counts: &Counts) {
     page.counter("ob1_log_lines_lost", "log lines that nobody took", number(&told.status["log_lost"]));
     if let Some(retentive) = told.status.get("retentive") {
         let age = retentive.get("age_ns").map_or(f64::NAN, number);
-        page.gauge("ob1_retentive_age_seconds", "since the disk held what memory held", seconds(age));
+        page.gauge("ob1_retentive_age_seconds", "since the disk had the values of memory", seconds(age));
         let failed = f64::from(u8::from(retentive.get("error").is_some_and(|error| !error.is_null())));
         page.gauge("ob1_retentive_failed", "retentive memory cannot be written", failed);
     }

@@ -216,7 +216,7 @@ fn shown(line: &Line, reading: &ob1_access::door::Reading) -> Value {
             Value::String(line.form.show(&json, &value::to_hex(&item, bits)))
         }
         (_, Some(datum)) => Value::String(text(&datum)),
-        (_, None) => json!({ "error": "not what its type says" }),
+        (_, None) => json!({ "error": "the value does not fit its type" }),
     }
 }
 

@@ -124,7 +124,7 @@ impl Connection {
                 Step::Answer(done(reference, Group::Test, sub::TEST_DELETE, job.id))
             }),
             sub::TEST_LIST => Ok(Step::Answer(self.job_list(reference))),
-            // There is no LED; the partner is told that it blinks.
+            // There is no LED; the partner gets the answer that it blinks.
             sub::TEST_BLINK => Ok(Step::Answer(done(reference, Group::Test, sub::TEST_BLINK, 0))),
             _ => Err(Code::NO_SERVICE),
         };

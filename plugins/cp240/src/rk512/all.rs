@@ -6,11 +6,12 @@
 
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
 
-use super::{
-    COUNT, DONE, FRAME_ERROR, HEADER_BYTES, KIND, PARTNER, RESULT_BYTES, RUNNING, Rx, Tx, failed, last_count,
-    write_echo, write_tx,
+use super::telegram::{
+    COUNT, DONE, FRAME_ERROR, HEADER_BYTES, INITIALISED, KIND, PARTNER, RESULT_BYTES, RUNNING, Rx, Tx, failed,
+    last_count, write_echo, write_tx,
 };
-use crate::registers::{BLOCK_BYTES, Module, Pafe, REGISTER_BYTES, Words};
+use crate::module::Module;
+use crate::registers::{BLOCK_BYTES, Pafe, REGISTER_BYTES, Words};
 use crate::state::CpState;
 
 interface! {
@@ -181,7 +182,7 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     let job = load(cx)?;
     if job.receives || job.sends {
         if words.not_ready() || !module.state.rk512.partner.holds(&module.info) {
-            return broken_off(cx, &module, super::INITIALISED).map(|()| Pafe::Ok);
+            return broken_off(cx, &module, INITIALISED).map(|()| Pafe::Ok);
         }
         if job.receives {
             return receive(cx, &module, job, words, &block).map(|()| Pafe::Ok);
@@ -404,19 +405,13 @@ fn compose(cx: &mut Cx<'_, CpState>, job: &Job, code: u8, from: u16, into: &mut 
                 let value = if area == b'T' {
                     cx.timer(number)?.map_or(0, |timer| timer.remaining)
                 } else {
-                    bcd(cx.counter(number)?.unwrap_or(0))
+                    cx.counter_bcd(number)?.unwrap_or(0)
                 };
                 word.copy_from_slice(&value.to_be_bytes()[..word.len()]);
             }
         }
     }
     Ok(())
-}
-
-/// 0 to 999 as three decimal digits.
-fn bcd(value: u16) -> u16 {
-    let digit = |power: u16| value / power % 10;
-    (digit(100) << 8) | (digit(10) << 4) | digit(1)
 }
 
 /// The CP has restarted (00h) or has withdrawn the order (0Ch): it has given the partner another answer.

@@ -1,10 +1,11 @@
 //! FC 2 FETCH_RK512: data from the partner [S0 "FETCH\\_RK512 (FC 2)"].
 
-use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
+use ob1_sdk::types::{Byte, Word};
+use ob1_sdk::{Abort, Block, Cx, Formal, Kind, Out, Param, interface};
 
-use super::COUNT;
 use super::job::{Job, Phase};
-use super::order::{Order, Wish, run};
+use super::order::{Order, Wish, call};
+use super::telegram::COUNT;
 use crate::state::CpState;
 
 interface! {
@@ -57,13 +58,14 @@ impl Block for Fetch {
     type Module = CpState;
 
     fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
-        let pafe = run::<Self>(cx)?;
-        cx.set(fetch::PAFE, pafe as u8)
+        call::<Self>(cx)
     }
 }
 
 impl Order for Fetch {
     const COMMAND: u8 = b'E';
+    const ANZW: Formal<Word, Out> = fetch::ANZW;
+    const PAFE: Formal<Byte, Out> = fetch::PAFE;
 
     fn wish(cx: &mut Cx<'_, CpState>) -> Result<Wish, Abort> {
         Ok(Wish {
@@ -96,9 +98,5 @@ impl Order for Fetch {
         cx.set(fetch::EMPF_LAEUFT, matches!(job.phase, Phase::Receiving | Phase::Closing))?;
         cx.set(fetch::LETZTER_BLOCK, job.phase == Phase::Closing)?;
         cx.set(fetch::FEHL_KOM, job.failed)
-    }
-
-    fn anzw(cx: &mut Cx<'_, CpState>, anzw: u16) -> Result<(), Abort> {
-        cx.set(fetch::ANZW, anzw)
     }
 }

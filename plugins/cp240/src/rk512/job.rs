@@ -1,6 +1,6 @@
 //! The state of an order of this CPU between two calls of FC 2 or FC 3: pure steps over control bits and registers.
 
-use super::{COUNT, FRAME_ERROR, INITIALISED, KIND, OWN, RESULT_BYTES, Rx, Tx, last_count};
+use super::telegram::{COUNT, FRAME_ERROR, INITIALISED, KIND, OWN, RESULT_BYTES, Rx, Tx, last_count};
 use crate::registers::{BLOCK_BYTES, Words};
 
 /// The phase of an order.

@@ -1,14 +1,17 @@
 //! What FC 2 and FC 3 have in common: an order of this CPU, from the call that starts it to the call that reports its
 //! end.
 
-use ob1_sdk::{Abort, Area, Cx};
+use ob1_sdk::types::{Byte, Word};
+use ob1_sdk::{Abort, Area, Cx, Formal, Out};
 
 use super::job::{Job, Phase, Step};
-use super::{
-    COUNT, DONE, FRAME_ERROR, GIVEN_UP, HEADER_BYTES, KIND, OWN, RESULT_BYTES, RUNNING, TOO_LONG, WORDS_MAX, failed,
-    write_echo, write_tx,
+use super::state::GIVEN_UP;
+use super::telegram::{
+    COUNT, DONE, FRAME_ERROR, HEADER_BYTES, KIND, OWN, RESULT_BYTES, RUNNING, TOO_LONG, WORDS_MAX, failed, write_echo,
+    write_tx,
 };
-use crate::registers::{BLOCK_BYTES, Count, Module, Pafe, REGISTER_BYTES, Words, tx_count};
+use crate::module::Module;
+use crate::registers::{BLOCK_BYTES, Count, FAILED, Pafe, REGISTER_BYTES, Words, tx_count};
 use crate::state::CpState;
 
 /// The order in the parameters of the block.
@@ -60,15 +63,21 @@ impl Wish {
 pub(crate) trait Order {
     /// Third byte of the header.
     const COMMAND: u8;
+    const ANZW: Formal<Word, Out>;
+    const PAFE: Formal<Byte, Out>;
 
     fn wish(cx: &mut Cx<'_, CpState>) -> Result<Wish, Abort>;
     fn load(cx: &mut Cx<'_, CpState>) -> Result<Job, Abort>;
     fn store(cx: &mut Cx<'_, CpState>, job: Job) -> Result<(), Abort>;
-    fn anzw(cx: &mut Cx<'_, CpState>, anzw: u16) -> Result<(), Abort>;
 }
 
 /// One call.
-pub(crate) fn run<O: Order>(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
+pub(crate) fn call<O: Order>(cx: &mut Cx<'_, CpState>) -> Result<(), Abort> {
+    let pafe = run::<O>(cx)?;
+    cx.set(O::PAFE, pafe as u8)
+}
+
+fn run<O: Order>(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     let wish = O::wish(cx)?;
     let Some((module, registers)) = Module::read::<REGISTER_BYTES>(cx, wish.adr)? else { return Ok(Pafe::Ok) };
     let [a, b, c, d, block @ ..] = registers;
@@ -83,7 +92,7 @@ pub(crate) fn run<O: Order>(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
             release(&module);
         }
         O::store(cx, Job::default())?;
-        return O::anzw(cx, failed(Job::LOST)).map(|()| Pafe::Ok);
+        return cx.set(O::ANZW, failed(Job::LOST)).map(|()| Pafe::Ok);
     }
     state.order_seen.set(now);
     if job.phase == Phase::Sending {
@@ -107,10 +116,10 @@ fn start<O: Order>(
 ) -> Result<Pafe, Abort> {
     if wish.words == 0 {
         // Nothing to transfer: ended without error (ours).
-        return O::anzw(cx, DONE).map(|()| Pafe::Ok);
+        return cx.set(O::ANZW, DONE).map(|()| Pafe::Ok);
     }
     if !(1..=WORDS_MAX).contains(&wish.words) {
-        return O::anzw(cx, failed(TOO_LONG)).map(|()| Pafe::Ok);
+        return cx.set(O::ANZW, failed(TOO_LONG)).map(|()| Pafe::Ok);
     }
     let pafe = wish.check(cx)?;
     // A CP whose process is down, or that is not synchronised, accepts nothing: the order waits.
@@ -121,11 +130,11 @@ fn start<O: Order>(
     let taken = state.order.holds(&module.info) && now.saturating_sub(state.order_seen.get()) < GIVEN_UP;
     if taken || module.state.line.holds(&module.info) || !state.take_tx(OWN, now) {
         // "SEND/FETCH blocked" [S0 "Content and structure of the indicator word ANZW"].
-        return O::anzw(cx, RUNNING).map(|()| Pafe::Ok);
+        return cx.set(O::ANZW, RUNNING).map(|()| Pafe::Ok);
     }
     // First clear what an abandoned order has left.
     let left = match tx_count(words.tx_echo) {
-        Count::Failed(_) => Some(crate::registers::FAILED),
+        Count::Failed(_) => Some(FAILED),
         _ if words.tx_echo != 0 => Some(0),
         _ => None,
     };
@@ -145,7 +154,7 @@ fn start<O: Order>(
     state.order.take(&module.info);
     state.order_seen.set(now);
     // Bit 1 is set, bits 2 and 3 are reset: "when the according order is triggered for a second time".
-    O::anzw(cx, RUNNING)?;
+    cx.set(O::ANZW, RUNNING)?;
     act::<O>(cx, module, wish, job, step, &[0; BLOCK_BYTES as usize])
 }
 
@@ -202,7 +211,7 @@ fn act<O: Order>(
             }
             release(module);
             O::store(cx, Job { failed: outcome.is_err(), ..Job::default() })?;
-            return O::anzw(cx, outcome.map_or_else(failed, |()| DONE)).map(|()| Pafe::Ok);
+            return cx.set(O::ANZW, outcome.map_or_else(failed, |()| DONE)).map(|()| Pafe::Ok);
         }
     }
     O::store(cx, job).map(|()| Pafe::Ok)

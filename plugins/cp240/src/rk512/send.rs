@@ -1,10 +1,11 @@
 //! FC 3 SEND_RK512: data to the partner [S0 "SEND\\_RK512"].
 
-use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
+use ob1_sdk::types::{Byte, Word};
+use ob1_sdk::{Abort, Block, Cx, Formal, Kind, Out, Param, interface};
 
-use super::COUNT;
 use super::job::{Job, Phase};
-use super::order::{Order, Wish, run};
+use super::order::{Order, Wish, call};
+use super::telegram::COUNT;
 use crate::state::CpState;
 
 interface! {
@@ -59,13 +60,14 @@ impl Block for SendRk {
     type Module = CpState;
 
     fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
-        let pafe = run::<Self>(cx)?;
-        cx.set(send::PAFE, pafe as u8)
+        call::<Self>(cx)
     }
 }
 
 impl Order for SendRk {
     const COMMAND: u8 = b'A';
+    const ANZW: Formal<Word, Out> = send::ANZW;
+    const PAFE: Formal<Byte, Out> = send::PAFE;
 
     fn wish(cx: &mut Cx<'_, CpState>) -> Result<Wish, Abort> {
         Ok(Wish {
@@ -103,9 +105,5 @@ impl Order for SendRk {
         cx.set(send::SENDEN_FERTIG, matches!(job.phase, Phase::Waiting | Phase::Receiving | Phase::Closing))?;
         cx.set(send::LETZTER_BLOCK, last)?;
         cx.set(send::FEHLER, job.failed)
-    }
-
-    fn anzw(cx: &mut Cx<'_, CpState>, anzw: u16) -> Result<(), Abort> {
-        cx.set(send::ANZW, anzw)
     }
 }

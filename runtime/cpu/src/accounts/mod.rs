@@ -1,8 +1,8 @@
 //! The accounts of every scan: what the scan thread writes down, and what others read of it without the scan noticing.
 //!
 //! One writer, the scan; any number of readers. Everything is a relaxed atomic of its own, allocated at load: writing
-//! takes no lock, allocates nothing and waits for nobody, and reading costs the scan nothing. Nothing is ever reset
-//! here: whoever wants figures from a moment on takes the difference of two snapshots ([`Figures::since`]).
+//! takes no lock, allocates nothing and never waits, and reading costs the scan nothing. Nothing is ever reset
+//! here: for figures from a moment on, a reader takes the difference of two snapshots ([`Figures::since`]).
 
 mod figures;
 mod histogram;
@@ -37,7 +37,7 @@ pub struct AccountsConfig {
     pub recorder: usize,
     /// Keep nothing but the counters: for measuring what the rest costs.
     pub off: bool,
-    /// Take the time of each call of a plugin's block: two more looks at the clock for each.
+    /// Take the time of each call of a plugin's block: two more readings of the clock for each.
     pub blocks: bool,
 }
 

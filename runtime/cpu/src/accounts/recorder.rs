@@ -1,5 +1,5 @@
 //! The flight recorder: the last scans in full, in two rings. An overrun freezes the ring that is being written, and
-//! the scan goes on in the other one. Taking the frozen ring releases it.
+//! the scan continues in the other one. Taking the frozen ring releases it.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering, fence};
 

@@ -45,7 +45,7 @@ pub fn convert(kind: Convert, a1: u32, flags: u32) -> Result<(u32, u32), FaultKi
     })
 }
 
-/// A BCD number of `digits` digits whose sign stands in the digit at bit `sign`: 8 to 15 is minus.
+/// A BCD number of `digits` digits whose sign is in the digit at bit `sign`: 8 to 15 is minus.
 fn from_bcd(bcd: u32, digits: u32, sign: u32) -> Result<i32, FaultKind> {
     let mut value = 0;
     for i in (0..digits).rev() {

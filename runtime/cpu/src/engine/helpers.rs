@@ -46,7 +46,7 @@ impl Context<'_> {
         answer.done()
     }
 
-    /// The statement `at` has failed: its organization block runs, and the program goes on with the next
+    /// The statement `at` has failed: its organization block runs, and the program continues with the next
     /// statement. A statement that loads gives 0, or what SFC 44 has given.
     ///
     /// # Errors

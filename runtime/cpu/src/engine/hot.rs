@@ -17,7 +17,7 @@ use crate::timers::{Counter, Timer};
 pub struct Hot {
     /// Statements executed that the clock has not been told of yet.
     pub pending: u32,
-    /// With this many pending, a safe point looks at the clock.
+    /// With this many pending, a safe point reads the clock.
     pub look_after: u32,
     /// Bytes of the local data stack in use.
     pub local_top: u32,
@@ -27,7 +27,7 @@ pub struct Hot {
     pub scratch_top: u32,
     /// Blocks nested in the running organization block.
     pub depth: u32,
-    /// A block asked for STOP or a fault led to it: every safe point aborts.
+    /// A block requested STOP or a fault led to it: every safe point aborts.
     pub stopping: bool,
     /// The CPU's own time: moves at safe points and cycle control points, nowhere else.
     pub now: Instant,
@@ -57,7 +57,7 @@ pub struct Hot {
 }
 
 impl Default for Hot {
-    /// Nothing runs. The first safe point looks at the clock.
+    /// Nothing runs. The first safe point reads the clock.
     fn default() -> Self {
         Self {
             pending: 0,

@@ -29,7 +29,7 @@
 //! that comes next: the jump's target, or the one after the call.
 //!
 //! **Faults** go to [`Context::fault_at`] with the statement that made them; the site in the source follows from it.
-//! The organization block runs, and the program goes on with the next statement.
+//! The organization block runs, and the program continues with the next statement.
 //!
 //! **[`Abort`]** comes back unchanged through every level at once. The caller of the engine restores stacks and
 //! counters in the hot state.

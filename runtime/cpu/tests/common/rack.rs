@@ -1,4 +1,4 @@
-//! A module on the heap whose registers and calls the test can look at.
+//! A module on the heap whose registers and calls the test can read.
 #![allow(clippy::disallowed_types, reason = "the test and the CPU share it, on one thread")]
 
 use std::sync::{Arc, Mutex};

@@ -1,4 +1,4 @@
-//! Engines are exchanged between two scans: the program goes on where it was.
+//! Engines are exchanged between two scans: the program continues where it was.
 
 use std::sync::Arc;
 

@@ -216,7 +216,7 @@ fn constants_for_inputs_of_functions_and_function_blocks() {
     });
 }
 
-/// Composed types, told apart by their first word; some no longer than an elementary one.
+/// Complex types, distinguished by their first word; some no longer than an elementary one.
 const COMPOSED: [(&str, &str, &str); 7] = [
     ("STRUCT a : INT; END_STRUCT", "#i.a", "#x.a"),
     ("STRUCT a : INT; b : BYTE; END_STRUCT", "#i.a", "#x.a"),

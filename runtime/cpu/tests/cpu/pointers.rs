@@ -89,7 +89,7 @@ fn the_bytes_of_a_pointer_and_of_an_any() {
     });
 }
 
-/// A composed in/out handed on from FB to FB, to a multi-instance, to an FC, to a system function: the innermost block
+/// A composed in/out passed on from FB to FB, to a multi-instance, to an FC, to a system function: the innermost block
 /// adds to the words of the actual, wherever that lies.
 #[test]
 fn a_composed_in_out_handed_on() {
@@ -149,7 +149,7 @@ fn a_composed_in_out_handed_on() {
     });
 }
 
-/// An ANY of a function's own handed to a system function: put together by hand in a temp, copied from a parameter, or
+/// An ANY of a function's own handed to a system function: composed by hand in a temp, copied from a parameter, or
 /// the parameter itself.
 #[test]
 fn an_any_put_together_by_hand() {

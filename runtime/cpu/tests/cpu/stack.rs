@@ -30,7 +30,7 @@ const WATCHDOG_MS: u64 = 100_000;
 /// What the deepest block does next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Next {
-    /// Time goes on to here.
+    /// Time continues to here.
     Time(u64),
     Diagnosis,
     Error,

@@ -1,5 +1,5 @@
-//! Whatever a program hands to a standard block, the scan goes on or the CPU is in STOP: nothing panics. Every block of
-//! the CPU and of its libraries with random parameters, random instances and a clock that jumps; the wall clock at
+//! Whatever a program passes to a standard block, the scan continues or the CPU is in STOP: nothing panics. Every block
+//! of the CPU and of its libraries with random parameters, random instances and a clock that jumps; the wall clock at
 //! every date.
 #![allow(clippy::disallowed_methods, reason = "a thread with a stack of a given size")]
 
@@ -197,7 +197,7 @@ fn the_clock_at_every_date() {
         bench.clock.now = Instant::from_nanos(12_345_678_901);
         let mut before = None;
         let last = u64::from(Moment::MAX.days());
-        // Upwards, and to and fro between the ends of time.
+        // Upwards, and back and forth between the ends of time.
         let step = if is_reference() { 1 } else { 61 };
         for day in (0..=last).step_by(step).flat_map(|day| [day, if day % 2 == 0 { 0 } else { last }]) {
             for ms in [0, 45_296_789, DAY_MS - 1] {

@@ -413,13 +413,13 @@ fn every_instruction_in_both_sets() {
     });
 }
 
-/// `T STW` on an S7-300 leaves /FC, STA and OR as they are: the scan after it begins or goes on as if it were not there
-/// ["Statement List (STL) for S7-300 and S7-400 Programming", "T STW", note]. M 100.0 is 1, M 100.1 is 0.
+/// `T STW` on an S7-300 leaves /FC, STA and OR as they are: the scan after it begins or continues as if it were not
+/// there ["Statement List (STL) for S7-300 and S7-400 Programming", "T STW", note]. M 100.0 is 1, M 100.1 is 0.
 #[test]
 fn what_t_stw_writes() {
     on_each_engine(|| {
         for (text, rlo_300, rlo_400) in [
-            // All bits 1. /FC = 0 on the 300: the scan is the first one. On the 400 it goes on, and OR takes part.
+            // All bits 1. /FC = 0 on the 300: the scan is the first one. On the 400 it continues, and OR takes part.
             ("CLR; L W#16#1FF; T STW; U M 100.1", 0, RLO),
             // /FC = 1 stays on the 300, and the RLO written is combined.
             ("U M 100.0; L W#16#0; T STW; U M 100.0", 0, RLO),

@@ -30,7 +30,8 @@ impl Doorbell {
         Ok((Self { write_end: Arc::new(write_end) }, read_end))
     }
 
-    /// Rings: one `write` of one byte. Never blocks; a full pipe has rung already, and a bell nobody hears is no error.
+    /// Rings: one `write` of one byte. Never blocks; a full pipe has rung already, and a closed one is not an
+    /// error.
     #[inline]
     pub fn ring(&self) {
         let _ = rustix::io::write(self.write_end.as_fd(), &[1]);

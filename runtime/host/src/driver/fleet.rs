@@ -17,7 +17,7 @@ use super::Doorbell;
 use super::process::{DriverCommand, Process};
 use crate::supervisor::{Exit, Input, Phase, Report, Request, Supervisor, Times};
 
-/// How often the heartbeats are looked at while all drivers are up.
+/// How often the heartbeats are checked while all drivers are up.
 const LOOK: Span = Span::from_millis(100);
 /// The same while one is starting: its first sign of life may go unseen for this long.
 const LOOK_STARTING: Span = Span::from_millis(5);
@@ -36,7 +36,7 @@ pub struct DriverPort {
     pub doorbell: Doorbell,
     /// What the supervisor reports, for [`ob1_cpu::Module::poll_event`]. Wait-free; bounded.
     pub reports: Consumer<Report>,
-    /// What any thread may look at.
+    /// What any thread may read.
     pub status: Arc<DriverStatus>,
 }
 
@@ -107,7 +107,7 @@ struct Driver {
     supervisor: Supervisor,
     process: Option<Process>,
     last_beat: u64,
-    /// When it was looked at last.
+    /// When it was checked last.
     looked: Instant,
     reports: Producer<Report>,
     status: Arc<DriverStatus>,
@@ -121,7 +121,7 @@ impl Fleet {
         Self::default()
     }
 
-    /// Adds a driver for a shared segment; `monitor` looks at the same segment.
+    /// Adds a driver for a shared segment; `monitor` reads the same segment.
     ///
     /// # Errors
     /// What the system says when no descriptor is left.
@@ -250,7 +250,7 @@ fn timespec(span: Span) -> Timespec {
 }
 
 impl Driver {
-    /// Feeds the machine with what has happened and does what it asks; returns when it wants to be looked at again.
+    /// Feeds the machine with what has happened and does what it asks; returns when it must be called again.
     fn attend(&mut self, now: Instant) -> Instant {
         let mut input = self.observe(now);
         loop {

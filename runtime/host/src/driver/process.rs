@@ -120,7 +120,7 @@ impl Process {
     pub(super) fn ended(&mut self) -> Option<Exit> {
         match self.child.try_wait() {
             Ok(status) => status.map(exit_of),
-            // Another has waited for it: it is gone all the same.
+            // Another has waited for it: it is gone nevertheless.
             Err(_) => Some(Exit::Code(-1)),
         }
     }

@@ -20,7 +20,7 @@ pub struct PluginError {
 pub enum Refusal {
     /// The file cannot be found; what the system says.
     Missing(String),
-    /// The file is no shared library for this machine, or needs one that is not there; what the loader says.
+    /// The file is not a shared library for this machine, or needs one that is not there; what the loader says.
     NotALibrary(String),
     /// It has no function `ob1_plugin`.
     NoSymbol,
@@ -66,7 +66,7 @@ impl Refusal {
             Refusal::NoSymbol => {
                 "export the blocks: `ob1_sdk::export_plugin!` in Rust, `const struct Ob1PluginTable *ob1_plugin(void)` in C"
             }
-            Refusal::OtherMajor { .. } => "build the plugin anew with the sdk or the ob1.h of this ob1",
+            Refusal::OtherMajor { .. } => "build the plugin again with the sdk or the ob1.h of this ob1",
             Refusal::Malformed(_) => "correct the plugin's table; ob1.h says what each field means",
             Refusal::InitFailed(_) => "ask the plugin's maker what this status of its init function means",
             Refusal::NoSuchBlock(_) => {
@@ -82,7 +82,7 @@ impl fmt::Display for Refusal {
         match self {
             Refusal::Missing(reason) => write!(f, "cannot be opened ({reason})"),
             Refusal::NotALibrary(reason) => write!(f, "cannot be loaded ({reason})"),
-            Refusal::NoSymbol => write!(f, "is no ob1 plugin: it has no function `{}`", ob1_abi::ENTRY_SYMBOL),
+            Refusal::NoSymbol => write!(f, "is not an ob1 plugin: it has no function `{}`", ob1_abi::ENTRY_SYMBOL),
             Refusal::OtherMajor { major, minor } => write!(
                 f,
                 "was built for plugin interface {major}.{minor}, this is {}.{}",
@@ -91,7 +91,7 @@ impl fmt::Display for Refusal {
             ),
             Refusal::Malformed(what) => write!(f, "has a malformed table: {what}"),
             Refusal::InitFailed(status) => write!(f, "refuses to start: its init returned {status}"),
-            Refusal::NoSuchBlock(id) => write!(f, "brings no {id}, but the station file gives it a number"),
+            Refusal::NoSuchBlock(id) => write!(f, "has no {id}, but the station file gives it a number"),
             Refusal::SameNumber(from, to) => write!(f, "{from} cannot become {to}"),
         }
     }

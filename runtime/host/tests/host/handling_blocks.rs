@@ -264,7 +264,7 @@ fn a_restarted_driver_is_another_one() {
     receive.call(&mut cpu, &blocks);
     assert_eq!((send.0[ENDE], receive.0[EMPF_LAEUFT]), (1, 1));
 
-    // It died and is back before anybody looked: the 0 is not ours, nor is the telegram of the same length.
+    // It died and is back before anybody read it: the 0 is not ours, nor is the telegram of the same length.
     cpu.module.status.generation = 2;
     echo(&mut cpu, 0);
     send.call(&mut cpu, &blocks);

@@ -72,7 +72,7 @@ impl Translation<'_, '_> {
         (kept, other)
     }
 
-    /// OV, when it is looked at.
+    /// OV, if it is read.
     fn overflow(&mut self, ov: impl FnOnce(&mut Self) -> Value) -> Bit {
         if self.seen(OVERFLOW) { Bit::Val(ov(self)) } else { Bit::Known(false) }
     }

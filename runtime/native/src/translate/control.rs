@@ -125,7 +125,7 @@ impl Translation<'_, '_> {
         }
     }
 
-    /// A safe point before statement `statement`: looks at the clock and at what is due, if it is time.
+    /// A safe point before statement `statement`: reads the clock and checks what is due, if it is time.
     ///
     /// What waits to be written is written only if the safe point looks; after that everything is read again.
     pub(crate) fn safe_point(&mut self, statement: usize) {

@@ -1,7 +1,7 @@
 //! From the statements of a block to Cranelift's intermediate form.
 //!
 //! Accumulators, address registers and status bits are values while a stretch of statements runs; they go to memory
-//! only where somebody else looks at them. A statement whose operand cannot be reached goes, with all registers, to the
+//! only where other code reads them. A statement whose operand cannot be reached goes, with all registers, to the
 //! reference, which executes it and what follows up to the next place where compiled code can be entered again.
 
 mod arithmetic;
@@ -63,7 +63,7 @@ pub(crate) struct Translation<'a, 'f> {
     /// Entries from the reference: where they lead and what they need.
     pub(crate) landings: Vec<Landing>,
     pub(crate) resume: Vec<Resume>,
-    /// Where the reference is asked to go on; its argument is the statement.
+    /// Where the reference is to continue; its argument is the statement.
     pub(crate) leave: ir::Block,
     /// The same when the count is already in memory.
     pub(crate) leave_counted: ir::Block,
@@ -94,7 +94,7 @@ pub(crate) struct Ways {
     pub(crate) aborts: bool,
 }
 
-/// Where the reference can go on: the code, the registers it needs, and the statement when jumps lead there, too.
+/// Where the reference can continue: the code, the registers it needs, and the statement when jumps lead there, too.
 pub(crate) struct Landing {
     pub(crate) block: ir::Block,
     pub(crate) live: Set,
@@ -440,7 +440,7 @@ impl Translation<'_, '_> {
         }
     }
 
-    /// The code of statement `pc`, which jumps lead to. The reference can go on there, too.
+    /// The code of statement `pc`, which jumps lead to. The reference can continue there, too.
     pub(crate) fn start_of(&mut self, pc: usize) -> ir::Block {
         if let Some(block) = self.body.starts[pc] {
             return block;

@@ -427,7 +427,7 @@ impl Translation<'_, '_> {
         self.checked = Checked::default();
     }
 
-    /// The reference can go on at statement `pc`, whose code is `block`.
+    /// The reference can continue at statement `pc`, whose code is `block`.
     pub(crate) fn landing(&mut self, pc: usize, block: ir::Block) {
         self.resume.push((pc as u32, self.landings.len() as u32 + 1));
         let live = self.body.live[pc] & self.body.unsaved[pc];
@@ -469,7 +469,7 @@ impl Translation<'_, '_> {
         }
     }
 
-    /// The reference goes on, and may return to compiled code.
+    /// The reference continues, and may return to compiled code.
     fn reference_goes_on(&mut self) {
         let at = self.b.append_block_param(self.leave_counted, types::I32);
         self.b.switch_to_block(self.leave_counted);

@@ -98,7 +98,7 @@ impl Translation<'_, '_> {
         let (running, over) = self.time(timers, at, IntCC::UnsignedGreaterThanOrEqual);
         let before = self.load_state(types::I8, timers, at + offset_of!(Timer, start_rlo));
         let known = self.load_state(types::I8, timers, at + offset_of!(Timer, kind));
-        // Nothing to do without an edge, while the time goes on.
+        // Nothing to do without an edge, while the time runs.
         let edge = self.b.ins().bxor(rlo, before);
         let wanted = self.byte(*kind as i64);
         let other = self.b.ins().icmp(IntCC::NotEqual, known, wanted);

@@ -72,7 +72,7 @@ pub(super) fn connect(cpu: &CpuArgs) -> Result<Device<Socket>, String> {
     let mut addresses = with_port.to_socket_addrs().map_err(|error| format!("{with_port}: {error}"))?;
     let address = addresses.next().ok_or_else(|| format!("{with_port} has no address"))?;
     let stream = TcpStream::connect_timeout(&address, PATIENCE).map_err(|error| {
-        format!("{with_port}: {error}; S7 communication has port 102 as a rule, another is written HOST:PORT")
+        format!("{with_port}: {error}; S7 communication usually uses port 102; write another as HOST:PORT")
     })?;
     let timeouts = stream.set_read_timeout(Some(PATIENCE)).and_then(|()| stream.set_write_timeout(Some(PATIENCE)));
     timeouts.and_then(|()| stream.set_nodelay(true)).map_err(|error| format!("{with_port}: {error}"))?;

@@ -30,7 +30,7 @@ pub(super) fn write(path: &Path, files: &[File]) -> Result<(), Refusal> {
     std::fs::create_dir(path).map_err(|error| match error.kind() {
         ErrorKind::AlreadyExists => {
             let remedy = "name another folder, or move this one away; nothing was written";
-            Refusal::new(Exit::Usage, TAKEN, path, "it is there already", remedy)
+            Refusal::new(Exit::Usage, TAKEN, path, "it exists already", remedy)
         }
         _ => refused(path, &error),
     })?;

@@ -29,7 +29,7 @@ const NO_SDK: &str = "N004";
 #[command(
     after_help = "Examples:\n  ob1 new station press\n  ob1 new station /etc/ob1/press      where ob1@press.service looks for it\n  \
     ob1 new plugin batch\n  ob1 new plugin batch --language rust\n\n\
-    Errors:\n  N001  the name is not valid for a station or plugin\n  N002  the folder is there already\n  \
+    Errors:\n  N001  the name is not valid for a station or plugin\n  N002  the folder exists already\n  \
     N003  the system refuses to write there\n  N004  ob1-sdk cannot be found\n\n\
     Exit codes: 0 written, 1 nothing was written, 6 the system refused."
 )]

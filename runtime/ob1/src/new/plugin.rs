@@ -34,7 +34,7 @@ const fn kit(language: Language) -> Kit {
             next: "  cargo build --release\n  ob1 test\n  ob1 run station.toml\n",
             language: "in Rust (`src/lib.rs`)",
             library: "./target/release/lib@CRATE@.so",
-            sources: "`Cargo.toml` names the folder of the crate `ob1-sdk`; after a newer ob1 build the plugin anew.",
+            sources: "`Cargo.toml` names the folder of the crate `ob1-sdk`; after an upgrade of ob1, build the plugin again.",
         },
     }
 }

@@ -75,7 +75,7 @@ impl Station {
         (resident(self.pid()), fds)
     }
 
-    /// Kills one of its drivers. The process is held by a descriptor while it is looked at: the number alone may belong
+    /// Kills one of its drivers. The process is held by a descriptor while it is examined: the number alone may belong
     /// to another.
     pub(super) fn kill_driver(&self, pid: u32) -> bool {
         let Some(number) = i32::try_from(pid).ok().and_then(Pid::from_raw) else { return false };

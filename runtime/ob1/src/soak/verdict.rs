@@ -27,7 +27,7 @@ impl Ended {
     pub const fn text(self) -> &'static str {
         match self {
             Self::UnderWay => "checkpoint of a soak under way, or of one that was killed",
-            Self::Time => "after the wanted time",
+            Self::Time => "after the requested time",
             Self::Interrupted => "interrupted",
             Self::CpuStopped => "because the CPU went to STOP",
             Self::ProcessGone => "because the station's process ended",

@@ -182,7 +182,7 @@ impl Bench {
         if let Some(bit) = bit.filter(|bit| self.inputs.iter().any(|bytes| bytes.contains(&(bit / 8)))) {
             self.set_input(bit, set);
         } else if matches!(set.item.cell, Cell::Peripheral(_)) {
-            return Err(format!("{}: no process input lies there", set.item.name));
+            return Err(format!("{}: no process input has this address", set.item.name));
         }
         if let Cell::Peripheral(_) = set.item.cell {
             return Ok(());

@@ -116,7 +116,7 @@ fn junit(reports: &[FileReport]) -> String {
     out
 }
 
-/// For XML text and attributes; control characters cannot stand in XML at all.
+/// For XML text and attributes; XML cannot have control characters.
 fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {

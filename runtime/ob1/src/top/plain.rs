@@ -32,7 +32,7 @@ pub(super) fn head(data: &Data) -> String {
     )
 }
 
-/// The table of times: since the last reset, and since the look before.
+/// The table of times: since the last reset, and since the reading before.
 pub(super) fn times(data: &Data) -> String {
     let mut out = format!(
         "{:<20}{:>10}{:>11}{:>11}{:>11}   {:>10}{:>11}{:>11}{:>11}\n",

@@ -53,7 +53,7 @@ fn scan(frame: &mut Frame<'_>, area: Rect, data: &Data) {
     let rows =
         Layout::vertical([Constraint::Length(height(&times)), Constraint::Min(8), Constraint::Max(height(&late))]);
     let [table, histograms, classes] = rows.areas(area);
-    let title = "times since the last reset, and since the look before";
+    let title = "times since the last reset, and since the reading before";
     frame.render_widget(Paragraph::new(times).block(titled(title)), table);
     let [left, right] = Layout::horizontal([Constraint::Fill(1), Constraint::Fill(1)]).areas(histograms);
     histogram(frame, left, "wake-up, newest look", data, |t| &t.wake);

@@ -11,7 +11,7 @@ use ob1_station::access::protocol::{CellValue, Op, Response};
 /// Entries of each diagnostic buffer that are shown.
 const DIAGNOSTICS: u32 = 100;
 
-/// A running station that is looked at.
+/// A running station that is watched.
 pub(super) struct Source {
     name: String,
     client: Client,

@@ -56,7 +56,7 @@ impl Link {
         let way = match record.kind {
             Kind::Out => Way::Out,
             Kind::In => Way::In,
-            // What is open will not go on.
+            // Open jobs will not continue.
             Kind::Lost => {
                 self.open.clear();
                 return Vec::new();

@@ -39,7 +39,7 @@ fn a_folder_is_a_program() {
         said.contains("2 blocks have a name and no number, and got one: \"Pump\" = FB 1000, \"Pump_1\" = DB 1000"),
         "{said}"
     );
-    // Nothing is kept unless it is asked for.
+    // Nothing is kept unless requested.
     assert!(!folder.path().join("plant.numbers").exists());
     let kept = ob1(folder.path(), &["check", "plant", "--numbers", "here.numbers"]);
     assert!(kept.status.success() && folder.path().join("here.numbers").exists(), "{}", text(&kept));

@@ -87,7 +87,7 @@ fn the_limit_counts_virtual_time() {
     let stats = bench.stats(&["--limit", "60s"]);
     assert_eq!((stats["exit"].clone(), stats["scans"].clone()), (3.into(), 60_000.into()));
     assert_eq!(stats["plc_seconds"], 60.0);
-    // Real time too, where it is asked for.
+    // Real time, too, if requested.
     assert_eq!(bench.exec(&["--limit", "5ms", "--real-time"]).status.code(), Some(3));
 }
 
@@ -203,7 +203,7 @@ fn a_run_that_lasts_gets_machine_code_meanwhile_and_a_short_one_none() {
         assert_eq!(memory, ((limit * 1000) as u16).to_be_bytes());
         stats["engine"].as_str().expect("a name").to_owned()
     };
-    // It ends before anybody looks at the time.
+    // It ends before the clock is read.
     assert_eq!(bench.stats(&["--engine", "auto", "--limit", "10ms"])["engine"], "reference");
     // How much virtual time passes before the code is made depends on the machine.
     assert!((8..17).any(|n| run(1 << n) == "native"), "it runs on the reference engine to the end");

@@ -282,7 +282,7 @@ fn what_cannot_be_used_is_told_before_anything_runs() {
         ("[[test]]\nname = \"a\"\n[[test.step]]\nexpct = {}\n", 5, "did you mean `expect`?"),
         ("[[test]]\nname = \"a\"\n", 3, "a test without a step"),
         ("", 1, "there is no test"),
-        ("[[test]]\nname = \"a\"\n[[test.step]]\nset = { \"MX 0\" = 1 }\n", 5, "no name of a cell"),
+        ("[[test]]\nname = \"a\"\n[[test.step]]\nset = { \"MX 0\" = 1 }\n", 5, "not the name of a cell"),
         ("[[test]]\nname = \"a\"\n[[test.step]]\nset = { \"MB 0\" = 256 }\n", 5, "does not fit"),
         ("[[test]]\nname = \"a\"\ninputs = { \"MB 0\" = 1 }\n[[test.step]]\n", 4, "is not an input"),
         ("[[test]]\nname = \"a\"\n[[test.step]]\nrun = \"1s\"\nscans = 1\n", 6, "given twice"),

@@ -74,7 +74,7 @@ fn what_lies_there_stays_as_it_is() {
     for what in ["station", "plugin"] {
         let again = ob1(base.path(), &["new", what, "press"]);
         assert_eq!(again.status.code(), Some(1));
-        assert!(said(&again).starts_with("press: error N002: it is there already"), "{}", said(&again));
+        assert!(said(&again).starts_with("press: error N002: it exists already"), "{}", said(&again));
     }
     assert_eq!(std::fs::read_to_string(&file).expect("there"), "// mine\n");
     for (args, code, exit) in [

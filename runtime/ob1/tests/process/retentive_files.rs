@@ -29,7 +29,7 @@ fn limit_files(station: &Station, bytes: Option<u64>) {
     prlimit(Some(pid), Resource::Fsize, Rlimit { current: bytes, maximum: None }).expect("our own child");
 }
 
-/// The station goes on; each state is reported once, with the age of the last good image.
+/// The station continues; each state is reported once, with the age of the last good image.
 #[test]
 fn a_disk_that_takes_nothing_more_is_told_once() {
     let bench = bench();

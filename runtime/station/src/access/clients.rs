@@ -208,7 +208,7 @@ impl Clients {
         }
         let stuck = self.list.iter().filter(|client| !client.output.is_empty());
         let stuck = stuck.map(|client| (client.active + WRITE_TIME).saturating_duration_since(now)).min();
-        // And now and then, to release what is no longer asked for.
+        // And now and then, to release cells that nobody reads any more.
         stuck.into_iter().chain(pause).chain([LOOK]).min()
     }
 
@@ -314,7 +314,7 @@ mod tests {
             UnixStream::connect(self.folder.path().join("s")).expect("it listens")
         }
 
-        /// One round; whether the server goes on.
+        /// One round; whether the server continues.
         fn wait(&mut self) -> bool {
             self.clients.wait(&self.listener, &self.stopped, None, None)
         }
@@ -356,7 +356,7 @@ mod tests {
         assert_eq!(ends[1].read(&mut answer).expect("an end"), 0, "the most silent");
     }
 
-    /// A client that does not take its answer is served no further; the others go on.
+    /// A client that does not take its answer is served no further; the others continue.
     #[test]
     fn a_slow_reader_waits_alone() {
         let mut site = Site::new();

@@ -14,7 +14,7 @@ use rustix::event::{PollFd, PollFlags};
 
 /// Pause between two looks at the window, while a snapshot is waited for.
 const LOOK: Duration = Duration::from_micros(200);
-/// How often cells are released that are no longer asked for.
+/// How often cells are released that nobody reads any more.
 const TICK: Duration = Duration::from_secs(1);
 
 /// A cell and how much of it.
@@ -54,7 +54,7 @@ pub(super) enum Outcome {
 }
 
 impl Pending {
-    /// How long until it must be looked at again, at the latest.
+    /// How long until it must be polled again, at the latest.
     pub(super) fn due(&self, now: Instant) -> Duration {
         let left = self.give_up.saturating_duration_since(now);
         if matches!(self.work, Work::Read { .. }) { left.min(LOOK) } else { left }
@@ -95,7 +95,7 @@ impl Control {
         self.gone.is_none()
     }
 
-    /// Begins a round: takes what has come, and releases what was asked for long ago.
+    /// Begins a round: takes what has come, and releases cells that were requested long ago.
     pub(super) fn pump(&mut self) {
         while self.ticked.elapsed() >= TICK {
             self.ticked += TICK;
@@ -140,7 +140,7 @@ impl Control {
         self.door.client_gone(client);
     }
 
-    /// Goes on with a request; `None`: it has not ended. Reads are asked for in the order they came: while one still
+    /// Continues a request; `None`: it has not ended. Reads are asked for in the order they came: while one still
     /// waits for its cells to be watched, `may_read` becomes false for those after it, which could take its place at
     /// the broker.
     pub(super) fn advance(&mut self, pending: &mut Pending, may_read: &mut bool) -> Option<Result<Outcome, String>> {

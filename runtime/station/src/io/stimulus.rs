@@ -96,7 +96,7 @@ impl Stimulus {
         let mut changes = Vec::new();
         for (at, &time) in file.at.iter().zip(&times) {
             if repeat.is_some_and(|repeat| time >= repeat) {
-                let message = "this time is never reached: the list begins anew before".to_owned();
+                let message = "this time is never reached: the list begins again before it".to_owned();
                 found.push(error(at.time.span(), message, "make it earlier than `repeat`"));
             }
             for (cell, value) in &at.set {
@@ -111,7 +111,7 @@ impl Stimulus {
             }
         }
         if repeat == Some(Span::ZERO) {
-            found.push(error(0..0, "repeat must be longer than 0".to_owned(), "a stimulus that repeats takes time"));
+            found.push(error(0..0, "repeat must be longer than 0".to_owned(), "one round of a repeated stimulus must take time"));
         }
         changes.sort_by_key(|change| change.time);
         if found.is_empty() { Ok(Self { changes, repeat, next: 0, round: Instant::START }) } else { Err(found) }

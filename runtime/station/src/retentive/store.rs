@@ -150,7 +150,7 @@ impl Store {
         self.folder.join(format!(".{}.retentive.new", self.station))
     }
 
-    /// A new file; what stands in its place, whatever it is, is removed and never written into.
+    /// A new file; anything in its place is removed and never written into.
     fn create(&self, path: &Path) -> io::Result<File> {
         let _ = fs::remove_file(path).or_else(|_| fs::remove_dir(path));
         OpenOptions::new().write(true).create_new(true).mode(0o600).open(path)

@@ -33,8 +33,8 @@ impl Ended {
     const fn text(self) -> &'static str {
         match self {
             Ended::Signal => "by a signal",
-            Ended::Time => "after the wanted time",
-            Ended::Scans => "after the wanted number of scans",
+            Ended::Time => "after the requested time",
+            Ended::Scans => "after the requested number of scans",
             Ended::Fault => "because the CPU went to STOP",
             Ended::StoodStill => "because it had stood still and its guardian has set the outputs to their safe state",
         }

@@ -1,4 +1,4 @@
-//! The scan thread: asks for its posture, then cycles until it is told to finish.
+//! The scan thread: asks for its posture, then cycles until it is ordered to finish.
 //!
 //! From its first cycle on it allocates nothing, takes no lock another thread can hold, and makes no system call but
 //! the sleep, the doorbells, and one look at its kernel counters after a late scan; the fence proves it. What others
@@ -32,7 +32,7 @@ pub(super) struct ScanState {
     state: AtomicU8,
     /// The number of the newest diagnostic entry.
     entries: AtomicU64,
-    /// Which modules answer; looked at in STOP.
+    /// Which modules answer; checked in STOP.
     present: Box<[AtomicBool]>,
     cycles: AtomicU64,
     scans: AtomicU64,
@@ -104,7 +104,7 @@ impl ScanState {
     }
 }
 
-/// The clock of the scan. Each look at it is a sign of life: it is looked at between statements, so a long cycle, or
+/// The clock of the scan. Each look at it is a sign of life: it is read between statements, so a long cycle, or
 /// one whose monitoring is triggered again and again (SFC 43), is alive, and a native block that never returns is
 /// not.
 struct LivingClock {

@@ -31,9 +31,9 @@ pub(super) fn missing(
 fn remedy(present: &[PathBuf]) -> String {
     let names: Vec<String> = present.iter().map(|path| path.display().to_string()).collect();
     match names.as_slice() {
-        [] => "plug the adapter in (it is taken as soon as it is there), or correct the name".into(),
+        [] => "plug the adapter in (it is used as soon as it is there), or correct the name".into(),
         names => format!(
-            "plug the adapter in (it is taken as soon as it is there), or correct the name; there are: {}",
+            "plug the adapter in (it is used as soon as it is there), or correct the name; there are: {}",
             names.join(", ")
         ),
     }

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// A line of the station file. Its text form is what the driver is told; paths in it are absolute.
+/// A line of the station file. The driver gets its text form; paths in it are absolute.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Line {
     /// `serial:/dev/ttyUSB0`: a serial device.
@@ -25,7 +25,7 @@ pub enum LineError {
     #[error("\"{0}\" is not a kind of line")]
     Kind(String),
     /// Nothing after the colon.
-    #[error("nothing stands behind \"{0}:\"")]
+    #[error("nothing follows \"{0}:\"")]
     Empty(&'static str),
     /// No port number.
     #[error("\"{0}\" is not a port number (1 to 65535)")]

@@ -189,7 +189,7 @@ mod tests {
         let mut looks = Looks::new(50 * MS);
         looks.enter(sample(100, look(100, 0, NONE, NONE)));
         looks.enter(sample(150, look(150, 0, NONE, MS)));
-        // Taken while the scan was waiting; of a wait that goes on a part may be counted.
+        // Taken while the scan was waiting; part of a wait that continues may be counted.
         looks.enter(sample(202, look(199, 0, NONE, 2 * MS)));
         looks.enter(sample(250, look(230, 1, 9 * MS, 9 * MS)));
         let scan = late(200, 8 * MS, look(200, 1, 8 * MS, 8 * MS));

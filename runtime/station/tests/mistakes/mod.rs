@@ -14,7 +14,7 @@ pub(crate) fn check(good: &str, read: fn(&str) -> Result<Station, Vec<Finding>>,
         match read(&good.replacen(from, to, 1)) {
             Ok(_) => wrong.push(format!("{from} -> {to}: nothing is said")),
             Err(findings) => {
-                // A wrong range is a range all the same.
+                // A wrong range is a range nevertheless.
                 if findings.iter().any(|f| f.message.contains("neither inputs nor outputs")) {
                     wrong.push(format!("{from} -> {to}: said of a module that has ranges"));
                 }

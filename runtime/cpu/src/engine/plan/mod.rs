@@ -73,7 +73,7 @@ pub struct Block {
 }
 
 impl Block {
-    /// Where a statement stands in the source.
+    /// Where a statement is in the source.
     #[must_use]
     pub fn site(&self, statement: usize) -> Site {
         let stmt = self.stmts.get(statement);
@@ -113,7 +113,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Where a statement stands in the source.
+    /// Where a statement is in the source.
     #[must_use]
     pub fn site(&self, at: Caller) -> Option<Site> {
         Some(self.blocks.get(at.block as usize)?.site(at.statement as usize))

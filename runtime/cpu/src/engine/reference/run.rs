@@ -74,7 +74,7 @@ impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
                 Caller { block: current, statement: (pc - 1) as u32 }
             };
         }
-        // Runs the fault's organization block; the program goes on with the next statement.
+        // Runs the fault's organization block; the program continues with the next statement.
         macro_rules! fail {
             ($fault:expr) => {{
                 let fault: Fault = $fault;

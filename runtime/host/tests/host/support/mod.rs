@@ -46,7 +46,7 @@ pub(crate) struct Cpu {
     pub(crate) records: BTreeMap<u8, Vec<u8>>,
     pub(crate) written: BTreeMap<u8, Vec<u8>>,
     pub(crate) now: Instant,
-    /// What the block has asked for.
+    /// Requests of the block.
     pub(crate) stops: Vec<(Event, String)>,
     pub(crate) entries: Vec<(u16, String)>,
     pub(crate) faults: Vec<(FaultKind, u32)>,

@@ -21,7 +21,7 @@ const THREADS: u64 = 64;
 /// Most driver kills a minute: a driver needs about a second to be back.
 const KILLS: u64 = 60;
 
-/// What was asked for: `cpu=2,memory=64MiB,io=1,driver-kill=10/min`.
+/// What was requested: `cpu=2,memory=64MiB,io=1,driver-kill=10/min`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Load {
     /// As it was written.

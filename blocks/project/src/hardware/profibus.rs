@@ -1,10 +1,14 @@
 //! DP master systems with their slaves, as the hardware configuration keeps them. What the attributes mean was found
 //! out by comparing projects (`docs/import.md`).
 
-use crate::hardware::{Area, INPUT_ADDRESSES, Interfaces, OUTPUT_ADDRESSES, Object, Objects, Tables, area_bytes};
+use super::objects::{
+    Area, GSD_NAME, HAS_INTERFACE, IDENTIFIER, INPUT_ADDRESSES, Interfaces, OUTPUT_ADDRESSES, Object, Objects, SUBNET,
+    USER_PARAMETERS, area_bytes, with_count,
+};
+use super::tables::Tables;
+use crate::dbf_writer::Cell;
 use crate::text::CodePage;
 use crate::tree::Files;
-use crate::write::Cell;
 
 /// A DP master system.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -55,25 +59,13 @@ pub struct DpModule {
     pub outputs: Vec<Area>,
 }
 
-/// The object type of a DP master system, and its relation to the interface of its master.
+/// The object type of a DP master system.
 const SYSTEM: i64 = 1_314_971;
-pub(crate) const HAS_INTERFACE: i64 = 1_315_834;
-/// Attributes: the module's name in the GSD file, its identifier; the slave's user parameters; the subnet's name.
-pub(crate) const GSD_NAME: i64 = 110_970;
-pub(crate) const IDENTIFIER: i64 = 110_752;
-pub(crate) const USER_PARAMETERS: i64 = 110_800;
-pub(crate) const SUBNET: i64 = 110_955;
-/// Precedes the name of a module that goes on in a further slot.
+/// Precedes the name of a module that continues in a further slot.
 const GOES_ON: &str = "-->";
 
-/// The bytes after their number: a word, low byte first. None unless all are there.
-pub(crate) fn counted(bytes: &[u8]) -> Vec<u8> {
-    let Some((count, rest)) = bytes.split_first_chunk::<2>() else { return Vec::new() };
-    rest.get(..usize::from(u16::from_le_bytes(*count))).unwrap_or_default().to_vec()
-}
-
 /// The master systems among the objects; `station` finds the station of one.
-pub(crate) fn systems(
+pub(super) fn systems(
     objects: &Objects,
     interfaces: &Interfaces,
     station: impl Fn(&Object) -> String,
@@ -128,7 +120,7 @@ const MODULE: i64 = 1_314_995;
 const HEAD: i64 = 1_315_030;
 
 /// Writes master systems of the station `station`, whose interface is `interface`.
-pub(crate) fn write(
+pub(super) fn write(
     systems: &[DpSystem],
     station: (i64, i64),
     interface: (i64, i64),
@@ -184,25 +176,4 @@ pub(crate) fn write(
     }
     heads.put("S7HDPSSX", files);
     slots.put("s7hslntx", files);
-}
-
-fn with_count(bytes: &[u8]) -> Vec<u8> {
-    let mut out = (bytes.len() as u16).to_le_bytes().to_vec();
-    out.extend(bytes);
-    out.push(0);
-    out
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn bytes_are_counted_and_a_count_is_not_believed() {
-        assert_eq!(counted(&[2, 0, 0x40, 0x9F, 0]), [0x40, 0x9F]);
-        assert_eq!(counted(&with_count(&[1, 2, 3])), [1, 2, 3]);
-        for wrong in [&[][..], &[1], &[1, 0], &[3, 0, 1, 2], &[0xFF, 0xFF, 1]] {
-            assert_eq!(counted(wrong), [], "{wrong:?}");
-        }
-    }
 }

@@ -3,18 +3,15 @@
 //! What is written is what [`crate::Project`] reads and STEP 7 would find by itself: block folder, program, symbol
 //! table, station with CPU and modules. Indexes (`.MDX`) and the editors' private parts are left out.
 
-mod table;
-
 use ob1_model::BlockKind;
 
+use crate::dbf_writer::{Cell, TableWriter};
 use crate::folder::{Block, Head, KINDS, Language, Part, UDT, Udt};
-use crate::hardware::{self, Cpu, Module};
+use crate::hardware::{self, Cpu, DpSystem, Module};
 use crate::links::{self, Links};
-use crate::profibus::DpSystem;
 use crate::symbols::{self, SymbolRow};
 use crate::text::CodePage;
 use crate::tree::Files;
-pub(crate) use table::{Cell, TableWriter};
 
 /// A project with one station, one CPU and one program.
 #[derive(Clone, Debug, Default)]

@@ -1,0 +1,163 @@
+//! Stations, CPUs and modules with their addresses, as the hardware configuration keeps them.
+//!
+//! Objects lie in tables of their own by kind of module (`hOmSave7/*/HOBJECT1.DBF`), their addresses and parameters in
+//! `HATTRME1`, their place in the plant in their unit: module, rack, station. What the attributes mean was found out
+//! by comparing projects (`docs/import.md`); what is not known is not used.
+
+mod objects;
+mod profibus;
+mod tables;
+
+use crate::cpu_parameters::{self, CpuParameters};
+use crate::dbf_writer::Cell;
+use crate::note::Notes;
+use crate::text::CodePage;
+use crate::tree::{Files, Tree};
+
+use objects::{
+    CPU_PARAMETERS, HAS_PROGRAM, INPUT_ADDRESSES, Interfaces, OUTPUT_ADDRESSES, Object, Objects, PROGRAM, area_bytes,
+    read_kind,
+};
+use tables::Tables;
+
+pub use objects::Area;
+pub use profibus::{DpModule, DpSlave, DpSystem};
+
+/// The hardware of a project.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Hardware {
+    /// The CPUs.
+    pub cpus: Vec<Cpu>,
+    /// Modules with addresses, CPUs left out.
+    pub modules: Vec<Module>,
+    /// DP master systems; their modules are among the modules too.
+    pub dp: Vec<DpSystem>,
+}
+
+/// A CPU.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Cpu {
+    /// Its name: `CPU 315-2 DP`.
+    pub name: String,
+    /// The station it is in.
+    pub station: String,
+    /// The program it has.
+    pub program: Option<i64>,
+    /// What it is set to.
+    pub parameters: CpuParameters,
+}
+
+/// A module.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Module {
+    /// Its name: `DI16xDC24V`.
+    pub name: String,
+    /// Its order number, as far as the catalogue's name has it: `6ES7 321-1BH02-0AA`.
+    pub order: String,
+    /// The station it is in.
+    pub station: String,
+    /// Rack, slot and submodule; a device on a bus has its number as rack.
+    pub place: (i64, i64, i64),
+    /// Its areas of inputs: first byte and length.
+    pub inputs: Vec<Area>,
+    /// Its areas of outputs.
+    pub outputs: Vec<Area>,
+}
+
+/// The unit type of stations: the project.
+const IN_PROJECT: i64 = 1_122_305;
+/// Objects within each other: module, rack, station; a submodule of a device on a bus of a bus has some more.
+const DEEPEST: usize = 16;
+
+/// Reads the hardware of the project at `root`.
+pub(crate) fn read(tree: &Tree<'_>, root: &str, page: CodePage, notes: &mut Notes) -> Hardware {
+    let base = format!("{root}hOmSave7/");
+    let (mut objects, mut interfaces) = (Objects::new(), Interfaces::new());
+    for part in tree.list(&base) {
+        read_kind(tree, &format!("{base}{part}/"), page, (&mut objects, &mut interfaces), notes);
+    }
+    let station = |object: &Object| {
+        let mut unit = object.unit;
+        for _ in 0..DEEPEST {
+            match objects.get(&unit) {
+                Some(above) if above.unit.0 == IN_PROJECT => return above.name.clone(),
+                Some(above) => unit = above.unit,
+                None => break,
+            }
+        }
+        String::new()
+    };
+    let mut hardware = Hardware::default();
+    for object in objects.values() {
+        if object.program.is_some() || !object.parameters.is_empty() {
+            hardware.cpus.push(Cpu {
+                name: object.name.clone(),
+                station: station(object),
+                program: object.program,
+                parameters: cpu_parameters::read(&object.parameters),
+            });
+        } else if !object.inputs.is_empty() || !object.outputs.is_empty() {
+            hardware.modules.push(Module {
+                name: object.name.clone(),
+                order: object.order.clone(),
+                station: station(object),
+                place: object.place,
+                inputs: object.inputs.clone(),
+                outputs: object.outputs.clone(),
+            });
+        }
+    }
+    hardware.dp = profibus::systems(&objects, &interfaces, station);
+    hardware.modules.sort_by(|a, b| (&a.station, a.place).cmp(&(&b.station, b.place)));
+    hardware
+}
+
+/// Writes a station with one CPU, in rack 0, and its modules.
+pub(crate) fn write(
+    cpu: Option<&Cpu>,
+    modules: &[Module],
+    dp: &[DpSystem],
+    program: i64,
+    page: CodePage,
+    files: &mut Files,
+) {
+    let Some(cpu) = cpu else { return };
+    profibus::write(dp, (1, STATION), (1, INTERFACE_OBJECT), page, files);
+    if !dp.is_empty() {
+        let mut interfaces = Tables::new();
+        interfaces.object(1, INTERFACE_OBJECT, (1, CPU_OBJECT), (0, 2, 1), page.bytes("DP"));
+        interfaces.put("s7hkdmax", files);
+    }
+    let mut station = Tables::new();
+    station.object(1, STATION, (PROJECT_OBJECT, IN_PROJECT), (-1, -1, -1), page.bytes(&cpu.station));
+    station.put("s7hstatx", files);
+    let mut cpus = Tables::new();
+    cpus.object(1, CPU_OBJECT, (1, STATION), (0, 2, 0), page.bytes(&cpu.name));
+    cpus.relations.row(vec![
+        ("SOBJID", Cell::Number(1)),
+        ("SOBJTYP", Cell::Number(CPU_OBJECT)),
+        ("RELID", Cell::Number(HAS_PROGRAM)),
+        ("TOBJID", Cell::Number(program)),
+        ("TOBJTYP", Cell::Number(PROGRAM)),
+    ]);
+    cpus.memo(1, CPU_PARAMETERS, cpu_parameters::write(&cpu.parameters));
+    cpus.put("s7hk31ax", files);
+    let mut slots = Tables::new();
+    for (id, module) in (1..).zip(modules) {
+        slots.object(id, MODULE_OBJECT, (1, STATION), module.place, page.bytes(&module.name));
+        if !module.order.is_empty() {
+            slots.catalogue(id, &module.order);
+        }
+        for (attribute, areas) in [(INPUT_ADDRESSES, &module.inputs), (OUTPUT_ADDRESSES, &module.outputs)] {
+            slots.memo(id, attribute, area_bytes(areas));
+        }
+    }
+    slots.put("s7hk32ax", files);
+}
+
+/// Object types in the projects written here: a station, a CPU, a module, and the ID of the project.
+const STATION: i64 = 1_314_969;
+const CPU_OBJECT: i64 = 2_364_508;
+const INTERFACE_OBJECT: i64 = 2_364_509;
+const MODULE_OBJECT: i64 = 1_315_991;
+const PROJECT_OBJECT: i64 = 43;

@@ -1,0 +1,97 @@
+//! The module a handling block is called for: its registers, its settings, the plugin's memory for it.
+
+use ob1_sdk::{Abort, Cx, ModuleInfo, Refused};
+
+use crate::registers::Words;
+use crate::settings::{self, Service};
+use crate::state::CpState;
+
+/// Number of the entry in the diagnostic buffer: this handling block has no function for this CP (ours).
+const NO_USE: u16 = 1;
+
+/// The module a block is called for, with the plugin's memory for it.
+pub(crate) struct Module<'a> {
+    pub(crate) address: u32,
+    pub(crate) info: ModuleInfo,
+    pub(crate) state: &'a CpState,
+}
+
+/// A block's access to the CP. If there is no module, or a driver is down and the station file says `absent = "fault"`,
+/// an access has the same effect as `L PEW` and `T PAW`: event 2942h or 2943h, OB 122 or STOP; `None` if OB 122 has
+/// handled it.
+impl<'a> Module<'a> {
+    /// The registers are read before the state of the driver: so the 0 of a dead driver is never taken for the 0 of an
+    /// acknowledged telegram.
+    ///
+    /// `None` also for a Modbus slave "short": its registers hold the data of the master and not count words.
+    pub(crate) fn read<const N: usize>(cx: &mut Cx<'a, CpState>, adr: i16) -> Result<Option<(Self, [u8; N])>, Abort> {
+        let Some((module, registers)) = Self::reach(cx, adr)? else { return Ok(None) };
+        if module.service(cx)? == Service::Nothing {
+            let text = "a handling block was called, but the registers of a Modbus slave \"short\" are its data";
+            return module.tell_no_use(cx, text).map(|()| None);
+        }
+        Ok(Some((module, registers)))
+    }
+
+    /// The same, also for a Modbus slave "short".
+    pub(crate) fn reach<const N: usize>(cx: &mut Cx<'a, CpState>, adr: i16) -> Result<Option<(Self, [u8; N])>, Abort> {
+        let address = address(adr);
+        let mut registers = [0; N];
+        if !read(cx, address, &mut registers)? {
+            return Ok(None);
+        }
+        let info = cx.module_info(address)?;
+        let Some(info) = read_access(cx, info, address)? else { return Ok(None) };
+        let state = cx.module_state(address)?;
+        Ok(read_access(cx, state, address)?.map(|state| (Self { address, info, state }, registers)))
+    }
+
+    /// The same as [`Module::read`], but only the two count words.
+    pub(crate) fn words(cx: &mut Cx<'a, CpState>, adr: i16) -> Result<Option<(Self, Words)>, Abort> {
+        Ok(Self::read(cx, adr)?.map(|(module, bytes)| (module, Words::from_bytes(bytes))))
+    }
+
+    /// The byte that ABD refers to.
+    pub(crate) fn offset(&self, cx: &mut Cx<'_, CpState>, abd: u16) -> Result<u32, Abort> {
+        settings::offset(cx, self.address, self.state, abd)
+    }
+
+    /// The blocks the CP supports.
+    pub(crate) fn service(&self, cx: &mut Cx<'_, CpState>) -> Result<Service, Abort> {
+        settings::service(cx, self.address, self.state)
+    }
+
+    /// Reports a call that has no function for this CP, once for each start of the station.
+    pub(crate) fn tell_no_use(&self, cx: &mut Cx<'_, CpState>, text: &str) -> Result<(), Abort> {
+        if self.state.told.replace(true) {
+            return Ok(());
+        }
+        cx.diag_entry(NO_USE, format_args!("module at {}: {text}", self.address))
+    }
+
+    /// Writes bytes from an offset on, in one access. False if the access failed and OB 122 has handled it.
+    pub(crate) fn write(&self, cx: &mut Cx<'_, CpState>, offset: u32, bytes: &[u8]) -> Result<bool, Abort> {
+        match cx.io_write(self.address + offset, bytes)? {
+            Ok(()) => Ok(true),
+            Err(_) => cx.raise_fault(0x2943, self.address).map(|()| false),
+        }
+    }
+}
+
+/// The logical address: the manual declares it as INT, but addresses are unsigned.
+pub(crate) fn address(adr: i16) -> u32 {
+    u32::from(adr as u16)
+}
+
+/// Reads registers; false if the access failed and OB 122 has handled it.
+pub(crate) fn read(cx: &mut Cx<'_, CpState>, address: u32, into: &mut [u8]) -> Result<bool, Abort> {
+    let done = cx.io_read(address, into)?;
+    Ok(read_access(cx, done, address)?.is_some())
+}
+
+fn read_access<T>(cx: &mut Cx<'_, CpState>, done: Result<T, Refused>, address: u32) -> Result<Option<T>, Abort> {
+    match done {
+        Ok(value) => Ok(Some(value)),
+        Err(_) => cx.raise_fault(0x2942, address).map(|()| None),
+    }
+}
