@@ -197,9 +197,9 @@ pub enum What {
         /// Received.
         received: u8,
     },
-    /// No receive buffer is free.
+    /// No receive buffer is free, or the telegram is longer than what is free of it.
     NoBuffer,
-    /// A telegram is longer than the buffer, or than the room in it.
+    /// A telegram is longer than the longest that the buffer can hold.
     TooLong,
     /// A telegram began before the previous one had ended, which is lost.
     Restarted,

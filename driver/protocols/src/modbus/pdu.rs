@@ -4,6 +4,8 @@
 //! Registers have two bytes; where a slave also has registers of four bytes (codes 03h, 06h, 10h with the "32-bit
 //! extensions" of [S4 "32-Bit Registers"]), the functions take the size as a parameter.
 
+use core::ops::Range;
+
 /// Bytes of a register.
 pub const REGISTER_BYTES: usize = 2;
 /// Bytes of a register with 32-bit extensions.
@@ -215,6 +217,23 @@ impl<'a> Request<'a> {
             }
         };
         Ok(request)
+    }
+}
+
+impl Request<'_> {
+    /// The bytes of the output area that it writes.
+    pub fn written(&self) -> Range<usize> {
+        match *self {
+            Self::ReadBits { .. } | Self::ReadWords { .. } => 0..0,
+            Self::WriteBit { at, .. } => usize::from(at) / 8..usize::from(at) / 8 + 1,
+            Self::WriteBits { first, count, .. } => {
+                usize::from(first) / 8..(usize::from(first) + usize::from(count)).div_ceil(8)
+            }
+            Self::WriteWords { first, data } => {
+                let from = REGISTER_BYTES * usize::from(first);
+                from..from + data.len()
+            }
+        }
     }
 }
 

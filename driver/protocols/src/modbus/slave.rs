@@ -4,6 +4,8 @@
 //! [`Config::confirmed`] the answer to a write waits until the CPU has taken every block that has changed. If somebody
 //! sends in the meantime, the master has given up, and the answer is dropped: it would collide with another telegram.
 
+use core::ops::Range;
+
 use super::area::{AREA_BYTES, Areas, Change, SHORT_BYTES};
 use super::frame::{self, End, Receiver};
 use super::pdu::{BROADCAST, Direction, ERROR_BIT, Exception, Function, Request};
@@ -53,6 +55,8 @@ pub struct Slave {
     areas: Areas,
     /// The CPU has a change that it has not confirmed.
     with_cpu: Option<Change>,
+    /// The bytes of the output area that the request being answered has written.
+    written: Range<usize>,
     answer: [u8; TELEGRAM_BYTES],
     len: usize,
 }
@@ -63,7 +67,7 @@ impl Slave {
         let receiver = Receiver::new(config.frame.clone(), Direction::Request);
         let areas = Areas::new(config.area_bytes);
         let answer = [0; TELEGRAM_BYTES];
-        Self { config, state: State::Listen, receiver, areas, with_cpu: None, answer, len: 0 }
+        Self { config, state: State::Listen, receiver, areas, with_cpu: None, written: 0..0, answer, len: 0 }
     }
 
     /// The configuration.
@@ -97,10 +101,11 @@ impl Slave {
 
     /// The CPU has stored the change, or refuses it because its own area is too short. Follow with [`Input::Tick`].
     pub fn change_taken(&mut self, stored: bool) {
-        if let Some(change) = self.with_cpu.take() {
-            self.areas.close_change(change, stored);
-        }
-        if !stored && self.state == State::Held {
+        let Some(change) = self.with_cpu.take() else { return };
+        self.areas.close_change(change, stored);
+        // A broadcast, or a write that the master has given up, may have been refused instead of this one.
+        let is_of_it = change.first < self.written.end && self.written.start < change.first + change.bytes;
+        if !stored && self.state == State::Held && is_of_it {
             // "Writing master accesses must not lie outside of the reception area!" [S0 L2074]
             self.refuse(Exception::Address);
         }
@@ -143,6 +148,7 @@ impl Slave {
             return;
         }
         self.answer[..2].copy_from_slice(&[address, code]);
+        self.written = request.map_or(0..0, |request| request.written());
         match request.and_then(|request| self.areas.serve(&request, &mut self.answer[2..])) {
             // Writes: the four bytes after the function code are returned. [S0 "Modbus - Function codes"]
             Ok(0) => {

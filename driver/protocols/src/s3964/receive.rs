@@ -171,8 +171,8 @@ impl<const N: usize> S3964<N> {
 
     fn block_complete(&mut self, now: Instant, mut block: Block, out: &mut dyn Sink) {
         match out.room() {
-            0 => self.note(&mut block, What::NoBuffer, out),
-            room if block.len > room => self.note(&mut block, What::TooLong, out),
+            // It is not longer than the longest telegram, so the buffer is in use. [reference 3.10, 080Ah]
+            room if room == 0 || block.len > room => self.note(&mut block, What::NoBuffer, out),
             // Nobody sends an empty telegram: without a check character this is a telegram that has lost its
             // characters, and an acknowledgement would tell the partner that it has arrived. (ours)
             _ if block.len == 0 && !self.config.bcc => self.note(&mut block, What::Empty, out),

@@ -237,8 +237,8 @@ impl<const N: usize> Receive<N> {
     fn complete(&mut self, out: &mut dyn Sink) {
         match (self.len, out.room()) {
             (0, _) => out.report(Event { phase: Phase::Receive, what: What::Empty }),
-            (_, 0) => out.report(Event { phase: Phase::Receive, what: What::NoBuffer }),
-            (len, room) if len > room => out.report(Event { phase: Phase::Receive, what: What::TooLong }),
+            // [S0 "Communication via back plane bus"]: when the buffer is filled up, new telegrams are rejected.
+            (len, room) if len > room => out.report(Event { phase: Phase::Receive, what: What::NoBuffer }),
             (len, _) => out.deliver(&self.data[..len]),
         }
         self.completed = true;

@@ -5,7 +5,7 @@ use ob1_protocols::MS;
 use ob1_protocols::modbus::area::{Areas, Change};
 use ob1_protocols::modbus::pdu::{Exception, Request};
 use ob1_protocols::modbus::slave::Config;
-use ob1_protocols::modbus::{Mode, Slave, frame};
+use ob1_protocols::modbus::{Mode, Slave, frame, rtu};
 
 use crate::common::check;
 
@@ -293,6 +293,25 @@ fn outside_of_the_reception_area() {
         &mut slave,
         "40 start => tx 05 86 02 82 60\n 50 done\n 60 rx 05 06 02 00 00 01 48 36\n 63.5 timeout => tx 05 86 02 82 60\n 70 done",
     );
+}
+
+/// A broadcast that the CPU cannot store is nobody's answer: the write after it is stored, and answered so.
+#[test]
+fn a_refused_broadcast_refuses_nothing_else() {
+    let mut slave = long();
+    let framed = |telegram: &[u8]| {
+        let frame = [telegram, &rtu::crc(telegram).to_le_bytes()].concat();
+        frame.iter().map(|byte| format!(" {byte:02X}")).collect::<String>()
+    };
+    let (broadcast, write) = (framed(&[0, 6, 0x01, 0xFF, 0, 1]), framed(&[5, 6, 0, 0, 0, 1]));
+    check(&mut slave, &format!("0 start\n 10 rx{broadcast}\n 13.5 timeout"));
+    assert_eq!(slave.take_change(), Some(Change { first: 1016, bytes: 8 }));
+    check(&mut slave, &format!("20 start\n 30 rx{write}\n 33.5 timeout"));
+    slave.change_taken(false);
+    check(&mut slave, "40 start");
+    assert_eq!(slave.take_change(), Some(Change { first: 0, bytes: 8 }));
+    slave.change_taken(true);
+    check(&mut slave, &format!("50 start => tx{write}\n 60 done"));
 }
 
 /// Refused data are removed, and the same write is refused again; stored data stay.

@@ -240,7 +240,7 @@ fn no_receive_buffer() {
          10 room 2
          11 rx STX => tx DLE
          12 done
-         13 rx 41 42 43 10 03 53 => !Receive: TooLong, tx NAK
+         13 rx 41 42 43 10 03 53 => !Receive: NoBuffer, tx NAK
          14 done
          15 rx STX => tx DLE
          16 done

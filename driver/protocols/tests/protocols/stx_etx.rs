@@ -248,7 +248,8 @@ fn no_receive_buffer() {
     );
 }
 
-/// [S0 "Communication via back plane bus"]: too long for the ring buffer, or for what is left in it: rejected.
+/// [S0 "Communication via back plane bus"]: rejected, whether it is too long for the ring buffer or what is left of it
+/// is too short. Only the first is a wrong length.
 #[test]
 fn telegram_length() {
     run(
@@ -258,7 +259,7 @@ fn telegram_length() {
          11 rx STX 1025*41 => !Receive: TooLong
          12 rx 42 ETX STX 43 ETX => got 43
          20 room 2
-         21 rx STX 41 42 43 ETX => !Receive: TooLong
+         21 rx STX 41 42 43 ETX => !Receive: NoBuffer
          22 rx STX 41 42 ETX => got 41 42",
     );
     run(
