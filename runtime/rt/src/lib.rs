@@ -26,7 +26,7 @@ mod usage;
 mod user;
 
 pub use clock::MonotonicClock;
-pub use confine::{Confinement, Network, Refusal, close_inherited, confine};
+pub use confine::{Confinement, Network, Refusal, close_inherited, confine, keep_inherited};
 pub use continued::Continued;
 pub use crash::{LastWords, Place, take_handler_stack};
 pub use exit::{ExitGuard, lower_exit_guard};
