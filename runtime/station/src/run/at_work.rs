@@ -41,7 +41,7 @@ use crate::retentive::store::StoreError;
 use crate::rundir::RunDir;
 use crate::station_file::{ConnectionType, LinkKind, Station, StationLink};
 use crate::timing::Observer;
-use crate::view::{StationView, state_name};
+use crate::view::StationView;
 
 /// Connections that may wait at the tap of a link.
 const TAP_CALLERS: i32 = 4;
@@ -230,7 +230,7 @@ impl AtWork {
 
     fn live(&self) -> String {
         let seconds = self.clock.time().since_start().as_secs_f64();
-        let state = state_name(self.scan.state());
+        let state = self.scan.state().name();
         let mut text = format!("{state:<7} {seconds:8.1} s   {} scans", self.scan.scans());
         for module in &self.view.modules {
             let (Some(monitor), Some(driver)) = (&module.monitor, &module.driver) else { continue };
