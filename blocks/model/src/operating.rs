@@ -13,6 +13,16 @@ pub enum OperatingState {
 }
 
 impl OperatingState {
+    /// `STOP`, `STARTUP`, `RUN`.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Stop => "STOP",
+            Self::Startup => "STARTUP",
+            Self::Run => "RUN",
+        }
+    }
+
     /// As a number: 0 STOP, 1 STARTUP, 2 RUN.
     #[must_use]
     pub const fn number(self) -> u8 {

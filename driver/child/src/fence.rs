@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::process::Command;
 
 use ob1_rt::{Confinement, Network};
+use rustix::net::{AddressFamily, SocketType, socket};
 use rustix::process::{Resource, Rlimit, Signal, getppid, kill_process, setrlimit};
 use rustix::thread::{CapabilitySet, capabilities, no_new_privs};
 use serde::Deserialize;
@@ -21,8 +22,10 @@ const OOM_SCORE: i16 = 500;
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 struct Fence {
-    /// The folders of its link, its sockets and its locks.
+    /// The folders of its sockets and its locks.
     folders: Vec<PathBuf>,
+    /// The folders of its links.
+    links: Vec<PathBuf>,
     /// `none`, `address` or `name`.
     network: String,
 }
@@ -46,9 +49,16 @@ pub fn raise() -> Result<Vec<ob1_rt::Refusal>, String> {
         other => return Err(format!("{VARIABLE}: there is no network \"{other}\"")),
     };
     ob1_rt::close_inherited();
-    let folders = fence.folders;
-    let wanted =
-        Confinement { folders, devices: true, network, memory: MEMORY, oom_score: OOM_SCORE, ..Confinement::default() };
+    let Fence { folders, links, .. } = fence;
+    let wanted = Confinement {
+        folders,
+        links,
+        devices: true,
+        network,
+        memory: MEMORY,
+        oom_score: OOM_SCORE,
+        ..Confinement::default()
+    };
     Ok(ob1_rt::confine(&wanted))
 }
 
@@ -57,7 +67,7 @@ pub fn raise() -> Result<Vec<ob1_rt::Refusal>, String> {
 #[must_use]
 pub fn self_test() -> bool {
     let parent = getppid();
-    let tries: [(&str, bool); 13] = [
+    let tries: [(&str, bool); 14] = [
         ("open a file of the system", File::open("/etc/passwd").is_ok()),
         (
             "open another process",
@@ -68,6 +78,7 @@ pub fn self_test() -> bool {
         ("start a program", Command::new("/bin/true").status().is_ok()),
         ("listen on TCP", TcpListener::bind("127.0.0.1:0").is_ok()),
         ("speak UDP", UdpSocket::bind("127.0.0.1:0").is_ok()),
+        ("have a stream to a socket of this machine", socket(AddressFamily::UNIX, SocketType::STREAM, None).is_ok()),
         ("signal another process", parent.is_some_and(|pid| kill_process(pid, Signal::CONT).is_ok())),
         ("raise its limits", setrlimit(Resource::Data, Rlimit { current: None, maximum: None }).is_ok()),
         ("take 256 MiB", Vec::<u8>::new().try_reserve_exact(256 << 20).is_ok()),

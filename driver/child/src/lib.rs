@@ -20,7 +20,8 @@ pub fn start_log() {
     // Without the thread the log is written at once: a driver whose log can delay it is better than none.
     let _ = ob1_log::start();
     ob1_log::tell_panics();
-    ob1_log::subscribe("info");
+    // The runtime has said what is wrong with OB1_LOG.
+    let _ = ob1_log::subscribe("info");
 }
 
 /// Ctrl-C on a terminal reaches the whole group; the runtime handles it, and ends us by closing standard input. The

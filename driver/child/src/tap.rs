@@ -6,8 +6,8 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use ob1_line::Instant;
 use ob1_line::seqpacket::{Channel, Listener, Sent};
+use ob1_line::{Instant, Span};
 use ob1_protocols::trace::record::{Kind, Record, VERSION};
 use serde_json::Value;
 use tracing::warn;
@@ -16,6 +16,9 @@ use tracing::warn;
 const MOST: usize = 4;
 /// Callers handled in one pass; the others wait.
 const CALLERS: usize = 4;
+/// Time without listening for callers after the system had no descriptor left: they keep the socket ready, and the
+/// driver would never sleep.
+const PAUSE: Span = Span::from_millis(500);
 /// Characters in one record.
 const CHUNK: usize = 4096;
 
@@ -24,6 +27,8 @@ const CHUNK: usize = 4096;
 pub struct Tap {
     path: Option<PathBuf>,
     socket: Option<Listener>,
+    /// Nobody is admitted before this time.
+    deaf_until: Instant,
     listeners: Vec<Ear>,
     hello: Vec<u8>,
 }
@@ -71,7 +76,14 @@ impl Tap {
     pub fn admit(&mut self, now: Instant) {
         let Some(socket) = &self.socket else { return };
         for _ in 0..CALLERS {
-            let Ok(Some(channel)) = socket.accept() else { return };
+            let channel = match socket.accept() {
+                Ok(Some(channel)) => channel,
+                Ok(None) => return,
+                Err(_) => {
+                    self.deaf_until = now + PAUSE;
+                    return;
+                }
+            };
             if self.listeners.len() < MOST {
                 let mut ear = Ear { channel, lost: 0 };
                 ear.tell(now, &self.hello);
@@ -80,10 +92,10 @@ impl Tap {
         }
     }
 
-    /// The descriptor that becomes readable when somebody calls.
+    /// The descriptor that becomes readable when somebody calls; none while nobody can be admitted.
     #[must_use]
-    pub fn fd(&self) -> Option<BorrowedFd<'_>> {
-        self.socket.as_ref().map(Listener::as_fd)
+    pub fn fd(&self, now: Instant) -> Option<BorrowedFd<'_>> {
+        self.socket.as_ref().filter(|_| now >= self.deaf_until).map(Listener::as_fd)
     }
 
     /// Reports one event. Without listeners it costs a comparison.

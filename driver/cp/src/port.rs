@@ -109,11 +109,9 @@ impl LinePort for Port {
     fn trace(&mut self, now: Instant, event: &CpEvent<'_>) {
         tap::note(&mut self.tap, now, event);
         match event {
-            CpEvent::Startup { .. } | CpEvent::Working => info!(now = now.nanos(), ?event),
-            CpEvent::NoParameters(_) => warn!(now = now.nanos(), ?event),
-            CpEvent::Order(telegram) => debug!(now = now.nanos(), length = telegram.len(), "order"),
-            CpEvent::Received(telegram) => debug!(now = now.nanos(), length = telegram.len(), "received"),
-            _ => debug!(now = now.nanos(), ?event),
+            CpEvent::Startup { .. } | CpEvent::Working => info!("{}", tap::words(event)),
+            CpEvent::NoParameters(_) => warn!("{}", tap::words(event)),
+            _ => debug!("{}", tap::words(event)),
         }
     }
 }

@@ -165,7 +165,7 @@ impl Process {
         fds.push(PollFd::new(&stdin, PollFlags::IN));
         fds.extend(line.into_entries());
         let lines = fds.len();
-        fds.extend(self.port.tap_ref().fd().map(|fd| PollFd::from_borrowed_fd(fd, PollFlags::IN)));
+        fds.extend(self.port.tap_ref().fd(self.now()).map(|fd| PollFd::from_borrowed_fd(fd, PollFlags::IN)));
         let timeout = Timespec::try_from(timeout).unwrap_or(Timespec { tv_sec: 1, tv_nsec: 0 });
         match poll(&mut fds, Some(&timeout)) {
             Ok(0) | Err(Errno::INTR) => Ok(Ready::default()),

@@ -29,10 +29,14 @@ pub(crate) fn introduce(tap: &mut Tap, now: Instant, config: &Config, parameters
 
 /// Reports an event of the CP.
 pub(crate) fn note(tap: &mut Tap, now: Instant, event: &CpEvent<'_>) {
-    if tap.is_alone() {
-        return;
+    if !tap.is_alone() {
+        tap.tell(now, Kind::Note, words(event).as_bytes());
     }
-    let text = match event {
+}
+
+/// An event of the CP in words, for listeners and the log.
+pub(crate) fn words(event: &CpEvent<'_>) -> String {
+    match event {
         // The characters have their own records.
         CpEvent::Order(telegram) => format!("order of {} bytes", telegram.len()),
         CpEvent::Received(telegram) => format!("telegram of {} bytes received", telegram.len()),
@@ -68,8 +72,7 @@ pub(crate) fn note(tap: &mut Tap, now: Instant, event: &CpEvent<'_>) {
         CpEvent::Diagnosis { incoming: false, .. } | CpEvent::Record { incoming: false, .. } => {
             "diagnostic interrupt: all errors are gone".to_owned()
         }
-    };
-    tap.tell(now, Kind::Note, text.as_bytes());
+    }
 }
 
 /// The meaning of an event number of the CP 341.

@@ -9,7 +9,8 @@ use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use ob1_backplane::{Counter, CpuSide, CpuState, DriverState, Segment};
-use rustix::process::{Pid, Signal, kill_process};
+use ob1_time::{Span, WatchedTime};
+use rustix::process::{Pid, Resource, Rlimit, Signal, getrlimit, kill_process, prlimit};
 
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
@@ -22,7 +23,9 @@ struct Station {
     line: PathBuf,
     driver: Child,
     bell: Option<ChildStdin>,
-    guard: Instant,
+    begun: Instant,
+    /// A machine that stands still does not end a test.
+    watched: WatchedTime,
     _dir: tempfile::TempDir,
 }
 
@@ -40,8 +43,8 @@ impl Station {
         let json = format!(r#"{{"module":"cp240","station":"s","name":"cp1","line":"{kind}:{}"}}"#, line.display());
         cpu.write_params(parameters, json.as_bytes()).unwrap();
         let (driver, bell) = spawn(&segment.path().unwrap());
-        let guard = Instant::now() + Duration::from_secs(30);
-        Self { cpu, segment, line, driver, bell: Some(bell), guard, _dir: dir }
+        let watched = WatchedTime::new(ob1_time::Instant::START, Span::SECOND);
+        Self { cpu, segment, line, driver, bell: Some(bell), begun: Instant::now(), watched, _dir: dir }
     }
 
     fn words(&mut self) -> (u16, u16) {
@@ -56,7 +59,8 @@ impl Station {
             if let Some(found) = look(self) {
                 return found;
             }
-            assert!(Instant::now() < self.guard, "{what}: registers {:04X?}", self.words());
+            let time = self.watched.look(ob1_time::Instant::START + self.begun.elapsed().into());
+            assert!(time.since_start() < Span::from_secs(30), "{what}: registers {:04X?}", self.words());
             std::thread::yield_now();
         }
     }
@@ -91,7 +95,7 @@ impl Station {
         self.until("pty", |s| s.line.exists().then_some(()));
         serialport::new(self.line.to_string_lossy(), 115_200)
             .exclusive(false)
-            .timeout(Duration::from_secs(30))
+            .timeout(Duration::from_secs(120))
             .open_native()
             .unwrap()
     }
@@ -298,7 +302,7 @@ fn a_line_that_cannot_be_opened_is_a_state_and_heals() {
 fn plug_in(path: &Path) -> (serialport::TTYPort, serialport::TTYPort) {
     let _ = std::fs::remove_file(path);
     let (mut master, slave) = serialport::TTYPort::pair().unwrap();
-    serialport::SerialPort::set_timeout(&mut master, Duration::from_secs(20)).unwrap();
+    serialport::SerialPort::set_timeout(&mut master, Duration::from_secs(120)).unwrap();
     std::os::unix::fs::symlink(serialport::SerialPort::name(&slave).unwrap(), path).unwrap();
     (master, slave)
 }
@@ -353,6 +357,33 @@ fn a_device_that_disappears_is_an_error_that_heals_when_it_returns() {
     codes.retain(|code| [4, 5].contains(code));
     codes.drain(..codes.len().saturating_sub(6));
     assert_eq!(codes, [4, 5, 4, 5, 4, 5]);
+}
+
+/// The line is taken, and the driver has no descriptor left to refuse a caller with.
+#[test]
+fn a_caller_who_cannot_be_refused_does_not_keep_the_driver_awake() {
+    use std::net::{TcpListener, TcpStream};
+    let _one = lock();
+    let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let dir = tempfile::tempdir().unwrap();
+    let mut station = Station::with(&ASCII, "tcp-listen", PathBuf::from(port.to_string()), dir);
+    station.synchronise_without_line();
+    let _partner = station.until("listening", |_| TcpStream::connect(("127.0.0.1", port)).ok());
+    station.until("ready", |s| (s.cpu.monitor().driver_state() == Ok(DriverState::Ready)).then_some(()));
+    let process = PathBuf::from(format!("/proc/{}", station.driver.id()));
+    let free = (0..).find(|number: &u64| process.join(format!("fd/{number}")).symlink_metadata().is_err());
+    let limit = Rlimit { current: free, ..getrlimit(Resource::Nofile) };
+    prlimit(Some(station.pid()), Resource::Nofile, limit).unwrap();
+    let _caller = TcpStream::connect(("127.0.0.1", port)).unwrap();
+    let ran = || {
+        let text = std::fs::read_to_string(process.join("schedstat")).unwrap();
+        Duration::from_nanos(text.split_whitespace().next().unwrap().parse().unwrap())
+    };
+    let (begun, before) = (Instant::now(), ran());
+    let beats = station.cpu.monitor().cp_heartbeat();
+    station.until("20 signs of life", |s| (s.cpu.monitor().cp_heartbeat() >= beats + 20).then_some(()));
+    let (ran, whole) = (ran() - before, begun.elapsed());
+    assert!(ran < whole / 2, "{ran:?} of {whole:?}");
 }
 
 #[test]

@@ -121,6 +121,7 @@ impl Process {
     /// Waits; true if standard input is readable.
     fn wait(&mut self, timeout: Span, doorbell: bool) -> io::Result<bool> {
         let stdin = rustix::stdio::stdin();
+        let now = self.now();
         let mut fds = Vec::with_capacity(1 + 2 * self.lines.len());
         if doorbell {
             fds.push(PollFd::new(&stdin, PollFlags::IN));
@@ -134,7 +135,7 @@ impl Process {
                 fds.push(fd);
                 owners.push((n, false));
             }
-            if let Some(fd) = line.tap.fd() {
+            if let Some(fd) = line.tap.fd(now) {
                 fds.push(PollFd::from_borrowed_fd(fd, PollFlags::IN));
                 owners.push((n, true));
             }

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use rustix::event::{PollFd, PollFlags};
 
-use crate::line::{Instant, LineEvent, LineFault, PollFds};
+use crate::line::{Instant, LineEvent, LineFault, PollFds, Span};
 use crate::real::RealLine;
 use crate::seqpacket::{Channel, Listener, MESSAGE_MAX, Sent};
 use crate::settings::LineSettings;
@@ -38,6 +38,9 @@ const MOST: usize = 32;
 /// the process.
 const CALLERS: usize = 16;
 const MESSAGES: usize = 64;
+/// Time without accepting after the system had no descriptor left: the callers keep the socket ready, and the process
+/// would never sleep.
+const PAUSE: Span = Span::from_millis(500);
 /// Characters of one participant that may wait for the line. One that writes more must wait: its messages stay in the
 /// socket, its bytes in the pty.
 const WAITING: usize = 16 * 1024;
@@ -64,6 +67,8 @@ pub struct Hub {
     guests: Vec<Guest>,
     partner: Option<AtWork>,
     most: usize,
+    /// Nobody is admitted before this time.
+    deaf_until: Option<Instant>,
     lost: u64,
     turned_away: u64,
 }
@@ -85,7 +90,7 @@ impl Hub {
         };
         let most = if config.half_duplex { MOST } else { 2 - usize::from(partner.is_some()) };
         let listener = Listener::bind(path)?;
-        Ok(Self { bus, listener, guests: Vec::new(), partner, most, lost: 0, turned_away: 0 })
+        Ok(Self { bus, listener, guests: Vec::new(), partner, most, deaf_until: None, lost: 0, turned_away: 0 })
     }
 
     /// CPs on the line.
@@ -110,7 +115,9 @@ impl Hub {
 
     /// The descriptors to wait for.
     pub fn poll_fds<'a>(&'a self, fds: &mut Vec<PollFd<'a>>) {
-        fds.push(PollFd::from_borrowed_fd(self.listener.as_fd(), PollFlags::IN));
+        if self.deaf_until.is_none() {
+            fds.push(PollFd::from_borrowed_fd(self.listener.as_fd(), PollFlags::IN));
+        }
         let heard = self.guests.iter().filter(|guest| !self.is_full(guest.who));
         fds.extend(heard.map(|guest| PollFd::from_borrowed_fd(guest.channel.as_fd(), PollFlags::IN)));
         if let Some(AtWork::Pty(line, who)) = &self.partner
@@ -128,12 +135,12 @@ impl Hub {
             Some(AtWork::Pty(line, _)) => line.deadline(),
             _ => None,
         };
-        self.bus.next_event().into_iter().chain(partner).min()
+        self.bus.next_event().into_iter().chain(partner).chain(self.deaf_until).min()
     }
 
     /// Does everything that is due by `now`.
     pub fn work(&mut self, now: Instant) {
-        self.admit();
+        self.admit(now);
         self.listen(now);
         self.hear_pty(now);
         self.speak(now);
@@ -151,9 +158,20 @@ impl Hub {
         self.bus.waiting(who) >= WAITING
     }
 
-    fn admit(&mut self) {
+    fn admit(&mut self, now: Instant) {
+        if self.deaf_until.is_some_and(|until| now < until) {
+            return;
+        }
+        self.deaf_until = None;
         for _ in 0..CALLERS {
-            let Ok(Some(channel)) = self.listener.accept() else { return };
+            let channel = match self.listener.accept() {
+                Ok(Some(channel)) => channel,
+                Ok(None) => return,
+                Err(_) => {
+                    self.deaf_until = Some(now + PAUSE);
+                    return;
+                }
+            };
             if self.guests.len() >= self.most {
                 self.turned_away += 1;
                 continue;

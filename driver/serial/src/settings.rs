@@ -90,6 +90,26 @@ impl Default for LineSettings {
     }
 }
 
+impl fmt::Display for Parity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Parity::None => "none",
+            Parity::Odd => "odd",
+            Parity::Even => "even",
+        })
+    }
+}
+
+impl fmt::Display for StopBits {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            StopBits::One => "1",
+            StopBits::OneAndHalf => "1.5",
+            StopBits::Two => "2",
+        })
+    }
+}
+
 impl fmt::Display for LineSettings {
     /// `9600 8E1`, followed by the flow control if there is one.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -98,12 +118,7 @@ impl fmt::Display for LineSettings {
             Parity::Odd => 'O',
             Parity::Even => 'E',
         };
-        let stop = match self.stop_bits {
-            StopBits::One => "1",
-            StopBits::OneAndHalf => "1.5",
-            StopBits::Two => "2",
-        };
-        write!(f, "{} {}{parity}{stop}", self.baud, self.data_bits)?;
+        write!(f, "{} {}{parity}{}", self.baud, self.data_bits, self.stop_bits)?;
         match self.flow {
             Flow::None => Ok(()),
             Flow::Hardware => write!(f, " RTS/CTS"),

@@ -281,8 +281,11 @@ impl Client {
     /// [`Trouble`].
     pub async fn ask(&self, ask: Ask) -> Result<Answer, Trouble> {
         let what = match &ask {
-            Ask::Command(command) => format!("command {command:?}"),
-            Ask::SetClock(clock) => format!("set clock {clock:02x?}"),
+            Ask::Command(command) => format!("command {}", command.word()),
+            // Two digits in each byte.
+            Ask::SetClock([y, m, d, hours, minutes, seconds, ..]) => {
+                format!("set clock {y:02X}-{m:02X}-{d:02X} {hours:02X}:{minutes:02X}:{seconds:02X}")
+            }
             // The gate has users of its own; they cannot be bypassed.
             Ask::Login(_) | Ask::Logout => return Err(Trouble::User),
             _ => {

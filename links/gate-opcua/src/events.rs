@@ -56,7 +56,7 @@ fn words(event: &Event) -> (String, u16) {
             }
             (text, if entry.remedy.is_empty() { TOLD } else { FAULT })
         }
-        What::State(state) => (format!("operating state {}", format!("{state:?}").to_uppercase()), CHANGE),
+        What::State(state) => (format!("operating state {}", state.name()), CHANGE),
         What::Driver { name, up } => (format!("driver of {name} {}", if *up { "runs" } else { "is down" }), level(*up)),
         What::Link { name, up } => (format!("link {name} {}", if *up { "runs" } else { "is down" }), level(*up)),
         What::Lost(count) => (format!("{count} events were lost"), CHANGE),

@@ -418,7 +418,7 @@ impl NodeManager for Manager {
             } else if !call.arguments().is_empty() {
                 StatusCode::BadTooManyArguments
             } else if self.right(context) < Right::Operate {
-                self.station.refused(&self.who(context), &format!("command {command:?}"));
+                self.station.refused(&self.who(context), &format!("command {}", command.word()));
                 StatusCode::BadUserAccessDenied
             } else {
                 let _turn = self.turns.acquire().await;

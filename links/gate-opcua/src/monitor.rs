@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use ob1_access::door::{Cover, Reading, Refusal, State};
 use ob1_access::{Piece, Typed};
 use ob1_gate_core::{Station, Trouble, Watch};
+use ob1_model::OperatingState;
 use opcua_server::{CreateMonitoredItem, MonitoredItemHandle, SubscriptionCache};
 use opcua_types::{AttributeId, DataValue, MonitoringMode, NodeId, StatusCode, Variant};
 use parking_lot::Mutex;
@@ -149,7 +150,7 @@ impl Monitor {
 
     /// STOP, STARTUP or RUN.
     pub(crate) fn state(&self) -> &'static str {
-        ["STOP", "STARTUP", "RUN"][self.state.load(Ordering::Relaxed) as usize % 3]
+        OperatingState::of(self.state.load(Ordering::Relaxed) as u64).name()
     }
 
     /// The number of the newest scan that was seen.

@@ -95,7 +95,8 @@ fn main() -> ExitCode {
 fn run(name: &str) -> ExitCode {
     // Before anything is opened, and before there is a thread.
     ob1_rt::close_inherited();
-    ob1_log::subscribe("info");
+    // The runtime has said what is wrong with OB1_LOG.
+    let _ = ob1_log::subscribe("info");
     let _span = tracing::info_span!("gate", name).entered();
     let input = rustix::stdio::stdin().as_fd().try_clone_to_owned().map_err(DoorError::from);
     let prepared = input.and_then(|input| prepare::doors(&input)).map_err(|error| match error {

@@ -19,6 +19,7 @@ use rustix::event::{PollFd, PollFlags};
 use rustix::io::Errno;
 use rustix::net::{AddressFamily, SocketFlags, SocketType, acceptfrom_with, connect, ipproto, socket_with, sockopt};
 
+use crate::server::PAUSE;
 use crate::tap::Shared;
 
 /// A connection's socket.
@@ -52,6 +53,8 @@ struct Sockets {
 pub(crate) struct Coupler {
     cp: Cp,
     sockets: Sockets,
+    /// Nothing is accepted before this time.
+    deaf_until: Instant,
 }
 
 impl Sockets {
@@ -131,7 +134,8 @@ impl Network for Sockets {
 impl Coupler {
     /// A CP without connections yet.
     pub(crate) fn new(segment: CpSide) -> Self {
-        Self { cp: Cp::new(segment, Instant::now()), sockets: Sockets::default() }
+        let now = Instant::now();
+        Self { cp: Cp::new(segment, now), sockets: Sockets::default(), deaf_until: now }
     }
 
     /// The connections, for tools that show the station.
@@ -186,7 +190,8 @@ impl Coupler {
     }
 
     /// Descriptors to wait for; [`Coupler::ready`] gets the result.
-    pub(crate) fn poll_fds<'c>(&'c self, fds: &mut Vec<PollFd<'c>>) {
+    pub(crate) fn poll_fds<'c>(&'c self, fds: &mut Vec<PollFd<'c>>, now: Instant) {
+        let accepts = if now < self.deaf_until { PollFlags::empty() } else { PollFlags::IN };
         for (index, line) in self.sockets.lines.iter().enumerate() {
             let mut flags = PollFlags::empty();
             let fd: Option<BorrowedFd<'_>> = match &line.socket {
@@ -206,7 +211,7 @@ impl Coupler {
                 }
             };
             fds.extend(fd.map(|fd| PollFd::from_borrowed_fd(fd, flags)));
-            fds.extend(line.listener.as_ref().map(|listener| PollFd::new(listener, PollFlags::IN)));
+            fds.extend(line.listener.as_ref().map(|listener| PollFd::new(listener, accepts)));
         }
     }
 
@@ -248,7 +253,14 @@ impl Coupler {
     fn accept(&mut self, index: usize, now: Instant) {
         let Some(listener) = self.sockets.lines.get(index).and_then(|line| line.listener.as_ref()) else { return };
         let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
-        let Ok((socket, Some(peer))) = acceptfrom_with(listener, flags) else { return };
+        let (socket, peer) = match acceptfrom_with(listener, flags) {
+            Ok((socket, Some(peer))) => (socket, peer),
+            Ok((_, None)) | Err(Errno::AGAIN | Errno::CONNABORTED | Errno::INTR) => return,
+            Err(_) => {
+                self.deaf_until = now + PAUSE;
+                return;
+            }
+        };
         if !SocketAddr::try_from(peer).is_ok_and(|peer| self.cp.may_call(index, peer.ip())) {
             return;
         }

@@ -81,7 +81,8 @@ fn run(arguments: &Arguments) -> ExitCode {
     // Without the thread the log is written at once.
     let _ = ob1_log::start();
     ob1_log::tell_panics();
-    ob1_log::subscribe("info");
+    // The runtime has said what is wrong with OB1_LOG.
+    let _ = ob1_log::subscribe("info");
     let _span = tracing::info_span!("s7", name = arguments.name).entered();
     refused.iter().for_each(|(what, why)| warn!("not confined, {what}: {why}"));
 

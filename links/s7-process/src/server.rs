@@ -33,6 +33,9 @@ const HALF_OPEN: usize = 64;
 const CALL: Duration = Duration::from_secs(10);
 /// Maximum accepted per round, so that served connections get their turn.
 const ACCEPTS: usize = 64;
+/// Time without accepting after the system had no descriptor left: the callers keep the sockets ready, and the loop
+/// would run without a pause.
+pub(crate) const PAUSE: Duration = Duration::from_millis(200);
 /// Maximum of reported connections: as many as fit a message.
 const TOLD: usize = 256;
 /// Maximum log lines about connections per [`TICK`].
@@ -47,6 +50,8 @@ pub(crate) struct Server {
     terminate: Arc<AtomicBool>,
     config: Option<Config>,
     listeners: Vec<OwnedFd>,
+    /// Nothing is accepted before this time.
+    deaf_until: Instant,
     sessions: Vec<Session>,
     reading: Reading,
     next: u32,
@@ -86,6 +91,7 @@ impl Server {
             terminate,
             config: None,
             listeners: Vec::new(),
+            deaf_until: now,
             sessions: Vec::new(),
             reading: Reading::new(),
             next: SELF,
@@ -342,8 +348,12 @@ impl Server {
                 let (socket, peer) = match acceptfrom_with(listener, flags) {
                     Ok((socket, Some(peer))) => (socket, peer),
                     Ok((_, None)) | Err(Errno::CONNABORTED | Errno::INTR) => continue,
-                    // No more connections, or no more descriptors: the next round tries again.
-                    Err(_) => break,
+                    Err(Errno::AGAIN) => break,
+                    Err(error) => {
+                        self.say(|| warn!("no connection can be accepted at the moment: {error}"));
+                        self.deaf_until = now + PAUSE;
+                        return;
+                    }
                 };
                 self.open(socket, peer, &config, now);
             }
@@ -380,7 +390,12 @@ impl Server {
         let door = if self.door.wants_write() { PollFlags::IN | PollFlags::OUT } else { PollFlags::IN };
         let door_fd = self.door.fd();
         fds.push(PollFd::from_borrowed_fd(door_fd, door));
-        fds.extend(self.listeners.iter().map(|listener| PollFd::new(listener, PollFlags::IN)));
+        let now = Instant::now();
+        let accepts = if now < self.deaf_until { PollFlags::empty() } else { PollFlags::IN };
+        if accepts.is_empty() {
+            due = due.min(self.deaf_until);
+        }
+        fds.extend(self.listeners.iter().map(|listener| PollFd::new(listener, accepts)));
         for session in &self.sessions {
             let mut flags = PollFlags::empty();
             flags.set(PollFlags::IN, session.wants_read());
@@ -392,10 +407,9 @@ impl Server {
         let stdin = rustix::stdio::stdin();
         if let Some(coupler) = &self.coupler {
             fds.push(PollFd::from_borrowed_fd(stdin, PollFlags::IN));
-            coupler.poll_fds(&mut fds);
+            coupler.poll_fds(&mut fds, now);
             due = coupler.due().map_or(due, |at| at.min(due));
         }
-        let now = Instant::now();
         let timeout = if sleeps { due.saturating_duration_since(now) } else { Duration::ZERO };
         match poll(&mut fds, Timespec::try_from(timeout).ok().as_ref()) {
             Ok(_) | Err(Errno::INTR) => {}

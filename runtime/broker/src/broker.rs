@@ -8,7 +8,7 @@ use ob1_access::door::{Answer, Ask, Document, MESSAGE_BYTES, Refusal, Refused, S
 use ob1_backplane::WindowReader;
 use ob1_cpu::{Answer as PortAnswer, Ask as PortAsk, Command, Cpu, DIAG_ENTRIES, DIAG_STOPS};
 use ob1_model::{BlockId, BlockKind, StateChange};
-use ob1_time::{Instant, Span};
+use ob1_time::{Instant, Span, WatchedTime};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use crate::client::Job;
@@ -20,6 +20,8 @@ use crate::{Beats, Change, DriverState, Facts, FeedEnd, LinkConfig, LinkState};
 
 /// How long the CPU may take to answer, beyond two cycles. It answers once a cycle; this is for one that hangs.
 const ANSWER_TIME: Span = Span::from_secs(3);
+/// Of a longer gap between two steps only this much counts as silence of the CPU.
+const GAP: Span = Span::from_millis(100);
 /// Pause between two looks while the scan has something to answer, and while it has not.
 const LOOK: Span = Span::from_micros(200);
 const IDLE_LOOK: Span = Span::from_millis(20);
@@ -46,6 +48,8 @@ pub struct Broker {
     changes: BTreeMap<u64, Asker>,
     change: u64,
     answer_time: Span,
+    /// The CPU's time to answer is measured with it.
+    watched: WatchedTime,
     looks: u32,
     buffer: Vec<u8>,
 }
@@ -72,6 +76,7 @@ impl Broker {
             port: Port::new(client),
             feed,
             answer_time: ANSWER_TIME.saturating_add(facts.min_cycle().times(2)),
+            watched: WatchedTime::new(Instant::START, GAP),
             drivers: facts.drivers(),
             facts,
             joints,
@@ -124,13 +129,14 @@ impl Broker {
 
     /// Everything that can be done now. Waits for nobody.
     pub fn step(&mut self, now: Instant) {
+        let watched = self.watched.look(now);
         for link in 0..self.joints.len() {
             self.listen(link, now);
         }
         self.watch_station(now);
         self.tell_changes();
         self.port.step();
-        while let Some((asker, answers)) = self.port.answered(now) {
+        while let Some((asker, answers)) = self.port.answered(watched) {
             let answer = match answers {
                 Ok(answers) if asker.document => self.status(&answers),
                 Ok(answers) => self.told(&answers),
@@ -145,7 +151,7 @@ impl Broker {
         }
         for link in 0..self.joints.len() {
             if let Some(joint) = self.joints.get_mut(link) {
-                joint.step(&*self.facts, now, self.answer_time);
+                joint.step(&*self.facts, watched, self.answer_time);
             }
             self.tell_events(link);
             let gone = self.joints.get_mut(link).and_then(|joint| {
@@ -318,7 +324,7 @@ impl Broker {
         };
         let joint = self.joints.get_mut(asker.link).ok_or(Refusal::NotThere)?;
         joint.clients.of(asker.client, &joint.config).ok_or(Refusal::Full)?.count()?;
-        self.port.ask(asker, asks, now.saturating_add(self.answer_time));
+        self.port.ask(asker, asks, self.watched.time().saturating_add(self.answer_time));
         Ok(None)
     }
 

@@ -1,6 +1,6 @@
 //! Diagnostic entries on their way out of the scan.
 
-use ob1_cpu::{Cpu, DIAG_ENTRIES, DiagEntry};
+use ob1_cpu::{Cpu, DIAG_ENTRIES, DIAG_STOPS, DiagEntry};
 use rtrb::{Consumer, Producer, RingBuffer};
 
 /// Entries under way. They are fetched every few milliseconds; what does not fit stays in the CPU's buffer until then.
@@ -28,23 +28,74 @@ impl Feed {
     /// After each cycle: hands over what is new. The number of the newest entry.
     pub fn follow(&mut self, cpu: &Cpu) -> u64 {
         let newest = cpu.diagnostic(0).map_or(0, |entry| entry.number);
-        // Older ones are gone.
-        self.sent = self.sent.max(newest.saturating_sub(DIAG_ENTRIES as u64));
         while self.sent < newest {
-            let back = newest - self.sent - 1;
-            let Some(entry) = cpu.diagnostic(back as usize) else { break };
+            let Some(entry) = oldest_after(cpu, self.sent, newest) else { break };
             if self.entries.push(*entry).is_err() {
                 break;
             }
-            self.sent += 1;
+            self.sent = entry.number;
         }
         newest
     }
+}
+
+/// The oldest entry after number `sent` that the CPU still has. A flood in one cycle may have washed out the ones that
+/// follow; the STOPs among them, and what led to them, are kept longer.
+fn oldest_after(cpu: &Cpu, sent: u64, newest: u64) -> Option<&DiagEntry> {
+    let back = (newest - sent - 1) as usize;
+    if back < DIAG_ENTRIES {
+        return cpu.diagnostic(back);
+    }
+    let kept = (DIAG_ENTRIES..DIAG_ENTRIES + DIAG_STOPS).rev().filter_map(|back| cpu.diagnostic(back));
+    kept.into_iter().find(|entry| entry.number > sent).or_else(|| cpu.diagnostic(DIAG_ENTRIES - 1))
 }
 
 impl FeedEnd {
     /// The next entry that has come.
     pub fn take(&mut self) -> Option<DiagEntry> {
         self.0.pop().ok()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ob1_cpu::{Clock, Command, CpuConfig};
+    use ob1_model::Event;
+    use ob1_time::Instant;
+
+    use super::*;
+
+    struct Still;
+
+    impl Clock for Still {
+        fn now(&mut self) -> Instant {
+            Instant::START
+        }
+        fn executed(&mut self, _: u64) {}
+    }
+
+    #[test]
+    fn a_flood_in_one_cycle_hides_no_stop() {
+        let program = ob1_stl::compile(&[], &ob1_stl::Library::new(), &ob1_stl::Options::default()).program;
+        let made = Cpu::new(CpuConfig::default(), &program, vec![], vec![], ob1_cpu::engine::REFERENCE);
+        let mut cpu = made.expect("it loads");
+        let (mut feed, mut end) = feed();
+        let change = |cpu: &mut Cpu, command| {
+            cpu.request(command);
+            cpu.cycle(&mut Still);
+        };
+        change(&mut cpu, Command::Run);
+        let started = feed.follow(&cpu);
+        assert_eq!(std::iter::from_fn(|| end.take()).last().map(|entry| entry.number), Some(started));
+        // To STOP; then, before anybody looks, more than the buffer holds.
+        change(&mut cpu, Command::Stop);
+        for _ in 0..3 * DIAG_ENTRIES {
+            cpu.diagnose(Event::SEGMENT_GARBAGE, 0, "");
+        }
+        let newest = feed.follow(&cpu);
+        let seen: Vec<_> = std::iter::from_fn(|| end.take()).map(|entry| (entry.number, entry.event)).collect();
+        assert_eq!(seen.first(), Some(&(started + 1, Event::STOP_OPERATOR)));
+        let rest: Vec<u64> = seen.iter().skip(1).map(|(number, _)| *number).collect();
+        assert_eq!(rest, (newest - DIAG_ENTRIES as u64 + 1..=newest).collect::<Vec<_>>());
     }
 }

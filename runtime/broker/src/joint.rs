@@ -288,7 +288,7 @@ impl Joint {
         self.out.retain(|_, out| out.client != number);
     }
 
-    /// Everything that can be done now.
+    /// Everything that can be done now, in the broker's watched time.
     pub(crate) fn step(&mut self, facts: &dyn Facts, now: Instant, answer_time: Span) {
         self.watch_postponed();
         // First what has come back: a write's answer never overtakes its snapshot.

@@ -84,7 +84,8 @@ impl Port {
         }
     }
 
-    /// The next question that is answered, or that the CPU did not answer in time.
+    /// The next question that is answered, or that the CPU did not answer in time. The time is the broker's watched
+    /// one.
     pub(crate) fn answered(&mut self, now: Instant) -> Option<Answered> {
         let first = self.questions.front()?;
         if !first.is_whole() && now < first.give_up {

@@ -566,8 +566,13 @@ fn a_silent_cpu_is_told() {
     let list = door.ask(2, Ask::Szl { id: 0x19, index: 0 });
     door.pump().expect("open");
     station.broker.step(station.time);
-    for _ in 0..2 {
-        station.time += 3_000 * MS;
+    // The machine stands still: that is no silence of the CPU.
+    station.time += 60_000 * MS;
+    station.broker.step(station.time);
+    door.pump().expect("open");
+    assert_eq!(door.take_news(), None);
+    for _ in 0..31 {
+        station.time += 100 * MS;
         station.broker.step(station.time);
     }
     door.pump().expect("open");

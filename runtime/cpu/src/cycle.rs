@@ -90,9 +90,21 @@ impl Cpu {
         }
         let (due, overran, missed) = m.next_cycle(planned, stopped);
         self.due = due;
+        let outputs_from = outputs_from.unwrap_or(m.hot.now);
+        let late = self.account(outputs_from, overran, missed);
+        if stopped {
+            self.enter_stop();
+            return CycleEnd { late, ..self.stop_cycle(clock) };
+        }
+        CycleEnd { next_deadline: self.next_deadline(), state: self.state, whole: true, late }
+    }
+
+    /// Enters what has run until now into the accounts; whether it was late.
+    fn account(&mut self, outputs_from: Instant, overran: bool, missed: u64) -> bool {
+        let m = &mut self.machine;
         let ended = Ended {
             end: m.hot.now,
-            outputs_from: outputs_from.unwrap_or(m.hot.now),
+            outputs_from,
             inside: m.inside,
             statements: m.statements + u64::from(m.hot.pending),
             overran,
@@ -101,11 +113,7 @@ impl Cpu {
         };
         let late = m.trace.end(&ended);
         m.account_interrupts();
-        if stopped {
-            self.enter_stop();
-            return CycleEnd { late, ..self.stop_cycle(clock) };
-        }
-        CycleEnd { next_deadline: self.next_deadline(), state: self.state, whole: true, late }
+        late
     }
 
     /// The exchange with the links, timed in its own account.
@@ -122,12 +130,19 @@ impl Cpu {
 
     /// Interrupts that come while the minimum cycle time is waited for.
     fn between_cycles(&mut self, clock: &mut dyn Clock) -> CycleEnd {
-        self.watch(self.machine.hot.now);
+        let start = self.machine.hot.now;
+        self.watch(start);
+        let m = &mut self.machine;
+        m.trace.begin_between(start, m.inside, m.statements + u64::from(m.hot.pending));
         let ran = self.context(clock).attend();
         self.machine.watchdog.expires = None;
         if ran.is_err() || self.machine.hot.stopping {
+            // It counts as a scan: what has led to STOP is in the accounts.
+            self.context(clock).look();
+            let end = self.machine.hot.now;
+            let late = self.account(end, end > self.due, 0);
             self.enter_stop();
-            return self.stop_cycle(clock);
+            return CycleEnd { late, ..self.stop_cycle(clock) };
         }
         // Rings the doorbells for what an interrupt has written to modules.
         let m = &mut self.machine;

@@ -157,6 +157,12 @@ impl LoadError {
             LoadError::Engine { .. } => 14,
         }
     }
+
+    /// Several as one text.
+    #[must_use]
+    pub fn together(errors: &[Self]) -> String {
+        errors.iter().map(Self::to_string).collect::<Vec<_>>().join("; ")
+    }
 }
 
 impl fmt::Display for LoadError {

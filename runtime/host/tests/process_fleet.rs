@@ -1,7 +1,10 @@
 //! The fleet with processes that are not drivers: programs that end at once, and one that is missing. (Real drivers:
 //! the tests crate.)
 
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use ob1_backplane::{CpuSide, Segment};
 use ob1_cpu::Clock;
@@ -16,6 +19,17 @@ impl Clock for Ticking {
     fn now(&mut self) -> Instant {
         self.0 += Span::MILLISECOND;
         self.0
+    }
+
+    fn executed(&mut self, _statements: u64) {}
+}
+
+/// Jumps by a minute with each reading, and counts them: a machine that stands still again and again.
+struct Jumping(Arc<AtomicU64>);
+
+impl Clock for Jumping {
+    fn now(&mut self) -> Instant {
+        Instant::from_secs(60 * self.0.fetch_add(1, Ordering::Relaxed))
     }
 
     fn executed(&mut self, _statements: u64) {}
@@ -66,6 +80,22 @@ fn a_missing_program_is_reported_with_the_systems_error() {
     assert!(port.reports.pop().is_err(), "reported once");
     // The bell is hung up, and ringing it still does no harm.
     port.doorbell.ring();
+}
+
+/// A driver without a sign of life is killed, but a few minutes without a look at it do not make it one.
+#[test]
+#[expect(clippy::disallowed_methods, reason = "a program that gives no sign of life")]
+fn a_machine_that_stands_still_uses_up_nothing_of_the_patience() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let silent = folder.path().join("silent");
+    std::fs::write(&silent, "#!/bin/sh\nexec sleep 1000\n").expect("writable");
+    std::fs::set_permissions(&silent, std::fs::Permissions::from_mode(0o700)).expect("ours");
+    let readings = Arc::<AtomicU64>::default();
+    let (fleet, mut port) = fleet_of(silent.to_str().expect("UTF-8"));
+    let running = fleet.start(Jumping(Arc::clone(&readings))).expect("a thread");
+    assert_eq!(next_report(&mut port), Report::Lost(Exit::Hung));
+    assert!(readings.load(Ordering::Relaxed) >= 40, "killed after {readings:?} looks");
+    running.stop();
 }
 
 #[test]

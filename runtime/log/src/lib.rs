@@ -15,6 +15,7 @@ use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, poll};
 use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::LevelFilter;
 
 /// How long what is still to be written may hold up the end of a process.
 pub const LAST_WORDS: Duration = Duration::from_millis(200);
@@ -58,14 +59,32 @@ pub fn start() -> io::Result<()> {
 }
 
 /// Sends log lines to standard error: those of this level and above, or what `OB1_LOG` says. It needs no thread; a
-/// second call changes nothing.
-pub fn subscribe(level: &str) {
+/// second call changes nothing. Returns what is wrong with `OB1_LOG`, whose value does not count then.
+pub fn subscribe(level: &str) -> Option<String> {
+    let told = std::env::var_os("OB1_LOG").map(|text| text.to_string_lossy().into_owned());
+    let (filter, wrong) = filter(told.as_deref().unwrap_or_default(), level);
     let _ = tracing_subscriber::fmt()
-        .with_env_filter(EnvFilter::try_from_env("OB1_LOG").unwrap_or_else(|_| EnvFilter::new(level)))
+        .with_env_filter(filter)
         .with_writer(|| Log)
         .with_ansi(is_terminal())
         .with_target(false)
         .try_init();
+    wrong
+}
+
+/// The filter of this text: a level, or levels of parts of the program (`ob1_station=debug`). Any other word would be
+/// the name of a part, and silence all the others.
+fn filter(told: &str, level: &str) -> (EnvFilter, Option<String>) {
+    if told.is_empty() {
+        return (EnvFilter::new(level), None);
+    }
+    if (told.contains('=') || told.parse::<LevelFilter>().is_ok())
+        && let Ok(filter) = EnvFilter::try_new(told)
+    {
+        return (filter, None);
+    }
+    let wrong = format!("OB1_LOG={told} says nothing: error, warn, info, debug or trace; until then it is {level}");
+    (EnvFilter::new(level), Some(wrong))
 }
 
 /// Writes a text of whole lines, or counts it as lost. Never waits once [`start`] has been called.
@@ -196,6 +215,20 @@ mod tests {
             hand_over(&sender, Message::Text(text.into()));
         }
         assert_eq!(lost() - before, 2, "one lies in the queue");
+    }
+
+    #[test]
+    fn a_word_that_is_no_level_does_not_silence_the_log() {
+        let text = |told| {
+            let (filter, wrong) = filter(told, "info");
+            (filter.to_string(), wrong.is_some())
+        };
+        for (told, means) in [("", "info"), ("debug", "debug"), ("WARN", "warn"), ("a=debug,warn", "a=debug,warn")] {
+            assert_eq!(text(told), (means.to_owned(), false), "{told}");
+        }
+        for wrong in ["inof", "info warn", "a=loud", "\u{FFFD}"] {
+            assert_eq!(text(wrong), ("info".to_owned(), true), "{wrong}");
+        }
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use ob1_cpu::{Cpu, CpuConfig, Module};
+use ob1_cpu::{Cpu, CpuConfig, LoadError, Module};
 use ob1_host::bus::area_bytes;
 use ob1_model::Section;
 use ob1_params::CpKind;
@@ -215,7 +215,7 @@ fn check_station(path: &Path, options: &Options) -> Checked {
 fn machine_code(program: &ob1_ir::Program, standard: &[Choice]) -> String {
     let natives = program::native_standard_blocks(standard);
     let cpu = Cpu::new(CpuConfig::default(), program, natives, Vec::new(), EngineChoice::Reference.factory());
-    let listing = cpu.map_err(|errors| format!("{errors:?}")).and_then(|cpu| compiling::listing(cpu.plan()));
+    let listing = cpu.map_err(|errors| LoadError::together(&errors)).and_then(|cpu| compiling::listing(cpu.plan()));
     listing.unwrap_or_else(|why| format!("no machine code: {why}\n"))
 }
 

@@ -460,6 +460,7 @@ impl ValueEnum for Action {
 #[must_use]
 pub fn main() -> ExitCode {
     ob1_log::tell_panics();
+    ob1_rt::survive_file_limit();
     out::finish(match Cli::try_parse() {
         Ok(cli) => {
             let _exit = ob1_rt::ExitGuard::raise(exit_is_a_fault);

@@ -42,6 +42,8 @@ pub enum Network {
 pub struct Confinement {
     /// Folders in which it makes, replaces and removes files, links and sockets.
     pub folders: Vec<PathBuf>,
+    /// Folders in which it makes and removes links, and nothing else.
+    pub links: Vec<PathBuf>,
     /// Files and folders it reads.
     pub readable: Vec<PathBuf>,
     /// It waits by epoll, as an async runtime does.
@@ -64,10 +66,20 @@ pub type Refusal = (&'static str, String);
 
 /// Closes every descriptor but 0, 1 and 2. Call it first of all, before anything is opened.
 pub fn close_inherited() {
-    // SAFETY: called before this program has opened anything, so no object owns one of these descriptors; what else
-    // is there was inherited by mistake.
+    inherited(0);
+}
+
+/// Every descriptor but 0, 1 and 2 is closed in the programs that this process starts, and stays open here. Call it
+/// before anything is opened that a started program is to get.
+pub fn keep_inherited() {
+    inherited(libc::CLOSE_RANGE_CLOEXEC);
+}
+
+fn inherited(flags: libc::c_uint) {
+    // SAFETY: called before this program has opened anything, so no object owns one of the descriptors that are closed
+    // here; what stands there was inherited by mistake. Closing at the start of another program touches no object.
     unsafe {
-        libc::syscall(libc::SYS_close_range, 3_u32, u32::MAX, 0_u32);
+        libc::syscall(libc::SYS_close_range, 3_u32, u32::MAX, flags);
     }
 }
 
@@ -133,8 +145,10 @@ fn ruleset(wanted: &Confinement) -> Result<RulesetCreated, landlock::RulesetErro
     let use_devices = AccessFs::ReadFile | AccessFs::WriteFile | AccessFs::ReadDir | AccessFs::IoctlDev;
     let read = AccessFs::ReadFile | AccessFs::ReadDir;
     let mut places: Vec<(&Path, BitFlags<AccessFs>)> = Vec::new();
-    let nearest: Vec<PathBuf> = wanted.folders.iter().map(|folder| existing(folder)).collect();
-    places.extend(nearest.iter().map(|folder| (folder.as_path(), all & !AccessFs::Execute)));
+    let nearest = |folders: &[PathBuf]| folders.iter().map(|folder| existing(folder)).collect::<Vec<_>>();
+    let (folders, links) = (nearest(&wanted.folders), nearest(&wanted.links));
+    places.extend(folders.iter().map(|folder| (folder.as_path(), all & !AccessFs::Execute)));
+    places.extend(links.iter().map(|folder| (folder.as_path(), AccessFs::MakeSym | AccessFs::RemoveFile)));
     places.extend(wanted.readable.iter().map(|place| (place.as_path(), read)));
     if wanted.devices {
         places.push((Path::new("/dev"), use_devices));
@@ -314,19 +328,37 @@ fn rules(wanted: &Confinement) -> Result<Rules, String> {
     let typed = [0x5412, 0x541C];
     let quiet = typed.map(|request| condition(1, Op::Ne, request)).into_iter().collect::<Result<Vec<_>, _>>()?;
     rules.insert(libc::SYS_ioctl, vec![rule(quiet)?]);
-    let mut families = vec![libc::AF_UNIX];
-    if wanted.network != Network::None {
-        families.extend([libc::AF_INET, libc::AF_INET6]);
-    }
-    if wanted.network == Network::Name {
-        // The name service asks which addresses this machine has.
-        families.push(libc::AF_NETLINK);
-    }
-    let families = families.into_iter().map(|family| rule(vec![condition(0, Op::Eq, family as u64)?]));
-    let families = families.collect::<Result<Vec<_>, String>>()?;
-    rules.insert(libc::SYS_socketpair, families.first().cloned().into_iter().collect());
-    rules.insert(libc::SYS_socket, families);
+    rules.insert(libc::SYS_socketpair, vec![socket(libc::AF_UNIX, None)?]);
+    let sockets = sockets(wanted.network).iter().map(|&(family, kind)| socket(family, kind));
+    rules.insert(libc::SYS_socket, sockets.collect::<Result<_, _>>()?);
     Ok(rules)
+}
+
+/// The families of sockets, and the one kind of each if not all are allowed.
+const fn sockets(network: Network) -> &'static [(i32, Option<i32>)] {
+    // Landlock has no rule about connecting to a Unix socket. The control socket of a station and those of the system's
+    // services are streams; what lines and listeners to them use has packets.
+    const LOCAL: (i32, Option<i32>) = (libc::AF_UNIX, Some(libc::SOCK_SEQPACKET));
+    const TCP: Option<i32> = Some(libc::SOCK_STREAM);
+    match network {
+        Network::None => &[LOCAL],
+        Network::Address => &[LOCAL, (libc::AF_INET, TCP), (libc::AF_INET6, TCP)],
+        // The name service uses UDP and streams, and asks which addresses this machine has.
+        Network::Name => {
+            &[(libc::AF_UNIX, None), (libc::AF_INET, None), (libc::AF_INET6, None), (libc::AF_NETLINK, None)]
+        }
+    }
+}
+
+/// A socket of this family is allowed, of this kind or of any.
+fn socket(family: i32, kind: Option<i32>) -> Result<SeccompRule, String> {
+    /// The bits of the kind; the others are flags.
+    const KIND: u64 = 0xF;
+    let mut conditions = vec![condition(0, Op::Eq, family as u64)?];
+    if let Some(kind) = kind {
+        conditions.push(condition(1, Op::MaskedEq(KIND), kind as u64)?);
+    }
+    rule(conditions)
 }
 
 fn filter_calls(wanted: &Confinement) -> Result<(), String> {
@@ -352,6 +384,8 @@ mod tests {
             let rules = rules(&Confinement { network, ..Confinement::default() }).expect("rules");
             let families = rules.get(&libc::SYS_socket).map_or(0, Vec::len);
             assert_eq!(families, 1 + 2 * usize::from(network != Network::None) + usize::from(network == Network::Name));
+            let streams = sockets(network).contains(&(libc::AF_UNIX, None));
+            assert_eq!(streams, network == Network::Name, "only the name service may be behind a stream");
             for forbidden in [libc::SYS_execve, libc::SYS_ptrace, libc::SYS_mount, libc::SYS_bpf, libc::SYS_unshare] {
                 assert!(!rules.contains_key(&forbidden));
             }

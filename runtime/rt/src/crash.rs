@@ -1,7 +1,7 @@
 //! The last words: what a process that crashes still does.
 //!
-//! A segmentation fault, a bus error, an illegal instruction, an arithmetic fault or an abort comes from code that is
-//! not safe Rust: a block in C, a library. Nothing of the process can be trusted then. The handler runs on a stack of
+//! A segmentation fault, a bus error, an illegal instruction, an arithmetic fault, a trap or an abort comes from code
+//! that is not safe Rust: a block in C, a library. Nothing of the process can be trusted then. The handler runs on a stack of
 //! its own, switches the outputs off, writes what is known from a buffer of fixed size, and ends the process with a
 //! code of its own. It allocates nothing, takes no lock that it would have to wait for, and nothing unwinds from it.
 
@@ -13,7 +13,8 @@ use std::ptr::null_mut;
 use std::sync::atomic::{AtomicBool, AtomicPtr, Ordering};
 
 /// Signals that a thread provokes itself. They are never blocked, so that they are heard.
-pub(crate) const SYNCHRONOUS: [c_int; 5] = [libc::SIGSEGV, libc::SIGBUS, libc::SIGILL, libc::SIGFPE, libc::SIGABRT];
+pub(crate) const SYNCHRONOUS: [c_int; 7] =
+    [libc::SIGSEGV, libc::SIGBUS, libc::SIGILL, libc::SIGFPE, libc::SIGABRT, libc::SIGTRAP, libc::SIGSYS];
 
 /// Stack of the handler, in bytes.
 const HANDLER_STACK: usize = 64 * 1024;
@@ -133,6 +134,9 @@ const fn name(signal: c_int) -> &'static str {
         libc::SIGBUS => "bus error",
         libc::SIGILL => "illegal instruction",
         libc::SIGFPE => "arithmetic fault",
+        // What a failed check of a compiler ends in, on some machines.
+        libc::SIGTRAP => "trap",
+        libc::SIGSYS => "forbidden system call",
         _ => "abort",
     }
 }

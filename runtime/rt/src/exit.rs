@@ -1,10 +1,15 @@
-//! A library that ends the whole process by `exit()`: caught at the last moment, and reported by an exit code of its
-//! own.
+//! A library that ends the whole process by `exit()` or `quick_exit()`: caught at the last moment, and reported by an
+//! exit code of its own.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, Once};
 
 type Action = Box<dyn Fn() -> u8 + Send + Sync>;
+
+unsafe extern "C" {
+    /// As in C11; the libc crate does not have it.
+    fn at_quick_exit(handler: extern "C" fn()) -> libc::c_int;
+}
 
 static FOREIGN: AtomicBool = AtomicBool::new(false);
 static ACTION: Mutex<Option<Action>> = Mutex::new(None);
@@ -23,7 +28,7 @@ impl ExitGuard {
         REGISTERED.call_once(|| {
             // SAFETY: the handler is a function of this program, which is never unloaded. Without room for it (there
             // is always room for 32) an `exit()` is only not reported.
-            let _registered = unsafe { libc::atexit(at_exit) };
+            let _registered = unsafe { (libc::atexit(at_exit), at_quick_exit(at_exit)) };
         });
         if let Ok(mut place) = ACTION.lock() {
             *place = Some(Box::new(action));

@@ -1,7 +1,7 @@
 //! The fenced operating-system calls of the runtime: the clock and the sleep to a deadline, locking memory, scheduling
 //! of the scan thread, its stack, the threads beside it, the reservation its memory lies in, what the kernel says about
-//! it, when it was continued after a stop, what a process that crashes still does, the system-call fence, what a child
-//! denies itself, and the user it all runs as.
+//! it, when it was continued after a stop, what a process that crashes still does, the limit of files, the system-call
+//! fence, what a child denies itself, and the user it all runs as.
 //!
 //! Everything asked of the system answers with what was granted, what was refused and what would grant it ([`Grant`]);
 //! nothing here fails a run because a privilege is missing.
@@ -16,6 +16,7 @@ mod continued;
 mod crash;
 mod exit;
 mod fence;
+mod file_limit;
 mod posture;
 mod reservation;
 mod side_thread;
@@ -25,11 +26,12 @@ mod usage;
 mod user;
 
 pub use clock::MonotonicClock;
-pub use confine::{Confinement, Network, Refusal, close_inherited, confine};
+pub use confine::{Confinement, Network, Refusal, close_inherited, confine, keep_inherited};
 pub use continued::Continued;
 pub use crash::{LastWords, Place, take_handler_stack};
 pub use exit::{ExitGuard, lower_exit_guard};
 pub use fence::{ALLOWED_SYSTEM_CALLS, FenceError, fence_scan};
+pub use file_limit::survive_file_limit;
 pub use posture::{Grant, Outcome, Posture, lock_memory, may_lock_all, pin_to, raise_priority, set_timer_slack};
 pub use reservation::{RESERVED_BYTES, reserve};
 pub use side_thread::SideThread;

@@ -40,6 +40,15 @@ fn crash(how: &str) -> u64 {
                 #[cfg(not(target_arch = "x86_64"))]
                 libc::raise(libc::SIGILL);
             }
+            "trap" => {
+                #[cfg(target_arch = "x86_64")]
+                std::arch::asm!("int3");
+                #[cfg(target_arch = "aarch64")]
+                std::arch::asm!("brk #1000");
+                #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+                libc::raise(libc::SIGTRAP);
+            }
+            "call" => _ = libc::raise(libc::SIGSYS),
             "abort" => std::process::abort(),
             "float" => _ = libc::raise(libc::SIGFPE),
             "bus" => _ = libc::raise(libc::SIGBUS),
@@ -83,6 +92,8 @@ fn every_crash_has_its_last_words() {
         ("scan null", ", a wrong address, 0x10, in FC 7, outputs true; outputs are off, the station ends"),
         ("scan overflow", "the stack has overflowed"),
         ("scan illegal", "ob1: illegal instruction at 0x"),
+        ("scan trap", "ob1: trap at 0x"),
+        ("scan call", "ob1: forbidden system call at 0x"),
         ("scan abort", "ob1: abort at 0x"),
         ("scan float", "ob1: arithmetic fault at 0x"),
         ("scan bus", "ob1: bus error at 0x"),

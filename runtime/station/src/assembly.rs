@@ -446,7 +446,13 @@ impl Building<'_> {
             name: config.name.clone(),
             program,
             args,
-            env: self.drivers.env.iter().cloned().chain([fence::variable([self.rundir], config.kind.line())]).collect(),
+            env: self
+                .drivers
+                .env
+                .iter()
+                .cloned()
+                .chain([fence::variable([self.rundir], None, config.kind.line())])
+                .collect(),
             descriptors: Vec::new(),
         };
         let monitor = side.monitor().clone();

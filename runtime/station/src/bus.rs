@@ -53,7 +53,7 @@ pub(crate) fn add(
         name: bus.name.clone(),
         program: drivers.io.clone(),
         args: vec!["--name".into(), bus.name.clone().into(), "--trace".into(), rundir.into(), "--bus".into(), text],
-        env: drivers.env.iter().cloned().chain([fence::variable([rundir], &bus.lines)]).collect(),
+        env: drivers.env.iter().cloned().chain([fence::variable([rundir], None, &bus.lines)]).collect(),
         descriptors: vec![Arc::new(descriptor)],
     };
     let monitor = side.monitor().clone();

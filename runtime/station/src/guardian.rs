@@ -13,20 +13,22 @@ use std::time::{self, Duration};
 
 use ob1_backplane::{GuardPage, handover};
 use ob1_host::driver::kept_environment;
-use ob1_host::supervisor::{Report, Times};
+use ob1_host::supervisor::{Exit, Report, Times};
 use ob1_rt::SideThread;
-use ob1_time::{Instant, Span};
+use ob1_time::{Instant, Span, WatchedTime};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::{PidfdFlags, getpid, pidfd_open};
 use rustix::time::Timespec;
 
 use crate::io::{Held, ProcessIo};
-use crate::kept::{Charge, Kept};
+use crate::kept::{Charge, Kept, own_program};
 
 /// The longest wait between two looks at the guardian.
 const LOOK: Duration = Duration::from_millis(500);
 /// The same while it is starting.
 const LOOK_STARTING: Duration = Duration::from_millis(20);
+/// How much of a longer gap between two looks counts as silence of the guardian.
+const GAP: Span = Span::SECOND;
 /// How long it gets to clean up at the end: it waits for drivers and for the lock of the runtime directory itself.
 const END: Duration = Duration::from_secs(15);
 /// Its times: it beats every 50 ms.
@@ -109,7 +111,9 @@ impl Guardian {
     pub fn start(ward: Ward) -> io::Result<Self> {
         let guardian = Kept::started(ward, TIMES)?;
         let began = time::Instant::now();
-        let watch = SideThread::polling("ob1-guardian", move |stopped| Watch { guardian, stopped, began }.run())?;
+        let watched = WatchedTime::new(Instant::START, GAP);
+        let watch =
+            SideThread::polling("ob1-guardian", move |stopped| Watch { guardian, stopped, began, watched }.run())?;
         Ok(Self { _watch: watch })
     }
 }
@@ -123,7 +127,7 @@ impl Charge for Ward {
         let mut descriptors = vec![self.runtime.as_fd(), self.page_fd.as_fd()];
         descriptors.extend(self.image.as_ref().map(|image| image.as_fd()));
         handover::send(&lifeline, &self.safe, &descriptors)?;
-        let mut command = Command::new(std::env::current_exe()?);
+        let mut command = Command::new(own_program()?);
         command
             .arg("janitor")
             .arg("--stopped-ms")
@@ -151,10 +155,15 @@ impl Charge for Ward {
 
     fn tell(&self, report: Report) {
         match report {
+            Report::Lost(Exit::NotStarted(_)) => {}
             Report::Lost(exit) => tracing::warn!("the guardian is gone ({exit}); another is started"),
             Report::Up(starts) if starts > 1 => tracing::info!("the guardian is up, start {starts}"),
             _ => {}
         }
+    }
+
+    fn cannot_start(&self, why: &io::Error) {
+        tracing::error!("the guardian cannot be started: {why}; without it the outputs stay on when this process dies");
     }
 }
 
@@ -163,12 +172,13 @@ struct Watch {
     guardian: Kept<Ward>,
     stopped: OwnedFd,
     began: time::Instant,
+    watched: WatchedTime,
 }
 
 impl Watch {
     fn run(mut self) {
         loop {
-            let now = Instant::START + self.began.elapsed().into();
+            let now = self.watched.look(Instant::START + self.began.elapsed().into());
             let until = self.guardian.attend(now);
             let look = if self.guardian.is_starting() { LOOK_STARTING } else { LOOK };
             let wait = Duration::from(until.since(now)).min(look);

@@ -87,10 +87,11 @@ pub fn run(rundir: &Path, published: &[PathBuf], patience: Patience) {
 /// Confines itself to what it needs: the folders it removes things from, and a look at the runtime in `/proc`. Refusals
 /// are ignored: nobody would read about them, and each confinement that works helps.
 fn confine(rundir: &Path, published: &[PathBuf]) {
-    let folders =
-        [Some(rundir), rundir.parent()].into_iter().flatten().chain(published.iter().filter_map(|p| p.parent()));
+    let folders = [Some(rundir), rundir.parent()].into_iter().flatten();
+    let links = published.iter().filter_map(|path| path.parent());
     let _refused = ob1_rt::confine(&Confinement {
         folders: folders.map(Path::to_owned).collect(),
+        links: links.map(Path::to_owned).collect(),
         devices: true,
         processes: true,
         network: Network::None,

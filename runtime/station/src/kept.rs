@@ -4,6 +4,7 @@
 use std::io;
 use std::os::fd::OwnedFd;
 use std::os::unix::process::ExitStatusExt as _;
+use std::path::PathBuf;
 use std::process::{Child, Command};
 use std::time::Duration;
 
@@ -12,6 +13,13 @@ use ob1_time::Instant;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
 use rustix::time::Timespec;
+
+/// The program of this process, to start it as a child. An update may have replaced its file meanwhile: then it is
+/// still the program that runs, and not one of another version.
+pub(crate) fn own_program() -> io::Result<PathBuf> {
+    let path = std::env::current_exe()?;
+    Ok(if path.exists() { path } else { PathBuf::from("/proc/self/exe") })
+}
 
 /// What kind of process it is.
 pub(crate) trait Charge {
@@ -29,6 +37,9 @@ pub(crate) trait Charge {
 
     /// For the log.
     fn tell(&self, report: Report);
+
+    /// For the log: why it cannot be started, once until it could be.
+    fn cannot_start(&self, why: &io::Error);
 }
 
 /// A running process, and the descriptor that says when it is gone.
@@ -44,12 +55,14 @@ pub(crate) struct Kept<C: Charge> {
     supervisor: Supervisor,
     process: Option<Process<C::Held>>,
     beats: u64,
+    /// It has been told that it cannot be started.
+    told: bool,
 }
 
 impl<C: Charge> Kept<C> {
     /// One that is started by the first [`Kept::attend`].
     pub(crate) fn new(charge: C, times: Times) -> Self {
-        Self { charge, supervisor: Supervisor::new(times), process: None, beats: 0 }
+        Self { charge, supervisor: Supervisor::new(times), process: None, beats: 0, told: false }
     }
 
     /// One that is started now.
@@ -84,8 +97,16 @@ impl<C: Charge> Kept<C> {
             }
             input = match step.request {
                 Some(Request::Spawn) => match self.spawn() {
-                    Ok(()) => Input::Spawned,
-                    Err(error) => Input::Exited(Exit::NotStarted(error.raw_os_error().unwrap_or(0))),
+                    Ok(()) => {
+                        self.told = false;
+                        Input::Spawned
+                    }
+                    Err(error) => {
+                        if !std::mem::replace(&mut self.told, true) {
+                            self.charge.cannot_start(&error);
+                        }
+                        Input::Exited(Exit::NotStarted(error.raw_os_error().unwrap_or(0)))
+                    }
                 },
                 Some(Request::Kill) => {
                     if let Some(process) = &mut self.process {

@@ -14,7 +14,7 @@ use ob1_broker::{Beats, Handle};
 use ob1_host::driver::kept_environment;
 use ob1_host::supervisor::{Exit, Report, Times};
 use ob1_rt::SideThread;
-use ob1_time::Instant;
+use ob1_time::{Instant, Span, WatchedTime};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::time::Timespec;
 
@@ -24,6 +24,8 @@ use crate::kept::{Charge, Kept};
 const LOOK: Duration = Duration::from_millis(250);
 /// The same while one is starting.
 const LOOK_STARTING: Duration = Duration::from_millis(20);
+/// How much of a longer gap between two looks counts as silence of a link.
+const GAP: Span = Span::from_millis(500);
 /// How long a process gets to end once its door is closed.
 const END: Duration = Duration::from_secs(2);
 
@@ -62,7 +64,8 @@ impl Links {
         let children =
             specs.into_iter().map(|spec| Kept::new(Watched { spec, broker: broker.clone() }, Times::DEFAULT)).collect();
         let began = time::Instant::now();
-        let watch = SideThread::polling("ob1-links", move |stopped| Watch { children, stopped, began }.run())?;
+        let watched = WatchedTime::new(Instant::START, GAP);
+        let watch = SideThread::polling("ob1-links", move |stopped| Watch { children, stopped, began, watched }.run())?;
         Ok(Self { _watch: watch })
     }
 }
@@ -112,16 +115,19 @@ impl Charge for Watched {
     }
 
     fn tell(&self, report: Report) {
-        let (name, program) = (&self.spec.name, self.spec.program.display());
+        let name = &self.spec.name;
         match report {
             Report::Up(1) => tracing::info!("link \"{name}\" is up"),
             Report::Up(starts) => tracing::info!("link \"{name}\" is up again, start {starts}"),
-            Report::Lost(Exit::NotStarted(_)) => {
-                tracing::error!("link \"{name}\": {program} cannot be started; it lies beside ob1 as a rule");
-            }
+            Report::Lost(Exit::NotStarted(_)) => {}
             Report::Lost(exit) => tracing::warn!("link \"{name}\" is gone ({exit}); it is started again"),
             Report::HeldUp(_) => {}
         }
+    }
+
+    fn cannot_start(&self, why: &io::Error) {
+        let (name, program) = (&self.spec.name, self.spec.program.display());
+        tracing::error!("link \"{name}\": {program} cannot be started: {why}; it lies beside ob1 as a rule");
     }
 }
 
@@ -130,12 +136,13 @@ struct Watch {
     children: Vec<Kept<Watched>>,
     stopped: OwnedFd,
     began: time::Instant,
+    watched: WatchedTime,
 }
 
 impl Watch {
     fn run(mut self) {
         loop {
-            let now = Instant::START + self.began.elapsed().into();
+            let now = self.watched.look(Instant::START + self.began.elapsed().into());
             let until = self.children.iter_mut().map(|child| child.attend(now)).min().unwrap_or(Instant::NEVER);
             let starts = self.children.iter().any(Kept::is_starting);
             let wait = Duration::from(until.since(now)).min(if starts { LOOK_STARTING } else { LOOK });

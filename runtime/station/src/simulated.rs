@@ -71,7 +71,7 @@ fn fence(rundir: &Path, line: &SimulatedLine) -> (OsString, OsString) {
         Partner::Pty(path) => path.parent(),
         Partner::None | Partner::Echo => None,
     };
-    crate::fence::variable(socket.parent().into_iter().chain(partner), None)
+    crate::fence::variable(socket.parent(), partner, None)
 }
 
 /// What the process is told.

@@ -277,7 +277,7 @@ impl StationView {
         Status {
             station: self.name.clone(),
             pid: std::process::id(),
-            state: state_name(state).to_owned(),
+            state: state.name().to_owned(),
             runtime_ns: self.clock.time().nanos(),
             scans: statistics.scans,
             statements: statistics.statements,
@@ -302,16 +302,6 @@ impl StationView {
             downloads: known.downloads.clone(),
             downloads_not_kept: known.not_kept.clone(),
         }
-    }
-}
-
-/// `STOP`, `STARTUP`, `RUN`.
-#[must_use]
-pub const fn state_name(state: OperatingState) -> &'static str {
-    match state {
-        OperatingState::Stop => "STOP",
-        OperatingState::Startup => "STARTUP",
-        OperatingState::Run => "RUN",
     }
 }
 

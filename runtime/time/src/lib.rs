@@ -21,6 +21,8 @@
 
 mod instant;
 mod span;
+mod watched;
 
 pub use instant::Instant;
 pub use span::Span;
+pub use watched::WatchedTime;

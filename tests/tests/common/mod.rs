@@ -1,7 +1,8 @@
 //! Common parts of the tests with real processes: a folder for each test, stations that run there, partners, and waits
 //! that end with the awaited event.
 //!
-//! Times are used only as a limit: a wait that has not ended after [`GUARD`] has failed, even on a busy machine.
+//! Times are used only as a limit: a wait that has not ended after [`GUARD`] has failed, even on a busy machine. A
+//! machine that stands still uses up nothing of it.
 
 // Each test binary uses a part of it.
 #![allow(dead_code)]
@@ -25,24 +26,35 @@ pub(crate) mod steps;
 pub(crate) mod terminal;
 pub(crate) mod wire;
 
+use std::cell::Cell;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
+
+use ob1_time::{Span, WatchedTime};
 
 /// A wait fails after this time, which is much longer than needed on a busy machine.
-const GUARD: Duration = Duration::from_secs(90);
+const GUARD: Span = Span::from_secs(90);
+/// How much of the time between two checks of a wait counts.
+const GAP: Span = Span::SECOND;
 
 /// The time limit of a wait.
-pub(crate) struct Guard(Instant);
+pub(crate) struct Guard {
+    begun: Instant,
+    watched: Cell<WatchedTime>,
+}
 
 impl Guard {
     /// Starts a wait.
     pub(crate) fn begin() -> Self {
-        Self(Instant::now() + GUARD)
+        Self { begun: Instant::now(), watched: Cell::new(WatchedTime::new(ob1_time::Instant::START, GAP)) }
     }
 
     /// Whether the wait has failed.
     pub(crate) fn is_over(&self) -> bool {
-        Instant::now() >= self.0
+        let mut watched = self.watched.get();
+        let time = watched.look(ob1_time::Instant::START + self.begun.elapsed().into());
+        self.watched.set(watched);
+        time.since_start() >= GUARD
     }
 }
 

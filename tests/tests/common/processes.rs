@@ -5,10 +5,11 @@ use std::fs;
 use std::os::fd::OwnedFd;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
+use ob1_time::Span;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
+use rustix::process::{Pid, PidfdFlags, Resource, Rlimit, Signal, getrlimit, pidfd_open, pidfd_send_signal, prlimit};
 
 use super::Guard;
 
@@ -48,6 +49,27 @@ impl Watched {
     /// Sends a signal; no effect after the end of the process.
     pub(crate) fn signal(&self, signal: Signal) {
         let _ = pidfd_send_signal(&self.pidfd, signal);
+    }
+
+    /// Leaves it not one descriptor more than it has, or lifts that limit.
+    pub(crate) fn limit_descriptors(&self, limited: bool) {
+        let open = fs::read_dir(format!("/proc/{}/fd", self.pid)).expect("a living process");
+        let open: BTreeSet<u64> = open.flatten().filter_map(|fd| fd.file_name().to_str()?.parse().ok()).collect();
+        let free = (0..).find(|number| !open.contains(number));
+        let ours = getrlimit(Resource::Nofile);
+        let limit = if limited { Rlimit { current: free, ..ours } } else { ours };
+        let pid = i32::try_from(self.pid).ok().and_then(Pid::from_raw);
+        prlimit(pid, Resource::Nofile, limit).expect("a process of ours");
+    }
+
+    /// Whether it sleeps for most of the time.
+    pub(crate) fn sleeps(&self) -> bool {
+        let ran = || ob1_rt::process_state(self.pid).expect("a living process").ran;
+        let (begun, before) = (Instant::now(), ran());
+        while begun.elapsed() < Duration::from_secs(1) {
+            self.ends_within(Duration::from_millis(50));
+        }
+        ran().saturating_sub(before).times(2) < Span::from(begun.elapsed())
     }
 
     /// Names of its threads.

@@ -28,6 +28,8 @@ use crate::common::station::Running;
 
 /// Maximum wait for an answer that may not come.
 const ANSWER: Duration = Duration::from_millis(300);
+/// The same for an answer that must come, also on a machine that stands still for a while.
+const PATIENCE: Duration = Duration::from_secs(120);
 /// Maximum time for the restart of a gate.
 const BACK: Duration = Duration::from_secs(1);
 /// Values that a read-only link must not change.
@@ -239,7 +241,7 @@ fn gate_claims() {
     let station = station(&site, "gs-claims", &link);
     let address = SocketAddr::from(([127, 0, 0, 1], port));
     let mut besieged = Besieged::new(station, channel_opens(address));
-    let connect = || OpcUa::connect(address, Duration::from_secs(20)).expect("a session");
+    let connect = || OpcUa::connect(address, PATIENCE).expect("a session");
     let count = claims(&connect()).len();
     for round in 0..count {
         let mut client = connect();
@@ -276,7 +278,7 @@ fn gate_claims() {
     drop(client);
     // An endless greeting before the session.
     let mut stream = TcpStream::connect(address).expect("a connection");
-    stream.set_write_timeout(Some(Duration::from_secs(20))).expect("a socket");
+    stream.set_write_timeout(Some(PATIENCE)).expect("a socket");
     let _ = stream.write_all(b"HELF\xFF\xFF\xFF\xFF");
     let (part, mut sent) = (vec![0; 1 << 20], 0_u64);
     while sent < 4096 && stream.write_all(&part).is_ok() {

@@ -2,16 +2,17 @@
 //! them to their safe state, and they are not changed after that.
 
 use std::fs;
+use std::path::Path;
 
 use ob1_backplane::{IoField, Owner};
 use rustix::process::Signal;
 
 use crate::common;
-use crate::common::Guard;
 use crate::common::native;
 use crate::common::processes::Watched;
 use crate::common::site::Site;
 use crate::common::station::Running;
+use crate::common::{Guard, program};
 
 /// AB 0, PAW 4, PAW 6 while the program sets them, and in the safe state: the second valve has a substitute value.
 const DRIVEN: [u8; 8] = [0xA1, 0, 0, 0, 0x12, 0x34, 0x43, 0x21];
@@ -20,7 +21,12 @@ const SAFE: [u8; 8] = [0, 0, 0, 0, 0, 0, 0xFF, 0xFE];
 /// A station whose program sets outputs. FC 234 ends the process if M 200.0 is set, FC 7 loops without end if M 200.1
 /// is set.
 fn station(site: &Site, min_cycle: &str) -> Running {
-    let plugin = native::build(site, "tests/native/exit_block.c", "exit_block.so", &[]);
+    station_of(site, &program("ob1"), min_cycle, &[])
+}
+
+/// The same with this program, and these flags for the plugin.
+fn station_of(site: &Site, ob1: &Path, min_cycle: &str, flags: &[&str]) -> Running {
+    let plugin = native::build(site, "tests/native/exit_block.c", "exit_block.so", flags);
     let toml = format!(
         "[station]\nname = \"guarded\"\n\n[cpu]\nmin_cycle = \"{min_cycle}\"\nwatchdog = \"500ms\"\nmissed = \"skip\"\n\n\
          [program]\nsources = [\"guarded.awl\"]\n\n\
@@ -34,7 +40,9 @@ fn station(site: &Site, min_cycle: &str) -> Running {
                U M 200.0;\nSPBN end;\nCALL FC 234;\nend: NOP 0;\nEND_ORGANIZATION_BLOCK\n";
     site.write("guarded.toml", &toml);
     site.write("guarded.awl", awl);
-    site.run("guarded.toml").until_run()
+    let mut command = site.command(ob1);
+    command.args(["run", "guarded.toml"]);
+    Running::start_command(site, "guarded.toml", command).until_run()
 }
 
 /// The image, mapped independently of the processes of the station.
@@ -118,6 +126,25 @@ fn a_guardian_that_is_killed_or_asked_to_end_is_there_when_it_is_needed() {
     site.wait_until_empty();
 }
 
+/// The package is replaced while the station runs, and its guardian ends after that.
+#[test]
+fn a_guardian_is_started_again_although_its_program_has_been_replaced() {
+    let site = Site::new();
+    let ours = site.path("ob1");
+    fs::copy(program("ob1"), &ours).expect("room for the program");
+    let station = station_of(&site, &ours, "10ms", &[]);
+    let plant = Plant::of(&station);
+    fs::remove_file(&ours).expect("it is there");
+    fs::write(&ours, "another version").expect("room");
+    let first = guardian(&site, &station);
+    first.signal(Signal::KILL);
+    first.wait("the first guardian");
+    assert_ne!(guardian(&site, &station).pid, first.pid);
+    station.kill();
+    plant.until_safe();
+    site.wait_until_empty();
+}
+
 #[test]
 fn a_runtime_that_was_stopped_drives_nothing_when_it_comes_to_life_again() {
     let site = Site::new();
@@ -138,15 +165,17 @@ fn a_runtime_that_was_stopped_drives_nothing_when_it_comes_to_life_again() {
 
 #[test]
 fn a_plugin_that_calls_exit_is_a_fault() {
-    let site = Site::new();
-    let station = station(&site, "10ms");
-    let plant = Plant::of(&station);
-    station.try_set("M200.0", 1);
-    let ended = station.end();
-    assert_eq!(ended.code(), Some(13), "{ended:?}");
-    assert!(ended.err.contains("FC 234 has called exit()"), "{ended:?}");
-    assert_eq!(plant.outputs(), SAFE);
-    site.wait_until_empty();
+    for way in ["exit", "quick_exit"] {
+        let site = Site::new();
+        let station = station_of(&site, &program("ob1"), "10ms", &[&format!("-DLEAVE={way}")]);
+        let plant = Plant::of(&station);
+        station.try_set("M200.0", 1);
+        let ended = station.end();
+        assert_eq!(ended.code(), Some(13), "{way}: {ended:?}");
+        assert!(ended.err.contains("FC 234 has called exit()"), "{way}: {ended:?}");
+        assert_eq!(plant.outputs(), SAFE, "{way}");
+        site.wait_until_empty();
+    }
 }
 
 #[test]

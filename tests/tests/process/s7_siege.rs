@@ -105,6 +105,24 @@ fn s7_flood() {
     assert_eq!(station.interrupt().code(), Some(0));
 }
 
+/// Callers for whom the process has no descriptor left do not keep it awake. They are served when it has one again.
+#[test]
+fn s7_without_descriptors() {
+    let site = Site::new();
+    let (station, port) = station(&site, "s7-descriptors", "rights = \"write\"");
+    let link = link_of(&station);
+    let mut worker = until_served(&station, port, "a client is served");
+    link.limit_descriptors(true);
+    let callers: Vec<TcpStream> =
+        (0..3).map(|_| TcpStream::connect(("127.0.0.1", port)).expect("the kernel accepts")).collect();
+    assert!(link.sleeps(), "it tries to accept them all the time");
+    assert!(works(&mut worker).expect("it is served meanwhile"));
+    drop(callers);
+    link.limit_descriptors(false);
+    until_served(&station, port, "a new client gets in");
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
 /// Sessions damaged at any place: the process survives, its memory does not grow, the next client is served, and
 /// without the right nothing is changed.
 #[test]

@@ -96,8 +96,8 @@ fn finish(block: &CodeBlock, pieces: &[Piece], starts: &[usize]) -> Result<(Vec<
     let mut end = 0usize;
     for piece in pieces {
         offsets.push(end);
-        let bytes = Statement::from(piece.op.clone()).bytes();
-        end += bytes.ok_or_else(|| wrong(piece, &format!("{:?}", piece.op)))?.len();
+        let statement = Statement::from(piece.op.clone());
+        end += statement.bytes().ok_or_else(|| wrong(piece, &statement.to_string()))?.len();
     }
     let mut code = Vec::with_capacity(end + 2);
     let mut segments = Segments::default();

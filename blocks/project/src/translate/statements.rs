@@ -149,8 +149,26 @@ impl Draft<'_> {
 fn first_difference(source: &CodeBlock, machine: &CodeBlock) -> Option<String> {
     let pairs = source.code.iter().zip(&machine.code);
     if let Some((at, (a, b))) = pairs.enumerate().find(|(_, (a, b))| a.op != b.op || a.network != b.network) {
-        return Some(format!("statement {}: {:?} for {:?}", at + 1, a.op, b.op));
+        return Some(format!("statement {}: {} for {}", at + 1, a.op, b.op));
     }
     let (a, b) = (source.code.len(), machine.code.len());
     (a != b).then(|| format!("{a} statements for {b}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A note is read by people.
+    #[test]
+    fn a_difference_is_told_as_statements() {
+        let block = |value: u32| {
+            let text = format!("FUNCTION FC 1 : VOID\nBEGIN\nNETWORK\nL {value};\nEND_FUNCTION\n");
+            let sources = [ob1_stl::Source::new("a.awl", text)];
+            ob1_stl::compile(&sources, &ob1_stl::Library::new(), &ob1_stl::Options::default()).program.blocks.remove(0)
+        };
+        assert_eq!(first_difference(&block(1), &block(1)), None);
+        let told = first_difference(&block(1), &block(2)).expect("they differ");
+        assert_eq!(told, "statement 1: L DW#16#1 for L DW#16#2");
+    }
 }

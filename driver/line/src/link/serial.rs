@@ -172,10 +172,10 @@ fn configure(port: &mut Port, settings: &LineSettings) -> io::Result<Vec<Warning
         (true, false) => Parity::Even,
     };
     if has != settings.parity {
-        missing("parity", &format_args!("{:?}", settings.parity));
+        missing("parity", &settings.parity);
     }
     if modes.contains(ControlModes::CSTOPB) != (settings.stop_bits == StopBits::Two) {
-        missing("stop bits", &format_args!("{:?}", settings.stop_bits));
+        missing("stop bits", &settings.stop_bits);
     }
     if (termios.output_speed(), termios.input_speed()) != (settings.baud, settings.baud) {
         missing("baud rate", &format_args!("{}, it runs at {}", settings.baud, termios.output_speed()));

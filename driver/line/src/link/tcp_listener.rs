@@ -79,10 +79,17 @@ impl Link for ListenerLink {
 
     /// A serial line has one other end: callers are refused while it is taken.
     fn housekeeping(&mut self) {
-        if let Some(listener) = &self.listener {
-            for _ in 0..CALLERS {
-                let Ok((stream, _)) = listener.accept() else { return };
-                drop(stream);
+        let Some(listener) = &self.listener else { return };
+        for _ in 0..CALLERS {
+            match listener.accept() {
+                Ok((stream, _)) => drop(stream),
+                Err(error) if is_passing(&error) => return,
+                // No descriptor is left: the system refuses the callers, until the line is free again. They would keep
+                // the socket ready, and the driver would never sleep.
+                Err(_) => {
+                    self.listener = None;
+                    return;
+                }
             }
         }
     }

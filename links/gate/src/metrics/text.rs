@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use ob1_model::Event;
+use ob1_model::{Event, OperatingState};
 use serde_json::Value;
 
 /// Upper bounds of the buckets of all times, in nanoseconds: 1, 2, 5 per decade from 10 µs to 10 s.
@@ -29,7 +29,7 @@ const BOUNDS: [u64; 19] = [
     10_000_000_000,
 ];
 /// Operating states.
-const STATES: [&str; 3] = ["STOP", "STARTUP", "RUN"];
+const STATES: [&str; 3] = [OperatingState::Stop.name(), OperatingState::Startup.name(), OperatingState::Run.name()];
 
 /// The documents of the station.
 pub(super) struct Told {

@@ -242,7 +242,7 @@ fn text(datum: &Datum) -> String {
 fn told(event: &Event) -> Value {
     match &event.what {
         What::Diagnosis(diagnosis) => json!({ "what": "diagnosis", "entry": entry(diagnosis) }),
-        What::State(state) => json!({ "what": "state", "state": format!("{state:?}").to_uppercase() }),
+        What::State(state) => json!({ "what": "state", "state": state.name() }),
         What::Driver { name, up } => json!({ "what": "driver", "name": name, "up": up }),
         What::Link { name, up } => json!({ "what": "link", "name": name, "up": up }),
         What::Lost(count) => json!({ "what": "lost", "count": count }),

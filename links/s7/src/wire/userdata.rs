@@ -1,5 +1,7 @@
 //! Services of a programming device: their parameters, and the four bytes in front of their data.
 
+use std::fmt;
+
 use super::pdu::{JOB_HEAD, Kind, write};
 use crate::codes::{Code, ItemCode};
 
@@ -94,6 +96,22 @@ impl Group {
     }
 }
 
+impl fmt::Display for Group {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Mode => "operating state",
+            Self::Test => "test",
+            Self::Cyclic => "cyclic data",
+            Self::Blocks => "blocks",
+            Self::Cpu => "CPU",
+            Self::Security => "password",
+            Self::Pbc => "BSEND",
+            Self::Clock => "clock",
+            Self::Other(number) => return write!(f, "group {number}"),
+        })
+    }
+}
+
 /// The kinds of telegrams of a service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Telegram {
@@ -121,6 +139,16 @@ impl Telegram {
             Self::Job => 4,
             Self::Answer => 8,
         }
+    }
+}
+
+impl fmt::Display for Telegram {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Message => "message",
+            Self::Job => "job",
+            Self::Answer => "answer",
+        })
     }
 }
 

@@ -77,9 +77,22 @@ impl Trace {
             between_ob,
             ..ScanRecord::default()
         };
-        self.long_at = start.saturating_add(accounts.long_from);
+        self.watch(start, inside, statements);
+    }
+
+    /// Interrupts between two scans are about to be served. If they end in STOP, [`Trace::end`] follows, else
+    /// [`Trace::between`].
+    pub(crate) fn begin_between(&mut self, start: Instant, inside: Span, statements: u64) {
+        let scan = self.accounts.scans.get() + 1;
+        self.record = ScanRecord { scan, planned: start, start, ..ScanRecord::default() };
+        self.watch(start, inside, statements);
+    }
+
+    /// What is served now may become long, or trip the watchdog.
+    fn watch(&mut self, start: Instant, inside: Span, statements: u64) {
+        self.long_at = start.saturating_add(self.accounts.long_from);
         (self.long_in, self.nested) = (None, Span::ZERO);
-        (self.inside, self.statements, self.watchdogs) = (inside, statements, accounts.watchdogs.get());
+        (self.inside, self.statements, self.watchdogs) = (inside, statements, self.accounts.watchdogs.get());
     }
 
     /// Records the time from the start of the previous scan to the start of this one.

@@ -215,6 +215,34 @@ fn calls_of_plugins_are_timed_each_for_itself() {
     });
 }
 
+/// So is what ends in STOP between two scans: an interrupt that never ends, or takes too long in a plugin.
+#[test]
+fn an_interrupt_between_two_scans_that_stops_the_cpu_is_in_all_accounts() {
+    on_each_engine(|| {
+        let cyclic = vec![CyclicInterrupt::new(35, 200 * MS)];
+        let accounts = AccountsConfig { long: 100 * MS, ..AccountsConfig::default() };
+        let config = CpuConfig { min_cycle: 500 * MS, watchdog: 150 * MS, cyclic, accounts, ..CpuConfig::default() };
+        let endless = vec![Op::Jump(ob1_ir::Jump::Always, 0)];
+        let interrupt = block(ob(35), Interface::default(), endless);
+        let mut bench = start(config, vec![ob1(vec![]), interrupt], ob1_cpu::system_blocks());
+        bench.run();
+        let before = bench.cpu.last_scan().scan;
+        bench.clock.now = at(200 * MS);
+        let end = bench.cycle();
+        assert_eq!((end.state, bench.events()[0], end.late), (ob1_cpu::OperatingState::Stop, 0x4568, true));
+        let (scan, accounts) = (*bench.cpu.last_scan(), bench.cpu.accounts());
+        let figures = accounts.figures();
+        assert_eq!((scan.scan, figures.scans, figures.execution.count()), (before + 1, before + 1, before + 1));
+        assert!((150 * MS..151 * MS).contains(&scan.execution()), "{scan:?}");
+        assert!(figures.execution.max() >= 150 * MS);
+        assert_eq!((scan.start, scan.longest_ob, scan.long_in), (at(200 * MS), 35, Some(ob(35))), "{scan:?}");
+        assert!(scan.flags.watchdog && scan.flags.took_long, "{scan:?}");
+        let expired = bench.cpu.diagnostics().find(|entry| entry.event.0 == 0x3501).expect("the watchdog");
+        assert!((scan.start..=scan.end).contains(&expired.time), "so it can be explained");
+        assert_eq!(accounts.flight().last(), Some(&scan), "recorded");
+    });
+}
+
 /// The scan that ends in STOP is in all accounts, whatever led to it.
 #[test]
 fn the_scan_that_stops_the_cpu_is_in_all_accounts() {

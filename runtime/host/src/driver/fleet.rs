@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use ob1_backplane::{Monitor, Segment};
 use ob1_cpu::Clock;
 use ob1_rt::SideThread;
-use ob1_time::{Instant, Span};
+use ob1_time::{Instant, Span, WatchedTime};
 use rtrb::{Consumer, Producer, RingBuffer};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::fs::Timespec;
@@ -23,6 +23,8 @@ const LOOK: Span = Span::from_millis(100);
 const LOOK_STARTING: Span = Span::from_millis(5);
 /// A look this long after the last one is late: the whole process, or the machine, has stood still.
 const LOOK_LATE: Span = LOOK.times(3);
+/// How much of a longer gap between two looks counts as silence of a driver: it cannot use up its patience alone.
+const GAP: Span = LOOK_LATE.times(2);
 /// Reports the scan has not fetched yet; more are dropped.
 const REPORTS: usize = 32;
 
@@ -167,7 +169,9 @@ impl Fleet {
     /// What the system says when it has no thread or descriptor left.
     pub fn start(self, clock: impl Clock + Send + 'static) -> io::Result<RunningFleet> {
         let drivers = self.drivers;
-        let watch = SideThread::polling("ob1-supervisor", move |stopped| Watch { drivers, clock, stopped }.run())?;
+        let watch = SideThread::polling("ob1-supervisor", move |stopped| {
+            Watch { drivers, clock, watched: WatchedTime::new(Instant::START, GAP), stopped }.run();
+        })?;
         Ok(RunningFleet { _watch: watch })
     }
 }
@@ -190,18 +194,20 @@ impl RunningFleet {
 struct Watch<C> {
     drivers: Vec<Driver>,
     clock: C,
+    /// The drivers' times are measured with it.
+    watched: WatchedTime,
     stopped: OwnedFd,
 }
 
 impl<C: Clock> Watch<C> {
     fn run(mut self) {
         loop {
-            let now = self.clock.now();
+            let now = self.watched.look(self.clock.now());
             let mut wake_at = now + LOOK;
             for driver in &mut self.drivers {
                 wake_at = wake_at.min(driver.attend(now));
             }
-            let timeout = wake_at.since(self.clock.now());
+            let timeout = wake_at.since(self.watched.look(self.clock.now()));
             if self.sleep(timeout) {
                 break;
             }

@@ -18,7 +18,6 @@ use ob1_station::finding::{Finding, Level, Text};
 use ob1_station::program::{self, Loaded, Sources};
 use ob1_station::station_file::findings::Findings;
 use ob1_station::station_file::{self, ModuleConfig};
-use ob1_station::view::state_name;
 
 /// Name of the generated source.
 const GENERATED: &str = "(the call under test)";
@@ -261,7 +260,7 @@ impl ReadyStep<'_> {
             Some((wanted, _)) if *wanted == found => None,
             Some((wanted, at)) => {
                 let text =
-                    format!("state: expected {}, found {}{}", state_name(*wanted), state_name(found), why(bench));
+                    format!("state: expected {}, found {}{}", wanted.name(), found.name(), why(bench));
                 Some((at.clone(), text))
             }
             None if found == OperatingState::Stop => {

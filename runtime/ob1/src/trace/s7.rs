@@ -167,7 +167,7 @@ fn user_data(pdu: &Pdu<'_>) -> String {
     match UserData::read(pdu.parameters, pdu.data) {
         Some(service) => {
             let error = if service.error == Code::DONE { String::new() } else { format!(": {}", service.error) };
-            format!("{:?} {}: {:?} {:02X}h{error}", service.telegram, pdu.reference, service.group, service.sub)
+            format!("{} {}: {} {:02X}h{error}", service.telegram, pdu.reference, service.group, service.sub)
         }
         None => format!("service {}", pdu.reference),
     }
@@ -176,7 +176,7 @@ fn user_data(pdu: &Pdu<'_>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ob1_s7::wire::write;
+    use ob1_s7::wire::{Group, Telegram as Service, write};
 
     fn record<'d>(kind: Kind, data: &'d [u8]) -> Record<'d> {
         Record { time: ob1_protocols::Instant::from_nanos(5), kind, data }
@@ -212,6 +212,16 @@ mod tests {
             link.read(&record(Kind::In, &[&tapped[..], noise].concat()));
         }
         assert!(Link::of_hello(b"{\"module\":\"cp240\",\"name\":\"x\"}").is_none());
+    }
+
+    #[test]
+    fn services_are_told_in_words() {
+        let (job, service) = (UserData::job(Group::Clock, 1, &[]), UserData::job(Group::Other(11), 0x1F, &[]));
+        assert_eq!(telegram(&frame(&job.write(9))), "job 9: clock 01h");
+        assert_eq!(telegram(&frame(&service.write(10))), "job 10: group 11 1Fh");
+        let answer = UserData { telegram: Service::Answer, group: Group::Cpu, error: Code::PROTECTED, ..job };
+        let told = telegram(&frame(&answer.write(11)));
+        assert!(told.starts_with("answer 11: CPU 01h: ") && told.contains("D241"), "{told}");
     }
 
     #[test]

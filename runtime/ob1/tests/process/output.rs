@@ -56,6 +56,20 @@ fn a_log_on_a_full_disk_is_counted_and_changes_nothing() {
     assert_eq!(station.child.wait().expect("it ends").code(), Some(0));
 }
 
+/// A limit of files, as of a shell or of a service: the log has reached it.
+#[test]
+fn a_log_that_may_not_grow_any_more_is_counted_and_changes_nothing() {
+    let bench = Bench::new();
+    let log = File::create(bench.folder.path().join("log")).expect("writable");
+    let mut station = Station { child: run(&bench, &[]).stderr(log).spawn().expect("ob1 starts") };
+    bench.until_state("RUN");
+    station.limit_files(Some(1));
+    there_and_back(&bench);
+    until(|| lost(&bench) > Some(0));
+    station.signal("-INT");
+    assert_eq!(station.child.wait().expect("it ends").code(), Some(0));
+}
+
 #[test]
 fn a_reader_of_the_log_that_ends_changes_nothing() {
     let bench = Bench::new();

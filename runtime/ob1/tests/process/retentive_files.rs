@@ -1,12 +1,9 @@
 //! The files of retentive memory under a real run: a disk that takes nothing more, two runs at once, a folder that
 //! cannot be used.
 
-use std::process::{Command, Stdio};
-
-use rustix::process::{Pid, Resource, Rlimit, prlimit};
 use serde_json::Value;
 
-use crate::bench::{Bench, STATION, Station, until};
+use crate::bench::{Bench, STATION, until};
 
 fn bench() -> Bench {
     let bench = Bench::new();
@@ -24,24 +21,13 @@ fn entries(bench: &Bench, event: &str) -> usize {
     diag["cpu"].as_array().map_or(0, |list| list.iter().filter(|entry| entry["event"] == event).count())
 }
 
-fn limit_files(station: &Station, bytes: Option<u64>) {
-    let pid = Pid::from_child(&station.child);
-    prlimit(Some(pid), Resource::Fsize, Rlimit { current: bytes, maximum: None }).expect("our own child");
-}
-
 /// The station continues; each state is reported once, with the age of the last good image.
 #[test]
 fn a_disk_that_takes_nothing_more_is_told_once() {
     let bench = bench();
-    // A process that ignores SIGXFSZ gets an error from the write instead, as on a full disk.
-    let mut command = Command::new("sh");
-    let ob1 = env!("CARGO_BIN_EXE_ob1");
-    command.args(["-c", &format!("trap '' XFSZ; exec {ob1} run bench.toml --quiet")]).current_dir(bench.folder.path());
-    command.env("XDG_RUNTIME_DIR", bench.folder.path()).stdin(Stdio::null()).stdout(Stdio::null());
-    let station = Station { child: command.spawn().expect("a shell") };
-    bench.until_state("RUN");
+    let station = bench.start(&[]);
     until(|| retentive(&bench)["generation"].as_u64() > Some(2));
-    limit_files(&station, Some(100));
+    station.limit_files(Some(100));
     until(|| retentive(&bench)["error"].as_str().is_some_and(|text| text.contains("File too large")));
     let age = || retentive(&bench)["age_ns"].as_u64();
     let then = age();
@@ -51,7 +37,7 @@ fn a_disk_that_takes_nothing_more_is_told_once() {
     assert_eq!(bench.json(&["ctl", "bench", "status", "--json"])["state"], "RUN");
     let status = bench.ob1(&["ctl", "bench", "status"]);
     assert!(String::from_utf8_lossy(&status.stdout).contains("cannot be written: File too large"), "{status:?}");
-    limit_files(&station, None);
+    station.limit_files(None);
     until(|| !retentive(&bench)["error"].is_string());
     until(|| entries(&bench, "F302h") == 1);
     assert_eq!(entries(&bench, "F301h"), 1);

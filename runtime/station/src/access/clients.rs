@@ -233,8 +233,10 @@ impl Clients {
         }
     }
 
+    /// One that waits for its answer is not silent: it goes only when all others wait, too.
     fn close_the_most_silent(&mut self) {
-        if let Some(index) = (0..self.list.len()).min_by_key(|index| self.list[*index].active) {
+        let silence = |index: &usize| (self.list[*index].waits, self.list[*index].active);
+        if let Some(index) = (0..self.list.len()).min_by_key(silence) {
             let client = self.list.remove(index);
             self.gone.push(client.number);
         }
@@ -354,6 +356,20 @@ mod tests {
         ends[0].read_exact(&mut answer).expect("it is there still");
         assert_eq!(&answer, b"1\n");
         assert_eq!(ends[1].read(&mut answer).expect("an end"), 0, "the most silent");
+        // Another waits for its answer; so many callers come meanwhile that all the others go.
+        ends[2].write_all(b"later\n").expect("connected");
+        while !site.clients.list.iter().any(|client| client.waits) {
+            assert!(site.wait());
+            site.clients.take_requests(|_, _| None, Vec::new);
+        }
+        for _ in 0..2 * CLIENTS {
+            ends.push(site.connect());
+            assert!(site.wait());
+        }
+        let number = site.clients.list.iter().find(|client| client.waits).expect("not closed").number;
+        site.clients.answer(number, b"9\n".to_vec());
+        ends[2].read_exact(&mut answer).expect("it is there still");
+        assert_eq!(&answer, b"9\n");
     }
 
     /// A client that does not take its answer is served no further; the others continue.

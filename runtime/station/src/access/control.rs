@@ -5,16 +5,20 @@
 //! that one copy.
 
 use std::collections::VecDeque;
-use std::time::{Duration, Instant};
+use std::time::{self, Duration};
 
 use ob1_access::door::{Answer, Ask, Door, News, NotYet, Reading, Refusal, Refused, Ticket};
 use ob1_access::{Cell, Piece, Put, Width};
 use ob1_cpu::GROUP_ENTRIES;
+use ob1_time::{Instant, Span, WatchedTime};
 use rustix::event::{PollFd, PollFlags};
 
 /// Pause between two looks at the window, while a snapshot is waited for.
 const LOOK: Duration = Duration::from_micros(200);
-/// How often cells are released that nobody reads any more.
+/// Longest pause between two looks while a request is under way; of a longer gap only twice as much counts as silence
+/// of the broker.
+const PULSE: Duration = Duration::from_millis(100);
+/// How often cells are released that are no longer asked for.
 const TICK: Duration = Duration::from_secs(1);
 
 /// A cell and how much of it.
@@ -23,6 +27,7 @@ pub(super) type Wanted = (Cell, Width);
 /// A request under way.
 pub(super) struct Pending {
     client: u32,
+    /// In watched time.
     give_up: Instant,
     work: Work,
 }
@@ -54,10 +59,9 @@ pub(super) enum Outcome {
 }
 
 impl Pending {
-    /// How long until it must be polled again, at the latest.
-    pub(super) fn due(&self, now: Instant) -> Duration {
-        let left = self.give_up.saturating_duration_since(now);
-        if matches!(self.work, Work::Read { .. }) { left.min(LOOK) } else { left }
+    /// How long until it must be looked at again, at the latest.
+    pub(super) const fn due(&self) -> Duration {
+        if matches!(self.work, Work::Read { .. }) { LOOK } else { PULSE }
     }
 
     pub(super) const fn client(&self) -> u32 {
@@ -67,9 +71,12 @@ impl Pending {
 
 pub(super) struct Control {
     door: Door,
-    answer_time: Duration,
+    answer_time: Span,
+    /// The broker's time to answer is measured with it.
+    watched: WatchedTime,
     reading: Reading,
-    ticked: Instant,
+    began: time::Instant,
+    ticked: time::Instant,
     /// What has come in this round.
     news: Vec<News>,
     /// Why there is no door any more.
@@ -77,9 +84,10 @@ pub(super) struct Control {
 }
 
 impl Control {
-    pub(super) fn new(door: Door, answer_time: Duration) -> Self {
-        let reading = Reading::new();
-        Self { door, answer_time, reading, ticked: Instant::now(), news: Vec::new(), gone: None }
+    pub(super) fn new(door: Door, answer_time: Span) -> Self {
+        let (reading, now) = (Reading::new(), time::Instant::now());
+        let watched = WatchedTime::new(Instant::START, (2 * PULSE).into());
+        Self { door, answer_time, watched, reading, began: now, ticked: now, news: Vec::new(), gone: None }
     }
 
     /// What becomes ready when the broker says something.
@@ -97,6 +105,7 @@ impl Control {
 
     /// Begins a round: takes what has come, and releases cells that were requested long ago.
     pub(super) fn pump(&mut self) {
+        self.watched.look(Instant::START + self.began.elapsed().into());
         while self.ticked.elapsed() >= TICK {
             self.ticked += TICK;
             self.door.tick();
@@ -115,7 +124,7 @@ impl Control {
         let (part, seen) = (wanted.len(), self.door.newest_scan());
         let values = Vec::with_capacity(part);
         let work = Work::Read { wanted, values, part, seen };
-        Pending { client, give_up: Instant::now() + self.answer_time, work }
+        Pending { client, give_up: self.watched.time().saturating_add(self.answer_time), work }
     }
 
     /// Writes.
@@ -132,7 +141,7 @@ impl Control {
 
     /// The broker gives up first, and says so.
     fn broker_gives_up(&self) -> Instant {
-        Instant::now() + self.answer_time * 2
+        self.watched.time().saturating_add(self.answer_time.times(2))
     }
 
     /// Nobody waits for this client's requests any more.
@@ -147,7 +156,7 @@ impl Control {
         if let Some(why) = &self.gone {
             return Some(Err(why.clone()));
         }
-        let (client, is_late) = (pending.client, Instant::now() >= pending.give_up);
+        let (client, is_late) = (pending.client, self.watched.time() >= pending.give_up);
         let ended = match &mut pending.work {
             Work::Read { wanted, values, part, seen } => self.go_on_reading(wanted, values, part, seen, may_read),
             Work::Write { rest, before, group } => self.go_on_writing(client, rest, before, group),

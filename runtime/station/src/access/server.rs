@@ -6,7 +6,6 @@ use std::os::fd::OwnedFd;
 use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::net::UnixListener;
 use std::path::Path;
-use std::time::{self, Duration};
 
 use ob1_access::door::{Answer, Ask, Command, Diagnosis, Document, Door, Refusal};
 use ob1_access::{Item, Put, value};
@@ -22,7 +21,7 @@ use crate::buses::BusView;
 use crate::view::{StationView, event_number};
 
 /// How long the CPU may take to answer, beyond two cycles. It answers once a cycle; this is for one that hangs.
-const ANSWER_TIME: Duration = Duration::from_secs(3);
+const ANSWER_TIME: Span = Span::from_secs(3);
 
 /// A running server. Dropping it ends the thread and removes the socket.
 #[derive(Debug)]
@@ -41,7 +40,7 @@ impl Server {
         std::fs::set_permissions(socket, std::fs::Permissions::from_mode(0o600))?;
         listener.set_nonblocking(true)?;
         let socket = socket.to_owned();
-        let answer_time = ANSWER_TIME.saturating_add(min_cycle.times(2).into());
+        let answer_time = ANSWER_TIME.saturating_add(min_cycle.times(2));
         let thread = SideThread::polling("ob1-access", move |stopped| {
             Serving { control: Control::new(door, answer_time), view, under_way: Vec::new() }.run(&listener, &stopped);
             let _ = std::fs::remove_file(socket);
@@ -78,8 +77,7 @@ impl Serving {
         let mut clients = Clients::new();
         let too_long = || line(&Response::refused(Value::Null, format!("a line has at most {LINE_BYTES} bytes")));
         loop {
-            let now = time::Instant::now();
-            let due = self.under_way.iter().map(|request| request.pending.due(now)).min();
+            let due = self.under_way.iter().map(|request| request.pending.due()).min();
             if !clients.wait(listener, stopped, self.control.is_there().then(|| self.control.fd()), due) {
                 return;
             }

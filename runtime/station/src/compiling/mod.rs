@@ -28,6 +28,8 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::time::Timespec;
 
+use crate::kept::own_program;
+
 pub use child::run as compile_blocks;
 pub use listing::listing;
 pub use request::Request;
@@ -171,7 +173,7 @@ impl Process {
     fn start(request: &[u8], order: &Order) -> io::Result<Self> {
         let (socket, stdin) = handover::pair()?;
         send(&socket, &order.bytes(), request)?;
-        let child = Command::new(std::env::current_exe()?)
+        let child = Command::new(own_program()?)
             .arg(COMMAND)
             .env_clear()
             .envs(kept_environment())

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use ob1_cpu::engine::{Plan, REFERENCE};
-use ob1_cpu::{Abort, Cpu, CpuConfig, NativeBlock, NativeContext, Natives};
+use ob1_cpu::{Abort, Cpu, CpuConfig, LoadError, NativeBlock, NativeContext, Natives};
 use ob1_ir::{CodeBlock, Program};
 use ob1_model::{BlockId, Interface};
 use serde::{Deserialize, Serialize};
@@ -104,7 +104,7 @@ pub(super) fn plan(bytes: &[u8]) -> Result<Arc<Plan>, String> {
     let known = |block: CodeBlock| Box::new(Known(block.id, block.interface)) as Box<dyn NativeBlock>;
     let natives: Vec<_> = natives.blocks.into_iter().map(known).collect();
     let cpu = Cpu::new(config, &program, natives, Vec::new(), REFERENCE);
-    cpu.map(|cpu| Arc::clone(cpu.plan())).map_err(|errors| format!("{errors:?}"))
+    cpu.map(|cpu| Arc::clone(cpu.plan())).map_err(|errors| LoadError::together(&errors))
 }
 
 /// The account of a plan's blocks as it is sent: a little-endian number of 64 bits for each.

@@ -41,7 +41,7 @@ use crate::retentive::store::StoreError;
 use crate::rundir::RunDir;
 use crate::station_file::{ConnectionType, LinkKind, Station, StationLink};
 use crate::timing::Observer;
-use crate::view::{StationView, state_name};
+use crate::view::StationView;
 
 /// Connections that may wait at the tap of a link.
 const TAP_CALLERS: i32 = 4;
@@ -51,6 +51,9 @@ const TICK: Duration = Duration::from_millis(20);
 const LIVE_TICKS: u32 = 25;
 /// How long the CPU gets to go to STOP, beyond two cycles.
 const STOP_TIME: Span = Span::from_secs(3);
+/// Between two looks at it. Looks are counted, not time: a process that stood still meanwhile is not taken for a block
+/// that does not return.
+const LOOK: Span = Span::MILLISECOND;
 
 /// A station at work. The fields are dropped in this order: a user of something before the thing itself.
 pub(super) struct AtWork {
@@ -227,7 +230,7 @@ impl AtWork {
 
     fn live(&self) -> String {
         let seconds = self.clock.time().since_start().as_secs_f64();
-        let state = state_name(self.scan.state());
+        let state = self.scan.state().name();
         let mut text = format!("{state:<7} {seconds:8.1} s   {} scans", self.scan.scans());
         for module in &self.view.modules {
             let (Some(monitor), Some(driver)) = (&module.monitor, &module.driver) else { continue };
@@ -294,16 +297,15 @@ impl AtWork {
     /// Sends the CPU to STOP and waits for it.
     fn halt(&self) -> Result<(), Failure> {
         self.attention.halt();
-        let give_up = self.clock.time().saturating_add(STOP_TIME).saturating_add(self.min_cycle.times(2));
-        while self.scan.state() != OperatingState::Stop {
-            if self.clock.time() >= give_up {
-                let block =
-                    self.block.block().map_or_else(|| "the program".to_owned(), |b| format!("native block {b}"));
-                return Err(Failure(Exit::Hung, format!("ob1: {block} does not return; outputs are off\n")));
+        let looks = STOP_TIME.saturating_add(self.min_cycle.times(2)) / LOOK;
+        for _ in 0..looks {
+            if self.scan.state() == OperatingState::Stop {
+                return Ok(());
             }
-            std::thread::sleep(Duration::from_millis(1));
+            std::thread::sleep(LOOK.into());
         }
-        Ok(())
+        let block = self.block.block().map_or_else(|| "the program".to_owned(), |b| format!("native block {b}"));
+        Err(Failure(Exit::Hung, format!("ob1: {block} does not return; outputs are off\n")))
     }
 
     /// The CPU does this in STOP; here it is done for a CPU that never got there, and for programs that keep the image
@@ -316,14 +318,13 @@ impl AtWork {
 
     /// Takes all entries up to the last cycle, which was in STOP.
     fn read_journal(&mut self) {
-        let give_up = self.clock.time().saturating_add(STOP_TIME);
         let wanted = self.scan.entries();
-        loop {
+        for _ in 0..STOP_TIME / LOOK {
             self.journal.take(&self.view);
-            if self.journal.newest() >= wanted || self.clock.time() >= give_up {
+            if self.journal.newest() >= wanted {
                 return;
             }
-            std::thread::sleep(Duration::from_millis(1));
+            std::thread::sleep(LOOK.into());
         }
     }
 }

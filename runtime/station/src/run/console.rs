@@ -5,7 +5,9 @@
 pub fn start_log(quiet: bool) {
     // Without the thread the log is written at once.
     let _ = ob1_log::start();
-    ob1_log::subscribe(if quiet { "warn" } else { "info" });
+    if let Some(wrong) = ob1_log::subscribe(if quiet { "warn" } else { "info" }) {
+        tracing::warn!("{wrong}");
+    }
 }
 
 /// The live line; nothing when stderr is no terminal.

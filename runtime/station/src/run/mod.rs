@@ -88,6 +88,8 @@ pub fn run(options: &Options) -> Exit {
 }
 
 fn try_run(options: &Options) -> Result<Exit, Failure> {
+    // A driver of somebody else does not close what it inherits; this process keeps what it was given.
+    ob1_rt::keep_inherited();
     // Before there is a thread.
     if let Some(name) = station_file::user_of(&options.station) {
         become_user(&name)?;
