@@ -18,7 +18,13 @@ use crate::memfd::SharedMemory;
 use crate::sync::{AtomicU64, Ordering, fence, spin_loop};
 
 /// Words of one snapshot, at most.
-pub const WINDOW_WORDS: usize = if cfg!(loom) { 2 } else { 12 * 1024 };
+pub const WINDOW_WORDS: usize = if cfg!(loom) {
+    2
+} else if cfg!(miri) {
+    64
+} else {
+    12 * 1024
+};
 
 /// Slots of a window.
 const SLOTS: usize = if cfg!(loom) { 2 } else { 4 };
