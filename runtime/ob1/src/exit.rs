@@ -82,12 +82,6 @@ pub enum TestExit {
     Unusable = 2,
 }
 
-impl From<TestExit> for std::process::ExitCode {
-    fn from(exit: TestExit) -> Self {
-        Self::from(exit as u8)
-    }
-}
-
 /// How `ob1 import` ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
@@ -98,12 +92,6 @@ pub enum ImportExit {
     LeftOut = 1,
     /// Nothing could be read, or nothing could be written.
     Nothing = 2,
-}
-
-impl From<ImportExit> for std::process::ExitCode {
-    fn from(exit: ImportExit) -> Self {
-        Self::from(exit as u8)
-    }
 }
 
 /// How `ob1 soak` ends.
@@ -118,11 +106,16 @@ pub enum SoakExit {
     Inconclusive = 2,
 }
 
-impl From<SoakExit> for std::process::ExitCode {
-    fn from(exit: SoakExit) -> Self {
-        Self::from(exit as u8)
-    }
+macro_rules! number_is_code {
+    ($($exit:ty),*) => {$(
+        impl From<$exit> for std::process::ExitCode {
+            fn from(exit: $exit) -> Self {
+                Self::from(exit as u8)
+            }
+        }
+    )*};
 }
+number_is_code!(TestExit, ImportExit, SoakExit);
 
 #[cfg(test)]
 mod tests {

@@ -14,6 +14,7 @@ pub mod diag;
 pub mod exec;
 pub mod exit;
 pub mod import;
+pub mod language;
 pub mod new;
 pub mod remote;
 pub mod soak;

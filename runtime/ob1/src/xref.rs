@@ -6,8 +6,8 @@ use clap::Args;
 use ob1_stl::Reference;
 use serde_json::{Value, json};
 
-use crate::cli::Language;
 use crate::exit::Exit;
+use crate::language::Language;
 use ob1_station::finding::{Finding, Level};
 use ob1_station::library::Chosen;
 use ob1_station::program::{self, LoadFailure, Sources};

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use super::dump::Dump;
-use crate::cli::Language;
+use crate::language::Language;
 use ob1_station::engine::EngineChoice;
 use ob1_station::library::{Choice, Chosen};
 use ob1_station::station_file;
