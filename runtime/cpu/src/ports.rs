@@ -110,13 +110,9 @@ pub struct ModuleEntry {
     pub time: Instant,
 }
 
-/// Counters a module keeps, by name, for reports.
-pub type ModuleCounters<'a> = &'a mut dyn FnMut(&'static str, u64);
-
 /// A module on the back plane as the CPU sees it: input and output registers at a logical address, records, events.
 ///
-/// All methods but `counters` run on the scan thread: they neither block nor allocate, and make no system call but a
-/// doorbell. Offsets count from the module's first byte.
+/// All methods run on the scan thread: they neither block nor allocate, and make no system call but a doorbell. Offsets count from the module's first byte.
 pub trait Module: Send {
     /// Bytes of input registers (CP to CPU).
     fn input_bytes(&self) -> u16;
@@ -154,8 +150,6 @@ pub trait Module: Send {
     fn diagnostic_buffer(&mut self, _each: &mut dyn FnMut(ModuleEntry)) -> bool {
         false
     }
-    /// Reports counters; not on the scan path.
-    fn counters(&self, _each: ModuleCounters<'_>) {}
 }
 
 /// A block is to be left at once: the CPU goes to STOP, or the run ends. Every caller returns it unchanged.

@@ -66,7 +66,7 @@ pub struct StationRules {
 
 /// What has been reported of a station to the program.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Told {
+enum Told {
     /// Nothing yet: it has neither come nor been missed.
     #[default]
     Nothing = 0,
@@ -192,10 +192,6 @@ impl Stations {
     /// Whether a station refuses a range.
     pub(super) fn refuses(&self, station: usize, range: usize) -> bool {
         self.list.get(station).is_some_and(|known| known.status.bad >> (range % 64) & 1 == 1)
-    }
-
-    pub(super) fn told(&self, station: usize) -> Told {
-        self.list.get(station).map_or(Told::Nothing, |known| known.told)
     }
 
     /// How many there are.

@@ -10,8 +10,8 @@ pub(crate) mod messages;
 mod tests;
 
 use ob1_backplane::layout::{BOX_BYTES, CHANNEL_BYTES};
-use ob1_backplane::{Channel, Counter, CpuSide, CpuState, DriverState, Fault, TooLong};
-use ob1_cpu::{Module, ModuleCounters, ModuleEntry, ModuleError, ModuleEvent, ModuleStatus};
+use ob1_backplane::{Channel, CpuSide, CpuState, DriverState, Fault, TooLong};
+use ob1_cpu::{Module, ModuleEntry, ModuleError, ModuleEvent, ModuleStatus};
 use ob1_time::Instant;
 
 pub use link::{AlwaysThere, DriverLink, Life};
@@ -48,7 +48,6 @@ pub struct CpModule {
     settings: CpSettings,
     outputs: [u8; IO_MAX],
     messages: Messages,
-    garbage: u64,
     /// The CPU's part of the segment has been restored for this many attempts to start a driver.
     whole_for: u32,
 }
@@ -65,7 +64,7 @@ impl CpModule {
         }
         let messages = Messages::new(settings.diagnostics);
         // The first driver finds the segment as it was made.
-        Ok(Self { side, link, settings, outputs: [0; IO_MAX], messages, garbage: 0, whole_for: 1 })
+        Ok(Self { side, link, settings, outputs: [0; IO_MAX], messages, whole_for: 1 })
     }
 
     /// True while a driver is attached that has shown its state. A state word without a meaning is no state. A driver
@@ -92,10 +91,9 @@ impl CpModule {
         }
     }
 
-    /// Counts a fault of the segment; an entry is due the first time a driver makes one of this kind.
+    /// A fault of the segment: an entry is due the first time a driver makes one of this kind.
     #[cold]
     fn garbage(&mut self, fault: Fault) {
-        self.garbage = self.garbage.wrapping_add(1);
         self.messages.garbage(fault, self.link.life().incidents);
     }
 
@@ -274,15 +272,5 @@ impl Module for CpModule {
             each(ModuleEntry { number: entry.number, incoming: entry.incoming, time });
         }
         true
-    }
-
-    fn counters(&self, each: ModuleCounters<'_>) {
-        let counters = self.side.monitor().counters();
-        for counter in Counter::ALL {
-            each(counter.name(), counters.get(*counter));
-        }
-        each("events_lost", self.side.monitor().events_lost());
-        each("stale_reads", self.side.stale_reads());
-        each("garbage", self.garbage);
     }
 }
