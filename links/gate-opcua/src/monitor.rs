@@ -20,7 +20,7 @@ use tokio::task::AbortHandle;
 use crate::beat::Pace;
 use crate::events;
 use crate::limits;
-use crate::manager::node_id;
+use crate::nodes::node_id;
 use crate::sample::{bad, sample, status};
 use crate::space::{FACTS, Fact};
 use crate::value::weight;
