@@ -7,7 +7,7 @@ use ob1_cpu::{Attention, Clock};
 use ob1_rt::MonotonicClock;
 use ob1_time::{Instant, Span};
 
-use super::ExecArgs;
+use super::args::ExecArgs;
 use crate::virtual_clock::VirtualClock;
 
 /// Where time is virtual, a run also ends after so much real time.

@@ -7,7 +7,7 @@ use ob1_cpu::Cpu;
 use ob1_cpu::engine::Plan;
 use ob1_station::compiling::{Compiling, Request, Successors};
 
-use super::ExecArgs;
+use super::args::ExecArgs;
 
 /// A run that is over before does without: another process would cost it more than it gains.
 const LASTS: Duration = Duration::from_millis(200);

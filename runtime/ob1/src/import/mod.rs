@@ -1,8 +1,10 @@
 //! `ob1 import`: a STEP 7 project becomes a station that runs.
 
+mod block_files;
 mod disk;
 mod download;
 mod hardware;
+mod names;
 mod output;
 mod profibus;
 mod replace;

@@ -11,7 +11,7 @@ use ob1_dp::master::least_slot_bits;
 use ob1_project::{Area, DpSlave, DpSystem, Module, Note, Notes};
 
 use super::hardware::{Hardware, merged};
-use super::station::{clean, line};
+use super::names::{GSD, clean, line};
 
 /// Baud rates in the order in which they are tried: the project's own is not read.
 const BAUDS: [u32; 7] = [500_000, 187_500, 93_750, 19_200, 9600, 45_450, 1_500_000];
@@ -19,8 +19,6 @@ const BAUDS: [u32; 7] = [500_000, 187_500, 93_750, 19_200, 9600, 45_450, 1_500_0
 const MASTER: u8 = 2;
 /// What a slot time has beyond the slowest answer, in bits.
 const SLOT_MARGIN: u16 = 15;
-/// The folder of GSD files in an imported station.
-pub(super) const GSD: &str = "gsd";
 /// Beginning of the name of a CP that has its slaves for itself.
 const CP_342_5: &str = "CP 342-5";
 
