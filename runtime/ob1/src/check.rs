@@ -20,6 +20,7 @@ use ob1_station::library::{Choice, Chosen};
 use ob1_station::numbers;
 use ob1_station::posture;
 use ob1_station::program::{self, Loaded};
+use ob1_station::sources::Sources;
 use ob1_station::station_file::{self, ModuleConfig, ModuleKind, Plugin, Station};
 
 /// Check sources or a station file
@@ -164,7 +165,7 @@ fn check_sources(files: &[PathBuf], args: &CheckArgs) -> Checked {
         Ok(both) => both,
         Err(findings) => return Checked { findings, text },
     };
-    let sources = program::Sources {
+    let sources = Sources {
         files: args.library_source.iter().chain(files).cloned().collect(),
         symbols: args.symbols.clone(),
         mnemonics: args.mnemonics.into(),
@@ -172,7 +173,7 @@ fn check_sources(files: &[PathBuf], args: &CheckArgs) -> Checked {
         lints: args.lints,
         numbers: args.numbers.clone(),
         all_messages: args.all_messages,
-        ..program::Sources::default()
+        ..Sources::default()
     };
     let mut findings = match program::compile(&sources, &library) {
         Ok(compiled) => {

@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::exit::Exit;
 use crate::remote::{ask, print_json};
 use ob1_station::access::protocol::{CpBuffer, Diagnostic, Op};
-use ob1_station::assembly;
+use ob1_station::wall_clock;
 
 /// Print the diagnostic buffers of a running station
 ///
@@ -68,7 +68,7 @@ pub fn diag(args: &DiagArgs) -> Exit {
 
 /// A moment by the wall clock, UTC.
 fn date(unix_ns: u64) -> String {
-    let moment = Moment::from_ms(assembly::date_of(unix_ns) / 1_000_000);
+    let moment = Moment::from_ms(wall_clock::date_of(unix_ns) / 1_000_000);
     moment.map_or_else(|| "?".to_owned(), |moment| moment.to_string())
 }
 

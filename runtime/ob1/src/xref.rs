@@ -10,7 +10,8 @@ use crate::exit::Exit;
 use crate::language::Language;
 use ob1_station::finding::{Finding, Level};
 use ob1_station::library::Chosen;
-use ob1_station::program::{self, LoadFailure, Sources};
+use ob1_station::program::{self, LoadFailure};
+use ob1_station::sources::Sources;
 use ob1_station::station_file::{self, Plugin};
 
 /// The cross-reference of a program: who reads and writes what

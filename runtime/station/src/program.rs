@@ -16,7 +16,8 @@ use ob1_stl::{Library, Limit, Numbered, Options, Rest, Severity, Source};
 
 use crate::finding::{Finding, Level};
 use crate::library::{self, Choice};
-use crate::station_file::{self, Mnemonics, Station};
+use crate::sources::Sources;
+use crate::station_file::{self, Station};
 use crate::{folder, handling, numbers, offer};
 
 /// What a station's files give.
@@ -225,31 +226,6 @@ pub fn library(
         }
     }
     if twice.is_empty() { Ok(library) } else { Err(twice) }
-}
-
-/// What is compiled together, and how it is read.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Sources {
-    /// The sources.
-    pub files: Vec<PathBuf>,
-    /// Symbol tables.
-    pub symbols: Vec<PathBuf>,
-    /// Blocks in machine code.
-    pub mc7: Vec<PathBuf>,
-    /// Mnemonics of the sources.
-    pub mnemonics: Mnemonics,
-    /// Standard blocks of libraries.
-    pub library: Vec<Choice>,
-    /// Look for the classic porting traps too.
-    pub lints: bool,
-    /// Numbers of blocks that have a name only, as the user fixes them.
-    pub fixed: Vec<(String, BlockId)>,
-    /// Where the numbers given to other such blocks are kept.
-    pub numbers: Option<PathBuf>,
-    /// Show every finding, not the first of each file and of all.
-    pub all_messages: bool,
-    /// For files that may be missing: the finding at the line that names each.
-    pub places: Vec<(PathBuf, Finding)>,
 }
 
 /// A compiled program and what is to be reported about it.

@@ -13,7 +13,7 @@ use ob1_host::driver::{DriverCommand, Fleet};
 use ob1_host::supervisor::Times;
 use serde_json::{Value, json};
 
-use crate::assembly::DriverSettings;
+use crate::drivers::DriverSettings;
 use crate::station_file::{FaultRates, Partner, SimulatedLine};
 
 /// Folder of the shared lines, beside the stations' directories. No station can have this name.

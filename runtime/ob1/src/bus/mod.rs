@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
 use clap::{Args, Subcommand};
-use ob1_station::assembly;
+use ob1_station::drivers;
 use ob1_station::station_file::{self, Bus, Line};
 use serde_json::Value;
 
@@ -119,7 +119,7 @@ fn scan(options: &ScanArgs) -> Exit {
 
 /// The process of the bus does it: it owns the line, and knows how.
 fn ask(bus: &Bus) -> Result<BTreeMap<u8, Found>, String> {
-    let program = assembly::find_driver("ob1-io", "OB1_IO")?;
+    let program = drivers::find_driver("ob1-io", "OB1_IO")?;
     let text = serde_json::to_string(&bus.config).map_err(|error| error.to_string())?;
     let mut command = Command::new(&program);
     command.args(["--scan", "--name", &bus.name, "--bus", &text]).stdin(Stdio::null()).stderr(Stdio::inherit());

@@ -27,10 +27,11 @@ use engines::Engines;
 use ob1_station::compiling::Request;
 use ob1_station::engine::EngineChoice;
 use ob1_station::finding::Finding;
+use ob1_station::known::Places;
 use ob1_station::library::Choice;
 use ob1_station::offer::Unserved;
-use ob1_station::program::{self, Sources};
-use ob1_station::view::Places;
+use ob1_station::program;
+use ob1_station::sources::Sources;
 use stats::Meter;
 
 /// Entries of the diagnostic buffer printed after a fault.
@@ -129,7 +130,7 @@ fn load(args: &ExecArgs, standard: &[Choice], program: &Program) -> Result<(Cpu,
         peripheral_from_image: true,
         ob_start_info: args.ob_start_info == Switch::On,
         // Virtual time begins at a fixed date: the same run gives the same start information.
-        date_at_start: if args.real_time { ob1_station::assembly::date_now() } else { 0 },
+        date_at_start: if args.real_time { ob1_station::wall_clock::date_now() } else { 0 },
         ..CpuConfig::default()
     };
     let natives = program::native_standard_blocks(standard);

@@ -214,7 +214,7 @@ fn list(args: &ImportArgs, tree: &Tree<'_>, projects: &[Project], titles: &[Stri
 }
 
 fn listing(wanted: &str, folder: &Folder, translation: &Translation) -> Result<ImportExit, String> {
-    let id = ob1_station::station_file::parse_block(wanted)
+    let id = ob1_station::block_name::parse_block(wanted)
         .ok_or_else(|| format!("\"{wanted}\" is not a block; write FC5 or DB 10"))?;
     if let Some(why) = translation.left_out.get(&id.to_string()) {
         return Err(why.clone());

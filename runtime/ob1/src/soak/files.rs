@@ -19,7 +19,7 @@ impl Files {
         let base = match wanted {
             Some(path) if path.extension().is_some_and(|ending| ending == "json") => path.with_extension(""),
             Some(path) => path.to_owned(),
-            None => PathBuf::from(format!("{station}-soak-{}", stamp(ob1_station::assembly::date_now()))),
+            None => PathBuf::from(format!("{station}-soak-{}", stamp(ob1_station::wall_clock::date_now()))),
         };
         Self { base }
     }

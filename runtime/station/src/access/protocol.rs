@@ -8,7 +8,6 @@ use ob1_model::Command;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::download::Download;
 use crate::timing::{Recorder, Timing};
 
 /// Longest line accepted, in bytes.
@@ -470,6 +469,15 @@ impl Diagnostic {
         }
         told
     }
+}
+
+/// How a block differs from the sources, for `status`.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
+pub struct Download {
+    /// `FC 5`.
+    pub block: String,
+    /// `new`, `changed`, `deleted`, or `not used`: a plugin or a library serves it.
+    pub what: String,
 }
 
 #[cfg(test)]

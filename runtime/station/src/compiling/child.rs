@@ -13,7 +13,7 @@ use ob1_rt::Confinement;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::Signal;
 
-use super::{FILES, request};
+use super::request::{self, FILES};
 
 /// Most data it may have.
 const MEMORY: u64 = 4 << 30;

@@ -30,10 +30,9 @@ use rustix::time::Timespec;
 
 pub use child::run as compile_blocks;
 pub use listing::listing;
+use request::FILES;
 pub use request::Request;
 
-/// Files of code that come for a program, at most: made quickly, with its hottest blocks optimised, optimised.
-const FILES: usize = 3;
 /// The command of this executable that runs as the process.
 const COMMAND: &str = "compile-blocks";
 /// The longest wait for engines that the scan gives back.

@@ -9,6 +9,9 @@ use ob1_ir::{CodeBlock, Program};
 use ob1_model::{BlockId, Interface};
 use serde::{Deserialize, Serialize};
 
+/// Files of code that come for a program, at most: made quickly, with its hottest blocks optimised, optimised.
+pub(super) const FILES: usize = 3;
+
 /// A loaded program, in the form for the process that compiles.
 #[derive(Clone, Debug)]
 pub struct Request {

@@ -26,7 +26,7 @@ use super::changes::{Changes, block, has};
 use super::file;
 use crate::compiling::{Compiling, Giver, Request, Successors};
 use crate::engine::EngineChoice;
-use crate::view::{Known, KnownProgram};
+use crate::known::{Known, KnownProgram};
 
 /// Programs under way to the scan.
 const UNDER_WAY: usize = 2;

@@ -4,10 +4,10 @@ use std::net::{IpAddr, SocketAddr, ToSocketAddrs as _};
 
 use serde_json::json;
 
-use super::check::{choice, number};
 use super::findings::{CONTRADICTION, Findings, MISSING, TWICE, VALUE};
 use super::tables::{ConnectionTable, ModuleTable, Placed};
 use super::types::{ConnectionType, LinkKind, ModuleConfig, ModuleKind, StationConnection, StationLink};
+use super::values::{choice, number};
 
 /// The kinds of connection.
 const TYPES: [(&str, ConnectionType); 4] = [

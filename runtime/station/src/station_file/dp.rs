@@ -13,14 +13,14 @@ use ob1_dp::master::least_slot_bits;
 use ob1_host::bus::{BusModuleConfig, DpStation, OnLoss, Station};
 use ob1_time::Span;
 
-use super::buses::{Building, BusKind};
-use super::check::{name, number, time};
-use super::coupler::{LOST_AFTER, Loss, address, loss, substitute};
+use super::building::{Building, BusKind};
 use super::dp_master;
 use super::findings::{ADDRESS, CONTRADICTION, Findings, MISSING, TWICE, UNREADABLE, VALUE};
 use super::line::Line;
+use super::remote::{LOST_AFTER, Loss, address, loss, substitute};
 use super::tables::{BusTable, ModuleTable, Placed, SlotTable};
 use super::types::{Absent, Bus, ModuleConfig, ModuleKind};
+use super::values::{name, number, time};
 use crate::finding::nearest;
 
 const MS: Span = Span::MILLISECOND;
@@ -212,7 +212,7 @@ struct Pieces {
     outputs: (usize, usize),
 }
 
-/// The slave as a whole: nothing to read or write, but a diagnosis; [`super::buses::Buses::finish`] gives its address.
+/// The slave as a whole: nothing to read or write, but a diagnosis; [`super::building::Buses::finish`] gives its address.
 fn itself(name: &str, bus: usize, station: usize) -> ModuleConfig {
     let module = BusModuleConfig { station, speaks: true, ..BusModuleConfig::default() };
     config(name.to_owned(), (0, 0), bus, module)

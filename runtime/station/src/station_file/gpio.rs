@@ -9,13 +9,13 @@ use ob1_coupler::gpio::{Bias, Drive, GpioConfig, GpioLine};
 use ob1_host::bus::{BusModuleConfig, OnLoss, Station};
 use ob1_time::Span;
 
-use super::buses::Building;
-use super::check::{choice, name, number, time};
-use super::coupler::{LOST_AFTER, Loss, address, loss, substitute};
+use super::building::Building;
 use super::findings::{ADDRESS, CONTRADICTION, Findings, MISSING, TWICE, VALUE};
 use super::line::Line;
+use super::remote::{LOST_AFTER, Loss, address, loss, substitute};
 use super::tables::{BusTable, ModuleTable, Placed, RangeTable};
 use super::types::{Absent, ModuleConfig, ModuleKind};
+use super::values::{choice, name, number, time};
 
 const MS: Span = Span::MILLISECOND;
 /// The kernel's longest debounce period has 32 bits of microseconds; nobody debounces longer than this.

@@ -8,10 +8,10 @@ use ob1_access::{Allowed, Right};
 use ob1_time::Span;
 use serde_json::{Map, Value, json};
 
-use super::check::{choice, name, number, time};
 use super::findings::{CONTRADICTION, Findings, MISSING, TWICE, UNPROTECTED, VALUE};
 use super::tables::{LinkTable, Placed};
 use super::types::{LinkKind, StationLink};
+use super::values::{choice, name, number, time};
 use LinkKind::{Metrics, Mqtt, OpcUa, S7, Web};
 
 /// Words for rights.

@@ -9,8 +9,8 @@ use ob1_host::bus::Bus as HostBus;
 use ob1_host::driver::{DriverCommand, DriverStatus, Fleet};
 use ob1_host::supervisor::Times;
 
-use crate::assembly::DriverSettings;
-use crate::buses::BusView;
+use crate::bus_view::BusView;
+use crate::drivers::DriverSettings;
 use crate::fence;
 use crate::simulated;
 use crate::station_file::{Bus, Line, Station};

@@ -99,7 +99,7 @@ impl BusView {
             pid: self.driver.pid(),
             starts: self.driver.starts(),
             losses: self.driver.losses(),
-            process: crate::view::driver_state(&self.monitor),
+            process: crate::drivers::state_text(&self.monitor),
             driven: look.as_ref().is_some_and(BusLook::driven),
             stations: stations.map(|(n, ((name, slave), known))| known.status(n, name, slave, look.as_ref())).collect(),
         }
