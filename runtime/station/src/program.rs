@@ -18,7 +18,7 @@ use crate::finding::{Finding, Level};
 use crate::library::{self, Choice};
 use crate::sources::Sources;
 use crate::station_file::{self, Station};
-use crate::{folder, handling, numbers, offer};
+use crate::{handling_check, missing_blocks, numbers, program_files};
 
 /// What a station's files give.
 #[derive(Debug)]
@@ -78,7 +78,7 @@ pub fn load(station: &Station) -> Result<Loaded, LoadFailure> {
         plugin.info().blocks.iter().map(|block| renumber.get(&block.id).copied().unwrap_or(block.id))
     });
     compiled.findings.extend(without_ob1(&compiled.program, of_plugins));
-    compiled.findings.extend(handling::without_use(&compiled.program, &plugins, &station.modules));
+    compiled.findings.extend(handling_check::without_use(&compiled.program, &plugins, &station.modules));
     Ok(Loaded::new(compiled, plugins, &station.program.library))
 }
 
@@ -195,7 +195,7 @@ pub fn library(
     standard: &[Choice],
 ) -> Result<Library, Vec<Finding>> {
     let mut library = Library::new();
-    offer::explain_missing(&mut library);
+    missing_blocks::explain_missing(&mut library);
     for block in ob1_std::system_functions() {
         library.insert(block.id, block.name, block.interface);
     }
@@ -250,7 +250,7 @@ const LIMIT: Limit = Limit { file: 20, run: 100 };
 /// Everything that was found, when there is an error in it.
 pub fn compile(wanted: &Sources, library: &Library) -> Result<Compiled, Vec<Finding>> {
     let mut findings = Vec::new();
-    let (files, symbols) = folder::expand(&wanted.files, &wanted.symbols);
+    let (files, symbols) = program_files::expand(&wanted.files, &wanted.symbols);
     if files.is_empty() && !wanted.files.is_empty() {
         let name = wanted.files.first().map(|f| f.display().to_string()).unwrap_or_default();
         let remedy =

@@ -29,7 +29,7 @@ use ob1_station::engine::EngineChoice;
 use ob1_station::finding::Finding;
 use ob1_station::known::Places;
 use ob1_station::library::Choice;
-use ob1_station::offer::Unserved;
+use ob1_station::missing_blocks::Unserved;
 use ob1_station::program;
 use ob1_station::sources::Sources;
 use stats::Meter;

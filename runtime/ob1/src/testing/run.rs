@@ -96,7 +96,7 @@ impl Subject {
         let plugins = program::load_plugins(&plugins)?;
         let library = program::library(&plugins, &wanted.library)?;
         let mut findings = Vec::new();
-        let (files, symbols) = ob1_station::folder::expand(&wanted.files, &wanted.symbols);
+        let (files, symbols) = ob1_station::program_files::expand(&wanted.files, &wanted.symbols);
         let wanted = Sources { files, symbols, ..wanted };
         let sources = program::read_all(&wanted.files, &wanted.places, &mut findings);
         let compiled = program::compile_texts(&sources, &wanted, &library, findings)?;

@@ -27,7 +27,7 @@ use crate::engine::EngineChoice;
 use crate::fence;
 use crate::io::{Panel, ProcessIo, Stimulus};
 use crate::known::Known;
-use crate::offer::Unserved;
+use crate::missing_blocks::Unserved;
 use crate::program::{self, LoadFailure, Loaded};
 use crate::retentive::health::Health;
 use crate::simulated;
