@@ -25,13 +25,13 @@ use ob1_station::station_file::{self, ModuleConfig, ModuleKind, Plugin, Station}
 
 /// Check sources or a station file
 ///
-/// A station file is checked with its program and its plugins. Sources alone are checked without knowing the blocks of
-/// a plugin, unless --plugin names it.
+/// A station file is checked with its program and its plugins. With sources alone, --plugin names the plugins whose
+/// blocks they call.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 check station.toml\n  ob1 check station.toml --verbose      both forms of the CPs' parameters\n  \
     ob1 check station.toml --posture      what the system grants the scan (as root it may grant more)\n  \
-    ob1 check main.awl lib.awl --plugin ob1_cp240 --json\n  ob1 check plant/ --library TI-S7        a folder of sources and symbol tables\n  ob1 check --plugin ./libmine.so         what a plugin brings\n\n\
+    ob1 check main.awl lib.awl --plugin ob1_cp240 --json\n  ob1 check plant/ --library TI-S7        a folder of sources and symbol tables\n  ob1 check --plugin ./libmine.so         the blocks of a plugin\n\n\
     Exit codes: 0 no error, 1 an error was found."
 )]
 pub struct CheckArgs {
@@ -44,7 +44,7 @@ pub struct CheckArgs {
     /// A source of library blocks: compiled with the others, its own warnings are not shown
     #[arg(long, value_name = "FILE")]
     pub library_source: Vec<PathBuf>,
-    /// A symbol table of the sources: SDF, ASC, SEQ or DIF (a station file says it itself)
+    /// A symbol table of the sources: SDF, ASC, SEQ or DIF (a station file names its own)
     #[arg(long, value_name = "FILE")]
     pub symbols: Vec<PathBuf>,
     /// Standard blocks of the sources: FC4=IEC:FC4, or a whole library: IEC
@@ -65,7 +65,7 @@ pub struct CheckArgs {
     /// Look for the classic porting traps too
     #[arg(long)]
     pub lints: bool,
-    /// Mnemonics of the sources (a station file says it itself)
+    /// Mnemonics of the sources (a station file has its own key)
     #[arg(long, value_enum, default_value_t = Language::Auto)]
     pub mnemonics: Language,
     /// Findings as a JSON array

@@ -103,8 +103,8 @@ enum Command {
 /// Run a station: load the program, start the drivers, scan until Ctrl-C
 ///
 /// Ctrl-C (or SIGTERM) stops in order: outputs off, drivers ended, runtime directory removed, summary printed. A second
-/// Ctrl-C ends at once. A CPU in STOP because of a fault stays there to be looked at (get, diag) unless --for or
-/// --scans gives the run an end.
+/// Ctrl-C ends at once. A CPU in STOP because of a fault stays there, so that get and diag can read it, unless
+/// --for or --scans gives the run an end.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 run press.toml\n  ob1 run press.toml --scans 10000 --report run.json --quiet\n\n\

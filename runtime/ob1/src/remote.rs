@@ -31,8 +31,8 @@ pub struct GetArgs {
 /// Write cells of a running station
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Values: 1, 0, true, -5, 16#1A, W#16#1A, L#-5, 2#1010, 1.5.\nInputs are overwritten by the next process image; \
-    write them through the process I/O image.\n\nExample:\n  ob1 set station-a.toml M1.0=1 DB10.DBW20=16#1234"
+    after_help = "Values: 1, 0, true, -5, 16#1A, W#16#1A, L#-5, 2#1010, 1.5.\nAn input of a di or ai module keeps its value; \
+    an input of a CP lasts until the next process image.\n\nExample:\n  ob1 set station-a.toml M1.0=1 DB10.DBW20=16#1234"
 )]
 pub struct SetArgs {
     /// A running station: its name or its file

@@ -24,7 +24,7 @@ pub struct XrefArgs {
     /// Sources (.awl), folders of them, or one station file (.toml)
     #[arg(required = true)]
     pub files: Vec<PathBuf>,
-    /// A symbol table of the sources (a station file says it itself)
+    /// A symbol table of the sources (a station file names its own)
     #[arg(long, value_name = "FILE")]
     pub symbols: Vec<PathBuf>,
     /// Mnemonics of the sources

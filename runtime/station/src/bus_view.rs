@@ -1,5 +1,5 @@
 //! Buses as seen from other threads than the scan: the state of couplers and slaves, and what they sense and drive. All
-//! of it is read from shared memory; the scan does not notice.
+//! of it is read from shared memory; this does not disturb the scan.
 
 use std::sync::Arc;
 

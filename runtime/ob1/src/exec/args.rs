@@ -21,7 +21,7 @@ use ob1_time::Span;
     ob1 exec main.awl lib.awl --mnemonics en --stats run.json\n\n\
     Exit codes:\n  0   the program stopped the CPU itself (SFC 46)\n  3   the limit was reached\n  10  a source or symbol table was \
     rejected\n  11  a fault stopped the CPU: the diagnostic entries are on stderr, newest first\n  1   wrong command line\n  \
-    6   a file cannot be written\nDumps and figures are written in the cases 0, 3 and 11. docs/exec.md")]
+    6   a file cannot be written\nDumps and figures are written with exit codes 0, 3 and 11. docs/exec.md")]
 pub struct ExecArgs {
     /// Sources and symbol tables, or folders of them
     #[arg(required = true, value_name = "PROG.awl")]

@@ -35,7 +35,7 @@ pub use upload::{CompareArgs, UploadArgs, compare, upload};
 #[command(
     after_help = "Examples:\n  ob1 import plant.zip --list\n  ob1 import plant/ --program \"CPU 315-2 DP\" --out press\n  ob1 run press/station.toml\n  \
     ob1 import plant/ --listing FC5\n\n\
-    Exit codes: 0 the program came over whole, 1 blocks were left out, 2 nothing could be read.\n\nMore: docs/import.md."
+    Exit codes: 0 the whole program was imported, 1 blocks were left out, 2 nothing could be read.\n\nMore: docs/import.md."
 )]
 pub struct ImportArgs {
     /// The project: its folder, its .s7p or .s7l, or a .zip of it

@@ -10,9 +10,9 @@ use super::{Budget, Load};
 
 /// Run a station for hours, and judge its timing
 ///
-/// The station runs as a process of its own. At the end stands a verdict: every limit of the budget kept (exit code 0),
-/// one broken (1), or too little seen to tell (2). Ctrl-C ends it early, with the verdict on what has been seen. The
-/// reports are written each minute.
+/// The station runs as a process of its own. It ends with a verdict: every limit of the budget kept (exit code 0),
+/// one broken (1), or too little seen to tell (2). Ctrl-C ends it early, with a verdict on the time until
+/// then. The reports are written each minute.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Limits: DISTRIBUTION.p99.9=TIME (p50 p90 p99 p99.9 p99.99 p99.999 max mean; cycle wake deadlines execution inputs\noutputs \

@@ -1,7 +1,7 @@
 //! `ob1 top`: a running station, live (docs/top.md). A screen on a terminal, lines of text elsewhere.
 //!
 //! Everything is asked through the station's socket; its figures come from copies of the accounts, so that the scan
-//! does not notice who looks. What is shown is a pure function of the answers ([`data`], [`plain`], [`screen`]), and
+//! is not disturbed by readers. What is shown is a pure function of the answers ([`data`], [`plain`], [`screen`]), and
 //! what keys do is too ([`keys`]).
 
 mod data;
@@ -25,7 +25,7 @@ use ob1_station::station_file;
 ///
 /// Pages for the scan (times, histograms, late scans), the CPs (LEDs, orders, telegrams), the diagnostic buffer, a
 /// variable table, in which values can be modified after a confirmation, and the buses. Without a terminal, or with
-/// --plain, it prints text. The scan does not notice.
+/// --plain, it prints text. It does not disturb the scan.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 top press.toml\n  ob1 top press --watch M1.0,DB10.DBW20:anzw,MW10:hex\n  ob1 top press --plain --count 1 \

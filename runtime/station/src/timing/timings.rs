@@ -47,7 +47,7 @@ impl Timings {
         self.accounts.figures().since(&self.state.lock().before)
     }
 
-    /// From here on everything is counted from 0. The scan does not notice.
+    /// From here on everything is counted from 0. This does not disturb the scan.
     pub fn reset(&self) {
         let before = self.accounts.figures();
         *self.state.lock() = State { before, since: self.clock.time(), ..State::default() };
