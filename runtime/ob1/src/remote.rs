@@ -241,7 +241,7 @@ fn print_status(status: &Status) {
         say!("different from the sources: {}", list.join(", "));
     }
     if let Some(why) = &status.downloads_not_kept {
-        say!("what was downloaded is lost when the station ends: {why}");
+        say!("the downloaded blocks are lost when the station ends: {why}");
     }
     if status.log_lost > 0 {
         say!("log lines lost {}: standard error of the runtime is full, slow or gone", status.log_lost);

@@ -110,7 +110,7 @@ impl Charge for Watched {
             Report::Up(1) => tracing::info!("link \"{name}\" is up"),
             Report::Up(starts) => tracing::info!("link \"{name}\" is up again, start {starts}"),
             Report::Lost(Exit::NotStarted(_)) => {
-                tracing::error!("link \"{name}\": {program} cannot be started; it lies beside ob1 as a rule");
+                tracing::error!("link \"{name}\": {program} cannot be started; it is usually beside ob1");
             }
             Report::Lost(exit) => tracing::warn!("link \"{name}\" is gone ({exit}); it is started again"),
             Report::HeldUp(_) => {}

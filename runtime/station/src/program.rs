@@ -219,7 +219,7 @@ pub fn library(
             let serves = declared.remove(&id).is_some_and(|name| name.eq_ignore_ascii_case(&block.name));
             if before.is_some() && !serves {
                 let file = plugin.path().display().to_string();
-                let message = format!("{id} is brought by another plugin or library already");
+                let message = format!("{id} is already in another plugin or library");
                 let remedy = format!("renumber it: blocks = {{ \"{}\" = \"{} 100\" }}", block.id, id.kind.name());
                 twice.push(Finding::whole(Level::Error, "L002", &file, message, remedy));
             }

@@ -140,7 +140,7 @@ impl ExecArgs {
     /// What the words mean together.
     pub(super) fn check(&self) -> Result<(), String> {
         if let Some(byte) = self.clock_memory.filter(|byte| u32::from(*byte) >= self.bit_memory) {
-            return Err(format!("--clock-memory {byte} lies outside the {} bytes of bit memory", self.bit_memory));
+            return Err(format!("--clock-memory {byte} is outside the {} bytes of bit memory", self.bit_memory));
         }
         Ok(())
     }

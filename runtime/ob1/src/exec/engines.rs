@@ -41,7 +41,7 @@ impl Engines {
         let Some((request, plan)) = self.wanted.take_if(|_| is_time) else { return };
         match Compiling::start(request, &plan) {
             Ok(running) => self.running = Some(running),
-            Err(error) if !self.quiet => err!("ob1: machine code: {error}; the run goes on without it"),
+            Err(error) if !self.quiet => err!("ob1: machine code: {error}; the run continues without it"),
             Err(_) => {}
         }
     }

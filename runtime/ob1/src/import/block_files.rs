@@ -42,7 +42,7 @@ fn folder(path: &Path, blocks: &mut Blocks) -> Result<(), String> {
             found = true;
         }
     }
-    if found { Ok(()) } else { Err(format!("{}: no .mc7 lies there; `ob1 upload` makes them", path.display())) }
+    if found { Ok(()) } else { Err(format!("{}: it has no .mc7; `ob1 upload` makes them", path.display())) }
 }
 
 /// A file may hold several blocks, one after another.

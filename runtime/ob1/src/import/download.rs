@@ -118,7 +118,7 @@ fn together(blocks: Blocks) -> Vec<Blocks> {
 fn load(device: &mut Device<Socket>, group: &Blocks) -> Result<Result<(), Refused>, String> {
     let mut names = Vec::new();
     for (name, bytes) in group {
-        let (ty, number) = named(bytes).ok_or_else(|| format!("{name} is no block of a program"))?;
+        let (ty, number) = named(bytes).ok_or_else(|| format!("{name} is not a block of a program"))?;
         if let Err(why) = device.download(ty, number, bytes).map_err(|error| error.0)? {
             return Ok(Err(why));
         }

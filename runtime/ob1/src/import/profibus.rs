@@ -122,7 +122,7 @@ impl Slaves {
                 Ok(gsd) => Some(gsd),
                 Err(why) => {
                     let until = match behind_cp {
-                        true => "it is behind a CP 342-5: DP_RECV reads nothing of it",
+                        true => "it is behind a CP 342-5: DP_RECV does not read it",
                         false => "its bytes are plain inputs and outputs, its tables are comments in station.toml",
                     };
                     notes.push(Note::warning(who, format!("{why}; {until}")));
@@ -313,7 +313,7 @@ fn fits(slave: &DpSlave, gsd: &Gsd, slots: &[Slot]) -> Result<(), String> {
         {
             let own: u32 = areas.iter().map(|area| area.bytes).sum();
             if areas.len() > 1 {
-                return Err(format!("the {what} of \"{}\" lie in more than one place", slot.module));
+                return Err(format!("the {what} of \"{}\" are in more than one place", slot.module));
             }
             if own as usize != bytes {
                 return Err(format!("\"{}\" has {bytes} bytes of {what}, and the project has {own}", slot.module));

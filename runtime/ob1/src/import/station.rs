@@ -64,7 +64,7 @@ fn head(made: &mut Made, title: &str, used: &Used, hardware: &Hardware) {
     let image = |named: u32| named.max(IMAGE).next_multiple_of(2).min(MOST_IMAGE);
     let numbers = |named: u32| named.clamp(NUMBERS, MOST_NUMBERS);
     let text = &mut made.text;
-    let _ = writeln!(text, "# Made by `ob1 import` of {}; report.txt says what was made up.", line(title));
+    let _ = writeln!(text, "# Made by `ob1 import` of {}; report.txt says what was assumed.", line(title));
     let _ = writeln!(text, "[station]\nname = \"{}\"\n\n[cpu]", station_name(title));
     if let Some(cpu) = cpu {
         let _ = writeln!(text, "# {}", line(&cpu.name));

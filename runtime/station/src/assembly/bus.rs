@@ -76,7 +76,7 @@ fn told(rundir: &Path, bus: &Bus, station: &Station) -> Result<OsString, String>
     }
     let text = serde_json::to_string(&config).map_err(|error| error.to_string())?;
     if text.len() > ARGUMENT {
-        return Err("it has more couplers and ranges than its process can be told; divide it in two".into());
+        return Err("it has more couplers and ranges than one process can have; divide it in two".into());
     }
     Ok(text.into())
 }

@@ -317,7 +317,7 @@ fn restored(
         Ok((Arc::new(program), changes))
     });
     program.unwrap_or_else(|why| {
-        tracing::error!("{}: what was downloaded is left out: {why}", path.display());
+        tracing::error!("{}: the downloaded blocks are left out: {why}", path.display());
         tracing::error!("  = the station runs what its sources say; download it again, or remove the file");
         nothing()
     })

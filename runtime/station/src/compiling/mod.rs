@@ -100,7 +100,7 @@ impl Compiling {
                 Ok(Outcome::Stopped) => {}
                 Ok(Outcome::Done) => work.bury(),
                 Err(why) => {
-                    tracing::warn!("machine code: {why}; the station goes on without it");
+                    tracing::warn!("machine code: {why}; the station continues without it");
                     work.bury();
                 }
             }

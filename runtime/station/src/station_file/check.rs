@@ -96,7 +96,7 @@ fn cpu(f: &mut Findings<'_>, table: &CpuTable) -> CpuConfig {
         && u32::try_from(*byte.get_ref()).is_ok_and(|b| b >= config.memory_bytes)
     {
         let message =
-            format!("clock_memory = {} lies outside the {} bytes of bit memory", byte.get_ref(), config.memory_bytes);
+            format!("clock_memory = {} is outside the {} bytes of bit memory", byte.get_ref(), config.memory_bytes);
         f.error(CONTRADICTION, byte.span(), message, "name a byte that exists, or raise memory_bytes");
     }
     if !config.watchdog.is_zero() && config.watchdog < config.min_cycle {

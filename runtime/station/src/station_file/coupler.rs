@@ -91,7 +91,7 @@ pub(super) fn modules(
     }
     if inputs.len() + outputs.len() > RANGES_MAX {
         let message = format!("a coupler has at most {RANGES_MAX} ranges");
-        f.error(VALUE, table.name.span(), message, "join ranges that lie side by side");
+        f.error(VALUE, table.name.span(), message, "join adjacent ranges");
     }
     collisions(f, &outputs);
     let times = times(f, table, min_cycle, building.timeout);
@@ -179,14 +179,14 @@ fn one(
 
 fn foreign_keys(f: &mut Findings<'_>, table: &ModuleTable) {
     for (key, at, remedy) in [
-        ("address", table.address.as_ref().map(Placed::span), "`at` of each range says where it lies"),
-        ("input_address", table.input_address.as_ref().map(Placed::span), "`at` of each range says where it lies"),
-        ("output_address", table.output_address.as_ref().map(Placed::span), "`at` of each range says where it lies"),
+        ("address", table.address.as_ref().map(Placed::span), "`at` of each range is its address"),
+        ("input_address", table.input_address.as_ref().map(Placed::span), "`at` of each range is its address"),
+        ("output_address", table.output_address.as_ref().map(Placed::span), "`at` of each range is its address"),
         ("bytes", table.bytes.as_ref().map(Placed::span), "`registers` or `bits` of each range say how long it is"),
         ("channels", table.channels.as_ref().map(Placed::span), "`registers` of each range say how long it is"),
-        ("params", table.params.as_ref().map(Placed::span), "write what a coupler has to be told in `setup`"),
-        ("raw", table.raw.as_ref().map(Placed::span), "write what a coupler has to be told in `setup`"),
-        ("absent", table.absent.as_ref().map(Placed::span), "`on_loss` says what its inputs read"),
+        ("params", table.params.as_ref().map(Placed::span), "write the registers to set on connect in `setup`"),
+        ("raw", table.raw.as_ref().map(Placed::span), "write the registers to set on connect in `setup`"),
+        ("absent", table.absent.as_ref().map(Placed::span), "`on_loss` sets the values of its inputs"),
         ("abd", table.abd.as_ref().map(Placed::span), "leave it out here"),
         ("substitute", table.substitute.as_ref().map(Placed::span), "write it in each range of `inputs`"),
         ("driver", table.driver.as_ref().map(Placed::span), "leave it out here"),

@@ -291,18 +291,18 @@ fn foreign_keys(f: &mut Findings<'_>, table: &ModuleTable) {
         ("unit", table.unit.as_ref().map(Placed::span), "the address of a slave is `station`"),
         ("inputs", table.inputs.as_ref().map(Placed::span), "write them in `slots`"),
         ("outputs", table.outputs.as_ref().map(Placed::span), "write them in `slots`"),
-        ("setup", table.setup.as_ref().map(Placed::span), "write what a slave has to be told in `params`"),
+        ("setup", table.setup.as_ref().map(Placed::span), "write the parameters of the slave in `params`"),
         ("watchdog_reset", table.watchdog_reset.as_ref().map(Placed::span), "leave it out here"),
         ("profile", table.profile.as_ref().map(Placed::span), "its GSD file says what it is"),
         ("watchdog", table.watchdog.as_ref().map(Placed::span), "write it in the [[bus]] table"),
         ("period", table.period.as_ref().map(Placed::span), "a slave is asked in each round of the bus"),
         ("refresh", table.refresh.as_ref().map(Placed::span), "a slave is asked in each round of the bus"),
-        ("address", table.address.as_ref().map(Placed::span), "`inputs` and `outputs` of each slot say where it lies"),
-        ("input_address", table.input_address.as_ref().map(Placed::span), "`inputs` of each slot say where it lies"),
-        ("output_address", table.output_address.as_ref().map(Placed::span), "`outputs` of each slot say where it lies"),
+        ("address", table.address.as_ref().map(Placed::span), "`inputs` and `outputs` of each slot are its addresses"),
+        ("input_address", table.input_address.as_ref().map(Placed::span), "`inputs` of each slot are its addresses"),
+        ("output_address", table.output_address.as_ref().map(Placed::span), "`outputs` of each slot are its addresses"),
         ("bytes", table.bytes.as_ref().map(Placed::span), "the GSD file says how long a module is"),
         ("channels", table.channels.as_ref().map(Placed::span), "the GSD file says how long a module is"),
-        ("absent", table.absent.as_ref().map(Placed::span), "`on_loss` says what its inputs read"),
+        ("absent", table.absent.as_ref().map(Placed::span), "`on_loss` sets the values of its inputs"),
         ("abd", table.abd.as_ref().map(Placed::span), "leave it out here"),
         ("substitute", table.substitute.as_ref().map(Placed::span), "write it in each slot with inputs"),
         ("driver", table.driver.as_ref().map(Placed::span), "leave it out here"),
@@ -349,7 +349,7 @@ fn slots<'a>(f: &mut Findings<'_>, table: &'a ModuleTable) -> Vec<&'a Placed<Slo
         let number = &slot.get_ref().slot;
         if *number.get_ref() != wanted {
             let message = match *number.get_ref() < wanted {
-                true => format!("slot {} is there twice, or is less than 1", number.get_ref()),
+                true => format!("slot {} occurs twice, or is less than 1", number.get_ref()),
                 false => format!("slot {wanted} has no module"),
             };
             let remedy = "slots count from 1 without a gap; many GSD files have a module for an empty slot";

@@ -69,7 +69,7 @@ pub(super) fn substitute(
 ) -> Vec<u8> {
     match given {
         Some(given) if outputs || loss != Loss::Substitute => {
-            let remedy = "it stands in a range of `inputs`, with on_loss = \"substitute\"";
+            let remedy = "it belongs in a range of `inputs`, with on_loss = \"substitute\"";
             f.error(CONTRADICTION, given.span(), "`substitute` has no effect here", remedy);
             Vec::new()
         }
