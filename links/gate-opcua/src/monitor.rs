@@ -162,7 +162,7 @@ impl Monitor {
         &self.pace
     }
 
-    /// Items deleted since the server began: each leaves a little memory behind in the server.
+    /// Items deleted since the server began: each leaves a little memory in the server.
     pub(crate) fn deleted(&self) -> usize {
         self.deleted.load(Ordering::Relaxed)
     }

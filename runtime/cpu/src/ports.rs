@@ -17,13 +17,13 @@ pub trait Clock {
     fn executed(&mut self, statements: u64);
 
     /// How many statements it takes until so much time has passed, for a clock that charges time for statements; `None`
-    /// for one whose time goes on by itself. So the CPU knows when to ask for the time again.
+    /// for one whose time runs by itself. So the CPU knows when to ask for the time again.
     fn statements_in(&self, _time: Span) -> Option<u64> {
         None
     }
 
     /// A block waits inside the scan (SFC 47) until `deadline`, or until something is due before. A virtual clock moves
-    /// there. A real one has nothing to do: its time goes on by itself, and a scan does not sleep.
+    /// there. A real one has nothing to do: its time runs by itself, and a scan does not sleep.
     fn wait(&mut self, _deadline: Instant) {}
 }
 
@@ -52,7 +52,7 @@ pub struct Mark {
     pub state: OperatingState,
 }
 
-/// Where the snapshots of a link go. Called by the scan: it allocates nothing and waits for nobody.
+/// Where the snapshots of a link go. Called by the scan: it allocates nothing and never waits.
 pub trait Window: Send {
     /// Makes the next snapshot: calls `fill` once, with room for [`ob1_model::FRAME_WORDS`] words.
     fn put(&mut self, mark: Mark, fill: &mut dyn FnMut(&[AtomicU64]));

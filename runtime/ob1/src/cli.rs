@@ -151,7 +151,7 @@ pub fn main() -> ExitCode {
             let _exit = ob1_rt::ExitGuard::raise(exit_is_a_fault);
             cli.command.run()
         }
-        // Help and version are no errors.
+        // Help and version are not errors.
         Err(error) if !error.use_stderr() => {
             let text = error.render();
             if std::io::stdout().is_terminal() {

@@ -80,7 +80,7 @@ impl LastWords {
 pub fn take_handler_stack() -> io::Result<()> {
     let room = Box::leak(vec![0u8; HANDLER_STACK].into_boxed_slice());
     let stack = libc::stack_t { ss_sp: room.as_mut_ptr().cast(), ss_flags: 0, ss_size: room.len() };
-    // SAFETY: the memory is as large as said and stays for ever.
+    // SAFETY: the memory is as large as said and stays forever.
     match unsafe { libc::sigaltstack(&raw const stack, null_mut()) } {
         0 => Ok(()),
         _ => Err(io::Error::last_os_error()),

@@ -21,7 +21,7 @@ use rustix::process::{PidfdFlags, getpid, pidfd_open};
 use crate::io::{Held, ProcessIo};
 use crate::kept_process::{Charge, Kept, keep};
 
-/// The longest wait between two looks at the guardian.
+/// The longest wait between two checks of the guardian.
 const LOOK: Duration = Duration::from_millis(500);
 /// How long it gets to clean up at the end: it waits for drivers and for the lock of the runtime directory itself.
 const END: Duration = Duration::from_secs(15);

@@ -19,7 +19,7 @@ const LOOK_STARTING: Duration = Duration::from_millis(20);
 
 /// What kind of process it is.
 pub(crate) trait Charge {
-    /// What else belongs to a started process; closing it is how the process is told to end.
+    /// What else belongs to a started process; closing it ends the process.
     type Held;
 
     /// The command that starts it, and what has to be kept open for it.

@@ -3,7 +3,7 @@
 //!
 //! The tools that look at one (`runtime/ob1`), a service, a link and the simulation hold a station through this crate.
 
-// Everything goes through one place that neither panics nor waits for ever.
+// Everything goes through one place that neither panics nor waits forever.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 #[macro_use]

@@ -49,7 +49,7 @@ pub struct Links {
 }
 
 impl Links {
-    /// Starts the thread that starts them. `broker` is told of each new process.
+    /// Starts the thread that starts them. `broker` learns of each new process.
     ///
     /// # Errors
     /// What the system says when it has no thread or descriptor left.

@@ -186,7 +186,7 @@ pub fn native_standard_blocks(standard: &[Choice]) -> Natives {
     blocks.into()
 }
 
-/// What the compiler is told of system blocks, standard blocks and plugins.
+/// What the compiler knows of system blocks, standard blocks and plugins.
 ///
 /// # Errors
 /// Two plugins that bring the same block.
@@ -215,7 +215,7 @@ pub fn library(
             let id = renumber.get(&block.id).copied().unwrap_or(block.id);
             let before = library.insert(id, &block.name, block.interface.clone());
             library.set_origin(id, &format!("the plugin {}", plugin.info().name), false);
-            // A plugin that serves the block declared under this number is no clash: the declaration is for it.
+            // A plugin that serves the block declared under this number is not a conflict: the declaration is for it.
             let serves = declared.remove(&id).is_some_and(|name| name.eq_ignore_ascii_case(&block.name));
             if before.is_some() && !serves {
                 let file = plugin.path().display().to_string();

@@ -74,7 +74,7 @@ fn fence(rundir: &Path, line: &SimulatedLine) -> (OsString, OsString) {
     crate::fence::variable(socket.parent().into_iter().chain(partner), None)
 }
 
-/// What the process is told.
+/// The configuration of the process.
 fn configuration(rundir: &Path, line: &SimulatedLine) -> Value {
     let mut text = json!({
         "path": socket(rundir, line),

@@ -1,4 +1,4 @@
-//! What may be looked at from outside the scan: names, monitors of the CPs, drivers, the posture.
+//! What others may read from outside the scan: names, monitors of the CPs, drivers, the posture.
 
 use std::sync::{Arc, OnceLock};
 use std::time;

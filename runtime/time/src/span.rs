@@ -103,7 +103,7 @@ impl Span {
         self.0 % Self::SECOND.0
     }
 
-    /// Whether it is no time at all.
+    /// Whether it is zero.
     #[must_use]
     #[inline]
     pub const fn is_zero(self) -> bool {

@@ -15,7 +15,7 @@
 //!     // poll(door.fd(), ...)
 //!     door.pump()?;
 //!     while let Some(news) = door.take_news() {
-//!         if news == News::Watching { /* what was asked for is there: repeat the reads that wait */ }
+//!         if news == News::Watching { /* the requested pieces are there: repeat the reads that wait */ }
 //!     }
 //!     match door.read(&wanted, &mut reading) {
 //!         Ok(()) => println!("scan {}: {:?}", reading.scan, reading.piece(0)),

@@ -38,7 +38,7 @@ fn events_are_one_stream_that_can_be_resumed() {
         seen.iter().any(|event| matches!(&event.what, What::Diagnosis(entry) if entry.event == 0x4304)),
         "{seen:?}"
     );
-    // The process dies and comes back: it goes on where it was.
+    // The process dies and comes back: it continues where it was.
     drop(door);
     assert!(station.ask_again_after(last).is_empty());
 }

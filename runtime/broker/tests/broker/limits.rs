@@ -118,7 +118,7 @@ fn the_last_1024_events_are_kept() {
     assert!(kept.iter().zip(before + 1..).all(|(event, number)| event.number == number), "{before}: {kept:?}");
 }
 
-/// Events wait in the stream, not for each link: one that takes none of them loses the oldest, and is told.
+/// Events wait in the stream, not for each link: one that takes none of them loses the oldest, and learns of it.
 #[test]
 fn a_link_that_takes_no_events_keeps_its_door() {
     let mut station = Station::new(vec![link("page", Right::Read)]);

@@ -55,7 +55,7 @@ fn documents() {
     let links = station.ask(&mut door, 3, Ask::Document(Document::Links));
     let Answer::Document { bytes: links, .. } = links else { panic!("{links:?}") };
     assert_eq!(String::from_utf8_lossy(&links), r#"Links Stop [("page", true, 1), ("metrics", false, 0)]"#);
-    // A client that asks for more than it takes is told so, and what waits for it is bounded.
+    // A client that asks for more than it takes gets an answer that says so, and what waits for it is bounded.
     for _ in 0..200 {
         door.ask(4, Ask::Document(Document::Program));
     }
@@ -162,7 +162,7 @@ fn questions() {
     assert_eq!(station.cpu.state(), ob1_cpu::OperatingState::Run);
 }
 
-/// A CPU that hangs: each question is answered all the same, and an answer that comes too late belongs to nobody.
+/// A CPU that hangs: each question is answered nevertheless, and an answer that comes too late belongs to nobody.
 #[test]
 fn a_silent_cpu_is_told() {
     let mut station = Station::new(vec![link("panel", Right::Operate)]);

@@ -195,7 +195,7 @@ fn links_take_turns_within_the_bytes_of_a_scan() {
     assert!(scans >= 4 * LINKS * 1500 / WRITE_BYTES, "{scans}");
 }
 
-/// It has the newest snapshot when it looks again; until then the CPU goes on, and what finds no room on its way back
+/// It has the newest snapshot when it looks again; until then the CPU continues, and what finds no room on its way back
 /// waits.
 #[test]
 fn a_reader_that_sleeps_changes_nothing() {

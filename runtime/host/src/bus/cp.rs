@@ -46,7 +46,7 @@ pub struct DpPiece {
     pub on_loss: OnLoss,
 }
 
-/// What lies behind a CP 342-5.
+/// The slaves behind a CP 342-5.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct DpAreas {
     /// Pieces of the receive area.
@@ -85,7 +85,7 @@ impl Kept {
 #[derive(Clone, Copy)]
 struct Slave {
     present: bool,
-    /// The number of the diagnosis that has been looked at.
+    /// The number of the diagnosis that has been evaluated.
     looked: u64,
     newest: Kept,
     /// Nobody has read [`Self::newest`].

@@ -19,7 +19,7 @@ use messages::Messages;
 
 /// Most register bytes a segment has.
 const IO_MAX: usize = ob1_backplane::layout::IO_BYTES_MAX;
-/// Messages of a driver looked at in one call of `poll_event`: it can make them as fast as they are read.
+/// Messages of a driver taken in one call of `poll_event`: it can make them as fast as they are read.
 const LOOKS: u32 = 8;
 
 /// What the station file says about a CP.
@@ -67,9 +67,9 @@ impl CpModule {
         Ok(Self { side, link, settings, outputs: [0; IO_MAX], messages, whole_for: 1 })
     }
 
-    /// True while a driver is attached that has shown its state. A state word without a meaning is no state. A driver
+    /// True while a driver is attached that has shown its state. An undefined state word is not a state. A driver
     /// that was started during this scan is present from the next cycle control point on, when the CPU's part is
-    /// restored for it: an earlier order would be wiped away unseen.
+    /// restored for it: an earlier order would be overwritten unseen.
     #[inline]
     fn is_present(&self) -> bool {
         let state = self.side.monitor().driver_state();

@@ -97,7 +97,7 @@ impl NativeBlock for PluginBlock {
     #[inline]
     fn call(&self, cx: &mut dyn NativeContext) -> Result<(), Abort> {
         let mut frame = Frame { cx, memory: &self.memory, abort: false, panic: None };
-        // SAFETY: an entry of the type the interface names, with a table that lives for ever, the frame as the call
+        // SAFETY: an entry of the type the interface names, with a table that lives forever, the frame as the call
         // context it gives back to the host's functions, and its own state. The frame is not touched until the entry
         // has returned.
         let status = unsafe { (self.code.entry)(&raw const HOST, (&raw mut frame).cast(), self.state.pointer()) };
@@ -105,7 +105,7 @@ impl NativeBlock for PluginBlock {
             resume_unwind(panic);
         }
         if frame.abort {
-            // Whatever it returned: it was told to leave.
+            // Whatever it returned: it was ordered to leave.
             return Err(match status {
                 abi::PANICKED => self.broken(status, frame.cx),
                 _ => Abort,

@@ -1,4 +1,4 @@
-//! Text across the edge: taken as UTF-8, cut between characters; and a line that is put together without an allocation.
+//! Text across the edge: taken as UTF-8, cut between characters; and a line that is composed without an allocation.
 
 use std::fmt::{self, Write};
 

@@ -32,7 +32,7 @@ enum BusAction {
     Watch(watch::WatchArgs),
     /// Ask who is on a PROFIBUS
     ///
-    /// Every address is asked for its diagnosis; slaves that exchange data with another master go on doing so. The
+    /// Every address is asked for its diagnosis; slaves that exchange data with another master continue to do so. The
     /// station does not run meanwhile.
     Scan(ScanArgs),
 }

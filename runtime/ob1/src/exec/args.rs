@@ -11,7 +11,7 @@ use ob1_station::library::{Choice, Chosen};
 use ob1_station::station_file;
 use ob1_time::Span;
 
-/// Run bare sources without a station file: the start OB once, then OB 1 for ever
+/// Run bare sources without a station file: the start OB once, then OB 1 cyclically
 ///
 /// There are no modules: peripheral reads answer from the process image of the inputs, peripheral writes land in that
 /// of the outputs. Time is virtual unless --real-time is given: each statement takes --ns-per-statement, each cycle at

@@ -11,7 +11,7 @@ use super::args::ExecArgs;
 
 /// A run that is over before does without: another process would cost it more than it gains.
 const LASTS: Duration = Duration::from_millis(200);
-/// Cycles between two looks at the time.
+/// Cycles between two readings of the time.
 const LOOKS: u32 = 64;
 
 /// The engines of a run.

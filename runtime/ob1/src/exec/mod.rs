@@ -1,7 +1,7 @@
 //! `ob1 exec`: bare sources without a station file, for scripts and conformance suites.
 //!
-//! The contract: the start OB once, then OB 1 for ever, until the program stops the CPU (SFC 46), a limit is reached or
-//! a fault ends it. There are no modules: peripheral reads answer from the process image of the inputs, peripheral
+//! The contract: the start OB once, then OB 1 cyclically, until the program stops the CPU (SFC 46), a limit is reached
+//! or a fault ends it. There are no modules: peripheral reads answer from the process image of the inputs, peripheral
 //! writes land in that of the outputs.
 
 mod args;

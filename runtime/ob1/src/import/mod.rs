@@ -30,7 +30,7 @@ pub use upload::{CompareArgs, UploadArgs, compare, upload};
 ///
 /// Reads a project or library of STEP 7 V5: its folder, its .s7p or .s7l, or a .zip of it. The sources need not be in
 /// it: STL is made from the machine code, and compared with it. The station runs as it is; report.txt says what was
-/// replaced, made up or left out, and why.
+/// replaced, assumed or left out, and why.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 import plant.zip --list\n  ob1 import plant/ --program \"CPU 315-2 DP\" --out press\n  ob1 run press/station.toml\n  \

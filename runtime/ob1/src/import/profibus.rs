@@ -57,7 +57,7 @@ pub(super) struct Slaves {
     pub(super) names: BTreeSet<String>,
     /// Files they need: path below the station, content.
     pub(super) files: Vec<(String, Vec<u8>)>,
-    /// Modules that are no plain inputs and outputs: where they are, and their areas.
+    /// Modules that are not plain inputs and outputs: where they are, and their areas.
     taken: Vec<Taken>,
     /// Diagnostic addresses that are given.
     diagnostics: BTreeSet<u16>,
@@ -249,7 +249,7 @@ impl Slaves {
     }
 }
 
-/// The slots of a slave, numbered from 1 as they come; a module that goes on in a further slot is one.
+/// The slots of a slave, numbered from 1 as they come; a module that continues in a further slot is one.
 fn slots(slave: &DpSlave, gsd: Option<&Gsd>) -> Vec<Slot> {
     let mut slots: Vec<Slot> = Vec::new();
     for module in &slave.modules {

@@ -20,7 +20,7 @@ use ob1_station::run::console::LiveLine;
 use ob1_station::run::signals::Signals;
 use ob1_station::station_file;
 
-/// Between two looks at signals, the station's process and the driver kills.
+/// Between two checks of signals, the station's process and the driver kills.
 const TICK: Duration = Duration::from_millis(50);
 /// Between two live lines.
 const LIVE: Duration = Duration::from_secs(1);
@@ -30,7 +30,7 @@ const CHECKPOINT: Duration = Duration::from_secs(60);
 /// one in no time.
 const INTERVALS: u32 = 480;
 const SHORTEST: Duration = Duration::from_secs(1);
-/// Longest warm-up that is not asked for.
+/// Longest warm-up without `--warm-up`.
 const WARM_UP: Duration = Duration::from_secs(10);
 /// A station that is not in RUN after this time will not get there.
 const START: Duration = Duration::from_secs(120);
@@ -67,7 +67,7 @@ pub(super) fn drive(file: &Path, time: Duration, args: &SoakArgs) -> Result<Repo
     soak.measure(facts)
 }
 
-/// All cells that are read, with their roles: those of the ledger, those of the budget, those asked for.
+/// All cells that are read, with their roles: those of the ledger, those of the budget, those requested.
 fn cells(args: &SoakArgs) -> Vec<(String, Role)> {
     let mut cells: Vec<(String, Role)> = Vec::new();
     let of_budget = args.budget.iter().filter_map(|budget| match &budget.what {

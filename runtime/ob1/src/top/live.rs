@@ -12,7 +12,7 @@ use super::{TopArgs, TopError, plain, screen};
 use ob1_station::access::client::AccessError;
 use ob1_station::out;
 
-/// Between two looks at the lines.
+/// Between two readings of the lines.
 const LINES: Duration = Duration::from_millis(200);
 
 fn watched(args: &TopArgs) -> Vec<Watched> {

@@ -12,7 +12,7 @@ use ob1_access::{Cell, Piece, Put, Width};
 use ob1_cpu::GROUP_ENTRIES;
 use rustix::event::{PollFd, PollFlags};
 
-/// Pause between two looks at the window, while a snapshot is waited for.
+/// Pause between two readings of the window, while a snapshot is waited for.
 const LOOK: Duration = Duration::from_micros(200);
 /// How often cells are released that nobody reads any more.
 const TICK: Duration = Duration::from_secs(1);

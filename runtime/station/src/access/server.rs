@@ -217,7 +217,7 @@ impl Serving {
     }
 }
 
-/// A request, once it has been looked at.
+/// A request, once it has been parsed.
 enum Begun {
     Answered(Box<Response>),
     UnderWay(Pending, Then),

@@ -20,7 +20,7 @@ const REGISTER_BYTES: usize = 8;
 /// Longest text the system takes as one argument, less its end.
 const ARGUMENT: usize = 128 * 1024 - 1;
 
-/// A bus in a station that is being put together.
+/// A bus in a station that is being built.
 pub(crate) struct AddedBus {
     pub(crate) bus: HostBus,
     pub(crate) monitor: Monitor,
@@ -64,7 +64,7 @@ pub(crate) fn add(
     Ok(AddedBus { bus, monitor, driver, view })
 }
 
-/// What the process is told: the bus, with the sockets of simulated lines in the place of their names.
+/// The configuration of the process: the bus, with the sockets of simulated lines in the place of their names.
 fn told(rundir: &Path, bus: &Bus, station: &Station) -> Result<OsString, String> {
     let mut config = bus.config.clone();
     for (line, told) in bus.lines.iter().zip(&mut config.lines) {

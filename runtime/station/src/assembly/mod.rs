@@ -112,7 +112,7 @@ pub fn plugin_modules(station: &Station) -> Vec<PluginModule> {
     station.modules.iter().map(plugin_module).chain([whole]).collect()
 }
 
-/// What the broker is told of a link. `config`: the keys its process reads itself, as JSON.
+/// What the broker knows of a link. `config`: the keys its process reads itself, as JSON.
 #[must_use]
 pub fn link_config(link: &StationLink, config: String, listeners: Vec<OwnedFd>) -> LinkConfig {
     LinkConfig {
@@ -126,7 +126,8 @@ pub fn link_config(link: &StationLink, config: String, listeners: Vec<OwnedFd>) 
     }
 }
 
-/// What a CP of the station is told: parameter bytes, and the driver's configuration as JSON. `None` for process I/O.
+/// The configuration of a CP of the station: parameter bytes, and the configuration of its driver as JSON. `None` for
+/// process I/O.
 ///
 /// With the runtime directory of a station that runs, and its simulated lines, also where its line is and where it can
 /// be listened to.

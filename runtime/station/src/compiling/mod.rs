@@ -4,7 +4,7 @@
 //! The runtime's part is a thread that starts the process, checks what comes (a sealed file of code, refused unless it
 //! is made for this order), maps it, and puts the engine into a ring. The scan takes it out between two cycles and
 //! gives the old one back through another ring: no lock, no allocation, no system call there. Whatever goes wrong here,
-//! the station goes on with the engine it has, and says so once. (docs/engines.md)
+//! the station continues with the engine it has, and says so once. (docs/engines.md)
 
 mod child;
 mod listing;

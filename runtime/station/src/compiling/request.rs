@@ -1,4 +1,4 @@
-//! What the process that compiles is told: the program, the parameters of native blocks, and the sizes of the CPU. It
+//! The input of the process that compiles: the program, the parameters of native blocks, and the sizes of the CPU. It
 //! loads them as the runtime has done, and makes code for the same plan. Also the account of what each block executes.
 
 use std::sync::Arc;
@@ -34,7 +34,7 @@ struct Sizes {
     nesting_depth: u8,
 }
 
-/// The same fields of one struct in another, whose remaining fields have the values behind `..`.
+/// The same fields of one struct in another, whose remaining fields have the values after `..`.
 macro_rules! sizes {
     ($to:ident, $from:expr $(, ..$rest:expr)?) => {{
         let from = $from;
@@ -98,7 +98,7 @@ impl Request {
 /// The plan of a request that was received.
 ///
 /// # Errors
-/// It is no request, or its program cannot be loaded.
+/// It is not a request, or its program cannot be loaded.
 pub(super) fn plan(bytes: &[u8]) -> Result<Arc<Plan>, String> {
     let sent: Sent = serde_json::from_slice(bytes).map_err(|error| error.to_string())?;
     let program = ob1_ir::parse(&sent.program).map_err(|error| format!("the program: {error}"))?;

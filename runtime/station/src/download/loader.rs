@@ -99,7 +99,7 @@ pub struct Downloading {
     pub library: Arc<Library>,
     /// What others see of the program.
     pub known: Known,
-    /// The engine asked for.
+    /// The requested engine.
     pub engine: EngineChoice,
     /// What is compiled in a process of its own, if the choice of the engine is left to us.
     pub compile: Option<Request>,

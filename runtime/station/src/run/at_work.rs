@@ -47,7 +47,7 @@ use crate::view::{StationView, state_name};
 
 /// Connections that may wait at the tap of a link.
 const TAP_CALLERS: i32 = 4;
-/// Time between two looks at the scan and the clock.
+/// Time between two checks of the scan and the clock.
 const TICK: Duration = Duration::from_millis(20);
 /// Ticks between two live lines.
 const LIVE_TICKS: u32 = 25;
@@ -421,7 +421,7 @@ fn tap(path: &Path) -> std::io::Result<OwnedFd> {
     Ok(socket)
 }
 
-/// The keys of a link. An S7 link has a tap; a page that may show everything is told where the drivers publish what
+/// The keys of a link. An S7 link has a tap; a page that may show everything learns where the drivers publish what
 /// goes over their lines.
 fn with_taps(link: &StationLink, control_socket: &Path) -> String {
     let keys: Option<serde_json::Value> = serde_json::from_str(&link.config).ok();

@@ -1,4 +1,4 @@
-//! `ob1 run`: builds a station, runs it, and leaves nothing behind.
+//! `ob1 run`: builds a station, runs it, and removes all it has made.
 
 mod at_work;
 pub mod console;

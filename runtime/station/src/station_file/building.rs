@@ -1,4 +1,4 @@
-//! A bus that is being put together.
+//! A bus that is being built.
 
 use std::ops::Range;
 use std::path::Path;
@@ -26,7 +26,7 @@ pub(super) enum BusKind {
     Gpio,
 }
 
-/// A bus that is being put together.
+/// A bus that is being built.
 pub(super) struct Building {
     pub(super) kind: BusKind,
     pub(super) serial: Option<Serial>,

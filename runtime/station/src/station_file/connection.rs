@@ -103,7 +103,7 @@ pub(super) fn connections(
     links.iter_mut().filter(|link| link.cp.is_some()).for_each(tell);
 }
 
-/// Puts the connections into what the process is told.
+/// Puts the connections into the configuration of the process.
 fn tell(link: &mut StationLink) {
     let mut sockets = 0..;
     let Some(ip) = link.listen.map(|listen| listen.ip()) else { return };

@@ -1,4 +1,4 @@
-//! A Modbus coupler in the station file: where its registers and bits lie, and what it is told on connect.
+//! A Modbus coupler in the station file: where its registers and bits lie, and its set-up on connect.
 
 use std::ops;
 use std::path::Path;

@@ -42,7 +42,7 @@ const SLOT_BITS: u16 = 16_383;
 const SLOT_MARGIN: u16 = 15;
 /// The longest diagnosis that is kept of each slave.
 const DIAGNOSIS: usize = 244;
-/// Bytes of texts of a GSD file that its process is told, at most.
+/// Maximum bytes of texts of a GSD file in the configuration of its process.
 const TEXTS: usize = 2048;
 
 /// The parameters of a PROFIBUS; keys of it at another bus are mistakes.
@@ -179,7 +179,7 @@ pub(super) fn modules(
         diagnostic: address.as_ref().map_or(0, |(address, _)| *address),
         number: station,
         lost_after,
-        // Module faults of a DP slave raise OB 82, unless it is told not to.
+        // Module faults of a DP slave raise OB 82, unless `diagnostics = false`.
         interrupts: building.cp.is_none() && table.diagnostics.as_ref().is_none_or(|switch| *switch.get_ref()),
         dp: Some(DpStation { diagnosis, ident: gsd.ident(), master: config.address }),
     };

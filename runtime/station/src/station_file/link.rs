@@ -170,7 +170,7 @@ fn password(f: &mut Findings<'_>, table: &LinkTable, kind: Option<LinkKind>) {
     }
 }
 
-/// What the process is told beyond what all links have, and the files nobody else may read.
+/// What the process needs beyond the keys of all links, and the files nobody else may read.
 fn own_keys(
     f: &mut Findings<'_>,
     table: &LinkTable,

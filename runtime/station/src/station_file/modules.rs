@@ -53,7 +53,7 @@ pub(super) fn modules(
     folder: &Path,
 ) -> Vec<ModuleConfig> {
     let mut modules: Vec<ModuleConfig> = Vec::with_capacity(tables.len());
-    // Slaves behind a CP have no addresses in the CPU, wherever the CP stands in the file.
+    // Slaves behind a CP have no addresses in the CPU, wherever the CP is in the file.
     for table in tables.iter().map(Placed::get_ref).filter(|table| table.kind.get_ref() == DP_MASTER) {
         dp_master::claim(f, table, buses);
     }

@@ -159,7 +159,7 @@ pub struct Bus {
     pub name: String,
     /// What its stations have in common for the program.
     pub rules: StationRules,
-    /// What the process is told. The lines in it are texts: those of [`Self::lines`].
+    /// The configuration of the process. The lines in it are texts: those of [`Self::lines`].
     pub config: BusConfig,
     /// Where its lines lead to, in the order of the configuration.
     pub lines: Vec<Line>,

@@ -12,7 +12,7 @@ use crate::finding::{Finding, nearest};
 /// What a name is.
 pub const NAME_RULE: &str = "1 to 40 letters, digits, - and _: it also names files";
 
-/// Whether a text is a name, that can stand in a path and in a list.
+/// Whether a text is a name that can be in a path and in a list.
 #[must_use]
 pub fn is_name(text: &str) -> bool {
     let legal = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
