@@ -47,7 +47,9 @@ pub enum SpecError {
     #[error("line \"{0}\": \"{1}\" is not a port; a port is a number from {2} to 65535")]
     Port(String, String, u16),
     /// The address to listen on is not an IP address.
-    #[error("line \"{0}\": \"{1}\" is not an IP address of this machine, such as 0.0.0.0 (all) or 127.0.0.1 (only itself)")]
+    #[error(
+        "line \"{0}\": \"{1}\" is not an IP address of this machine, such as 0.0.0.0 (all) or 127.0.0.1 (only itself)"
+    )]
     Address(String, String),
     /// No host before the port.
     #[error("line \"{0}\": tcp needs HOST:PORT")]

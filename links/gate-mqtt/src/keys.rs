@@ -76,7 +76,9 @@ impl Keys {
         let address = address.trim_end_matches('/');
         // The colons of `[::1]` do not begin a port.
         let (host, port) = match address.rsplit_once(':').filter(|(_, port)| !port.ends_with(']')) {
-            Some((host, port)) => (host, Some(port.parse().map_err(|_| format!("`broker`: \"{port}\" is not a port"))?)),
+            Some((host, port)) => {
+                (host, Some(port.parse().map_err(|_| format!("`broker`: \"{port}\" is not a port"))?))
+            }
             None => (address, None),
         };
         let host = host.trim_start_matches('[').trim_end_matches(']').to_owned();

@@ -162,7 +162,8 @@ extern "C" fn handler(signal: c_int, info: *mut libc::siginfo_t, context: *mut c
     let _ = write!(text, ", in ");
     let _ = (words.place)(&mut text);
     let _ = writeln!(text, "; outputs are off, the station ends");
-    let _ = writeln!(text, "  = a block in C, or a library it uses, has an error there; report this message to its author");
+    let _ =
+        writeln!(text, "  = a block in C, or a library it uses, has an error there; report this message to its author");
     say(&text.bytes[..text.len]);
     // SAFETY: ends the process; nothing of it runs any more.
     unsafe { libc::_exit(i32::from(words.exit_code)) }
