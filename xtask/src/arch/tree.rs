@@ -92,7 +92,7 @@ impl Tree {
 }
 
 fn is_text(path: &str) -> bool {
-    [".rs", ".toml", ".md", ".py", ".awl", ".h", ".c", ".rows"]
+    [".rs", ".toml", ".md", ".py", ".js", ".awl", ".h", ".c", ".rows"]
         .iter()
         .any(|end| path.to_ascii_lowercase().ends_with(end))
 }
