@@ -155,7 +155,7 @@ mod tests {
             ("tcp:h:0", "no port"),
             ("tcp:h:70000", "no port"),
             ("tcp-listen:x", "no port"),
-            ("tcp-listen:host:1", "no IP address"),
+            ("tcp-listen:host:1", "not an IP address"),
         ] {
             let error = text.parse::<LineSpec>().unwrap_err().to_string();
             assert!(error.contains(says), "{text}: {error}");

@@ -344,5 +344,5 @@ fn machine_code_follows_a_download() {
     drop(client);
     let ended = station.interrupt();
     assert_eq!(ended.code(), Some(0));
-    assert!(!ended.err.contains("goes on without it"), "{}", ended.err);
+    assert!(!ended.err.contains("continues without it"), "{}", ended.err);
 }

@@ -366,7 +366,7 @@ mod tests {
             ("[[link]]\ntype = \"s7\"\nname = \"panel\"\nlisten = \"127.0.0.1:103\"", 9, "two links with the name"),
             ("[[link]]\ntype = \"s7\"\nname = \"other\"\nlisten = \"127.0.0.1:102\"", 10, "two links listen"),
             ("[[link]]\ntype = \"s8\"\nname = \"other\"\nlisten = \"127.0.0.1:103\"", 8, "type cannot be"),
-            ("[[link]]\ntype = \"s7\"\nname = \"other\"\nlisten = \"102\"", 10, "no address to listen on"),
+            ("[[link]]\ntype = \"s7\"\nname = \"other\"\nlisten = \"102\"", 10, "not an address to listen on"),
         ] {
             let findings = parse(&station(keys), "x.toml", Path::new("")).expect_err(keys);
             let found = findings.iter().any(|found| found.line == line && found.to_string().contains(what));
