@@ -152,9 +152,9 @@ mod tests {
             ("pty:x", "absolute"),
             ("tcp:4001", "HOST:PORT"),
             ("tcp::4001", "HOST:PORT"),
-            ("tcp:h:0", "no port"),
-            ("tcp:h:70000", "no port"),
-            ("tcp-listen:x", "no port"),
+            ("tcp:h:0", "not a port"),
+            ("tcp:h:70000", "not a port"),
+            ("tcp-listen:x", "not a port"),
             ("tcp-listen:host:1", "not an IP address"),
         ] {
             let error = text.parse::<LineSpec>().unwrap_err().to_string();

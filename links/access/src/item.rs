@@ -347,7 +347,7 @@ mod tests {
             ("MWx", "not the name of a cell"),
             ("MW1x", "not a valid number"),
             ("DB20.DON", "did you mean DB20.DONE?"),
-            ("DB20.WHEN", "no single value"),
+            ("DB20.WHEN", "not a single value"),
             ("DB7.DONE", "DB7 has no component"),
             ("ä", "not the name of a cell"),
             ("Tä", "not the name of a cell"),

@@ -176,7 +176,7 @@ mod tests {
             (r#"{"broker": "b", "publish": ["M1.0"]}"#, "URL"),
             (r#"{"broker": "mqtt://localhost", "commands": ["M1.0"]}"#, "rights"),
             (r#"{"broker": "mqtt://localhost"}"#, "nothing to do"),
-            (r#"{"broker": "mqtt://localhost:x", "publish": ["M1.0"]}"#, "no port"),
+            (r#"{"broker": "mqtt://localhost:x", "publish": ["M1.0"]}"#, "not a port"),
             (r#"{"broker": "mqtt://", "publish": ["M1.0"]}"#, "no host"),
             (r#"{"broker": "mqtt://localhost", "publish": ["M1.0"], "prefix": "a/#"}"#, "prefix"),
             (r#"{"broker": "mqtt://localhost", "publish": ["M1.0"], "sparkplug": "a/b"}"#, "slash"),
