@@ -112,7 +112,8 @@ pub struct ModuleEntry {
 
 /// A module on the back plane as the CPU sees it: input and output registers at a logical address, records, events.
 ///
-/// All methods run on the scan thread: they neither block nor allocate, and make no system call but a doorbell. Offsets count from the module's first byte.
+/// All methods run on the scan thread: they neither block nor allocate, and make no system call but a doorbell. Offsets
+/// count from the first byte of the module.
 pub trait Module: Send {
     /// Bytes of input registers (CP to CPU).
     fn input_bytes(&self) -> u16;

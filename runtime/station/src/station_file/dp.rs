@@ -212,7 +212,8 @@ struct Pieces {
     outputs: (usize, usize),
 }
 
-/// The slave as a whole: nothing to read or write, but a diagnosis; [`super::building::Buses::finish`] gives its address.
+/// The slave as a whole: nothing to read or write, but a diagnosis; [`super::building::Buses::finish`] gives its
+/// address.
 fn itself(name: &str, bus: usize, station: usize) -> ModuleConfig {
     let module = BusModuleConfig { station, speaks: true, ..BusModuleConfig::default() };
     config(name.to_owned(), (0, 0), bus, module)
