@@ -358,7 +358,7 @@ struct Ob1HostTable {
   // A safe point: higher priorities may run now. Blocks that loop call it in every iteration.
   Ob1Status (*attend)(struct Ob1CallContext *call);
   // Raises a programming or access error (event number 25xxh, 29xxh) as a statement would: OB 121/122 or STOP.
-  // Returns `OK` to go on or `ABORT`.
+  // Returns `OK` to continue or `ABORT`.
   Ob1Status (*raise_fault)(struct Ob1CallContext *call, uint16_t event, uint32_t number);
   // Raises a diagnostic interrupt (OB 82) for the module, with up to 16 bytes of its diagnostic data.
   Ob1Status (*diagnostic_interrupt)(struct Ob1CallContext *call, uint32_t address, const uint8_t *data, uint32_t len);
@@ -389,7 +389,7 @@ struct Ob1BlockDesc {
   struct Ob1Text name;
   // Parameters in the manual's order, then instance variables of an FB or SFB. The place in this table, from 0,
   // is the parameter index in the host's functions, for inputs, outputs, in/outs and the function value
-  // `RET_VAL` alike, whichever order they stand in; instance variables have no index.
+  // `RET_VAL` alike, in any order; instance variables have no index.
   const struct Ob1ParamDesc *params;
   // Number of entries of `params`.
   uint32_t param_count;

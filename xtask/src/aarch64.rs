@@ -3,11 +3,11 @@
 
 use std::process::Command;
 
-use crate::cargo::cargo;
+use crate::cargo::{cargo, own_target};
 use crate::failure::{Failure, Outcome, step};
 use crate::needs::{self, AARCH64_GCC, QEMU_USER};
 use crate::shell;
-use crate::test::{count, is_closing_line, own_target};
+use crate::tally::{count, is_closing_line};
 
 const TARGET: &str = "aarch64-unknown-linux-gnu";
 const LINKER: &str = "aarch64-linux-gnu-gcc";

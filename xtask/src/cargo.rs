@@ -56,6 +56,11 @@ pub(crate) fn target_dir() -> Outcome<PathBuf> {
     Ok(PathBuf::from(folder))
 }
 
+/// A target directory of its own, for what would invalidate the usual artifacts.
+pub(crate) fn own_target(name: &str) -> Outcome<PathBuf> {
+    Ok(target_dir()?.join(name))
+}
+
 /// Builds everything that the tests need. Cargo chooses the features of a dependency by all packages of a command: any
 /// other choice of packages would build the large ones once more.
 pub(crate) const TESTS: &[&str] = &["build", "--workspace", "--all-targets"];

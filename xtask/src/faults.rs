@@ -6,7 +6,7 @@
 
 use crate::cargo::cargo;
 use crate::failure::Outcome;
-use crate::test::{count, is_closing_line};
+use crate::tally::{count, is_closing_line};
 use crate::{pick, shell};
 
 const PREFIX: &str = "faults_";

@@ -5,10 +5,10 @@
 
 use std::process::Command;
 
-use crate::cargo::{self, cargo};
+use crate::cargo::{self, cargo, own_target};
 use crate::failure::{Failure, Outcome, step};
 use crate::shell;
-use crate::test::{count, is_closing_line, own_target};
+use crate::tally::{count, is_closing_line};
 
 /// The crate with the shared memory.
 const CRATE: &str = "ob1-backplane";

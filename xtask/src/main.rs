@@ -20,6 +20,7 @@ mod pick;
 mod python;
 mod shell;
 mod siege;
+mod tally;
 mod test;
 
 use std::process::ExitCode;

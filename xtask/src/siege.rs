@@ -6,7 +6,7 @@
 
 use crate::cargo::{self, Profile, cargo};
 use crate::failure::{Failure, Outcome};
-use crate::test::{count, is_closing_line};
+use crate::tally::{count, is_closing_line};
 use crate::{needs, pick, python, shell};
 
 /// The sieges: the name, which is also that of the test; the test binary, with the module of the test if it has one;

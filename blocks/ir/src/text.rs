@@ -339,7 +339,7 @@ impl Display for Op {
     }
 }
 
-/// `P#12.0`, `P#M 3.0`, or the bits where they are no pointer.
+/// `P#12.0`, `P#M 3.0`, or the bits if they are not a pointer.
 fn pointer_constant(bits: u32) -> String {
     let at = BitAddr(bits & 0x0007_FFFF);
     match (bits >> 24, Area::from_pointer_code((bits >> 24) as u8)) {

@@ -44,7 +44,7 @@ pub enum Defect {
     /// Two data blocks have this number, or it is 0.
     DataNumber(u16),
     /// An instance data block that is shorter than its function block's instance, or whose function block is missing. A
-    /// longer one is no defect: it may have been made for an older interface.
+    /// longer one is not a defect: it may have been made for an older interface.
     InstanceLength(u16),
     /// The index of the source file is beyond [`Program::sources`].
     Source(BlockId),

@@ -166,7 +166,9 @@ impl FaultKind {
             FaultKind::DbNumber | FaultKind::DiNumber => {
                 "The number of a data block is 1 to 65535: check the value from which the program takes it."
             }
-            FaultKind::FcNumber | FaultKind::FbNumber => "Check the value from which the program takes the number of the block.",
+            FaultKind::FcNumber | FaultKind::FbNumber => {
+                "Check the value from which the program takes the number of the block."
+            }
             FaultKind::DbNotLoaded => "Load the data block, or create it with SFC 22 before it is used.",
             FaultKind::FcNotLoaded | FaultKind::FbNotLoaded => {
                 "Load the block: name its source, its library or its plugin in the station file."

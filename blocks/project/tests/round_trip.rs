@@ -1,4 +1,4 @@
-//! What is written is read back; what is damaged is reported and does no harm.
+//! What is written is read back; damage is reported and has no further effect.
 
 use ob1_model::{BlockId, BlockKind};
 use ob1_project::{

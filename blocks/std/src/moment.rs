@@ -97,7 +97,7 @@ impl Moment {
     /// From the eight bytes of a DATE_AND_TIME. The day of the week is ignored.
     ///
     /// # Errors
-    /// What is no date or no time.
+    /// Not a date or not a time.
     pub fn from_bytes(bytes: [u8; 8]) -> Result<Self, MomentError> {
         let digits = |i: usize| from_bcd(u32::from(bytes[i]));
         let date = || {

@@ -194,7 +194,12 @@ impl<'e> Elaborator<'e> {
             Some(Symbolic::Block(word, number)) => Some((*word, *number)),
             Some(Symbolic::Nameless) => None,
             Some(_) => {
-                self.sink.report(file, span, &codes::UNKNOWN_SYMBOL, format!("\"{symbol}\" is not the symbol of a block"));
+                self.sink.report(
+                    file,
+                    span,
+                    &codes::UNKNOWN_SYMBOL,
+                    format!("\"{symbol}\" is not the symbol of a block"),
+                );
                 None
             }
             None if matches!(name, NameRef::Bare(_)) => {

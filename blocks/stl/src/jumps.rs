@@ -41,12 +41,7 @@ impl<'l> Labels<'l> {
             }
             if own.contains_key(name) {
                 let shown: String = name.chars().take(32).collect();
-                sink.report(
-                    block.file,
-                    token.span,
-                    &codes::DUPLICATE_LABEL,
-                    format!("the label {shown} occurs twice"),
-                );
+                sink.report(block.file, token.span, &codes::DUPLICATE_LABEL, format!("the label {shown} occurs twice"));
             } else {
                 own.insert(name, at);
             }

@@ -161,7 +161,10 @@ impl Lowerer<'_, '_> {
         }
         let written = matches!(formal.section, Section::Output | Section::InOut | Section::Return);
         if written && operand.width == Width::Bit {
-            return refuse(self, "a bit of a complex in/out parameter cannot be supplied to a parameter that the block writes");
+            return refuse(
+                self,
+                "a bit of a complex in/out parameter cannot be supplied to a parameter that the block writes",
+            );
         }
         let byte = self.hidden.take(operand.width.bytes());
         if formal.section != Section::Output && formal.section != Section::Return {

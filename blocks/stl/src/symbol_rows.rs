@@ -1,4 +1,4 @@
-//! The rows of the four forms of symbol tables. Never fails: a line that is no row is reported and left out.
+//! The rows of the four forms of symbol tables. Never fails: a line that is not a row is reported and left out.
 
 use crate::codes;
 use crate::diagnostic::Sink;
@@ -182,7 +182,7 @@ pub(crate) fn dif(text: &str, sink: &mut Sink) -> Vec<Row> {
                     cells.push(inner.replace("\"\"", "\""));
                 }
             }
-            // A number as cell is no field of a symbol table; it keeps its column.
+            // A number as cell is not a field of a symbol table; it keeps its column.
             (Some("0"), _) => {
                 if let Some((_, cells)) = tuple.as_mut().filter(|(_, cells)| cells.len() < 4) {
                     cells.push(head.split_once(',').map_or("", |(_, number)| number.trim()).to_owned());

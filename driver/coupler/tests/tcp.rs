@@ -237,7 +237,7 @@ fn every_exception_is_told_in_words_with_what_helps() {
     for (exception, state, words, helps) in [
         (1, State::Running, "illegal function", "take another table"),
         (2, State::Running, "illegal address", "counted from 0"),
-        (3, State::Running, "illegal value", "compare with its manual"),
+        (3, State::Running, "illegal value", "see its manual"),
         (4, State::Running, "device failure", "look at the device"),
         (5, State::Running, "acknowledge", "a longer `period`"),
         (6, State::Running, "busy", "a longer `period`"),

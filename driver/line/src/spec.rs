@@ -47,7 +47,9 @@ pub enum SpecError {
     #[error("line \"{0}\": \"{1}\" is not a port; a port is a number from {2} to 65535")]
     Port(String, String, u16),
     /// The address to listen on is not an IP address.
-    #[error("line \"{0}\": \"{1}\" is not an IP address of this machine, such as 0.0.0.0 (all) or 127.0.0.1 (only itself)")]
+    #[error(
+        "line \"{0}\": \"{1}\" is not an IP address of this machine, such as 0.0.0.0 (all) or 127.0.0.1 (only itself)"
+    )]
     Address(String, String),
     /// No host before the port.
     #[error("line \"{0}\": tcp needs HOST:PORT")]
@@ -150,10 +152,10 @@ mod tests {
             ("pty:x", "absolute"),
             ("tcp:4001", "HOST:PORT"),
             ("tcp::4001", "HOST:PORT"),
-            ("tcp:h:0", "no port"),
-            ("tcp:h:70000", "no port"),
-            ("tcp-listen:x", "no port"),
-            ("tcp-listen:host:1", "no IP address"),
+            ("tcp:h:0", "not a port"),
+            ("tcp:h:70000", "not a port"),
+            ("tcp-listen:x", "not a port"),
+            ("tcp-listen:host:1", "not an IP address"),
         ] {
             let error = text.parse::<LineSpec>().unwrap_err().to_string();
             assert!(error.contains(says), "{text}: {error}");

@@ -340,17 +340,17 @@ mod tests {
     fn wrong_names_say_why() {
         let table = [
             ("", "missing"),
-            ("X1.0", "no name of a cell"),
+            ("X1.0", "not the name of a cell"),
             ("M1", "needs a bit"),
             ("M1.8", "no bit 8"),
             ("MW70000", "no byte 70000"),
-            ("MWx", "no name of a cell"),
+            ("MWx", "not the name of a cell"),
             ("MW1x", "not a valid number"),
             ("DB20.DON", "did you mean DB20.DONE?"),
-            ("DB20.WHEN", "no single value"),
+            ("DB20.WHEN", "not a single value"),
             ("DB7.DONE", "DB7 has no component"),
-            ("ä", "no name of a cell"),
-            ("Tä", "no name of a cell"),
+            ("ä", "not the name of a cell"),
+            ("Tä", "not the name of a cell"),
         ];
         for (name, part) in table {
             let error = parse(name).expect_err(name);

@@ -46,8 +46,9 @@ pub fn from_json(item: &Item, value: &Value) -> Result<u32, String> {
 /// # Errors
 /// The error in it, in one sentence.
 pub fn from_text(item: &Item, text: &str) -> Result<u32, String> {
-    let wrong =
-        || format!("\"{text}\" is not a value for {}, a {}; write 1, -5, 16#1A, 2#1010 or 1.5", item.name, item.type_name);
+    let wrong = || {
+        format!("\"{text}\" is not a value for {}, a {}; write 1, -5, 16#1A, 2#1010 or 1.5", item.name, item.type_name)
+    };
     let upper: String = text.trim().to_ascii_uppercase().chars().filter(|c| *c != '_').collect();
     let plain = ["DW#16#", "W#16#", "B#16#", "16#"].into_iter().find_map(|prefix| upper.strip_prefix(prefix));
     if let Some(hex) = plain {

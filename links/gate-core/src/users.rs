@@ -92,7 +92,7 @@ struct Inner {
     turn: Arc<Semaphore>,
     queue: Arc<Semaphore>,
     began: Instant,
-    /// A hash that is no user's password: checking it makes a wrong name take as long as a wrong password.
+    /// A hash that is not a user's password: checking it makes a wrong name take as long as a wrong password.
     nobody: String,
 }
 

@@ -4,7 +4,7 @@ use std::os::fd::{AsFd as _, OwnedFd};
 use std::time::Duration;
 
 use ob1_access::door::{
-    Answer, Ask, Document, Door, Event, MESSAGE_BYTES, Refusal, State, ToBroker, ToLink, VERSION, Welcome, What,
+    Answer, Ask, Document, Door, Event, MESSAGE_BYTES, News, Refusal, State, ToBroker, ToLink, VERSION, Welcome, What,
 };
 use ob1_access::{Cell, Piece, Put, Right, Width};
 use ob1_backplane::{WindowHead, WindowWriter, handover};
@@ -170,7 +170,7 @@ fn rights_of_users_and_their_trace() {
         let written = tokio::spawn(async move { writes.write("MW10 = 5", put()).await });
         let ToBroker::Write { client, ticket, puts } = plant.desk.hear().await else { panic!("no write") };
         assert_eq!(puts, put());
-        plant.desk.say(&ToLink::Written { client, ticket, outcome: Ok(7) });
+        plant.desk.say(&ToLink::News(News::Written { client, ticket, outcome: Ok(7) }));
         assert_eq!(written.await.expect("no panic"), Ok(7));
         let audit = plant.audit();
         for part in ["refused: not allowed", "command Stop", "write MW10 = 5", "done, scan 7", "\"user\":\"anna\""] {
@@ -194,7 +194,7 @@ fn a_write_that_nobody_waits_for_is_written_down() {
         let ToBroker::Write { client, ticket, .. } = plant.desk.hear().await else { panic!("no write") };
         write.abort();
         assert!(write.await.is_err());
-        plant.desk.say(&ToLink::Written { client, ticket, outcome: Ok(9) });
+        plant.desk.say(&ToLink::News(News::Written { client, ticket, outcome: Ok(9) }));
         assert_eq!(plant.desk.hear().await, ToBroker::Gone(client), "only now");
         assert!(plant.audit().contains("done, scan 9"));
     });
@@ -215,7 +215,7 @@ fn many_who_want_a_document_get_the_same() {
         };
         let part = |last, bytes: &[u8]| {
             let answer = Answer::Document { last, bytes: bytes.into() };
-            plant.desk.say(&ToLink::Answer { client, ticket, answer });
+            plant.desk.say(&ToLink::News(News::Answer { client, ticket, answer }));
         };
         part(false, b"one, ");
         part(true, b"two");
@@ -226,7 +226,7 @@ fn many_who_want_a_document_get_the_same() {
         let station = plant.station.clone();
         let other = tokio::spawn(async move { station.document(Document::Timing, AGE).await });
         let ToBroker::Ask { client, ticket, .. } = plant.desk.hear().await else { panic!("no question") };
-        plant.desk.say(&ToLink::Answer { client, ticket, answer: Answer::Refused(Refusal::Silent) });
+        plant.desk.say(&ToLink::News(News::Answer { client, ticket, answer: Answer::Refused(Refusal::Silent) }));
         assert_eq!(other.await.expect("no panic"), Err(Refusal::Silent.into()));
     });
 }
@@ -241,7 +241,7 @@ fn the_program_is_asked_for_once() {
             panic!("no question")
         };
         let bytes = b"symbol \"lamp\" \"A 4.0\"\n".as_slice().into();
-        plant.desk.say(&ToLink::Answer { client, ticket, answer: Answer::Document { last: true, bytes } });
+        plant.desk.say(&ToLink::News(News::Answer { client, ticket, answer: Answer::Document { last: true, bytes } }));
         let catalog = first.await.expect("no panic").expect("a program");
         assert!(catalog.names.parse("lamp").is_ok());
         assert!(plant.station.catalog().await.is_ok(), "without another question");
@@ -252,7 +252,7 @@ fn the_program_is_asked_for_once() {
 fn events_are_kept_and_resumed() {
     run(async {
         let plant = Plant::new(Right::Read);
-        let event = |number, state| ToLink::Event(Event { number, time: 0, what: What::State(state) });
+        let event = |number, state| ToLink::News(News::Event(Event { number, time: 0, what: What::State(state) }));
         let (none, mut events) = plant.station.events(0);
         assert!(none.is_empty());
         plant.desk.say(&event(1, State::Run));

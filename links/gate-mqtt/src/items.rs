@@ -191,7 +191,7 @@ mod tests {
         for (wanted, why) in [
             (&["DB11"][..], "DB11"),
             (&["MW10", "MW10"], "twice"),
-            (&["X"], "no name of a cell"),
+            (&["X"], "not the name of a cell"),
             (&["DB10.Motors[7]"], "no component"),
         ] {
             let told = items(wanted, false).expect_err("wrong");

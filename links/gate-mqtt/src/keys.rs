@@ -76,7 +76,9 @@ impl Keys {
         let address = address.trim_end_matches('/');
         // The colons of `[::1]` do not begin a port.
         let (host, port) = match address.rsplit_once(':').filter(|(_, port)| !port.ends_with(']')) {
-            Some((host, port)) => (host, Some(port.parse().map_err(|_| format!("`broker`: \"{port}\" is not a port"))?)),
+            Some((host, port)) => {
+                (host, Some(port.parse().map_err(|_| format!("`broker`: \"{port}\" is not a port"))?))
+            }
             None => (address, None),
         };
         let host = host.trim_start_matches('[').trim_end_matches(']').to_owned();
@@ -174,7 +176,7 @@ mod tests {
             (r#"{"broker": "b", "publish": ["M1.0"]}"#, "URL"),
             (r#"{"broker": "mqtt://localhost", "commands": ["M1.0"]}"#, "rights"),
             (r#"{"broker": "mqtt://localhost"}"#, "nothing to do"),
-            (r#"{"broker": "mqtt://localhost:x", "publish": ["M1.0"]}"#, "no port"),
+            (r#"{"broker": "mqtt://localhost:x", "publish": ["M1.0"]}"#, "not a port"),
             (r#"{"broker": "mqtt://", "publish": ["M1.0"]}"#, "no host"),
             (r#"{"broker": "mqtt://localhost", "publish": ["M1.0"], "prefix": "a/#"}"#, "prefix"),
             (r#"{"broker": "mqtt://localhost", "publish": ["M1.0"], "sparkplug": "a/b"}"#, "slash"),

@@ -3,7 +3,7 @@
 use ob1_access::Right;
 use opcua_types::{AttributeId, LocalizedText, NodeClass, NodeId, QualifiedName, StatusCode, Variant};
 
-use crate::manager::{NAMESPACE, class, node_id};
+use crate::nodes::{NAMESPACE, class, node_id};
 use crate::space::{Fact, Node};
 use crate::value::{Shape, type_node};
 

@@ -9,7 +9,7 @@ use opcua_server::SubscriptionCache;
 use opcua_types::{ByteString, DateTime, LocalizedText, ObjectTypeId};
 use tokio::sync::broadcast::error::RecvError;
 
-use crate::manager::node_id;
+use crate::nodes::node_id;
 use crate::space::ROOT;
 
 /// Severities, 1 to 1000 [OPC 10000-5, 6.4.2].

@@ -98,7 +98,7 @@ mod tests {
             ("{}", true, Right::Write, false, "users"),
             (r#"{"clients": 0}"#, true, Right::Read, false, "clients"),
             (r#"{"items": 200000}"#, true, Right::Read, false, "items"),
-            (r#"{"areas": ["X"]}"#, true, Right::Read, false, "no area"),
+            (r#"{"areas": ["X"]}"#, true, Right::Read, false, "not an area"),
         ] {
             let told = settle(keys, loopback, ceiling, users).expect_err(keys);
             assert!(told.contains(why), "{keys}: {told}");

@@ -13,6 +13,7 @@ mod keys;
 mod limits;
 mod manager;
 mod monitor;
+mod nodes;
 mod pki;
 mod sample;
 mod space;

@@ -15,9 +15,9 @@ use opcua_server::node_manager::{
     WriteNode, impl_translate_browse_paths_using_browse,
 };
 use opcua_types::{
-    AttributeId, DataValue, ExpandedNodeId, IdType, Identifier, LocalizedText, MonitoringMode, NodeClass, NodeId,
-    NumericRange, ObjectId, ObjectTypeId, QualifiedName, ReferenceDescription, ReferenceTypeId, StatusCode,
-    TimestampsToReturn, VariableTypeId, Variant,
+    AttributeId, DataValue, ExpandedNodeId, IdType, LocalizedText, MonitoringMode, NodeClass, NodeId, NumericRange,
+    ObjectId, ObjectTypeId, QualifiedName, ReferenceDescription, ReferenceTypeId, StatusCode, TimestampsToReturn,
+    VariableTypeId, Variant,
 };
 use tokio::sync::Semaphore;
 
@@ -25,14 +25,10 @@ use crate::attributes::Attributes;
 use crate::auth::Auth;
 use crate::limits;
 use crate::monitor::Monitor;
+use crate::nodes::{NAMESPACE, NAMESPACE_URI, class, node_id, text};
 use crate::sample::{bad, refused, sample, status};
 use crate::space::{Fact, METHODS, Node, ROOT, Sizes, Space};
 use crate::value::{attempt, datum, unfit, weight};
-
-/// The namespace of a station, index 2 of its server.
-pub(crate) const NAMESPACE_URI: &str = "urn:ob1:station";
-/// Its index: after OPC UA's own and the server's.
-pub(crate) const NAMESPACE: u16 = 2;
 
 /// See [the module](self).
 pub(crate) struct Manager {
@@ -245,26 +241,6 @@ impl Manager {
 
 fn size(puts: &[Put]) -> (usize, usize) {
     (puts.len(), puts.iter().map(Put::bytes).sum())
-}
-
-/// An identifier of namespace 2 as text.
-pub(crate) fn text(id: &NodeId) -> Option<&str> {
-    match &id.identifier {
-        Identifier::String(text) if id.namespace == NAMESPACE => Some(text.as_ref()),
-        _ => None,
-    }
-}
-
-pub(crate) fn node_id(id: &str) -> NodeId {
-    NodeId::new(NAMESPACE, id)
-}
-
-pub(crate) const fn class(node: &Node) -> NodeClass {
-    match node {
-        Node::Root | Node::Folder(_) | Node::Block(_) | Node::Composed(_) => NodeClass::Object,
-        Node::Method(_) => NodeClass::Method,
-        Node::Fact(_) | Node::Value(_) => NodeClass::Variable,
-    }
 }
 
 /// How a parent refers to a node.

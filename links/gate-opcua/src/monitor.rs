@@ -21,7 +21,7 @@ use tokio::task::AbortHandle;
 use crate::beat::Pace;
 use crate::events;
 use crate::limits;
-use crate::manager::node_id;
+use crate::nodes::node_id;
 use crate::sample::{bad, sample, status};
 use crate::space::{FACTS, Fact};
 use crate::value::weight;
@@ -163,7 +163,7 @@ impl Monitor {
         &self.pace
     }
 
-    /// Items deleted since the server began: each leaves a little memory behind in the server.
+    /// Items deleted since the server began: each leaves a little memory in the server.
     pub(crate) fn deleted(&self) -> usize {
         self.deleted.load(Ordering::Relaxed)
     }

@@ -134,6 +134,13 @@ pub struct Surroundings<'s> {
     pub now: Instant,
 }
 
+/// What a request needs while it is served: whose it is, its surroundings, where the reply goes.
+struct Turn<'t, 's> {
+    client: u32,
+    around: &'t mut Surroundings<'s>,
+    reply: &'t mut dyn FnMut(u64, Reply),
+}
+
 impl Asks {
     /// Adds a request.
     pub fn push(&mut self, request: Request) {
@@ -142,19 +149,20 @@ impl Asks {
 
     /// Begins requests that can begin, and retries waiting ones. Replies go to `reply`.
     pub fn step(&mut self, client: u32, around: &mut Surroundings<'_>, reply: &mut dyn FnMut(u64, Reply)) {
+        let turn = &mut Turn { client, around, reply };
         let mut still = Vec::with_capacity(self.doing.len());
         for doing in self.doing.drain(..) {
-            still.extend(doing.again(client, around, reply));
+            still.extend(doing.again(turn));
         }
         self.doing = still;
         while let Some(next) = self.waiting.front() {
             let reads = |doing: &Doing| matches!(doing, Doing::Read { .. });
-            let turn = self.doing.is_empty() || matches!(next.ask, Ask::Read(_)) && self.doing.iter().all(reads);
-            if !turn {
+            let may_begin = self.doing.is_empty() || matches!(next.ask, Ask::Read(_)) && self.doing.iter().all(reads);
+            if !may_begin {
                 return;
             }
             if let Some(Request { id, ask }) = self.waiting.pop_front() {
-                self.doing.extend(begin(id, ask, client, around, reply));
+                self.doing.extend(begin(id, ask, turn));
             }
         }
     }
@@ -167,7 +175,7 @@ impl Asks {
         };
         let Some(index) = self.doing.iter().position(|doing| doing.waits_for(came)) else { return };
         let doing = self.doing.swap_remove(index);
-        self.doing.extend(doing.came(news, client, around, reply));
+        self.doing.extend(doing.came(news, &mut Turn { client, around, reply }));
     }
 
     /// When [`Asks::step`] is due at the latest.
@@ -182,19 +190,13 @@ impl Asks {
 }
 
 /// Begins a request; returns the rest of the work if it cannot be answered at once.
-fn begin(
-    id: u64,
-    ask: Ask,
-    client: u32,
-    around: &mut Surroundings<'_>,
-    reply: &mut dyn FnMut(u64, Reply),
-) -> Option<Doing> {
+fn begin(id: u64, ask: Ask, turn: &mut Turn<'_, '_>) -> Option<Doing> {
     let question = match ask {
         Ask::Read(addresses) => {
             let pieces = cells::pieces(&addresses);
-            let until = around.now + PATIENCE;
+            let until = turn.around.now + PATIENCE;
             let read = Doing::Read { id, addresses, pieces, until, again: until };
-            return read.again(client, around, reply);
+            return read.again(turn);
         }
         Ask::Write(puts) => {
             let mut write = Write { id, ticket: 0, left: Vec::new(), codes: vec![ItemCode::DONE; puts.len()] };
@@ -204,25 +206,25 @@ fn begin(
                     Err(why) => write.codes[index] = why,
                 }
             }
-            return write.send(client, around, reply);
+            return write.send(turn);
         }
         Ask::Control(Control::Compress | Control::CopyRamToRom) => {
             // The memory has no gaps, and loaded blocks are already retained.
-            reply(id, Reply::Done);
+            (turn.reply)(id, Reply::Done);
             return None;
         }
         Ask::Control(control) => {
-            let ticket = around.door.ask(client, Question::Szl { id: OPERATING_STATE, index: 0 });
+            let ticket = turn.around.door.ask(turn.client, Question::Szl { id: OPERATING_STATE, index: 0 });
             return Some(Doing::Control(Transition { id, control, step: Step::Before(ticket) }));
         }
-        Ask::Load(blocks) => return Load { id, ticket: 0, left: blocks.into() }.send(client, around, reply),
+        Ask::Load(blocks) => return Load { id, ticket: 0, left: blocks.into() }.send(turn),
         Ask::Delete(blocks) => {
             let ids: Option<Vec<BlockId>> =
                 blocks.iter().map(|(ty, number)| Some(BlockId::new(kind(*ty)?, *number))).collect();
             match ids {
                 Some(ids) => Question::Delete(ids),
                 None => {
-                    reply(id, Reply::Refused(Code::NO_BLOCK));
+                    (turn.reply)(id, Reply::Refused(Code::NO_BLOCK));
                     return None;
                 }
             }
@@ -231,12 +233,12 @@ fn begin(
         Ask::Blocks => Question::Blocks,
         Ask::Block { ty, number } => match kind(ty) {
             Some(BlockKind::Db) => {
-                let ticket = around.door.ask(client, Question::Block(BlockId::new(BlockKind::Db, number)));
+                let ticket = turn.around.door.ask(turn.client, Question::Block(BlockId::new(BlockKind::Db, number)));
                 return Some(Doing::Data { id, ticket, number });
             }
             Some(kind) => Question::Block(BlockId::new(kind, number)),
             None => {
-                reply(id, Reply::Refused(Code::NO_BLOCK));
+                (turn.reply)(id, Reply::Refused(Code::NO_BLOCK));
                 return None;
             }
         },
@@ -246,11 +248,11 @@ fn begin(
         Ask::Logout => Question::Logout,
     };
     let rights = match question {
-        Question::Login(_) => Some(around.config.unlocked),
-        Question::Logout => Some(around.config.settings.rights),
+        Question::Login(_) => Some(turn.around.config.unlocked),
+        Question::Logout => Some(turn.around.config.settings.rights),
         _ => None,
     };
-    let ticket = around.door.ask(client, question);
+    let ticket = turn.around.door.ask(turn.client, question);
     Some(Doing::Question { id, ticket, rights })
 }
 
@@ -270,29 +272,29 @@ impl Doing {
     }
 
     /// Retries, without an answer having come.
-    fn again(self, client: u32, around: &mut Surroundings<'_>, reply: &mut dyn FnMut(u64, Reply)) -> Option<Self> {
+    fn again(self, turn: &mut Turn<'_, '_>) -> Option<Self> {
         match self {
             Doing::Read { id, addresses, pieces, until, .. } => {
-                let refused = match around.door.read(&pieces, around.reading) {
+                let refused = match turn.around.door.read(&pieces, turn.around.reading) {
                     Ok(()) => {
-                        reply(id, Reply::Values(cells::values(&addresses, around.reading)));
+                        (turn.reply)(id, Reply::Values(cells::values(&addresses, turn.around.reading)));
                         return None;
                     }
-                    Err(why @ (NotYet::Coming | NotYet::Busy)) if around.now < until => {
+                    Err(why @ (NotYet::Coming | NotYet::Busy)) if turn.around.now < until => {
                         // Coming pieces are announced by news; a snapshot that was too fast is retried soon.
-                        let again = if why == NotYet::Busy { around.now + SOON } else { until };
+                        let again = if why == NotYet::Busy { turn.around.now + SOON } else { until };
                         return Some(Doing::Read { id, addresses, pieces, until, again });
                     }
                     Err(_) => ItemCode::HARDWARE,
                 };
-                reply(id, Reply::Values(vec![Err(refused); addresses.len()]));
+                (turn.reply)(id, Reply::Values(vec![Err(refused); addresses.len()]));
                 None
             }
-            Doing::Values(values) => values.again(around, reply),
+            Doing::Values(values) => values.again(turn),
             Doing::Control(Transition { id, control, step: Step::After { ticket: None, look_at, until } })
-                if look_at <= around.now =>
+                if look_at <= turn.around.now =>
             {
-                let ticket = Some(around.door.ask(client, Question::Szl { id: OPERATING_STATE, index: 0 }));
+                let ticket = Some(turn.around.door.ask(turn.client, Question::Szl { id: OPERATING_STATE, index: 0 }));
                 Some(Doing::Control(Transition { id, control, step: Step::After { ticket, look_at, until } }))
             }
             other => Some(other),
@@ -300,33 +302,27 @@ impl Doing {
     }
 
     /// The answer has come.
-    fn came(
-        self,
-        news: &News,
-        client: u32,
-        around: &mut Surroundings<'_>,
-        reply: &mut dyn FnMut(u64, Reply),
-    ) -> Option<Self> {
+    fn came(self, news: &News, turn: &mut Turn<'_, '_>) -> Option<Self> {
         match (self, news) {
             (Doing::Write(write), News::Written { outcome, .. }) => {
                 let refused = outcome.as_ref().err().map(|refused| (refused.entry as usize, refused.why));
-                write.written(refused, client, around, reply)
+                write.written(refused, turn)
             }
             (Doing::Question { id, rights, .. }, News::Answer { answer, .. }) => {
-                reply(id, answered(answer, rights));
+                (turn.reply)(id, answered(answer, rights));
                 None
             }
             (Doing::Data { id, number, .. }, News::Answer { answer: Answer::Block(bytes), .. }) => {
-                let until = around.now + PATIENCE;
+                let until = turn.around.now + PATIENCE;
                 let values = Values { id, number, block: bytes.to_vec(), read: 0, until, again: until };
-                values.again(around, reply)
+                values.again(turn)
             }
             (Doing::Data { id, .. }, News::Answer { answer, .. }) => {
-                reply(id, answered(answer, None));
+                (turn.reply)(id, answered(answer, None));
                 None
             }
-            (Doing::Load(load), News::Answer { answer, .. }) => load.came(answer, client, around, reply),
-            (Doing::Control(transition), News::Answer { answer, .. }) => transition.came(answer, client, around, reply),
+            (Doing::Load(load), News::Answer { answer, .. }) => load.came(answer, turn),
+            (Doing::Control(transition), News::Answer { answer, .. }) => transition.came(answer, turn),
             _ => None,
         }
     }
@@ -334,35 +330,35 @@ impl Doing {
 
 impl Values {
     /// Continues reading: a block of usual length is read at one cycle control point.
-    fn again(mut self, around: &mut Surroundings<'_>, reply: &mut dyn FnMut(u64, Reply)) -> Option<Doing> {
+    fn again(mut self, turn: &mut Turn<'_, '_>) -> Option<Doing> {
         loop {
             let Some(rest) = values_mut(&mut self.block).and_then(|values| values.get_mut(self.read..)) else {
-                reply(self.id, Reply::Refused(Code::SERVICE));
+                (turn.reply)(self.id, Reply::Refused(Code::SERVICE));
                 return None;
             };
             if rest.is_empty() {
-                reply(self.id, Reply::Block(self.block));
+                (turn.reply)(self.id, Reply::Block(self.block));
                 return None;
             }
             let len = rest.len().min(VALUES);
             let piece = Piece::Bytes { at: Cell::Db(self.number, self.read as u32 * 8), len: len as u32 };
-            match around.door.read(&[piece], around.reading) {
+            match turn.around.door.read(&[piece], turn.around.reading) {
                 Ok(()) => {}
-                Err(why @ (NotYet::Coming | NotYet::Busy)) if around.now < self.until => {
-                    self.again = if why == NotYet::Busy { around.now + SOON } else { self.until };
+                Err(why @ (NotYet::Coming | NotYet::Busy)) if turn.around.now < self.until => {
+                    self.again = if why == NotYet::Busy { turn.around.now + SOON } else { self.until };
                     return Some(Doing::Values(self));
                 }
                 Err(_) => {
-                    reply(self.id, Reply::Refused(Code::NOT_NOW));
+                    (turn.reply)(self.id, Reply::Refused(Code::NOT_NOW));
                     return None;
                 }
             }
-            match (around.reading.piece(0), rest.get_mut(..len)) {
+            match (turn.around.reading.piece(0), rest.get_mut(..len)) {
                 (Ok(bytes), Some(place)) if bytes.len() == len => place.copy_from_slice(bytes),
                 // Not allowed, or the block has been replaced since.
                 (refused, _) => {
                     let right = refused == Err(Refusal::Right);
-                    reply(self.id, Reply::Refused(if right { Code::PROTECTED } else { Code::NO_BLOCK }));
+                    (turn.reply)(self.id, Reply::Refused(if right { Code::PROTECTED } else { Code::NO_BLOCK }));
                     return None;
                 }
             }
@@ -373,80 +369,62 @@ impl Values {
 
 impl Load {
     /// Sends the next block.
-    fn send(mut self, client: u32, around: &mut Surroundings<'_>, reply: &mut dyn FnMut(u64, Reply)) -> Option<Doing> {
+    fn send(mut self, turn: &mut Turn<'_, '_>) -> Option<Doing> {
         let Some(block) = self.left.pop_front() else {
-            let ticket = around.door.ask(client, Question::Link);
+            let ticket = turn.around.door.ask(turn.client, Question::Link);
             return Some(Doing::Question { id: self.id, ticket, rights: None });
         };
         let Some(kind) = kind(block.ty) else {
-            reply(self.id, Reply::Refused(Code::BLOCK_NUMBER));
+            (turn.reply)(self.id, Reply::Refused(Code::BLOCK_NUMBER));
             return None;
         };
         let id = BlockId::new(kind, block.number);
-        self.ticket = around.door.ask(client, Question::Stage { id, bytes: block.bytes.into() });
+        self.ticket = turn.around.door.ask(turn.client, Question::Stage { id, bytes: block.bytes.into() });
         Some(Doing::Load(self))
     }
 
-    fn came(
-        self,
-        answer: &Answer,
-        client: u32,
-        around: &mut Surroundings<'_>,
-        reply: &mut dyn FnMut(u64, Reply),
-    ) -> Option<Doing> {
+    fn came(self, answer: &Answer, turn: &mut Turn<'_, '_>) -> Option<Doing> {
         if *answer == Answer::Done {
-            return self.send(client, around, reply);
+            return self.send(turn);
         }
-        reply(self.id, answered(answer, None));
+        (turn.reply)(self.id, answered(answer, None));
         None
     }
 }
 
 impl Write {
     /// Sends the remaining writes, or the reply if nothing is left.
-    fn send(mut self, client: u32, around: &mut Surroundings<'_>, reply: &mut dyn FnMut(u64, Reply)) -> Option<Doing> {
+    fn send(mut self, turn: &mut Turn<'_, '_>) -> Option<Doing> {
         let group: Vec<Put> = self.left.iter().map(|(_, put)| put.clone()).collect();
-        let sent = if group.is_empty() { None } else { around.door.write(client, group).ok() };
+        let sent = if group.is_empty() { None } else { turn.around.door.write(turn.client, group).ok() };
         let Some(ticket) = sent else {
             self.left.iter().for_each(|(item, _)| self.codes[*item] = ItemCode::INCONSISTENT);
-            reply(self.id, Reply::Written(self.codes));
+            (turn.reply)(self.id, Reply::Written(self.codes));
             return None;
         };
         self.ticket = ticket;
         Some(Doing::Write(self))
     }
 
-    fn written(
-        mut self,
-        refused: Option<(usize, Refusal)>,
-        client: u32,
-        around: &mut Surroundings<'_>,
-        reply: &mut dyn FnMut(u64, Reply),
-    ) -> Option<Doing> {
+    fn written(mut self, refused: Option<(usize, Refusal)>, turn: &mut Turn<'_, '_>) -> Option<Doing> {
         match refused {
             None => self.left.clear(),
             // Nothing of the group was written: the rest is sent without the refused item.
             Some((entry, why)) => {
                 let Some(item) = self.left.get(entry).or(self.left.first()).map(|(item, _)| *item) else {
-                    reply(self.id, Reply::Written(self.codes));
+                    (turn.reply)(self.id, Reply::Written(self.codes));
                     return None;
                 };
                 self.codes[item] = cells::code(why);
                 self.left.retain(|(other, _)| *other != item);
             }
         }
-        self.send(client, around, reply)
+        self.send(turn)
     }
 }
 
 impl Transition {
-    fn came(
-        self,
-        answer: &Answer,
-        client: u32,
-        around: &mut Surroundings<'_>,
-        reply: &mut dyn FnMut(u64, Reply),
-    ) -> Option<Doing> {
+    fn came(self, answer: &Answer, turn: &mut Turn<'_, '_>) -> Option<Doing> {
         let Self { id, control, step } = self;
         let state = match answer {
             Answer::Szl { bytes, .. } => bytes.get(STATE_AT).map(|state| state & 0x0F),
@@ -455,7 +433,7 @@ impl Transition {
         let runs = state.map(|state| matches!(state, RUN | STARTUP));
         let step = match step {
             Step::Before(_) if runs == Some(control != Control::Stop) => {
-                reply(id, Reply::Already);
+                (turn.reply)(id, Reply::Already);
                 return None;
             }
             Step::Before(_) => {
@@ -464,23 +442,25 @@ impl Transition {
                     Control::Cold => Command::Cold,
                     _ => Command::Warm,
                 };
-                Step::Commanded(around.door.ask(client, Question::Command(command)))
+                Step::Commanded(turn.around.door.ask(turn.client, Question::Command(command)))
             }
             Step::Commanded(_) if *answer != Answer::Done => {
-                reply(id, answered(answer, None));
+                (turn.reply)(id, answered(answer, None));
                 return None;
             }
-            Step::Commanded(_) => Step::After { ticket: None, look_at: around.now, until: around.now + TRANSITION },
+            Step::Commanded(_) => {
+                Step::After { ticket: None, look_at: turn.around.now, until: turn.around.now + TRANSITION }
+            }
             Step::After { until, .. } => {
                 let reached = if control == Control::Stop { runs == Some(false) } else { state == Some(RUN) };
-                if reached || around.now >= until {
-                    reply(id, if reached { Reply::Done } else { Reply::Refused(Code::COORDINATION) });
+                if reached || turn.around.now >= until {
+                    (turn.reply)(id, if reached { Reply::Done } else { Reply::Refused(Code::COORDINATION) });
                     return None;
                 }
-                Step::After { ticket: None, look_at: around.now + LOOK, until }
+                Step::After { ticket: None, look_at: turn.around.now + LOOK, until }
             }
         };
-        Doing::Control(Transition { id, control, step }).again(client, around, reply)
+        Doing::Control(Transition { id, control, step }).again(turn)
     }
 }
 

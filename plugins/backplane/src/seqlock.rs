@@ -1,6 +1,6 @@
 //! The bounded sequence lock: one writer, one reader; neither ever waits for the other.
 //!
-//! The writer makes the sequence odd, writes, and makes it even again. The reader takes a copy between two looks at
+//! The writer makes the sequence odd, writes, and makes it even again. The reader takes a copy between two readings of
 //! the sequence; if a writer came between, it tries again, at most [`TRIES`] times, and then keeps its last copy. A
 //! writer killed in the middle leaves an odd sequence: readers keep their last copy until the next writer has
 //! written a *whole* new content, because the sequence stays odd until then.

@@ -5,7 +5,7 @@
 //! twice the number of the snapshot; a reader takes the slot with the highest even one and reads the sequence again
 //! when it has its copy. It must try again only if three whole snapshots were made meanwhile.
 //!
-//! The file is sealed with `F_SEAL_FUTURE_WRITE`: the mapping of the scan is the only one that writes, for ever.
+//! The file is sealed with `F_SEAL_FUTURE_WRITE`: the mapping of the scan is the only one that ever writes.
 
 use core::ptr::NonNull;
 use std::fmt;
@@ -182,7 +182,7 @@ impl WindowReader {
     /// The window that was handed over; it can only be read.
     ///
     /// # Errors
-    /// [`SegmentError`] if it is no sealed file of the right size, or no window of this layout.
+    /// [`SegmentError`] if it is not a sealed file of the right size, or not a window of this layout.
     #[cfg(not(loom))]
     pub fn received(file: std::os::fd::OwnedFd) -> Result<Self, SegmentError> {
         let memory = Memory::shared(SharedMemory::look_through(file, WORDS * 8)?)?;

@@ -159,7 +159,7 @@ impl ReceiveJob {
         (Self { phase, ..self }, ReceiveStep::Take(take))
     }
 
-    /// The job as a number, for callers that can only store numbers; 0 is no job.
+    /// The job as a number, for callers that can only store numbers; 0 is not a job.
     pub fn pack(self) -> u64 {
         let phase = match self.phase {
             Phase::Idle => return 0,

@@ -154,7 +154,7 @@ impl SendJob {
         (Self { phase: Phase::Waiting, piece: n as u8, ..self }, SendStep::Put(piece))
     }
 
-    /// The job as a number, for callers that can only store numbers; 0 is no job.
+    /// The job as a number, for callers that can only store numbers; 0 is not a job.
     pub fn pack(self) -> u64 {
         let phase = PHASES.iter().position(|phase| *phase == self.phase).unwrap_or(0);
         phase as u64 | u64::from(self.piece) << 8 | u64::from(self.length) << 16

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io;
 use std::os::fd::OwnedFd;
 
-use ob1_access::door::{Answer, Ask, Document, MESSAGE_BYTES, Refusal, Refused, State, ToBroker, ToLink, What};
+use ob1_access::door::{Answer, Ask, Document, MESSAGE_BYTES, News, Refusal, Refused, State, ToBroker, ToLink, What};
 use ob1_backplane::WindowReader;
 use ob1_cpu::{Answer as PortAnswer, Ask as PortAsk, Command, Cpu, DIAG_ENTRIES, DIAG_STOPS};
 use ob1_model::{BlockId, BlockKind, StateChange};
@@ -410,7 +410,7 @@ impl Broker {
         {
             let Some(event) = self.events.after(after) else { return };
             joint.events_after = Some(event.number);
-            connection.say(&ToLink::Event(event));
+            connection.say(&ToLink::News(News::Event(event)));
         }
     }
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use ob1_access::door::{
-    Answer, Connection as LinkConnection, PART_BYTES, Refusal, Refused, Ticket, ToLink, VERSION, Welcome,
+    Answer, Connection as LinkConnection, News, PART_BYTES, Refusal, Refused, Ticket, ToLink, VERSION, Welcome,
 };
 use ob1_backplane::{SegmentError, WindowHead, WindowReader, WindowWriter};
 use ob1_cpu::{Cpu, Frame, Group, Link, Listing, Mark, Piece, Put, Returned, TooMuch, Window};
@@ -173,13 +173,13 @@ impl Joint {
 
     pub(crate) fn answer(&mut self, client: u32, ticket: Ticket, answer: Answer) {
         let Answer::Document { bytes, .. } = answer else {
-            return self.say(&ToLink::Answer { client, ticket, answer });
+            return self.say(&ToLink::News(News::Answer { client, ticket, answer }));
         };
         let parts = bytes.chunks(PART_BYTES).count().max(1);
         for index in 0..parts {
             let part = bytes.chunks(PART_BYTES).nth(index).unwrap_or_default();
             let answer = Answer::Document { last: index + 1 == parts, bytes: part.into() };
-            self.say(&ToLink::Answer { client, ticket, answer });
+            self.say(&ToLink::News(News::Answer { client, ticket, answer }));
         }
     }
 
@@ -189,7 +189,7 @@ impl Joint {
     }
 
     pub(crate) fn written(&mut self, client: u32, ticket: Ticket, outcome: Result<u64, Refused>) {
-        self.say(&ToLink::Written { client, ticket, outcome });
+        self.say(&ToLink::News(News::Written { client, ticket, outcome }));
     }
 
     /// Another list of pieces, if all of them are allowed.

@@ -15,7 +15,7 @@ use crate::{Abort, Clock, DiagEntry, ObInfo, Running, ShortText};
 
 /// Statements after which the engine reads the clock at its next safe point, at the latest.
 const STATEMENTS_PER_LOOK: u32 = 1000;
-/// Fewest statements between two looks at a clock whose pace is only estimated.
+/// Fewest statements between two readings of a clock whose pace is only estimated.
 const FEWEST_STATEMENTS: u64 = 16;
 
 /// The loaded blocks by number, and the engine that runs them.

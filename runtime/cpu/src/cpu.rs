@@ -17,9 +17,9 @@ use crate::interrupts::{Hardware, slot_of};
 use crate::machine::{Attention, Machine};
 use crate::natives::Running;
 use crate::{
-    AccessClient, Accounts, Answer, Ask, Cell, CellError, Command, DiagEntry, InterruptError, LogReader,
-    ModuleCounters, ModuleSlot, ModuleStatus, ObStatistics, OperatingState, ScanRecord, ScanStatistics, ShortText,
-    Sums, Whereabouts, Width, Window,
+    AccessClient, Accounts, Answer, Ask, Cell, CellError, Command, DiagEntry, InterruptError, LogReader, ModuleSlot,
+    ModuleStatus, ObStatistics, OperatingState, ScanRecord, ScanStatistics, ShortText, Sums, Whereabouts, Width,
+    Window,
 };
 
 /// A CPU with its program, modules and native blocks.
@@ -243,13 +243,6 @@ impl Cpu {
     #[must_use]
     pub fn module(&self, index: usize) -> Option<(&ModuleSlot, ModuleStatus)> {
         Some((&self.machine.modules.list.get(index)?.slot, self.machine.modules.status(index)?))
-    }
-
-    /// A module's counters. Not for the scan path.
-    pub fn module_counters(&self, index: usize, each: ModuleCounters<'_>) {
-        if let Some(plugged) = self.machine.modules.list.get(index) {
-            plugged.module.counters(each);
-        }
     }
 
     /// Reads a cell, between two cycles.

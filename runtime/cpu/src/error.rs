@@ -12,7 +12,7 @@ pub enum LoadError {
     Config {
         /// The field of [`crate::CpuConfig`].
         field: &'static str,
-        /// What was asked for.
+        /// What was requested.
         value: u64,
         /// Largest value.
         max: u64,

@@ -17,13 +17,13 @@ pub trait Clock {
     fn executed(&mut self, statements: u64);
 
     /// How many statements it takes until so much time has passed, for a clock that charges time for statements; `None`
-    /// for one whose time goes on by itself. So the CPU knows when to ask for the time again.
+    /// for one whose time runs by itself. So the CPU knows when to ask for the time again.
     fn statements_in(&self, _time: Span) -> Option<u64> {
         None
     }
 
     /// A block waits inside the scan (SFC 47) until `deadline`, or until something is due before. A virtual clock moves
-    /// there. A real one has nothing to do: its time goes on by itself, and a scan does not sleep.
+    /// there. A real one has nothing to do: its time runs by itself, and a scan does not sleep.
     fn wait(&mut self, _deadline: Instant) {}
 }
 
@@ -52,7 +52,7 @@ pub struct Mark {
     pub state: OperatingState,
 }
 
-/// Where the snapshots of a link go. Called by the scan: it allocates nothing and waits for nobody.
+/// Where the snapshots of a link go. Called by the scan: it allocates nothing and never waits.
 pub trait Window: Send {
     /// Makes the next snapshot: calls `fill` once, with room for [`ob1_model::FRAME_WORDS`] words.
     fn put(&mut self, mark: Mark, fill: &mut dyn FnMut(&[AtomicU64]));
@@ -110,13 +110,10 @@ pub struct ModuleEntry {
     pub time: Instant,
 }
 
-/// Counters a module keeps, by name, for reports.
-pub type ModuleCounters<'a> = &'a mut dyn FnMut(&'static str, u64);
-
 /// A module on the back plane as the CPU sees it: input and output registers at a logical address, records, events.
 ///
-/// All methods but `counters` run on the scan thread: they neither block nor allocate, and make no system call but a
-/// doorbell. Offsets count from the module's first byte.
+/// All methods run on the scan thread: they neither block nor allocate, and make no system call but a doorbell. Offsets
+/// count from the first byte of the module.
 pub trait Module: Send {
     /// Bytes of input registers (CP to CPU).
     fn input_bytes(&self) -> u16;
@@ -154,8 +151,6 @@ pub trait Module: Send {
     fn diagnostic_buffer(&mut self, _each: &mut dyn FnMut(ModuleEntry)) -> bool {
         false
     }
-    /// Reports counters; not on the scan path.
-    fn counters(&self, _each: ModuleCounters<'_>) {}
 }
 
 /// A block is to be left at once: the CPU goes to STOP, or the run ends. Every caller returns it unchanged.

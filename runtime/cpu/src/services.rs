@@ -75,7 +75,8 @@ impl ServiceState {
         }
     }
 
-    /// A start-up begins: masks, locks and interrupts by time that the program has set are gone. Run-time meters run on.
+    /// A start-up begins: masks, locks and interrupts by time that the program has set are gone. Run-time meters
+    /// continue.
     pub(crate) fn clear(&mut self) {
         (self.filter, self.locks) = (ErrorFilter::default(), InterruptLocks::default());
         self.time_of_day.iter_mut().for_each(|i| (i.set, i.active) = (None, false));

@@ -3,12 +3,14 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use clap::Args;
 use ob1_cpu::{Cpu, CpuConfig, LoadError, Module};
 use ob1_host::bus::area_bytes;
 use ob1_model::Section;
 use ob1_params::CpKind;
 
 use crate::exit::Exit;
+use crate::language::Language;
 use ob1_station::assembly;
 use ob1_station::compiling;
 use ob1_station::engine::EngineChoice;
@@ -18,36 +20,63 @@ use ob1_station::library::{Choice, Chosen};
 use ob1_station::numbers;
 use ob1_station::posture;
 use ob1_station::program::{self, Loaded};
-use ob1_station::station_file::{self, Mnemonics, ModuleConfig, ModuleKind, Plugin, Station};
+use ob1_station::sources::Sources;
+use ob1_station::station_file::{self, ModuleConfig, ModuleKind, Plugin, Station};
 
-/// What the command line asks for.
-#[derive(Clone, Debug)]
-pub struct Options {
-    /// Sources, or one station file.
+/// Check sources or a station file
+///
+/// A station file is checked with its program and its plugins. With sources alone, --plugin names the plugins whose
+/// blocks they call.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  ob1 check station.toml\n  ob1 check station.toml --verbose      both forms of the CPs' parameters\n  \
+    ob1 check station.toml --posture      what the system grants the scan (as root it may grant more)\n  \
+    ob1 check main.awl lib.awl --plugin ob1_cp240 --json\n  ob1 check plant/ --library TI-S7        a folder of sources and symbol tables\n  ob1 check --plugin ./libmine.so         the blocks of a plugin\n\n\
+    Exit codes: 0 no error, 1 an error was found."
+)]
+pub struct CheckArgs {
+    /// Sources (.awl) and symbol tables (.sdf), folders of them, or one station file (.toml)
+    #[arg(required_unless_present = "plugin")]
     pub files: Vec<PathBuf>,
-    /// Plugins, by path or bare name.
-    pub plugins: Vec<String>,
-    /// Sources of library blocks.
-    pub library_sources: Vec<PathBuf>,
-    /// Where numbers of blocks with names only are kept.
-    pub numbers: Option<PathBuf>,
-    /// Every finding.
-    pub all_messages: bool,
-    /// Symbol tables of sources.
+    /// A plugin whose blocks the sources call: a path, or a bare name like ob1_cp240
+    #[arg(long, value_name = "PATH")]
+    pub plugin: Vec<String>,
+    /// A source of library blocks: compiled with the others, its own warnings are not shown
+    #[arg(long, value_name = "FILE")]
+    pub library_source: Vec<PathBuf>,
+    /// A symbol table of the sources: SDF, ASC, SEQ or DIF (a station file names its own)
+    #[arg(long, value_name = "FILE")]
     pub symbols: Vec<PathBuf>,
-    /// Mnemonics of sources.
-    pub mnemonics: Mnemonics,
-    /// Standard blocks of sources.
-    pub standard: Vec<Chosen>,
-    /// The classic porting traps too.
-    pub lints: bool,
-    /// The compiled program as text.
+    /// Standard blocks of the sources: FC4=IEC:FC4, or a whole library: IEC
+    #[arg(long, alias = "standard", value_name = "FC4=IEC:FC4,...", value_delimiter = ',', value_parser = Chosen::parse)]
+    pub library: Vec<Chosen>,
+    /// Keep the numbers of blocks that have a name only in this file (a station keeps them beside its file)
+    #[arg(long, value_name = "FILE")]
+    pub numbers: Option<PathBuf>,
+    /// Show every message, not 20 of a file and 100 in all
+    #[arg(long)]
+    pub all_messages: bool,
+    /// Also print the compiled program: blocks, layout of data, statements
+    #[arg(long)]
     pub listing: bool,
-    /// The listing shows machine code, too.
+    /// With --listing: also the machine code that the native engine makes of each block, and its bytes by statement
+    #[arg(long, requires = "listing")]
     pub native: bool,
-    /// Findings as JSON.
+    /// Look for the classic porting traps too
+    #[arg(long)]
+    pub lints: bool,
+    /// Mnemonics of the sources (a station file has its own key)
+    #[arg(long, value_enum, default_value_t = Language::Auto)]
+    pub mnemonics: Language,
+    /// Findings as a JSON array
+    #[arg(long)]
     pub json: bool,
-    /// Modules and parameters too.
+    /// Ask the system for what the station file wants for its scan, and say what was granted, what was refused, and the
+    /// command that would grant it
+    #[arg(long, conflicts_with_all = ["plugin", "listing", "lints"])]
+    pub posture: bool,
+    /// Also print modules, and the parameters of CPs as keys and as bytes
+    #[arg(long, short)]
     pub verbose: bool,
 }
 
@@ -59,8 +88,7 @@ struct Checked {
 }
 
 /// Asks the system for the posture of a station's scan and prints what became of it.
-#[must_use]
-pub fn posture(files: &[PathBuf], json: bool) -> Exit {
+fn posture(files: &[PathBuf], json: bool) -> Exit {
     let [file] = files else {
         err!("ob1: --posture takes one station file");
         return Exit::Usage;
@@ -76,15 +104,18 @@ pub fn posture(files: &[PathBuf], json: bool) -> Exit {
 
 /// Checks and prints.
 #[must_use]
-pub fn check(options: &Options) -> Exit {
-    let checked = match options.files.as_slice() {
-        [file] if station_file::is_station_file(file) => check_station(file, options),
-        files => check_sources(files, options),
+pub fn check(args: &CheckArgs) -> Exit {
+    if args.posture {
+        return posture(&args.files, args.json);
+    }
+    let checked = match args.files.as_slice() {
+        [file] if station_file::is_station_file(file) => check_station(file, args),
+        files => check_sources(files, args),
     };
     let count = |f: &Finding| f.count;
     let errors: usize = checked.findings.iter().filter(|f| f.level == Level::Error).map(count).sum();
     let all: usize = checked.findings.iter().map(count).sum();
-    if options.json {
+    if args.json {
         match serde_json::to_string_pretty(&checked.findings) {
             Ok(text) => say!("{text}"),
             Err(error) => err!("ob1: {error}"),
@@ -110,47 +141,47 @@ fn verdict(errors: usize, others: usize) -> String {
 }
 
 /// Sources with the plugins and libraries of the command line.
-fn check_sources(files: &[PathBuf], options: &Options) -> Checked {
+fn check_sources(files: &[PathBuf], args: &CheckArgs) -> Checked {
     if let Some(station) = files.iter().find(|file| station_file::is_station_file(file)) {
         let name = station.display().to_string();
         let remedy = "a station names its own sources: check it without others";
         let finding = Finding::whole(Level::Error, "C012", &name, "a station file among sources", remedy);
         return Checked { findings: vec![finding], ..Checked::default() };
     }
-    let plugins: Vec<Plugin> = options.plugins.iter().map(|name| Plugin::of_name(name)).collect();
+    let plugins: Vec<Plugin> = args.plugin.iter().map(|name| Plugin::of_name(name)).collect();
     let loaded = match program::load_plugins(&plugins) {
         Ok(loaded) => loaded,
         Err(findings) => return Checked { findings, ..Checked::default() },
     };
     let mut text = String::new();
-    if files.is_empty() || options.verbose {
+    if files.is_empty() || args.verbose {
         for (plugin, _) in &loaded {
             describe_plugin(&mut text, plugin.info());
         }
     }
-    let standard = Chosen::settled(&options.standard);
+    let standard = Chosen::settled(&args.library);
     let library = standard.and_then(|standard| Ok((program::library(&loaded, &standard)?, standard)));
     let (library, standard) = match library {
         Ok(both) => both,
         Err(findings) => return Checked { findings, text },
     };
-    let sources = program::Sources {
-        files: options.library_sources.iter().chain(files).cloned().collect(),
-        symbols: options.symbols.clone(),
-        mnemonics: options.mnemonics,
+    let sources = Sources {
+        files: args.library_source.iter().chain(files).cloned().collect(),
+        symbols: args.symbols.clone(),
+        mnemonics: args.mnemonics.into(),
         library: standard,
-        lints: options.lints,
-        numbers: options.numbers.clone(),
-        all_messages: options.all_messages,
-        ..program::Sources::default()
+        lints: args.lints,
+        numbers: args.numbers.clone(),
+        all_messages: args.all_messages,
+        ..Sources::default()
     };
     let mut findings = match program::compile(&sources, &library) {
         Ok(compiled) => {
-            text += &numbers::note(&compiled.numbers, options.numbers.as_deref());
-            if options.listing {
+            text += &numbers::note(&compiled.numbers, args.numbers.as_deref());
+            if args.listing {
                 text += &ob1_stl::listing(&compiled.program);
             }
-            if options.native {
+            if args.native {
                 let standard = program::in_use(&compiled.program, &sources.library, &compiled.demanded);
                 text += &machine_code(&compiled.program, &standard);
             }
@@ -158,7 +189,7 @@ fn check_sources(files: &[PathBuf], options: &Options) -> Checked {
         }
         Err(findings) => findings,
     };
-    let of_library = |f: &Finding| options.library_sources.iter().any(|path| path.display().to_string() == f.file);
+    let of_library = |f: &Finding| args.library_source.iter().any(|path| path.display().to_string() == f.file);
     findings.retain(|f| f.level == Level::Error || !of_library(f));
     Checked { findings, text }
 }
@@ -181,11 +212,11 @@ fn describe_plugin(text: &mut String, info: &ob1_host::plugin::PluginInfo) {
 }
 
 /// A station with its program, plugins, stimulus; loaded into a CPU to find what does not fit together.
-fn check_station(path: &Path, options: &Options) -> Checked {
+fn check_station(path: &Path, args: &CheckArgs) -> Checked {
     let (station, mut devices) = match station_file::load_and_look(path) {
         Ok((mut station, devices)) => {
-            station.program.lints |= options.lints;
-            station.program.all_messages |= options.all_messages;
+            station.program.lints |= args.lints;
+            station.program.all_messages |= args.all_messages;
             (station, devices)
         }
         Err(findings) => return Checked { findings, ..Checked::default() },
@@ -193,14 +224,14 @@ fn check_station(path: &Path, options: &Options) -> Checked {
     if let Some(starves) = posture::starves(&station, &ob1_rt::isolated_cores(), &path.display().to_string()) {
         return Checked { findings: vec![starves], ..Checked::default() };
     }
-    let mut text = if options.verbose { describe(&station) } else { String::new() };
+    let mut text = if args.verbose { describe(&station) } else { String::new() };
     let mut findings = match check_program(&station) {
         Ok((loaded, cpu)) => {
             text += &numbers::note(&loaded.numbers, station.program.numbers.as_deref());
-            if options.listing {
+            if args.listing {
                 text += &ob1_stl::listing(&loaded.program);
             }
-            if options.native {
+            if args.native {
                 text += &compiling::listing(cpu.plan()).unwrap_or_else(|why| format!("no machine code: {why}\n"));
             }
             loaded.findings

@@ -1,24 +1,35 @@
 //! `ob1 diag`: the diagnostic buffers of a running station, the CPU's and those its CPs have of their own, with text
 //! and remedy.
 
+use clap::Args;
 use ob1_std::moment::Moment;
 use serde::Serialize;
 
 use crate::exit::Exit;
 use crate::remote::{ask, print_json};
 use ob1_station::access::protocol::{CpBuffer, Diagnostic, Op};
-use ob1_station::assembly;
+use ob1_station::wall_clock;
 
-/// What is to be shown.
-#[derive(Debug)]
-pub struct Options {
-    /// The station: its name or its file.
+/// Print the diagnostic buffers of a running station
+///
+/// The buffer of the CPU, and those its CPs have of their own (CP 341): newest entry first, each with its time since
+/// the start of the runtime, its number, what it means and, in the line below, what helps. The buffer of a CP outlives
+/// its driver.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  ob1 diag press.toml\n  ob1 diag press cp --count 5\n  ob1 diag press 272 --json\n\n\
+    Exit codes: 0 printed, 1 no such CP, 5 the station does not run, 8 it does not answer.\n\nMore: docs/access.md, docs/cp341-events.md."
+)]
+pub struct DiagArgs {
+    /// A running station: its name or its file
     pub station: String,
-    /// One CP only: its name or its logical address.
+    /// Only this CP's buffer: its name or its logical address
     pub cp: Option<String>,
-    /// At most so many entries of each buffer.
+    /// At most so many entries of each buffer
+    #[arg(long, short = 'n', value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..))]
     pub count: u32,
-    /// As JSON.
+    /// As JSON: {"cpu": [...], "cps": [{name, type, address, driver, entries}]}
+    #[arg(long)]
     pub json: bool,
 }
 
@@ -31,14 +42,14 @@ struct Buffers<'a> {
 
 /// Prints the buffers, newest entry first.
 #[must_use]
-pub fn diag(options: &Options) -> Exit {
-    let response = match ask(&options.station, Op::Diag { count: options.count }) {
+pub fn diag(args: &DiagArgs) -> Exit {
+    let response = match ask(&args.station, Op::Diag { count: args.count }) {
         Ok(response) => response,
         Err(exit) => return exit,
     };
     let cpu = response.diagnostics.unwrap_or_default();
     let mut cps = response.cps.unwrap_or_default();
-    if let Some(wanted) = &options.cp {
+    if let Some(wanted) = &args.cp {
         let names: Vec<String> = cps.iter().map(|cp| format!("{} at {}", cp.name, cp.address)).collect();
         cps.retain(|cp| cp.name == *wanted || wanted.parse() == Ok(cp.address));
         if cps.is_empty() {
@@ -47,8 +58,8 @@ pub fn diag(options: &Options) -> Exit {
             return Exit::Usage;
         }
     }
-    let cpu = options.cp.is_none().then_some(cpu.as_slice());
-    if options.json {
+    let cpu = args.cp.is_none().then_some(cpu.as_slice());
+    if args.json {
         return print_json(&Buffers { cpu, cps: &cps });
     }
     says!("{}", text(cpu, &cps));
@@ -57,7 +68,7 @@ pub fn diag(options: &Options) -> Exit {
 
 /// A moment by the wall clock, UTC.
 fn date(unix_ns: u64) -> String {
-    let moment = Moment::from_ms(assembly::date_of(unix_ns) / 1_000_000);
+    let moment = Moment::from_ms(wall_clock::date_of(unix_ns) / 1_000_000);
     moment.map_or_else(|| "?".to_owned(), |moment| moment.to_string())
 }
 

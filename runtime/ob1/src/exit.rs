@@ -19,7 +19,7 @@ Exit codes:
   14  the runtime has crashed, in a block in C or a library; outputs are off
   exec has codes of its own: 0 stopped by SFC 46, 3 limit reached, 10 rejected, 11 CPU fault.
   test: 0 passed, 1 a test failed, 2 a test file or program cannot be used.
-  import: 0 the program came over whole, 1 blocks were left out, 2 nothing could be read.
+  import: 0 the whole program was imported, 1 blocks were left out, 2 nothing could be read.
   soak: 0 pass (compare: not worse), 1 a budget is broken (compare: worse), 2 inconclusive, or it could not be measured.
   With --fence-scan a forbidden system call ends the process by SIGSYS (shells show 159).";
 
@@ -82,28 +82,16 @@ pub enum TestExit {
     Unusable = 2,
 }
 
-impl From<TestExit> for std::process::ExitCode {
-    fn from(exit: TestExit) -> Self {
-        Self::from(exit as u8)
-    }
-}
-
 /// How `ob1 import` ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum ImportExit {
-    /// The program came over whole.
+    /// The whole program was imported.
     Whole = 0,
     /// Blocks were left out.
     LeftOut = 1,
     /// Nothing could be read, or nothing could be written.
     Nothing = 2,
-}
-
-impl From<ImportExit> for std::process::ExitCode {
-    fn from(exit: ImportExit) -> Self {
-        Self::from(exit as u8)
-    }
 }
 
 /// How `ob1 soak` ends.
@@ -118,11 +106,16 @@ pub enum SoakExit {
     Inconclusive = 2,
 }
 
-impl From<SoakExit> for std::process::ExitCode {
-    fn from(exit: SoakExit) -> Self {
-        Self::from(exit as u8)
-    }
+macro_rules! number_is_code {
+    ($($exit:ty),*) => {$(
+        impl From<$exit> for std::process::ExitCode {
+            fn from(exit: $exit) -> Self {
+                Self::from(exit as u8)
+            }
+        }
+    )*};
 }
+number_is_code!(TestExit, ImportExit, SoakExit);
 
 #[cfg(test)]
 mod tests {

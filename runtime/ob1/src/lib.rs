@@ -1,7 +1,7 @@
 //! The `ob1` command as a library: the command line and the tools that look at a station. The station itself is in
 //! `ob1-station`. The binary is thin.
 
-// Everything goes through one place that neither panics nor waits for ever.
+// Everything goes through one place that neither panics nor waits forever.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 #[macro_use(say, says, err, errs)]
@@ -14,6 +14,7 @@ pub mod diag;
 pub mod exec;
 pub mod exit;
 pub mod import;
+pub mod language;
 pub mod new;
 pub mod remote;
 pub mod soak;

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use clap::builder::PossibleValue;
+use clap::{Args, ValueEnum};
 use ob1_access::Form;
 use ob1_model::Command;
 use serde_json::Value;
@@ -10,6 +12,104 @@ use crate::exit::Exit;
 use ob1_station::access::client::{AccessError, Client};
 use ob1_station::access::protocol::{Op, Response, RetentiveStatus, Status, Times};
 use ob1_station::timing::text;
+
+/// Read cells of a running station
+#[derive(Debug, Args)]
+#[command(after_help = "Names: M1.0 MB1 MW10 MD4, E/I and A/Q likewise, PEW256, DB10.DBX0.0 DB10.DBW20, T2, Z3,\n\
+    components of data blocks (DB20.DONE) and symbols.\n\nExample:\n  ob1 get station-a.toml M1.0 DB20.DONE --json")]
+pub struct GetArgs {
+    /// A running station: its name or its file
+    pub station: String,
+    /// Names of cells
+    #[arg(required = true)]
+    pub items: Vec<String>,
+    /// As a JSON array of {item, type, value, hex}
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Write cells of a running station
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Values: 1, 0, true, -5, 16#1A, W#16#1A, L#-5, 2#1010, 1.5.\nAn input of a di or ai module keeps its value; \
+    an input of a CP lasts until the next process image.\n\nExample:\n  ob1 set station-a.toml M1.0=1 DB10.DBW20=16#1234"
+)]
+pub struct SetArgs {
+    /// A running station: its name or its file
+    pub station: String,
+    /// NAME=VALUE
+    #[arg(required = true, value_name = "NAME=VALUE")]
+    pub items: Vec<String>,
+}
+
+/// Operate a running station
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Every change from STOP to RUN sends the parameters to all CPs again.\n\nExamples:\n  ob1 ctl press stop\n  ob1 ctl \
+    press.toml warm"
+)]
+pub struct CtlArgs {
+    /// A running station: its name or its file
+    pub station: String,
+    /// What to do
+    pub action: Action,
+    /// Answers of status, timing and recorder as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What `ob1 ctl` does.
+#[derive(Clone, Copy, Debug)]
+pub enum Action {
+    /// Changes the operating state.
+    Command(Command),
+    /// Prints state and figures.
+    Status,
+    /// Prints the accounts of every scan.
+    Timing,
+    /// Prints the flight recorder.
+    Recorder,
+}
+
+impl ValueEnum for Action {
+    fn value_variants<'a>() -> &'a [Self] {
+        const ALL: [Action; 9] = [
+            Action::Command(Command::Run),
+            Action::Command(Command::Stop),
+            Action::Command(Command::Warm),
+            Action::Command(Command::Cold),
+            Action::Command(Command::Hot),
+            Action::Command(Command::Reset),
+            Action::Status,
+            Action::Timing,
+            Action::Recorder,
+        ];
+        &ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        let (word, help) = match self {
+            Self::Command(command) => (
+                command.word(),
+                match command {
+                    Command::Run => "STOP to RUN by a warm restart; nothing in RUN",
+                    Command::Stop => "To STOP: outputs off",
+                    Command::Warm => "Warm restart: OB 100; M, T, Z cleared, data blocks kept",
+                    Command::Cold => "Cold restart: OB 102 or OB 100; data blocks get their load values",
+                    Command::Hot => "Hot restart: OB 101; everything keeps its value (S7-400 only)",
+                    Command::Reset => "Memory reset: STOP, everything as after loading",
+                },
+            ),
+            Self::Status => ("status", "State, scan statistics, modules"),
+            Self::Timing => (
+                "timing",
+                "The accounts of every scan: distributions of times, late scans and their causes (docs/timing.md)",
+            ),
+            Self::Recorder => ("recorder", "The flight recorder: the scans up to the worst overrun, or up to now"),
+        };
+        Some(PossibleValue::new(word).help(help))
+    }
+}
 
 pub(crate) fn ask(station: &str, op: Op) -> Result<Response, Exit> {
     Client::to_station(station).and_then(|mut client| client.ask(op)).map_err(|error| {
@@ -26,12 +126,12 @@ pub(crate) fn ask(station: &str, op: Op) -> Result<Response, Exit> {
 
 /// Prints values of cells.
 #[must_use]
-pub fn get(station: &str, items: Vec<String>, json: bool) -> Exit {
-    let values = match ask(station, Op::Get { items }) {
+pub fn get(args: GetArgs) -> Exit {
+    let values = match ask(&args.station, Op::Get { items: args.items }) {
         Ok(response) => response.values.unwrap_or_default(),
         Err(exit) => return exit,
     };
-    if json {
+    if args.json {
         return print_json(&values);
     }
     let width = values.iter().map(|v| v.item.chars().count()).max().unwrap_or(0);
@@ -45,27 +145,32 @@ pub fn get(station: &str, items: Vec<String>, json: bool) -> Exit {
 
 /// Writes cells, given as `NAME=VALUE`.
 #[must_use]
-pub fn set(station: &str, assignments: &[String]) -> Exit {
+pub fn set(args: &SetArgs) -> Exit {
     let mut items = BTreeMap::new();
-    for assignment in assignments {
+    for assignment in &args.items {
         let Some((name, value)) = assignment.split_once('=') else {
             err!("ob1: \"{assignment}\" is not an assignment\n  = write NAME=VALUE, such as M1.0=1");
             return Exit::Usage;
         };
         items.insert(name.trim().to_owned(), Value::from(value.trim()));
     }
-    ask(station, Op::Set { items }).map_or_else(|exit| exit, |_| Exit::Ok)
+    ask(&args.station, Op::Set { items }).map_or_else(|exit| exit, |_| Exit::Ok)
 }
 
-/// Changes the operating state.
+/// Changes the operating state, or prints what the station says of itself.
 #[must_use]
-pub fn command(station: &str, command: Command) -> Exit {
-    ask(station, Op::Command { command }).map_or_else(|exit| exit, |_| Exit::Ok)
+pub fn ctl(args: &CtlArgs) -> Exit {
+    let (station, json) = (args.station.as_str(), args.json);
+    match args.action {
+        Action::Command(command) => ask(station, Op::Command { command }).map_or_else(|exit| exit, |_| Exit::Ok),
+        Action::Status => status(station, json),
+        Action::Timing => timing(station, json),
+        Action::Recorder => recorder(station, json),
+    }
 }
 
 /// Prints state and figures.
-#[must_use]
-pub fn status(station: &str, json: bool) -> Exit {
+fn status(station: &str, json: bool) -> Exit {
     match ask(station, Op::Status).map(|response| response.status) {
         Ok(Some(status)) if json => print_json(&status),
         Ok(Some(status)) => {
@@ -78,8 +183,7 @@ pub fn status(station: &str, json: bool) -> Exit {
 }
 
 /// Prints the accounts of every scan.
-#[must_use]
-pub fn timing(station: &str, json: bool) -> Exit {
+fn timing(station: &str, json: bool) -> Exit {
     match ask(station, Op::Timing { histograms: json }).map(|response| response.timing) {
         Ok(Some(timing)) if json => print_json(&timing),
         Ok(Some(timing)) => {
@@ -92,8 +196,7 @@ pub fn timing(station: &str, json: bool) -> Exit {
 }
 
 /// Prints the flight recorder.
-#[must_use]
-pub fn recorder(station: &str, json: bool) -> Exit {
+fn recorder(station: &str, json: bool) -> Exit {
     match ask(station, Op::Recorder).map(|response| response.recorder) {
         Ok(Some(recorder)) if json => print_json(&recorder),
         Ok(Some(recorder)) => {
@@ -138,7 +241,7 @@ fn print_status(status: &Status) {
         say!("different from the sources: {}", list.join(", "));
     }
     if let Some(why) = &status.downloads_not_kept {
-        say!("what was downloaded is lost when the station ends: {why}");
+        say!("the downloaded blocks are lost when the station ends: {why}");
     }
     if status.log_lost > 0 {
         say!("log lines lost {}: standard error of the runtime is full, slow or gone", status.log_lost);

@@ -6,11 +6,12 @@ use clap::Args;
 use ob1_stl::Reference;
 use serde_json::{Value, json};
 
-use crate::cli::Language;
 use crate::exit::Exit;
+use crate::language::Language;
 use ob1_station::finding::{Finding, Level};
 use ob1_station::library::Chosen;
-use ob1_station::program::{self, LoadFailure, Sources};
+use ob1_station::program::{self, LoadFailure};
+use ob1_station::sources::Sources;
 use ob1_station::station_file::{self, Plugin};
 
 /// The cross-reference of a program: who reads and writes what
@@ -23,7 +24,7 @@ pub struct XrefArgs {
     /// Sources (.awl), folders of them, or one station file (.toml)
     #[arg(required = true)]
     pub files: Vec<PathBuf>,
-    /// A symbol table of the sources (a station file says it itself)
+    /// A symbol table of the sources (a station file names its own)
     #[arg(long, value_name = "FILE")]
     pub symbols: Vec<PathBuf>,
     /// Mnemonics of the sources

@@ -83,7 +83,7 @@ fn inherited(flags: libc::c_uint) {
     }
 }
 
-/// Confines the calling thread and all it starts from now on, for ever: call it before there is another. Returns what
+/// Confines the calling thread and all it starts from now on, forever: call it before there is another. Returns what
 /// the kernel refused.
 pub fn confine(wanted: &Confinement) -> Vec<Refusal> {
     let mut refused = Vec::new();

@@ -81,7 +81,7 @@ impl LastWords {
 pub fn take_handler_stack() -> io::Result<()> {
     let room = Box::leak(vec![0u8; HANDLER_STACK].into_boxed_slice());
     let stack = libc::stack_t { ss_sp: room.as_mut_ptr().cast(), ss_flags: 0, ss_size: room.len() };
-    // SAFETY: the memory is as large as said and stays for ever.
+    // SAFETY: the memory is as large as said and stays forever.
     match unsafe { libc::sigaltstack(&raw const stack, null_mut()) } {
         0 => Ok(()),
         _ => Err(io::Error::last_os_error()),
@@ -166,7 +166,8 @@ extern "C" fn handler(signal: c_int, info: *mut libc::siginfo_t, context: *mut c
     let _ = write!(text, ", in ");
     let _ = (words.place)(&mut text);
     let _ = writeln!(text, "; outputs are off, the station ends");
-    let _ = writeln!(text, "  = a block in C, or a library it uses, has an error there; report this message to its author");
+    let _ =
+        writeln!(text, "  = a block in C, or a library it uses, has an error there; report this message to its author");
     say(&text.bytes[..text.len]);
     // SAFETY: ends the process; nothing of it runs any more.
     unsafe { libc::_exit(i32::from(words.exit_code)) }

@@ -9,26 +9,20 @@ use std::os::fd::{AsFd as _, OwnedFd};
 use std::os::unix::process::CommandExt as _;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
-use std::time::{self, Duration};
+use std::time::Duration;
 
 use ob1_backplane::{GuardPage, handover};
 use ob1_host::driver::kept_environment;
 use ob1_host::supervisor::{Exit, Report, Times};
 use ob1_rt::SideThread;
-use ob1_time::{Instant, Span, WatchedTime};
-use rustix::event::{PollFd, PollFlags, poll};
+use ob1_time::Span;
 use rustix::process::{PidfdFlags, getpid, pidfd_open};
-use rustix::time::Timespec;
 
 use crate::io::{Held, ProcessIo};
-use crate::kept::{Charge, Kept, own_program};
+use crate::kept_process::{Charge, Kept, keep};
 
-/// The longest wait between two looks at the guardian.
+/// The longest wait between two checks of the guardian.
 const LOOK: Duration = Duration::from_millis(500);
-/// The same while it is starting.
-const LOOK_STARTING: Duration = Duration::from_millis(20);
-/// How much of a longer gap between two looks counts as silence of the guardian.
-const GAP: Span = Span::SECOND;
 /// How long it gets to clean up at the end: it waits for drivers and for the lock of the runtime directory itself.
 const END: Duration = Duration::from_secs(15);
 /// Its times: it beats every 50 ms.
@@ -50,7 +44,7 @@ impl Patience {
         let cycle = min_cycle.times(2);
         let stopped = watchdog.times(2).saturating_add(cycle);
         // Later than the monitor inside the runtime, which can name the block that hangs.
-        let silent = crate::run::monitor_time(watchdog).saturating_add(Span::SECOND).saturating_add(cycle);
+        let silent = crate::run::monitor::time(watchdog).saturating_add(Span::SECOND).saturating_add(cycle);
         Self { stopped: stopped.max(Span::SECOND), silent }
     }
 }
@@ -109,12 +103,7 @@ impl Guardian {
     /// # Errors
     /// What the system says.
     pub fn start(ward: Ward) -> io::Result<Self> {
-        let guardian = Kept::started(ward, TIMES)?;
-        let began = time::Instant::now();
-        let watched = WatchedTime::new(Instant::START, GAP);
-        let watch =
-            SideThread::polling("ob1-guardian", move |stopped| Watch { guardian, stopped, began, watched }.run())?;
-        Ok(Self { _watch: watch })
+        Ok(Self { _watch: keep("ob1-guardian", vec![Kept::started(ward, TIMES)?], LOOK, END)? })
     }
 }
 
@@ -164,34 +153,6 @@ impl Charge for Ward {
 
     fn cannot_start(&self, why: &io::Error) {
         tracing::error!("the guardian cannot be started: {why}; without it the outputs stay on when this process dies");
-    }
-}
-
-/// The thread's work.
-struct Watch {
-    guardian: Kept<Ward>,
-    stopped: OwnedFd,
-    began: time::Instant,
-    watched: WatchedTime,
-}
-
-impl Watch {
-    fn run(mut self) {
-        loop {
-            let now = self.watched.look(Instant::START + self.began.elapsed().into());
-            let until = self.guardian.attend(now);
-            let look = if self.guardian.is_starting() { LOOK_STARTING } else { LOOK };
-            let wait = Duration::from(until.since(now)).min(look);
-            let mut fds = vec![PollFd::new(&self.stopped, PollFlags::IN)];
-            fds.extend(self.guardian.fd());
-            // An interrupted wait is a short one.
-            let _ = poll(&mut fds, Timespec::try_from(wait).ok().as_ref());
-            if fds.first().is_some_and(|stop| !stop.revents().is_empty()) {
-                break;
-            }
-        }
-        // The end of the connection makes it clean up.
-        self.guardian.end(END);
     }
 }
 

@@ -3,7 +3,7 @@
 //!
 //! The tools that look at one (`runtime/ob1`), a service, a link and the simulation hold a station through this crate.
 
-// Everything goes through one place that neither panics nor waits for ever.
+// Everything goes through one place that neither panics nor waits forever.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 #[macro_use]
@@ -11,30 +11,34 @@ pub mod out;
 
 pub mod access;
 pub mod assembly;
-mod bus;
-pub mod buses;
+pub mod block_name;
+pub mod bus_view;
 pub mod compiling;
 pub mod download;
+pub mod drivers;
 pub mod engine;
 pub mod exit;
 pub mod fence;
 pub mod finding;
-pub mod folder;
 pub mod guardian;
-mod handling;
+mod handling_check;
 pub mod io;
 pub mod janitor;
-mod kept;
+mod kept_process;
+pub mod known;
 pub mod library;
 pub mod links;
+pub mod missing_blocks;
 pub mod numbers;
-pub mod offer;
 pub mod posture;
 pub mod program;
+pub mod program_files;
 pub mod retentive;
 pub mod run;
 pub mod rundir;
 pub mod simulated;
+pub mod sources;
 pub mod station_file;
 pub mod timing;
 pub mod view;
+pub mod wall_clock;

@@ -6,8 +6,8 @@ use std::fmt;
 use ob1_model::BlockId;
 use ob1_std::{Origin, StandardBlock, standard_block, standard_blocks};
 
+use crate::block_name::parse_block;
 use crate::finding::{Finding, Level, nearest};
-use crate::station_file::parse_block;
 
 /// A standard block under the number a program has for it.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use std::os::fd::OwnedFd;
 use std::os::unix::process::CommandExt as _;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
-use std::time::{self, Duration};
+use std::time::Duration;
 
 use ob1_access::door::Door;
 use ob1_backplane::handover;
@@ -14,18 +14,11 @@ use ob1_broker::{Beats, Handle};
 use ob1_host::driver::kept_environment;
 use ob1_host::supervisor::{Exit, Report, Times};
 use ob1_rt::SideThread;
-use ob1_time::{Instant, Span, WatchedTime};
-use rustix::event::{PollFd, PollFlags, poll};
-use rustix::time::Timespec;
 
-use crate::kept::{Charge, Kept};
+use crate::kept_process::{Charge, Kept, keep};
 
 /// The longest wait between two looks: a link beats every 200 ms.
 const LOOK: Duration = Duration::from_millis(250);
-/// The same while one is starting.
-const LOOK_STARTING: Duration = Duration::from_millis(20);
-/// How much of a longer gap between two looks counts as silence of a link.
-const GAP: Span = Span::from_millis(500);
 /// How long a process gets to end once its door is closed.
 const END: Duration = Duration::from_secs(2);
 
@@ -56,17 +49,14 @@ pub struct Links {
 }
 
 impl Links {
-    /// Starts the thread that starts them. `broker` is told of each new process.
+    /// Starts the thread that starts them. `broker` learns of each new process.
     ///
     /// # Errors
     /// What the system says when it has no thread or descriptor left.
     pub fn start(specs: Vec<LinkSpec>, broker: &Handle) -> io::Result<Self> {
-        let children =
-            specs.into_iter().map(|spec| Kept::new(Watched { spec, broker: broker.clone() }, Times::DEFAULT)).collect();
-        let began = time::Instant::now();
-        let watched = WatchedTime::new(Instant::START, GAP);
-        let watch = SideThread::polling("ob1-links", move |stopped| Watch { children, stopped, began, watched }.run())?;
-        Ok(Self { _watch: watch })
+        let watched = specs.into_iter().map(|spec| Watched { spec, broker: broker.clone() });
+        let kept = watched.map(|link| Kept::new(link, Times::DEFAULT)).collect();
+        Ok(Self { _watch: keep("ob1-links", kept, LOOK, END)? })
     }
 }
 
@@ -127,33 +117,6 @@ impl Charge for Watched {
 
     fn cannot_start(&self, why: &io::Error) {
         let (name, program) = (&self.spec.name, self.spec.program.display());
-        tracing::error!("link \"{name}\": {program} cannot be started: {why}; it lies beside ob1 as a rule");
-    }
-}
-
-/// The thread's work.
-struct Watch {
-    children: Vec<Kept<Watched>>,
-    stopped: OwnedFd,
-    began: time::Instant,
-    watched: WatchedTime,
-}
-
-impl Watch {
-    fn run(mut self) {
-        loop {
-            let now = self.watched.look(Instant::START + self.began.elapsed().into());
-            let until = self.children.iter_mut().map(|child| child.attend(now)).min().unwrap_or(Instant::NEVER);
-            let starts = self.children.iter().any(Kept::is_starting);
-            let wait = Duration::from(until.since(now)).min(if starts { LOOK_STARTING } else { LOOK });
-            let mut fds = vec![PollFd::new(&self.stopped, PollFlags::IN)];
-            fds.extend(self.children.iter().filter_map(Kept::fd));
-            // An interrupted wait is a short one.
-            let _ = poll(&mut fds, Timespec::try_from(wait).ok().as_ref());
-            if fds.first().is_some_and(|stop| !stop.revents().is_empty()) {
-                break;
-            }
-        }
-        self.children.iter_mut().for_each(|child| child.end(END));
+        tracing::error!("link \"{name}\": {program} cannot be started: {why}; it is usually beside ob1");
     }
 }

@@ -7,9 +7,9 @@ use std::path::Path;
 
 use ob1_stl::Numbered;
 
+use crate::block_name::parse_block;
 use crate::finding::{Finding, Level, Text};
 use crate::station_file::findings::of_toml;
-use crate::station_file::parse_block;
 
 /// Reads a file of numbers; none when there is no file.
 ///

@@ -16,8 +16,9 @@ use ob1_stl::{Library, Limit, Numbered, Options, Rest, Severity, Source};
 
 use crate::finding::{Finding, Level};
 use crate::library::{self, Choice};
-use crate::station_file::{self, Mnemonics, Station};
-use crate::{folder, handling, numbers, offer};
+use crate::sources::Sources;
+use crate::station_file::{self, Station};
+use crate::{handling_check, missing_blocks, numbers, program_files};
 
 /// What a station's files give.
 #[derive(Debug)]
@@ -77,7 +78,7 @@ pub fn load(station: &Station) -> Result<Loaded, LoadFailure> {
         plugin.info().blocks.iter().map(|block| renumber.get(&block.id).copied().unwrap_or(block.id))
     });
     compiled.findings.extend(without_ob1(&compiled.program, of_plugins));
-    compiled.findings.extend(handling::without_use(&compiled.program, &plugins, &station.modules));
+    compiled.findings.extend(handling_check::without_use(&compiled.program, &plugins, &station.modules));
     Ok(Loaded::new(compiled, plugins, &station.program.library))
 }
 
@@ -185,7 +186,7 @@ pub fn native_standard_blocks(standard: &[Choice]) -> Natives {
     blocks.into()
 }
 
-/// What the compiler is told of system blocks, standard blocks and plugins.
+/// What the compiler knows of system blocks, standard blocks and plugins.
 ///
 /// # Errors
 /// Two plugins that bring the same block.
@@ -194,7 +195,7 @@ pub fn library(
     standard: &[Choice],
 ) -> Result<Library, Vec<Finding>> {
     let mut library = Library::new();
-    offer::explain_missing(&mut library);
+    missing_blocks::explain_missing(&mut library);
     for block in ob1_std::system_functions() {
         library.insert(block.id, block.name, block.interface);
     }
@@ -214,42 +215,17 @@ pub fn library(
             let id = renumber.get(&block.id).copied().unwrap_or(block.id);
             let before = library.insert(id, &block.name, block.interface.clone());
             library.set_origin(id, &format!("the plugin {}", plugin.info().name), false);
-            // A plugin that serves the block declared under this number is no clash: the declaration is for it.
+            // A plugin that serves the block declared under this number is not a conflict: the declaration is for it.
             let serves = declared.remove(&id).is_some_and(|name| name.eq_ignore_ascii_case(&block.name));
             if before.is_some() && !serves {
                 let file = plugin.path().display().to_string();
-                let message = format!("{id} is brought by another plugin or library already");
+                let message = format!("{id} is already in another plugin or library");
                 let remedy = format!("renumber it: blocks = {{ \"{}\" = \"{} 100\" }}", block.id, id.kind.name());
                 twice.push(Finding::whole(Level::Error, "L002", &file, message, remedy));
             }
         }
     }
     if twice.is_empty() { Ok(library) } else { Err(twice) }
-}
-
-/// What is compiled together, and how it is read.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Sources {
-    /// The sources.
-    pub files: Vec<PathBuf>,
-    /// Symbol tables.
-    pub symbols: Vec<PathBuf>,
-    /// Blocks in machine code.
-    pub mc7: Vec<PathBuf>,
-    /// Mnemonics of the sources.
-    pub mnemonics: Mnemonics,
-    /// Standard blocks of libraries.
-    pub library: Vec<Choice>,
-    /// Look for the classic porting traps too.
-    pub lints: bool,
-    /// Numbers of blocks that have a name only, as the user fixes them.
-    pub fixed: Vec<(String, BlockId)>,
-    /// Where the numbers given to other such blocks are kept.
-    pub numbers: Option<PathBuf>,
-    /// Show every finding, not the first of each file and of all.
-    pub all_messages: bool,
-    /// For files that may be missing: the finding at the line that names each.
-    pub places: Vec<(PathBuf, Finding)>,
 }
 
 /// A compiled program and what is to be reported about it.
@@ -274,7 +250,7 @@ const LIMIT: Limit = Limit { file: 20, run: 100 };
 /// Everything that was found, when there is an error in it.
 pub fn compile(wanted: &Sources, library: &Library) -> Result<Compiled, Vec<Finding>> {
     let mut findings = Vec::new();
-    let (files, symbols) = folder::expand(&wanted.files, &wanted.symbols);
+    let (files, symbols) = program_files::expand(&wanted.files, &wanted.symbols);
     if files.is_empty() && !wanted.files.is_empty() {
         let name = wanted.files.first().map(|f| f.display().to_string()).unwrap_or_default();
         let remedy =

@@ -13,7 +13,7 @@ use ob1_host::driver::{DriverCommand, Fleet};
 use ob1_host::supervisor::Times;
 use serde_json::{Value, json};
 
-use crate::assembly::DriverSettings;
+use crate::drivers::DriverSettings;
 use crate::station_file::{FaultRates, Partner, SimulatedLine};
 
 /// Folder of the shared lines, beside the stations' directories. No station can have this name.
@@ -74,7 +74,7 @@ fn fence(rundir: &Path, line: &SimulatedLine) -> (OsString, OsString) {
     crate::fence::variable(socket.parent(), partner, None)
 }
 
-/// What the process is told.
+/// The configuration of the process.
 fn configuration(rundir: &Path, line: &SimulatedLine) -> Value {
     let mut text = json!({
         "path": socket(rundir, line),

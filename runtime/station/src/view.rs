@@ -1,120 +1,28 @@
-//! What may be looked at from outside the scan: names, monitors of the CPs, drivers, the posture.
+//! What others may read from outside the scan: names, monitors of the CPs, drivers, the posture.
 
-use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 use std::time;
 
-use ob1_backplane::{BufferEntry, Counter, DriverState, Monitor};
+use ob1_backplane::{BufferEntry, Counter, Monitor};
 use ob1_cpu::{DiagEntry, Distribution, Family, OperatingState};
 use ob1_host::driver;
-use ob1_ir::{CodeBlock, Program};
-use ob1_model::{BlockId, Event};
+use ob1_model::Event;
 use ob1_params::CpKind;
 use ob1_rt::{Grant, MonotonicClock};
-use ob1_stl::Library;
-use parking_lot::RwLock;
 
 use crate::access::protocol::{
     CpBuffer, CpEntry, Diagnostic, DriverStatus, GrantStatus, MemoryStatus, ModuleStatus, Status, Times,
 };
-use crate::buses::BusView;
-use crate::download::Download;
+use crate::bus_view::BusView;
+use crate::drivers::state_text;
 use crate::engine::InUse;
 use crate::io::Panel;
+use crate::known::Known;
 use crate::retentive::health::Health;
 use crate::station_file::{ModuleConfig, ModuleKind};
 use crate::timing::Timings;
-use ob1_access::Names;
-use ob1_access::door::BlockFact;
+use crate::wall_clock::unix_now;
 use ob1_time::Instant;
-
-/// The source files of a program's blocks.
-#[derive(Debug, Default)]
-pub struct Places(BTreeMap<BlockId, String>);
-
-impl Places {
-    /// Of a program.
-    #[must_use]
-    pub fn new(program: &Program) -> Self {
-        let file = |block: &CodeBlock| Some((block.id, program.sources.get(block.source as usize)?.clone()));
-        Self(program.blocks.iter().filter_map(file).collect())
-    }
-
-    /// The file of a block.
-    #[must_use]
-    pub fn file(&self, block: BlockId) -> Option<&str> {
-        self.0.get(&block).map(String::as_str)
-    }
-
-    /// `press.awl:14`, where an entry is about a statement.
-    #[must_use]
-    pub fn of(&self, entry: &DiagEntry) -> Option<String> {
-        let site = entry.site.filter(|site| site.line > 0)?;
-        Some(format!("{}:{}", self.file(site.block)?, site.line))
-    }
-
-    /// An entry in words, with its file.
-    #[must_use]
-    pub fn told(&self, entry: &DiagEntry) -> String {
-        let place = self.of(entry).map_or_else(String::new, |place| format!(", {place}"));
-        format!("{entry}{place}")
-    }
-}
-
-/// A program as others see it: names, places, blocks.
-#[derive(Debug, Default)]
-pub struct KnownProgram {
-    /// The names of its cells.
-    pub names: Names,
-    /// Where its blocks stand.
-    pub places: Places,
-    /// Its blocks.
-    pub blocks: Vec<BlockFact>,
-    /// The program itself.
-    pub program: Arc<Program>,
-    /// Blocks it calls that are not its own.
-    pub library: Arc<Library>,
-    /// How it differs from the sources.
-    pub downloads: Vec<Download>,
-    /// Those blocks as they came.
-    pub images: BTreeMap<BlockId, Vec<u8>>,
-    /// Why that will be lost when the station ends.
-    pub not_kept: Option<String>,
-}
-
-impl KnownProgram {
-    /// Of a program that is as its sources.
-    #[must_use]
-    pub fn new(program: Arc<Program>, library: Arc<Library>) -> Self {
-        Self {
-            names: Names::new(&program),
-            places: Places::new(&program),
-            blocks: crate::access::facts::blocks(&program),
-            program,
-            library,
-            downloads: Vec::new(),
-            images: BTreeMap::new(),
-            not_kept: None,
-        }
-    }
-}
-
-/// The program that runs, as others see it. A download sets another one.
-#[derive(Clone, Debug, Default)]
-pub struct Known(Arc<RwLock<Arc<KnownProgram>>>);
-
-impl Known {
-    /// The program from now on.
-    pub fn set(&self, program: KnownProgram) {
-        *self.0.write() = Arc::new(program);
-    }
-
-    /// The one that runs.
-    #[must_use]
-    pub fn get(&self) -> Arc<KnownProgram> {
-        Arc::clone(&self.0.read())
-    }
-}
 
 /// A running station, as seen from other threads than the scan.
 #[derive(Clone, Debug)]
@@ -182,7 +90,7 @@ impl ModuleView {
             pid: driver.pid(),
             starts: driver.starts(),
             losses: driver.losses(),
-            state: monitor.map_or_else(String::new, driver_state),
+            state: monitor.map_or_else(String::new, state_text),
         });
         let counters = monitor.map(Monitor::counters);
         let counters = counters.map(|c| Counter::ALL.iter().map(|n| (n.name().to_owned(), c.get(*n))).collect());
@@ -205,18 +113,6 @@ fn leds(cp: CpKind, monitor: &Monitor) -> Vec<String> {
     lit.filter(|(name, on)| *on && !name.is_empty()).map(|(name, _)| name.to_owned()).collect()
 }
 
-pub(crate) fn driver_state(monitor: &Monitor) -> String {
-    match monitor.driver_state() {
-        Ok(DriverState::Absent) => "absent".into(),
-        Ok(DriverState::Starting) => "starting".into(),
-        Ok(DriverState::NoParameters) => "no parameters".into(),
-        Ok(DriverState::ParameterError(code)) => format!("parameter error {code}"),
-        Ok(DriverState::Ready) => "ready".into(),
-        Ok(DriverState::LineError(code)) => format!("line error {code}"),
-        Err(fault) => fault.to_string(),
-    }
-}
-
 impl StationView {
     /// The diagnostic buffers of those CPs that have one: at most `count` entries of each, newest first.
     #[must_use]
@@ -228,7 +124,7 @@ impl StationView {
                 name: module.name.clone(),
                 type_name: module.type_name.to_owned(),
                 address: module.address,
-                driver: driver_state(monitor),
+                driver: state_text(monitor),
                 entries: monitor.buffer().take(count as usize).map(|entry| self.cp_entry(entry)).collect(),
             })
         };
@@ -258,7 +154,7 @@ impl StationView {
 
     /// Nanoseconds since 1970 at a time of this runtime, by the clock as it is set now.
     pub(crate) fn unix_at(&self, time: Instant) -> u64 {
-        crate::assembly::unix_now().saturating_sub(self.clock.time().since(time).nanos())
+        unix_now().saturating_sub(self.clock.time().since(time).nanos())
     }
 
     fn cp_entry(&self, entry: BufferEntry) -> CpEntry {

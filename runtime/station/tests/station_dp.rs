@@ -100,7 +100,7 @@ fn each_mistake_has_its_place_and_its_words() {
                 "did you mean \"DI 16 x DC 24V\"?",
             ),
             ("slot = 3", "slot = 4", 21, "slot 3 has no module", "without a gap"),
-            ("slot = 2", "slot = 1", 22, "slot 1 is there twice", "without a gap"),
+            ("slot = 2", "slot = 1", 22, "slot 1 occurs twice", "without a gap"),
             ("4..20 mA", "0..20 mA", 21, "\"0..20 mA\" is not a value of \"Range\"", "4..20 mA"),
             ("Range =", "Rnge =", 21, "no parameter \"Rnge\"", "there are: Range, Smoothing, Limit"),
             ("outputs = \"AB 4\"", "inputs = \"EB 4\"", 22, "has no inputs", "leave `inputs` out"),

@@ -68,7 +68,7 @@ fn each_mistake_has_its_place_and_its_words() {
         read,
         &[
             ("chip = \"gpiochip0\"\n", "", 6, "no chip", "gpiochip0"),
-            ("gpiochip0", "a/b", 7, "is no chip", "gpiochip0"),
+            ("gpiochip0", "a/b", 7, "is not a chip", "gpiochip0"),
             (
                 "chip = \"gpiochip0\"",
                 "chip = \"gpiochip0\"\nline = \"sim:x\"",
@@ -87,7 +87,7 @@ fn each_mistake_has_its_place_and_its_words() {
             ("period = \"5ms\"", "unit = 1", 13, "`unit` does not belong to a GPIO chip", "leave it out"),
             ("pull-up", "pullup", 16, "bias cannot be", "pull-up"),
             ("debounce = \"5ms\"", "debounce = \"11s\"", 16, "`debounce` is too long", "10s"),
-            ("lines = [22]", "lines = [17]", 18, "line 17 is there twice", "one bit"),
+            ("lines = [22]", "lines = [17]", 18, "line 17 occurs twice", "one bit"),
             ("lines = [22], ", "", 18, "`lines` is missing", "numbers on the chip"),
             ("drive = \"open-drain\"", "bias = \"pull-up\"", 18, "does not belong to outputs", "leave it out"),
             ("lines = [22]", "lines = [22], to = \"coil:0\"", 18, "`to` does not belong to outputs", "leave it out"),

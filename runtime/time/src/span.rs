@@ -47,13 +47,6 @@ impl Span {
         Self::SECOND.times(secs)
     }
 
-    /// So many events a second: the time of one, rounded down. A rate of 0 counts as 1.
-    #[must_use]
-    #[inline]
-    pub const fn of_rate(rate: u32) -> Self {
-        Self::SECOND.over(if rate == 0 { 1 } else { rate as u64 })
-    }
-
     /// Nanoseconds.
     #[must_use]
     #[inline]
@@ -110,7 +103,7 @@ impl Span {
         self.0 % Self::SECOND.0
     }
 
-    /// Whether it is no time at all.
+    /// Whether it is zero.
     #[must_use]
     #[inline]
     pub const fn is_zero(self) -> bool {
@@ -296,7 +289,6 @@ mod tests {
         assert_eq!(Span::from_millis(u64::MAX), Span::MAX);
         assert_eq!(Span::SECOND / Span::from_millis(30), 33);
         assert_eq!(Span::SECOND.div_ceil(Span::from_millis(30)), 34);
-        assert_eq!((Span::of_rate(9600), Span::of_rate(0)), (Span::from_nanos(104_166), Span::SECOND));
         assert_eq!(Span::from(Duration::MAX), Span::MAX);
     }
 

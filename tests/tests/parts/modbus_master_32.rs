@@ -9,7 +9,7 @@ use ob1_tests::modbus_slave::{LONG_FIRST, LONGS, ModbusSlave, SIZE};
 use ob1_time::{Instant, Span};
 
 /// Ten bits at 9600 bit/s.
-const CHARACTER: Span = Span::of_rate(960);
+const CHARACTER: Span = Span::SECOND.over(960);
 
 #[derive(Default)]
 struct Cpu {

@@ -54,7 +54,6 @@ fn segment() {
             let mut entries = 0;
             module.diagnostic_buffer(&mut |_| entries += 1);
             assert!(entries <= 1000, "round {round}: a diagnostic buffer without an end");
-            module.counters(&mut |_, _| {});
         }
         // A limited number of events for each scan, independent of the ring.
         for _ in 0..64 {

@@ -188,8 +188,7 @@ fn a_technician_sees_why_the_machine_stands() {
     station.set("M 9.0", 1);
     browser.until("document.querySelector('.card.stop')?.innerText.includes('Remedy')");
     let card = browser.text(".card");
-    for part in
-        ["The station is in STOP.", "data block not loaded", "Place: plant.awl:", "Remedy: Load the data block"]
+    for part in ["The station is in STOP.", "data block not loaded", "Place: plant.awl:", "Remedy: Load the data block"]
     {
         assert!(card.contains(part), "{part}: {card}");
     }

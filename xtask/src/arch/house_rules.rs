@@ -94,21 +94,22 @@ pub(super) fn workspace_lints(tree: &Tree) -> Vec<Finding> {
     without.map(|file| finding(&file.path)).collect()
 }
 
-/// A file with more lines than this, without its tests, should be divided.
+/// A source file with more lines than this, its tests included, is divided.
 const LONG: usize = 600;
 
 /// Names long files.
 pub(super) fn long_files(tree: &Tree) -> Vec<Finding> {
-    let mut findings = Vec::new();
-    for file in tree.rust() {
-        let lines = file.code_lines().filter(|(_, _, test)| !test).count();
-        let is_test = file.path.starts_with("tests/");
-        if !is_test && lines > LONG {
-            let what = format!("{lines} lines without tests: divide the file");
-            findings.push(Finding { place: file.path.clone(), rule: "style", what });
-        }
-    }
-    findings
+    let is_source = |path: &str| [".rs", ".py", ".js", ".c", ".h", ".awl"].iter().any(|end| path.ends_with(end));
+    let files = tree.files.iter().filter(|file| is_source(&file.path));
+    let lengths = files.map(|file| (file, file.text.lines().count()));
+    lengths
+        .filter(|(_, lines)| *lines > LONG)
+        .map(|(file, lines)| Finding {
+            place: file.path.clone(),
+            rule: "style",
+            what: format!("{lines} lines, more than {LONG}: divide the file"),
+        })
+        .collect()
 }
 
 /// Columns of a line, as in rustfmt.toml, which does not change comments.
@@ -229,12 +230,18 @@ mod unit {
     }
 
     #[test]
-    fn only_what_is_no_test_makes_a_file_long() {
-        let tests = format!("#[cfg(test)]\nmod tests {{\n{}}}\n", "fn a() {}\n".repeat(LONG));
-        let long = "fn a() {}\n".repeat(LONG);
-        let tree = Tree::of(&[("a/src/a.rs", tests.as_str()), ("a/src/b.rs", long.as_str())]);
-        let findings = long_files(&tree);
-        assert_eq!(findings.len(), 1);
-        assert_eq!(findings[0].place, "a/src/b.rs");
+    fn a_long_file_is_named_whatever_is_in_it() {
+        let full = "fn a() {}\n".repeat(LONG);
+        let tests = format!("#[cfg(test)]\nmod tests {{\n{full}}}\n");
+        let long = format!("{full}\n");
+        let tree = Tree::of(&[
+            ("a/src/a.rs", tests.as_str()),
+            ("a/src/b.rs", full.as_str()),
+            ("tests/tests/c.rs", long.as_str()),
+            ("tests/peers/d.py", long.as_str()),
+            ("docs/e.md", long.as_str()),
+        ]);
+        let places: Vec<String> = long_files(&tree).into_iter().map(|finding| finding.place).collect();
+        assert_eq!(places, ["a/src/a.rs", "tests/tests/c.rs", "tests/peers/d.py"]);
     }
 }

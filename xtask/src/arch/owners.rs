@@ -80,7 +80,7 @@ pub(super) fn module_types(tree: &Tree) -> Vec<Finding> {
     for file in tree.rust().filter(|file| file.is_in(TYPES_COUNT) && is_product(file) && file.path != KINDS) {
         for ((number, code, test), text) in file.code_lines().zip(file.text.split('\n')) {
             let is_comment = code.trim().is_empty();
-            if !test && !is_comment && (text.contains("type_name ==") && text.contains("cp") || names_a_cp(text)) {
+            if !test && !is_comment && (compares_a_type(text) || names_a_cp(text)) {
                 findings.push(Finding {
                     place: format!("{}:{number}", file.path),
                     rule: "one owner",
@@ -94,6 +94,14 @@ pub(super) fn module_types(tree: &Tree) -> Vec<Finding> {
 
 fn is_product(file: &File) -> bool {
     file.path.contains("/src/") && !file.path.ends_with("tests.rs") && !file.path.contains("/tests/")
+}
+
+/// Whether a line compares a type name with anything but the type of a value, such as `BOOL`.
+fn compares_a_type(line: &str) -> bool {
+    ["type_name ==", "type_name !="].iter().flat_map(|comparison| line.split(comparison).skip(1)).any(|rest| {
+        let literal = rest.trim_start().strip_prefix('"').and_then(|text| text.split('"').next());
+        literal.is_none_or(|name| name.contains(|c: char| c.is_ascii_lowercase()))
+    })
 }
 
 /// Whether a line contains a type name of the station file.
@@ -178,10 +186,12 @@ mod tests {
                 "runtime/station/src/b.rs",
                 "let a = \"cp240_1\";\n#[cfg(test)]\nmod tests { const A: &str = \"cp240\"; }\n",
             ),
+            ("runtime/ob1/src/c.rs", "if value.type_name == \"BOOL\" {}\nif a.type_name != b.type_name {}\n"),
             ("runtime/station/tests/b.rs", "let a = \"cp240\";\n"),
             ("driver/cp/src/a.rs", "match name { \"cp040\" => 1, _ => 2 }\n"),
         ]);
-        assert_eq!(places(&module_types(&tree)), ["runtime/ob1/src/a.rs:2", "driver/cp/src/a.rs:1"]);
+        let found = ["runtime/ob1/src/a.rs:2", "runtime/ob1/src/c.rs:2", "driver/cp/src/a.rs:1"];
+        assert_eq!(places(&module_types(&tree)), found);
     }
 
     #[test]

@@ -92,7 +92,7 @@ impl Tree {
 }
 
 fn is_text(path: &str) -> bool {
-    [".rs", ".toml", ".md", ".py", ".awl", ".h", ".c", ".rows"]
+    [".rs", ".toml", ".md", ".py", ".js", ".awl", ".h", ".c", ".rows"]
         .iter()
         .any(|end| path.to_ascii_lowercase().ends_with(end))
 }
@@ -157,6 +157,23 @@ pub(super) struct Crate {
     pub(super) folder: String,
     /// Direct normal and build dependencies, by name.
     pub(super) needs: Vec<String>,
+    /// Those of its Cargo.toml, for any machine.
+    pub(super) declares: Vec<Declared>,
+}
+
+/// A dependency in a Cargo.toml.
+#[derive(Clone, Debug)]
+pub(super) struct Declared {
+    /// The name of the package.
+    pub(super) name: String,
+    /// What it is called in code.
+    pub(super) word: String,
+}
+
+impl Declared {
+    pub(super) fn new(name: &str, word: &str) -> Self {
+        Self { name: name.to_owned(), word: word.to_owned() }
+    }
 }
 
 /// Crates by name. Two versions of one crate share an entry.
@@ -171,13 +188,17 @@ impl Graph {
         let mut graph = Self::default();
         let mut names = BTreeMap::new();
         let root = cargo::root().to_string_lossy().into_owned() + "/";
+        let words = words(metadata);
         for package in cargo::list(&metadata["packages"]) {
             let (Some(id), Some(name)) = (package["id"].as_str(), package["name"].as_str()) else { continue };
             names.insert(id, name);
             let manifest = package["manifest_path"].as_str().unwrap_or_default();
             if package["source"].is_null() {
                 let folder = manifest.strip_prefix(&root).and_then(|path| path.strip_suffix("/Cargo.toml"));
-                graph.crates.entry(name.to_owned()).or_default().folder = folder.unwrap_or_default().to_owned();
+                let node = graph.crates.entry(name.to_owned()).or_default();
+                node.folder = folder.unwrap_or_default().to_owned();
+                node.declares =
+                    cargo::list(&package["dependencies"]).iter().filter_map(|d| declared(d, &words)).collect();
             }
         }
         for node in cargo::list(&metadata["resolve"]["nodes"]) {
@@ -218,6 +239,26 @@ impl Graph {
     }
 }
 
+/// What each package is called in code, if not by its name.
+fn words(metadata: &Value) -> BTreeMap<&str, &str> {
+    let libraries = cargo::list(&metadata["packages"]).iter().filter_map(|package| {
+        let is_library = |target: &&Value| {
+            let kinds = cargo::list(&target["kind"]);
+            kinds.iter().any(|kind| kind == "proc-macro" || kind.as_str().is_some_and(|kind| kind.ends_with("lib")))
+        };
+        let library = cargo::list(&package["targets"]).iter().find(is_library)?;
+        Some((package["name"].as_str()?, library["name"].as_str()?))
+    });
+    libraries.collect()
+}
+
+/// A normal or build dependency.
+fn declared(dependency: &Value, words: &BTreeMap<&str, &str>) -> Option<Declared> {
+    let name = dependency["name"].as_str().filter(|_| dependency["kind"] != "dev")?;
+    let word = dependency["rename"].as_str().or(words.get(name).copied()).unwrap_or(name).replace('-', "_");
+    Some(Declared::new(name, &word))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -246,8 +287,13 @@ mod tests {
     fn the_graph_knows_dev_edges_from_real_ones() {
         let metadata = serde_json::json!({
             "packages": [
-                {"id": "1", "name": "a", "source": null, "manifest_path": cargo::root().join("x/a/Cargo.toml")},
-                {"id": "2", "name": "b", "source": "registry", "manifest_path": "/b/Cargo.toml"},
+                {"id": "1", "name": "a", "source": null, "manifest_path": cargo::root().join("x/a/Cargo.toml"),
+                    "dependencies": [
+                        {"name": "b", "kind": null, "rename": null}, {"name": "c", "kind": "dev", "rename": null},
+                        {"name": "not-here", "kind": null, "rename": null},
+                    ]},
+                {"id": "2", "name": "b", "source": "registry", "manifest_path": "/b/Cargo.toml",
+                    "targets": [{"kind": ["bin"], "name": "tool"}, {"kind": ["cdylib", "rlib"], "name": "the-b"}]},
                 {"id": "3", "name": "c", "source": "registry", "manifest_path": "/c/Cargo.toml"},
             ],
             "resolve": {"nodes": [{"id": "1", "deps": [
@@ -258,5 +304,8 @@ mod tests {
         let graph = Graph::of(&metadata);
         assert_eq!(graph.crates["a"].folder, "x/a");
         assert_eq!(graph.crates["a"].needs, ["b"]);
+        let declares =
+            graph.crates["a"].declares.iter().map(|declared| (declared.name.as_str(), declared.word.as_str()));
+        assert_eq!(declares.collect::<Vec<_>>(), [("b", "the_b"), ("not-here", "not_here")]);
     }
 }

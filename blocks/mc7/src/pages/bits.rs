@@ -49,7 +49,7 @@ const MEMORY: [(u8, [Option<Bit>; 4]); 3] = [
     (0x59, [Some(Assign), Some(Positive), None, Some(Negative)]),
 ];
 
-/// The low codes of the operations that are no scans, in the register-indirect and parameter forms.
+/// The low codes of the operations that are not scans, in the register-indirect and parameter forms.
 const ACTIONS: [(u8, Bit); 5] = [(0, Set), (1, Reset), (2, Assign), (4, Positive), (5, Negative)];
 
 fn action(code: u8) -> Option<Bit> {

@@ -69,7 +69,7 @@ fn is_label(name: &str) -> bool {
         chars.next().is_some_and(|c| c.is_alphabetic() || c == '_') && chars.all(|c| c.is_alphanumeric() || c == '_');
     let keyword = ["BE", "END_", "NETWORK", "BEGIN"].iter().any(|w| name.eq_ignore_ascii_case(w));
     word && name.chars().count() <= LABEL_LENGTH && !keyword
-        // A mnemonic as label is no mistake, but hard to read.
+        // A mnemonic as label is not a mistake, but hard to read.
         && !ROWS.iter().any(|row| row.german == name && row.international == name && name.len() > 2)
 }
 

@@ -138,7 +138,7 @@ fn who_refuses_says_why() {
     assert!(diagnosis(&wires.image, 4, 4, 1).contains("configuration fault"), "{}", diagnosis(&wires.image, 4, 4, 1));
     assert!(diagnosis(&wires.image, 4, 4, 2).contains("parameter fault"));
     // As in the log of the bus.
-    for (n, why) in ["another device than its GSD file", "its modules are not those", "does not take its parameters"]
+    for (n, why) in ["another device than its GSD file", "its modules are not those", "refuses its parameters"]
         .into_iter()
         .enumerate()
     {

@@ -105,7 +105,9 @@ impl Link for PtyLink {
 fn publish(device: &Path, path: &Path) -> io::Result<()> {
     match std::fs::read_link(path) {
         Ok(old) if !old.starts_with("/dev/pts") => return Err(taken(path, "is a link to something other than a pty")),
-        Err(error) if error.kind() == io::ErrorKind::InvalidInput => return Err(taken(path, "exists and is not a link")),
+        Err(error) if error.kind() == io::ErrorKind::InvalidInput => {
+            return Err(taken(path, "exists and is not a link"));
+        }
         _ => {}
     }
     let mut fresh = path.as_os_str().to_owned();

@@ -68,7 +68,7 @@ pub struct Config {
     pub zvz: Span,
     /// Time of one character on the line.
     pub char_time: Span,
-    /// Longest time that an order waits for XON or CTS; 0: for ever. The manual names none; 20 s as the reference does
+    /// Longest time that an order waits for XON or CTS; 0: forever. The manual names none; 20 s as the reference does
     /// for the CP 341.
     pub flow_wait: Span,
     /// Automatic use of the secondary signals; not together with [`Flow::Hardware`]. [S4 L803]

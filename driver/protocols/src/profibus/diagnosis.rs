@@ -234,9 +234,10 @@ impl Refused {
                 "it refuses its parameters",
                 "compare `params` with its manual, and the revision of its GSD file with that of the device",
             ),
-            Self::Configuration => {
-                ("its modules are not those of the station file", "compare `slots` with the plugged modules, in their order")
-            }
+            Self::Configuration => (
+                "its modules are not those of the station file",
+                "compare `slots` with the plugged modules, in their order",
+            ),
         }
     }
 }

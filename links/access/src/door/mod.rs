@@ -15,7 +15,7 @@
 //!     // poll(door.fd(), ...)
 //!     door.pump()?;
 //!     while let Some(news) = door.take_news() {
-//!         if news == News::Watching { /* what was asked for is there: repeat the reads that wait */ }
+//!         if news == News::Watching { /* the requested pieces are there: repeat the reads that wait */ }
 //!     }
 //!     match door.read(&wanted, &mut reading) {
 //!         Ok(()) => println!("scan {}: {:?}", reading.scan, reading.piece(0)),
@@ -27,6 +27,7 @@
 //! ```
 
 mod messages;
+mod packets;
 mod ranges;
 mod reading;
 mod wire;
@@ -41,8 +42,8 @@ use ob1_model::{GROUP_ENTRIES, Piece, Put, WRITE_BYTES};
 use thiserror::Error;
 
 pub use messages::{
-    Answer, Ask, BlockFact, Connection, Diagnosis, Document, Event, MESSAGE_BYTES, OUTSTANDING, PART_BYTES, Refusal,
-    Refused, STAGED_BYTES, Ticket, ToBroker, ToLink, VERSION, Welcome, What,
+    Answer, Ask, BlockFact, Connection, Diagnosis, Document, Event, MESSAGE_BYTES, News, OUTSTANDING, PART_BYTES,
+    Refusal, Refused, STAGED_BYTES, Ticket, ToBroker, ToLink, VERSION, Welcome, What,
 };
 pub use ob1_model::{Command, OperatingState as State};
 use ranges::Ranges;
@@ -91,33 +92,6 @@ pub enum NotYet {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error("at most {GROUP_ENTRIES} entries and {WRITE_BYTES} bytes can be written at once")]
 pub struct GroupTooLarge;
-
-/// News from the broker.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum News {
-    /// The pieces requested by a read are available.
-    Watching,
-    /// The outcome of a group of writes: the scan whose snapshot contains it. A later read sees it.
-    Written {
-        /// Whose.
-        client: u32,
-        /// Of the group.
-        ticket: Ticket,
-        /// The scan, or the first entry that was refused; then nothing was written.
-        outcome: Result<u64, Refused>,
-    },
-    /// An answer.
-    Answer {
-        /// Whose.
-        client: u32,
-        /// Of the question.
-        ticket: Ticket,
-        /// What.
-        answer: Answer,
-    },
-    /// An event.
-    Event(Event),
-}
 
 /// See [the module](self).
 #[derive(Debug)]
@@ -242,14 +216,10 @@ impl Door {
                 // A reader that waits for one of them finds out by reading again.
                 self.news.push_back(News::Watching);
             }
-            ToLink::Written { client, ticket, outcome } => {
-                self.news.push_back(News::Written { client, ticket, outcome });
-            }
-            ToLink::Answer { client, ticket, answer: Answer::Document { last, bytes } } => {
+            ToLink::News(News::Answer { client, ticket, answer: Answer::Document { last, bytes } }) => {
                 self.part(client, ticket, last, &bytes);
             }
-            ToLink::Answer { client, ticket, answer } => self.news.push_back(News::Answer { client, ticket, answer }),
-            ToLink::Event(event) => self.news.push_back(News::Event(event)),
+            ToLink::News(news) => self.news.push_back(news),
         }
         self.watch();
         Ok(())

@@ -1,8 +1,7 @@
 //! The result of a read: all of one scan.
 
-use ob1_model::{Piece, Width};
+use ob1_model::{OperatingState as State, Piece, Width};
 
-use super::State;
 use super::messages::Refusal;
 
 /// The pieces of one read, all of one cycle control point. Reusing it allocates nothing.

@@ -157,8 +157,8 @@ fn writes_and_questions_go_out_and_their_answers_come_in() {
     assert_eq!(desk.hear(), Some(ToBroker::Write { client: 7, ticket, puts: vec![put] }));
     assert_eq!(desk.hear(), Some(ToBroker::Ask { client: 8, ticket: asked, ask: Ask::Clock }));
     assert_eq!(desk.hear(), Some(ToBroker::Gone(7)), "no beat while others wait");
-    desk.say(&ToLink::Written { client: 7, ticket, outcome: Ok(5) });
-    desk.say(&ToLink::Answer { client: 8, ticket: asked, answer: Answer::Clock([1; 8]) });
+    desk.say(&ToLink::News(News::Written { client: 7, ticket, outcome: Ok(5) }));
+    desk.say(&ToLink::News(News::Answer { client: 8, ticket: asked, answer: Answer::Clock([1; 8]) }));
     door.pump().expect("open");
     assert_eq!(door.take_news(), Some(News::Written { client: 7, ticket, outcome: Ok(5) }));
     assert_eq!(door.take_news(), Some(News::Answer { client: 8, ticket: asked, answer: Answer::Clock([1; 8]) }));
@@ -196,7 +196,7 @@ fn several_doors_come_over_one_socket() {
     assert_eq!(doors.len(), 7);
     for (number, (door, ours)) in doors.iter_mut().zip(&ours).enumerate() {
         let event = Event { number: number as u64, time: 0, what: What::State(State::Run) };
-        handover::send(ours, &ToLink::Event(event.clone()).encode(), &[]).expect("room");
+        handover::send(ours, &ToLink::News(News::Event(event.clone())).encode(), &[]).expect("room");
         door.pump().expect("open");
         assert_eq!(door.take_news(), Some(News::Event(event)));
     }
@@ -210,7 +210,7 @@ fn documents_are_put_together() {
     let (desk, mut door) = Desk::open();
     let part = |ticket, last, byte: u8| {
         let answer = Answer::Document { last, bytes: Box::from([byte; 3]) };
-        desk.say(&ToLink::Answer { client: 1, ticket, answer });
+        desk.say(&ToLink::News(News::Answer { client: 1, ticket, answer }));
     };
     part(1, false, 1);
     part(2, false, 2);

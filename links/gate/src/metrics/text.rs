@@ -217,7 +217,9 @@ fn modules(page: &mut Page, status: &Value) {
         Some(f64::from(u8::from(module["present"] == Value::Bool(true))))
     });
     each("ob1_driver_starts", "counter", "driver processes that have come up", &|module| driver(module, "starts"));
-    each("ob1_driver_losses", "counter", "driver processes that ended unexpectedly", &|module| driver(module, "losses"));
+    each("ob1_driver_losses", "counter", "driver processes that ended unexpectedly", &|module| {
+        driver(module, "losses")
+    });
     each("ob1_line_ready", "gauge", "the driver of the CP is ready: parameters and line are right", &|module| {
         module["driver"].get("state").map(|state| f64::from(u8::from(text(state) == "ready")))
     });

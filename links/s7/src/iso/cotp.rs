@@ -1,6 +1,6 @@
 //! TPDUs of COTP class 0, as bytes.
 
-use super::Tsap;
+use super::tsap::Tsap;
 
 /// The version of TPKT, and the length of its header.
 pub(super) const TPKT: u8 = 3;

@@ -1,7 +1,7 @@
 //! A transport connection: frames in, whole messages out, and back. Both roles.
 
-use super::Tsap;
 use super::cotp::{self, CONFIRM, CONNECT, Connect, DATA_HEAD, MAX_TPDU, TPKT, TPKT_HEAD, Tpdu, TpduSize};
+use super::tsap::Tsap;
 
 /// Maximum of unread input: twice the longest TPKT.
 const INPUT: usize = 2 * (MAX_TPDU + TPKT_HEAD);

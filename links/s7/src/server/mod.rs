@@ -6,6 +6,7 @@
 mod ask;
 mod control;
 mod cyclic;
+mod dispatch;
 mod job;
 mod lists;
 mod load;

@@ -1,13 +1,14 @@
 //! The exchange with the links: outputs, writes, snapshot, inputs; groups land whole; nobody waits.
 
 use ob1_cpu::{
-    Cell, CellError, Command, Cpu, CpuConfig, GROUP_ENTRIES, Group, LINKS, Listing, OperatingState, Piece, Put,
-    StatusError, TooMuch, WATCH_BYTES, WRITE_BYTES, Width,
+    Cell, CellError, Command, Cpu, CpuConfig, GROUP_ENTRIES, Group, LINKS, Listing, Module, ModuleSlot, OperatingState,
+    Piece, Put, StatusError, TooMuch, WATCH_BYTES, WRITE_BYTES, Width,
 };
 use ob1_ir::{NumberFormat, Op};
 use ob1_model::Area;
 
 use crate::common;
+use crate::common::rack::TestModule;
 use crate::common::window::Looker;
 use crate::common::*;
 
@@ -103,6 +104,34 @@ fn a_group_lands_whole_and_its_answer_follows_its_snapshot() {
     }
 }
 
+/// The order of a cycle control point: the outputs have gone out, writes land, the snapshot is taken, the inputs are
+/// read.
+#[test]
+fn outputs_writes_snapshot_inputs() {
+    let byte = |area| operand(ob1_ir::Width::Byte, place(area, 0, 0));
+    let program = program(vec![ob1(vec![load(byte(Area::Input)), transfer(byte(Area::Output))])], vec![]);
+    let module = TestModule::new(16);
+    let plugged = vec![(ModuleSlot::new("m0", 0), Box::new(module.clone()) as Box<dyn Module>)];
+    let cpu = Cpu::new(CpuConfig::default(), &program, vec![], plugged, common::engine()).expect("loads");
+    let mut bench = Bench::with(cpu);
+    let mut link = Looker::of(&mut bench.cpu).expect("the first");
+    bench.run();
+    let (input, output) = (Cell::Area(Area::Input, 0), Cell::Area(Area::Output, 0));
+    link.watch(&[bytes(input, 1), bytes(output, 1)]).expect("little");
+    module.look(|seen| seen.inputs[0] = 1);
+    bench.cycle();
+    assert_eq!((link.piece(0), link.piece(1)), (Ok(vec![0]), Ok(vec![0])), "the inputs are read after it");
+    assert_eq!(module.look(|seen| seen.outputs[0]), 1, "and the program of the same cycle sees them");
+    module.look(|seen| seen.inputs[0] = 2);
+    let puts = [Put::Value(input, Width::Byte, 8), Put::Value(output, Width::Byte, 9)];
+    link.link.write(group(1, &puts)).expect("room");
+    bench.cycle();
+    assert_eq!((link.piece(0), link.piece(1)), (Ok(vec![8]), Ok(vec![9])), "the writes are in it");
+    assert_eq!(bench.cpu.read(input, Width::Byte), Ok(2), "the module's input has been read since");
+    let sent: Vec<u8> = module.look(|seen| seen.writes.iter().map(|(_, bytes)| bytes[0]).collect());
+    assert!(!sent.contains(&9) && sent.ends_with(&[1, 2]), "the outputs had gone out before: {sent:?}");
+}
+
 /// A timer takes a time, whether it runs or not; a counter its count.
 #[test]
 fn timers_and_counters_are_written() {
@@ -166,7 +195,7 @@ fn links_take_turns_within_the_bytes_of_a_scan() {
     assert!(scans >= 4 * LINKS * 1500 / WRITE_BYTES, "{scans}");
 }
 
-/// It has the newest snapshot when it looks again; until then the CPU goes on, and what finds no room on its way back
+/// It has the newest snapshot when it looks again; until then the CPU continues, and what finds no room on its way back
 /// waits.
 #[test]
 fn a_reader_that_sleeps_changes_nothing() {

@@ -8,7 +8,7 @@
 use std::sync::{Arc, Mutex};
 
 use ob1_coupler::dp::{DIAGNOSIS_BYTES, Diagnosis};
-use ob1_cpu::{Module, ModuleCounters, ModuleError, ModuleEvent, ModuleStatus};
+use ob1_cpu::{Module, ModuleError, ModuleEvent, ModuleStatus};
 use ob1_model::Event;
 use ob1_time::Instant;
 use ob1_words::cp342::{
@@ -46,7 +46,7 @@ pub struct DpPiece {
     pub on_loss: OnLoss,
 }
 
-/// What lies behind a CP 342-5.
+/// The slaves behind a CP 342-5.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct DpAreas {
     /// Pieces of the receive area.
@@ -85,7 +85,7 @@ impl Kept {
 #[derive(Clone, Copy)]
 struct Slave {
     present: bool,
-    /// The number of the diagnosis that has been looked at.
+    /// The number of the diagnosis that has been evaluated.
     looked: u64,
     newest: Kept,
     /// Nobody has read [`Self::newest`].
@@ -396,12 +396,5 @@ impl Module for DpCp {
             _ => return Err(ModuleError::NoRecord),
         }
         Ok(())
-    }
-
-    fn counters(&self, each: ModuleCounters<'_>) {
-        let Ok(shared) = self.shared.try_lock() else { return };
-        each("slaves", self.slaves.len() as u64);
-        each("exchanging", self.slaves.iter().filter(|slave| slave.present).count() as u64);
-        each("stale_images", shared.image.stale());
     }
 }

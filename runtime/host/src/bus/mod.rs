@@ -13,7 +13,7 @@ use std::sync::{Arc, Mutex};
 
 use ob1_backplane::{BusCpuSide, BusMemory, BusSize, CpuSide, CpuState, DriverState};
 use ob1_coupler::Status;
-use ob1_cpu::{DP_DIAGNOSIS, Module, ModuleCounters, ModuleError, ModuleEvent, ModuleStatus};
+use ob1_cpu::{DP_DIAGNOSIS, Module, ModuleError, ModuleEvent, ModuleStatus};
 use ob1_time::Instant;
 
 use crate::module::DriverLink;
@@ -324,16 +324,5 @@ impl Module for BusModule {
 
     fn record_write(&mut self, _record: u8, _from: &[u8]) -> Result<(), ModuleError> {
         Err(ModuleError::NoRecord)
-    }
-
-    fn counters(&self, each: ModuleCounters<'_>) {
-        let Ok(shared) = self.shared.try_lock() else { return };
-        let Some(status) = Status::from_words(&shared.image.coupler(self.config.station)) else { return };
-        each("exchanges", status.exchanges);
-        each("failures", status.failures);
-        each("exceptions", status.exceptions);
-        each("losses", status.losses);
-        each("stale_images", shared.image.stale());
-        each("told", shared.stations.told(self.config.station) as u64);
     }
 }

@@ -66,7 +66,7 @@ pub struct StationRules {
 
 /// What has been reported of a station to the program.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Told {
+enum Told {
     /// Nothing yet: it has neither come nor been missed.
     #[default]
     Nothing = 0,
@@ -86,7 +86,7 @@ struct Known {
     missing: bool,
     /// The refusal that has been reported.
     refusal: Option<Refusal>,
-    /// Of a DP slave: the number of the diagnosis that has been looked at, and what has been reported of it.
+    /// Of a DP slave: the number of the diagnosis that has been evaluated, and what has been reported of it.
     diagnosis: u64,
     faulty: bool,
     refuses: bool,
@@ -180,7 +180,7 @@ impl Stations {
         self.list.get(station).is_none_or(|known| !known.present && known.told != Told::Nothing)
     }
 
-    /// Whether a station answers, but refuses what it is told.
+    /// Whether a station answers, but refuses its requests.
     pub(super) fn refuses_all(&self, station: usize) -> bool {
         self.list.get(station).is_some_and(|known| known.status.state == State::Refused)
     }
@@ -192,10 +192,6 @@ impl Stations {
     /// Whether a station refuses a range.
     pub(super) fn refuses(&self, station: usize, range: usize) -> bool {
         self.list.get(station).is_some_and(|known| known.status.bad >> (range % 64) & 1 == 1)
-    }
-
-    pub(super) fn told(&self, station: usize) -> Told {
-        self.list.get(station).map_or(Told::Nothing, |known| known.told)
     }
 
     /// How many there are.
@@ -287,7 +283,7 @@ impl Known {
     }
 
     fn look(&mut self, alive: bool, silent: Span, status: Status) {
-        // Lost and back between two looks: the program is told of both, one cycle control point after the other.
+        // Lost and back between two scans: the program gets both events, one cycle control point after the other.
         let was_lost = self.told == Told::Present && status.losses != self.status.losses;
         self.present = alive && status.state == State::Running && silent < self.station.lost_after && !was_lost;
         self.status = status;

@@ -1,7 +1,7 @@
 //! The doorbell of a driver: a non-blocking pipe whose read end is the driver's stdin.
 //!
 //! The pipe lives as long as the module, not as long as one driver process: a restarted driver gets the same read end.
-//! So the scan thread writes to one descriptor for ever, without a lock and without the danger that the number means
+//! So the scan thread writes to one descriptor forever, without a lock and without the danger that the number means
 //! another file. The read end is also kept by the supervisor, so a ring while no driver lives is not an error; when the
 //! runtime goes, the write end goes, and the driver reads end of file.
 

@@ -10,8 +10,8 @@ pub(crate) mod messages;
 mod tests;
 
 use ob1_backplane::layout::{BOX_BYTES, CHANNEL_BYTES};
-use ob1_backplane::{Channel, Counter, CpuSide, CpuState, DriverState, Fault, TooLong};
-use ob1_cpu::{Module, ModuleCounters, ModuleEntry, ModuleError, ModuleEvent, ModuleStatus};
+use ob1_backplane::{Channel, CpuSide, CpuState, DriverState, Fault, TooLong};
+use ob1_cpu::{Module, ModuleEntry, ModuleError, ModuleEvent, ModuleStatus};
 use ob1_time::Instant;
 
 pub use link::{AlwaysThere, DriverLink, Life};
@@ -19,7 +19,7 @@ use messages::Messages;
 
 /// Most register bytes a segment has.
 const IO_MAX: usize = ob1_backplane::layout::IO_BYTES_MAX;
-/// Messages of a driver looked at in one call of `poll_event`: it can make them as fast as they are read.
+/// Messages of a driver taken in one call of `poll_event`: it can make them as fast as they are read.
 const LOOKS: u32 = 8;
 
 /// What the station file says about a CP.
@@ -48,7 +48,6 @@ pub struct CpModule {
     settings: CpSettings,
     outputs: [u8; IO_MAX],
     messages: Messages,
-    garbage: u64,
     /// The CPU's part of the segment has been restored for this many attempts to start a driver.
     whole_for: u32,
 }
@@ -65,12 +64,12 @@ impl CpModule {
         }
         let messages = Messages::new(settings.diagnostics);
         // The first driver finds the segment as it was made.
-        Ok(Self { side, link, settings, outputs: [0; IO_MAX], messages, garbage: 0, whole_for: 1 })
+        Ok(Self { side, link, settings, outputs: [0; IO_MAX], messages, whole_for: 1 })
     }
 
-    /// True while a driver is attached that has shown its state. A state word without a meaning is no state. A driver
+    /// True while a driver is attached that has shown its state. An undefined state word is not a state. A driver
     /// that was started during this scan is present from the next cycle control point on, when the CPU's part is
-    /// restored for it: an earlier order would be wiped away unseen.
+    /// restored for it: an earlier order would be overwritten unseen.
     #[inline]
     fn is_present(&self) -> bool {
         let state = self.side.monitor().driver_state();
@@ -92,10 +91,9 @@ impl CpModule {
         }
     }
 
-    /// Counts a fault of the segment; an entry is due the first time a driver makes one of this kind.
+    /// A fault of the segment: an entry is due the first time a driver makes one of this kind.
     #[cold]
     fn garbage(&mut self, fault: Fault) {
-        self.garbage = self.garbage.wrapping_add(1);
         self.messages.garbage(fault, self.link.life().incidents);
     }
 
@@ -274,15 +272,5 @@ impl Module for CpModule {
             each(ModuleEntry { number: entry.number, incoming: entry.incoming, time });
         }
         true
-    }
-
-    fn counters(&self, each: ModuleCounters<'_>) {
-        let counters = self.side.monitor().counters();
-        for counter in Counter::ALL {
-            each(counter.name(), counters.get(*counter));
-        }
-        each("events_lost", self.side.monitor().events_lost());
-        each("stale_reads", self.side.stale_reads());
-        each("garbage", self.garbage);
     }
 }

@@ -364,9 +364,6 @@ fn noise_is_entered_once_and_never_a_panic() {
         module.end_scan(Instant::START);
     }
     assert!((1..=8).contains(&entries), "{entries} entries for one driver");
-    let mut garbage = 0;
-    module.counters(&mut |name, value| garbage += if name == "garbage" { value } else { 0 });
-    assert!(garbage >= 200, "{garbage} faults counted");
 }
 
 #[test]

@@ -1,6 +1,5 @@
 //! A plugin's block as the CPU sees it, and what a call carries through the plugin and back.
 
-use std::any::Any;
 use std::panic::resume_unwind;
 use std::sync::Arc;
 
@@ -9,20 +8,11 @@ use ob1_cpu::{Abort, NativeBlock, NativeContext};
 use ob1_model::{BlockId, Event, Interface};
 
 use super::BlockInfo;
+use super::frame::Frame;
 use super::host_table::HOST;
 use super::memory::{State, StationMemory};
 use super::table::{Code, PanicMessage};
 use super::text::{Line, PanicText};
-
-/// What the call context of the interface points to.
-pub(super) struct Frame<'a> {
-    pub(super) cx: &'a mut dyn NativeContext,
-    pub(super) memory: &'a StationMemory,
-    /// The plugin has been told to return.
-    pub(super) abort: bool,
-    /// A panic of the CPU itself, kept until the plugin has returned.
-    pub(super) panic: Option<Box<dyn Any + Send>>,
-}
 
 /// A block of a plugin in one station.
 pub(super) struct PluginBlock {
@@ -107,7 +97,7 @@ impl NativeBlock for PluginBlock {
     #[inline]
     fn call(&self, cx: &mut dyn NativeContext) -> Result<(), Abort> {
         let mut frame = Frame { cx, memory: &self.memory, abort: false, panic: None };
-        // SAFETY: an entry of the type the interface names, with a table that lives for ever, the frame as the call
+        // SAFETY: an entry of the type the interface names, with a table that lives forever, the frame as the call
         // context it gives back to the host's functions, and its own state. The frame is not touched until the entry
         // has returned.
         let status = unsafe { (self.code.entry)(&raw const HOST, (&raw mut frame).cast(), self.state.pointer()) };
@@ -115,7 +105,7 @@ impl NativeBlock for PluginBlock {
             resume_unwind(panic);
         }
         if frame.abort {
-            // Whatever it returned: it was told to leave.
+            // Whatever it returned: it was ordered to leave.
             return Err(match status {
                 abi::PANICKED => self.broken(status, frame.cx),
                 _ => Abort,

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use ob1_abi::{self as abi, ParamDesc, ty};
 use ob1_model::{BitAddr, BlockKind, DataType, Dimension, Interface, Layout, Param, Section};
 
-use super::table::{text, word};
+use super::text::{text, word};
 
 /// Converts the parameters and lays them out; `Err`: what is wrong with them.
 pub(super) fn of(kind: BlockKind, descs: Vec<&ParamDesc>) -> Result<Interface, String> {

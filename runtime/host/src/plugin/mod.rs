@@ -6,6 +6,7 @@
 
 mod block;
 mod error;
+mod frame;
 mod host_table;
 mod interface;
 mod memory;

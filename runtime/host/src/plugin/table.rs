@@ -7,6 +7,7 @@ use ob1_abi::{self as abi, BlockDesc, ParamDesc, PluginEntry, PluginTable};
 use ob1_model::{BlockId, BlockKind};
 
 use super::error::Refusal;
+use super::text::{malformed, text, word};
 use super::{BlockInfo, interface};
 
 /// A block's entry and the bytes it keeps per station.
@@ -29,7 +30,6 @@ pub(super) type PanicMessage = unsafe extern "C" fn(into: *mut u8, len: u32) -> 
 /// More blocks or parameters than this are a mistake, not a plugin.
 const BLOCKS_MAX: u32 = 4096;
 const PARAMS_MAX: u32 = 1024;
-const TEXT_MAX: u32 = 256;
 const STATE_MAX: u32 = 16 << 20;
 
 /// The table of a plugin of our major version, its own fields checked.
@@ -161,37 +161,9 @@ fn entries<T>(first: *const T, count: u32, size: fn(&T) -> u32, list: &str) -> R
     Ok(entries)
 }
 
-/// Text of the plugin: UTF-8 without control characters.
-pub(super) fn text(text: abi::Text, what: &str) -> Result<String, Refusal> {
-    if text.len == 0 {
-        return Ok(String::new());
-    }
-    if text.ptr.is_null() || text.len > TEXT_MAX {
-        return Err(malformed(format!("{what}: a text of {} bytes at {:p}", text.len, text.ptr)));
-    }
-    // SAFETY: not null; by the plugin's word that many bytes of static data.
-    let bytes = unsafe { std::slice::from_raw_parts(text.ptr, text.len as usize) };
-    match std::str::from_utf8(bytes) {
-        Ok(text) if !text.chars().any(char::is_control) => Ok(text.to_owned()),
-        _ => Err(malformed(format!("{what} is no UTF-8 text"))),
-    }
-}
-
-/// A text that must not be empty.
-pub(super) fn word(word: abi::Text, what: &str) -> Result<String, Refusal> {
-    match text(word, what)? {
-        empty if empty.trim().is_empty() => Err(malformed(format!("{what} is empty"))),
-        word => Ok(word),
-    }
-}
-
 fn state_size(bytes: u32, what: &str) -> Result<usize, Refusal> {
     if bytes > STATE_MAX {
         return Err(malformed(format!("{what} takes {bytes} bytes, {STATE_MAX} is the limit")));
     }
     Ok(bytes as usize)
-}
-
-fn malformed(what: impl Into<String>) -> Refusal {
-    Refusal::Malformed(what.into())
 }

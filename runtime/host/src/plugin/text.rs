@@ -1,8 +1,12 @@
-//! Text across the edge: taken as UTF-8, cut between characters; and a line that is put together without an allocation.
+//! Text across the edge: taken as UTF-8, cut between characters; and a line that is composed without an allocation.
 
 use std::fmt::{self, Write};
 
 use ob1_abi::{TEXT_MAX, Text};
+
+use super::error::Refusal;
+
+const STATIC_MAX: u32 = 256;
 
 /// The longest beginning of `bytes` that is UTF-8 and at most [`TEXT_MAX`] bytes long.
 fn beginning(bytes: &[u8]) -> &str {
@@ -67,6 +71,34 @@ impl PanicText {
     pub(super) fn as_str(&self) -> &str {
         beginning(self.bytes.get(..self.len).unwrap_or(&self.bytes))
     }
+}
+
+/// Text of the plugin: UTF-8 without control characters.
+pub(super) fn text(text: Text, what: &str) -> Result<String, Refusal> {
+    if text.len == 0 {
+        return Ok(String::new());
+    }
+    if text.ptr.is_null() || text.len > STATIC_MAX {
+        return Err(malformed(format!("{what}: a text of {} bytes at {:p}", text.len, text.ptr)));
+    }
+    // SAFETY: not null; by the plugin's word that many bytes of static data.
+    let bytes = unsafe { std::slice::from_raw_parts(text.ptr, text.len as usize) };
+    match std::str::from_utf8(bytes) {
+        Ok(text) if !text.chars().any(char::is_control) => Ok(text.to_owned()),
+        _ => Err(malformed(format!("{what} is no UTF-8 text"))),
+    }
+}
+
+/// A text that must not be empty.
+pub(super) fn word(word: Text, what: &str) -> Result<String, Refusal> {
+    match text(word, what)? {
+        empty if empty.trim().is_empty() => Err(malformed(format!("{what} is empty"))),
+        word => Ok(word),
+    }
+}
+
+pub(super) fn malformed(what: impl Into<String>) -> Refusal {
+    Refusal::Malformed(what.into())
 }
 
 #[cfg(test)]

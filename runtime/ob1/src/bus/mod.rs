@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
 use clap::{Args, Subcommand};
-use ob1_station::assembly;
+use ob1_station::drivers;
 use ob1_station::station_file::{self, Bus, Line};
 use serde_json::Value;
 
@@ -32,7 +32,7 @@ enum BusAction {
     Watch(watch::WatchArgs),
     /// Ask who is on a PROFIBUS
     ///
-    /// Every address is asked for its diagnosis; slaves that exchange data with another master go on doing so. The
+    /// Every address is asked for its diagnosis; slaves that exchange data with another master continue to do so. The
     /// station does not run meanwhile.
     Scan(ScanArgs),
 }
@@ -119,7 +119,7 @@ fn scan(options: &ScanArgs) -> Exit {
 
 /// The process of the bus does it: it owns the line, and knows how.
 fn ask(bus: &Bus) -> Result<BTreeMap<u8, Found>, String> {
-    let program = assembly::find_driver("ob1-io", "OB1_IO")?;
+    let program = drivers::find_driver("ob1-io", "OB1_IO")?;
     let text = serde_json::to_string(&bus.config).map_err(|error| error.to_string())?;
     let mut command = Command::new(&program);
     command.args(["--scan", "--name", &bus.name, "--bus", &text]).stdin(Stdio::null()).stderr(Stdio::inherit());

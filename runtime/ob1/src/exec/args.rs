@@ -5,13 +5,13 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use super::dump::Dump;
-use crate::cli::Language;
+use crate::language::Language;
 use ob1_station::engine::EngineChoice;
 use ob1_station::library::{Choice, Chosen};
 use ob1_station::station_file;
 use ob1_time::Span;
 
-/// Run bare sources without a station file: the start OB once, then OB 1 for ever
+/// Run bare sources without a station file: the start OB once, then OB 1 cyclically
 ///
 /// There are no modules: peripheral reads answer from the process image of the inputs, peripheral writes land in that
 /// of the outputs. Time is virtual unless --real-time is given: each statement takes --ns-per-statement, each cycle at
@@ -21,7 +21,7 @@ use ob1_time::Span;
     ob1 exec main.awl lib.awl --mnemonics en --stats run.json\n\n\
     Exit codes:\n  0   the program stopped the CPU itself (SFC 46)\n  3   the limit was reached\n  10  a source or symbol table was \
     rejected\n  11  a fault stopped the CPU: the diagnostic entries are on stderr, newest first\n  1   wrong command line\n  \
-    6   a file cannot be written\nDumps and figures are written in the cases 0, 3 and 11. docs/exec.md")]
+    6   a file cannot be written\nDumps and figures are written with exit codes 0, 3 and 11. docs/exec.md")]
 pub struct ExecArgs {
     /// Sources and symbol tables, or folders of them
     #[arg(required = true, value_name = "PROG.awl")]
@@ -140,7 +140,7 @@ impl ExecArgs {
     /// What the words mean together.
     pub(super) fn check(&self) -> Result<(), String> {
         if let Some(byte) = self.clock_memory.filter(|byte| u32::from(*byte) >= self.bit_memory) {
-            return Err(format!("--clock-memory {byte} lies outside the {} bytes of bit memory", self.bit_memory));
+            return Err(format!("--clock-memory {byte} is outside the {} bytes of bit memory", self.bit_memory));
         }
         Ok(())
     }

@@ -7,12 +7,12 @@ use ob1_cpu::{Attention, Clock};
 use ob1_rt::MonotonicClock;
 use ob1_time::{Instant, Span};
 
-use super::ExecArgs;
+use super::args::ExecArgs;
 use crate::virtual_clock::VirtualClock;
 
 /// Where time is virtual, a run also ends after so much real time.
 pub(super) const WALL_LIMIT: Duration = Duration::from_secs(120);
-/// Looks of the CPU at its clock (every 1000 statements, and at the end of a cycle) between two looks at real time.
+/// Looks of the CPU at its clock (every 1000 statements, and at the end of a cycle) between two readings of real time.
 const LOOKS: u32 = 64;
 
 #[derive(Debug)]
@@ -41,7 +41,7 @@ impl fmt::Debug for WallTime {
     }
 }
 
-/// A clock that ends the run. The limit is looked at between two cycles; a cycle that does not end is halted when it
+/// A clock that ends the run. The limit is checked between two cycles; a cycle that does not end is halted when it
 /// exceeds the limit by the cycle monitoring time, or when real time is up.
 #[derive(Debug)]
 pub(super) struct ExecClock {

@@ -7,11 +7,11 @@ use ob1_cpu::Cpu;
 use ob1_cpu::engine::Plan;
 use ob1_station::compiling::{Compiling, Request, Successors};
 
-use super::ExecArgs;
+use super::args::ExecArgs;
 
 /// A run that is over before does without: another process would cost it more than it gains.
 const LASTS: Duration = Duration::from_millis(200);
-/// Cycles between two looks at the time.
+/// Cycles between two readings of the time.
 const LOOKS: u32 = 64;
 
 /// The engines of a run.
@@ -41,7 +41,7 @@ impl Engines {
         let Some((request, plan)) = self.wanted.take_if(|_| is_time) else { return };
         match Compiling::start(request, &plan) {
             Ok(running) => self.running = Some(running),
-            Err(error) if !self.quiet => err!("ob1: machine code: {error}; the run goes on without it"),
+            Err(error) if !self.quiet => err!("ob1: machine code: {error}; the run continues without it"),
             Err(_) => {}
         }
     }

@@ -1,7 +1,7 @@
 //! `ob1 exec`: bare sources without a station file, for scripts and conformance suites.
 //!
-//! The contract: the start OB once, then OB 1 for ever, until the program stops the CPU (SFC 46), a limit is reached or
-//! a fault ends it. There are no modules: peripheral reads answer from the process image of the inputs, peripheral
+//! The contract: the start OB once, then OB 1 cyclically, until the program stops the CPU (SFC 46), a limit is reached
+//! or a fault ends it. There are no modules: peripheral reads answer from the process image of the inputs, peripheral
 //! writes land in that of the outputs.
 
 mod args;
@@ -27,10 +27,11 @@ use engines::Engines;
 use ob1_station::compiling::Request;
 use ob1_station::engine::EngineChoice;
 use ob1_station::finding::Finding;
+use ob1_station::known::Places;
 use ob1_station::library::Choice;
-use ob1_station::offer::Unserved;
-use ob1_station::program::{self, Sources};
-use ob1_station::view::Places;
+use ob1_station::missing_blocks::Unserved;
+use ob1_station::program;
+use ob1_station::sources::Sources;
 use stats::Meter;
 
 /// Entries of the diagnostic buffer printed after a fault.
@@ -129,7 +130,7 @@ fn load(args: &ExecArgs, standard: &[Choice], program: &Program) -> Result<(Cpu,
         peripheral_from_image: true,
         ob_start_info: args.ob_start_info == Switch::On,
         // Virtual time begins at a fixed date: the same run gives the same start information.
-        date_at_start: if args.real_time { ob1_station::assembly::date_now() } else { 0 },
+        date_at_start: if args.real_time { ob1_station::wall_clock::date_now() } else { 0 },
         ..CpuConfig::default()
     };
     let natives = program::native_standard_blocks(standard);

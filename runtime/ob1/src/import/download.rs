@@ -1,17 +1,15 @@
 //! `ob1 download`: blocks into a CPU on the network.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use ob1_mc7::BlockImage;
-use ob1_model::{BlockId, BlockKind};
 use ob1_s7::client::jobs::{Device, Refused};
 use ob1_s7::codes::Code;
 use ob1_s7::wire::BlockType;
-use ob1_station::{program, station_file};
 
-use super::upload::{Blocks, UPLOADED};
+use super::block_files::{Blocks, collect};
 use super::wire::{CpuArgs, Socket, connect};
 use crate::exit::ImportExit;
 
@@ -120,7 +118,7 @@ fn together(blocks: Blocks) -> Vec<Blocks> {
 fn load(device: &mut Device<Socket>, group: &Blocks) -> Result<Result<(), Refused>, String> {
     let mut names = Vec::new();
     for (name, bytes) in group {
-        let (ty, number) = named(bytes).ok_or_else(|| format!("{name} is no block of a program"))?;
+        let (ty, number) = named(bytes).ok_or_else(|| format!("{name} is not a block of a program"))?;
         if let Err(why) = device.download(ty, number, bytes).map_err(|error| error.0)? {
             return Ok(Err(why));
         }
@@ -132,73 +130,4 @@ fn load(device: &mut Device<Socket>, group: &Blocks) -> Result<Result<(), Refuse
 fn named(bytes: &[u8]) -> Option<(BlockType, u16)> {
     let (block, _) = BlockImage::read(bytes).ok()?;
     Some((BlockType::of_head(block.head.kind)?, block.head.number))
-}
-
-/// The blocks of files and folders, by their names.
-pub(super) fn collect(paths: &[PathBuf]) -> Result<Blocks, String> {
-    let mut blocks = Blocks::new();
-    for path in paths {
-        let uploaded = path.join(UPLOADED);
-        let is = |ending: &str| path.extension().is_some_and(|end| end.eq_ignore_ascii_case(ending));
-        if uploaded.is_dir() {
-            folder(&uploaded, &mut blocks)?;
-        } else if path.is_dir() {
-            folder(path, &mut blocks)?;
-        } else if is("toml") {
-            station(path, &mut blocks)?;
-        } else {
-            file(path, &mut blocks)?;
-        }
-    }
-    Ok(blocks)
-}
-
-fn folder(path: &Path, blocks: &mut Blocks) -> Result<(), String> {
-    let refused = |error: std::io::Error| format!("{}: {error}", path.display());
-    let mut found = false;
-    for entry in std::fs::read_dir(path).map_err(refused)? {
-        let path = entry.map_err(refused)?.path();
-        if path.extension().is_some_and(|end| end.eq_ignore_ascii_case("mc7")) {
-            file(&path, blocks)?;
-            found = true;
-        }
-    }
-    if found { Ok(()) } else { Err(format!("{}: no .mc7 lies there; `ob1 upload` makes them", path.display())) }
-}
-
-/// A file may hold several blocks, one after another.
-fn file(path: &Path, blocks: &mut Blocks) -> Result<(), String> {
-    let bytes = std::fs::read(path).map_err(|error| format!("{}: {error}", path.display()))?;
-    let mut rest = bytes.as_slice();
-    while !rest.is_empty() {
-        let (block, length) = BlockImage::read(rest).map_err(|why| format!("{}: {why}", path.display()))?;
-        let kind = block.head.block_kind().ok_or_else(|| format!("{}: system data", path.display()))?;
-        let (bytes, after) = rest.split_at_checked(length).unwrap_or((rest, &[]));
-        blocks.insert(name(BlockId::new(kind, block.head.number)), bytes.to_vec());
-        rest = after;
-    }
-    Ok(())
-}
-
-/// The program of a station, as machine code.
-fn station(path: &Path, blocks: &mut Blocks) -> Result<(), String> {
-    let told =
-        |findings: &[ob1_station::finding::Finding]| findings.iter().map(ToString::to_string).collect::<String>();
-    let station = station_file::load(path).map_err(|findings| told(&findings))?;
-    let loaded = program::load(&station).map_err(|failure| told(failure.findings()))?;
-    let library = program::library(&loaded.plugins, &station.program.library).map_err(|findings| told(&findings))?;
-    let callee = |id| library.get(id).map(|block| &block.interface);
-    let code = loaded.program.blocks.iter().map(|block| block.id);
-    let data = loaded.program.data.iter().map(|db| BlockId::new(BlockKind::Db, db.number));
-    for id in code.chain(data) {
-        let image = ob1_mc7::image(&loaded.program, id, &callee).and_then(|image| image.bytes().ok());
-        let image = image.ok_or_else(|| format!("{id} has a statement for which there is no machine code"))?;
-        blocks.insert(name(id), image);
-    }
-    Ok(())
-}
-
-/// `FC5`, as files are named.
-fn name(id: BlockId) -> String {
-    format!("{}{}", id.kind.name(), id.number)
 }

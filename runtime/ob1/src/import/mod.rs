@@ -1,8 +1,10 @@
 //! `ob1 import`: a STEP 7 project becomes a station that runs.
 
+mod block_files;
 mod disk;
 mod download;
 mod hardware;
+mod names;
 mod output;
 mod profibus;
 mod replace;
@@ -28,12 +30,12 @@ pub use upload::{CompareArgs, UploadArgs, compare, upload};
 ///
 /// Reads a project or library of STEP 7 V5: its folder, its .s7p or .s7l, or a .zip of it. The sources need not be in
 /// it: STL is made from the machine code, and compared with it. The station runs as it is; report.txt says what was
-/// replaced, made up or left out, and why.
+/// replaced, assumed or left out, and why.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 import plant.zip --list\n  ob1 import plant/ --program \"CPU 315-2 DP\" --out press\n  ob1 run press/station.toml\n  \
     ob1 import plant/ --listing FC5\n\n\
-    Exit codes: 0 the program came over whole, 1 blocks were left out, 2 nothing could be read.\n\nMore: docs/import.md."
+    Exit codes: 0 the whole program was imported, 1 blocks were left out, 2 nothing could be read.\n\nMore: docs/import.md."
 )]
 pub struct ImportArgs {
     /// The project: its folder, its .s7p or .s7l, or a .zip of it
@@ -212,7 +214,7 @@ fn list(args: &ImportArgs, tree: &Tree<'_>, projects: &[Project], titles: &[Stri
 }
 
 fn listing(wanted: &str, folder: &Folder, translation: &Translation) -> Result<ImportExit, String> {
-    let id = ob1_station::station_file::parse_block(wanted)
+    let id = ob1_station::block_name::parse_block(wanted)
         .ok_or_else(|| format!("\"{wanted}\" is not a block; write FC5 or DB 10"))?;
     if let Some(why) = translation.left_out.get(&id.to_string()) {
         return Err(why.clone());

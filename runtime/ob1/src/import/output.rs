@@ -7,13 +7,8 @@ use ob1_ir::Symbol;
 use ob1_project::{SymbolRow, Translation};
 use ob1_stl::Source;
 
-use super::profibus::GSD;
+use super::names::{BLOCKS, GSD, SYMBOLS};
 use super::station::Made;
-
-/// The name of the symbol table.
-pub(super) const SYMBOLS: &str = "symbols.sdf";
-/// The folder of sources and machine code.
-pub(super) const BLOCKS: &str = "blocks";
 
 /// The symbol table as STEP 7 exports it, and the symbols a program gets from it.
 pub(super) fn symbol_table(rows: &[SymbolRow]) -> (String, Vec<Symbol>) {

@@ -11,7 +11,7 @@ use ob1_dp::master::least_slot_bits;
 use ob1_project::{Area, DpSlave, DpSystem, Module, Note, Notes};
 
 use super::hardware::{Hardware, merged};
-use super::station::{clean, line};
+use super::names::{GSD, clean, line};
 
 /// Baud rates in the order in which they are tried: the project's own is not read.
 const BAUDS: [u32; 7] = [500_000, 187_500, 93_750, 19_200, 9600, 45_450, 1_500_000];
@@ -19,8 +19,6 @@ const BAUDS: [u32; 7] = [500_000, 187_500, 93_750, 19_200, 9600, 45_450, 1_500_0
 const MASTER: u8 = 2;
 /// What a slot time has beyond the slowest answer, in bits.
 const SLOT_MARGIN: u16 = 15;
-/// The folder of GSD files in an imported station.
-pub(super) const GSD: &str = "gsd";
 /// Beginning of the name of a CP that has its slaves for itself.
 const CP_342_5: &str = "CP 342-5";
 
@@ -59,7 +57,7 @@ pub(super) struct Slaves {
     pub(super) names: BTreeSet<String>,
     /// Files they need: path below the station, content.
     pub(super) files: Vec<(String, Vec<u8>)>,
-    /// Modules that are no plain inputs and outputs: where they are, and their areas.
+    /// Modules that are not plain inputs and outputs: where they are, and their areas.
     taken: Vec<Taken>,
     /// Diagnostic addresses that are given.
     diagnostics: BTreeSet<u16>,
@@ -124,7 +122,7 @@ impl Slaves {
                 Ok(gsd) => Some(gsd),
                 Err(why) => {
                     let until = match behind_cp {
-                        true => "it is behind a CP 342-5: DP_RECV reads nothing of it",
+                        true => "it is behind a CP 342-5: DP_RECV does not read it",
                         false => "its bytes are plain inputs and outputs, its tables are comments in station.toml",
                     };
                     notes.push(Note::warning(who, format!("{why}; {until}")));
@@ -251,7 +249,7 @@ impl Slaves {
     }
 }
 
-/// The slots of a slave, numbered from 1 as they come; a module that goes on in a further slot is one.
+/// The slots of a slave, numbered from 1 as they come; a module that continues in a further slot is one.
 fn slots(slave: &DpSlave, gsd: Option<&Gsd>) -> Vec<Slot> {
     let mut slots: Vec<Slot> = Vec::new();
     for module in &slave.modules {
@@ -315,7 +313,7 @@ fn fits(slave: &DpSlave, gsd: &Gsd, slots: &[Slot]) -> Result<(), String> {
         {
             let own: u32 = areas.iter().map(|area| area.bytes).sum();
             if areas.len() > 1 {
-                return Err(format!("the {what} of \"{}\" lie in more than one place", slot.module));
+                return Err(format!("the {what} of \"{}\" are in more than one place", slot.module));
             }
             if own as usize != bytes {
                 return Err(format!("\"{}\" has {bytes} bytes of {what}, and the project has {own}", slot.module));

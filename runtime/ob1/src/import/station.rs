@@ -9,7 +9,7 @@ use ob1_model::{BlockId, BlockKind};
 use ob1_project::{Area, Module, Note, Notes, Translation};
 
 use super::hardware::{Hardware, cp_type, merged};
-use super::output::{BLOCKS, SYMBOLS};
+use super::names::{BLOCKS, SYMBOLS, clean, line};
 use super::profibus::{GsdFiles, Slaves};
 use super::replace::{Replaced, plugin_of};
 use super::used::{Used, areas};
@@ -64,7 +64,7 @@ fn head(made: &mut Made, title: &str, used: &Used, hardware: &Hardware) {
     let image = |named: u32| named.max(IMAGE).next_multiple_of(2).min(MOST_IMAGE);
     let numbers = |named: u32| named.clamp(NUMBERS, MOST_NUMBERS);
     let text = &mut made.text;
-    let _ = writeln!(text, "# Made by `ob1 import` of {}; report.txt says what was made up.", line(title));
+    let _ = writeln!(text, "# Made by `ob1 import` of {}; report.txt says what was assumed.", line(title));
     let _ = writeln!(text, "[station]\nname = \"{}\"\n\n[cpu]", station_name(title));
     if let Some(cpu) = cpu {
         let _ = writeln!(text, "# {}", line(&cpu.name));
@@ -271,25 +271,6 @@ impl Modules {
         }
         name
     }
-}
-
-/// A comment's text in one line.
-pub(super) fn line(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect::<String>().trim().to_owned()
-}
-
-/// Letters, digits, `-` and `_`.
-pub(super) fn clean(text: &str, most: usize) -> String {
-    let mut out = String::new();
-    for c in text.chars() {
-        match c {
-            c if c.is_ascii_alphanumeric() || c == '_' => out.push(c.to_ascii_lowercase()),
-            _ if !out.is_empty() && !out.ends_with('-') => out.push('-'),
-            _ => {}
-        }
-    }
-    out.truncate(most);
-    out.trim_matches('-').to_owned()
 }
 
 fn station_name(title: &str) -> String {

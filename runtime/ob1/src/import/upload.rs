@@ -9,14 +9,13 @@ use ob1_project::{CodePage, Folder, Note, Notes, Wanted, translate};
 use ob1_s7::client::jobs::Device;
 use ob1_s7::wire::BlockType;
 
+use super::block_files::{Blocks, UPLOADED, collect};
 use super::hardware::Hardware;
 use super::profibus::GsdFiles;
 use super::wire::{CpuArgs, Socket, connect};
 use super::{outcome, output, replace, report, station};
 use crate::exit::ImportExit;
 
-/// Where the blocks lie as they came from the CPU.
-pub(super) const UPLOADED: &str = "uploaded";
 /// The types of blocks a program is made of.
 const TYPES: [BlockType; 4] = [BlockType::Ob, BlockType::Fb, BlockType::Fc, BlockType::Db];
 /// The code page of names, which have no other: eight characters each.
@@ -29,7 +28,7 @@ const PAGE: u16 = 1252;
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 upload 192.168.0.10 --out press\n  ob1 upload 127.0.0.1:10102 --slot 2 --out copy\n\n\
-    Exit codes: 0 the program came over whole, 1 blocks were left out, 2 nothing could be read.\n\nMore: docs/s7-link.md."
+    Exit codes: 0 the whole program was uploaded, 1 blocks were left out, 2 nothing could be read.\n\nMore: docs/s7-link.md."
 )]
 pub struct UploadArgs {
     #[command(flatten)]
@@ -59,9 +58,6 @@ pub struct CompareArgs {
     /// The folder of the upload, or a station file
     pub folder: PathBuf,
 }
-
-/// Blocks by name, as they came.
-pub(super) type Blocks = BTreeMap<String, Vec<u8>>;
 
 /// Uploads; prints what there is to print.
 #[must_use]
@@ -168,7 +164,7 @@ pub fn compare(args: &CompareArgs) -> ImportExit {
 }
 
 fn held_against(args: &CompareArgs) -> Result<ImportExit, String> {
-    let kept = super::download::collect(std::slice::from_ref(&args.folder))?;
+    let kept = collect(std::slice::from_ref(&args.folder))?;
     let (there, _) = read(&mut connect(&args.cpu)?)?;
     let names: BTreeSet<&String> = kept.keys().chain(there.keys()).collect();
     let mut other = 0;

@@ -53,7 +53,7 @@ fn fill(path: &Path, files: &[File]) -> io::Result<()> {
 }
 
 fn refused(path: &Path, error: &io::Error) -> Refusal {
-    let remedy = "choose a folder this user may write to, on a disk with room; nothing was left behind";
+    let remedy = "choose a folder this user may write to, on a disk with room; nothing was written";
     Refusal::new(Exit::System, REFUSED, path, format!("it cannot be written: {error}"), remedy)
 }
 

@@ -13,7 +13,7 @@ use ob1_station::station_file;
 use crate::exit::Exit;
 use folder::File;
 
-/// The last part of the path is no name.
+/// The last part of the path is not a name.
 const NAME: &str = "N001";
 /// Something lies there already.
 const TAKEN: &str = "N002";

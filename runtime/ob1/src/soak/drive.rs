@@ -2,6 +2,7 @@
 
 use std::fs::{self, File};
 use std::io;
+use std::path::Path;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use super::budget::Budget;
@@ -13,13 +14,13 @@ use super::report::{Report, Role, SOAK_SCHEMA};
 use super::station::{Station, exit_text, resident};
 use super::text;
 use super::verdict::Ended;
-use super::{Options, budget};
+use super::{SoakArgs, budget};
 use ob1_station::access::protocol::{GrantStatus, Op, Status};
 use ob1_station::run::console::LiveLine;
 use ob1_station::run::signals::Signals;
 use ob1_station::station_file;
 
-/// Between two looks at signals, the station's process and the driver kills.
+/// Between two checks of signals, the station's process and the driver kills.
 const TICK: Duration = Duration::from_millis(50);
 /// Between two live lines.
 const LIVE: Duration = Duration::from_secs(1);
@@ -29,53 +30,53 @@ const CHECKPOINT: Duration = Duration::from_secs(60);
 /// one in no time.
 const INTERVALS: u32 = 480;
 const SHORTEST: Duration = Duration::from_secs(1);
-/// Longest warm-up that is not asked for.
+/// Longest warm-up without `--warm-up`.
 const WARM_UP: Duration = Duration::from_secs(10);
 /// A station that is not in RUN after this time will not get there.
 const START: Duration = Duration::from_secs(120);
 
 /// Runs a soak. The error is what to print.
-pub(super) fn drive(options: &Options) -> Result<Report, String> {
+pub(super) fn drive(file: &Path, time: Duration, args: &SoakArgs) -> Result<Report, String> {
     let system = |what: &str, error: io::Error| format!("ob1: {what}: {error}\n");
-    let file = station_file::load(&options.station)
+    let station = station_file::load(file)
         .map_err(|findings| findings.iter().map(|finding| format!("{finding}\n")).collect::<String>())?;
-    options.load.check(file.simulated_lines.len()).map_err(|why| format!("ob1: {why}\n"))?;
+    args.load.check(station.simulated_lines.len()).map_err(|why| format!("ob1: {why}\n"))?;
     let signals = Signals::catch().map_err(|e| system("signals", e))?;
-    let files = Files::new(options.report.as_deref(), &file.name);
+    let files = Files::new(args.report.as_deref(), &station.name);
     let log = File::create(files.path("log")).map_err(|e| system(&files.path("log").display().to_string(), e))?;
-    let more = match options.load.line_faults {
+    let more = match args.load.line_faults {
         0 => Vec::new(),
-        faults => vec![format!("--line-faults={faults}"), format!("--line-seed={}", options.seed)],
+        faults => vec![format!("--line-faults={faults}"), format!("--line-seed={}", args.seed)],
     };
-    let station = Station::start(&options.station, &more, log).map_err(|e| system("the station", e))?;
-    let generators =
-        Generators::start(&options.load, options.seed, &files.folder()).map_err(|e| system("the load", e))?;
+    let process = Station::start(file, &more, log).map_err(|e| system("the station", e))?;
+    let generators = Generators::start(&args.load, args.seed, &files.folder()).map_err(|e| system("the load", e))?;
     let mut soak = Soak {
-        options,
+        args,
+        time,
         signals,
-        station,
+        station: process,
         generators,
-        kills: Kills::new(&options.load, options.seed),
-        cells: cells(options),
-        line: LiveLine::new(options.quiet),
+        kills: Kills::new(&args.load, args.seed),
+        cells: cells(args),
+        line: LiveLine::new(args.quiet),
         files,
     };
-    let affinity = &file.realtime.affinity;
+    let affinity = &station.realtime.affinity;
     let facts = ob1_rt::system_facts(affinity).iter().map(GrantStatus::from).collect();
     soak.until_run()?;
     soak.measure(facts)
 }
 
-/// All cells that are read, with their roles: those of the ledger, those of the budget, those asked for.
-fn cells(options: &Options) -> Vec<(String, Role)> {
+/// All cells that are read, with their roles: those of the ledger, those of the budget, those requested.
+fn cells(args: &SoakArgs) -> Vec<(String, Role)> {
     let mut cells: Vec<(String, Role)> = Vec::new();
-    let of_budget = options.budget.iter().filter_map(|budget| match &budget.what {
+    let of_budget = args.budget.iter().filter_map(|budget| match &budget.what {
         budget::What::Cell(name) => Some(name),
         _ => None,
     });
-    let own = of_budget.chain(&options.cells).map(|name| (name, Role::Own));
-    let ledger = options.doubled.iter().map(|name| (name, Role::Doubled));
-    for (name, role) in ledger.chain(options.wrong.iter().map(|name| (name, Role::Wrong))).chain(own) {
+    let own = of_budget.chain(&args.cells).map(|name| (name, Role::Own));
+    let ledger = args.doubled.iter().map(|name| (name, Role::Doubled));
+    for (name, role) in ledger.chain(args.wrong.iter().map(|name| (name, Role::Wrong))).chain(own) {
         if cells.iter().all(|(known, _)| known != name) {
             cells.push((name.clone(), role));
         }
@@ -84,7 +85,8 @@ fn cells(options: &Options) -> Vec<(String, Role)> {
 }
 
 struct Soak<'a> {
-    options: &'a Options,
+    args: &'a SoakArgs,
+    time: Duration,
     signals: Signals,
     /// Ended before the generators: they are there as long as it runs.
     station: Station,
@@ -122,8 +124,8 @@ impl Soak<'_> {
     }
 
     fn measure(&mut self, facts: Vec<GrantStatus>) -> Result<Report, String> {
-        let wanted = self.options.time;
-        let warm_up = self.options.warm_up.unwrap_or((wanted / 10).min(WARM_UP));
+        let wanted = self.time;
+        let warm_up = self.args.warm_up.map_or((wanted / 10).min(WARM_UP), Duration::from);
         let begin = Instant::now();
         while begin.elapsed() < warm_up {
             if self.signals.wait(TICK.min(warm_up.saturating_sub(begin.elapsed()))) {
@@ -159,7 +161,7 @@ impl Soak<'_> {
 
     /// Until the end, whatever it is.
     fn watch(&mut self, measurement: &mut Measurement, begin: Instant, interval: Duration) -> Result<Ended, String> {
-        let wanted = self.options.time;
+        let wanted = self.time;
         let (mut next_live, mut next_interval, mut next_checkpoint) = (LIVE, interval, Duration::ZERO);
         loop {
             let elapsed = begin.elapsed();
@@ -188,8 +190,8 @@ impl Soak<'_> {
             }
             if elapsed >= next_checkpoint {
                 next_checkpoint = elapsed + CHECKPOINT;
-                self.write(&mut measurement.report, &self.options.budget)?;
-                if !self.options.quiet && !self.line.is_on() {
+                self.write(&mut measurement.report, &self.args.budget)?;
+                if !self.args.quiet && !self.line.is_on() {
                     let report = &measurement.report;
                     if let Some(timing) = &report.timing {
                         err!("{}", text::live(report.wanted_ns, elapsed.as_nanos() as u64, timing, &report.telegrams));
@@ -235,8 +237,8 @@ impl Soak<'_> {
             let log = self.files.path("log").display().to_string();
             report.end = format!("{}; what it said is in {log}", exit_text(exit));
         }
-        self.write(&mut report, &self.options.budget)?;
-        if !self.options.quiet {
+        self.write(&mut report, &self.args.budget)?;
+        if !self.args.quiet {
             err!("report: {}", self.files.path("html").display());
         }
         Ok(report)
@@ -244,7 +246,7 @@ impl Soak<'_> {
 
     /// Judges what there is and writes it.
     fn write(&self, report: &mut Report, budget: &[Budget]) -> Result<(), String> {
-        report.load = (!self.options.load.text.is_empty()).then(|| self.generators.report());
+        report.load = (!self.args.load.text.is_empty()).then(|| self.generators.report());
         judge(report, budget);
         self.files.write(report).map_err(|e| format!("ob1: {}: {e}\n", self.files.path("json").display()))
     }

@@ -14,12 +14,12 @@ pub(super) struct Files {
 }
 
 impl Files {
-    /// With the name wanted (an ending `.json` is no part of it), or one made of the station and the date.
+    /// With the requested name (an ending `.json` is not part of it), or one made of the station and the date.
     pub(super) fn new(wanted: Option<&Path>, station: &str) -> Self {
         let base = match wanted {
             Some(path) if path.extension().is_some_and(|ending| ending == "json") => path.with_extension(""),
             Some(path) => path.to_owned(),
-            None => PathBuf::from(format!("{station}-soak-{}", stamp(ob1_station::assembly::date_now()))),
+            None => PathBuf::from(format!("{station}-soak-{}", stamp(ob1_station::wall_clock::date_now()))),
         };
         Self { base }
     }

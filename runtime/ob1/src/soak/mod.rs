@@ -4,6 +4,7 @@
 //! the report, and judges it. Everything from the readings on is pure: [`measure`] collects, [`judge`] decides,
 //! [`text`] and [`html`] show.
 
+mod args;
 mod budget;
 mod compare;
 mod drive;
@@ -17,49 +18,24 @@ mod station;
 pub mod text;
 pub mod verdict;
 
-use std::path::PathBuf;
-use std::time::Duration;
-
+pub use args::SoakArgs;
 pub use budget::Budget;
-pub use compare::compare;
 pub use load::Load;
 pub use report::Report;
 
 use crate::exit::SoakExit;
 
-/// What the command line asks for.
-#[derive(Clone, Debug)]
-pub struct Options {
-    /// The station file.
-    pub station: PathBuf,
-    /// How long to measure.
-    pub time: Duration,
-    /// Time in RUN before that; none: a tenth of it, at most ten seconds.
-    pub warm_up: Option<Duration>,
-    /// What has to be kept.
-    pub budget: Vec<Budget>,
-    /// Cells of the program to follow.
-    pub cells: Vec<String>,
-    /// The cell that counts telegrams that arrived twice.
-    pub doubled: Option<String>,
-    /// The cell that counts telegrams that arrived with another content.
-    pub wrong: Option<String>,
-    /// What to put the station under.
-    pub load: Load,
-    /// The seed of the load.
-    pub seed: u64,
-    /// The reports' path without its ending.
-    pub report: Option<PathBuf>,
-    /// Print the verdict only.
-    pub quiet: bool,
-}
-
-/// Runs a soak to its verdict; prints what there is to print.
+/// Runs a soak to its verdict, or compares two reports; prints what there is to print.
 #[must_use]
-pub fn soak(options: &Options) -> SoakExit {
-    match drive::drive(options) {
+pub fn soak(args: &SoakArgs) -> SoakExit {
+    if let Some([a, b]) = args.compare.as_deref() {
+        return compare::compare(a, b, f64::from(args.margin) / 100.0);
+    }
+    // clap has seen to it that both are there.
+    let (Some(station), Some(time)) = (&args.station, args.time) else { return SoakExit::Inconclusive };
+    match drive::drive(station, time.into(), args) {
         Ok(report) => {
-            if options.quiet {
+            if args.quiet {
                 say!("{}", report.verdict.line());
             } else {
                 says!("{}", text::report(&report));

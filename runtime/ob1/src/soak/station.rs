@@ -36,7 +36,7 @@ impl Station {
             .stderr(log)
             .process_group(0)
             .spawn()?;
-        // A path that is no name: `station.toml` and not `station`.
+        // A path that is not a name: `station.toml` and not `station`.
         let file = if file.components().count() > 1 { file.to_path_buf() } else { Path::new(".").join(file) };
         Ok(Self { child, file: file.display().to_string(), client: None })
     }

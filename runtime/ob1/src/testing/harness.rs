@@ -15,7 +15,7 @@ use ob1_stl::Library;
 
 use super::plan::Call;
 use ob1_station::finding::Text;
-use ob1_station::station_file::Mnemonics;
+use ob1_station::sources::Mnemonics;
 use ob1_station::station_file::findings::Findings;
 
 /// The number from which free ones are looked for, downwards.

@@ -7,10 +7,11 @@ use ob1_cpu::{Command, OperatingState};
 use ob1_model::{BlockId, BlockKind};
 
 use super::file::{Cells, Placed, StepTable, TestFile, TestTable};
+use ob1_station::block_name::parse_block;
 use ob1_station::finding::{Finding, Text};
-use ob1_station::program::Sources;
+use ob1_station::sources::{Mnemonics, Sources};
 use ob1_station::station_file::findings::{CONTRADICTION, Findings, MISSING, VALUE, of_toml};
-use ob1_station::station_file::{Mnemonics, choice, parse_block, parse_duration, standard};
+use ob1_station::station_file::{choice, parse_duration, standard};
 use ob1_time::{Instant, Span};
 
 /// Minimum cycle time of a test without a station file.

@@ -15,7 +15,8 @@ use super::plan::{self, Plan, Run, Step, Test, Tested};
 use super::report::{Failure, FileReport, Outcome};
 use ob1_access::Names;
 use ob1_station::finding::{Finding, Level, Text};
-use ob1_station::program::{self, Loaded, Sources};
+use ob1_station::program::{self, Loaded};
+use ob1_station::sources::Sources;
 use ob1_station::station_file::findings::Findings;
 use ob1_station::station_file::{self, ModuleConfig};
 
@@ -94,7 +95,7 @@ impl Subject {
         let plugins = program::load_plugins(&plugins)?;
         let library = program::library(&plugins, &wanted.library)?;
         let mut findings = Vec::new();
-        let (files, symbols) = ob1_station::folder::expand(&wanted.files, &wanted.symbols);
+        let (files, symbols) = ob1_station::program_files::expand(&wanted.files, &wanted.symbols);
         let wanted = Sources { files, symbols, ..wanted };
         let sources = program::read_all(&wanted.files, &wanted.places, &mut findings);
         let compiled = program::compile_texts(&sources, &wanted, &library, findings)?;

@@ -8,31 +8,31 @@ use super::data::Data;
 use super::keys::{Act, Key, Keys};
 use super::source::Source;
 use super::watch::Watched;
-use super::{Options, TopError, plain, screen};
+use super::{TopArgs, TopError, plain, screen};
 use ob1_station::access::client::AccessError;
 use ob1_station::out;
 
-/// Between two looks at the lines.
+/// Between two readings of the lines.
 const LINES: Duration = Duration::from_millis(200);
 
-fn watched(options: &Options) -> Vec<Watched> {
-    options.watch.iter().map(|text| Watched::parse(text)).collect()
+fn watched(args: &TopArgs) -> Vec<Watched> {
+    args.watch.iter().map(|text| Watched::parse(text)).collect()
 }
 
 /// Text, a look after the other.
-pub(super) fn plain(options: &Options) -> Result<(), TopError> {
-    let mut source = Source::open(&options.station)?;
-    let watch = watched(options);
+pub(super) fn plain(args: &TopArgs) -> Result<(), TopError> {
+    let mut source = Source::open(&args.station)?;
+    let watch = watched(args);
     let mut data = Data::new(source.look(&watch)?);
     let mut looks = 0;
     loop {
         say!("{}", plain::text(&data));
         out::flush();
         looks += 1;
-        if out::is_over() || options.count.is_some_and(|count| looks >= count) {
+        if out::is_over() || args.count.is_some_and(|count| looks >= count) {
             return Ok(());
         }
-        std::thread::sleep(options.every);
+        std::thread::sleep(args.every.into());
         match source.look(&watch) {
             Ok(look) => data.update(look),
             // The station has ended: so does this.
@@ -43,18 +43,18 @@ pub(super) fn plain(options: &Options) -> Result<(), TopError> {
 }
 
 /// The screen. The terminal is as it was before, however this ends.
-pub(super) fn screen(options: &Options) -> Result<(), TopError> {
-    let mut source = Source::open(&options.station)?;
-    let watch = watched(options);
+pub(super) fn screen(args: &TopArgs) -> Result<(), TopError> {
+    let mut source = Source::open(&args.station)?;
+    let watch = watched(args);
     let mut data = Data::new(source.look(&watch)?);
     let mut terminal = ratatui::try_init()?;
-    let done = watch_keys(options, &mut source, watch, &mut data, &mut terminal);
+    let done = watch_keys(args, &mut source, watch, &mut data, &mut terminal);
     ratatui::restore();
     done
 }
 
 fn watch_keys(
-    options: &Options,
+    args: &TopArgs,
     source: &mut Source,
     mut watch: Vec<Watched>,
     data: &mut Data,
@@ -66,7 +66,7 @@ fn watch_keys(
     loop {
         data.heard(&source.telegrams());
         terminal.draw(|frame| screen::draw(frame, data, &keys, &note))?;
-        let left = options.every.saturating_sub(looked.elapsed());
+        let left = Duration::from(args.every).saturating_sub(looked.elapsed());
         if !left.is_zero() {
             if !event::poll(left.min(LINES))? {
                 continue;
@@ -87,7 +87,7 @@ fn watch_keys(
                     };
                 }
             }
-        } else if options.count.is_some_and(|count| looks >= count) {
+        } else if args.count.is_some_and(|count| looks >= count) {
             return Ok(());
         }
         match source.look(&watch) {

@@ -9,37 +9,54 @@ mod source;
 use std::fs::File;
 use std::io;
 use std::path::PathBuf;
-use std::time::Duration;
 
+use clap::Args;
 use ob1_protocols::trace::record::Record;
+use ob1_time::Span;
 
 use crate::exit::Exit;
 use ob1_station::out;
+use ob1_station::station_file;
 
 pub use pcapng::Pcapng;
 pub use print::Printer;
 pub use recording::{Recorder, RecordingError, read};
 pub(crate) use source::Taps;
 
-/// What the command line asks for.
-#[derive(Clone, Debug, Default)]
-pub struct Options {
-    /// A running station, by its name or its file; or the first word is missing and `from` is there.
+/// Show what goes over the lines of a running station, or of a recording
+///
+/// Each telegram and each control character with its time (seconds since the driver's start), its direction (> from the
+/// CP, < to it), its meaning and its user data. Listening does not slow the CP down: what is not fetched in time is
+/// lost, and counted.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  ob1 trace press.toml\n  ob1 trace press.toml scale --raw\n  ob1 trace press --record line.trace --quiet --for 10min\n  \
+    ob1 trace --from line.trace\n  ob1 trace --from line.trace --pcapng line.pcapng       Modbus RTU, for Wireshark (docs/trace.md)"
+)]
+pub struct TraceArgs {
+    /// A running station: its name or its file
+    #[arg(required_unless_present = "from", conflicts_with = "from")]
     pub station: Option<String>,
-    /// One of its CPs or lines of buses; all of them without.
+    /// One of its CPs, or the line of a bus (field.bus); without it all of them
     pub cp: Option<String>,
-    /// A recording to read instead.
+    /// Read a recording instead of a running station
+    #[arg(long, value_name = "FILE", conflicts_with = "record")]
     pub from: Option<PathBuf>,
-    /// Where to record.
+    /// Record into this file
+    #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
-    /// Where to write frames for Wireshark.
+    /// Write the frames of Modbus RTU into this file
+    #[arg(long, value_name = "FILE")]
     pub pcapng: Option<PathBuf>,
-    /// Print the characters as they were on the line instead of the user data.
+    /// Show the characters as they were on the line instead of the user data
+    #[arg(long)]
     pub raw: bool,
-    /// Print nothing.
+    /// Print nothing
+    #[arg(long, short)]
     pub quiet: bool,
-    /// End after this time.
-    pub time: Option<Duration>,
+    /// End after this time: 10s, 8h
+    #[arg(long = "for", value_name = "TIME", value_parser = station_file::parse_duration)]
+    pub time: Option<Span>,
 }
 
 /// Why a trace ended badly.
@@ -66,8 +83,8 @@ pub enum TraceError {
 
 /// Traces until its end.
 #[must_use]
-pub fn trace(options: &Options) -> Exit {
-    match run(options) {
+pub fn trace(args: &TraceArgs) -> Exit {
+    match run(args) {
         Ok(()) => Exit::Ok,
         Err(error) => {
             err!("ob1: {error}");
@@ -89,16 +106,16 @@ struct Sinks {
 }
 
 impl Sinks {
-    fn open(options: &Options) -> Result<Self, TraceError> {
+    fn open(args: &TraceArgs) -> Result<Self, TraceError> {
         let create =
             |path: &PathBuf| File::create(path).map_err(|error| TraceError::File { path: path.clone(), error });
-        let recorder = options.record.as_ref().map(|path| Ok::<_, TraceError>(Recorder::new(create(path)?)?));
-        let pcapng = options.pcapng.as_ref().map(|path| Ok::<_, TraceError>(Pcapng::new(create(path)?)?));
+        let recorder = args.record.as_ref().map(|path| Ok::<_, TraceError>(Recorder::new(create(path)?)?));
+        let pcapng = args.pcapng.as_ref().map(|path| Ok::<_, TraceError>(Pcapng::new(create(path)?)?));
         Ok(Self {
-            printer: Printer::new(options.raw),
+            printer: Printer::new(args.raw),
             recorder: recorder.transpose()?,
             pcapng: pcapng.transpose()?,
-            quiet: options.quiet,
+            quiet: args.quiet,
         })
     }
 
@@ -137,9 +154,9 @@ impl Sinks {
     }
 }
 
-fn run(options: &Options) -> Result<(), TraceError> {
-    let mut sinks = Sinks::open(options)?;
-    match (&options.from, &options.station) {
+fn run(args: &TraceArgs) -> Result<(), TraceError> {
+    let mut sinks = Sinks::open(args)?;
+    match (&args.from, &args.station) {
         (Some(path), _) => {
             let bytes = std::fs::read(path).map_err(|error| TraceError::File { path: path.clone(), error })?;
             for entry in read(&bytes)? {
@@ -150,7 +167,7 @@ fn run(options: &Options) -> Result<(), TraceError> {
                 }
             }
         }
-        (None, Some(station)) => source::live(station, options, &mut sinks)?,
+        (None, Some(station)) => source::live(station, args, &mut sinks)?,
         (None, None) => return Err(TraceError::Nobody("name a running station, or a recording with --from".into())),
     }
     sinks.finish()?;

@@ -12,7 +12,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 use rustix::net::{AddressFamily, RecvFlags, SocketAddrUnix, SocketFlags, SocketType, connect, recv, socket_with};
 
-use super::{Options, Sinks, TraceError};
+use super::{Sinks, TraceArgs, TraceError};
 use ob1_station::access::client::Client;
 use ob1_station::access::protocol::Op;
 use ob1_station::rundir;
@@ -89,9 +89,9 @@ impl Taps {
     }
 }
 
-pub(super) fn live(station: &str, options: &Options, sinks: &mut Sinks) -> Result<(), TraceError> {
-    let end = options.time.map(|time| time::Instant::now() + time);
-    let mut taps = Taps::open(station, options.cp.as_deref(), true)?;
+pub(super) fn live(station: &str, args: &TraceArgs, sinks: &mut Sinks) -> Result<(), TraceError> {
+    let end = args.time.map(|time| time::Instant::now() + Duration::from(time));
+    let mut taps = Taps::open(station, args.cp.as_deref(), true)?;
     while !taps.is_over() && !sinks.is_over() {
         let left = end.map_or(QUIET, |end| end.saturating_duration_since(time::Instant::now()));
         if left.is_zero() {

@@ -13,7 +13,7 @@ use ob1_cpu::GROUP_ENTRIES;
 use ob1_time::{Instant, Span, WatchedTime};
 use rustix::event::{PollFd, PollFlags};
 
-/// Pause between two looks at the window, while a snapshot is waited for.
+/// Pause between two readings of the window, while a snapshot is waited for.
 const LOOK: Duration = Duration::from_micros(200);
 /// Longest pause between two looks while a request is under way; of a longer gap only twice as much counts as silence
 /// of the broker.

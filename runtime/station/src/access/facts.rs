@@ -8,16 +8,12 @@ use ob1_broker::{Change, Changed, DriverState, Facts, LinkState};
 use ob1_cpu::{CpuConfig, DIAG_ENTRIES, DiagEntry, Family};
 use ob1_host::driver;
 use ob1_ir::Program;
-use ob1_model::{BlockId, BlockKind};
+use ob1_model::BlockId;
 use ob1_time::Span;
 
 use crate::access::protocol::LinkStatus;
 use crate::download::Loader;
 use crate::view::StationView;
-
-/// The language of a block as its head has it. [the list of block types of S7 communication]
-const STL: u8 = 1;
-const DATA: u8 = 5;
 
 /// See above.
 pub(crate) struct StationFacts {
@@ -46,25 +42,6 @@ impl StationFacts {
 
 fn json(what: &impl serde::Serialize) -> serde_json::Result<Option<String>> {
     serde_json::to_string(what).map(Some)
-}
-
-/// The blocks of a program, in ascending order.
-pub(crate) fn blocks(program: &Program) -> Vec<BlockFact> {
-    let code = program.blocks.iter().map(|block| BlockFact {
-        id: block.id,
-        bytes: 0,
-        language: STL,
-        name: block.name.clone().unwrap_or_default(),
-    });
-    let data = program.data.iter().map(|block| BlockFact {
-        id: BlockId::new(BlockKind::Db, block.number),
-        bytes: block.bytes.len() as u32,
-        language: DATA,
-        name: block.name.clone().unwrap_or_default(),
-    });
-    let mut all: Vec<BlockFact> = code.chain(data).collect();
-    all.sort_by_key(|fact| fact.id);
-    all
 }
 
 impl Facts for StationFacts {
@@ -108,7 +85,7 @@ impl Facts for StationFacts {
         Diagnosis {
             number: entry.number,
             time: entry.time.nanos(),
-            wall: ob1_cpu::date_and_time(crate::assembly::date_of(told.unix_ns)),
+            wall: ob1_cpu::date_and_time(crate::wall_clock::date_of(told.unix_ns)),
             event: entry.event.0,
             block: entry.site.map(|site| site.block),
             line: entry.site.map_or(0, |site| site.line),

@@ -8,7 +8,6 @@ use ob1_model::Command;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::download::Download;
 use crate::timing::{Recorder, Timing};
 
 /// Longest line accepted, in bytes.
@@ -240,7 +239,7 @@ pub struct Piece {
 /// The value of a cell.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 pub struct CellValue {
-    /// Its name, as asked for.
+    /// Its name, as requested.
     pub item: String,
     /// Its S7 type.
     #[serde(rename = "type")]
@@ -359,11 +358,11 @@ pub struct DriverStatus {
 /// What became of a request to the operating system.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 pub struct GrantStatus {
-    /// What was asked for.
+    /// What was requested.
     pub what: String,
     /// `granted`, `partly` or `refused`.
     pub outcome: String,
-    /// More, when it was not granted as asked for.
+    /// More, when it was not granted as requested.
     pub detail: String,
     /// What would grant it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -470,6 +469,15 @@ impl Diagnostic {
         }
         told
     }
+}
+
+/// How a block differs from the sources, for `status`.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
+pub struct Download {
+    /// `FC 5`.
+    pub block: String,
+    /// `new`, `changed`, `deleted`, or `not used`: a plugin or a library serves it.
+    pub what: String,
 }
 
 #[cfg(test)]

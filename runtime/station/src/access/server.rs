@@ -17,7 +17,7 @@ use serde_json::Value;
 use super::clients::Clients;
 use super::control::{Control, Outcome, Pending};
 use super::protocol::{CellValue, Diagnostic, LINE_BYTES, Op, Request, Response};
-use crate::buses::BusView;
+use crate::bus_view::BusView;
 use crate::view::{StationView, event_number};
 
 /// How long the CPU may take to answer, beyond two cycles. It answers once a cycle; this is for one that hangs.
@@ -215,7 +215,7 @@ impl Serving {
     }
 }
 
-/// A request, once it has been looked at.
+/// A request, once it has been parsed.
 enum Begun {
     Answered(Box<Response>),
     UnderWay(Pending, Then),

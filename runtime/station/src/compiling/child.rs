@@ -13,7 +13,7 @@ use ob1_rt::Confinement;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::Signal;
 
-use super::{FILES, request};
+use super::request::{self, FILES};
 
 /// Most data it may have.
 const MEMORY: u64 = 4 << 30;
@@ -41,7 +41,7 @@ pub fn run() -> Result<(), String> {
 fn serve(socket: BorrowedFd<'_>, files: [io::Result<File>; FILES]) -> Result<(), String> {
     let mut message = [0; 32];
     let (length, request) = receive(socket, &mut message)?.ok_or("no request has come")?;
-    let order = Order::of(&message).filter(|_| length == message.len()).ok_or("what has come is no request")?;
+    let order = Order::of(&message).filter(|_| length == message.len()).ok_or("the message is not a request")?;
     let plan = request::plan(&request)?;
     drop(request);
     if fingerprint(&plan) != order.fingerprint {
@@ -173,7 +173,7 @@ mod tests {
             serve(theirs.as_fd(), [(); FILES].map(|()| memory_file()))
         };
         assert!(ended(&[0; 32], b"nothing").is_err());
-        assert_eq!(ended(&[0; 31], b"{}"), Err("what has come is no request".into()));
+        assert_eq!(ended(&[0; 31], b"{}"), Err("the message is not a request".into()));
         let (ours, theirs) = handover::pair().expect("a socket");
         drop(ours);
         let none = serve(theirs.as_fd(), [(); FILES].map(|()| memory_file()));

@@ -4,7 +4,7 @@
 //! The runtime's part is a thread that starts the process, checks what comes (a sealed file of code, refused unless it
 //! is made for this order), maps it, and puts the engine into a ring. The scan takes it out between two cycles and
 //! gives the old one back through another ring: no lock, no allocation, no system call there. Whatever goes wrong here,
-//! the station goes on with the engine it has, and says so once. (docs/engines.md)
+//! the station continues with the engine it has, and says so once. (docs/engines.md)
 
 mod child;
 mod listing;
@@ -28,14 +28,13 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::time::Timespec;
 
-use crate::kept::own_program;
+use crate::kept_process::own_program;
 
 pub use child::run as compile_blocks;
 pub use listing::listing;
+use request::FILES;
 pub use request::Request;
 
-/// Files of code that come for a program, at most: made quickly, with its hottest blocks optimised, optimised.
-const FILES: usize = 3;
 /// The command of this executable that runs as the process.
 const COMMAND: &str = "compile-blocks";
 /// The longest wait for engines that the scan gives back.
@@ -103,7 +102,7 @@ impl Compiling {
                 Ok(Outcome::Stopped) => {}
                 Ok(Outcome::Done) => work.bury(),
                 Err(why) => {
-                    tracing::warn!("machine code: {why}; the station goes on without it");
+                    tracing::warn!("machine code: {why}; the station continues without it");
                     work.bury();
                 }
             }

@@ -1,4 +1,4 @@
-//! What the process that compiles is told: the program, the parameters of native blocks, and the sizes of the CPU. It
+//! The input of the process that compiles: the program, the parameters of native blocks, and the sizes of the CPU. It
 //! loads them as the runtime has done, and makes code for the same plan. Also the account of what each block executes.
 
 use std::sync::Arc;
@@ -8,6 +8,9 @@ use ob1_cpu::{Abort, Cpu, CpuConfig, LoadError, NativeBlock, NativeContext, Nati
 use ob1_ir::{CodeBlock, Program};
 use ob1_model::{BlockId, Interface};
 use serde::{Deserialize, Serialize};
+
+/// Files of code that come for a program, at most: made quickly, with its hottest blocks optimised, optimised.
+pub(super) const FILES: usize = 3;
 
 /// A loaded program, in the form for the process that compiles.
 #[derive(Clone, Debug)]
@@ -31,7 +34,7 @@ struct Sizes {
     nesting_depth: u8,
 }
 
-/// The same fields of one struct in another, whose remaining fields have the values behind `..`.
+/// The same fields of one struct in another, whose remaining fields have the values after `..`.
 macro_rules! sizes {
     ($to:ident, $from:expr $(, ..$rest:expr)?) => {{
         let from = $from;
@@ -95,7 +98,7 @@ impl Request {
 /// The plan of a request that was received.
 ///
 /// # Errors
-/// It is no request, or its program cannot be loaded.
+/// It is not a request, or its program cannot be loaded.
 pub(super) fn plan(bytes: &[u8]) -> Result<Arc<Plan>, String> {
     let sent: Sent = serde_json::from_slice(bytes).map_err(|error| error.to_string())?;
     let program = ob1_ir::parse(&sent.program).map_err(|error| format!("the program: {error}"))?;

@@ -9,9 +9,9 @@ use ob1_mc7::{BlockImage, CompiledInterface};
 use ob1_model::{BlockId, BlockKind};
 use ob1_project::Image;
 use ob1_stl::Library;
-use serde::{Deserialize, Serialize};
 
-use crate::view::KnownProgram;
+use crate::access::protocol::Download;
+use crate::known::KnownProgram;
 
 /// In the head of a data block: it cannot be written to.
 const READ_ONLY: u8 = 0x04;
@@ -19,15 +19,6 @@ const READ_ONLY: u8 = 0x04;
 /// Blocks as they came, by kind and number; `None`: it was deleted.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Changes(pub(super) BTreeMap<BlockId, Option<Vec<u8>>>);
-
-/// How a block differs from the sources, for `status`.
-#[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
-pub struct Download {
-    /// `FC 5`.
-    pub block: String,
-    /// `new`, `changed`, `deleted`, or `not used`: a plugin or a library serves it.
-    pub what: String,
-}
 
 impl Changes {
     /// Nothing was changed.

@@ -9,7 +9,7 @@ use std::path::Path;
 
 use ob1_model::{BlockId, BlockKind};
 
-use super::Changes;
+use super::changes::Changes;
 
 const MAGIC: [u8; 8] = *b"ob1 load";
 const VERSION: u8 = 1;

@@ -26,7 +26,7 @@ use super::changes::{Changes, block, has};
 use super::file;
 use crate::compiling::{Compiling, Giver, Request, Successors};
 use crate::engine::EngineChoice;
-use crate::view::{Known, KnownProgram};
+use crate::known::{Known, KnownProgram};
 
 /// Programs under way to the scan.
 const UNDER_WAY: usize = 2;
@@ -99,7 +99,7 @@ pub struct Downloading {
     pub library: Arc<Library>,
     /// What others see of the program.
     pub known: Known,
-    /// The engine asked for.
+    /// The requested engine.
     pub engine: EngineChoice,
     /// What is compiled in a process of its own, if the choice of the engine is left to us.
     pub compile: Option<Request>,
@@ -218,7 +218,7 @@ impl Work {
         self.compiling = None;
         match Compiling::giving(request.with(Arc::clone(&self.with.now)), &plan, giver) {
             Ok(compiling) => self.compiling = Some(compiling),
-            Err(why) => tracing::warn!("machine code: {why}; the station goes on without it"),
+            Err(why) => tracing::warn!("machine code: {why}; the station continues without it"),
         }
     }
 
@@ -267,7 +267,7 @@ impl Work {
         let list: Vec<String> = told.iter().map(BlockId::to_string).collect();
         tracing::info!("downloaded or deleted: {}", list.join(", "));
         if let Err(why) = &kept {
-            tracing::error!("what was downloaded is lost when the station ends: {why}");
+            tracing::error!("the downloaded blocks are lost when the station ends: {why}");
         }
         let known = with.changes.known(&with.now, (&with.sources, &with.around), &with.library);
         with.known.set(KnownProgram { not_kept: kept.err(), ..known });

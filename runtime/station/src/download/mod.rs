@@ -8,7 +8,7 @@ mod changes;
 mod file;
 mod loader;
 
-pub use changes::{Changes, Download};
+pub use changes::Changes;
 pub use file::{read, write};
 pub(crate) use loader::Loader;
 pub use loader::{Downloading, Newcomers};

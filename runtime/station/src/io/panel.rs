@@ -8,7 +8,6 @@ use ob1_backplane::IoField;
 use ob1_cpu::{Cell, Width};
 use ob1_model::Area;
 
-use super::ProcessIo;
 use crate::station_file::{ModuleConfig, ModuleKind};
 
 /// The inputs of a station's process I/O modules.
@@ -26,16 +25,16 @@ impl fmt::Debug for Panel {
 }
 
 impl Panel {
-    /// The inputs among `modules`, which live in `io`.
+    /// The inputs among `modules`, which live in this image.
     #[must_use]
-    pub fn new(io: &ProcessIo, modules: &[ModuleConfig]) -> Option<Self> {
+    pub fn new(field: IoField, modules: &[ModuleConfig]) -> Self {
         let bytes = |module: &ModuleConfig| match module.kind {
             ModuleKind::Inputs { bytes } => {
                 Some(module.input_address..module.input_address.saturating_add(u32::from(bytes)))
             }
             _ => None,
         };
-        Some(Self { field: io.field()?, modules: modules.iter().filter_map(bytes).collect() })
+        Self { field, modules: modules.iter().filter_map(bytes).collect() }
     }
 
     /// Writes an input if all of it belongs to modules. False: it does not, and the CPU's memory has to take the value.
@@ -66,7 +65,7 @@ mod tests {
     use ob1_backplane::IoImage;
 
     use super::*;
-    use crate::io::Stimulus;
+    use crate::io::{ProcessIo, Stimulus};
     use crate::station_file::Absent;
 
     #[test]
@@ -88,7 +87,7 @@ mod tests {
         let image = IoImage::heap();
         let field = image.field();
         let io = ProcessIo::new(image, Stimulus::default());
-        let panel = Panel::new(&io, &modules).expect("not poisoned");
+        let panel = Panel::new(io.field().expect("not poisoned"), &modules);
         let input = |byte: u32, bit: u32| Cell::Area(Area::Input, byte * 8 + bit);
         let inputs = || {
             let mut bytes = [0; 5];

@@ -111,7 +111,11 @@ impl Stimulus {
             }
         }
         if repeat == Some(Span::ZERO) {
-            found.push(error(0..0, "repeat must be longer than 0".to_owned(), "one round of a repeated stimulus must take time"));
+            found.push(error(
+                0..0,
+                "repeat must be longer than 0".to_owned(),
+                "one round of a repeated stimulus must take time",
+            ));
         }
         changes.sort_by_key(|change| change.time);
         if found.is_empty() { Ok(Self { changes, repeat, next: 0, round: Instant::START }) } else { Err(found) }

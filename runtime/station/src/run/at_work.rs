@@ -19,17 +19,19 @@ use ob1_time::Span;
 use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType, bind, socket_with};
 
 use super::console::LiveLine;
+use super::failure::Failure;
 use super::journal::Journal;
 use super::last_words;
 use super::monitor::Monitor;
+use super::options::Options;
 use super::report::{Ended, Report};
 use super::scan::{Scan, ScanState};
 use super::signals::Signals;
-use super::{Failure, Options};
 use crate::access::facts::StationFacts;
 use crate::access::server::Server;
-use crate::assembly::{self, Assembly, find_program};
+use crate::assembly::{self, Assembly};
 use crate::compiling::Compiling;
+use crate::drivers::find_program;
 use crate::exit::Exit;
 use crate::guardian::Guardian;
 use crate::io::ProcessIo;
@@ -45,7 +47,7 @@ use crate::view::StationView;
 
 /// Connections that may wait at the tap of a link.
 const TAP_CALLERS: i32 = 4;
-/// Time between two looks at the scan and the clock.
+/// Time between two checks of the scan and the clock.
 const TICK: Duration = Duration::from_millis(20);
 /// Ticks between two live lines.
 const LIVE_TICKS: u32 = 25;
@@ -420,7 +422,7 @@ fn tap(path: &Path) -> std::io::Result<OwnedFd> {
     Ok(socket)
 }
 
-/// The keys of a link. An S7 link has a tap; a page that may show everything is told where the drivers publish what
+/// The keys of a link. An S7 link has a tap; a page that may show everything learns where the drivers publish what
 /// goes over their lines.
 fn with_taps(link: &StationLink, control_socket: &Path) -> String {
     let keys: Option<serde_json::Value> = serde_json::from_str(&link.config).ok();

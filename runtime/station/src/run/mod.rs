@@ -1,10 +1,12 @@
-//! `ob1 run`: builds a station, runs it, and leaves nothing behind.
+//! `ob1 run`: builds a station, runs it, and removes all it has made.
 
 mod at_work;
 pub mod console;
+mod failure;
 mod journal;
 mod last_words;
-mod monitor;
+pub(crate) mod monitor;
+mod options;
 mod report;
 mod scan;
 pub mod signals;
@@ -13,67 +15,23 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use ob1_rt::MonotonicClock;
-use ob1_time::Span;
 
-use crate::assembly::{self, AssemblyError, DriverSettings};
+use crate::assembly::{self, AssemblyError};
+use crate::drivers::{self, DriverSettings};
 use crate::exit::Exit;
 use crate::finding::{Finding, Level};
 use crate::guardian::{Guardian, Patience, Ward};
 use crate::out;
 use crate::posture;
-use crate::program::{self, LoadFailure};
+use crate::program;
 use crate::rundir::{self, RunDir, RunDirError};
 use crate::station_file::{self, Station};
 
 use at_work::AtWork;
-pub(crate) use monitor::time as monitor_time;
+use failure::Failure;
+pub use options::Options;
 pub use report::{Ended, REPORT_SCHEMA, Report};
 use signals::Signals;
-
-/// What the command line asks for.
-#[derive(Clone, Debug)]
-pub struct Options {
-    /// The station file.
-    pub station: PathBuf,
-    /// End after this time in RUN.
-    pub time: Option<Span>,
-    /// End after so many scans.
-    pub scans: Option<u64>,
-    /// Write a report there.
-    pub report: Option<PathBuf>,
-    /// Only warnings and errors.
-    pub quiet: bool,
-    /// Raise the system-call fence around the scan thread.
-    pub fence: bool,
-    /// End with standard input: whoever started this run holds the other end.
-    pub lifeline: bool,
-    /// More faults on simulated lines, in characters per million.
-    pub line_faults: u32,
-    /// Gives these faults another course.
-    pub line_seed: u64,
-}
-
-/// A run that could not begin or end: exit code and what to print.
-#[derive(Debug)]
-struct Failure(Exit, String);
-
-impl Failure {
-    fn of_findings(exit: Exit, findings: &[Finding]) -> Self {
-        Self(exit, findings.iter().map(|f| format!("{f}\n")).collect())
-    }
-
-    fn of_load(failure: &LoadFailure) -> Self {
-        let exit = match failure {
-            LoadFailure::Plugin(_) => Exit::Plugin,
-            LoadFailure::Rejected(_) => Exit::Rejected,
-        };
-        Self::of_findings(exit, failure.findings())
-    }
-
-    fn system(what: &str, error: &dyn std::fmt::Display) -> Self {
-        Self(Exit::System, format!("ob1: {what}: {error}\n"))
-    }
-}
 
 /// Runs a station until its end; prints what there is to print.
 #[must_use]
@@ -185,7 +143,7 @@ fn exit_is_a_fault(assembly: &assembly::Assembly) -> ob1_rt::ExitGuard {
 
 fn driver_settings(station: &Station, quiet: bool) -> Result<DriverSettings, Failure> {
     let find = |wanted: bool, name: &str, variable: &str| match wanted {
-        true => assembly::find_driver(name, variable).map_err(|text| Failure(Exit::System, format!("ob1: {text}\n"))),
+        true => drivers::find_driver(name, variable).map_err(|text| Failure(Exit::System, format!("ob1: {text}\n"))),
         false => Ok(PathBuf::new()),
     };
     let has_cps = station.modules.iter().any(|m| m.kind.line().is_some()) || !station.simulated_lines.is_empty();

@@ -132,7 +132,7 @@ pub(super) struct Scan {
     pub(super) clock: MonotonicClock,
     pub(super) shared: Arc<ScanState>,
     pub(super) realtime: Realtime,
-    /// Grants asked for so far; the thread adds its own and publishes all.
+    /// Grants requested so far; the thread adds its own and publishes all.
     pub(super) grants: Vec<Grant>,
     pub(super) posture: Arc<OnceLock<Vec<Grant>>>,
     pub(super) limit: Option<u64>,

@@ -7,14 +7,17 @@ use ob1_cpu::{AccountsConfig, CpuConfig, Family, ImageErrors, MissedCycle};
 use ob1_model::{BlockId, BlockKind};
 use ob1_time::Span;
 
-use super::findings::{CONTRADICTION, Findings, TWICE, UNREADABLE, VALUE};
+use super::building::Buses;
+use super::findings::{CONTRADICTION, Findings, TWICE, VALUE};
 use super::tables::{CpuTable, Placed, PluginTable, StationFile, TimingTable};
-use super::types::{Mnemonics, Plugin, Realtime, Station};
-use super::{buses, connection, interrupts, link, modules, parse_duration, retentive, simulated};
+use super::types::{Plugin, Realtime, Station};
+use super::values::{choice, name, number, places, time};
+use super::{connection, interrupts, link, modules, retentive, simulated};
+use crate::block_name::parse_block;
 use crate::engine::EngineChoice;
-use crate::finding::{Finding, Text, nearest};
+use crate::finding::{Finding, Text};
 use crate::library::{self, Choice};
-use crate::program::Sources;
+use crate::sources::{Mnemonics, Sources};
 
 pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Result<Station, Vec<Finding>> {
     let mut findings = Findings::new(source);
@@ -22,7 +25,7 @@ pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Resu
     let mut cpu = cpu(f, &file.cpu);
     cpu.accounts = accounts(f, &file.timing);
     let retentive = retentive::retentive(f, file.retentive.as_ref(), &file.station, folder, &mut cpu);
-    let mut buses = buses::Buses::new(f, &file.bus, &cpu, folder);
+    let mut buses = Buses::new(f, &file.bus, &cpu, folder);
     let mut modules = modules::modules(f, &file.module, &mut buses, folder);
     let buses = buses.finish(f, &mut modules);
     let mut links =
@@ -61,76 +64,6 @@ pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Resu
     findings.into_result(station)
 }
 
-/// What a name is.
-pub const NAME_RULE: &str = "1 to 40 letters, digits, - and _: it also names files";
-
-/// Whether a text is a name, that can stand in a path and in a list.
-#[must_use]
-pub fn is_name(text: &str) -> bool {
-    let legal = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-    !text.is_empty() && text.len() <= 40 && text.chars().all(legal)
-}
-
-/// A name in the file.
-pub(super) fn name(f: &mut Findings<'_>, of: &str, name: &Placed<String>) -> String {
-    let text = name.get_ref();
-    if !is_name(text) {
-        f.error(VALUE, name.span(), format!("\"{text}\" is not a name for a {of}"), NAME_RULE);
-    }
-    text.clone()
-}
-
-/// A whole number within its range; the default when it is missing or wrong.
-pub(super) fn number<T: TryFrom<i64> + Copy>(
-    f: &mut Findings<'_>,
-    key: &str,
-    value: Option<&Placed<i64>>,
-    range: std::ops::RangeInclusive<i64>,
-    default: T,
-) -> T {
-    let Some(value) = value else { return default };
-    match T::try_from(*value.get_ref()) {
-        Ok(number) if range.contains(value.get_ref()) => number,
-        _ => {
-            let message = format!("{key} = {} is out of range", value.get_ref());
-            f.error(VALUE, value.span(), message, format!("{} to {}", range.start(), range.end()));
-            default
-        }
-    }
-}
-
-/// One of a few words.
-pub fn choice<T: Copy>(
-    f: &mut Findings<'_>,
-    key: &str,
-    value: Option<&Placed<String>>,
-    words: &[(&str, T)],
-) -> Option<T> {
-    let value = value?;
-    let text = value.get_ref().as_str();
-    if let Some((_, meaning)) = words.iter().find(|(word, _)| *word == text) {
-        return Some(*meaning);
-    }
-    let known = words.iter().map(|(word, _)| *word);
-    let remedy = match nearest(text, known.clone()) {
-        Some(near) => format!("did you mean \"{near}\"?"),
-        None => format!("one of {}", known.map(|w| format!("\"{w}\"")).collect::<Vec<_>>().join(", ")),
-    };
-    f.error(VALUE, value.span(), format!("{key} cannot be \"{text}\""), remedy);
-    None
-}
-
-pub(super) fn time(f: &mut Findings<'_>, value: Option<&Placed<String>>, default: Span) -> Span {
-    let Some(value) = value else { return default };
-    match parse_duration(value.get_ref()) {
-        Ok(time) => time,
-        Err(message) => {
-            f.error(VALUE, value.span(), message, "a number and a unit, in quotes: \"250us\", \"1ms\", \"1.5s\"");
-            default
-        }
-    }
-}
-
 fn cpu(f: &mut Findings<'_>, table: &CpuTable) -> CpuConfig {
     let d = CpuConfig::of(family(f, table.family.as_ref()));
     let image = &table.process_image;
@@ -163,7 +96,7 @@ fn cpu(f: &mut Findings<'_>, table: &CpuTable) -> CpuConfig {
         && u32::try_from(*byte.get_ref()).is_ok_and(|b| b >= config.memory_bytes)
     {
         let message =
-            format!("clock_memory = {} lies outside the {} bytes of bit memory", byte.get_ref(), config.memory_bytes);
+            format!("clock_memory = {} is outside the {} bytes of bit memory", byte.get_ref(), config.memory_bytes);
         f.error(CONTRADICTION, byte.span(), message, "name a byte that exists, or raise memory_bytes");
     }
     if !config.watchdog.is_zero() && config.watchdog < config.min_cycle {
@@ -265,17 +198,6 @@ fn fixed_numbers(f: &mut Findings<'_>, table: &BTreeMap<Placed<String>, Placed<S
     fixed
 }
 
-/// For each file of lists: the finding at its line if it cannot be read.
-pub fn places(f: &Findings<'_>, lists: &[&Vec<Placed<String>>], folder: &Path) -> Vec<(PathBuf, Finding)> {
-    let all = lists.iter().flat_map(|list| list.iter());
-    all.map(|named| {
-        let path = folder.join(named.get_ref());
-        let message = format!("the file {} cannot be read", path.display());
-        (path, f.at(UNREADABLE, named.span(), message, "paths count from the file that names them"))
-    })
-    .collect()
-}
-
 fn mnemonics(f: &mut Findings<'_>, value: Option<&Placed<String>>) -> Mnemonics {
     let words = [("de", Mnemonics::German), ("en", Mnemonics::International), ("auto", Mnemonics::Auto)];
     choice(f, "mnemonics", value, &words).unwrap_or_default()
@@ -324,21 +246,4 @@ fn block(f: &mut Findings<'_>, text: &Placed<String>) -> Option<BlockId> {
         f.error(VALUE, text.span(), message, "a kind and a number: \"FC 0\", \"FB 60\"");
     }
     id
-}
-
-/// `FC 0`, `fb60`, `DB 10`.
-pub fn parse_block(text: &str) -> Option<BlockId> {
-    let text = text.trim();
-    let digits = text.find(|c: char| c.is_ascii_digit())?;
-    let (kind, number) = text.split_at(digits);
-    let kind = match kind.trim().to_ascii_uppercase().as_str() {
-        "OB" => BlockKind::Ob,
-        "FB" => BlockKind::Fb,
-        "FC" => BlockKind::Fc,
-        "SFB" => BlockKind::Sfb,
-        "SFC" => BlockKind::Sfc,
-        "DB" => BlockKind::Db,
-        _ => return None,
-    };
-    Some(BlockId::new(kind, number.parse().ok()?))
 }

@@ -4,10 +4,10 @@ use std::net::{IpAddr, SocketAddr, ToSocketAddrs as _};
 
 use serde_json::json;
 
-use super::check::{choice, number};
 use super::findings::{CONTRADICTION, Findings, MISSING, TWICE, VALUE};
 use super::tables::{ConnectionTable, ModuleTable, Placed};
 use super::types::{ConnectionType, LinkKind, ModuleConfig, ModuleKind, StationConnection, StationLink};
+use super::values::{choice, number};
 
 /// The kinds of connection.
 const TYPES: [(&str, ConnectionType); 4] = [
@@ -33,7 +33,7 @@ pub(super) fn module(f: &mut Findings<'_>, table: &ModuleTable) -> Option<Module
         ("abd", table.abd.as_ref().map(Placed::span)),
     ] {
         if let Some(at) = at {
-            let remedy = "leave it out: what a CP 343 does stands in its [[connection]] tables";
+            let remedy = "leave it out: the [[connection]] tables say what a CP 343 does";
             f.error(CONTRADICTION, at, format!("a CP 343 has no `{key}`"), remedy);
         }
     }
@@ -103,7 +103,7 @@ pub(super) fn connections(
     links.iter_mut().filter(|link| link.cp.is_some()).for_each(tell);
 }
 
-/// Puts the connections into what the process is told.
+/// Puts the connections into the configuration of the process.
 fn tell(link: &mut StationLink) {
     let mut sockets = 0..;
     let Some(ip) = link.listen.map(|listen| listen.ip()) else { return };
@@ -151,7 +151,7 @@ fn connection(f: &mut Findings<'_>, table: &ConnectionTable) -> Option<StationCo
         Some(text) => {
             let bytes = tsap(text.get_ref());
             if bytes.is_none() {
-                let message = format!("\"{}\" is no TSAP", text.get_ref());
+                let message = format!("\"{}\" is not a TSAP", text.get_ref());
                 f.error(
                     VALUE,
                     text.span(),
@@ -194,7 +194,7 @@ fn partner(f: &mut Findings<'_>, text: &Placed<String>, ty: ConnectionType, need
     let bare = text.get_ref().parse::<IpAddr>().ok().zip(usual).map(|(ip, port)| SocketAddr::new(ip, port));
     let found = bare.or_else(|| text.get_ref().to_socket_addrs().ok().and_then(|mut found| found.next()));
     if found.is_none() {
-        let message = format!("\"{}\" is no partner", text.get_ref());
+        let message = format!("\"{}\" is not a partner", text.get_ref());
         let remedy = "an address: \"192.168.0.2\"; with its port for tcp and udp: \"192.168.0.2:2000\"";
         f.error(VALUE, text.span(), message, remedy);
     }
@@ -248,12 +248,12 @@ mod tests {
             ("type = \"s7\"\nactive = true\nlocal_tsap = \"10.01\"\nremote_tsap = \"03.02\"", 13, "no partner"),
             ("type = \"s7\"\nactive = true\npartner = \"10.0.0.2\"\nlocal_tsap = \"10.01\"", 13, "no `remote_tsap`"),
             ("type = \"s7\"", 13, "no `local_tsap`"),
-            ("type = \"s7\"\nlocal_tsap = \"1\"", 15, "is no TSAP"),
+            ("type = \"s7\"\nlocal_tsap = \"1\"", 15, "is not a TSAP"),
             ("type = \"tcp\"\nlocal_tsap = \"10.01\"\nlocal_port = 2000", 15, "has no `local_tsap`"),
             ("type = \"tcp\"", 13, "no `local_port`"),
             ("type = \"tcp\"\nactive = true\npartner = \"10.0.0.2:2000\"\nlocal_port = 7", 17, "`local_port` is for"),
             ("type = \"udp\"\nlocal_port = 2000", 13, "no partner"),
-            ("type = \"udp\"\nlocal_port = 2000\npartner = \"10.0.0.2\"", 16, "is no partner"),
+            ("type = \"udp\"\nlocal_port = 2000\npartner = \"10.0.0.2\"", 16, "is not a partner"),
             (
                 "type = \"tcp\"\nlocal_port = 2000\n[[connection]]\nmodule = \"cp\"\nid = 1\ntype = \"tcp\"\nlocal_port = 2001",
                 18,

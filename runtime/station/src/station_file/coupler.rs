@@ -1,4 +1,4 @@
-//! A Modbus coupler in the station file: where its registers and bits lie, and what it is told on connect.
+//! A Modbus coupler in the station file: where its registers and bits lie, and its set-up on connect.
 
 use std::ops;
 use std::path::Path;
@@ -9,32 +9,20 @@ use ob1_coupler::{CouplerConfig, Order, Profile, Proof, Range, Setup, Table};
 use ob1_host::bus::{BusModuleConfig, OnLoss, Station};
 use ob1_time::Span;
 
-use super::buses::{BusKind, Buses};
-use super::check::{choice, name, number, time};
+use super::building::{BusKind, Buses};
 use super::findings::{ADDRESS, CONTRADICTION, Findings, MISSING, TWICE, VALUE};
+use super::remote::{LAST, LOST_AFTER, Loss, address, bus_of, loss, substitute};
 use super::tables::{ModuleTable, Placed, RangeTable, SetupTable, StationFile};
 use super::types::{Absent, ModuleConfig, ModuleKind};
+use super::values::{choice, name, number, time};
 use super::{dp, gpio};
-use crate::finding::{Finding, Level, Text, nearest};
+use crate::finding::{Finding, Level, Text};
 
 const MS: Span = Span::MILLISECOND;
-/// Default: a coupler that does not answer for this long is lost.
-pub(super) const LOST_AFTER: Span = Span::SECOND;
 /// Outputs that do not change are written again after this time, or more often where a watchdog wants it.
 const REFRESH: Span = Span::from_millis(500);
 /// Unit of a coupler with a connection of its own: FFh says that the unit does not matter.
 const UNIT_TCP: u8 = 255;
-/// The last byte of the process image's addresses.
-const LAST: u32 = BUS_AREA_BYTES as u32 - 1;
-
-/// What its inputs are while they cannot be read.
-#[derive(Clone, Copy, PartialEq)]
-pub(super) enum Loss {
-    Zero,
-    Hold,
-    Substitute,
-}
-
 /// One range of the file with its bytes in the process image.
 struct Placement {
     range: Range,
@@ -103,7 +91,7 @@ pub(super) fn modules(
     }
     if inputs.len() + outputs.len() > RANGES_MAX {
         let message = format!("a coupler has at most {RANGES_MAX} ranges");
-        f.error(VALUE, table.name.span(), message, "join ranges that lie side by side");
+        f.error(VALUE, table.name.span(), message, "join adjacent ranges");
     }
     collisions(f, &outputs);
     let times = times(f, table, min_cycle, building.timeout);
@@ -152,22 +140,6 @@ pub(super) fn modules(
     (0..count).map(one).collect()
 }
 
-pub(super) fn loss(f: &mut Findings<'_>, table: &ModuleTable) -> Loss {
-    let losses = [("zero", Loss::Zero), ("hold", Loss::Hold), ("substitute", Loss::Substitute)];
-    choice(f, "on_loss", table.on_loss.as_ref(), &losses).unwrap_or(Loss::Zero)
-}
-
-impl Loss {
-    /// With the values of one piece.
-    pub(super) fn with(self, substitute: Vec<u8>) -> OnLoss {
-        match self {
-            Self::Zero => OnLoss::Zero,
-            Self::Hold => OnLoss::Hold,
-            Self::Substitute => OnLoss::Substitute(substitute),
-        }
-    }
-}
-
 /// One module of a coupler.
 fn one(
     name: &str,
@@ -207,14 +179,14 @@ fn one(
 
 fn foreign_keys(f: &mut Findings<'_>, table: &ModuleTable) {
     for (key, at, remedy) in [
-        ("address", table.address.as_ref().map(Placed::span), "`at` of each range says where it lies"),
-        ("input_address", table.input_address.as_ref().map(Placed::span), "`at` of each range says where it lies"),
-        ("output_address", table.output_address.as_ref().map(Placed::span), "`at` of each range says where it lies"),
+        ("address", table.address.as_ref().map(Placed::span), "`at` of each range is its address"),
+        ("input_address", table.input_address.as_ref().map(Placed::span), "`at` of each range is its address"),
+        ("output_address", table.output_address.as_ref().map(Placed::span), "`at` of each range is its address"),
         ("bytes", table.bytes.as_ref().map(Placed::span), "`registers` or `bits` of each range say how long it is"),
         ("channels", table.channels.as_ref().map(Placed::span), "`registers` of each range say how long it is"),
-        ("params", table.params.as_ref().map(Placed::span), "write what a coupler has to be told in `setup`"),
-        ("raw", table.raw.as_ref().map(Placed::span), "write what a coupler has to be told in `setup`"),
-        ("absent", table.absent.as_ref().map(Placed::span), "`on_loss` says what its inputs read"),
+        ("params", table.params.as_ref().map(Placed::span), "write the registers to set on connect in `setup`"),
+        ("raw", table.raw.as_ref().map(Placed::span), "write the registers to set on connect in `setup`"),
+        ("absent", table.absent.as_ref().map(Placed::span), "`on_loss` sets the values of its inputs"),
         ("abd", table.abd.as_ref().map(Placed::span), "leave it out here"),
         ("substitute", table.substitute.as_ref().map(Placed::span), "write it in each range of `inputs`"),
         ("driver", table.driver.as_ref().map(Placed::span), "leave it out here"),
@@ -226,22 +198,6 @@ fn foreign_keys(f: &mut Findings<'_>, table: &ModuleTable) {
             f.error(CONTRADICTION, at, format!("`{key}` does not belong to a coupler"), remedy);
         }
     }
-}
-
-pub(super) fn bus_of(f: &mut Findings<'_>, table: &ModuleTable, buses: &Buses) -> Option<usize> {
-    let Some(wanted) = &table.bus else {
-        f.error(MISSING, table.kind.span(), "the module has no bus", "add `bus`: the name of a [[bus]]");
-        return None;
-    };
-    let found = buses.of(wanted.get_ref());
-    if found.is_none() {
-        let remedy = match nearest(wanted.get_ref(), buses.names()) {
-            Some(near) => format!("did you mean \"{near}\"?"),
-            None => format!("add a table [[bus]] with name = \"{}\"", wanted.get_ref()),
-        };
-        f.error(VALUE, wanted.span(), format!("there is no bus \"{}\"", wanted.get_ref()), remedy);
-    }
-    found
 }
 
 fn unit(f: &mut Findings<'_>, table: &ModuleTable, kind: BusKind) -> u8 {
@@ -420,55 +376,6 @@ fn placement(f: &mut Findings<'_>, placed: &Placed<RangeTable>, outputs: bool, l
     let given = placed.get_ref().substitute.as_ref();
     let substitute = substitute(f, given, placed.span(), outputs, loss, range.bytes());
     Some(Placement { range, first, at: table.at.span(), substitute })
-}
-
-/// The substitute values of a piece: `given`, for so many bytes; `at` is the piece.
-pub(super) fn substitute(
-    f: &mut Findings<'_>,
-    given: Option<&Placed<Vec<Placed<i64>>>>,
-    at: ops::Range<usize>,
-    outputs: bool,
-    loss: Loss,
-    bytes: usize,
-) -> Vec<u8> {
-    match given {
-        Some(given) if outputs || loss != Loss::Substitute => {
-            let remedy = "it stands in a range of `inputs`, with on_loss = \"substitute\"";
-            f.error(CONTRADICTION, given.span(), "`substitute` has no effect here", remedy);
-            Vec::new()
-        }
-        Some(given) => {
-            if given.get_ref().len() != bytes {
-                let message = format!("`substitute` has {} values for {bytes} bytes", given.get_ref().len());
-                f.error(VALUE, given.span(), message, "one for each byte");
-            }
-            given.get_ref().iter().map(|value| number(f, "substitute", Some(value), 0..=255, 0)).collect()
-        }
-        None if !outputs && loss == Loss::Substitute => {
-            let remedy = "add `substitute`, a byte each, or another `on_loss`";
-            f.error(MISSING, at, "the range has no substitute values", remedy);
-            Vec::new()
-        }
-        None => Vec::new(),
-    }
-}
-
-/// `EB 0`, `EW 4`, `PED 256`: the first byte.
-pub(super) fn address(f: &mut Findings<'_>, text: &Placed<String>, outputs: bool) -> Option<u32> {
-    const INPUTS: [&str; 12] = ["EB", "EW", "ED", "PEB", "PEW", "PED", "IB", "IW", "ID", "PIB", "PIW", "PID"];
-    const OUTPUTS: [&str; 12] = ["AB", "AW", "AD", "PAB", "PAW", "PAD", "QB", "QW", "QD", "PQB", "PQW", "PQD"];
-    let (words, example) = if outputs { (&OUTPUTS, "AB 0") } else { (&INPUTS, "EB 0") };
-    let written = text.get_ref().trim();
-    let digits = written.find(|c: char| c.is_ascii_digit()).unwrap_or(written.len());
-    let (word, number) = written.split_at(digits);
-    let known = words.contains(&word.trim().to_ascii_uppercase().as_str());
-    let number: Option<u32> = number.parse().ok().filter(|number| *number <= LAST);
-    if !known || number.is_none() {
-        let what = if outputs { "outputs" } else { "inputs" };
-        let remedy = format!("the first byte, 0 to {LAST}: \"{example}\"");
-        f.error(ADDRESS, text.span(), format!("\"{written}\" is not an address for {what}"), remedy);
-    }
-    number.filter(|_| known)
 }
 
 /// Two outputs that would be written to one element.

@@ -4,11 +4,11 @@ use std::path::Path;
 
 use ob1_params::Cp040;
 
-use super::check::number;
+use super::cp_keys::{characters_of_modbus, keys_or_bytes, line_of, stop_bits_of};
 use super::findings::{CONTRADICTION, Findings};
-use super::modules::{characters_of_modbus, keys_or_bytes, line_of, stop_bits_of};
 use super::tables::{ModuleTable, Placed};
 use super::types::ModuleKind;
+use super::values::number;
 
 /// IO size: bytes each way.
 const IO_SIZES: std::ops::RangeInclusive<i64> = 8..=60;

@@ -13,14 +13,14 @@ use ob1_dp::master::least_slot_bits;
 use ob1_host::bus::{BusModuleConfig, DpStation, OnLoss, Station};
 use ob1_time::Span;
 
-use super::buses::{Building, BusKind};
-use super::check::{name, number, time};
-use super::coupler::{LOST_AFTER, Loss, address, loss, substitute};
+use super::building::{Building, BusKind};
 use super::dp_master;
 use super::findings::{ADDRESS, CONTRADICTION, Findings, MISSING, TWICE, UNREADABLE, VALUE};
 use super::line::Line;
+use super::remote::{LOST_AFTER, Loss, address, loss, substitute};
 use super::tables::{BusTable, ModuleTable, Placed, SlotTable};
 use super::types::{Absent, Bus, ModuleConfig, ModuleKind};
+use super::values::{name, number, time};
 use crate::finding::nearest;
 
 const MS: Span = Span::MILLISECOND;
@@ -42,7 +42,7 @@ const SLOT_BITS: u16 = 16_383;
 const SLOT_MARGIN: u16 = 15;
 /// The longest diagnosis that is kept of each slave.
 const DIAGNOSIS: usize = 244;
-/// Bytes of texts of a GSD file that its process is told, at most.
+/// Maximum bytes of texts of a GSD file in the configuration of its process.
 const TEXTS: usize = 2048;
 
 /// The parameters of a PROFIBUS; keys of it at another bus are mistakes.
@@ -179,7 +179,7 @@ pub(super) fn modules(
         diagnostic: address.as_ref().map_or(0, |(address, _)| *address),
         number: station,
         lost_after,
-        // Module faults of a DP slave raise OB 82, unless it is told not to.
+        // Module faults of a DP slave raise OB 82, unless `diagnostics = false`.
         interrupts: building.cp.is_none() && table.diagnostics.as_ref().is_none_or(|switch| *switch.get_ref()),
         dp: Some(DpStation { diagnosis, ident: gsd.ident(), master: config.address }),
     };
@@ -212,7 +212,8 @@ struct Pieces {
     outputs: (usize, usize),
 }
 
-/// The slave as a whole: nothing to read or write, but a diagnosis; [`super::buses::Buses::finish`] gives its address.
+/// The slave as a whole: nothing to read or write, but a diagnosis; [`super::building::Buses::finish`] gives its
+/// address.
 fn itself(name: &str, bus: usize, station: usize) -> ModuleConfig {
     let module = BusModuleConfig { station, speaks: true, ..BusModuleConfig::default() };
     config(name.to_owned(), (0, 0), bus, module)
@@ -291,18 +292,18 @@ fn foreign_keys(f: &mut Findings<'_>, table: &ModuleTable) {
         ("unit", table.unit.as_ref().map(Placed::span), "the address of a slave is `station`"),
         ("inputs", table.inputs.as_ref().map(Placed::span), "write them in `slots`"),
         ("outputs", table.outputs.as_ref().map(Placed::span), "write them in `slots`"),
-        ("setup", table.setup.as_ref().map(Placed::span), "write what a slave has to be told in `params`"),
+        ("setup", table.setup.as_ref().map(Placed::span), "write the parameters of the slave in `params`"),
         ("watchdog_reset", table.watchdog_reset.as_ref().map(Placed::span), "leave it out here"),
         ("profile", table.profile.as_ref().map(Placed::span), "its GSD file says what it is"),
         ("watchdog", table.watchdog.as_ref().map(Placed::span), "write it in the [[bus]] table"),
         ("period", table.period.as_ref().map(Placed::span), "a slave is asked in each round of the bus"),
         ("refresh", table.refresh.as_ref().map(Placed::span), "a slave is asked in each round of the bus"),
-        ("address", table.address.as_ref().map(Placed::span), "`inputs` and `outputs` of each slot say where it lies"),
-        ("input_address", table.input_address.as_ref().map(Placed::span), "`inputs` of each slot say where it lies"),
-        ("output_address", table.output_address.as_ref().map(Placed::span), "`outputs` of each slot say where it lies"),
+        ("address", table.address.as_ref().map(Placed::span), "`inputs` and `outputs` of each slot are its addresses"),
+        ("input_address", table.input_address.as_ref().map(Placed::span), "`inputs` of each slot are its addresses"),
+        ("output_address", table.output_address.as_ref().map(Placed::span), "`outputs` of each slot are its addresses"),
         ("bytes", table.bytes.as_ref().map(Placed::span), "the GSD file says how long a module is"),
         ("channels", table.channels.as_ref().map(Placed::span), "the GSD file says how long a module is"),
-        ("absent", table.absent.as_ref().map(Placed::span), "`on_loss` says what its inputs read"),
+        ("absent", table.absent.as_ref().map(Placed::span), "`on_loss` sets the values of its inputs"),
         ("abd", table.abd.as_ref().map(Placed::span), "leave it out here"),
         ("substitute", table.substitute.as_ref().map(Placed::span), "write it in each slot with inputs"),
         ("driver", table.driver.as_ref().map(Placed::span), "leave it out here"),
@@ -349,7 +350,7 @@ fn slots<'a>(f: &mut Findings<'_>, table: &'a ModuleTable) -> Vec<&'a Placed<Slo
         let number = &slot.get_ref().slot;
         if *number.get_ref() != wanted {
             let message = match *number.get_ref() < wanted {
-                true => format!("slot {} is there twice, or is less than 1", number.get_ref()),
+                true => format!("slot {} occurs twice, or is less than 1", number.get_ref()),
                 false => format!("slot {wanted} has no module"),
             };
             let remedy = "slots count from 1 without a gap; many GSD files have a module for an empty slot";

@@ -5,9 +5,9 @@ use std::ops::Range as Span;
 
 use ob1_host::bus::{DP_AREA_BYTES, DpAreas, DpPiece, area_bytes};
 
-use super::buses::{BusKind, Buses};
-use super::coupler::bus_of;
+use super::building::{BusKind, Buses};
 use super::findings::{ADDRESS, CONTRADICTION, Findings, TWICE, VALUE};
+use super::remote::bus_of;
 use super::tables::{ModuleTable, Placed};
 use super::types::{ModuleConfig, ModuleKind};
 

@@ -9,13 +9,13 @@ use ob1_coupler::gpio::{Bias, Drive, GpioConfig, GpioLine};
 use ob1_host::bus::{BusModuleConfig, OnLoss, Station};
 use ob1_time::Span;
 
-use super::buses::Building;
-use super::check::{choice, name, number, time};
-use super::coupler::{LOST_AFTER, Loss, address, loss, substitute};
+use super::building::Building;
 use super::findings::{ADDRESS, CONTRADICTION, Findings, MISSING, TWICE, VALUE};
 use super::line::Line;
+use super::remote::{LOST_AFTER, Loss, address, loss, substitute};
 use super::tables::{BusTable, ModuleTable, Placed, RangeTable};
 use super::types::{Absent, ModuleConfig, ModuleKind};
+use super::values::{choice, name, number, time};
 
 const MS: Span = Span::MILLISECOND;
 /// The kernel's longest debounce period has 32 bits of microseconds; nobody debounces longer than this.
@@ -44,7 +44,7 @@ pub(super) fn chip(f: &mut Findings<'_>, table: &BusTable) -> Option<Line> {
     let text = chip.get_ref();
     let path = if text.starts_with('/') { PathBuf::from(text) } else { PathBuf::from("/dev").join(text) };
     if text.is_empty() || !text.starts_with('/') && text.contains('/') {
-        f.error(VALUE, chip.span(), format!("\"{text}\" is no chip"), "\"gpiochip0\", or the path of its device");
+        f.error(VALUE, chip.span(), format!("\"{text}\" is not a chip"), "\"gpiochip0\", or the path of its device");
         return None;
     }
     Some(Line::Serial(path))
@@ -180,7 +180,7 @@ fn pieces(
         for (n, given) in lines.get_ref().iter().enumerate() {
             let line = number(f, "lines", Some(given), 0..=1023, 0_u32);
             if !taken.insert(line) {
-                f.error(TWICE, given.span(), format!("line {line} is there twice"), "each line is one bit");
+                f.error(TWICE, given.span(), format!("line {line} occurs twice"), "each line is one bit");
             }
             let (at, bit) = (*bytes + n / 8, (n % 8) as u8);
             all.push(GpioLine { line, at, bit, active_low, bias, debounce, drive });

@@ -7,9 +7,9 @@ use ob1_std::moment::{DAY_MS, Date, Moment};
 use ob1_std::services::Period;
 use ob1_time::Span;
 
-use super::check::{choice, number, time};
 use super::findings::{Findings, TWICE, VALUE};
 use super::tables::{CyclicTable, Placed, TimeOfDayTable};
+use super::values::{choice, number, time};
 
 /// The organization blocks of cyclic interrupts.
 const CYCLIC: std::ops::RangeInclusive<i64> = 30..=38;

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use ob1_params::{Cp341, CpKind};
 
+use super::cp_keys::{keys_of, line_of, parameter, place_in};
 use super::findings::{CONTRADICTION, Findings, MISSING};
-use super::modules::{keys_of, line_of, parameter, place_in};
 use super::tables::{ModuleTable, Placed};
 use super::types::ModuleKind;
 

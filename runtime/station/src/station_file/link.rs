@@ -8,10 +8,10 @@ use ob1_access::{Allowed, Right};
 use ob1_time::Span;
 use serde_json::{Map, Value, json};
 
-use super::check::{choice, name, number, time};
 use super::findings::{CONTRADICTION, Findings, MISSING, TWICE, UNPROTECTED, VALUE};
 use super::tables::{LinkTable, Placed};
 use super::types::{LinkKind, StationLink};
+use super::values::{choice, name, number, time};
 use LinkKind::{Metrics, Mqtt, OpcUa, S7, Web};
 
 /// Words for rights.
@@ -160,7 +160,7 @@ fn password(f: &mut Findings<'_>, table: &LinkTable, kind: Option<LinkKind>) {
         }
         (None, Some(rights)) => {
             let message = "there are rights for a password, but no password";
-            f.error(CONTRADICTION, rights.span(), message, "add `password`, or take `password_rights` away");
+            f.error(CONTRADICTION, rights.span(), message, "add `password`, or remove `password_rights`");
         }
         (Some(password), None) => {
             let message = "`password_rights` is missing: the password gives no rights";
@@ -170,7 +170,7 @@ fn password(f: &mut Findings<'_>, table: &LinkTable, kind: Option<LinkKind>) {
     }
 }
 
-/// What the process is told beyond what all links have, and the files nobody else may read.
+/// What the process needs beyond the keys of all links, and the files nobody else may read.
 fn own_keys(
     f: &mut Findings<'_>,
     table: &LinkTable,
@@ -227,8 +227,8 @@ fn listening(f: &mut Findings<'_>, table: &LinkTable, kind: LinkKind) -> Option<
     }
     let text = table.listen.as_ref()?;
     if kind == Mqtt {
-        let message = "a client of an MQTT broker listens to nobody";
-        f.error(CONTRADICTION, text.span(), message, "take `listen` away; `broker` says where it connects");
+        let message = "an MQTT client does not listen";
+        f.error(CONTRADICTION, text.span(), message, "remove `listen`; `broker` is the address it connects to");
         return None;
     }
     listen(f, text)
@@ -273,7 +273,7 @@ fn brokered(f: &mut Findings<'_>, table: &LinkTable, kind: LinkKind, rights: Rig
     let (Mqtt, Some(broker)) = (kind, &table.broker) else { return };
     if let (Some(commands), Right::Read) = (&table.commands, rights) {
         let message = "commands write, and this link only reads";
-        f.error(CONTRADICTION, commands.span(), message, "rights = \"write\", or take `commands` away");
+        f.error(CONTRADICTION, commands.span(), message, "rights = \"write\", or remove `commands`");
     }
     if let (Some(one), None) | (None, Some(one)) = (&table.user, &table.password_file) {
         let message = "a user of a broker has a password in a file";
@@ -284,7 +284,7 @@ fn brokered(f: &mut Findings<'_>, table: &LinkTable, kind: LinkKind, rights: Rig
         (Some(rest), _) => (true, rest),
         (None, Some(rest)) => (false, rest),
         (None, None) => {
-            let message = format!("\"{text}\" is no URL of a broker");
+            let message = format!("\"{text}\" is not a URL of a broker");
             f.error(VALUE, broker.span(), message, "\"mqtts://broker.plant:8883\", or \"mqtt://localhost\" here");
             return;
         }
@@ -315,7 +315,7 @@ fn fits(password: &str) -> bool {
 fn listen(f: &mut Findings<'_>, text: &Placed<String>) -> Option<SocketAddr> {
     let address = text.get_ref().to_socket_addrs().ok().and_then(|mut addresses| addresses.next());
     if address.is_none() {
-        let message = format!("\"{}\" is no address to listen on", text.get_ref());
+        let message = format!("\"{}\" is not an address to listen on", text.get_ref());
         let remedy = "an address and a port: \"127.0.0.1:102\"; \"0.0.0.0:102\" is everybody";
         f.error(VALUE, text.span(), message, remedy);
     }
@@ -366,7 +366,7 @@ mod tests {
             ("[[link]]\ntype = \"s7\"\nname = \"panel\"\nlisten = \"127.0.0.1:103\"", 9, "two links with the name"),
             ("[[link]]\ntype = \"s7\"\nname = \"other\"\nlisten = \"127.0.0.1:102\"", 10, "two links listen"),
             ("[[link]]\ntype = \"s8\"\nname = \"other\"\nlisten = \"127.0.0.1:103\"", 8, "type cannot be"),
-            ("[[link]]\ntype = \"s7\"\nname = \"other\"\nlisten = \"102\"", 10, "no address to listen on"),
+            ("[[link]]\ntype = \"s7\"\nname = \"other\"\nlisten = \"102\"", 10, "not an address to listen on"),
         ] {
             let findings = parse(&station(keys), "x.toml", Path::new("")).expect_err(keys);
             let found = findings.iter().any(|found| found.line == line && found.to_string().contains(what));

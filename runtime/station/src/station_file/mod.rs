@@ -3,11 +3,13 @@
 //! The format is documented in `docs/station-file.md`. Unknown keys are refused with the nearest known one; every
 //! finding names file, line and column; all checks that are not about the syntax of the file report together.
 
+mod building;
 mod buses;
 mod check;
 mod connection;
 mod coupler;
 mod cp040;
+mod cp_keys;
 mod devices;
 mod dp;
 mod dp_master;
@@ -19,16 +21,19 @@ mod keyed;
 mod line;
 mod link;
 mod modules;
+mod remote;
 mod retentive;
 mod simulated;
 mod tables;
 mod types;
+mod values;
 
-pub use check::{NAME_RULE, choice, is_name, parse_block, places, standard};
+pub use check::standard;
 
 pub use duration::parse_duration;
 pub use line::{Line, LineError};
 pub use types::*;
+pub use values::{NAME_RULE, choice, is_name, places};
 
 use std::path::Path;
 

@@ -9,10 +9,11 @@ use ob1_cpu::{CpuConfig, DataRange, Retentive, RetentiveData};
 use ob1_model::BlockKind;
 use ob1_time::Span;
 
+use super::duration::parse_duration;
 use super::findings::{CONTRADICTION, Findings, VALUE};
 use super::tables::{Placed, RetentiveTable, StationTable};
 use super::types::{LinkKind, StationLink};
-use super::{parse_block, parse_duration};
+use crate::block_name::parse_block;
 use crate::retentive::RetentiveFile;
 
 /// Time between two images, when the file does not say it.

@@ -4,15 +4,13 @@ use std::path::Path;
 
 use ob1_time::Span;
 
-use super::check::{choice, name, number, time};
 use super::findings::{CONTRADICTION, Findings, LINE, MISSING, TWICE, VALUE};
 use super::line::Line;
 use super::tables::{Placed, RatesTable, SimulatedLineTable, StationFile};
-use super::types::{Bursts, FaultRates, Partner, SimulatedLine};
+use super::types::{Bursts, DELAY_MAX, FaultRates, Partner, SimulatedLine};
+use super::values::{choice, name, number, time};
 use crate::finding::nearest;
 
-/// The default of `delay_max`.
-pub(super) const DELAY_MAX: Span = Span::from_millis(20);
 /// Stands in for the missing length of a burst: the file is refused anyway.
 const SHORTEST: Span = Span::from_nanos(1);
 

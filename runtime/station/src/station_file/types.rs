@@ -9,13 +9,16 @@ use ob1_model::BlockId;
 use ob1_params::{Cp040, Cp240, Cp341, CpKind};
 use ob1_time::Span;
 
-use super::Line;
+use super::line::Line;
 use crate::engine::EngineChoice;
-use crate::program::Sources;
 use crate::retentive::RetentiveFile;
+use crate::sources::Sources;
 
 /// Registers of a CP 342-5 in the address space, each way; nothing is in them.
 const DP_MASTER_BYTES: u16 = 16;
+
+/// The default of `delay_max`.
+pub(super) const DELAY_MAX: Span = Span::from_millis(20);
 
 /// A station file after all checks. Paths are relative to the current directory or absolute, no longer to the file.
 #[derive(Clone, Debug, PartialEq)]
@@ -156,7 +159,7 @@ pub struct Bus {
     pub name: String,
     /// What its stations have in common for the program.
     pub rules: StationRules,
-    /// What the process is told. The lines in it are texts: those of [`Self::lines`].
+    /// The configuration of the process. The lines in it are texts: those of [`Self::lines`].
     pub config: BusConfig,
     /// Where its lines lead to, in the order of the configuration.
     pub lines: Vec<Line>,
@@ -217,7 +220,7 @@ impl SimulatedLine {
             **kind += rate / count + u32::from(place < rate % count);
         }
         if self.faults.delay_max.is_zero() {
-            self.faults.delay_max = super::simulated::DELAY_MAX;
+            self.faults.delay_max = DELAY_MAX;
         }
     }
 }
@@ -258,28 +261,6 @@ pub struct Realtime {
     pub spin: Span,
     /// Keep idle cores from sleeping deeply.
     pub keep_awake: bool,
-}
-
-/// The language of the mnemonics.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Mnemonics {
-    /// `U UN O ON E A Z`.
-    German,
-    /// `A AN O ON I Q C`.
-    International,
-    /// Found for each file by the words that exist in one set only.
-    #[default]
-    Auto,
-}
-
-impl From<Mnemonics> for ob1_stl::Mnemonics {
-    fn from(mnemonics: Mnemonics) -> Self {
-        match mnemonics {
-            Mnemonics::German => Self::German,
-            Mnemonics::International => Self::International,
-            Mnemonics::Auto => Self::Auto,
-        }
-    }
 }
 
 /// A plugin of a station.

@@ -10,10 +10,10 @@ use ob1_rt::{Continued, SideThread, ThreadLook};
 use ob1_time::{Instant, Span};
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use super::Timings;
 use super::cause::explain;
 use super::kernel::Sources;
 use super::looks::{LateScan, Look, Looks, Sample};
+use super::timings::Timings;
 
 /// Between two looks.
 const LOOK: Span = Span::from_millis(50);

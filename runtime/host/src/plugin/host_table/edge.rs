@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use ob1_abi::{self as abi, CallContext, Status};
 use ob1_cpu::{Abort, ModuleError, NativeArea, NativeError};
 
-use crate::plugin::block::Frame;
+use crate::plugin::frame::Frame;
 
 /// A status other than OK.
 pub(super) struct Refused(pub(super) Status);

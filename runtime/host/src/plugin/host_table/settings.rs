@@ -3,7 +3,7 @@
 use ob1_abi::{CallContext, NO_MODULE, NO_SETTING, SettingsTable, Status, Text};
 
 use super::edge::{BAD_ARGUMENT, Refused, bytes_mut, put, with};
-use crate::plugin::block::Frame;
+use crate::plugin::frame::Frame;
 use crate::plugin::settings::Setting;
 use crate::plugin::text::given;
 

@@ -1,15 +1,10 @@
-//! Which crate may depend on which: direct dependencies from a table, and forbidden indirect dependencies.
-//!
-//! Checks normal and build dependencies as resolved for this machine, but not those used only by tests.
-
-use super::Finding;
-use super::tree::Tree;
+//! The table of edges, and the forbidden ways.
 
 /// The allowed direct dependencies of a crate, and the invariant that requires this.
-struct Row {
-    name: &'static str,
-    may_need: &'static [&'static str],
-    rule: &'static str,
+pub(super) struct Row {
+    pub(super) name: &'static str,
+    pub(super) may_need: &'static [&'static str],
+    pub(super) rule: &'static str,
 }
 
 const fn row(name: &'static str, rule: &'static str, may_need: &'static [&'static str]) -> Row {
@@ -17,18 +12,18 @@ const fn row(name: &'static str, rule: &'static str, may_need: &'static [&'stati
 }
 
 /// Every member of the workspace except `ob1-tests`, which may depend on everything.
-const TABLE: &[Row] = &[
+pub(super) const TABLE: &[Row] = &[
     row("ob1-model", "invariant 2", &[]),
     row("ob1-ir", "invariant 3", &["ob1-model"]),
-    row("ob1-stl", "invariant 3", &["ob1-model", "ob1-ir", "strsim", "thiserror"]),
+    row("ob1-stl", "invariant 3", &["ob1-model", "ob1-ir", "strsim"]),
     // Text and machine code share only the instruction set.
     row("ob1-mc7", "invariant 3", &["ob1-model", "ob1-ir"]),
     row("ob1-std", "invariant 2", &["ob1-model", "ob1-time", "ob1-words"]),
     row("ob1-project", "invariant 3", &["ob1-model", "ob1-ir", "ob1-stl", "ob1-mc7", "encoding_rs", "zip"]),
-    // It runs the system blocks as native blocks: they are pure functions. The bytes of a memory, independent of their
-    // origin.
+    // The bytes of a memory, independent of their origin.
     row("ob1-arena", "invariant 2", &[]),
-    row("ob1-cpu", "invariant 2", &["ob1-arena", "ob1-model", "ob1-ir", "ob1-std", "ob1-time", "hdrhistogram", "rtrb"]),
+    // It runs the system blocks as native blocks: they are pure functions.
+    row("ob1-cpu", "invariant 2", &["ob1-arena", "ob1-model", "ob1-ir", "ob1-std", "ob1-time", "rtrb"]),
     row("ob1-log", "invariant 4", &["rustix", "tracing-subscriber"]),
     // The only crate that generates machine code.
     row(
@@ -86,7 +81,6 @@ const TABLE: &[Row] = &[
             "ob1-model",
             "argon2",
             "ring",
-            "rustix",
             "rustls",
             "serde_json",
             "thiserror",
@@ -144,9 +138,7 @@ const TABLE: &[Row] = &[
             "rustix",
             "serde",
             "serde_json",
-            "signal-hook",
             "tokio",
-            "tokio-rustls",
             "tracing",
         ],
     ),
@@ -175,7 +167,6 @@ const TABLE: &[Row] = &[
             // Information of the system about a driver's process.
             "ob1-rt",
             "ob1-time",
-            "libc",
             "libloading",
             "rtrb",
             "rustix",
@@ -281,7 +272,7 @@ const TABLE: &[Row] = &[
     row("ob1-example-rust-blocks", "invariant 9", &["ob1-sdk"]),
     row("ob1-example-rust-ob1", "invariant 9", &["ob1-sdk"]),
     row("ob1-panicking-plugin", "invariant 9", &["ob1-sdk"]),
-    row("ob1-params", "invariant 11", &["ob1-serial", "strsim", "thiserror"]),
+    row("ob1-params", "invariant 11", &["ob1-serial", "strsim"]),
     // The description of a serial line.
     row("ob1-serial", "invariant 1", &["ob1-time"]),
     // Instants and durations of the common clock.
@@ -295,7 +286,7 @@ const TABLE: &[Row] = &[
     row("ob1-dp", "invariant 11", &["ob1-coupler", "ob1-protocols", "gsd-parser", "profirust"]),
     // The printer prints S7 values: needs the calendar of DATE.
     row("ob1-firmware", "invariant 1", &["ob1-model", "ob1-params", "ob1-protocols", "ob1-words"]),
-    row("ob1-line", "invariant 4", &["ob1-serial", "libc", "rustix", "serialport", "thiserror"]),
+    row("ob1-line", "invariant 4", &["ob1-serial", "rustix", "serialport", "thiserror"]),
     row(
         "ob1-child",
         "invariant 4",
@@ -352,44 +343,8 @@ const TABLE: &[Row] = &[
     row("xtask", "tools", &["pulldown-cmark", "serde_json"]),
 ];
 
-/// The only member without a row.
-const SEES_ALL: &str = "ob1-tests";
-
-/// Compares the direct dependencies with the table; a member without a row and a row without a member are also
-/// findings.
-pub(super) fn direct(tree: &Tree) -> Vec<Finding> {
-    let mut findings = Vec::new();
-    for (name, node) in tree.graph.crates.iter().filter(|(_, node)| !node.folder.is_empty()) {
-        let Some(row) = TABLE.iter().find(|row| row.name == name) else {
-            if name != SEES_ALL {
-                findings.push(Finding {
-                    place: node.folder.clone(),
-                    rule: "invariant 2",
-                    what: format!("`{name}` has no row in the table of edges (xtask/src/arch/edges.rs)"),
-                });
-            }
-            continue;
-        };
-        for need in node.needs.iter().filter(|need| !row.may_need.contains(&need.as_str())) {
-            findings.push(Finding {
-                place: format!("{}/Cargo.toml", node.folder),
-                rule: row.rule,
-                what: format!(
-                    "the edge {name} -> {need} is not allowed; `{name}` may need: {}",
-                    row.may_need.join(", ")
-                ),
-            });
-        }
-    }
-    for row in TABLE.iter().filter(|row| !tree.graph.crates.contains_key(row.name)) {
-        let what = format!("the table of edges names `{}`, which does not exist", row.name);
-        findings.push(Finding { place: "xtask/src/arch/edges.rs".into(), rule: row.rule, what });
-    }
-    findings
-}
-
 /// No crate of the first list may depend on a crate of the second list, not even indirectly through external crates.
-const NO_WAY: &[(&str, &[&str], &[&str])] = &[
+pub(super) const NO_WAY: &[(&str, &[&str], &[&str])] = &[
     // The CPU, the language and the system blocks depend on no plugin, no driver and no operating system.
     (
         "invariant 2",
@@ -479,69 +434,3 @@ const NO_WAY: &[(&str, &[&str], &[&str])] = &[
     // A station does not depend on the tools that inspect it.
     ("invariant 2", &["ob1-station"], &["ob1", "clap", "ratatui"]),
 ];
-
-/// Looks for forbidden indirect dependencies.
-pub(super) fn reach(tree: &Tree) -> Vec<Finding> {
-    let mut findings = Vec::new();
-    for (rule, starts, ends) in NO_WAY {
-        for start in starts.iter() {
-            for end in ends.iter() {
-                if let Some(way) = tree.graph.way(start, end) {
-                    let what = format!("`{start}` must not reach `{end}`, but does: {}", way.join(" -> "));
-                    findings.push(Finding { place: (*start).to_owned(), rule, what });
-                }
-            }
-        }
-    }
-    findings
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// The graph of the table, with one more edge.
-    fn tree_with(from: &str, to: &str) -> Tree {
-        let mut tree = Tree::of(&[]);
-        for row in TABLE {
-            tree.graph.crates.entry(row.name.to_owned()).or_default().folder = format!("somewhere/{}", row.name);
-        }
-        tree.graph.crates.entry(from.to_owned()).or_default().needs.push(to.to_owned());
-        tree
-    }
-
-    #[test]
-    fn an_allowed_edge_is_silent() {
-        let tree = tree_with("ob1-cpu", "ob1-ir");
-        assert_eq!(direct(&tree), []);
-        assert_eq!(reach(&tree), []);
-    }
-
-    #[test]
-    fn an_edge_outside_the_table_is_named_with_its_invariant() {
-        let findings = direct(&tree_with("ob1-cpu", "ob1-backplane"));
-        assert_eq!(findings.len(), 1);
-        assert_eq!(findings[0].rule, "invariant 2");
-        assert!(findings[0].what.contains("ob1-cpu -> ob1-backplane"), "{}", findings[0]);
-    }
-
-    #[test]
-    fn a_way_through_a_foreign_crate_is_found() {
-        let mut tree = tree_with("ob1-cpu", "hdrhistogram");
-        tree.graph.crates.entry("hdrhistogram".to_owned()).or_default().needs.push("libc".to_owned());
-        assert_eq!(direct(&tree), []);
-        let findings = reach(&tree);
-        assert_eq!(findings.len(), 1);
-        assert!(findings[0].what.contains("ob1-cpu -> hdrhistogram -> libc"), "{}", findings[0]);
-    }
-
-    #[test]
-    fn a_new_crate_must_be_entered() {
-        let mut tree = tree_with("ob1-cpu", "ob1-ir");
-        tree.graph.crates.entry("ob1-jit".to_owned()).or_default().folder = "runtime/jit".to_owned();
-        tree.graph.crates.remove("ob1-stl");
-        let findings = direct(&tree);
-        assert!(findings.iter().any(|finding| finding.what.contains("`ob1-jit` has no row")));
-        assert!(findings.iter().any(|finding| finding.what.contains("`ob1-stl`, which does not exist")));
-    }
-}

@@ -1,5 +1,5 @@
 //! Buses as seen from other threads than the scan: the state of couplers and slaves, and what they sense and drive. All
-//! of it is read from shared memory; the scan does not notice.
+//! of it is read from shared memory; this does not disturb the scan.
 
 use std::sync::Arc;
 
@@ -99,7 +99,7 @@ impl BusView {
             pid: self.driver.pid(),
             starts: self.driver.starts(),
             losses: self.driver.losses(),
-            process: crate::view::driver_state(&self.monitor),
+            process: crate::drivers::state_text(&self.monitor),
             driven: look.as_ref().is_some_and(BusLook::driven),
             stations: stations.map(|(n, ((name, slave), known))| known.status(n, name, slave, look.as_ref())).collect(),
         }

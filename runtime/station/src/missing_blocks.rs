@@ -115,7 +115,7 @@ impl Unserved {
             errors.iter().any(|error| matches!(error, LoadError::MissingBlock { block, .. } if block == wanted))
         };
         let tell = |error: &LoadError| {
-            let usual = crate::assembly::of_load_error(error, program);
+            let usual = of_load_error(error, program);
             match error {
                 LoadError::MissingBlock { block, site } if self.0.contains_key(block) => {
                     Some(self.unserved(&usual, *block, &format!("{site} calls")))
@@ -142,4 +142,25 @@ impl Unserved {
         }
         finding
     }
+}
+
+/// A reason to refuse a program, with the source line where it has one.
+fn of_load_error(error: &LoadError, program: &Program) -> Finding {
+    let site = match error {
+        LoadError::MissingBlock { site, .. } | LoadError::Arguments { site, .. } | LoadError::Code { site, .. } => {
+            Some(*site)
+        }
+        _ => None,
+    };
+    let block = site.and_then(|site| program.blocks.iter().find(|block| block.id == site.block));
+    let file = block.and_then(|block| program.sources.get(block.source as usize));
+    let code = format!("L{:03}", error.number());
+    let text = error.to_string();
+    let message = text.strip_prefix(&format!("{code}: ")).unwrap_or(&text);
+    let mut finding = Finding::whole(Level::Error, &code, file.map_or("program", String::as_str), message, "");
+    if let (Some(site), Some(file)) = (site, file) {
+        finding.line = site.line;
+        finding.text = format!("{file}:{}: error {text}\n", site.line);
+    }
+    finding
 }

@@ -6,13 +6,17 @@ use std::os::fd::OwnedFd;
 use std::os::unix::process::ExitStatusExt as _;
 use std::path::PathBuf;
 use std::process::{Child, Command};
-use std::time::Duration;
+use std::time::{self, Duration};
 
 use ob1_host::supervisor::{Exit, Input, Phase, Report, Request, Supervisor, Times};
-use ob1_time::Instant;
+use ob1_rt::SideThread;
+use ob1_time::{Instant, WatchedTime};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
 use rustix::time::Timespec;
+
+/// The longest wait between two looks while a process is starting.
+const LOOK_STARTING: Duration = Duration::from_millis(20);
 
 /// The program of this process, to start it as a child. An update may have replaced its file meanwhile: then it is
 /// still the program that runs, and not one of another version.
@@ -23,7 +27,7 @@ pub(crate) fn own_program() -> io::Result<PathBuf> {
 
 /// What kind of process it is.
 pub(crate) trait Charge {
-    /// What else belongs to a started process; closing it is how the process is told to end.
+    /// What else belongs to a started process; closing it ends the process.
     type Held;
 
     /// The command that starts it, and what has to be kept open for it.
@@ -78,17 +82,17 @@ impl<C: Charge> Kept<C> {
     }
 
     /// It has been started and has not given its first sign of life.
-    pub(crate) fn is_starting(&self) -> bool {
+    fn is_starting(&self) -> bool {
         self.supervisor.phase() == Phase::Starting
     }
 
     /// What becomes readable when the process ends.
-    pub(crate) fn fd(&self) -> Option<PollFd<'_>> {
+    fn fd(&self) -> Option<PollFd<'_>> {
         self.process.as_ref().map(|process| PollFd::new(&process.pidfd, PollFlags::IN))
     }
 
     /// Feeds the supervisor and does what it asks; returns when to call it again.
-    pub(crate) fn attend(&mut self, now: Instant) -> Instant {
+    fn attend(&mut self, now: Instant) -> Instant {
         let mut input = self.observe();
         loop {
             let step = self.supervisor.step(now, input);
@@ -149,7 +153,7 @@ impl<C: Charge> Kept<C> {
     }
 
     /// Tells it to end by closing what it holds, and waits at most this long.
-    pub(crate) fn end(&mut self, patience: Duration) {
+    fn end(&mut self, patience: Duration) {
         let Some(Process { mut child, pidfd, held }) = self.process.take() else { return };
         drop(held);
         let _ = poll(&mut [PollFd::new(&pidfd, PollFlags::IN)], Timespec::try_from(patience).ok().as_ref());
@@ -157,4 +161,36 @@ impl<C: Charge> Kept<C> {
         let _ = child.kill();
         let _ = child.wait();
     }
+}
+
+/// Starts the thread that keeps these processes alive, with at most `look` between two looks; of a longer gap twice as
+/// much counts as silence of a process. Its end is theirs: each gets `end` for it.
+pub(crate) fn keep<C>(
+    thread: &str,
+    mut kept: Vec<Kept<C>>,
+    look: Duration,
+    end: Duration,
+) -> io::Result<SideThread<OwnedFd>>
+where
+    C: Charge + Send + 'static,
+    C::Held: Send,
+{
+    let began = time::Instant::now();
+    let mut watched = WatchedTime::new(Instant::START, (2 * look).into());
+    SideThread::polling(thread, move |stopped| {
+        loop {
+            let now = watched.look(Instant::START + began.elapsed().into());
+            let until = kept.iter_mut().map(|one| one.attend(now)).min().unwrap_or(Instant::NEVER);
+            let look = if kept.iter().any(Kept::is_starting) { look.min(LOOK_STARTING) } else { look };
+            let wait = Duration::from(until.since(now)).min(look);
+            let mut fds = vec![PollFd::new(&stopped, PollFlags::IN)];
+            fds.extend(kept.iter().filter_map(Kept::fd));
+            // An interrupted wait is a short one.
+            let _ = poll(&mut fds, Timespec::try_from(wait).ok().as_ref());
+            if fds.first().is_some_and(|stop| !stop.revents().is_empty()) {
+                break;
+            }
+        }
+        kept.iter_mut().for_each(|one| one.end(end));
+    })
 }

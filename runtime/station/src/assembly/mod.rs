@@ -1,6 +1,7 @@
 //! From a station and its program to a CPU with its modules: segments, drivers, process I/O.
 
-use std::collections::BTreeMap;
+mod bus;
+
 use std::ffi::OsString;
 use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
@@ -8,7 +9,7 @@ use std::sync::{Arc, OnceLock};
 
 use ob1_backplane::{CpuSide, IoImage, Segment};
 use ob1_broker::LinkConfig;
-use ob1_cpu::{BusPlace, Cpu, CpuConfig, Family, LoadError, Module, ModuleSlot, Running, Surroundings};
+use ob1_cpu::{BusPlace, Cpu, CpuConfig, Family, Module, ModuleSlot, Running, Surroundings};
 use ob1_host::driver::{DriverCommand, Fleet};
 use ob1_host::module::{CpModule, CpSettings};
 use ob1_host::plugin::{PluginModule, STATION, Setting};
@@ -19,14 +20,14 @@ use ob1_rt::MonotonicClock;
 use ob1_stl::Library;
 use serde_json::json;
 
-use crate::bus::{self, AddedBus};
 use crate::compiling::Request;
 use crate::download::{self, Changes, Downloading};
+use crate::drivers::{DriverSettings, find_program};
 use crate::engine::EngineChoice;
 use crate::fence;
-use crate::finding::{Finding, Level};
 use crate::io::{Panel, ProcessIo, Stimulus};
-use crate::offer::Unserved;
+use crate::known::Known;
+use crate::missing_blocks::Unserved;
 use crate::program::{self, LoadFailure, Loaded};
 use crate::retentive::health::Health;
 use crate::simulated;
@@ -34,7 +35,9 @@ use crate::station_file::{
     AbdUnit, Absent, Line, LinkKind, ModuleConfig, ModuleKind, Partner, SimulatedLine, Station, StationLink,
 };
 use crate::timing::Timings;
-use crate::view::{Known, ModuleView, StationView};
+use crate::view::{ModuleView, StationView};
+use crate::wall_clock::date_now;
+use bus::AddedBus;
 
 /// Organization blocks beyond those of the sources for which there is stack, where blocks can be downloaded.
 const SPARE_OBS: u8 = 8;
@@ -67,17 +70,6 @@ pub enum AssemblyError {
     Load(LoadFailure),
     /// The system refused memory or descriptors.
     System(String),
-}
-
-/// How the drivers of a station are started.
-#[derive(Clone, Debug)]
-pub struct DriverSettings {
-    /// The program `ob1-cp`.
-    pub program: PathBuf,
-    /// The program `ob1-io`.
-    pub io: PathBuf,
-    /// Variables added to its environment.
-    pub env: Vec<(OsString, OsString)>,
 }
 
 /// Where the modules of a station lie.
@@ -120,7 +112,7 @@ pub fn plugin_modules(station: &Station) -> Vec<PluginModule> {
     station.modules.iter().map(plugin_module).chain([whole]).collect()
 }
 
-/// What the broker is told of a link. `config`: the keys its process reads itself, as JSON.
+/// What the broker knows of a link. `config`: the keys its process reads itself, as JSON.
 #[must_use]
 pub fn link_config(link: &StationLink, config: String, listeners: Vec<OwnedFd>) -> LinkConfig {
     LinkConfig {
@@ -134,7 +126,8 @@ pub fn link_config(link: &StationLink, config: String, listeners: Vec<OwnedFd>) 
     }
 }
 
-/// What a CP of the station is told: parameter bytes, and the driver's configuration as JSON. `None` for process I/O.
+/// The configuration of a CP of the station: parameter bytes, and the configuration of its driver as JSON. `None` for
+/// process I/O.
 ///
 /// With the runtime directory of a station that runs, and its simulated lines, also where its line is and where it can
 /// be listened to.
@@ -212,27 +205,6 @@ pub fn load_cpu(
     })
 }
 
-/// A reason to refuse a program, with the source line where it has one.
-pub(crate) fn of_load_error(error: &LoadError, program: &Program) -> Finding {
-    let site = match error {
-        LoadError::MissingBlock { site, .. } | LoadError::Arguments { site, .. } | LoadError::Code { site, .. } => {
-            Some(*site)
-        }
-        _ => None,
-    };
-    let block = site.and_then(|site| program.blocks.iter().find(|block| block.id == site.block));
-    let file = block.and_then(|block| program.sources.get(block.source as usize));
-    let code = format!("L{:03}", error.number());
-    let text = error.to_string();
-    let message = text.strip_prefix(&format!("{code}: ")).unwrap_or(&text);
-    let mut finding = Finding::whole(Level::Error, &code, file.map_or("program", String::as_str), message, "");
-    if let (Some(site), Some(file)) = (site, file) {
-        finding.line = site.line;
-        finding.text = format!("{file}:{}: error {text}\n", site.line);
-    }
-    finding
-}
-
 /// Builds a station with shared segments and real drivers.
 ///
 /// # Errors
@@ -305,7 +277,7 @@ pub fn assemble(
         engine: Arc::default(),
         modules: building.views,
         buses: building.buses.into_iter().map(|bus| bus.view).collect(),
-        panel: building.io.as_ref().and_then(|io| Panel::new(io, &station.modules)),
+        panel: building.io.as_ref().and_then(|io| Some(Panel::new(io.field()?, &station.modules))),
         posture: Arc::new(OnceLock::new()),
         retentive: station.retentive.as_ref().map(|_| Health::default()),
         clock,
@@ -346,7 +318,7 @@ fn restored(
         Ok((Arc::new(program), changes))
     });
     program.unwrap_or_else(|why| {
-        tracing::error!("{}: what was downloaded is left out: {why}", path.display());
+        tracing::error!("{}: the downloaded blocks are left out: {why}", path.display());
         tracing::error!("  = the station runs what its sources say; download it again, or remove the file");
         nothing()
     })
@@ -478,56 +450,4 @@ impl Building<'_> {
         let module = self.io.as_ref().and_then(|io| io.module(config, leads));
         module.ok_or_else(|| AssemblyError::System(format!("module {}: neither CP nor process I/O", config.name)))
     }
-}
-
-/// Nanoseconds from 1990-01-01 to now, UTC: what start information calls the date.
-pub fn date_now() -> u64 {
-    date_of(unix_now())
-}
-
-/// Nanoseconds from 1970-01-01 to now, UTC.
-pub(crate) fn unix_now() -> u64 {
-    let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
-    now.as_nanos() as u64
-}
-
-/// Nanoseconds from 1990-01-01, out of those from 1970-01-01.
-pub fn date_of(unix: u64) -> u64 {
-    const TO_1990: u64 = 7305 * 86_400;
-    unix.saturating_sub(TO_1990 * 1_000_000_000)
-}
-
-/// A driver program: named by its variable, beside this executable, or in `PATH`.
-///
-/// # Errors
-/// Where it was looked for.
-pub fn find_driver(name: &str, variable: &str) -> Result<PathBuf, String> {
-    if let Some(path) = std::env::var_os(variable) {
-        let path = PathBuf::from(path);
-        return if path.exists() {
-            Ok(path)
-        } else {
-            Err(format!("{variable} names {}, which is not there", path.display()))
-        };
-    }
-    find_program(name).map_err(|why| format!("the driver {why}; set {variable}"))
-}
-
-/// A program of this project: beside this executable, or in `PATH`.
-///
-/// # Errors
-/// Where it was looked for.
-pub fn find_program(name: &str) -> Result<PathBuf, String> {
-    let beside = std::env::current_exe().ok().and_then(|exe| Some(exe.parent()?.join(name)));
-    let in_path = std::env::var_os("PATH").unwrap_or_default();
-    let candidates = beside.into_iter().chain(std::env::split_paths(&in_path).map(|folder| folder.join(name)));
-    let mut searched: BTreeMap<PathBuf, ()> = BTreeMap::new();
-    for candidate in candidates {
-        if candidate.is_file() {
-            return Ok(candidate);
-        }
-        searched.insert(candidate.parent().unwrap_or(Path::new("/")).to_owned(), ());
-    }
-    let searched: Vec<String> = searched.keys().map(|p| p.display().to_string()).collect();
-    Err(format!("{name} is not to be found in {}", searched.join(", ")))
 }

@@ -9,8 +9,8 @@ use ob1_host::bus::Bus as HostBus;
 use ob1_host::driver::{DriverCommand, DriverStatus, Fleet};
 use ob1_host::supervisor::Times;
 
-use crate::assembly::DriverSettings;
-use crate::buses::BusView;
+use crate::bus_view::BusView;
+use crate::drivers::DriverSettings;
 use crate::fence;
 use crate::simulated;
 use crate::station_file::{Bus, Line, Station};
@@ -20,7 +20,7 @@ const REGISTER_BYTES: usize = 8;
 /// Longest text the system takes as one argument, less its end.
 const ARGUMENT: usize = 128 * 1024 - 1;
 
-/// A bus in a station that is being put together.
+/// A bus in a station that is being built.
 pub(crate) struct AddedBus {
     pub(crate) bus: HostBus,
     pub(crate) monitor: Monitor,
@@ -64,7 +64,7 @@ pub(crate) fn add(
     Ok(AddedBus { bus, monitor, driver, view })
 }
 
-/// What the process is told: the bus, with the sockets of simulated lines in the place of their names.
+/// The configuration of the process: the bus, with the sockets of simulated lines in the place of their names.
 fn told(rundir: &Path, bus: &Bus, station: &Station) -> Result<OsString, String> {
     let mut config = bus.config.clone();
     for (line, told) in bus.lines.iter().zip(&mut config.lines) {
@@ -76,7 +76,7 @@ fn told(rundir: &Path, bus: &Bus, station: &Station) -> Result<OsString, String>
     }
     let text = serde_json::to_string(&config).map_err(|error| error.to_string())?;
     if text.len() > ARGUMENT {
-        return Err("it has more couplers and ranges than its process can be told; divide it in two".into());
+        return Err("it has more couplers and ranges than one process can have; divide it in two".into());
     }
     Ok(text.into())
 }

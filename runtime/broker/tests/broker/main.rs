@@ -1,0 +1,7 @@
+//! The broker between doors and a CPU, all in one thread and in virtual time.
+
+mod events;
+mod limits;
+mod requests;
+mod rights;
+mod station;

@@ -1,0 +1,29 @@
+//! Names of an imported station: its files, and texts of the project as names and in comments.
+
+/// The name of the symbol table.
+pub(super) const SYMBOLS: &str = "symbols.sdf";
+
+/// The folder of sources and machine code.
+pub(super) const BLOCKS: &str = "blocks";
+
+/// The folder of GSD files in an imported station.
+pub(super) const GSD: &str = "gsd";
+
+/// A comment's text in one line.
+pub(super) fn line(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect::<String>().trim().to_owned()
+}
+
+/// Letters, digits, `-` and `_`.
+pub(super) fn clean(text: &str, most: usize) -> String {
+    let mut out = String::new();
+    for c in text.chars() {
+        match c {
+            c if c.is_ascii_alphanumeric() || c == '_' => out.push(c.to_ascii_lowercase()),
+            _ if !out.is_empty() && !out.ends_with('-') => out.push('-'),
+            _ => {}
+        }
+    }
+    out.truncate(most);
+    out.trim_matches('-').to_owned()
+}

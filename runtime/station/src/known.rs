@@ -1,0 +1,125 @@
+//! A program as others see it: names, places, blocks, what differs from the sources.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use ob1_access::Names;
+use ob1_access::door::BlockFact;
+use ob1_cpu::DiagEntry;
+use ob1_ir::{CodeBlock, Program};
+use ob1_model::{BlockId, BlockKind};
+use ob1_stl::Library;
+use parking_lot::RwLock;
+
+use crate::access::protocol::Download;
+
+/// The language of a block as its head has it. [the list of block types of S7 communication]
+const STL: u8 = 1;
+const DATA: u8 = 5;
+
+/// The source files of a program's blocks.
+#[derive(Debug, Default)]
+pub struct Places(BTreeMap<BlockId, String>);
+
+impl Places {
+    /// Of a program.
+    #[must_use]
+    pub fn new(program: &Program) -> Self {
+        let file = |block: &CodeBlock| Some((block.id, program.sources.get(block.source as usize)?.clone()));
+        Self(program.blocks.iter().filter_map(file).collect())
+    }
+
+    /// The file of a block.
+    #[must_use]
+    pub fn file(&self, block: BlockId) -> Option<&str> {
+        self.0.get(&block).map(String::as_str)
+    }
+
+    /// `press.awl:14`, where an entry is about a statement.
+    #[must_use]
+    pub fn of(&self, entry: &DiagEntry) -> Option<String> {
+        let site = entry.site.filter(|site| site.line > 0)?;
+        Some(format!("{}:{}", self.file(site.block)?, site.line))
+    }
+
+    /// An entry in words, with its file.
+    #[must_use]
+    pub fn told(&self, entry: &DiagEntry) -> String {
+        let place = self.of(entry).map_or_else(String::new, |place| format!(", {place}"));
+        format!("{entry}{place}")
+    }
+}
+
+/// A program as others see it: names, places, blocks.
+#[derive(Debug, Default)]
+pub struct KnownProgram {
+    /// The names of its cells.
+    pub names: Names,
+    /// Where its blocks stand.
+    pub places: Places,
+    /// Its blocks.
+    pub blocks: Vec<BlockFact>,
+    /// The program itself.
+    pub program: Arc<Program>,
+    /// Blocks it calls that are not its own.
+    pub library: Arc<Library>,
+    /// How it differs from the sources.
+    pub downloads: Vec<Download>,
+    /// Those blocks as they came.
+    pub images: BTreeMap<BlockId, Vec<u8>>,
+    /// Why that will be lost when the station ends.
+    pub not_kept: Option<String>,
+}
+
+impl KnownProgram {
+    /// Of a program that is as its sources.
+    #[must_use]
+    pub fn new(program: Arc<Program>, library: Arc<Library>) -> Self {
+        Self {
+            names: Names::new(&program),
+            places: Places::new(&program),
+            blocks: blocks(&program),
+            program,
+            library,
+            downloads: Vec::new(),
+            images: BTreeMap::new(),
+            not_kept: None,
+        }
+    }
+}
+
+/// The program that runs, as others see it. A download sets another one.
+#[derive(Clone, Debug, Default)]
+pub struct Known(Arc<RwLock<Arc<KnownProgram>>>);
+
+impl Known {
+    /// The program from now on.
+    pub fn set(&self, program: KnownProgram) {
+        *self.0.write() = Arc::new(program);
+    }
+
+    /// The one that runs.
+    #[must_use]
+    pub fn get(&self) -> Arc<KnownProgram> {
+        Arc::clone(&self.0.read())
+    }
+}
+
+/// The blocks of a program, in ascending order.
+fn blocks(program: &Program) -> Vec<BlockFact> {
+    let code = program.blocks.iter().map(|block| BlockFact {
+        id: block.id,
+        bytes: 0,
+        language: STL,
+        name: block.name.clone().unwrap_or_default(),
+    });
+    let data = program.data.iter().map(|block| BlockFact {
+        id: BlockId::new(BlockKind::Db, block.number),
+        bytes: block.bytes.len() as u32,
+        language: DATA,
+        name: block.name.clone().unwrap_or_default(),
+    });
+    let mut all: Vec<BlockFact> = code.chain(data).collect();
+    all.sort_by_key(|fact| fact.id);
+    all
+}

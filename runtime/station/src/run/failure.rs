@@ -1,0 +1,27 @@
+//! Why a run could not begin, or ended badly.
+
+use crate::exit::Exit;
+use crate::finding::Finding;
+use crate::program::LoadFailure;
+
+/// A run that could not begin or end: exit code and what to print.
+#[derive(Debug)]
+pub(super) struct Failure(pub(super) Exit, pub(super) String);
+
+impl Failure {
+    pub(super) fn of_findings(exit: Exit, findings: &[Finding]) -> Self {
+        Self(exit, findings.iter().map(|f| format!("{f}\n")).collect())
+    }
+
+    pub(super) fn of_load(failure: &LoadFailure) -> Self {
+        let exit = match failure {
+            LoadFailure::Plugin(_) => Exit::Plugin,
+            LoadFailure::Rejected(_) => Exit::Rejected,
+        };
+        Self::of_findings(exit, failure.findings())
+    }
+
+    pub(super) fn system(what: &str, error: &dyn std::fmt::Display) -> Self {
+        Self(Exit::System, format!("ob1: {what}: {error}\n"))
+    }
+}
