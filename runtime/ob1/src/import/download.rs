@@ -9,7 +9,7 @@ use ob1_model::{BlockId, BlockKind};
 use ob1_s7::client::jobs::{Device, Refused};
 use ob1_s7::codes::Code;
 use ob1_s7::wire::BlockType;
-use ob1_station::{program, station_file};
+use ob1_station::{files, program, station_file};
 
 use super::upload::{Blocks, UPLOADED};
 use super::wire::{CpuArgs, Socket, connect};
@@ -168,7 +168,7 @@ fn folder(path: &Path, blocks: &mut Blocks) -> Result<(), String> {
 
 /// A file may hold several blocks, one after another.
 fn file(path: &Path, blocks: &mut Blocks) -> Result<(), String> {
-    let bytes = std::fs::read(path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let bytes = files::read(path, files::LONGEST).map_err(|error| format!("{}: {error}", path.display()))?;
     let mut rest = bytes.as_slice();
     while !rest.is_empty() {
         let (block, length) = BlockImage::read(rest).map_err(|why| format!("{}: {why}", path.display()))?;

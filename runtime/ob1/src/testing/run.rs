@@ -14,6 +14,7 @@ use super::harness::{Harness, of_generated};
 use super::plan::{self, Plan, Run, Step, Test, Tested};
 use super::report::{Failure, FileReport, Outcome};
 use ob1_access::Names;
+use ob1_station::files;
 use ob1_station::finding::{Finding, Level, Text};
 use ob1_station::program::{self, Loaded, Sources};
 use ob1_station::station_file::findings::Findings;
@@ -27,7 +28,7 @@ const GENERATED: &str = "(the call under test)";
 pub fn run_file(path: &Path, filter: &str) -> FileReport {
     let file = path.display().to_string();
     let refused = |refused| FileReport { file: file.clone(), refused, outcomes: Vec::new() };
-    let text = match std::fs::read_to_string(path) {
+    let text = match files::read_text(path) {
         Ok(text) => text,
         Err(error) => {
             let message = format!("the test file cannot be read: {error}");
