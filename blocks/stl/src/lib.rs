@@ -66,7 +66,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use ob1_ir::{DataBlock, DataKind, Program, Symbol};
 use ob1_model::BlockId;
 
-pub use diagnostic::{Diagnostic, Limit, Rest, Severity, USES, render, render_all};
+pub use diagnostic::{Diagnostic, Limit, Rest, Severity, USES, excerpt, printable, render, render_all};
 pub use library::{Library, LibraryBlock, Missing};
 pub use listing::listing;
 pub use mnemonics::Mnemonics;
