@@ -47,6 +47,12 @@ pub fn run_file(path: &Path, filter: &str) -> FileReport {
     }
 }
 
+/// What is wrong with the text of a test file, whatever its program.
+#[must_use]
+pub fn wrong_with(text: &str, file: &str, folder: &Path) -> Vec<Finding> {
+    plan::parse(text, file, folder).err().unwrap_or_default()
+}
+
 fn run_text(text: &str, file: &str, folder: &Path, filter: &str) -> Result<Vec<Outcome>, Vec<Finding>> {
     let source = Text { file, text };
     let plan = plan::parse(text, file, folder)?;
@@ -260,8 +266,7 @@ impl ReadyStep<'_> {
         match &self.step.state {
             Some((wanted, _)) if *wanted == found => None,
             Some((wanted, at)) => {
-                let text =
-                    format!("state: expected {}, found {}{}", wanted.name(), found.name(), why(bench));
+                let text = format!("state: expected {}, found {}{}", wanted.name(), found.name(), why(bench));
                 Some((at.clone(), text))
             }
             None if found == OperatingState::Stop => {
