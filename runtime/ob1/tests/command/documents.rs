@@ -161,13 +161,13 @@ fn the_mistake_of_the_first_page_is_told_as_it_is_shown() {
         let text = blocks(&page, fence).into_iter().next().expect("a file");
         std::fs::write(folder.path().join(name), edit(text)).expect("writable");
     };
-    put("stl,file=pump.awl", "pump.awl", |text| text.replacen("\"Stopp\";", "\"Stop\";", 1));
+    put("stl,file=pump.awl", "pump.awl", |text| text.replacen("\"Start\";", "\"Strat\";", 1));
     put("text,file=pump.sdf", "pump.sdf", |text| text);
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ob1"));
     command.args(["check", "pump.awl", "--symbols", "pump.sdf"]).current_dir(folder.path());
     let output = command.output().expect("ob1 starts");
     let said = String::from_utf8_lossy(&output.stderr);
-    let from = page.find("    pump.awl:9:13: error").expect("it is shown");
+    let from = page.find("    pump.awl:6:13: error").expect("it is shown");
     let shown: Vec<&str> = page[from..].lines().take_while(|line| !line.is_empty()).map(|line| &line[4..]).collect();
     assert!(
         shown.len() == 5 && said.contains(&shown.join("\n")),
