@@ -8,7 +8,7 @@ use std::io::{Cursor, Read};
 use crate::tree::FileSource;
 
 /// The longest file read from an archive: a memo file of the largest plants has some tens of megabytes.
-const LONGEST_FILE: u64 = 256 << 20;
+pub const LONGEST_FILE: u64 = 256 << 20;
 /// Most files of an archive that are read.
 const MOST_FILES: usize = 200_000;
 

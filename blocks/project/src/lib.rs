@@ -27,7 +27,7 @@ mod uploaded;
 mod values;
 mod write;
 
-pub use archive::Archive;
+pub use archive::{Archive, LONGEST_FILE};
 pub use comments::{Comments, Line, Network};
 pub use cpu_parameters::{CpuParameters, Cyclic};
 pub use dbf::{Damage, Memos, Row, Table};

@@ -57,29 +57,42 @@ pub fn render_all(diagnostics: &[Diagnostic], sources: &[Source]) -> String {
 
 fn render_line(diagnostic: &Diagnostic, name: &str, shown: &str) -> String {
     let Diagnostic { code, severity, line, column, length, message, remedy, .. } = diagnostic;
-    let column = column.saturating_sub(1) as usize;
-    let skip = column.saturating_sub(SHOWN / 2);
-    let (lead, tail) =
-        (if skip > 0 { "..." } else { "" }, if shown.chars().nth(skip + SHOWN).is_some() { "..." } else { "" });
-    let window: String = shown.chars().skip(skip).take(SHOWN).map(printable).collect();
-    // The caret line repeats the tabs of the source line, so that the caret is in its place however wide a tab is.
-    let indent: String = window.chars().take(column - skip).map(|c| if c == '\t' { '\t' } else { ' ' }).collect();
-    let room = SHOWN.saturating_sub(column - skip).max(1);
-    let carets = "^".repeat((*length as usize).clamp(1, room));
-    let number = line.to_string();
-    let gutter = " ".repeat(number.len());
-    let mut out = String::new();
-    let _ = writeln!(out, "{name}:{line}:{}: {} {code}: {message}", column + 1, severity.name());
-    let _ = writeln!(out, "{gutter} |");
-    let _ = writeln!(out, "{number} | {lead}{window}{tail}");
-    let _ = writeln!(out, "{gutter} | {}{indent}{carets}", " ".repeat(lead.len()));
+    let (name, message, remedy) = (printable(name), printable(message), printable(remedy));
+    let mut out = format!("{name}:{line}:{column}: {} {code}: {message}\n", severity.name());
+    out += &excerpt(shown, *line, *column, *length);
     if !remedy.is_empty() {
-        let _ = writeln!(out, "{gutter} = {remedy}");
+        let _ = writeln!(out, "{} = {remedy}", " ".repeat(line.to_string().len()));
     }
     out
 }
 
-fn printable(c: char) -> char {
+/// A line of a file as a reader sees it, with carets under the place meant: at most so much of it as a terminal shows,
+/// and no control characters. `column` counts from 1.
+#[must_use]
+pub fn excerpt(shown: &str, line: u32, column: u32, length: u32) -> String {
+    let column = column.saturating_sub(1) as usize;
+    // A line that fits is shown whole.
+    let skip = if shown.chars().nth(SHOWN).is_none() { 0 } else { column.saturating_sub(SHOWN / 2) };
+    let (lead, tail) =
+        (if skip > 0 { "..." } else { "" }, if shown.chars().nth(skip + SHOWN).is_some() { "..." } else { "" });
+    let window: String = shown.chars().skip(skip).take(SHOWN).map(shown_as).collect();
+    // The caret line repeats the tabs of the source line, so that the caret is in its place however wide a tab is.
+    let indent: String = window.chars().take(column - skip).map(|c| if c == '\t' { '\t' } else { ' ' }).collect();
+    let room = SHOWN.saturating_sub(column - skip).max(1);
+    let carets = "^".repeat((length as usize).clamp(1, room));
+    let number = line.to_string();
+    let gutter = " ".repeat(number.len());
+    let below = " ".repeat(lead.len());
+    format!("{gutter} |\n{number} | {lead}{window}{tail}\n{gutter} | {below}{indent}{carets}\n")
+}
+
+/// A text of a file in a message: what would steer the reader's terminal becomes a replacement character.
+#[must_use]
+pub fn printable(text: &str) -> String {
+    text.chars().map(shown_as).collect()
+}
+
+fn shown_as(c: char) -> char {
     if c.is_control() && c != '\t' { '\u{fffd}' } else { c }
 }
 

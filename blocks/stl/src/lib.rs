@@ -67,7 +67,7 @@ use ob1_ir::{DataBlock, DataKind, Program, Symbol};
 use ob1_model::BlockId;
 
 pub use codes::Severity;
-pub use diagnostic::{Diagnostic, Limit, Rest, USES, render, render_all};
+pub use diagnostic::{Diagnostic, Limit, Rest, USES, excerpt, printable, render, render_all};
 pub use library::{Library, LibraryBlock, Missing};
 pub use listing::listing;
 pub use mnemonics::Mnemonics;

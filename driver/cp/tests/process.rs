@@ -383,7 +383,8 @@ fn a_caller_who_cannot_be_refused_does_not_keep_the_driver_awake() {
     let beats = station.cpu.monitor().cp_heartbeat();
     station.until("20 signs of life", |s| (s.cpu.monitor().cp_heartbeat() >= beats + 20).then_some(()));
     let (ran, whole) = (ran() - before, begun.elapsed());
-    assert!(ran < whole / 2, "{ran:?} of {whole:?}");
+    // One that runs in circles gets more, however many others want the core.
+    assert!(ran < whole / 20, "{ran:?} of {whole:?}");
 }
 
 #[test]

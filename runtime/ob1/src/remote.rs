@@ -115,10 +115,7 @@ pub(crate) fn ask(station: &str, op: Op) -> Result<Response, Exit> {
     Client::to_station(station).and_then(|mut client| client.ask(op)).map_err(|error| {
         err!("ob1: {error}");
         match error {
-            AccessError::NotRunning { .. } => {
-                err!("  = start it with `ob1 run`, and name it by its station file or its name");
-                Exit::Running
-            }
+            AccessError::NotRunning { .. } => Exit::Running,
             AccessError::Io(_) | AccessError::Refused(_) => Exit::Refused,
         }
     })

@@ -3,6 +3,7 @@
 use std::fmt::{self, Write as _};
 use std::ops::Range;
 
+use ob1_stl::{excerpt, printable};
 use serde::Serialize;
 
 pub use ob1_access::nearest;
@@ -61,9 +62,9 @@ impl Finding {
     #[must_use]
     pub fn whole(level: Level, code: &str, file: &str, message: impl Into<String>, remedy: impl Into<String>) -> Self {
         let (message, remedy) = (message.into(), remedy.into());
-        let mut text = format!("{file}: {} {code}: {message}\n", level.name());
+        let mut text = format!("{}: {} {code}: {}\n", printable(file), level.name(), printable(&message));
         if !remedy.is_empty() {
-            let _ = writeln!(text, "  = {remedy}");
+            let _ = writeln!(text, "  = {}", printable(&remedy));
         }
         Self { level, code: code.into(), file: file.into(), line: 0, column: 0, message, remedy, count: 1, text }
     }
@@ -105,14 +106,12 @@ impl Text<'_> {
         let shown = self.text.get(line_start..).unwrap_or_default().lines().next().unwrap_or_default();
         let marked = self.text.get(start..end).unwrap_or_default().lines().next().unwrap_or_default();
         let column = lead.chars().count() as u32 + 1;
-        // Tabs stay tabs, so that the caret stands under its character however wide the terminal makes them.
-        let indent: String = lead.chars().map(|c| if c == '\t' { '\t' } else { ' ' }).collect();
-        let carets = "^".repeat(marked.chars().count().max(1));
-        let gutter = " ".repeat(line.to_string().len());
-        let mut text = format!("{}:{line}:{column}: {} {code}: {message}\n", self.file, level.name());
-        let _ = writeln!(text, "{gutter} |\n{line} | {shown}\n{gutter} | {indent}{carets}");
+        let length = u32::try_from(marked.chars().count()).unwrap_or(u32::MAX);
+        let (file, said) = (printable(self.file), printable(&message));
+        let mut text = format!("{file}:{line}:{column}: {} {code}: {said}\n", level.name());
+        text += &excerpt(shown, line, column, length);
         if !remedy.is_empty() {
-            let _ = writeln!(text, "{gutter} = {remedy}");
+            let _ = writeln!(text, "{} = {}", " ".repeat(line.to_string().len()), printable(&remedy));
         }
         Finding { level, code: code.into(), file: self.file.into(), line, column, message, remedy, count: 1, text }
     }
@@ -136,6 +135,19 @@ mod tests {
         let found = file.finding(Level::Error, "C001", 7..11, "no".into(), "yes".into());
         assert_eq!((found.line, found.column), (2, 2));
         assert_eq!(found.text, "a.toml:2:2: error C001: no\n  |\n2 | \tname = \"ü\" # ü\n  | \t^^^^\n  = yes\n");
+    }
+
+    /// What a file holds is never handed to the terminal as it is.
+    #[test]
+    fn a_long_line_is_cut_and_a_control_character_does_not_reach_the_terminal() {
+        let long = format!("x = {}\x1b[2J", "[".repeat(100_000));
+        let file = Text { file: "a\x1b.toml", text: &long };
+        for at in [4, 60_000, long.len()] {
+            let found = file.finding(Level::Error, "C002", at..long.len(), "no \x1b[2J".into(), "\x07".into());
+            assert!(found.text.len() < 600 && !found.text.contains(['\x1b', '\x07']), "{:?}", found.text);
+        }
+        let whole = Finding::whole(Level::Error, "C001", "\x1b[2J", "\x1b", "\x1b");
+        assert!(!whole.text.contains('\x1b'), "{:?}", whole.text);
     }
 
     #[test]

@@ -8,6 +8,7 @@ use std::path::Path;
 use ob1_stl::Numbered;
 
 use crate::block_name::parse_block;
+use crate::files;
 use crate::finding::{Finding, Level, Text};
 use crate::station_file::findings::of_toml;
 
@@ -17,7 +18,7 @@ use crate::station_file::findings::of_toml;
 /// The file cannot be read, or a line of it has no meaning.
 pub(crate) fn read(path: &Path) -> Result<Vec<Numbered>, Vec<Finding>> {
     let name = path.display().to_string();
-    let text = match std::fs::read_to_string(path) {
+    let text = match files::read_text(path) {
         Ok(text) => text,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
         Err(error) => {
@@ -58,9 +59,7 @@ pub(crate) fn write(path: &Path, kept: &[Numbered], given: &[Numbered]) -> Optio
     for (name, one) in all {
         let _ = writeln!(text, "{} = \"{}\"", toml::Value::from(name), one.id);
     }
-    let beside = path.with_extension("numbers.new");
-    let written = std::fs::write(&beside, text).and_then(|()| std::fs::rename(&beside, path));
-    written.err().map(|error| {
+    files::replace(path, text.as_bytes()).err().map(|error| {
         let message = format!("the numbers of blocks cannot be kept: {error}");
         let remedy = "make the folder writable, or fix them: [program] numbers = { \"name\" = \"FC 35\" }";
         Finding::whole(Level::Warning, "C014", &path.display().to_string(), message, remedy)

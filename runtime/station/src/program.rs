@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use ob1_cpu::Natives;
-use ob1_host::plugin::{Plugin, PluginError, PluginModule};
+use ob1_host::plugin::{Plugin, PluginError, PluginModule, Refusal};
 use ob1_ir::Program;
 use ob1_mc7::BlockImage;
 use ob1_model::{BlockId, BlockKind};
@@ -18,7 +18,7 @@ use crate::finding::{Finding, Level};
 use crate::library::{self, Choice};
 use crate::sources::Sources;
 use crate::station_file::{self, Station};
-use crate::{handling_check, missing_blocks, numbers, program_files};
+use crate::{files, handling_check, missing_blocks, numbers, program_files, whole_library};
 
 /// What a station's files give.
 #[derive(Debug)]
@@ -145,6 +145,10 @@ pub fn load_plugins(plugins: &[station_file::Plugin]) -> Result<Plugins, Vec<Fin
             refused.push(not_found(config));
             continue;
         };
+        if let Some(why) = whole_library::cut_off(&path) {
+            refused.push(of_error(&PluginError { path, refusal: Refusal::NotALibrary(why) }));
+            continue;
+        }
         match Plugin::load(&path) {
             Ok(plugin) => loaded.push((plugin, config.blocks.iter().copied().collect())),
             Err(error) => refused.push(of_error(&error)),
@@ -369,7 +373,7 @@ pub fn read_all(paths: &[PathBuf], places: &[(PathBuf, Finding)], findings: &mut
     let mut sources = Vec::with_capacity(paths.len());
     for path in paths {
         let name = path.display().to_string();
-        match std::fs::read(path) {
+        match files::read(path, files::LONGEST) {
             Ok(bytes) => sources.push(Source::new(name, bytes)),
             Err(error) => {
                 if let Some((_, place)) = places.iter().find(|(named, _)| named == path) {

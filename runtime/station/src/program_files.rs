@@ -1,5 +1,7 @@
 //! Files and folders that are a program: which are sources, which symbol tables.
 
+use std::fs::File;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 /// Extensions of sources, including those in languages that are recognised and refused.
@@ -39,9 +41,9 @@ fn kind(path: &Path) -> Option<bool> {
     }
     if extension == "xml" {
         // Of the many XML files only those with blocks count.
-        let text = std::fs::read(path).ok()?;
-        let begin = String::from_utf8_lossy(text.get(..text.len().min(4096))?).into_owned();
-        return begin.contains("<SW.").then_some(true);
+        let mut begin = Vec::new();
+        File::open(path).and_then(|file| file.take(4096).read_to_end(&mut begin)).ok()?;
+        return String::from_utf8_lossy(&begin).contains("<SW.").then_some(true);
     }
     TABLES.contains(&extension.as_str()).then_some(false)
 }

@@ -19,6 +19,8 @@ pub mod serial;
 pub mod station;
 pub mod stl;
 pub mod symbols;
+pub mod testfile;
+pub mod trace;
 
 /// A fuzz target.
 pub type Target = fn(&[u8]);
@@ -40,4 +42,6 @@ pub const TARGETS: &[(&str, Target)] = &[
     ("station", station::run),
     ("stl", stl::run),
     ("symbols", symbols::run),
+    ("testfile", testfile::run),
+    ("trace", trace::run),
 ];

@@ -68,7 +68,7 @@ fn segment() {
     println!("{rounds} scans beside a hostile driver: {events} events, {records} records, no panic");
 }
 
-/// Sources, symbol tables, station files, whole programs and intermediate code, from the committed inputs and the
+/// Sources, symbol tables, station files, tests, traces, whole programs and intermediate code, from the committed inputs and the
 /// examples: no damaged input causes a panic.
 #[test]
 fn input() {
@@ -114,10 +114,11 @@ fn seeds(name: &str) -> Vec<Vec<u8>> {
         "stl" | "exec" => "awl",
         "station" => "toml",
         "symbols" => "sdf",
+        "testfile" => "test.toml",
         _ => "",
     };
     let examples = files_below(&root.join("examples"));
-    files.extend(examples.into_iter().filter(|path| path.extension().is_some_and(|end| end == ending)));
+    files.extend(examples.into_iter().filter(|path| path.to_string_lossy().ends_with(&format!(".{ending}"))));
     files.sort();
     files.iter().map(|path| fs::read(path).expect("a file")).collect()
 }

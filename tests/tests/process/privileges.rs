@@ -10,6 +10,7 @@ use std::process::Command;
 use crate::common;
 use crate::common::ledger;
 use crate::common::program;
+use crate::common::s7::free_port;
 use crate::common::site::{Site, replaced};
 
 /// A field of `/proc/PID/status`.
@@ -114,13 +115,17 @@ fn drivers_lines_and_guardian_have_the_least_that_they_need() {
 #[test]
 fn buses_links_and_the_compiler_have_the_least_that_they_need() {
     let site = Site::new();
-    let station = "[station]\nname = \"least\"\n\n[program]\nsources = [\"least.awl\"]\n\n\
-        [[bus]]\nname = \"field\"\ntype = \"modbus-tcp\"\nline = \"tcp:127.0.0.1:9\"\n\n\
-        [[module]]\ntype = \"coupler\"\nbus = \"field\"\nname = \"rio\"\n\
-        inputs = [{ at = \"EB 0\", from = \"input:0\", registers = 1 }]\n\n\
-        [[link]]\ntype = \"s7\"\nname = \"panel\"\nlisten = \"127.0.0.1:0\"\n\n\
-        [[link]]\ntype = \"web\"\nname = \"page\"\nlisten = \"127.0.0.1:0\"\n";
-    site.write("least.toml", station);
+    let station = format!(
+        "[station]\nname = \"least\"\n\n[program]\nsources = [\"least.awl\"]\n\n\
+         [[bus]]\nname = \"field\"\ntype = \"modbus-tcp\"\nline = \"tcp:127.0.0.1:9\"\n\n\
+         [[module]]\ntype = \"coupler\"\nbus = \"field\"\nname = \"rio\"\n\
+         inputs = [{{ at = \"EB 0\", from = \"input:0\", registers = 1 }}]\n\n\
+         [[link]]\ntype = \"s7\"\nname = \"panel\"\nlisten = \"127.0.0.1:{}\"\n\n\
+         [[link]]\ntype = \"web\"\nname = \"page\"\nlisten = \"127.0.0.1:{}\"\n",
+        free_port(),
+        free_port()
+    );
+    site.write("least.toml", &station);
     let blocks = ["OB 1", "OB 86"].map(|ob| format!("ORGANIZATION_BLOCK {ob}\nBEGIN\nEND_ORGANIZATION_BLOCK\n"));
     site.write("least.awl", &blocks.concat());
     let station = site.run("least.toml").until_run();

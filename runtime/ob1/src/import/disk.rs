@@ -2,10 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use ob1_project::{Archive, FileSource};
+use ob1_project::{Archive, FileSource, LONGEST_FILE};
+use ob1_station::files;
 
 /// The deepest folder that is looked into: a project's own files lie four deep.
 const DEEPEST: u32 = 8;
+/// More than any archive of a project, in bytes.
+const LONGEST_ARCHIVE: u64 = 1 << 30;
 /// Most files that are listed.
 const MOST: usize = 200_000;
 
@@ -22,7 +25,7 @@ impl FileSource for Folder {
     }
 
     fn read(&self, path: &str) -> Result<Vec<u8>, String> {
-        std::fs::read(self.root.join(path)).map_err(|error| error.to_string())
+        files::read(&self.root.join(path), LONGEST_FILE).map_err(|error| error.to_string())
     }
 }
 
@@ -40,7 +43,7 @@ pub(super) fn open(path: &Path) -> Result<Box<dyn FileSource>, String> {
     match extension.as_str() {
         "s7p" | "s7l" => folder(path.parent().filter(|p| *p != Path::new("")).unwrap_or(Path::new("."))).map_err(named),
         "zip" => {
-            let bytes = std::fs::read(path).map_err(|error| named(error.to_string()))?;
+            let bytes = files::read(path, LONGEST_ARCHIVE).map_err(|error| named(error.to_string()))?;
             Ok(Box::new(Archive::open(bytes).map_err(named)?))
         }
         _ => Err(named("it is neither a project's folder, nor its .s7p or .s7l, nor a .zip of it".to_owned())),

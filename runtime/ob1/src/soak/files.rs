@@ -1,8 +1,9 @@
 //! The files of a soak: where they are, and how each name always stands for a whole file.
 
-use std::fs::{self, File};
-use std::io::{self, Write as _};
+use std::io;
 use std::path::{Path, PathBuf};
+
+use ob1_station::files::replace;
 
 use super::report::Report;
 use super::{html, text};
@@ -41,9 +42,9 @@ impl Files {
     pub(super) fn write(&self, report: &Report) -> io::Result<()> {
         let mut json = serde_json::to_string(report)?;
         json.push('\n');
-        write_whole(&self.path("json"), json.as_bytes())?;
-        write_whole(&self.path("txt"), text::report(report).as_bytes())?;
-        write_whole(&self.path("html"), html::page(report).as_bytes())
+        replace(&self.path("json"), json.as_bytes())?;
+        replace(&self.path("txt"), text::report(report).as_bytes())?;
+        replace(&self.path("html"), html::page(report).as_bytes())
     }
 }
 
@@ -51,16 +52,6 @@ impl Files {
 fn stamp(nanos_since_1990: u64) -> String {
     let [year, month, day, hour, minute, second, ..] = ob1_cpu::date_and_time(nanos_since_1990);
     format!("20{year:02X}{month:02X}{day:02X}-{hour:02X}{minute:02X}{second:02X}")
-}
-
-/// Writes a file so that its name always stands for a whole one: beside it first, then in its place.
-fn write_whole(path: &Path, text: &[u8]) -> io::Result<()> {
-    let mut name = path.as_os_str().to_owned();
-    name.push(".new");
-    let mut file = File::create(&name)?;
-    file.write_all(text)?;
-    file.sync_all()?;
-    fs::rename(&name, path)
 }
 
 #[cfg(test)]
@@ -76,16 +67,5 @@ mod tests {
         assert!(of_station.display().to_string().starts_with("press-soak-20"), "{of_station:?}");
         // 1990-01-01 is the beginning of time there; years before 2000 do not occur.
         assert_eq!(stamp(3653 * 86_400_000_000_000 + 3_661_000_000_000), "20000102-010101");
-    }
-
-    #[test]
-    fn a_name_stands_for_a_whole_file() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("x.json");
-        for text in ["a long first text", "short"] {
-            write_whole(&path, text.as_bytes()).expect("writable");
-            assert_eq!(fs::read_to_string(&path).expect("there"), text);
-        }
-        assert_eq!(fs::read_dir(folder.path()).expect("there").count(), 1, "nothing is left beside it");
     }
 }

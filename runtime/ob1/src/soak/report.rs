@@ -1,6 +1,5 @@
 //! The report of a soak: the checkpoints of each minute and the last report have the same form.
 
-use std::fs;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -9,6 +8,7 @@ use super::load::LoadReport;
 use super::verdict::{Ended, Finding, Verdict};
 use crate::statistics::{PERCENTILES, Percentile, Slope, percentile};
 use ob1_station::access::protocol::{Diagnostic, GrantStatus, ModuleStatus};
+use ob1_station::files;
 use ob1_station::timing::snapshot::{Spread, Timing};
 
 /// Version of the form: raised when a field changes its meaning or goes. Fields may be added.
@@ -229,7 +229,7 @@ impl Report {
     /// # Errors
     /// What is wrong with the file, in one sentence.
     pub fn read(path: &Path) -> Result<Self, String> {
-        let text = fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
+        let text = files::read_text(path).map_err(|e| format!("{}: {e}", path.display()))?;
         let report: Self = serde_json::from_str(&text)
             .map_err(|e| format!("{} is not a report of `ob1 soak`: {e}", path.display()))?;
         if report.schema != SOAK_SCHEMA {

@@ -15,7 +15,7 @@ use clap::Args;
 
 pub use find::find_tests;
 pub use report::{Failure, FileReport, Outcome, write_junit};
-pub use run::run_file;
+pub use run::{run_file, wrong_with};
 
 use crate::exit::TestExit;
 

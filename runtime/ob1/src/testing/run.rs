@@ -14,6 +14,7 @@ use super::harness::{Harness, of_generated};
 use super::plan::{self, Plan, Run, Step, Test, Tested};
 use super::report::{Failure, FileReport, Outcome};
 use ob1_access::Names;
+use ob1_station::files;
 use ob1_station::finding::{Finding, Level, Text};
 use ob1_station::program::{self, Loaded};
 use ob1_station::sources::Sources;
@@ -28,7 +29,7 @@ const GENERATED: &str = "(the call under test)";
 pub fn run_file(path: &Path, filter: &str) -> FileReport {
     let file = path.display().to_string();
     let refused = |refused| FileReport { file: file.clone(), refused, outcomes: Vec::new() };
-    let text = match std::fs::read_to_string(path) {
+    let text = match files::read_text(path) {
         Ok(text) => text,
         Err(error) => {
             let message = format!("the test file cannot be read: {error}");
@@ -45,6 +46,12 @@ pub fn run_file(path: &Path, filter: &str) -> FileReport {
         Ok(outcomes) => FileReport { file, refused: Vec::new(), outcomes },
         Err(findings) => refused(findings),
     }
+}
+
+/// What is wrong with the text of a test file, whatever its program.
+#[must_use]
+pub fn wrong_with(text: &str, file: &str, folder: &Path) -> Vec<Finding> {
+    plan::parse(text, file, folder).err().unwrap_or_default()
 }
 
 fn run_text(text: &str, file: &str, folder: &Path, filter: &str) -> Result<Vec<Outcome>, Vec<Finding>> {
@@ -260,8 +267,7 @@ impl ReadyStep<'_> {
         match &self.step.state {
             Some((wanted, _)) if *wanted == found => None,
             Some((wanted, at)) => {
-                let text =
-                    format!("state: expected {}, found {}{}", wanted.name(), found.name(), why(bench));
+                let text = format!("state: expected {}, found {}{}", wanted.name(), found.name(), why(bench));
                 Some((at.clone(), text))
             }
             None if found == OperatingState::Stop => {

@@ -8,20 +8,22 @@ mod source;
 
 use std::fs::File;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use ob1_protocols::trace::record::Record;
 use ob1_time::Span;
 
 use crate::exit::Exit;
-use ob1_station::out;
-use ob1_station::station_file;
+use ob1_station::{files, out, station_file};
 
 pub use pcapng::Pcapng;
 pub use print::Printer;
 pub use recording::{Recorder, RecordingError, read};
 pub(crate) use source::Taps;
+
+/// The longest recording that is read, in bytes.
+const LONGEST: u64 = 1 << 30;
 
 /// Show what goes over the lines of a running station, or of a recording
 ///
@@ -65,10 +67,18 @@ pub enum TraceError {
     /// The station does not run, or has no such CP.
     #[error("{0}")]
     Nobody(String),
-    /// The recording cannot be read.
-    #[error("{0}")]
-    Recording(#[from] RecordingError),
-    /// A file cannot be written.
+    /// The recording cannot be understood.
+    #[error("{}: {error}", .path.display())]
+    Recording {
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        error: RecordingError,
+    },
+    /// A file would be overwritten by what is made of it, or by something else.
+    #[error("{} is named twice: give each option a file of its own", .0.display())]
+    Twice(PathBuf),
+    /// A file cannot be read or written.
     #[error("{}: {error}", .path.display())]
     File {
         /// Which.
@@ -90,7 +100,8 @@ pub fn trace(args: &TraceArgs) -> Exit {
             err!("ob1: {error}");
             match error {
                 TraceError::Nobody(_) => Exit::Running,
-                TraceError::Recording(_) => Exit::Rejected,
+                TraceError::Twice(_) => Exit::Usage,
+                TraceError::Recording { .. } => Exit::Rejected,
                 TraceError::File { .. } | TraceError::Io(_) => Exit::System,
             }
         }
@@ -154,13 +165,32 @@ impl Sinks {
     }
 }
 
+/// Whether two paths lead to one file.
+fn same(one: &Path, other: &Path) -> bool {
+    one == other || one.canonicalize().is_ok_and(|one| other.canonicalize().is_ok_and(|other| one == other))
+}
+
 fn run(args: &TraceArgs) -> Result<(), TraceError> {
+    let named = [&args.from, &args.record, &args.pcapng].map(Option::as_ref);
+    let pairs = [(named[0], named[2]), (named[1], named[2])];
+    if let Some(path) = pairs.into_iter().find_map(|(one, other)| one.filter(|one| other.is_some_and(|o| same(one, o))))
+    {
+        return Err(TraceError::Twice(path.clone()));
+    }
+    let read_whole =
+        |path: &PathBuf| files::read(path, LONGEST).map_err(|error| TraceError::File { path: path.clone(), error });
+    // Before a file is begun.
+    let recording = args.from.as_ref().map(|path| read_whole(path).map(|bytes| (path, bytes))).transpose()?;
     let mut sinks = Sinks::open(args)?;
-    match (&args.from, &args.station) {
-        (Some(path), _) => {
-            let bytes = std::fs::read(path).map_err(|error| TraceError::File { path: path.clone(), error })?;
-            for entry in read(&bytes)? {
-                let (cp, record) = entry?;
+    match (&recording, &args.station) {
+        (Some((path, bytes)), _) => {
+            let refused = |error| TraceError::Recording { path: (*path).clone(), error };
+            for entry in read(bytes).map_err(refused)? {
+                let Ok((cp, record)) = entry else {
+                    // What is whole is shown, what was still open too.
+                    sinks.finish()?;
+                    return entry.map(drop).map_err(refused);
+                };
                 sinks.take(cp, &record)?;
                 if sinks.is_over() {
                     return Ok(());

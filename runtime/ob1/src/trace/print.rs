@@ -6,6 +6,7 @@ use std::fmt::Write as _;
 use ob1_protocols::Instant;
 use ob1_protocols::trace::record::{Kind, Record};
 use ob1_protocols::trace::{Unit, Way};
+use ob1_stl::printable;
 use ob1_trace::{Cp, remark, shown};
 
 use super::s7::Link;
@@ -140,6 +141,8 @@ impl Printer {
 
 fn line(held: &mut Held, time: Instant, name: &str, arrow: char, what: &str) {
     let since = time.since_start();
+    // A recording, and what a driver says, may hold anything.
+    let (name, what) = (printable(name), printable(what));
     let text = format!("{:>6}.{:06}  {name} {arrow} {what}\n", since.secs(), since.micros() % 1_000_000);
     held.push((time, text));
 }

@@ -118,29 +118,60 @@ fn quoted_events_have_the_texts_of_the_program() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let folders = std::fs::read_dir(root.join("examples")).expect("the examples are there");
     let folders = folders.map(|folder| folder.expect("readable").path()).chain([root.join("docs"), root.clone()]);
-    let (mut quoted, mut wrong) = (0, Vec::new());
+    let (mut quoted, mut helped, mut wrong) = (0, 0, Vec::new());
     for folder in folders.filter(|path| path.is_dir()) {
         for page in std::fs::read_dir(&folder).expect("readable").map(|page| page.expect("readable").path()) {
             if page.extension().is_none_or(|end| end != "md") {
                 continue;
             }
-            for line in std::fs::read_to_string(&page).expect("UTF-8").lines() {
+            let text = std::fs::read_to_string(&page).expect("UTF-8");
+            for (line, below) in text.lines().zip(text.lines().skip(1).chain([""])) {
                 let Some((number, text)) = line.split_once(" s  ").and_then(|(_, entry)| entry.split_once("h ")) else {
                     continue;
                 };
                 let Ok(number) = u16::from_str_radix(number, 16) else { continue };
-                let known = match ob1_protocols::cp341_events::row(number) {
-                    Some(row) => row.text,
-                    None => ob1_model::Event(number).text(),
+                let (known, remedy) = match ob1_protocols::cp341_events::row(number) {
+                    Some(row) => (row.text, row.remedy),
+                    None => (ob1_model::Event(number).text(), ob1_model::Event(number).remedy()),
                 };
                 quoted += 1;
                 let rest = text.trim_start_matches("gone: ").strip_prefix(known);
                 if rest.is_none_or(|rest| !(rest.is_empty() || rest.starts_with([' ', ':', ',']))) {
                     wrong.push(format!("{}: {line}\n  the program says: {known}", page.display()));
                 }
+                if let Some(said) = below.trim().strip_prefix("= ") {
+                    helped += 1;
+                    if said != remedy {
+                        wrong.push(format!("{}: {below}\n  the program says: {remedy}", page.display()));
+                    }
+                }
             }
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-    assert!(quoted >= 6, "{quoted}: nothing is quoted any more");
+    assert!(quoted >= 6 && helped >= 2, "{quoted}, {helped}: nothing is quoted any more");
+}
+
+/// The first mistake a new user sees on a page is what the command says about it, to the caret.
+#[test]
+fn the_mistake_of_the_first_page_is_told_as_it_is_shown() {
+    let page = document("getting-started.md");
+    let folder = tempfile::tempdir().expect("a directory");
+    let put = |fence: &str, name: &str, edit: fn(String) -> String| {
+        let text = blocks(&page, fence).into_iter().next().expect("a file");
+        std::fs::write(folder.path().join(name), edit(text)).expect("writable");
+    };
+    put("stl,file=pump.awl", "pump.awl", |text| text.replacen("\"Start\";", "\"Strat\";", 1));
+    put("text,file=pump.sdf", "pump.sdf", |text| text);
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ob1"));
+    command.args(["check", "pump.awl", "--symbols", "pump.sdf"]).current_dir(folder.path());
+    let output = command.output().expect("ob1 starts");
+    let said = String::from_utf8_lossy(&output.stderr);
+    let from = page.find("    pump.awl:6:13: error").expect("it is shown");
+    let shown: Vec<&str> = page[from..].lines().take_while(|line| !line.is_empty()).map(|line| &line[4..]).collect();
+    assert!(
+        shown.len() == 5 && said.contains(&shown.join("\n")),
+        "the page shows:\n{}\nsaid:\n{said}",
+        shown.join("\n")
+    );
 }

@@ -173,3 +173,28 @@ fn a_capture_holds_the_frames_of_modbus_rtu() {
     assert_eq!(packets[0][8..], [3, 0, 0, 0, 1, 3, 0, 0, 0, 2, 0xC4, 0x0B]);
     assert_eq!(packets[1][8], 4, "received");
 }
+
+/// A recording is never overwritten by what is made of it.
+#[test]
+fn a_file_that_is_named_twice_stays() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    let file = recording(&std::fs::read_to_string(&scripts()[0]).expect("readable"));
+    std::fs::write(path("line.trace"), &file).expect("room");
+    std::os::unix::fs::symlink(path("line.trace"), path("link")).expect("a link");
+    for (from, record, pcapng) in
+        [(Some("line.trace"), None, "line.trace"), (Some("line.trace"), None, "link"), (None, Some("new"), "new")]
+    {
+        let options = ob1_command::trace::Options {
+            station: Some("nobody".into()).filter(|_| from.is_none()),
+            from: from.map(path),
+            record: record.map(path),
+            pcapng: Some(path(pcapng)),
+            quiet: true,
+            ..Default::default()
+        };
+        assert_eq!(ob1_command::trace::trace(&options), ob1_command::exit::Exit::Usage, "{pcapng}");
+    }
+    assert_eq!(std::fs::read(path("line.trace")).expect("there"), file);
+    assert!(!path("new").exists());
+}

@@ -8,8 +8,7 @@ use std::time::Duration;
 use serde_json::Value;
 
 use super::protocol::{Op, Request, Response};
-use crate::rundir;
-use crate::station_file;
+use crate::{files, rundir, station_file};
 
 /// How long a station may take to answer. Its socket thread answers even if the CPU hangs; this is for a process that
 /// was stopped.
@@ -19,7 +18,11 @@ const ANSWER_TIME: Duration = Duration::from_secs(60);
 #[derive(Debug, thiserror::Error)]
 pub enum AccessError {
     /// It does not run.
-    #[error("the station \"{name}\" does not run (no socket in {})", .searched.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", "))]
+    #[error(
+        "the station \"{name}\" does not run (no socket in {})\n  = start it with `ob1 run`, and name it by its station \
+         file or its name",
+        .searched.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ")
+    )]
     NotRunning {
         /// Its name.
         name: String,
@@ -96,6 +99,6 @@ fn name_of(station: &str) -> String {
 }
 
 fn name_in(path: &Path) -> Option<String> {
-    let table: toml::Table = std::fs::read_to_string(path).ok()?.parse().ok()?;
+    let table: toml::Table = files::read_text(path).ok()?.parse().ok()?;
     Some(table.get("station")?.get("name")?.as_str()?.to_owned())
 }

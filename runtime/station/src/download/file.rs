@@ -3,18 +3,18 @@
 //! `ob1 load`, the version, a checksum over what follows, then block after block: kind, number, 1 and length and bytes,
 //! or 0 for one that was deleted. All numbers are big-endian.
 
-use std::fs::{self, File};
-use std::io::{self, Write as _};
+use std::fs;
+use std::io;
 use std::path::Path;
 
 use ob1_model::{BlockId, BlockKind};
 
+use super::Changes;
 use super::changes::Changes;
+use crate::files;
 
 const MAGIC: [u8; 8] = *b"ob1 load";
 const VERSION: u8 = 1;
-/// More than any CPU holds: a longer file is not read.
-const LONGEST: u64 = 64 * 1024 * 1024;
 
 /// What the file holds; nothing where there is no file.
 ///
@@ -26,10 +26,10 @@ pub fn read(path: &Path) -> Result<Changes, String> {
         Err(error) => return Err(error.to_string()),
         Ok(about) => about,
     };
-    if !about.is_file() || about.len() > LONGEST {
+    if !about.is_file() {
         return Err("it is not a file of downloads".into());
     }
-    decode(&fs::read(path).map_err(|error| error.to_string())?)
+    decode(&files::read(path, files::LONGEST).map_err(|error| error.to_string())?)
 }
 
 /// Writes the file: under another name, synced, renamed. Without changes there is no file.
@@ -37,21 +37,16 @@ pub fn read(path: &Path) -> Result<Changes, String> {
 /// # Errors
 /// What the system says.
 pub fn write(path: &Path, changes: &Changes) -> io::Result<()> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    fs::create_dir_all(folder)?;
-    if changes.is_empty() {
-        match fs::remove_file(path) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-            _ => {}
-        }
-    } else {
-        let beside = path.with_extension("downloaded.new");
-        let mut file = File::create(&beside)?;
-        file.write_all(&encode(changes))?;
-        file.sync_all()?;
-        fs::rename(&beside, path)?;
+    if let Some(folder) = path.parent() {
+        fs::create_dir_all(folder)?;
     }
-    File::open(folder)?.sync_all()
+    if !changes.is_empty() {
+        return files::replace(path, &encode(changes));
+    }
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+        _ => files::sync_folder_of(path),
+    }
 }
 
 fn encode(changes: &Changes) -> Vec<u8> {

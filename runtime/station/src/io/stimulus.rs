@@ -11,6 +11,7 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use toml::Spanned;
 
+use crate::files;
 use crate::finding::{Finding, Level, Text};
 use crate::station_file::parse_duration;
 use ob1_access::Names;
@@ -62,7 +63,7 @@ impl Stimulus {
     /// All findings.
     pub fn load(path: &Path) -> Result<Self, Vec<Finding>> {
         let name = path.display().to_string();
-        match std::fs::read_to_string(path) {
+        match files::read_text(path) {
             Ok(text) => Self::parse(&text, &name),
             Err(error) => {
                 let message = format!("the stimulus file cannot be read: {error}");

@@ -3,13 +3,13 @@
 //! Magic, version of this format and length of the content in little-endian, a checksum over version and content, then
 //! the content as bincode writes it. The image in it is the CPU's own and has its own version.
 
-use bincode::config::{Configuration, standard};
+use bincode::config::{Config, standard};
 
 const MAGIC: [u8; 8] = *b"ob1 file";
 const VERSION: u32 = 1;
 const HEAD: usize = 8 + 4 + 8 + 8;
-/// More than any CPU keeps, in bytes: a longer file is not read.
-pub(super) const LONGEST: u64 = 1 << 28;
+/// Twice the memory of the largest CPU, in bytes: a longer file is not read.
+pub(super) const LONGEST: u64 = 1 << 29;
 
 /// What a file holds.
 #[derive(Clone, Debug, PartialEq, Eq, bincode::Encode, bincode::Decode)]
@@ -39,8 +39,9 @@ pub enum FormatError {
     OtherStation(String),
 }
 
-const fn config() -> Configuration {
-    standard()
+/// With a limit: nothing is made room for because a file says how long it is.
+const fn config() -> impl Config {
+    standard().with_limit::<{ LONGEST as usize }>()
 }
 
 /// The bytes of a file.
@@ -48,14 +49,18 @@ const fn config() -> Configuration {
 /// # Errors
 /// What bincode says; memory is the only thing that can be missing.
 pub fn encode(content: &Content) -> Result<Vec<u8>, String> {
-    let body = bincode::encode_to_vec(content, config()).map_err(|error| error.to_string())?;
+    bincode::encode_to_vec(content, config()).map(|body| sealed(&body)).map_err(|error| error.to_string())
+}
+
+/// A content with its head.
+fn sealed(body: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(HEAD + body.len());
     bytes.extend_from_slice(&MAGIC);
     bytes.extend_from_slice(&VERSION.to_le_bytes());
     bytes.extend_from_slice(&(body.len() as u64).to_le_bytes());
-    bytes.extend_from_slice(&checksum(&body).to_le_bytes());
-    bytes.extend_from_slice(&body);
-    Ok(bytes)
+    bytes.extend_from_slice(&checksum(body).to_le_bytes());
+    bytes.extend_from_slice(body);
+    bytes
 }
 
 /// What bytes hold.
@@ -80,7 +85,8 @@ pub fn decode(bytes: &[u8], station: &str) -> Result<Content, FormatError> {
     }
     let (content, read): (Content, usize) =
         bincode::decode_from_slice(body, config()).map_err(|_| FormatError::Damaged)?;
-    if read != body.len() {
+    // No station writes so many files that none can come after.
+    if read != body.len() || content.sequence == u64::MAX {
         return Err(FormatError::Damaged);
     }
     if content.station != station {
@@ -124,5 +130,18 @@ mod tests {
         let mut longer = bytes;
         longer.push(0);
         assert_eq!(decode(&longer, "press"), Err(FormatError::Damaged));
+    }
+
+    #[test]
+    fn a_right_checksum_over_a_lie_is_no_reason_to_believe_it() {
+        let file = |sequence: u64, length: u64| {
+            let body = bincode::encode_to_vec(("press".to_owned(), sequence, length), standard());
+            decode(&sealed(&body.expect("memory")), "press")
+        };
+        assert_eq!(file(7, 0).map(|content| content.sequence), Ok(7));
+        for length in [1, LONGEST, 1 << 40, u64::MAX] {
+            assert_eq!(file(7, length), Err(FormatError::Damaged), "an image of {length} bytes");
+        }
+        assert_eq!(file(u64::MAX, 0), Err(FormatError::Damaged));
     }
 }

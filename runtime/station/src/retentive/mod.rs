@@ -22,17 +22,20 @@ pub struct RetentiveFile {
     pub every: Span,
 }
 
-/// Puts the newest generation back that fits, and returns what was refused.
+/// Puts the newest generation back that fits, and returns what was refused; that is kept under another name.
 ///
 /// # Errors
 /// [`StoreError`].
 pub fn restore(file: &RetentiveFile, station: &str, cpu: &mut Cpu) -> Result<(Store, Vec<String>), StoreError> {
-    let (store, found) = Store::open(&file.folder, station)?;
+    let (mut store, found) = Store::open(&file.folder, station)?;
     let mut told = found.refused;
     for generation in &found.generations {
         match cpu.restore_retentive(&generation.image) {
             Ok(()) => return Ok((store, told)),
-            Err(why) => told.push(format!("generation {}: {why}", generation.sequence)),
+            Err(why) => {
+                let kept = store.refuse(generation.sequence);
+                told.push(format!("generation {}: {why}; {kept}", generation.sequence));
+            }
         }
     }
     if !told.is_empty() {

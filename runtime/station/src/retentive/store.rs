@@ -13,8 +13,11 @@ use rustix::fs::{FlockOperation, OFlags, flock};
 use rustix::io::Errno;
 
 use super::format::{self, Content};
+use crate::files;
 
 const SLOTS: [&str; 2] = ["a", "b"];
+/// Only the station's user reads and writes them.
+const MODE: u32 = 0o600;
 /// Files that were refused and are kept, at most.
 const KEPT: u32 = 10;
 
@@ -49,6 +52,8 @@ pub struct Store {
     sequence: u64,
     /// The slot that is written next.
     next: usize,
+    /// What lies in the slots: the numbers of whole generations.
+    there: [Option<u64>; 2],
     /// Slots blocked by something that cannot be moved.
     blocked: [bool; 2],
     /// Held as long as the files are ours.
@@ -81,6 +86,7 @@ impl Store {
             station: station.to_owned(),
             sequence: 0,
             next: 0,
+            there: [None; 2],
             blocked: [false; 2],
             _lock: lock,
         };
@@ -95,7 +101,7 @@ impl Store {
     /// Makes and removes a file. A full disk is no reason to refuse: it may have room later.
     fn try_folder(&self) -> io::Result<()> {
         let temporary = self.temporary();
-        let made = self.create(&temporary);
+        let made = files::fresh(&temporary, MODE);
         let _ = fs::remove_file(&temporary);
         match made {
             Err(error) if !is_full(&error) => Err(error),
@@ -118,16 +124,11 @@ impl Store {
                     if newest.is_none_or(|(sequence, _)| content.sequence > sequence) {
                         newest = Some((content.sequence, slot));
                     }
+                    self.there[slot] = Some(content.sequence);
                     found.generations.push(content);
                 }
                 Err(why) => {
-                    let kept = match set_aside(&path) {
-                        Ok(aside) => format!("it is kept as {}", aside.display()),
-                        Err(error) => {
-                            self.blocked[slot] = true;
-                            format!("it cannot be moved: {error}")
-                        }
-                    };
+                    let kept = self.clear(slot);
                     found.refused.push(format!("{}: {why}; {kept}", path.display()));
                 }
             }
@@ -142,18 +143,34 @@ impl Store {
         found
     }
 
+    /// Takes a whole generation that does not fit out of the way of those that follow. Says what became of it.
+    pub fn refuse(&mut self, sequence: u64) -> String {
+        let Some(slot) = self.there.iter().position(|there| *there == Some(sequence)) else {
+            return "it is not there any more".to_owned();
+        };
+        let kept = self.clear(slot);
+        self.next = if self.blocked[slot] { 1 - slot } else { slot };
+        kept
+    }
+
+    /// Renames what lies in a slot. Says what became of it.
+    fn clear(&mut self, slot: usize) -> String {
+        self.there[slot] = None;
+        match set_aside(&self.path(slot)) {
+            Ok(aside) => format!("it is kept as {}", aside.display()),
+            Err(error) => {
+                self.blocked[slot] = true;
+                format!("it cannot be moved: {error}")
+            }
+        }
+    }
+
     fn path(&self, slot: usize) -> PathBuf {
         self.folder.join(format!(".{}.retentive.{}", self.station, SLOTS[slot]))
     }
 
     fn temporary(&self) -> PathBuf {
         self.folder.join(format!(".{}.retentive.new", self.station))
-    }
-
-    /// A new file; anything in its place is removed and never written into.
-    fn create(&self, path: &Path) -> io::Result<File> {
-        let _ = fs::remove_file(path).or_else(|_| fs::remove_dir(path));
-        OpenOptions::new().write(true).create_new(true).mode(0o600).open(path)
     }
 
     /// Writes a generation; it is on the disk when this returns. Gives its sequence number.
@@ -163,18 +180,7 @@ impl Store {
     pub fn write(&mut self, image: &[u8]) -> io::Result<u64> {
         let content = Content { station: self.station.clone(), sequence: self.sequence + 1, image: image.to_vec() };
         let bytes = format::encode(&content).map_err(io::Error::other)?;
-        let temporary = self.temporary();
-        let written = self.create(&temporary).and_then(|mut file| {
-            file.write_all(&bytes)?;
-            file.sync_all()?;
-            fs::rename(&temporary, self.path(self.next))
-        });
-        if let Err(error) = written {
-            // Half a file takes the room the next one needs.
-            let _ = fs::remove_file(&temporary);
-            return Err(error);
-        }
-        File::open(&self.folder)?.sync_all()?;
+        files::replace_by(&self.temporary(), &self.path(self.next), &bytes, MODE)?;
         self.sequence = content.sequence;
         if !self.blocked[1 - self.next] {
             self.next = 1 - self.next;
@@ -202,15 +208,19 @@ impl Drop for Lock {
 
 /// The lock of a station's files. It stays on the disk: a file that is removed and made again could be locked twice.
 fn lock(folder: &Path, station: &str) -> Result<Lock, StoreError> {
-    let path = folder.join(format!(".{station}.retentive.lock"));
-    let failed = |source| StoreError::Folder { folder: folder.to_owned(), source };
+    let name = format!(".{station}.retentive.lock");
+    let path = folder.join(&name);
+    let failed = |error: io::Error| {
+        let source = io::Error::new(error.kind(), format!("the lock {name}: {error}"));
+        StoreError::Folder { folder: folder.to_owned(), source }
+    };
     let flags = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32;
     let mut file = OpenOptions::new()
         .read(true)
         .write(true)
         .create(true)
         .truncate(false)
-        .mode(0o600)
+        .mode(MODE)
         .custom_flags(flags)
         .open(&path)
         .map_err(failed)?;
@@ -332,6 +342,25 @@ mod tests {
         assert_eq!(images(&Store::open(folder.path(), "s").expect("readable").1), [b"3", b"1"]);
     }
 
+    /// The image of another program is whole, and belongs to somebody.
+    #[test]
+    fn what_does_not_fit_is_kept_too() {
+        let folder = two();
+        let (mut store, _) = Store::open(folder.path(), "s").expect("usable");
+        for (sequence, slot) in [(2, "b"), (1, "a")] {
+            assert!(store.refuse(sequence).ends_with(&format!(".s.retentive.{slot}.refused")), "{sequence}");
+        }
+        assert_eq!(store.refuse(2), "it is not there any more");
+        assert_eq!(store.write(b"3").expect("its place is free"), 3);
+        assert_eq!(store.write(b"4").expect("its place is free"), 4);
+        drop(store);
+        for slot in ["a", "b"] {
+            let name = folder.path().join(format!(".s.retentive.{slot}"));
+            fs::rename(name.with_extension(format!("{slot}.refused")), name).expect("kept");
+        }
+        assert_eq!(images(&Store::open(folder.path(), "s").expect("usable").1), [b"2", b"1"]);
+    }
+
     #[test]
     fn a_foreign_file_is_refused_and_kept() {
         let folder = tempfile::tempdir().expect("a directory");
@@ -396,6 +425,9 @@ mod tests {
     #[test]
     fn an_unusable_folder_is_refused_at_once() {
         let folder = tempfile::tempdir().expect("a directory");
+        fs::create_dir(folder.path().join(".s.retentive.lock")).expect("room");
+        let error = Store::open(folder.path(), "s").expect_err("no lock").to_string();
+        assert!(error.contains("the lock .s.retentive.lock: "), "{error}");
         let file = folder.path().join("file");
         fs::write(&file, "").expect("writable");
         for unusable in [file.as_path(), &file.join("below"), Path::new("/proc/nothing"), Path::new("/dev/null/x")] {

@@ -21,6 +21,7 @@ use super::remote::{LOST_AFTER, Loss, address, loss, substitute};
 use super::tables::{BusTable, ModuleTable, Placed, SlotTable};
 use super::types::{Absent, Bus, ModuleConfig, ModuleKind};
 use super::values::{name, number, time};
+use crate::files;
 use crate::finding::nearest;
 
 const MS: Span = Span::MILLISECOND;
@@ -320,7 +321,7 @@ fn gsd(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Gsd> 
         return None;
     };
     let path = folder.join(file.get_ref());
-    let bytes = match std::fs::read(&path) {
+    let bytes = match files::read(&path, files::LONGEST) {
         Ok(bytes) => bytes,
         Err(error) => {
             let message = format!("the GSD file {} cannot be read: {error}", path.display());

@@ -35,8 +35,10 @@ pub use line::{Line, LineError};
 pub use types::*;
 pub use values::{NAME_RULE, choice, is_name, places};
 
+use std::io::ErrorKind;
 use std::path::Path;
 
+use crate::files;
 use crate::finding::{Finding, Level, Text};
 
 /// Reads and checks a station file.
@@ -79,12 +81,12 @@ pub fn parse(text: &str, name: &str, folder: &Path) -> Result<Station, Vec<Findi
 }
 
 fn read(path: &Path) -> Result<String, Vec<Finding>> {
-    std::fs::read_to_string(path).map_err(|error| {
+    files::read_text(path).map_err(|error| {
         let remedy = match error.kind() {
-            std::io::ErrorKind::NotFound => {
-                "name an existing station file, such as examples/two-stations/station-a.toml"
-            }
-            std::io::ErrorKind::InvalidData => "a station file is UTF-8 text",
+            ErrorKind::NotFound => "name an existing station file, such as examples/two-stations/station-a.toml",
+            ErrorKind::InvalidData => "a station file is UTF-8 text",
+            ErrorKind::IsADirectory => "name the station file in it, such as press/station.toml",
+            ErrorKind::FileTooLarge => "name a station file, such as press/station.toml",
             _ => "make it readable for this user",
         };
         let message = format!("the station file cannot be read: {error}");

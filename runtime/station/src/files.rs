@@ -1,0 +1,126 @@
+//! Files: read with a limit, and written so that a name always stands for a whole content.
+
+use std::ffi::OsString;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Read as _, Write as _};
+use std::os::unix::fs::OpenOptionsExt as _;
+use std::path::Path;
+
+/// More than any file that people write or tools make of a program, in bytes.
+pub const LONGEST: u64 = 64 << 20;
+
+/// The content of a file of at most so many bytes. A device without an end is not read for ever.
+///
+/// # Errors
+/// What the system says; `FileTooLarge`.
+pub fn read(path: &Path, longest: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let read = File::open(path)?.take(longest + 1).read_to_end(&mut bytes)?;
+    if read as u64 > longest {
+        let why = format!("it is longer than {} MiB", longest >> 20);
+        return Err(io::Error::new(io::ErrorKind::FileTooLarge, why));
+    }
+    Ok(bytes)
+}
+
+/// The same as text.
+///
+/// # Errors
+/// As [`read`]; `InvalidData`: it is not UTF-8.
+pub fn read_text(path: &Path) -> io::Result<String> {
+    String::from_utf8(read(path, LONGEST)?).map_err(|error| {
+        let at = error.utf8_error().valid_up_to();
+        let line = error.as_bytes()[..at].iter().filter(|byte| **byte == b'\n').count() + 1;
+        io::Error::new(io::ErrorKind::InvalidData, format!("line {line} is not UTF-8"))
+    })
+}
+
+/// Gives a file this content: written beside it, synced, renamed; it is on the disk when this returns.
+///
+/// # Errors
+/// What the system says; what was there before stays.
+pub fn replace(path: &Path, content: &[u8]) -> io::Result<()> {
+    let mut beside = OsString::from(path);
+    beside.push(".new");
+    replace_by(Path::new(&beside), path, content, 0o666)
+}
+
+/// The same by way of this name, with these rights.
+///
+/// # Errors
+/// As [`replace`].
+pub(crate) fn replace_by(beside: &Path, path: &Path, content: &[u8], mode: u32) -> io::Result<()> {
+    let written = fresh(beside, mode).and_then(|mut file| {
+        file.write_all(content)?;
+        file.sync_all()?;
+        fs::rename(beside, path)
+    });
+    if let Err(error) = written {
+        // Half a file takes the room the next one needs.
+        let _ = fs::remove_file(beside);
+        return Err(error);
+    }
+    sync_folder_of(path)
+}
+
+/// A new file; what stands in its place, whatever it is, is removed and never written into.
+pub(crate) fn fresh(path: &Path, mode: u32) -> io::Result<File> {
+    let _ = fs::remove_file(path).or_else(|_| fs::remove_dir(path));
+    OpenOptions::new().write(true).create_new(true).mode(mode).open(path)
+}
+
+/// What was renamed or removed there outlasts a power failure.
+pub(crate) fn sync_folder_of(path: &Path) -> io::Result<()> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    File::open(folder)?.sync_all()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_without_an_end_ends() {
+        let refused = read(Path::new("/dev/zero"), 1 << 20).expect_err("endless");
+        assert_eq!(
+            (refused.kind(), refused.to_string().as_str()),
+            (io::ErrorKind::FileTooLarge, "it is longer than 1 MiB")
+        );
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("x");
+        fs::write(&path, [0; 1000]).expect("room");
+        assert_eq!(read(&path, 1000).expect("not longer").len(), 1000);
+        assert!(read(&path, 999).is_err());
+        fs::write(&path, b"a\nb\n\xFF").expect("room");
+        assert_eq!(read_text(&path).expect_err("no text").to_string(), "line 3 is not UTF-8");
+    }
+
+    /// Whatever stands where the new content is prepared: it is neither followed nor written into nor waited for.
+    #[test]
+    fn a_file_is_replaced_as_a_whole_or_not_at_all() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (path, beside, other) = (folder.path().join("x"), folder.path().join("x.new"), folder.path().join("other"));
+        fs::write(&other, "mine").expect("room");
+        let traps: [fn(&Path, &Path); 3] = [
+            |beside, other| std::os::unix::fs::symlink(other, beside).expect("a link"),
+            |beside, _| {
+                let made = std::process::Command::new("mkfifo").arg(beside).status().expect("mkfifo is there");
+                assert!(made.success());
+            },
+            |beside, _| fs::create_dir(beside).expect("a folder"),
+        ];
+        for (number, trap) in traps.into_iter().enumerate() {
+            trap(&beside, &other);
+            let content = number.to_string();
+            replace(&path, content.as_bytes()).expect("replaced");
+            assert_eq!(fs::read_to_string(&path).expect("there"), content);
+            assert_eq!(fs::read_to_string(&other).expect("there"), "mine");
+            assert!(fs::symlink_metadata(&beside).is_err());
+        }
+        fs::create_dir(folder.path().join("full"))
+            .and_then(|()| fs::create_dir(folder.path().join("full/x")))
+            .expect("room");
+        assert!(replace(&folder.path().join("full"), b"no").is_err(), "a folder stays");
+        assert!(fs::symlink_metadata(folder.path().join("full.new")).is_err(), "nothing is left of it");
+    }
+}
