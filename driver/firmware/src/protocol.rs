@@ -41,14 +41,20 @@ impl Setup {
     }
 
     /// The same for a CP 040 that occupies `io_bytes` each way: where 0 means double the character time for the CP 240,
-    /// it means "triple character time" [S3 L303], and the areas of its slave "short" are as long as its process image
-    /// [S3 L385].
+    /// it means "triple character time" [S3 L303], for QVZ too [S3 L305], and the areas of its slave "short" are as
+    /// long as its process image [S3 L385].
     pub(crate) fn of_040(parameters: &Cp040, io_bytes: usize, late: Span) -> Option<Self> {
         let mut setup = Self::of(&parameters.common, late)?;
         let triple = 3 * parameters.common.char_time();
         match &mut setup {
             Self::Ascii(config) if config.zvz == Span::ZERO => config.zvz = triple,
-            Self::S3964(config) if config.zvz == Span::ZERO => config.zvz = triple,
+            Self::S3964(config) => {
+                for time in [&mut config.zvz, &mut config.qvz] {
+                    if *time == Span::ZERO {
+                        *time = triple;
+                    }
+                }
+            }
             Self::Modbus(modbus::Setup::Slave(config)) if !config.confirmed => config.area_bytes = io_bytes,
             _ => {}
         }

@@ -192,10 +192,10 @@ fn take(
     block: &[u8],
     count: u16,
 ) -> Result<Pafe, Abort> {
-    let abd = cx.get(reception::ABD)?;
+    let (db, abd) = (cx.get(reception::_DB)?, cx.get(reception::ABD)?);
     let begin = module.offset(cx, abd)? + u32::from(to);
     if !block.is_empty()
-        && let Err(pafe) = put(cx, begin, block)?
+        && let Err(pafe) = put(cx, db, begin, block)?
     {
         return Ok(pafe);
     }

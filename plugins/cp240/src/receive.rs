@@ -186,7 +186,8 @@ fn act(cx: &mut Cx<'_, CpState>, module: &Module<'_>, job: Job, step: Step, bloc
             let bytes = block.get(usize::from(head.saturating_sub(to))..usize::from(len)).unwrap_or(&[]);
             let abd = module.offset(cx, abd)?;
             let at = abd + u32::from(module.state.offset.get()) + u32::from(to.saturating_sub(head));
-            if let Err(pafe) = put(cx, at, bytes)? {
+            let db = cx.get(reception::_DB)?;
+            if let Err(pafe) = put(cx, db, at, bytes)? {
                 return Ok(pafe);
             }
             if !module.write(cx, 0, &count.to_be_bytes())? {

@@ -80,8 +80,7 @@ pub(crate) fn hand_over(cx: &mut Cx<'_, CpState>, bytes: u16) -> Result<(), Abor
 
 /// Stores bytes of a telegram in the program's data block. The error is the value of PAFE: a block that does not fit
 /// waits in the CP until it does (ours).
-pub(crate) fn put(cx: &mut Cx<'_, CpState>, at: u32, bytes: &[u8]) -> Result<Result<(), Pafe>, Abort> {
-    let db = cx.get(reception::_DB)?;
+pub(crate) fn put(cx: &mut Cx<'_, CpState>, db: u16, at: u32, bytes: &[u8]) -> Result<Result<(), Pafe>, Abort> {
     let Err(refused) = cx.write(Area::Db(db), at, bytes)? else { return Ok(Ok(())) };
     match Pafe::of(refused) {
         Some(pafe) => Ok(Err(pafe)),

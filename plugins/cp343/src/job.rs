@@ -132,7 +132,7 @@ pub(crate) fn turn(cx: &mut Cx<'_, CpState>, wanted: &mut Wanted) -> Result<End,
         return Ok(End::Running);
     }
     match answer.state {
-        State::Collecting if slot.phase() == Phase::Giving && answer.piece == slot.piece.get() + 1 => {
+        State::Collecting if slot.phase() == Phase::Giving && slot.piece.get().checked_add(1) == Some(answer.piece) => {
             slot.piece.set(answer.piece);
             give(cx, wanted, slot, record)
         }
@@ -230,13 +230,45 @@ fn take(cx: &mut Cx<'_, CpState>, wanted: &mut Wanted, slot: &Slot, record: u8) 
     } else {
         wanted.small.iter_mut().zip(bytes).for_each(|(place, byte)| *place = *byte);
     }
-    let taken = answer.piece + 1;
+    let taken = answer.piece.saturating_add(1);
     slot.piece.set(taken);
     let order = Order { taken, ..order(wanted, slot) };
     let told = cx.record_write(wanted.laddr, record, &order.bytes())?;
-    if taken < pieces(answer.len as usize) && told.is_ok() {
-        return Ok(End::Running);
+    let end = stored(taken, len, told.is_ok());
+    if end != End::Running {
+        slot.set(Phase::Idle);
     }
-    slot.set(Phase::Idle);
-    Ok(End::Done(len))
+    Ok(end)
+}
+
+/// The outcome of a call that has stored one more piece, `taken` in all, of `len` bytes; `told`: the CP has been told.
+fn stored(taken: u16, len: u32, told: bool) -> End {
+    if taken >= pieces(len as usize) {
+        End::Done(len)
+    } else if told {
+        End::Running
+    } else {
+        // The CP is gone, and the pieces stored so far are not the data.
+        End::Absent
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pieces_without_the_rest_are_not_done() {
+        for (taken, len, told, end) in [
+            (1, 0, true, End::Done(0)),
+            (1, 480, true, End::Done(480)),
+            (1, 480, false, End::Done(480)),
+            (1, 481, true, End::Running),
+            (1, 481, false, End::Absent),
+            (2, 481, false, End::Done(481)),
+            (u16::MAX, 481, true, End::Done(481)),
+        ] {
+            assert_eq!(stored(taken, len, told), end, "{taken} of {len} bytes, told {told}");
+        }
+    }
 }

@@ -105,6 +105,11 @@ impl Memory {
         bytes
     }
 
+    /// Whether this is the next piece of the job. A CP that shows or asks for more than the job has is not followed.
+    fn is_next(&self, piece: u16) -> bool {
+        piece == self.piece && piece < pieces(usize::from(self.len))
+    }
+
     /// Location of the data.
     fn target(&self) -> Option<Target> {
         match self.letter {
@@ -421,7 +426,7 @@ impl Call<'_, '_> {
     fn take(&mut self) -> Result<End, Abort> {
         match self.cp.state() {
             State::Failed => return self.end(Err(self.cp.status())),
-            State::Giving if self.cp.piece() == self.memory.piece => {}
+            State::Giving if self.memory.is_next(self.cp.piece()) => {}
             _ => return Ok(None),
         }
         let from = self.memory.piece * PIECE;
@@ -444,7 +449,7 @@ impl Call<'_, '_> {
     fn give_more(&mut self) -> Result<End, Abort> {
         match self.cp.state() {
             State::Failed => self.end(Err(self.cp.status())),
-            State::Collecting if self.cp.piece() == self.memory.piece => self.give(),
+            State::Collecting if self.memory.is_next(self.cp.piece()) => self.give(),
             // The CP has all data.
             State::Running | State::Done => {
                 self.memory.phase = Phase::Finishing;
@@ -487,5 +492,23 @@ impl Call<'_, '_> {
         self.memory.phase = Phase::Waiting;
         self.show(Command::Wait)?;
         Ok(Some(outcome))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The segment is not trusted: a CP that asks for one piece after the other gets no more than the job has.
+    #[test]
+    fn a_cp_that_asks_without_end() {
+        let mut memory = Memory { phase: Phase::Giving, len: 100, ..Memory::default() };
+        for piece in 0..4 {
+            memory.piece = piece;
+            assert!(memory.is_next(piece) && !memory.is_next(piece + 1));
+        }
+        memory.piece = 4;
+        assert!(!memory.is_next(4), "100 bytes are four pieces");
+        assert!(!Memory { piece: u16::MAX, ..memory }.is_next(u16::MAX));
     }
 }

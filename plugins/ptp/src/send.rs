@@ -153,7 +153,10 @@ impl Memory {
             Phase::Running | Phase::Taking => match cp.state() {
                 State::Done => Act::Done,
                 State::Failed => Act::Failed(cp.status()),
-                State::Giving if cp.piece() == self.piece => Act::Take,
+                // A CP that shows more pieces than the job has is not followed.
+                State::Giving if cp.piece() == self.piece && self.piece < pieces(usize::from(self.data.len)) => {
+                    Act::Take
+                }
                 _ => Act::Wait,
             },
         }
@@ -512,5 +515,24 @@ pub(crate) fn fault_of(refused: Refused, db: u16, at: u32, writing: bool) -> (u1
         Refused::ReadOnly => (0x2531, u32::from(db)),
         _ if writing => (0x2523, at),
         _ => (0x2522, at),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The segment is not trusted: a CP that shows one piece after the other has no effect beyond the job's length.
+    #[test]
+    fn a_cp_that_gives_without_end() {
+        let data = Data { db: 10, byte: 0, len: 100 };
+        let mut memory = Memory { phase: Phase::Running, start: 7, job: 3, data, ..Memory::default() };
+        let shown = |piece| Block::of_cp(State::Giving, 7, 3).with_piece(piece);
+        for piece in 0..4 {
+            assert_eq!(memory.step(&shown(piece)), Act::Take);
+            (memory.phase, memory.piece) = (Phase::Taking, piece + 1);
+        }
+        assert_eq!(memory.step(&shown(4)), Act::Wait, "100 bytes are four pieces");
+        assert_eq!(memory.step(&Block::of_cp(State::Done, 7, 3)), Act::Done);
     }
 }

@@ -1,6 +1,7 @@
 //! The bytes for the printer.
 
 use ob1_params::{Cp341, Protocol341, Value};
+use proptest::prelude::*;
 
 use super::*;
 
@@ -47,7 +48,13 @@ fn display_types_are_those_of_the_table() {
         ("%8.3f", &real(1.5), "   1.500"),
         ("%H", &[0x0A, 0xF0, 7], "0AF007"),
         ("%I", &(-32_767_i16).to_be_bytes(), "-32767"),
-        ("%I", &(-2_147_483_647_i32).to_be_bytes(), "-2147483647"),
+        ("%I", &i16::MIN.to_be_bytes(), "-32768"),
+        ("%I", &i32::MIN.to_be_bytes(), "-2147483648"),
+        ("%F", &real(f32::MAX), "340282346638528859811704183484516925440"),
+        ("%F", &real(f32::from_bits(1)), "0.000000"),
+        ("%R", &real(f32::from_bits(1)), "0.14E-44"),
+        ("%R", &real(f32::MIN), "-0.34E+39"),
+        ("%.1R", &real(0.96), "0.1E+01"),
         ("%R", &real(0.000_012), "0.12E-04"),
         ("%R", &real(-123.0), "-0.12E+03"),
         ("%.4R", &real(123.456), "0.1235E+03"),
@@ -65,6 +72,8 @@ fn display_types_are_those_of_the_table() {
         ("%X", &[0b1110_1100], "11101100"),
         ("%X", &[1, 128], "0000000110000000"),
         ("%Y", &[0x92, 6, 0x10, 0x15, 0x42, 0x59, 0x72, 0x34], "10.06.1992 - 15:42:59.723"),
+        ("%Y", &[0x92, 2, 0x29, 0, 0, 0, 0, 0], "29.02.1992 - 00:00:00.000"),
+        ("%Y", &[0x89, 0x12, 0x31, 0x23, 0x59, 0x59, 0x99, 0x90], "31.12.2089 - 23:59:59.999"),
         ("%Z", &56_579_723_u32.to_be_bytes(), "15:42:59.723"),
         ("%6I", &10_i16.to_be_bytes(), "    10"),
         ("%-6I|", &10_i16.to_be_bytes(), "10    |"),
@@ -95,10 +104,15 @@ fn what_is_wrong_shows_in_the_printout() {
         ("%I", &[b"abc"], "***********", 0x051C),
         ("%5I", &[b"abc"], "*****", 0x051C),
         ("%F", &[&f32::NAN.to_be_bytes()], "********", 0x050C),
+        ("%5R", &[&f32::NEG_INFINITY.to_be_bytes()], "*****", 0x050C),
+        ("%F", &[two], "********", 0x051C),
+        ("%U", &[b"abc"], "**********", 0x051C),
+        ("%X", &[b"abc"], "************************", 0x051C),
         ("%D", &[&65_379_u16.to_be_bytes()], "**********", 0x050C),
         ("%Z", &[&86_400_000_u32.to_be_bytes()], "************", 0x050C),
         ("%Y", &[&[0x92, 0x13, 1, 0, 0, 0, 0, 0]], "*************************", 0x050C),
         ("%Y", &[&[0x9A, 1, 1, 0, 0, 0, 0, 0]], "*************************", 0x050C),
+        ("%Y", &[&[0x93, 2, 0x29, 0, 0, 0, 0, 0]], "*************************", 0x050C),
         ("%I %I!", &[two], "10 !", 0x0508),
         ("level", &[two], "level", 0x0509),
         ("%Q%I", &[two, two], "******10", 0x050A),
@@ -195,6 +209,43 @@ fn an_endless_page_has_no_form_feed() {
         assert_eq!(printer.print(&job(b"\xFCber", &[])).map(|printout| printout.bytes), Ok(b"\x81ber\r\n".to_vec()));
     }
     assert_eq!(printer.print(&job(b"\\F", &[])).map(|printout| printout.bytes), Ok(b"\x0C".to_vec()));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Whatever the value: what is printed can be read back, and it keeps its width.
+    #[test]
+    fn what_is_printed_is_the_value(bits: u32, width in 1..=50_usize, left: bool, places in 0..=12_i32) {
+        let bytes = bits.to_be_bytes();
+        let show = |format: &str, bytes: &[u8]| shown(format, &[bytes]);
+        prop_assert_eq!(show("%I", &bytes), ((bits as i32).to_string(), 0));
+        prop_assert_eq!(show("%I", &bytes[2..]), ((bits as i16).to_string(), 0));
+        prop_assert_eq!(show("%U", &bytes), (bits.to_string(), 0));
+        prop_assert_eq!(show("%X", &bytes), (format!("{bits:032b}"), 0));
+        prop_assert_eq!(show("%H", &bytes), (format!("{bits:08X}"), 0));
+        let value = f32::from_bits(bits);
+        let (text, status) = show(&format!("%.{places}R"), &bytes);
+        if value.is_finite() {
+            let (read, value) = (text.parse::<f64>().expect("a number"), f64::from(value));
+            // Half of the last of its digits.
+            let error = 0.5 * value.abs() * 10_f64.powi(1 - places.max(1));
+            prop_assert!((read - value).abs() <= 1.000_001 * error, "{} is printed as {}", value, text);
+        } else {
+            prop_assert_eq!(status, 0x050C);
+        }
+        for display in ["I", "U", "X", "H", "F", "R", "T"] {
+            let (whole, fault) = show(&format!("%{display}"), &bytes);
+            let flag = if left { "-" } else { "" };
+            let (text, status) = show(&format!("%{flag}{width}{display}"), &bytes);
+            let fits = fault == 0 && whole.len() <= width;
+            prop_assert_eq!(text.len(), width);
+            prop_assert_eq!(status, if fault != 0 { fault } else if fits { 0 } else { 0x050D });
+            if fits {
+                prop_assert_eq!(if left { text.trim_end() } else { text.trim_start() }, whole);
+            }
+        }
+    }
 }
 
 /// Any bytes at all: no panic, and what is printed is bounded.

@@ -173,11 +173,11 @@ fn date_and_time(bytes: [u8; 8]) -> Result<Vec<u8>, Fault> {
         *place = u16::from(10 * tens + ones);
     }
     let [year, month, day, hour, minute, second, hundredths, last] = bcd;
-    let possible = (1..=12).contains(&month) && (1..=31).contains(&day) && hour < 24 && minute < 60 && second < 60;
-    if !possible {
+    let year = if year < 90 { 2000 + year } else { 1900 + year };
+    let is_day = calendar::days_of(year.into(), month.into(), day.into()).is_some();
+    if !is_day || hour > 23 || minute > 59 || second > 59 {
         return Err(Fault::Value);
     }
-    let year = if year < 90 { 2000 + year } else { 1900 + year };
     let ms = 10 * hundredths + last / 10;
     Ok(format!("{day:02}.{month:02}.{year} - {hour:02}:{minute:02}:{second:02}.{ms:03}").into_bytes())
 }

@@ -221,6 +221,33 @@ fn errors_are_told_by_the_return_value() {
     assert_eq!(bench.fetch(), None);
 }
 
+/// A telegram that does not fit into what is free of the buffer has no wrong length. [S3 L319]
+#[test]
+fn a_telegram_that_finds_too_little_room_is_080ah() {
+    let mut bench = Bench::new(60, &[("protocol", "stx-etx"), ("duplex", "full")]);
+    let framed = |length| [&[0x02][..], &vec![b'x'; length], &[0x03]].concat();
+    for length in [1000, 25, 24] {
+        bench.line(LineInput::Rx(&framed(length)));
+    }
+    for (length, value) in [(1000, 0), (0, 0x080A), (24, 0)] {
+        assert_eq!(bench.fetch(), Some((0, vec![b'x'; length], value)));
+    }
+    bench.line(LineInput::Rx(&framed(1025)));
+    assert_eq!(bench.fetch(), Some((0, vec![], 0x0517)), "longer than any telegram");
+}
+
+/// QVZ: "with 0 triple character time is used". [S3 L305]
+#[test]
+fn a_qvz_of_0_is_three_characters() {
+    let mut bench = Bench::new(16, &[("protocol", "3964"), ("duplex", "full"), ("qvz_ms", "0"), ("baud", "9600")]);
+    assert_eq!(bench.send(b"a"), None);
+    // 10 bits at 9600: 1.042 ms.
+    bench.pass(3 * MS);
+    assert_eq!(bench.log.tx, [0x02]);
+    bench.pass(MS / 5);
+    assert_eq!(bench.log.tx, [0x02; 2]);
+}
+
 #[test]
 fn an_order_the_partner_does_not_answer_ends_with_e() {
     let mut bench =

@@ -125,6 +125,26 @@ fn a_telegram_longer_than_the_buffer_is_0816h() {
     assert_eq!(bench.all(), [telegram(b"42\r\n")]);
 }
 
+/// 3964R: what is free of the buffer is too little for a block. That is not a block of a wrong length. [reference 3.10,
+/// 080Ah and 0816h]
+#[test]
+fn a_block_that_finds_too_little_room_is_080ah() {
+    let mut bench = Bench::new(&[("protocol", "3964r".into()), ("baud", Value::Int(115_200))]);
+    bench.pass(100 * MS);
+    bench.heard();
+    for (length, answer) in [(4000, 0x10), (97, 0x15), (96, 0x10)] {
+        bench.has_said(&[0x02]);
+        bench.pass(2 * MS);
+        assert_eq!(bench.heard(), [0x10]);
+        let block: Vec<u8> = ob1_protocols::s3964::codec::block(&vec![b'x'; length], true).collect();
+        bench.has_said(&block);
+        bench.pass(2 * MS);
+        assert_eq!(bench.heard(), [answer], "{length} bytes");
+    }
+    assert_eq!(bench.entries(), [0x080A, 0x0801], "the partner is to repeat it");
+    assert_eq!(bench.all(), [telegram(&[b'x'; 4000]), Got::Error(0x080A), telegram(&[b'x'; 96])]);
+}
+
 /// [reference 6.2]: 1 to 250 telegrams.
 #[test]
 fn as_many_telegrams_as_the_parameters_permit() {

@@ -101,7 +101,7 @@ const S3964: &[Field] = &[
     STOP_BITS_ROW,
     whole("zna_ms", 3, TICKS, 0, "ZNA: pause before the next command is executed"),
     whole("zvz_ms", 4, TICKS, 10, "ZVZ: longest pause between two characters of a telegram; 0: three character times"),
-    whole("qvz_ms", 5, TICKS, 10, "QVZ: longest wait for the acknowledgement of the partner"),
+    whole("qvz_ms", 5, TICKS, 10, "QVZ: longest wait for the acknowledgement of the partner; 0: three character times"),
     whole("bwz_ms", 6, TICKS, 10, "BWZ: without a meaning where there is no RK 512"),
     whole("stx_repetitions", 7, BYTE, 5, "repetitions of STX after the first attempt"),
     whole("dbl", 8, BYTE, 6, "DBL: attempts to send a block"),

@@ -7,8 +7,8 @@
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
 
 use super::telegram::{
-    COUNT, DONE, FRAME_ERROR, HEADER_BYTES, INITIALISED, KIND, PARTNER, RESULT_BYTES, RUNNING, Rx, Tx, failed,
-    last_count, write_echo, write_tx,
+    COUNT, DONE, FRAME_ERROR, HEADER_BYTES, INITIALISED, KIND, PARTNER, RESULT_BYTES, RUNNING, Rx, Tx, WORDS_MAX,
+    failed, last_count, write_echo, write_tx,
 };
 use crate::module::Module;
 use crate::registers::{BLOCK_BYTES, Pafe, REGISTER_BYTES, Words};
@@ -60,6 +60,8 @@ const LOCKED: u8 = 0x32;
 const NOTICE: u8 = 0;
 /// Highest byte of a coordination flag.
 const FLAG_BYTE_MAX: u8 = 199;
+/// Longest order in bytes. The CP refuses longer ones itself.
+const BYTES_MAX: u16 = 2 * WORDS_MAX.unsigned_abs();
 
 /// The header of an order, as in the registers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -223,7 +225,7 @@ fn begin(
         }
         _ => Pafe::Ok,
     };
-    let room = has_room(cx, &header)?;
+    let room = header.bytes() <= BYTES_MAX && has_room(cx, &header)?;
     let Evaluated { code, pafe } = evaluate(&header, locked, db, room);
     let state = &module.state.rk512;
     state.partner.take(&module.info);
@@ -284,11 +286,8 @@ fn receive(
             return Ok(());
         }
         // All data are stored. The flag is set before the partner gets the answer. [S0 "Coordination flags"]
-        if state.refusal.get() == OK
-            && let Some(Some((byte, bit))) = Header::flag(state.coordination.get())
-        {
-            // The flag exists: it was read when the header was evaluated.
-            let _there = cx.set_bit(Area::Memory, byte, bit, true)?;
+        if state.refusal.get() == OK {
+            mark(cx, module, true)?;
         }
         let data = if job.is_fetch && state.refusal.get() == OK { state.length.get() } else { 0 };
         job = Job { gese: 0, anz: RESULT_BYTES + data, receives: false, sends: true, last: false, ..job };
@@ -321,6 +320,15 @@ fn receive(
     }
 }
 
+/// Sets or resets the coordination flag of the order, if it has one.
+fn mark(cx: &mut Cx<'_, CpState>, module: &Module<'_>, on: bool) -> Result<(), Abort> {
+    if let Some(Some((byte, bit))) = Header::flag(module.state.rk512.coordination.get()) {
+        // The flag exists: it was read when the header was evaluated.
+        let _there = cx.set_bit(Area::Memory, byte, bit, on)?;
+    }
+    Ok(())
+}
+
 /// The answer is being passed to the CP.
 fn answer(cx: &mut Cx<'_, CpState>, module: &Module<'_>, mut job: Job, words: Words) -> Result<(), Abort> {
     let (state, now) = (&module.state.rk512, cx.now());
@@ -344,12 +352,21 @@ fn answer(cx: &mut Cx<'_, CpState>, module: &Module<'_>, mut job: Job, words: Wo
         Tx::Post { from, len, word } => {
             let mut bytes = [0; BLOCK_BYTES as usize];
             let part = &mut bytes[..usize::from(len)];
-            compose(cx, &job, state.refusal.get(), from, part)?;
+            if !compose(cx, &job, state.refusal.get(), from, part)? {
+                // The data are gone since the header was evaluated: the answer begins again, as a refusal. The 0 makes
+                // the CP drop the blocks it has.
+                if !write_tx(cx, module, 0, &[])? {
+                    return Ok(());
+                }
+                state.refusal.set(RANGE);
+                mark(cx, module, false)?;
+                return store(cx, Job { gese: 0, anz: RESULT_BYTES, evaluated: true, last: false, ..job });
+            }
             if !write_tx(cx, module, word, part)? {
                 return Ok(());
             }
             job.evaluated = false;
-            job.last = job.anz - job.gese <= BLOCK_BYTES;
+            job.last = job.anz.saturating_sub(job.gese) <= BLOCK_BYTES;
             store(cx, job)
         }
         Tx::Close => {
@@ -379,8 +396,9 @@ fn answer(cx: &mut Cx<'_, CpState>, module: &Module<'_>, mut job: Job, words: Wo
     }
 }
 
-/// Bytes of the answer: `00`, number of the order, `00`, error number, and the current data of a FETCH.
-fn compose(cx: &mut Cx<'_, CpState>, job: &Job, code: u8, from: u16, into: &mut [u8]) -> Result<(), Abort> {
+/// Bytes of the answer: `00`, number of the order, `00`, error number, and the current data of a FETCH. False if the
+/// data cannot be read.
+fn compose(cx: &mut Cx<'_, CpState>, job: &Job, code: u8, from: u16, into: &mut [u8]) -> Result<bool, Abort> {
     let [number, start] = job.abf_kopf.to_be_bytes();
     let [area, db] = job.db_kopf.to_be_bytes();
     let head = [0, number, 0, code];
@@ -389,14 +407,13 @@ fn compose(cx: &mut Cx<'_, CpState>, job: &Job, code: u8, from: u16, into: &mut 
     into[..n].copy_from_slice(&in_head[..n]);
     let data = &mut into[n..];
     if data.is_empty() {
-        return Ok(());
+        return Ok(true);
     }
     let at = u32::from(from.saturating_sub(RESULT_BYTES));
     match area_of(area, db) {
         Some(place) => {
             let begin = u32::from(start) * if area == b'D' { 2 } else { 1 };
-            // A data block deleted after the header was evaluated reads as zeros.
-            let _there = cx.read(place, begin + at, data)?;
+            return Ok(cx.read(place, begin + at, data)?.is_ok());
         }
         None => {
             for (n, word) in data.chunks_mut(2).enumerate() {
@@ -411,7 +428,7 @@ fn compose(cx: &mut Cx<'_, CpState>, job: &Job, code: u8, from: u16, into: &mut 
             }
         }
     }
-    Ok(())
+    Ok(true)
 }
 
 /// The CP has restarted (00h) or has withdrawn the order (0Ch): it has given the partner another answer.

@@ -11,6 +11,7 @@ use super::telegram::{
     write_tx,
 };
 use crate::module::Module;
+use crate::reception::put;
 use crate::registers::{BLOCK_BYTES, Count, FAILED, Pafe, REGISTER_BYTES, Words, tx_count};
 use crate::state::CpState;
 
@@ -188,8 +189,7 @@ fn act<O: Order>(
         Step::Take { from, len, word } => {
             let code = (from == 0).then(|| verdict(wish, O::COMMAND, job.total, block));
             if code.is_none_or(|code| code == 0) && !job.failed {
-                let pafe = store_data(cx, wish, from, &block[..usize::from(len)])?;
-                if pafe != Pafe::Ok {
+                if let Err(pafe) = store_data(cx, wish, from, &block[..usize::from(len)])? {
                     return Ok(pafe);
                 }
             }
@@ -248,24 +248,18 @@ fn verdict(wish: &Wish, command: u8, total: u16, block: &[u8; BLOCK_BYTES as usi
     let [_, _, by, code, ..] = *block;
     let data = if command == b'E' { wish.bytes() } else { 0 };
     match (by, code) {
-        (0, 0) if total != RESULT_BYTES + data => FRAME_ERROR,
+        (0, 0) if total != RESULT_BYTES.saturating_add(data) => FRAME_ERROR,
         (_, code) => code,
     }
 }
 
 /// Stores the data in a block of the result.
-fn store_data(cx: &mut Cx<'_, CpState>, wish: &Wish, from: u16, block: &[u8]) -> Result<Pafe, Abort> {
+fn store_data(cx: &mut Cx<'_, CpState>, wish: &Wish, from: u16, block: &[u8]) -> Result<Result<(), Pafe>, Abort> {
     let skip = RESULT_BYTES.saturating_sub(from);
     let data = block.get(usize::from(skip)..).unwrap_or(&[]);
     if data.is_empty() {
-        return Ok(Pafe::Ok);
+        return Ok(Ok(()));
     }
     let at = u32::from(wish.from()) + u32::from(from + skip - RESULT_BYTES);
-    match cx.write(Area::Db(wish.local.0), at, data)? {
-        Ok(()) => Ok(Pafe::Ok),
-        Err(refused) => match Pafe::of(refused) {
-            Some(pafe) => Ok(pafe),
-            None => cx.raise_fault(0x2530, u32::from(wish.local.0)).map(|()| Pafe::Ok),
-        },
-    }
+    put(cx, wish.local.0, at, data)
 }
