@@ -17,8 +17,12 @@ pub(crate) fn overlay(words: &mut [u64], bytes: &[u8]) {
 /// Copies the beginning of `words` into `bytes`; bytes without a word stay as they are.
 #[inline]
 pub(crate) fn copy_out(words: &[u64], bytes: &mut [u8]) {
-    for (chunk, word) in bytes.chunks_mut(8).zip(words) {
-        extract(*word, 0, chunk);
+    let (whole, rest) = bytes.as_chunks_mut::<8>();
+    for (chunk, word) in whole.iter_mut().zip(words) {
+        *chunk = word.to_ne_bytes();
+    }
+    if let Some(word) = words.get(whole.len()) {
+        extract(*word, 0, rest);
     }
 }
 
@@ -51,15 +55,14 @@ pub(crate) fn merged(word: u64, first: usize, chunk: &[u8]) -> u64 {
     u64::from_ne_bytes(bytes)
 }
 
-/// Copies the bytes of `word` from `first` on into `chunk`.
+/// Copies the bytes of `word` from `first` on into `chunk`, which is no longer than they are.
 #[inline]
 pub(crate) fn extract(word: u64, first: usize, chunk: &mut [u8]) {
-    if let (0, Ok(whole)) = (first, <&mut [u8; 8]>::try_from(&mut *chunk)) {
-        *whole = word.to_ne_bytes();
-        return;
-    }
-    for (to, from) in chunk.iter_mut().zip(word.to_ne_bytes().into_iter().skip(first)) {
-        *to = from;
+    // The byte with the lowest address goes first.
+    let mut rest = word.to_le() >> (8 * first);
+    for to in chunk {
+        *to = rest as u8;
+        rest >>= 8;
     }
 }
 

@@ -115,34 +115,31 @@ impl<const N: usize> SeqReader<N> {
     #[inline]
     fn try_once(&mut self, cell: &SeqCell<N>, words: usize) -> bool {
         // 16 bytes of registers are by far the most frequent size: two loads instead of a loop.
-        let sequence = if words == 2 { self.try_two(cell) } else { self.try_any(cell, words) };
-        if let Some(sequence) = sequence {
-            self.sequence = sequence;
-        }
-        sequence.is_some()
+        if words == 2 { self.try_two(cell) } else { self.try_any(cell, words) }
     }
 
     #[inline]
-    fn try_two(&mut self, cell: &SeqCell<N>) -> Option<u64> {
-        let last = self.last.first_chunk_mut::<2>()?;
-        let (sequence, pair) = cell.try_read(|cells| {
-            let pair = cells.first_chunk::<2>()?;
-            Some(pair.each_ref().map(|cell| cell.load(Ordering::Relaxed)))
-        })?;
-        *last = pair?;
-        Some(sequence)
+    fn try_two(&mut self, cell: &SeqCell<N>) -> bool {
+        let Some(last) = self.last.first_chunk_mut::<2>() else { return false };
+        let read = cell.try_read(|cells| {
+            cells.first_chunk::<2>().map(|pair| pair.each_ref().map(|cell| cell.load(Ordering::Relaxed)))
+        });
+        let Some((sequence, Some(pair))) = read else { return false };
+        (*last, self.sequence) = (pair, sequence);
+        true
     }
 
     #[inline(never)]
-    fn try_any(&mut self, cell: &SeqCell<N>, words: usize) -> Option<u64> {
+    fn try_any(&mut self, cell: &SeqCell<N>, words: usize) -> bool {
         let mut copy = [0; N];
-        let (sequence, ()) = cell.try_read(|cells| {
+        let read = cell.try_read(|cells| {
             for (word, cell) in copy.iter_mut().zip(cells).take(words) {
                 *word = cell.load(Ordering::Relaxed);
             }
-        })?;
-        self.last = copy;
-        Some(sequence)
+        });
+        let Some((sequence, ())) = read else { return false };
+        (self.last, self.sequence) = (copy, sequence);
+        true
     }
 
     /// The reader's copy.

@@ -132,11 +132,12 @@ enum Found {
 
 impl Call<'_, '_> {
     #[inline]
-    fn formal(&self, index: u32) -> Result<Formal, NativeError> {
-        self.native.formals.get(index as usize).copied().ok_or(NativeError::NoParam)
+    fn formal(&self, index: u32) -> Result<&Formal, NativeError> {
+        self.native.formals.get(index as usize).ok_or(NativeError::NoParam)
     }
 
-    #[inline]
+    /// In line: each use needs one or two of the answers only, and a plugin's block asks several times in each call.
+    #[inline(always)]
     fn find(&self, index: u32, write: bool) -> Result<Found, NativeError> {
         let formal = self.formal(index)?;
         if self.native.has_instance {
@@ -178,6 +179,7 @@ impl Call<'_, '_> {
     }
 
     /// The arena bit of `bits` bits at `at` of the instance.
+    #[inline]
     fn instance_bit(&self, at: u32, bits: u32, write: bool) -> Result<ArenaBit, NativeError> {
         let di = self.entry.di;
         let at = (self.entry.ar2 & POINTER_BITS).wrapping_add(at);
@@ -186,6 +188,20 @@ impl Call<'_, '_> {
             return Err(NativeError::ReadOnly);
         }
         Ok(byte.bit(at % 8))
+    }
+
+    #[cold]
+    fn peripheral_get(&mut self, at: u32, bits: u32) -> Result<u32, NativeError> {
+        let mut bytes = [0; 4];
+        let from = 4usize.saturating_sub((bits / 8) as usize);
+        self.io_read(at, &mut bytes[from..])?;
+        Ok(u32::from_be_bytes(bytes))
+    }
+
+    #[cold]
+    fn peripheral_set(&mut self, at: u32, bits: u32, value: u32) -> Result<(), NativeError> {
+        let from = 4usize.saturating_sub((bits / 8) as usize);
+        self.io_write(at, &value.to_be_bytes()[from..])
     }
 
     fn range(&self, area: NativeArea, write: bool) -> Result<Range, NativeError> {
@@ -233,12 +249,7 @@ impl NativeContext for Call<'_, '_> {
             Found::Number(number) => Ok(number),
             Found::Place(at, bits @ 0..=32) => Ok(self.cx.machine.memory.read_bits(at, bits as u8)),
             Found::Place(..) => Err(NativeError::NoParam),
-            Found::Peripheral(at, bits) => {
-                let mut bytes = [0; 4];
-                let from = 4usize.saturating_sub((bits / 8) as usize);
-                self.io_read(at, &mut bytes[from..])?;
-                Ok(u32::from_be_bytes(bytes))
-            }
+            Found::Peripheral(at, bits) => self.peripheral_get(at, bits),
         }
     }
 
@@ -249,10 +260,7 @@ impl NativeContext for Call<'_, '_> {
                 self.cx.machine.memory.write_bits(at, bits as u8, value);
                 Ok(())
             }
-            Found::Peripheral(at, bits) => {
-                let from = 4usize.saturating_sub((bits / 8) as usize);
-                self.io_write(at, &value.to_be_bytes()[from..])
-            }
+            Found::Peripheral(at, bits) => self.peripheral_set(at, bits, value),
             _ => Err(NativeError::NoParam),
         }
     }

@@ -158,16 +158,18 @@ fn make_call(code: &Code, block: u32, statement: u32, r: &mut Regs, cx: &mut Con
     use ob1_cpu::engine::{InstanceOf, Op as PlanOp};
     let at = Caller { block, statement };
     let caller = &code.plan.blocks[block as usize];
-    let (PlanOp::Call { call } | PlanOp::CallNative { call, .. }) = caller.ops[statement as usize] else {
-        return Ok(DONE);
+    let call = match caller.ops[statement as usize] {
+        PlanOp::Call { call } => &caller.calls[call as usize],
+        PlanOp::CallNative { call, native } => {
+            let made = cx.call_native(native, at, &caller.calls[call as usize], r)?;
+            return Ok(if made { DONE } else { FAILED });
+        }
+        _ => return Ok(DONE),
     };
-    let call = &caller.calls[call as usize];
     let tops = cx.tops();
-    let before = *r;
     let prepared = match cx.prepare(call, r) {
         Ok(prepared) => prepared,
         Err(fault) => {
-            *r = before;
             cx.release(tops);
             return cx.fault_at(at, fault, r).map(|()| FAILED);
         }

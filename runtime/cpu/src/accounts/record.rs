@@ -86,6 +86,7 @@ impl ScanRecord {
         self.end.since(self.start)
     }
 
+    #[inline]
     pub(super) fn to_words(self) -> [u64; WORDS] {
         let flags = self.flags;
         let bits = [flags.began_late, flags.took_long, flags.overran, flags.watchdog];

@@ -57,12 +57,14 @@ pub enum Prepared {
 }
 
 /// The status word at the beginning of a called block and after the call.
+#[inline]
 pub(crate) fn status_of_call(r: &mut Regs) {
     r.flags &= !OS;
     r.end_chain(true);
 }
 
 /// What a called block finds in the caller's registers.
+#[inline]
 pub(crate) fn entry(call: &Call, tops: Tops, r: &Regs) -> Entry {
     Entry {
         refs: tops.refs,
@@ -83,12 +85,25 @@ pub(crate) fn check_depth(m: &Machine) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Finds the callee and supplies its parameters.
+/// Finds the callee and supplies its parameters. A faulty call leaves the registers as they were.
 pub(crate) fn prepare(call: &Call, r: &mut Regs, m: &mut Machine, signatures: &Signatures) -> Result<Prepared, Fault> {
+    let (db, di, rlo) = (r.db, r.di, r.rlo);
+    let prepared = supply(call, r, m, signatures);
+    // Fully qualified actuals have gone through the data block registers; the caller's come back.
+    (r.db, r.di) = (db, di);
+    match &prepared {
+        Ok(Prepared::Ready(..)) => status_of_call(r),
+        Ok(Prepared::Skipped) => r.end_chain(true),
+        Err(_) => r.rlo = rlo,
+    }
+    prepared
+}
+
+#[inline]
+fn supply(call: &Call, r: &mut Regs, m: &mut Machine, signatures: &Signatures) -> Result<Prepared, Fault> {
     if call.mode == CallMode::Conditional {
         let rlo = std::mem::replace(&mut r.rlo, true);
         if !rlo {
-            r.end_chain(true);
             return Ok(Prepared::Skipped);
         }
     }
@@ -102,7 +117,6 @@ pub(crate) fn prepare(call: &Call, r: &mut Regs, m: &mut Machine, signatures: &S
     };
     check_depth(m)?;
     let mut entry = entry(call, Tops::of(m), r);
-    let (db, di) = (r.db, r.di);
     match call.instance {
         InstanceOf::None => match &call.list {
             Some(list) => {
@@ -126,13 +140,11 @@ pub(crate) fn prepare(call: &Call, r: &mut Regs, m: &mut Machine, signatures: &S
             inputs(call, &entry, r, m)?;
         }
     }
-    // Fully qualified actuals have gone through the data block registers; the caller's come back.
-    (r.db, r.di) = (db, di);
-    status_of_call(r);
     Ok(Prepared::Ready(callee, entry))
 }
 
 /// Enters a block of statements: gives it local data and its registers, and says what the caller gets back.
+#[inline]
 pub(crate) fn enter(
     instance: bool,
     entry: &Entry,

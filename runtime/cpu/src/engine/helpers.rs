@@ -1,11 +1,10 @@
 //! What engines ask of the CPU.
 
-use ob1_model::{BitAddr, Fault};
+use ob1_model::Fault;
 
 use super::both::{Answer, Question};
 use super::call::{self, Prepared, Saved, Tops};
-use super::operand::{self, Where};
-use super::plan::{Base, Block, Call, Caller};
+use super::plan::{Block, Call, Caller};
 use super::regs::{BR, Regs};
 use super::{Entry, Hot, statement};
 use crate::arena::ArenaByte;
@@ -80,14 +79,6 @@ impl Context<'_> {
         }
     }
 
-    /// The place of a based operand of `bits` bits.
-    ///
-    /// # Errors
-    /// The place does not exist, is not aligned, or may not be written.
-    pub fn locate(&self, base: Base, at: BitAddr, bits: u32, write: bool, r: &Regs) -> Result<Where, Fault> {
-        operand::based(base, at, bits, write, r, self.machine)
-    }
-
     /// The output of a timer; false when it is not there.
     #[must_use]
     pub fn timer_output(&self, number: u16) -> bool {
@@ -124,7 +115,7 @@ impl Context<'_> {
     /// Finds the block called and supplies its parameters.
     ///
     /// # Errors
-    /// The call is faulty; call [`Context::release`] anyway.
+    /// The call is faulty: registers are as before; call [`Context::release`] anyway.
     pub fn prepare(&mut self, call: &Call, r: &mut Regs) -> Result<Prepared, Fault> {
         call::prepare(call, r, self.machine, &self.blocks.plan.signatures)
     }
@@ -164,14 +155,7 @@ impl Context<'_> {
         tops: Tops,
         r: &mut Regs,
     ) -> Result<(), Abort> {
-        self.machine.hot.depth += 1;
-        let br = if self.machine.tape.is_none() {
-            self.native_block(native, at, call.site, entry)?
-        } else {
-            let question = Question::Native(native, at, *entry);
-            self.outside(question, |cx| Answer::Result(cx.native_block(native, at, call.site, entry))).result()?
-        };
-        self.machine.hot.depth -= 1;
+        let br = self.native_block(native, at, call.site, entry)?;
         call::status_of_call(r);
         r.flags = r.flags & !BR | (u32::from(br) * BR);
         let copied = if call.copies_out { call::copy_out(call, tops, r, self.machine) } else { Ok(()) };
@@ -184,33 +168,42 @@ impl Context<'_> {
 
     #[inline]
     fn native_block(&mut self, native: u32, at: Caller, site: Packed, entry: &Entry) -> Result<bool, Abort> {
+        self.machine.hot.depth += 1;
         let caller = self.machine.native_caller.replace(at);
-        let br = native::call(native, site, entry, self)?;
+        let br = if self.machine.tape.is_none() {
+            native::call(native, site, entry, self)?
+        } else {
+            let question = Question::Native(native, at, *entry);
+            self.outside(question, |cx| Answer::Result(native::call(native, site, entry, cx))).result()?
+        };
         self.machine.native_caller = caller;
+        self.machine.hot.depth -= 1;
         Ok(br)
     }
 
-    /// Runs a whole [`super::Op::CallNative`], after its safe point.
+    /// Runs a whole [`super::Op::CallNative`], after its safe point. False: its parameters could not be supplied, and
+    /// the error's organization block has run instead.
     ///
     /// # Errors
     /// The CPU goes to STOP.
-    pub fn call_native(&mut self, native: u32, at: Caller, call: &Call, r: &mut Regs) -> Result<(), Abort> {
+    pub fn call_native(&mut self, native: u32, at: Caller, call: &Call, r: &mut Regs) -> Result<bool, Abort> {
         let tops = Tops::of(self.machine);
         let entry = call::entry(call, tops, r);
-        let (db, di) = (r.db, r.di);
         let supplied = call::check_depth(self.machine).and_then(|()| {
             if call.patches.is_empty() {
                 return call::fixed_references(call, self.machine);
             }
-            call::references(call, r, self.machine)
+            let (db, di) = (r.db, r.di);
+            let supplied = call::references(call, r, self.machine);
+            // Fully qualified actuals have gone through the data block registers; the caller's come back.
+            (r.db, r.di) = (db, di);
+            supplied
         });
         if let Err(fault) = supplied {
             tops.release(self.machine);
-            return self.fault_at(at, fault, r);
+            return self.fault_at(at, fault, r).map(|()| false);
         }
-        // Fully qualified actuals have gone through the data block registers; the caller's come back.
-        (r.db, r.di) = (db, di);
-        self.run_native(native, at, call, &entry, tops, r)
+        self.run_native(native, at, call, &entry, tops, r).map(|()| true)
     }
 
     /// [`Context::begin`] has failed for the first block of [`super::Engine::call`].

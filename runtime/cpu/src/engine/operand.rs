@@ -3,7 +3,6 @@
 use ob1_ir::{AddressRegister, DbRegister, Number, Place, Pointer};
 use ob1_model::{Area, BitAddr, BlockKind, Fault, FaultKind};
 
-use super::plan::{AREA_IN_POINTER, Base};
 use super::pointer_list::RAW;
 use super::regs::Regs;
 use crate::arena::{ArenaBit, Db, Range};
@@ -14,7 +13,7 @@ pub const POINTER_BITS: u32 = 0x7_FFFF;
 
 /// Where an operand lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Where {
+pub(crate) enum Where {
     /// In the arena.
     Arena(ArenaBit),
     /// Byte and bit in the peripheral area.
@@ -65,8 +64,7 @@ pub(crate) fn reference(index: u16, r: &Regs, m: &Machine) -> u32 {
 }
 
 /// The place of an actual, `at` bits into it.
-#[inline(always)]
-pub(crate) fn param(index: u16, at: u32, bits: u32, write: bool, r: &Regs, m: &Machine) -> Result<Where, Fault> {
+fn param(index: u16, at: u32, bits: u32, write: bool, r: &Regs, m: &Machine) -> Result<Where, Fault> {
     let reference = reference(index, r, m);
     if reference & RAW != 0 {
         return super::pointer_list::locate(reference, at, bits, write, r, m);
@@ -75,7 +73,6 @@ pub(crate) fn param(index: u16, at: u32, bits: u32, write: bool, r: &Regs, m: &M
 }
 
 /// Checks that an operand of whole bytes begins at a byte.
-#[inline(always)]
 pub(crate) fn aligned(area: Area, at: u32, bits: u32, write: bool) -> Result<(), Fault> {
     if bits > 1 && at & 7 != 0 {
         let kind = if write { FaultKind::AlignmentWrite } else { FaultKind::AlignmentRead };
@@ -218,41 +215,4 @@ pub(crate) fn missing(kind: BlockKind, number: u16) -> Fault {
         BlockKind::Fc | BlockKind::Ob => FaultKind::FcNotLoaded,
     };
     Fault::new(fault, u32::from(number))
-}
-
-/// The place of a based operand for `bits` bits.
-#[inline(always)]
-pub(crate) fn based(base: Base, at: BitAddr, bits: u32, write: bool, r: &Regs, m: &Machine) -> Result<Where, Fault> {
-    match base {
-        Base::Local => Ok(Where::Arena(r.local.bit(at.0))),
-        Base::Param(index) => param(index, at.0, bits, write, r, m),
-        Base::Db => in_db(r.db, DbRegister::Db, at.0, bits, write),
-        Base::Instance => in_db(r.di, DbRegister::Di, (r.ar2 & POINTER_BITS).wrapping_add(at.0), bits, write),
-        Base::Ar1(code) => register_indirect(r.ar1, code, at.0, bits, write, r, m),
-        Base::Ar2(code) => register_indirect(r.ar2, code, at.0, bits, write, r, m),
-        Base::Pointer { code, md } => {
-            let from = m.memory.memory.at.plus(u32::from(md));
-            let pointer = m.memory.read_bits(from.bit(0), 32);
-            register_indirect(pointer & POINTER_BITS, code, 0, bits, write, r, m)
-        }
-    }
-}
-
-#[inline(always)]
-fn register_indirect(
-    pointer: u32,
-    code: u8,
-    offset: u32,
-    bits: u32,
-    write: bool,
-    r: &Regs,
-    m: &Machine,
-) -> Result<Where, Fault> {
-    let at = pointer.wrapping_add(offset) & POINTER_BITS;
-    let code = if code == AREA_IN_POINTER { (pointer >> 24) as u8 } else { code };
-    let Some(area) = Area::from_pointer_code(code) else {
-        return Err(Fault::new(if write { FaultKind::AreaWrite } else { FaultKind::AreaRead }, u32::from(code)));
-    };
-    aligned(area, at, bits, write)?;
-    in_area(area, at, bits, write, r, m)
 }

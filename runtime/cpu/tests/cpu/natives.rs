@@ -116,6 +116,33 @@ fn parameters_of_an_fc() {
     });
 }
 
+/// A call whose second actual is not there: the block is not called, and the error's organization block and the
+/// statement after the call find the data block that was open, not the one of an actual.
+#[test]
+fn a_call_that_cannot_be_supplied_leaves_the_registers() {
+    on_each_engine(|| {
+        let params = [("a", Section::Input, DataType::Word), ("b", Section::Input, DataType::Word)];
+        for callee in [fc(20), fc(21)] {
+            let block_20 = native(fc(20), &params, |cx| cx.area_write(NativeArea::Memory, 0, &[1]).map_err(|_| Abort));
+            let open = |to: u32| vec![Op::LoadDbNumber(DbRegister::Db), transfer(mw(to))];
+            let mut code = vec![
+                Op::OpenDb(DbRegister::Db, Number::Fixed(5)),
+                call(callee, vec![arg(in_db(3, Width::Word, 0, 0)), arg(in_db(4, Width::Word, 100, 0))]),
+            ];
+            code.extend(open(10));
+            let blocks = vec![
+                ob1(code),
+                block(ob(121), Interface::default(), open(12)),
+                block(fc(21), interface(BlockKind::Fc, &params, 0), vec![c(1), transfer(mb(0))]),
+            ];
+            let data = [3, 4, 5].map(|number| db(number, &[0; 2])).to_vec();
+            let mut bench = bench(&program(blocks, data), vec![block_20]);
+            bench.run();
+            assert_eq!((bench.mw(10), bench.mw(12), bench.mb(0)), (5, 5, 0), "{callee}");
+        }
+    });
+}
+
 #[test]
 fn a_word_for_a_timer_number() {
     on_each_engine(|| {

@@ -94,6 +94,8 @@ impl Context<'_> {
 
 impl Machine {
     /// Peripheral bytes that a statement reads while two engines are compared.
+    #[cold]
+    #[inline(never)]
     pub(crate) fn read_on_tape(&mut self, tape: Box<Tape>, address: u32, into: &mut [u8]) -> Result<(), IoError> {
         let len = into.len();
         let bytes = self.io(tape, Question::Read(address, len as u8), |modules| {
@@ -105,6 +107,8 @@ impl Machine {
     }
 
     /// Peripheral bytes that a statement writes while two engines are compared.
+    #[cold]
+    #[inline(never)]
     pub(crate) fn write_on_tape(&mut self, tape: Box<Tape>, address: u32, from: &[u8]) -> Result<(), IoError> {
         let mut bytes = [0; 4];
         bytes.get_mut(..from.len()).ok_or(IoError::NoModule)?.copy_from_slice(from);

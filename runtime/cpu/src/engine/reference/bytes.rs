@@ -48,3 +48,23 @@ pub(super) fn put_byte(bytes: &mut [u8], at: ArenaByte, value: u32) {
         *b = value as u8;
     }
 }
+
+/// 8, 16 or 32 bits.
+#[inline(always)]
+pub(super) fn get(bytes: &[u8], bits: u8, at: ArenaByte) -> u32 {
+    match bits {
+        8 => u32::from(byte(bytes, at)),
+        16 => word(bytes, at),
+        _ => dword(bytes, at),
+    }
+}
+
+/// 8, 16 or 32 bits.
+#[inline(always)]
+pub(super) fn put(bytes: &mut [u8], bits: u8, at: ArenaByte, value: u32) {
+    match bits {
+        8 => put_byte(bytes, at, value),
+        16 => put_word(bytes, at, value),
+        _ => put_dword(bytes, at, value),
+    }
+}

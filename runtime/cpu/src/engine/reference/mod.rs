@@ -1,5 +1,6 @@
 //! The reference engine: an interpreter of the pre-decoded form. It defines the meaning of every statement.
 
+mod based;
 mod bytes;
 mod frames;
 mod run;

@@ -3,13 +3,13 @@
 use ob1_ir::{Compare, Logic};
 use ob1_model::Fault;
 
-use super::bytes::{byte, dword, put_bit, put_byte, put_dword, put_word, word};
+use super::based;
+use super::bytes::{byte, dword, get, put, put_bit, put_byte, put_dword, put_word, word};
 use super::{Frame, Reference};
 use crate::Abort;
 use crate::context::Context;
 use crate::engine::arith::{self, low_word};
 use crate::engine::call::{self, Prepared, Tops};
-use crate::engine::operand::{self, Where};
 use crate::engine::plan::{Callee, Caller, InstanceOf, Op, Scan};
 use crate::engine::regs::{Regs, with_cc};
 use crate::engine::{Entry, jump, statement};
@@ -30,6 +30,8 @@ impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
         let tops = (cx.machine.hot.local_top, cx.machine.hot.depth);
         let mut current = block;
         let Some(mut code) = blocks.get(current as usize) else { return Ok(()) };
+        // Lent to what needs them, never copied: a copy loads many bytes at a time and waits for the single stores that
+        // came before.
         let mut r = match call::begin(code, entry, cx.machine) {
             Ok(r) => r,
             Err(fault) => return cx.no_room(block, fault),
@@ -81,31 +83,26 @@ impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
                 count!();
                 from = pc;
                 cx.machine.hot.pending = executed;
-                let mut regs = r;
-                cx.fault_at(here!(), fault, &mut regs)?;
-                r = regs;
+                cx.fault_at(here!(), fault, &mut r)?;
                 executed = cx.machine.hot.pending;
                 continue;
             }};
         }
         macro_rules! step_slowly {
             () => {{
-                let mut regs = r;
-                let done = statement::step(&code.stmts[pc - 1].op, &mut regs, cx.machine);
-                r = regs;
-                if let Err(fault) = done {
+                if let Err(fault) = statement::step(&code.stmts[pc - 1].op, &mut r, cx.machine) {
                     fail!(fault);
                 }
                 continue;
             }};
         }
+        // The byte and the mask of a based operand.
         macro_rules! place {
             ($base:expr, $at:expr, $bits:expr, $write:expr) => {
-                match operand::based($base, $at, $bits, $write, &r, cx.machine) {
-                    Ok(Where::Arena(at)) => at,
-                    // The slow form handles the peripheral area.
-                    Ok(Where::Peripheral(_)) => step_slowly!(),
-                    Err(fault) => fail!(fault),
+                match based::find($base, $at, $bits, $write, &r, cx.machine) {
+                    Some(place) => place,
+                    // The peripheral area, and faults.
+                    None => step_slowly!(),
                 }
             };
         }
@@ -161,13 +158,11 @@ impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
             }};
         }
 
-        // What runs a native block. The caller's registers are out of its reach.
+        // What runs a native block.
         macro_rules! native {
-            (|$regs:ident| $run:expr) => {{
+            ($run:expr) => {{
                 cx.machine.hot.pending = executed;
-                let mut $regs = r;
                 $run?;
-                r = $regs;
                 executed = cx.machine.hot.pending;
             }};
         }
@@ -209,8 +204,8 @@ impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
                     r.set_edge(r.rlo, !r.rlo & before);
                 }
                 Op::ScanAt { scan, base, at } => {
-                    let at = place!(base, at, 1, false);
-                    let bit = bit!(at.byte(), at.mask());
+                    let (at, mask) = place!(base, at, 1, false);
+                    let bit = bit!(at, mask);
                     match scan.logic {
                         Logic::And => and!(bit, |b: bool| b ^ scan.negate),
                         Logic::Or => or!(bit, |b: bool| b ^ scan.negate),
@@ -218,21 +213,21 @@ impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
                     }
                 }
                 Op::AssignAt { base, at } => {
-                    let at = place!(base, at, 1, true);
-                    put_bit(&mut mem!(), at.byte(), at.mask(), r.rlo);
+                    let (at, mask) = place!(base, at, 1, true);
+                    put_bit(&mut mem!(), at, mask, r.rlo);
                     r.end_chain(r.rlo);
                 }
                 Op::SetAt { base, at } => {
-                    let at = place!(base, at, 1, r.rlo);
+                    let (at, mask) = place!(base, at, 1, r.rlo);
                     if r.rlo {
-                        put_bit(&mut mem!(), at.byte(), at.mask(), true);
+                        put_bit(&mut mem!(), at, mask, true);
                     }
                     r.end_chain(r.rlo);
                 }
                 Op::ResetAt { base, at } => {
-                    let at = place!(base, at, 1, r.rlo);
+                    let (at, mask) = place!(base, at, 1, r.rlo);
                     if r.rlo {
-                        put_bit(&mut mem!(), at.byte(), at.mask(), false);
+                        put_bit(&mut mem!(), at, mask, false);
                     }
                     r.end_chain(r.rlo);
                 }
@@ -260,28 +255,19 @@ impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
                 Op::StoreDWord { at } => put_dword(&mut mem!(), at, r.a1),
                 Op::LoadInDb { bits, db, at } => {
                     r.db = cx.machine.memory.db(db).unwrap_or(r.db);
-                    statement::load(&mut r, cx.machine.memory.read_bits(at.bit(0), bits));
+                    statement::load(&mut r, get(&mem!(), bits, at));
                 }
                 Op::StoreInDb { bits, db, at } => {
                     r.db = cx.machine.memory.db(db).unwrap_or(r.db);
-                    cx.machine.memory.write_bits(at.bit(0), bits, r.a1);
+                    put(&mut mem!(), bits, at, r.a1);
                 }
                 Op::LoadAt { bits, base, at } => {
-                    let at = place!(base, at, u32::from(bits), false).byte();
-                    let value = match bits {
-                        8 => u32::from(byte(&mem!(), at)),
-                        16 => word(&mem!(), at),
-                        _ => dword(&mem!(), at),
-                    };
-                    statement::load(&mut r, value);
+                    let (at, _) = place!(base, at, u32::from(bits), false);
+                    statement::load(&mut r, get(&mem!(), bits, at));
                 }
                 Op::StoreAt { bits, base, at } => {
-                    let at = place!(base, at, u32::from(bits), true).byte();
-                    match bits {
-                        8 => put_byte(&mut mem!(), at, r.a1),
-                        16 => put_word(&mut mem!(), at, r.a1),
-                        _ => put_dword(&mut mem!(), at, r.a1),
-                    }
+                    let (at, _) = place!(base, at, u32::from(bits), true);
+                    put(&mut mem!(), bits, at, r.a1);
                 }
                 Op::LoadConst { value } => statement::load(&mut r, value),
 
@@ -315,10 +301,7 @@ impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
                     }
                 }
                 Op::JumpOn { on, target } => {
-                    let mut regs = r;
-                    let taken = jump::condition(on, &mut regs);
-                    r = regs;
-                    if taken {
+                    if jump::condition(on, &mut r) {
                         jump!(target);
                     }
                 }
@@ -339,7 +322,7 @@ impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
                     count!();
                     from = pc;
                     attend!();
-                    native!(|regs| cx.call_native(native, here!(), &code.calls[call as usize], &mut regs));
+                    native!(cx.call_native(native, here!(), &code.calls[call as usize], &mut r));
                 }
                 Op::Call { call: index } => {
                     count!();
@@ -347,20 +330,16 @@ impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
                     attend!();
                     let call = &code.calls[index as usize];
                     let tops = Tops::of(cx.machine);
-                    let mut regs = r;
-                    let prepared = call::prepare(call, &mut regs, cx.machine, &runtime.plan.signatures);
-                    match prepared {
+                    match call::prepare(call, &mut r, cx.machine, &runtime.plan.signatures) {
                         Err(fault) => {
                             tops.release(cx.machine);
                             fail!(fault);
                         }
-                        Ok(Prepared::Skipped) => r = regs,
+                        Ok(Prepared::Skipped) => {}
                         Ok(Prepared::Ready(Callee::Code(next), entry)) => {
                             let called = &blocks[next as usize];
                             let instance = !matches!(call.instance, InstanceOf::None);
-                            let entered = call::enter(instance, &entry, called.local_len, &mut regs, cx.machine);
-                            r = regs;
-                            match entered {
+                            match call::enter(instance, &entry, called.local_len, &mut r, cx.machine) {
                                 Ok(saved) => {
                                     self.frames.push(Frame { block: current, pc: pc as u32, call: index, tops, saved });
                                 }
@@ -375,8 +354,7 @@ impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
                             from = 0;
                         }
                         Ok(Prepared::Ready(Callee::Native(native), entry)) => {
-                            r = regs;
-                            native!(|regs| cx.run_native(native, here!(), call, &entry, tops, &mut regs));
+                            native!(cx.run_native(native, here!(), call, &entry, tops, &mut r));
                         }
                     }
                 }
@@ -394,11 +372,9 @@ impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
                     pc = frame.pc as usize;
                     from = pc;
                     let call = &code.calls[frame.call as usize];
-                    let mut regs = r;
-                    frame.saved.leave(&mut regs, cx.machine);
+                    frame.saved.leave(&mut r, cx.machine);
                     let copied =
-                        if call.copies_out { call::copy_out(call, frame.tops, &mut regs, cx.machine) } else { Ok(()) };
-                    r = regs;
+                        if call.copies_out { call::copy_out(call, frame.tops, &mut r, cx.machine) } else { Ok(()) };
                     frame.tops.release(cx.machine);
                     if let Err(fault) = copied {
                         fail!(fault);

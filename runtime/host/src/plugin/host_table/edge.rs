@@ -53,17 +53,21 @@ pub(super) unsafe fn with(
     if frame.abort {
         return abi::ABORT;
     }
-    let status = match catch_unwind(AssertUnwindSafe(|| body(frame))) {
-        Ok(Ok(())) => return abi::OK,
-        Ok(Err(Refused(status))) => status,
+    match catch_unwind(AssertUnwindSafe(|| body(frame))) {
+        Ok(Ok(())) => abi::OK,
+        Ok(Err(Refused(status))) => refuse(frame, status),
         Err(panic) => {
             frame.panic = Some(panic);
-            abi::ABORT
+            refuse(frame, abi::ABORT)
         }
-    };
-    if status == abi::ABORT {
-        frame.abort = true;
     }
+}
+
+/// Out of line: most calls are not refused, and there are as many copies of [`with`] as functions in the table.
+#[cold]
+#[inline(never)]
+fn refuse(frame: &mut Frame<'_>, status: Status) -> Status {
+    frame.abort |= status == abi::ABORT;
     status
 }
 
