@@ -19,7 +19,7 @@ use ob1_time::Span;
 use rustix::process::{PidfdFlags, getpid, pidfd_open};
 
 use crate::io::{Held, ProcessIo};
-use crate::kept_process::{Charge, Kept, keep};
+use crate::kept_process::{Charge, Kept, keep, own_program};
 
 /// The longest wait between two checks of the guardian.
 const LOOK: Duration = Duration::from_millis(500);

@@ -7,7 +7,6 @@ use ob1_access::{Cell, Put, Width};
 use ob1_broker::{Change, Changed, DriverState, Facts, LinkState};
 use ob1_cpu::{CpuConfig, DIAG_ENTRIES, DiagEntry, Family};
 use ob1_host::driver;
-use ob1_ir::Program;
 use ob1_model::BlockId;
 use ob1_time::Span;
 

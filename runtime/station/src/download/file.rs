@@ -9,7 +9,6 @@ use std::path::Path;
 
 use ob1_model::{BlockId, BlockKind};
 
-use super::Changes;
 use super::changes::Changes;
 use crate::files;
 
