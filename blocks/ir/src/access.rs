@@ -81,6 +81,25 @@ impl Op {
         )
     }
 
+    /// True for `L` and `LC`: a new value comes into ACCU1, the old one into ACCU2.
+    #[must_use]
+    pub const fn loads(&self) -> bool {
+        matches!(
+            self,
+            Op::Load(_)
+                | Op::LoadConst(_)
+                | Op::LoadParamPointer { .. }
+                | Op::LoadParamCopy { .. }
+                | Op::LoadStatus
+                | Op::LoadTimer(_)
+                | Op::LoadTimerBcd(_)
+                | Op::LoadCounter(_)
+                | Op::LoadCounterBcd(_)
+                | Op::LoadDbLength(_)
+                | Op::LoadDbNumber(_)
+        )
+    }
+
     /// Shows `see` every place this operation reads or writes, those of pointers and numbers in memory included, with
     /// the width of the access.
     pub fn places(&self, see: &mut dyn FnMut(Place, Width)) {

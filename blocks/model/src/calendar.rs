@@ -70,7 +70,7 @@ pub fn date_and_time(days: u32, ms: u32) -> [u8; 8] {
         byte(seconds / 60 % 60),
         byte(seconds % 60),
         byte(thousandths / 10),
-        (thousandths % 10 << 4 | weekday_of(days)) as u8,
+        ((thousandths % 10) << 4 | weekday_of(days)) as u8,
     ]
 }
 

@@ -28,7 +28,7 @@ pub(crate) fn lost(i: &Inspected<'_>, sink: &mut Sink) {
             call = None;
             continue;
         }
-        if loads(&stmt.op) {
+        if stmt.op.loads() || matches!(stmt.op, Op::TransferAr(_)) {
             *loaded = (*loaded + 1).min(2);
         }
         if leaves(&stmt.op) {
@@ -67,23 +67,4 @@ fn needs(op: &Op) -> u8 {
         | Op::JumpList { .. } => 1,
         _ => 0,
     }
-}
-
-/// True for what puts a new value into ACCU1 and the old one into ACCU2.
-fn loads(op: &Op) -> bool {
-    matches!(
-        op,
-        Op::Load(_)
-            | Op::LoadConst(_)
-            | Op::LoadParamPointer { .. }
-            | Op::LoadParamCopy { .. }
-            | Op::LoadStatus
-            | Op::LoadTimer(_)
-            | Op::LoadTimerBcd(_)
-            | Op::LoadCounter(_)
-            | Op::LoadCounterBcd(_)
-            | Op::LoadDbLength(_)
-            | Op::LoadDbNumber(_)
-            | Op::TransferAr(_)
-    )
 }

@@ -7,6 +7,7 @@
 use ob1_ptp::CpState;
 use ob1_ptp::channel::address;
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
+use ob1_words::channels::RESET_AT;
 
 /// STATUS: the CP cannot be written to; RET_VAL of the record transfer is in SFCERR. [reference 3.14]
 const WRITE_FAILED: u16 = 0x1E0F;
@@ -49,7 +50,7 @@ impl Block for Reset {
     type Module = CpState;
 
     fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
-        let (req, at) = (cx.get(rst::REQ)?, address(cx.get(rst::LADDR)?) + 1);
+        let (req, at) = (cx.get(rst::REQ)?, address(cx.get(rst::LADDR)?) + RESET_AT as u32);
         let edge = req && !cx.load(rst::EDGE)?;
         cx.store(rst::EDGE, req)?;
         let mut answer = [0];

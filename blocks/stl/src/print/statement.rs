@@ -261,19 +261,9 @@ fn has_shape(shape: &Shape, op: &Op) -> bool {
         (Shape::Reset, Op::Reset(_) | Op::ResetTimer(_) | Op::ResetCounter(_)) => true,
         (Shape::Edge(positive), Op::EdgePositive(_)) => *positive,
         (Shape::Edge(positive), Op::EdgeNegative(_)) => !positive,
-        (
-            Shape::Load,
-            Op::Load(_)
-            | Op::LoadConst(_)
-            | Op::LoadParamPointer { .. }
-            | Op::LoadParamCopy { .. }
-            | Op::LoadStatus
-            | Op::LoadTimer(_)
-            | Op::LoadCounter(_)
-            | Op::LoadDbLength(_)
-            | Op::LoadDbNumber(_),
-        ) => true,
         (Shape::LoadBcd, Op::LoadTimerBcd(_) | Op::LoadCounterBcd(_)) => true,
+        (Shape::Load, Op::LoadTimerBcd(_) | Op::LoadCounterBcd(_)) => false,
+        (Shape::Load, op) => op.loads(),
         (Shape::Transfer, Op::Transfer(_) | Op::TransferStatus) => true,
         (Shape::WordLogic(logic), Op::WordLogic(l, _)) | (Shape::DWordLogic(logic), Op::DWordLogic(l, _)) => logic == l,
         (Shape::Shift(shift, most), Op::Shift(s, n)) => shift == s && n.is_none_or(|n| n <= *most),
