@@ -4,8 +4,8 @@
 //! The driver is selected by its name, as in the manual's dialogue, where it is listed among the protocols: `protocol =
 //! "modbus-ascii-master-32"`.
 
-use crate::cp341::{Key341, Reader, choice, error, number};
 use crate::error::ParamError;
+use crate::keyed::{Key341, Reader, choice, error, number};
 use crate::record::Value;
 
 /// Its name.
@@ -137,7 +137,7 @@ pub(crate) fn check(keys: &Reader<'_>) -> Result<(), ParamError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cp341::{Cp341, Protocol341};
+    use crate::keyed::{Cp341, Protocol341};
 
     fn cp(keys: &[(&str, Value)]) -> Result<Cp341, ParamError> {
         let all = [("protocol", Value::from(NAME))].into_iter().chain(keys.iter().cloned());

@@ -6,8 +6,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::cp341::{Key341, Reader, choice, error, number, text};
 use crate::error::ParamError;
+use crate::keyed::{Key341, Reader, choice, error, number, text};
 
 /// Its name.
 pub(crate) const NAME: &str = "printer";
@@ -273,7 +273,7 @@ const IBM_850: [u8; 96] = [
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cp341::{Cp341, Protocol341};
+    use crate::keyed::{Cp341, Protocol341};
     use crate::kind::CpKind;
     use crate::record::Value;
 
