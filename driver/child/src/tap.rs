@@ -6,11 +6,11 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use ob1_line::Instant;
 use ob1_line::seqpacket::{Channel, Listener, Sent};
-use ob1_protocols::trace::record::{Kind, Record, VERSION};
+use ob1_line::{Instant, LineInput};
+use ob1_protocols::trace::record::{Kind, Record, VERSION, number_of};
 use serde_json::Value;
-use tracing::warn;
+use tracing::{trace, warn};
 
 /// Maximum of listeners.
 const MOST: usize = 4;
@@ -84,6 +84,19 @@ impl Tap {
     #[must_use]
     pub fn fd(&self) -> Option<BorrowedFd<'_>> {
         self.socket.as_ref().map(Listener::as_fd)
+    }
+
+    /// Reports what comes from the line.
+    pub fn hear(&mut self, now: Instant, input: LineInput<'_>) {
+        match input {
+            LineInput::Rx(bytes) => {
+                trace!(rx = ?bytes);
+                self.tell(now, Kind::In, bytes);
+            }
+            LineInput::TxDone => self.tell(now, Kind::Done, &[]),
+            LineInput::Fault(fault) => self.tell(now, Kind::Fault, &[number_of(fault)]),
+            LineInput::Modem(lines) => self.tell(now, Kind::Modem, &[lines.bits()]),
+        }
     }
 
     /// Reports one event. Without listeners it costs a comparison.

@@ -22,7 +22,7 @@ mod spec;
 mod sys;
 mod wire;
 
-pub use line::{Instant, LineEvent, LineFault, ModemLines, PollFds, Span};
+pub use line::{Instant, LineEvent, LineFault, LineInput, ModemLines, PollFds, Span};
 pub use parmrk::{Decoded, Mark, ParmrkDecoder};
 pub use real::{RETRY, RealLine};
 pub use settings::{Flow, LineSettings, Parity, SettingsError, StopBits, Warning};
