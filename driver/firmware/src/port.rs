@@ -19,8 +19,8 @@ pub trait Cp: Debug {
     fn is_working(&self) -> bool;
 
     /// Enables or disables diagnostic interrupts; off unless enabled. CP 240: errors that light ER are also reported as
-    /// [`CpEvent::Diagnosis`]; its parameter bytes have no place for this switch (ours: a
-    /// key of the station file). CP 040, CP 340 and CP 341: a wire break and wrong parameters are reported.
+    /// [`CpEvent::Diagnosis`]; its parameter bytes have no place for this switch (ours: a key of the station file). CP
+    /// 040, CP 340 and CP 341: a wire break and wrong parameters are reported.
     fn enable_diagnostics(&mut self, enabled: bool);
 }
 

@@ -4,13 +4,10 @@
 use std::io;
 
 use crate::line::{Instant, LineEvent, LineFault, LineInput, ModemLines, PollFds, Span};
-use crate::link::{self, Link, Opened};
+use crate::link::{self, Link, Opened, RETRY};
 use crate::parmrk::{Mark, ParmrkDecoder};
 use crate::settings::{LineSettings, Parity, SettingsError, Warning, check};
 use crate::spec::LineSpec;
-
-/// Pause between two attempts to open a line, in nanoseconds. A TCP client doubles it up to 2 s.
-pub const RETRY: Span = Span::from_millis(500);
 
 /// Bytes that may wait for the line: the longest telegram of a CP (1024 bytes, every one a doubled DLE, and its frame),
 /// and room for the answers besides.

@@ -197,7 +197,7 @@ pub(crate) fn check(keys: &Reader<'_>, least: i64) -> Result<(), ParamError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::keyed::{Cp341, Protocol341};
+    use crate::cp341::{Cp341, Protocol341};
 
     fn cp(keys: &[(&str, Value)]) -> Result<Cp341, ParamError> {
         Cp341::from_keys([("protocol", Value::from(NAME))].into_iter().chain(keys.iter().cloned()))

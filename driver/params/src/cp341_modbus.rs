@@ -137,7 +137,7 @@ pub(crate) fn check(keys: &Reader<'_>) -> Result<(), ParamError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::keyed::{Cp341, Protocol341};
+    use crate::cp341::{Cp341, Protocol341};
 
     fn cp(keys: &[(&str, Value)]) -> Result<Cp341, ParamError> {
         let all = [("protocol", Value::from(NAME))].into_iter().chain(keys.iter().cloned());

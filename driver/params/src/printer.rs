@@ -273,7 +273,7 @@ const IBM_850: [u8; 96] = [
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::keyed::{Cp341, Protocol341};
+    use crate::cp341::{Cp341, Protocol341};
     use crate::kind::CpKind;
     use crate::record::Value;
 

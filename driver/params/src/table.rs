@@ -68,13 +68,13 @@ pub struct ByteTables {
 }
 
 /// Those of a CP 240.
-pub const CP240: ByteTables = ByteTables { protocols: &PROTOCOLS, fields: Layout::fields };
+pub const CP240: ByteTables = ByteTables { protocols: PROTOCOLS, fields: Layout::fields };
 
 /// Tick of the times in the parameter bytes, milliseconds.
 pub const TICK_MS: u16 = 20;
 
 /// Protocol codes (byte 1). [S0 "Parameter description"]
-pub const PROTOCOLS: [(&str, u8, Layout); 15] = [
+pub const PROTOCOLS: &[(&str, u8, Layout)] = &[
     ("ascii", 0x01, Layout::Ascii),
     ("stx-etx", 0x02, Layout::StxEtx),
     ("3964", 0x03, Layout::S3964),

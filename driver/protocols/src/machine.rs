@@ -13,7 +13,7 @@ pub const SECOND: Span = Span::SECOND;
 /// Longest telegram of the CP 240, bytes of user data: its send and receive buffers hold 1024 bytes. [S0 "Properties"]
 pub const TELEGRAM_MAX: usize = 1024;
 
-/// The earliest of these times; none of them is [`Instant::NEVER`]. Asked after each character.
+/// The earliest of these times; [`Instant::NEVER`] counts as none. Asked after each character.
 pub(crate) fn earliest<const N: usize>(times: [Option<Instant>; N]) -> Option<Instant> {
     let first = times.into_iter().fold(Instant::NEVER, |first, time| first.min(time.unwrap_or(Instant::NEVER)));
     (first != Instant::NEVER).then_some(first)
