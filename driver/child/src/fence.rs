@@ -10,6 +10,7 @@ use rustix::net::{AddressFamily, SocketType, socket};
 use rustix::process::{Resource, Rlimit, Signal, getppid, kill_process, setrlimit};
 use rustix::thread::{CapabilitySet, capabilities, no_new_privs};
 use serde::Deserialize;
+use tracing::{error, warn};
 
 /// The variable with the fence, as JSON. Without it the driver was started by hand and is not confined.
 const VARIABLE: &str = "OB1_FENCE";
@@ -60,6 +61,16 @@ pub fn raise() -> Result<Vec<ob1_rt::Refusal>, String> {
         ..Confinement::default()
     };
     Ok(ob1_rt::confine(&wanted))
+}
+
+/// Says in the log what the kernel refused, or why there is no fence; false: then the process must end.
+#[must_use]
+pub fn tell(raised: &Result<Vec<ob1_rt::Refusal>, String>) -> bool {
+    match raised {
+        Ok(refused) => refused.iter().for_each(|(what, why)| warn!("not confined, {what}: {why}")),
+        Err(why) => error!("{why}"),
+    }
+    raised.is_ok()
 }
 
 /// Tries forbidden actions, and logs for each whether it was refused. True if all were refused and allowed actions

@@ -11,6 +11,8 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use ob1_backplane::handover;
+use ob1_line::Span;
+use rustix::event::{PollFd, Timespec, poll};
 use rustix::io::Errno;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use tracing::error;
@@ -44,6 +46,18 @@ pub fn handed_over() -> Vec<OwnedFd> {
     match handover::receive(rustix::stdio::stdout(), &mut [0]) {
         Ok(Some((_, descriptors))) => descriptors,
         Ok(None) | Err(_) => Vec::new(),
+    }
+}
+
+/// Waits until one of the descriptors is ready, or this long; a signal ends it early.
+///
+/// # Errors
+/// The system's error.
+pub fn wait(fds: &mut [PollFd<'_>], timeout: Span) -> Result<(), Errno> {
+    let timeout = Timespec { tv_sec: timeout.secs() as i64, tv_nsec: timeout.subsec_nanos() as i64 };
+    match poll(fds, Some(&timeout)) {
+        Ok(_) | Err(Errno::INTR) => Ok(()),
+        Err(error) => Err(error),
     }
 }
 

@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use ob1_line::seqpacket::{Channel, Listener, Sent};
-use ob1_line::{Instant, Span};
-use ob1_protocols::trace::record::{Kind, Record, VERSION};
+use ob1_line::{Instant, LineInput, Span};
+use ob1_protocols::trace::record::{Kind, Record, VERSION, number_of};
 use serde_json::Value;
-use tracing::warn;
+use tracing::{trace, warn};
 
 /// Maximum of listeners.
 const MOST: usize = 4;
@@ -96,6 +96,19 @@ impl Tap {
     #[must_use]
     pub fn fd(&self, now: Instant) -> Option<BorrowedFd<'_>> {
         self.socket.as_ref().filter(|_| now >= self.deaf_until).map(Listener::as_fd)
+    }
+
+    /// Reports what comes from the line.
+    pub fn hear(&mut self, now: Instant, input: LineInput<'_>) {
+        match input {
+            LineInput::Rx(bytes) => {
+                trace!(rx = ?bytes);
+                self.tell(now, Kind::In, bytes);
+            }
+            LineInput::TxDone => self.tell(now, Kind::Done, &[]),
+            LineInput::Fault(fault) => self.tell(now, Kind::Fault, &[number_of(fault)]),
+            LineInput::Modem(lines) => self.tell(now, Kind::Modem, &[lines.bits()]),
+        }
     }
 
     /// Reports one event. Without listeners it costs a comparison.

@@ -3,7 +3,7 @@
 pub use crate::dp::{DpConfig, DpSlave};
 use crate::gpio::GpioConfig;
 pub use ob1_protocols::modbus::pdu::{exception_remedy, exception_text};
-pub use ob1_protocols::{Instant, Span};
+pub use ob1_protocols::{Instant, LineSettings, Parity, Span, StopBits};
 use serde::{Deserialize, Serialize};
 
 /// A bus: the lines of one process, and their bytes.
@@ -88,22 +88,32 @@ pub struct Serial {
     /// Bits per second.
     pub baud: u32,
     /// Parity bit.
+    #[serde(with = "ParityWord")]
     pub parity: Parity,
     /// Stop bits, 1 or 2.
     pub stop_bits: u8,
 }
 
-/// Parity bit of a character.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Parity {
-    /// None.
+impl Serial {
+    /// The settings of the line.
+    #[must_use]
+    pub fn settings(&self) -> LineSettings {
+        LineSettings {
+            baud: self.baud,
+            parity: self.parity,
+            stop_bits: if self.stop_bits == 2 { StopBits::Two } else { StopBits::One },
+            ..LineSettings::default()
+        }
+    }
+}
+
+/// The words of a parity bit.
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "Parity", rename_all = "lowercase")]
+enum ParityWord {
     None,
-    /// Even: the default of the specification.
-    #[default]
-    Even,
-    /// Odd.
     Odd,
+    Even,
 }
 
 /// A coupler.

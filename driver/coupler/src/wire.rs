@@ -5,7 +5,7 @@ use ob1_protocols::modbus::pdu::{self, Match};
 use ob1_protocols::modbus::{Master, Mode, TELEGRAM_BYTES, frame, master, tcp};
 use ob1_protocols::{Event, Input, LineFault, LineInput, Machine as _, Order, SendError, Sink, Wire as LineEnd};
 
-use crate::config::{Instant, LineConfig, Parity, Serial, Span};
+use crate::config::{Instant, LineConfig, Serial, Span};
 use crate::line::MasterInput;
 
 /// How late a device may hand over characters: a UART with a FIFO, a USB adapter.
@@ -153,8 +153,7 @@ pub(crate) struct Rtu {
 
 impl Rtu {
     fn new(serial: &Serial, timeout: Span) -> Self {
-        let char_time = char_time(serial);
-        let frame = frame::Config::new(Mode::Rtu, serial.baud, char_time).with_bursts(BURSTS);
+        let frame = frame::Config::new(Mode::Rtu, serial.baud, serial.settings().char_time()).with_bursts(BURSTS);
         Self { master: Master::new(master::Config { frame, wait: timeout }), deadline: None }
     }
 
@@ -166,12 +165,6 @@ impl Rtu {
             _ => Some(Outcome::Failed),
         }
     }
-}
-
-/// Time of one character.
-fn char_time(serial: &Serial) -> Span {
-    let bits = 9 + u64::from(serial.parity != Parity::None) + u64::from(serial.stop_bits.clamp(1, 2));
-    (bits * Span::SECOND).over_ceil(serial.baud.max(1).into())
 }
 
 /// Collects the output of the serial master.

@@ -81,7 +81,7 @@ fn config() -> BusConfig {
 impl Wires {
     fn new(faults: FaultRates, seed: u64) -> Self {
         let config = config();
-        let settings = LineSettings { baud: 115_200, parity: ob1_line::Parity::Even, ..LineSettings::default() };
+        let settings = LineSettings { baud: 115_200, parity: Parity::Even, ..LineSettings::default() };
         let mut bus = SimBus::new(WiresConfig { faults, ..WiresConfig::new(true) }, seed);
         let me = bus.join(Frame::of(&settings));
         let frame = frame::Config::new(Mode::Rtu, settings.baud, settings.time_of(1)).with_bursts(faults.delay_max);

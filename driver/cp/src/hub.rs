@@ -18,13 +18,13 @@ use ob1_cp::HEARTBEAT;
 use ob1_line::hub::{Hub, Partner};
 use ob1_line::sim::{Bursts, BusConfig, FaultRates};
 use ob1_line::{Instant, Span};
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::event::{PollFd, PollFlags};
 use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
 use serde::Deserialize;
 use tracing::{info, warn};
 
-use crate::process::End;
+use crate::process::Ended;
 
 /// The runtime's configuration of the line, in the words of the station file.
 #[derive(Debug, Clone, Deserialize)]
@@ -104,7 +104,7 @@ impl HubConfig {
 ///
 /// # Errors
 /// When waiting or opening the line fails.
-pub(crate) fn run(config: &HubConfig, mut segment: CpSide, terminate: &Arc<AtomicBool>) -> io::Result<End> {
+pub(crate) fn run(config: &HubConfig, mut segment: CpSide, terminate: &Arc<AtomicBool>) -> io::Result<Ended> {
     let start = time::Instant::now();
     let clock = || Instant::START + start.elapsed().into();
     let mut hub = None;
@@ -136,7 +136,7 @@ pub(crate) fn run(config: &HubConfig, mut segment: CpSide, terminate: &Arc<Atomi
         if terminate.load(Ordering::Relaxed) || ready && doorbell_closed()? {
             drop(hub);
             drop(lock);
-            return Ok(if ready { End::Closed } else { End::Terminated });
+            return Ok(if ready { Ended::Closed } else { Ended::Terminated });
         }
     }
 }
@@ -164,12 +164,8 @@ fn wait(hub: Option<&Hub>, timeout: Span) -> io::Result<bool> {
     if let Some(hub) = hub {
         hub.poll_fds(&mut fds);
     }
-    let timeout = Timespec { tv_sec: timeout.secs() as i64, tv_nsec: timeout.subsec_nanos() as i64 };
-    match poll(&mut fds, Some(&timeout)) {
-        Ok(_) => Ok(fds.first().is_some_and(|fd| !fd.revents().is_empty())),
-        Err(Errno::INTR) => Ok(false),
-        Err(error) => Err(error.into()),
-    }
+    ob1_child::wait(&mut fds, timeout)?;
+    Ok(fds.first().is_some_and(|fd| !fd.revents().is_empty()))
 }
 
 #[cfg(test)]

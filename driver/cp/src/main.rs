@@ -6,8 +6,8 @@
 
 mod config;
 mod hub;
-mod port;
 mod process;
+mod process_line;
 mod tap;
 
 use std::path::{Path, PathBuf};
@@ -17,9 +17,9 @@ use std::time::Duration;
 use clap::Parser;
 use ob1_backplane::{CpSide, Segment};
 use ob1_child::fence;
-use tracing::{error, info, warn};
+use tracing::{error, info};
 
-use process::{End, Process};
+use process::{Ended, Process};
 
 const HELP: &str = "\
 The line and the module type come with the parameters through the segment; the runtime writes them.
@@ -76,12 +76,8 @@ fn run(arguments: &Arguments) -> ExitCode {
     ob1_child::start_log();
     let _span = tracing::info_span!("cp", name = arguments.name).entered();
 
-    match fenced {
-        Ok(refused) => refused.iter().for_each(|(what, why)| warn!("not confined, {what}: {why}")),
-        Err(why) => {
-            error!("{why}");
-            return ExitCode::from(2);
-        }
+    if !fence::tell(&fenced) {
+        return ExitCode::from(2);
     }
     if arguments.self_test {
         return ExitCode::from(u8::from(!fence::self_test()));
@@ -108,11 +104,11 @@ fn run(arguments: &Arguments) -> ExitCode {
         None => Process::new(segment, Duration::from_micros(arguments.spin), terminate).run().map_err(Into::into),
     };
     match ended {
-        Ok(End::Closed) => {
+        Ok(Ended::Closed) => {
             info!("standard input is closed: end");
             ExitCode::SUCCESS
         }
-        Ok(End::Terminated) => {
+        Ok(Ended::Terminated) => {
             info!("terminated");
             ExitCode::SUCCESS
         }

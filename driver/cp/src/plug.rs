@@ -13,7 +13,7 @@ use crate::translate::{self, EventCode, LINE_TEXT_RECORD};
 const DIAGNOSTIC_RECORD: u32 = 1;
 
 /// The driver's end of the segment, with the data shown there.
-pub(crate) struct End {
+pub(crate) struct SegmentEnd {
     pub(crate) segment: CpSide,
     pub(crate) modem: ModemOutputs,
     pub(crate) modem_inputs: ModemLines,
@@ -34,7 +34,7 @@ pub(crate) enum Parameters {
     Valid,
 }
 
-impl End {
+impl SegmentEnd {
     /// A driver just attached.
     pub(crate) fn new(segment: CpSide) -> Self {
         Self {
@@ -99,7 +99,7 @@ impl End {
 
 /// Segment and line for the firmware during one step.
 pub(crate) struct Plug<'a, L: ?Sized> {
-    pub(crate) end: &'a mut End,
+    pub(crate) end: &'a mut SegmentEnd,
     pub(crate) line: &'a mut L,
     pub(crate) now: Instant,
 }

@@ -7,14 +7,14 @@ use std::time::{self, Duration};
 use ob1_backplane::CpSide;
 use ob1_child::doorbell_closed;
 use ob1_cp::{CpPump, HEARTBEAT};
-use ob1_firmware::trace::record::{Kind, number_of};
+use ob1_firmware::trace::record::Kind;
 use ob1_firmware::{Instant, LineFault, LineInput, ModemLines, Span};
 use ob1_line::{LineEvent, PollFds, RealLine};
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::event::{PollFd, PollFlags};
 use rustix::io::Errno;
 use tracing::{info, warn};
 
-use crate::port::Port;
+use crate::process_line::ProcessLine;
 
 /// Passes without system calls, while the CPU side keeps changing things, before line and doorbell are checked.
 const PASSES: u32 = 16;
@@ -31,7 +31,7 @@ const BUFFER: usize = 256;
 
 /// Why the loop has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum End {
+pub(crate) enum Ended {
     /// The doorbell is closed: the runtime is gone, or wants the driver to be.
     Closed,
     /// A signal has come.
@@ -49,7 +49,7 @@ struct Ready {
 
 pub(crate) struct Process {
     pump: CpPump,
-    port: Port,
+    port: ProcessLine,
     start: time::Instant,
     spin: Duration,
     terminate: Arc<AtomicBool>,
@@ -65,7 +65,7 @@ impl Process {
     pub(crate) fn new(segment: CpSide, spin: Duration, terminate: Arc<AtomicBool>) -> Self {
         Self {
             pump: CpPump::new(segment),
-            port: Port::default(),
+            port: ProcessLine::default(),
             start: time::Instant::now(),
             spin,
             terminate,
@@ -80,7 +80,7 @@ impl Process {
         Instant::START + self.start.elapsed().into()
     }
 
-    pub(crate) fn run(&mut self) -> Result<End, Errno> {
+    pub(crate) fn run(&mut self) -> Result<Ended, Errno> {
         let mut passes = 0;
         // Whether the CPU side has changed something since the last wait.
         let mut changed = false;
@@ -93,7 +93,7 @@ impl Process {
             self.pump.count_lost_log(lost - std::mem::replace(&mut self.log_lost, lost));
             // Line events may have moved the deadline, and the pump's own work the registers.
             let deadline = self.pump.poll(now, &mut self.port);
-            let line = self.port.line_ref().and_then(RealLine::deadline).unwrap_or(Instant::NEVER);
+            let line = self.port.line.as_ref().and_then(RealLine::deadline).unwrap_or(Instant::NEVER);
 
             if changed && self.changes_soon() || !self.pump.prepare_sleep() {
                 passes += 1;
@@ -105,17 +105,17 @@ impl Process {
             let due = deadline.min(line);
             let timeout = if passes >= PASSES || more { Span::ZERO } else { due.since(self.now()) };
             (passes, changed) = (0, false);
-            let ready = self.wait(timeout.into())?;
+            let ready = self.wait(timeout)?;
             self.pump.awake();
             if self.terminate.load(Ordering::Relaxed) {
-                return Ok(End::Terminated);
+                return Ok(Ended::Terminated);
             }
             if ready.tap {
                 let now = self.now();
-                self.port.tap().admit(now);
+                self.port.tap.admit(now);
             }
             if ready.line
-                && let Some(line) = self.port.line()
+                && let Some(line) = &mut self.port.line
             {
                 line.ready();
                 // A process that was held up finds expired times, and also the answer that came in time: then the line
@@ -132,7 +132,7 @@ impl Process {
                 changed = self.pump.has_changes();
                 self.pump.poll(now, &mut self.port);
                 if doorbell_closed()? {
-                    return Ok(End::Closed);
+                    return Ok(Ended::Closed);
                 }
             }
         }
@@ -155,27 +155,23 @@ impl Process {
         }
     }
 
-    fn wait(&self, timeout: Duration) -> Result<Ready, Errno> {
+    fn wait(&self, timeout: Span) -> Result<Ready, Errno> {
         let stdin = rustix::stdio::stdin();
         let mut line = PollFds::default();
-        if let Some(real) = self.port.line_ref() {
+        if let Some(real) = &self.port.line {
             real.poll_fds(&mut line);
         }
         let mut fds: Vec<PollFd<'_>> = Vec::with_capacity(4);
         fds.push(PollFd::new(&stdin, PollFlags::IN));
         fds.extend(line.into_entries());
         let lines = fds.len();
-        fds.extend(self.port.tap_ref().fd(self.now()).map(|fd| PollFd::from_borrowed_fd(fd, PollFlags::IN)));
-        let timeout = Timespec::try_from(timeout).unwrap_or(Timespec { tv_sec: 1, tv_nsec: 0 });
-        match poll(&mut fds, Some(&timeout)) {
-            Ok(0) | Err(Errno::INTR) => Ok(Ready::default()),
-            Ok(_) => Ok(Ready {
-                doorbell: fds.first().is_some_and(|fd| !fd.revents().is_empty()),
-                line: fds.iter().take(lines).skip(1).any(|fd| !fd.revents().is_empty()),
-                tap: fds.iter().skip(lines).any(|fd| !fd.revents().is_empty()),
-            }),
-            Err(error) => Err(error),
-        }
+        fds.extend(self.port.tap.fd(self.now()).map(|fd| PollFd::from_borrowed_fd(fd, PollFlags::IN)));
+        ob1_child::wait(&mut fds, timeout)?;
+        Ok(Ready {
+            doorbell: fds.first().is_some_and(|fd| !fd.revents().is_empty()),
+            line: fds.iter().take(lines).skip(1).any(|fd| !fd.revents().is_empty()),
+            tap: fds.iter().skip(lines).any(|fd| !fd.revents().is_empty()),
+        })
     }
 
     /// Takes the events of the line; true if there may be more.
@@ -183,51 +179,42 @@ impl Process {
         let mut buffer = [0; BUFFER];
         let mut more = true;
         for _ in 0..EVENTS {
-            let Some(event) = self.port.line().and_then(|line| line.next_event(now, &mut buffer)) else {
+            let Some(line) = &mut self.port.line else { return false };
+            let Some(event) = line.next_event(now, &mut buffer) else {
                 more = false;
                 break;
             };
-            let input = match event {
-                LineEvent::Rx(n) => {
-                    tracing::trace!(rx = ?&buffer[..n]);
-                    self.port.tap().tell(now, Kind::In, &buffer[..n]);
-                    LineInput::Rx(&buffer[..n])
-                }
-                LineEvent::TxDone => {
-                    self.port.tap().tell(now, Kind::Done, &[]);
-                    LineInput::TxDone
-                }
-                LineEvent::Fault(fault) => {
-                    self.port.tap().tell(now, Kind::Fault, &[number_of(fault)]);
-                    LineInput::Fault(fault)
-                }
+            match event {
+                LineEvent::Input(input) => self.hear(now, input),
                 LineEvent::Up(warnings) => {
                     info!("the line is up");
-                    self.port.tap().tell(now, Kind::Up, &[]);
+                    self.port.tap.tell(now, Kind::Up, &[]);
                     for warning in warnings {
                         warn!("{warning}");
                     }
                     self.modem = None;
                     self.line_is_up(now);
-                    continue;
                 }
                 LineEvent::Gone(reason) => {
-                    let errno = self.port.line().and_then(|line| line.errno()).unwrap_or(0);
+                    let errno = self.port.line.as_ref().and_then(RealLine::errno).unwrap_or(0);
                     warn!(reason, errno, "the line is gone");
-                    self.port.tap().tell(now, Kind::Gone, reason.as_bytes());
+                    self.port.tap.tell(now, Kind::Gone, reason.as_bytes());
                     self.pump.line_error(now, errno, &reason);
                     self.line_is_gone(now);
-                    continue;
                 }
-            };
-            self.pump.line_event(now, input, &mut self.port);
+            }
         }
         // A connection that is still being made: nothing may count as sent on it.
-        if self.port.line_ref().is_some_and(|line| !line.is_up()) {
+        if self.port.line.as_ref().is_some_and(|line| !line.is_up()) {
             self.line_is_gone(now);
         }
         self.sample_modem(now);
         more
+    }
+
+    fn hear(&mut self, now: Instant, input: LineInput<'_>) {
+        self.port.tap.hear(now, input);
+        self.pump.line_event(now, input, &mut self.port);
     }
 
     fn line_is_gone(&mut self, now: Instant) {
@@ -250,13 +237,10 @@ impl Process {
             return;
         }
         self.modem_at = now + HEARTBEAT;
-        let Some(lines) = self.port.line().and_then(RealLine::modem_lines) else { return };
+        let Some(lines) = self.port.line.as_mut().and_then(RealLine::modem_lines) else { return };
         if self.modem != Some(lines) {
             self.modem = Some(lines);
-            let bits = [lines.cts, lines.dsr, lines.ri, lines.cd];
-            let bits = bits.into_iter().rev().fold(0, |bits, on| bits << 1 | u8::from(on));
-            self.port.tap().tell(now, Kind::Modem, &[bits]);
-            self.pump.line_event(now, LineInput::Modem(lines), &mut self.port);
+            self.hear(now, LineInput::Modem(lines));
         }
     }
 }

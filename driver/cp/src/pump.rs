@@ -9,7 +9,7 @@ use ob1_params::CpKind;
 
 use crate::line_port::LinePort;
 use crate::module::Module;
-use crate::plug::{End, Parameters, Plug};
+use crate::plug::{Parameters, Plug, SegmentEnd};
 use crate::translate::EventCode;
 
 /// Time between two beats of an idle driver.
@@ -26,7 +26,7 @@ const CODE_CONFIGURATION: u32 = 0x100;
 pub struct CpPump {
     /// A CP 240, until the configuration has set the type.
     module: Module,
-    end: End,
+    end: SegmentEnd,
     /// The mark of the CPU side up to which everything has been handled.
     seen: Option<ChangeMark>,
     /// A set of registers was in the middle of a write.
@@ -41,7 +41,7 @@ impl CpPump {
     pub fn new(segment: CpSide) -> Self {
         Self {
             module: Module::new(CpKind::Cp240, segment.generation(), segment.io_bytes()),
-            end: End::new(segment),
+            end: SegmentEnd::new(segment),
             seen: None,
             look_again: false,
             params_revision: 0,

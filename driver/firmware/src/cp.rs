@@ -1,26 +1,12 @@
-//! A CP of any type, as its owner sees it.
-
-use std::fmt;
+//! The firmware of each type.
 
 use ob1_params::CpKind;
 use ob1_protocols::Instant;
 
-use crate::{Cp040, Cp240, Cp341, CpInput, CpPort};
-
-/// A whole CP.
-pub trait Cp: fmt::Debug {
-    /// Takes one input at time `now` and returns when [`CpInput::Tick`] is due. An input that this type does not have
-    /// changes nothing.
-    fn step(&mut self, now: Instant, input: CpInput<'_>, port: &mut dyn CpPort) -> Option<Instant>;
-
-    /// Whether its parameters are valid, and the CPU has acknowledged its start-up where it has one.
-    fn is_working(&self) -> bool;
-
-    /// Enables or disables diagnostic interrupts; off unless enabled. CP 240: errors that light ER are also reported as
-    /// [`CpEvent::Diagnosis`](crate::CpEvent::Diagnosis); its parameter bytes have no place for this switch (ours: a
-    /// key of the station file). CP 040, CP 340 and CP 341: a wire break and wrong parameters are reported.
-    fn enable_diagnostics(&mut self, enabled: bool);
-}
+use crate::cp040::Cp040;
+use crate::cp240::Cp240;
+use crate::cp341::Cp341;
+use crate::port::{Cp, CpInput, CpPort};
 
 /// The firmware of a type, without parameters. `generation`: how often a driver has attached to the segment;
 /// `io_bytes`: bytes each way, where the station file chooses them.

@@ -13,12 +13,10 @@ use ob1_params::{Cp040 as Parameters, Duplex};
 use ob1_protocols::modbus::area::{BLOCK_BYTES, BLOCKS_TOGETHER};
 use ob1_protocols::{Input, Instant, LineFault, LineInput, Order, SendError, Span};
 
-pub use diagnosis::DiagnosticRecord;
 pub use ob1_words::cp040::IO_BYTES;
 
-use crate::cp::Cp;
 use crate::leds::{LedDriver, Leds};
-use crate::port::{CpCounter, CpEvent, CpInput, CpPort, ParameterFault};
+use crate::port::{Cp, CpCounter, CpEvent, CpInput, CpPort, ParameterFault};
 use crate::protocol::{Protocol, Setup};
 use diagnosis::Diagnosis;
 use exchange::{Exchange, Step};
@@ -254,7 +252,7 @@ impl Cp040 {
                 } else if self.line_gone && !self.protocol.is_acknowledged() {
                     self.ended(now, Err(SendError::Frame), port);
                 } else {
-                    self.order(now, port);
+                    self.step_protocol(now, None, port);
                 }
             }
         }
@@ -350,23 +348,12 @@ impl Cp040 {
         }
     }
 
-    fn order(&mut self, now: Instant, port: &mut dyn CpPort) {
-        let (exchange, protocol) = (&mut self.exchange, &mut self.protocol);
-        let mut out = Outlet {
-            now,
-            receive: &mut exchange.receive,
-            leds: &mut self.leds,
-            port,
-            tells_errors: protocol.is_heard_once(),
-            transmitting: &mut self.transmitting,
-            outcome: None,
-        };
-        self.protocol_due = protocol.step(now, Input::Order(Order::Send(exchange.send.telegram())), &mut out);
-        let outcome = out.outcome;
-        self.after_step(now, outcome, port);
+    fn drive(&mut self, now: Instant, input: Input<'_>, port: &mut dyn CpPort) {
+        self.step_protocol(now, Some(input), port);
     }
 
-    fn drive(&mut self, now: Instant, input: Input<'_>, port: &mut dyn CpPort) {
+    /// A step of the protocol; without an input it gets the complete telegram.
+    fn step_protocol(&mut self, now: Instant, input: Option<Input<'_>>, port: &mut dyn CpPort) {
         let mut out = Outlet {
             now,
             receive: &mut self.exchange.receive,
@@ -376,13 +363,9 @@ impl Cp040 {
             transmitting: &mut self.transmitting,
             outcome: None,
         };
+        let input = input.unwrap_or(Input::Order(Order::Send(self.exchange.send.telegram())));
         self.protocol_due = self.protocol.step(now, input, &mut out);
-        let outcome = out.outcome;
-        self.after_step(now, outcome, port);
-    }
-
-    fn after_step(&mut self, now: Instant, outcome: Option<Result<(), SendError>>, port: &mut dyn CpPort) {
-        if let Some(outcome) = outcome {
+        if let Some(outcome) = out.outcome {
             self.ended(now, outcome, port);
         }
         self.offer_change(now, port);
@@ -408,20 +391,7 @@ impl Cp040 {
     }
 
     fn ended(&mut self, now: Instant, outcome: Result<(), SendError>, port: &mut dyn CpPort) {
-        let outcome = match outcome {
-            Err(SendError::Aborted) if self.line_broke_off => Err(SendError::Frame),
-            other => other,
-        };
-        match outcome {
-            Ok(()) => {
-                port.count(CpCounter::Sent, 1);
-                port.event(now, CpEvent::Sent);
-            }
-            Err(error) => {
-                port.count(CpCounter::SendErrors, 1);
-                port.event(now, CpEvent::SendFailed(error.code()));
-            }
-        }
+        let outcome = port.order_ended(now, outcome, self.line_broke_off);
         self.exchange.send.ended(outcome.is_ok());
         // The end is shown before a waiting command is evaluated.
         self.publish(port);

@@ -30,11 +30,10 @@ use ob1_params::{Cp240 as Parameters, LineSettings};
 use ob1_protocols::rk512::Order as Rk512Order;
 use ob1_protocols::{Event, Input, Instant, LineFault, LineInput, Order, SendError, What};
 
-use crate::cp::Cp;
 use crate::diagnosis::{Diagnosis, Kind};
 use crate::leds::{LedDriver, Leds};
 use crate::modbus;
-use crate::port::{CpCounter, CpEvent, CpInput, CpPort, ParameterFault, StartReason};
+use crate::port::{Cp, CpCounter, CpEvent, CpInput, CpPort, ParameterFault, StartReason};
 use crate::protocol::{Protocol, Setup};
 use crate::ring::Capacity;
 use modem::Modem;
@@ -362,7 +361,7 @@ impl Cp240 {
                 } else if self.line_gone && !self.protocol.is_acknowledged() {
                     self.ended(now, Err(SendError::Frame), port);
                 } else {
-                    self.order(now, port);
+                    self.step_protocol(now, None, port);
                 }
             }
         }
@@ -452,24 +451,16 @@ impl Cp240 {
         }
     }
 
-    /// Hands the complete telegram to the protocol.
-    fn order(&mut self, now: Instant, port: &mut dyn CpPort) {
-        let mut out = outlet!(self, now, port);
-        let input = Input::Order(Order::Send(self.send.telegram()));
-        self.protocol_due = self.protocol.step(now, input, &mut out);
-        let outcome = out.outcome;
-        self.after_step(now, outcome, port);
-    }
-
     fn drive(&mut self, now: Instant, input: Input<'_>, port: &mut dyn CpPort) {
-        let mut out = outlet!(self, now, port);
-        self.protocol_due = self.protocol.step(now, input, &mut out);
-        let outcome = out.outcome;
-        self.after_step(now, outcome, port);
+        self.step_protocol(now, Some(input), port);
     }
 
-    fn after_step(&mut self, now: Instant, outcome: Option<Result<(), SendError>>, port: &mut dyn CpPort) {
-        if let Some(outcome) = outcome {
+    /// A step of the protocol; without an input it gets the complete telegram.
+    fn step_protocol(&mut self, now: Instant, input: Option<Input<'_>>, port: &mut dyn CpPort) {
+        let mut out = outlet!(self, now, port);
+        let input = input.unwrap_or(Input::Order(Order::Send(self.send.telegram())));
+        self.protocol_due = self.protocol.step(now, input, &mut out);
+        if let Some(outcome) = out.outcome {
             self.ended(now, outcome, port);
         }
         if let Some(slave) = self.protocol.slave()
@@ -488,20 +479,7 @@ impl Cp240 {
     }
 
     fn ended(&mut self, now: Instant, outcome: Result<(), SendError>, port: &mut dyn CpPort) {
-        let outcome = match outcome {
-            Err(SendError::Aborted) if self.line_broke_off => Err(SendError::Frame),
-            other => other,
-        };
-        match outcome {
-            Ok(()) => {
-                port.count(CpCounter::Sent, 1);
-                port.event(now, CpEvent::Sent);
-            }
-            Err(error) => {
-                port.count(CpCounter::SendErrors, 1);
-                port.event(now, CpEvent::SendFailed(error.code()));
-            }
-        }
+        let outcome = port.order_ended(now, outcome, self.line_broke_off);
         self.send.ended(outcome.map_err(SendError::code));
         // The end is shown before a waiting count is evaluated.
         self.publish(port);

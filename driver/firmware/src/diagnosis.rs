@@ -11,13 +11,20 @@ use ob1_protocols::{Event, LineFault, What};
 /// Diagnostic bytes of an error, or of its end.
 pub type DiagnosticBytes = [u8; 6];
 
+/// The diagnostic record of a CP 040 (record set 01h): ERR_A to CH7ERR, and the µs ticker: 20 bytes, 2 of them the
+/// reserved ones the index list leaves out. [S3 "Diagnostic data"]
+pub type DiagnosticRecord = [u8; 20];
+
 /// Module class: communication module.
-const CLASS: u8 = 0x0C;
+pub(crate) const CLASS: u8 = 0x0C;
+
+/// Bytes 0 and 2 for an open circuit: the line or its device is gone. 25 0C 02 00 [reference 1.9]
+pub(crate) const OPEN_CIRCUIT: (u8, u8) = (0x25, 0x02);
 
 /// Kinds of error, distinguished by what they set in bytes 0 and 2.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
-    /// Open circuit: the line or its device is gone. 25 0C 02 00, as with the CP 341.
+    /// Open circuit: the line or its device is gone.
     OpenCircuit,
     /// Parity, framing, break or lost characters: external fault, communication.
     Line,
@@ -39,7 +46,7 @@ impl Kind {
 
     const fn bytes(self) -> (u8, u8) {
         match self {
-            Self::OpenCircuit => (0x25, 0x02),
+            Self::OpenCircuit => OPEN_CIRCUIT,
             Self::Line => (0x05, 0x02),
             Self::Overflow => (0x03, 0x00),
         }

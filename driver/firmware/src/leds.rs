@@ -1,6 +1,6 @@
 //! The four LEDs on the front [S0 "LEDs"].
 
-use ob1_protocols::{Instant, Span};
+use ob1_protocols::{Event, Instant, LineFault, Span, What};
 pub use ob1_words::Leds;
 
 /// How long ER stays on after the last error. [S0 L1458]
@@ -83,6 +83,16 @@ impl LedDriver {
     /// The CPU has gone from STOP to RUN.
     pub(crate) fn stop_run(&mut self) {
         self.internal = false;
+    }
+
+    /// An occurrence in the protocol. The line itself reports that it is gone.
+    pub(crate) fn occurred(&mut self, now: Instant, event: Event) {
+        if event.what == What::NoBuffer {
+            self.overflow(now);
+        }
+        if event.lights_er() && event.what != What::Line(LineFault::Gone) {
+            self.error(now);
+        }
     }
 
     pub(crate) fn error(&mut self, now: Instant) {

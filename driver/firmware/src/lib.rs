@@ -21,14 +21,14 @@ mod printer;
 mod protocol;
 mod ring;
 
-pub use cp::{Cp, of};
-pub use cp040::{Cp040, DiagnosticRecord, IO_BYTES};
+pub use cp::of;
+pub use cp040::{Cp040, IO_BYTES};
 pub use cp240::Cp240;
 pub use cp341::Cp341;
-pub use diagnosis::DiagnosticBytes;
+pub use diagnosis::{DiagnosticBytes, DiagnosticRecord};
 pub use leds::Leds;
 pub use ob1_params::LineSettings;
 pub use ob1_protocols::{Instant, LineFault, LineInput, ModemLines, Span, Wire, cp341_events, trace};
 pub use ob1_words::cp240::Registers;
-pub use port::{CpCounter, CpEvent, CpInput, CpPort, ParameterFault, StartReason};
+pub use port::{Cp, CpCounter, CpEvent, CpInput, CpPort, ParameterFault, StartReason};
 pub use ring::TELEGRAMS_MAX;

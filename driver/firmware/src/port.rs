@@ -1,12 +1,28 @@
-//! The inputs and outputs of a CP.
+//! A CP of any type, as its owner sees it: its inputs and outputs.
+
+use std::fmt::Debug;
 
 use ob1_params::{Cp341 as Keys, LineSettings, ParamError};
-use ob1_protocols::{Event, Instant, LineFault, LineInput, Span, What, Wire, rk512};
+use ob1_protocols::{Event, Instant, LineFault, LineInput, SendError, Span, What, Wire, rk512};
+use ob1_words::channels::{Channel, ChannelBlock};
 
-use crate::cp040::DiagnosticRecord;
-use crate::cp341::{Channel, ChannelBlock};
-use crate::diagnosis::DiagnosticBytes;
+use crate::diagnosis::{DiagnosticBytes, DiagnosticRecord};
 use crate::leds::Leds;
+
+/// A whole CP.
+pub trait Cp: Debug {
+    /// Takes one input at time `now` and returns when [`CpInput::Tick`] is due. An input that this type does not have
+    /// changes nothing.
+    fn step(&mut self, now: Instant, input: CpInput<'_>, port: &mut dyn CpPort) -> Option<Instant>;
+
+    /// Whether its parameters are valid, and the CPU has acknowledged its start-up where it has one.
+    fn is_working(&self) -> bool;
+
+    /// Enables or disables diagnostic interrupts; off unless enabled. CP 240: errors that light ER are also reported as
+    /// [`CpEvent::Diagnosis`]; its parameter bytes have no place for this switch (ours: a key of the station file). CP
+    /// 040, CP 340 and CP 341: a wire break and wrong parameters are reported.
+    fn enable_diagnostics(&mut self, enabled: bool);
+}
 
 /// Everything that can happen to a CP.
 #[derive(Debug, Clone, Copy)]
@@ -27,7 +43,7 @@ pub enum CpInput<'a> {
     Channel(Channel, &'a ChannelBlock),
 }
 
-/// Where a CP puts its results, besides output to the line. All methods are called inside [`crate::Cp::step`].
+/// Where a CP puts its results, besides output to the line. All methods are called inside [`Cp::step`].
 pub trait CpPort: Wire {
     /// Publishes the input registers, all bytes at once. Called only when they have changed.
     fn inputs(&mut self, registers: &[u8]);
@@ -60,6 +76,41 @@ pub trait CpPort: Wire {
 
     /// Something worth a diagnostic entry or a line of the trace.
     fn event(&mut self, now: Instant, event: CpEvent<'_>);
+}
+
+impl dyn CpPort + '_ {
+    /// A telegram has come; `is_stored`: the buffer had room for it.
+    pub(crate) fn received(&mut self, now: Instant, telegram: &[u8], is_stored: bool) {
+        if is_stored {
+            self.count(CpCounter::Received, 1);
+            self.event(now, CpEvent::Received(telegram));
+        } else {
+            // A protocol that does not ask for room first.
+            self.count(CpCounter::Rejected, 1);
+        }
+    }
+
+    /// An order of a CP 240 or CP 040 has ended; returns the outcome for the CPU. `broke_off`: it was aborted because
+    /// the line is gone.
+    pub(crate) fn order_ended(
+        &mut self,
+        now: Instant,
+        outcome: Result<(), SendError>,
+        broke_off: bool,
+    ) -> Result<(), SendError> {
+        let outcome = if broke_off && outcome == Err(SendError::Aborted) { Err(SendError::Frame) } else { outcome };
+        match outcome {
+            Ok(()) => {
+                self.count(CpCounter::Sent, 1);
+                self.event(now, CpEvent::Sent);
+            }
+            Err(error) => {
+                self.count(CpCounter::SendErrors, 1);
+                self.event(now, CpEvent::SendFailed(error.code()));
+            }
+        }
+        outcome
+    }
 }
 
 /// What a CP counts.

@@ -119,12 +119,9 @@ fn stx_etx_config(p: &StxEtxParams, char_time: Span) -> stx_etx::Config {
 }
 
 fn s3964_config(p: &S3964Params, char_time: Span) -> s3964::Config {
-    s3964::Config::cp240(s3964::Settings {
+    s3964::Config {
         bcc: p.bcc,
-        priority: match p.priority {
-            Priority::Low => s3964::Priority::Low,
-            Priority::High => s3964::Priority::High,
-        },
+        priority: priority(p.priority),
         zvz: u64::from(p.zvz_ms) * MS,
         qvz: u64::from(p.qvz_ms) * MS,
         zna: u64::from(p.zna_ms) * MS,
@@ -132,8 +129,16 @@ fn s3964_config(p: &S3964Params, char_time: Span) -> s3964::Config {
         // [S0 "STX repetitions"] counts the repetitions, [S0 "DBL"] the attempts.
         connect_attempts: u16::from(p.stx_repetitions) + 1,
         block_attempts: u16::from(p.dbl).max(1),
-        char_time,
-    })
+        ..s3964::Config::cp240(char_time)
+    }
+}
+
+/// The priority of the parameters, for the machine.
+pub(crate) const fn priority(priority: Priority) -> s3964::Priority {
+    match priority {
+        Priority::Low => s3964::Priority::Low,
+        Priority::High => s3964::Priority::High,
+    }
 }
 
 /// The running protocol. There is only one, and the variants differ little in size, so only those with areas or a send

@@ -3,11 +3,10 @@
 use std::io;
 
 use ob1_child::tap::Tap;
-use ob1_coupler::config::Parity;
 use ob1_coupler::{Image, Input, LineConfig, LineFault, LineInput, MasterInput};
 use ob1_io::Master;
-use ob1_line::{Instant, LineEvent, LineSettings, LineSpec, RealLine, StopBits};
-use ob1_protocols::trace::record::{Kind, number_of};
+use ob1_line::{Instant, LineEvent, LineSettings, LineSpec, Parity, RealLine};
+use ob1_protocols::trace::record::Kind;
 use serde_json::json;
 use tracing::{info, warn};
 
@@ -57,19 +56,9 @@ impl Line {
                 return false;
             };
             match event {
-                LineEvent::Rx(n) => {
-                    let bytes = buffer.get(..n).unwrap_or_default();
-                    tracing::trace!(rx = ?bytes);
-                    self.tap.tell(now, Kind::In, bytes);
-                    self.step(now, Input::Line(LineInput::Rx(bytes)), image);
-                }
-                LineEvent::TxDone => {
-                    self.tap.tell(now, Kind::Done, &[]);
-                    self.step(now, Input::Line(LineInput::TxDone), image);
-                }
-                LineEvent::Fault(fault) => {
-                    self.tap.tell(now, Kind::Fault, &[number_of(fault)]);
-                    self.step(now, Input::Line(LineInput::Fault(fault)), image);
+                LineEvent::Input(input) => {
+                    self.tap.hear(now, input);
+                    self.step(now, Input::Line(input), image);
                 }
                 LineEvent::Up(warnings) => {
                     info!(line = %self.spec, "the line is up");
@@ -123,20 +112,11 @@ pub(crate) fn open(spec: &LineSpec, settings: &LineSettings) -> io::Result<RealL
 
 pub(crate) fn settings(config: &LineConfig) -> LineSettings {
     if let Some(dp) = &config.dp {
-        return LineSettings { baud: dp.baud, parity: ob1_line::Parity::Even, ..LineSettings::default() };
+        return LineSettings { baud: dp.baud, parity: Parity::Even, ..LineSettings::default() };
     }
-    let Some(serial) = &config.serial else {
+    match &config.serial {
+        Some(serial) => serial.settings(),
         // TCP: the times of the line settings are not used.
-        return LineSettings { baud: 4_000_000, ..LineSettings::default() };
-    };
-    LineSettings {
-        baud: serial.baud,
-        parity: match serial.parity {
-            Parity::None => ob1_line::Parity::None,
-            Parity::Even => ob1_line::Parity::Even,
-            Parity::Odd => ob1_line::Parity::Odd,
-        },
-        stop_bits: if serial.stop_bits == 2 { StopBits::Two } else { StopBits::One },
-        ..LineSettings::default()
+        None => LineSettings { baud: 4_000_000, ..LineSettings::default() },
     }
 }

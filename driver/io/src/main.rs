@@ -16,7 +16,7 @@ use clap::Parser;
 use ob1_backplane::{BusMemory, BusSize, CpSide, Segment, SegmentError};
 use ob1_child::fence;
 use ob1_coupler::BusConfig;
-use tracing::{error, info, warn};
+use tracing::{error, info};
 
 use process::Process;
 
@@ -68,20 +68,16 @@ fn parse(text: &str) -> Result<BusConfig, String> {
 fn main() -> ExitCode {
     // Before anything is opened, and before there is a thread.
     let fenced = fence::raise();
-    let exit = run(&Arguments::parse(), fenced);
+    let exit = run(&Arguments::parse(), &fenced);
     ob1_log::flush(ob1_log::LAST_WORDS);
     exit
 }
 
-fn run(arguments: &Arguments, fenced: Result<Vec<(&'static str, String)>, String>) -> ExitCode {
+fn run(arguments: &Arguments, fenced: &Result<Vec<(&'static str, String)>, String>) -> ExitCode {
     ob1_child::start_log();
     let _span = tracing::info_span!("io", name = arguments.name).entered();
-    match fenced {
-        Ok(refused) => refused.iter().for_each(|(what, why)| warn!("not confined, {what}: {why}")),
-        Err(why) => {
-            error!("{why}");
-            return ExitCode::from(2);
-        }
+    if !fence::tell(fenced) {
+        return ExitCode::from(2);
     }
     let bus = &arguments.bus;
     if arguments.scan {

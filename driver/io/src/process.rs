@@ -11,8 +11,7 @@ use ob1_backplane::{BusMemory, BusSize, Counter, CpSide};
 use ob1_coupler::{BusConfig, Input};
 use ob1_io::Pump;
 use ob1_line::{Instant, PollFds, Span};
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::io::Errno;
+use rustix::event::{PollFd, PollFlags};
 use tracing::warn;
 
 use crate::gpio::Gpio;
@@ -140,11 +139,7 @@ impl Process {
                 owners.push((n, true));
             }
         }
-        let timeout = Timespec { tv_sec: timeout.secs() as i64, tv_nsec: timeout.subsec_nanos() as i64 };
-        match poll(&mut fds, Some(&timeout)) {
-            Ok(_) | Err(Errno::INTR) => {}
-            Err(error) => return Err(error.into()),
-        }
+        ob1_child::wait(&mut fds, timeout)?;
         let rung = doorbell && fds.first().is_some_and(|fd| !fd.revents().is_empty());
         let ready: Vec<bool> = fds.iter().skip(usize::from(doorbell)).map(|fd| !fd.revents().is_empty()).collect();
         drop(fds);

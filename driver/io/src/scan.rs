@@ -6,8 +6,6 @@ use std::time;
 use ob1_coupler::{BusConfig, Input, LineFault, LineInput, MasterInput};
 use ob1_dp::scan::{Found, Scan};
 use ob1_line::{Instant, LineEvent, LineSpec, PollFds, RealLine, Span};
-use rustix::event::{Timespec, poll};
-use rustix::io::Errno;
 
 use crate::line;
 
@@ -35,12 +33,10 @@ pub(crate) fn run(bus: &BusConfig) -> io::Result<()> {
             return Err(io::Error::other("the line is never free to send: another master, or a short circuit"));
         }
         while let Some(event) = real.next_event(now(), &mut buffer) {
-            let input = match &event {
-                LineEvent::Rx(len) => LineInput::Rx(buffer.get(..*len).unwrap_or_default()),
-                LineEvent::TxDone => LineInput::TxDone,
-                LineEvent::Fault(fault) => LineInput::Fault(*fault),
+            let input = match event {
+                LineEvent::Input(input) => input,
                 LineEvent::Up(_) => LineInput::Fault(LineFault::Back),
-                LineEvent::Gone(reason) => return Err(io::Error::other(reason.clone())),
+                LineEvent::Gone(reason) => return Err(io::Error::other(reason)),
             };
             deadline = step(&mut scan, now(), Input::Line(input), &mut real);
         }
@@ -68,16 +64,11 @@ fn step(scan: &mut Scan, now: Instant, input: MasterInput<'_>, real: &mut RealLi
 fn wait(real: &mut RealLine, deadline: Instant, now: Instant) -> io::Result<()> {
     let until =
         deadline.min(real.deadline().unwrap_or(Instant::NEVER)).min(Instant::START + LONGEST + Span::from_nanos(1));
-    let time = until.since(now);
-    let timeout = Timespec { tv_sec: time.secs() as i64, tv_nsec: time.subsec_nanos() as i64 };
     let ready = {
         let mut fds = PollFds::default();
         real.poll_fds(&mut fds);
         let mut fds: Vec<_> = fds.into_entries().collect();
-        match poll(&mut fds, Some(&timeout)) {
-            Ok(_) | Err(Errno::INTR) => {}
-            Err(error) => return Err(error.into()),
-        }
+        ob1_child::wait(&mut fds, until.since(now))?;
         fds.iter().any(|fd| !fd.revents().is_empty())
     };
     if ready {

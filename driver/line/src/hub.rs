@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use rustix::event::{PollFd, PollFlags};
 
-use crate::line::{Instant, LineEvent, LineFault, PollFds, Span};
+use crate::line::{Instant, LineEvent, LineFault, LineInput, PollFds, Span};
 use crate::real::RealLine;
 use crate::seqpacket::{Channel, Listener, MESSAGE_MAX, Sent};
 use crate::settings::LineSettings;
@@ -223,8 +223,8 @@ impl Hub {
                 return;
             }
             let Some(event) = line.next_event(now, &mut buffer) else { return };
-            if let LineEvent::Rx(count) = event {
-                self.bus.write(*who, now, &buffer[..count]);
+            if let LineEvent::Input(LineInput::Rx(bytes)) = event {
+                self.bus.write(*who, now, bytes);
             }
         }
     }

@@ -22,8 +22,9 @@ mod spec;
 mod sys;
 mod wire;
 
-pub use line::{Instant, LineEvent, LineFault, ModemLines, PollFds, Span};
+pub use line::{Instant, LineEvent, LineFault, LineInput, ModemLines, PollFds, Span};
+pub use link::RETRY;
 pub use parmrk::{Decoded, Mark, ParmrkDecoder};
-pub use real::{RETRY, RealLine};
+pub use real::RealLine;
 pub use settings::{Flow, LineSettings, Parity, SettingsError, StopBits, Warning};
 pub use spec::{LineSpec, SpecError};

@@ -1,22 +1,20 @@
-//! Events of a real line, and the descriptors its owner waits for.
+//! The events of a real line, and the descriptors its owner waits for.
 
 use std::os::fd::BorrowedFd;
 
 use rustix::event::{PollFd, PollFlags};
 
-pub use ob1_serial::{Instant, LineFault, ModemLines, Span};
+pub use ob1_serial::{Instant, LineFault, LineInput, ModemLines, Span};
+
+use crate::settings::Warning;
 
 /// An event of a line.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum LineEvent {
-    /// This many bytes were received; they are at the beginning of the buffer.
-    Rx(usize),
-    /// A fault, in its place between the bytes.
-    Fault(LineFault),
-    /// The last bit of everything written has been sent.
-    TxDone,
+pub enum LineEvent<'a> {
+    /// Characters, in the owner's buffer; a fault in its place between them; or everything written has been sent.
+    Input(LineInput<'a>),
     /// The line can be used; the settings could be applied except for these.
-    Up(Vec<crate::Warning>),
+    Up(Vec<Warning>),
     /// The line cannot be used, and why. Unsent bytes, and bytes written from now on, are discarded. The line tries by
     /// itself to recover.
     Gone(String),

@@ -3,14 +3,11 @@
 
 use std::io;
 
-use crate::line::{Instant, LineEvent, LineFault, ModemLines, PollFds, Span};
-use crate::link::{self, Link, Opened};
+use crate::line::{Instant, LineEvent, LineFault, LineInput, ModemLines, PollFds, Span};
+use crate::link::{self, Link, Opened, RETRY};
 use crate::parmrk::{Mark, ParmrkDecoder};
 use crate::settings::{LineSettings, Parity, SettingsError, Warning, check};
 use crate::spec::LineSpec;
-
-/// Pause between two attempts to open a line, in nanoseconds. A TCP client doubles it up to 2 s.
-pub const RETRY: Span = Span::from_millis(500);
 
 /// Bytes that may wait for the line: the longest telegram of a CP (1024 bytes, every one a doubled DLE, and its frame),
 /// and room for the answers besides.
@@ -43,7 +40,7 @@ pub struct RealLine {
     state: State,
     pause: Span,
     /// An event to return before anything else.
-    announce: Option<LineEvent>,
+    announce: Option<LineEvent<'static>>,
     /// The last reason given, so that an attempt that fails for the same reason is not reported again.
     reason: String,
     errno: Option<u32>,
@@ -102,7 +99,7 @@ impl RealLine {
         self.state == State::Up
     }
 
-    fn try_open(&mut self, now: Instant) -> Option<LineEvent> {
+    fn try_open(&mut self, now: Instant) -> Option<LineEvent<'static>> {
         match self.link.open(now, &self.settings) {
             Ok(Opened::Yes(warnings)) => Some(self.up(warnings)),
             Ok(Opened::Waiting(until)) => {
@@ -119,7 +116,7 @@ impl RealLine {
         }
     }
 
-    fn up(&mut self, warnings: Vec<Warning>) -> LineEvent {
+    fn up(&mut self, warnings: Vec<Warning>) -> LineEvent<'static> {
         self.state = State::Up;
         self.pause = RETRY;
         self.reason.clear();
@@ -135,7 +132,7 @@ impl RealLine {
         self.decoder.reset();
     }
 
-    fn gone(&mut self, now: Instant, error: &io::Error) -> Option<LineEvent> {
+    fn gone(&mut self, now: Instant, error: &io::Error) -> Option<LineEvent<'static>> {
         self.link.close();
         self.forget();
         self.state = State::Down(now + self.pause);
@@ -179,27 +176,23 @@ impl RealLine {
         true
     }
 
-    /// The next event from the bytes already read.
-    fn decode(&mut self, buffer: &mut [u8]) -> Option<LineEvent> {
+    /// Decodes bytes already read, up to a fault; returns how many characters were written into `buffer`.
+    fn decode(&mut self, buffer: &mut [u8]) -> usize {
         let raw = &self.rx[self.rx_begin..self.rx_end];
         if !self.link.marks_faults() {
             let n = raw.len().min(buffer.len());
             buffer[..n].copy_from_slice(&raw[..n]);
             self.rx_begin += n;
-            return (n > 0).then_some(LineEvent::Rx(n));
+            return n;
         }
         let done = self.decoder.decode(raw, buffer);
         self.rx_begin += done.used;
-        let fault = done.mark.map(|mark| match mark {
+        self.fault = done.mark.map(|mark| match mark {
             Mark::Break => LineFault::Break,
             Mark::Faulty(_) if self.settings.parity == Parity::None => LineFault::Framing,
             Mark::Faulty(_) => LineFault::Parity,
         });
-        if done.written == 0 {
-            return fault.map(LineEvent::Fault);
-        }
-        self.fault = fault;
-        Some(LineEvent::Rx(done.written))
+        done.written
     }
 
     /// Reads if nothing is left of the last read; true if there are bytes.
@@ -222,10 +215,10 @@ impl RealLine {
 
     /// The next received data. It may answer our output, and where the end of the output is only computed the answer
     /// can come earlier: a pty transfers a telegram in no time. So the end is reported first.
-    fn receive(&mut self, now: Instant, buffer: &mut [u8]) -> io::Result<Option<LineEvent>> {
+    fn receive<'a>(&mut self, now: Instant, buffer: &'a mut [u8]) -> io::Result<Option<LineInput<'a>>> {
         loop {
             if let Some(fault) = self.fault.take() {
-                return Ok(Some(LineEvent::Fault(fault)));
+                return Ok(Some(LineInput::Fault(fault)));
             }
             if !self.fill()? {
                 return Ok(None);
@@ -233,10 +226,11 @@ impl RealLine {
             if self.sending && self.tx_end == 0 && self.link.drained() != Some(false) {
                 self.sending = false;
                 self.sent_at = now;
-                return Ok(Some(LineEvent::TxDone));
+                return Ok(Some(LineInput::TxDone));
             }
-            if let Some(event) = self.decode(buffer) {
-                return Ok(Some(event));
+            let written = self.decode(buffer);
+            if written > 0 {
+                return Ok(Some(LineInput::Rx(&buffer[..written])));
             }
         }
     }
@@ -297,7 +291,7 @@ impl RealLine {
     }
 
     /// The next event, or `None`. `buffer` takes received bytes; at least 16 long.
-    pub fn next_event(&mut self, now: Instant, buffer: &mut [u8]) -> Option<LineEvent> {
+    pub fn next_event<'a>(&mut self, now: Instant, buffer: &'a mut [u8]) -> Option<LineEvent<'a>> {
         if let Some(event) = self.announce.take() {
             return Some(event);
         }
@@ -314,13 +308,13 @@ impl RealLine {
             return self.gone(now, &error);
         }
         if self.tx_done(now) {
-            return Some(LineEvent::TxDone);
+            return Some(LineEvent::Input(LineInput::TxDone));
         }
         if self.state != State::Up {
             return None;
         }
         match self.receive(now, buffer) {
-            Ok(event) => event,
+            Ok(input) => input.map(LineEvent::Input),
             Err(error) => self.gone(now, &error),
         }
     }
@@ -341,7 +335,7 @@ impl RealLine {
     }
 
     /// Sends. Returns how many of the bytes were taken: all, unless more than 4096 are already waiting.
-    /// [`LineEvent::TxDone`] follows once everything taken has been sent; while the line is gone, when it would have
+    /// [`LineInput::TxDone`] follows once everything taken has been sent; while the line is gone, when it would have
     /// been.
     pub fn write(&mut self, now: Instant, bytes: &[u8]) -> usize {
         if self.state != State::Up {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use ob1_line::hub::{Hub, Partner};
 use ob1_line::sim::{BusConfig, FaultRates};
-use ob1_line::{Instant, LineEvent, LineFault, LineSettings, Parity, RealLine, Span, StopBits};
+use ob1_line::{Instant, LineEvent, LineFault, LineInput, LineSettings, Parity, RealLine, Span, StopBits};
 
 const MS: Span = Span::MILLISECOND;
 
@@ -51,7 +51,8 @@ impl World {
                     while let Some(event) = line.next_event(self.now, &mut buffer) {
                         let us = self.now.since_start().micros();
                         self.log.push(match event {
-                            LineEvent::Rx(n) => format!("{us} {number} {:02X?}", &buffer[..n]),
+                            LineEvent::Input(LineInput::Rx(bytes)) => format!("{us} {number} {bytes:02X?}"),
+                            LineEvent::Input(input) => format!("{us} {number} {input:?}"),
                             LineEvent::Gone(_) => format!("{us} {number} gone"),
                             other => format!("{us} {number} {other:?}"),
                         });
@@ -215,7 +216,7 @@ fn a_program_on_the_pty_is_the_partner() {
     while heard.len() < 4 {
         program.ready();
         match program.next_event(Instant::START, &mut buffer) {
-            Some(LineEvent::Rx(count)) => heard.extend_from_slice(&buffer[..count]),
+            Some(LineEvent::Input(LineInput::Rx(bytes))) => heard.extend_from_slice(bytes),
             event => assert_eq!(event, None),
         }
     }

@@ -9,7 +9,7 @@ use std::net::{TcpListener, TcpStream};
 use std::path::PathBuf;
 use std::time::{self, Duration};
 
-use ob1_line::{Instant, LineEvent, LineSettings, Parity, PollFds, RealLine, Span};
+use ob1_line::{Instant, LineEvent, LineInput, LineSettings, Parity, PollFds, RealLine, Span};
 use ob1_time::WatchedTime;
 use rustix::event::{Timespec, poll};
 use serialport::SerialPort;
@@ -18,6 +18,9 @@ use serialport::SerialPort;
 const GUARD: Span = Span::from_secs(20);
 /// The same for a partner's read.
 const PATIENCE: Duration = Duration::from_secs(120);
+
+/// Everything written has been sent.
+const SENT: LineEvent<'static> = LineEvent::Input(LineInput::TxDone);
 
 /// A line and the clock of its owner.
 struct Bench {
@@ -40,7 +43,7 @@ impl Bench {
     }
 
     /// The next event other than received bytes, which are collected.
-    fn event(&mut self) -> LineEvent {
+    fn event(&mut self) -> LineEvent<'static> {
         self.run(|_| false).expect("an event")
     }
 
@@ -51,13 +54,18 @@ impl Bench {
         std::mem::take(&mut self.received)
     }
 
-    fn run(&mut self, enough: impl Fn(&[u8]) -> bool) -> Option<LineEvent> {
+    fn run(&mut self, enough: impl Fn(&[u8]) -> bool) -> Option<LineEvent<'static>> {
         loop {
             let mut buffer = [0; 64];
             while let Some(event) = self.line.next_event(self.now(), &mut buffer) {
                 match event {
-                    LineEvent::Rx(n) => self.received.extend_from_slice(&buffer[..n]),
-                    other => return Some(other),
+                    LineEvent::Input(LineInput::Rx(bytes)) => self.received.extend_from_slice(bytes),
+                    LineEvent::Input(input) => {
+                        assert_eq!(LineEvent::Input(input), SENT);
+                        return Some(SENT);
+                    }
+                    LineEvent::Up(warnings) => return Some(LineEvent::Up(warnings)),
+                    LineEvent::Gone(why) => return Some(LineEvent::Gone(why)),
                 }
             }
             if enough(&self.received) {
@@ -78,7 +86,7 @@ impl Bench {
     }
 }
 
-fn up() -> LineEvent {
+fn up() -> LineEvent<'static> {
     LineEvent::Up(Vec::new())
 }
 
@@ -132,9 +140,9 @@ fn every_byte_goes_both_ways_between_a_pty_and_a_serial_line() {
     assert_eq!(a.line.write(a.now(), &all), 256);
     assert_eq!(b.receive(256), all);
     assert_eq!(b.line.write(b.now(), &all), 256);
-    assert_eq!(a.event(), LineEvent::TxDone, "before what may be the answer");
+    assert_eq!(a.event(), SENT, "before what may be the answer");
     assert_eq!(a.receive(256), all);
-    assert_eq!(b.event(), LineEvent::TxDone, "by the time it takes");
+    assert_eq!(b.event(), SENT, "by the time it takes");
 }
 
 #[test]
@@ -154,7 +162,7 @@ fn transmission_lasts_as_long_as_its_characters() {
     assert_eq!(line.next_event(Instant::from_nanos(2_000), &mut buffer), None);
     assert_eq!(line.deadline(), Some(Instant::from_nanos(110_001_000)));
     assert_eq!(line.next_event(Instant::from_nanos(110_000_999), &mut buffer), None);
-    assert_eq!(line.next_event(Instant::from_nanos(110_001_000), &mut buffer), Some(LineEvent::TxDone));
+    assert_eq!(line.next_event(Instant::from_nanos(110_001_000), &mut buffer), Some(SENT));
     assert_eq!(line.deadline(), None);
 }
 
@@ -171,7 +179,7 @@ fn an_answer_ends_the_transmission_it_answers() {
     assert_eq!(a.line.write(a.now(), &[0x55; 1000]), 1000);
     partner.read_exact(&mut [0; 1000]).unwrap();
     partner.write_all(&[0x10]).unwrap();
-    assert_eq!(a.event(), LineEvent::TxDone);
+    assert_eq!(a.event(), SENT);
     assert_eq!(a.receive(1), [0x10], "behind it");
 }
 
@@ -211,7 +219,7 @@ fn a_partner_that_leaves_and_comes_back_is_no_event_on_a_pty() {
         let mut one = [0xAA];
         partner.read_exact(&mut one).unwrap();
         assert_eq!(one, [round]);
-        assert_eq!(a.event(), LineEvent::TxDone);
+        assert_eq!(a.event(), SENT);
         drop(partner);
     }
 }
@@ -234,10 +242,10 @@ fn a_serial_line_survives_the_loss_of_its_device() {
     // Discarded, and the end comes at the computed time: a protocol does not hang on a lost line.
     b.line.write(b.now(), b"into the void");
     let mut events = vec![b.event()];
-    if events[0] != LineEvent::TxDone {
+    if events[0] != SENT {
         events.push(b.event());
     }
-    assert_eq!(events.last(), Some(&LineEvent::TxDone));
+    assert_eq!(events.last(), Some(&SENT));
 }
 
 #[test]
@@ -268,7 +276,7 @@ fn a_tcp_client_comes_back() {
         let mut three = [0; 3];
         partner.read_exact(&mut three).unwrap();
         assert_eq!(&three, b"abc");
-        assert_eq!(line.event(), LineEvent::TxDone);
+        assert_eq!(line.event(), SENT);
         drop(partner);
         assert!(matches!(line.event(), LineEvent::Gone(why) if why.contains("closed")));
     }
@@ -311,7 +319,7 @@ fn a_listener_serves_one_client_at_a_time() {
         line.line.write(line.now(), b"x");
         let mut one = [0];
         partner.read_exact(&mut one).unwrap();
-        assert_eq!(line.event(), LineEvent::TxDone);
+        assert_eq!(line.event(), SENT);
         assert_eq!(second.read(&mut one).unwrap_or(0), 0, "closed");
         drop(partner);
         assert!(matches!(line.event(), LineEvent::Gone(_)));

@@ -3,10 +3,51 @@
 use crate::cp240::{Ascii, Cp240, Modbus, ModbusKind, Priority, Protocol, S3964, StxEtx};
 use crate::error::ParamError;
 use crate::record::{self, Record, Value};
-use crate::table::{Field, Layout};
+use crate::table::{CP240, Field, Layout};
 use ob1_serial::{Flow, Parity, StopBits};
 
 impl Cp240 {
+    /// The defaults of a protocol as printed in its table; `protocol` is a name of
+    /// [`PROTOCOLS`](crate::table::PROTOCOLS).
+    pub fn defaults(protocol: &str) -> Result<Self, ParamError> {
+        Self::from_keys([("protocol", Value::from(protocol))])
+    }
+
+    /// Reads the 16 bytes. Every code is checked; reserved bits must be 0.
+    pub fn decode(bytes: &[u8; 16]) -> Result<Self, ParamError> {
+        let (name, layout) = CP240.check(bytes)?;
+        Reader { bytes, layout, fields: layout.fields() }.read(name)
+    }
+
+    /// Writes the 16 bytes.
+    pub fn encode(&self) -> [u8; 16] {
+        let (layout, keys) = self.rows();
+        CP240.encode(self.protocol_name(), layout, &keys)
+    }
+
+    /// Reads named keys. `protocol` must be among them; missing keys have the table's default.
+    ///
+    /// # Errors
+    /// An unknown key (with the nearest known one), a key of another protocol, a key given twice, a value out of
+    /// range.
+    pub fn from_keys<'a>(keys: impl IntoIterator<Item = (&'a str, Value)>) -> Result<Self, ParamError> {
+        let (name, layout, bytes) = CP240.of_keys(keys)?;
+        Reader { bytes: &bytes, layout, fields: layout.fields() }.read(name)
+    }
+
+    /// All parameters as named keys, `protocol` and `baud` first: the other form of the bytes.
+    pub fn to_keys(&self) -> Vec<(&'static str, Value)> {
+        let mut keys = self.rows().1;
+        keys.insert(0, ("protocol", Value::from(self.protocol_name())));
+        keys
+    }
+
+    /// The parameters in words, one line each: key, value, meaning.
+    pub fn describe(&self) -> String {
+        let (layout, keys) = self.rows();
+        CP240.describe(self.protocol_name(), layout, &keys)
+    }
+
     /// Layout and the values of its rows in the order of the table.
     pub(crate) fn rows(&self) -> (Layout, Vec<(&'static str, Value)>) {
         let int = |n: u16| Value::Int(n.into());

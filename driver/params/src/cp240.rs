@@ -1,9 +1,6 @@
 //! The 16 parameter bytes of a CP 240, typed.
 
-use crate::convert::Reader;
 use crate::error::ParamError;
-use crate::record::{self, Value};
-use crate::table::{Layout, PROTOCOLS};
 use ob1_serial::{Flow, LineSettings, Parity, Span, StopBits};
 
 /// The parameters of a CP 240. Only [`Cp240::decode`] and [`Cp240::from_keys`] check the ranges given at the fields;
@@ -196,85 +193,6 @@ impl Cp240 {
         Self { baud: 9600, data_bits: 8, parity: Parity::None, stop_bits: StopBits::One, protocol: Protocol::EnOcean }
     }
 
-    /// The defaults of a protocol as printed in its table; `protocol` is a name of
-    /// [`PROTOCOLS`](crate::table::PROTOCOLS).
-    pub fn defaults(protocol: &str) -> Result<Self, ParamError> {
-        Self::from_keys([("protocol", Value::from(protocol))])
-    }
-
-    /// Reads the 16 bytes. Every code is checked; reserved bits must be 0.
-    pub fn decode(bytes: &[u8; 16]) -> Result<Self, ParamError> {
-        let (name, layout) = record::protocol(bytes)?;
-        for field in layout.fields() {
-            record::value(bytes, field)?;
-        }
-        record::check_reserved(bytes, layout)?;
-        Reader { bytes, layout, fields: layout.fields() }.read(name)
-    }
-
-    /// Writes the 16 bytes.
-    pub fn encode(&self) -> [u8; 16] {
-        let (layout, keys) = self.rows();
-        let mut bytes = [0; 16];
-        bytes[1] = PROTOCOLS.iter().find(|(n, ..)| *n == self.protocol_name()).map_or(0, |(_, code, _)| *code);
-        for field in layout.fields() {
-            if let Some((_, value)) = keys.iter().find(|(key, _)| *key == field.key) {
-                // A value out of range becomes the default, so that the result can always be decoded.
-                if record::set_value(&mut bytes, field, value).is_err() {
-                    record::set_code(&mut bytes, field, field.default);
-                }
-            }
-        }
-        bytes
-    }
-
-    /// Reads named keys. `protocol` must be among them; missing keys have the table's default.
-    ///
-    /// # Errors
-    /// An unknown key (with the nearest known one), a key of another protocol, a key given twice, a value out of
-    /// range.
-    pub fn from_keys<'a>(keys: impl IntoIterator<Item = (&'a str, Value)>) -> Result<Self, ParamError> {
-        let keys: Vec<(&str, Value)> = keys.into_iter().collect();
-        for (n, (key, value)) in keys.iter().enumerate() {
-            if keys[..n].iter().any(|(k, _)| k == key) {
-                return Err(ParamError {
-                    byte: None,
-                    key: (*key).into(),
-                    value: value.to_string(),
-                    allowed: "each key once".into(),
-                    remedy: "remove one of the two lines".into(),
-                });
-            }
-        }
-        let (name, code, layout) = find_protocol(&keys)?;
-        let mut bytes = record::defaults(layout, code);
-        for (key, value) in keys.iter().filter(|(key, _)| *key != "protocol") {
-            match layout.fields().iter().find(|f| f.key == *key) {
-                Some(field) => record::set_value(&mut bytes, field, value)?,
-                None => return Err(unknown_key(key, value, name, layout)),
-            }
-        }
-        Reader { bytes: &bytes, layout, fields: layout.fields() }.read(name)
-    }
-
-    /// All parameters as named keys, `protocol` and `baud` first: the other form of the bytes.
-    pub fn to_keys(&self) -> Vec<(&'static str, Value)> {
-        let mut keys = self.rows().1;
-        keys.insert(0, ("protocol", Value::from(self.protocol_name())));
-        keys
-    }
-
-    /// The parameters in words, one line each: key, value, meaning.
-    pub fn describe(&self) -> String {
-        let (layout, keys) = self.rows();
-        let mut text = format!("{:<16} = \"{}\"\n", "protocol", self.protocol_name());
-        for (key, value) in &keys {
-            let meaning = layout.fields().iter().find(|f| f.key == *key).map_or("", |f| f.text);
-            text += &format!("{key:<16} = {:<10} # {meaning}\n", value.to_string());
-        }
-        text
-    }
-
     /// Name of the protocol, as in `protocol = `.
     pub fn protocol_name(&self) -> &'static str {
         match &self.protocol {
@@ -322,45 +240,4 @@ impl Cp240 {
             _ => 250,
         }
     }
-}
-
-fn find_protocol(keys: &[(&str, Value)]) -> Result<(&'static str, u8, Layout), ParamError> {
-    let names = || PROTOCOLS.iter().map(|(name, ..)| *name);
-    let error = |value: String, remedy: String| ParamError {
-        byte: Some(1),
-        key: "protocol".into(),
-        value,
-        allowed: names().collect::<Vec<_>>().join(", "),
-        remedy,
-    };
-    let given = match keys.iter().find(|(key, _)| *key == "protocol") {
-        None => return Err(error("nothing".into(), "add `protocol = \"...\"`".into())),
-        Some((_, Value::Int(number))) => number.to_string(),
-        Some((_, Value::Str(text))) => text.to_ascii_lowercase(),
-    };
-    PROTOCOLS.iter().find(|(name, ..)| *name == given).copied().ok_or_else(|| {
-        let remedy = match record::nearest(&given, names()) {
-            Some(name) => format!("did you mean \"{name}\"?"),
-            None => "choose one of them".into(),
-        };
-        error(format!("\"{given}\""), remedy)
-    })
-}
-
-fn unknown_key(key: &str, value: &Value, protocol: &str, layout: Layout) -> ParamError {
-    let own = || layout.fields().iter().map(|f| f.key);
-    let foreign = Layout::ALL.iter().any(|l| l.fields().iter().any(|f| f.key == key));
-    let remedy = if foreign {
-        format!("`{key}` belongs to another protocol; remove it")
-    } else {
-        match record::nearest(key, own()) {
-            Some(near) => format!("did you mean `{near}`?"),
-            None => "remove it".into(),
-        }
-    };
-    let allowed = match layout.fields() {
-        [] => format!("protocol \"{protocol}\" alone, it has no parameters"),
-        _ => format!("with protocol \"{protocol}\": {}", own().collect::<Vec<_>>().join(", ")),
-    };
-    ParamError { byte: None, key: key.into(), value: value.to_string(), allowed, remedy }
 }

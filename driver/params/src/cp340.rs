@@ -3,11 +3,8 @@
 
 use ob1_serial::Span;
 
-use crate::cp341::{ATTEMPTS, CHARACTER, Key341, Protocols, baud, choice, number, qvz, zvz_of_3964};
+use crate::keyed::{ATTEMPTS, CHARACTER, CLEAR, Key341, Protocols, baud, choice, number, qvz, zvz_of_3964};
 use crate::{cp341_ascii, printer};
-
-/// The key of the receive buffer at a start-up.
-pub(crate) const CLEAR: &str = "clear_buffer";
 
 /// Longest telegram of a CP 340 in bytes. [CP 340 manual 04/2011, p. 67]
 const LONGEST: i64 = 1024;

@@ -4,73 +4,19 @@
 //! station file and in the configuration of the driver.
 
 use crate::error::ParamError;
-use crate::record::{Value, nearest};
-use ob1_serial::{Flow, LineSettings, Parity, Span, StopBits};
+use crate::record::{Value, each_once, nearest, protocol_of};
+use ob1_serial::{LineSettings, Span};
 
 use crate::cp240::Priority;
 use crate::cp341_ascii::{self, AsciiOf341};
 use crate::cp341_modbus::{self, ModbusMaster32};
+use crate::keyed::{
+    ATTEMPTS, CHARACTER, CLEAR, Key341, Kind341, Protocols, Reader, baud, choice, error, line_of, qvz, written,
+    zvz_of_3964,
+};
 use crate::kind::CpKind;
 use crate::printer::Printer;
 use crate::{cp340, printer};
-
-/// How a key is written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind341 {
-    /// One of these words or numbers.
-    Choice(&'static [&'static str]),
-    /// A number, `min..=max` in steps of `step` from 0.
-    Number {
-        /// Smallest.
-        min: i64,
-        /// Largest.
-        max: i64,
-        /// Step.
-        step: i64,
-    },
-    /// Text of at most `max` bytes.
-    Text {
-        /// Bytes.
-        max: usize,
-    },
-}
-
-/// One row of the table.
-#[derive(Clone, Copy, Debug)]
-pub struct Key341 {
-    /// Key in the station file.
-    pub key: &'static str,
-    /// How it is written.
-    pub kind: Kind341,
-    /// Default; empty: it depends on other keys.
-    pub default: &'static str,
-    /// What it means, for people.
-    pub text: &'static str,
-    /// It is allowed only if this earlier key has this value.
-    pub needs: Option<(&'static str, &'static str)>,
-}
-
-pub(crate) const fn choice(
-    key: &'static str,
-    kind: &'static [&'static str],
-    default: &'static str,
-    text: &'static str,
-) -> Key341 {
-    Key341 { key, kind: Kind341::Choice(kind), default, text, needs: None }
-}
-
-pub(crate) const fn number(
-    key: &'static str,
-    (min, max, step): (i64, i64, i64),
-    default: &'static str,
-    text: &'static str,
-) -> Key341 {
-    Key341 { key, kind: Kind341::Number { min, max, step }, default, text, needs: None }
-}
-
-pub(crate) const fn text(key: &'static str, max: usize, text: &'static str) -> Key341 {
-    Key341 { key, kind: Kind341::Text { max }, default: "", text, needs: None }
-}
 
 /// The character frame, first in every protocol. [reference 5.2]
 const FRAME: &[Key341] = &[
@@ -80,38 +26,8 @@ const FRAME: &[Key341] = &[
     CHARACTER[2],
 ];
 
-/// The baud rates of a type.
-pub(crate) const fn baud(rates: &'static [&'static str]) -> Key341 {
-    choice("baud", rates, "9600", "baud rate, bit/s")
-}
-
-/// The bits of a character.
-pub(crate) const CHARACTER: &[Key341; 3] = &[
-    choice("data_bits", &["7", "8"], "8", "data bits of a character"),
-    choice("parity", &["none", "odd", "even"], "even", "parity bit"),
-    choice("stop_bits", &["1", "2"], "1", "stop bits"),
-];
-
 /// [reference 5.2]
 const S3964: &[Key341] = &[zvz_of_3964(20), qvz(20), ATTEMPTS[0], ATTEMPTS[1], ATTEMPTS[2]];
-
-/// ZVZ of 3964(R), at least `least` milliseconds.
-pub(crate) const fn zvz_of_3964(least: i64) -> Key341 {
-    number("zvz_ms", (least, 65_530, 10), "220", "ZVZ: longest pause between two characters of a telegram")
-}
-
-/// QVZ, at least `least` milliseconds.
-pub(crate) const fn qvz(least: i64) -> Key341 {
-    let text = "QVZ: longest wait for an acknowledgement; 2000 with block check, 550 without";
-    number("qvz_ms", (least, 65_530, 10), "", text)
-}
-
-/// Attempts and priority of 3964(R).
-pub(crate) const ATTEMPTS: &[Key341; 3] = &[
-    number("connect_attempts", (1, 255, 1), "6", "attempts to get a connection, the first included"),
-    number("block_attempts", (1, 255, 1), "6", "attempts to get a telegram through, the first included"),
-    choice("priority", &["high", "low"], "high", "which side sends first when both want to send"),
-];
 
 /// [reference 4.7]
 const RK512: &[Key341] =
@@ -137,9 +53,6 @@ pub fn protocols_of(kind: CpKind) -> Protocols {
         CpKind::Cp240 | CpKind::Cp040 | CpKind::Cp343 => &[],
     }
 }
-
-/// Protocols by name, with the rows that belong to each.
-pub type Protocols = &'static [(&'static str, Tables)];
 
 /// The parameters of a CP 341 or a CP 340.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -205,17 +118,10 @@ impl Cp341 {
     /// As [`Cp341::from_keys`].
     pub fn of_kind<'a>(kind: CpKind, given: impl IntoIterator<Item = (&'a str, Value)>) -> Result<Self, ParamError> {
         let given: Vec<(&str, Value)> = given.into_iter().collect();
-        let (protocol, tables) = find_protocol(kind, &given)?;
+        let (protocol, tables) = protocol_of(&given, protocols_of(kind), |row| row.0, None)?;
         let rows = || tables.iter().flat_map(|table| table.iter());
-        for (n, (key, value)) in given.iter().enumerate() {
-            if given[..n].iter().any(|(other, _)| other == key) {
-                return Err(error(
-                    key,
-                    value.to_string(),
-                    "each key once".into(),
-                    "remove one of the two lines".into(),
-                ));
-            }
+        each_once(&given)?;
+        for (key, value) in &given {
             if *key != "protocol" && !rows().any(|row| row.key == *key) {
                 let remedy = match nearest(key, rows().map(|row| row.key)) {
                     Some(near) => format!("did you mean `{near}`?"),
@@ -234,7 +140,7 @@ impl Cp341 {
             }
             let value = match value {
                 Some(value) => row.checked(value)?,
-                None => row.default_value(kind, protocol, &Reader(&keys)),
+                None => default_of(row, kind, protocol, &Reader(&keys)),
             };
             keys.push((row.key, value));
         }
@@ -276,25 +182,6 @@ impl Cp341 {
     }
 }
 
-/// The line settings.
-fn line_of(keys: &Reader<'_>) -> LineSettings {
-    LineSettings {
-        baud: keys.number("baud") as u32,
-        data_bits: keys.number("data_bits") as u8,
-        parity: match keys.word("parity") {
-            "none" => Parity::None,
-            "odd" => Parity::Odd,
-            _ => Parity::Even,
-        },
-        stop_bits: if keys.number("stop_bits") == 2 { StopBits::Two } else { StopBits::One },
-        flow: match keys.word("flow") {
-            "xon-xoff" => Flow::XonXoff,
-            "rts-cts" => Flow::Hardware,
-            _ => Flow::None,
-        },
-    }
-}
-
 /// Shortest ZVZ of ASCII in milliseconds: one character at a CP 341, four at a CP 340.
 fn least_zvz_ms(kind: CpKind, line: &LineSettings) -> i64 {
     match kind {
@@ -314,147 +201,23 @@ impl S3964Of341 {
             block_attempts: reader.number("block_attempts") as u16,
             priority: if reader.word("priority") == "low" { Priority::Low } else { Priority::High },
             reaction_by_baud: reader.word("reaction") == "baud",
-            clear_buffer: reader.word(cp340::CLEAR) == "yes",
+            clear_buffer: reader.word(CLEAR) == "yes",
         }
     }
 }
 
-impl Key341 {
-    /// The same key, allowed only if an earlier one has this value.
-    pub(crate) const fn only_with(mut self, key: &'static str, value: &'static str) -> Self {
-        self.needs = Some((key, value));
-        self
+/// The default of a row. `before`: the keys of the table before it.
+fn default_of(row: &Key341, kind: CpKind, protocol: &str, before: &Reader<'_>) -> Value {
+    match (row.key, row.default) {
+        (_, "") if matches!(row.kind, Kind341::Text { .. }) => Value::from(""),
+        ("zvz_ms", "") if kind == CpKind::Cp340 => Value::Int(cp340::default_zvz_ms(line_of(before).char_time())),
+        // 2 s with block check character, 550 ms without. [reference 5.2]
+        ("qvz_ms", "") => Value::Int(if protocol.starts_with("3964r") { 2000 } else { 550 }),
+        (key, "") => cp341_modbus::default_of(key, before)
+            .or_else(|| cp341_ascii::default_of(key, before))
+            .unwrap_or_else(|| written("")),
+        (_, word) => written(word),
     }
-
-    /// `before`: the keys of the table before this one.
-    fn is_needed(&self, before: &Reader<'_>) -> bool {
-        self.needs.is_none_or(|(key, value)| before.value(key) == Some(&written(value)))
-    }
-
-    /// The error for a key given without the key that it needs.
-    fn needless(&self, value: &Value) -> ParamError {
-        let needed = self.needs.map_or_else(String::new, |(key, value)| format!("{key} = {}", written(value)));
-        error(self.key, value.to_string(), format!("only with {needed}"), format!("write {needed}, or remove this key"))
-    }
-
-    /// The allowed values as text.
-    pub fn allowed(&self) -> String {
-        match self.kind {
-            Kind341::Choice(words) => words.join(", "),
-            Kind341::Number { min, max, step: 1 } => format!("{min}..{max}"),
-            Kind341::Number { min, max, step } => format!("{min}..{max} in steps of {step}"),
-            Kind341::Text { max } => format!("text of at most {max} bytes"),
-        }
-    }
-
-    fn checked(&self, value: &Value) -> Result<Value, ParamError> {
-        let refused =
-            |remedy: String| error(self.key, value.to_string(), self.allowed(), format!("{remedy} ({})", self.text));
-        match (self.kind, value) {
-            (Kind341::Choice(words), _) => {
-                let given = match value {
-                    Value::Int(number) => number.to_string(),
-                    Value::Str(text) => text.to_ascii_lowercase(),
-                };
-                match words.iter().find(|word| **word == given) {
-                    Some(word) => Ok(written(word)),
-                    None => Err(refused(match nearest(&given, words.iter().copied()) {
-                        Some(near) => format!("did you mean {}?", written(near)),
-                        None => "choose one of them".into(),
-                    })),
-                }
-            }
-            (Kind341::Number { min, max, step }, Value::Int(number)) => {
-                if (min..=max).contains(number) && number % step == 0 {
-                    Ok(value.clone())
-                } else {
-                    let near = (number.clamp(&min, &max) + step / 2) / step * step;
-                    Err(refused(format!("the nearest is {}", near.clamp(min, max))))
-                }
-            }
-            (Kind341::Number { .. }, Value::Str(_)) => Err(refused("write a number without quotes".into())),
-            (Kind341::Text { max }, Value::Str(text)) if text.len() <= max => Ok(value.clone()),
-            (Kind341::Text { .. }, Value::Str(text)) => Err(error(
-                self.key,
-                format!("a text of {} bytes", text.len()),
-                self.allowed(),
-                "make it shorter".into(),
-            )),
-            (Kind341::Text { .. }, Value::Int(_)) => Err(refused("write a text in quotes".into())),
-        }
-    }
-
-    /// `before`: the keys of the table before this one.
-    fn default_value(&self, kind: CpKind, protocol: &str, before: &Reader<'_>) -> Value {
-        match (self.key, self.default) {
-            (_, "") if matches!(self.kind, Kind341::Text { .. }) => Value::from(""),
-            ("zvz_ms", "") if kind == CpKind::Cp340 => Value::Int(cp340::default_zvz_ms(line_of(before).char_time())),
-            // 2 s with block check character, 550 ms without. [reference 5.2]
-            ("qvz_ms", "") => Value::Int(if protocol.starts_with("3964r") { 2000 } else { 550 }),
-            (key, "") => cp341_modbus::default_of(key, before)
-                .or_else(|| cp341_ascii::default_of(key, before))
-                .unwrap_or_else(|| written("")),
-            (_, word) => written(word),
-        }
-    }
-}
-
-/// A word of the table as in the station file.
-fn written(word: &str) -> Value {
-    word.parse().map_or_else(|_| Value::from(word), Value::Int)
-}
-
-/// Checked keys by name; a key that a protocol does not have reads 0 and "".
-pub(crate) struct Reader<'a>(pub(crate) &'a [(&'static str, Value)]);
-
-impl<'a> Reader<'a> {
-    fn value(&self, key: &str) -> Option<&'a Value> {
-        self.0.iter().find(|(name, _)| *name == key).map(|(_, value)| value)
-    }
-
-    pub(crate) fn has(&self, key: &str) -> bool {
-        self.value(key).is_some()
-    }
-
-    pub(crate) fn number(&self, key: &str) -> i64 {
-        match self.value(key) {
-            Some(Value::Int(number)) => *number,
-            _ => 0,
-        }
-    }
-
-    pub(crate) fn word(&self, key: &str) -> &'a str {
-        match self.value(key) {
-            Some(Value::Str(word)) => word,
-            _ => "",
-        }
-    }
-}
-
-/// The rows of a protocol, table by table.
-pub type Tables = &'static [&'static [Key341]];
-
-fn find_protocol(kind: CpKind, given: &[(&str, Value)]) -> Result<(&'static str, Tables), ParamError> {
-    let protocols = protocols_of(kind);
-    let names = || protocols.iter().map(|(name, _)| *name);
-    let refused =
-        |value: String, remedy: String| error("protocol", value, names().collect::<Vec<_>>().join(", "), remedy);
-    let name = match given.iter().find(|(key, _)| *key == "protocol") {
-        None => return Err(refused("nothing".into(), "add `protocol = \"...\"`".into())),
-        Some((_, Value::Int(number))) => number.to_string(),
-        Some((_, Value::Str(text))) => text.to_ascii_lowercase(),
-    };
-    protocols.iter().find(|(known, _)| *known == name).copied().ok_or_else(|| {
-        let remedy = match nearest(&name, names()) {
-            Some(near) => format!("did you mean \"{near}\"?"),
-            None => "choose one of them".into(),
-        };
-        refused(format!("\"{name}\""), remedy)
-    })
-}
-
-pub(crate) fn error(key: &str, value: String, allowed: String, remedy: String) -> ParamError {
-    ParamError { byte: None, key: key.into(), value, allowed, remedy }
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The parameters of the CP 341's ASCII driver. [reference 6]
 
-use crate::cp341::{Key341, Reader, choice, error, number};
 use crate::error::ParamError;
+use crate::keyed::{CLEAR, Key341, Reader, choice, error, number};
 use crate::record::Value;
 
 /// Its name.
@@ -145,7 +145,7 @@ impl AsciiOf341 {
             overwrites: keys.word("prevent_overwriting") == "no",
             flow_wait_ms: ms("flow_wait_ms"),
             signals: (keys.word("rs232_signals") == "yes").then(|| (ms("rts_off_ms"), ms("output_wait_ms"))),
-            clear_buffer: keys.word(crate::cp340::CLEAR) == "yes",
+            clear_buffer: keys.word(CLEAR) == "yes",
         }
     }
 }

@@ -4,8 +4,8 @@
 //! The driver is selected by its name, as in the manual's dialogue, where it is listed among the protocols: `protocol =
 //! "modbus-ascii-master-32"`.
 
-use crate::cp341::{Key341, Reader, choice, error, number};
 use crate::error::ParamError;
+use crate::keyed::{Key341, Reader, choice, error, number};
 use crate::record::Value;
 
 /// Its name.

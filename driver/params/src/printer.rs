@@ -6,8 +6,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::cp341::{Key341, Reader, choice, error, number, text};
 use crate::error::ParamError;
+use crate::keyed::{Key341, Reader, choice, error, number, text};
 
 /// Its name.
 pub(crate) const NAME: &str = "printer";

@@ -1,7 +1,7 @@
 //! Reads and writes values of the station file in the 16 bytes, row by row of the [`table`](crate::table).
 
 use crate::error::ParamError;
-use crate::table::{Field, Kind, Layout, PROTOCOLS, TICK_MS};
+use crate::table::{ByteTables, Field, Kind, Layout, TICK_MS};
 use std::fmt;
 
 /// A parameter as in the station file.
@@ -145,49 +145,162 @@ fn remedy(field: &Field, value: &Value) -> String {
     }
 }
 
-/// All defaults of a layout, with this protocol code in byte 1.
-pub(crate) fn defaults(layout: Layout, protocol: u8) -> Record {
-    let mut record = [0; 16];
-    record[1] = protocol;
-    for field in layout.fields() {
-        set_code(&mut record, field, field.default);
+impl ByteTables {
+    /// Checks every code of a record; returns its protocol.
+    pub(crate) fn check(&self, record: &Record) -> Result<(&'static str, Layout), ParamError> {
+        let Some((name, _, layout)) = self.protocols.iter().find(|(_, code, _)| *code == record[1]) else {
+            return Err(ParamError {
+                byte: Some(1),
+                key: "protocol".into(),
+                value: format!("{:02X}h", record[1]),
+                allowed: self
+                    .protocols
+                    .iter()
+                    .map(|(n, c, _)| format!("{c:02X}h ({n})"))
+                    .collect::<Vec<_>>()
+                    .join(", "),
+                remedy: "correct the byte or write `protocol = ...` instead".into(),
+            });
+        };
+        for field in (self.fields)(*layout) {
+            value(record, field)?;
+        }
+        self.check_reserved(record, *layout)?;
+        Ok((name, *layout))
     }
-    record
+
+    /// Refuses bits that belong to no field: they show that a value is in the wrong byte.
+    fn check_reserved(&self, record: &Record, layout: Layout) -> Result<(), ParamError> {
+        if layout.ignores_reserved() {
+            return Ok(());
+        }
+        let mut rest = *record;
+        rest[1] = 0;
+        for field in (self.fields)(layout) {
+            set_code(&mut rest, field, 0);
+        }
+        match rest.iter().position(|b| *b != 0) {
+            None => Ok(()),
+            Some(byte) => Err(ParamError {
+                byte: Some(byte),
+                key: String::new(),
+                value: format!("{:02X}h", record[byte]),
+                allowed: "0 in reserved bits".into(),
+                remedy: "set them to 0, or move the value to the byte it belongs to".into(),
+            }),
+        }
+    }
+
+    /// The record of named keys, and its protocol. `protocol` must be among the keys; missing ones have their default.
+    pub(crate) fn of_keys<'a>(
+        &self,
+        keys: impl IntoIterator<Item = (&'a str, Value)>,
+    ) -> Result<(&'static str, Layout, Record), ParamError> {
+        let keys: Vec<(&str, Value)> = keys.into_iter().collect();
+        each_once(&keys)?;
+        let (name, _, layout) = protocol_of(&keys, self.protocols, |row| row.0, Some(1))?;
+        let fields = (self.fields)(layout);
+        let mut record = self.defaults(name, layout);
+        for (key, value) in keys.iter().filter(|(key, _)| *key != "protocol") {
+            match fields.iter().find(|field| field.key == *key) {
+                Some(field) => set_value(&mut record, field, value)?,
+                None => return Err(self.unknown(key, value, name, fields)),
+            }
+        }
+        Ok((name, layout, record))
+    }
+
+    fn unknown(&self, key: &str, value: &Value, protocol: &str, fields: &[Field]) -> ParamError {
+        let own = || fields.iter().map(|field| field.key);
+        let is_foreign = Layout::ALL.iter().any(|layout| (self.fields)(*layout).iter().any(|field| field.key == key));
+        let remedy = if is_foreign {
+            format!("`{key}` belongs to another protocol; remove it")
+        } else {
+            match nearest(key, own()) {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => "remove it".into(),
+            }
+        };
+        let allowed = match fields {
+            [] => format!("protocol \"{protocol}\" alone, it has no parameters"),
+            _ => format!("with protocol \"{protocol}\": {}", own().collect::<Vec<_>>().join(", ")),
+        };
+        ParamError { byte: None, key: key.into(), value: value.to_string(), allowed, remedy }
+    }
+
+    /// The record of values that have been checked. One out of range becomes the default, so that the result can always
+    /// be decoded.
+    pub(crate) fn encode(&self, protocol: &str, layout: Layout, keys: &[(&str, Value)]) -> Record {
+        let mut record = self.defaults(protocol, layout);
+        for field in (self.fields)(layout) {
+            if let Some((_, value)) = keys.iter().find(|(key, _)| *key == field.key) {
+                let _refused = set_value(&mut record, field, value);
+            }
+        }
+        record
+    }
+
+    /// The values in words, one line each: key, value, meaning.
+    pub(crate) fn describe(&self, protocol: &str, layout: Layout, keys: &[(&str, Value)]) -> String {
+        let mut text = format!("{:<16} = \"{protocol}\"\n", "protocol");
+        for (key, value) in keys {
+            let meaning = (self.fields)(layout).iter().find(|field| field.key == *key).map_or("", |field| field.text);
+            text += &format!("{key:<16} = {:<10} # {meaning}\n", value.to_string());
+        }
+        text
+    }
+
+    /// All defaults of a layout, with the code of this protocol.
+    fn defaults(&self, protocol: &str, layout: Layout) -> Record {
+        let mut record = [0; 16];
+        record[1] = self.protocols.iter().find(|(name, ..)| *name == protocol).map_or(0, |(_, code, _)| *code);
+        for field in (self.fields)(layout) {
+            set_code(&mut record, field, field.default);
+        }
+        record
+    }
 }
 
-/// Name and layout of the protocol in byte 1.
-pub(crate) fn protocol(record: &Record) -> Result<(&'static str, Layout), ParamError> {
-    PROTOCOLS.iter().find(|(_, code, _)| *code == record[1]).map(|(name, _, layout)| (*name, *layout)).ok_or_else(
-        || ParamError {
-            byte: Some(1),
-            key: "protocol".into(),
-            value: format!("{:02X}h", record[1]),
-            allowed: PROTOCOLS.iter().map(|(n, c, _)| format!("{c:02X}h ({n})")).collect::<Vec<_>>().join(", "),
-            remedy: "correct the byte or write `protocol = ...` instead".into(),
-        },
-    )
+/// Refuses a key given twice.
+pub(crate) fn each_once(keys: &[(&str, Value)]) -> Result<(), ParamError> {
+    let again = keys.iter().enumerate().find(|(n, (key, _))| keys[..*n].iter().any(|(other, _)| other == key));
+    let Some((_, (key, value))) = again else { return Ok(()) };
+    Err(ParamError {
+        byte: None,
+        key: (*key).into(),
+        value: value.to_string(),
+        allowed: "each key once".into(),
+        remedy: "remove one of the two lines".into(),
+    })
 }
 
-/// Refuses bits that belong to no field: they show that a value is in the wrong byte.
-pub(crate) fn check_reserved(record: &Record, layout: Layout) -> Result<(), ParamError> {
-    if layout.ignores_reserved() {
-        return Ok(());
-    }
-    let mut rest = *record;
-    rest[1] = 0;
-    for field in layout.fields() {
-        set_code(&mut rest, field, 0);
-    }
-    match rest.iter().position(|b| *b != 0) {
-        None => Ok(()),
-        Some(byte) => Err(ParamError {
-            byte: Some(byte),
-            key: String::new(),
-            value: format!("{:02X}h", record[byte]),
-            allowed: "0 in reserved bits".into(),
-            remedy: "set them to 0, or move the value to the byte it belongs to".into(),
-        }),
-    }
+/// The row of the protocol that the keys name. `byte`: where the protocol stands in the record.
+pub(crate) fn protocol_of<T: Copy>(
+    keys: &[(&str, Value)],
+    rows: &[T],
+    name_of: fn(&T) -> &'static str,
+    byte: Option<usize>,
+) -> Result<T, ParamError> {
+    let names = || rows.iter().map(name_of);
+    let refused = |value: String, remedy: String| ParamError {
+        byte,
+        key: "protocol".into(),
+        value,
+        allowed: names().collect::<Vec<_>>().join(", "),
+        remedy,
+    };
+    let given = match keys.iter().find(|(key, _)| *key == "protocol") {
+        None => return Err(refused("nothing".into(), "add `protocol = \"...\"`".into())),
+        Some((_, Value::Int(number))) => number.to_string(),
+        Some((_, Value::Str(text))) => text.to_ascii_lowercase(),
+    };
+    rows.iter().find(|row| name_of(row) == given).copied().ok_or_else(|| {
+        let remedy = match nearest(&given, names()) {
+            Some(name) => format!("did you mean \"{name}\"?"),
+            None => "choose one of them".into(),
+        };
+        refused(format!("\"{given}\""), remedy)
+    })
 }
 
 /// The candidate nearest to a misspelt word, if one is near enough.

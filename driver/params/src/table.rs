@@ -58,6 +58,18 @@ pub struct Field {
     pub text: &'static str,
 }
 
+/// The tables of a module whose parameters are 16 bytes.
+#[derive(Clone, Copy, Debug)]
+pub struct ByteTables {
+    /// Name, code (byte 1) and layout of each protocol.
+    pub protocols: &'static [(&'static str, u8, Layout)],
+    /// The rows of a layout, byte 1 left out.
+    pub fields: fn(Layout) -> &'static [Field],
+}
+
+/// Those of a CP 240.
+pub const CP240: ByteTables = ByteTables { protocols: PROTOCOLS, fields: Layout::fields };
+
 /// Tick of the times in the parameter bytes, milliseconds.
 pub const TICK_MS: u16 = 20;
 
@@ -81,7 +93,7 @@ pub const PROTOCOLS: &[(&str, u8, Layout)] = &[
 ];
 
 /// Baud rates. 00h is the default; written explicitly, 9600 is 09h. 76800 and 115200 are in this order in the manual.
-const BAUD: Kind = Kind::Choice(&[
+pub(crate) const RATES: [(&str, u8); 16] = [
     ("9600", 0x09),
     ("9600", 0x00),
     ("150", 0x01),
@@ -98,7 +110,9 @@ const BAUD: Kind = Kind::Choice(&[
     ("57600", 0x0D),
     ("115200", 0x0E),
     ("76800", 0x0F),
-]);
+];
+
+const BAUD: Kind = Kind::Choice(&RATES);
 
 /// The parameter table omits 7200 baud, but the technical data list it [S0 L2822]; the code is that of the other
 /// tables.

@@ -44,6 +44,7 @@ pub use machine::{
     Span, TELEGRAM_MAX, What, Wire,
 };
 pub use mbus::MBus;
+pub use ob1_serial::{LineSettings, Parity, StopBits};
 pub use rk512::Rk512;
 pub use s3964::S3964;
 pub use stx_etx::StxEtx;

@@ -2,6 +2,8 @@
 
 pub use ob1_serial::{Instant, LineFault, LineInput, ModemLines, Span, Wire};
 
+use crate::modbus::failure::Failure;
+
 /// One millisecond.
 pub const MS: Span = Span::MILLISECOND;
 
@@ -10,6 +12,12 @@ pub const SECOND: Span = Span::SECOND;
 
 /// Longest telegram of the CP 240, bytes of user data: its send and receive buffers hold 1024 bytes. [S0 "Properties"]
 pub const TELEGRAM_MAX: usize = 1024;
+
+/// The earliest of these times; [`Instant::NEVER`] counts as none. Asked after each character.
+pub(crate) fn earliest<const N: usize>(times: [Option<Instant>; N]) -> Option<Instant> {
+    let first = times.into_iter().fold(Instant::NEVER, |first, time| first.min(time.unwrap_or(Instant::NEVER)));
+    (first != Instant::NEVER).then_some(first)
+}
 
 /// A serial protocol.
 ///
@@ -144,6 +152,16 @@ impl SendError {
     }
 }
 
+impl From<Failure> for SendError {
+    /// Without an answer as if not acknowledged, otherwise a frame error.
+    fn from(failure: Failure) -> Self {
+        match failure {
+            Failure::NoData => Self::AckDelay,
+            _ => Self::Frame,
+        }
+    }
+}
+
 /// An occurrence: what the machine was doing, and what happened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Event {
@@ -216,7 +234,7 @@ pub enum What {
     /// Automatic use of the secondary signals: DSR or CTS is OFF. (CP 341)
     Signals,
     /// Modbus: no valid telegram.
-    Modbus(crate::modbus::Failure),
+    Modbus(Failure),
 }
 
 impl Event {

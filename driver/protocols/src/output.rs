@@ -2,7 +2,7 @@
 //! partner's flow control, ZNA or a pause between telegrams, the secondary signals.
 
 use crate::flow::Flow;
-use crate::machine::{Event, Instant, ModemLines, Order, Phase, SendError, Sink, Span, What};
+use crate::machine::{Event, Instant, ModemLines, Order, Phase, SendError, Sink, Span, What, earliest};
 use crate::signals::{Clear, Signals, Times};
 
 /// Characters handed to the line at a time while the partner may stop us: it must be able to take as many after its
@@ -244,7 +244,7 @@ impl<const N: usize> Output<N> {
             State::Leaving { until, .. } | State::Stopped { until, .. } => until,
             State::Held { until } | State::Pause { until } => Some(until),
         };
-        own.into_iter().chain(self.signals.deadline()).min()
+        earliest([own, self.signals.deadline()])
     }
 
     /// Start characters, user data and end characters as one.

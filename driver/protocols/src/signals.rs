@@ -11,7 +11,7 @@
 //! module has the signals and both times. Without [`Times`] the signals are neither set nor checked [S4 L590]:
 //! everything is clear at once.
 
-use crate::machine::{Instant, ModemLines, Span, Wire};
+use crate::machine::{Instant, ModemLines, Span, Wire, earliest};
 
 /// Both times, in nanoseconds. [S4 "3.6.3 RS232 Secondary Signals"]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -127,7 +127,7 @@ impl Signals {
     }
 
     pub(crate) fn deadline(&self) -> Option<Instant> {
-        self.wait.into_iter().chain(self.rts_off).min()
+        earliest([self.wait, self.rts_off])
     }
 
     /// The inputs have changed.

@@ -1,4 +1,4 @@
-//! Occurrences in words, for traces and logs.
+//! Occurrences and amounts in words, for traces and logs.
 
 use core::fmt;
 
@@ -6,6 +6,15 @@ use crate::cp341_events;
 use crate::machine::{Event, Phase, What};
 use crate::modbus::Failure;
 use crate::rk512;
+
+/// `1 byte`, `2 bytes`.
+pub(crate) struct Bytes(pub(crate) usize);
+
+impl fmt::Display for Bytes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}", self.0, if self.0 == 1 { "byte" } else { "bytes" })
+    }
+}
 
 impl fmt::Display for Phase {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -32,6 +32,14 @@ pub struct ModemLines {
     pub cd: bool,
 }
 
+impl ModemLines {
+    /// CTS, DSR, RI, CD as bits 0 to 3.
+    #[must_use]
+    pub fn bits(self) -> u8 {
+        [self.cts, self.dsr, self.ri, self.cd].into_iter().rev().fold(0, |bits, on| bits << 1 | u8::from(on))
+    }
+}
+
 impl fmt::Display for LineFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {

@@ -5,7 +5,7 @@ use std::os::fd::{AsFd as _, OwnedFd};
 use std::process::ExitCode;
 use std::time;
 
-use ob1_line::{LineEvent, LineSettings, LineSpec, PollFds, RealLine};
+use ob1_line::{LineEvent, LineInput, LineSettings, LineSpec, PollFds, RealLine};
 use ob1_protocols::esp2::Telegram;
 use ob1_tests::tcm120::{Eeprom, Input, Output, Tcm120, script};
 use ob1_time::Instant;
@@ -95,11 +95,11 @@ fn run(spec: &LineSpec, eeprom: Eeprom) -> Result<(), Box<dyn std::error::Error>
         let mut out = Output::default();
         while let Some(event) = line.next_event(now(), &mut buffer) {
             match event {
-                LineEvent::Rx(n) => due = module.step(now(), Input::Rx(&buffer[..n]), &mut out),
+                LineEvent::Input(LineInput::Rx(bytes)) => due = module.step(now(), Input::Rx(bytes), &mut out),
                 // The cable is plugged in later: the module is already on.
                 LineEvent::Up(_) => println!("line up"),
                 LineEvent::Gone(why) => println!("line gone: {why}"),
-                LineEvent::Fault(_) | LineEvent::TxDone => {}
+                LineEvent::Input(_) => {}
             }
         }
         loop {

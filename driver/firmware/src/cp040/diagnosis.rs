@@ -2,8 +2,7 @@
 
 use ob1_protocols::Instant;
 
-/// ERR_A to CH7ERR, and the µs ticker: 20 bytes, 2 of them the reserved ones the index list leaves out.
-pub type DiagnosticRecord = [u8; 20];
+use crate::diagnosis::DiagnosticRecord;
 
 /// ERR_A: module fault; set together with every other fault.
 const FAULT: u8 = 1 << 0;

@@ -49,13 +49,8 @@ impl Sink for Outlet<'_> {
     }
 
     fn deliver(&mut self, telegram: &[u8]) {
-        if self.receive.push(None, telegram) {
-            self.port.count(CpCounter::Received, 1);
-            self.port.event(self.now, CpEvent::Received(telegram));
-        } else {
-            // A protocol that does not ask for room first.
-            self.port.count(CpCounter::Rejected, 1);
-        }
+        let is_stored = self.receive.push(None, telegram);
+        self.port.received(self.now, telegram, is_stored);
     }
 
     fn sent(&mut self, outcome: Result<(), SendError>) {
@@ -64,12 +59,7 @@ impl Sink for Outlet<'_> {
 
     fn report(&mut self, event: Event) {
         // The LED IF: open circuit, overflow, parity and framing errors. [S3 L293]
-        if event.what == What::NoBuffer {
-            self.leds.overflow(self.now);
-        }
-        if event.lights_er() && event.what != What::Line(LineFault::Gone) {
-            self.leds.error(self.now);
-        }
+        self.leds.occurred(self.now, event);
         if let Some(counter) = CpCounter::of(event.what) {
             self.port.count(counter, 1);
         }

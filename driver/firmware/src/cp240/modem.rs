@@ -35,7 +35,7 @@ impl Modem {
     /// The line reports its inputs. The first report counts as no change.
     pub(crate) fn input(&mut self, lines: ModemLines) {
         if let Some(before) = self.lines.replace(lines) {
-            self.delta |= bits(before) ^ bits(lines);
+            self.delta |= u16::from(before.bits() ^ lines.bits());
         }
     }
 
@@ -61,15 +61,12 @@ impl Modem {
             self.dtr = command & LINE_DTR != 0;
             switched.dtr = Some(self.dtr);
         }
-        let status = self.lines.map_or(0, bits) | u16::from(self.dtr) << 4 | u16::from(self.rts) << 5;
+        // [S0 "STATUS, DELTA_STATUS"]
+        let lines = u16::from(self.lines.unwrap_or_default().bits());
+        let status = lines | u16::from(self.dtr) << 4 | u16::from(self.rts) << 5;
         let delta = std::mem::take(&mut self.delta) << LINE_DELTA_SHIFT;
         (switched, LINE_ANSWER | delta | status)
     }
-}
-
-/// CTS, DSR, RI, CD as bits 0 to 3 of STATUS. [S0 "STATUS, DELTA_STATUS"]
-fn bits(lines: ModemLines) -> u16 {
-    [lines.cts, lines.dsr, lines.ri, lines.cd].into_iter().rev().fold(0, |bits, on| bits << 1 | u16::from(on))
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Where the protocol of a CP 240 puts its results during one step.
 
 use ob1_params::LineSettings;
-use ob1_protocols::{Event, Instant, LineFault, Part, SendError, Sink, What, Wire};
+use ob1_protocols::{Event, Instant, Part, SendError, Sink, Wire};
 
 use super::modem::Modem;
 use super::rk512_side::Rk512Side;
@@ -48,13 +48,8 @@ impl Sink for Outlet<'_> {
     }
 
     fn deliver(&mut self, telegram: &[u8]) {
-        if self.ring.push(telegram) {
-            self.port.count(CpCounter::Received, 1);
-            self.port.event(self.now, CpEvent::Received(telegram));
-        } else {
-            // A protocol that does not ask for room first.
-            self.port.count(CpCounter::Rejected, 1);
-        }
+        let is_stored = self.ring.push(telegram);
+        self.port.received(self.now, telegram, is_stored);
     }
 
     fn part(&mut self, bytes: &[u8], part: Part) {
@@ -73,14 +68,9 @@ impl Sink for Outlet<'_> {
     }
 
     fn report(&mut self, event: Event) {
-        if event.what == What::NoBuffer {
-            self.leds.overflow(self.now);
-        }
-        if event.lights_er() && event.what != What::Line(LineFault::Gone) {
-            self.leds.error(self.now);
-            if let Some(kind) = Kind::of(event) {
-                self.diagnosis.error(kind, event.number().unwrap_or(0));
-            }
+        self.leds.occurred(self.now, event);
+        if let Some(kind) = Kind::of(event).filter(|kind| *kind != Kind::OpenCircuit) {
+            self.diagnosis.error(kind, event.number().unwrap_or(0));
         }
         if let Some(counter) = CpCounter::of(event.what) {
             self.port.count(counter, 1);

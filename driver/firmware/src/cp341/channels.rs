@@ -9,8 +9,7 @@ use ob1_protocols::{Input, Instant, Order, Span, modbus_master_32};
 use super::protocol::Protocol;
 use super::receive::{self, Offer};
 use super::{Channel, ChannelBlock, Cp341, Job, request, send};
-use crate::cp::Cp as _;
-use crate::port::{CpCounter, CpEvent, CpPort};
+use crate::port::{Cp as _, CpCounter, CpEvent, CpPort};
 use ob1_words::channels::{Offered as Kind, Refusal as Reason};
 
 /// A telegram that the CPU has no room for is offered again after this time. (ours; "repeated attempts" [reference

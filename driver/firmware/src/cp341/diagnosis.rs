@@ -1,14 +1,11 @@
 //! Faults of a CP 341 as a module: its diagnostic data, and when a diagnostic interrupt is raised. [reference 1.9]
 
 use super::model::Model;
-use crate::diagnosis::DiagnosticBytes;
+use crate::diagnosis::{CLASS, DiagnosticBytes, OPEN_CIRCUIT};
 
-/// Diagnostic data record 1; the first four bytes are record 0.
+/// Diagnostic data record 1; the first four bytes are record 0. The module has neither channel information nor user
+/// information, so the twelve bytes after them have no meaning.
 pub(crate) type Record = [u8; 16];
-
-/// Module class: communication module, without channel information and without user information, so the twelve bytes
-/// after the first four have no meaning.
-const CLASS: u8 = 0x0C;
 
 /// BREAK: the receiving line is interrupted.
 const BREAK: u16 = 0x080D;
@@ -29,7 +26,7 @@ impl Faults {
     const fn bytes(self, model: &Model) -> [u8; 4] {
         let mut bytes = [0, CLASS, 0, 0];
         if self.wire_break {
-            (bytes[0], bytes[2]) = (bytes[0] | 0x25, 0x02);
+            (bytes[0], bytes[2]) = OPEN_CIRCUIT;
         }
         if self.parameters {
             bytes[0] |= model.parameters_wrong;

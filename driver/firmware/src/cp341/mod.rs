@@ -24,9 +24,8 @@ use ob1_protocols::modbus_master_32;
 use ob1_protocols::rk512::{self, AnswerError, Refusal};
 use ob1_protocols::{Input, Instant, LineFault, LineInput};
 
-use crate::cp::Cp;
 use crate::leds::Leds;
-use crate::port::{CpCounter, CpEvent, CpInput, CpPort, ParameterFault};
+use crate::port::{Cp, CpCounter, CpEvent, CpInput, CpPort, ParameterFault};
 use crate::ring::Capacity;
 use diagnosis::{Diagnosis, Faults};
 use model::Model;

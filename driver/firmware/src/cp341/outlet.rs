@@ -246,12 +246,8 @@ impl Sink for Outlet<'_> {
             // A telegram on offer is counted when P_RCV_RK takes or refuses it.
             self.port.count(CpCounter::ReceiveAborted, 1);
         }
-        if self.parts.ring.push(telegram) {
-            self.port.count(CpCounter::Received, 1);
-            self.port.event(self.now, CpEvent::Received(telegram));
-        } else {
-            self.port.count(CpCounter::Rejected, 1);
-        }
+        let is_stored = self.parts.ring.push(telegram);
+        self.port.received(self.now, telegram, is_stored);
     }
 
     fn sent(&mut self, outcome: Result<(), SendError>) {

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use ob1_params::{AsciiOf341, Cp341 as Parameters, CpKind, EndOf341, Priority, Protocol341, S3964Of341, SendingOf341};
+use ob1_params::{AsciiOf341, Cp341 as Parameters, CpKind, EndOf341, Protocol341, S3964Of341, SendingOf341};
 use ob1_protocols::modbus_master_32::{self, Driver};
 use ob1_protocols::rk512::{self, Rk512};
 use ob1_protocols::{
@@ -12,6 +12,7 @@ use ob1_protocols::{
 use super::loadable;
 use super::model::{JOB_MAX, JOB_MAX_340};
 use crate::printer::Printer;
+use crate::protocol::priority;
 
 /// The running protocol.
 pub(crate) enum Protocol {
@@ -221,18 +222,13 @@ fn ascii_config(p: &AsciiOf341, parameters: &Parameters, late: Span) -> ascii::C
 }
 
 fn s3964_config(p: &S3964Of341, char_time: Span) -> s3964::Config {
-    s3964::Config::cp341(s3964::Settings {
+    s3964::Config {
         bcc: p.bcc,
-        priority: match p.priority {
-            Priority::Low => s3964::Priority::Low,
-            Priority::High => s3964::Priority::High,
-        },
+        priority: priority(p.priority),
         zvz: u64::from(p.zvz_ms) * MS,
         qvz: u64::from(p.qvz_ms) * MS,
         connect_attempts: p.connect_attempts,
         block_attempts: p.block_attempts,
-        zna: Span::ZERO,
-        bwz: Span::ZERO,
-        char_time,
-    })
+        ..s3964::Config::cp341(char_time)
+    }
 }

@@ -13,6 +13,9 @@ use crate::line::{Instant, ModemLines, PollFds, Span};
 use crate::settings::{LineSettings, Warning};
 use crate::spec::LineSpec;
 
+/// Pause between two attempts to open a line. A TCP client doubles it up to 2 s.
+pub const RETRY: Span = Span::from_millis(500);
+
 /// The result of an attempt to open a line.
 pub(crate) enum Opened {
     /// It is open.
@@ -83,7 +86,7 @@ pub(crate) trait Link {
 
     /// The longest pause between attempts to open.
     fn slowest_retry(&self) -> Span {
-        crate::RETRY
+        RETRY
     }
 
     /// The modem lines, if there are any.

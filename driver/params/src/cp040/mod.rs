@@ -9,8 +9,9 @@ use crate::convert::Reader;
 use crate::cp240::{Cp240, Protocol};
 use crate::error::ParamError;
 use crate::record::{self, Value};
-use crate::table::{Field, Layout};
+use crate::table::Layout;
 use ob1_serial::Flow;
+use table::CP040;
 
 /// The parameters of a CP 040.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -50,7 +51,7 @@ impl Cp040 {
         self.preset == Preset::Break && self.duplex == Duplex::Full
     }
 
-    /// The defaults of a protocol, by its name in [`table::PROTOCOLS`].
+    /// The defaults of a protocol, by its name in [`table::CP040`].
     ///
     /// # Errors
     /// There is no such protocol.
@@ -63,72 +64,22 @@ impl Cp040 {
     /// # Errors
     /// [`ParamError`], with the byte.
     pub fn decode(bytes: &[u8; 16]) -> Result<Self, ParamError> {
-        let found = table::PROTOCOLS.iter().find(|(_, code, _)| *code == bytes[1]);
-        let (name, _, layout) = *found.ok_or_else(|| {
-            let codes: Vec<String> = table::PROTOCOLS.iter().map(|(n, c, _)| format!("{c:02X}h ({n})")).collect();
-            protocol_error(format!("{:02X}h", bytes[1]), codes.join(", "), "correct the byte".into())
-        })?;
-        let fields = table::fields(layout);
-        let mut rest = *bytes;
-        rest[1] = 0;
-        for field in fields {
-            record::value(bytes, field)?;
-            record::set_code(&mut rest, field, 0);
-        }
-        if let Some(byte) = rest.iter().position(|byte| *byte != 0) {
-            return Err(ParamError {
-                byte: Some(byte),
-                key: String::new(),
-                value: format!("{:02X}h", bytes[byte]),
-                allowed: "0 in reserved bits".into(),
-                remedy: "set them to 0, or move the value to the byte it belongs to".into(),
-            });
-        }
+        let (name, layout) = CP040.check(bytes)?;
         Self::read(bytes, name, layout)
     }
 
     /// Writes the 16 bytes.
     pub fn encode(&self) -> [u8; 16] {
         let (layout, keys) = self.rows();
-        let code = table::PROTOCOLS.iter().find(|(name, ..)| *name == self.common.protocol_name());
-        let mut bytes = defaults(table::fields(layout), code.map_or(0, |(_, code, _)| *code));
-        for field in table::fields(layout) {
-            if let Some((_, value)) = keys.iter().find(|(key, _)| *key == field.key) {
-                // A value out of range becomes the default, so that the result can always be decoded.
-                let _refused = record::set_value(&mut bytes, field, value);
-            }
-        }
-        bytes
+        CP040.encode(self.common.protocol_name(), layout, &keys)
     }
 
     /// Reads named keys. `protocol` must be among them; missing keys have the table's default.
     ///
     /// # Errors
-    /// An unknown key (with the nearest known one), a value out of range, XON/XOFF in half duplex.
+    /// As [`Cp240::from_keys`], and XON/XOFF in half duplex.
     pub fn from_keys<'a>(keys: impl IntoIterator<Item = (&'a str, Value)>) -> Result<Self, ParamError> {
-        let keys: Vec<(&str, Value)> = keys.into_iter().collect();
-        let names = || table::PROTOCOLS.iter().map(|(name, ..)| *name);
-        let all = || names().collect::<Vec<_>>().join(", ");
-        let given = match keys.iter().find(|(key, _)| *key == "protocol") {
-            None => return Err(protocol_error("nothing".into(), all(), "add `protocol = \"...\"`".into())),
-            Some((_, Value::Int(number))) => number.to_string(),
-            Some((_, Value::Str(text))) => text.to_ascii_lowercase(),
-        };
-        let (name, code, layout) = *table::PROTOCOLS.iter().find(|(name, ..)| *name == given).ok_or_else(|| {
-            let remedy = match record::nearest(&given, names()) {
-                Some(name) => format!("did you mean \"{name}\"?"),
-                None => "choose one of them".into(),
-            };
-            protocol_error(format!("\"{given}\""), all(), remedy)
-        })?;
-        let fields = table::fields(layout);
-        let mut bytes = defaults(fields, code);
-        for (key, value) in keys.iter().filter(|(key, _)| *key != "protocol") {
-            match fields.iter().find(|field| field.key == *key) {
-                Some(field) => record::set_value(&mut bytes, field, value)?,
-                None => return Err(unknown_key(key, value, name, fields)),
-            }
-        }
+        let (name, layout, bytes) = CP040.of_keys(keys)?;
         Self::read(&bytes, name, layout)
     }
 
@@ -142,12 +93,7 @@ impl Cp040 {
     /// The parameters in words, one line each: key, value, meaning.
     pub fn describe(&self) -> String {
         let (layout, keys) = self.rows();
-        let mut text = format!("{:<16} = \"{}\"\n", "protocol", self.common.protocol_name());
-        for (key, value) in &keys {
-            let meaning = table::fields(layout).iter().find(|f| f.key == *key).map_or("", |f| f.text);
-            text += &format!("{key:<16} = {:<10} # {meaning}\n", value.to_string());
-        }
-        text
+        CP040.describe(self.common.protocol_name(), layout, &keys)
     }
 
     fn rows(&self) -> (Layout, Vec<(&'static str, Value)>) {
@@ -199,33 +145,6 @@ impl Cp040 {
     }
 }
 
-fn defaults(fields: &[Field], protocol: u8) -> [u8; 16] {
-    let mut bytes = [0; 16];
-    bytes[1] = protocol;
-    for field in fields {
-        record::set_code(&mut bytes, field, field.default);
-    }
-    bytes
-}
-
-fn protocol_error(value: String, allowed: String, remedy: String) -> ParamError {
-    ParamError { byte: Some(1), key: "protocol".into(), value, allowed, remedy }
-}
-
-fn unknown_key(key: &str, value: &Value, protocol: &str, fields: &[Field]) -> ParamError {
-    let own = || fields.iter().map(|field| field.key);
-    ParamError {
-        byte: None,
-        key: key.into(),
-        value: value.to_string(),
-        allowed: format!("with protocol \"{protocol}\": {}", own().collect::<Vec<_>>().join(", ")),
-        remedy: match record::nearest(key, own()) {
-            Some(near) => format!("did you mean `{near}`?"),
-            None => "remove it".into(),
-        },
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -249,7 +168,7 @@ mod tests {
 
     #[test]
     fn every_protocol_goes_there_and_back_by_bytes_and_by_keys() {
-        for (name, code, _) in table::PROTOCOLS {
+        for (name, code, _) in CP040.protocols {
             let cp = Cp040::from_keys([
                 ("protocol", Value::from(*name)),
                 ("baud", Value::Int(109_700)),

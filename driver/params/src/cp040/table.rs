@@ -1,42 +1,40 @@
 //! The parameter tables of the CP 040 manual, as data. Record set 80h: BAUD, PROTOCOL and OPTION3 to OPTION16 are bytes
 //! 0 to 15; OPTION n is byte n - 1. [S3 "Parameter data of ASCII"] and the sections of the other protocols.
 
-use crate::table::{BYTE, DATA_BITS_ROW, FLAGS, Field, Kind, Layout, PARITY_ROW, STOP_BITS_ROW, TICKS, bits, whole};
+use crate::table::{
+    self, BYTE, ByteTables, DATA_BITS_ROW, FLAGS, Field, Kind, Layout, PARITY_ROW, STOP_BITS_ROW, TICKS, bits, whole,
+};
 
-/// Protocol codes (byte 1). 01h, 02h and 0Bh are printed in the manual; the others are those of the CP 240 (ours).
-pub const PROTOCOLS: &[(&str, u8, Layout)] = &[
-    ("ascii", 0x01, Layout::Ascii),
-    ("stx-etx", 0x02, Layout::StxEtx),
-    ("3964", 0x03, Layout::S3964),
-    ("3964r", 0x04, Layout::S3964),
-    ("modbus-master-ascii", 0x0A, Layout::Modbus),
-    ("modbus-master-rtu", 0x0B, Layout::Modbus),
-    ("modbus-slave-ascii-short", 0x0C, Layout::Modbus),
-    ("modbus-slave-rtu-short", 0x0D, Layout::Modbus),
-    ("modbus-slave-ascii-long", 0x1C, Layout::Modbus),
-    ("modbus-slave-rtu-long", 0x1D, Layout::Modbus),
-];
+/// The tables of a CP 040.
+pub const CP040: ByteTables = ByteTables { protocols: &PROTOCOLS, fields };
 
-/// Baud rates, for every protocol. [S3 L343]
-const BAUD: Kind = Kind::Choice(&[
-    ("9600", 0x09),
-    ("9600", 0x00),
-    ("150", 0x01),
-    ("300", 0x02),
-    ("600", 0x03),
-    ("1200", 0x04),
-    ("1800", 0x05),
-    ("2400", 0x06),
-    ("4800", 0x07),
-    ("7200", 0x08),
-    ("14400", 0x0A),
-    ("19200", 0x0B),
-    ("38400", 0x0C),
-    ("57600", 0x0D),
-    ("76800", 0x0F),
-    ("115200", 0x0E),
-    ("109700", 0x10),
-]);
+/// Protocol codes (byte 1). 01h, 02h and 0Bh are printed in the manual; the others are those of the CP 240 (ours), of
+/// which RK 512, ASCII-fragmented, EnOcean and M-Bus are missing.
+const PROTOCOLS: [(&str, u8, Layout); 10] = {
+    let mut own = [table::PROTOCOLS[0]; 10];
+    let (mut n, mut row) = (0, 0);
+    while row < table::PROTOCOLS.len() {
+        if !matches!(table::PROTOCOLS[row].1, 0x05 | 0x06 | 0x11 | 0xE0 | 0xF0) {
+            own[n] = table::PROTOCOLS[row];
+            n += 1;
+        }
+        row += 1;
+    }
+    own
+};
+
+/// Baud rates, for every protocol: those of the CP 240, and one more. [S3 L343]
+const RATES: [(&str, u8); table::RATES.len() + 1] = {
+    let mut all = [("109700", 0x10); table::RATES.len() + 1];
+    let mut n = 0;
+    while n < table::RATES.len() {
+        all[n] = table::RATES[n];
+        n += 1;
+    }
+    all
+};
+
+const BAUD: Kind = Kind::Choice(&RATES);
 
 /// Different from the CP 240, where hardware is 01b and XON/XOFF 10b. [reference 7.5]
 const FLOW: Kind = Kind::Choice(&[("none", 0b00), ("hardware", 0b10), ("xon-xoff", 0b11)]);

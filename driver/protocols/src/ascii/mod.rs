@@ -15,7 +15,9 @@ mod receive;
 
 use crate::flow::Gate;
 pub use crate::flow::{Flow, XOFF, XON};
-use crate::machine::{Event, Input, Instant, LineFault, LineInput, Machine, Order, Sink, Span, TELEGRAM_MAX, What};
+use crate::machine::{
+    Event, Input, Instant, LineFault, LineInput, Machine, Order, Sink, Span, TELEGRAM_MAX, What, earliest,
+};
 pub use crate::output::Flags;
 use crate::output::{Extent, Output, Rules};
 use crate::signals::Times;
@@ -176,7 +178,7 @@ impl<const N: usize> Ascii<N> {
 
     fn deadline(&self) -> Option<Instant> {
         let start = (!self.started).then_some(Instant::START);
-        [self.receive.deadline(), self.output.deadline(), self.gate.deadline(), start].into_iter().flatten().min()
+        earliest([self.receive.deadline(), self.output.deadline(), self.gate.deadline(), start])
     }
 }
 

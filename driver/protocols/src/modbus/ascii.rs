@@ -1,6 +1,6 @@
 //! The frame of ASCII: `:`, the telegram and its LRC in hexadecimal text, CR, LF.
 
-use super::Failure;
+use super::failure::Failure;
 
 /// Begins a frame at any position.
 pub const START: u8 = b':';

@@ -1,8 +1,6 @@
 //! The text that the master writes into the receive block when there is no valid answer. [S0 "Master doesn't receive
 //! valid data"]
 
-use crate::machine::SendError;
-
 /// "Master doesn't receive valid data", with the numbers and texts of the manual.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
@@ -37,14 +35,6 @@ impl Failure {
             Self::Incomplete => b"ERROR\x00\x04 F INCOM\x00",
             Self::Fault => b"ERROR\x00\x05 F FAULT\x00",
             Self::Start => b"ERROR\x00\x06 F START\x00",
-        }
-    }
-
-    /// The end of the order: without an answer as if not acknowledged, otherwise with a frame error.
-    pub const fn outcome(self) -> SendError {
-        match self {
-            Self::NoData => SendError::AckDelay,
-            _ => SendError::Frame,
         }
     }
 }

@@ -168,7 +168,9 @@ impl Receiver {
                 Mode::Rtu => self.rtu(byte),
                 Mode::Ascii => {
                     let end = self.ascii(byte);
-                    self.ascii_pairs(characters);
+                    if !characters.is_empty() {
+                        self.ascii_pairs(characters);
+                    }
                     end
                 }
             };
@@ -188,8 +190,11 @@ impl Receiver {
 
     /// When [`Receiver::tick`] is due.
     pub fn deadline(&self) -> Option<Instant> {
+        if !self.open {
+            return None;
+        }
         let wait = if self.is_whole() && !self.names_more() { self.config.silence } else { self.config.patience };
-        self.open.then(|| self.last + wait)
+        Some(self.last + wait)
     }
 
     /// Time has passed; returns the end of a telegram, if that ended one.

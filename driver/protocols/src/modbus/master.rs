@@ -190,7 +190,7 @@ impl Master {
         } else {
             out.deliver(failure.telegram());
         }
-        self.end(Err(failure.outcome()), out);
+        self.end(Err(failure.into()), out);
     }
 
     fn end(&mut self, outcome: Result<(), SendError>, out: &mut dyn Sink) {

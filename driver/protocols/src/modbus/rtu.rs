@@ -1,6 +1,6 @@
 //! The frame of RTU: the telegram and its CRC, low byte first.
 
-use super::Failure;
+use super::failure::Failure;
 
 /// The CRC before the first byte.
 pub const CRC_START: u16 = 0xFFFF;

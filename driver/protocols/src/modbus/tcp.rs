@@ -3,7 +3,7 @@
 //!
 //! The telegram is the one of serial lines: unit (where those have the slave address), function code, data.
 
-use super::Failure;
+use super::failure::Failure;
 
 /// Bytes of the header in front of the telegram.
 pub const HEAD_BYTES: usize = 6;

@@ -53,36 +53,20 @@ pub struct Config {
     pub repetition_wait: Span,
 }
 
-/// The settings of an interface; the fields are those of [`Config`]. The defaults are with the parameters, in
-/// `ob1-params`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[expect(missing_docs, reason = "the fields of Config")]
-pub struct Settings {
-    pub bcc: bool,
-    pub priority: Priority,
-    pub zvz: Span,
-    pub qvz: Span,
-    pub zna: Span,
-    pub bwz: Span,
-    pub char_time: Span,
-    pub connect_attempts: u16,
-    pub block_attempts: u16,
-}
-
 impl Config {
-    /// The CP 240.
-    pub const fn cp240(set: Settings) -> Self {
-        let Settings { bcc, priority, zvz, qvz, zna, bwz, char_time, connect_attempts, block_attempts } = set;
+    /// The CP 240, with nothing set that is a parameter: no times, one attempt, low priority. The defaults of the
+    /// parameters are in `ob1-params`.
+    pub const fn cp240(char_time: Span) -> Self {
         Self {
-            bcc,
-            priority,
-            zvz,
-            qvz,
-            zna,
-            bwz,
+            bcc: false,
+            priority: Priority::Low,
+            zvz: Span::ZERO,
+            qvz: Span::ZERO,
+            zna: Span::ZERO,
+            bwz: Span::ZERO,
             char_time,
-            connect_attempts,
-            block_attempts,
+            connect_attempts: 1,
+            block_attempts: 1,
             // The text says 250 bytes, the technical data 1024. [reference 5.7]
             telegram_max: TELEGRAM_MAX,
             buffer_wait: Span::ZERO,  // [S0 "Passive operation"]: not ready: NAK
@@ -94,8 +78,9 @@ impl Config {
         }
     }
 
-    /// The CP 341: 4 s for the repetition of a refused block, 400 ms for a receive buffer. [reference 5.2 to 5.4]
-    pub const fn cp341(set: Settings) -> Self {
+    /// The CP 341, likewise: 4 s for the repetition of a refused block, 400 ms for a receive buffer.
+    /// [reference 5.2 to 5.4]
+    pub const fn cp341(char_time: Span) -> Self {
         Self {
             telegram_max: 4096,
             buffer_wait: Span::from_millis(400),
@@ -103,7 +88,7 @@ impl Config {
             nak_after_silence: true,
             break_ends_order: true,
             repetition_wait: Span::from_secs(4),
-            ..Self::cp240(set)
+            ..Self::cp240(char_time)
         }
     }
 

@@ -15,7 +15,7 @@ mod config;
 mod receive;
 mod send;
 
-pub use config::{Config, Priority, Settings};
+pub use config::{Config, Priority};
 
 use crate::machine::{
     Event, Input, Instant, LineFault, LineInput, Machine, Order, Phase, SendError, Sink, Span, TELEGRAM_MAX, What,

@@ -19,7 +19,7 @@ mod decoder;
 
 use crate::flow::{Flow, Gate, XOFF, XON};
 use crate::machine::{
-    Event, Input, Instant, LineFault, LineInput, Machine, Order, Phase, Sink, Span, TELEGRAM_MAX, What,
+    Event, Input, Instant, LineFault, LineInput, Machine, Order, Phase, Sink, Span, TELEGRAM_MAX, What, earliest,
 };
 pub use crate::output::Flags;
 use crate::output::{Extent, Output, Rules};
@@ -181,7 +181,7 @@ impl<const N: usize> StxEtx<N> {
 
     fn deadline(&self) -> Option<Instant> {
         let start = (!self.started).then_some(Instant::START);
-        [self.silence, self.output.deadline(), self.gate.deadline(), start].into_iter().flatten().min()
+        earliest([self.silence, self.output.deadline(), self.gate.deadline(), start])
     }
 }
 

@@ -2,8 +2,8 @@
 
 use core::fmt;
 
-use super::meaning::Bytes;
 use crate::mbus::frame::{FROM_MASTER, Frame};
+use crate::words::Bytes;
 
 /// FCB and FCV of a master's C field, ACD and DFC of a slave's: they are not part of the function. [S0 "C field"]
 const BITS: u8 = 0x30;

@@ -9,6 +9,7 @@ use crate::mbus::frame::Frame;
 use crate::modbus::pdu::Direction;
 use crate::profibus::Telegram as Profibus;
 use crate::rk512::codec::{Command, Malformed, Telegram, parse};
+use crate::words::Bytes;
 
 /// The meaning of a [`Unit`](super::Unit); its text is one line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,15 +96,6 @@ impl fmt::Display for Meaning<'_> {
                 LineFault::Back => "the line is back",
             }),
         }
-    }
-}
-
-/// `1 byte`, `2 bytes`.
-pub(super) struct Bytes(pub(super) usize);
-
-impl fmt::Display for Bytes {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} {}", self.0, if self.0 == 1 { "byte" } else { "bytes" })
     }
 }
 

@@ -2,8 +2,9 @@
 
 use core::fmt;
 
-use super::meaning::{Bytes, Modbus};
+use super::meaning::Modbus;
 use crate::modbus::pdu::{Direction, ERROR_BIT, Function, exception_text};
+use crate::words::Bytes;
 
 /// Length of function 06 with a 32-bit register: only its four bytes of data show it. [S4 "5.8 Function Code 06 – Write
 /// Single 32-Bit Register"]

@@ -2,9 +2,9 @@
 
 use core::fmt;
 
-use super::meaning::Bytes;
 use crate::profibus::telegram::Frame;
 use crate::profibus::{Diagnosis, Telegram, function, sap};
+use crate::words::Bytes;
 
 /// A telegram in one line.
 pub(super) struct Words<'a>(pub(super) Telegram<'a>);

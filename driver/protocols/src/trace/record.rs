@@ -34,7 +34,7 @@ pub enum Kind {
     Gone = 5,
     /// The line is up.
     Up = 6,
-    /// Modem lines: bit 0 CTS, 1 DSR, 2 RI, 3 CD.
+    /// Modem lines: [`ModemLines::bits`](crate::ModemLines::bits).
     Modem = 7,
     /// The number of records (8 bytes) lost before this one because nobody fetched them.
     Lost = 8,

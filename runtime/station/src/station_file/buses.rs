@@ -162,7 +162,7 @@ fn serial(f: &mut Findings<'_>, table: &BusTable, kind: BusKind) -> Option<Seria
         return None;
     }
     let words = [("none", Parity::None), ("even", Parity::Even), ("odd", Parity::Odd)];
-    let parity = choice(f, "parity", table.parity.as_ref(), &words).unwrap_or_default();
+    let parity = choice(f, "parity", table.parity.as_ref(), &words).unwrap_or(Parity::Even);
     // Without a parity bit there are two stop bits: a character has 11 bits by the specification.
     let stop_bits = if parity == Parity::None { 2 } else { 1 };
     Some(Serial {

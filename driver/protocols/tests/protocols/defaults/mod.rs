@@ -2,37 +2,33 @@
 
 #![allow(dead_code)] // each test file uses its own part of it
 
-use ob1_protocols::s3964::{self, Priority, Settings};
+use ob1_protocols::s3964::{self, Priority};
 use ob1_protocols::{MS, SECOND, Span, ascii, stx_etx};
 
 /// 3964(R) of a CP 240.
 pub(crate) fn cp240(bcc: bool, char_time: Span) -> s3964::Config {
-    s3964::Config::cp240(Settings {
+    s3964::Config {
         bcc,
-        priority: Priority::Low,
         zvz: 200 * MS,
         qvz: 500 * MS,
-        zna: Span::ZERO,
         bwz: 2 * SECOND,
-        char_time,
         connect_attempts: 6,
         block_attempts: 6,
-    })
+        ..s3964::Config::cp240(char_time)
+    }
 }
 
 /// 3964(R) of a CP 341.
 pub(crate) fn cp341(bcc: bool, char_time: Span) -> s3964::Config {
-    s3964::Config::cp341(Settings {
+    s3964::Config {
         bcc,
         priority: Priority::High,
         zvz: 220 * MS,
         qvz: if bcc { 2 * SECOND } else { 550 * MS },
-        zna: Span::ZERO,
-        bwz: Span::ZERO,
-        char_time,
         connect_attempts: 6,
         block_attempts: 6,
-    })
+        ..s3964::Config::cp341(char_time)
+    }
 }
 
 /// ASCII.

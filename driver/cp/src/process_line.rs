@@ -16,31 +16,13 @@ const LATENESS: Span = Span::from_millis(50);
 
 /// A real line, or none yet.
 #[derive(Default)]
-pub(crate) struct Port {
-    line: Option<RealLine>,
+pub(crate) struct ProcessLine {
+    pub(crate) line: Option<RealLine>,
     config: Option<Config>,
-    tap: Tap,
+    pub(crate) tap: Tap,
 }
 
-impl Port {
-    pub(crate) fn tap(&mut self) -> &mut Tap {
-        &mut self.tap
-    }
-
-    pub(crate) const fn tap_ref(&self) -> &Tap {
-        &self.tap
-    }
-
-    pub(crate) fn line(&mut self) -> Option<&mut RealLine> {
-        self.line.as_mut()
-    }
-
-    pub(crate) const fn line_ref(&self) -> Option<&RealLine> {
-        self.line.as_ref()
-    }
-}
-
-impl LinePort for Port {
+impl LinePort for ProcessLine {
     fn configure(&mut self, _now: Instant, json: &[u8]) -> Result<(), Refused> {
         let config = Config::parse(json).inspect_err(|refused| warn!("{refused}"))?;
         // Each STOP -> RUN of the CPU transfers everything again: a line that stays the same stays open.
