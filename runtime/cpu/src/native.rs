@@ -234,6 +234,14 @@ impl Call<'_, '_> {
         caller.unwrap_or(Site { block: self.native.id, network: 0, line: 0 })
     }
 
+    /// An entry in the diagnostic buffer, with the statement that has called the block.
+    fn tell(&mut self, event: Event, data: u32, text: &str) {
+        let site = Some(self.site());
+        let machine = &mut *self.cx.machine;
+        let (time, text) = (machine.hot.now, ShortText::new(text));
+        machine.diag.push(DiagEntry { number: 0, time, event, site, accus: [0; 2], data, text });
+    }
+
     fn module_error(error: IoError) -> NativeError {
         match error {
             IoError::NoModule => NativeError::NoModule,
@@ -423,34 +431,12 @@ impl NativeContext for Call<'_, '_> {
     }
 
     fn diag_entry(&mut self, number: u16, text: &str) {
-        let site = Some(self.site());
-        let machine = &mut *self.cx.machine;
-        let entry = DiagEntry {
-            number: 0,
-            time: machine.hot.now,
-            event: Event::PLUGIN_ENTRY,
-            site,
-            accus: [0; 2],
-            data: u32::from(number),
-            text: ShortText::new(text),
-        };
-        machine.diag.push(entry);
+        self.tell(Event::PLUGIN_ENTRY, u32::from(number), text);
     }
 
     fn stop(&mut self, event: Event, text: &str) -> Abort {
-        let site = Some(self.site());
-        let machine = &mut *self.cx.machine;
-        let entry = DiagEntry {
-            number: 0,
-            time: machine.hot.now,
-            event,
-            site,
-            accus: [0; 2],
-            data: 0,
-            text: ShortText::new(text),
-        };
-        machine.diag.push(entry);
-        machine.hot.stopping = true;
+        self.tell(event, 0, text);
+        self.cx.machine.hot.stopping = true;
         Abort
     }
 
