@@ -45,6 +45,7 @@ fn status(end: End, outside: u16) -> Option<u16> {
         End::NoModule => NO_MODULE,
         End::Absent => ABSENT,
         End::Full => FULL,
+        End::Length => LENGTH,
         End::Memory(refused) => of_memory(refused, outside),
     })
 }
@@ -147,7 +148,8 @@ impl<const NUMBER: u16> Block for Receive<NUMBER> {
         let span = Span::of(cx, rcv::RECV)?.map(|span| span.first(span.len.min(most)));
         wanted.target = span.map_or(Spans::NONE, Spans::from);
         wanted.begins = span.is_some();
-        let end = turn(cx, &mut wanted)?;
+        // Without memory for them, data stay in the CP.
+        let end = if span.is_some() { turn(cx, &mut wanted)? } else { End::Idle };
         let status = if span.is_none() { Some(PARAMETER) } else { status(end, TARGET) };
         let len = if let End::Done(len) = end { Some(len) } else { None };
         cx.set(rcv::NDR, len.is_some())?;

@@ -89,6 +89,8 @@ pub(crate) enum End {
     Full,
     /// The memory of the program cannot be read or written.
     Memory(Refused),
+    /// The length of the program's memory has changed while data were being passed: what is left does not fit.
+    Length,
 }
 
 /// One call: one step of the job.
@@ -112,8 +114,9 @@ pub(crate) fn turn(cx: &mut Cx<'_, CpState>, wanted: &mut Wanted) -> Result<End,
         return Ok(End::NoModule);
     }
     let answer = Answer::read(&head);
-    // The length to be received has changed.
-    let is_other = slot.phase() == Phase::Giving && wanted.begins && slot.room.get() != wanted.room();
+    // The length to be received has changed. Data that are there already are taken: the CP has confirmed them.
+    let is_there = answer.job == slot.job.get() && answer.state == State::Giving;
+    let is_other = slot.phase() == Phase::Giving && wanted.begins && slot.room.get() != wanted.room() && !is_there;
     if !is_busy || is_other {
         if !wanted.begins {
             return Ok(End::Idle);
@@ -126,6 +129,7 @@ pub(crate) fn turn(cx: &mut Cx<'_, CpState>, wanted: &mut Wanted) -> Result<End,
         slot.set(Phase::Giving);
         slot.piece.set(0);
         slot.room.set(wanted.room());
+        slot.len.set(wanted.len());
         return give(cx, wanted, slot, record);
     }
     if answer.job != slot.job.get() {
@@ -133,6 +137,10 @@ pub(crate) fn turn(cx: &mut Cx<'_, CpState>, wanted: &mut Wanted) -> Result<End,
     }
     match answer.state {
         State::Collecting if slot.phase() == Phase::Giving && slot.piece.get().checked_add(1) == Some(answer.piece) => {
+            if wanted.len() != slot.len.get() {
+                cancel(cx, wanted.laddr, wanted.owner)?;
+                return Ok(End::Length);
+            }
             slot.piece.set(answer.piece);
             give(cx, wanted, slot, record)
         }
@@ -174,7 +182,7 @@ fn order(wanted: &Wanted, slot: &Slot) -> Order {
         id: wanted.id,
         r_id: wanted.r_id,
         piece: slot.piece.get(),
-        len: wanted.len(),
+        len: slot.len.get(),
         taken: 0,
         room: slot.room.get(),
     }
@@ -220,6 +228,10 @@ fn take(cx: &mut Cx<'_, CpState>, wanted: &mut Wanted, slot: &Slot, record: u8) 
     }
     // If the CP gives more than there is room for, the rest is ignored.
     let len = answer.len.min(slot.room.get());
+    if len > wanted.room() {
+        cancel(cx, wanted.laddr, wanted.owner)?;
+        return Ok(End::Length);
+    }
     let piece = range(answer.piece, len as usize);
     let bytes = data.get(..piece.len()).unwrap_or_default();
     if wanted.target.len() > 0 {

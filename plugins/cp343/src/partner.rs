@@ -129,6 +129,7 @@ pub(crate) fn failure(end: End) -> Option<u16> {
         End::Failed(status) => status,
         End::NoModule | End::Absent => status::CONNECTION,
         End::Full => status::FULL,
+        End::Length => status::AREA,
         End::Memory(_) => status::LOCAL,
     })
 }

@@ -32,6 +32,8 @@ ob1_sdk::state! {
         pub(crate) piece: Cell<u16>,
         /// The room for data when the job began.
         pub(crate) room: Cell<u32>,
+        /// Bytes for the CP when the job began.
+        pub(crate) len: Cell<u32>,
         used: Cell<u32>,
     }
 }

@@ -19,13 +19,13 @@ const DLE: u8 = 0x10;
 /// A partner on the line: with 3964R it acknowledges received blocks and sends its own; with other protocols it only
 /// receives.
 #[derive(Default)]
-struct Partner {
+pub(crate) struct Partner {
     is_3964r: bool,
     /// All received characters.
     heard: Vec<u8>,
     /// 3964R: start of the telegram being received.
     from: Option<usize>,
-    telegrams: Vec<Vec<u8>>,
+    pub(crate) telegrams: Vec<Vec<u8>>,
     blocks: VecDeque<Vec<u8>>,
     connects: bool,
 }
@@ -36,7 +36,7 @@ fn block(telegram: &[u8]) -> Vec<u8> {
 }
 
 /// A Modbus RTU telegram with its check.
-fn rtu(telegram: &[u8]) -> Vec<u8> {
+pub(crate) fn rtu(telegram: &[u8]) -> Vec<u8> {
     let mut frame = [0; 300];
     let len = ob1_protocols::modbus::rtu::encode(telegram, &mut frame).expect("it fits");
     frame[..len].to_vec()
@@ -74,8 +74,8 @@ impl Device for Partner {
     }
 }
 
-struct Site {
-    bench: Bench<Partner>,
+pub(crate) struct Site {
+    pub(crate) bench: Bench<Partner>,
 }
 
 /// A station with one CP 240 with these parameters, and this program in its cycle.
@@ -97,7 +97,7 @@ fn station(folder: &Path, params: &str, cycle: &str, blocks: &str) -> PathBuf {
 }
 
 impl Site {
-    fn new(params: &str, cycle: &str, blocks: &str) -> Self {
+    pub(crate) fn new(params: &str, cycle: &str, blocks: &str) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let path = station(folder.path(), params, cycle, blocks);
         let partner = Partner { is_3964r: params.contains("3964r"), ..Partner::default() };
@@ -107,21 +107,21 @@ impl Site {
         Self { bench }
     }
 
-    fn bit(&mut self, byte: u32, bit: u32, on: bool) {
+    pub(crate) fn bit(&mut self, byte: u32, bit: u32, on: bool) {
         let cell = Cell::Area(Area::Memory, 8 * byte + bit);
         self.bench.station.cpu.write(cell, Width::Bit, u32::from(on)).expect("bit memory");
     }
 
-    fn is_set(&self, byte: usize, bit: u32) -> bool {
+    pub(crate) fn is_set(&self, byte: usize, bit: u32) -> bool {
         self.bench.station.cpu.bit_memory()[byte] >> bit & 1 == 1
     }
 
-    fn word(&self, at: usize) -> u16 {
+    pub(crate) fn word(&self, at: usize) -> u16 {
         let memory = self.bench.station.cpu.bit_memory();
         u16::from_be_bytes([memory[at], memory[at + 1]])
     }
 
-    fn until(&mut self, what: impl Fn(&Self) -> bool) {
+    pub(crate) fn until(&mut self, what: impl Fn(&Self) -> bool) {
         for _ in 0..20_000 {
             if what(self) {
                 return;
@@ -132,7 +132,7 @@ impl Site {
     }
 
     /// The partner sends a telegram of 3964R.
-    fn partner_sends(&mut self, telegram: &[u8]) {
+    pub(crate) fn partner_sends(&mut self, telegram: &[u8]) {
         let block = block(telegram);
         self.bench.meanwhile(|partner, _, out| {
             partner.blocks.push_back(block);
@@ -143,19 +143,20 @@ impl Site {
     }
 }
 
-const SYNCHRON: &str = "CALL FC 9 (ADR := 256, TIMER_NR := T 2, ANL := M 1.0, NULL := M 1.1, RESET := M 1.2, \
-     STEUERB_S := MB 2, STEUERB_R := MB 3);\n";
+pub(crate) const SYNCHRON: &str = "CALL FC 9 (ADR := 256, TIMER_NR := T 2, ANL := M 1.0, NULL := M 1.1, \
+     RESET := M 1.2, STEUERB_S := MB 2, STEUERB_R := MB 3);\n";
 
 /// FC 4 as long as M 4.0 is 0; `ANZW` MW 40.
-const SERVES: &str = "U M 1.0;\nBEB;\nU M 4.0;\nBEB;\nCALL FC 4 (ADR := 256, ANZW := MW 40, PAFE := MB 42, \
+pub(crate) const SERVES: &str = "U M 1.0;\nBEB;\nU M 4.0;\nBEB;\nCALL FC 4 (ADR := 256, ANZW := MW 40, PAFE := MB 42, \
      GESE := MW 44, ANZ := MW 46, DB_KOPF := MW 48, ABF_KOPF := MW 50, KOPF_AUSGEW := M 52.0, \
      LETZTER_BLOCK := M 52.1, SENDE_LAEUFT := M 52.2, EMPF_LAEUFT := M 52.3, ENDE_KOM := M 52.4, SEND_ALL := M 52.5, \
      RECEIV_ALL := M 52.6, FEHLER := M 52.7);\n";
-const DB_10: &str = "DATA_BLOCK DB 10\nSTRUCT\nD : ARRAY [1..1100] OF BYTE;\nEND_STRUCT\nBEGIN\nEND_DATA_BLOCK\n";
-const SENDE_LAEUFT: u32 = 2;
+pub(crate) const DB_10: &str =
+    "DATA_BLOCK DB 10\nSTRUCT\nD : ARRAY [1..1100] OF BYTE;\nEND_STRUCT\nBEGIN\nEND_DATA_BLOCK\n";
+pub(crate) const SENDE_LAEUFT: u32 = 2;
 const EMPF_LAEUFT: u32 = 3;
-const FEHLER: u32 = 7;
-const RK512: &str = "{ protocol = \"3964r-rk512\", baud = 115200, priority = \"high\" }";
+pub(crate) const FEHLER: u32 = 7;
+pub(crate) const RK512: &str = "{ protocol = \"3964r-rk512\", baud = 115200, priority = \"high\" }";
 
 fn serving() -> Site {
     let mut site = Site::new(RK512, &[SYNCHRON, SERVES].concat(), DB_10);
@@ -213,7 +214,7 @@ fn an_answer_that_comes_too_late() {
 }
 
 /// FC 11; `EMFR` M 3.0, `ANZ` MW 40. It counts telegrams in MW 54, and errors in MW 56.
-const FRAGMENTS: &str = "U M 1.0;\nBEB;\nCALL FC 11 (ADR := 256, _DB := DB 10, ABD := W#16#0, ANZ := MW 40, \
+pub(crate) const FRAGMENTS: &str = "U M 1.0;\nBEB;\nCALL FC 11 (ADR := 256, _DB := DB 10, ABD := W#16#0, ANZ := MW 40, \
      EMFR := M 5.0, GEEM := MW 44, ANZ_INT := MW 46, EMPF_LAEUFT := M 3.0, LETZTER_BLOCK := M 3.1, \
      FEHLER_EMPF := M 3.2, PAFE := MB 42);\n";
 

@@ -471,19 +471,22 @@ fn p_reset_empties_the_receive_buffer() {
     assert_eq!(site.reports(), [Ok(3)]);
 }
 
-/// 3964R: there is no buffer for a second telegram.
+/// 3964R: there is no buffer for a second telegram, or too little of it. 050Eh is for a telegram above 1024 bytes.
 #[test]
 fn a_full_buffer_over_3964r() {
-    let mut site = Site::s3964r();
-    for length in [1024_usize, 1] {
-        site.bench.device.blocks.push(framed(&vec![b'x'; length]));
-        site.says(&[STX]);
-        site.pass(3 * SECOND);
+    for (first, second) in [(1024_usize, 1), (1000, 25)] {
+        let mut site = Site::s3964r();
+        for length in [first, second] {
+            site.bench.device.blocks.push(framed(&vec![b'x'; length]));
+            site.says(&[STX]);
+            site.pass(3 * SECOND);
+        }
+        let entries = site.bench.entries();
+        assert!(entries.contains(&0x080A) && !entries.contains(&0x050E), "{second} bytes: {entries:04X?}");
+        site.set(61, 1, 1);
+        site.pass(SECOND);
+        assert_eq!(site.reports(), [Ok(first as u16)]);
     }
-    assert!(site.bench.entries().contains(&0x080A), "{:04X?}", site.bench.entries());
-    site.set(61, 1, 1);
-    site.pass(SECOND);
-    assert_eq!(site.reports(), [Ok(1024)]);
 }
 
 /// "Clear the CP's receive buffer at start-up": yes is the default. [CP 340 manual 04/2011, p. 72]

@@ -35,6 +35,8 @@ pub(crate) struct Registers {
 pub(crate) struct Cpu {
     /// Actual parameters by index; `None`: left open.
     pub(crate) params: Vec<Option<u32>>,
+    /// ANY pointers among them, by index.
+    pub(crate) pointers: BTreeMap<u32, [u8; 10]>,
     pub(crate) dbs: BTreeMap<u16, Vec<u8>>,
     pub(crate) memory: Vec<u8>,
     pub(crate) inputs: Vec<u8>,
@@ -134,8 +136,11 @@ impl NativeContext for Cpu {
         *self.params.get_mut(index as usize).ok_or(NativeError::NoParam)? = Some(value);
         Ok(())
     }
-    fn param_read(&mut self, _index: u32, _at: u32, _into: &mut [u8]) -> Result<(), NativeError> {
-        Err(NativeError::NoParam)
+    fn param_read(&mut self, index: u32, at: u32, into: &mut [u8]) -> Result<(), NativeError> {
+        let pointer = self.pointers.get(&index).ok_or(NativeError::NoParam)?;
+        let bytes = pointer.get(at as usize..at as usize + into.len()).ok_or(NativeError::Outside)?;
+        into.copy_from_slice(bytes);
+        Ok(())
     }
     fn param_write(&mut self, _index: u32, _at: u32, _from: &[u8]) -> Result<(), NativeError> {
         Err(NativeError::NoParam)
