@@ -9,7 +9,7 @@ use ob1_cpu::ModuleEvent;
 use ob1_model::Event;
 use ob1_time::{Instant, Span};
 
-use crate::module::messages as entry;
+use crate::module::messages::{self as entry, Allowance, INTERRUPTS, STATES};
 use crate::supervisor::Report;
 
 /// At most this much of the time between two looks counts as silence of the process: a scan that is late itself has not
@@ -90,6 +90,8 @@ struct Known {
     diagnosis: u64,
     faulty: bool,
     refuses: bool,
+    /// Entries that may still be made of what it refuses or reports. The last word is told when there may be one more.
+    words: Allowance,
 }
 
 #[derive(Debug)]
@@ -106,7 +108,8 @@ pub(super) struct Stations {
 
 impl Stations {
     pub(super) fn new(stations: Vec<Station>, rules: StationRules) -> Self {
-        let known = |station| Known {
+        let known = |station: Station| Known {
+            words: Allowance::new(if station.interrupts { INTERRUPTS } else { STATES }),
             station,
             present: false,
             status: Status::default(),
@@ -161,6 +164,7 @@ impl Stations {
         }
         for (index, known) in self.list.iter_mut().enumerate() {
             let status = status(index).unwrap_or(Status { state: State::Lost, ..Status::default() });
+            known.words.fill(now);
             known.look(alive && !self.down, silent, status);
         }
     }
@@ -237,7 +241,7 @@ impl Stations {
             return known.slave_event(dp, inputs);
         }
         let refusal = known.status.refusal.filter(|_| known.present || known.status.state == State::Refused);
-        if refusal == known.refusal {
+        if refusal == known.refusal || !known.words.take() {
             return None;
         }
         known.refusal = refusal;
@@ -260,13 +264,13 @@ impl Known {
         if self.present {
             self.refuses = false;
         }
-        if !refuses && !fresh {
+        if !refuses && !fresh || !self.words.is_left() {
             return None;
         }
         let mut area = [0; _];
         let diagnosis = Diagnosis::new(dp.diagnosis(&mut area, inputs));
         if refuses {
-            self.refuses = true;
+            self.refuses = self.words.take();
             let why = diagnosis.and_then(|diagnosis| diagnosis.refusal(dp.master, dp.ident));
             return Some(match why {
                 Some(why) => entry::text(Event::STATION_REFUSES, format_args!("{why}")),
@@ -276,7 +280,7 @@ impl Known {
         self.diagnosis = self.status.diagnosis;
         let diagnosis = diagnosis?;
         let was = std::mem::replace(&mut self.faulty, diagnosis.has_faults());
-        if !was && !self.faulty {
+        if !was && !self.faulty || !self.words.take() {
             return None;
         }
         Some(of_faults(diagnosis, self.station.interrupts))

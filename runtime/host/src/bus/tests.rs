@@ -230,6 +230,29 @@ fn a_refusal_is_told_in_words_and_spoils_its_range_alone() {
     assert_eq!(bench.scan(), ([1, 2, 3, 4], vec![Event::STATION_ACCEPTS.0]));
 }
 
+/// A coupler that refuses and accepts in turn, at each exchange: it does not push everything else out of the diagnostic
+/// buffer, and its last word is told.
+#[test]
+fn a_station_that_flaps_has_its_limit() {
+    for (interrupts, most) in [(false, 16..=18), (true, 64..=175)] {
+        let mut bench = bench_with(interrupts);
+        let refusal = Some(Refusal { function: 3, exception: 2, table: Table::Holding, first: 100 });
+        let of = |refusal| Status { state: State::Running, refusal, ..Status::default() };
+        let mut told = Vec::new();
+        // More than ten seconds; it accepts in the end.
+        for round in 0..1100 {
+            bench.publish_all([of(refusal.filter(|_| round % 2 == 0)), of(None)], [0; 4]);
+            told.extend(bench.scan().1);
+        }
+        assert!(most.contains(&told.len()), "{interrupts}: {}", told.len());
+        for _ in 0..1100 {
+            bench.publish_all([of(None); 2], [0; 4]);
+            told.extend(bench.scan().1);
+        }
+        assert_eq!(told.last(), Some(&Event::STATION_ACCEPTS.0), "{interrupts}");
+    }
+}
+
 #[test]
 fn a_refusal_that_interrupts_says_what_is_refused_too() {
     let mut bench = bench_with(true);

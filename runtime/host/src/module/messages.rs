@@ -30,14 +30,15 @@ const SEEN_BY_THE_CP: usize = 6;
 const INTERRUPT_OFF: usize = 7;
 
 /// Entries about line and parameters at once, and the time after which there may be one more: a line that comes and
-/// goes all the time must not push everything else out of the buffer.
-const STATES: (u32, Span) = (16, Span::from_secs(10));
+/// goes all the time must not push everything else out of the buffer. The same for what a station of a bus refuses, or
+/// reports of itself.
+pub(crate) const STATES: (u32, Span) = (16, Span::from_secs(10));
 /// Diagnostic interrupts at once, and the time after which there may be one more.
-const INTERRUPTS: (u32, Span) = (64, Span::from_millis(100));
+pub(crate) const INTERRUPTS: (u32, Span) = (64, Span::from_millis(100));
 
 /// So many at once, and one more each time a period has passed.
 #[derive(Debug)]
-struct Allowance {
+pub(crate) struct Allowance {
     left: u32,
     full: u32,
     every: Span,
@@ -46,11 +47,11 @@ struct Allowance {
 }
 
 impl Allowance {
-    const fn new((full, every): (u32, Span)) -> Self {
+    pub(crate) const fn new((full, every): (u32, Span)) -> Self {
         Self { left: full, full, every, filled: Instant::START }
     }
 
-    fn fill(&mut self, now: Instant) {
+    pub(crate) fn fill(&mut self, now: Instant) {
         let more = now.since(self.filled) / self.every;
         self.filled += more * self.every;
         self.left = u32::try_from(more).map_or(self.full, |more| self.left.saturating_add(more).min(self.full));
@@ -59,8 +60,13 @@ impl Allowance {
         }
     }
 
+    /// Whether there is one left.
+    pub(crate) const fn is_left(&self) -> bool {
+        self.left > 0
+    }
+
     /// Takes one, if there is one left.
-    fn take(&mut self) -> bool {
+    pub(crate) fn take(&mut self) -> bool {
         let taken = self.left > 0;
         self.left -= u32::from(taken);
         taken
