@@ -150,7 +150,7 @@ impl Monitor {
 
     /// STOP, STARTUP or RUN.
     pub(crate) fn state(&self) -> &'static str {
-        OperatingState::of(self.state.load(Ordering::Relaxed) as u64).name()
+        OperatingState::of(self.state.load(Ordering::Relaxed)).name()
     }
 
     /// The number of the newest scan that was seen.

@@ -188,10 +188,11 @@ fn act<O: Order>(
         Step::Drain(word) => return write_echo(cx, module, word).map(|_| Pafe::Ok),
         Step::Take { from, len, word } => {
             let code = (from == 0).then(|| verdict(wish, O::COMMAND, job.total, block));
-            if code.is_none_or(|code| code == 0) && !job.failed {
-                if let Err(pafe) = store_data(cx, wish, from, &block[..usize::from(len)])? {
-                    return Ok(pafe);
-                }
+            if code.is_none_or(|code| code == 0)
+                && !job.failed
+                && let Err(pafe) = store_data(cx, wish, from, &block[..usize::from(len)])?
+            {
+                return Ok(pafe);
             }
             if !write_echo(cx, module, word)? {
                 return Ok(Pafe::Ok);
