@@ -13,8 +13,8 @@ use ob1_station::wall_clock;
 /// Print the diagnostic buffers of a running station
 ///
 /// The buffer of the CPU, and those its CPs have of their own (CP 341): newest entry first, each with its date and
-/// time of day (UTC), its time since the start of the runtime, its number, what it means, where (block, line, file) and,
-/// in the line below, what helps. The buffer of a CP outlives its driver.
+/// time of day (UTC), its time since the start of the runtime, its number, what it means, where (block, line, file)
+/// and, in the line below, what helps. The buffer of a CP outlives its driver.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 diag press.toml\n  ob1 diag press cp --count 5\n  ob1 diag press 272 --json\n\n\

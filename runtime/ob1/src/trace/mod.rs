@@ -30,7 +30,7 @@ const LONGEST: u64 = 1 << 30;
 /// Each telegram and each control character with its time (seconds since the driver's start), its direction (> from the
 /// CP, < to it), its meaning and its user data. Listening does not slow the CP down: what is not fetched in time is
 /// lost, and counted.
-#[derive(Debug, Args)]
+#[derive(Debug, Default, Args)]
 #[command(
     after_help = "Examples:\n  ob1 trace press.toml\n  ob1 trace press.toml scale --raw\n  ob1 trace press --record line.trace --quiet --for 10min\n  \
     ob1 trace --from line.trace\n  ob1 trace --from line.trace --pcapng line.pcapng       Modbus RTU, for Wireshark (docs/trace.md)"

@@ -185,7 +185,7 @@ fn a_file_that_is_named_twice_stays() {
     for (from, record, pcapng) in
         [(Some("line.trace"), None, "line.trace"), (Some("line.trace"), None, "link"), (None, Some("new"), "new")]
     {
-        let options = ob1_command::trace::Options {
+        let args = ob1_command::trace::TraceArgs {
             station: Some("nobody".into()).filter(|_| from.is_none()),
             from: from.map(path),
             record: record.map(path),
@@ -193,7 +193,7 @@ fn a_file_that_is_named_twice_stays() {
             quiet: true,
             ..Default::default()
         };
-        assert_eq!(ob1_command::trace::trace(&options), ob1_command::exit::Exit::Usage, "{pcapng}");
+        assert_eq!(ob1_command::trace::trace(&args), ob1_command::exit::Exit::Usage, "{pcapng}");
     }
     assert_eq!(std::fs::read(path("line.trace")).expect("there"), file);
     assert!(!path("new").exists());
