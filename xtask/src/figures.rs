@@ -21,9 +21,9 @@ pub(crate) fn sim(args: &[String]) -> Outcome {
     start("sim", Profile::Debug, &rest, None)
 }
 
-/// `cargo xtask bench`: the figures of the README, with the lower limit measured in the same run. `stl`, `line`, `io`
-/// and `s7` compare with other programs and need the Python of the partners. `gate [items browsers paint] [--minutes
-/// M]` puts load on the gate.
+/// `cargo xtask bench`: the figures of `docs/figures.md`, with the lower limit measured in the same run. `stl`, `line`,
+/// `io` and `s7` compare with other programs and need the Python of the partners. `gate [items browsers paint]
+/// [--minutes M]` puts load on the gate.
 ///
 /// # Errors
 /// If it cannot be built or run.

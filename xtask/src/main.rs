@@ -34,7 +34,7 @@ usage: cargo xtask VERB [...]
   test [--release] [FILTER]       all tests: plugins, binaries and partners are built and handed to them
   sim [--debug] [--seeds N] [--seed S] [--minutes M] [-- ...]
                                   the whole station in virtual time, with line faults and driver kills
-  bench [...]                     the figures of the README, next to the floor of this machine; bench stl: the engine beside awlsim;
+  bench [...]                     the figures of docs/figures.md, next to the floor of this machine; bench stl: the engine beside awlsim;
                                   bench disturb: the scan while it is looked at and its driver is killed;
                                   bench kill-runtime: how long the outputs of a killed runtime stay on;
                                   bench io: remote I/O over Modbus TCP beside libmodbus;
