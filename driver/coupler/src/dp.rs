@@ -142,8 +142,8 @@ mod tests {
             (
                 [0x02, 0x05, 0, 0x03, 0x80, 0x1D],
                 format!(
-                    "another master has it: ident 801Dh, master 3, {others}; take it out of that master's \
-                     configuration, or switch that master off"
+                    "another master has it: ident 801Dh, master 3, {others}; remove it from the configuration of that \
+                     master, or switch that master off"
                 ),
             ),
             (

@@ -397,7 +397,7 @@ mod tests {
         assert_eq!(made.expect("it can be made").parameters[3..], [0x01, 0x33, 0x00, 0x05]);
         for (parameters, says, remedy) in [
             (named(&[("Rnge", Value::Number(1))]), "no parameter \"Rnge\"", "there are: Range, Smoothing, Limit"),
-            (named(&[("Range", Value::Text("5 V".into()))]), "\"5 V\" is no value", "4..20 mA"),
+            (named(&[("Range", Value::Text("5 V".into()))]), "\"5 V\" is not a value", "4..20 mA"),
             (named(&[("Smoothing", Value::Number(9))]), "\"Smoothing\" cannot be 9", "0 to 3"),
             (named(&[("Limit", Value::Number(40_000))]), "\"Limit\" cannot be 40000", "-32768 to 32767"),
         ] {

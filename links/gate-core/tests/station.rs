@@ -173,7 +173,7 @@ fn rights_of_users_and_their_trace() {
         plant.desk.say(&ToLink::News(News::Written { client, ticket, outcome: Ok(7) }));
         assert_eq!(written.await.expect("no panic"), Ok(7));
         let audit = plant.audit();
-        for part in ["refused: not allowed", "command Stop", "write MW10 = 5", "done, scan 7", "\"user\":\"anna\""] {
+        for part in ["refused: not allowed", "command stop", "write MW10 = 5", "done, scan 7", "\"user\":\"anna\""] {
             assert!(audit.contains(part), "{part}: {audit}");
         }
         drop((reader, operator));

@@ -78,7 +78,7 @@ fn nothing_bars_anybodys_way() {
     for (width, schemes, languages) in [(1200, &["light", "dark"][..], &["en", "de"][..]), (320, &["light"], &["en"])] {
         let browser = Browser::open(width);
         browser.go(&format!("http://127.0.0.1:{port}/"));
-        browser.until("document.querySelector('main').innerText.includes('who you are')");
+        browser.until("document.querySelector('main').innerText.includes('Log in to this station')");
         judge(&browser, "before one is logged in");
         log_in(&browser, "anna");
         for (scheme, language) in schemes.iter().flat_map(|scheme| languages.iter().map(move |word| (scheme, word))) {
@@ -207,7 +207,7 @@ fn variables_and_operating_state_are_changed_with_right_only() {
     let (station, port, _) = station(&site, "browser-rights", "rights = \"operate\"\nusers = \"a.users\"");
     let browser = Browser::open(1200);
     browser.go(&format!("http://127.0.0.1:{port}/"));
-    browser.until("document.querySelector('main').innerText.includes('who you are')");
+    browser.until("document.querySelector('main').innerText.includes('Log in to this station')");
     log_in(&browser, "rita");
     watch(&browser);
     assert_eq!(browser.run("return document.querySelector('#values tbody button').disabled"), true);

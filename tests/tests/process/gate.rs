@@ -170,10 +170,10 @@ fn without_rights_nothing_changes() {
     let lines: Vec<Value> = audit.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
     for (user, what, outcome) in [
         ("rita", "write MW 20 = 1", "refused: not allowed"),
-        ("rita", "command Stop", "refused: not allowed"),
+        ("rita", "command stop", "refused: not allowed"),
         ("willi", "write MW 20 = 7", "done, scan"),
-        ("willi", "command Stop", "refused"),
-        ("anna", "command Stop", "done"),
+        ("willi", "command stop", "refused"),
+        ("anna", "command stop", "done"),
         ("anna", "login", "done"),
         ("anna", "logout", "done"),
     ] {

@@ -143,13 +143,13 @@ fn writes_and_methods_go_by_the_right_of_the_user() {
     let mut wrong = asyncua(&site, port, &["--user", "anna", "--password", "guess"]);
     assert_eq!(wrong.answer()["ok"], false);
     let log = std::fs::read_to_string(site.path("ua-write.audit")).expect("an audit log");
-    for what in ["\"login\"", "write MW30 = 4711", "command Stop", "\"anna\"", "wrong name or password"] {
+    for what in ["\"login\"", "write MW30 = 4711", "command stop", "\"anna\"", "wrong name or password"] {
         assert!(log.contains(what), "{what}: {log}");
     }
     // Refused attempts are also logged.
     let lines: Vec<Value> = log.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
     for (user, what) in
-        ["bert", "-"].into_iter().flat_map(|user| [(user, "write DB10.number = 0"), (user, "command Stop")])
+        ["bert", "-"].into_iter().flat_map(|user| [(user, "write DB10.number = 0"), (user, "command stop")])
     {
         let told = lines
             .iter()

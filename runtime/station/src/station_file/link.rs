@@ -357,7 +357,7 @@ mod tests {
             ("slot = 32", 7, "slot = 32 is out of range"),
             ("pdu = 20", 7, "pdu = 20 is out of range"),
             ("clients = 0", 7, "clients = 0 is out of range"),
-            ("areas = [\"X\"]", 7, "\"X\" is no area"),
+            ("areas = [\"X\"]", 7, "\"X\" is not an area"),
             ("blocks = [\"10\"]", 7, "names no data blocks"),
             ("password = \"123456789\"\npassword_rights = \"write\"", 7, "cannot be a password"),
             ("password = \"secret\"", 7, "gives no rights"),
