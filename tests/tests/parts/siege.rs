@@ -68,8 +68,8 @@ fn segment() {
     println!("{rounds} scans beside a hostile driver: {events} events, {records} records, no panic");
 }
 
-/// Sources, symbol tables, station files, tests, traces, whole programs and intermediate code, from the committed inputs
-/// and the examples: no damaged input causes a panic.
+/// Sources, symbol tables, station files, tests, traces, whole programs and intermediate code, from the committed
+/// inputs and the examples: no damaged input causes a panic.
 #[test]
 fn input() {
     let rounds = rounds(400);
