@@ -149,7 +149,8 @@ fn the_keyboard_is_enough() {
     // The focused control can be used.
     browser.run("document.querySelector(\"nav a[href='#variables']\").focus()");
     browser.press(&[Key::Enter]);
-    browser.until("location.hash === '#variables'");
+    // A page that is turned to takes the focus.
+    browser.until("location.hash === '#variables' && document.activeElement.id === 'main'");
     browser.run("document.querySelector('#language').focus()");
     browser.press(&[Key::Enter]);
     browser.until("document.documentElement.lang === 'de'");
