@@ -2,8 +2,9 @@
 //!
 //! A segmentation fault, a bus error, an illegal instruction, an arithmetic fault, a trap or an abort comes from code
 //! that is not safe Rust: a block in C, a library. Nothing of the process can be trusted then. The handler runs on a
-//! stack of its own, switches the outputs off, writes what is known from a buffer of fixed size, and ends the process with a
-//! code of its own. It allocates nothing, takes no lock that it would have to wait for, and nothing unwinds from it.
+//! stack of its own, switches the outputs off, writes what is known from a buffer of fixed size, and ends the process
+//! with a code of its own. It allocates nothing, takes no lock that it would have to wait for, and nothing unwinds
+//! from it.
 
 use std::ffi::{c_int, c_void};
 use std::fmt::{self, Write as _};
