@@ -480,3 +480,94 @@ fn what_comes_in_the_place_of_a_connection_is_not_closed_for_it() {
         }
     }
 }
+
+/// A CP with an ISO and a TCP connection that are up, and what its partner has sent.
+fn up(index: usize) -> (Plc, Transport) {
+    let (mut plc, mut partner) = (Plc::new(index == TCP, Rights::Write), Transport::new());
+    if index == TCP {
+        plc.machine.connected(TCP, 1);
+        return (plc, partner);
+    }
+    let [a, b] = ["ISO-A", "ISO-B"].map(|tsap| Tsap::new(tsap.as_bytes()).expect("short"));
+    partner.call(a, b);
+    plc.machine.called(ISO, call(), 1);
+    partner.sent(partner.output().len());
+    partner.receive(plc.machine.output(ISO)).expect("the confirmation");
+    assert!(matches!(partner.event(), Ok(Some(Event::Open))));
+    (plc, partner)
+}
+
+/// Data of the partner for the connection.
+fn comes(plc: &mut Plc, partner: &mut Transport, index: usize, data: &[u8]) {
+    if index == TCP {
+        return plc.machine.receive(TCP, data, 2);
+    }
+    partner.send(data);
+    let bytes = partner.output().to_vec();
+    partner.sent(bytes.len());
+    plc.machine.receive(ISO, &bytes, 2);
+}
+
+/// AG_RECV takes some of the pieces, then the CPU drops it: its memory has become too short. The next one gets
+/// everything, and what follows.
+#[test]
+fn data_that_were_not_taken_completely_are_given_again() {
+    for (index, at, id) in [(ISO, ISO_RECV, 2), (TCP, TCP_RECV, 3)] {
+        for again in 0..2 {
+            let (mut plc, mut partner) = up(index);
+            let (first, second) = (pattern(1, TCP_BYTES), pattern(2, TCP_BYTES));
+            comes(&mut plc, &mut partner, index, &first);
+            comes(&mut plc, &mut partner, index, &second);
+            plc.begin(at, Service::Receive, id, Vec::new(), TCP_BYTES as u32, 3);
+            // Two pieces: the first is taken once, or not at all.
+            for _ in 0..again {
+                let (box_, block) = plc.machine.next_box().map(|(at, block)| (at, *block)).expect("it gives");
+                let (head, data) = block.split_first_chunk::<HEAD_BYTES>().expect("a head");
+                let (shown, end) = plc.jobs[box_].step(&Answer::read(head), data);
+                assert_eq!(end, None, "one of two pieces");
+                plc.machine.show(box_, &shown.expect("taken"), 3);
+            }
+            plc.machine.show(at, &[0; BOX_BYTES], 4);
+            for whole in [first, second] {
+                plc.begin(at, Service::Receive, id, Vec::new(), TCP_BYTES as u32, 5);
+                assert_eq!(plc.boxes(5), [(at, End::Done(whole))], "{index}, after {again} pieces");
+            }
+        }
+    }
+}
+
+/// Bytes of a stream belong to their connection: those of a connection that is gone do not get in front of others.
+#[test]
+fn dropped_data_of_a_connection_that_is_gone_do_not_come_on_the_next_one() {
+    for late in [false, true] {
+        let (mut plc, mut partner) = up(TCP);
+        comes(&mut plc, &mut partner, TCP, &pattern(1, TCP_BYTES));
+        plc.begin(TCP_RECV, Service::Receive, 3, Vec::new(), TCP_BYTES as u32, 3);
+        plc.machine.lost(TCP, 3);
+        if late {
+            plc.machine.connected(TCP, 4);
+        }
+        plc.machine.show(TCP_RECV, &[0; BOX_BYTES], 4);
+        if !late {
+            plc.machine.connected(TCP, 4);
+        }
+        comes(&mut plc, &mut partner, TCP, &pattern(2, TCP_BYTES));
+        plc.begin(TCP_RECV, Service::Receive, 3, Vec::new(), TCP_BYTES as u32, 5);
+        assert_eq!(plc.boxes(5), [(TCP_RECV, End::Done(pattern(2, TCP_BYTES)))]);
+    }
+}
+
+/// The memory of an AG_RECV that waits changes its length: the order stays, and data that have come are given by the new
+/// length.
+#[test]
+fn an_order_for_data_follows_the_length_of_the_memory() {
+    let (mut plc, mut partner) = up(TCP);
+    plc.begin(TCP_RECV, Service::Receive, 3, Vec::new(), 100, 3);
+    comes(&mut plc, &mut partner, TCP, &pattern(1, 60));
+    assert_eq!(plc.boxes(3), [], "not all of them");
+    let order = plc.jobs[TCP_RECV].order.as_mut().expect("it waits");
+    order.room = 60;
+    let block = plc.jobs[TCP_RECV].block(&plc.jobs[TCP_RECV].order.expect("it waits"));
+    plc.machine.show(TCP_RECV, &block, 4);
+    assert_eq!(plc.boxes(4), [(TCP_RECV, End::Done(pattern(1, 60)))]);
+}

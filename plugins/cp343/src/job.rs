@@ -117,8 +117,16 @@ pub(crate) fn turn(cx: &mut Cx<'_, CpState>, wanted: &mut Wanted) -> Result<End,
     // The length to be received has changed. Data that are there already are taken: the CP has confirmed them.
     let is_there = answer.job == slot.job.get() && answer.state == State::Giving;
     let is_other = slot.phase() == Phase::Giving && wanted.begins && slot.room.get() != wanted.room() && !is_there;
+    if is_other && wanted.service == Service::Receive {
+        // The same order with another length: data that come meanwhile are still those of this order.
+        slot.room.set(wanted.room());
+        return give(cx, wanted, slot, record);
+    }
     if !is_busy || is_other {
-        if !wanted.begins {
+        // A new order for data waits until the CP has seen the end of the one before: otherwise it could not tell
+        // whether its data have been taken, and gives those that have not to the new one.
+        let is_unseen = wanted.service == Service::Receive && is_there;
+        if !wanted.begins || is_unseen {
             return Ok(End::Idle);
         }
         let mut number = answer.job.wrapping_add(1).max(1);
@@ -226,8 +234,9 @@ fn take(cx: &mut Cx<'_, CpState>, wanted: &mut Wanted, slot: &Slot, record: u8) 
     if answer.state != State::Giving || answer.job != slot.job.get() || answer.piece != slot.piece.get() {
         return Ok(End::Running);
     }
-    // If the CP gives more than there is room for, the rest is ignored.
-    let len = answer.len.min(slot.room.get());
+    // If a partner gives more than it was asked for, the rest is ignored. Received data stay whole.
+    let is_received = wanted.service == Service::Receive;
+    let len = if is_received { answer.len } else { answer.len.min(slot.room.get()) };
     if len > wanted.room() {
         cancel(cx, wanted.laddr, wanted.owner)?;
         return Ok(End::Length);

@@ -50,6 +50,8 @@ pub(super) struct Slot {
     /// BRCV: total number of bytes, and the answer the partner waits for.
     pub(super) total: Option<usize>,
     pub(super) held: Option<Held>,
+    /// AG_RECV: how many times the connection had come up when the data were taken from it.
+    pub(super) ups: u64,
     shown: [u8; BOX_BYTES],
     is_new: bool,
 }
@@ -68,6 +70,7 @@ impl Default for Slot {
             unit: 0,
             total: None,
             held: None,
+            ups: 0,
             shown: [0; BOX_BYTES],
             is_new: false,
         }
@@ -105,6 +108,7 @@ impl Coupling {
         let Some(slot) = self.slots.get(at) else { return };
         if order.service.is_none() || order.job == 0 {
             if slot.phase != Phase::Idle {
+                self.put_back(at);
                 self.cancel(at);
             }
             return;
@@ -120,6 +124,13 @@ impl Coupling {
         }
         let Some(slot) = self.slots.get_mut(at) else { return };
         slot.order.taken = order.taken;
+        if slot.phase == Phase::Running && slot.order.room != order.room {
+            slot.order.room = order.room;
+            if order.service == Some(Service::Receive) {
+                self.wait_for_data(at);
+            }
+            return;
+        }
         match slot.phase {
             Phase::Collecting if order.piece == slot.piece => {
                 let len = slot.order.len as usize;
@@ -220,6 +231,18 @@ impl Coupling {
         (slot.phase, slot.piece, slot.give) = (Phase::Giving, 0, bytes);
         slot.data.clear();
         slot.show(State::Giving, 0);
+    }
+
+    /// The CPU has dropped an AG_RECV before it had all data: the next one gets them.
+    fn put_back(&mut self, at: usize) {
+        let Some(slot) = self.slots.get_mut(at) else { return };
+        if slot.phase != Phase::Giving || slot.order.service != Some(Service::Receive) {
+            return;
+        }
+        let (id, data, ups) = (slot.order.id, std::mem::take(&mut slot.give), slot.ups);
+        if let Some(link) = self.link_of(id).and_then(|index| self.links.get_mut(index)) {
+            link.put_back(data, ups);
+        }
     }
 
     /// The CPU drops the job.

@@ -290,6 +290,16 @@ impl Link {
         message
     }
 
+    /// Puts back what [`Self::take`] has returned. Bytes of a stream are part of their TCP connection: those of an
+    /// earlier one (it had come up `ups` times then) go with it.
+    pub(super) fn put_back(&mut self, data: Vec<u8>, ups: u64) {
+        if self.spec.kind != ConnectionKind::Tcp {
+            self.messages.push_front(data);
+        } else if self.is_wired && self.traffic.ups == ups {
+            self.stream.splice(..0, data);
+        }
+    }
+
     /// The connection to another CPU.
     pub(super) fn s7(&mut self) -> Option<&mut Connection> {
         match &mut self.wire {

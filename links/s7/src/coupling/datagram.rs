@@ -87,10 +87,16 @@ impl Coupling {
         if link.is_locked {
             return;
         }
+        let ups = link.traffic.ups;
         match link.take(room) {
             None => {}
             Some(bytes) if bytes.len() > room => self.fail(at, status::LENGTH),
-            Some(bytes) => self.give(at, bytes),
+            Some(bytes) => {
+                if let Some(slot) = self.slots.get_mut(at) {
+                    slot.ups = ups;
+                }
+                self.give(at, bytes);
+            }
         }
     }
 

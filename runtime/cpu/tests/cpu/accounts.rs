@@ -1,7 +1,11 @@
 //! The accounts of every scan, in virtual time: how a delay shows in them, and what happens to missed deadlines.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use ob1_cpu::{
-    Abort, AccountsConfig, Cpu, CpuConfig, CyclicInterrupt, MissedCycle, NativeBlock, NativeContext, ScanRecord,
+    Abort, AccountsConfig, Clock, Command, Cpu, CpuConfig, CyclicInterrupt, ImageErrors, MissedCycle, Module,
+    ModuleError, ModuleEvent, ModuleSlot, ModuleStatus, NativeBlock, NativeContext, OperatingState, ScanRecord,
 };
 use ob1_ir::{CallMode, Op};
 use ob1_model::{BlockId, BlockKind, Interface};
@@ -275,6 +279,92 @@ fn the_scan_that_stops_the_cpu_is_in_all_accounts() {
             bench.cpu.request(ob1_cpu::Command::Run);
             bench.cycle();
             assert_eq!(bench.cpu.last_scan().lateness(), Span::ZERO, "{name}");
+        }
+    });
+}
+
+/// A clock that the test's module moves, too.
+#[derive(Clone, Debug, Default)]
+struct SharedClock(Arc<AtomicU64>);
+
+impl SharedClock {
+    fn pass(&self, time: Span) {
+        self.0.fetch_add(time.nanos(), Ordering::Relaxed);
+    }
+}
+
+impl Clock for SharedClock {
+    fn now(&mut self) -> Instant {
+        at(Span::from_nanos(self.0.load(Ordering::Relaxed)))
+    }
+    fn executed(&mut self, _statements: u64) {}
+    fn wait(&mut self, deadline: Instant) {
+        self.0.fetch_max((deadline - Instant::START).nanos(), Ordering::Relaxed);
+    }
+}
+
+/// A module that takes its time for the process image, and then does not answer.
+#[derive(Debug)]
+struct Slow {
+    clock: SharedClock,
+    reads: bool,
+    module: rack::TestModule,
+}
+
+impl Module for Slow {
+    fn input_bytes(&self) -> u16 {
+        2
+    }
+    fn output_bytes(&self) -> u16 {
+        2
+    }
+    fn begin_scan(&mut self, _now: Instant) {}
+    fn read(&mut self, at: u16, into: &mut [u8]) -> Result<(), ModuleError> {
+        if !self.reads {
+            return self.module.read(at, into);
+        }
+        self.clock.pass(7 * MS);
+        Err(ModuleError::Absent)
+    }
+    fn write(&mut self, _at: u16, _from: &[u8]) -> Result<(), ModuleError> {
+        self.clock.pass(7 * MS);
+        Err(ModuleError::Absent)
+    }
+    fn end_scan(&mut self, _now: Instant) {}
+    fn cpu_state(&mut self, _run: bool) {}
+    fn poll_event(&mut self) -> Option<ModuleEvent> {
+        None
+    }
+    fn status(&self) -> ModuleStatus {
+        self.module.status()
+    }
+    fn record_read(&mut self, record: u8, into: &mut [u8]) -> Result<usize, ModuleError> {
+        self.module.record_read(record, into)
+    }
+    fn record_write(&mut self, record: u8, from: &[u8]) -> Result<(), ModuleError> {
+        self.module.record_write(record, from)
+    }
+}
+
+/// The time after the last safe point is in the accounts, too: the process image that leads to STOP took seven
+/// milliseconds.
+#[test]
+fn the_time_of_a_transfer_that_stops_the_cpu_is_in_all_accounts() {
+    on_each_engine(|| {
+        for reads in [true, false] {
+            let clock = SharedClock::default();
+            let slow = Slow { clock: clock.clone(), reads, module: rack::TestModule::new(2) };
+            let config = CpuConfig { image_errors: ImageErrors::Each, ..every_ms(MissedCycle::Now) };
+            let program = program(vec![ob1(Vec::new())], Vec::new());
+            let modules: Vec<(ModuleSlot, Box<dyn Module>)> = vec![(ModuleSlot::new("slow", 0), Box::new(slow))];
+            let mut cpu = Cpu::new(config, &program, Vec::new(), modules, common::engine()).expect("loads");
+            cpu.request(Command::Run);
+            let end = cpu.cycle(&mut clock.clone());
+            assert_eq!((end.state, end.late), (OperatingState::Stop, true), "OB 85 is not loaded");
+            let (scan, figures) = (*cpu.last_scan(), cpu.accounts().figures());
+            assert_eq!((scan.execution(), scan.end), (7 * MS, at(7 * MS)), "{scan:?}");
+            assert_eq!(scan.outputs, if reads { Span::ZERO } else { 7 * MS }, "{scan:?}");
+            assert_eq!((figures.scans, figures.overruns, figures.execution.max()), (1, 1, 7 * MS));
         }
     });
 }

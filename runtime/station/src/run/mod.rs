@@ -11,7 +11,7 @@ mod report;
 mod scan;
 pub mod signals;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use ob1_rt::MonotonicClock;
@@ -57,6 +57,9 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
     if options.lifeline {
         signals.and_end_of_stdin().map_err(|e| Failure::system("standard input", &e))?;
     }
+    if let Some(path) = &options.report {
+        Report::try_path(path).map_err(|e| no_report(path, &e))?;
+    }
     let (mut station, devices) =
         station_file::load_and_look(&options.station).map_err(|f| Failure::of_findings(Exit::Rejected, &f))?;
     if options.line_faults > 0 {
@@ -94,13 +97,17 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
     let mut station_at_work = AtWork::start(&station, assembly, rundir, guardian, clock, options)?;
     let ended = station_at_work.watch(&signals, options);
     let report = station_at_work.stop(ended)?;
-    if let Some(path) = &options.report {
-        report.write(path).map_err(|e| Failure::system(&format!("the report {}", path.display()), &e))?;
-    }
     if !options.quiet {
         out::print_at_the_end(report.summary());
     }
+    if let Some(path) = &options.report {
+        report.write(path).map_err(|e| no_report(path, &e))?;
+    }
     Ok(exit_of(&report))
+}
+
+fn no_report(path: &Path, error: &std::io::Error) -> Failure {
+    Failure::system(&format!("the report {}", path.display()), error)
 }
 
 /// The runtime of a station with `[station] user` gives up what root has.

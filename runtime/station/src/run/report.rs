@@ -77,6 +77,26 @@ impl Report {
         Self { schema: REPORT_SCHEMA, version, ended, exit: exit as u8, fault, status, diagnostics, timing }
     }
 
+    /// Whether a report can be written there: asked before a run of hours, not after it.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn try_path(path: &Path) -> io::Result<()> {
+        match std::fs::metadata(path) {
+            Ok(there) if there.is_file() || there.is_dir() => {
+                std::fs::OpenOptions::new().append(true).open(path).map(drop)
+            }
+            // To open a pipe can mean to wait.
+            Ok(_) => Ok(()),
+            // The target of a link is created when the report is written.
+            Err(_) if path.is_symlink() => Ok(()),
+            Err(_) => {
+                drop(std::fs::File::create_new(path)?);
+                std::fs::remove_file(path)
+            }
+        }
+    }
+
     /// Writes the report as JSON.
     ///
     /// # Errors

@@ -140,6 +140,21 @@ impl Judge {
         }
     }
 
+    /// Telegrams of ISO on TCP and TCP that AG_SEND has sent, and that the partner has not received although it has
+    /// received later ones. Without faults there are none.
+    pub(crate) fn left_out(&self, stations: &[Station; 2]) -> u64 {
+        let reliable = STREAMS.iter().enumerate().filter(|(_, stream)| matches!(stream.kind, Kind::Ag(2 | 3)));
+        let of = |(stream, _)| {
+            let each = [0, 1].map(|me: usize| {
+                let last = stations[1 - me].cell(receives(stream), 0);
+                let good = stations[1 - me].cell(receives(stream), 4);
+                u64::from((last - good).saturating_sub(stations[me].cell(sends(stream), 12)))
+            });
+            each.iter().sum::<u64>()
+        };
+        reliable.map(of).sum()
+    }
+
     /// Checks DONE: if it means that the partner has the telegram, the partner must have it.
     fn is_done(&self, at: &str, stream: usize, number: u32, partner: &Station) {
         match STREAMS[stream].kind {

@@ -58,6 +58,8 @@ pub(crate) struct Outcome {
     pub(crate) mutes: u64,
     pub(crate) kills: u64,
     pub(crate) stops: u64,
+    /// Telegrams that were left out: see [`Judge::left_out`].
+    pub(crate) left_out: u64,
     /// Number of processes that became ready during a scan.
     pub(crate) up_in_scans: u64,
     /// The faults, and at the end a digest of all events.
@@ -202,6 +204,7 @@ impl World {
         }
         let Self { stations, judge, mut outcome, now, .. } = self;
         outcome.kills = stations.iter().map(|station| station.process.kills).sum();
+        outcome.left_out = judge.left_out(&stations);
         outcome.told = judge.told;
         let _ = writeln!(outcome.log, "{:>12} {:016x}", now.micros(), judge.digest);
         outcome

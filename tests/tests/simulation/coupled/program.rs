@@ -211,13 +211,32 @@ fn calls(stream: usize, (out, come): (usize, usize)) -> String {
             120 + s,
             20 + s
         ),
-        Kind::Ag(id) => format!(
-            "CALL FC 50\n  ACT := M{m}.0\n  ID := {id}\n  LADDR := W#16#100\n  SEND := {source}\n  LEN := MW{sent}\n  DONE := M{m}.1\n\
-             \x20 ERROR := M{m}.2\n  STATUS := MW{status}\nCALL FC {}\nCALL FC 60\n  ID := {id}\n  LADDR := W#16#100\n  RECV := {target}\n\
-             \x20 NDR := M{r}.1\n  ERROR := M{r}.2\n  STATUS := MW{came}\n  LEN := MW{len}\nCALL FC {}\n",
-            20 + s,
-            80 + s
-        ),
+        Kind::Ag(id) => {
+            let receive = |target: &str| {
+                format!(
+                    "CALL FC 60\n  ID := {id}\n  LADDR := W#16#100\n  RECV := {target}\n  NDR := M{r}.1\n  ERROR := M{r}.2\n\
+                     \x20 STATUS := MW{came}\n  LEN := MW{len}\n"
+                )
+            };
+            // Memory for a telegram may change its length at any time. A stream of bytes has no telegrams: there the
+            // length decides what is received.
+            let receive = if STREAMS[s].lengths == 1 {
+                receive(&target)
+            } else {
+                let longer = format!("P#DB{}.DBX0.0 BYTE {}", received(s), longest + 4);
+                format!(
+                    "UN    M {m}.7;\n=     M {m}.7;\nSPB   LG{s:02};\n{}SPA   CH{s:02};\nLG{s:02}: NOP 0;\n{}CH{s:02}: NOP 0;\n",
+                    receive(&target),
+                    receive(&longer)
+                )
+            };
+            format!(
+                "CALL FC 50\n  ACT := M{m}.0\n  ID := {id}\n  LADDR := W#16#100\n  SEND := {source}\n  LEN := MW{sent}\n\
+                 \x20 DONE := M{m}.1\n  ERROR := M{m}.2\n  STATUS := MW{status}\nCALL FC {}\n{receive}CALL FC {}\n",
+                20 + s,
+                80 + s
+            )
+        }
     }
 }
 
@@ -236,7 +255,7 @@ pub(crate) fn source(me: usize) -> String {
     let bases = [(100, 200), (200, 100)][me];
     for (s, stream) in STREAMS.iter().enumerate() {
         let longest = stream.shortest + stream.lengths - 1;
-        for (db, words) in [(sends(s), 10), (receives(s), 10), (50 + s as u16, longest), (received(s), longest)] {
+        for (db, words) in [(sends(s), 10), (receives(s), 10), (50 + s as u16, longest), (received(s), longest + 1)] {
             text += &data(db, words);
         }
         let (fbs, own) = match stream.kind {
