@@ -557,8 +557,8 @@ fn dropped_data_of_a_connection_that_is_gone_do_not_come_on_the_next_one() {
     }
 }
 
-/// The memory of an AG_RECV that waits changes its length: the order stays, and data that have come are given by the new
-/// length.
+/// The memory of an AG_RECV that waits changes its length: the order stays, and the new length decides how many bytes
+/// are given.
 #[test]
 fn an_order_for_data_follows_the_length_of_the_memory() {
     let (mut plc, mut partner) = up(TCP);

@@ -80,6 +80,14 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_folder_of_a_bare_name_is_the_current_one() {
+        sync_folder_of(Path::new("retentive.a")).expect("the current folder");
+        let folder = tempfile::tempdir().expect("a folder");
+        sync_folder_of(&folder.path().join("x")).expect("it exists");
+        sync_folder_of(&folder.path().join("y/x")).expect_err("it does not exist");
+    }
+
+    #[test]
     fn a_file_without_an_end_ends() {
         let refused = read(Path::new("/dev/zero"), 1 << 20).expect_err("endless");
         assert_eq!(

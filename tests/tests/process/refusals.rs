@@ -127,6 +127,18 @@ fn a_run_with_an_end_ends_with_the_fault() {
     nothing_left(&site);
 }
 
+/// Not after a run of hours.
+#[test]
+fn a_report_that_cannot_be_written_is_refused_before_the_run() {
+    let site = Site::new();
+    station(&site, "ob1_panicking_plugin", PANICS);
+    let refused = site.ob1(&["run", "small.toml", "--for", "1s", "--report", "nowhere/report.json"]);
+    assert_eq!(refused.code, Some(6), "{refused:?}");
+    assert!(refused.err.contains("the report nowhere/report.json: No such file or directory"), "{refused:?}");
+    assert!(!refused.out.contains("ended"), "it has not run: {refused:?}");
+    nothing_left(&site);
+}
+
 #[test]
 fn a_block_that_never_returns_is_named_and_the_outputs_go_off() {
     let site = Site::new();

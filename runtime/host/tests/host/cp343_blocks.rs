@@ -146,7 +146,14 @@ fn a_telegram_whose_room_changes_is_not_lost() {
         ag.point(RECV, 11, room);
         assert_eq!(ag.call(), end, "{before} pieces, then room for {room}");
         if end.2 == LENGTH {
-            assert_eq!(ag.order(), Order::NONE, "the CP drops it");
+            // The CP puts the data back when it sees this. A new order before that would hide it.
+            for _ in 0..3 {
+                assert_eq!(ag.order(), Order::NONE);
+                assert_eq!(ag.call(), (0, 0, NO_DATA));
+            }
+            ag.answers(State::None, 0, &[]);
+            assert_eq!(ag.call(), (0, 0, NO_DATA));
+            assert_eq!((ag.order().service, ag.order().room), (Some(Service::Receive), room.into()));
             continue;
         }
         assert_eq!(ag.order().job, job, "the CP keeps it");
@@ -160,4 +167,28 @@ fn a_telegram_whose_room_changes_is_not_lost() {
         }
         assert_eq!(ag.cpu.dbs[&11][..601], [&data[..], &[0xEE]].concat());
     }
+}
+
+/// Memory that changes its length before there are data is told to the CP in the same order: another order could cross
+/// the data. The next order comes when the CP has seen that its data were taken.
+#[test]
+fn an_order_for_data_stays_the_same_until_they_have_come() {
+    let mut ag = Ag::receive(100);
+    assert_eq!(ag.call(), (0, 0, NO_DATA));
+    let job = ag.order().job;
+    for room in [200, 50, 60] {
+        ag.answers(State::Running, 0, &[]);
+        ag.point(RECV, 11, room);
+        assert_eq!(ag.call(), (0, 0, NO_DATA));
+        assert_eq!((ag.order().job, ag.order().room), (job, room.into()));
+    }
+    ag.answers(State::Giving, 0, &[7; 60]);
+    assert_eq!(ag.call(), (1, 0, 0));
+    assert_eq!((ag.order().job, ag.order().taken), (job, 1));
+    assert_eq!(ag.call(), (0, 0, NO_DATA));
+    assert_eq!((ag.order().job, ag.order().taken), (job, 1), "not seen yet");
+    ag.answers(State::Done, 0, &[]);
+    assert_eq!(ag.call(), (0, 0, NO_DATA));
+    assert_eq!((ag.order().job, ag.order().taken), (job + 1, 0));
+    assert_eq!(ag.cpu.dbs[&11][..61], [&[7; 60][..], &[0xEE]].concat());
 }

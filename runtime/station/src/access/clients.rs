@@ -392,6 +392,13 @@ mod tests {
         }
         let waiting = site.clients.list.iter().find(|client| !client.output.is_empty()).expect("the slow one");
         assert_eq!(waiting.input, b"2\n3\n");
+        // It is dropped when it has taken nothing for long.
+        assert!(site.wait());
+        assert!(site.clients.take_gone().is_empty());
+        let waiting = site.clients.list.iter_mut().find(|client| !client.output.is_empty()).expect("the slow one");
+        waiting.active -= WRITE_TIME;
+        assert!(site.wait());
+        assert_eq!((site.clients.take_gone(), site.clients.list.len()), (vec![1], 1));
     }
 
     /// A request that waits for the scan holds up no other, and an end is noticed meanwhile.
@@ -430,6 +437,11 @@ mod tests {
             asked.borrow().iter().filter(|(number, _)| *number == 1).map(|(_, line)| line.clone()).collect()
         };
         assert_eq!(of_first(), [b"later\n"], "the next one when this one is answered");
+        // What they have sent meanwhile keeps nobody awake.
+        ends[1].write_all(b"and more\n").expect("connected");
+        let (began, due) = (Instant::now(), Duration::from_millis(30));
+        assert!(site.clients.wait(&site.listener, &site.stopped, None, Some(due)));
+        assert!(began.elapsed() >= due);
         // One of those that wait goes.
         drop(ends.remove(1));
         assert!(site.wait());

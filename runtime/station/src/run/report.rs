@@ -160,3 +160,24 @@ fn row(out: &mut String, name: &str, t: &Times) {
     }
     out.push('\n');
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_path_for_the_report_is_tried_and_left_as_it_was() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = |name: &str| folder.path().join(name);
+        std::fs::write(path("old.json"), "old").expect("room");
+        std::os::unix::fs::symlink(path("target.json"), path("link.json")).expect("a link");
+        for name in ["new.json", "old.json", "link.json", "/dev/full"] {
+            Report::try_path(&path(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
+        }
+        for name in ["", "nowhere/x.json", "old.json/x"] {
+            Report::try_path(&path(name)).expect_err(name);
+        }
+        assert_eq!(std::fs::read_to_string(path("old.json")).expect("untouched"), "old");
+        assert!(!path("new.json").exists() && !path("target.json").exists() && path("link.json").is_symlink());
+    }
+}
