@@ -160,7 +160,10 @@ impl Broker {
                 Some((connection.gone()?, joint.config.name.clone()))
             });
             if let Some((why, name)) = gone {
-                tracing::info!(link = %name, "dropped: {why}");
+                // Without a name it is a part of the runtime, which ends with it.
+                if !name.is_empty() {
+                    tracing::info!(link = %name, "dropped: {why}");
+                }
                 self.lost(link, now);
             }
         }

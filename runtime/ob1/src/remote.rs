@@ -38,8 +38,15 @@ pub struct SetArgs {
     /// A running station: its name or its file
     pub station: String,
     /// NAME=VALUE
-    #[arg(required = true, value_name = "NAME=VALUE")]
-    pub items: Vec<String>,
+    #[arg(required = true, value_name = "NAME=VALUE", value_parser = assignment)]
+    pub items: Vec<(String, String)>,
+}
+
+fn assignment(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.trim().is_empty() => Ok((name.trim().to_owned(), value.trim().to_owned())),
+        _ => Err("not an assignment; write NAME=VALUE, such as M1.0=1".to_owned()),
+    }
 }
 
 /// Operate a running station
@@ -144,12 +151,8 @@ pub fn get(args: GetArgs) -> Exit {
 #[must_use]
 pub fn set(args: &SetArgs) -> Exit {
     let mut items = BTreeMap::new();
-    for assignment in &args.items {
-        let Some((name, value)) = assignment.split_once('=') else {
-            err!("ob1: \"{assignment}\" is not an assignment\n  = write NAME=VALUE, such as M1.0=1");
-            return Exit::Usage;
-        };
-        items.insert(name.trim().to_owned(), Value::from(value.trim()));
+    for (name, value) in &args.items {
+        items.insert(name.clone(), Value::from(value.as_str()));
     }
     ask(&args.station, Op::Set { items }).map_or_else(|exit| exit, |_| Exit::Ok)
 }
