@@ -11,7 +11,7 @@ use crate::diagnostic::Sink;
 use crate::identifiers::BlockWord;
 use crate::initial;
 use crate::library::Library;
-use crate::numbering::Numbered;
+use crate::numbering::numbered::Numbered;
 use crate::operand::Resolver;
 use crate::parse_types::{TYPE_DEPTH, type_words};
 use crate::reader::Reader;

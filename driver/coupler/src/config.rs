@@ -1,7 +1,8 @@
 //! The configuration of a bus. The runtime writes it as JSON, the process of the bus reads it: one definition for both.
 
 pub use crate::dp::{DpConfig, DpSlave};
-use crate::gpio::GpioConfig;
+use crate::gpio::config::GpioConfig;
+pub use crate::nanos;
 pub use ob1_protocols::modbus::pdu::{exception_remedy, exception_text};
 pub use ob1_protocols::{Instant, LineSettings, Parity, Span, StopBits};
 use serde::{Deserialize, Serialize};
@@ -260,28 +261,4 @@ pub struct Setup {
     pub at: u16,
     /// The value; for a coil 0 or 1.
     pub value: u16,
-}
-
-/// A span in a text: nanoseconds. For `#[serde(with)]`.
-pub mod nanos {
-    use serde::{Deserialize as _, Deserializer, Serializer};
-
-    use super::Span;
-
-    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
-    /// Writes it.
-    ///
-    /// # Errors
-    /// The serializer's error.
-    pub fn serialize<S: Serializer>(span: &Span, to: S) -> Result<S::Ok, S::Error> {
-        to.serialize_u64(span.nanos())
-    }
-
-    /// Reads it.
-    ///
-    /// # Errors
-    /// It is not a number.
-    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Span, D::Error> {
-        u64::deserialize(from).map(Span::from_nanos)
-    }
 }

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 pub use ob1_protocols::profibus::diagnosis::{DIAGNOSIS_BYTES, Refused, SHORT};
 pub use ob1_protocols::profibus::{Block, Diagnosis};
+use ob1_protocols::Span;
 use serde::{Deserialize, Serialize};
 
-use crate::config::{Span, nanos};
-use crate::image::Image;
+use crate::nanos;
 
 /// A line with one master: us.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -70,11 +70,11 @@ impl DpSlave {
         bytes + 1
     }
 
-    /// Writes a diagnosis to its place; the part that does not fit is cut off.
-    pub fn keep_diagnosis(&self, bytes: &[u8], image: &mut Image) {
+    /// Writes a diagnosis to its place in the inputs of the bus; the part that does not fit is cut off.
+    pub fn keep_diagnosis(&self, bytes: &[u8], inputs: &mut [u8]) {
         let (at, room) = self.diagnosis;
         let len = bytes.len().min(room);
-        if let Some([first, place @ ..]) = image.inputs.get_mut(at..at + Self::diagnosis_area(room)) {
+        if let Some([first, place @ ..]) = inputs.get_mut(at..at + Self::diagnosis_area(room)) {
             *first = len as u8;
             place.fill(0);
             place[..len].copy_from_slice(&bytes[..len]);

@@ -16,12 +16,14 @@ pub mod dp;
 pub mod gpio;
 pub mod image;
 pub mod line;
+pub mod nanos;
 pub mod plan;
 pub mod profile;
 mod wire;
 
 pub use config::{BusConfig, CouplerConfig, DpConfig, DpSlave, LineConfig, Order, Proof, Range, Serial, Setup, Table};
 pub use image::{Image, Refusal, State, Status};
-pub use line::{LineMaster, MasterInput};
+pub use line::LineMaster;
 pub use ob1_protocols::{Input, LineFault, LineInput};
 pub use profile::Profile;
+pub use wire::MasterInput;

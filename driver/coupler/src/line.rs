@@ -3,21 +3,15 @@
 //! The owner passes in what happened and when, and sends the bytes it gets. It calls again at the time that
 //! [`LineMaster::step`] returns, and when the outputs have changed.
 
-use core::convert::Infallible;
-
 use ob1_protocols::{Input, LineFault, LineInput};
 
 use crate::config::{Instant, LineConfig};
 use crate::coupler::{Coupler, Job};
 use crate::image::{Image, State};
-use crate::wire::{Outcome, Wire};
+use crate::wire::{MasterInput, Outcome, Wire};
 
 /// After this many consecutive requests without an answer a connection is reopened.
 const SILENT: u32 = 3;
-
-/// What happened: time has passed or the outputs have changed ([`Input::Tick`]), or something on the line. An open
-/// connection counts as a line that is back. The outputs come as an image, so there are no orders.
-pub type MasterInput<'a> = Input<'a, Infallible>;
 
 /// The master of one line.
 pub struct LineMaster {

@@ -1,12 +1,17 @@
 //! One request on a line and its outcome: Modbus TCP by its transactions, Modbus RTU by the master of the serial
 //! protocols.
 
+use core::convert::Infallible;
+
 use ob1_protocols::modbus::pdu::{self, Match};
 use ob1_protocols::modbus::{Master, Mode, TELEGRAM_BYTES, frame, master, tcp};
 use ob1_protocols::{Event, Input, LineFault, LineInput, Machine as _, Order, SendError, Sink, Wire as LineEnd};
 
 use crate::config::{Instant, LineConfig, Serial, Span};
-use crate::line::MasterInput;
+
+/// What happened: time has passed or the outputs have changed ([`Input::Tick`]), or something on the line. An open
+/// connection counts as a line that is back. The outputs come as an image, so there are no orders.
+pub type MasterInput<'a> = Input<'a, Infallible>;
 
 /// How late a device may hand over characters: a UART with a FIFO, a USB adapter.
 const BURSTS: Span = Span::from_millis(20);

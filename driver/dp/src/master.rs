@@ -151,7 +151,7 @@ fn diagnosed(now: Instant, slaves: &mut [Known], station: u8, bytes: Vec<u8>, im
     let Some(known) = slaves.iter_mut().find(|known| known.config.station == station) else { return };
     known.heard = now;
     if known.diagnosis != bytes {
-        known.config.keep_diagnosis(&bytes, image);
+        known.config.keep_diagnosis(&bytes, &mut image.inputs);
         known.diagnosis = bytes;
         image.tell(known.index, |status| status.diagnosis = status.diagnosis.wrapping_add(1));
     }

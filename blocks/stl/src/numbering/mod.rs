@@ -2,7 +2,7 @@
 //! its kind that nothing in the program, its symbol tables and its libraries mentions.
 
 mod demand;
-mod numbered;
+pub(crate) mod numbered;
 mod ob_names;
 
 use std::collections::{BTreeMap, BTreeSet};

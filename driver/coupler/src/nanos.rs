@@ -1,0 +1,21 @@
+//! A span in a text: nanoseconds. For `#[serde(with)]`.
+
+use ob1_protocols::Span;
+use serde::{Deserialize as _, Deserializer, Serializer};
+
+/// Writes it.
+///
+/// # Errors
+/// The serializer's error.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
+pub fn serialize<S: Serializer>(span: &Span, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_u64(span.nanos())
+}
+
+/// Reads it.
+///
+/// # Errors
+/// It is not a number.
+pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Span, D::Error> {
+    u64::deserialize(from).map(Span::from_nanos)
+}
