@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
+use ob1_protocols::Span;
 pub use ob1_protocols::profibus::diagnosis::{DIAGNOSIS_BYTES, Refused, SHORT};
 pub use ob1_protocols::profibus::{Block, Diagnosis};
-use ob1_protocols::Span;
 use serde::{Deserialize, Serialize};
 
 use crate::nanos;

@@ -219,7 +219,9 @@ fn the_pages_show_what_there_is() {
                 let findings = ob1_station::station_file::parse(&block.text, &block.place, Path::new("/station")).err();
                 wrong.extend(findings.unwrap_or_default().iter().map(|finding| format!("{finding}\n")));
             } else if matches!(language, "" | "sh" | "console") {
-                for line in block.text.lines().filter(|line| words_of(line).is_some()) {
+                // A command line may go on in the next line.
+                let text = block.text.replace("\\\n", " ");
+                for line in text.lines().filter(|line| words_of(line).is_some()) {
                     lines += 1;
                     if let Some(why) = refused(line) {
                         let _ = writeln!(wrong, "{}: `{}`: {why}", block.place, line.trim());
