@@ -7,7 +7,7 @@ use std::time::Duration;
 use ob1_access::door::DoorError;
 use ob1_gate_core::{Link, Memory, Station};
 use tokio::task::JoinSet;
-use tokio::time::interval;
+use tokio::time::{interval, timeout};
 use tracing::{error, info};
 
 use crate::prepare::Ready;
@@ -17,16 +17,19 @@ use crate::{metrics, web};
 const HELPERS: usize = 2;
 /// Time between two checks for renewed files.
 const RENEWED: Duration = Duration::from_secs(5);
+/// Time that links have for their last work when the station ends; the runtime waits 2 s for this process.
+const GOODBYE: Duration = Duration::from_millis(1500);
 
 type Served = Pin<Box<dyn Future<Output = Result<(), String>>>>;
 type Serve = fn(Link) -> Served;
 
-/// The function that serves each type of link.
-const PROTOCOLS: &[(&str, Serve)] = &[
-    ("web", |link| Box::pin(web::serve(link))),
-    ("metrics", |link| Box::pin(metrics::serve(link))),
-    ("opcua", |link| Box::pin(ob1_gate_opcua::serve(link))),
-    ("mqtt", |link| Box::pin(ob1_gate_mqtt::serve(link))),
+/// The function that serves each type of link, and whether it has work left when the station has ended: MQTT then says
+/// goodbye to the broker, and keeps the values that have not been sent.
+const PROTOCOLS: &[(&str, Serve, bool)] = &[
+    ("web", |link| Box::pin(web::serve(link)), false),
+    ("metrics", |link| Box::pin(metrics::serve(link)), false),
+    ("opcua", |link| Box::pin(ob1_gate_opcua::serve(link)), false),
+    ("mqtt", |link| Box::pin(ob1_gate_mqtt::serve(link)), true),
 ];
 
 /// Serves all links until a door closes.
@@ -42,6 +45,7 @@ pub(crate) fn run(links: Vec<Ready>, memory: Memory) -> Result<(), String> {
 
 async fn all(links: Vec<Ready>, memory: Memory) -> Result<(), String> {
     let mut doors = JoinSet::new();
+    let mut last = JoinSet::new();
     let mut held = Vec::new();
     for ready in links {
         let Ready { kind, door, ceiling, listeners, users, tls, audit, state } = ready;
@@ -51,23 +55,36 @@ async fn all(links: Vec<Ready>, memory: Memory) -> Result<(), String> {
         let name = station.welcome().link.clone();
         // A link that cannot be served keeps its door, and the others continue.
         held.push(station.clone());
-        let Some((_, serve)) = PROTOCOLS.iter().find(|(known, _)| *known == kind) else {
+        let Some((_, serve, ends)) = PROTOCOLS.iter().find(|(known, ..)| *known == kind) else {
             error!("link \"{name}\": this build has no links of type \"{kind}\"");
             continue;
         };
         info!(link = name, kind, "serving");
         let served = serve(Link { station, listeners, users, tls, state, memory: memory.clone() });
-        tokio::task::spawn_local(async move {
+        let told = async move {
             if let Err(why) = served.await {
                 error!("link \"{name}\": {why}");
             }
-        });
+        };
+        if *ends {
+            last.spawn_local(told);
+        } else {
+            tokio::task::spawn_local(told);
+        }
     }
-    match doors.join_next().await {
+    let ended = match doors.join_next().await {
         None | Some(Ok(DoorError::Closed)) => Ok(()),
         Some(Ok(error)) => Err(error.to_string()),
         Some(Err(error)) => Err(error.to_string()),
-    }
+    };
+    // All links find their station gone, and some have work left.
+    doors.abort_all();
+    let _ = timeout(GOODBYE, all_ended(&mut last)).await;
+    ended
+}
+
+async fn all_ended(tasks: &mut JoinSet<()>) {
+    while tasks.join_next().await.is_some() {}
 }
 
 /// Reloads changed users and renewed certificates without a restart.

@@ -82,6 +82,33 @@ fn a_broker_that_comes_and_goes_loses_nothing() {
     assert_eq!(station.interrupt().code(), Some(0));
 }
 
+/// A station that ends while the broker is away keeps what it has not sent, and its next run sends that first.
+#[test]
+fn the_next_run_sends_what_was_left() {
+    let site = Site::new();
+    let mut broker = Broker::start(&site);
+    let listener = Listener::start(&site, broker.port, "ob1/mq-left/MW20");
+    let first = station(&site, "mq-left", &link(broker.port, "publish = [\"MW20\"]\n"));
+    listener.until("the first value", |said| (said["payload"]["value"] == 0).then_some(()));
+    broker.end();
+    for value in [501, 502, 503] {
+        first.set("MW 20", value);
+        // Longer than the sampling interval of the link.
+        first.scans(100);
+    }
+    assert_eq!(first.interrupt().code(), Some(0));
+    let files = std::fs::read_dir(site.path("mq-left.gate/cloud/store")).expect("a folder").count();
+    assert!(files > 0, "nothing is on the disk");
+    broker.begin();
+    let second = site.run("station.toml").until_run();
+    let mut left = BTreeSet::new();
+    listener.until("what was left", |said| {
+        left.extend(said["payload"]["value"].as_u64().filter(|value| (501..=503).contains(value)));
+        (left.len() == 3).then_some(())
+    });
+    assert_eq!(second.interrupt().code(), Some(0));
+}
+
 #[test]
 fn commands_are_written_by_right_alone() {
     let site = Site::new();
