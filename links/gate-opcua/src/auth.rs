@@ -63,8 +63,9 @@ impl AuthManager for Auth {
         password: &Password,
     ) -> Result<UserToken, Error> {
         let users = self.users.as_ref().ok_or_else(|| rejected("this link has no users"))?;
-        // The library does not tell the client's address; wrong passwords are counted by name.
-        let outcome = users.login(username, password.get(), "opc.tcp").await;
+        // The library does not tell the client's address; wrong passwords are counted by name, so that nobody is kept
+        // out by those of others.
+        let outcome = users.login(username, password.get(), &format!("opc.tcp {username}")).await;
         let login = outcome.map_err(|why| {
             self.audit.refused(username, &endpoint.security_policy, "login", &why.to_string());
             rejected(why)
@@ -102,5 +103,34 @@ impl AuthManager for Auth {
             policies.push(policy(user_pass_security_policy_id(endpoint), UserTokenType::UserName, own));
         }
         policies
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs::{Permissions, set_permissions, write};
+    use std::os::unix::fs::PermissionsExt as _;
+
+    #[tokio::test]
+    async fn wrong_passwords_keep_nobody_else_out() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.users");
+        write(&path, format!("anna:write:{}\n", ob1_gate_core::hash("a secret"))).expect("a file");
+        set_permissions(&path, Permissions::from_mode(0o600)).expect("a mode");
+        let auth = Auth::new(Some(Users::read(&path).expect("right")), false, Audit::none("ua"));
+        let (_, endpoint) = crate::endpoints(true).pop().expect("endpoints");
+        let (wrong, right) = (Password::new("wrong".to_owned()), Password::new("a secret".to_owned()));
+        // More than one address may guess before it has to wait.
+        for number in 0..15 {
+            let stranger = format!("panel{number}");
+            let told = auth.authenticate_username_identity_token(&endpoint, &stranger, &wrong).await;
+            assert!(told.is_err(), "{stranger}");
+        }
+        let anna = auth.authenticate_username_identity_token(&endpoint, "anna", &right).await;
+        assert_eq!(anna.map(|token| token.0).map_err(|error| error.to_string()), Ok("anna".to_owned()));
+        // A name waits for its own wrong passwords.
+        assert!(auth.authenticate_username_identity_token(&endpoint, "anna", &wrong).await.is_err());
+        assert!(auth.authenticate_username_identity_token(&endpoint, "anna", &right).await.is_err());
     }
 }
