@@ -16,6 +16,8 @@ use crate::clock::{iso, unix_now};
 
 /// Longest text of an action, in bytes, so that one line stays one write.
 const WHAT: usize = 2000;
+/// Longest name of a user or a client, in bytes: strangers choose theirs.
+const NAME: usize = 200;
 /// Refusals that are logged at once, and the time after which one more may be: clients without rights cannot fill the
 /// disk.
 const REFUSALS: u32 = 500;
@@ -118,7 +120,7 @@ impl Audit {
     /// # Errors
     /// The system's error.
     pub fn note(&self, user: &str, client: &str, what: &str, outcome: &str) -> io::Result<()> {
-        let what = what.get(..what.floor_char_boundary(WHAT)).unwrap_or(what);
+        let (user, client, what) = (cut(user, NAME), cut(client, NAME), cut(what, WHAT));
         tracing::info!(link = %self.link, user, client, "{what}: {outcome}");
         let Some(file) = &self.file else { return Ok(()) };
         let line = json!({
@@ -137,6 +139,10 @@ impl Audit {
         }
         written
     }
+}
+
+fn cut(text: &str, most: usize) -> &str {
+    text.get(..text.floor_char_boundary(most)).unwrap_or(text)
 }
 
 impl Out {
@@ -163,7 +169,8 @@ mod tests {
         let path = folder.path().join("x.audit");
         let audit = Audit::open("page", &path).expect("a file");
         audit.note("anna", "127.0.0.1", "write \"M1.0\" = 1\n{}", "scan 7").expect("written");
-        audit.note("bert", "::1", &"ü".repeat(5000), "refused").expect("written");
+        let long = "ü".repeat(5000);
+        audit.note(&long, &long, &long, "refused").expect("written");
         let text = std::fs::read_to_string(&path).expect("a file");
         let lines: Vec<serde_json::Value> =
             text.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
@@ -172,7 +179,9 @@ mod tests {
             (&lines[0]["user"], &lines[0]["what"], &lines[0]["outcome"]),
             (&json!("anna"), &json!("write \"M1.0\" = 1\n{}"), &json!("scan 7"))
         );
-        assert!(lines[1]["what"].as_str().is_some_and(|what| what.len() <= WHAT));
+        for (key, most) in [("what", WHAT), ("user", NAME), ("client", NAME)] {
+            assert!(lines[1][key].as_str().is_some_and(|text| text.len() <= most), "{key}");
+        }
         assert_eq!(std::fs::metadata(&path).expect("there").permissions().mode() & 0o777, 0o600);
     }
 

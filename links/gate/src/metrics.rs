@@ -106,7 +106,7 @@ impl Figures {
                 Ok(())
             }
             Err(why) => {
-                let _ = self.station.audit().note(&user, &call.peer.to_string(), "scrape", &format!("refused: {why}"));
+                self.station.audit().refused(&user, &call.peer.to_string(), "scrape", &why.to_string());
                 Err(ask(&why.to_string()))
             }
         }

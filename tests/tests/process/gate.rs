@@ -268,6 +268,29 @@ fn what_strangers_send_hurts_nobody() {
     assert_eq!(station.status().state, "RUN");
 }
 
+/// Scrapes without a password, thousands of them, and with names of any length: the audit log stays small.
+#[test]
+fn strangers_do_not_fill_the_audit_log() {
+    const SCRAPES: usize = 1000;
+    let site = Site::new();
+    users(&site);
+    let port = common::s7::free_port();
+    let keys = format!(
+        "[[link]]\ntype = \"metrics\"\nname = \"closed\"\nlisten = \"127.0.0.1:{port}\"\nusers = \"a.users\"\n"
+    );
+    let (station, _, _) = station(&site, "gate-scrapes", &keys);
+    let visitor = Visitor::at(port);
+    station.until("the metrics are served", |_| visitor.try_get("/metrics"));
+    // 20,000 bytes of a name, a colon and a password, in base 64.
+    let long = format!("Authorization: Basic {}Onh4\r\n", "eHh4".repeat(6000));
+    for _ in 0..SCRAPES {
+        assert_eq!(visitor.get_with("/metrics", &long).status, 401);
+    }
+    let audit = std::fs::read_to_string(site.path("gate-scrapes.audit")).expect("the audit log");
+    assert!(audit.lines().count() < SCRAPES, "{}", audit.lines().count());
+    assert!(audit.lines().all(|line| line.len() < 1000), "a long line");
+}
+
 /// Connects from another address of this machine.
 fn from_elsewhere(port: u16) -> Option<TcpStream> {
     use rustix::net::{AddressFamily, SocketType, bind, connect, socket};
