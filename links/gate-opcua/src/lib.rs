@@ -19,7 +19,7 @@ mod sample;
 mod space;
 mod value;
 
-use std::net::{SocketAddr, TcpListener};
+use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -120,6 +120,7 @@ impl About {
 
     fn server(&self, address: SocketAddr, monitor: &Arc<Monitor>) -> Result<(Server, ServerHandle), String> {
         let settings = &self.settings;
+        let host = host(address.ip(), opcua_crypto::hostname().ok());
         let mut builder = ServerBuilder::new()
             .application_name(&self.name)
             .application_uri(&self.uri)
@@ -137,9 +138,9 @@ impl About {
             .private_key_path(&self.pki.key)
             .trust_client_certs(settings.trust == keys::Trust::Any)
             .check_cert_time(true)
-            .host(address.ip().to_string())
+            .host(host.clone())
             .port(address.port())
-            .discovery_urls(vec![format!("opc.tcp://{address}/")])
+            .discovery_urls(vec![format!("opc.tcp://{host}:{}/", address.port())])
             .limits(limits::limits(settings.sessions, settings.items))
             .subscription_poll_interval_ms(limits::POLL_MS)
             .max_session_timeout_ms(limits::SESSION_MS)
@@ -209,6 +210,19 @@ impl Running {
     }
 }
 
+/// The host in the addresses of a server. Many clients connect to the address that the server tells them, and nobody
+/// reaches 0.0.0.0: a server on all addresses tells the name of the machine.
+fn host(address: IpAddr, machine: Option<String>) -> String {
+    let legal = |name: &String| {
+        !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_alphanumeric() || b".-_".contains(&byte))
+    };
+    match address {
+        _ if address.is_unspecified() => machine.filter(legal).unwrap_or_else(|| "localhost".to_owned()),
+        IpAddr::V4(address) => address.to_string(),
+        IpAddr::V6(address) => format!("[{address}]"),
+    }
+}
+
 /// A byte of the first area that the link may read.
 fn heartbeat(allowed: &Allowed) -> Option<Piece> {
     let cells = [Area::Memory, Area::Input, Area::Output].map(|area| Cell::Area(area, 0));
@@ -259,6 +273,21 @@ async fn short(memory: &Memory) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_server_tells_an_address_that_clients_reach() {
+        for (address, machine, told) in [
+            ("127.0.0.1", Some("press"), "127.0.0.1"),
+            ("::1", Some("press"), "[::1]"),
+            ("0.0.0.0", Some("press"), "press"),
+            ("::", Some("press-3.plant"), "press-3.plant"),
+            ("0.0.0.0", Some("a/b"), "localhost"),
+            ("::", None, "localhost"),
+        ] {
+            let ip = address.parse().expect("an address");
+            assert_eq!(host(ip, machine.map(str::to_owned)), told, "{address} {machine:?}");
+        }
+    }
 
     #[test]
     fn beyond_loopback_nothing_goes_without_security_or_with_old_policies() {
