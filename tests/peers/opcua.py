@@ -12,6 +12,7 @@ does what standard input says, one JSON object a line; each answer is one line: 
     find       path                    id: from Objects along browse names of namespace 2
     attributes id                      class, data_type, rank, dimensions, description, writable
     call       id
+    history    id
     watch      ids, every              one subscription of these items
     flood      ids, count              accepted: how many of so many items are taken; refused: why no more
     changes    count                   the next values that come, [[id, value], ...]
@@ -111,6 +112,10 @@ class Peer:
 
     async def call(self, ask):
         await self.node("/").call_method(self.node(ask["id"]))
+        return {}
+
+    async def history(self, ask):
+        await self.node(ask["id"]).read_raw_history(numvalues=1)
         return {}
 
     async def watch(self, ask):

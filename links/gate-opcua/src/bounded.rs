@@ -24,8 +24,9 @@ pub(crate) fn loaders() -> TypeLoaderCollection {
     loaders
 }
 
-/// Structures a request can contain: identity tokens, filters of monitored items, operands of filters of events.
-const NEEDED: [ObjectId; 11] = [
+/// Structures a request can contain: identity tokens, filters of monitored items, operands of filters of events. What
+/// asks for a history is needed for the answer that there is none.
+const NEEDED: [ObjectId; 15] = [
     ObjectId::AnonymousIdentityToken_Encoding_DefaultBinary,
     ObjectId::UserNameIdentityToken_Encoding_DefaultBinary,
     ObjectId::X509IdentityToken_Encoding_DefaultBinary,
@@ -37,6 +38,10 @@ const NEEDED: [ObjectId; 11] = [
     ObjectId::LiteralOperand_Encoding_DefaultBinary,
     ObjectId::AttributeOperand_Encoding_DefaultBinary,
     ObjectId::SimpleAttributeOperand_Encoding_DefaultBinary,
+    ObjectId::ReadRawModifiedDetails_Encoding_DefaultBinary,
+    ObjectId::ReadAtTimeDetails_Encoding_DefaultBinary,
+    ObjectId::ReadProcessedDetails_Encoding_DefaultBinary,
+    ObjectId::ReadEventDetails_Encoding_DefaultBinary,
 ];
 
 fn needed(id: &NodeId) -> bool {
@@ -88,7 +93,8 @@ impl TypeLoader for Bounded {
 mod tests {
     use super::*;
     use opcua_types::{
-        AnonymousIdentityToken, BinaryDecodable as _, BinaryEncodable as _, ContextOwned, ExtensionObject, UAString,
+        AnonymousIdentityToken, BinaryDecodable as _, BinaryEncodable as _, ContextOwned, ExtensionObject,
+        ReadRawModifiedDetails, UAString,
     };
 
     fn read(bytes: &[u8]) -> EncodingResult<ExtensionObject> {
@@ -136,5 +142,8 @@ mod tests {
         let token = AnonymousIdentityToken { policy_id: UAString::from("anonymous") };
         let bytes = ExtensionObject::from_message(token.clone()).encode_to_vec(&context.context());
         assert_eq!(read(&bytes).expect("a token").inner_as::<AnonymousIdentityToken>(), Some(&token));
+        let history = ExtensionObject::from_message(ReadRawModifiedDetails::default());
+        let bytes = history.encode_to_vec(&context.context());
+        assert!(read(&bytes).expect("details").inner_as::<ReadRawModifiedDetails>().is_some());
     }
 }

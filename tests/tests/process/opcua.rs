@@ -82,6 +82,7 @@ fn a_client_browses_and_reads_what_the_tools_read() {
         answer["types"].as_array().map(|types| types[..6].to_vec()),
         Some(["UInt16", "Int16", "Float", "String", "Double", "Int16"].map(Value::from).to_vec())
     );
+    assert_eq!(client.ask(&json!({ "op": "history", "id": "MW30" }))["error"], "BadHistoryOperationUnsupported");
     let about = client.done(&json!({ "op": "attributes", "id": "DB10.ramp" }));
     assert_eq!(
         (&about["description"], &about["rank"], &about["dimensions"], &about["writable"]),
