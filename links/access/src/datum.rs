@@ -12,6 +12,7 @@ use serde_json::{Value, json};
 use thiserror::Error;
 
 use crate::Typed;
+use crate::value::real_of;
 
 /// Milliseconds from 1970-01-01 to 1990-01-01, where DATE and DATE_AND_TIME begin.
 const MS_TO_1990: i64 = DAYS_TO_1990 as i64 * DAY_MS as i64;
@@ -85,8 +86,8 @@ impl Datum {
             DataType::Int => Datum::Int(number()?.try_into().map_err(fit)?),
             DataType::DInt => Datum::DInt(number()?.try_into().map_err(fit)?),
             DataType::Real => match (value.as_f64(), value.as_str()) {
-                (Some(real), _) => Datum::Real(real as f32),
-                (None, Some(text)) => Datum::Real(text.parse().map_err(|_| Unfit::Type)?),
+                (Some(real), _) => Datum::Real(Some(real as f32).filter(|real| real.is_finite()).ok_or(Unfit::Range)?),
+                (None, Some(text)) => Datum::Real(real_of(text).ok_or(Unfit::Type)?),
                 _ => return Err(Unfit::Type),
             },
             DataType::Time | DataType::S5Time | DataType::TimeOfDay => Datum::Duration(number()?),
@@ -398,6 +399,8 @@ mod tests {
             (DataType::Int, "1.5", Unfit::Type),
             (DataType::Bool, "2", Unfit::Type),
             (DataType::Word, "-1", Unfit::Range),
+            (DataType::Real, "1e39", Unfit::Range),
+            (DataType::Real, "\"-1e39\"", Unfit::Type),
             (DataType::Date, "\"2026-02-30\"", Unfit::Type),
             (DataType::DateAndTime, "\"2026-01-01T24:00:00\"", Unfit::Type),
             (DataType::DateAndTime, "\"2026-01-01T00:00:00.\u{e4}\"", Unfit::Type),

@@ -32,7 +32,9 @@ pub fn from_json(item: &Item, value: &Value) -> Result<u32, String> {
     match value {
         Value::Bool(bit) => fit(item, i64::from(*bit)),
         Value::Number(number) => match (number.as_i64(), number.as_f64()) {
-            (_, Some(real)) if item.reading == Reading::Real => Ok((real as f32).to_bits()),
+            (_, Some(real)) if item.reading == Reading::Real && (real as f32).is_finite() => {
+                Ok((real as f32).to_bits())
+            }
             (Some(number), _) => fit(item, number),
             _ => Err(format!("{number} does not fit {}, a {}", item.name, item.type_name)),
         },
@@ -60,13 +62,19 @@ pub fn from_text(item: &Item, text: &str) -> Result<u32, String> {
         return fit(item, i64::from(bits));
     }
     if item.reading == Reading::Real {
-        return upper.parse::<f32>().map(f32::to_bits).map_err(|_| wrong());
+        return real_of(&upper).map(f32::to_bits).ok_or_else(wrong);
     }
     match upper.strip_prefix("L#").unwrap_or(&upper) {
         "TRUE" => fit(item, 1),
         "FALSE" => fit(item, 0),
         number => fit(item, number.parse().map_err(|_| wrong())?),
     }
+}
+
+/// A text as a REAL. Digits beyond its range are not infinity, which is written as a word: `inf`.
+pub(crate) fn real_of(text: &str) -> Option<f32> {
+    let real: f32 = text.parse().ok()?;
+    (real.is_finite() || !text.contains(|c: char| c.is_ascii_digit())).then_some(real)
 }
 
 /// The bits of a cell in hexadecimal, as wide as it is.
@@ -134,5 +142,12 @@ mod tests {
         }
         assert!(from_json(&byte, &json!([1])).is_err());
         assert!(from_json(&byte, &json!(1.5)).is_err());
+        // Beyond the range of a REAL is not infinity.
+        let real = item(Width::DWord, Reading::Real);
+        for wrong in [json!(1e39), json!(-1e300), json!("1e39")] {
+            assert!(from_json(&real, &wrong).is_err(), "{wrong}");
+        }
+        assert_eq!(from_json(&real, &json!(f32::MAX)), Ok(f32::MAX.to_bits()));
+        assert_eq!(from_json(&real, &json!("-inf")), Ok(f32::NEG_INFINITY.to_bits()));
     }
 }
