@@ -54,6 +54,8 @@ def encoded(metrics):
             metric.float_value = value
         elif isinstance(value, str):
             metric.string_value = value
+        elif wanted["type"] == 13:
+            metric.long_value = value
         else:
             metric.int_value = value & 0xFFFFFFFF
     return message.SerializeToString()

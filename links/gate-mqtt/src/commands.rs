@@ -8,6 +8,7 @@ use ob1_model::DataType;
 use serde_json::Value;
 
 use crate::items::{plain, topic};
+use crate::sparkplug::kind_of;
 
 /// Maximum of concurrent commands; more are refused.
 const AT_ONCE: usize = 16;
@@ -52,6 +53,11 @@ impl Commands {
     /// The names, as parts of topics.
     pub(crate) fn names(&self) -> impl Iterator<Item = &String> {
         self.places.keys()
+    }
+
+    /// The data type of a name in Sparkplug; 0 if there is no such command.
+    pub(crate) fn kind(&self, name: &str) -> u32 {
+        self.places.get(name).map_or(0, |typed| kind_of(&typed.ty))
     }
 
     /// Writes a value; returns the outcome.

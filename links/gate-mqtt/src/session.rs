@@ -15,7 +15,7 @@ use tokio::time::{Instant, sleep_until};
 use crate::commands::Commands;
 use crate::connection::Connection;
 use crate::flow::Flow;
-use crate::items::Items;
+use crate::items::{Items, topic};
 use crate::keys::Settings;
 use crate::node::{self, Node};
 use crate::sparkplug::{Metric, Payload, REBIRTH};
@@ -347,7 +347,13 @@ impl Session {
             let by_alias = metric.alias.and_then(|alias| self.items.list.get((alias as usize).checked_sub(1)?));
             let name = metric.name.clone().or_else(|| by_alias.map(|item| item.name.clone()));
             if let (Some(name), Some(value)) = (name, &metric.value) {
-                self.write(name, Ok(value.json(metric.datatype)));
+                let name = topic(&name);
+                // A host need not send the data type: the birth has told it.
+                let kind = match (metric.datatype, &self.commands) {
+                    (0, Some(commands)) => commands.kind(&name),
+                    (given, _) => given,
+                };
+                self.write(name, Ok(value.json(kind)));
             }
         }
     }

@@ -105,8 +105,11 @@ impl Value {
                 kind::INT32 => serde_json::json!(*v as i32),
                 _ => serde_json::json!(v),
             },
-            Self::Long(v) if datatype == kind::INT64 => serde_json::json!(*v as i64),
-            Self::Long(v) => serde_json::json!(v),
+            Self::Long(v) => match datatype {
+                kind::INT64 => serde_json::json!(*v as i64),
+                kind::DATE_TIME => Datum::Moment(*v as i64).json(),
+                _ => serde_json::json!(v),
+            },
             Self::Float(v) => Datum::Real(*v).json(),
             Self::Double(v) => serde_json::json!(v),
             Self::Boolean(v) => serde_json::json!(v),
@@ -313,6 +316,8 @@ mod tests {
     fn what_is_sent_is_read_again() {
         assert_eq!(Payload::decode(&payload().encode()), Some(payload()));
         assert_eq!(Value::Int(0xFFFF_FFFE).json(kind::INT16), serde_json::json!(-2));
+        assert_eq!(Value::Long(u64::MAX).json(kind::INT64), serde_json::json!(-1));
+        assert_eq!(Value::Long(1_767_225_600_007).json(kind::DATE_TIME), serde_json::json!("2026-01-01T00:00:00.007"));
         // A payload of Eclipse Tahu's: timestamp 1, one metric "bdSeq" (UInt64) 7, by hand.
         let metric = [&[0x0A, 5][..], b"bdSeq", &[0x18, 1, 0x20, 8, 0x58, 7]].concat();
         let whole = [&[0x08, 1, 0x12, metric.len() as u8][..], &metric].concat();

@@ -146,7 +146,8 @@ fn sparkplug_is_whole_after_a_break() {
     let site = Site::new();
     let mut broker = Broker::start(&site);
     let mut listener = Listener::start(&site, broker.port, "spBv1.0/plant/#");
-    let keys = "rights = \"write\"\nsparkplug = \"plant\"\ncommands = [\"MW20\"]\n\
+    let keys = "rights = \"write\"\nsparkplug = \"plant\"\n\
+                commands = [\"MW20\", \"DB10.number\", \"DB10.moment\"]\n\
                 publish = [\"MW20\", \"DB10.ramp\", \"DB10.number\"]\n";
     let station = station(&site, "mq-spb", &link(broker.port, keys));
     let kind = |said: &Value, kind: &str| said["topic"] == format!("spBv1.0/plant/{kind}/mq-spb");
@@ -173,6 +174,12 @@ fn sparkplug_is_whole_after_a_break() {
         json!({ "topic": "spBv1.0/plant/NCMD/mq-spb", "metrics": [{ "name": "MW20", "type": 6, "value": 77 }] });
     listener.say(&command);
     station.until("the command", |station| (station.cell("MW 20") == 77).then_some(()));
+    // Without a data type it is that of the birth; a date is milliseconds since 1970.
+    listener.say(&json!({ "topic": "spBv1.0/plant/NCMD/mq-spb", "metrics": [
+        { "name": "DB10.number", "type": 0, "value": -5 },
+        { "name": "DB10.moment", "type": 13, "value": 1_767_225_600_000_u64 },
+    ] }));
+    station.until("2026-01-01", |station| (station.cells(&["DB10.DBW 0", "DB10.DBB 46"]) == [65531, 1]).then_some(()));
     listener.say(&json!({
         "topic": "spBv1.0/plant/NCMD/mq-spb", "metrics": [{ "name": "Node Control/Rebirth", "type": 11, "value": true }]
     }));
