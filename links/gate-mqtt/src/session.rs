@@ -50,6 +50,8 @@ pub(crate) struct Session {
     connection: Option<Connection>,
     /// The broker has accepted us.
     online: bool,
+    /// The broker is to get all values again, once everything older has been sent.
+    again: bool,
     try_at: Instant,
     wait: Duration,
     flow: Flow,
@@ -88,6 +90,7 @@ impl Session {
             commands,
             connection: None,
             online: false,
+            again: false,
             try_at: Instant::now(),
             wait: FIRST_TRY,
             flow: Flow::default(),
@@ -160,11 +163,18 @@ impl Session {
             Event::Incoming(Packet::PubAck(ack)) => {
                 let arrived = self.flow.acknowledged(ack.pkid);
                 self.store.arrived(arrived);
+                if arrived > 0 {
+                    self.wait = FIRST_TRY;
+                }
             }
             // Packet 0: QoS 0, which is never acknowledged.
             Event::Outgoing(Outgoing::Publish(packet)) if packet != 0 => self.flow.sent(packet),
             Event::Outgoing(Outgoing::PingReq) => self.sent_before_ping = self.sent,
-            Event::Incoming(Packet::PingResp) if self.node.is_some() => {
+            Event::Incoming(Packet::PingResp) => {
+                self.wait = FIRST_TRY;
+                if self.node.is_none() {
+                    return;
+                }
                 let arrived = std::mem::take(&mut self.sent_before_ping);
                 self.store.arrived(arrived);
                 self.sent -= arrived.min(self.sent);
@@ -177,7 +187,9 @@ impl Session {
     /// The broker has accepted us.
     fn welcomed(&mut self) {
         tracing::info!(link = %self.name(), "connected to broker {}", self.settings.host);
-        (self.online, self.wait) = (true, FIRST_TRY);
+        // A broker that accepts us and drops us at the first value is not asked again at once: the wait ends with the
+        // first value that arrives, or the first answered ping.
+        self.online = true;
         let Some(connection) = &self.connection else { return };
         let client = connection.client.clone();
         if let Some(node) = &self.node {
@@ -191,13 +203,17 @@ impl Session {
         }
         self.flow.asked(false);
         let _ = client.try_publish(self.topic(ONLINE), QoS::AtLeastOnce, true, "true");
-        // A broker that has lost its retained messages gets them again, after all waiting records.
-        if self.settings.retain {
-            let now = unix_now();
-            for index in 0..self.items.list.len() {
-                let value = self.items.list[index].value();
-                self.told(index, value.as_ref(), now, self.scan);
-            }
+        // A broker that has lost its retained messages gets them again.
+        self.again = self.settings.retain;
+    }
+
+    /// All values once more. Only when everything older has been sent: a connection that breaks again and again must not
+    /// fill the store with copies.
+    fn tell_again(&mut self) {
+        let now = unix_now();
+        for index in 0..self.items.list.len() {
+            let value = self.items.list[index].value();
+            self.told(index, value.as_ref(), now, self.scan);
         }
     }
 
@@ -307,7 +323,13 @@ impl Session {
             return;
         }
         while self.flow.has_room() {
-            let Some(record) = ready.get(self.flow.stored()) else { return };
+            let Some(record) = ready.get(self.flow.stored()) else {
+                if std::mem::take(&mut self.again) {
+                    self.tell_again();
+                    self.send();
+                }
+                return;
+            };
             let topic = format!("{}/{}", self.settings.prefix, record.topic);
             let asked =
                 connection.client.try_publish(topic, QoS::AtLeastOnce, self.settings.retain, record.payload.clone());

@@ -1,6 +1,10 @@
 //! MQTT of a running station: mosquitto as the broker, paho and Eclipse Tahu's Sparkplug B as the partner.
 
 use std::collections::BTreeSet;
+use std::io::{Read as _, Write as _};
+use std::net::{TcpListener, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use serde_json::{Value, json};
 
@@ -107,6 +111,33 @@ fn the_next_run_sends_what_was_left() {
         (left.len() == 3).then_some(())
     });
     assert_eq!(second.interrupt().code(), Some(0));
+}
+
+/// A broker that accepts a connection and drops it at the first message, as some do with clients that may not publish.
+#[test]
+fn a_broker_that_drops_us_is_left_alone_longer_each_time() {
+    let site = Site::new();
+    let broker = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let port = broker.local_addr().expect("bound").port();
+    let connections = Arc::new(AtomicUsize::new(0));
+    let counted = Arc::clone(&connections);
+    // It ends with the process.
+    std::thread::spawn(move || {
+        let mut bytes = [0; 4096];
+        let mut heard = |stream: &mut TcpStream| stream.read(&mut bytes).is_ok_and(|count| count > 0);
+        for mut stream in broker.incoming().flatten() {
+            counted.fetch_add(1, Ordering::Relaxed);
+            // CONNECT, CONNACK, and whatever comes next.
+            if heard(&mut stream) && stream.write_all(&[0x20, 2, 0, 0]).is_ok() {
+                heard(&mut stream);
+            }
+        }
+    });
+    let station = station(&site, "mq-dropped", &link(port, "publish = [\"MW20\"]\n"));
+    station.scans(1000);
+    assert_eq!(station.interrupt().code(), Some(0));
+    let connections = connections.load(Ordering::Relaxed);
+    assert!((1..12).contains(&connections), "{connections}");
 }
 
 #[test]
