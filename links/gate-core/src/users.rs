@@ -11,6 +11,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 use std::fs::{self, File};
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::io::Read as _;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
@@ -148,6 +149,16 @@ impl Users {
     #[must_use]
     pub fn right(&self, user: &str) -> Option<Right> {
         self.known().users.get(user).map(|known| known.right)
+    }
+
+    /// A number that another password changes; `None`: the user no longer exists. Code that keeps a user logged in
+    /// compares it with that of the login.
+    #[must_use]
+    pub fn mark(&self, user: &str) -> Option<u64> {
+        let known = self.known();
+        let mut hasher = DefaultHasher::new();
+        known.users.get(user)?.hash.hash(&mut hasher);
+        Some(hasher.finish())
     }
 
     /// Logs in a user from this address.
@@ -345,6 +356,9 @@ mod tests {
         let (_folder, path) = users(&format!("anna:read:{}\n", hash("x")), 0o600);
         let users = Users::read(&path).expect("right");
         assert!(!users.refresh().expect("the same"));
+        let mark = users.mark("anna");
+        fs::write(&path, format!("anna:read:{}\n#\n", hash("x"))).expect("a file");
+        assert!(users.refresh().expect("right") && mark.is_some() && users.mark("anna") != mark, "another hash");
         fs::write(&path, format!("bert:write:{}\n# new\n", hash("y"))).expect("a file");
         assert!(users.refresh().expect("right"));
         assert_eq!((users.right("anna"), users.right("bert")), (None, Some(Right::Write)));

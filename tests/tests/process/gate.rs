@@ -164,8 +164,11 @@ fn without_rights_nothing_changes() {
     assert_eq!(command(&anna, "run"), 200);
     station.until("RUN", |s| (s.status().state == "RUN").then_some(()));
 
+    let mut stream = anna.stream("", "");
+    assert!(stream.next("status").is_some());
     assert_eq!(anna.post("/api/logout", &json!({})).status, 200);
     assert_eq!(command(&anna, "stop"), 401, "logged out");
+    assert!((0..20).any(|_| stream.next("status").is_none()), "the stream ends with the session");
     let audit = std::fs::read_to_string(site.path("gate-rights.audit")).expect("the audit log");
     let lines: Vec<Value> = audit.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
     for (user, what, outcome) in [
@@ -190,6 +193,10 @@ fn without_rights_nothing_changes() {
     // Wrong passwords cause a delay.
     let guess = |password: &str| stranger.post("/api/login", &json!({ "user": "anna", "password": password })).status;
     assert_eq!((guess("wrong"), guess("anna-password")), (401, 429));
+    // A new password ends the sessions of the old one.
+    assert_eq!(rita.get("/api/status").status, 200);
+    add_user(&site, "a.users", "rita", "read", "another-password");
+    station.until("another login is needed", |_| (rita.get("/api/status").status == 401).then_some(()));
 }
 
 /// A killed gate is restarted: the page is available again, a resumed stream has missed nothing, and the scan has

@@ -110,7 +110,7 @@ impl Page {
         let _ = self.sessions.close(&call.headers);
         let client = self.station.client(Who { user: login.user, address, right: login.right });
         let right = right_name(client.right());
-        let Some(token) = self.sessions.open(client) else {
+        let Some(token) = self.sessions.open(client, users.mark(&user)) else {
             return plain(StatusCode::SERVICE_UNAVAILABLE, "no random numbers");
         };
         with_cookie(send(&json!({ "user": user, "right": right })), call.tls, &token, None)

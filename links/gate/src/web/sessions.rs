@@ -1,6 +1,7 @@
 //! Sessions: a random token in a cookie that no other site and no script can read.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
+use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use hyper::header::{COOKIE, HeaderMap};
@@ -18,8 +19,12 @@ const TOKEN: usize = 32;
 struct Session {
     token: [u8; TOKEN],
     client: Client,
+    /// Of the user's password.
+    mark: Option<u64>,
     began: Instant,
     last: Instant,
+    /// The user has logged out or must log in again: what is still open for this session ends.
+    left: Rc<Cell<bool>>,
 }
 
 /// All sessions.
@@ -32,22 +37,23 @@ pub(super) const fn cookie_name(tls: bool) -> &'static str {
 }
 
 impl Sessions {
-    /// Opens a session; returns its token.
-    pub(super) fn open(&self, client: Client) -> Option<String> {
+    /// Opens a session; returns its token. `mark` is that of the user's password.
+    pub(super) fn open(&self, client: Client, mark: Option<u64>) -> Option<String> {
         let mut token = [0; TOKEN];
         SystemRandom::new().fill(&mut token).ok()?;
         let mut all = self.0.borrow_mut();
         if all.len() >= SESSIONS
             && let Some(at) = (0..all.len()).min_by_key(|at| all[*at].last)
         {
-            all.swap_remove(at);
+            all.swap_remove(at).left.set(true);
         }
         let now = Instant::now();
-        all.push(Session { token, client, began: now, last: now });
+        all.push(Session { token, client, mark, began: now, last: now, left: Rc::default() });
         Some(token.iter().map(|byte| format!("{byte:02x}")).collect())
     }
 
-    /// The client of the session that the cookie names; `None` if the user is gone or now has other rights.
+    /// The client of the session that the cookie names; `None` if the user is gone or now has other rights or another
+    /// password.
     pub(super) fn client(&self, headers: &HeaderMap, users: &Users) -> Option<Client> {
         let now = Instant::now();
         let mut all = self.0.borrow_mut();
@@ -56,8 +62,8 @@ impl Sessions {
         let at = place(&all, headers)?;
         let session = all.get_mut(at)?;
         let who = session.client.who();
-        if users.right(&who.user) != Some(who.right) {
-            all.swap_remove(at);
+        if users.right(&who.user) != Some(who.right) || users.mark(&who.user) != session.mark {
+            all.swap_remove(at).left.set(true);
             return None;
         }
         session.last = now;
@@ -68,7 +74,16 @@ impl Sessions {
     pub(super) fn close(&self, headers: &HeaderMap) -> Option<Client> {
         let mut all = self.0.borrow_mut();
         let at = place(&all, headers)?;
-        Some(all.swap_remove(at).client)
+        let session = all.swap_remove(at);
+        session.left.set(true);
+        Some(session.client)
+    }
+
+    /// Tells whether the user of the session that the cookie names has left it; without a session it stays false.
+    pub(super) fn left(&self, headers: &HeaderMap) -> Rc<Cell<bool>> {
+        let all = self.0.borrow();
+        let session = place(&all, headers).and_then(|at| all.get(at));
+        session.map(|session| Rc::clone(&session.left)).unwrap_or_default()
     }
 }
 

@@ -1,6 +1,6 @@
 //! Server-sent events of the page: the station's state, its events, and the values of a variable table.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::net::IpAddr;
 use std::rc::Rc;
 use std::time::Duration;
@@ -77,12 +77,14 @@ pub(super) fn open(page: &Rc<Page>, client: Client, call: &Call) -> Reply {
     let after = call.headers.get("last-event-id").and_then(|id| id.to_str().ok()?.parse().ok());
     let items = query(&call.query, "items").unwrap_or_default();
     let period = query(&call.query, "period").and_then(|text| text.parse().ok()).unwrap_or(1000);
+    let left = page.sessions.left(&call.headers);
     let page = Rc::clone(page);
     let telegrams = query(&call.query, "telegrams").is_some();
     tokio::task::spawn_local(async move {
         let _counted = counted;
         let taps = if telegrams { taps::open(&page).await } else { None };
-        let _ = run(&page, &client, &to, after, (&items, period.clamp(PERIODS.0, PERIODS.1)), taps).await;
+        let period = period.clamp(PERIODS.0, PERIODS.1);
+        let _ = run(&page, (&client, &left), &to, after, (&items, period), taps).await;
     });
     let mut reply = hyper::Response::new(Body::Parts(parts));
     reply.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static("text/event-stream"));
@@ -100,7 +102,7 @@ async fn say(to: &To, name: &str, id: Option<u64>, data: &str) -> Result<(), ()>
 
 async fn run(
     page: &Page,
-    client: &Client,
+    (client, left): (&Client, &Cell<bool>),
     to: &To,
     after: Option<u64>,
     (items, period): (&str, u64),
@@ -130,7 +132,8 @@ async fn run(
                     Err(why) => say(to, "trouble", None, &json!(why.to_string()).to_string()).await?,
                 }
                 // A user who is logged out or has lost rights gets nothing more.
-                if page.users.as_ref().is_some_and(|users| users.right(&client.who().user).is_none()) {
+                let gone = page.users.as_ref().is_some_and(|users| users.right(&client.who().user).is_none());
+                if gone || left.get() {
                     return Err(());
                 }
             }
