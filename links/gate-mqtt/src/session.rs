@@ -361,9 +361,13 @@ impl Session {
             tracing::warn!(link = %self.name(), "a command is not a payload of Sparkplug B");
             return;
         };
+        let mut born = false;
         for metric in payload.metrics {
             if metric.name.as_deref() == Some(REBIRTH) {
-                self.birth();
+                // Once, however often a message asks for it.
+                if !std::mem::replace(&mut born, true) {
+                    self.birth();
+                }
                 continue;
             }
             let by_alias = metric.alias.and_then(|alias| self.items.list.get((alias as usize).checked_sub(1)?));
