@@ -26,6 +26,15 @@ pub struct Diagnostic {
     pub message: String,
     /// What to do.
     pub remedy: String,
+    /// The other sources it is about: all uses of something that does not exist are one finding.
+    pub others: Vec<usize>,
+}
+
+impl Diagnostic {
+    /// The sources it is about, by their index; that of its line comes first.
+    pub fn sources(&self) -> impl Iterator<Item = usize> + '_ {
+        std::iter::once(self.source).chain(self.others.iter().copied())
+    }
 }
 
 /// Characters of a source line shown at most, so that one endless line does not flood the terminal.
@@ -106,6 +115,8 @@ struct Raw {
     remedy: String,
     /// It is about all uses of something, not about its line alone.
     whole: bool,
+    /// The other files with such a use.
+    others: Vec<usize>,
 }
 
 /// The placeholder in the message of a [`Missing`](crate::Missing) block for the number of its uses.
@@ -178,7 +189,8 @@ impl Sink {
         message: impl Into<String>,
         remedy: impl Into<String>,
     ) {
-        self.raw.push(Raw { file, span, code, message: message.into(), remedy: remedy.into(), whole: false });
+        let (message, remedy) = (message.into(), remedy.into());
+        self.raw.push(Raw { file, span, code, message, remedy, whole: false, others: Vec::new() });
     }
 
     /// A use of something that does not exist. All uses under one key are one finding, at the first of them; what it
@@ -197,7 +209,7 @@ impl Sink {
             return;
         }
         let (message, remedy) = says(self);
-        let first = Raw { file, span, code, message, remedy, whole: true };
+        let first = Raw { file, span, code, message, remedy, whole: true, others: Vec::new() };
         self.missing.insert(key.to_owned(), Uses { first, count: 1, files: BTreeSet::from([file]) });
     }
 
@@ -261,6 +273,7 @@ impl Sink {
             } else if count > 1 {
                 first.message = format!("{}: {uses}", first.message);
             }
+            first.others = files.into_iter().filter(|file| *file != first.file).collect();
             self.raw.push(first);
         }
         let foreign = std::mem::take(&mut self.foreign);
@@ -341,6 +354,7 @@ impl Sink {
                 length,
                 message: raw.message,
                 remedy: raw.remedy,
+                others: raw.others,
             });
         }
         out
@@ -380,6 +394,18 @@ mod tests {
         let text = render(&found[0], &source);
         assert!(text.lines().all(|l| l.len() < 200), "{text}");
         assert!(text.contains("...x") && text.contains("x..."), "{text}");
+    }
+
+    #[test]
+    fn uses_of_what_is_not_there_are_one_finding_about_all_their_sources() {
+        let mut sink = Sink::new();
+        for file in [2, 0, 2, 1] {
+            let says = |_: &mut Sink| ("UDT 9".to_owned(), String::new());
+            sink.missing("UDT 9", file, Span::default(), &codes::UNUSABLE_TYPE, says);
+        }
+        let found = sink.finish(&["", "", ""]);
+        assert_eq!((found.len(), found[0].message.as_str()), (1, "UDT 9: 4 uses in 3 files"));
+        assert_eq!(found[0].sources().collect::<Vec<_>>(), [2, 0, 1]);
     }
 
     #[test]

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use ob1_mc7::CompiledInterface;
 use ob1_model::{BlockId, BlockKind};
-use ob1_project::{Area, Block, DpModule, DpSlave, DpSystem, Files, Head, NewProject};
+use ob1_project::{Area, Block, DpModule, DpSlave, DpSystem, Files, Head, NewProject, Udt};
 use ob1_tests::step7;
 use serde_json::Value;
 
@@ -261,6 +261,47 @@ fn a_block_nobody_has_is_stood_in_for() {
         assert!(report.contains(wanted), "{wanted} is not in\n{report}");
     }
     site.ob1(&["run", &format!("{out}/station.toml"), "--scans", "20", "--quiet"]).fine();
+}
+
+/// However many blocks use a type that is missing, each takes its compiled form, and the station runs.
+#[test]
+fn a_type_that_is_missing_leaves_the_blocks_that_use_it() {
+    let site = Site::new();
+    let mut project = step7::example();
+    // A structure of one word: a component of UDT 91, which is of UDT 90, or of an FB 90.
+    let word = [0x11, 4, 1, 4, 4u8];
+    let instance = [&[0x15, 90, 0][..], &word].concat();
+    let interface = |kind: u8, number: u8, entries: &[u8]| {
+        let head = [kind, number, 0, entries.len() as u8, 0, 0, 0];
+        [&head[..], entries, &[0]].concat()
+    };
+    for number in 10..20u8 {
+        let udt = if number % 2 == 0 { 90 } else { 91 };
+        project.blocks.push(Block {
+            id: BlockId::new(BlockKind::Db, number.into()),
+            interface: interface(5, number, &word),
+            declarations: Some(format!("\r\nSTRUCT\r\n  Part : UDT {udt};\t\r\n END_STRUCT ;\t\r\n")),
+            ..function(number.into(), &[0x12, 0x34])
+        });
+        // L #Part; T MW 16.
+        project.blocks.push(Block {
+            id: BlockId::new(BlockKind::Fb, number.into()),
+            interface: interface(1, number, &instance),
+            declarations: Some("\r\nVAR\r\n  Part : FB 90;\t\r\nEND_VAR\r\n".to_owned()),
+            ..function(number.into(), &[0xBE, 0x5A, 0, 0, 0x13, 0x10, 0x65, 0])
+        });
+    }
+    let udt = "\r\nSTRUCT \r\n  Part : UDT 90;\t\r\n END_STRUCT ;\t\r\n".to_owned();
+    project.udts.push((91, Udt { declarations: udt, head: Head::default() }));
+    let out = site.path("station").display().to_string();
+    let said = site.ob1(&["import", &self::project(&site, &project.files()), "--out", &out, "--json"]);
+    // The UDT alone is left out.
+    assert_eq!(said.code, Some(1), "{}{}", said.out, said.err);
+    let json: Value = serde_json::from_str(&said.out).expect("JSON");
+    assert_eq!((&json["blocks"], &json["decoded"]), (&Value::from(24), &Value::from(24)), "{json}");
+    let report = text(&site.path("station/report.txt"));
+    assert!(!report.contains("without names"), "{report}");
+    site.ob1(&["check", &format!("{out}/station.toml")]).fine();
 }
 
 #[test]

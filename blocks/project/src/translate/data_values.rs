@@ -3,7 +3,7 @@
 use ob1_ir::DataKind;
 use ob1_model::{BlockId, BlockKind};
 
-use super::{Draft, Of};
+use super::{Draft, Of, errors};
 use crate::values;
 
 impl Draft<'_> {
@@ -47,13 +47,12 @@ impl Draft<'_> {
         // A value the compiler does not take as it is written.
         let files = self.files();
         let output = self.compile(&files);
-        for diagnostic in output.diagnostics.iter().filter(|d| d.severity == ob1_stl::Severity::Error) {
-            if let Some((Of::Block(id), _)) =
-                files.get(diagnostic.source).filter(|(of, _)| matches!(of, Of::Block(id) if id.kind == BlockKind::Db))
-            {
-                self.values.remove(id);
-                self.images.insert(*id);
-                self.note(*id, format!("its values stay in machine code: {} {}", diagnostic.code, diagnostic.message));
+        for (of, why) in errors(&output, &files) {
+            let Of::Block(id) = of else { continue };
+            if id.kind == BlockKind::Db {
+                self.values.remove(&id);
+                self.images.insert(id);
+                self.note(id, format!("its values stay in machine code: {why}"));
             }
         }
         for db in &output.program.data {

@@ -79,6 +79,21 @@ pub fn translate(folder: &Folder, wanted: &Wanted<'_>) -> Translation {
     draft.finish()
 }
 
+/// Times that declarations are compiled anew: a mistake in a type shows in what is made of it only when the type is
+/// gone, and types may lie deep in each other.
+const ROUNDS: u32 = 32;
+
+/// What is wrong with the sources: the first mistake of each.
+fn errors(output: &Output, files: &[(Of, String)]) -> BTreeMap<Of, String> {
+    let mut wrong = BTreeMap::new();
+    for diagnostic in output.diagnostics.iter().filter(|d| d.severity == ob1_stl::Severity::Error) {
+        for (of, _) in diagnostic.sources().filter_map(|source| files.get(source)) {
+            wrong.entry(*of).or_insert_with(|| format!("{} {}", diagnostic.code, diagnostic.message));
+        }
+    }
+    wrong
+}
+
 /// A source file on its way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Of {
@@ -213,8 +228,9 @@ impl<'f> Draft<'f> {
     }
 
     fn exists(&self, id: BlockId) -> bool {
-        self.library.get(id).is_some()
-            || self.folder.blocks.get(&id).is_some_and(|b| !b.code.is_empty() && id.kind == BlockKind::Fb)
+        // One that stays in machine code without declarations is in no source.
+        let own = |block: &Block| !block.code.is_empty() && id.kind == BlockKind::Fb && !self.images.contains(&id);
+        self.library.get(id).is_some() || self.folder.blocks.get(&id).is_some_and(own)
     }
 
     fn made(&self, id: BlockId, text: Option<&Interface>) -> Declarations {
@@ -252,42 +268,35 @@ impl<'f> Draft<'f> {
     /// Declarations that compile and say what the compiled interfaces say.
     fn settle(&mut self) {
         // From the texts; from the compiled interface where a text has a mistake or says something else.
-        for round in 0..4 {
+        let mut from_compiled = BTreeSet::new();
+        for _ in 0..ROUNDS {
             let files = self.files();
             let output = self.compile(&files);
-            let mut wrong: BTreeMap<Of, String> = BTreeMap::new();
-            for diagnostic in output.diagnostics.iter().filter(|d| d.severity == ob1_stl::Severity::Error) {
-                if let Some((of, _)) = files.get(diagnostic.source) {
-                    wrong.entry(*of).or_insert_with(|| format!("{} {}", diagnostic.code, diagnostic.message));
+            let mut wrong = errors(&output, &files);
+            for block in &output.program.blocks {
+                let id = block.id;
+                let agrees = self.compiled.get(&id).is_none_or(|c| compiled::agree(c, &block.interface));
+                if agrees || from_compiled.contains(&id) || wrong.contains_key(&Of::Block(id)) {
+                    continue;
                 }
-            }
-            if round == 0 {
-                for block in &output.program.blocks {
-                    let id = block.id;
-                    let agrees = self.compiled.get(&id).is_none_or(|c| compiled::agree(c, &block.interface));
-                    if agrees || wrong.contains_key(&Of::Block(id)) {
-                        continue;
-                    }
-                    let made = self.made(id, Some(&block.interface));
-                    self.declared.insert(id, made);
-                    self.note(
-                        id,
-                        "its text declares something else than it was compiled with; the compiled form counts",
-                    );
-                    wrong.insert(Of::Block(id), String::new());
-                }
+                let made = self.made(id, Some(&block.interface));
+                self.declared.insert(id, made);
+                from_compiled.insert(id);
+                self.note(id, "its text declares something else than it was compiled with; the compiled form counts");
+                wrong.insert(Of::Block(id), String::new());
             }
             if wrong.is_empty() {
                 return;
             }
             for (of, why) in wrong.into_iter().filter(|(_, why)| !why.is_empty()) {
-                self.mend(of, &why, round);
+                self.mend(of, &why, &mut from_compiled);
             }
         }
     }
 
-    /// Other declarations for a block whose present ones have a mistake.
-    fn mend(&mut self, of: Of, why: &str, round: u32) {
+    /// Other declarations for a block whose present ones have a mistake. Those of the compiled interface, which
+    /// `from_compiled` tells, are tried once.
+    fn mend(&mut self, of: Of, why: &str, from_compiled: &mut BTreeSet<BlockId>) {
         let id = match of {
             Of::Udt(number) => {
                 self.udts.remove(&number);
@@ -296,7 +305,7 @@ impl<'f> Draft<'f> {
             }
             Of::Block(id) => id,
         };
-        let made = round == 0 && self.compiled.contains_key(&id);
+        let made = self.compiled.contains_key(&id) && from_compiled.insert(id);
         match (id.kind, made) {
             (BlockKind::Db, true) => {
                 let shape = compiled::structure(&self.compiled[&id], &|_| false);

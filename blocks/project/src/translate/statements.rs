@@ -112,10 +112,11 @@ impl Draft<'_> {
             let output = self.compile(&files);
             let mut differ: BTreeMap<BlockId, String> = BTreeMap::new();
             for diagnostic in output.diagnostics.iter().filter(|d| d.severity == ob1_stl::Severity::Error) {
-                if let Some((Of::Block(id), _)) = files.get(diagnostic.source) {
-                    differ.entry(*id).or_insert_with(|| {
-                        format!("{} {} (line {})", diagnostic.code, diagnostic.message, diagnostic.line)
-                    });
+                for source in diagnostic.sources() {
+                    let Some((Of::Block(id), _)) = files.get(source) else { continue };
+                    let line =
+                        if source == diagnostic.source { format!(" (line {})", diagnostic.line) } else { String::new() };
+                    differ.entry(*id).or_insert_with(|| format!("{} {}{line}", diagnostic.code, diagnostic.message));
                 }
             }
             for block in &output.program.blocks {
