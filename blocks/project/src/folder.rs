@@ -6,7 +6,7 @@ use ob1_mc7::Stamp;
 use ob1_model::{BlockId, BlockKind};
 
 use crate::comments::Comments;
-use crate::dbf::{Damage, Memos, Table};
+use crate::dbf::{Damage, Memos, Row, Table};
 use crate::note::{Note, Notes};
 use crate::text::CodePage;
 use crate::tree::Tree;
@@ -216,6 +216,20 @@ impl Folder {
         }
         folder.assemble(parts, page);
         Ok(folder)
+    }
+
+    /// How many code blocks and data blocks the folder at `path` has, by its table alone.
+    pub(crate) fn count(tree: &Tree<'_>, path: &str) -> u32 {
+        let table = |name: &str| {
+            let table = Table::parse(tree.read(&format!("{path}{name}.DBF"))?).ok()?;
+            table.has("SUBBLKTYP").then_some(table)
+        };
+        let Some(table) = ["SUBBLK", "BAUSTEIN"].into_iter().find_map(table) else { return 0 };
+        let is_block = |row: &Row<'_>| {
+            let part = row.number("SUBBLKTYP");
+            KINDS.iter().any(|kind| kind.code == part && !matches!(kind.kind, BlockKind::Sfb | BlockKind::Sfc))
+        };
+        u32::try_from(table.rows().filter(is_block).count()).unwrap_or(u32::MAX)
     }
 
     fn assemble(&mut self, mut parts: Parts, page: CodePage) {

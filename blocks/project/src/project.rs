@@ -36,7 +36,7 @@ pub struct BlockFolder {
     pub name: String,
     /// Its path in the tree, with a `/` at its end.
     pub path: String,
-    /// Number of code blocks and data blocks the project counts in it.
+    /// Number of code blocks and data blocks the project counts in it; those there are where it counts none.
     pub blocks: u32,
 }
 
@@ -109,6 +109,8 @@ impl Project {
             }
             let row = listed.iter().find(|(listed, ..)| *listed == id);
             let (name, blocks) = row.map_or((String::new(), 0), |(_, name, blocks)| (name.clone(), *blocks));
+            // A list that is missing, old or not up to date counts nothing.
+            let blocks = if blocks == 0 { Folder::count(tree, &path) } else { blocks };
             self.folders.push(BlockFolder { id, name, path, blocks });
         }
         for (id, name, _) in listed.iter().filter(|(id, ..)| !self.folders.iter().any(|f| f.id == *id)) {

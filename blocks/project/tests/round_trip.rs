@@ -181,6 +181,30 @@ fn files_that_are_missing_are_told() {
     }
 }
 
+/// Without the list of block folders the one that has blocks is taken, not the first.
+#[test]
+fn blocks_are_counted_where_the_project_does_not_count_them() {
+    let mut files = example().files();
+    let empty = files.0["ombstx/offline/00000001/SUBBLK.DBF"].clone();
+    for name in ["SUBBLK.DBF", "SUBBLK.DBT"] {
+        let bytes = files.0.remove(&format!("ombstx/offline/00000001/{name}")).expect("a table of blocks");
+        files.put(&format!("ombstx/offline/00000002/{name}"), bytes);
+    }
+    // No records.
+    let header = usize::from(u16::from_le_bytes([empty[8], empty[9]]));
+    let mut empty = empty[..header].to_vec();
+    empty[4..8].fill(0);
+    files.put("ombstx/offline/00000001/SUBBLK.DBF", empty);
+    for missing in ["ombstx/offline/BSTCNTOF.DBF", "hrs/S7RESOFF.DBF", "hrs/linkhrs.lnk"] {
+        files.0.remove(missing).expect(missing);
+    }
+    let (project, _) = read_all(&files).expect("a project");
+    let chosen: Vec<u32> = project.default_choice().iter().map(|c| project.folders[c.folder].id).collect();
+    assert_eq!(chosen, [2], "{:?}", project.folders);
+    let counts: Vec<u32> = project.folders.iter().map(|folder| folder.blocks).collect();
+    assert_eq!(counts, [0, example().blocks.len() as u32]);
+}
+
 #[test]
 fn a_memo_file_that_is_cut_off_costs_its_blocks_alone() {
     let mut files = example().files();
