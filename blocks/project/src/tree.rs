@@ -90,8 +90,10 @@ impl<'s> Tree<'s> {
     pub fn roots(&self) -> Vec<Root> {
         let mut roots: Vec<Root> = Vec::new();
         for (name, path) in &self.names {
-            if name.ends_with(".s7p") || name.ends_with(".s7l") {
-                let folder = path.get(..path.rfind('/').map_or(0, |at| at + 1)).unwrap_or_default().to_owned();
+            // `._plant.s7p` is what a Mac puts beside a file of an archive.
+            let is_mac = name.rsplit('/').next().is_some_and(|file| file.starts_with("._"));
+            if (name.ends_with(".s7p") || name.ends_with(".s7l")) && !is_mac {
+                let folder = path.get(..name.rfind('/').map_or(0, |at| at + 1)).unwrap_or_default().to_owned();
                 if !roots.iter().any(|root| root.folder.eq_ignore_ascii_case(&folder)) {
                     roots.push(Root { folder, file: Some(path.clone()) });
                 }
@@ -133,8 +135,20 @@ mod tests {
         assert_eq!(tree.list("plant/ombstx/offline/").len(), 1);
         let roots = tree.roots();
         assert_eq!((roots.len(), roots[0].folder.as_str()), (1, "Plant/"));
+        files.put("__MACOSX/Plant/._Plant.S7P", "z");
+        assert_eq!(Tree::new(&files).roots(), roots);
         files.0.remove("Plant/Plant.S7P");
         let roots = Tree::new(&files).roots();
         assert_eq!((roots.len(), roots[0].folder.as_str(), roots[0].file.is_none()), (1, "Plant/", true));
+    }
+
+    #[test]
+    fn a_folder_ends_at_either_slash() {
+        let mut files = Files::default();
+        files.put("Plant\\Plant.s7p", "x");
+        files.put("Plant\\Global\\Language", "y");
+        let tree = Tree::new(&files);
+        let folder = &tree.roots()[0].folder;
+        assert_eq!(tree.read(&format!("{folder}Global/Language")).as_deref(), Some(&b"y"[..]));
     }
 }

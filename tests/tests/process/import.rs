@@ -226,6 +226,29 @@ fn nothing_that_can_be_read_is_exit_code_2() {
     );
 }
 
+/// A copy of the project lies below it, in a folder whose name is not UTF-8; a library lies beside it.
+#[test]
+fn projects_of_one_name_are_told_apart() {
+    use std::os::unix::ffi::OsStrExt as _;
+    let site = Site::new();
+    let example = step7::example();
+    let plant = project(&site, &example.files());
+    let copy = Path::new(&plant).join(std::ffi::OsStr::from_bytes(b"backup-\xF6"));
+    put(&example.files(), &copy);
+    put(&NewProject { name: "library".into(), cpu: None, ..example }.files(), &Path::new(&plant).join("library"));
+    let out = site.path("station").display().to_string();
+    let said = site.ob1(&["import", &plant, "--out", &out]);
+    assert_eq!(said.code, Some(2), "{}{}", said.out, said.err);
+    let names: Vec<&str> = said.err.lines().filter_map(|line| line.trim().strip_prefix("--program ")).collect();
+    assert_eq!(names.len(), 2, "{}", said.err);
+    for (name, out) in names.into_iter().zip([&out, &site.path("second").display().to_string()]) {
+        site.ob1(&["import", &plant, "--program", name.trim_matches('"'), "--out", out]).fine();
+    }
+    // The project's own file says which one is meant.
+    let file = format!("{plant}/conveyor.s7p");
+    site.ob1(&["import", &file, "--out", &site.path("third").display().to_string()]).fine();
+}
+
 #[test]
 fn blocks_are_printed_but_for_the_protected() {
     let site = Site::new();

@@ -1,5 +1,6 @@
 //! A project on the disk: its folder, its `.s7p` or `.s7l`, or an archive of it.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use ob1_project::{Archive, FileSource, LONGEST_FILE};
@@ -16,17 +17,25 @@ const MOST: usize = 200_000;
 #[derive(Debug)]
 struct Folder {
     root: PathBuf,
-    paths: Vec<String>,
+    /// Each path as text, and as the system has it: names that were unpacked in another code page are not UTF-8.
+    paths: BTreeMap<String, PathBuf>,
 }
 
 impl FileSource for Folder {
     fn paths(&self) -> Vec<String> {
-        self.paths.clone()
+        self.paths.keys().cloned().collect()
     }
 
     fn read(&self, path: &str) -> Result<Vec<u8>, String> {
+        let path = self.paths.get(path).ok_or("there is no such file")?;
         files::read(&self.root.join(path), LONGEST_FILE).map_err(|error| error.to_string())
     }
+}
+
+/// True for a path that ends in `.s7p` or `.s7l` and is no folder.
+pub(super) fn is_project_file(path: &Path) -> bool {
+    let is = |ending: &str| path.extension().is_some_and(|end| end.eq_ignore_ascii_case(ending));
+    (is("s7p") || is("s7l")) && !path.is_dir()
 }
 
 /// Opens what the command line names.
@@ -51,21 +60,21 @@ pub(super) fn open(path: &Path) -> Result<Box<dyn FileSource>, String> {
 }
 
 fn folder(root: &Path) -> Result<Box<dyn FileSource>, String> {
-    let mut paths = Vec::new();
-    walk(root, "", 0, &mut paths)?;
+    let mut paths = BTreeMap::new();
+    walk(root, Path::new(""), 0, &mut paths)?;
     Ok(Box::new(Folder { root: root.to_owned(), paths }))
 }
 
 /// Lists files; links are not followed, a folder that cannot be read is skipped unless it is the first.
-fn walk(root: &Path, below: &str, depth: u32, paths: &mut Vec<String>) -> Result<(), String> {
+fn walk(root: &Path, below: &Path, depth: u32, paths: &mut BTreeMap<String, PathBuf>) -> Result<(), String> {
     let entries = std::fs::read_dir(root.join(below)).map_err(|error| error.to_string())?;
     for entry in entries.flatten() {
-        let (Ok(kind), Ok(name)) = (entry.file_type(), entry.file_name().into_string()) else { continue };
-        let path = format!("{below}{name}");
+        let (Ok(kind), name) = (entry.file_type(), entry.file_name()) else { continue };
+        let path = below.join(&name);
         if kind.is_file() && paths.len() < MOST {
-            paths.push(path);
-        } else if kind.is_dir() && depth < DEEPEST && !name.starts_with('.') {
-            let _ = walk(root, &format!("{path}/"), depth + 1, paths);
+            paths.insert(path.to_string_lossy().into_owned(), path);
+        } else if kind.is_dir() && depth < DEEPEST && !name.to_string_lossy().starts_with('.') {
+            let _ = walk(root, &path, depth + 1, paths);
         }
     }
     Ok(())

@@ -89,14 +89,19 @@ pub fn import(args: &ImportArgs) -> ImportExit {
 fn run(args: &ImportArgs) -> Result<ImportExit, String> {
     let source = disk::open(&args.project)?;
     let tree = Tree::new(&*source);
-    let roots = tree.roots();
+    let mut roots = tree.roots();
+    // A .s7p stands for its own folder, whatever projects lie below it.
+    if disk::is_project_file(&args.project) && roots.iter().any(|root| root.folder.is_empty()) {
+        roots.retain(|root| root.folder.is_empty());
+    }
     if roots.is_empty() {
         return Err(format!(
             "{}: there is no STEP 7 project in it (no .s7p, no .s7l, no ombstx/offline)",
             args.project.display()
         ));
     }
-    let projects: Vec<Project> = roots.iter().map(|root: &Root| Project::read(&tree, root)).collect();
+    let mut projects: Vec<Project> = roots.iter().map(|root: &Root| Project::read(&tree, root)).collect();
+    tell_apart(&mut projects, &roots);
     let titles: Vec<String> =
         projects.iter().flat_map(|p| p.choices().into_iter().map(|c| title(p, c, projects.len()))).collect();
     if args.list {
@@ -142,6 +147,32 @@ fn title(project: &Project, choice: Choice, projects: usize) -> String {
     if projects > 1 { format!("{}: {title}", project.name) } else { title }
 }
 
+/// Projects of the same name, a copy beside the original for example, have their folders in their names.
+fn tell_apart(projects: &mut [Project], roots: &[Root]) {
+    let names: Vec<String> = projects.iter().map(|project| project.name.to_lowercase()).collect();
+    for ((project, root), name) in projects.iter_mut().zip(roots).zip(&names) {
+        let folder = root.folder.trim_end_matches(['/', '\\']);
+        if !folder.is_empty() && names.iter().filter(|other| *other == name).count() > 1 {
+            project.name = format!("{} ({folder})", project.name);
+        }
+    }
+}
+
+/// What is taken of several projects when no name is given: programs with blocks that belong to a CPU; without CPUs
+/// those with blocks.
+fn preferred(found: Vec<(usize, Choice)>, projects: &[Project]) -> Vec<(usize, Choice)> {
+    let with = |test: &dyn Fn(&Project, &Choice) -> bool| {
+        let of = |(index, choice): &&(usize, Choice)| projects.get(*index).is_some_and(|project| test(project, choice));
+        found.iter().filter(of).copied().collect::<Vec<_>>()
+    };
+    let blocks = |project: &Project, choice: &Choice| project.folders.get(choice.folder).is_some_and(|f| f.blocks > 0);
+    let of_cpu = |project: &Project, choice: &Choice| {
+        let program = choice.program.and_then(|index| project.programs.get(index));
+        blocks(project, choice) && program.is_some_and(|program| program.cpu.is_some())
+    };
+    [with(&of_cpu), with(&blocks)].into_iter().find(|kept| !kept.is_empty()).unwrap_or(found)
+}
+
 /// The one program that is meant.
 fn take(name: Option<&str>, tree: &Tree<'_>, projects: Vec<Project>, titles: &[String]) -> Result<Taken, String> {
     let several = projects.len();
@@ -156,6 +187,9 @@ fn take(name: Option<&str>, tree: &Tree<'_>, projects: Vec<Project>, titles: &[S
             }
         };
         found.extend(choices.into_iter().map(|choice| (index, choice)));
+    }
+    if name.is_none() {
+        found = preferred(found, &projects);
     }
     let list = |of: &[String]| of.iter().map(|t| format!("\n  --program \"{t}\"")).collect::<String>();
     let (index, choice) = match (found.as_slice(), name) {
