@@ -191,7 +191,14 @@ impl Folder {
         // One old library keeps the parts in BAUSTEIN itself.
         let mut found = false;
         for name in ["SUBBLK", "BAUSTEIN"] {
-            let Some(bytes) = tree.read(&format!("{path}{name}.DBF")) else { continue };
+            let file = format!("{path}{name}.DBF");
+            let Some(bytes) = tree.read(&file) else {
+                // What is there and cannot be read is not replaced by the other one.
+                if tree.has(&file) {
+                    return Err(format!("{file}: {}", tree.why_not(&file)));
+                }
+                continue;
+            };
             let table = Table::parse(bytes).map_err(|damage| format!("{path}{name}.DBF: {damage}"))?;
             if !table.has("SUBBLKTYP") {
                 continue;
@@ -205,8 +212,10 @@ impl Folder {
                 ));
             }
             if memos.is_none() && table.rows().next().is_some() {
-                let what = "the memo file is missing: the blocks of this folder have names and no content";
-                folder.notes.push(Note::warning(format!("{path}{name}.DBT"), what));
+                let file = format!("{path}{name}.DBT");
+                let why = if tree.has(&file) { tree.why_not(&file) } else { "the memo file is missing".to_owned() };
+                let what = format!("{why}: the blocks of this folder have names and no content");
+                folder.notes.push(Note::warning(file, what));
             }
             read_parts(&table, memos.as_ref(), page, &mut parts, &mut folder.notes);
             break;

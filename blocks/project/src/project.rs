@@ -158,7 +158,8 @@ impl Project {
     fn table(&mut self, tree: &Tree<'_>, name: &str) -> Option<Table> {
         let path = format!("{}{name}", self.folder);
         let Some(bytes) = tree.read(&path) else {
-            self.notes.push(Note::warning(path, "the file is missing"));
+            let why = tree.why_not(&path);
+            self.notes.push(Note::warning(path, why));
             return None;
         };
         match Table::parse(bytes) {

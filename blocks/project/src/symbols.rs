@@ -55,10 +55,12 @@ pub(crate) fn read(tree: &Tree<'_>, root: &str, list: i64, page: CodePage, notes
         let text = |field| page.text(row.trimmed(field));
         // Blanks within addresses are padding.
         let address = |field| text(field).split_whitespace().collect::<Vec<_>>().join(" ");
+        // Where one of both is missing the other stands for it: either is an address in a symbol table.
+        let (german, international) = (address("_OPHIST"), address("_OPIEC"));
         SymbolRow {
             name: text("_SKZ").trim().to_owned(),
-            german: address("_OPHIST"),
-            international: address("_OPIEC"),
+            german: if german.is_empty() { international.clone() } else { german.clone() },
+            international: if international.is_empty() { german } else { international },
             ty: address("_DATATYP"),
             comment: text("_COMMENT"),
         }

@@ -68,6 +68,13 @@ impl<'s> Tree<'s> {
         self.source.read(self.names.get(&key(path))?).ok()
     }
 
+    /// Why a file gives no bytes: that it is missing, or what stands in the way of reading it.
+    #[must_use]
+    pub fn why_not(&self, path: &str) -> String {
+        let found = self.names.get(&key(path)).map(|path| self.source.read(path));
+        found.and_then(Result::err).unwrap_or_else(|| "the file is missing".to_owned())
+    }
+
     /// True when there is such a file.
     #[must_use]
     pub fn has(&self, path: &str) -> bool {
@@ -148,7 +155,8 @@ mod tests {
         files.put("Plant\\Plant.s7p", "x");
         files.put("Plant\\Global\\Language", "y");
         let tree = Tree::new(&files);
-        let folder = &tree.roots()[0].folder;
+        let roots = tree.roots();
+        let folder = &roots[0].folder;
         assert_eq!(tree.read(&format!("{folder}Global/Language")).as_deref(), Some(&b"y"[..]));
     }
 }

@@ -2,8 +2,8 @@
 
 use ob1_model::{BlockId, BlockKind};
 use ob1_project::{
-    Area, Block, CodePage, Comments, Cpu, CpuParameters, Cyclic, DpModule, DpSlave, DpSystem, Files, Folder, Head,
-    Line, Module, Network, NewProject, Project, SymbolRow, Tree, Udt,
+    Area, Block, CodePage, Comments, Cpu, CpuParameters, Cyclic, DpModule, DpSlave, DpSystem, FileSource, Files,
+    Folder, Head, Line, Module, Network, NewProject, Project, SymbolRow, Tree, Udt,
 };
 use proptest::prelude::*;
 
@@ -179,6 +179,43 @@ fn files_that_are_missing_are_told() {
         let found: usize = folders.iter().map(|f| f.blocks.len() + f.damaged.len()).sum();
         assert!(found >= 3, "{missing}: {found}");
     }
+}
+
+/// Files that are there and cannot be read, as those of an archive with a password.
+#[derive(Debug)]
+struct Locked(Files);
+
+impl FileSource for Locked {
+    fn paths(&self) -> Vec<String> {
+        self.0.paths()
+    }
+
+    fn read(&self, path: &str) -> Result<Vec<u8>, String> {
+        if path.contains("offline") { Err("it has a password".to_owned()) } else { self.0.read(path) }
+    }
+}
+
+#[test]
+fn what_is_there_and_cannot_be_read_is_not_called_missing() {
+    let locked = Locked(example().files());
+    let tree = Tree::new(&locked);
+    let project = Project::read(&tree, &tree.roots()[0]);
+    let notes: Vec<String> = project.notes.iter().map(ToString::to_string).collect();
+    assert!(notes.iter().any(|note| note.contains("BSTCNTOF.DBF: it has a password")), "{notes:?}");
+    let why = project.blocks(&tree, project.choices()[0]).expect_err("it is locked");
+    assert!(why.contains("SUBBLK.DBF: it has a password"), "{why}");
+}
+
+/// One address is enough.
+#[test]
+fn a_symbol_without_its_international_address_keeps_the_german_one() {
+    let mut example = example();
+    example.symbols[0].international.clear();
+    let files = example.files();
+    let tree = Tree::new(&files);
+    let project = Project::read(&tree, &tree.roots()[0]);
+    let rows = project.symbols(&tree, project.choices()[0], &mut Vec::new());
+    assert_eq!((rows.len(), rows[0].international.as_str()), (1, "E 1.0"));
 }
 
 /// Without the list of block folders the one that has blocks is taken, not the first.
