@@ -16,6 +16,7 @@ mod listing;
 mod note;
 mod overlay;
 mod project;
+mod register;
 mod source;
 mod sources;
 mod stand_in;

@@ -6,9 +6,11 @@
 use std::collections::BTreeMap;
 
 use ob1_ir::{CodeBlock, DataBlock, DataKind, Program};
-use ob1_mc7::{BlockImage, CompiledInterface, InterfaceKind, MachineBlock, Segments, decode};
+use ob1_mc7::{BlockImage, CompiledInterface, InterfaceKind, MachineBlock, Segments};
 use ob1_model::{BlockId, BlockKind, Interface};
 use ob1_stl::Library;
+
+use crate::register::decode_block;
 
 /// A block of machine code with the file it is from.
 #[derive(Clone, Debug)]
@@ -117,7 +119,7 @@ pub(crate) fn code<'i>(
         segments: &segments,
         multi_instance: image.head.version != 0,
     };
-    let mut block = decode(&machine, callees).map_err(|error| error.to_string())?.block;
+    let mut block = decode_block(&machine, callees).map_err(|error| error.to_string())?.block;
     // Pointers made at run time reach what no statement names.
     block.interface.temp_bytes = block.interface.temp_bytes.max(u32::from(image.head.local_bytes));
     Ok(block)

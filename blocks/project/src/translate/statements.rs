@@ -3,13 +3,14 @@
 use std::collections::BTreeMap;
 
 use ob1_ir::CodeBlock;
-use ob1_mc7::{MachineBlock, Segments, decode};
+use ob1_mc7::{MachineBlock, Segments};
 use ob1_model::{BlockId, BlockKind, Interface};
 use ob1_stl::print::Printer;
 
 use super::{Draft, Of};
 use crate::note::Note;
 use crate::overlay::{self, Image};
+use crate::register::decode_block;
 use crate::{listing, source, stand_in};
 
 impl Draft<'_> {
@@ -48,7 +49,7 @@ impl Draft<'_> {
                 segments: &segments,
                 multi_instance: !block.code_version1,
             };
-            match decode(&machine, &callees) {
+            match decode_block(&machine, &callees) {
                 Ok(decoded) => drop(self.decoded.insert(*id, decoded)),
                 Err(error) => self.leave_out(*id, error.to_string()),
             }
