@@ -115,8 +115,11 @@ impl Draft<'_> {
             for diagnostic in output.diagnostics.iter().filter(|d| d.severity == ob1_stl::Severity::Error) {
                 for source in diagnostic.sources() {
                     let Some((Of::Block(id), _)) = files.get(source) else { continue };
-                    let line =
-                        if source == diagnostic.source { format!(" (line {})", diagnostic.line) } else { String::new() };
+                    let line = if source == diagnostic.source {
+                        format!(" (line {})", diagnostic.line)
+                    } else {
+                        String::new()
+                    };
                     differ.entry(*id).or_insert_with(|| format!("{} {}{line}", diagnostic.code, diagnostic.message));
                 }
             }
