@@ -1,12 +1,16 @@
 //! The compiled interface of a block: declarations with types and sections, then start values. The same bytes in the
 //! project folder and on the CPU. Little-endian, without names.
 
-use ob1_model::{BlockId, BlockKind, DataType, Dimension, Section};
+use ob1_model::{BlockId, BlockKind, DataType, Dimension, Layout, Section};
 
 use crate::error::{Mc7Error, Problem};
 
 /// How deep types may lie in each other: STEP 7 allows 8, instances in instances come on top.
 pub(crate) const DEPTH: u32 = 24;
+/// Bits of the largest data block; and the most that all declarations of a block have together, of which some are only
+/// pointed to.
+const LARGEST: u64 = 65_536 * 8;
+const LARGEST_TOGETHER: u64 = 64 * LARGEST;
 
 /// The first byte: what the block is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,6 +87,25 @@ pub enum EntryType {
     String(u8),
     /// A multi-instance: the block, and its interface as a structure.
     Instance(BlockId, Box<Entry>),
+}
+
+impl EntryType {
+    /// The bits it takes at least: gaps between components are not counted, nothing is empty.
+    fn bits(&self) -> u64 {
+        match self {
+            EntryType::Simple(ty) => u64::from(Layout::bits(ty)),
+            EntryType::String(length) => (u64::from(*length) + 2) * 8,
+            EntryType::Array(dims, element) => {
+                let count = |dim: &Dimension| u64::try_from(i64::from(dim.high) - i64::from(dim.low) + 1).unwrap_or(1);
+                let counts = dims.iter().map(|dim| count(dim).max(1));
+                counts.fold(element.ty.bits(), u64::saturating_mul)
+            }
+            EntryType::Struct(children) => {
+                children.iter().fold(0u64, |bits, child| bits.saturating_add(child.ty.bits())).max(1)
+            }
+            EntryType::Instance(_, inner) => inner.ty.bits(),
+        }
+    }
 }
 
 /// A declaration.
@@ -173,7 +196,7 @@ impl CompiledInterface {
     /// Reads a compiled interface.
     ///
     /// # Errors
-    /// S1508 where it is cut off, nested too deep, or has an unknown type.
+    /// S1508 where it is cut off, nested too deep, larger than a data block, or has an unknown type.
     pub fn read(bytes: &[u8]) -> Result<Self, Mc7Error> {
         let wrong = |what, at: usize| Mc7Error::at(Problem::Interface(what), at, bytes.get(at..).unwrap_or_default());
         let Some(head) = bytes.first_chunk::<7>() else {
@@ -185,9 +208,15 @@ impl CompiledInterface {
         };
         let mut reader = Reader { bytes: entries, at: 0 };
         let mut list = Vec::new();
+        let mut together = 0u64;
         while reader.at < entries.len() {
             let at = reader.at;
             let entry = reader.entry(0).map_err(|what| wrong(what, 7 + at))?;
+            let bits = entry.ty.bits();
+            together = together.saturating_add(bits);
+            if bits > LARGEST || together > LARGEST_TOGETHER {
+                return Err(wrong("a declaration is larger than a data block", 7 + at));
+            }
             list.push(entry);
         }
         let behind = bytes.get(7 + word(3)..).unwrap_or_default();

@@ -21,7 +21,7 @@ pub enum Problem {
     LocalData,
     /// A count of the segment table leads beyond its bytes.
     SegmentTable,
-    /// The compiled interface is cut off, nested too deep, or has an unknown type.
+    /// The compiled interface is cut off, nested too deep, larger than a data block, or has an unknown type.
     Interface(&'static str),
     /// The head of a block is invalid, or its lengths do not fit together.
     Head(&'static str),

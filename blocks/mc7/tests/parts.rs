@@ -142,6 +142,9 @@ fn wrong_interfaces_are_refused() {
         (bytes("01 0100 0300 0000 110409"), "cut off"),
         (bytes("01 0100 0500 0000 1004FF0000"), "cut off"),
         (deep, "too deep"),
+        // ARRAY [-32768 .. 32767, -32768 .. 32767] OF DWORD; STRUCT of nothing as often.
+        (bytes("01 0100 0D00 0000 100402 0080FF7F 0080FF7F 0604"), "larger than a data block"),
+        (bytes("01 0100 0E00 0000 100402 0080FF7F 0080FF7F 110400"), "larger than a data block"),
     ] {
         let error = CompiledInterface::read(&raw).unwrap_err();
         assert_eq!(error.code(), "S1508");
