@@ -197,7 +197,10 @@ impl<'b> UserData<'b> {
         };
         let (code, data) = match data.split_first_chunk::<4>() {
             Some((&[code, _, high, low], rest)) => {
-                (ItemCode(code), rest.get(..usize::from(u16::from_be_bytes([high, low])))?)
+                let len = usize::from(u16::from_be_bytes([high, low]));
+                // PLC4X announces 12 bytes in its first job, and sends 4.
+                let len = if length == SHORT { len.min(rest.len()) } else { len };
+                (ItemCode(code), rest.get(..len)?)
             }
             None if data.is_empty() => (ItemCode::NO_OBJECT, data),
             None => return None,
@@ -271,6 +274,10 @@ mod tests {
         assert_eq!(bytes, sent);
         let unmarked = UserData::read(&[0, 1, 0x12, 4, 0x11, 0x04, 1, 1], &[0xFF, 9, 0, 4, 4, 0x24, 0, 0]);
         assert_eq!(unmarked.map(|service| (service.telegram, service.group)), Some((Telegram::Job, Group::Cpu)));
+        let long = UserData::read(&[0, 1, 0x12, 4, 0x11, 0x44, 1, 0], &[0xFF, 9, 0, 12, 0, 0x11, 0, 0]);
+        assert_eq!(long.map(|service| service.data), Some(&[0, 0x11, 0, 0][..]));
+        let cut = UserData::read(&[0, 1, 0x12, 8, 0x12, 0x84, 1, 0, 0, 0, 0, 0], &[0xFF, 9, 0, 12, 0, 0x11, 0, 0]);
+        assert_eq!(cut, None);
         assert_eq!(UserData::read(&[0, 1, 0x12, 8, 0x12, 0x44, 1, 0], &[]), None);
         assert_eq!(UserData::read(&[0, 1, 0x12, 4, 0x11, 0x44, 1, 0], &[1, 2]), None);
     }
