@@ -29,7 +29,9 @@ fn setup_agrees_on_the_smaller() {
         (960, 8, [8, 8, 960], [8, 8, 960]),
         (960, 8, [1, 1, 480], [1, 1, 480]),
         (240, 3, [8, 8, 1024], [3, 3, 240]),
-        (4000, 20, [20, 0, 4000], [8, 1, 1024]),
+        // 1024 does not fit a TPDU of 1024.
+        (1000, 8, [8, 8, 1024], [8, 8, 1000]),
+        (4000, 20, [20, 0, 4000], [8, 1, 960]),
     ] {
         let mut desk = Desk::new(Settings { pdu: settings_pdu, jobs: settings_jobs, ..Settings::default() });
         desk.give(&CALL);
@@ -41,6 +43,22 @@ fn setup_agrees_on_the_smaller() {
         };
         assert_eq!(desk.job(&setup(asked), &[]), answer(0, &setup(agreed), &[]));
         assert_eq!(desk.connection.pdu(), Some(agreed[2]));
+    }
+}
+
+#[test]
+fn an_answer_fits_one_tpdu() {
+    for (exponent, asked, agreed) in
+        [(9, 960, 480), (9, 400, 400), (8, 960, 240), (7, 960, 240), (7, 200, 200), (11, 1024, 1024)]
+    {
+        let mut desk = Desk::new(Settings { pdu: 1024, ..Settings::default() });
+        let mut call = CALL;
+        call[13] = exponent;
+        desk.give(&call);
+        desk.answers();
+        let [high, low] = u16::to_be_bytes(asked);
+        let answer = desk.job(&[0xF0, 0, 0, 1, 0, 1, high, low], &[]);
+        assert_eq!(answer[18..], u16::to_be_bytes(agreed), "TPDU size {exponent}");
     }
 }
 

@@ -242,6 +242,12 @@ impl Transport {
         }
     }
 
+    /// Length of the longest message that is sent in one fragment; `None`: any is.
+    #[must_use]
+    pub fn whole(&self) -> Option<usize> {
+        self.size.map(|size| size.bytes() - DATA_HEAD)
+    }
+
     /// The bytes to send.
     #[must_use]
     pub fn output(&self) -> &[u8] {
@@ -329,6 +335,7 @@ mod tests {
         assert!(matches!(transport.event(), Ok(Some(Event::Call(_)))));
         transport.accept();
         transport.sent(usize::MAX);
+        assert_eq!(transport.whole(), Some(125));
         let message: Vec<u8> = (0..=255).collect();
         transport.send(&message);
         let out = transport.output();
@@ -341,6 +348,7 @@ mod tests {
         partner.call(Tsap::default(), Tsap::default());
         partner.receive(&[3, 0, 0, 11, 6, 0xD0, 0, 1, 0, 1, 0]).expect("there is room");
         assert_eq!(partner.event(), Ok(Some(Event::Open)));
+        assert_eq!(partner.whole(), None);
         partner.receive(out).expect("there is room");
         assert_eq!(partner.event(), Ok(Some(Event::Message(message))));
     }

@@ -7,6 +7,8 @@ use crate::{MIN_PDU, Rights};
 
 /// Parameters of setup: function, reserved, jobs of both sides, PDU.
 const SETUP_BYTES: usize = 8;
+/// The smallest PDU of a CPU; those of larger ones are multiples of it.
+const USUAL_PDU: usize = 240;
 
 impl Connection {
     /// A whole telegram.
@@ -60,7 +62,7 @@ impl Connection {
             return self.refuse_job(pdu.reference, Code::PDU_SIZE);
         };
         let word = |high, low| u16::from_be_bytes([high, low]);
-        let bytes = word(e, f).min(self.settings.pdu);
+        let bytes = self.whole(word(e, f).min(self.settings.pdu));
         if bytes < MIN_PDU {
             return self.refuse_job(pdu.reference, Code::PDU_SIZE);
         }
@@ -71,6 +73,15 @@ impl Connection {
             parameters.extend_from_slice(&agreed.to_be_bytes());
         }
         Step::Answer(write(Kind::Answer, pdu.reference, Code::DONE, &parameters, &[]))
+    }
+
+    /// A PDU of at most `bytes` whose telegrams fit one TPDU each. libnodave asks for TPDUs of 512 bytes and a PDU of
+    /// 960, and takes the first fragment for the whole answer.
+    fn whole(&self, bytes: u16) -> u16 {
+        match self.transport.whole() {
+            Some(most) if most < usize::from(bytes) => bytes.min((most / USUAL_PDU * USUAL_PDU).max(USUAL_PDU) as u16),
+            _ => bytes,
+        }
     }
 
     /// The job as a whole is refused, without parameters.
