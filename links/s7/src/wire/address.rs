@@ -192,6 +192,10 @@ impl Address {
         if self.ty == DataType::Bit && self.count != 1 {
             return Err(ItemCode::TYPE);
         }
+        // Counters and timers have numbers of 16 bits.
+        if self.is_counted() && self.start > u32::from(u16::MAX) {
+            return Err(ItemCode::ADDRESS);
+        }
         if self.count == 0 || !self.is_counted() && self.ty != DataType::Bit && !self.start.is_multiple_of(8) {
             return Err(ItemCode::ADDRESS);
         }
@@ -277,7 +281,7 @@ mod tests {
     fn what_is_wrong_with_an_item_is_its_own_code() {
         for (bytes, code) in [
             // Syntax of an S7-400's short reads; an unknown area; an unknown type; two bits; a real in the middle of a
-            // byte; nothing at all; timers as bytes.
+            // byte; nothing at all; timers as bytes; timer and counter 65,537.
             ([0x12, 0x0A, 0xB0, 2, 0, 1, 0, 1, 0x84, 0, 0, 0], ItemCode::TYPE),
             ([0x12, 0x0A, 0x10, 2, 0, 1, 0, 1, 0x99, 0, 0, 0], ItemCode::NO_OBJECT),
             ([0x12, 0x0A, 0x10, 0x44, 0, 1, 0, 1, 0x84, 0, 0, 0], ItemCode::TYPE),
@@ -285,6 +289,8 @@ mod tests {
             ([0x12, 0x0A, 0x10, 8, 0, 1, 0, 1, 0x84, 0, 0, 3], ItemCode::ADDRESS),
             ([0x12, 0x0A, 0x10, 2, 0, 0, 0, 1, 0x84, 0, 0, 0], ItemCode::ADDRESS),
             ([0x12, 0x0A, 0x10, 2, 0, 1, 0, 0, 0x1D, 0, 0, 0], ItemCode::TYPE),
+            ([0x12, 0x0A, 0x10, 0x1D, 0, 1, 0, 0, 0x1D, 1, 0, 1], ItemCode::ADDRESS),
+            ([0x12, 0x0A, 0x10, 0x1C, 0, 1, 0, 0, 0x1C, 1, 0, 1], ItemCode::ADDRESS),
         ] {
             assert_eq!(one(&bytes), Some(Err(code)), "{bytes:02X?}");
         }
