@@ -278,7 +278,7 @@ impl Broker {
                 return block.map(|bytes| Some(Answer::Block(bytes))).ok_or(Refusal::NotThere);
             }
             Ask::Events { after } => {
-                joint.events_after = Some(after);
+                joint.events_after = Some(if after == u64::MAX { self.events.newest() } else { after });
                 return Ok(Some(Answer::Done));
             }
             Ask::NoEvents => {

@@ -49,7 +49,7 @@ pub enum Ask {
     Block(BlockId),
     /// Events with a higher number than this, and every new one as it comes.
     Events {
-        /// The last known number; 0: all events.
+        /// The last known number; 0: all events; [`u64::MAX`]: only new ones.
         after: u64,
     },
     /// No more events.

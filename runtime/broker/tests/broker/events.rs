@@ -43,6 +43,26 @@ fn events_are_one_stream_that_can_be_resumed() {
     assert!(station.ask_again_after(last).is_empty());
 }
 
+#[test]
+fn a_client_can_ask_for_new_events_only() {
+    let mut station = Station::new(vec![link("panel", Right::Operate)]);
+    let mut door = station.open(0);
+    assert_eq!(station.ask(&mut door, 0, Ask::Command(Command::Stop)), Answer::Done);
+    station.cycles(3);
+    assert_eq!(station.ask(&mut door, 0, Ask::Events { after: u64::MAX }), Answer::Done);
+    assert_eq!(station.ask(&mut door, 0, Ask::Command(Command::Warm)), Answer::Done);
+    station.cycles(3);
+    door.pump().expect("open");
+    let mut seen = std::mem::take(&mut station.seen);
+    seen.extend(std::iter::from_fn(|| door.take_news()).filter_map(|news| match news {
+        News::Event(event) => Some(event),
+        _ => None,
+    }));
+    let has = |state: State| seen.iter().any(|event| event.what == What::State(state));
+    assert!(has(State::Run), "{seen:?}");
+    assert!(!has(State::Stop), "{seen:?}");
+}
+
 impl Station {
     fn ask_again_after(&mut self, last: u64) -> Vec<Event> {
         let mut door = self.open(0);
