@@ -5,6 +5,7 @@
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod coupler;
+mod entries;
 mod server;
 mod session;
 mod slots;

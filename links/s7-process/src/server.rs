@@ -18,6 +18,7 @@ use rustix::net::{SocketAddrAny, SocketFlags, acceptfrom_with};
 use tracing::{debug, info, warn};
 
 use crate::coupler::{Coupler, keep_alive};
+use crate::entries::Entries;
 use crate::session::Session;
 use crate::slots::{Verdict, admit};
 use crate::tap::{Shared, Tap};
@@ -40,8 +41,8 @@ pub(crate) const PAUSE: Duration = Duration::from_millis(200);
 const TOLD: usize = 256;
 /// Maximum log lines about connections per [`TICK`].
 const LINES: u32 = 10;
-/// The newest entry of the diagnostic buffer.
-const DIAGNOSIS: Ask = Ask::Szl { id: 0x01A0, index: 1 };
+/// The list of the newest entries of the diagnostic buffer.
+const DIAGNOSTIC_BUFFER: u16 = 0x01A0;
 /// Client number of the link's own requests.
 const SELF: u32 = 0;
 
@@ -65,7 +66,8 @@ pub(crate) struct Server {
     subscribed: bool,
     /// The connections as last reported.
     told: Vec<ob1_access::door::Connection>,
-    /// Waiting for the newest entry of the diagnostic buffer.
+    /// Entries of the diagnostic buffer that must be read, and the question for them.
+    entries: Entries,
     diagnosis: Option<Ticket>,
     /// The process is an Ethernet CP too.
     coupler: Option<Coupler>,
@@ -103,6 +105,7 @@ impl Server {
             unsaid: 0,
             subscribed: false,
             told: Vec::new(),
+            entries: Entries::default(),
             diagnosis: None,
             coupler,
             tap: Rc::new(RefCell::new(Tap::new(now))),
@@ -211,11 +214,11 @@ impl Server {
                 News::Event(event) => self.event(&event.what),
                 News::Answer { client: SELF, ticket, answer } if self.diagnosis == Some(*ticket) => {
                     self.diagnosis = None;
-                    if let Answer::Szl { bytes, .. } = answer
-                        && let Some(entry) = bytes.first_chunk::<20>()
-                    {
-                        self.sessions.iter_mut().for_each(|session| session.event(&CpuEvent::Diagnosis(*entry)));
+                    let newest: &[u8] = if let Answer::Szl { bytes, .. } = answer { bytes } else { &[] };
+                    for entry in self.entries.read(newest) {
+                        self.sessions.iter_mut().for_each(|session| session.event(&CpuEvent::Diagnosis(entry)));
                     }
+                    self.ask_for_entries();
                 }
                 News::Watching => {}
                 News::Written { client, .. } | News::Answer { client, .. } => {
@@ -237,9 +240,20 @@ impl Server {
                 let mode = CpuEvent::Mode(state.number());
                 self.sessions.iter_mut().for_each(|session| session.event(&mode));
             }
-            // One question at a time: only the newest entry matters.
-            What::Diagnosis(_) if self.diagnosis.is_none() => self.diagnosis = Some(self.door.ask(SELF, DIAGNOSIS)),
+            What::Diagnosis(entry) => {
+                self.entries.report(entry.event);
+                self.ask_for_entries();
+            }
             _ => {}
+        }
+    }
+
+    /// One question at a time.
+    fn ask_for_entries(&mut self) {
+        if self.diagnosis.is_none()
+            && let Some(index) = self.entries.ask()
+        {
+            self.diagnosis = Some(self.door.ask(SELF, Ask::Szl { id: DIAGNOSTIC_BUFFER, index }));
         }
     }
 
