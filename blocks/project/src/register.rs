@@ -1,8 +1,8 @@
 //! Machine code that reads a data block through the DB register behind a `CALL`.
 //!
-//! STEP 7 makes a `CALL` of statements that open data blocks. Behind it the register holds the instance of a function
-//! block, or the data block of the last actual that was copied. A `CALL` of ours leaves the register as it was, so a
-//! block in which that shows keeps the statements its calls are made of.
+//! STEP 7 makes a `CALL` of statements that open data blocks. Behind that of a function the register holds the data
+//! block of the last actual that was copied. A `CALL` of ours leaves the register as it was, so a block in which that
+//! shows keeps the statements its calls are made of. Behind that of a function block both hold the instance.
 
 use ob1_ir::{Arg, Call, CallMode, DbRegister, Op, Operand, Place, Stmt, Target};
 use ob1_mc7::{Decoded, MachineBlock, Mc7Error, decode};
@@ -30,7 +30,7 @@ fn is_read_behind_call(code: &[Stmt]) -> bool {
             return true;
         }
         match &stmt.op {
-            Op::Call(call) if call.mode == CallMode::Call => other = other || opens(call),
+            Op::Call(call) if call.mode == CallMode::Call => other = opens(call).unwrap_or(other),
             Op::OpenDb(DbRegister::Db, _) | Op::End => other = false,
             Op::ExchangeDbs => {
                 // What the register held goes into the other one, and is lost where that is opened next.
@@ -48,12 +48,12 @@ fn is_read_behind_call(code: &[Stmt]) -> bool {
     false
 }
 
-/// True when the statements of a `CALL` leave another data block in the DB register.
-fn opens(call: &Call) -> bool {
+/// Whether the statements of a `CALL` leave another data block in the DB register than ours; `None`: they leave it alone.
+fn opens(call: &Call) -> Option<bool> {
     let copied = |arg: &Arg| matches!(arg, Arg::Operand(Operand { place: Place::InDb(..), .. }));
     match call.target {
-        Target::Block(id) if !id.kind.has_instance() => call.args.iter().any(copied),
-        _ => true,
+        Target::Block(id) if !id.kind.has_instance() => call.args.iter().any(copied).then_some(true),
+        _ => Some(false),
     }
 }
 
@@ -106,8 +106,9 @@ mod tests {
     fn a_call_keeps_its_statements_where_the_register_shows() {
         let is_call = |op: &Op| matches!(op, Op::Call(call) if call.mode == CallMode::Call);
         for (behind, folds) in [
-            ("CALL FB 1, DB 1 (a := 5); L DBW 0;", false),
-            ("CALL FB 1, DB 1 (a := 5); L DBNO;", false),
+            ("CALL FB 1, DB 1 (a := 5); L DBW 0;", true),
+            ("L DB1.DBW 0; CALL FC 1 (a := DB2.DBW 0); L DBNO;", false),
+            ("CALL FC 1 (a := DB2.DBW 0); CALL FB 1, DB 1 (a := 5); L DBW 0;", true),
             ("CALL FB 1, DB 1 (a := 5); L MW 2;", true),
             ("CALL FB 1, DB 1 (a := 5); L DB2.DBW 0; L DBW 2;", true),
             ("CALL FB 1, DB 1 (a := 5); CALL FB 1, DB 1 (a := 6); L DB1.DBW 0;", true),

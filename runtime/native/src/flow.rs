@@ -4,7 +4,7 @@
 use ob1_cpu::engine::Plan;
 use ob1_ir::{
     AccuOp, AddressRegister, BitTest, Convert, DbRegister, Jump, Logic, Number, NumberFormat, Op, Place, StatusBit,
-    Stmt,
+    Stmt, Target,
 };
 
 use crate::place;
@@ -358,11 +358,17 @@ fn opened(op: &Op, env: &Env<'_>, facts: &mut Facts) {
         Place::InDi(n, _) => facts.di = place::data(env.plan, *n).map(|_| *n),
         _ => {}
     };
-    // A call restores both registers.
+    // A call restores both registers, but for the instance of a function block.
     if !matches!(op, Op::Call(_)) {
         op.places(&mut |p, _| place(&p));
     }
     match op {
+        // One that cannot be made leaves the register as it is.
+        Op::Call(_) => {
+            if let Some(known) = opened_by_call(op) {
+                facts.db = facts.db.filter(|db| known == Some(*db));
+            }
+        }
         Op::OpenDb(register, n) => {
             let known = match n {
                 Number::Fixed(n) if env.how(op) == How::Plain => Some(*n),
@@ -372,6 +378,17 @@ fn opened(op: &Op, env: &Env<'_>, facts: &mut Facts) {
         }
         Op::ExchangeDbs => std::mem::swap(&mut facts.db, &mut facts.di),
         _ => {}
+    }
+}
+
+/// The data block in the DB register behind a call of a function block with its instance: its number, or `None` where
+/// that is not known. `None` for other statements: they leave the register alone.
+pub(crate) fn opened_by_call(op: &Op) -> Option<Option<u16>> {
+    let Op::Call(call) = op else { return None };
+    match (&call.instance, &call.target) {
+        (Some(Number::Fixed(n)), _) => Some(Some(*n)),
+        (Some(_), _) | (None, Target::Local(..)) => Some(None),
+        (None, _) => None,
     }
 }
 

@@ -9,7 +9,7 @@ use ob1_model::{Area, BlockId, BlockKind};
 
 use crate::flow::{self, Env, Facts, How};
 use crate::place;
-use crate::translate::operand::{BitAt, Spot};
+use crate::translate::operand::{BitAt, Spot, Which};
 use crate::translate::state::{Bit, Data, Reg};
 use crate::translate::{Body, Checked, Inlined, Reference, Translation};
 
@@ -244,6 +244,7 @@ impl Translation<'_, '_> {
         self.checked = Checked { instance: None, cache, ..checked };
         if let Some(db) = instance {
             self.copy_out(call, db);
+            self.open(Which::Db, db.number);
         }
         true
     }

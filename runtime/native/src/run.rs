@@ -192,10 +192,7 @@ fn make_call(code: &Code, block: u32, statement: u32, r: &mut Regs, cx: &mut Con
                 }
             };
             code.run(next, r, cx)?;
-            cx.leave(&saved, r);
-            let copied = if call.copies_out { cx.copy_out(call, tops, r) } else { Ok(()) };
-            cx.release(tops);
-            copied
+            cx.finish(call, &saved, tops, r)
         }
     };
     match copied {

@@ -46,6 +46,8 @@ pub struct Saved {
     mcr_active: bool,
     /// AR2 is restored: a function block was called with its instance.
     instance: bool,
+    /// The data block of that instance.
+    instance_db: Db,
 }
 
 /// What is to be done after the parameters are in place.
@@ -168,6 +170,7 @@ pub(crate) fn enter(
         mcr: r.mcr,
         mcr_active: r.mcr_active,
         instance,
+        instance_db: entry.di,
     };
     m.hot.local_top += local_len;
     m.hot.depth += 1;
@@ -184,10 +187,23 @@ pub(crate) fn enter(
     Ok(saved)
 }
 
+/// The end of a call: the caller gets its registers back, then the results. Behind the call of a function block with
+/// its instance the DB register holds the data block of the instance: the statements that STEP 7 makes of a `CALL`
+/// exchange the data block registers twice, and open the instance in between.
+pub(crate) fn finish(call: &Call, saved: &Saved, tops: Tops, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
+    saved.leave(r, m);
+    let copied = if call.copies_out { copy_out(call, tops, r, m) } else { Ok(()) };
+    if saved.instance {
+        r.db = saved.instance_db;
+    }
+    tops.release(m);
+    copied
+}
+
 impl Saved {
     /// Gives the caller its registers back. Statements' results (accumulators, AR1, RLO, flags) stay.
     #[inline]
-    pub(crate) fn leave(&self, r: &mut Regs, m: &mut Machine) {
+    fn leave(&self, r: &mut Regs, m: &mut Machine) {
         r.db = self.db;
         r.di = self.di;
         if self.instance {

@@ -128,17 +128,13 @@ impl Context<'_> {
         call::enter(instance, entry, local_len, r, self.machine)
     }
 
-    /// Leaves a block of statements.
-    pub fn leave(&mut self, saved: &Saved, r: &mut Regs) {
-        saved.leave(r, self.machine);
-    }
-
-    /// Copies a call's results to its actuals, when [`Call::copies_out`] says so.
+    /// Ends the call of a block of statements: gives back the caller's registers, copies the results to the actuals,
+    /// releases what [`Context::tops`] was asked before.
     ///
     /// # Errors
-    /// An actual cannot be written; call [`Context::release`] anyway.
-    pub fn copy_out(&mut self, call: &Call, tops: Tops, r: &mut Regs) -> Result<(), Fault> {
-        call::copy_out(call, tops, r, self.machine)
+    /// An actual cannot be written.
+    pub fn finish(&mut self, call: &Call, saved: &Saved, tops: Tops, r: &mut Regs) -> Result<(), Fault> {
+        call::finish(call, saved, tops, r, self.machine)
     }
 
     /// Runs a native block whose parameters are in place; handles its results, stacks and faults.
@@ -159,6 +155,9 @@ impl Context<'_> {
         call::status_of_call(r);
         r.flags = r.flags & !BR | (u32::from(br) * BR);
         let copied = if call.copies_out { call::copy_out(call, tops, r, self.machine) } else { Ok(()) };
+        if !matches!(call.instance, InstanceOf::None) {
+            r.db = entry.di;
+        }
         tops.release(self.machine);
         match copied {
             Ok(()) => Ok(()),

@@ -224,7 +224,7 @@ fn multi_instances_and_the_registers_after_the_call() {
     each(&program(vec![ob1(code), outer, counter_fb()], data), 2, |bench| {
         assert_eq!((bench.dbw(5, 6), bench.dbw(5, 14)), (2, 4));
         assert_eq!((bench.md(40) & 0xFF_FFFF, bench.mw(44)), (0, 5), "the caller's instance is back");
-        assert_eq!((bench.md(50), bench.mw(54), bench.mw(56)), (0x123, 9, 9));
+        assert_eq!((bench.md(50), bench.mw(54), bench.mw(56)), (0x123, 9, 5), "the DB register holds the instance");
     });
 }
 
@@ -334,4 +334,49 @@ fn what_does_not_fit_is_refused_at_load() {
     assert_eq!(numbers(load(vec![ob1(vec![Op::Jump(ob1_ir::Jump::Always, 2)])])), [9]);
     assert_eq!(numbers(load(vec![ob1(vec![Op::Close])])), [9]);
     assert_eq!(numbers(load(vec![ob1(vec![common::load(param(0, Width::Word))])])), [9]);
+}
+
+/// STEP 7 makes a `CALL` of a function block of statements that leave its instance in the DB register. The same for a
+/// multi-instance, a system function block, and however the called block opens others; `UC` restores the registers.
+#[test]
+fn behind_the_call_of_a_function_block_its_instance_is_open() {
+    let source = |call: &str| {
+        format!(
+            "FUNCTION_BLOCK FB 1 VAR_INPUT a : INT; END_VAR BEGIN AUF DB 3; AUF DI 3; END_FUNCTION_BLOCK
+             FUNCTION_BLOCK FB 2 VAR_INPUT a : INT; END_VAR VAR sub : FB 1; END_VAR
+             BEGIN AUF DB 2; CALL #sub (a := 7); L DBW 0; T MW 20; L DBNO; T MW 22; END_FUNCTION_BLOCK
+             FUNCTION_BLOCK FB 3 VAR_INPUT a : INT; END_VAR VAR x : INT; END_VAR
+             BEGIN L #a; + 1; T #x; END_FUNCTION_BLOCK
+             FUNCTION FC 1 : VOID VAR_INPUT a : INT; END_VAR BEGIN AUF DB 3; END_FUNCTION
+             DATA_BLOCK DB 1 FB 1 BEGIN END_DATA_BLOCK
+             DATA_BLOCK DB 4 FB 2 BEGIN END_DATA_BLOCK
+             DATA_BLOCK DB 5 FB 3 BEGIN END_DATA_BLOCK
+             DATA_BLOCK DB 6 SFB 4 BEGIN END_DATA_BLOCK
+             DATA_BLOCK DB 2 STRUCT b : INT := 222; END_STRUCT; BEGIN END_DATA_BLOCK
+             DATA_BLOCK DB 3 STRUCT b : INT := 333; END_STRUCT; BEGIN END_DATA_BLOCK
+             ORGANIZATION_BLOCK OB 1 BEGIN AUF DB 2; AUF DI 3; {call} L DBW 0; T MW 10; L DBNO; T MW 12; L DINO; T MW 14;
+             END_ORGANIZATION_BLOCK"
+        )
+    };
+    on_each_engine(|| {
+        for (call, word, number) in [
+            ("CALL FB 1, DB 1 (a := 5);", 5, 1),
+            ("CALL FB 2, DB 4 (a := 6);", 6, 4),
+            // Short enough to become part of its caller.
+            ("CALL FB 3, DB 5 (a := 8);", 8, 5),
+            ("SET; SPB M001; CALL FB 3, DB 5 (a := 8); M001: NOP 0;", 222, 2),
+            ("CLR; SPB M001; CALL FB 3, DB 5 (a := 8); M001: NOP 0;", 8, 5),
+            ("CALL SFB 4, DB 6 (IN := FALSE, PT := T#9S);", 0, 6),
+            ("CALL FC 1 (a := 9);", 222, 2),
+            ("UC FB 1;", 222, 2),
+        ] {
+            let mut bench = crate::common::source::bench(&source(call), &[]);
+            bench.run();
+            bench.run();
+            assert_eq!((bench.mw(10), bench.mw(12), bench.mw(14)), (word, number, 3), "{call}");
+            if number == 4 {
+                assert_eq!((bench.mw(20), bench.mw(22)), (6, 4), "the multi-instance lies in the caller's own");
+            }
+        }
+    });
 }

@@ -87,7 +87,7 @@ fn elementary(ty: &Type, actual: &Actual, call: &str) -> String {
     let three = |prefix: &str| (0..3).map(|n| format!("{prefix}{n} : {name};")).collect::<String>();
     let registers = |byte: u32| format!("L DBNO; T MW {byte}; L DINO; T MW {}; TAR2; T MD {};", byte + 2, byte + 4);
     let body = format!(
-        "{before} {in0} {in2} {regs} {call}(i := {p0}, o := {p1}, x := {p2}); {regs2} {out1} {out2}",
+        "{before} {in0} {in2} {regs} {call}(i := {p0}, o := {p1}, x := {p2}); {regs2} {before} {out1} {out2}",
         in0 = ty.copy(&ty.at("M", 0), &place(0)),
         in2 = ty.copy(&ty.at("M", 0), &place(2)),
         before = actual.before,
@@ -168,8 +168,16 @@ fn elementary_actuals_of_every_kind_for_every_kind_of_block() {
                     bench.run();
                     let got = (value(&mut bench, ty, 10), value(&mut bench, ty, 20));
                     assert_eq!(got, (ty.after, ty.after), "{name}");
-                    // A call leaves the data block registers and AR2 as they were.
-                    assert_eq!((bench.md(30), bench.md(34)), (bench.md(38), bench.md(42)), "{name}: registers");
+                    // A call leaves the data block registers and AR2 as they were. Behind that of a function block the
+                    // DB register holds its instance.
+                    let before = (bench.mw(30), bench.mw(32), bench.md(34));
+                    let opened = match callee {
+                        "FC" => before.0,
+                        "FB" => 5,
+                        _ => before.1,
+                    };
+                    let behind = (bench.mw(38), bench.mw(40), bench.md(42));
+                    assert_eq!(behind, (opened, before.1, before.2), "{name}: registers");
                 }
             }
         }

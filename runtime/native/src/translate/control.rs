@@ -6,9 +6,10 @@ use cranelift_codegen::ir::{self, BlockArg, InstBuilder, JumpTableData, condcode
 use ob1_cpu::engine::Hot;
 use ob1_ir::{Jump, StatusBit};
 
-use super::state::{self, Bit, State};
+use super::state::{self, Bit, Data, State};
 use super::{Checked, Landing, Translation};
 use crate::flow;
+use crate::place;
 use crate::run::Run;
 
 /// Places whose values are kept over a safe point, at most, besides those that wait to be written.
@@ -235,7 +236,14 @@ impl Translation<'_, '_> {
         self.b.ins().jump(self.failed, &[BlockArg::from(answer), BlockArg::from(behind)]);
         self.b.switch_to_block(next);
         self.checked = Checked::default();
+        let db = self.db_behind(pc).unwrap_or(db);
         self.now = State { db, di, saved: [true; 2], ..State::memory() };
         self.end_chain(Bit::Known(true));
+    }
+
+    /// The DB register behind the call at `pc`; `None`: as it was before.
+    fn db_behind(&self, pc: usize) -> Option<Data> {
+        let number = flow::opened_by_call(&self.body.stmts[pc].op)?;
+        Some(number.and_then(|number| place::data(self.plan, number)).map_or(Data::Var, Data::Known))
     }
 }

@@ -101,16 +101,12 @@ impl Translation<'_, '_> {
         self.checked = Checked::default();
         self.copy_out(call, instance);
         self.write_back();
+        self.put_data(instance, offset_of!(Regs, db));
     }
 
     /// The instance of a function block is the open DI, and AR2 its beginning.
     fn put_instance(&mut self, db: Db) {
-        let first = u64::from(db.at.0) | u64::from(db.len) << 32;
-        let second = u64::from(db.writable) | u64::from(db.number) << 32;
-        for (value, at) in [(first, 0), (second, 8)] {
-            let value = self.b.iconst(types::I64, value as i64);
-            self.store_state(value, self.run, Self::reg(offset_of!(Regs, di) + at));
-        }
+        self.put_data(db, offset_of!(Regs, di));
         let ar2 = self.word(INSTANCE);
         self.store_state(ar2, self.run, Self::reg(offset_of!(Regs, ar2)));
     }

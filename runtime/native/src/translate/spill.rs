@@ -3,7 +3,7 @@
 use std::mem::offset_of;
 
 use cranelift_codegen::ir::{self, BlockArg, InstBuilder, JumpTableData, Value, condcodes::IntCC, types};
-use ob1_cpu::engine::{BR, Hot, OS, OV, Regs};
+use ob1_cpu::engine::{BR, Db, Hot, OS, OV, Regs};
 
 use super::state::{self, Accu, Bit, Cc, Data, Reg, State};
 use super::{Checked, Landing, Translation};
@@ -243,12 +243,17 @@ impl Translation<'_, '_> {
             if std::mem::replace(&mut self.now.saved[i], true) {
                 continue;
             }
-            let first = u64::from(db.at.0) | u64::from(db.len) << 32;
-            let second = u64::from(db.writable) | u64::from(db.number) << 32;
-            for (value, part) in [(first, 0), (second, 8)] {
-                let v = self.b.iconst(types::I64, value as i64);
-                self.store_state(v, self.run, Self::reg(at) + part);
-            }
+            self.put_data(db, at);
+        }
+    }
+
+    /// Writes a data block register, which lies `at` this place of the registers, to memory.
+    pub(crate) fn put_data(&mut self, db: Db, at: usize) {
+        let first = u64::from(db.at.0) | u64::from(db.len) << 32;
+        let second = u64::from(db.writable) | u64::from(db.number) << 32;
+        for (value, part) in [(first, 0), (second, 8)] {
+            let v = self.b.iconst(types::I64, value as i64);
+            self.store_state(v, self.run, Self::reg(at + part));
         }
     }
 

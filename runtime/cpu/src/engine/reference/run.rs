@@ -372,11 +372,7 @@ impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
                     pc = frame.pc as usize;
                     from = pc;
                     let call = &code.calls[frame.call as usize];
-                    frame.saved.leave(&mut r, cx.machine);
-                    let copied =
-                        if call.copies_out { call::copy_out(call, frame.tops, &mut r, cx.machine) } else { Ok(()) };
-                    frame.tops.release(cx.machine);
-                    if let Err(fault) = copied {
+                    if let Err(fault) = call::finish(call, &frame.saved, frame.tops, &mut r, cx.machine) {
                         fail!(fault);
                     }
                 }
