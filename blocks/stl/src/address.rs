@@ -71,7 +71,7 @@ impl Resolver<'_> {
                 Place::Register(area, register, offset)
             }
             Value::Memory { operand, .. } => {
-                let pointer = pointer_place(operand, Width::DWord);
+                let pointer = self.pointer_place(operand, Width::DWord);
                 match (area, pointer) {
                     (Some(area), Some(pointer)) => Place::Memory(area, pointer),
                     _ => {
@@ -104,7 +104,7 @@ impl Resolver<'_> {
             let span = reader.here();
             reader.next();
             let pointer = match self.inner(reader, span)? {
-                Value::Memory { operand, .. } => pointer_place(operand, Width::Word),
+                Value::Memory { operand, .. } => self.pointer_place(operand, Width::Word),
                 _ => None,
             };
             let Some(pointer) = pointer else {
@@ -122,15 +122,20 @@ impl Resolver<'_> {
         }
         number.map(Number::Fixed)
     }
-}
 
-/// The place of a pointer, when the operand can hold one.
-fn pointer_place(operand: Operand, width: Width) -> Option<Pointer> {
-    match operand.place {
-        Place::Fixed(area @ (Area::Memory | Area::Local | Area::Db | Area::Di), at) if operand.width == width => {
-            Some(Pointer { area, at })
+    /// The place of a pointer, when the operand can hold one. A variable of an instance has a fixed place with
+    /// CODE_VERSION1 only; with multi-instances it depends on AR2.
+    fn pointer_place(&self, operand: Operand, width: Width) -> Option<Pointer> {
+        if operand.width != width {
+            return None;
         }
-        _ => None,
+        match operand.place {
+            Place::Fixed(area @ (Area::Memory | Area::Local | Area::Db | Area::Di), at) => Some(Pointer { area, at }),
+            Place::Instance(at) if self.block.is_some_and(|(_, info)| info.code_version1) => {
+                Some(Pointer { area: Area::Di, at })
+            }
+            _ => None,
+        }
     }
 }
 

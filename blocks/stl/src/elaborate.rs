@@ -396,6 +396,7 @@ impl<'e> Elaborator<'e> {
         self.within_limits(block, instance, temp, formals)?;
         let mut info = Info::new(block.header_name.clone(), interface, instances);
         info.optimized = block.optimized;
+        info.code_version1 = block.code_version1;
         for (name, over, ty) in overlays {
             if let Some(index) = info.find(over) {
                 info.overlays.insert(name, (index, ty));

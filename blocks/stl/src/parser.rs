@@ -249,6 +249,7 @@ impl<'s> Parser<'_, 's> {
             header_name: None,
             result: None,
             optimized: false,
+            code_version1: false,
             constants: Vec::new(),
             foreign: !self.bodies,
             sections: Vec::new(),
@@ -353,6 +354,7 @@ impl<'s> Parser<'_, 's> {
                 self.section(block, section);
             } else if HEADER_WORDS.contains(&&*word) {
                 block.read_only |= &*word == "READ_ONLY";
+                block.code_version1 |= &*word == "CODE_VERSION1";
                 self.bump();
             } else if HEADER_LINES.contains(&&*word) && self.peek_at(1).is_some_and(|t| t.kind == Kind::Colon) {
                 self.header_line(block, &word);

@@ -47,6 +47,8 @@ pub(crate) struct Block {
     pub(crate) result: Option<Type>,
     /// `S7_Optimized_Access := 'TRUE'`: addresses into it are refused.
     pub(crate) optimized: bool,
+    /// `CODE_VERSION1`: never a multi-instance, so that its instance begins with the data block in the DI register.
+    pub(crate) code_version1: bool,
     /// `VAR CONSTANT`.
     pub(crate) constants: Vec<Declaration>,
     /// Its statements are of another language and left out.

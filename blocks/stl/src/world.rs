@@ -31,6 +31,8 @@ pub(crate) struct Info {
     pub(crate) overlays: BTreeMap<String, (usize, DataType)>,
     /// Addresses into its instance are refused.
     pub(crate) optimized: bool,
+    /// Its instance begins with the data block in the DI register.
+    pub(crate) code_version1: bool,
 }
 
 impl Info {
@@ -47,7 +49,8 @@ impl Info {
             next += u16::from(is_formal);
         }
         let (constants, overlays) = (BTreeMap::new(), BTreeMap::new());
-        Self { name, interface, names, formals, instances, constants, overlays, optimized: false }
+        let (optimized, code_version1) = (false, false);
+        Self { name, interface, names, formals, instances, constants, overlays, optimized, code_version1 }
     }
 
     /// The index of what a name of the block means, and the type it is seen with where that is an overlay.
