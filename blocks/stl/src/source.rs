@@ -31,9 +31,12 @@ impl Source {
                 }
             }
         }
-        match std::str::from_utf8(&self.bytes) {
+        // Editors of DOS mark the end of a text with a character of its own.
+        let bytes = self.bytes.as_slice();
+        let bytes = bytes.strip_suffix(b"\x1A").unwrap_or(bytes);
+        match std::str::from_utf8(bytes) {
             Ok(text) => Cow::Borrowed(text.strip_prefix('\u{feff}').unwrap_or(text)),
-            Err(_) => Cow::Owned(self.bytes.iter().map(|b| cp1252(*b)).collect()),
+            Err(_) => Cow::Owned(bytes.iter().map(|b| cp1252(*b)).collect()),
         }
     }
 }
@@ -126,6 +129,9 @@ mod tests {
         // Without a mark.
         assert_eq!(Source::new("a", *b"L\0 \x001\0;\0\r\0\n\0").text(), "L 1;\r\n");
         assert_eq!(Source::new("a", *b"\0L\0 \x001\0;").text(), "L 1;");
+        // With the mark of DOS at the end.
+        assert_eq!(Source::new("a", *b"L 1;\r\n\x1A").text(), "L 1;\r\n");
+        assert_eq!(Source::new("a", *b"Z\xE4hler\x1A").text(), "Zähler");
         // Cut off in a character, and in a pair of units.
         assert_eq!(Source::new("a", *b"\xFF\xFEZ\0\xE4").text(), "Z\u{fffd}");
         assert_eq!(Source::new("a", *b"\xFE\xFF\xD8\0").text(), "\u{fffd}");
