@@ -97,11 +97,18 @@ pub(crate) fn other(name: &str, text: &str, words: [&Words; 2]) -> Option<Other>
     (signs.scl > signs.stl).then_some(Other::Scl)
 }
 
-/// True for a text with `{{`, `{%` or `<%`. Single signs are searched, which is many times faster than pairs.
+/// True for a text with `{{`, `{%` or `<%`, comments and titles left out. Single signs are searched at first, which is
+/// many times faster than pairs.
 fn is_template(text: &str) -> bool {
     let next = |at: usize| text.as_bytes().get(at + 1).copied();
-    text.match_indices('{').any(|(at, _)| matches!(next(at), Some(b'{' | b'%')))
-        || text.match_indices('<').any(|(at, _)| next(at) == Some(b'%'))
+    let signs = text.match_indices('{').any(|(at, _)| matches!(next(at), Some(b'{' | b'%')))
+        || text.match_indices('<').any(|(at, _)| next(at) == Some(b'%'));
+    signs
+        && text.lines().any(|line| {
+            let line = line.split("//").next().unwrap_or("").trim_start();
+            let title = line.get(..5).is_some_and(|word| word.eq_ignore_ascii_case("TITLE"));
+            !title && ["{{", "{%", "<%"].iter().any(|sign| line.contains(sign))
+        })
 }
 
 /// Lines by the language that their first word shows.
@@ -120,18 +127,24 @@ impl Signs {
         // In the statements of a code block; within the parameters of a call, which may begin anywhere in a line.
         let (mut block, mut code, mut call) = (false, false, false);
         let mut brackets = 0usize;
+        let mut comment = false;
         for line in text.lines() {
             if signs.stl > ENOUGH && signs.scl + signs.graph + signs.s7200 == 0 {
                 break;
             }
             let line = line.trim();
+            if comment || line.starts_with("(*") {
+                comment = !line.contains("*)");
+                continue;
+            }
             let end = line.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(line.len());
             let (word, rest) = line.split_at(end);
             let is = |words: &[&str]| words.iter().any(|w| w.eq_ignore_ascii_case(word));
             if word.len() > 9 && is(&["SUBROUTINE_BLOCK", "INTERRUPT_BLOCK"]) {
                 signs.s7200_frame = true;
             } else if word.len() > 7 && is(&["ORGANIZATION_BLOCK", "FUNCTION_BLOCK", "FUNCTION"]) {
-                signs.s7200_frame |= rest.split("//").next().unwrap_or("").contains(":OB");
+                // A symbol in quotes may have any signs.
+                signs.s7200_frame |= !rest.contains('"') && rest.split("//").next().unwrap_or("").contains(":OB");
                 (block, code) = (true, true);
                 brackets = 0;
             } else if is(&["DATA_BLOCK", "TYPE", "END_DATA_BLOCK", "END_TYPE"]) {
@@ -143,7 +156,7 @@ impl Signs {
             } else if is(&["NETWORK"]) {
                 signs.stl += 4;
                 code = true;
-            } else if code && !line.is_empty() && !line.starts_with("//") {
+            } else if code && !line.is_empty() && !line.starts_with("//") && !is_attribute(word, line) {
                 signs.line(word, line, call || brackets > 0, words);
                 let body = line.split("//").next().unwrap_or("").trim_end();
                 let count = |bracket: char| body.matches(bracket).count();
@@ -156,19 +169,26 @@ impl Signs {
     }
 
     fn line(&mut self, word: &str, line: &str, call: bool, words: [&Words; 2]) {
-        let is = |words: &[&str]| words.iter().any(|w| w.eq_ignore_ascii_case(word));
+        // `LD := x` names a parameter or a variable, whatever the word means elsewhere.
+        let named = line.get(word.len()..).is_some_and(|rest| rest.trim_start().starts_with(":="));
+        let is = |words: &[&str]| !named && words.iter().any(|w| w.eq_ignore_ascii_case(word));
         if is(&GRAPH_WORDS) {
             self.graph += 1;
         } else if is(&SCL_WORDS) {
             self.scl += 1;
         } else if is(&S7200_WORDS) {
             self.s7200 += 1;
-        } else if line.starts_with('=') || words.iter().any(|set| set.mnemonic(word).is_some()) {
+        } else if line.starts_with('=') || !named && words.iter().any(|set| set.mnemonic(word).is_some()) {
             self.stl += 1;
         } else if !call && line.contains(":=") && line.contains(';') {
             self.scl += 1;
         }
     }
+}
+
+/// True for a line that begins with attributes, or goes on with those of a block.
+fn is_attribute(word: &str, line: &str) -> bool {
+    line.starts_with('{') || word.starts_with("S7_")
 }
 
 #[cfg(test)]
@@ -186,9 +206,17 @@ mod tests {
         let s7200 = "ORGANIZATION_BLOCK MAIN:OB1\nTITLE=x\nBEGIN\nNetwork 1\nLD SM0.0\nEND_ORGANIZATION_BLOCK\n";
         let graph = "FUNCTION_BLOCK FB 1\nSTEPS\nINITIAL_STEP Init (*1*)\nEND_STEP\nEND_FUNCTION_BLOCK\n";
         let behind = "ORGANIZATION_BLOCK OB 1 BEGIN\nSET; CALL SFC 1 (a := 1,\n b := 2,\n c := 3);CALL SFC 1 (a := 1,\n b := 2);\n";
+        let calls = "CALL FB 1, DB 1\n LD :=E0.0\n INITIAL_STEP :=M0.0\n".repeat(9);
+        let counters = format!("ORGANIZATION_BLOCK OB 1\nBEGIN\nNETWORK\n{calls}END_ORGANIZATION_BLOCK\n");
+        let attributes = "FUNCTION_BLOCK FB 1\n{ S7_m_c := 'true'; S7_a := 'b' }\n{ S7_x := 'y';\n S7_z := 'a';\n S7_b := 'c' }\nBEGIN\nEND_FUNCTION_BLOCK\n";
+        let comments = "FUNCTION FC 1 : VOID\nTITLE = {{ x\nBEGIN\n(* IF x\n y := 5;\n IF y\n*)\n//open <%MIN\nU E 0.0;\nEND_FUNCTION\n";
         for (text, expected) in [
             (stl, None),
             (behind, None),
+            (counters.as_str(), None),
+            (attributes, None),
+            (comments, None),
+            ("FUNCTION \"Error:OB82\" : VOID\nBEGIN\nSET;\nEND_FUNCTION\n", None),
             (scl, Some(Other::Scl)),
             (data, None),
             (s7200, Some(Other::S7200)),
