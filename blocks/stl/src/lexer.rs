@@ -240,6 +240,9 @@ impl<'a> Lexer<'a> {
         if self.starts_line() {
             self.first_word(word);
         }
+        if self.in_head && (is_section(word) || ends_head(word)) {
+            self.in_head = false;
+        }
         if word.eq_ignore_ascii_case("TITLE") && self.title_follows() && self.title_may_stand() {
             self.skip_line();
             return Kind::Title;
@@ -276,16 +279,19 @@ impl<'a> Lexer<'a> {
         Kind::Typed
     }
 
-    /// What the first word of a line tells about its place in a block.
+    /// What the first word of a line tells about its place in a block: it may begin one.
     fn first_word(&mut self, word: &str) {
         // Nearly every line begins with a mnemonic: those are distinguished by their first letter.
         let may_begin = word.len() >= 4
             && matches!(word.as_bytes().first(), Some(b'O' | b'F' | b'D' | b'T' | b'o' | b'f' | b'd' | b't'));
-        if may_begin && begins_block(word) {
+        if may_begin && begins_block(word) && !self.goes_on_as_name() {
             self.in_head = true;
-        } else if self.in_head && (is_section(word) || ends_head(word)) {
-            self.in_head = false;
         }
+    }
+
+    /// True behind the name of a component or parameter: `Type : INT;`, `Type.x := 5;`.
+    fn goes_on_as_name(&self) -> bool {
+        self.rest().trim_start_matches([' ', '\t']).starts_with([':', ',', '{', '.', '['])
     }
 
     fn starts_line(&self) -> bool {

@@ -87,7 +87,7 @@ impl Parser<'_, '_> {
 
     /// True for a word that is declared here, whatever else it means elsewhere.
     fn names_declaration(&self) -> bool {
-        self.peek_at(1).is_some_and(|t| matches!(t.kind, Kind::Colon | Kind::Comma))
+        self.peek_at(1).is_some_and(|t| matches!(t.kind, Kind::Colon | Kind::Comma | Kind::Attributes))
     }
 
     /// `a, b : TYPE := value;`

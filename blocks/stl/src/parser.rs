@@ -457,6 +457,11 @@ impl<'s> Parser<'_, 's> {
         }
     }
 
+    /// True for a word that names a component or parameter, whatever else it means: `Type := 5;`, `Type.x := 5;`.
+    fn names_component(&self) -> bool {
+        self.peek_at(1).is_some_and(|t| matches!(t.kind, Kind::Assign | Kind::Dot | Kind::LeftBracket))
+    }
+
     /// Skips statements of another language, up to the block's last word.
     fn foreign_body(&mut self, end: &str) {
         while let Some(token) = self.peek() {
@@ -476,9 +481,9 @@ impl<'s> Parser<'_, 's> {
                 self.bump();
                 continue;
             }
-            // The searched words have four letters at least, mnemonics mostly fewer.
+            // The searched words have four letters at least, mnemonics mostly fewer. One of them may name a component.
             let long = token.kind == Kind::Word && token.span.end - token.span.start >= 4;
-            let word = if long { self.keyword() } else { None };
+            let word = if long && !self.names_component() { self.keyword() } else { None };
             match word.as_deref() {
                 Some(word) if frame_of(word).is_some() => break,
                 Some(word) if word == end => {
