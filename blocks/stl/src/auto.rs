@@ -135,8 +135,10 @@ fn count(file: &File<'_>, words: [&Words; 2]) -> Votes {
 fn head(file: &File<'_>, words: [&Words; 2], at: usize, votes: &mut Votes) {
     let Some(first) = file.tokens.get(at).copied() else { return };
     let second = file.tokens.get(at + 1).copied();
-    // Names before a comma, a colon or := are declared or supplied.
-    if second.is_some_and(|t| matches!(t.kind, Kind::Assign | Kind::Comma | Kind::Colon)) {
+    // Names before a comma, a colon, attributes or := are declared or supplied, those with a component get a start
+    // value.
+    let named = |kind| matches!(kind, Kind::Assign | Kind::Comma | Kind::Colon | Kind::Attributes | Kind::Dot);
+    if second.is_some_and(|t| named(t.kind) || t.kind == Kind::LeftBracket && is_assigned(file, at)) {
         return;
     }
     if second.is_some_and(|t| t.kind == Kind::LeftParen) {
@@ -149,6 +151,12 @@ fn head(file: &File<'_>, words: [&Words; 2], at: usize, votes: &mut Votes) {
     if takes_operand {
         operand(file, words, at + 1, votes);
     }
+}
+
+/// True for `SP[1] := 5;`, the start value of an element, and not for `A [AR1,P#0.0]`.
+fn is_assigned(file: &File<'_>, at: usize) -> bool {
+    let mut ahead = file.tokens.iter().skip(at).take_while(|t| !matches!(t.kind, Kind::Newline | Kind::Semicolon));
+    ahead.any(|t| t.kind == Kind::Assign)
 }
 
 /// An operand: an identifier with its number or bracket, or a status bit.
@@ -209,6 +217,7 @@ mod tests {
             ("CALL FC 1 (x := A 4.0)", Mnemonics::German),
             ("CALL FC 1\n x := Q 4.0", Mnemonics::International),
             ("L W [AR1,P#0.0]\nLAR1 P#E 0.0", Mnemonics::German),
+            ("A [AR1,P#0.0]", Mnemonics::International),
             ("O BR", Mnemonics::International),
             ("L C 5", Mnemonics::International),
             ("SE T 1\nSP T 2", Mnemonics::International),
@@ -223,6 +232,8 @@ mod tests {
         for text in [
             "VAR_INPUT\n A : INT;\n Z, E : BOOL;\nEND_VAR",
             "A := 5;\nU := 6;",
+            "SP[1] := 5;\nA [2, 3] := 6;\nU[1].x := 7;\nSD.x := 8;",
+            "VAR_INPUT\n SP { S7_m_c := 'true' } : REAL;\nEND_VAR",
             "AUTHOR : AN\nNAME : JU",
             "L #A\nT #Z",
             "L A",
