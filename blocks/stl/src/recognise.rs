@@ -169,8 +169,10 @@ impl Signs {
     }
 
     fn line(&mut self, word: &str, line: &str, call: bool, words: [&Words; 2]) {
-        // `LD := x` names a parameter or a variable, whatever the word means elsewhere.
-        let named = line.get(word.len()..).is_some_and(|rest| rest.trim_start().starts_with(":="));
+        // `LD := x` names a parameter or a variable, `LD: ` is a label, whatever the word means elsewhere.
+        let rest = line.get(word.len()..).unwrap_or("").trim_start();
+        let named = rest.starts_with(':');
+        let call = call || named && rest.trim_start_matches([':', ' ', '\t']).starts_with("CALL");
         let is = |words: &[&str]| !named && words.iter().any(|w| w.eq_ignore_ascii_case(word));
         if is(&GRAPH_WORDS) {
             self.graph += 1;
@@ -210,6 +212,7 @@ mod tests {
         let counters = format!("ORGANIZATION_BLOCK OB 1\nBEGIN\nNETWORK\n{calls}END_ORGANIZATION_BLOCK\n");
         let attributes = "FUNCTION_BLOCK FB 1\n{ S7_m_c := 'true'; S7_a := 'b' }\n{ S7_x := 'y';\n S7_z := 'a';\n S7_b := 'c' }\nBEGIN\nEND_FUNCTION_BLOCK\n";
         let comments = "FUNCTION FC 1 : VOID\nTITLE = {{ x\nBEGIN\n(* IF x\n y := 5;\n IF y\n*)\n//open <%MIN\nU E 0.0;\nEND_FUNCTION\n";
+        let labels = "FUNCTION FC 1 : VOID\nBEGIN\nLD: SET;\nIF:SET\nLDN : SET;\nLPS: SET;\nm1: CALL FC 2 (a := 1);\nEND_FUNCTION\n";
         for (text, expected) in [
             (stl, None),
             (behind, None),
@@ -217,6 +220,7 @@ mod tests {
             (attributes, None),
             (comments, None),
             ("FUNCTION \"Error:OB82\" : VOID\nBEGIN\nSET;\nEND_FUNCTION\n", None),
+            (labels, None),
             (scl, Some(Other::Scl)),
             (data, None),
             (s7200, Some(Other::S7200)),
