@@ -48,7 +48,8 @@ fn is_read_behind_call(code: &[Stmt]) -> bool {
     false
 }
 
-/// Whether the statements of a `CALL` leave another data block in the DB register than ours; `None`: they leave it alone.
+/// Whether the statements of a `CALL` leave another data block in the DB register than ours; `None`: they leave it
+/// alone.
 fn opens(call: &Call) -> Option<bool> {
     let copied = |arg: &Arg| matches!(arg, Arg::Operand(Operand { place: Place::InDb(..), .. }));
     match call.target {

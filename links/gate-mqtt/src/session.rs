@@ -207,8 +207,8 @@ impl Session {
         self.again = self.settings.retain;
     }
 
-    /// All values once more. Only when everything older has been sent: a connection that breaks again and again must not
-    /// fill the store with copies.
+    /// All values once more. Only when everything older has been sent: a connection that breaks again and again must
+    /// not fill the store with copies.
     fn tell_again(&mut self) {
         let now = unix_now();
         for index in 0..self.items.list.len() {

@@ -4,7 +4,7 @@ use ob1_model::Fault;
 
 use super::both::{Answer, Question};
 use super::call::{self, Prepared, Saved, Tops};
-use super::plan::{Block, Call, Caller};
+use super::plan::{Block, Call, Caller, InstanceOf};
 use super::regs::{BR, Regs};
 use super::{Entry, Hot, statement};
 use crate::arena::ArenaByte;
