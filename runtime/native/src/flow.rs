@@ -364,11 +364,7 @@ fn opened(op: &Op, env: &Env<'_>, facts: &mut Facts) {
     }
     match op {
         // One that cannot be made leaves the register as it is.
-        Op::Call(_) => {
-            if let Some(known) = opened_by_call(op) {
-                facts.db = facts.db.filter(|db| known == Some(*db));
-            }
-        }
+        Op::Call(_) if opens_instance(op) => facts.db = None,
         Op::OpenDb(register, n) => {
             let known = match n {
                 Number::Fixed(n) if env.how(op) == How::Plain => Some(*n),
@@ -381,15 +377,9 @@ fn opened(op: &Op, env: &Env<'_>, facts: &mut Facts) {
     }
 }
 
-/// The data block in the DB register behind a call of a function block with its instance: its number, or `None` where
-/// that is not known. `None` for other statements: they leave the register alone.
-pub(crate) fn opened_by_call(op: &Op) -> Option<Option<u16>> {
-    let Op::Call(call) = op else { return None };
-    match (&call.instance, &call.target) {
-        (Some(Number::Fixed(n)), _) => Some(Some(*n)),
-        (Some(_), _) | (None, Target::Local(..)) => Some(None),
-        (None, _) => None,
-    }
+/// True for a call of a function block with its instance, which is in the DB register afterwards.
+pub(crate) fn opens_instance(op: &Op) -> bool {
+    matches!(op, Op::Call(call) if call.instance.is_some() || matches!(call.target, Target::Local(..)))
 }
 
 /// What is known before each statement a jump leads to; `None` where no path leads.

@@ -380,3 +380,29 @@ fn behind_the_call_of_a_function_block_its_instance_is_open() {
         }
     });
 }
+
+/// A call that cannot be made, because an actual is not there, leaves the register as it is; so it does for what
+/// follows in the same block, however the engine goes on there.
+#[test]
+fn a_call_of_a_function_block_that_cannot_be_made_opens_nothing() {
+    let waits = "L 3; M001: T MW 90; LOOP M001;";
+    on_each_engine(|| {
+        for (byte, word, number) in [(0, 5, 5), (100, 222, 2)] {
+            let source = format!(
+                "FUNCTION_BLOCK FB 1 VAR_INPUT a : INT; b : INT := 5; END_VAR BEGIN {waits} END_FUNCTION_BLOCK
+                 FUNCTION FC 1 : VOID BEGIN {waits} END_FUNCTION
+                 DATA_BLOCK DB 5 FB 1 BEGIN END_DATA_BLOCK
+                 DATA_BLOCK DB 2 STRUCT b : INT := 111; c : INT := 222; END_STRUCT; BEGIN END_DATA_BLOCK
+                 ORGANIZATION_BLOCK OB 121 BEGIN END_ORGANIZATION_BLOCK
+                 ORGANIZATION_BLOCK OB 1 BEGIN
+                 AUF DB 2; CALL FB 1, DB 5 (a := DBW {byte}); CALL FC 1; L DBW 2; T MW 10; L DBNO; T MW 12;
+                 END_ORGANIZATION_BLOCK"
+            );
+            let mut bench = crate::common::source::bench(&source, &[]);
+            for _ in 0..3 {
+                bench.run();
+                assert_eq!((bench.mw(10), bench.mw(12)), (word, number), "DBW {byte}");
+            }
+        }
+    });
+}

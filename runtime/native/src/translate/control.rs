@@ -9,7 +9,6 @@ use ob1_ir::{Jump, StatusBit};
 use super::state::{self, Bit, Data, State};
 use super::{Checked, Landing, Translation};
 use crate::flow;
-use crate::place;
 use crate::run::Run;
 
 /// Places whose values are kept over a safe point, at most, besides those that wait to be written.
@@ -236,14 +235,9 @@ impl Translation<'_, '_> {
         self.b.ins().jump(self.failed, &[BlockArg::from(answer), BlockArg::from(behind)]);
         self.b.switch_to_block(next);
         self.checked = Checked::default();
-        let db = self.db_behind(pc).unwrap_or(db);
+        // The reference continues behind a call that could not be made, where the register is another one.
+        let db = if flow::opens_instance(&self.body.stmts[pc].op) { Data::Var } else { db };
         self.now = State { db, di, saved: [true; 2], ..State::memory() };
         self.end_chain(Bit::Known(true));
-    }
-
-    /// The DB register behind the call at `pc`; `None`: as it was before.
-    fn db_behind(&self, pc: usize) -> Option<Data> {
-        let number = flow::opened_by_call(&self.body.stmts[pc].op)?;
-        Some(number.and_then(|number| place::data(self.plan, number)).map_or(Data::Var, Data::Known))
     }
 }
