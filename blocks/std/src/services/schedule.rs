@@ -20,7 +20,7 @@ pub enum Period {
 }
 
 impl Period {
-    /// The period of a PERIOD word.
+    /// The period of a PERIOD word. Once a week has two: 1202h in the description of SFC 28, and 1201h.
     #[must_use]
     pub const fn from_word(word: u16) -> Option<Self> {
         Some(match word {
@@ -28,7 +28,7 @@ impl Period {
             0x0201 => Period::EveryMinute,
             0x0401 => Period::Hourly,
             0x1001 => Period::Daily,
-            0x1201 => Period::Weekly,
+            0x1201 | 0x1202 => Period::Weekly,
             0x1401 => Period::Monthly,
             0x1801 => Period::Yearly,
             0x2001 => Period::EndOfMonth,
