@@ -32,7 +32,8 @@ const NOT_SET: u16 = 0x80A0;
 /// The start lies in the past.
 const PAST: u16 = 0x80A1;
 
-/// Bits of STATUS that are 0 unless something is locked are not listed.
+/// STATUS: SFC 39 has locked new interrupts. Bits 0 and 5, locked by the system or by a test function, are always 0.
+const LOCKED: u16 = 1 << 1;
 const ACTIVE: u16 = 1 << 2;
 const LOADED: u16 = 1 << 4;
 
@@ -104,10 +105,13 @@ fn dint_state(schedule: &mut dyn Schedule, ob: u16) -> Option<(bool, bool)> {
 
 fn query(call: &mut Call<'_>, state: State) -> Done {
     let ob = call.word(Query::OB_NR);
+    let locked = call.cx.interrupt_locks().is_disabled(ob);
     let schedule = call.cx.schedule();
     let state = state(schedule, ob);
-    let status =
-        state.map_or(0, |(active, loaded)| (if active { ACTIVE } else { 0 }) | if loaded { LOADED } else { 0 });
+    let status = state.map_or(0, |(active, loaded)| {
+        let bits = [(locked, LOCKED), (active, ACTIVE), (loaded, LOADED)];
+        bits.into_iter().filter(|(set, _)| *set).fold(0, |status, (_, bit)| status | bit)
+    });
     call.set(Query::STATUS, u32::from(status));
     call.end(Query::RET_VAL, if state.is_some() { 0 } else { WRONG_OB })
 }
@@ -155,6 +159,8 @@ mod tests {
             (10u16, dt("2024-03-01-06:30:12.345"), 0x0000u16, 0),
             (10, dt(LATER), 0x1001, 0),
             (10, dt(EARLIER), 0x1001, 0),
+            (10, dt(EARLIER), 0x1201, 0),
+            (10, dt(EARLIER), 0x1202, 0),
             (10, dt(EARLIER), 0x0000, 0x80A1),
             (11, dt(LATER), 0x1001, 0x8090),
             (10, [0xFF; 8], 0x1001, 0x8091),
@@ -210,6 +216,22 @@ mod tests {
             fake.station.delay = DelayInterrupt { due: active.then_some((SOON, 1, 1)), loaded };
             fake.run();
             assert_eq!((fake.value("STATUS"), fake.value("RET_VAL")), (status, code), "{key} {ob}");
+        }
+    }
+
+    #[test]
+    fn a_locked_interrupt_is_shown() {
+        for (key, ob) in [("SYSTEM:SFC31", 10u16), ("SYSTEM:SFC34", 20)] {
+            let mut fake =
+                Fake::new(key).with("OB_NR", ob.to_be_bytes()).with("RET_VAL", [9; 2]).with("STATUS", [9; 2]);
+            fake.station.time_of_day = TimeOfDayInterrupt { loaded: true, ..TimeOfDayInterrupt::default() };
+            fake.station.delay = DelayInterrupt { due: None, loaded: true };
+            assert_eq!(fake.station.locks.disable(2, ob), Ok(()));
+            fake.run();
+            assert_eq!((fake.value("STATUS"), fake.value("RET_VAL")), (0x12, 0), "{key}");
+            assert_eq!(fake.station.locks.enable(2, ob), Ok(()));
+            fake.run();
+            assert_eq!((fake.value("STATUS"), fake.value("RET_VAL")), (0x10, 0), "{key}");
         }
     }
 
