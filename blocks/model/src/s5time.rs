@@ -44,6 +44,10 @@ impl S5Time {
     /// `None` above 2h46m30s.
     #[must_use]
     pub fn from_ms(ms: u32) -> Option<Self> {
+        // The coarsest base would take up to ten seconds more, rounded down.
+        if ms > Self::MAX_MS {
+            return None;
+        }
         let (code, base) = (0u16..).zip(BASE_MS).find(|(_, base)| ms / base <= 999)?;
         Some(Self(code << 12 | to_bcd(ms / base) as u16))
     }
@@ -78,7 +82,7 @@ mod tests {
             assert_eq!(S5Time::from_ms(ms), Some(S5Time(word)), "{ms} ms");
         }
         assert_eq!(S5Time::from_ms(S5Time::MAX_MS), Some(S5Time(0x3999)));
-        assert_eq!(S5Time::from_ms(S5Time::MAX_MS + 10_000), None);
+        assert_eq!([1, 9_999, 10_000].map(|above| S5Time::from_ms(S5Time::MAX_MS + above)), [None; 3]);
     }
 
     #[test]
