@@ -10,6 +10,7 @@ use ob1_std::services::{
     ImageError, Images, InterruptLocks, LoadError, Messages, Meters, Period, Rack, RunTimeMeter, Schedule, StartInfo,
     SystemStatus, TimeOfDayInterrupt, WallClock,
 };
+use ob1_time::Instant;
 
 use crate::db_pool::NoDb;
 use crate::interrupts::{NEVER, slot_of};
@@ -75,14 +76,20 @@ impl ServiceState {
         }
     }
 
-    /// A start-up begins: masks, locks and interrupts by time that the program has set are gone. Run-time meters
-    /// continue.
+    /// A start-up begins: masks, locks and interrupts by time that the program has set are gone. Run-time meters keep
+    /// their count.
     pub(crate) fn clear(&mut self) {
         (self.filter, self.locks) = (ErrorFilter::default(), InterruptLocks::default());
         self.time_of_day.iter_mut().for_each(|i| (i.set, i.active) = (None, false));
         self.delays.iter_mut().for_each(|i| i.due = None);
         self.touched = false;
         self.signals = Signals::default();
+    }
+
+    /// The CPU was in STOP between two times. A hot restart continues the run-time meters, the other ones leave them to
+    /// the program.
+    pub(crate) fn meters_stood(&mut self, from: Instant, to: Instant, hot: bool) {
+        self.meters.iter_mut().for_each(|meter| meter.stood(from, to, hot));
     }
 }
 

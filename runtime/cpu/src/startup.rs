@@ -140,6 +140,7 @@ impl Cpu {
         let m = &mut self.machine;
         let stood = m.hot.now.since(m.stopped_at);
         m.timers.iter_mut().for_each(|timer| timer.shift(stood));
+        m.services.meters_stood(m.stopped_at, m.hot.now, kind == Start::Hot);
         (m.stopped_at, m.started) = (m.hot.now, m.hot.now);
         m.obs.restart();
         self.state = OperatingState::Startup;

@@ -32,6 +32,16 @@ impl RunTimeMeter {
         self.since = if run { Some(now) } else { None };
     }
 
+    /// For the CPU: it was in STOP between two times, and nothing was counted. Only where the program continues does a
+    /// running meter go on; else the program has to start it again.
+    pub const fn stood(&mut self, from: Instant, to: Instant, continues: bool) {
+        let goes_on = continues && self.is_running();
+        self.control(false, from);
+        if goes_on {
+            self.control(true, to);
+        }
+    }
+
     /// True while it counts.
     #[must_use]
     pub const fn is_running(&self) -> bool {

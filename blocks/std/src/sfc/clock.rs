@@ -195,6 +195,13 @@ mod tests {
         stopped.control(true, started);
         stopped.control(false, started + 2 * HOUR);
         assert_eq!((stopped.hours(started + 9 * HOUR), stopped.is_running()), (Some(3), false));
+        for (continues, hours) in [(true, 3), (false, 2)] {
+            let mut meter = stopped;
+            meter.set(1);
+            meter.control(true, started);
+            meter.stood(started + HOUR, started + 5 * HOUR, continues);
+            assert_eq!((meter.hours(started + 6 * HOUR), meter.is_running()), (Some(hours), continues));
+        }
         for key in ["SYSTEM:SFC3", "SYSTEM:SFC4"] {
             let mut fake = Fake::new(key).with("NR", [9]).with("RET_VAL", [0; 2]);
             fake.run();

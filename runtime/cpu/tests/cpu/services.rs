@@ -9,6 +9,7 @@ use ob1_std::services::Period;
 use ob1_time::Span;
 
 use crate::common;
+use crate::common::source::bench_with;
 use crate::common::*;
 
 fn sfc(number: u16, args: Vec<Arg>) -> Op {
@@ -222,5 +223,42 @@ fn the_program_makes_and_deletes_data_blocks() {
         bench.set(10, Width::Word, 100);
         demand(&mut bench);
         assert_eq!(bench.cpu.read(Cell::Db(100, 0), Width::Word), Err(CellError::NoDb));
+    });
+}
+
+#[test]
+fn a_run_time_meter_stands_still_in_stop_and_waits_for_the_program() {
+    on_each_engine(|| {
+        let source = "
+            ORGANIZATION_BLOCK OB 1
+            BEGIN
+            CALL SFC 4 (NR := B#16#1, RET_VAL := MW 10, CQ := M 0.1, CV := MW 12);
+            CALL SFC 3 (NR := B#16#1, S := M 0.0, RET_VAL := MW 14);
+            END_ORGANIZATION_BLOCK";
+        let config = CpuConfig { watchdog: Span::ZERO, ..CpuConfig::default() };
+        let mut bench = bench_with(source, &[], config, vec![]);
+        bench.clock.per_statement = Span::ZERO;
+        bench.run();
+        for (hour, on, running, hours) in [
+            (0u64, true, false, 0u32),
+            (2, true, true, 2),
+            // In STOP from the second hour to the seventh; the restart clears M 0.0.
+            (7, false, false, 2),
+            (9, true, false, 2),
+            (10, true, true, 3),
+        ] {
+            bench.clock.now = at(hour * 3_600_000 * MS);
+            if hour == 7 {
+                bench.cpu.request(Command::Run);
+            } else {
+                bench.set_m(0, 0, on);
+            }
+            bench.run();
+            assert_eq!((bench.m(0, 1), bench.mw(12)), (running, hours), "after {hour} h");
+            if hour == 2 {
+                bench.cpu.request(Command::Stop);
+                assert_eq!(bench.cycle().state, OperatingState::Stop);
+            }
+        }
     });
 }
