@@ -21,7 +21,7 @@ params!(TimeTick { Return { RET_VAL: TIME } });
 pub(super) const ROWS: &[Row] = &[
     Row::sfc::<SetClk>(0, "SET_CLK", set_clk),
     Row::sfc::<ReadClk>(1, "READ_CLK", read_clk),
-    Row::sfc::<SetRtm>(2, "SET_RTM", set_rtm),
+    Row::sfc::<SetRtm>(2, "SET_RTM", set_rtm).note("stands still in STOP; SFC 3 starts it after a restart"),
     Row::sfc::<CtrlRtm>(3, "CTRL_RTM", ctrl_rtm),
     Row::sfc::<ReadRtm>(4, "READ_RTM", read_rtm),
     Row::sfc::<SetClkS>(100, "SET_CLKS", set_clks).note("CORR, SUMMER and ANN_1 are checked and not kept"),

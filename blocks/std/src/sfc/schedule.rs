@@ -16,7 +16,7 @@ params!(Query { Input { OB_NR: INT } Return { RET_VAL: INT } Output { STATUS: WO
 params!(SrtDint { Input { OB_NR: INT, DTIME: TIME, SIGN: WORD } Return { RET_VAL: INT } });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfc::<SetTint>(28, "SET_TINT", set_tint).note("seconds of SDT count as 0"),
+    Row::sfc::<SetTint>(28, "SET_TINT", set_tint).note("seconds of SDT count as 0; PERIOD 1201h and 1202h: every week"),
     Row::sfc::<Ob>(29, "CAN_TINT", |call| on_ob(call, Ob::RET_VAL, can_tint)),
     Row::sfc::<Ob>(30, "ACT_TINT", |call| on_ob(call, Ob::RET_VAL, act_tint)),
     Row::sfc::<Query>(31, "QRY_TINT", |call| query(call, tint_state)),
