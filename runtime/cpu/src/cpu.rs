@@ -297,6 +297,7 @@ impl Cpu {
             Ask::SetClock(bytes) => {
                 let moment = Moment::from_bytes(bytes).map_err(|_| CellError::Value)?;
                 self.machine.set_moment(moment);
+                self.machine.reschedule();
                 Answer::Done
             }
             Ask::Module(index) => {
