@@ -1,7 +1,11 @@
 //! The access port: served once a scan, a bounded number of items.
 
-use ob1_cpu::{Answer, Ask, Cell, CellError, Command, Cpu, CpuConfig, OperatingState, Request, Width};
-use ob1_model::Area;
+use ob1_cpu::{Answer, Ask, Cell, CellError, Command, Cpu, CpuConfig, OperatingState, Request, TimeOfDay, Width};
+use ob1_ir::{AccuOp, NumberFormat, Op};
+use ob1_model::{Area, Interface};
+use ob1_std::moment::Moment;
+use ob1_std::services::Period;
+use ob1_time::Span;
 
 use crate::common;
 use crate::common::*;
@@ -139,4 +143,25 @@ fn warm_and_cold_restart_and_memory_reset() {
     assert_eq!(bench.cycle().state, OperatingState::Stop);
     assert_eq!((bench.mb(0), bench.dbw(7, 0)), (0, 0x1234));
     assert_eq!(bench.events()[0], 0x4307);
+}
+
+#[test]
+fn a_clock_that_is_set_moves_the_time_of_day_interrupts() {
+    let interrupt = TimeOfDay { ob: 10, start: Moment::MIN, period: Period::EveryMinute };
+    let config = CpuConfig { watchdog: Span::ZERO, time_of_day: vec![interrupt], ..CpuConfig::default() };
+    let count = vec![load(mw(0)), c(1), Op::Arithmetic(NumberFormat::Int, AccuOp::Add), transfer(mw(0))];
+    let program = program(vec![ob1(vec![]), block(ob(10), Interface::default(), count)], vec![]);
+    let mut bench = Bench::with(Cpu::new(config, &program, vec![], vec![], common::engine()).expect("loads"));
+    bench.clock.per_statement = Span::ZERO;
+    let mut client = bench.cpu.access_client().expect("the first");
+    bench.run();
+    // Half a minute is over then. No block of the program looks at the interrupts.
+    client.post(Request { id: 1, ask: Ask::SetClock([0x90, 1, 1, 0, 0, 0x30, 0, 2]) }).expect("room");
+    bench.run();
+    assert_eq!(client.take().map(|response| response.answer), Some(Answer::Done));
+    for (seconds, runs) in [(29, 0), (30, 1)] {
+        bench.clock.now = at(seconds * 1000 * MS);
+        bench.run();
+        assert_eq!(bench.mw(0), runs, "after {seconds} s");
+    }
 }
