@@ -21,6 +21,13 @@ const LONGEST_PAUSE: Span = Span::from_secs(1);
 const MAY_HAVE_RESTARTED: u32 = 2;
 /// Exception 04h, device failure: the answer of a coupler whose watchdog has expired.
 const DEVICE_FAILURE: u8 = 4;
+/// After this many unanswered requests of function 17h, and answers to others, the coupler is taken for one that does
+/// not answer functions it does not know.
+const BOTH_UNANSWERED: u8 = 3;
+/// Exceptions 05h and 06h, acknowledge and busy: the request comes too early. It is repeated so often before it counts
+/// as refused.
+const TOO_EARLY: [u8; 2] = [5, 6];
+const REPETITIONS: u8 = 10;
 
 /// A request to a coupler.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,6 +84,14 @@ pub(crate) struct Coupler {
     misses: u32,
     /// The coupler does not support function 17h.
     never_both: bool,
+    /// It has answered function 17h on this connection.
+    knows_both: bool,
+    /// Requests of function 17h that it has not answered, with no answered one after them.
+    both_unanswered: u8,
+    /// The last one was not answered: until a round is complete, it is written and read separately.
+    apart: bool,
+    /// Consecutive answers that it is busy.
+    busy: u8,
     wrote_last: bool,
     /// The earliest time at which a device failure triggers the set-up again.
     set_up_again: Instant,
@@ -103,6 +118,10 @@ impl Coupler {
             patience: config.lost_after.max(START),
             misses: 0,
             never_both: false,
+            knows_both: false,
+            both_unanswered: 0,
+            apart: false,
+            busy: 0,
             wrote_last: false,
             set_up_again: Instant::START,
             unreached: None,
@@ -119,6 +138,8 @@ impl Coupler {
     pub(crate) fn connect(&mut self, now: Instant) {
         (self.has_read, self.due) = (false, now);
         (self.not_before, self.misses, self.never_both) = (now, 0, false);
+        // What it has not answered is not forgotten: it may be the reason why the connection was closed.
+        (self.knows_both, self.busy) = (false, 0);
         self.set_up();
     }
 
@@ -203,7 +224,8 @@ impl Coupler {
 
     fn goes_together(&self, write: usize, read: usize) -> bool {
         let is_words = |table: Option<Table>| table == Some(Table::Holding);
-        !self.never_both
+        !(self.never_both || self.apart)
+            && self.both_unanswered < BOTH_UNANSWERED
             && is_words(self.writes.get(write).map(|outputs| outputs.chunk.table))
             && is_words(self.reads.get(read).map(|chunk| chunk.table))
     }
@@ -259,7 +281,17 @@ impl Coupler {
         if let Job::Write(write) | Job::Both { write, .. } = job {
             self.forget(write);
         }
+        self.unanswered(job);
         image.tell(self.index, |status| status.failures += 1);
+    }
+
+    /// A request was not answered, or the connection was closed instead. Some couplers treat functions like this that
+    /// they do not know.
+    pub(crate) fn unanswered(&mut self, job: Job) {
+        if matches!(job, Job::Both { .. }) {
+            self.apart = true;
+            self.both_unanswered = self.both_unanswered.saturating_add(u8::from(!self.knows_both));
+        }
     }
 
     fn forget(&mut self, write: usize) {
@@ -288,7 +320,7 @@ impl Coupler {
             Job::Setup(_) | Job::Write(_) => &[],
         };
         (self.heard, self.misses, self.not_before, self.unreached) = (now, 0, now, None);
-        self.patience = self.config.lost_after;
+        (self.patience, self.busy) = (self.config.lost_after, 0);
         match job {
             Job::Prove => {
                 let proof = self.config.proof.as_ref().filter(|proof| is_proven(proof, data));
@@ -298,6 +330,7 @@ impl Coupler {
             Job::Read(read) => self.has_read_one(now, read, data, image),
             Job::Write(write) => self.has_written(now, write, image),
             Job::Both { write, read } => {
+                (self.knows_both, self.both_unanswered) = (true, 0);
                 self.has_written(now, write, image);
                 self.has_read_one(now, read, data, image);
             }
@@ -330,7 +363,7 @@ impl Coupler {
             self.round = Some(read + 1);
             return;
         }
-        self.round = None;
+        (self.round, self.apart) = (None, false);
         self.has_read = true;
         // In step with the period; missed rounds are not made up.
         self.due = self.due.saturating_add(self.config.period);
@@ -376,6 +409,14 @@ impl Coupler {
         }
         self.unreached = None;
         (self.heard, self.misses, self.patience) = (now, 0, self.config.lost_after);
+        if TOO_EARLY.contains(&exception) && self.busy < REPETITIONS {
+            (self.busy, self.not_before) = (self.busy + 1, now.saturating_add(SHORTEST_PAUSE));
+            if let Job::Write(write) | Job::Both { write, .. } = job {
+                self.forget(write);
+            }
+            self.wrote_last = matches!(job, Job::Write(_));
+            return;
+        }
         if exception == DEVICE_FAILURE
             && !matches!(job, Job::Prove | Job::Setup(_))
             && !self.config.setup.is_empty()

@@ -51,7 +51,11 @@ impl LineMaster {
             Input::Line(LineInput::Fault(LineFault::Gone)) => {
                 self.is_up = false;
                 // It cannot be answered any more, which is no failure of the coupler.
-                self.asked = None;
+                if let Some((who, job)) = self.asked.take()
+                    && let Some(coupler) = self.couplers.get_mut(who)
+                {
+                    coupler.unanswered(job);
+                }
             }
             _ => {}
         }

@@ -278,6 +278,65 @@ fn function_17h_is_left_out_where_it_is_not_known() {
     assert!(!net.functions(0).contains(&0x17), "not on this connection");
 }
 
+/// Simple couplers do not refuse a function that they do not know: they do not answer it.
+#[test]
+fn function_17h_is_left_out_where_it_is_never_answered() {
+    let inputs = vec![range(Table::Holding, 0, 2, 0)];
+    let outputs = vec![range(Table::Holding, 2, 2, 0)];
+    let mut net = Net::new(vec![coupler(1, inputs, outputs)]);
+    net.devices[0].ignores_both = true;
+    net.image.outputs = vec![1, 2, 3, 4];
+    net.run(100 * MS);
+    let mut functions = net.functions(0);
+    assert_eq!(functions[..3], [0x17, 0x10, 0x03]);
+    assert_eq!((net.image.status[0].state, net.devices[0].holding[&2]), (State::Running, 0x0102));
+    for _ in 0..5 {
+        net.cut(20 * MS);
+        net.run(200 * MS);
+        functions.extend(net.functions(0));
+    }
+    assert_eq!(functions.iter().filter(|code| **code == 0x17).count(), 3, "{functions:?}");
+    assert_eq!((net.states.clone(), net.reconnects), (vec![(0, State::Running)], 0));
+}
+
+#[test]
+fn a_coupler_that_closes_the_connection_at_function_17h_is_exchanged_with() {
+    let inputs = vec![range(Table::Holding, 0, 2, 0)];
+    let outputs = vec![range(Table::Holding, 2, 2, 0)];
+    let mut net = Net::new(vec![coupler(1, inputs, outputs)]);
+    net.devices[0].ignores_both = true;
+    net.image.outputs = vec![1, 2, 3, 4];
+    for _ in 0..6 {
+        net.run(25 * MS);
+        let functions = net.functions(0);
+        if functions.last() == Some(&0x17) {
+            net.cut(5 * MS);
+        }
+    }
+    assert_eq!((net.image.status[0].state, net.devices[0].holding[&2]), (State::Running, 0x0102));
+    assert_eq!(net.states, [(0, State::Running)]);
+}
+
+/// Exception 06h: the request comes too early, and is to be repeated.
+#[test]
+fn a_coupler_that_is_busy_for_a_moment_is_asked_again() {
+    let inputs = vec![range(Table::Input, 7, 1, 0)];
+    let outputs = vec![range(Table::Holding, 9, 1, 0)];
+    let mut net = Net::new(vec![coupler(1, inputs, outputs)]);
+    net.devices[0].input.insert(7, 0x0102);
+    net.run(100 * MS);
+    (net.devices[0].exception, net.devices[0].refused) = (6, vec![7, 9]);
+    net.write(0, &[0, 5]);
+    net.run(50 * MS);
+    let status = net.image.status[0];
+    assert_eq!((status.state, status.bad, status.refusal), (State::Running, 0, None));
+    assert!((4..=8).contains(&status.exceptions), "{status:?}");
+    assert_eq!(net.image.inputs, [1, 2], "they keep their values");
+    net.devices[0].refused.clear();
+    net.run(20 * MS);
+    assert_eq!(net.devices[0].holding.get(&9), Some(&5), "much earlier than a refused output");
+}
+
 #[test]
 fn a_silent_coupler_is_lost_after_its_time_and_is_set_up_when_it_returns() {
     let mut config = coupler(1, vec![range(Table::Input, 0, 1, 0)], vec![range(Table::Holding, 0, 1, 0)]);

@@ -12,6 +12,8 @@ pub(crate) struct Device {
     pub(crate) discrete: BTreeSet<u16>,
     /// It supports function 17h.
     pub(crate) knows_both: bool,
+    /// It does not answer function 17h.
+    pub(crate) ignores_both: bool,
     /// Requests that begin at one of these are refused.
     pub(crate) refused: Vec<u16>,
     /// The exception of these refusals.
@@ -32,6 +34,7 @@ impl Device {
             coils: BTreeSet::new(),
             discrete: BTreeSet::new(),
             knows_both: true,
+            ignores_both: false,
             refused: Vec::new(),
             exception: 2,
             silent: false,
@@ -86,6 +89,7 @@ impl Device {
                 self.holding.extend((0..value).map(|n| (first + n, word(7 + 2 * usize::from(n)))));
                 answer.extend(&request[2..6]);
             }
+            0x17 if self.ignores_both => return None,
             0x17 if self.knows_both => {
                 let (to, count) = (word(6), word(8));
                 self.holding.extend((0..count).map(|n| (to + n, word(11 + 2 * usize::from(n)))));
