@@ -58,6 +58,30 @@ pub struct DpSlave {
     /// The meanings of the bits of its device diagnosis, from its GSD file.
     #[serde(default)]
     pub texts: BTreeMap<u32, String>,
+    /// The meanings of the values of fields of it.
+    #[serde(default)]
+    pub fields: Vec<DiagnosisField>,
+}
+
+/// A field of bits in the device diagnosis of a slave, whose value has a meaning.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DiagnosisField {
+    /// Its lowest bit.
+    pub first: u16,
+    /// Its highest bit.
+    pub last: u16,
+    /// The meanings of its values.
+    pub texts: BTreeMap<u16, String>,
+}
+
+impl DiagnosisField {
+    /// The meaning of its value in a device diagnosis; a value of 0 is no fault.
+    fn text(&self, data: &[u8]) -> Option<&str> {
+        let bit = |n: u16| data.get(usize::from(n / 8)).is_some_and(|byte| byte >> (n % 8) & 1 == 1);
+        let value = (self.first..=self.last).rev().fold(0_u16, |value, n| value << 1 | u16::from(bit(n)));
+        self.texts.get(&value).filter(|_| value != 0).map(String::as_str)
+    }
 }
 
 /// The baud rates of PROFIBUS DP that a serial line supports.
@@ -84,13 +108,14 @@ impl DpSlave {
 
 /// The whole content of a diagnosis, with the texts of the slave's GSD file.
 #[must_use]
-pub fn diagnosis_words(bytes: &[u8], texts: &BTreeMap<u32, String>) -> String {
+pub fn diagnosis_words(bytes: &[u8], slave: &DpSlave) -> String {
     let Some(diagnosis) = Diagnosis::new(bytes) else { return "it has sent no diagnosis".into() };
     let mut text = diagnosis.to_string();
     for block in diagnosis.blocks() {
         if let Block::Device(data) = block {
             let bits = (0_u32..).zip(data.iter().flat_map(|byte| (0..8).map(move |bit| byte >> bit & 1 == 1)));
-            for what in bits.filter_map(|(n, on)| texts.get(&n).filter(|_| on)) {
+            let of_bits = bits.filter_map(|(n, on)| slave.texts.get(&n).filter(|_| on)).map(String::as_str);
+            for what in of_bits.chain(slave.fields.iter().filter_map(|field| field.text(data))) {
                 text.push_str(", ");
                 text.push_str(what);
             }
@@ -102,7 +127,7 @@ pub fn diagnosis_words(bytes: &[u8], texts: &BTreeMap<u32, String>) -> String {
 /// Why a slave refuses the master at address `ours`, the remedy, and the rest of its diagnosis.
 #[must_use]
 pub fn refusal_words(bytes: &[u8], slave: &DpSlave, ours: u8) -> String {
-    let said = diagnosis_words(bytes, &slave.texts);
+    let said = diagnosis_words(bytes, slave);
     let Some(why) = Diagnosis::new(bytes).and_then(|diagnosis| diagnosis.refusal(ours, slave.ident)) else {
         return said;
     };
@@ -126,6 +151,19 @@ pub fn kept_diagnosis(area: &[u8]) -> &[u8] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn bits_and_fields_of_a_device_diagnosis_have_texts() {
+        let texts = BTreeMap::from([(1, "module error".to_owned()), (2, "wrong module".to_owned())]);
+        let fields = vec![
+            DiagnosisField { first: 8, last: 9, texts: texts.clone() },
+            DiagnosisField { first: 10, last: 11, texts },
+        ];
+        let slave = DpSlave { texts: BTreeMap::from([(0, "fuse blown".to_owned())]), fields, ..DpSlave::default() };
+        let diagnosis = [0x08, 0x0C, 0, 2, 0x80, 0x1D, 0x03, 0x01, 0b1000];
+        let words = diagnosis_words(&diagnosis, &slave);
+        assert!(words.ends_with(", device [01, 08], fuse blown, wrong module"), "{words}");
+    }
 
     #[test]
     fn a_slave_that_refuses_says_why_and_what_helps() {

@@ -2,7 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use gsd_parser::{GenericStationDescription, PrmValueConstraint, SupportedSpeeds, UserPrmData, UserPrmDataType};
+use gsd_parser::{
+    GenericStationDescription, PrmValueConstraint, SupportedSpeeds, UserPrmData, UserPrmDataDefinition, UserPrmDataType,
+};
+use ob1_coupler::dp::DiagnosisField;
 use ob1_protocols::profibus::DATA_BYTES;
 use ob1_protocols::profibus::diagnosis::{DIAGNOSIS_BYTES, STANDARD_BYTES};
 
@@ -10,6 +13,14 @@ use ob1_protocols::profibus::diagnosis::{DIAGNOSIS_BYTES, STANDARD_BYTES};
 const PARAMETER_BYTES: usize = DATA_BYTES - 7;
 /// Maximum number of slots in a diagnosis.
 const SLOTS: usize = 244;
+/// The first line of the description.
+const START: &str = "#Profibus_DP";
+/// Keywords in the spelling of older files, and as the reader knows them.
+const SPELLINGS: [(&str, &str); 2] = [("Unit_Diag_!Bit", "Unit_Diag_Not_Bit"), ("24V Pins", "24V_Pins")];
+/// The parameter with this name gets the number of its slot.
+const SLOT_NUMBER: &str = "[SlotNumber]";
+/// Maximum number of bits of a field of the device diagnosis.
+const FIELD_BITS: u16 = 16;
 
 /// The content of a GSD file.
 pub struct Gsd(Box<GenericStationDescription>);
@@ -93,6 +104,7 @@ impl Gsd {
         // Old editors ended files with a control character.
         text.truncate(text.trim_end_matches(['\u{1A}', '\0', ' ', '\t']).len());
         text.push('\n');
+        let text = respelled(&text);
         // The reader panics at dangling references.
         let read = std::panic::catch_unwind(|| gsd_parser::parser::parse(std::path::Path::new("GSD"), &text));
         match read {
@@ -131,6 +143,16 @@ impl Gsd {
         self.0.unit_diag.bits.iter().map(|(bit, info)| (*bit, info.text.clone())).collect()
     }
 
+    /// The meanings of the values of fields of its device diagnosis.
+    #[must_use]
+    pub fn fields(&self) -> Vec<DiagnosisField> {
+        let areas = self.0.unit_diag.areas.iter();
+        areas
+            .filter(|area| area.first <= area.last && area.last - area.first < FIELD_BITS)
+            .map(|area| DiagnosisField { first: area.first, last: area.last, texts: area.values.clone() })
+            .collect()
+    }
+
     /// The longest time to its answer at a baud rate, in bits; `None`: it does not support that baud rate.
     #[must_use]
     pub fn answer_bits(&self, baud: u32) -> Option<u16> {
@@ -156,7 +178,7 @@ impl Gsd {
     pub fn slave(&self, slots: &[Wanted], parameters: &Parameters) -> Result<Made, Mistake> {
         let gsd = &self.0;
         let mut made = Made { slots: Vec::new(), config: Vec::new(), parameters: Vec::new() };
-        made.parameters = bytes_of(&gsd.user_prm_data, parameters).map_err(|wrong| wrong.at(None))?;
+        made.parameters = bytes_of(&gsd.user_prm_data, parameters, None).map_err(|wrong| wrong.at(None))?;
         let most = if gsd.modular_station { usize::from(gsd.max_modules).max(1) } else { 1 };
         if slots.len() > most.min(SLOTS) {
             let remedy = "leave the others out, or take another GSD file".to_owned();
@@ -188,7 +210,7 @@ impl Gsd {
 
     fn module(&self, n: usize, wanted: &Wanted) -> Result<(Placed, Vec<u8>, Vec<u8>), Mistake> {
         let wrong = |message: String, remedy: String| Mistake { slot: Some(n), parameter: None, message, remedy };
-        let tidy = |name: &str| name.split_whitespace().collect::<Vec<_>>().join(" ").to_lowercase();
+        let tidy = |name: &str| spaced(name).to_lowercase();
         let named = |name: &str| name == wanted.module || tidy(name) == tidy(&wanted.module);
         let Some(module) = self.0.available_modules.iter().find(|module| named(&module.name)) else {
             let message = format!("the GSD file of {} has no module \"{}\"", self.name(), wanted.module);
@@ -208,9 +230,36 @@ impl Gsd {
             let message = format!("the configuration of \"{}\" cannot be read: {:02X?}", module.name, module.config);
             return Err(wrong(message, "ask the maker for another GSD file".to_owned()));
         };
-        let parameters = bytes_of(&module.module_prm_data, &wanted.parameters).map_err(|wrong| wrong.at(Some(n)))?;
+        let parameters =
+            bytes_of(&module.module_prm_data, &wanted.parameters, Some(n + 1)).map_err(|wrong| wrong.at(Some(n)))?;
         Ok((Placed { inputs, outputs }, module.config.clone(), parameters))
     }
+}
+
+/// A name without the blanks that makers fill it up with.
+fn spaced(name: &str) -> String {
+    name.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// The text with the keywords that the reader knows. Each line stays in its place.
+fn respelled(text: &str) -> String {
+    let respell = |line: &str| -> String {
+        let bare = line.trim_start();
+        let behind = |word: &str| {
+            let (begin, rest) = bare.split_at_checked(word.len())?;
+            begin.eq_ignore_ascii_case(word).then_some(rest)
+        };
+        // The reader wants the first line without blanks and comments.
+        if let Some(rest) = behind(START).map(str::trim)
+            && (rest.is_empty() || rest.starts_with(';'))
+            && !rest.contains('\r')
+        {
+            return format!("{START}\n");
+        }
+        let known = SPELLINGS.iter().find_map(|(theirs, ours)| behind(theirs).map(|rest| format!("{ours}{rest}")));
+        known.unwrap_or_else(|| line.to_owned())
+    };
+    text.split_inclusive('\n').map(respell).collect()
 }
 
 /// Extracts place and reason from the reader's multi-line error text.
@@ -267,8 +316,27 @@ impl Wrong {
     }
 }
 
-/// Bytes of parameters: constants, defaults, then the user's values.
-fn bytes_of(description: &UserPrmData, wanted: &Parameters) -> Result<Vec<u8>, Wrong> {
+/// The names of parameters for the user: a number is behind those that occur more than once.
+fn names(description: &UserPrmData) -> Vec<String> {
+    let plain: Vec<String> = description.data_ref.iter().map(|(_, known)| spaced(&known.name)).collect();
+    let named = |(n, name): (usize, &String)| {
+        let before = plain.iter().take(n).filter(|other| *other == name).count();
+        let is_single = plain.iter().filter(|other| *other == name).count() == 1;
+        if is_single { name.clone() } else { format!("{name} #{}", before + 1) }
+    };
+    plain.iter().enumerate().map(named).collect()
+}
+
+/// The value of a parameter that the user does not set, in the slot with this number.
+fn preset(known: &UserPrmDataDefinition, slot: Option<usize>) -> i64 {
+    match slot.and_then(|slot| i64::try_from(slot).ok()) {
+        Some(slot) if spaced(&known.name).eq_ignore_ascii_case(SLOT_NUMBER) => slot,
+        _ => known.default_value,
+    }
+}
+
+/// Bytes of parameters: constants, defaults, then the user's values. `slot`: the number of the slot, from 1.
+fn bytes_of(description: &UserPrmData, wanted: &Parameters, slot: Option<usize>) -> Result<Vec<u8>, Wrong> {
     let wanted = match wanted {
         Parameters::Raw(bytes) => return Ok(bytes.clone()),
         Parameters::Named(wanted) => wanted,
@@ -285,22 +353,25 @@ fn bytes_of(description: &UserPrmData, wanted: &Parameters) -> Result<Vec<u8>, W
         bytes[*at..at + constant.len()].copy_from_slice(constant);
     }
     for (at, value) in &description.data_ref {
-        put(&mut bytes[*at..], value.data_type, value.default_value);
+        put(&mut bytes[*at..], value.data_type, preset(value, slot));
     }
+    let names = names(description);
     for (name, given) in wanted {
         let wrong = |message: String, remedy: String| Wrong { parameter: Some(name.clone()), message, remedy };
-        let Some((at, known)) = description.data_ref.iter().find(|(_, known)| known.name == *name) else {
-            let names: Vec<&str> = description.data_ref.iter().map(|(_, known)| known.name.as_str()).collect();
+        let position = names.iter().position(|known| *known == spaced(name));
+        let Some((at, known)) = position.and_then(|position| description.data_ref.get(position)) else {
             let remedy =
                 if names.is_empty() { "it has none".into() } else { format!("there are: {}", names.join(", ")) };
-            return Err(wrong(format!("there is no parameter \"{name}\""), remedy));
+            let first = format!("{} #1", spaced(name));
+            let number = if names.contains(&first) { "more than one" } else { "no" };
+            return Err(wrong(format!("there is {number} parameter \"{name}\""), remedy));
         };
         let number = match given {
             Value::Number(number) => *number,
             Value::Text(text) => {
                 let texts = known.text_ref.as_deref().cloned().unwrap_or_default();
-                let Some(number) = texts.get(text) else {
-                    let names: Vec<String> = texts.keys().map(|name| format!("\"{name}\"")).collect();
+                let Some((_, number)) = texts.iter().find(|(known, _)| spaced(known) == spaced(text)) else {
+                    let names: Vec<String> = texts.keys().map(|name| format!("\"{}\"", spaced(name))).collect();
                     let remedy = if names.is_empty() { "a number".into() } else { names.join(", ") };
                     return Err(wrong(format!("\"{text}\" is not a value of \"{name}\""), remedy));
                 };
@@ -366,6 +437,8 @@ mod tests {
     use super::*;
 
     const TEXT: &str = include_str!("../tests/ET200M.GSD");
+    const SLOT_PARAMETER: &str = "ExtUserPrmData = 9 \"[SlotNumber]       \"\nUnsigned8 1 1-11\nEndExtUserPrmData\n\
+                                  ExtUserPrmData = 1 \"Range\"";
 
     fn wanted(module: &str) -> Wanted {
         Wanted { module: module.into(), parameters: Parameters::default() }
@@ -409,6 +482,55 @@ mod tests {
         assert_eq!(made.parameters[5..], [0xFF, 0xFE]);
         let raw = gsd.slave(&[wanted("DI 16 x DC 24V")], &Parameters::Raw(vec![1, 2])).expect("it can be made");
         assert_eq!(raw.parameters, [1, 2]);
+    }
+
+    /// As in the GSD files of an ET 200M: the second byte of the parameters of a module is its slot.
+    #[test]
+    fn a_parameter_for_the_slot_gets_its_number() {
+        let text = TEXT
+            .replace("ExtUserPrmData = 1 \"Range\"", SLOT_PARAMETER)
+            .replace("Ext_User_Prm_Data_Const(0) = 0x01\n", "Ext_User_Prm_Data_Ref(0) = 9\n");
+        let gsd = Gsd::read(text.as_bytes()).expect("it can be read");
+        let slots = [wanted("AI 2 x 12 bit"), wanted("DI 16 x DC 24V"), wanted("AI 2 x 12 bit")];
+        let made = gsd.slave(&slots, &Parameters::default()).expect("it can be made");
+        assert_eq!(made.parameters[3..], [1, 0x20, 0, 5, 3, 0x20, 0, 5]);
+        let parameters = Parameters::Named(vec![("[SlotNumber]".into(), Value::Number(7))]);
+        let made = gsd.slave(&[Wanted { module: "AI 2 x 12 bit".into(), parameters }], &Parameters::default());
+        assert_eq!(made.expect("it can be made").parameters[3..], [7, 0x20, 0, 5]);
+    }
+
+    /// One parameter a channel, all of one name, and blanks behind names and texts.
+    #[test]
+    fn a_name_that_occurs_twice_has_a_number() {
+        let text = TEXT
+            .replace("\"Range\"", "\"Range     \"")
+            .replace("\"4..20 mA\"", "\"4..20 mA  \"")
+            .replace("Ext_User_Prm_Data_Ref(1) = 2\n", "Ext_User_Prm_Data_Ref(0) = 1\n");
+        let gsd = Gsd::read(text.as_bytes()).expect("it can be read");
+        let analogue = |name: &str| {
+            let parameters = Parameters::Named(vec![(name.into(), Value::Text("4..20 mA".into()))]);
+            gsd.slave(&[Wanted { module: "AI 2 x 12 bit".into(), parameters }], &Parameters::default())
+        };
+        for (name, bytes) in [("Range #1", [0x21_u8, 0x30, 0, 5]), ("Range #2", [0x31, 0x20, 0, 5])] {
+            assert_eq!(analogue(name).expect("it can be made").parameters[3..], bytes, "{name}");
+        }
+        let mistake = analogue("Range").expect_err("which one");
+        assert_eq!(mistake.message, "there is more than one parameter \"Range\"");
+        assert_eq!(mistake.remedy, "there are: Range #1, Range #2, Limit");
+    }
+
+    #[test]
+    fn older_files_are_read() {
+        let diagnoses = "Unit_Diag_!Bit(1) = \"No\"\r\n24V Pins = 0\nUnit_Diag_Area = 24-25\nValue(2) = \"Slot 1\"\n\
+                         Unit_Diag_Area_End\nUnit_Diag_Bit(1)";
+        let text = TEXT
+            .replace("#Profibus_DP\n", "\t#PROFIBUS_DP      ; it begins\r\n")
+            .replace("Unit_Diag_Bit(1)", diagnoses);
+        let gsd = Gsd::read(text.as_bytes()).expect("it can be read");
+        assert_eq!(gsd.texts().into_values().collect::<Vec<_>>(), ["Module missing", "Wrong module"]);
+        let fields = gsd.fields();
+        assert_eq!((fields.len(), fields[0].first, fields[0].last), (1, 24, 25));
+        assert_eq!(fields[0].texts[&2], "Slot 1");
     }
 
     #[test]

@@ -77,7 +77,7 @@ impl Slave {
 
     /// Its whole diagnosis, with the texts of its GSD file.
     fn words(&self, image: &Image) -> String {
-        diagnosis_words(self.bytes(image), &self.config.texts)
+        diagnosis_words(self.bytes(image), &self.config)
     }
 
     /// Why it refuses, and the remedy.

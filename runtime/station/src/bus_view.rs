@@ -149,7 +149,7 @@ fn says(status: Status, slave: Option<(&DpSlave, u8)>, look: Option<&BusLook>) -
     match status.state {
         State::Refused => refusal_words(bytes, slave, master),
         State::Lost => String::new(),
-        _ if faulty => diagnosis_words(bytes, &slave.texts),
+        _ if faulty => diagnosis_words(bytes, slave),
         _ => String::new(),
     }
 }

@@ -6,7 +6,7 @@ use std::ops;
 use std::path::Path;
 
 use ob1_backplane::{BUS_AREA_BYTES, BUS_COUPLERS};
-use ob1_coupler::dp::BAUD_RATES;
+use ob1_coupler::dp::{BAUD_RATES, DiagnosisField};
 use ob1_coupler::{DpConfig, DpSlave};
 use ob1_dp::gsd::{Gsd, Made, Mistake, Parameters, Value, Wanted};
 use ob1_dp::master::least_slot_bits;
@@ -162,6 +162,7 @@ pub(super) fn modules(
             "at least \"100ms\"",
         );
     }
+    let (texts, fields) = texts(&gsd);
     let slave = DpSlave {
         name: name.clone(),
         station,
@@ -173,7 +174,8 @@ pub(super) fn modules(
         inputs: (first_input, inputs),
         outputs: (first_output, outputs),
         diagnosis,
-        texts: texts(&gsd),
+        texts,
+        fields,
     };
     let address = table.diagnostic.as_ref().map(|at| (number::<u16>(f, "diagnostic", Some(at), 1..=16_383, 0), at));
     let of_program = Station {
@@ -451,11 +453,14 @@ fn parameters(
 }
 
 /// The texts of a GSD file, as many as a process can be told.
-fn texts(gsd: &Gsd) -> BTreeMap<u32, String> {
+fn texts(gsd: &Gsd) -> (BTreeMap<u32, String>, Vec<DiagnosisField>) {
     let mut room = TEXTS;
-    let fits = |(_, text): &(u32, String)| {
-        room = room.saturating_sub(text.len() + 8);
+    let mut fits = |bytes: usize| {
+        room = room.saturating_sub(bytes + 8);
         room > 0
     };
-    gsd.texts().into_iter().take_while(fits).collect()
+    let texts = gsd.texts().into_iter().take_while(|(_, text)| fits(text.len())).collect();
+    let bytes = |field: &DiagnosisField| field.texts.values().map(|text| text.len() + 8).sum::<usize>();
+    let fields = gsd.fields().into_iter().take_while(|field| fits(bytes(field))).collect();
+    (texts, fields)
 }

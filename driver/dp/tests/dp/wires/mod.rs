@@ -54,6 +54,7 @@ pub(crate) fn config(baud: u32, slaves: usize, bytes: usize) -> BusConfig {
         outputs: (n * bytes, bytes),
         diagnosis: (slaves * bytes + n * 33, 32),
         texts: Default::default(),
+        fields: Vec::new(),
     };
     let dp = DpConfig {
         baud,
