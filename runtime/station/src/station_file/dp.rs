@@ -460,7 +460,7 @@ fn texts(gsd: &Gsd) -> (BTreeMap<u32, String>, Vec<DiagnosisField>) {
         room > 0
     };
     let texts = gsd.texts().into_iter().take_while(|(_, text)| fits(text.len())).collect();
-    let bytes = |field: &DiagnosisField| field.texts.values().map(|text| text.len() + 8).sum::<usize>();
+    let bytes = |field: &DiagnosisField| 32 + field.texts.values().map(|text| text.len() + 8).sum::<usize>();
     let fields = gsd.fields().into_iter().take_while(|field| fits(bytes(field))).collect();
     (texts, fields)
 }
