@@ -64,10 +64,11 @@ fn merged(ranges: &[Range], most: impl Fn(Table) -> u16) -> Vec<Chunk> {
                 continue;
             }
         }
-        // One range in as few requests as it takes.
+        // One range in as few requests as it takes. Two registers can be one value, so a request ends behind a pair.
         let mut first = u32::from(range.first);
         while first < range.end() {
-            let count = (range.end() - first).min(most);
+            let rest = range.end() - first;
+            let count = if rest <= most { rest } else { most & !1 };
             chunks.push(Chunk { table: range.table, first: first as u16, count: count as u16 });
             first += count;
         }
@@ -103,9 +104,11 @@ mod tests {
         use Table::{Discrete, Holding};
         assert_eq!(chunks(&[range(Holding, 0, 100), range(Holding, 100, 25)]), [(Holding, 0, 125)]);
         assert_eq!(chunks(&[range(Holding, 0, 100), range(Holding, 100, 26)]), [(Holding, 0, 100), (Holding, 100, 26)]);
-        assert_eq!(chunks(&[range(Holding, 65_400, 136)]), [(Holding, 65_400, 125), (Holding, 65_525, 11)]);
+        assert_eq!(chunks(&[range(Holding, 65_400, 136)]), [(Holding, 65_400, 124), (Holding, 65_524, 12)]);
+        assert_eq!(chunks(&[range(Holding, 1, 125)]), [(Holding, 1, 125)]);
         assert_eq!(chunks(&[range(Discrete, 0, 2001)]), [(Discrete, 0, 2000), (Discrete, 2000, 1)]);
-        assert_eq!(writes(&[range(Holding, 0, 122)]).len(), 2);
+        let written = writes(&[range(Holding, 0, 122)]);
+        assert_eq!(written.iter().map(|chunk| chunk.count).collect::<Vec<_>>(), [120, 2], "no value in two requests");
         assert_eq!(writes(&[range(Table::Coil, 0, 1968)]).len(), 1);
     }
 }
