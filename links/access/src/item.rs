@@ -127,7 +127,10 @@ impl Names {
             return Err("a name is missing; write it like M1.0, MW10 or DB10.DBW20".into());
         }
         let (cell, ty) = match self.symbols.iter().find(|symbol| symbol.name.eq_ignore_ascii_case(trimmed)) {
-            None => self.absolute(&text)?,
+            None => self.absolute(&text).map_err(|why| match self.near_symbol(trimmed) {
+                Some(near) => format!("{why}; did you mean the symbol \"{near}\"?"),
+                None => why,
+            })?,
             Some(symbol) => {
                 let (cell, ty) =
                     self.absolute(&symbol.address.chars().filter(|c| !c.is_whitespace()).collect::<String>())?;
@@ -137,6 +140,14 @@ impl Names {
             }
         };
         Ok(Typed { name: name.to_owned(), cell, ty })
+    }
+
+    /// The symbol that a wrong name may mean.
+    fn near_symbol(&self, name: &str) -> Option<&str> {
+        let known: Vec<String> = self.symbols.iter().map(|symbol| symbol.name.to_uppercase()).collect();
+        let near = nearest(&name.to_uppercase(), known.iter().map(String::as_str))?;
+        let at = known.iter().position(|symbol| symbol == near)?;
+        self.symbols.get(at).map(|symbol| symbol.name.as_str())
     }
 
     fn absolute(&self, text: &str) -> Result<Place, String> {
@@ -346,6 +357,8 @@ mod tests {
             ("MW70000", "no byte 70000"),
             ("MWx", "not the name of a cell"),
             ("MW1x", "not a valid number"),
+            ("levl", "not the name of a cell"),
+            ("levl", "did you mean the symbol \"Level\"?"),
             ("DB20.DON", "did you mean DB20.DONE?"),
             ("DB20.WHEN", "not a single value"),
             ("DB7.DONE", "DB7 has no component"),

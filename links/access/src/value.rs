@@ -49,7 +49,8 @@ pub fn from_json(item: &Item, value: &Value) -> Result<u32, String> {
 /// The error in it, in one sentence.
 pub fn from_text(item: &Item, text: &str) -> Result<u32, String> {
     let wrong = || {
-        format!("\"{text}\" is not a value for {}, a {}; write 1, -5, 16#1A, 2#1010 or 1.5", item.name, item.type_name)
+        let forms = forms(item, text);
+        format!("\"{text}\" is not a value for {}, which is {}; write {forms}", item.name, item.type_name)
     };
     let upper: String = text.trim().to_ascii_uppercase().chars().filter(|c| *c != '_').collect();
     let plain = ["DW#16#", "W#16#", "B#16#", "16#"].into_iter().find_map(|prefix| upper.strip_prefix(prefix));
@@ -68,6 +69,20 @@ pub fn from_text(item: &Item, text: &str) -> Result<u32, String> {
         "TRUE" => fit(item, 1),
         "FALSE" => fit(item, 0),
         number => fit(item, number.parse().map_err(|_| wrong())?),
+    }
+}
+
+/// What may be written for a cell. A REAL for a double word without a type is shown as its bits.
+fn forms(item: &Item, text: &str) -> String {
+    let forms = match item.reading {
+        Reading::Bool => "0, 1, true or false",
+        Reading::Real => "1.5, -5 or 1e3",
+        Reading::Unsigned | Reading::Signed => "1, -5, 16#1A or 2#1010",
+    };
+    let real = text.contains('.').then(|| real_of(text.trim())).flatten();
+    match real.filter(|_| item.width == Width::DWord && item.reading == Reading::Unsigned) {
+        Some(real) => format!("{forms}; as a REAL it is 16#{:08X}", real.to_bits()),
+        None => forms.to_owned(),
     }
 }
 
@@ -129,6 +144,23 @@ mod tests {
         assert_eq!(to_json(&int, 0xFFFF), json!(-1));
         assert_eq!(to_json(&word, 0xFFFF), json!(65535));
         assert_eq!(to_json(&real, f32::INFINITY.to_bits()), json!("inf"));
+    }
+
+    #[test]
+    fn a_refusal_names_what_the_cell_takes() {
+        let real = item(Width::DWord, Reading::Real);
+        let dword = item(Width::DWord, Reading::Unsigned);
+        let int = item(Width::Word, Reading::Signed);
+        let bit = item(Width::Bit, Reading::Bool);
+        for (item, text, forms) in [
+            (&int, "1.5", "1, -5, 16#1A or 2#1010"),
+            (&dword, "1.5", "1, -5, 16#1A or 2#1010; as a REAL it is 16#3FC00000"),
+            (&bit, "on", "0, 1, true or false"),
+            (&real, "1,5", "1.5, -5 or 1e3"),
+        ] {
+            let said = format!("\"{text}\" is not a value for X, which is TYPE; write {forms}");
+            assert_eq!(from_text(item, text), Err(said));
+        }
     }
 
     #[test]
