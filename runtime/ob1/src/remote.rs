@@ -123,6 +123,7 @@ pub(crate) fn ask(station: &str, op: Op) -> Result<Response, Exit> {
         err!("ob1: {error}");
         match error {
             AccessError::NotRunning { .. } => Exit::Running,
+            AccessError::NoName { .. } => Exit::Rejected,
             AccessError::Io(_) | AccessError::Refused(_) => Exit::Refused,
         }
     })

@@ -63,7 +63,11 @@ pub(super) fn run(args: &WatchArgs) -> Exit {
         Ok(exit) => exit,
         Err(error) => {
             err!("ob1: {error}");
-            if let AccessError::NotRunning { .. } = error { Exit::Running } else { Exit::Refused }
+            match error {
+                AccessError::NotRunning { .. } => Exit::Running,
+                AccessError::NoName { .. } => Exit::Rejected,
+                AccessError::Io(_) | AccessError::Refused(_) => Exit::Refused,
+            }
         }
     }
 }

@@ -69,6 +69,7 @@ pub fn top(args: &TopArgs) -> Exit {
             err!("ob1: {error}");
             match error {
                 TopError::Access(AccessError::NotRunning { .. }) => Exit::Running,
+                TopError::Access(AccessError::NoName { .. }) => Exit::Rejected,
                 TopError::Access(_) => Exit::Refused,
                 TopError::Terminal(_) => Exit::System,
             }

@@ -15,6 +15,7 @@ use ob1_protocols::trace::record::Record;
 use ob1_time::Span;
 
 use crate::exit::Exit;
+use ob1_station::access::client::AccessError;
 use ob1_station::{files, out, station_file};
 
 pub use pcapng::Pcapng;
@@ -33,7 +34,8 @@ const LONGEST: u64 = 1 << 30;
 #[derive(Debug, Default, Args)]
 #[command(
     after_help = "Examples:\n  ob1 trace press.toml\n  ob1 trace press.toml scale --raw\n  ob1 trace press --record line.trace --quiet --for 10min\n  \
-    ob1 trace --from line.trace\n  ob1 trace --from line.trace --pcapng line.pcapng       Modbus RTU, for Wireshark (docs/trace.md)"
+    ob1 trace --from line.trace\n  ob1 trace --from line.trace --pcapng line.pcapng       Modbus RTU, for Wireshark (docs/trace.md)\n\n\
+    Exit codes: 0 ended, 1 no such CP or bus, 5 the station does not run."
 )]
 pub struct TraceArgs {
     /// A running station: its name or its file
@@ -64,9 +66,15 @@ pub struct TraceArgs {
 /// Why a trace ended badly.
 #[derive(Debug, thiserror::Error)]
 pub enum TraceError {
-    /// The station does not run, or has no such CP.
+    /// The station does not run, or refuses.
+    #[error(transparent)]
+    Access(#[from] AccessError),
+    /// The station has just ended.
     #[error("{0}")]
     Nobody(String),
+    /// The station runs, and has no such CP.
+    #[error("{0}")]
+    NoLine(String),
     /// The recording cannot be understood.
     #[error("{}: {error}", .path.display())]
     Recording {
@@ -99,9 +107,10 @@ pub fn trace(args: &TraceArgs) -> Exit {
         Err(error) => {
             err!("ob1: {error}");
             match error {
-                TraceError::Nobody(_) => Exit::Running,
-                TraceError::Twice(_) => Exit::Usage,
-                TraceError::Recording { .. } => Exit::Rejected,
+                TraceError::Nobody(_) | TraceError::Access(AccessError::NotRunning { .. }) => Exit::Running,
+                TraceError::Access(AccessError::Io(_) | AccessError::Refused(_)) => Exit::Refused,
+                TraceError::Twice(_) | TraceError::NoLine(_) => Exit::Usage,
+                TraceError::Recording { .. } | TraceError::Access(AccessError::NoName { .. }) => Exit::Rejected,
                 TraceError::File { .. } | TraceError::Io(_) => Exit::System,
             }
         }

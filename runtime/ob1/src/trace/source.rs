@@ -113,25 +113,28 @@ pub(super) fn live(station: &str, args: &TraceArgs, sinks: &mut Sinks) -> Result
 /// Connects to the taps of the wanted CPs.
 fn open(station: &str, wanted: Option<&str>, buses: bool) -> Result<Vec<Tap>, TraceError> {
     let nobody = |error: &dyn std::fmt::Display| TraceError::Nobody(error.to_string());
-    let mut client = Client::to_station(station).map_err(|e| nobody(&e))?;
-    let status = client.ask(Op::Status).map_err(|e| nobody(&e))?.status;
+    let mut client = Client::to_station(station)?;
+    let status = client.ask(Op::Status)?.status;
     let status = status.ok_or_else(|| nobody(&"the station does not answer"))?;
     let folder = rundir::find(&status.station).ok_or_else(|| nobody(&"the station has just ended"))?;
-    let links = client.ask(Op::Links).map_err(|e| nobody(&e))?.links.unwrap_or_default();
+    let links = client.ask(Op::Links)?.links.unwrap_or_default();
     // A module without a tap has nothing to report here: a CP 343 is heard at its link.
     let has_tap = |name: &String| folder.join(format!("{name}.trace")).exists();
     let cps = status.modules.iter().filter(|module| CpKind::of_name(&module.type_name).is_some());
     let links = links.into_iter().map(|link| link.name);
     let mut cps: Vec<String> = cps.map(|module| module.name.clone()).chain(links).collect();
     if buses {
-        let buses = client.ask(Op::Buses).map_err(|e| nobody(&e))?.buses.unwrap_or_default();
+        let buses = client.ask(Op::Buses)?.buses.unwrap_or_default();
         cps.extend(buses.into_iter().flat_map(|bus| bus.lines));
     }
     cps.retain(has_tap);
+    if cps.is_empty() {
+        return Err(TraceError::NoLine(format!("{} has no CP, no S7 link and no bus", status.station)));
+    }
     if let Some(wanted) = wanted
         && !cps.iter().any(|name| name == wanted)
     {
-        return Err(nobody(&format!(
+        return Err(TraceError::NoLine(format!(
             "{} has no CP, S7 link or bus \"{wanted}\"; there are: {}",
             status.station,
             cps.join(", ")
@@ -142,9 +145,6 @@ fn open(station: &str, wanted: Option<&str>, buses: bool) -> Result<Vec<Tap>, Tr
         let path = folder.join(format!("{name}.trace"));
         let fd = connect_to(&path).map_err(|error| nobody(&format!("{}: {error}", path.display())))?;
         taps.push(Tap { fd, number, last: (Instant::START, time::Instant::now()), ended: false });
-    }
-    if taps.is_empty() {
-        return Err(nobody(&format!("{} has no CP, no S7 link and no bus", status.station)));
     }
     Ok(taps)
 }

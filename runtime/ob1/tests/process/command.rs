@@ -36,6 +36,7 @@ fn cells_are_read_and_written_and_the_state_changed() {
     }
     assert_eq!(bench.code(&["set", "bench", "MW0"]), Some(1));
     assert_eq!(bench.code(&["get", "bench", "DB6.DBW0"]), Some(8));
+    assert_eq!(bench.code(&["trace", "bench"]), Some(1), "it runs, and has no CP");
 
     assert_eq!(bench.code(&["ctl", "bench", "stop"]), Some(0));
     until(|| bench.json(&["ctl", "bench", "status", "--json"])["state"] == "STOP");
@@ -109,6 +110,25 @@ fn one_runtime_for_a_station_and_ctrl_c_ends_it() {
     assert_eq!(station.child.wait().expect("it ends").code(), Some(0));
     assert!(!bench.rundir().exists());
     assert_eq!(bench.code(&["get", "bench", "M1.0"]), Some(5));
+}
+
+/// A wrong path is told from a station that does not run.
+#[test]
+fn a_station_file_that_is_not_there_is_named() {
+    let bench = Bench::new();
+    for args in [
+        &["get", "nosuch.toml", "M1.0"][..],
+        &["ctl", ".", "stop"],
+        &["diag", "bench.awl"],
+        &["top", "nosuch.toml", "--plain"],
+        &["trace", "nosuch.toml"],
+        &["bus", "watch", "nosuch.toml"],
+    ] {
+        let said = bench.ob1(args);
+        assert_eq!(said.status.code(), Some(2), "{said:?}");
+        let said = String::from_utf8_lossy(&said.stderr);
+        assert!(said.contains("station file") && !said.contains("does not run"), "{args:?}: {said}");
+    }
 }
 
 #[test]

@@ -20,7 +20,7 @@ pub enum AccessError {
     /// It does not run.
     #[error(
         "the station \"{name}\" does not run (no socket in {})\n  = start it with `ob1 run`, and name it by its station \
-         file or its name",
+         file or its name; one that runs as another user (the service: ob1) answers that user only: sudo -u USER ob1 ...",
         .searched.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ")
     )]
     NotRunning {
@@ -28,6 +28,17 @@ pub enum AccessError {
         name: String,
         /// Where its directory could be.
         searched: Vec<PathBuf>,
+    },
+    /// What should be its file does not say its name.
+    #[error(
+        "{}: {why}\n  = name the station by its station file, such as press/station.toml, or by its name, such as press",
+        .file.display()
+    )]
+    NoName {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong with it.
+        why: String,
     },
     /// The connection broke.
     #[error("the station does not answer: {0}")]
@@ -47,9 +58,9 @@ impl Client {
     /// Connects to a station by its name or its station file.
     ///
     /// # Errors
-    /// [`AccessError::NotRunning`].
+    /// [`AccessError::NotRunning`], [`AccessError::NoName`].
     pub fn to_station(station: &str) -> Result<Self, AccessError> {
-        let name = name_of(station);
+        let name = name_of(station)?;
         let not_running = || AccessError::NotRunning { name: name.clone(), searched: rundir::bases() };
         let dir = rundir::find(&name).ok_or_else(not_running)?;
         Self::to_socket(&dir.join(rundir::SOCKET)).map_err(|_| not_running())
@@ -87,18 +98,45 @@ impl Client {
 }
 
 /// The name in a station file, or the argument itself when it is a name.
-fn name_of(station: &str) -> String {
-    if !station.contains('/') && !station.ends_with(".toml") {
-        return station.to_owned();
+fn name_of(station: &str) -> Result<String, AccessError> {
+    // No name has a slash or a dot.
+    if !station.contains(['/', '.']) {
+        return Ok(station.to_owned());
     }
-    match station_file::load(Path::new(station)) {
-        Ok(station) => station.name,
+    let path = Path::new(station);
+    match station_file::load(path) {
+        Ok(station) => Ok(station.name),
         // A file that has changed under a running station: its name is enough.
-        Err(_) => name_in(Path::new(station)).unwrap_or_else(|| station.to_owned()),
+        Err(_) => name_in(path).map_err(|why| AccessError::NoName { file: path.to_owned(), why }),
     }
 }
 
-fn name_in(path: &Path) -> Option<String> {
-    let table: toml::Table = files::read_text(path).ok()?.parse().ok()?;
-    Some(table.get("station")?.get("name")?.as_str()?.to_owned())
+fn name_in(path: &Path) -> Result<String, String> {
+    let text = files::read_text(path).map_err(|error| format!("the station file cannot be read: {error}"))?;
+    let table = text.parse::<toml::Table>().ok();
+    let name = table.and_then(|table| Some(table.get("station")?.get("name")?.as_str()?.to_owned()));
+    name.ok_or_else(|| "this is not a station file: it has no name in [station]".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_station_has_its_name_or_that_of_its_file() {
+        let folder = tempfile::tempdir().expect("a directory");
+        let path = folder.path().join("s.toml");
+        let file = path.display().to_string();
+        assert_eq!(name_of("press-3").expect("a name"), "press-3");
+        // One key is wrong: the name is there.
+        std::fs::write(&path, "[station]\nname = \"press\"\n[cpu]\nmin_cyle = \"1ms\"\n").expect("writable");
+        assert_eq!(name_of(&file).expect("a name"), "press");
+        std::fs::write(&path, "").expect("writable");
+        let nothing = name_of(&file).expect_err("no name").to_string();
+        assert!(nothing.starts_with(&format!("{file}: this is not a station file")), "{nothing}");
+        for (wrong, why) in [(".", "Is a directory"), ("there-is-no.toml", "No such file"), ("../no.awl", "No such file")] {
+            let said = name_of(wrong).expect_err("no name").to_string();
+            assert!(said.starts_with(&format!("{wrong}: the station file cannot be read: {why}")), "{said}");
+        }
+    }
 }
