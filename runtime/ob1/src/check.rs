@@ -80,6 +80,28 @@ pub struct CheckArgs {
     pub verbose: bool,
 }
 
+impl CheckArgs {
+    /// The options that are for sources only, and whether they were given.
+    fn for_sources(&self) -> [(&'static str, bool); 6] {
+        [
+            ("--plugin", !self.plugin.is_empty()),
+            ("--library-source", !self.library_source.is_empty()),
+            ("--symbols", !self.symbols.is_empty()),
+            ("--library", !self.library.is_empty()),
+            ("--numbers", self.numbers.is_some()),
+            ("--mnemonics", !matches!(self.mnemonics, Language::Auto)),
+        ]
+    }
+}
+
+/// An option for sources that is given with a station file, where it would have no effect.
+pub(crate) fn misplaced(station: &Path, options: &[(&str, bool)]) -> Option<Finding> {
+    let (option, _) = options.iter().find(|(_, given)| *given)?;
+    let message = format!("{option} is for sources, and this is a station file");
+    let remedy = "write it into the station file (docs/station-file.md), or name the sources instead";
+    Some(Finding::whole(Level::Error, "C012", &station.display().to_string(), message, remedy))
+}
+
 /// What a check has found, and the text it prints about what is right.
 #[derive(Debug, Default)]
 struct Checked {
@@ -109,7 +131,10 @@ pub fn check(args: &CheckArgs) -> Exit {
         return posture(&args.files, args.json);
     }
     let checked = match args.files.as_slice() {
-        [file] if station_file::is_station_file(file) => check_station(file, args),
+        [file] if station_file::is_station_file(file) => match misplaced(file, &args.for_sources()) {
+            Some(finding) => Checked { findings: vec![finding], ..Checked::default() },
+            None => check_station(file, args),
+        },
         files => check_sources(files, args),
     };
     let count = |f: &Finding| f.count;
@@ -142,10 +167,7 @@ fn verdict(errors: usize, others: usize) -> String {
 
 /// Sources with the plugins and libraries of the command line.
 fn check_sources(files: &[PathBuf], args: &CheckArgs) -> Checked {
-    if let Some(station) = files.iter().find(|file| station_file::is_station_file(file)) {
-        let name = station.display().to_string();
-        let remedy = "a station names its own sources: check it without others";
-        let finding = Finding::whole(Level::Error, "C012", &name, "a station file among sources", remedy);
+    if let Some(finding) = program::station_among_sources(files) {
         return Checked { findings: vec![finding], ..Checked::default() };
     }
     let plugins: Vec<Plugin> = args.plugin.iter().map(|name| Plugin::of_name(name)).collect();

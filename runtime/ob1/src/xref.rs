@@ -6,6 +6,7 @@ use clap::Args;
 use ob1_stl::Reference;
 use serde_json::{Value, json};
 
+use crate::check::misplaced;
 use crate::exit::Exit;
 use crate::language::Language;
 use ob1_station::finding::{Finding, Level};
@@ -58,6 +59,9 @@ pub fn xref(args: &XrefArgs) -> Exit {
         let wanted = compact(wanted);
         let is_it = |text: &str| compact(text) == wanted;
         references.retain(|r| is_it(&r.operand) || r.symbol.as_deref().is_some_and(is_it));
+        if references.is_empty() {
+            err!("ob1: no statement uses {}", args.operand.as_deref().unwrap_or_default());
+        }
     }
     if args.json {
         let list: Vec<Value> = references.iter().map(to_json).collect();
@@ -80,6 +84,15 @@ fn references(args: &XrefArgs) -> Result<Vec<Reference>, Vec<Finding>> {
     if let [file] = args.files.as_slice()
         && station_file::is_station_file(file)
     {
+        let options = [
+            ("--symbols", !args.symbols.is_empty()),
+            ("--mnemonics", !matches!(args.mnemonics, Language::Auto)),
+            ("--plugin", !args.plugin.is_empty()),
+            ("--library", !args.library.is_empty()),
+        ];
+        if let Some(finding) = misplaced(file, &options) {
+            return Err(vec![finding]);
+        }
         let station = station_file::load(file)?;
         let loaded = program::load(&station).map_err(|failure| match failure {
             LoadFailure::Plugin(findings) | LoadFailure::Rejected(findings) => findings,

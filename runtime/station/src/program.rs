@@ -253,6 +253,9 @@ const LIMIT: Limit = Limit { file: 20, run: 100 };
 /// # Errors
 /// Everything that was found, when there is an error in it.
 pub fn compile(wanted: &Sources, library: &Library) -> Result<Compiled, Vec<Finding>> {
+    if let Some(finding) = station_among_sources(&wanted.files) {
+        return Err(vec![finding]);
+    }
     let mut findings = Vec::new();
     let (files, symbols) = program_files::expand(&wanted.files, &wanted.symbols);
     if files.is_empty() && !wanted.files.is_empty() {
@@ -264,6 +267,14 @@ pub fn compile(wanted: &Sources, library: &Library) -> Result<Compiled, Vec<Find
     let wanted = Sources { files, symbols, ..wanted.clone() };
     let sources = read_all(&wanted.files, &wanted.places, &mut findings);
     compile_texts(&sources, &wanted, library, findings)
+}
+
+/// The finding about a station file among sources, when there is one.
+#[must_use]
+pub fn station_among_sources(files: &[PathBuf]) -> Option<Finding> {
+    let station = files.iter().find(|file| station_file::is_station_file(file))?;
+    let remedy = "a station names its own sources: give its file alone, to `ob1 run`, `ob1 check` or `ob1 xref`";
+    Some(Finding::whole(Level::Error, "C012", &station.display().to_string(), "a station file among sources", remedy))
 }
 
 /// As [`compile`], with the sources read already; `findings` is what was found so far.

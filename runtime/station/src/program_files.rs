@@ -33,6 +33,12 @@ pub fn expand(files: &[PathBuf], symbols: &[PathBuf]) -> (Vec<PathBuf>, Vec<Path
     (sources, tables)
 }
 
+/// True for a source or a symbol table, by its extension.
+#[must_use]
+pub fn is_known(path: &Path) -> bool {
+    kind(path).is_some()
+}
+
 /// True for a source, false for a symbol table.
 fn kind(path: &Path) -> Option<bool> {
     let extension = path.extension()?.to_str()?.to_ascii_lowercase();

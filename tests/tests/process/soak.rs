@@ -127,6 +127,16 @@ fn a_killed_soak_leaves_its_last_checkpoint_and_no_station() {
 }
 
 #[test]
+fn a_cell_that_is_not_there_is_told() {
+    let site = counting();
+    let more = ["--for", "1s", "--warm-up", "0ms", "--cells", "NOSUCH", "--report", "nosuch"];
+    let said = site.ob1(&[&["soak", "counting.toml"][..], &more].concat());
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(said.err.contains("ob1: \"NOSUCH\" is not the name of a cell"), "{said:?}");
+    assert!(site.processes().is_empty());
+}
+
+#[test]
 fn a_cpu_in_stop_breaks_every_soak() {
     let site = counting();
     let (mut child, process) = start(&site, "stopped");

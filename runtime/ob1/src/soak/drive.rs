@@ -135,7 +135,7 @@ impl Soak<'_> {
                 return Err(format!("ob1: the station has ended while it warmed up, {}\n", exit_text(status)));
             }
         }
-        let refused = |why| format!("ob1: the station does not answer: {why}\n");
+        let refused = |why| format!("ob1: {why}\n");
         // Once to touch what an answer needs, so that it does not look like a leak.
         self.read(Duration::ZERO).map_err(refused)?;
         self.station.try_ask(Op::ResetStatistics).map_err(|e| refused(e.to_string()))?;

@@ -37,6 +37,45 @@ fn who_writes_the_lamps() {
 }
 
 #[test]
+fn a_station_file_and_a_source_in_each_others_place_are_told() {
+    for (args, code, part) in [
+        (&["run", "traffic-light/traffic-light.awl"][..], 2, "this is a source or a symbol table, not a station file"),
+        (&["exec", "traffic-light/station.toml"], 10, "C012: a station file among sources"),
+        (&["xref", "traffic-light/traffic-light.awl", "traffic-light/station.toml"], 1, "a station file among sources"),
+    ] {
+        let output = ob1(args);
+        assert_eq!(output.status.code(), Some(code), "{output:?}");
+        assert!(String::from_utf8_lossy(&output.stderr).contains(part), "{output:?}");
+    }
+}
+
+#[test]
+fn a_reference_that_is_not_there_is_told() {
+    let output = ob1(&["xref", "traffic-light/traffic-light.awl", "--operand", "MW 999"]);
+    assert_eq!((output.status.code(), text(&output).as_str()), (Some(0), ""));
+    assert_eq!(String::from_utf8_lossy(&output.stderr), "ob1: no statement uses MW 999\n");
+}
+
+#[test]
+fn an_option_for_sources_is_refused_with_a_station_file() {
+    for (command, option, value) in [
+        ("check", "--symbols", "nosuch.sdf"),
+        ("check", "--mnemonics", "en"),
+        ("check", "--plugin", "nosuch"),
+        ("check", "--library", "IEC"),
+        ("check", "--numbers", "nosuch.numbers"),
+        ("check", "--library-source", "nosuch.awl"),
+        ("xref", "--symbols", "nosuch.sdf"),
+        ("xref", "--mnemonics", "de"),
+    ] {
+        let output = ob1(&[command, "traffic-light/station.toml", option, value]);
+        assert_eq!(output.status.code(), Some(1), "{output:?}");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(said.contains(&format!("C012: {option} is for sources")), "{command}: {said}");
+    }
+}
+
+#[test]
 fn a_listing_has_blocks_and_layouts() {
     for file in ["traffic-light/station.toml", "traffic-light/traffic-light.awl"] {
         let listing = ob1(&["check", file, "--listing"]);

@@ -20,7 +20,7 @@ pub enum AccessError {
     /// It does not run.
     #[error(
         "the station \"{name}\" does not run (no socket in {})\n  = start it with `ob1 run`, and name it by its station \
-         file or its name; one that runs as another user (the service: ob1) answers that user only: sudo -u USER ob1 ...",
+         file or its name; one that runs as another user (a service: ob1) answers that user: sudo -u USER ob1 ...",
         .searched.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ")
     )]
     NotRunning {
@@ -31,7 +31,7 @@ pub enum AccessError {
     },
     /// What should be its file does not say its name.
     #[error(
-        "{}: {why}\n  = name the station by its station file, such as press/station.toml, or by its name, such as press",
+        "{}: {why}\n  = name a station by its station file, such as press/station.toml, or by its name, such as press",
         .file.display()
     )]
     NoName {
@@ -134,7 +134,9 @@ mod tests {
         std::fs::write(&path, "").expect("writable");
         let nothing = name_of(&file).expect_err("no name").to_string();
         assert!(nothing.starts_with(&format!("{file}: this is not a station file")), "{nothing}");
-        for (wrong, why) in [(".", "Is a directory"), ("there-is-no.toml", "No such file"), ("../no.awl", "No such file")] {
+        for (wrong, why) in
+            [(".", "Is a directory"), ("there-is-no.toml", "No such file"), ("../no.awl", "No such file")]
+        {
             let said = name_of(wrong).expect_err("no name").to_string();
             assert!(said.starts_with(&format!("{wrong}: the station file cannot be read: {why}")), "{said}");
         }

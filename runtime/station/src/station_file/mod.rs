@@ -38,8 +38,8 @@ pub use values::{NAME_RULE, choice, is_name, places};
 use std::io::ErrorKind;
 use std::path::Path;
 
-use crate::files;
 use crate::finding::{Finding, Level, Text};
+use crate::{files, program_files};
 
 /// Reads and checks a station file.
 ///
@@ -81,6 +81,17 @@ pub fn parse(text: &str, name: &str, folder: &Path) -> Result<Station, Vec<Findi
 }
 
 fn read(path: &Path) -> Result<String, Vec<Finding>> {
+    if path.is_file() && program_files::is_known(path) {
+        let message = "this is a source or a symbol table, not a station file";
+        let remedy = "`ob1 exec` runs sources; a station file names them in [program], `ob1 new station` writes one";
+        return Err(vec![Finding::whole(
+            Level::Error,
+            findings::UNREADABLE,
+            &path.display().to_string(),
+            message,
+            remedy,
+        )]);
+    }
     files::read_text(path).map_err(|error| {
         let remedy = match error.kind() {
             ErrorKind::NotFound => "name an existing station file, such as examples/two-stations/station-a.toml",
