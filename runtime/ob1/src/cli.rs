@@ -123,7 +123,7 @@ struct RunArgs {
     /// Write the figures of the run there as JSON
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
-    /// Print warnings and errors only
+    /// Print errors, and warnings of the running station only: none of its file and its sources, and no summary
     #[arg(long, short)]
     quiet: bool,
     /// Kill the process if the scan thread makes any system call but sleep, doorbell, pread64, clock_gettime

@@ -76,6 +76,15 @@ impl Finding {
     pub fn in_line(level: Level, code: &str, file: &str, line: u32, message: String, remedy: &str) -> Self {
         Self { line, file: file.into(), ..Self::whole(level, code, &format!("{file}:{line}"), message, remedy) }
     }
+
+    /// The same finding with its cause behind the message.
+    #[must_use]
+    pub fn because(&self, cause: &dyn fmt::Display) -> Self {
+        let message = format!("{}: {cause}", self.message);
+        let (before, after) = (printable(&self.message), printable(&message));
+        let text = self.text.replacen(before.as_str(), &after, 1);
+        Self { message, text, ..self.clone() }
+    }
 }
 
 impl fmt::Display for Finding {

@@ -388,7 +388,7 @@ pub fn read_all(paths: &[PathBuf], places: &[(PathBuf, Finding)], findings: &mut
             Ok(bytes) => sources.push(Source::new(name, bytes)),
             Err(error) => {
                 if let Some((_, place)) = places.iter().find(|(named, _)| named == path) {
-                    findings.push(place.clone());
+                    findings.push(place.because(&error));
                     continue;
                 }
                 let message = format!("the file cannot be read: {error}");

@@ -83,7 +83,7 @@ fn a_missing_file_is_told_at_the_line_that_names_it() {
         "[station]\nname = \"s\"\n\n[program]\nsources = [\"main.awl\", \"gone.awl\"]\nsymbols = [\"gone.sdf\"]\n";
     write(folder.path(), "s.toml", station);
     let said = text(&ob1(folder.path(), &["check", "s.toml"]));
-    assert!(said.contains("s.toml:5:24: error C001: the file gone.awl cannot be read"), "{said}");
+    assert!(said.contains("s.toml:5:24: error C001: the file gone.awl cannot be read: No such file"), "{said}");
     assert!(said.contains("s.toml:6:12: error C001: the file gone.sdf cannot be read"), "{said}");
 }
 

@@ -50,6 +50,23 @@ fn a_station_file_and_a_source_in_each_others_place_are_told() {
 }
 
 #[test]
+fn a_stimulus_without_inputs_is_told() {
+    let folder = tempfile::tempdir().expect("a directory");
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("writable");
+    write("p.awl", "ORGANIZATION_BLOCK OB 1\nBEGIN\nEND_ORGANIZATION_BLOCK\n");
+    write("play.toml", "[[at]]\ntime = \"0ms\"\nset = { \"E 0.0\" = true }\n");
+    let station = "[station]\nname = \"s\"\n[program]\nsources = [\"p.awl\"]\n[process_io]\nstimulus = \"play.toml\"\n";
+    let path = folder.path().join("s.toml").display().to_string();
+    for (modules, told) in [("", true), ("[[module]]\ntype = \"di\"\nname = \"i\"\naddress = 0\nbytes = 1\n", false)] {
+        write("s.toml", &format!("{station}{modules}"));
+        let output = ob1(&["check", &path]);
+        assert_eq!(output.status.code(), Some(0), "{output:?}");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(said.contains("s.toml:6:12: warning C005: the station has no module"), told, "{said}");
+    }
+}
+
+#[test]
 fn a_reference_that_is_not_there_is_told() {
     let output = ob1(&["xref", "traffic-light/traffic-light.awl", "--operand", "MW 999"]);
     assert_eq!((output.status.code(), text(&output).as_str()), (Some(0), ""));

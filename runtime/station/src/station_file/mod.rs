@@ -60,7 +60,19 @@ pub fn load_and_look(path: &Path) -> Result<(Station, Vec<Finding>), Vec<Finding
     let station = check::check(&file, source, folder)?;
     let mut warnings = devices::missing(&file, source, folder, Path::exists);
     warnings.extend(coupler::unwatched(&file, source));
+    warnings.extend(unplayed(&file, source));
     Ok((station, warnings))
+}
+
+/// A warning for a stimulus whose inputs no module has.
+fn unplayed(file: &tables::StationFile, source: Text<'_>) -> Option<Finding> {
+    let stimulus = file.process_io.stimulus.as_ref()?;
+    if file.module.iter().any(|table| matches!(table.get_ref().kind.get_ref().as_str(), "di" | "ai")) {
+        return None;
+    }
+    let message = "the station has no module of type di or ai: nothing plays this stimulus".to_owned();
+    let remedy = "add [[module]] with type = \"di\" at the addresses of its cells (docs/process-io.md)".to_owned();
+    Some(source.finding(Level::Warning, findings::VALUE, stimulus.span(), message, remedy))
 }
 
 /// The user a station file wants its runtime to become (`[station] user`), before anything else is done with it. A file
