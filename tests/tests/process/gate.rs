@@ -339,6 +339,13 @@ fn an_unprotected_page_is_refused() {
     assert!(everybody.err.contains("C017") && everybody.err.contains("ob1-gate user add"), "{everybody:?}");
     let missing = run("listen = \"127.0.0.1:0\"\nrights = \"write\"\nusers = \"a.users\"");
     assert!(missing.code == Some(6) && missing.err.contains("a.users cannot be read"), "{missing:?}");
+    assert!(missing.err.contains("ob1-gate user add"), "{missing:?}");
+    let checked = site.ob1(&["check", "station.toml"]);
+    let told = "station.toml:10:9: warning C001: there is no file a.users now";
+    assert!(checked.code == Some(0) && checked.err.contains(told), "{checked:?}");
+    let no_key = run("listen = \"127.0.0.1:0\"\ncertificate = \"a.crt\"\nkey = \"a.key\"");
+    assert!(no_key.code == Some(6) && no_key.err.contains("a.key cannot be read"), "{no_key:?}");
+    assert!(!no_key.err.contains("ob1-gate user add"), "{no_key:?}");
     let users = site.write("a.users", "");
     std::fs::set_permissions(&users, std::fs::Permissions::from_mode(0o644)).expect("a mode");
     let public = run("listen = \"127.0.0.1:0\"\nrights = \"write\"\nusers = \"a.users\"");

@@ -344,7 +344,11 @@ fn keep_secret(station: &Station) -> Result<(), Failure> {
         for file in &link.secrets {
             match std::fs::metadata(file) {
                 Err(error) => {
-                    let remedy = "users are made by `ob1-gate user add FILE NAME --rights write`";
+                    let remedy = if is_of_users(link, file) {
+                        "users are made by `ob1-gate user add FILE NAME --rights write`"
+                    } else {
+                        "correct its name in the station file, or put it there with mode 600 (docs/web.md, docs/mqtt.md)"
+                    };
                     return Err(refused(link, file, &format!("cannot be read: {error}"), remedy));
                 }
                 Ok(about) if about.mode() & 0o077 != 0 => {
@@ -356,6 +360,12 @@ fn keep_secret(station: &Station) -> Result<(), Failure> {
         }
     }
     Ok(())
+}
+
+/// Of the files of a link that nobody else may read, this one holds its users.
+fn is_of_users(link: &StationLink, file: &Path) -> bool {
+    let config = serde_json::from_str::<serde_json::Value>(&link.config).unwrap_or_default();
+    config.get("users").and_then(serde_json::Value::as_str).is_some_and(|users| Path::new(users) == file)
 }
 
 /// A CP 343 is started as the driver of its module: each process of it gets a door of its own.

@@ -8,10 +8,11 @@ use ob1_access::{Allowed, Right};
 use ob1_time::Span;
 use serde_json::{Map, Value, json};
 
-use super::findings::{CONTRADICTION, Findings, MISSING, TWICE, UNPROTECTED, VALUE};
+use super::findings::{CONTRADICTION, Findings, MISSING, TWICE, UNPROTECTED, UNREADABLE, VALUE};
 use super::tables::{LinkTable, Placed};
 use super::types::{LinkKind, StationLink};
 use super::values::{choice, name, number, time};
+use crate::finding::{Finding, Level, Text};
 use LinkKind::{Metrics, Mqtt, OpcUa, S7, Web};
 
 /// Words for rights.
@@ -101,6 +102,19 @@ pub(super) fn links(
         links.push(link);
     }
     links
+}
+
+/// A warning for each file of a link that is not there.
+pub(super) fn absent(tables: &[LinkTable], source: Text<'_>, folder: &Path) -> Vec<Finding> {
+    let files = tables.iter().flat_map(|t| [&t.users, &t.certificate, &t.key, &t.ca, &t.password_file]).flatten();
+    files
+        .filter(|file| folder.join(file.get_ref()).try_exists().is_ok_and(|there| !there))
+        .map(|file| {
+            let message = format!("there is no file {} now, and the link needs it", file.get_ref());
+            let remedy = "make it (docs/web.md, docs/mqtt.md), or correct its name: it counts from the station file";
+            source.finding(Level::Warning, UNREADABLE, file.span(), message, remedy.to_owned())
+        })
+        .collect()
 }
 
 fn link(f: &mut Findings<'_>, table: &LinkTable, station: &str, folder: &Path, state: &Path) -> Option<StationLink> {

@@ -61,6 +61,7 @@ pub fn load_and_look(path: &Path) -> Result<(Station, Vec<Finding>), Vec<Finding
     let mut warnings = devices::missing(&file, source, folder, Path::exists);
     warnings.extend(coupler::unwatched(&file, source));
     warnings.extend(unplayed(&file, source));
+    warnings.extend(link::absent(&file.link, source, folder));
     Ok((station, warnings))
 }
 
