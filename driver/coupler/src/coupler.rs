@@ -21,12 +21,12 @@ const LONGEST_PAUSE: Span = Span::from_secs(1);
 const MAY_HAVE_RESTARTED: u32 = 2;
 /// Exception 04h, device failure: the answer of a coupler whose watchdog has expired.
 const DEVICE_FAILURE: u8 = 4;
-/// After this many unanswered requests of function 17h, and answers to others, the coupler is taken for one that does
-/// not answer functions it does not know.
+/// A coupler that leaves this many requests of function 17h unanswered, and answers none of them, does not know the
+/// function.
 const BOTH_UNANSWERED: u8 = 3;
-/// Exceptions 05h and 06h, acknowledge and busy: the request comes too early. It is repeated so often before it counts
-/// as refused.
+/// Exceptions 05h and 06h, acknowledge and busy: the request comes too early, and is repeated.
 const TOO_EARLY: [u8; 2] = [5, 6];
+/// After this many repetitions it counts as refused.
 const REPETITIONS: u8 = 10;
 
 /// A request to a coupler.
@@ -84,11 +84,9 @@ pub(crate) struct Coupler {
     misses: u32,
     /// The coupler does not support function 17h.
     never_both: bool,
-    /// It has answered function 17h on this connection.
-    knows_both: bool,
-    /// Requests of function 17h that it has not answered, with no answered one after them.
+    /// Unanswered requests of function 17h since the last one that it has answered, over all connections.
     both_unanswered: u8,
-    /// The last one was not answered: until a round is complete, it is written and read separately.
+    /// The last one was not answered: until a round is complete, the coupler is written and read separately.
     apart: bool,
     /// Consecutive answers that it is busy.
     busy: u8,
@@ -118,7 +116,6 @@ impl Coupler {
             patience: config.lost_after.max(START),
             misses: 0,
             never_both: false,
-            knows_both: false,
             both_unanswered: 0,
             apart: false,
             busy: 0,
@@ -138,8 +135,8 @@ impl Coupler {
     pub(crate) fn connect(&mut self, now: Instant) {
         (self.has_read, self.due) = (false, now);
         (self.not_before, self.misses, self.never_both) = (now, 0, false);
-        // What it has not answered is not forgotten: it may be the reason why the connection was closed.
-        (self.knows_both, self.busy) = (false, 0);
+        // `both_unanswered` stays: function 17h may be the reason why the connection was closed.
+        self.busy = 0;
         self.set_up();
     }
 
@@ -278,19 +275,24 @@ impl Coupler {
             self.set_up();
         }
         // It is unknown whether it was written.
-        if let Job::Write(write) | Job::Both { write, .. } = job {
-            self.forget(write);
-        }
+        self.forget_written(job);
         self.unanswered(job);
         image.tell(self.index, |status| status.failures += 1);
     }
 
-    /// A request was not answered, or the connection was closed instead. Some couplers treat functions like this that
-    /// they do not know.
+    /// A request was not answered, or the connection was closed instead: some couplers do that to functions they do not
+    /// know.
     pub(crate) fn unanswered(&mut self, job: Job) {
         if matches!(job, Job::Both { .. }) {
             self.apart = true;
-            self.both_unanswered = self.both_unanswered.saturating_add(u8::from(!self.knows_both));
+            self.both_unanswered = self.both_unanswered.saturating_add(1);
+        }
+    }
+
+    /// What a request would have written is written again.
+    fn forget_written(&mut self, job: Job) {
+        if let Job::Write(write) | Job::Both { write, .. } = job {
+            self.forget(write);
         }
     }
 
@@ -330,7 +332,7 @@ impl Coupler {
             Job::Read(read) => self.has_read_one(now, read, data, image),
             Job::Write(write) => self.has_written(now, write, image),
             Job::Both { write, read } => {
-                (self.knows_both, self.both_unanswered) = (true, 0);
+                self.both_unanswered = 0;
                 self.has_written(now, write, image);
                 self.has_read_one(now, read, data, image);
             }
@@ -411,11 +413,8 @@ impl Coupler {
         (self.heard, self.misses, self.patience) = (now, 0, self.config.lost_after);
         if TOO_EARLY.contains(&exception) && self.busy < REPETITIONS {
             (self.busy, self.not_before) = (self.busy + 1, now.saturating_add(SHORTEST_PAUSE));
-            if let Job::Write(write) | Job::Both { write, .. } = job {
-                self.forget(write);
-            }
             self.wrote_last = matches!(job, Job::Write(_));
-            return;
+            return self.forget_written(job);
         }
         if exception == DEVICE_FAILURE
             && !matches!(job, Job::Prove | Job::Setup(_))

@@ -58,7 +58,7 @@ pub struct DpSlave {
     /// The meanings of the bits of its device diagnosis, from its GSD file.
     #[serde(default)]
     pub texts: BTreeMap<u32, String>,
-    /// The meanings of the values of fields of it.
+    /// The fields of its device diagnosis whose values have a meaning.
     #[serde(default)]
     pub fields: Vec<DiagnosisField>,
 }

@@ -263,13 +263,19 @@ fn every_exception_is_told_in_words_with_what_helps() {
     }
 }
 
-#[test]
-fn function_17h_is_left_out_where_it_is_not_known() {
+/// A coupler whose inputs and outputs are holding registers: function 17h can exchange both at once.
+fn words_both_ways() -> Net {
     let inputs = vec![range(Table::Holding, 0, 2, 0)];
     let outputs = vec![range(Table::Holding, 2, 2, 0)];
     let mut net = Net::new(vec![coupler(1, inputs, outputs)]);
-    net.devices[0].knows_both = false;
     net.image.outputs = vec![1, 2, 3, 4];
+    net
+}
+
+#[test]
+fn function_17h_is_left_out_where_it_is_not_known() {
+    let mut net = words_both_ways();
+    net.devices[0].knows_both = false;
     net.run(9 * MS);
     assert_eq!(net.functions(0), [0x17, 0x10, 0x03]);
     assert_eq!(net.devices[0].holding[&2], 0x0102);
@@ -281,11 +287,8 @@ fn function_17h_is_left_out_where_it_is_not_known() {
 /// Simple couplers do not refuse a function that they do not know: they do not answer it.
 #[test]
 fn function_17h_is_left_out_where_it_is_never_answered() {
-    let inputs = vec![range(Table::Holding, 0, 2, 0)];
-    let outputs = vec![range(Table::Holding, 2, 2, 0)];
-    let mut net = Net::new(vec![coupler(1, inputs, outputs)]);
+    let mut net = words_both_ways();
     net.devices[0].ignores_both = true;
-    net.image.outputs = vec![1, 2, 3, 4];
     net.run(100 * MS);
     let mut functions = net.functions(0);
     assert_eq!(functions[..3], [0x17, 0x10, 0x03]);
@@ -301,11 +304,8 @@ fn function_17h_is_left_out_where_it_is_never_answered() {
 
 #[test]
 fn a_coupler_that_closes_the_connection_at_function_17h_is_exchanged_with() {
-    let inputs = vec![range(Table::Holding, 0, 2, 0)];
-    let outputs = vec![range(Table::Holding, 2, 2, 0)];
-    let mut net = Net::new(vec![coupler(1, inputs, outputs)]);
+    let mut net = words_both_ways();
     net.devices[0].ignores_both = true;
-    net.image.outputs = vec![1, 2, 3, 4];
     for _ in 0..6 {
         net.run(25 * MS);
         let functions = net.functions(0);

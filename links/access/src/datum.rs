@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use thiserror::Error;
 
 use crate::Typed;
-use crate::value::real_of;
+use crate::value::{narrowed, real_of};
 
 /// Milliseconds from 1970-01-01 to 1990-01-01, where DATE and DATE_AND_TIME begin.
 const MS_TO_1990: i64 = DAYS_TO_1990 as i64 * DAY_MS as i64;
@@ -86,7 +86,7 @@ impl Datum {
             DataType::Int => Datum::Int(number()?.try_into().map_err(fit)?),
             DataType::DInt => Datum::DInt(number()?.try_into().map_err(fit)?),
             DataType::Real => match (value.as_f64(), value.as_str()) {
-                (Some(real), _) => Datum::Real(Some(real as f32).filter(|real| real.is_finite()).ok_or(Unfit::Range)?),
+                (Some(number), _) => Datum::Real(narrowed(number).ok_or(Unfit::Range)?),
                 (None, Some(text)) => Datum::Real(real_of(text).ok_or(Unfit::Type)?),
                 _ => return Err(Unfit::Type),
             },

@@ -32,9 +32,10 @@ pub fn from_json(item: &Item, value: &Value) -> Result<u32, String> {
     match value {
         Value::Bool(bit) => fit(item, i64::from(*bit)),
         Value::Number(number) => match (number.as_i64(), number.as_f64()) {
-            (_, Some(real)) if item.reading == Reading::Real && (real as f32).is_finite() => {
-                Ok((real as f32).to_bits())
-            }
+            (_, Some(number)) if item.reading == Reading::Real => match narrowed(number) {
+                Some(real) => Ok(real.to_bits()),
+                None => Err(format!("{number} does not fit {}, a {}", item.name, item.type_name)),
+            },
             (Some(number), _) => fit(item, number),
             _ => Err(format!("{number} does not fit {}, a {}", item.name, item.type_name)),
         },
@@ -72,7 +73,7 @@ pub fn from_text(item: &Item, text: &str) -> Result<u32, String> {
     }
 }
 
-/// What may be written for a cell. A REAL for a double word without a type is shown as its bits.
+/// What may be written for a cell. If a REAL was written for a double word without a type, its bits are named, too.
 fn forms(item: &Item, text: &str) -> String {
     let forms = match item.reading {
         Reading::Bool => "0, 1, true or false",
@@ -86,7 +87,13 @@ fn forms(item: &Item, text: &str) -> String {
     }
 }
 
-/// A text as a REAL. Digits beyond its range are not infinity, which is written as a word: `inf`.
+/// A number as a REAL; `None`: it is beyond the range.
+pub(crate) fn narrowed(number: f64) -> Option<f32> {
+    let real = number as f32;
+    real.is_finite().then_some(real)
+}
+
+/// A text as a REAL; `None`: it is not one, or beyond the range. Infinity is a word: `inf`.
 pub(crate) fn real_of(text: &str) -> Option<f32> {
     let real: f32 = text.parse().ok()?;
     (real.is_finite() || !text.contains(|c: char| c.is_ascii_digit())).then_some(real)

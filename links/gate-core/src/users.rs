@@ -151,13 +151,14 @@ impl Users {
         self.known().users.get(user).map(|known| known.right)
     }
 
-    /// A number that another password changes; `None`: the user no longer exists. Code that keeps a user logged in
-    /// compares it with that of the login.
+    /// A number that changes with the user's password and right; `None`: the user no longer exists. Code that keeps a
+    /// user logged in compares it with the one at the login.
     #[must_use]
     pub fn mark(&self, user: &str) -> Option<u64> {
         let known = self.known();
+        let Known { right, hash } = known.users.get(user)?;
         let mut hasher = DefaultHasher::new();
-        known.users.get(user)?.hash.hash(&mut hasher);
+        (*right as u8, hash).hash(&mut hasher);
         Some(hasher.finish())
     }
 
@@ -356,9 +357,21 @@ mod tests {
         let (_folder, path) = users(&format!("anna:read:{}\n", hash("x")), 0o600);
         let users = Users::read(&path).expect("right");
         assert!(!users.refresh().expect("the same"));
-        let mark = users.mark("anna");
-        fs::write(&path, format!("anna:read:{}\n#\n", hash("x"))).expect("a file");
-        assert!(users.refresh().expect("right") && mark.is_some() && users.mark("anna") != mark, "another hash");
+        // What is not of this user leaves the mark as it is; password and right do not.
+        let (old, new) = (hash("x"), hash("x"));
+        let mut marks = Vec::new();
+        for text in [
+            format!("anna:read:{old}\n#\n"),
+            format!("anna:read:{old}\nbert:read:{new}\n"),
+            format!("anna:read:{new}\n##\n"),
+            format!("anna:write:{new}\n##\n#\n"),
+        ] {
+            fs::write(&path, text).expect("a file");
+            assert!(users.refresh().expect("right"));
+            marks.push(users.mark("anna").expect("she is there"));
+        }
+        assert!(marks[0] == marks[1] && marks[1] != marks[2] && marks[2] != marks[3], "{marks:?}");
+        assert_eq!(users.mark("nobody"), None);
         fs::write(&path, format!("bert:write:{}\n# new\n", hash("y"))).expect("a file");
         assert!(users.refresh().expect("right"));
         assert_eq!((users.right("anna"), users.right("bert")), (None, Some(Right::Write)));

@@ -172,12 +172,11 @@ impl Session {
             Event::Outgoing(Outgoing::PingReq) => self.sent_before_ping = self.sent,
             Event::Incoming(Packet::PingResp) => {
                 self.wait = FIRST_TRY;
-                if self.node.is_none() {
-                    return;
+                if self.node.is_some() {
+                    let arrived = std::mem::take(&mut self.sent_before_ping);
+                    self.store.arrived(arrived);
+                    self.sent -= arrived.min(self.sent);
                 }
-                let arrived = std::mem::take(&mut self.sent_before_ping);
-                self.store.arrived(arrived);
-                self.sent -= arrived.min(self.sent);
             }
             Event::Incoming(Packet::Publish(publish)) => self.command(&publish),
             _ => {}
@@ -187,8 +186,8 @@ impl Session {
     /// The broker has accepted us.
     fn welcomed(&mut self) {
         tracing::info!(link = %self.name(), "connected to broker {}", self.settings.host);
-        // A broker that accepts us and drops us at the first value is not asked again at once: the wait ends with the
-        // first value that arrives, or the first answered ping.
+        // The wait before the next try stays long until a value has arrived or a ping was answered: a broker may accept
+        // us and drop us at the first value.
         self.online = true;
         let Some(connection) = &self.connection else { return };
         let client = connection.client.clone();

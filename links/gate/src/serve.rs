@@ -23,8 +23,8 @@ const GOODBYE: Duration = Duration::from_millis(1500);
 type Served = Pin<Box<dyn Future<Output = Result<(), String>>>>;
 type Serve = fn(Link) -> Served;
 
-/// The function that serves each type of link, and whether it has work left when the station has ended: MQTT then says
-/// goodbye to the broker, and keeps the values that have not been sent.
+/// The function that serves each type of link, and whether the end of the station waits for it: MQTT says goodbye to
+/// the broker, and keeps the values that have not been sent.
 const PROTOCOLS: &[(&str, Serve, bool)] = &[
     ("web", |link| Box::pin(web::serve(link)), false),
     ("metrics", |link| Box::pin(metrics::serve(link)), false),
@@ -55,7 +55,7 @@ async fn all(links: Vec<Ready>, memory: Memory) -> Result<(), String> {
         let name = station.welcome().link.clone();
         // A link that cannot be served keeps its door, and the others continue.
         held.push(station.clone());
-        let Some((_, serve, ends)) = PROTOCOLS.iter().find(|(known, ..)| *known == kind) else {
+        let Some((_, serve, says_goodbye)) = PROTOCOLS.iter().find(|(known, ..)| *known == kind) else {
             error!("link \"{name}\": this build has no links of type \"{kind}\"");
             continue;
         };
@@ -66,7 +66,7 @@ async fn all(links: Vec<Ready>, memory: Memory) -> Result<(), String> {
                 error!("link \"{name}\": {why}");
             }
         };
-        if *ends {
+        if *says_goodbye {
             last.spawn_local(told);
         } else {
             tokio::task::spawn_local(told);
@@ -77,7 +77,6 @@ async fn all(links: Vec<Ready>, memory: Memory) -> Result<(), String> {
         Some(Ok(error)) => Err(error.to_string()),
         Some(Err(error)) => Err(error.to_string()),
     };
-    // All links find their station gone, and some have work left.
     doors.abort_all();
     let _ = timeout(GOODBYE, all_ended(&mut last)).await;
     ended

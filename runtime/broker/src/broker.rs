@@ -160,7 +160,7 @@ impl Broker {
                 Some((connection.gone()?, joint.config.name.clone()))
             });
             if let Some((why, name)) = gone {
-                // Without a name it is a part of the runtime, which ends with it.
+                // A connection without a name is part of the runtime and ends with it: that is no news.
                 if !name.is_empty() {
                     tracing::info!(link = %name, "dropped: {why}");
                 }

@@ -358,12 +358,12 @@ fn opened(op: &Op, env: &Env<'_>, facts: &mut Facts) {
         Place::InDi(n, _) => facts.di = place::data(env.plan, *n).map(|_| *n),
         _ => {}
     };
-    // A call restores both registers, but for the instance of a function block.
+    // What its actuals have opened is open no longer behind a call.
     if !matches!(op, Op::Call(_)) {
         op.places(&mut |p, _| place(&p));
     }
     match op {
-        // One that cannot be made leaves the register as it is.
+        // The instance, or what it was before if the call could not be made.
         Op::Call(_) if opens_instance(op) => facts.db = None,
         Op::OpenDb(register, n) => {
             let known = match n {
@@ -377,7 +377,7 @@ fn opened(op: &Op, env: &Env<'_>, facts: &mut Facts) {
     }
 }
 
-/// True for a call of a function block with its instance, which is in the DB register afterwards.
+/// True for a call of a function block with its instance: afterwards the DB register holds the instance's data block.
 pub(crate) fn opens_instance(op: &Op) -> bool {
     matches!(op, Op::Call(call) if call.instance.is_some() || matches!(call.target, Target::Local(..)))
 }

@@ -9,7 +9,7 @@ use ob1_model::Command;
 use serde_json::Value;
 
 use crate::exit::Exit;
-use ob1_station::access::client::{AccessError, Client};
+use ob1_station::access::client::Client;
 use ob1_station::access::protocol::{Op, Response, RetentiveStatus, Status, Times};
 use ob1_station::timing::text;
 
@@ -121,11 +121,7 @@ impl ValueEnum for Action {
 pub(crate) fn ask(station: &str, op: Op) -> Result<Response, Exit> {
     Client::to_station(station).and_then(|mut client| client.ask(op)).map_err(|error| {
         err!("ob1: {error}");
-        match error {
-            AccessError::NotRunning { .. } => Exit::Running,
-            AccessError::NoName { .. } => Exit::Rejected,
-            AccessError::Io(_) | AccessError::Refused(_) => Exit::Refused,
-        }
+        error.exit()
     })
 }
 

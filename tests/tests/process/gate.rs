@@ -194,8 +194,10 @@ fn without_rights_nothing_changes() {
     let guess = |password: &str| stranger.post("/api/login", &json!({ "user": "anna", "password": password })).status;
     assert_eq!((guess("wrong"), guess("anna-password")), (401, 429));
     // A new password ends the sessions of the old one.
-    assert_eq!(rita.get("/api/status").status, 200);
+    let mut stream = rita.stream("", "");
+    assert!(stream.next("status").is_some());
     add_user(&site, "a.users", "rita", "read", "another-password");
+    assert!((0..20).any(|_| stream.next("status").is_none()), "so does its stream");
     station.until("another login is needed", |_| (rita.get("/api/status").status == 401).then_some(()));
 }
 

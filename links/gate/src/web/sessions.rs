@@ -19,11 +19,11 @@ const TOKEN: usize = 32;
 struct Session {
     token: [u8; TOKEN],
     client: Client,
-    /// Of the user's password.
+    /// [`Users::mark`] at the login.
     mark: Option<u64>,
     began: Instant,
     last: Instant,
-    /// The user has logged out or must log in again: what is still open for this session ends.
+    /// The user has logged out, or the session was closed: what is still open for it ends.
     left: Rc<Cell<bool>>,
 }
 
@@ -37,7 +37,7 @@ pub(super) const fn cookie_name(tls: bool) -> &'static str {
 }
 
 impl Sessions {
-    /// Opens a session; returns its token. `mark` is that of the user's password.
+    /// Opens a session; returns its token. `mark` is [`Users::mark`] now.
     pub(super) fn open(&self, client: Client, mark: Option<u64>) -> Option<String> {
         let mut token = [0; TOKEN];
         SystemRandom::new().fill(&mut token).ok()?;
@@ -61,8 +61,7 @@ impl Sessions {
         all.retain(|session| !over(session.last, SILENT) && !over(session.began, LONGEST));
         let at = place(&all, headers)?;
         let session = all.get_mut(at)?;
-        let who = session.client.who();
-        if users.right(&who.user) != Some(who.right) || users.mark(&who.user) != session.mark {
+        if users.mark(&session.client.who().user) != session.mark {
             all.swap_remove(at).left.set(true);
             return None;
         }

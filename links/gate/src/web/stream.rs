@@ -109,6 +109,8 @@ async fn run(
     mut taps: Option<taps::Taps>,
 ) -> Result<(), ()> {
     let station = &page.station;
+    let mark = || page.users.as_ref().and_then(|users| users.mark(&client.who().user));
+    let logged_in = mark();
     let (kept, mut events) = station.events(after.unwrap_or(0));
     // A new page requests past events itself; a reconnected one gets the events it has missed.
     let kept = if after.is_some() { kept } else { Vec::new() };
@@ -131,9 +133,8 @@ async fn run(
                     Ok(text) => say(to, "status", None, &String::from_utf8_lossy(&text)).await?,
                     Err(why) => say(to, "trouble", None, &json!(why.to_string()).to_string()).await?,
                 }
-                // A user who is logged out or has lost rights gets nothing more.
-                let gone = page.users.as_ref().is_some_and(|users| users.right(&client.who().user).is_none());
-                if gone || left.get() {
+                // A user who has logged out, or must log in again, gets nothing more.
+                if left.get() || mark() != logged_in {
                     return Err(());
                 }
             }

@@ -124,12 +124,11 @@ impl Coupling {
         }
         let Some(slot) = self.slots.get_mut(at) else { return };
         slot.order.taken = order.taken;
-        if slot.phase == Phase::Running && slot.order.room != order.room {
+        let is_receive = order.service == Some(Service::Receive);
+        if is_receive && slot.phase == Phase::Running && slot.order.room != order.room {
+            // RECV has another length now. Data that have come may fit it.
             slot.order.room = order.room;
-            if order.service == Some(Service::Receive) {
-                self.wait_for_data(at);
-            }
-            return;
+            return self.wait_for_data(at);
         }
         match slot.phase {
             Phase::Collecting if order.piece == slot.piece => {
@@ -233,7 +232,7 @@ impl Coupling {
         slot.show(State::Giving, 0);
     }
 
-    /// The CPU has dropped an AG_RECV before it had all data: the next one gets them.
+    /// The CPU drops a job. If it is an AG_RECV that has not taken all its data, the next AG_RECV gets them.
     fn put_back(&mut self, at: usize) {
         let Some(slot) = self.slots.get_mut(at) else { return };
         if slot.phase != Phase::Giving || slot.order.service != Some(Service::Receive) {

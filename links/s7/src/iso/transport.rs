@@ -242,7 +242,7 @@ impl Transport {
         }
     }
 
-    /// Length of the longest message that is sent in one fragment; `None`: any is.
+    /// Length of the longest message that is sent in one fragment; `None`: there is no limit.
     #[must_use]
     pub fn whole(&self) -> Option<usize> {
         self.size.map(|size| size.bytes() - DATA_HEAD)

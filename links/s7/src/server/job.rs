@@ -7,7 +7,7 @@ use crate::{MIN_PDU, Rights};
 
 /// Parameters of setup: function, reserved, jobs of both sides, PDU.
 const SETUP_BYTES: usize = 8;
-/// The smallest PDU of a CPU; those of larger ones are multiples of it.
+/// The smallest PDU of an S7 CPU. The others, 480 and 960, are multiples of it.
 const USUAL_PDU: usize = 240;
 
 impl Connection {

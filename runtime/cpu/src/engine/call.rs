@@ -44,10 +44,8 @@ pub struct Saved {
     refs: u32,
     mcr: u32,
     mcr_active: bool,
-    /// AR2 is restored: a function block was called with its instance.
-    instance: bool,
-    /// The data block of that instance.
-    instance_db: Db,
+    /// A function block was called with its instance, which lies in this data block: AR2 is restored.
+    instance: Option<Db>,
 }
 
 /// What is to be done after the parameters are in place.
@@ -169,8 +167,7 @@ pub(crate) fn enter(
         refs: r.refs,
         mcr: r.mcr,
         mcr_active: r.mcr_active,
-        instance,
-        instance_db: entry.di,
+        instance: instance.then_some(entry.di),
     };
     m.hot.local_top += local_len;
     m.hot.depth += 1;
@@ -187,14 +184,24 @@ pub(crate) fn enter(
     Ok(saved)
 }
 
-/// The end of a call: the caller gets its registers back, then the results. Behind the call of a function block with
-/// its instance the DB register holds the data block of the instance: the statements that STEP 7 makes of a `CALL`
-/// exchange the data block registers twice, and open the instance in between.
+/// The end of a call of a block of statements: the caller gets its registers back, then the results.
 pub(crate) fn finish(call: &Call, saved: &Saved, tops: Tops, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
     saved.leave(r, m);
+    results(call, saved.instance, tops, r, m)
+}
+
+/// Copies the results of a call to its actuals and releases its stacks. Behind the call of a function block the DB
+/// register holds the data block of its `instance`: STEP 7 makes a `CALL` of statements that leave it there.
+pub(crate) fn results(
+    call: &Call,
+    instance: Option<Db>,
+    tops: Tops,
+    r: &mut Regs,
+    m: &mut Machine,
+) -> Result<(), Fault> {
     let copied = if call.copies_out { copy_out(call, tops, r, m) } else { Ok(()) };
-    if saved.instance {
-        r.db = saved.instance_db;
+    if let Some(db) = instance {
+        r.db = db;
     }
     tops.release(m);
     copied
@@ -206,7 +213,7 @@ impl Saved {
     fn leave(&self, r: &mut Regs, m: &mut Machine) {
         r.db = self.db;
         r.di = self.di;
-        if self.instance {
+        if self.instance.is_some() {
             r.ar2 = self.ar2;
         }
         r.nest = self.nest;
@@ -320,7 +327,7 @@ fn instance(entry: &Entry, bytes: u32) -> Result<ArenaBit, Fault> {
 
 /// Copies results to the caller's actuals, after its registers have come back. Fully qualified ones go through the data
 /// block registers, which keep what they held.
-pub(crate) fn copy_out(call: &Call, tops: Tops, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
+fn copy_out(call: &Call, tops: Tops, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
     let (db, di) = (r.db, r.di);
     let result = match call.instance {
         InstanceOf::None => scratch_out(call, tops.scratch, r, m),

@@ -154,12 +154,8 @@ impl Context<'_> {
         let br = self.native_block(native, at, call.site, entry)?;
         call::status_of_call(r);
         r.flags = r.flags & !BR | (u32::from(br) * BR);
-        let copied = if call.copies_out { call::copy_out(call, tops, r, self.machine) } else { Ok(()) };
-        if !matches!(call.instance, InstanceOf::None) {
-            r.db = entry.di;
-        }
-        tops.release(self.machine);
-        match copied {
+        let instance = (!matches!(call.instance, InstanceOf::None)).then_some(entry.di);
+        match call::results(call, instance, tops, r, self.machine) {
             Ok(()) => Ok(()),
             Err(fault) => self.fault_at(at, fault, r),
         }

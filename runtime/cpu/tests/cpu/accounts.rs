@@ -298,9 +298,6 @@ impl Clock for SharedClock {
         at(Span::from_nanos(self.0.load(Ordering::Relaxed)))
     }
     fn executed(&mut self, _statements: u64) {}
-    fn wait(&mut self, deadline: Instant) {
-        self.0.fetch_max((deadline - Instant::START).nanos(), Ordering::Relaxed);
-    }
 }
 
 /// A module that takes its time for the process image, and then does not answer.

@@ -235,7 +235,7 @@ impl Translation<'_, '_> {
         self.b.ins().jump(self.failed, &[BlockArg::from(answer), BlockArg::from(behind)]);
         self.b.switch_to_block(next);
         self.checked = Checked::default();
-        // The reference continues behind a call that could not be made, where the register is another one.
+        // A call that could not be made leaves the register alone, and the reference may come back to code behind it.
         let db = if flow::opens_instance(&self.body.stmts[pc].op) { Data::Var } else { db };
         self.now = State { db, di, saved: [true; 2], ..State::memory() };
         self.end_chain(Bit::Known(true));

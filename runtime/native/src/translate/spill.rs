@@ -247,7 +247,7 @@ impl Translation<'_, '_> {
         }
     }
 
-    /// Writes a data block register, which lies `at` this place of the registers, to memory.
+    /// Writes a data block register to memory; `at` is its place in [`Regs`].
     pub(crate) fn put_data(&mut self, db: Db, at: usize) {
         let first = u64::from(db.at.0) | u64::from(db.len) << 32;
         let second = u64::from(db.writable) | u64::from(db.number) << 32;

@@ -63,11 +63,7 @@ pub(super) fn run(args: &WatchArgs) -> Exit {
         Ok(exit) => exit,
         Err(error) => {
             err!("ob1: {error}");
-            match error {
-                AccessError::NotRunning { .. } => Exit::Running,
-                AccessError::NoName { .. } => Exit::Rejected,
-                AccessError::Io(_) | AccessError::Refused(_) => Exit::Refused,
-            }
+            error.exit()
         }
     }
 }

@@ -68,9 +68,7 @@ pub fn top(args: &TopArgs) -> Exit {
         Err(error) => {
             err!("ob1: {error}");
             match error {
-                TopError::Access(AccessError::NotRunning { .. }) => Exit::Running,
-                TopError::Access(AccessError::NoName { .. }) => Exit::Rejected,
-                TopError::Access(_) => Exit::Refused,
+                TopError::Access(error) => error.exit(),
                 TopError::Terminal(_) => Exit::System,
             }
         }

@@ -107,10 +107,10 @@ pub fn trace(args: &TraceArgs) -> Exit {
         Err(error) => {
             err!("ob1: {error}");
             match error {
-                TraceError::Nobody(_) | TraceError::Access(AccessError::NotRunning { .. }) => Exit::Running,
-                TraceError::Access(AccessError::Io(_) | AccessError::Refused(_)) => Exit::Refused,
+                TraceError::Access(error) => error.exit(),
+                TraceError::Nobody(_) => Exit::Running,
                 TraceError::Twice(_) | TraceError::NoLine(_) => Exit::Usage,
-                TraceError::Recording { .. } | TraceError::Access(AccessError::NoName { .. }) => Exit::Rejected,
+                TraceError::Recording { .. } => Exit::Rejected,
                 TraceError::File { .. } | TraceError::Io(_) => Exit::System,
             }
         }

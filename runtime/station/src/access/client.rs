@@ -8,6 +8,7 @@ use std::time::Duration;
 use serde_json::Value;
 
 use super::protocol::{Op, Request, Response};
+use crate::exit::Exit;
 use crate::{files, rundir, station_file};
 
 /// How long a station may take to answer. Its socket thread answers even if the CPU hangs; this is for a process that
@@ -93,6 +94,18 @@ impl Client {
         match response.error {
             Some(error) if !response.ok => Err(AccessError::Refused(error)),
             _ => Ok(response),
+        }
+    }
+}
+
+impl AccessError {
+    /// The exit code of a command that ends with this error.
+    #[must_use]
+    pub const fn exit(&self) -> Exit {
+        match self {
+            Self::NotRunning { .. } => Exit::Running,
+            Self::NoName { .. } => Exit::Rejected,
+            Self::Io(_) | Self::Refused(_) => Exit::Refused,
         }
     }
 }
