@@ -191,42 +191,43 @@ impl SimLine {
 
     /// When the next event happens.
     pub fn next_event(&self) -> Option<Instant> {
+        let [(done_a, arrival_a), (done_b, arrival_b)] = self.due();
+        let first = done_a.min(done_b).min(arrival_a).min(arrival_b);
+        (first != Instant::NEVER).then_some(first)
+    }
+
+    /// What each end sees next, and when: the end of its own output, characters. [`Instant::NEVER`]: nothing.
+    fn due(&self) -> [(Instant, Instant); 2] {
         let [a, b] = &self.directions;
         let coalesce = self.config.coalesce;
-        [a.next_done(), b.next_done(), a.next_arrival(coalesce), b.next_arrival(coalesce)].into_iter().flatten().min()
+        [(a.next_done(), b.next_arrival(coalesce)), (b.next_done(), a.next_arrival(coalesce))]
     }
 
     /// Takes the next event that has happened by `now`, with the end that sees it. Consecutive received characters
     /// without another event in between come together. `buffer` must not be empty.
     pub fn pop(&mut self, now: Instant, buffer: &mut [u8]) -> Option<(End, SimEvent)> {
         self.advance(now);
-        let coalesce = self.config.coalesce;
-        let mut first: Option<(Instant, bool, End)> = None;
-        for end in End::BOTH {
-            let direction = &self.directions[end as usize];
-            if let Some(at) = direction.next_done() {
-                first = first.into_iter().chain([(at, false, end)]).min();
-            }
-            if let Some(at) = direction.next_arrival(coalesce) {
-                // The other end sees it, so the order A before B is that of the end that sees it.
-                first = first.into_iter().chain([(at, true, end.other())]).min();
+        let due = self.due();
+        let dones = End::BOTH.map(|end| (due[end as usize].0, false, end));
+        let arrivals = End::BOTH.map(|end| (due[end as usize].1, true, end));
+        let mut first = dones[0];
+        for next in [dones[1], arrivals[0], arrivals[1]] {
+            if next.0 < first.0 {
+                first = next;
             }
         }
-        let (at, arrival, end) = first.filter(|(at, ..)| *at <= now)?;
+        let (at, arrival, end) = first;
+        if at > now || at == Instant::NEVER {
+            return None;
+        }
         if !arrival {
             self.directions[end as usize].take_done();
             return Some((end, SimEvent::TxDone));
         }
         // Not beyond an event in between.
-        let mut limit = now;
-        for other in End::BOTH {
-            let direction = &self.directions[other as usize];
-            limit = limit.min(direction.next_done().unwrap_or(now));
-            if other == end {
-                limit = limit.min(direction.next_arrival(coalesce).unwrap_or(now));
-            }
-        }
-        Some((end, self.directions[end.other() as usize].take_arrivals(limit.max(at), buffer)))
+        let other = end.other();
+        let limit = now.min(dones[0].0).min(dones[1].0).min(due[other as usize].1).max(at);
+        Some((end, self.directions[other as usize].take_arrivals(limit, buffer)))
     }
 
     fn advance(&mut self, now: Instant) {

@@ -39,21 +39,23 @@ impl Direction {
         now < self.busy_until
     }
 
-    pub(super) fn next_done(&self) -> Option<Instant> {
-        self.owes_done.then_some(self.busy_until)
+    /// When everything has been sent; [`Instant::NEVER`] if the writer has been told, or there is nothing.
+    pub(super) fn next_done(&self) -> Instant {
+        if self.owes_done { self.busy_until } else { Instant::NEVER }
     }
 
     pub(super) fn take_done(&mut self) {
         self.owes_done = false;
     }
 
-    /// When the next items are delivered: the first, and those within `coalesce` after it.
-    pub(super) fn next_arrival(&self, coalesce: Span) -> Option<Instant> {
-        let first = self.items.front()?.arrival;
-        if coalesce == Span::ZERO {
-            return Some(first);
+    /// When the next items are delivered: the first, and those within `coalesce` after it. [`Instant::NEVER`] if there
+    /// are none.
+    pub(super) fn next_arrival(&self, coalesce: Span) -> Instant {
+        match (self.items.front(), self.items.back()) {
+            (Some(first), _) if coalesce.is_zero() => first.arrival,
+            (Some(first), Some(last)) => last.arrival.min(first.arrival.saturating_add(coalesce)),
+            _ => Instant::NEVER,
         }
-        self.items.back().map(|last| last.arrival.min(first.saturating_add(coalesce)))
     }
 
     pub(super) fn write(
@@ -66,6 +68,7 @@ impl Direction {
         collides: bool,
     ) {
         let mut begin = self.busy_until.max(now);
+        self.items.reserve(bytes.len());
         for &byte in bytes {
             let fate = if cut {
                 Fate::Lost

@@ -162,23 +162,13 @@ impl Receiver {
 
     /// Takes characters, up to the end of a telegram if there is one; what follows it remains in `characters`.
     pub fn take(&mut self, now: Instant, characters: &mut &[u8]) -> Option<End> {
-        while let Some((&byte, rest)) = characters.split_first() {
-            (*characters, self.last) = (rest, now);
-            let end = match self.config.mode {
-                Mode::Rtu => self.rtu(byte),
-                Mode::Ascii => {
-                    let end = self.ascii(byte);
-                    if !characters.is_empty() {
-                        self.ascii_pairs(characters);
-                    }
-                    end
-                }
-            };
-            if end.is_some() {
-                return end;
-            }
+        if !characters.is_empty() {
+            self.last = now;
         }
-        None
+        match self.config.mode {
+            Mode::Rtu => self.take_rtu(characters),
+            Mode::Ascii => self.take_ascii(characters),
+        }
     }
 
     /// A character that could not be read: it invalidates its telegram.
@@ -244,12 +234,17 @@ impl Receiver {
         matches!(self.config.mode, Mode::Rtu) && self.flaw.is_none() && self.len >= 4 && self.crc == 0
     }
 
-    fn rtu(&mut self, byte: u8) -> Option<End> {
-        self.begin();
-        self.store(byte);
-        self.crc = rtu::crc_push(self.crc, byte);
-        let at_once = self.config.silence.is_zero() && self.is_whole() && self.expected() == Some(self.len - 2);
-        at_once.then(|| self.end_rtu())
+    fn take_rtu(&mut self, characters: &mut &[u8]) -> Option<End> {
+        while let Some((&byte, rest)) = characters.split_first() {
+            *characters = rest;
+            self.begin();
+            self.store(byte);
+            self.crc = rtu::crc_push(self.crc, byte);
+            if self.config.silence.is_zero() && self.is_whole() && self.expected() == Some(self.len - 2) {
+                return Some(self.end_rtu());
+            }
+        }
+        None
     }
 
     /// Length of the telegram according to its first bytes.
@@ -280,10 +275,22 @@ impl Receiver {
 
     // ---- ASCII ----
 
+    fn take_ascii(&mut self, characters: &mut &[u8]) -> Option<End> {
+        while let Some((&byte, rest)) = characters.split_first() {
+            *characters = rest;
+            let end = self.ascii(byte);
+            if end.is_some() {
+                return end;
+            }
+            self.ascii_pairs(characters);
+        }
+        None
+    }
+
     /// Takes whole bytes in the middle of a telegram, which are nearly all of it. Whatever is not a pair of digits is
     /// left to [`Self::ascii`].
     fn ascii_pairs(&mut self, characters: &mut &[u8]) {
-        if !self.open || self.flaw.is_some() || self.half.is_some() || self.cr {
+        if characters.len() < 2 || !self.open || self.flaw.is_some() || self.half.is_some() || self.cr {
             return;
         }
         let places = self.bytes.get_mut(self.len..).unwrap_or_default();

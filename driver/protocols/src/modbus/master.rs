@@ -11,7 +11,9 @@
 use super::frame::{self, End, Receiver};
 use super::pdu::{self, BROADCAST, Direction, Function, Match};
 use super::{FRAME_CHARACTERS, Failure, Mode, TELEGRAM_BYTES};
-use crate::machine::{Event, Input, Instant, LineFault, LineInput, Machine, Order, Phase, SendError, Sink, Span, What};
+use crate::machine::{
+    Event, Input, Instant, LineFault, LineInput, Machine, Order, Phase, SendError, Sink, Span, What, earliest,
+};
 
 /// Configuration of [`Master`].
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -240,7 +242,7 @@ impl Master {
             State::Answer { end, .. } if self.receiver.is_open() => Some(end),
             State::Answer { until, .. } => Some(until),
         };
-        own.into_iter().chain(self.receiver.deadline()).min()
+        earliest([own, self.receiver.deadline()])
     }
 }
 
@@ -249,7 +251,7 @@ impl Machine for Master {
         match input {
             Input::Tick => self.tick(now, out),
             // Characters received while we send are our own echo, or noise.
-            Input::Line(LineInput::Rx(_)) if self.state == State::Output => {}
+            Input::Line(LineInput::Rx(_)) if matches!(self.state, State::Output) => {}
             Input::Line(LineInput::Rx(bytes)) => self.received(now, bytes, out),
             Input::Line(LineInput::TxDone) => self.tx_done(now, out),
             Input::Line(LineInput::Fault(fault)) => self.fault(now, fault, out),

@@ -155,14 +155,7 @@ impl<const N: usize> Rk512<N> {
     pub fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Owner) -> Option<Instant> {
         let line = match input {
             Input::Tick => machine::Input::Tick,
-            Input::Line(LineInput::Rx(bytes)) => {
-                let mut due = None;
-                // One at a time: a telegram is handled before the procedure below begins something new.
-                for byte in bytes {
-                    due = self.drive(now, machine::Input::Line(LineInput::Rx(core::slice::from_ref(byte))), out);
-                }
-                return self.deadline(due);
-            }
+            Input::Line(LineInput::Rx(bytes)) => return self.characters(now, bytes, out),
             Input::Line(input) => machine::Input::Line(input),
             Input::Order(order) => {
                 self.order(now, order, out);
@@ -172,11 +165,22 @@ impl<const N: usize> Rk512<N> {
         let due = self.drive(now, line, out);
         let mut due = self.deadline(due);
         // As in 3964(R): after a tick no expired time is left.
-        while input == Input::Tick && due.is_some_and(|due| due <= now) {
+        while matches!(input, Input::Tick) && due.is_some_and(|due| due <= now) {
             let line = self.drive(now, machine::Input::Tick, out);
             due = self.deadline(line);
         }
         due
+    }
+
+    /// User data within a telegram cannot change anything but the deadline. All else goes down one character at a time: a
+    /// telegram is handled before the procedure below begins something new.
+    fn characters(&mut self, now: Instant, mut bytes: &[u8], out: &mut dyn Owner) -> Option<Instant> {
+        loop {
+            self.line.receive_plain(now, &mut bytes);
+            let Some((byte, rest)) = bytes.split_first() else { return self.deadline(self.line.deadline()) };
+            self.drive(now, machine::Input::Line(LineInput::Rx(core::slice::from_ref(byte))), out);
+            bytes = rest;
+        }
     }
 
     fn order(&mut self, now: Instant, order: Order<'_>, out: &mut dyn Owner) {
@@ -291,7 +295,7 @@ impl<const N: usize> Rk512<N> {
     fn deadline(&self, line: Option<Instant>) -> Option<Instant> {
         let own = self.own.as_ref().and_then(Own::deadline);
         let partner = self.partner.as_ref().and_then(Partner::deadline);
-        line.into_iter().chain(own).chain(partner).chain(self.late_deadline()).min()
+        machine::earliest([line, own, partner, self.late_deadline()])
     }
 }
 

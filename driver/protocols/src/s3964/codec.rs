@@ -94,6 +94,21 @@ impl Decoder {
         }
     }
 
+    /// Takes the user data at the beginning of `characters` into `places`, up to a DLE or what the places hold; returns
+    /// how many characters that are. All but a few characters of a block are such.
+    pub fn plain(&mut self, characters: &[u8], places: &mut [u8]) -> usize {
+        if self.awaits != Awaits::Any {
+            return 0;
+        }
+        let data = characters.iter().take_while(|byte| **byte != DLE);
+        let check = &mut self.check;
+        let take = |(place, byte): (&mut u8, &u8)| {
+            *place = *byte;
+            *check ^= *byte;
+        };
+        places.iter_mut().zip(data).map(take).count()
+    }
+
     /// A character could not be read. True if it was in the place of the check character, so that the block has ended.
     pub fn unreadable(&mut self) -> bool {
         let end = self.awaits == Awaits::Check;

@@ -177,6 +177,15 @@ impl<const N: usize> S3964<N> {
         }
     }
 
+    fn characters(&mut self, now: Instant, mut bytes: &[u8], out: &mut dyn Sink) {
+        loop {
+            self.receive_plain(now, &mut bytes);
+            let Some((byte, rest)) = bytes.split_first() else { return };
+            self.character(now, *byte, out);
+            bytes = rest;
+        }
+    }
+
     fn character(&mut self, now: Instant, byte: u8, out: &mut dyn Sink) {
         match self.state {
             State::Start | State::Idle => self.idle_character(now, byte, 0, out),
@@ -262,7 +271,7 @@ impl<const N: usize> S3964<N> {
         }
     }
 
-    fn deadline(&self) -> Option<Instant> {
+    pub(crate) fn deadline(&self) -> Option<Instant> {
         match self.state {
             State::Start => Some(Instant::START),
             State::Idle => self.waiting.as_ref().map(|_| self.pause_until),
@@ -282,7 +291,7 @@ impl<const N: usize> S3964<N> {
     pub(crate) fn take(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Sink) {
         match input {
             Input::Tick => self.tick(now, out),
-            Input::Line(LineInput::Rx(bytes)) => bytes.iter().for_each(|byte| self.character(now, *byte, out)),
+            Input::Line(LineInput::Rx(bytes)) => self.characters(now, bytes, out),
             Input::Line(LineInput::TxDone) => self.tx_done(now),
             Input::Line(LineInput::Fault(fault)) => self.fault(now, fault, out),
             Input::Line(LineInput::Modem(_)) => {} // The procedure needs no accompanying signals.
@@ -292,7 +301,7 @@ impl<const N: usize> S3964<N> {
 
     /// The second half: begins an order if possible. Returns the next deadline.
     pub(crate) fn go(&mut self, now: Instant, out: &mut dyn Sink) -> Option<Instant> {
-        if self.state == State::Idle
+        if self.is_free()
             && now >= self.pause_until
             && let Some(job) = self.waiting.take()
         {
@@ -308,7 +317,7 @@ impl<const N: usize> S3964<N> {
 
     /// Whether the line is free: nothing is being sent, received or waited for.
     pub(crate) fn is_free(&self) -> bool {
-        self.state == State::Idle
+        matches!(self.state, State::Idle)
     }
 
     /// Whether the order's block has been sent completely at least once.
@@ -329,7 +338,7 @@ impl<const N: usize> Machine for S3964<N> {
         self.take(now, input, out);
         let mut due = self.go(now, out);
         // A time of 0 ms expires as soon as it begins: after a tick no expired time is left.
-        while input == Input::Tick && due.is_some_and(|due| due <= now) {
+        while matches!(input, Input::Tick) && due.is_some_and(|due| due <= now) {
             self.take(now, Input::Tick, out);
             due = self.go(now, out);
         }

@@ -151,6 +151,25 @@ impl<const N: usize> S3964<N> {
         self.state = State::Receive { block, expiry: now + self.config.zvz() };
     }
 
+    /// Takes the user data at the beginning of `characters`, as [`Self::receive_character`] would one by one. It leaves
+    /// the first character of a block, which may be a repeated STX.
+    pub(crate) fn receive_plain(&mut self, now: Instant, characters: &mut &[u8]) {
+        let zvz = self.config.zvz();
+        let State::Receive { block, expiry } = &mut self.state else { return };
+        let end = self.config.telegram_max.min(N);
+        let places = match self.rx.get_mut(block.len..end) {
+            Some(places) if block.begun() => places,
+            _ => return,
+        };
+        let taken = block.decoder.plain(characters, places);
+        if taken > 0 {
+            block.len += taken;
+            block.characters += taken;
+            *expiry = now + zvz;
+            *characters = &characters[taken..];
+        }
+    }
+
     /// A character of the block could not be read: the block is received to its end, then refused. [reference 5.4]
     pub(super) fn receive_unreadable(&mut self, now: Instant, mut block: Block, what: What, out: &mut dyn Sink) {
         block.characters += 1;

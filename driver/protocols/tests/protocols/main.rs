@@ -25,6 +25,7 @@ mod modbus_master_32_examples;
 mod modbus_master_32_table;
 mod modbus_slave;
 mod pair;
+mod pieces;
 mod rk512_losses;
 mod rk512_procedure;
 mod rk512_table;

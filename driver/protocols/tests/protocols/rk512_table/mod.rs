@@ -28,9 +28,10 @@ use ob1_protocols::rk512::{Answer, AnswerError, Config, Event, Input, Order, Ord
 use ob1_protocols::s3964::codec::block;
 use ob1_protocols::{Instant, LineFault, LineInput, MS, Span, Wire};
 
+/// What a machine says, in the words of the tables.
 #[derive(Default)]
-struct Recorder {
-    log: Vec<String>,
+pub(crate) struct Recorder {
+    pub(crate) log: Vec<String>,
 }
 
 fn hex(bytes: &[u8]) -> String {
