@@ -119,7 +119,16 @@ impl CpuSide {
     /// The same, from register byte `at` on.
     #[inline]
     pub fn read_inputs_from(&mut self, at: usize, into: &mut [u8]) -> Freshness {
-        let freshness = self.inputs.read(&self.monitor.cells().inputs.registers, self.io.words());
+        let registers = &self.monitor.cells().inputs.registers;
+        // All 16 bytes of a CP go on as they were read: the processor waits for what is read back from the copy wider
+        // than it was written.
+        if let (0, 16, ([low, high], [])) = (at, self.io.get(), into.as_chunks_mut::<8>())
+            && let Some([first, second]) = self.inputs.try_two(registers)
+        {
+            (*low, *high) = (first.to_ne_bytes(), second.to_ne_bytes());
+            return Freshness::Fresh;
+        }
+        let freshness = self.inputs.read(registers, self.io.words());
         let len = into.len().min(self.io.get().saturating_sub(at));
         copy_out_from(self.inputs.last(), at, into.get_mut(..len).unwrap_or_default());
         freshness

@@ -115,18 +115,18 @@ impl<const N: usize> SeqReader<N> {
     #[inline]
     fn try_once(&mut self, cell: &SeqCell<N>, words: usize) -> bool {
         // 16 bytes of registers are by far the most frequent size: two loads instead of a loop.
-        if words == 2 { self.try_two(cell) } else { self.try_any(cell, words) }
+        if words == 2 { self.try_two(cell).is_some() } else { self.try_any(cell, words) }
     }
 
+    /// One try to update the first two words of the copy; returns them.
     #[inline]
-    fn try_two(&mut self, cell: &SeqCell<N>) -> bool {
-        let Some(last) = self.last.first_chunk_mut::<2>() else { return false };
-        let read = cell.try_read(|cells| {
+    pub(crate) fn try_two(&mut self, cell: &SeqCell<N>) -> Option<[u64; 2]> {
+        let last = self.last.first_chunk_mut::<2>()?;
+        let (sequence, pair) = cell.try_read(|cells| {
             cells.first_chunk::<2>().map(|pair| pair.each_ref().map(|cell| cell.load(Ordering::Relaxed)))
-        });
-        let Some((sequence, Some(pair))) = read else { return false };
-        (*last, self.sequence) = (pair, sequence);
-        true
+        })?;
+        (*last, self.sequence) = (pair?, sequence);
+        pair
     }
 
     #[inline(never)]
