@@ -15,7 +15,7 @@ use ob1_native::{Compiler, Target, Tier, memory_file, seal};
 fn cpus(first: u64, count: u64) -> Vec<Cpu> {
     (first..first + count)
         .filter_map(|seed| {
-            let (program, config) = random::program(&mut random::Random(seed));
+            let (program, config) = random::program(&mut random::Random::new(seed));
             Cpu::new(config, &program, system_blocks(), Vec::new(), REFERENCE).ok()
         })
         .collect()

@@ -59,30 +59,20 @@ fn carry(mut from: File, mut to: File, mut cable: Cable, spoiled: &AtomicU64) {
     }
 }
 
-/// Selects the byte and the bit to corrupt: an xorshift generator.
-struct Cable {
-    state: u64,
-}
+/// Selects the byte and the bit to corrupt.
+struct Cable(fastrand::Rng);
 
 impl Cable {
     fn new(seed: u64) -> Self {
-        Self { state: seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1 }
-    }
-
-    fn next(&mut self) -> u64 {
-        self.state ^= self.state << 13;
-        self.state ^= self.state >> 7;
-        self.state ^= self.state << 17;
-        self.state
+        Self(fastrand::Rng::with_seed(seed))
     }
 
     /// Inverts some bits; returns how many.
     fn spoil(&mut self, bytes: &mut [u8]) -> u64 {
         let mut hits = 0;
         for byte in bytes {
-            let draw = self.next();
-            if draw.is_multiple_of(ONE_IN) {
-                *byte ^= 1 << (draw >> 32 & 7);
+            if self.0.u64(..ONE_IN) == 0 {
+                *byte ^= 1 << self.0.u32(..8);
                 hits += 1;
             }
         }

@@ -38,19 +38,20 @@ impl Clock for Charged {
     }
 }
 
-/// Random numbers (SplitMix64).
-pub(crate) struct Random(pub(crate) u64);
+/// Random numbers of a seed.
+pub(crate) struct Random(fastrand::Rng);
 
 impl Random {
+    pub(crate) fn new(seed: u64) -> Self {
+        Self(fastrand::Rng::with_seed(seed))
+    }
+
     fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ z >> 31
+        self.0.u64(..)
     }
 
     fn next(&mut self, below: u32) -> u32 {
-        (self.bits() >> 33) as u32 % below
+        self.0.u32(..below)
     }
 
     fn one_in(&mut self, n: u32) -> bool {
@@ -233,7 +234,7 @@ impl Factory for Mixed {
 /// # Errors
 /// The first difference, with the program.
 pub(crate) fn compare(seed: u64, scans: u32, others: &[&dyn Factory]) -> Result<bool, String> {
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     let (program, config) = program(&mut random);
     let load = |factory| Cpu::new(config.clone(), &program, system_blocks(), Vec::new(), factory);
     let Ok(mut one) = load(REFERENCE) else { return Ok(false) };
