@@ -13,22 +13,31 @@ pub const LEN_MAX: u16 = 4096;
 pub(crate) struct Unreachable(pub(crate) u16);
 
 impl Unreachable {
+    /// There is no module at this address.
+    const NO_MODULE: Self = Self(0x8090);
+    /// A module of another type, without channels.
+    const NO_RECORD: Self = Self(0x80B0);
+
     fn reading(refused: Refused) -> Self {
-        Self(match refused {
-            Refused::NoModule => 0x8090,
-            Refused::Absent => 0x80A0,
-            Refused::NoRecord => 0x80B0,
-            _ => 0x80C0,
-        })
+        Self::of(refused, Self(0x80A0), Self(0x80C0))
     }
 
     fn writing(refused: Refused) -> Self {
-        Self(match refused {
-            Refused::NoModule => 0x8090,
-            Refused::Absent => 0x80A1,
-            Refused::NoRecord => 0x80B0,
-            _ => 0x80C1,
-        })
+        Self::of(refused, Self(0x80A1), Self(0x80C1))
+    }
+
+    const fn of(refused: Refused, absent: Self, other: Self) -> Self {
+        match refused {
+            Refused::NoModule => Self::NO_MODULE,
+            Refused::NoRecord => Self::NO_RECORD,
+            Refused::Absent => absent,
+            _ => other,
+        }
+    }
+
+    /// Waiting for the channel is useless.
+    pub(crate) fn is_hopeless(self) -> bool {
+        self == Self::NO_MODULE || self == Self::NO_RECORD
     }
 }
 
@@ -41,8 +50,7 @@ pub(crate) fn read(
     let mut block = [0; BLOCK_BYTES];
     Ok(match cx.record_read(address(laddr), channel.record(), &mut block)? {
         Ok(BLOCK_BYTES) => Ok(Block(block)),
-        // A module of another type, without channels.
-        Ok(_) => Err(Unreachable(0x80B0)),
+        Ok(_) => Err(Unreachable::NO_RECORD),
         Err(refused) => Err(Unreachable::reading(refused)),
     })
 }

@@ -429,9 +429,7 @@ fn absent<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory, why: Unreachabl
     }
     let now = (cx.now() / 1_000_000) as u32;
     let since = *memory.absent_since.get_or_insert(now);
-    // If the module does not exist, waiting is useless.
-    let hopeless = why == Unreachable(0x8090) || why == Unreachable(0x80B0);
-    if !hopeless && now.wrapping_sub(since) < ABSENCE_MS {
+    if !why.is_hopeless() && now.wrapping_sub(since) < ABSENCE_MS {
         return Ok(None);
     }
     (memory.latched, memory.absent_since) = (false, None);

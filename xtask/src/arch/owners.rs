@@ -10,6 +10,8 @@ use super::tree::{File, Tree};
 const WORDS: &str = "plugins/words/src";
 const BOTH_SIDES: &[&str] = &[
     "driver/firmware/src",
+    "links/s7/src",
+    "links/s7-process/src",
     "plugins/backplane/src",
     "plugins/cp040/src",
     "plugins/cp240/src",
@@ -17,6 +19,7 @@ const BOTH_SIDES: &[&str] = &[
     "plugins/cp341/src",
     "plugins/cp342/src",
     "plugins/cp343/src",
+    "plugins/mbus/src",
     "runtime/host/src/bus",
     "plugins/ptp/src",
     "plugins/slio/src",
@@ -173,8 +176,10 @@ mod tests {
             ("plugins/cp240/src/a.rs", "pub(crate) const BLOCK_BYTES: u16 = 12;\nconst FAILED: u16 = 0x1E0F;\n"),
             ("driver/firmware/src/a.rs", "const BLOCK_BYTES: u16 = cp240::BLOCK_BYTES as u16;\n"),
             ("driver/firmware/src/b.rs", "// const FAILED: u16 = 0x2000;\npub const FAILED: u16 = 0x2000;\n"),
+            ("links/s7/src/a.rs", "const BLOCK_BYTES: usize = 12;\n"),
         ]);
-        assert_eq!(places(&words(&tree)), ["plugins/cp240/src/a.rs:1", "driver/firmware/src/b.rs:2"]);
+        let found = ["plugins/cp240/src/a.rs:1", "driver/firmware/src/b.rs:2", "links/s7/src/a.rs:1"];
+        assert_eq!(places(&words(&tree)), found);
     }
 
     #[test]
