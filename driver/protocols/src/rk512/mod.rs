@@ -172,7 +172,7 @@ impl<const N: usize> Rk512<N> {
         due
     }
 
-    /// User data within a telegram cannot change anything but the deadline. Everything else goes down one character at a
+    /// User data within a telegram can change only the deadline. Everything else goes down one character at a
     /// time: a telegram is handled before the procedure below begins something new.
     fn characters(&mut self, now: Instant, mut bytes: &[u8], out: &mut dyn Owner) -> Option<Instant> {
         loop {

@@ -340,7 +340,7 @@ pub(super) const TABLE: &[Row] = &[
             "tracing",
         ],
     ),
-    row("xtask", "tools", &["pulldown-cmark", "serde_json"]),
+    row("xtask", "tools", &["fastrand", "pulldown-cmark", "serde_json"]),
 ];
 
 /// No crate of the first list may depend on a crate of the second list, not even indirectly through external crates.
