@@ -18,8 +18,7 @@ use crate::machine::{Attention, Machine};
 use crate::natives::Running;
 use crate::{
     AccessClient, Accounts, Answer, Ask, Cell, CellError, Command, DiagEntry, InterruptError, LogReader, ModuleSlot,
-    ModuleStatus, ObStatistics, OperatingState, ScanRecord, ScanStatistics, ShortText, Sums, Whereabouts, Width,
-    Window,
+    ModuleStatus, OperatingState, ScanRecord, ScanStatistics, ShortText, Sums, Whereabouts, Width, Window,
 };
 
 /// A CPU with its program, modules and native blocks.
@@ -206,16 +205,6 @@ impl Cpu {
     #[must_use]
     pub fn last_scan(&self) -> &ScanRecord {
         &self.machine.trace.last
-    }
-
-    /// The figures of each loaded organization block, in ascending order of their numbers.
-    pub fn ob_statistics(&self) -> impl Iterator<Item = ObStatistics> {
-        let figures = self.machine.trace.accounts.figures().obs;
-        figures.into_iter().map(|figures| {
-            // The accounts follow at the end of a cycle.
-            let overruns = slot_of(figures.ob).map_or(0, |slot| self.machine.interrupts.overruns[slot]);
-            ObStatistics { overruns, ..figures.statistics() }
-        })
     }
 
     /// A hardware interrupt for OB 40 to 47, with the address and the point of its start information. It runs in the

@@ -45,8 +45,8 @@ mod whereabouts;
 
 pub use access_port::{AccessClient, Answer, Ask, Request, Response};
 pub use accounts::{
-    Accounts, AccountsConfig, BlockFigures, Distribution, Figures, Flags, Flight, Histogram, ObFigures, ObStatistics,
-    ScanRecord, ScanStatistics, Sums,
+    Accounts, AccountsConfig, BlockFigures, Distribution, Figures, Flags, Flight, Histogram, ObFigures, ScanRecord,
+    ScanStatistics, Sums,
 };
 pub use config::{BusPlace, CpuConfig, CycleEnd, ImageErrors, ModuleSlot};
 pub use cpu::Cpu;

@@ -143,8 +143,8 @@ mod tests {
         record.ran(run, whole);
         record.late(late);
         assert_eq!((record.last, record.last_whole()), (Some((run, whole)), whole));
-        let figures = accounts.figures().obs[1].statistics();
+        let figures = &accounts.figures().obs[1];
         assert_eq!((figures.ob, figures.runs, figures.priority), (35, 1, 12));
-        assert_eq!((figures.execution.max, figures.lateness.max), (run, late));
+        assert_eq!((figures.execution.max(), figures.lateness.max()), (run, late));
     }
 }

@@ -2,7 +2,8 @@
 
 use ob1_model::BlockId;
 
-use super::{BlockAccount, Distribution, Histogram};
+use super::{BlockAccount, Distribution, Histogram, ObAccount};
+use crate::interrupts::priority_of;
 
 /// The figures of all accounts since load, or between two readings.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -102,6 +103,17 @@ pub struct ObFigures {
 }
 
 impl ObFigures {
+    pub(super) fn of(account: &ObAccount) -> Self {
+        Self {
+            ob: account.ob,
+            priority: priority_of(account.ob),
+            runs: account.runs.get(),
+            overruns: account.overruns.get(),
+            execution: account.execution.read(),
+            lateness: account.lateness.read(),
+        }
+    }
+
     fn since(&self, earlier: &Self) -> Self {
         Self {
             runs: self.runs.saturating_sub(earlier.runs),
@@ -109,19 +121,6 @@ impl ObFigures {
             execution: self.execution.since(&earlier.execution),
             lateness: self.lateness.since(&earlier.lateness),
             ..*self
-        }
-    }
-
-    /// A summary of these figures.
-    #[must_use]
-    pub fn statistics(&self) -> ObStatistics {
-        ObStatistics {
-            ob: self.ob,
-            priority: self.priority,
-            runs: self.runs,
-            overruns: self.overruns,
-            execution: self.execution.distribution(),
-            lateness: self.lateness.distribution(),
         }
     }
 }
@@ -158,21 +157,4 @@ pub struct ScanStatistics {
     pub cycle: Distribution,
     /// From the start of a cycle to its end, without the wait.
     pub execution: Distribution,
-}
-
-/// Figures of one organization block since load.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct ObStatistics {
-    /// Its number.
-    pub ob: u16,
-    /// Its priority class.
-    pub priority: u8,
-    /// Completed runs.
-    pub runs: u64,
-    /// Requests lost, periods skipped, and requests that came while it was still being executed.
-    pub overruns: u64,
-    /// From start to end, without the higher classes that ran meanwhile.
-    pub execution: Distribution,
-    /// From the due time to the start: OB 1 against its deadline, interrupts against theirs. Empty for the others.
-    pub lateness: Distribution,
 }

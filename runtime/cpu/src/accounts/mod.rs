@@ -10,7 +10,7 @@ mod record;
 mod recorder;
 mod trace;
 
-pub use figures::{BlockFigures, Figures, ObFigures, ObStatistics, ScanStatistics};
+pub use figures::{BlockFigures, Figures, ObFigures, ScanStatistics};
 pub use histogram::{Distribution, Histogram};
 pub use record::{Flags, ScanRecord};
 pub use recorder::Flight;
@@ -20,7 +20,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use ob1_model::BlockId;
 use ob1_time::Span;
 
-use crate::interrupts::{priority_of, slot_of};
 use histogram::Recording;
 use recorder::Recorder;
 pub(crate) use trace::{Ended, Trace, plugin_blocks};
@@ -193,19 +192,8 @@ impl Accounts {
             inputs: self.inputs.read(),
             outputs: self.outputs.read(),
             links: self.links.read(),
-            obs: self.obs.iter().map(|account| self.ob(account)).collect(),
+            obs: self.obs.iter().map(ObFigures::of).collect(),
             blocks: self.blocks.iter().map(BlockFigures::of).collect(),
-        }
-    }
-
-    fn ob(&self, account: &ObAccount) -> ObFigures {
-        ObFigures {
-            ob: account.ob,
-            priority: priority_of(account.ob),
-            runs: account.runs.get(),
-            overruns: if slot_of(account.ob).is_some() { account.overruns.get() } else { 0 },
-            execution: account.execution.read(),
-            lateness: account.lateness.read(),
         }
     }
 

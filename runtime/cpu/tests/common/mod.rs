@@ -9,7 +9,7 @@ pub mod source;
 pub mod window;
 
 pub use engines::{ENGINES, engine, is_reference, on_each_engine};
-use ob1_cpu::{Cell, Clock, Command, Cpu, CpuConfig, CycleEnd, OperatingState};
+use ob1_cpu::{Cell, Clock, Command, Cpu, CpuConfig, CycleEnd, ObFigures, OperatingState};
 use ob1_ir::{Arg, Call, CallMode, CodeBlock, DataBlock, DataKind, Op, Operand, Place, Program, Stmt, Target, Width};
 use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Interface, Layout, Param, Section};
 use ob1_time::{Instant, Span};
@@ -246,6 +246,11 @@ impl Bench {
 
     pub fn dbw(&mut self, db: u16, byte: u32) -> u32 {
         self.cpu.read(Cell::Db(db, byte * 8), Width::Word).expect("the cell exists")
+    }
+
+    /// The figures of a loaded organization block, as of the last call of [`Cpu::cycle`].
+    pub fn ob_figures(&self, ob: u16) -> ObFigures {
+        self.cpu.accounts().figures().obs.into_iter().find(|figures| figures.ob == ob).expect("loaded")
     }
 
     /// Event numbers in the diagnostic buffer, newest first.

@@ -511,7 +511,7 @@ fn waiting_lets_time_pass_and_higher_classes_run() {
         let mut bench = bench_with(source, &[], config.clone(), vec![]);
         bench.run();
         assert_eq!((bench.mw(2), bench.clock.now.millis()), (4, 30), "at 7, 14, 21 and 28 ms");
-        let late = bench.cpu.ob_statistics().find(|o| o.ob == 35).expect("loaded").lateness.max;
+        let late = bench.ob_figures(35).lateness.max();
         assert!(late < MS / 100, "{late}");
         // The watchdog expires while it waits.
         let mut bench = bench_with(source, &[], CpuConfig { watchdog: 20 * MS, ..config }, vec![]);

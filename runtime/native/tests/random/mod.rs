@@ -8,7 +8,9 @@ mod maker;
 use std::sync::Arc;
 
 use ob1_cpu::engine::{Engine, Factory, Plan, REFERENCE};
-use ob1_cpu::{Cell, Clock, Command, Cpu, CpuConfig, CyclicInterrupt, Family, OperatingState, system_blocks};
+use ob1_cpu::{
+    Cell, Clock, Command, Cpu, CpuConfig, CyclicInterrupt, Family, ObFigures, OperatingState, system_blocks,
+};
 use ob1_ir::{AddressRegister, CodeBlock, DataBlock, DataKind, Op, Operand, Place, Program, Stmt, Width};
 use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Interface, Layout, Param, Section};
 use ob1_native::{AtLoad, Compiler, Native, Target, Tier};
@@ -207,7 +209,11 @@ fn seen(cpu: &mut Cpu, program: &Program, now: Instant) -> Vec<String> {
         list.push(format!("{area:?}: {words:X?}"));
     }
     list.extend(cpu.diagnostics().map(|entry| format!("{entry:?}")));
-    list.extend(cpu.ob_statistics().map(|ob| format!("{ob:?}")));
+    list.extend(cpu.accounts().figures().obs.iter().map(|figures| {
+        let ObFigures { ob, priority, runs, overruns, execution, lateness } = figures;
+        let (execution, lateness) = (execution.distribution(), lateness.distribution());
+        format!("OB {ob}: {priority} {runs} {overruns} {execution:?} {lateness:?}")
+    }));
     list
 }
 
