@@ -76,15 +76,6 @@ impl Finding {
     pub fn in_line(level: Level, code: &str, file: &str, line: u32, message: String, remedy: &str) -> Self {
         Self { line, file: file.into(), ..Self::whole(level, code, &format!("{file}:{line}"), message, remedy) }
     }
-
-    /// The same finding with its cause behind the message.
-    #[must_use]
-    pub fn because(&self, cause: &dyn fmt::Display) -> Self {
-        let message = format!("{}: {cause}", self.message);
-        let (before, after) = (printable(&self.message), printable(&message));
-        let text = self.text.replacen(before.as_str(), &after, 1);
-        Self { message, text, ..self.clone() }
-    }
 }
 
 impl fmt::Display for Finding {
@@ -106,6 +97,12 @@ impl Text<'_> {
     /// A finding at a range of bytes of this file.
     #[must_use]
     pub fn finding(&self, level: Level, code: &str, at: Range<usize>, message: String, remedy: String) -> Finding {
+        self.spot(at).finding(level, code, message, remedy)
+    }
+
+    /// A range of bytes of this file.
+    #[must_use]
+    pub fn spot(&self, at: Range<usize>) -> Spot {
         let start = floor(self.text, at.start);
         let end = floor(self.text, at.end.max(start));
         let before = self.text.get(..start).unwrap_or_default();
@@ -116,13 +113,32 @@ impl Text<'_> {
         let marked = self.text.get(start..end).unwrap_or_default().lines().next().unwrap_or_default();
         let column = lead.chars().count() as u32 + 1;
         let length = u32::try_from(marked.chars().count()).unwrap_or(u32::MAX);
-        let (file, said) = (printable(self.file), printable(&message));
-        let mut text = format!("{file}:{line}:{column}: {} {code}: {said}\n", level.name());
-        text += &excerpt(shown, line, column, length);
+        Spot { file: self.file.into(), line, column, excerpt: excerpt(shown, line, column, length) }
+    }
+}
+
+/// A place in a file, without the file: for a finding that may come later.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Spot {
+    file: String,
+    line: u32,
+    column: u32,
+    /// The line with a caret.
+    excerpt: String,
+}
+
+impl Spot {
+    /// A finding here.
+    #[must_use]
+    pub fn finding(&self, level: Level, code: &str, message: String, remedy: String) -> Finding {
+        let Self { file, line, column, excerpt } = self;
+        let mut text = format!("{}:{line}:{column}: {} {code}: ", printable(file), level.name());
+        let _ = write!(text, "{}\n{excerpt}", printable(&message));
         if !remedy.is_empty() {
             let _ = writeln!(text, "{} = {}", " ".repeat(line.to_string().len()), printable(&remedy));
         }
-        Finding { level, code: code.into(), file: self.file.into(), line, column, message, remedy, count: 1, text }
+        let (file, line, column) = (file.clone(), *line, *column);
+        Finding { level, code: code.into(), file, line, column, message, remedy, count: 1, text }
     }
 }
 

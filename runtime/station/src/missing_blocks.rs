@@ -135,12 +135,10 @@ impl Unserved {
         let named = self.0.get(&block).map(|b| format!("{block} {} ({})", b.name, b.key())).unwrap_or_default();
         let message = format!("{what} {named}, which is declared only: no plugin serves it");
         let remedy = format!("load the plugin that has it: [[plugin]] in the station file; {MANUAL}");
-        let mut finding = Finding::whole(Level::Error, UNSERVED, &usual.file, &message, &remedy);
-        if usual.line > 0 {
-            finding.line = usual.line;
-            finding.text = format!("{}:{}: error {UNSERVED}: {message}\n  = {remedy}\n", usual.file, usual.line);
+        match usual.line {
+            0 => Finding::whole(Level::Error, UNSERVED, &usual.file, message, remedy),
+            line => Finding::in_line(Level::Error, UNSERVED, &usual.file, line, message, &remedy),
         }
-        finding
     }
 }
 
@@ -157,10 +155,8 @@ fn of_load_error(error: &LoadError, program: &Program) -> Finding {
     let code = format!("L{:03}", error.number());
     let text = error.to_string();
     let message = text.strip_prefix(&format!("{code}: ")).unwrap_or(&text);
-    let mut finding = Finding::whole(Level::Error, &code, file.map_or("program", String::as_str), message, "");
-    if let (Some(site), Some(file)) = (site, file) {
-        finding.line = site.line;
-        finding.text = format!("{file}:{}: error {text}\n", site.line);
+    match (site, file) {
+        (Some(site), Some(file)) => Finding::in_line(Level::Error, &code, file, site.line, message.to_owned(), ""),
+        _ => Finding::whole(Level::Error, &code, "program", message, ""),
     }
-    finding
 }

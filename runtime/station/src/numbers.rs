@@ -10,7 +10,7 @@ use ob1_stl::Numbered;
 use crate::block_name::parse_block;
 use crate::files;
 use crate::finding::{Finding, Level, Text};
-use crate::station_file::findings::of_toml;
+use crate::station_file::findings::{UNREADABLE, VALUE, of_toml};
 
 /// Reads a file of numbers; none when there is no file.
 ///
@@ -23,7 +23,13 @@ pub(crate) fn read(path: &Path) -> Result<Vec<Numbered>, Vec<Finding>> {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
         Err(error) => {
             let message = format!("the file of block numbers cannot be read: {error}");
-            return Err(vec![Finding::whole(Level::Error, "C001", &name, message, "make it readable for this user")]);
+            return Err(vec![Finding::whole(
+                Level::Error,
+                UNREADABLE,
+                &name,
+                message,
+                "make it readable for this user",
+            )]);
         }
     };
     let source = Text { file: &name, text: &text };
@@ -37,7 +43,7 @@ pub(crate) fn read(path: &Path) -> Result<Vec<Numbered>, Vec<Finding>> {
             None => {
                 let message = format!("\"{}\" is not a block", number.get_ref());
                 let remedy = "write \"FC 35\", or remove the line".to_owned();
-                wrong.push(source.finding(Level::Error, "C005", number.span(), message, remedy));
+                wrong.push(source.finding(Level::Error, VALUE, number.span(), message, remedy));
             }
         }
     }

@@ -14,9 +14,10 @@ use ob1_project::Image;
 use ob1_std::{Origin, StandardBlock, standard_blocks};
 use ob1_stl::{Library, Limit, Numbered, Options, Rest, Severity, Source};
 
-use crate::finding::{Finding, Level};
+use crate::finding::{Finding, Level, Spot};
 use crate::library::{self, Choice};
 use crate::sources::Sources;
+use crate::station_file::findings::UNREADABLE;
 use crate::station_file::{self, Station};
 use crate::{files, handling_check, missing_blocks, numbers, program_files, whole_library};
 
@@ -262,7 +263,7 @@ pub fn compile(wanted: &Sources, library: &Library) -> Result<Compiled, Vec<Find
         let name = wanted.files.first().map(|f| f.display().to_string()).unwrap_or_default();
         let remedy =
             "name sources (.awl .stl .db .udt) or a folder of them; symbol tables (.sdf .asc .seq .dif) go with them";
-        return Err(vec![Finding::whole(Level::Error, "C001", &name, "there is no source", remedy)]);
+        return Err(vec![Finding::whole(Level::Error, UNREADABLE, &name, "there is no source", remedy)]);
     }
     let wanted = Sources { files, symbols, ..wanted.clone() };
     let sources = read_all(&wanted.files, &wanted.places, &mut findings);
@@ -380,20 +381,24 @@ fn read_images(wanted: &Sources, findings: &mut Vec<Finding>) -> Vec<Image> {
 }
 
 /// Reads files; one finding for each that cannot be read.
-pub fn read_all(paths: &[PathBuf], places: &[(PathBuf, Finding)], findings: &mut Vec<Finding>) -> Vec<Source> {
+pub fn read_all(paths: &[PathBuf], places: &[(PathBuf, Spot)], findings: &mut Vec<Finding>) -> Vec<Source> {
     let mut sources = Vec::with_capacity(paths.len());
     for path in paths {
         let name = path.display().to_string();
         match files::read(path, files::LONGEST) {
             Ok(bytes) => sources.push(Source::new(name, bytes)),
             Err(error) => {
-                if let Some((_, place)) = places.iter().find(|(named, _)| named == path) {
-                    findings.push(place.because(&error));
-                    continue;
-                }
-                let message = format!("the file cannot be read: {error}");
                 let remedy = "paths count from the file that names them";
-                findings.push(Finding::whole(Level::Error, "C001", &name, message, remedy));
+                findings.push(match places.iter().find(|(named, _)| named == path) {
+                    Some((_, spot)) => {
+                        let message = format!("the file {name} cannot be read: {error}");
+                        spot.finding(Level::Error, UNREADABLE, message, remedy.to_owned())
+                    }
+                    None => {
+                        let message = format!("the file cannot be read: {error}");
+                        Finding::whole(Level::Error, UNREADABLE, &name, message, remedy)
+                    }
+                });
             }
         }
     }

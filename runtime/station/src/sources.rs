@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use ob1_model::BlockId;
 
-use crate::finding::Finding;
+use crate::finding::Spot;
 use crate::library::Choice;
 
 /// What is compiled together, and how it is read.
@@ -28,8 +28,8 @@ pub struct Sources {
     pub numbers: Option<PathBuf>,
     /// Show every finding, not the first of each file and of all.
     pub all_messages: bool,
-    /// For files that may be missing: the finding at the line that names each.
-    pub places: Vec<(PathBuf, Finding)>,
+    /// For files that may be missing: the place that names each.
+    pub places: Vec<(PathBuf, Spot)>,
 }
 
 /// The language of the mnemonics.

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::finding::{Finding, Level, Text, nearest};
+use crate::finding::{Finding, Level, Spot, Text, nearest};
 
 /// The file cannot be read.
 pub const UNREADABLE: &str = "C001";
@@ -40,9 +40,9 @@ impl<'a> Findings<'a> {
         Self { source, found: Vec::new() }
     }
 
-    /// An error at a place, for whoever may need it later.
-    pub fn at(&self, code: &str, at: Range<usize>, message: String, remedy: &str) -> Finding {
-        self.source.finding(Level::Error, code, at, message, remedy.to_owned())
+    /// A place in the file, for an error that may come later.
+    pub fn spot(&self, at: Range<usize>) -> Spot {
+        self.source.spot(at)
     }
 
     /// Adds an error: its number, its place in the file, what is wrong and what helps.

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use ob1_time::Span;
 
 use super::duration::parse_duration;
-use super::findings::{Findings, UNREADABLE, VALUE};
+use super::findings::{Findings, VALUE};
 use super::tables::Placed;
-use crate::finding::{Finding, nearest};
+use crate::finding::{Spot, nearest};
 
 /// What a name is.
 pub const NAME_RULE: &str = "1 to 40 letters, digits, - and _: it also names files";
@@ -79,13 +79,8 @@ pub(super) fn time(f: &mut Findings<'_>, value: Option<&Placed<String>>, default
     }
 }
 
-/// For each file of lists: the finding at its line if it cannot be read.
-pub fn places(f: &Findings<'_>, lists: &[&Vec<Placed<String>>], folder: &Path) -> Vec<(PathBuf, Finding)> {
+/// Each file of lists, and the place that names it.
+pub fn places(f: &Findings<'_>, lists: &[&Vec<Placed<String>>], folder: &Path) -> Vec<(PathBuf, Spot)> {
     let all = lists.iter().flat_map(|list| list.iter());
-    all.map(|named| {
-        let path = folder.join(named.get_ref());
-        let message = format!("the file {} cannot be read", path.display());
-        (path, f.at(UNREADABLE, named.span(), message, "paths count from the file that names them"))
-    })
-    .collect()
+    all.map(|named| (folder.join(named.get_ref()), f.spot(named.span()))).collect()
 }
