@@ -21,6 +21,7 @@ use ob1_station::numbers;
 use ob1_station::posture;
 use ob1_station::program::{self, Loaded};
 use ob1_station::sources::Sources;
+use ob1_station::station_file::findings::MISPLACED;
 use ob1_station::station_file::{self, ModuleConfig, ModuleKind, Plugin, Station};
 
 /// Check sources or a station file
@@ -99,7 +100,7 @@ pub(crate) fn misplaced(station: &Path, options: &[(&str, bool)]) -> Option<Find
     let (option, _) = options.iter().find(|(_, given)| *given)?;
     let message = format!("{option} is for sources, and this is a station file");
     let remedy = "write it into the station file (docs/station-file.md), or name the sources instead";
-    Some(Finding::whole(Level::Error, "C012", &station.display().to_string(), message, remedy))
+    Some(Finding::whole(Level::Error, MISPLACED, &station.display().to_string(), message, remedy))
 }
 
 /// What a check has found, and the text it prints about what is right.

@@ -8,6 +8,7 @@ use ob1_std::{Origin, StandardBlock, standard_block, standard_blocks};
 
 use crate::block_name::parse_block;
 use crate::finding::{Finding, Level, nearest};
+use crate::station_file::findings::TWICE;
 
 /// A standard block under the number a program has for it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -66,7 +67,7 @@ impl Chosen {
 
     /// As [`Chosen::together`], for commands that report findings.
     pub fn settled(words: &[Self]) -> Result<Vec<Choice>, Vec<Finding>> {
-        Self::together(words).map_err(|text| vec![Finding::whole(Level::Error, "C006", "--library", text, "")])
+        Self::together(words).map_err(|text| vec![Finding::whole(Level::Error, TWICE, "--library", text, "")])
     }
 
     /// All words of a command line together; see [`merge`].

@@ -10,7 +10,7 @@ use ob1_stl::Numbered;
 use crate::block_name::parse_block;
 use crate::files;
 use crate::finding::{Finding, Level, Text};
-use crate::station_file::findings::{UNREADABLE, VALUE, of_toml};
+use crate::station_file::findings::{NOT_KEPT, UNREADABLE, VALUE, of_toml};
 
 /// Reads a file of numbers; none when there is no file.
 ///
@@ -68,7 +68,7 @@ pub(crate) fn write(path: &Path, kept: &[Numbered], given: &[Numbered]) -> Optio
     files::replace(path, text.as_bytes()).err().map(|error| {
         let message = format!("the numbers of blocks cannot be kept: {error}");
         let remedy = "make the folder writable, or fix them: [program] numbers = { \"name\" = \"FC 35\" }";
-        Finding::whole(Level::Warning, "C014", &path.display().to_string(), message, remedy)
+        Finding::whole(Level::Warning, NOT_KEPT, &path.display().to_string(), message, remedy)
     })
 }
 
@@ -103,13 +103,8 @@ mod tests {
         assert_eq!(read(&path), Ok(vec![two, one]));
         std::fs::write(&path, "\"x\" = \"MW 5\"\n").expect("written");
         assert_eq!(read(&path).expect_err("no block")[0].line, 1);
-        assert!(
-            write(
-                Path::new("/nowhere/at/all.numbers"),
-                &[],
-                &[Numbered { name: "x".into(), id: BlockId::new(BlockKind::Fc, 1) }]
-            )
-            .is_some()
-        );
+        let given = [Numbered { name: "x".into(), id: BlockId::new(BlockKind::Fc, 1) }];
+        let told = write(Path::new("/nowhere/at/all.numbers"), &[], &given).expect("there is no such folder");
+        assert_eq!((told.level, told.code.as_str()), (Level::Warning, "C018"));
     }
 }

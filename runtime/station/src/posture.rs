@@ -10,9 +10,7 @@ use crate::access::protocol::GrantStatus;
 use crate::exit::Exit;
 use crate::finding::{Finding, Level};
 use crate::station_file::Station;
-
-/// The finding of [`starves`].
-pub(crate) const STARVES: &str = "C014";
+use crate::station_file::findings::STARVES;
 
 /// What is asked for the whole process, and what has to be held for it.
 #[must_use]

@@ -17,7 +17,7 @@ use ob1_stl::{Library, Limit, Numbered, Options, Rest, Severity, Source};
 use crate::finding::{Finding, Level, Spot};
 use crate::library::{self, Choice};
 use crate::sources::Sources;
-use crate::station_file::findings::UNREADABLE;
+use crate::station_file::findings::{MACHINE_CODE, MISPLACED, REST, UNREADABLE};
 use crate::station_file::{self, Station};
 use crate::{files, handling_check, missing_blocks, numbers, program_files, whole_library};
 
@@ -275,7 +275,13 @@ pub fn compile(wanted: &Sources, library: &Library) -> Result<Compiled, Vec<Find
 pub fn station_among_sources(files: &[PathBuf]) -> Option<Finding> {
     let station = files.iter().find(|file| station_file::is_station_file(file))?;
     let remedy = "a station names its own sources: give its file alone, to `ob1 run`, `ob1 check` or `ob1 xref`";
-    Some(Finding::whole(Level::Error, "C012", &station.display().to_string(), "a station file among sources", remedy))
+    Some(Finding::whole(
+        Level::Error,
+        MISPLACED,
+        &station.display().to_string(),
+        "a station file among sources",
+        remedy,
+    ))
 }
 
 /// As [`compile`], with the sources read already; `findings` is what was found so far.
@@ -350,12 +356,9 @@ fn of_rest(rest: &Rest) -> Option<Finding> {
     let kinds: Vec<String> = kinds.iter().map(|(code, n)| format!("{n} {code}")).collect();
     let level = if rest.errors > 0 { Level::Error } else { Level::Lint };
     let message = format!("and {count} more: {}", kinds.join(", "));
-    let finding = Finding::whole(level, "C015", "", message, "--all-messages shows every one");
+    let finding = Finding::whole(level, REST, "", message, "--all-messages shows every one");
     Some(Finding { text, count, ..finding })
 }
-
-/// A block in machine code that cannot be used.
-const MACHINE_CODE: &str = "C016";
 
 /// Reads blocks in machine code: a file may hold several, one after another.
 fn read_images(wanted: &Sources, findings: &mut Vec<Finding>) -> Vec<Image> {

@@ -16,12 +16,10 @@ use ob1_stl::Library;
 use super::plan::Call;
 use ob1_station::finding::Text;
 use ob1_station::sources::Mnemonics;
-use ob1_station::station_file::findings::Findings;
+use ob1_station::station_file::findings::{CALL, Findings};
 
 /// The number from which free ones are looked for, downwards.
 const HIGHEST: u16 = 65_000;
-/// What is wrong with a call.
-const CALL: &str = "C013";
 
 /// The generated source, and where the parameters lie.
 #[derive(Debug)]

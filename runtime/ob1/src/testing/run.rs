@@ -18,7 +18,7 @@ use ob1_station::files;
 use ob1_station::finding::{Finding, Level, Text};
 use ob1_station::program::{self, Loaded};
 use ob1_station::sources::Sources;
-use ob1_station::station_file::findings::Findings;
+use ob1_station::station_file::findings::{CALL, Findings, UNREADABLE, VALUE};
 use ob1_station::station_file::{self, ModuleConfig};
 
 /// Name of the generated source.
@@ -35,7 +35,7 @@ pub fn run_file(path: &Path, filter: &str) -> FileReport {
             let message = format!("the test file cannot be read: {error}");
             return refused(vec![Finding::whole(
                 Level::Error,
-                "C001",
+                UNREADABLE,
                 &file,
                 message,
                 "name a test file: docs/testing.md",
@@ -116,7 +116,7 @@ impl Subject {
         let harness = Harness::new(call, &self.loaded.program, &self.library, self.wanted.mnemonics, &mut findings);
         let harness = findings.into_result(harness)?.ok_or_else(|| {
             let message = "no number is left for a generated block";
-            vec![source.finding(Level::Error, "C013", call.at.clone(), message.into(), String::new())]
+            vec![source.finding(Level::Error, CALL, call.at.clone(), message.into(), String::new())]
         })?;
         let mut sources = self.sources.clone();
         sources.push(Source::new(GENERATED, harness.source.clone().into_bytes()));
@@ -175,7 +175,7 @@ impl<'p> Ready<'p> {
     fn run(mut self, source: Text<'_>) -> Result<Outcome, Vec<Finding>> {
         let begin = Instant::now();
         let unusable = |at: &std::ops::Range<usize>, message| {
-            vec![source.finding(Level::Error, "C005", at.clone(), message, String::new())]
+            vec![source.finding(Level::Error, VALUE, at.clone(), message, String::new())]
         };
         for set in &self.inputs {
             self.bench.set(set).map_err(|message| unusable(&self.test.at, message))?;

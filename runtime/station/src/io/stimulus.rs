@@ -13,12 +13,10 @@ use toml::Spanned;
 
 use crate::files;
 use crate::finding::{Finding, Level, Text};
+use crate::station_file::findings::STIMULUS;
 use crate::station_file::parse_duration;
 use ob1_access::Names;
 use ob1_access::value;
-
-/// An invalid stimulus.
-const STIMULUS: &str = "C011";
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -1,4 +1,4 @@
-//! What can be wrong with a station file, by number, and the collector of findings.
+//! What can be wrong with a station file and the files beside it, by number, and the collector of findings.
 
 use std::ops::Range;
 
@@ -24,8 +24,22 @@ pub const PARAMETER: &str = "C008";
 pub const LINE: &str = "C009";
 /// Two keys that do not go together.
 pub const CONTRADICTION: &str = "C010";
+/// A stimulus file with a mistake.
+pub const STIMULUS: &str = "C011";
+/// A station file among sources, or with an option that is for sources.
+pub const MISPLACED: &str = "C012";
+/// A test calls a block in a way that is not possible.
+pub const CALL: &str = "C013";
+/// A real-time scan that would leave no time to others on its core.
+pub const STARVES: &str = "C014";
+/// The findings beyond the limit.
+pub const REST: &str = "C015";
+/// A block in machine code that cannot be used.
+pub const MACHINE_CODE: &str = "C016";
 /// A link that strangers could use.
 pub const UNPROTECTED: &str = "C017";
+/// The numbers of blocks that have a name only cannot be kept.
+pub const NOT_KEPT: &str = "C018";
 
 /// Collects findings of one file.
 #[derive(Debug)]
