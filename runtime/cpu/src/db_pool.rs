@@ -4,18 +4,7 @@
 //! there.
 
 use crate::arena::{ArenaByte, Db};
-use crate::memory::Memory;
-
-/// Most data blocks made by the program that can exist at one time.
-pub(crate) const MADE: usize = 256;
-
-/// A place in the pool.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Made {
-    pub(crate) db: Db,
-    /// Deleted in the running scan.
-    freed: bool,
-}
+use crate::memory::{Made, Memory};
 
 /// Why no data block can be made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -8,15 +8,24 @@ use ob1_ir::DataBlock;
 use ob1_model::cells;
 
 use crate::arena::{ArenaBit, ArenaByte, Db, Range};
-use crate::db_pool::{MADE, Made};
 use crate::engine::Areas;
 use crate::{CpuConfig, LoadError};
 
 /// Bytes for operands that calls copy in and out, for all nested calls together.
 pub(crate) const SCRATCH_BYTES: u32 = 16 * 1024;
+/// Most data blocks made by the program that can exist at one time.
+const MADE: usize = 256;
 /// Bytes after the last data block, so that a double word at the last byte of an area stays inside the arena.
 const TAIL: usize = 8;
 const MAX_BYTES: usize = 256 << 20;
+
+/// A place for a data block that the program makes itself.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Made {
+    pub(crate) db: Db,
+    /// Deleted in the running scan.
+    pub(crate) freed: bool,
+}
 
 /// The areas and their offsets.
 #[derive(Debug)]

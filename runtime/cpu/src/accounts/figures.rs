@@ -2,8 +2,7 @@
 
 use ob1_model::BlockId;
 
-use super::{BlockAccount, Distribution, Histogram, ObAccount};
-use crate::interrupts::priority_of;
+use super::histogram::{Distribution, Histogram};
 
 /// The figures of all accounts since load, or between two readings.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -103,17 +102,6 @@ pub struct ObFigures {
 }
 
 impl ObFigures {
-    pub(super) fn of(account: &ObAccount) -> Self {
-        Self {
-            ob: account.ob,
-            priority: priority_of(account.ob),
-            runs: account.runs.get(),
-            overruns: account.overruns.get(),
-            execution: account.execution.read(),
-            lateness: account.lateness.read(),
-        }
-    }
-
     fn since(&self, earlier: &Self) -> Self {
         Self {
             runs: self.runs.saturating_sub(earlier.runs),
@@ -134,12 +122,6 @@ pub struct BlockFigures {
     pub name: Box<str>,
     /// Each call, without organization blocks and plugin blocks that ran within it.
     pub execution: Histogram,
-}
-
-impl BlockFigures {
-    pub(super) fn of(account: &BlockAccount) -> Self {
-        Self { block: account.block, name: account.name.clone(), execution: account.execution.read() }
-    }
 }
 
 /// Figures of the scans since load.

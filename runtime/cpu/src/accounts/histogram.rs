@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use ob1_time::Span;
 
-use super::Count;
+use super::count::Count;
 
 /// Longest time with a bucket of its own, 60 s in nanoseconds. Longer times count as 60 s; the greatest is kept
 /// exactly.

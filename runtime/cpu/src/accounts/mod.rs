@@ -4,6 +4,7 @@
 //! takes no lock, allocates nothing and never waits, and reading costs the scan nothing. Nothing is ever reset
 //! here: for figures from a moment on, a reader takes the difference of two snapshots ([`Figures::since`]).
 
+mod count;
 mod figures;
 mod histogram;
 mod record;
@@ -15,11 +16,11 @@ pub use histogram::{Distribution, Histogram};
 pub use record::{Flags, ScanRecord};
 pub use recorder::Flight;
 
-use std::sync::atomic::{AtomicU64, Ordering};
-
 use ob1_model::BlockId;
 use ob1_time::Span;
 
+use crate::interrupts::priority_of;
+pub(crate) use count::Count;
 use histogram::Recording;
 use recorder::Recorder;
 pub(crate) use trace::{Ended, Trace, plugin_blocks};
@@ -60,27 +61,6 @@ impl AccountsConfig {
     }
 }
 
-/// A counter with one writer.
-#[derive(Debug, Default)]
-pub(crate) struct Count(AtomicU64);
-
-impl Count {
-    #[inline]
-    pub(crate) fn add(&self, more: u64) {
-        self.0.store(self.get().wrapping_add(more), Ordering::Relaxed);
-    }
-
-    #[inline]
-    pub(crate) fn set(&self, value: u64) {
-        self.0.store(value, Ordering::Relaxed);
-    }
-
-    #[inline]
-    pub(crate) fn get(&self) -> u64 {
-        self.0.load(Ordering::Relaxed)
-    }
-}
-
 /// The account of one organization block.
 #[derive(Debug)]
 pub(crate) struct ObAccount {
@@ -91,12 +71,31 @@ pub(crate) struct ObAccount {
     pub(crate) lateness: Recording,
 }
 
+impl ObAccount {
+    fn figures(&self) -> ObFigures {
+        ObFigures {
+            ob: self.ob,
+            priority: priority_of(self.ob),
+            runs: self.runs.get(),
+            overruns: self.overruns.get(),
+            execution: self.execution.read(),
+            lateness: self.lateness.read(),
+        }
+    }
+}
+
 /// The account of one block of a plugin.
 #[derive(Debug)]
 pub(crate) struct BlockAccount {
     pub(crate) block: BlockId,
     pub(crate) name: Box<str>,
     pub(crate) execution: Recording,
+}
+
+impl BlockAccount {
+    fn figures(&self) -> BlockFigures {
+        BlockFigures { block: self.block, name: self.name.clone(), execution: self.execution.read() }
+    }
 }
 
 /// Sums over all scans since load. The difference between two readings covers the scans between them.
@@ -192,8 +191,8 @@ impl Accounts {
             inputs: self.inputs.read(),
             outputs: self.outputs.read(),
             links: self.links.read(),
-            obs: self.obs.iter().map(ObFigures::of).collect(),
-            blocks: self.blocks.iter().map(BlockFigures::of).collect(),
+            obs: self.obs.iter().map(ObAccount::figures).collect(),
+            blocks: self.blocks.iter().map(BlockAccount::figures).collect(),
         }
     }
 

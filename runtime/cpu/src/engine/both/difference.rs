@@ -1,8 +1,6 @@
 //! A difference between two engines, in words.
 
-use std::fmt::Write as _;
-
-use super::tape::Question;
+use super::question::Question;
 use crate::arena::Range;
 use crate::engine::plan::{Caller, Plan};
 use crate::machine::Machine;
@@ -72,32 +70,4 @@ fn name(at: usize, plan: &Plan, m: &Machine) -> String {
     }
     let db = m.memory.dbs.iter().find_map(|db| within(db.range()).map(|byte| (db.number, byte)));
     db.map_or_else(|| format!("byte {at} of the arena"), |(number, byte)| format!("DB{number}.DBB {byte}"))
-}
-
-impl Question {
-    fn text(&self, plan: &Plan) -> String {
-        let place = |at: &Caller| plan.site(*at).map_or_else(String::new, |site| format!(" at {site}"));
-        let mut text = String::new();
-        // Writing to a string does not fail.
-        let _ = match self {
-            Question::SafePoint(at) => write!(text, "a safe point{}", place(at)),
-            Question::Fault(at, fault, _) => {
-                write!(text, "fault {:04X}h of {}{}", fault.kind.number(), fault.number, place(at))
-            }
-            Question::Native(_, at, _) => write!(text, "a native block{}", place(at)),
-            Question::Read(address, len) => write!(text, "{len} peripheral bytes from {address}"),
-            Question::Write(address, len, bytes) => {
-                write!(text, "peripheral bytes {:02X?} to {address}", &bytes[..usize::from(*len).min(bytes.len())])
-            }
-        };
-        text
-    }
-
-    /// The statement that asks, where it is known.
-    pub(super) const fn at(&self) -> Option<Caller> {
-        match self {
-            Question::SafePoint(at) | Question::Fault(at, ..) | Question::Native(_, at, _) => Some(*at),
-            Question::Read(..) | Question::Write(..) => None,
-        }
-    }
 }

@@ -6,6 +6,7 @@
 //! takes more than twice the time: this mode is for checking an engine.
 
 mod difference;
+mod question;
 mod state;
 mod tape;
 
@@ -19,8 +20,9 @@ use super::{Engine, Entry, Factory, REFERENCE};
 use crate::Abort;
 use crate::context::Context;
 use difference::Difference;
+pub(crate) use question::Question;
 use state::State;
-pub(crate) use tape::{Answer, Question, Tape};
+pub(crate) use tape::{Answer, Tape};
 
 /// Makes an engine that compares another one with the reference engine.
 #[derive(Clone, Copy)]

@@ -1,10 +1,10 @@
 //! What an engine can read and change, except references and frames of calls in progress.
 
 use crate::arena::Db;
-use crate::db_pool::Made;
 use crate::engine::hot::Values;
 use crate::engine::regs::Interrupted;
 use crate::machine::Machine;
+use crate::memory::Made;
 use crate::timers::{Counter, Timer};
 
 /// Bytes that are compared at one time.

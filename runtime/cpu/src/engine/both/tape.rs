@@ -1,27 +1,13 @@
 //! What an engine asks of the outside and what it is answered: recorded, then played back.
 
-use ob1_model::Fault;
-
 use super::difference::{Difference, What};
+use super::question::Question;
 use super::state::{Marks, Rest, State, Writes};
 use crate::Abort;
 use crate::context::Context;
-use crate::engine::Entry;
 use crate::engine::plan::Caller;
-use crate::engine::regs::Interrupted;
 use crate::machine::Machine;
 use crate::modules::{IoError, Modules};
-
-/// What an engine asks.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Question {
-    SafePoint(Caller),
-    Fault(Caller, Fault, Interrupted),
-    Native(u32, Caller, Entry),
-    /// Peripheral bytes: address and how many.
-    Read(u32, u8),
-    Write(u32, u8, [u8; 4]),
-}
 
 /// What it is answered.
 #[derive(Clone, Copy, Debug)]
