@@ -14,8 +14,6 @@ const ASYNCHRONOUS: u8 = 26;
 const ABORTED: u8 = 28;
 /// The OBs of these two classes that this CPU calls.
 const ERROR_OBS: [u16; 5] = [80, 82, 85, 86, 88];
-/// Diagnostic interrupts that can wait.
-const DIAGNOSES: usize = 16;
 
 /// Why a hardware interrupt was not taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,32 +33,6 @@ pub(crate) enum Late {
     Running,
     /// 07: one waits already.
     Waiting,
-}
-
-/// Diagnostic interrupts that wait: an OB of their class runs, and one of its blocks reports another.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Diagnoses {
-    list: [(u32, [u8; 4]); DIAGNOSES],
-    len: usize,
-    /// Those that have waited are being served.
-    serving: bool,
-}
-
-impl Diagnoses {
-    /// False when no more can wait.
-    fn put(&mut self, address: u32, data: [u8; 4]) -> bool {
-        let Some(place) = self.list.get_mut(self.len) else { return false };
-        *place = (address, data);
-        self.len += 1;
-        true
-    }
-
-    fn take(&mut self) -> Option<(u32, [u8; 4])> {
-        let first = *self.list[..self.len].first()?;
-        self.list.copy_within(1..self.len, 0);
-        self.len -= 1;
-        Some(first)
-    }
 }
 
 impl Context<'_> {

@@ -1,4 +1,4 @@
-//! Interrupts by time and by modules: what is due, what waits, what is lost. Pure state; [`crate::machine::Context`]
+//! Interrupts by time and by modules: what is due, what waits, what is lost. Pure state; [`crate::context::Context`]
 //! runs the blocks.
 //!
 //! Times are the CPU's own `now`. A due time is absolute: lateness of one interrupt does not move the next.
@@ -16,6 +16,8 @@ const CYCLIC: usize = 12;
 const HARDWARE: usize = 21;
 /// Hardware interrupts that can wait.
 const QUEUE: usize = 16;
+/// Diagnostic interrupts that can wait.
+const DIAGNOSES: usize = 16;
 /// No due time.
 pub(crate) const NEVER: Instant = Instant::NEVER;
 
@@ -320,6 +322,33 @@ impl Interrupts {
     /// The OB of this slot has ended.
     pub(crate) fn done(&mut self, slot: usize) {
         self.running &= !(1 << slot);
+    }
+}
+
+/// Diagnostic interrupts that wait: an OB of their class runs, and one of its blocks reports another.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Diagnoses {
+    list: [(u32, [u8; 4]); DIAGNOSES],
+    len: usize,
+    /// Those that have waited are being served.
+    pub(crate) serving: bool,
+}
+
+impl Diagnoses {
+    /// False when no more can wait.
+    pub(crate) fn put(&mut self, address: u32, data: [u8; 4]) -> bool {
+        let Some(place) = self.list.get_mut(self.len) else { return false };
+        *place = (address, data);
+        self.len += 1;
+        true
+    }
+
+    /// The one that has waited longest.
+    pub(crate) fn take(&mut self) -> Option<(u32, [u8; 4])> {
+        let first = *self.list[..self.len].first()?;
+        self.list.copy_within(1..self.len, 0);
+        self.len -= 1;
+        Some(first)
     }
 }
 

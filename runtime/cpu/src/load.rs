@@ -13,15 +13,14 @@ use crate::engine::{
     Callee, Constants, Engine, Executed, Factory, Hot, Lowering, Plan, Signature, Signatures, collect, lower,
     writes_param,
 };
-use crate::events::Diagnoses;
-use crate::interrupts::Interrupts;
+use crate::interrupts::{Diagnoses, Interrupts};
 use crate::log::LogWriter;
 use crate::machine::{Attention, Machine, Watchdog};
 use crate::native::Native;
 use crate::nesting::Nesting;
 use crate::obs::ObRecords;
 use crate::retentive::Keep;
-use crate::services::ServiceState;
+use crate::service_state::ServiceState;
 use crate::timers::{Counter, Timer};
 use crate::wall::Wall;
 use crate::{

@@ -7,12 +7,11 @@ use ob1_time::{Instant, Span};
 
 use crate::accounts::Trace;
 use crate::engine::{Caller, Hot, Interrupted, Tape};
-use crate::events::Diagnoses;
-use crate::interrupts::Interrupts;
+use crate::interrupts::{Diagnoses, Interrupts};
 use crate::log::{LogLine, LogWriter};
 use crate::obs::ObRecords;
 use crate::retentive::Keep;
-use crate::services::ServiceState;
+use crate::service_state::ServiceState;
 use crate::timers::{Counter, Timer};
 use crate::wall::Wall;
 use crate::whereabouts::Whereabouts;

@@ -10,63 +10,6 @@ use ob1_std::services::{Alarm, AlarmError, InUse, MessageError, Messages};
 use crate::machine::Machine;
 use crate::{DiagEntry, LOG_TEXT, ShortText};
 
-/// Message numbers that can be in use at one time.
-const NUMBERS: usize = 64;
-
-/// The message numbers seen, with their signals.
-#[derive(Debug)]
-pub(crate) struct Signals {
-    list: [InUse; NUMBERS],
-    used: usize,
-}
-
-impl Default for Signals {
-    fn default() -> Self {
-        Self { list: [InUse::default(); NUMBERS], used: 0 }
-    }
-}
-
-impl Signals {
-    /// Notes the signal of a number. A number whose signal has gone makes room when another needs it.
-    fn change(&mut self, alarm: Alarm<'_>) -> Result<(), AlarmError> {
-        // With nobody logged on, a message that waits for an acknowledgement has it at once.
-        let Alarm { sfc, id, component, signal, acknowledge: acknowledged, .. } = alarm;
-        if let Some(known) = self.list[..self.used].iter_mut().find(|known| known.id == id) {
-            if known.signal == signal {
-                return Err(AlarmError::NoChange);
-            }
-            (known.signal, known.acknowledged) = (signal, acknowledged);
-            return Ok(());
-        }
-        if !signal {
-            return Err(AlarmError::FirstIsZero);
-        }
-        let place = match self.list[..self.used].iter().position(|number| !number.signal) {
-            _ if self.used < NUMBERS => {
-                self.used += 1;
-                self.used - 1
-            }
-            Some(gone) => gone,
-            None => return Err(AlarmError::NoResources),
-        };
-        self.list[place] = InUse { sfc, id, component, signal, acknowledged };
-        Ok(())
-    }
-
-    /// Sets numbers free.
-    fn release(&mut self, which: &dyn Fn(InUse) -> bool) {
-        let mut at = 0;
-        while at < self.used {
-            if which(self.list[at]) {
-                self.used -= 1;
-                self.list[at] = self.list[self.used];
-            } else {
-                at += 1;
-            }
-        }
-    }
-}
-
 /// Text of fixed size, written without allocating.
 struct Line {
     bytes: [u8; LOG_TEXT],
@@ -128,8 +71,7 @@ impl Messages for Machine {
     }
 
     fn in_use(&mut self, each: &mut dyn FnMut(InUse)) {
-        let signals = &self.services.signals;
-        signals.list[..signals.used].iter().copied().for_each(each);
+        self.services.signals.in_use().iter().copied().for_each(each);
     }
 
     fn release(&mut self, which: &dyn Fn(InUse) -> bool) {
@@ -140,25 +82,6 @@ impl Messages for Machine {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn signals_change_and_make_room() {
-        let mut signals = Signals::default();
-        let alarm = |id, signal| Alarm { sfc: 108, id, component: id % 2, signal, acknowledge: false, value: &[] };
-        assert_eq!(signals.change(alarm(1, false)), Err(AlarmError::FirstIsZero));
-        for id in 1..=NUMBERS as u32 {
-            assert_eq!(signals.change(alarm(id, true)), Ok(()));
-        }
-        assert_eq!(signals.change(alarm(1, true)), Err(AlarmError::NoChange));
-        assert_eq!(signals.change(alarm(1000, true)), Err(AlarmError::NoResources));
-        assert_eq!(signals.change(alarm(7, false)), Ok(()));
-        assert_eq!(signals.change(alarm(1000, true)), Ok(()));
-        assert_eq!(signals.change(alarm(7, false)), Err(AlarmError::FirstIsZero), "its place is another's");
-        signals.release(&|number| number.component == 0);
-        assert_eq!(signals.used, NUMBERS / 2 - 1);
-        assert!(signals.list[..signals.used].iter().all(|number| number.id % 2 == 1));
-        assert_eq!(signals.change(alarm(2, true)), Ok(()), "set free, so it is a new one");
-    }
 
     #[test]
     fn a_line_ends_where_the_room_ends() {

@@ -1,10 +1,9 @@
 //! The modules and the peripheral area: which module answers at which byte.
 
-use ob1_std::services::{NoPlace, Placed, Rack};
+use ob1_std::services::Placed;
 use ob1_time::Instant;
 
-use crate::machine::Machine;
-use crate::{BusPlace, Family, LoadError, Memory, Module, ModuleError, ModuleSlot, ModuleStatus};
+use crate::{BusPlace, LoadError, Memory, Module, ModuleError, ModuleSlot, ModuleStatus};
 
 /// Bytes of the peripheral area.
 const PERIPHERAL_BYTES: u32 = 65_536;
@@ -166,7 +165,7 @@ impl Modules {
 
 impl Modules {
     /// The module at this place of [`Modules::list`], as the blocks that ask for addresses see it.
-    fn placed(&self, index: usize) -> Option<Placed> {
+    pub(crate) fn placed(&self, index: usize) -> Option<Placed> {
         let plugged = self.list.get(index)?;
         // Modules lie inside the peripheral area of 64 KiB ([`Modules::new`]); one without bytes has no address.
         let range = |outputs| {
@@ -183,44 +182,6 @@ impl Modules {
     }
 }
 
-impl Rack for Machine {
-    fn area(&mut self) -> u8 {
-        u8::from(self.config.family == Family::S7_300)
-    }
-
-    fn module_with(&mut self, address: u16, output: bool) -> Option<Placed> {
-        let address = u32::from(address);
-        let has = |plugged: &Plugged| {
-            let (first, bytes) = plugged.range(output);
-            let itself = plugged.slot.bus.is_some() && bytes == 0 && first == address;
-            (first..first + bytes).contains(&address) || itself
-        };
-        self.modules.placed(self.modules.list.iter().position(has)?)
-    }
-
-    fn module_in(&mut self, rack: u16, slot: u16) -> Option<Placed> {
-        let index = slot.checked_sub(SLOT)?;
-        let placed = self.modules.placed(usize::from(index))?;
-        (rack == 0 && placed.master == 0).then_some(placed)
-    }
-
-    fn module_on(&mut self, master: u16, station: u16, slot: u16) -> Result<Placed, NoPlace> {
-        let mut missing = NoPlace::Master;
-        for (index, plugged) in self.modules.list.iter().enumerate() {
-            let Some(place) = plugged.slot.bus.filter(|place| u16::from(place.master) == master) else { continue };
-            if u16::from(place.station) != station {
-                missing = if missing == NoPlace::Master { NoPlace::Station } else { missing };
-                continue;
-            }
-            missing = NoPlace::Slot;
-            if u16::from(place.slot) == slot {
-                return self.modules.placed(index).ok_or(NoPlace::Slot);
-            }
-        }
-        Err(missing)
-    }
-}
-
 impl Plugged {
     /// The address is one of the module's input or output bytes, or where it begins.
     pub(crate) fn has(&self, address: u32, output: bool) -> bool {
@@ -228,7 +189,7 @@ impl Plugged {
         address == first || address > first && address - first < len
     }
 
-    fn range(&self, outputs: bool) -> (u32, u32) {
+    pub(crate) fn range(&self, outputs: bool) -> (u32, u32) {
         if outputs {
             (self.slot.output_address, self.output_bytes)
         } else {

@@ -5,6 +5,10 @@ use std::sync::atomic::AtomicU64;
 
 use crate::OperatingState;
 use ob1_model::{BlockId, Event, FaultKind, Interface, TimerKind};
+use ob1_std::services::{
+    AlarmSource, DataBlocks, ErrorFilter, Images, InterruptLocks, Messages, Meters, Rack, Schedule, StartInfo,
+    SystemStatus, WallClock,
+};
 use ob1_time::{Instant, Span};
 
 /// The only source of time: real or virtual.
@@ -298,7 +302,19 @@ pub trait NativeContext {
     }
     /// What standard blocks ask for: clock, interrupts by time, masks and locks, data blocks. Not in the plugin
     /// interface.
-    fn services(&mut self) -> &mut dyn crate::Services;
+    fn services(&mut self) -> &mut dyn Services;
+}
+
+/// The CPU's services, by the traits of `ob1-std`.
+pub trait Services:
+    WallClock + Meters + Schedule + DataBlocks + StartInfo + Images + Rack + SystemStatus + Messages + AlarmSource
+{
+    /// The filter of synchronous errors of the running priority class.
+    fn error_filter(&mut self) -> &mut ErrorFilter;
+    /// Which interrupts are locked and delayed.
+    fn interrupt_locks(&mut self) -> &mut InterruptLocks;
+    /// Puts a value into ACCU1 of the block that an error has interrupted; `false` outside OB 121 and OB 122.
+    fn replace_value(&mut self, value: u32) -> bool;
 }
 
 /// A block that is not made of statements: of a plugin, of the standard library, of the user, in Rust or C.

@@ -1,97 +1,23 @@
-//! What the standard blocks ask of the CPU besides memory and modules: clock, interrupts by time, masked errors, locks,
-//! data blocks.
+//! What the standard blocks ask of the CPU besides memory: clock, interrupts by time, masked errors, locks, data
+//! blocks, where the modules are.
 //!
-//! The rules of masks and locks are in `ob1-std`; here they are kept, asked at the right places, and turned into due
-//! times.
+//! The rules of masks and locks are in `ob1-std`; here they are asked at the right places and turned into due times.
 
 use ob1_std::moment::Moment;
 use ob1_std::services::{
     AlarmInfo, AlarmSource, CreateError, DataBlocks, DbInfo, DbRequest, DelayInterrupt, DeleteError, ErrorFilter,
-    ImageError, Images, InterruptLocks, LoadError, Messages, Meters, Period, Rack, RunTimeMeter, Schedule, StartInfo,
-    SystemStatus, TimeOfDayInterrupt, WallClock,
+    ImageError, Images, InterruptLocks, LoadError, Meters, NoPlace, Period, Placed, Rack, RunTimeMeter, Schedule,
+    StartInfo, TimeOfDayInterrupt, WallClock,
 };
-use ob1_time::Instant;
 
 use crate::db_pool::NoDb;
 use crate::interrupts::{NEVER, slot_of};
 use crate::machine::Machine;
-use crate::messages::Signals;
-use crate::modules::SLOT;
+use crate::modules::{Plugged, SLOT};
+use crate::{Family, Services};
 
 /// Longest data block SFC 22 makes.
 const LONGEST_DB: u16 = 65_534;
-
-/// The CPU's services, by the traits of `ob1-std`.
-pub trait Services:
-    WallClock + Meters + Schedule + DataBlocks + StartInfo + Images + Rack + SystemStatus + Messages + AlarmSource
-{
-    /// The filter of synchronous errors of the running priority class.
-    fn error_filter(&mut self) -> &mut ErrorFilter;
-    /// Which interrupts are locked and delayed.
-    fn interrupt_locks(&mut self) -> &mut InterruptLocks;
-    /// Puts a value into ACCU1 of the block that an error has interrupted; `false` outside OB 121 and OB 122.
-    fn replace_value(&mut self, value: u32) -> bool;
-}
-
-/// State of the services.
-#[derive(Debug)]
-pub(crate) struct ServiceState {
-    pub(crate) filter: ErrorFilter,
-    pub(crate) locks: InterruptLocks,
-    pub(crate) time_of_day: [TimeOfDayInterrupt; 8],
-    pub(crate) delays: [DelayInterrupt; 4],
-    meters: [RunTimeMeter; 8],
-    /// Start information of the last start-up OB.
-    pub(crate) start_up: [u8; 20],
-    /// Signals of block-related messages.
-    pub(crate) signals: Signals,
-    /// A block has used a service that can change due times.
-    pub(crate) touched: bool,
-}
-
-impl ServiceState {
-    pub(crate) fn new(loaded: impl Fn(u16) -> bool) -> Self {
-        Self {
-            filter: ErrorFilter::default(),
-            locks: InterruptLocks::default(),
-            time_of_day: std::array::from_fn(|i| TimeOfDayInterrupt {
-                loaded: loaded(10 + i as u16),
-                ..Default::default()
-            }),
-            delays: std::array::from_fn(|i| DelayInterrupt { loaded: loaded(20 + i as u16), ..Default::default() }),
-            meters: [RunTimeMeter::default(); 8],
-            start_up: [0; 20],
-            signals: Signals::default(),
-            touched: false,
-        }
-    }
-
-    /// Another program: these organization blocks are loaded now.
-    pub(crate) fn loaded(&mut self, loaded: impl Fn(u16) -> bool) {
-        for (ob, interrupt) in (10..).zip(&mut self.time_of_day) {
-            interrupt.loaded = loaded(ob);
-        }
-        for (ob, delay) in (20..).zip(&mut self.delays) {
-            delay.loaded = loaded(ob);
-        }
-    }
-
-    /// A start-up begins: masks, locks and interrupts by time that the program has set are gone. Run-time meters keep
-    /// their count.
-    pub(crate) fn clear(&mut self) {
-        (self.filter, self.locks) = (ErrorFilter::default(), InterruptLocks::default());
-        self.time_of_day.iter_mut().for_each(|i| (i.set, i.active) = (None, false));
-        self.delays.iter_mut().for_each(|i| i.due = None);
-        self.touched = false;
-        self.signals = Signals::default();
-    }
-
-    /// The CPU was in STOP between two times. A hot restart continues the run-time meters, the other ones leave them to
-    /// the program.
-    pub(crate) fn meters_stood(&mut self, from: Instant, to: Instant, hot: bool) {
-        self.meters.iter_mut().for_each(|meter| meter.stood(from, to, hot));
-    }
-}
 
 /// The PERIOD word of a time-of-day interrupt.
 pub(crate) const fn period_word(period: Period) -> u16 {
@@ -214,6 +140,44 @@ impl Images for Machine {
             }
         }
         result
+    }
+}
+
+impl Rack for Machine {
+    fn area(&mut self) -> u8 {
+        u8::from(self.config.family == Family::S7_300)
+    }
+
+    fn module_with(&mut self, address: u16, output: bool) -> Option<Placed> {
+        let address = u32::from(address);
+        let has = |plugged: &Plugged| {
+            let (first, bytes) = plugged.range(output);
+            let itself = plugged.slot.bus.is_some() && bytes == 0 && first == address;
+            (first..first + bytes).contains(&address) || itself
+        };
+        self.modules.placed(self.modules.list.iter().position(has)?)
+    }
+
+    fn module_in(&mut self, rack: u16, slot: u16) -> Option<Placed> {
+        let index = slot.checked_sub(SLOT)?;
+        let placed = self.modules.placed(usize::from(index))?;
+        (rack == 0 && placed.master == 0).then_some(placed)
+    }
+
+    fn module_on(&mut self, master: u16, station: u16, slot: u16) -> Result<Placed, NoPlace> {
+        let mut missing = NoPlace::Master;
+        for (index, plugged) in self.modules.list.iter().enumerate() {
+            let Some(place) = plugged.slot.bus.filter(|place| u16::from(place.master) == master) else { continue };
+            if u16::from(place.station) != station {
+                missing = if missing == NoPlace::Master { NoPlace::Station } else { missing };
+                continue;
+            }
+            missing = NoPlace::Slot;
+            if u16::from(place.slot) == slot {
+                return self.modules.placed(index).ok_or(NoPlace::Slot);
+            }
+        }
+        Err(missing)
     }
 }
 

@@ -3,7 +3,7 @@
 use ob1_model::Event;
 use ob1_time::Span;
 
-use crate::events::Diagnoses;
+use crate::interrupts::Diagnoses;
 use crate::machine::Watchdog;
 use crate::timers::{Counter, Timer};
 use crate::{Clock, Command, Cpu, Family, ObInfo, OperatingState};
