@@ -4,6 +4,9 @@ use crate::{AccountsConfig, CyclicInterrupt, Family, MissedCycle, Retentive, Tim
 use ob1_model::OperatingState;
 use ob1_time::{Instant, Span};
 
+/// Largest stack of a CPU, in bytes.
+pub const MOST_STACK_BYTES: usize = 64 * 1024 * 1024;
+
 /// The sizes and rules of one CPU. The defaults are those of an S7-300.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CpuConfig {

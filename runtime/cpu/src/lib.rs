@@ -20,6 +20,7 @@ mod error;
 mod events;
 mod exchange;
 mod interrupts;
+mod keep;
 mod load;
 mod log;
 mod machine;
@@ -40,6 +41,7 @@ mod successor;
 mod system;
 mod szl;
 mod szl_outside;
+mod szl_record;
 mod timers;
 mod wall;
 mod whereabouts;
@@ -49,7 +51,7 @@ pub use accounts::{
     Accounts, AccountsConfig, BlockFigures, Distribution, Figures, Flags, Flight, Histogram, ObFigures, ScanRecord,
     ScanStatistics, Sums,
 };
-pub use config::{BusPlace, CpuConfig, CycleEnd, ImageErrors, ModuleSlot};
+pub use config::{BusPlace, CpuConfig, CycleEnd, ImageErrors, MOST_STACK_BYTES, ModuleSlot};
 pub use cpu::Cpu;
 pub use diag::{DIAG_ENTRIES, DIAG_STOPS, DIAG_TEXT, DiagEntry, ShortText};
 pub use error::LoadError;
@@ -59,7 +61,7 @@ pub use load::Surroundings;
 pub use log::{LOG_TEXT, LogLine, LogReader};
 pub use machine::Attention;
 pub use natives::{Natives, Running};
-pub use nesting::{MOST_STACK_BYTES, PLUGIN_STACK_BYTES};
+pub use nesting::PLUGIN_STACK_BYTES;
 pub use ob1_model::{
     Cell, CellError, Command, Frame, GROUP_ENTRIES, OperatingState, Piece, Put, WATCH_BYTES, WATCH_LINES, WRITE_BYTES,
     Width,
@@ -67,8 +69,8 @@ pub use ob1_model::{
 pub use ob1_std::DP_DIAGNOSIS;
 pub use ob1_std::services::StatusError;
 pub use ports::*;
-pub use retentive::{DataRange, Retentive, RetentiveData, Why};
-pub use settings::{CyclicInterrupt, Family, Missed, MissedCycle, TimeOfDay};
+pub use retentive::Why;
+pub use settings::{CyclicInterrupt, DataRange, Family, Missed, MissedCycle, Retentive, RetentiveData, TimeOfDay};
 pub use successor::{NotNow, Successor};
 pub use system::{standard_block, system_blocks};
 pub use wall::date_and_time;

@@ -14,12 +14,12 @@ use crate::engine::{
     writes_param,
 };
 use crate::interrupts::{Diagnoses, Interrupts};
+use crate::keep::Keep;
 use crate::log::LogWriter;
 use crate::machine::{Attention, Machine, Watchdog};
 use crate::native::Native;
 use crate::nesting::Nesting;
 use crate::obs::ObRecords;
-use crate::retentive::Keep;
 use crate::service_state::ServiceState;
 use crate::timers::{Counter, Timer};
 use crate::wall::Wall;

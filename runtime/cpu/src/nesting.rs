@@ -21,8 +21,6 @@ const NESTED_CALL: usize = 4 * 1024;
 
 /// Stack, in bytes, that a native block of a plugin may use in one call, without that of the blocks it calls.
 pub const PLUGIN_STACK_BYTES: usize = 32 * 1024;
-/// Largest stack of a CPU, in bytes.
-pub const MOST_STACK_BYTES: usize = 64 * 1024 * 1024;
 
 /// What nests on one stack at most.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,6 +69,7 @@ impl Nesting {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::MOST_STACK_BYTES;
 
     fn with(obs: &[u16], depth: u8, plugins: bool) -> Result<Nesting, LoadError> {
         let config = CpuConfig { nesting_depth: depth, ..CpuConfig::default() };

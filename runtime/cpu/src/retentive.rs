@@ -1,56 +1,21 @@
-//! Retentive memory: what a warm restart keeps, and its image for a power cycle.
+//! The image of retentive memory for a power cycle.
 //!
 //! The image is one contiguous piece, all numbers little-endian: magic, version, length, number of data blocks made by
 //! the program; then what has to be the same when it is restored (checksum of the declarations, the ranges); then the
 //! made data blocks, the contents, and a checksum over everything before. Keeping it on a disk is the caller's
 //! task.
 
-use ob1_ir::Program;
-use ob1_model::BlockKind;
-
-use crate::arena::{ArenaByte, Range};
+use crate::arena::Range;
+use crate::keep::Hash;
 use crate::memory::Memory;
 use crate::timers::{Counter, Timer};
-use crate::{Cpu, CpuConfig, LoadError, OperatingState};
+use crate::{Cpu, OperatingState};
 
 const MAGIC: [u8; 8] = *b"ob1 keep";
 const VERSION: u32 = 1;
 /// Magic, version, length, made data blocks.
 const HEAD: usize = 20;
 const CHECKSUM: usize = 8;
-
-/// What keeps its value over a warm restart and a power cycle. The default is no bit memory, timers or counters, and
-/// all data blocks.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Retentive {
-    /// Bytes of bit memory.
-    pub memory: Vec<std::ops::Range<u32>>,
-    /// Timers. A running one continues with the time that was left.
-    pub timers: Vec<std::ops::Range<u16>>,
-    /// Counters.
-    pub counters: Vec<std::ops::Range<u16>>,
-    /// Data blocks.
-    pub data: RetentiveData,
-}
-
-/// Which data blocks are retentive.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub enum RetentiveData {
-    /// All, those the program makes itself too.
-    #[default]
-    All,
-    /// These. The others get their load values at a warm restart.
-    Only(Vec<DataRange>),
-}
-
-/// A data block, or bytes of it.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct DataRange {
-    /// The data block.
-    pub db: u16,
-    /// Bytes of it; `None`: all.
-    pub bytes: Option<std::ops::Range<u32>>,
-}
 
 /// Why an image is not restored. Nothing has been changed then.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,146 +51,6 @@ impl std::fmt::Display for Why {
 }
 
 impl std::error::Error for Why {}
-
-/// The ranges, found in the arena.
-#[derive(Debug, Default)]
-pub(crate) struct Keep {
-    pub(crate) memory: Vec<Range>,
-    timers: Vec<std::ops::Range<usize>>,
-    counters: Vec<std::ops::Range<usize>>,
-    pub(crate) data: Vec<Range>,
-    made: bool,
-    /// The part of the header that has to be the same.
-    same: Vec<u8>,
-}
-
-impl Keep {
-    pub(crate) fn new(config: &CpuConfig, program: &Program, memory: &Memory, errors: &mut Vec<LoadError>) -> Self {
-        let r = &config.retentive;
-        let mut keep = Self::default();
-        for range in &r.memory {
-            let found = inside(range.start, range.end, config.memory_bytes, "retentive.memory", errors);
-            keep.memory.extend(found.map(|len| Range { at: memory.memory.at.plus(range.start), len }));
-        }
-        for (ranges, all, field, to) in [
-            (&r.timers, config.timers, "retentive.timers", &mut keep.timers),
-            (&r.counters, config.counters, "retentive.counters", &mut keep.counters),
-        ] {
-            for range in ranges {
-                if inside(range.start.into(), range.end.into(), all.into(), field, errors).is_some() {
-                    to.push(usize::from(range.start)..usize::from(range.end));
-                }
-            }
-        }
-        match &r.data {
-            RetentiveData::All => {
-                keep.made = true;
-                keep.data.push(memory.all_dbs);
-            }
-            RetentiveData::Only(list) => {
-                for part in list {
-                    let Some(db) = memory.db(part.db) else {
-                        errors.push(LoadError::Retentive(part.db));
-                        continue;
-                    };
-                    let bytes = part.bytes.clone().unwrap_or(0..db.len);
-                    let found = inside(bytes.start, bytes.end, db.len, "retentive.data", errors);
-                    keep.data.extend(found.map(|len| Range { at: db.at.plus(bytes.start), len }));
-                }
-            }
-        }
-        keep.memory.sort_unstable_by_key(|range| range.at);
-        keep.data.sort_unstable_by_key(|range| range.at);
-        let mut same = declarations(program).to_le_bytes().to_vec();
-        let numbers = |list: &[std::ops::Range<usize>]| -> Vec<(u32, u32)> {
-            list.iter().map(|r| (r.start as u32, r.len() as u32)).collect()
-        };
-        // Offsets in their area: offsets in the arena move with the program's constants.
-        let places = |list: &[Range], base: ArenaByte| -> Vec<(u32, u32)> {
-            list.iter().map(|r| (r.at.0 - base.0, r.len)).collect()
-        };
-        for list in [
-            places(&keep.memory, memory.memory.at),
-            places(&keep.data, memory.all_dbs.at),
-            numbers(&keep.timers),
-            numbers(&keep.counters),
-        ] {
-            same.extend_from_slice(&(list.len() as u32).to_le_bytes());
-            for (at, len) in list {
-                same.extend_from_slice(&at.to_le_bytes());
-                same.extend_from_slice(&len.to_le_bytes());
-            }
-        }
-        keep.same = same;
-        keep
-    }
-
-    /// Everything else becomes as after loading.
-    pub(crate) fn clear_rest(&self, memory: &mut Memory, timers: &mut [Timer], counters: &mut [Counter]) {
-        memory.clear_areas(&self.memory);
-        memory.reload_dbs(&self.data);
-        clear_gaps(timers, &self.timers);
-        clear_gaps(counters, &self.counters);
-    }
-}
-
-fn inside(start: u32, end: u32, all: u32, field: &'static str, errors: &mut Vec<LoadError>) -> Option<u32> {
-    if start <= end && end <= all {
-        return Some(end - start);
-    }
-    errors.push(LoadError::Config { field, value: start.max(end).into(), max: all.into() });
-    None
-}
-
-fn clear_gaps<T: Default>(list: &mut [T], keep: &[std::ops::Range<usize>]) {
-    for (i, item) in list.iter_mut().enumerate() {
-        if !keep.iter().any(|range| range.contains(&i)) {
-            *item = T::default();
-        }
-    }
-}
-
-/// What gives the retained bytes their meaning: the declarations of data blocks and function blocks. Statements are not
-/// part of it, so that a program keeps its data when a statement changes.
-fn declarations(program: &Program) -> u64 {
-    use std::fmt::Write;
-    let mut hash = Hash::default();
-    // Writing into the hash cannot fail.
-    for db in &program.data {
-        let _ = write!(hash, "{} {:?} {} {:?};", db.number, db.kind, db.bytes.len(), db.components);
-    }
-    for fb in program.blocks.iter().filter(|block| block.id.kind == BlockKind::Fb) {
-        let _ = write!(hash, "{} {:?};", fb.id, fb.interface);
-    }
-    hash.0
-}
-
-/// FNV-1a over words of eight bytes.
-struct Hash(u64);
-
-impl Default for Hash {
-    fn default() -> Self {
-        Self(0xCBF2_9CE4_8422_2325)
-    }
-}
-
-impl Hash {
-    fn add(&mut self, bytes: &[u8]) {
-        for chunk in bytes.chunks(8) {
-            let mut word = [0; 8];
-            word[..chunk.len()].copy_from_slice(chunk);
-            self.0 = (self.0 ^ u64::from_le_bytes(word)).wrapping_mul(0x0100_0000_01B3).rotate_left(29);
-        }
-        self.0 = (self.0 ^ bytes.len() as u64).wrapping_mul(0x0100_0000_01B3);
-    }
-}
-
-impl std::fmt::Write for Hash {
-    fn write_str(&mut self, text: &str) -> std::fmt::Result {
-        self.add(text.as_bytes());
-        Ok(())
-    }
-}
 
 fn checksum(bytes: &[u8]) -> [u8; CHECKSUM] {
     let mut hash = Hash::default();

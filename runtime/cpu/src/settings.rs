@@ -1,4 +1,4 @@
-//! What can be set about a CPU besides its sizes: family, interrupts by time, missed deadlines.
+//! What can be set about a CPU besides its sizes: family, interrupts by time, missed deadlines, what is retentive.
 
 use ob1_std::moment::Moment;
 use ob1_std::services::Period;
@@ -85,4 +85,37 @@ pub struct TimeOfDay {
     pub start: Moment,
     /// How often.
     pub period: Period,
+}
+
+/// What keeps its value over a warm restart and a power cycle. The default is no bit memory, timers or counters, and
+/// all data blocks.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Retentive {
+    /// Bytes of bit memory.
+    pub memory: Vec<std::ops::Range<u32>>,
+    /// Timers. A running one continues with the time that was left.
+    pub timers: Vec<std::ops::Range<u16>>,
+    /// Counters.
+    pub counters: Vec<std::ops::Range<u16>>,
+    /// Data blocks.
+    pub data: RetentiveData,
+}
+
+/// Which data blocks are retentive.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum RetentiveData {
+    /// All, those the program makes itself too.
+    #[default]
+    All,
+    /// These. The others get their load values at a warm restart.
+    Only(Vec<DataRange>),
+}
+
+/// A data block, or bytes of it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DataRange {
+    /// The data block.
+    pub db: u16,
+    /// Bytes of it; `None`: all.
+    pub bytes: Option<std::ops::Range<u32>>,
 }

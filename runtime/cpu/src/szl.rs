@@ -11,13 +11,9 @@ use crate::interrupts::{priority_of, slot_of};
 use crate::machine::Machine;
 use crate::modules::{Plugged, SLOT};
 use crate::szl_outside;
+use crate::szl_record::{Each, Length, Record};
 use crate::wall::Wall;
 use crate::{DiagEntry, Family, ModuleEntry, OperatingState};
-
-/// Who gets the records.
-pub(crate) type Each<'a> = &'a mut dyn FnMut(&[u8]);
-/// Length of a record, or why there is none.
-pub(crate) type Length = Result<u16, StatusError>;
 
 /// The lists there are, for list 0000h.
 const LISTS: [u16; 36] = [
@@ -93,41 +89,6 @@ fn chosen(all: &[u16], index: Option<u16>, give: &mut dyn FnMut(u16)) -> Result<
         Some(_) => return Err(StatusError::Index),
     }
     Ok(())
-}
-
-/// A record that is filled piece by piece.
-pub(crate) struct Record<const N: usize> {
-    pub(crate) bytes: [u8; N],
-    at: usize,
-}
-
-impl<const N: usize> Record<N> {
-    pub(crate) fn new() -> Self {
-        Self { bytes: [0; N], at: 0 }
-    }
-
-    pub(crate) fn put(mut self, bytes: &[u8]) -> Self {
-        let end = (self.at + bytes.len()).min(N);
-        self.bytes[self.at..end].copy_from_slice(&bytes[..end - self.at]);
-        self.at = end;
-        self
-    }
-
-    pub(crate) fn word(self, word: u16) -> Self {
-        self.put(&word.to_be_bytes())
-    }
-
-    pub(crate) fn long(self, long: u32) -> Self {
-        self.put(&long.to_be_bytes())
-    }
-
-    /// Text, filled up with `fill` to `len` bytes.
-    fn text(self, text: &str, len: usize, fill: u8) -> Self {
-        let mut bytes = [fill; 32];
-        let used = text.len().min(len).min(bytes.len());
-        bytes[..used].copy_from_slice(&text.as_bytes()[..used]);
-        self.put(&bytes[..len.min(32)])
-    }
 }
 
 /// The number in front of each dot of this version.

@@ -6,7 +6,7 @@
 use ob1_std::services::StatusError;
 
 use crate::modules::{Modules, Plugged};
-use crate::szl::{Each, Length, Record};
+use crate::szl_record::{Each, Length, Record};
 
 /// Bytes of a record of lists xy31 and xy32.
 const COMMUNICATION: u16 = 40;
