@@ -1,12 +1,18 @@
-//! Interrupt dispatch: a due interrupt runs when its priority class is above the running one, at safe points and
-//! between cycles.
+//! Organization blocks in their turn: a due interrupt runs when its priority class is above the running one, at safe
+//! points and between cycles.
 
+use ob1_model::{Event, FaultKind};
+use ob1_std::services::ErrorFilter;
 use ob1_time::Span;
 
+use crate::context::Context;
+use crate::engine::{Callee, Entry};
 use crate::events::Late;
 use crate::interrupts::{Hardware, Passed, Request, SLOTS, ob_of, priority_of};
+use crate::native;
 use crate::services::period_word;
-use crate::{Abort, Context, ObInfo};
+use crate::whereabouts::Packed;
+use crate::{Abort, ObInfo};
 
 impl Context<'_> {
     /// Runs the interrupt of the highest class that is due, when it is above the running class. False when there was
@@ -66,6 +72,69 @@ impl Context<'_> {
         let again = self.collect();
         self.machine.interrupts.done(request.slot);
         again
+    }
+
+    /// Runs an organization block, nested in whatever runs.
+    pub(crate) fn run_ob(&mut self, callee: Callee, info: ObInfo) -> Result<(), Abort> {
+        let machine = &mut *self.machine;
+        let Some(at) = machine.memory.local.locate(machine.hot.local_top, 20) else {
+            self.stop(Event(FaultKind::NestingDepth.number()), u32::from(info.number), "no local data left");
+            return Err(Abort);
+        };
+        if machine.config.ob_start_info {
+            machine.memory.bytes[at.index()..at.index() + 20].copy_from_slice(&info.start);
+        }
+        self.look();
+        let machine = &mut *self.machine;
+        let began = machine.hot.now;
+        let outer_inside = std::mem::take(&mut machine.inside);
+        // The OBs for synchronous errors belong to the class they interrupt, and so do its masks and its run time.
+        let synchronous = matches!(info.number, 121 | 122);
+        let (filter, outer_class) = (machine.services.filter, machine.class_ob);
+        if !synchronous {
+            machine.services.filter = ErrorFilter::default();
+            machine.class_ob = info.number;
+            if let Some(record) = machine.obs.of(outer_class) {
+                record.pause(began, outer_inside);
+            }
+            if let Some(record) = machine.obs.of(info.number) {
+                record.begin(began);
+            }
+        }
+        let outer = std::mem::replace(&mut machine.ob, info);
+        let active = machine.active;
+        machine.active |= 1 << (info.number & 127);
+        machine.whereabouts.enter(info.number);
+        let caller = machine.native_caller.take();
+        let depth = std::mem::take(&mut machine.hot.depth);
+        let tops = (machine.hot.local_top, machine.hot.refs_top, machine.hot.scratch_top);
+        let result = match callee {
+            Callee::Code(block) => self.blocks.engine.call(block, &Entry::default(), self),
+            Callee::Native(index) => native::call(index, Packed::NONE, &Entry::default(), self).map(|_| ()),
+        };
+        self.look();
+        let machine = &mut *self.machine;
+        let whole = machine.hot.now - began;
+        let inside = machine.inside;
+        machine.inside = outer_inside + if synchronous { inside } else { whole };
+        let own = whole.saturating_sub(inside);
+        machine.trace.ob_ran(info.number, own);
+        if let Some(record) = machine.obs.of(info.number) {
+            record.ran(own, whole);
+        }
+        if !synchronous {
+            machine.services.filter = filter;
+            machine.class_ob = outer_class;
+            if info.number < 80 {
+                machine.services.locks.end_delays();
+            }
+        }
+        (machine.ob, machine.active) = (outer, active);
+        machine.whereabouts.enter(outer.number);
+        machine.native_caller = caller;
+        machine.hot.depth = depth;
+        (machine.hot.local_top, machine.hot.refs_top, machine.hot.scratch_top) = tops;
+        result
     }
 
     /// The start information of an interrupt.

@@ -17,7 +17,7 @@ use crate::interrupts::{Diagnoses, Interrupts};
 use crate::keep::Keep;
 use crate::log::LogWriter;
 use crate::machine::{Attention, Machine, Watchdog};
-use crate::native::Native;
+use crate::natives::Native;
 use crate::nesting::Nesting;
 use crate::obs::ObRecords;
 use crate::service_state::ServiceState;

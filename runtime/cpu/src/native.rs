@@ -6,69 +6,13 @@ use ob1_time::{Instant, Span};
 use crate::arena::{ArenaBit, Range};
 use crate::context::Context;
 use crate::engine::{Callee, Entry, Interrupted, POINTER_BITS, RAW};
+use crate::natives::{Formal, Native};
 use crate::timers::Counter;
 use crate::whereabouts::Packed;
 use crate::{
-    Abort, DiagEntry, Instance, IoError, ModuleStatus, NativeArea, NativeArg, NativeBlock, NativeContext, NativeError,
-    Natives, ObInfo, Running, Services, ShortText, TimerState,
+    Abort, DiagEntry, Instance, IoError, ModuleStatus, NativeArea, NativeArg, NativeContext, NativeError, ObInfo,
+    Services, ShortText, TimerState,
 };
-
-/// A formal parameter of a native block.
-#[derive(Clone, Copy, Debug)]
-struct Formal {
-    /// Bits; above 32 it is read as bytes.
-    bits: u32,
-    /// The reference is a number.
-    number: bool,
-    input: bool,
-    /// Bit in the instance.
-    at: u32,
-}
-
-/// A loaded native block.
-pub(crate) struct Native {
-    pub(crate) block: Box<dyn NativeBlock>,
-    id: BlockId,
-    formals: Box<[Formal]>,
-    has_instance: bool,
-    instance_bytes: u32,
-    is_plugin: bool,
-    /// What [`Running`] holds while it runs.
-    word: u32,
-    /// Its account, for a block of a plugin.
-    account: Option<u32>,
-}
-
-impl Native {
-    /// All native blocks; those of plugins get their accounts, in their order, when `timed`.
-    pub(crate) fn all(blocks: Natives, timed: bool) -> Vec<Self> {
-        let mut accounts = 0..;
-        let account = |block: &dyn NativeBlock, accounts: &mut std::ops::RangeFrom<u32>| {
-            if timed && block.is_plugin() { accounts.next() } else { None }
-        };
-        blocks
-            .into_blocks()
-            .into_iter()
-            .map(|block| Self { account: account(&*block, &mut accounts), ..Self::new(block) })
-            .collect()
-    }
-
-    fn new(block: Box<dyn NativeBlock>) -> Self {
-        let interface = block.interface();
-        let formals = interface
-            .formals()
-            .map(|p| Formal {
-                bits: p.passed_bits(block.id().kind.has_instance()),
-                number: p.ty.is_parameter_type(),
-                input: p.section == Section::Input,
-                at: p.at.0,
-            })
-            .collect();
-        let (id, instance_bytes, is_plugin) = (block.id(), interface.instance_bytes, block.is_plugin());
-        let (word, has_instance) = (Running::word(id), id.kind.has_instance());
-        Self { id, formals, has_instance, instance_bytes, is_plugin, word, account: None, block }
-    }
-}
 
 /// Calls a native block from the statement at `site`; the answer is the binary result it leaves.
 #[inline]

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use ob1_model::{BlockId, BlockKind};
+use ob1_model::{BlockId, BlockKind, Section};
 
 use crate::NativeBlock;
 
@@ -52,10 +52,6 @@ impl Natives {
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
-
-    pub(crate) fn into_blocks(self) -> Vec<Box<dyn NativeBlock>> {
-        self.0
-    }
 }
 
 impl From<Vec<Box<dyn NativeBlock>>> for Natives {
@@ -67,6 +63,60 @@ impl From<Vec<Box<dyn NativeBlock>>> for Natives {
 impl std::fmt::Debug for Natives {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_list().entries(self.iter().map(NativeBlock::id)).finish()
+    }
+}
+
+/// A formal parameter of a native block.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Formal {
+    /// Bits; above 32 it is read as bytes.
+    pub(crate) bits: u32,
+    /// The reference is a number.
+    pub(crate) number: bool,
+    pub(crate) input: bool,
+    /// Bit in the instance.
+    pub(crate) at: u32,
+}
+
+/// A loaded native block.
+pub(crate) struct Native {
+    pub(crate) block: Box<dyn NativeBlock>,
+    pub(crate) id: BlockId,
+    pub(crate) formals: Box<[Formal]>,
+    pub(crate) has_instance: bool,
+    pub(crate) instance_bytes: u32,
+    pub(crate) is_plugin: bool,
+    /// What [`Running`] holds while it runs.
+    pub(crate) word: u32,
+    /// Its account, for a block of a plugin.
+    pub(crate) account: Option<u32>,
+}
+
+impl Native {
+    /// All native blocks; those of plugins get their accounts, in their order, when `timed`.
+    pub(crate) fn all(blocks: Natives, timed: bool) -> Vec<Self> {
+        let mut accounts = 0..;
+        let account = |block: &dyn NativeBlock, accounts: &mut std::ops::RangeFrom<u32>| {
+            if timed && block.is_plugin() { accounts.next() } else { None }
+        };
+        let blocks = blocks.0.into_iter();
+        blocks.map(|block| Self { account: account(&*block, &mut accounts), ..Self::new(block) }).collect()
+    }
+
+    fn new(block: Box<dyn NativeBlock>) -> Self {
+        let interface = block.interface();
+        let formals = interface
+            .formals()
+            .map(|p| Formal {
+                bits: p.passed_bits(block.id().kind.has_instance()),
+                number: p.ty.is_parameter_type(),
+                input: p.section == Section::Input,
+                at: p.at.0,
+            })
+            .collect();
+        let (id, instance_bytes, is_plugin) = (block.id(), interface.instance_bytes, block.is_plugin());
+        let (word, has_instance) = (Running::word(id), id.kind.has_instance());
+        Self { id, formals, has_instance, instance_bytes, is_plugin, word, account: None, block }
     }
 }
 
@@ -88,7 +138,7 @@ impl Running {
     }
 
     /// The word of a block.
-    pub(crate) const fn word(id: BlockId) -> u32 {
+    const fn word(id: BlockId) -> u32 {
         BUSY | (id.kind as u32) << 16 | id.number as u32
     }
 
