@@ -65,13 +65,12 @@ pub use call::{Prepared, Saved, Tops};
 pub use convert::convert;
 pub use hot::Hot;
 pub use jump::condition;
-pub use operand::POINTER_BITS;
+pub use operand::{POINTER_BITS, RAW};
 pub use plan::{
     AREA_IN_POINTER, Areas, Base, Block, Call, CallTarget, Callee, Caller, Executed, Formal, InSource, InstanceIn,
     InstanceOf, InstanceOut, List, Op, OutTarget, Plan, RefArg, Scan, Signature, Signatures,
 };
 pub(crate) use plan::{Constants, Lowering, collect, lower, writes_param};
-pub use pointer_list::RAW;
 pub use reference::{ACCOUNTING, PLAIN, REFERENCE};
 pub(crate) use regs::Interrupted;
 pub use regs::{BR, CC0, CC1, FC, OR, OS, OV, RLO, Regs, STA, with_cc};

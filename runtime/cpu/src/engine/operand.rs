@@ -3,13 +3,18 @@
 use ob1_ir::{AddressRegister, DbRegister, Number, Place, Pointer};
 use ob1_model::{Area, BitAddr, BlockKind, Fault, FaultKind};
 
-use super::pointer_list::RAW;
 use super::regs::Regs;
 use crate::arena::{ArenaBit, Db, Range};
 use crate::machine::Machine;
 
 /// The part of a pointer that is an address: 16 bits of byte, 3 of bit.
 pub const POINTER_BITS: u32 = 0x7_FFFF;
+
+/// Set in a reference that is a pointer of a list.
+pub const RAW: u32 = 0x8000_0000;
+
+/// Addresses of area V from here on are the copies that calls make of constants and of operands without an address.
+pub(crate) const COPIES: u32 = 0x8000;
 
 /// Where an operand lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,9 +72,21 @@ pub(crate) fn reference(index: u16, r: &Regs, m: &Machine) -> u32 {
 fn param(index: u16, at: u32, bits: u32, write: bool, r: &Regs, m: &Machine) -> Result<Where, Fault> {
     let reference = reference(index, r, m);
     if reference & RAW != 0 {
-        return super::pointer_list::locate(reference, at, bits, write, r, m);
+        return by_pointer(reference, at, bits, write, r, m);
     }
     Ok(Where::Arena(ArenaBit(reference.wrapping_add(at))))
+}
+
+/// The place a reference that is a pointer names now, `at` bits into it.
+#[cold]
+pub(crate) fn by_pointer(pointer: u32, at: u32, bits: u32, write: bool, r: &Regs, m: &Machine) -> Result<Where, Fault> {
+    let Some(area) = Area::from_pointer_code((pointer >> 24) as u8) else {
+        let kind = if write { FaultKind::AreaWrite } else { FaultKind::AreaRead };
+        return Err(Fault::new(kind, pointer >> 24));
+    };
+    let at = (pointer & POINTER_BITS) + at;
+    aligned(area, at, bits, write)?;
+    in_area(area, at, bits, write, r, m)
 }
 
 /// Checks that an operand of whole bytes begins at a byte.
@@ -95,11 +112,15 @@ pub(crate) fn in_area(area: Area, at: u32, bits: u32, write: bool, r: &Regs, m: 
     };
     match range.locate(at / 8, bits.div_ceil(8)) {
         Some(byte) => Ok(Where::Arena(byte.bit(at % 8))),
-        None if area == Area::PreviousLocal => {
-            super::pointer_list::copies(at, bits, m).ok_or_else(|| outside(area, at, bits, write))
-        }
+        None if area == Area::PreviousLocal => copies(at, bits, m).ok_or_else(|| outside(area, at, bits, write)),
         None => Err(outside(area, at, bits, write)),
     }
+}
+
+/// The place in area V beyond the caller's local data: what calls have copied.
+fn copies(at: u32, bits: u32, m: &Machine) -> Option<Where> {
+    let byte = (at / 8).checked_sub(COPIES)?;
+    m.memory.scratch.locate(byte, bits.div_ceil(8)).map(|byte| Where::Arena(byte.bit(at % 8)))
 }
 
 #[cold]

@@ -9,20 +9,14 @@
 use ob1_ir::DbRegister;
 use ob1_model::{Area, BitAddr, Fault, FaultKind};
 
-use super::operand::{POINTER_BITS, Where, aligned, in_area, in_db, reference};
+use super::operand::{COPIES, POINTER_BITS, RAW, Where, aligned, by_pointer, in_area, in_db, reference};
 use super::plan::Formal;
 use super::regs::Regs;
 use crate::arena::{ArenaBit, Range};
 use crate::machine::Machine;
 
-/// Set in a reference that is a pointer.
-pub const RAW: u32 = 0x8000_0000;
-
 /// A reference to nothing: an area that does not exist.
 const NOWHERE: u32 = 0xFF00_0000;
-
-/// Addresses of area V from here on are the copies that calls make of constants and of operands without an address.
-const COPIES: u32 = 0x8000;
 
 /// Bits of a POINTER.
 const POINTER: u32 = 48;
@@ -97,34 +91,16 @@ fn arena(place: Result<Where, Fault>) -> Option<ArenaBit> {
     }
 }
 
-/// The place a reference that is a pointer names now, `at` bits into it.
-#[cold]
-pub(crate) fn locate(pointer: u32, at: u32, bits: u32, write: bool, r: &Regs, m: &Machine) -> Result<Where, Fault> {
-    let Some(area) = Area::from_pointer_code((pointer >> 24) as u8) else {
-        let kind = if write { FaultKind::AreaWrite } else { FaultKind::AreaRead };
-        return Err(Fault::new(kind, pointer >> 24));
-    };
-    let at = (pointer & POINTER_BITS) + at;
-    aligned(area, at, bits, write)?;
-    in_area(area, at, bits, write, r, m)
-}
-
 /// The reference for a called block that is passed the parameter of this one.
 pub(crate) fn handed_on(reference: u32, at: u32, r: &Regs, m: &Machine) -> u32 {
     if reference & RAW == 0 {
         return reference + at;
     }
-    match locate(reference, at, 1, false, r, m) {
+    match by_pointer(reference, at, 1, false, r, m) {
         Ok(Where::Arena(at)) => at.0,
         Ok(Where::Peripheral(_)) => reference + at,
         Err(_) => NOWHERE,
     }
-}
-
-/// The place in area V beyond the caller's local data: what calls have copied.
-pub(crate) fn copies(at: u32, bits: u32, m: &Machine) -> Option<Where> {
-    let byte = (at / 8).checked_sub(COPIES)?;
-    m.memory.scratch.locate(byte, bits.div_ceil(8)).map(|byte| Where::Arena(byte.bit(at % 8)))
 }
 
 /// `L P##name`: the pointer to the actual parameter `index`. With `by`, its POINTER is written to that place of the

@@ -1,26 +1,16 @@
 //! From the intermediate code to the pre-decoded form, at load.
 
-use ob1_ir::{AccuOp, BitTest, CodeBlock, Logic, Number, NumberFormat, Op as Ir, Operand, Place, Program, Verified};
+use ob1_ir::{AccuOp, BitTest, CodeBlock, Logic, Number, NumberFormat, Op as Ir, Operand, Place};
 use ob1_model::{Area, BitAddr, BlockKind};
 
-use super::lower_call::{Constants, lower_call};
-use super::{AREA_IN_POINTER, Base, Block, CallTarget, Callee, InstanceOf, Op, Scan, Signatures};
+use super::lower_call::lower_call;
+use super::lowering::{Lowering, fixed};
+use super::{AREA_IN_POINTER, Base, Block, CallTarget, Callee, InstanceOf, Op, Scan};
+use crate::LoadError;
 use crate::arena::ArenaByte;
-use crate::memory::Memory;
-use crate::{CpuConfig, LoadError};
 
 /// Bytes of start information at the beginning of an organization block's local data.
 const START_INFO: u32 = 20;
-
-/// Everything lowering reads.
-pub(crate) struct Lowering<'a> {
-    pub(crate) config: &'a CpuConfig,
-    pub(crate) memory: &'a Memory,
-    pub(crate) program: Verified<&'a Program>,
-    pub(crate) signatures: &'a Signatures,
-    /// Constants of calls: their bytes, at `memory.constants`.
-    pub(crate) constants: &'a Constants,
-}
 
 /// Lowers one block.
 pub(crate) fn lower(block: &CodeBlock, l: &Lowering<'_>, errors: &mut Vec<LoadError>) -> Block {
@@ -177,18 +167,6 @@ fn transfer(operand: Operand, l: &Lowering<'_>) -> Option<Op> {
         return Some(Op::StoreInDb { bits, db, at });
     }
     based(operand.place, l).filter(|_| bits > 1).map(|(base, at)| Op::StoreAt { bits, base, at })
-}
-
-/// The arena byte and bit mask of a place in E, A or M that lies inside its area.
-pub(crate) fn fixed(place: Place, bits: u32, l: &Lowering<'_>) -> Option<(ArenaByte, u8)> {
-    let Place::Fixed(area, at) = place else { return None };
-    let range = match area {
-        Area::Input => l.memory.inputs,
-        Area::Output => l.memory.outputs,
-        Area::Memory => l.memory.memory,
-        _ => return None,
-    };
-    range.locate(at.byte(), bits.div_ceil(8)).map(|byte| (byte, 1 << at.bit()))
 }
 
 /// A fully qualified operand of a data block that is loaded, long enough and, for writes, not protected.

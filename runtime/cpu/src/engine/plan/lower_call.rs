@@ -3,7 +3,7 @@
 use ob1_ir::{Arg, Call as IrCall, CallMode, CodeBlock, Number, Operand, Place, Target};
 use ob1_model::{Area, BlockId, Layout, Section, Site};
 
-use super::lower::{Lowering, fixed};
+use super::lowering::{Constants, Lowering, fixed};
 use super::{
     Call, CallTarget, Formal, InSource, InstanceIn, InstanceOf, InstanceOut, List, OutTarget, RefArg, Signature,
     Signatures,
@@ -13,34 +13,6 @@ use crate::whereabouts::Packed;
 
 /// Formals a block may have.
 const FORMALS: usize = 256;
-
-/// Constants of calls, collected before the memory is laid out.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Constants {
-    pub(crate) bytes: Vec<u8>,
-}
-
-impl Constants {
-    /// The offset of these bytes, which are appended when they are not there yet.
-    pub(crate) fn add(&mut self, bytes: &[u8]) {
-        if self.find(bytes).is_none() {
-            self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
-            self.bytes.extend_from_slice(bytes);
-        }
-    }
-
-    /// Offset of these bytes, on a multiple of four.
-    pub(crate) fn find(&self, bytes: &[u8]) -> Option<u32> {
-        let mut at = 0;
-        while at + bytes.len() <= self.bytes.len() {
-            if &self.bytes[at..at + bytes.len()] == bytes {
-                return u32::try_from(at).ok();
-            }
-            at += 4;
-        }
-        None
-    }
-}
 
 /// The bytes of a constant of a formal: right-aligned value to the formal's own width.
 fn constant_bytes(value: u32, bits: u32) -> ([u8; 4], usize) {

@@ -5,6 +5,7 @@ mod call;
 mod executed;
 mod lower;
 mod lower_call;
+mod lowering;
 mod op;
 mod signature;
 
@@ -15,8 +16,9 @@ use crate::arena::{Db, Range};
 
 pub use call::{Call, CallTarget, InSource, InstanceIn, InstanceOf, InstanceOut, List, OutTarget, RefArg};
 pub use executed::Executed;
-pub(crate) use lower::{Lowering, lower, writes_param};
-pub(crate) use lower_call::{Constants, collect};
+pub(crate) use lower::{lower, writes_param};
+pub(crate) use lower_call::collect;
+pub(crate) use lowering::{Constants, Lowering};
 pub use op::{AREA_IN_POINTER, Base, Op, Scan};
 pub use signature::{Formal, Signature, Signatures};
 
