@@ -28,7 +28,7 @@ mod send;
 
 use ob1_params::{Cp240 as Parameters, LineSettings};
 use ob1_protocols::rk512::Order as Rk512Order;
-use ob1_protocols::{Event, Input, Instant, LineFault, LineInput, Order, SendError, What};
+use ob1_protocols::{Event, Input, Instant, LineFault, LineInput, Order, Rk512, SendError, What};
 
 use crate::diagnosis::{Diagnosis, Kind};
 use crate::leds::{LedDriver, Leds};
@@ -91,7 +91,9 @@ pub struct Cp240 {
     protocol_due: Option<Instant>,
     send: SendSide,
     receive: ReceiveSide,
-    /// The receive side of RK 512, used instead of `receive`.
+    /// RK 512, used instead of `protocol`.
+    rk512_machine: Option<Box<Rk512>>,
+    /// Its receive side, used instead of `receive`.
     rk512: Rk512Side,
     /// RK 512: an order of the CPU waits until the previous one has ended.
     order_waits: bool,
@@ -181,6 +183,7 @@ impl Cp240 {
             protocol_due: None,
             send: SendSide::new(),
             receive: ReceiveSide::new(),
+            rk512_machine: None,
             rk512: Rk512Side::new(),
             order_waits: false,
             line_gone: false,
@@ -245,7 +248,7 @@ impl Cp240 {
     /// Drops everything in both directions, and the protocol with it.
     fn drop_all(&mut self, port: &mut dyn CpPort) {
         let rk512 = self.drop_rk512(port);
-        if !matches!(self.protocol, Protocol::None) {
+        if rk512.is_some() || !matches!(self.protocol, Protocol::None) {
             port.take_back();
         }
         self.protocol = Protocol::None;
@@ -274,11 +277,11 @@ impl Cp240 {
     fn work(&mut self, now: Instant, port: &mut dyn CpPort) {
         let Some(setup) = &self.setup else { return };
         self.receive.clear(self.capacity);
-        self.protocol = setup.build();
+        (self.protocol, self.rk512_machine) = (setup.build(), setup.rk512());
         let long = self.protocol.slave().is_some_and(|slave| slave.config().confirmed);
         self.send.set_area(long);
         self.receive.set_area(long);
-        self.send.set_framed(self.protocol.rk512().is_some());
+        self.send.set_framed(self.rk512_machine.is_some());
         self.phase = Phase::Working;
         self.modem.reset();
         port.rts(true);
@@ -327,7 +330,7 @@ impl Cp240 {
             return;
         }
         self.look_send(now, port);
-        if self.protocol.rk512().is_some() {
+        if self.rk512_machine.is_some() {
             return self.look_rk512(now, port);
         }
         self.look_receive(now, port);
@@ -349,7 +352,7 @@ impl Cp240 {
                 }
                 self.send.answer(answer);
             }
-            send::Step::Complete if self.protocol.rk512().is_some() => self.handed(now, port),
+            send::Step::Complete if self.rk512_machine.is_some() => self.handed(now, port),
             send::Step::Complete => {
                 port.count(CpCounter::OrdersAccepted, 1);
                 port.event(now, CpEvent::Order(self.send.telegram()));
@@ -398,7 +401,7 @@ impl Cp240 {
             Phase::Off | Phase::Clearing => compose(0, 0, &[]),
             Phase::NoParameters(byte) => compose(NO_PARAMETERS, SYSTEM | u16::from(byte), &[]),
             Phase::Identify => compose(STARTUP, SYSTEM | u16::from(self.number), &[]),
-            Phase::Working if self.protocol.rk512().is_some() => {
+            Phase::Working if self.rk512_machine.is_some() => {
                 compose(self.rk512.rx(), self.send.echo(), self.rk512.block())
             }
             Phase::Working => match self.protocol.image() {
@@ -444,7 +447,8 @@ impl Cp240 {
             return;
         }
         self.drive(now, Input::Line(line), port);
-        if self.line_gone && self.send.is_transmitting() && !self.protocol.is_acknowledged() {
+        let is_acknowledged = self.rk512_machine.is_some() || self.protocol.is_acknowledged();
+        if self.line_gone && self.send.is_transmitting() && !is_acknowledged {
             self.line_broke_off = true;
             self.drive(now, Protocol::ABORT, port);
             self.line_broke_off = false;
@@ -459,7 +463,11 @@ impl Cp240 {
     fn step_protocol(&mut self, now: Instant, input: Option<Input<'_>>, port: &mut dyn CpPort) {
         let mut out = outlet!(self, now, port);
         let input = input.unwrap_or(Input::Order(Order::Send(self.send.telegram())));
-        self.protocol_due = self.protocol.step(now, input, &mut out);
+        self.protocol_due = match &mut self.rk512_machine {
+            // Its orders come through `handed`.
+            Some(machine) => machine.step(now, input.with_orders(Rk512Order::Abort), &mut out),
+            None => self.protocol.step(now, input, &mut out),
+        };
         if let Some(outcome) = out.outcome {
             self.ended(now, outcome, port);
         }
@@ -469,7 +477,7 @@ impl Cp240 {
             port.count(CpCounter::Received, 1);
             port.event(now, CpEvent::Changed(bytes));
         }
-        if self.protocol.rk512().is_some() {
+        if self.rk512_machine.is_some() {
             return self.after_rk512(now, port);
         }
         // A telegram may have come: offer it if nothing else is shown.

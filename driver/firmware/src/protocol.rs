@@ -71,6 +71,7 @@ impl Setup {
         matches!(self, Self::Modbus(_))
     }
 
+    /// The machine, ready for its first step. That of RK 512 stands beside it: [`Setup::rk512`].
     pub(crate) fn build(&self) -> Protocol {
         match self {
             Self::Ascii(config) => Protocol::Ascii(Ascii::new(config.clone())),
@@ -78,9 +79,17 @@ impl Setup {
             Self::StxEtx(config) => Protocol::StxEtx(StxEtx::new(config.clone())),
             Self::Modbus(modbus::Setup::Master(config)) => Protocol::ModbusMaster(Master::new(config.clone())),
             Self::Modbus(modbus::Setup::Slave(config)) => Protocol::ModbusSlave(Box::new(Slave::new(config.clone()))),
-            Self::Rk512(config) => Protocol::Rk512(Box::new(Rk512::new(config.clone()))),
+            Self::Rk512(_) => Protocol::None,
             Self::MBus(config) => Protocol::MBus(MBus::new(config.clone())),
             Self::EnOcean(config) => Protocol::EnOcean(Box::new(Esp2::new(config.clone()))),
+        }
+    }
+
+    /// The RK 512 machine, if that is the protocol: its orders and results are not those of the others.
+    pub(crate) fn rk512(&self) -> Option<Box<Rk512>> {
+        match self {
+            Self::Rk512(config) => Some(Box::new(Rk512::new(config.clone()))),
+            _ => None,
         }
     }
 
@@ -141,30 +150,24 @@ pub(crate) const fn priority(priority: Priority) -> s3964::Priority {
     }
 }
 
-/// The running protocol. There is only one, and the variants differ little in size, so only those with areas or a send
-/// buffer are boxed.
+/// The running protocol, of those that give their telegrams to a [`Sink`]. There is only one, and the variants differ
+/// little in size, so only those with areas or a send buffer are boxed.
 #[derive(Debug)]
 pub(crate) enum Protocol {
-    /// The CP does not work.
+    /// The CP does not work, or its protocol is RK 512.
     None,
     Ascii(Ascii),
     S3964(S3964),
     StxEtx(StxEtx),
     ModbusMaster(Master),
     ModbusSlave(Box<Slave>),
-    Rk512(Box<Rk512>),
     MBus(MBus),
     EnOcean(Box<Esp2>),
 }
 
 impl Protocol {
     /// One step; without a machine nothing happens.
-    pub(crate) fn step<O: Sink + rk512::Owner>(
-        &mut self,
-        now: Instant,
-        input: Input<'_>,
-        out: &mut O,
-    ) -> Option<Instant> {
+    pub(crate) fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Sink) -> Option<Instant> {
         match self {
             Self::None => None,
             Self::Ascii(machine) => machine.step(now, input, out),
@@ -174,15 +177,13 @@ impl Protocol {
             Self::ModbusSlave(machine) => machine.step(now, input, out),
             Self::MBus(machine) => machine.step(now, input, out),
             Self::EnOcean(machine) => machine.step(now, input, out),
-            // Its orders come through `Cp240::handed`.
-            Self::Rk512(machine) => machine.step(now, input.with_orders(rk512::Order::Abort), out),
         }
     }
 
     /// Whether the partner acknowledges telegrams. If not, an order on a lost line must not count as done because its
     /// last bit has "left".
     pub(crate) const fn is_acknowledged(&self) -> bool {
-        matches!(self, Self::S3964(_) | Self::ModbusMaster(_) | Self::Rk512(_) | Self::MBus(_))
+        matches!(self, Self::S3964(_) | Self::ModbusMaster(_) | Self::MBus(_))
     }
 
     /// Whether what could not be received is lost: the partner does not repeat it, and no program asks for it again.
@@ -194,14 +195,6 @@ impl Protocol {
     pub(crate) const fn slave(&mut self) -> Option<&mut Slave> {
         match self {
             Self::ModbusSlave(slave) => Some(slave),
-            _ => None,
-        }
-    }
-
-    /// The RK 512 machine, if that is the protocol.
-    pub(crate) const fn rk512(&mut self) -> Option<&mut Rk512> {
-        match self {
-            Self::Rk512(machine) => Some(machine),
             _ => None,
         }
     }

@@ -1,6 +1,6 @@
 //! Where the protocol puts its results during one step.
 
-use ob1_protocols::{Event, Instant, LineFault, SendError, Sink, What, Wire, rk512};
+use ob1_protocols::{Event, Instant, LineFault, SendError, Sink, What, Wire};
 
 use super::receive::{ReceiveSide, ReturnValue};
 use crate::leds::LedDriver;
@@ -73,15 +73,4 @@ impl Sink for Outlet<'_> {
         }
         self.port.event(self.now, CpEvent::Protocol(event));
     }
-}
-
-/// A CP 040 has no RK 512; the dispatch over all protocols needs this implementation.
-impl rk512::Owner for Outlet<'_> {
-    fn ended(&mut self, _outcome: Result<&[u8], rk512::OrderError>) {}
-
-    fn asked(&mut self, _request: &rk512::Request, _data: &[u8]) {}
-
-    fn answered(&mut self, _outcome: Result<(), rk512::AnswerError>) {}
-
-    fn report(&mut self, _event: rk512::Event) {}
 }

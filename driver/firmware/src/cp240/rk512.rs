@@ -7,7 +7,6 @@ use super::outlet::Outlet;
 use super::{Cp240, rx_word};
 use crate::cp240::rk512_side::{Handed, Offer};
 use crate::port::{CpCounter, CpEvent, CpPort};
-use crate::protocol::Protocol;
 use ob1_words::cp240::OWN_ORDER;
 
 impl Cp240 {
@@ -41,7 +40,7 @@ impl Cp240 {
                 None
             }
         };
-        if let (Some(order), Protocol::Rk512(machine)) = (order, &mut self.protocol) {
+        if let (Some(order), Some(machine)) = (order, &mut self.rk512_machine) {
             let mut out = outlet!(self, now, port);
             self.protocol_due = machine.step(now, Input::Order(order), &mut out);
         }
@@ -56,7 +55,7 @@ impl Cp240 {
     /// Passes on an order that does not come from the registers.
     pub(super) fn order_rk512(&mut self, now: Instant, order: rk512::Order<'_>, port: &mut dyn CpPort) {
         let mut out = outlet!(self, now, port);
-        if let Protocol::Rk512(machine) = &mut self.protocol {
+        if let Some(machine) = &mut self.rk512_machine {
             self.protocol_due = machine.step(now, Input::Order(order), &mut out);
         }
     }
@@ -77,9 +76,9 @@ impl Cp240 {
         self.look_rk512(now, port);
     }
 
-    /// Clears both roles, and counts what is lost. `None`: the protocol is not RK 512.
+    /// Ends RK 512: clears both roles, and counts what is lost. `None`: the protocol is another.
     pub(super) fn drop_rk512(&mut self, port: &mut dyn CpPort) -> Option<()> {
-        let busy = self.protocol.rk512()?.busy();
+        let busy = self.rk512_machine.take()?.busy();
         let orders = u64::from(core::mem::take(&mut self.order_waits)) + u64::from(busy);
         if orders > 0 {
             port.count(CpCounter::OrdersAborted, orders);
@@ -90,8 +89,8 @@ impl Cp240 {
         Some(())
     }
 
-    fn is_busy(&mut self) -> bool {
-        self.protocol.rk512().is_some_and(|machine| machine.busy())
+    fn is_busy(&self) -> bool {
+        self.rk512_machine.as_ref().is_some_and(|machine| machine.busy())
     }
 }
 
