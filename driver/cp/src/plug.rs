@@ -2,9 +2,7 @@
 
 use ob1_backplane::{Channel as SegmentChannel, CpSide, DriverState, Event, EventKind, ModemOutputs};
 use ob1_firmware::cp341::{Channel, ChannelBlock};
-use ob1_firmware::{
-    CpCounter, CpEvent, CpPort, Instant, Leds, LineSettings, ModemLines, ParameterFault, Span, StartReason, Wire,
-};
+use ob1_firmware::{CpCounter, CpEvent, CpPort, Instant, Leds, LineSettings, ModemLines, Span, StartReason, Wire};
 
 use crate::line_port::LinePort;
 use crate::translate::{self, EventCode, LINE_TEXT_RECORD};
@@ -165,11 +163,8 @@ impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
                 self.end.emit(now, EventCode::Startup as u32, &[*number, reason]);
             }
             CpEvent::Working => self.end.emit(now, EventCode::Working as u32, &[]),
-            CpEvent::NoParameters(fault) => {
-                let byte = match fault {
-                    ParameterFault::Value(error) => error.byte.map_or(0, |byte| byte as u8),
-                    ParameterFault::Protocol(_) => 1,
-                };
+            CpEvent::NoParameters(error) => {
+                let byte = error.byte.map_or(0, |byte| byte as u8);
                 self.end.parameters = Parameters::Refused(u32::from(byte));
                 self.end.emit(now, EventCode::NoParameters as u32, &[byte]);
             }

@@ -4,7 +4,7 @@ use std::time::SystemTime;
 
 use ob1_child::tap::Tap;
 use ob1_firmware::trace::record::Kind;
-use ob1_firmware::{CpEvent, Instant, ParameterFault, cp341_events};
+use ob1_firmware::{CpEvent, Instant, cp341_events};
 use serde_json::json;
 
 use crate::config::Config;
@@ -45,10 +45,7 @@ pub(crate) fn words(event: &CpEvent<'_>) -> String {
         CpEvent::Delivered(length) => format!("telegram of {length} bytes handed to the CPU"),
         CpEvent::Startup { number, .. } => format!("start-up {number}"),
         CpEvent::Working => "start-up acknowledged".to_owned(),
-        CpEvent::NoParameters(ParameterFault::Value(why)) => format!("parameters refused: {why}"),
-        CpEvent::NoParameters(ParameterFault::Protocol(name)) => {
-            format!("parameters refused: the protocol {name} is not there")
-        }
+        CpEvent::NoParameters(why) => format!("parameters refused: {why}"),
         CpEvent::OrderDiscarded { code: Some(code) } => format!("order refused, {code:02X}h"),
         CpEvent::OrderDiscarded { code: None } => "order given up by the CPU before it was complete".to_owned(),
         CpEvent::JobFailed(status) => format!("job ended with STATUS {status:04X}h: {}", meaning(*status)),

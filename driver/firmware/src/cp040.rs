@@ -16,7 +16,7 @@ use ob1_protocols::{Input, Instant, LineFault, LineInput, Order, SendError, Span
 pub use ob1_words::cp040::IO_BYTES;
 
 use crate::leds::{LedDriver, Leds};
-use crate::port::{Cp, CpCounter, CpEvent, CpInput, CpPort, ParameterFault};
+use crate::port::{Cp, CpCounter, CpEvent, CpInput, CpPort};
 use crate::protocol::{Protocol, Setup};
 use diagnosis::Diagnosis;
 use exchange::{Exchange, Step};
@@ -159,16 +159,12 @@ impl Cp040 {
         let parameters = match decoded {
             Ok(parameters) => parameters,
             Err(error) => {
-                port.event(now, CpEvent::NoParameters(ParameterFault::Value(&error)));
+                port.event(now, CpEvent::NoParameters(&error));
                 (self.phase, self.setup, self.parameters) = (Phase::NoParameters, None, None);
                 return;
             }
         };
-        let Some(setup) = Setup::of_040(&parameters, self.exchange.io_bytes(), port.lateness()) else {
-            // Every protocol that the parameters can name is implemented.
-            (self.phase, self.setup, self.parameters) = (Phase::NoParameters, None, None);
-            return;
-        };
+        let setup = Setup::of_040(&parameters, self.exchange.io_bytes(), port.lateness());
         self.leds.parameters(now, setup.is_modbus(), true);
         self.protocol = setup.build();
         self.setup = Some(setup);

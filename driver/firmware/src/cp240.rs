@@ -33,7 +33,7 @@ use ob1_protocols::{Event, Input, Instant, LineFault, LineInput, Order, Rk512, S
 use crate::diagnosis::{Diagnosis, Kind};
 use crate::leds::{LedDriver, Leds};
 use crate::modbus;
-use crate::port::{Cp, CpCounter, CpEvent, CpInput, CpPort, ParameterFault, StartReason};
+use crate::port::{Cp, CpCounter, CpEvent, CpInput, CpPort, StartReason};
 use crate::protocol::{Protocol, Setup};
 use crate::ring::Capacity;
 use modem::Modem;
@@ -42,10 +42,7 @@ use receive::ReceiveSide;
 use rk512_side::Rk512Side;
 use send::SendSide;
 
-/// Number of the parameter byte shown when this firmware does not have the protocol.
-const PROTOCOL_BYTE: u8 = 1;
-
-/// Protocol codes of the Modbus modes. [S0 "Modbus - Parameterization"]
+/// Protocol codes (parameter byte 1) of the Modbus modes. [S0 "Modbus - Parameterization"]
 const MODBUS_CODES: [u8; 6] = [0x0A, 0x0B, 0x0C, 0x0D, 0x1C, 0x1D];
 
 /// How far the start-up has come.
@@ -210,19 +207,18 @@ impl Cp240 {
         self.drop_all(port);
         self.leds.power();
         let decoded = Parameters::of_bytes(bytes);
-        let is_modbus = MODBUS_CODES.contains(&bytes[usize::from(PROTOCOL_BYTE)]);
+        let is_modbus = MODBUS_CODES.contains(&bytes[1]);
         self.leds.parameters(now, is_modbus, decoded.is_ok());
         let parameters = match decoded {
             Ok(parameters) => parameters,
             Err(error) => {
-                port.event(now, CpEvent::NoParameters(ParameterFault::Value(&error)));
-                return self.refuse(error.byte.map_or(0, |byte| byte as u8));
+                port.event(now, CpEvent::NoParameters(&error));
+                self.setup = None;
+                self.phase = Phase::NoParameters(error.byte.map_or(0, |byte| byte as u8));
+                return;
             }
         };
-        let Some(setup) = Setup::of(&parameters, port.lateness()) else {
-            port.event(now, CpEvent::NoParameters(ParameterFault::Protocol(parameters.protocol_name())));
-            return self.refuse(PROTOCOL_BYTE);
-        };
+        let setup = Setup::of(&parameters, port.lateness());
         let has_identifier = setup.has_identifier();
         self.leds.show_overflow_alone(setup.is_enocean());
         self.setup = Some(setup);
@@ -238,11 +234,6 @@ impl Cp240 {
             self.send.begin(tx_word(&self.outputs));
             self.look_registers(now, port);
         }
-    }
-
-    fn refuse(&mut self, byte: u8) {
-        self.setup = None;
-        self.phase = Phase::NoParameters(byte);
     }
 
     /// Drops everything in both directions, and the protocol with it.

@@ -30,5 +30,5 @@ pub use leds::Leds;
 pub use ob1_params::LineSettings;
 pub use ob1_protocols::{Instant, LineFault, LineInput, ModemLines, Span, Wire, cp341_events, trace};
 pub use ob1_words::cp240::Registers;
-pub use port::{Cp, CpCounter, CpEvent, CpInput, CpPort, ParameterFault, StartReason};
+pub use port::{Cp, CpCounter, CpEvent, CpInput, CpPort, StartReason};
 pub use ring::TELEGRAMS_MAX;

@@ -174,15 +174,6 @@ pub enum StartReason {
     ResetRequest,
 }
 
-/// Why there are no valid parameters.
-#[derive(Debug, Clone, Copy)]
-pub enum ParameterFault<'a> {
-    /// A value is not allowed.
-    Value(&'a ParamError),
-    /// The protocol is known but this firmware does not have it yet.
-    Protocol(&'a str),
-}
-
 /// An event reported by a CP.
 #[derive(Debug, Clone, Copy)]
 pub enum CpEvent<'a> {
@@ -195,8 +186,8 @@ pub enum CpEvent<'a> {
     },
     /// The CPU has acknowledged; the CP works.
     Working,
-    /// It cannot start.
-    NoParameters(ParameterFault<'a>),
+    /// It cannot start: this error is in its parameters.
+    NoParameters(&'a ParamError),
     /// The CPU has handed over this telegram.
     Order(&'a [u8]),
     /// The CPU gave up before a telegram was complete, or it is too long (17h).

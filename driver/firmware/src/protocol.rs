@@ -26,25 +26,25 @@ pub(crate) enum Setup {
 }
 
 impl Setup {
-    /// `late`: how late the line may hand characters over. `None`: this firmware does not have the protocol.
-    pub(crate) fn of(parameters: &Parameters, late: Span) -> Option<Self> {
+    /// `late`: how late the line may hand characters over.
+    pub(crate) fn of(parameters: &Parameters, late: Span) -> Self {
         let char_time = parameters.char_time();
         match &parameters.protocol {
-            Chosen::Ascii(p) => Some(Self::Ascii(ascii_config(p, char_time))),
-            Chosen::S3964(p) if !p.rk512 => Some(Self::S3964(s3964_config(p, char_time))),
-            Chosen::StxEtx(p) => Some(Self::StxEtx(stx_etx_config(p, char_time))),
-            Chosen::Modbus(p) => Some(Self::Modbus(modbus::Setup::of(p, parameters.baud, char_time, late))),
-            Chosen::S3964(p) => Some(Self::Rk512(rk512::Config::cp240(s3964_config(p, char_time)))),
-            Chosen::MBus => Some(Self::MBus(mbus::Config::cp240().with_bursts(late))),
-            Chosen::EnOcean => Some(Self::EnOcean(esp2::Config::cp240())),
+            Chosen::Ascii(p) => Self::Ascii(ascii_config(p, char_time)),
+            Chosen::S3964(p) if p.rk512 => Self::Rk512(rk512::Config::cp240(s3964_config(p, char_time))),
+            Chosen::S3964(p) => Self::S3964(s3964_config(p, char_time)),
+            Chosen::StxEtx(p) => Self::StxEtx(stx_etx_config(p, char_time)),
+            Chosen::Modbus(p) => Self::Modbus(modbus::Setup::of(p, parameters.baud, char_time, late)),
+            Chosen::MBus => Self::MBus(mbus::Config::cp240().with_bursts(late)),
+            Chosen::EnOcean => Self::EnOcean(esp2::Config::cp240()),
         }
     }
 
     /// The same for a CP 040 that occupies `io_bytes` each way: where 0 means double the character time for the CP 240,
     /// it means "triple character time" [S3 L303], for QVZ too [S3 L305], and the areas of its slave "short" are as
     /// long as its process image [S3 L385].
-    pub(crate) fn of_040(parameters: &Cp040, io_bytes: usize, late: Span) -> Option<Self> {
-        let mut setup = Self::of(&parameters.common, late)?;
+    pub(crate) fn of_040(parameters: &Cp040, io_bytes: usize, late: Span) -> Self {
+        let mut setup = Self::of(&parameters.common, late);
         let triple = 3 * parameters.common.char_time();
         match &mut setup {
             Self::Ascii(config) if config.zvz == Span::ZERO => config.zvz = triple,
@@ -58,7 +58,7 @@ impl Setup {
             Self::Modbus(modbus::Setup::Slave(config)) if !config.confirmed => config.area_bytes = io_bytes,
             _ => {}
         }
-        Some(setup)
+        setup
     }
 
     /// ASCII-fragmented: telegrams come in parts.

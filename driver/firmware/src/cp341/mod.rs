@@ -25,7 +25,7 @@ use ob1_protocols::rk512::{self, AnswerError, Refusal};
 use ob1_protocols::{Input, Instant, LineFault, LineInput};
 
 use crate::leds::Leds;
-use crate::port::{Cp, CpCounter, CpEvent, CpInput, CpPort, ParameterFault};
+use crate::port::{Cp, CpCounter, CpEvent, CpInput, CpPort};
 use crate::ring::Capacity;
 use diagnosis::{Diagnosis, Faults};
 use model::Model;
@@ -199,7 +199,7 @@ impl Cp341 {
                 self.drop_all(now, port);
                 self.parts.leds.parameters(now, false);
                 self.parameters = None;
-                port.event(now, CpEvent::NoParameters(ParameterFault::Value(error)));
+                port.event(now, CpEvent::NoParameters(error));
                 self.enter(now, 0x020F, port);
             }
         }
