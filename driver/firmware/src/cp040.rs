@@ -299,10 +299,9 @@ impl Cp040 {
         let mut input = line;
         match line {
             LineInput::Rx(_) if is_half && self.transmitting => return,
-            LineInput::Rx(bytes) => {
+            LineInput::Rx(_) => {
                 self.diagnosis.wire_break &= self.line_gone;
                 self.leds.received(now);
-                port.count(CpCounter::BytesRx, bytes.len() as u64);
             }
             LineInput::TxDone => {
                 self.transmitting = false;
@@ -312,13 +311,11 @@ impl Cp040 {
                 self.line_gone = true;
                 self.diagnosis.wire_break = self.detects_break();
                 self.leds.line(now, true);
-                port.count(CpCounter::LineFaults, 1);
             }
             LineInput::Fault(LineFault::Back) => {
                 self.line_gone = false;
                 self.diagnosis.wire_break = false;
                 self.leds.line(now, false);
-                port.count(CpCounter::LineRestarts, 1);
             }
             LineInput::Fault(_) if is_half && self.transmitting => return,
             LineInput::Fault(LineFault::Break) => {
@@ -333,6 +330,7 @@ impl Cp040 {
             LineInput::Fault(_) => self.leds.error(now),
             LineInput::Modem(_) => {}
         }
+        port.count_line(line);
         if self.phase != Phase::Working {
             return;
         }

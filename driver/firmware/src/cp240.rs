@@ -409,22 +409,18 @@ impl Cp240 {
     // ---- the line and the protocol ----
 
     fn line(&mut self, now: Instant, line: LineInput<'_>, port: &mut dyn CpPort) {
+        port.count_line(line);
         match line {
-            LineInput::Rx(bytes) => {
-                self.leds.received(now);
-                port.count(CpCounter::BytesRx, bytes.len() as u64);
-            }
+            LineInput::Rx(_) => self.leds.received(now),
             LineInput::TxDone => self.leds.transmit(false),
             LineInput::Fault(LineFault::Gone) => {
                 self.line_gone = true;
                 self.leds.line(now, true);
                 self.diagnosis.error(Kind::OpenCircuit, 0);
-                port.count(CpCounter::LineFaults, 1);
             }
             LineInput::Fault(LineFault::Back) => {
                 self.line_gone = false;
                 self.leds.line(now, false);
-                port.count(CpCounter::LineRestarts, 1);
             }
             LineInput::Fault(fault) => {
                 self.leds.error(now);

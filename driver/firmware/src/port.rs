@@ -78,7 +78,32 @@ pub trait CpPort: Wire {
     fn event(&mut self, now: Instant, event: CpEvent<'_>);
 }
 
+/// What several CPs do alike.
 impl dyn CpPort + '_ {
+    /// Puts characters on the line.
+    pub(crate) fn put_out(&mut self, bytes: &[u8]) {
+        self.count(CpCounter::BytesTx, bytes.len() as u64);
+        self.transmit(bytes);
+    }
+
+    /// Counts what has come from the line.
+    pub(crate) fn count_line(&mut self, line: LineInput<'_>) {
+        match line {
+            LineInput::Rx(bytes) => self.count(CpCounter::BytesRx, bytes.len() as u64),
+            LineInput::Fault(LineFault::Gone) => self.count(CpCounter::LineFaults, 1),
+            LineInput::Fault(LineFault::Back) => self.count(CpCounter::LineRestarts, 1),
+            _ => {}
+        }
+    }
+
+    /// An occurrence in a protocol of a CP 240 or CP 040.
+    pub(crate) fn occurred(&mut self, now: Instant, event: Event) {
+        if let Some(counter) = CpCounter::of(event.what) {
+            self.count(counter, 1);
+        }
+        self.event(now, CpEvent::Protocol(event));
+    }
+
     /// A telegram has come; `is_stored`: the buffer had room for it.
     pub(crate) fn received(&mut self, now: Instant, telegram: &[u8], is_stored: bool) {
         if is_stored {
@@ -99,17 +124,22 @@ impl dyn CpPort + '_ {
         broke_off: bool,
     ) -> Result<(), SendError> {
         let outcome = if broke_off && outcome == Err(SendError::Aborted) { Err(SendError::Frame) } else { outcome };
+        self.ended(now, outcome.map_err(SendError::code));
+        outcome
+    }
+
+    /// An order has ended, or failed with this code of the indicator word.
+    pub(crate) fn ended(&mut self, now: Instant, outcome: Result<(), u8>) {
         match outcome {
             Ok(()) => {
                 self.count(CpCounter::Sent, 1);
                 self.event(now, CpEvent::Sent);
             }
-            Err(error) => {
+            Err(code) => {
                 self.count(CpCounter::SendErrors, 1);
-                self.event(now, CpEvent::SendFailed(error.code()));
+                self.event(now, CpEvent::SendFailed(code));
             }
         }
-        outcome
     }
 }
 
@@ -148,8 +178,8 @@ pub enum CpCounter {
 }
 
 impl CpCounter {
-    /// The counter of an occurrence of a protocol, for the CP 240 and the CP 040.
-    pub(crate) const fn of(what: What) -> Option<Self> {
+    /// The counter of an occurrence in a protocol of a CP 240 or CP 040.
+    const fn of(what: What) -> Option<Self> {
         match what {
             What::NoBuffer | What::TooLong => Some(Self::Rejected),
             What::CharacterDelay

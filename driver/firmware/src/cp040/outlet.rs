@@ -4,7 +4,7 @@ use ob1_protocols::{Event, Instant, LineFault, SendError, Sink, What, Wire};
 
 use super::receive::{ReceiveSide, ReturnValue};
 use crate::leds::LedDriver;
-use crate::port::{CpCounter, CpEvent, CpPort};
+use crate::port::CpPort;
 
 pub(super) struct Outlet<'a> {
     pub(super) now: Instant,
@@ -30,8 +30,7 @@ impl Wire for Outlet<'_> {
     fn transmit(&mut self, bytes: &[u8]) {
         *self.transmitting |= !bytes.is_empty();
         self.leds.transmit(true);
-        self.port.count(CpCounter::BytesTx, bytes.len() as u64);
-        self.port.transmit(bytes);
+        self.port.put_out(bytes);
     }
 
     fn take_back(&mut self) -> usize {
@@ -60,9 +59,6 @@ impl Sink for Outlet<'_> {
     fn report(&mut self, event: Event) {
         // The LED IF: open circuit, overflow, parity and framing errors. [S3 L293]
         self.leds.occurred(self.now, event);
-        if let Some(counter) = CpCounter::of(event.what) {
-            self.port.count(counter, 1);
-        }
         match event.what {
             What::NoBuffer => self.tell(ReturnValue::NoBuffer),
             What::TooLong => self.tell(ReturnValue::Length),
@@ -71,6 +67,6 @@ impl Sink for Outlet<'_> {
             }
             _ => {}
         }
-        self.port.event(self.now, CpEvent::Protocol(event));
+        self.port.occurred(self.now, event);
     }
 }

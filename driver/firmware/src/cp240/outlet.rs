@@ -28,8 +28,7 @@ pub(super) struct Outlet<'a> {
 impl Wire for Outlet<'_> {
     fn transmit(&mut self, bytes: &[u8]) {
         self.leds.transmit(true);
-        self.port.count(CpCounter::BytesTx, bytes.len() as u64);
-        self.port.transmit(bytes);
+        self.port.put_out(bytes);
     }
 
     fn take_back(&mut self) -> usize {
@@ -72,10 +71,7 @@ impl Sink for Outlet<'_> {
         if let Some(kind) = Kind::of(event).filter(|kind| *kind != Kind::OpenCircuit) {
             self.diagnosis.error(kind, event.number().unwrap_or(0));
         }
-        if let Some(counter) = CpCounter::of(event.what) {
-            self.port.count(counter, 1);
-        }
-        self.port.event(self.now, CpEvent::Protocol(event));
+        self.port.occurred(self.now, event);
     }
 
     fn baud(&mut self, baud: u32) {

@@ -35,8 +35,7 @@ impl Cp240 {
             }
             Handed::BadOrder => {
                 self.rk512.ended(Err(OrderError::Invalid));
-                port.count(CpCounter::SendErrors, 1);
-                port.event(now, CpEvent::SendFailed(OrderError::Invalid.code()));
+                port.ended(now, Err(OrderError::Invalid.code()));
                 None
             }
         };
@@ -97,16 +96,7 @@ impl Cp240 {
 impl rk512::Owner for Outlet<'_> {
     fn ended(&mut self, outcome: Result<&[u8], OrderError>) {
         self.rk512.ended(outcome);
-        match outcome {
-            Ok(_) => {
-                self.port.count(CpCounter::Sent, 1);
-                self.port.event(self.now, CpEvent::Sent);
-            }
-            Err(error) => {
-                self.port.count(CpCounter::SendErrors, 1);
-                self.port.event(self.now, CpEvent::SendFailed(error.code()));
-            }
-        }
+        self.port.ended(self.now, outcome.map(|_| ()).map_err(OrderError::code));
     }
 
     fn asked(&mut self, request: &Request, data: &[u8]) {

@@ -278,21 +278,15 @@ impl Cp341 {
     // ---- the line and the protocol ----
 
     fn line(&mut self, now: Instant, line: LineInput<'_>, port: &mut dyn CpPort) {
+        port.count_line(line);
         match line {
-            LineInput::Rx(bytes) => {
+            LineInput::Rx(_) => {
                 self.parts.interrupted = false;
                 self.parts.leds.received(now);
-                port.count(CpCounter::BytesRx, bytes.len() as u64);
             }
             LineInput::TxDone => self.parts.leds.transmit(false),
-            LineInput::Fault(LineFault::Gone) => {
-                self.parts.line_gone = true;
-                port.count(CpCounter::LineFaults, 1);
-            }
-            LineInput::Fault(LineFault::Back) => {
-                (self.parts.line_gone, self.parts.interrupted) = (false, false);
-                port.count(CpCounter::LineRestarts, 1);
-            }
+            LineInput::Fault(LineFault::Gone) => self.parts.line_gone = true,
+            LineInput::Fault(LineFault::Back) => (self.parts.line_gone, self.parts.interrupted) = (false, false),
             LineInput::Fault(_) => {}
             LineInput::Modem(lines) => {
                 self.v24.input(lines);

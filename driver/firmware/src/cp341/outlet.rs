@@ -216,8 +216,7 @@ fn number_340(event: Event, is_ascii: bool) -> Option<u16> {
 impl Wire for Outlet<'_> {
     fn transmit(&mut self, bytes: &[u8]) {
         self.parts.leds.transmit(true);
-        self.port.count(CpCounter::BytesTx, bytes.len() as u64);
-        self.port.transmit(bytes);
+        self.port.put_out(bytes);
     }
 
     fn take_back(&mut self) -> usize {
