@@ -84,11 +84,7 @@ impl Cp for Cp040 {
             CpInput::Keys(_) | CpInput::Channel(..) => {}
         }
         self.publish(port);
-        let leds = self.leds_at(now);
-        if leds != self.leds_shown {
-            self.leds_shown = leds;
-            port.leds(leds);
-        }
+        port.show(self.leds_at(now), &mut self.leds_shown);
         if let Some(incoming) = self.diagnosis.change(now) {
             port.record(self.diagnosis.record());
             if self.diagnosis.enabled {

@@ -138,10 +138,7 @@ impl Cp for Cp240 {
         }
         self.publish(port);
         let leds = self.leds.at(now);
-        if leds != self.leds_shown {
-            self.leds_shown = leds;
-            port.leds(leds);
-        }
+        port.show(leds, &mut self.leds_shown);
         if self.phase != Phase::Off
             && let Some((incoming, data)) = self.diagnosis.tell(leds.error)
             && !self.is_enocean()

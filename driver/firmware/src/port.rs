@@ -141,6 +141,13 @@ impl dyn CpPort + '_ {
             }
         }
     }
+
+    /// Shows the LEDs if they have changed.
+    pub(crate) fn show(&mut self, leds: Leds, shown: &mut Leds) {
+        if std::mem::replace(shown, leds) != leds {
+            self.leds(leds);
+        }
+    }
 }
 
 /// What a CP counts.

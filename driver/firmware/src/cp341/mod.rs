@@ -101,11 +101,7 @@ impl Cp for Cp341 {
         self.watch_cpu(now, port);
         self.publish(port);
         let v24_due = self.v24.refresh(now, port);
-        let leds = self.parts.leds.at(now, self.parts.is_interrupted());
-        if leds != self.leds_shown {
-            self.leds_shown = leds;
-            port.leds(leds);
-        }
+        port.show(self.parts.leds.at(now, self.parts.is_interrupted()), &mut self.leds_shown);
         let again = Some(self.again_at).filter(|at| now < *at);
         let own = [self.parts.leds.deadline(now), v24_due, self.patience.deadline(), again];
         self.protocol_due.into_iter().chain(own.into_iter().flatten()).min()
