@@ -22,6 +22,7 @@
 
 pub mod ascii;
 pub mod cp341_events;
+mod duplex;
 pub mod esp2;
 mod flow;
 pub mod machine;

@@ -13,13 +13,11 @@
 
 mod receive;
 
-use crate::flow::Gate;
+use crate::duplex::Duplex;
 pub use crate::flow::{Flow, XOFF, XON};
-use crate::machine::{
-    Event, Input, Instant, LineFault, LineInput, Machine, Order, Sink, Span, TELEGRAM_MAX, What, earliest,
-};
+use crate::machine::{Input, Instant, Machine, Sink, Span, TELEGRAM_MAX};
 pub use crate::output::Flags;
-use crate::output::{Extent, Output, Rules};
+use crate::output::{Extent, Rules};
 use crate::signals::Times;
 use receive::Receive;
 
@@ -122,91 +120,28 @@ impl Config {
 #[derive(Clone, Debug)]
 pub struct Ascii<const N: usize = TELEGRAM_MAX> {
     config: Config,
-    started: bool,
-    output: Output<N>,
-    receive: Receive<N>,
-    gate: Gate,
+    line: Duplex<Receive<N>, N>,
 }
 
 impl<const N: usize> Ascii<N> {
     /// A machine before its first step.
     pub fn new(config: Config) -> Self {
-        let (output, gate) = (Output::new(config.rules()), Gate::new(config.flow));
-        let receive = Receive::new(config.criterion, config.zvz());
-        Self { config, started: false, output, receive, gate }
+        let line = Duplex::new(config.rules(), Receive::new(config.criterion, config.zvz()));
+        Self { config, line }
     }
 
     /// The configuration.
     pub fn config(&self) -> &Config {
         &self.config
     }
-
-    fn tick(&mut self, now: Instant, out: &mut dyn Sink) {
-        if !self.started {
-            self.started = true;
-            self.output.start(out);
-            self.gate.open(out);
-        }
-        if self.receive.tick(now, out) {
-            self.gate.check(now, out);
-        }
-        self.gate.tick(now, out);
-        self.output.tick(now, out);
-    }
-
-    fn character(&mut self, now: Instant, byte: u8, out: &mut dyn Sink) {
-        if !self.output.can_receive() {
-            return;
-        }
-        if self.config.flow == Flow::XonXoff && (byte == XON || byte == XOFF) {
-            return self.output.set_stopped(now, byte == XOFF, out);
-        }
-        if self.receive.character(now, byte, out) {
-            self.gate.check(now, out);
-        }
-    }
-
-    fn fault(&mut self, now: Instant, fault: LineFault, out: &mut dyn Sink) {
-        let what = What::Line(fault);
-        if matches!(fault, LineFault::Gone | LineFault::Back) {
-            out.report(Event { phase: self.receive.phase(), what });
-        } else if self.output.can_receive() {
-            // The manual only lights ER. A telegram with an unreadable character is not passed on as if it were whole.
-            self.receive.unreadable(now, what, out);
-        }
-    }
-
-    fn deadline(&self) -> Option<Instant> {
-        let start = (!self.started).then_some(Instant::START);
-        earliest([self.receive.deadline(), self.output.deadline(), self.gate.deadline(), start])
-    }
 }
 
 impl<const N: usize> Machine for Ascii<N> {
     fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Sink) -> Option<Instant> {
-        match input {
-            Input::Tick => self.tick(now, out),
-            Input::Line(LineInput::Rx(bytes)) => bytes.iter().for_each(|byte| self.character(now, *byte, out)),
-            Input::Line(LineInput::TxDone) => self.output.tx_done(now, out),
-            Input::Line(LineInput::Fault(fault)) => self.fault(now, fault, out),
-            Input::Line(LineInput::Modem(lines)) => {
-                // "A send request or data receipt is aborted with an error message if DSR changes from ON to OFF."
-                // [S4 L817]
-                if self.output.modem(now, lines, out) {
-                    self.receive.abandon(What::Signals, out);
-                }
-            }
-            Input::Order(order) => {
-                if order == Order::Abort {
-                    self.receive.clear(out);
-                }
-                self.output.order(now, order, out);
-            }
-        }
-        self.deadline()
+        self.line.step(now, input, out)
     }
 
     fn busy(&self) -> bool {
-        self.output.is_busy()
+        self.line.is_busy()
     }
 }

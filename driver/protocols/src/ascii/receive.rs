@@ -11,6 +11,7 @@
 //! telegram (no room, an unreadable character) is still followed to its end, so that the next one is whole.
 
 use super::{Criterion, FRAGMENT};
+use crate::duplex::Receiver;
 use crate::machine::{Event, Instant, Part, Phase, Sink, Span, What};
 
 /// The telegram being received.
@@ -70,58 +71,7 @@ impl<const N: usize> Receive<N> {
         Self { criterion, zvz, coming: None, data: [0; N] }
     }
 
-    /// Drops the telegram being received.
-    pub(super) fn clear(&mut self, out: &mut dyn Sink) {
-        if let Some(mut coming) = self.coming.take() {
-            coming.break_off(out);
-        }
-    }
-
-    pub(super) fn deadline(&self) -> Option<Instant> {
-        self.coming.map(|coming| coming.until)
-    }
-
-    /// The phase in which a line fault occurs.
-    pub(super) fn phase(&self) -> Phase {
-        if self.coming.is_some() { Phase::Receive } else { Phase::Idle }
-    }
-
-    /// A character; true if a telegram has ended with it.
-    pub(super) fn character(&mut self, now: Instant, byte: u8, out: &mut dyn Sink) -> bool {
-        let is_first = self.coming.is_none();
-        let coming = self.coming.get_or_insert(Coming::new(now));
-        if is_first && out.room() == 0 {
-            // [S0 "Number of receive buffers"]: no more data can be received while the receive buffer is occupied.
-            coming.lose(What::NoBuffer, out);
-        }
-        if !coming.lost {
-            match self.data.get_mut(coming.len) {
-                Some(place) => *place = byte,
-                // [S0 "Communication via back plane bus"]: the length of the ring buffer determines the max. length of
-                // a telegram.
-                None => coming.lose(What::TooLong, out),
-            }
-        }
-        self.take(now, Some(byte), out)
-    }
-
-    /// A character that could not be read: its telegram is not passed on as if it were whole.
-    pub(super) fn unreadable(&mut self, now: Instant, what: What, out: &mut dyn Sink) -> bool {
-        let coming = self.coming.get_or_insert(Coming::new(now));
-        // The rest of a telegram that is already lost costs nothing more.
-        let phase = if coming.lost { Phase::Idle } else { Phase::Receive };
-        out.report(Event { phase, what });
-        coming.break_off(out);
-        self.take(now, None, out)
-    }
-
-    /// Drops the telegram being received, and the rest of it too.
-    pub(super) fn abandon(&mut self, what: What, out: &mut dyn Sink) {
-        if let Some(coming) = self.coming.as_mut().filter(|coming| !coming.lost) {
-            coming.lose(what, out);
-        }
-    }
-
+    /// A character of the telegram, read or not; true if it has ended with it.
     fn take(&mut self, now: Instant, byte: Option<u8>, out: &mut dyn Sink) -> bool {
         let Some(coming) = &mut self.coming else { return false };
         coming.len += 1;
@@ -148,8 +98,20 @@ impl<const N: usize> Receive<N> {
         ended
     }
 
-    /// ZVZ may have expired; true if a telegram has ended with that.
-    pub(super) fn tick(&mut self, now: Instant, out: &mut dyn Sink) -> bool {
+    /// The end of a telegram, lost or not.
+    fn end(&mut self, out: &mut dyn Sink) {
+        let Some(mut coming) = self.coming.take().filter(|coming| !coming.lost) else { return };
+        // [S0 "Communication via back plane bus"]: when the buffer is filled up, new telegrams are rejected.
+        if coming.len > out.room() {
+            return coming.lose(What::NoBuffer, out);
+        }
+        let data = &self.data[..coming.len];
+        if self.criterion == Criterion::Fragments { out.part(data, Part::Last) } else { out.deliver(data) }
+    }
+}
+
+impl<const N: usize> Receiver for Receive<N> {
+    fn tick(&mut self, now: Instant, out: &mut dyn Sink) -> bool {
         let Some(coming) = self.coming.filter(|coming| now >= coming.until) else { return false };
         match self.criterion {
             // [S0 "Communication via back plane bus"]: complete with the expiration of the ZVZ.
@@ -163,14 +125,50 @@ impl<const N: usize> Receive<N> {
         true
     }
 
-    /// The end of a telegram, lost or not.
-    fn end(&mut self, out: &mut dyn Sink) {
-        let Some(mut coming) = self.coming.take().filter(|coming| !coming.lost) else { return };
-        // [S0 "Communication via back plane bus"]: when the buffer is filled up, new telegrams are rejected.
-        if coming.len > out.room() {
-            return coming.lose(What::NoBuffer, out);
+    fn character(&mut self, now: Instant, byte: u8, out: &mut dyn Sink) -> bool {
+        let is_first = self.coming.is_none();
+        let coming = self.coming.get_or_insert(Coming::new(now));
+        if is_first && out.room() == 0 {
+            // [S0 "Number of receive buffers"]: no more data can be received while the receive buffer is occupied.
+            coming.lose(What::NoBuffer, out);
         }
-        let data = &self.data[..coming.len];
-        if self.criterion == Criterion::Fragments { out.part(data, Part::Last) } else { out.deliver(data) }
+        if !coming.lost {
+            match self.data.get_mut(coming.len) {
+                Some(place) => *place = byte,
+                // [S0 "Communication via back plane bus"]: the length of the ring buffer determines the max. length of
+                // a telegram.
+                None => coming.lose(What::TooLong, out),
+            }
+        }
+        self.take(now, Some(byte), out)
+    }
+
+    fn unreadable(&mut self, now: Instant, what: What, out: &mut dyn Sink) {
+        let coming = self.coming.get_or_insert(Coming::new(now));
+        // The rest of a telegram that is already lost costs nothing more.
+        let phase = if coming.lost { Phase::Idle } else { Phase::Receive };
+        out.report(Event { phase, what });
+        coming.break_off(out);
+        self.take(now, None, out);
+    }
+
+    fn abandon(&mut self, what: What, out: &mut dyn Sink) {
+        if let Some(coming) = self.coming.as_mut().filter(|coming| !coming.lost) {
+            coming.lose(what, out);
+        }
+    }
+
+    fn clear(&mut self, out: &mut dyn Sink) {
+        if let Some(mut coming) = self.coming.take() {
+            coming.break_off(out);
+        }
+    }
+
+    fn is_receiving(&self) -> bool {
+        self.coming.is_some()
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        self.coming.map(|coming| coming.until)
     }
 }

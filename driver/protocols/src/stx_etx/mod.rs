@@ -17,12 +17,11 @@
 
 mod decoder;
 
-use crate::flow::{Flow, Gate, XOFF, XON};
-use crate::machine::{
-    Event, Input, Instant, LineFault, LineInput, Machine, Order, Phase, Sink, Span, TELEGRAM_MAX, What, earliest,
-};
+use crate::duplex::{Duplex, Receiver};
+use crate::flow::Flow;
+use crate::machine::{Event, Input, Instant, Machine, Phase, Sink, Span, TELEGRAM_MAX, What};
 pub use crate::output::Flags;
-use crate::output::{Extent, Output, Rules};
+use crate::output::{Extent, Rules};
 pub use decoder::{Decoder, Step};
 
 /// Configuration of [`StxEtx`]. Times in nanoseconds.
@@ -63,26 +62,7 @@ impl Config {
 #[derive(Clone, Debug)]
 pub struct StxEtx<const N: usize = TELEGRAM_MAX> {
     config: Config,
-    started: bool,
-    output: Output<N>,
-    gate: Gate,
-    decoder: Decoder,
-    receive: Receive<N>,
-    /// Silence until then ends the telegram being received.
-    silence: Option<Instant>,
-}
-
-/// The telegram being received.
-#[derive(Clone, Debug)]
-struct Receive<const N: usize> {
-    /// A start has come, or without start characters the first character.
-    open: bool,
-    len: usize,
-    data: [u8; N],
-    /// Noise has been reported since the last telegram.
-    noise: bool,
-    /// A telegram was completed in this step: the receive buffer may be full now.
-    completed: bool,
+    line: Duplex<Receive<N>, N>,
 }
 
 impl<const N: usize> StxEtx<N> {
@@ -99,93 +79,124 @@ impl<const N: usize> StxEtx<N> {
             pause: Span::ZERO,
             signals: None,
         };
-        let receive = Receive { open: false, len: 0, data: [0; N], noise: false, completed: false };
-        Self {
-            started: false,
-            output: Output::new(rules),
-            gate: Gate::new(config.flow),
-            decoder: Decoder::new(config.start, config.end),
-            receive,
-            silence: None,
-            config,
-        }
+        let line = Duplex::new(rules, Receive::new(&config));
+        Self { config, line }
     }
 
     /// The configuration.
     pub fn config(&self) -> &Config {
         &self.config
     }
+}
 
-    fn tick(&mut self, now: Instant, out: &mut dyn Sink) {
-        if !self.started {
-            self.started = true;
-            self.gate.open(out);
-        }
-        if self.silence.is_some_and(|until| now >= until) {
-            self.silent(out);
-        }
-        self.close_gate(now, out);
-        self.gate.tick(now, out);
-        self.output.tick(now, out);
+impl<const N: usize> Machine for StxEtx<N> {
+    fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Sink) -> Option<Instant> {
+        self.line.step(now, input, out)
     }
 
-    fn character(&mut self, now: Instant, byte: u8, out: &mut dyn Sink) {
-        if self.config.flow == Flow::XonXoff && (byte == XON || byte == XOFF) {
-            return self.output.set_stopped(now, byte == XOFF, out);
+    fn busy(&self) -> bool {
+        self.line.is_busy()
+    }
+}
+
+/// The receiving half, with a buffer of `N` bytes.
+#[derive(Clone, Debug)]
+struct Receive<const N: usize> {
+    tmo: Span,
+    /// There are end characters; otherwise silence ends a telegram.
+    has_end: bool,
+    decoder: Decoder,
+    telegram: Telegram<N>,
+    /// Silence until then ends the telegram being received.
+    silence: Option<Instant>,
+}
+
+impl<const N: usize> Receive<N> {
+    fn new(config: &Config) -> Self {
+        Self {
+            tmo: config.tmo,
+            has_end: !config.end.as_slice().is_empty(),
+            decoder: Decoder::new(config.start, config.end),
+            telegram: Telegram { open: false, len: 0, data: [0; N], noise: false, completed: false },
+            silence: None,
         }
-        let receive = &mut self.receive;
-        self.decoder.feed(byte, &mut |decoder, step| receive.take(decoder, step, out));
-        self.watch(now);
-        self.close_gate(now, out);
     }
 
     /// TMO has expired. [S0 "Timeout (TMO)"]
     fn silent(&mut self, out: &mut dyn Sink) {
-        let receive = &mut self.receive;
-        self.decoder.flush(&mut |decoder, step| receive.take(decoder, step, out));
-        if self.receive.open {
-            if self.config.end.as_slice().is_empty() {
-                // [S0 "Technical Data Protocols"]: end recognition after TMO.
-                self.receive.complete(out);
+        let telegram = &mut self.telegram;
+        self.decoder.flush(&mut |decoder, step| telegram.take(decoder, step, out));
+        if self.telegram.open {
+            if self.has_end {
+                self.telegram.lose(What::CharacterDelay, out);
             } else {
-                self.receive.lose(What::CharacterDelay, out);
+                // [S0 "Technical Data Protocols"]: end recognition after TMO.
+                self.telegram.complete(out);
             }
         }
         self.decoder.reset();
         self.silence = None;
     }
 
-    fn fault(&mut self, now: Instant, fault: LineFault, out: &mut dyn Sink) {
-        let what = What::Line(fault);
-        let phase = if self.receive.open { Phase::Receive } else { Phase::Idle };
-        out.report(Event { phase, what });
-        // The manual only lights ER. A telegram with an unreadable character is not passed on as if it were whole.
-        if !matches!(fault, LineFault::Gone | LineFault::Back) {
-            self.receive.close();
-            self.decoder.skip();
-            self.watch(now);
-        }
-    }
-
     /// Silence is monitored while anything is being received.
     fn watch(&mut self, now: Instant) {
-        let runs = self.receive.open || self.decoder.skips() || self.decoder.holds();
-        self.silence = runs.then(|| now + self.config.tmo);
-    }
-
-    fn close_gate(&mut self, now: Instant, out: &mut dyn Sink) {
-        if core::mem::take(&mut self.receive.completed) {
-            self.gate.check(now, out);
-        }
-    }
-
-    fn deadline(&self) -> Option<Instant> {
-        let start = (!self.started).then_some(Instant::START);
-        earliest([self.silence, self.output.deadline(), self.gate.deadline(), start])
+        let runs = self.telegram.open || self.decoder.skips() || self.decoder.holds();
+        self.silence = runs.then(|| now + self.tmo);
     }
 }
 
-impl<const N: usize> Receive<N> {
+impl<const N: usize> Receiver for Receive<N> {
+    fn tick(&mut self, now: Instant, out: &mut dyn Sink) -> bool {
+        if self.silence.is_some_and(|until| now >= until) {
+            self.silent(out);
+        }
+        core::mem::take(&mut self.telegram.completed)
+    }
+
+    fn character(&mut self, now: Instant, byte: u8, out: &mut dyn Sink) -> bool {
+        let telegram = &mut self.telegram;
+        self.decoder.feed(byte, &mut |decoder, step| telegram.take(decoder, step, out));
+        self.watch(now);
+        core::mem::take(&mut self.telegram.completed)
+    }
+
+    fn unreadable(&mut self, now: Instant, what: What, out: &mut dyn Sink) {
+        let phase = if self.telegram.open { Phase::Receive } else { Phase::Idle };
+        out.report(Event { phase, what });
+        self.telegram.close();
+        self.decoder.skip();
+        self.watch(now);
+    }
+
+    fn clear(&mut self, _out: &mut dyn Sink) {
+        self.telegram.close();
+        self.decoder.reset();
+        self.silence = None;
+    }
+
+    fn is_receiving(&self) -> bool {
+        self.telegram.open
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        self.silence
+    }
+}
+
+/// The telegram being received.
+#[derive(Clone, Debug)]
+struct Telegram<const N: usize> {
+    /// A start has come, or without start characters the first character.
+    open: bool,
+    len: usize,
+    data: [u8; N],
+    /// Noise has been reported since the last telegram.
+    noise: bool,
+    /// A telegram was completed in this step: the receive buffer may be full now.
+    completed: bool,
+}
+
+impl<const N: usize> Telegram<N> {
     fn take(&mut self, decoder: &mut Decoder, step: Step, out: &mut dyn Sink) {
         match step {
             Step::Noise(byte) => {
@@ -252,32 +263,5 @@ impl<const N: usize> Receive<N> {
 
     fn close(&mut self) {
         (self.open, self.len) = (false, 0);
-    }
-}
-
-impl<const N: usize> Machine for StxEtx<N> {
-    fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Sink) -> Option<Instant> {
-        match input {
-            Input::Tick => self.tick(now, out),
-            Input::Line(LineInput::Rx(bytes)) => bytes.iter().for_each(|byte| self.character(now, *byte, out)),
-            Input::Line(LineInput::TxDone) => self.output.tx_done(now, out),
-            Input::Line(LineInput::Fault(fault)) => self.fault(now, fault, out),
-            Input::Line(LineInput::Modem(lines)) => {
-                self.output.modem(now, lines, out);
-            }
-            Input::Order(order) => {
-                if order == Order::Abort {
-                    self.receive.close();
-                    self.decoder.reset();
-                    self.silence = None;
-                }
-                self.output.order(now, order, out);
-            }
-        }
-        self.deadline()
-    }
-
-    fn busy(&self) -> bool {
-        self.output.is_busy()
     }
 }
