@@ -10,8 +10,8 @@
 use ob1_sdk::{Abort, Block, Cx, Kind, Param};
 
 use crate::module::Module;
-use crate::reception::{Job, end, hand_over, put, reception};
-use crate::registers::{AREA, BLOCK_BYTES, BROKEN_OFF, Count, MORE, Pafe, REGISTER_BYTES, Words, rx_count};
+use crate::reception::{Job, end, hand_over, is_closed, lost, put, reception};
+use crate::registers::{AREA, BLOCK_BYTES, BROKEN_OFF, Count, MORE, Pafe, rx_count};
 use crate::state::CpState;
 
 /// What a call does.
@@ -128,24 +128,13 @@ impl Block for Fragment {
 
 fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     let adr = cx.get(reception::ADR)?;
-    let Some((module, registers)) = Module::read::<REGISTER_BYTES>(cx, adr)? else { return Ok(Pafe::Ok) };
-    let [a, b, c, d, block @ ..] = registers;
-    let words = Words::from_bytes([a, b, c, d]);
+    let Some((module, words, block)) = Module::block(cx, adr)? else { return Ok(Pafe::Ok) };
     let job = Job::load(cx)?;
-    let alive = !words.not_ready() && module.info.present;
-    if job.empf_laeuft && !(alive && module.state.receive.holds(&module.info)) {
-        // The CP has restarted since the job began. A start-up waits for its acknowledgement in the same word.
-        if words.not_ready() || module.write(cx, 0, &[0, 0])? {
-            end(cx, &module, !job.letzter_block)?;
+    if job.empf_laeuft {
+        if words.not_ready() || !module.state.receive.holds(&module.info) {
+            return lost(cx, &module, words, !job.letzter_block).map(|()| Pafe::Ok);
         }
-        return Ok(Pafe::Ok);
-    }
-    if !alive {
-        module.state.discard.set(false);
-        return Ok(Pafe::Ok);
-    }
-    if !job.empf_laeuft && module.state.discard.get() {
-        module.state.discard.set(words.rx != 0);
+    } else if is_closed(&module, words) {
         return Ok(Pafe::Ok);
     }
     let emfr = cx.get(reception::EMFR)?;

@@ -2,7 +2,7 @@
 
 use ob1_sdk::{Abort, Cx, ModuleInfo, Refused};
 
-use crate::registers::Words;
+use crate::registers::{BlockBytes, REGISTER_BYTES, Words};
 use crate::settings::{self, Service};
 use crate::state::CpState;
 
@@ -49,6 +49,12 @@ impl<'a> Module<'a> {
     /// The same as [`Module::read`], but only the two count words.
     pub(crate) fn words(cx: &mut Cx<'a, CpState>, adr: i16) -> Result<Option<(Self, Words)>, Abort> {
         Ok(Self::read(cx, adr)?.map(|(module, bytes)| (module, Words::from_bytes(bytes))))
+    }
+
+    /// The count words and the block, read together so that they match.
+    pub(crate) fn block(cx: &mut Cx<'a, CpState>, adr: i16) -> Result<Option<(Self, Words, BlockBytes)>, Abort> {
+        let read = Self::read::<REGISTER_BYTES>(cx, adr)?;
+        Ok(read.map(|(module, [a, b, c, d, block @ ..])| (module, Words::from_bytes([a, b, c, d]), block)))
     }
 
     /// The byte that ABD refers to.

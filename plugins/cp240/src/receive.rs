@@ -3,11 +3,8 @@
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param};
 
 use crate::module::{Module, address, read};
-use crate::reception::{Job, end, hand_over, put, reception};
-use crate::registers::{
-    AREA, BLOCK_BYTES, BROKEN_OFF, COUNT_BITS, Count, MORE, OFFSET_BYTES, OUTSIDE, Pafe, REGISTER_BYTES, Words,
-    rx_count,
-};
+use crate::reception::{Job, end, hand_over, is_closed, lost, put, reception};
+use crate::registers::{AREA, BLOCK_BYTES, BROKEN_OFF, COUNT_BITS, Count, MORE, OFFSET_BYTES, OUTSIDE, Pafe, rx_count};
 use crate::state::CpState;
 
 /// What a call does.
@@ -112,10 +109,7 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     if !read(cx, address(adr), &mut rx)? || (rx == [0; 2] && !cx.get(reception::EMPF_LAEUFT)?) {
         return Ok(Pafe::Ok);
     }
-    // Count and bytes are read together, so that they match.
-    let Some((module, registers)) = Module::read::<REGISTER_BYTES>(cx, adr)? else { return Ok(Pafe::Ok) };
-    let [a, b, c, d, block @ ..] = registers;
-    let mut words = Words::from_bytes([a, b, c, d]);
+    let Some((module, mut words, block)) = Module::block(cx, adr)? else { return Ok(Pafe::Ok) };
     if words.rx & !COUNT_BITS == MORE {
         // ASCII-fragmented without FC 11: each block is one telegram here, and the word after the last block is only
         // acknowledged.
@@ -127,17 +121,13 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     let (emfr, job) = (cx.get(reception::EMFR)?, Job::load(cx)?);
     if job.empf_laeuft {
         if words.not_ready() || !module.state.receive.holds(&module.info) {
-            return lost(cx, &module, job, words);
+            // A telegram whose last block is already stored stays valid.
+            return lost(cx, &module, words, !job.letzter_block || job.fehler_empf).map(|()| Pafe::Ok);
         }
         let (next, step) = job.go_on(words.rx, emfr);
         return act(cx, &module, next, step, &block);
     }
-    if words.not_ready() || !module.info.present {
-        module.state.discard.set(false);
-        return Ok(Pafe::Ok);
-    }
-    if module.state.discard.get() {
-        module.state.discard.set(words.rx != 0);
+    if is_closed(&module, words) {
         return Ok(Pafe::Ok);
     }
     // "Not until setting back EMFR in the user application new data can be received." [S0 "RECEIVE (FC 1)"]
@@ -165,16 +155,6 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     }
     module.state.receive.take(&module.info);
     act(cx, &module, next, step, &block)
-}
-
-/// The CP has restarted since the job began, and its data are lost. A telegram whose last block is already stored stays
-/// valid.
-fn lost(cx: &mut Cx<'_, CpState>, module: &Module<'_>, job: Job, words: Words) -> Result<Pafe, Abort> {
-    // A start-up waits for its acknowledgement in the same word.
-    if !words.not_ready() && !module.write(cx, 0, &[0, 0])? {
-        return Ok(Pafe::Ok);
-    }
-    end(cx, module, !job.letzter_block || job.fehler_empf).map(|()| Pafe::Ok)
 }
 
 fn act(cx: &mut Cx<'_, CpState>, module: &Module<'_>, job: Job, step: Step, block: &[u8]) -> Result<Pafe, Abort> {

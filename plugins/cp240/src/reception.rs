@@ -4,7 +4,7 @@
 use ob1_sdk::{Abort, Area, Cx, interface};
 
 use crate::module::Module;
-use crate::registers::Pafe;
+use crate::registers::{Pafe, Words};
 use crate::state::CpState;
 
 interface! {
@@ -64,6 +64,23 @@ impl Job {
         cx.set(reception::LETZTER_BLOCK, self.letzter_block)?;
         cx.set(reception::FEHLER_EMPF, self.fehler_empf)
     }
+}
+
+/// Whether no job may start: the CP is not synchronised, or what it shows belongs to a telegram whose job has failed.
+pub(crate) fn is_closed(module: &Module<'_>, words: Words) -> bool {
+    let alive = !words.not_ready() && module.info.present;
+    let discards = module.state.discard.get();
+    module.state.discard.set(alive && discards && words.rx != 0);
+    !alive || discards
+}
+
+/// The CP has restarted since the job began, and its data are lost.
+pub(crate) fn lost(cx: &mut Cx<'_, CpState>, module: &Module<'_>, words: Words, failed: bool) -> Result<(), Abort> {
+    // A start-up waits for its acknowledgement in the same word.
+    if words.not_ready() || module.write(cx, 0, &[0, 0])? {
+        end(cx, module, failed)?;
+    }
+    Ok(())
 }
 
 /// The job is over: the next one may start.

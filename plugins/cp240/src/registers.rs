@@ -11,6 +11,8 @@ pub(crate) use ob1_words::cp240::{
 pub(crate) const TX: u32 = 2;
 /// Bytes of a telegram in one block.
 pub(crate) const BLOCK_BYTES: u16 = cp240::BLOCK_BYTES as u16;
+/// The bytes of a block, as in the registers.
+pub(crate) type BlockBytes = [u8; cp240::BLOCK_BYTES];
 /// Longest telegram: the CP's buffer.
 pub(crate) const TELEGRAM_MAX: u16 = cp240::BUFFER_BYTES as u16;
 /// Bytes of the offset at the beginning of a changed area.

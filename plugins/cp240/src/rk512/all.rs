@@ -11,7 +11,7 @@ use super::telegram::{
     failed, last_count, write_echo, write_tx,
 };
 use crate::module::Module;
-use crate::registers::{BLOCK_BYTES, Pafe, REGISTER_BYTES, Words};
+use crate::registers::{BLOCK_BYTES, BlockBytes, Pafe, Words};
 use crate::state::CpState;
 
 interface! {
@@ -80,7 +80,7 @@ pub(crate) struct Header {
 }
 
 impl Header {
-    pub(crate) fn of(block: &[u8; BLOCK_BYTES as usize]) -> Self {
+    pub(crate) fn of(block: &BlockBytes) -> Self {
         let [_, job, command, letter, db, start, high, low, flag, bit, ..] = *block;
         let area = if command == b'O' { b'X' } else { letter };
         let (length, coordination) = (u16::from_be_bytes([high, low]), u16::from_be_bytes([flag, bit]));
@@ -178,9 +178,7 @@ impl Block for All {
 
 fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     let adr = cx.get(all::ADR)?;
-    let Some((module, registers)) = Module::read::<REGISTER_BYTES>(cx, adr)? else { return Ok(Pafe::Ok) };
-    let [a, b, c, d, block @ ..] = registers;
-    let words = Words::from_bytes([a, b, c, d]);
+    let Some((module, words, block)) = Module::block(cx, adr)? else { return Ok(Pafe::Ok) };
     let job = load(cx)?;
     if job.receives || job.sends {
         if words.not_ready() || !module.state.rk512.partner.holds(&module.info) {
@@ -206,12 +204,7 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
 }
 
 /// The CP shows an order of the partner: evaluates its header.
-fn begin(
-    cx: &mut Cx<'_, CpState>,
-    module: &Module<'_>,
-    count: u16,
-    block: &[u8; BLOCK_BYTES as usize],
-) -> Result<Pafe, Abort> {
+fn begin(cx: &mut Cx<'_, CpState>, module: &Module<'_>, count: u16, block: &BlockBytes) -> Result<Pafe, Abort> {
     let header = Header::of(block);
     let locked = match Header::flag(header.coordination) {
         None => None,
@@ -275,7 +268,7 @@ fn receive(
     module: &Module<'_>,
     mut job: Job,
     words: Words,
-    block: &[u8; BLOCK_BYTES as usize],
+    block: &BlockBytes,
 ) -> Result<(), Abort> {
     let state = &module.state.rk512;
     if job.last {

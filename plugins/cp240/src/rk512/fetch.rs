@@ -5,7 +5,6 @@ use ob1_sdk::{Abort, Block, Cx, Formal, Kind, Out, Param, interface};
 
 use super::job::{Job, Phase};
 use super::order::{Order, Wish, call};
-use super::telegram::COUNT;
 use crate::state::CpState;
 
 interface! {
@@ -78,7 +77,6 @@ impl Order for Fetch {
     }
 
     fn load(cx: &mut Cx<'_, CpState>) -> Result<Job, Abort> {
-        let anz = cx.get(fetch::ANZ)?;
         let bits = [
             (cx.get(fetch::LETZTER_BLOCK)?, Phase::Closing),
             (cx.get(fetch::EMPF_LAEUFT)?, Phase::Receiving),
@@ -86,8 +84,7 @@ impl Order for Fetch {
             (cx.get(fetch::KOPF_GESE)?, Phase::Sending),
         ];
         let phase = bits.into_iter().find(|(bit, _)| *bit).map_or(Phase::Idle, |(_, phase)| phase);
-        let (token, total, gese) = ((anz >> 11) as u8, anz & COUNT, cx.get(fetch::GESE)?);
-        Ok(Job { phase, token, total, gese, failed: cx.get(fetch::FEHL_KOM)? })
+        Ok(Job::of(phase, cx.get(fetch::ANZ)?, cx.get(fetch::GESE)?, cx.get(fetch::FEHL_KOM)?))
     }
 
     fn store(cx: &mut Cx<'_, CpState>, job: Job) -> Result<(), Abort> {

@@ -1,7 +1,7 @@
 //! The state of an order of this CPU between two calls of FC 2 or FC 3: pure steps over control bits and registers.
 
 use super::telegram::{COUNT, FRAME_ERROR, INITIALISED, KIND, OWN, RESULT_BYTES, Rx, Tx, last_count};
-use crate::registers::{BLOCK_BYTES, Words};
+use crate::registers::{BlockBytes, Words};
 
 /// The phase of an order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -53,6 +53,11 @@ pub(crate) enum Step {
 }
 
 impl Job {
+    /// The order that the parameters hold, with mark and count in ANZ.
+    pub(crate) fn of(phase: Phase, anz: u16, gese: u16, failed: bool) -> Self {
+        Self { phase, token: (anz >> 11) as u8, total: anz & COUNT, gese, failed }
+    }
+
     /// The parameter ANZ: mark and count.
     pub(crate) fn anz(self) -> u16 {
         u16::from(self.token) << 11 | self.total & COUNT
@@ -76,7 +81,7 @@ impl Job {
     }
 
     /// The order is running, and the CP has not restarted since.
-    pub(crate) fn go_on(self, words: Words, block: &[u8; BLOCK_BYTES as usize]) -> (Self, Step) {
+    pub(crate) fn go_on(self, words: Words, block: &BlockBytes) -> (Self, Step) {
         let rx = words.rx;
         match self.phase {
             Phase::Idle => (self, Step::Wait),

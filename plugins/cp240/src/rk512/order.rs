@@ -12,7 +12,7 @@ use super::telegram::{
 };
 use crate::module::Module;
 use crate::reception::put;
-use crate::registers::{BLOCK_BYTES, Count, FAILED, Pafe, REGISTER_BYTES, Words, tx_count};
+use crate::registers::{BLOCK_BYTES, BlockBytes, Count, FAILED, Pafe, Words, tx_count};
 use crate::state::CpState;
 
 /// The order in the parameters of the block.
@@ -80,9 +80,7 @@ pub(crate) fn call<O: Order>(cx: &mut Cx<'_, CpState>) -> Result<(), Abort> {
 
 fn run<O: Order>(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     let wish = O::wish(cx)?;
-    let Some((module, registers)) = Module::read::<REGISTER_BYTES>(cx, wish.adr)? else { return Ok(Pafe::Ok) };
-    let [a, b, c, d, block @ ..] = registers;
-    let words = Words::from_bytes([a, b, c, d]);
+    let Some((module, words, block)) = Module::block(cx, wish.adr)? else { return Ok(Pafe::Ok) };
     let (job, now) = (O::load(cx)?, cx.now());
     let state = &module.state.rk512;
     if job.phase == Phase::Idle {
@@ -165,7 +163,7 @@ fn act<O: Order>(
     wish: &Wish,
     mut job: Job,
     step: Step,
-    block: &[u8; BLOCK_BYTES as usize],
+    block: &BlockBytes,
 ) -> Result<Pafe, Abort> {
     match step {
         Step::Wait => return Ok(Pafe::Ok),
@@ -245,7 +243,7 @@ fn source(
 }
 
 /// The error code in the first block of a result, or 0. A wrong number of data bytes is a frame error.
-fn verdict(wish: &Wish, command: u8, total: u16, block: &[u8; BLOCK_BYTES as usize]) -> u8 {
+fn verdict(wish: &Wish, command: u8, total: u16, block: &BlockBytes) -> u8 {
     let [_, _, by, code, ..] = *block;
     let data = if command == b'E' { wish.bytes() } else { 0 };
     match (by, code) {

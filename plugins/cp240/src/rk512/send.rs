@@ -5,7 +5,6 @@ use ob1_sdk::{Abort, Block, Cx, Formal, Kind, Out, Param, interface};
 
 use super::job::{Job, Phase};
 use super::order::{Order, Wish, call};
-use super::telegram::COUNT;
 use crate::state::CpState;
 
 interface! {
@@ -80,7 +79,6 @@ impl Order for SendRk {
     }
 
     fn load(cx: &mut Cx<'_, CpState>) -> Result<Job, Abort> {
-        let anz = cx.get(send::ANZ)?;
         let (sending, taken) = (cx.get(send::SENDEN_LAEUFT)?, cx.get(send::SENDEN_FERTIG)?);
         let last = cx.get(send::LETZTER_BLOCK)?;
         let phase = match (sending, taken, last) {
@@ -90,8 +88,7 @@ impl Order for SendRk {
             (false, true, true) => Phase::Closing,
             (false, false, _) => Phase::Idle,
         };
-        let (token, total, gese) = ((anz >> 11) as u8, anz & COUNT, cx.get(send::GESE)?);
-        Ok(Job { phase, token, total, gese, failed: cx.get(send::FEHLER)? })
+        Ok(Job::of(phase, cx.get(send::ANZ)?, cx.get(send::GESE)?, cx.get(send::FEHLER)?))
     }
 
     fn store(cx: &mut Cx<'_, CpState>, job: Job) -> Result<(), Abort> {
