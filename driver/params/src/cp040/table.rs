@@ -26,11 +26,7 @@ const PROTOCOLS: [(&str, u8, Layout); 10] = {
 /// Baud rates, for every protocol: those of the CP 240, and one more. [S3 L343]
 const RATES: [(&str, u8); table::RATES.len() + 1] = {
     let mut all = [("109700", 0x10); table::RATES.len() + 1];
-    let mut n = 0;
-    while n < table::RATES.len() {
-        all[n] = table::RATES[n];
-        n += 1;
-    }
+    all.split_at_mut(table::RATES.len()).0.copy_from_slice(&table::RATES);
     all
 };
 
