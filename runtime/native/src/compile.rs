@@ -3,24 +3,16 @@
 use std::fmt;
 
 use cranelift_codegen::control::ControlPlane;
-use cranelift_codegen::ir::{AbiParam, DebugTag, Function, Signature, UserFuncName, types};
-use cranelift_codegen::isa::{self, CallConv, OwnedTargetIsa};
+use cranelift_codegen::ir::{DebugTag, Function, UserFuncName};
+use cranelift_codegen::isa::{self, OwnedTargetIsa};
 use cranelift_codegen::settings::{self, Configurable};
 use cranelift_frontend::FunctionBuilderContext;
 use ob1_cpu::engine::Plan;
 
-use crate::image::{BlockCode, Image};
-use crate::translate::{Made, translate};
-
-/// How much time compiling may take.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Tier {
-    /// Quickly: no optimisation.
-    Fast,
-    /// Optimised.
-    #[default]
-    Optimised,
-}
+use crate::image::{BlockCode, Image, Made};
+use crate::signature::block_signature;
+use crate::tier::Tier;
+use crate::translate::translate;
 
 /// Why nothing is compiled.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -43,22 +35,6 @@ pub enum Target {
     X86_64,
     /// AArch64.
     Aarch64,
-}
-
-/// The signature of helpers: the run and two numbers; a number.
-pub(crate) fn helper_signature(convention: CallConv) -> Signature {
-    let mut signature = Signature::new(convention);
-    signature.params = vec![AbiParam::new(types::I64), AbiParam::new(types::I32), AbiParam::new(types::I32)];
-    signature.returns = vec![AbiParam::new(types::I32)];
-    signature
-}
-
-/// The signature of compiled blocks: the run; 0 when the block has ended.
-pub(crate) fn block_signature(convention: CallConv) -> Signature {
-    let mut signature = Signature::new(convention);
-    signature.params.push(AbiParam::new(types::I64));
-    signature.returns.push(AbiParam::new(types::I32));
-    signature
 }
 
 /// Compiles blocks for one processor.

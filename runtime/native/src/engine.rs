@@ -4,14 +4,14 @@ use std::os::fd::BorrowedFd;
 use std::sync::Arc;
 
 use ob1_cpu::Abort;
-use ob1_cpu::engine::{Context, Engine, Entry, Factory, Plan, Regs};
+use ob1_cpu::engine::{Context, Engine, Entry, Factory, Plan};
 
 use crate::code::CodeMemory;
-use crate::compile::{Compiler, Target, Tier};
+use crate::compile::{Compiler, Target};
 use crate::file::{Contents, Order};
-use crate::frame::{Frame, frames};
-use crate::image::{Compiled, Image};
-use crate::run::{Run, interpret};
+use crate::image::Image;
+use crate::run::Code;
+use crate::tier::Tier;
 
 /// What the engine is called.
 pub const NAME: &str = "native";
@@ -19,34 +19,6 @@ pub const NAME: &str = "native";
 pub const NAME_FAST: &str = "native, fast tier";
 /// What it is called while only its hottest blocks are optimised.
 pub const NAME_HOTTEST: &str = "native, hottest blocks";
-
-/// The code of a plan, in place.
-pub(crate) struct Code {
-    pub(crate) plan: Arc<Plan>,
-    pub(crate) functions: Vec<Compiled>,
-    pub(crate) entries: Entries,
-    /// Calls that need nothing but their frame: by block, then by statement.
-    frames: Vec<Box<[Option<Frame>]>>,
-    memory: Option<CodeMemory>,
-    /// Blocks that the optimising tier has seen.
-    optimised: usize,
-}
-
-/// Where the code of each block begins; null where there is none.
-pub(crate) struct Entries(pub(crate) Box<[*const u8]>);
-
-// SAFETY: addresses in a mapping that is read and executed only, which lives as long as they do.
-unsafe impl Send for Entries {}
-// SAFETY: as above.
-unsafe impl Sync for Entries {}
-
-impl Code {
-    fn new(plan: &Arc<Plan>, functions: Vec<Compiled>, memory: Option<CodeMemory>, optimised: usize) -> Self {
-        let address = |function: &Compiled| function.at.zip(memory.as_ref()).and_then(|(at, memory)| memory.at(at));
-        let entries = functions.iter().map(|function| address(function).unwrap_or(std::ptr::null())).collect();
-        Self { plan: Arc::clone(plan), functions, entries: Entries(entries), frames: frames(plan), memory, optimised }
-    }
-}
 
 /// Runs blocks as machine code.
 pub struct Native {
@@ -158,36 +130,6 @@ impl Engine for Native {
         let hot = cx.hot();
         (hot.local_top, hot.depth) = (local_top, depth);
         Ok(())
-    }
-}
-
-impl Code {
-    /// The frame of a call that needs nothing else.
-    pub(crate) fn frame(&self, block: u32, statement: u32) -> Option<&Frame> {
-        self.frames.get(block as usize)?.get(statement as usize)?.as_ref()
-    }
-
-    /// The code of a block.
-    pub(crate) fn entry(&self, block: u32) -> Option<crate::run::Entry> {
-        let address = self.entries.0.get(block as usize).copied().filter(|address| !address.is_null())?;
-        // SAFETY: the address is that of a function that `Compiler` has made with this signature for this processor, in
-        // memory that nobody can change.
-        Some(unsafe { std::mem::transmute::<*const u8, crate::run::Entry>(address) })
-    }
-
-    /// Runs a block whose registers and local data are in place.
-    pub(crate) fn run(&self, block: u32, r: &mut Regs, cx: &mut Context<'_>) -> Result<(), Abort> {
-        let Some(entry) = self.entry(block) else {
-            return interpret(self, block, 0, &[], r, cx).map(|_| ());
-        };
-        let mut run = Run::new(*r, self, cx);
-        // SAFETY: `run` outlives the call; its pointers are valid as long as `cx` is borrowed.
-        let answer = unsafe { entry(&raw mut run) };
-        *r = run.regs;
-        if run.panicked {
-            std::panic::resume_unwind(Box::new("a helper of compiled code has panicked"));
-        }
-        if answer == 0 { Ok(()) } else { Err(Abort) }
     }
 }
 

@@ -11,8 +11,7 @@
 //! A file that is of another plan, of another request, damaged or not sound in itself is refused.
 
 use crate::digest::{BYTES, Digest};
-use crate::image::{Compiled, Image};
-use crate::translate::Made;
+use crate::image::{Compiled, Image, Made};
 
 /// What a file begins with.
 const MAGIC: &[u8; 8] = b"ob1code\x02";
@@ -167,8 +166,8 @@ fn function(numbers: &mut Numbers<'_>, statements: usize, code_at: u32, code_len
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compile::Tier;
     use crate::image::BlockCode;
+    use crate::tier::Tier;
 
     const ORDER: Order = Order { fingerprint: [7; BYTES], secret: [9; BYTES] };
 

@@ -6,9 +6,8 @@ use std::mem::offset_of;
 
 use ob1_cpu::engine::{Call, Hot, OS, Op, Plan, Regs};
 
-use crate::inline;
+use crate::inline::{self, Reference};
 use crate::run::{ABORTED, DONE, Entry, Run};
-use crate::translate::Reference;
 
 /// A register: where it lies in [`Regs`], and its bytes.
 pub(crate) type Field = (usize, usize);

@@ -2,11 +2,20 @@
 
 use ob1_cpu::engine::Plan;
 
-use crate::compile::Tier;
-use crate::translate::Made;
+use crate::tier::Tier;
 
 /// Functions begin at multiples of it, on every processor there is code for.
 const ALIGNMENT: usize = 16;
+
+/// A place where compiled code can be entered from the reference: the statement, and its number among these places.
+pub(crate) type Resume = (u32, u32);
+
+/// What a function is made of besides its code.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Made {
+    /// Entries from the reference, by ascending statement.
+    pub(crate) resume: Vec<Resume>,
+}
 
 /// The code of a block.
 #[derive(Clone, Debug, Default)]

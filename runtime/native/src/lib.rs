@@ -17,17 +17,20 @@ mod image;
 mod inline;
 mod place;
 mod run;
+mod signature;
+mod tier;
 mod translate;
 mod unsaved;
 mod yardstick;
 
 pub use code::{memory_file, seal};
-pub use compile::{CompileError, Compiler, Listing, Target, Tier};
+pub use compile::{CompileError, Compiler, Listing, Target};
 pub use digest::fingerprint;
 pub use engine::{AtLoad, NAME, NAME_FAST, NAME_HOTTEST, Native, synchronise};
 pub use file::Order;
 pub use hottest::{hottest, is_large};
 pub use image::Image;
+pub use tier::Tier;
 
 /// Bytes of stack that a nested block takes at most: its code's frame and the helpers between.
 const STACK_PER_BLOCK: usize = 6 * 1024;

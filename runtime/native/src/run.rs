@@ -1,20 +1,84 @@
-//! What compiled code and the reference hand each other, and the helpers that compiled code calls.
+//! The code of a plan as it runs: what compiled code and the reference hand each other, and the helpers that compiled
+//! code calls.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
 
 use ob1_cpu::Abort;
-use ob1_cpu::engine::{Callee, Caller, Context, Hot, Prepared, Regs, Timer};
+use ob1_cpu::engine::{Callee, Caller, Context, Hot, Plan, Prepared, Regs, Timer};
 use ob1_ir::Op;
 use ob1_model::TimerKind;
 
-use crate::engine::Code;
-use crate::translate::Resume;
+use crate::code::CodeMemory;
+use crate::frame::{Frame, frames};
+use crate::image::{Compiled, Resume};
 
 /// A helper of compiled code: this run, and two numbers.
 pub(crate) type Helper = extern "C" fn(*mut Run, u32, u32) -> i32;
 
 /// Compiled code of a block: 0 when it has ended, else it was aborted.
 pub(crate) type Entry = unsafe extern "C" fn(*mut Run) -> i32;
+
+/// The code of a plan, in place.
+pub(crate) struct Code {
+    pub(crate) plan: Arc<Plan>,
+    pub(crate) functions: Vec<Compiled>,
+    entries: Entries,
+    /// Calls that need nothing but their frame: by block, then by statement.
+    frames: Vec<Box<[Option<Frame>]>>,
+    pub(crate) memory: Option<CodeMemory>,
+    /// Blocks that the optimising tier has seen.
+    pub(crate) optimised: usize,
+}
+
+/// Where the code of each block begins; null where there is none.
+struct Entries(Box<[*const u8]>);
+
+// SAFETY: addresses in a mapping that is read and executed only, which lives as long as they do.
+unsafe impl Send for Entries {}
+// SAFETY: as above.
+unsafe impl Sync for Entries {}
+
+impl Code {
+    pub(crate) fn new(
+        plan: &Arc<Plan>,
+        functions: Vec<Compiled>,
+        memory: Option<CodeMemory>,
+        optimised: usize,
+    ) -> Self {
+        let address = |function: &Compiled| function.at.zip(memory.as_ref()).and_then(|(at, memory)| memory.at(at));
+        let entries = functions.iter().map(|function| address(function).unwrap_or(std::ptr::null())).collect();
+        Self { plan: Arc::clone(plan), functions, entries: Entries(entries), frames: frames(plan), memory, optimised }
+    }
+
+    /// The frame of a call that needs nothing else.
+    fn frame(&self, block: u32, statement: u32) -> Option<&Frame> {
+        self.frames.get(block as usize)?.get(statement as usize)?.as_ref()
+    }
+
+    /// The code of a block.
+    fn entry(&self, block: u32) -> Option<Entry> {
+        let address = self.entries.0.get(block as usize).copied().filter(|address| !address.is_null())?;
+        // SAFETY: the address is that of a function that `Compiler` has made with this signature for this processor, in
+        // memory that nobody can change.
+        Some(unsafe { std::mem::transmute::<*const u8, Entry>(address) })
+    }
+
+    /// Runs a block whose registers and local data are in place.
+    pub(crate) fn run(&self, block: u32, r: &mut Regs, cx: &mut Context<'_>) -> Result<(), Abort> {
+        let Some(entry) = self.entry(block) else {
+            return interpret(self, block, 0, &[], r, cx).map(|_| ());
+        };
+        let mut run = Run::new(*r, self, cx);
+        // SAFETY: `run` outlives the call; its pointers are valid as long as `cx` is borrowed.
+        let answer = unsafe { entry(&raw mut run) };
+        *r = run.regs;
+        if run.panicked {
+            std::panic::resume_unwind(Box::new("a helper of compiled code has panicked"));
+        }
+        if answer == 0 { Ok(()) } else { Err(Abort) }
+    }
+}
 
 /// The run of one block of statements, in memory.
 #[repr(C)]

@@ -8,6 +8,7 @@ use std::mem::offset_of;
 use cranelift_codegen::ir::{self, InstBuilder, Type, Value, types};
 use ob1_cpu::engine::{Call, Db, Hot, OS, Op, Regs};
 
+use super::inlined::room_for;
 use super::{Checked, Translation};
 use crate::frame::{CHAIN, FRESH, Field, KEPT};
 use crate::inline::{self, INSTANCE};
@@ -36,7 +37,7 @@ impl Translation<'_, '_> {
         self.tell_count();
         self.take_count();
         let local_len = plan.blocks[callee as usize].local_len;
-        let room = inline::room_for(self, local_len, call.refs.len() as u32);
+        let room = room_for(self, local_len, call.refs.len() as u32);
         let entries = self.load_state(types::I64, self.run, offset_of!(Run, entries));
         let address = self.load_state(types::I64, entries, callee as usize * 8);
         let (free, direct, asked) = (self.b.create_block(), self.b.create_block(), self.b.create_block());

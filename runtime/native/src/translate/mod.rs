@@ -10,6 +10,7 @@ mod builder;
 pub(crate) mod cache;
 mod control;
 mod direct;
+mod inlined;
 mod memory;
 pub(crate) mod operand;
 mod shifts;
@@ -27,15 +28,14 @@ use ob1_cpu::engine::{Op as PlanOp, Plan, Regs};
 use ob1_ir::{Op, Place, Stmt};
 use ob1_model::{Area, BlockKind};
 
-use crate::compile::Tier;
 use crate::flow::{self, Env, Facts, How, Set};
+use crate::image::{Made, Resume};
+use crate::inline::{self, Reference};
 use crate::run::Run;
+use crate::tier::Tier;
 pub(crate) use arithmetic::condition;
 use builder::Builder;
 use state::{Bit, Data, State, Vars};
-
-/// A place where compiled code can be entered from the reference: the statement, and its number among these places.
-pub(crate) type Resume = (u32, u32);
 
 /// The function being made.
 pub(crate) struct Translation<'a, 'f> {
@@ -153,15 +153,6 @@ pub(crate) struct Inlined {
     pub(crate) uncounted: u32,
 }
 
-/// An actual parameter that is known when the call is translated.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Reference {
-    /// This bit of the arena.
-    Arena(u32),
-    /// This bit of the function's local data.
-    Local(u32),
-}
-
 impl<'a> Body<'a> {
     pub(crate) fn new(
         plan: &'a Plan,
@@ -177,7 +168,7 @@ impl<'a> Body<'a> {
         let marks = flow::targets(&code.stmts);
         let loops = flow::loops(&code.stmts);
         let is_inlined = |pc: usize| match code.ops[pc] {
-            PlanOp::Call { call } => crate::inline::candidate(plan, &code.calls[call as usize]).is_some(),
+            PlanOp::Call { call } => inline::candidate(plan, &code.calls[call as usize]).is_some(),
             _ => false,
         };
         let calls = |pc: usize| matches!(code.stmts[pc].op, Op::Call(_)) && !is_inlined(pc);
@@ -233,13 +224,6 @@ fn entries(marks: &[bool], loops: &[bool], calls: &dyn Fn(usize) -> bool) -> Vec
     (0..marks.len()).map(entry).collect()
 }
 
-/// What a function is made of besides its code.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Made {
-    /// Entries from the reference, by ascending statement.
-    pub(crate) resume: Vec<Resume>,
-}
-
 /// Fills `func` with the code of block `block`.
 pub(crate) fn translate(
     plan: &Plan,
@@ -253,9 +237,9 @@ pub(crate) fn translate(
     let state_region = func.dfg.alias_regions.insert(AliasRegionData { user_id: 2, description: "state".into() });
     let mut b = Builder::new(FunctionBuilder::new(func, context));
     let vars = Vars::declare(&mut b);
-    let helper = crate::compile::helper_signature(target.default_call_conv);
+    let helper = crate::signature::helper_signature(target.default_call_conv);
     let helper = b.import_signature(helper);
-    let other = b.import_signature(crate::compile::block_signature(target.default_call_conv));
+    let other = b.import_signature(crate::signature::block_signature(target.default_call_conv));
     let entry = b.create_block();
     b.append_block_params_for_function_params(entry);
     b.switch_to_block(entry);
@@ -267,7 +251,7 @@ pub(crate) fn translate(
     let facts = Facts { fc: Some(false), or: Some(false), ..Facts::NONE };
     // Nobody sees the registers of an organization block at its end.
     let end = if plan.blocks[block as usize].id.kind == BlockKind::Ob { 0 } else { flow::RESULTS };
-    let body = Body::new(plan, block, facts, crate::inline::instance_bytes(plan, block), end, None);
+    let body = Body::new(plan, block, facts, inline::instance_bytes(plan, block), end, None);
     let unknown = b.iconst(types::I64, 0);
     let mut t = Translation {
         b,
@@ -342,7 +326,7 @@ impl Translation<'_, '_> {
             let local = self.b.ins().uextend(types::I64, local);
             self.local = self.b.ins().iadd(self.arena, local);
         }
-        let room = crate::inline::room(self);
+        let room = inlined::room(self);
         let plain = if refs.is_empty() { None } else { self.references(&refs) };
         let good = match (room, plain) {
             (Some(room), Some(plain)) => Some(self.b.ins().band(room, plain)),

@@ -7,8 +7,9 @@ use ob1_cpu::engine::{Db, Hot, Regs};
 use ob1_ir::{AddressRegister, Place, Pointer};
 use ob1_model::Area;
 
+use super::Translation;
 use super::state::{Data, Reg};
-use super::{Reference, Translation};
+use crate::inline::Reference;
 use crate::place;
 
 /// The part of a pointer that is an address.

@@ -20,7 +20,8 @@ use ob1_cpu::engine::{Plan, Timer};
 use ob1_ir::{BitTest, Jump, Logic, Number, Op, Place, StatusBit, Stmt};
 use ob1_model::Area;
 
-use crate::compile::{CompileError, Compiler, block_signature, helper_signature};
+use crate::compile::{CompileError, Compiler};
+use crate::signature::{block_signature, helper_signature};
 use crate::{flow, place};
 
 /// Registers: the accumulators, and a byte for each bit of the status word but FC.
