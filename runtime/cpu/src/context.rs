@@ -8,7 +8,7 @@ use ob1_time::{Instant, Span};
 use crate::engine::{Callee, Engine, Plan};
 use crate::machine::{Attention, Machine};
 use crate::natives::{Native, Running};
-use crate::{Abort, Clock, DiagEntry, ShortText};
+use crate::{Abort, Clock, ShortText};
 
 /// Statements after which the engine reads the clock at its next safe point, at the latest.
 const STATEMENTS_PER_LOOK: u32 = 1000;
@@ -87,7 +87,7 @@ impl Context<'_> {
                 return Err(Abort);
             }
             if self.machine.attention.take_halt() {
-                self.entry(Event::STOP_OPERATOR, 0, "");
+                self.machine.enter(Event::STOP_OPERATOR, None, 0, ShortText::default());
                 self.machine.hot.stopping = true;
                 return Err(Abort);
             }
@@ -136,22 +136,7 @@ impl Context<'_> {
 
     /// The same with a statement.
     pub(crate) fn stop_at(&mut self, event: Event, site: Option<Site>, data: u32, text: &str) {
-        let time = self.machine.hot.now;
-        let text = ShortText::new(text);
-        self.machine.diag.push(DiagEntry { number: 0, time, event, site, accus: [0; 2], data, text });
+        self.machine.enter(event, site, data, ShortText::new(text));
         self.machine.hot.stopping = true;
-    }
-
-    /// An entry without a statement.
-    pub(crate) fn entry(&mut self, event: Event, data: u32, text: &str) {
-        self.machine.diag.push(DiagEntry {
-            number: 0,
-            time: self.machine.hot.now,
-            event,
-            site: None,
-            accus: [0; 2],
-            data,
-            text: ShortText::new(text),
-        });
     }
 }

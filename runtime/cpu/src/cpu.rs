@@ -170,16 +170,7 @@ impl Cpu {
 
     /// Enters an event from outside the program: a driver's supervisor, the command.
     pub fn diagnose(&mut self, event: Event, data: u32, text: &str) {
-        let entry = DiagEntry {
-            number: 0,
-            time: self.machine.hot.now,
-            event,
-            site: None,
-            accus: [0; 2],
-            data,
-            text: ShortText::new(text),
-        };
-        self.machine.diag.push(entry);
+        self.machine.enter(event, None, data, ShortText::new(text));
     }
 
     /// The scan statistics.

@@ -8,8 +8,8 @@ use crate::context::Context;
 use crate::interrupts::{Hardware, slot_of};
 use crate::machine::{Machine, Watchdog};
 use crate::{
-    Abort, Clock, Command, Cpu, CycleEnd, DiagEntry, ImageErrors, MissedCycle, ModuleError, ModuleEvent, ObInfo,
-    OperatingState, ShortText,
+    Abort, Clock, Command, Cpu, CycleEnd, ImageErrors, MissedCycle, ModuleError, ModuleEvent, ObInfo, OperatingState,
+    ShortText,
 };
 
 /// Time between two looks at access port and modules in STOP.
@@ -273,15 +273,7 @@ impl Cpu {
         };
         let lost = plugged.lost;
         let text = event_text(&plugged.slot.name, event);
-        self.machine.diag.push(DiagEntry {
-            number: 0,
-            time: self.machine.hot.now,
-            event: event.event,
-            site: None,
-            accus: [0; 2],
-            data: address,
-            text,
-        });
+        self.machine.enter(event.event, None, address, text);
         if !run {
             return Ok(());
         }

@@ -81,6 +81,13 @@ pub struct DiagEntry {
     pub text: ShortText,
 }
 
+impl DiagEntry {
+    /// An entry without a statement; the buffer gives it its number.
+    pub(crate) const fn new(time: Instant, event: Event, data: u32, text: ShortText) -> Self {
+        Self { number: 0, time, event, site: None, accus: [0; 2], data, text }
+    }
+}
+
 impl fmt::Display for DiagEntry {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:04X}h {}", self.event.0, self.event.text())?;
@@ -112,15 +119,7 @@ pub(crate) struct DiagBuffer {
 
 impl DiagBuffer {
     pub(crate) fn new() -> Self {
-        let blank = DiagEntry {
-            number: 0,
-            time: Instant::START,
-            event: Event(0),
-            site: None,
-            accus: [0; 2],
-            data: 0,
-            text: ShortText::default(),
-        };
+        let blank = DiagEntry::new(Instant::START, Event(0), 0, ShortText::default());
         Self {
             entries: vec![blank; DIAG_ENTRIES].into_boxed_slice(),
             written: 0,
@@ -177,15 +176,7 @@ mod tests {
     fn keeps_the_newest_hundred() {
         let mut buffer = DiagBuffer::new();
         assert!(buffer.get(0).is_none());
-        let mut entry = DiagEntry {
-            number: 0,
-            time: Instant::START,
-            event: Event::RUN,
-            site: None,
-            accus: [0; 2],
-            data: 0,
-            text: ShortText::new("x"),
-        };
+        let mut entry = DiagEntry::new(Instant::START, Event::RUN, 0, ShortText::new("x"));
         for time in 0..250 {
             entry.time = Instant::from_nanos(time);
             buffer.push(entry);
@@ -198,15 +189,7 @@ mod tests {
     #[test]
     fn a_flood_leaves_the_last_stops() {
         let mut buffer = DiagBuffer::new();
-        let entry = |event| DiagEntry {
-            number: 0,
-            time: Instant::START,
-            event,
-            site: None,
-            accus: [0; 2],
-            data: 0,
-            text: ShortText::default(),
-        };
+        let entry = |event| DiagEntry::new(Instant::START, event, 0, ShortText::default());
         buffer.keep_stop();
         let mut stops = Vec::new();
         for round in 1..=7 {

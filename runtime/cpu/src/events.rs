@@ -45,7 +45,7 @@ impl Context<'_> {
         // SFC 43 restarts the cycle monitoring, but an excess while OB 80 runs counts as the second.
         let second = std::mem::replace(&mut machine.watchdog.excess, true) || machine.is_active(&[80]);
         machine.watchdog.expires = Some(machine.hot.now.saturating_add(machine.config.watchdog));
-        self.entry(Event::CYCLE_TIME_EXCEEDED, limit_ms, "");
+        self.machine.enter(Event::CYCLE_TIME_EXCEEDED, None, limit_ms, ShortText::default());
         if second {
             self.stop(Event::STOP_TIME_ERROR, limit_ms, "twice in one cycle");
             return Err(Abort);
@@ -81,15 +81,7 @@ impl Context<'_> {
     fn about_ob(&mut self, event: Event, ob: u16) {
         let mut digits = [0; 3];
         let text = ob_name(ob, &mut digits);
-        self.machine.diag.push(DiagEntry {
-            number: 0,
-            time: self.machine.hot.now,
-            event,
-            site: None,
-            accus: [0; 2],
-            data: u32::from(ob),
-            text: ShortText::join(&["OB ", text]),
-        });
+        self.machine.enter(event, None, u32::from(ob), ShortText::join(&["OB ", text]));
     }
 
     fn time_error(&mut self, id: u8, info: u16, event: [u8; 2], ob: [u8; 2], stop: &str) -> Result<(), Abort> {
@@ -137,15 +129,8 @@ impl Context<'_> {
         let callee = self.blocks.ob(number);
         // OB 121 and OB 122 do not handle their own errors. A higher class that interrupts them has its own.
         let nested = matches!(self.machine.ob.number, 121 | 122);
-        self.machine.diag.push(DiagEntry {
-            number: 0,
-            time: self.machine.hot.now,
-            event: fault.kind.into(),
-            site,
-            accus: [a1, a2],
-            data: fault.number,
-            text: ShortText::default(),
-        });
+        let entry = DiagEntry::new(self.machine.hot.now, fault.kind.into(), fault.number, ShortText::default());
+        self.machine.diag.push(DiagEntry { site, accus: [a1, a2], ..entry });
         if nested && self.machine.config.family == Family::S7_400 {
             return self.aborted(site);
         }
@@ -179,17 +164,7 @@ impl Context<'_> {
     /// Interrupt OB (OB 88)" of the system software reference]
     fn aborted(&mut self, site: Option<Site>) -> Result<Option<u32>, Abort> {
         let event = Event::SYNCHRONOUS_NESTING;
-        let machine = &mut *self.machine;
-        let entry = DiagEntry {
-            number: 0,
-            time: machine.hot.now,
-            event,
-            site,
-            accus: [0; 2],
-            data: u32::from(machine.ob.number),
-            text: ShortText::default(),
-        };
-        machine.diag.push(entry);
+        self.machine.enter(event, site, u32::from(self.machine.ob.number), ShortText::default());
         if !self.disabled(88) {
             let running = self.machine.is_active(&[88]);
             let (Some(callee), false) = (self.blocks.ob(88), running) else {
@@ -285,15 +260,7 @@ impl Context<'_> {
         let byte = if output { slot.output_address } else { slot.input_address };
         let base = slot.input_address.min(slot.output_address) as u16;
         let text = ShortText::new(&slot.name);
-        self.machine.diag.push(DiagEntry {
-            number: 0,
-            time: self.machine.hot.now,
-            event,
-            site: None,
-            accus: [0; 2],
-            data: byte,
-            text,
-        });
+        self.machine.enter(event, None, byte, text);
         let Some(callee) = self.blocks.ob(85).filter(|_| !self.disabled(85)) else { return Ok(()) };
         let [class, id] = event.0.to_be_bytes();
         let mut start = self.start_info(class, id, ASYNCHRONOUS, 85);
@@ -310,21 +277,11 @@ impl Context<'_> {
         let base = slot.input_address.min(slot.output_address) as u16;
         let byte = if output { slot.output_address } else { slot.input_address };
         let event = if output { Event::OUTPUT_IMAGE_ERROR } else { Event::INPUT_IMAGE_ERROR };
-        let entry = DiagEntry {
-            number: 0,
-            time: self.machine.hot.now,
-            event,
-            site: None,
-            accus: [0; 2],
-            data: byte,
-            text: ShortText::join(&[
-                &slot.name,
-                if error == ModuleError::Absent { ", the module does not answer" } else { "" },
-            ]),
-        };
         // The OB is called at each transfer; the diagnostic buffer gets only the first error.
         if !plugged.image_error[usize::from(output)] {
-            self.machine.diag.push(entry);
+            let what = if error == ModuleError::Absent { ", the module does not answer" } else { "" };
+            let text = ShortText::join(&[&slot.name, what]);
+            self.machine.enter(event, None, byte, text);
             self.machine.modules.list[index].image_error[usize::from(output)] = true;
         }
         let [class, id] = event.0.to_be_bytes();

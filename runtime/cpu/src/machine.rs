@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use ob1_model::{Event, Site};
 use ob1_time::{Instant, Span};
 
 use crate::accounts::Trace;
@@ -15,7 +16,7 @@ use crate::service_state::ServiceState;
 use crate::timers::{Counter, Timer};
 use crate::wall::Wall;
 use crate::whereabouts::Whereabouts;
-use crate::{CpuConfig, DiagBuffer, IoError, Memory, Modules, ObInfo, OperatingState};
+use crate::{CpuConfig, DiagBuffer, DiagEntry, IoError, Memory, Modules, ObInfo, OperatingState, ShortText};
 
 /// Flags that other threads may set; the scan reads them at safe points.
 #[derive(Clone, Debug, Default)]
@@ -164,6 +165,11 @@ impl Machine {
             }
         }
         Ok(())
+    }
+
+    /// Enters an event into the diagnostic buffer, with its statement if it has one.
+    pub(crate) fn enter(&mut self, event: Event, site: Option<Site>, data: u32, text: ShortText) {
+        self.diag.push(DiagEntry { site, ..DiagEntry::new(self.hot.now, event, data, text) });
     }
 
     /// Copies a log line into the ring.

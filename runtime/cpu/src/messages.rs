@@ -8,7 +8,7 @@ use ob1_model::Event;
 use ob1_std::services::{Alarm, AlarmError, InUse, MessageError, Messages};
 
 use crate::machine::Machine;
-use crate::{DiagEntry, LOG_TEXT, ShortText};
+use crate::{LOG_TEXT, ShortText};
 
 /// Text of fixed size, written without allocating.
 struct Line {
@@ -47,15 +47,7 @@ impl Messages for Machine {
         let mut text = Line::new();
         text.text("INFO1 ").hex(info1).text(", INFO2 ").hex(info2);
         let word = info1.iter().take(2).fold(0, |word, byte| word << 8 | u32::from(*byte));
-        self.diag.push(DiagEntry {
-            number: 0,
-            time: self.hot.now,
-            event: Event(event),
-            site: None,
-            accus: [0; 2],
-            data: word,
-            text: ShortText::new(text.as_str()),
-        });
+        self.enter(Event(event), None, word, ShortText::new(text.as_str()));
         if send { Err(MessageError::NoStation) } else { Ok(()) }
     }
 

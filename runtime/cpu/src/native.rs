@@ -10,8 +10,8 @@ use crate::natives::{Formal, Native};
 use crate::timers::Counter;
 use crate::whereabouts::Packed;
 use crate::{
-    Abort, DiagEntry, Instance, IoError, ModuleStatus, NativeArea, NativeArg, NativeContext, NativeError, ObInfo,
-    Services, ShortText, TimerState,
+    Abort, Instance, IoError, ModuleStatus, NativeArea, NativeArg, NativeContext, NativeError, ObInfo, Services,
+    ShortText, TimerState,
 };
 
 /// Calls a native block from the statement at `site`; the answer is the binary result it leaves.
@@ -180,10 +180,8 @@ impl Call<'_, '_> {
 
     /// An entry in the diagnostic buffer, with the statement that has called the block.
     fn tell(&mut self, event: Event, data: u32, text: &str) {
-        let site = Some(self.site());
-        let machine = &mut *self.cx.machine;
-        let (time, text) = (machine.hot.now, ShortText::new(text));
-        machine.diag.push(DiagEntry { number: 0, time, event, site, accus: [0; 2], data, text });
+        let site = self.site();
+        self.cx.machine.enter(event, Some(site), data, ShortText::new(text));
     }
 
     fn module_error(error: IoError) -> NativeError {
