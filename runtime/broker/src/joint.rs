@@ -9,7 +9,7 @@ use ob1_access::door::{
     Answer, Connection as LinkConnection, News, PART_BYTES, Refusal, Refused, Ticket, ToLink, VERSION, Welcome,
 };
 use ob1_backplane::{SegmentError, WindowHead, WindowReader, WindowWriter};
-use ob1_cpu::{Cpu, Frame, Group, Link, Listing, Mark, Piece, Put, Returned, TooMuch, Window};
+use ob1_cpu::{Cpu, Frame, Group, Link, Listing, Mark, Piece, Returned, TooMuch, Window};
 use ob1_time::{Instant, Span};
 
 use crate::client::{Clients, Job};
@@ -52,11 +52,12 @@ impl Window for Glass {
 const _: () = assert!(ob1_model::FRAME_WORDS <= ob1_backplane::WINDOW_WORDS);
 
 /// Something at the scan.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Out {
     client: u32,
     ticket: Ticket,
-    is_group: bool,
+    /// Of a group: the place of each of its entries in that of the client. Inputs that a module feeds are missing.
+    places: Option<Vec<u32>>,
     give_up: Instant,
 }
 
@@ -227,24 +228,27 @@ impl Joint {
         while let Some((client, job)) = self.clients.next() {
             self.number += 1;
             let number = self.number;
-            let is_group = matches!(job, Job::Group(..));
-            let (ticket, full) = match job {
+            let (ticket, places, full) = match job {
                 Job::Group(ticket, puts) => {
-                    let left: Vec<Put> = puts.iter().filter(|put| !facts.take_input(put)).cloned().collect();
+                    let (mut places, mut left) = (Vec::with_capacity(puts.len()), Vec::with_capacity(puts.len()));
+                    for (place, put) in (0..).zip(&puts).filter(|(_, put)| !facts.take_input(put)) {
+                        places.push(place);
+                        left.push(put.clone());
+                    }
                     // The sender has been held to the bounds of a group.
                     let Ok(group) = Group::new(number, left) else { continue };
-                    (ticket, self.link.write(group).is_err().then_some(Job::Group(ticket, puts)))
+                    (ticket, Some(places), self.link.write(group).is_err().then_some(Job::Group(ticket, puts)))
                 }
                 Job::List(ticket, list, index) => {
                     let full = self.link.list(Listing::new(number, list, index)).is_err();
-                    (ticket, full.then_some(Job::List(ticket, list, index)))
+                    (ticket, None, full.then_some(Job::List(ticket, list, index)))
                 }
             };
             if let Some(job) = full {
                 self.clients.put_back(client, job);
                 return;
             }
-            self.out.insert(number, Out { client, ticket, is_group, give_up });
+            self.out.insert(number, Out { client, ticket, places, give_up });
             if let Some(client) = self.clients.known(client) {
                 client.out += 1;
             }
@@ -257,9 +261,10 @@ impl Joint {
             match returned {
                 Returned::Group(group) => {
                     let Some(out) = self.done(group.id()) else { continue };
-                    let outcome = group.outcome().map(|()| group.scan());
-                    let outcome =
-                        outcome.map_err(|(entry, error)| Refused { entry: entry as u32, why: Refusal::Cell(error) });
+                    let outcome = group.outcome().map(|()| group.scan()).map_err(|(entry, error)| {
+                        let place = out.places.as_ref().and_then(|places| places.get(entry));
+                        Refused { entry: place.copied().unwrap_or(0), why: Refusal::Cell(error) }
+                    });
                     self.written(out.client, out.ticket, outcome);
                 }
                 Returned::List(listing) => {
@@ -303,7 +308,7 @@ impl Joint {
         let silent: Vec<u64> = self.out.iter().filter(|(_, out)| now >= out.give_up).map(|(n, _)| *n).collect();
         for number in silent {
             match self.done(number) {
-                Some(out) if out.is_group => {
+                Some(out) if out.places.is_some() => {
                     self.written(out.client, out.ticket, Err(Refused { entry: 0, why: Refusal::Silent }));
                 }
                 Some(out) => self.answer(out.client, out.ticket, Answer::Refused(Refusal::Silent)),

@@ -34,7 +34,11 @@ fn everything_read_is_of_one_scan_and_a_write_is_seen_by_the_next_read() {
     assert_eq!(station.write(&mut door, 1, &wrong), Err(refused));
     assert_eq!(station.read(&mut door, &[bytes(memory(20), 2)]).value(0), Ok(49), "nothing of it landed");
     // An input that a module feeds goes there.
-    assert!(station.write(&mut door, 1, &[Put::Value(Cell::Area(Area::Input, 0), Width::Bit, 1)]).is_ok());
+    let input = Put::Value(Cell::Area(Area::Input, 0), Width::Bit, 1);
+    assert!(station.write(&mut door, 1, std::slice::from_ref(&input)).is_ok());
+    // A refusal names the place in the whole group, with what a module has taken.
+    let wrong = [input.clone(), word(memory(20), 1), input, word(Cell::Db(99, 0), 1)];
+    assert_eq!(station.write(&mut door, 1, &wrong), Err(Refused { entry: 3, ..refused }));
 }
 
 /// A document of any length comes whole, whatever else is asked meanwhile.
