@@ -109,7 +109,7 @@ pub struct Config {
     pub unlocked: Rights,
     /// Connections that may be served at the same time.
     pub clients: usize,
-    /// A connection that is silent for this long is closed.
+    /// A connection that is silent for this long, and waits for nothing, is closed.
     pub idle: Option<Duration>,
     /// The last socket handed over is that of the tap.
     pub tap: bool,

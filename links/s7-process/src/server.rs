@@ -188,7 +188,7 @@ impl Server {
             }
             let idle = self.config.and_then(|config| config.idle);
             let late = |session: &Session| session.resource.is_none() && now.duration_since(session.since) >= CALL;
-            let silent = |session: &Session| idle.is_some_and(|idle| session.silent(now) >= idle);
+            let silent = |session: &Session| idle.is_some_and(|idle| session.is_silent(idle, now));
             let gone: Vec<u32> =
                 self.sessions.iter().filter(|s| late(s) || silent(s)).map(|session| session.number).collect();
             gone.into_iter().for_each(|number| self.close(number, "it has been silent for too long"));

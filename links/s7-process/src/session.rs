@@ -108,13 +108,14 @@ impl Session {
     }
 
     pub(crate) fn occupant(&self, now: Instant) -> Option<Occupant> {
-        let waits = self.connection.wants_events() || self.connection.next_tick().is_some();
+        let waits = self.connection.waits();
         let silent = now.saturating_duration_since(self.heard);
         self.resource.map(|resource| Occupant { number: self.number, resource, works: self.works, waits, silent })
     }
 
-    pub(crate) fn silent(&self, now: Instant) -> Duration {
-        now.saturating_duration_since(self.heard)
+    /// Whether it has been silent for this long, and waits for nothing.
+    pub(crate) fn is_silent(&self, since: Duration, now: Instant) -> bool {
+        !self.connection.waits() && now.saturating_duration_since(self.heard) >= since
     }
 
     /// For the log: the PDU, jobs, errors.

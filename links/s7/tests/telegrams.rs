@@ -444,6 +444,32 @@ fn messages_go_to_those_who_want_them() {
     assert_eq!(desk.service(4, 2, &[0x80, 0])[0][20..22], [0xD4, 0x05]);
 }
 
+/// Whoever waits for something is not silent, also while the values are under way.
+#[test]
+fn who_waits_for_something() {
+    let mut desk = desk();
+    assert!(!desk.connection.waits());
+    desk.service(2, 1, &[&[0, 1, 0, 2][..], &item(2, 2, 0, 0x83, 0)].concat());
+    assert!(desk.connection.waits());
+    desk.connection.tick(0);
+    desk.connection.tick(200);
+    assert_eq!((desk.connection.next_tick(), desk.connection.waits()), (None, true), "asked, not answered");
+    desk.serve();
+    assert_eq!(desk.answers().len(), 1);
+    desk.service(2, 4, &[0, 0]);
+    assert!(!desk.connection.waits());
+    desk.service(4, 2, &[0x01, 0]);
+    assert!(desk.connection.waits());
+    desk.service(4, 2, &[0, 0]);
+    assert!(!desk.connection.waits());
+    let mut frame = vec![3, 0, 0, 31, 2, 0xF0, 0x80];
+    frame.extend_from_slice(&job(7, &items(4, &[item(2, 2, 0, 0x83, 0)]), &[]));
+    desk.connection.receive(&frame);
+    assert!(desk.connection.waits(), "for its answer");
+    desk.serve();
+    assert!(!desk.connection.waits());
+}
+
 #[test]
 fn a_variable_table_reads_and_modifies() {
     let mut desk = desk();

@@ -213,6 +213,27 @@ fn a_flood_of_connections_keeps_nobody_out() {
     assert_eq!(station.interrupt().code(), Some(0));
 }
 
+/// The order for DB10.DBW 0 each second.
+const CYCLIC: [u8; 45] = [
+    3, 0, 0, 45, 2, 0xF0, 0x80, 0x32, 7, 0, 0, 0, 2, 0, 8, 0, 20, 0, 1, 0x12, 4, 0x11, 0x42, 1, 0, 0xFF, 9, 0, 16, 0, 1,
+    1, 1, 0x12, 0x0A, 0x10, 2, 0, 2, 0, 10, 0x84, 0, 0, 0,
+];
+
+/// `idle` ends silent connections, not one that waits for cyclic data.
+#[test]
+fn who_waits_for_cyclic_data_is_not_idle() {
+    let site = Site::new();
+    let (station, port) = station(&site, "s7-idle", "rights = \"read\"\nidle = 1");
+    let mut waits = Raw::open(port).expect("a connection");
+    waits.0.write_all(&CYCLIC).expect("sent");
+    let mut silent = Raw::open(port).expect("a connection");
+    assert!(silent.frame().is_err(), "it is closed");
+    // The answer, and its messages.
+    let kinds: Vec<_> = (0..4).map(|_| waits.frame().expect("values").get(22).copied()).collect();
+    assert_eq!(kinds, [Some(0x82), Some(0x02), Some(0x02), Some(0x02)]);
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
 /// Counters that count together, and a word that counts the scans in which they differed.
 const COUNTERS: &str = "
 ORGANIZATION_BLOCK OB 1

@@ -134,6 +134,12 @@ impl Connection {
         self.cyclic.jobs.iter().filter(|job| !job.under_way).map(|job| job.due_ms.unwrap_or(0)).min()
     }
 
+    /// Whether the partner waits for something: an answer, messages, or cyclic data. Then its silence means nothing.
+    #[must_use]
+    pub fn waits(&self) -> bool {
+        !self.queue.is_empty() || self.wants_events() || !self.cyclic.jobs.is_empty()
+    }
+
     /// Values of a cyclic job have come. False: they need not be sent, because they have not changed or the job is
     /// gone.
     pub(super) fn cyclic_came(&mut self, id: u8, telegram: &[u8]) -> bool {
