@@ -296,9 +296,14 @@ impl Broker {
             }
             Ask::Stage { id, bytes } => {
                 client.may_operate()?;
-                may_touch(id, &joint.config)?;
+                let allowed = may_touch(id, &joint.config);
                 let client = joint.clients.of(asker.client, &joint.config).ok_or(Refusal::Full)?;
-                return client.stage(id, bytes).map(|()| Some(Answer::Done));
+                let staged = allowed.and_then(|()| client.stage(id, bytes));
+                // What belongs together comes in together: the blocks before this one go with it.
+                if staged.is_err() {
+                    drop(client.take_staged());
+                }
+                return staged.map(|()| Some(Answer::Done));
             }
             Ask::Link => {
                 client.may_operate()?;

@@ -57,7 +57,7 @@ pub enum Ask {
     /// One of the station's documents.
     Document(Document),
     /// A block as in a block folder, put aside for [`Ask::Link`] (operate; the broker keeps what a client has put
-    /// aside, up to [`STAGED_BYTES`]).
+    /// aside, up to [`STAGED_BYTES`]). If it is refused, nothing stays aside.
     Stage {
         /// Which one it is.
         id: BlockId,
