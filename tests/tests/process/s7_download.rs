@@ -186,6 +186,23 @@ fn the_program_of_a_station_goes_into_another() {
     assert_eq!(station.interrupt().code(), Some(0));
 }
 
+/// The names of the blocks that are linked together fit the PDU of the CPU, also that of an S7-300.
+#[test]
+fn a_download_fits_a_small_pdu() {
+    let site = Site::new();
+    let (station, port) = station(&site, "s7-small", "rights = \"operate\"\npdu = 240");
+    let function = |number: u16| format!("FUNCTION FC {number} : VOID\nBEGIN\n      L     {number};\nEND_FUNCTION\n");
+    let program: String = (100..140).map(function).collect();
+    site.write("many.awl", &format!("{program}{OTHER}"));
+    site.write("many.toml", "[station]\nname = \"many\"\n\n[program]\nsources = [\"many.awl\"]\n");
+    let host = format!("127.0.0.1:{port}");
+    let loaded = site.ob1(&["download", &host, "many.toml", "--stop"]);
+    assert_eq!((loaded.code, loaded.out.as_str()), (Some(0), "43 of 43 blocks were loaded\n"), "{}", loaded.err);
+    let compared = site.ob1(&["compare", &host, "many.toml"]);
+    assert!(compared.out.contains("differences from many.toml: 1"), "{}", compared.out);
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
 /// Blocks that call system functions: an FC with SFC 1 and 20, an FB with a timer of SFB 4 as multi-instance and
 /// another one separately.
 const CALLS: &str = "

@@ -11,6 +11,9 @@ use crate::wire::{
 
 /// Bytes of a part of a download: head, parameters, length and mark.
 const PART: usize = crate::wire::ANSWER_HEAD + 2 + 4;
+/// Bytes of a job that links blocks, without their names: head, the fixed parameters, number of blocks, service.
+const LINK: usize = crate::wire::JOB_HEAD + 10 + 2 + 1 + LINK_NAME.len();
+const LINK_NAME: &[u8] = b"_INSE";
 /// A limit above the parts of any block or list.
 const PARTS: usize = 100_000;
 
@@ -249,7 +252,14 @@ impl<W: Wire> Device<W> {
         }
     }
 
-    /// Links blocks that were loaded into the program, together.
+    /// How many blocks [`Device::link`] takes: their names are in one telegram. An S7-300 has a PDU of 240 bytes.
+    #[must_use]
+    pub fn linkable(&self) -> usize {
+        let pdu = usize::from(self.client.pdu().unwrap_or(crate::MIN_PDU));
+        (pdu.saturating_sub(LINK) / BlockName::BYTES).clamp(1, usize::from(u8::MAX))
+    }
+
+    /// Links blocks that were loaded into the program, together; at most [`Device::linkable`].
     ///
     /// # Errors
     /// The wire's error.
@@ -258,7 +268,7 @@ impl<W: Wire> Device<W> {
         for (ty, number) in blocks {
             argument.extend_from_slice(&BlockName { ty: *ty, number: *number, place: FileSystem::Passive }.text());
         }
-        self.control(&argument, b"_INSE")
+        self.control(&argument, LINK_NAME)
     }
 
     /// A program invocation service.

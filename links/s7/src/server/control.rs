@@ -12,8 +12,6 @@ const STOP_HEAD: usize = 5;
 const CANNOT: u8 = 0x02;
 const ALREADY_RUNS: u8 = 0x03;
 const ALREADY_STOPPED: u8 = 0x07;
-/// Bytes of a name in a list of blocks.
-const NAME: usize = 8;
 
 /// The argument of a service and its name.
 fn invocation(parameters: &[u8]) -> Option<(&[u8], &[u8])> {
@@ -27,7 +25,7 @@ fn invocation(parameters: &[u8]) -> Option<(&[u8], &[u8])> {
 /// The blocks in the argument of a service: their number, a zero, their names.
 fn names(argument: &[u8]) -> Option<Vec<BlockName>> {
     let (&[count, _], names) = argument.split_first_chunk::<2>()?;
-    let (names, rest) = names.as_chunks::<NAME>();
+    let (names, rest) = names.as_chunks::<{ BlockName::BYTES }>();
     if names.len() != usize::from(count) || !rest.is_empty() {
         return None;
     }

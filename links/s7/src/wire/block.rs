@@ -101,6 +101,9 @@ pub struct BlockName {
 }
 
 impl BlockName {
+    /// Bytes of a name.
+    pub const BYTES: usize = 8;
+
     /// `0A00001P`; in uploads and downloads preceded by `_`.
     #[must_use]
     pub fn read(text: &[u8]) -> Option<Self> {
@@ -116,9 +119,9 @@ impl BlockName {
         })
     }
 
-    /// The eight bytes.
+    /// Its bytes.
     #[must_use]
-    pub fn text(&self) -> [u8; 8] {
+    pub fn text(&self) -> [u8; Self::BYTES] {
         let digit = |power: u16| b'0' + (self.number / power % 10) as u8;
         let digits = [digit(10_000), digit(1000), digit(100), digit(10), digit(1)];
         let [a, b, c, d, e] = digits;

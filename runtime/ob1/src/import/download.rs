@@ -13,8 +13,8 @@ use super::block_files::{Blocks, collect};
 use super::wire::{CpuArgs, Socket, connect};
 use crate::exit::ImportExit;
 
-/// Most blocks that are linked together, and most bytes of them: their names fit any PDU we ask for, the blocks fit
-/// what a CPU puts aside.
+/// Most blocks that are linked together, if the PDU has room for their names, and most bytes of them: they fit what a
+/// CPU puts aside.
 const TOGETHER: usize = 64;
 const TOGETHER_BYTES: usize = 512 * 1024;
 
@@ -80,7 +80,7 @@ fn run(args: &DownloadArgs) -> Result<ImportExit, String> {
 /// Loads the blocks; returns those that were refused for good. One that needs another is loaded after it, in the next
 /// round.
 fn load_all(device: &mut Device<Socket>, blocks: Blocks) -> Result<BTreeMap<String, Refused>, String> {
-    let mut groups = together(blocks);
+    let mut groups = together(blocks, device.linkable().min(TOGETHER));
     loop {
         let (before, mut refused) = (groups.len(), BTreeMap::new());
         let mut left = Vec::new();
@@ -97,14 +97,14 @@ fn load_all(device: &mut Device<Socket>, blocks: Blocks) -> Result<BTreeMap<Stri
     }
 }
 
-/// Groups that fit.
-fn together(blocks: Blocks) -> Vec<Blocks> {
+/// Groups that fit: at most this many blocks in each.
+fn together(blocks: Blocks, most: usize) -> Vec<Blocks> {
     let mut groups: Vec<Blocks> = Vec::new();
     let mut bytes = 0;
     for (name, block) in blocks {
         bytes += block.len();
         match groups.last_mut() {
-            Some(group) if group.len() < TOGETHER && bytes <= TOGETHER_BYTES => drop(group.insert(name, block)),
+            Some(group) if group.len() < most && bytes <= TOGETHER_BYTES => drop(group.insert(name, block)),
             _ => {
                 bytes = block.len();
                 groups.push(Blocks::from([(name, block)]));
