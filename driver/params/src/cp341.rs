@@ -121,14 +121,14 @@ impl Cp341 {
         let (protocol, tables) = protocol_of(&given, protocols_of(kind), |row| row.0, None)?;
         let rows = || tables.iter().flat_map(|table| table.iter());
         each_once(&given)?;
-        for (key, value) in &given {
+        for (key, _) in &given {
             if *key != "protocol" && !rows().any(|row| row.key == *key) {
                 let remedy = match nearest(key, rows().map(|row| row.key)) {
                     Some(near) => format!("did you mean `{near}`?"),
                     None => "remove it".into(),
                 };
                 let known = rows().map(|row| row.key).collect::<Vec<_>>().join(", ");
-                return Err(error(key, value.to_string(), format!("with protocol \"{protocol}\": {known}"), remedy));
+                return Err(error(key, String::new(), format!("with protocol \"{protocol}\": {known}"), remedy));
             }
         }
         let mut keys = vec![("protocol", Value::from(protocol))];
@@ -269,6 +269,11 @@ mod tests {
             let error = with(key, value).to_string();
             assert!(error.contains(says), "{key}: {error}");
         }
+        let needless = with("length", Value::Int(5));
+        assert!(!needless.follows_from("end_criterion"), "3964R has neither: {needless}");
+        // It would be right if the end were the length.
+        let ascii = [("protocol", Value::from("ascii")), ("length", Value::Int(5))];
+        assert!(Cp341::from_keys(ascii).unwrap_err().follows_from("end_criterion"));
         assert!(Cp341::from_keys([]).unwrap_err().to_string().contains("add `protocol"));
         assert!(Cp341::from_keys([("protocol", "3946r".into())]).unwrap_err().to_string().contains("\"3964r\"?"));
     }

@@ -175,7 +175,7 @@ mod tests {
     #[test]
     fn what_cannot_be_is_said_with_the_remedy() {
         let table: [(&[(&str, Value)], &str); 10] = [
-            (&[("data_bits", Value::Int(8))], "`data_bits`: 8 is not allowed here; allowed: 7"),
+            (&[("data_bits", Value::Int(8))], "`data_bits`: 8 is not allowed; allowed: 7"),
             (&[("baud", Value::Int(57_600))], "`baud`: 57600"),
             (&[("stop_bits", Value::Int(2))], "with parity \"even\": 1"),
             (&[("stop_bits", Value::Int(1)), ("parity", "none".into())], "with parity \"none\": 2"),

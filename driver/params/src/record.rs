@@ -204,13 +204,13 @@ impl ByteTables {
         for (key, value) in keys.iter().filter(|(key, _)| *key != "protocol") {
             match fields.iter().find(|field| field.key == *key) {
                 Some(field) => set_value(&mut record, field, value)?,
-                None => return Err(self.unknown(key, value, name, fields)),
+                None => return Err(self.unknown(key, name, fields)),
             }
         }
         Ok((name, layout, record))
     }
 
-    fn unknown(&self, key: &str, value: &Value, protocol: &str, fields: &[Field]) -> ParamError {
+    fn unknown(&self, key: &str, protocol: &str, fields: &[Field]) -> ParamError {
         let own = || fields.iter().map(|field| field.key);
         let is_foreign = Layout::ALL.iter().any(|layout| (self.fields)(*layout).iter().any(|field| field.key == key));
         let remedy = if is_foreign {
@@ -225,7 +225,7 @@ impl ByteTables {
             [] => format!("protocol \"{protocol}\" alone, it has no parameters"),
             _ => format!("with protocol \"{protocol}\": {}", own().collect::<Vec<_>>().join(", ")),
         };
-        ParamError { byte: None, key: key.into(), value: value.to_string(), allowed, remedy }
+        ParamError { byte: None, key: key.into(), value: String::new(), allowed, remedy }
     }
 
     /// The record of values that have been checked. One out of range becomes the default, so that the result can always
@@ -290,7 +290,7 @@ pub(crate) fn protocol_of<T: Copy>(
         remedy,
     };
     let given = match keys.iter().find(|(key, _)| *key == "protocol") {
-        None => return Err(refused("nothing".into(), "add `protocol = \"...\"`".into())),
+        None => return Err(refused(String::new(), "add `protocol = \"...\"`".into())),
         Some((_, Value::Int(number))) => number.to_string(),
         Some((_, Value::Str(text))) => text.to_ascii_lowercase(),
     };

@@ -231,27 +231,31 @@ fn mistakes_in_words() {
     let s3964r = ("protocol", Value::from("3964r"));
     assert_eq!(
         error(&[s3964r.clone(), ("qvz_ms", Value::Int(510))]),
-        "parameter `qvz_ms` (byte 6): 510 is not allowed here; allowed: 0..5100 in steps of 20; \
+        "parameter `qvz_ms` (byte 6): 510 is not allowed; allowed: 0..5100 in steps of 20; \
          the nearest is 520 (QVZ: longest wait for the acknowledgement of the partner)"
     );
     assert_eq!(
         error(&[s3964r.clone(), ("priorty", Value::from("high"))]),
-        "parameter `priorty`: \"high\" is not allowed here; allowed: with protocol \"3964r\": baud, data_bits, parity, \
+        "there is no parameter `priorty` here; allowed: with protocol \"3964r\": baud, data_bits, parity, \
          stop_bits, zna_ms, zvz_ms, qvz_ms, bwz_ms, stx_repetitions, dbl, priority; did you mean `priority`?"
     );
     assert!(error(&[s3964r.clone(), ("receive_buffers", Value::Int(1))]).contains("belongs to another protocol"));
     assert_eq!(
         error(&[("protocol", Value::from("enocean")), ("baud", Value::Int(57600))]),
-        "parameter `baud`: 57600 is not allowed here; allowed: protocol \"enocean\" alone, it has no parameters; `baud` belongs to \
+        "there is no parameter `baud` here; allowed: protocol \"enocean\" alone, it has no parameters; `baud` belongs to \
          another protocol; remove it"
     );
     assert!(error(&[s3964r.clone(), ("parity", Value::from("evn"))]).contains("did you mean \"even\"?"));
     assert!(error(&[s3964r.clone(), ("baud", Value::Int(1)), ("baud", Value::Int(2))]).contains("each key once"));
     assert!(error(&[("protocol", Value::from("3946r"))]).contains("did you mean \"3964r\"?"));
-    assert!(error(&[("baud", Value::Int(9600))]).contains("add `protocol"));
+    let missing = error(&[("baud", Value::Int(9600))]);
+    assert!(
+        missing.starts_with("the parameter `protocol` is missing; ") && missing.contains("add `protocol"),
+        "{missing}"
+    );
     assert_eq!(
         Cp240::decode(&with(defaults("3964r"), 10, 2)).expect_err("priority 2").to_string(),
-        "parameter `priority` (byte 10): 02h is not allowed here; allowed: 00h (low), 01h (high); correct the byte or write \
+        "parameter `priority` (byte 10): 02h is not allowed; allowed: 00h (low), 01h (high); correct the byte or write \
          `priority = ...` instead (which side gives way when both want to send)"
     );
 }

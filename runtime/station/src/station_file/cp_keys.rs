@@ -68,14 +68,11 @@ pub(super) fn keys_or_bytes<P>(
     f: &mut Findings<'_>,
     table: &ModuleTable,
     cp: &str,
-    of_keys: impl FnOnce(Vec<(&str, Value)>) -> Result<P, ParamError>,
+    of_keys: impl Fn(Vec<(&str, Value)>) -> Result<P, ParamError>,
     of_bytes: fn(&[u8; 16]) -> Result<P, ParamError>,
 ) -> Option<P> {
     match (&table.params, &table.raw) {
-        (Some(given), None) => {
-            let keys = keys_of(f, given)?;
-            of_keys(keys).map_err(|error| parameter(f, place_in(given, &error), &error)).ok()
-        }
+        (Some(given), None) => from_keys(f, given, of_keys),
         (None, Some(raw)) => from_raw(f, cp, raw, of_bytes),
         (Some(_), Some(raw)) => {
             let remedy = "keep one of them; `ob1 check STATION --verbose` prints the other form";
@@ -90,8 +87,35 @@ pub(super) fn keys_or_bytes<P>(
     }
 }
 
-/// The keys as the parameter tables take them.
-pub(super) fn keys_of<'a>(f: &mut Findings<'_>, params: &'a Placed<Keys>) -> Option<Vec<(&'a str, Value)>> {
+/// The parameters of these keys. Every key that is wrong is reported, except those that are wrong only because another
+/// one is.
+pub(super) fn from_keys<P>(
+    f: &mut Findings<'_>,
+    given: &Placed<Keys>,
+    of_keys: impl Fn(Vec<(&str, Value)>) -> Result<P, ParamError>,
+) -> Option<P> {
+    let mut keys = keys_of(f, given)?;
+    let mut wrong: Vec<String> = Vec::new();
+    loop {
+        let error = match of_keys(keys.clone()) {
+            Ok(params) => return wrong.is_empty().then_some(params),
+            Err(error) => error,
+        };
+        if !wrong.iter().any(|key| error.follows_from(key)) {
+            parameter(f, place_in(given, &error), &error);
+        }
+        // What else is wrong shows without it; the protocol decides on all others.
+        let before = keys.len();
+        keys.retain(|(key, _)| *key != error.key);
+        if error.key == "protocol" || keys.len() == before {
+            return None;
+        }
+        wrong.push(error.key);
+    }
+}
+
+/// The keys as the parameter tables take them; `None` if one has a value of a type that no parameter has.
+fn keys_of<'a>(f: &mut Findings<'_>, params: &'a Placed<Keys>) -> Option<Vec<(&'a str, Value)>> {
     let mut keys = Vec::new();
     for (key, value) in params.get_ref() {
         let converted = match value.get_ref() {
@@ -103,16 +127,16 @@ pub(super) fn keys_of<'a>(f: &mut Findings<'_>, params: &'a Placed<Keys>) -> Opt
                 let message =
                     format!("the parameter `{}` cannot be a value of type {}", key.get_ref(), other.type_str());
                 f.error(PARAMETER, value.span(), message, "a number or a word in quotes");
-                return None;
+                continue;
             }
         };
         keys.push((key.get_ref().as_str(), converted));
     }
-    Some(keys)
+    (keys.len() == params.get_ref().len()).then_some(keys)
 }
 
 /// The place of the key that is wrong.
-pub(super) fn place_in(params: &Placed<Keys>, error: &ParamError) -> std::ops::Range<usize> {
+fn place_in(params: &Placed<Keys>, error: &ParamError) -> std::ops::Range<usize> {
     let found = params.get_ref().iter().find(|(key, _)| *key.get_ref() == error.key);
     found.map_or(params.span(), |(key, value)| key.span().start..value.span().end)
 }
@@ -148,12 +172,6 @@ fn from_raw<P>(
     decode(&bytes).map_err(|error| parameter(f, place(&error), &error)).ok()
 }
 
-pub(super) fn parameter(f: &mut Findings<'_>, at: std::ops::Range<usize>, error: &ParamError) {
-    let what = match (error.byte, error.key.as_str()) {
-        (Some(byte), "") => format!("parameter byte {byte}"),
-        (Some(byte), key) => format!("parameter `{key}` (byte {byte})"),
-        (None, key) => format!("parameter `{key}`"),
-    };
-    let remedy = format!("allowed: {}; {}", error.allowed, error.remedy);
-    f.error(PARAMETER, at, format!("{what}: {} is not allowed", error.value), remedy);
+fn parameter(f: &mut Findings<'_>, at: std::ops::Range<usize>, error: &ParamError) {
+    f.error(PARAMETER, at, error.what(), format!("allowed: {}; {}", error.allowed, error.remedy));
 }

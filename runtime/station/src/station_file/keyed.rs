@@ -4,7 +4,7 @@ use std::path::Path;
 
 use ob1_params::{Cp341, CpKind};
 
-use super::cp_keys::{keys_of, line_of, parameter, place_in};
+use super::cp_keys::{from_keys, line_of};
 use super::findings::{CONTRADICTION, Findings, MISSING};
 use super::tables::{ModuleTable, Placed};
 use super::types::ModuleKind;
@@ -27,8 +27,7 @@ pub(super) fn module(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path, k
         f.error(MISSING, table.kind.span(), format!("the {cp} has no parameters"), remedy);
         return None;
     };
-    let keys = keys_of(f, given)?;
-    let params = Cp341::of_kind(kind, keys).map_err(|error| parameter(f, place_in(given, &error), &error)).ok()?;
+    let params = from_keys(f, given, |keys| Cp341::of_kind(kind, keys))?;
     let line = line_of(f, table, folder, &format!("the {cp}"))?;
     let diagnostics = table.diagnostics.as_ref().is_some_and(|switch| *switch.get_ref());
     Some(ModuleKind::Keyed { params: Box::new(params), line, diagnostics })
