@@ -3,17 +3,29 @@
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read as _, Write as _};
-use std::os::unix::fs::OpenOptionsExt as _;
+use std::os::unix::fs::{FileTypeExt as _, OpenOptionsExt as _};
 use std::path::Path;
 
 /// More than any file that people write or tools make of a program, in bytes.
 pub const LONGEST: u64 = 64 << 20;
 
+/// Why a FIFO is not read.
+pub(crate) const NO_FILE: &str = "it is a FIFO, not a file";
+
+/// True for a FIFO in a folder: who opens it waits until somebody writes, perhaps for ever. A pipe that a shell makes
+/// (`/dev/stdin`, `<(...)`) is in no folder, and its writer is there.
+pub(crate) fn is_fifo(path: &Path) -> bool {
+    fs::metadata(path).is_ok_and(|file| file.file_type().is_fifo()) && fs::canonicalize(path).is_ok()
+}
+
 /// The content of a file of at most so many bytes. A device without an end is not read for ever.
 ///
 /// # Errors
-/// What the system says; `FileTooLarge`.
+/// What the system says; `FileTooLarge`; `InvalidInput`: it is a FIFO.
 pub fn read(path: &Path, longest: u64) -> io::Result<Vec<u8>> {
+    if is_fifo(path) {
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, NO_FILE));
+    }
     let mut bytes = Vec::new();
     let read = File::open(path)?.take(longest + 1).read_to_end(&mut bytes)?;
     if read as u64 > longest {
@@ -101,6 +113,15 @@ mod tests {
         assert!(read(&path, 999).is_err());
         fs::write(&path, b"a\nb\n\xFF").expect("room");
         assert_eq!(read_text(&path).expect_err("no text").to_string(), "line 3 is not UTF-8");
+    }
+
+    #[test]
+    fn a_fifo_is_refused_and_not_waited_for() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("x");
+        let made = std::process::Command::new("mkfifo").arg(&path).status().expect("mkfifo is there");
+        assert!(made.success());
+        assert_eq!(read(&path, 1).expect_err("nobody writes").to_string(), NO_FILE);
     }
 
     /// Whatever stands where the new content is prepared: it is neither followed nor written into nor waited for.

@@ -47,6 +47,9 @@ fn kind(path: &Path) -> Option<bool> {
     }
     if extension == "xml" {
         // Of the many XML files only those with blocks count.
+        if !path.is_file() {
+            return None;
+        }
         let mut begin = Vec::new();
         File::open(path).and_then(|file| file.take(4096).read_to_end(&mut begin)).ok()?;
         return String::from_utf8_lossy(&begin).contains("<SW.").then_some(true);

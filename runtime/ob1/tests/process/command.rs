@@ -131,6 +131,39 @@ fn a_station_file_that_is_not_there_is_named() {
     }
 }
 
+/// A FIFO to which nobody writes holds up no command; a pipe of the shell is read.
+#[test]
+fn a_fifo_is_not_waited_for() {
+    let bench = Bench::new();
+    for name in ["fifo", "fifo.toml", "fifo.xml"] {
+        let made = std::process::Command::new("mkfifo").arg(bench.folder.path().join(name)).status();
+        assert!(made.expect("mkfifo is there").success());
+    }
+    for (args, code) in [
+        (&["check", "fifo"][..], 1),
+        (&["check", "fifo.toml"], 1),
+        (&["check", "fifo.xml"], 1),
+        (&["check", "bench.awl", "--symbols", "fifo"], 1),
+        (&["check", "bench.awl", "--numbers", "fifo"], 1),
+        (&["check", "bench.awl", "--plugin", "./fifo"], 1),
+        (&["run", "fifo.toml"], 2),
+        (&["exec", "fifo"], 10),
+        (&["test", "fifo"], 2),
+        (&["trace", "--from", "fifo"], 6),
+        (&["soak", "--compare", "fifo", "fifo"], 2),
+    ] {
+        let output = bench.ob1(args);
+        assert_eq!(output.status.code(), Some(code), "{args:?}: {output:?}");
+        let text = String::from_utf8_lossy(&output.stdout).into_owned() + &said(&output);
+        assert!(text.contains("it is a FIFO, not a file"), "{args:?}: {output:?}");
+    }
+    let ob1 = env!("CARGO_BIN_EXE_ob1");
+    let mut piped = std::process::Command::new("sh");
+    piped.args(["-c", &format!("cat bench.awl | {ob1} check /dev/stdin")]).current_dir(bench.folder.path());
+    let output = piped.output().expect("sh starts");
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+}
+
 #[test]
 fn a_killed_runtime_leaves_nothing_behind() {
     let bench = Bench::new();

@@ -110,7 +110,7 @@ fn read(path: &Path) -> Result<String, Vec<Finding>> {
             ErrorKind::NotFound => "name an existing station file, such as examples/two-stations/station-a.toml",
             ErrorKind::InvalidData => "a station file is UTF-8 text",
             ErrorKind::IsADirectory => "name the station file in it, such as press/station.toml",
-            ErrorKind::FileTooLarge => "name a station file, such as press/station.toml",
+            ErrorKind::FileTooLarge | ErrorKind::InvalidInput => "name a station file, such as press/station.toml",
             _ => "make it readable for this user",
         };
         let message = format!("the station file cannot be read: {error}");
