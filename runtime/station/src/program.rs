@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -17,7 +18,7 @@ use ob1_stl::{Library, Limit, Numbered, Options, Rest, Severity, Source};
 use crate::finding::{Finding, Level, Spot};
 use crate::library::{self, Choice};
 use crate::sources::Sources;
-use crate::station_file::findings::{MACHINE_CODE, MISPLACED, REST, UNREADABLE};
+use crate::station_file::findings::{EMPTY, MACHINE_CODE, MISPLACED, REST, UNREADABLE};
 use crate::station_file::{self, Station};
 use crate::{files, handling_check, missing_blocks, numbers, program_files, whole_library};
 
@@ -267,6 +268,8 @@ pub fn compile(wanted: &Sources, library: &Library) -> Result<Compiled, Vec<Find
     }
     let wanted = Sources { files, symbols, ..wanted.clone() };
     let sources = read_all(&wanted.files, &wanted.places, &mut findings);
+    let all_are_empty = !sources.is_empty() && sources.iter().all(is_empty);
+    findings.extend(of_empty(&sources, if all_are_empty { Level::Error } else { Level::Warning }));
     compile_texts(&sources, &wanted, library, findings)
 }
 
@@ -293,6 +296,7 @@ pub fn compile_texts(
 ) -> Result<Compiled, Vec<Finding>> {
     let mut symbols = Vec::new();
     let tables = read_all(&wanted.symbols, &wanted.places, &mut findings);
+    findings.extend(of_empty(&tables, Level::Warning));
     for (table, read) in tables.iter().zip(ob1_stl::read_symbol_tables(&tables)) {
         findings.extend(read.diagnostics.iter().map(|d| of_diagnostic(d, std::slice::from_ref(table))));
         symbols.extend(read.symbols);
@@ -363,7 +367,9 @@ fn of_rest(rest: &Rest) -> Option<Finding> {
 /// Reads blocks in machine code: a file may hold several, one after another.
 fn read_images(wanted: &Sources, findings: &mut Vec<Finding>) -> Vec<Image> {
     let mut images = Vec::new();
-    for file in read_all(&wanted.mc7, &wanted.places, findings) {
+    let files = read_all(&wanted.mc7, &wanted.places, findings);
+    findings.extend(of_empty(&files, Level::Warning));
+    for file in files {
         let mut rest = file.bytes.as_slice();
         while !rest.is_empty() {
             match BlockImage::read(rest) {
@@ -383,6 +389,22 @@ fn read_images(wanted: &Sources, findings: &mut Vec<Finding>) -> Vec<Image> {
     images
 }
 
+/// One finding for each file with nothing in it: a copy that broke off, a full disk.
+fn of_empty(files: &[Source], level: Level) -> impl Iterator<Item = Finding> {
+    let finding = move |file: &Source| {
+        let remedy = "copy it again, or leave it out";
+        Finding::whole(level, EMPTY, &file.name, "the file is empty", remedy)
+    };
+    files.iter().filter(|file| is_empty(file)).map(finding)
+}
+
+/// Whether there is nothing but white space, or the zeros of a file whose content never reached the disk.
+fn is_empty(file: &Source) -> bool {
+    let marks: [&[u8]; 3] = [b"\xEF\xBB\xBF", b"\xFF\xFE", b"\xFE\xFF"];
+    let text = marks.iter().find_map(|mark| file.bytes.strip_prefix(*mark)).unwrap_or(&file.bytes);
+    text.iter().all(|byte| byte.is_ascii_whitespace() || *byte == 0)
+}
+
 /// Reads files; one finding for each that cannot be read.
 pub fn read_all(paths: &[PathBuf], places: &[(PathBuf, Spot)], findings: &mut Vec<Finding>) -> Vec<Source> {
     let mut sources = Vec::with_capacity(paths.len());
@@ -391,10 +413,17 @@ pub fn read_all(paths: &[PathBuf], places: &[(PathBuf, Spot)], findings: &mut Ve
         match files::read(path, files::LONGEST) {
             Ok(bytes) => sources.push(Source::new(name, bytes)),
             Err(error) => {
-                let remedy = "paths count from the file that names them";
+                let remedy = match error.kind() {
+                    ErrorKind::NotFound => {
+                        "paths of the command line count from the current folder, those in a file from its folder"
+                    }
+                    ErrorKind::PermissionDenied => "make it readable for this user",
+                    _ => "name a source, or a symbol table",
+                };
                 findings.push(match places.iter().find(|(named, _)| named == path) {
                     Some((_, spot)) => {
                         let message = format!("the file {name} cannot be read: {error}");
+                        let remedy = "paths count from the file that names them";
                         spot.finding(Level::Error, UNREADABLE, message, remedy.to_owned())
                     }
                     None => {

@@ -87,6 +87,42 @@ fn a_missing_file_is_told_at_the_line_that_names_it() {
     assert!(said.contains("s.toml:6:12: error C001: the file gone.sdf cannot be read"), "{said}");
 }
 
+/// The remedy fits the mistake: a file of the command line is named by no other file.
+#[test]
+fn what_the_command_line_names_wrongly_is_told_with_what_helps() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(folder.path(), "plant/main.awl", "ORGANIZATION_BLOCK OB 1\nBEGIN\nEND_ORGANIZATION_BLOCK\n");
+    for (words, says) in [
+        (["check", "gone.awl", "--mnemonics", "de"], "= paths of the command line count from the current folder"),
+        (["check", "plant/main.awl", "--symbols", "plant"], "= name a source, or a symbol table"),
+    ] {
+        let said = text(&ob1(folder.path(), &words));
+        assert!(said.contains("error C001: the file cannot be read: ") && said.contains(says), "{said}");
+    }
+}
+
+#[test]
+fn an_empty_file_is_not_ok() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(folder.path(), "main.awl", "ORGANIZATION_BLOCK OB 1\nBEGIN\nEND_ORGANIZATION_BLOCK\n");
+    for content in ["", " \r\n", "\u{feff}", "\0\0\0\0"] {
+        write(folder.path(), "empty.awl", content);
+        for (command, code) in [("check", 1), ("exec", 10), ("xref", 1)] {
+            let output = ob1(folder.path(), &[command, "empty.awl"]);
+            assert_eq!(output.status.code(), Some(code), "{command}: {output:?}");
+            assert!(text(&output).contains("empty.awl: error C019: the file is empty\n"), "{command}: {output:?}");
+        }
+    }
+    // One of several, and a symbol table.
+    write(folder.path(), "empty.sdf", "");
+    let output = ob1(folder.path(), &["check", "main.awl", "empty.awl", "--symbols", "empty.sdf"]);
+    let said = text(&output);
+    assert!(output.status.success() && said.contains("ok, 2 warnings"), "{said}");
+    for file in ["empty.awl", "empty.sdf"] {
+        assert!(said.contains(&format!("{file}: warning C019: the file is empty\n")), "{said}");
+    }
+}
+
 #[test]
 fn the_program_s_block_stands_for_one_that_is_offered() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -40,6 +40,8 @@ pub const MACHINE_CODE: &str = "C016";
 pub const UNPROTECTED: &str = "C017";
 /// The numbers of blocks that have a name only cannot be kept.
 pub const NOT_KEPT: &str = "C018";
+/// A file with nothing in it.
+pub const EMPTY: &str = "C019";
 
 /// Collects findings of one file.
 #[derive(Debug)]
