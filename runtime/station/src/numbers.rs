@@ -34,7 +34,7 @@ pub(crate) fn read(path: &Path) -> Result<Vec<Numbered>, Vec<Finding>> {
     };
     let source = Text { file: &name, text: &text };
     let table: BTreeMap<String, toml::Spanned<String>> =
-        toml::from_str(&text).map_err(|error| vec![of_toml(source, &error, "docs/porting.md")])?;
+        toml::from_str(&text).map_err(|error| vec![of_toml(source, &error, "docs/porting.md", |_, _| None)])?;
     let mut numbers = Vec::with_capacity(table.len());
     let mut wrong = Vec::new();
     for (name, number) in table {

@@ -86,7 +86,7 @@ pub(super) enum Run {
 /// Reads the text of a test file.
 pub(super) fn parse(text: &str, name: &str, folder: &Path) -> Result<Plan, Vec<Finding>> {
     let source = Text { file: name, text };
-    let file: TestFile = toml::from_str(text).map_err(|error| vec![of_toml(source, &error, DOCUMENT)])?;
+    let file: TestFile = toml::from_str(text).map_err(|error| vec![of_toml(source, &error, DOCUMENT, |_, _| None)])?;
     let mut findings = Findings::new(source);
     let f = &mut findings;
     let words = [("de", Mnemonics::German), ("en", Mnemonics::International), ("auto", Mnemonics::Auto)];

@@ -76,17 +76,22 @@ impl<'a> Findings<'a> {
     }
 }
 
-/// What the TOML reader says, as a finding: an unknown key with the nearest known one. `document` explains the keys.
-pub fn of_toml(source: Text<'_>, error: &toml::de::Error, document: &str) -> Finding {
+/// What the TOML reader says, as a finding: an unknown key with the nearest known one, or with what `elsewhere` says of
+/// it and of the keys known here. `document` explains the keys.
+pub fn of_toml(
+    source: Text<'_>,
+    error: &toml::de::Error,
+    document: &str,
+    elsewhere: impl Fn(&str, &[&str]) -> Option<String>,
+) -> Finding {
     let at = error.span().unwrap_or(0..0);
     let message = error.message();
     let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
     match (message.split_whitespace().next(), quoted.as_slice()) {
         (Some("unknown"), [key, known @ ..]) if message.starts_with("unknown field") => {
-            let remedy = match nearest(key, known.iter().copied()) {
-                Some(near) => format!("did you mean `{near}`?"),
-                None => format!("known here: {}", known.join(", ")),
-            };
+            let near = nearest(key, known.iter().copied()).map(|near| format!("did you mean `{near}`?"));
+            let remedy =
+                near.or_else(|| elsewhere(key, known)).unwrap_or_else(|| format!("known here: {}", known.join(", ")));
             source.finding(Level::Error, UNKNOWN_KEY, at, format!("unknown key `{key}`"), remedy)
         }
         (Some("missing"), [key]) => {
@@ -94,8 +99,85 @@ pub fn of_toml(source: Text<'_>, error: &toml::de::Error, document: &str) -> Fin
             source.finding(Level::Error, MISSING, at.start..at.start, format!("the key `{key}` is missing"), remedy)
         }
         _ => {
-            let remedy = format!("{document} lists every key with its type");
-            source.finding(Level::Error, SYNTAX, at, message.replace('\n', ", "), remedy)
+            let remedy = brackets(source.text, &at, message)
+                .unwrap_or_else(|| format!("{document} lists every key with its type"));
+            source.finding(Level::Error, SYNTAX, at, in_words(&message.replace('\n', ", ")), remedy)
+        }
+    }
+}
+
+/// What the TOML reader expects, in words of a station file instead of those of the reader.
+fn in_words(message: &str) -> String {
+    let Some((found, expected)) = message.rsplit_once(", expected ") else { return message.to_owned() };
+    let expected = match expected {
+        "a string" | "literal string" => "a text in quotes",
+        "a sequence" => "a list in brackets",
+        "i64" => "a whole number",
+        "a boolean" => "true or false",
+        "a map" => "keys in braces",
+        table if table.starts_with("struct ") => "keys in braces",
+        other => other,
+    };
+    format!("{found}, expected {expected}")
+}
+
+/// The remedy for a header with one pair of brackets instead of two, or with two instead of one.
+fn brackets(text: &str, at: &Range<usize>, message: &str) -> Option<String> {
+    let (before, header) = (text.get(..at.start)?, text.get(at.start..)?);
+    let line = before.rfind('\n').map_or(before, |newline| &before[newline + 1..]);
+    let name = header.trim_start_matches('[');
+    let name = &name[..name.find(']')?];
+    match (line, message) {
+        ("", _) if header.starts_with("[[") && message.starts_with("invalid type: map") => {
+            Some(format!("write [{name}]: there is one such table"))
+        }
+        ("", "invalid type: map, expected a sequence") if header.starts_with('[') => {
+            Some(format!("write [[{name}]]: there may be several such tables"))
+        }
+        ("[", "duplicate key") => {
+            Some(format!("write [[{name}]] if there may be several such tables, else make it one"))
+        }
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_words_of_the_reader_are_told_in_those_of_the_file() {
+        #[derive(Debug, serde::Deserialize)]
+        struct File {
+            #[serde(default, rename = "one")]
+            _one: One,
+            #[serde(default, rename = "list")]
+            _list: Vec<One>,
+        }
+        #[derive(Debug, Default, serde::Deserialize)]
+        struct One {
+            #[serde(rename = "number")]
+            _number: Option<i64>,
+            #[serde(rename = "text")]
+            _text: Option<String>,
+            #[serde(rename = "switch")]
+            _switch: Option<bool>,
+            #[serde(rename = "words")]
+            _words: Option<Vec<String>>,
+        }
+        for (text, says) in [
+            ("[one]\nnumber = 1.5\n", "invalid type: floating point `1.5`, expected a whole number"),
+            ("[one]\ntext = 10\n", "invalid type: integer `10`, expected a text in quotes"),
+            ("[one]\nswitch = 1\n", "invalid type: integer `1`, expected true or false"),
+            ("[one]\nwords = \"a\"\n", "invalid type: string \"a\", expected a list in brackets"),
+            ("one = 5\n", "invalid type: integer `5`, expected keys in braces"),
+            ("[list]\nnumber = 1\n", "= write [[list]]: there may be several such tables"),
+            ("[[one]]\nnumber = 1\n", "= write [one]: there is one such table"),
+            ("[list]\n[list]\n", "= write [[list]] if there may be several such tables, else make it one"),
+        ] {
+            let error = toml::from_str::<File>(text).expect_err(text);
+            let finding = of_toml(Text { file: "x.toml", text }, &error, "the page", |_, _| None);
+            assert!(finding.text.contains(says), "{text}: {}", finding.text);
         }
     }
 }

@@ -14,6 +14,7 @@ mod devices;
 mod dp;
 mod dp_master;
 mod duration;
+mod elsewhere;
 pub mod findings;
 mod gpio;
 mod interrupts;
@@ -123,7 +124,8 @@ fn folder_of(path: &Path) -> &Path {
 }
 
 fn tables(source: Text<'_>) -> Result<tables::StationFile, Vec<Finding>> {
-    toml::from_str(source.text).map_err(|error| vec![findings::of_toml(source, &error, "docs/station-file.md")])
+    toml::from_str(source.text)
+        .map_err(|error| vec![findings::of_toml(source, &error, "docs/station-file.md", elsewhere::remedy)])
 }
 
 /// Whether a path looks like a station file: for commands that take files of either kind.
