@@ -85,6 +85,16 @@ pub fn check(station: &Station, json: bool) -> Exit {
     if refused { Exit::Usage } else { Exit::Ok }
 }
 
+/// Reports what was not granted, and what would grant it: when a run starts, because its summary comes hours later.
+pub(crate) fn tell(grants: &[Grant]) {
+    for grant in grants.iter().filter(|grant| matches!(grant.outcome, Outcome::Refused | Outcome::Partly)) {
+        tracing::warn!("{}: {}", grant.what, grant.detail);
+        if let Some(remedy) = grant.remedy {
+            tracing::warn!("  = {remedy}");
+        }
+    }
+}
+
 /// One line a grant, and below it what would change it.
 #[must_use]
 pub fn text(grants: &[Grant]) -> String {

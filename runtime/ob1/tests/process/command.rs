@@ -285,6 +285,18 @@ fn each_change_of_state_is_told_once() {
     }
 }
 
+/// What the system refuses the scan is reported when the run starts, however little else is printed.
+#[test]
+fn a_refused_posture_is_told_at_the_start() {
+    let bench = Bench::new();
+    bench.write("bench.toml", &format!("{STATION}\n[cpu.realtime]\naffinity = [1000]\n"));
+    let output = bench.ob1(&["run", "bench.toml", "--scans", "5", "--quiet"]);
+    let text = said(&output);
+    assert_eq!(output.status.code(), Some(0), "{text}");
+    assert_eq!(text.matches("WARN cores [1000]: refused: ").count(), 1, "{text}");
+    assert_eq!(text.matches("WARN   = name cores that exist").count(), 1, "{text}");
+}
+
 /// A STOP in start-up never was a RUN, and is not reported as one.
 #[test]
 fn a_stop_in_start_up_is_not_told_as_running() {

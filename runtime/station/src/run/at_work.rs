@@ -185,9 +185,10 @@ impl AtWork {
         let line = LiveLine::new(options.quiet);
         let bounded = options.time.is_some() || options.scans.is_some();
         let end = options.time.map(|time| self.clock.time().saturating_add(time));
-        let mut tick = 0;
+        let (mut tick, mut posture_is_told) = (0, false);
         let ended = loop {
             self.drain_log();
+            self.tell_posture(&mut posture_is_told);
             self.journal.take(&self.view);
             if signals.wait(TICK) {
                 break Ended::Signal;
@@ -215,7 +216,16 @@ impl AtWork {
             }
         };
         line.wipe();
+        self.tell_posture(&mut posture_is_told);
         ended
+    }
+
+    /// Reports once what the system refuses the scan, as soon as it is known.
+    fn tell_posture(&self, is_told: &mut bool) {
+        if !*is_told && let Some(grants) = self.view.posture.get() {
+            posture::tell(grants);
+            *is_told = true;
+        }
     }
 
     /// What blocks have logged.
