@@ -75,7 +75,8 @@ fn main() -> ExitCode {
 
 fn run(arguments: &Arguments, fenced: &Result<Vec<(&'static str, String)>, String>) -> ExitCode {
     ob1_child::start_log();
-    let _span = tracing::info_span!("io", name = arguments.name).entered();
+    // Of the highest level: a filter that lets only warnings through keeps the name before them.
+    let _span = tracing::error_span!("io", name = arguments.name).entered();
     if !fence::tell(fenced) {
         return ExitCode::from(2);
     }

@@ -97,7 +97,8 @@ fn run(name: &str) -> ExitCode {
     ob1_rt::close_inherited();
     // The runtime has said what is wrong with OB1_LOG.
     let _ = ob1_log::subscribe("info");
-    let _span = tracing::info_span!("gate", name).entered();
+    // Of the highest level: a filter that lets only warnings through keeps the name before them.
+    let _span = tracing::error_span!("gate", name).entered();
     let input = rustix::stdio::stdin().as_fd().try_clone_to_owned().map_err(DoorError::from);
     let prepared = input.and_then(|input| prepare::doors(&input)).map_err(|error| match error {
         DoorError::Closed => String::new(),

@@ -84,7 +84,8 @@ fn run(arguments: &Arguments) -> ExitCode {
     ob1_log::tell_panics();
     // The runtime has said what is wrong with OB1_LOG.
     let _ = ob1_log::subscribe("info");
-    let _span = tracing::info_span!("s7", name = arguments.name).entered();
+    // Of the highest level: a filter that lets only warnings through keeps the name before them.
+    let _span = tracing::error_span!("s7", name = arguments.name).entered();
     refused.iter().for_each(|(what, why)| warn!("not confined, {what}: {why}"));
 
     // Ctrl-C on a terminal reaches the whole group; the runtime is asked, and it ends us by closing the door.

@@ -45,6 +45,25 @@ fn library_path(path: &Path) -> &str {
     path.to_str().expect("UTF-8")
 }
 
+/// A warning of a driver says whose it is, when warnings are all that is printed.
+#[test]
+fn a_quiet_run_names_the_cp_whose_line_is_gone() {
+    let site = Site::new();
+    let cp = |name: &str, address: u32| {
+        format!(
+            "[[module]]\ntype = \"cp240\"\nname = \"{name}\"\naddress = {address}\n\
+             line = \"serial:not-there\"\nparams = {{ protocol = \"ascii\" }}\n"
+        )
+    };
+    site.write("small.toml", &format!("[station]\nname = \"small\"\n{}{}", cp("left", 256), cp("right", 272)));
+    let said = site.ob1(&["run", "small.toml", "--for", "2s", "--quiet"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    for name in ["left", "right"] {
+        assert!(said.err.contains(&format!("cp{{name=\"{name}\"}}: the line is gone")), "{said:?}");
+    }
+    nothing_left(&site);
+}
+
 #[test]
 fn a_missing_plugin_is_refused() {
     let site = Site::new();
