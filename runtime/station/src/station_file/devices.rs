@@ -1,29 +1,60 @@
-//! Warnings about serial devices that do not exist: no error, because an adapter may be plugged in later, but reported
-//! before somebody waits for it.
+//! Warnings about serial devices that do not exist or that this user may not open: no error, because an adapter may be
+//! plugged in later, and rights may be given, but reported before somebody waits for it.
 
 use std::path::{Path, PathBuf};
+
+use rustix::fs::{Access, access};
+use rustix::io::Errno;
 
 use super::findings::LINE;
 use super::line::Line;
 use super::tables::StationFile;
 use crate::finding::{Finding, Level, Text};
 
-/// A warning for each module whose serial device does not exist.
-pub(super) fn missing(
+/// How a device is for this user.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Device {
+    /// It can be opened.
+    Open,
+    /// This user may not read and write it.
+    Locked,
+    /// It is not there.
+    Missing,
+}
+
+/// How this device is.
+pub(super) fn state(device: &Path) -> Device {
+    match access(device, Access::READ_OK | Access::WRITE_OK) {
+        Err(Errno::ACCESS | Errno::PERM) => Device::Locked,
+        _ if device.exists() => Device::Open,
+        _ => Device::Missing,
+    }
+}
+
+/// A warning for each module whose serial device does not exist, or may not be opened.
+pub(super) fn not_ready(
     file: &StationFile,
     source: Text<'_>,
     folder: &Path,
-    exists: impl Fn(&Path) -> bool,
+    state: impl Fn(&Path) -> Device,
 ) -> Vec<Finding> {
     let lines = file.module.iter().filter_map(|module| module.get_ref().line.as_ref());
     lines
         .chain(file.bus.iter().filter_map(|bus| bus.line.as_ref()))
-        .filter_map(|line| match Line::parse(line.get_ref(), folder) {
-            Ok(Line::Serial(device)) if !exists(&device) => {
-                let message = format!("there is no device {} now; its line is reported as gone", device.display());
-                Some(source.finding(Level::Warning, LINE, line.span(), message, remedy(&present())))
-            }
-            _ => None,
+        .filter_map(|line| {
+            let Ok(Line::Serial(device)) = Line::parse(line.get_ref(), folder) else { return None };
+            let (message, remedy) = match state(&device) {
+                Device::Open => return None,
+                Device::Locked => (
+                    format!("this user may not read and write {}; its line is reported as gone", device.display()),
+                    format!("make the user a member of its group, mostly dialout (ls -l {})", device.display()),
+                ),
+                Device::Missing => (
+                    format!("there is no device {} now; its line is reported as gone", device.display()),
+                    remedy(&present()),
+                ),
+            };
+            Some(source.finding(Level::Warning, LINE, line.span(), message, remedy))
         })
         .collect()
 }
@@ -52,7 +83,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_serial_devices_that_are_not_there() {
+    fn only_serial_devices_that_are_not_there_or_may_not_be_opened() {
         let module = |name: &str, line: &str| {
             format!("[[module]]\ntype = \"cp240\"\nname = \"{name}\"\naddress = 256\nline = \"{line}\"\n")
         };
@@ -61,11 +92,18 @@ mod tests {
             .concat();
         let text = format!("[station]\nname = \"a\"\n[program]\nsources = []\n{text}");
         let (file, source) = (toml::from_str(&text).expect("a station file"), Text { file: "a.toml", text: &text });
-        let found = missing(&file, source, Path::new("/s"), |path| path == Path::new("/dev/ttyS0"));
+        let state = |path: &Path| if path == Path::new("/dev/ttyS0") { Device::Open } else { Device::Missing };
+        let found = not_ready(&file, source, Path::new("/s"), state);
         let told: Vec<_> = found.iter().map(|f| (f.level, f.code.as_str(), f.line, f.column)).collect();
         assert_eq!(told, [(Level::Warning, "C009", 9, 8), (Level::Warning, "C009", 29, 8)]);
         assert!(found[0].message.contains("/dev/ttyUSB7") && found[1].message.contains("/s/cable.pty"), "{found:?}");
-        assert!(missing(&file, source, Path::new("/s"), |_| true).is_empty());
+        assert!(not_ready(&file, source, Path::new("/s"), |_| Device::Open).is_empty());
+        let state = |path: &Path| if path == Path::new("/dev/ttyS0") { Device::Locked } else { Device::Open };
+        let found = not_ready(&file, source, Path::new("/s"), state);
+        let [locked] = found.as_slice() else { panic!("{found:?}") };
+        assert_eq!((locked.level, locked.line), (Level::Warning, 14));
+        assert!(locked.message.starts_with("this user may not read and write /dev/ttyS0"), "{locked:?}");
+        assert!(locked.remedy.contains("dialout"), "{locked:?}");
     }
 
     #[test]

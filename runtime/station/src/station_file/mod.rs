@@ -59,7 +59,7 @@ pub fn load_and_look(path: &Path) -> Result<(Station, Vec<Finding>), Vec<Finding
     let source = Text { file: &name, text: &text };
     let file = tables(source)?;
     let station = check::check(&file, source, folder)?;
-    let mut warnings = devices::missing(&file, source, folder, Path::exists);
+    let mut warnings = devices::not_ready(&file, source, folder, devices::state);
     warnings.extend(coupler::unwatched(&file, source));
     warnings.extend(unplayed(&file, source));
     warnings.extend(link::absent(&file.link, source, folder));
