@@ -173,14 +173,13 @@ impl<'l> Lowerer<'l, '_> {
             good &= arg.is_some();
             args.push(arg.unwrap_or(Arg::Open));
         }
-        if !missing.is_empty() {
+        if !missing.is_empty() && !statement.broken_list {
             let what =
                 if missing.len() == 1 { "an actual parameter is missing" } else { "actual parameters are missing" };
             let message = format!("{what} in the call of {}: {}", called(id, info), missing.join(", "));
             self.sink.report(self.index, statement.span, &codes::MISSING_PARAMETER, message);
-            return None;
         }
-        good.then_some(args)
+        (good && missing.is_empty()).then_some(args)
     }
 
     /// One actual parameter. `None` when it does not fit (reported); `Open` when nothing is written.

@@ -33,13 +33,14 @@ impl Parser<'_, '_> {
             span,
             operand: self.at..self.at,
             args: Vec::new(),
+            broken_list: false,
             network,
             line: head.line,
         };
         if matches!(row.shape, Shape::Call(_)) {
             statement.operand = self.call_target();
             self.list_behind(&mut statement);
-            self.actuals(&mut statement.args);
+            statement.broken_list = !self.actuals(&mut statement.args);
         } else {
             let from = self.at;
             self.skip_statement();
@@ -135,22 +136,27 @@ impl Parser<'_, '_> {
         self.at = end_of_target;
     }
 
-    /// The actual parameters after a CALL: `( .. )` in the source form, the following lines in the editor form.
-    fn actuals(&mut self, args: &mut Vec<Actual>) {
+    /// The actual parameters after a CALL: `( .. )` in the source form, the following lines in the editor form. False
+    /// when a mistake in the list is reported.
+    fn actuals(&mut self, args: &mut Vec<Actual>) -> bool {
         let end_of_target = self.at;
         self.skip_newlines();
         if self.eat(Kind::LeftParen) {
-            self.actuals_in_parens(args, self.at - 1);
-            return;
+            return self.actuals_in_parens(args, self.at - 1);
         }
         self.at = end_of_target;
+        let mut whole = true;
         // A semicolon ends the call, in whatever form it is written.
-        while self.peek_kind() == Some(Kind::Newline) {
+        while self.peek_kind() == Some(Kind::Newline) || self.list_goes_on() {
+            if self.peek_kind() == Some(Kind::Semicolon) {
+                self.semicolon_within();
+                whole = false;
+            }
             let line_end = self.at;
             self.skip_newlines();
             let Some(name) = self.actual_name() else {
                 self.at = line_end;
-                return;
+                return whole;
             };
             let from = self.at;
             while !matches!(self.peek_kind(), None | Some(Kind::Newline | Kind::Semicolon)) {
@@ -162,12 +168,40 @@ impl Parser<'_, '_> {
             }
             args.push(Actual { name, value: from..to });
         }
+        whole
+    }
+
+    /// At a semicolon with another actual parameter behind it: nothing but a call has them, so that it goes on.
+    fn list_goes_on(&self) -> bool {
+        if self.peek_kind() != Some(Kind::Semicolon) {
+            return false;
+        }
+        let mut ahead = 1;
+        while self.peek_at(ahead).is_some_and(|t| t.kind == Kind::Newline) {
+            ahead += 1;
+        }
+        self.name_follows(ahead)
+    }
+
+    /// Reports the semicolon here, and goes behind it.
+    fn semicolon_within(&mut self) {
+        let span = self.here();
+        let message = "the semicolon ends the call, but another actual parameter follows";
+        let remedy = "Within brackets separate actual parameters by commas; the semicolon is behind the last one.";
+        self.sink.report_with(self.index, span, &codes::ACTUAL_SYNTAX, message, remedy);
+        self.bump();
+    }
+
+    /// `NAME :=` so many tokens ahead.
+    fn name_follows(&self, ahead: usize) -> bool {
+        let kind = |at| self.peek_at(at).map(|t| t.kind);
+        let named = matches!(kind(ahead), Some(Kind::Word | Kind::Symbol | Kind::Local));
+        named && kind(ahead + 1) == Some(Kind::Assign)
     }
 
     /// `NAME :=`.
     fn actual_name(&mut self) -> Option<usize> {
-        let named = matches!(self.peek_kind(), Some(Kind::Word | Kind::Symbol | Kind::Local));
-        if !named || self.peek_at(1).is_none_or(|t| t.kind != Kind::Assign) {
+        if !self.name_follows(0) {
             return None;
         }
         let name = self.at;
@@ -176,7 +210,9 @@ impl Parser<'_, '_> {
         Some(name)
     }
 
-    fn actuals_in_parens(&mut self, args: &mut Vec<Actual>, open: usize) {
+    /// Behind the opening bracket; false when a mistake is reported.
+    fn actuals_in_parens(&mut self, args: &mut Vec<Actual>, open: usize) -> bool {
+        let mut whole = true;
         loop {
             while matches!(self.peek_kind(), Some(Kind::Newline | Kind::Comma)) {
                 self.bump();
@@ -184,7 +220,12 @@ impl Parser<'_, '_> {
             match self.peek_kind() {
                 Some(Kind::RightParen) => {
                     self.bump();
-                    return;
+                    return whole;
+                }
+                Some(Kind::Semicolon) if self.list_goes_on() => {
+                    self.semicolon_within();
+                    whole = false;
+                    continue;
                 }
                 None | Some(Kind::Semicolon) => break,
                 _ => {}
@@ -195,15 +236,24 @@ impl Parser<'_, '_> {
             let Some(name) = self.actual_name() else {
                 let span = self.here();
                 self.report(span, &codes::ACTUAL_SYNTAX, "an actual parameter is written NAME := operand");
+                whole = false;
                 self.skip_actual();
                 continue;
             };
             let from = self.at;
             self.skip_actual();
             args.push(Actual { name, value: from..self.at });
+            if self.name_follows(0) {
+                let next = self.here();
+                let message = "a comma is missing in front of this actual parameter";
+                let remedy = "Separate actual parameters by commas.";
+                self.sink.report_with(self.index, next, &codes::ACTUAL_SYNTAX, message, remedy);
+                whole = false;
+            }
         }
         let span = self.file.tokens[open].span;
         self.report(span, &codes::NOT_CLOSED, "the parameter list is not closed with )");
+        false
     }
 
     /// True where no actual parameter can stand any more: a keyword begins the line.
@@ -215,9 +265,11 @@ impl Parser<'_, '_> {
     /// Skips the value of an actual parameter, brackets included, up to its comma, the closing bracket or the next
     /// name.
     fn skip_actual(&mut self) {
+        let from = self.at;
         let mut depth = 0u32;
         while let Some(token) = self.peek() {
             match token.kind {
+                _ if depth == 0 && self.at > from && self.name_follows(0) => return,
                 Kind::LeftParen | Kind::LeftBracket => depth += 1,
                 Kind::RightBracket => depth = depth.saturating_sub(1),
                 Kind::RightParen if depth == 0 => return,

@@ -526,7 +526,8 @@ impl<'s> Parser<'_, 's> {
 impl Statement {
     /// A statement without operation, to hold a label.
     pub(crate) fn empty(label: Option<usize>, token: Token, at: usize, network: u16) -> Self {
-        Self { label, row: None, span: token.span, operand: at..at, args: Vec::new(), network, line: token.line }
+        let (span, line) = (token.span, token.line);
+        Self { label, row: None, span, operand: at..at, args: Vec::new(), broken_list: false, network, line }
     }
 }
 

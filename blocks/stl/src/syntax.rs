@@ -129,6 +129,8 @@ pub(crate) struct Statement {
     pub(crate) span: Span,
     pub(crate) operand: Tokens,
     pub(crate) args: Vec<Actual>,
+    /// A mistake in the list of actual parameters is reported: those that are missing are its consequence.
+    pub(crate) broken_list: bool,
     pub(crate) network: u16,
     pub(crate) line: u32,
 }
