@@ -327,6 +327,33 @@ fn a_type_that_is_missing_leaves_the_blocks_that_use_it() {
     site.ob1(&["check", &format!("{out}/station.toml")]).fine();
 }
 
+/// The project's data block is older than its FB, which has grown by a word since.
+#[test]
+fn an_instance_that_is_too_short_gets_the_start_values_of_the_rest() {
+    let site = Site::new();
+    let mut project = step7::example();
+    let declarations = "\r\nVAR\r\n  Old : INT ;\t\r\n  New : INT  := 7;\t\r\nEND_VAR\r\n";
+    project.blocks.push(Block {
+        id: BlockId::new(BlockKind::Fb, 30),
+        interface: vec![1, 30, 0, 4, 0, 2, 0, 0x05, 0x04, 0x05, 0x0C, 7, 0, 0],
+        declarations: Some(declarations.to_owned()),
+        ..function(30, &[0x65, 0])
+    });
+    project.blocks.push(Block {
+        id: BlockId::new(BlockKind::Db, 30),
+        interface: vec![0x0A, 30, 0, 2, 0, 0, 0, 0x05, 0x04, 0],
+        declarations: Some("\r\nVAR\r\n  Old : INT ;\t\r\n".to_owned()),
+        ..function(30, &[0x12, 0x34])
+    });
+    let out = site.path("station").display().to_string();
+    site.ob1(&["import", &self::project(&site, &project.files()), "--out", &out]).fine();
+    let report = text(&site.path("station/report.txt"));
+    assert!(report.contains("DB 30: it is 2 bytes long") && report.contains("have start values"), "{report}");
+    let image = fs::read(site.path("station/blocks/DB_30.mc7")).expect("its values");
+    assert!(image.windows(4).any(|bytes| bytes == [0x12, 0x34, 0, 7]), "{image:02X?}");
+    site.ob1(&["check", &format!("{out}/station.toml")]).fine();
+}
+
 #[test]
 fn handling_blocks_are_replaced_by_ours() {
     let site = Site::new();

@@ -22,16 +22,16 @@ impl Draft<'_> {
             self.values.insert(id, values);
             if db.bytes.len() != block.code.len() {
                 self.images.insert(id);
-                let of =
-                    if matches!(db.kind, DataKind::Instance(_)) { "the FB has changed since" } else { "as declared" };
-                self.note(
-                    id,
-                    format!(
-                        "it is {} bytes long, {of} {}: its values are taken as they are",
-                        block.code.len(),
-                        db.bytes.len()
-                    ),
-                );
+                let (has, wants) = (block.code.len(), db.bytes.len());
+                let (of, rest) = match db.kind {
+                    DataKind::Instance(_) if has < wants => {
+                        ("the FB has changed since", ", the missing bytes have start values")
+                    }
+                    DataKind::Instance(_) => ("the FB has changed since", ""),
+                    DataKind::Global => ("as declared", ""),
+                };
+                let what = format!("it is {has} bytes long, {of} {wants}: its values are taken as they are{rest}");
+                self.note(id, what);
             } else if !unsaid.is_empty() {
                 self.images.insert(id);
                 let first = unsaid.first().map_or("", String::as_str);

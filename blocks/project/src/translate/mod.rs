@@ -8,7 +8,7 @@ mod statements;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use ob1_ir::{Program, Symbol};
+use ob1_ir::{DataBlock, DataKind, Program, Symbol};
 use ob1_mc7::{BlockFoot, BlockHead, BlockImage, CompiledInterface, Decoded, InterfaceKind};
 use ob1_model::{BlockId, BlockKind, Interface};
 use ob1_stl::{Library, Mnemonics, Options, Output, Source};
@@ -342,7 +342,15 @@ impl<'f> Draft<'f> {
         let mut images = std::mem::take(&mut self.stand_ins);
         for id in &self.images {
             let Some(block) = self.folder.blocks.get(id) else { continue };
-            images.push(Image { file: format!("{}.mc7", source::file_stem(*id)), block: image_of(block) });
+            let mut image = image_of(block);
+            let made_for = |db: &&DataBlock| {
+                id.kind == BlockKind::Db && db.number == id.number && matches!(db.kind, DataKind::Instance(_))
+            };
+            // No CPU here takes an instance that is shorter than its block.
+            if let Some(db) = output.program.data.iter().find(made_for) {
+                image.code.extend_from_slice(db.bytes.get(image.code.len()..).unwrap_or_default());
+            }
+            images.push(Image { file: format!("{}.mc7", source::file_stem(*id)), block: image });
         }
         let refused = overlay::overlay(&mut output.program, &images, &self.library).err().unwrap_or_default();
         for refused in refused {
