@@ -87,7 +87,7 @@ impl<'s> Tree<'s> {
         let start = key(folder);
         let below = self.names.range(start.clone()..).take_while(|(name, _)| name.starts_with(&start));
         let mut parts: Vec<String> =
-            below.filter_map(|(_, path)| path.get(start.len()..)?.split('/').next().map(str::to_owned)).collect();
+            below.filter_map(|(_, path)| path.get(start.len()..)?.split(SLASHES).next().map(str::to_owned)).collect();
         parts.dedup_by(|a, b| a.eq_ignore_ascii_case(b));
         parts
     }
@@ -120,6 +120,9 @@ impl<'s> Tree<'s> {
         roots
     }
 }
+
+/// What ends a folder's name: an archive of Windows that was unpacked elsewhere may have left the second one.
+const SLASHES: [char; 2] = ['/', '\\'];
 
 /// ASCII letters alone: the lengths stay, and STEP 7's own names are ASCII.
 fn key(path: &str) -> String {
@@ -158,5 +161,6 @@ mod tests {
         let roots = tree.roots();
         let folder = &roots[0].folder;
         assert_eq!(tree.read(&format!("{folder}Global/Language")).as_deref(), Some(&b"y"[..]));
+        assert_eq!(tree.list(folder), ["Global", "Plant.s7p"]);
     }
 }
