@@ -91,10 +91,10 @@ impl Table {
         Ok(Self { bytes, fields, header, record, count: count.min(room), missing })
     }
 
-    /// Records the head counts and the file does not have.
+    /// What there is to say of records that the head counts and the file does not have.
     #[must_use]
-    pub fn missing(&self) -> usize {
-        self.missing
+    pub fn cut_off(&self) -> Option<String> {
+        (self.missing > 0).then(|| format!("the file is cut off: {} records are missing", self.missing))
     }
 
     /// The live records; those marked as deleted are passed over.

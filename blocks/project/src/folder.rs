@@ -205,12 +205,7 @@ impl Folder {
             }
             found = true;
             let memos = tree.read(&format!("{path}{name}.DBT")).map(Memos::parse);
-            if table.missing() > 0 {
-                folder.notes.push(Note::warning(
-                    format!("{path}{name}.DBF"),
-                    format!("the file is cut off: {} records are missing", table.missing()),
-                ));
-            }
+            folder.notes.extend(table.cut_off().map(|what| Note::warning(format!("{path}{name}.DBF"), what)));
             if memos.is_none() && table.rows().next().is_some() {
                 let file = format!("{path}{name}.DBT");
                 let why = if tree.has(&file) { tree.why_not(&file) } else { "the memo file is missing".to_owned() };

@@ -164,10 +164,7 @@ impl Project {
         };
         match Table::parse(bytes) {
             Ok(table) => {
-                if table.missing() > 0 {
-                    let what = format!("the file is cut off: {} records are missing", table.missing());
-                    self.notes.push(Note::warning(path, what));
-                }
+                self.notes.extend(table.cut_off().map(|what| Note::warning(path, what)));
                 Some(table)
             }
             Err(damage) => {

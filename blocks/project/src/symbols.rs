@@ -41,11 +41,15 @@ pub(crate) fn read(tree: &Tree<'_>, root: &str, list: i64, page: CodePage, notes
     });
     let path = format!("{root}YDBs/{}/SYMLIST.DBF", named.unwrap_or_else(|| list.to_string()));
     let Some(bytes) = tree.read(&path) else {
-        notes.push(Note::warning(path, "the symbol table is missing"));
+        let why = if tree.has(&path) { tree.why_not(&path) } else { "the symbol table is missing".to_owned() };
+        notes.push(Note::warning(path, why));
         return Vec::new();
     };
     let table = match Table::parse(bytes) {
-        Ok(table) => table,
+        Ok(table) => {
+            notes.extend(table.cut_off().map(|what| Note::warning(path, what)));
+            table
+        }
         Err(damage) => {
             notes.push(Note::warning(path, format!("the symbol table cannot be read: {damage}")));
             return Vec::new();

@@ -181,6 +181,31 @@ fn files_that_are_missing_are_told() {
     }
 }
 
+/// A disk that was full, a copy that was ended: the rest of a table is gone, and nothing else shows it.
+#[test]
+fn tables_that_are_cut_off_are_told() {
+    let whole = example().files();
+    for cut in [
+        "hrs/S7RESOFF.DBF",
+        "ombstx/offline/00000001/SUBBLK.DBF",
+        "YDBs/101/SYMLIST.DBF",
+        "hOmSave7/s7hk32ax/HOBJECT1.DBF",
+        "hOmSave7/s7hk32ax/HATTRME1.DBF",
+    ] {
+        let mut files = whole.clone();
+        let bytes = files.0.get_mut(cut).expect(cut);
+        bytes.truncate(bytes.len() - 8);
+        let tree = Tree::new(&files);
+        let project = Project::read(&tree, &tree.roots()[0]);
+        let mut notes = project.notes.clone();
+        let choice = project.choices()[0];
+        notes.extend(project.blocks(&tree, choice).expect("a folder").notes);
+        let _ = project.symbols(&tree, choice, &mut notes);
+        let told = notes.iter().any(|note| note.of == cut && note.what.contains("1 records are missing"));
+        assert!(told, "{cut}: {notes:?}");
+    }
+}
+
 /// Files that are there and cannot be read, as those of an archive with a password.
 #[derive(Debug)]
 struct Locked(Files);

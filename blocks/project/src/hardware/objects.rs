@@ -71,7 +71,10 @@ pub(super) fn read_kind(
     let table = |name: &str, notes: &mut Notes| {
         let path = format!("{folder}{name}.DBF");
         match Table::parse(tree.read(&path)?) {
-            Ok(table) => Some(table),
+            Ok(table) => {
+                notes.extend(table.cut_off().map(|what| Note::warning(path, what)));
+                Some(table)
+            }
             Err(damage) => {
                 notes.push(Note::warning(path, damage.to_string()));
                 None
