@@ -255,7 +255,22 @@ impl Project {
     #[must_use]
     pub fn symbols(&self, tree: &Tree<'_>, choice: Choice, notes: &mut Notes) -> Vec<SymbolRow> {
         let list = choice.program.and_then(|i| self.programs.get(i)?.symbols);
+        let list = list.or_else(|| self.only_list(tree, notes));
         list.map(|list| symbols::read(tree, &self.folder, list, self.page, notes)).unwrap_or_default()
+    }
+
+    /// Where no program has a link to a symbol table that is left, the one there is belongs to the blocks.
+    fn only_list(&self, tree: &Tree<'_>, notes: &mut Notes) -> Option<i64> {
+        if self.programs.iter().any(|program| program.symbols.is_some()) {
+            return None;
+        }
+        let (list, what) = match symbols::all(tree, &self.folder, self.page).as_slice() {
+            [] => return None,
+            [list] => (Some(*list), "no program has a link to it; the one symbol table there is is taken".to_owned()),
+            lists => (None, format!("{} symbol tables, and no link says whose: none is taken", lists.len())),
+        };
+        notes.push(Note::warning(format!("{}YDBs", self.folder), what));
+        list
     }
 
     /// Reads the source texts of a choice.

@@ -32,14 +32,30 @@ pub(crate) fn list_of_program(table: &Table, program: i64) -> Option<i64> {
     table.rows().find(of_program).map(|row| row.number("SOI")).filter(|id| *id > 0)
 }
 
-/// Reads the list with this ID.
-pub(crate) fn read(tree: &Tree<'_>, root: &str, list: i64, page: CodePage, notes: &mut Notes) -> Vec<SymbolRow> {
-    let lists = tree.read(&format!("{root}YDBs/SYMLISTS.DBF")).and_then(|bytes| Table::parse(bytes).ok());
-    let named = lists.as_ref().and_then(|table| {
+/// The table of all lists.
+fn lists(tree: &Tree<'_>, root: &str) -> Option<Table> {
+    tree.read(&format!("{root}YDBs/SYMLISTS.DBF")).and_then(|bytes| Table::parse(bytes).ok())
+}
+
+/// The file of a list.
+fn path_of(lists: Option<&Table>, root: &str, list: i64, page: CodePage) -> String {
+    let named = lists.and_then(|table| {
         let row = table.rows().find(|row| row.number("_ID") == list)?;
         Some(page.text(row.trimmed("_DBPATH"))).filter(|path| !path.is_empty())
     });
-    let path = format!("{root}YDBs/{}/SYMLIST.DBF", named.unwrap_or_else(|| list.to_string()));
+    format!("{root}YDBs/{}/SYMLIST.DBF", named.unwrap_or_else(|| list.to_string()))
+}
+
+/// The lists whose files are there.
+pub(crate) fn all(tree: &Tree<'_>, root: &str, page: CodePage) -> Vec<i64> {
+    let lists = lists(tree, root);
+    let ids = lists.iter().flat_map(Table::rows).map(|row| row.number("_ID"));
+    ids.filter(|id| tree.has(&path_of(lists.as_ref(), root, *id, page))).collect()
+}
+
+/// Reads the list with this ID.
+pub(crate) fn read(tree: &Tree<'_>, root: &str, list: i64, page: CodePage, notes: &mut Notes) -> Vec<SymbolRow> {
+    let path = path_of(lists(tree, root).as_ref(), root, list, page);
     let Some(bytes) = tree.read(&path) else {
         let why = if tree.has(&path) { tree.why_not(&path) } else { "the symbol table is missing".to_owned() };
         notes.push(Note::warning(path, why));

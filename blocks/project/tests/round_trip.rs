@@ -243,6 +243,22 @@ fn a_symbol_without_its_international_address_keeps_the_german_one() {
     assert_eq!((rows.len(), rows[0].international.as_str()), (1, "E 1.0"));
 }
 
+/// The programs are gone, the symbols are not.
+#[test]
+fn the_only_symbol_table_is_taken_where_no_program_names_it() {
+    for missing in [&["hrs/S7RESOFF.DBF"][..], &["hrs/linkhrs.lnk", "YDBs/YLNKLIST.DBF"]] {
+        let mut files = example().files();
+        for file in missing {
+            files.0.remove(*file).expect(file);
+        }
+        let tree = Tree::new(&files);
+        let project = Project::read(&tree, &tree.roots()[0]);
+        let mut notes = Vec::new();
+        assert_eq!(project.symbols(&tree, project.choices()[0], &mut notes), example().symbols, "{missing:?}");
+        assert!(notes.iter().any(|note| note.of == "YDBs"), "{notes:?}");
+    }
+}
+
 /// Without the list of block folders the one that has blocks is taken, not the first.
 #[test]
 fn blocks_are_counted_where_the_project_does_not_count_them() {
