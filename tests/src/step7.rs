@@ -148,6 +148,7 @@ pub fn example() -> NewProject {
         ],
         cpu: Some(Cpu {
             name: "CPU 315-2 DP".into(),
+            s7_400: false,
             station: "Conveyor".into(),
             program: Some(1),
             parameters: CpuParameters {

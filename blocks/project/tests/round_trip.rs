@@ -50,6 +50,7 @@ fn example() -> NewProject {
         }],
         cpu: Some(Cpu {
             name: "CPU 315-2 DP".into(),
+            s7_400: false,
             station: "Plant".into(),
             program: Some(1),
             parameters: CpuParameters {

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use ob1_mc7::CompiledInterface;
 use ob1_model::{BlockId, BlockKind};
-use ob1_project::{Area, Block, DpModule, DpSlave, DpSystem, Files, Head, NewProject, Udt};
+use ob1_project::{Area, Block, Cpu, DpModule, DpSlave, DpSystem, Files, Head, NewProject, Udt};
 use ob1_tests::step7;
 use serde_json::Value;
 
@@ -176,6 +176,18 @@ fn the_example_runs() {
     let file = out.join("station.toml").display().to_string();
     site.ob1(&["check", &file]).fine();
     site.ob1(&["run", &file, "--scans", "20", "--quiet"]).fine();
+}
+
+/// The name of a CPU is the user's; the folder it lies in says which family it is of.
+#[test]
+fn a_cpu_of_an_s7_400_is_known_under_any_name() {
+    let site = Site::new();
+    let mut made = step7::example();
+    made.cpu = made.cpu.map(|cpu| Cpu { name: "Hall 3".into(), s7_400: true, ..cpu });
+    let out = site.path("station").display().to_string();
+    site.ob1(&["import", &project(&site, &made.files()), "--out", &out]).fine();
+    let station = text(&site.path("station/station.toml"));
+    assert!(station.contains("# Hall 3\nfamily = 400\n"), "{station}");
 }
 
 #[test]

@@ -39,6 +39,8 @@ pub struct Hardware {
 pub struct Cpu {
     /// Its name: `CPU 315-2 DP`.
     pub name: String,
+    /// True for one of an S7-400: its name may be the user's.
+    pub s7_400: bool,
     /// The station it is in.
     pub station: String,
     /// The program it has.
@@ -92,6 +94,7 @@ pub(crate) fn read(tree: &Tree<'_>, root: &str, page: CodePage, notes: &mut Note
         if object.program.is_some() || !object.parameters.is_empty() {
             hardware.cpus.push(Cpu {
                 name: object.name.clone(),
+                s7_400: object.s7_400,
                 station: station(object),
                 program: object.program,
                 parameters: cpu_parameters::read(&object.parameters),
@@ -141,7 +144,7 @@ pub(crate) fn write(
         ("TOBJTYP", Cell::Number(PROGRAM)),
     ]);
     cpus.memo(1, CPU_PARAMETERS, cpu_parameters::write(&cpu.parameters));
-    cpus.put("s7hk31ax", files);
+    cpus.put(if cpu.s7_400 { objects::CPUS_400 } else { "s7hk31ax" }, files);
     let mut slots = Tables::new();
     for (id, module) in (1..).zip(modules) {
         slots.object(id, MODULE_OBJECT, (1, STATION), module.place, page.bytes(&module.name));

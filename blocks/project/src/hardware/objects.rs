@@ -42,6 +42,8 @@ pub(super) type Interfaces = BTreeMap<(i64, i64), (i64, i64)>;
 #[derive(Default)]
 pub(super) struct Object {
     pub(super) name: String,
+    /// It lies among the CPUs of an S7-400.
+    pub(super) s7_400: bool,
     pub(super) unit: (i64, i64),
     pub(super) place: (i64, i64, i64),
     pub(super) order: String,
@@ -59,6 +61,9 @@ pub(super) struct Object {
     /// Of a master system: its subnet.
     pub(super) subnet: String,
 }
+
+/// The folder of the CPUs of an S7-400.
+pub(super) const CPUS_400: &str = "s7hk41ax";
 
 /// Reads the objects of one folder: those of one kind of module.
 pub(super) fn read_kind(
@@ -82,6 +87,7 @@ pub(super) fn read_kind(
         }
     };
     let Some(list) = table("HOBJECT1", notes) else { return };
+    let s7_400 = folder.trim_end_matches('/').to_ascii_lowercase().ends_with(CPUS_400);
     // The attribute tables name an object by its ID alone: those of one folder.
     let mut here: Vec<(i64, (i64, i64))> = Vec::new();
     for row in list.rows() {
@@ -89,6 +95,7 @@ pub(super) fn read_kind(
         here.push((id, (ty, id)));
         let object = Object {
             name: page.text(row.trimmed("NAME")),
+            s7_400,
             unit: (row.number("UNITTYP"), row.number("UNITID")),
             place: (row.number("SUBSTATN"), row.number("MODULN"), row.number("SUBMODN")),
             ..Object::default()

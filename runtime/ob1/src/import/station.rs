@@ -60,7 +60,7 @@ pub(super) fn make(
 fn head(made: &mut Made, title: &str, used: &Used, hardware: &Hardware) {
     let cpu = hardware.cpu.as_ref();
     let parameters = cpu.map(|cpu| cpu.parameters.clone()).unwrap_or_default();
-    let family = if cpu.is_some_and(|cpu| cpu.name.starts_with("CPU 4")) { 400 } else { 300 };
+    let family = if cpu.is_some_and(|cpu| cpu.s7_400 || cpu.name.starts_with("CPU 4")) { 400 } else { 300 };
     let image = |named: u32| named.max(IMAGE).next_multiple_of(2).min(MOST_IMAGE);
     let numbers = |named: u32| named.clamp(NUMBERS, MOST_NUMBERS);
     let text = &mut made.text;
