@@ -24,7 +24,6 @@ pub(crate) struct Missing {
 /// Called blocks that are missing.
 pub(crate) fn missing(
     decoded: &BTreeMap<BlockId, Decoded>,
-    folder: &Folder,
     library: &Library,
     there: &dyn Fn(BlockId) -> bool,
 ) -> Vec<Missing> {
@@ -33,10 +32,7 @@ pub(crate) fn missing(
         for stmt in &decoded.block.code {
             let Op::Call(call) = &stmt.op else { continue };
             let (Target::Block(id) | Target::Local(id, _)) = call.target else { continue };
-            // A block of the project that was left out has its own reason.
-            let left_out =
-                folder.blocks.get(&id).is_some_and(|b| !matches!(b.id.kind, BlockKind::Sfc | BlockKind::Sfb));
-            if there(id) || library.get(id).is_some() || (left_out && folder.damaged.contains_key(&id.to_string())) {
+            if there(id) || library.get(id).is_some() {
                 continue;
             }
             let entry = missing.entry(id).or_insert_with(|| Missing { id, callers: BTreeSet::new(), parameters: 0 });
@@ -58,7 +54,13 @@ impl Missing {
         let system = matches!(self.id.kind, BlockKind::Sfc | BlockKind::Sfb);
         let name = folder.blocks.get(&self.id).map(|b| b.head.name.trim().to_owned()).filter(|name| !name.is_empty());
         let name = name.map(|name| format!(" ({name})")).unwrap_or_default();
-        let what = if system { "this CPU does not have it" } else { "it is not in the project" };
+        let what = if system {
+            "this CPU does not have it"
+        } else if folder.blocks.contains_key(&self.id) || folder.damaged.contains_key(&self.id.to_string()) {
+            "it is left out"
+        } else {
+            "it is not in the project"
+        };
         let does = if self.interface(folder).is_some_and(|i| result(&i).is_some()) {
             "a block that returns W#16#807F stands in"
         } else {

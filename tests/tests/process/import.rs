@@ -206,6 +206,8 @@ fn what_is_damaged_is_left_out_and_told() {
     assert_eq!((&json["blocks"], &json["decoded"]), (&Value::from(4), &Value::from(3)));
     assert_eq!(json["left_out"][0]["block"], "FC 1");
     assert!(json["left_out"][0]["reason"].as_str().is_some_and(|why| why.contains("S1501")), "{json}");
+    let report = text(&site.path("station/report.txt"));
+    assert!(report.contains("FC 1: it is left out") && !report.contains("not in the project"), "{report}");
     // The rest runs with an empty FC 1.
     let file = format!("{out}/station.toml");
     site.ob1(&["run", &file, "--scans", "20", "--quiet"]).fine();

@@ -59,8 +59,7 @@ impl Draft<'_> {
 
     /// Called blocks that are missing are replaced by one that does nothing. True when there are any.
     pub(super) fn stand_in(&mut self) -> bool {
-        let missing =
-            stand_in::missing(&self.decoded, self.folder, &self.library, &|id| self.decoded.contains_key(&id));
+        let missing = stand_in::missing(&self.decoded, &self.library, &|id| self.decoded.contains_key(&id));
         for missing in missing {
             let what = missing.note(self.folder);
             self.out.notes.push(Note::warning(missing.id.to_string(), what));
