@@ -7,6 +7,8 @@ does what standard input says, one JSON object a line; each answer is one line: 
 "error": "BadNodeIdUnknown"}.
 
     read       ids                     values, types: of each id; a status in place of a value that is bad
+    part       id, range               value: a part of it; times: those that come with it, of those in "times" of the
+               [times, attribute]      request (Both, Source, Server, Neither), for Value or another attribute
     write      id, type, value         type is a built-in type: Int16, Float, String, ...; a list is an array
     children   id                      names, ids
     find       path                    id: from Objects along browse names of namespace 2
@@ -14,6 +16,7 @@ does what standard input says, one JSON object a line; each answer is one line: 
     call       id
     history    id
     watch      ids, every              one subscription of these items
+    watch_part id, range               a subscription to a part of a value
     flood      ids, count              accepted: how many of so many items are taken; refused: why no more
     changes    count                   the next values that come, [[id, value], ...]
     events                             a subscription to the events of the server
@@ -79,6 +82,23 @@ class Peer:
             types.append(result.Value.VariantType.name if good and result.Value is not None else None)
         return {"values": values, "types": types}
 
+    async def part(self, ask):
+        from asyncua import ua
+
+        item = ua.ReadValueId()
+        item.NodeId = self.node(ask["id"]).nodeid
+        item.AttributeId = ua.AttributeIds[ask.get("attribute", "Value")]
+        item.IndexRange = ask.get("range")
+        parameters = ua.ReadParameters()
+        parameters.TimestampsToReturn = ua.TimestampsToReturn[ask.get("times", "Both")]
+        parameters.NodesToRead = [item]
+        result = (await self.client.uaclient.read(parameters))[0]
+        times = {"Source": result.SourceTimestamp, "Server": result.ServerTimestamp}
+        result.StatusCode.check()
+        value = result.Value.Value
+        value = getattr(value, "Text", value)
+        return {"value": plain(value), "times": [name for name, time in times.items() if time is not None]}
+
     async def write(self, ask):
         from asyncua import ua
 
@@ -126,6 +146,24 @@ class Peer:
         for handle in handles if isinstance(handles, list) else [handles]:
             if not isinstance(handle, int):
                 handle.check()
+        return {}
+
+    async def watch_part(self, ask):
+        from asyncua import ua
+
+        subscription = await self.client.create_subscription(100, self.handler)
+        self.kept.append(subscription)
+        item = ua.MonitoredItemCreateRequest()
+        item.ItemToMonitor.NodeId = self.node(ask["id"]).nodeid
+        item.ItemToMonitor.AttributeId = ua.AttributeIds.Value
+        item.ItemToMonitor.IndexRange = ask["range"]
+        item.MonitoringMode = ua.MonitoringMode.Reporting
+        item.RequestedParameters.ClientHandle = 1
+        item.RequestedParameters.SamplingInterval = 50
+        item.RequestedParameters.QueueSize = 1
+        (handle,) = await subscription.create_monitored_items([item])
+        if not isinstance(handle, int):
+            handle.check()
         return {}
 
     async def flood(self, ask):

@@ -15,6 +15,7 @@ mod manager;
 mod monitor;
 mod nodes;
 mod pki;
+mod range;
 mod sample;
 mod space;
 mod value;

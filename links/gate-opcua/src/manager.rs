@@ -26,9 +26,10 @@ use crate::auth::Auth;
 use crate::limits;
 use crate::monitor::Monitor;
 use crate::nodes::{NAMESPACE, NAMESPACE_URI, class, node_id, text};
+use crate::range::{part, watchable};
 use crate::sample::{bad, refused, sample, status};
 use crate::space::{Fact, METHODS, Node, ROOT, Sizes, Space};
-use crate::value::{attempt, datum, unfit, weight};
+use crate::value::{Shape, attempt, datum, unfit, weight};
 
 /// See [the module](self).
 pub(crate) struct Manager {
@@ -243,6 +244,21 @@ fn size(puts: &[Put]) -> (usize, usize) {
     (puts.len(), puts.iter().map(Put::bytes).sum())
 }
 
+/// The requested part of a value, if it is a part.
+fn in_part(mut value: DataValue, range: &NumericRange) -> DataValue {
+    if range.has_range()
+        && let Some(whole) = value.value.take()
+    {
+        return part(&whole, range).map_or_else(bad, |part| DataValue { value: Some(part), ..value });
+    }
+    value
+}
+
+/// Whether this part of the values of a cell can be watched.
+fn watched_part(typed: &Typed, range: &NumericRange) -> StatusCode {
+    Shape::of(&typed.ty).map_or(StatusCode::BadNotReadable, |shape| watchable(&shape, range))
+}
+
 /// How a parent refers to a node.
 fn kind(node: &Node) -> ReferenceTypeId {
     match node {
@@ -427,11 +443,14 @@ impl NodeManager for Manager {
                 (None, _) => StatusCode::BadNodeIdUnknown,
                 (Some((_, Node::Root)), AttributeId::EventNotifier) => StatusCode::Good,
                 (Some(_), AttributeId::EventNotifier) => StatusCode::BadAttributeIdInvalid,
-                (Some((id, Node::Value(typed))), AttributeId::Value) => {
-                    added.push((index, id.clone(), item.handle()));
-                    self.monitor.pace().watched(item.handle().subscription_id, context.session_id());
-                    self.monitor.add(id, typed, item)
-                }
+                (Some((id, Node::Value(typed))), AttributeId::Value) => match watched_part(typed, &wanted.index_range) {
+                    StatusCode::Good => {
+                        added.push((index, id.clone(), item.handle()));
+                        self.monitor.pace().watched(item.handle().subscription_id, context.session_id());
+                        self.monitor.add(id, typed, item)
+                    }
+                    other => other,
+                },
                 (Some((id, Node::Fact(_))), AttributeId::Value) => self.monitor.add_fact(id, item),
                 (Some(_), _) => StatusCode::Good,
             };
@@ -521,25 +540,20 @@ impl Manager {
                     None => results.push((index, bad(StatusCode::BadEncodingLimitsExceeded))),
                 },
                 (AttributeId::Value, Node::Fact(fact)) => {
-                    results.push((index, DataValue::new_now(self.fact(*fact))));
+                    results.push((index, in_part(DataValue::new_now(self.fact(*fact)), &wanted.index_range)));
                 }
                 (attribute, node) => {
                     let value = self.attributes(&space, id, node, right).read(attribute);
-                    results.push((index, value.map_or_else(bad, DataValue::new_now)));
+                    let value = value.map_or_else(bad, DataValue::new_now);
+                    results.push((index, in_part(value, &wanted.index_range)));
                 }
             }
         }
         if !places.is_empty() {
             let typed: Vec<&Typed> = places.iter().map(|(_, typed, _)| typed).collect();
             let values = self.values(&typed).await;
-            for ((index, _, range), mut value) in places.into_iter().zip(values) {
-                if range.has_range()
-                    && let Some(whole) = value.value.take()
-                {
-                    value = whole.range_of(&range).map_or_else(bad, |part| DataValue { value: Some(part), ..value });
-                }
-                results.push((index, value));
-            }
+            let parts = places.into_iter().zip(values);
+            results.extend(parts.map(|((index, _, range), value)| (index, in_part(value, &range))));
         }
         results
     }

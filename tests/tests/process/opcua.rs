@@ -280,6 +280,41 @@ fn changes_and_events_are_told_and_the_server_comes_back() {
     assert_eq!(station.interrupt().code(), Some(0));
 }
 
+/// Parts of values by index range. A part of a text is characters: one that was cut between the bytes of an umlaut once
+/// ended the sampling for all clients.
+#[test]
+fn a_part_of_a_value_is_the_right_one_and_hurts_nobody() {
+    let site = Site::new();
+    users(&site);
+    let (station, port) = opcua(&site, "ua-part", WITH_USERS);
+    let words = user("anna");
+    let mut anna = connected(&site, port, &words.each_ref().map(String::as_str));
+    let mut nobody = connected(&site, port, &[]);
+    anna.done(&json!({ "op": "write", "id": "DB10.text", "type": "String", "value": "öäü" }));
+    for (id, range, value) in [
+        ("DB10.text", "0", json!("ö")),
+        ("DB10.text", "1:9", json!("äü")),
+        ("DB10.ramp", "1:9", json!([2, 3])),
+        ("DB10.text", "3", json!("BadIndexRangeNoData")),
+        ("DB10.ramp", "0,0", json!("BadIndexRangeNoData")),
+        ("DB10.number", "0", json!("BadIndexRangeNoData")),
+    ] {
+        let answer = nobody.ask(&json!({ "op": "part", "id": id, "range": range }));
+        let told = answer.get("value").unwrap_or(&answer["error"]);
+        assert_eq!(*told, value, "{id} {range}: {answer}");
+    }
+    let watch = |id: &str, range: &str| json!({ "op": "watch_part", "id": id, "range": range });
+    assert_eq!(nobody.ask(&watch("DB10.text", "0"))["error"], "BadNotSupported");
+    assert_eq!(nobody.ask(&watch("DB10.ramp", "3"))["error"], "BadIndexRangeNoData");
+    nobody.done(&watch("DB10.ramp", "1:2"));
+    assert_eq!(nobody.done(&json!({ "op": "changes", "count": 1 }))["changes"], json!([["DB10.ramp", [2, 3]]]));
+    anna.done(&json!({ "op": "write", "id": "DB10.text", "type": "String", "value": "üöä" }));
+    anna.done(&json!({ "op": "write", "id": "DB10.ramp", "type": "Int16", "value": [7, 8, 9] }));
+    assert_eq!(nobody.done(&json!({ "op": "changes", "count": 1 }))["changes"], json!([["DB10.ramp", [8, 9]]]));
+    drop((anna, nobody));
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
 /// Noise, incomplete messages, huge ones, and too many requests: refused, and other clients continue.
 #[test]
 fn hostile_input_changes_nothing() {
