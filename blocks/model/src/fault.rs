@@ -255,6 +255,8 @@ impl Event {
     pub const CYCLE_TIME_EXCEEDED: Event = Event(0x3501);
     /// An OB is requested that is still being executed.
     pub const OB_STILL_RUNS: Event = Event(0x3502);
+    /// The clock was set forward past the start of a time-of-day interrupt.
+    pub const TIME_OF_DAY_SKIPPED: Event = Event(0x3505);
     /// An OB is requested for which a request waits already.
     pub const OB_QUEUE_OVERFLOW: Event = Event(0x3507);
     /// An event wants an OB that is not loaded.
@@ -311,7 +313,7 @@ impl Event {
     pub const ENGINES_DIFFER: Event = Event(0xF401);
 
     /// Every event with a name that is not a fault.
-    pub const ALL: [Event; 42] = [
+    pub const ALL: [Event; 43] = [
         Event::STARTUP,
         Event::RUN,
         Event::STOP_OPERATOR,
@@ -327,6 +329,7 @@ impl Event {
         Event::SYNCHRONOUS_NESTING,
         Event::CYCLE_TIME_EXCEEDED,
         Event::OB_STILL_RUNS,
+        Event::TIME_OF_DAY_SKIPPED,
         Event::OB_QUEUE_OVERFLOW,
         Event::OB_NOT_LOADED,
         Event::INPUT_IMAGE_ERROR,
@@ -375,6 +378,7 @@ impl Event {
             0x3573 => "a block was aborted, synchronous errors nested too deep",
             0x3501 => "cycle time exceeded",
             0x3502 => "OB requested while it is still being executed",
+            0x3505 => "time-of-day interrupt skipped, the clock was set forward",
             0x3507 => "OB requested while a request for it waits already",
             0x35A1 => "event for an OB that is not loaded",
             0x39B1 => "access error in the transfer of the process image of the inputs",

@@ -85,6 +85,10 @@ impl Event {
                 "Look where the time goes (`ob1 ctl recorder`), shorten the program, or raise `watchdog` in [cpu]."
             }
             Event::OB_STILL_RUNS => "Give the OB a longer period, or shorten it.",
+            Event::TIME_OF_DAY_SKIPPED => {
+                "Its OB runs once, late. Load OB 80 so that setting the clock does not stop the CPU; SFC 29 in OB 80 \
+                 leaves the late run out."
+            }
             Event::OB_QUEUE_OVERFLOW => {
                 "The OB is requested more often than it can run: shorten it, or request it less often."
             }

@@ -33,6 +33,10 @@ impl Context<'_> {
 
     /// Due times that have passed become requests; those that came too soon are errors.
     fn collect(&mut self) -> Result<(), Abort> {
+        let skipped = std::mem::take(&mut self.machine.services.skipped);
+        if skipped != 0 {
+            self.times_of_day_skipped(skipped)?;
+        }
         let passed = self.machine.interrupts.collect(self.machine.hot.now);
         if passed == Passed::default() {
             return Ok(());
@@ -57,7 +61,14 @@ impl Context<'_> {
 
     fn run_interrupt(&mut self, request: &Request) -> Result<(), Abort> {
         let number = ob_of(request.slot);
-        let start = self.interrupt_start(request.slot, &request.hardware);
+        let mut start = self.interrupt_start(request.slot, &request.hardware);
+        // One that was skipped shows when it should have come first.
+        let course = self.machine.services.courses.get_mut(request.slot);
+        if let Some((at, moment)) = course.and_then(|course| course.skipped.take())
+            && at == request.due
+        {
+            start[12..].copy_from_slice(&moment.to_bytes());
+        }
         let Some(callee) = self.blocks.ob(number) else {
             self.machine.interrupts.done(request.slot);
             return self.missing_ob(number, start);

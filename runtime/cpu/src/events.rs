@@ -77,6 +77,24 @@ impl Context<'_> {
         )
     }
 
+    /// The clock was set forward past the start of these time-of-day interrupts, one bit for each from OB 10: OB 80, or
+    /// STOP without it.
+    pub(crate) fn times_of_day_skipped(&mut self, skipped: u8) -> Result<(), Abort> {
+        let mut told = 0_u16;
+        for ob in 10..18_u16 {
+            let bit = 1_u16 << (ob - 10);
+            if u16::from(skipped) & bit != 0 && !self.disabled(ob) {
+                self.about_ob(Event::TIME_OF_DAY_SKIPPED, ob);
+                told |= bit;
+            }
+        }
+        if told == 0 || self.machine.is_active(&[80]) {
+            // They are locked, or OB 80 sets the clock itself.
+            return Ok(());
+        }
+        self.time_error(0x05, told, [0; 2], [0; 2], "the clock was set forward, no OB 80")
+    }
+
     /// An entry about an organization block.
     fn about_ob(&mut self, event: Event, ob: u16) {
         let mut digits = [0; 3];

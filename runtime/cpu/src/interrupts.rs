@@ -189,6 +189,17 @@ impl Interrupts {
         self.running = 0;
     }
 
+    /// Requests are served: the CPU is in RUN.
+    pub(crate) fn is_active(&self) -> bool {
+        self.active
+    }
+
+    /// A time-of-day or time-delay interrupt is cancelled: it is not due, and a request of it does not wait.
+    pub(crate) fn withdraw(&mut self, slot: usize) {
+        self.pending &= !(1 << slot);
+        self.set_due(slot, NEVER);
+    }
+
     /// Sets when a time-of-day or time-delay interrupt is due.
     pub(crate) fn set_due(&mut self, slot: usize, due: Instant) {
         self.due[slot] = due;

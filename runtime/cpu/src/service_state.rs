@@ -1,5 +1,6 @@
 //! What the services of the standard blocks keep: masks, locks, interrupts by time, meters, signals of messages.
 
+use ob1_std::moment::Moment;
 use ob1_std::services::{
     Alarm, AlarmError, DelayInterrupt, ErrorFilter, InUse, InterruptLocks, RunTimeMeter, TimeOfDayInterrupt,
 };
@@ -8,12 +9,26 @@ use ob1_time::Instant;
 /// Message numbers that can be in use at one time.
 const NUMBERS: usize = 64;
 
+/// What the CPU keeps of a time-of-day interrupt besides what is set.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Course {
+    /// When it is due next, by the clock.
+    pub(crate) next: Option<Moment>,
+    /// The first and the last time it was due, since it was set or the clock was set forward.
+    pub(crate) called: Option<(Moment, Moment)>,
+    /// At this time of the CPU the clock was set past this moment, at which it was due.
+    pub(crate) skipped: Option<(Instant, Moment)>,
+}
+
 /// State of the services.
 #[derive(Debug)]
 pub(crate) struct ServiceState {
     pub(crate) filter: ErrorFilter,
     pub(crate) locks: InterruptLocks,
     pub(crate) time_of_day: [TimeOfDayInterrupt; 8],
+    pub(crate) courses: [Course; 8],
+    /// Time-of-day interrupts skipped by a clock that was set, which OB 80 has not been told, one bit each.
+    pub(crate) skipped: u8,
     pub(crate) delays: [DelayInterrupt; 4],
     pub(crate) meters: [RunTimeMeter; 8],
     /// Start information of the last start-up OB.
@@ -33,6 +48,8 @@ impl ServiceState {
                 loaded: loaded(10 + i as u16),
                 ..Default::default()
             }),
+            courses: [Course::default(); 8],
+            skipped: 0,
             delays: std::array::from_fn(|i| DelayInterrupt { loaded: loaded(20 + i as u16), ..Default::default() }),
             meters: [RunTimeMeter::default(); 8],
             start_up: [0; 20],
@@ -55,7 +72,8 @@ impl ServiceState {
     /// their count.
     pub(crate) fn clear(&mut self) {
         (self.filter, self.locks) = (ErrorFilter::default(), InterruptLocks::default());
-        self.time_of_day.iter_mut().for_each(|i| (i.set, i.active) = (None, false));
+        self.time_of_day.iter_mut().for_each(|i| (i.set, i.active, i.withdrawn) = (None, false, false));
+        (self.courses, self.skipped) = ([Course::default(); 8], 0);
         self.delays.iter_mut().for_each(|i| i.due = None);
         self.touched = false;
         self.signals = Signals::default();

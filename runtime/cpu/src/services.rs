@@ -14,6 +14,7 @@ use crate::db_pool::NoDb;
 use crate::interrupts::{NEVER, slot_of};
 use crate::machine::Machine;
 use crate::modules::{Plugged, SLOT};
+use crate::service_state::Course;
 use crate::{Family, Services};
 
 /// Longest data block SFC 22 makes.
@@ -39,6 +40,10 @@ impl Machine {
     pub(crate) fn reschedule(&mut self) {
         self.services.touched = false;
         for i in 0..self.services.time_of_day.len() {
+            if std::mem::take(&mut self.services.time_of_day[i].withdrawn) {
+                self.services.courses[i] = Course::default();
+                self.interrupts.withdraw(i);
+            }
             // One whose time has come already is on its way; looking for the next would lose it.
             if !self.interrupts.is_due(i, self.hot.now) {
                 self.next_time_of_day(i);
@@ -73,8 +78,17 @@ impl Machine {
     fn next_time_of_day(&mut self, i: usize) {
         let now = self.moment_now();
         let interrupt = &mut self.services.time_of_day[i];
-        let next = if interrupt.active { interrupt.next(now) } else { None };
+        let course = &mut self.services.courses[i];
+        let mut next = if interrupt.active { interrupt.next(now) } else { None };
+        // When the clock was set back, an S7-300 repeats what is due once more, an S7-400 does not. ["Characteristics
+        // of SFCs 28 to 31" of the system software reference]
+        if let (Family::S7_400, Some((first, last)), Some(moment)) = (self.config.family, course.called, next)
+            && (first..=last).contains(&moment)
+        {
+            next = interrupt.next(last);
+        }
         interrupt.active = next.is_some();
+        course.next = next;
         let due = next.map_or(NEVER, |moment| self.wall.when(moment));
         self.interrupts.set_due(slot_of(10 + i as u16).unwrap_or_default(), due);
     }
@@ -83,6 +97,13 @@ impl Machine {
     pub(crate) fn elapsed(&mut self, slots: u32) {
         for i in 0..8 {
             if slots & 1 << i != 0 {
+                let course = &mut self.services.courses[i];
+                course.called = match (course.next, course.called) {
+                    (Some(due), Some((first, _))) => Some((first, due)),
+                    // What a clock that was set forward has skipped was not called.
+                    (Some(due), None) if course.skipped.is_none() => Some((due, due)),
+                    _ => None,
+                };
                 self.next_time_of_day(i);
             }
         }
@@ -206,9 +227,29 @@ impl WallClock for Machine {
     fn moment(&mut self) -> Moment {
         self.moment_now()
     }
+    /// Time-of-day interrupts that a clock set forward has skipped run once, after OB 80. ["Conditions That Affect
+    /// Time-of-Day Interrupt OBs" of the system software reference]
     fn set_moment(&mut self, moment: Moment) {
-        self.wall.set(moment, self.hot.now);
+        let (before, now) = (self.moment_now(), self.hot.now);
+        self.wall.set(moment, now);
         self.services.touched = true;
+        if moment <= before || !self.interrupts.is_active() {
+            return;
+        }
+        for (i, course) in self.services.courses.iter_mut().enumerate() {
+            course.called = None;
+            // One whose time has come already is on its way.
+            let Some(next) = course.next.filter(|next| *next <= moment) else { continue };
+            if self.interrupts.is_due(i, now) {
+                continue;
+            }
+            self.interrupts.set_due(i, now);
+            // One that is due at the very moment is not skipped.
+            if next < moment {
+                course.skipped = Some((now, next));
+                self.services.skipped |= 1 << i;
+            }
+        }
     }
 }
 

@@ -47,6 +47,8 @@ pub struct TimeOfDayInterrupt {
     pub active: bool,
     /// The OB is loaded.
     pub loaded: bool,
+    /// Cancelled or set anew: a request that waits is dropped. The CPU takes the mark away.
+    pub withdrawn: bool,
 }
 
 impl TimeOfDayInterrupt {
@@ -124,7 +126,7 @@ mod tests {
             (Period::Daily, Moment::MAX, None),
             (Period::Yearly, Moment::MAX, None),
         ] {
-            let interrupt = TimeOfDayInterrupt { set: Some((start, period)), active: true, loaded: true };
+            let interrupt = TimeOfDayInterrupt { set: Some((start, period)), active: true, ..TimeOfDayInterrupt::default() };
             assert_eq!(interrupt.next(now), next, "{period:?} after {now:?}");
         }
         assert_eq!(TimeOfDayInterrupt::default().next(start), None);

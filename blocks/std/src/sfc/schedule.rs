@@ -49,7 +49,7 @@ fn set_tint(call: &mut Call<'_>) -> Done {
         (Some(_), Some(start), Some(Period::Once)) if start < now => PAST,
         (Some(interrupt), Some(start), Some(period)) => {
             interrupt.set = Some((start, period));
-            interrupt.active = false;
+            (interrupt.active, interrupt.withdrawn) = (false, true);
             0
         }
     };
@@ -71,7 +71,7 @@ fn can_tint(schedule: &mut dyn Schedule, ob: u16) -> u16 {
         Some(interrupt) if interrupt.set.is_none() => NOT_SET,
         Some(interrupt) => {
             interrupt.set = None;
-            interrupt.active = false;
+            (interrupt.active, interrupt.withdrawn) = (false, true);
             0
         }
     }
@@ -195,7 +195,8 @@ mod tests {
         assert_eq!(on_ob("SYSTEM:SFC30", 10, unset), (0x80A0, unset));
         assert_eq!(on_ob("SYSTEM:SFC30", 10, past), (0x80A1, past));
         assert_eq!(on_ob("SYSTEM:SFC30", 17, set), (0x8090, set));
-        assert_eq!(on_ob("SYSTEM:SFC29", 10, active), (0, unset));
+        let withdrawn = TimeOfDayInterrupt { withdrawn: true, ..unset };
+        assert_eq!(on_ob("SYSTEM:SFC29", 10, active), (0, withdrawn));
         assert_eq!(on_ob("SYSTEM:SFC29", 10, unset), (0x80A0, unset));
         assert_eq!(on_ob("SYSTEM:SFC29", 9, unset), (0x8090, unset));
     }
@@ -212,7 +213,7 @@ mod tests {
         ] {
             let mut fake =
                 Fake::new(key).with("OB_NR", ob.to_be_bytes()).with("RET_VAL", [9; 2]).with("STATUS", [9; 2]);
-            fake.station.time_of_day = TimeOfDayInterrupt { set: None, active, loaded };
+            fake.station.time_of_day = TimeOfDayInterrupt { active, loaded, ..TimeOfDayInterrupt::default() };
             fake.station.delay = DelayInterrupt { due: active.then_some((SOON, 1, 1)), loaded };
             fake.run();
             assert_eq!((fake.value("STATUS"), fake.value("RET_VAL")), (status, code), "{key} {ob}");

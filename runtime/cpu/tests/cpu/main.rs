@@ -8,6 +8,7 @@ mod accounts;
 mod addressing;
 mod both;
 mod calls;
+mod clock;
 mod cycle;
 mod edges;
 mod engines;

@@ -169,7 +169,8 @@ fn call_every_block() {
 }
 
 /// SFC 0 sets, SFC 1 reads, the start information shows: at every date, at the edges of the day, whatever the CPU's own
-/// time is. OB 10 waits for its minute all the time. Every date on the reference engine, every 61st on the others.
+/// time is. OB 10 waits for its minute all the time, OB 80 for one that is skipped. Every date on the reference engine,
+/// every 61st on the others.
 #[test]
 fn the_clock_at_every_date() {
     on_each_engine(|| {
@@ -179,6 +180,7 @@ fn the_clock_at_every_date() {
             BEGIN
             END_DATA_BLOCK
             ORGANIZATION_BLOCK OB 10 BEGIN L MW 20; + 1; T MW 20; END_ORGANIZATION_BLOCK
+            ORGANIZATION_BLOCK OB 80 BEGIN L MW 22; + 1; T MW 22; END_ORGANIZATION_BLOCK
             ORGANIZATION_BLOCK OB 1
             VAR_TEMP info : ARRAY[0..11] OF BYTE; at : DATE_AND_TIME; END_VAR
             BEGIN
