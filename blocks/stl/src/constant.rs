@@ -196,6 +196,10 @@ fn number(text: &str, negative: bool) -> Result<Constant, String> {
         if value.is_infinite() {
             return Err(format!("{} is beyond the largest real number, 3.402823e+38", clip(text)));
         }
+        let mantissa = digits.split(['e', 'E']).next().unwrap_or("");
+        if value == 0.0 && mantissa.bytes().any(|b| (b'1'..=b'9').contains(&b)) {
+            return Err(format!("{} is below the smallest real number, 1.175495e-38", clip(text)));
+        }
         return Ok(Constant::Real(if negative { -value } else { value }));
     }
     match digits.parse::<i64>() {
@@ -456,6 +460,8 @@ mod tests {
             ("D#1989-1-1", "1990"),
             ("99999999999999999999", "number"),
             ("1e99", "largest"),
+            ("1.5e-60", "smallest"),
+            ("W#16#", "W#16#FFFF"),
         ] {
             let error = parse(text, false).and_then(|c| c.load()).unwrap_err();
             assert!(error.contains(part), "{text}: {error}");

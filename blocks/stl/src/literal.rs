@@ -32,7 +32,9 @@ impl Resolver<'_> {
             }
             Some((Kind::Typed, text)) if !negative => {
                 reader.next();
-                if text.ends_with('#') { self.byte_list(reader) } else { constant::parse(text, false) }
+                // `B#`, whose bytes follow in brackets; `W#16#` lacks its digits.
+                let is_list = text.split_once('#').is_some_and(|(_, body)| body.is_empty());
+                if is_list { self.byte_list(reader) } else { constant::parse(text, false) }
             }
             Some((Kind::Text, text)) if !negative => {
                 reader.next();
