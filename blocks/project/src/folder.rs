@@ -258,6 +258,11 @@ impl Folder {
                     self.notes.push(Note::warning(id.to_string(), format!("its {what} are lost: {damage}")));
                 }
             }
+            let comments = comments.map(|part| Comments::read(&part.interface, &part.code, &part.info, page));
+            if comments.as_ref().is_some_and(|comments| comments.damaged) {
+                let what = "its comments end in bytes that are none: those behind them are lost";
+                self.notes.push(Note::warning(id.to_string(), what));
+            }
             let block = Block {
                 id,
                 language: Language::of_number(code.language),
@@ -270,9 +275,7 @@ impl Folder {
                 interface: code.interface,
                 segments: code.info,
                 declarations: declarations.filter(|part| part.damage.is_none()).map(|part| text_of(&part.code, page)),
-                comments: comments
-                    .map(|part| Comments::read(&part.interface, &part.code, &part.info, page))
-                    .unwrap_or_default(),
+                comments: comments.unwrap_or_default(),
                 uses: uses.map(|part| read_uses(&part.info)).unwrap_or_default(),
                 changed: code.changed,
                 interface_changed: code.interface_changed,

@@ -294,6 +294,20 @@ fn a_memo_file_that_is_cut_off_costs_its_blocks_alone() {
     assert!(folders[0].damaged.values().all(|why| why.contains(".DBT")), "{:?}", folders[0].damaged);
 }
 
+/// The second record of a stream of comments says that it is longer than the stream.
+#[test]
+fn comments_that_end_in_the_middle_are_told() {
+    let mut files = example().files();
+    let memo = files.0.get_mut("ombstx/offline/00000001/SUBBLK.DBT").expect("a memo file");
+    let comment = CodePage::of_number(1251).expect("1251").bytes("пуск");
+    let at = memo.windows(4).position(|bytes| bytes == comment).expect("the comment of a line");
+    memo[at - 6] = 200;
+    let (_, folders) = read_all(&files).expect("a project");
+    let notes: Vec<String> = folders[0].notes.iter().map(ToString::to_string).collect();
+    assert!(notes.iter().any(|note| note.contains("FB 7: its comments end")), "{notes:?}");
+    assert_eq!(folders[0].blocks[&BlockId::new(BlockKind::Fb, 7)].comments.networks[0].lines, []);
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 
