@@ -189,13 +189,20 @@ impl Project {
         choices
     }
 
-    /// The station, the CPU and the program of a choice, for people: `Plant/CPU 315-2 DP/S7 Program(1)`.
+    /// The station, the CPU and the program of a choice, for people: `Plant/CPU 315-2 DP/S7 Program(1)`. Programs of the
+    /// same name, as they are without their stations, have their block folders in it.
     #[must_use]
     pub fn title(&self, choice: Choice) -> String {
         let folder = &self.folders[choice.folder];
         let Some(program) = choice.program.and_then(|i| self.programs.get(i)) else {
             return format!("{:08x} ({})", folder.id, folder.name);
         };
+        let title = self.title_of(program);
+        let same = |other: &&Program| other.folder.is_some() && self.title_of(other) == title;
+        if self.programs.iter().filter(same).count() > 1 { format!("{title} ({:08x})", folder.id) } else { title }
+    }
+
+    fn title_of(&self, program: &Program) -> String {
         match program.cpu.and_then(|i| self.hardware.cpus.get(i)) {
             Some(cpu) if !cpu.station.is_empty() => format!("{}/{}/{}", cpu.station, cpu.name, program.name),
             Some(cpu) => format!("{}/{}", cpu.name, program.name),

@@ -260,6 +260,25 @@ fn the_only_symbol_table_is_taken_where_no_program_names_it() {
     }
 }
 
+/// Programs of two stations, whose hardware is gone: each can be chosen by what the list calls it.
+#[test]
+fn programs_of_one_name_are_told_apart() {
+    let whole = NewProject { cpu: None, ..example() }.files();
+    let tree = Tree::new(&whole);
+    let mut project = Project::read(&tree, &tree.roots()[0]);
+    assert_eq!(project.title(project.choices()[0]), "S7 Program(1)");
+    let (mut program, mut folder) = (project.programs[0].clone(), project.folders[0].clone());
+    (program.id, program.folder, folder.id) = (2, Some(0x1A), 0x1A);
+    project.programs.push(program);
+    project.folders.push(folder);
+    let titles: Vec<String> = project.choices().into_iter().map(|choice| project.title(choice)).collect();
+    assert_eq!(titles, ["S7 Program(1) (00000001)", "S7 Program(1) (0000001a)"]);
+    for (title, choice) in titles.iter().zip(project.choices()) {
+        assert_eq!(project.named(title), [choice]);
+    }
+    assert_eq!(project.named("S7 Program(1)").len(), 2);
+}
+
 /// Without the list of block folders the one that has blocks is taken, not the first.
 #[test]
 fn blocks_are_counted_where_the_project_does_not_count_them() {
