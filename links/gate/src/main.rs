@@ -13,9 +13,13 @@ mod web;
 use std::os::fd::AsFd as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use clap::{Parser, Subcommand};
 use ob1_access::door::DoorError;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::flag;
 use tracing::{error, info};
 
 const HELP: &str = "\
@@ -92,6 +96,22 @@ fn main() -> ExitCode {
     exit
 }
 
+/// Ctrl-C on a terminal reaches the whole group; the runtime is asked, and it ends us by closing the doors, which leaves
+/// time for the last words of a link. SIGTERM ends at once.
+fn signals() {
+    let ignored = Arc::new(AtomicBool::new(false));
+    let registered = [
+        (SIGINT, flag::register(SIGINT, Arc::clone(&ignored))),
+        (SIGHUP, flag::register(SIGHUP, ignored)),
+        (SIGTERM, flag::register_conditional_shutdown(SIGTERM, 0, Arc::new(AtomicBool::new(true)))),
+    ];
+    for (signal, outcome) in registered {
+        if let Err(why) = outcome {
+            error!("signal {signal}: {why}");
+        }
+    }
+}
+
 fn run(name: &str) -> ExitCode {
     // Before anything is opened, and before there is a thread.
     ob1_rt::close_inherited();
@@ -99,6 +119,7 @@ fn run(name: &str) -> ExitCode {
     let _ = ob1_log::subscribe("info");
     // Of the highest level: a filter that lets only warnings through keeps the name before them.
     let _span = tracing::error_span!("gate", name).entered();
+    signals();
     let input = rustix::stdio::stdin().as_fd().try_clone_to_owned().map_err(DoorError::from);
     let prepared = input.and_then(|input| prepare::doors(&input)).map_err(|error| match error {
         DoorError::Closed => String::new(),

@@ -138,6 +138,7 @@ pub(super) const TABLE: &[Row] = &[
             "rustix",
             "serde",
             "serde_json",
+            "signal-hook",
             "tokio",
             "tracing",
         ],
