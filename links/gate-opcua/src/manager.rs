@@ -26,10 +26,10 @@ use crate::auth::Auth;
 use crate::limits;
 use crate::monitor::Monitor;
 use crate::nodes::{NAMESPACE, NAMESPACE_URI, class, node_id, text};
-use crate::range::{part, watchable};
-use crate::sample::{bad, refused, sample, status};
+use crate::range::watchable;
+use crate::sample::{bad, in_part, refused, sample, status};
 use crate::space::{Fact, METHODS, Node, ROOT, Sizes, Space};
-use crate::value::{Shape, attempt, datum, unfit, weight};
+use crate::value::{attempt, datum, unfit, weight};
 
 /// See [the module](self).
 pub(crate) struct Manager {
@@ -244,21 +244,6 @@ fn size(puts: &[Put]) -> (usize, usize) {
     (puts.len(), puts.iter().map(Put::bytes).sum())
 }
 
-/// The requested part of a value, if it is a part.
-fn in_part(mut value: DataValue, range: &NumericRange) -> DataValue {
-    if range.has_range()
-        && let Some(whole) = value.value.take()
-    {
-        return part(&whole, range).map_or_else(bad, |part| DataValue { value: Some(part), ..value });
-    }
-    value
-}
-
-/// Whether this part of the values of a cell can be watched.
-fn watched_part(typed: &Typed, range: &NumericRange) -> StatusCode {
-    Shape::of(&typed.ty).map_or(StatusCode::BadNotReadable, |shape| watchable(&shape, range))
-}
-
 /// How a parent refers to a node.
 fn kind(node: &Node) -> ReferenceTypeId {
     match node {
@@ -443,14 +428,16 @@ impl NodeManager for Manager {
                 (None, _) => StatusCode::BadNodeIdUnknown,
                 (Some((_, Node::Root)), AttributeId::EventNotifier) => StatusCode::Good,
                 (Some(_), AttributeId::EventNotifier) => StatusCode::BadAttributeIdInvalid,
-                (Some((id, Node::Value(typed))), AttributeId::Value) => match watched_part(typed, &wanted.index_range) {
-                    StatusCode::Good => {
+                (Some((id, Node::Value(typed))), AttributeId::Value) => {
+                    let part = watchable(&typed.ty, &wanted.index_range);
+                    if part.is_good() {
                         added.push((index, id.clone(), item.handle()));
                         self.monitor.pace().watched(item.handle().subscription_id, context.session_id());
                         self.monitor.add(id, typed, item)
+                    } else {
+                        part
                     }
-                    other => other,
-                },
+                }
                 (Some((id, Node::Fact(_))), AttributeId::Value) => self.monitor.add_fact(id, item),
                 (Some(_), _) => StatusCode::Good,
             };

@@ -1,6 +1,7 @@
 //! Parts of arrays and texts by index range [OPC 10000-4, 7.27]. The library takes a range of several dimensions for
 //! several ranges of one, and cuts a text between the bytes of a character, which panics.
 
+use ob1_model::DataType;
 use opcua_types::{Array, ByteString, NumericRange, StatusCode, UAString, Variant, VariantScalarTypeId};
 
 use crate::value::Shape;
@@ -75,9 +76,10 @@ fn single(range: &NumericRange, length: usize) -> Option<(usize, usize)> {
     bounds(range, &[length])?.first().copied()
 }
 
-/// Whether a part of the values of this shape can be watched. There the library itself cuts, at each change, in the
-/// task that samples for all clients: only parts that it cuts rightly are accepted.
-pub(crate) fn watchable(shape: &Shape, range: &NumericRange) -> StatusCode {
+/// Whether a part of the values of this type can be watched. There the library itself cuts, at each change, in the task
+/// that samples for all clients: only parts that it cuts rightly are accepted.
+pub(crate) fn watchable(ty: &DataType, range: &NumericRange) -> StatusCode {
+    let Some(shape) = Shape::of(ty) else { return StatusCode::BadNotReadable };
     let lengths: Vec<usize> = shape.dimensions.iter().map(|length| *length as usize).collect();
     let text = matches!(shape.scalar, VariantScalarTypeId::String | VariantScalarTypeId::ByteString);
     match lengths.len() {
@@ -93,7 +95,7 @@ pub(crate) fn watchable(shape: &Shape, range: &NumericRange) -> StatusCode {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ob1_model::{DataType, Dimension};
+    use ob1_model::Dimension;
 
     fn range(text: &str) -> NumericRange {
         NumericRange::new(text).expect("a range")
@@ -171,9 +173,8 @@ mod tests {
             (DataType::Int, "0", NOTHING),
             (DataType::String(10), "0", StatusCode::BadNotSupported),
         ] {
-            let shape = Shape::of(&ty).expect("a value");
-            assert_eq!(watchable(&shape, &range(text)), status, "{ty:?} {text}");
-            assert_eq!(watchable(&shape, &NumericRange::None), StatusCode::Good);
+            assert_eq!(watchable(&ty, &range(text)), status, "{ty:?} {text}");
+            assert_eq!(watchable(&ty, &NumericRange::None), StatusCode::Good);
         }
     }
 }

@@ -3,8 +3,9 @@
 use ob1_access::Typed;
 use ob1_access::door::Refusal;
 use ob1_gate_core::Trouble;
-use opcua_types::{DataValue, DateTime, StatusCode};
+use opcua_types::{DataValue, DateTime, NumericRange, StatusCode};
 
+use crate::range::part;
 use crate::value::{Shape, cell_error, variant};
 
 /// The bytes of a snapshot as the value of a node.
@@ -23,6 +24,16 @@ pub(crate) fn sample(typed: &Typed, bytes: Result<&[u8], Refusal>) -> DataValue 
         server_timestamp: Some(now),
         ..DataValue::default()
     }
+}
+
+/// The requested part of a value, if it is a part.
+pub(crate) fn in_part(mut value: DataValue, range: &NumericRange) -> DataValue {
+    if range.has_range()
+        && let Some(whole) = value.value.take()
+    {
+        return part(&whole, range).map_or_else(bad, |part| DataValue { value: Some(part), ..value });
+    }
+    value
 }
 
 /// No value, and why.
