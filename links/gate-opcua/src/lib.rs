@@ -98,7 +98,8 @@ struct About {
 
 impl About {
     /// Keeps a server running at a socket until the station is gone. The library never frees all of a deleted item, so
-    /// the server is restarted after many deletions. It is also restarted when memory runs short, whatever uses it.
+    /// the server is restarted after many deletions. It is also restarted when memory runs short, whatever uses it, and
+    /// when a task has panicked.
     async fn keep(&self, listener: &TcpListener, address: SocketAddr) -> Result<(), String> {
         loop {
             let monitor = Arc::new(Monitor::new(self.settings.items, heartbeat(&self.settings.allowed)));
@@ -109,6 +110,7 @@ impl About {
                 () = monitor.gone() => None,
                 () = worn(&monitor, &handle, &self.pki) => Some("many items have been deleted"),
                 () = short(&self.memory) => Some("its clients have taken too much memory"),
+                () = monitor.failed() => Some("a part of it has failed: see above"),
                 ended = &mut running.ended => return ended.unwrap_or_else(|_| Err("the OPC UA server has failed".into())),
             };
             handle.cancel();

@@ -47,7 +47,20 @@ pub(crate) struct Monitor {
     scan: AtomicU64,
     state: AtomicU64,
     tasks: Mutex<Vec<AbortHandle>>,
+    /// A task has panicked.
+    failed: Notify,
     ended: watch::Sender<bool>,
+}
+
+/// Held by a task: tells when it panics. Without it clients would keep their last values, and never learn.
+struct Guard(Arc<Monitor>);
+
+impl Drop for Guard {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            self.0.failed.notify_one();
+        }
+    }
 }
 
 struct Watched {
@@ -116,6 +129,7 @@ impl Monitor {
             scan: AtomicU64::new(0),
             state: AtomicU64::new(0),
             tasks: Mutex::default(),
+            failed: Notify::new(),
             ended: watch::Sender::new(false),
         }
     }
@@ -124,11 +138,18 @@ impl Monitor {
     pub(crate) fn start(self: &Arc<Self>, station: &Station, subscriptions: &Arc<SubscriptionCache>) {
         let this = Arc::clone(self);
         let (own, cache) = (station.clone(), Arc::clone(subscriptions));
+        let guard = Guard(Arc::clone(self));
         let sampling = tokio::spawn(async move {
+            let _guard = guard;
             this.run(own, cache).await;
             this.ended.send_replace(true);
         });
-        let telling = tokio::spawn(events::run(station.clone(), Arc::clone(subscriptions)));
+        let guard = Guard(Arc::clone(self));
+        let (own, cache) = (station.clone(), Arc::clone(subscriptions));
+        let telling = tokio::spawn(async move {
+            let _guard = guard;
+            events::run(own, cache).await;
+        });
         self.tasks.lock().extend([sampling.abort_handle(), telling.abort_handle()]);
     }
 
@@ -141,6 +162,11 @@ impl Monitor {
     pub(crate) async fn gone(&self) {
         // The monitor itself owns the sender, so it always exists.
         let _ = self.ended.subscribe().wait_for(|ended| *ended).await;
+    }
+
+    /// Waits until a task has panicked: then the server must be restarted.
+    pub(crate) async fn failed(&self) {
+        self.failed.notified().await;
     }
 
     /// A byte the link may read; reading it gives the state of the CPU.
@@ -408,6 +434,18 @@ fn notify(changes: &[(NodeId, DataValue)], subscriptions: &SubscriptionCache) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[tokio::test]
+    async fn a_task_that_panics_is_told() {
+        let monitor = Arc::new(Monitor::new(1, None));
+        let guard = Guard(Arc::clone(&monitor));
+        let task: tokio::task::JoinHandle<()> = tokio::spawn(async move {
+            let _guard = guard;
+            panic!("as the library may");
+        });
+        assert!(task.await.is_err());
+        tokio::time::timeout(Duration::from_secs(60), monitor.failed()).await.expect("it is told");
+    }
 
     #[test]
     fn a_queue_is_as_long_as_there_is_room() {
