@@ -11,6 +11,7 @@ does what standard input says, one JSON object a line; each answer is one line: 
                [times, attribute]      request (Both, Source, Server, Neither), for Value or another attribute
     write      id, type, value         type is a built-in type: Int16, Float, String, ...; a list is an array
     children   id                      names, ids
+    pages      id, most                statuses: of the answers, count: of the forward references, read so many at a time
     find       path                    id: from Objects along browse names of namespace 2
     attributes id                      class, data_type, rank, dimensions, description, writable
     call       id
@@ -112,6 +113,28 @@ class Peer:
         found = await self.node(ask["id"]).get_children()
         names = [(await node.read_browse_name()).Name for node in found]
         return {"names": names, "ids": [node.nodeid.Identifier for node in found]}
+
+    async def pages(self, ask):
+        from asyncua import ua
+
+        wanted = ua.BrowseDescription()
+        wanted.NodeId = self.node(ask["id"]).nodeid
+        wanted.BrowseDirection = ua.BrowseDirection.Forward
+        wanted.ResultMask = 63
+        parameters = ua.BrowseParameters()
+        parameters.View.Timestamp = ua.get_win_epoch()
+        parameters.RequestedMaxReferencesPerNode = ask["most"]
+        parameters.NodesToBrowse = [wanted]
+        (page,) = await self.client.uaclient.browse(parameters)
+        statuses, count = [page.StatusCode.name], len(page.References)
+        while page.ContinuationPoint:
+            more = ua.BrowseNextParameters()
+            more.ReleaseContinuationPoints = False
+            more.ContinuationPoints = [page.ContinuationPoint]
+            (page,) = await self.client.uaclient.browse_next(more)
+            statuses.append(page.StatusCode.name)
+            count += len(page.References)
+        return {"statuses": statuses, "count": count}
 
     async def find(self, ask):
         node = await self.client.nodes.objects.get_child(["2:" + name for name in ask["path"]])

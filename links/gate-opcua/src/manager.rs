@@ -136,13 +136,22 @@ impl Manager {
 
     fn browse_one(&self, space: &Space<'_>, type_tree: &DefaultTypeTree, browse: &mut BrowseNode) {
         let waiting = match browse.take_continuation_point::<Rest>() {
-            Some(rest) => rest.0,
+            Some(rest) => {
+                browse.set_status(StatusCode::Good);
+                rest.0
+            }
             None if *browse.node_id() == ObjectId::ObjectsFolder => {
                 vec![self.metadata(space, ROOT, &Node::Root).into_ref_desc(true, ReferenceTypeId::Organizes)]
             }
             None => {
                 let found = text(browse.node_id()).and_then(|id| Some((id.to_owned(), space.find(id)?)));
-                let Some((id, node)) = found else { return };
+                let Some((id, node)) = found else {
+                    // A manager before this one calls every node good.
+                    if browse.node_id().namespace == NAMESPACE {
+                        browse.set_status(StatusCode::BadNodeIdUnknown);
+                    }
+                    return;
+                };
                 browse.set_status(StatusCode::Good);
                 self.references(space, &id, &node)
             }

@@ -32,6 +32,14 @@ fn a_client_browses_and_reads_what_the_tools_read() {
     assert_eq!(symbols, json!(["\"Start\"", "\"Level\""]));
     assert_eq!(client.done(&json!({ "op": "children", "id": "/Memory" }))["ids"].as_array().map(Vec::len), Some(256));
 
+    // Page by page, with the reference to the type besides.
+    let pages = client.done(&json!({ "op": "pages", "id": "/Memory", "most": 100 }));
+    assert_eq!((&pages["statuses"], &pages["count"]), (&json!(["Good", "Good", "Good"]), &json!(257)));
+    for id in ["nonsense", "MW999"] {
+        let none = client.done(&json!({ "op": "pages", "id": id, "most": 0 }));
+        assert_eq!(none["statuses"], json!(["BadNodeIdUnknown"]), "{id}");
+    }
+
     station.set("MW 30", 4660);
     station.set("MW 20", -5);
     let ids = [
