@@ -27,7 +27,7 @@ use crate::limits;
 use crate::monitor::Monitor;
 use crate::nodes::{NAMESPACE, NAMESPACE_URI, class, node_id, text};
 use crate::range::watchable;
-use crate::sample::{bad, in_part, refused, sample, status};
+use crate::sample::{attribute_value, bad, in_part, refused, sample, stamped, status};
 use crate::space::{Fact, METHODS, Node, ROOT, Sizes, Space};
 use crate::value::{attempt, datum, unfit, weight};
 
@@ -351,14 +351,14 @@ impl NodeManager for Manager {
         &self,
         context: &RequestContext,
         _max_age: f64,
-        _timestamps: TimestampsToReturn,
+        timestamps: TimestampsToReturn,
         nodes: &mut [&mut ReadNode],
     ) -> Result<(), StatusCode> {
         let catalog = self.catalog().await?;
         let wanted: Vec<(usize, ParsedReadValueId)> =
             nodes.iter().enumerate().map(|(index, node)| (index, node.node().clone())).collect();
         for (index, value) in self.read_parsed(&catalog, self.right(context), wanted).await {
-            nodes[index].set_result(value);
+            nodes[index].set_result(stamped(value, timestamps));
         }
         Ok(())
     }
@@ -540,7 +540,7 @@ impl Manager {
                 }
                 (attribute, node) => {
                     let value = self.attributes(&space, id, node, right).read(attribute);
-                    let value = value.map_or_else(bad, DataValue::new_now);
+                    let value = value.map_or_else(bad, attribute_value);
                     results.push((index, in_part(value, &wanted.index_range)));
                 }
             }

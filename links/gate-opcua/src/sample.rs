@@ -3,7 +3,7 @@
 use ob1_access::Typed;
 use ob1_access::door::Refusal;
 use ob1_gate_core::Trouble;
-use opcua_types::{DataValue, DateTime, NumericRange, StatusCode};
+use opcua_types::{DataValue, DateTime, NumericRange, StatusCode, TimestampsToReturn, Variant};
 
 use crate::range::part;
 use crate::value::{Shape, cell_error, variant};
@@ -24,6 +24,23 @@ pub(crate) fn sample(typed: &Typed, bytes: Result<&[u8], Refusal>) -> DataValue 
         server_timestamp: Some(now),
         ..DataValue::default()
     }
+}
+
+/// An attribute that is no value of a cell: it comes from no source at any time.
+pub(crate) fn attribute_value(value: Variant) -> DataValue {
+    let (status, now) = (Some(StatusCode::Good), Some(DateTime::now()));
+    DataValue { value: Some(value), status, server_timestamp: now, ..DataValue::default() }
+}
+
+/// A value with the times that the client asks for [OPC 10000-4, 7.40].
+pub(crate) fn stamped(mut value: DataValue, wanted: TimestampsToReturn) -> DataValue {
+    if !matches!(wanted, TimestampsToReturn::Source | TimestampsToReturn::Both) {
+        (value.source_timestamp, value.source_picoseconds) = (None, None);
+    }
+    if !matches!(wanted, TimestampsToReturn::Server | TimestampsToReturn::Both) {
+        (value.server_timestamp, value.server_picoseconds) = (None, None);
+    }
+    value
 }
 
 /// The requested part of a value, if it is a part.
@@ -61,5 +78,26 @@ pub(crate) fn status(trouble: &Trouble) -> StatusCode {
         Trouble::TooMuch | Trouble::Group => StatusCode::BadEncodingLimitsExceeded,
         Trouble::Gone => StatusCode::BadNoCommunication,
         Trouble::Audit(_) | Trouble::Program(_) => StatusCode::BadInternalError,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_times_asked_for_come_with_a_value() {
+        let times = |value: &DataValue| (value.source_timestamp.is_some(), value.server_timestamp.is_some());
+        for (wanted, told) in [
+            (TimestampsToReturn::Source, (true, false)),
+            (TimestampsToReturn::Server, (false, true)),
+            (TimestampsToReturn::Both, (true, true)),
+            (TimestampsToReturn::Neither, (false, false)),
+        ] {
+            let value = stamped(DataValue::new_now(1_i16), wanted);
+            assert_eq!(times(&value), told, "{wanted:?}");
+            assert_eq!((value.source_picoseconds.is_some(), value.server_picoseconds.is_some()), told, "{wanted:?}");
+        }
+        assert_eq!(times(&attribute_value(Variant::Int16(1))), (false, true));
     }
 }

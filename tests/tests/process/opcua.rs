@@ -96,6 +96,17 @@ fn a_client_browses_and_reads_what_the_tools_read() {
         (&about["description"], &about["rank"], &about["dimensions"], &about["writable"]),
         (&json!("ARRAY [1..3] OF INT"), &json!(1), &json!([3]), &json!(false))
     );
+    for (attribute, times, told) in [
+        ("Value", "Both", json!(["Source", "Server"])),
+        ("Value", "Source", json!(["Source"])),
+        ("Value", "Server", json!(["Server"])),
+        ("Value", "Neither", json!([])),
+        ("DisplayName", "Both", json!(["Server"])),
+        ("DisplayName", "Neither", json!([])),
+    ] {
+        let asked = json!({ "op": "part", "id": "MW30", "attribute": attribute, "times": times });
+        assert_eq!(client.done(&asked)["times"], told, "{attribute} {times}");
+    }
     drop(client);
     assert_eq!(station.interrupt().code(), Some(0));
 }
