@@ -47,7 +47,8 @@ pub(crate) async fn run(station: Station, subscriptions: Arc<SubscriptionCache>)
 fn words(event: &Event) -> (String, u16) {
     match &event.what {
         What::Diagnosis(entry) => {
-            let mut text = format!("{:04X}h {}", entry.event, entry.text);
+            // It begins with the number of the event.
+            let mut text = entry.text.clone();
             for (before, more) in [(", ", &entry.place), ("; ", &entry.remedy)] {
                 if !more.is_empty() {
                     text += before;
@@ -65,4 +66,23 @@ fn words(event: &Event) -> (String, u16) {
 
 const fn level(up: bool) -> u16 {
     if up { TOLD } else { FAULT }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ob1_access::door::Diagnosis;
+
+    #[test]
+    fn an_entry_is_told_as_the_diagnostic_buffer_has_it() {
+        let of = |place: &str, remedy: &str| {
+            let text = "2522h area length error when reading".to_owned();
+            let (place, remedy) = (place.to_owned(), remedy.to_owned());
+            let entry = Diagnosis { event: 0x2522, text, place, remedy, ..Diagnosis::default() };
+            words(&Event { number: 1, time: 0, what: What::Diagnosis(entry) })
+        };
+        assert_eq!(of("", ""), ("2522h area length error when reading".to_owned(), TOLD));
+        let whole = "2522h area length error when reading, FC 1, line 7; load the block".to_owned();
+        assert_eq!(of("FC 1, line 7", "load the block"), (whole, FAULT));
+    }
 }
