@@ -108,6 +108,11 @@ pub(crate) fn datum(value: &Variant, typed: &Typed) -> Result<Datum, StatusCode>
         }
         return array.values.iter().map(|value| single(value, element)).collect::<Result<_, _>>().map(Datum::List);
     }
+    // A string of bytes is the same as an array of them [OPC 10000-4, 5.11.4.2].
+    if let (Variant::ByteString(bytes), VariantScalarTypeId::Byte, [_]) = (value, shape.scalar, &shape.dimensions[..]) {
+        let bytes: &[u8] = bytes.as_ref();
+        return Ok(Datum::List(bytes.iter().copied().map(Datum::Byte).collect()));
+    }
     single(value, &typed.ty)
 }
 
@@ -218,6 +223,24 @@ mod tests {
             assert_eq!(variant.is_array(), !shape.dimensions.is_empty());
             assert_eq!(datum(&variant, &typed), Ok(value), "{typed:?}");
         }
+    }
+
+    #[test]
+    fn a_string_of_bytes_is_an_array_of_bytes() {
+        let bytes = Variant::ByteString(ByteString::from(vec![1_u8, 255]));
+        let list = Datum::List(vec![Datum::Byte(1), Datum::Byte(255)]);
+        for (ty, told) in [
+            (array(&[(0, 1)], DataType::Byte), Ok(list.clone())),
+            (array(&[(0, 1)], DataType::Char), Ok(list)),
+            (array(&[(0, 0), (0, 1)], DataType::Byte), Err(StatusCode::BadTypeMismatch)),
+            (array(&[(0, 1)], DataType::Int), Err(StatusCode::BadTypeMismatch)),
+            (DataType::Byte, Err(StatusCode::BadTypeMismatch)),
+        ] {
+            assert_eq!(datum(&bytes, &typed(ty.clone())), told, "{ty:?}");
+        }
+        let long = typed(array(&[(0, 2)], DataType::Byte));
+        let short = datum(&bytes, &long).expect("bytes");
+        assert!(long.puts(&short).is_err(), "too few");
     }
 
     #[test]
