@@ -215,8 +215,8 @@ fn a_flood_of_connections_keeps_nobody_out() {
 
 /// The order for DB10.DBW 0 each second.
 const CYCLIC: [u8; 45] = [
-    3, 0, 0, 45, 2, 0xF0, 0x80, 0x32, 7, 0, 0, 0, 2, 0, 8, 0, 20, 0, 1, 0x12, 4, 0x11, 0x42, 1, 0, 0xFF, 9, 0, 16, 0, 1,
-    1, 1, 0x12, 0x0A, 0x10, 2, 0, 2, 0, 10, 0x84, 0, 0, 0,
+    3, 0, 0, 45, 2, 0xF0, 0x80, 0x32, 7, 0, 0, 0, 2, 0, 8, 0, 20, 0, 1, 0x12, 4, 0x11, 0x42, 1, 0, 0xFF, 9, 0, 16, 0,
+    1, 1, 1, 0x12, 0x0A, 0x10, 2, 0, 2, 0, 10, 0x84, 0, 0, 0,
 ];
 
 /// `idle` ends silent connections, not one that waits for cyclic data.
