@@ -1,11 +1,11 @@
 //! USEND, URCV, BSEND, BRCV, PUT and GET on an S7 connection: their jobs, and the telegrams for them.
 
-use ob1_words::boxes::{BSEND_MAX, Service, status};
+use ob1_words::boxes::{BSEND_MAX, Service, pieces, status};
 
 use super::boxes::{Held, Phase};
 use super::connection::Own;
 use super::vars;
-use super::{Condition, ConnectionKind, Coupling, NOT_READY};
+use super::{Condition, ConnectionKind, Coupling, NOT_READY, PATIENCE, TAKING};
 use crate::client::Came;
 use crate::codes::Code;
 use crate::wire::pbc::{self, Sent};
@@ -60,10 +60,11 @@ impl Coupling {
 
     /// Sends a job of a box.
     pub(super) fn own_job(&mut self, at: usize, index: usize, kind: Kind, parameters: &[u8], data: &[u8]) {
-        let (now, Some(job)) = (self.now, self.slots.get(at).map(|slot| slot.order.job)) else { return };
-        let Some(link) = self.links.get_mut(index) else { return };
+        let (Some(slot), Some(link)) = (self.slots.get(at), self.links.get_mut(index)) else { return };
+        let is_last_part = slot.order.service == Some(Service::Bsend) && slot.confirmed >= slot.data.len();
+        let taking = if is_last_part { u64::from(pieces(slot.data.len())) * TAKING } else { 0 };
         let Some(reference) = link.s7().map(|connection| connection.own_job(kind, parameters, data)) else { return };
-        link.own.push(Own { reference, at, job, since: now });
+        link.own.push(Own { reference, at, job: slot.order.job, until: self.now + PATIENCE + taking });
     }
 
     fn usend(&mut self, at: usize, index: usize) {

@@ -32,7 +32,8 @@ pub(super) struct Own {
     /// Its box, and the job in it.
     pub(super) at: usize,
     pub(super) job: u16,
-    pub(super) since: u64,
+    /// By then the answer must have come.
+    pub(super) until: u64,
 }
 
 #[derive(Debug)]
@@ -118,11 +119,11 @@ impl Link {
     /// Whether the setup has taken too long, or a job of ours has no answer.
     pub(super) fn is_late(&self, now: u64) -> bool {
         let coming = (self.asked || self.is_wired) && self.condition() == Condition::Coming;
-        coming && now >= self.since + PATIENCE || self.own.iter().any(|own| now >= own.since + PATIENCE)
+        coming && now >= self.since + PATIENCE || self.own.iter().any(|own| now >= own.until)
     }
 
     pub(super) fn due(&self) -> Option<u64> {
-        let own = self.own.iter().map(|own| own.since + PATIENCE).min();
+        let own = self.own.iter().map(|own| own.until).min();
         let parts = self.parts.values().map(|(until, _)| *until).min();
         let coming = match self.condition() {
             Condition::Coming => Some(self.since + PATIENCE),

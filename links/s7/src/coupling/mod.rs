@@ -24,6 +24,9 @@ const RETRY: u64 = 250;
 const RETRY_MAX: u64 = 4_000;
 /// Time limit for setting up a connection, and for a job of ours.
 const PATIENCE: u64 = 10_000;
+/// The additional time for a piece of a BSEND: the partner's program takes one a cycle, and its answer to the last part
+/// comes when it has all of them.
+const TAKING: u64 = 1_000;
 /// How long a part of BSEND waits for a BRCV that is known, but not ready.
 const NOT_READY: u64 = 3_000;
 
