@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use ob1_mc7::BlockImage;
 use ob1_model::{BlockId, BlockKind};
-use ob1_station::{files, program, station_file};
+use ob1_station::{files, program, program_files, station_file};
 
 /// Where the blocks lie as they came from the CPU.
 pub(super) const UPLOADED: &str = "uploaded";
@@ -25,6 +25,12 @@ pub(super) fn collect(paths: &[PathBuf]) -> Result<Blocks, String> {
             folder(path, &mut blocks)?;
         } else if is("toml") {
             station(path, &mut blocks)?;
+        } else if path.is_file() && program_files::is_known(path) {
+            let remedy = "name a station file that has it in [program] (`ob1 new station` writes one), or a .mc7";
+            return Err(format!(
+                "{}: this is a source or a symbol table, not machine code\n  = {remedy}",
+                path.display()
+            ));
         } else {
             file(path, &mut blocks)?;
         }
@@ -42,7 +48,11 @@ fn folder(path: &Path, blocks: &mut Blocks) -> Result<(), String> {
             found = true;
         }
     }
-    if found { Ok(()) } else { Err(format!("{}: it has no .mc7; `ob1 upload` makes them", path.display())) }
+    if found {
+        return Ok(());
+    }
+    let remedy = "name a station file (.toml) to take its program; `ob1 upload` makes .mc7 of the blocks of a CPU";
+    Err(format!("{}: it has no .mc7\n  = {remedy}", path.display()))
 }
 
 /// A file may hold several blocks, one after another.
@@ -80,4 +90,23 @@ fn station(path: &Path, blocks: &mut Blocks) -> Result<(), String> {
 /// `FC5`, as files are named.
 fn name(id: BlockId) -> String {
     format!("{}{}", id.kind.name(), id.number)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is not machine code is told with the way to it.
+    #[test]
+    fn a_source_and_a_folder_without_blocks_are_refused_with_the_remedy() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let source = folder.path().join("main.awl");
+        std::fs::write(&source, "ORGANIZATION_BLOCK OB 1\nBEGIN\nEND_ORGANIZATION_BLOCK\n").expect("room");
+        let refused = |path: &Path| collect(&[path.to_owned()]).expect_err("no machine code");
+        let said = refused(&source);
+        assert!(said.contains("not machine code\n  = name a station file"), "{said}");
+        let said = refused(folder.path());
+        assert!(said.contains("it has no .mc7\n  = name a station file"), "{said}");
+        assert!(refused(&folder.path().join("gone.awl")).contains("No such file"));
+    }
 }
