@@ -147,12 +147,6 @@ impl CpSide {
         freshness
     }
 
-    /// Reads of the output registers that had to keep the last copy.
-    #[must_use]
-    pub fn stale_reads(&self) -> u64 {
-        self.outputs.stale()
-    }
-
     /// Writes the input registers; true if that changed anything. Bytes that `data` does not reach keep their value,
     /// bytes beyond `io_bytes` are ignored.
     #[inline]
@@ -172,12 +166,6 @@ impl CpSide {
     /// [`Fault::ParameterLength`] if it claims more text than fits.
     pub fn read_params(&mut self) -> Result<Params<'_>, Fault> {
         read_params(&mut self.params, &self.segment.cells().params, &mut self.json)
-    }
-
-    /// Whether the CPU has written a record since [`Self::read_record`] was last fresh.
-    #[must_use]
-    pub fn record_changed(&self) -> bool {
-        self.record.is_outdated(&self.cells().record.record)
     }
 
     /// The record the CPU has written last (SFC 58). Its revision is 0 before the first.

@@ -142,12 +142,6 @@ impl CpuSide {
         self.inputs.is_outdated(&self.monitor.cells().inputs.registers)
     }
 
-    /// Reads of the input registers that had to keep the last copy.
-    #[must_use]
-    pub fn stale_reads(&self) -> u64 {
-        self.inputs.stale()
-    }
-
     /// Whether the driver sleeps and must be woken for what was written since the last call; true at most once per
     /// sleep. Call it once per scan, after the last write; it costs nothing if nothing was written.
     #[inline]

@@ -79,17 +79,16 @@ impl<const N: usize> SeqCell<N> {
     }
 }
 
-/// The reading end of one sequence lock: its own last copy, and how often it had to keep that.
+/// The reading end of one sequence lock: its own last copy.
 pub(crate) struct SeqReader<const N: usize> {
     last: [u64; N],
     sequence: u64,
-    stale: u64,
 }
 
 impl<const N: usize> SeqReader<N> {
     /// A reader that has seen nothing: its last copy is all zero.
     pub(crate) const fn new() -> Self {
-        Self { last: [0; N], sequence: 0, stale: 0 }
+        Self { last: [0; N], sequence: 0 }
     }
 
     /// Updates the first `words` words of the copy, if no writer interferes in every try.
@@ -108,7 +107,6 @@ impl<const N: usize> SeqReader<N> {
                 return Freshness::Fresh;
             }
         }
-        self.stale = self.stale.wrapping_add(1);
         Freshness::Stale
     }
 
@@ -159,10 +157,5 @@ impl<const N: usize> SeqReader<N> {
     pub(crate) fn is_outdated(&self, cell: &SeqCell<N>) -> bool {
         let sequence = cell.sequence.load(Ordering::Relaxed);
         sequence != self.sequence && sequence & 1 == 0
-    }
-
-    /// How many reads kept the last copy.
-    pub(crate) fn stale(&self) -> u64 {
-        self.stale
     }
 }

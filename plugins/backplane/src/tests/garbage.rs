@@ -54,7 +54,7 @@ fn use_all_of_the_cpu_side(cpu: &mut CpuSide) {
     let _ = (monitor.leds(), monitor.modem_inputs(), monitor.events_lost(), monitor.driver_sleeps());
     assert!(monitor.buffer().count() <= layout::BUFFER_ENTRIES);
     let counters = monitor.counters();
-    let _ = (counters.open_orders(), counters.open_receives(), cpu.io_bytes(), cpu.stale_reads());
+    let _ = (counters.open_orders(), counters.open_receives(), cpu.io_bytes());
 }
 
 fn use_all_of_the_cp_side(cp: &mut CpSide) {
@@ -90,7 +90,7 @@ fn use_all_of_the_cp_side(cp: &mut CpSide) {
     cp.beat();
     let _ = cp.prepare_sleep(cp.changes());
     cp.awake();
-    let _ = (cp.counters(), cp.params_changed(), cp.record_changed(), cp.generation(), cp.io_bytes(), cp.stale_reads());
+    let _ = (cp.counters(), cp.params_changed(), cp.generation(), cp.io_bytes());
 }
 
 #[test]

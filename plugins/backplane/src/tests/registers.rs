@@ -81,11 +81,10 @@ fn a_writer_killed_half_way_costs_at_most_its_last_write() {
     segment.poke(at("inputs.sequence"), sequence + 1);
     segment.poke(at("inputs.data"), u64::MAX);
     drop(cp);
-    for round in 1..=3 {
+    for _ in 0..3 {
         seen = [0; 16];
         assert_eq!(cpu.read_inputs(&mut seen), Stale);
         assert_eq!(seen, [5; 16], "the reader's own last copy");
-        assert_eq!(cpu.stale_reads(), round);
     }
     // The next driver never makes the partly written content visible.
     let mut cp = crate::CpSide::attach(&segment).unwrap();
@@ -143,7 +142,6 @@ fn a_reader_comes_back_from_a_writer_that_never_ends() {
         }
         ended.store(true, Ordering::Relaxed);
     });
-    assert_eq!(cpu.stale_reads(), ROUNDS / 20);
 }
 
 /// Registers that show whether they are consistent: every word is derived from the first.
