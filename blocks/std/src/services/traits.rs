@@ -36,8 +36,6 @@ pub struct DbRequest {
     pub high: u16,
     /// Its length in bytes, even.
     pub bytes: u16,
-    /// SFC 82: in the load memory too, not only in the work memory.
-    pub load_memory: bool,
     /// SFC 82: not in the work memory.
     pub unlinked: bool,
     /// Write-protected for the program.

@@ -64,8 +64,7 @@ fn create(blocks: &mut dyn DataBlocks, request: &DbRequest) -> Result<u16, u16> 
 fn creat_db(call: &mut Call<'_>) -> Done {
     let (low, high) = (call.word(CreatDb::LOW_LIMIT), call.word(CreatDb::UP_LIMIT));
     let bytes = call.word(CreatDb::COUNT);
-    let request =
-        DbRequest { low, high, bytes, load_memory: false, unlinked: false, read_only: false, non_retain: false };
+    let request = DbRequest { low, high, bytes, unlinked: false, read_only: false, non_retain: false };
     let result = create(call.cx.data_blocks(), &request);
     let result = result.map(|number| call.set(CreatDb::DB_NUMBER, u32::from(number)));
     let code = code(result);
@@ -118,7 +117,6 @@ fn create_filled(call: &mut Call<'_>) -> Result<(), u16> {
         low: call.word(CreaDbl::LOW_LIMIT),
         high: call.word(CreaDbl::UP_LIMIT),
         bytes: call.word(CreaDbl::COUNT),
-        load_memory: true,
         unlinked: attributes & 1 != 0,
         read_only: attributes & 2 != 0,
         non_retain: attributes & 4 != 0,
@@ -257,7 +255,7 @@ mod tests {
         assert_eq!((fake.value("RET_VAL"), fake.value("BUSY"), fake.value("DB_NUM")), (0, 0, 10));
         assert_eq!(fake.station.load[&10], [1, 2, 3, 4, 0, 0, 0, 0]);
         assert_eq!(fake.area(ob1_model::Area::Db, 10)[..5], [1, 2, 3, 4, 0]);
-        assert!(fake.station.created[0].non_retain && fake.station.created[0].load_memory);
+        assert!(fake.station.created[0].non_retain);
         fake.set("ATTRIB", &[8]);
         fake.run();
         assert_eq!(fake.value("RET_VAL"), 0x80A3);

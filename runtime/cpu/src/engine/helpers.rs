@@ -79,18 +79,6 @@ impl Context<'_> {
         }
     }
 
-    /// The output of a timer; false when it is not there.
-    #[must_use]
-    pub fn timer_output(&self, number: u16) -> bool {
-        self.machine.timers.get(usize::from(number)).is_some_and(|timer| timer.output(self.machine.hot.now))
-    }
-
-    /// The value of a counter; 0 when it is not there.
-    #[must_use]
-    pub fn counter_value(&self, number: u16) -> u16 {
-        self.machine.counters.get(usize::from(number)).map_or(0, |counter| counter.value)
-    }
-
     /// Local data and registers for the block that [`super::Engine::call`] is asked for.
     ///
     /// # Errors
