@@ -126,7 +126,8 @@ mod tests {
             (Period::Daily, Moment::MAX, None),
             (Period::Yearly, Moment::MAX, None),
         ] {
-            let interrupt = TimeOfDayInterrupt { set: Some((start, period)), active: true, ..TimeOfDayInterrupt::default() };
+            let interrupt =
+                TimeOfDayInterrupt { set: Some((start, period)), active: true, ..TimeOfDayInterrupt::default() };
             assert_eq!(interrupt.next(now), next, "{period:?} after {now:?}");
         }
         assert_eq!(TimeOfDayInterrupt::default().next(start), None);
