@@ -185,7 +185,7 @@ impl AtWork {
         let line = LiveLine::new(options.quiet);
         let bounded = options.time.is_some() || options.scans.is_some();
         let end = options.time.map(|time| self.clock.time().saturating_add(time));
-        let (mut tick, mut posture_is_told) = (0, false);
+        let (mut tick, mut posture_is_told) = (0_u32, false);
         let ended = loop {
             self.drain_log();
             self.tell_posture(&mut posture_is_told);
@@ -210,7 +210,8 @@ impl AtWork {
             if bounded && stopped && self.journal.fault().is_some() {
                 break Ended::Fault;
             }
-            tick += 1;
+            // Fifty a second: they come round after 2.7 years.
+            tick = tick.wrapping_add(1);
             if line.is_on() && tick % LIVE_TICKS == 0 {
                 line.show(&self.live());
             }
