@@ -28,13 +28,7 @@ impl Panel {
     /// The inputs among `modules`, which live in this image.
     #[must_use]
     pub fn new(field: IoField, modules: &[ModuleConfig]) -> Self {
-        let bytes = |module: &ModuleConfig| match module.kind {
-            ModuleKind::Inputs { bytes } => {
-                Some(module.input_address..module.input_address.saturating_add(u32::from(bytes)))
-            }
-            _ => None,
-        };
-        Self { field, modules: modules.iter().filter_map(bytes).collect() }
+        Self { field, modules: inputs(modules) }
     }
 
     /// Writes an input if all of it belongs to modules. False: it does not, and the CPU's memory has to take the value.
@@ -58,6 +52,17 @@ impl Panel {
         }
         true
     }
+}
+
+/// The input bytes of each module of process I/O.
+pub(super) fn inputs(modules: &[ModuleConfig]) -> Vec<Range<u32>> {
+    let bytes = |module: &ModuleConfig| match module.kind {
+        ModuleKind::Inputs { bytes } => {
+            Some(module.input_address..module.input_address.saturating_add(u32::from(bytes)))
+        }
+        _ => None,
+    };
+    modules.iter().filter_map(bytes).collect()
 }
 
 #[cfg(test)]

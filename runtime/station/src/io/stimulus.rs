@@ -11,10 +11,11 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use toml::Spanned;
 
+use super::panel;
 use crate::files;
 use crate::finding::{Finding, Level, Text};
 use crate::station_file::findings::STIMULUS;
-use crate::station_file::parse_duration;
+use crate::station_file::{ModuleConfig, parse_duration};
 use ob1_access::Names;
 use ob1_access::value;
 
@@ -120,6 +121,28 @@ impl Stimulus {
         if found.is_empty() { Ok(Self { changes, repeat, next: 0, round: Instant::START }) } else { Err(found) }
     }
 
+    /// A warning for each cell of a stimulus file that lies, with a part at least, outside all modules of type `di` and
+    /// `ai`: nothing reads it. Of a file with mistakes there is none, because they are reported when it is loaded.
+    #[must_use]
+    pub fn unread(path: &Path, modules: &[ModuleConfig]) -> Vec<Finding> {
+        let (name, inputs) = (path.display().to_string(), panel::inputs(modules));
+        let text = files::read_text(path).unwrap_or_default();
+        let source = Text { file: &name, text: &text };
+        let Ok(file) = toml::from_str::<File>(&text) else { return Vec::new() };
+        let mut found = Vec::new();
+        for (cell, value) in file.at.iter().flat_map(|at| &at.set) {
+            let Ok(change) = change(Span::ZERO, cell.get_ref(), value.get_ref()) else { continue };
+            let last = change.bit + u32::from(change.bits) - 1;
+            if (change.bit / 8..=last / 8).all(|byte| inputs.iter().any(|module| module.contains(&byte))) {
+                continue;
+            }
+            let message = format!("{} is in no module of type di or ai: nothing reads it", cell.get_ref());
+            let remedy = "correct the address, or add [[module]] with type = \"di\" there".to_owned();
+            found.push(source.finding(Level::Warning, STIMULUS, cell.span(), message, remedy));
+        }
+        found
+    }
+
     /// Does what is due.
     pub(super) fn play(&mut self, now: Instant, image: &IoImage, field: &IoField) {
         if self.changes.is_empty() {
@@ -210,6 +233,28 @@ mod tests {
         {
             assert_eq!(inputs(&mut stimulus, &image, now * MS)[0], value, "{now} ms");
         }
+    }
+
+    #[test]
+    fn a_cell_that_no_module_reads_is_told() {
+        let station = "[station]\nname = \"x\"\n[[module]]\ntype = \"di\"\nname = \"a\"\naddress = 4\nbytes = 2\n\
+                       [[module]]\ntype = \"ai\"\nname = \"b\"\naddress = 6\nchannels = 1\n\
+                       [[module]]\ntype = \"do\"\nname = \"c\"\naddress = 8\nbytes = 2\n";
+        let station = crate::station_file::parse(station, "x.toml", Path::new("")).expect("good");
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("s.toml");
+        // The first line has what is read: also over the border of two modules.
+        let text = "[[at]]\ntime = \"0ms\"\nset = { \"E 4.0\" = 1, \"EW 5\" = 1, \"PEW 6\" = 1 }\n\
+                    [[at]]\ntime = \"1ms\"\nset = { \"E 3.7\" = 1 }\n\
+                    [[at]]\ntime = \"1ms\"\nset = { \"EW 7\" = 1 }\n\
+                    [[at]]\ntime = \"1ms\"\nset = { \"EB 8\" = 1 }\n";
+        std::fs::write(&path, text).expect("room");
+        let found = Stimulus::unread(&path, &station.modules);
+        let told: Vec<_> = found.iter().map(|f| (f.level, f.code.as_str(), f.line, f.column)).collect();
+        assert_eq!(told, [6, 9, 12].map(|line| (Level::Warning, STIMULUS, line, 9)));
+        assert!(found[1].message.starts_with("EW 7 is in no module"), "{found:?}");
+        std::fs::write(&path, "[[at]]\ntime = 5\n").expect("room");
+        assert!(Stimulus::unread(&path, &station.modules).is_empty());
     }
 
     #[test]

@@ -40,6 +40,7 @@ use std::io::ErrorKind;
 use std::path::Path;
 
 use crate::finding::{Finding, Level, Text};
+use crate::io::Stimulus;
 use crate::{files, program_files};
 
 /// Reads and checks a station file.
@@ -61,7 +62,10 @@ pub fn load_and_look(path: &Path) -> Result<(Station, Vec<Finding>), Vec<Finding
     let station = check::check(&file, source, folder)?;
     let mut warnings = devices::not_ready(&file, source, folder, devices::state);
     warnings.extend(coupler::unwatched(&file, source));
-    warnings.extend(unplayed(&file, source));
+    match unplayed(&file, source) {
+        Some(whole) => warnings.push(whole),
+        None => warnings.extend(station.stimulus.iter().flat_map(|path| Stimulus::unread(path, &station.modules))),
+    }
     warnings.extend(link::absent(&file.link, source, folder));
     Ok((station, warnings))
 }
