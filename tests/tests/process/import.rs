@@ -223,10 +223,20 @@ fn nothing_that_can_be_read_is_exit_code_2() {
     files.0.remove("ombstx/offline/00000001/SUBBLK.DBT");
     let example = project(&site, &files);
     fs::create_dir(site.path("empty")).expect("a folder");
+    let tia = site.path("tia");
+    fs::create_dir(&tia).expect("a folder");
+    fs::write(tia.join("plant.ap15_1"), "x").expect("a file");
+    fs::create_dir(site.path("packed")).expect("a folder");
+    fs::write(site.path("packed/plant.zip"), "x").expect("a file");
+    let (tia, packed) = (tia.display().to_string(), site.path("packed").display().to_string());
+    let own = format!("{tia}/plant.ap15_1");
     let (empty, out) = (site.path("empty").display().to_string(), site.path("out").display().to_string());
     for (args, told) in [
         (["import", &example, "--out", &out], "memo file"),
         (["import", &empty, "--out", &out], "no STEP 7 project"),
+        (["import", &tia, "--out", &out], "plant.ap15_1 is of TIA Portal"),
+        (["import", &own, "--out", &out], "it is of TIA Portal"),
+        (["import", &packed, "--out", &out], "plant.zip is an archive: unpack it"),
         (["import", "/nowhere", "--out", &out], "/nowhere"),
     ] {
         let said = site.ob1(&args);

@@ -55,7 +55,25 @@ pub(super) fn open(path: &Path) -> Result<Box<dyn FileSource>, String> {
             let bytes = files::read(path, LONGEST_ARCHIVE).map_err(|error| named(error.to_string()))?;
             Ok(Box::new(Archive::open(bytes).map_err(named)?))
         }
-        _ => Err(named("it is neither a project's folder, nor its .s7p or .s7l, nor a .zip of it".to_owned())),
+        _ => Err(named(match other(&path.to_string_lossy()) {
+            Some(what) => format!("it is {what}"),
+            None => "it is neither a project's folder, nor its .s7p or .s7l, nor a .zip of it".to_owned(),
+        })),
+    }
+}
+
+/// What a file is that is no project of STEP 7 V5, by its ending, and what to do with it.
+pub(super) fn other(path: &str) -> Option<&'static str> {
+    let ending = path.rsplit_once('.')?.1.to_ascii_lowercase();
+    // `.ap16`, `.zap15_1`; `.al16` and `.zal16` are libraries.
+    let start = ending.trim_end_matches(|c: char| c.is_ascii_digit() || c == '_');
+    match start {
+        "ap" | "zap" | "al" | "zal" if start.len() < ending.len() => {
+            Some("of TIA Portal: generate sources from its blocks there, and check them (docs/porting.md)")
+        }
+        "zip" | "arj" | "lha" | "lzh" | "rar" => Some("an archive: unpack it, and import the folder"),
+        _ if ending == "7z" => Some("an archive: unpack it, and import the folder"),
+        _ => None,
     }
 }
 

@@ -95,9 +95,11 @@ fn run(args: &ImportArgs) -> Result<ImportExit, String> {
         roots.retain(|root| root.folder.is_empty());
     }
     if roots.is_empty() {
+        let other = |path: String| disk::other(&path).map(|what| format!("; {path} is {what}"));
         return Err(format!(
-            "{}: there is no STEP 7 project in it (no .s7p, no .s7l, no ombstx/offline)",
-            args.project.display()
+            "{}: there is no STEP 7 project in it (no .s7p, no .s7l, no ombstx/offline){}",
+            args.project.display(),
+            source.paths().into_iter().find_map(other).unwrap_or_default()
         ));
     }
     let mut projects: Vec<Project> = roots.iter().map(|root: &Root| Project::read(&tree, root)).collect();
