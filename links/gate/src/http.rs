@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use http_body_util::{BodyExt as _, Limited};
 use hyper::body::{Bytes, Frame, Incoming};
-use hyper::header::{CACHE_CONTROL, CONTENT_TYPE, HOST, HeaderMap, HeaderValue, ORIGIN};
+use hyper::header::{ALLOW, CACHE_CONTROL, CONTENT_TYPE, HOST, HeaderMap, HeaderValue, ORIGIN};
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper::{Method, Request, Response, StatusCode};
@@ -102,6 +102,13 @@ pub(crate) fn reply(status: StatusCode, kind: &'static str, body: impl Into<Byte
 /// An answer in a sentence.
 pub(crate) fn plain(status: StatusCode, text: impl Into<String>) -> Reply {
     reply(status, "text/plain; charset=utf-8", text.into() + "\n")
+}
+
+/// This path has other methods [RFC 9110, 15.5.6].
+pub(crate) fn not_so(allowed: &'static str) -> Reply {
+    let mut reply = plain(StatusCode::METHOD_NOT_ALLOWED, format!("only {allowed}"));
+    reply.headers_mut().insert(ALLOW, HeaderValue::from_static(allowed));
+    reply
 }
 
 /// The host names accepted by a link.

@@ -15,7 +15,7 @@ use ob1_gate_core::{Link, Station, Trouble, Users};
 use ring::digest::{SHA256, digest};
 use serde_json::Value;
 
-use crate::http::{self, Call, Reply, Site, plain, reply};
+use crate::http::{self, Call, Reply, Site, not_so, plain, reply};
 
 /// The content type of OpenMetrics.
 const TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
@@ -64,7 +64,7 @@ impl Site for Figures {
     fn call(self: Rc<Self>, call: Call) -> Pin<Box<dyn Future<Output = Reply>>> {
         Box::pin(async move {
             if !matches!(call.method, Method::GET | Method::HEAD) {
-                return plain(StatusCode::METHOD_NOT_ALLOWED, "only GET");
+                return not_so("GET, HEAD");
             }
             if let Err(refused) = self.known(&call).await {
                 return *refused;

@@ -88,8 +88,13 @@ impl Visitor {
     }
 
     pub(crate) fn post_with(&self, path: &str, more: &str, body: &Value) -> Answer {
-        let request = self.request("POST", path, more, &body.to_string());
-        self.raw(request.as_bytes()).unwrap_or_else(|| panic!("no answer to {path}"))
+        self.send("POST", path, more, body)
+    }
+
+    /// Sends a body with any method.
+    pub(crate) fn send(&self, method: &str, path: &str, more: &str, body: &Value) -> Answer {
+        let request = self.request(method, path, more, &body.to_string());
+        self.raw(request.as_bytes()).unwrap_or_else(|| panic!("no answer to {method} {path}"))
     }
 
     /// A client that is logged in.

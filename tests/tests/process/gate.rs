@@ -105,7 +105,7 @@ fn a_station_that_stops_says_why() {
 fn without_rights_nothing_changes() {
     let site = Site::new();
     users(&site);
-    let (station, page, _) = station(&site, "gate-rights", USERS);
+    let (station, page, figures) = station(&site, "gate-rights", USERS);
     let write = |visitor: &Visitor, value: u16| visitor.post("/api/write", &json!({ "item": "MW 20", "value": value }));
     let command = |visitor: &Visitor, name: &str| visitor.post("/api/command", &json!({ "command": name })).status;
     let stranger = Visitor::at(page);
@@ -146,6 +146,22 @@ fn without_rights_nothing_changes() {
     );
     assert_eq!(willi.raw(rebound.as_bytes()).expect("an answer").status, 403);
     assert_eq!(willi.get("/api/write").status, 405);
+    // Only a POST changes something; each refusal says what is allowed.
+    for (method, path, allowed) in [
+        ("PUT", "/api/write", "POST"),
+        ("DELETE", "/api/write", "POST"),
+        ("PATCH", "/api/command", "POST"),
+        ("OPTIONS", "/api/write", "POST"),
+        ("PUT", "/api/status", "GET, HEAD"),
+        ("POST", "/api/status", "GET, HEAD"),
+        ("POST", "/", "GET, HEAD"),
+    ] {
+        let refused = willi.send(method, path, &format!("{kind}{own}"), &body);
+        assert_eq!((refused.status, refused.head("allow")), (405, Some(allowed)), "{method} {path}: {refused:?}");
+    }
+    let figures = Visitor::at(figures);
+    let refused = figures.post("/metrics", &json!({}));
+    assert_eq!((refused.status, refused.head("allow")), (405, Some("GET, HEAD")), "{refused:?}");
     assert_eq!(station.cell("MW 20"), 0, "still nothing");
 
     assert_eq!(write(&willi, 7).status, 200);

@@ -11,13 +11,15 @@ use std::future::Future;
 use std::pin::Pin;
 use std::rc::Rc;
 
-use hyper::header::{ALLOW, HeaderValue};
 use hyper::{Method, StatusCode};
 use ob1_access::Right;
 use ob1_gate_core::{Client, Link, Station, Users, Who};
 
-use crate::http::{self, Call, Reply, Site, plain};
+use crate::http::{self, Call, Reply, Site, not_so, plain};
 use sessions::Sessions;
+
+/// Requests that change something; all others are read.
+const CHANGES: [&str; 4] = ["login", "logout", "write", "command"];
 
 /// A link of type `web`.
 pub(super) struct Page {
@@ -73,6 +75,10 @@ impl Page {
             return plain(StatusCode::NOT_FOUND, "there is no such page");
         };
         let what = what.to_owned();
+        let changes = CHANGES.contains(&&*what);
+        if !reads && call.method != Method::POST {
+            return not_so(if changes { "POST" } else { "GET, HEAD" });
+        }
         // Requests that need no login.
         match (&*what, reads) {
             ("session", true) => return self.session(&call),
@@ -94,15 +100,9 @@ impl Page {
             ("reports", true) => self.reports(&call.query),
             ("write", false) => self.write(&client, &call.body).await,
             ("command", false) => self.command(&client, &call.body).await,
-            ("write" | "command" | "login" | "logout", true) => not_so("POST"),
+            _ if reads && changes => not_so("POST"),
             _ if reads => plain(StatusCode::NOT_FOUND, "there is no such request"),
             _ => not_so("GET, HEAD"),
         }
     }
-}
-
-fn not_so(allowed: &'static str) -> Reply {
-    let mut reply = plain(StatusCode::METHOD_NOT_ALLOWED, format!("only {allowed}"));
-    reply.headers_mut().insert(ALLOW, HeaderValue::from_static(allowed));
-    reply
 }
