@@ -38,10 +38,17 @@ pub(super) fn find(path: &str) -> Option<&'static File> {
     FILES.iter().find(|file| file.path == path)
 }
 
+/// Whether the browser has the files of this tag. There may be several tags, and a proxy that compresses makes them weak
+/// [RFC 9110, 13.1.2].
+fn has(headers: &HeaderMap, tag: &str) -> bool {
+    let lists = headers.get_all(IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());
+    lists.flat_map(|list| list.split(',')).map(str::trim).any(|one| one == "*" || one.trim_start_matches("W/") == tag)
+}
+
 impl File {
     /// The file, or "not modified".
     pub(super) fn reply(&self, headers: &HeaderMap) -> Reply {
-        let known = headers.get(IF_NONE_MATCH).is_some_and(|tag| tag.as_bytes() == TAG.as_bytes());
+        let known = has(headers, &TAG);
         let mut answer = reply(StatusCode::OK, self.kind, self.text);
         if known {
             *answer.status_mut() = StatusCode::NOT_MODIFIED;
@@ -58,6 +65,23 @@ impl File {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_tag_is_the_same_when_a_proxy_has_made_it_weak() {
+        let known = |lines: &[&str]| {
+            let mut headers = HeaderMap::new();
+            for line in lines {
+                headers.append(IF_NONE_MATCH, line.parse().expect("a value"));
+            }
+            has(&headers, "\"12ab\"")
+        };
+        for lines in [&["\"12ab\""][..], &["W/\"12ab\""], &["*"], &["\"0\", W/\"12ab\""], &["\"0\"", "\"12ab\""]] {
+            assert!(known(lines), "{lines:?}");
+        }
+        for lines in [&[][..], &["\"12abc\""], &["12ab"], &["\"0\", \"1\""]] {
+            assert!(!known(lines), "{lines:?}");
+        }
+    }
 
     /// The page is small, and makes requests only to the station.
     #[test]
