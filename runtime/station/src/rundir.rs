@@ -6,7 +6,7 @@
 //! (0600), `io` and `MODULE.segment` (links to `/proc/PID/fd/N`), and `pid`. Whoever holds the lock on `pid` owns the
 //! directory: the lock ends with its process, however that ends, so an unlocked directory is a leftover.
 
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::fs::{self, DirBuilder, File, OpenOptions};
 use std::io::{self, Write as _};
 use std::os::unix::fs::{DirBuilderExt as _, MetadataExt as _, OpenOptionsExt as _, PermissionsExt as _};
@@ -103,6 +103,8 @@ pub fn find(name: &str) -> Option<PathBuf> {
 pub struct RunDir {
     path: PathBuf,
     lock: File,
+    /// What is published: names, and where they lead.
+    links: Vec<(OsString, PathBuf)>,
 }
 
 impl RunDir {
@@ -143,7 +145,7 @@ impl RunDir {
                 continue;
             }
             sweep(&path);
-            let mut owned = Self { path, lock };
+            let mut owned = Self { path, lock, links: Vec::new() };
             owned.write_pid()?;
             return Ok(owned);
         }
@@ -171,15 +173,53 @@ impl RunDir {
     ///
     /// # Errors
     /// What the system says.
-    pub fn link(&self, name: impl AsRef<OsStr>, target: &Path) -> Result<(), RunDirError> {
+    pub fn link(&mut self, name: impl AsRef<OsStr>, target: &Path) -> Result<(), RunDirError> {
         let link = self.path.join(name.as_ref());
-        std::os::unix::fs::symlink(target, &link).map_err(at(&link))
+        std::os::unix::fs::symlink(target, &link).map_err(at(&link))?;
+        self.links.push((name.as_ref().to_owned(), target.to_owned()));
+        Ok(())
+    }
+
+    /// Makes again what others have removed: the end of a login takes `XDG_RUNTIME_DIR` away, and temporary folders are
+    /// cleaned up. True: something was missing, and the control socket is to be opened again.
+    ///
+    /// # Errors
+    /// [`RunDirError`]; [`RunDirError::Running`] when another process has claimed the directory meanwhile.
+    pub fn restore(&mut self) -> Result<bool, RunDirError> {
+        let there = |name: &OsStr| fs::symlink_metadata(self.path.join(name)).is_ok();
+        let owned = still_there(&self.path, &self.lock);
+        if owned && there(OsStr::new(SOCKET)) && self.links.iter().all(|(name, _)| there(name)) {
+            return Ok(false);
+        }
+        if !owned {
+            if let Some(base) = self.path.parent() {
+                private_dir(base)?;
+            }
+            private_dir(&self.path)?;
+            let Some(lock) = lock_of(&self.path)? else {
+                let name = self.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                return Err(RunDirError::Running { name, pid: owner(&self.path), path: self.path.clone() });
+            };
+            self.lock = lock;
+            self.write_pid()?;
+        }
+        for (name, target) in &self.links {
+            let link = self.path.join(name);
+            match std::os::unix::fs::symlink(target, &link) {
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+                outcome => outcome.map_err(at(&link))?,
+            }
+        }
+        Ok(true)
     }
 }
 
 impl Drop for RunDir {
     fn drop(&mut self) {
-        remove(&self.path);
+        // Others may have removed it, and another runtime may have made it again.
+        if still_there(&self.path, &self.lock) {
+            remove(&self.path);
+        }
     }
 }
 
@@ -318,7 +358,7 @@ mod tests {
         fs::write(dir.join(SOCKET), "").expect("a leftover");
         fs::write(dir.join(PID), "1\n").expect("a leftover");
         std::os::unix::fs::symlink("/proc/1/fd/3", dir.join(IO)).expect("a leftover");
-        let owned = RunDir::claim_in(base.path(), "s").expect("nobody holds it");
+        let mut owned = RunDir::claim_in(base.path(), "s").expect("nobody holds it");
         assert!(!dir.join(SOCKET).exists() && fs::symlink_metadata(dir.join(IO)).is_err());
         owned.link(IO, Path::new("/proc/self/fd/0")).expect("the name is free");
         drop(owned);
@@ -350,10 +390,47 @@ mod tests {
             move || bury(&path, &pid, || ())
         });
         // As at its death: the lock goes, the directory stays.
-        let RunDir { path: _, lock } = &dying;
+        let RunDir { lock, .. } = &dying;
         rustix::fs::flock(lock, FlockOperation::Unlock).expect("it is held");
         assert!(janitor.join().expect("no panic"));
         assert!(!path.exists());
+    }
+
+    #[test]
+    fn what_others_have_removed_is_made_again() {
+        let base = tempfile::tempdir().expect("a directory");
+        let all = base.path().join("ob1");
+        private_dir(&all).expect("made");
+        let mut dir = RunDir::claim_in(&all, "s").expect("free");
+        let target = Path::new("/proc/self/fd/0");
+        dir.link(IO, target).expect("the name is free");
+        fs::write(dir.socket(), "").expect("a socket");
+        assert!(!dir.restore().expect("whole"));
+        for removed in [dir.path().join(IO), dir.path().join(PID), dir.path().to_owned(), all.clone()] {
+            if removed.is_dir() {
+                fs::remove_dir_all(&removed).expect("removed");
+            } else {
+                fs::remove_file(&removed).expect("removed");
+            }
+            assert!(dir.restore().expect("made again"), "{}", removed.display());
+            fs::write(dir.socket(), "").expect("a socket");
+            assert!(!dir.restore().expect("whole"), "{}", removed.display());
+            assert_eq!(fs::read_link(dir.path().join(IO)).expect("a link"), target);
+            assert_eq!(owner(dir.path()), std::process::id().to_string());
+            assert!(matches!(RunDir::claim_in(&all, "s"), Err(RunDirError::Running { .. })), "it has an owner");
+        }
+    }
+
+    #[test]
+    fn the_directory_of_another_is_left_alone() {
+        let base = tempfile::tempdir().expect("a directory");
+        let mut first = RunDir::claim_in(base.path(), "s").expect("free");
+        fs::remove_dir_all(first.path()).expect("removed");
+        let second = RunDir::claim_in(base.path(), "s").expect("free again");
+        fs::write(second.socket(), "").expect("a socket");
+        assert!(matches!(first.restore(), Err(RunDirError::Running { .. })));
+        drop(first);
+        assert!(second.socket().exists());
     }
 
     #[test]

@@ -214,3 +214,24 @@ fn a_terminal_that_is_closed_ends_the_run_in_order() {
     assert_eq!((plant.outputs(), plant.0.owner()), (SAFE, Some(Owner::Nobody)));
     site.wait_until_empty();
 }
+
+/// The end of a login removes `XDG_RUNTIME_DIR`, and temporary folders are cleaned up: the station stays within reach,
+/// a second one is refused, and the guardian cleans up all the same.
+#[test]
+fn a_runtime_directory_that_others_remove_is_made_again() {
+    let site = Site::new();
+    let station = station(&site, "10ms");
+    fs::remove_dir_all(&station.rundir).expect("it is there");
+    let socket = station.rundir.join("control.sock");
+    station.until("its socket", |_| socket.exists().then_some(()));
+    assert_eq!(station.status().state, "RUN");
+    let plant = Plant::of(&station);
+    let second = site.ob1(&["run", "guarded.toml", "--for", "1s"]);
+    assert_eq!(second.code, Some(5), "{second:?}");
+    assert!(station.said().contains("is there again"), "{}", station.said());
+    let rundir = station.rundir.clone();
+    station.kill();
+    plant.until_safe();
+    site.wait_until_empty();
+    assert!(!rundir.exists());
+}

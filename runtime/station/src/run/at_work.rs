@@ -40,7 +40,7 @@ use crate::posture;
 use crate::retentive;
 use crate::retentive::keeper::{Keeper, ScanEnd};
 use crate::retentive::store::StoreError;
-use crate::rundir::RunDir;
+use crate::rundir::{RunDir, RunDirError};
 use crate::station_file::{ConnectionType, LinkKind, Station, StationLink};
 use crate::timing::Observer;
 use crate::view::StationView;
@@ -51,6 +51,8 @@ const TAP_CALLERS: i32 = 4;
 const TICK: Duration = Duration::from_millis(20);
 /// Ticks between two live lines.
 const LIVE_TICKS: u32 = 25;
+/// Ticks between two looks whether the runtime directory is still there.
+const DIRECTORY_TICKS: u32 = 50;
 /// How long the CPU gets to go to STOP, beyond two cycles.
 const STOP_TIME: Span = Span::from_secs(3);
 /// Between two looks at it. Looks are counted, not time: a process that stood still meanwhile is not taken for a block
@@ -77,7 +79,9 @@ pub(super) struct AtWork {
     broker: Option<RunningBroker>,
     links: Option<Links>,
     fleet: Option<RunningFleet>,
-    _rundir: RunDir,
+    rundir: RunDir,
+    /// What is wrong with it has been reported.
+    rundir_told: bool,
     _guardian: Guardian,
     clock: MonotonicClock,
     fence: bool,
@@ -90,7 +94,7 @@ impl AtWork {
     pub(super) fn start(
         station: &Station,
         assembly: Assembly,
-        rundir: RunDir,
+        mut rundir: RunDir,
         guardian: Guardian,
         clock: MonotonicClock,
         options: &Options,
@@ -172,7 +176,8 @@ impl AtWork {
             broker: Some(broker),
             links: Some(links),
             fleet: Some(fleet),
-            _rundir: rundir,
+            rundir,
+            rundir_told: false,
             _guardian: guardian,
             clock,
             fence: options.fence,
@@ -215,6 +220,9 @@ impl AtWork {
             if line.is_on() && tick % LIVE_TICKS == 0 {
                 line.show(&self.live());
             }
+            if tick % DIRECTORY_TICKS == 0 {
+                self.look_after_directory();
+            }
         };
         line.wipe();
         self.tell_posture(&mut posture_is_told);
@@ -227,6 +235,45 @@ impl AtWork {
             posture::tell(grants);
             *is_told = true;
         }
+    }
+
+    /// Others may have removed the runtime directory or something in it: the station stays within reach of its tools.
+    fn look_after_directory(&mut self) {
+        let restored = match self.rundir.restore() {
+            Ok(false) => {
+                self.rundir_told = false;
+                return;
+            }
+            Ok(true) => self.open_socket().map_err(|error| error.to_string()),
+            Err(error @ RunDirError::Running { .. }) => Err(format!("another run has taken it: {error}")),
+            Err(error) => Err(error.to_string()),
+        };
+        let path = self.rundir.path().display();
+        match restored {
+            Ok(()) => tracing::warn!(
+                "others have removed {path} or something in it; it is there again: keep it out of what cleans up \
+                 (docs/access.md)"
+            ),
+            Err(why) if !self.rundir_told => {
+                tracing::error!("others have removed {path} or something in it, and it cannot be made again: {why}");
+                self.rundir_told = true;
+            }
+            Err(_) => {}
+        }
+    }
+
+    /// Opens the control socket again where it is missing.
+    fn open_socket(&mut self) -> std::io::Result<()> {
+        if std::fs::symlink_metadata(self.rundir.socket()).is_ok() {
+            return Ok(());
+        }
+        // Its thread removes the name when it ends.
+        drop(self.server.take());
+        if let Some(broker) = &self.broker {
+            let door = control_door(&broker.handle())?;
+            self.server = Some(Server::start(&self.rundir.socket(), door, self.view.clone(), self.min_cycle)?);
+        }
+        Ok(())
     }
 
     /// What blocks have logged.
@@ -493,9 +540,15 @@ fn open_doors(
     }
     let broker = broker.start(clock)?;
     let links = Links::start(specs, &broker.handle())?;
+    let door = control_door(&broker.handle())?;
+    Ok((broker, door, links))
+}
+
+/// A door for the control socket, which is the first link.
+fn control_door(broker: &Handle) -> std::io::Result<Door> {
     let (ours, theirs) = handover::pair()?;
-    broker.handle().connect(0, ours);
-    Ok((broker, Door::new(theirs).map_err(std::io::Error::other)?, links))
+    broker.connect(0, ours);
+    Door::new(theirs).map_err(std::io::Error::other)
 }
 
 /// Reads retentive memory, and starts writing it, where the station file wants that.
