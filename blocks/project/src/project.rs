@@ -189,8 +189,8 @@ impl Project {
         choices
     }
 
-    /// The station, the CPU and the program of a choice, for people: `Plant/CPU 315-2 DP/S7 Program(1)`. Programs of the
-    /// same name, as they are without their stations, have their block folders in it.
+    /// The station, the CPU and the program of a choice, for people: `Plant/CPU 315-2 DP/S7 Program(1)`. Programs of
+    /// the same name, as they are without their stations, have their block folders in it.
     #[must_use]
     pub fn title(&self, choice: Choice) -> String {
         let folder = &self.folders[choice.folder];

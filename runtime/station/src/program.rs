@@ -267,9 +267,9 @@ pub fn compile(wanted: &Sources, library: &Library) -> Result<Compiled, Vec<Find
         return Err(vec![Finding::whole(Level::Error, UNREADABLE, &name, "there is no source", remedy)]);
     }
     let wanted = Sources { files, symbols, ..wanted.clone() };
-    let sources = read_all(&wanted.files, &wanted.places, &mut findings);
-    let all_are_empty = !sources.is_empty() && sources.iter().all(is_empty);
-    findings.extend(of_empty(&sources, if all_are_empty { Level::Error } else { Level::Warning }));
+    let (empty, sources): (Vec<_>, Vec<_>) =
+        read_all(&wanted.files, &wanted.places, &mut findings).into_iter().partition(is_empty);
+    findings.extend(of_empty(&empty, if sources.is_empty() { Level::Error } else { Level::Warning }));
     compile_texts(&sources, &wanted, library, findings)
 }
 
@@ -295,8 +295,9 @@ pub fn compile_texts(
     mut findings: Vec<Finding>,
 ) -> Result<Compiled, Vec<Finding>> {
     let mut symbols = Vec::new();
-    let tables = read_all(&wanted.symbols, &wanted.places, &mut findings);
-    findings.extend(of_empty(&tables, Level::Warning));
+    let (empty, tables): (Vec<_>, Vec<_>) =
+        read_all(&wanted.symbols, &wanted.places, &mut findings).into_iter().partition(is_empty);
+    findings.extend(of_empty(&empty, Level::Warning));
     for (table, read) in tables.iter().zip(ob1_stl::read_symbol_tables(&tables)) {
         findings.extend(read.diagnostics.iter().map(|d| of_diagnostic(d, std::slice::from_ref(table))));
         symbols.extend(read.symbols);
@@ -389,13 +390,10 @@ fn read_images(wanted: &Sources, findings: &mut Vec<Finding>) -> Vec<Image> {
     images
 }
 
-/// One finding for each file with nothing in it: a copy that broke off, a full disk.
+/// Findings about files with nothing in them: a copy that broke off, a full disk.
 fn of_empty(files: &[Source], level: Level) -> impl Iterator<Item = Finding> {
-    let finding = move |file: &Source| {
-        let remedy = "copy it again, or leave it out";
-        Finding::whole(level, EMPTY, &file.name, "the file is empty", remedy)
-    };
-    files.iter().filter(|file| is_empty(file)).map(finding)
+    let remedy = "copy it again, or leave it out";
+    files.iter().map(move |file| Finding::whole(level, EMPTY, &file.name, "the file is empty", remedy))
 }
 
 /// Whether there is nothing but white space, or the zeros of a file whose content never reached the disk.
