@@ -18,7 +18,10 @@ impl Draft<'_> {
                 self.note(id, "it has no values of its own; the start values count");
                 continue;
             }
-            let (values, unsaid) = values::assignments(&db.components, &db.bytes, &block.code);
+            // What it does not reach has the start values.
+            let missing = db.bytes.get(block.code.len()..).unwrap_or_default();
+            let wanted = [block.code.as_slice(), missing].concat();
+            let (values, unsaid) = values::assignments(&db.components, &db.bytes, &wanted);
             self.values.insert(id, values);
             if db.bytes.len() != block.code.len() {
                 self.images.insert(id);
