@@ -4,6 +4,7 @@
 //! error, fed by a bounded queue: [`write`] neither waits nor fails nor panics, and what could not be written is
 //! counted in [`lost`]. Before [`start`] everything is written at once, without the thread.
 
+use std::ffi::OsStr;
 use std::fs::File;
 use std::io::{self, IsTerminal as _, Write as _};
 use std::os::fd::AsFd as _;
@@ -66,7 +67,7 @@ pub fn subscribe(level: &str) -> Option<String> {
     let _ = tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(|| Log)
-        .with_ansi(is_terminal())
+        .with_ansi(is_coloured(is_terminal()))
         .with_target(false)
         .try_init();
     wrong
@@ -149,6 +150,17 @@ pub fn is_terminal() -> bool {
     io::stderr().is_terminal()
 }
 
+/// Whether what goes to a terminal, or to something else, has colours: `NO_COLOR` with any value forbids them
+/// (no-color.org).
+#[must_use]
+pub fn is_coloured(is_terminal: bool) -> bool {
+    is_terminal && !forbids_colour(std::env::var_os("NO_COLOR").as_deref())
+}
+
+fn forbids_colour(no_color: Option<&OsStr>) -> bool {
+    no_color.is_some_and(|value| !value.is_empty())
+}
+
 /// Sends the message of a panic there too: the one of the standard library waits for the reader.
 pub fn tell_panics() {
     std::panic::set_hook(Box::new(|panic| {
@@ -229,6 +241,14 @@ mod tests {
         for wrong in ["inof", "info warn", "a=loud", "\u{FFFD}"] {
             assert_eq!(text(wrong), ("info".to_owned(), true), "{wrong}");
         }
+    }
+
+    #[test]
+    fn no_color_with_any_value_forbids_colours() {
+        for (value, forbids) in [(None, false), (Some(""), false), (Some("1"), true), (Some("0"), true)] {
+            assert_eq!(forbids_colour(value.map(OsStr::new)), forbids, "{value:?}");
+        }
+        assert!(!is_coloured(false));
     }
 
     #[test]

@@ -46,6 +46,7 @@ Environment:
   OB1_CP           the driver program, if ob1-cp is neither beside ob1 nor in PATH
   OB1_IO           the program of buses, if ob1-io is neither beside ob1 nor in PATH
   OB1_PLUGIN_DIR   where plugins with a bare name are looked for first
+  NO_COLOR         with any value: no colours
   XDG_RUNTIME_DIR  where the station's directory ob1/NAME is made (else /run, else /tmp)
 ";
 
@@ -155,7 +156,7 @@ pub fn main() -> ExitCode {
         // Help and version are not errors.
         Err(error) if !error.use_stderr() => {
             let text = error.render();
-            if std::io::stdout().is_terminal() {
+            if ob1_log::is_coloured(std::io::stdout().is_terminal()) {
                 says!("{}", text.ansi());
             } else {
                 says!("{text}");
