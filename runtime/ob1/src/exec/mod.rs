@@ -81,15 +81,20 @@ fn try_exec(args: &ExecArgs) -> Result<ExecExit, Failure> {
         }
         _ => {}
     }
+    // One file that cannot be written keeps back no other.
+    let mut failed: Vec<String> = args.dump.iter().filter_map(|dump| dump.write(&cpu).err()).collect();
+    if let Some(path) = &args.stats
+        && let Err(error) = stats.write(path)
+    {
+        failed.push(format!("{}: {error}", path.display()));
+    }
+    if !failed.is_empty() {
+        let text = failed.iter().map(|text| format!("ob1: {text}\n")).collect();
+        return Err((ExecExit::Other(Exit::System), text));
+    }
+    // It names the exit code, which is certain only now.
     if !args.quiet {
         err!("{}", ended_text(exit, stats.scans, clock.now()));
-    }
-    for dump in &args.dump {
-        dump.write(&cpu).map_err(|text| (ExecExit::Other(Exit::System), format!("ob1: {text}\n")))?;
-    }
-    if let Some(path) = &args.stats {
-        let system = |e| (ExecExit::Other(Exit::System), format!("ob1: {}: {e}\n", path.display()));
-        stats.write(path).map_err(system)?;
     }
     Ok(exit)
 }

@@ -351,3 +351,15 @@ fn the_document_names_every_option_and_figure() {
         assert!(text.contains(&format!("`{name}`")), "docs/exec.md does not name the figure {name}");
     }
 }
+
+/// A file that cannot be written keeps back no other, and no line says another exit code.
+#[test]
+fn what_cannot_be_written_is_told_and_the_rest_is_written() {
+    let bench = Bench::new(&ob(1, COUNT));
+    let dumps = ["--dump", "M:0:2:gone/m.bin", "--dump", "M:0:2:m.bin", "--stats", "gone/s.json", "--limit", "10ms"];
+    let output = bench.exec(&dumps);
+    fails(&output, 6, "ob1: gone/m.bin: No such file");
+    fails(&output, 6, "ob1: gone/s.json: No such file");
+    assert!(!String::from_utf8_lossy(&output.stderr).contains("exit code"), "{output:?}");
+    assert_eq!(std::fs::read(bench.path().join("m.bin")).expect("a dump").len(), 2);
+}
