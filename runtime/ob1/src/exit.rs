@@ -19,7 +19,9 @@ Exit codes:
   14  the runtime has crashed, in a block in C or a library; outputs are off
   exec has codes of its own: 0 stopped by SFC 46, 3 limit reached, 10 rejected, 11 CPU fault.
   test: 0 passed, 1 a test failed, 2 a test file or program cannot be used.
-  import: 0 the whole program was imported, 1 blocks were left out, 2 nothing could be read.
+  import, upload: 0 the whole program came over, 1 blocks were left out, 2 nothing could be read or written.
+  download: 0 everything was loaded, 1 blocks were refused, 2 nothing could be loaded.
+  compare: 0 the same program, 1 another one, 2 nothing could be read.
   soak: 0 pass (compare: not worse), 1 a budget is broken (compare: worse), 2 inconclusive, or it could not be measured.
   With --fence-scan a forbidden system call ends the process by SIGSYS (shells show 159).";
 
@@ -120,6 +122,14 @@ number_is_code!(TestExit, ImportExit, SoakExit);
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The commands whose codes mean something else.
+    #[test]
+    fn the_table_has_every_command_with_codes_of_its_own() {
+        for command in ["exec", "test", "import", "upload", "download", "compare", "soak"] {
+            assert!(TABLE.lines().any(|line| line.contains(command) && line.contains(" 0 ")), "{command}");
+        }
+    }
 
     #[test]
     fn the_table_has_every_code() {

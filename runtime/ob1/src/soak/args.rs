@@ -11,11 +11,11 @@ use super::{Budget, Load};
 /// Run a station for hours, and judge its timing
 ///
 /// The station runs as a process of its own. It ends with a verdict: every limit of the budget kept (exit code 0),
-/// one broken (1), or too little seen to tell (2). Ctrl-C ends it early, with a verdict on the time until
-/// then. The reports are written each minute.
+/// one broken (1), or too little seen to tell (2). After Ctrl-C it ends early, and no better than inconclusive. The
+/// reports are written each minute.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Limits: DISTRIBUTION.p99.9=TIME (p50 p90 p99 p99.9 p99.99 p99.999 max mean; cycle wake deadlines execution inputs\noutputs \
+    after_help = "Limits: DISTRIBUTION.p99.9=TIME (p50 p90 p99 p99.9 p99.99 p99.999 max mean; cycle wake deadlines execution inputs\noutputs links \
     ob1 ob35 ob35.late fc0 ...), counts (missed overruns watchdog late late.CLASS telegrams.lost telegrams.errors\ntelegrams.aborted \
     telegrams.doubled telegrams.wrong receive.lost receive.errors drivers.lost cell.NAME), unexplained=5%,\nSERIES.slope=AMOUNT/h (rss fds \
     drivers.rss cycle.p99 wake.p50 wake.p99 execution.p50 execution.p99).\n\nExamples:\n  ob1 soak press.toml --for 8h --budget \

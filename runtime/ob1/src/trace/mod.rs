@@ -35,13 +35,14 @@ const LONGEST: u64 = 1 << 30;
 #[command(
     after_help = "Examples:\n  ob1 trace press.toml\n  ob1 trace press.toml scale --raw\n  ob1 trace press --record line.trace --quiet --for 10min\n  \
     ob1 trace --from line.trace\n  ob1 trace --from line.trace --pcapng line.pcapng       Modbus RTU, for Wireshark (docs/trace.md)\n\n\
-    Exit codes: 0 ended, 1 no such CP or bus, 5 the station does not run."
+    Exit codes: 0 ended, 1 no such CP, link or bus, 2 no station file or recording, 5 the station does not run,\n\
+    6 a file cannot be read or written."
 )]
 pub struct TraceArgs {
     /// A running station: its name or its file
     #[arg(required_unless_present = "from", conflicts_with = "from")]
     pub station: Option<String>,
-    /// One of its CPs, or the line of a bus (field.bus); without it all of them
+    /// One of its CPs or S7 links, or the line of a bus (field.bus); without it all of them
     pub cp: Option<String>,
     /// Read a recording instead of a running station
     #[arg(long, value_name = "FILE", conflicts_with = "record")]
@@ -49,7 +50,7 @@ pub struct TraceArgs {
     /// Record into this file
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
-    /// Write the frames of Modbus RTU into this file
+    /// Write the frames of Modbus RTU and the telegrams of S7 links into this file
     #[arg(long, value_name = "FILE")]
     pub pcapng: Option<PathBuf>,
     /// Show the characters as they were on the line instead of the user data
