@@ -10,6 +10,9 @@ const SOURCES: [&str; 7] = ["awl", "stl", "db", "udt", "scl", "gr7", "inp"];
 /// Extensions of symbol tables.
 const TABLES: [&str; 4] = ["sdf", "asc", "seq", "dif"];
 
+/// What the name of a test file ends with.
+pub const TEST_FILE: &str = ".test.toml";
+
 /// Files a folder is looked into for.
 const MOST: usize = 100_000;
 

@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-/// What a test file's name ends with.
-const ENDING: &str = ".test.toml";
+use ob1_station::program_files::TEST_FILE;
+
 /// Folders deeper than this are not searched: links may go in circles.
 const DEPTH: usize = 16;
 
@@ -38,7 +38,7 @@ fn search(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) -> std::io::Res
         }
         if path.is_dir() && depth > 0 {
             search(&path, depth - 1, found)?;
-        } else if name.ends_with(ENDING) {
+        } else if name.ends_with(TEST_FILE) {
             // "./" in front says nothing.
             found.push(path.strip_prefix(".").map(Path::to_owned).unwrap_or(path));
         }

@@ -102,6 +102,16 @@ fn what_the_command_line_names_wrongly_is_told_with_what_helps() {
 }
 
 #[test]
+fn a_test_file_is_no_station_file() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(folder.path(), "p.test.toml", "sources = [\"p.awl\"]\n[[test]]\nname = \"a\"\n");
+    for command in ["check", "run"] {
+        let said = text(&ob1(folder.path(), &[command, "p.test.toml"]));
+        assert!(said.contains("error C002: this is a test file, not a station file\n  = `ob1 test` runs it"), "{said}");
+    }
+}
+
+#[test]
 fn an_empty_file_is_not_ok() {
     let folder = tempfile::tempdir().expect("a folder");
     write(folder.path(), "main.awl", "ORGANIZATION_BLOCK OB 1\nBEGIN\nEND_ORGANIZATION_BLOCK\n");

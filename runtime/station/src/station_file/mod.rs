@@ -128,8 +128,13 @@ fn folder_of(path: &Path) -> &Path {
 }
 
 fn tables(source: Text<'_>) -> Result<tables::StationFile, Vec<Finding>> {
-    toml::from_str(source.text)
-        .map_err(|error| vec![findings::of_toml(source, &error, "docs/station-file.md", elsewhere::remedy)])
+    toml::from_str(source.text).map_err(|error| {
+        if source.file.ends_with(program_files::TEST_FILE) {
+            let (message, remedy) = ("this is a test file, not a station file", "`ob1 test` runs it");
+            return vec![Finding::whole(Level::Error, findings::SYNTAX, source.file, message, remedy)];
+        }
+        vec![findings::of_toml(source, &error, "docs/station-file.md", elsewhere::remedy)]
+    })
 }
 
 /// Whether a path looks like a station file: for commands that take files of either kind.
