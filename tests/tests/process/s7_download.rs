@@ -339,6 +339,27 @@ fn calls_of_system_functions_go_up_and_down_again() {
     }
 }
 
+/// A program that came over in part is not started: more blocks than go over together, and one calls what is missing.
+#[test]
+fn half_a_program_is_not_started() {
+    const OB_1: &str = "ORGANIZATION_BLOCK OB 1\nBEGIN\nNETWORK\n NOP 0;\nEND_ORGANIZATION_BLOCK\n";
+    let site = Site::new();
+    let function = |number: u16, code: &str| format!("FUNCTION FC {number} : VOID\nBEGIN\n{code};\nEND_FUNCTION\n");
+    let mut program: String = (1..=70).map(|number| function(number, "NOP 0")).collect();
+    program += &(function(100, "CALL FC 199") + &function(199, "NOP 0") + OB_1);
+    let (first, from) = of_program(&site, "s7-whole", &program);
+    let (second, to) = of_program(&site, "s7-half", OB_1);
+    assert_eq!(site.ob1(&["upload", &from, "--out", "copy"]).code, Some(0));
+    std::fs::remove_file(site.path("copy/uploaded/FC199.mc7")).expect("it was uploaded");
+    let said = site.ob1(&["download", &to, "copy", "--stop"]);
+    assert_eq!(said.code, Some(1), "{} {}", said.out, said.err);
+    assert!(said.err.contains("ob1: the CPU stays in STOP"), "{}", said.err);
+    assert_eq!(second.status().state, "STOP");
+    for station in [first, second] {
+        assert_eq!(station.interrupt().code(), Some(0));
+    }
+}
+
 /// A downloaded program is run by machine code again, in STOP and in RUN.
 #[test]
 fn machine_code_follows_a_download() {

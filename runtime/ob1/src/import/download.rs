@@ -18,6 +18,9 @@ use crate::exit::ImportExit;
 const TOGETHER: usize = 64;
 const TOGETHER_BYTES: usize = 512 * 1024;
 
+/// What becomes of a CPU that was sent to STOP and has got a part of its program.
+const STAYS: &str = "the CPU stays in STOP: its program may be part old, part new";
+
 /// Load blocks into a CPU on the network
 ///
 /// Loads blocks into an S7-300 or S7-400 (or another ob1) over S7 communication: files in machine code (.mc7), the
@@ -33,7 +36,7 @@ pub struct DownloadArgs {
     /// Files in machine code, folders of them or of an upload, station files
     #[arg(required = true, value_name = "FILE|DIR")]
     pub blocks: Vec<PathBuf>,
-    /// Send the CPU to STOP first, and restart it afterwards
+    /// Send the CPU to STOP first, and restart it afterwards, unless only some blocks were loaded
     #[arg(long)]
     pub stop: bool,
 }
@@ -60,13 +63,17 @@ fn run(args: &DownloadArgs) -> Result<ImportExit, String> {
             Err(why) => return Err(format!("the CPU does not go to STOP: {why}")),
         }
     }
-    let refused = load_all(&mut device, blocks.clone())?;
+    let in_stop = |why: String| if args.stop { format!("{why}; {STAYS}") } else { why };
+    let refused = load_all(&mut device, blocks.clone()).map_err(in_stop)?;
     for (name, why) in &refused {
         let in_run = *why == Refused::Job(Code::COORDINATION);
         err!("{name}: {why}{}", if in_run { "; --stop sends the CPU to STOP first" } else { "" });
     }
     say!("{} of {} blocks were loaded", blocks.len() - refused.len(), blocks.len());
-    if args.stop {
+    let is_half = !refused.is_empty() && refused.len() < blocks.len();
+    if args.stop && is_half {
+        err!("ob1: {STAYS}\n  = load the blocks that were refused, or the earlier ones again, then start it");
+    } else if args.stop {
         let started = device.control(b"", b"P_PROGRAM").map_err(|error| error.0)?;
         started.map_err(|why| format!("the CPU does not start again: {why}"))?;
     }
