@@ -148,12 +148,12 @@ pub fn load_plugins(plugins: &[station_file::Plugin]) -> Result<Plugins, Vec<Fin
             continue;
         };
         if let Some(why) = whole_library::cut_off(&path) {
-            refused.push(of_error(&PluginError { path, refusal: Refusal::NotALibrary(why) }));
+            refused.push(of_plugin(config, &PluginError { path, refusal: Refusal::NotALibrary(why) }));
             continue;
         }
         match Plugin::load(&path) {
             Ok(plugin) => loaded.push((plugin, config.blocks.iter().copied().collect())),
-            Err(error) => refused.push(of_error(&error)),
+            Err(error) => refused.push(of_plugin(config, &error)),
         }
     }
     if refused.is_empty() { Ok(loaded) } else { Err(refused) }
@@ -173,7 +173,21 @@ fn find_plugin(config: &station_file::Plugin) -> Option<PathBuf> {
 fn not_found(config: &station_file::Plugin) -> Finding {
     let searched = plugin_folders().iter().map(|f| f.display().to_string()).collect::<Vec<_>>().join(", ");
     let remedy = format!("looked for {} in {searched}; set OB1_PLUGIN_DIR, or give a path with a /", file_name(config));
-    Finding::whole(Level::Error, "P001", &config.name, "the plugin cannot be found", remedy)
+    match &config.place {
+        Some((file, line)) => {
+            let message = format!("the plugin {} cannot be found", config.name);
+            Finding::in_line(Level::Error, "P001", file, *line, message, &remedy)
+        }
+        None => Finding::whole(Level::Error, "P001", &config.name, "the plugin cannot be found", remedy),
+    }
+}
+
+/// At the line of the station file that names the plugin, if one does.
+fn of_plugin(config: &station_file::Plugin, error: &PluginError) -> Finding {
+    let Some((file, line)) = &config.place else { return of_error(error) };
+    let (number, remedy) = (error.refusal.number(), error.refusal.remedy());
+    let message = format!("{}: {}", error.path.display(), error.refusal);
+    Finding::in_line(Level::Error, number, file, *line, message, remedy)
 }
 
 fn of_error(error: &PluginError) -> Finding {

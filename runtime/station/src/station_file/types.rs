@@ -272,6 +272,8 @@ pub struct Plugin {
     pub path: Option<PathBuf>,
     /// Blocks that get another number: (number in the plugin, number in this station).
     pub blocks: Vec<(BlockId, BlockId)>,
+    /// The station file and the line that name it; `None` for one of the command line.
+    pub place: Option<(String, u32)>,
 }
 
 impl Plugin {
@@ -279,7 +281,7 @@ impl Plugin {
     #[must_use]
     pub fn of_name(name: &str) -> Self {
         let is_path = name.contains('/') || Path::new(name).extension().is_some();
-        Self { name: name.to_owned(), path: is_path.then(|| PathBuf::from(name)), blocks: Vec::new() }
+        Self { name: name.to_owned(), path: is_path.then(|| PathBuf::from(name)), blocks: Vec::new(), place: None }
     }
 }
 
