@@ -98,6 +98,10 @@ impl Parser<'_, '_> {
             self.sink.report_with(self.index, head.span, &codes::UNKNOWN_MNEMONIC, message, remedy);
             return;
         }
+        if keywords().any(|keyword| keyword.eq_ignore_ascii_case(text)) {
+            self.report(head.span, &codes::MISPLACED, format!("{shown} has no place among statements"));
+            return;
+        }
         let known = self.words.mnemonic_words().chain(keywords());
         let message = format!("{shown} is not a mnemonic");
         self.sink.report_unknown(self.index, head.span, &codes::UNKNOWN_MNEMONIC, message, text, known);

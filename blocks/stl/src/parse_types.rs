@@ -178,6 +178,13 @@ impl Parser<'_, '_> {
                 let span = self.here();
                 self.report(span, &codes::MISSING_SEMICOLON, "a semicolon is missing after the declaration");
             }
+        } else if self.keyword().is_some_and(|word| ends_declarations(&word)) {
+            // What ends the section is left to it. On a new line it has ended a structure, too, which is reported.
+            let on_new_line = self.at > 0 && self.file.tokens.get(self.at - 1).is_some_and(|t| t.kind == Kind::Newline);
+            if !on_new_line {
+                let span = self.here();
+                self.report(span, &codes::MISSING_SEMICOLON, "a semicolon is missing after the declaration");
+            }
         } else {
             let span = self.here();
             self.report(span, &codes::DECLARATION, "the declaration should end here");

@@ -361,14 +361,31 @@ impl<'s> Parser<'_, 's> {
             } else if data && block.shape.is_none() && self.begins_shape(&word) {
                 block.shape = Some(self.ty(0));
             } else if begin.is_some_and(|begin| self.at < begin) {
-                let text: String = self.text(token).chars().take(32).collect();
-                let known = HEADER_WORDS.into_iter().chain(HEADER_LINES).chain(Section::WORDS.map(|(_, word)| word));
-                let message = format!("{text} is not a word of a block header");
-                self.sink.report_unknown(self.index, token.span, &codes::HEAD, message, &word, known);
-                self.skip_line();
+                self.unknown_head_word(block, token, &word);
             } else {
                 return;
             }
+        }
+    }
+
+    /// A line of the head that is none: its colon is missing, its word is another or misspelt.
+    fn unknown_head_word(&mut self, block: &mut Block, token: Token, word: &str) {
+        let text: String = self.text(token).chars().take(32).collect();
+        if HEADER_LINES.contains(&word) {
+            let remedy = format!("Write {text} : and its text.");
+            let message = format!("a colon is missing after {text}");
+            self.sink.report_with(self.index, token.span, &codes::HEAD, message, remedy);
+            return self.skip_line();
+        }
+        // Declarations are read, so that their names are known.
+        let opens = word.starts_with("VAR") && self.peek_at(1).is_none_or(|t| t.kind == Kind::Newline);
+        let section = if opens { self.sink.nearest(word, Section::WORDS.map(|(_, word)| word)) } else { None };
+        let known = HEADER_WORDS.into_iter().chain(HEADER_LINES).chain(Section::WORDS.map(|(_, word)| word));
+        let message = format!("{text} is not a word of a block header");
+        self.sink.report_unknown(self.index, token.span, &codes::HEAD, message, word, known);
+        match section.and_then(Section::opened_by) {
+            Some(section) => self.section(block, section),
+            None => self.skip_line(),
         }
     }
 
@@ -481,8 +498,9 @@ impl<'s> Parser<'_, 's> {
                 self.bump();
                 continue;
             }
-            // The searched words have four letters at least, mnemonics mostly fewer. One of them may name a component.
-            let long = token.kind == Kind::Word && token.span.end - token.span.start >= 4;
+            // The searched words but VAR have four letters at least, mnemonics mostly fewer. One may name a component.
+            let long = token.kind == Kind::Word
+                && (token.span.end - token.span.start >= 4 || self.text(token).eq_ignore_ascii_case("VAR"));
             let word = if long && !self.names_component() { self.keyword() } else { None };
             match word.as_deref() {
                 Some(word) if frame_of(word).is_some() => break,
@@ -510,6 +528,12 @@ impl<'s> Parser<'_, 's> {
                 _ if block.frame == Frame::Udt => {
                     self.report(token.span, &codes::MISPLACED, "a TYPE has exactly one structure");
                     self.skip_statement();
+                }
+                Some(word) if is_section(word) && self.peek_at(1).is_none_or(|t| t.kind != Kind::Colon) => {
+                    self.report(token.span, &codes::MISPLACED, "declarations stand in front of BEGIN and statements");
+                    if let Some(section) = Section::opened_by(word) {
+                        self.section(block, section);
+                    }
                 }
                 _ => {
                     network = network.max(1);
