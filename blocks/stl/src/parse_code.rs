@@ -4,7 +4,7 @@ use ob1_ir::CallMode;
 
 use crate::codes;
 use crate::mnemonics::{Row, Shape};
-use crate::parser::{Parser, keywords};
+use crate::parser::{Parser, keywords, split_digits};
 use crate::syntax::{Actual, Assignment, Block, Statement, Tokens};
 use crate::token::{Kind, Span, Token};
 
@@ -84,6 +84,21 @@ impl Parser<'_, '_> {
         if self.peek_at(1).is_some_and(|t| t.kind == Kind::Assign) {
             let message = format!("{shown} := does not follow a CALL");
             self.report(head.span, &codes::STRAY_ACTUAL, message);
+            return;
+        }
+        let (letters, digits) = split_digits(text);
+        let behind = self.peek_at(1).map(|t| t.kind);
+        if behind == Some(Kind::Word) && !digits.is_empty() {
+            let message = format!("{shown} is not a mnemonic");
+            let remedy = format!("If it is a label, write {shown}: with a colon.");
+            self.sink.report_with(self.index, head.span, &codes::UNKNOWN_MNEMONIC, message, remedy);
+            return;
+        }
+        let numbered = !digits.is_empty() || behind == Some(Kind::Number);
+        if head.kind == Kind::Word && numbered && self.words.identifier(letters).is_some() {
+            let message = format!("the mnemonic is missing in front of the operand {shown}");
+            let remedy = "Write what is done with it, as L MW 10 or T MW 10.";
+            self.sink.report_with(self.index, head.span, &codes::UNKNOWN_MNEMONIC, message, remedy);
             return;
         }
         if head.kind == Kind::Word && self.words.is_foreign(text) {

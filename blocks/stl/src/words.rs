@@ -119,8 +119,8 @@ impl Words {
     /// one.
     pub(crate) fn is_foreign(&self, word: &str) -> bool {
         let german = self.set != Mnemonics::International;
-        let other =
-            |de: &str, en: &str| if german { en.eq_ignore_ascii_case(word) } else { de.eq_ignore_ascii_case(word) };
+        // What both sets write alike belongs to this one as well.
+        let other = |de: &str, en: &str| de != en && (if german { en } else { de }).eq_ignore_ascii_case(word);
         ROWS.iter().any(|r| other(r.german, r.international)) || IDENTIFIERS.iter().any(|(de, en, _)| other(de, en))
     }
 }
@@ -192,5 +192,6 @@ mod tests {
         let words = Words::new(Mnemonics::German);
         assert!(words.mnemonic("JC").is_none() && words.is_foreign("jc"));
         assert!(words.mnemonic("SPB").is_some() && !words.is_foreign("FOO"));
+        assert!(!words.is_foreign("LD") && !words.is_foreign("x") && words.is_foreign("qw"));
     }
 }
