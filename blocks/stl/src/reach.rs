@@ -58,7 +58,9 @@ impl Lowerer<'_, '_> {
                     Place::Param { .. } => {
                         let message = "the address of a parameter of a function is known only at run time; it cannot be \
                                        supplied to a POINTER, an ANY or a composed in/out";
-                        self.sink.report(self.index, span, &codes::PARAMETER_TYPE, message);
+                        let remedy = "Copy it into a temp and supply that, or declare the parameter as ANY or \
+                                      POINTER, which are handed on.";
+                        self.sink.report_with(self.index, span, &codes::PARAMETER_TYPE, message, remedy);
                         return None;
                     }
                     _ => return Some(Reached::Value(value)),
