@@ -86,23 +86,55 @@ impl Votes {
     }
 }
 
-/// The set of one file. Words of one set only decide, the more numerous ones where a file mixes both (those of the
-/// other set are then reported as such). Where there is none, but a word of two meanings, the set is asked for. Where
-/// neither is, the sets do not differ.
-pub(crate) fn decide(index: usize, file: &File<'_>, words: [&Words; 2], sink: &mut Sink) -> Mnemonics {
+/// What a file tells of its set. Words of one set only decide, the more numerous ones where a file mixes both (those of
+/// the other set are then reported as such).
+enum Told {
+    Set(Mnemonics),
+    /// The sets do not differ here.
+    Nothing,
+    /// This word means different things in the two sets.
+    Ambiguous(Token),
+}
+
+fn tell(file: &File<'_>, words: [&Words; 2]) -> Told {
     let votes = count(file, words);
-    sink.steps += file.tokens.len() as u64;
-    if votes.international > votes.german {
-        return Mnemonics::International;
+    match votes.ambiguous {
+        _ if votes.international > votes.german => Told::Set(Mnemonics::International),
+        _ if votes.german > 0 => Told::Set(Mnemonics::German),
+        Some(token) => Told::Ambiguous(token),
+        None => Told::Nothing,
     }
-    if let Some(token) = votes.ambiguous.filter(|_| votes.german == 0) {
-        let message = format!(
-            "{} has different meanings in German and international mnemonics, and no other word decides which are meant",
-            file.of(token)
-        );
-        sink.report(index, token.span, &codes::AMBIGUOUS_SET, message);
+}
+
+/// The set of each file; `None` stands for one in another language. A file that does not tell has the set of the
+/// others, where these agree: STEP 7 has one set for a whole project. Where they do not, the set is asked for.
+pub(crate) fn decide(files: &[Option<&File<'_>>], words: [&Words; 2], sink: &mut Sink) -> Vec<Mnemonics> {
+    let mut told = Vec::with_capacity(files.len());
+    for file in files {
+        sink.steps += file.map_or(0, |file| file.tokens.len() as u64);
+        told.push(file.map_or(Told::Nothing, |file| tell(file, words)));
     }
-    Mnemonics::German
+    let found = |wanted| told.iter().any(|t| matches!(t, Told::Set(set) if *set == wanted));
+    let agreed = match (found(Mnemonics::German), found(Mnemonics::International)) {
+        (true, false) => Some(Mnemonics::German),
+        (false, true) => Some(Mnemonics::International),
+        _ => None,
+    };
+    let mut sets = Vec::with_capacity(files.len());
+    for (index, (told, file)) in told.iter().zip(files).enumerate() {
+        if let (Told::Ambiguous(token), Some(file), None) = (told, file, agreed) {
+            let message = format!(
+                "{} has different meanings in German and international mnemonics, and no other word decides which are meant",
+                file.of(*token)
+            );
+            sink.report(index, token.span, &codes::AMBIGUOUS_SET, message);
+        }
+        sets.push(match told {
+            Told::Set(set) => *set,
+            Told::Nothing | Told::Ambiguous(_) => agreed.unwrap_or_default(),
+        });
+    }
+    sets
 }
 
 fn count(file: &File<'_>, words: [&Words; 2]) -> Votes {
@@ -183,8 +215,8 @@ mod tests {
         let mut sink = Sink::new();
         let file = File { text, tokens: lexer::lex(0, text, &mut sink) };
         let [german, international] = both();
-        let set = decide(0, &file, [&german, &international], &mut sink);
-        (set, sink.finish(&[text]).len())
+        let sets = decide(&[Some(&file)], [&german, &international], &mut sink);
+        (sets[0], sink.finish(&[text]).len())
     }
 
     #[test]
@@ -241,6 +273,27 @@ mod tests {
             "SPX: L 1",
         ] {
             assert_eq!(decided(text), (Mnemonics::German, 0), "{text}");
+        }
+    }
+
+    #[test]
+    fn the_other_files_decide_where_they_agree() {
+        for (others, set, findings) in [
+            (&["A M 1.0"][..], Mnemonics::International, 0),
+            (&["U M 1.0", "L 1"][..], Mnemonics::German, 0),
+            (&["U M 1.0", "A M 1.0"][..], Mnemonics::German, 1),
+            (&["L 1"][..], Mnemonics::German, 1),
+        ] {
+            let texts: Vec<&str> = ["L S5T#2S\nSE T 1"].iter().chain(others).copied().collect();
+            let mut sink = Sink::new();
+            let mut files = Vec::new();
+            for (index, text) in texts.iter().copied().enumerate() {
+                files.push(File { text, tokens: lexer::lex(index, text, &mut sink) });
+            }
+            let [german, international] = both();
+            let all: Vec<_> = files.iter().map(Some).collect();
+            let sets = decide(&all, [&german, &international], &mut sink);
+            assert_eq!((sets[0], sink.finish(&texts).len()), (set, findings), "{others:?}");
         }
     }
 

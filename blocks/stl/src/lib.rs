@@ -144,11 +144,11 @@ pub fn compile(sources: &[Source], library: &Library, options: &Options) -> Outp
     for (index, (text, other)) in decoded.iter().zip(&foreign).enumerate() {
         files.push(file(index, text, *other, &mut sink));
     }
-    let set = |(i, file): (usize, &File<'_>)| match foreign.get(i) {
-        Some(Some(_)) => Mnemonics::German,
-        _ => set_of(i, file, words, options, &mut sink),
-    };
-    let sets = Sets::new(files.iter().enumerate().map(set).collect());
+    let ours: Vec<_> = files.iter().zip(&foreign).map(|(file, other)| other.is_none().then_some(file)).collect();
+    let sets = Sets::new(match options.mnemonics {
+        Mnemonics::Auto => auto::decide(&ours, words, &mut sink),
+        set => ours.iter().map(|file| file.map_or(Mnemonics::German, |_| set)).collect(),
+    });
     let mut blocks = Vec::new();
     for (index, (file, other)) in files.iter().zip(&foreign).enumerate() {
         match other {
@@ -191,14 +191,6 @@ pub fn compile(sources: &[Source], library: &Library, options: &Options) -> Outp
     let steps = sink.steps;
     let (diagnostics, rest) = sink.finish_within(&texts, options.limit);
     Output { program, diagnostics, rest, numbers, demanded, steps }
-}
-
-/// The set of mnemonics a file is written in.
-fn set_of(index: usize, file: &File<'_>, words: [&Words; 2], options: &Options, sink: &mut Sink) -> Mnemonics {
-    match options.mnemonics {
-        Mnemonics::Auto => auto::decide(index, file, words, sink),
-        set => set,
-    }
 }
 
 fn file<'t>(index: usize, text: &'t str, other: Option<Other>, sink: &mut Sink) -> File<'t> {
