@@ -166,7 +166,7 @@ impl Parser<'_, '_> {
         self.at = end_of_target;
         let mut whole = true;
         // A semicolon ends the call, in whatever form it is written.
-        while self.peek_kind() == Some(Kind::Newline) || self.list_goes_on() {
+        while self.peek_kind() == Some(Kind::Newline) || !args.is_empty() && self.list_goes_on() {
             if self.peek_kind() == Some(Kind::Semicolon) {
                 self.semicolon_within();
                 whole = false;
