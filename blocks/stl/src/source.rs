@@ -8,7 +8,7 @@ pub struct Source {
     /// Its name, as diagnostics print it.
     pub name: String,
     /// Its bytes: UTF-16 after its byte order mark or recognised without one, UTF-8 where they are valid UTF-8, else
-    /// CP1252; lines end with LF or CR LF.
+    /// CP1252; lines end with LF, CR LF, or all of them with CR alone.
     pub bytes: Vec<u8>,
 }
 
@@ -19,9 +19,14 @@ impl Source {
     }
 
     /// The text. Bytes that are no UTF-8 are read as CP1252, which STEP 7 writes; a byte order mark is dropped. With
-    /// that of UTF-16, which Windows editors call "Unicode", they are UTF-16.
+    /// that of UTF-16, which Windows editors call "Unicode", they are UTF-16. Lines that end with CR alone end with LF.
     #[must_use]
     pub fn text(&self) -> Cow<'_, str> {
+        let text = self.decoded();
+        if text.contains('\r') && !text.contains('\n') { Cow::Owned(text.replace('\r', "\n")) } else { text }
+    }
+
+    fn decoded(&self) -> Cow<'_, str> {
         match self.bytes.as_slice() {
             [0xFF, 0xFE, rest @ ..] => return Cow::Owned(utf16(rest, u16::from_le_bytes)),
             [0xFE, 0xFF, rest @ ..] => return Cow::Owned(utf16(rest, u16::from_be_bytes)),
@@ -132,6 +137,9 @@ mod tests {
         // With the mark of DOS at the end.
         assert_eq!(Source::new("a", *b"L 1;\r\n\x1A").text(), "L 1;\r\n");
         assert_eq!(Source::new("a", *b"Z\xE4hler\x1A").text(), "Zähler");
+        // Lines of an old Mac.
+        assert_eq!(Source::new("a", *b"L 1;\rT MB 2;\r").text(), "L 1;\nT MB 2;\n");
+        assert_eq!(Source::new("a", *b"L 1;\r\nT MB 2;\r").text(), "L 1;\r\nT MB 2;\r");
         // Cut off in a character, and in a pair of units.
         assert_eq!(Source::new("a", *b"\xFF\xFEZ\0\xE4").text(), "Z\u{fffd}");
         assert_eq!(Source::new("a", *b"\xFE\xFF\xD8\0").text(), "\u{fffd}");
