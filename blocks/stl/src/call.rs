@@ -8,7 +8,7 @@ use ob1_model::{Area, BitAddr, BlockId, BlockKind, Param, Section};
 use crate::codes;
 use crate::constant::Constant;
 use crate::expand::Callee;
-use crate::fit::{Misfit, fit};
+use crate::fit::{Misfit, fit, misread};
 use crate::identifiers::BlockWord;
 use crate::lower::{Lowerer, called, fixed};
 use crate::operand::Resolver;
@@ -200,6 +200,16 @@ impl<'l> Lowerer<'l, '_> {
         if loses && writes(formal.section) {
             let message = format!("{} of {id} is written to; a constant cannot take the value", formal.name);
             reader.report(span, &codes::CONSTANT_FOR_OUTPUT, message);
+        }
+        let actual_type = match &value {
+            Value::Memory { ty, .. } => *ty,
+            Value::Through { ty, .. } | Value::Indexed { ty, .. } => Some(*ty),
+            _ => None,
+        };
+        if actual_type.is_some_and(|ty| misread(&formal.ty, ty)) {
+            let is = with_article(formal.ty.name());
+            let message = format!("{} of {id} is {is}, this is {}", formal.name, value.describe());
+            reader.report(span, &codes::MISREAD, message);
         }
         let value = match self.reached(formal, value, id.kind.has_instance(), span)? {
             Reached::Arg(arg) => return Some(arg),

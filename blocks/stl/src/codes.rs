@@ -201,6 +201,8 @@ codes! {
         "Shorten it if STEP 7 must compile the source again.";
     BEYOND_DATA_BLOCK = "S0802", Warning, "An address lies beyond the end of its data block.",
         "Correct the address or lengthen the data block; as it is, the access ends in OB 121 or STOP.";
+    MISREAD = "S0803", Warning, "A variable of another type is supplied, whose bits mean another number.",
+        "Convert it into a variable of the parameter's type (DTR, RND, FC 33, FC 40) and supply that; STEP 7 refuses the call.";
     // Lints
     CONSTANT_FOR_OUTPUT = "S0901", Lint, "A constant is supplied to a parameter that the block writes.",
         "The value that the block writes is lost; supply an operand.";

@@ -72,6 +72,19 @@ pub(crate) fn fit(formal: &Param, value: Value<'_>, instance: bool) -> Result<Ar
     }
 }
 
+/// True for two types of one width whose bits mean different numbers. WORD and DWORD hold anything, and a time of 32
+/// bits is a whole number of milliseconds.
+pub(crate) fn misread(formal: &DataType, actual: &DataType) -> bool {
+    use DataType::{DInt, Date, Int, Real, S5Time, Time, TimeOfDay};
+    match formal {
+        Real => matches!(actual, DInt | Time | TimeOfDay),
+        DInt | Time | TimeOfDay => *actual == Real,
+        S5Time => matches!(actual, Int | Date),
+        Int | Date => *actual == S5Time,
+        _ => false,
+    }
+}
+
 /// Timers, counters and blocks.
 fn by_number(ty: &DataType, value: Value<'_>, misfit: impl Fn() -> Misfit) -> Result<Arg, Misfit> {
     match (ty, value) {
