@@ -114,7 +114,7 @@ pub(crate) fn decide(files: &[Option<&File<'_>>], words: [&Words; 2], sink: &mut
         sink.steps += file.map_or(0, |file| file.tokens.len() as u64);
         told.push(file.map_or(Told::Nothing, |file| tell(file, words)));
     }
-    let found = |wanted| told.iter().any(|t| matches!(t, Told::Set(set) if *set == wanted));
+    let found = |wanted: Mnemonics| told.iter().any(|t| matches!(t, Told::Set(set) if *set == wanted));
     let agreed = match (found(Mnemonics::German), found(Mnemonics::International)) {
         (true, false) => Some(Mnemonics::German),
         (false, true) => Some(Mnemonics::International),

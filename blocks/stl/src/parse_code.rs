@@ -88,7 +88,7 @@ impl Parser<'_, '_> {
         }
         let (letters, digits) = split_digits(text);
         let behind = self.peek_at(1).map(|t| t.kind);
-        if behind == Some(Kind::Word) && !digits.is_empty() {
+        if head.kind == Kind::Word && behind == Some(Kind::Word) && !digits.is_empty() {
             let message = format!("{shown} is not a mnemonic");
             let remedy = format!("If it is a label, write {shown}: with a colon.");
             self.sink.report_with(self.index, head.span, &codes::UNKNOWN_MNEMONIC, message, remedy);
