@@ -471,6 +471,10 @@ impl<'s> Parser<'_, 's> {
             block.sections.push((section, declarations));
         } else {
             self.report(head, &codes::SECTION, "a block of this kind has no such declaration section");
+            if matches!(block.frame, Frame::Fc | Frame::Ob) {
+                // Their uses are no mistakes of their own.
+                block.sections.push((Section::Temp, declarations));
+            }
         }
     }
 
