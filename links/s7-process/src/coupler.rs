@@ -19,7 +19,7 @@ use rustix::event::{PollFd, PollFlags};
 use rustix::io::Errno;
 use rustix::net::{AddressFamily, SocketFlags, SocketType, acceptfrom_with, connect, ipproto, socket_with, sockopt};
 
-use crate::server::PAUSE;
+use crate::server::{PAUSE, is_broken};
 use crate::tap::Shared;
 
 /// A connection's socket.
@@ -215,19 +215,23 @@ impl Coupler {
         }
     }
 
-    /// Which of those descriptors are ready, in the same order.
-    pub(crate) fn ready(&mut self, ready: &[bool], now: Instant) {
+    /// What those descriptors are ready for, in the same order.
+    pub(crate) fn ready(&mut self, ready: &[PollFlags], now: Instant) {
         let mut ready = ready.iter().copied();
         for index in 0..self.sockets.lines.len() {
             let Some(line) = self.sockets.lines.get(index) else { return };
             let (has_socket, has_listener) = (!matches!(line.socket, Socket::None), line.listener.is_some());
-            let socket = has_socket && ready.next().unwrap_or(false);
-            let listener = has_listener && ready.next().unwrap_or(false);
-            if socket {
+            let is_up = matches!(line.socket, Socket::Up(_));
+            let mut next = |has_it: bool| has_it.then(|| ready.next()).flatten().unwrap_or_else(PollFlags::empty);
+            let (socket, listener) = (next(has_socket), next(has_listener));
+            if is_up && is_broken(socket) && !self.cp.wants_read(index) {
+                // Nobody takes its data, so no read would notice.
+                self.cp.lost(index, now, &mut self.sockets);
+            } else if !socket.is_empty() {
                 self.made(index, now);
                 self.cp.receive(index, now, &mut self.sockets);
             }
-            if listener {
+            if !listener.is_empty() {
                 self.accept(index, now);
             }
         }

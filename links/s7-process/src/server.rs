@@ -78,11 +78,12 @@ pub(crate) struct Server {
 #[derive(Default)]
 struct Ready {
     accept: Vec<usize>,
-    read: Vec<usize>,
+    /// Sessions, and whether their connection is broken.
+    read: Vec<(usize, bool)>,
     /// The doorbell of the back plane has rung.
     rung: bool,
     /// Descriptors of the CP, in its order.
-    coupler: Vec<bool>,
+    coupler: Vec<PollFlags>,
 }
 
 impl Server {
@@ -125,12 +126,16 @@ impl Server {
             self.door.pump()?;
             let ready = self.wait()?;
             let now = Instant::now();
-            self.accept(&ready.accept, now);
-            for index in ready.read {
+            // Before others are accepted, which may move them.
+            for (index, broken) in ready.read {
                 if let Some(session) = self.sessions.get_mut(index) {
                     session.receive(&mut self.buffer, &self.tap, now);
+                    if broken {
+                        session.broken();
+                    }
                 }
             }
+            self.accept(&ready.accept, now);
             if let Some(coupler) = &mut self.coupler {
                 coupler.ready(&ready.coupler, now);
                 if ready.rung && doorbell_closed()? {
@@ -431,17 +436,22 @@ impl Server {
         }
         let mut ready = Ready::default();
         let listeners = 1 + self.listeners.len();
-        let is_ready = |fd: &PollFd<'_>| !fd.revents().is_empty();
-        ready.rung = fds.get(sessions).is_some_and(is_ready);
-        ready.coupler = fds.iter().skip(sessions + 1).map(is_ready).collect();
-        for (index, _) in fds.iter().enumerate().take(sessions).skip(1).filter(|(_, fd)| !fd.revents().is_empty()) {
+        ready.rung = fds.get(sessions).is_some_and(|fd| !fd.revents().is_empty());
+        ready.coupler = fds.iter().skip(sessions + 1).map(PollFd::revents).collect();
+        for (index, fd) in fds.iter().enumerate().take(sessions).skip(1).filter(|(_, fd)| !fd.revents().is_empty()) {
             match index.checked_sub(listeners) {
                 None => ready.accept.push(index - 1),
-                Some(session) => ready.read.push(session),
+                Some(session) => ready.read.push((session, is_broken(fd.revents()))),
             }
         }
         Ok(ready)
     }
+}
+
+/// Whether the partner has broken the connection off. The system says so again and again, also to those who do not wait
+/// for data.
+pub(crate) fn is_broken(ready: PollFlags) -> bool {
+    ready.intersects(PollFlags::HUP | PollFlags::ERR)
 }
 
 /// Each number is used once, so that no connection gets the rights of an earlier one.

@@ -149,6 +149,11 @@ impl Session {
         }
     }
 
+    /// The partner has broken the connection off. If nothing is read at the moment, this is its end.
+    pub(crate) fn broken(&mut self) {
+        self.gone |= !self.wants_read();
+    }
+
     /// Serves the requests of the machine as far as possible now.
     pub(crate) fn serve(&mut self, around: &mut Surroundings<'_>, now_ms: u64) {
         if self.connection.next_tick().is_some_and(|due| due <= now_ms) {

@@ -3,8 +3,10 @@
 
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
+use std::time::Duration;
 
 use ob1_line::sim::SplitMix64;
+use ob1_station::access::protocol::Op;
 use ob1_tests::s7_raw::{CALL, Raw, SETUP, read_job};
 use ob1_tests::siege::{mutate, rounds};
 use rustix::process::{Resource, Rlimit, Signal, getrlimit, setrlimit};
@@ -102,6 +104,37 @@ fn s7_flood() {
     assert!(!link.has_ended(), "the process has lived through it");
     assert!(resident(&link) < before + 32 * 1024, "{before} -> {} KiB", resident(&link));
     drop(all);
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
+/// A partner breaks the connection off while nobody takes its data, because the program does not call AG_RECV. The CP
+/// notices, and does not run in circles.
+#[test]
+fn s7_broken_off() {
+    let (site, port, tcp) = (Site::new(), free_port(), free_port());
+    site.write("none.awl", "ORGANIZATION_BLOCK OB 1\nBEGIN\nNETWORK\n      NOP   0;\nEND_ORGANIZATION_BLOCK\n");
+    let file = format!(
+        "[station]\nname = \"s7-broken-off\"\n\n[program]\nsources = [\"none.awl\"]\n\n\
+         [[link]]\ntype = \"s7\"\nname = \"ethernet\"\nlisten = \"127.0.0.1:{port}\"\n\n\
+         [[module]]\ntype = \"cp343\"\nname = \"cp\"\naddress = 256\n\n\
+         [[connection]]\nmodule = \"cp\"\nid = 1\ntype = \"tcp\"\nlocal_port = {tcp}\n"
+    );
+    site.write("cp.toml", &file);
+    let station = site.run("cp.toml").until_run();
+    let link = link_of(&station);
+    let is = |station: &Running, state: &str| {
+        let links = station.ask(Op::Links).expect("never refused").links.expect("an answer to links");
+        links.iter().flat_map(|link| &link.connections).any(|one| one.state == state).then_some(())
+    };
+    let mut partner = station.until("the CP listens", |_| TcpStream::connect(("127.0.0.1", tcp)).ok());
+    station.until("the connection is up", |station| is(station, "up"));
+    partner.set_nonblocking(true).expect("a socket");
+    while partner.write(&[7; 65_536]).is_ok() {}
+    assert!(link.sleeps(), "it waits for the program");
+    rustix::net::sockopt::set_socket_linger(&partner, Some(Duration::ZERO)).expect("a socket");
+    drop(partner);
+    station.until("the connection is down", |station| is(station, "down"));
+    assert!(link.sleeps(), "it runs in circles");
     assert_eq!(station.interrupt().code(), Some(0));
 }
 
