@@ -1,6 +1,6 @@
 //! Status lists, lists of blocks, clock and passwords.
 
-use super::long::{MOST, done, refused};
+use super::long::{ENTRY, MOST, done, refused};
 use super::service::Service;
 use super::{Ask, Connection, End, Listed, Reply, Step};
 use crate::Rights;
@@ -94,12 +94,12 @@ impl Connection {
     pub(super) fn list_answer(&mut self, reference: u16, ty: BlockType, blocks: &[Listed]) -> Vec<u8> {
         let mut of_type: Vec<&Listed> = blocks.iter().filter(|block| block.ty == ty).collect();
         of_type.sort_by_key(|block| block.number);
-        of_type.truncate(MOST / 4);
+        of_type.truncate(MOST / ENTRY);
         if of_type.is_empty() {
             self.counts.errors += 1;
             return refused(reference, Group::Blocks, sub::BLOCK_LIST, Code::NO_MORE_BLOCKS);
         }
-        let mut out = Vec::with_capacity(of_type.len() * 4);
+        let mut out = Vec::with_capacity(of_type.len() * ENTRY);
         for block in of_type {
             out.extend_from_slice(&block.number.to_be_bytes());
             out.extend_from_slice(&[LINKED, block.language]);

@@ -7,6 +7,8 @@ use crate::wire::{Group, Telegram, USERDATA_HEAD, UserData};
 const ANSWERS: usize = 4;
 /// Maximum bytes of an answer: a list of 16,384 blocks.
 pub(super) const MOST: usize = 64 * 1024;
+/// Bytes of an entry in a list of blocks.
+pub(super) const ENTRY: usize = 4;
 
 #[derive(Debug)]
 struct Answer {
@@ -47,8 +49,8 @@ impl LongAnswers {
             return refused(reference, group, sub, Code::NOT_NOW);
         };
         let answer = &mut self.answers[index];
-        // Even, so that no word is cut.
-        let most = (pdu - USERDATA_HEAD) & !1;
+        // No entry of a list of blocks is cut: clients evaluate each part by itself.
+        let most = (pdu - USERDATA_HEAD) / ENTRY * ENTRY;
         let rest = answer.bytes.get(answer.sent..).unwrap_or_default();
         let part = rest.get(..most).unwrap_or(rest);
         answer.sent += part.len();
