@@ -74,6 +74,8 @@ pub struct DataBlock {
     pub components: Vec<Component>,
     /// `READ_ONLY`.
     pub read_only: bool,
+    /// `NON_RETAIN`: no restart and no power cycle keeps its values.
+    pub non_retain: bool,
 }
 
 /// A name of the symbol table, for tools.

@@ -465,7 +465,8 @@ impl Display for DataBlock {
             write!(f, ", instance of {fb}")?;
         }
         let protection = if self.read_only { ", read only" } else { "" };
-        writeln!(f, ": {} bytes{protection}", self.bytes.len())?;
+        let retention = if self.non_retain { ", not retentive" } else { "" };
+        writeln!(f, ": {} bytes{protection}{retention}", self.bytes.len())?;
         for component in &self.components {
             let at = component.at.to_string();
             writeln!(f, "  {at:>7} {} : {}", component.path, type_text(&component.ty))?;

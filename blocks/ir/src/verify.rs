@@ -418,6 +418,7 @@ mod tests {
             bytes: vec![0; 2],
             components: Vec::new(),
             read_only: false,
+            non_retain: false,
         };
         assert_eq!(defects(vec![block(FC1, ops), fb], vec![data]), []);
     }
@@ -474,6 +475,7 @@ mod tests {
             bytes: Vec::new(),
             components: Vec::new(),
             read_only: false,
+            non_retain: false,
         };
         assert_eq!(defects(vec![block(FB1, Vec::new())], vec![data]), [Defect::InstanceLength(5)]);
     }

@@ -48,7 +48,8 @@ impl Stamp {
 pub struct BlockHead {
     /// Byte 2; 1 wherever it was seen.
     pub version: u8,
-    /// Bit 0 linked, bit 1 standard block, bit 3 know-how protected, bit 5 not retentive.
+    /// Bit 0 linked, bit 1 standard block, bit 2 [`Self::READ_ONLY`], bit 3 know-how protected, bit 5
+    /// [`Self::NON_RETAIN`].
     pub attribute: u8,
     /// The language it was made in: 1 STL, 2 LAD, 3 FBD, 4 SCL, 5 DB.
     pub language: u8,
@@ -67,6 +68,11 @@ pub struct BlockHead {
 }
 
 impl BlockHead {
+    /// Attribute of a data block that cannot be written to.
+    pub const READ_ONLY: u8 = 0x04;
+    /// Attribute of a data block that is not retentive.
+    pub const NON_RETAIN: u8 = 0x20;
+
     /// The kind of block; `None` for system data.
     #[must_use]
     pub const fn block_kind(&self) -> Option<BlockKind> {

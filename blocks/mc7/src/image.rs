@@ -9,9 +9,8 @@ use crate::compiled::{CompiledInterface, InterfaceKind};
 use crate::encode::{Written, encode};
 use crate::head::{BlockFoot, BlockHead, BlockImage, Stamp};
 
-/// Attribute of a block that is linked, and of one that cannot be written to.
+/// Attribute of a block that is linked.
 const LINKED: u8 = 0x01;
-const READ_ONLY: u8 = 0x04;
 /// Languages.
 const STL: u8 = 1;
 const DB: u8 = 5;
@@ -60,7 +59,8 @@ fn data_image(program: &Program, data: &DataBlock) -> Option<BlockImage> {
     };
     let compiled = CompiledInterface::of(number, &interface, &BTreeMap::new(), &|_| None).ok()?;
     let id = BlockId::new(BlockKind::Db, data.number);
-    let attribute = if data.read_only { LINKED | READ_ONLY } else { LINKED };
+    let bit = |is_so: bool, bit: u8| if is_so { bit } else { 0 };
+    let attribute = LINKED | bit(data.read_only, BlockHead::READ_ONLY) | bit(data.non_retain, BlockHead::NON_RETAIN);
     Some(BlockImage {
         head: BlockHead { attribute, ..head(id, DB) },
         code: data.bytes.clone(),

@@ -49,6 +49,15 @@ END_STRUCT
 BEGIN
 END_DATA_BLOCK
 
+DATA_BLOCK DB 13
+READ_ONLY
+NON_RETAIN
+STRUCT
+  a : INT;
+END_STRUCT
+BEGIN
+END_DATA_BLOCK
+
 DATA_BLOCK DB 11
 FB 3
 BEGIN
@@ -115,6 +124,8 @@ fn a_data_block_goes_up_with_its_values() {
     assert_eq!(instance.code.len(), 8);
     let compiled = CompiledInterface::read(&instance.interface).expect("an interface");
     assert_eq!((compiled.number, compiled.entries.len()), (3, 4));
+    let attributes = [10, 11, 13].map(|number| db(number).map(|image| image.head.attribute));
+    assert_eq!(attributes, [Some(0x01), Some(0x01), Some(0x25)]);
     assert_eq!(db(12), None);
     assert_eq!(image(&program, BlockId::new(BlockKind::Fc, 99), &|_| None), None);
 }

@@ -79,7 +79,8 @@ pub struct Block {
     pub language: Language,
     /// Author, family, name, version.
     pub head: Head,
-    /// ATTRIBUTE of the record: bit 0 executable, bit 1 standard block, bit 3 system block.
+    /// ATTRIBUTE of the record: bit 0 executable, bit 1 standard block, bit 3 system block; of a data block
+    /// bit 5 not retentive.
     pub attribute: u8,
     /// KNOW_HOW_PROTECT.
     pub know_how: bool,

@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 
 use ob1_ir::{CodeBlock, DataBlock, DataKind, Program};
-use ob1_mc7::{BlockImage, CompiledInterface, InterfaceKind, MachineBlock, Segments};
+use ob1_mc7::{BlockHead, BlockImage, CompiledInterface, InterfaceKind, MachineBlock, Segments};
 use ob1_model::{BlockId, BlockKind, Interface};
 use ob1_stl::Library;
 
@@ -152,6 +152,7 @@ fn data<'i>(
         bytes: image.code.clone(),
         components: compiled.map(|compiled| compiled.components()).unwrap_or_default(),
         read_only: false,
+        non_retain: image.head.attribute & BlockHead::NON_RETAIN != 0,
     });
 }
 

@@ -5,6 +5,7 @@
 
 use std::fmt::Write as _;
 
+use ob1_mc7::BlockHead;
 use ob1_model::{BlockId, BlockKind, Section};
 
 use crate::comments::Comments;
@@ -126,6 +127,9 @@ pub(crate) fn code_source(block: &Block, declarations: &Declarations, statements
 pub(crate) fn data_source(block: &Block, shape: &str, values: &[(String, String)]) -> String {
     let mut out = format!("DATA_BLOCK {}\n", block.id);
     heading(&mut out, &block.comments, &block.head);
+    if block.attribute & BlockHead::NON_RETAIN != 0 {
+        out.push_str("NON_RETAIN\n");
+    }
     let _ = writeln!(out, "{}\nBEGIN", shape.trim_end());
     for (path, value) in values {
         let _ = writeln!(out, "  {path} := {value};");
@@ -194,5 +198,15 @@ mod tests {
         let page = CodePage::of_number(1251).expect("1251");
         let declarations = Declarations::of_text("VAR\n s : STRING := 'a$'Ж'; // Ж's\n", false, page);
         assert_eq!(declarations.text, "VAR\n s : STRING := 'a$'$C6'; // Ж's\nEND_VAR\n");
+    }
+
+    #[test]
+    fn a_data_block_that_is_not_retentive_says_so() {
+        let source = |attribute| {
+            let block = Block { id: BlockId::new(BlockKind::Db, 3), attribute, ..Block::default() };
+            data_source(&block, "FB 1", &[])
+        };
+        assert_eq!(source(0x21), "DATA_BLOCK DB 3\nVERSION : 1.0\nNON_RETAIN\nFB 1\nBEGIN\nEND_DATA_BLOCK\n");
+        assert!(!source(0x05).contains("NON_RETAIN"));
     }
 }

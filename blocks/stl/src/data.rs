@@ -57,6 +57,7 @@ impl Elaborator<'_> {
         }
         data.name = block.shown_name();
         data.read_only = block.read_only;
+        data.non_retain = block.non_retain;
         let of_fb = resolved.fb.and_then(|fb| self.world.blocks.get(&fb));
         data.optimized = block.optimized || of_fb.is_some_and(|info| info.optimized);
         let fields = FieldIndex::default();

@@ -260,5 +260,6 @@ fn data_block(number: u16, data: Data) -> DataBlock {
         bytes: data.image,
         components: data.components,
         read_only: data.read_only,
+        non_retain: data.non_retain,
     }
 }

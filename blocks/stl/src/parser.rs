@@ -257,6 +257,7 @@ impl<'s> Parser<'_, 's> {
             assignments: Vec::new(),
             statements: Vec::new(),
             read_only: false,
+            non_retain: false,
         };
         if frame == Frame::Fc && name.is_some() {
             self.result_type(&mut block, span);
@@ -354,6 +355,7 @@ impl<'s> Parser<'_, 's> {
                 self.section(block, section);
             } else if HEADER_WORDS.contains(&&*word) {
                 block.read_only |= &*word == "READ_ONLY";
+                block.non_retain |= &*word == "NON_RETAIN";
                 block.code_version1 |= &*word == "CODE_VERSION1";
                 self.bump();
             } else if HEADER_LINES.contains(&&*word) && self.peek_at(1).is_some_and(|t| t.kind == Kind::Colon) {

@@ -61,6 +61,8 @@ pub(crate) struct Block {
     pub(crate) assignments: Vec<Assignment>,
     pub(crate) statements: Vec<Statement>,
     pub(crate) read_only: bool,
+    /// `NON_RETAIN` in the head, not behind the word of a section.
+    pub(crate) non_retain: bool,
 }
 
 impl Block {

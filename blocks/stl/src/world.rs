@@ -84,6 +84,7 @@ pub(crate) struct Data {
     /// The load values.
     pub(crate) image: Vec<u8>,
     pub(crate) read_only: bool,
+    pub(crate) non_retain: bool,
     /// Addresses into it are refused.
     pub(crate) optimized: bool,
 }
@@ -91,7 +92,7 @@ pub(crate) struct Data {
 impl Data {
     pub(crate) fn new(kind: DataKind, components: Vec<Component>, image: Vec<u8>) -> Self {
         let names = components.iter().enumerate().map(|(i, c)| (c.path.to_uppercase(), i)).collect();
-        Self { name: None, kind, components, names, image, read_only: false, optimized: false }
+        Self { name: None, kind, components, names, image, read_only: false, non_retain: false, optimized: false }
     }
 
     pub(crate) fn find(&self, name: &str) -> Option<&Component> {

@@ -284,6 +284,7 @@ mod tests {
                     component("WHEN", DataType::DateAndTime, 488),
                 ],
                 read_only: false,
+                non_retain: false,
             }],
             symbols: [
                 ("Ready lamp", "A 4.0", None),

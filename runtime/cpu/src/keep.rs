@@ -58,6 +58,10 @@ impl Keep {
         }
         keep.memory.sort_unstable_by_key(|range| range.at);
         keep.data.sort_unstable_by_key(|range| range.at);
+        for block in program.data.iter().filter(|block| block.non_retain) {
+            let Some(db) = memory.program_db(block.number) else { continue };
+            keep.data = without(&keep.data, Range { at: db.at, len: db.len.next_multiple_of(8) });
+        }
         let mut same = declarations(program).to_le_bytes().to_vec();
         let numbers = |list: &[std::ops::Range<usize>]| -> Vec<(u32, u32)> {
             list.iter().map(|r| (r.start as u32, r.len() as u32)).collect()
@@ -86,9 +90,17 @@ impl Keep {
     pub(crate) fn clear_rest(&self, memory: &mut Memory, timers: &mut [Timer], counters: &mut [Counter]) {
         memory.clear_areas(&self.memory);
         memory.reload_dbs(&self.data);
+        memory.reload_made();
         clear_gaps(timers, &self.timers);
         clear_gaps(counters, &self.counters);
     }
+}
+
+/// The parts of `ranges` outside `hole`.
+fn without(ranges: &[Range], hole: Range) -> Vec<Range> {
+    let around = |range: &Range| [(range.at, range.end().min(hole.at)), (range.at.max(hole.end()), range.end())];
+    let parts = ranges.iter().flat_map(around).filter(|(at, end)| at < end);
+    parts.map(|(at, end)| Range { at, len: end.0 - at.0 }).collect()
 }
 
 fn inside(start: u32, end: u32, all: u32, field: &'static str, errors: &mut Vec<LoadError>) -> Option<u32> {

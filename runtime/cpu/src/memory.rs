@@ -8,6 +8,7 @@ use ob1_ir::DataBlock;
 use ob1_model::cells;
 
 use crate::arena::{ArenaBit, ArenaByte, Db, Range};
+use crate::db_pool::Attributes;
 use crate::engine::Areas;
 use crate::{CpuConfig, LoadError};
 
@@ -23,6 +24,7 @@ const MAX_BYTES: usize = 256 << 20;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Made {
     pub(crate) db: Db,
+    pub(crate) attributes: Attributes,
     /// Deleted in the running scan.
     pub(crate) freed: bool,
 }
@@ -164,12 +166,12 @@ impl Memory {
         }
     }
 
-    /// The load values of a data block; of one that the program has made, its bytes.
+    /// The load values of a data block.
     pub(crate) fn load_values_mut(&mut self, number: u16) -> Option<&mut [u8]> {
         let index = usize::from(*self.by_number.get(usize::from(number))?).checked_sub(1)?;
         let Some(db) = self.dbs[..self.program_dbs].get(index) else {
-            let db = self.dbs.get(index)?;
-            return self.bytes.get_mut(db.range().bytes());
+            let values = self.made.get(index - self.program_dbs)?.load_values();
+            return self.bytes.get_mut(values.bytes());
         };
         let at = db.at.index() - self.all_dbs.at.index();
         self.load_values.get_mut(at..at + db.len as usize)
@@ -251,8 +253,8 @@ mod tests {
     use ob1_ir::DataKind;
 
     fn db(number: u16, bytes: &[u8], read_only: bool) -> DataBlock {
-        let kind = DataKind::Global;
-        DataBlock { number, name: None, kind, bytes: bytes.to_vec(), components: Vec::new(), read_only }
+        let (kind, components) = (DataKind::Global, Vec::new());
+        DataBlock { number, name: None, kind, bytes: bytes.to_vec(), components, read_only, non_retain: false }
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //! made data blocks, the contents, and a checksum over everything before. Keeping it on a disk is the caller's
 //! task.
 
-use crate::arena::Range;
+use crate::db_pool::Attributes;
 use crate::keep::Hash;
 use crate::memory::Memory;
 use crate::timers::{Counter, Timer};
@@ -79,7 +79,7 @@ impl Cpu {
     pub fn retentive_len(&self) -> usize {
         let keep = &self.machine.keep;
         let made: usize =
-            if keep.made { self.machine.memory.made_dbs().map(|db| 12 + db.len as usize).sum() } else { 0 };
+            if keep.made { self.machine.memory.made_dbs().map(|made| 12 + made.db.len as usize).sum() } else { 0 };
         let ranges: usize = keep.memory.iter().chain(&keep.data).map(|r| r.len as usize).sum();
         let timers: usize = keep.timers.iter().map(|r| r.len() * Timer::IMAGE).sum();
         let counters: usize = keep.counters.iter().map(|r| r.len() * Counter::IMAGE).sum();
@@ -99,8 +99,8 @@ impl Cpu {
             into.extend_from_slice(&number.to_le_bytes());
         }
         into.extend_from_slice(&m.keep.same);
-        for db in made() {
-            for number in [u32::from(db.number), db.len, u32::from(db.writable == 0)] {
+        for made in made() {
+            for number in [u32::from(made.db.number), made.db.len, made.attributes.bits()] {
                 into.extend_from_slice(&number.to_le_bytes());
             }
         }
@@ -115,8 +115,9 @@ impl Cpu {
         for counter in m.keep.counters.iter().flat_map(|r| &m.counters[r.clone()]) {
             into.extend_from_slice(&counter.image());
         }
-        for db in made() {
-            into.extend_from_slice(m.memory.slice(db.range()));
+        for made in made() {
+            // Of one that is not retentive: what it begins with again.
+            into.extend_from_slice(m.memory.slice(made.load_values()));
         }
         let sum = checksum(into);
         into.extend_from_slice(&sum);
@@ -192,12 +193,13 @@ impl Cpu {
 fn make(memory: &mut Memory, blocks: &[u8], contents: &mut Reader<'_>) -> Result<(), Why> {
     let mut blocks = Reader(blocks);
     while !blocks.0.is_empty() {
-        let (number, len, read_only) = (blocks.u32()?, blocks.u32()?, blocks.u32()?);
+        let (number, len, attributes) = (blocks.u32()?, blocks.u32()?, Attributes::of_bits(blocks.u32()?));
         let number = u16::try_from(number).map_err(|_| Why::Damaged)?;
         let bytes = contents.take(len as usize)?;
-        let number = memory.make_db(number, number, len, read_only != 0).map_err(|_| Why::NoRoom)?;
-        if let Some(db) = memory.db(number) {
-            memory.slice_mut(Range { at: db.at, len }).copy_from_slice(bytes);
+        let number = memory.make_db(number, number, len, attributes).map_err(|_| Why::NoRoom)?;
+        if let Some(made) = memory.made_db(number) {
+            memory.slice_mut(made.db.range()).copy_from_slice(bytes);
+            memory.slice_mut(made.load_values()).copy_from_slice(bytes);
         }
     }
     Ok(())

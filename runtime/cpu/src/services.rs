@@ -10,7 +10,7 @@ use ob1_std::services::{
     StartInfo, TimeOfDayInterrupt, WallClock,
 };
 
-use crate::db_pool::NoDb;
+use crate::db_pool::{Attributes, NoDb};
 use crate::interrupts::{NEVER, slot_of};
 use crate::machine::Machine;
 use crate::modules::{Plugged, SLOT};
@@ -285,11 +285,13 @@ impl DataBlocks for Machine {
         if request.unlinked || self.memory.pool.len == 0 {
             return Err(CreateError::NoMemory);
         }
-        self.memory.make_db(request.low, request.high, u32::from(request.bytes), request.read_only).map_err(|why| {
-            match why {
-                NoDb::Number => CreateError::NoneFree,
-                NoDb::Room => CreateError::NoMemory,
-            }
+        // What nothing writes to has nothing to lose: its bytes are its load values.
+        let read_only = request.read_only;
+        let attributes = Attributes { read_only, non_retain: request.non_retain && !read_only };
+        let made = self.memory.make_db(request.low, request.high, u32::from(request.bytes), attributes);
+        made.map_err(|why| match why {
+            NoDb::Number => CreateError::NoneFree,
+            NoDb::Room => CreateError::NoMemory,
         })
     }
     fn delete(&mut self, number: u16) -> Result<(), DeleteError> {

@@ -54,8 +54,8 @@ impl Surroundings {
         fresh.dedup();
         let data_only = before.blocks == next.blocks;
         let stays = |old: &DataBlock, new: &DataBlock| {
-            let same = (old.number, &old.kind, old.read_only, &old.components)
-                == (new.number, &new.kind, new.read_only, &new.components);
+            let same = (old.number, &old.kind, old.read_only, old.non_retain, &old.components)
+                == (new.number, &new.kind, new.read_only, new.non_retain, &new.components);
             same && old.bytes.len() == new.bytes.len()
         };
         let all_stay = before.data.len() == next.data.len()

@@ -23,6 +23,7 @@ pub fn run(data: &[u8]) {
         bytes: vec![0x5A; 64],
         components: Vec::new(),
         read_only: false,
+        non_retain: false,
     };
     let block = CodeBlock { id, name: None, interface, code, source: 0 };
     let handler = CodeBlock { id: BlockId::new(BlockKind::Ob, 121), code: Vec::new(), ..block.clone() };

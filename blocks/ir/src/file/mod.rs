@@ -8,7 +8,7 @@
 //!   IN "x" @0.0 INT
 //!   1/12 L PAR0W+0
 //!   1/13 T MW 4
-//! data DB 7 "TANK" of FB 3 read_only
+//! data DB 7 "TANK" of FB 3 read_only non_retain
 //!   at "level" @0.0 INT
 //!   bytes 00FF
 //! ```

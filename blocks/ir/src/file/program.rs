@@ -79,8 +79,9 @@ fn read(line: &mut Cursor<'_>, program: &mut Program, inside: &mut Inside) -> Ex
         let named = line.0.trim_start().starts_with('"');
         let name = if named { Some(line.quoted()?) } else { None };
         let kind = if line.eat("of") { DataKind::Instance(line.block()?) } else { DataKind::Global };
-        let read_only = line.eat("read_only");
-        program.data.push(DataBlock { number, name, kind, bytes: Vec::new(), components: Vec::new(), read_only });
+        let (read_only, non_retain) = (line.eat("read_only"), line.eat("non_retain"));
+        let (bytes, components) = (Vec::new(), Vec::new());
+        program.data.push(DataBlock { number, name, kind, bytes, components, read_only, non_retain });
         *inside = Inside::Data;
     } else {
         match (*inside, program.blocks.last_mut(), program.data.last_mut()) {

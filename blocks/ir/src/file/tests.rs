@@ -207,6 +207,7 @@ impl Random {
             bytes: self.bytes(),
             components: (0..self.below(4)).map(|_| component(self)).collect(),
             read_only: self.below(2) == 0,
+            non_retain: self.below(2) == 0,
         }
     }
 }

@@ -57,7 +57,10 @@ fn put(program: &Program, text: &mut String) -> fmt::Result {
         if let DataKind::Instance(of) = data.kind {
             write!(text, " of {of}")?;
         }
-        writeln!(text, "{}", if data.read_only { " read_only" } else { "" })?;
+        for (is_so, word) in [(data.read_only, " read_only"), (data.non_retain, " non_retain")] {
+            text.push_str(if is_so { word } else { "" });
+        }
+        writeln!(text)?;
         for component in &data.components {
             writeln!(text, "  at {:?} @{} {}", component.path, component.at, type_line(&component.ty))?;
         }

@@ -27,8 +27,10 @@ pub(super) const ROWS: &[Row] = &[
     Row::sfc::<CreatDb>(22, "CREAT_DB", creat_db),
     Row::sfc::<DelDb>(23, "DEL_DB", del_db),
     Row::sfc::<TestDb>(24, "TEST_DB", test_db),
-    Row::sfc::<CreaDbl>(82, "CREA_DBL", crea_dbl)
-        .note("answers in the same call; the bytes of the data block are its load values too, UNLINKED is refused"),
+    Row::sfc::<CreaDbl>(82, "CREA_DBL", crea_dbl).note(
+        "answers in the same call; the bytes of the data block are its load values too, except with NON_RETAIN, which \
+         takes twice the room; UNLINKED is refused",
+    ),
     Row::sfc::<Dbl>(83, "READ_DBL", |call| dbl(call, read_dbl)).note("answers in the same call"),
     Row::sfc::<Dbl>(84, "WRIT_DBL", |call| dbl(call, writ_dbl)).note("answers in the same call"),
 ];

@@ -85,6 +85,9 @@ impl Printer<'_> {
         if data.read_only {
             out.push_str("READ_ONLY\n");
         }
+        if data.non_retain {
+            out.push_str("NON_RETAIN\n");
+        }
         let mut image = vec![0; data.bytes.len()];
         match data.kind {
             DataKind::Instance(fb) => {

@@ -167,13 +167,19 @@ pub fn interface(kind: BlockKind, params: &[(&str, Section, DataType)], temp_byt
 }
 
 pub fn db(number: u16, bytes: &[u8]) -> DataBlock {
-    let kind = DataKind::Global;
-    DataBlock { number, name: None, kind, bytes: bytes.to_vec(), components: Vec::new(), read_only: false }
+    DataBlock {
+        number,
+        name: None,
+        kind: DataKind::Global,
+        bytes: bytes.to_vec(),
+        components: Vec::new(),
+        read_only: false,
+        non_retain: false,
+    }
 }
 
 pub fn instance_db(number: u16, of: BlockId, bytes: usize) -> DataBlock {
-    let kind = DataKind::Instance(of);
-    DataBlock { number, name: None, kind, bytes: vec![0; bytes], components: Vec::new(), read_only: false }
+    DataBlock { kind: DataKind::Instance(of), ..db(number, &vec![0; bytes]) }
 }
 
 pub fn program(blocks: Vec<CodeBlock>, data: Vec<DataBlock>) -> Program {

@@ -115,6 +115,30 @@ fn the_default_keeps_all_data_blocks() {
 }
 
 #[test]
+fn a_data_block_that_is_not_retentive_begins_anew() {
+    on_each_engine(|| {
+        for data in [RetentiveData::All, only()] {
+            let mut program = station();
+            program.data[1].non_retain = true;
+            let mut bench = start(config(data.clone()), &program);
+            fill(&mut bench);
+            let mut image = Vec::new();
+            bench.cpu.retentive_image(&mut image);
+            assert_eq!(image.len(), bench.cpu.retentive_len());
+            bench.cpu.request(Command::Warm);
+            bench.run();
+            let mut other = start(config(data.clone()), &program);
+            assert_eq!(other.cpu.restore_retentive(&image), Ok(()));
+            other.run();
+            for (bench, after) in [(&mut bench, "a warm restart"), (&mut other, "a power cycle")] {
+                let (.., two, nine) = state(bench);
+                assert_eq!((two, nine), (0x1111, [0x0909; 3]), "after {after} with {data:?}");
+            }
+        }
+    });
+}
+
+#[test]
 fn foreign_and_damaged_images_are_refused_and_change_nothing() {
     on_each_engine(|| {
         let mut bench = start(config(only()), &station());

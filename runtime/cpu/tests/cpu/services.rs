@@ -227,6 +227,49 @@ fn the_program_makes_and_deletes_data_blocks() {
 }
 
 #[test]
+fn a_data_block_made_as_not_retentive_begins_anew() {
+    on_each_engine(|| {
+        let source = "
+            ORGANIZATION_BLOCK OB 1
+            BEGIN
+            U M 100.0;
+            R M 100.0;
+            SPBN done;
+            CALL SFC 82 (REQ := TRUE, LOW_LIMIT := W#16#64, UP_LIMIT := W#16#64, COUNT := W#16#4, ATTRIB := B#16#4,
+              SRCBLK := P#M 20.0 BYTE 4, RET_VAL := MW 200, BUSY := M 12.0, DB_NUM := MW 10);
+      done: NOP 0;
+            END_ORGANIZATION_BLOCK";
+        // Its bytes and its load values.
+        let config = CpuConfig { db_pool_bytes: 16, ..CpuConfig::default() };
+        let mut bench = bench_with(source, &[], config.clone(), vec![]);
+        bench.run();
+        bench.set(20, Width::DWord, 0x0102_0304);
+        demand(&mut bench);
+        assert_eq!((bench.mw(10), bench.dbw(100, 0)), (100, 0x0102));
+        let change = |bench: &mut Bench| {
+            bench.cpu.write(Cell::Db(100, 0), Width::Word, 0x4711).expect("a word");
+            assert_eq!(bench.dbw(100, 0), 0x4711);
+        };
+        change(&mut bench);
+        let mut image = Vec::new();
+        bench.cpu.retentive_image(&mut image);
+        assert_eq!(image.len(), bench.cpu.retentive_len());
+        bench.cpu.request(Command::Warm);
+        bench.run();
+        assert_eq!((bench.dbw(100, 0), bench.dbw(100, 2)), (0x0102, 0x0304), "after a warm restart");
+
+        let mut bench = bench_with(source, &[], config, vec![]);
+        assert_eq!(bench.cpu.restore_retentive(&image), Ok(()));
+        bench.run();
+        assert_eq!((bench.dbw(100, 0), bench.dbw(100, 2)), (0x0102, 0x0304), "after a power cycle");
+        change(&mut bench);
+        bench.cpu.request(Command::Warm);
+        bench.run();
+        assert_eq!(bench.dbw(100, 0), 0x0102, "and it is not retentive there either");
+    });
+}
+
+#[test]
 fn a_run_time_meter_stands_still_in_stop_and_waits_for_the_program() {
     on_each_engine(|| {
         let source = "

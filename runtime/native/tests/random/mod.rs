@@ -167,6 +167,7 @@ pub(crate) fn program(r: &mut Random) -> (Program, CpuConfig) {
         bytes,
         components: Vec::new(),
         read_only,
+        non_retain: false,
     };
     let mut bytes = |n: usize| (0..n).map(|_| r.next(256) as u8).collect::<Vec<u8>>();
     let fb = |n| DataKind::Instance(BlockId::new(BlockKind::Fb, n));

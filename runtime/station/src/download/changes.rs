@@ -5,16 +5,13 @@ use std::sync::Arc;
 
 use ob1_cpu::Surroundings;
 use ob1_ir::{DataKind, Program};
-use ob1_mc7::{BlockImage, CompiledInterface};
+use ob1_mc7::{BlockHead, BlockImage, CompiledInterface};
 use ob1_model::{BlockId, BlockKind};
 use ob1_project::Image;
 use ob1_stl::Library;
 
 use crate::access::protocol::Download;
 use crate::known::KnownProgram;
-
-/// In the head of a data block: it cannot be written to.
-const READ_ONLY: u8 = 0x04;
 
 /// Blocks as they came, by kind and number; `None`: it was deleted.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -124,7 +121,9 @@ impl Changes {
                 image.id().is_some_and(|id| id.kind == BlockKind::Db) && db.number == number
             };
             if let Some(db) = program.data.iter_mut().find(is_it) {
-                db.read_only = image.block.head.attribute & READ_ONLY != 0;
+                let attribute = image.block.head.attribute;
+                db.read_only = attribute & BlockHead::READ_ONLY != 0;
+                db.non_retain = attribute & BlockHead::NON_RETAIN != 0;
             }
         }
         if refused.is_empty() { Ok(program) } else { Err(refused) }
@@ -162,9 +161,9 @@ fn remove(program: &mut Program, id: BlockId) {
 
 /// The same code or values, interface and attributes; the rest are dates.
 fn same(one: &BlockImage, other: &BlockImage) -> bool {
-    let is_read_only = |block: &BlockImage| block.head.attribute & READ_ONLY;
+    let attributes = |block: &BlockImage| block.head.attribute & (BlockHead::READ_ONLY | BlockHead::NON_RETAIN);
     let all = |block: &BlockImage| (block.code.clone(), block.interface.clone(), block.segments.clone());
-    all(one) == all(other) && is_read_only(one) == is_read_only(other)
+    all(one) == all(other) && attributes(one) == attributes(other)
 }
 
 /// Whether the names of the sources fit a block: its declarations are the same.
