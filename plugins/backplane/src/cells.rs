@@ -180,6 +180,7 @@ pub(crate) struct SegmentCells {
     pad_counters: Pad<64>,
     pub(crate) counters: Words<COUNTER_WORDS>,
     pub(crate) diagnosis: RecordCells,
+    /// Reserved: nothing writes it.
     pub(crate) record: RecordCells,
     pub(crate) events: EventCells,
     pub(crate) params: SeqCell<PARAMS_WORDS>,

@@ -4,14 +4,14 @@
 use crate::boxes::BoxEnd;
 use crate::buffer::{BufferEntry, BufferWriter};
 use crate::bytes::copy_out;
-use crate::cells::{IO_WORDS, PARAMS_WORDS, RECORD_WORDS, SegmentCells};
+use crate::cells::{IO_WORDS, PARAMS_WORDS, SegmentCells};
 use crate::channel::{Channel, ChannelBlock, ChannelEnd, Way};
 use crate::counters::{self, Counter, Counters, book_lost};
 use crate::events::{Event, Producer};
 use crate::fault::{Fault, SegmentError, TooLong};
 use crate::header;
 use crate::layout::JSON_BYTES;
-use crate::record::{Params, Record, clear_record, read_params, read_record, write_record};
+use crate::record::{Params, clear_record, read_params, write_record};
 use crate::registers::{IoBytes, RegisterWriter};
 use crate::segment::Segment;
 use crate::seqlock::{Freshness, SeqReader};
@@ -29,7 +29,6 @@ pub struct CpSide {
     generation: u64,
     inputs: RegisterWriter,
     outputs: SeqReader<IO_WORDS>,
-    record: SeqReader<RECORD_WORDS>,
     params: Box<SeqReader<PARAMS_WORDS>>,
     json: Box<[u8; JSON_BYTES]>,
     events: Producer,
@@ -75,7 +74,6 @@ impl CpSide {
             generation,
             inputs,
             outputs: SeqReader::new(),
-            record: SeqReader::new(),
             params: Box::new(SeqReader::new()),
             json: Box::new([0; JSON_BYTES]),
             events,
@@ -166,14 +164,6 @@ impl CpSide {
     /// [`Fault::ParameterLength`] if it claims more text than fits.
     pub fn read_params(&mut self) -> Result<Params<'_>, Fault> {
         read_params(&mut self.params, &self.segment.cells().params, &mut self.json)
-    }
-
-    /// The record the CPU has written last (SFC 58). Its revision is 0 before the first.
-    ///
-    /// # Errors
-    /// [`Fault::RecordLength`] if it claims to be longer than fits.
-    pub fn read_record(&mut self) -> Result<Record, Fault> {
-        read_record(&mut self.record, &self.segment.cells().record)
     }
 
     /// Writes a diagnostic record (the CPU reads it with SFC 51 or 59).

@@ -10,7 +10,7 @@ use crate::fault::{Fault, SegmentError, TooLong};
 use crate::header;
 use crate::layout::PARAMETER_BYTES;
 use crate::monitor::Monitor;
-use crate::record::{Record, read_record, write_params, write_record};
+use crate::record::{Record, read_record, write_params};
 use crate::registers::{IoBytes, RegisterWriter};
 use crate::segment::Segment;
 use crate::seqlock::{Freshness, SeqReader};
@@ -168,16 +168,6 @@ impl CpuSide {
     /// [`TooLong`] if the text does not fit; then nothing is written.
     pub fn write_params(&mut self, bytes: &[u8; PARAMETER_BYTES], json: &[u8]) -> Result<(), TooLong> {
         write_params(&self.cells().params, bytes, json)?;
-        self.changed();
-        Ok(())
-    }
-
-    /// Writes a data record to the CP (SFC 58). The CP sees the last one written.
-    ///
-    /// # Errors
-    /// [`TooLong`] beyond 240 bytes; then nothing is written.
-    pub fn write_record(&mut self, number: u32, data: &[u8]) -> Result<(), TooLong> {
-        write_record(&self.cells().record, number, data)?;
         self.changed();
         Ok(())
     }

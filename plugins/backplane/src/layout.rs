@@ -94,7 +94,8 @@ pub(crate) const fn field(offset: usize, size: usize, name: &'static str, writer
 }
 
 /// The memory map, in rising order. Bytes between two fields are reserved and zero. Fields from [`SEGMENT_BYTES`] on
-/// are those of a segment with boxes.
+/// are those of a segment with boxes. The fields `record.*` are reserved, too: they keep their place for drivers that
+/// read them.
 #[cfg(not(loom))]
 pub const FIELDS: &[Field] = &[
     field(0x0000, 8, "header.magic", Writer::Maker),

@@ -1,4 +1,4 @@
-//! Data records (SFC 51, 58, 59) and the parameter record: longer contents under a sequence lock.
+//! The diagnostic record (SFC 51, 59) and the parameter record: longer contents under a sequence lock.
 
 use crate::bytes::{copy_out, words_of};
 use crate::cells::{PARAMS_WORDS, RECORD_WORDS, RecordCells};
@@ -9,7 +9,7 @@ use crate::seqlock::{Freshness, SeqCell, SeqReader};
 /// A data record, copied out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Record {
-    /// Number of the record, as in `RD_REC` and `WR_REC`.
+    /// Number of the record, as in `RD_REC`.
     pub number: u32,
     /// Changes with every record written (an attaching driver writes an empty one); 0 before the first.
     pub revision: u64,

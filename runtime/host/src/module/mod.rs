@@ -260,7 +260,8 @@ impl Module for CpModule {
             self.side.write_box(index, from);
             return Ok(());
         }
-        self.side.write_record(u32::from(record), from).map_err(|_| ModuleError::Outside)
+        // No CP here takes any other record.
+        Err(ModuleError::NoRecord)
     }
 
     fn diagnostic_buffer(&mut self, each: &mut dyn FnMut(ModuleEntry)) -> bool {

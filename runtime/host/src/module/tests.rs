@@ -386,9 +386,12 @@ fn records_have_their_limits() {
     cp.write_diagnosis(240, b"a text").expect("short");
     assert_eq!(module.record_read(0, &mut four), Err(ModuleError::NoRecord));
     assert_eq!(module.record_read(1, &mut four), Err(ModuleError::NoRecord));
-    assert_eq!(module.record_write(1, &[0; 241]), Err(ModuleError::Outside));
-    assert_eq!(module.record_write(1, &[4, 5]), Ok(()));
-    assert_eq!(cp.read_record().expect("whole").data(), [4, 5]);
+    for record in [0, 1, 59, 240] {
+        assert_eq!(module.record_write(record, &[4, 5]), Err(ModuleError::NoRecord), "no CP takes record {record}");
+    }
+    for offset in (0x780..0x900).step_by(8) {
+        assert_eq!(segment.peek(offset), Some(0), "{offset:#x} is reserved");
+    }
 }
 
 #[test]
