@@ -71,8 +71,7 @@ pub(super) fn other(path: &str) -> Option<&'static str> {
         "ap" | "zap" | "al" | "zal" if start.len() < ending.len() => {
             Some("of TIA Portal: generate sources from its blocks there, and check them (docs/porting.md)")
         }
-        "zip" | "arj" | "lha" | "lzh" | "rar" => Some("an archive: unpack it, and import the folder"),
-        _ if ending == "7z" => Some("an archive: unpack it, and import the folder"),
+        "zip" | "arj" | "lha" | "lzh" | "rar" | "7z" => Some("an archive: unpack it, and import the folder"),
         _ => None,
     }
 }
