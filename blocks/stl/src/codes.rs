@@ -203,6 +203,8 @@ codes! {
         "Correct the address or lengthen the data block; as it is, the access ends in OB 121 or STOP.";
     MISREAD = "S0803", Warning, "A variable of another type is supplied, whose bits mean another number.",
         "Convert it into a variable of the parameter's type (DTR, RND, FC 33, FC 40) and supply that; STEP 7 refuses the call.";
+    OB_INPUT = "S0804", Warning, "An input of an organization block that is not supplied.",
+        "It is 0. What the CPU says of the call is in #OB_START_INFO, the first 20 bytes of the local data.";
     // Lints
     CONSTANT_FOR_OUTPUT = "S0901", Lint, "A constant is supplied to a parameter that the block writes.",
         "The value that the block writes is lost; supply an operand.";

@@ -24,6 +24,9 @@ use crate::world::{Info, Symbolic, World};
 /// The longest data block, instance and local data, in bytes.
 pub(crate) const LONGEST: u32 = 65_534;
 
+/// The block that runs in each cycle.
+pub(crate) const MAIN: BlockId = BlockId::new(BlockKind::Ob, 1);
+
 /// Parameters of one block.
 const FORMALS: usize = 512;
 
@@ -298,8 +301,25 @@ impl<'e> Elaborator<'e> {
     }
 
     fn plain_block(&mut self, index: usize, id: BlockId) {
-        if let Some(info) = self.interface(index, 0) {
+        if let Some(mut info) = self.interface(index, 0) {
+            if id.kind == BlockKind::Ob {
+                self.ob_inputs(index, id, &mut info);
+            }
             self.world.blocks.insert(id, info);
+        }
+    }
+
+    /// The inputs that TIA Portal declares in organization blocks: one of OB 1 is supplied.
+    fn ob_inputs(&self, index: usize, id: BlockId, info: &mut Info) {
+        let sections = self.blocks.get(index).map(|block| block.sections.as_slice()).unwrap_or_default();
+        let inputs = sections.iter().filter(|(section, _)| *section == Section::Input).flat_map(|(_, list)| list);
+        for at in inputs.filter_map(|declaration| info.find(&declaration.name)).collect::<Vec<_>>() {
+            let Some(param) = info.interface.params.get(at) else { continue };
+            if id == MAIN && param.is_called("Initial_Call") && param.ty == DataType::Bool {
+                info.initial_call = Some(param.at);
+            } else {
+                info.unsupplied.insert(at);
+            }
         }
     }
 

@@ -298,14 +298,7 @@ pub(crate) fn expand(code: Vec<Stmt>, around: BTreeMap<u32, Around>, hidden: &Hi
     let start = |to: u32| starts.get(to as usize).copied().unwrap_or(to);
     let mut out = Vec::with_capacity(next as usize);
     for (index, mut stmt) in (0u32..).zip(code) {
-        match &mut stmt.op {
-            Op::Jump(_, to) | Op::Loop(to) => *to = start(*to),
-            Op::JumpList { targets, otherwise } => {
-                targets.iter_mut().for_each(|to| *to = start(*to));
-                *otherwise = start(*otherwise);
-            }
-            _ => {}
-        }
+        aim(&mut stmt.op, start);
         let Around { before, after, points, .. } = around.remove(&index).unwrap_or_default();
         let (network, line) = (stmt.network, stmt.line);
         let with = |op| Stmt { op: place.op(op, false), network, line };
@@ -314,6 +307,30 @@ pub(crate) fn expand(code: Vec<Stmt>, around: BTreeMap<u32, Around>, hidden: &Hi
         out.extend(after.into_iter().map(with));
     }
     out
+}
+
+/// Puts operations before all others. No jump leads to them.
+pub(crate) fn begin_with(first: Vec<Op>, code: Vec<Stmt>) -> Vec<Stmt> {
+    let Some((network, line)) = code.first().map(|stmt| (stmt.network, stmt.line)) else { return code };
+    let shift = first.len() as u32;
+    let mut out: Vec<Stmt> = first.into_iter().map(|op| Stmt { op, network, line }).collect();
+    for mut stmt in code {
+        aim(&mut stmt.op, |to| to + shift);
+        out.push(stmt);
+    }
+    out
+}
+
+/// Gives the targets of a jump their new places.
+fn aim(op: &mut Op, place: impl Fn(u32) -> u32) {
+    match op {
+        Op::Jump(_, to) | Op::Loop(to) => *to = place(*to),
+        Op::JumpList { targets, otherwise } => {
+            targets.iter_mut().for_each(|to| *to = place(*to));
+            *otherwise = place(*otherwise);
+        }
+        _ => {}
+    }
 }
 
 /// The final places of the two parts of the hidden local data.

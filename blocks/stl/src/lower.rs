@@ -2,14 +2,16 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use ob1_ir::{AddressRegister, BitTest, CodeBlock, DbRegister, Number, NumberFormat, Op, Operand, Stmt, Width};
-use ob1_model::{Area, BlockId, DataType};
+use ob1_ir::{
+    AddressRegister, BitTest, CodeBlock, Compare, DbRegister, Number, NumberFormat, Op, Operand, Place, Stmt, Width,
+};
+use ob1_model::{Area, BitAddr, BlockId, DataType};
 
 use crate::auto::Sets;
 use crate::codes;
 use crate::constant::{Constant, ToParam};
 use crate::diagnostic::Sink;
-use crate::elaborate::LONGEST;
+use crate::elaborate::{self, LONGEST};
 use crate::expand::{self, Around, Hidden};
 use crate::identifiers::{BlockWord, Identifier};
 use crate::jumps::Labels;
@@ -98,10 +100,22 @@ pub(crate) fn lower(
         sink.report(block.file, block.span, &codes::TOO_LONG, format!("the local data is longer than {LONGEST} bytes"));
         return None;
     }
-    let code = expand::expand(code, around, &hidden, own);
+    let code = expand::begin_with(initial_call(id, info), expand::expand(code, around, &hidden, own));
     interface.temp_bytes = interface.temp_bytes.max(CodeBlock::local_bytes(&code));
     let name = block.shown_name();
     Some(CodeBlock { id, name, interface, code, source: block.file as u32 })
+}
+
+/// What supplies `Initial_Call`, an input of OB 1 in TIA Portal: OB1_SCAN_1 is 3 in every cycle but the first.
+fn initial_call(id: BlockId, info: &Info) -> Vec<Op> {
+    let Some(at) = info.initial_call.filter(|_| id == elaborate::MAIN) else { return Vec::new() };
+    let local = |at| Place::Fixed(Area::Local, at);
+    vec![
+        Op::Load(Operand { width: Width::Byte, place: local(BitAddr::byte_addr(1)) }),
+        Op::LoadConst(3),
+        Op::Compare(NumberFormat::Int, Compare::NotEqual),
+        Op::Assign(local(at)),
+    ]
 }
 
 impl Lowerer<'_, '_> {

@@ -401,6 +401,10 @@ impl<'w> Resolver<'w> {
             return None;
         };
         let param = info.interface.params.get(index)?;
+        if info.unsupplied.contains(&index) {
+            let message = format!("nothing supplies the input #{} of this organization block", param.name);
+            reader.report(span, &codes::OB_INPUT, message);
+        }
         let ty = overlay.unwrap_or(&param.ty);
         if let Some(fb) = info.instances.get(&index) {
             return self.instance(reader, *fb, &param.ty, param.at);

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use ob1_ir::{DataKind, Operand};
-use ob1_model::{BlockId, BlockKind, Component, DataType, Interface, Section};
+use ob1_model::{BitAddr, BlockId, BlockKind, Component, DataType, Interface, Section};
 
 use crate::codes;
 use crate::constant::Constant;
@@ -33,6 +33,10 @@ pub(crate) struct Info {
     pub(crate) optimized: bool,
     /// Its instance begins with the data block in the DI register.
     pub(crate) code_version1: bool,
+    /// Of OB 1: where its input `Initial_Call` lies.
+    pub(crate) initial_call: Option<BitAddr>,
+    /// Inputs of an organization block that nothing supplies.
+    pub(crate) unsupplied: BTreeSet<usize>,
 }
 
 impl Info {
@@ -49,8 +53,19 @@ impl Info {
             next += u16::from(is_formal);
         }
         let (constants, overlays) = (BTreeMap::new(), BTreeMap::new());
-        let (optimized, code_version1) = (false, false);
-        Self { name, interface, names, formals, instances, constants, overlays, optimized, code_version1 }
+        Self {
+            name,
+            interface,
+            names,
+            formals,
+            instances,
+            constants,
+            overlays,
+            optimized: false,
+            code_version1: false,
+            initial_call: None,
+            unsupplied: BTreeSet::new(),
+        }
     }
 
     /// The index of what a name of the block means, and the type it is seen with where that is an overlay.

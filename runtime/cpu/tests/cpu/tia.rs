@@ -106,3 +106,15 @@ fn a_timer_with_the_instance_of_an_s7_1500() {
     assert_eq!(bench.cpu.bit_memory()[20] & 7, 0b101, "both run");
     assert_eq!(bench.cpu.bit_memory()[22..30], [0, 0, 3, 0xE8, 0, 0, 3, 0xE8], "PT lies 4 bytes into the instance");
 }
+
+/// A jump to the first statement does not ask anew.
+#[test]
+fn initial_call_is_true_in_the_first_cycle_alone() {
+    let source = "ORGANIZATION_BLOCK OB 1 VAR_INPUT Initial_Call : BOOL; END_VAR
+         BEGIN m1: L MB 20; INC 1; T MB 20; U #Initial_Call; R #Initial_Call; SPB m1; END_ORGANIZATION_BLOCK";
+    let mut bench = bench(source, &[]);
+    bench.run();
+    assert_eq!(bench.mb(20), 2, "the first cycle");
+    bench.run();
+    assert_eq!(bench.mb(20), 3, "the second one");
+}
