@@ -230,9 +230,9 @@ fn decimal(body: &str) -> Option<i32> {
     body.replace('_', "").parse().ok()
 }
 
-/// Characters of a text between its quotes; `$` escapes as in STEP 7.
+/// Characters of a text between its quotes, before which `CHAR#` may stand; `$` escapes as in STEP 7.
 pub(crate) fn text(quoted: &str) -> Result<Vec<u8>, String> {
-    let inner = quoted.strip_prefix('\'').unwrap_or(quoted);
+    let inner = quoted.split_once('\'').map_or(quoted, |(_, inner)| inner);
     let inner = inner.strip_suffix('\'').unwrap_or(inner);
     let mut out = Vec::with_capacity(inner.len());
     let mut chars = inner.chars();

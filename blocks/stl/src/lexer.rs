@@ -256,7 +256,7 @@ impl<'a> Lexer<'a> {
         }
         // `L#name` is the mnemonic L and a local name, `L#5` a constant: constants continue with a digit or a sign.
         let second = self.peek_second();
-        if second == Some('\'') && word.eq_ignore_ascii_case("CHAR") {
+        if second == Some('\'') && ["CHAR", "STRING"].iter().any(|ty| ty.eq_ignore_ascii_case(word)) {
             self.bump();
             return self.quoted('\'', Kind::Text);
         }
