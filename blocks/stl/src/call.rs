@@ -7,6 +7,7 @@ use ob1_model::{Area, BitAddr, BlockId, BlockKind, Param, Section};
 
 use crate::codes;
 use crate::constant::Constant;
+use crate::diagnostic::USES;
 use crate::expand::Callee;
 use crate::fit::{Misfit, fit, misread};
 use crate::identifiers::BlockWord;
@@ -17,7 +18,7 @@ use crate::reach::Reached;
 use crate::reader::Reader;
 use crate::syntax::{Actual, Statement};
 use crate::tia;
-use crate::token::{Kind, Span};
+use crate::token::{Kind, Span, Token};
 use crate::type_words::with_article;
 use crate::value::Value;
 use crate::world::Info;
@@ -28,7 +29,7 @@ impl<'l> Lowerer<'l, '_> {
         let resolver = self.resolver;
         let mut reader = self.reader(statement.operand.clone(), statement.span);
         let span = reader.rest();
-        let value = resolver.operand(&mut reader)?;
+        let value = called_value(&resolver, &mut reader)?;
         let of_data = called_data(&resolver, &value, mode);
         let (mut target, mut instance) = match of_data {
             Some((fb, db)) => (Target::Block(fb), Some(Number::Fixed(db))),
@@ -242,6 +243,33 @@ fn call_op(mode: CallMode, target: Target, instance: Option<Number>, args: Vec<A
 
 const fn writes(section: Section) -> bool {
     matches!(section, Section::Output | Section::InOut | Section::Return)
+}
+
+/// What follows `CALL`: a block, an instance, or an instruction of TIA Portal by its bare name, also in a block that
+/// has a variable of that name (`CALL TON, #pause`).
+fn called_value<'w>(resolver: &Resolver<'w>, reader: &mut Reader<'_, '_>) -> Option<Value<'w>> {
+    let Some(token) = reader.peek().filter(|token| token.kind == Kind::Word) else { return resolver.operand(reader) };
+    let is_sign = |token: &Token| !matches!(token.kind, Kind::Newline | Kind::Attributes);
+    let second = reader.ahead().skip(1).find(is_sign).map(|token| token.kind);
+    let name = reader.text(token);
+    if let Some(id) = resolver.offered(name).filter(|_| second == Some(Kind::Comma) && resolver.is_declared(name)) {
+        reader.next();
+        return Some(Value::Block(BlockWord::of(id.kind), Number::Fixed(id.number)));
+    }
+    if !matches!(second, None | Some(Kind::Comma)) || !resolver.is_unknown(name) {
+        return resolver.operand(reader);
+    }
+    let shown: String = name.chars().take(32).collect();
+    let key = format!("CALL {}", name.to_uppercase());
+    let symbols = resolver.world.symbols.keys().map(String::as_str);
+    reader.sink.missing(&key, reader.index, token.span, &codes::NO_BLOCK, |sink| {
+        let message = format!("{shown} is no block here: {USES}, and neither the program nor the library has it");
+        let remedy = "Write an instruction of TIA Portal as statements (MOVE: L and T) or as a block, or add the \
+                      symbol table that has the name.";
+        let near = sink.nearest(name, symbols).map(|near| format!("Did you mean {near}?"));
+        (message, near.unwrap_or_else(|| remedy.to_owned()))
+    });
+    None
 }
 
 /// Who is called.

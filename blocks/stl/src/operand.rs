@@ -142,6 +142,28 @@ impl<'w> Resolver<'w> {
         None
     }
 
+    /// The block of the library that has this name.
+    pub(crate) fn offered(&self, name: &str) -> Option<BlockId> {
+        let id = self.world.names.get(&name.to_uppercase()).copied();
+        id.filter(|id| self.world.blocks.contains_key(id))
+    }
+
+    /// True for a name that the block declares.
+    pub(crate) fn is_declared(&self, name: &str) -> bool {
+        self.block.is_some_and(|(_, info)| info.declared(name).is_some())
+    }
+
+    /// True for a word that means nothing here, and of which nothing is known.
+    pub(crate) fn is_unknown(&self, word: &str) -> bool {
+        let (letters, digits) = split_digits(word);
+        let is_identifier = |word: &str| self.words.identifier(word).is_some();
+        let is_operand = is_identifier(word) || !digits.is_empty() && is_identifier(letters);
+        let is_usual = self.world.names.contains_key(&word.to_uppercase());
+        let is_name = is_usual || self.is_declared(word) || self.world.symbol(word).is_some();
+        let is_known = is_operand || is_name || self.words.is_foreign(letters);
+        !is_known
+    }
+
     /// A symbol with points in its name, written without quotes.
     fn dotted(&self, reader: &mut Reader<'_, '_>, first: &str, span: Span) -> Option<Value<'w>> {
         let mut name = first.to_owned();
