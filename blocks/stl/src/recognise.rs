@@ -15,6 +15,10 @@ pub(crate) enum Other {
     S7200,
     /// An export of TIA Portal's openness, or other XML.
     Xml,
+    /// A tag table of TIA Portal as XML.
+    TagTable,
+    /// A table of Excel, as TIA Portal exports its tag tables, or an archive.
+    Packed,
     /// A template that a program fills in.
     Template,
     /// No text at all.
@@ -38,6 +42,8 @@ impl Other {
                 "this is XML, not a source",
                 "Export the block from TIA Portal as a source: \"Generate source from blocks\".",
             ),
+            Other::TagTable => ("this is a tag table as XML", EXPORT_TAGS),
+            Other::Packed => ("this is a table of Excel or an archive, not a text file", EXPORT_TAGS),
             Other::Template => {
                 ("this is a template with places to be filled in, not a source", "Load what is generated from it.")
             }
@@ -45,6 +51,12 @@ impl Other {
         }
     }
 }
+
+/// What to do with tag tables.
+const EXPORT_TAGS: &str = "Export the tag table from TIA Portal as .sdf; unpack an archive.";
+
+/// What a `.zip` begins with, and so a `.xlsx`.
+const ZIP: &str = "PK\u{3}\u{4}";
 
 /// Lines of statements after which a file of one language is taken for that.
 const ENOUGH: usize = 60;
@@ -77,10 +89,16 @@ pub(crate) fn other(name: &str, text: &str, words: [&Words; 2]) -> Option<Other>
     if extension.eq_ignore_ascii_case("scl") {
         return Some(Other::Scl);
     }
+    if text.starts_with(ZIP) {
+        return Some(Other::Packed);
+    }
     if text.get(..text.len().min(4096)).unwrap_or(text).contains('\0') {
         return Some(Other::Binary);
     }
     let start = text.trim_start();
+    if start.starts_with('<') && text.lines().take(4).any(|line| line.trim_start().starts_with("<Tagtable")) {
+        return Some(Other::TagTable);
+    }
     if start.starts_with("<?xml") || start.starts_with("<!DOCTYPE") || start.starts_with("<Document") {
         return Some(Other::Xml);
     }
@@ -226,6 +244,8 @@ mod tests {
             (s7200, Some(Other::S7200)),
             (graph, Some(Other::Graph)),
             ("<?xml version=\"1.0\"?><Document/>", Some(Other::Xml)),
+            ("<?xml version='1.0'?>\n<Tagtable name='Tags'>\n</Tagtable>", Some(Other::TagTable)),
+            ("PK\u{3}\u{4}\u{14}\0", Some(Other::Packed)),
             ("FUNCTION FC {{ number }} : VOID\n", Some(Other::Template)),
             ("PK\u{3}\0\0", Some(Other::Binary)),
         ] {
