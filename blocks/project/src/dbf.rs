@@ -11,6 +11,8 @@ pub enum Damage {
     Shape,
     /// There is no memo file.
     NoMemoFile,
+    /// The memo file cannot be read, and why.
+    MemoFile(String),
     /// The memo's number lies outside the memo file.
     MemoOutside(u64),
     /// The block of that number is free, or holds something else.
@@ -25,6 +27,7 @@ impl fmt::Display for Damage {
             Damage::Header => f.write_str("it is not a dBase file, or its head is cut off"),
             Damage::Shape => f.write_str("the lengths in its head contradict each other"),
             Damage::NoMemoFile => f.write_str("the memo file (.DBT) is missing"),
+            Damage::MemoFile(why) => write!(f, "the memo file (.DBT) cannot be read: {why}"),
             Damage::MemoOutside(n) => write!(f, "memo {n} lies outside the memo file (.DBT)"),
             Damage::MemoFree(n) => write!(f, "memo {n} is not in use in the memo file (.DBT)"),
             Damage::MemoCutOff(n) => write!(f, "the memo file (.DBT) ends within memo {n}"),

@@ -205,15 +205,20 @@ impl Folder {
                 continue;
             }
             found = true;
-            let memos = tree.read(&format!("{path}{name}.DBT")).map(Memos::parse);
+            let memo_file = format!("{path}{name}.DBT");
+            let memos = tree.read(&memo_file).map(Memos::parse);
+            let unread = (memos.is_none() && tree.has(&memo_file)).then(|| tree.why_not(&memo_file));
             folder.notes.extend(table.cut_off().map(|what| Note::warning(format!("{path}{name}.DBF"), what)));
             if memos.is_none() && table.rows().next().is_some() {
-                let file = format!("{path}{name}.DBT");
-                let why = if tree.has(&file) { tree.why_not(&file) } else { "the memo file is missing".to_owned() };
+                let why = unread.as_deref().unwrap_or("the memo file is missing");
                 let what = format!("{why}: the blocks of this folder have names and no content");
-                folder.notes.push(Note::warning(file, what));
+                folder.notes.push(Note::warning(memo_file, what));
             }
             read_parts(&table, memos.as_ref(), page, &mut parts, &mut folder.notes);
+            if let Some(why) = unread {
+                let lost = parts.values_mut().filter(|part| part.damage == Some(Damage::NoMemoFile));
+                lost.for_each(|part| part.damage = Some(Damage::MemoFile(why.clone())));
+            }
             break;
         }
         if !found {

@@ -209,7 +209,7 @@ fn tables_that_are_cut_off_are_told() {
 
 /// Files that are there and cannot be read, as those of an archive with a password.
 #[derive(Debug)]
-struct Locked(Files);
+struct Locked(Files, &'static str);
 
 impl FileSource for Locked {
     fn paths(&self) -> Vec<String> {
@@ -217,19 +217,24 @@ impl FileSource for Locked {
     }
 
     fn read(&self, path: &str) -> Result<Vec<u8>, String> {
-        if path.contains("offline") { Err("it has a password".to_owned()) } else { self.0.read(path) }
+        if path.contains(self.1) { Err("it has a password".to_owned()) } else { self.0.read(path) }
     }
 }
 
 #[test]
 fn what_is_there_and_cannot_be_read_is_not_called_missing() {
-    let locked = Locked(example().files());
+    let locked = Locked(example().files(), "offline");
     let tree = Tree::new(&locked);
     let project = Project::read(&tree, &tree.roots()[0]);
     let notes: Vec<String> = project.notes.iter().map(ToString::to_string).collect();
     assert!(notes.iter().any(|note| note.contains("BSTCNTOF.DBF: it has a password")), "{notes:?}");
     let why = project.blocks(&tree, project.choices()[0]).expect_err("it is locked");
     assert!(why.contains("SUBBLK.DBF: it has a password"), "{why}");
+    let locked = Locked(example().files(), "SUBBLK.DBT");
+    let tree = Tree::new(&locked);
+    let folder = project.blocks(&tree, project.choices()[0]).expect("names");
+    let told = "the memo file (.DBT) cannot be read: it has a password";
+    assert!(!folder.damaged.is_empty() && folder.damaged.values().all(|why| why == told), "{:?}", folder.damaged);
 }
 
 /// One address is enough.
