@@ -11,7 +11,8 @@ pub enum Target {
     Block(BlockId),
     /// `UC FC [MW 2]`, `UC FB [..]`, or a block given by parameter.
     Indirect(BlockKind, Number),
-    /// A multi-instance: `CALL #pump`: the FB and where its instance begins within the caller's.
+    /// A multi-instance: `CALL #pump`: the FB and where its instance begins within the caller's; with an instance data
+    /// block within that: `CALL TON, "Data".delay` of TIA Portal.
     Local(BlockId, BitAddr),
 }
 
@@ -58,7 +59,7 @@ pub struct Call {
     pub mode: CallMode,
     /// Who.
     pub target: Target,
-    /// Instance data block of an FB.
+    /// Instance data block of an FB, or the data block that a [`Target::Local`] lies in.
     pub instance: Option<Number>,
     /// One entry per formal of the callee's interface, in its order. For `UC`/`CC` of an FC or SFC any number of
     /// [`Arg::Raw`], in the order of [`list_places`](ob1_model::Interface::list_places); else none.

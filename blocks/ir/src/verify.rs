@@ -351,8 +351,9 @@ fn check_call<'p>(call: &Call, interface: &dyn Fn(BlockId) -> Option<&'p Interfa
         report(Defect::UnknownBlock(id));
         return;
     };
-    let needs_instance = with_parameters && id.kind.has_instance() && !local;
-    if call.instance.is_some() != needs_instance {
+    let runs_on_instance = with_parameters && id.kind.has_instance();
+    let sound = if call.instance.is_some() { runs_on_instance } else { local || !runs_on_instance };
+    if !sound {
         report(Defect::Instance);
     }
     // A list of pointers may have any length.
@@ -449,6 +450,12 @@ mod tests {
         assert_eq!(one(call(FC1, Vec::new(), None)), [Defect::ArgCount(0, 1)]);
         assert_eq!(one(call(FC1, vec![Arg::Open], None)), [Defect::OpenArg(0)]);
         assert_eq!(one(call(FC1, vec![Arg::Const(0)], Some(Number::Fixed(1)))), [Defect::Instance]);
+        let within = |id| {
+            let (target, instance) = (Target::Local(id, BitAddr(0)), Some(Number::Fixed(1)));
+            Op::Call(Box::new(Call { mode: CallMode::Call, target, instance, args: vec![Arg::Const(0)] }))
+        };
+        assert_eq!(one(within(FC1)), [Defect::Instance]);
+        assert_eq!(defects(vec![block(FC1, vec![within(FB1)]), block(FB1, Vec::new())], Vec::new()), []);
         let mode = CallMode::Unconditional;
         let uc =
             |id, arg| Op::Call(Box::new(Call { mode, target: Target::Block(id), instance: None, args: vec![arg] }));

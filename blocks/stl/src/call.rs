@@ -33,7 +33,7 @@ impl<'l> Lowerer<'l, '_> {
         let of_data = called_data(&resolver, &value, mode);
         let (mut target, mut instance) = match of_data {
             Some((fb, db)) => (Target::Block(fb), Some(Number::Fixed(db))),
-            None => (target(&mut reader, value, mode, span)?, None),
+            None => (target(&resolver, &mut reader, value, mode, span)?, None),
         };
         if of_data.is_none() && reader.eat(Kind::Comma).is_some() {
             let given = instance_of(&resolver, &mut reader)?;
@@ -45,7 +45,10 @@ impl<'l> Lowerer<'l, '_> {
                 (Instance::Own(fb, at), Target::Block(id)) if fb == id || same_instance(&resolver, fb, id) => {
                     target = Target::Local(id, at);
                 }
-                (Instance::Own(fb, _), _) => {
+                (Instance::Within(fb, db, at), Target::Block(id)) if same_instance(&resolver, fb, id) => {
+                    (target, instance) = (Target::Local(id, at), Some(Number::Fixed(db)));
+                }
+                (Instance::Own(fb, _) | Instance::Within(fb, ..), _) => {
                     reader.report(span, &codes::INSTANCE, format!("this is an instance of {fb}"));
                     return None;
                 }
@@ -70,7 +73,9 @@ impl<'l> Lowerer<'l, '_> {
             return Some(call_op(mode, target, instance, list));
         }
         self.around.callee = match (target, instance.and_then(fixed)) {
-            (Target::Local(_, at), _) => Some(Callee::Own(at)),
+            // The timers and counters that lie within a data block have no composed in/outs.
+            (Target::Local(..), Some(_)) => None,
+            (Target::Local(_, at), None) => Some(Callee::Own(at)),
             (_, Some(db)) => Some(Callee::Data(db)),
             _ => None,
         };
@@ -100,6 +105,9 @@ impl<'l> Lowerer<'l, '_> {
         instance: Option<Number>,
         span: Span,
     ) -> Option<()> {
+        if mode == CallMode::Call && matches!(target, Target::Local(..)) {
+            return Some(());
+        }
         let needs = id.kind.has_instance() && matches!(target, Target::Block(_)) && mode == CallMode::Call;
         match instance {
             None if needs => {
@@ -273,7 +281,13 @@ fn called_value<'w>(resolver: &Resolver<'w>, reader: &mut Reader<'_, '_>) -> Opt
 }
 
 /// Who is called.
-fn target(reader: &mut Reader<'_, '_>, value: Value<'_>, mode: CallMode, span: Span) -> Option<Target> {
+fn target(
+    resolver: &Resolver<'_>,
+    reader: &mut Reader<'_, '_>,
+    value: Value<'_>,
+    mode: CallMode,
+    span: Span,
+) -> Option<Target> {
     let wrong = match value {
         Value::Instance(fb, at) if mode == CallMode::Call => return Some(Target::Local(fb, at)),
         Value::Block(word, number) => {
@@ -288,6 +302,9 @@ fn target(reader: &mut Reader<'_, '_>, value: Value<'_>, mode: CallMode, span: S
             }
         }
         Value::Instance(fb, _) => format!("an instance of {fb} is called with CALL, not with UC or CC"),
+        other if data_type(resolver, &other).is_some() => {
+            "an IEC timer or counter within other data is called by its block: CALL TON, and then this".to_owned()
+        }
         other => format!("{} cannot be called", other.describe()),
     };
     reader.report(span, &codes::CALL_TARGET, wrong);
@@ -314,13 +331,15 @@ enum Instance {
     Data(Number),
     /// A multi-instance of this block: `CALL TON, #timer` of TIA Portal.
     Own(BlockId, BitAddr),
+    /// The same within a data block: `CALL TON, "Data".timer`.
+    Within(BlockId, u16, BitAddr),
 }
 
 impl Instance {
     /// The function block it is an instance of, where that is known.
     fn made_for(&self, resolver: &Resolver<'_>) -> Option<BlockId> {
         match self {
-            Instance::Own(fb, _) => Some(*fb),
+            Instance::Own(fb, _) | Instance::Within(fb, ..) => Some(*fb),
             Instance::Data(Number::Fixed(db)) => match resolver.world.data.get(db)?.kind {
                 ob1_ir::DataKind::Instance(fb) => Some(fb),
                 ob1_ir::DataKind::Global => None,
@@ -336,17 +355,50 @@ fn instance_of(resolver: &Resolver<'_>, reader: &mut Reader<'_, '_>) -> Option<I
     match resolver.operand(reader)? {
         Value::Block(BlockWord::Db, number @ Number::Fixed(_)) => Some(Instance::Data(number)),
         Value::Instance(fb, at) => Some(Instance::Own(fb, at)),
-        Value::Memory { ty: Some(ob1_model::DataType::Struct(_)), .. }
-        | Value::Through { .. }
-        | Value::Indexed { .. } => {
-            let message =
-                "an instance is a variable of VAR or a data block of its own; one within other data cannot be called";
-            reader.report(span, &codes::NOT_SUPPORTED, message);
-            None
-        }
-        _ => {
-            reader.report(span, &codes::INSTANCE, "the instance data block should follow the comma: DB 50");
-            None
-        }
+        value => match data_type(resolver, &value) {
+            Some(fb) => within(reader, fb, &value, span),
+            None => {
+                reader.report(span, &codes::INSTANCE, "the instance data block should follow the comma: DB 50");
+                None
+            }
+        },
     }
 }
+
+/// The block of a variable that is an IEC timer or counter of an S7-1500, in a structure, a data block, a parameter.
+fn data_type(resolver: &Resolver<'_>, value: &Value<'_>) -> Option<BlockId> {
+    let ty = match value {
+        Value::Memory { ty: Some(ty), .. } | Value::Through { ty, .. } | Value::Indexed { ty, .. } => *ty,
+        _ => return None,
+    };
+    let is_one = |id: &BlockId| resolver.world.blocks.get(id).is_some_and(|b| b.interface.instance_type() == *ty);
+    tia::data_types().find(is_one)
+}
+
+/// Where such an instance lies. `None`: it has no address that is known when the program is loaded (reported).
+fn within(reader: &mut Reader<'_, '_>, fb: BlockId, value: &Value<'_>, span: Span) -> Option<Instance> {
+    let (message, remedy) = match value {
+        Value::Memory { operand, .. } => match operand.place {
+            Place::InDb(db, at) => return Some(Instance::Within(fb, db, at)),
+            Place::Instance(at) => return Some(Instance::Own(fb, at)),
+            Place::Fixed(Area::Local, _) => (
+                "an instance in the local data loses its state at the end of the block",
+                "Declare it in VAR of a function block, or in a data block.",
+            ),
+            _ => OF_PARAMETER,
+        },
+        Value::Indexed { .. } => (
+            "an instance can be called with a fixed index only, not with one that is known at run time",
+            "Write one call for each element.",
+        ),
+        _ => OF_PARAMETER,
+    };
+    reader.sink.report_with(reader.index, span, &codes::NOT_SUPPORTED, message, remedy);
+    None
+}
+
+/// What is said of an instance that the caller supplies.
+const OF_PARAMETER: (&str, &str) = (
+    "an instance that is a parameter has no address here: the caller supplies it",
+    "Call the timer or counter where its instance is declared, in VAR or a data block, and hand over Q, ET or CV.",
+);

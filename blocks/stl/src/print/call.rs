@@ -11,6 +11,7 @@ use super::printer::{Printer, quoted};
 use crate::fit::same_layout;
 use crate::identifiers::Identifier;
 use crate::mnemonics::Shape;
+use crate::tia;
 
 impl Printer<'_> {
     /// A call with its actual parameters. The error says what cannot be said.
@@ -23,8 +24,13 @@ impl Printer<'_> {
                 let _ = write!(out, " {id}");
             }
             Target::Local(id, at) => {
+                if call.instance.is_some() {
+                    return Err(format!("an instance of {id} within a data block"));
+                }
                 let name = self.instance(interface, id, at).ok_or_else(|| format!("an instance of {id} at {at}"))?;
-                let _ = write!(out, " {name}");
+                // The type of one in a structure does not say its block.
+                let block = if tia::is_data_type(id) { format!("{id}, ") } else { String::new() };
+                let _ = write!(out, " {block}{name}");
             }
             Target::Indirect(kind, number) => {
                 let wanted = |ty: &DataType| matches!(ty, DataType::BlockFb | DataType::BlockFc);

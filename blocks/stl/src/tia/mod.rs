@@ -92,6 +92,11 @@ pub(crate) fn is_data_type(fb: BlockId) -> bool {
     family(fb, true).is_some()
 }
 
+/// The blocks of these system data types.
+pub(crate) fn data_types() -> impl Iterator<Item = BlockId> {
+    (OF_1500..OF_1500 + 6).map(|number| BlockId::new(BlockKind::Sfb, number))
+}
+
 /// True for blocks that can run with each other's instance: IEC_TIMER and IEC_COUNTER are one type each.
 pub(crate) fn same_instance(one: BlockId, other: BlockId) -> bool {
     family(one, true).is_some_and(|family_of_one| family(other, true) == Some(family_of_one))
@@ -150,5 +155,6 @@ mod tests {
         assert_eq!(called_with(sfb(4), sfb(1000)), sfb(4));
         assert!(same_instance(sfb(1003), sfb(1005)) && same_instance(sfb(1000), sfb(1002)));
         assert!(!same_instance(sfb(1000), sfb(1003)) && !same_instance(sfb(4), sfb(1004)));
+        assert!(data_types().all(is_data_type) && !is_data_type(sfb(1006)));
     }
 }

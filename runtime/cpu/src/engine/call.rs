@@ -129,10 +129,10 @@ fn supply(call: &Call, r: &mut Regs, m: &mut Machine, signatures: &Signatures) -
             }
             None => references(call, r, m)?,
         },
-        InstanceOf::Db(n) => {
+        InstanceOf::Db(n) | InstanceOf::Within(n, _) => {
             let n = number(n, r, m)?;
             entry.di = open(m, n, DbRegister::Di)?;
-            entry.ar2 = u32::from(ob1_model::Area::Db.pointer_code()) << 24;
+            entry.ar2 = (u32::from(ob1_model::Area::Db.pointer_code()) << 24) | first_bit(call.instance);
             inputs(call, &entry, r, m)?;
         }
         InstanceOf::Local(at) => {
@@ -141,6 +141,14 @@ fn supply(call: &Call, r: &mut Regs, m: &mut Machine, signatures: &Signatures) -
         }
     }
     Ok(Prepared::Ready(callee, entry))
+}
+
+/// Where an instance begins in its data block, when that is known at load.
+const fn first_bit(instance: InstanceOf) -> u32 {
+    match instance {
+        InstanceOf::Within(_, at) => at & POINTER_BITS,
+        _ => 0,
+    }
 }
 
 /// Enters a block of statements: gives it local data and its registers, and says what the caller gets back.
@@ -331,10 +339,13 @@ fn copy_out(call: &Call, tops: Tops, r: &mut Regs, m: &mut Machine) -> Result<()
     let (db, di) = (r.db, r.di);
     let result = match call.instance {
         InstanceOf::None => scratch_out(call, tops.scratch, r, m),
-        InstanceOf::Db(n) => number(n, r, m).and_then(|n| open(m, n, DbRegister::Di)).and_then(|di| {
-            let base = in_db(di, DbRegister::Di, 0, call.instance_bytes * 8, false).and_then(arena)?;
-            instance_out(call, base, r, m)
-        }),
+        InstanceOf::Db(n) | InstanceOf::Within(n, _) => {
+            number(n, r, m).and_then(|n| open(m, n, DbRegister::Di)).and_then(|di| {
+                let first = first_bit(call.instance);
+                let base = in_db(di, DbRegister::Di, first, call.instance_bytes * 8, false).and_then(arena)?;
+                instance_out(call, base, r, m)
+            })
+        }
         InstanceOf::Local(at) => {
             let at = (super::statement::add_ar(r.ar2, at)) & POINTER_BITS;
             let base = in_db(r.di, DbRegister::Di, at, call.instance_bytes * 8, false).and_then(arena);

@@ -107,6 +107,26 @@ fn a_timer_with_the_instance_of_an_s7_1500() {
     assert_eq!(bench.cpu.bit_memory()[22..30], [0, 0, 3, 0xE8, 0, 0, 3, 0xE8], "PT lies 4 bytes into the instance");
 }
 
+#[test]
+fn timers_within_structures_and_data_blocks() {
+    let source = "FUNCTION_BLOCK FB 5 VAR pad : BOOL; q : BOOL; s : STRUCT n : INT; one : IEC_TIMER; END_STRUCT; END_VAR
+         BEGIN CALL TP, #s.one (IN := M 0.0, PT := T#1s, Q := #q); U #q; = M 20.0; END_FUNCTION_BLOCK
+         FUNCTION_BLOCK FB 6 VAR pad : DINT; q : BOOL; in : BOOL; END_VAR
+         BEGIN U M 0.0; = #in; CALL TP, DB7.list[1] (IN := #in, PT := T#1s, Q := #q); U #q; = M 20.1; U DB7.list[1].RU; = M 20.2;
+         L DB7.list[1].PT; T MD 22; L DB7.DBD 22; T MD 26; L DB7.list[0].PT; T MD 30; END_FUNCTION_BLOCK
+         FUNCTION_BLOCK FB 8 VAR pad : DINT; inner : FB 6; END_VAR BEGIN CALL #inner; END_FUNCTION_BLOCK
+         DATA_BLOCK DB 5 FB 5 BEGIN END_DATA_BLOCK
+         DATA_BLOCK DB 8 FB 8 BEGIN END_DATA_BLOCK
+         DATA_BLOCK DB 7 STRUCT n : INT; list : ARRAY [0..2] OF TON_TIME; END_STRUCT BEGIN END_DATA_BLOCK
+         ORGANIZATION_BLOCK OB 1 BEGIN CALL FB 5 , DB 5; CALL FB 8 , DB 8; END_ORGANIZATION_BLOCK";
+    let mut bench = bench(source, &[]);
+    bench.run();
+    bench.set_m(0, 0, true);
+    bench.run();
+    assert_eq!(bench.cpu.bit_memory()[20] & 7, 0b111, "both run");
+    assert_eq!(bench.cpu.bit_memory()[22..34], [0, 0, 3, 0xE8, 0, 0, 3, 0xE8, 0, 0, 0, 0], "the second one");
+}
+
 /// A jump to the first statement does not ask anew.
 #[test]
 fn initial_call_is_true_in_the_first_cycle_alone() {

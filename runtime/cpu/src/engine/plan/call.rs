@@ -25,6 +25,8 @@ pub enum InstanceOf {
     Db(ob1_ir::Number),
     /// A multi-instance at this bit of the caller's instance.
     Local(u32),
+    /// At this bit of a data block.
+    Within(ob1_ir::Number, u32),
 }
 
 /// The reference to an actual parameter of an FC.

@@ -131,11 +131,18 @@ fn instance_call(
     lowered.instance = match (call.target, call.instance) {
         (Target::Local(_, at), None) => InstanceOf::Local(at.0),
         (Target::Block(_), Some(number)) => InstanceOf::Db(number),
+        (Target::Local(_, at), Some(number)) => InstanceOf::Within(number, at.0),
         _ => return Err(wrong("an FB runs on an instance data block or as multi-instance".into())),
     };
-    if let InstanceOf::Db(Number::Fixed(number)) = lowered.instance {
+    let known = match lowered.instance {
+        InstanceOf::Db(Number::Fixed(number)) => Some((number, 0)),
+        InstanceOf::Within(Number::Fixed(number), at) => Some((number, at / 8)),
+        _ => None,
+    };
+    if let Some((number, first)) = known {
+        let end = u64::from(first) + u64::from(signature.instance_bytes);
         match l.program.data.iter().find(|db| db.number == number) {
-            Some(db) if db.bytes.len() < signature.instance_bytes as usize => {
+            Some(db) if (db.bytes.len() as u64) < end => {
                 return Err(LoadError::Instance { number, block: signature.id });
             }
             _ => {}
