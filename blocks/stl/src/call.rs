@@ -172,7 +172,7 @@ impl<'l> Lowerer<'l, '_> {
         for (at, formal) in (0u16..).zip(info.interface.formals()) {
             self.sink.steps += 1;
             let arg = match given.get(&at) {
-                Some(actual) => self.arg(id, formal, actual),
+                Some(actual) => self.arg(id, info, formal, actual),
                 None => Some(Arg::Open),
             };
             let must = !id.kind.has_instance();
@@ -192,7 +192,7 @@ impl<'l> Lowerer<'l, '_> {
     }
 
     /// One actual parameter. `None` when it does not fit (reported); `Open` when nothing is written.
-    fn arg(&mut self, id: BlockId, formal: &Param, actual: &Actual) -> Option<Arg> {
+    fn arg(&mut self, id: BlockId, info: &Info, formal: &Param, actual: &Actual) -> Option<Arg> {
         let name_span = self.file.tokens.get(actual.name)?.span;
         let resolver = self.resolver;
         let mut reader = self.reader(actual.value.clone(), name_span);
@@ -224,6 +224,11 @@ impl<'l> Lowerer<'l, '_> {
             Reached::Arg(arg) => return Some(arg),
             Reached::Value(value) => value,
         };
+        if let Value::Block(BlockWord::Db, Number::Fixed(db)) = value
+            && info.find(&formal.name).is_some_and(|declaration| info.db_any.contains(&declaration))
+        {
+            return Some(Arg::Const(u32::from(db)));
+        }
         match fit(formal, value, id.kind.has_instance()) {
             Ok(arg) => Some(arg),
             Err(Misfit::Type(described)) => {

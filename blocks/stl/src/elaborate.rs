@@ -1,6 +1,6 @@
 //! Declarations to the world: block numbers, types, interfaces and data blocks, whatever their order in the sources.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use ob1_model::{BlockId, BlockKind, DataType, Dimension, Interface, Layout, Param, Section};
 
@@ -323,6 +323,14 @@ impl<'e> Elaborator<'e> {
         }
     }
 
+    /// The inputs of the type DB_ANY.
+    fn db_any(&self, block: &Block, info: &Info) -> BTreeSet<usize> {
+        let Some(file) = self.files.get(block.file) else { return BTreeSet::new() };
+        let inputs = block.sections.iter().filter(|(section, _)| *section == Section::Input).flat_map(|(_, list)| list);
+        let of_type = inputs.filter(|declaration| file.slice(declaration.ty.span).eq_ignore_ascii_case(tia::DB_ANY));
+        of_type.filter_map(|declaration| info.find(&declaration.name)).collect()
+    }
+
     /// The interface of a code block. `None` when a declaration has a mistake that moves the others.
     fn interface(&mut self, index: usize, nesting: u32) -> Option<Info> {
         let block = self.blocks.get(index)?;
@@ -415,6 +423,7 @@ impl<'e> Elaborator<'e> {
         let (instance, temp) = (u64::from(interface.instance_bytes), u64::from(interface.temp_bytes));
         self.within_limits(block, instance, temp, formals)?;
         let mut info = Info::new(block.header_name.clone(), interface, instances);
+        info.db_any = self.db_any(block, &info);
         info.optimized = block.optimized;
         info.code_version1 = block.code_version1;
         for (name, over, ty) in overlays {

@@ -37,6 +37,8 @@ pub(crate) struct Info {
     pub(crate) initial_call: Option<BitAddr>,
     /// Inputs of an organization block that nothing supplies.
     pub(crate) unsupplied: BTreeSet<usize>,
+    /// Inputs that take a data block as its number.
+    pub(crate) db_any: BTreeSet<usize>,
 }
 
 impl Info {
@@ -65,6 +67,7 @@ impl Info {
             code_version1: false,
             initial_call: None,
             unsupplied: BTreeSet::new(),
+            db_any: BTreeSet::new(),
         }
     }
 

@@ -9,7 +9,7 @@ const SAME_SIZE: [(&str, DataType); 13] = [
     ("UINT", DataType::Word),
     ("UDINT", DataType::DWord),
     ("WCHAR", DataType::Word),
-    ("DB_ANY", DataType::Word),
+    (DB_ANY, DataType::Word),
     ("HW_ANY", DataType::Word),
     ("HW_IO", DataType::Word),
     ("HW_SUBMODULE", DataType::Word),
@@ -18,6 +18,9 @@ const SAME_SIZE: [(&str, DataType); 13] = [
     ("PIP", DataType::Word),
     ("RTM", DataType::Word),
 ];
+
+/// The type of an input that takes a data block as its number.
+pub(crate) const DB_ANY: &str = "DB_ANY";
 
 /// Types that STL has no statement for.
 const WITHOUT_STL: [&str; 15] = [
