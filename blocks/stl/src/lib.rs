@@ -72,6 +72,7 @@ pub use library::{Library, LibraryBlock, Missing};
 pub use listing::listing;
 pub use mnemonics::Mnemonics;
 pub use numbering::Numbered;
+pub use recognise::{EXPORT_TAGS, names_no_symbol};
 pub use source::Source;
 pub use symbol_table::{SymbolTable, TableForm, read_symbol_tables, read_symbols};
 

@@ -52,8 +52,14 @@ impl Other {
     }
 }
 
-/// What to do with tag tables.
-const EXPORT_TAGS: &str = "Export the tag table from TIA Portal as .sdf; unpack an archive.";
+/// What to do with tag tables in forms that are not read.
+pub const EXPORT_TAGS: &str = "Export the tag table from TIA Portal as .sdf; unpack an archive.";
+
+/// Whether this is the number of a diagnostic about a symbol that no table has.
+#[must_use]
+pub fn names_no_symbol(code: &str) -> bool {
+    code == crate::codes::UNKNOWN_SYMBOL.number
+}
 
 /// What a `.zip` begins with, and so a `.xlsx`.
 const ZIP: &str = "PK\u{3}\u{4}";

@@ -280,11 +280,23 @@ pub fn compile(wanted: &Sources, library: &Library) -> Result<Compiled, Vec<Find
             "name sources (.awl .stl .db .udt) or a folder of them; symbol tables (.sdf .asc .seq .dif) go with them";
         return Err(vec![Finding::whole(Level::Error, UNREADABLE, &name, "there is no source", remedy)]);
     }
+    let folders = &wanted.files;
     let wanted = Sources { files, symbols, ..wanted.clone() };
     let (empty, sources): (Vec<_>, Vec<_>) =
         read_all(&wanted.files, &wanted.places, &mut findings).into_iter().partition(is_empty);
     findings.extend(of_empty(&empty, if sources.is_empty() { Level::Error } else { Level::Warning }));
-    compile_texts(&sources, &wanted, library, findings)
+    compile_texts(&sources, &wanted, library, findings).map_err(|mut findings| {
+        if findings.iter().any(|finding| ob1_stl::names_no_symbol(&finding.code)) {
+            findings.extend(program_files::unread_tables(folders).iter().map(|table| unread_table(table)));
+        }
+        findings
+    })
+}
+
+/// A tag table in a folder of sources that is not read, while symbols are missing.
+fn unread_table(path: &Path) -> Finding {
+    let message = "this tag table is not read; the missing symbols may be in it";
+    Finding::whole(Level::Warning, UNREADABLE, &path.display().to_string(), message, ob1_stl::EXPORT_TAGS)
 }
 
 /// The finding about a station file among sources, when there is one.

@@ -42,6 +42,27 @@ pub fn is_known(path: &Path) -> bool {
     kind(path).is_some()
 }
 
+/// The files of folders that look like tag tables of TIA Portal in forms that are not read: Excel and XML.
+#[must_use]
+pub fn unread_tables(files: &[PathBuf]) -> Vec<PathBuf> {
+    let mut found: Vec<PathBuf> = files.iter().filter(|path| path.is_dir()).flat_map(|path| within(path)).collect();
+    found.retain(|path| {
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+        extension == "xlsx" || extension == "xml" && beginning(path).is_some_and(|text| text.contains("<Tagtable"))
+    });
+    found
+}
+
+/// The first bytes of a file.
+fn beginning(path: &Path) -> Option<String> {
+    if !path.is_file() {
+        return None;
+    }
+    let mut begin = Vec::new();
+    File::open(path).and_then(|file| file.take(4096).read_to_end(&mut begin)).ok()?;
+    Some(String::from_utf8_lossy(&begin).into_owned())
+}
+
 /// True for a source, false for a symbol table.
 fn kind(path: &Path) -> Option<bool> {
     let extension = path.extension()?.to_str()?.to_ascii_lowercase();
@@ -50,12 +71,7 @@ fn kind(path: &Path) -> Option<bool> {
     }
     if extension == "xml" {
         // Of the many XML files only those with blocks count.
-        if !path.is_file() {
-            return None;
-        }
-        let mut begin = Vec::new();
-        File::open(path).and_then(|file| file.take(4096).read_to_end(&mut begin)).ok()?;
-        return String::from_utf8_lossy(&begin).contains("<SW.").then_some(true);
+        return beginning(path)?.contains("<SW.").then_some(true);
     }
     TABLES.contains(&extension.as_str()).then_some(false)
 }
@@ -100,6 +116,8 @@ mod tests {
         let block = write("sub/x.xml", "<?xml?><Document><SW.Blocks.FC>");
         write("note.txt", "");
         write("other.xml", "<?xml?>");
+        let tags = [write("sub/tags.xml", "<?xml?>\n<Tagtable name='Tags'>"), write("tags.XLSX", "PK")];
+        assert_eq!(unread_tables(&[folder.path().to_owned(), main.clone()]), tags);
         let (sources, tables) = expand(&[folder.path().to_owned()], &[]);
         assert_eq!((sources, tables), (vec![main.clone(), data, block], vec![table.clone()]));
         // Each file that is named counts; a symbol table once.

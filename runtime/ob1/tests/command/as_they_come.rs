@@ -50,6 +50,20 @@ fn a_folder_is_a_program() {
 }
 
 #[test]
+fn a_tag_table_that_is_not_read_is_told_where_its_symbols_are_missing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(folder.path(), "plant/main.awl", MAIN);
+    write(folder.path(), "plant/pump.db", DATA);
+    write(folder.path(), "plant/PLCTags.xlsx", "PK");
+    let said = text(&ob1(folder.path(), &["check", "plant"]));
+    assert!(said.contains("PLCTags.xlsx: warning C001: this tag table is not read"), "{said}");
+    assert!(said.contains("= Export the tag table from TIA Portal as .sdf"), "{said}");
+    write(folder.path(), "plant/main.awl", &MAIN.replace("\"Start\"", "I 0.0"));
+    let said = text(&ob1(folder.path(), &["check", "plant"]));
+    assert!(!said.contains("xlsx"), "{said}");
+}
+
+#[test]
 fn numbers_stay_when_a_source_is_added() {
     let folder = tempfile::tempdir().expect("a folder");
     write(folder.path(), "plant/main.awl", &MAIN.replace("\"Start\"", "I 0.0"));
