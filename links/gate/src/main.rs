@@ -96,8 +96,8 @@ fn main() -> ExitCode {
     exit
 }
 
-/// Ctrl-C on a terminal reaches the whole group; the runtime is asked, and it ends us by closing the doors, which
-/// leaves time for the last words of a link. SIGTERM ends at once.
+/// What is meant for the station is for the runtime, which ends us by closing the doors: that leaves time for the last
+/// words of a link. SIGTERM ends at once.
 fn signals() {
     let ignored = Arc::new(AtomicBool::new(false));
     let registered = [

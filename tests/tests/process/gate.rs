@@ -228,7 +228,7 @@ fn a_killed_gate_comes_back() {
     let (id, _) = stream.until("event", |event| event["state"] == "RUN");
     let scans = station.status().scans;
     let (pid, process) = gate(&station);
-    // Ctrl-C on a terminal, and its end, reach the whole group: the runtime decides.
+    // The runtime decides.
     process.signal(Signal::INT);
     process.signal(Signal::HUP);
     assert_eq!((visitor.get("/api/status").status, gate(&station).0), (200, pid));
