@@ -45,7 +45,7 @@ impl LinkSpec {
 /// The processes of all links. Dropping it ends them: drop the broker first, so that they find their doors closed.
 #[derive(Debug)]
 pub struct Links {
-    _watch: SideThread<OwnedFd>,
+    watch: SideThread<OwnedFd>,
 }
 
 impl Links {
@@ -56,7 +56,12 @@ impl Links {
     pub fn start(specs: Vec<LinkSpec>, broker: &Handle) -> io::Result<Self> {
         let watched = specs.into_iter().map(|spec| Watched { spec, broker: broker.clone() });
         let kept = watched.map(|link| Kept::new(link, Times::DEFAULT)).collect();
-        Ok(Self { _watch: keep("ob1-links", kept, LOOK, END)? })
+        Ok(Self { watch: keep("ob1-links", kept, LOOK, END)? })
+    }
+
+    /// The doors are about to close: a process that ends because of it is neither reported nor started again.
+    pub fn expect_the_end(&mut self) {
+        self.watch.ask_to_end();
     }
 }
 

@@ -243,6 +243,9 @@ fn a_killed_gate_comes_back() {
     assert_eq!(first, id.map(|id| id + 1), "{event}");
     stream.until("event", |event| event["state"] == "STOP");
     assert!(station.status().scans > scans);
+    // The end of the station is not reported as the end of a link.
+    let ended = station.interrupt();
+    assert_eq!(ended.err.matches("it is started again").count(), 1, "{ended:?}");
 }
 
 /// Incomplete requests, huge ones, noise: each is refused or closed, other clients are served meanwhile, and the gate

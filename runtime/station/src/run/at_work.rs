@@ -346,6 +346,9 @@ impl AtWork {
         self.drain_log();
         drop(self.server.take());
         // A process that finds its door closed ends by itself.
+        if let Some(links) = &mut self.links {
+            links.expect_the_end();
+        }
         drop(self.broker.take());
         drop(self.links.take());
         if let Some(fleet) = self.fleet.take() {
