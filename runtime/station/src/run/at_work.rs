@@ -59,6 +59,19 @@ const STOP_TIME: Span = Span::from_secs(3);
 /// that does not return.
 const LOOK: Span = Span::MILLISECOND;
 
+/// Ticks so far. Fifty a second: they come round after 2.7 years.
+struct Ticks(u32);
+
+impl Ticks {
+    fn pass(&mut self) {
+        self.0 = self.0.wrapping_add(1);
+    }
+
+    fn are_a_multiple_of(&self, ticks: u32) -> bool {
+        self.0 % ticks == 0
+    }
+}
+
 /// A station at work. The fields are dropped in this order: a user of something before the thing itself.
 pub(super) struct AtWork {
     view: StationView,
@@ -190,7 +203,7 @@ impl AtWork {
         let line = LiveLine::new(options.quiet);
         let bounded = options.time.is_some() || options.scans.is_some();
         let end = options.time.map(|time| self.clock.time().saturating_add(time));
-        let (mut tick, mut posture_is_told) = (0_u32, false);
+        let (mut ticks, mut posture_is_told) = (Ticks(0), false);
         let ended = loop {
             self.drain_log();
             self.tell_posture(&mut posture_is_told);
@@ -215,12 +228,11 @@ impl AtWork {
             if bounded && stopped && self.journal.fault().is_some() {
                 break Ended::Fault;
             }
-            // Fifty a second: they come round after 2.7 years.
-            tick = tick.wrapping_add(1);
-            if line.is_on() && tick % LIVE_TICKS == 0 {
+            ticks.pass();
+            if line.is_on() && ticks.are_a_multiple_of(LIVE_TICKS) {
                 line.show(&self.live());
             }
-            if tick % DIRECTORY_TICKS == 0 {
+            if ticks.are_a_multiple_of(DIRECTORY_TICKS) {
                 self.look_after_directory();
             }
         };
@@ -570,4 +582,18 @@ fn keep(station: &Station, cpu: &mut Cpu, view: &StationView) -> Result<(Option<
     let started = Keeper::start(store, file.every, cpu.retentive_len(), health.clone());
     let (keeper, scan) = started.map_err(|e| Failure::system("retentive memory", &e))?;
     Ok((Some(keeper), Some(scan)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Ticks;
+
+    #[test]
+    fn ticks_come_round() {
+        let mut ticks = Ticks(u32::MAX);
+        ticks.pass();
+        assert!(ticks.are_a_multiple_of(50));
+        ticks.pass();
+        assert!(!ticks.are_a_multiple_of(50));
+    }
 }
