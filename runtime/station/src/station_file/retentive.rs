@@ -82,12 +82,13 @@ pub(super) fn folder_of(station: &StationTable, folder: &Path) -> PathBuf {
     state_folder(named, std::env::var_os(STATE_DIRECTORY), folder)
 }
 
-/// What systemd tells a service of its `StateDirectory=`.
+/// What systemd tells a service of its `StateDirectory=`: one folder, or several with colons between them.
 const STATE_DIRECTORY: &str = "STATE_DIRECTORY";
 
 /// Where the files go: where the station file says, else where the service manager says, else beside the station file.
 fn state_folder(named: Option<&str>, of_service: Option<OsString>, folder: &Path) -> PathBuf {
-    let of_service = of_service.map(PathBuf::from).filter(|path| path.is_absolute());
+    let of_service = of_service.and_then(|folders| std::env::split_paths(&folders).next());
+    let of_service = of_service.filter(|path| path.is_absolute());
     named.map(|state| folder.join(state)).or(of_service).unwrap_or_else(|| folder.to_owned())
 }
 
@@ -153,6 +154,7 @@ mod tests {
             (None, service("/var/lib/ob1/press"), "/var/lib/ob1/press"),
             (Some("/data"), service("/var/lib/ob1/press"), "/data"),
             (Some("kept"), service("/var/lib/ob1/press"), "/etc/ob1/press/kept"),
+            (None, service("/var/lib/ob1/press:/var/lib/more"), "/var/lib/ob1/press"),
             (None, service(""), "/etc/ob1/press"),
             (None, service("relative"), "/etc/ob1/press"),
         ] {
