@@ -265,10 +265,14 @@ impl Event {
     pub const INPUT_IMAGE_ERROR: Event = Event(0x39B1);
     /// Access error while the system writes the process image of the outputs.
     pub const OUTPUT_IMAGE_ERROR: Event = Event(0x39B2);
+    /// The same for inputs, where only the beginning and the end are reported.
+    pub const INPUT_IMAGE_FAILS: Event = Event(0x39B3);
+    /// The same for outputs, where only the beginning and the end are reported.
+    pub const OUTPUT_IMAGE_FAILS: Event = Event(0x39B4);
     /// Access to the inputs of a module works again.
-    pub const INPUT_IMAGE_BACK: Event = Event(0x38B1);
+    pub const INPUT_IMAGE_BACK: Event = Event(0x38B3);
     /// Access to the outputs of a module works again.
-    pub const OUTPUT_IMAGE_BACK: Event = Event(0x38B2);
+    pub const OUTPUT_IMAGE_BACK: Event = Event(0x38B4);
     /// A whole bus is lost: its process has ended.
     pub const BUS_FAILED: Event = Event(0x39C3);
     /// A station of a bus is lost.
@@ -313,7 +317,7 @@ impl Event {
     pub const ENGINES_DIFFER: Event = Event(0xF401);
 
     /// Every event with a name that is not a fault.
-    pub const ALL: [Event; 43] = [
+    pub const ALL: [Event; 45] = [
         Event::STARTUP,
         Event::RUN,
         Event::STOP_OPERATOR,
@@ -334,6 +338,8 @@ impl Event {
         Event::OB_NOT_LOADED,
         Event::INPUT_IMAGE_ERROR,
         Event::OUTPUT_IMAGE_ERROR,
+        Event::INPUT_IMAGE_FAILS,
+        Event::OUTPUT_IMAGE_FAILS,
         Event::INPUT_IMAGE_BACK,
         Event::OUTPUT_IMAGE_BACK,
         Event::BUS_FAILED,
@@ -383,8 +389,10 @@ impl Event {
             0x35A1 => "event for an OB that is not loaded",
             0x39B1 => "access error in the transfer of the process image of the inputs",
             0x39B2 => "access error in the transfer of the process image of the outputs",
-            0x38B1 => "access to the process image of the inputs works again",
-            0x38B2 => "access to the process image of the outputs works again",
+            0x39B3 => "access to the process image of the inputs fails from now on",
+            0x39B4 => "access to the process image of the outputs fails from now on",
+            0x38B3 => "access to the process image of the inputs works again",
+            0x38B4 => "access to the process image of the outputs works again",
             0x39C3 => "distributed I/O, failure of a bus",
             0x39C4 => "distributed I/O, failure of a station",
             0x38C4 => "distributed I/O, a station is back",

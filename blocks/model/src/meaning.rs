@@ -93,7 +93,10 @@ impl Event {
                 "The OB is requested more often than it can run: shorten it, or request it less often."
             }
             Event::OB_NOT_LOADED => "Load the OB, or remove the interrupt or call that requests it.",
-            Event::INPUT_IMAGE_ERROR | Event::OUTPUT_IMAGE_ERROR => {
+            Event::INPUT_IMAGE_ERROR
+            | Event::OUTPUT_IMAGE_ERROR
+            | Event::INPUT_IMAGE_FAILS
+            | Event::OUTPUT_IMAGE_FAILS => {
                 "Check the module that feeds this byte; for a CP, its driver and its line (`ob1 diag`)."
             }
             Event::PLUGIN_PANIC => {

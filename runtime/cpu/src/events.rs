@@ -6,7 +6,7 @@ use ob1_model::{Access, BlockId, BlockKind, Event, Fault, Site};
 use crate::engine::{Callee, Interrupted};
 use crate::interrupts::{ob_of, priority_of};
 use crate::szl::block_code;
-use crate::{Abort, Context, DiagEntry, Family, ModuleError, ObInfo, ShortText};
+use crate::{Abort, Context, DiagEntry, Family, ImageErrors, ModuleError, ObInfo, ShortText};
 
 /// Priority class of the OBs for asynchronous errors in RUN.
 const ASYNCHRONOUS: u8 = 26;
@@ -294,7 +294,14 @@ impl Context<'_> {
         let slot = &plugged.slot;
         let base = slot.input_address.min(slot.output_address) as u16;
         let byte = if output { slot.output_address } else { slot.input_address };
-        let event = if output { Event::OUTPUT_IMAGE_ERROR } else { Event::INPUT_IMAGE_ERROR };
+        // B1h and B2h come each time, B3h and B4h when it begins and ends. ["Priority Class Error Organization Block
+        // (OB85)" of the system software reference]
+        let event = match (self.machine.config.image_errors, output) {
+            (ImageErrors::Changes, false) => Event::INPUT_IMAGE_FAILS,
+            (ImageErrors::Changes, true) => Event::OUTPUT_IMAGE_FAILS,
+            (_, false) => Event::INPUT_IMAGE_ERROR,
+            (_, true) => Event::OUTPUT_IMAGE_ERROR,
+        };
         // The OB is called at each transfer; the diagnostic buffer gets only the first error.
         if !plugged.image_error[usize::from(output)] {
             let what = if error == ModuleError::Absent { ", the module does not answer" } else { "" };

@@ -327,12 +327,12 @@ fn image_errors_that_are_told_when_they_begin_and_end() {
         module.look(|s| s.absent = true);
         bench.run();
         bench.run();
-        assert_eq!((bench.mw(0), bench.md(20)), (2, 0x39B2_1A55), "inputs and outputs, once");
+        assert_eq!((bench.mw(0), bench.md(20)), (2, 0x39B4_1A55), "inputs and outputs, once");
         module.look(|s| s.absent = false);
         bench.run();
         bench.run();
-        assert_eq!((bench.mw(0), bench.md(20), bench.md(24), bench.md(28)), (4, 0x38B2_1A55, 0x1000_0008, 8));
-        assert_eq!(bench.events()[..4], [0x38B2, 0x38B1, 0x39B2, 0x39B1]);
+        assert_eq!((bench.mw(0), bench.md(20), bench.md(24), bench.md(28)), (4, 0x38B4_1A55, 0x1000_0008, 8));
+        assert_eq!(bench.events()[..4], [0x38B4, 0x38B3, 0x39B4, 0x39B3]);
     });
 }
 
