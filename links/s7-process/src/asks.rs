@@ -487,7 +487,7 @@ fn answered(answer: &Answer, rights: Option<Rights>) -> Reply {
             Refusal::Password => Code::PASSWORD,
             Refusal::NotThere => Code::NO_BLOCK,
             Refusal::InRun => Code::COORDINATION,
-            Refusal::Block => Code::BLOCK_LENGTHS,
+            Refusal::Block => Code::BLOCK,
             Refusal::Room => Code::BLOCK_SIZE,
             Refusal::Cell(_) | Refusal::Full | Refusal::Silent => Code::NOT_NOW,
         }),

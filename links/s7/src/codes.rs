@@ -78,8 +78,8 @@ codes! {
     BLOCK_SIZE = 0xD20F "the block is too large for the CPU";
     /// Not a number for such a block.
     BLOCK_NUMBER = 0xD210 "not a number for such a block";
-    /// The lengths in the header of the block are wrong.
-    BLOCK_LENGTHS = 0xD219 "the lengths of the block are wrong";
+    /// The CPU cannot use the block: its lengths or its code are wrong, or it calls a block that is not there.
+    BLOCK = 0xD219 "the block is not machine code, or it calls a block that is missing";
     /// Not while the CPU is in this operating state.
     COORDINATION = 0xD240 "not possible in this operating state";
     /// The protection level does not allow it.

@@ -354,6 +354,9 @@ fn half_a_program_is_not_started() {
     let said = site.ob1(&["download", &to, "copy", "--stop"]);
     assert_eq!(said.code, Some(1), "{} {}", said.out, said.err);
     assert!(said.err.contains("ob1: the CPU stays in STOP"), "{}", said.err);
+    // One block is at fault, not each of those that are linked with it.
+    assert_eq!(said.err.matches("D219").count(), 1, "{}", said.err);
+    assert!(said.err.contains("64 blocks that are linked together: one of them is refused"), "{}", said.err);
     assert_eq!(second.status().state, "STOP");
     for station in [first, second] {
         assert_eq!(station.interrupt().code(), Some(0));

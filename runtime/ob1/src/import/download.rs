@@ -1,6 +1,6 @@
 //! `ob1 download`: blocks into a CPU on the network.
 
-use std::collections::BTreeMap;
+use std::fmt;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -65,35 +65,70 @@ fn run(args: &DownloadArgs) -> Result<ImportExit, String> {
     }
     let in_stop = |why: String| if args.stop { format!("{why}; {STAYS}") } else { why };
     let refused = load_all(&mut device, blocks.clone()).map_err(in_stop)?;
-    for (name, why) in &refused {
-        let in_run = *why == Refused::Job(Code::COORDINATION);
-        err!("{name}: {why}{}", if in_run { "; --stop sends the CPU to STOP first" } else { "" });
+    for group in &refused {
+        err!("{group}");
     }
-    say!("{} of {} blocks were loaded", blocks.len() - refused.len(), blocks.len());
-    let is_half = !refused.is_empty() && refused.len() < blocks.len();
+    let left_out: usize = refused.iter().map(|group| group.names.len()).sum();
+    say!("{} of {} blocks were loaded", blocks.len() - left_out, blocks.len());
+    let is_half = left_out > 0 && left_out < blocks.len();
     if args.stop && is_half {
         err!("ob1: {STAYS}\n  = load the blocks that were refused, or the earlier ones again, then start it");
     } else if args.stop {
         let started = device.control(b"", b"P_PROGRAM").map_err(|error| error.0)?;
         started.map_err(|why| format!("the CPU does not start again: {why}"))?;
     }
-    Ok(match refused.len() {
+    Ok(match left_out {
         0 => ImportExit::Whole,
         all if all == blocks.len() => ImportExit::Nothing,
         _ => ImportExit::LeftOut,
     })
 }
 
+/// Blocks that were to be linked together, and were refused.
+#[derive(Debug)]
+struct RefusedGroup {
+    names: Vec<String>,
+    /// The one that was refused before they were linked.
+    at_fault: Option<String>,
+    why: Refused,
+}
+
+impl fmt::Display for RefusedGroup {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let hint = match self.why {
+            Refused::Job(Code::COORDINATION) => "; --stop sends the CPU to STOP first",
+            _ => "",
+        };
+        let why = &self.why;
+        if let [name] = self.names.as_slice() {
+            return write!(f, "{name}: {why}{hint}");
+        }
+        let (count, names) = (self.names.len(), self.names.join(", "));
+        match (&self.at_fault, why) {
+            (Some(name), _) => {
+                write!(f, "{name}: {why}{hint}\n  = it and what is linked with it were not loaded: {names}")
+            }
+            // Linking is one job: its answer names no block.
+            (None, Refused::Job(Code::BLOCK | Code::NO_BLOCK)) => write!(
+                f,
+                "{count} blocks that are linked together: one of them is refused, {why}\n  = an ob1 names it in its \
+                 log; none of these was loaded: {names}"
+            ),
+            (None, _) => write!(f, "{count} blocks that are linked together: {why}{hint}\n  = these are: {names}"),
+        }
+    }
+}
+
 /// Loads the blocks; returns those that were refused for good. One that needs another is loaded after it, in the next
 /// round.
-fn load_all(device: &mut Device<Socket>, blocks: Blocks) -> Result<BTreeMap<String, Refused>, String> {
+fn load_all(device: &mut Device<Socket>, blocks: Blocks) -> Result<Vec<RefusedGroup>, String> {
     let mut groups = together(blocks, device.linkable().min(TOGETHER));
     loop {
-        let (before, mut refused) = (groups.len(), BTreeMap::new());
+        let (before, mut refused) = (groups.len(), Vec::new());
         let mut left = Vec::new();
         for group in groups {
-            if let Err(why) = load(device, &group)? {
-                refused.extend(group.keys().map(|name| (name.clone(), why)));
+            if let Err((at_fault, why)) = load(device, &group)? {
+                refused.push(RefusedGroup { names: group.keys().cloned().collect(), at_fault, why });
                 left.push(group);
             }
         }
@@ -121,20 +156,42 @@ fn together(blocks: Blocks, most: usize) -> Vec<Blocks> {
     groups
 }
 
-/// Loads blocks and links them, together.
-fn load(device: &mut Device<Socket>, group: &Blocks) -> Result<Result<(), Refused>, String> {
+/// Loads blocks and links them, together. A refusal has the block at fault, if it was refused before the linking.
+fn load(device: &mut Device<Socket>, group: &Blocks) -> Result<Result<(), (Option<String>, Refused)>, String> {
     let mut names = Vec::new();
     for (name, bytes) in group {
         let (ty, number) = named(bytes).ok_or_else(|| format!("{name} is not a block of a program"))?;
         if let Err(why) = device.download(ty, number, bytes).map_err(|error| error.0)? {
-            return Ok(Err(why));
+            return Ok(Err((Some(name.clone()), why)));
         }
         names.push((ty, number));
     }
-    device.link(&names).map_err(|error| error.0)
+    Ok(device.link(&names).map_err(|error| error.0)?.map_err(|why| (None, why)))
 }
 
 fn named(bytes: &[u8]) -> Option<(BlockType, u16)> {
     let (block, _) = BlockImage::read(bytes).ok()?;
     Some((BlockType::of_head(block.head.kind)?, block.head.number))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Which block is at fault is said where the CPU says it, and nowhere else.
+    #[test]
+    fn refused_blocks_are_told_once() {
+        let told = |names: &[&str], at_fault: Option<&str>, code: Code| {
+            let names = names.iter().map(|name| (*name).to_owned()).collect();
+            RefusedGroup { names, at_fault: at_fault.map(str::to_owned), why: Refused::Job(code) }.to_string()
+        };
+        assert_eq!(told(&["FC5"], None, Code::BLOCK), format!("FC5: {}", Code::BLOCK));
+        let linked = told(&["FC1", "FC2"], None, Code::BLOCK);
+        assert!(linked.starts_with("2 blocks that are linked together: one of them is refused"), "{linked}");
+        assert!(linked.ends_with("FC1, FC2"), "{linked}");
+        let named = told(&["FC1", "FC2"], Some("FC2"), Code::PROTECTED);
+        assert!(named.starts_with(&format!("FC2: {}\n", Code::PROTECTED)), "{named}");
+        let in_run = told(&["FC1", "FC2"], None, Code::COORDINATION);
+        assert!(in_run.contains("--stop") && !in_run.contains("one of them"), "{in_run}");
+    }
 }
