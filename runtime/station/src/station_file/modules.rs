@@ -230,28 +230,38 @@ fn cp240(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Mod
     Some(ModuleKind::Cp240 { params: Box::new(params), bytes, line, abd, diagnostics })
 }
 
-/// Refuses a module that shares bytes with an earlier one or reaches beyond its area.
+/// Refuses a module that shares bytes with an earlier one or reaches beyond its area. The same fault of inputs and
+/// outputs, at one place of the file, is told once.
 fn overlaps(f: &mut Findings<'_>, places: &[Range<usize>; 2], module: &ModuleConfig, earlier: &[ModuleConfig]) {
+    let mut before: Option<(Range<usize>, Option<&str>)> = None;
     for outputs in [false, true] {
         let (first, len) = range(module, outputs);
         let word = if outputs { "output" } else { "input" };
         let at = places[usize::from(outputs)].clone();
         let area = if module.kind.cp().is_some() { LAST_ADDRESS as u32 + 1 } else { IO_AREA_BYTES as u32 };
-        if len > 0 && first + len > area {
+        let (message, remedy, owner) = if len > 0 && first + len > area {
             let message = format!("{} reaches from byte {first} to {}", module.name, first + len - 1);
-            f.error(ADDRESS, at, message, format!("the last {word} byte such a module can have is {}", area - 1));
-            return;
+            (message, format!("the last {word} byte such a module can have is {}", area - 1), None)
+        } else {
+            let shared = |other: &ModuleConfig| {
+                let (begin, other_len) = range(other, outputs);
+                let common = first.max(begin);
+                (common < (first + len).min(begin + other_len)).then_some((common, begin, other_len))
+            };
+            let Some((other, (common, begin, other_len))) =
+                earlier.iter().find_map(|other| Some((other, shared(other)?)))
+            else {
+                continue;
+            };
+            let message = format!("{word} byte {common} belongs to {} already", other.name);
+            let remedy = format!("{} occupies {begin} to {}", other.name, begin + other_len - 1);
+            (message, remedy, Some(other.name.as_str()))
+        };
+        let fault = (at.clone(), owner);
+        if before.as_ref() != Some(&fault) {
+            f.error(ADDRESS, at, message, remedy);
         }
-        for other in earlier {
-            let (begin, other_len) = range(other, outputs);
-            let common = first.max(begin);
-            if common < (first + len).min(begin + other_len) {
-                let message = format!("{word} byte {common} belongs to {} already", other.name);
-                let remedy = format!("{} occupies {begin} to {}", other.name, begin + other_len - 1);
-                f.error(ADDRESS, at, message, remedy);
-                return;
-            }
-        }
+        before = Some(fault);
     }
 }
 
