@@ -274,7 +274,10 @@ fn machine_code(program: &ob1_ir::Program, standard: &[Choice]) -> String {
 }
 
 fn check_program(station: &Station) -> Result<(Loaded, Cpu), Vec<Finding>> {
-    let stimulus = station.stimulus.as_deref().map_or(Ok(Stimulus::default()), Stimulus::load)?;
+    let stimulus = match &station.stimulus {
+        Some((path, place)) => Stimulus::load(path, place)?,
+        None => Stimulus::default(),
+    };
     let loaded = program::load(station).map_err(|failure| failure.findings().to_vec())?;
     let seen: Vec<_> = station.modules.iter().map(assembly::plugin_module).collect();
     let natives = loaded.native_blocks(&seen).map_err(|failure| failure.findings().to_vec())?;

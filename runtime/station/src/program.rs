@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::ErrorKind;
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ use ob1_stl::{Library, Limit, Numbered, Options, Rest, Severity, Source};
 use crate::finding::{Finding, Level, Spot};
 use crate::library::{self, Choice};
 use crate::sources::Sources;
-use crate::station_file::findings::{EMPTY, MACHINE_CODE, MISPLACED, REST, UNREADABLE};
+use crate::station_file::findings::{EMPTY, MACHINE_CODE, MISPLACED, REST, UNREADABLE, unreadable};
 use crate::station_file::{self, Station};
 use crate::{files, handling_check, missing_blocks, numbers, program_files, whole_library};
 
@@ -437,28 +437,24 @@ pub fn read_all(paths: &[PathBuf], places: &[(PathBuf, Spot)], findings: &mut Ve
         match files::read(path, files::LONGEST) {
             Ok(bytes) => sources.push(Source::new(name, bytes)),
             Err(error) => {
-                let remedy = match error.kind() {
-                    ErrorKind::NotFound => {
-                        "paths of the command line count from the current folder, those in a file from its folder"
-                    }
-                    ErrorKind::PermissionDenied => "make it readable for this user",
-                    _ => "name a source, or a symbol table",
-                };
-                findings.push(match places.iter().find(|(named, _)| named == path) {
-                    Some((_, spot)) => {
-                        let message = format!("the file {name} cannot be read: {error}");
-                        let remedy = "paths count from the file that names them";
-                        spot.finding(Level::Error, UNREADABLE, message, remedy.to_owned())
-                    }
-                    None => {
-                        let message = format!("the file cannot be read: {error}");
-                        Finding::whole(Level::Error, UNREADABLE, &name, message, remedy)
-                    }
-                });
+                let place = places.iter().find(|(named, _)| named == path).map(|(_, place)| place);
+                findings.push(place.map_or_else(|| named_nowhere(&name, &error), |place| unreadable(place, path, &error)));
             }
         }
     }
     sources
+}
+
+/// The finding about a file of the command line, or within a folder, that cannot be read.
+fn named_nowhere(name: &str, error: &io::Error) -> Finding {
+    let remedy = match error.kind() {
+        ErrorKind::NotFound => {
+            "paths of the command line count from the current folder, those in a file from its folder"
+        }
+        ErrorKind::PermissionDenied => "make it readable for this user",
+        _ => "name a source, or a symbol table",
+    };
+    Finding::whole(Level::Error, UNREADABLE, name, format!("the file cannot be read: {error}"), remedy)
 }
 
 fn of_diagnostic(diagnostic: &ob1_stl::Diagnostic, sources: &[Source]) -> Finding {

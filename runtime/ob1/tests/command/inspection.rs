@@ -67,6 +67,19 @@ fn a_stimulus_without_inputs_is_told() {
 }
 
 #[test]
+fn a_missing_stimulus_is_told_at_the_line_that_names_it() {
+    let folder = tempfile::tempdir().expect("a directory");
+    let path = folder.path().join("s.toml");
+    let di = "[[module]]\ntype = \"di\"\nname = \"i\"\naddress = 0\nbytes = 1\n";
+    let station = format!("[station]\nname = \"s\"\n[process_io]\nstimulus = \"gone.toml\"\n{di}");
+    std::fs::write(&path, station).expect("writable");
+    let output = ob1(&["check", &path.display().to_string()]);
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    let said = text(&output) + &String::from_utf8_lossy(&output.stderr);
+    assert!(said.contains("s.toml:4:12: error C001: the file ") && said.contains("gone.toml cannot be"), "{said}");
+}
+
+#[test]
 fn a_reference_that_is_not_there_is_told() {
     let output = ob1(&["xref", "traffic-light/traffic-light.awl", "--operand", "MW 999"]);
     assert_eq!((output.status.code(), text(&output).as_str()), (Some(0), ""));

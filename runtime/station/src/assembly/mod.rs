@@ -438,7 +438,9 @@ impl Building<'_> {
         let leads = self.io.is_none();
         if leads {
             let stimulus = match &self.station.stimulus {
-                Some(path) => Stimulus::load(path).map_err(|f| AssemblyError::Load(LoadFailure::Rejected(f)))?,
+                Some((path, place)) => {
+                    Stimulus::load(path, place).map_err(|f| AssemblyError::Load(LoadFailure::Rejected(f)))?
+                }
                 None => Stimulus::default(),
             };
             let image = IoImage::create_shared().map_err(|e| AssemblyError::System(format!("process I/O: {e}")))?;

@@ -13,8 +13,8 @@ use toml::Spanned;
 
 use super::panel;
 use crate::files;
-use crate::finding::{Finding, Level, Text};
-use crate::station_file::findings::STIMULUS;
+use crate::finding::{Finding, Level, Spot, Text};
+use crate::station_file::findings::{STIMULUS, unreadable};
 use crate::station_file::{ModuleConfig, parse_duration};
 use ob1_access::Names;
 use ob1_access::value;
@@ -56,19 +56,14 @@ pub struct Stimulus {
 }
 
 impl Stimulus {
-    /// Reads a stimulus file.
+    /// Reads a stimulus file. `place` names it.
     ///
     /// # Errors
     /// All findings.
-    pub fn load(path: &Path) -> Result<Self, Vec<Finding>> {
-        let name = path.display().to_string();
+    pub fn load(path: &Path, place: &Spot) -> Result<Self, Vec<Finding>> {
         match files::read_text(path) {
-            Ok(text) => Self::parse(&text, &name),
-            Err(error) => {
-                let message = format!("the stimulus file cannot be read: {error}");
-                let remedy = "its path counts from the station file";
-                Err(vec![Finding::whole(Level::Error, STIMULUS, &name, message, remedy)])
-            }
+            Ok(text) => Self::parse(&text, &path.display().to_string()),
+            Err(error) => Err(vec![unreadable(place, path, &error)]),
         }
     }
 

@@ -11,7 +11,7 @@ use super::building::Buses;
 use super::findings::{CONTRADICTION, Findings, TWICE, VALUE};
 use super::tables::{CpuTable, Placed, PluginTable, StationFile, TimingTable};
 use super::types::{Plugin, Realtime, Station};
-use super::values::{choice, name, number, places, time};
+use super::values::{choice, name, number, place, places, time};
 use super::{connection, interrupts, link, modules, retentive, simulated};
 use crate::block_name::parse_block;
 use crate::engine::EngineChoice;
@@ -59,7 +59,7 @@ pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Resu
         buses,
         links,
         simulated_lines: simulated::lines(f, file, folder),
-        stimulus: file.process_io.stimulus.as_ref().map(|s| folder.join(s.get_ref())),
+        stimulus: file.process_io.stimulus.as_ref().map(|s| place(f, s, folder)),
     };
     findings.into_result(station)
 }

@@ -1,6 +1,8 @@
 //! What can be wrong with a station file and the files beside it, by number, and the collector of findings.
 
+use std::io;
 use std::ops::Range;
+use std::path::Path;
 
 use crate::finding::{Finding, Level, Spot, Text, nearest};
 
@@ -42,6 +44,19 @@ pub const UNPROTECTED: &str = "C017";
 pub const NOT_KEPT: &str = "C018";
 /// A file with nothing in it.
 pub const EMPTY: &str = "C019";
+
+/// The finding about a file that is named here and cannot be read.
+#[must_use]
+pub fn unreadable(place: &Spot, path: &Path, error: &io::Error) -> Finding {
+    let message = format!("the file {} cannot be read: {error}", path.display());
+    let remedy = match error.kind() {
+        io::ErrorKind::NotFound => "paths count from the file that names them",
+        io::ErrorKind::PermissionDenied => "make it readable for this user",
+        io::ErrorKind::IsADirectory => "name a file, not a folder",
+        _ => "name another file",
+    };
+    place.finding(Level::Error, UNREADABLE, message, remedy.to_owned())
+}
 
 /// Collects findings of one file.
 #[derive(Debug)]

@@ -64,7 +64,7 @@ pub fn load_and_look(path: &Path) -> Result<(Station, Vec<Finding>), Vec<Finding
     warnings.extend(coupler::unwatched(&file, source));
     match unplayed(&file, source) {
         Some(whole) => warnings.push(whole),
-        None => warnings.extend(station.stimulus.iter().flat_map(|path| Stimulus::unread(path, &station.modules))),
+        None => warnings.extend(station.stimulus.iter().flat_map(|(path, _)| Stimulus::unread(path, &station.modules))),
     }
     warnings.extend(link::absent(&file.link, source, folder));
     Ok((station, warnings))

@@ -11,6 +11,7 @@ use ob1_time::Span;
 
 use super::line::Line;
 use crate::engine::EngineChoice;
+use crate::finding::Spot;
 use crate::retentive::RetentiveFile;
 use crate::sources::Sources;
 
@@ -47,8 +48,8 @@ pub struct Station {
     pub simulated_lines: Vec<SimulatedLine>,
     /// Links into the CPU, in the order of the file.
     pub links: Vec<StationLink>,
-    /// A file of timed process inputs.
-    pub stimulus: Option<PathBuf>,
+    /// A file of timed process inputs, and the place that names it.
+    pub stimulus: Option<(PathBuf, Spot)>,
 }
 
 /// The kinds of link.

@@ -82,5 +82,10 @@ pub(super) fn time(f: &mut Findings<'_>, value: Option<&Placed<String>>, default
 /// Each file of lists, and the place that names it.
 pub fn places(f: &Findings<'_>, lists: &[&Vec<Placed<String>>], folder: &Path) -> Vec<(PathBuf, Spot)> {
     let all = lists.iter().flat_map(|list| list.iter());
-    all.map(|named| (folder.join(named.get_ref()), f.spot(named.span()))).collect()
+    all.map(|named| place(f, named, folder)).collect()
+}
+
+/// A file that is named, and the place that names it.
+pub(super) fn place(f: &Findings<'_>, named: &Placed<String>, folder: &Path) -> (PathBuf, Spot) {
+    (folder.join(named.get_ref()), f.spot(named.span()))
 }
