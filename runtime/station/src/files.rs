@@ -3,7 +3,7 @@
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read as _, Write as _};
-use std::os::unix::fs::{FileTypeExt as _, OpenOptionsExt as _};
+use std::os::unix::fs::{FileTypeExt as _, OpenOptionsExt as _, PermissionsExt as _};
 use std::path::Path;
 
 /// More than any file that people write or tools make of a program, in bytes.
@@ -57,7 +57,30 @@ pub fn replace(path: &Path, content: &[u8]) -> io::Result<()> {
     replace_by(Path::new(&beside), path, content, 0o666)
 }
 
-/// The same by way of this name, with these rights.
+/// Writes what a user wants in a file of this name: a file is replaced as a whole and keeps its rights. Anything else
+/// (`/dev/stdout`, a FIFO, a link) is written into, and so is a file in whose folder nothing may be created.
+///
+/// # Errors
+/// What the system says; a file that was there before stays.
+pub fn write(path: &Path, content: &[u8]) -> io::Result<()> {
+    let mode = match fs::symlink_metadata(path) {
+        Ok(there) if there.is_file() => there.permissions().mode() & 0o777,
+        Ok(_) => return fs::write(path, content),
+        Err(_) => 0o666,
+    };
+    let mut beside = OsString::from(".");
+    beside.push(path.file_name().unwrap_or_default());
+    beside.push(format!(".{}.new", std::process::id()));
+    match replace_by(&path.with_file_name(beside), path, content, mode) {
+        // The file may be a mount point of its own, as in a container.
+        Err(error) if matches!(error.kind(), io::ErrorKind::PermissionDenied | io::ErrorKind::ResourceBusy) => {
+            fs::write(path, content)
+        }
+        written => written,
+    }
+}
+
+/// The same as [`replace`] by way of this name, with these rights.
 ///
 /// # Errors
 /// As [`replace`].
@@ -122,6 +145,32 @@ mod tests {
         let made = std::process::Command::new("mkfifo").arg(&path).status().expect("mkfifo is there");
         assert!(made.success());
         assert_eq!(read(&path, 1).expect_err("nobody writes").to_string(), NO_FILE);
+    }
+
+    /// A file is replaced and keeps its rights; what is no file is written into and stays what it is.
+    #[test]
+    fn what_a_user_names_is_written_and_stays_what_it_is() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (path, link) = (folder.path().join("x"), folder.path().join("link"));
+        write(&path, b"first").expect("a new file");
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o600)).expect("mine");
+        write(&path, b"second").expect("replaced");
+        assert_eq!(fs::metadata(&path).expect("there").permissions().mode() & 0o777, 0o600);
+        std::os::unix::fs::symlink(&path, &link).expect("a link");
+        write(&link, b"third").expect("written through it");
+        assert!(link.is_symlink());
+        assert_eq!(fs::read_to_string(&path).expect("there"), "third");
+        let fifo = folder.path().join("fifo");
+        let made = std::process::Command::new("mkfifo").arg(&fifo).status().expect("mkfifo is there");
+        assert!(made.success());
+        let reader = std::process::Command::new("cat").arg(&fifo).stdout(std::process::Stdio::piped()).spawn();
+        let reader = reader.expect("cat is there");
+        write(&fifo, b"fourth").expect("it is read");
+        assert_eq!(reader.wait_with_output().expect("it ends").stdout, b"fourth");
+        assert!(fs::metadata(&fifo).expect("there").file_type().is_fifo());
+        assert!(write(Path::new("/dev/full"), b"no").is_err() && !Path::new("/dev/full").is_file());
+        assert!(write(&folder.path().join("nowhere/x"), b"no").is_err());
+        assert_eq!(fs::read_dir(folder.path()).expect("there").count(), 3, "nothing is left over");
     }
 
     /// Whatever stands where the new content is prepared: it is neither followed nor written into nor waited for.

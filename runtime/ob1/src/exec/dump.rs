@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use ob1_cpu::Cpu;
+use ob1_station::files;
 
 /// What a dump is of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,7 +67,7 @@ impl Dump {
     /// Writes the file. A data block the program has deleted gives an error.
     pub(super) fn write(&self, cpu: &Cpu) -> Result<(), String> {
         let bytes = self.bytes(cpu).map_err(|text| format!("--dump {text}"))?;
-        std::fs::write(&self.file, bytes).map_err(|error| format!("{}: {error}", self.file.display()))
+        files::write(&self.file, bytes).map_err(|error| format!("{}: {error}", self.file.display()))
     }
 }
 

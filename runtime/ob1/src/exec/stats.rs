@@ -5,6 +5,7 @@ use std::path::Path;
 use std::time;
 
 use ob1_cpu::Cpu;
+use ob1_station::files;
 use ob1_time::Instant;
 use rustix::time::{ClockId, clock_gettime};
 use serde::Serialize;
@@ -44,7 +45,7 @@ impl Stats {
     pub(super) fn write(&self, path: &Path) -> io::Result<()> {
         let mut text = serde_json::to_string_pretty(self)?;
         text.push('\n');
-        std::fs::write(path, text)
+        files::write(path, text.as_bytes())
     }
 }
 

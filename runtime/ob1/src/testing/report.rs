@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::io;
 use std::path::Path;
 
+use ob1_station::files;
 use ob1_station::finding::Finding;
 
 /// One test that was run.
@@ -69,7 +70,7 @@ impl FileReport {
 /// # Errors
 /// What the system says.
 pub fn write_junit(path: &Path, reports: &[FileReport]) -> io::Result<()> {
-    std::fs::write(path, junit(reports))
+    files::write(path, junit(reports).as_bytes())
 }
 
 fn junit(reports: &[FileReport]) -> String {

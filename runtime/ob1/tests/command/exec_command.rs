@@ -102,6 +102,27 @@ fn a_fault_shows_its_entry_and_leaves_the_dump() {
     assert!(std::fs::read_to_string(bench.path().join("s.json")).is_ok_and(|s| s.contains("\"fault\"")));
 }
 
+/// On a full disk an earlier file stays as it was, and no empty one is made.
+#[test]
+fn what_cannot_be_written_leaves_what_was_there() {
+    let bench = Bench::new(&ob(1, COUNT_TO_5));
+    bench.write("s.json", "earlier");
+    let script = format!(
+        "trap '' XFSZ; ulimit -f 0; exec {} exec p.awl --stats s.json --dump M:0:2:m.bin",
+        env!("CARGO_BIN_EXE_ob1")
+    );
+    let output = Command::new("sh").args(["-c", &script]).current_dir(bench.path()).output().expect("a shell");
+    fails(&output, 6, "s.json: ");
+    fails(&output, 6, "m.bin: ");
+    assert_eq!(std::fs::read_to_string(bench.path().join("s.json")).ok().as_deref(), Some("earlier"));
+    let mut left: Vec<_> = std::fs::read_dir(bench.path()).expect("there").flatten().map(|e| e.file_name()).collect();
+    left.sort();
+    assert_eq!(left, ["p.awl", "s.json"]);
+    // What is no file is not replaced by one.
+    let piped = bench.exec(&["--stats", "/dev/stdout", "--quiet"]);
+    assert!(String::from_utf8_lossy(&piped.stdout).contains("\"schema\""), "{piped:?}");
+}
+
 #[test]
 fn loops_without_end_are_ended() {
     let bench = Bench::new(&ob(1, "m: NOP 0; SPA m;"));

@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use crate::access::protocol::{Diagnostic, Status, Times};
 use crate::exit::Exit;
+use crate::files;
 use crate::timing::{self, Timing};
 
 /// Version of the report's form: raised when a field changes its meaning or goes.
@@ -104,7 +105,7 @@ impl Report {
     pub fn write(&self, path: &Path) -> io::Result<()> {
         let mut text = serde_json::to_string_pretty(self)?;
         text.push('\n');
-        std::fs::write(path, text)
+        files::write(path, text.as_bytes())
     }
 
     /// The summary, as printed at the end of a run.
