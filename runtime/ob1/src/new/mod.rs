@@ -24,7 +24,8 @@ const NO_SDK: &str = "N004";
 
 /// Write a new station or a new plugin, that runs at once
 ///
-/// The folder must not be there yet. Its name is that of the station or the plugin: 1 to 40 letters, digits, - and _.
+/// The folder must not be there yet. Its name is that of the station or the plugin: 1 to 40 letters, digits, - and _,
+/// without - in front.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 new station press\n  ob1 new station /etc/ob1/press      where ob1@press.service looks for it\n  \
@@ -114,7 +115,15 @@ fn write(
     let width = files.iter().map(|file| file.name.len()).max().unwrap_or_default();
     let list: String = files.iter().map(|f| format!("  {:width$}  {}\n", f.name, f.what)).collect();
     let next = next.replace("@NAME@", name);
-    Ok(format!("{}: the {what} \"{name}\"\n{list}Next:\n  cd {}\n{next}", path.display(), path.display()))
+    Ok(format!("{}: the {what} \"{name}\"\n{list}Next:\n  cd {}\n{next}", path.display(), for_cd(path)))
+}
+
+/// A path as an argument of `cd`: neither an option nor several words.
+fn for_cd(path: &Path) -> String {
+    let text = path.display().to_string();
+    let text = if text.starts_with('-') { format!("./{text}") } else { text };
+    let plain = |c: char| c.is_alphanumeric() || "/._-+=:,@".contains(c);
+    if text.chars().all(plain) { text } else { format!("'{}'", text.replace('\'', "'\\''")) }
 }
 
 /// The last part of the path, if it can be a name.
@@ -137,11 +146,24 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_printed_cd_goes_there() {
+        for (path, word) in [
+            ("press", "press"),
+            ("/etc/ob1/press-7", "/etc/ob1/press-7"),
+            ("-d/press", "./-d/press"),
+            ("hall 3/press", "'hall 3/press'"),
+            ("o'neill/press", "'o'\\''neill/press'"),
+        ] {
+            assert_eq!(for_cd(Path::new(path)), word);
+        }
+    }
+
+    #[test]
     fn names_are_those_of_stations() {
         for good in ["press", "./press", "/etc/ob1/press-7/", "a_B-9"] {
             assert!(name_of(Path::new(good), "station").is_ok(), "{good}");
         }
-        for bad in ["", "/", "..", "a b", "größe", "press.d", &"x".repeat(41)] {
+        for bad in ["", "/", "..", "-x", "a b", "größe", "press.d", &"x".repeat(41)] {
             let refusal = name_of(Path::new(bad), "station").expect_err(bad);
             assert_eq!((refusal.finding.code.as_str(), refusal.exit), (NAME, Exit::Usage), "{bad}");
         }

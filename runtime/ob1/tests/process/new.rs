@@ -80,6 +80,7 @@ fn what_lies_there_stays_as_it_is() {
     for (args, code, exit) in [
         (&["new", "station", "a b"][..], "N001", 1),
         (&["new", "station", ".."], "N001", 1),
+        (&["new", "station", "--", "-x"], "N001", 1),
         (&["new", "plugin", "x", "--language", "rust", "--sdk", "."], "N004", 1),
         (&["new", "plugin", "7x", "--language", "rust"], "N001", 1),
         (&["new", "station", "/proc/ob1/press"], "N003", 6),

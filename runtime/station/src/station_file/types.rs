@@ -24,7 +24,7 @@ pub(super) const DELAY_MAX: Span = Span::from_millis(20);
 /// A station file after all checks. Paths are relative to the current directory or absolute, no longer to the file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Station {
-    /// Its name: letters, digits, `-` and `_`.
+    /// Its name ([`NAME_RULE`](super::NAME_RULE)).
     pub name: String,
     /// Sizes and rules of the CPU.
     pub cpu: CpuConfig,

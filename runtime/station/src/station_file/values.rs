@@ -10,13 +10,14 @@ use super::tables::Placed;
 use crate::finding::{Spot, nearest};
 
 /// What a name is.
-pub const NAME_RULE: &str = "1 to 40 letters, digits, - and _: it also names files";
+pub const NAME_RULE: &str = "1 to 40 letters, digits, - and _, without - in front: it also names files";
 
 /// Whether a text is a name that can be in a path and in a list.
 #[must_use]
 pub fn is_name(text: &str) -> bool {
     let legal = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-    !text.is_empty() && text.len() <= 40 && text.chars().all(legal)
+    // With - in front it would be an option of every command.
+    !text.is_empty() && text.len() <= 40 && !text.starts_with('-') && text.chars().all(legal)
 }
 
 /// A name in the file.
