@@ -116,7 +116,7 @@ struct RunArgs {
     /// The station file (docs/station-file.md)
     station: PathBuf,
     /// End after this time: 10s, 8h
-    #[arg(long = "for", value_name = "TIME", value_parser = station_file::parse_duration)]
+    #[arg(long = "for", value_name = "TIME", value_parser = station_file::parse_duration, allow_hyphen_values = true)]
     time: Option<Span>,
     /// End after so many cycles in RUN
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
@@ -248,6 +248,25 @@ mod tests {
             &["ob1", "ctl", "a", "explode"],
         ] {
             assert!(Cli::try_parse_from(wrong).is_err(), "{wrong:?}");
+        }
+    }
+
+    /// A time with a minus is refused as a time, not as an option that does not exist.
+    #[test]
+    fn a_negative_time_is_told_as_such() {
+        for command in [
+            &["ob1", "run", "a.toml", "--for", "-1s"][..],
+            &["ob1", "exec", "a.awl", "--limit", "-1s"],
+            &["ob1", "exec", "a.awl", "--min-cycle", "-1s"],
+            &["ob1", "exec", "a.awl", "--watchdog", "-1s"],
+            &["ob1", "top", "a.toml", "--every", "-1s"],
+            &["ob1", "bus", "watch", "a.toml", "--every", "-1s"],
+            &["ob1", "trace", "a.toml", "--for", "-1s"],
+            &["ob1", "soak", "a.toml", "--for", "-1s"],
+            &["ob1", "soak", "a.toml", "--for", "1h", "--warm-up", "-1s"],
+        ] {
+            let said = Cli::try_parse_from(command).expect_err("no time").to_string();
+            assert!(said.contains("\"-1s\" is no time") && !said.contains("tip:"), "{command:?}: {said}");
         }
     }
 

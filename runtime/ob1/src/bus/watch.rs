@@ -26,7 +26,13 @@ pub(super) struct WatchArgs {
     #[arg(long, value_name = "NAME")]
     bus: Option<String>,
     /// Time between two looks
-    #[arg(long, value_name = "TIME", default_value = "1s", value_parser = station_file::parse_duration)]
+    #[arg(
+        long,
+        value_name = "TIME",
+        default_value = "1s",
+        value_parser = station_file::parse_duration,
+        allow_hyphen_values = true
+    )]
     every: Span,
     /// End after so many looks
     #[arg(long, short = 'n', value_name = "N")]

@@ -28,7 +28,13 @@ pub struct SoakArgs {
     #[arg(required_unless_present = "compare")]
     pub station: Option<PathBuf>,
     /// How long to measure: 10min, 8h
-    #[arg(long = "for", value_name = "TIME", value_parser = station_file::parse_duration, required_unless_present = "compare")]
+    #[arg(
+        long = "for",
+        value_name = "TIME",
+        value_parser = station_file::parse_duration,
+        required_unless_present = "compare",
+        allow_hyphen_values = true
+    )]
     pub time: Option<Span>,
     /// Say whether the second of two reports is worse than the first
     #[arg(long, num_args = 2, value_names = ["A.json", "B.json"], conflicts_with_all = ["station", "time", "budget", "load"])]
@@ -40,7 +46,7 @@ pub struct SoakArgs {
     #[arg(long, value_name = "LIMIT,...", value_delimiter = ',')]
     pub budget: Vec<Budget>,
     /// Time in RUN before the measurement begins [default: a tenth of it, at most 10s]
-    #[arg(long, value_name = "TIME", value_parser = station_file::parse_duration)]
+    #[arg(long, value_name = "TIME", value_parser = station_file::parse_duration, allow_hyphen_values = true)]
     pub warm_up: Option<Span>,
     /// Cells of the program to follow, such as its own counters
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]

@@ -25,6 +25,8 @@ pub fn parse_duration(text: &str) -> Result<Span, String> {
     let Some((_, scale)) = UNITS.iter().find(|(name, _)| *name == unit) else {
         return Err(if unit.is_empty() {
             format!("\"{text}\" has no unit; write it like \"10ms\" (ns, us, ms, s, min, h)")
+        } else if unit.starts_with('-') {
+            format!("\"{text}\" is no time; write it like \"10ms\": a number that is not negative, and a unit")
         } else if text.contains(',') {
             format!("\"{text}\" has a decimal comma; write \"{}\"", text.replacen(',', ".", 1))
         } else {
@@ -67,6 +69,8 @@ mod tests {
         assert_eq!(nanos("1.0000000001ns"), Ok(1));
         assert_eq!(nanos("8h"), Ok(8 * 3_600_000_000_000));
         assert_eq!(nanos("1,5ms"), Err("\"1,5ms\" has a decimal comma; write \"1.5ms\"".to_owned()));
+        let negative = "\"-1s\" is no time; write it like \"10ms\": a number that is not negative, and a unit";
+        assert_eq!(nanos("-1s"), Err(negative.to_owned()));
         for wrong in ["", "10", "ms", "1 fortnight", "1.2.3s", "-1s", "25h", "99999999999999999999s", "."] {
             let error = parse_duration(wrong).expect_err(wrong);
             assert!(error.contains('"'), "{error}");
