@@ -38,8 +38,8 @@ pub(super) fn find(path: &str) -> Option<&'static File> {
     FILES.iter().find(|file| file.path == path)
 }
 
-/// Whether the browser has the files of this tag. There may be several tags, and a proxy that compresses makes them
-/// weak [RFC 9110, 13.1.2].
+/// Whether the browser has the files of this tag. There may be several, and a proxy that compresses makes them weak
+/// [RFC 9110, 13.1.2].
 fn has(headers: &HeaderMap, tag: &str) -> bool {
     let lists = headers.get_all(IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());
     lists.flat_map(|list| list.split(',')).map(str::trim).any(|one| one == "*" || one.trim_start_matches("W/") == tag)
