@@ -1,4 +1,4 @@
-//! A link of type `metrics`: `/metrics` for Prometheus in the text of OpenMetrics, nothing else.
+//! A link of type `metrics`: `/metrics` for Prometheus in the text of OpenMetrics, or in the format before it.
 
 mod text;
 
@@ -8,17 +8,19 @@ use std::pin::Pin;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-use hyper::header::{AUTHORIZATION, HeaderValue, WWW_AUTHENTICATE};
+use hyper::header::{ACCEPT, AUTHORIZATION, HeaderMap, HeaderValue, WWW_AUTHENTICATE};
 use hyper::{Method, StatusCode};
 use ob1_access::door::{Document, What};
 use ob1_gate_core::{Link, Station, Trouble, Users};
 use ring::digest::{SHA256, digest};
 use serde_json::Value;
 
+use self::text::Format;
 use crate::http::{self, Call, Reply, Site, not_so, plain, reply};
 
-/// The content type of OpenMetrics.
-const TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+/// The content types of the formats.
+const OPEN_METRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+const TEXT: &str = "text/plain; version=0.0.4; charset=utf-8";
 /// Scrapes within this time get the same figures.
 const AGE: Duration = Duration::from_millis(500);
 /// A correct password is not checked again for this long: a scrape comes every few seconds.
@@ -72,8 +74,9 @@ impl Site for Figures {
             if call.path != "/metrics" {
                 return plain(StatusCode::NOT_FOUND, "figures are at /metrics");
             }
-            match self.text().await {
-                Ok(text) => reply(StatusCode::OK, TYPE, text),
+            let (format, kind) = format(&call.headers);
+            match self.text(format).await {
+                Ok(text) => reply(StatusCode::OK, kind, text),
                 Err(why) => plain(StatusCode::SERVICE_UNAVAILABLE, why.to_string()),
             }
         })
@@ -114,7 +117,7 @@ impl Figures {
         }
     }
 
-    async fn text(&self) -> Result<String, Trouble> {
+    async fn text(&self, format: Format) -> Result<String, Trouble> {
         let mut documents = [const { Value::Null }; 4];
         let which = [Document::Status, Document::Timing, Document::Links, Document::Buffers];
         for (value, which) in documents.iter_mut().zip(which) {
@@ -122,8 +125,22 @@ impl Figures {
             *value = serde_json::from_slice(&text).map_err(|error| Trouble::Program(error.to_string()))?;
         }
         let [status, timing, links, buffers] = documents;
-        Ok(text::figures(&text::Told { status, timing, links, buffers }, &self.events.borrow()))
+        Ok(text::figures(&text::Told { status, timing, links, buffers }, &self.events.borrow(), format))
     }
+}
+
+/// The format for a client, and its content type: OpenMetrics, unless it names text but not OpenMetrics, as older
+/// collectors and browsers do.
+fn format(headers: &HeaderMap) -> (Format, &'static str) {
+    let lists = headers.get_all(ACCEPT).iter().filter_map(|value| value.to_str().ok());
+    let kinds = lists.flat_map(|list| list.split(',')).map(|range| range.split(';').next().unwrap_or_default().trim());
+    let begins = |kind: &str, with: &str| kind.get(..with.len()).is_some_and(|begin| begin.eq_ignore_ascii_case(with));
+    let (mut text, mut open) = (false, false);
+    for kind in kinds {
+        text |= begins(kind, "text/");
+        open |= begins(kind, "application/openmetrics-text");
+    }
+    if text && !open { (Format::Text, TEXT) } else { (Format::OpenMetrics, OPEN_METRICS) }
 }
 
 /// `Basic bmFtZTpwYXNzd29yZA==`.
@@ -159,6 +176,29 @@ fn base64(text: &str) -> Option<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn older_collectors_and_browsers_get_plain_text() {
+        let of = |lines: &[&str]| {
+            let mut headers = HeaderMap::new();
+            for line in lines {
+                headers.append(ACCEPT, line.parse().expect("a value"));
+            }
+            format(&headers).0
+        };
+        for (lines, wanted) in [
+            (&[][..], Format::OpenMetrics),
+            (&["*/*"], Format::OpenMetrics),
+            (&["application/openmetrics-text;version=1.0.0;q=0.5,text/plain;q=0.4,*/*;q=0.1"], Format::OpenMetrics),
+            (&["text/plain;version=0.0.4", "application/openmetrics-text"], Format::OpenMetrics),
+            (&["text/plain;version=0.0.4;q=0.5,*/*;q=0.1"], Format::Text),
+            (&["Text/Plain"], Format::Text),
+            (&["text/html,application/xhtml+xml,application/xml;q=0.9,*/*;q=0.8"], Format::Text),
+            (&["application/json", "", ",;,"], Format::OpenMetrics),
+        ] {
+            assert_eq!(of(lines), wanted, "{lines:?}");
+        }
+    }
 
     #[test]
     fn a_name_and_a_password_out_of_a_header() {

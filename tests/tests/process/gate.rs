@@ -66,6 +66,9 @@ fn the_page_shows_the_station() {
     assert!(text.head("content-type").is_some_and(|kind| kind.starts_with("application/openmetrics-text")));
     assert!(text.body.contains("ob1_cpu_state{ob1_cpu_state=\"RUN\"} 1"), "{}", text.body);
     assert!(text.body.ends_with("# EOF\n"));
+    let old = Visitor::at(figures).get_with("/metrics", "Accept: text/plain;version=0.0.4\r\n");
+    assert_eq!(old.head("content-type"), Some("text/plain; version=0.0.4; charset=utf-8"));
+    assert!(old.body.contains("# TYPE ob1_scans_total counter") && !old.body.contains("# EOF"), "{}", old.body);
     let scans = |text: &str| -> f64 {
         let line = text.lines().find_map(|line| line.strip_prefix("ob1_scans_total ")).expect("the scans");
         line.parse().expect("a number")

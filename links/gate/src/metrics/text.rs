@@ -1,4 +1,5 @@
-//! Figures as OpenMetrics: each family with its type and help text, classic buckets, `# EOF`.
+//! Figures as OpenMetrics: each family with its type and help text, classic buckets, `# EOF`. Older collectors get them
+//! in the text format that was before it, which has fewer types.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -56,12 +57,34 @@ impl Counts {
     }
 }
 
+/// The format of the page.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Format {
+    OpenMetrics,
+    /// The text format 0.0.4 of Prometheus.
+    Text,
+}
+
 /// The page.
-struct Page(String);
+struct Page {
+    text: String,
+    format: Format,
+}
 
 impl Page {
     /// Begins a family; the name of a counter is given without `_total`.
     fn family(&mut self, name: &str, kind: &str, help: &str) {
+        if self.format == Format::Text {
+            // There the family has the name of its samples.
+            let (suffix, kind) = match kind {
+                "counter" => ("_total", kind),
+                "info" => ("_info", "gauge"),
+                "stateset" => ("", "gauge"),
+                _ => ("", kind),
+            };
+            let _ = write!(self.text, "# HELP {name}{suffix} {help}\n# TYPE {name}{suffix} {kind}\n");
+            return;
+        }
         let unit = if name.ends_with("_seconds") {
             format!("# UNIT {name} seconds\n")
         } else if name.ends_with("_bytes") {
@@ -69,13 +92,13 @@ impl Page {
         } else {
             String::new()
         };
-        let _ = write!(self.0, "# TYPE {name} {kind}\n{unit}# HELP {name} {help}\n");
+        let _ = write!(self.text, "# TYPE {name} {kind}\n{unit}# HELP {name} {help}\n");
     }
 
     fn sample(&mut self, name: &str, labels: &[(&str, &str)], value: f64) {
         let labels: Vec<String> = labels.iter().map(|(name, value)| format!("{name}=\"{}\"", escaped(value))).collect();
         let labels = if labels.is_empty() { String::new() } else { format!("{{{}}}", labels.join(",")) };
-        let _ = writeln!(self.0, "{name}{labels} {value}");
+        let _ = writeln!(self.text, "{name}{labels} {value}");
     }
 
     fn counter(&mut self, name: &str, help: &str, value: f64) {
@@ -130,13 +153,16 @@ fn escaped(value: &str) -> String {
 }
 
 /// All figures.
-pub(super) fn figures(told: &Told, counts: &Counts) -> String {
-    let mut page = Page(String::with_capacity(32 << 10));
+pub(super) fn figures(told: &Told, counts: &Counts, format: Format) -> String {
+    let mut page = Page { text: String::with_capacity(32 << 10), format };
     cpu(&mut page, told);
     scan(&mut page, &told.timing);
     modules(&mut page, &told.status);
     rest(&mut page, told, counts);
-    page.0 + "# EOF\n"
+    if format == Format::OpenMetrics {
+        page.text += "# EOF\n";
+    }
+    page.text
 }
 
 fn cpu(page: &mut Page, told: &Told) {
@@ -307,7 +333,7 @@ mod tests {
         let mut counts = Counts::default();
         counts.event(0x4302);
         counts.event(0x4302);
-        let text = figures(&told(), &counts);
+        let text = figures(&told(), &counts, Format::OpenMetrics);
         for line in [
             r#"ob1_station_info{station="pr\"ess",version="0.1.0"} 1"#,
             r#"ob1_cpu_state{ob1_cpu_state="RUN"} 1"#,
@@ -343,7 +369,7 @@ mod tests {
     /// Each sample belongs to the family above it, and no family comes twice, as strict parsers require.
     #[test]
     fn every_sample_stands_under_its_family() {
-        let text = figures(&told(), &Counts::default());
+        let text = figures(&told(), &Counts::default(), Format::OpenMetrics);
         let (mut families, mut current) = (Vec::new(), String::new());
         for line in text.lines().filter(|line| *line != "# EOF") {
             if let Some(rest) = line.strip_prefix("# TYPE ") {
@@ -358,5 +384,29 @@ mod tests {
             }
         }
         assert!(families.len() > 30);
+    }
+
+    /// The same samples, with the types that the older format has.
+    #[test]
+    fn the_older_format_has_the_same_samples() {
+        let [new, old] =
+            [Format::OpenMetrics, Format::Text].map(|format| figures(&told(), &Counts::default(), format));
+        let samples = |text: &str| -> Vec<String> {
+            text.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect()
+        };
+        assert_eq!(samples(&new), samples(&old));
+        assert!(!old.contains("# EOF") && !old.contains("# UNIT"), "{old}");
+        for line in [
+            "# TYPE ob1_station_info gauge",
+            "# TYPE ob1_cpu_state gauge",
+            "# TYPE ob1_scans_total counter",
+            "# TYPE ob1_scan_cycle_seconds histogram",
+            "# HELP ob1_scans_total finished cycles in RUN",
+        ] {
+            assert!(old.lines().any(|told| told == line), "{line}\n{old}");
+        }
+        let kinds: Vec<&str> =
+            old.lines().filter_map(|line| line.strip_prefix("# TYPE ")?.split(' ').nth(1)).collect();
+        assert!(kinds.len() > 30 && kinds.iter().all(|kind| ["counter", "gauge", "histogram"].contains(kind)));
     }
 }
