@@ -145,7 +145,9 @@ fn format(headers: &HeaderMap) -> (Format, &'static str) {
 
 /// `Basic bmFtZTpwYXNzd29yZA==`.
 fn basic(header: &str) -> Option<(String, String)> {
-    let text = String::from_utf8(base64(header.strip_prefix("Basic ")?.trim())?).ok()?;
+    // The name of a scheme has no case [RFC 9110, 11.1].
+    let (_, coded) = header.split_once(' ').filter(|(scheme, _)| scheme.eq_ignore_ascii_case("basic"))?;
+    let text = String::from_utf8(base64(coded.trim())?).ok()?;
     let (user, password) = text.split_once(':')?;
     Some((user.to_owned(), password.to_owned()))
 }
@@ -205,6 +207,7 @@ mod tests {
         let both = |user: &str, password: &str| Some((user.to_owned(), password.to_owned()));
         for (header, told) in [
             ("Basic YW5uYTpzZWNyZXQ=", both("anna", "secret")),
+            ("basic  YW5uYTpzZWNyZXQ=", both("anna", "secret")),
             ("Basic YW5uYTo=", both("anna", "")),
             ("Basic YTpiOmM=", both("a", "b:c")),
             ("Basic w7w6w6Q=", both("ü", "ä")),
