@@ -1,5 +1,6 @@
 //! The edge node of Sparkplug B: its topics, its births and deaths, and the sequence of its data.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -13,20 +14,23 @@ use crate::sparkplug::{BD_SEQ, Metric, Payload, REBIRTH, Value, kind, kind_of};
 pub(crate) struct Node {
     group: String,
     name: String,
-    /// Counts births; it links a death to its birth.
+    /// Counts connections; it links a death to its birth.
     bd_seq: u8,
     /// Sequence number of the next data message; a birth is 0.
     seq: u8,
+    /// Alias and data type of each metric of the last birth.
+    born: BTreeMap<String, (u64, u32)>,
     path: PathBuf,
 }
 
 impl Node {
-    /// The node of a group; the number of its last birth is in a file.
+    /// The node of a group; the number of its last connection is in a file. The first one is 0 [Sparkplug 3.0,
+    /// tck-id-topics-nbirth-bdseq-increment].
     pub(crate) fn open(group: &str, name: &str, state: &Path) -> Self {
         let path = state.join("bdseq");
         let before = fs::read_to_string(&path).ok().and_then(|text| text.trim().parse::<u8>().ok());
-        let bd_seq = before.map_or(0, |before| before.wrapping_add(1));
-        Self { group: group.to_owned(), name: name.to_owned(), bd_seq, seq: 0, path }
+        let (group, name, born) = (group.to_owned(), name.to_owned(), BTreeMap::new());
+        Self { group, name, bd_seq: before.unwrap_or(u8::MAX), seq: 0, born, path }
     }
 
     /// The topic of a kind of message.
@@ -75,6 +79,8 @@ impl Node {
             alias: Some(alias(index)),
             ..metric(item, item.value().as_ref(), now)
         }));
+        let born = |(index, item): (usize, &Item)| (item.name.clone(), (alias(index), kind_of(&item.typed.ty)));
+        self.born = items.iter().enumerate().map(born).collect();
         self.seq = 1;
         Payload { timestamp: now, metrics, seq: Some(0) }
     }
@@ -84,6 +90,18 @@ impl Node {
         let seq = self.seq;
         self.seq = seq.wrapping_add(1);
         Payload { timestamp: ob1_gate_core::unix_now(), metrics, seq: Some(seq) }
+    }
+
+    /// The last message was not sent: the next one has its number.
+    pub(crate) fn not_sent(&mut self) {
+        self.seq = self.seq.wrapping_sub(1);
+    }
+
+    /// An old value for the last birth, by its alias: names stand in births alone [Sparkplug 3.0,
+    /// tck-id-payloads-alias-data-cmd-requirement]. `None`: the birth has no such metric, or one of another type.
+    pub(crate) fn known(&self, old: Metric) -> Option<Metric> {
+        let (alias, datatype) = *self.born.get(old.name.as_deref()?)?;
+        (datatype == old.datatype).then(|| Metric { name: None, alias: Some(alias), ..old })
     }
 }
 
@@ -97,7 +115,7 @@ pub(crate) fn live(index: usize, item: &Item, value: Option<&Datum>, unix_ms: u6
     Metric { alias: Some(alias(index)), ..metric(item, value, unix_ms) }
 }
 
-/// An old value, published with its name, because the aliases of another birth may differ.
+/// An old value as it is kept: with its name, because the aliases of another birth may differ.
 pub(crate) fn historical(item: &Item, value: Option<&Datum>, unix_ms: u64) -> Metric {
     Metric { name: Some(item.name.clone()), historical: true, ..metric(item, value, unix_ms) }
 }
@@ -116,15 +134,32 @@ mod tests {
         let mut node = Node::open("plant", "press", folder.path());
         assert_eq!(node.topic("NBIRTH"), "spBv1.0/plant/NBIRTH/press");
         let death = node.next_death();
+        assert_eq!(death.metrics[0].value, Some(Value::Long(0)), "the first connection");
         let birth = node.birth(&[]);
         assert_eq!(death.metrics[0].value, birth.metrics[0].value);
         assert_eq!((death.seq, birth.seq), (None, Some(0)));
         assert_eq!(node.data(Vec::new()).seq, Some(1));
         let sequence: Vec<Option<u8>> = (0..256).map(|_| node.data(Vec::new()).seq).collect();
         assert_eq!((sequence[253], sequence[254], sequence[255]), (Some(255), Some(0), Some(1)));
-        let again = node.next_death();
-        assert_ne!(again.metrics[0].value, death.metrics[0].value);
+        node.not_sent();
+        assert_eq!(node.data(Vec::new()).seq, Some(1), "a number that was not sent");
+        assert_eq!(node.next_death().metrics[0].value, Some(Value::Long(1)));
         let later = Node::open("plant", "press", folder.path()).next_death();
-        assert_ne!(later.metrics[0].value, again.metrics[0].value, "another run goes on counting");
+        assert_eq!(later.metrics[0].value, Some(Value::Long(2)), "another run goes on counting");
+    }
+    #[test]
+    fn an_old_value_has_the_alias_of_the_birth() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut node = Node::open("plant", "press", folder.path());
+        node.born = BTreeMap::from([("MW10".to_owned(), (7, kind::UINT16))]);
+        let old = |name: &str, datatype| {
+            let (name, value) = (Some(name.to_owned()), Some(Value::Int(5)));
+            Metric { name, datatype, value, historical: true, timestamp: 9, ..Metric::default() }
+        };
+        let known = Metric { name: None, alias: Some(7), ..old("MW10", kind::UINT16) };
+        assert_eq!(node.known(old("MW10", kind::UINT16)), Some(known));
+        assert_eq!(node.known(old("MW12", kind::UINT16)), None, "another name");
+        assert_eq!(node.known(old("MW10", kind::INT16)), None, "another type");
+        assert_eq!(node.known(Metric::default()), None);
     }
 }

@@ -261,6 +261,7 @@ impl Session {
                 .collect();
             let payload = node.data(metrics).encode();
             if connection.client.try_publish(node.topic("NDATA"), QoS::AtMostOnce, false, payload).is_err() {
+                node.not_sent();
                 return false;
             }
         }
@@ -303,19 +304,27 @@ impl Session {
         };
         if let Some(node) = &mut self.node {
             for _ in 0..AT_ONCE {
-                let old: Vec<Metric> = ready
-                    .range(self.sent.min(ready.len())..)
-                    .take(METRICS)
-                    .filter_map(|record| Metric::decode(&record.payload))
-                    .collect();
-                // Records that cannot be read, from an older version, are skipped along with the others.
-                let count = ready.len().saturating_sub(self.sent).min(METRICS);
+                let (mut old, mut unknown) = (Vec::new(), 0);
+                for record in ready.range(self.sent.min(ready.len())..).take(METRICS) {
+                    match Metric::decode(&record.payload).and_then(|metric| node.known(metric)) {
+                        Some(metric) => old.push(metric),
+                        None => unknown += 1,
+                    }
+                }
+                let count = old.len() + unknown;
                 if count == 0 {
                     return;
                 }
-                let payload = node.data(old).encode();
-                if connection.client.try_publish(node.topic("NDATA"), QoS::AtMostOnce, false, payload).is_err() {
-                    return;
+                if !old.is_empty() {
+                    let payload = node.data(old).encode();
+                    if connection.client.try_publish(node.topic("NDATA"), QoS::AtMostOnce, false, payload).is_err() {
+                        node.not_sent();
+                        return;
+                    }
+                }
+                if unknown > 0 {
+                    let link = &self.station.welcome().link;
+                    tracing::warn!(%link, "{unknown} old values are dropped: this birth has no such names or types");
                 }
                 self.sent += count;
             }
@@ -364,7 +373,7 @@ impl Session {
         for metric in payload.metrics {
             if metric.name.as_deref() == Some(REBIRTH) {
                 // Once, however often a message asks for it.
-                if !std::mem::replace(&mut born, true) {
+                if metric.is_true() && !std::mem::replace(&mut born, true) {
                     self.birth();
                 }
                 continue;

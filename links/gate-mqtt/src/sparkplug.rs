@@ -149,6 +149,11 @@ impl Payload {
 }
 
 impl Metric {
+    /// Whether it is a control that is switched on.
+    pub(crate) fn is_true(&self) -> bool {
+        self.value == Some(Value::Boolean(true))
+    }
+
     pub(crate) fn encode(&self) -> Vec<u8> {
         let mut out = Vec::new();
         if let Some(name) = &self.name {

@@ -192,6 +192,7 @@ fn sparkplug_is_whole_after_a_break() {
     assert_eq!(metric("Node Control/Rebirth")["value"], false);
     let alias = metric("MW20")["alias"].clone();
     let bd_seq = metric("bdSeq")["value"].clone();
+    assert_eq!(bd_seq, 0, "the first connection");
 
     let mut seq = 0;
     for value in 1..=5 {
@@ -211,9 +212,19 @@ fn sparkplug_is_whole_after_a_break() {
         { "name": "DB10.moment", "type": 13, "value": 1_767_225_600_000_u64 },
     ] }));
     station.until("2026-01-01", |station| (station.cells(&["DB10.DBW 0", "DB10.DBB 46"]) == [65531, 1]).then_some(()));
-    listener.say(&json!({
-        "topic": "spBv1.0/plant/NCMD/mq-spb", "metrics": [{ "name": "Node Control/Rebirth", "type": 11, "value": true }]
-    }));
+    let rebirth = |value: bool| {
+        let metric = json!({ "name": "Node Control/Rebirth", "type": 11, "value": value });
+        json!({ "topic": "spBv1.0/plant/NCMD/mq-spb", "metrics": [metric] })
+    };
+    // Switched off it asks for nothing: the next data come without a birth.
+    listener.say(&rebirth(false));
+    station.set("MW 20", 78);
+    let next = listener.until("data without a birth", |said| {
+        let told = said["payload"]["metrics"].as_array().is_some_and(|all| all.iter().any(|one| one["value"] == 78));
+        (kind(said, "NBIRTH") || kind(said, "NDATA") && told).then(|| said["topic"].clone())
+    });
+    assert_eq!(next, "spBv1.0/plant/NDATA/mq-spb");
+    listener.say(&rebirth(true));
     listener.until("another birth", |said| (kind(said, "NBIRTH") && said["payload"]["seq"] == 0).then_some(()));
 
     broker.end();
@@ -229,7 +240,8 @@ fn sparkplug_is_whole_after_a_break() {
     let mut missed = BTreeSet::new();
     listener.until("what was missed", |said| {
         for metric in said["payload"]["metrics"].as_array()? {
-            if metric["historical"] == true && metric["name"] == "MW20" {
+            if metric["historical"] == true && metric["alias"] == alias {
+                assert_eq!(metric["name"], "", "names stand in births alone: {metric}");
                 missed.extend(metric["value"].as_i64());
             }
         }
