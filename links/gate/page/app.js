@@ -1,8 +1,8 @@
 // The frame of the page: who is here, which view is shown, what the station tells without being asked.
-import { current, say, switchLanguage } from "/words.js";
-import { diagnostics, reports, scan, station, telegrams } from "/views.js";
-import { variables } from "/table.js";
-import { program } from "/program.js";
+import { current, say, switchLanguage } from "./words.js";
+import { diagnostics, reports, scan, station, telegrams } from "./views.js";
+import { variables } from "./table.js";
+import { program } from "./program.js";
 
 const views = { station, scan, diagnostics, variables, program, telegrams, reports };
 const byId = (id) => document.getElementById(id);
@@ -49,7 +49,7 @@ export function tell(text) {
 export async function ask(path, body) {
   const options = body === undefined ? {}
     : { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) };
-  const answer = await fetch(`/api/${path}`, { ...options, signal: AbortSignal.timeout(15000) });
+  const answer = await fetch(`api/${path}`, { ...options, signal: AbortSignal.timeout(15000) });
   if (answer.status === 401 && path !== "login") {
     await begin();
     throw new Error(say("loginWanted"));
@@ -152,7 +152,7 @@ function show() {
 export function listen() {
   state.stream?.close();
   const query = state.items ? `?period=${state.period}&items=${encodeURIComponent(state.items)}` : state.telegrams ? "?telegrams=1" : "";
-  const stream = new EventSource(`/api/stream${query}`);
+  const stream = new EventSource(`api/stream${query}`);
   state.stream = stream;
   const on = (name, act) => stream.addEventListener(name, (event) => act(JSON.parse(event.data)));
   stream.onopen = () => { byId("connection").textContent = ""; };
@@ -178,7 +178,7 @@ async function begin() {
   state.stream?.close();
   const before = JSON.stringify(state.session);
   try {
-    const answer = await fetch("/api/session", { signal: AbortSignal.timeout(10000) });
+    const answer = await fetch("api/session", { signal: AbortSignal.timeout(10000) });
     if (!answer.ok) throw new Error((await answer.text()).trim());
     state.session = await answer.json();
   } catch {

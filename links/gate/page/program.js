@@ -1,6 +1,6 @@
 // The program: blocks and their statements, declarations of data blocks, who uses what.
-import { ask, h, table, tell } from "/app.js";
-import { say } from "/words.js";
+import { ask, h, table, tell } from "./app.js";
+import { say } from "./words.js";
 
 export function program(main) {
   const detail = h("section", { id: "block", tabindex: "-1" }, h("p", { class: "quiet" }, say("closed")));

@@ -1,6 +1,6 @@
 // The variable table: names, forms, values as they change, writing with right, tables that this browser keeps.
-import { ask, dialog, h, listen, may, state, tell } from "/app.js";
-import { say } from "/words.js";
+import { ask, dialog, h, listen, may, state, tell } from "./app.js";
+import { say } from "./words.js";
 
 const KEY = () => `ob1-tables-${state.session.station}`;
 

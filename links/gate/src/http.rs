@@ -48,6 +48,7 @@ pub(crate) struct Call {
     pub(crate) headers: HeaderMap,
     pub(crate) body: Bytes,
     pub(crate) peer: IpAddr,
+    /// The browser speaks TLS, to us or to a proxy.
     pub(crate) tls: bool,
 }
 
@@ -111,18 +112,28 @@ pub(crate) fn not_so(allowed: &'static str) -> Reply {
     reply
 }
 
-/// The host names accepted by a link.
-#[derive(Debug)]
-struct Names(Vec<String>);
+/// The names of a link.
+#[derive(Debug, Default)]
+struct Names {
+    hosts: Vec<String>,
+    /// The addresses under which a proxy shows the page: `https://press.plant.example`.
+    origins: Vec<String>,
+}
 
 impl Names {
     /// Addresses are always accepted; somebody else may have made a name lead here (DNS rebinding), so only names in
     /// the station file are.
     fn has(&self, host: &str) -> bool {
         let name = host_name(host);
+        let proxies = self.origins.iter().filter_map(|origin| Some(host_name(origin.split_once("://")?.1)));
         name.parse::<IpAddr>().is_ok()
             || name.eq_ignore_ascii_case("localhost")
-            || self.0.iter().any(|known| known.eq_ignore_ascii_case(name))
+            || self.hosts.iter().map(String::as_str).chain(proxies).any(|known| known.eq_ignore_ascii_case(name))
+    }
+
+    /// Whether a proxy shows the page as a part of this origin.
+    fn shown_at(&self, origin: &str) -> bool {
+        self.origins.iter().any(|known| known.eq_ignore_ascii_case(origin))
     }
 }
 
@@ -146,7 +157,8 @@ fn stranger(names: &Names, headers: &HeaderMap, method: &Method, tls: bool) -> O
     let origin = text(headers.get(ORIGIN));
     let own = format!("{}://{host}", if tls { "https" } else { "http" });
     let changes = !matches!(*method, Method::GET | Method::HEAD);
-    if (changes || origin.is_some()) && origin.as_deref() != Some(&own) {
+    let ours = origin.as_deref().is_some_and(|origin| origin == own || names.shown_at(origin));
+    if (changes || origin.is_some()) && !ours {
         return Some("the request comes from another page (Origin)");
     }
     match text(headers.get("sec-fetch-site")).as_deref() {
@@ -160,9 +172,11 @@ pub(crate) async fn serve(link: Link, site: Rc<impl Site>) -> Result<(), String>
     let keys = link.station.keys();
     let number = |key: &str| keys.get(key).and_then(serde_json::Value::as_u64);
     let clients = number("clients").map_or(CLIENTS, |count| count as usize);
-    let listed = keys.get("hosts").and_then(serde_json::Value::as_array);
-    let hosts = listed.into_iter().flatten().filter_map(|host| host.as_str().map(str::to_owned)).collect();
-    let names = Rc::new(Names(hosts));
+    let texts = |key: &str| -> Vec<String> {
+        let listed = keys.get(key).and_then(serde_json::Value::as_array);
+        listed.into_iter().flatten().filter_map(|text| text.as_str().map(str::to_owned)).collect()
+    };
+    let names = Rc::new(Names { hosts: texts("hosts"), origins: texts("origins") });
     let counted = Rc::new(std::cell::RefCell::new(Vec::<IpAddr>::new()));
     let listener = link.listeners.into_iter().next().ok_or("nowhere to listen: see above")?;
     let listener = TcpListener::from_std(listener).map_err(|error| error.to_string())?;
@@ -237,6 +251,8 @@ async fn answer<S: Site>(request: Request<Incoming>, peer: SocketAddr, tls: bool
         Ok(Err(_)) => return plain(StatusCode::PAYLOAD_TOO_LARGE, "at most 64 KiB"),
         Err(_) => return plain(StatusCode::REQUEST_TIMEOUT, "the body of the request did not arrive in time"),
     };
+    // The origin is ours; if it is one of HTTPS, the browser speaks TLS to a proxy.
+    let tls = tls || head.headers.get(ORIGIN).is_some_and(|origin| origin.as_bytes().starts_with(b"https://"));
     let path = head.uri.path().to_owned();
     let query = head.uri.query().unwrap_or_default().to_owned();
     let call =
@@ -303,13 +319,15 @@ mod tests {
 
     #[test]
     fn a_name_that_was_made_to_lead_here_is_no_name_of_ours() {
-        let names = Names(vec!["press.plant".into()]);
+        let names = Names { hosts: vec!["press.plant".into()], origins: vec!["https://a.b:8443".into()] };
         for (host, known) in [
             ("127.0.0.1:8080", true),
             ("[::1]:8080", true),
             ("192.0.2.7", true),
             ("localhost:8080", true),
             ("Press.Plant:443", true),
+            ("A.b:443", true),
+            ("https", false),
             ("evil.example:8080", false),
             ("press.plant.evil.example", false),
             ("localhost.evil.example", false),
@@ -323,7 +341,7 @@ mod tests {
 
     #[test]
     fn another_page_changes_nothing() {
-        let names = Names(Vec::new());
+        let names = Names { origins: vec!["https://press.plant".into()], ..Names::default() };
         let refused = |method: &Method, pairs: &[(&'static str, &str)]| {
             let mut headers = HeaderMap::new();
             for (name, value) in pairs {
@@ -346,6 +364,11 @@ mod tests {
             (Method::POST, &[host, own, ("sec-fetch-site", "cross-site")], true),
             (Method::POST, &[host, own, ("sec-fetch-site", "same-origin")], false),
             (Method::DELETE, &[("host", "evil.example"), ("origin", "http://evil.example")], true),
+            (Method::POST, &[host, ("origin", "https://press.plant")], false),
+            (Method::POST, &[("host", "press.plant"), ("origin", "https://press.plant")], false),
+            (Method::POST, &[host, ("origin", "http://press.plant")], true),
+            (Method::POST, &[host, ("origin", "https://press.plant.evil")], true),
+            (Method::POST, &[host, ("origin", "https://press.plant"), ("sec-fetch-site", "same-site")], true),
         ] {
             assert_eq!(refused(&method, headers), wrong, "{method} {headers:?}");
         }

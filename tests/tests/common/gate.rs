@@ -110,6 +110,13 @@ impl Visitor {
         visitor
     }
 
+    /// The head of an answer whose body may never end.
+    pub(crate) fn get_head(&self, path: &str) -> String {
+        let mut stream = self.connect().expect("it listens");
+        stream.write_all(self.request("GET", path, "", "").as_bytes()).expect("connected");
+        head(&mut BufReader::new(stream)).unwrap_or_else(|| panic!("no answer to {path}"))
+    }
+
     /// A stream of server-sent events.
     pub(crate) fn stream(&self, query: &str, more: &str) -> Stream {
         let mut stream = self.connect().expect("it listens");

@@ -27,7 +27,10 @@ fn the_page_shows_the_station() {
     let front = visitor.get("/");
     assert_eq!(front.status, 200);
     assert!(front.head("content-security-policy").is_some_and(|policy| policy.starts_with("default-src 'none'")));
-    for file in front.body.split('"').filter(|part| part.starts_with('/')) {
+    let is_file = |part: &&str| ["icon.svg", "style.css", "app.js"].contains(part);
+    let files: Vec<String> = front.body.split('"').filter(is_file).map(|part| format!("/{part}")).collect();
+    assert_eq!(files.len(), 3, "{}", front.body);
+    for file in &files {
         let got = visitor.get(file);
         assert_eq!(got.status, 200, "{file}");
         let tag = got.head("etag").expect("a tag").to_owned();
@@ -418,6 +421,44 @@ print(json.dumps({'page': len(page), 'cookie': heads['Set-Cookie']}))
     let cookie = told["cookie"].as_str().expect("a cookie");
     assert!(cookie.starts_with("__Host-ob1=") && cookie.contains("; Secure"), "{cookie}");
     assert!(Visitor::at(port).try_get("/").is_none_or(|answer| answer.status >= 400), "plain");
+}
+
+/// Behind a proxy with TLS, which names us or itself as the host: the browser's Origin is that of the proxy.
+#[test]
+fn a_page_behind_a_proxy() {
+    let site = Site::new();
+    users(&site);
+    let keys = format!("{USERS}\norigins = [\"https://press.example\"]");
+    let (_station, page, _) = station(&site, "gate-proxy", &keys);
+    let visitor = Visitor::at(page);
+    let login = |host: &str, origin: &str| {
+        let body = json!({ "user": "anna", "password": "anna-password" }).to_string();
+        let request = format!(
+            "POST /api/login HTTP/1.1\r\nHost: {host}\r\nOrigin: {origin}\r\nContent-Type: application/json\r\n\
+             Sec-Fetch-Site: same-origin\r\nContent-Length: {}\r\nConnection: close\r\n\r\n{body}",
+            body.len()
+        );
+        visitor.raw(request.as_bytes()).expect("an answer")
+    };
+    let own = format!("127.0.0.1:{page}");
+    for host in ["press.example", own.as_str()] {
+        let answer = login(host, "https://press.example");
+        let cookie = answer.head("set-cookie").unwrap_or_default();
+        assert!(answer.status == 200 && cookie.starts_with("__Host-ob1=") && cookie.contains("; Secure"), "{answer:?}");
+        let cookie = cookie.split(';').next().map(str::to_owned);
+        let stream = Visitor { cookie, ..visitor.clone() }.get_head("/api/stream");
+        assert!(stream.contains("x-accel-buffering: no"), "a proxy must not hold events back: {stream}");
+    }
+    let plain = login(&own, &format!("http://{own}"));
+    assert!(plain.head("set-cookie").is_some_and(|cookie| cookie.starts_with("ob1=")), "{plain:?}");
+    for (host, origin) in [
+        (own.as_str(), "http://press.example"),
+        (own.as_str(), "https://press.example.evil"),
+        (own.as_str(), "https://press.example:8443"),
+        ("press.example.evil", "https://press.example"),
+    ] {
+        assert_eq!(login(host, origin).status, 403, "{host} {origin}");
+    }
 }
 
 /// A real Prometheus reads the metrics: their values match the station, their types match the document, and the rules

@@ -93,6 +93,10 @@ mod tests {
                 let found = file.text.replace("http://www.w3.org/2000/svg", "").contains(far);
                 assert!(!found, "{}: {far}", file.path);
             }
+            // A proxy may show the page below another path.
+            for whole in ["=\"/", "from \"/", "(\"/", "(`/", "url(/"] {
+                assert!(!file.text.contains(whole), "{}: {whole}", file.path);
+            }
         }
     }
 }

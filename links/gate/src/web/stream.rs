@@ -88,6 +88,8 @@ pub(super) fn open(page: &Rc<Page>, client: Client, call: &Call) -> Reply {
     });
     let mut reply = hyper::Response::new(Body::Parts(parts));
     reply.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static("text/event-stream"));
+    // nginx holds an answer back until a buffer is full, unless it is told not to.
+    reply.headers_mut().insert("x-accel-buffering", HeaderValue::from_static("no"));
     reply
 }
 

@@ -60,6 +60,7 @@ fn keys(table: &LinkTable) -> Vec<(&'static str, &'static [LinkKind], Key<'_>)> 
         ("key", WITH_CERTIFICATE, Key::Secret(&table.key)),
         ("audit", WITH_AUDIT, Key::Path(&table.audit)),
         ("hosts", &[Web, Metrics], Key::Texts(&table.hosts)),
+        ("origins", &[Web], Key::Texts(&table.origins)),
         ("reports", &[Web], Key::Path(&table.reports)),
         ("anonymous", &[OpcUa], Key::Flag(&table.anonymous)),
         ("trust", &[OpcUa], Key::Text(&table.trust)),
@@ -132,6 +133,7 @@ fn link(f: &mut Findings<'_>, table: &LinkTable, station: &str, folder: &Path, s
     let listen = listening(f, table, kind);
     protected(f, table, kind, rights, listen);
     brokered(f, table, kind, rights);
+    proxied(f, table);
     if kind.shares_its_process() {
         config.insert("type".into(), json!(table.kind.get_ref()));
         // The broker holds them; the process shows nothing else.
@@ -318,6 +320,18 @@ fn brokered(f: &mut Findings<'_>, table: &LinkTable, kind: LinkKind, rights: Rig
     }
 }
 
+/// The addresses under which a proxy shows a page, written as browsers send them (docs/web.md).
+fn proxied(f: &mut Findings<'_>, table: &LinkTable) {
+    let Some(origins) = &table.origins else { return };
+    for origin in origins.get_ref() {
+        let host = origin.strip_prefix("https://").or_else(|| origin.strip_prefix("http://"));
+        if host.is_none_or(|host| host.is_empty() || host.contains(['/', '?', '#', '@', ' '])) {
+            let message = format!("\"{origin}\" is not the address of a host");
+            f.error(VALUE, origins.span(), message, "origins = [\"https://press.plant.example\"], without a path");
+        }
+    }
+}
+
 fn inner(list: &Placed<Vec<String>>) -> &[String] {
     list.get_ref()
 }
@@ -423,6 +437,10 @@ mod tests {
             ("type = \"mqtt\"\nbroker = \"mqtt://[::1]\"\nevery = \"10ms\"\n".to_owned(), &["C005"]),
             ("type = \"mqtt\"\nbroker = \"mqtt://[::1]\"\ncommands = [\"M1.0\"]\n".to_owned(), &["C010"]),
             (format!("type = \"web\"\n{here}anonymous = true\n"), &["C010"]),
+            (format!("type = \"web\"\n{here}origins = [\"https://a.b:8443\"]\n"), &[]),
+            (format!("type = \"web\"\n{here}origins = [\"a.b\"]\n"), &["C005"]),
+            (format!("type = \"web\"\n{here}origins = [\"https://\", \"https://a.b/press\"]\n"), &["C005", "C005"]),
+            (format!("type = \"metrics\"\n{here}origins = [\"https://a.b\"]\n"), &["C010"]),
             (format!("type = \"mqtt\"\n{here}broker = \"mqtt://127.0.0.1\"\n"), &["C010"]),
             ("type = \"mqtt\"\n".to_owned(), &["C004"]),
             ("type = \"web\"\n".to_owned(), &["C004"]),

@@ -74,6 +74,7 @@ pub(super) struct LinkTable {
     pub(super) key: Option<Placed<String>>,
     pub(super) audit: Option<Placed<String>>,
     pub(super) hosts: Option<Placed<Vec<String>>>,
+    pub(super) origins: Option<Placed<Vec<String>>>,
     pub(super) reports: Option<Placed<String>>,
     pub(super) anonymous: Option<Placed<bool>>,
     pub(super) trust: Option<Placed<String>>,
