@@ -13,7 +13,6 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::Page;
-use super::sessions::cookie_name;
 use crate::http::{Call, Reply, plain, query, reply};
 
 /// Within this time concurrent requests share one document.
@@ -113,7 +112,7 @@ impl Page {
         let Some(token) = self.sessions.open(client, users.mark(&user)) else {
             return plain(StatusCode::SERVICE_UNAVAILABLE, "no random numbers");
         };
-        with_cookie(send(&json!({ "user": user, "right": right })), call.tls, &token, None)
+        self.with_cookie(send(&json!({ "user": user, "right": right })), call.tls, &token, None)
     }
 
     pub(super) fn logout(&self, call: &Call) -> Reply {
@@ -121,7 +120,18 @@ impl Page {
             let who = client.who();
             let _ = self.station.audit().note(&who.user, &who.address, "logout", "done");
         }
-        with_cookie(send(&json!({})), call.tls, "", Some(0))
+        self.with_cookie(send(&json!({})), call.tls, "", Some(0))
+    }
+
+    fn with_cookie(&self, mut reply: Reply, tls: bool, token: &str, age: Option<u32>) -> Reply {
+        let secure = if tls { "; Secure" } else { "" };
+        let age = age.map_or_else(String::new, |age| format!("; Max-Age={age}"));
+        let name = self.sessions.cookie(tls);
+        let cookie = format!("{name}={token}; Path=/; HttpOnly; SameSite=Strict{secure}{age}");
+        if let Ok(cookie) = HeaderValue::from_str(&cookie) {
+            reply.headers_mut().insert(SET_COOKIE, cookie);
+        }
+        reply
     }
 
     pub(super) async fn document(&self, what: &str) -> Reply {
@@ -218,16 +228,6 @@ impl Page {
             None => plain(StatusCode::CONFLICT, "it cannot be read, or is longer than 1 MiB"),
         }
     }
-}
-
-fn with_cookie(mut reply: Reply, tls: bool, token: &str, age: Option<u32>) -> Reply {
-    let secure = if tls { "; Secure" } else { "" };
-    let age = age.map_or_else(String::new, |age| format!("; Max-Age={age}"));
-    let cookie = format!("{}={token}; Path=/; HttpOnly; SameSite=Strict{secure}{age}", cookie_name(tls));
-    if let Ok(cookie) = HeaderValue::from_str(&cookie) {
-        reply.headers_mut().insert(SET_COOKIE, cookie);
-    }
-    reply
 }
 
 /// A DATE_AND_TIME as text.

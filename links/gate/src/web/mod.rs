@@ -42,7 +42,7 @@ pub(crate) async fn serve(mut link: Link) -> Result<(), String> {
     let page = Page {
         everybody: station.client(who),
         users: link.users.take(),
-        sessions: Sessions::default(),
+        sessions: Sessions::of(&station.welcome().station, &station.welcome().link),
         reports: station.keys().get("reports").and_then(|path| path.as_str()).map(Into::into),
         taps: station.keys().get("taps").and_then(|path| path.as_str()).map(Into::into),
         streams: stream::Streams::default(),

@@ -27,21 +27,33 @@ struct Session {
     left: Rc<Cell<bool>>,
 }
 
-/// All sessions.
-#[derive(Default)]
-pub(super) struct Sessions(RefCell<Vec<Session>>);
-
-/// The name of the cookie: with TLS a browser accepts it only from this very host.
-pub(super) const fn cookie_name(tls: bool) -> &'static str {
-    if tls { "__Host-ob1" } else { "ob1" }
+/// All sessions of a link.
+pub(super) struct Sessions {
+    all: RefCell<Vec<Session>>,
+    /// The name of their cookie, without the prefix.
+    cookie: String,
 }
 
+/// With this prefix a browser accepts a cookie only from this very host, over TLS.
+const HOST: &str = "__Host-";
+
 impl Sessions {
+    /// No sessions yet. A browser keeps the cookies of a host together, whatever the ports: a login at one link must
+    /// not end that at another.
+    pub(super) fn of(station: &str, link: &str) -> Self {
+        Self { all: RefCell::default(), cookie: format!("ob1-{station}-{link}") }
+    }
+
+    /// The name of the cookie.
+    pub(super) fn cookie(&self, tls: bool) -> String {
+        format!("{}{}", if tls { HOST } else { "" }, self.cookie)
+    }
+
     /// Opens a session; returns its token. `mark` is [`Users::mark`] now.
     pub(super) fn open(&self, client: Client, mark: Option<u64>) -> Option<String> {
         let mut token = [0; TOKEN];
         SystemRandom::new().fill(&mut token).ok()?;
-        let mut all = self.0.borrow_mut();
+        let mut all = self.all.borrow_mut();
         if all.len() >= SESSIONS
             && let Some(at) = (0..all.len()).min_by_key(|at| all[*at].last)
         {
@@ -56,10 +68,10 @@ impl Sessions {
     /// password.
     pub(super) fn client(&self, headers: &HeaderMap, users: &Users) -> Option<Client> {
         let now = Instant::now();
-        let mut all = self.0.borrow_mut();
+        let mut all = self.all.borrow_mut();
         let over = |at: Instant, time| now.duration_since(at) >= time;
         all.retain(|session| !over(session.last, SILENT) && !over(session.began, LONGEST));
-        let at = place(&all, headers)?;
+        let at = self.place(&all, headers)?;
         let session = all.get_mut(at)?;
         if users.mark(&session.client.who().user) != session.mark {
             all.swap_remove(at).left.set(true);
@@ -71,8 +83,8 @@ impl Sessions {
 
     /// Closes the session.
     pub(super) fn close(&self, headers: &HeaderMap) -> Option<Client> {
-        let mut all = self.0.borrow_mut();
-        let at = place(&all, headers)?;
+        let mut all = self.all.borrow_mut();
+        let at = self.place(&all, headers)?;
         let session = all.swap_remove(at);
         session.left.set(true);
         Some(session.client)
@@ -80,25 +92,25 @@ impl Sessions {
 
     /// Tells whether the user of the session that the cookie names has left it; without a session it stays false.
     pub(super) fn left(&self, headers: &HeaderMap) -> Rc<Cell<bool>> {
-        let all = self.0.borrow();
-        let session = place(&all, headers).and_then(|at| all.get(at));
+        let all = self.all.borrow();
+        let session = self.place(&all, headers).and_then(|at| all.get(at));
         session.map(|session| Rc::clone(&session.left)).unwrap_or_default()
+    }
+
+    fn place(&self, all: &[Session], headers: &HeaderMap) -> Option<usize> {
+        tokens(headers, &self.cookie).into_iter().find_map(|token| {
+            // No guess comes near 256 random bits, so the duration of a comparison reveals nothing.
+            all.iter().position(|session| session.token == token)
+        })
     }
 }
 
-fn place(all: &[Session], headers: &HeaderMap) -> Option<usize> {
-    tokens(headers).into_iter().find_map(|token| {
-        // No guess comes near 256 random bits, so the duration of a comparison reveals nothing.
-        all.iter().position(|session| session.token == token)
-    })
-}
-
 /// All possible tokens; other sites may have set cookies of the same name.
-fn tokens(headers: &HeaderMap) -> Vec<[u8; TOKEN]> {
+fn tokens(headers: &HeaderMap, cookie: &str) -> Vec<[u8; TOKEN]> {
     let texts = headers.get_all(COOKIE).iter().filter_map(|value| value.to_str().ok());
     let pairs = texts.flat_map(|text| text.split(';')).filter_map(|pair| pair.trim().split_once('='));
     pairs
-        .filter(|(name, _)| [cookie_name(true), cookie_name(false)].contains(name))
+        .filter(|(name, _)| name.strip_prefix(HOST).unwrap_or(name) == cookie)
         .filter_map(|(_, value)| token(value))
         .take(4)
         .collect()
@@ -128,16 +140,22 @@ mod tests {
             for cookie in cookies {
                 headers.append(COOKIE, cookie.parse().expect("a value"));
             }
-            tokens(&headers).len()
+            tokens(&headers, "ob1-press-page").len()
         };
-        assert_eq!(count(&[&format!("ob1={good}")]), 1);
-        assert_eq!(count(&[&format!("a=b; __Host-ob1={good};x"), &format!("ob1={good}")]), 2);
-        let wrong =
-            [format!("ob1={}", &good[1..]), format!("ob1={}+f", &good[2..]), format!("ob2={good}"), "ob1".into()];
+        let name = "ob1-press-page";
+        assert_eq!(count(&[&format!("{name}={good}")]), 1);
+        assert_eq!(count(&[&format!("a=b; __Host-{name}={good};x"), &format!("{name}={good}")]), 2);
+        let wrong = [
+            format!("{name}={}", &good[1..]),
+            format!("{name}={}+f", &good[2..]),
+            format!("ob1-press-other={good}"),
+            format!("__Host-__Host-{name}={good}"),
+            name.into(),
+        ];
         for cookie in wrong {
             assert_eq!(count(&[&cookie]), 0, "{cookie}");
         }
-        let many = vec![format!("ob1={good}"); 100].join("; ");
+        let many = vec![format!("{name}={good}"); 100].join("; ");
         assert_eq!(count(&[&many]), 4, "bounded");
     }
 }
