@@ -298,6 +298,12 @@ fn what_strangers_send_hurts_nobody() {
         let status = visitor.raw(request.as_bytes()).map(|answer| answer.status);
         assert!(status.is_none_or(|status| (400..500).contains(&status)), "{status:?}: {:.80}", request);
     }
+    // A body that is too long is another mistake than one that is broken.
+    let chunked = |body: &str| {
+        let request = format!("POST /api/login HTTP/1.1\r\n{own}Transfer-Encoding: chunked\r\n\r\n{body}");
+        visitor.raw(request.as_bytes()).expect("an answer").status
+    };
+    assert_eq!((chunked("zz\r\nabc\r\n"), chunked(&format!("10001\r\n{}", &giant[..65_537]))), (400, 413));
     let deep = "[".repeat(60_000);
     let nested = elsewhere.post_with("/api/login", &own.replace(&host, ""), &json!(deep));
     assert!((400..500).contains(&nested.status));
