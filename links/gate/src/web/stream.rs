@@ -236,7 +236,10 @@ fn text(datum: &Datum) -> String {
         Datum::Int(value) => value.to_string(),
         Datum::DInt(value) => value.to_string(),
         Datum::Real(value) => value.to_string(),
-        Datum::Duration(ms) => format!("{}.{:03} s", ms / 1000, (ms % 1000).abs()),
+        Datum::Duration(ms) => {
+            let (sign, ms) = (if *ms < 0 { "-" } else { "" }, ms.unsigned_abs());
+            format!("{sign}{}.{:03} s", ms / 1000, ms % 1000)
+        }
         Datum::Moment(ms) => iso(u64::try_from(*ms).unwrap_or(0)).replace('T', " ").replace('Z', ""),
         Datum::Text(text) => format!("'{text}'"),
         Datum::Bytes(bytes) => bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" "),
@@ -280,7 +283,9 @@ mod tests {
             (Datum::Bool(true), "1"),
             (Datum::Int(-5), "-5"),
             (Datum::Duration(1500), "1.500 s"),
-            (Datum::Duration(-20), "0.020 s"),
+            (Datum::Duration(-20), "-0.020 s"),
+            (Datum::Duration(-1500), "-1.500 s"),
+            (Datum::Duration(0), "0.000 s"),
             (Datum::Moment(0), "1970-01-01 00:00:00.000"),
             (Datum::Text("Öl".into()), "'Öl'"),
             (Datum::List(vec![Datum::Word(1), Datum::Word(2)]), "1, 2"),
