@@ -38,7 +38,7 @@ impl Connection {
     ///
     /// # Errors
     /// Why the password cannot be read.
-    pub(crate) fn begin(settings: &Settings, transport: Option<&Transport>, will: LastWill) -> Result<Self, String> {
+    pub(crate) fn begin(settings: &Settings, transport: Option<Transport>, will: LastWill) -> Result<Self, String> {
         let mut options = MqttOptions::new(&settings.client, &settings.host, settings.port);
         options
             .set_keep_alive(KEEP_ALIVE)
@@ -50,7 +50,7 @@ impl Connection {
             options.set_credentials(user, password(file)?);
         }
         if let Some(transport) = transport {
-            options.set_transport(transport.clone());
+            options.set_transport(transport);
         }
         let (client, mut events) = AsyncClient::new(options, REQUESTS);
         let (to, happened) = mpsc::channel(EVENTS);

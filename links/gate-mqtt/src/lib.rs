@@ -22,6 +22,7 @@ use crate::items::Items;
 use crate::keys::Keys;
 use crate::session::Session;
 use crate::store::Store;
+use crate::tls::Tls;
 
 /// Serves a link until its station is gone.
 ///
@@ -32,7 +33,7 @@ pub async fn serve(link: Link) -> Result<(), String> {
     let keys: Keys = serde_json::from_value(station.keys().clone()).map_err(|error| error.to_string())?;
     let welcome = station.welcome();
     let settings = keys.settle(&welcome.station, &welcome.link, station.ceiling())?;
-    let transport = settings.tls.as_ref().map(tls::transport).transpose()?;
+    let tls = settings.tls.as_ref().map(Tls::open).transpose()?;
     let state = state.ok_or("it has no folder for values that wait to be sent")?.join(&welcome.link);
     let catalog = station.catalog().await.map_err(|trouble| trouble.to_string())?;
     let flat = settings.sparkplug.is_some();
@@ -40,7 +41,7 @@ pub async fn serve(link: Link) -> Result<(), String> {
     let (folder, bound) = (state.join("store"), settings.store);
     let opened = tokio::task::spawn_blocking(move || Store::open(&folder, bound)).await;
     let store = opened.map_err(|error| error.to_string())?.map_err(|error| format!("{}: {error}", state.display()))?;
-    let session = Session::new(station, settings, transport, &catalog.names, items, store, &state)?;
+    let session = Session::new(station, settings, tls, &catalog.names, items, store, &state)?;
     match session.run().await {
         Trouble::Gone => Ok(()),
         trouble => Err(trouble.to_string()),

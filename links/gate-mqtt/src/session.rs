@@ -8,7 +8,7 @@ use std::time::Duration;
 use ob1_access::door::Reading;
 use ob1_access::{Datum, Names};
 use ob1_gate_core::{Station, Trouble, unix_now};
-use rumqttc::{Event, LastWill, Outgoing, Packet, Publish, QoS, Transport};
+use rumqttc::{Event, LastWill, Outgoing, Packet, Publish, QoS};
 use serde_json::{Value, json};
 use tokio::time::{Instant, sleep_until};
 
@@ -20,6 +20,7 @@ use crate::keys::Settings;
 use crate::node::{self, Node};
 use crate::sparkplug::{Metric, Payload, REBIRTH};
 use crate::store::{Record, Store};
+use crate::tls::Tls;
 use crate::topics::{self, ONLINE};
 
 /// Time to the next connection attempt, at first and at most.
@@ -36,7 +37,7 @@ const FAREWELL: Duration = Duration::from_secs(1);
 pub(crate) struct Session {
     station: Station,
     settings: Settings,
-    transport: Option<Transport>,
+    tls: Option<Tls>,
     items: Items,
     store: Store,
     node: Option<Node>,
@@ -65,7 +66,7 @@ impl Session {
     pub(crate) fn new(
         station: Station,
         settings: Settings,
-        transport: Option<Transport>,
+        tls: Option<Tls>,
         names: &Names,
         items: Items,
         store: Store,
@@ -83,7 +84,7 @@ impl Session {
             number: 0,
             station,
             settings,
-            transport,
+            tls,
             items,
             store,
             node,
@@ -140,7 +141,11 @@ impl Session {
             }
             None => LastWill::new(self.topic(ONLINE), "false", QoS::AtLeastOnce, true),
         };
-        match Connection::begin(&self.settings, self.transport.as_ref(), will) {
+        let (transport, trouble) = self.tls.as_mut().map(Tls::again).unzip();
+        if let Some(why) = trouble.flatten() {
+            tracing::warn!(link = %self.name(), "{why}; the files read before stay valid");
+        }
+        match Connection::begin(&self.settings, transport, will) {
             Ok(connection) => self.connection = Some(connection),
             Err(why) => self.broken(&why),
         }
