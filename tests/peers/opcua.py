@@ -18,6 +18,7 @@ does what standard input says, one JSON object a line; each answer is one line: 
     history    id
     watch      ids, every              one subscription of these items
     watch_part id, range               a subscription to a part of a value
+    vanish     ids                     accepted: items of a subscription that expires, because nothing asks for its news
     flood      ids, count              accepted: how many of so many items are taken; refused: why no more
     changes    count                   the next values that come, [[id, value], ...]
     events                             a subscription to the events of the server
@@ -188,6 +189,32 @@ class Peer:
         if not isinstance(handle, int):
             handle.check()
         return {}
+
+    async def vanish(self, ask):
+        from asyncua import ua
+        from asyncua.ua.ua_binary import struct_from_binary
+
+        request = ua.CreateSubscriptionRequest()
+        request.Parameters.RequestedPublishingInterval = 50
+        request.Parameters.RequestedMaxKeepAliveCount = 1
+        request.Parameters.RequestedLifetimeCount = 3
+        request.Parameters.PublishingEnabled = True
+        answer = await self.client.uaclient.protocol.send_request(request)
+        made = struct_from_binary(ua.CreateSubscriptionResponse, answer).Parameters
+        parameters = ua.CreateMonitoredItemsParameters()
+        parameters.SubscriptionId = made.SubscriptionId
+        parameters.TimestampsToReturn = ua.TimestampsToReturn.Both
+        for number, text in enumerate(ask["ids"]):
+            item = ua.MonitoredItemCreateRequest()
+            item.ItemToMonitor.NodeId = self.node(text).nodeid
+            item.ItemToMonitor.AttributeId = ua.AttributeIds.Value
+            item.MonitoringMode = ua.MonitoringMode.Reporting
+            item.RequestedParameters.ClientHandle = number
+            item.RequestedParameters.SamplingInterval = 50
+            item.RequestedParameters.QueueSize = 1
+            parameters.ItemsToCreate.append(item)
+        results = await self.client.uaclient.create_monitored_items(parameters)
+        return {"accepted": sum(result.StatusCode.is_good() for result in results)}
 
     async def flood(self, ask):
         subscription = await self.client.create_subscription(1000, Handler())

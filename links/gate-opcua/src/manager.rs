@@ -441,13 +441,14 @@ impl NodeManager for Manager {
                     let part = watchable(&typed.ty, &wanted.index_range);
                     if part.is_good() {
                         added.push((index, id.clone(), item.handle()));
-                        self.monitor.pace().watched(item.handle().subscription_id, context.session_id());
-                        self.monitor.add(id, typed, item)
+                        self.monitor.add(id, typed, item, context.session_id())
                     } else {
                         part
                     }
                 }
-                (Some((id, Node::Fact(_))), AttributeId::Value) => self.monitor.add_fact(id, item),
+                (Some((id, Node::Fact(_))), AttributeId::Value) => {
+                    self.monitor.add_fact(id, item, context.session_id())
+                }
                 (Some(_), _) => StatusCode::Good,
             };
             let mut wanted = item.item_to_monitor().clone();

@@ -5,14 +5,14 @@
 
 use std::collections::HashMap;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use ob1_access::door::{Cover, Reading, Refusal, State};
 use ob1_access::{Piece, Typed};
 use ob1_gate_core::{Station, Trouble, Watch};
 use ob1_model::OperatingState;
-use opcua_server::{CreateMonitoredItem, MonitoredItemHandle, SubscriptionCache};
+use opcua_server::{CreateMonitoredItem, MonitoredItemHandle, SubscriptionCache, SubscriptionState};
 use opcua_types::{AttributeId, DataValue, MonitoringMode, NodeId, StatusCode, Variant};
 use parking_lot::Mutex;
 use tokio::sync::{Notify, watch};
@@ -28,6 +28,11 @@ use crate::value::weight;
 
 /// Without monitored values one byte is read at this period, for the state and the scan number.
 const HEARTBEAT: Duration = Duration::from_millis(250);
+/// Time between two checks for subscriptions that have expired.
+const EXPIRY: Duration = Duration::from_secs(1);
+/// A subscription may have been transferred to a session that has not asked for anything here: so many sessions newer
+/// than the newest known one are looked through.
+const UNKNOWN_SESSIONS: u32 = 10_000;
 
 /// See [the module](self).
 pub(crate) struct Monitor {
@@ -41,6 +46,10 @@ pub(crate) struct Monitor {
     heartbeat: Option<Piece>,
     /// Items that have been deleted since the server began.
     deleted: AtomicUsize,
+    /// Subscriptions with items here, and the sessions where they were last seen.
+    owners: Mutex<HashMap<u32, u32>>,
+    /// The newest session known.
+    newest: AtomicU32,
     pace: Pace,
     changed: Notify,
     stale: AtomicBool,
@@ -123,6 +132,8 @@ impl Monitor {
             kept: AtomicUsize::new(0),
             heartbeat,
             deleted: AtomicUsize::new(0),
+            owners: Mutex::default(),
+            newest: AtomicU32::new(0),
             pace: Pace::new(),
             changed: Notify::new(),
             stale: AtomicBool::new(true),
@@ -209,14 +220,14 @@ impl Monitor {
     }
 
     /// Watches a value for an item. The item's queue is shortened if there is no room for it.
-    pub(crate) fn add(&self, id: &str, typed: &Typed, item: &mut CreateMonitoredItem) -> StatusCode {
+    pub(crate) fn add(&self, id: &str, typed: &Typed, item: &mut CreateMonitoredItem, session: u32) -> StatusCode {
         let Some(piece) = typed.piece() else { return StatusCode::BadNotReadable };
-        self.insert(id, Some(typed), Some(piece), item)
+        self.insert(id, Some(typed), Some(piece), item, session)
     }
 
     /// Watches a fact about the CPU for an item.
-    pub(crate) fn add_fact(&self, id: &str, item: &mut CreateMonitoredItem) -> StatusCode {
-        self.insert(id, None, None, item)
+    pub(crate) fn add_fact(&self, id: &str, item: &mut CreateMonitoredItem, session: u32) -> StatusCode {
+        self.insert(id, None, None, item, session)
     }
 
     fn insert(
@@ -225,6 +236,7 @@ impl Monitor {
         typed: Option<&Typed>,
         piece: Option<Piece>,
         item: &mut CreateMonitoredItem,
+        session: u32,
     ) -> StatusCode {
         let mut watched = self.watched.lock();
         if self.items.load(Ordering::Relaxed) >= self.most {
@@ -253,6 +265,9 @@ impl Monitor {
             None => drop(self.items.fetch_add(1, Ordering::Relaxed)),
             Some(before) => drop(self.kept.fetch_sub(before.kept, Ordering::Relaxed)),
         }
+        self.pace.watched(handle.subscription_id, session);
+        self.owners.lock().insert(handle.subscription_id, session);
+        self.newest.fetch_max(session, Ordering::Relaxed);
         // The new item has its own first value; all other items of this value get the same value again, which is not a
         // change.
         entry.last = None;
@@ -299,6 +314,71 @@ impl Monitor {
         self.touch();
     }
 
+    /// Forgets the items of subscriptions that have expired. The library tells when a client deletes its own, but not
+    /// when a client is gone: its items would be sampled, and counted, for ever.
+    fn prune(&self, subscriptions: &SubscriptionCache) {
+        let standing = |id: u32, session: u32| {
+            let own = subscriptions.get_session_subscriptions(session)?;
+            let state = own.lock().get(id).map(opcua_server::Subscription::state);
+            state.map(|state| state != SubscriptionState::Closed)
+        };
+        let (mut gone, mut missing) = (Vec::new(), Vec::new());
+        let mut owners = self.owners.lock();
+        for (id, session) in &*owners {
+            match standing(*id, *session) {
+                Some(true) => {}
+                Some(false) => gone.push(*id),
+                None => missing.push(*id),
+            }
+        }
+        // It has been deleted, or transferred to another session; those are numbered from 1.
+        let mut places = HashMap::new();
+        let most = self.newest.load(Ordering::Relaxed).saturating_add(UNKNOWN_SESSIONS);
+        let sessions = if missing.is_empty() { 0 } else { most };
+        for session in 1..=sessions {
+            if let Some(own) = subscriptions.get_session_subscriptions(session) {
+                places.extend(own.lock().subscription_ids().into_iter().map(|id| (id, session)));
+            }
+        }
+        for id in missing {
+            match places.get(&id) {
+                Some(session) => {
+                    owners.insert(id, *session);
+                    self.newest.fetch_max(*session, Ordering::Relaxed);
+                }
+                None => gone.push(id),
+            }
+        }
+        owners.retain(|id, _| !gone.contains(id));
+        drop(owners);
+        if !gone.is_empty() {
+            self.forget(&gone);
+        }
+    }
+
+    /// Forgets the items of these subscriptions.
+    fn forget(&self, gone: &[u32]) {
+        let mut watched = self.watched.lock();
+        let (mut items, mut kept) = (0, 0);
+        watched.retain(|_, entry| {
+            entry.handles.retain(|handle, rate| {
+                let ended = gone.contains(&handle.subscription_id);
+                if ended {
+                    items += 1;
+                    kept += rate.kept;
+                }
+                !ended
+            });
+            !entry.handles.is_empty()
+        });
+        if items > 0 {
+            self.items.fetch_sub(items, Ordering::Relaxed);
+            self.kept.fetch_sub(kept, Ordering::Relaxed);
+            self.deleted.fetch_add(items, Ordering::Relaxed);
+            self.touch();
+        }
+    }
+
     fn touch(&self) {
         self.stale.store(true, Ordering::Relaxed);
         self.changed.notify_one();
@@ -308,8 +388,11 @@ impl Monitor {
     async fn run(&self, station: Station, subscriptions: Arc<SubscriptionCache>) {
         let mut watch = self.watch(&station);
         let mut seen = None;
+        let mut expiry = tokio::time::interval(EXPIRY);
+        expiry.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
         loop {
             tokio::select! {
+                _ = expiry.tick() => self.prune(&subscriptions),
                 newest = watch.next() => match newest {
                     Ok(reading) => {
                         seen = self.tell(&reading, seen.as_deref(), &subscriptions).then_some(reading);

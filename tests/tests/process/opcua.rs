@@ -334,6 +334,23 @@ fn a_part_of_a_value_is_the_right_one_and_hurts_nobody() {
     assert_eq!(station.interrupt().code(), Some(0));
 }
 
+/// The items of a client that is gone are free again when its subscription has expired.
+#[test]
+fn items_of_a_client_that_is_gone_do_not_stay() {
+    let site = Site::new();
+    let (station, port) = opcua(&site, "ua-gone", "items = 4\n");
+    let mut client = connected(&site, port, &[]);
+    let gone = client.done(&json!({ "op": "vanish", "ids": ["MW20", "MW22", "MW24", "/Scan"] }));
+    assert_eq!(gone["accepted"], 4);
+    station.until("the items are free", |_| {
+        let mut other = connected(&site, port, &[]);
+        let flood = other.done(&json!({ "op": "flood", "ids": ["MW30"], "count": 4 }));
+        (flood["accepted"] == 4).then_some(())
+    });
+    drop(client);
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
 /// Noise, incomplete messages, huge ones, and too many requests: refused, and other clients continue.
 #[test]
 fn hostile_input_changes_nothing() {
