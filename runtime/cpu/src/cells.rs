@@ -38,7 +38,7 @@ pub(crate) fn block(m: &Machine, cell: Cell) -> Result<&[u8], CellError> {
     m.memory.bytes.get(range.bytes()).ok_or(CellError::Outside)
 }
 
-/// Whether a value can be written, without writing it. A module answers only when it is written to.
+/// Whether a value can be written, without writing it. Whether a module takes it shows only at the write.
 pub(crate) fn check(m: &Machine, cell: Cell, width: Width, value: u32) -> Result<(), CellError> {
     if width.bits() < 32 && value >> width.bits() != 0 {
         return Err(CellError::Value);
@@ -50,7 +50,10 @@ pub(crate) fn check(m: &Machine, cell: Cell, width: Width, value: u32) -> Result
             Some(_) if value > u32::from(Counter::MAX) => Err(CellError::Value),
             Some(_) => Ok(()),
         },
-        Cell::Peripheral(_) if width != Width::Bit => Ok(()),
+        Cell::Peripheral(at) if width != Width::Bit => {
+            let there = m.has_outputs(at / 8, u32::from(width.bits() / 8));
+            if there { Ok(()) } else { Err(CellError::NoModule) }
+        }
         Cell::Timer(n) if width == Width::Word => {
             m.timers.get(usize::from(n)).ok_or(CellError::NoTimer)?;
             S5Time(value as u16).digits().map(|_| ()).ok_or(CellError::Value)

@@ -73,8 +73,8 @@ impl Group {
         self.scan
     }
 
-    /// What became of it. `Err` names the first entry that could not be written; no entry was written then, unless it
-    /// was a module that refused.
+    /// What became of it. `Err` names the first entry that could not be written; no entry was written then. Only if a
+    /// module did not take its bytes, modules before it have taken theirs.
     ///
     /// # Errors
     /// The first entry that was refused, and why.
@@ -85,7 +85,7 @@ impl Group {
         }
     }
 
-    /// All or nothing, except for what a module refuses.
+    /// All or nothing, except for what modules take before one refuses.
     fn land(&mut self, m: &mut Machine) {
         let check = |put: &Put| match put {
             Put::Value(cell, width, value) => cells::check(m, *cell, *width, *value),
@@ -95,20 +95,24 @@ impl Group {
         if self.refused.is_some() {
             return;
         }
-        for (index, put) in self.puts.iter().enumerate() {
-            let written = match put {
-                Put::Value(cell, width, value) => cells::write(m, *cell, *width, *value),
-                Put::Bytes(cell, bytes) => cells::place(m, *cell, bytes.len() as u32, true).map(|place| {
-                    if let Some(to) = m.memory.bytes.get_mut(place) {
-                        to.copy_from_slice(bytes);
-                    }
-                }),
-            };
-            // Only a module can still refuse: whether it takes a value shows only at the write.
-            if let Err(error) = written
-                && self.refused.is_none()
-            {
-                self.refused = Some((index, error));
+        // Modules first: whether one takes a value shows only at the write, and nothing else is written if it does not.
+        for modules in [true, false] {
+            for (index, put) in self.puts.iter().enumerate() {
+                if matches!(put.cell(), Cell::Peripheral(_)) != modules {
+                    continue;
+                }
+                let written = match put {
+                    Put::Value(cell, width, value) => cells::write(m, *cell, *width, *value),
+                    Put::Bytes(cell, bytes) => cells::place(m, *cell, bytes.len() as u32, true).map(|place| {
+                        if let Some(to) = m.memory.bytes.get_mut(place) {
+                            to.copy_from_slice(bytes);
+                        }
+                    }),
+                };
+                if let Err(error) = written {
+                    self.refused = Some((index, error));
+                    return;
+                }
             }
         }
     }

@@ -147,6 +147,14 @@ impl Machine {
         }
     }
 
+    /// Whether there are these peripheral outputs. Whether their module takes a value shows only at the write.
+    pub(crate) fn has_outputs(&self, address: u32, bytes: u32) -> bool {
+        if self.config.peripheral_from_image {
+            return self.memory.outputs.locate(address, bytes).is_some();
+        }
+        self.modules.has_outputs(address, bytes as usize)
+    }
+
     /// Writes peripheral bytes, and the process image of the outputs where they lie inside it.
     pub(crate) fn io_write(&mut self, address: u32, from: &[u8]) -> Result<(), IoError> {
         if self.config.peripheral_from_image {

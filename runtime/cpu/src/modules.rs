@@ -71,11 +71,9 @@ impl Modules {
 
     /// Reads peripheral bytes that one module has.
     pub(crate) fn read(&mut self, address: u32, into: &mut [u8]) -> Result<(), IoError> {
-        let end = u64::from(address) + into.len() as u64;
         for plugged in &mut self.list {
-            let (first, len) = plugged.range(false);
-            if address >= first && end <= u64::from(first) + u64::from(len) {
-                return plugged.module.read((address - first) as u16, into).map_err(IoError::Module);
+            if let Some(at) = plugged.offset(address, into.len(), false) {
+                return plugged.module.read(at, into).map_err(IoError::Module);
             }
         }
         Err(IoError::NoModule)
@@ -83,14 +81,17 @@ impl Modules {
 
     /// Writes peripheral bytes that one module has.
     pub(crate) fn write(&mut self, address: u32, from: &[u8]) -> Result<(), IoError> {
-        let end = u64::from(address) + from.len() as u64;
         for plugged in &mut self.list {
-            let (first, len) = plugged.range(true);
-            if address >= first && end <= u64::from(first) + u64::from(len) {
-                return plugged.module.write((address - first) as u16, from).map_err(IoError::Module);
+            if let Some(at) = plugged.offset(address, from.len(), true) {
+                return plugged.module.write(at, from).map_err(IoError::Module);
             }
         }
         Err(IoError::NoModule)
+    }
+
+    /// Whether a module has these peripheral outputs.
+    pub(crate) fn has_outputs(&self, address: u32, bytes: usize) -> bool {
+        self.list.iter().any(|plugged| plugged.offset(address, bytes, true).is_some())
     }
 
     /// The module whose registers begin at exactly this logical address.
@@ -187,6 +188,14 @@ impl Plugged {
     pub(crate) fn has(&self, address: u32, output: bool) -> bool {
         let (first, len) = self.range(output);
         address == first || address > first && address - first < len
+    }
+
+    /// Where these peripheral bytes lie in the module, if it has all of them.
+    #[inline]
+    fn offset(&self, address: u32, bytes: usize, outputs: bool) -> Option<u16> {
+        let (first, len) = self.range(outputs);
+        let end = u64::from(address) + bytes as u64;
+        (address >= first && end <= u64::from(first) + u64::from(len)).then(|| (address - first) as u16)
     }
 
     pub(crate) fn range(&self, outputs: bool) -> (u32, u32) {

@@ -96,12 +96,34 @@ fn a_group_lands_whole_and_its_answer_follows_its_snapshot() {
         (Put::Value(Cell::Timer(999), Width::Word, 0), CellError::NoTimer),
         (Put::Value(Cell::Timer(1), Width::Bit, 1), CellError::ReadOnly),
         (Put::Bytes(Cell::Counter(1), Box::from([1])), CellError::Outside),
+        (Put::Value(Cell::Peripheral(0), Width::Byte, 1), CellError::NoModule),
     ] {
         link.link.write(group(6, &[Put::Value(memory(20), Width::Word, 0xFFFF), wrong.clone()])).expect("room");
         bench.cycle();
         assert_eq!(link.answer().expect("an answer").outcome(), Err((1, error)), "{wrong:?}");
         assert_eq!(bench.mw(20), 0x1234, "{wrong:?}: nothing was written");
     }
+}
+
+/// Whether a module takes a value shows only at the write: nothing else has been written then, so that the rest of the
+/// group can be sent again.
+#[test]
+fn a_module_that_does_not_answer_leaves_memory_as_it_was() {
+    let module = TestModule::new(4);
+    let plugged = (ModuleSlot::new("m256", 256), Box::new(module.clone()) as Box<dyn Module>);
+    let program = program(vec![ob1(vec![load(mw(0))])], vec![]);
+    let cpu = Cpu::new(CpuConfig::default(), &program, vec![], vec![plugged], common::engine());
+    let mut bench = Bench::with(cpu.expect("loads"));
+    bench.run();
+    let mut link = Looker::of(&mut bench.cpu).expect("the first");
+    let puts = [Put::Value(memory(20), Width::Word, 7), Put::Value(Cell::Peripheral(256 * 8), Width::Byte, 9)];
+    for (absent, outcome, word) in [(true, Err((1, CellError::NoModule)), 0), (false, Ok(()), 7)] {
+        module.look(|seen| seen.absent = absent);
+        link.link.write(group(1, &puts)).expect("room");
+        bench.cycle();
+        assert_eq!((link.answer().expect("an answer").outcome(), bench.mw(20)), (outcome, word));
+    }
+    assert_eq!(module.look(|seen| seen.outputs[0]), 9);
 }
 
 /// The order of a cycle control point: the outputs have gone out, writes land, the snapshot is taken, the inputs are
