@@ -292,19 +292,17 @@ impl Server {
         loop {
             let caller = self.sessions.iter().position(|s| s.resource.is_none() && s.call().is_some());
             let Some(index) = caller else { return };
-            let Some(called) = self.sessions.get(index).and_then(|s| s.call()).map(|call| call.called.clone()) else {
-                return;
-            };
+            let Some(call) = self.sessions.get(index).and_then(|s| s.call()).cloned() else { return };
             if self.is_for_coupler(index, now) {
                 continue;
             }
+            let called = &call.called;
             let resource = called.resource();
             let others: Vec<_> = self.sessions.iter().filter_map(|session| session.occupant(now)).collect();
             let verdict = admit(config.clients, resource, &others);
-            let elsewhere = called.place().is_some_and(|place| place != config.place);
             let Some(session) = self.sessions.get_mut(index) else { return };
             let peer = session.peer;
-            if elsewhere {
+            if call.is_elsewhere(config.place) {
                 session.refuse(Refusal::Unknown);
                 let place = config.place;
                 self.say(|| {

@@ -181,6 +181,29 @@ fn stop_and_start_by_right() {
     assert_eq!(without.interrupt().code(), Some(0));
 }
 
+/// A client that calls another slot, or a CPU in another network, does not get this one.
+#[test]
+fn a_call_for_another_cpu_is_refused() {
+    use std::io::Read as _;
+    let site = Site::new();
+    let (station, port) = station(&site, "s7-elsewhere", "rights = \"write\"");
+    let call = |tsap: &[u8]| {
+        let length = 13 + tsap.len() as u8;
+        let mut call = vec![3, 0, 0, length, length - 5, 0xE0, 0, 0, 0, 1, 0, 0xC2, tsap.len() as u8];
+        call.extend_from_slice(tsap);
+        let mut stream = std::net::TcpStream::connect(("127.0.0.1", port)).expect("a connection");
+        stream.write_all(&call).expect("sent");
+        let mut answer = [0; 11];
+        stream.read_exact(&mut answer).expect("an answer");
+        answer[5]
+    };
+    let mut routed = vec![1, 6, 1, 2, 1, 0x52, 0, 0, 0, 0x13, 3];
+    routed.resize(26, 0);
+    routed.extend_from_slice(&[1, 2]);
+    assert_eq!([&[1, 2][..], &[1, 3], &routed].map(call), [0xD0, 0x80, 0x80]);
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
 #[test]
 fn a_flood_of_connections_keeps_nobody_out() {
     use std::io::{Read as _, Write as _};

@@ -20,6 +20,8 @@ const END: u8 = 0x80;
 const SIZE: u8 = 0xC0;
 const CALLING: u8 = 0xC1;
 const CALLED: u8 = 0xC2;
+/// With two bytes: the network of a routed connection. ISO has one byte of options here.
+const NETWORK: u8 = 0xC6;
 
 /// Largest TPDU of class 0.
 pub const MAX_TPDU: usize = 8192;
@@ -58,6 +60,8 @@ pub(super) struct Connect {
     pub(super) size: Option<TpduSize>,
     pub(super) calling: Tsap,
     pub(super) called: Tsap,
+    /// The called module has to route to another network.
+    pub(super) routed: bool,
 }
 
 /// A TPDU without its TPKT header.
@@ -99,6 +103,7 @@ fn connect(kind: u8, fields: &[u8]) -> Option<Connect> {
         size: None,
         calling: Tsap::default(),
         called: Tsap::default(),
+        routed: false,
     };
     while let Some((&[code, len], behind)) = rest.split_first_chunk::<2>() {
         let (value, behind) = behind.split_at_checked(usize::from(len))?;
@@ -106,11 +111,13 @@ fn connect(kind: u8, fields: &[u8]) -> Option<Connect> {
             SIZE => connect.size = value.first().map(|exponent| TpduSize::of(*exponent)),
             CALLING => connect.calling = Tsap::new(value)?,
             CALLED => connect.called = Tsap::new(value)?,
+            NETWORK => connect.routed |= value.len() > 1,
             // Parameters unknown to class 0 are ignored.
             _ => {}
         }
         rest = behind;
     }
+    connect.routed |= connect.called.is_routed();
     Some(connect)
 }
 

@@ -1,7 +1,7 @@
 //! A transport connection: frames in, whole messages out, and back. Both roles.
 
 use super::cotp::{self, CONFIRM, CONNECT, Connect, DATA_HEAD, MAX_TPDU, TPKT, TPKT_HEAD, Tpdu, TpduSize};
-use super::tsap::Tsap;
+use super::tsap::{Place, Tsap};
 
 /// Maximum of unread input: twice the longest TPKT.
 const INPUT: usize = 2 * (MAX_TPDU + TPKT_HEAD);
@@ -17,6 +17,16 @@ pub struct Call {
     pub calling: Tsap,
     /// The called TSAP.
     pub called: Tsap,
+    /// It is for a module in another network.
+    pub routed: bool,
+}
+
+impl Call {
+    /// Whether it is for another module than the one in this place.
+    #[must_use]
+    pub fn is_elsewhere(&self, place: Place) -> bool {
+        self.routed || self.called.place().is_some_and(|called| called != place)
+    }
 }
 
 /// An event of a connection.
@@ -117,7 +127,8 @@ impl Transport {
     /// Calls the partner.
     pub fn call(&mut self, calling: Tsap, called: Tsap) {
         let size = Some(TpduSize::USUAL);
-        let connect = Connect { kind: CONNECT, destination: 0, source: REFERENCE, size, calling, called };
+        let connect =
+            Connect { kind: CONNECT, destination: 0, source: REFERENCE, size, calling, called, routed: false };
         cotp::write_connect(&mut self.output, &connect);
         self.state = State::Calling;
     }
@@ -184,7 +195,8 @@ impl Transport {
                 Tpdu::Connect(connect) => Some(match (self.state, connect.kind) {
                     (State::Idle, CONNECT) => {
                         self.state = State::Called;
-                        let call = Call { calling: connect.calling.clone(), called: connect.called.clone() };
+                        let (calling, called) = (connect.calling.clone(), connect.called.clone());
+                        let call = Call { calling, called, routed: connect.routed };
                         self.call = Some(connect);
                         Event::Call(call)
                     }
@@ -297,11 +309,33 @@ mod tests {
         }
         transport.receive(&CALL[21..]).expect("there is room");
         let tsap = |a, b| Tsap::new(&[a, b]).expect("short");
-        assert_eq!(transport.event(), Ok(Some(Event::Call(Call { calling: tsap(1, 0), called: tsap(1, 2) }))));
+        let call = Call { calling: tsap(1, 0), called: tsap(1, 2), routed: false };
+        assert_eq!(transport.event(), Ok(Some(Event::Call(call.clone()))));
+        let places = [(0, 2), (0, 3), (1, 2)].map(|(rack, slot)| call.is_elsewhere(Place { rack, slot }));
+        assert_eq!(places, [false, true, true]);
         transport.accept();
         let confirmed = [3, 0, 0, 22, 17, 0xD0, 0x12, 0x34, 0, 1, 0, 0xC0, 1, 10, 0xC1, 2, 1, 0, 0xC2, 2, 1, 2];
         assert_eq!(transport.output(), confirmed);
         assert!(transport.is_open());
+    }
+
+    /// A client that is to be routed names the network in the called TSAP, or in a parameter of its own.
+    #[test]
+    fn a_call_for_another_network() {
+        let mut tsap = vec![0xC2, 28, 1, 6, 1, 2, 1, 0x52, 0, 0, 0, 0x13, 3];
+        tsap.resize(28, 0);
+        tsap.extend_from_slice(&[1, 2]);
+        let options = [&CALL[18..], &[0xC6, 1, 1]].concat();
+        let network = [&CALL[18..], &[0xC6, 2, 0, 7]].concat();
+        for (parameters, routed) in [(options, false), (network, true), (tsap, true)] {
+            let mut bytes = CALL[..18].to_vec();
+            bytes.extend_from_slice(&parameters);
+            (bytes[3], bytes[4]) = (bytes.len() as u8, bytes.len() as u8 - 5);
+            let mut transport = Transport::new();
+            transport.receive(&bytes).expect("there is room");
+            let Ok(Some(Event::Call(call))) = transport.event() else { panic!("no call: {bytes:02X?}") };
+            assert_eq!((call.routed, call.is_elsewhere(Place { rack: 0, slot: 2 })), (routed, routed));
+        }
     }
 
     #[test]

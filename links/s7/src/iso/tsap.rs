@@ -67,6 +67,13 @@ impl Tsap {
         }
     }
 
+    /// Whether it names a CPU in another network, to which the called one would have to route: the lengths of the
+    /// network's ID, of the address and of the place, then these.
+    #[must_use]
+    pub fn is_routed(&self) -> bool {
+        matches!(*self.0, [1, network, _, 2, ..] if network > 0)
+    }
+
     /// The kind of connection. Texts are those of newer programming devices and panels: `SIMATIC-ROOT-ES`,
     /// `SIMATIC-ROOT-HMI`.
     #[must_use]
@@ -115,6 +122,12 @@ mod tests {
             let at = place.map(|(rack, slot)| Place { rack, slot });
             assert_eq!((tsap.resource(), tsap.place(), tsap.to_string().as_str()), (resource, at, shown));
         }
+        // Network 0152-0013, address 3, slot 2; the long form without a network; a text of this length.
+        for (from, routed) in [(&[1, 6, 1, 2, 1, 0x52, 0, 0, 0, 0x13, 3][..], true), (&[1, 0, 0, 2], false)] {
+            let tsap = [from, &[0; 26][from.len()..], &[1, 2]].concat();
+            assert_eq!(Tsap::new(&tsap).expect("short").is_routed(), routed);
+        }
+        assert!(!Tsap::new(b"SIMATIC-ROOT-HMI").expect("short").is_routed());
         let place = Place { rack: 1, slot: 3 };
         assert_eq!(Tsap::of(Resource::Op, place), Tsap::new(&[2, 0x23]).expect("short"));
         assert_eq!(Tsap::new(&[0; 33]), None);
