@@ -206,13 +206,16 @@ impl Coupling {
             if link.known.contains(&r_id) && link.parts.len() < 64 {
                 link.parts.insert(r_id, (until, came));
             } else {
+                link.take_begun(r_id);
                 self.refuse(index, came.reference, unit, status::R_ID);
             }
             return;
         };
         let Some(slot) = self.slots.get_mut(at) else { return };
-        // The count wraps to 1 after 255 parts.
-        let is_first = unit <= 1 && (slot.total.is_none() || slot.unit != u8::MAX);
+        let is_begun = link.take_begun(r_id);
+        // Some senders count from 1 in each BSEND, others on and on, over their answers too. The count wraps to 1.
+        let restarts = unit == 0 || unit == 1 && slot.unit < 0x80;
+        let is_first = restarts || slot.total.is_none() && !is_begun;
         let bytes = match (is_first, bytes) {
             (true, [high, low, rest @ ..]) => {
                 slot.total = Some(usize::from(u16::from_be_bytes([*high, *low])));
@@ -220,7 +223,7 @@ impl Coupling {
                 slot.unit = unit;
                 rest
             }
-            (false, bytes) if slot.total.is_some() && unit == slot.unit.wrapping_add(1).max(1) => {
+            (false, bytes) if slot.total.is_some() => {
                 slot.unit = unit;
                 bytes
             }
@@ -236,6 +239,7 @@ impl Coupling {
             self.refuse(index, came.reference, unit, status::AREA);
             self.fail(at, status::AREA);
         } else if more {
+            link.begun.push(r_id);
             if let Some(connection) = link.s7() {
                 connection.answer(&pbc::part_answer(came.reference, unit, Code::DONE));
             }
@@ -274,6 +278,9 @@ impl Coupling {
             if let Some((_, came)) = part
                 && let Some(Sent::Part { unit, .. }) = pbc::read(&came.parameters, &came.data)
             {
+                if let Some(link) = self.links.get_mut(index) {
+                    link.take_begun(r_id);
+                }
                 self.refuse(index, came.reference, unit, status::DISABLED);
             }
         }

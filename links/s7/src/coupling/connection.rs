@@ -58,6 +58,8 @@ pub(super) struct Link {
     pub(super) inbox: BTreeMap<u32, (Vec<u8>, bool)>,
     /// First parts of BSEND that wait for a BRCV: until when, and what.
     pub(super) parts: BTreeMap<u32, (u64, crate::client::Came)>,
+    /// R_IDs with a BSEND of which some parts have been taken, and more follow.
+    pub(super) begun: Vec<u32>,
     /// R_IDs a BRCV has asked for since the start.
     pub(super) known: Vec<u32>,
     pub(super) traffic: Traffic,
@@ -83,6 +85,7 @@ impl Link {
             own: Vec::new(),
             inbox: BTreeMap::new(),
             parts: BTreeMap::new(),
+            begun: Vec::new(),
             known: Vec::new(),
             traffic: Traffic::default(),
         }
@@ -182,6 +185,7 @@ impl Link {
         self.stream.clear();
         self.own.clear();
         self.parts.clear();
+        self.begun.clear();
     }
 
     pub(super) fn broken(&mut self) -> bool {
@@ -317,6 +321,12 @@ impl Link {
         } else {
             self.traffic.errors += 1;
         }
+    }
+
+    /// Whether more parts of a BSEND were to follow. What becomes of this one says whether they still are.
+    pub(super) fn take_begun(&mut self, r_id: u32) -> bool {
+        let at = self.begun.iter().position(|begun| *begun == r_id);
+        at.map(|at| self.begun.swap_remove(at)).is_some()
     }
 
     /// A BRCV or URCV has asked for this R_ID.

@@ -302,6 +302,11 @@ impl Coupling {
         for at in 0..self.slots.len() {
             let Some(slot) = self.slots.get_mut(at).filter(|slot| slot.order.id == id) else { continue };
             slot.held = None;
+            if slot.phase == Phase::Running {
+                // A BSEND that has begun begins anew on the next connection.
+                slot.total = None;
+                slot.give.clear();
+            }
             if slot.phase != Phase::Running && slot.phase != Phase::Giving {
                 continue;
             }

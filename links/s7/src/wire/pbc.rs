@@ -60,7 +60,7 @@ pub enum Sent<'b> {
     Part {
         /// Its R_ID.
         r_id: u32,
-        /// Its number from 1, 0: the only one.
+        /// The sender's count, which some begin with 1 in each BSEND; 0: the only part.
         unit: u8,
         /// Another one follows.
         more: bool,
