@@ -161,7 +161,7 @@ impl Cp {
     /// Whether the partner of a passive connection may have this address.
     #[must_use]
     pub fn may_call(&self, index: usize, peer: IpAddr) -> bool {
-        self.lines.get(index).is_some_and(|line| line.partner.is_none_or(|partner| partner.ip() == peer))
+        self.lines.get(index).is_some_and(|line| line.partner.is_none_or(|partner| is_of(partner, peer)))
     }
 
     /// A partner has called for a connection.
@@ -357,6 +357,30 @@ impl Cp {
         }
         if !self.lines.is_empty() {
             self.segment.set_leds(Leds { power: true, error: down, ..Leds::default() });
+        }
+    }
+}
+
+/// Whether a peer has the address of this partner. A socket for IPv6 and IPv4 shows the latter as a part of the former.
+fn is_of(partner: SocketAddr, peer: IpAddr) -> bool {
+    partner.ip().to_canonical() == peer.to_canonical()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_partner_is_known_on_a_socket_for_both_kinds_of_addresses() {
+        for (partner, peer, is_it) in [
+            ("192.0.2.7:102", "192.0.2.7", true),
+            ("192.0.2.7:102", "::ffff:192.0.2.7", true),
+            ("192.0.2.7:102", "::ffff:192.0.2.8", false),
+            ("[2001:db8::7]:102", "2001:db8::7", true),
+            ("[2001:db8::7]:102", "192.0.2.7", false),
+        ] {
+            let partner: SocketAddr = partner.parse().expect("an address");
+            assert_eq!(is_of(partner, peer.parse().expect("an address")), is_it, "{partner} {peer}");
         }
     }
 }

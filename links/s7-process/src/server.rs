@@ -378,7 +378,9 @@ impl Server {
     }
 
     fn open(&mut self, socket: OwnedFd, peer: SocketAddrAny, config: &Config, now: Instant) {
-        let Ok(peer) = SocketAddr::try_from(peer) else { return };
+        let Ok(mut peer) = SocketAddr::try_from(peer) else { return };
+        // An IPv4 partner is shown by its own address, also on a socket for IPv6.
+        peer.set_ip(peer.ip().to_canonical());
         let _ = sockopt::set_tcp_nodelay(&socket, true);
         keep_alive(&socket);
         let mut half_open = self.sessions.iter().filter(|session| session.resource.is_none());
