@@ -1,7 +1,7 @@
 //! A connection of S7 communication to a CPU on the network.
 
 use std::io::{Read as _, Write as _};
-use std::net::{TcpStream, ToSocketAddrs as _};
+use std::net::{IpAddr, SocketAddr, TcpStream, ToSocketAddrs as _};
 use std::time::Duration;
 
 use clap::Args;
@@ -11,6 +11,8 @@ use ob1_s7::iso::Place;
 
 /// A CPU that says nothing for so long is gone.
 const PATIENCE: Duration = Duration::from_secs(5);
+/// The port of ISO on TCP.
+const PORT: u16 = 102;
 
 /// Which CPU.
 #[derive(Clone, Debug, Args)]
@@ -68,12 +70,19 @@ impl From<Failure> for WireError {
 
 /// Connects, and gives the password.
 pub(super) fn connect(cpu: &CpuArgs) -> Result<Device<Socket>, String> {
-    let with_port = if cpu.host.contains(':') { cpu.host.clone() } else { format!("{}:102", cpu.host) };
-    let mut addresses = with_port.to_socket_addrs().map_err(|error| format!("{with_port}: {error}"))?;
-    let address = addresses.next().ok_or_else(|| format!("{with_port} has no address"))?;
-    let stream = TcpStream::connect_timeout(&address, PATIENCE).map_err(|error| {
-        format!("{with_port}: {error}; S7 communication usually uses port 102; write another as HOST:PORT")
-    })?;
+    let with_port = with_port(&cpu.host);
+    let addresses = with_port.to_socket_addrs().map_err(|error| format!("{with_port}: {error}"))?;
+    let mut stream = Err(format!("{with_port} has no address"));
+    // A name may have several addresses, and the CPU not all of them.
+    for address in addresses {
+        stream = TcpStream::connect_timeout(&address, PATIENCE).map_err(|error| {
+            format!("{with_port}: {error}; S7 communication usually uses port {PORT}; write another as HOST:PORT")
+        });
+        if stream.is_ok() {
+            break;
+        }
+    }
+    let stream = stream?;
     let timeouts = stream.set_read_timeout(Some(PATIENCE)).and_then(|()| stream.set_write_timeout(Some(PATIENCE)));
     timeouts.and_then(|()| stream.set_nodelay(true)).map_err(|error| format!("{with_port}: {error}"))?;
     let client = Client::call(Place { rack: cpu.rack, slot: cpu.slot });
@@ -83,4 +92,34 @@ pub(super) fn connect(cpu: &CpuArgs) -> Result<Device<Socket>, String> {
         given.map_err(|why| format!("the password: {why}"))?;
     }
     Ok(device)
+}
+
+/// The host with a port: HOST, HOST:PORT, an IPv6 address, or one in brackets with a port.
+fn with_port(host: &str) -> String {
+    let address = host.strip_prefix('[').and_then(|host| host.strip_suffix(']')).unwrap_or(host);
+    match address.parse::<IpAddr>() {
+        Ok(address) => SocketAddr::new(address, PORT).to_string(),
+        Err(_) if host.contains(':') => host.to_owned(),
+        Err(_) => format!("{host}:{PORT}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hosts_with_and_without_a_port() {
+        for (host, wanted) in [
+            ("192.0.2.7", "192.0.2.7:102"),
+            ("192.0.2.7:1102", "192.0.2.7:1102"),
+            ("press", "press:102"),
+            ("press:1102", "press:1102"),
+            ("2001:db8::7", "[2001:db8::7]:102"),
+            ("[2001:db8::7]", "[2001:db8::7]:102"),
+            ("[2001:db8::7]:1102", "[2001:db8::7]:1102"),
+        ] {
+            assert_eq!(with_port(host), wanted);
+        }
+    }
 }
