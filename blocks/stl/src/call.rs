@@ -11,7 +11,7 @@ use crate::diagnostic::USES;
 use crate::expand::Callee;
 use crate::fit::{Misfit, fit, misread};
 use crate::identifiers::BlockWord;
-use crate::lower::{Lowerer, called, fixed};
+use crate::lower::{Lowerer, called, fixed, peripheral_output};
 use crate::operand::Resolver;
 use crate::parser::unquote;
 use crate::reach::Reached;
@@ -200,8 +200,19 @@ impl<'l> Lowerer<'l, '_> {
             return Some(Arg::Open);
         }
         let span = reader.rest();
+        let peripheral = peripheral_output(resolver, &reader).filter(|_| formal.ty.elementary_bits().is_some());
         let value = resolver.operand(&mut reader)?;
         if !reader.finish(&codes::TOO_MUCH) {
+            return None;
+        }
+        let wrong_side = match (peripheral, formal.section) {
+            (Some(false), Section::Output | Section::Return) => Some(("inputs are only read", "written")),
+            (Some(true), Section::Input) => Some(("outputs are only written", "read")),
+            _ => None,
+        };
+        if let Some((side, used)) = wrong_side {
+            let message = format!("peripheral {side}, and {} of {id} is {used}", formal.name);
+            reader.report(span, &codes::PARAMETER_TYPE, message);
             return None;
         }
         // A pointer names the place that is written; with every other constant the result is lost.

@@ -250,27 +250,7 @@ fn refuse_periphery(resolver: Resolver<'_>, reader: &mut Reader<'_, '_>, shape: 
         Shape::Transfer => true,
         _ => return Some(()),
     };
-    let Some(token) = reader.peek() else { return Some(()) };
-    let text = reader.text(token);
-    let output = match token.kind {
-        Kind::Word if text.starts_with(['P', 'p']) => {
-            let (letters, _) = crate::parser::split_digits(text);
-            match resolver.words.identifier(letters) {
-                Some(Identifier::Memory(Area::Peripheral, _)) => {
-                    letters.get(1..2).is_some_and(|l| l.eq_ignore_ascii_case("A") || l.eq_ignore_ascii_case("Q"))
-                }
-                _ => return Some(()),
-            }
-        }
-        Kind::Symbol if !resolver.world.peripheral.is_empty() => {
-            match resolver.world.peripheral.get(&crate::parser::unquote(text).to_uppercase()) {
-                Some(output) => *output,
-                None => return Some(()),
-            }
-        }
-        _ => return Some(()),
-    };
-    if output == write {
+    if peripheral_output(resolver, reader).is_none_or(|output| output == write) {
         return Some(());
     }
     let message = if write {
@@ -280,6 +260,24 @@ fn refuse_periphery(resolver: Resolver<'_>, reader: &mut Reader<'_, '_>, shape: 
     };
     reader.report(span, &codes::WRONG_OPERAND, message);
     None
+}
+
+/// True where the next operand names peripheral outputs, false where it names peripheral inputs. Both are one area of
+/// the intermediate code.
+pub(crate) fn peripheral_output(resolver: Resolver<'_>, reader: &Reader<'_, '_>) -> Option<bool> {
+    let token = reader.peek()?;
+    let text = reader.text(token);
+    match token.kind {
+        Kind::Word if text.starts_with(['P', 'p']) => {
+            let (letters, _) = crate::parser::split_digits(text);
+            let Some(Identifier::Memory(Area::Peripheral, _)) = resolver.words.identifier(letters) else { return None };
+            Some(letters.get(1..2).is_some_and(|l| l.eq_ignore_ascii_case("A") || l.eq_ignore_ascii_case("Q")))
+        }
+        Kind::Symbol if !resolver.world.peripheral.is_empty() => {
+            resolver.world.peripheral.get(&crate::parser::unquote(text).to_uppercase()).copied()
+        }
+        _ => None,
+    }
 }
 
 /// Mnemonics whose operand may be left out.
