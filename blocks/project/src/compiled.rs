@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use ob1_mc7::{CompiledInterface, Entry, EntryType};
-use ob1_model::{BlockId, DataType, Field, Interface, Param, Section};
+use ob1_model::{BlockId, Component, DataType, Field, Interface, Param, Section};
 
 use crate::source::Declarations;
 
@@ -24,6 +24,7 @@ pub(crate) fn agree(compiled: &CompiledInterface, interface: &Interface) -> bool
 /// The same type, except for names.
 fn alike(a: &DataType, b: &DataType) -> bool {
     match (a, b) {
+        (DataType::Struct(_), DataType::Struct(b)) if is_unknown(b) => true,
         (DataType::Struct(a), DataType::Struct(b)) => {
             let real = |fields: &'_ [Field]| {
                 fields.iter().filter(|f| !is_break(&f.ty)).map(|f| f.ty.clone()).collect::<Vec<_>>()
@@ -39,6 +40,39 @@ fn alike(a: &DataType, b: &DataType) -> bool {
 /// The mark between two sections of an instance.
 fn is_break(ty: &DataType) -> bool {
     matches!(ty, DataType::Struct(fields) if fields.is_empty())
+}
+
+/// The one component of a structure in the place of a UDT that is not there.
+const UNKNOWN: &str = "UDT_UNKNOWN";
+
+fn is_unknown(fields: &[Field]) -> bool {
+    matches!(fields, [field] if field.name == UNKNOWN)
+}
+
+/// A source with a stand-in for each UDT that is not there, for the names of its other declarations.
+#[must_use]
+pub(crate) fn with_unknown_types(source: &str, is_there: &dyn Fn(u16) -> bool) -> String {
+    let mut out = String::with_capacity(source.len());
+    let mut rest = source;
+    while let Some((before, after)) = rest.split_once("UDT") {
+        out.push_str(before);
+        let number = after.trim_start_matches(' ');
+        let behind = number.trim_start_matches(|c: char| c.is_ascii_digit());
+        let digits = number.strip_suffix(behind).unwrap_or_default();
+        let begins = !before.ends_with(|c: char| c.is_alphanumeric() || c == '_');
+        match digits.parse().ok().filter(|number| begins && !is_there(*number)) {
+            Some(_) => {
+                let _ = write!(out, "STRUCT {UNKNOWN} : BYTE ; END_STRUCT");
+                rest = behind;
+            }
+            None => {
+                out.push_str("UDT");
+                rest = after;
+            }
+        }
+    }
+    out.push_str(rest);
+    out
 }
 
 /// Declarations made of the compiled interface, with the names of `text` as far as types agree in order.
@@ -78,11 +112,16 @@ pub(crate) fn declarations(
     Declarations { result, text: out }
 }
 
-/// The structure of a data block made of its compiled interface.
+/// The structure of a data block made of its compiled interface, with the names of `text` as far as types agree in
+/// order.
 #[must_use]
-pub(crate) fn structure(compiled: &CompiledInterface, known: &dyn Fn(BlockId) -> bool) -> String {
+pub(crate) fn structure(compiled: &CompiledInterface, text: &[Component], known: &dyn Fn(BlockId) -> bool) -> String {
+    let made = compiled.interface(false).params;
+    let agreed = text.iter().zip(&made).take_while(|(theirs, made)| alike(&made.ty, &theirs.ty));
+    let field = |theirs: &Component| Field { name: theirs.path.clone(), ty: theirs.ty.clone(), initial: None };
+    let named = DataType::Struct(agreed.map(|(theirs, _)| field(theirs)).collect());
     let mut out = String::new();
-    write_type(&mut out, &EntryType::Struct(compiled.entries.clone()), None, known, 0);
+    write_type(&mut out, &EntryType::Struct(compiled.entries.clone()), Some(&named), known, 0);
     out.push_str(" ;\n");
     out
 }
@@ -115,7 +154,9 @@ fn write_type(
         EntryType::Struct(entries) => {
             let indent = "  ".repeat(depth + 1);
             let named: Vec<&Field> = match named {
-                Some(DataType::Struct(fields)) => fields.iter().filter(|f| !is_break(&f.ty)).collect(),
+                Some(DataType::Struct(fields)) if !is_unknown(fields) => {
+                    fields.iter().filter(|f| !is_break(&f.ty)).collect()
+                }
                 _ => Vec::new(),
             };
             out.push_str("STRUCT\n");
@@ -128,5 +169,44 @@ fn write_type(
             }
             let _ = write!(out, "{indent}END_STRUCT");
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ob1_mc7::InterfaceKind;
+    use ob1_model::BitAddr;
+
+    use super::*;
+
+    #[test]
+    fn a_missing_type_has_a_stand_in() {
+        let text = "a : UDT 1;\n UDT2 : INT ;\n b : ARRAY [0 .. 3 ] OF UDT 22;\n c : UDT 3 ;";
+        let stand_in = "STRUCT UDT_UNKNOWN : BYTE ; END_STRUCT";
+        let wanted = text.replace("UDT 1", stand_in).replace("UDT 22", stand_in);
+        assert_eq!(with_unknown_types(text, &|number| matches!(number, 2 | 3)), wanted);
+    }
+
+    #[test]
+    fn a_structure_has_the_names_of_the_text_as_far_as_it_agrees() {
+        let entry = |ty| Entry { ty, attribute: 4, extra: 0 };
+        let simple = |ty| entry(EntryType::Simple(ty));
+        let inner = entry(EntryType::Struct(vec![simple(DataType::Int), simple(DataType::Bool)]));
+        let entries = vec![simple(DataType::Int), inner, simple(DataType::Real), simple(DataType::Int)];
+        let (start, rest) = (Vec::new(), vec![0]);
+        let compiled = CompiledInterface { kind: InterfaceKind::Global, number: 1, entries, start, rest };
+        let component = |path: &str, ty| Component { path: path.into(), ty, at: BitAddr(0) };
+        let unknown = Field { name: UNKNOWN.into(), ty: DataType::Byte, initial: None };
+        let text = [
+            component("first", DataType::Int),
+            component("data", DataType::Struct(vec![unknown])),
+            component("level", DataType::Real),
+            component("now_long", DataType::DInt),
+        ];
+        let made = structure(&compiled, &text, &|_| false);
+        let words: Vec<&str> = made.split_whitespace().collect();
+        let wanted = "STRUCT first : INT ; data : STRUCT C0 : INT ; C1 : BOOL ; END_STRUCT ; level : REAL ; C3 : INT ; \
+                      END_STRUCT ;";
+        assert_eq!(words.join(" "), wanted);
     }
 }

@@ -221,7 +221,7 @@ impl<'f> Draft<'f> {
             (_, Some(udt), _) => format!("UDT {}", udt.number),
             // The sections of a missing FB still make a structure.
             (.., Some(compiled)) if !declared.trim_start().starts_with("STRUCT") => {
-                compiled::structure(compiled, &|_| false)
+                compiled::structure(compiled, &[], &|_| false)
             }
             _ => declared,
         }
@@ -288,15 +288,29 @@ impl<'f> Draft<'f> {
             if wrong.is_empty() {
                 return;
             }
+            let texts = self.without_missing_types(&wrong);
             for (of, why) in wrong.into_iter().filter(|(_, why)| !why.is_empty()) {
-                self.mend(of, &why, &mut from_compiled);
+                self.mend(of, &why, &texts, &mut from_compiled);
             }
         }
     }
 
+    /// The program with a stand-in for each UDT that is not there, in blocks with a mistake: it has the names of their
+    /// texts.
+    fn without_missing_types(&self, wrong: &BTreeMap<Of, String>) -> Program {
+        let mut files = self.files();
+        let is_there = |number: u16| self.udts.contains_key(&number);
+        for (of, text) in &mut files {
+            if matches!(of, Of::Block(_)) && wrong.contains_key(of) {
+                *text = compiled::with_unknown_types(text, &is_there);
+            }
+        }
+        self.compile(&files).program
+    }
+
     /// Other declarations for a block whose present ones have a mistake. Those of the compiled interface, which
-    /// `from_compiled` tells, are tried once.
-    fn mend(&mut self, of: Of, why: &str, from_compiled: &mut BTreeSet<BlockId>) {
+    /// `from_compiled` tells, are tried once; they have the names of `texts`.
+    fn mend(&mut self, of: Of, why: &str, texts: &Program, from_compiled: &mut BTreeSet<BlockId>) {
         let id = match of {
             Of::Udt(number) => {
                 self.udts.remove(&number);
@@ -308,7 +322,9 @@ impl<'f> Draft<'f> {
         let made = self.compiled.contains_key(&id) && from_compiled.insert(id);
         match (id.kind, made) {
             (BlockKind::Db, true) => {
-                let shape = compiled::structure(&self.compiled[&id], &|_| false);
+                let text = texts.data.iter().find(|data| data.number == id.number);
+                let names = text.map_or(&[][..], |data| &data.components);
+                let shape = compiled::structure(&self.compiled[&id], names, &|_| false);
                 self.shapes.insert(id, shape);
                 self.note(id, format!("its text cannot be used ({why}); the compiled form counts"));
             }
@@ -319,7 +335,8 @@ impl<'f> Draft<'f> {
                 self.note(id, format!("its declarations cannot be used ({why}); it has values without names"));
             }
             (_, true) => {
-                let made = self.made(id, None);
+                let text = texts.blocks.iter().find(|block| block.id == id);
+                let made = self.made(id, text.map(|block| &block.interface));
                 self.declared.insert(id, made);
                 self.note(id, format!("its text cannot be used ({why}); the compiled form counts"));
             }
