@@ -121,8 +121,8 @@ pub(crate) fn other(name: &str, text: &str, words: [&Words; 2]) -> Option<Other>
     (signs.scl > signs.stl).then_some(Other::Scl)
 }
 
-/// True for a text with `{{`, `{%` or `<%`, comments and titles left out. Single signs are searched at first, which is
-/// many times faster than pairs.
+/// True for a text with `{{`, `{%` or `<%`, comments, titles and texts in quotes left out. Single signs are searched at
+/// first, which is many times faster than pairs.
 fn is_template(text: &str) -> bool {
     let next = |at: usize| text.as_bytes().get(at + 1).copied();
     let signs = text.match_indices('{').any(|(at, _)| matches!(next(at), Some(b'{' | b'%')))
@@ -131,7 +131,9 @@ fn is_template(text: &str) -> bool {
         && text.lines().any(|line| {
             let line = line.split("//").next().unwrap_or("").trim_start();
             let title = line.get(..5).is_some_and(|word| word.eq_ignore_ascii_case("TITLE"));
-            !title && ["{{", "{%", "<%"].iter().any(|sign| line.contains(sign))
+            let signs = |text: &str| ["{{", "{%", "<%"].iter().any(|sign| text.contains(sign));
+            // `$'` is a quote within a text.
+            !title && signs(line) && line.replace("$$", "").replace("$'", "").split('\'').step_by(2).any(signs)
         })
 }
 
@@ -253,6 +255,8 @@ mod tests {
             ("<?xml version='1.0'?>\n<Tagtable name='Tags'>\n</Tagtable>", Some(Other::TagTable)),
             ("PK\u{3}\u{4}\u{14}\0", Some(Other::Packed)),
             ("FUNCTION FC {{ number }} : VOID\n", Some(Other::Template)),
+            ("DATA_BLOCK DB 1\nSTRUCT\n s : STRING[9] := '{{$'<%';\nEND_STRUCT;\n", None),
+            ("DATA_BLOCK DB 1\nSTRUCT\n s : STRING[{{ n }}] := 'a';\nEND_STRUCT;\n", Some(Other::Template)),
             ("PK\u{3}\0\0", Some(Other::Binary)),
         ] {
             assert_eq!(other("a.awl", text, words), expected, "{text}");
