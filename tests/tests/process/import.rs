@@ -280,6 +280,9 @@ fn blocks_are_printed_but_for_the_protected() {
     let listed = site.ob1(&["import", &example, "--listing", "FC1"]).fine();
     assert!(listed.contains("FUNCTION FC 1 : VOID") && listed.contains("#Motor"), "{listed}");
     assert_eq!(site.ob1(&["import", &example, "--listing", "FC 2"]).code, Some(2));
+    let listed = site.ob1(&["import", &example, "--listing", "udt1"]).fine();
+    assert!(listed.contains("TYPE UDT 1"), "{listed}");
+    assert_eq!(site.ob1(&["import", &example, "--listing", "UDT 9"]).code, Some(2));
 }
 
 /// A function with this number and code, without parameters.

@@ -250,8 +250,11 @@ fn list(args: &ImportArgs, tree: &Tree<'_>, projects: &[Project], titles: &[Stri
 }
 
 fn listing(wanted: &str, folder: &Folder, translation: &Translation) -> Result<ImportExit, String> {
+    if let Some(number) = udt_number(wanted) {
+        return type_listing(number, translation);
+    }
     let id = ob1_station::block_name::parse_block(wanted)
-        .ok_or_else(|| format!("\"{wanted}\" is not a block; write FC5 or DB 10"))?;
+        .ok_or_else(|| format!("\"{wanted}\" is not a block; write FC5, DB 10 or UDT 1"))?;
     if let Some(why) = translation.left_out.get(&id.to_string()) {
         return Err(why.clone());
     }
@@ -261,6 +264,23 @@ fn listing(wanted: &str, folder: &Folder, translation: &Translation) -> Result<I
     let name = format!("{}_{}.awl", id.kind.name(), id.number);
     let file = translation.sources.iter().find(|file| file.name == name);
     let file = file.ok_or_else(|| format!("{id} is not in this program"))?;
+    says!("{}", String::from_utf8_lossy(&file.bytes));
+    Ok(ImportExit::Whole)
+}
+
+/// `UDT 1`, `udt1`.
+fn udt_number(wanted: &str) -> Option<u16> {
+    let (kind, number) = wanted.trim().split_at_checked(3)?;
+    kind.eq_ignore_ascii_case("UDT").then(|| number.trim().parse().ok())?
+}
+
+fn type_listing(number: u16, translation: &Translation) -> Result<ImportExit, String> {
+    let name = format!("UDT {number}");
+    if let Some(why) = translation.left_out.get(&name) {
+        return Err(why.clone());
+    }
+    let file = translation.sources.iter().find(|file| file.name == format!("UDT_{number}.awl"));
+    let file = file.ok_or_else(|| format!("{name} is not in this program"))?;
     says!("{}", String::from_utf8_lossy(&file.bytes));
     Ok(ImportExit::Whole)
 }
