@@ -309,6 +309,8 @@ impl Event {
     pub const SLAVE_LOST: Event = Event(0xF20B);
     /// A slave behind a CP 342-5 is back (ours).
     pub const SLAVE_BACK: Event = Event(0xF20C);
+    /// Events of a CP are lost: they came faster than the CPU takes them (ours).
+    pub const CP_EVENTS_LOST: Event = Event(0xF20D);
     /// Retentive memory cannot be written to its file (ours).
     pub const RETENTIVE_LOST: Event = Event(0xF301);
     /// Retentive memory is written again (ours).
@@ -317,7 +319,7 @@ impl Event {
     pub const ENGINES_DIFFER: Event = Event(0xF401);
 
     /// Every event with a name that is not a fault.
-    pub const ALL: [Event; 45] = [
+    pub const ALL: [Event; 46] = [
         Event::STARTUP,
         Event::RUN,
         Event::STOP_OPERATOR,
@@ -360,6 +362,7 @@ impl Event {
         Event::STATION_FAULT_GONE,
         Event::SLAVE_LOST,
         Event::SLAVE_BACK,
+        Event::CP_EVENTS_LOST,
         Event::RETENTIVE_LOST,
         Event::RETENTIVE_KEPT,
         Event::ENGINES_DIFFER,
@@ -434,6 +437,7 @@ impl Event {
             0xF20A => "distributed I/O, a slave reports no fault any more",
             0xF20B => "a slave of a communication processor is lost",
             0xF20C => "a slave of a communication processor is back",
+            0xF20D => "a CP has lost events",
             0xF301 => "retentive memory cannot be written",
             0xF302 => "retentive memory is written again",
             0xF401 => "STOP, the two engines disagree",

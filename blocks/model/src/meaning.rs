@@ -110,6 +110,9 @@ impl Event {
                 "The driver does not fit this runtime, or is damaged: install `ob1` and `ob1-cp` together."
             }
             Event::CP_ERROR => "Check the parameters of the CP, its cable and its partner (`ob1 trace`).",
+            Event::CP_EVENTS_LOST => {
+                "The CPU takes a few events of a CP in each cycle: shorten the cycle, or mend what the CP reports so often (`ob1 diag`, the log of its driver)."
+            }
             Event::DRIVER_HELD_UP => {
                 "The machine is too busy: give the drivers cores of their own (`affinity`), or reduce the load."
             }

@@ -12,6 +12,7 @@ use crate::exit::Exit;
 use ob1_station::access::client::Client;
 use ob1_station::access::protocol::{Op, Response, RetentiveStatus, Status, Times};
 use ob1_station::timing::text;
+use ob1_station::view::EVENTS_LOST;
 
 /// Read cells of a running station
 #[derive(Debug, Args)]
@@ -252,6 +253,9 @@ fn print_status(status: &Status) {
         if let Some(driver) = &module.driver {
             let (pid, state, losses) = (driver.pid, &driver.state, driver.losses);
             says!(", driver {pid} {state}, lost {losses}, LEDs {}", module.leds.join(" "));
+            if let Some(events) = module.counters.get(EVENTS_LOST).filter(|events| **events > 0) {
+                says!(", events lost {events}");
+            }
         }
         say!();
     }

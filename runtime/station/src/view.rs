@@ -24,6 +24,9 @@ use crate::timing::Timings;
 use crate::wall_clock::unix_now;
 use ob1_time::Instant;
 
+/// Among the counters of a module: events that the ring of its segment had no room for.
+pub const EVENTS_LOST: &str = "events_lost";
+
 /// A running station, as seen from other threads than the scan.
 #[derive(Clone, Debug)]
 pub struct StationView {
@@ -92,8 +95,11 @@ impl ModuleView {
             losses: driver.losses(),
             state: monitor.map_or_else(String::new, state_text),
         });
-        let counters = monitor.map(Monitor::counters);
-        let counters = counters.map(|c| Counter::ALL.iter().map(|n| (n.name().to_owned(), c.get(*n))).collect());
+        let counters = monitor.map(|monitor| {
+            let counters = monitor.counters();
+            let named = Counter::ALL.iter().map(|counter| (counter.name().to_owned(), counters.get(*counter)));
+            named.chain([(EVENTS_LOST.to_owned(), monitor.events_lost())]).collect()
+        });
         ModuleStatus {
             name: self.name.clone(),
             type_name: self.type_name.to_owned(),
@@ -230,5 +236,26 @@ impl From<BufferEntry> for CpEntry {
             text: row.map_or("unknown event", |row| row.text).to_owned(),
             remedy: row.map_or("", |row| row.remedy).to_owned(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ob1_backplane::{CpSide, CpuSide, Event, EventKind, Segment};
+
+    use super::*;
+
+    #[test]
+    fn the_counters_of_a_module_say_what_its_event_ring_has_lost() {
+        let segment = Segment::heap();
+        let side = CpuSide::create(&segment, 16).expect("16 bytes are allowed");
+        let mut cp = CpSide::attach(&segment).expect("a fresh segment");
+        for number in 0..70 {
+            cp.emit_event(Event::new(number, EventKind::Message, 1, &[]));
+        }
+        let monitor = Some(side.monitor().clone());
+        let view = ModuleView { name: "cp".into(), cp: None, type_name: "cp240", address: 256, monitor, driver: None };
+        let counters = view.status(true).counters;
+        assert_eq!((counters.len(), counters.get(EVENTS_LOST)), (Counter::ALL.len() + 1, Some(&6)));
     }
 }

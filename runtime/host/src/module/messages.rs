@@ -33,6 +33,8 @@ const INTERRUPT_OFF: usize = 7;
 /// goes all the time must not push everything else out of the buffer. The same for what a station of a bus refuses, or
 /// reports of itself.
 pub(crate) const STATES: (u32, Span) = (16, Span::from_secs(10));
+/// Entries about lost events at once, and the time after which there may be one more.
+const LOSSES: (u32, Span) = (1, STATES.1);
 /// Diagnostic interrupts at once, and the time after which there may be one more.
 pub(crate) const INTERRUPTS: (u32, Span) = (64, Span::from_millis(100));
 
@@ -127,6 +129,9 @@ pub(super) struct Messages {
     line: Told<u32>,
     refused: Told<Refused>,
     states: Allowance,
+    /// So many events the ring of the segment had no room for.
+    lost: Told<u64>,
+    losses: Allowance,
     /// What has been entered in this incident.
     told: [bool; KINDS],
     incident: u32,
@@ -142,6 +147,8 @@ impl Messages {
             line: Told::NEVER,
             refused: Told::NEVER,
             states: Allowance::new(STATES),
+            lost: Told::NEVER,
+            losses: Allowance::new(LOSSES),
             told: [false; KINDS],
             incident: 0,
         }
@@ -151,6 +158,7 @@ impl Messages {
     pub(super) fn time(&mut self, now: Instant) {
         self.interrupts.fill(now);
         self.states.fill(now);
+        self.losses.fill(now);
     }
 
     /// The entry that is due.
@@ -160,6 +168,9 @@ impl Messages {
         }
         if self.interrupt.is_some() && self.interrupts.take() {
             return self.interrupt.take();
+        }
+        if let Some(Some(events)) = self.lost.due(&mut self.losses) {
+            return Some(text(Event::CP_EVENTS_LOST, format_args!("{events} lost")));
         }
         if let Some(line) = self.line.due(&mut self.states) {
             return Some(match line {
@@ -178,6 +189,14 @@ impl Messages {
     /// Whether an interrupt waits until it is allowed: nothing more is to be taken before that.
     pub(super) const fn is_holding(&self) -> bool {
         self.interrupt.is_some()
+    }
+
+    /// The segment's count of lost events.
+    #[inline]
+    pub(super) fn lost(&mut self, events: u64) {
+        if events > self.lost.is.unwrap_or(0) {
+            self.lost.comes(events);
+        }
     }
 
     /// An event out of the segment's ring, from a driver of this incident.

@@ -178,6 +178,7 @@ impl Module for CpModule {
         if let Some(report) = self.link.next_report() {
             return Some(messages::of_report(report));
         }
+        self.messages.lost(self.side.monitor().events_lost());
         for _ in 0..LOOKS {
             if let Some(event) = self.messages.due() {
                 return Some(event);

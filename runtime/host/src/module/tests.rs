@@ -293,6 +293,8 @@ fn interrupts_and_a_line_that_flaps_have_their_limits_and_the_last_word_is_told(
     let entries = entries_of(&mut module, 1000, |_| {
         while cp.emit_event(ob1_backplane::Event::new(0, EventKind::DiagnosticIncoming, 0, &[1])) {}
     });
+    let (lost, entries): (Vec<_>, Vec<_>) = entries.into_iter().partition(|e| e.event == Event::CP_EVENTS_LOST);
+    assert_eq!(lost.len(), 1, "said once in a second");
     assert!((64..=75).contains(&entries.len()), "64, and 10 more in a second: {}", entries.len());
     assert!(entries.iter().all(|e| e.diagnostic_interrupt));
 
@@ -308,6 +310,20 @@ fn interrupts_and_a_line_that_flaps_have_their_limits_and_the_last_word_is_told(
     let late = entries_of(&mut module, 40_000, |_| ());
     let last = late.last().or(entries.last()).map(|e| e.event);
     assert_eq!(last, Some(Event::CP_ERROR_GONE), "the line is up, and the buffer says so");
+}
+
+#[test]
+fn events_that_a_full_ring_loses_are_entered_when_that_begins_and_then_from_time_to_time() {
+    let (mut module, segment) = module();
+    let mut cp = driver(&segment);
+    assert_eq!(entries_of(&mut module, 3, |_| ()).len(), 0);
+    // One more than there is room for in each scan of 15 s.
+    let entries = entries_of(&mut module, 40_000, |scan| {
+        while scan < 15_000 && cp.emit_event(ob1_backplane::Event::new(0, EventKind::Message, 99, &[])) {}
+    });
+    assert!(entries.iter().all(|e| e.event == Event::CP_EVENTS_LOST && !e.diagnostic_interrupt), "{entries:?}");
+    let texts: Vec<_> = entries.iter().map(|e| String::from_utf8_lossy(&e.data[..usize::from(e.len)])).collect();
+    assert_eq!(texts, ["1 lost", "10001 lost", "15000 lost"], "the last word is told");
 }
 
 #[test]

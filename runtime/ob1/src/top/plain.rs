@@ -8,6 +8,7 @@ use super::data::{Data, counter, rows};
 use crate::diag;
 use crate::units::time;
 use ob1_station::access::protocol::ModuleStatus;
+use ob1_station::view::EVENTS_LOST;
 
 /// Entries of each diagnostic buffer.
 const NEWEST: usize = 3;
@@ -78,6 +79,9 @@ pub(super) fn module(data: &Data, number: usize, m: &ModuleStatus) -> String {
         n("telegrams_received"),
         n("receive_errors")
     );
+    if n(EVENTS_LOST) > 0 {
+        let _ = write!(out, "  events lost {}", n(EVENTS_LOST));
+    }
     if let Some((sent, received)) = data.telegram_rates(number) {
         let _ = write!(out, "  {sent:.1}/s out {received:.1}/s in");
     }
@@ -171,5 +175,9 @@ mod tests {
             assert!(text.contains(part), "{part}\n{text}");
         }
         assert!(!text.contains("0007h"), "the newest three\n{text}");
+        assert!(!text.contains("events lost"), "{text}");
+        data.now.status.modules[0].counters.insert(EVENTS_LOST.into(), 3);
+        let text = self::text(&data);
+        assert!(text.contains("errors 0  events lost 3  10.0/s out"), "{text}");
     }
 }
