@@ -438,7 +438,8 @@ pub fn read_all(paths: &[PathBuf], places: &[(PathBuf, Spot)], findings: &mut Ve
             Ok(bytes) => sources.push(Source::new(name, bytes)),
             Err(error) => {
                 let place = places.iter().find(|(named, _)| named == path).map(|(_, place)| place);
-                findings.push(place.map_or_else(|| named_nowhere(&name, &error), |place| unreadable(place, path, &error)));
+                findings
+                    .push(place.map_or_else(|| named_nowhere(&name, &error), |place| unreadable(place, path, &error)));
             }
         }
     }

@@ -389,8 +389,7 @@ mod tests {
     /// The same samples, with the types that the older format has.
     #[test]
     fn the_older_format_has_the_same_samples() {
-        let [new, old] =
-            [Format::OpenMetrics, Format::Text].map(|format| figures(&told(), &Counts::default(), format));
+        let [new, old] = [Format::OpenMetrics, Format::Text].map(|format| figures(&told(), &Counts::default(), format));
         let samples = |text: &str| -> Vec<String> {
             text.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect()
         };
@@ -405,8 +404,7 @@ mod tests {
         ] {
             assert!(old.lines().any(|told| told == line), "{line}\n{old}");
         }
-        let kinds: Vec<&str> =
-            old.lines().filter_map(|line| line.strip_prefix("# TYPE ")?.split(' ').nth(1)).collect();
+        let kinds: Vec<&str> = old.lines().filter_map(|line| line.strip_prefix("# TYPE ")?.split(' ').nth(1)).collect();
         assert!(kinds.len() > 30 && kinds.iter().all(|kind| ["counter", "gauge", "histogram"].contains(kind)));
     }
 }
