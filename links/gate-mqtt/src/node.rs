@@ -101,7 +101,7 @@ impl Node {
     /// tck-id-payloads-alias-data-cmd-requirement]. `None`: the birth has no such metric, or one of another type.
     pub(crate) fn known(&self, old: Metric) -> Option<Metric> {
         let (alias, datatype) = *self.born.get(old.name.as_deref()?)?;
-        (datatype == old.datatype).then(|| Metric { name: None, alias: Some(alias), ..old })
+        (datatype == old.datatype).then_some(Metric { name: None, alias: Some(alias), ..old })
     }
 }
 

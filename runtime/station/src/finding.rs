@@ -175,24 +175,6 @@ mod tests {
         assert!(!whole.text.contains('\x1b'), "{:?}", whole.text);
     }
 
-    /// Where paths count from helps only if there is no such file.
-    #[test]
-    fn what_helps_with_a_file_that_cannot_be_read_fits_the_cause() {
-        let file = Text { file: "a.toml", text: "sources = [\"b\"]\n" };
-        let named = file.finding(Level::Error, "C001", 11..14, "the file b cannot be read".into(), "paths".into());
-        let told = |kind: io::ErrorKind| named.unreadable(&io::Error::new(kind, "why"));
-        for (kind, remedy) in [
-            (io::ErrorKind::NotFound, "paths"),
-            (io::ErrorKind::PermissionDenied, "make it readable for this user"),
-            (io::ErrorKind::IsADirectory, "name a file, not a folder"),
-        ] {
-            let found = told(kind);
-            assert_eq!((found.message.as_str(), found.remedy.as_str()), ("the file b cannot be read: why", remedy));
-            assert!(found.text.starts_with("a.toml:1:12: error C001: the file b cannot be read: why\n"), "{found}");
-            assert!(found.text.ends_with(&format!("^^^\n  = {remedy}\n")), "{found}");
-        }
-    }
-
     #[test]
     fn a_range_outside_or_amid_a_character_is_clipped() {
         let file = Text { file: "a", text: "ü" };

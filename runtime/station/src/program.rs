@@ -174,9 +174,9 @@ fn not_found(config: &station_file::Plugin) -> Finding {
     let searched = plugin_folders().iter().map(|f| f.display().to_string()).collect::<Vec<_>>().join(", ");
     let remedy = format!("looked for {} in {searched}; set OB1_PLUGIN_DIR, or give a path with a /", file_name(config));
     match &config.place {
-        Some((file, line)) => {
+        Some(place) => {
             let message = format!("the plugin {} cannot be found", config.name);
-            Finding::in_line(Level::Error, "P001", file, *line, message, &remedy)
+            place.finding(Level::Error, "P001", message, remedy)
         }
         None => Finding::whole(Level::Error, "P001", &config.name, "the plugin cannot be found", remedy),
     }
@@ -184,10 +184,9 @@ fn not_found(config: &station_file::Plugin) -> Finding {
 
 /// At the line of the station file that names the plugin, if one does.
 fn of_plugin(config: &station_file::Plugin, error: &PluginError) -> Finding {
-    let Some((file, line)) = &config.place else { return of_error(error) };
-    let (number, remedy) = (error.refusal.number(), error.refusal.remedy());
+    let Some(place) = &config.place else { return of_error(error) };
     let message = format!("{}: {}", error.path.display(), error.refusal);
-    Finding::in_line(Level::Error, number, file, *line, message, remedy)
+    place.finding(Level::Error, error.refusal.number(), message, error.refusal.remedy().to_owned())
 }
 
 fn of_error(error: &PluginError) -> Finding {

@@ -68,7 +68,7 @@ impl Ticks {
     }
 
     fn are_a_multiple_of(&self, ticks: u32) -> bool {
-        self.0 % ticks == 0
+        self.0.is_multiple_of(ticks)
     }
 }
 

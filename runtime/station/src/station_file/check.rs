@@ -226,8 +226,7 @@ fn plugins(f: &mut Findings<'_>, tables: &[PluginTable], folder: &Path) -> Vec<P
             .iter()
             .filter_map(|(from, to)| Some((block(f, from)?, block(f, to)?)).filter(|pair| same_kind(f, to, *pair)))
             .collect();
-        let at = f.at(VALUE, table.path.span(), String::new(), "");
-        plugins.push(Plugin { name, path, blocks, place: Some((at.file, at.line)) });
+        plugins.push(Plugin { name, path, blocks, place: Some(f.spot(table.path.span())) });
     }
     plugins
 }

@@ -195,4 +195,20 @@ mod tests {
             assert!(finding.text.contains(says), "{text}: {}", finding.text);
         }
     }
+
+    /// Where paths count from helps only if there is no such file.
+    #[test]
+    fn what_helps_with_a_file_that_cannot_be_read_fits_the_cause() {
+        let place = Findings::new(Text { file: "a.toml", text: "sources = [\"b\"]\n" }).spot(11..14);
+        for (kind, remedy) in [
+            (io::ErrorKind::NotFound, "paths count from the file that names them"),
+            (io::ErrorKind::PermissionDenied, "make it readable for this user"),
+            (io::ErrorKind::IsADirectory, "name a file, not a folder"),
+        ] {
+            let found = unreadable(&place, Path::new("b"), &io::Error::new(kind, "why"));
+            assert_eq!((found.message.as_str(), found.remedy.as_str()), ("the file b cannot be read: why", remedy));
+            assert!(found.text.starts_with("a.toml:1:12: error C001: the file b cannot be read: why\n"), "{found}");
+            assert!(found.text.ends_with(&format!("^^^\n  = {remedy}\n")), "{found}");
+        }
+    }
 }

@@ -273,8 +273,8 @@ pub struct Plugin {
     pub path: Option<PathBuf>,
     /// Blocks that get another number: (number in the plugin, number in this station).
     pub blocks: Vec<(BlockId, BlockId)>,
-    /// The station file and the line that name it; `None` for one of the command line.
-    pub place: Option<(String, u32)>,
+    /// Where the station file names it; `None` for one of the command line.
+    pub place: Option<Spot>,
 }
 
 impl Plugin {
