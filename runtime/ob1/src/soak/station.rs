@@ -63,7 +63,7 @@ impl Station {
             Some(client) => client.ask(op),
             None => return Err(io::Error::from(io::ErrorKind::NotConnected).into()),
         };
-        if matches!(answer, Err(AccessError::Io(_))) {
+        if matches!(answer, Err(AccessError::Silent | AccessError::Io(_))) {
             self.client = None;
         }
         answer

@@ -41,9 +41,16 @@ pub enum AccessError {
         /// What is wrong with it.
         why: String,
     },
+    /// It is there, and has not answered in time.
+    #[error(
+        "the station did not answer within {} s: its process is stopped (SIGSTOP, a debugger) or gets no time\n  = look \
+         at it with `ps`, and let it go on: kill -CONT PID",
+        ANSWER_TIME.as_secs()
+    )]
+    Silent,
     /// The connection broke.
     #[error("the station does not answer: {0}")]
-    Io(#[from] io::Error),
+    Io(#[source] io::Error),
     /// The station refused.
     #[error("{0}")]
     Refused(String),
@@ -98,6 +105,16 @@ impl Client {
     }
 }
 
+impl From<io::Error> for AccessError {
+    fn from(error: io::Error) -> Self {
+        match error.kind() {
+            // What a time limit of a socket ends with.
+            io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut => Self::Silent,
+            _ => Self::Io(error),
+        }
+    }
+}
+
 impl AccessError {
     /// The exit code of a command that ends with this error.
     #[must_use]
@@ -105,7 +122,7 @@ impl AccessError {
         match self {
             Self::NotRunning { .. } => Exit::Running,
             Self::NoName { .. } => Exit::Rejected,
-            Self::Io(_) | Self::Refused(_) => Exit::Refused,
+            Self::Silent | Self::Io(_) | Self::Refused(_) => Exit::Refused,
         }
     }
 }
@@ -134,6 +151,21 @@ fn name_in(path: &Path) -> Result<String, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A station that is there and says nothing is told from one that is gone.
+    #[test]
+    fn a_station_that_is_silent_is_told_as_such() {
+        let folder = tempfile::tempdir().expect("a directory");
+        let socket = folder.path().join("socket");
+        let listener = std::os::unix::net::UnixListener::bind(&socket).expect("a socket");
+        let mut client = Client::to_socket(&socket).expect("it waits to be accepted");
+        client.reader.get_ref().set_read_timeout(Some(Duration::from_millis(1))).expect("a time");
+        let silent = client.ask(Op::Status).expect_err("nobody answers");
+        assert!(matches!(silent, AccessError::Silent) && silent.exit() == Exit::Refused, "{silent:?}");
+        assert!(silent.to_string().starts_with("the station did not answer within 60 s: "), "{silent}");
+        drop(listener);
+        assert!(matches!(client.ask(Op::Status), Err(AccessError::Io(_))));
+    }
 
     #[test]
     fn a_station_has_its_name_or_that_of_its_file() {
