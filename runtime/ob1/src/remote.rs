@@ -245,7 +245,7 @@ fn print_status(status: &Status) {
         say!("log lines lost {}: standard error of the runtime is full, slow or gone", status.log_lost);
     }
     for grant in &status.posture {
-        say!("{}: {} {}", grant.what, grant.outcome, grant.detail);
+        say!("{grant}");
     }
     for module in &status.modules {
         let present = if module.present { "present" } else { "absent" };

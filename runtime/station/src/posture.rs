@@ -1,6 +1,7 @@
 //! What a station asks of the operating system for its scan: asked for in one place, by `run` and by
 //! `check --posture` alike.
 
+use std::fmt;
 use std::fs::File;
 
 use ob1_rt::{Grant, Outcome, Posture};
@@ -110,6 +111,17 @@ pub fn text(grants: &[Grant]) -> String {
     out
 }
 
+impl fmt::Display for GrantStatus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { what, outcome, detail, .. } = self;
+        match detail {
+            none if none.is_empty() => write!(f, "{what}: {outcome}"),
+            whole if whole.starts_with(outcome.as_str()) => write!(f, "{what}: {whole}"),
+            more => write!(f, "{what}: {outcome}, {more}"),
+        }
+    }
+}
+
 impl From<&Grant> for GrantStatus {
     fn from(grant: &Grant) -> Self {
         let outcome = match grant.outcome {
@@ -155,6 +167,19 @@ mod tests {
             let finding = starves(&station(cpu, realtime), &[1, 2, 3], "x.toml");
             assert_eq!(finding.is_none(), good, "{cpu} {realtime}");
             assert!(finding.is_none_or(|finding| finding.to_string().contains("C014")));
+        }
+    }
+
+    #[test]
+    fn what_became_of_a_request_is_said_once() {
+        for (outcome, detail, told) in [
+            ("granted", "", "lock memory: granted"),
+            ("refused", "refused: not permitted", "lock memory: refused: not permitted"),
+            ("partly", "later mappings are not", "lock memory: partly, later mappings are not"),
+        ] {
+            let (what, remedy) = ("lock memory".to_owned(), None);
+            let grant = GrantStatus { what, outcome: outcome.to_owned(), detail: detail.to_owned(), remedy };
+            assert_eq!(grant.to_string(), told);
         }
     }
 
