@@ -383,6 +383,10 @@ fn with_operand(shape: &Shape, value: Value<'_>) -> Result<Op, Wrong> {
             (Value::Constant(Constant::Pointer(p)), _) if p.any.is_none() && p.db == 0 => {
                 Op::LoadArConst(*register, p.bits())
             }
+            (Value::Constant(Constant::Pointer(_)), _) => {
+                let message = "an address register takes a pointer without data block and length: P#DBX 0.0";
+                return Err(Wrong::Constant(message.to_owned()));
+            }
             (Value::Register(ob1_ir::AddressRegister::Ar2), ob1_ir::AddressRegister::Ar1) => Op::CopyAr2ToAr1,
             (value, _) => Op::LoadArFrom(*register, double_word(&value)?),
         },
