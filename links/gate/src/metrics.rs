@@ -15,8 +15,8 @@ use ob1_gate_core::{Link, Station, Trouble, Users};
 use ring::digest::{SHA256, digest};
 use serde_json::Value;
 
-use self::text::Format;
 use crate::http::{self, Call, Reply, Site, not_so, plain, reply};
+use text::Format;
 
 /// The content types of the formats.
 const OPEN_METRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
