@@ -11,12 +11,12 @@ does what standard input says, one JSON object a line; each answer is one line: 
                [times, attribute]      request (Both, Source, Server, Neither), for Value or another attribute
     write      id, type, value         type is a built-in type: Int16, Float, String, ...; a list is an array
     children   id                      names, ids
-    pages      id, most                statuses: of the answers, count: of the forward references, read so many at a time
+    pages      id, most                statuses: of the answers, count: of forward references, read so many at a time
     find       path                    id: from Objects along browse names of namespace 2
     attributes id                      class, data_type, rank, dimensions, description, writable
     call       id
     history    id
-    watch      ids, every              one subscription of these items
+    watch      ids, every, [sampling]  one subscription of these items, sampled as often as it is published if not said
     watch_part id, range               a subscription to a part of a value
     vanish     ids                     accepted: items of a subscription that expires, because nothing asks for its news
     flood      ids, count              accepted: how many of so many items are taken; refused: why no more
@@ -165,7 +165,8 @@ class Peer:
     async def watch(self, ask):
         subscription = await self.client.create_subscription(ask["every"], self.handler)
         nodes = [self.node(text) for text in ask["ids"]]
-        handles = await subscription.subscribe_data_change(nodes, queuesize=100, sampling_interval=ask["every"])
+        sampling = ask.get("sampling", ask["every"])
+        handles = await subscription.subscribe_data_change(nodes, queuesize=100, sampling_interval=sampling)
         self.kept.append(subscription)
         for handle in handles if isinstance(handles, list) else [handles]:
             if not isinstance(handle, int):

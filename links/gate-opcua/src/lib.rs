@@ -19,6 +19,7 @@ mod range;
 mod sample;
 mod space;
 mod value;
+mod watched;
 
 use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::path::PathBuf;

@@ -17,7 +17,7 @@ use opcua_server::node_manager::{
 use opcua_types::{
     AttributeId, DataValue, ExpandedNodeId, IdType, LocalizedText, MonitoringMode, NodeClass, NodeId, NumericRange,
     ObjectId, ObjectTypeId, QualifiedName, ReferenceDescription, ReferenceTypeId, StatusCode, TimestampsToReturn,
-    VariableTypeId, Variant,
+    VariableTypeId,
 };
 use tokio::sync::Semaphore;
 
@@ -28,7 +28,7 @@ use crate::monitor::Monitor;
 use crate::nodes::{NAMESPACE, NAMESPACE_URI, class, node_id, text};
 use crate::range::watchable;
 use crate::sample::{attribute_value, bad, in_part, refused, sample, stamped, status};
-use crate::space::{Fact, METHODS, Node, ROOT, Sizes, Space};
+use crate::space::{METHODS, Node, ROOT, Sizes, Space};
 use crate::value::{attempt, datum, unfit, weight};
 
 /// See [the module](self).
@@ -181,13 +181,6 @@ impl Manager {
             _ => space.browse_name(id, node),
         };
         Attributes { id, node, name, description: space.description(node), writable, right }
-    }
-
-    fn fact(&self, fact: Fact) -> Variant {
-        match fact {
-            Fact::State => Variant::from(self.monitor.state()),
-            Fact::Scan => Variant::UInt64(self.monitor.scan()),
-        }
     }
 
     /// Values of these places, as far as possible of one scan.
@@ -537,7 +530,7 @@ impl Manager {
                     None => results.push((index, bad(StatusCode::BadEncodingLimitsExceeded))),
                 },
                 (AttributeId::Value, Node::Fact(fact)) => {
-                    results.push((index, in_part(DataValue::new_now(self.fact(*fact)), &wanted.index_range)));
+                    results.push((index, in_part(DataValue::new_now(self.monitor.fact(*fact)), &wanted.index_range)));
                 }
                 (attribute, node) => {
                     let value = self.attributes(&space, id, node, right).read(attribute);

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use ob1_access::door::{Cover, Reading, Refusal, State};
+use ob1_access::door::{Cover, Reading, State};
 use ob1_access::{Piece, Typed};
 use ob1_gate_core::{Station, Trouble, Watch};
 use ob1_model::OperatingState;
@@ -21,10 +21,10 @@ use tokio::task::AbortHandle;
 use crate::beat::Pace;
 use crate::events;
 use crate::limits;
-use crate::nodes::node_id;
 use crate::sample::{bad, sample, status};
 use crate::space::{FACTS, Fact};
 use crate::value::weight;
+use crate::watched::{Echoes, Rate, Watched, interval};
 
 /// Without monitored values one byte is read at this period, for the state and the scan number.
 const HEARTBEAT: Duration = Duration::from_millis(250);
@@ -37,6 +37,8 @@ const UNKNOWN_SESSIONS: u32 = 10_000;
 /// See [the module](self).
 pub(crate) struct Monitor {
     watched: Mutex<HashMap<String, Watched>>,
+    /// Locked after `watched`.
+    echoes: Mutex<Echoes>,
     /// Monitored items of values.
     items: AtomicUsize,
     most: usize,
@@ -72,51 +74,6 @@ impl Drop for Guard {
     }
 }
 
-struct Watched {
-    node: NodeId,
-    /// `None`: a fact about the CPU.
-    typed: Option<Typed>,
-    piece: Option<Piece>,
-    handles: HashMap<MonitoredItemHandle, Rate>,
-    next: Instant,
-    last: Option<Result<Vec<u8>, Refusal>>,
-    /// The place of its bytes in the merged pieces.
-    place: Option<(usize, u32)>,
-}
-
-#[derive(Clone, Copy)]
-struct Rate {
-    every: Duration,
-    on: bool,
-    /// The single values kept for it.
-    kept: usize,
-}
-
-impl Watched {
-    /// The shortest requested interval; `None` without an active item.
-    fn every(&self) -> Option<Duration> {
-        self.handles.values().filter(|rate| rate.on).map(|rate| rate.every).min()
-    }
-
-    /// Whether it may be published now; its next turn is then one interval later. Up to half an interval early counts
-    /// as in time, because changes and readings have different clocks; over many turns the interval is kept all the
-    /// same.
-    fn turn(&mut self, now: Instant) -> bool {
-        let Some(every) = self.every().filter(|every| self.next <= now + *every / 2) else { return false };
-        self.next = self.next.max(now) + every;
-        true
-    }
-}
-
-fn interval(ms: f64) -> Duration {
-    // Negative: as often as the publishing interval; the server then samples as often as allowed.
-    Duration::from_secs_f64(if ms.is_finite() {
-        ms.clamp(limits::SAMPLING_MS, limits::SLOWEST_MS) / 1000.0
-    } else {
-        1.0
-    })
-}
-
 /// The queue length of an item whose values have this weight: as requested, else one value, else there is no room.
 fn queue(weight: usize, wanted: usize, room: usize) -> Option<usize> {
     let fits = |queue: &usize| weight.saturating_mul(*queue + 1) <= room;
@@ -127,6 +84,7 @@ impl Monitor {
     pub(crate) fn new(most: usize, heartbeat: Option<Piece>) -> Self {
         Self {
             watched: Mutex::default(),
+            echoes: Mutex::default(),
             items: AtomicUsize::new(0),
             most,
             kept: AtomicUsize::new(0),
@@ -195,6 +153,27 @@ impl Monitor {
         self.scan.load(Ordering::Relaxed)
     }
 
+    /// A fact about the CPU.
+    pub(crate) fn fact(&self, fact: Fact) -> Variant {
+        match fact {
+            Fact::State => Variant::from(self.state()),
+            Fact::Scan => Variant::UInt64(self.scan()),
+        }
+    }
+
+    /// The value that was handed over last; of a fact the present one.
+    fn current(&self, id: &str, entry: &Watched) -> Option<DataValue> {
+        match (&entry.typed, &entry.last) {
+            (Some(typed), Some(last)) => Some(sample(typed, last.as_deref().map_err(|refusal| *refusal))),
+            // It comes with the next reading.
+            (Some(_), None) => None,
+            (None, _) => {
+                let (_, fact) = FACTS.into_iter().find(|(name, _)| *name == id)?;
+                Some(DataValue::new_now(self.fact(fact)))
+            }
+        }
+    }
+
     /// The input of the server's beats.
     pub(crate) const fn pace(&self) -> &Pace {
         &self.pace
@@ -249,17 +228,9 @@ impl Monitor {
         };
         item.revise_queue_size(queue);
         let (handle, mode, every) = (item.handle(), item.monitoring_mode(), item.sampling_interval());
-        let entry = watched.entry(id.to_owned()).or_insert_with(|| Watched {
-            node: node_id(id),
-            typed: typed.cloned(),
-            piece,
-            handles: HashMap::new(),
-            next: Instant::now(),
-            last: None,
-            place: None,
-        });
+        let entry = watched.entry(id.to_owned()).or_insert_with(|| Watched::new(id, typed, piece));
         let kept = weight * (queue + 1);
-        let rate = Rate { every: interval(every), on: mode != MonitoringMode::Disabled, kept };
+        let rate = Rate::new(every, mode != MonitoringMode::Disabled, kept);
         self.kept.fetch_add(kept, Ordering::Relaxed);
         match entry.handles.insert(handle, rate) {
             None => drop(self.items.fetch_add(1, Ordering::Relaxed)),
@@ -309,6 +280,7 @@ impl Monitor {
             self.kept.fetch_sub(rate.kept, Ordering::Relaxed);
         }
         if entry.handles.is_empty() {
+            self.echoes.lock().forget(id, entry);
             watched.remove(id);
         }
         self.touch();
@@ -359,8 +331,9 @@ impl Monitor {
     /// Forgets the items of these subscriptions.
     fn forget(&self, gone: &[u32]) {
         let mut watched = self.watched.lock();
+        let mut echoes = self.echoes.lock();
         let (mut items, mut kept) = (0, 0);
-        watched.retain(|_, entry| {
+        watched.retain(|id, entry| {
             entry.handles.retain(|handle, rate| {
                 let ended = gone.contains(&handle.subscription_id);
                 if ended {
@@ -369,6 +342,9 @@ impl Monitor {
                 }
                 !ended
             });
+            if entry.handles.is_empty() {
+                echoes.forget(id, entry);
+            }
             !entry.handles.is_empty()
         });
         if items > 0 {
@@ -436,18 +412,21 @@ impl Monitor {
     fn tell(&self, reading: &Reading, seen: Option<&Reading>, subscriptions: &SubscriptionCache) -> bool {
         self.seen(reading);
         let now = Instant::now();
-        let mut changes = Vec::new();
+        let (mut changes, mut again) = (Vec::new(), Vec::new());
         let mut complete = true;
         {
             let mut watched = self.watched.lock();
+            let mut echoes = self.echoes.lock();
+            echoes.due(&mut watched, now, |id, entry| {
+                again.extend(self.current(id, entry).map(|value| (entry.node.clone(), value)));
+            });
             for (id, fact) in FACTS {
                 let Some(entry) = watched.get_mut(id) else { continue };
-                let (bytes, value) = match fact {
-                    Fact::State => (self.state().as_bytes().to_vec(), Variant::from(self.state())),
-                    Fact::Scan => (self.scan().to_be_bytes().to_vec(), Variant::UInt64(self.scan())),
-                };
+                let value = self.fact(fact);
+                let bytes = value.to_string().into_bytes();
                 if entry.last.as_ref() != Some(&Ok(bytes.clone())) && entry.turn(now) {
                     entry.last = Some(Ok(bytes));
+                    echoes.handed(id, entry, now);
                     changes.push((entry.node.clone(), DataValue::new_now(value)));
                 }
             }
@@ -455,8 +434,8 @@ impl Monitor {
                 seen.len() == reading.len() && (0..reading.len()).all(|index| seen.piece(index) == reading.piece(index))
             };
             // Most readings are unchanged: they cost a comparison of bytes, not a loop over ten thousand items.
-            let entries = if seen.is_some_and(same) { None } else { Some(watched.values_mut()) };
-            for entry in entries.into_iter().flatten() {
+            let entries = if seen.is_some_and(same) { None } else { Some(watched.iter_mut()) };
+            for (id, entry) in entries.into_iter().flatten() {
                 // Not in this watch yet, but in the next.
                 let Some((index, skip)) = entry.place else { continue };
                 let Some((typed, piece)) = entry.typed.as_ref().zip(entry.piece.as_ref()) else { continue };
@@ -479,9 +458,11 @@ impl Monitor {
                     continue;
                 }
                 entry.last = Some(bytes.map(<[u8]>::to_vec));
+                echoes.handed(id, entry, now);
                 changes.push((entry.node.clone(), value));
             }
         }
+        notify(&again, subscriptions);
         notify(&changes, subscriptions);
         if !changes.is_empty() {
             self.pace.told();

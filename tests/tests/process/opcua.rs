@@ -334,6 +334,28 @@ fn a_part_of_a_value_is_the_right_one_and_hurts_nobody() {
     assert_eq!(station.interrupt().code(), Some(0));
 }
 
+/// The last of several changes is told, however soon it follows, to a fast and to a slow item of the same value.
+#[test]
+fn the_last_change_is_told() {
+    let site = Site::new();
+    let (station, port) = opcua(&site, "ua-last", "");
+    let mut clients = [connected(&site, port, &[]), connected(&site, port, &[])];
+    for (client, sampling) in clients.iter_mut().zip([50, 500]) {
+        client.done(&json!({ "op": "watch", "ids": ["MW20"], "every": 50, "sampling": sampling }));
+    }
+    for round in 1..=3 {
+        let last = round * 10 + 6;
+        for value in round * 10..=last {
+            station.set("MW 20", value);
+        }
+        for client in &mut clients {
+            while client.done(&json!({ "op": "changes", "count": 1 }))["changes"] != json!([["MW20", last]]) {}
+        }
+    }
+    drop(clients);
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
 /// The items of a client that is gone are free again when its subscription has expired.
 #[test]
 fn items_of_a_client_that_is_gone_do_not_stay() {
