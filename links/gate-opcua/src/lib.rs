@@ -24,10 +24,10 @@ mod watched;
 use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use ob1_access::{Allowed, Cell, Piece};
-use ob1_gate_core::{Link, Memory, Station};
+use ob1_gate_core::{Link, Memory, Station, unix_now};
 use ob1_model::Area;
 use opcua_crypto::SecurityPolicy;
 use opcua_server::node_manager::ServerContext;
@@ -46,6 +46,8 @@ use crate::pki::Pki;
 const LOOK: Duration = Duration::from_secs(1);
 /// How often to check whether memory is short: a stranger can send some ten megabytes in between.
 const MEMORY_LOOK: Duration = Duration::from_millis(20);
+/// Milliseconds by which the clock may be set back.
+const BACK: u64 = 1_000;
 /// Time a server has for its last messages.
 const GOODBYE: Duration = Duration::from_millis(500);
 /// The library recurses into nested values without a limit: this stack is enough for a whole chunk of them.
@@ -111,6 +113,7 @@ impl About {
                 () = monitor.gone() => None,
                 () = worn(&monitor, &handle, &self.pki) => Some("many items have been deleted"),
                 () = short(&self.memory) => Some("its clients have taken too much memory"),
+                () = set_back() => Some("the clock was set back, and values would wait until it has caught up"),
                 () = monitor.failed() => Some("a part of it has failed: see above"),
                 ended = &mut running.ended => return ended.unwrap_or_else(|_| Err("the OPC UA server has failed".into())),
             };
@@ -267,6 +270,21 @@ async fn worn(monitor: &Monitor, handle: &ServerHandle, pki: &Pki) {
     }
 }
 
+/// Waits until the clock is set back. The library measures sampling intervals by the timestamps of the values.
+async fn set_back() {
+    loop {
+        let (before, at) = (unix_now(), Instant::now());
+        tokio::time::sleep(LOOK).await;
+        if is_back(before, at.elapsed(), unix_now()) {
+            return;
+        }
+    }
+}
+
+fn is_back(before: u64, passed: Duration, now: u64) -> bool {
+    now.saturating_add(BACK) < before.saturating_add(passed.as_millis() as u64)
+}
+
 /// Waits until memory is short.
 async fn short(memory: &Memory) {
     while !memory.is_short() {
@@ -277,6 +295,21 @@ async fn short(memory: &Memory) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_clock_that_is_set_back_is_noticed() {
+        let second = Duration::from_secs(1);
+        for (before, passed, now, back) in [
+            (10_000, second, 11_000, false),
+            (10_000, second, 10_500, false),
+            (10_000, second, 9_900, true),
+            (10_000, second, 3_700_000, false),
+            (10_000, second * 60, 70_000, false),
+            (10_000, second, 0, true),
+        ] {
+            assert_eq!(is_back(before, passed, now), back, "{before} {passed:?} {now}");
+        }
+    }
 
     #[test]
     fn a_server_tells_an_address_that_clients_reach() {
