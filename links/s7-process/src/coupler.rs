@@ -9,7 +9,7 @@ use ob1_access::door::{Connection, News};
 use ob1_backplane::CpSide;
 use ob1_protocols::trace::record::Kind;
 use ob1_s7::coupling::ConnectionKind;
-use ob1_s7::iso::{Call, Transport};
+use ob1_s7::iso::{Call, Transport, Tsap};
 use ob1_s7::server::Settings;
 use ob1_s7::tap::Tapped;
 use ob1_s7_process::asks::Surroundings;
@@ -171,6 +171,11 @@ impl Coupler {
     /// The connection that a call is meant for.
     pub(crate) fn find(&self, call: &Call, peer: IpAddr) -> Option<usize> {
         self.cp.find(call, peer)
+    }
+
+    /// Whether a connection waits for calls at this TSAP, whoever its partner is.
+    pub(crate) fn has_tsap(&self, called: &Tsap) -> bool {
+        self.cp.has_tsap(called)
     }
 
     /// A partner has called for a connection.

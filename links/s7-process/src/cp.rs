@@ -11,7 +11,7 @@ use ob1_access::door::{self, News};
 use ob1_backplane::layout::{BOX_BYTES, BOXES};
 use ob1_backplane::{ChangeMark, Counter, CpSide, CpuState, DriverState, Freshness, Leds};
 use ob1_s7::coupling::{Action, Condition, ConnectionKind, Coupling, Spec};
-use ob1_s7::iso::{Call, Transport};
+use ob1_s7::iso::{Call, Transport, Tsap};
 use ob1_s7::server::Settings;
 use tracing::{info, warn};
 
@@ -155,7 +155,13 @@ impl Cp {
     /// The connection that a call is meant for.
     #[must_use]
     pub fn find(&self, call: &Call, peer: IpAddr) -> Option<usize> {
-        self.machine.find(call).filter(|index| self.may_call(*index, peer))
+        self.machine.find(call, |index| self.may_call(index, peer))
+    }
+
+    /// Whether a connection waits for calls at this TSAP, whoever its partner is.
+    #[must_use]
+    pub fn has_tsap(&self, called: &Tsap) -> bool {
+        self.machine.has_tsap(called)
     }
 
     /// Whether the partner of a passive connection may have this address.

@@ -297,6 +297,8 @@ impl Server {
                 continue;
             }
             let called = &call.called;
+            // A TSAP that does not name this CPU is there for the partner of its connection alone.
+            let is_anothers = called.place().is_none() && self.coupler.as_ref().is_some_and(|cp| cp.has_tsap(called));
             let resource = called.resource();
             let others: Vec<_> = self.sessions.iter().filter_map(|session| session.occupant(now)).collect();
             let verdict = admit(config.clients, resource, &others);
@@ -308,6 +310,11 @@ impl Server {
                 self.say(|| {
                     info!("{peer} refused: it calls {called}, this CPU is in rack {} slot {}", place.rack, place.slot);
                 });
+                continue;
+            }
+            if is_anothers {
+                session.refuse(Refusal::Unknown);
+                self.say(|| info!("{peer} refused: {called} is the TSAP of a connection with another partner"));
                 continue;
             }
             match verdict {

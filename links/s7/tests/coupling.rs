@@ -302,7 +302,7 @@ fn run(seed: u64, chunks: u64, odds: u64, rights: Rights) -> Tally {
                     {
                         front.receive(&bytes).expect("a call");
                         if let Some(Event::Call(call)) = front.event().expect("ISO") {
-                            assert_eq!(plc.machine.find(&call), Some(index));
+                            assert_eq!(plc.machine.find(&call, |_| true), Some(index));
                             plc.machine.called(index, wire.front.take().expect("it is there"), now);
                         }
                     } else if plc.machine.room(index) >= bytes.len() {

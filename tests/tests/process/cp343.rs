@@ -1,6 +1,9 @@
 //! The two stations of the example, each with a CP 343: PUT and GET, BSEND and BRCV, ISO on TCP and TCP; also while the
 //! process of one CP is killed.
 
+use std::io::{Read as _, Write as _};
+use std::net::TcpStream;
+
 use ob1_station::access::protocol::Op;
 
 use crate::common::checkout;
@@ -230,4 +233,33 @@ fn usend_and_udp_go_both_ways() {
         assert_eq!(station.cell("MW 64"), 0, "what came was whole");
         assert_eq!(station.interrupt().code(), Some(0));
     }
+}
+
+/// The TSAP of a connection takes no calls of others; they are not served by the CPU instead.
+#[test]
+fn a_call_of_another_partner_is_refused() {
+    let (site, port) = (Site::new(), free_port());
+    site.write("none.awl", "ORGANIZATION_BLOCK OB 1\nBEGIN\nNETWORK\n      NOP   0;\nEND_ORGANIZATION_BLOCK\n");
+    site.write(
+        "waits.toml",
+        &format!(
+            "[station]\nname = \"waits\"\n\n[program]\nsources = [\"none.awl\"]\n\n[[link]]\ntype = \"s7\"\n\
+             name = \"ethernet\"\nlisten = \"127.0.0.1:{port}\"\n\n[[module]]\ntype = \"cp343\"\nname = \"cp\"\n\
+             address = 256\n\n[[connection]]\nmodule = \"cp\"\nid = 1\ntype = \"iso-on-tcp\"\n\
+             local_tsap = \"ISO-B\"\nremote_tsap = \"ISO-A\"\n"
+        ),
+    );
+    let station = site.run("waits.toml").until_run();
+    let call = |calling: &[u8; 5]| {
+        let mut call = vec![3, 0, 0, 25, 20, 0xE0, 0, 0, 0, 1, 0, 0xC1, 5];
+        call.extend_from_slice(calling);
+        call.extend_from_slice(b"\xC2\x05ISO-B");
+        let mut stream = station.until("the CP listens", |_| TcpStream::connect(("127.0.0.1", port)).ok());
+        stream.write_all(&call).expect("sent");
+        let mut answer = [0; 11];
+        stream.read_exact(&mut answer).expect("an answer");
+        answer[5]
+    };
+    assert_eq!([b"ISO-A", b"ISO-X"].map(call), [0xD0, 0x80]);
+    assert_eq!(station.interrupt().code(), Some(0));
 }

@@ -71,6 +71,13 @@ pub struct Spec {
     pub remote: Tsap,
 }
 
+impl Spec {
+    fn waits_at(&self, called: &Tsap) -> bool {
+        let has_tsaps = matches!(self.kind, ConnectionKind::Iso | ConnectionKind::S7);
+        !self.active && has_tsaps && self.local == *called
+    }
+}
+
 /// A request of the machine to its owner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action {
@@ -140,15 +147,23 @@ impl Coupling {
         self.runs = runs;
     }
 
-    /// The configured connection that matches this call.
+    /// The configured connection that matches this call, among those that this partner may call. One that names the
+    /// partner's TSAP goes before one for any.
     #[must_use]
-    pub fn find(&self, call: &Call) -> Option<usize> {
-        self.links.iter().position(|link| {
-            let spec = &link.spec;
-            let is_ours = !spec.active && matches!(spec.kind, ConnectionKind::Iso | ConnectionKind::S7);
-            let is_partner = spec.remote.bytes().is_empty() || spec.remote == call.calling;
-            is_ours && spec.local == call.called && is_partner
-        })
+    pub fn find(&self, call: &Call, may_call: impl Fn(usize) -> bool) -> Option<usize> {
+        let fits = |(index, link): &(usize, &Link)| {
+            let remote = &link.spec.remote;
+            let is_partner = remote.bytes().is_empty() || *remote == call.calling;
+            link.spec.waits_at(&call.called) && is_partner && may_call(*index)
+        };
+        let fitting = self.links.iter().enumerate().filter(fits);
+        fitting.min_by_key(|(_, link)| link.spec.remote.bytes().is_empty()).map(|(index, _)| index)
+    }
+
+    /// Whether a connection waits for calls at this TSAP, whoever its partner is.
+    #[must_use]
+    pub fn has_tsap(&self, called: &Tsap) -> bool {
+        self.links.iter().any(|link| link.spec.waits_at(called))
     }
 
     /// The configured connection of an index.
@@ -327,5 +342,30 @@ impl Coupling {
 
     fn link_of(&self, id: u16) -> Option<usize> {
         self.links.iter().position(|link| link.spec.id == id)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_call_finds_its_connection() {
+        let tsap = |text: &str| Tsap::new(text.as_bytes()).expect("short");
+        let spec =
+            |id, kind, active, remote: &str| Spec { id, kind, active, local: tsap("HERE"), remote: tsap(remote) };
+        let specs = vec![
+            spec(1, ConnectionKind::Iso, true, "A"),
+            spec(2, ConnectionKind::Iso, false, ""),
+            spec(3, ConnectionKind::S7, false, "A"),
+            spec(4, ConnectionKind::Iso, false, "A"),
+        ];
+        let machine = Coupling::new(specs, Settings::default());
+        let call = |calling| Call { calling: tsap(calling), called: tsap("HERE"), routed: false };
+        assert_eq!(machine.find(&call("A"), |_| true), Some(2), "the one that names it");
+        assert_eq!(machine.find(&call("A"), |index| index == 3), Some(3), "the one that this partner may call");
+        assert_eq!(machine.find(&call("B"), |_| true), Some(1));
+        assert_eq!(machine.find(&call("B"), |index| index != 1), None);
+        assert_eq!([machine.has_tsap(&tsap("HERE")), machine.has_tsap(&tsap("THERE"))], [true, false]);
     }
 }
