@@ -7,6 +7,8 @@ use ob1_model::{Event, FaultKind, Site};
 
 use ob1_time::Instant;
 
+use crate::wall::Wall;
+
 /// Entries the buffer holds, whatever they are.
 pub const DIAG_ENTRIES: usize = 100;
 /// Entries it keeps besides: the last STOPs and what led to each.
@@ -107,25 +109,40 @@ impl fmt::Display for DiagEntry {
     }
 }
 
+/// An entry, and the clock as it was set then: what has happened keeps its date.
+#[derive(Clone, Copy, Debug)]
+struct Dated {
+    entry: DiagEntry,
+    wall: Wall,
+}
+
 /// The ring.
 #[derive(Debug)]
 pub(crate) struct DiagBuffer {
-    entries: Box<[DiagEntry]>,
+    entries: Box<[Dated]>,
     written: u64,
     /// Places of their own for STOPs, in ascending order of their numbers; `stops` of them are in use.
-    kept: Box<[DiagEntry]>,
+    kept: Box<[Dated]>,
     stops: usize,
+    /// The clock as it is set now, for the entries to come.
+    wall: Wall,
 }
 
 impl DiagBuffer {
-    pub(crate) fn new() -> Self {
-        let blank = DiagEntry::new(Instant::START, Event(0), 0, ShortText::default());
+    pub(crate) fn new(wall: Wall) -> Self {
+        let blank = Dated { entry: DiagEntry::new(Instant::START, Event(0), 0, ShortText::default()), wall };
         Self {
             entries: vec![blank; DIAG_ENTRIES].into_boxed_slice(),
             written: 0,
             kept: vec![blank; DIAG_STOPS].into_boxed_slice(),
             stops: 0,
+            wall,
         }
+    }
+
+    /// The clock has been set.
+    pub(crate) fn set_wall(&mut self, wall: Wall) {
+        self.wall = wall;
     }
 
     /// Enters `entry`; the buffer gives it its number.
@@ -133,38 +150,48 @@ impl DiagBuffer {
         self.written += 1;
         entry.number = self.written;
         let slot = (self.written - 1) as usize % DIAG_ENTRIES;
-        self.entries[slot] = entry;
+        self.entries[slot] = Dated { entry, wall: self.wall };
     }
 
     /// The CPU has gone to STOP: keeps the newest entry, and the one before it, unless that is a change of state too.
     pub(crate) fn keep_stop(&mut self) {
-        let cause = self.get(1).filter(|entry| entry.event.state_change().is_none()).copied();
-        for entry in cause.into_iter().chain(self.get(0).copied()) {
-            if self.kept[..self.stops].iter().any(|kept| kept.number >= entry.number) {
+        let cause = self.dated(1).filter(|dated| dated.entry.event.state_change().is_none()).copied();
+        for dated in cause.into_iter().chain(self.dated(0).copied()) {
+            if self.kept[..self.stops].iter().any(|kept| kept.entry.number >= dated.entry.number) {
                 continue;
             }
             if self.stops == DIAG_STOPS {
                 self.kept.copy_within(1.., 0);
                 self.stops -= 1;
             }
-            self.kept[self.stops] = entry;
+            self.kept[self.stops] = dated;
             self.stops += 1;
         }
     }
 
     /// The `back`th entry, 0 the newest: first those of the ring, then what is kept of those that are gone from it.
     pub(crate) fn get(&self, back: usize) -> Option<&DiagEntry> {
+        self.dated(back).map(|dated| &dated.entry)
+    }
+
+    fn dated(&self, back: usize) -> Option<&Dated> {
         if back < DIAG_ENTRIES {
             let number = self.written.checked_sub(back as u64).filter(|number| *number > 0)?;
             return self.entries.get((number - 1) as usize % DIAG_ENTRIES);
         }
         let oldest = self.written.checked_sub(DIAG_ENTRIES as u64)?;
-        self.kept[..self.stops].iter().rev().filter(|kept| kept.number <= oldest).nth(back - DIAG_ENTRIES)
+        self.kept[..self.stops].iter().rev().filter(|kept| kept.entry.number <= oldest).nth(back - DIAG_ENTRIES)
     }
 
     /// Newest first.
     pub(crate) fn iter(&self) -> impl Iterator<Item = &DiagEntry> {
         (0..DIAG_ENTRIES + DIAG_STOPS).map_while(|back| self.get(back))
+    }
+
+    /// The same with date and time, by the clock as it was set then.
+    pub(crate) fn with_dates(&self) -> impl Iterator<Item = (&DiagEntry, [u8; 8])> {
+        let dated = (0..DIAG_ENTRIES + DIAG_STOPS).map_while(|back| self.dated(back));
+        dated.map(|dated| (&dated.entry, dated.wall.bytes(dated.entry.time)))
     }
 }
 
@@ -174,7 +201,7 @@ mod tests {
 
     #[test]
     fn keeps_the_newest_hundred() {
-        let mut buffer = DiagBuffer::new();
+        let mut buffer = DiagBuffer::new(Wall::new(0));
         assert!(buffer.get(0).is_none());
         let mut entry = DiagEntry::new(Instant::START, Event::RUN, 0, ShortText::new("x"));
         for time in 0..250 {
@@ -188,7 +215,7 @@ mod tests {
 
     #[test]
     fn a_flood_leaves_the_last_stops() {
-        let mut buffer = DiagBuffer::new();
+        let mut buffer = DiagBuffer::new(Wall::new(0));
         let entry = |event| DiagEntry::new(Instant::START, event, 0, ShortText::default());
         buffer.keep_stop();
         let mut stops = Vec::new();

@@ -179,15 +179,16 @@ impl Cpu {
         };
         let (port, client) = AccessPort::new(config.port_capacity);
         let (log, reader) = LogWriter::new();
+        let wall = Wall::new(config.date_at_start);
         let machine = Machine {
             memory,
             timers: vec![Timer::default(); usize::from(config.timers)].into_boxed_slice(),
             counters: vec![Counter::default(); usize::from(config.counters)].into_boxed_slice(),
             modules,
-            diag: DiagBuffer::new(),
+            diag: DiagBuffer::new(wall),
             log,
             attention,
-            wall: Wall::new(config.date_at_start),
+            wall,
             seen_from_outside: None,
             statements: 0,
             hot: Hot::default(),
@@ -201,7 +202,7 @@ impl Cpu {
             active: 0,
             aborted: false,
             diagnoses: Diagnoses::default(),
-            started: Instant::START,
+            started: wall.bytes(Instant::START),
             inside: Span::ZERO,
             interrupts: Interrupts::new(&config.cyclic, |ob| blocks.ob(ob).is_some()),
             obs: ObRecords::new(&accounts),

@@ -94,8 +94,8 @@ pub(crate) struct Machine {
     pub(crate) wall: Wall,
     /// While a link asks for a list: the operating state it sees.
     pub(crate) seen_from_outside: Option<OperatingState>,
-    /// When the last start-up began.
-    pub(crate) started: Instant,
+    /// Date and time at which the last start-up began.
+    pub(crate) started: [u8; 8],
     /// Where the scan is, for others.
     pub(crate) whereabouts: Arc<Whereabouts>,
     /// Bit n: OB n has begun and not ended.

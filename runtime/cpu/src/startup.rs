@@ -141,7 +141,7 @@ impl Cpu {
         let stood = m.hot.now.since(m.stopped_at);
         m.timers.iter_mut().for_each(|timer| timer.shift(stood));
         m.services.meters_stood(m.stopped_at, m.hot.now, kind == Start::Hot);
-        (m.stopped_at, m.started) = (m.hot.now, m.hot.now);
+        (m.stopped_at, m.started) = (m.hot.now, m.wall.bytes(m.hot.now));
         m.obs.restart();
         self.state = OperatingState::Startup;
         self.diagnose(Event::STARTUP, 0, kind.text());

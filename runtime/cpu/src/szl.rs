@@ -284,7 +284,7 @@ impl Machine {
         let start = &self.services.start_up;
         let record = Record::<20>::new().word(event).put(&[0xFF, before << 4 | now]).long(0);
         let record = record.put(&[start[1], start[9], start[10], start[11]]);
-        each(&record.put(&self.wall.bytes(self.started)).bytes);
+        each(&record.put(&self.started).bytes);
         Ok(20)
     }
 
@@ -311,20 +311,10 @@ impl Machine {
 
     /// The newest entries first: event, block type, number, block and line as OB 121 has them, date and time.
     fn diagnostic_buffer(&self, most: usize, each: Each<'_>) -> Length {
-        for entry in self.diag.iter().take(most) {
-            each(&self.diagnostic_entry(entry));
+        for (entry, date) in self.diag.with_dates().take(most) {
+            each(&diagnostic_entry(entry, date));
         }
         Ok(20)
-    }
-
-    fn diagnostic_entry(&self, entry: &DiagEntry) -> [u8; 20] {
-        let (kind, block, line) = match entry.site {
-            Some(site) => (block_code(site.block.kind), site.block.number, site.line as u16),
-            None => (0, 0, 0),
-        };
-        let record = Record::<20>::new().word(entry.event.0).word(0).put(&[kind, 0]).word(entry.data as u16);
-        let record = record.word(block).word(line);
-        record.put(&self.wall.bytes(entry.time)).bytes
     }
 
     /// The module at a logical address; bit 15 stands for an output.
@@ -350,6 +340,16 @@ impl Machine {
         });
         if has_buffer { Ok(20) } else { Err(StatusError::Index) }
     }
+}
+
+/// An entry of the CPU's buffer, with its date and time.
+fn diagnostic_entry(entry: &DiagEntry, date: [u8; 8]) -> [u8; 20] {
+    let (kind, block, line) = match entry.site {
+        Some(site) => (block_code(site.block.kind), site.block.number, site.line as u16),
+        None => (0, 0, 0),
+    };
+    let record = Record::<20>::new().word(entry.event.0).word(0).put(&[kind, 0]).word(entry.data as u16);
+    record.word(block).word(line).put(&date).bytes
 }
 
 /// An entry of a CP's buffer as one of the CPU's: event of class F (modules other than CPUs), incoming or outgoing,

@@ -112,6 +112,28 @@ fn system_status_lists() {
 }
 
 #[test]
+fn what_has_happened_keeps_its_date_when_the_clock_is_set() {
+    on_each_engine(|| {
+        let list = |id: &str, to: u32| {
+            format!(
+                "CALL SFC 51 (REQ := TRUE, SZL_ID := {id}, INDEX := W#16#1, RET_VAL := MW 12, BUSY := M 14.0,
+                 SZL_HEADER := DB10.head, DR := P#M {to}.0 BYTE 20)"
+            )
+        };
+        // To the year 2001; then the newest entry of the diagnostic buffer, and the last start-up.
+        let set = "CALL SFC 0 (PDT := DB10.at, RET_VAL := MW 10)";
+        let call = format!("{set}; {}; {}", list("W#16#1A0", 20), list("W#16#424", 40));
+        let mut bench = bench_with(&on_demand(&call), &[], CpuConfig::default(), vec![]);
+        bench.run();
+        bench.set_m(0, 0, true);
+        bench.run();
+        let memory = bench.cpu.bit_memory();
+        assert_eq!((&memory[10..14], &memory[20..22], &memory[40..42]), (&[0; 4][..], &[0x43, 2][..], &[0x43, 2][..]));
+        assert_eq!((&memory[32..35], &memory[52..55]), (&[0x90, 1, 1][..], &[0x90, 1, 1][..]));
+    });
+}
+
+#[test]
 fn the_diagnostic_buffer_of_a_cp_in_the_status_lists() {
     on_each_engine(|| {
         let call = "CALL SFC 51 (REQ := TRUE, SZL_ID := MW 4, INDEX := W#16#100, RET_VAL := MW 10, BUSY := M 12.0,
