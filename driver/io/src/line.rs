@@ -3,12 +3,14 @@
 use std::io;
 
 use ob1_child::tap::Tap;
-use ob1_coupler::{Image, Input, LineConfig, LineFault, LineInput, MasterInput};
+use ob1_coupler::{Image, Input, LineConfig, LineFault, LineInput, MasterInput, State};
 use ob1_io::Master;
 use ob1_line::{Instant, LineEvent, LineSettings, LineSpec, Parity, RealLine};
 use ob1_protocols::trace::record::Kind;
 use serde_json::json;
 use tracing::{info, warn};
+
+use crate::reopening::Reopening;
 
 /// Events in one pass: then come the heartbeat and the other lines.
 const EVENTS: u32 = 32;
@@ -18,7 +20,6 @@ const BUFFER: usize = 512;
 /// The device or connection, and its master.
 pub(crate) struct Line {
     spec: LineSpec,
-    settings: LineSettings,
     pub(crate) real: RealLine,
     pub(crate) master: Master,
     /// Its listeners.
@@ -27,15 +28,26 @@ pub(crate) struct Line {
     pub(crate) deadline: Instant,
     /// Whether it was up in the last report.
     up: bool,
+    reopening: Reopening,
+    /// Its stations in the list of the image.
+    stations: std::ops::Range<usize>,
 }
 
 impl Line {
     pub(crate) fn new(config: &LineConfig, first: usize, input_bytes: usize) -> io::Result<Self> {
         let spec: LineSpec = config.line.parse().map_err(|error| io::Error::other(format!("{error}")))?;
-        let settings = settings(config);
-        let real = open(&spec, &settings)?;
+        let real = open(&spec, &settings(config))?;
         let master = Master::new(config, first, input_bytes, Instant::START).map_err(io::Error::other)?;
-        Ok(Self { spec, settings, real, master, tap: Tap::default(), deadline: Instant::START, up: false })
+        Ok(Self {
+            spec,
+            real,
+            master,
+            tap: Tap::default(),
+            deadline: Instant::START,
+            up: false,
+            reopening: Reopening::new(),
+            stations: first..first + config.stations().count(),
+        })
     }
 
     /// Opens the tap at this path.
@@ -61,14 +73,18 @@ impl Line {
                     self.step(now, Input::Line(input), image);
                 }
                 LineEvent::Up(warnings) => {
-                    info!(line = %self.spec, "the line is up");
+                    if self.tells(image, "up") {
+                        info!(line = %self.spec, "the line is up");
+                    }
                     warnings.iter().for_each(|warning| warn!("{warning}"));
                     self.up = true;
                     self.tap.tell(now, Kind::Up, &[]);
                     self.step(now, Input::Line(LineInput::Fault(LineFault::Back)), image);
                 }
                 LineEvent::Gone(reason) => {
-                    warn!(line = %self.spec, "the line is gone: {reason}");
+                    if self.tells(image, &reason) {
+                        warn!(line = %self.spec, "the line is gone: {reason}");
+                    }
                     self.tap.tell(now, Kind::Gone, reason.as_bytes());
                     self.gone(now, image);
                 }
@@ -93,14 +109,21 @@ impl Line {
             self.real.write(now, &out);
         }
         if self.master.wants_reconnect() {
-            warn!(line = %self.spec, "no answer on this connection: it is opened again");
-            self.up = false;
-            match open(&self.spec, &self.settings) {
-                Ok(real) => self.real = real,
-                Err(error) => warn!("{error}"),
+            if self.tells(image, "no answer") {
+                warn!(line = %self.spec, "no usable answer on this connection: it is opened again");
             }
+            self.up = false;
+            self.real.reopen(self.reopening.next(now));
             self.step(now, Input::Line(LineInput::Fault(LineFault::Gone)), image);
         }
+    }
+}
+
+impl Line {
+    /// Whether this is to be reported.
+    fn tells(&mut self, image: &Image, what: &str) -> bool {
+        let mut stations = image.status.get(self.stations.clone()).unwrap_or_default().iter();
+        self.reopening.tells(stations.any(|status| status.state == State::Running), what)
     }
 }
 

@@ -7,6 +7,7 @@
 mod gpio;
 mod line;
 mod process;
+mod reopening;
 mod scan;
 mod told;
 

@@ -273,6 +273,13 @@ impl RealLine {
         Ok(())
     }
 
+    /// Gives a connection up, without an event. The next attempt to open it is due at this time.
+    pub fn reopen(&mut self, at: Instant) {
+        self.link.close();
+        self.forget();
+        self.state = State::Down(at);
+    }
+
     /// Adds the descriptors to wait for.
     pub fn poll_fds<'a>(&'a self, fds: &mut PollFds<'a>) {
         if matches!(self.state, State::Up | State::Opening(_)) {

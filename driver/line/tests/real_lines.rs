@@ -283,6 +283,21 @@ fn a_tcp_client_comes_back() {
 }
 
 #[test]
+fn a_connection_that_is_given_up_is_opened_again_at_its_time() {
+    let server = TcpListener::bind("127.0.0.1:0").unwrap();
+    let mut line = Bench::new(&format!("tcp:127.0.0.1:{}", server.local_addr().unwrap().port()));
+    assert_eq!(line.event(), up());
+    let (mut partner, _) = server.accept().unwrap();
+    let later = line.now() + 3600 * Span::SECOND;
+    line.line.reopen(later);
+    assert_eq!(partner.read(&mut [0; 1]).unwrap(), 0, "it is closed");
+    assert_eq!((line.line.is_up(), line.line.deadline()), (false, Some(later)));
+    assert!(line.line.next_event(line.now(), &mut [0; 16]).is_none());
+    line.line.reopen(line.now());
+    assert_eq!(line.event(), up());
+}
+
+#[test]
 fn a_refused_connection_is_told_and_tried_again() {
     let server = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = server.local_addr().unwrap();
