@@ -132,7 +132,8 @@ impl Hub {
     /// When [`Self::work`] is due although nothing is ready.
     pub fn deadline(&self) -> Option<Instant> {
         let partner = match &self.partner {
-            Some(AtWork::Pty(line, _)) => line.deadline(),
+            // It is not heard while it is full.
+            Some(AtWork::Pty(line, who)) if !self.is_full(*who) => line.deadline(),
             _ => None,
         };
         self.bus.next_event().into_iter().chain(partner).chain(self.deaf_until).min()

@@ -14,6 +14,8 @@ use crate::spec::LineSpec;
 const TX_BYTES: usize = 4096;
 /// Raw bytes taken from the descriptor in one read.
 const RX_BYTES: usize = 1024;
+/// Time between two looks after a line that needs them.
+const LOOKS: Span = Span::from_secs(2);
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum State {
@@ -60,6 +62,8 @@ pub struct RealLine {
     fault: Option<LineFault>,
     may_read: bool,
     may_write: bool,
+    /// When the line is looked after, if it needs that.
+    next_look: Instant,
 }
 
 impl RealLine {
@@ -86,6 +90,7 @@ impl RealLine {
             fault: None,
             may_read: false,
             may_write: true,
+            next_look: Instant::START,
         }
     }
 
@@ -320,6 +325,10 @@ impl RealLine {
         if self.state != State::Up {
             return None;
         }
+        if self.link.needs_looks() && now >= self.next_look {
+            self.next_look = now.saturating_add(LOOKS);
+            self.link.look_after();
+        }
         match self.receive(now, buffer) {
             Ok(input) => input.map(LineEvent::Input),
             Err(error) => self.gone(now, &error),
@@ -338,7 +347,8 @@ impl RealLine {
         };
         let told = self.state == State::Up && self.link.tells_drained();
         let sent = (self.sending && self.tx_end == 0 && !told).then_some(self.sent_at);
-        open.into_iter().chain(sent).min()
+        let look = (self.state == State::Up && self.link.needs_looks()).then_some(self.next_look);
+        open.into_iter().chain(sent).chain(look).min()
     }
 
     /// Sends. Returns how many of the bytes were taken: all, unless more than 4096 are already waiting.

@@ -114,6 +114,23 @@ fn a_pty_is_published_and_removed() {
 }
 
 #[test]
+fn a_published_pty_that_others_remove_is_published_again() {
+    let dir = tempfile::tempdir().unwrap();
+    let (path, spec) = pty_in(&dir);
+    let mut a = Bench::new(&spec);
+    assert_eq!(a.event(), up());
+    let device = std::fs::read_link(&path).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    let due = a.now() + 3 * Span::SECOND;
+    assert!(a.line.next_event(due, &mut [0; 16]).is_none());
+    assert_eq!(std::fs::read_link(&path).unwrap(), device, "the same pty, so nobody who has it open is disturbed");
+    std::fs::remove_file(&path).unwrap();
+    std::fs::write(&path, "mine").unwrap();
+    assert!(a.line.next_event(due + 3 * Span::SECOND, &mut [0; 16]).is_none());
+    assert_eq!(std::fs::read(&path).unwrap(), b"mine");
+}
+
+#[test]
 fn a_file_in_the_place_of_the_pty_is_not_touched() {
     let dir = tempfile::tempdir().unwrap();
     let (path, spec) = pty_in(&dir);

@@ -84,6 +84,14 @@ pub(crate) trait Link {
     /// Other tasks while the line is open (refuse callers).
     fn housekeeping(&mut self) {}
 
+    /// Whether [`Link::look_after`] has something to do.
+    fn needs_looks(&self) -> bool {
+        false
+    }
+
+    /// Now and then while the line is open: makes again what others have removed.
+    fn look_after(&mut self) {}
+
     /// The longest pause between attempts to open.
     fn slowest_retry(&self) -> Span {
         RETRY

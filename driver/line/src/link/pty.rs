@@ -99,6 +99,19 @@ impl Link for PtyLink {
     fn drops_when_full(&self) -> bool {
         true
     }
+
+    fn needs_looks(&self) -> bool {
+        true
+    }
+
+    /// What cleans up temporary folders may take the published name away. Nothing else in its place is touched.
+    fn look_after(&mut self) {
+        if let Some(pty) = &self.pty
+            && pty.path.symlink_metadata().is_err()
+        {
+            let _ = publish(&pty.device, &pty.path);
+        }
+    }
 }
 
 /// Makes `path` a symbolic link to `device`, in one step, replacing a link that an earlier pty may have left.
