@@ -47,15 +47,25 @@ static WAITING: AtomicU64 = AtomicU64::new(0);
 /// # Errors
 /// No thread or no descriptor is left; then everything is written at once, as before.
 pub fn start() -> io::Result<()> {
-    if SENDER.get().is_some() {
+    start_with(&SENDER, |file, messages| {
+        let thread = Builder::new().name("ob1-log".into()).stack_size(STACK);
+        thread.spawn(move || write_all(file, &messages)).map(drop)
+    })
+}
+
+fn start_with(
+    place: &OnceLock<SyncSender<Message>>,
+    spawn: impl FnOnce(File, Receiver<Message>) -> io::Result<()>,
+) -> io::Result<()> {
+    if place.get().is_some() {
         return Ok(());
     }
     // A descriptor of its own, so that the lock of `std::io::stderr` is not held while the reader is waited for.
     let file = File::from(io::stderr().as_fd().try_clone_to_owned()?);
     let (sender, messages) = sync_channel(QUEUE);
-    if SENDER.set(sender).is_ok() {
-        Builder::new().name("ob1-log".into()).stack_size(STACK).spawn(move || write_all(file, &messages))?;
-    }
+    spawn(file, messages)?;
+    // Only now: without the thread nobody would take what is sent. The thread of a second call ends with its sender.
+    let _ = place.set(sender);
     Ok(())
 }
 
@@ -227,6 +237,22 @@ mod tests {
             hand_over(&sender, Message::Text(text.into()));
         }
         assert_eq!(lost() - before, 2, "one lies in the queue");
+    }
+
+    #[test]
+    fn without_the_thread_everything_is_written_at_once() {
+        let place = OnceLock::new();
+        assert!(start_with(&place, |_, _| Err(io::ErrorKind::WouldBlock.into())).is_err());
+        assert!(place.get().is_none(), "nothing is sent to a thread that is not there");
+        let mut taken = None;
+        let took = start_with(&place, |_, messages| {
+            taken = Some(messages);
+            Ok(())
+        });
+        assert!(took.is_ok());
+        hand_over(place.get().expect("there"), Message::Live(Vec::new()));
+        assert!(taken.expect("the thread's end").try_recv().is_ok());
+        WAITING.fetch_sub(1, Ordering::Relaxed);
     }
 
     #[test]
