@@ -18,6 +18,7 @@ mod exit;
 mod fence;
 mod file_limit;
 mod posture;
+mod remedy;
 mod reservation;
 mod side_thread;
 mod stack;
@@ -33,6 +34,7 @@ pub use exit::{ExitGuard, lower_exit_guard};
 pub use fence::{ALLOWED_SYSTEM_CALLS, FenceError, fence_scan};
 pub use file_limit::survive_file_limit;
 pub use posture::{Grant, Outcome, Posture, lock_memory, may_lock_all, pin_to, raise_priority, set_timer_slack};
+pub use remedy::remedy;
 pub use reservation::{RESERVED_BYTES, reserve};
 pub use side_thread::SideThread;
 pub use stack::{

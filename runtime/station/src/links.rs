@@ -122,6 +122,8 @@ impl Charge for Watched {
 
     fn cannot_start(&self, why: &io::Error) {
         let (name, program) = (&self.spec.name, self.spec.program.display());
-        tracing::error!("link \"{name}\": {program} cannot be started: {why}; it is usually beside ob1");
+        let missing = why.kind() == io::ErrorKind::NotFound;
+        let remedy = if missing { "; it is usually beside ob1" } else { ob1_rt::remedy(why) };
+        tracing::error!("link \"{name}\": {program} cannot be started, it is tried again: {why}{remedy}");
     }
 }

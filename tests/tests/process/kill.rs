@@ -9,11 +9,11 @@ use std::process::Stdio;
 use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::process::Signal;
 
-use crate::common::Guard;
 use crate::common::kills::{Blow, DRIVER_LOST, assert_accounted, assert_survived, kill_drivers, start};
 use crate::common::ledger::{self, Ledger};
 use crate::common::processes::Memory;
 use crate::common::site::Site;
+use crate::common::{Guard, program};
 
 #[test]
 fn drivers_are_killed_while_telegrams_flow() {
@@ -52,6 +52,28 @@ fn a_driver_that_hangs_is_killed_and_started_again() {
     for ended in [a.interrupt(), b.interrupt()] {
         assert_eq!(ended.code(), Some(0), "{ended:?}");
     }
+}
+
+/// The program of a driver is gone for a while, as in an update: that is reported once, and tried again.
+#[test]
+fn a_driver_that_cannot_be_started_is_reported_once() {
+    let site = Site::two_stations_on_a_cable();
+    site.without_watchdog("station-a.toml");
+    let driver = site.path("the-driver");
+    let publish = || std::os::unix::fs::symlink(program("ob1-cp"), &driver).expect("the name is free");
+    publish();
+    let a = site.run_with("station-a.toml", &[], &[("OB1_CP", driver.as_os_str())]).until_run();
+    let process = a.driver_process();
+    let (_, starts, _) = a.driver();
+    fs::remove_file(&driver).expect("it is there");
+    process.signal(Signal::KILL);
+    process.wait("the driver");
+    a.until("it is reported", |a| a.said().contains("cannot be started").then_some(()));
+    a.scans(500);
+    publish();
+    a.until("it is back", |a| (a.driver().1 > starts).then_some(()));
+    assert_eq!(a.said().matches("cannot be started").count(), 1, "{}", a.said());
+    assert_eq!(a.interrupt().code(), Some(0));
 }
 
 /// Supervision does not depend on the reader of its log: a full disk, a closed pipe, a reader that reads nothing.

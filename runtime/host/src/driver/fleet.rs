@@ -108,6 +108,8 @@ struct Driver {
     stdin: OwnedFd,
     supervisor: Supervisor,
     process: Option<Process>,
+    /// It has been told that it cannot be started.
+    told: bool,
     last_beat: u64,
     /// When it was checked last.
     looked: Instant,
@@ -146,6 +148,7 @@ impl Fleet {
             stdin,
             supervisor: Supervisor::new(times),
             process: None,
+            told: false,
             last_beat: 0,
             looked: Instant::START,
             reports: producer,
@@ -317,11 +320,18 @@ impl Driver {
             Ok(process) => {
                 self.status.pid.store(process.id(), Ordering::Release);
                 self.process = Some(process);
+                self.told = false;
                 Input::Spawned
             }
             Err(error) => {
-                let program = self.command.program.display();
-                tracing::error!(driver = %self.command.name, "{program} cannot be started: {error}");
+                if !std::mem::replace(&mut self.told, true) {
+                    let program = self.command.program.display();
+                    tracing::error!(
+                        driver = %self.command.name,
+                        "{program} cannot be started, it is tried again: {error}{}",
+                        ob1_rt::remedy(&error)
+                    );
+                }
                 Input::Exited(Exit::NotStarted(error.raw_os_error().unwrap_or(0)))
             }
         }

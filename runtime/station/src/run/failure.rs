@@ -21,7 +21,7 @@ impl Failure {
         Self::of_findings(exit, failure.findings())
     }
 
-    pub(super) fn system(what: &str, error: &dyn std::fmt::Display) -> Self {
-        Self(Exit::System, format!("ob1: {what}: {error}\n"))
+    pub(super) fn system(what: &str, error: &std::io::Error) -> Self {
+        Self(Exit::System, format!("ob1: {what}: {error}{}\n", ob1_rt::remedy(error)))
     }
 }
