@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use ob1_ir::{CodeBlock, DataBlock, DataKind, Program};
-use ob1_model::{BlockId, BlockKind, Component, Interface, Param, Section};
+use ob1_ir::{CodeBlock, DataBlock, DataKind, Op, Program, Target};
+use ob1_model::{BlockId, BlockKind, Component, DataType, Interface, Layout, Param, Section};
 
+use crate::block::Callees;
 use crate::compiled::{CompiledInterface, InterfaceKind};
 use crate::encode::{Written, encode};
 use crate::head::{BlockFoot, BlockHead, BlockImage, Stamp};
@@ -25,19 +26,77 @@ pub fn image<'c>(
     id: BlockId,
     known: &(dyn Fn(BlockId) -> Option<&'c Interface> + 'c),
 ) -> Option<BlockImage> {
+    let callees = |id| find(program, id).map(|block| &block.interface).or_else(|| known(id));
     if id.kind == BlockKind::Db {
-        return program.data.iter().find(|data| data.number == id.number).and_then(|data| data_image(program, data));
+        let data = program.data.iter().find(|data| data.number == id.number)?;
+        return data_image(program, data, &callees);
     }
-    let block = program.blocks.iter().find(|block| block.id == id)?;
-    let own = |id| program.blocks.iter().find(|block| block.id == id).map(|block| &block.interface);
-    code_image(block, &|id| own(id).or_else(|| known(id)))
+    code_image(program, find(program, id)?, &callees)
 }
 
-fn code_image<'c>(block: &CodeBlock, callees: &(dyn Fn(BlockId) -> Option<&'c Interface> + 'c)) -> Option<BlockImage> {
+/// The compiled form of the declarations of a block of statements; `known` as for [`image`].
+#[must_use]
+pub fn declarations<'c>(
+    program: &'c Program,
+    id: BlockId,
+    known: &(dyn Fn(BlockId) -> Option<&'c Interface> + 'c),
+) -> Option<CompiledInterface> {
+    let callees = |id| find(program, id).map(|block| &block.interface).or_else(|| known(id));
+    compiled(program, find(program, id)?, &callees)
+}
+
+fn find(program: &Program, id: BlockId) -> Option<&CodeBlock> {
+    program.blocks.iter().find(|block| block.id == id)
+}
+
+/// The declarations of a block that are instances of function blocks, by their index: those it calls.
+fn instances(block: &CodeBlock, callees: &Callees<'_>) -> BTreeMap<usize, BlockId> {
+    let named = |ty: &DataType| match ty {
+        DataType::Struct(fields) => fields.iter().filter(|field| !field.name.is_empty()).count(),
+        _ => 0,
+    };
+    let mut found = BTreeMap::new();
+    for stmt in &block.code {
+        let Op::Call(call) = &stmt.op else { continue };
+        let (Target::Local(id, at), None) = (call.target, call.instance) else { continue };
+        let Some(callee) = callees(id) else { continue };
+        let is_one = |param: &Param| {
+            param.section == Section::Static
+                && param.at == at
+                && matches!(param.ty, DataType::Struct(_))
+                && Layout::bits(&param.ty) == callee.instance_bytes * 8
+                // Not a structure that has the instance as its only component.
+                && named(&param.ty) == named(&callee.instance_type())
+        };
+        if let Some(index) = block.interface.params.iter().position(is_one) {
+            found.insert(index, id);
+        }
+    }
+    found
+}
+
+/// The declarations of a block, its instances as such, and those within them.
+fn compiled(program: &Program, block: &CodeBlock, callees: &Callees<'_>) -> Option<CompiledInterface> {
+    let mut all = BTreeMap::new();
+    let mut next = vec![block];
+    while let Some(block) = next.pop() {
+        let of_block = instances(block, callees);
+        next.extend(of_block.values().filter(|id| !all.contains_key(*id)).filter_map(|id| find(program, *id)));
+        all.insert(block.id, of_block);
+    }
+    let none = BTreeMap::new();
+    let own = all.get(&block.id).unwrap_or(&none);
+    CompiledInterface::of(block.id.number, &block.interface, own, &|id| {
+        Some((callees(id)?, all.get(&id).unwrap_or(&none)))
+    })
+    .ok()
+}
+
+fn code_image(program: &Program, block: &CodeBlock, callees: &Callees<'_>) -> Option<BlockImage> {
     // The instance of a function block may lie anywhere in a data block.
     let written = Written { multi_instance: block.id.kind.has_instance(), ..Written::default() };
     let encoded = encode(block, &written, callees).ok()?;
-    let interface = CompiledInterface::of(block.id.number, &block.interface, &BTreeMap::new(), &|_| None).ok()?;
+    let interface = compiled(program, block, callees)?;
     let head = BlockHead { local_bytes: u16::try_from(encoded.local_bytes).ok()?, ..head(block.id, STL) };
     Some(BlockImage {
         head,
@@ -48,16 +107,18 @@ fn code_image<'c>(block: &CodeBlock, callees: &(dyn Fn(BlockId) -> Option<&'c In
     })
 }
 
-fn data_image(program: &Program, data: &DataBlock) -> Option<BlockImage> {
-    let (kind, number, interface) = match data.kind {
-        DataKind::Global => (InterfaceKind::Global, data.number, declared(&data.components)),
+fn data_image(program: &Program, data: &DataBlock, callees: &Callees<'_>) -> Option<BlockImage> {
+    let (kind, number, block) = match data.kind {
+        DataKind::Global => (InterfaceKind::Global, data.number, None),
         DataKind::Instance(of) => {
             let kind = if of.kind == BlockKind::Sfb { InterfaceKind::OfSfb } else { InterfaceKind::OfFb };
-            let block = program.blocks.iter().find(|block| block.id == of);
-            (kind, of.number, block.map_or_else(|| declared(&data.components), |block| block.interface.clone()))
+            (kind, of.number, find(program, of))
         }
     };
-    let compiled = CompiledInterface::of(number, &interface, &BTreeMap::new(), &|_| None).ok()?;
+    let compiled = match block {
+        Some(block) => compiled(program, block, callees)?,
+        None => CompiledInterface::of(number, &declared(&data.components), &BTreeMap::new(), &|_| None).ok()?,
+    };
     let id = BlockId::new(BlockKind::Db, data.number);
     let bit = |is_so: bool, bit: u8| if is_so { bit } else { 0 };
     let attribute = LINKED | bit(data.read_only, BlockHead::READ_ONLY) | bit(data.non_retain, BlockHead::NON_RETAIN);

@@ -30,6 +30,6 @@ pub use decode::{Decoded, decode, notation};
 pub use encode::{Encoded, Written, encode};
 pub use error::{Mc7Error, Problem};
 pub use head::{BlockFoot, BlockHead, BlockImage, HEAD_BYTES, Stamp};
-pub use image::image;
+pub use image::{declarations, image};
 pub use segments::Segments;
 pub use statement::{ConstForm, Mc7Op, NoStatement, Statement, Uncond};

@@ -1,8 +1,8 @@
 //! A program's blocks as a CPU holds them: what goes up is what was loaded.
 
 use ob1_ir::{CodeBlock, Program};
-use ob1_mc7::{BlockImage, CompiledInterface, MachineBlock, Segments, decode, image};
-use ob1_model::{BlockId, BlockKind};
+use ob1_mc7::{BlockImage, CompiledInterface, InterfaceKind, MachineBlock, Segments, decode, image};
+use ob1_model::{BlockId, BlockKind, DataType, Interface, Param, Section};
 
 const SOURCE: &str = r#"
 FUNCTION_BLOCK FB 3
@@ -128,4 +128,34 @@ fn a_data_block_goes_up_with_its_values() {
     assert_eq!(attributes, [Some(0x01), Some(0x01), Some(0x25)]);
     assert_eq!(db(12), None);
     assert_eq!(image(&program, BlockId::new(BlockKind::Fc, 99), &|_| None), None);
+}
+
+/// Also within each other, and of an SFB, which is not in the program.
+#[test]
+fn instances_go_up_as_instances() {
+    let source = "FUNCTION_BLOCK FB 2 VAR_INPUT go : BOOL; END_VAR VAR t : SFB 4; n : INT; END_VAR
+         BEGIN CALL #t (IN := #go, PT := T#1s); END_FUNCTION_BLOCK
+         FUNCTION_BLOCK FB 1 VAR first : INT; inner : FB 2; other : STRUCT a : INT; b : INT; END_STRUCT; END_VAR
+         BEGIN CALL #inner (go := M 0.0); END_FUNCTION_BLOCK
+         DATA_BLOCK DB 1 FB 1 BEGIN END_DATA_BLOCK";
+    let sfb = BlockId::new(BlockKind::Sfb, 4);
+    let params = [("IN", Section::Input, DataType::Bool), ("PT", Section::Input, DataType::Time)];
+    let params = params.map(|(name, section, ty)| Param::new(name, section, ty)).to_vec();
+    let mut timer = Interface { params, ..Interface::default() };
+    timer.lay_out(true);
+    let mut library = ob1_stl::Library::new();
+    library.insert(sfb, "TON", timer.clone());
+    let sources = [ob1_stl::Source::new("a.awl", source)];
+    let output = ob1_stl::compile(&sources, &library, &ob1_stl::Options::default());
+    assert!(output.is_good(), "{:?}", output.diagnostics);
+    let known = |id: BlockId| (id == sfb).then_some(&timer);
+    for (kind, form) in [(BlockKind::Fb, InterfaceKind::Code), (BlockKind::Db, InterfaceKind::OfFb)] {
+        let image = image(&output.program, BlockId::new(kind, 1), &known).expect("an image");
+        let compiled = CompiledInterface::read(&image.interface).expect("an interface");
+        assert_eq!((compiled.kind, compiled.number), (form, 1));
+        assert_eq!(compiled.instances().into_iter().collect::<Vec<_>>(), [(1, BlockId::new(BlockKind::Fb, 2))]);
+        // FB 2: two entries for it, of them the structure with go, SFB 4 (two again) and n.
+        let inner = [0x15, 2, 0, 0x11, 4, 4, 0x01, 1, 0x1B, 4, 0, 0x11, 4, 2, 0x01, 1, 0x0B, 1, 0x05, 4];
+        assert!(image.interface.windows(inner.len()).any(|bytes| bytes == inner), "{:02X?}", image.interface);
+    }
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use ob1_cpu::Surroundings;
 use ob1_ir::{DataKind, Program};
 use ob1_mc7::{BlockHead, BlockImage, CompiledInterface};
-use ob1_model::{BlockId, BlockKind};
+use ob1_model::{BlockId, BlockKind, Interface};
 use ob1_project::Image;
 use ob1_stl::Library;
 
@@ -102,7 +102,8 @@ impl Changes {
             }
             match block(*id, bytes) {
                 Ok(block) => {
-                    if !is_declared_so(&program, *id, &block) {
+                    let known = |id: BlockId| library.get(id).map(|block| &block.interface);
+                    if !is_declared_so(&program, *id, &block, &known) {
                         remove(&mut program, *id);
                     }
                     images.push(Image { file: format!("downloaded {id}"), block });
@@ -167,14 +168,21 @@ fn same(one: &BlockImage, other: &BlockImage) -> bool {
 }
 
 /// Whether the names of the sources fit a block: its declarations are the same.
-fn is_declared_so(program: &Program, id: BlockId, block: &BlockImage) -> bool {
+fn is_declared_so<'c>(
+    program: &'c Program,
+    id: BlockId,
+    block: &BlockImage,
+    known: &(dyn Fn(BlockId) -> Option<&'c Interface> + 'c),
+) -> bool {
     if id.kind == BlockKind::Db {
         let there = program.data.iter().find(|db| db.number == id.number && db.bytes.len() == block.code.len());
-        let image = there.and_then(|_| ob1_mc7::image(program, id, &|_| None));
+        let image = there.and_then(|_| ob1_mc7::image(program, id, known));
         return image.is_some_and(|image| image.interface == block.interface)
             || there.is_some_and(|db| db.kind == DataKind::Global && block.interface.is_empty());
     }
     let Some(there) = program.blocks.iter().find(|other| other.id == id) else { return true };
-    let compiled = CompiledInterface::of(id.number, &there.interface, &BTreeMap::new(), &|_| None);
-    compiled.and_then(|compiled| compiled.bytes()).is_ok_and(|bytes| bytes == block.interface)
+    // Another program may have its instances as structures.
+    let plain = CompiledInterface::of(id.number, &there.interface, &BTreeMap::new(), &|_| None).ok();
+    let forms = [ob1_mc7::declarations(program, id, known), plain];
+    forms.into_iter().flatten().any(|form| form.bytes().is_ok_and(|bytes| bytes == block.interface))
 }
