@@ -280,7 +280,14 @@ fn called_value<'w>(resolver: &Resolver<'w>, reader: &mut Reader<'_, '_>) -> Opt
         reader.next();
         return Some(Value::Block(BlockWord::of(id.kind), Number::Fixed(id.number)));
     }
-    if !matches!(second, None | Some(Kind::Comma)) || !resolver.is_unknown(name) {
+    if !matches!(second, None | Some(Kind::Comma)) {
+        return resolver.operand(reader);
+    }
+    if let Some(id) = resolver.lacking(name) {
+        resolver.world.report_missing(id, reader.index, token.span, reader.sink);
+        return None;
+    }
+    if !resolver.is_unknown(name) {
         return resolver.operand(reader);
     }
     let shown: String = name.chars().take(32).collect();
@@ -288,10 +295,8 @@ fn called_value<'w>(resolver: &Resolver<'w>, reader: &mut Reader<'_, '_>) -> Opt
     let symbols = resolver.world.symbols.keys().map(String::as_str);
     reader.sink.missing(&key, reader.index, token.span, &codes::NO_BLOCK, |sink| {
         let message = format!("{shown} is no block here: {USES}, and neither the program nor the library has it");
-        let remedy = "Write an instruction of TIA Portal as statements (MOVE: L and T) or as a block, or add the \
-                      symbol table that has the name.";
         let near = sink.nearest(name, symbols).map(|near| format!("Did you mean {near}?"));
-        (message, near.unwrap_or_else(|| remedy.to_owned()))
+        (message, near.unwrap_or_else(|| tia::instead(name).to_owned()))
     });
     None
 }

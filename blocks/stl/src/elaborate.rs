@@ -206,6 +206,10 @@ impl<'e> Elaborator<'e> {
                 None
             }
             None if matches!(name, NameRef::Bare(_)) => {
+                // TIA Portal names the block of an instance.
+                if let Some(id) = self.world.names.get(&symbol.to_uppercase()).filter(|id| id.kind.has_instance()) {
+                    return Some((BlockWord::of(id.kind), id.number));
+                }
                 let symbols = &self.world.symbols;
                 let known = symbols.keys().map(String::as_str).chain(type_words().map(|w| -> &str { w }));
                 let shown: String = symbol.chars().take(64).collect();

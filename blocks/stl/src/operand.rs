@@ -148,6 +148,14 @@ impl<'w> Resolver<'w> {
         id.filter(|id| self.world.blocks.contains_key(id))
     }
 
+    /// The block whose usual name this is, where neither program nor library have it.
+    pub(crate) fn lacking(&self, name: &str) -> Option<BlockId> {
+        let id = self.world.names.get(&name.to_uppercase()).copied()?;
+        let is_there =
+            self.world.blocks.contains_key(&id) || self.is_declared(name) || self.world.symbol(name).is_some();
+        (!is_there && self.words.identifier(name).is_none()).then_some(id)
+    }
+
     /// True for a name that the block declares.
     pub(crate) fn is_declared(&self, name: &str) -> bool {
         self.block.is_some_and(|(_, info)| info.declared(name).is_some())

@@ -41,6 +41,20 @@ const WITHOUT_STL: [&str; 15] = [
     "ERROR_STRUCT",
 ];
 
+/// Instructions of TIA Portal for open communication.
+const OPEN_COMMUNICATION: [&str; 9] =
+    ["TSEND_C", "TRCV_C", "TSEND", "TRCV", "TCON", "TDISCON", "TUSEND", "TURCV", "T_RESET"];
+
+/// What to write instead of an instruction of TIA Portal.
+pub(crate) fn instead(instruction: &str) -> &'static str {
+    if OPEN_COMMUNICATION.iter().any(|name| name.eq_ignore_ascii_case(instruction)) {
+        return "Send and receive with AG_SEND and AG_RECV of a CP 343 (--library CP300, plugin ob1_cp343); the connection \
+                stands in the station file (docs/cp343.md).";
+    }
+    "Write an instruction of TIA Portal as statements (MOVE: L and T) or as a block, or add the symbol table that has the \
+     name."
+}
+
 /// The IEC timers and counters by the words that declare an instance: those of an S7-300 are SFB 0 to 5, those of an
 /// S7-1500, which have another layout, lie [`OF_1500`] beyond.
 const INSTANCES: [(&str, u16); 16] = [
@@ -158,6 +172,7 @@ mod tests {
         assert_eq!(called_with(sfb(4), sfb(1000)), sfb(4));
         assert!(same_instance(sfb(1003), sfb(1005)) && same_instance(sfb(1000), sfb(1002)));
         assert!(!same_instance(sfb(1000), sfb(1003)) && !same_instance(sfb(4), sfb(1004)));
+        assert!(instead("tsend").contains("AG_SEND") && !instead("MOVE").contains("AG_SEND"));
         assert!(data_types().all(is_data_type) && !is_data_type(sfb(1006)));
     }
 }

@@ -206,6 +206,19 @@ fn messages_have_a_limit_and_the_rest_is_counted() {
 }
 
 #[test]
+fn an_instance_is_declared_by_the_name_of_its_block() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let source = "DATA_BLOCK DB 5\nPUT\nBEGIN\nEND_DATA_BLOCK\nFUNCTION FC 1 : VOID\nBEGIN\n\
+                  CALL PUT, DB 5 (REQ := M 0.0);\nEND_FUNCTION\n";
+    write(folder.path(), "a.awl", source);
+    let checked = ob1(folder.path(), &["check", "a.awl", "--library", "CP300"]);
+    assert!(checked.status.success(), "{}", text(&checked));
+    let said = text(&ob1(folder.path(), &["check", "a.awl"]));
+    assert!(said.contains("SFB 15 PUT is a block of an S7-400") && said.contains("FB 15 PUT (CP300:FB15)"), "{said}");
+    assert_eq!(said.matches("error").count(), 2, "one, and the verdict: {said}");
+}
+
+#[test]
 fn what_the_libraries_have_is_no_matter_of_plugins() {
     let folder = tempfile::tempdir().expect("a folder");
     let call = |what: &str| format!("FUNCTION FC 1 : VOID\nBEGIN\nCALL {what};\nEND_FUNCTION\n");
