@@ -285,6 +285,12 @@ impl Parser<'_, '_> {
         let span = self.here();
         let mut dimensions = Vec::new();
         let mut good = self.eat(Kind::LeftBracket);
+        if good && self.peek().is_some_and(|token| self.text(token) == "*") {
+            let message = "an array whose bounds are known at run time only (Array[*]) is not supported";
+            let remedy = "Write the bounds of the array that is supplied: ARRAY [0 .. 9] OF INT.";
+            self.sink.report_with(self.index, span, &codes::TYPE_WITHOUT_STL, message, remedy);
+            return TypeKind::Bad;
+        }
         while good {
             let low = self.bound();
             good = self.eat(Kind::DotDot);
