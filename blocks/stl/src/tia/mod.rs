@@ -143,13 +143,17 @@ pub(crate) fn instance(word: &str) -> Option<BlockId> {
     Some(BlockId::new(BlockKind::Sfb, number))
 }
 
-/// DTL: 12 bytes.
+/// DTL: 12 bytes. Without a start value it is DTL#1970-01-01-00:00:00, a Thursday.
 pub(crate) fn dtl() -> DataType {
-    let field = |name: &str, ty| Field { name: name.to_owned(), ty, initial: None };
-    let bytes = ["MONTH", "DAY", "WEEKDAY", "HOUR", "MINUTE", "SECOND"].map(|name| field(name, DataType::Byte));
-    let mut fields = vec![field("YEAR", DataType::Word)];
-    fields.extend(bytes);
-    fields.push(field("NANOSECOND", DataType::DWord));
+    let field = |name: &str, ty, initial: &[u8]| Field {
+        name: name.to_owned(),
+        ty,
+        initial: initial.iter().any(|byte| *byte != 0).then(|| initial.to_vec()),
+    };
+    let bytes = [("MONTH", 1), ("DAY", 1), ("WEEKDAY", 5), ("HOUR", 0), ("MINUTE", 0), ("SECOND", 0)];
+    let mut fields = vec![field("YEAR", DataType::Word, &1970u16.to_be_bytes())];
+    fields.extend(bytes.map(|(name, first)| field(name, DataType::Byte, &[first])));
+    fields.push(field("NANOSECOND", DataType::DWord, &[]));
     DataType::Struct(fields)
 }
 
