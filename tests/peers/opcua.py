@@ -13,6 +13,7 @@ does what standard input says, one JSON object a line; each answer is one line: 
     children   id                      names, ids
     pages      id, most                statuses: of the answers, count: of forward references, read so many at a time
     find       path                    id: from Objects along browse names of namespace 2
+    paths      id, paths               ids: where paths from one node lead, asked for at once; a status in place of an id
     attributes id                      class, data_type, rank, dimensions, description, writable
     call       id
     history    id
@@ -140,6 +141,24 @@ class Peer:
     async def find(self, ask):
         node = await self.client.nodes.objects.get_child(["2:" + name for name in ask["path"]])
         return {"id": node.nodeid.Identifier}
+
+    async def paths(self, ask):
+        from asyncua import ua
+
+        wanted = []
+        for names in ask["paths"]:
+            path = ua.BrowsePath()
+            path.StartingNode = self.node(ask["id"]).nodeid
+            for name in names:
+                element = ua.RelativePathElement()
+                element.ReferenceTypeId = ua.NodeId(ua.ObjectIds.HierarchicalReferences)
+                element.IsInverse, element.IncludeSubtypes = False, True
+                element.TargetName = ua.QualifiedName(name, 2)
+                path.RelativePath.Elements.append(element)
+            wanted.append(path)
+        results = await self.client.uaclient.translate_browsepaths_to_nodeids(wanted)
+        told = lambda one: one.Targets[0].TargetId.Identifier if one.Targets else one.StatusCode.name
+        return {"ids": [told(one) for one in results]}
 
     async def attributes(self, ask):
         from asyncua import ua

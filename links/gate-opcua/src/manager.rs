@@ -337,7 +337,11 @@ impl NodeManager for Manager {
         context: &RequestContext,
         nodes: &mut [&mut BrowsePathItem],
     ) -> Result<(), StatusCode> {
-        impl_translate_browse_paths_using_browse(self, context, nodes).await
+        // One at a time: where several paths meet, the library follows only one of them.
+        for node in nodes.iter_mut() {
+            impl_translate_browse_paths_using_browse(self, context, std::slice::from_mut(node)).await?;
+        }
+        Ok(())
     }
 
     async fn read(

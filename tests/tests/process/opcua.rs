@@ -32,6 +32,13 @@ fn a_client_browses_and_reads_what_the_tools_read() {
     assert_eq!(symbols, json!(["\"Start\"", "\"Level\""]));
     assert_eq!(client.done(&json!({ "op": "children", "id": "/Memory" }))["ids"].as_array().map(Vec::len), Some(256));
 
+    // Many paths at once, from a node of ours and from one of the server's.
+    for (id, begin) in [("DB10", &[][..]), ("Objects", &["ua-read", "DataBlocks", "DB10"])] {
+        let path = |names: &[&str]| [begin, names].concat();
+        let paths = [path(&["number"]), path(&["real"]), path(&["motor", "speed"]), path(&["nothing"])];
+        let told = client.done(&json!({ "op": "paths", "id": id, "paths": paths }));
+        assert_eq!(told["ids"], json!(["DB10.number", "DB10.real", "DB10.motor.speed", "BadNoMatch"]), "{id}");
+    }
     // Page by page, with the reference to the type besides.
     let pages = client.done(&json!({ "op": "pages", "id": "/Memory", "most": 100 }));
     assert_eq!((&pages["statuses"], &pages["count"]), (&json!(["Good", "Good", "Good"]), &json!(257)));
