@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ob1_access::door::{Event, What};
-use ob1_gate_core::Station;
+use ob1_gate_core::{Station, unix_now};
 use opcua_nodes::BaseEventType;
 use opcua_server::SubscriptionCache;
 use opcua_types::{ByteString, DateTime, LocalizedText, ObjectTypeId};
@@ -20,18 +20,16 @@ const TOLD: u16 = 100;
 /// Publishes events as long as the station lives; earlier ones are not published.
 pub(crate) async fn run(station: Station, subscriptions: Arc<SubscriptionCache>) {
     let (_, mut coming) = station.events(u64::MAX);
-    let mut number = 0;
+    let (begun, mut count) = (unix_now(), 0);
     loop {
         let told = match coming.recv().await {
-            Ok(event) => {
-                number = event.number;
-                words(&event)
-            }
+            Ok(event) => words(&event),
             Err(RecvError::Lagged(lost)) => (format!("{lost} events were lost: too many at a time"), CHANGE),
             Err(RecvError::Closed) => return,
         };
         let (text, severity) = told;
-        let id = ByteString::from(number.to_be_bytes().to_vec());
+        count += 1;
+        let id = event_id(begun, count);
         let event =
             BaseEventType::new(ObjectTypeId::SystemEventType, id, LocalizedText::new("en", &text), DateTime::now())
                 .set_source_node(node_id(ROOT))
@@ -41,6 +39,11 @@ pub(crate) async fn run(station: Station, subscriptions: Arc<SubscriptionCache>)
         let source = node_id(ROOT);
         subscriptions.notify_events(std::iter::once((&event as &dyn opcua_nodes::Event, &source)));
     }
+}
+
+/// An EventId is unique, also beside those of earlier runs [OPC 10000-5, 6.4.2].
+fn event_id(begun: u64, count: u64) -> ByteString {
+    ByteString::from([begun.to_be_bytes(), count.to_be_bytes()].concat())
 }
 
 /// An event in words, and its severity.
@@ -72,6 +75,12 @@ const fn level(up: bool) -> u16 {
 mod tests {
     use super::*;
     use ob1_access::door::Diagnosis;
+
+    #[test]
+    fn no_event_has_the_id_of_another() {
+        let ids = [event_id(1, 1), event_id(1, 2), event_id(2, 1)];
+        assert!(ids[0] != ids[1] && ids[0] != ids[2] && ids[1] != ids[2], "{ids:?}");
+    }
 
     #[test]
     fn an_entry_is_told_as_the_diagnostic_buffer_has_it() {
