@@ -180,7 +180,8 @@ fn transmission_lasts_as_long_as_its_characters() {
     assert_eq!(line.deadline(), Some(Instant::from_nanos(110_001_000)));
     assert_eq!(line.next_event(Instant::from_nanos(110_000_999), &mut buffer), None);
     assert_eq!(line.next_event(Instant::from_nanos(110_001_000), &mut buffer), Some(SENT));
-    assert_eq!(line.deadline(), None);
+    let look_at_its_name = Instant::from_nanos(2_000) + Span::from_secs(2);
+    assert_eq!(line.deadline(), Some(look_at_its_name), "nothing else is left to do");
 }
 
 #[test]
