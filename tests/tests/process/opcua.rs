@@ -34,8 +34,8 @@ fn a_client_browses_and_reads_what_the_tools_read() {
 
     // Many paths at once, from a node of ours and from one of the server's.
     for (id, begin) in [("DB10", &[][..]), ("Objects", &["ua-read", "DataBlocks", "DB10"])] {
-        let path = |names: &[&str]| [begin, names].concat();
-        let paths = [path(&["number"]), path(&["real"]), path(&["motor", "speed"]), path(&["nothing"])];
+        let paths =
+            [&["number"][..], &["real"], &["motor", "speed"], &["nothing"]].map(|names| [begin, names].concat());
         let told = client.done(&json!({ "op": "paths", "id": id, "paths": paths }));
         assert_eq!(told["ids"], json!(["DB10.number", "DB10.real", "DB10.motor.speed", "BadNoMatch"]), "{id}");
     }
