@@ -6,7 +6,7 @@ use ob1_stl::{Library, Options, Source, compile, read_symbols};
 pub fn run(data: &[u8]) {
     for name in ["a.sdf", "a.asc", "a.seq", "a.dif", "a"] {
         let table = read_symbols(&Source::new(name, data));
-        let lines = data.iter().filter(|byte| **byte == b'\n').count() as u32 + 1;
+        let lines = data.iter().filter(|byte| matches!(byte, b'\n' | b'\r')).count() as u32 + 1;
         assert!(table.diagnostics.iter().all(|d| (1..=lines).contains(&d.line) && d.column >= 1));
         let options = Options { symbols: table.symbols, ..Options::default() };
         let source = Source::new("a.awl", *b"FUNCTION FC 1 : VOID\nBEGIN\nU \"Motor\";\nEND_FUNCTION\n");
