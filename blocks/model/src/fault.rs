@@ -315,11 +315,13 @@ impl Event {
     pub const RETENTIVE_LOST: Event = Event(0xF301);
     /// Retentive memory is written again (ours).
     pub const RETENTIVE_KEPT: Event = Event(0xF302);
+    /// No file of retentive memory could be used: the station starts without its values (ours).
+    pub const RETENTIVE_REFUSED: Event = Event(0xF303);
     /// STOP because two engines do not do the same (ours, `engine = "both"`).
     pub const ENGINES_DIFFER: Event = Event(0xF401);
 
     /// Every event with a name that is not a fault.
-    pub const ALL: [Event; 46] = [
+    pub const ALL: [Event; 47] = [
         Event::STARTUP,
         Event::RUN,
         Event::STOP_OPERATOR,
@@ -365,6 +367,7 @@ impl Event {
         Event::CP_EVENTS_LOST,
         Event::RETENTIVE_LOST,
         Event::RETENTIVE_KEPT,
+        Event::RETENTIVE_REFUSED,
         Event::ENGINES_DIFFER,
     ];
 
@@ -440,6 +443,7 @@ impl Event {
             0xF20D => "a CP has lost events",
             0xF301 => "retentive memory cannot be written",
             0xF302 => "retentive memory is written again",
+            0xF303 => "retentive memory is refused, the station starts without it",
             0xF401 => "STOP, the two engines disagree",
             // Entries of the program itself (SFC 52): classes 8 and 9 are for its messages, A and B for the user's own.
             _ if matches!(self.0 >> 12, 8..=0xB) => "entry of the program",

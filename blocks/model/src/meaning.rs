@@ -119,6 +119,10 @@ impl Event {
             Event::RETENTIVE_LOST => {
                 "Make room on the disk, or make the folder writable ([station] state); until then a power cycle loses the newest values."
             }
+            Event::RETENTIVE_REFUSED => {
+                "The log says why each file was refused and where it is kept. After a start with the wrong program, end the \
+                 station, rename its files back and start the right one (docs/station-file.md)."
+            }
             Event::ENGINES_DIFFER => {
                 "This is an error in ob1: report it with the program and the lines of the log; set engine = \"reference\" until it is corrected."
             }

@@ -57,6 +57,22 @@ fn a_bare_file_name_has_two_generations() {
     assert_eq!(station.child.wait().expect("it ends").code(), Some(0));
 }
 
+/// Whoever looks at the diagnostic buffer sees why the values are gone.
+#[test]
+fn files_that_are_refused_are_an_entry_of_the_diagnostic_buffer() {
+    let bench = bench();
+    for slot in ["a", "b"] {
+        bench.write(&format!(".bench.retentive.{slot}"), "torn");
+    }
+    for refused in [1, 0] {
+        let mut station = bench.start(&[]);
+        until(|| retentive(&bench)["generation"].is_u64());
+        assert_eq!(entries(&bench, "F303h"), refused);
+        station.signal("-INT");
+        assert_eq!(station.child.wait().expect("it ends").code(), Some(0));
+    }
+}
+
 #[test]
 fn a_station_runs_once_whatever_its_runtime_directory() {
     let bench = bench();

@@ -9,6 +9,7 @@ pub mod store;
 use std::path::PathBuf;
 
 use ob1_cpu::Cpu;
+use ob1_model::Event;
 use ob1_time::Span;
 
 use store::{Store, StoreError};
@@ -22,24 +23,30 @@ pub struct RetentiveFile {
     pub every: Span,
 }
 
-/// Puts the newest generation back that fits, and returns what was refused; that is kept under another name.
+/// Puts the newest generation back that fits, and returns what was refused; that is kept under another name. The
+/// diagnostic buffer has an entry if nothing is left to put back.
 ///
 /// # Errors
 /// [`StoreError`].
 pub fn restore(file: &RetentiveFile, station: &str, cpu: &mut Cpu) -> Result<(Store, Vec<String>), StoreError> {
     let (mut store, found) = Store::open(&file.folder, station)?;
     let mut told = found.refused;
+    let mut reason = None;
     for generation in &found.generations {
         match cpu.restore_retentive(&generation.image) {
             Ok(()) => return Ok((store, told)),
             Err(why) => {
                 let kept = store.refuse(generation.sequence);
                 told.push(format!("generation {}: {why}; {kept}", generation.sequence));
+                // The newest one's says most.
+                reason = reason.or(Some(why));
             }
         }
     }
     if !told.is_empty() {
         told.push("the station starts without retentive memory".into());
+        let text = reason.map_or_else(|| "no file is whole and of this station".to_owned(), |why| why.to_string());
+        cpu.diagnose(Event::RETENTIVE_REFUSED, 0, &text);
     }
     Ok((store, told))
 }
