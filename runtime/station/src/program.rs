@@ -20,7 +20,7 @@ use crate::library::{self, Choice};
 use crate::sources::Sources;
 use crate::station_file::findings::{EMPTY, MACHINE_CODE, MISPLACED, REST, UNREADABLE, unreadable};
 use crate::station_file::{self, Station};
-use crate::{files, handling_check, missing_blocks, numbers, program_files, whole_library};
+use crate::{files, handling_check, missing_blocks, numbers, program_files, retentive, whole_library};
 
 /// What a station's files give.
 #[derive(Debug)]
@@ -81,6 +81,9 @@ pub fn load(station: &Station) -> Result<Loaded, LoadFailure> {
     });
     compiled.findings.extend(without_ob1(&compiled.program, of_plugins));
     compiled.findings.extend(handling_check::without_use(&compiled.program, &plugins, &station.modules));
+    if let Some(file) = &station.retentive {
+        compiled.findings.extend(retentive::not_kept(&compiled.program, file));
+    }
     Ok(Loaded::new(compiled, plugins, &station.program.library))
 }
 

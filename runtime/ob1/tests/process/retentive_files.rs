@@ -3,7 +3,7 @@
 
 use serde_json::Value;
 
-use crate::bench::{Bench, STATION, until};
+use crate::bench::{Bench, PROGRAM, STATION, until};
 
 fn bench() -> Bench {
     let bench = Bench::new();
@@ -83,6 +83,26 @@ fn a_station_runs_once_whatever_its_runtime_directory() {
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(5), "{said}");
     assert!(said.contains(&format!("in use by process {}", station.child.id())), "{said}");
+}
+
+#[test]
+fn a_block_that_is_named_and_not_retentive_is_a_warning_with_its_place() {
+    let bench = bench();
+    let station = format!("{STATION}\n[retentive]\ndata = [\"DB 5\"]\n");
+    bench.write("bench.toml", &station);
+    let told = |args: &[&str]| {
+        let output = bench.ob1(args);
+        assert_eq!(output.status.code(), Some(0), "{output:?}");
+        String::from_utf8_lossy(&output.stderr).into_owned() + &String::from_utf8_lossy(&output.stdout)
+    };
+    let check = ["check", "bench.toml"];
+    assert!(!told(&check).contains("L023"));
+    bench.write("bench.awl", &PROGRAM.replace("DATA_BLOCK DB 5\n", "DATA_BLOCK DB 5\nNON_RETAIN\n"));
+    let place = format!("bench.toml:{}:9: warning L023: DB 5", station.lines().count());
+    for args in [&check[..], &["run", "bench.toml", "--scans", "3"]] {
+        let text = told(args);
+        assert!(text.contains(&place), "{args:?}: {text}");
+    }
 }
 
 #[test]

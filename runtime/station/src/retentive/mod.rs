@@ -9,10 +9,15 @@ pub mod store;
 use std::path::PathBuf;
 
 use ob1_cpu::Cpu;
+use ob1_ir::Program;
 use ob1_model::Event;
 use ob1_time::Span;
 
+use crate::finding::{Finding, Level, Spot};
 use store::{Store, StoreError};
+
+/// Number of the finding of [`not_kept`].
+const NOT_RETAINED: &str = "L023";
 
 /// Where and how often retentive memory is written.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -21,6 +26,20 @@ pub struct RetentiveFile {
     pub folder: PathBuf,
     /// Time between two images in RUN.
     pub every: Span,
+    /// The data blocks that the station file names, each with its place.
+    pub named: Vec<(u16, Spot)>,
+}
+
+/// Data blocks that are named as retentive, while the program says that they are not: they are not kept.
+pub(crate) fn not_kept(program: &Program, file: &RetentiveFile) -> Vec<Finding> {
+    let without = |number: u16| program.data.iter().any(|db| db.number == number && db.non_retain);
+    let named = file.named.iter().filter(|(number, _)| without(*number));
+    let finding = |(number, place): &(u16, Spot)| {
+        let message = format!("DB {number} has the property \"Non-Retain\" (NON_RETAIN): it is not kept");
+        let remedy = "remove NON_RETAIN from its source if it is to be kept, otherwise leave it out here";
+        place.finding(Level::Warning, NOT_RETAINED, message, remedy.to_owned())
+    };
+    named.map(finding).collect()
 }
 
 /// Puts the newest generation back that fits, and returns what was refused; that is kept under another name. The

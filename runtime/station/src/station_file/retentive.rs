@@ -30,13 +30,22 @@ pub(super) fn retentive(
     cpu: &mut CpuConfig,
 ) -> Option<RetentiveFile> {
     let table = table?;
+    let mut named = Vec::new();
     cpu.retentive = Retentive {
         memory: ranges(f, "memory", &table.memory, cpu.memory_bytes),
         timers: ranges(f, "timers", &table.timers, u32::from(cpu.timers)).into_iter().map(narrow).collect(),
         counters: ranges(f, "counters", &table.counters, u32::from(cpu.counters)).into_iter().map(narrow).collect(),
         data: match &table.data {
             None => RetentiveData::All,
-            Some(list) => RetentiveData::Only(list.iter().filter_map(|text| data(f, text)).collect()),
+            Some(list) => {
+                let mut ranges = Vec::with_capacity(list.len());
+                for text in list {
+                    let Some(range) = data(f, text) else { continue };
+                    named.push((range.db, f.spot(text.span())));
+                    ranges.push(range);
+                }
+                RetentiveData::Only(ranges)
+            }
         },
     };
     let every = table.every.as_ref().map_or(EVERY, |text| match parse_duration(text.get_ref()) {
@@ -50,7 +59,7 @@ pub(super) fn retentive(
             EVERY
         }
     });
-    Some(RetentiveFile { folder: folder_of(station, folder), every })
+    Some(RetentiveFile { folder: folder_of(station, folder), every, named })
 }
 
 /// Where downloads are kept, where a link may change the program.
