@@ -118,7 +118,7 @@ impl Network for Sockets {
                 _ => return Received::Nothing,
             };
             match read {
-                Ok(0) => return Received::Gone,
+                Ok(0) => return Received::Ended,
                 Ok(len) => {
                     self.tell(Kind::In, index, into.get(..len).unwrap_or_default());
                     return Received::Bytes(len);
@@ -275,6 +275,8 @@ impl Coupler {
         }
         let _ = sockopt::set_tcp_nodelay(&socket, true);
         keep_alive(&socket);
+        // The partner may have closed the previous connection since the last look at it.
+        self.cp.receive(index, now, &mut self.sockets);
         self.sockets.set(index, Socket::Up(TcpStream::from(socket)));
         self.cp.accepted(index, now);
     }

@@ -30,6 +30,8 @@ pub enum Received {
     Bytes(usize),
     /// There is nothing at the moment.
     Nothing,
+    /// The partner has closed the connection, and everything it has sent has been received.
+    Ended,
     /// The connection is gone.
     Gone,
 }
@@ -192,6 +194,13 @@ impl Cp {
         self.machine.connected(index, now);
     }
 
+    /// The partner has closed the TCP connection.
+    fn finished(&mut self, index: usize, now: Instant, net: &mut dyn Network) {
+        net.close(index);
+        let now = self.ms(now);
+        self.machine.finished(index, now);
+    }
+
     /// The TCP connection was lost, or could not be made.
     pub fn lost(&mut self, index: usize, now: Instant, net: &mut dyn Network) {
         net.close(index);
@@ -310,6 +319,7 @@ impl Cp {
             match net.receive(index, buffer.get_mut(..room).unwrap_or_default()) {
                 Received::Bytes(len) => self.machine.receive(index, buffer.get(..len).unwrap_or_default(), now),
                 Received::Nothing => return,
+                Received::Ended => return self.finished(index, at, net),
                 Received::Gone => return self.lost(index, at, net),
             }
         }

@@ -263,3 +263,39 @@ fn a_call_of_another_partner_is_refused() {
     assert_eq!([b"ISO-A", b"ISO-X"].map(call), [0xD0, 0x80]);
     assert_eq!(station.interrupt().code(), Some(0));
 }
+
+/// A partner that sends and closes relies on the delivery of what it has sent (RFC 9293, 3.6), also if the program takes
+/// it slowly and the partner has called again meanwhile.
+#[test]
+fn what_came_before_the_partner_closed_is_received() {
+    let (site, port, tcp) = (Site::new(), free_port(), free_port());
+    site.write(
+        "takes.awl",
+        "DATA_BLOCK DB 3\nSTRUCT\n  D : ARRAY [0..49] OF WORD;\nEND_STRUCT\nBEGIN\nEND_DATA_BLOCK\n\
+         ORGANIZATION_BLOCK OB 1\nVAR_TEMP\n  INFO : ARRAY [0..19] OF BYTE;\nEND_VAR\nBEGIN\nNETWORK\n\
+         CALL FC 6\n  ID := 1\n  LADDR := W#16#100\n  RECV := P#DB3.DBX0.0 BYTE 100\n  NDR := M1.3\n  ERROR := M1.4\n\
+         \x20 STATUS := MW8\n  LEN := MW10\n\
+         \x20     UN    M 1.3;\n      BEB   ;\n      L     MW 62;\n      +     1;\n      T     MW 62;\n\
+         \x20     L     MW 64;\n      L     DB3.DBW 0;\n      +I    ;\n      T     MW 64;\nEND_ORGANIZATION_BLOCK\n",
+    );
+    site.write(
+        "takes.toml",
+        &format!(
+            "[station]\nname = \"takes\"\n\n[cpu]\nmin_cycle = \"20ms\"\n\n[program]\nsources = [\"takes.awl\"]\n\
+             mnemonics = \"de\"\n\n[[plugin]]\npath = \"ob1_cp343\"\n\n[[link]]\ntype = \"s7\"\nname = \"ethernet\"\n\
+             listen = \"127.0.0.1:{port}\"\n\n[[module]]\ntype = \"cp343\"\nname = \"cp\"\naddress = 256\n\n\
+             [[connection]]\nmodule = \"cp\"\nid = 1\ntype = \"tcp\"\nlocal_port = {tcp}\n"
+        ),
+    );
+    let station = site.run("takes.toml").until_run();
+    for _ in 0..3 {
+        let mut stream = station.until("the CP listens", |_| TcpStream::connect(("127.0.0.1", tcp)).ok());
+        for number in 1..=5 {
+            let mut telegram = [0; 100];
+            telegram[1] = number;
+            stream.write_all(&telegram).expect("sent");
+        }
+    }
+    station.until("all telegrams have come", |station| (station.cells(&["MW 62", "MW 64"]) == [15, 45]).then_some(()));
+    assert_eq!(station.interrupt().code(), Some(0));
+}

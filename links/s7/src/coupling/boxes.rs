@@ -50,8 +50,8 @@ pub(super) struct Slot {
     /// BRCV: total number of bytes, and the answer the partner waits for.
     pub(super) total: Option<usize>,
     pub(super) held: Option<Held>,
-    /// AG_RECV: how many times the connection had come up when the data were taken from it.
-    pub(super) ups: u64,
+    /// AG_RECV: the TCP connection of which the data were taken.
+    pub(super) taken_of: u64,
     shown: [u8; BOX_BYTES],
     is_new: bool,
 }
@@ -70,7 +70,7 @@ impl Default for Slot {
             unit: 0,
             total: None,
             held: None,
-            ups: 0,
+            taken_of: 0,
             shown: [0; BOX_BYTES],
             is_new: false,
         }
@@ -238,9 +238,9 @@ impl Coupling {
         if slot.phase != Phase::Giving || slot.order.service != Some(Service::Receive) {
             return;
         }
-        let (id, data, ups) = (slot.order.id, std::mem::take(&mut slot.give), slot.ups);
+        let (id, data, number) = (slot.order.id, std::mem::take(&mut slot.give), slot.taken_of);
         if let Some(link) = self.link_of(id).and_then(|index| self.links.get_mut(index)) {
-            link.put_back(data, ups);
+            link.put_back(data, number);
         }
     }
 

@@ -2,14 +2,13 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
+use super::stream::Stream;
 use super::{Condition, ConnectionKind, PATIENCE, RETRY, RETRY_MAX, Spec, Traffic};
 use crate::iso::{Event, Transport};
 use crate::server::{Connection, Settings};
 
-/// Telegrams, and bytes of a stream, that wait for AG_RECV; beyond that the partner has to wait, and datagrams are
-/// lost.
+/// Telegrams that wait for AG_RECV; beyond that the partner has to wait, and datagrams are lost.
 const MESSAGES: usize = 8;
-const STREAM: usize = 16 * 1024;
 /// Longest datagram.
 const DATAGRAM: usize = 2048;
 /// R_IDs whose USEND waits for a URCV.
@@ -51,7 +50,7 @@ pub(super) struct Link {
     pub(super) is_locked: bool,
     /// Bytes sent so far, over all TCP connections.
     out: u64,
-    stream: Vec<u8>,
+    stream: Stream,
     messages: VecDeque<Vec<u8>>,
     pub(super) own: Vec<Own>,
     /// Newest data of USEND, and whether older ones were lost.
@@ -80,7 +79,7 @@ impl Link {
             told_up: false,
             is_locked: false,
             out: 0,
-            stream: Vec::new(),
+            stream: Stream::default(),
             messages: VecDeque::new(),
             own: Vec::new(),
             inbox: BTreeMap::new(),
@@ -141,7 +140,10 @@ impl Link {
         let (local, remote) = (self.spec.local.clone(), self.spec.remote.clone());
         self.wire = match self.spec.kind {
             ConnectionKind::Udp => return,
-            ConnectionKind::Tcp => Wire::Stream(Vec::new()),
+            ConnectionKind::Tcp => {
+                self.stream.begin();
+                Wire::Stream(Vec::new())
+            }
             ConnectionKind::Iso => {
                 let mut transport = Transport::new();
                 transport.call(local, remote);
@@ -174,6 +176,12 @@ impl Link {
         }
     }
 
+    /// The partner has closed the connection. What it has sent before stays for AG_RECV.
+    pub(super) fn finished(&mut self, now: u64) {
+        self.stream.finish();
+        self.lost(now);
+    }
+
     pub(super) fn lost(&mut self, now: u64) {
         self.out += self.output().len() as u64;
         if self.spec.kind != ConnectionKind::Udp {
@@ -182,7 +190,7 @@ impl Link {
         (self.is_wired, self.asked, self.is_broken, self.told_up) = (false, false, false, false);
         self.retry_at = now + self.wait;
         self.wait = (self.wait * 2).min(RETRY_MAX);
-        self.stream.clear();
+        self.stream.lose();
         self.own.clear();
         self.parts.clear();
         self.begun.clear();
@@ -200,7 +208,7 @@ impl Link {
     pub(super) fn room(&self) -> usize {
         match &self.wire {
             Wire::None => 0,
-            Wire::Stream(_) => STREAM.saturating_sub(self.stream.len()),
+            Wire::Stream(_) => self.stream.room(),
             Wire::Datagrams(_) => DATAGRAM,
             Wire::Iso(_) if self.messages.len() >= MESSAGES => 0,
             Wire::Iso(transport) => transport.room(),
@@ -211,7 +219,7 @@ impl Link {
     pub(super) fn receive(&mut self, bytes: &[u8], _now: u64) {
         match &mut self.wire {
             Wire::None => {}
-            Wire::Stream(_) => self.stream.extend_from_slice(bytes),
+            Wire::Stream(_) => self.stream.push(bytes),
             Wire::Datagrams(_) if self.messages.len() < MESSAGES => self.messages.push_back(bytes.to_vec()),
             Wire::Datagrams(_) => self.traffic.errors += 1,
             Wire::Iso(transport) => self.is_broken |= transport.receive(bytes).is_err(),
@@ -285,23 +293,24 @@ impl Link {
         self.out_with_this()
     }
 
-    /// A received telegram; for a stream `room` bytes, once all of them have come.
-    pub(super) fn take(&mut self, room: usize) -> Option<Vec<u8>> {
+    /// A received telegram; for a stream `room` bytes, once all of them have come. And, for a stream, the number of the
+    /// TCP connection that has brought them.
+    pub(super) fn take(&mut self, room: usize) -> Option<(Vec<u8>, u64)> {
         if self.spec.kind == ConnectionKind::Tcp {
-            return (self.stream.len() >= room).then(|| self.stream.drain(..room).collect());
+            return self.stream.take(room);
         }
         let message = self.messages.pop_front();
         self.events();
-        message
+        message.map(|message| (message, 0))
     }
 
-    /// Puts back what [`Self::take`] has returned. Bytes of a stream are part of their TCP connection: those of an
-    /// earlier one (it had come up `ups` times then) go with it.
-    pub(super) fn put_back(&mut self, data: Vec<u8>, ups: u64) {
-        if self.spec.kind != ConnectionKind::Tcp {
+    /// Puts back what [`Self::take`] has returned. Bytes of a stream are part of their TCP connection: those of a lost
+    /// one go with it.
+    pub(super) fn put_back(&mut self, data: Vec<u8>, number: u64) {
+        if self.spec.kind == ConnectionKind::Tcp {
+            self.stream.put_back(data, number);
+        } else {
             self.messages.push_front(data);
-        } else if self.is_wired && self.traffic.ups == ups {
-            self.stream.splice(..0, data);
         }
     }
 

@@ -87,13 +87,12 @@ impl Coupling {
         if link.is_locked {
             return;
         }
-        let ups = link.traffic.ups;
         match link.take(room) {
             None => {}
-            Some(bytes) if bytes.len() > room => self.fail(at, status::LENGTH),
-            Some(bytes) => {
+            Some((bytes, _)) if bytes.len() > room => self.fail(at, status::LENGTH),
+            Some((bytes, number)) => {
                 if let Some(slot) = self.slots.get_mut(at) {
-                    slot.ups = ups;
+                    slot.taken_of = number;
                 }
                 self.give(at, bytes);
             }

@@ -8,6 +8,7 @@ mod blocks;
 mod boxes;
 mod connection;
 mod datagram;
+mod stream;
 mod vars;
 
 use std::collections::VecDeque;
@@ -215,6 +216,15 @@ impl Coupling {
             link.connected(settings, now);
         }
         self.advance(index);
+    }
+
+    /// The partner has closed the TCP connection, and everything that it has sent has been received: blocks still get
+    /// it.
+    pub fn finished(&mut self, index: usize, now: u64) {
+        self.now = now;
+        let Some(link) = self.links.get_mut(index) else { return };
+        link.finished(now);
+        self.orphans(index);
     }
 
     /// The TCP connection was lost, or could not be made.

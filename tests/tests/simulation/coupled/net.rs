@@ -155,7 +155,7 @@ impl Net {
         let pipe = &mut conn.to[me];
         match pipe.queue.front_mut() {
             Some((due, item)) if now >= *due => match item {
-                Item::End => Received::Gone,
+                Item::End => Received::Ended,
                 Item::Bytes(bytes) => {
                     let len = bytes.len().min(into.len());
                     into[..len].copy_from_slice(&bytes[..len]);

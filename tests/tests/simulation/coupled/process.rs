@@ -212,7 +212,7 @@ impl Alive {
                     index += 1;
                     continue;
                 }
-                Received::Gone => {
+                Received::Ended | Received::Gone => {
                     net.close(*id, me, now);
                     self.fronts.swap_remove(index);
                     continue;
