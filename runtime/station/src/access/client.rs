@@ -43,8 +43,8 @@ pub enum AccessError {
     },
     /// It is there, and has not answered in time.
     #[error(
-        "the station did not answer within {} s: its process is stopped (SIGSTOP, a debugger) or gets no time\n  = look \
-         at it with `ps`, and let it go on: kill -CONT PID",
+        "the station did not answer within {} s: its process is stopped (SIGSTOP, a debugger) or gets no time\n  = \
+         look at it with `ps`, and let it go on: kill -CONT PID",
         ANSWER_TIME.as_secs()
     )]
     Silent,
