@@ -409,6 +409,13 @@ impl Write {
     fn written(mut self, refused: Option<(usize, Refusal)>, turn: &mut Turn<'_, '_>) -> Option<Doing> {
         match refused {
             None => self.left.clear(),
+            // These concern the whole group. Whether a CPU that is silent has written it is not known, so it is not
+            // sent again.
+            Some((_, why @ (Refusal::Silent | Refusal::Full))) => {
+                for (item, _) in self.left.drain(..) {
+                    self.codes[item] = cells::code(why);
+                }
+            }
             // Nothing of the group was written: the rest is sent without the refused item.
             Some((entry, why)) => {
                 let Some(item) = self.left.get(entry).or(self.left.first()).map(|(item, _)| *item) else {
@@ -515,5 +522,51 @@ const fn ty(kind: BlockKind) -> BlockType {
         BlockKind::Sfc => BlockType::Sfc,
         BlockKind::Fb => BlockType::Fb,
         BlockKind::Sfb => BlockType::Sfb,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ob1_access::door::Refused;
+    use ob1_backplane::handover;
+    use ob1_s7::iso::Place;
+    use ob1_s7::server::{Put, Settings};
+    use ob1_s7::wire::{Area, DataType};
+
+    use super::*;
+
+    /// Writes three items. The reply, if there is one after this outcome; otherwise the number of writes sent again.
+    fn after(entry: u32, why: Refusal) -> Result<Reply, usize> {
+        let (_broker, socket) = handover::pair().expect("a socket");
+        let mut door = Door::new(socket).expect("a door");
+        let mut reading = Reading::new();
+        let settings = Settings::default();
+        let place = Place { rack: 0, slot: 2 };
+        let config = Config { place, settings, unlocked: settings.rights, clients: 1, idle: None, tap: false };
+        let now = Instant::now();
+        let mut around = Surroundings { door: &mut door, reading: &mut reading, config: &config, now };
+        let put = |byte: u32| Put {
+            address: Address { area: Area::Memory, db: 0, start: 8 * byte, ty: DataType::Byte, count: 1 },
+            bytes: vec![7],
+        };
+        let mut replies = Vec::new();
+        let mut asks = Asks::default();
+        asks.push(Request { id: 5, ask: Ask::Write(vec![put(1), put(2), put(3)]) });
+        asks.step(1, &mut around, &mut |_, reply| replies.push(reply));
+        let Some(Doing::Write(Write { ticket, .. })) = asks.doing.first() else { panic!("nothing was sent") };
+        let news = News::Written { client: 1, ticket: *ticket, outcome: Err(Refused { entry, why }) };
+        asks.news(1, &news, &mut around, &mut |_, reply| replies.push(reply));
+        match asks.doing.first() {
+            Some(Doing::Write(write)) => Err(write.left.len()),
+            _ => Ok(replies.remove(0)),
+        }
+    }
+
+    #[test]
+    fn nothing_is_written_twice_to_a_cpu_that_is_silent() {
+        assert_eq!(after(1, Refusal::Right), Err(2), "nothing was written: the rest is sent again");
+        let all = |code| -> Result<Reply, usize> { Ok(Reply::Written(vec![code; 3])) };
+        assert_eq!(after(0, Refusal::Silent), all(ItemCode::HARDWARE));
+        assert_eq!(after(0, Refusal::Full), all(ItemCode::HARDWARE));
     }
 }
