@@ -189,6 +189,10 @@ impl Refused {
     fn new(why: Refusal, text: impl Into<String>) -> Self {
         Self { why, text: text.into() }
     }
+
+    fn in_run() -> Self {
+        Self::new(Refusal::InRun, "statements cannot be changed in RUN")
+    }
 }
 
 struct Work {
@@ -222,7 +226,20 @@ impl Work {
         }
     }
 
+    /// Makes a change. In RUN one of statements is refused as such, whatever else is wrong with it: that may be right
+    /// again in STOP, with other blocks.
     fn change(&mut self, change: Change) -> Result<(), Refused> {
+        let is_data = |id: &BlockId| id.kind == BlockKind::Db;
+        let data_only = match &change {
+            Change::Link(blocks) => blocks.iter().all(|(id, _)| is_data(id)),
+            Change::Delete(ids) => ids.iter().all(is_data),
+        };
+        let in_run = !data_only && (self.runs)();
+        let refused = |why: Refused| if in_run && why.why != Refusal::Silent { Refused::in_run() } else { why };
+        self.make(change).map_err(refused)
+    }
+
+    fn make(&mut self, change: Change) -> Result<(), Refused> {
         let with = &self.with;
         let mut changes = with.changes.clone();
         let (mut fresh, mut told) = (Vec::new(), Vec::new());
@@ -310,8 +327,7 @@ impl Work {
         loop {
             while let Ok(back) = self.from_scan.pop() {
                 if Arc::ptr_eq(&back.state, &state) {
-                    let in_run = |NotNow| Refused::new(Refusal::InRun, "statements cannot be changed in RUN");
-                    return back.outcome.map_err(in_run);
+                    return back.outcome.map_err(|NotNow| Refused::in_run());
                 }
             }
             if self.from_scan.is_abandoned() {
@@ -347,36 +363,40 @@ mod tests {
         format!("ORGANIZATION_BLOCK OB 1\nBEGIN\nL MW 2;\n+ {number};\nT MW 2;\nEND_ORGANIZATION_BLOCK\n")
     }
 
-    /// Links a block and cycles until the loader has answered: the engines that took over.
-    fn linked(
+    /// Hands a change over and cycles until the loader has answered: the engines that took over, and the outcome.
+    fn changed(
         (cpu, engines): (&mut Cpu, &mut Option<Successors>),
         (loader, newcomers): (&Loader, &mut Newcomers),
-        (text, id): (&str, BlockId),
-    ) -> Vec<&'static str> {
-        let image = ob1_mc7::image(&program(text), id, &|_| None).expect("machine code");
-        let bytes = image.bytes().expect("short").into();
-        assert!(loader.change(1, Change::Link(vec![(id, bytes)])));
+        change: Change,
+    ) -> (Vec<&'static str>, Result<(), Refusal>) {
+        assert!(loader.change(1, change));
         let mut names = Vec::new();
         loop {
             cpu.cycle(&mut Still);
             names.extend(newcomers.take_over(cpu, engines));
             if let Some((number, outcome)) = loader.changed() {
-                assert_eq!((number, outcome), (1, Ok(())));
-                return names;
+                assert_eq!(number, 1);
+                return (names, outcome);
             }
             std::thread::yield_now();
         }
     }
 
-    #[test]
-    fn no_client_waits_for_machine_code_in_stop_and_the_scan_has_it_in_run() {
-        let sources = Arc::new(program(&adding(1)));
+    /// The machine code of a block of a text, to be linked.
+    fn link(text: &str, id: BlockId) -> Change {
+        let image = ob1_mc7::image(&program(text), id, &|_| None).expect("machine code");
+        Change::Link(vec![(id, image.bytes().expect("short").into())])
+    }
+
+    /// A CPU in STOP with this program, and its loader. The flag says that it runs.
+    fn started(text: &str) -> (Cpu, Loader, Newcomers, Arc<AtomicBool>) {
+        let sources = Arc::new(program(text));
         let config = CpuConfig { spare_obs: 4, ..CpuConfig::default() };
         let natives = Natives::from(ob1_cpu::system_blocks());
         let around = Surroundings::new(&config, &natives);
         let compile = Some(Request::new(&config, Arc::clone(&sources), &natives));
         let engine = EngineChoice::Auto;
-        let mut cpu = Cpu::new(config, &sources, natives, Vec::new(), engine.factory()).expect("it loads");
+        let cpu = Cpu::new(config, &sources, natives, Vec::new(), engine.factory()).expect("it loads");
         let downloading = Downloading {
             around,
             now: Arc::clone(&sources),
@@ -392,11 +412,44 @@ mod tests {
         };
         let runs = Arc::new(AtomicBool::new(false));
         let in_run = Arc::clone(&runs);
-        let (loader, mut newcomers) = downloading.start(move || in_run.load(Ordering::Relaxed)).expect("a thread");
+        let (loader, newcomers) = downloading.start(move || in_run.load(Ordering::Relaxed)).expect("a thread");
+        (cpu, loader, newcomers, runs)
+    }
+
+    /// The operating state comes first: STOP is the remedy, and only there does the rest matter.
+    #[test]
+    fn statements_are_not_changed_in_run_whatever_else_is_wrong() {
+        let calling = "FUNCTION FC 7 : VOID\nBEGIN\nNOP 0;\nEND_FUNCTION\n\
+                       ORGANIZATION_BLOCK OB 1\nBEGIN\nCALL FC 7;\nEND_ORGANIZATION_BLOCK\n";
+        let (mut cpu, loader, mut newcomers, runs) = started(calling);
+        let mut engines = None;
+        let mut outcome = |cpu: &mut Cpu, change| changed((cpu, &mut engines), (&loader, &mut newcomers), change).1;
+        let (fc, db) = (|number| BlockId::new(BlockKind::Fc, number), BlockId::new(BlockKind::Db, 5));
+        let broken = |id| Change::Link(vec![(id, vec![0xFF; 80].into())]);
+        assert_eq!(outcome(&mut cpu, Change::Delete(vec![fc(7)])), Err(Refusal::Block));
+        assert_eq!(outcome(&mut cpu, Change::Delete(vec![fc(8)])), Err(Refusal::NotThere));
+        assert_eq!(outcome(&mut cpu, broken(fc(9))), Err(Refusal::Block));
+        cpu.request(Command::Run);
+        cpu.cycle(&mut Still);
+        runs.store(true, Ordering::Relaxed);
+        for change in [Change::Delete(vec![fc(7)]), Change::Delete(vec![db, fc(8)]), broken(fc(9))] {
+            assert_eq!(outcome(&mut cpu, change), Err(Refusal::InRun));
+        }
+        assert_eq!(outcome(&mut cpu, Change::Delete(vec![db])), Err(Refusal::NotThere));
+        assert_eq!(outcome(&mut cpu, broken(db)), Err(Refusal::Block));
+        assert_eq!(outcome(&mut cpu, link(DB, db)), Ok(()));
+        assert_eq!(outcome(&mut cpu, Change::Delete(vec![db])), Ok(()));
+    }
+
+    #[test]
+    fn no_client_waits_for_machine_code_in_stop_and_the_scan_has_it_in_run() {
+        let (mut cpu, loader, mut newcomers, runs) = started(&adding(1));
         let mut engines = None;
         let ob1 = BlockId::new(BlockKind::Ob, 1);
         let mut load = |cpu: &mut Cpu, engines: &mut Option<Successors>, text: &str, id| {
-            linked((cpu, engines), (&loader, &mut newcomers), (text, id))
+            let (names, outcome) = changed((cpu, engines), (&loader, &mut newcomers), link(text, id));
+            assert_eq!(outcome, Ok(()));
+            names
         };
         assert_eq!(load(&mut cpu, &mut engines, &adding(10), ob1), ["reference"]);
         assert!(engines.is_some(), "machine code for it can come");
