@@ -60,6 +60,30 @@ struct Line {
     /// Its number at the broker, a new one with each partner.
     client: u32,
     was: Condition,
+    telling: Telling,
+}
+
+/// What is reported of a connection: a partner that accepts and closes again and again does not fill the log. A fault is
+/// reported once until a connection is of use.
+#[derive(Debug, Default)]
+struct Telling {
+    /// The last report was that it is up.
+    says_up: bool,
+    /// A connection was reported that was of no use.
+    is_tired: bool,
+}
+
+impl Telling {
+    /// The connection is up, or not, and of use, or not: whether that is to be reported.
+    fn tells(&mut self, is_up: bool, is_of_use: bool) -> bool {
+        self.is_tired &= !is_of_use;
+        let tells = if is_up { !self.says_up && !self.is_tired } else { self.says_up };
+        if tells {
+            self.says_up = is_up;
+            self.is_tired |= !is_up && !is_of_use;
+        }
+        tells
+    }
 }
 
 /// The CP.
@@ -103,6 +127,7 @@ impl Cp {
             asks: Asks::default(),
             client: 0,
             was: Condition::Down,
+            telling: Telling::default(),
         };
         self.lines = keys.iter().map(line).collect();
         // The content of the boxes was meant for a previous process: the CPU counts those jobs as failed.
@@ -248,16 +273,20 @@ impl Cp {
 
     /// Handles requests of partners to the CPU.
     fn questions(&mut self, index: usize, around: &mut Surroundings<'_>, number: &mut dyn FnMut() -> u32) {
+        let is_of_use = self.machine.is_of_use(index, self.ms(around.now));
         let Some(line) = self.lines.get_mut(index) else { return };
         let condition = self.machine.condition(index).0;
-        if condition != line.was {
+        let is_up = condition == Condition::Up;
+        if line.telling.tells(is_up, is_of_use) {
             let name = self.machine.spec(index).map_or(0, |spec| spec.id);
-            match condition {
-                Condition::Up => info!("connection {name} is up"),
-                Condition::Down if line.was == Condition::Up => warn!("connection {name} is down"),
-                Condition::Down | Condition::Coming => {}
+            if is_up {
+                info!("connection {name} is up");
+            } else {
+                warn!("connection {name} is down");
             }
-            if condition == Condition::Up {
+        }
+        if condition != line.was {
+            if is_up {
                 line.asks = Asks::default();
                 line.client = number();
             } else if line.was == Condition::Up {
@@ -385,6 +414,18 @@ fn is_of(partner: SocketAddr, peer: IpAddr) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_connection_that_comes_and_goes_is_reported_once_until_it_is_of_use() {
+        let mut telling = Telling::default();
+        let mut told = |states: &[(bool, bool)]| -> Vec<bool> {
+            states.iter().map(|(is_up, is_of_use)| telling.tells(*is_up, *is_of_use)).collect()
+        };
+        assert_eq!(told(&[(false, false), (true, false), (true, false)]), [false, true, false]);
+        assert_eq!(told(&[(false, false), (true, false), (false, false), (true, false)]), [true, false, false, false]);
+        assert_eq!(told(&[(true, true), (true, true), (false, true), (false, true)]), [true, false, true, false]);
+        assert_eq!(told(&[(true, false), (false, false), (true, false)]), [true, true, false], "the next fault");
+    }
 
     #[test]
     fn a_partner_is_known_on_a_socket_for_both_kinds_of_addresses() {

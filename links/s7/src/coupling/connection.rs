@@ -47,6 +47,8 @@ pub(super) struct Link {
     since: u64,
     is_broken: bool,
     told_up: bool,
+    /// The partner has sent something on the present connection, or on the last one; or it has lasted.
+    has_served: bool,
     pub(super) is_locked: bool,
     /// Bytes sent so far, over all TCP connections.
     out: u64,
@@ -77,6 +79,7 @@ impl Link {
             since: 0,
             is_broken: false,
             told_up: false,
+            has_served: false,
             is_locked: false,
             out: 0,
             stream: Stream::default(),
@@ -136,7 +139,7 @@ impl Link {
     }
 
     pub(super) fn connected(&mut self, settings: Settings, now: u64) {
-        (self.is_wired, self.asked, self.since) = (true, false, now);
+        (self.is_wired, self.asked, self.since, self.has_served) = (true, false, now, false);
         let (local, remote) = (self.spec.local.clone(), self.spec.remote.clone());
         self.wire = match self.spec.kind {
             ConnectionKind::Udp => return,
@@ -155,7 +158,7 @@ impl Link {
     }
 
     pub(super) fn called(&mut self, mut transport: Transport, settings: Settings, now: u64) {
-        (self.is_wired, self.asked, self.since) = (true, false, now);
+        (self.is_wired, self.asked, self.since, self.has_served) = (true, false, now, false);
         self.wire = if self.spec.kind == ConnectionKind::S7 {
             Wire::S7(Box::new(Connection::called(settings, transport)))
         } else {
@@ -171,9 +174,14 @@ impl Link {
     fn is_up(&mut self) {
         if !self.told_up && self.condition() == Condition::Up {
             self.told_up = true;
-            self.wait = RETRY;
             self.traffic.ups += 1;
         }
+    }
+
+    /// Whether the present connection, or else the last one, is of use: the partner has sent something on it after the
+    /// setup, or it has lasted. One that comes up and is closed at once is not.
+    pub(super) fn is_of_use(&self, now: u64) -> bool {
+        self.has_served || self.told_up && now >= self.since + RETRY_MAX
     }
 
     /// The partner has closed the connection. What it has sent before stays for AG_RECV.
@@ -183,6 +191,10 @@ impl Link {
     }
 
     pub(super) fn lost(&mut self, now: u64) {
+        self.has_served = self.is_of_use(now);
+        if self.has_served && self.told_up {
+            self.wait = RETRY;
+        }
         self.out += self.output().len() as u64;
         if self.spec.kind != ConnectionKind::Udp {
             self.wire = Wire::None;
@@ -217,6 +229,7 @@ impl Link {
     }
 
     pub(super) fn receive(&mut self, bytes: &[u8], _now: u64) {
+        let was_up = self.condition() == Condition::Up;
         match &mut self.wire {
             Wire::None => {}
             Wire::Stream(_) => self.stream.push(bytes),
@@ -227,6 +240,7 @@ impl Link {
         }
         self.events();
         self.is_up();
+        self.has_served |= was_up && !self.broken();
     }
 
     /// Whole telegrams of an ISO-on-TCP connection.
@@ -343,5 +357,43 @@ impl Link {
         if !self.known.contains(&r_id) && self.known.len() < INBOX {
             self.known.push(r_id);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::iso::Tsap;
+
+    /// How long a TCP connection of ours waits after each of these losses. A connection is up for so long, with or
+    /// without data of the partner.
+    fn waits(connections: &[(u64, bool)]) -> Vec<u64> {
+        let (local, remote) = (Tsap::default(), Tsap::default());
+        let mut link = Link::new(Spec { id: 1, kind: ConnectionKind::Tcp, active: true, local, remote });
+        let mut now = 0;
+        let wait = |(lasts, data): &(u64, bool)| {
+            assert!(link.wants_connection(now));
+            link.connected(Settings::default(), now);
+            if *data {
+                link.receive(&[1], now);
+            }
+            now += lasts;
+            link.lost(now);
+            let lost = now;
+            while !link.wants_connection(now) {
+                now += 1;
+            }
+            // The next one is wanted now.
+            link.asked = false;
+            now - lost
+        };
+        connections.iter().map(wait).collect()
+    }
+
+    #[test]
+    fn a_partner_that_closes_at_once_is_called_less_and_less_often() {
+        assert_eq!(waits(&[(1, false); 6]), [250, 500, 1000, 2000, 4000, 4000]);
+        assert_eq!(waits(&[(1, false), (1, true), (1, true), (1, false)]), [250, 250, 250, 500]);
+        assert_eq!(waits(&[(1, false), (1, false), (RETRY_MAX, false)]), [250, 500, 250]);
     }
 }

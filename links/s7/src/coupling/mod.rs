@@ -179,6 +179,13 @@ impl Coupling {
         self.links.get(index).map_or((Condition::Down, Traffic::default()), |link| (link.condition(), link.traffic))
     }
 
+    /// Whether the present connection, or else the last one, is of use: its partner has sent something after the setup,
+    /// or it has lasted.
+    #[must_use]
+    pub fn is_of_use(&self, index: usize, now: u64) -> bool {
+        self.links.get(index).is_some_and(|link| link.is_of_use(now))
+    }
+
     /// The agreed PDU of an S7 connection; 0: none.
     #[must_use]
     pub fn agreed_pdu(&self, index: usize) -> u16 {
