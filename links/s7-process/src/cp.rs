@@ -63,8 +63,8 @@ struct Line {
     telling: Telling,
 }
 
-/// What is reported of a connection: a partner that accepts and closes again and again does not fill the log. A fault is
-/// reported once until a connection is of use.
+/// What is reported of a connection. A fault is reported once until a connection is of use: a partner that accepts and
+/// closes again and again does not fill the log.
 #[derive(Debug, Default)]
 struct Telling {
     /// The last report was that it is up.
