@@ -46,6 +46,8 @@ pub struct RealLine {
     /// The last reason given, so that an attempt that fails for the same reason is not reported again.
     reason: String,
     errno: Option<u32>,
+    /// The warnings of the last time it came up: a line that comes back does not repeat them.
+    warned: Vec<Warning>,
 
     tx: Box<[u8; TX_BYTES]>,
     tx_begin: usize,
@@ -78,6 +80,7 @@ impl RealLine {
             announce: None,
             reason: String::new(),
             errno: None,
+            warned: Vec::new(),
             tx: Box::new([0; TX_BYTES]),
             tx_begin: 0,
             tx_end: 0,
@@ -127,6 +130,10 @@ impl RealLine {
         self.reason.clear();
         self.forget();
         (self.may_read, self.may_write) = (true, true);
+        if warnings == self.warned {
+            return LineEvent::Up(Vec::new());
+        }
+        self.warned.clone_from(&warnings);
         LineEvent::Up(warnings)
     }
 
@@ -248,7 +255,7 @@ impl RealLine {
     ///
     /// # Errors
     /// Settings that no line supports; the line stays as it was. Settings that only this kind of line does not support
-    /// come as a warning with the next [`LineEvent::Up`], which follows every accepted call.
+    /// come as a warning with the next [`LineEvent::Up`], which follows every accepted call; once, until they change.
     pub fn apply(&mut self, settings: &LineSettings) -> Result<(), SettingsError> {
         let odd_stop_bits = self.link.does_odd_stop_bits();
         if let Err(error) =

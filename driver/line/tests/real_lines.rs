@@ -301,6 +301,25 @@ fn a_tcp_client_comes_back() {
 }
 
 #[test]
+fn what_tcp_cannot_carry_is_told_once_until_the_settings_change() {
+    let server = TcpListener::bind("127.0.0.1:0").unwrap();
+    let mut line = Bench::new(&format!("tcp:127.0.0.1:{}", server.local_addr().unwrap().port()));
+    let settings = LineSettings { parity: Parity::Even, ..LineSettings::default() };
+    line.line.apply(&settings).unwrap();
+    for round in 0..2 {
+        let LineEvent::Up(warnings) = line.event() else { panic!("it opens all the same") };
+        assert_eq!(warnings.len(), 1 - round);
+        line.line.reopen(line.now());
+    }
+    assert_eq!(line.event(), up());
+    for (settings, count) in [(LineSettings::default(), 0), (settings, 1)] {
+        line.line.apply(&settings).unwrap();
+        let LineEvent::Up(warnings) = line.event() else { panic!("it stays open") };
+        assert_eq!(warnings.len(), count);
+    }
+}
+
+#[test]
 fn a_connection_that_is_given_up_is_opened_again_at_its_time() {
     let server = TcpListener::bind("127.0.0.1:0").unwrap();
     let mut line = Bench::new(&format!("tcp:127.0.0.1:{}", server.local_addr().unwrap().port()));
