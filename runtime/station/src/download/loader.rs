@@ -425,7 +425,7 @@ mod tests {
         let mut engines = None;
         let mut outcome = |cpu: &mut Cpu, change| changed((cpu, &mut engines), (&loader, &mut newcomers), change).1;
         let (fc, db) = (|number| BlockId::new(BlockKind::Fc, number), BlockId::new(BlockKind::Db, 5));
-        let broken = |id| Change::Link(vec![(id, vec![0xFF; 80].into())]);
+        let broken = |id| Change::Link(vec![(id, vec![0xFF_u8; 80].into())]);
         assert_eq!(outcome(&mut cpu, Change::Delete(vec![fc(7)])), Err(Refusal::Block));
         assert_eq!(outcome(&mut cpu, Change::Delete(vec![fc(8)])), Err(Refusal::NotThere));
         assert_eq!(outcome(&mut cpu, broken(fc(9))), Err(Refusal::Block));
