@@ -13,7 +13,7 @@ use crate::settings::Warning;
 pub enum LineEvent<'a> {
     /// Characters, in the owner's buffer; a fault in its place between them; or everything written has been sent.
     Input(LineInput<'a>),
-    /// The line can be used; the settings could be applied except for these. They are not told again when it comes back.
+    /// The line can be used; the settings could be applied except for these. They are told again only if they change.
     Up(Vec<Warning>),
     /// The line cannot be used, and why. Unsent bytes, and bytes written from now on, are discarded. The line tries by
     /// itself to recover.

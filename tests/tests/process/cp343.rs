@@ -296,6 +296,6 @@ fn what_came_before_the_partner_closed_is_received() {
             stream.write_all(&telegram).expect("sent");
         }
     }
-    station.until("all telegrams have come", |station| (station.cells(&["MW 62", "MW 64"]) == [15, 45]).then_some(()));
+    station.until("all has come", |station| (station.cells(&["MW 62", "MW 64"]) == [15, 45]).then_some(()));
     assert_eq!(station.interrupt().code(), Some(0));
 }

@@ -373,8 +373,8 @@ pub enum News {
     Event(Event),
 }
 
-/// An entry of a group that was refused; then nothing was written. With [`Refusal::Silent`] it is about the whole group,
-/// and nobody knows whether it was written.
+/// An entry of a group that was refused; then nothing was written. [`Refusal::Silent`] is about the whole group, and
+/// nobody knows whether it was written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Refused {
     /// Its index.
