@@ -264,8 +264,8 @@ fn a_call_of_another_partner_is_refused() {
     assert_eq!(station.interrupt().code(), Some(0));
 }
 
-/// A partner that sends and closes relies on the delivery of what it has sent (RFC 9293, 3.6), also if the program takes
-/// it slowly and the partner has called again meanwhile.
+/// A partner that sends and closes relies on the delivery of what it has sent (RFC 9293, 3.6), also if the program
+/// takes it slowly and the partner has called again meanwhile.
 #[test]
 fn what_came_before_the_partner_closed_is_received() {
     let (site, port, tcp) = (Site::new(), free_port(), free_port());

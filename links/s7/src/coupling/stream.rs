@@ -15,9 +15,9 @@ struct Part {
     is_ended: bool,
 }
 
-/// The bytes of the present TCP connection, and before them those of earlier ones that the partner has closed. A partner
-/// closes when it has sent everything, and relies on its delivery (RFC 9293, 3.6). A connection that was lost takes its
-/// bytes with it.
+/// The bytes of the present TCP connection, and before them those of earlier ones that the partner has closed. The
+/// partner closes when it has sent everything, and relies on its delivery (RFC 9293, 3.6). A connection that was lost
+/// takes its bytes with it.
 #[derive(Debug, Default)]
 pub(super) struct Stream {
     parts: VecDeque<Part>,
