@@ -205,6 +205,8 @@ codes! {
         "Convert it into a variable of the parameter's type (DTR, RND, FC 33, FC 40) and supply that; STEP 7 refuses the call.";
     OB_INPUT = "S0804", Warning, "An input of an organization block that is not supplied.",
         "It is 0. What the CPU says of the call is in #OB_START_INFO, the first 20 bytes of the local data.";
+    NEVER_SUPPLIED = "S0805", Warning, "A parameter of a function block that must be supplied is supplied by no call.",
+        "Supply it: without an actual a complex in/out leads to no area (OB 121 or STOP), TIMER, COUNTER and BLOCK are number 0.";
     // Lints
     CONSTANT_FOR_OUTPUT = "S0901", Lint, "A constant is supplied to a parameter that the block writes.",
         "The value that the block writes is lost; supply an operand.";

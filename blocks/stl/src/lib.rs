@@ -47,6 +47,7 @@ mod reach;
 mod reader;
 mod recognise;
 mod source;
+mod supplied;
 mod symbol_rows;
 mod symbol_table;
 mod symbols;
@@ -234,12 +235,16 @@ fn lower_all(
     }
     let names = lower::Names { world, sets, labels: &labels };
     let mut code = Vec::new();
-    let mut found = lower::Found { wanted: BTreeMap::new(), opened: BTreeSet::new(), lints };
+    let mut found = lower::Found { wanted: BTreeMap::new(), opened: BTreeSet::new(), uses: Vec::new(), lints };
     for (block, id) in blocks.iter().zip(&ids) {
         let (Some(file), Some(id)) = (files.get(block.file), id) else { continue };
         if id.kind != ob1_model::BlockKind::Db && !block.foreign {
             code.extend(lower::lower(*id, block, file, &names, &mut found, sink));
         }
+    }
+    // Behind a mistake it may be the call with the mistake that supplies them.
+    if !sink.has_errors() {
+        supplied::report(&found.uses, &code, world, sink);
     }
     for (db, file, span) in found.opened {
         let id = BlockId::new(ob1_model::BlockKind::Db, db);

@@ -19,6 +19,7 @@ use crate::lints::Whole;
 use crate::mnemonics::{Row, Shape};
 use crate::operand::Resolver;
 use crate::reader::Reader;
+use crate::supplied::Use;
 use crate::syntax::{Block, Statement};
 use crate::token::{File, Kind, Span};
 use crate::value::Value;
@@ -38,6 +39,8 @@ pub(crate) struct Found<'f> {
     pub(crate) wanted: BTreeMap<u16, BlockId>,
     /// Data blocks that are opened, with the first place in each block.
     pub(crate) opened: BTreeSet<(u16, usize, Span)>,
+    /// Calls with an instance.
+    pub(crate) uses: Vec<Use>,
     /// With lints: findings that concern several blocks.
     pub(crate) lints: Option<&'f mut Whole>,
 }
@@ -84,6 +87,9 @@ pub(crate) fn lower(
         }
         if let Op::OpenDb(_, Number::Fixed(n)) = op {
             opened.insert((n, block.file, statement.span));
+        }
+        if let Op::Call(call) = &op {
+            found.uses.extend(Use::of(id, call, block.file, statement.span));
         }
         code.push(Stmt { op, network: statement.network, line: statement.line });
     }
