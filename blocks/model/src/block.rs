@@ -72,6 +72,16 @@ impl BlockId {
     }
 }
 
+/// True for the number of an organization block that an S7-300 or S7-400 has; the operating system calls no others.
+/// ["Organization Blocks" of the system software reference]
+#[must_use]
+pub const fn is_organization_block(number: u16) -> bool {
+    matches!(
+        number,
+        1 | 10..=17 | 20..=23 | 30..=38 | 40..=47 | 55..=57 | 60..=65 | 70 | 72..=73 | 80..=88 | 90 | 100..=102 | 121..=122
+    )
+}
+
 impl fmt::Display for BlockId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} {}", self.kind.name(), self.number)

@@ -19,7 +19,7 @@ mod s5time;
 mod types;
 
 pub use address::{Area, BitAddr};
-pub use block::{BlockId, BlockKind};
+pub use block::{BlockId, BlockKind, is_organization_block};
 pub use cell::{Cell, CellError, Piece, Width};
 pub use fault::{Access, Event, Fault, FaultKind, Site};
 pub use frame::{

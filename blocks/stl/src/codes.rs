@@ -207,6 +207,8 @@ codes! {
         "It is 0. What the CPU says of the call is in #OB_START_INFO, the first 20 bytes of the local data.";
     NEVER_SUPPLIED = "S0805", Warning, "A parameter of a function block that must be supplied is supplied by no call.",
         "Supply it: without an actual a complex in/out leads to no area (OB 121 or STOP), TIMER, COUNTER and BLOCK are number 0.";
+    NEVER_CALLED = "S0806", Warning, "An organization block has a number that the CPU never calls.",
+        "Give it the number of its event (docs/cpu.md), or make it a function that OB 1 calls, also an OB from 123 on of TIA Portal.";
     // Lints
     CONSTANT_FOR_OUTPUT = "S0901", Lint, "A constant is supplied to a parameter that the block writes.",
         "The value that the block writes is lost; supply an operand.";

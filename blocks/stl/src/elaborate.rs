@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use ob1_model::{BlockId, BlockKind, DataType, Dimension, Interface, Layout, Param, Section};
+use ob1_model::{BlockId, BlockKind, DataType, Dimension, Interface, Layout, Param, Section, is_organization_block};
 
 use crate::auto::Sets;
 use crate::codes;
@@ -158,6 +158,11 @@ impl<'e> Elaborator<'e> {
             });
             if let Some(name) = name {
                 self.by_name.insert(name, index);
+                if name.0 == BlockWord::Ob && !is_organization_block(name.1) {
+                    let message =
+                        format!("nothing calls OB {}: no CPU has an organization block of this number", name.1);
+                    self.sink.report(block.file, block.span, &codes::NEVER_CALLED, message);
+                }
                 let id = name.0.kind().map(|kind| BlockId::new(kind, name.1));
                 self.world.own.extend(id);
                 if let Some(known) = id.and_then(|id| self.library.get(id)).filter(|known| !known.yields) {
