@@ -36,13 +36,21 @@ impl Source {
                 }
             }
         }
-        // Editors of DOS mark the end of a text with a character of its own.
-        let bytes = self.bytes.as_slice();
-        let bytes = bytes.strip_suffix(b"\x1A").unwrap_or(bytes);
+        let bytes = without_end(&self.bytes);
         match std::str::from_utf8(bytes) {
             Ok(text) => Cow::Borrowed(text.strip_prefix('\u{feff}').unwrap_or(text)),
             Err(_) => Cow::Owned(bytes.iter().map(|b| cp1252(*b)).collect()),
         }
+    }
+}
+
+/// Editors of DOS and CP/M mark the end of a text with 1Ah, and fill up its last sector with more of it or with zeros.
+/// Zeros alone are none of that: so ends a file that was lost with the power.
+fn without_end(bytes: &[u8]) -> &[u8] {
+    let text = bytes.iter().rposition(|byte| !matches!(byte, 0 | 0x1A)).map_or(0, |last| last + 1);
+    match bytes.split_at(text) {
+        (text, [0x1A, ..]) => text,
+        _ => bytes,
     }
 }
 
@@ -137,6 +145,13 @@ mod tests {
         // With the mark of DOS at the end.
         assert_eq!(Source::new("a", *b"L 1;\r\n\x1A").text(), "L 1;\r\n");
         assert_eq!(Source::new("a", *b"Z\xE4hler\x1A").text(), "Zähler");
+        assert_eq!(Source::new("a", *b"L 1;\r\n\x1A\x1A\x1A").text(), "L 1;\r\n");
+        assert_eq!(Source::new("a", *b"L 1;\r\n\x1A\0\0\x1A\0").text(), "L 1;\r\n");
+        assert_eq!(Source::new("a", *b"\x1A\x1A").text(), "");
+        // Neither within a text, nor zeros alone.
+        for kept in ["L 1;\x1AT MB 2;", "L 1;\0\0", "\0\x1A", ""] {
+            assert_eq!(Source::new("a", kept).text(), kept);
+        }
         // Lines of an old Mac.
         assert_eq!(Source::new("a", *b"L 1;\rT MB 2;\r").text(), "L 1;\nT MB 2;\n");
         assert_eq!(Source::new("a", *b"L 1;\r\nT MB 2;\r").text(), "L 1;\r\nT MB 2;\r");
