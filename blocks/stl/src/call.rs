@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use ob1_ir::{Arg, Call, CallMode, Number, Op, Operand, Place, Target};
-use ob1_model::{Area, BitAddr, BlockId, BlockKind, Param, Section};
+use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Param, Section};
 
 use crate::codes;
-use crate::constant::Constant;
+use crate::constant::{Constant, PointerConstant};
 use crate::diagnostic::USES;
 use crate::expand::Callee;
 use crate::fit::{Misfit, fit, misread};
@@ -231,6 +231,9 @@ impl<'l> Lowerer<'l, '_> {
             let message = format!("{} of {id} is {is}, this is {}", formal.name, value.describe());
             reader.report(span, &codes::MISREAD, message);
         }
+        if let Value::Constant(Constant::Pointer(pointer)) = value {
+            self.check_end(formal, pointer, span);
+        }
         let value = match self.reached(formal, value, id.kind.has_instance(), span)? {
             Reached::Arg(arg) => return Some(arg),
             Reached::Value(value) => value,
@@ -260,6 +263,24 @@ impl<'l> Lowerer<'l, '_> {
         }
     }
 }
+
+impl Lowerer<'_, '_> {
+    /// Warns when an ANY leads beyond the end of a data block of the program.
+    fn check_end(&mut self, formal: &Param, pointer: PointerConstant, span: Span) {
+        if formal.ty != DataType::Any || OF_PARTNER.contains(&formal.name.as_str()) {
+            return;
+        }
+        let (Some(data), Some(bits)) = (self.resolver.world.data.get(&pointer.db), pointer.any_bits()) else { return };
+        let (len, end) = (data.image.len(), (u64::from(pointer.at.0) + bits).div_ceil(8));
+        if end > len as u64 {
+            let message = format!("DB {} has {len} bytes, this goes on to byte {}", pointer.db, end - 1);
+            self.sink.report(self.index, span, &codes::BEYOND_DATA_BLOCK, message);
+        }
+    }
+}
+
+/// Parameters of GET, PUT, I_GET, I_PUT, X_GET and X_PUT that name an area of the partner.
+const OF_PARTNER: [&str; 5] = ["ADDR_1", "ADDR_2", "ADDR_3", "ADDR_4", "VAR_ADDR"];
 
 fn call_op(mode: CallMode, target: Target, instance: Option<Number>, args: Vec<Arg>) -> Op {
     Op::Call(Box::new(Call { mode, target, instance, args }))

@@ -3,6 +3,7 @@
 use ob1_model::bcd::to_bcd;
 use ob1_model::{Area, BitAddr, DataType, Layout, S5Time};
 
+use crate::parse_types::simple_type;
 use crate::source::to_byte;
 use crate::time;
 use crate::type_words::with_article;
@@ -79,9 +80,22 @@ impl PointerConstant {
         [&self.db.to_be_bytes()[..], &self.bits().to_be_bytes()].concat()
     }
 
-    /// The 10 bytes of an ANY: 10h, type, count, data block, pointer. One BYTE when no type is written.
+    /// How many bits an ANY names; `None`: elements without a length of their own.
+    pub(crate) fn any_bits(self) -> Option<u64> {
+        let (code, count) = self.any_or_byte();
+        let (name, _) = ANY_TYPES.iter().find(|(_, known)| *known == code)?;
+        let ty = simple_type(name).filter(|ty| !ty.is_parameter_type())?;
+        Some(u64::from(Layout::bits(&ty)) * u64::from(count))
+    }
+
+    /// One BYTE when no type is written.
+    fn any_or_byte(self) -> (u8, u16) {
+        self.any.or(self.own).unwrap_or((2, 1))
+    }
+
+    /// The 10 bytes of an ANY: 10h, type, count, data block, pointer.
     pub(crate) fn any_bytes(self) -> Vec<u8> {
-        let (code, count) = self.any.or(self.own).unwrap_or((2, 1));
+        let (code, count) = self.any_or_byte();
         if code == 0 {
             // The null pointer, P#P 0.0 VOID 0, has nothing but its first byte.
             return [&[0x10][..], &[0; 9]].concat();
