@@ -17,12 +17,17 @@ pub struct DriverSettings {
     pub env: Vec<(OsString, OsString)>,
 }
 
+/// A variable of the environment; an empty one counts as not set.
+pub(crate) fn set_variable(name: &str) -> Option<OsString> {
+    std::env::var_os(name).filter(|value| !value.is_empty())
+}
+
 /// A driver program: named by its variable, beside this executable, or in `PATH`.
 ///
 /// # Errors
 /// Where it was looked for.
 pub fn find_driver(name: &str, variable: &str) -> Result<PathBuf, String> {
-    if let Some(path) = std::env::var_os(variable) {
+    if let Some(path) = set_variable(variable) {
         let path = PathBuf::from(path);
         return if path.exists() {
             Ok(path)

@@ -20,7 +20,7 @@ use crate::library::{self, Choice};
 use crate::sources::Sources;
 use crate::station_file::findings::{EMPTY, MACHINE_CODE, MISPLACED, REST, UNREADABLE, unreadable};
 use crate::station_file::{self, Station};
-use crate::{files, handling_check, missing_blocks, numbers, program_files, retentive, whole_library};
+use crate::{drivers, files, handling_check, missing_blocks, numbers, program_files, retentive, whole_library};
 
 /// What a station's files give.
 #[derive(Debug)]
@@ -60,7 +60,7 @@ impl LoadFailure {
 /// `../lib/ob1` beside it.
 #[must_use]
 pub fn plugin_folders() -> Vec<PathBuf> {
-    let mut folders: Vec<PathBuf> = std::env::var_os("OB1_PLUGIN_DIR").map(PathBuf::from).into_iter().collect();
+    let mut folders: Vec<PathBuf> = drivers::set_variable("OB1_PLUGIN_DIR").map(PathBuf::from).into_iter().collect();
     if let Some(beside) = std::env::current_exe().ok().as_deref().and_then(Path::parent) {
         folders.push(beside.to_owned());
         folders.push(beside.join("../lib/ob1"));

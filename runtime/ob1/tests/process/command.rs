@@ -196,15 +196,24 @@ fn check_says_what_is_wrong_and_where() {
     assert_eq!(bench.code(&["check", "bench.toml", "bench.awl"]), Some(1));
 }
 
+/// A CP with a simulated line, without the table of that.
+const CP: &str = "
+[[module]]
+type = \"cp240\"
+name = \"cp\"
+address = 256
+line = \"sim:a\"
+params = { protocol = \"ascii\" }
+";
+
 #[test]
 fn a_simulated_line_without_its_table_is_refused_with_a_hint() {
     let bench = Bench::new();
-    let cp = "\n[[module]]\ntype = \"cp240\"\nname = \"cp\"\naddress = 256\nline = \"sim:a\"\nparams = { protocol = \"ascii\" }\n";
-    bench.write("bench.toml", &format!("{STATION}{cp}"));
+    bench.write("bench.toml", &format!("{STATION}{CP}"));
     let run = bench.ob1(&["run", "bench.toml"]);
     assert_eq!(run.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&run.stderr).contains("[[simulated_line]] with name = \"a\""), "{run:?}");
-    bench.write("bench.toml", &format!("{STATION}{cp}\n[[simulated_line]]\nname = \"a\"\n"));
+    bench.write("bench.toml", &format!("{STATION}{CP}\n[[simulated_line]]\nname = \"a\"\n"));
     assert_eq!(bench.code(&["check", "bench.toml"]), Some(0));
 }
 
@@ -333,6 +342,21 @@ fn a_program_without_ob_1_is_told() {
     }
     let output = bench.ob1(&["exec", "bench.awl", "--limit", "10ms", "--quiet"]);
     assert!(said(&output).contains("L021: the program has no OB 1"), "{output:?}");
+}
+
+#[test]
+fn an_empty_variable_counts_as_not_set() {
+    let bench = Bench::new();
+    bench.write("bench.toml", &format!("{STATION}{CP}\n[[simulated_line]]\nname = \"a\"\n"));
+    let with = |args: &[&str], variable: &str, value: &str| {
+        said(&bench.command(args).env(variable, value).output().expect("ob1 starts"))
+    };
+    let run = ["run", "bench.toml", "--scans", "3"];
+    assert!(with(&run, "OB1_CP", "/none").contains("OB1_CP names /none, which is not there"));
+    let text = with(&run, "OB1_CP", "");
+    assert!(!text.contains("OB1_CP names"), "{text}");
+    let text = with(&["check", "bench.awl", "--plugin", "none"], "OB1_PLUGIN_DIR", "");
+    assert!(text.contains("libnone.so in /"), "{text}");
 }
 
 #[test]

@@ -156,7 +156,7 @@ fn driver_settings(station: &Station, quiet: bool) -> Result<DriverSettings, Fai
     let has_cps = station.modules.iter().any(|m| m.kind.line().is_some()) || !station.simulated_lines.is_empty();
     let program = find(has_cps, "ob1-cp", "OB1_CP")?;
     let io = find(!station.buses.is_empty(), "ob1-io", "OB1_IO")?;
-    let env = if quiet && std::env::var_os("OB1_LOG").is_none() {
+    let env = if quiet && drivers::set_variable("OB1_LOG").is_none() {
         vec![("OB1_LOG".into(), "warn".into())]
     } else {
         Vec::new()
