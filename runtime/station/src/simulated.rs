@@ -47,8 +47,9 @@ pub fn add(fleet: &mut Fleet, rundir: &Path, line: &SimulatedLine, drivers: &Dri
     // Only to see that the process is alive.
     let segment = Segment::create_shared().map_err(|e| system(&e))?;
     let side = CpuSide::create(&segment, REGISTER_BYTES).map_err(|e| system(&e))?;
+    let name = format!("line {}", line.name);
     let command = DriverCommand {
-        name: format!("line {}", line.name),
+        name: name.clone(),
         program: drivers.program.clone(),
         args: vec![
             "--name".into(),
@@ -61,6 +62,7 @@ pub fn add(fleet: &mut Fleet, rundir: &Path, line: &SimulatedLine, drivers: &Dri
     };
     // It has no registers, and no scan rings for it; the supervisor's own log says what happens to it.
     let _port = fleet.add(command, segment, side.monitor().clone(), Times::default()).map_err(|e| system(&e))?;
+    fleet.ends_last(&name);
     Ok(())
 }
 

@@ -78,6 +78,26 @@ fn the_example_runs_on_its_bad_cable() {
     site.wait_until_empty();
 }
 
+/// The line ends behind its CPs: an orderly end is no fault of the line.
+#[test]
+fn the_end_of_a_station_is_no_fault_of_its_line() {
+    let site = Site::new();
+    site.write("p.awl", "ORGANIZATION_BLOCK OB 1\nBEGIN\nEND_ORGANIZATION_BLOCK\n");
+    site.write(
+        "s.toml",
+        "[station]\nname = \"ending\"\n[program]\nsources = [\"p.awl\"]\n\
+         [[module]]\ntype = \"cp240\"\nname = \"cp\"\naddress = 256\nline = \"sim:wire\"\n\
+         params = { protocol = \"ascii\" }\n\
+         [[simulated_line]]\nname = \"wire\"\n",
+    );
+    for _ in 0..5 {
+        let said = site.ob1(&["run", "s.toml", "--scans", "300"]);
+        assert_eq!(said.code, Some(0), "{said:?}");
+        assert!(said.err.contains("the line is up") && !said.err.contains("the line is gone"), "{}", said.err);
+    }
+    site.wait_until_empty();
+}
+
 #[test]
 fn a_line_outlives_the_station_that_started_it_and_its_own_death() {
     let quiet = |text: String| {

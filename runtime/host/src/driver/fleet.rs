@@ -30,6 +30,8 @@ const REPORTS: usize = 32;
 
 /// How long drivers get between end of file on stdin and SIGKILL.
 pub const STOP_WAIT: Span = Span::from_secs(2);
+/// How much of it the others have to themselves before those that end last are asked to.
+const FIRST_WAIT: Span = Span::from_secs(1);
 
 /// What the module on the scan thread gets of its driver.
 #[derive(Debug)]
@@ -116,6 +118,7 @@ struct Driver {
     reports: Producer<Report>,
     status: Arc<DriverStatus>,
     hand_over: Option<HandOver>,
+    ends_last: bool,
 }
 
 impl Fleet {
@@ -154,6 +157,7 @@ impl Fleet {
             reports: producer,
             status,
             hand_over: None,
+            ends_last: false,
         });
         Ok(port)
     }
@@ -162,6 +166,13 @@ impl Fleet {
     pub fn hand_over(&mut self, name: &str, make: HandOver) {
         if let Some(driver) = self.drivers.iter_mut().find(|driver| driver.command.name == name) {
             driver.hand_over = Some(make);
+        }
+    }
+
+    /// This driver serves others: at the stop it ends behind them, and none of them misses it.
+    pub fn ends_last(&mut self, name: &str) {
+        for driver in self.drivers.iter_mut().filter(|driver| driver.command.name == name) {
+            driver.ends_last = true;
         }
     }
 
@@ -186,8 +197,8 @@ pub struct RunningFleet {
 }
 
 impl RunningFleet {
-    /// Stops the drivers: end of file on their stdin, up to [`STOP_WAIT`] for them to end, then SIGKILL. Returns when
-    /// all are gone.
+    /// Stops the drivers: end of file on their stdin, those that serve others last, up to [`STOP_WAIT`] for all to end,
+    /// then SIGKILL. Returns when all are gone.
     pub fn stop(self) {
         drop(self);
     }
@@ -229,13 +240,23 @@ impl<C: Clock> Watch<C> {
     }
 
     fn stop(&mut self) {
-        for driver in &mut self.drivers {
-            driver.supervisor.stop();
-            // Its number now stands for the read end: rings of a scan thread that still runs go nowhere.
-            let _ = driver.doorbell.hang_up(&driver.stdin);
+        let begin = self.clock.now();
+        for (all, patience) in [(false, FIRST_WAIT), (true, STOP_WAIT)] {
+            for driver in self.drivers.iter_mut().filter(|driver| driver.ends_last == all) {
+                driver.supervisor.stop();
+                // Its number now stands for the read end: rings of a scan thread that still runs go nowhere.
+                let _ = driver.doorbell.hang_up(&driver.stdin);
+            }
+            self.wait(begin + patience, all);
         }
-        let give_up = self.clock.now() + STOP_WAIT;
-        while self.drivers.iter_mut().any(|d| !d.has_ended()) {
+        for driver in &mut self.drivers {
+            driver.end();
+        }
+    }
+
+    /// Waits for them to end: for all, or for those that do not end last.
+    fn wait(&mut self, give_up: Instant, all: bool) {
+        while self.drivers.iter_mut().any(|d| (all || !d.ends_last) && !d.has_ended()) {
             let left = give_up.since(self.clock.now());
             if left.is_zero() {
                 break;
@@ -244,12 +265,10 @@ impl<C: Clock> Watch<C> {
             let mut fds: Vec<_> = self
                 .drivers
                 .iter()
+                .filter(|d| all || !d.ends_last)
                 .filter_map(|d| Some(PollFd::new(d.process.as_ref()?.pidfd(), PollFlags::IN)))
                 .collect();
             let _ = poll(&mut fds, Some(&timeout));
-        }
-        for driver in &mut self.drivers {
-            driver.end();
         }
     }
 }
