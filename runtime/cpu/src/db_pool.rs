@@ -31,6 +31,11 @@ impl Attributes {
 }
 
 impl Made {
+    /// Bytes of the pool that are no others' while it is there.
+    fn taken(&self) -> u32 {
+        self.attributes.room(self.db.len).max(8)
+    }
+
     /// Where its load values lie: behind its bytes if it is not retentive, else they are its bytes.
     pub(crate) const fn load_values(&self) -> Range {
         let Range { at, len } = self.db.range();
@@ -67,7 +72,7 @@ impl Memory {
 
     /// The first gap in the pool that is large enough.
     fn gap(&self, len: u32) -> Option<ArenaByte> {
-        let end = |made: &Made| made.db.at.plus(made.attributes.room(made.db.len).max(8));
+        let end = |made: &Made| made.db.at.plus(made.taken());
         let mut at = self.pool.at;
         loop {
             if at.plus(len) > self.pool.end() {
@@ -136,6 +141,12 @@ impl Memory {
         self.made.iter().copied().filter(|made| made.db.number != 0 && !made.freed)
     }
 
+    /// Bytes of the pool that data blocks take, with those deleted in the running scan.
+    pub(crate) fn taken_of_pool(&self) -> u32 {
+        let taken: u32 = self.made.iter().filter(|made| made.db.number != 0).map(Made::taken).sum();
+        taken.min(self.pool.len)
+    }
+
     /// A data block the program has made.
     pub(crate) fn made_db(&self, number: u16) -> Option<Made> {
         self.made_dbs().find(|made| made.db.number == number)
@@ -186,8 +197,10 @@ mod tests {
         let mut memory = Memory::new(&config, &[], &[], &ob1_arena::Arena::new).unwrap();
         assert_eq!(memory.make_db(5, 5, 36, NON_RETAIN), Err(NoDb::Room), "it would take 80 bytes");
         assert_eq!(memory.make_db(5, 5, 18, NON_RETAIN), Ok(5));
-        assert_eq!(memory.make_db(6, 6, 24, PLAIN), Err(NoDb::Room), "48 bytes are taken");
+        assert_eq!(memory.taken_of_pool(), 48);
+        assert_eq!(memory.make_db(6, 6, 24, PLAIN), Err(NoDb::Room));
         assert_eq!(memory.make_db(6, 6, 16, PLAIN), Ok(6));
+        assert_eq!(memory.taken_of_pool(), 64);
         let (five, six) = (memory.db(5).unwrap(), memory.db(6).unwrap());
         memory.load_values_mut(5).unwrap().fill(7);
         memory.slice_mut(five.range()).fill(1);

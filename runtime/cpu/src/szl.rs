@@ -152,8 +152,7 @@ impl Machine {
     /// The work memory: all data blocks, and the room for those the program makes.
     fn memory_areas(&self, index: Option<u16>, each: Each<'_>) -> Length {
         let all = self.memory.bytes.len() as u32;
-        let made: u32 = self.memory.made.iter().filter(|m| m.db.number != 0).map(|m| m.db.len).sum();
-        let used = all - self.memory.pool.len + made;
+        let used = all - self.memory.pool.len + self.memory.taken_of_pool();
         chosen(&[1], index, &mut |index| {
             let record = Record::<36>::new().word(index).word(1).long(all).word(0b1_0001).word(0);
             each(&record.long(all).long(used).long(all - used).bytes);
