@@ -5,6 +5,7 @@ use std::net::{TcpListener, UdpSocket};
 use std::path::PathBuf;
 use std::process::Command;
 
+use ob1_log::Severity;
 use ob1_rt::{Confinement, Network};
 use rustix::net::{AddressFamily, SocketType, socket};
 use rustix::process::{Resource, Rlimit, Signal, getppid, kill_process, setrlimit};
@@ -99,7 +100,8 @@ pub fn self_test() -> bool {
     ];
     for (what, done) in tries {
         // Through the log too, because standard output is for the reader of the result.
-        ob1_log::write(format!("{} {what}\n", if done { "DONE   " } else { "refused" }).as_bytes());
+        let text = format!("{} {what}\n", if done { "DONE   " } else { "refused" });
+        ob1_log::write(Severity::Info, text.as_bytes());
     }
     tries.iter().all(|(_, done)| !done)
 }

@@ -3,11 +3,14 @@
 //! The reader of a log may be slow, stop reading or end, and a disk may be full. So only one thread writes to standard
 //! error, fed by a bounded queue: [`write`] neither waits nor fails nor panics, and what could not be written is
 //! counted in [`lost`]. Before [`start`] everything is written at once, without the thread.
+//!
+//! To the journal of systemd each line has its [`Severity`] in front, so that `journalctl -p` finds it.
 
 use std::ffi::OsStr;
 use std::fs::File;
 use std::io::{self, IsTerminal as _, Write as _};
 use std::os::fd::AsFd as _;
+use std::os::unix::fs::MetadataExt as _;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -15,8 +18,10 @@ use std::thread::Builder;
 use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, poll};
+use tracing::{Level, Metadata};
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::filter::LevelFilter;
+use tracing_subscriber::fmt::MakeWriter;
 
 /// How long what is still to be written may hold up the end of a process.
 pub const LAST_WORDS: Duration = Duration::from_millis(200);
@@ -28,6 +33,30 @@ const STACK: usize = 64 * 1024;
 const WIPE: &[u8] = b"\r\x1b[K";
 /// Between two checks of what still waits.
 const LOOK: Duration = Duration::from_millis(1);
+
+/// How bad a line is: the numbers of syslog, which the journal knows (sd-daemon(3)).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Severity {
+    /// Something does not work.
+    Error = 3,
+    /// It works, but somebody should look.
+    Warning = 4,
+    /// What happens.
+    Info = 6,
+    /// For whoever looks for a fault.
+    Debug = 7,
+}
+
+impl Severity {
+    fn of(level: Level) -> Self {
+        match level {
+            Level::ERROR => Self::Error,
+            Level::WARN => Self::Warning,
+            Level::INFO => Self::Info,
+            _ => Self::Debug,
+        }
+    }
+}
 
 enum Message {
     /// Whole lines.
@@ -60,6 +89,8 @@ fn start_with(
     if place.get().is_some() {
         return Ok(());
     }
+    // Found out here, not by the first line that somebody in a hurry writes.
+    let _ = is_journal();
     // A descriptor of its own, so that the lock of `std::io::stderr` is not held while the reader is waited for.
     let file = File::from(io::stderr().as_fd().try_clone_to_owned()?);
     let (sender, messages) = sync_channel(QUEUE);
@@ -76,7 +107,7 @@ pub fn subscribe(level: &str) -> Option<String> {
     let (filter, wrong) = filter(told.as_deref().unwrap_or_default(), level);
     let _ = tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_writer(|| Log)
+        .with_writer(Log(Severity::Info))
         .with_ansi(is_coloured(is_terminal()))
         .with_target(false)
         .try_init();
@@ -99,12 +130,44 @@ fn filter(told: &str, level: &str) -> (EnvFilter, Option<String>) {
 }
 
 /// Writes a text of whole lines, or counts it as lost. Never waits once [`start`] has been called.
-pub fn write(text: &[u8]) {
+pub fn write(severity: Severity, text: &[u8]) {
+    let text = if is_journal() { marked(severity, text) } else { text.to_vec() };
     if let Some(sender) = SENDER.get() {
-        hand_over(sender, Message::Text(text.to_vec()));
-    } else if io::stderr().lock().write_all(text).is_err() {
+        hand_over(sender, Message::Text(text));
+    } else if io::stderr().lock().write_all(&text).is_err() {
         LOST.fetch_add(1, Ordering::Relaxed);
     }
+}
+
+/// The text with the severity in front of each line: for the journal each line is an entry of its own.
+fn marked(severity: Severity, text: &[u8]) -> Vec<u8> {
+    let mark = format!("<{}>", severity as u8);
+    let mut marked = Vec::with_capacity(text.len() + mark.len());
+    for line in text.split_inclusive(|byte| *byte == b'\n') {
+        // The journal leaves out an empty line.
+        if line != b"\n" {
+            marked.extend_from_slice(mark.as_bytes());
+        }
+        marked.extend_from_slice(line);
+    }
+    marked
+}
+
+/// Whether standard error is the journal of systemd. `JOURNAL_STREAM` names the stream a service was given; whoever
+/// has redirected standard error since then, to a file or a pipe, has another one (systemd.exec(5)).
+fn is_journal() -> bool {
+    static IS_JOURNAL: OnceLock<bool> = OnceLock::new();
+    *IS_JOURNAL.get_or_init(|| {
+        let Some(told) = std::env::var_os("JOURNAL_STREAM") else { return false };
+        let ours = io::stderr().as_fd().try_clone_to_owned().and_then(|fd| File::from(fd).metadata());
+        ours.is_ok_and(|ours| names(&told.to_string_lossy(), ours.dev(), ours.ino()))
+    })
+}
+
+/// Whether `DEVICE:INODE`, in decimal, names this file.
+fn names(told: &str, device: u64, inode: u64) -> bool {
+    let Some((first, second)) = told.split_once(':') else { return false };
+    first.parse::<u64>() == Ok(device) && second.parse::<u64>() == Ok(inode)
 }
 
 /// Shows a line below the log, in place of the one before; empty: wipes it. For terminals; left out while texts wait.
@@ -139,13 +202,25 @@ pub fn flush(patience: Duration) {
     }
 }
 
-/// A writer of log lines.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Log;
+/// A writer of log lines of this severity, and the maker of one for each line.
+#[derive(Clone, Copy, Debug)]
+struct Log(Severity);
+
+impl<'a> MakeWriter<'a> for Log {
+    type Writer = Self;
+
+    fn make_writer(&'a self) -> Self::Writer {
+        *self
+    }
+
+    fn make_writer_for(&'a self, line: &Metadata<'_>) -> Self::Writer {
+        Self(Severity::of(*line.level()))
+    }
+}
 
 impl io::Write for Log {
     fn write(&mut self, text: &[u8]) -> io::Result<usize> {
-        write(text);
+        write(self.0, text);
         Ok(text.len())
     }
 
@@ -176,7 +251,7 @@ pub fn tell_panics() {
     std::panic::set_hook(Box::new(|panic| {
         let thread = std::thread::current();
         let name = thread.name().unwrap_or("a thread");
-        write(format!("ob1: internal error: {name}: {panic}\n").as_bytes());
+        write(Severity::Error, format!("ob1: internal error: {name}: {panic}\n").as_bytes());
     }));
 }
 
@@ -253,6 +328,28 @@ mod tests {
         hand_over(place.get().expect("there"), Message::Live(Vec::new()));
         assert!(taken.expect("the thread's end").try_recv().is_ok());
         WAITING.fetch_sub(1, Ordering::Relaxed);
+    }
+
+    #[test]
+    fn each_line_for_the_journal_has_its_severity_in_front() {
+        for (level, text, marks) in [
+            (Level::ERROR, "a\n", "<3>a\n"),
+            (Level::WARN, "a\n  = b\n", "<4>a\n<4>  = b\n"),
+            (Level::INFO, "\na\n\nb", "\n<6>a\n\n<6>b"),
+            (Level::DEBUG, "a\n", "<7>a\n"),
+            (Level::TRACE, "", ""),
+        ] {
+            let marked = marked(Severity::of(level), text.as_bytes());
+            assert_eq!(String::from_utf8(marked).expect("text"), marks, "{text:?}");
+        }
+    }
+
+    #[test]
+    fn only_the_stream_that_is_named_is_the_journal() {
+        assert!(names("8:1234", 8, 1234));
+        for other in ["", "8", "8:", ":1234", "8:1235", "9:1234", "8:1234:1", " 8:1234", "a:b"] {
+            assert!(!names(other, 8, 1234), "{other}");
+        }
     }
 
     #[test]

@@ -4,7 +4,7 @@
 // Everything goes through one place that neither panics nor waits forever.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
-#[macro_use(say, says, err, errs)]
+#[macro_use(say, says, err, errs, note)]
 extern crate ob1_station;
 
 pub mod bus;

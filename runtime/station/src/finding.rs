@@ -3,6 +3,7 @@
 use std::fmt::{self, Write as _};
 use std::ops::Range;
 
+use ob1_log::Severity;
 use ob1_stl::{excerpt, printable};
 use serde::Serialize;
 
@@ -28,6 +29,16 @@ impl Level {
             Level::Error => "error",
             Level::Warning => "warning",
             Level::Lint => "lint",
+        }
+    }
+
+    /// The same in the words of the log.
+    #[must_use]
+    pub const fn severity(self) -> Severity {
+        match self {
+            Level::Error => Severity::Error,
+            Level::Warning => Severity::Warning,
+            Level::Lint => Severity::Info,
         }
     }
 }

@@ -11,6 +11,8 @@ use std::sync::Mutex;
 use std::sync::mpsc;
 use std::time::Duration;
 
+pub use ob1_log::Severity;
+
 use crate::exit::Exit;
 
 /// How long the last words of a process may hold up its end.
@@ -40,16 +42,26 @@ macro_rules! says {
     ($($text:tt)*) => { $crate::out::print(format_args!($($text)*)) };
 }
 
-/// A line on standard error.
+/// A line on standard error that says what is wrong.
 #[macro_export]
 macro_rules! err {
-    ($($text:tt)*) => { $crate::out::tell(format_args!("{}\n", format_args!($($text)*))) };
+    ($($text:tt)*) => {
+        $crate::out::tell($crate::out::Severity::Error, format_args!("{}\n", format_args!($($text)*)))
+    };
 }
 
-/// Text on standard error.
+/// A line on standard error that says how it goes.
+#[macro_export]
+macro_rules! note {
+    ($($text:tt)*) => {
+        $crate::out::tell($crate::out::Severity::Info, format_args!("{}\n", format_args!($($text)*)))
+    };
+}
+
+/// Text on standard error that says what is wrong.
 #[macro_export]
 macro_rules! errs {
-    ($($text:tt)*) => { $crate::out::tell(format_args!($($text)*)) };
+    ($($text:tt)*) => { $crate::out::tell($crate::out::Severity::Error, format_args!($($text)*)) };
 }
 
 fn with_stdout(work: impl FnOnce(&mut io::StdoutLock<'_>) -> io::Result<()>) {
@@ -92,9 +104,9 @@ pub fn print_at_the_end(text: String) {
     }
 }
 
-/// Text on standard error, through [`ob1_log`]; what [`err`](crate::err) does.
-pub fn tell(text: fmt::Arguments<'_>) {
-    ob1_log::write(text.to_string().as_bytes());
+/// Text on standard error, through [`ob1_log`]; what [`err`](crate::err) and [`note`](crate::note) do.
+pub fn tell(severity: Severity, text: fmt::Arguments<'_>) {
+    ob1_log::write(severity, text.to_string().as_bytes());
 }
 
 /// The last thing a command does: what is still in buffers is written, and the exit code says whether it was.
@@ -108,7 +120,7 @@ pub fn finish(exit: ExitCode) -> ExitCode {
             }
         }
         if let Stdout::Failed(error) = &*state {
-            tell(format_args!("ob1: standard output: {error}\n"));
+            tell(Severity::Error, format_args!("ob1: standard output: {error}\n"));
             ob1_log::flush(LAST_WORDS);
             return if exit == Exit::Ok.into() { Exit::System.into() } else { exit };
         }

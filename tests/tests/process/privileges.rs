@@ -2,6 +2,7 @@
 //! inside.
 
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::fs;
 use std::os::unix::fs::{PermissionsExt as _, chown};
 use std::path::Path;
@@ -36,7 +37,8 @@ fn assert_least(kind: &str, pid: u32, data: u64, oom: i64) {
     }
     for variable in words(pid, "environ") {
         let name = variable.split('=').next().unwrap_or_default().to_owned();
-        assert!(["PATH", "XDG_RUNTIME_DIR", "OB1_LOG", "OB1_FENCE"].contains(&name.as_str()), "{kind}: {variable}");
+        let known = ["PATH", "XDG_RUNTIME_DIR", "OB1_LOG", "JOURNAL_STREAM", "OB1_FENCE"];
+        assert!(known.contains(&name.as_str()), "{kind}: {variable}");
     }
     let limits = fs::read_to_string(format!("/proc/{pid}/limits")).expect("a living process");
     let limit = limits.lines().find(|line| line.starts_with("Max data size")).expect("a limit");
@@ -84,9 +86,10 @@ fn drivers_lines_and_guardian_have_the_least_that_they_need() {
     // A shell that passes on an open descriptor.
     let mut leaky = site.command("sh");
     let ob1 = program("ob1");
+    leaky.env("JOURNAL_STREAM", "1:2");
     leaky.args(["-c", "exec 9</etc/passwd; exec \"$0\" run station-a.toml"]).arg(&ob1);
     let a = common::station::Running::start_command(&site, "station-a.toml", leaky).until_run();
-    let b = site.run("station-b.toml").until_run();
+    let b = site.run_with("station-b.toml", &[], &[("JOURNAL_STREAM", OsStr::new("1:2"))]).until_run();
     ledger::flow(&a, 5);
     let mut seen = BTreeMap::<&str, usize>::new();
     for process in site.processes() {
@@ -100,6 +103,8 @@ fn drivers_lines_and_guardian_have_the_least_that_they_need() {
         };
         *seen.entry(kind).or_default() += 1;
         assert_least(kind, pid, 64 * MIB, if kind == "guardian" { -500 } else { 500 });
+        let environment = words(pid, "environ");
+        assert!(environment.contains(&"JOURNAL_STREAM=1:2".to_owned()), "{kind}: {environment:?}");
         let open = fs::read_dir(format!("/proc/{pid}/fd")).expect("ours");
         for link in open.flatten().filter_map(|entry| fs::read_link(entry.path()).ok()) {
             assert_ne!(link, Path::new("/etc/passwd"), "{kind}: a descriptor that is not its own");

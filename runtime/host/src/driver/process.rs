@@ -35,9 +35,13 @@ pub struct DriverCommand {
     pub descriptors: Vec<Arc<OwnedFd>>,
 }
 
-/// What of our environment a child gets: where programs are, whose it is, how much it logs.
+/// Variables of our environment that a child gets: where programs are, whose it is, how much it logs, and which stream
+/// is the journal.
+const KEPT: [&str; 4] = ["PATH", "XDG_RUNTIME_DIR", "OB1_LOG", "JOURNAL_STREAM"];
+
+/// What of our environment a child gets.
 pub fn kept_environment() -> impl Iterator<Item = (&'static str, OsString)> {
-    ["PATH", "XDG_RUNTIME_DIR", "OB1_LOG"].into_iter().filter_map(|name| Some((name, std::env::var_os(name)?)))
+    KEPT.into_iter().filter_map(|name| Some((name, std::env::var_os(name)?)))
 }
 
 /// A process that runs, and the descriptor that says when it no longer does.

@@ -94,7 +94,7 @@ fn try_exec(args: &ExecArgs) -> Result<ExecExit, Failure> {
     }
     // It names the exit code, which is certain only now.
     if !args.quiet {
-        err!("{}", ended_text(exit, stats.scans, clock.now()));
+        note!("{}", ended_text(exit, stats.scans, clock.now()));
     }
     Ok(exit)
 }

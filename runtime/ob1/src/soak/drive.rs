@@ -194,7 +194,7 @@ impl Soak<'_> {
                 if !self.args.quiet && !self.line.is_on() {
                     let report = &measurement.report;
                     if let Some(timing) = &report.timing {
-                        err!("{}", text::live(report.wanted_ns, elapsed.as_nanos() as u64, timing, &report.telegrams));
+                        note!("{}", text::live(report.wanted_ns, elapsed.as_nanos() as u64, timing, &report.telegrams));
                     }
                 }
             }
@@ -239,7 +239,7 @@ impl Soak<'_> {
         }
         self.write(&mut report, &self.args.budget)?;
         if !self.args.quiet {
-            err!("report: {}", self.files.path("html").display());
+            note!("report: {}", self.files.path("html").display());
         }
         Ok(report)
     }

@@ -2,11 +2,12 @@
 
 use std::fs::File;
 use std::io::{self, Write as _};
+use std::os::unix::fs::MetadataExt as _;
 use std::process::{Child, ChildStderr, Command, ExitStatus, Stdio};
 
 use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 
-use crate::bench::{Bench, PROGRAM, Station, until};
+use crate::bench::{Bench, PROGRAM, STATION, STIMULUS, Station, until};
 
 /// The writing end of a pipe that takes no byte more, and its reading end.
 fn full_pipe() -> (io::PipeReader, io::PipeWriter) {
@@ -96,6 +97,34 @@ fn a_log_that_nobody_reads_holds_nothing_up() {
     assert_eq!(station.child.wait().expect("it ends").code(), Some(0));
     assert!(!bench.rundir().exists());
     drop(reader);
+}
+
+/// A service has a stream of the journal as standard error, and `JOURNAL_STREAM` names it; here a file stands for it.
+#[test]
+fn each_line_for_the_journal_begins_with_its_priority() {
+    let bench = Bench::new();
+    let path = bench.folder.path().join("log");
+    let told = |stream: &str, args: &[&str]| {
+        let log = File::create(&path).expect("writable");
+        let own = log.metadata().expect("a file");
+        let stream = stream.replace("OWN", &format!("{}:{}", own.dev(), own.ino()));
+        run(&bench, args).env("JOURNAL_STREAM", stream).stderr(log).status().expect("ob1 starts");
+        std::fs::read_to_string(&path).expect("a log")
+    };
+    let well = told("OWN", &["--scans", "5"]);
+    assert!(well.lines().any(|line| line.starts_with("<6>") && line.contains("station bench, process")), "{well}");
+    assert!(well.lines().all(|line| line.is_empty() || line.starts_with('<')), "{well}");
+    // Somebody has redirected standard error.
+    let elsewhere = told("1:2", &["--scans", "5"]);
+    assert!(elsewhere.lines().all(|line| !line.starts_with('<')), "{elsewhere}");
+    // A message of several lines, and a warning.
+    bench.write("bench.toml", &STATION.replace("[program]", "[program]\nsuorces = []"));
+    let wrong = told("OWN", &["--scans", "5"]);
+    assert!(wrong.lines().filter(|line| line.starts_with("<3>")).count() > 1, "{wrong}");
+    bench.write("bench.toml", STATION);
+    bench.write("panel.toml", &STIMULUS.replace("EW 0", "EW 50"));
+    let warned = told("OWN", &["--scans", "1"]);
+    assert!(warned.lines().any(|line| line.starts_with("<4>") && line.contains("panel.toml")), "{warned}");
 }
 
 fn ends(child: io::Result<Child>) -> (ExitStatus, String) {

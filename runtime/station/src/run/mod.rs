@@ -75,7 +75,7 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
     // Lints are for `check`. That nothing will be executed is always reported.
     let told = |f: &&Finding| f.level != Level::Lint && (!options.quiet || f.code == program::NO_OB1);
     for finding in loaded.findings.iter().chain(&devices).filter(told) {
-        err!("{finding}");
+        out::tell(finding.level.severity(), format_args!("{finding}\n"));
     }
     let rundir = RunDir::claim(&station.name).map_err(|error| {
         let exit = if matches!(error, RunDirError::Running { .. }) { Exit::Running } else { Exit::System };

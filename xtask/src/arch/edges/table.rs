@@ -24,7 +24,7 @@ pub(super) const TABLE: &[Row] = &[
     row("ob1-arena", "invariant 2", &[]),
     // It runs the system blocks as native blocks: they are pure functions.
     row("ob1-cpu", "invariant 2", &["ob1-arena", "ob1-model", "ob1-ir", "ob1-std", "ob1-time", "rtrb"]),
-    row("ob1-log", "invariant 4", &["rustix", "tracing-subscriber"]),
+    row("ob1-log", "invariant 4", &["rustix", "tracing", "tracing-subscriber"]),
     // The only crate that generates machine code.
     row(
         "ob1-native",
