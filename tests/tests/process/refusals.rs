@@ -73,7 +73,7 @@ fn a_missing_plugin_is_refused() {
             let said = site.ob1(&[verb, "small.toml"]);
             assert_eq!(said.code, Some(if verb == "run" { 4 } else { 1 }), "{verb} {plugin}: {said:?}");
             let text = format!("{}{}", said.out, said.err);
-            assert!(text.contains("small.toml:8: error P001") && text.contains(reason), "{verb} {plugin}: {said:?}");
+            assert!(text.contains("small.toml:8:8: error P001") && text.contains(reason), "{verb} {plugin}: {said:?}");
         }
     }
     nothing_left(&site);
