@@ -79,7 +79,7 @@ pub enum FaultKind {
     PeripheralRead,
     /// 2943h: peripheral write without a module, or the module does not answer.
     PeripheralWrite,
-    /// 2575h (ours): blocks nested deeper than the CPU allows, or no local data left.
+    /// 2575h (ours): blocks nested deeper than the CPU allows, or no local data left. An S7-400 has 3575h and 3576h.
     NestingDepth,
 }
 
@@ -251,6 +251,10 @@ impl Event {
     pub const STOP_ABORTED: Event = Event(0x4570);
     /// A block was aborted: an error in an OB that handles a synchronous error.
     pub const SYNCHRONOUS_NESTING: Event = Event(0x3573);
+    /// A block was aborted: blocks are nested too deep (S7-400).
+    pub const BLOCKS_TOO_DEEP: Event = Event(0x3575);
+    /// A block was aborted: no local data is left (S7-400).
+    pub const NO_LOCAL_DATA: Event = Event(0x3576);
     /// Cycle time exceeded.
     pub const CYCLE_TIME_EXCEEDED: Event = Event(0x3501);
     /// An OB is requested that is still being executed.
@@ -321,7 +325,7 @@ impl Event {
     pub const ENGINES_DIFFER: Event = Event(0xF401);
 
     /// Every event with a name that is not a fault.
-    pub const ALL: [Event; 47] = [
+    pub const ALL: [Event; 49] = [
         Event::STARTUP,
         Event::RUN,
         Event::STOP_OPERATOR,
@@ -335,6 +339,8 @@ impl Event {
         Event::STOP_RACK_FAILURE,
         Event::STOP_ABORTED,
         Event::SYNCHRONOUS_NESTING,
+        Event::BLOCKS_TOO_DEEP,
+        Event::NO_LOCAL_DATA,
         Event::CYCLE_TIME_EXCEEDED,
         Event::OB_STILL_RUNS,
         Event::TIME_OF_DAY_SKIPPED,
@@ -388,6 +394,8 @@ impl Event {
             0x456F => "STOP by rack failure, OB 86 not loaded",
             0x4570 => "STOP, a block was aborted, OB 88 not loaded or not possible",
             0x3573 => "a block was aborted, synchronous errors nested too deep",
+            0x3575 => "a block was aborted, blocks nested too deep",
+            0x3576 => "a block was aborted, no local data left",
             0x3501 => "cycle time exceeded",
             0x3502 => "OB requested while it is still being executed",
             0x3505 => "time-of-day interrupt skipped, the clock was set forward",

@@ -78,7 +78,9 @@ impl Event {
                 "Repair the module and the channel that it names (s slot, c channel, e error type); the log of the bus \
                  describes the fault in words, SFC 13 reads the whole diagnosis."
             }
-            Event::STOP_ABORTED | Event::SYNCHRONOUS_NESTING => {
+            Event::BLOCKS_TOO_DEEP | Event::NO_LOCAL_DATA => FaultKind::NestingDepth.remedy(),
+            Event::STOP_ABORTED => "Correct what the entry before names; with OB 88 the program continues without it.",
+            Event::SYNCHRONOUS_NESTING => {
                 "Correct the faulty statement in OB 121 or OB 122; with OB 88 the program continues without it."
             }
             Event::CYCLE_TIME_EXCEEDED => {

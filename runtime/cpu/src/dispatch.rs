@@ -12,7 +12,7 @@ use crate::interrupts::{Hardware, Passed, Request, SLOTS, ob_of, priority_of};
 use crate::native;
 use crate::services::period_word;
 use crate::whereabouts::Packed;
-use crate::{Abort, ObInfo};
+use crate::{Abort, Family, ObInfo};
 
 impl Context<'_> {
     /// Runs the interrupt of the highest class that is due, when it is above the running class. False when there was
@@ -89,7 +89,11 @@ impl Context<'_> {
     pub(crate) fn run_ob(&mut self, callee: Callee, info: ObInfo) -> Result<(), Abort> {
         let machine = &mut *self.machine;
         let Some(at) = machine.memory.local.locate(machine.hot.local_top, 20) else {
-            self.stop(Event(FaultKind::NestingDepth.number()), u32::from(info.number), "no local data left");
+            let event = match machine.config.family {
+                Family::S7_300 => Event(FaultKind::NestingDepth.number()),
+                Family::S7_400 => Event::STOP_ABORTED,
+            };
+            self.stop(event, u32::from(info.number), "no local data left");
             return Err(Abort);
         };
         if machine.config.ob_start_info {

@@ -1,7 +1,7 @@
 //! Events that call an organization block at once: programming, access and time errors, diagnosis of modules, lost
 //! stations, image errors. ["Organization Blocks" of the system software reference]
 
-use ob1_model::{Access, BlockId, BlockKind, Event, Fault, Site};
+use ob1_model::{Access, BlockId, BlockKind, Event, Fault, FaultKind, Site};
 
 use crate::engine::{Callee, Interrupted};
 use crate::interrupts::{ob_of, priority_of};
@@ -147,10 +147,21 @@ impl Context<'_> {
         let callee = self.blocks.ob(number);
         // OB 121 and OB 122 do not handle their own errors. A higher class that interrupts them has its own.
         let nested = matches!(self.machine.ob.number, 121 | 122);
-        let entry = DiagEntry::new(self.machine.hot.now, fault.kind.into(), fault.number, ShortText::default());
+        let aborts = self.machine.config.family == Family::S7_400;
+        let full = (fault.kind == FaultKind::NestingDepth && aborts).then(|| self.machine.full());
+        let event = full.unwrap_or(fault.kind.into());
+        let entry = DiagEntry::new(self.machine.hot.now, event, fault.number, ShortText::default());
         self.machine.diag.push(DiagEntry { site, accus: [a1, a2], ..entry });
-        if nested && self.machine.config.family == Family::S7_400 {
-            return self.aborted(site);
+        if let Some(event) = full {
+            // The block that finds no room is the one that is aborted: its caller continues behind the call.
+            return self.processing_aborted(event, site).map(|()| None);
+        }
+        if nested && aborts {
+            let event = Event::SYNCHRONOUS_NESTING;
+            self.machine.enter(event, site, u32::from(self.machine.ob.number), ShortText::default());
+            self.processing_aborted(event, site)?;
+            self.machine.aborted = true;
+            return Err(Abort);
         }
         let (Some(callee), false) = (callee, nested) else {
             let event = if number == 121 { Event::STOP_PROGRAMMING_ERROR } else { Event::STOP_ACCESS_ERROR };
@@ -177,31 +188,28 @@ impl Context<'_> {
         }
     }
 
-    /// An S7-400 aborts an OB for a synchronous error that makes an error itself, and calls OB 88: the block that was
-    /// interrupted continues then. STOP without OB 88, or when it is OB 88 whose error was handled. ["Processing
-    /// Interrupt OB (OB 88)" of the system software reference]
-    fn aborted(&mut self, site: Option<Site>) -> Result<Option<u32>, Abort> {
-        let event = Event::SYNCHRONOUS_NESTING;
-        self.machine.enter(event, site, u32::from(self.machine.ob.number), ShortText::default());
-        if !self.disabled(88) {
-            let running = self.machine.is_active(&[88]);
-            let (Some(callee), false) = (self.blocks.ob(88), running) else {
-                let text = if running { "an error while OB 88 runs" } else { "no OB 88" };
-                self.stop(Event::STOP_ABORTED, u32::from(event.0), text);
-                return Err(Abort);
-            };
-            let [class, id] = event.0.to_be_bytes();
-            let mut start = self.start_info(class, id, ABORTED, 88);
-            (start[4], start[6], start[7]) = (0, self.machine.ob.priority, self.machine.ob.number as u8);
-            if let Some(site) = site {
-                start[4] = block_code(site.block.kind);
-                start[8..10].copy_from_slice(&site.block.number.to_be_bytes());
-                start[10..12].copy_from_slice(&(site.line as u16).to_be_bytes());
-            }
-            self.run_ob(callee, ObInfo { number: 88, priority: ABORTED, start })?;
+    /// An S7-400 has aborted a block, for an error in an OB for synchronous errors or because there is no room for one
+    /// block more: OB 88, and the program continues. STOP without OB 88, or while that runs. ["Processing Interrupt OB
+    /// (OB 88)" of the system software reference]
+    fn processing_aborted(&mut self, event: Event, site: Option<Site>) -> Result<(), Abort> {
+        if self.disabled(88) {
+            return Ok(());
         }
-        self.machine.aborted = true;
-        Err(Abort)
+        let running = self.machine.is_active(&[88]);
+        let (Some(callee), false) = (self.blocks.ob(88), running) else {
+            let text = if running { "an error while OB 88 runs" } else { "no OB 88" };
+            self.stop(Event::STOP_ABORTED, u32::from(event.0), text);
+            return Err(Abort);
+        };
+        let [class, id] = event.0.to_be_bytes();
+        let mut start = self.start_info(class, id, ABORTED, 88);
+        (start[4], start[6], start[7]) = (0, self.machine.ob.priority, self.machine.ob.number as u8);
+        if let Some(site) = site {
+            start[4] = block_code(site.block.kind);
+            start[8..10].copy_from_slice(&site.block.number.to_be_bytes());
+            start[10..12].copy_from_slice(&(site.line as u16).to_be_bytes());
+        }
+        self.run_ob(callee, ObInfo { number: 88, priority: ABORTED, start })
     }
 
     /// OB 82 for the module at `address` with the first four bytes of its diagnostic data; without OB 82 STOP: "if no

@@ -133,6 +133,12 @@ impl Machine {
         obs.iter().any(|ob| self.active >> ob & 1 == 1)
     }
 
+    /// Why there is no room for one block more: what an S7-400 says of it.
+    pub(crate) fn full(&self) -> Event {
+        let too_deep = self.hot.depth >= u32::from(self.config.nesting_depth);
+        if too_deep { Event::BLOCKS_TOO_DEEP } else { Event::NO_LOCAL_DATA }
+    }
+
     /// Reads peripheral bytes.
     pub(crate) fn io_read(&mut self, address: u32, into: &mut [u8]) -> Result<(), IoError> {
         if self.config.peripheral_from_image {

@@ -227,6 +227,42 @@ fn an_s7_400_aborts_the_handler_and_calls_ob_88() {
     });
 }
 
+/// OB 121 has no part in it, and the caller of the block that was aborted continues.
+#[test]
+fn an_s7_400_calls_ob_88_when_there_is_no_room_for_one_block_more() {
+    on_each_engine(|| {
+        let long = |place| Operand { width: Width::DWord, place };
+        let keep = (0..3).flat_map(|i| [load(long(l(4 * i, 0))), transfer(long(m(100 + 4 * i, 0)))]);
+        let handler = block(ob(88), Interface::default(), keep.collect());
+        let other = block(ob(121), Interface::default(), vec![c(8), transfer(mb(1))]);
+        let main = ob1(vec![uc(CallMode::Unconditional, fc(1)), c(7), transfer(mb(0))]);
+        let deep = block(fc(1), Interface::default(), vec![uc(CallMode::Unconditional, fc(1))]);
+        // A hundred bytes each.
+        let long_local =
+            vec![load(Operand { width: Width::Byte, place: l(99, 0) }), uc(CallMode::Unconditional, fc(1))];
+        let wide = block(fc(1), Interface::default(), long_local);
+        let small = ob1_cpu::CpuConfig { local_bytes: 512, ..ob1_cpu::CpuConfig::of(ob1_cpu::Family::S7_400) };
+        let large = ob1_cpu::CpuConfig::of(ob1_cpu::Family::S7_400);
+        for (config, called, event, line) in [(large, deep, 0x3575, 1), (small, wide, 0x3576, 2)] {
+            let run = |blocks| {
+                let cpu = ob1_cpu::Cpu::new(config.clone(), &program(blocks, vec![]), vec![], vec![], common::engine());
+                let mut bench = Bench::with(cpu.expect("it loads"));
+                let state = bench.cycle().state;
+                (bench, state)
+            };
+            let (mut bench, state) = run(vec![main.clone(), called.clone(), other.clone(), handler.clone()]);
+            assert_eq!((state, bench.events()[0]), (OperatingState::Run, event));
+            assert_eq!((bench.mb(0), bench.mb(1)), (7, 0));
+            assert_eq!(
+                (bench.md(100), bench.md(104), bench.md(108)),
+                (u32::from(event) << 16 | 0x1C58, 0x8C00_0101, 1 << 16 | line)
+            );
+            let (bench, state) = run(vec![main.clone(), called, other.clone()]);
+            assert_eq!((state, &bench.events()[..2]), (OperatingState::Stop, &[0x4570, event][..]));
+        }
+    });
+}
+
 #[test]
 fn register_indirect_access_reaches_the_last_byte_and_no_further() {
     on_each_engine(|| {
