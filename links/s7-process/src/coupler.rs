@@ -29,7 +29,8 @@ enum Socket {
     /// It is being made.
     Coming(TcpStream),
     Up(TcpStream),
-    Datagrams(UdpSocket),
+    /// With the address of the partner: telegrams from others are ignored.
+    Datagrams(UdpSocket, SocketAddr),
 }
 
 /// The sockets of a connection.
@@ -82,7 +83,7 @@ impl Network for Sockets {
     }
 
     fn close(&mut self, index: usize) {
-        if let Some(line) = self.lines.get_mut(index).filter(|line| !matches!(line.socket, Socket::Datagrams(_))) {
+        if let Some(line) = self.lines.get_mut(index).filter(|line| !matches!(line.socket, Socket::Datagrams(..))) {
             line.socket = Socket::None;
         }
     }
@@ -104,16 +105,19 @@ impl Network for Sockets {
     }
 
     fn datagram(&mut self, index: usize, bytes: &[u8]) {
-        if let Some(Socket::Datagrams(socket)) = self.lines.get(index).map(|line| &line.socket) {
-            let _ = socket.send(bytes);
+        if let Some(Socket::Datagrams(socket, partner)) = self.lines.get(index).map(|line| &line.socket) {
+            let _ = socket.send_to(bytes, *partner);
         }
     }
 
     fn receive(&mut self, index: usize, into: &mut [u8]) -> Received {
         loop {
             let read = match self.lines.get_mut(index).map(|line| &mut line.socket) {
-                // The answer to a datagram: nobody is listening there at the moment.
-                Some(Socket::Datagrams(socket)) => return socket.recv(into).map_or(Received::Nothing, Received::Bytes),
+                Some(Socket::Datagrams(socket, partner)) => match socket.recv_from(into) {
+                    Ok((len, from)) if is_same(from, *partner) => return Received::Bytes(len),
+                    // Or the answer to a datagram: nobody is listening there at the moment.
+                    Ok(_) | Err(_) => return Received::Nothing,
+                },
                 Some(Socket::Up(stream)) => stream.read(into),
                 _ => return Received::Nothing,
             };
@@ -154,7 +158,10 @@ impl Coupler {
         let line = |keys: &ConnectionKeys| {
             let handed = keys.socket.and_then(|at| sockets.get_mut(at)).and_then(Option::take);
             let (socket, listener) = match handed {
-                Some(fd) if keys.kind() == ConnectionKind::Udp => (Socket::Datagrams(UdpSocket::from(fd)), None),
+                Some(fd) if keys.kind() == ConnectionKind::Udp => {
+                    let of = |partner| Socket::Datagrams(UdpSocket::from(fd), partner);
+                    (keys.partner().map_or(Socket::None, of), None)
+                }
                 handed => (Socket::None, handed),
             };
             Line { socket, listener, active: keys.spec().active }
@@ -210,7 +217,7 @@ impl Coupler {
                     flags.set(PollFlags::OUT, self.cp.wants_write(index));
                     Some(stream.as_fd())
                 }
-                Socket::Datagrams(socket) => {
+                Socket::Datagrams(socket, _) => {
                     flags = PollFlags::IN;
                     Some(socket.as_fd())
                 }
@@ -306,6 +313,11 @@ pub(crate) fn keep_alive(socket: &OwnedFd) {
     let _ = sockopt::set_tcp_keepcnt(socket, 3);
 }
 
+/// Whether both are the same address and port; IPv4 has two forms on a socket of IPv6.
+fn is_same(one: SocketAddr, other: SocketAddr) -> bool {
+    one.ip().to_canonical() == other.ip().to_canonical() && one.port() == other.port()
+}
+
 /// Begins a TCP connection.
 fn begin(partner: SocketAddr) -> Result<TcpStream, Errno> {
     let family = if partner.is_ipv4() { AddressFamily::INET } else { AddressFamily::INET6 };
@@ -316,5 +328,37 @@ fn begin(partner: SocketAddr) -> Result<TcpStream, Errno> {
     match connect(&socket, &partner) {
         Ok(()) | Err(Errno::INPROGRESS | Errno::INTR) => Ok(TcpStream::from(socket)),
         Err(error) => Err(error),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn datagrams(partner: SocketAddr) -> (Sockets, SocketAddr) {
+        let socket = UdpSocket::bind("127.0.0.1:0").expect("a port");
+        socket.set_nonblocking(true).expect("a socket");
+        let at = socket.local_addr().expect("bound");
+        let line = Line { socket: Socket::Datagrams(socket, partner), listener: None, active: false };
+        (Sockets { lines: vec![line], tap: None }, at)
+    }
+
+    /// Also as long as the runtime could not connect the socket to the partner.
+    #[test]
+    fn telegrams_come_from_the_partner_alone() {
+        let partner = UdpSocket::bind("127.0.0.1:0").expect("a port");
+        let stranger = UdpSocket::bind("127.0.0.1:0").expect("a port");
+        let (mut sockets, at) = datagrams(partner.local_addr().expect("bound"));
+        let mut into = [0; 8];
+        stranger.send_to(b"strange", at).expect("sent");
+        partner.send_to(b"known", at).expect("sent");
+        assert!(matches!(sockets.receive(0, &mut into), Received::Nothing));
+        assert!(matches!(sockets.receive(0, &mut into), Received::Bytes(5)));
+        assert_eq!(into.get(..5), Some(&b"known"[..]));
+        sockets.datagram(0, b"answer");
+        assert_eq!(partner.recv(&mut into).expect("an answer"), 6);
+        let mapped = "[::ffff:192.0.2.9]:2000".parse().expect("an address");
+        assert!(is_same(mapped, "192.0.2.9:2000".parse().expect("an address")));
+        assert!(!is_same(mapped, "192.0.2.9:2001".parse().expect("an address")));
     }
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 use ob1_backplane::IoField;
 
 use crate::common::native;
+use crate::common::s7::free_port;
 use crate::common::site::{Site, replaced};
 use crate::common::station::Running;
 
@@ -61,6 +62,25 @@ fn a_quiet_run_names_the_cp_whose_line_is_gone() {
     for name in ["left", "right"] {
         assert!(said.err.contains(&format!("cp{{name=\"{name}\"}}: the line is gone")), "{said:?}");
     }
+    nothing_left(&site);
+}
+
+/// After a power failure a station may be up before its network (an address for documentation, RFC 5737).
+#[test]
+fn a_station_comes_up_before_the_addresses_of_its_links() {
+    let site = Site::new();
+    let listen = format!("listen = \"192.0.2.7:{}\"\n", free_port());
+    let link = format!("[[link]]\ntype = \"s7\"\nname = \"eth\"\n{listen}");
+    let coupling = "[[module]]\ntype = \"cp343\"\nname = \"cp\"\naddress = 336\nlink = \"eth\"\n\
+         [[connection]]\nid = 1\nmodule = \"cp\"\ntype = \"udp\"\nlocal_port = 20700\npartner = \"192.0.2.9:2000\"\n";
+    site.write("small.toml", &format!("[station]\nname = \"small\"\n{link}{coupling}"));
+    let warning = "small.toml:6:10: warning C005: 192.0.2.7 is no address of this machine now";
+    let said = site.ob1(&["check", "small.toml"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert!(said.err.contains(warning), "{said:?}");
+    let said = site.ob1(&["run", "small.toml", "--for", "1s"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert!(said.err.contains(warning), "{said:?}");
     nothing_left(&site);
 }
 

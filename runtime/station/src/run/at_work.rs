@@ -1,6 +1,5 @@
 //! A station at work: its threads and processes, from their start to their orderly end.
 
-use std::net::{SocketAddr, TcpListener, UdpSocket};
 use std::os::fd::OwnedFd;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::Path;
@@ -16,12 +15,12 @@ use ob1_cpu::{Attention, Cpu, LogReader, OperatingState, Running};
 use ob1_host::driver::{HandOver, RunningFleet};
 use ob1_rt::MonotonicClock;
 use ob1_time::Span;
-use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType, bind, socket_with};
 
 use super::console::LiveLine;
 use super::failure::Failure;
 use super::journal::Journal;
 use super::last_words;
+use super::listening::listen;
 use super::monitor::Monitor;
 use super::options::Options;
 use super::report::{Ended, Report};
@@ -41,12 +40,10 @@ use crate::retentive;
 use crate::retentive::keeper::{Keeper, ScanEnd};
 use crate::retentive::store::StoreError;
 use crate::rundir::{RunDir, RunDirError};
-use crate::station_file::{ConnectionType, LinkKind, Station, StationLink};
+use crate::station_file::{LinkKind, Station, StationLink};
 use crate::timing::Observer;
 use crate::view::StationView;
 
-/// Connections that may wait at the tap of a link.
-const TAP_CALLERS: i32 = 4;
 /// Time between two checks of the scan and the clock.
 const TICK: Duration = Duration::from_millis(20);
 /// Ticks between two live lines.
@@ -448,61 +445,6 @@ fn door_for_each(broker: Handle, link: usize) -> HandOver {
         broker.connect(link, ours);
         Ok(theirs)
     })
-}
-
-/// The sockets of all links, bound before anything is started: the listening one first, then those of connections.
-fn listen(station: &Station, rundir: &Path) -> Result<Vec<Vec<OwnedFd>>, Failure> {
-    let refused = |link: &StationLink, listen: SocketAddr, error: &std::io::Error| {
-        let remedy = match error.kind() {
-            std::io::ErrorKind::PermissionDenied => {
-                "ports below 1024 need CAP_NET_BIND_SERVICE (systemd: AmbientCapabilities), or take another port"
-            }
-            std::io::ErrorKind::AddrInUse => "end the program that has it (ss -tlnp), or take another port",
-            _ => "name an address of this machine: 127.0.0.1, or 0.0.0.0 for all",
-        };
-        let name = &link.name;
-        Failure(Exit::System, format!("ob1: link \"{name}\" cannot listen on {listen}: {error}\n  = {remedy}\n"))
-    };
-    let tcp = |at: SocketAddr| {
-        let listener = TcpListener::bind(at)?;
-        listener.set_nonblocking(true)?;
-        Ok(OwnedFd::from(listener))
-    };
-    let udp = |at: SocketAddr, partner: Option<SocketAddr>| {
-        let socket = UdpSocket::bind(at)?;
-        // Telegrams from others are ignored.
-        if let Some(partner) = partner {
-            socket.connect(partner)?;
-        }
-        socket.set_nonblocking(true)?;
-        Ok(OwnedFd::from(socket))
-    };
-    let bind = |link: &StationLink| {
-        let mut sockets = Vec::new();
-        if let Some(listen) = link.listen {
-            sockets.push(tcp(listen).map_err(|error| refused(link, listen, &error))?);
-        }
-        for connection in &link.connections {
-            let Some(at) = connection.bind else { continue };
-            let bound = if connection.ty == ConnectionType::Udp { udp(at, connection.partner) } else { tcp(at) };
-            sockets.push(bound.map_err(|error| refused(link, at, &error))?);
-        }
-        if link.kind == LinkKind::S7 {
-            let tap = tap(&rundir.join(format!("{}.trace", link.name)));
-            sockets.push(tap.map_err(|error| Failure::system("the tap of a link", &error))?);
-        }
-        Ok(sockets)
-    };
-    station.links.iter().map(bind).collect()
-}
-
-/// The socket for those who listen to a link (docs/trace.md).
-fn tap(path: &Path) -> std::io::Result<OwnedFd> {
-    let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
-    let socket = socket_with(AddressFamily::UNIX, SocketType::SEQPACKET, flags, None)?;
-    bind(&socket, &SocketAddrUnix::new(path)?)?;
-    rustix::net::listen(&socket, TAP_CALLERS)?;
-    Ok(socket)
 }
 
 /// The keys of a link. An S7 link has a tap; a page that may show everything learns where the drivers publish what

@@ -5,6 +5,7 @@ pub mod console;
 mod failure;
 mod journal;
 mod last_words;
+mod listening;
 pub(crate) mod monitor;
 mod options;
 mod report;

@@ -1,6 +1,7 @@
 //! Links into the CPU: `[[link]]`.
 
-use std::net::{SocketAddr, ToSocketAddrs as _};
+use std::io;
+use std::net::{SocketAddr, ToSocketAddrs as _, UdpSocket};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
@@ -116,6 +117,23 @@ pub(super) fn absent(tables: &[LinkTable], source: Text<'_>, folder: &Path) -> V
             source.finding(Level::Warning, UNREADABLE, file.span(), message, remedy.to_owned())
         })
         .collect()
+}
+
+/// A warning for each link whose address this machine does not have: no error, because it may come with the network.
+pub(super) fn away(tables: &[LinkTable], source: Text<'_>, is_here: impl Fn(SocketAddr) -> bool) -> Vec<Finding> {
+    let told = |text: &Placed<String>| {
+        let ip = address(text).filter(|at| !is_here(*at))?.ip();
+        let message = format!("{ip} is no address of this machine now; nobody reaches the link before it is");
+        let remedy = "start the network, or correct the address; 0.0.0.0 stands for all of this machine".to_owned();
+        Some(source.finding(Level::Warning, VALUE, text.span(), message, remedy))
+    };
+    tables.iter().filter_map(|table| told(table.listen.as_ref()?)).collect()
+}
+
+/// Whether this machine has the address now.
+pub(super) fn is_here(mut address: SocketAddr) -> bool {
+    address.set_port(0);
+    !UdpSocket::bind(address).is_err_and(|error| error.kind() == io::ErrorKind::AddrNotAvailable)
 }
 
 fn link(f: &mut Findings<'_>, table: &LinkTable, station: &str, folder: &Path, state: &Path) -> Option<StationLink> {
@@ -341,7 +359,7 @@ fn fits(password: &str) -> bool {
 }
 
 fn listen(f: &mut Findings<'_>, text: &Placed<String>) -> Option<SocketAddr> {
-    let address = text.get_ref().to_socket_addrs().ok().and_then(|mut addresses| addresses.next());
+    let address = address(text);
     if address.is_none() {
         let message = format!("\"{}\" is not an address to listen on", text.get_ref());
         let remedy = "an address and a port: \"127.0.0.1:102\"; \"0.0.0.0:102\" is everybody";
@@ -350,12 +368,17 @@ fn listen(f: &mut Findings<'_>, text: &Placed<String>) -> Option<SocketAddr> {
     address
 }
 
+fn address(text: &Placed<String>) -> Option<SocketAddr> {
+    text.get_ref().to_socket_addrs().ok()?.next()
+}
+
 #[cfg(test)]
 mod tests {
     use std::path::Path;
 
     use super::*;
     use crate::station_file::parse;
+    use crate::station_file::tables::StationFile;
 
     fn station(keys: &str) -> String {
         format!(
@@ -376,6 +399,21 @@ mod tests {
         assert_eq!((link.rights, link.password_rights), (Right::Write, Right::Operate));
         assert_eq!(link.config, r#"{"password_rights":"operate","pdu":240,"slot":3}"#);
         assert!(!link.config.contains("secret"));
+    }
+
+    #[test]
+    fn an_address_that_this_machine_does_not_have_now_is_a_warning() {
+        let text = station("[[link]]\ntype = \"web\"\nname = \"page\"\nlisten = \"192.0.2.7:8080\"");
+        let file: StationFile = toml::from_str(&text).expect("a station file");
+        let source = Text { file: "x.toml", text: &text };
+        let found = away(&file.link, source, |at| at.ip().is_loopback());
+        let [away_now] = found.as_slice() else { panic!("{found:?}") };
+        assert_eq!((away_now.level, away_now.code.as_str(), away_now.line), (Level::Warning, "C005", 10));
+        assert!(away_now.message.starts_with("192.0.2.7 is no address of this machine now"), "{found:?}");
+        // Set aside for documentation (RFC 5737): no machine has it.
+        for (at, here) in [("127.0.0.1:102", true), ("0.0.0.0:102", true), ("192.0.2.7:102", false)] {
+            assert_eq!(is_here(at.parse().expect("an address")), here, "{at}");
+        }
     }
 
     #[test]

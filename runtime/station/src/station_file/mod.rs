@@ -51,7 +51,7 @@ pub fn load(path: &Path) -> Result<Station, Vec<Finding>> {
     parse(&read(path)?, &path.display().to_string(), folder_of(path))
 }
 
-/// The same for a run: with warnings for serial devices that are not there now.
+/// The same for a run: with warnings for what is not there now, such as serial devices.
 ///
 /// # Errors
 /// All findings, at least one of them an error.
@@ -67,6 +67,7 @@ pub fn load_and_look(path: &Path) -> Result<(Station, Vec<Finding>), Vec<Finding
         None => warnings.extend(station.stimulus.iter().flat_map(|(path, _)| Stimulus::unread(path, &station.modules))),
     }
     warnings.extend(link::absent(&file.link, source, folder));
+    warnings.extend(link::away(&file.link, source, link::is_here));
     Ok((station, warnings))
 }
 
