@@ -14,7 +14,9 @@ files() {
         -prune -o -print | sort
 }
 
-files > /tmp/before
+# Where `systemctl enable` writes: it may stay empty.
+mkdir -p /etc/systemd/system/multi-user.target.wants
+files | grep -v '/multi-user.target.wants$' > /tmp/before
 dpkg -i /check/ob1.deb
 ob1 --version
 
@@ -82,6 +84,11 @@ page() {
     grep -q '^HTTP/1.1 200' /tmp/page && grep -qi '<html' /tmp/page
 }
 
+# Also after the next start of the machine, until the package is purged. Not every bare system has systemctl.
+enabled=/etc/systemd/system/multi-user.target.wants/ob1@a.service
+if command -v systemctl > /dev/null; then systemctl enable ob1@a; else ln -s /usr/lib/systemd/system/ob1@.service $enabled; fi
+[ -h $enabled ] || fail "ob1@a is not enabled"
+
 start a
 start b
 until_true in_run simulated-line-a
@@ -140,8 +147,10 @@ stop b
 ls -A /var/lib/ob1/a | grep -q retentive || fail "no retentive file in /var/lib/ob1/a"
 
 rm -r /etc/ob1/a /etc/ob1/b
+dpkg --remove ob1
+[ -h $enabled ] || fail "a removal has disabled ob1@a"
 dpkg --purge ob1
-files > /tmp/after
+files | grep -v '/multi-user.target.wants$' > /tmp/after
 diff /tmp/before /tmp/after || fail "purged, and this is left or gone"
 getent passwd ob1 && fail "the user is left"
 say "all is well"
