@@ -237,11 +237,11 @@ fn an_s7_400_calls_ob_88_when_there_is_no_room_for_one_block_more() {
         let other = block(ob(121), Interface::default(), vec![c(8), transfer(mb(1))]);
         let main = ob1(vec![uc(CallMode::Unconditional, fc(1)), c(7), transfer(mb(0))]);
         let deep = block(fc(1), Interface::default(), vec![uc(CallMode::Unconditional, fc(1))]);
-        // A hundred bytes each.
+        // So many bytes each that OB 88 has room where one more has not.
         let long_local =
-            vec![load(Operand { width: Width::Byte, place: l(99, 0) }), uc(CallMode::Unconditional, fc(1))];
+            vec![load(Operand { width: Width::Byte, place: l(129, 0) }), uc(CallMode::Unconditional, fc(1))];
         let wide = block(fc(1), Interface::default(), long_local);
-        let small = ob1_cpu::CpuConfig { local_bytes: 512, ..ob1_cpu::CpuConfig::of(ob1_cpu::Family::S7_400) };
+        let small = ob1_cpu::CpuConfig { local_bytes: 1024, ..ob1_cpu::CpuConfig::of(ob1_cpu::Family::S7_400) };
         let large = ob1_cpu::CpuConfig::of(ob1_cpu::Family::S7_400);
         for (config, called, event, line) in [(large, deep, 0x3575, 1), (small, wide, 0x3576, 2)] {
             let run = |blocks| {
