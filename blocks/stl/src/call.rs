@@ -11,7 +11,7 @@ use crate::diagnostic::USES;
 use crate::expand::Callee;
 use crate::fit::{Misfit, fit, misread};
 use crate::identifiers::BlockWord;
-use crate::lower::{Lowerer, called, fixed, peripheral_output};
+use crate::lower::{Lowerer, fixed, peripheral_output};
 use crate::operand::Resolver;
 use crate::parser::unquote;
 use crate::reach::Reached;
@@ -21,7 +21,7 @@ use crate::tia;
 use crate::token::{Kind, Span, Token};
 use crate::type_words::with_article;
 use crate::value::Value;
-use crate::world::Info;
+use crate::world::{Info, called};
 
 impl<'l> Lowerer<'l, '_> {
     /// `CALL`, `UC`, `CC`.

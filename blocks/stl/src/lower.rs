@@ -449,14 +449,6 @@ fn takes(shape: &Shape) -> &'static str {
     }
 }
 
-/// A block's information for messages: `FC 9 (SYNCHRON_RESET)`.
-pub(crate) fn called(id: BlockId, info: &Info) -> String {
-    match &info.name {
-        Some(name) => format!("{id} ({name})"),
-        None => id.to_string(),
-    }
-}
-
 /// A block number that is known when compiling.
 pub(crate) fn fixed(number: Number) -> Option<u16> {
     match number {

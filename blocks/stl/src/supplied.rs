@@ -8,9 +8,8 @@ use ob1_model::{BlockId, Param};
 
 use crate::codes;
 use crate::diagnostic::Sink;
-use crate::lower::called;
 use crate::token::Span;
-use crate::world::World;
+use crate::world::{World, called};
 
 /// What an instance lies in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

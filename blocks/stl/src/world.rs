@@ -41,6 +41,14 @@ pub(crate) struct Info {
     pub(crate) db_any: BTreeSet<usize>,
 }
 
+/// A block's information for messages: `FC 9 (SYNCHRON_RESET)`.
+pub(crate) fn called(id: BlockId, info: &Info) -> String {
+    match &info.name {
+        Some(name) => format!("{id} ({name})"),
+        None => id.to_string(),
+    }
+}
+
 impl Info {
     pub(crate) fn new(name: Option<String>, interface: Interface, instances: BTreeMap<usize, BlockId>) -> Self {
         let mut names = BTreeMap::new();

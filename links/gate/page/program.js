@@ -1,5 +1,6 @@
 // The program: blocks and their statements, declarations of data blocks, who uses what.
-import { ask, h, table, tell } from "./app.js";
+import { h, table, tell } from "./kit.js";
+import { ask } from "./session.js";
 import { say } from "./words.js";
 
 export function program(main) {

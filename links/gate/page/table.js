@@ -1,5 +1,6 @@
 // The variable table: names, forms, values as they change, writing with right, tables that this browser keeps.
-import { ask, dialog, h, listen, may, state, tell } from "./app.js";
+import { dialog, h, tell } from "./kit.js";
+import { ask, listen, may, state } from "./session.js";
 import { say } from "./words.js";
 
 const KEY = () => `ob1-tables-${state.session.station}`;

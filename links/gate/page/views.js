@@ -1,5 +1,6 @@
 // What the station is, how it scans, what has happened, and the reports of soak runs.
-import { ask, dialog, h, listen, may, redraw, state, table, tell } from "./app.js";
+import { dialog, h, redraw, table, tell } from "./kit.js";
+import { ask, listen, may, state } from "./session.js";
 import { say } from "./words.js";
 
 const time = (ns) => ns >= 1e9 ? `${(ns / 1e9).toFixed(2)} s` : ns >= 1e6 ? `${(ns / 1e6).toFixed(2)} ms` : `${(ns / 1e3).toFixed(1)} µs`;

@@ -3,7 +3,7 @@
 use std::io::{ErrorKind, Read as _, Write as _};
 use std::net::{IpAddr, SocketAddr, TcpStream, UdpSocket};
 use std::os::fd::{AsFd as _, BorrowedFd, OwnedFd};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use ob1_access::door::{Connection, News};
 use ob1_backplane::CpSide;
@@ -19,7 +19,7 @@ use rustix::event::{PollFd, PollFlags};
 use rustix::io::Errno;
 use rustix::net::{AddressFamily, SocketFlags, SocketType, acceptfrom_with, connect, ipproto, socket_with, sockopt};
 
-use crate::server::{PAUSE, is_broken};
+use crate::sockets::{PAUSE, is_broken, keep_alive};
 use crate::tap::Shared;
 
 /// A connection's socket.
@@ -302,15 +302,6 @@ impl Coupler {
     pub(crate) fn awake(&mut self) {
         self.cp.awake();
     }
-}
-
-/// A lost partner is noticed after a minute.
-pub(crate) fn keep_alive(socket: &OwnedFd) {
-    // A connection also works without these options, but a dead partner is noticed later.
-    let _ = sockopt::set_socket_keepalive(socket, true);
-    let _ = sockopt::set_tcp_keepidle(socket, Duration::from_secs(30));
-    let _ = sockopt::set_tcp_keepintvl(socket, Duration::from_secs(10));
-    let _ = sockopt::set_tcp_keepcnt(socket, 3);
 }
 
 /// Whether both are the same address and port; IPv4 has two forms on a socket of IPv6.

@@ -9,6 +9,7 @@ mod entries;
 mod server;
 mod session;
 mod slots;
+mod sockets;
 mod tap;
 
 use std::os::fd::{AsFd, OwnedFd};

@@ -17,10 +17,11 @@ use rustix::net::sockopt;
 use rustix::net::{SocketAddrAny, SocketFlags, acceptfrom_with};
 use tracing::{debug, info, warn};
 
-use crate::coupler::{Coupler, keep_alive};
+use crate::coupler::Coupler;
 use crate::entries::Entries;
 use crate::session::Session;
 use crate::slots::{Verdict, admit};
+use crate::sockets::{PAUSE, is_broken, keep_alive};
 use crate::tap::{Shared, Tap};
 use ob1_s7_process::asks::Surroundings;
 use ob1_s7_process::config::Config;
@@ -34,9 +35,6 @@ const HALF_OPEN: usize = 64;
 const CALL: Duration = Duration::from_secs(10);
 /// Maximum accepted per round, so that served connections get their turn.
 const ACCEPTS: usize = 64;
-/// Time without accepting after the system had no descriptor left: the callers keep the sockets ready, and the loop
-/// would run without a pause.
-pub(crate) const PAUSE: Duration = Duration::from_millis(200);
 /// Maximum of reported connections: as many as fit a message.
 const TOLD: usize = 256;
 /// Maximum log lines about connections per [`TICK`].
@@ -453,12 +451,6 @@ impl Server {
         }
         Ok(ready)
     }
-}
-
-/// Whether the partner has broken the connection off. The system says so again and again, also to those who do not wait
-/// for data.
-pub(crate) fn is_broken(ready: PollFlags) -> bool {
-    ready.intersects(PollFlags::HUP | PollFlags::ERR)
 }
 
 /// Each number is used once, so that no connection gets the rights of an earlier one.

@@ -24,6 +24,7 @@ mod keep;
 mod load;
 mod log;
 mod machine;
+mod made;
 mod memory;
 mod messages;
 mod modules;

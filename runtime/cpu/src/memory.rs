@@ -8,8 +8,8 @@ use ob1_ir::DataBlock;
 use ob1_model::cells;
 
 use crate::arena::{ArenaBit, ArenaByte, Db, Range};
-use crate::db_pool::Attributes;
 use crate::engine::Areas;
+use crate::made::Made;
 use crate::{CpuConfig, LoadError};
 
 /// Bytes for operands that calls copy in and out, for all nested calls together.
@@ -19,15 +19,6 @@ const MADE: usize = 256;
 /// Bytes after the last data block, so that a double word at the last byte of an area stays inside the arena.
 const TAIL: usize = 8;
 const MAX_BYTES: usize = 256 << 20;
-
-/// A place for a data block that the program makes itself.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Made {
-    pub(crate) db: Db,
-    pub(crate) attributes: Attributes,
-    /// Deleted in the running scan.
-    pub(crate) freed: bool,
-}
 
 /// The areas and their offsets.
 #[derive(Debug)]

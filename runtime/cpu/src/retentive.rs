@@ -5,8 +5,8 @@
 //! made data blocks, the contents, and a checksum over everything before. Keeping it on a disk is the caller's
 //! task.
 
-use crate::db_pool::Attributes;
 use crate::keep::Hash;
+use crate::made::Attributes;
 use crate::memory::Memory;
 use crate::timers::{Counter, Timer};
 use crate::{Cpu, OperatingState};

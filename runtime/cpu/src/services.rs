@@ -10,9 +10,10 @@ use ob1_std::services::{
     StartInfo, TimeOfDayInterrupt, WallClock,
 };
 
-use crate::db_pool::{Attributes, NoDb};
+use crate::db_pool::NoDb;
 use crate::interrupts::{NEVER, slot_of};
 use crate::machine::Machine;
+use crate::made::Attributes;
 use crate::modules::{Plugged, SLOT};
 use crate::service_state::Course;
 use crate::{Family, Services};

@@ -236,7 +236,7 @@ fn describe_plugin(text: &mut String, info: &ob1_host::plugin::PluginInfo) {
 
 /// A station with its program, plugins, stimulus; loaded into a CPU to find what does not fit together.
 fn check_station(path: &Path, args: &CheckArgs) -> Checked {
-    let (station, mut devices) = match station_file::load_and_look(path) {
+    let (station, mut devices) = match ob1_station::look::load(path) {
         Ok((mut station, devices)) => {
             station.program.lints |= args.lints;
             station.program.all_messages |= args.all_messages;

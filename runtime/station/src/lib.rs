@@ -29,6 +29,7 @@ mod kept_process;
 pub mod known;
 pub mod library;
 pub mod links;
+pub mod look;
 pub mod missing_blocks;
 pub mod numbers;
 pub mod posture;

@@ -14,10 +14,12 @@ pub(super) struct File {
     text: &'static str,
 }
 
-static FILES: [File; 8] = [
+static FILES: [File; 10] = [
     File { path: "/", kind: "text/html; charset=utf-8", text: include_str!("../../page/index.html") },
     File { path: "/style.css", kind: "text/css; charset=utf-8", text: include_str!("../../page/style.css") },
     File { path: "/app.js", kind: "text/javascript; charset=utf-8", text: include_str!("../../page/app.js") },
+    File { path: "/kit.js", kind: "text/javascript; charset=utf-8", text: include_str!("../../page/kit.js") },
+    File { path: "/session.js", kind: "text/javascript; charset=utf-8", text: include_str!("../../page/session.js") },
     File { path: "/views.js", kind: "text/javascript; charset=utf-8", text: include_str!("../../page/views.js") },
     File { path: "/table.js", kind: "text/javascript; charset=utf-8", text: include_str!("../../page/table.js") },
     File { path: "/program.js", kind: "text/javascript; charset=utf-8", text: include_str!("../../page/program.js") },

@@ -22,6 +22,7 @@ use crate::drivers::{self, DriverSettings};
 use crate::exit::Exit;
 use crate::finding::{Finding, Level};
 use crate::guardian::{Guardian, Patience, Ward};
+use crate::look;
 use crate::out;
 use crate::posture;
 use crate::program;
@@ -61,8 +62,7 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
     if let Some(path) = &options.report {
         Report::try_path(path).map_err(|e| no_report(path, &e))?;
     }
-    let (mut station, devices) =
-        station_file::load_and_look(&options.station).map_err(|f| Failure::of_findings(Exit::Rejected, &f))?;
+    let (mut station, devices) = look::load(&options.station).map_err(|f| Failure::of_findings(Exit::Rejected, &f))?;
     if options.line_faults > 0 {
         for line in &mut station.simulated_lines {
             line.disturb(options.line_faults, options.line_seed);

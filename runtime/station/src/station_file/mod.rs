@@ -40,7 +40,6 @@ use std::io::ErrorKind;
 use std::path::Path;
 
 use crate::finding::{Finding, Level, Text};
-use crate::io::Stimulus;
 use crate::{files, program_files};
 
 /// Reads and checks a station file.
@@ -51,7 +50,8 @@ pub fn load(path: &Path) -> Result<Station, Vec<Finding>> {
     parse(&read(path)?, &path.display().to_string(), folder_of(path))
 }
 
-/// The same for a run: with warnings for what is not there now, such as serial devices.
+/// The same with warnings for what is not there now, such as serial devices. [`crate::look`] reads the files beside it,
+/// too.
 ///
 /// # Errors
 /// All findings, at least one of them an error.
@@ -62,10 +62,7 @@ pub fn load_and_look(path: &Path) -> Result<(Station, Vec<Finding>), Vec<Finding
     let station = check::check(&file, source, folder)?;
     let mut warnings = devices::not_ready(&file, source, folder, devices::state);
     warnings.extend(coupler::unwatched(&file, source));
-    match unplayed(&file, source) {
-        Some(whole) => warnings.push(whole),
-        None => warnings.extend(station.stimulus.iter().flat_map(|(path, _)| Stimulus::unread(path, &station.modules))),
-    }
+    warnings.extend(unplayed(&file, source));
     warnings.extend(link::absent(&file.link, source, folder));
     warnings.extend(link::away(&file.link, source, link::is_here));
     Ok((station, warnings))
