@@ -39,6 +39,7 @@ const led = (name) => h("span", { class: `led ${colours[name] ?? "yellow"}` }, n
 function module(of) {
   const counters = of.counters ?? {};
   const telling = ["telegrams_sent", "telegrams_received", "send_errors", "receive_errors"];
+  if (counters.events_lost > 0) telling.push("events_lost");
   return h("section", { class: "module" },
     h("h3", {}, of.name), h("div", { class: "quiet" }, `${of.type}, ${of.address}`),
     h("div", {}, led2(of.present), ...of.leds.map(led)),
