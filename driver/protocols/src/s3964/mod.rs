@@ -320,9 +320,10 @@ impl<const N: usize> S3964<N> {
         matches!(self.state, State::Idle)
     }
 
-    /// Whether the order's block has been sent completely at least once.
+    /// Whether the partner may have the block of the order: it has been sent, and not refused.
     pub(crate) fn block_is_out(&self) -> bool {
-        self.running().or(self.waiting.as_ref()).is_some_and(Job::is_out)
+        matches!(self.state, State::Acknowledge { .. })
+            || self.running().or(self.waiting.as_ref()).is_some_and(Job::is_out)
     }
 
     /// Drops the order between two halves of a step, without a report: the telegram delivered in the first half has

@@ -13,7 +13,7 @@ pub(super) struct Job {
     connects: u16,
     /// Attempts to send the block that have failed.
     blocks: u16,
-    /// The whole block has been sent at least once: the partner may have it.
+    /// The whole block has been sent in an attempt that was not refused: the partner may have it.
     out: bool,
 }
 
@@ -22,7 +22,7 @@ impl Job {
         Self { len, connects: 0, blocks: 0, out: false }
     }
 
-    /// The whole block has been sent at least once.
+    /// The partner may have the block from an attempt that has failed.
     pub(super) fn is_out(&self) -> bool {
         self.out
     }
@@ -102,7 +102,7 @@ impl<const N: usize> S3964<N> {
     pub(super) fn output_character(&mut self, now: Instant, job: Job, byte: u8, out: &mut dyn Sink) {
         if self.output.is_out(now) {
             // The output must have ended, although the line has not reported it yet: this is the answer.
-            let job = self.output_done(now, job);
+            self.output_done(now, job);
             return self.acknowledge_character(now, job, byte, out);
         }
         match byte {
@@ -130,10 +130,8 @@ impl<const N: usize> S3964<N> {
     }
 
     /// The last bit of the block has been sent: QVZ begins.
-    pub(super) fn output_done(&mut self, now: Instant, job: Job) -> Job {
-        let job = Job { out: true, ..job };
+    pub(super) fn output_done(&mut self, now: Instant, job: Job) {
         self.state = State::Acknowledge { job, expiry: now + self.config.qvz };
-        job
     }
 
     /// An answer to the block?
@@ -148,6 +146,8 @@ impl<const N: usize> S3964<N> {
     /// [S0 "Timeout times"]: QVZ expires after the block, or a character other than DLE is received.
     pub(super) fn block_failed(&mut self, now: Instant, job: Job, what: What, out: &mut dyn Sink) {
         self.report(Phase::Acknowledge, what, out);
+        // A block that was refused has not arrived.
+        let job = Job { out: job.out || what != What::Nak, ..job };
         self.repeat_block(now, job, what, out);
     }
 
