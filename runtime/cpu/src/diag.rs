@@ -124,33 +124,26 @@ pub(crate) struct DiagBuffer {
     /// Places of their own for STOPs, in ascending order of their numbers; `stops` of them are in use.
     kept: Box<[Dated]>,
     stops: usize,
-    /// The clock as it is set now, for the entries to come.
-    wall: Wall,
 }
 
 impl DiagBuffer {
-    pub(crate) fn new(wall: Wall) -> Self {
-        let blank = Dated { entry: DiagEntry::new(Instant::START, Event(0), 0, ShortText::default()), wall };
+    pub(crate) fn new() -> Self {
+        let entry = DiagEntry::new(Instant::START, Event(0), 0, ShortText::default());
+        let blank = Dated { entry, wall: Wall::new(0) };
         Self {
             entries: vec![blank; DIAG_ENTRIES].into_boxed_slice(),
             written: 0,
             kept: vec![blank; DIAG_STOPS].into_boxed_slice(),
             stops: 0,
-            wall,
         }
     }
 
-    /// The clock has been set.
-    pub(crate) fn set_wall(&mut self, wall: Wall) {
-        self.wall = wall;
-    }
-
-    /// Enters `entry`; the buffer gives it its number.
-    pub(crate) fn push(&mut self, mut entry: DiagEntry) {
+    /// Enters `entry`, and `wall`, the clock as it is set now; the buffer gives the entry its number.
+    pub(crate) fn push(&mut self, mut entry: DiagEntry, wall: Wall) {
         self.written += 1;
         entry.number = self.written;
         let slot = (self.written - 1) as usize % DIAG_ENTRIES;
-        self.entries[slot] = Dated { entry, wall: self.wall };
+        self.entries[slot] = Dated { entry, wall };
     }
 
     /// The CPU has gone to STOP: keeps the newest entry, and the one before it, unless that is a change of state too.
@@ -201,12 +194,12 @@ mod tests {
 
     #[test]
     fn keeps_the_newest_hundred() {
-        let mut buffer = DiagBuffer::new(Wall::new(0));
+        let mut buffer = DiagBuffer::new();
         assert!(buffer.get(0).is_none());
         let mut entry = DiagEntry::new(Instant::START, Event::RUN, 0, ShortText::new("x"));
         for time in 0..250 {
             entry.time = Instant::from_nanos(time);
-            buffer.push(entry);
+            buffer.push(entry, Wall::new(0));
         }
         let times: Vec<_> = buffer.iter().map(|e| e.time).collect();
         assert_eq!(times, (150..250).rev().map(Instant::from_nanos).collect::<Vec<_>>());
@@ -215,25 +208,25 @@ mod tests {
 
     #[test]
     fn a_flood_leaves_the_last_stops() {
-        let mut buffer = DiagBuffer::new(Wall::new(0));
+        let mut buffer = DiagBuffer::new();
         let entry = |event| DiagEntry::new(Instant::START, event, 0, ShortText::default());
         buffer.keep_stop();
         let mut stops = Vec::new();
         for round in 1..=7 {
-            buffer.push(entry(Event::RUN));
+            buffer.push(entry(Event::RUN), Wall::new(0));
             // Every second STOP has a cause.
             if round % 2 == 0 {
-                buffer.push(entry(Event::OB_NOT_LOADED));
+                buffer.push(entry(Event::OB_NOT_LOADED), Wall::new(0));
                 stops.push((buffer.written, Event::OB_NOT_LOADED));
             }
-            buffer.push(entry(Event::STOP_SEQUENCE_ERROR));
+            buffer.push(entry(Event::STOP_SEQUENCE_ERROR), Wall::new(0));
             stops.push((buffer.written, Event::STOP_SEQUENCE_ERROR));
             buffer.keep_stop();
             buffer.keep_stop();
             let seen: Vec<_> = buffer.iter().map(|e| e.number).collect();
             assert!(seen.windows(2).all(|pair| pair[0] > pair[1]), "{seen:?}");
             for _ in 0..250 {
-                buffer.push(entry(Event::SEGMENT_GARBAGE));
+                buffer.push(entry(Event::SEGMENT_GARBAGE), Wall::new(0));
             }
         }
         stops.reverse();

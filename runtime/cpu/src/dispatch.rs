@@ -33,8 +33,8 @@ impl Context<'_> {
 
     /// Due times that have passed become requests; those that came too soon are errors.
     fn collect(&mut self) -> Result<(), Abort> {
-        let skipped = std::mem::take(&mut self.machine.services.skipped);
-        if skipped != 0 {
+        if self.machine.services.skipped != 0 {
+            let skipped = std::mem::take(&mut self.machine.services.skipped);
             self.times_of_day_skipped(skipped)?;
         }
         let passed = self.machine.interrupts.collect(self.machine.hot.now);

@@ -151,7 +151,7 @@ impl Context<'_> {
         let full = (fault.kind == FaultKind::NestingDepth && aborts).then(|| self.machine.full());
         let event = full.unwrap_or(fault.kind.into());
         let entry = DiagEntry::new(self.machine.hot.now, event, fault.number, ShortText::default());
-        self.machine.diag.push(DiagEntry { site, accus: [a1, a2], ..entry });
+        self.machine.diag.push(DiagEntry { site, accus: [a1, a2], ..entry }, self.machine.wall);
         if let Some(event) = full {
             // The block that finds no room is the one that is aborted: its caller continues behind the call.
             return self.processing_aborted(event, site).map(|()| None);

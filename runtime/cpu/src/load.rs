@@ -185,7 +185,7 @@ impl Cpu {
             timers: vec![Timer::default(); usize::from(config.timers)].into_boxed_slice(),
             counters: vec![Counter::default(); usize::from(config.counters)].into_boxed_slice(),
             modules,
-            diag: DiagBuffer::new(wall),
+            diag: DiagBuffer::new(),
             log,
             attention,
             wall,

@@ -183,7 +183,7 @@ impl Machine {
 
     /// Enters an event into the diagnostic buffer, with its statement if it has one.
     pub(crate) fn enter(&mut self, event: Event, site: Option<Site>, data: u32, text: ShortText) {
-        self.diag.push(DiagEntry { site, ..DiagEntry::new(self.hot.now, event, data, text) });
+        self.diag.push(DiagEntry { site, ..DiagEntry::new(self.hot.now, event, data, text) }, self.wall);
     }
 
     /// Copies a log line into the ring.

@@ -233,7 +233,6 @@ impl WallClock for Machine {
     fn set_moment(&mut self, moment: Moment) {
         let (before, now) = (self.moment_now(), self.hot.now);
         self.wall.set(moment, now);
-        self.diag.set_wall(self.wall);
         self.services.touched = true;
         if moment <= before || !self.interrupts.is_active() {
             return;

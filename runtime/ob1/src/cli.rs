@@ -53,6 +53,7 @@ Environment:
 /// A soft PLC: runs STEP 7 style programs cyclically, with communication processors as processes of their own.
 #[derive(Debug, Parser)]
 #[command(name = "ob1", version, after_help = concat_after(), max_term_width = 110)]
+#[command(mut_subcommands = times_may_begin_with_a_minus)]
 pub struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -116,7 +117,7 @@ struct RunArgs {
     /// The station file (docs/station-file.md)
     station: PathBuf,
     /// End after this time: 10s, 8h
-    #[arg(long = "for", value_name = "TIME", value_parser = station_file::parse_duration, allow_hyphen_values = true)]
+    #[arg(long = "for", value_name = "TIME", value_parser = station_file::parse_duration)]
     time: Option<Span>,
     /// End after so many cycles in RUN
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
@@ -141,6 +142,13 @@ struct RunArgs {
     line_faults: u32,
     #[arg(long, hide = true, default_value_t = 0)]
     line_seed: u64,
+}
+
+/// A time with a minus is refused as a time, not as an option that does not exist.
+fn times_may_begin_with_a_minus(command: clap::Command) -> clap::Command {
+    let is_time = |arg: &clap::Arg| arg.get_value_names().is_some_and(|names| names == ["TIME"]);
+    let command = command.mut_args(|arg| if is_time(&arg) { arg.allow_hyphen_values(true) } else { arg });
+    command.mut_subcommands(times_may_begin_with_a_minus)
 }
 
 /// Parses the command line of this process and does what it says.
@@ -251,7 +259,6 @@ mod tests {
         }
     }
 
-    /// A time with a minus is refused as a time, not as an option that does not exist.
     #[test]
     fn a_negative_time_is_told_as_such() {
         for command in [

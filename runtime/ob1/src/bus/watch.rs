@@ -26,13 +26,7 @@ pub(super) struct WatchArgs {
     #[arg(long, value_name = "NAME")]
     bus: Option<String>,
     /// Time between two looks
-    #[arg(
-        long,
-        value_name = "TIME",
-        default_value = "1s",
-        value_parser = station_file::parse_duration,
-        allow_hyphen_values = true
-    )]
+    #[arg(long, value_name = "TIME", default_value = "1s", value_parser = station_file::parse_duration)]
     every: Span,
     /// End after so many looks
     #[arg(long, short = 'n', value_name = "N")]

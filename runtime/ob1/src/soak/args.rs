@@ -32,8 +32,7 @@ pub struct SoakArgs {
         long = "for",
         value_name = "TIME",
         value_parser = station_file::parse_duration,
-        required_unless_present = "compare",
-        allow_hyphen_values = true
+        required_unless_present = "compare"
     )]
     pub time: Option<Span>,
     /// Say whether the second of two reports is worse than the first
@@ -46,7 +45,7 @@ pub struct SoakArgs {
     #[arg(long, value_name = "LIMIT,...", value_delimiter = ',')]
     pub budget: Vec<Budget>,
     /// Time in RUN before the measurement begins [default: a tenth of it, at most 10s]
-    #[arg(long, value_name = "TIME", value_parser = station_file::parse_duration, allow_hyphen_values = true)]
+    #[arg(long, value_name = "TIME", value_parser = station_file::parse_duration)]
     pub warm_up: Option<Span>,
     /// Cells of the program to follow, such as its own counters
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]

@@ -39,13 +39,7 @@ pub struct TopArgs {
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub watch: Vec<String>,
     /// Time between two looks
-    #[arg(
-        long,
-        value_name = "TIME",
-        default_value = "1s",
-        value_parser = station_file::parse_duration,
-        allow_hyphen_values = true
-    )]
+    #[arg(long, value_name = "TIME", default_value = "1s", value_parser = station_file::parse_duration)]
     pub every: Span,
     /// End after so many looks
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]

@@ -60,7 +60,7 @@ pub struct TraceArgs {
     #[arg(long, short)]
     pub quiet: bool,
     /// End after this time: 10s, 8h
-    #[arg(long = "for", value_name = "TIME", value_parser = station_file::parse_duration, allow_hyphen_values = true)]
+    #[arg(long = "for", value_name = "TIME", value_parser = station_file::parse_duration)]
     pub time: Option<Span>,
 }
 

@@ -5,8 +5,7 @@ use ob1_model::{Area, BitAddr};
 
 use super::bytes::dword;
 use crate::arena::{ArenaBit, ArenaByte, Db, Range};
-use crate::engine::operand::RAW;
-use crate::engine::operand::{POINTER_BITS, reference};
+use crate::engine::operand::{POINTER_BITS, RAW, reference};
 use crate::engine::plan::{AREA_IN_POINTER, Base};
 use crate::engine::regs::Regs;
 use crate::machine::Machine;
