@@ -88,6 +88,21 @@ impl Raw {
         Ok(raw)
     }
 
+    /// Sends a connection request with these parameters (code and value of each). The answer: D0h confirms, 80h refuses.
+    ///
+    /// # Errors
+    /// If the connection is lost.
+    pub fn call(&mut self, parameters: &[(u8, &[u8])]) -> std::io::Result<u8> {
+        let length = 11 + parameters.iter().map(|(_, value)| 2 + value.len() as u8).sum::<u8>();
+        let mut call = vec![3, 0, 0, length, length - 5, 0xE0, 0, 0, 0, 1, 0];
+        for (code, value) in parameters {
+            call.extend_from_slice(&[*code, value.len() as u8]);
+            call.extend_from_slice(value);
+        }
+        self.0.write_all(&call)?;
+        self.frame()?.get(5).copied().ok_or_else(|| ErrorKind::InvalidData.into())
+    }
+
     /// The next frame.
     ///
     /// # Errors

@@ -1,10 +1,11 @@
 //! The two stations of the example, each with a CP 343: PUT and GET, BSEND and BRCV, ISO on TCP and TCP; also while the
 //! process of one CP is killed.
 
-use std::io::{Read as _, Write as _};
+use std::io::Write as _;
 use std::net::TcpStream;
 
 use ob1_station::access::protocol::Op;
+use ob1_tests::s7_raw::Raw;
 
 use crate::common::checkout;
 use crate::common::s7::free_port;
@@ -251,14 +252,8 @@ fn a_call_of_another_partner_is_refused() {
     );
     let station = site.run("waits.toml").until_run();
     let call = |calling: &[u8; 5]| {
-        let mut call = vec![3, 0, 0, 25, 20, 0xE0, 0, 0, 0, 1, 0, 0xC1, 5];
-        call.extend_from_slice(calling);
-        call.extend_from_slice(b"\xC2\x05ISO-B");
-        let mut stream = station.until("the CP listens", |_| TcpStream::connect(("127.0.0.1", port)).ok());
-        stream.write_all(&call).expect("sent");
-        let mut answer = [0; 11];
-        stream.read_exact(&mut answer).expect("an answer");
-        answer[5]
+        let stream = station.until("the CP listens", |_| TcpStream::connect(("127.0.0.1", port)).ok());
+        Raw(stream).call(&[(0xC1, calling), (0xC2, b"ISO-B")]).expect("an answer")
     };
     assert_eq!([b"ISO-A", b"ISO-X"].map(call), [0xD0, 0x80]);
     assert_eq!(station.interrupt().code(), Some(0));

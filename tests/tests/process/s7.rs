@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::io::Write as _;
 
 use ob1_station::access::protocol::Op;
-use ob1_tests::s7_raw::{Raw, counters_job};
+use ob1_tests::s7_raw::{CALL, Raw, counters_job};
 use serde_json::{Value, json};
 
 use crate::common;
@@ -184,18 +184,11 @@ fn stop_and_start_by_right() {
 /// A client that calls another slot, or a CPU in another network, does not get this one.
 #[test]
 fn a_call_for_another_cpu_is_refused() {
-    use std::io::Read as _;
     let site = Site::new();
     let (station, port) = station(&site, "s7-elsewhere", "rights = \"write\"");
     let call = |tsap: &[u8]| {
-        let length = 13 + tsap.len() as u8;
-        let mut call = vec![3, 0, 0, length, length - 5, 0xE0, 0, 0, 0, 1, 0, 0xC2, tsap.len() as u8];
-        call.extend_from_slice(tsap);
-        let mut stream = std::net::TcpStream::connect(("127.0.0.1", port)).expect("a connection");
-        stream.write_all(&call).expect("sent");
-        let mut answer = [0; 11];
-        stream.read_exact(&mut answer).expect("an answer");
-        answer[5]
+        let stream = std::net::TcpStream::connect(("127.0.0.1", port)).expect("a connection");
+        Raw(stream).call(&[(0xC2, tsap)]).expect("an answer")
     };
     let mut routed = vec![1, 6, 1, 2, 1, 0x52, 0, 0, 0, 0x13, 3];
     routed.resize(26, 0);
@@ -214,9 +207,8 @@ fn a_flood_of_connections_keeps_nobody_out() {
     // Half-open connections without data, and connections that are silent after the connection request.
     let half_open: Vec<TcpStream> = (0..300).map(|_| connect()).collect();
     let mut silent: Vec<TcpStream> = (0..100).map(|_| connect()).collect();
-    let call = [3, 0, 0, 22, 17, 0xE0, 0, 0, 0, 1, 0, 0xC0, 1, 10, 0xC1, 2, 1, 0, 0xC2, 2, 2, 2];
     for stream in &mut silent {
-        let _ = stream.write_all(&call);
+        let _ = stream.write_all(CALL);
     }
     // Each gets an answer, or finds its connection closed.
     for stream in &mut silent {
@@ -224,7 +216,7 @@ fn a_flood_of_connections_keeps_nobody_out() {
     }
     station.until("a working client gets in", |_| {
         let mut client = connect();
-        client.write_all(&call).ok()?;
+        client.write_all(CALL).ok()?;
         let mut answer = [0; 22];
         client.read_exact(&mut answer).ok()?;
         (answer[5] == 0xD0).then_some(())
