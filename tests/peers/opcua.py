@@ -19,7 +19,7 @@ does what standard input says, one JSON object a line; each answer is one line: 
     history    id
     watch      ids, every, [sampling]  one subscription of these items, sampled as often as it is published if not said
     watch_part id, range               a subscription to a part of a value
-    vanish     ids                     accepted: items of a subscription that expires, because nothing asks for its news
+    vanish     ids                     accepted: items of a subscription that expires, as its news are never asked for
     flood      ids, count              accepted: how many of so many items are taken; refused: why no more
     changes    count                   the next values that come, [[id, value], ...]
     events                             a subscription to the events of the server
@@ -192,20 +192,24 @@ class Peer:
                 handle.check()
         return {}
 
-    async def watch_part(self, ask):
+    def item(self, text, number, part=None):
+        """A request to monitor a value, or a part of it, under the client's number."""
         from asyncua import ua
 
-        subscription = await self.client.create_subscription(100, self.handler)
-        self.kept.append(subscription)
         item = ua.MonitoredItemCreateRequest()
-        item.ItemToMonitor.NodeId = self.node(ask["id"]).nodeid
+        item.ItemToMonitor.NodeId = self.node(text).nodeid
         item.ItemToMonitor.AttributeId = ua.AttributeIds.Value
-        item.ItemToMonitor.IndexRange = ask["range"]
+        item.ItemToMonitor.IndexRange = part
         item.MonitoringMode = ua.MonitoringMode.Reporting
-        item.RequestedParameters.ClientHandle = 1
+        item.RequestedParameters.ClientHandle = number
         item.RequestedParameters.SamplingInterval = 50
         item.RequestedParameters.QueueSize = 1
-        (handle,) = await subscription.create_monitored_items([item])
+        return item
+
+    async def watch_part(self, ask):
+        subscription = await self.client.create_subscription(100, self.handler)
+        self.kept.append(subscription)
+        (handle,) = await subscription.create_monitored_items([self.item(ask["id"], 1, ask["range"])])
         if not isinstance(handle, int):
             handle.check()
         return {}
@@ -224,15 +228,7 @@ class Peer:
         parameters = ua.CreateMonitoredItemsParameters()
         parameters.SubscriptionId = made.SubscriptionId
         parameters.TimestampsToReturn = ua.TimestampsToReturn.Both
-        for number, text in enumerate(ask["ids"]):
-            item = ua.MonitoredItemCreateRequest()
-            item.ItemToMonitor.NodeId = self.node(text).nodeid
-            item.ItemToMonitor.AttributeId = ua.AttributeIds.Value
-            item.MonitoringMode = ua.MonitoringMode.Reporting
-            item.RequestedParameters.ClientHandle = number
-            item.RequestedParameters.SamplingInterval = 50
-            item.RequestedParameters.QueueSize = 1
-            parameters.ItemsToCreate.append(item)
+        parameters.ItemsToCreate = [self.item(text, number) for number, text in enumerate(ask["ids"])]
         results = await self.client.uaclient.create_monitored_items(parameters)
         return {"accepted": sum(result.StatusCode.is_good() for result in results)}
 
