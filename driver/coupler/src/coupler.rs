@@ -26,7 +26,7 @@ const DEVICE_FAILURE: u8 = 4;
 const BOTH_UNANSWERED: u8 = 3;
 /// Exceptions 05h and 06h, acknowledge and busy: the request comes too early, and is repeated.
 const TOO_EARLY: [u8; 2] = [5, 6];
-/// After this many repetitions it counts as refused.
+/// A request that comes too early counts as refused after this many repetitions.
 const REPETITIONS: u8 = 10;
 
 /// A request to a coupler.

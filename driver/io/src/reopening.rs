@@ -2,10 +2,10 @@
 
 use ob1_line::{Instant, RETRY};
 
-/// Reports of one trouble: a line that finds ever new words does not fill the log.
+/// Most reports of one trouble: the log stays small even if each reason is worded differently.
 const MOST: usize = 16;
 
-/// A device that answers with nonsense gets no connection after the other, and each report about it comes once.
+/// A device that answers with nonsense is called at most once per [`RETRY`], and each report about it comes once.
 #[derive(Debug)]
 pub(crate) struct Reopening {
     /// The earliest time of the next opening.

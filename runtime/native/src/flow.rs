@@ -358,12 +358,12 @@ fn opened(op: &Op, env: &Env<'_>, facts: &mut Facts) {
         Place::InDi(n, _) => facts.di = place::data(env.plan, *n).map(|_| *n),
         _ => {}
     };
-    // What its actuals have opened is open no longer behind a call.
+    // A data block that an actual parameter opens is open only for the call.
     if !matches!(op, Op::Call(_)) {
         op.places(&mut |p, _| place(&p));
     }
     match op {
-        // The instance, or what it was before if the call could not be made.
+        // It holds the instance; after a call that could not be made it holds what it held before.
         Op::Call(_) if opens_instance(op) => facts.db = None,
         Op::OpenDb(register, n) => {
             let known = match n {

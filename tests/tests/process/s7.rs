@@ -236,7 +236,7 @@ const CYCLIC: [u8; 45] = [
 
 /// `idle` ends silent connections, not one that waits for cyclic data.
 #[test]
-fn who_waits_for_cyclic_data_is_not_idle() {
+fn a_client_that_waits_for_cyclic_data_is_not_idle() {
     let site = Site::new();
     let (station, port) = station(&site, "s7-idle", "rights = \"read\"\nidle = 1");
     let mut waits = Raw::open(port).expect("a connection");

@@ -104,7 +104,7 @@ impl Link for PtyLink {
         true
     }
 
-    /// What cleans up temporary folders may take the published name away. Nothing else in its place is touched.
+    /// A clean-up of temporary folders may remove the published name. Another file in its place is left alone.
     fn look_after(&mut self) {
         if let Some(pty) = &self.pty
             && pty.path.symlink_metadata().is_err()
