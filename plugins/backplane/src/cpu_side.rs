@@ -120,7 +120,7 @@ impl CpuSide {
     #[inline]
     pub fn read_inputs_from(&mut self, at: usize, into: &mut [u8]) -> Freshness {
         let registers = &self.monitor.cells().inputs.registers;
-        // All 16 bytes of a CP are passed on from the processor's registers. The copy was just written in 8-byte pieces;
+        // All 16 bytes of a CP are passed on from processor registers. The copy has just been written in 8-byte pieces;
         // a wider read of it would stall the processor.
         if let (0, 16, ([low, high], [])) = (at, self.io.get(), into.as_chunks_mut::<8>())
             && let Some([first, second]) = self.inputs.try_two(registers)
