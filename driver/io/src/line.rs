@@ -117,9 +117,7 @@ impl Line {
             self.step(now, Input::Line(LineInput::Fault(LineFault::Gone)), image);
         }
     }
-}
 
-impl Line {
     /// Whether this is to be reported.
     fn tells(&mut self, image: &Image, what: &str) -> bool {
         let mut stations = image.status.get(self.stations.clone()).unwrap_or_default().iter();
