@@ -206,13 +206,14 @@ impl<'l> Lowerer<'l, '_> {
             return None;
         }
         let wrong_side = match (peripheral, formal.section) {
-            (Some(false), Section::Output | Section::Return) => Some(("inputs are only read", "written")),
-            (Some(true), Section::Input) => Some(("outputs are only written", "read")),
+            (Some(false), Section::Output | Section::Return) => Some(("inputs are only read", "written", "an output")),
+            (Some(true), Section::Input) => Some(("outputs are only written", "read", "an input")),
             _ => None,
         };
-        if let Some((side, used)) = wrong_side {
+        if let Some((side, used, wanted)) = wrong_side {
             let message = format!("peripheral {side}, and {} of {id} is {used}", formal.name);
-            reader.report(span, &codes::PARAMETER_TYPE, message);
+            let remedy = format!("Supply {wanted} of the periphery, or a memory word that the program copies.");
+            reader.sink.report_with(reader.index, span, &codes::PARAMETER_TYPE, message, remedy);
             return None;
         }
         // A pointer names the place that is written; with every other constant the result is lost.
