@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use crate::tree::Tree;
+
 /// Why a table or a memo cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Damage {
@@ -161,17 +163,29 @@ impl Memos {
         Self { bytes, block }
     }
 
+    /// The memo file at `path`.
+    ///
+    /// # Errors
+    /// [`Damage`], when the file is missing or cannot be read.
+    pub(crate) fn open(tree: &Tree<'_>, path: &str) -> Result<Self, Damage> {
+        match tree.read(path) {
+            Some(bytes) => Ok(Self::parse(bytes)),
+            None if tree.has(path) => Err(Damage::MemoFile(tree.why_not(path))),
+            None => Err(Damage::NoMemoFile),
+        }
+    }
+
     /// The memo a field names; `length` is what the record says of it, and the smaller of both counts.
     ///
     /// # Errors
     /// [`Damage`], when the field names a memo that is not there.
-    pub fn get(memos: Option<&Memos>, row: &Row<'_>, field: &str, length: usize) -> Result<Vec<u8>, Damage> {
+    pub fn get(memos: Result<&Memos, &Damage>, row: &Row<'_>, field: &str, length: usize) -> Result<Vec<u8>, Damage> {
         let number = row.number(field);
         if number <= 0 {
             return Ok(Vec::new());
         }
         let number = number as u64;
-        let memo = memos.ok_or(Damage::NoMemoFile)?;
+        let memo = memos.map_err(Damage::clone)?;
         let start = usize::try_from(number).ok().and_then(|n| n.checked_mul(memo.block));
         let start = start.filter(|s| *s < memo.bytes.len()).ok_or(Damage::MemoOutside(number))?;
         let head = memo.bytes.get(start..start + 8).ok_or(Damage::MemoCutOff(number))?;

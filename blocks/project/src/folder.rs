@@ -206,19 +206,15 @@ impl Folder {
             }
             found = true;
             let memo_file = format!("{path}{name}.DBT");
-            let memos = tree.read(&memo_file).map(Memos::parse);
-            let unread = (memos.is_none() && tree.has(&memo_file)).then(|| tree.why_not(&memo_file));
+            let memos = Memos::open(tree, &memo_file);
             folder.notes.extend(table.cut_off().map(|what| Note::warning(format!("{path}{name}.DBF"), what)));
-            if memos.is_none() && table.rows().next().is_some() {
-                let why = unread.as_deref().unwrap_or("the memo file is missing");
-                let what = format!("{why}: the blocks of this folder have names and no content");
+            if let Err(damage) = &memos
+                && table.rows().next().is_some()
+            {
+                let what = format!("{damage}: the blocks of this folder have names and no content");
                 folder.notes.push(Note::warning(memo_file, what));
             }
             read_parts(&table, memos.as_ref(), page, &mut parts, &mut folder.notes);
-            if let Some(why) = unread {
-                let lost = parts.values_mut().filter(|part| part.damage == Some(Damage::NoMemoFile));
-                lost.for_each(|part| part.damage = Some(Damage::MemoFile(why.clone())));
-            }
             break;
         }
         if !found {
@@ -315,7 +311,7 @@ fn text_of(bytes: &[u8], page: CodePage) -> String {
     page.text(&bytes[..end])
 }
 
-fn read_parts(table: &Table, memos: Option<&Memos>, page: CodePage, parts: &mut Parts, notes: &mut Notes) {
+fn read_parts(table: &Table, memos: Result<&Memos, &Damage>, page: CodePage, parts: &mut Parts, notes: &mut Notes) {
     for row in table.rows() {
         let Ok(number) = u16::try_from(row.number("BLKNUMBER")) else { continue };
         let key = (row.number("SUBBLKTYP"), number);

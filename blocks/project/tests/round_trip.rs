@@ -230,6 +230,11 @@ fn what_is_there_and_cannot_be_read_is_not_called_missing() {
     assert!(notes.iter().any(|note| note.contains("BSTCNTOF.DBF: it has a password")), "{notes:?}");
     let why = project.blocks(&tree, project.choices()[0]).expect_err("it is locked");
     assert!(why.contains("SUBBLK.DBF: it has a password"), "{why}");
+    let locked = Locked(example().files(), "HATTRME1.DBT");
+    let tree = Tree::new(&locked);
+    let notes: Vec<String> = Project::read(&tree, &tree.roots()[0]).notes.iter().map(ToString::to_string).collect();
+    let told = "its addresses are lost: the memo file (.DBT) cannot be read: it has a password";
+    assert!(notes.iter().any(|note| note.contains(told)), "{notes:?}");
     let locked = Locked(example().files(), "SUBBLK.DBT");
     let tree = Tree::new(&locked);
     let folder = project.blocks(&tree, project.choices()[0]).expect("names");

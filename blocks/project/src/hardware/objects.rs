@@ -128,7 +128,7 @@ pub(super) fn read_kind(
         }
     }
     let Some(attributes) = table("HATTRME1", notes) else { return };
-    let memos = tree.read(&format!("{folder}HATTRME1.DBT")).map(Memos::parse);
+    let memos = Memos::open(tree, &format!("{folder}HATTRME1.DBT"));
     for row in attributes.rows() {
         let attribute = row.number("ATTRIIDM");
         let wanted = [INPUT_ADDRESSES, OUTPUT_ADDRESSES, CPU_PARAMETERS, IDENTIFIER, USER_PARAMETERS];
