@@ -25,7 +25,7 @@ use crate::world::{Info, Symbolic, World};
 pub(crate) const LONGEST: u32 = 65_534;
 
 /// The block that runs in each cycle.
-pub(crate) const MAIN: BlockId = BlockId::new(BlockKind::Ob, 1);
+const MAIN: BlockId = BlockId::new(BlockKind::Ob, 1);
 
 /// Parameters of one block.
 const FORMALS: usize = 512;
@@ -320,9 +320,8 @@ impl<'e> Elaborator<'e> {
 
     /// The inputs that TIA Portal declares in organization blocks: one of OB 1 is supplied.
     fn ob_inputs(&self, index: usize, id: BlockId, info: &mut Info) {
-        let sections = self.blocks.get(index).map(|block| block.sections.as_slice()).unwrap_or_default();
-        let inputs = sections.iter().filter(|(section, _)| *section == Section::Input).flat_map(|(_, list)| list);
-        for at in inputs.filter_map(|declaration| info.find(&declaration.name)).collect::<Vec<_>>() {
+        let Some(block) = self.blocks.get(index) else { return };
+        for at in block.inputs().filter_map(|declaration| info.find(&declaration.name)).collect::<Vec<_>>() {
             let Some(param) = info.interface.params.get(at) else { continue };
             if id == MAIN && param.is_called("Initial_Call") && param.ty == DataType::Bool {
                 info.initial_call = Some(param.at);
@@ -335,9 +334,8 @@ impl<'e> Elaborator<'e> {
     /// The inputs of the type DB_ANY.
     fn db_any(&self, block: &Block, info: &Info) -> BTreeSet<usize> {
         let Some(file) = self.files.get(block.file) else { return BTreeSet::new() };
-        let inputs = block.sections.iter().filter(|(section, _)| *section == Section::Input).flat_map(|(_, list)| list);
-        let of_type = inputs.filter(|declaration| file.slice(declaration.ty.span).eq_ignore_ascii_case(tia::DB_ANY));
-        of_type.filter_map(|declaration| info.find(&declaration.name)).collect()
+        let is_one = |declaration: &&Declaration| file.slice(declaration.ty.span).eq_ignore_ascii_case(tia::DB_ANY);
+        block.inputs().filter(is_one).filter_map(|declaration| info.find(&declaration.name)).collect()
     }
 
     /// The interface of a code block. `None` when a declaration has a mistake that moves the others.

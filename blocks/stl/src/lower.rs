@@ -11,7 +11,7 @@ use crate::auto::Sets;
 use crate::codes;
 use crate::constant::{Constant, ToParam};
 use crate::diagnostic::Sink;
-use crate::elaborate::{self, LONGEST};
+use crate::elaborate::LONGEST;
 use crate::expand::{self, Around, Hidden};
 use crate::identifiers::{BlockWord, Identifier};
 use crate::jumps::Labels;
@@ -23,7 +23,7 @@ use crate::supplied::Use;
 use crate::syntax::{Block, Statement};
 use crate::token::{File, Kind, Span};
 use crate::value::Value;
-use crate::world::{Info, World};
+use crate::world::World;
 
 /// What the statements of all blocks may name.
 pub(crate) struct Names<'n> {
@@ -106,15 +106,17 @@ pub(crate) fn lower(
         sink.report(block.file, block.span, &codes::TOO_LONG, format!("the local data is longer than {LONGEST} bytes"));
         return None;
     }
-    let code = expand::begin_with(initial_call(id, info), expand::expand(code, around, &hidden, own));
+    let mut code = expand::expand(code, around, &hidden, own);
+    if let Some(at) = info.initial_call {
+        code = expand::begin_with(initial_call(at), code);
+    }
     interface.temp_bytes = interface.temp_bytes.max(CodeBlock::local_bytes(&code));
     let name = block.shown_name();
     Some(CodeBlock { id, name, interface, code, source: block.file as u32 })
 }
 
-/// What supplies `Initial_Call`, an input of OB 1 in TIA Portal: OB1_SCAN_1 is 3 in every cycle but the first.
-fn initial_call(id: BlockId, info: &Info) -> Vec<Op> {
-    let Some(at) = info.initial_call.filter(|_| id == elaborate::MAIN) else { return Vec::new() };
+/// Supplies `Initial_Call`, an input of OB 1 in TIA Portal: OB1_SCAN_1 is 3 in every cycle but the first.
+fn initial_call(at: BitAddr) -> Vec<Op> {
     let local = |at| Place::Fixed(Area::Local, at);
     vec![
         Op::Load(Operand { width: Width::Byte, place: local(BitAddr::byte_addr(1)) }),

@@ -112,7 +112,7 @@ impl<'w> Resolver<'w> {
             return self.constant(reader).map(Value::Constant);
         }
         reader.next();
-        if self.block.is_some_and(|(_, info)| info.declared(text).is_some()) {
+        if self.is_declared(text) {
             return self.local(reader, text, token.span);
         }
         if self.world.symbol(text).is_some() {
@@ -121,7 +121,7 @@ impl<'w> Resolver<'w> {
         if let Some(value) = self.dotted(reader, text, token.span) {
             return Some(value);
         }
-        if let Some(id) = self.world.names.get(&text.to_uppercase()).filter(|id| self.world.blocks.contains_key(id)) {
+        if let Some(id) = self.offered(text) {
             return Some(Value::Block(BlockWord::of(id.kind), Number::Fixed(id.number)));
         }
         let shown: String = text.chars().take(32).collect();

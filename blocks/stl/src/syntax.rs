@@ -74,6 +74,11 @@ impl Block {
         };
         self.header_name.clone().or(symbol)
     }
+
+    /// The declarations of `VAR_INPUT`.
+    pub(crate) fn inputs(&self) -> impl Iterator<Item = &Declaration> {
+        self.sections.iter().filter(|(section, _)| *section == Section::Input).flat_map(|(_, list)| list)
+    }
 }
 
 /// A type as written.
