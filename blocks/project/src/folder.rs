@@ -262,7 +262,7 @@ impl Folder {
             }
             let comments = comments.map(|part| Comments::read(&part.interface, &part.code, &part.info, page));
             if comments.as_ref().is_some_and(|comments| comments.damaged) {
-                let what = "its comments end in bytes that are none: those behind them are lost";
+                let what = "its comments end in damaged bytes: the comments behind them are lost";
                 self.notes.push(Note::warning(id.to_string(), what));
             }
             let block = Block {

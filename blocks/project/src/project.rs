@@ -266,15 +266,15 @@ impl Project {
         list.map(|list| symbols::read(tree, &self.folder, list, self.page, notes)).unwrap_or_default()
     }
 
-    /// Where no program has a link to a symbol table that is left, the one there is belongs to the blocks.
+    /// The only symbol table, where no program has a link to one.
     fn only_list(&self, tree: &Tree<'_>, notes: &mut Notes) -> Option<i64> {
         if self.programs.iter().any(|program| program.symbols.is_some()) {
             return None;
         }
         let (list, what) = match symbols::all(tree, &self.folder, self.page).as_slice() {
             [] => return None,
-            [list] => (Some(*list), "no program has a link to it; the one symbol table there is is taken".to_owned()),
-            lists => (None, format!("{} symbol tables, and no link says whose: none is taken", lists.len())),
+            [list] => (Some(*list), "no program has a link to it; the only symbol table is taken".to_owned()),
+            lists => (None, format!("{} symbol tables, and no link names their programs: none is taken", lists.len())),
         };
         notes.push(Note::warning(format!("{}YDBs", self.folder), what));
         list

@@ -205,10 +205,10 @@ codes! {
         "Convert it into a variable of the parameter's type (DTR, RND, FC 33, FC 40) and supply that; STEP 7 refuses the call.";
     OB_INPUT = "S0804", Warning, "An input of an organization block that is not supplied.",
         "It is 0. What the CPU says of the call is in #OB_START_INFO, the first 20 bytes of the local data.";
-    NEVER_SUPPLIED = "S0805", Warning, "A parameter of a function block that must be supplied is supplied by no call.",
+    NEVER_SUPPLIED = "S0805", Warning, "No call supplies a parameter of a function block that needs an actual.",
         "Supply it: without an actual a complex in/out leads to no area (OB 121 or STOP), TIMER, COUNTER and BLOCK are number 0.";
     NEVER_CALLED = "S0806", Warning, "An organization block has a number that the CPU never calls.",
-        "Give it the number of its event (docs/cpu.md), or make it a function that OB 1 calls, also an OB from 123 on of TIA Portal.";
+        "Give it the number of its event (docs/cpu.md), or make it a function that OB 1 calls; do the same with OB 123 and above of TIA Portal.";
     // Lints
     CONSTANT_FOR_OUTPUT = "S0901", Lint, "A constant is supplied to a parameter that the block writes.",
         "The value that the block writes is lost; supply an operand.";

@@ -370,7 +370,7 @@ impl<'s> Parser<'_, 's> {
         }
     }
 
-    /// A line of the head that is none: its colon is missing, its word is another or misspelt.
+    /// Reports a line that does not belong in a head: its colon is missing, or its word is misspelt or unknown.
     fn unknown_head_word(&mut self, block: &mut Block, token: Token, word: &str) {
         let text: String = self.text(token).chars().take(32).collect();
         if HEADER_LINES.contains(&word) {
