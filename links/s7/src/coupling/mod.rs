@@ -334,27 +334,20 @@ impl Coupling {
         for at in 0..self.slots.len() {
             let Some(slot) = self.slots.get_mut(at).filter(|slot| slot.order.id == id) else { continue };
             slot.held = None;
-            if slot.phase == Phase::Running {
-                // A BSEND that has begun begins anew on the next connection.
-                slot.total = None;
-                slot.give.clear();
-            }
-            if slot.phase != Phase::Running && slot.phase != Phase::Giving {
+            if slot.phase != Phase::Running {
                 continue;
             }
-            let service = slot.order.service;
-            match service {
+            // A BSEND that has begun begins anew on the next connection.
+            slot.total = None;
+            slot.give.clear();
+            match slot.order.service {
                 Some(Service::Send) => self.fail(at, status::NOT_CONNECTED),
-                Some(Service::Usend | Service::Bsend | Service::Put | Service::Get) if self.is_running(at) => {
+                Some(Service::Usend | Service::Bsend | Service::Put | Service::Get) => {
                     self.fail(at, status::CONNECTION);
                 }
                 _ => {}
             }
         }
-    }
-
-    fn is_running(&self, at: usize) -> bool {
-        self.slots.get(at).is_some_and(|slot| slot.phase == Phase::Running)
     }
 
     fn link_of(&self, id: u16) -> Option<usize> {
