@@ -46,7 +46,8 @@ pub(super) struct Link {
     wait: u64,
     since: u64,
     is_broken: bool,
-    told_up: bool,
+    /// The present connection has come up.
+    has_come_up: bool,
     /// The partner has sent something on the present connection, or on the last one; or it has lasted.
     has_served: bool,
     pub(super) is_locked: bool,
@@ -78,7 +79,7 @@ impl Link {
             wait: RETRY,
             since: 0,
             is_broken: false,
-            told_up: false,
+            has_come_up: false,
             has_served: false,
             is_locked: false,
             out: 0,
@@ -154,7 +155,7 @@ impl Link {
             }
             ConnectionKind::S7 => Wire::S7(Box::new(Connection::calling(settings, local, remote))),
         };
-        self.is_up();
+        self.note_up();
     }
 
     pub(super) fn called(&mut self, mut transport: Transport, settings: Settings, now: u64) {
@@ -167,21 +168,18 @@ impl Link {
         };
         // Handles the bytes that followed the call.
         self.events();
-        self.is_up();
+        self.note_up();
     }
 
-    /// Counts each time the connection comes up.
-    fn is_up(&mut self) {
-        if !self.told_up && self.condition() == Condition::Up {
-            self.told_up = true;
-            self.traffic.ups += 1;
-        }
+    /// Notes that the connection is up, if it is.
+    fn note_up(&mut self) {
+        self.has_come_up |= self.condition() == Condition::Up;
     }
 
     /// Whether the present connection, or else the last one, is of use: the partner has sent something on it after the
     /// setup, or it has lasted. One that comes up and is closed at once is not.
     pub(super) fn is_of_use(&self, now: u64) -> bool {
-        self.has_served || self.told_up && now >= self.since + RETRY_MAX
+        self.has_served || self.has_come_up && now >= self.since + RETRY_MAX
     }
 
     /// The partner has closed the connection. What it has sent before stays for AG_RECV.
@@ -192,14 +190,14 @@ impl Link {
 
     pub(super) fn lost(&mut self, now: u64) {
         self.has_served = self.is_of_use(now);
-        if self.has_served && self.told_up {
+        if self.has_served && self.has_come_up {
             self.wait = RETRY;
         }
         self.out += self.output().len() as u64;
         if self.spec.kind != ConnectionKind::Udp {
             self.wire = Wire::None;
         }
-        (self.is_wired, self.asked, self.is_broken, self.told_up) = (false, false, false, false);
+        (self.is_wired, self.asked, self.is_broken, self.has_come_up) = (false, false, false, false);
         self.retry_at = now + self.wait;
         self.wait = (self.wait * 2).min(RETRY_MAX);
         self.stream.lose();
@@ -228,7 +226,7 @@ impl Link {
         }
     }
 
-    pub(super) fn receive(&mut self, bytes: &[u8], _now: u64) {
+    pub(super) fn receive(&mut self, bytes: &[u8]) {
         let was_up = self.condition() == Condition::Up;
         match &mut self.wire {
             Wire::None => {}
@@ -239,7 +237,7 @@ impl Link {
             Wire::S7(connection) => connection.receive(bytes),
         }
         self.events();
-        self.is_up();
+        self.note_up();
         self.has_served |= was_up && !self.broken();
     }
 
@@ -375,7 +373,7 @@ mod tests {
             assert!(link.wants_connection(now));
             link.connected(Settings::default(), now);
             if *data {
-                link.receive(&[1], now);
+                link.receive(&[1]);
             }
             now += lasts;
             link.lost(now);

@@ -106,8 +106,6 @@ pub struct Traffic {
     pub jobs: u64,
     /// Jobs that ended with one.
     pub errors: u64,
-    /// Times the connection came up.
-    pub ups: u64,
 }
 
 /// The connections of a CP.
@@ -252,7 +250,7 @@ impl Coupling {
     pub fn receive(&mut self, index: usize, bytes: &[u8], now: u64) {
         self.now = now;
         if let Some(link) = self.links.get_mut(index) {
-            link.receive(bytes, now);
+            link.receive(bytes);
         }
         self.advance(index);
     }
