@@ -23,11 +23,17 @@ pub(super) struct Stream {
     parts: VecDeque<Part>,
     /// How many connections there have been.
     count: u64,
-    /// The number of the last one that was lost.
-    lost: u64,
+    /// The number of the one that has brought what was taken last.
+    taken: u64,
 }
 
 impl Stream {
+    /// Drops closed parts without bytes, except the one that may get its bytes back.
+    fn tidy(&mut self) {
+        let taken = self.taken;
+        self.parts.retain(|part| !part.is_ended || !part.bytes.is_empty() || part.number == taken);
+    }
+
     /// The part of the present connection, if there is one.
     fn present(&mut self) -> Option<&mut Part> {
         self.parts.back_mut().filter(|part| !part.is_ended)
@@ -45,14 +51,13 @@ impl Stream {
         if let Some(part) = self.present() {
             part.is_ended = true;
         }
-        self.parts.retain(|part| !part.bytes.is_empty());
+        self.tidy();
     }
 
     /// The connection is lost, if it has not been closed by the partner.
     pub(super) fn lose(&mut self) {
         if self.present().is_some() {
             self.parts.pop_back();
-            self.lost = self.count;
         }
     }
 
@@ -72,7 +77,8 @@ impl Stream {
         while let Some(part) = self.parts.front_mut() {
             if part.bytes.len() >= len {
                 let (bytes, number) = (part.bytes.drain(..len).collect(), part.number);
-                self.parts.retain(|part| !part.is_ended || !part.bytes.is_empty());
+                self.taken = number;
+                self.tidy();
                 return Some((bytes, number));
             }
             if self.parts.len() == 1 {
@@ -84,12 +90,10 @@ impl Stream {
         None
     }
 
-    /// Puts back what [`Self::take`] has returned.
+    /// Puts back what [`Self::take`] has returned last. The bytes of a lost connection are lost.
     pub(super) fn put_back(&mut self, bytes: Vec<u8>, number: u64) {
         if let Some(part) = self.parts.iter_mut().find(|part| part.number == number) {
             part.bytes.splice(..0, bytes);
-        } else if number > self.lost {
-            self.parts.push_front(Part { number, bytes, is_ended: true });
         }
     }
 }
@@ -148,6 +152,8 @@ mod tests {
                 stream.finish();
             }
             stream.lose();
+            // The next connection is lost, the one after it stays.
+            stream.begin();
             stream.begin();
             stream.push(&[3, 4]);
             stream.put_back(bytes, number);
