@@ -407,7 +407,8 @@ impl Cp {
 }
 
 /// Whether a peer has the address of this partner. A socket for IPv6 and IPv4 shows the latter as a part of the former.
-fn is_of(partner: SocketAddr, peer: IpAddr) -> bool {
+#[must_use]
+pub fn is_of(partner: SocketAddr, peer: IpAddr) -> bool {
     partner.ip().to_canonical() == peer.to_canonical()
 }
 
