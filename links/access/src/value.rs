@@ -31,14 +31,16 @@ pub fn to_json(item: &Item, bits: u32) -> Value {
 pub fn from_json(item: &Item, value: &Value) -> Result<u32, String> {
     match value {
         Value::Bool(bit) => fit(item, i64::from(*bit)),
-        Value::Number(number) => match (number.as_i64(), number.as_f64()) {
-            (_, Some(number)) if item.reading == Reading::Real => match narrowed(number) {
-                Some(real) => Ok(real.to_bits()),
-                None => Err(format!("{number} does not fit {}, a {}", item.name, item.type_name)),
-            },
-            (Some(number), _) => fit(item, number),
-            _ => Err(format!("{number} does not fit {}, a {}", item.name, item.type_name)),
-        },
+        Value::Number(number) => {
+            let unfit = || format!("{number} does not fit {}, a {}", item.name, item.type_name);
+            match (number.as_i64(), number.as_f64()) {
+                (_, Some(number)) if item.reading == Reading::Real => {
+                    narrowed(number).map(f32::to_bits).ok_or_else(unfit)
+                }
+                (Some(number), _) => fit(item, number),
+                _ => Err(unfit()),
+            }
+        }
         Value::String(text) => from_text(item, text),
         other => Err(format!("{other} is not a value for {}", item.name)),
     }
