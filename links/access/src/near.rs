@@ -20,6 +20,6 @@ mod tests {
     fn near_words() {
         assert_eq!(nearest("min_cylce", ["min_cycle", "watchdog"]), Some("min_cycle"));
         assert_eq!(nearest("colour", ["min_cycle", "watchdog"]), None);
-        assert_eq!(nearest("DI", ["do", "di", "ai"]), Some("di"), "capitals are no other letters");
+        assert_eq!(nearest("DI", ["do", "di", "ai"]), Some("di"), "capitals do not matter");
     }
 }

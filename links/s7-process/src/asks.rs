@@ -409,8 +409,7 @@ impl Write {
     fn written(mut self, refused: Option<(usize, Refusal)>, turn: &mut Turn<'_, '_>) -> Option<Doing> {
         match refused {
             None => self.left.clear(),
-            // These concern the whole group. Whether a CPU that is silent has written it is not known, so it is not
-            // sent again.
+            // These concern the whole group. A silent CPU may have written it, so nothing is sent again.
             Some((_, why @ (Refusal::Silent | Refusal::Full))) => {
                 for (item, _) in self.left.drain(..) {
                     self.codes[item] = cells::code(why);

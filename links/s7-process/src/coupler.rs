@@ -180,7 +180,7 @@ impl Coupler {
         self.cp.find(call, peer)
     }
 
-    /// Whether a connection waits for calls at this TSAP, whoever its partner is.
+    /// Whether a connection waits for calls at this TSAP, from any partner.
     pub(crate) fn has_tsap(&self, called: &Tsap) -> bool {
         self.cp.has_tsap(called)
     }

@@ -69,7 +69,7 @@ struct Line {
 struct Telling {
     /// The last report was that it is up.
     says_up: bool,
-    /// A connection was reported that was of no use.
+    /// The end of a connection of no use was reported.
     is_tired: bool,
 }
 
@@ -185,7 +185,7 @@ impl Cp {
         self.machine.find(call, |index| self.may_call(index, peer))
     }
 
-    /// Whether a connection waits for calls at this TSAP, whoever its partner is.
+    /// Whether a connection waits for calls at this TSAP, from any partner.
     #[must_use]
     pub fn has_tsap(&self, called: &Tsap) -> bool {
         self.machine.has_tsap(called)

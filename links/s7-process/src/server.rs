@@ -124,7 +124,7 @@ impl Server {
             self.door.pump()?;
             let ready = self.wait()?;
             let now = Instant::now();
-            // Before others are accepted, which may move them.
+            // Sessions come first: accepting may close one, and that moves others in the list.
             for (index, broken) in ready.read {
                 if let Some(session) = self.sessions.get_mut(index) {
                     session.receive(&mut self.buffer, &self.tap, now);
@@ -295,7 +295,7 @@ impl Server {
                 continue;
             }
             let called = &call.called;
-            // A TSAP that does not name this CPU is there for the partner of its connection alone.
+            // The TSAP of a connection is for its partner alone, unless it also names a CPU.
             let is_anothers = called.place().is_none() && self.coupler.as_ref().is_some_and(|cp| cp.has_tsap(called));
             let resource = called.resource();
             let others: Vec<_> = self.sessions.iter().filter_map(|session| session.occupant(now)).collect();

@@ -114,8 +114,8 @@ impl Session {
     }
 
     /// Whether it has been silent for this long, and waits for nothing.
-    pub(crate) fn is_silent(&self, since: Duration, now: Instant) -> bool {
-        !self.connection.waits() && now.saturating_duration_since(self.heard) >= since
+    pub(crate) fn is_silent(&self, idle: Duration, now: Instant) -> bool {
+        !self.connection.waits() && now.saturating_duration_since(self.heard) >= idle
     }
 
     /// For the log: the PDU, jobs, errors.

@@ -20,7 +20,7 @@ pub(crate) struct Occupant {
     pub(crate) resource: Resource,
     /// It has sent a request.
     pub(crate) works: bool,
-    /// It waits for messages or cyclic data, so its silence means nothing.
+    /// It waits for an answer, messages or cyclic data, so its silence means nothing.
     pub(crate) waits: bool,
     /// How long nothing has come from it.
     pub(crate) silent: Duration,

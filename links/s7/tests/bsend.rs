@@ -10,8 +10,9 @@ use ob1_words::boxes::{Answer, BOX_BYTES, HEAD_BYTES, Order, Service, State, pie
 
 const BYTES: usize = 4000;
 
-/// A BRCV with room, and what the BSEND begins with.
+/// The fields that BSEND and BRCV have in common.
 const ORDER: Order = Order { service: None, job: 1, id: 1, r_id: 7, piece: 0, len: 0, taken: 0, room: 0 };
+/// A BRCV with room.
 const RECEIVES: Order = Order { service: Some(Service::Brcv), room: BYTES as u32, ..ORDER };
 
 fn tsaps() -> [Tsap; 2] {

@@ -466,9 +466,9 @@ fn messages_go_to_those_who_want_them() {
     assert_eq!(desk.service(4, 2, &[0x80, 0])[0][20..22], [0xD4, 0x05]);
 }
 
-/// Whoever waits for something is not silent, also while the values are under way.
+/// A partner that waits for something is not silent, also while the values are under way.
 #[test]
-fn who_waits_for_something() {
+fn a_partner_waits_for_messages_values_and_answers() {
     let mut desk = desk();
     assert!(!desk.connection.waits());
     desk.service(2, 1, &[&[0, 1, 0, 2][..], &item(2, 2, 0, 0x83, 0)].concat());

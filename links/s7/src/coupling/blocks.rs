@@ -213,7 +213,7 @@ impl Coupling {
         };
         let Some(slot) = self.slots.get_mut(at) else { return };
         let is_begun = link.take_begun(r_id);
-        // Some senders count from 1 in each BSEND, others on and on, over their answers too. The count wraps to 1.
+        // Some senders count the parts of each BSEND from 1. Others count on and on, their answers too: 1 follows 255.
         let restarts = unit == 0 || unit == 1 && slot.unit < 0x80;
         let is_first = restarts || slot.total.is_none() && !is_begun;
         let bytes = match (is_first, bytes) {

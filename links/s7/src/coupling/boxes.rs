@@ -50,7 +50,7 @@ pub(super) struct Slot {
     /// BRCV: total number of bytes, and the answer the partner waits for.
     pub(super) total: Option<usize>,
     pub(super) held: Option<Held>,
-    /// AG_RECV: the TCP connection of which the data were taken.
+    /// AG_RECV: the number of the TCP connection that has brought the data.
     pub(super) taken_of: u64,
     shown: [u8; BOX_BYTES],
     is_new: bool,

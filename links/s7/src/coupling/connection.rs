@@ -344,7 +344,7 @@ impl Link {
         }
     }
 
-    /// Whether more parts of a BSEND were to follow. What becomes of this one says whether they still are.
+    /// Whether a BSEND under this R_ID has begun. This forgets it: the next part that is taken notes it again.
     pub(super) fn take_begun(&mut self, r_id: u32) -> bool {
         let at = self.begun.iter().position(|begun| *begun == r_id);
         at.map(|at| self.begun.swap_remove(at)).is_some()
@@ -363,8 +363,8 @@ mod tests {
     use super::*;
     use crate::iso::Tsap;
 
-    /// How long a TCP connection of ours waits after each of these losses. A connection is up for so long, with or
-    /// without data of the partner.
+    /// How long a TCP connection of ours waits before it calls again, after each of these connections. A connection is
+    /// how long it was up, and whether the partner sent data.
     fn waits(connections: &[(u64, bool)]) -> Vec<u64> {
         let (local, remote) = (Tsap::default(), Tsap::default());
         let mut link = Link::new(Spec { id: 1, kind: ConnectionKind::Tcp, active: true, local, remote });

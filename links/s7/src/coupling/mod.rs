@@ -146,8 +146,8 @@ impl Coupling {
         self.runs = runs;
     }
 
-    /// The configured connection that matches this call, among those that this partner may call. One that names the
-    /// partner's TSAP goes before one for any.
+    /// The configured connection that matches this call, among those that this partner may call. A connection that
+    /// names the partner's TSAP goes before one that takes any partner.
     #[must_use]
     pub fn find(&self, call: &Call, may_call: impl Fn(usize) -> bool) -> Option<usize> {
         let fits = |(index, link): &(usize, &Link)| {
@@ -159,7 +159,7 @@ impl Coupling {
         fitting.min_by_key(|(_, link)| link.spec.remote.bytes().is_empty()).map(|(index, _)| index)
     }
 
-    /// Whether a connection waits for calls at this TSAP, whoever its partner is.
+    /// Whether a connection waits for calls at this TSAP, from any partner.
     #[must_use]
     pub fn has_tsap(&self, called: &Tsap) -> bool {
         self.links.iter().any(|link| link.spec.waits_at(called))
