@@ -114,7 +114,9 @@ impl Network for Sockets {
         loop {
             let read = match self.lines.get_mut(index).map(|line| &mut line.socket) {
                 Some(Socket::Datagrams(socket, partner)) => match socket.recv_from(into) {
-                    Ok((len, from)) if is_of(*partner, from.ip()) && from.port() == partner.port() => return Received::Bytes(len),
+                    Ok((len, from)) if is_of(*partner, from.ip()) && from.port() == partner.port() => {
+                        return Received::Bytes(len);
+                    }
                     // Or the answer to a datagram: nobody is listening there at the moment.
                     Ok(_) | Err(_) => return Received::Nothing,
                 },
