@@ -182,7 +182,7 @@ impl Coupler {
         self.cp.find(call, peer)
     }
 
-    /// Whether a connection waits for calls at this TSAP, from any partner.
+    /// Whether this is the TSAP of a connection that waits for calls.
     pub(crate) fn has_tsap(&self, called: &Tsap) -> bool {
         self.cp.has_tsap(called)
     }

@@ -185,7 +185,7 @@ impl Cp {
         self.machine.find(call, |index| self.may_call(index, peer))
     }
 
-    /// Whether a connection waits for calls at this TSAP, from any partner.
+    /// Whether this is the TSAP of a connection that waits for calls.
     #[must_use]
     pub fn has_tsap(&self, called: &Tsap) -> bool {
         self.machine.has_tsap(called)

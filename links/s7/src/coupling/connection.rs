@@ -363,8 +363,8 @@ mod tests {
     use super::*;
     use crate::iso::Tsap;
 
-    /// How long a TCP connection of ours waits before it calls again, after each of these connections. A connection is
-    /// how long it was up, and whether the partner sent data.
+    /// How long a TCP connection of ours waits before it calls again, after each of these connections. Of each, the
+    /// time that it was up is given, and whether the partner sent data.
     fn waits(connections: &[(u64, bool)]) -> Vec<u64> {
         let (local, remote) = (Tsap::default(), Tsap::default());
         let mut link = Link::new(Spec { id: 1, kind: ConnectionKind::Tcp, active: true, local, remote });

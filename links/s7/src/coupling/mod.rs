@@ -159,7 +159,7 @@ impl Coupling {
         fitting.min_by_key(|(_, link)| link.spec.remote.bytes().is_empty()).map(|(index, _)| index)
     }
 
-    /// Whether a connection waits for calls at this TSAP, from any partner.
+    /// Whether this is the TSAP of a connection that waits for calls.
     #[must_use]
     pub fn has_tsap(&self, called: &Tsap) -> bool {
         self.links.iter().any(|link| link.spec.waits_at(called))
