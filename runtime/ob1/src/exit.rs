@@ -13,7 +13,7 @@ Exit codes:
   5  the station runs already (run), or does not run (get, set, ctl, diag, top, trace, bus watch)
   6  the operating system refused what the station needs
   7  a native block did not return; outputs are off
-  8  the running station refused a request of get, set, ctl or diag
+  8  the running station refused a request, or did not answer
   12  the station stood still for too long; its guardian has set the outputs to their safe state
   13  a plugin has called exit(); outputs are off
   14  the runtime has crashed, in a block in C or a library; outputs are off
@@ -127,7 +127,8 @@ mod tests {
     #[test]
     fn the_table_has_every_command_with_codes_of_its_own() {
         for command in ["exec", "test", "import", "upload", "download", "compare", "soak"] {
-            assert!(TABLE.lines().any(|line| line.contains(command) && line.contains(" 0 ")), "{command}");
+            let mut heads = TABLE.lines().filter_map(|line| Some(line.split_once(" 0 ")?.0));
+            assert!(heads.any(|head| head.contains(command)), "{command}");
         }
     }
 

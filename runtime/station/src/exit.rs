@@ -20,7 +20,7 @@ pub enum Exit {
     System = 6,
     /// A native block did not return; outputs were switched off.
     Hung = 7,
-    /// A running station has refused a request of `get`, `set`, `ctl` or `diag`.
+    /// A running station has refused a request, or has not answered.
     Refused = 8,
     /// The station stood still; its guardian has set the outputs to their safe state.
     StoodStill = 12,

@@ -36,7 +36,7 @@ const LONGEST: u64 = 1 << 30;
     after_help = "Examples:\n  ob1 trace press.toml\n  ob1 trace press.toml scale --raw\n  ob1 trace press --record line.trace --quiet --for 10min\n  \
     ob1 trace --from line.trace\n  ob1 trace --from line.trace --pcapng line.pcapng       Modbus RTU, for Wireshark (docs/trace.md)\n\n\
     Exit codes: 0 ended, 1 no such CP, link or bus, 2 no station file or recording, 5 the station does not run,\n\
-    6 a file cannot be read or written."
+    6 a file cannot be read or written, 8 the station does not answer."
 )]
 pub struct TraceArgs {
     /// A running station: its name or its file
