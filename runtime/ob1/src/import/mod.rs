@@ -35,7 +35,7 @@ pub use upload::{CompareArgs, UploadArgs, compare, upload};
 #[command(
     after_help = "Examples:\n  ob1 import plant.zip --list\n  ob1 import plant/ --program \"CPU 315-2 DP\" --out press\n  ob1 run press/station.toml\n  \
     ob1 import plant/ --listing FC5\n\n\
-    Exit codes: 0 the whole program was imported, 1 blocks were left out, 2 nothing could be read.\n\nMore: docs/import.md."
+    Exit codes: 0 the whole program was imported, 1 blocks were left out,\n2 nothing could be read or written.\n\nMore: docs/import.md."
 )]
 pub struct ImportArgs {
     /// The project: its folder, its .s7p or .s7l, or a .zip of it
@@ -55,7 +55,7 @@ pub struct ImportArgs {
     /// Print the programs and their blocks, write nothing
     #[arg(long, conflicts_with_all = ["out", "listing"])]
     pub list: bool,
-    /// Print a block as STL, write nothing
+    /// Print a block or a UDT as STL, write nothing
     #[arg(long, value_name = "BLOCK", conflicts_with = "out")]
     pub listing: Option<String>,
     /// Print the outcome as JSON: programs, program, blocks, decoded, left_out, files
@@ -250,21 +250,24 @@ fn list(args: &ImportArgs, tree: &Tree<'_>, projects: &[Project], titles: &[Stri
 }
 
 fn listing(wanted: &str, folder: &Folder, translation: &Translation) -> Result<ImportExit, String> {
-    if let Some(number) = udt_number(wanted) {
-        return type_listing(number, translation);
-    }
-    let id = ob1_station::block_name::parse_block(wanted)
-        .ok_or_else(|| format!("\"{wanted}\" is not a block; write FC5, DB 10 or UDT 1"))?;
-    if let Some(why) = translation.left_out.get(&id.to_string()) {
+    let (name, file, is_protected) = match udt_number(wanted) {
+        Some(number) => (format!("UDT {number}"), format!("UDT_{number}.awl"), false),
+        None => {
+            let id = ob1_station::block_name::parse_block(wanted)
+                .ok_or_else(|| format!("\"{wanted}\" is not a block; write FC5, DB 10 or UDT 1"))?;
+            let is_protected = folder.blocks.get(&id).is_some_and(|block| block.know_how);
+            (id.to_string(), format!("{}_{}.awl", id.kind.name(), id.number), is_protected)
+        }
+    };
+    if let Some(why) = translation.left_out.get(&name) {
         return Err(why.clone());
     }
-    if folder.blocks.get(&id).is_some_and(|block| block.know_how) {
-        return Err(format!("{id} is know-how protected: it runs, and its statements are not printed"));
+    if is_protected {
+        return Err(format!("{name} is know-how protected: it runs, and its statements are not printed"));
     }
-    let name = format!("{}_{}.awl", id.kind.name(), id.number);
-    let file = translation.sources.iter().find(|file| file.name == name);
-    let file = file.ok_or_else(|| format!("{id} is not in this program"))?;
-    says!("{}", String::from_utf8_lossy(&file.bytes));
+    let source = translation.sources.iter().find(|source| source.name == file);
+    let source = source.ok_or_else(|| format!("{name} is not in this program"))?;
+    says!("{}", String::from_utf8_lossy(&source.bytes));
     Ok(ImportExit::Whole)
 }
 
@@ -272,17 +275,6 @@ fn listing(wanted: &str, folder: &Folder, translation: &Translation) -> Result<I
 fn udt_number(wanted: &str) -> Option<u16> {
     let (kind, number) = wanted.trim().split_at_checked(3)?;
     kind.eq_ignore_ascii_case("UDT").then(|| number.trim().parse().ok())?
-}
-
-fn type_listing(number: u16, translation: &Translation) -> Result<ImportExit, String> {
-    let name = format!("UDT {number}");
-    if let Some(why) = translation.left_out.get(&name) {
-        return Err(why.clone());
-    }
-    let file = translation.sources.iter().find(|file| file.name == format!("UDT_{number}.awl"));
-    let file = file.ok_or_else(|| format!("{name} is not in this program"))?;
-    says!("{}", String::from_utf8_lossy(&file.bytes));
-    Ok(ImportExit::Whole)
 }
 
 fn outcome(programs: &[String], program: Option<&str>, translation: &Translation, files: &[String]) -> String {

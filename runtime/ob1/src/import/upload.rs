@@ -28,7 +28,7 @@ const PAGE: u16 = 1252;
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 upload 192.168.0.10 --out press\n  ob1 upload 127.0.0.1:10102 --slot 2 --out copy\n\n\
-    Exit codes: 0 the whole program was uploaded, 1 blocks were left out, 2 nothing could be read.\n\nMore: docs/s7-link.md."
+    Exit codes: 0 the whole program was uploaded, 1 blocks were left out,\n2 nothing could be read or written.\n\nMore: docs/s7-link.md."
 )]
 pub struct UploadArgs {
     #[command(flatten)]
