@@ -8,11 +8,10 @@ use clap::Args;
 use ob1_s7::client::jobs::{Device, Wire};
 use ob1_s7::client::{Client, Failure};
 use ob1_s7::iso::Place;
+use ob1_station::station_file::ISO_PORT;
 
 /// A CPU that says nothing for so long is gone.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// The port of ISO on TCP.
-const PORT: u16 = 102;
 
 /// Which CPU.
 #[derive(Clone, Debug, Args)]
@@ -76,7 +75,7 @@ pub(super) fn connect(cpu: &CpuArgs) -> Result<Device<Socket>, String> {
     // A name may have several addresses, and the CPU not all of them.
     for address in addresses {
         stream = TcpStream::connect_timeout(&address, PATIENCE).map_err(|error| {
-            format!("{with_port}: {error}; S7 communication usually uses port {PORT}; write another as HOST:PORT")
+            format!("{with_port}: {error}; S7 communication usually uses port {ISO_PORT}; write another as HOST:PORT")
         });
         if stream.is_ok() {
             break;
@@ -98,9 +97,9 @@ pub(super) fn connect(cpu: &CpuArgs) -> Result<Device<Socket>, String> {
 fn with_port(host: &str) -> String {
     let address = host.strip_prefix('[').and_then(|host| host.strip_suffix(']')).unwrap_or(host);
     match address.parse::<IpAddr>() {
-        Ok(address) => SocketAddr::new(address, PORT).to_string(),
+        Ok(address) => SocketAddr::new(address, ISO_PORT).to_string(),
         Err(_) if host.contains(':') => host.to_owned(),
-        Err(_) => format!("{host}:{PORT}"),
+        Err(_) => format!("{host}:{ISO_PORT}"),
     }
 }
 

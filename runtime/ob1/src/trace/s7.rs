@@ -8,12 +8,11 @@ use ob1_protocols::trace::record::{Kind, Record};
 use ob1_s7::codes::Code;
 use ob1_s7::tap::Tapped;
 use ob1_s7::wire::{Kind as Telegram, Pdu, UserData, function};
+use ob1_station::station_file::ISO_PORT;
 use serde_json::Value;
 
 /// Bytes of a telegram's TPKT head.
 const TPKT: usize = 4;
-/// The port under which dissectors look for ISO on TCP.
-const PORT: u16 = 102;
 /// Bytes of a packet.
 const SEGMENT: usize = 1400;
 /// The address packets have on our side.
@@ -104,9 +103,9 @@ impl Link {
 
 /// A packet with heads of IP and TCP. Their check sums are 0, as network cards leave them.
 fn packet(tapped: &Tapped, is_out: bool, (at, acknowledged): (u32, u32), bytes: &[u8]) -> Vec<u8> {
-    // The side that was called has the port of ISO on TCP, whatever its real port is.
-    let partner = if tapped.is_ours { PORT } else { tapped.port };
-    let ours = if tapped.is_ours { 49_152 + (tapped.number % 16_384) as u16 } else { PORT };
+    // The side that was called has the port of ISO on TCP, whatever its real port is: dissectors look there.
+    let partner = if tapped.is_ours { ISO_PORT } else { tapped.port };
+    let ours = if tapped.is_ours { 49_152 + (tapped.number % 16_384) as u16 } else { ISO_PORT };
     let (here, there) = ((HERE, ours), (tapped.partner, partner));
     let (from, to) = if is_out { (here, there) } else { (there, here) };
     let mut packet = vec![0x45, 0];

@@ -17,7 +17,7 @@ const TYPES: [(&str, ConnectionType); 4] = [
     ("s7", ConnectionType::S7),
 ];
 /// The port of ISO on TCP.
-const ISO_PORT: u16 = 102;
+pub const ISO_PORT: u16 = 102;
 /// Connections of a CP, at most.
 const CONNECTIONS: usize = 16;
 /// Longest TSAP.

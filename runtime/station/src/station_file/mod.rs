@@ -31,6 +31,7 @@ mod values;
 
 pub use check::standard;
 
+pub use connection::ISO_PORT;
 pub use duration::parse_duration;
 pub use line::{Line, LineError};
 pub use types::*;
