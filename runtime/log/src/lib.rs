@@ -235,8 +235,7 @@ pub fn is_terminal() -> bool {
     io::stderr().is_terminal()
 }
 
-/// Whether what goes to a terminal, or to something else, has colours: `NO_COLOR` with any value forbids them
-/// (no-color.org).
+/// Whether a text has colours: only on a terminal, and not where `NO_COLOR` has a value (no-color.org).
 #[must_use]
 pub fn is_coloured(is_terminal: bool) -> bool {
     is_terminal && !forbids_colour(std::env::var_os("NO_COLOR").as_deref())

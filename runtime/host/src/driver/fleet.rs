@@ -30,7 +30,7 @@ const REPORTS: usize = 32;
 
 /// How long drivers get between end of file on stdin and SIGKILL.
 pub const STOP_WAIT: Span = Span::from_secs(2);
-/// How much of it the others have to themselves before those that end last are asked to.
+/// When drivers that serve others are asked to end, if those that they serve are still there.
 const FIRST_WAIT: Span = Span::from_secs(1);
 
 /// What the module on the scan thread gets of its driver.
@@ -110,7 +110,7 @@ struct Driver {
     stdin: OwnedFd,
     supervisor: Supervisor,
     process: Option<Process>,
-    /// It has been told that it cannot be started.
+    /// The log has that it cannot be started.
     told: bool,
     last_beat: u64,
     /// When it was checked last.
@@ -118,6 +118,7 @@ struct Driver {
     reports: Producer<Report>,
     status: Arc<DriverStatus>,
     hand_over: Option<HandOver>,
+    /// It serves others.
     ends_last: bool,
 }
 
@@ -169,7 +170,7 @@ impl Fleet {
         }
     }
 
-    /// This driver serves others: at the stop it ends behind them, and none of them misses it.
+    /// This driver serves others: at the stop it is asked to end after them, so that none of them misses it.
     pub fn ends_last(&mut self, name: &str) {
         for driver in self.drivers.iter_mut().filter(|driver| driver.command.name == name) {
             driver.ends_last = true;
@@ -254,7 +255,7 @@ impl<C: Clock> Watch<C> {
         }
     }
 
-    /// Waits for them to end: for all, or for those that do not end last.
+    /// Waits until all drivers have ended, or only those that do not end last.
     fn wait(&mut self, give_up: Instant, all: bool) {
         while self.drivers.iter_mut().any(|d| (all || !d.ends_last) && !d.has_ended()) {
             let left = give_up.since(self.clock.now());

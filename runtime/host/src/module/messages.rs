@@ -129,7 +129,7 @@ pub(super) struct Messages {
     line: Told<u32>,
     refused: Told<Refused>,
     states: Allowance,
-    /// So many events the ring of the segment had no room for.
+    /// How many events the ring of the segment had no room for.
     lost: Told<u64>,
     losses: Allowance,
     /// What has been entered in this incident.
