@@ -284,9 +284,8 @@ pub fn compile(wanted: &Sources, library: &Library) -> Result<Compiled, Vec<Find
     }
     let folders = &wanted.files;
     let wanted = Sources { files, symbols, ..wanted.clone() };
-    let (empty, sources): (Vec<_>, Vec<_>) =
-        read_all(&wanted.files, &wanted.places, &mut findings).into_iter().partition(is_empty);
-    findings.extend(of_empty(&empty, if sources.is_empty() { Level::Error } else { Level::Warning }));
+    let level = |left: &[Source]| if left.is_empty() { Level::Error } else { Level::Warning };
+    let sources = read_filled(&wanted.files, &wanted.places, level, &mut findings);
     compile_texts(&sources, &wanted, library, findings).map_err(|mut findings| {
         if findings.iter().any(|finding| ob1_stl::names_no_symbol(&finding.code)) {
             findings.extend(program_files::unread_tables(folders).iter().map(|table| unread_table(table)));
@@ -323,9 +322,7 @@ pub fn compile_texts(
     mut findings: Vec<Finding>,
 ) -> Result<Compiled, Vec<Finding>> {
     let mut symbols = Vec::new();
-    let (empty, tables): (Vec<_>, Vec<_>) =
-        read_all(&wanted.symbols, &wanted.places, &mut findings).into_iter().partition(is_empty);
-    findings.extend(of_empty(&empty, Level::Warning));
+    let tables = read_filled(&wanted.symbols, &wanted.places, |_| Level::Warning, &mut findings);
     for (table, read) in tables.iter().zip(ob1_stl::read_symbol_tables(&tables)) {
         findings.extend(read.diagnostics.iter().map(|d| of_diagnostic(d, std::slice::from_ref(table))));
         symbols.extend(read.symbols);
@@ -396,9 +393,8 @@ fn of_rest(rest: &Rest) -> Option<Finding> {
 /// Reads blocks in machine code: a file may hold several, one after another.
 fn read_images(wanted: &Sources, findings: &mut Vec<Finding>) -> Vec<Image> {
     let mut images = Vec::new();
-    let files = read_all(&wanted.mc7, &wanted.places, findings);
-    findings.extend(of_empty(&files, Level::Warning));
-    for file in files {
+    // A block whose machine code is lost would do nothing.
+    for file in read_filled(&wanted.mc7, &wanted.places, |_| Level::Error, findings) {
         let mut rest = file.bytes.as_slice();
         while !rest.is_empty() {
             match BlockImage::read(rest) {
@@ -418,17 +414,23 @@ fn read_images(wanted: &Sources, findings: &mut Vec<Finding>) -> Vec<Image> {
     images
 }
 
-/// Findings about files with nothing in them: a copy that broke off, a full disk.
-fn of_empty(files: &[Source], level: Level) -> impl Iterator<Item = Finding> {
-    let remedy = "copy it again, or leave it out";
-    files.iter().map(move |file| Finding::whole(level, EMPTY, &file.name, "the file is empty", remedy))
+/// As [`read_all`], without the files that have nothing in them: a copy broke off, a disk was full. Each is a finding, of
+/// the level that the other files decide.
+fn read_filled(
+    paths: &[PathBuf],
+    places: &[(PathBuf, Spot)],
+    level: impl Fn(&[Source]) -> Level,
+    findings: &mut Vec<Finding>,
+) -> Vec<Source> {
+    let (empty, filled): (Vec<_>, Vec<_>) = read_all(paths, places, findings).into_iter().partition(is_empty);
+    let (level, remedy) = (level(&filled), "copy it again, or leave it out");
+    findings.extend(empty.iter().map(|file| Finding::whole(level, EMPTY, &file.name, "the file is empty", remedy)));
+    filled
 }
 
-/// Whether there is nothing but white space, or the zeros of a file whose content never reached the disk.
+/// Whether its text is nothing but white space, or the zeros of a file whose content never reached the disk.
 fn is_empty(file: &Source) -> bool {
-    let marks: [&[u8]; 3] = [b"\xEF\xBB\xBF", b"\xFF\xFE", b"\xFE\xFF"];
-    let text = marks.iter().find_map(|mark| file.bytes.strip_prefix(*mark)).unwrap_or(&file.bytes);
-    text.iter().all(|byte| byte.is_ascii_whitespace() || *byte == 0)
+    file.text().chars().all(|c| c.is_whitespace() || c == '\0')
 }
 
 /// Reads files; one finding for each that cannot be read.
@@ -439,9 +441,11 @@ pub fn read_all(paths: &[PathBuf], places: &[(PathBuf, Spot)], findings: &mut Ve
         match files::read(path, files::LONGEST) {
             Ok(bytes) => sources.push(Source::new(name, bytes)),
             Err(error) => {
-                let place = places.iter().find(|(named, _)| named == path).map(|(_, place)| place);
-                findings
-                    .push(place.map_or_else(|| named_nowhere(&name, &error), |place| unreadable(place, path, &error)));
+                let place = places.iter().find(|(named, _)| named == path);
+                findings.push(match place {
+                    Some((_, place)) => unreadable(place, path, &error),
+                    None => named_nowhere(&name, &error),
+                });
             }
         }
     }

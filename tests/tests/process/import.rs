@@ -174,8 +174,16 @@ fn the_example_runs() {
         assert!(station.contains(wanted), "{wanted} is not in\n{station}");
     }
     let file = out.join("station.toml").display().to_string();
-    site.ob1(&["check", &file]).fine();
+    let checked = site.ob1(&["check", &file]).fine();
+    assert!(checked.ends_with("ok\n"), "nothing is wrong with its machine code: {checked}");
     site.ob1(&["run", &file, "--scans", "20", "--quiet"]).fine();
+    // Of this block there are declarations only: without its machine code it would do nothing.
+    for content in [&[][..], &[0; 80]] {
+        fs::write(out.join("blocks/FC_2.mc7"), content).expect("room");
+        let checked = site.ob1(&["check", &file]);
+        let said = format!("{}{}", checked.out, checked.err);
+        assert!(checked.code == Some(1) && said.contains("FC_2.mc7: error C019: the file is empty\n"), "{said}");
+    }
 }
 
 /// The name of a CPU is the user's; the folder it lies in says which family it is of.
