@@ -414,8 +414,8 @@ fn read_images(wanted: &Sources, findings: &mut Vec<Finding>) -> Vec<Image> {
     images
 }
 
-/// As [`read_all`], without the files that have nothing in them: a copy broke off, a disk was full. Each is a finding, of
-/// the level that the other files decide.
+/// As [`read_all`], without the files that have nothing in them, because a copy broke off or a disk was full. Each of
+/// these is a finding; `level` decides by the other files how grave it is.
 fn read_filled(
     paths: &[PathBuf],
     places: &[(PathBuf, Spot)],

@@ -47,27 +47,14 @@ use crate::view::StationView;
 /// Time between two checks of the scan and the clock.
 const TICK: Duration = Duration::from_millis(20);
 /// Ticks between two live lines.
-const LIVE_TICKS: u32 = 25;
+const LIVE_TICKS: u64 = 25;
 /// Ticks between two looks whether the runtime directory is still there.
-const DIRECTORY_TICKS: u32 = 50;
+const DIRECTORY_TICKS: u64 = 50;
 /// How long the CPU gets to go to STOP, beyond two cycles.
 const STOP_TIME: Span = Span::from_secs(3);
 /// Between two looks at it. Looks are counted, not time: a process that stood still meanwhile is not taken for a block
 /// that does not return.
 const LOOK: Span = Span::MILLISECOND;
-
-/// Ticks so far. Fifty a second: they come round after 2.7 years.
-struct Ticks(u32);
-
-impl Ticks {
-    fn pass(&mut self) {
-        self.0 = self.0.wrapping_add(1);
-    }
-
-    fn are_a_multiple_of(&self, ticks: u32) -> bool {
-        self.0.is_multiple_of(ticks)
-    }
-}
 
 /// A station at work. The fields are dropped in this order: a user of something before the thing itself.
 pub(super) struct AtWork {
@@ -200,7 +187,7 @@ impl AtWork {
         let line = LiveLine::new(options.quiet);
         let bounded = options.time.is_some() || options.scans.is_some();
         let end = options.time.map(|time| self.clock.time().saturating_add(time));
-        let (mut ticks, mut posture_is_told) = (Ticks(0), false);
+        let (mut ticks, mut posture_is_told) = (0_u64, false);
         let ended = loop {
             self.drain_log();
             self.tell_posture(&mut posture_is_told);
@@ -225,11 +212,11 @@ impl AtWork {
             if bounded && stopped && self.journal.fault().is_some() {
                 break Ended::Fault;
             }
-            ticks.pass();
-            if line.is_on() && ticks.are_a_multiple_of(LIVE_TICKS) {
+            ticks += 1;
+            if line.is_on() && ticks.is_multiple_of(LIVE_TICKS) {
                 line.show(&self.live());
             }
-            if ticks.are_a_multiple_of(DIRECTORY_TICKS) {
+            if ticks.is_multiple_of(DIRECTORY_TICKS) {
                 self.look_after_directory();
             }
         };
@@ -524,18 +511,4 @@ fn keep(station: &Station, cpu: &mut Cpu, view: &StationView) -> Result<(Option<
     let started = Keeper::start(store, file.every, cpu.retentive_len(), health.clone());
     let (keeper, scan) = started.map_err(|e| Failure::system("retentive memory", &e))?;
     Ok((Some(keeper), Some(scan)))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::Ticks;
-
-    #[test]
-    fn ticks_come_round() {
-        let mut ticks = Ticks(u32::MAX);
-        ticks.pass();
-        assert!(ticks.are_a_multiple_of(50));
-        ticks.pass();
-        assert!(!ticks.are_a_multiple_of(50));
-    }
 }
