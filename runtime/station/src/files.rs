@@ -12,8 +12,8 @@ pub const LONGEST: u64 = 64 << 20;
 /// Why a FIFO is not read.
 pub(crate) const NO_FILE: &str = "it is a FIFO, not a file";
 
-/// True for a FIFO in a folder: who opens it waits until somebody writes, perhaps for ever. A pipe that a shell makes
-/// (`/dev/stdin`, `<(...)`) is in no folder, and its writer is there.
+/// True for a FIFO in a folder: opening it waits for a writer, perhaps for ever. A pipe that a shell makes
+/// (`/dev/stdin`, `<(...)`) is in no folder, and it has a writer.
 pub(crate) fn is_fifo(path: &Path) -> bool {
     fs::metadata(path).is_ok_and(|file| file.file_type().is_fifo()) && fs::canonicalize(path).is_ok()
 }
@@ -57,11 +57,11 @@ pub fn replace(path: &Path, content: &[u8]) -> io::Result<()> {
     replace_by(Path::new(&beside), path, content, 0o666)
 }
 
-/// Writes what a user wants in a file of this name: a file is replaced as a whole and keeps its rights. Anything else
-/// (`/dev/stdout`, a FIFO, a link) is written into, and so is a file in whose folder nothing may be created.
+/// Writes a file that a user has named. A file that is there is replaced as a whole and keeps its rights. Anything else
+/// (`/dev/stdout`, a FIFO, a link) is written into, and so is a file in a folder where nothing may be created.
 ///
 /// # Errors
-/// What the system says; a file that was there before stays.
+/// What the system says. A file that could not be replaced stays; one that is written into may end half-way.
 pub fn write(path: &Path, content: &[u8]) -> io::Result<()> {
     let mode = match fs::symlink_metadata(path) {
         Ok(there) if there.is_file() => there.permissions().mode() & 0o777,
@@ -147,9 +147,9 @@ mod tests {
         assert_eq!(read(&path, 1).expect_err("nobody writes").to_string(), NO_FILE);
     }
 
-    /// A file is replaced and keeps its rights; what is no file is written into and stays what it is.
+    /// A file is replaced and keeps its rights; a link or a FIFO is written into and stays one.
     #[test]
-    fn what_a_user_names_is_written_and_stays_what_it_is() {
+    fn a_file_is_replaced_and_anything_else_is_written_into() {
         let folder = tempfile::tempdir().expect("a folder");
         let (path, link) = (folder.path().join("x"), folder.path().join("link"));
         write(&path, b"first").expect("a new file");

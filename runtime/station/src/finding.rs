@@ -128,7 +128,7 @@ impl Text<'_> {
     }
 }
 
-/// A place in a file, without the file: for a finding that may come later.
+/// A place in a file, with the line that it shows: for a finding that may come after the file has been read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Spot {
     file: String,

@@ -86,7 +86,7 @@ pub fn check(station: &Station, json: bool) -> Exit {
     if refused { Exit::Usage } else { Exit::Ok }
 }
 
-/// Reports what was not granted, and what would grant it: when a run starts, because its summary comes hours later.
+/// Reports what was not granted, and what would grant it. A run does so at its start: its summary may come hours later.
 pub(crate) fn tell(grants: &[Grant]) {
     for grant in grants.iter().filter(|grant| matches!(grant.outcome, Outcome::Refused | Outcome::Partly)) {
         tracing::warn!("{}: {}", grant.what, grant.detail);
@@ -115,9 +115,9 @@ impl fmt::Display for GrantStatus {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { what, outcome, detail, .. } = self;
         match detail {
-            none if none.is_empty() => write!(f, "{what}: {outcome}"),
-            whole if whole.starts_with(outcome.as_str()) => write!(f, "{what}: {whole}"),
-            more => write!(f, "{what}: {outcome}, {more}"),
+            detail if detail.is_empty() => write!(f, "{what}: {outcome}"),
+            detail if detail.starts_with(outcome.as_str()) => write!(f, "{what}: {detail}"),
+            detail => write!(f, "{what}: {outcome}, {detail}"),
         }
     }
 }

@@ -226,8 +226,8 @@ impl Work {
         }
     }
 
-    /// Makes a change. In RUN one of statements is refused as such, whatever else is wrong with it: that may be right
-    /// again in STOP, with other blocks.
+    /// Makes a change. A change of statements that fails in RUN is refused because of RUN, whatever else is wrong: STOP
+    /// is the first remedy, and in STOP other blocks may mend the rest.
     fn change(&mut self, change: Change) -> Result<(), Refused> {
         let is_data = |id: &BlockId| id.kind == BlockKind::Db;
         let data_only = match &change {
@@ -235,8 +235,8 @@ impl Work {
             Change::Delete(ids) => ids.iter().all(is_data),
         };
         let in_run = !data_only && (self.runs)();
-        let refused = |why: Refused| if in_run && why.why != Refusal::Silent { Refused::in_run() } else { why };
-        self.make(change).map_err(refused)
+        let told = |why: Refused| if in_run && why.why != Refusal::Silent { Refused::in_run() } else { why };
+        self.make(change).map_err(told)
     }
 
     fn make(&mut self, change: Change) -> Result<(), Refused> {

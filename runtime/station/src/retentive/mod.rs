@@ -32,8 +32,8 @@ pub struct RetentiveFile {
 
 /// Data blocks that are named as retentive, while the program says that they are not: they are not kept.
 pub(crate) fn not_kept(program: &Program, file: &RetentiveFile) -> Vec<Finding> {
-    let without = |number: u16| program.data.iter().any(|db| db.number == number && db.non_retain);
-    let named = file.named.iter().filter(|(number, _)| without(*number));
+    let is_non_retain = |number: u16| program.data.iter().any(|db| db.number == number && db.non_retain);
+    let named = file.named.iter().filter(|(number, _)| is_non_retain(*number));
     let finding = |(number, place): &(u16, Spot)| {
         let message = format!("DB {number} has the property \"Non-Retain\" (NON_RETAIN): it is not kept");
         let remedy = "remove NON_RETAIN from its source if it is to be kept, otherwise leave it out here";
@@ -42,8 +42,8 @@ pub(crate) fn not_kept(program: &Program, file: &RetentiveFile) -> Vec<Finding> 
     named.map(finding).collect()
 }
 
-/// Puts the newest generation back that fits, and returns what was refused; that is kept under another name. The
-/// diagnostic buffer has an entry if nothing is left to put back.
+/// Puts the newest generation back that fits, and returns what was refused; that is kept under another name. If every
+/// generation is refused, the diagnostic buffer gets an entry.
 ///
 /// # Errors
 /// [`StoreError`].
@@ -57,8 +57,8 @@ pub fn restore(file: &RetentiveFile, station: &str, cpu: &mut Cpu) -> Result<(St
             Err(why) => {
                 let kept = store.refuse(generation.sequence);
                 told.push(format!("generation {}: {why}; {kept}", generation.sequence));
-                // The newest one's says most.
-                reason = reason.or(Some(why));
+                // The reason of the newest generation says most.
+                reason.get_or_insert(why);
             }
         }
     }

@@ -62,7 +62,7 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
     if let Some(path) = &options.report {
         Report::try_path(path).map_err(|e| no_report(path, &e))?;
     }
-    let (mut station, devices) = look::load(&options.station).map_err(|f| Failure::of_findings(Exit::Rejected, &f))?;
+    let (mut station, warnings) = look::load(&options.station).map_err(|f| Failure::of_findings(Exit::Rejected, &f))?;
     if options.line_faults > 0 {
         for line in &mut station.simulated_lines {
             line.disturb(options.line_faults, options.line_seed);
@@ -75,7 +75,7 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
     let loaded = program::load(&station).map_err(|f| Failure::of_load(&f))?;
     // Lints are for `check`. That nothing will be executed is always reported.
     let told = |f: &&Finding| f.level != Level::Lint && (!options.quiet || f.code == program::NO_OB1);
-    for finding in loaded.findings.iter().chain(&devices).filter(told) {
+    for finding in loaded.findings.iter().chain(&warnings).filter(told) {
         out::tell(finding.level.severity(), format_args!("{finding}\n"));
     }
     let rundir = RunDir::claim(&station.name).map_err(|error| {

@@ -11,7 +11,7 @@ use super::line::Line;
 use super::tables::StationFile;
 use crate::finding::{Finding, Level, Text};
 
-/// How a device is for this user.
+/// Whether this user can open a device.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Device {
     /// It can be opened.
@@ -22,7 +22,7 @@ pub(super) enum Device {
     Missing,
 }
 
-/// How this device is.
+/// The state of this device now.
 pub(super) fn state(device: &Path) -> Device {
     match access(device, Access::READ_OK | Access::WRITE_OK) {
         Err(Errno::ACCESS | Errno::PERM) => Device::Locked,

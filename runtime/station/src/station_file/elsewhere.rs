@@ -1,4 +1,5 @@
-//! Where a key belongs that is in the wrong table. Which keys a table has, the reader of the station file says itself.
+//! Where a key belongs that is in the wrong table. The reader of the station file says which keys a table has: its
+//! message about an unknown key lists them.
 
 use ob1_params::table::Layout;
 use ob1_params::{CpKind, protocols_of};
@@ -7,7 +8,7 @@ use super::tables::StationFile;
 
 /// A key that no table has.
 const NO_KEY: &str = "no-such-key";
-/// A key that more tables have says nothing about where it was meant to be.
+/// If more tables than this have a key, it is not said where the key belongs.
 const MOST: usize = 3;
 
 /// What to do about a key that its table, which has the `known` keys, does not have; `None` if no other place of a

@@ -45,7 +45,7 @@ pub const NOT_KEPT: &str = "C018";
 /// A file with nothing in it.
 pub const EMPTY: &str = "C019";
 
-/// The finding about a file that is named here and cannot be read.
+/// The finding about a file that cannot be read, at the place that names it.
 #[must_use]
 pub fn unreadable(place: &Spot, path: &Path, error: &io::Error) -> Finding {
     let message = format!("the file {} cannot be read: {error}", path.display());
@@ -91,8 +91,8 @@ impl<'a> Findings<'a> {
     }
 }
 
-/// What the TOML reader says, as a finding: an unknown key with the nearest known one, or with what `elsewhere` says of
-/// it and of the keys known here. `document` explains the keys.
+/// What the TOML reader says, as a finding. The remedy for an unknown key is the nearest known key, else what
+/// `elsewhere` says of the key and of those known here. `document` explains the keys.
 pub fn of_toml(
     source: Text<'_>,
     error: &toml::de::Error,
