@@ -66,7 +66,7 @@ fn is_parameter(key: &str) -> bool {
     let of_bytes = || Layout::ALL.iter().flat_map(|layout| layout.fields()).any(|field| field.key == key);
     let of_keys =
         |kind| protocols_of(kind).iter().flat_map(|(_, tables)| *tables).flat_map(|t| *t).any(|row| row.key == key);
-    key == "protocol" || of_bytes() || of_keys(CpKind::Cp341) || of_keys(CpKind::Cp340)
+    key == "protocol" || of_bytes() || CpKind::TABLE.iter().any(|row| of_keys(row.kind))
 }
 
 #[cfg(test)]
