@@ -236,27 +236,26 @@ fn overlaps(f: &mut Findings<'_>, places: &[Range<usize>; 2], module: &ModuleCon
     let mut before: Option<(Range<usize>, Option<&str>)> = None;
     for outputs in [false, true] {
         let (first, len) = range(module, outputs);
+        let end = first + len;
         let word = if outputs { "output" } else { "input" };
         let at = places[usize::from(outputs)].clone();
         let area = if module.kind.cp().is_some() { LAST_ADDRESS as u32 + 1 } else { IO_AREA_BYTES as u32 };
-        let (message, remedy, owner) = if len > 0 && first + len > area {
-            let message = format!("{} reaches from byte {first} to {}", module.name, first + len - 1);
+        let beyond = (len > 0 && end > area).then(|| {
+            let message = format!("{} reaches from byte {first} to {}", module.name, end - 1);
             (message, format!("the last {word} byte such a module can have is {}", area - 1), None)
-        } else {
-            let shared = |other: &ModuleConfig| {
+        });
+        let shared = || {
+            earlier.iter().find_map(|other| {
                 let (begin, other_len) = range(other, outputs);
-                let common = first.max(begin);
-                (common < (first + len).min(begin + other_len)).then_some((common, begin, other_len))
-            };
-            let Some((other, (common, begin, other_len))) =
-                earlier.iter().find_map(|other| Some((other, shared(other)?)))
-            else {
-                continue;
-            };
-            let message = format!("{word} byte {common} belongs to {} already", other.name);
-            let remedy = format!("{} occupies {begin} to {}", other.name, begin + other_len - 1);
-            (message, remedy, Some(other.name.as_str()))
+                let (common, other_end) = (first.max(begin), begin + other_len);
+                (common < end.min(other_end)).then(|| {
+                    let message = format!("{word} byte {common} belongs to {} already", other.name);
+                    let remedy = format!("{} occupies {begin} to {}", other.name, other_end - 1);
+                    (message, remedy, Some(other.name.as_str()))
+                })
+            })
         };
+        let Some((message, remedy, owner)) = beyond.or_else(shared) else { continue };
         let fault = (at.clone(), owner);
         if before.as_ref() != Some(&fault) {
             f.error(ADDRESS, at, message, remedy);
