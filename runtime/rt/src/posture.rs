@@ -41,7 +41,7 @@ impl Grant {
     }
 
     fn refused(what: String, why: Errno, remedy: &'static str) -> Self {
-        Self { what, outcome: Outcome::Refused, detail: format!("refused: {why}"), remedy: Some(remedy) }
+        Self { what, outcome: Outcome::Refused, detail: why.to_string(), remedy: Some(remedy) }
     }
 }
 

@@ -150,7 +150,7 @@ pub fn keep_awake() -> (Grant, Option<File>) {
         Ok(file) => (Grant { what, outcome: Outcome::Granted, detail: String::new(), remedy: None }, Some(file)),
         Err(error) => {
             let remedy = Some("start as root, or: chmod 660 and chgrp /dev/cpu_dma_latency to a group of this user");
-            (Grant { what, outcome: Outcome::Refused, detail: format!("refused: {error}"), remedy }, None)
+            (Grant { what, outcome: Outcome::Refused, detail: error.to_string(), remedy }, None)
         }
     }
 }

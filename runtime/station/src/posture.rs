@@ -74,9 +74,9 @@ pub fn check(station: &Station, json: bool) -> Exit {
     drop(held);
     let refused = grants.iter().any(|grant| grant.outcome != Outcome::Granted);
     grants.extend(ob1_rt::system_facts(&station.realtime.affinity));
+    let grants: Vec<GrantStatus> = grants.iter().map(GrantStatus::from).collect();
     if json {
-        let told: Vec<GrantStatus> = grants.iter().map(GrantStatus::from).collect();
-        match serde_json::to_string_pretty(&told) {
+        match serde_json::to_string_pretty(&grants) {
             Ok(text) => say!("{text}"),
             Err(_) => return Exit::System,
         }
@@ -89,7 +89,7 @@ pub fn check(station: &Station, json: bool) -> Exit {
 /// Reports what was not granted, and what would grant it. A run does so at its start: its summary may come hours later.
 pub(crate) fn tell(grants: &[Grant]) {
     for grant in grants.iter().filter(|grant| matches!(grant.outcome, Outcome::Refused | Outcome::Partly)) {
-        tracing::warn!("{}: {}", grant.what, grant.detail);
+        tracing::warn!("{}", GrantStatus::from(grant));
         if let Some(remedy) = grant.remedy {
             tracing::warn!("  = {remedy}");
         }
@@ -98,13 +98,12 @@ pub(crate) fn tell(grants: &[Grant]) {
 
 /// One line a grant, and below it what would change it.
 #[must_use]
-pub fn text(grants: &[Grant]) -> String {
+pub fn text(grants: &[GrantStatus]) -> String {
     let mut out = String::new();
-    for grant in grants {
-        let status = GrantStatus::from(grant);
-        let detail = if status.detail.is_empty() { String::new() } else { format!(": {}", status.detail) };
-        out += &format!("{:<8} {}{detail}\n", status.outcome, status.what);
-        if let Some(remedy) = &status.remedy {
+    for GrantStatus { what, outcome, detail, remedy } in grants {
+        let detail = if detail.is_empty() { String::new() } else { format!(": {detail}") };
+        out += &format!("{outcome:<8} {what}{detail}\n");
+        if let Some(remedy) = remedy {
             out += &format!("           = {remedy}\n");
         }
     }
@@ -114,11 +113,8 @@ pub fn text(grants: &[Grant]) -> String {
 impl fmt::Display for GrantStatus {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { what, outcome, detail, .. } = self;
-        match detail {
-            detail if detail.is_empty() => write!(f, "{what}: {outcome}"),
-            detail if detail.starts_with(outcome.as_str()) => write!(f, "{what}: {detail}"),
-            detail => write!(f, "{what}: {outcome}, {detail}"),
-        }
+        write!(f, "{what}: {outcome}")?;
+        if detail.is_empty() { Ok(()) } else { write!(f, ": {detail}") }
     }
 }
 
@@ -174,8 +170,8 @@ mod tests {
     fn what_became_of_a_request_is_said_once() {
         for (outcome, detail, told) in [
             ("granted", "", "lock memory: granted"),
-            ("refused", "refused: not permitted", "lock memory: refused: not permitted"),
-            ("partly", "later mappings are not", "lock memory: partly, later mappings are not"),
+            ("refused", "not permitted", "lock memory: refused: not permitted"),
+            ("partly", "later mappings are not", "lock memory: partly: later mappings are not"),
         ] {
             let (what, remedy) = ("lock memory".to_owned(), None);
             let grant = GrantStatus { what, outcome: outcome.to_owned(), detail: detail.to_owned(), remedy };
@@ -186,6 +182,7 @@ mod tests {
     #[test]
     fn every_grant_is_a_line_with_its_remedy() {
         let grants = ask_thread(&station("", "affinity = [1000]").realtime.clone());
+        let grants: Vec<GrantStatus> = grants.iter().map(GrantStatus::from).collect();
         assert_eq!(grants.len(), 2);
         let text = text(&grants);
         assert!(text.starts_with("granted  timer slack 1 ns\n") && text.contains("refused"), "{text}");

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use super::report::{CpLedger, Report, Role};
 use crate::statistics::{Percentile, SLOPE_NEEDS};
+use ob1_station::posture;
 use ob1_station::timing::{self, Timing};
 
 use crate::units::{amount, time};
@@ -27,7 +28,7 @@ pub fn report(r: &Report) -> String {
     slopes(&mut out, r);
     scans(&mut out, r);
     telegrams(&mut out, r);
-    posture(&mut out, r);
+    out += &posture::text(&r.posture);
     let _ = writeln!(out, "\nverdict");
     let width = r.findings.iter().map(|f| f.budget.chars().count()).max().unwrap_or(0);
     for f in &r.findings {
@@ -127,16 +128,6 @@ fn telegrams(out: &mut String, r: &Report) {
             Role::Wrong => "telegrams wrong: ",
         };
         let _ = writeln!(out, "  {role}{}: {} (from {} to {})", cell.name, cell.grown(), cell.first, cell.last);
-    }
-}
-
-fn posture(out: &mut String, r: &Report) {
-    for grant in &r.posture {
-        let detail = if grant.detail.is_empty() { String::new() } else { format!(": {}", grant.detail) };
-        let _ = writeln!(out, "{:<8} {}{detail}", grant.outcome, grant.what);
-        if let Some(remedy) = &grant.remedy {
-            let _ = writeln!(out, "           = {remedy}");
-        }
     }
 }
 
