@@ -9,14 +9,11 @@
 //! A beat is a little later than due, never earlier. When beats have drifted from regular changes by a quarter of a
 //! step, one beat is moved back to its sample; the changes of that step are published with the next beat.
 
-use std::collections::HashMap;
 use std::future::{Future, poll_fn};
 use std::pin::pin;
 use std::task::Poll;
 use std::time::{Duration, Instant};
 
-use opcua_server::SubscriptionCache;
-use parking_lot::Mutex;
 use tokio::sync::watch;
 use tokio::time::{sleep, sleep_until};
 
@@ -37,39 +34,20 @@ const SLIPS: u32 = 200;
 /// Time between two updates of the clients' intervals.
 const REFRESH: Duration = Duration::from_secs(1);
 
-/// The inputs of the beats: the times of sampled changes, and the publishing intervals of the clients.
+/// The times of sampled changes.
 pub(crate) struct Pace {
     /// When changes were last handed to the subscriptions.
     told: watch::Sender<Option<Instant>>,
-    /// Subscriptions with items here, and their sessions.
-    sessions: Mutex<HashMap<u32, u32>>,
 }
 
 impl Pace {
     pub(crate) fn new() -> Self {
-        Self { told: watch::Sender::new(None), sessions: Mutex::default() }
+        Self { told: watch::Sender::new(None) }
     }
 
     /// Changes have been handed to the subscriptions.
     pub(crate) fn told(&self) {
         self.told.send_replace(Some(Instant::now()));
-    }
-
-    /// A subscription of this session has items here.
-    pub(crate) fn watched(&self, subscription: u32, session: u32) {
-        self.sessions.lock().insert(subscription, session);
-    }
-
-    /// The publishing intervals of all clients; clients that are gone are removed.
-    pub(crate) fn intervals(&self, subscriptions: &SubscriptionCache) -> Vec<Duration> {
-        let mut intervals = Vec::new();
-        self.sessions.lock().retain(|subscription, session| {
-            let Some(own) = subscriptions.get_session_subscriptions(*session) else { return false };
-            let interval = own.lock().get(*subscription).map(opcua_server::Subscription::publishing_interval);
-            intervals.extend(interval);
-            interval.is_some()
-        });
-        intervals
     }
 }
 

@@ -192,7 +192,7 @@ impl Running {
                 .build()?;
             let ended = runtime.block_on(async {
                 let socket = tokio::net::TcpListener::from_std(socket)?;
-                let intervals = || monitor.pace().intervals(&subscriptions);
+                let intervals = || monitor.intervals(&subscriptions);
                 let served = beat::conduct(server.run_with(socket), monitor.pace(), intervals);
                 tokio::select! {
                     ended = served => ended.map_err(std::io::Error::other),

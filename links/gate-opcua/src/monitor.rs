@@ -179,6 +179,15 @@ impl Monitor {
         &self.pace
     }
 
+    /// The publishing intervals of all subscriptions with items here.
+    pub(crate) fn intervals(&self, subscriptions: &SubscriptionCache) -> Vec<Duration> {
+        let of = |(id, session): (&u32, &u32)| {
+            let own = subscriptions.get_session_subscriptions(*session)?;
+            own.lock().get(*id).map(opcua_server::Subscription::publishing_interval)
+        };
+        self.owners.lock().iter().filter_map(of).collect()
+    }
+
     /// Items deleted since the server began: each leaves a little memory in the server.
     pub(crate) fn deleted(&self) -> usize {
         self.deleted.load(Ordering::Relaxed)
@@ -236,7 +245,6 @@ impl Monitor {
             None => drop(self.items.fetch_add(1, Ordering::Relaxed)),
             Some(before) => drop(self.kept.fetch_sub(before.kept, Ordering::Relaxed)),
         }
-        self.pace.watched(handle.subscription_id, session);
         self.owners.lock().insert(handle.subscription_id, session);
         self.newest.fetch_max(session, Ordering::Relaxed);
         // The new item has its own first value; all other items of this value get the same value again, which is not a
