@@ -24,7 +24,7 @@ use crate::limits;
 use crate::sample::{bad, sample, status};
 use crate::space::{FACTS, Fact};
 use crate::value::weight;
-use crate::watched::{Echoes, Rate, Watched, interval};
+use crate::watched::{All, Rate, Watched, interval};
 
 /// Without monitored values one byte is read at this period, for the state and the scan number.
 const HEARTBEAT: Duration = Duration::from_millis(250);
@@ -36,9 +36,7 @@ const UNKNOWN_SESSIONS: u32 = 10_000;
 
 /// See [the module](self).
 pub(crate) struct Monitor {
-    watched: Mutex<HashMap<String, Watched>>,
-    /// Locked after `watched`.
-    echoes: Mutex<Echoes>,
+    watched: Mutex<All>,
     /// Monitored items of values.
     items: AtomicUsize,
     most: usize,
@@ -84,7 +82,6 @@ impl Monitor {
     pub(crate) fn new(most: usize, heartbeat: Option<Piece>) -> Self {
         Self {
             watched: Mutex::default(),
-            echoes: Mutex::default(),
             items: AtomicUsize::new(0),
             most,
             kept: AtomicUsize::new(0),
@@ -161,17 +158,18 @@ impl Monitor {
         }
     }
 
-    /// The value that was handed over last; of a fact the present one.
-    fn current(&self, id: &str, entry: &Watched) -> Option<DataValue> {
-        match (&entry.typed, &entry.last) {
-            (Some(typed), Some(last)) => Some(sample(typed, last.as_deref().map_err(|refusal| *refusal))),
+    /// The last value that was handed over; of a fact the present one.
+    fn current(&self, entry: &Watched) -> Option<(NodeId, DataValue)> {
+        let value = match (&entry.typed, &entry.last) {
+            (Some(typed), Some(last)) => sample(typed, last.as_deref().map_err(|refusal| *refusal)),
             // It comes with the next reading.
-            (Some(_), None) => None,
+            (Some(_), None) => return None,
             (None, _) => {
-                let (_, fact) = FACTS.into_iter().find(|(name, _)| *name == id)?;
-                Some(DataValue::new_now(self.fact(fact)))
+                let (_, fact) = FACTS.into_iter().find(|(name, _)| **name == *entry.id)?;
+                DataValue::new_now(self.fact(fact))
             }
-        }
+        };
+        Some((entry.node.clone(), value))
     }
 
     /// The input of the server's beats.
@@ -237,7 +235,7 @@ impl Monitor {
         };
         item.revise_queue_size(queue);
         let (handle, mode, every) = (item.handle(), item.monitoring_mode(), item.sampling_interval());
-        let entry = watched.entry(id.to_owned()).or_insert_with(|| Watched::new(id, typed, piece));
+        let entry = watched.entries.entry(Arc::from(id)).or_insert_with_key(|id| Watched::new(id, typed, piece));
         let kept = weight * (queue + 1);
         let rate = Rate::new(every, mode != MonitoringMode::Disabled, kept);
         self.kept.fetch_add(kept, Ordering::Relaxed);
@@ -257,7 +255,7 @@ impl Monitor {
     /// Whether all that is watched fits what a link may watch.
     pub(crate) fn fits(&self) -> bool {
         let watched = self.watched.lock();
-        Cover::merging(watched.values().filter_map(|entry| entry.piece.as_ref()).chain(&self.heartbeat)).fits()
+        Cover::merging(watched.entries.values().filter_map(|entry| entry.piece.as_ref()).chain(&self.heartbeat)).fits()
     }
 
     pub(crate) fn interval(&self, id: &str, handle: MonitoredItemHandle, every: f64) {
@@ -270,7 +268,7 @@ impl Monitor {
 
     fn with(&self, id: &str, handle: MonitoredItemHandle, change: impl FnOnce(&mut Rate)) {
         let mut watched = self.watched.lock();
-        if let Some(entry) = watched.get_mut(id)
+        if let Some(entry) = watched.entries.get_mut(id)
             && let Some(rate) = entry.handles.get_mut(&handle)
         {
             change(rate);
@@ -282,14 +280,15 @@ impl Monitor {
     pub(crate) fn remove(&self, id: &str, handle: MonitoredItemHandle) {
         let mut watched = self.watched.lock();
         self.deleted.fetch_add(1, Ordering::Relaxed);
-        let Some(entry) = watched.get_mut(id) else { return };
+        let All { entries, echoes } = &mut *watched;
+        let Some(entry) = entries.get_mut(id) else { return };
         if let Some(rate) = entry.handles.remove(&handle) {
             self.items.fetch_sub(1, Ordering::Relaxed);
             self.kept.fetch_sub(rate.kept, Ordering::Relaxed);
         }
         if entry.handles.is_empty() {
-            self.echoes.lock().forget(id, entry);
-            watched.remove(id);
+            echoes.forget(entry);
+            entries.remove(id);
         }
         self.touch();
     }
@@ -339,9 +338,9 @@ impl Monitor {
     /// Forgets the items of these subscriptions.
     fn forget(&self, gone: &[u32]) {
         let mut watched = self.watched.lock();
-        let mut echoes = self.echoes.lock();
+        let All { entries, echoes } = &mut *watched;
         let (mut items, mut kept) = (0, 0);
-        watched.retain(|id, entry| {
+        entries.retain(|_, entry| {
             entry.handles.retain(|handle, rate| {
                 let ended = gone.contains(&handle.subscription_id);
                 if ended {
@@ -351,7 +350,7 @@ impl Monitor {
                 !ended
             });
             if entry.handles.is_empty() {
-                echoes.forget(id, entry);
+                echoes.forget(entry);
             }
             !entry.handles.is_empty()
         });
@@ -405,10 +404,10 @@ impl Monitor {
     fn watch(&self, station: &Station) -> Watch {
         self.stale.store(false, Ordering::Relaxed);
         let mut watched = self.watched.lock();
-        let pieces = watched.values().filter_map(|entry| entry.piece.as_ref());
+        let pieces = watched.entries.values().filter_map(|entry| entry.piece.as_ref());
         let cover = Cover::merging(pieces.chain(&self.heartbeat));
         let mut every = HEARTBEAT;
-        for entry in watched.values_mut() {
+        for entry in watched.entries.values_mut() {
             entry.place = entry.piece.as_ref().and_then(|piece| cover.find(piece));
             every = entry.every().map_or(every, |own| every.min(own / limits::LOOKS));
         }
@@ -424,17 +423,15 @@ impl Monitor {
         let mut complete = true;
         {
             let mut watched = self.watched.lock();
-            let mut echoes = self.echoes.lock();
-            echoes.due(&mut watched, now, |id, entry| {
-                again.extend(self.current(id, entry).map(|value| (entry.node.clone(), value)));
-            });
+            let All { entries, echoes } = &mut *watched;
+            echoes.due(entries, now, |entry| again.extend(self.current(entry)));
             for (id, fact) in FACTS {
-                let Some(entry) = watched.get_mut(id) else { continue };
+                let Some(entry) = entries.get_mut(id) else { continue };
                 let value = self.fact(fact);
                 let bytes = value.to_string().into_bytes();
                 if entry.last.as_ref() != Some(&Ok(bytes.clone())) && entry.turn(now) {
                     entry.last = Some(Ok(bytes));
-                    echoes.handed(id, entry, now);
+                    echoes.handed(entry, now);
                     changes.push((entry.node.clone(), DataValue::new_now(value)));
                 }
             }
@@ -442,11 +439,11 @@ impl Monitor {
                 seen.len() == reading.len() && (0..reading.len()).all(|index| seen.piece(index) == reading.piece(index))
             };
             // Most readings are unchanged: they cost a comparison of bytes, not a loop over ten thousand items.
-            let entries = if seen.is_some_and(same) { None } else { Some(watched.iter_mut()) };
-            for (id, entry) in entries.into_iter().flatten() {
+            let entries = if seen.is_some_and(same) { None } else { Some(entries.values_mut()) };
+            for entry in entries.into_iter().flatten() {
                 // Not in this watch yet, but in the next.
                 let Some((index, skip)) = entry.place else { continue };
-                let Some((typed, piece)) = entry.typed.as_ref().zip(entry.piece.as_ref()) else { continue };
+                let Some(piece) = entry.piece.as_ref() else { continue };
                 let bytes = reading.piece(index).map(|bytes| {
                     let from = skip as usize;
                     bytes.get(from..from + piece.len() as usize).unwrap_or_default()
@@ -459,15 +456,14 @@ impl Monitor {
                 if same {
                     continue;
                 }
-                let value = sample(typed, bytes);
                 if !entry.turn(now) {
                     // A disabled item waits for nothing.
                     complete &= entry.every().is_none();
                     continue;
                 }
                 entry.last = Some(bytes.map(<[u8]>::to_vec));
-                echoes.handed(id, entry, now);
-                changes.push((entry.node.clone(), value));
+                echoes.handed(entry, now);
+                changes.extend(self.current(entry));
             }
         }
         notify(&again, subscriptions);
@@ -482,6 +478,7 @@ impl Monitor {
     fn tell_all(&self, value: &DataValue, subscriptions: &SubscriptionCache) {
         let mut watched = self.watched.lock();
         let changes: Vec<(NodeId, DataValue)> = watched
+            .entries
             .values_mut()
             .map(|entry| {
                 entry.last = None;

@@ -6,6 +6,7 @@
 //! taken it, and a last time when all intervals are over. A value that was taken is no change, and goes nowhere.
 
 use std::collections::{BTreeSet, HashMap};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use ob1_access::door::Refusal;
@@ -19,8 +20,16 @@ use crate::nodes::node_id;
 /// The library's clock is read a little later than ours, or earlier.
 const MARGIN: Duration = Duration::from_millis(2);
 
+/// All watched values, by identifier.
+#[derive(Default)]
+pub(crate) struct All {
+    pub(crate) entries: HashMap<Arc<str>, Watched>,
+    pub(crate) echoes: Echoes,
+}
+
 /// See [the module](self).
 pub(crate) struct Watched {
+    pub(crate) id: Arc<str>,
     pub(crate) node: NodeId,
     /// `None`: a fact about the CPU.
     pub(crate) typed: Option<Typed>,
@@ -53,6 +62,11 @@ impl Rate {
     pub(crate) fn new(every: f64, on: bool, kept: usize) -> Self {
         Self { every: interval(every), on, kept, taken: Instant::now(), waits: false }
     }
+
+    /// When its sampling interval is over.
+    fn due(&self) -> Instant {
+        self.taken + self.every
+    }
 }
 
 /// A requested sampling interval in milliseconds, within the limits.
@@ -66,9 +80,10 @@ pub(crate) fn interval(ms: f64) -> Duration {
 }
 
 impl Watched {
-    pub(crate) fn new(id: &str, typed: Option<&Typed>, piece: Option<Piece>) -> Self {
+    pub(crate) fn new(id: &Arc<str>, typed: Option<&Typed>, piece: Option<Piece>) -> Self {
         let now = Instant::now();
         Self {
+            id: Arc::clone(id),
             node: node_id(id),
             typed: typed.cloned(),
             piece,
@@ -98,72 +113,68 @@ impl Watched {
     /// Its value has been handed over: when it is to be handed over again.
     fn handed(&mut self, now: Instant) -> Instant {
         self.until = now;
-        let mut first: Option<Instant> = None;
         for rate in self.handles.values_mut().filter(|rate| rate.on) {
             self.until = self.until.max(now + rate.every);
-            let due = rate.taken + rate.every;
-            rate.waits = due > now;
-            if rate.waits {
-                first = Some(first.map_or(due, |first| first.min(due)));
-            } else {
+            rate.waits = rate.due() > now;
+            if !rate.waits {
                 rate.taken = now;
             }
         }
-        first.unwrap_or(self.until) + MARGIN
+        self.next_echo()
     }
 
     /// The same value has been handed over again: when once more, if so.
     fn again(&mut self, now: Instant) -> Option<Instant> {
-        let mut first: Option<Instant> = None;
-        for rate in self.handles.values_mut().filter(|rate| rate.waits) {
-            let due = rate.taken + rate.every;
-            if due <= now {
-                (rate.taken, rate.waits) = (due, false);
-            } else {
-                first = Some(first.map_or(due, |first| first.min(due)));
-            }
+        for rate in self.handles.values_mut().filter(|rate| rate.waits && rate.due() <= now) {
+            (rate.taken, rate.waits) = (rate.due(), false);
         }
-        Some(first.unwrap_or(self.until) + MARGIN).filter(|next| *next > now)
+        Some(self.next_echo()).filter(|next| *next > now)
+    }
+
+    /// When the interval of the first waiting item is over, else when all are.
+    fn next_echo(&self) -> Instant {
+        let first = self.handles.values().filter(|rate| rate.on && rate.waits).map(Rate::due).min();
+        first.unwrap_or(self.until) + MARGIN
     }
 }
 
 /// The values that are to be handed over again, the next one first.
 #[derive(Default)]
-pub(crate) struct Echoes(BTreeSet<(Instant, String)>);
+pub(crate) struct Echoes(BTreeSet<(Instant, Arc<str>)>);
 
 impl Echoes {
     /// A value has been handed over.
-    pub(crate) fn handed(&mut self, id: &str, entry: &mut Watched, now: Instant) {
+    pub(crate) fn handed(&mut self, entry: &mut Watched, now: Instant) {
         let at = entry.handed(now);
-        self.set(id, entry, Some(at));
+        self.set(entry, Some(at));
     }
 
     /// A value is no longer watched.
-    pub(crate) fn forget(&mut self, id: &str, entry: &mut Watched) {
-        self.set(id, entry, None);
+    pub(crate) fn forget(&mut self, entry: &mut Watched) {
+        self.set(entry, None);
     }
 
-    fn set(&mut self, id: &str, entry: &mut Watched, at: Option<Instant>) {
+    fn set(&mut self, entry: &mut Watched, at: Option<Instant>) {
         if let Some(before) = entry.echo.take() {
-            self.0.remove(&(before, id.to_owned()));
+            self.0.remove(&(before, Arc::clone(&entry.id)));
         }
         entry.echo = at;
-        self.0.extend(at.map(|at| (at, id.to_owned())));
+        self.0.extend(at.map(|at| (at, Arc::clone(&entry.id))));
     }
 
     /// Calls `hand` with each value whose time has come.
     pub(crate) fn due(
         &mut self,
-        watched: &mut HashMap<String, Watched>,
+        watched: &mut HashMap<Arc<str>, Watched>,
         now: Instant,
-        mut hand: impl FnMut(&str, &Watched),
+        mut hand: impl FnMut(&Watched),
     ) {
         while self.0.first().is_some_and(|(at, _)| *at <= now) {
             let Some((_, id)) = self.0.pop_first() else { return };
             let Some(entry) = watched.get_mut(&id) else { continue };
-            hand(&id, entry);
+            hand(entry);
             let next = entry.again(now);
-            self.set(&id, entry, next);
+            self.set(entry, next);
         }
     }
 }
@@ -179,14 +190,15 @@ mod tests {
     }
 
     /// A value with items of these intervals, and when the library took the first value for them.
-    fn watched(intervals: &[f64]) -> (HashMap<String, Watched>, Instant) {
-        let mut entry = Watched::new("MW10", None, None);
+    fn watched(intervals: &[f64]) -> (HashMap<Arc<str>, Watched>, Instant) {
+        let id = Arc::from("MW10");
+        let mut entry = Watched::new(&id, None, None);
         let now = Instant::now();
         for (number, every) in (1..).zip(intervals) {
             let rate = Rate { taken: now, ..Rate::new(*every, true, 1) };
             entry.handles.insert(handle(number), rate);
         }
-        (HashMap::from([("MW10".to_owned(), entry)]), now)
+        (HashMap::from([(id, entry)]), now)
     }
 
     /// When a value that was handed over so many milliseconds after the first is handed over again.
@@ -194,11 +206,11 @@ mod tests {
         let (mut all, begin) = watched(intervals);
         let mut echoes = Echoes::default();
         for ms in handed {
-            echoes.handed("MW10", all.get_mut("MW10").expect("watched"), begin + MS * *ms);
+            echoes.handed(all.get_mut("MW10").expect("watched"), begin + MS * *ms);
         }
         let mut times = Vec::new();
         for ms in 0..5_000 {
-            echoes.due(&mut all, begin + MS * ms, |_, _| times.push(u128::from(ms)));
+            echoes.due(&mut all, begin + MS * ms, |_| times.push(u128::from(ms)));
         }
         assert!(echoes.0.is_empty());
         times
@@ -226,8 +238,8 @@ mod tests {
         let (mut all, begin) = watched(&[500.0]);
         let mut echoes = Echoes::default();
         let entry = all.get_mut("MW10").expect("watched");
-        echoes.handed("MW10", entry, begin);
-        echoes.forget("MW10", entry);
+        echoes.handed(entry, begin);
+        echoes.forget(entry);
         assert!(echoes.0.is_empty());
     }
 }
