@@ -132,11 +132,9 @@ impl Figures {
 /// The format for a client, and its content type: OpenMetrics, unless it names text but not OpenMetrics, as older
 /// collectors and browsers do.
 fn format(headers: &HeaderMap) -> (Format, &'static str) {
-    let lists = headers.get_all(ACCEPT).iter().filter_map(|value| value.to_str().ok());
-    let kinds = lists.flat_map(|list| list.split(',')).map(|range| range.split(';').next().unwrap_or_default().trim());
     let begins = |kind: &str, with: &str| kind.get(..with.len()).is_some_and(|begin| begin.eq_ignore_ascii_case(with));
     let (mut text, mut open) = (false, false);
-    for kind in kinds {
+    for kind in http::list(headers, ACCEPT) {
         text |= begins(kind, "text/");
         open |= begins(kind, "application/openmetrics-text");
     }

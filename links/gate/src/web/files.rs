@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use hyper::StatusCode;
 use hyper::header::{CACHE_CONTROL, ETAG, HeaderMap, HeaderValue, IF_NONE_MATCH};
 
-use crate::http::{Body, Reply, reply};
+use crate::http::{Body, Reply, list, reply};
 
 /// A file.
 pub(super) struct File {
@@ -43,8 +43,7 @@ pub(super) fn find(path: &str) -> Option<&'static File> {
 /// Whether the browser has the files of this tag. There may be several, and a proxy that compresses makes them weak
 /// [RFC 9110, 13.1.2].
 fn has(headers: &HeaderMap, tag: &str) -> bool {
-    let lists = headers.get_all(IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());
-    lists.flat_map(|list| list.split(',')).map(str::trim).any(|one| one == "*" || one.trim_start_matches("W/") == tag)
+    list(headers, IF_NONE_MATCH).any(|one| one == "*" || one.trim_start_matches("W/") == tag)
 }
 
 impl File {
