@@ -147,6 +147,7 @@ mod tests {
         let later = Node::open("plant", "press", folder.path()).next_death();
         assert_eq!(later.metrics[0].value, Some(Value::Long(2)), "another run goes on counting");
     }
+
     #[test]
     fn an_old_value_has_the_alias_of_the_birth() {
         let folder = tempfile::tempdir().expect("a folder");

@@ -329,7 +329,7 @@ impl Session {
                 }
                 if unknown > 0 {
                     let link = &self.station.welcome().link;
-                    tracing::warn!(%link, "{unknown} old values are dropped: this birth has no such names or types");
+                    tracing::warn!(%link, "{unknown} old values are dropped: their names or types are no longer published");
                 }
                 self.sent += count;
             }

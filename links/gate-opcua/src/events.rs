@@ -50,7 +50,7 @@ fn event_id(begun: u64, count: u64) -> ByteString {
 fn words(event: &Event) -> (String, u16) {
     match &event.what {
         What::Diagnosis(entry) => {
-            // It begins with the number of the event.
+            // The text begins with the number of the event.
             let mut text = entry.text.clone();
             for (before, more) in [(", ", &entry.place), ("; ", &entry.remedy)] {
                 if !more.is_empty() {

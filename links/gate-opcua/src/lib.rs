@@ -46,7 +46,7 @@ use crate::pki::Pki;
 const LOOK: Duration = Duration::from_secs(1);
 /// How often to check whether memory is short: a stranger can send some ten megabytes in between.
 const MEMORY_LOOK: Duration = Duration::from_millis(20);
-/// Milliseconds by which the clock may be set back.
+/// Milliseconds by which the clock may be set back without a restart.
 const BACK: u64 = 1_000;
 /// Time a server has for its last messages.
 const GOODBYE: Duration = Duration::from_millis(500);
@@ -101,8 +101,8 @@ struct About {
 
 impl About {
     /// Keeps a server running at a socket until the station is gone. The library never frees all of a deleted item, so
-    /// the server is restarted after many deletions. It is also restarted when memory runs short, whatever uses it, and
-    /// when a task has panicked.
+    /// the server is restarted after many deletions. It is also restarted when memory runs short, whatever uses it, when
+    /// the clock is set back, and when a task has panicked.
     async fn keep(&self, listener: &TcpListener, address: SocketAddr) -> Result<(), String> {
         loop {
             let monitor = Arc::new(Monitor::new(self.settings.items, heartbeat(&self.settings.allowed)));

@@ -30,8 +30,8 @@ use crate::watched::{All, Rate, Watched, interval};
 const HEARTBEAT: Duration = Duration::from_millis(250);
 /// Time between two checks for subscriptions that have expired.
 const EXPIRY: Duration = Duration::from_secs(1);
-/// A subscription may have been transferred to a session that has not asked for anything here: so many sessions newer
-/// than the newest known one are looked through.
+/// A subscription may have been transferred to a session that is not known here. The search for it ends so many
+/// sessions after the newest known one.
 const UNKNOWN_SESSIONS: u32 = 10_000;
 
 /// See [the module](self).
@@ -46,7 +46,7 @@ pub(crate) struct Monitor {
     heartbeat: Option<Piece>,
     /// Items that have been deleted since the server began.
     deleted: AtomicUsize,
-    /// Subscriptions with items here, and the sessions where they were last seen.
+    /// Subscriptions with items here, each with its session.
     owners: Mutex<HashMap<u32, u32>>,
     /// The newest session known.
     newest: AtomicU32,
@@ -61,7 +61,7 @@ pub(crate) struct Monitor {
     ended: watch::Sender<bool>,
 }
 
-/// Held by a task: tells when it panics. Without it clients would keep their last values, and never learn.
+/// Held by a task: tells when it panics. Otherwise clients would take their last values for the present ones.
 struct Guard(Arc<Monitor>);
 
 impl Drop for Guard {

@@ -6,7 +6,7 @@ use opcua_types::{Array, ByteString, NumericRange, StatusCode, UAString, Variant
 
 use crate::value::Shape;
 
-/// All that is wrong with a range, except how it is written.
+/// The range is well written, but the value has no such part.
 const NOTHING: StatusCode = StatusCode::BadIndexRangeNoData;
 
 /// The part of a value.

@@ -1,9 +1,9 @@
 //! A watched value, its items, and when the library gets it.
 //!
-//! The library takes a value for an item when the item's sampling interval is over. One that comes earlier it keeps,
-//! looks at once more when it publishes next, and forgets if the interval is still not over: the client would never get
-//! the last of several changes. So a value is handed over again when the interval of an item is over that may not have
-//! taken it, and a last time when all intervals are over. A value that was taken is no change, and goes nowhere.
+//! The library takes a value for an item when the item's sampling interval is over. It keeps a value that comes
+//! earlier, but only until it publishes next. If the interval is not over then, it forgets the value: the client would
+//! never get the last of several changes. So a value is handed over again as soon as the interval of a waiting item is
+//! over, and a last time when all intervals are over. An item that has taken the value ignores it: it is no change.
 
 use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
