@@ -78,19 +78,25 @@ pub(super) fn open(page: &Rc<Page>, client: Client, call: &Call) -> Reply {
     let items = query(&call.query, "items").unwrap_or_default();
     let period = query(&call.query, "period").and_then(|text| text.parse().ok()).unwrap_or(1000);
     let left = page.sessions.left(&call.headers);
+    let logged_in = mark(page, &client);
     let page = Rc::clone(page);
     let telegrams = query(&call.query, "telegrams").is_some();
     tokio::task::spawn_local(async move {
         let _counted = counted;
         let taps = if telegrams { taps::open(&page).await } else { None };
         let period = period.clamp(PERIODS.0, PERIODS.1);
-        let _ = run(&page, (&client, &left), &to, after, (&items, period), taps).await;
+        let _ = run(&page, (&client, logged_in, &left), &to, after, (&items, period), taps).await;
     });
     let mut reply = hyper::Response::new(Body::Parts(parts));
     reply.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static("text/event-stream"));
     // nginx holds an answer back until a buffer is full, unless it is told not to.
     reply.headers_mut().insert("x-accel-buffering", HeaderValue::from_static("no"));
     reply
+}
+
+/// [`ob1_gate_core::Users::mark`] of the client's user now.
+fn mark(page: &Page, client: &Client) -> Option<u64> {
+    page.users.as_ref().and_then(|users| users.mark(&client.who().user))
 }
 
 type To = mpsc::Sender<Bytes>;
@@ -104,15 +110,13 @@ async fn say(to: &To, name: &str, id: Option<u64>, data: &str) -> Result<(), ()>
 
 async fn run(
     page: &Page,
-    (client, left): (&Client, &Cell<bool>),
+    (client, logged_in, left): (&Client, Option<u64>, &Cell<bool>),
     to: &To,
     after: Option<u64>,
     (items, period): (&str, u64),
     mut taps: Option<taps::Taps>,
 ) -> Result<(), ()> {
     let station = &page.station;
-    let mark = || page.users.as_ref().and_then(|users| users.mark(&client.who().user));
-    let logged_in = mark();
     let (kept, mut events) = station.events(after.unwrap_or(0));
     // A new page requests past events itself; a reconnected one gets the events it has missed.
     let kept = if after.is_some() { kept } else { Vec::new() };
@@ -136,7 +140,7 @@ async fn run(
                     Err(why) => say(to, "trouble", None, &json!(why.to_string()).to_string()).await?,
                 }
                 // A user who has logged out, or must log in again, gets nothing more.
-                if left.get() || mark() != logged_in {
+                if left.get() || mark(page, client) != logged_in {
                     return Err(());
                 }
             }
