@@ -329,7 +329,7 @@ impl Session {
                 }
                 if unknown > 0 {
                     let link = &self.station.welcome().link;
-                    tracing::warn!(%link, "{unknown} old values are dropped: their names or types are no longer published");
+                    tracing::warn!(%link, "{unknown} old values are dropped: their names or types have changed");
                 }
                 self.sent += count;
             }
