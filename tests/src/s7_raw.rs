@@ -88,7 +88,8 @@ impl Raw {
         Ok(raw)
     }
 
-    /// Sends a connection request with these parameters (code and value of each). The answer: D0h confirms, 80h refuses.
+    /// Sends a connection request with these parameters (code and value of each). The answer: D0h confirms, 80h
+    /// refuses.
     ///
     /// # Errors
     /// If the connection is lost.

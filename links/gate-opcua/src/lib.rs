@@ -101,8 +101,8 @@ struct About {
 
 impl About {
     /// Keeps a server running at a socket until the station is gone. The library never frees all of a deleted item, so
-    /// the server is restarted after many deletions. It is also restarted when memory runs short, whatever uses it, when
-    /// the clock is set back, and when a task has panicked.
+    /// the server is restarted after many deletions. It is also restarted when memory runs short, whatever uses it,
+    /// when the clock is set back, and when a task has panicked.
     async fn keep(&self, listener: &TcpListener, address: SocketAddr) -> Result<(), String> {
         loop {
             let monitor = Arc::new(Monitor::new(self.settings.items, heartbeat(&self.settings.allowed)));

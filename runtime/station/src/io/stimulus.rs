@@ -116,8 +116,8 @@ impl Stimulus {
         if found.is_empty() { Ok(Self { changes, repeat, next: 0, round: Instant::START }) } else { Err(found) }
     }
 
-    /// A warning for each cell of a stimulus file with a byte in no module of type `di` or `ai`: nothing reads that byte.
-    /// A file with mistakes gets no warnings: the mistakes are reported when it is loaded.
+    /// A warning for each cell of a stimulus file with a byte in no module of type `di` or `ai`: nothing reads that
+    /// byte. A file with mistakes gets no warnings: the mistakes are reported when it is loaded.
     #[must_use]
     pub fn unread(path: &Path, modules: &[ModuleConfig]) -> Vec<Finding> {
         let (name, inputs) = (path.display().to_string(), panel::inputs(modules));
