@@ -367,7 +367,10 @@ pub fn case(random: &mut Random, seed: u64) -> Case240 {
             0 => super::orders::send_rk(&mut draft, store),
             1 => super::orders::fetch(&mut draft, store),
             2 => served = super::serve::serve(&mut draft),
-            3 => super::orders::send(&mut draft, store, draft.wired),
+            3 => {
+                let manual = draft.wired;
+                super::orders::send(&mut draft, store, manual);
+            }
             4 => super::orders::receive(&mut draft, store),
             5 => draft.modem(),
             _ => super::orders::send(&mut draft, shape::Store::Data, false),

@@ -159,7 +159,8 @@ pub(super) fn send(draft: &mut Draft<'_>, store: Store, manual: bool) {
         .collect();
     let frg = operands[0].text(Type::Bool);
     let (go, reset) = go(draft);
-    let feed = draft.site(Site::mark(vec![(Operand::Memory(next, 0), Type::Dword)]), Role::Feed(index));
+    let mark = vec![(Operand::Memory(next, 0), Type::Dword), (operands[4].clone(), Type::Bool)];
+    let feed = draft.site(Site::mark(mark), Role::Feed(index));
     let text = numbers(&blocks, abd, next) + &format!("SET;\nS {frg};\n") + &reset + &feed;
     let feed = draft.shape.program.only_if(&format!("{go}UN {frg};\n"), &text);
     let call = calls(draft, sites, Role::Send(index));
