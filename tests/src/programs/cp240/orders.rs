@@ -34,7 +34,7 @@ fn word(draft: &mut Draft<'_>, value: u32, changed: &[u32], as_int: bool) -> Ope
     let operand = draft.shape.operand(Store::Memory, Type::Word, "", &mut Piece::default());
     let Operand::Memory(byte, _) = operand else { return operand };
     let cell = Cell::Area(Area::Memory, 8 * byte);
-    draft.deed(ob1_time::Instant::START, Deed::Write(cell, Width::Word, value));
+    draft.start += &format!("L {value};\nT MW {byte};\n");
     if draft.random.once_in(3) {
         for value in changed {
             let at = draft.moment();
@@ -175,8 +175,7 @@ fn anz_of(anz: &Operand, draft: &mut Draft<'_>, value: u32) -> Operand {
     }
     let operand = draft.shape.operand(Store::Memory, Type::Word, "", &mut Piece::default());
     if let Operand::Memory(byte, _) = operand {
-        let cell = Cell::Area(Area::Memory, 8 * byte);
-        draft.deed(ob1_time::Instant::START, Deed::Write(cell, Width::Word, value));
+        draft.start += &format!("L {value};\nT MW {byte};\n");
     }
     operand
 }

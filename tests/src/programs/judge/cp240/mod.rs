@@ -65,6 +65,8 @@ pub(super) struct Seen {
     pub(super) starts: Vec<Instant>,
     /// Number of the next telegram.
     pub(super) next: u32,
+    /// RUN after STOP: bit memory is empty.
+    pub(super) empty: bool,
 }
 
 impl Seen {
@@ -139,13 +141,14 @@ impl Bench240 {
                     fill(cpu, *db, sender.abd, *bytes, self.facts.plain);
                 }
             }
-            if first || fed.contains(&index) {
+            if first || self.seen.empty || fed.contains(&index) {
                 let letters = u32::from_be_bytes(crate::programs::partner::letters(self.seen.next));
                 self.seen.next += 1;
                 // The cell exists: the generator has given it.
                 let _ = cpu.write(Cell::Area(ob1_model::Area::Memory, 8 * sender.next), Width::DWord, letters);
             }
         }
+        self.seen.empty = false;
         if first && !self.facts.served.is_empty() {
             fill(cpu, served::FETCHED, 0, 400, false);
         }
@@ -238,6 +241,7 @@ impl Judge<Partner240> for Bench240 {
             Deed::Run => {
                 self.break_off(now);
                 self.seen.starts.push(now);
+                self.seen.empty = true;
             }
             Deed::Stop | Deed::Kill | Deed::Line(LineFault::Gone | LineFault::Back) => self.break_off(now),
             Deed::Line(_) | Deed::Write(..) | Deed::Partner(_) => {}
