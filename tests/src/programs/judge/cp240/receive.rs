@@ -48,7 +48,7 @@ pub(super) fn called(judge: &mut Bench240, call: &Call, cpu: &Cpu, partner: &Par
         verdict.broken("fc1-pafe", now, format!("PAFE is {}: DB {db} of {bytes} bytes [S0 L1001]", after[PAFE]));
     }
     // The cause has not gone: the block is as it was, and the telegram stays in the CP.
-    let since = judge.seen.breaks.last().is_some_and(|at| *at + super::MARGIN > now);
+    let since = judge.seen.last_break().saturating_add(super::MARGIN) > now;
     if before[PAFE] == 2 && after[PAFE] == 0 && reception.pafe == 2 && after[EMFR] == 0 && !since {
         verdict.broken("fc1-pafe", now, format!("PAFE 2 is taken back, DB {db} still has {bytes} bytes [S0 L999]"));
     }

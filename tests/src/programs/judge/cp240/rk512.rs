@@ -105,7 +105,7 @@ pub(super) fn called(
     let Some(order) = &mut job.order else { return };
     order.changed |= order.lang != lang || order.site != call.site;
     order.patience.called(now);
-    if judge.seen.breaks.last().is_some_and(|at| *at >= order.patience.begun()) {
+    if judge.seen.last_break() >= order.patience.begun() {
         order.patience = Patience::new(now);
     }
     if after[PAFE] != 0 {
