@@ -422,7 +422,8 @@ pub fn case(random: &mut Random, seed: u64) -> Case240 {
 }
 
 fn partner(draft: &mut Draft<'_>, times: Times, flow: bool) -> Partner240 {
-    let pace = Pace { char: times.char, qvz: times.qvz, zvz: 220 * MS };
+    // A STX that is repeated must not be taken for the rest of a telegram.
+    let pace = Pace { char: times.char, qvz: times.qvz, zvz: times.qvz * 6 / 10 };
     let random = Random::new(draft.random.bits());
     let manners = Manners::draw(draft.random);
     let high = draft.random.once_in(2);

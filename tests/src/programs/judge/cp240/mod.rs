@@ -43,6 +43,8 @@ const MARGIN: Span = Span::from_millis(150);
 
 /// Until a CP whose process was killed works again.
 const RESTART: Span = Span::from_millis(700);
+/// After the last fault of the line both sides may still wait for something that was lost.
+const RECOVERY: Span = Span::from_millis(700);
 /// Characters that may still come after the partner's XOFF: what a UART already has.
 const AFTER_XOFF: usize = 20;
 
@@ -68,6 +70,8 @@ pub(super) struct Seen {
     pub(super) resets: Vec<Instant>,
     /// RUN after STOP.
     pub(super) starts: Vec<Instant>,
+    /// The line is good from here on.
+    pub(super) strict: Instant,
     /// Number of the next telegram.
     pub(super) next: u32,
     /// RUN after STOP: bit memory is empty.
@@ -137,10 +141,12 @@ impl Bench240 {
     /// The judge of a case.
     #[must_use]
     pub fn new(facts: Facts) -> Self {
+        let bad = facts.calm > Instant::START;
+        let strict = if bad { facts.calm + RECOVERY } else { facts.calm };
         let senders = facts.senders.iter().map(|_| send::Job::default()).collect();
         let fetches = facts.senders.iter().map(|_| rk512::Job::default()).collect();
         Self {
-            seen: Seen { next: 1, ..Seen::default() },
+            seen: Seen { next: 1, strict, ..Seen::default() },
             senders,
             fetches,
             reception: receive::Reception::default(),
@@ -149,6 +155,11 @@ impl Bench240 {
             serve: serve::Serve::default(),
             facts,
         }
+    }
+
+    /// From here on the line is good, and both sides have forgotten what it was before.
+    fn strict(&self) -> Instant {
+        self.seen.strict
     }
 
     /// Fills the data blocks with what both sides know, and gives the numbers of the next telegrams.
@@ -247,7 +258,7 @@ impl Judge<Partner240> for Bench240 {
         serve::look(self, scan.now, cpu, partner, verdict);
         if let Partner240::Stream(stream, _) = partner
             && stream.after_stop > AFTER_XOFF
-            && scan.now > self.facts.calm
+            && scan.now > self.strict()
         {
             let text = format!("{} characters after the partner's XOFF [S0 L2007]", stream.after_stop);
             verdict.broken("xoff", scan.now, text);

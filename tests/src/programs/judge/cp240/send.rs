@@ -181,7 +181,7 @@ fn ended(
 ) {
     let facts = &judge.facts;
     let (whole, times, told) = arrived(partner, &order, facts.plain);
-    let calm = order.given > facts.calm;
+    let calm = order.given > judge.strict();
     let broken = judge.seen.broken(order.given, now);
     let label = format!("order {} of {} bytes, given at {}", order.number, order.anz, order.given);
     // What a bad line does to telegrams without a check cannot be seen; letters need four bytes.
@@ -228,7 +228,7 @@ pub(super) fn end(judge: &mut Bench240, now: Instant, partner: &Partner240, verd
     let Partner240::Procedure(line, _) = partner else { return };
     for (order, given) in judge.senders.iter().flat_map(|job| &job.past) {
         let mine: Vec<_> = line.took.iter().filter(|taken| number(&taken.data) == Some(*order)).collect();
-        if mine.len() > 1 && mine.iter().all(|taken| taken.told) && *given > judge.facts.calm && *order > 0 {
+        if mine.len() > 1 && mine.iter().all(|taken| taken.told) && *given > judge.strict() && *order > 0 {
             verdict.broken("fc0-twice", now, format!("order {order}, given at {given}: it came {} times", mine.len()));
         }
     }
