@@ -162,16 +162,22 @@ fn end_after_delay(cx: &mut Cx<'_, CpState>, module: &Module<'_>) -> Result<(), 
         return if timer.running { Ok(()) } else { start_timer(cx).map(drop) };
     }
     let _known_above = cx.timer_run(number, TimerKind::OnDelay, false, DELAY)?;
-    module.state.acknowledged.set(0);
-    module.state.emptied.set(false);
-    module.state.discard.set(false);
-    module.state.send.release();
-    module.state.receive.release();
-    module.state.line.release();
-    module.state.reads.set(false);
-    module.state.rk512.clear();
-    cx.set(synchron::STEUERB_S, 0)?;
-    cx.set(synchron::STEUERB_R, 0)?;
+    let state = module.state;
+    let runs = state.rk512.is_running();
+    state.acknowledged.set(0);
+    state.emptied.set(false);
+    state.reception.clear();
+    state.tx.clear();
+    state.rk512.clear();
+    // The control bits of a job that the reset has cut off stay: the block whose job it was ends it with its error,
+    // FEHLER_KOM or ANZW 0008h [S0 L1297]. FRG is none of the bits that the manual names [S0 L1095]: cleared, it would
+    // say that the telegram is sent; so the byte of FC 0 is cleared only before its first order since the CPU's start.
+    if !runs && !state.sends.get() {
+        cx.set(synchron::STEUERB_S, 0)?;
+    }
+    if !runs {
+        cx.set(synchron::STEUERB_R, 0)?;
+    }
     cx.set(synchron::RESET, false)?;
     cx.set(synchron::NULL, false)?;
     cx.set(synchron::ANL, false)
