@@ -91,25 +91,21 @@ impl Job {
 }
 
 ob1_sdk::state! {
-    /// How many CPs of the station have a range error that stands: while there is none, an idle call does not look.
+    /// For how many CPs of the station an idle call has something to do: while there is none, it does not look.
     #[derive(Debug, Default)]
     pub(crate) struct Standing {
-        errors: Cell<u16>,
+        modules: Cell<u16>,
     }
 }
 
 impl Standing {
-    /// A changed area of so many bytes does not fit.
-    fn here(&self, state: &Reception, bytes: u16) {
-        self.gone(state);
-        self.errors.set(self.errors.get() + 1);
-        state.outside.set(bytes);
-    }
-
-    /// It fits, or another one has come.
-    fn gone(&self, state: &Reception) {
-        if state.outside.take() != 0 {
-            self.errors.set(self.errors.get().saturating_sub(1));
+    /// After a call for this CP.
+    fn note(&self, state: &Reception) {
+        let stands = state.outside.get() != 0 || state.is_discarding();
+        match (state.stands.replace(stands), stands) {
+            (false, true) => self.modules.set(self.modules.get().saturating_add(1)),
+            (true, false) => self.modules.set(self.modules.get().saturating_sub(1)),
+            _ => {}
         }
     }
 }
@@ -136,26 +132,28 @@ fn run(cx: &mut Cx<'_, CpState>, standing: &Standing) -> Result<Pafe, Abort> {
     // An idle call ends here: no telegram is offered, no job runs.
     let mut rx = [0; 2];
     let is_idle = !read(cx, address(adr), &mut rx)? || (rx == [0; 2] && !cx.get(reception::EMPF_LAEUFT)?);
-    if is_idle && standing.errors.get() == 0 {
+    if is_idle && standing.modules.get() == 0 {
         return Ok(Pafe::Ok);
     }
     let Some((module, words, block)) = Module::block(cx, adr)? else { return Ok(Pafe::Ok) };
-    let pafe = take(cx, &module, words, &block, standing)?;
-    if pafe != Pafe::Ok || module.state.reception.outside.get() == 0 {
-        return Ok(pafe);
-    }
-    range_error(cx, &module, standing)
+    let state = &module.state.reception;
+    let pafe = match take(cx, &module, words, &block)? {
+        Pafe::Ok if state.outside.get() != 0 => range_error(cx, &module)?,
+        pafe => pafe,
+    };
+    standing.note(state);
+    Ok(pafe)
 }
 
 /// Whether the last changed area still does not fit: "after elimination of the error cause, the byte is set back to 0"
 /// [S0 L964].
-fn range_error(cx: &mut Cx<'_, CpState>, module: &Module<'_>, standing: &Standing) -> Result<Pafe, Abort> {
+fn range_error(cx: &mut Cx<'_, CpState>, module: &Module<'_>) -> Result<Pafe, Abort> {
     let state = &module.state.reception;
     let (db, abd) = (cx.get(reception::_DB)?, cx.get(reception::ABD)?);
     let begin = module.offset(cx, abd)? + u32::from(state.offset.get());
     let pafe = Pafe::check(cx.len(Area::Db(db)), begin, state.outside.get())?;
     if pafe == Pafe::Ok {
-        standing.gone(state);
+        state.outside.set(0);
     }
     Ok(pafe)
 }
@@ -165,7 +163,6 @@ fn take(
     module: &Module<'_>,
     mut words: Words,
     block: &BlockBytes,
-    standing: &Standing,
 ) -> Result<Pafe, Abort> {
     let (emfr, job) = (cx.get(reception::EMFR)?, Job::load(cx)?);
     let (db, abd) = (cx.get(reception::_DB)?, cx.get(reception::ABD)?);
@@ -198,14 +195,14 @@ fn take(
     let (state, now) = (&module.state.reception, cx.now());
     let db_len = cx.len(Area::Db(db));
     let is_area = next.offset_bytes() > 0;
-    standing.gone(state);
+    state.outside.set(0);
     state.offset.set(if is_area { u16::from_be_bytes([block[0], block[1]]) } else { 0 });
     let begin = module.offset(cx, abd)? + u32::from(state.offset.get());
     let bytes = next.bytes().saturating_sub(next.offset_bytes());
     let pafe = Pafe::check(db_len, begin, bytes)?;
     module.tell_pafe(cx, Receive::NUMBER, db, pafe)?;
     if pafe == Pafe::Short && is_area {
-        standing.here(state, bytes);
+        state.outside.set(bytes);
         state.take(key, &module.info, now);
         let (next, step) = next.refuse();
         return act(cx, module, next, step, words.rx, block).map(|_| pafe);

@@ -88,6 +88,8 @@ ob1_sdk::state! {
         pub(crate) offset: Cell<u16>,
         /// Modbus slave "long": bytes of the last changed area if it did not fit, otherwise 0.
         pub(crate) outside: Cell<u16>,
+        /// FC 1 has something to do even if `RX` is 0 and none of its jobs runs.
+        pub(crate) stands: Cell<bool>,
     }
 }
 
@@ -105,6 +107,11 @@ impl Reception {
     /// A block takes the telegram in `RX`.
     pub(crate) fn take(&self, key: Key, info: &ModuleInfo, now: u64) {
         self.claim.take(key, info, now);
+    }
+
+    /// Whether the rest of a telegram is being dropped.
+    pub(crate) fn is_discarding(&self) -> bool {
+        self.discard.get() != NOTHING
     }
 
     /// FC 9 has synchronised: nothing is being received.

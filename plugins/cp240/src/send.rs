@@ -169,7 +169,7 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     let (job, now) = (load(cx)?, cx.now());
     let (db, abd) = (cx.get(send::_DB)?, cx.get(send::ABD)?);
     let key = Key::area(Role::Send, db, abd);
-    module.state.sends.set(true);
+    module.state.has_own_bits.set(true);
     if job.senden_laeuft {
         let claim = &module.state.tx.turn.claim;
         if !claim.continues(key, job.progress(), &module.info, now) || module.is_closed(words) {

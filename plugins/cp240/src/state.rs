@@ -15,8 +15,8 @@ ob1_sdk::state! {
         pub(crate) reception: Reception,
         /// FC 2, FC 3 and FC 4.
         pub(crate) rk512: Rk512State,
-        /// FC 0 has been called with FRG = 1: FC 9 leaves its control bits to it.
-        pub(crate) sends: Cell<bool>,
+        /// The control bits of FC 0 are from this start of the CPU: FC 9 has cleared them, or FC 0 has had an order.
+        pub(crate) has_own_bits: Cell<bool>,
         /// The unit of ABD in bytes; 0: not read yet.
         pub(crate) abd_bytes: Cell<u8>,
         /// The blocks the protocol of the CP supports; 0: not read yet.

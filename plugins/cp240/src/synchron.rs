@@ -118,6 +118,12 @@ impl Block for SynchronReset {
         if bits.anl != before.anl {
             cx.set(synchron::ANL, bits.anl)?;
         }
+        // What stands there from before the start of the CPU is no job. Later FC 0 ends each of its jobs itself, with
+        // FEHLER_KOM: FRG is none of the bits that the manual names [S0 L1090], and if FC 9 cleared it, a telegram that
+        // the reset has cut off would count as sent.
+        if bits.anl && !state.has_own_bits.replace(true) {
+            cx.set(synchron::STEUERB_S, 0)?;
+        }
         match step {
             Step::Wait => {}
             Step::RequestReset => {
@@ -169,12 +175,8 @@ fn end_after_delay(cx: &mut Cx<'_, CpState>, module: &Module<'_>) -> Result<(), 
     state.reception.clear();
     state.tx.clear();
     state.rk512.clear();
-    // The control bits of a job that the reset has cut off stay: the block whose job it was ends it with its error,
-    // FEHLER_KOM or ANZW 0008h [S0 L1297]. FRG is none of the bits that the manual names [S0 L1095]: cleared, it would
-    // say that the telegram is sent; so the byte of FC 0 is cleared only before its first order since the CPU's start.
-    if !runs && !state.sends.get() {
-        cx.set(synchron::STEUERB_S, 0)?;
-    }
+    // The control bits of an order of RK 512 that the reset has cut off stay: its block ends it with ANZW 0008h
+    // [S0 L1297].
     if !runs {
         cx.set(synchron::STEUERB_R, 0)?;
     }
