@@ -47,7 +47,9 @@ fn db(number: u32) -> String {
 
 /// Calls these only in every `n`-th scan, counted in MW `counter`.
 fn every(n: u32, counter: u32, calls: &str) -> String {
-    format!("L MW {counter};\nL 1;\n+I;\nL {n};\nMOD;\nT MW {counter};\nL 0;\n<>I;\nSPB x{counter};\n{calls}x{counter}: NOP 0;\n")
+    format!(
+        "L MW {counter};\nL 1;\n+I;\nL {n};\nMOD;\nT MW {counter};\nL 0;\n<>I;\nSPB x{counter};\n{calls}x{counter}: NOP 0;\n"
+    )
 }
 
 /// Calls these only while this bit of the memory is 0.
