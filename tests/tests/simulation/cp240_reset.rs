@@ -5,7 +5,8 @@ use ob1_tests::sim::{MS, SECOND};
 
 use crate::cp240_blocks::{DB_10, FRAGMENTS, RK512, SERVES, SYNCHRON, Site, rtu};
 
-/// FC 9 with the manual's wiring: the control bits of SEND and of FC 3 in MB 2, those of RECEIVE, FC 2 and FC 4 in MB 3.
+/// FC 9 with the manual's wiring: the control bits of SEND and of FC 3 in MB 2, those of RECEIVE, FC 2 and FC 4 in MB
+/// 3.
 fn site(params: &str, cycle: &str, blocks: &str) -> Site {
     let mut site = Site::new(params, &[SYNCHRON, "U M 1.0;\nBEB;\n", cycle].concat(), blocks);
     site.until(|site| site.is_set(1, 0));
@@ -14,8 +15,8 @@ fn site(params: &str, cycle: &str, blocks: &str) -> Site {
     site
 }
 
-/// The rule of the manual's program, before FC 0: when FRG (M 2.0) falls, FEHLER_KOM (M 2.4) says how the order (M 10.0)
-/// has ended. MW 60 counts those done, MW 62 those failed. M 10.1 gives an order.
+/// The rule of the manual's program, before FC 0: when FRG (M 2.0) falls, FEHLER_KOM (M 2.4) says how the order (M
+/// 10.0) has ended. MW 60 counts those done, MW 62 those failed. M 10.1 gives an order.
 const RULE: &str = "U M 10.0;\nUN M 2.0;\nSPBN r1;\nR M 10.0;\nU M 2.4;\nSPB r2;\nL MW 60;\n+ 1;\nT MW 60;\nSPA r1;\n\
      r2: L MW 62;\n+ 1;\nT MW 62;\nr1: U M 10.1;\nSPBN r3;\nR M 10.1;\nS M 10.0;\nS M 2.0;\nr3: NOP 0;\n\
      CALL FC 0 (ADR := 256, _DB := DB 10, ABD := W#16#0, ANZ := W#16#28, FRG := M 2.0, GESE := MW 40, ANZ_INT := MW 42, \
@@ -23,8 +24,8 @@ const RULE: &str = "U M 10.0;\nUN M 2.0;\nSPBN r1;\nR M 10.0;\nU M 2.4;\nSPB r2;
 const DONE: usize = 60;
 const FAILED: usize = 62;
 
-/// [S0 L1090] names ENDE_KOM, LETZTER_BLOCK, SENDEN_LAEUFT and FEHLER_KOM, not FRG. A reset at any moment of a SEND, with
-/// all bits in STEUERB_S as in the manual's program: a telegram that counts as done is the partner's.
+/// [S0 L1090] names ENDE_KOM, LETZTER_BLOCK, SENDEN_LAEUFT and FEHLER_KOM, not FRG. A reset at any moment of a SEND,
+/// with all bits in STEUERB_S as in the manual's program: a telegram that counts as done is the partner's.
 #[test]
 fn a_reset_of_the_cp_is_never_taken_for_done() {
     let mut failed = 0;
@@ -71,8 +72,8 @@ fn an_order_that_is_given_during_a_reset_is_sent_after_it() {
     }
 }
 
-/// FC 3 with its control bits in STEUERB_S and FC 2 with its own in STEUERB_R, as in the manual, each while M 6.1 or M 6.2
-/// is set. MW 60 and MW 62 count the scans in which they have ended with an error.
+/// FC 3 with its control bits in STEUERB_S and FC 2 with its own in STEUERB_R, as in the manual, each while M 6.1 or M
+/// 6.2 is set. MW 60 and MW 62 count the scans in which they have ended with an error.
 const ORDERS: &str = "U M 6.1;\nSPBN f3;\nCALL FC 3 (ADR := 256, QDB := DB 10, QBDW := W#16#0, LANG := MW 80, ZDB := DB 5, \
      ZBDW := 0, KOOR := W#16#FFFF, ANZW := MW 90, PAFE := MB 92, ANZ := MW 94, GESE := MW 96, KOPF_GESENET := M 2.0, \
      ERSTER_BLOCK := M 2.1, SENDEN_LAEUFT := M 2.2, SENDEN_FERTIG := M 2.3, LETZTER_BLOCK := M 2.4, FEHLER := M 2.5);\n\
@@ -82,8 +83,8 @@ const ORDERS: &str = "U M 6.1;\nSPBN f3;\nCALL FC 3 (ADR := 256, QDB := DB 10, Q
      WART_DATEN := M 3.1, EMPF_LAEUFT := M 3.2, LETZTER_BLOCK := M 3.3, FEHL_KOM := M 3.4);\n\
      L MW 100;\nL W#16#C;\nUW;\nSPZ f2;\nR M 6.2;\nf2: NOP 0;\n";
 
-/// [S0 L1297]: 00h with bit 3: "the CP had to reinitialize the connection, e.g. after a reboot or RESET". The order is not
-/// given again behind the program's back.
+/// [S0 L1297]: 00h with bit 3: "the CP had to reinitialize the connection, e.g. after a reboot or RESET". The order is
+/// not given again behind the program's back.
 #[test]
 fn a_reset_ends_an_order_of_rk_512_with_0008h() {
     for (bit, anzw) in [(1, 90), (2, 100)] {
@@ -113,8 +114,8 @@ fn a_reset_ends_an_order_of_rk_512_with_0008h() {
     }
 }
 
-/// [S0 L1315], [S0 L1320]: bits 2 and 3 are deleted "when the according order is triggered for a second time", also if it
-/// cannot begin yet: while PAFE is not 0, while the CP is down, while FC 9 is at work.
+/// [S0 L1315], [S0 L1320]: bits 2 and 3 are deleted "when the according order is triggered for a second time", also if
+/// it cannot begin yet: while PAFE is not 0, while the CP is down, while FC 9 is at work.
 #[test]
 fn an_order_that_cannot_begin_is_not_done() {
     // DB 10 has 1100 bytes: from word 600 on there are none. The first word is made right later.
@@ -179,7 +180,8 @@ fn pafe_of_fc_4_stands_as_long_as_its_cause() {
     }
 }
 
-/// [S0 L2624]: "otherwise the RECEIVE block announces a range error". It stands until the area fits, or another one comes.
+/// [S0 L2624]: "otherwise the RECEIVE block announces a range error". It stands until the area fits, or another one
+/// comes.
 #[test]
 fn a_range_error_of_a_slave_long_stands() {
     let receives = "CALL FC 1 (ADR := 256, _DB := DB 10, ABD := MW 80, ANZ := MW 40, EMFR := M 5.0, GEEM := MW 44, \
