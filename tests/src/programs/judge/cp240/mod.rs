@@ -278,6 +278,8 @@ impl Judge<Partner240> for Bench240 {
         if let Partner240::Stream(stream, _) = partner
             && stream.after_stop > AFTER_XOFF
             && scan.now > self.strict()
+            // A CP that was reset in between has forgotten it.
+            && !self.seen.broken(scan.now.saturating_sub(300 * MS), scan.now)
         {
             let text = format!("{} characters after the partner's XOFF [S0 L2007]", stream.after_stop);
             verdict.broken("xoff", scan.now, text);

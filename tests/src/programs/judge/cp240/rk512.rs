@@ -122,7 +122,7 @@ pub(super) fn called(
         }
     }
     // Bit 1 may also mean that it is blocked [S0 L1283]; "if the control bits are reset" it has not been released.
-    if anzw & RUNNING != 0 && after.iter().skip(BITS).any(|bit| *bit != 0) {
+    if anzw & RUNNING != 0 && after[BITS..BITS + 4].iter().any(|bit| *bit != 0) {
         order.ran.get_or_insert(now);
     }
     if ready == 0 {
@@ -160,6 +160,18 @@ fn arrivals<'r>(rk: &'r Rk512, order: &Order, fetches: bool) -> Vec<&'r Arrived>
         .collect()
 }
 
+/// The manual's own gap: RK 512 does not number its telegrams. A reaction that comes late or twice may be taken for the
+/// next one, and a telegram whose acknowledgement came late is there twice.
+fn gap(rk: &Rk512, order: &Order, arrived: &[&Arrived]) -> bool {
+    let reaction = |arrived: &Arrived| rk.line.sent.get(arrived.reaction);
+    let stale = |earlier: &Arrived| {
+        earlier.at < order.given
+            && (earlier.unclear
+                || reaction(earlier).is_some_and(|sent| sent.acknowledged.is_none_or(|at| at >= order.given)))
+    };
+    arrived.iter().any(|arrived| arrived.unclear) || rk.orders.iter().any(stale)
+}
+
 /// Its reaction was acknowledged in time.
 fn is_clear(rk: &Rk512, arrived: &Arrived, bwz: Span) -> bool {
     let reaction = rk.line.sent.get(arrived.reaction).and_then(|sent| sent.acknowledged);
@@ -180,7 +192,8 @@ fn ended(
     let arrived = arrivals(rk, &order, fetches);
     let label = format!("order {} of {} words, given at {}", order.number, order.lang, order.given);
     let broken = judge.seen.broken(order.given, now);
-    let possible = (1..=512).contains(&order.lang);
+    // The number of an order needs two words.
+    let possible = (2..=512).contains(&order.lang);
     let clear = arrived.iter().all(|arrived| is_clear(rk, arrived, facts.times.bwz));
     let reset = judge.seen.resets.iter().any(|at| order.ran.is_some_and(|ran| ran < *at));
     if anzw & ERROR != 0 {
@@ -200,10 +213,10 @@ fn ended(
         }
         if possible && !order.changed && !fetches {
             let expected = telegram(order.number, 2 * order.lang as usize, false);
-            // A reaction that came late or twice may be taken for the next one: RK 512 does not number them.
-            let gap = (rk.manners.late > 0 || rk.manners.twice > 0) && arrived.iter().any(|arrived| arrived.unclear);
-            if !gap && !arrived.iter().any(|arrived| arrived.data == expected) {
-                verdict.broken("rk-false-done", now, format!("{label}: done, but the data did not arrive [S0 L1312]"));
+            let there = arrived.iter().any(|arrived| arrived.data == expected);
+            if calm && !there && !gap(rk, &order, &arrived) {
+                let text = format!("{label}: done, but the data did not arrive [S0 L1312]");
+                verdict.broken("rk-false-done", now, text);
             }
         }
         if possible && !order.changed && fetches {
@@ -225,15 +238,16 @@ fn fetched(
     verdict: &mut Verdict,
 ) {
     let sender = &judge.facts.senders[index];
-    // A reaction that came late or twice may be taken for that of the next order: RK 512 does not number them.
-    if rk.manners.late > 0 || rk.manners.twice > 0 || order.given <= judge.strict() {
+    let arrived = arrivals(rk, order, true);
+    if gap(rk, order, &arrived) || order.given <= judge.strict() {
         return;
     }
     let first = judge.facts.roles.iter().position(|role| *role == Role::Fetch(index)).unwrap_or(0);
     let (db, _) = sender.blocks[(order.site - first).min(sender.blocks.len() - 1)];
     let from = sender.abd as usize;
     let data = cpu.data_block(db).and_then(|data| data.get(from..from + 2 * order.lang as usize)).unwrap_or_default();
-    if !arrivals(rk, order, true).iter().any(|arrived| arrived.data == data) {
-        verdict.broken("rk-false-done", now, format!("{label}: done, but DB {db} has other data [S0 L1141]"));
+    if !arrived.iter().any(|arrived| arrived.data == data) {
+        let text = format!("{label}: done, but DB {db} has other data [S0 L1141]: {:02X?}", &data[..data.len().min(8)]);
+        verdict.broken("rk-false-done", now, text);
     }
 }
