@@ -1,5 +1,5 @@
-//! The judge of the CP 240's handling blocks, written from the manual [S0] and, where the manual leaves the outcome of a
-//! job to "internal use", from the page for users (docs/cp240-blocks.md).
+//! The judge of the CP 240's handling blocks, written from the manual [S0] and, where the manual leaves the outcome of
+//! a job to "internal use", from the page for users (docs/cp240-blocks.md).
 //!
 //! | rule | what the manual says |
 //! |---|---|
@@ -95,8 +95,8 @@ impl Seen {
         self.breaks.iter().map(|(_, end)| *end).max().unwrap_or(Instant::START)
     }
 
-    /// A block that sends is no longer called, and was called after `since`: what it began may stand in the CP's way until
-    /// the others give it up. The manual knows no such program; two seconds are ours (docs/cp240-blocks.md).
+    /// A block that sends is no longer called, and was called after `since`: what it began may stand in the CP's way
+    /// until the others give it up. The manual knows no such program; two seconds are ours (docs/cp240-blocks.md).
     pub(super) fn given_up(&self, since: Instant, now: Instant) -> Span {
         let dropped = |at: &Instant| at.saturating_add(GIVEN_UP) > since && at.saturating_add(SELDOM) < now;
         if self.called.iter().flatten().any(dropped) { GIVEN_UP } else { Span::ZERO }
