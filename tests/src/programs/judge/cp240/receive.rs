@@ -77,8 +77,9 @@ pub(super) fn called(judge: &mut Bench240, call: &Call, cpu: &Cpu, partner: &Par
     let found = telegrams.iter().rposition(|sent| sent.data == data && sent.begun <= now);
     let Some(found) = found else {
         let noisy = now <= judge.seen.strict;
-        // The rest of a telegram whose beginning was broken off cannot be told from a telegram without a procedure.
-        let torn = !facts.protocol.acknowledges()
+        // The rest of a telegram whose beginning was broken off cannot be told from a telegram without a check character:
+        // with 3964, any STX in it begins one.
+        let torn = facts.protocol != Protocol::P3964R
             && telegrams.iter().any(|sent| {
                 let end = sent.acknowledged.unwrap_or(now);
                 sent.data.windows(len.max(1)).any(|part| part == data) && judge.seen.broken(sent.begun, end)
