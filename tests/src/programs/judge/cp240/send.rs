@@ -167,8 +167,8 @@ fn arrived(partner: &Partner240, order: &Order, plain: bool, exact: bool) -> (bo
     let head = &expected[..4.min(len)];
     match partner {
         Partner240::Procedure(line, _) => {
-            // Where DLE came late or twice, STX and NAK that crossed it stand before the telegram, and may cancel out in the
-            // check character.
+            // Where DLE came late or twice, STX and NAK that crossed it stand before the telegram, and may cancel out in
+            // the check character.
             let late = line.manners != Manners::GOOD;
             let has_head = |taken: &Taken| taken.data.windows(head.len().max(1)).any(|part| part == head);
             let comes = |taken: &Taken| {
@@ -204,7 +204,7 @@ fn ended(
     let label = format!("order {} of {} bytes, given at {}", order.number, order.anz, order.given);
     // What a bad line does to telegrams without a check cannot be seen; letters need four bytes.
     // Without a check character a second STX that crosses a late DLE is data.
-    let late = matches!(partner, Partner240::Procedure(line, _) if !line.checked && line.manners.late > 0);
+    let late = matches!(partner, Partner240::Procedure(line, _) if !line.checked && line.manners != Manners::GOOD);
     let exact = (calm || facts.protocol == Protocol::P3964R) && order.anz >= 4 && order.number > 0 && !late;
     if error {
         verdict.failed();
