@@ -234,7 +234,8 @@ mod tests {
     #[test]
     fn a_derivative_time_below_the_cycle_counts_as_the_cycle() {
         for td in [0i32, 999, 1000] {
-            let mut fake = fake().with("D_SEL", [1]).with("TD", td.to_be_bytes()).with("LMN_HLM", 1000f32.to_be_bytes());
+            let mut fake =
+                fake().with("D_SEL", [1]).with("TD", td.to_be_bytes()).with("LMN_HLM", 1000f32.to_be_bytes());
             fake.run();
             assert_eq!(fake.real("LMN_D"), 8.0, "1 / 2.5 * 20");
         }
