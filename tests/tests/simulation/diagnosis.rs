@@ -78,12 +78,21 @@ fn a_wire_break_comes_and_goes_as_ob_82() {
     }
 }
 
-/// "Diagnosis data -" [S0 L4717], "Diagnosealarm nein" [S1 L781]: no interrupt, and no STOP where there is no OB 82.
 #[test]
-fn m_bus_and_enocean_have_no_diagnostic_interrupt() {
-    for (module, ob_82) in [(CP_240_MBUS, true), (CP_240_MBUS, false), (CP_240_ENOCEAN, true), (CP_240_ENOCEAN, false)]
-    {
-        let mut bench = house(module, true, ob_82, &|_| {});
+fn enocean_shows_and_tells_a_full_buffer_alone() {
+    let mut bench = house(CP_240_ENOCEAN, true, true, &|_| {});
+    bench.fault(LineFault::Gone);
+    bench.pass(SECOND);
+    bench.fault(LineFault::Back);
+    bench.pass(5 * SECOND);
+    assert_eq!(interrupts(&bench), (0, 0, 0), "{}", bench.log());
+}
+
+/// "Diagnosis data -" [S0 L4717]: no interrupt, and no STOP where there is no OB 82.
+#[test]
+fn m_bus_has_no_diagnostic_interrupt() {
+    for ob_82 in [true, false] {
+        let mut bench = house(CP_240_MBUS, true, ob_82, &|_| {});
         bench.fault(LineFault::Gone);
         bench.pass(SECOND);
         bench.fault(LineFault::Back);
