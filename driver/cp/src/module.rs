@@ -44,6 +44,7 @@ impl Module {
 
     /// Parameters: the 16 bytes, or the keys of a type that has keys.
     pub(crate) fn parametrise(&mut self, now: Instant, bytes: &[u8; 16], kind: &CpType, port: &mut dyn CpPort) {
+        self.firmware.set_interface(kind.interface);
         let input = match &kind.keys {
             Some(keys) => CpInput::Keys(keys.as_ref()),
             None => CpInput::Parameters(bytes),

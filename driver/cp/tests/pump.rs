@@ -290,9 +290,11 @@ fn the_module_is_what_the_configuration_says() {
     (start[0], start[3]) = (1, 5);
     // First input register: start-up identifier of a CP 240, a CP 040's first answer, signals of a CP 341's interface,
     // none of them on.
-    for (cp_type, register, acknowledged) in
-        [(CpType::CP240, 0x80, [0, 0]), (CpType { kind: CpKind::Cp040, keys: None }, 0x88, [0, 0]), (cp341, 0, [1, 5])]
-    {
+    for (cp_type, register, acknowledged) in [
+        (CpType::CP240, 0x80, [0, 0]),
+        (CpType { kind: CpKind::Cp040, ..CpType::CP240 }, 0x88, [0, 0]),
+        (cp341, 0, [1, 5]),
+    ] {
         let name = cp_type.kind.name();
         let mut module = Module::new(&line(), End::A);
         module.port.cp_type = cp_type;

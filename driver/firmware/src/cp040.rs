@@ -148,8 +148,7 @@ impl Cp040 {
         }
         (self.protocol, self.protocol_due, self.transmitting) = (Protocol::None, None, false);
         self.clear(port);
-        let decoded =
-            if bytes.iter().all(|b| *b == 0) { Parameters::defaults("ascii") } else { Parameters::decode(bytes) };
+        let decoded = Parameters::of_bytes(bytes);
         self.diagnosis.parameters = decoded.is_err();
         self.diagnosis.wire_break = false;
         let parameters = match decoded {

@@ -26,7 +26,7 @@ mod rk512;
 mod rk512_side;
 mod send;
 
-use ob1_params::{Cp240 as Parameters, LineSettings};
+use ob1_params::{Cp240 as Parameters, Interface, LineSettings};
 use ob1_protocols::rk512::Order as Rk512Order;
 use ob1_protocols::{Event, Input, Instant, LineFault, LineInput, Order, Rk512, SendError, What};
 
@@ -79,6 +79,10 @@ pub struct Cp240 {
     outputs: Registers,
     shown: Registers,
 
+    /// Which interface it has.
+    interface: Interface,
+    /// Its parameters, if they are valid.
+    parameters: Option<Parameters>,
     setup: Option<Setup>,
     /// How the line is set.
     settings: Option<LineSettings>,
@@ -141,7 +145,7 @@ impl Cp for Cp240 {
         port.show(leds, &mut self.leds_shown);
         if self.phase != Phase::Off
             && let Some((incoming, data)) = self.diagnosis.tell(leds.error)
-            && !self.is_enocean()
+            && self.parameters.as_ref().is_none_or(|parameters| parameters.protocol.has_diagnostics())
         {
             port.event(now, CpEvent::Diagnosis { incoming, data });
         }
@@ -154,6 +158,11 @@ impl Cp for Cp240 {
 
     fn enable_diagnostics(&mut self, enabled: bool) {
         self.diagnosis.enabled = enabled;
+    }
+
+    fn set_interface(&mut self, interface: Interface) {
+        self.interface = interface;
+        self.modem.set_interface(interface);
     }
 }
 
@@ -170,6 +179,8 @@ impl Cp240 {
             reset_seen: false,
             outputs: [0; 16],
             shown: [0; 16],
+            interface: Interface::Rs232,
+            parameters: None,
             setup: None,
             settings: None,
             capacity: Capacity::buffers(1),
@@ -189,10 +200,6 @@ impl Cp240 {
         }
     }
 
-    fn is_enocean(&self) -> bool {
-        self.setup.as_ref().is_some_and(Setup::is_enocean)
-    }
-
     /// Telegrams in the receive buffer.
     pub fn received_waiting(&self) -> usize {
         self.receive.ring.telegrams()
@@ -207,22 +214,23 @@ impl Cp240 {
         let is_modbus = MODBUS_CODES.contains(&bytes[1]);
         self.leds.parameters(now, is_modbus, decoded.is_ok());
         let parameters = match decoded {
-            Ok(parameters) => parameters,
+            Ok(parameters) => Parameters { interface: self.interface, ..parameters },
             Err(error) => {
                 port.event(now, CpEvent::NoParameters(&error));
-                self.setup = None;
+                (self.parameters, self.setup) = (None, None);
                 self.phase = Phase::NoParameters(error.byte.map_or(0, |byte| byte as u8));
                 return;
             }
         };
         let setup = Setup::of(&parameters, port.lateness());
-        let has_identifier = setup.has_identifier();
         self.leds.show_overflow_alone(setup.is_enocean());
         self.setup = Some(setup);
         self.capacity = capacity(&parameters);
         let settings = parameters.line_settings();
         self.settings = Some(settings);
         port.line_settings(&settings);
+        let has_identifier = parameters.protocol.has_identifier();
+        self.parameters = Some(parameters);
         if has_identifier {
             self.identify(now, StartReason::Parameters, port);
         } else {
@@ -287,7 +295,9 @@ impl Cp240 {
     fn look(&mut self, now: Instant, port: &mut dyn CpPort) {
         let (rx, tx) = (rx_word(&self.outputs), tx_word(&self.outputs));
         let reset = rx == RESET;
-        let asked = reset && !self.reset_seen && self.setup.as_ref().is_some_and(Setup::has_identifier);
+        let asked = reset
+            && !self.reset_seen
+            && self.parameters.as_ref().is_some_and(|parameters| parameters.protocol.has_identifier());
         self.reset_seen = reset;
         match self.phase {
             Phase::Off | Phase::NoParameters(_) => {}

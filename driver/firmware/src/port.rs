@@ -2,7 +2,7 @@
 
 use std::fmt::Debug;
 
-use ob1_params::{Cp341 as Keys, LineSettings, ParamError};
+use ob1_params::{Cp341 as Keys, Interface, LineSettings, ParamError};
 use ob1_protocols::{Event, Instant, LineFault, LineInput, SendError, Span, What, Wire, rk512};
 use ob1_words::channels::{Channel, ChannelBlock};
 
@@ -22,6 +22,12 @@ pub trait Cp: Debug {
     /// [`CpEvent::Diagnosis`]; its parameter bytes have no place for this switch (ours: a key of the station file). CP
     /// 040, CP 340 and CP 341: a wire break and wrong parameters are reported.
     fn enable_diagnostics(&mut self, enabled: bool);
+
+    /// Which interface the module has, before its parameters; RS 232 unless set. A CP 240 alone has one that no
+    /// parameter names.
+    fn set_interface(&mut self, interface: Interface) {
+        let _ = interface;
+    }
 }
 
 /// Everything that can happen to a CP.

@@ -42,8 +42,7 @@ impl Cp {
             return Some((Self { name, reader: Box::new(Reader::new(dialect_of_keyed(&cp))), unix }, about));
         }
         let parameters = match kind {
-            Some(CpKind::Cp040) if bytes == [0; 16] => Cp040::defaults("ascii").ok()?.common,
-            Some(CpKind::Cp040) => Cp040::decode(&bytes).ok()?.common,
+            Some(CpKind::Cp040) => Cp040::of_bytes(&bytes).ok()?.common,
             _ => Cp240::of_bytes(&bytes).ok()?,
         };
         let about = format!(

@@ -347,6 +347,7 @@ fn a_call_for_nothing_is_found_before() {
         ("modbus-slave-ascii-short", FRAGMENTS, vec![("L022".to_owned(), line + 2)]),
         ("modbus-master-rtu", FRAGMENTS, vec![]),
         ("ascii", SYNCHRON, vec![]),
+        ("3964r-rk512", FRAGMENTS, vec![("L024".to_owned(), line + 2), ("L025".to_owned(), line + 2)]),
     ] {
         assert_eq!(warnings(protocol, cycle), expected, "{protocol}");
     }

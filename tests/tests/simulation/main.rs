@@ -24,6 +24,7 @@ mod cp343;
 mod diagnosis;
 mod enocean;
 mod gpio;
+mod handling_check;
 mod interrupts;
 mod long_scans;
 mod mbus;

@@ -248,6 +248,20 @@ fn a_qvz_of_0_is_three_characters() {
     assert_eq!(bench.log.tx, [0x02; 2]);
 }
 
+/// TMO = 0 is three characters, too: at once would let no telegram come.
+#[test]
+fn a_tmo_of_0_is_three_characters() {
+    let keys = [("protocol", "stx-etx"), ("duplex", "full"), ("tmo_ms", "0"), ("end_flags", "0"), ("baud", "9600")];
+    let mut bench = Bench::new(60, &keys);
+    bench.line(LineInput::Rx(b"\x02a"));
+    bench.pass(2 * MS);
+    bench.line(LineInput::Rx(b"b"));
+    bench.pass(3 * MS);
+    assert_eq!(bench.fetch(), None);
+    bench.pass(MS / 5);
+    assert_eq!(bench.fetch(), Some((0, b"ab".to_vec(), 0)));
+}
+
 #[test]
 fn an_order_the_partner_does_not_answer_ends_with_e() {
     let mut bench =

@@ -1,6 +1,6 @@
 //! A CP with M-Bus: from the registers to the line and back.
 
-use ob1_firmware::{CpCounter, LineFault, LineInput};
+use ob1_firmware::{Cp as _, CpCounter, LineFault, LineInput};
 use ob1_params::Cp240;
 
 use crate::common::{Bench, MS};
@@ -85,6 +85,19 @@ fn no_answer_and_short_circuit() {
     assert_eq!(bench.tx_echo(), 0);
     assert_eq!(bench.fetch(), [3]);
     assert!(bench.log.leds.error);
+}
+
+/// "Diagnosis data -" [S0 L4717]: an error lights ER and raises no diagnostic interrupt.
+#[test]
+fn there_is_no_diagnostic_interrupt() {
+    let mut bench = Bench::working(&PARAMETERS);
+    bench.cp.enable_diagnostics(true);
+    bench.line(LineInput::Fault(LineFault::Gone));
+    assert!(bench.log.leds.error);
+    bench.line(LineInput::Fault(LineFault::Back));
+    bench.pass(5000 * MS);
+    assert!(!bench.log.leds.error);
+    assert!(!bench.log.events.iter().any(|event| event.contains("Diagnosis")), "{:?}", bench.log.events);
 }
 
 #[test]

@@ -119,7 +119,8 @@ pub(crate) fn of(spec: &LineSpec) -> Box<dyn Link> {
 
 /// The settings that neither a pty nor TCP can apply.
 fn not_a_wire(kind: &str, settings: &LineSettings) -> Vec<Warning> {
-    let plain = LineSettings { baud: settings.baud, ..LineSettings::default() };
+    let LineSettings { baud, half_duplex, .. } = *settings;
+    let plain = LineSettings { baud, half_duplex, ..LineSettings::default() };
     if *settings == plain {
         return Vec::new();
     }
