@@ -3,11 +3,12 @@
 use std::fmt::Debug;
 
 use ob1_params::{Cp341 as Keys, LineSettings, ParamError};
-use ob1_protocols::{Event, Instant, LineFault, LineInput, SendError, Span, What, Wire, rk512};
+use ob1_protocols::{Event, Instant, LineFault, LineInput, Phase, SendError, Span, What, Wire, rk512};
 use ob1_words::channels::{Channel, ChannelBlock};
 
 use crate::diagnosis::{DiagnosticBytes, DiagnosticRecord};
 use crate::leds::Leds;
+use crate::reason::{Reason, Waiting};
 
 /// A whole CP.
 pub trait Cp: Debug {
@@ -22,6 +23,16 @@ pub trait Cp: Debug {
     /// [`CpEvent::Diagnosis`]; its parameter bytes have no place for this switch (ours: a key of the station file). CP
     /// 040, CP 340 and CP 341: a wire break and wrong parameters are reported.
     fn enable_diagnostics(&mut self, enabled: bool);
+
+    /// What must change before the CP does anything more, if there is something.
+    fn waits_for(&self) -> Option<Reason> {
+        None
+    }
+
+    /// What was received and waits for the CPU.
+    fn waiting(&self) -> Waiting {
+        Waiting::default()
+    }
 }
 
 /// Everything that can happen to a CP.
@@ -111,7 +122,7 @@ impl dyn CpPort + '_ {
             self.event(now, CpEvent::Received(telegram));
         } else {
             // A protocol that does not ask for room first.
-            self.count(CpCounter::Rejected, 1);
+            self.occurred(now, Event { phase: Phase::Receive, what: What::NoBuffer });
         }
     }
 
@@ -186,7 +197,7 @@ pub enum CpCounter {
 
 impl CpCounter {
     /// The counter of an occurrence in a protocol of a CP 240 or CP 040.
-    const fn of(what: What) -> Option<Self> {
+    pub(crate) const fn of(what: What) -> Option<Self> {
         match what {
             What::NoBuffer | What::TooLong => Some(Self::Rejected),
             What::CharacterDelay

@@ -11,7 +11,7 @@ codes! {
         Interrupted = 2,
         /// The partner has stopped the running order with XOFF.
         Stopped = 3,
-        /// CTS or DSR is OFF, and nothing is sent until it is ON. Number: the modem lines, as in `cp.modem_inputs`.
+        /// CTS or DSR is OFF, and nothing is sent until it is ON. Number: bit 0 CTS, bit 1 DSR.
         Signals = 4,
         /// Orders end with an error. Number: the end of the last one; count: how many ended so, one after the other.
         OrderFailed = 5,
