@@ -301,7 +301,7 @@ impl AtWork {
             );
             text += &format!("   {}: {sent} sent, {received} received, {errors} errors", module.name);
             if driver.losses() > 0 {
-                text += &format!(", driver lost {}", driver.losses());
+                text += &format!(", driver died {}", driver.losses());
             }
         }
         text
