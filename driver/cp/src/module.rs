@@ -33,6 +33,11 @@ impl Module {
         self.firmware.is_working()
     }
 
+    /// The firmware.
+    pub(crate) fn cp(&self) -> &dyn Cp {
+        &*self.firmware
+    }
+
     pub(crate) fn enable_diagnostics(&mut self, enabled: bool) {
         self.firmware.enable_diagnostics(enabled);
     }

@@ -34,6 +34,8 @@ pub struct CpPump {
     params_revision: u64,
     cpu_running: Option<bool>,
     next_beat: Instant,
+    /// The reason may have changed.
+    has_stepped: bool,
 }
 
 impl CpPump {
@@ -47,6 +49,7 @@ impl CpPump {
             params_revision: 0,
             cpu_running: None,
             next_beat: Instant::START,
+            has_stepped: false,
         }
     }
 
@@ -74,6 +77,7 @@ impl CpPump {
         if now >= self.next_beat {
             self.end.segment.beat();
             self.next_beat = now + HEARTBEAT;
+            self.has_stepped = true;
         }
         let mark = self.end.segment.changes();
         if self.look_again || self.seen != Some(mark) {
@@ -83,6 +87,7 @@ impl CpPump {
         if self.module.due().is_some_and(|due| now >= due) {
             self.step(now, CpInput::Tick, line);
         }
+        self.show_reason(now);
         self.deadline(now)
     }
 
@@ -98,6 +103,7 @@ impl CpPump {
             _ => {}
         }
         self.step(now, CpInput::Line(input), line);
+        self.show_reason(now);
         self.deadline(now)
     }
 
@@ -132,6 +138,13 @@ impl CpPump {
         self.end.show_state();
     }
 
+    /// After a step, and with each beat.
+    fn show_reason(&mut self, now: Instant) {
+        if std::mem::take(&mut self.has_stepped) {
+            self.end.show_reason(now, self.module.cp());
+        }
+    }
+
     fn deadline(&self, now: Instant) -> Instant {
         let again = self.look_again.then_some(now + LOOK_AGAIN);
         self.module.due().into_iter().chain(again).fold(self.next_beat, Instant::min)
@@ -145,6 +158,7 @@ impl CpPump {
     }
 
     fn step<L: LinePort + ?Sized>(&mut self, now: Instant, input: CpInput<'_>, line: &mut L) {
+        self.has_stepped = true;
         self.module.step(now, input, &mut Plug { end: &mut self.end, line, now });
     }
 

@@ -26,7 +26,7 @@ pub enum EventCode {
     LineGone = 4,
     /// The line can be used.
     LineUp = 5,
-    /// An order ended with an error; data: the code of the indicator word.
+    /// An order ended with an error; data: the code of the indicator word (1 byte), or the STATUS (2, big-endian).
     SendFailed = 6,
     /// The driver's configuration (JSON) is refused; the text is in record [`LINE_TEXT_RECORD`].
     Configuration = 7,

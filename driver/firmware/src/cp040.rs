@@ -11,13 +11,14 @@ mod send;
 
 use ob1_params::{Cp040 as Parameters, Duplex};
 use ob1_protocols::modbus::area::{BLOCK_BYTES, BLOCKS_TOGETHER};
-use ob1_protocols::{Input, Instant, LineFault, LineInput, Order, SendError, Span};
+use ob1_protocols::{Input, Instant, LineFault, LineInput, ModemLines, Order, SendError, Span};
 
 pub use ob1_words::cp040::IO_BYTES;
 
 use crate::leds::{LedDriver, Leds};
 use crate::port::{Cp, CpCounter, CpEvent, CpInput, CpPort};
 use crate::protocol::{Protocol, Setup};
+use crate::reason::{Reason, Waiting, Why};
 use diagnosis::Diagnosis;
 use exchange::{Exchange, Step};
 use ob1_words::cp040::Area;
@@ -101,6 +102,20 @@ impl Cp for Cp040 {
 
     fn enable_diagnostics(&mut self, enabled: bool) {
         self.diagnosis.enabled = enabled;
+    }
+
+    fn waits_for(&self) -> Option<Reason> {
+        if self.diagnosis.wire_break {
+            return Some(Reason::state(Why::Interrupted, 0));
+        }
+        // Its interfaces have no modem lines.
+        self.protocol.stopped(ModemLines::default())
+    }
+
+    fn waiting(&self) -> Waiting {
+        let receive = &self.exchange.receive;
+        let (telegrams, progress) = (receive.telegrams(), receive.nibble().into());
+        Waiting { telegrams, progress, block: 0, cpu_runs: !self.cpu_stopped && self.phase == Phase::Working }
     }
 }
 

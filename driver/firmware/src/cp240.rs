@@ -35,6 +35,7 @@ use crate::leds::{LedDriver, Leds};
 use crate::modbus;
 use crate::port::{Cp, CpCounter, CpEvent, CpInput, CpPort, StartReason};
 use crate::protocol::{Protocol, Setup};
+use crate::reason::{Reason, Waiting, Why};
 use crate::ring::Capacity;
 use modem::Modem;
 use ob1_words::cp240::{NO_PARAMETERS, RESET, Registers, STARTUP, SYSTEM, block, compose, rx_word, tx_word};
@@ -163,6 +164,25 @@ impl Cp for Cp240 {
     fn set_interface(&mut self, interface: Interface) {
         self.interface = interface;
         self.modem.set_interface(interface);
+    }
+
+    fn waits_for(&self) -> Option<Reason> {
+        match self.phase {
+            Phase::Off | Phase::NoParameters(_) => None,
+            // A CPU in STOP calls no FC 9.
+            Phase::Identify | Phase::Clearing => (!self.cpu_stopped).then_some(Reason::state(Why::StartUp, STARTUP)),
+            Phase::Working => self.protocol.stopped(self.modem.lines().unwrap_or_default()),
+        }
+    }
+
+    fn waiting(&self) -> Waiting {
+        let cpu_runs = !self.cpu_stopped && self.phase == Phase::Working;
+        if self.rk512_machine.is_some() {
+            let (telegrams, progress) = self.rk512.waiting();
+            return Waiting { telegrams, progress, block: 4, cpu_runs };
+        }
+        let (telegrams, progress) = (self.receive.ring.telegrams(), self.receive.word().into());
+        Waiting { telegrams, progress, block: 1, cpu_runs }
     }
 }
 

@@ -3,11 +3,12 @@
 use std::fmt::Debug;
 
 use ob1_params::{Cp341 as Keys, Interface, LineSettings, ParamError};
-use ob1_protocols::{Event, Instant, LineFault, LineInput, SendError, Span, What, Wire, rk512};
+use ob1_protocols::{Event, Instant, LineFault, LineInput, Phase, SendError, Span, What, Wire, rk512};
 use ob1_words::channels::{Channel, ChannelBlock};
 
 use crate::diagnosis::{DiagnosticBytes, DiagnosticRecord};
 use crate::leds::Leds;
+use crate::reason::{Reason, Waiting};
 
 /// A whole CP.
 pub trait Cp: Debug {
@@ -27,6 +28,16 @@ pub trait Cp: Debug {
     /// parameter names.
     fn set_interface(&mut self, interface: Interface) {
         let _ = interface;
+    }
+
+    /// What must change before the CP does anything more, if there is something.
+    fn waits_for(&self) -> Option<Reason> {
+        None
+    }
+
+    /// What was received and waits for the CPU.
+    fn waiting(&self) -> Waiting {
+        Waiting::default()
     }
 }
 
@@ -117,7 +128,7 @@ impl dyn CpPort + '_ {
             self.event(now, CpEvent::Received(telegram));
         } else {
             // A protocol that does not ask for room first.
-            self.count(CpCounter::Rejected, 1);
+            self.occurred(now, Event { phase: Phase::Receive, what: What::NoBuffer });
         }
     }
 
@@ -192,7 +203,7 @@ pub enum CpCounter {
 
 impl CpCounter {
     /// The counter of an occurrence in a protocol of a CP 240 or CP 040.
-    const fn of(what: What) -> Option<Self> {
+    pub(crate) const fn of(what: What) -> Option<Self> {
         match what {
             What::NoBuffer | What::TooLong => Some(Self::Rejected),
             What::CharacterDelay

@@ -7,10 +7,12 @@ use ob1_params::{
 use ob1_protocols::modbus::{Master, Slave};
 use ob1_protocols::rk512::{self, Rk512};
 use ob1_protocols::{
-    Ascii, Esp2, Input, Instant, MBus, MS, Machine, Order, S3964, Sink, Span, StxEtx, ascii, esp2, mbus, s3964, stx_etx,
+    Ascii, Esp2, Input, Instant, MBus, MS, Machine, ModemLines, Order, S3964, Sink, Span, StxEtx, ascii, esp2, mbus,
+    s3964, stx_etx,
 };
 
 use crate::modbus;
+use crate::reason::{Reason, Why};
 use ob1_words::cp240::Registers;
 
 /// How to build the machine of a parameter record.
@@ -145,6 +147,19 @@ fn s3964_config(p: &S3964Params, times: Times) -> s3964::Config {
     }
 }
 
+/// Why an order waits that flow control has stopped.
+pub(crate) fn stopped_by(flow: ascii::Flow, lines: ModemLines) -> Reason {
+    match flow {
+        ascii::Flow::Hardware => signals_off(lines),
+        ascii::Flow::XonXoff | ascii::Flow::None => Reason::state(Why::Stopped, 0),
+    }
+}
+
+/// CTS or DSR is OFF.
+pub(crate) fn signals_off(lines: ModemLines) -> Reason {
+    Reason::state(Why::Signals, u16::from(lines.cts) | u16::from(lines.dsr) << 1)
+}
+
 /// The priority of the parameters, for the machine.
 pub(crate) const fn priority(priority: Priority) -> s3964::Priority {
     match priority {
@@ -181,6 +196,16 @@ impl Protocol {
             Self::MBus(machine) => machine.step(now, input, out),
             Self::EnOcean(machine) => machine.step(now, input, out),
         }
+    }
+
+    /// What the running order waits for because the partner has stopped it; `lines`: the modem lines.
+    pub(crate) fn stopped(&self, lines: ModemLines) -> Option<Reason> {
+        let (is_stopped, flow) = match self {
+            Self::Ascii(machine) => (machine.is_stopped(), machine.config().flow),
+            Self::StxEtx(machine) => (machine.is_stopped(), machine.config().flow),
+            _ => return None,
+        };
+        is_stopped.then(|| stopped_by(flow, lines))
     }
 
     /// Whether the partner acknowledges telegrams. If not, an order on a lost line must not count as done because its

@@ -38,6 +38,11 @@ pub trait Machine {
 
     /// Whether an order is running, that is, accepted and not yet answered by [`Sink::sent`].
     fn busy(&self) -> bool;
+
+    /// Whether the running order waits because the partner has stopped this side by flow control.
+    fn is_stopped(&self) -> bool {
+        false
+    }
 }
 
 /// What happened. `O`: the orders that the CPU can give this protocol.

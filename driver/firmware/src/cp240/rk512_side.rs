@@ -207,6 +207,12 @@ impl Rk512Side {
         }
     }
 
+    /// The order of the partner that waits for the CPU or its answer: how many, and a number that changes when the CPU
+    /// takes a part of it.
+    pub(crate) fn waiting(&self) -> (usize, u32) {
+        (self.asked.is_some().into(), u32::from(self.job) << 16 | u32::from(self.rx()))
+    }
+
     /// The block of `RX`.
     pub(crate) fn block(&self) -> &[u8] {
         match self.state {

@@ -26,6 +26,8 @@ use ob1_protocols::{Input, Instant, LineFault, LineInput};
 
 use crate::leds::Leds;
 use crate::port::{Cp, CpCounter, CpEvent, CpInput, CpPort};
+use crate::protocol::signals_off;
+use crate::reason::{Reason, Waiting, Why};
 use crate::ring::Capacity;
 use diagnosis::{Diagnosis, Faults};
 use model::Model;
@@ -113,6 +115,24 @@ impl Cp for Cp341 {
 
     fn enable_diagnostics(&mut self, enabled: bool) {
         self.diagnosis.enabled = enabled;
+    }
+
+    fn waits_for(&self) -> Option<Reason> {
+        if self.parts.is_interrupted() {
+            return Some(Reason::state(Why::Interrupted, 0));
+        }
+        let lines = self.v24.lines().unwrap_or_default();
+        if self.parts.leds.are_signals_missing() {
+            return Some(signals_off(lines));
+        }
+        self.protocol.stopped(lines)
+    }
+
+    fn waiting(&self) -> Waiting {
+        let offered = usize::from(self.receive.awaits_cpu() && !self.parts.on_offer);
+        let jobs = offered + usize::from(self.parts.asked.open().is_some());
+        let telegrams = self.parts.ring.telegrams() + jobs;
+        Waiting { telegrams, progress: self.receive.moves(), block: 0, cpu_runs: self.cpu_running }
     }
 }
 

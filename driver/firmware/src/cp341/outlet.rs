@@ -267,8 +267,8 @@ impl Sink for Outlet<'_> {
     }
 
     fn report(&mut self, event: Event) {
-        if let What::Line(LineFault::Parity | LineFault::Framing | LineFault::Overrun | LineFault::Break) = event.what {
-            self.port.count(CpCounter::ReceiveErrors, 1);
+        if let Some(counter) = CpCounter::of(event.what) {
+            self.port.count(counter, 1);
         }
         // The block is given up.
         if matches!((event.what, event.phase), (What::NoRepetition, _) | (What::Exhausted, Phase::Receive))

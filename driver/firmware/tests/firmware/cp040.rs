@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use ob1_firmware::{
     Cp as _, Cp040, CpCounter, CpEvent, CpInput, CpPort, DiagnosticRecord, Instant, Leds, LineFault, LineInput,
-    LineSettings, Span, Wire,
+    LineSettings, Reason, Span, Troubles, Why, Wire,
 };
 use ob1_params::{Cp040 as Parameters, Value};
 use ob1_slio::{Failure, ReceiveJob, ReceiveStep, Received, SendJob, SendStep};
@@ -20,6 +20,7 @@ struct Log {
     counters: BTreeMap<CpCounter, u64>,
     records: Vec<DiagnosticRecord>,
     interrupts: Vec<(bool, u8)>,
+    troubles: Troubles,
 }
 
 impl Wire for Log {
@@ -49,7 +50,8 @@ impl CpPort for Log {
         *self.counters.entry(counter).or_default() += n;
     }
 
-    fn event(&mut self, _now: Instant, event: CpEvent<'_>) {
+    fn event(&mut self, now: Instant, event: CpEvent<'_>) {
+        self.troubles.event(now, &event);
         if let CpEvent::Record { incoming, record } = event {
             self.interrupts.push((incoming, record[0]));
         }
@@ -166,6 +168,11 @@ impl Bench {
             }
         }
         panic!("it does not end");
+    }
+
+    /// What its owner would show as its reason.
+    fn reason(&mut self) -> Option<Reason> {
+        self.log.troubles.reason(self.now, &self.cp)
     }
 
     fn count(&self, counter: CpCounter) -> u64 {
@@ -454,4 +461,30 @@ fn a_stopped_cpu_commands_nothing() {
     bench.put(&[0x88]);
     assert_eq!(bench.send(b"y"), Some(Ok(())));
     assert_eq!(bench.log.tx, b"y");
+}
+
+#[test]
+fn the_reason_says_what_is_wrong() {
+    let mut bench = Bench::new(60, &[("protocol", "stx-etx"), ("duplex", "full"), ("preset", "break")]);
+    bench.step(CpInput::CpuRun(true));
+    assert_eq!(bench.reason(), None);
+    bench.line(LineInput::Fault(LineFault::Break));
+    assert_eq!(bench.reason(), Some(Reason::state(Why::Interrupted, 0)));
+    for length in [1000, 25] {
+        bench.line(LineInput::Rx(&[&[0x02][..], &vec![b'x'; length], &[0x03]].concat()));
+    }
+    assert_eq!(bench.reason(), Some(Reason { why: Why::Full, number: 0, count: 1 }));
+    while bench.fetch().is_some() {}
+    assert_eq!(bench.reason(), None);
+    bench.line(LineInput::Rx(b"\x02late\x03"));
+    assert_eq!(bench.reason(), None, "a telegram has just come");
+    bench.pass(1_001 * MS);
+    assert_eq!(bench.reason(), Some(Reason { why: Why::NotFetched, number: 0, count: 1 }));
+    assert_eq!(bench.fetch(), Some((0, b"late".to_vec(), 0)));
+    assert_eq!(bench.reason(), None);
+
+    let mut bench = Bench::new(60, &[("protocol", "3964r")]);
+    bench.send(b"a");
+    bench.pass(20_000 * MS);
+    assert_eq!(bench.reason(), Some(Reason { why: Why::OrderFailed, number: 0x07, count: 1 }));
 }

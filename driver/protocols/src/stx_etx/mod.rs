@@ -97,6 +97,10 @@ impl<const N: usize> Machine for StxEtx<N> {
     fn busy(&self) -> bool {
         self.line.is_busy()
     }
+
+    fn is_stopped(&self) -> bool {
+        self.line.is_stopped()
+    }
 }
 
 /// The receiving half, with a buffer of `N` bytes.

@@ -1,8 +1,9 @@
 //! What a driver and its supervisor report, as entries of the diagnostic buffer. Made on the scan thread: no
 //! allocation.
 //!
-//! A CP also reports each repetition and each failed order; those are not entered. The program sees them (FEHLER_KOM),
-//! they are counted, and a noisy line would push everything else out of the buffer.
+//! A CP also reports its start-up, each repetition and each failed order; those are not entered here, where a noisy line
+//! would push everything else out of the buffer. The CP itself lists and counts them, and says what it waits for
+//! (docs/driver.md, "Events").
 
 use std::fmt::{self, Write};
 
@@ -271,23 +272,32 @@ struct Gone(u32);
 
 impl fmt::Display for Gone {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        use rustix::io::Errno;
-        // The number comes out of shared memory, and the system has none beyond these.
-        let known = i32::try_from(self.0).ok().filter(|number| (1..4096).contains(number));
-        let Some(errno) = known.map(Errno::from_raw_os_error) else {
-            return if self.0 == 0 { f.write_str("line: closed") } else { write!(f, "line gone, os {}", self.0) };
-        };
-        f.write_str(match errno {
-            Errno::NOENT => "line: no device",
-            Errno::ACCESS | Errno::PERM => "line: no access",
-            Errno::BUSY => "line: in use",
-            Errno::IO | Errno::NODEV | Errno::NXIO => "line: unplugged",
-            Errno::CONNREFUSED => "line: refused",
-            Errno::CONNRESET | Errno::PIPE => "line: hung up",
-            Errno::TIMEDOUT | Errno::HOSTUNREACH | Errno::NETUNREACH => "line: no answer",
-            _ => return write!(f, "line gone, os {}", self.0),
-        })
+        match line_gone(self.0) {
+            Some(why) => write!(f, "line: {why}"),
+            None => write!(f, "line gone, os {}", self.0),
+        }
     }
+}
+
+/// Why a line is gone, by the system's error number (0: none); `None` where no short word says more than the number.
+#[must_use]
+pub fn line_gone(errno: u32) -> Option<&'static str> {
+    use rustix::io::Errno;
+    if errno == 0 {
+        return Some("closed");
+    }
+    // The number comes out of shared memory, and the system has none beyond these.
+    let known = i32::try_from(errno).ok().filter(|number| (1..4096).contains(number))?;
+    Some(match Errno::from_raw_os_error(known) {
+        Errno::NOENT => "no device",
+        Errno::ACCESS | Errno::PERM => "no access",
+        Errno::BUSY => "in use",
+        Errno::IO | Errno::NODEV | Errno::NXIO => "unplugged",
+        Errno::CONNREFUSED => "refused",
+        Errno::CONNRESET | Errno::PIPE => "hung up",
+        Errno::TIMEDOUT | Errno::HOSTUNREACH | Errno::NETUNREACH => "no answer",
+        _ => return None,
+    })
 }
 
 /// An entry with a text of at most 16 bytes.

@@ -16,6 +16,7 @@ use ob1_time::Instant;
 
 pub use link::{AlwaysThere, DriverLink, Life};
 use messages::Messages;
+pub use messages::line_gone;
 
 /// Most register bytes a segment has.
 const IO_MAX: usize = ob1_backplane::layout::IO_BYTES_MAX;
