@@ -9,7 +9,7 @@ use ob1_child::doorbell_closed;
 use ob1_cp::{Change, CpPump, HEARTBEAT, Presence};
 use ob1_firmware::trace::record::Kind;
 use ob1_firmware::{Instant, LineFault, LineInput, ModemLines, Span};
-use ob1_line::{LineEvent, PollFds, RealLine};
+use ob1_line::{ECHOES, LineEvent, PollFds, RealLine, SILENT};
 use rustix::event::{PollFd, PollFlags};
 use rustix::io::Errno;
 use tracing::{info, warn};
@@ -200,6 +200,14 @@ impl Process {
                     self.port.tap.tell(now, Kind::Gone, reason.as_bytes());
                     self.pump.line_error(now, errno, &reason);
                     self.line_is_gone(now);
+                }
+                LineEvent::Echo(on) => {
+                    if on {
+                        warn!("{ECHOES}");
+                    } else {
+                        info!("{SILENT}");
+                    }
+                    self.pump.line_echo(now, on.then_some(ECHOES));
                 }
             }
         }

@@ -128,6 +128,12 @@ impl CpPump {
         self.end.show_state();
     }
 
+    /// Reports that the line has begun to give back what is sent, with a text for the user, or has ceased to.
+    pub fn line_echo(&mut self, now: Instant, text: Option<&str>) {
+        self.end.emit(now, EventCode::LineEcho as u32, &[u8::from(text.is_some())]);
+        self.write_text(text.unwrap_or_default());
+    }
+
     /// Announces sleep; see [`CpSide::prepare_sleep`]. False: poll again first.
     pub fn prepare_sleep(&mut self) -> bool {
         self.seen.is_some_and(|seen| self.end.segment.prepare_sleep(seen))
