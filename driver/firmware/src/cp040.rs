@@ -55,6 +55,8 @@ pub struct Cp040 {
     /// Characters are being transmitted.
     transmitting: bool,
     line_gone: bool,
+    /// It has not been there since the start, which is no wire break.
+    line_awaited: bool,
     /// The order was aborted because the line is gone.
     line_broke_off: bool,
     leds: LedDriver,
@@ -75,6 +77,7 @@ impl Cp for Cp040 {
                 self.look(now, port);
             }
             CpInput::Line(line) => self.line(now, line, port),
+            CpInput::NoLine => (self.line_gone, self.line_awaited) = (true, true),
             CpInput::CpuRun(run) => {
                 self.cpu_stopped = !run;
                 if run {
@@ -133,6 +136,7 @@ impl Cp040 {
             protocol_due: None,
             transmitting: false,
             line_gone: false,
+            line_awaited: false,
             line_broke_off: false,
             leds: LedDriver::new(),
             leds_shown: Leds::NONE,
@@ -178,11 +182,11 @@ impl Cp040 {
         self.leds.parameters(now, setup.is_modbus(), true);
         self.protocol = setup.build();
         self.setup = Some(setup);
-        port.line_settings(&parameters.common.line_settings());
+        port.line_settings(&parameters.line_settings());
         self.parameters = Some(parameters);
         self.phase = Phase::Working;
         self.clear(port);
-        self.diagnosis.wire_break = self.line_gone && self.detects_break();
+        self.diagnosis.wire_break = self.line_gone && !self.line_awaited && self.detects_break();
         port.record(self.diagnosis.record());
         port.rts(true);
         port.dtr(true);
@@ -318,12 +322,12 @@ impl Cp040 {
                 self.leds.transmit(false);
             }
             LineInput::Fault(LineFault::Gone) => {
-                self.line_gone = true;
+                (self.line_gone, self.line_awaited) = (true, false);
                 self.diagnosis.wire_break = self.detects_break();
                 self.leds.line(now, true);
             }
             LineInput::Fault(LineFault::Back) => {
-                self.line_gone = false;
+                (self.line_gone, self.line_awaited) = (false, false);
                 self.diagnosis.wire_break = false;
                 self.leds.line(now, false);
             }

@@ -124,6 +124,7 @@ impl Cp for Cp240 {
                 self.look(now, port);
             }
             CpInput::Line(line) => self.line(now, line, port),
+            CpInput::NoLine => self.line_gone = true,
             CpInput::CpuRun(true) => {
                 if core::mem::take(&mut self.cpu_stopped) {
                     self.leds.stop_run();

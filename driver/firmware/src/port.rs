@@ -50,6 +50,9 @@ pub enum CpInput<'a> {
     Outputs(&'a [u8]),
     /// Something happened on the line.
     Line(LineInput<'a>),
+    /// The line has not been there since the start. What is sent is lost, but it is no wire break: [`LineFault::Gone`]
+    /// follows if it does not come.
+    NoLine,
     /// The CPU went to RUN or start-up (true) or to STOP (false).
     CpuRun(bool),
     /// Parameters: the CP restarts with them. Sixteen zeros stand for "none", see [`crate::Cp240`].

@@ -66,6 +66,7 @@ impl Bench {
                     }
                     LineEvent::Up(warnings) => return Some(LineEvent::Up(warnings)),
                     LineEvent::Gone(why) => return Some(LineEvent::Gone(why)),
+                    LineEvent::Echo(on) => return Some(LineEvent::Echo(on)),
                 }
             }
             if enough(&self.received) {

@@ -298,7 +298,9 @@ impl Cp240 {
             parity: self.parity,
             stop_bits: self.stop_bits,
             flow,
-            half_duplex: self.interface.is_half_duplex(),
+            // "Physically, Modbus transmits via a serial half-duplex core" [S0 L2034]; so does M-Bus.
+            half_duplex: self.interface.is_half_duplex()
+                || matches!(self.protocol, Protocol::Modbus(_) | Protocol::MBus),
         }
     }
 

@@ -93,6 +93,7 @@ impl Cp for Cp341 {
                 }
             }
             CpInput::Line(line) => self.line(now, line, port),
+            CpInput::NoLine => self.parts.line_gone = true,
             CpInput::CpuRun(run) => self.cpu(now, run, port),
             CpInput::Keys(parameters) => self.parametrise(now, parameters, port),
             // This CP takes its parameters as keys.
@@ -103,7 +104,7 @@ impl Cp for Cp341 {
         self.watch_cpu(now, port);
         self.publish(port);
         let v24_due = self.v24.refresh(now, port);
-        port.show(self.parts.leds.at(now, self.parts.is_interrupted()), &mut self.leds_shown);
+        port.show(self.parts.leds.at(now, self.parts.interrupted), &mut self.leds_shown);
         let again = Some(self.again_at).filter(|at| now < *at);
         let own = [self.parts.leds.deadline(now), v24_due, self.patience.deadline(), again];
         self.protocol_due.into_iter().chain(own.into_iter().flatten()).min()
@@ -173,7 +174,7 @@ impl Cp341 {
 
     /// Reports wire breaks and wrong parameters that have come or gone. [reference 1.9]
     fn diagnose(&mut self, now: Instant, port: &mut dyn CpPort) {
-        let found = Faults { wire_break: self.parts.is_interrupted(), parameters: self.parameters_wrong };
+        let found = Faults { wire_break: self.parts.interrupted, parameters: self.parameters_wrong };
         for number in self.diagnosis.find(found) {
             port.event(now, CpEvent::EntryGone(number));
         }
@@ -314,7 +315,8 @@ impl Cp341 {
         self.drive(now, Input::Line(line), port);
         // "BREAK: receiving line to partner device is interrupted" [S4 L1750]; a protocol that has noticed it has
         // already reported it.
-        if self.parts.line_gone && !std::mem::replace(&mut self.parts.interrupted, true) {
+        let is_gone = line == LineInput::Fault(LineFault::Gone);
+        if is_gone && !std::mem::replace(&mut self.parts.interrupted, true) {
             self.enter(now, 0x080D, port);
         }
         self.break_off(now, port);
