@@ -20,9 +20,9 @@ const DLE: u8 = 0x10;
 /// receives.
 #[derive(Default)]
 pub(crate) struct Partner {
-    is_3964r: bool,
+    pub(crate) is_3964r: bool,
     /// All received characters.
-    heard: Vec<u8>,
+    pub(crate) heard: Vec<u8>,
     /// 3964R: start of the telegram being received.
     from: Option<usize>,
     pub(crate) telegrams: Vec<Vec<u8>>,

@@ -8,6 +8,7 @@ mod coupled;
 mod cp040;
 mod cp240;
 mod cp240_blocks;
+mod cp240_orders;
 mod cp240_rk512;
 mod cp340;
 mod cp340_printer;
