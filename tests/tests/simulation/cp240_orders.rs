@@ -135,7 +135,10 @@ fn a_send_to_the_partner() {
     site.orders(3, 65);
     site.partner_sends(&TAKEN);
     site.until(|site| site.telegrams().len() == 2);
-    assert_eq!(site.telegrams()[0], [&[0, 0, b'A', b'D', 7, 9, 0, 65, 0xFF, 0xFF][..], &site.data(10)[4..132]].concat());
+    assert_eq!(
+        site.telegrams()[0],
+        [&[0, 0, b'A', b'D', 7, 9, 0, 65, 0xFF, 0xFF][..], &site.data(10)[4..132]].concat()
+    );
     assert_eq!(site.telegrams()[1], [&[0xFF, 0, b'A', b'D'][..], &site.data(10)[132..134]].concat());
     assert_eq!(site.word(90), RUNNING);
     site.partner_sends(&[0xFF, 0, 0, 0]);
@@ -229,10 +232,9 @@ fn pafe_of_fc_2_and_fc_3() {
         assert_eq!(site.word(if bit == 1 { 72 } else { 92 }) >> 8, pafe, "{program}");
         assert!(site.bench.device.heard.is_empty(), "{program}");
     }
-    for (program, bit, byte, answer) in [
-        (fetch("DB 5", "DB 11"), 1, 72, &[0, 0, 0, 0, 1, 2, 3, 4][..]),
-        (send("DB 11", "DB 7"), 3, 92, &TAKEN[..]),
-    ] {
+    for (program, bit, byte, answer) in
+        [(fetch("DB 5", "DB 11"), 1, 72, &[0, 0, 0, 0, 1, 2, 3, 4][..]), (send("DB 11", "DB 7"), 3, 92, &TAKEN[..])]
+    {
         let mut site = Site::past_fc_9(RK512, &[&program]);
         site.refused(bit, 50);
         assert_eq!((site.word(byte) >> 8, site.bench.device.heard.len()), (2, 0), "{program}");
@@ -243,8 +245,8 @@ fn pafe_of_fc_2_and_fc_3() {
     }
 }
 
-/// [S0 L1183], [S0 L1233], [S0 L1796]: the flag goes out with the order. Here it is set with the data of an order of the
-/// partner; then each order that names it is refused with 32h until the program has reset it.
+/// [S0 L1183], [S0 L1233], [S0 L1796]: the flag goes out with the order. Here it is set with the data of an order of
+/// the partner; then each order that names it is refused with 32h until the program has reset it.
 #[test]
 fn the_coordination_flag() {
     let mut site = Site::past_fc_9(RK512, &[&fetch("DB 5", "DB 11"), &send("DB 10", "DB 7"), SERVES]);
@@ -339,8 +341,7 @@ fn frg_is_taken_back_when_zna_has_run_out() {
 #[test]
 fn nothing_goes_before_fc_9_has_ended() {
     let cycle = ["U M 6.0;\nSPBN s9;\n", SYNCHRON, "s9: NOP 0;\n", SEND, RECEIVE].concat();
-    let mut site =
-        Site::new("{ protocol = \"ascii\", baud = 9600, zvz_ms = 20 }", &cycle, &[DB_10, DB_11].concat());
+    let mut site = Site::new("{ protocol = \"ascii\", baud = 9600, zvz_ms = 20 }", &cycle, &[DB_10, DB_11].concat());
     site.bench.pass(100 * MS);
     site.fill();
     site.set_word(60, 5);
@@ -386,8 +387,11 @@ fn blocks_that_do_not_fit_the_protocol() {
 /// [S0 L2070-L2075], [S0 L2263-L2281], [S0 L2311-L2313], [S0 L2622-L2624]: the slave "long" with its program.
 #[test]
 fn a_slave_long_stores_and_gives() {
-    let mut site =
-        Site::new("{ protocol = \"modbus-slave-rtu-long\", baud = 9600 }", &[SEND, RECEIVE].concat(), &[DB_10, DB_11].concat());
+    let mut site = Site::new(
+        "{ protocol = \"modbus-slave-rtu-long\", baud = 9600 }",
+        &[SEND, RECEIVE].concat(),
+        &[DB_10, DB_11].concat(),
+    );
     site.bench.pass(100 * MS);
     site.fill();
     let asks = |site: &mut Site, telegram: &[u8]| {

@@ -1,5 +1,5 @@
-//! The longest telegrams of Modbus: 250 bytes of data there and back, with each function code that has a length, and not
-//! one more. [S0 L2066-L2067], [S0 L2387-L2475]
+//! The longest telegrams of Modbus: 250 bytes of data there and back, with each function code that has a length, and
+//! not one more. [S0 L2066-L2067], [S0 L2387-L2475]
 
 use ob1_protocols::MS;
 use ob1_protocols::modbus::{Master, Mode, Slave, frame, master, rtu, slave};

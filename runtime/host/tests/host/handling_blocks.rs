@@ -137,7 +137,8 @@ fn sections_and_types_are_the_manuals() {
         "in INT, in BLOCK_DB, in WORD, in INT, in BLOCK_DB, in INT, in WORD, out WORD, out BYTE, {kept}{}",
         ", in_out BOOL".repeat(5)
     );
-    let receive = format!("in INT, in BLOCK_DB, in WORD, out WORD, in_out BOOL, {kept}{}, out BYTE", ", in_out BOOL".repeat(3));
+    let receive =
+        format!("in INT, in BLOCK_DB, in WORD, out WORD, in_out BOOL, {kept}{}, out BYTE", ", in_out BOOL".repeat(3));
     let bits = ", in_out BOOL".repeat(4);
     for (number, printed) in [
         (0, format!("in INT, in BLOCK_DB, in WORD, in WORD, in_out BOOL, {kept}{bits}, out BYTE")),
@@ -161,7 +162,8 @@ fn sections_and_types_are_the_manuals() {
             other => format!("{other:?}").to_uppercase(),
         };
         let params = &find(&blocks, BlockKind::Fc, number).interface().params;
-        let ours: Vec<String> = params.iter().map(|param| format!("{} {}", section(param.section), ty(&param.ty))).collect();
+        let ours: Vec<String> =
+            params.iter().map(|param| format!("{} {}", section(param.section), ty(&param.ty))).collect();
         assert_eq!(ours.join(", "), printed, "FC {number}");
     }
 }
