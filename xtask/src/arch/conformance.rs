@@ -128,7 +128,8 @@ const HEAD_240: &str = "\
 
 Every line of the CP 240's manual (S0) with the test that proves what it requires, or the reason why there is none:
 *fact only* (nothing to be done by this program), *other module*, *hardware fault*. Where two lines of the manual
-contradict each other, the row says so; what ob1 does then is [decision 20](../decisions/0020-what-the-cp-manuals-leave-open.md).
+contradict each other, the row says so; what ob1 does then is
+[decision 20](../decisions/0020-what-the-cp-manuals-leave-open.md).
 
 Made of `docs/conformance/cp240.rows` by `cargo xtask arch --bless`; `cargo xtask arch` fails when a row has neither,
 when a test is not there, when a section has no row, and when a line of the manual has none.
