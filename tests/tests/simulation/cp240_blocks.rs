@@ -20,7 +20,7 @@ const DLE: u8 = 0x10;
 /// receives.
 #[derive(Default)]
 pub(crate) struct Partner {
-    pub(crate) is_3964r: bool,
+    is_3964r: bool,
     /// All received characters.
     pub(crate) heard: Vec<u8>,
     /// 3964R: start of the telegram being received.

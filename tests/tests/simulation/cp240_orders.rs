@@ -172,9 +172,8 @@ fn an_order_that_fails_has_its_number_in_anzw() {
         site.until(|site| site.word(anzw) != RUNNING);
         assert_eq!((site.word(anzw), site.telegrams().len()), (0x0A08, 3));
     }
-    // It does not even acknowledge.
-    let mut site = Site::past_fc_9(RK512, &[&program]);
-    site.bench.device.is_3964r = false;
+    // It does not even acknowledge: the partner of the bench answers 3964R alone.
+    let mut site = Site::past_fc_9("{ protocol = \"3964-rk512\", baud = 115200 }", &[&program]);
     for (bit, anzw) in [(1, 70), (3, 90)] {
         site.bench.device.heard.clear();
         assert_eq!(site.refused(bit, 2), RUNNING);

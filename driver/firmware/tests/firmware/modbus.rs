@@ -198,11 +198,13 @@ fn a_reset_request_is_not_understood() {
     assert_eq!((bench.rx(), bench.tx_echo()), (0, 0));
 }
 
-/// The master's delay time is no parameter of a slave: it answers at once, whatever stands there. [S0 L2177]
+/// The master's delay time is no parameter of a slave: it answers at once, whatever stands there. [S0 L2177] Debug
+/// changes nothing. [S0 L2168]
 #[test]
-fn a_slave_has_no_delay_time() {
-    for wait in [0_u16, 1, 60_000] {
+fn a_slave_has_no_delay_time_and_no_debug() {
+    for (wait, debug) in [(0_u16, 0), (1, 0), (60_000, 0), (0, 1)] {
         let mut parameters = SLAVE_SHORT;
+        parameters[5] = debug;
         parameters[6..8].copy_from_slice(&wait.to_be_bytes());
         let mut bench = Bench::starting(&parameters);
         let answer = ask(&mut bench, &[5, 4, 0, 0, 0, 1]);

@@ -9,14 +9,14 @@ use ob1_time::Span;
 
 use crate::support::{Cpu, Registers, find, plugin};
 
-const ADR: u32 = 256;
+pub(crate) const ADR: u32 = 256;
 
-fn blocks() -> Natives {
+pub(crate) fn blocks() -> Natives {
     let plugin = Plugin::load(&plugin("ob1_cp240")).expect("it is ours");
     plugin.station(&BTreeMap::new(), &[PluginModule::at(ADR)]).expect("nothing is renumbered")
 }
 
-fn cpu() -> Cpu {
+pub(crate) fn cpu() -> Cpu {
     let mut cpu = Cpu::new();
     cpu.module = Registers {
         address: ADR,
@@ -76,7 +76,7 @@ impl Receive {
     }
 }
 
-fn offer(cpu: &mut Cpu, rx: u16, block: &[u8]) {
+pub(crate) fn offer(cpu: &mut Cpu, rx: u16, block: &[u8]) {
     cpu.module.input[..2].copy_from_slice(&rx.to_be_bytes());
     cpu.module.input[4..4 + block.len()].copy_from_slice(block);
 }
@@ -123,48 +123,6 @@ fn the_tables_are_the_manuals() {
     ] {
         let found = find(&blocks, BlockKind::Fc, number).interface().formal(spelling);
         assert_eq!(found.map(|(i, _)| i), Some(index), "{spelling} of FC {number}");
-    }
-}
-
-/// Each parameter with section and type as the manual's tables have it [S0 L940-L952, L980-L991, L1019-L1029,
-/// L1071-L1078, L1101-L1112, L1157-L1173, L1203-L1220, L1240-L1255]. Two differ: `EMFR` of FC 1, which the program
-/// resets, is printed as out, and `ANZW` of FC 4, which the block writes, as in.
-#[test]
-fn sections_and_types_are_the_manuals() {
-    let blocks = blocks();
-    let kept = "in_out WORD, in_out WORD";
-    let order = format!(
-        "in INT, in BLOCK_DB, in WORD, in INT, in BLOCK_DB, in INT, in WORD, out WORD, out BYTE, {kept}{}",
-        ", in_out BOOL".repeat(5)
-    );
-    let receive =
-        format!("in INT, in BLOCK_DB, in WORD, out WORD, in_out BOOL, {kept}{}, out BYTE", ", in_out BOOL".repeat(3));
-    let bits = ", in_out BOOL".repeat(4);
-    for (number, printed) in [
-        (0, format!("in INT, in BLOCK_DB, in WORD, in WORD, in_out BOOL, {kept}{bits}, out BYTE")),
-        (1, receive.clone()),
-        (2, order.clone()),
-        (3, order + ", in_out BOOL"),
-        (4, format!("in INT, in_out WORD, out BYTE, {kept}, {kept}{bits}{bits}")),
-        (8, format!("in INT{}, out BYTE, out BYTE, in_out BOOL, in_out BOOL, out WORD", ", in BOOL".repeat(4))),
-        (9, "in INT, in WORD, in_out BOOL, in_out BOOL, in_out BOOL, in_out BYTE, in_out BYTE".to_owned()),
-        (11, receive),
-    ] {
-        let section = |section| match section {
-            Section::Input => "in",
-            Section::Output => "out",
-            _ => "in_out",
-        };
-        // TIMER_NR, a WORD in the table and T2 in the example.
-        let ty = |ty: &DataType| match ty {
-            DataType::BlockDb => "BLOCK_DB".to_owned(),
-            DataType::TimerOrWord => "WORD".to_owned(),
-            other => format!("{other:?}").to_uppercase(),
-        };
-        let params = &find(&blocks, BlockKind::Fc, number).interface().params;
-        let ours: Vec<String> =
-            params.iter().map(|param| format!("{} {}", section(param.section), ty(&param.ty))).collect();
-        assert_eq!(ours.join(", "), printed, "FC {number}");
     }
 }
 
@@ -447,7 +405,7 @@ fn abd_counts_what_the_station_file_says() {
 }
 
 /// Calls an FC whose parameters are all in/outs here; what it wrote stays in `actuals`.
-fn call<const N: usize>(cpu: &mut Cpu, block: &dyn NativeBlock, actuals: &mut [u32; N]) {
+pub(crate) fn call<const N: usize>(cpu: &mut Cpu, block: &dyn NativeBlock, actuals: &mut [u32; N]) {
     assert_eq!(cpu.call(block, actuals), Ok(()));
     *actuals = std::array::from_fn(|i| cpu.params[i].expect("an FC has all its parameters"));
 }
@@ -558,21 +516,4 @@ fn fc_11_takes_a_telegram_block_by_block() {
     offer(&mut cpu, 5, b"after");
     call(&mut cpu, fc11, &mut actuals);
     assert_eq!(actuals, [ADR, 11, 4, 5, 1, 5, 5, 1, 1, 0, 0]);
-}
-
-/// [S0 L1124-L1130]: what does not fit stays in the CP, and PAFE says why until it does.
-#[test]
-fn pafe_of_fc_11() {
-    let (blocks, mut cpu) = (blocks(), cpu());
-    let fc11 = find(&blocks, BlockKind::Fc, 11);
-    let mut actuals = [ADR, 11, 4, 0, 0, 0, 0, 0, 0, 0, 0x55];
-    offer(&mut cpu, 0x200C, b"twelve bytes");
-    for (db, abd, pafe) in [(99, 4, 1), (0, 4, 3), (11, 89, 2), (11, 89, 2)] {
-        (actuals[1], actuals[2]) = (db, abd);
-        call(&mut cpu, fc11, &mut actuals);
-        assert_eq!((actuals[10], actuals[5], cpu.module.output[..2].to_vec()), (pafe, 0, vec![0, 0]), "DB {db}");
-    }
-    actuals[2] = 88;
-    call(&mut cpu, fc11, &mut actuals);
-    assert_eq!((actuals[10], actuals[5], &cpu.dbs[&11][88..]), (0, 12, &b"twelve bytes"[..]));
 }
