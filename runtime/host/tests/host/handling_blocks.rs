@@ -9,14 +9,14 @@ use ob1_time::Span;
 
 use crate::support::{Cpu, Registers, find, plugin};
 
-const ADR: u32 = 256;
+pub(crate) const ADR: u32 = 256;
 
-fn blocks() -> Natives {
+pub(crate) fn blocks() -> Natives {
     let plugin = Plugin::load(&plugin("ob1_cp240")).expect("it is ours");
     plugin.station(&BTreeMap::new(), &[PluginModule::at(ADR)]).expect("nothing is renumbered")
 }
 
-fn cpu() -> Cpu {
+pub(crate) fn cpu() -> Cpu {
     let mut cpu = Cpu::new();
     cpu.module = Registers {
         address: ADR,
@@ -76,7 +76,7 @@ impl Receive {
     }
 }
 
-fn offer(cpu: &mut Cpu, rx: u16, block: &[u8]) {
+pub(crate) fn offer(cpu: &mut Cpu, rx: u16, block: &[u8]) {
     cpu.module.input[..2].copy_from_slice(&rx.to_be_bytes());
     cpu.module.input[4..4 + block.len()].copy_from_slice(block);
 }
@@ -405,7 +405,7 @@ fn abd_counts_what_the_station_file_says() {
 }
 
 /// Calls an FC whose parameters are all in/outs here; what it wrote stays in `actuals`.
-fn call<const N: usize>(cpu: &mut Cpu, block: &dyn NativeBlock, actuals: &mut [u32; N]) {
+pub(crate) fn call<const N: usize>(cpu: &mut Cpu, block: &dyn NativeBlock, actuals: &mut [u32; N]) {
     assert_eq!(cpu.call(block, actuals), Ok(()));
     *actuals = std::array::from_fn(|i| cpu.params[i].expect("an FC has all its parameters"));
 }
