@@ -10,6 +10,7 @@ pub mod fuzz;
 pub mod meters;
 pub mod modbus_slave;
 pub mod opcua;
+pub mod programs;
 pub mod s7_raw;
 pub mod siege;
 pub mod sim;

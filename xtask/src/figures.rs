@@ -1,4 +1,4 @@
-//! `cargo xtask sim`, `bench` and `compare`: release runs of the programs in the tests crate.
+//! `cargo xtask sim`, `programs`, `bench` and `compare`: release runs of the programs in the tests crate.
 
 use std::path::Path;
 
@@ -13,12 +13,26 @@ use crate::{python, shell, siege};
 /// # Errors
 /// If it cannot be built or a seed fails; the program prints the command that replays the seed.
 pub(crate) fn sim(args: &[String]) -> Outcome {
+    simulation("sim", &["ob1-cp240", "ob1-tests"], args)
+}
+
+/// `cargo xtask programs [CP...] [--debug] [--seeds N] [--seed S --log]`: programs drawn at random around the handling
+/// blocks. The program evaluates the options, except `--debug`, as [`sim`].
+///
+/// # Errors
+/// If it cannot be built or a seed fails; the program prints the command that replays the seed.
+pub(crate) fn programs(args: &[String]) -> Outcome {
+    simulation("programs", &["ob1-cp040", "ob1-cp240", "ob1-cp340", "ob1-cp341", "ob1-tests"], args)
+}
+
+/// Runs a program that needs only the plugins of `packages`: their release build, or that of the tests.
+fn simulation(name: &str, packages: &[&str], args: &[String]) -> Outcome {
     if !args.iter().any(|arg| arg == "--debug") {
-        return release_run("sim", &["ob1-cp240", "ob1-tests"], args, None);
+        return release_run(name, packages, args, None);
     }
     shell::run(&mut cargo(TESTS))?;
     let rest: Vec<String> = args.iter().filter(|arg| *arg != "--debug").cloned().collect();
-    start("sim", Profile::Debug, &rest, None)
+    start(name, Profile::Debug, &rest, None)
 }
 
 /// `cargo xtask bench`: the figures of `docs/figures.md`, with the lower limit measured in the same run. `stl`, `line`,

@@ -34,6 +34,8 @@ usage: cargo xtask VERB [...]
   test [--release] [FILTER]       all tests: plugins, binaries and partners are built and handed to them
   sim [--debug] [--seeds N] [--seed S] [--minutes M] [-- ...]
                                   the whole station in virtual time, with line faults and driver kills
+  programs [CP...] [--debug] [--seeds N] [--seed S --log]
+                                  programs drawn at random around the handling blocks, under a judge written from the manuals
   bench [...]                     the figures of docs/figures.md, next to the floor of this machine; bench stl: the engine beside awlsim;
                                   bench disturb: the scan while it is looked at and its driver is killed;
                                   bench kill-runtime: how long the outputs of a killed runtime stay on;
@@ -66,6 +68,7 @@ fn main() -> ExitCode {
         "demo" => demo::run(&rest),
         "test" => test::run(&rest),
         "sim" => figures::sim(&rest),
+        "programs" => figures::programs(&rest),
         "bench" => figures::bench(&rest),
         "compare" => figures::compare(&rest),
         "fuzz" => fuzz::run(&rest),

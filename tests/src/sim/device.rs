@@ -70,6 +70,30 @@ impl<D: Device> Bench<D> {
         seed: u64,
         spoil: &dyn Fn(&mut CpSettings),
     ) -> Result<Self, String> {
+        Self::make(station, device, (faults, Instant::NEVER), seed, spoil)
+    }
+
+    /// The same on a line that is bad until `calm`.
+    ///
+    /// # Errors
+    /// The error in the files, as text.
+    pub fn build_until(
+        station: &Path,
+        device: D,
+        faults: FaultRates,
+        calm: Instant,
+        seed: u64,
+    ) -> Result<Self, String> {
+        Self::make(station, device, (faults, calm), seed, &|_| {})
+    }
+
+    fn make(
+        station: &Path,
+        device: D,
+        (faults, calm): (FaultRates, Instant),
+        seed: u64,
+        spoil: &dyn Fn(&mut CpSettings),
+    ) -> Result<Self, String> {
         let scenario = Scenario {
             stations: Vec::new(),
             seed,
@@ -80,7 +104,7 @@ impl<D: Device> Bench<D> {
             call: Span::ZERO,
             wire: false,
         };
-        let cable = Cable::new("device", seed, &scenario, Instant::NEVER);
+        let cable = Cable::new("device", seed, &scenario, calm);
         let mut drivers = Vec::new();
         let mut rng = SplitMix64::new(seed);
         let plug: &mut Plug<'_> = &mut |_| Ok((0, End::A));
