@@ -1,0 +1,227 @@
+//! A partner that speaks RK 512 over the procedure, written from the manual [S0 L1686].
+
+use std::collections::HashMap;
+
+use ob1_time::{Instant, Span};
+
+use crate::compare::random::Random;
+use crate::sim::device::Device;
+
+use super::procedure::Procedure;
+use super::{Manner, Manners, Output};
+
+/// User data of a telegram at most [S0 L1713]; a first telegram has so many with its header of 10 bytes or without.
+const MOST: usize = 128;
+
+/// An order that came from the station.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Order {
+    /// When its first telegram came.
+    pub at: Instant,
+    /// `A` (SEND) or `E` (FETCH).
+    pub command: u8,
+    /// Data block and first word in the partner.
+    pub target: (u8, u8),
+    /// Words.
+    pub words: usize,
+    /// SEND: the data that came.
+    pub data: Vec<u8>,
+    /// All of it was answered without an error number.
+    pub done: Option<Instant>,
+    /// It was answered with an error number.
+    pub refused: Option<u8>,
+    /// A reaction was late, wrong, doubled or not given: the station may see the order otherwise, or give it again.
+    pub unclear: bool,
+}
+
+/// An order of the partner to the station.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Request {
+    /// Its telegram.
+    pub telegram: Vec<u8>,
+    /// When it was put into the queue of the procedure.
+    pub given: Instant,
+    /// The reaction that came: error number and data, and when.
+    pub reaction: Option<(u8, Vec<u8>, Instant)>,
+}
+
+/// The partner.
+#[derive(Debug)]
+pub struct Rk512 {
+    /// The procedure below.
+    pub line: Procedure,
+    /// Manners of its reactions.
+    pub manners: Manners,
+    /// The station waits so long for a reaction.
+    pub bwz: Span,
+    /// Orders of the station.
+    pub orders: Vec<Order>,
+    /// Its own orders.
+    pub requests: Vec<Request>,
+    /// Data for a FETCH, by data block and word; without an entry the pattern.
+    pub memory: HashMap<(u8, u8), Vec<u8>>,
+    random: Random,
+    seen: usize,
+    reactions: Vec<(Instant, Vec<u8>)>,
+    output: Output,
+    /// FETCH: data that are still to be sent.
+    rest: Vec<u8>,
+    /// It has sent a request and waits for the reaction.
+    waits: bool,
+    pending: Vec<Vec<u8>>,
+    give_up: Instant,
+}
+
+impl Rk512 {
+    /// A partner.
+    #[must_use]
+    pub fn new(line: Procedure, manners: Manners, bwz: Span, random: Random) -> Self {
+        Self {
+            line,
+            manners,
+            bwz,
+            orders: Vec::new(),
+            requests: Vec::new(),
+            memory: HashMap::new(),
+            random,
+            seen: 0,
+            reactions: Vec::new(),
+            output: Output::default(),
+            rest: Vec::new(),
+            waits: false,
+            pending: Vec::new(),
+            give_up: Instant::NEVER,
+        }
+    }
+
+    /// Gives an order to the station, after those that wait.
+    pub fn request(&mut self, telegram: Vec<u8>) {
+        self.pending.push(telegram);
+    }
+
+    fn react(&mut self, now: Instant, reaction: Vec<u8>) {
+        let manner = self.manners.next(&mut self.random);
+        let order = self.orders.last_mut();
+        let refuses = if let Some(order) = order {
+            order.unclear |= manner != Manner::Good;
+            if manner == Manner::Refuses {
+                order.refused = Some(0x10);
+                order.done = None;
+            }
+            reaction[0]
+        } else {
+            0
+        };
+        match manner {
+            Manner::Good => self.reactions.push((now, reaction)),
+            Manner::Twice => self.reactions.extend([(now, reaction.clone()), (now, reaction)]),
+            Manner::Late => {
+                let delay = self.bwz * (50 + self.random.below(120) as u64) / 100;
+                self.reactions.push((now + delay, reaction));
+            }
+            Manner::Silent => {}
+            Manner::Refuses => self.reactions.push((now, vec![refuses, 0, 0, 0x10])),
+            Manner::Wrong => self.reactions.push((now, vec![reaction[0], 0, 7])),
+        }
+    }
+
+    fn order(&mut self, now: Instant, telegram: &[u8]) {
+        let [_, _, command, _, db, word, high, low, _, _, data @ ..] = telegram else { return };
+        let words = usize::from(u16::from_be_bytes([*high, *low]));
+        self.orders.push(Order {
+            at: now,
+            command: *command,
+            target: (*db, *word),
+            words,
+            data: if *command == b'A' { data.to_vec() } else { Vec::new() },
+            done: None,
+            refused: None,
+            unclear: false,
+        });
+        if *command == b'A' {
+            self.stored(now, 0);
+        } else {
+            let known = self.memory.get(&(*db, *word)).cloned();
+            self.rest = known.unwrap_or_default();
+            self.rest.resize(2 * words, 0x5A);
+            self.fetched(now, 0);
+        }
+    }
+
+    /// Data of a SEND are here.
+    fn stored(&mut self, now: Instant, flag: u8) {
+        if let Some(order) = self.orders.last_mut() {
+            if order.data.len() >= 2 * order.words {
+                order.done = Some(now);
+            }
+            self.react(now, vec![flag, 0, 0, 0]);
+        }
+    }
+
+    /// The next data of a FETCH.
+    fn fetched(&mut self, now: Instant, flag: u8) {
+        let part: Vec<u8> = self.rest.drain(..self.rest.len().min(MOST)).collect();
+        if self.rest.is_empty()
+            && let Some(order) = self.orders.last_mut()
+        {
+            order.done = Some(now);
+        }
+        self.react(now, [&[flag, 0, 0, 0][..], &part].concat());
+    }
+
+    fn telegram(&mut self, now: Instant, telegram: &[u8]) {
+        match telegram {
+            [0 | 0xFF, 0, 0, error, data @ ..] => {
+                if let Some(request) = self.requests.last_mut()
+                    && request.reaction.is_none()
+                {
+                    request.reaction = Some((*error, data.to_vec(), now));
+                    self.waits = false;
+                }
+            }
+            [0, 0, b'A' | b'E', ..] => self.order(now, telegram),
+            [0xFF, 0, b'A', _, data @ ..] => {
+                if let Some(order) = self.orders.last_mut().filter(|order| order.command == b'A') {
+                    order.data.extend(data);
+                    self.stored(now, 0xFF);
+                }
+            }
+            [0xFF, 0, b'E', ..] => self.fetched(now, 0xFF),
+            _ => {}
+        }
+    }
+}
+
+impl Device for Rk512 {
+    fn hear(&mut self, now: Instant, bytes: &[u8], out: &mut Vec<u8>) -> Option<Instant> {
+        let line = self.line.hear(now, bytes, out);
+        while self.seen < self.line.took.len() {
+            let telegram = self.line.took[self.seen].data.clone();
+            self.seen += 1;
+            self.telegram(now, &telegram);
+        }
+        let (due, later): (Vec<_>, Vec<_>) = self.reactions.drain(..).partition(|(at, _)| *at <= now);
+        self.reactions = later;
+        let mut again = false;
+        for (_, reaction) in due {
+            self.line.send(reaction);
+            again = true;
+        }
+        if self.waits && self.give_up <= now {
+            self.waits = false;
+        }
+        if !self.waits && !self.pending.is_empty() {
+            let telegram = self.pending.remove(0);
+            self.line.send(telegram.clone());
+            self.requests.push(Request { telegram, given: now, reaction: None });
+            self.waits = true;
+            self.give_up = now + Span::from_secs(6);
+            again = true;
+        }
+        let line = if again { self.line.hear(now, &[], out) } else { line };
+        self.output.due(now, out);
+        let wait = self.waits.then_some(self.give_up);
+        let reactions = self.reactions.iter().map(|(at, _)| *at).min();
+        [line, wait, reactions].into_iter().flatten().min()
+    }
+}
