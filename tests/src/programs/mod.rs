@@ -5,7 +5,9 @@
 //! ([`text`]). It runs in the whole-station simulation ([`run`]); the [`judge`] sees each call and the partner's ledger.
 //! The same seed gives the same log.
 
+pub mod cp240;
 pub mod judge;
+pub mod partner;
 pub mod ptp;
 pub mod record;
 pub mod run;
@@ -29,6 +31,7 @@ pub struct Subject {
 
 /// All CPs.
 pub const SUBJECTS: &[Subject] = &[
+    Subject { name: "cp240", plugin: "ob1-cp240", run: cp240::run },
     Subject { name: "cp340", plugin: "ob1-cp340", run: ptp::cp340 },
     Subject { name: "cp341", plugin: "ob1-cp341", run: ptp::cp341 },
     Subject { name: "cp040", plugin: "ob1-cp040", run: ptp::cp040 },

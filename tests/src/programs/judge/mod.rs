@@ -3,6 +3,8 @@
 //! A rule has a name, and each finding says by which line of the manual. What a judge sees: each call of a handling
 //! block with the parameters before and after it, what happened from outside, and what arrived at the partner.
 
+pub mod cp240;
+
 use std::fmt;
 
 use ob1_cpu::{Cpu, OperatingState};

@@ -212,7 +212,7 @@ fn program(cp: Cp, random: &mut Random, line: &Line, shape: &mut Shape, (two, fe
         first.slots = 8;
         first.marks = (0..8).flat_map(|slot| [32 * slot + 8, 32 * slot + 10]).collect();
     }
-    let mut rhythm = |random: &mut Random, home: Home, drawn: &mut Drawn| {
+    let rhythm = |random: &mut Random, home: Home, drawn: &mut Drawn| {
         let rhythm = if home == Home::Ob35 { Rhythm::Always } else { shape::rhythm(random) };
         let interval = match (home, &rhythm) {
             (Home::Ob35, _) => 100,
@@ -319,7 +319,7 @@ fn station(cp: Cp, random: &mut Random, line: &Line, cycle: u64, io: u64) -> Str
     format!(
         "[station]\nname = \"drawn\"\n\n[cpu]\nmin_cycle = \"{cycle}ms\"\nwatchdog = \"150ms\"\n{engine}\n[program]\nsources \
          = [\"program.awl\"]\nmnemonics = \"de\"\n\n[[plugin]]\npath = \"ob1_{name}\"\n\n[[module]]\ntype = \
-         \"{name}\"\nname = \"cp\"\naddress = 272\n{bytes}line = \"sim:line\"\nparams = {{ {params} }}\n"
+         \"{name}\"\nname = \"cp\"\naddress = 272\n{bytes}line = \"pty:line\"\nparams = {{ {params} }}\n"
     )
 }
 
@@ -345,7 +345,7 @@ fn plan(
     drawn: &Drawn,
 ) -> Vec<(Instant, Deed)> {
     let mut plan = Vec::new();
-    let mut moment = |random: &mut Random, until: u64| 300 + random.below(until.saturating_sub(300).max(1) as usize) as u64;
+    let moment = |random: &mut Random, until: u64| 300 + random.below(until.saturating_sub(300).max(1) as usize) as u64;
     let hands = if two { 2 } else { 1 };
     for hand in 0..hands {
         let starts = drawn.starts.get(hand as usize).copied().unwrap_or(Starts::Example);

@@ -13,6 +13,8 @@ pub mod post;
 pub mod receiver;
 pub mod rule;
 pub mod sender;
+#[cfg(test)]
+mod tests;
 
 use std::path::Path;
 
