@@ -1,7 +1,6 @@
 //! `cargo xtask programs`: programs drawn at random around the handling blocks, many seeds.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};

@@ -51,7 +51,7 @@ pub fn take(cpu: &mut Cpu, sites: &[Site], at: Instant, calls: &mut Vec<Call>) -
         calls.push(Call { site: head / 2, before, after: values, at });
     }
     let left = open.first().map(|(site, _)| format!("a call at place {site} without its end"));
-    let cell = Cell::DataBlock { number: TRACE_DB, bit: 0 };
+    let cell = Cell::Db(TRACE_DB, 0);
     cpu.write(cell, Width::Word, u32::from(TRACE_START)).map_err(|error| format!("{error:?}"))?;
     left.map_or(Ok(()), Err)
 }

@@ -173,6 +173,8 @@ pub(super) struct Draft<'r> {
     pub(super) plan: Vec<(Instant, Deed)>,
     pub(super) duration: Span,
     pub(super) ob35: bool,
+    /// What OB 100 does besides.
+    pub(super) start: String,
 }
 
 impl Draft<'_> {
@@ -197,8 +199,9 @@ impl Draft<'_> {
         let operand = self.shape.operand(shape::Store::Memory, Type::Bool, "", &mut piece);
         let Operand::Memory(byte, bit) = operand else { return String::new() };
         let cell = Cell::Area(Area::Memory, 8 * byte + bit);
-        // OB 100 does not touch it; the first scan has not yet been.
-        self.deed(Instant::START + MS, Deed::Write(cell, Width::Bit, u32::from(on)));
+        if on {
+            self.start += &format!("SET;\nS M {byte}.{bit};\n");
+        }
         let mut moments: Vec<Instant> = (0..times).map(|_| self.moment()).collect();
         moments.sort_unstable();
         for (index, at) in moments.into_iter().enumerate() {
@@ -342,6 +345,7 @@ pub fn case(random: &mut Random, seed: u64) -> Case240 {
         plan: Vec::new(),
         duration,
         ob35,
+        start: String::new(),
         random,
     };
     let steuerb = [Operand::Memory(2, 0), Operand::Memory(1, 0)];
@@ -367,7 +371,10 @@ pub fn case(random: &mut Random, seed: u64) -> Case240 {
             0 => super::orders::send_rk(&mut draft, store),
             1 => super::orders::fetch(&mut draft, store),
             2 => served = super::serve::serve(&mut draft),
-            3 => super::orders::send(&mut draft, store, draft.wired),
+            3 => {
+                let manual = draft.wired;
+                super::orders::send(&mut draft, store, manual);
+            }
             4 => super::orders::receive(&mut draft, store),
             5 => draft.modem(),
             _ => super::orders::send(&mut draft, shape::Store::Data, false),
@@ -376,9 +383,9 @@ pub fn case(random: &mut Random, seed: u64) -> Case240 {
     let guarded = draft.guarded || draft.shape.head.contains("BEB");
     let partner = partner(&mut draft, times, flow);
     events(&mut draft, protocol);
-    let Draft { shape, roles, senders, receiver, wired, plain, mut plan, random, .. } = draft;
+    let Draft { shape, roles, start, senders, receiver, wired, plain, mut plan, random, .. } = draft;
     plan.sort_by_key(|(at, _)| *at);
-    let (text, sites) = shape.finish(&format!("SET;\nS {ANL};\n"));
+    let (text, sites) = shape.finish(&format!("{start}SET;\nS {ANL};\n"));
     let mut params = format!("protocol = \"{}\", baud = {baud}, zna_ms = {}", protocol.key(), times.zna.millis());
     let zvz = times.zvz.millis();
     params += &match protocol {

@@ -4,7 +4,7 @@ pub mod blocks;
 mod draw;
 mod orders;
 mod partner;
-mod serve;
+pub mod serve;
 
 use std::path::Path;
 

@@ -34,7 +34,7 @@ fn word(draft: &mut Draft<'_>, value: u32, changed: &[u32], as_int: bool) -> Ope
     let operand = draft.shape.operand(Store::Memory, Type::Word, "", &mut Piece::default());
     let Operand::Memory(byte, _) = operand else { return operand };
     let cell = Cell::Area(Area::Memory, 8 * byte);
-    draft.deed(ob1_time::Instant::START, Deed::Write(cell, Width::Word, value));
+    draft.start += &format!("L {value};\nT MW {byte};\n");
     if draft.random.once_in(3) {
         for value in changed {
             let at = draft.moment();
@@ -159,7 +159,8 @@ pub(super) fn send(draft: &mut Draft<'_>, store: Store, manual: bool) {
         .collect();
     let frg = operands[0].text(Type::Bool);
     let (go, reset) = go(draft);
-    let feed = draft.site(Site::mark(vec![(Operand::Memory(next, 0), Type::Dword)]), Role::Feed(index));
+    let mark = vec![(Operand::Memory(next, 0), Type::Dword), (operands[4].clone(), Type::Bool)];
+    let feed = draft.site(Site::mark(mark), Role::Feed(index));
     let text = numbers(&blocks, abd, next) + &format!("SET;\nS {frg};\n") + &reset + &feed;
     let feed = draft.shape.program.only_if(&format!("{go}UN {frg};\n"), &text);
     let call = calls(draft, sites, Role::Send(index));
@@ -174,8 +175,7 @@ fn anz_of(anz: &Operand, draft: &mut Draft<'_>, value: u32) -> Operand {
     }
     let operand = draft.shape.operand(Store::Memory, Type::Word, "", &mut Piece::default());
     if let Operand::Memory(byte, _) = operand {
-        let cell = Cell::Area(Area::Memory, 8 * byte);
-        draft.deed(ob1_time::Instant::START, Deed::Write(cell, Width::Word, value));
+        draft.start += &format!("L {value};\nT MW {byte};\n");
     }
     operand
 }

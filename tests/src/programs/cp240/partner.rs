@@ -50,7 +50,9 @@ impl Partner240 {
     pub fn stream(framed: bool, times: Times, stops: Option<(usize, Span)>, echo: bool) -> Self {
         let around = if framed { (vec![2], vec![3]) } else { (Vec::new(), Vec::new()) };
         let pause = times.zvz + 40 * MS;
-        let stream = Stream { echo, around, pause, char: times.char, stops, ..Stream::default() };
+        let mut stream = Stream::default();
+        (stream.echo, stream.around, stream.pause, stream.char, stream.stops) =
+            (echo, around, pause, times.char, stops);
         Self::Stream(Box::new(stream), OWN)
     }
 

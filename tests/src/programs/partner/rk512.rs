@@ -1,14 +1,12 @@
 //! A partner that speaks RK 512 over the procedure, written from the manual [S0 L1686].
 
-use std::collections::HashMap;
-
 use ob1_time::{Instant, Span};
 
 use crate::compare::random::Random;
 use crate::sim::device::Device;
 
 use super::procedure::Procedure;
-use super::{Manner, Manners, Output};
+use super::{Manner, Manners, Taken, telegram as telegram_of};
 
 /// User data of a telegram at most [S0 L1713]; a first telegram has so many with its header of 10 bytes or without.
 const MOST: usize = 128;
@@ -24,7 +22,7 @@ pub struct Order {
     pub target: (u8, u8),
     /// Words.
     pub words: usize,
-    /// SEND: the data that came.
+    /// SEND: the data that came. FETCH: those that it gives, with the number of the order.
     pub data: Vec<u8>,
     /// All of it was answered without an error number.
     pub done: Option<Instant>,
@@ -32,6 +30,8 @@ pub struct Order {
     pub refused: Option<u8>,
     /// A reaction was late, wrong, doubled or not given: the station may see the order otherwise, or give it again.
     pub unclear: bool,
+    /// Place of its last reaction in what the procedure sends.
+    pub reaction: usize,
 }
 
 /// An order of the partner to the station.
@@ -58,12 +58,9 @@ pub struct Rk512 {
     pub orders: Vec<Order>,
     /// Its own orders.
     pub requests: Vec<Request>,
-    /// Data for a FETCH, by data block and word; without an entry the pattern.
-    pub memory: HashMap<(u8, u8), Vec<u8>>,
     random: Random,
     seen: usize,
     reactions: Vec<(Instant, Vec<u8>)>,
-    output: Output,
     /// FETCH: data that are still to be sent.
     rest: Vec<u8>,
     /// It has sent a request and waits for the reaction.
@@ -82,11 +79,9 @@ impl Rk512 {
             bwz,
             orders: Vec::new(),
             requests: Vec::new(),
-            memory: HashMap::new(),
             random,
             seen: 0,
             reactions: Vec::new(),
-            output: Output::default(),
             rest: Vec::new(),
             waits: false,
             pending: Vec::new(),
@@ -125,7 +120,7 @@ impl Rk512 {
         }
     }
 
-    fn order(&mut self, now: Instant, telegram: &[u8]) {
+    fn order(&mut self, now: Instant, telegram: &[u8], told: bool) {
         let [_, _, command, _, db, word, high, low, _, _, data @ ..] = telegram else { return };
         let words = usize::from(u16::from_be_bytes([*high, *low]));
         self.orders.push(Order {
@@ -136,14 +131,16 @@ impl Rk512 {
             data: if *command == b'A' { data.to_vec() } else { Vec::new() },
             done: None,
             refused: None,
-            unclear: false,
+            unclear: !told,
+            reaction: usize::MAX,
         });
         if *command == b'A' {
             self.stored(now, 0);
         } else {
-            let known = self.memory.get(&(*db, *word)).cloned();
-            self.rest = known.unwrap_or_default();
-            self.rest.resize(2 * words, 0x5A);
+            self.rest = telegram_of(self.orders.len() as u32, 2 * words, false);
+            if let Some(order) = self.orders.last_mut() {
+                order.data = self.rest.clone();
+            }
             self.fetched(now, 0);
         }
     }
@@ -169,7 +166,10 @@ impl Rk512 {
         self.react(now, [&[flag, 0, 0, 0][..], &part].concat());
     }
 
-    fn telegram(&mut self, now: Instant, telegram: &[u8]) {
+    fn telegram(&mut self, now: Instant, telegram: &[u8], told: bool) {
+        if let Some(order) = self.orders.last_mut() {
+            order.unclear |= !told;
+        }
         match telegram {
             [0 | 0xFF, 0, 0, error, data @ ..] => {
                 if let Some(request) = self.requests.last_mut()
@@ -179,7 +179,7 @@ impl Rk512 {
                     self.waits = false;
                 }
             }
-            [0, 0, b'A' | b'E', ..] => self.order(now, telegram),
+            [0, 0, b'A' | b'E', ..] => self.order(now, telegram, told),
             [0xFF, 0, b'A', _, data @ ..] => {
                 if let Some(order) = self.orders.last_mut().filter(|order| order.command == b'A') {
                     order.data.extend(data);
@@ -196,14 +196,17 @@ impl Device for Rk512 {
     fn hear(&mut self, now: Instant, bytes: &[u8], out: &mut Vec<u8>) -> Option<Instant> {
         let line = self.line.hear(now, bytes, out);
         while self.seen < self.line.took.len() {
-            let telegram = self.line.took[self.seen].data.clone();
+            let Taken { data, told, .. } = self.line.took[self.seen].clone();
             self.seen += 1;
-            self.telegram(now, &telegram);
+            self.telegram(now, &data, told);
         }
         let (due, later): (Vec<_>, Vec<_>) = self.reactions.drain(..).partition(|(at, _)| *at <= now);
         self.reactions = later;
         let mut again = false;
         for (_, reaction) in due {
+            if let Some(order) = self.orders.last_mut() {
+                order.reaction = self.line.sent.len();
+            }
             self.line.send(reaction);
             again = true;
         }
@@ -219,7 +222,6 @@ impl Device for Rk512 {
             again = true;
         }
         let line = if again { self.line.hear(now, &[], out) } else { line };
-        self.output.due(now, out);
         let wait = self.waits.then_some(self.give_up);
         let reactions = self.reactions.iter().map(|(at, _)| *at).min();
         [line, wait, reactions].into_iter().flatten().min()

@@ -1,0 +1,230 @@
+//! FC 3 and FC 2.
+
+use ob1_cpu::Cpu;
+use ob1_time::{Instant, Span};
+
+use super::{Bench240, Patience, line_time, send};
+use crate::programs::cp240::{Partner240, Role};
+use crate::programs::judge::Verdict;
+use crate::programs::partner::rk512::{Order as Arrived, Rk512};
+use crate::programs::partner::{number, telegram};
+use crate::programs::record::Call;
+use crate::programs::text::{Operand, Site};
+
+/// Places of the parameters of FC 2 and FC 3 in a record [S0 L1149, L1205].
+pub(super) const LANG: usize = 3;
+pub(super) const ANZW: usize = 7;
+pub(super) const PAFE: usize = 8;
+const RUNNING: u32 = 2;
+const DONE: u32 = 4;
+const ERROR: u32 = 8;
+/// "In both cases the procedures will time out after a maximum period of 5s" [S0 L1678].
+const REACTION: Span = Span::from_secs(5);
+/// Numbers that the page for users has.
+const NUMBERS: &[u32] = &[0, 7, 0x0A, 0x0C, 0x10, 0x12, 0x14, 0x16, 0x17, 0x2A, 0x32, 0x34, 0x36];
+
+/// A job of FC 3 or FC 2.
+#[derive(Debug, Default)]
+pub(super) struct Job {
+    number: u32,
+    wanted: bool,
+    order: Option<Order>,
+}
+
+#[derive(Debug)]
+struct Order {
+    number: u32,
+    given: Instant,
+    site: usize,
+    lang: u32,
+    changed: bool,
+    pafe: bool,
+    /// When bit 1 was seen.
+    ran: Option<Instant>,
+    patience: Patience,
+    late: bool,
+}
+
+/// The program gives an order.
+pub(super) fn fed(judge: &mut Bench240, index: usize, call: &Call, verdict: &mut Verdict) {
+    let job = &mut judge.fetches[index];
+    // Its run bit was 0: after a start of the CPU an order may have been forgotten.
+    job.order = None;
+    job.number = number(&call.after[0].to_be_bytes()).unwrap_or(0);
+    job.wanted = true;
+    verdict.given();
+}
+
+/// LANG: recorded, or as it stands in the text.
+fn lang(site: &Site, values: &[u32]) -> u32 {
+    match &site.operands[LANG] {
+        Some(Operand::Fixed(text)) => text.parse().unwrap_or(0),
+        _ => values[LANG],
+    }
+}
+
+/// A call.
+pub(super) fn called(
+    judge: &mut Bench240,
+    index: usize,
+    call: &Call,
+    site: &Site,
+    (cpu, partner): (&Cpu, &Partner240),
+    verdict: &mut Verdict,
+) {
+    let Partner240::Rk512(rk, _) = partner else { return };
+    let (before, after, now) = (&call.before, &call.after, call.at);
+    let anzw = after[ANZW];
+    let lang = lang(site, after);
+    let ready = anzw & (DONE | ERROR);
+    if ready == DONE | ERROR || anzw & RUNNING != 0 && ready != 0 || anzw & 0xF1 != 0 {
+        verdict.broken("rk-anzw", now, format!("ANZW {anzw:04X}h [S0 L1307]"));
+    }
+    if anzw & ERROR != 0 && !NUMBERS.contains(&(anzw >> 8)) {
+        verdict.broken("rk-anzw", now, format!("ANZW {anzw:04X}h: no such error number [S0 L1295]"));
+    }
+    if after[PAFE] > 3 {
+        verdict.broken("rk-pafe", now, format!("PAFE is {} [S0 L1193]", after[PAFE]));
+    }
+    let fetches = judge.facts.roles[call.site] == Role::Fetch(index);
+    let job = &mut judge.fetches[index];
+    let wanted = std::mem::take(&mut job.wanted);
+    if job.order.is_none() {
+        job.order = Some(Order {
+            number: job.number,
+            given: now,
+            site: call.site,
+            lang,
+            changed: !wanted,
+            pafe: false,
+            ran: None,
+            patience: Patience::new(now),
+            late: false,
+        });
+    }
+    let Some(order) = &mut job.order else { return };
+    order.changed |= order.lang != lang || order.site != call.site;
+    order.patience.called(now);
+    if judge.seen.breaks.last().is_some_and(|at| *at >= order.patience.begun()) {
+        order.patience = Patience::new(now);
+    }
+    if after[PAFE] != 0 {
+        order.pafe = true;
+        order.patience = Patience::new(now);
+        if anzw & DONE != 0 && order.ran.is_none() {
+            let text =
+                format!("order {}: PAFE {}, but ANZW {anzw:04X}h says done [S0 L1315]", order.number, after[PAFE]);
+            verdict.broken("rk-pafe-anzw", now, text);
+            job.order = None;
+            return;
+        }
+    }
+    if anzw & RUNNING != 0 {
+        order.ran.get_or_insert(now);
+    }
+    if ready == 0 {
+        let t = &judge.facts.times;
+        let telegrams = u64::from(2 * order.lang.max(lang)) / 118 + 1;
+        let one = line_time(&judge.facts, 138, partner, order.given) + t.bwz.max(super::MARGIN).min(REACTION);
+        let calls = u64::from(2 * order.lang.max(lang)) / 12 * 4 + 40;
+        if order.patience.is_over(one * telegrams * (u64::from(t.dbl) + 1) * 2, calls) && !order.late {
+            order.late = true;
+            let text = format!("order {} of {lang} words, given at {}: no end [S0 L1199]", order.number, order.given);
+            verdict.broken("rk-live", now, text);
+        }
+        return;
+    }
+    // Bits that stand from the order before: it has not begun.
+    if order.ran.is_none() && before[ANZW] == anzw && after[PAFE] != 0 {
+        return;
+    }
+    let Some(order) = job.order.take() else { return };
+    ended(judge, order, index, (now, anzw), fetches, (cpu, rk), verdict);
+}
+
+/// The station's order as it came to the partner.
+fn arrivals<'r>(rk: &'r Rk512, order: &Order, fetches: bool) -> Vec<&'r Arrived> {
+    let since = rk.orders.iter().filter(|arrived| arrived.at >= order.given);
+    since
+        .filter(|arrived| match fetches {
+            true => arrived.command == b'E',
+            false => arrived.command == b'A' && number(&arrived.data) == Some(order.number),
+        })
+        .collect()
+}
+
+/// Its reaction was acknowledged in time.
+fn is_clear(rk: &Rk512, arrived: &Arrived, bwz: Span) -> bool {
+    let reaction = rk.line.sent.get(arrived.reaction).and_then(|sent| sent.acknowledged);
+    !arrived.unclear && reaction.is_some_and(|at| at - arrived.at < bwz * 6 / 10)
+}
+
+fn ended(
+    judge: &Bench240,
+    order: Order,
+    index: usize,
+    (now, anzw): (Instant, u32),
+    fetches: bool,
+    (cpu, rk): (&Cpu, &Rk512),
+    verdict: &mut Verdict,
+) {
+    let facts = &judge.facts;
+    let calm = order.given > facts.calm;
+    let arrived = arrivals(rk, &order, fetches);
+    let label = format!("order {} of {} words, given at {}", order.number, order.lang, order.given);
+    let broken = judge.seen.broken(order.given, now);
+    let possible = (1..=512).contains(&order.lang);
+    let clear = arrived.iter().all(|arrived| is_clear(rk, arrived, facts.times.bwz));
+    let reset = judge.seen.resets.iter().any(|at| order.ran.is_some_and(|ran| ran < *at));
+    if anzw & ERROR != 0 {
+        verdict.failed();
+        let good = possible && calm && !broken && !order.changed && !order.pafe;
+        let finished = !fetches && arrived.iter().any(|arrived| arrived.done.is_some() && arrived.refused.is_none());
+        if good && finished && clear {
+            verdict.broken("rk-false-error", now, format!("{label}: ANZW {anzw:04X}h, the partner has all data"));
+        } else if good && send::is_good_rk(rk) && anzw >> 8 != 0x2A {
+            verdict.broken("rk-no-reason", now, format!("{label}: ANZW {anzw:04X}h, with a good partner and line"));
+        }
+    } else {
+        verdict.done();
+        if reset {
+            let text = format!("{label}: done, though the connection was initialised again: ANZW 0008h [S0 L1297]");
+            verdict.broken("rk-reset", now, text);
+        }
+        if possible && !order.changed && !fetches {
+            let expected = telegram(order.number, 2 * order.lang as usize, false);
+            if !arrived.iter().any(|arrived| arrived.data == expected) {
+                verdict.broken("rk-false-done", now, format!("{label}: done, but the data did not arrive [S0 L1312]"));
+            }
+        }
+        if possible && !order.changed && fetches {
+            fetched(judge, &order, index, now, (cpu, rk), &label, verdict);
+        }
+    }
+    if !fetches && calm && arrived.len() > 1 && clear && !order.changed {
+        verdict.broken("rk-twice", now, format!("{label}: the partner got it {} times [S0 L1297]", arrived.len()));
+    }
+}
+
+fn fetched(
+    judge: &Bench240,
+    order: &Order,
+    index: usize,
+    now: Instant,
+    (cpu, rk): (&Cpu, &Rk512),
+    label: &str,
+    verdict: &mut Verdict,
+) {
+    let sender = &judge.facts.senders[index];
+    // A reaction that came late or twice may be taken for that of the next order: RK 512 does not number them.
+    if rk.manners.late > 0 || rk.manners.twice > 0 || order.given <= judge.facts.calm {
+        return;
+    }
+    let first = judge.facts.roles.iter().position(|role| *role == Role::Fetch(index)).unwrap_or(0);
+    let (db, _) = sender.blocks[(order.site - first).min(sender.blocks.len() - 1)];
+    let from = sender.abd as usize;
+    let data = cpu.data_block(db).and_then(|data| data.get(from..from + 2 * order.lang as usize)).unwrap_or_default();
+    if !arrivals(rk, order, true).iter().any(|arrived| arrived.data == data) {
+        verdict.broken("rk-false-done", now, format!("{label}: done, but DB {db} has other data [S0 L1141]"));
+    }
+}

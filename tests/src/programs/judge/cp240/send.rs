@@ -1,0 +1,240 @@
+//! FC 0.
+
+use ob1_time::Instant;
+
+use super::{Bench240, Patience, line_time};
+use crate::programs::cp240::{Partner240, Protocol};
+use crate::programs::judge::Verdict;
+use crate::programs::partner::rk512::Rk512;
+use crate::programs::partner::{Manners, number, telegram};
+use crate::programs::record::Call;
+use crate::programs::text::Site;
+
+/// Places of the parameters of FC 0 in a record [S0 L939].
+pub(super) const ABD: usize = 2;
+pub(super) const FRG: usize = 4;
+pub(super) const FEHLER_KOM: usize = 10;
+pub(super) const PAFE: usize = 11;
+/// Behind the parameters: ANZ.
+pub(super) const LENGTH: usize = 12;
+
+/// A job of FC 0.
+#[derive(Debug, Default)]
+pub(super) struct Job {
+    /// Number of the telegram that the program has given last.
+    number: u32,
+    order: Option<Order>,
+    /// Orders that have ended, for the rule that nothing is taken twice.
+    past: Vec<(u32, Instant)>,
+}
+
+/// An order: FRG is 1.
+#[derive(Debug)]
+struct Order {
+    number: u32,
+    given: Instant,
+    site: usize,
+    anz: u32,
+    /// ANZ or the data block was changed while it ran.
+    changed: bool,
+    pafe: bool,
+    patience: Patience,
+    late: bool,
+}
+
+/// The program gives an order.
+pub(super) fn fed(judge: &mut Bench240, index: usize, call: &Call, partner: &Partner240, verdict: &mut Verdict) {
+    // FRG was 0: an order that is still open has ended outside of FC 0, by FC 9 or a start.
+    vanished(judge, index, call.at, call.after[1] == 1, partner, verdict);
+    judge.senders[index].number = number(&call.after[0].to_be_bytes()).unwrap_or(0);
+}
+
+fn vanished(
+    judge: &mut Bench240,
+    index: usize,
+    now: Instant,
+    error: bool,
+    partner: &Partner240,
+    verdict: &mut Verdict,
+) {
+    let Some(order) = judge.senders[index].order.take() else { return };
+    // A start of the CPU clears bit memory: the program begins again and knows of no order.
+    if judge.seen.starts.iter().any(|at| *at >= order.given) {
+        judge.senders[index].past.push((order.number, order.given));
+        return;
+    }
+    ended(judge, index, order, now, error, partner, verdict);
+}
+
+/// A call of FC 0.
+pub(super) fn called(
+    judge: &mut Bench240,
+    index: usize,
+    call: &Call,
+    site: &Site,
+    partner: &Partner240,
+    verdict: &mut Verdict,
+) {
+    let (before, after) = (&call.before, &call.after);
+    let now = call.at;
+    if before[FRG] == 0 {
+        vanished(judge, index, now, before[FEHLER_KOM] == 1, partner, verdict);
+        if before != after {
+            verdict.broken("fc0-idle", now, format!("FRG is 0, but FC 0 changed something: {before:X?} {after:X?}"));
+        }
+        return;
+    }
+    let which = usize::from(call.site != first_site(judge, index));
+    let (_, bytes) = judge.facts.senders[index].blocks[which.min(judge.facts.senders[index].blocks.len() - 1)];
+    let anz = after[LENGTH];
+    let expected = pafe(bytes, if before[ABD] > 0 { before[ABD] } else { judge.facts.senders[index].abd }, anz);
+    if after[PAFE] > 3 || (1..=1024).contains(&anz) && after[PAFE] != expected {
+        let text = format!("PAFE is {}, not {expected}: DB of {bytes} bytes, ANZ {anz} [S0 L964]", after[PAFE]);
+        verdict.broken("fc0-pafe", now, text);
+    }
+    let number = judge.senders[index].number;
+    let new = judge.senders[index].order.is_none();
+    if new {
+        verdict.given();
+    }
+    let order = judge.senders[index].order.get_or_insert_with(|| Order {
+        number,
+        given: now,
+        site: call.site,
+        anz,
+        changed: false,
+        pafe: false,
+        patience: Patience::new(now),
+        late: false,
+    });
+    let _ = site;
+    order.changed |= order.anz != anz || order.site != call.site;
+    order.patience.called(now);
+    if after[PAFE] != 0 {
+        // A stated reason stands; when it is gone the time begins.
+        order.pafe = true;
+        order.patience = Patience::new(now);
+    }
+    if judge.seen.breaks.last().is_some_and(|at| *at >= order.patience_start()) {
+        order.patience = Patience::new(now);
+    }
+    if after[FRG] == 1 {
+        let calls = u64::from(order.anz.max(anz)) / 12 * 4 + 16;
+        let line = line_time(&judge.facts, u64::from(order.anz.max(anz)), partner, order.given);
+        if order.patience.is_over(line, calls) && !order.late {
+            order.late = true;
+            let text =
+                format!("order {} of {anz} bytes, given at {}: FRG stays 1 [S0 L960]", order.number, order.given);
+            verdict.broken("fc0-live", now, text);
+        }
+        return;
+    }
+    if let Some(order) = judge.senders[index].order.take() {
+        ended(judge, index, order, now, after[FEHLER_KOM] == 1, partner, verdict);
+    }
+}
+
+impl Order {
+    fn patience_start(&self) -> Instant {
+        self.patience.begun()
+    }
+}
+
+fn first_site(judge: &Bench240, index: usize) -> usize {
+    use crate::programs::cp240::Role;
+    judge.facts.roles.iter().position(|role| *role == Role::Send(index)).unwrap_or(0)
+}
+
+/// 1: the block is not there, 2: it is too short [S0 L966-968].
+fn pafe(bytes: u32, from: u32, len: u32) -> u32 {
+    match bytes {
+        0 => 1,
+        _ if from + len > bytes.next_multiple_of(2) => 2,
+        _ => 0,
+    }
+}
+
+/// Whether this came whole to the partner, and how often in all.
+fn arrived(partner: &Partner240, order: &Order, plain: bool) -> (bool, usize, bool) {
+    let len = order.anz as usize;
+    let expected = telegram(order.number, len, plain);
+    let head = &expected[..4.min(len)];
+    match partner {
+        Partner240::Procedure(line, _) => {
+            let mine = || line.took.iter().filter(|taken| taken.at >= order.given && taken.data.starts_with(head));
+            let whole = mine().any(|taken| taken.data == expected || order.changed);
+            (whole, mine().count(), mine().all(|taken| taken.told))
+        }
+        Partner240::Stream(stream, _) => {
+            let from = stream.times.partition_point(|at| *at < order.given);
+            let heard = &stream.heard[from.min(stream.heard.len())..];
+            let find = |what: &[u8]| heard.windows(what.len().max(1)).filter(|window| *window == what).count();
+            (find(if order.changed { head } else { &expected }) > 0, find(head), true)
+        }
+        Partner240::Rk512(..) => (true, 1, true),
+    }
+}
+
+fn ended(
+    judge: &mut Bench240,
+    index: usize,
+    order: Order,
+    now: Instant,
+    error: bool,
+    partner: &Partner240,
+    verdict: &mut Verdict,
+) {
+    let facts = &judge.facts;
+    let (whole, times, told) = arrived(partner, &order, facts.plain);
+    let calm = order.given > facts.calm;
+    let broken = judge.seen.broken(order.given, now);
+    let label = format!("order {} of {} bytes, given at {}", order.number, order.anz, order.given);
+    // What a bad line does to telegrams without a check cannot be seen; letters need four bytes.
+    let exact = (calm || facts.protocol == Protocol::P3964R) && order.anz >= 4 && order.number > 0;
+    if error {
+        verdict.failed();
+        let good = (1..=1024).contains(&order.anz) && calm && !broken && !order.changed && !order.pafe;
+        let alone = facts.senders.len() == 1;
+        if good && alone && exact && facts.protocol.acknowledges() && whole && told {
+            verdict.broken("fc0-false-error", now, format!("{label}: an error, but the partner has acknowledged it"));
+        } else if good && alone && is_good(partner) {
+            verdict.broken("fc0-no-reason", now, format!("{label}: an error, with a good partner and line"));
+        }
+    } else {
+        verdict.done();
+        if order.anz > 1024 {
+            verdict.broken("fc0-false-done", now, format!("{label}: the send buffer has 1024 bytes [S0 L1823]"));
+        } else if order.anz > 0 && exact && !whole {
+            verdict.broken("fc0-false-done", now, format!("{label}: done, but it did not arrive whole [S0 L960]"));
+        }
+    }
+    if exact && times > 1 && told && calm {
+        verdict.broken("fc0-twice", now, format!("{label}: the partner got it {times} times [S0 L960]"));
+    }
+    judge.senders[index].past.push((order.number, order.given));
+}
+
+/// The partner does what it should.
+pub(super) fn is_good(partner: &Partner240) -> bool {
+    match partner {
+        Partner240::Procedure(line, _) => line.manners == Manners::GOOD,
+        Partner240::Rk512(rk, _) => is_good_rk(rk),
+        Partner240::Stream(..) => true,
+    }
+}
+
+/// The same with RK 512.
+pub(super) fn is_good_rk(rk: &Rk512) -> bool {
+    rk.line.manners == Manners::GOOD && rk.manners == Manners::GOOD
+}
+
+/// The run ends: nothing that was given once came twice, whenever.
+pub(super) fn end(judge: &mut Bench240, now: Instant, partner: &Partner240, verdict: &mut Verdict) {
+    let Partner240::Procedure(line, _) = partner else { return };
+    for (order, given) in judge.senders.iter().flat_map(|job| &job.past) {
+        let mine: Vec<_> = line.took.iter().filter(|taken| number(&taken.data) == Some(*order)).collect();
+        if mine.len() > 1 && mine.iter().all(|taken| taken.told) && *given > judge.facts.calm && *order > 0 {
+            verdict.broken("fc0-twice", now, format!("order {order}, given at {given}: it came {} times", mine.len()));
+        }
+    }
+}
