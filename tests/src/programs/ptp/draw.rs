@@ -129,12 +129,12 @@ pub fn case(cp: Cp, seed: u64) -> (Case<Ptp>, Setup) {
     let length = length(random, &line, most);
     let mut start = format!("L {length};\nT MW {LENGTH};\nT MW {};\nSET;\n= M {RECEIVES}.0;\n", LENGTH + 2);
     start += &sources(random, &line, two, fetch, most);
-    let station = station(cp, random, &line, cycle, io);
-    let (text, sites) = finish(shape, &start, trouble.is_slow());
+    let station = station(cp, &line, cycle, io);
 
     let busy_for = 2000 + random.below(2500) as u64;
     let end = calm.max(busy_for) + bound.millis() + 1500;
-    let plan = plan(random, trouble, &line, calm, end - bound.millis() - 500, most, two, &drawn);
+    let (plan, is_wrong) = plan(random, trouble, &line, calm, end - bound.millis() - 500, most, two, &drawn);
+    let (text, sites) = finish(shape, &start, is_wrong);
     let setup = setup(cp, &line, drawn, bound, at(calm), fetch, io, trouble);
     let rates = setup.rates;
     let case = Case {
@@ -311,24 +311,24 @@ fn requests(random: &mut Random, db: u16) -> String {
     text
 }
 
-fn station(cp: Cp, random: &mut Random, line: &Line, cycle: u64, io: u64) -> String {
+fn station(cp: Cp, line: &Line, cycle: u64, io: u64) -> String {
     let name = cp.name();
     let bytes = if cp == Cp::Cp040 { format!("bytes = {io}\n") } else { String::new() };
-    let engine = if random.once_in(4) { "" } else { "" };
     let params = &line.params;
     format!(
-        "[station]\nname = \"drawn\"\n\n[cpu]\nmin_cycle = \"{cycle}ms\"\nwatchdog = \"150ms\"\n{engine}\n[program]\nsources \
+        "[station]\nname = \"drawn\"\n\n[cpu]\nmin_cycle = \"{cycle}ms\"\nwatchdog = \"500ms\"\nmemory_bytes = 1024\nengine = \"reference\"\n\n[program]\nsources \
          = [\"program.awl\"]\nmnemonics = \"de\"\n\n[[plugin]]\npath = \"ob1_{name}\"\n\n[[module]]\ntype = \
          \"{name}\"\nname = \"cp\"\naddress = 272\n{bytes}line = \"pty:line\"\nparams = {{ {params} }}\n"
     )
 }
 
-fn finish(mut shape: Shape, start: &str, _slow: bool) -> (String, Vec<crate::programs::text::Site>) {
+fn finish(mut shape: Shape, start: &str, is_wrong: bool) -> (String, Vec<crate::programs::text::Site>) {
     for db in [SOURCE, SOURCE + 1, DESTINATION, u16::from(TARGET)] {
         shape.program.data_block(db, ROOM + 60);
     }
-    for ob in ["OB 80", "OB 121", "OB 122"] {
-        shape.program.block("ORGANIZATION_BLOCK", ob, "", "");
+    // Only a job with a wrong LEN is a programming error: any other is a mistake of the generator.
+    if is_wrong {
+        shape.program.block("ORGANIZATION_BLOCK", "OB 121", "", "");
     }
     shape.finish(start)
 }
@@ -343,8 +343,9 @@ fn plan(
     most: u64,
     two: bool,
     drawn: &Drawn,
-) -> Vec<(Instant, Deed)> {
+) -> (Vec<(Instant, Deed)>, bool) {
     let mut plan = Vec::new();
+    let mut is_wrong = false;
     let moment = |random: &mut Random, until: u64| 300 + random.below(until.saturating_sub(300).max(1) as usize) as u64;
     let hands = if two { 2 } else { 1 };
     for hand in 0..hands {
@@ -372,6 +373,7 @@ fn plan(
             let when = moment(random, last);
             let length = length(random, line, most);
             let wrong = random.once_in(12);
+            is_wrong |= wrong;
             let length = if wrong { [0, 5000, 0xFFFF][random.below(3)] } else { length };
             let cell = Cell::Area(Area::Memory, 8 * (LENGTH + 2 * hand));
             plan.push((at(when), Deed::Write(cell, Width::Word, length as u32)));
@@ -430,7 +432,7 @@ fn plan(
             *what = numbers.next().unwrap_or(1) << 16 | *what & 0xFFFF;
         }
     }
-    plan
+    (plan, is_wrong)
 }
 
 fn length_or(line: &Line, most: u64) -> u32 {
