@@ -37,6 +37,36 @@ pub trait Partner: Device {
     fn told(&mut self, now: Instant, what: u32, out: &mut Vec<u8>) -> Option<Instant>;
 }
 
+/// A partner, with what passes on its line.
+struct Tap<P> {
+    partner: P,
+    log: Option<String>,
+}
+
+impl<P> Tap<P> {
+    fn note(&mut self, now: Instant, what: &str, bytes: &[u8]) {
+        if let Some(log) = &mut self.log
+            && !bytes.is_empty()
+        {
+            let _ = writeln!(log, "{:>10} {what} {bytes:02X?}", now.micros());
+        }
+    }
+}
+
+impl<P: Device> Device for Tap<P> {
+    fn hear(&mut self, now: Instant, bytes: &[u8], out: &mut Vec<u8>) -> Option<Instant> {
+        self.note(now, "to partner", bytes);
+        let from = out.len();
+        let next = self.partner.hear(now, bytes, out);
+        self.note(now, "from partner", &out[from..]);
+        next
+    }
+
+    fn is_shorted(&self) -> bool {
+        self.partner.is_shorted()
+    }
+}
+
 /// All that is drawn from a seed.
 #[derive(Debug)]
 pub struct Case<P> {
@@ -80,6 +110,7 @@ pub struct Outcome {
 pub fn run<P: Partner, J: Judge<P>>(case: Case<P>, judge: &mut J, folder: &Path, log: bool) -> Result<Outcome, String> {
     let path = write(folder, &case)?;
     let Case { sites, partner, plan, rates, calm, duration, seed, .. } = case;
+    let partner = Tap { partner, log: log.then(String::new) };
     let mut bench = Bench::build_until(&path, partner, rates, calm, seed)?;
     let end = bench.now + duration;
     let mut outcome = Outcome::default();
@@ -100,11 +131,15 @@ pub fn run<P: Partner, J: Judge<P>>(case: Case<P>, judge: &mut J, folder: &Path,
                     broken = Some(what);
                 }
                 outcome.calls += calls.len() as u64;
+                if let Some(wire) = &mut bench.device.log {
+                    outcome.log += wire;
+                    wire.clear();
+                }
                 if log {
                     tell(&mut outcome.log, &sites, &calls, &mut shown);
                 }
                 let scan = Scan { now, calls: &calls, sites: &sites, state };
-                judge.scan(&scan, &mut bench.station.cpu, &mut bench.device, &mut outcome.verdict);
+                judge.scan(&scan, &mut bench.station.cpu, &mut bench.device.partner, &mut outcome.verdict);
                 if state == OperatingState::Stop && !stopped {
                     outcome.verdict.broken("stop", now, format!("the CPU has stopped\n{}", bench.log()));
                     break;
@@ -136,10 +171,14 @@ pub fn run<P: Partner, J: Judge<P>>(case: Case<P>, judge: &mut J, folder: &Path,
             }
             Deed::Kill => bench.kill_driver(),
             Deed::Line(fault) => bench.fault(fault),
-            Deed::Partner(what) => bench.meanwhile(|partner, now, out| partner.told(now, what, out)),
+            Deed::Partner(what) => bench.meanwhile(|tap, now, out| {
+                let next = tap.partner.told(now, what, out);
+                tap.note(now, "from partner", out);
+                next
+            }),
         }
     }
-    judge.end(bench.now, &mut bench.device, &mut outcome.verdict);
+    judge.end(bench.now, &mut bench.device.partner, &mut outcome.verdict);
     if log {
         outcome.log += bench.log();
     }

@@ -422,11 +422,13 @@ pub fn case(random: &mut Random, seed: u64) -> Case240 {
 }
 
 fn partner(draft: &mut Draft<'_>, times: Times, flow: bool) -> Partner240 {
-    let pace = Pace { char: times.char, qvz: times.qvz, zvz: 220 * MS };
+    // A STX that is repeated must not be taken for the rest of a telegram.
+    let pace = Pace { char: times.char, qvz: times.qvz, zvz: times.qvz * 6 / 10 };
     let random = Random::new(draft.random.bits());
     let manners = Manners::draw(draft.random);
     let high = draft.random.once_in(2);
-    let sends = [0, 3, 10, 25][draft.random.below(4)];
+    // A telegram of its own would hold its XOFF up.
+    let sends = if flow { 0 } else { [0, 3, 10, 25][draft.random.below(4)] };
     let partner = match draft.protocol {
         Protocol::Rk512 => Partner240::rk512(high, manners, pace, times.bwz, random),
         protocol if protocol.acknowledges() => {

@@ -41,6 +41,13 @@ const SELDOM: Span = Span::from_millis(80);
 /// What no time of the manual covers: the process of the CP wakes up, its answers come in the next scan.
 const MARGIN: Span = Span::from_millis(150);
 
+/// Until a CP whose process was killed works again.
+const RESTART: Span = Span::from_millis(700);
+/// After the last fault of the line both sides may still wait for something that was lost.
+const RECOVERY: Span = Span::from_millis(700);
+/// Characters that may still come after the partner's XOFF: what a UART already has.
+const AFTER_XOFF: usize = 20;
+
 /// The judge.
 #[derive(Debug)]
 pub struct Bench240 {
@@ -57,12 +64,14 @@ pub struct Bench240 {
 /// What is known of the run so far.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Seen {
-    /// Resets, kills, STOP, RUN, line gone or back: everything may be broken off there.
-    pub(super) breaks: Vec<Instant>,
+    /// From and to: resets, STOP to RUN, a driver that was killed, a line that is gone.
+    pub(super) breaks: Vec<(Instant, Instant)>,
     /// RESET and start-ups that FC 9 has carried out.
     pub(super) resets: Vec<Instant>,
     /// RUN after STOP.
     pub(super) starts: Vec<Instant>,
+    /// The line is good from here on.
+    pub(super) strict: Instant,
     /// Number of the next telegram.
     pub(super) next: u32,
     /// RUN after STOP: bit memory is empty.
@@ -72,7 +81,26 @@ pub(super) struct Seen {
 impl Seen {
     /// Something was broken off between these two times.
     pub(super) fn broken(&self, from: Instant, to: Instant) -> bool {
-        self.breaks.iter().any(|at| *at >= from && *at <= to)
+        self.breaks.iter().any(|(begin, end)| *end >= from && *begin <= to)
+    }
+
+    /// When the last of them has ended, as far as it is known.
+    pub(super) fn last_break(&self) -> Instant {
+        self.breaks.iter().map(|(_, end)| *end).max().unwrap_or(Instant::START)
+    }
+
+    /// A break that takes until `end` or, if that comes, until another of the same cause.
+    pub(super) fn breaks(&mut self, from: Instant, end: Instant) {
+        self.breaks.push((from, end));
+    }
+
+    /// The longest break ends now, or a little later.
+    pub(super) fn mends(&mut self, now: Instant, later: Span) {
+        for (_, end) in &mut self.breaks {
+            if *end == Instant::NEVER {
+                *end = now + later;
+            }
+        }
     }
 }
 
@@ -113,10 +141,12 @@ impl Bench240 {
     /// The judge of a case.
     #[must_use]
     pub fn new(facts: Facts) -> Self {
+        let bad = facts.calm > Instant::START;
+        let strict = if bad { facts.calm + RECOVERY } else { facts.calm };
         let senders = facts.senders.iter().map(|_| send::Job::default()).collect();
         let fetches = facts.senders.iter().map(|_| rk512::Job::default()).collect();
         Self {
-            seen: Seen { next: 1, ..Seen::default() },
+            seen: Seen { next: 1, strict, ..Seen::default() },
             senders,
             fetches,
             reception: receive::Reception::default(),
@@ -127,9 +157,9 @@ impl Bench240 {
         }
     }
 
-    /// Everything that was under way is broken off.
-    fn break_off(&mut self, now: Instant) {
-        self.seen.breaks.push(now);
+    /// From here on the line is good, and both sides have forgotten what it was before.
+    fn strict(&self) -> Instant {
+        self.seen.strict
     }
 
     /// Fills the data blocks with what both sides know, and gives the numbers of the next telegrams.
@@ -227,8 +257,8 @@ impl Judge<Partner240> for Bench240 {
         }
         serve::look(self, scan.now, cpu, partner, verdict);
         if let Partner240::Stream(stream, _) = partner
-            && stream.after_stop > 4
-            && scan.now > self.facts.calm
+            && stream.after_stop > AFTER_XOFF
+            && scan.now > self.strict()
         {
             let text = format!("{} characters after the partner's XOFF [S0 L2007]", stream.after_stop);
             verdict.broken("xoff", scan.now, text);
@@ -239,11 +269,13 @@ impl Judge<Partner240> for Bench240 {
     fn deed(&mut self, now: Instant, deed: &Deed) {
         match deed {
             Deed::Run => {
-                self.break_off(now);
+                self.seen.mends(now, MARGIN);
                 self.seen.starts.push(now);
                 self.seen.empty = true;
             }
-            Deed::Stop | Deed::Kill | Deed::Line(LineFault::Gone | LineFault::Back) => self.break_off(now),
+            Deed::Stop | Deed::Line(LineFault::Gone) => self.seen.breaks(now, Instant::NEVER),
+            Deed::Kill => self.seen.breaks(now, now + RESTART),
+            Deed::Line(LineFault::Back) => self.seen.mends(now, MARGIN),
             Deed::Line(_) | Deed::Write(..) | Deed::Partner(_) => {}
         }
     }

@@ -36,10 +36,10 @@ pub(super) fn called(judge: &mut Bench240, call: &Call, verdict: &mut Verdict) {
         judge.modem.since = None;
         return;
     }
-    let broken = judge.seen.breaks.last().copied();
+    let broken = judge.seen.last_break();
     let since = judge.modem.since.get_or_insert(Patience::new(now));
     since.called(now);
-    if broken.is_some_and(|at| at >= since.begun()) {
+    if broken >= since.begun() {
         *since = Patience::new(now);
     }
     if after[START] == 0 {
@@ -65,7 +65,7 @@ pub(super) fn synchron(judge: &mut Bench240, call: &Call, verdict: &mut Verdict)
     }
     // FC 9 sets ANL itself when the CP has started anew: a break like a RESET.
     if busy(before) || busy(after) {
-        judge.seen.breaks.push(now);
+        judge.seen.breaks(now, now + super::MARGIN);
     }
     if !busy(before) && busy(after) || before[RESET] == 1 {
         judge.seen.resets.push(now);

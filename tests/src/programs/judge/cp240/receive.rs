@@ -48,7 +48,7 @@ pub(super) fn called(judge: &mut Bench240, call: &Call, cpu: &Cpu, partner: &Par
         verdict.broken("fc1-pafe", now, format!("PAFE is {}: DB {db} of {bytes} bytes [S0 L1001]", after[PAFE]));
     }
     // The cause has not gone: the block is as it was, and the telegram stays in the CP.
-    let since = judge.seen.breaks.last().is_some_and(|at| *at + super::MARGIN > now);
+    let since = judge.seen.last_break().saturating_add(super::MARGIN) > now;
     if before[PAFE] == 2 && after[PAFE] == 0 && reception.pafe == 2 && after[EMFR] == 0 && !since {
         verdict.broken("fc1-pafe", now, format!("PAFE 2 is taken back, DB {db} still has {bytes} bytes [S0 L999]"));
     }
@@ -76,7 +76,7 @@ pub(super) fn called(judge: &mut Bench240, call: &Call, cpu: &Cpu, partner: &Par
     }
     let found = telegrams.iter().rposition(|sent| sent.data == data && sent.begun <= now);
     let Some(found) = found else {
-        let noisy = now <= facts.calm + super::MS * 400;
+        let noisy = now <= judge.seen.strict;
         // The rest of a telegram whose beginning was broken off cannot be told from a telegram without a procedure.
         let torn = !facts.protocol.acknowledges()
             && telegrams.iter().any(|sent| {
@@ -121,7 +121,7 @@ pub(super) fn end(judge: &mut Bench240, now: Instant, partner: &Partner240, verd
             // It stays in the CP, and all others behind it.
             return;
         }
-        if calls > CALLS_A_BLOCK * bytes + 40 && !judge.seen.broken(sent.begun, now) && sent.begun > facts.calm {
+        if calls > CALLS_A_BLOCK * bytes + 40 && !judge.seen.broken(sent.begun, now) && sent.begun > judge.seen.strict {
             let text =
                 format!("telegram {index}, acknowledged at {:?}, was never given to the program", sent.acknowledged);
             verdict.broken("fc1-lost", now, text);

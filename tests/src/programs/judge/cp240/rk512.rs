@@ -105,7 +105,7 @@ pub(super) fn called(
     let Some(order) = &mut job.order else { return };
     order.changed |= order.lang != lang || order.site != call.site;
     order.patience.called(now);
-    if judge.seen.breaks.last().is_some_and(|at| *at >= order.patience.begun()) {
+    if judge.seen.last_break() >= order.patience.begun() {
         order.patience = Patience::new(now);
     }
     if after[PAFE] != 0 {
@@ -169,7 +169,7 @@ fn ended(
     verdict: &mut Verdict,
 ) {
     let facts = &judge.facts;
-    let calm = order.given > facts.calm;
+    let calm = order.given > judge.strict();
     let arrived = arrivals(rk, &order, fetches);
     let label = format!("order {} of {} words, given at {}", order.number, order.lang, order.given);
     let broken = judge.seen.broken(order.given, now);
@@ -217,7 +217,7 @@ fn fetched(
 ) {
     let sender = &judge.facts.senders[index];
     // A reaction that came late or twice may be taken for that of the next order: RK 512 does not number them.
-    if rk.manners.late > 0 || rk.manners.twice > 0 || order.given <= judge.facts.calm {
+    if rk.manners.late > 0 || rk.manners.twice > 0 || order.given <= judge.strict() {
         return;
     }
     let first = judge.facts.roles.iter().position(|role| *role == Role::Fetch(index)).unwrap_or(0);

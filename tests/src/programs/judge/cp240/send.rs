@@ -88,10 +88,6 @@ pub(super) fn called(
     let (_, bytes) = judge.facts.senders[index].blocks[which.min(judge.facts.senders[index].blocks.len() - 1)];
     let anz = after[LENGTH];
     let expected = pafe(bytes, if before[ABD] > 0 { before[ABD] } else { judge.facts.senders[index].abd }, anz);
-    if after[PAFE] > 3 || (1..=1024).contains(&anz) && after[PAFE] != expected {
-        let text = format!("PAFE is {}, not {expected}: DB of {bytes} bytes, ANZ {anz} [S0 L964]", after[PAFE]);
-        verdict.broken("fc0-pafe", now, text);
-    }
     let number = judge.senders[index].number;
     let new = judge.senders[index].order.is_none();
     if new {
@@ -109,13 +105,18 @@ pub(super) fn called(
     });
     let _ = site;
     order.changed |= order.anz != anz || order.site != call.site;
+    // While a job runs whose parameters were changed, the manual says nothing of PAFE.
+    if after[PAFE] > 3 || !order.changed && (1..=1024).contains(&anz) && after[PAFE] != expected {
+        let text = format!("PAFE is {}, not {expected}: DB of {bytes} bytes, ANZ {anz} [S0 L964]", after[PAFE]);
+        verdict.broken("fc0-pafe", now, text);
+    }
     order.patience.called(now);
     if after[PAFE] != 0 {
         // A stated reason stands; when it is gone the time begins.
         order.pafe = true;
         order.patience = Patience::new(now);
     }
-    if judge.seen.breaks.last().is_some_and(|at| *at >= order.patience_start()) {
+    if judge.seen.last_break() >= order.patience.begun() {
         order.patience = Patience::new(now);
     }
     if after[FRG] == 1 {
@@ -131,12 +132,6 @@ pub(super) fn called(
     }
     if let Some(order) = judge.senders[index].order.take() {
         ended(judge, index, order, now, after[FEHLER_KOM] == 1, partner, verdict);
-    }
-}
-
-impl Order {
-    fn patience_start(&self) -> Instant {
-        self.patience.begun()
     }
 }
 
@@ -186,7 +181,7 @@ fn ended(
 ) {
     let facts = &judge.facts;
     let (whole, times, told) = arrived(partner, &order, facts.plain);
-    let calm = order.given > facts.calm;
+    let calm = order.given > judge.strict();
     let broken = judge.seen.broken(order.given, now);
     let label = format!("order {} of {} bytes, given at {}", order.number, order.anz, order.given);
     // What a bad line does to telegrams without a check cannot be seen; letters need four bytes.
@@ -233,7 +228,7 @@ pub(super) fn end(judge: &mut Bench240, now: Instant, partner: &Partner240, verd
     let Partner240::Procedure(line, _) = partner else { return };
     for (order, given) in judge.senders.iter().flat_map(|job| &job.past) {
         let mine: Vec<_> = line.took.iter().filter(|taken| number(&taken.data) == Some(*order)).collect();
-        if mine.len() > 1 && mine.iter().all(|taken| taken.told) && *given > judge.facts.calm && *order > 0 {
+        if mine.len() > 1 && mine.iter().all(|taken| taken.told) && *given > judge.strict() && *order > 0 {
             verdict.broken("fc0-twice", now, format!("order {order}, given at {given}: it came {} times", mine.len()));
         }
     }

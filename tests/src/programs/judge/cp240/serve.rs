@@ -55,7 +55,7 @@ pub(super) fn look(judge: &mut Bench240, now: Instant, cpu: &Cpu, partner: &Part
         let bytes = 2 * usize::from(telegram[7]);
         let fits = db == served::FETCHED
             || judge.facts.served.iter().any(|(number, len)| *number == db && *len as usize >= bytes);
-        let calm = request.given > judge.facts.calm && !judge.seen.broken(request.given, *at);
+        let calm = request.given > judge.strict() && !judge.seen.broken(request.given, *at);
         let label = format!("the partner's order {:02X?}, given at {}", &telegram[..10], request.given);
         match error {
             0 if telegram[2] == b'E' => {
