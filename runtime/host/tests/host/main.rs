@@ -4,6 +4,5 @@ mod cp040_blocks;
 mod cp343_blocks;
 mod handling_blocks;
 mod handling_blocks_cp341;
-mod handling_blocks_manual;
 mod plugins;
 mod support;

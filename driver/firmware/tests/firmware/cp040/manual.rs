@@ -1,8 +1,8 @@
-//! What the CP 040's manual requires of its protocols, LEDs and diagnosis, on the bench of `cp040.rs`.
+//! What the CP 040's manual requires of its protocols, LEDs and diagnosis.
 
 use ob1_firmware::{CpInput, Instant, LineFault, LineInput, Span};
 
-use crate::cp040::{Bench, parameters, pattern, rtu};
+use super::{Bench, parameters, pattern, rtu};
 
 const MS: Span = Span::MILLISECOND;
 
