@@ -1,5 +1,7 @@
 //! A CP 040 on the bench: the machine with its protocols, driven through its registers by the host's machines.
 
+mod manual;
+
 use std::collections::BTreeMap;
 
 use ob1_firmware::{
@@ -12,14 +14,14 @@ use ob1_slio::{Failure, ReceiveJob, ReceiveStep, Received, SendJob, SendStep};
 const MS: Span = Span::MILLISECOND;
 
 #[derive(Default)]
-pub(crate) struct Log {
-    pub(crate) inputs: Vec<u8>,
-    pub(crate) tx: Vec<u8>,
-    pub(crate) settings: Option<LineSettings>,
-    pub(crate) leds: Leds,
-    pub(crate) counters: BTreeMap<CpCounter, u64>,
-    pub(crate) records: Vec<DiagnosticRecord>,
-    pub(crate) interrupts: Vec<(bool, u8)>,
+struct Log {
+    inputs: Vec<u8>,
+    tx: Vec<u8>,
+    settings: Option<LineSettings>,
+    leds: Leds,
+    counters: BTreeMap<CpCounter, u64>,
+    records: Vec<DiagnosticRecord>,
+    interrupts: Vec<(bool, u8)>,
     troubles: Troubles,
 }
 
@@ -58,21 +60,21 @@ impl CpPort for Log {
     }
 }
 
-pub(crate) struct Bench {
-    pub(crate) cp: Cp040,
-    pub(crate) log: Log,
-    pub(crate) now: Instant,
+struct Bench {
+    cp: Cp040,
+    log: Log,
+    now: Instant,
     due: Option<Instant>,
     outputs: Vec<u8>,
 }
 
-pub(crate) fn parameters(keys: &[(&str, &str)]) -> [u8; 16] {
+fn parameters(keys: &[(&str, &str)]) -> [u8; 16] {
     let value = |text: &str| text.parse().map_or_else(|_| Value::from(text), Value::Int);
     Parameters::from_keys(keys.iter().map(|(key, text)| (*key, value(text)))).expect("right").encode()
 }
 
 impl Bench {
-    pub(crate) fn new(io_bytes: usize, keys: &[(&str, &str)]) -> Self {
+    fn new(io_bytes: usize, keys: &[(&str, &str)]) -> Self {
         let (cp, outputs) = (Cp040::new(io_bytes), vec![0; io_bytes]);
         let mut bench = Self {
             cp,
@@ -89,15 +91,15 @@ impl Bench {
         bench
     }
 
-    pub(crate) fn step(&mut self, input: CpInput<'_>) {
+    fn step(&mut self, input: CpInput<'_>) {
         self.due = self.cp.step(self.now, input, &mut self.log);
     }
 
-    pub(crate) fn line(&mut self, input: LineInput<'_>) {
+    fn line(&mut self, input: LineInput<'_>) {
         self.step(CpInput::Line(input));
     }
 
-    pub(crate) fn pass(&mut self, time: Span) {
+    fn pass(&mut self, time: Span) {
         let end = self.now + time;
         while let Some(due) = self.due.filter(|due| *due <= end) {
             self.now = self.now.max(due);
@@ -107,14 +109,14 @@ impl Bench {
         self.step(CpInput::Tick);
     }
 
-    pub(crate) fn put(&mut self, front: &[u8]) {
+    fn put(&mut self, front: &[u8]) {
         self.outputs[..front.len()].copy_from_slice(front);
         let outputs = self.outputs.clone();
         self.step(CpInput::Outputs(&outputs));
     }
 
     /// Hands over a telegram; returns how the order ended, or `None` while the protocol has it.
-    pub(crate) fn send(&mut self, telegram: &[u8]) -> Option<Result<(), Failure>> {
+    fn send(&mut self, telegram: &[u8]) -> Option<Result<(), Failure>> {
         let mut job = SendJob::telegram(telegram.len() as u16).expect("1 to 1024");
         for _ in 0..400 {
             let io_bytes = self.outputs.len();
@@ -147,7 +149,7 @@ impl Bench {
     }
 
     /// Fetches a telegram, if any: its offset, its bytes, and the return value.
-    pub(crate) fn fetch(&mut self) -> Option<(usize, Vec<u8>, u16)> {
+    fn fetch(&mut self) -> Option<(usize, Vec<u8>, u16)> {
         let (mut job, mut data, mut begin) = (ReceiveJob::default(), Vec::new(), None);
         for _ in 0..400 {
             let (next, step) = job.step(&self.log.inputs, self.outputs[0]);
@@ -180,7 +182,7 @@ impl Bench {
     }
 }
 
-pub(crate) fn pattern(length: usize) -> Vec<u8> {
+fn pattern(length: usize) -> Vec<u8> {
     (0..length).map(|n| (n * 7 % 251) as u8).collect()
 }
 
@@ -379,7 +381,7 @@ fn wrong_parameters_show_nothing_but_mf() {
 }
 
 /// Read or write of words in RTU, with its check sum.
-pub(crate) fn rtu(body: &[u8]) -> Vec<u8> {
+fn rtu(body: &[u8]) -> Vec<u8> {
     let mut crc = 0xFFFF_u16;
     for byte in body {
         crc ^= u16::from(*byte);

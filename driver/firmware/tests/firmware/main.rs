@@ -2,7 +2,6 @@
 
 mod common;
 mod cp040;
-mod cp040_manual;
 mod cp340;
 mod cp341;
 mod cp341_ascii;

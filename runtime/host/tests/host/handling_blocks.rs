@@ -1,5 +1,7 @@
 //! The handling blocks of the CP 240, loaded as the runtime loads them, against registers written by hand.
 
+mod manual;
+
 use std::collections::BTreeMap;
 
 use ob1_cpu::{ModuleStatus, NativeBlock, Natives};
@@ -9,14 +11,14 @@ use ob1_time::Span;
 
 use crate::support::{Cpu, Registers, find, plugin};
 
-pub(crate) const ADR: u32 = 256;
+const ADR: u32 = 256;
 
-pub(crate) fn blocks() -> Natives {
+fn blocks() -> Natives {
     let plugin = Plugin::load(&plugin("ob1_cp240")).expect("it is ours");
     plugin.station(&BTreeMap::new(), &[PluginModule::at(ADR)]).expect("nothing is renumbered")
 }
 
-pub(crate) fn cpu() -> Cpu {
+fn cpu() -> Cpu {
     let mut cpu = Cpu::new();
     cpu.module = Registers {
         address: ADR,
@@ -76,7 +78,7 @@ impl Receive {
     }
 }
 
-pub(crate) fn offer(cpu: &mut Cpu, rx: u16, block: &[u8]) {
+fn offer(cpu: &mut Cpu, rx: u16, block: &[u8]) {
     cpu.module.input[..2].copy_from_slice(&rx.to_be_bytes());
     cpu.module.input[4..4 + block.len()].copy_from_slice(block);
 }
@@ -405,7 +407,7 @@ fn abd_counts_what_the_station_file_says() {
 }
 
 /// Calls an FC whose parameters are all in/outs here; what it wrote stays in `actuals`.
-pub(crate) fn call<const N: usize>(cpu: &mut Cpu, block: &dyn NativeBlock, actuals: &mut [u32; N]) {
+fn call<const N: usize>(cpu: &mut Cpu, block: &dyn NativeBlock, actuals: &mut [u32; N]) {
     assert_eq!(cpu.call(block, actuals), Ok(()));
     *actuals = std::array::from_fn(|i| cpu.params[i].expect("an FC has all its parameters"));
 }

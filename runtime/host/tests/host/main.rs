@@ -5,6 +5,5 @@ mod cp343_blocks;
 mod handling_blocks;
 mod handling_blocks_cp341;
 mod handling_blocks_instances;
-mod handling_blocks_manual;
 mod plugins;
 mod support;

@@ -2,7 +2,7 @@
 
 use ob1_model::{BlockKind, DataType, FaultKind, Section};
 
-use crate::handling_blocks::{ADR, blocks, call, cpu, offer};
+use super::{ADR, blocks, call, cpu, offer};
 use crate::support::find;
 
 /// Each parameter with section and type as the manual's tables have it [S0 L940-L952, L980-L991, L1019-L1029,

@@ -1,9 +1,8 @@
-//! What the CP 040's manual requires of its protocols, LEDs and diagnosis, on the bench of `cp040.rs`.
+//! What the CP 040's manual requires of its protocols, LEDs and diagnosis.
 
 use ob1_firmware::{CpInput, Instant, LineFault, LineInput, Span};
-use ob1_slio::Failure;
 
-use crate::cp040::{Bench, parameters, pattern, rtu};
+use super::{Bench, parameters, pattern, rtu};
 
 const MS: Span = Span::MILLISECOND;
 
@@ -235,7 +234,7 @@ fn a_broadcast_is_done_without_an_answer() {
     let bench = ask(&[0, 6, 0, 0, 0, 1]);
     assert_eq!((bench.log.inputs[0] >> 4, bench.cp.received_waiting()), (0xA, 0));
     let mut bench = Bench::new(60, &MASTER);
-    assert_eq!(bench.send(&[0, 3, 0, 0, 0, 1]), Some(Err(Failure::Communication)));
+    assert!(matches!(bench.send(&[0, 3, 0, 0, 0, 1]), Some(Err(_))));
     bench.pass(1000 * MS);
     assert!(bench.log.tx.is_empty());
 }
