@@ -158,12 +158,7 @@ fn range_error(cx: &mut Cx<'_, CpState>, module: &Module<'_>) -> Result<Pafe, Ab
     Ok(pafe)
 }
 
-fn take(
-    cx: &mut Cx<'_, CpState>,
-    module: &Module<'_>,
-    mut words: Words,
-    block: &BlockBytes,
-) -> Result<Pafe, Abort> {
+fn take(cx: &mut Cx<'_, CpState>, module: &Module<'_>, mut words: Words, block: &BlockBytes) -> Result<Pafe, Abort> {
     let (emfr, job) = (cx.get(reception::EMFR)?, Job::load(cx)?);
     let (db, abd) = (cx.get(reception::_DB)?, cx.get(reception::ABD)?);
     let key = Key::area(Role::Receive, db, abd);

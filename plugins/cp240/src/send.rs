@@ -6,7 +6,7 @@ use crate::module::Module;
 use crate::registers::{AREA, BLOCK_BYTES, Count, FAILED, Pafe, TELEGRAM_MAX, TX, Words, tx_count};
 use crate::state::CpState;
 use crate::turn::{Key, Role};
-use crate::tx::acquire;
+use crate::tx::{Handed, acquire};
 
 interface! {
     /// The parameters, in the manual's order.
@@ -173,6 +173,9 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     if job.senden_laeuft {
         let claim = &module.state.tx.turn.claim;
         if !claim.continues(key, job.progress(), &module.info, now) || module.is_closed(words) {
+            if let Some(failed) = module.state.tx.outcome(key, job.progress()) {
+                return end(cx, failed).map(|()| Pafe::Ok);
+            }
             return lost(cx, &module, key, words).map(|()| Pafe::Ok);
         }
         let (next, step) = job.go_on(words);
@@ -191,6 +194,7 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     if pafe != Pafe::Ok || !module.info.present || module.is_closed(words) || !acquire(cx, &module, words, key, now)? {
         return Ok(pafe);
     }
+    module.state.tx.begin(key);
     let (next, step) = Job::start(anz);
     act(cx, &module, job, next, step)
 }
@@ -252,7 +256,12 @@ fn act(cx: &mut Cx<'_, CpState>, module: &Module<'_>, before: Job, job: Job, ste
     }
     if job != before {
         store(cx, job)?;
-        module.state.tx.turn.claim.note(job.progress());
+        let handed = match job {
+            Job { fehler_kom: true, .. } => Handed::Failed,
+            Job { ende_kom: true, .. } => Handed::Whole,
+            _ => Handed::Part,
+        };
+        module.state.tx.note(job.progress(), handed);
     }
     Ok(Pafe::Ok)
 }

@@ -10,6 +10,9 @@ use ob1_sdk::ModuleInfo;
 
 /// An owner that has not been called for this time, in nanoseconds, loses its claim to a block that asks.
 pub(crate) const GIVEN_UP: u64 = 2_000_000_000;
+/// The same for a block that only wants to look, and must not cost another one its job: the longest period of an OB
+/// that may call it.
+const GIVEN_UP_FOR_A_LOOK: u64 = 60_000_000_000;
 /// A block that waits and has not been called for this time, in nanoseconds, loses its place.
 const PATIENCE: u64 = 1_000_000_000;
 /// Places in a queue; a block that finds none asks again.
@@ -37,6 +40,11 @@ pub(crate) enum Role {
 pub(crate) struct Key(u64);
 
 impl Key {
+    /// The key as a number other than 0.
+    pub(crate) const fn number(self) -> u64 {
+        self.0
+    }
+
     /// `id`: up to 56 bits.
     pub(crate) const fn new(role: Role, id: u64) -> Self {
         Self((role as u64) << 56 | id & (1 << 56) - 1)
@@ -103,6 +111,11 @@ impl Claim {
     /// True while somebody has it, the CP is present and has not restarted since.
     pub(crate) fn holds(&self, module: &ModuleInfo) -> bool {
         self.owner.get() != 0 && module.present && self.generation.get() == module.generation
+    }
+
+    /// The owner and the control words of its job.
+    pub(crate) fn job(&self) -> (u64, u32) {
+        (self.owner.get(), self.progress.get())
     }
 
     /// Whether this block has it, of whatever start of the CP.
@@ -206,10 +219,11 @@ impl Turn {
         if over { Take::Over } else { Take::Yes }
     }
 
-    /// Whether this block would get the claim at once.
+    /// Whether a block that only wants to look would get the claim at once.
     pub(crate) fn is_free(&self, key: Key, module: &ModuleInfo, now: u64) -> bool {
-        (!self.claim.is_alive(module, now) || self.claim.is_of(key))
-            && self.first(now).is_none_or(|first| first == key.0)
+        let claim = &self.claim;
+        let is_abandoned = now.saturating_sub(claim.seen.get()) >= GIVEN_UP_FOR_A_LOOK;
+        (!claim.holds(module) || claim.is_of(key) || is_abandoned) && self.first(now).is_none_or(|first| first == key.0)
     }
 
     /// Everything is reset.

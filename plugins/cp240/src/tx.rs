@@ -16,6 +16,31 @@ use crate::turn::{GIVEN_UP, Key, Role, Take, Turn};
 /// FC 8.
 pub(crate) const LINES: Key = Key::new(Role::Line, 0);
 
+/// Telegrams of FC 0 that the CP has finished and whose block has not been called since.
+const UNTOLD: usize = 4;
+
+ob1_sdk::state! {
+    /// How such a telegram has ended: the key of its block (0: none) and the control words of its job.
+    #[derive(Debug, Default)]
+    struct Ended {
+        key: Cell<u64>,
+        progress: Cell<u32>,
+        failed: Cell<bool>,
+    }
+}
+
+/// What the CP has of the telegram of FC 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub(crate) enum Handed {
+    /// Not all of it.
+    Part,
+    /// All of it: the CP ends the order by itself.
+    Whole,
+    /// The order has failed.
+    Failed,
+}
+
 /// The line command in `TX`.
 const NONE: u8 = 0;
 const READS: u8 = 1;
@@ -26,6 +51,10 @@ ob1_sdk::state! {
     #[derive(Debug, Default)]
     pub(crate) struct Tx {
         pub(crate) turn: Turn,
+        /// [`Handed`].
+        handed: Cell<u8>,
+        untold: [Ended; UNTOLD],
+        oldest: Cell<u8>,
         /// None, or one that reads or switches; the start of the CP at which it was given, and when.
         command: Cell<u8>,
         generation: Cell<u32>,
@@ -50,6 +79,52 @@ impl Tx {
         self.command.set(NONE);
         self.switched.set(false);
         self.wanted.set(false);
+        self.untold.iter().for_each(|ended| ended.key.set(0));
+    }
+
+    /// The job of FC 0 after this call.
+    pub(crate) fn note(&self, progress: u32, handed: Handed) {
+        self.turn.claim.note(progress);
+        self.handed.set(handed as u8);
+    }
+
+    /// A job of this block begins: what is still to be told about an earlier one is void.
+    pub(crate) fn begin(&self, key: Key) {
+        self.untold.iter().filter(|ended| ended.key.get() == key.number()).for_each(|ended| ended.key.set(0));
+    }
+
+    /// How the job with these control words has ended, if another block has got `TX` since: `true`, it has failed.
+    pub(crate) fn outcome(&self, key: Key, progress: u32) -> Option<bool> {
+        let found = |ended: &&Ended| ended.key.get() == key.number() && ended.progress.get() == progress;
+        let ended = self.untold.iter().find(found)?;
+        ended.key.set(0);
+        Some(ended.failed.get())
+    }
+
+    /// The CP has the whole telegram of a FC 0 that is not called: once the CP has ended the order, `TX` is free, and
+    /// its end is kept for that block. False while the CP is at it.
+    fn ends_by_itself(&self, key: Key, info: &ModuleInfo, words: Words, now: u64) -> bool {
+        let claim = &self.turn.claim;
+        let (owner, progress) = claim.job();
+        let is_send = owner >> 56 == Role::Send as u64 && progress != 0 && claim.holds(info);
+        if !is_send || claim.is_of(key) || claim.is_alive(info, now) || self.handed.get() == Handed::Part as u8 {
+            return true;
+        }
+        let failed = match tx_count(words.tx_echo) {
+            _ if self.handed.get() == Handed::Failed as u8 => true,
+            Count::Failed(_) => true,
+            Count::Bytes(0) => false,
+            _ => return false,
+        };
+        let at = self.oldest.get() as usize % UNTOLD;
+        self.oldest.set((at + 1) as u8);
+        if let Some(ended) = self.untold.get(at) {
+            ended.key.set(owner);
+            ended.progress.set(progress);
+            ended.failed.set(failed);
+        }
+        claim.abandon();
+        true
     }
 
     /// Whether a line command is in `TX` that this start of the CP answers.
@@ -154,6 +229,9 @@ pub(crate) fn acquire(
     now: u64,
 ) -> Result<bool, Abort> {
     let tx = &module.state.tx;
+    if !tx.ends_by_itself(key, &module.info, words, now) {
+        return Ok(false);
+    }
     let had = tx.turn.claim.is_of(key);
     let take = tx.turn.take(key, &module.info, now);
     if take == Take::No {

@@ -24,7 +24,7 @@ pub(crate) struct Partner {
     /// All received characters.
     pub(crate) heard: Vec<u8>,
     /// 3964R: start of the telegram being received.
-    from: Option<usize>,
+    pub(crate) from: Option<usize>,
     pub(crate) telegrams: Vec<Vec<u8>>,
     blocks: VecDeque<Vec<u8>>,
     connects: bool,

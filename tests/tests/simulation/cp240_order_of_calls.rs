@@ -47,7 +47,9 @@ fn db(number: u32) -> String {
 
 /// Calls these only in every `n`-th scan, counted in MW `counter`.
 fn every(n: u32, counter: u32, calls: &str) -> String {
-    format!("L MW {counter};\nL 1;\n+I;\nL {n};\nMOD;\nT MW {counter};\nL 0;\n<>I;\nSPB x{counter};\n{calls}x{counter}: NOP 0;\n")
+    format!(
+        "L MW {counter};\nL 1;\n+I;\nL {n};\nMOD;\nT MW {counter};\nL 0;\n<>I;\nSPB x{counter};\n{calls}x{counter}: NOP 0;\n"
+    )
 }
 
 /// Calls these only while this bit of the memory is 0.
@@ -183,7 +185,8 @@ fn several_fc_0_take_turns() {
 }
 
 /// A program that stops calling FC 0 in the middle of its job, or takes FRG back: after two seconds another block gets
-/// `TX`. When FC 0 comes back its job has failed, and it never continues a job of another one.
+/// `TX`. When FC 0 comes back its job has failed if the CP did not have the whole telegram, and it never continues a
+/// job of another one.
 #[test]
 fn a_job_that_is_abandoned() {
     let blocks = [db(10), db(11)].concat();
@@ -206,8 +209,32 @@ fn a_job_that_is_abandoned() {
         site.bench.pass(2 * scans * MS);
         site.bit(70, 0, false);
         site.until(|site| !site.is_set(2, 0) && !site.is_set(5, 0));
-        assert!(site.is_set(2, FEHLER_KOM) && !site.is_set(5, FEHLER_KOM), "{scans}");
+        // The CP had the whole telegram after 20 scans and has sent it.
+        assert_eq!((site.is_set(2, FEHLER_KOM), site.is_set(5, FEHLER_KOM)), (scans < 20, false), "{scans}");
         sends(&mut site, 2, 40, 10, "and it works again");
+    }
+}
+
+/// FC 0 is not called while its telegram is on the line, and another block gets `TX` meanwhile: FC 0 is told how its
+/// order has ended, so that nothing is sent twice.
+#[test]
+fn a_telegram_that_ends_while_fc_0_is_not_called() {
+    let blocks = [db(10), db(11)].concat();
+    for (params, failed) in
+        [("{ protocol = \"3964r\", baud = 9600 }", false), ("{ protocol = \"3964\", baud = 9600 }", true)]
+    {
+        let cycle = [&unless((70, 0), &send(10, 2, 40))[..], &send(11, 5, 50), LINES].concat();
+        let mut site = site(2, params, &cycle, &blocks);
+        site.set_word(40, 20);
+        site.bit(2, 0, true);
+        site.until(|site| site.is_set(2, 1));
+        site.bit(70, 0, true);
+        site.bench.pass(15 * SECOND);
+        site.bit(START.0 as u32, START.1, true);
+        site.until(|site| !site.is_set(START.0, START.1));
+        site.bit(70, 0, false);
+        site.until(|site| !site.is_set(2, 0));
+        assert_eq!((site.is_set(2, FEHLER_KOM), site.bench.device.telegrams.len()), (failed, usize::from(!failed)));
     }
 }
 
