@@ -77,7 +77,10 @@ impl Cp for Cp040 {
                 self.look(now, port);
             }
             CpInput::Line(line) => self.line(now, line, port),
-            CpInput::NoLine => (self.line_gone, self.line_awaited) = (true, true),
+            CpInput::NoLine => {
+                port.count(CpCounter::LineFaults, 1);
+                (self.line_gone, self.line_awaited) = (true, true);
+            }
             CpInput::CpuRun(run) => {
                 self.cpu_stopped = !run;
                 if run {
@@ -310,7 +313,7 @@ impl Cp040 {
         // Two wires: "data is exchanged ... but only in one direction at a time". What arrives while we send is our own
         // echo. [S3 L347]
         let is_half = self.parameters.as_ref().is_some_and(|p| p.duplex == Duplex::Half);
-        let mut input = line;
+        let (mut input, was_gone) = (line, self.line_gone);
         match line {
             LineInput::Rx(_) if is_half && self.transmitting => return,
             LineInput::Rx(_) => {
@@ -344,7 +347,7 @@ impl Cp040 {
             LineInput::Fault(_) => self.leds.error(now),
             LineInput::Modem(_) => {}
         }
-        port.count_line(line);
+        port.count_line(line, was_gone);
         if self.phase != Phase::Working {
             return;
         }

@@ -107,10 +107,10 @@ impl dyn CpPort + '_ {
     }
 
     /// Counts what has come from the line.
-    pub(crate) fn count_line(&mut self, line: LineInput<'_>) {
+    pub(crate) fn count_line(&mut self, line: LineInput<'_>, was_gone: bool) {
         match line {
             LineInput::Rx(bytes) => self.count(CpCounter::BytesRx, bytes.len() as u64),
-            LineInput::Fault(LineFault::Gone) => self.count(CpCounter::LineFaults, 1),
+            LineInput::Fault(LineFault::Gone) => self.count(CpCounter::LineFaults, u64::from(!was_gone)),
             LineInput::Fault(LineFault::Back) => self.count(CpCounter::LineRestarts, 1),
             _ => {}
         }

@@ -93,7 +93,10 @@ impl Cp for Cp341 {
                 }
             }
             CpInput::Line(line) => self.line(now, line, port),
-            CpInput::NoLine => self.parts.line_gone = true,
+            CpInput::NoLine => {
+                port.count(CpCounter::LineFaults, 1);
+                self.parts.line_gone = true;
+            }
             CpInput::CpuRun(run) => self.cpu(now, run, port),
             CpInput::Keys(parameters) => self.parametrise(now, parameters, port),
             // This CP takes its parameters as keys.
@@ -296,7 +299,7 @@ impl Cp341 {
     // ---- the line and the protocol ----
 
     fn line(&mut self, now: Instant, line: LineInput<'_>, port: &mut dyn CpPort) {
-        port.count_line(line);
+        port.count_line(line, self.parts.line_gone);
         match line {
             LineInput::Rx(_) => {
                 self.parts.interrupted = false;

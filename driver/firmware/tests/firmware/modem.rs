@@ -114,6 +114,19 @@ fn what_lights_er_raises_one_diagnostic_interrupt() {
 }
 
 #[test]
+fn a_line_that_comes_later_is_no_open_circuit_and_one_that_never_comes_is() {
+    for comes in [true, false] {
+        let mut bench = Bench::working(&ascii(1));
+        bench.cp.enable_diagnostics(true);
+        bench.step(CpInput::NoLine);
+        bench.pass(SECOND);
+        assert!(!bench.log.leds.error && !bench.has_event("Diagnosis"), "{:?}", bench.log.events);
+        bench.line(LineInput::Fault(if comes { LineFault::Back } else { LineFault::Gone }));
+        assert_eq!((bench.has_event("incoming: true"), bench.log.leds.error), (!comes, !comes));
+    }
+}
+
+#[test]
 fn without_diagnostics_only_the_led_tells() {
     let mut bench = Bench::working(&ascii(1));
     bench.line(LineInput::Fault(LineFault::Parity));
