@@ -210,6 +210,19 @@ fn two_instances_at_one_cp() {
     assert_eq!((with([20, 21]), with([20, 20])), (code(INSTANCES, 4), vec![]));
 }
 
+/// A multi-instance is one for each instance around it.
+#[test]
+fn two_instances_of_the_block_around() {
+    let module = cp("cp341", "{ protocol = \"3964r\" }", "");
+    let around = "FUNCTION_BLOCK FB 100\nVAR\n  snd : FB 8;\nEND_VAR\nBEGIN\nCALL #snd (SF := 'S', REQ := M 0.0, R := M \
+        0.1, LADDR := 256, DB_NO := 10, DBB_NO := 0);\nEND_FUNCTION_BLOCK\n";
+    let instances = instances_341().replace("FB 8", "FB 100");
+    let with = |calls: &str| told(&module, &[around, &ob_1(calls), &instances].concat());
+    assert_eq!(with("CALL FB 100, DB 20;\n"), []);
+    assert_eq!(with("CALL FB 100, DB 20;\nCALL FB 100, DB 20;\n"), []);
+    assert_eq!(with("CALL FB 100, DB 20;\nCALL FB 100, DB 21;\n"), code(INSTANCES, 6));
+}
+
 #[test]
 fn fc_0_twice_in_one_path() {
     let module = cp("cp240", MASTER, "");
