@@ -235,12 +235,18 @@ fn fc_0_twice_in_one_path() {
     // The first can be followed by the second.
     let both = format!("U M 0.0;\nSPB two;\n{one}two: {one}");
     assert_eq!(of(&both), code(TWICE, 6));
+    // Steps: the condition of the second may be that the first has no order.
+    let steps = format!("U M 0.0;\nSPBN two;\n{one}two: U M 0.1;\nSPBN end;\n{one}end: NOP 0;\n");
+    assert_eq!(of(&steps), []);
+    assert_eq!(of(&format!("{one}U M 0.0;\nBEB;\n{one}")), []);
     // Through blocks.
     let block = format!("FUNCTION FC 100 : VOID\nBEGIN\n{one}END_FUNCTION\n");
     let calls = |code: &str| told(&module, &(block.clone() + &ob_1(code)));
     assert_eq!(calls("CALL FC 100;\nCALL FC 100;\n"), code(TWICE, 3), "the same call, twice in a scan");
     assert_eq!(calls("CALL FC 100;\n"), []);
     assert_eq!(calls("U M 0.0;\nSPB two;\nCALL FC 100;\nBEA;\ntwo: CALL FC 100;\n"), []);
+    let guarded = format!("FUNCTION FC 100 : VOID\nBEGIN\nU M 0.0;\nSPBN end;\n{one}end: NOP 0;\nEND_FUNCTION\n");
+    assert_eq!(told(&module, &(guarded + &ob_1("CALL FC 100;\nCALL FC 100;\n"))), [], "it may leave it out");
 }
 
 /// Every message says what it means on the machine, and what helps.
