@@ -193,7 +193,8 @@ fn the_state_tells_what_is_missing() {
     module.poll(Instant::START);
     assert_eq!(state(&module), DriverState::NoParameters);
     let mut wrong = PARAMETERS;
-    wrong[2] = 0xFF;
+    // Stop bits 00b.
+    wrong[2] = 0xCF;
     module.cpu.write_params(&wrong, b"{}").unwrap();
     module.poll(Instant::START);
     assert_eq!(state(&module), DriverState::ParameterError(2));

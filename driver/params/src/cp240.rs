@@ -134,9 +134,9 @@ pub struct S3964 {
     pub zna_ms: u16,
     /// ZVZ, 0..5100; 0: about two character times.
     pub zvz_ms: u16,
-    /// QVZ, 0..5100.
+    /// QVZ, 0..5100; 0: about two character times.
     pub qvz_ms: u16,
-    /// BWZ, 0..5100: from the acknowledgement of a request telegram to STX of the answer telegram.
+    /// BWZ, 0..5100: from the acknowledgement of a request telegram to STX of the answer telegram; 0: not watched.
     pub bwz_ms: u16,
     /// Repetitions of STX after the first attempt.
     pub stx_repetitions: u8,

@@ -8,7 +8,7 @@ mod sites;
 #[cfg(test)]
 mod tests;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use ob1_ir::{Op, Place, Program};
 use ob1_model::{Area, BlockId};
@@ -58,7 +58,7 @@ pub(crate) fn findings(program: &Program, blocks: &BTreeMap<BlockId, Handling<'_
     for module in &station.modules {
         let own: Vec<Site<'_>> = sites.iter().filter(|site| is_for(station, site, module)).copied().collect();
         told.extend(unsynchronised(program, &sites, module, &own));
-        told.extend(instances(module, &own));
+        told.extend(instances(program, module, &own));
         let sends: Vec<Site<'_>> = own.into_iter().filter(|site| site.number(CpKind::Cp240) == Some(0)).collect();
         told.extend(paths::twice(program, &sends).into_iter().map(|pair| sent_twice(program, module, pair)));
     }
@@ -218,16 +218,16 @@ fn is_alone(cp: CpKind, number: u16) -> bool {
     }
 }
 
-fn instances<'a>(module: &ModuleConfig, own: &[Site<'a>]) -> Vec<(Site<'a>, Told)> {
+fn instances<'a>(program: &Program, module: &ModuleConfig, own: &[Site<'a>]) -> Vec<(Site<'a>, Told)> {
     let mut told = Vec::new();
-    let mut first: BTreeMap<BlockId, Site<'a>> = BTreeMap::new();
+    let mut known: BTreeMap<BlockId, BTreeSet<Vec<u32>>> = BTreeMap::new();
     for site in own.iter().filter(|site| is_alone(site.block.cp, site.block.original.number)) {
-        let Some(instance) = site.instance() else { continue };
-        let earlier = *first.entry(site.id).or_insert(*site);
-        if earlier.instance() != Some(instance) {
+        let known = known.entry(site.id).or_default();
+        let before = known.len();
+        known.extend(site.instances(program));
+        if known.len() > before.max(1) {
             let (id, cp) = (site.id, site.block.cp.row().text);
-            let message =
-                format!("{id} is called for \"{}\" with another instance than in line {}", module.name, earlier.line());
+            let message = format!("{id} works for \"{}\" with more than one instance", module.name);
             let remedy = format!(
                 "a {cp} does one such job at a time, and answers one instance: use one for each CP, and give it the jobs \
                  one after the other"

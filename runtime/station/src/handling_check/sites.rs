@@ -83,19 +83,35 @@ impl<'a> Site<'a> {
         ["ADR", "LADDR", "ADDR_IN"].iter().find_map(|name| self.constant(name))
     }
 
-    /// Which instance it works with: a data block, or a place in the instance of the caller. `None`: not known before
-    /// the run.
-    pub(super) fn instance(&self) -> Option<(Option<BlockId>, u32)> {
-        match (self.call.target, self.call.instance) {
-            (Target::Block(_), Some(Number::Fixed(db))) => Some((None, u32::from(db))),
-            (Target::Local(_, at), None) => Some((Some(self.caller.id), at.byte())),
-            _ => None,
-        }
+    /// The instances it works with, as far as they are known before the run: each a data block, and the places in it
+    /// from the outside to the inside. Several, if the block that it stands in has several.
+    pub(super) fn instances(&self, program: &Program) -> BTreeSet<Vec<u32>> {
+        instances_of(program, self.caller, self.call, &mut Vec::new())
     }
 
     /// Line in the source.
     pub(super) fn line(&self) -> u32 {
         self.caller.code.get(self.at).map_or(0, |stmt| stmt.line)
+    }
+}
+
+/// The instances of a call in this block; `within`: the blocks whose instances are being looked for.
+fn instances_of(program: &Program, caller: &CodeBlock, call: &Call, within: &mut Vec<BlockId>) -> BTreeSet<Vec<u32>> {
+    match (call.target, call.instance) {
+        (Target::Block(_), Some(Number::Fixed(db))) => [vec![u32::from(db)]].into(),
+        (Target::Local(_, at), Some(Number::Fixed(db))) => [vec![u32::from(db), at.byte()]].into(),
+        (Target::Local(_, at), None) if !within.contains(&caller.id) => {
+            within.push(caller.id);
+            let own = program.blocks.iter().flat_map(|block| calls(block).map(move |(_, call)| (block, call)));
+            let outer = own.filter(|(_, call)| called(call) == Some(caller.id));
+            let outer: BTreeSet<Vec<u32>> =
+                outer.flat_map(|(block, call)| instances_of(program, block, call, within)).collect();
+            within.pop();
+            // Without a known one outside it is at least one.
+            let outer = if outer.is_empty() { [Vec::new()].into() } else { outer };
+            outer.into_iter().map(|outer| [outer, vec![at.byte()]].concat()).collect()
+        }
+        _ => BTreeSet::new(),
     }
 }
 

@@ -210,6 +210,19 @@ fn two_instances_at_one_cp() {
     assert_eq!((with([20, 21]), with([20, 20])), (code(INSTANCES, 4), vec![]));
 }
 
+/// A multi-instance is one for each instance around it.
+#[test]
+fn two_instances_of_the_block_around() {
+    let module = cp("cp341", "{ protocol = \"3964r\" }", "");
+    let around = "FUNCTION_BLOCK FB 100\nVAR\n  snd : FB 8;\nEND_VAR\nBEGIN\nCALL #snd (SF := 'S', REQ := M 0.0, R := M \
+        0.1, LADDR := 256, DB_NO := 10, DBB_NO := 0);\nEND_FUNCTION_BLOCK\n";
+    let instances = instances_341().replace("FB 8", "FB 100");
+    let with = |calls: &str| told(&module, &[around, &ob_1(calls), &instances].concat());
+    assert_eq!(with("CALL FB 100, DB 20;\n"), []);
+    assert_eq!(with("CALL FB 100, DB 20;\nCALL FB 100, DB 20;\n"), []);
+    assert_eq!(with("CALL FB 100, DB 20;\nCALL FB 100, DB 21;\n"), code(INSTANCES, 6));
+}
+
 #[test]
 fn fc_0_twice_in_one_path() {
     let module = cp("cp240", MASTER, "");
@@ -222,12 +235,18 @@ fn fc_0_twice_in_one_path() {
     // The first can be followed by the second.
     let both = format!("U M 0.0;\nSPB two;\n{one}two: {one}");
     assert_eq!(of(&both), code(TWICE, 6));
+    // Steps: the condition of the second may be that the first has no order.
+    let steps = format!("U M 0.0;\nSPBN two;\n{one}two: U M 0.1;\nSPBN end;\n{one}end: NOP 0;\n");
+    assert_eq!(of(&steps), []);
+    assert_eq!(of(&format!("{one}U M 0.0;\nBEB;\n{one}")), []);
     // Through blocks.
     let block = format!("FUNCTION FC 100 : VOID\nBEGIN\n{one}END_FUNCTION\n");
     let calls = |code: &str| told(&module, &(block.clone() + &ob_1(code)));
     assert_eq!(calls("CALL FC 100;\nCALL FC 100;\n"), code(TWICE, 3), "the same call, twice in a scan");
     assert_eq!(calls("CALL FC 100;\n"), []);
     assert_eq!(calls("U M 0.0;\nSPB two;\nCALL FC 100;\nBEA;\ntwo: CALL FC 100;\n"), []);
+    let guarded = format!("FUNCTION FC 100 : VOID\nBEGIN\nU M 0.0;\nSPBN end;\n{one}end: NOP 0;\nEND_FUNCTION\n");
+    assert_eq!(told(&module, &(guarded + &ob_1("CALL FC 100;\nCALL FC 100;\n"))), [], "it may leave it out");
 }
 
 /// Every message says what it means on the machine, and what helps.
