@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use ob1_backplane::{Channel, Counter, CpSide, CpuSide, CpuState, DriverState, Segment};
+use ob1_backplane::{Channel, Counter, CpSide, CpuSide, CpuState, DriverState, Segment, Why};
 use ob1_cp::{CpPump, CpType, EventCode, HEARTBEAT, LinePort, Refused};
 use ob1_firmware::{Instant, LineFault, LineInput, LineSettings, Span};
 use ob1_line::sim::{End, SimConfig, SimEvent, SimLine};
@@ -337,4 +337,35 @@ fn an_echo_is_an_event_with_its_text() {
     module.pump.line_echo(Instant::from_nanos(2), Some("it echoes"));
     assert_eq!(module.event_codes(), [EventCode::LineEcho as u32]);
     assert_eq!(module.cpu.read_diagnosis().unwrap().data(), b"it echoes");
+}
+
+/// An order that nobody answers, with a line of its own speed: what the driver shows of it.
+#[test]
+fn a_failed_order_is_the_reason_has_its_count_and_is_listed_once() {
+    let line = line();
+    let mut modules = [Module::new(&line, End::A), Module::new(&line, End::B)];
+    let mut now = Instant::START;
+    modules[0].cpu.set_time(5_000_000_000);
+    let told = |m: &Module| m.cpu.monitor().reason().map(|(reason, at)| (reason.why, reason.number, reason.count, at));
+    modules[0].cpu.write_params(&PARAMETERS, b"{}").unwrap();
+    modules[0].poll(now);
+    assert_eq!(told(&modules[0]), Some((Why::StartUp, 0x8001, 0, 5)));
+    modules[0].synchronise(now);
+    assert_eq!(told(&modules[0]), None);
+    for count in 1..=2 {
+        modules[0].put(now, 0, 1, b"x");
+        modules[0].put(now, 0, 0, &[]);
+        // The other end has no parameters: it answers nothing.
+        now = run(&mut modules, now, now + 10_000 * MS, |m| m[0].words().1 == 0x2007);
+        modules[0].put(now, 0, 0x2000, &[]);
+        modules[0].put(now, 0, 0, &[]);
+        assert_eq!(told(&modules[0]), Some((Why::OrderFailed, 7, count, 5)));
+    }
+    let monitor = modules[0].cpu.monitor();
+    assert_eq!(monitor.ends().map(|ends| (ends.number, ends.count)).collect::<Vec<_>>(), [(7, 2)]);
+    let listed: Vec<_> = monitor.buffer().map(|entry| entry.number).collect();
+    assert_eq!(listed.iter().filter(|number| **number == 7).count(), 2, "{listed:x?}");
+    assert!(listed.len() < 30, "not each of the 12 attempts twice: {listed:x?}");
+    let codes = modules[0].event_codes();
+    assert_eq!(codes.iter().filter(|code| **code == EventCode::SendFailed as u32).count(), 2, "{codes:x?}");
 }

@@ -13,8 +13,8 @@ use ob1_station::wall_clock;
 ///
 /// The buffer of the CPU, and those of its CPs (of a CP 240 and a CP 040 a list that the module itself does not have):
 /// newest entry first, each with its date and time of day (UTC), its time since the start of the runtime, its number,
-/// what it means, where (block, line, file) and, in the line below, what helps. Above the entries of a CP stands what it
-/// waits for or what has failed. The buffer of a CP outlives its driver.
+/// what it means, where (block, line, file) and, in the line below, what helps. Above the entries of a CP stands what
+/// it waits for or what has failed. The buffer of a CP outlives its driver.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 diag press.toml\n  ob1 diag press cp --count 5\n  ob1 diag press 272 --json\n\n\

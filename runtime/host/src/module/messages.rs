@@ -1,8 +1,8 @@
 //! What a driver and its supervisor report, as entries of the diagnostic buffer. Made on the scan thread: no
 //! allocation.
 //!
-//! A CP also reports its start-up, each repetition and each failed order; those are not entered here, where a noisy line
-//! would push everything else out of the buffer. The CP itself lists and counts them, and says what it waits for
+//! A CP also reports its start-up, each repetition and each failed order; those are not entered here, where a noisy
+//! line would push everything else out of the buffer. The CP itself lists and counts them, and says what it waits for
 //! (docs/driver.md, "Events").
 
 use std::fmt::{self, Write};
