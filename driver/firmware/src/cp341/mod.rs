@@ -122,7 +122,7 @@ impl Cp for Cp341 {
     }
 
     fn waits_for(&self) -> Option<Reason> {
-        if self.parts.is_interrupted() {
+        if self.parts.interrupted {
             return Some(Reason::state(Why::Interrupted, 0));
         }
         let lines = self.v24.lines().unwrap_or_default();
