@@ -73,13 +73,12 @@ ob1_sdk::state! {
 }
 
 impl Tx {
-    /// FC 9 has synchronised: nobody has `TX`, and it is 0.
+    /// FC 9 has synchronised: nobody has `TX`, and it is 0. What has ended before is still to be told.
     pub(crate) fn clear(&self) {
         self.turn.clear();
         self.command.set(NONE);
         self.switched.set(false);
         self.wanted.set(false);
-        self.untold.iter().for_each(|ended| ended.key.set(0));
     }
 
     /// The job of FC 0 after this call.
