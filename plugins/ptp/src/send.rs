@@ -25,8 +25,8 @@ pub const DB_WRONG: u16 = 0x0301;
 /// STATUS: LEN is 0, negative or more than the CP takes, or a length of P_PRINT. [reference 3.14]
 pub const LEN_WRONG: u16 = 0x1E41;
 
-/// How long a job waits for a CP that does not answer: it may be starting. (ours)
-const ABSENCE_MS: u32 = 10_000;
+/// How long a block waits for a CP that does not answer: it may be starting. (ours)
+pub(crate) const ABSENCE_MS: u32 = 10_000;
 
 /// The phase of the job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -361,13 +361,7 @@ fn run<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory) -> Result<End, Abo
 }
 
 /// Makes the channel the instance's own. If it cannot be, or a job is cancelled by that, returns how the call ends.
-fn own(
-    memory: &mut Memory,
-    laddr: i16,
-    state: &CpState,
-    edge: bool,
-    (instance, now_ms): (u64, u64),
-) -> Option<End> {
+fn own(memory: &mut Memory, laddr: i16, state: &CpState, edge: bool, (instance, now_ms): (u64, u64)) -> Option<End> {
     let claim = &state.send;
     if claim.is_of(instance, memory.start) && memory.laddr == laddr {
         return None;
