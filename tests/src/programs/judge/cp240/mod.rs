@@ -25,6 +25,8 @@ mod receive;
 mod rk512;
 mod send;
 mod serve;
+#[cfg(test)]
+mod tests;
 
 use ob1_cpu::{Cell, Cpu, OperatingState, Width};
 use ob1_firmware::LineFault;
