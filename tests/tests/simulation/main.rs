@@ -29,4 +29,5 @@ mod long_scans;
 mod mbus;
 mod mbus_library;
 mod plant;
+mod programs;
 mod rk512;

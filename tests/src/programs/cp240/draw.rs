@@ -321,7 +321,7 @@ pub fn case(random: &mut Random, seed: u64) -> Case240 {
         bwz: ticks(5 + random.below(15)),
         stx: random.below(4) as u32,
         dbl: 1 + random.below(3) as u32,
-        cycle: MS * [1, 2, 2, 5, 5, 10][random.below(6)],
+        cycle: MS * [1, 2, 2, 4, 5, 5, 10, 10][random.below(8)],
     };
     let flow = matches!(protocol, Ascii | StxEtx) && random.once_in(3);
     let rates = match protocol {
@@ -330,7 +330,7 @@ pub fn case(random: &mut Random, seed: u64) -> Case240 {
         // Without a check character the receiver sees only what the character itself shows.
         _ => FaultRates { parity: 3_000, framing: 1_000, break_: 500, ..FaultRates::NONE },
     };
-    let duration = 3 * SECOND + SECOND * random.below(2) as u64;
+    let duration = 2 * SECOND + SECOND / 2 * random.below(4) as u64;
     let calm = if rates == FaultRates::NONE { Instant::START } else { Instant::START + duration / 3 };
     let ob35 = random.once_in(4);
     let mut draft = Draft {

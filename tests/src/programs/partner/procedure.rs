@@ -239,6 +239,7 @@ impl Procedure {
         }
         if self.state == State::Idle
             && self.quiet <= now
+            && self.output.next().is_none()
             && let Some(index) = self.queue.front()
         {
             let sent = &mut self.sent[*index];
@@ -252,7 +253,8 @@ impl Procedure {
     /// Next deadline.
     #[must_use]
     pub fn next(&self) -> Option<Instant> {
-        let begin = (self.state == State::Idle && !self.queue.is_empty()).then_some(self.quiet);
+        let free = self.state == State::Idle && self.output.next().is_none();
+        let begin = (free && !self.queue.is_empty()).then_some(self.quiet);
         let until = Some(self.until).filter(|at| *at != Instant::NEVER);
         [begin, until, self.output.next()].into_iter().flatten().min()
     }

@@ -25,6 +25,8 @@ mod receive;
 mod rk512;
 mod send;
 mod serve;
+#[cfg(test)]
+mod tests;
 
 use ob1_cpu::{Cell, Cpu, OperatingState, Width};
 use ob1_firmware::LineFault;
@@ -193,7 +195,7 @@ fn fill(cpu: &mut Cpu, db: u16, from: u32, bytes: u32, plain: bool) {
 }
 
 /// The time in which a telegram of `bytes` certainly is on the line or has failed, by the parameters.
-pub(super) fn line_time(facts: &Facts, bytes: u64, partner: &Partner240, since: Instant) -> Span {
+pub(super) fn line_time(facts: &Facts, bytes: u64, partner: &Partner240, since: Instant, good: bool) -> Span {
     let t = &facts.times;
     let own = t.char * (2 * bytes + 8);
     if !facts.protocol.acknowledges() {
@@ -208,7 +210,8 @@ pub(super) fn line_time(facts: &Facts, bytes: u64, partner: &Partner240, since: 
     // Each attempt: the STX repetitions [S0 L1627], the block and its acknowledgement [S0 L1631].
     let connect = (t.qvz + 40 * MS) * (u64::from(t.stx) + 1);
     let attempts = u64::from(t.dbl.max(1)) + 1;
-    let mine = (connect + own + t.qvz + 40 * MS) * attempts;
+    // A good partner on a good line answers the first; but both may have begun at once.
+    let mine = if good { own + t.qvz * 2 + 40 * MS } else { (connect + own + t.qvz + 40 * MS) * attempts };
     // What the partner sends in between comes first where its priority is high, and each of its attempts takes a while.
     let theirs: Span = sent(partner)
         .iter()

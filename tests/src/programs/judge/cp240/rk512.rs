@@ -125,9 +125,12 @@ pub(super) fn called(
     if ready == 0 {
         let t = &judge.facts.times;
         let telegrams = u64::from(2 * order.lang.max(lang)) / 118 + 1;
-        let one = line_time(&judge.facts, 138, partner, order.given) + t.bwz.max(super::MARGIN).min(REACTION);
+        let good = order.given > judge.seen.strict && send::is_good_rk(rk);
+        let reaction = t.bwz.max(super::MARGIN).min(REACTION);
+        let one = line_time(&judge.facts, 138, partner, order.given, good) + reaction;
+        let attempts = if good { 1 } else { (u64::from(t.dbl) + 1) * 2 };
         let calls = u64::from(2 * order.lang.max(lang)) / 12 * 4 + 40;
-        if order.patience.is_over(one * telegrams * (u64::from(t.dbl) + 1) * 2, calls) && !order.late {
+        if order.patience.is_over(one * telegrams * attempts, calls) && !order.late {
             order.late = true;
             let text = format!("order {} of {lang} words, given at {}: no end [S0 L1199]", order.number, order.given);
             verdict.broken("rk-live", now, text);

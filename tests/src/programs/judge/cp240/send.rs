@@ -120,8 +120,9 @@ pub(super) fn called(
         order.patience = Patience::new(now);
     }
     if after[FRG] == 1 {
+        let good = order.given > judge.seen.strict && is_good(partner);
         let calls = u64::from(order.anz.max(anz)) / 12 * 4 + 16;
-        let line = line_time(&judge.facts, u64::from(order.anz.max(anz)), partner, order.given);
+        let line = line_time(&judge.facts, u64::from(order.anz.max(anz)), partner, order.given, good);
         if order.patience.is_over(line, calls) && !order.late {
             order.late = true;
             let text =

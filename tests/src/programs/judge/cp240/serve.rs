@@ -33,7 +33,9 @@ pub(super) fn called(judge: &mut Bench240, call: &Call, verdict: &mut Verdict) {
         verdict.broken("fc4-pafe", now, format!("PAFE is {} [S0 L1262]", after[PAFE]));
     }
     // "after elimination of the error cause, the byte is set back": the order that was wrong is the last one, still.
-    if before[PAFE] != 0 && after[PAFE] == 0 && before[ANZW] == after[ANZW] && after[ANZW] & 8 != 0 {
+    let same = before[ANZW] & 2 != 0 || before[ANZW] == after[ANZW];
+    let stands = judge.seen.last_break().saturating_add(super::MARGIN) < now;
+    if before[PAFE] != 0 && after[PAFE] == 0 && same && stands {
         verdict.broken("fc4-pafe", now, format!("PAFE {} is taken back, its cause stands [S0 L1262]", before[PAFE]));
     }
     if after[ANZW] & READY == READY || after[ANZW] & 2 != 0 && after[ANZW] & READY != 0 {

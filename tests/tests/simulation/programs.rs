@@ -1,0 +1,42 @@
+//! Programs drawn at random around the handling blocks: a few of each CP, and the seeds that have found something.
+
+use ob1_tests::programs::{SUBJECTS, Subject};
+
+/// Seeds that failed once, with the cause. They stay as long as the generator gives the same programs for them.
+const FOUND: &[(&str, u64, &str)] = &[];
+
+fn passes(subject: &Subject, seed: u64) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let outcome = (subject.run)(seed, folder.path(), false).unwrap_or_else(|message| {
+        panic!("{message}\nThis test needs the plugins that `cargo xtask test` builds; run: cargo xtask test")
+    });
+    let findings: Vec<String> = outcome.verdict.findings.iter().map(ToString::to_string).collect();
+    let replay = format!("cargo xtask programs {} --seed {seed} --log", subject.name);
+    assert!(findings.is_empty(), "{} seed {seed}: {findings:#?}\nreplay: {replay}", subject.name);
+}
+
+#[test]
+fn a_few_programs_of_each_cp() {
+    for subject in SUBJECTS {
+        (1..=12).for_each(|seed| passes(subject, seed));
+    }
+}
+
+#[test]
+fn programs_that_found_something() {
+    for (name, seed, cause) in FOUND {
+        let subject =
+            SUBJECTS.iter().find(|subject| subject.name == *name).unwrap_or_else(|| panic!("{name}: {cause}"));
+        passes(subject, *seed);
+    }
+}
+
+/// Everything is drawn from the seed: the same log again.
+#[test]
+fn the_same_seed_gives_the_same_log() {
+    for subject in SUBJECTS {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut run = || (subject.run)(7, folder.path(), true).expect("a run").log;
+        assert!(run() == run(), "{}", subject.name);
+    }
+}
