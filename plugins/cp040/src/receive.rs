@@ -37,6 +37,7 @@ interface! {
         static REQUEST: Bool;
         static RESET: Bool;
         static SINCE: DWord;
+        static ABSENT: DWord;
         static TOLD: Word;
         static PLACE: DWord;
     }
@@ -52,7 +53,7 @@ const ORDERS: Orders = Orders {
     since: receive::SINCE,
 };
 
-const TOLD: Told = Told { status: receive::TOLD, place: receive::PLACE, since: receive::SINCE };
+const TOLD: Told = Told { status: receive::TOLD, place: receive::PLACE, since: receive::ABSENT };
 
 /// FB 61.
 pub(crate) struct Receive;

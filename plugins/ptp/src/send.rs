@@ -361,13 +361,7 @@ fn run<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory) -> Result<End, Abo
 }
 
 /// Makes the channel the instance's own. If it cannot be, or a job is cancelled by that, returns how the call ends.
-fn own(
-    memory: &mut Memory,
-    laddr: i16,
-    state: &CpState,
-    edge: bool,
-    (instance, now_ms): (u64, u64),
-) -> Option<End> {
+fn own(memory: &mut Memory, laddr: i16, state: &CpState, edge: bool, (instance, now_ms): (u64, u64)) -> Option<End> {
     let claim = &state.send;
     if claim.is_of(instance, memory.start) && memory.laddr == laddr {
         return None;

@@ -1,7 +1,7 @@
 //! Host -> CP: a telegram collected fragment by fragment, and how its order ends [S3 "Sending data"].
 
-use ob1_words::cp040::{BAD_LENGTH, FAILED, FIRST, HEAD_BYTES, IDLE, INFO_PLAIN, LAST, RESET, RESET_DONE, nibble};
 use ob1_protocols::SendError;
+use ob1_words::cp040::{BAD_LENGTH, FAILED, FIRST, HEAD_BYTES, IDLE, INFO_PLAIN, LAST, RESET, RESET_DONE, nibble};
 use ob1_words::cp240::BUFFER_BYTES;
 
 /// The progress of an order.
