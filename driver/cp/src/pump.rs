@@ -217,6 +217,11 @@ impl CpPump {
             Err(_) => return self.end.emit(now, EventCode::Segment as u32, &[]),
         };
         if self.cpu_running != Some(running) {
+            if !running && self.module.kind().row().has_channels {
+                // What the blocks wrote before the STOP still counts: a telegram that they have told the program must
+                // not come again.
+                self.look_channels(now, line);
+            }
             self.cpu_running = Some(running);
             self.step(now, CpInput::CpuRun(running), line);
         }

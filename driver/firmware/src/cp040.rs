@@ -382,7 +382,7 @@ impl Cp040 {
 
     fn ended(&mut self, now: Instant, outcome: Result<(), SendError>, port: &mut dyn CpPort) {
         let outcome = port.order_ended(now, outcome, self.line_broke_off);
-        self.exchange.send.ended(outcome.is_ok());
+        self.exchange.send.ended(outcome);
         // The end is shown before a waiting command is evaluated.
         self.publish(port);
         if !self.cpu_stopped {

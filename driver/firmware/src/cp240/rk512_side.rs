@@ -162,7 +162,7 @@ impl Rk512Side {
     pub(crate) fn ended(&mut self, outcome: Result<&[u8], OrderError>) {
         let (by, code, data) = match outcome {
             Ok(data) => (BY_PARTNER, 0, data),
-            Err(OrderError::Rejected(code)) => (BY_PARTNER, code, &[][..]),
+            Err(error @ (OrderError::Rejected(_) | OrderError::NoArea)) => (BY_PARTNER, error.code(), &[][..]),
             Err(error) => (BY_CP, error.code(), &[][..]),
         };
         self.result.set(&[0, self.token, by, code], data);

@@ -179,6 +179,7 @@ impl Cp341 {
                 port.line_settings(&new.line_settings());
                 self.parts.ring.clear(capacity(self.model, new));
                 self.protocol = Protocol::of(new, port.lateness());
+                self.parts.burst_gap = 4 * new.line_settings().char_time() + port.lateness();
                 self.parts.heard_once = !self.protocol.is_acknowledged();
                 // "When the module is switched on, all output signals are in OFF state"; a driver that uses them
                 // switches them itself. [reference 2.2], [S4 L590]

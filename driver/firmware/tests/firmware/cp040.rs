@@ -441,3 +441,61 @@ fn a_stopped_cpu_commands_nothing() {
     assert_eq!(bench.send(b"y"), Some(Ok(())));
     assert_eq!(bench.log.tx, b"y");
 }
+
+/// "The entered length is not valid" [S3 L315]: a request has at least 2 bytes and at most 257 [S3 L305], and only
+/// functions that write may be sent to all slaves.
+#[test]
+fn a_modbus_master_does_not_take_what_is_no_request() {
+    let mut bench = Bench::new(60, &[("protocol", "modbus-master-rtu"), ("duplex", "full")]);
+    for telegram in [&[5][..], &[5; 258], &[5; 1024], &[0, 3, 0, 0, 0, 1]] {
+        assert_eq!(bench.send(telegram), Some(Err(Failure::Length)), "{} bytes", telegram.len());
+    }
+    bench.pass(1000 * MS);
+    assert_eq!(bench.log.tx, b"");
+    assert_eq!(bench.send(&[5, 3, 0, 0, 0, 1]), None);
+    bench.pass(100 * MS);
+    assert_eq!(bench.log.tx, rtu(&[5, 3, 0, 0, 0, 1]));
+}
+
+/// "Character with error received" [S3 L319]: one error for each telegram, however often the CPU looks.
+#[test]
+fn a_garbled_telegram_is_one_error() {
+    for protocol in ["ascii", "stx-etx"] {
+        for scans in [false, true] {
+            let mut bench = Bench::new(16, &[("protocol", protocol), ("duplex", "full")]);
+            let mut told = Vec::new();
+            for _ in 0..3 {
+                for byte in [None, Some(b'a'), None, None, Some(b'b'), None, Some(0x03)] {
+                    match &byte {
+                        None => bench.line(LineInput::Fault(LineFault::Parity)),
+                        Some(byte) => bench.line(LineInput::Rx(std::slice::from_ref(byte))),
+                    }
+                    bench.pass(MS);
+                    if scans {
+                        told.extend(bench.fetch());
+                    }
+                }
+                bench.pass(1000 * MS);
+            }
+            told.extend(std::iter::from_fn(|| bench.fetch()));
+            assert_eq!(told, vec![(0, vec![], 0x080C); 3], "{protocol}, {scans}");
+        }
+    }
+}
+
+/// "A free receive buffer is not available" [S3 L319], with as many telegrams waiting as there can be.
+#[test]
+fn a_full_buffer_is_told_once_until_something_has_come_out() {
+    let mut bench =
+        Bench::new(16, &[("protocol", "ascii"), ("duplex", "full"), ("zvz_ms", "3"), ("receive_buffers", "250")]);
+    for round in 0..2 {
+        for _ in 0..255 {
+            bench.line(LineInput::Rx(b"abcd"));
+            bench.pass(10 * MS);
+        }
+        let fetched: Vec<_> =
+            std::iter::from_fn(|| bench.fetch()).map(|(_, data, value)| (data.len(), value)).collect();
+        let expected = [vec![(4, 0); 250], vec![(0, 0x080A)]].concat();
+        assert_eq!(fetched, expected, "round {round}");
+    }
+}

@@ -161,7 +161,8 @@ impl<const N: usize> Receiver for Receive<N> {
     }
 
     fn unreadable(&mut self, now: Instant, what: What, out: &mut dyn Sink) {
-        let phase = if self.telegram.open { Phase::Receive } else { Phase::Idle };
+        // It may have been the start of a telegram, which is lost then; the rest of a lost one costs nothing more.
+        let phase = if self.decoder.skips() { Phase::Idle } else { Phase::Receive };
         out.report(Event { phase, what });
         self.telegram.close();
         self.decoder.skip();

@@ -429,3 +429,39 @@ fn the_diagnostic_buffer_has_the_time_of_the_cpu_and_outlives_its_driver() {
     let (mut other, _segment) = self::module();
     assert!(!other.diagnostic_buffer(&mut |_| {}), "a CP 240 has none");
 }
+
+/// "DS: record set for access via CPU" [S3 L341]; 00h and 02h "may only be transferred at STOP state" [S3 L375].
+#[test]
+fn a_program_writes_the_parameters_of_a_cp_040() {
+    let settings = CpSettings { takes_parameters: true, parameters: [3; 16], ..CpSettings::default() };
+    let (mut module, segment) = module_with(Box::new(AlwaysThere), settings);
+    let mut cp = driver(&segment);
+    module.cpu_state(true);
+    let mut bytes = || cp.read_params().expect("they are whole").bytes;
+    assert_eq!(bytes(), [3; 16]);
+    for (record, len, answer) in [
+        (0x80, 15, Err(ModuleError::Outside)),
+        (0x80, 17, Err(ModuleError::Outside)),
+        (0x02, 2, Err(ModuleError::NoRecord)),
+        (0x00, 1, Err(ModuleError::NoRecord)),
+        (0x81, 16, Err(ModuleError::NoRecord)),
+    ] {
+        assert_eq!(module.record_write(record, &[7; 17][..len]), answer, "{record:02X}h, {len} bytes");
+        assert_eq!(bytes(), [3; 16]);
+    }
+    assert_eq!((module.is_of_blocks(0x80), module.record_write(0x80, &[7; 16])), (false, Ok(())));
+    assert_eq!(bytes(), [7; 16]);
+    module.cpu_state(true);
+    assert_eq!(bytes(), [3; 16], "a start-up brings the parameters of the station file");
+}
+
+#[test]
+fn records_of_handling_blocks_are_theirs() {
+    let settings = [
+        CpSettings { channels: true, ..CpSettings::default() },
+        CpSettings { boxes: true, ..CpSettings::default() },
+        CpSettings::default(),
+    ];
+    let modules = settings.map(|settings| module_with(Box::new(AlwaysThere), settings).0);
+    assert_eq!(modules.map(|module| module.is_of_blocks(0x80)), [true, true, false]);
+}

@@ -15,7 +15,7 @@ use ob1_host::module::{CpModule, CpSettings};
 use ob1_host::plugin::{PluginModule, STATION, Setting};
 use ob1_host::supervisor::Times;
 use ob1_ir::Program;
-use ob1_params::Value;
+use ob1_params::{CpKind, Value};
 use ob1_rt::MonotonicClock;
 use ob1_stl::Library;
 use serde_json::json;
@@ -184,6 +184,7 @@ pub fn cp_settings(
         json: json.to_string().into_bytes(),
         absent_is_fault: config.absent == Absent::Fault,
         channels: row.has_channels,
+        takes_parameters: row.kind == CpKind::Cp040,
         boxes: row.has_boxes,
         diagnostics: *diagnostics,
     })
