@@ -32,6 +32,8 @@ pub struct CpPump {
     /// A set of registers was in the middle of a write.
     look_again: bool,
     params_revision: u64,
+    /// The line has not been there since the start.
+    no_line: bool,
     cpu_running: Option<bool>,
     next_beat: Instant,
 }
@@ -45,6 +47,7 @@ impl CpPump {
             seen: None,
             look_again: false,
             params_revision: 0,
+            no_line: false,
             cpu_running: None,
             next_beat: Instant::START,
         }
@@ -86,11 +89,26 @@ impl CpPump {
         self.deadline(now)
     }
 
+    /// The line has not been there since the start, which is no fault yet; returns the same as [`Self::poll`].
+    pub fn no_line<L: LinePort + ?Sized>(&mut self, now: Instant, line: &mut L) -> Instant {
+        self.no_line = true;
+        self.step(now, CpInput::NoLine, line);
+        self.deadline(now)
+    }
+
     /// Passes in an event of the line; returns the same as [`Self::poll`].
     pub fn line_event<L: LinePort + ?Sized>(&mut self, now: Instant, input: LineInput<'_>, line: &mut L) -> Instant {
         match input {
-            LineInput::Fault(LineFault::Back) => self.line_up(now),
-            LineInput::Fault(LineFault::Gone) if self.end.line_error.is_none() => self.line_error(now, 0, "gone"),
+            LineInput::Fault(LineFault::Back) => {
+                self.no_line = false;
+                self.line_up(now);
+            }
+            LineInput::Fault(LineFault::Gone) => {
+                self.no_line = false;
+                if self.end.line_error.is_none() {
+                    self.line_error(now, 0, "gone");
+                }
+            }
             LineInput::Modem(lines) => {
                 self.end.modem_inputs = lines;
                 self.end.show_modem();
@@ -108,6 +126,12 @@ impl CpPump {
         self.end.emit(now, EventCode::LineGone as u32, &errno.to_be_bytes());
         self.write_text(reason);
         self.end.show_state();
+    }
+
+    /// Reports that the line has begun to give back what is sent, with a text for the user, or has ceased to.
+    pub fn line_echo(&mut self, now: Instant, text: Option<&str>) {
+        self.end.emit(now, EventCode::LineEcho as u32, &[u8::from(text.is_some())]);
+        self.write_text(text.unwrap_or_default());
     }
 
     /// Announces sleep; see [`CpSide::prepare_sleep`]. False: poll again first.
@@ -199,7 +223,9 @@ impl CpPump {
             return;
         }
         self.module = Module::new(kind, self.end.segment.generation(), self.end.segment.io_bytes());
-        if self.end.line_error.is_some() {
+        if self.no_line {
+            self.step(now, CpInput::NoLine, line);
+        } else if self.end.line_error.is_some() {
             self.step(now, CpInput::Line(LineInput::Fault(LineFault::Gone)), line);
         }
         if let Some(running) = self.cpu_running {

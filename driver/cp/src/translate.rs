@@ -32,6 +32,9 @@ pub enum EventCode {
     Configuration = 7,
     /// Something in the segment has no meaning.
     Segment = 8,
+    /// The line gives back what is sent in half duplex; data: 1, or 0 when it has ceased to. The text is in record
+    /// [`LINE_TEXT_RECORD`].
+    LineEcho = 9,
 }
 
 pub(crate) const fn counter(counter: CpCounter) -> Counter {

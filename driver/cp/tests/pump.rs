@@ -313,3 +313,25 @@ fn the_module_is_what_the_configuration_says() {
         assert_eq!(entries.iter().any(|entry| entry.number == 4), name == "cp341", "{name}: {entries:?}");
     }
 }
+
+#[test]
+fn a_line_that_has_not_come_yet_is_no_event() {
+    let mut module = Module::new(&line(), End::A);
+    module.start(Instant::from_nanos(1));
+    module.event_codes();
+    let now = Instant::from_nanos(2);
+    module.pump.no_line(now, &mut module.port);
+    assert_eq!((module.event_codes(), module.cpu.monitor().leds().error), (vec![], false));
+    module.pump.line_event(now, LineInput::Fault(LineFault::Gone), &mut module.port);
+    assert_eq!((module.event_codes(), module.cpu.monitor().leds().error), (vec![EventCode::LineGone as u32], true));
+}
+
+#[test]
+fn an_echo_is_an_event_with_its_text() {
+    let mut module = Module::new(&line(), End::A);
+    module.start(Instant::from_nanos(1));
+    module.event_codes();
+    module.pump.line_echo(Instant::from_nanos(2), Some("it echoes"));
+    assert_eq!(module.event_codes(), [EventCode::LineEcho as u32]);
+    assert_eq!(module.cpu.read_diagnosis().unwrap().data(), b"it echoes");
+}

@@ -54,6 +54,8 @@ pub struct Cp040 {
     /// Characters are being transmitted.
     transmitting: bool,
     line_gone: bool,
+    /// It has not been there since the start, which is no wire break.
+    line_awaited: bool,
     /// The order was aborted because the line is gone.
     line_broke_off: bool,
     leds: LedDriver,
@@ -74,6 +76,10 @@ impl Cp for Cp040 {
                 self.look(now, port);
             }
             CpInput::Line(line) => self.line(now, line, port),
+            CpInput::NoLine => {
+                port.count(CpCounter::LineFaults, 1);
+                (self.line_gone, self.line_awaited) = (true, true);
+            }
             CpInput::CpuRun(run) => {
                 self.cpu_stopped = !run;
                 if run {
@@ -118,6 +124,7 @@ impl Cp040 {
             protocol_due: None,
             transmitting: false,
             line_gone: false,
+            line_awaited: false,
             line_broke_off: false,
             leds: LedDriver::new(),
             leds_shown: Leds::NONE,
@@ -164,11 +171,11 @@ impl Cp040 {
         self.leds.parameters(now, setup.is_modbus(), true);
         self.protocol = setup.build();
         self.setup = Some(setup);
-        port.line_settings(&parameters.common.line_settings());
+        port.line_settings(&parameters.line_settings());
         self.parameters = Some(parameters);
         self.phase = Phase::Working;
         self.clear(port);
-        self.diagnosis.wire_break = self.line_gone && self.detects_break();
+        self.diagnosis.wire_break = self.line_gone && !self.line_awaited && self.detects_break();
         port.record(self.diagnosis.record());
         port.rts(true);
         port.dtr(true);
@@ -292,7 +299,7 @@ impl Cp040 {
         // Two wires: "data is exchanged ... but only in one direction at a time". What arrives while we send is our own
         // echo. [S3 L347]
         let is_half = self.parameters.as_ref().is_some_and(|p| p.duplex == Duplex::Half);
-        let mut input = line;
+        let (mut input, was_gone) = (line, self.line_gone);
         match line {
             LineInput::Rx(_) if is_half && self.transmitting => return,
             LineInput::Rx(_) => {
@@ -304,12 +311,12 @@ impl Cp040 {
                 self.leds.transmit(false);
             }
             LineInput::Fault(LineFault::Gone) => {
-                self.line_gone = true;
+                (self.line_gone, self.line_awaited) = (true, false);
                 self.diagnosis.wire_break = self.detects_break();
                 self.leds.line(now, true);
             }
             LineInput::Fault(LineFault::Back) => {
-                self.line_gone = false;
+                (self.line_gone, self.line_awaited) = (false, false);
                 self.diagnosis.wire_break = false;
                 self.leds.line(now, false);
             }
@@ -326,7 +333,7 @@ impl Cp040 {
             LineInput::Fault(_) => self.leds.error(now),
             LineInput::Modem(_) => {}
         }
-        port.count_line(line);
+        port.count_line(line, was_gone);
         if self.phase != Phase::Working {
             return;
         }

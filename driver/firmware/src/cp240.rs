@@ -119,6 +119,10 @@ impl Cp for Cp240 {
                 self.look(now, port);
             }
             CpInput::Line(line) => self.line(now, line, port),
+            CpInput::NoLine => {
+                port.count(CpCounter::LineFaults, 1);
+                self.line_gone = true;
+            }
             CpInput::CpuRun(true) => {
                 if core::mem::take(&mut self.cpu_stopped) {
                     self.leds.stop_run();
@@ -406,7 +410,7 @@ impl Cp240 {
     // ---- the line and the protocol ----
 
     fn line(&mut self, now: Instant, line: LineInput<'_>, port: &mut dyn CpPort) {
-        port.count_line(line);
+        port.count_line(line, self.line_gone);
         match line {
             LineInput::Rx(_) => self.leds.received(now),
             LineInput::TxDone => self.leds.transmit(false),

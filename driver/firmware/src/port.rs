@@ -33,6 +33,9 @@ pub enum CpInput<'a> {
     Outputs(&'a [u8]),
     /// Something happened on the line.
     Line(LineInput<'a>),
+    /// The line has not been there since the start. What is sent is lost, but it is no wire break: [`LineFault::Gone`]
+    /// follows if it does not come.
+    NoLine,
     /// The CPU went to RUN or start-up (true) or to STOP (false).
     CpuRun(bool),
     /// Parameters: the CP restarts with them. Sixteen zeros stand for "none", see [`crate::Cp240`].
@@ -87,10 +90,10 @@ impl dyn CpPort + '_ {
     }
 
     /// Counts what has come from the line.
-    pub(crate) fn count_line(&mut self, line: LineInput<'_>) {
+    pub(crate) fn count_line(&mut self, line: LineInput<'_>, was_gone: bool) {
         match line {
             LineInput::Rx(bytes) => self.count(CpCounter::BytesRx, bytes.len() as u64),
-            LineInput::Fault(LineFault::Gone) => self.count(CpCounter::LineFaults, 1),
+            LineInput::Fault(LineFault::Gone) => self.count(CpCounter::LineFaults, u64::from(!was_gone)),
             LineInput::Fault(LineFault::Back) => self.count(CpCounter::LineRestarts, 1),
             _ => {}
         }

@@ -224,6 +224,8 @@ impl Cp240 {
             parity: self.parity,
             stop_bits: self.stop_bits,
             flow,
+            // "Physically, Modbus transmits via a serial half-duplex core" [S0 L2034]; so does M-Bus.
+            half_duplex: matches!(self.protocol, Protocol::Modbus(_) | Protocol::MBus),
         }
     }
 

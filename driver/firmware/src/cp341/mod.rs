@@ -91,6 +91,10 @@ impl Cp for Cp341 {
                 }
             }
             CpInput::Line(line) => self.line(now, line, port),
+            CpInput::NoLine => {
+                port.count(CpCounter::LineFaults, 1);
+                self.parts.line_gone = true;
+            }
             CpInput::CpuRun(run) => self.cpu(now, run, port),
             CpInput::Keys(parameters) => self.parametrise(now, parameters, port),
             // This CP takes its parameters as keys.
@@ -101,7 +105,7 @@ impl Cp for Cp341 {
         self.watch_cpu(now, port);
         self.publish(port);
         let v24_due = self.v24.refresh(now, port);
-        port.show(self.parts.leds.at(now, self.parts.is_interrupted()), &mut self.leds_shown);
+        port.show(self.parts.leds.at(now, self.parts.interrupted), &mut self.leds_shown);
         let again = Some(self.again_at).filter(|at| now < *at);
         let own = [self.parts.leds.deadline(now), v24_due, self.patience.deadline(), again];
         self.protocol_due.into_iter().chain(own.into_iter().flatten()).min()
@@ -153,7 +157,7 @@ impl Cp341 {
 
     /// Reports wire breaks and wrong parameters that have come or gone. [reference 1.9]
     fn diagnose(&mut self, now: Instant, port: &mut dyn CpPort) {
-        let found = Faults { wire_break: self.parts.is_interrupted(), parameters: self.parameters_wrong };
+        let found = Faults { wire_break: self.parts.interrupted, parameters: self.parameters_wrong };
         for number in self.diagnosis.find(found) {
             port.event(now, CpEvent::EntryGone(number));
         }
@@ -275,7 +279,7 @@ impl Cp341 {
     // ---- the line and the protocol ----
 
     fn line(&mut self, now: Instant, line: LineInput<'_>, port: &mut dyn CpPort) {
-        port.count_line(line);
+        port.count_line(line, self.parts.line_gone);
         match line {
             LineInput::Rx(_) => {
                 self.parts.interrupted = false;
@@ -295,7 +299,8 @@ impl Cp341 {
         self.drive(now, Input::Line(line), port);
         // "BREAK: receiving line to partner device is interrupted" [S4 L1750]; a protocol that has noticed it has
         // already reported it.
-        if self.parts.line_gone && !std::mem::replace(&mut self.parts.interrupted, true) {
+        let is_gone = line == LineInput::Fault(LineFault::Gone);
+        if is_gone && !std::mem::replace(&mut self.parts.interrupted, true) {
             self.enter(now, 0x080D, port);
         }
         self.break_off(now, port);

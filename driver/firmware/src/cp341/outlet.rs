@@ -69,11 +69,6 @@ impl Parts {
         Outlet { now, taking, parts: self, port, collected: Collected::default() }
     }
 
-    /// The receiving line is interrupted.
-    pub(crate) const fn is_interrupted(&self) -> bool {
-        self.line_gone || self.interrupted
-    }
-
     /// Data of the FETCH that has ended.
     pub(crate) fn fetched(&self, len: usize) -> &[u8] {
         &self.fetched[..len]

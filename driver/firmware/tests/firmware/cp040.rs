@@ -320,6 +320,19 @@ fn a_wire_break_is_seen_with_the_preset_for_it_and_in_full_duplex_alone() {
 }
 
 #[test]
+fn a_line_that_comes_later_is_no_wire_break_and_one_that_never_comes_is() {
+    for comes in [true, false] {
+        let mut bench = Bench::new(16, &[("protocol", "ascii"), ("duplex", "full"), ("preset", "break")]);
+        bench.cp.enable_diagnostics(true);
+        bench.step(CpInput::NoLine);
+        bench.line(LineInput::TxDone);
+        assert_eq!((bench.log.interrupts.len(), bench.log.records.last().map(|r| r[8])), (0, Some(0)));
+        bench.line(LineInput::Fault(if comes { LineFault::Back } else { LineFault::Gone }));
+        assert_eq!(bench.log.interrupts, if comes { vec![] } else { vec![(true, 5)] });
+    }
+}
+
+#[test]
 fn without_diag_en_there_is_a_record_and_no_interrupt() {
     let mut bench = Bench::new(16, &[("protocol", "ascii"), ("duplex", "full"), ("preset", "break")]);
     bench.line(LineInput::Fault(LineFault::Break));

@@ -1,6 +1,6 @@
 //! Line command (FC 8), LEDs and diagnostics: docs/cp240-registers.md.
 
-use ob1_firmware::{Cp as _, LineFault, LineInput, ModemLines, Span};
+use ob1_firmware::{Cp as _, CpInput, LineFault, LineInput, ModemLines, Span};
 
 use crate::common::{Bench, MS, ascii, s3964r};
 
@@ -93,6 +93,19 @@ fn what_lights_er_raises_one_diagnostic_interrupt() {
     bench.line(LineInput::Fault(LineFault::Back));
     bench.pass(4 * SECOND);
     assert!(!bench.log.leds.error && bench.has_event("incoming: false"));
+}
+
+#[test]
+fn a_line_that_comes_later_is_no_open_circuit_and_one_that_never_comes_is() {
+    for comes in [true, false] {
+        let mut bench = Bench::working(&ascii(1));
+        bench.cp.enable_diagnostics(true);
+        bench.step(CpInput::NoLine);
+        bench.pass(SECOND);
+        assert!(!bench.log.leds.error && !bench.has_event("Diagnosis"), "{:?}", bench.log.events);
+        bench.line(LineInput::Fault(if comes { LineFault::Back } else { LineFault::Gone }));
+        assert_eq!((bench.has_event("incoming: true"), bench.log.leds.error), (!comes, !comes));
+    }
 }
 
 #[test]

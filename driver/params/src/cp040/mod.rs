@@ -10,7 +10,7 @@ use crate::cp240::{Cp240, Protocol};
 use crate::error::ParamError;
 use crate::record::{self, Value};
 use crate::table::Layout;
-use ob1_serial::Flow;
+use ob1_serial::{Flow, LineSettings};
 use table::CP040;
 
 /// The parameters of a CP 040.
@@ -134,6 +134,12 @@ impl Cp040 {
             });
         }
         Ok(Self { common, duplex, preset })
+    }
+
+    /// The settings of the line.
+    pub fn line_settings(&self) -> LineSettings {
+        let line = self.common.line_settings();
+        LineSettings { half_duplex: line.half_duplex || self.duplex == Duplex::Half, ..line }
     }
 
     /// Maximum of telegrams in the receive buffer: the parameter for ASCII, 250 otherwise. [S3 L303]
