@@ -121,21 +121,24 @@ pub fn case(cp: Cp, seed: u64) -> (Case<Ptp>, Setup) {
     let io = [8, 16, 16, 60][random.below(4)];
 
     let mut shape = Shape::default();
-    let drawn = program(cp, random, &line, &mut shape, (two, fetch, io));
+    let drawn = program(cp, random, &line, &mut shape, (two, fetch, io, cycle));
     let slowest_call = drawn.interval.max(cycle);
-    let transfer = ms(slowest_call * 60) + line.each * (2 * most + 40);
-    let bound = line.slowest + 3 * transfer + if trouble.is_slow() { ms(11_000) } else { ms(300) };
+    // The calls that a telegram of this length needs, and its characters both ways.
+    let transfer = ms(slowest_call * (12 + most / if cp == Cp::Cp040 { io - 1 } else { 32 })) + line.each * (2 * most + 40);
+    let bound = line.slowest + 2 * transfer + if trouble.is_slow() { ms(11_000) } else { ms(300) };
 
-    let length = length(random, &line, most);
+    let length = length(cp, random, &line, most);
     let mut start = format!("L {length};\nT MW {LENGTH};\nT MW {};\nSET;\n= M {RECEIVES}.0;\n", LENGTH + 2);
-    start += &sources(random, &line, two, fetch, most);
+    start += &sources(cp, random, &line, two, fetch, most);
     let station = station(cp, &line, cycle, io);
 
     let busy_for = 2000 + random.below(2500) as u64;
     let end = calm.max(busy_for) + bound.millis() + 1500;
-    let (plan, is_wrong) = plan(random, trouble, &line, calm, end - bound.millis() - 500, most, two, &drawn);
+    let (plan, is_wrong) = plan(cp, random, trouble, &line, calm, end - bound.millis() - 500, most, two, &drawn);
     let (text, sites) = finish(shape, &start, is_wrong);
-    let setup = setup(cp, &line, drawn, bound, at(calm), fetch, io, trouble);
+    let last = plan.last().map_or(Instant::START, |(at, _)| *at);
+    let mut setup = setup(cp, &line, drawn, bound, at(calm), fetch, io, trouble);
+    setup.last = last;
     let rates = setup.rates;
     let case = Case {
         text,
@@ -166,7 +169,7 @@ fn home(random: &mut Random) -> Home {
     if random.once_in(12) { Home::Ob35 } else { shape::home(random) }
 }
 
-fn program(cp: Cp, random: &mut Random, line: &Line, shape: &mut Shape, (two, fetch, io): (bool, bool, u64)) -> Drawn {
+fn program(cp: Cp, random: &mut Random, line: &Line, shape: &mut Shape, (two, fetch, io, cycle): (bool, bool, u64, u64)) -> Drawn {
     let mut drawn = Drawn { sends: Vec::new(), receives: Vec::new(), is_com: false, interval: 0, starts: Vec::new() };
     let (send, receive) = pieces::blocks_of(cp);
     let mut fixed = match (cp, line.protocol) {
@@ -216,8 +219,8 @@ fn program(cp: Cp, random: &mut Random, line: &Line, shape: &mut Shape, (two, fe
         let rhythm = if home == Home::Ob35 { Rhythm::Always } else { shape::rhythm(random) };
         let interval = match (home, &rhythm) {
             (Home::Ob35, _) => 100,
-            (_, Rhythm::Nth(n)) => u64::from(*n) * 20,
-            _ => 20,
+            (_, Rhythm::Nth(n)) => u64::from(*n) * cycle,
+            _ => cycle,
         };
         drawn.interval = drawn.interval.max(interval);
         rhythm
@@ -264,20 +267,22 @@ fn program(cp: Cp, random: &mut Random, line: &Line, shape: &mut Shape, (two, fe
     drawn
 }
 
-fn length(random: &mut Random, line: &Line, most: u64) -> u64 {
+fn length(cp: Cp, random: &mut Random, line: &Line, most: u64) -> u64 {
     match line.protocol {
+        // The slave refuses a request that is too long.
+        Protocol::Modbus if cp == Cp::Cp040 => if random.once_in(6) { 5 + random.below(8) as u64 } else { 6 },
         Protocol::Modbus => 12 + 2 * random.below(10) as u64,
         _ => 2 + random.below(most as usize - 1) as u64,
     }
 }
 
 /// The statements of OB 100 that fill the source data blocks.
-fn sources(random: &mut Random, line: &Line, two: bool, fetch: bool, most: u64) -> String {
+fn sources(cp: Cp, random: &mut Random, line: &Line, two: bool, fetch: bool, most: u64) -> String {
     let mut text = String::new();
     let blocks = if two { 2 } else { 1 };
     for db in SOURCE..SOURCE + blocks {
         if line.protocol == Protocol::Modbus {
-            text += &requests(random, db);
+            text += &requests(cp, random, db);
         } else if !fetch {
             let binary = matches!(line.protocol, Protocol::Procedure | Protocol::Rk512);
             text += &pieces::fill(db, most as u32 + 40, binary);
@@ -287,11 +292,11 @@ fn sources(random: &mut Random, line: &Line, two: bool, fetch: bool, most: u64) 
 }
 
 /// Eight source areas of a Modbus master. [S4 chapter 5]
-fn requests(random: &mut Random, db: u16) -> String {
+fn requests(cp: Cp, random: &mut Random, db: u16) -> String {
     let mut text = String::new();
     for slot in 0..8 {
         let register = 16 * random.below(200);
-        let words: [usize; 4] = match random.below(14) {
+        let words: [usize; 4] = match random.below(if cp == Cp::Cp040 { 8 } else { 14 }) {
             0..4 => [0x0503, register, 1 + random.below(40), 0],
             4 => [0x0504, register, 1 + random.below(120), 0],
             5 => [0x0505, register, [0, 0xFF00][random.below(2)], 0],
@@ -335,6 +340,7 @@ fn finish(mut shape: Shape, start: &str, is_wrong: bool) -> (String, Vec<crate::
 
 #[expect(clippy::too_many_arguments, reason = "all that a plan is drawn from")]
 fn plan(
+    cp: Cp,
     random: &mut Random,
     trouble: Trouble,
     line: &Line,
@@ -371,7 +377,7 @@ fn plan(
         // LEN changes, perhaps in the middle of a job: it counts for the next. [S4 L1598]
         for _ in 0..random.below(5) {
             let when = moment(random, last);
-            let length = length(random, line, most);
+            let length = length(cp, random, line, most);
             let wrong = random.once_in(12);
             is_wrong |= wrong;
             let length = if wrong { [0, 5000, 0xFFFF][random.below(3)] } else { length };
@@ -437,6 +443,7 @@ fn plan(
 
 fn length_or(line: &Line, most: u64) -> u32 {
     match line.protocol {
+        Protocol::Modbus if line.params.contains("rtu") => 6,
         Protocol::Modbus => 12,
         _ => most.min(10) as u32,
     }
@@ -455,9 +462,12 @@ fn setup(cp: Cp, line: &Line, drawn: Drawn, bound: Span, calm: Instant, fetch: b
     let portions = if is_040 { sender::Portions::Io(io as u32) } else { sender::Portions::Of32 };
     let busy = if is_040 { 0x8181 } else { 0 };
     let aborted = (!is_040).then_some(0x1E0D);
-    let send = sender::Manual { block: of_send, busy, portions, reset: aborted, number: send, bound };
+    let answers = if is_040 { (12, ms(600)) } else { (4, Span::ZERO) };
+    let blocks = !is_040;
+    let send =
+        sender::Manual { block: of_send, busy, portions, reset: aborted, blocks, answers, number: send, bound };
     let portion = if is_040 { io as u32 } else { 32 };
-    let receive = receiver::Manual { block: of_receive, busy, portion, aborted, number: receive };
+    let receive = receiver::Manual { block: of_receive, busy, portion, aborted, blocks, answers, number: receive };
     // Two bits inverted in one column of a block are not seen by 3964R: only faults that can be seen. [S0 L1650]
     let rate = 300;
     let rates = if trouble.rates {
@@ -492,6 +502,8 @@ fn setup(cp: Cp, line: &Line, drawn: Drawn, bound: Span, calm: Instant, fetch: b
         rates,
         calm: if disturbed { calm + settle.min(ms(4000)) } else { Instant::START + ms(400) },
         patience,
+        is_040,
         is_short: line.echoes,
+        last: Instant::START,
     }
 }

@@ -64,8 +64,12 @@ pub struct Setup {
     pub calm: Instant,
     /// A telegram of the partner is delivered within this time.
     pub patience: Span,
-    /// The destination of the receiving block may be too short.
+    /// A CP 040: its own Modbus, and R empties the CP.
+    pub is_040: bool,
+    /// What the partner sends is not always taken.
     pub is_short: bool,
+    /// Nothing happens from outside after this.
+    pub last: Instant,
 }
 
 /// The judge.
@@ -74,6 +78,8 @@ pub struct PtpJudge {
     setup: Setup,
     senders: Vec<Sender>,
     receivers: Vec<Receiver>,
+    /// R of each sending block in its last call.
+    resets: Vec<bool>,
     /// The number of the open job of each sender in the outbox.
     jobs: Vec<Option<Open>>,
     outbox: Outbox,
@@ -113,9 +119,10 @@ impl PtpJudge {
         senders.iter_mut().for_each(|sender| sender.disturbed(calm));
         receivers.iter_mut().for_each(|receiver| receiver.disturbed(calm));
         let jobs = senders.iter().map(|_| None).collect();
+        let resets = vec![false; senders.len()];
         let (outbox, inbox) = (Outbox::default(), Inbox::default());
         let (able, heard) = (Instant::START, Instant::START);
-        Self { setup, senders, receivers, jobs, outbox, inbox, telegrams: 0, able, heard, is_running: true }
+        Self { setup, senders, receivers, resets, jobs, outbox, inbox, telegrams: 0, able, heard, is_running: true }
     }
 
     fn disturbed(&mut self, until: Instant) {
@@ -147,7 +154,8 @@ impl PtpJudge {
         let at = &self.setup.sends[place];
         let values = Values { site, call };
         let [req, r, len, db, dbb, done, error, status] = at.names;
-        let send = SendCall {
+        let mut send = SendCall {
+            legal: true,
             at: call.at,
             req: values.before(req) != 0,
             reset: values.before(r) != 0,
@@ -156,7 +164,19 @@ impl PtpJudge {
             error: values.after(error) != 0,
             status: values.after(status) as u16,
         };
-        let Turn { ended, began, at_once } = self.senders[place].call(&send, verdict);
+        let (db_no, dbb_no) = (values.before(db), values.before(dbb) as usize);
+        let mut telegram = None;
+        if self.senders[place].may_begin(send.req) {
+            telegram = self.telegram(place, &send, db_no, dbb_no, values.mark(), cpu);
+            send.legal = telegram.is_some();
+        }
+        if self.setup.is_040 && send.reset && !self.resets[place] {
+            // It empties both directions. [S3 L311] [reference 7.4]
+            self.inbox.broken_off();
+            self.disturbed(call.at + SETTLES);
+        }
+        self.resets[place] = send.reset;
+        let Turn { ended, began, at_once, ghost } = self.senders[place].call(&send, verdict);
         if self.setup.sends.len() > 1 {
             self.senders[place].excuse();
         }
@@ -167,14 +187,13 @@ impl PtpJudge {
             return;
         }
         verdict.given();
-        let (db, dbb) = (values.before(db), values.before(dbb) as usize);
-        let telegram = self.telegram(place, &send, db, dbb, values.mark(), cpu);
+        let (db, dbb) = (db_no, dbb_no);
         let reads = telegram.as_ref().is_some_and(|telegram| telegram.reads);
-        if telegram.is_none() {
-            self.senders[place].excuse();
-        }
         let block = self.setup.sends[place].manual.block;
         let number = self.outbox.began(call.at, block, telegram.map(|telegram| telegram.bytes));
+        if ghost {
+            self.outbox.spoilt(number);
+        }
         let len = usize::try_from(send.len).unwrap_or(0);
         self.jobs[place] = Some(Open { number, telegrams: self.telegrams, reads, db, dbb, len });
         if let Some(end) = at_once {
@@ -191,6 +210,8 @@ impl PtpJudge {
             *byte = value;
         }
         match self.setup.protocol {
+            // The telegram stands in the data block as it goes over the line. [S3 L383-L389]
+            Protocol::Modbus if self.setup.is_040 => Some(Expected { bytes: data, reads: false }),
             Protocol::Modbus => modbus::request(&data),
             Protocol::Rk512 if self.setup.fetch => Some(Expected { bytes: Vec::new(), reads: false }),
             Protocol::Rk512 => {
@@ -252,6 +273,10 @@ impl PtpJudge {
             status: values.after(status) as u16,
             len: i32::from(values.after(len) as u16 as i16),
         };
+        if self.setup.is_040 && receive.reset {
+            self.inbox.broken_off();
+            self.disturbed(call.at + SETTLES);
+        }
         if !receive.enable || receive.reset || call.at.since(self.heard) > SELDOM {
             self.able = call.at;
             self.starves(call.at);
@@ -340,6 +365,13 @@ impl Judge<Ptp> for PtpJudge {
             Deed::Write(..) => self.senders.iter_mut().for_each(Sender::excuse),
             Deed::Partner(_) => {}
         }
+    }
+
+    fn is_over(&self, now: Instant) -> bool {
+        // A job that began after all that happened has had its chance when it is a second old.
+        let over = self.setup.last.max(self.setup.calm) + Span::from_millis(1000);
+        let is_late = |sender: &Sender| sender.began().is_none_or(|began| began > self.setup.last);
+        now > over && self.senders.iter().all(is_late) && !self.inbox.has_owed()
     }
 
     fn end(&mut self, now: Instant, partner: &mut Ptp, verdict: &mut Verdict) {

@@ -96,15 +96,17 @@ fn characters(cp: Cp, protocol: Protocol, random: &mut Random, baud: u64, each: 
     let ms = Span::from_millis;
     let zvz = 20 + 10 * random.below(6) as u64;
     let mut frame =
-        Frame { start: Vec::new(), end: Vec::new(), strips: false, gap: ms(zvz * 7 / 10), pause: ms(2 * zvz + 20), each };
+        Frame { start: Vec::new(), end: Vec::new(), strips: false, gap: ms(zvz * 7 / 10), pause: ms(2 * zvz + 20), each, flow: false };
     let mut tail = Vec::new();
     let mut slowest = ms(500);
     let flow = cp != Cp::Cp040 && random.once_in(3);
     let flow_key = match (cp, flow) {
-        (Cp::Cp040, _) => String::from(", duplex = \"full\""),
+        // Without this pause two telegrams are one for the partner.
+        (Cp::Cp040, _) => format!(", zna_ms = {zvz}, duplex = \"full\""),
         (_, true) => String::from(", flow = \"xon-xoff\", flow_wait_ms = 2000"),
         (_, false) => String::new(),
     };
+    frame.flow = flow;
     if flow {
         slowest += ms(2500);
     }

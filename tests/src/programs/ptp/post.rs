@@ -191,6 +191,12 @@ impl Inbox {
         self.newest = self.newest.max(place);
     }
 
+    /// Whether something is still to be delivered.
+    #[must_use]
+    pub fn has_owed(&self) -> bool {
+        self.letters.iter().any(|letter| letter.owed && letter.taken == 0)
+    }
+
     /// The end of the run: what came before `until` must have been taken.
     pub fn finish(&self, block: &str, until: Instant, findings: &mut Verdict) {
         for letter in self.letters.iter().filter(|letter| letter.owed && letter.taken == 0 && letter.at < until) {

@@ -1,6 +1,6 @@
 //! The automaton of a block that receives: `P_RCV_RK`, `P_RCV`, FB 61, the receiving half of FB 65.
 
-use ob1_time::Instant;
+use ob1_time::{Instant, Span};
 
 use super::numbers::Number;
 use super::rule::{Findings as _, Rule};
@@ -17,6 +17,10 @@ pub struct Manual {
     pub portion: u32,
     /// STATUS of a reception that R or `EN_R` has ended.
     pub aborted: Option<u16>,
+    /// R blocks the block while it is on; otherwise it acts on its edge. [reference 1.5 3]
+    pub blocks: bool,
+    /// Calls, and time, within which R is answered.
+    pub answers: (u32, Span),
     /// What a STATUS means at this block with this protocol; `None`: it does not occur.
     pub number: fn(u16) -> Option<Number>,
 }
@@ -51,8 +55,8 @@ pub enum Report {
     Reset,
 }
 
-/// Calls within which R is answered.
-const ANSWERED_IN: u32 = 4;
+/// Calls after which a reception that `EN_R` has ended is reported.
+const TOLD_IN: u32 = 4;
 
 /// The automaton of one instance.
 #[derive(Debug)]
@@ -60,8 +64,8 @@ pub struct Receiver {
     manual: Manual,
     enable: bool,
     reset: bool,
-    /// R has come and was not answered: calls since then.
-    owed: Option<u32>,
+    /// R has come and was not answered: when, and calls since then.
+    owed: Option<(Instant, u32)>,
     /// `EN_R` has gone in this many calls before: a reception may have been broken off.
     disabled: Option<u32>,
     /// Calls since the last telegram.
@@ -94,21 +98,20 @@ impl Receiver {
         self.outputs(call, findings);
         self.calls = self.calls.saturating_add(1);
         if call.reset && !self.reset {
-            self.owed = Some(0);
+            self.owed = Some((call.at, 0));
         }
         self.disabled = match (self.enable, call.enable, self.disabled) {
             (true, false, _) => Some(0),
-            (_, _, Some(calls)) if calls < ANSWERED_IN => Some(calls + 1),
+            (_, _, Some(calls)) if calls < TOLD_IN => Some(calls + 1),
             _ => None,
         };
-        let is_pulse = self.reset;
         self.enable = call.enable;
         self.reset = call.reset;
         match (call.ndr, call.error) {
             (true, _) => self.taken(call, findings),
             (_, true) => self.failed(call, findings),
             _ => {
-                self.silent(call, is_pulse, findings);
+                self.silent(call, findings);
                 None
             }
         }
@@ -121,7 +124,8 @@ impl Receiver {
             return Some(Report::Reset);
         }
         let excused = call.at < self.excused_until;
-        findings.must(!call.reset, call.at, Rule::ResetBlocks, || format!("{block}: NDR while R is 1"));
+        let blocked = call.reset && self.manual.blocks;
+        findings.must(!blocked, call.at, Rule::ResetBlocks, || format!("{block}: NDR while R is 1"));
         findings.must(call.enable || call.reset, call.at, Rule::EnableBlocks, || {
             format!("{block}: NDR while EN_R is 0")
         });
@@ -157,12 +161,13 @@ impl Receiver {
         Some(Report::Error(call.status))
     }
 
-    fn silent(&mut self, call: &ReceiveCall, was_reset: bool, findings: &mut Verdict) {
-        let Some(calls) = self.owed else { return };
-        let calls = calls + 1;
+    fn silent(&mut self, call: &ReceiveCall, findings: &mut Verdict) {
+        let Some((since, calls)) = self.owed else { return };
         let excused = call.at < self.excused_until;
-        self.owed = (calls < ANSWERED_IN && (call.reset || was_reset || calls == 1)).then_some(calls);
-        findings.must(self.owed.is_some() || excused, call.at, Rule::ResetIsAnswered, || {
+        let (most, time) = self.manual.answers;
+        let over = calls + 1 >= most && call.at > since + time;
+        self.owed = (!over).then_some((since, calls + 1));
+        findings.must(!over || excused, call.at, Rule::ResetIsAnswered, || {
             format!("{}: R is answered with neither NDR and LEN 0 nor ERROR", self.manual.block)
         });
     }

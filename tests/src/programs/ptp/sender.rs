@@ -20,6 +20,10 @@ pub struct Manual {
     pub portions: Portions,
     /// STATUS of a job that R has ended; `None`: the reset is answered with DONE alone.
     pub reset: Option<u16>,
+    /// R blocks the block while it is on; otherwise it acts on its edge. [reference 1.2 6]
+    pub blocks: bool,
+    /// Calls, and time, within which R is answered.
+    pub answers: (u32, Span),
     /// What a STATUS means at this block with this protocol; `None`: it does not occur.
     pub number: fn(u16) -> Option<Number>,
     /// A job ends within this time after its data are in the CP and everything works.
@@ -64,6 +68,8 @@ pub struct SendCall {
     pub error: bool,
     /// STATUS.
     pub status: u16,
+    /// Its parameters are right.
+    pub legal: bool,
 }
 
 /// How a job ended.
@@ -86,10 +92,13 @@ pub struct Turn {
     pub began: bool,
     /// A job has begun and ended in this call.
     pub at_once: Option<End>,
+    /// Whether the job before this one has begun at all, nobody knows.
+    pub ghost: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Job {
+    began: Instant,
     len: i32,
     calls: u32,
     /// Since everything works and its data had the time to reach the CP.
@@ -101,6 +110,10 @@ struct Job {
     excused: bool,
     /// The manual does not say whether the edge counts: it came in the call that ended the job before.
     sure: bool,
+    /// A job that is not sure came before: this edge starts one, or that one goes on.
+    ghost: bool,
+    /// R has come.
+    aborting: Option<Instant>,
     told: bool,
 }
 
@@ -111,16 +124,14 @@ pub struct Sender {
     req: bool,
     reset: bool,
     job: Option<Job>,
-    /// R has come and was not answered: calls since then.
-    owed: Option<u32>,
+    /// R has come and was not answered: when, and calls since then.
+    owed: Option<(Instant, u32)>,
     /// Errors have a cause until then.
     excused_until: Instant,
     /// The first call after a start-up: whether REQ has risen cannot be known.
     is_restart: bool,
 }
 
-/// Calls within which R is answered.
-const ANSWERED_IN: u32 = 4;
 /// Calls in which a result that is there must be seen.
 const SEEN_IN: u32 = 8;
 
@@ -136,6 +147,18 @@ impl Sender {
     #[must_use]
     pub fn is_busy(&self) -> bool {
         self.job.is_some_and(|job| job.sure)
+    }
+
+    /// When the running job began.
+    #[must_use]
+    pub fn began(&self) -> Option<Instant> {
+        self.job.as_ref().map(|job| job.began)
+    }
+
+    /// Whether a job may begin with this call.
+    #[must_use]
+    pub fn may_begin(&self, req: bool) -> bool {
+        req && (!self.req || self.is_restart)
     }
 
     /// Something has happened that may fail jobs until `until` and delays them.
@@ -166,7 +189,8 @@ impl Sender {
     /// Takes a call.
     pub fn call(&mut self, call: &SendCall, findings: &mut Verdict) -> Turn {
         self.outputs(call, findings);
-        let rises = call.req && (!self.req || self.is_restart) && !call.reset;
+        let blocked = call.reset && self.manual.blocks;
+        let rises = call.req && (!self.req || self.is_restart) && !blocked;
         let sure = call.req && !self.req;
         let resets = call.reset && !self.reset;
         self.req = call.req;
@@ -178,19 +202,28 @@ impl Sender {
             _ => None,
         };
         let mut turn = Turn::default();
-        if let Some(job) = self.job.take() {
+        if self.job.is_some_and(|job| !job.sure) && rises && end.is_none() {
+            self.begin(call, true);
+            if let Some(job) = &mut self.job {
+                job.ghost = true;
+            }
+            (turn.began, turn.ghost) = (true, true);
+            return turn;
+        }
+        if let Some(mut job) = self.job.take() {
+            if blocked || resets {
+                job.aborting = job.aborting.or(Some(call.at));
+            }
             turn.ended = self.running(job, call, end, findings);
             if turn.ended.is_some() && rises {
                 // An edge in the call that ends the job before: [reference 1.2 9] leaves open whether it counts.
                 self.begin(call, false);
                 turn.began = true;
-            } else if rises && let Some(job) = &mut self.job {
-                job.sure = true;
             }
             return turn;
         }
         if resets {
-            self.owed = Some(0);
+            self.owed = Some((call.at, 0));
         }
         if rises {
             self.begin(call, sure);
@@ -205,11 +238,11 @@ impl Sender {
     }
 
     fn begin(&mut self, call: &SendCall, sure: bool) {
-        let excused = call.at < self.excused_until;
+        let excused = call.at < self.excused_until || !call.legal;
         let len = call.len;
         self.owed = None;
         self.job =
-            Some(Job { len, calls: 0, clock: None, settled: 0, late: 0, excused, sure, told: false });
+            Some(Job { began: call.at, len, calls: 0, clock: None, settled: 0, late: 0, excused, sure, ghost: false, aborting: None, told: false });
     }
 
     /// A job runs: [reference 1.2 1-3, 5, 9].
@@ -217,8 +250,8 @@ impl Sender {
         let Manual { block, number, .. } = self.manual;
         job.calls += 1;
         job.settled += 1;
-        if call.reset {
-            return self.aborted(job, call, end, findings);
+        if let Some(since) = job.aborting {
+            return self.aborted(job, since, call, end, findings);
         }
         let Some(end) = end else {
             self.waits(&mut job, call, findings);
@@ -228,7 +261,7 @@ impl Sender {
         match end {
             End::Done => {
                 let fewest = self.manual.portions.fewest(job.len);
-                findings.must(job.calls >= fewest || !job.sure, call.at, Rule::Portions, || {
+                findings.must(job.calls >= fewest || !job.sure || job.ghost, call.at, Rule::Portions, || {
                     format!("{block}: {} bytes were DONE in {} calls, they need {fewest}", job.len, job.calls)
                 });
             }
@@ -246,16 +279,19 @@ impl Sender {
     }
 
     /// R in a job: the block says that the job has ended. [reference 1.2 5, 1.2 7]
-    fn aborted(&mut self, mut job: Job, call: &SendCall, end: Option<End>, findings: &mut Verdict) -> Option<End> {
+    fn aborted(&mut self, mut job: Job, since: Instant, call: &SendCall, end: Option<End>, findings: &mut Verdict) -> Option<End> {
         let Manual { block, reset, .. } = self.manual;
         let status = match end {
             None => {
                 job.late += 1;
                 let late = job.late;
-                findings.must(late != ANSWERED_IN, call.at, Rule::ResetIsAnswered, || {
+                let (calls, time) = self.manual.answers;
+                let over = late >= calls && call.at > since + time;
+                let excused = call.at < self.excused_until;
+                findings.must(!over || excused || !job.sure, call.at, Rule::ResetIsAnswered, || {
                     format!("{block}: R ends a running job, but {late} calls say nothing")
                 });
-                if late >= ANSWERED_IN {
+                if over {
                     return Some(End::Reset);
                 }
                 self.job = Some(job);
@@ -268,7 +304,7 @@ impl Sender {
             Some(End::Error(status)) => Some(status),
             _ => None,
         };
-        let right = status == reset || !job.sure || job.excused || call.at < self.excused_until;
+        let right = reset.is_none() || status == reset || !job.sure || job.excused || call.at < self.excused_until;
         findings.must(right, call.at, Rule::ResetIsAnswered, || {
             format!("{block}: a job ended by R reports {status:04X?}")
         });
@@ -304,16 +340,18 @@ impl Sender {
             (Some(_), Some(End::Done)) => self.owed = None,
             // A start-up that R has interrupted.
             (Some(_), Some(_)) if excused => self.owed = None,
-            (Some(calls), None) => {
+            (Some((since, calls)), None) => {
                 let calls = calls + 1;
-                self.owed = (calls < ANSWERED_IN).then_some(calls);
-                findings.must(calls < ANSWERED_IN || excused, call.at, Rule::ResetIsAnswered, || {
+                let (most, time) = self.manual.answers;
+                let over = calls >= most && call.at > since + time;
+                self.owed = (!over).then_some((since, calls));
+                findings.must(!over || excused, call.at, Rule::ResetIsAnswered, || {
                     format!("{block}: R without a job is not answered with DONE")
                 });
             }
             (None, None) => {}
             (_, Some(end)) => {
-                let rule = if call.reset { Rule::ResetBlocks } else { Rule::EndOfAJob };
+                let rule = if call.reset && self.manual.blocks { Rule::ResetBlocks } else { Rule::EndOfAJob };
                 findings.breaks(call.at, rule, format!("{block}: {end:X?} without a job"));
             }
         }

@@ -15,18 +15,22 @@ const SEND: sender::Manual = sender::Manual {
     busy: 0,
     portions: Portions::Of32,
     reset: Some(0x1E0D),
+    blocks: true,
+    answers: (4, Span::ZERO),
     number: numbers::send_3964,
     bound: Span::from_secs(2),
 };
 
 const COM: sender::Manual =
-    sender::Manual { block: "FB 60", busy: 0x8181, portions: Portions::Io(16), reset: None, number: numbers::send_040, ..SEND };
+    sender::Manual { block: "FB 60", busy: 0x8181, portions: Portions::Io(16), reset: None, blocks: false, number: numbers::send_040, ..SEND };
 
 const TAKE: receiver::Manual = receiver::Manual {
     block: "FB 7",
     busy: 0,
     portion: 32,
     aborted: Some(0x1E0D),
+    blocks: true,
+    answers: (4, Span::ZERO),
     number: numbers::receive_plain,
 };
 
@@ -49,6 +53,7 @@ fn sends(manual: sender::Manual, calls: &str) -> Verdict {
             done: has('D'),
             error: ['E', 'P', 'A', 'X', 'N'].into_iter().any(has),
             status: status.into_iter().find(|(letter, _)| has(*letter)).map_or(0, |(_, status)| status),
+            legal: true,
         };
         sender.call(&call, &mut verdict);
     }
@@ -133,7 +138,7 @@ fn a_job_without_an_end() {
 #[test]
 fn a_cause_is_an_excuse_and_delays_the_bound() {
     let (mut sender, mut verdict) = (Sender::new(SEND), Verdict::default());
-    let call = |n: u64| SendCall { at: at(n), req: n == 1, reset: false, len: 10, done: false, error: false, status: 0 };
+    let call = |n: u64| SendCall { at: at(n), req: n == 1, reset: false, len: 10, done: false, error: false, status: 0, legal: true };
     (0..200).for_each(|n| _ = sender.call(&call(n), &mut verdict));
     sender.disturbed(at(250));
     (200..430).for_each(|n| _ = sender.call(&call(n), &mut verdict));

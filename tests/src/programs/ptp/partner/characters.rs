@@ -25,6 +25,8 @@ pub struct Frame {
     pub pause: Span,
     /// Time of one character.
     pub each: Span,
+    /// XON and XOFF control the flow.
+    pub flow: bool,
 }
 
 /// The partner.
@@ -40,6 +42,8 @@ pub struct Characters {
     saying: Option<(Instant, Vec<u8>)>,
     /// It has said XOFF: since, until.
     off: Option<(Instant, Instant)>,
+    /// The CP has said XOFF.
+    held: bool,
     flooded: usize,
     rng: SplitMix64,
 }
@@ -53,7 +57,7 @@ impl Characters {
     pub fn new(frame: Frame, seed: u64) -> Self {
         let (heard, queue, rng) = (Vec::new(), VecDeque::new(), SplitMix64::new(seed));
         let (last, free) = (Instant::START, Instant::START);
-        Self { frame, heard, last, queue, free, saying: None, off: None, flooded: 0, rng }
+        Self { frame, heard, last, queue, free, saying: None, off: None, held: false, flooded: 0, rng }
     }
 
     /// A telegram to be sent.
@@ -67,14 +71,18 @@ impl Characters {
             self.character(now, *byte, events);
         }
         self.time(now, out, events);
-        let gap = if self.heard.is_empty() { Instant::NEVER } else { self.last + self.frame.gap };
-        let queue = if self.queue.is_empty() { Instant::NEVER } else { self.free };
+        let gap = if self.heard.is_empty() || self.off.is_some() { Instant::NEVER } else { self.last + self.frame.gap };
+        let queue = if self.queue.is_empty() || self.held { Instant::NEVER } else { self.free };
         let saying = self.saying.as_ref().map_or(Instant::NEVER, |(at, _)| *at);
         let off = self.off.map_or(Instant::NEVER, |(_, until)| until);
         gap.min(queue).min(saying).min(off)
     }
 
     fn character(&mut self, now: Instant, byte: u8, events: &mut Vec<Event>) {
+        if self.frame.flow && matches!(byte, XON | XOFF) {
+            self.held = byte == XOFF;
+            return;
+        }
         if let Some((since, _)) = self.off
             && now > since + 3 * self.frame.each
         {
@@ -120,12 +128,12 @@ impl Characters {
         if self.off.is_some_and(|(_, until)| until <= now) {
             self.off = None;
             out.push(XON);
-            self.free = now + self.frame.each;
+            self.free = self.free.max(now + self.frame.each);
             if self.flooded > 0 {
                 events.push(Event::Flooded { at: now, characters: std::mem::take(&mut self.flooded) });
             }
         }
-        if now < self.free || self.saying.is_some() {
+        if now < self.free || self.saying.is_some() || self.held {
             return;
         }
         let Some((what, telegram)) = self.queue.pop_front() else { return };
@@ -160,7 +168,7 @@ mod tests {
 
     fn frame() -> Frame {
         let ms = Span::from_millis;
-        Frame { start: Vec::new(), end: Vec::new(), strips: false, gap: ms(10), pause: ms(20), each: ms(1) }
+        Frame { start: Vec::new(), end: Vec::new(), strips: false, gap: ms(10), pause: ms(20), each: ms(1), flow: false }
     }
 
     #[test]

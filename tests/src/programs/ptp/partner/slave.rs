@@ -143,7 +143,9 @@ impl Slave {
         let answer = unframed(Frame::Ascii, &answers).unwrap_or_default();
         let refused = answer.get(1).is_some_and(|function| function & 0x80 != 0);
         let good = matches!(mood, Mood::Good | Mood::Twice | Mood::Noise);
-        if !refused {
+        // A CP 040 hands every answer to its program. [S3 L391]
+        let all = frame == Frame::Rtu;
+        if !refused || all {
             events.push(Event::Got { at, telegram: request.clone(), answered: good });
         } else {
             events.push(Event::Disturbs(at + 2 * timeout));
@@ -152,7 +154,9 @@ impl Slave {
             return;
         }
         let reads = matches!(request[1], 3 | 4) && !refused;
-        let said = (reads && good).then(|| Event::Said { at, telegram: answer[3..].to_vec(), owed: false });
+        let text = if all { answer.clone() } else { answer.get(3..).unwrap_or_default().to_vec() };
+        let refusal = all && mood == Mood::Refuses;
+        let said = ((reads || all) && (good || refusal)).then(|| Event::Said { at, telegram: text, owed: false });
         let mut characters = framed(frame, &answer);
         let mut wait = Span::from_micros(100) + self.rng.span_below(timeout * 8 / 10);
         match mood {
