@@ -288,7 +288,8 @@ impl PtpJudge {
                 verdict.received();
                 self.telegrams += 1;
                 let (db, dbb) = (values.before(db), values.before(dbb) as usize);
-                let (db, dbb) = if self.setup.protocol == Protocol::Rk512 { (values.after("L_NO"), 0) } else { (db, dbb) };
+                let (db, dbb) =
+                    if self.setup.protocol == Protocol::Rk512 { (values.after("L_NO"), 0) } else { (db, dbb) };
                 let len = usize::try_from(len).unwrap_or(0);
                 let data = u16::try_from(db).ok().and_then(|db| cpu.data_block(db));
                 if let Some(data) = data.and_then(|data| data.get(dbb..dbb + len)).filter(|_| alone) {
