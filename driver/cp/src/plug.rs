@@ -3,7 +3,7 @@
 use ob1_backplane::{Channel as SegmentChannel, CpSide, DriverState, Event, EventKind, ModemOutputs};
 use ob1_firmware::cp341::{Channel, ChannelBlock};
 use ob1_firmware::{
-    Cp, CpCounter, CpEvent, CpPort, Instant, Leds, LineSettings, ModemLines, Reason, Span, StartReason, Troubles, Wire,
+    Cp, CpCounter, CpEvent, CpPort, Instant, Leds, LineSettings, ModemLines, Reason, Span, StartReason, Troubles, Why, Wire,
 };
 
 use crate::line_port::LinePort;
@@ -28,6 +28,8 @@ pub(crate) struct SegmentEnd {
     /// Error number of a line that is gone.
     pub(crate) line_error: Option<u32>,
     state: DriverState,
+    /// The line gives back what is sent.
+    pub(crate) echoes: bool,
     /// What has failed at the CP.
     pub(crate) troubles: Troubles,
     reason: Option<Reason>,
@@ -53,6 +55,7 @@ impl SegmentEnd {
             dtr: true,
             parameters: Parameters::None,
             line_error: None,
+            echoes: false,
             state: DriverState::Starting,
             troubles: Troubles::default(),
             reason: None,
@@ -92,7 +95,10 @@ impl SegmentEnd {
 
     /// Shows what the CP waits for, or what has failed.
     pub(crate) fn show_reason(&mut self, now: Instant, cp: &dyn Cp) {
-        let reason = self.troubles.reason(now, cp);
+        let told = self.troubles.reason(now, cp);
+        // What fails on a line that echoes fails because of that.
+        let by_echo = |told: Reason| matches!(told.why, Why::OrderFailed | Why::ReceiveError);
+        let reason = if self.echoes && told.is_none_or(by_echo) { Some(Reason::state(Why::Echoes, 0)) } else { told };
         if reason != self.reason {
             self.reason = reason;
             self.segment.set_reason(reason);

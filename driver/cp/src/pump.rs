@@ -136,8 +136,10 @@ impl CpPump {
 
     /// Reports that the line has begun to give back what is sent, with a text for the user, or has ceased to.
     pub fn line_echo(&mut self, now: Instant, text: Option<&str>) {
+        self.end.echoes = text.is_some();
         self.end.emit(now, EventCode::LineEcho as u32, &[u8::from(text.is_some())]);
         self.write_text(text.unwrap_or_default());
+        self.end.show_reason(now, self.module.cp());
     }
 
     /// Announces sleep; see [`CpSide::prepare_sleep`]. False: poll again first.

@@ -337,6 +337,10 @@ fn an_echo_is_an_event_with_its_text() {
     module.pump.line_echo(Instant::from_nanos(2), Some("it echoes"));
     assert_eq!(module.event_codes(), [EventCode::LineEcho as u32]);
     assert_eq!(module.cpu.read_diagnosis().unwrap().data(), b"it echoes");
+    let why = |module: &Module| module.cpu.monitor().reason().map(|(reason, _)| reason.why);
+    assert_eq!(why(&module), Some(Why::Echoes));
+    module.pump.line_echo(Instant::from_nanos(3), None);
+    assert_eq!(why(&module), None);
 }
 
 /// An order that nobody answers, with a line of its own speed: what the driver shows of it.

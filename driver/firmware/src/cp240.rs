@@ -186,7 +186,8 @@ impl Cp for Cp240 {
             return Waiting { telegrams, progress, block: 4, cpu_runs };
         }
         let (telegrams, progress) = (self.receive.ring.telegrams(), self.receive.word().into());
-        Waiting { telegrams, progress, block: 1, cpu_runs }
+        let is_fragmented = self.setup.as_ref().is_some_and(Setup::is_fragmented);
+        Waiting { telegrams, progress, block: if is_fragmented { 11 } else { 1 }, cpu_runs }
     }
 }
 

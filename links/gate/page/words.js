@@ -67,6 +67,7 @@ const reasons = {
   buffer_full: "Empfangspuffer voll: abgewiesene Telegramme: {count}, das letzte vor {age} s",
   not_fetched: "wartet auf den Empfangsbaustein, seit {age} s: nicht abgeholte Telegramme: {count}",
   receive_error: "Empfangsfehler nacheinander: {count}, der letzte ({hex}) vor {age} s",
+  echoes: "die Leitung gibt das Gesendete zurück (lokales Echo abschalten), seit {age} s",
 };
 
 export function reason(of) {

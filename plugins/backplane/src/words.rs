@@ -195,7 +195,7 @@ mod tests {
         assert_eq!(reason_from_word(reason_to_word(reason, 3)), Some((reason, 3)));
         let many = Reason { count: u32::MAX, ..reason };
         assert_eq!(reason_from_word(reason_to_word(many, 0)), Some((Reason { count: Reason::COUNT_MAX, ..many }, 0)));
-        for word in [0, 9, 255, u64::MAX, 9 << 8] {
+        for word in [0, 10, 255, u64::MAX, 10 << 8] {
             assert_eq!(reason_from_word(word), None, "{word:#x}");
         }
     }

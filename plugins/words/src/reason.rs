@@ -23,6 +23,8 @@ codes! {
         /// What the partner sends cannot be read. Number: the event of the last attempt (classes 5, 6, 8), 0: none;
         /// count: attempts since the last good telegram.
         ReceiveError = 8,
+        /// The line gives back what is sent in half duplex, so that answers are hard to tell from it.
+        Echoes = 9,
     }
 }
 

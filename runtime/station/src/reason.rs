@@ -74,6 +74,7 @@ const fn name(why: Why) -> &'static str {
         Why::Full => "buffer_full",
         Why::NotFetched => "not_fetched",
         Why::ReceiveError => "receive_error",
+        Why::Echoes => "echoes",
     }
 }
 
@@ -117,6 +118,10 @@ fn words(cp: CpKind, reason: Reason, age: &str) -> (String, &'static str) {
             let text = format!("{count} receive error{} in a row, the last{which} {age} ago", plural(reason.count));
             (text, event(number))
         }
+        Why::Echoes => (
+            format!("the line echoes what is sent, for {age}"),
+            "Switch the local echo of the adapter off: an answer that repeats its request is hard to tell from it.",
+        ),
     }
 }
 
@@ -236,6 +241,7 @@ mod tests {
                 told(Cp240, Why::ReceiveError, 0x0806, 1),
                 "1 receive error in a row, the last 0806h (The character delay time ran out within a telegram) 3 s ago",
             ),
+            (told(Cp341, Why::Echoes, 0, 0), "the line echoes what is sent, for 3 s"),
             (told(Cp240, Why::ReceiveError, 0, 2), "2 receive errors in a row, the last 3 s ago"),
         ] {
             assert_eq!(text, expected);

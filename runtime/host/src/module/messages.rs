@@ -22,6 +22,7 @@ mod code {
     pub(super) const LINE_UP: u32 = 5;
     pub(super) const CONFIGURATION: u32 = 7;
     pub(super) const SEGMENT: u32 = 8;
+    pub(super) const ECHO: u32 = 9;
 }
 
 /// Kinds of rule violations by a driver, each entered once in an incident.
@@ -129,6 +130,8 @@ pub(super) struct Messages {
     /// The line is gone, with the system's error number.
     line: Told<u32>,
     refused: Told<Refused>,
+    /// The line gives back what is sent.
+    echo: Told<()>,
     states: Allowance,
     /// How many events the ring of the segment had no room for.
     lost: Told<u64>,
@@ -147,6 +150,7 @@ impl Messages {
             interrupts: Allowance::new(INTERRUPTS),
             line: Told::NEVER,
             refused: Told::NEVER,
+            echo: Told::NEVER,
             states: Allowance::new(STATES),
             lost: Told::NEVER,
             losses: Allowance::new(LOSSES),
@@ -178,6 +182,10 @@ impl Messages {
                 Some(errno) => text(Event::CP_ERROR, format_args!("{}", Gone(errno))),
                 None => text(Event::CP_ERROR_GONE, format_args!("line up")),
             });
+        }
+        if let Some(echo) = self.echo.due(&mut self.states) {
+            let event = if echo.is_some() { Event::CP_ERROR } else { Event::CP_ERROR_GONE };
+            return Some(text(event, format_args!("line: local echo")));
         }
         let refused = self.refused.due(&mut self.states)?;
         Some(match refused {
@@ -222,6 +230,8 @@ impl Messages {
             code::NO_PARAMETERS => self.refused.comes(Refused::Byte(first)),
             code::CONFIGURATION => self.refused.comes(Refused::Configuration),
             code::WORKING => self.refused.goes(),
+            code::ECHO if first == 0 => self.echo.goes(),
+            code::ECHO => self.echo.comes(()),
             code::SEGMENT => self.enter_once(SEEN_BY_THE_CP, "seen by the CP", incident),
             _ => {}
         }

@@ -313,6 +313,19 @@ fn interrupts_and_a_line_that_flaps_have_their_limits_and_the_last_word_is_told(
 }
 
 #[test]
+fn a_line_that_echoes_is_entered_once_and_its_end_too() {
+    let (mut module, segment) = module();
+    let mut cp = driver(&segment);
+    let entries = entries_of(&mut module, 10, |scan| {
+        if matches!(scan, 1 | 5) {
+            cp.emit_event(ob1_backplane::Event::new(0, EventKind::Message, 9, &[u8::from(scan == 1)]));
+        }
+    });
+    let told: Vec<_> = entries.iter().map(|e| (e.event, &e.data[..usize::from(e.len)])).collect();
+    assert_eq!(told, [(Event::CP_ERROR, &b"line: local echo"[..]), (Event::CP_ERROR_GONE, b"line: local echo")]);
+}
+
+#[test]
 fn events_that_a_full_ring_loses_are_entered_when_that_begins_and_then_from_time_to_time() {
     let (mut module, segment) = module();
     let mut cp = driver(&segment);
