@@ -2,8 +2,8 @@
 //! manuals.
 //!
 //! A seed gives a program, a station, a partner and faults ([`run::Case`]). The program records its calls itself
-//! ([`text`]). It runs in the whole-station simulation ([`run`]); the [`judge`] sees each call and the partner's ledger.
-//! The same seed gives the same log.
+//! ([`text`]). It runs in the whole-station simulation ([`run`]); the [`judge`] sees each call and the partner's
+//! ledger. The same seed gives the same log.
 
 pub mod cp240;
 pub mod judge;

@@ -111,7 +111,8 @@ impl Operand {
 pub struct Site {
     /// The block; without one the record is a mark of the program (only `after`).
     pub block: Option<&'static Block>,
-    /// What is written after the block's name, for example `DB 15`; empty for an FC, `#name` alone for a multi-instance.
+    /// What is written after the block's name, for example `DB 15`; empty for an FC, `#name` alone for a
+    /// multi-instance.
     pub instance: String,
     /// Actual parameters in the order of the interface; None: not supplied.
     pub operands: Vec<Option<Operand>>,

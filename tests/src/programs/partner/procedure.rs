@@ -158,6 +158,8 @@ impl Procedure {
             // "it receives a character that is not equal to STX it will transmit a NAK" [S0 L1637].
             State::Idle if self.manners.silent < 100 => self.output.push(now + TURN, vec![NAK]),
             State::Idle => {}
+            // DLE is not out yet: the other side calls again.
+            State::Receives(heard) if heard.is_empty() && byte == STX && self.output.next().is_some() => {}
             State::Receives(heard) => {
                 heard.push(byte);
                 self.until = now + self.pace.zvz;

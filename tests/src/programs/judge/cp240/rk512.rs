@@ -15,6 +15,8 @@ use crate::programs::text::{Operand, Site};
 pub(super) const LANG: usize = 3;
 pub(super) const ANZW: usize = 7;
 pub(super) const PAFE: usize = 8;
+/// The control bits begin here.
+const BITS: usize = 11;
 const RUNNING: u32 = 2;
 const DONE: u32 = 4;
 const ERROR: u32 = 8;
@@ -39,7 +41,7 @@ struct Order {
     lang: u32,
     changed: bool,
     pafe: bool,
-    /// When bit 1 was seen.
+    /// When it was released.
     ran: Option<Instant>,
     patience: Patience,
     late: bool,
@@ -119,7 +121,8 @@ pub(super) fn called(
             return;
         }
     }
-    if anzw & RUNNING != 0 {
+    // Bit 1 may also mean that it is blocked [S0 L1283]; "if the control bits are reset" it has not been released.
+    if anzw & RUNNING != 0 && after[BITS..BITS + 4].iter().any(|bit| *bit != 0) {
         order.ran.get_or_insert(now);
     }
     if ready == 0 {
@@ -128,9 +131,10 @@ pub(super) fn called(
         let good = order.given > judge.seen.strict && send::is_good_rk(rk);
         let reaction = t.bwz.max(super::MARGIN).min(REACTION);
         let one = line_time(&judge.facts, 138, partner, order.given, good) + reaction;
+        let wait = judge.seen.given_up(order.given, now);
         let attempts = if good { 1 } else { (u64::from(t.dbl) + 1) * 2 };
         let calls = u64::from(2 * order.lang.max(lang)) / 12 * 4 + 40;
-        if order.patience.is_over(one * telegrams * attempts, calls) && !order.late {
+        if order.patience.is_over(one * telegrams * attempts + wait, calls) && !order.late {
             order.late = true;
             let text = format!("order {} of {lang} words, given at {}: no end [S0 L1199]", order.number, order.given);
             verdict.broken("rk-live", now, text);
@@ -156,6 +160,18 @@ fn arrivals<'r>(rk: &'r Rk512, order: &Order, fetches: bool) -> Vec<&'r Arrived>
         .collect()
 }
 
+/// The manual's own gap: RK 512 does not number its telegrams. A reaction that comes late or twice may be taken for the
+/// next one, and a telegram whose acknowledgement came late is there twice.
+fn gap(rk: &Rk512, order: &Order, arrived: &[&Arrived]) -> bool {
+    let reaction = |arrived: &Arrived| rk.line.sent.get(arrived.reaction);
+    let stale = |earlier: &Arrived| {
+        earlier.at < order.given
+            && (earlier.unclear
+                || reaction(earlier).is_some_and(|sent| sent.acknowledged.is_none_or(|at| at >= order.given)))
+    };
+    arrived.iter().any(|arrived| arrived.unclear) || rk.orders.iter().any(stale)
+}
+
 /// Its reaction was acknowledged in time.
 fn is_clear(rk: &Rk512, arrived: &Arrived, bwz: Span) -> bool {
     let reaction = rk.line.sent.get(arrived.reaction).and_then(|sent| sent.acknowledged);
@@ -176,7 +192,8 @@ fn ended(
     let arrived = arrivals(rk, &order, fetches);
     let label = format!("order {} of {} words, given at {}", order.number, order.lang, order.given);
     let broken = judge.seen.broken(order.given, now);
-    let possible = (1..=512).contains(&order.lang);
+    // The number of an order needs two words.
+    let possible = (2..=512).contains(&order.lang);
     let clear = arrived.iter().all(|arrived| is_clear(rk, arrived, facts.times.bwz));
     let reset = judge.seen.resets.iter().any(|at| order.ran.is_some_and(|ran| ran < *at));
     if anzw & ERROR != 0 {
@@ -196,8 +213,10 @@ fn ended(
         }
         if possible && !order.changed && !fetches {
             let expected = telegram(order.number, 2 * order.lang as usize, false);
-            if !arrived.iter().any(|arrived| arrived.data == expected) {
-                verdict.broken("rk-false-done", now, format!("{label}: done, but the data did not arrive [S0 L1312]"));
+            let there = arrived.iter().any(|arrived| arrived.data == expected);
+            if calm && !there && !gap(rk, &order, &arrived) {
+                let text = format!("{label}: done, but the data did not arrive [S0 L1312]");
+                verdict.broken("rk-false-done", now, text);
             }
         }
         if possible && !order.changed && fetches {
@@ -219,15 +238,16 @@ fn fetched(
     verdict: &mut Verdict,
 ) {
     let sender = &judge.facts.senders[index];
-    // A reaction that came late or twice may be taken for that of the next order: RK 512 does not number them.
-    if rk.manners.late > 0 || rk.manners.twice > 0 || order.given <= judge.strict() {
+    let arrived = arrivals(rk, order, true);
+    if gap(rk, order, &arrived) || order.given <= judge.strict() {
         return;
     }
     let first = judge.facts.roles.iter().position(|role| *role == Role::Fetch(index)).unwrap_or(0);
     let (db, _) = sender.blocks[(order.site - first).min(sender.blocks.len() - 1)];
     let from = sender.abd as usize;
     let data = cpu.data_block(db).and_then(|data| data.get(from..from + 2 * order.lang as usize)).unwrap_or_default();
-    if !arrivals(rk, order, true).iter().any(|arrived| arrived.data == data) {
-        verdict.broken("rk-false-done", now, format!("{label}: done, but DB {db} has other data [S0 L1141]"));
+    if !arrived.iter().any(|arrived| arrived.data == data) {
+        let text = format!("{label}: done, but DB {db} has other data [S0 L1141]: {:02X?}", &data[..data.len().min(8)]);
+        verdict.broken("rk-false-done", now, text);
     }
 }

@@ -105,6 +105,7 @@ pub(super) fn called(
     });
     let _ = site;
     order.changed |= order.anz != anz || order.site != call.site;
+    order.anz = order.anz.min(anz);
     // While a job runs whose parameters were changed, the manual says nothing of PAFE.
     if after[PAFE] > 3 || !order.changed && (1..=1024).contains(&anz) && after[PAFE] != expected {
         let text = format!("PAFE is {}, not {expected}: DB of {bytes} bytes, ANZ {anz} [S0 L964]", after[PAFE]);
@@ -123,7 +124,10 @@ pub(super) fn called(
         let good = order.given > judge.seen.strict && is_good(partner);
         let calls = u64::from(order.anz.max(anz)) / 12 * 4 + 16;
         let line = line_time(&judge.facts, u64::from(order.anz.max(anz)), partner, order.given, good);
-        if order.patience.is_over(line, calls) && !order.late {
+        // A bad line may lose the partner's XON.
+        let flow = matches!(partner, Partner240::Stream(stream, _) if stream.stops.is_some());
+        let unheard = flow && order.given <= judge.seen.strict && judge.seen.strict > Instant::START;
+        if !unheard && order.patience.is_over(line + judge.seen.given_up(order.given, now), calls) && !order.late {
             order.late = true;
             let text =
                 format!("order {} of {anz} bytes, given at {}: FRG stays 1 [S0 L960]", order.number, order.given);
@@ -151,14 +155,14 @@ fn pafe(bytes: u32, from: u32, len: u32) -> u32 {
 }
 
 /// Whether this came whole to the partner, and how often in all.
-fn arrived(partner: &Partner240, order: &Order, plain: bool) -> (bool, usize, bool) {
+fn arrived(partner: &Partner240, order: &Order, plain: bool, exact: bool) -> (bool, usize, bool) {
     let len = order.anz as usize;
     let expected = telegram(order.number, len, plain);
     let head = &expected[..4.min(len)];
     match partner {
         Partner240::Procedure(line, _) => {
             let mine = || line.took.iter().filter(|taken| taken.at >= order.given && taken.data.starts_with(head));
-            let whole = mine().any(|taken| taken.data == expected || order.changed);
+            let whole = mine().any(|taken| taken.data == expected || order.changed || !exact);
             (whole, mine().count(), mine().all(|taken| taken.told))
         }
         Partner240::Stream(stream, _) => {
@@ -181,12 +185,14 @@ fn ended(
     verdict: &mut Verdict,
 ) {
     let facts = &judge.facts;
-    let (whole, times, told) = arrived(partner, &order, facts.plain);
+    let (whole, times, told) = arrived(partner, &order, facts.plain, order.given > judge.strict());
     let calm = order.given > judge.strict();
     let broken = judge.seen.broken(order.given, now);
     let label = format!("order {} of {} bytes, given at {}", order.number, order.anz, order.given);
     // What a bad line does to telegrams without a check cannot be seen; letters need four bytes.
-    let exact = (calm || facts.protocol == Protocol::P3964R) && order.anz >= 4 && order.number > 0;
+    // Without a check character a second STX that crosses a late DLE is data.
+    let late = matches!(partner, Partner240::Procedure(line, _) if !line.checked && line.manners.late > 0);
+    let exact = (calm || facts.protocol == Protocol::P3964R) && order.anz >= 4 && order.number > 0 && !late;
     if error {
         verdict.failed();
         let good = (1..=1024).contains(&order.anz) && calm && !broken && !order.changed && !order.pafe;
