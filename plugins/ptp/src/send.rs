@@ -232,7 +232,7 @@ pub trait Job {
     /// The call ends.
     fn check(cx: &mut Cx<'_, CpState>) -> Result<Result<(), u16>, Abort>;
 
-    /// Starts the job; returns the location and length of its data.
+    /// The location and length of the data of a job that starts now.
     ///
     /// # Errors
     /// The call ends.
@@ -352,7 +352,11 @@ fn run<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory) -> Result<End, Abo
     };
     let (instance, now_ms) = called(cx)?;
     let end = match own(memory, laddr, state, edge, (instance, now_ms)) {
-        Some(end) => end,
+        Some(end) => {
+            // An edge in the call that reports the end of a cancelled job.
+            memory.latched = memory.latched && latch::<J>(cx, memory)?.is_ok();
+            end
+        }
         None => run_job::<J>(cx, memory, laddr, state, edge)?,
     };
     state.send.keep(instance, now_ms, if memory.has_work() { JOB_MS } else { 0 });
@@ -391,6 +395,14 @@ fn own(memory: &mut Memory, laddr: i16, state: &CpState, edge: bool, (instance, 
     None
 }
 
+/// The edge of REQ: the job has the data that the parameters name now, however long it waits for the CP. [S4 L1598]
+fn latch<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory) -> Result<Result<(), u16>, Abort> {
+    if let Err(status) = J::check(cx)? {
+        return Ok(Err(status));
+    }
+    Ok(J::begin(cx)?.map(|data| (memory.data, memory.latched) = (data, true)))
+}
+
 /// One call of the instance that has the channel.
 fn run_job<J: Job>(
     cx: &mut Cx<'_, CpState>,
@@ -402,11 +414,10 @@ fn run_job<J: Job>(
     if memory.reset {
         return reset_block(cx, memory, laddr, state);
     }
-    if edge && !memory.has_work() {
-        if let Err(status) = J::check(cx)? {
-            return Ok(Some(Err(status)));
-        }
-        memory.latched = true;
+    if edge && !memory.has_work()
+        && let Err(status) = latch::<J>(cx, memory)?
+    {
+        return Ok(Some(Err(status)));
     }
     let cp = match channel::read(cx, laddr, Channel::Send)? {
         Ok(cp) => cp,
@@ -419,10 +430,6 @@ fn run_job<J: Job>(
         Act::Begin => {
             memory.latched = false;
             memory.job = if memory.job == u16::MAX { 1 } else { memory.job + 1 };
-            match J::begin(cx)? {
-                Err(status) => return Ok(Some(Err(status))),
-                Ok(data) => memory.data = data,
-            }
             (memory.phase, memory.piece) = (Phase::Giving, 0);
             give::<J>(cx, memory, laddr)?
         }

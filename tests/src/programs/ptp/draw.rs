@@ -117,7 +117,7 @@ pub fn case(cp: Cp, seed: u64) -> (Case<Ptp>, Setup) {
     let cycle = [2, 5, 5, 10, 10, 20][random.below(6)];
     let two = random.once_in(10);
     let fetch = line.protocol == Protocol::Rk512 && random.once_in(3);
-    let most = if random.once_in(20) { u64::from(ROOM) - 40 } else { [40, 40, 200][random.below(3)] };
+    let most = if random.once_in(20) { if cp == Cp::Cp341 { u64::from(ROOM) - 40 } else { 1000 } } else { [40, 40, 200][random.below(3)] };
     let io = [8, 16, 16, 60][random.below(4)];
 
     let mut shape = Shape::default();
@@ -188,8 +188,8 @@ fn program(cp: Cp, random: &mut Random, line: &Line, shape: &mut Shape, (two, fe
     of_receiver.push(("LADDR", "272".into()));
     if cp == Cp::Cp040 {
         let size = ("IO_SIZE", format!("W#16#{io:X}"));
-        fixed.extend([size.clone(), ("CONTROL", "MB 230".into())]);
-        of_receiver.extend([size, ("CONTROL", "MB 230".into())]);
+        fixed.extend([size.clone(), ("CONTROL", "MB 238".into())]);
+        of_receiver.extend([size, ("CONTROL", "MB 238".into())]);
     }
     let is_modbus = line.protocol == Protocol::Modbus;
     let dbb = if is_modbus { 0 } else { [0, 10, 0, 32][random.below(4)] };

@@ -90,6 +90,8 @@ pub struct PtpJudge {
     /// Last call of the receiving block.
     heard: Instant,
     is_running: bool,
+    /// The driver was killed: until then nobody listens.
+    down: Instant,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -122,7 +124,7 @@ impl PtpJudge {
         let resets = vec![false; senders.len()];
         let (outbox, inbox) = (Outbox::default(), Inbox::default());
         let (able, heard) = (Instant::START, Instant::START);
-        Self { setup, senders, receivers, resets, jobs, outbox, inbox, telegrams: 0, able, heard, is_running: true }
+        Self { setup, senders, receivers, resets, jobs, outbox, inbox, telegrams: 0, able, heard, is_running: true, down: Instant::START }
     }
 
     fn disturbed(&mut self, until: Instant) {
@@ -138,9 +140,11 @@ impl PtpJudge {
                     self.outbox.arrived(at, &telegram, answered, lenient, verdict);
                 }
                 Event::Said { at, telegram, owed } => {
-                    let owed = owed && !lenient && now >= self.setup.calm;
+                    let owed = owed && !lenient && now >= self.setup.calm && at > self.down;
                     self.inbox.said(at, &telegram, owed);
                 }
+                Event::Owed { telegram } if !lenient && now >= self.setup.calm => self.inbox.owed(now, &telegram),
+                Event::Owed { .. } => {}
                 Event::Disturbs(until) => self.disturbed(until),
                 Event::Flooded { at, characters } => {
                     verdict.breaks(at, Rule::Flow, format!("{characters} characters after XOFF"));
@@ -168,7 +172,8 @@ impl PtpJudge {
         let mut telegram = None;
         if self.senders[place].may_begin(send.req) {
             telegram = self.telegram(place, &send, db_no, dbb_no, values.mark(), cpu);
-            send.legal = telegram.is_some();
+            // A second sending block at one CP is against the manual. [S4 L1584]
+            send.legal = telegram.is_some() && self.setup.sends.len() == 1;
         }
         if self.setup.is_040 && send.reset && !self.resets[place] {
             // It empties both directions. [S3 L311] [reference 7.4]
@@ -188,10 +193,13 @@ impl PtpJudge {
         }
         verdict.given();
         let (db, dbb) = (db_no, dbb_no);
+        // Nobody answers a broadcast: DONE is the turnaround delay. [S4 L636]
+        let is_broadcast = self.setup.protocol == Protocol::Modbus
+            && telegram.as_ref().is_some_and(|telegram| telegram.bytes.first() == Some(&0));
         let reads = telegram.as_ref().is_some_and(|telegram| telegram.reads);
         let block = self.setup.sends[place].manual.block;
         let number = self.outbox.began(call.at, block, telegram.map(|telegram| telegram.bytes));
-        if ghost {
+        if ghost || is_broadcast {
             self.outbox.spoilt(number);
         }
         let len = usize::try_from(send.len).unwrap_or(0);
@@ -291,7 +299,10 @@ impl PtpJudge {
                 let (db, dbb) = if self.setup.protocol == Protocol::Rk512 { (values.after("L_NO"), 0) } else { (db, dbb) };
                 let len = usize::try_from(len).unwrap_or(0);
                 let data = u16::try_from(db).ok().and_then(|db| cpu.data_block(db));
-                if let Some(data) = data.and_then(|data| data.get(dbb..dbb + len)).filter(|_| alone) {
+                // The CP 040's own text about a telegram of the slave that is wrong. [S3 L391]
+                let own = self.setup.is_040 && self.setup.protocol == Protocol::Modbus;
+                let told = |data: &[u8]| !(own && data.starts_with(b"ERROR"));
+                if let Some(data) = data.and_then(|data| data.get(dbb..dbb + len)).filter(|data| alone && told(data)) {
                     let lenient = self.setup.rates != FaultRates::NONE;
                     let block = self.setup.receives[place].manual.block;
                     self.inbox.taken(call.at, block, data, lenient, verdict);
@@ -353,7 +364,8 @@ impl Judge<Ptp> for PtpJudge {
         match deed {
             Deed::Kill => {
                 self.disturbed(now + SETTLES);
-                self.inbox.forget(now + Span::from_millis(100));
+                self.inbox.forget(now);
+                self.down = now + Span::from_millis(300);
                 self.able = now;
             }
             Deed::Stop | Deed::Run => {

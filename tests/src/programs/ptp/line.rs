@@ -136,9 +136,11 @@ fn characters(cp: Cp, protocol: Protocol, random: &mut Random, baud: u64, each: 
         }
         _ => format!("protocol = \"ascii\", baud = {baud}, zvz_ms = {zvz}{flow_key}"),
     };
+    // Where silence ends a telegram, silence after XOFF would end one too.
+    let can_stop = flow && !frame.end.is_empty();
     let speaks = Speaks::Characters(Characters::new(frame, random.bits()));
     let mut partner = Ptp::new(speaks, moods);
-    partner.can_stop = flow;
+    partner.can_stop = can_stop;
     Line { protocol, params, partner, each, slowest, tail, echoes: false }
 }
 

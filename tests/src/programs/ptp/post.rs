@@ -145,12 +145,14 @@ impl Inbox {
     /// The partner has sent a telegram whole; `owed`: the CP has acknowledged it, or there is nothing to acknowledge and
     /// the line was good.
     pub fn said(&mut self, at: Instant, telegram: &[u8], owed: bool) {
-        if let Some(letter) = self.letters.iter_mut().find(|letter| letter.telegram == telegram) {
-            letter.copies += 1;
-            letter.owed |= owed;
-            return;
-        }
         self.letters.push(Letter { at, telegram: telegram.to_vec(), copies: 1, taken: 0, owed });
+    }
+
+    /// The CP has acknowledged this telegram.
+    pub fn owed(&mut self, at: Instant, telegram: &[u8]) {
+        if let Some(letter) = self.letters.iter_mut().rev().find(|letter| letter.telegram == telegram) {
+            (letter.owed, letter.at) = (true, at);
+        }
     }
 
     /// What is in the CP may be lost: a kill, new parameters, a full buffer.
@@ -170,7 +172,12 @@ impl Inbox {
 
     /// NDR with these data.
     pub fn taken(&mut self, at: Instant, block: &str, telegram: &[u8], lenient: bool, findings: &mut Verdict) {
-        let found = self.letters.iter_mut().enumerate().find(|(_, letter)| letter.telegram == telegram);
+        let same = |letter: &Letter| letter.telegram == telegram;
+        let fresh = |(place, letter): (usize, &Letter)| same(letter) && letter.taken == 0 && place >= self.newest;
+        let place = (0..).zip(&self.letters).position(fresh);
+        let place = place.or_else(|| self.letters.iter().position(|letter| same(letter) && letter.taken == 0));
+        let place = place.or_else(|| self.letters.iter().position(same));
+        let found = place.map(|place| (place, &mut self.letters[place]));
         let Some((place, letter)) = found else {
             if lenient {
                 return;

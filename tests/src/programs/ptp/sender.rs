@@ -201,6 +201,11 @@ impl Sender {
             (_, true) => Some(End::Error(call.status)),
             _ => None,
         };
+        let mut end = end;
+        if !self.manual.blocks && self.owed.is_some() && end == Some(End::Done) {
+            // The reset itself has ended; a job may have begun meanwhile. [reference 8.3]
+            (self.owed, end) = (None, None);
+        }
         let mut turn = Turn::default();
         if self.job.is_some_and(|job| !job.sure) && rises && end.is_none() {
             self.begin(call, true);
@@ -240,7 +245,9 @@ impl Sender {
     fn begin(&mut self, call: &SendCall, sure: bool) {
         let excused = call.at < self.excused_until || !call.legal;
         let len = call.len;
-        self.owed = None;
+        if self.manual.blocks {
+            self.owed = None;
+        }
         self.job =
             Some(Job { began: call.at, len, calls: 0, clock: None, settled: 0, late: 0, excused, sure, ghost: false, aborting: None, told: false });
     }
@@ -301,7 +308,13 @@ impl Sender {
                 // The job was at its end when R came.
                 return Some(End::Done);
             }
-            Some(End::Error(status)) => Some(status),
+            Some(End::Error(status)) => {
+                if !self.manual.blocks {
+                    // First the job that was lost, then the reset.
+                    self.owed = Some((since, 0));
+                }
+                Some(status)
+            }
             _ => None,
         };
         let right = reset.is_none() || status == reset || !job.sure || job.excused || call.at < self.excused_until;

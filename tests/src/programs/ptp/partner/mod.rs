@@ -33,6 +33,11 @@ pub enum Event {
         /// The CP has it: it said so, or there is nothing to say and the telegram was good.
         owed: bool,
     },
+    /// The CP has acknowledged a telegram that it had sent.
+    Owed {
+        /// The telegram.
+        telegram: Vec<u8>,
+    },
     /// It does something wrong until this instant: jobs may fail.
     Disturbs(Instant),
     /// Characters came although it had said XOFF.

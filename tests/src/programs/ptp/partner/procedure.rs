@@ -78,6 +78,8 @@ enum State {
 pub enum Told {
     /// A block was taken; whether its answer went out good and in time.
     Block(Vec<u8>, bool),
+    /// The own block goes out.
+    Offered(Vec<u8>),
     /// The own block was acknowledged.
     Acknowledged(Vec<u8>),
     /// The own block may have arrived, but the answer did not.
@@ -145,7 +147,7 @@ impl Procedure {
                 self.data(now, byte, out, told);
             }
             State::Asked { tries, until } => match byte {
-                DLE => self.write(now, out),
+                DLE => self.write(now, out, told),
                 STX if !self.settings.is_high => {
                     self.quiet = now;
                     self.called(now, moods, out);
@@ -289,8 +291,9 @@ impl Procedure {
         }
     }
 
-    fn write(&mut self, now: Instant, out: &mut Vec<u8>) {
+    fn write(&mut self, now: Instant, out: &mut Vec<u8>, told: &mut Vec<Told>) {
         let Some(block) = self.queue.front() else { return };
+        told.push(Told::Offered(block.clone()));
         let from = out.len();
         for byte in block {
             out.push(*byte);
@@ -316,10 +319,11 @@ impl Plain {
     pub fn hear(&mut self, now: Instant, bytes: &[u8], moods: &Moods, out: &mut Vec<u8>, events: &mut Vec<Event>) -> Instant {
         let mut told = Vec::new();
         let next = self.0.hear(now, bytes, moods, out, &mut told);
-        events.extend(told.into_iter().map(|told| match told {
-            Told::Block(telegram, answered) => Event::Got { at: now, telegram, answered },
-            Told::Acknowledged(telegram) => Event::Said { at: now, telegram, owed: true },
-            Told::Unanswered(telegram) => Event::Said { at: now, telegram, owed: false },
+        events.extend(told.into_iter().filter_map(|told| match told {
+            Told::Block(telegram, answered) => Some(Event::Got { at: now, telegram, answered }),
+            Told::Offered(telegram) => Some(Event::Said { at: now, telegram, owed: false }),
+            Told::Acknowledged(telegram) => Some(Event::Owed { telegram }),
+            Told::Unanswered(_) => None,
         }));
         next
     }
@@ -367,7 +371,7 @@ mod tests {
         partner.hear(at(300), b"", &Moods::GOOD, &mut out, &mut told);
         partner.hear(at(301), &[DLE], &Moods::GOOD, &mut out, &mut told);
         partner.hear(at(302), &[DLE], &Moods::GOOD, &mut out, &mut told);
-        assert_eq!(told, [Told::Acknowledged(b"\x10".to_vec())]);
+        assert_eq!(told.last(), Some(&Told::Acknowledged(b"\x10".to_vec())));
         assert_eq!(partner.waiting(), 0);
     }
 }
