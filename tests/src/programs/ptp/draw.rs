@@ -503,6 +503,7 @@ fn setup(cp: Cp, line: &Line, drawn: Drawn, bound: Span, calm: Instant, fetch: b
         calm: if disturbed { calm + settle.min(ms(4000)) } else { Instant::START + ms(400) },
         patience,
         is_040,
+        clears: cp != Cp::Cp341,
         is_short: line.echoes,
         last: Instant::START,
     }

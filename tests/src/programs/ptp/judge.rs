@@ -66,6 +66,8 @@ pub struct Setup {
     pub patience: Span,
     /// A CP 040: its own Modbus, and R empties the CP.
     pub is_040: bool,
+    /// A start-up of the CPU empties the receive buffer: CP 340, CP 040. [reference 1.6 has "no" for the CP 341]
+    pub clears: bool,
     /// What the partner sends is not always taken.
     pub is_short: bool,
     /// Nothing happens from outside after this.
@@ -103,6 +105,8 @@ struct Open {
     db: u32,
     dbb: usize,
     len: usize,
+    /// LEN, `DB_NO`, `DBB_NO` and the mark.
+    parameters: (i32, u32, usize, u32),
 }
 
 /// What needs time to settle after a start of the CPU or the driver.
@@ -189,6 +193,7 @@ impl PtpJudge {
             self.ended(place, call.at, end, cpu, verdict);
         }
         if !began {
+            self.waiting(place, &send, (db_no, dbb_no, values.mark()), cpu);
             return;
         }
         verdict.given();
@@ -203,9 +208,24 @@ impl PtpJudge {
             self.outbox.spoilt(number);
         }
         let len = usize::try_from(send.len).unwrap_or(0);
-        self.jobs[place] = Some(Open { number, telegrams: self.telegrams, reads, db, dbb, len });
+        let parameters = (send.len, db, dbb, values.mark());
+        self.jobs[place] = Some(Open { number, telegrams: self.telegrams, reads, db, dbb, len, parameters });
         if let Some(end) = at_once {
             self.ended(place, call.at, end, cpu, verdict);
+        }
+    }
+
+    /// A job that waits for a reset or another block: with a CP 040 nobody says which parameters it has. [reference 8.3]
+    fn waiting(&mut self, place: usize, send: &SendCall, (db, dbb, mark): (u32, usize, u32), cpu: &Cpu) {
+        let Some(open) = self.jobs[place].filter(|_| self.setup.is_040) else { return };
+        let now = (send.len, db, dbb, mark);
+        if now == open.parameters {
+            return;
+        }
+        if let Some(telegram) = self.telegram(place, send, db, dbb, mark, cpu) {
+            self.outbox.also(open.number, telegram.bytes);
+        } else {
+            self.senders[place].excuse();
         }
     }
 
@@ -369,6 +389,10 @@ impl Judge<Ptp> for PtpJudge {
                 self.able = now;
             }
             Deed::Stop | Deed::Run => {
+                if self.setup.clears {
+                    self.inbox.forget(now);
+                    self.down = now + Span::from_millis(300);
+                }
                 self.disturbed(now + SETTLES);
                 self.able = now;
             }

@@ -13,8 +13,8 @@ use super::sender::End;
 struct Job {
     block: &'static str,
     began: Instant,
-    /// What has to arrive; `None`: its parameters are wrong, nothing may.
-    telegram: Option<Vec<u8>>,
+    /// What has to arrive, one of these; none: its parameters are wrong, nothing may.
+    telegrams: Vec<Vec<u8>>,
     arrived: u32,
     /// When it arrived first.
     last: Instant,
@@ -38,8 +38,16 @@ impl Outbox {
     /// A job has begun; returns its number.
     pub fn began(&mut self, at: Instant, block: &'static str, telegram: Option<Vec<u8>>) -> usize {
         let (arrived, last, spoilt, refused) = (0, Instant::NEVER, false, false);
-        self.jobs.push(Job { block, began: at, telegram, arrived, last, spoilt, refused });
+        let telegrams = telegram.into_iter().collect();
+        self.jobs.push(Job { block, began: at, telegrams, arrived, last, spoilt, refused });
         self.jobs.len() - 1
+    }
+
+    /// The manual leaves open when the parameters count: this telegram is right, too.
+    pub fn also(&mut self, job: usize, telegram: Vec<u8>) {
+        if self.jobs[job].arrived == 0 && !self.jobs[job].telegrams.contains(&telegram) {
+            self.jobs[job].telegrams.push(telegram);
+        }
     }
 
     /// Answers to this job were lost or spoilt: the partner may get it more than once. [reference 5.3]
@@ -50,7 +58,7 @@ impl Outbox {
     /// A whole telegram has reached the partner, and it has answered that it took it. `answered` is false when its answer
     /// was kept back or spoilt; `lenient`: the line changes telegrams so that nobody can know.
     pub fn arrived(&mut self, at: Instant, telegram: &[u8], answered: bool, lenient: bool, findings: &mut Verdict) {
-        let is_it = |job: &&mut Job| job.began <= at && job.telegram.as_deref() == Some(telegram);
+        let is_it = |job: &&mut Job| job.began <= at && job.telegrams.iter().any(|own| own == telegram);
         let fresh = |job: &&mut Job| is_it(job) && job.arrived == 0;
         let job = match self.jobs.iter_mut().rev().find(fresh) {
             Some(job) => Some(job),
