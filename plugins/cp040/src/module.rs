@@ -165,7 +165,8 @@ impl<'a> Module<'a> {
     /// One call of the send side.
     pub(crate) fn send(&self, cx: &mut Cx<'_, CpState>, order: Order) -> Result<Outcome, Abort> {
         let (state, now_ms) = (self.state, cx.now() / 1_000_000);
-        let is_owner = state.is_owner(order.instance);
+        let owns = state.is_owner(order.instance);
+        let is_owner = owns && order.busy;
         // DONE of the reset must not be taken for that of the job.
         let is_lost = order.reset && (order.request || is_owner && !state.send().is_reset());
         if order.reset {
@@ -179,7 +180,10 @@ impl<'a> Module<'a> {
             // A request while a job runs is ignored.
         } else if order.busy {
             return Ok(Outcome::Error(state.lost()));
-        } else if state.send().is_running() && !(order.request && state.is_abandoned(now_ms)) {
+        } else if owns && !order.request {
+            // Its end has been told: a call with wrong parameters, or the instance was written anew.
+            state.claim(0, SendJob::default(), status::NOT_SYNCHRONISED);
+        } else if !owns && state.send().is_running() && !(order.request && state.is_abandoned(now_ms)) {
             return Ok(if order.request { Outcome::Queued } else { Outcome::Nothing });
         } else if order.request {
             let Some(job) = u16::try_from(order.length).ok().and_then(SendJob::telegram) else {

@@ -11,19 +11,12 @@ use ob1_sdk::{Abort, Area, Cx, Formal, In, Out, Static};
 use ob1_words::channels::{Block, Channel, Command, NO_FLAG, Offered, PIECE, Refusal, State, pieces};
 
 use crate::channel::{self, LEN_MAX, Unreachable, next_start};
-use crate::send::{ABORTED, CP_RESTARTED, fault_of};
+use crate::send::{ABORTED, ABSENCE_MS, CP_RESTARTED, fault_of};
 use crate::state::{CpState, JOB_MS, WAITING_MS, called};
 use crate::target::Target;
 
 /// STATUS: RD_REC failed; RET_VAL is in SFCERR. [reference 3.14]
 const READ_FAILED: u16 = 0x1E0E;
-/// RET_VAL: the channel is in use by another instance. [reference 3.14]
-const IN_USE: Unreachable = Unreachable(0x80C3);
-/// RET_VAL: the CP does not answer.
-const ABSENT: Unreachable = Unreachable(0x80A0);
-
-/// How long a CP may be absent, because it is starting. (ours)
-const ABSENCE_MS: u32 = 10_000;
 
 /// The phase of the job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -308,7 +301,7 @@ fn own(
     (memory.unreachable, memory.rival) = (told, Some(calls));
     // An error only if both are called: a program may go over from one to the other.
     let both = rival.is_some_and(|before| before != calls);
-    unreachable(cx, params, memory, both, IN_USE).map(Some)
+    unreachable(cx, params, memory, both, Unreachable::IN_USE).map(Some)
 }
 
 /// One call of the instance that has the channel.
@@ -330,7 +323,7 @@ fn run_job(
                 return Ok(Some(Err(CP_RESTARTED)));
             }
             let since = *memory.absent_since.get_or_insert(now_ms as u32);
-            let is_starting = why == ABSENT && (now_ms as u32).wrapping_sub(since) < ABSENCE_MS;
+            let is_starting = why == Unreachable::ABSENT && (now_ms as u32).wrapping_sub(since) < ABSENCE_MS;
             return unreachable(cx, params, memory, takes && !is_starting, why);
         }
     };

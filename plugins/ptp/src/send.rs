@@ -25,8 +25,8 @@ pub const DB_WRONG: u16 = 0x0301;
 /// STATUS: LEN is 0, negative or more than the CP takes, or a length of P_PRINT. [reference 3.14]
 pub const LEN_WRONG: u16 = 0x1E41;
 
-/// How long a job waits for a CP that does not answer: it may be starting. (ours)
-const ABSENCE_MS: u32 = 10_000;
+/// How long a block waits for a CP that does not answer: it may be starting. (ours)
+pub(crate) const ABSENCE_MS: u32 = 10_000;
 
 /// The phase of the job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]

@@ -159,7 +159,7 @@ impl SendSide {
         Step::Stored
     }
 
-    /// The order is over. A telegram that the protocol does not take has no valid length, or no valid content. [S3 L315]
+    /// The order is over. A telegram that the protocol does not take has no valid length or content. [S3 L315]
     pub(crate) fn ended(&mut self, outcome: Result<(), SendError>) {
         if let State::Transmitting { withdrawn, .. } = self.state {
             let shown = match outcome {

@@ -373,3 +373,18 @@ fn an_error_that_lasts_is_told_once() {
     send.params[0] = 1;
     assert_eq!((send.call(&mut cpu, &blocks), send.call(&mut cpu, &blocks)), ((0, 1, 0x0202), NOTHING));
 }
+
+/// ERROR is the end of a job: DONE does not come after it.
+#[test]
+fn a_job_that_has_ended_with_an_error_does_not_go_on() {
+    let (mut cpu, blocks) = cp040();
+    let mut send = Fb::send(5);
+    send.call(&mut cpu, &blocks);
+    assert_eq!(send.call(&mut cpu, &blocks), RUNNING);
+    send.params[6] = 60;
+    assert_eq!(send.call(&mut cpu, &blocks), (0, 1, 0x0202));
+    send.params[6] = 16;
+    cpu.module.input[0] = 0xA8;
+    assert_eq!((send.call(&mut cpu, &blocks), cpu.module.output[0]), (NOTHING, 0x88));
+    assert_eq!(send.call(&mut cpu, &blocks), NOTHING);
+}

@@ -1,5 +1,5 @@
-//! Two instances of P_SND_RK or P_RCV_RK at one CP 341, which its manual forbids: "At a given time, only one FB P_SND_RK
-//! and one FB P_RCV_RK can be called for each CP 341". [S4 L1584]
+//! Two instances of P_SND_RK or P_RCV_RK at one CP 341, which its manual forbids: "At a given time, only one FB
+//! P_SND_RK and one FB P_RCV_RK can be called for each CP 341". [S4 L1584]
 
 use ob1_time::Span;
 
