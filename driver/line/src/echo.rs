@@ -6,7 +6,8 @@
 //! | the telegram's first characters, before its last one has left | certainly: nobody can answer yet |
 //! | on a wire, sooner than as many characters of an answer take | certainly |
 //! | the whole telegram, and more at once | certainly: nobody repeats a request and goes on |
-//! | the whole telegram on a line that is known to echo | yes, unless much later than its echo ever was |
+//! | the whole telegram on a line that is known to echo | yes, unless it is much later than ever before |
+//! | the same, twice in a row, though its beginning should have come back earlier | no, an answer |
 //! | the whole telegram otherwise | cannot be told from an answer that repeats its request: passed on |
 
 use crate::line::{Instant, Span};
@@ -16,9 +17,12 @@ use crate::link::Passage;
 const SLOW: usize = 8;
 /// How late an echo may come, besides twice its latest: the latency timer of a USB adapter (16 ms), a busy machine.
 const LATE: Span = Span::from_millis(20);
-/// Shortest pause between two parts of a telegram to a program: time for its echo, and less than the silence that ends
-/// a telegram of Modbus RTU (1.75 ms), for the program may hand it on to a wire.
-const PAUSE: Span = Span::from_micros(1_200);
+/// Shortest pause between two parts of a telegram to a program that may echo: four of them are longer than a burst of a
+/// USB adapter (16 ms), and a program on such an adapter bears each.
+const PAUSE: Span = Span::from_millis(5);
+/// The same, to a program that has not echoed: less than the silence that ends a telegram of Modbus RTU (1.75 ms), for
+/// the program may hand it on to a wire.
+const SHORT_PAUSE: Span = Span::from_micros(1_200);
 
 /// What is known of the line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,6 +61,8 @@ pub(crate) struct Echo {
     watched: bool,
     /// How long after a telegram's end its whole echo has come at most.
     latest: Span,
+    /// It echoes, but the last telegram came back after its end alone: as an answer may.
+    doubted: bool,
     /// Whether the line echoes, if that has changed.
     news: Option<bool>,
 }
@@ -72,6 +78,7 @@ impl Echo {
             open: false,
             watched: false,
             latest: Span::ZERO,
+            doubted: false,
             news: None,
         }
     }
@@ -91,15 +98,15 @@ impl Echo {
     /// A telegram begins. Returns the shortest pause between its parts, or `None` if it is handed over at once.
     pub(crate) fn begin(&mut self, passage: Passage) -> Option<Span> {
         if self.open && self.back == 0 && !self.sent.is_empty() {
-            // Neither its echo has come nor another answer. On a network its parts may have been torn: the next
-            // telegram goes in one.
+            // Neither its echo has come nor another answer. A wire behind the other end may have torn its parts: the
+            // next one has shorter pauses, or none.
             self.know(if self.known == Known::Nothing { Known::Silent } else { Known::Nothing });
         }
         self.forget();
         self.open = true;
         let pause = match passage {
             Passage::Wire | Passage::Simulated => None,
-            Passage::Program => Some(PAUSE),
+            Passage::Program => Some(if self.known == Known::Silent { SHORT_PAUSE } else { PAUSE }),
             Passage::Network => (self.known == Known::Nothing).then_some(Span::ZERO),
         };
         self.watched = pause.is_some();
@@ -189,11 +196,9 @@ impl Echo {
             self.whole(late);
             return Verdict { drop: same, release: 0 };
         }
-        if self.known == Known::Echoes && !self.passed && late <= self.latest * 2 + LATE {
-            if is_whole && self.watched {
-                // All of it after the end: once more like this, and it is taken for an answer.
-                self.know(Known::Nothing);
-            }
+        if self.known == Known::Echoes && !self.passed && !self.doubted && late <= self.latest * 2 + LATE {
+            // Once more like this, and it is an answer.
+            self.doubted = is_whole && self.watched;
             return Verdict { drop: same, release: 0 };
         }
         self.passed = true;
@@ -217,6 +222,7 @@ impl Echo {
         if self.certain && self.back == self.sent.len() {
             self.know(Known::Echoes);
             self.latest = self.latest.max(late);
+            self.doubted = false;
         }
     }
 
@@ -224,7 +230,7 @@ impl Echo {
         let before = std::mem::replace(&mut self.known, known);
         if (before == Known::Echoes) != (known == Known::Echoes) {
             self.news = Some(known == Known::Echoes);
-            self.latest = Span::ZERO;
+            (self.latest, self.doubted) = (Span::ZERO, false);
         }
     }
 }

@@ -34,8 +34,8 @@ enum State {
 /// A serial device, pty or TCP connection.
 ///
 /// `TxDone` means that the bytes have been written and the last bit has been sent. A UART that reports an empty shift
-/// register is asked. Otherwise, and on a pty or TCP, the end is computed from the configured baud rate. On a pty or TCP
-/// the bytes themselves reach the partner at once, not one by one. What comes before the computed end:
+/// register is asked. Otherwise, and on a pty or TCP, the end is computed from the configured baud rate. On a pty or
+/// TCP the bytes themselves reach the partner at once, not one by one. What comes before the computed end:
 ///
 /// | mode | |
 /// |---|---|
@@ -249,12 +249,14 @@ impl RealLine {
                     && (now < self.end || self.link.drained() == Some(false)))
     }
 
-    /// Reads what comes while the line is deaf. Only a fault is passed on: a break means an open line.
+    /// Reads what comes while the line is deaf. Only a break is passed on: it may mean an open line.
     fn overhear(&mut self, now: Instant) -> io::Result<Option<LineFault>> {
         let mut heard = [0; 64];
+        // What has come by now came before the next part leaves.
+        self.may_read |= self.parts.is_some_and(|parts| now >= parts.at);
         loop {
-            if let Some(fault) = self.fault.take() {
-                return Ok(Some(fault));
+            if self.fault.take() == Some(LineFault::Break) {
+                return Ok(Some(LineFault::Break));
             }
             if !self.fill()? {
                 return Ok(None);
@@ -317,8 +319,8 @@ impl RealLine {
         Ok(self.rx_begin < self.rx_end)
     }
 
-    /// The next received data. In full duplex it may answer our output, and where the end of the output is only computed
-    /// the answer can come earlier: a pty transfers a telegram in no time. So the end is reported first.
+    /// The next received data. In full duplex it may answer our output, and where the end of the output is only
+    /// computed the answer can come earlier: a pty transfers a telegram in no time. So the end is reported first.
     fn receive<'a>(&mut self, now: Instant, buffer: &'a mut [u8]) -> io::Result<Option<LineInput<'a>>> {
         loop {
             if let Some(fault) = self.fault.take() {
@@ -432,7 +434,6 @@ impl RealLine {
             return Some(event);
         }
         if self.state == State::Up {
-            // What has come by now came before the next part leaves.
             let overheard = if self.is_deaf(now) { self.overhear(now) } else { Ok(None) };
             match overheard.and_then(|fault| if fault.is_none() { self.flush(now).map(|()| None) } else { Ok(fault) }) {
                 Ok(None) => {}

@@ -227,7 +227,8 @@ fn is_decidable(passage: Passage, settings: &LineSettings, length: usize, bursts
         // It is complete one burst after the end; an answer as long as itself is not.
         Passage::Wire => bursts < on_wire * 7 / 8,
         // Its first characters come back before the last one goes.
-        _ => bursts + TURN < settings.time_of(6).max(if passage == Passage::Program { 4 * MS } else { Span::ZERO }),
+        Passage::Program => bursts + TURN < 20 * MS,
+        _ => bursts + TURN < settings.time_of(6),
     }
 }
 
@@ -321,13 +322,28 @@ fn an_echo_that_stays_away_is_told_and_the_answer_is_heard() {
         assert_eq!(bench.ask(&RTU)[..3], [5, 6, !0], "also the beginning that it shares with its request");
         assert_eq!(bench.told, [true, false]);
         bench.world.borrow_mut().partner = Partner { repeats: 8, wire, ..Partner::default() };
-        assert_eq!(bench.ask(&RTU), RTU);
+        assert_eq!(bench.ask(&RTU), RTU, "{passage:?}");
     }
 }
 
 #[test]
+fn an_echo_that_comes_late_once_is_still_one() {
+    // As a machine that stands still makes it.
+    let mut bench = Bench::new(Passage::Program, half(9600), Partner { echoes: true, ..Partner::default() });
+    for bursts in [0, 30, 0, 30, 0] {
+        bench.world.borrow_mut().partner.bursts = MS * bursts;
+        assert_eq!(bench.ask(&RTU), b"");
+    }
+    assert_eq!(bench.told, [true]);
+    bench.world.borrow_mut().partner = Partner { repeats: 8, ..Partner::default() };
+    assert_eq!(bench.ask(&RTU), b"", "it cannot be told apart");
+    assert_eq!(bench.ask(&RTU), RTU);
+    assert_eq!(bench.told, [true, false]);
+}
+
+#[test]
 fn a_telegram_to_a_program_keeps_its_time_and_tears_nothing() {
-    for (passage, pause) in [(Passage::Program, 1_200), (Passage::Network, 0)] {
+    for (passage, pause) in [(Passage::Program, 5_000), (Passage::Network, 0)] {
         for baud in BAUDS {
             let mut bench = Bench::new(passage, half(baud), Partner::default());
             let begin = bench.now();
@@ -341,7 +357,7 @@ fn a_telegram_to_a_program_keeps_its_time_and_tears_nothing() {
                 assert!(silence <= most, "{baud} baud: {silence:?}");
             }
             let late = bench.ends[0].since(begin + half(baud).time_of(100));
-            assert!(late < 6 * MS && bench.ends[0] >= begin + half(baud).time_of(100), "{late:?}");
+            assert!(late <= 20 * MS && bench.ends[0] >= begin + half(baud).time_of(100), "{late:?}");
             assert_eq!(written.last().map(|(at, _)| *at), Some(bench.ends[0]), "its last character is the end");
         }
     }
