@@ -10,9 +10,10 @@
 use ob1_sdk::{Abort, Block, Cx, Kind, Param};
 
 use crate::module::Module;
-use crate::reception::{Job, end, hand_over, is_closed, lost, put, reception};
+use crate::reception::{Job, Turn, end, hand_over, keep, put, reception, turn};
 use crate::registers::{AREA, BLOCK_BYTES, BROKEN_OFF, Count, MORE, Pafe, rx_count};
 use crate::state::CpState;
+use crate::turn::{Key, Role};
 
 /// What a call does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -129,23 +130,28 @@ impl Block for Fragment {
 fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     let adr = cx.get(reception::ADR)?;
     let Some((module, words, block)) = Module::block(cx, adr)? else { return Ok(Pafe::Ok) };
-    let job = Job::load(cx)?;
-    if job.empf_laeuft {
-        if words.not_ready() || !module.state.receive.holds(&module.info) {
-            return lost(cx, &module, words, !job.letzter_block).map(|()| Pafe::Ok);
+    let mut job = Job::load(cx)?;
+    let (db, abd) = (cx.get(reception::_DB)?, cx.get(reception::ABD)?);
+    let key = Key::area(Role::Receive, db, abd);
+    match turn(cx, &module, job, key, words)? {
+        Turn::GoOn => {}
+        Turn::No => return Ok(Pafe::Ok),
+        // FC 9 has cleared the control bits in the middle of a telegram: nothing of it is left.
+        Turn::Begin if job.geem != 0 => {
+            job = Job { fehler_empf: true, ..Job::default() };
+            job.store(cx)?;
         }
-    } else if is_closed(&module, words) {
-        return Ok(Pafe::Ok);
+        Turn::Begin => {}
     }
     let emfr = cx.get(reception::EMFR)?;
     let (next, act) = step(job, words.rx, emfr);
     let echo = |cx: &mut Cx<'_, CpState>, word: u16| module.write(cx, 0, &word.to_be_bytes());
     match act {
         Step::Wait => {}
-        Step::Take { to, len, count } => return take(cx, &module, next, to, &block[..usize::from(len)], count),
+        Step::Take { to, len, count } => return take(cx, &module, key, next, to, &block[..usize::from(len)], count),
         Step::Next => {
             if echo(cx, 0)? {
-                next.store(cx)?;
+                keep(cx, &module, next)?;
             }
         }
         Step::Skip(word) => {
@@ -163,8 +169,8 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
         }
         Step::Failed => {
             if echo(cx, 0)? {
-                module.state.discard.set(true);
                 end(cx, &module, true)?;
+                module.state.reception.fail(words.rx, job.anz_int);
             }
         }
     }
@@ -176,23 +182,26 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
 fn take(
     cx: &mut Cx<'_, CpState>,
     module: &Module<'_>,
+    key: Key,
     job: Job,
     to: u16,
     block: &[u8],
     count: u16,
 ) -> Result<Pafe, Abort> {
-    let (db, abd) = (cx.get(reception::_DB)?, cx.get(reception::ABD)?);
+    let (db, abd, now) = (cx.get(reception::_DB)?, cx.get(reception::ABD)?, cx.now());
     let begin = module.offset(cx, abd)? + u32::from(to);
-    if !block.is_empty()
-        && let Err(pafe) = put(cx, db, begin, block)?
-    {
+    let stored = if block.is_empty() { Ok(()) } else { put(cx, db, begin, block)? };
+    module.tell_pafe(cx, Fragment::NUMBER, db, stored.err().unwrap_or(Pafe::Ok))?;
+    if let Err(pafe) = stored {
         return Ok(pafe);
     }
     if !module.write(cx, 0, &count.to_be_bytes())? {
         return Ok(Pafe::Ok);
     }
-    module.state.receive.take(&module.info);
-    job.store(cx)?;
+    if to == 0 {
+        module.state.reception.take(key, &module.info, now);
+    }
+    keep(cx, module, job)?;
     if job.letzter_block {
         hand_over(cx, job.geem)?;
     }

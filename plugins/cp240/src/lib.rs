@@ -8,7 +8,6 @@
 //! for each module to which start of the CP a job belongs, so that a job from before a reset or restart of the CP is
 //! never continued after it.
 
-mod claim;
 mod fragment;
 mod line;
 mod module;
@@ -22,6 +21,8 @@ mod state;
 mod synchron;
 #[cfg(test)]
 mod tests;
+mod turn;
+mod tx;
 
 ob1_sdk::export_plugin! {
     name: "cp240",

@@ -7,8 +7,9 @@
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 
 use crate::module::Module;
-use crate::registers::{Count, LINE, LINE_DTR, LINE_RTS, LINE_SET_DTR, LINE_SET_RTS, TX, Words, tx_count};
+use crate::registers::{LINE, LINE_DTR, LINE_RTS, LINE_SET_DTR, LINE_SET_RTS, TX, Words};
 use crate::state::CpState;
+use crate::tx::{LINES, Line as Answer, acquire, give, settle};
 
 interface! {
     /// The parameters, in the manual's order.
@@ -36,38 +37,6 @@ interface! {
     }
 }
 
-/// What a call does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Step {
-    /// Nothing, or nothing yet.
-    Wait,
-    /// Give the command.
-    Command,
-    /// The answer has arrived: clear the command.
-    Done {
-        /// STATUS.
-        status: u8,
-        /// DELTA_STATUS.
-        delta: u8,
-    },
-    /// The CP was reset or restarted and the command is lost: the next call gives it again.
-    Lost,
-}
-
-/// `running`: the command was given; `held`: the CP has not restarted since. `sends`: FC 0 has a job; "this block must
-/// not be called as long as a transmit command is running" [S0 L1035], so it waits instead.
-pub(crate) fn step(words: Words, running: bool, held: bool, sends: bool) -> Step {
-    if running {
-        return match tx_count(words.tx_echo) {
-            _ if !held || words.not_ready() => Step::Lost,
-            Count::Line { status, delta } => Step::Done { status, delta },
-            _ => Step::Wait,
-        };
-    }
-    let free = !words.not_ready() && !sends && words.tx_echo == 0;
-    if free { Step::Command } else { Step::Wait }
-}
-
 /// The word of a command.
 pub(crate) fn command(rts: bool, dtr: bool, set_rts: bool, set_dtr: bool) -> u16 {
     let bits = [(rts, LINE_RTS), (dtr, LINE_DTR), (set_rts, LINE_SET_RTS), (set_dtr, LINE_SET_DTR)];
@@ -90,57 +59,62 @@ impl Block for Line {
         let adr = cx.get(line::ADR)?;
         let Some((module, words)) = Module::words(cx, adr)? else { return Ok(()) };
         advance(cx, &module, words)?;
-        if !module.state.lines_known.get() {
+        let tx = &module.state.tx;
+        if !tx.lines_known.get() {
             return Ok(());
         }
-        cx.set(line::STATUS, module.state.lines.get())?;
-        cx.set(line::DELTA_STATUS, module.state.lines_changed.get())
+        cx.set(line::STATUS, tx.lines.get())?;
+        cx.set(line::DELTA_STATUS, tx.lines_changed.get())
     }
 }
 
 fn advance(cx: &mut Cx<'_, CpState>, module: &Module<'_>, words: Words) -> Result<(), Abort> {
-    let state = module.state;
-    let (start, switches) = (cx.get(line::START)?, cx.get(line::AUFTRAG_LAEU)?);
-    let running = switches || state.reads.get();
-    let sends = state.send.holds(&module.info) || state.rk512.uses_tx();
-    match step(words, running, state.line.holds(&module.info), sends) {
-        Step::Command if module.info.present => {
-            let word = if start {
-                command(cx.get(line::RTS)?, cx.get(line::DTR)?, cx.get(line::MASKE_RTS)?, cx.get(line::MASKE_DTR)?)
-            } else {
-                LINE
-            };
-            if module.write(cx, TX, &word.to_be_bytes())? {
-                state.line.take(&module.info);
-                state.reads.set(!start);
-                cx.set(line::AUFTRAG_LAEU, start)?;
-            }
-            Ok(())
-        }
-        Step::Command | Step::Wait => Ok(()),
-        Step::Done { status, delta } => {
-            if !module.write(cx, TX, &[0, 0])? {
-                return Ok(());
-            }
-            state.line.release();
-            state.lines_known.set(true);
-            state.lines.set(status);
-            state.lines_changed.set(delta);
-            if state.reads.replace(false) {
-                return Ok(());
-            }
-            cx.set(line::START, false)?;
-            cx.set(line::AUFTRAG_LAEU, false)
-        }
-        Step::Lost => {
-            state.line.release();
-            // A restarted CP must not take the old command for a new one; a start-up waits for its acknowledgement in
-            // the same word.
-            if !words.not_ready() && !module.write(cx, TX, &[0, 0])? {
-                return Ok(());
-            }
-            state.reads.set(false);
-            cx.set(line::AUFTRAG_LAEU, false)
-        }
+    let (tx, now) = (&module.state.tx, cx.now());
+    let answer = settle(cx, module, words, now)?;
+    if cx.get(line::AUFTRAG_LAEU)? {
+        return switching(cx, module, words, answer);
     }
+    if answer != Answer::None || module.is_closed(words) || !module.info.present {
+        return Ok(());
+    }
+    // "This block must not be called as long as a transmit command is running" [S0 L1035]: it waits instead.
+    if cx.get(line::START)? {
+        if !acquire(cx, module, words, LINES, now)? {
+            return Ok(());
+        }
+        let word = command(cx.get(line::RTS)?, cx.get(line::DTR)?, cx.get(line::MASKE_RTS)?, cx.get(line::MASKE_DTR)?);
+        if give(cx, module, word, true, now)? {
+            tx.turn.claim.release();
+            cx.set(line::AUFTRAG_LAEU, true)?;
+        }
+        return Ok(());
+    }
+    // A reading gives way to every job. It is done in between, by the next block that gets TX.
+    if !tx.turn.is_free(LINES, &module.info, now) {
+        tx.wanted.set(true);
+        return Ok(());
+    }
+    if acquire(cx, module, words, LINES, now)? {
+        give(cx, module, LINE, false, now)?;
+    }
+    tx.turn.claim.release();
+    Ok(())
+}
+
+/// The lines are being switched. A command that the CP has forgotten is given again by the next call.
+fn switching(cx: &mut Cx<'_, CpState>, module: &Module<'_>, words: Words, answer: Answer) -> Result<(), Abort> {
+    let tx = &module.state.tx;
+    if answer == Answer::Waits {
+        return Ok(());
+    }
+    if tx.switched.take() {
+        cx.set(line::START, false)?;
+        return cx.set(line::AUFTRAG_LAEU, false);
+    }
+    // A restarted CP must not take the old command for a new one; a start-up waits for its acknowledgement in the same
+    // word.
+    if !module.is_closed(words) && tx.is_unused(&module.info) && !module.write(cx, TX, &[0, 0])? {
+        return Ok(());
+    }
+    cx.set(line::AUFTRAG_LAEU, false)
 }

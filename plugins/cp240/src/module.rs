@@ -1,13 +1,31 @@
 //! The module a handling block is called for: its registers, its settings, the plugin's memory for it.
 
+use std::cell::Cell;
+
 use ob1_sdk::{Abort, Cx, ModuleInfo, Refused};
 
-use crate::registers::{BlockBytes, REGISTER_BYTES, Words};
+use crate::registers::{BlockBytes, Pafe, REGISTER_BYTES, Words};
 use crate::settings::{self, Service};
 use crate::state::CpState;
 
 /// Number of the entry in the diagnostic buffer: this handling block has no function for this CP (ours).
 const NO_USE: u16 = 1;
+/// Number of the entry: a block waits for a data block that is not present or too short (ours).
+const NO_ROOM: u16 = 2;
+/// Time between two entries about different data blocks, in nanoseconds.
+const TOLD_EVERY: u64 = 10_000_000_000;
+
+ob1_sdk::state! {
+    /// What the diagnostic buffer has been told of a module.
+    #[derive(Debug, Default)]
+    pub(crate) struct Told {
+        /// A call without function.
+        no_use: Cell<bool>,
+        /// The data block that a block waits for: number of the block, of the data block, and PAFE; and when.
+        waits: Cell<u32>,
+        at: Cell<u64>,
+    }
+}
 
 /// The module a block is called for, with the plugin's memory for it.
 pub(crate) struct Module<'a> {
@@ -69,10 +87,47 @@ impl<'a> Module<'a> {
 
     /// Reports a call that has no function for this CP, once for each start of the station.
     pub(crate) fn tell_no_use(&self, cx: &mut Cx<'_, CpState>, text: &str) -> Result<(), Abort> {
-        if self.state.told.replace(true) {
+        if self.state.told.no_use.replace(true) {
             return Ok(());
         }
         cx.diag_entry(NO_USE, format_args!("module at {}: {text}", self.address))
+    }
+
+    /// Reports the data block that the block FC `fc` waits for, once until it is right; other ones every ten seconds.
+    pub(crate) fn tell_pafe(&self, cx: &mut Cx<'_, CpState>, fc: u16, db: u16, pafe: Pafe) -> Result<(), Abort> {
+        let told = &self.state.told;
+        let (who, before) = (u32::from(fc) << 24 | u32::from(db) << 8, told.waits.get());
+        let is_same = before & !0xFF == who;
+        if pafe == Pafe::Ok {
+            if is_same {
+                told.waits.set(0);
+            }
+            return Ok(());
+        }
+        let value = who | pafe as u32;
+        if before == value {
+            return Ok(());
+        }
+        let now = cx.now();
+        if before != 0 && now.saturating_sub(told.at.get()) < TOLD_EVERY {
+            return Ok(());
+        }
+        told.waits.set(value);
+        told.at.set(now);
+        let what = match pafe {
+            Pafe::Missing => "is not present",
+            Pafe::Number => "has no valid number",
+            _ => "is too short",
+        };
+        let text = format_args!("module at {}: FC {fc} waits, DB {db} {what} (PAFE {})", self.address, pafe as u8);
+        cx.diag_entry(NO_ROOM, text)
+    }
+
+    /// Whether no job may start and none of before goes on: the CP is not synchronised, or FC 9 is about it. "A
+    /// communication with SEND and RECEIVE blocks is only possible when the parameter ANL of the SYNCHRON block has
+    /// been set" [S0 L1069], and FC 9 has set it back.
+    pub(crate) fn is_closed(&self, words: Words) -> bool {
+        words.not_ready() || self.state.acknowledged.get() != 0
     }
 
     /// Writes bytes from an offset on, in one access. False if the access failed and OB 122 has handled it.

@@ -1,11 +1,16 @@
 //! FC 1 RECEIVE: the data reception from the CP [S0 "RECEIVE (FC 1)"].
 
+use std::cell::Cell;
+
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param};
 
 use crate::module::{Module, address, read};
-use crate::reception::{Job, end, hand_over, is_closed, lost, put, reception};
-use crate::registers::{AREA, BLOCK_BYTES, BROKEN_OFF, COUNT_BITS, Count, MORE, OFFSET_BYTES, OUTSIDE, Pafe, rx_count};
+use crate::reception::{Job, Reception, Turn, end, hand_over, keep, put, reception, turn};
+use crate::registers::{
+    AREA, BLOCK_BYTES, BROKEN_OFF, BlockBytes, COUNT_BITS, Count, MORE, OFFSET_BYTES, OUTSIDE, Pafe, Words, rx_count,
+};
 use crate::state::CpState;
+use crate::turn::{Key, Role};
 
 /// What a call does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -85,6 +90,26 @@ impl Job {
     }
 }
 
+ob1_sdk::state! {
+    /// For how many CPs of the station an idle call has something to do: while there is none, it does not look.
+    #[derive(Debug, Default)]
+    pub(crate) struct Standing {
+        modules: Cell<u16>,
+    }
+}
+
+impl Standing {
+    /// After a call for this CP.
+    fn note(&self, state: &Reception) {
+        let stands = state.outside.get() != 0 || state.is_discarding();
+        match (state.stands.replace(stands), stands) {
+            (false, true) => self.modules.set(self.modules.get().saturating_add(1)),
+            (true, false) => self.modules.set(self.modules.get().saturating_sub(1)),
+            _ => {}
+        }
+    }
+}
+
 /// FC 1.
 pub(crate) struct Receive;
 
@@ -93,42 +118,66 @@ impl Block for Receive {
     const NUMBER: u16 = 1;
     const NAME: &'static str = "RECEIVE";
     const PARAMS: &'static [Param] = reception::PARAMS;
-    type State = ();
+    type State = Standing;
     type Module = CpState;
 
-    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
-        let pafe = run(cx)?;
+    fn call(cx: &mut Cx<'_, CpState>, standing: &Standing) -> Result<(), Abort> {
+        let pafe = run(cx, standing)?;
         cx.set(reception::PAFE, pafe as u8)
     }
 }
 
-fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
+fn run(cx: &mut Cx<'_, CpState>, standing: &Standing) -> Result<Pafe, Abort> {
     let adr = cx.get(reception::ADR)?;
     // An idle call ends here: no telegram is offered, no job runs.
     let mut rx = [0; 2];
-    if !read(cx, address(adr), &mut rx)? || (rx == [0; 2] && !cx.get(reception::EMPF_LAEUFT)?) {
+    let is_idle = !read(cx, address(adr), &mut rx)? || (rx == [0; 2] && !cx.get(reception::EMPF_LAEUFT)?);
+    if is_idle && standing.modules.get() == 0 {
         return Ok(Pafe::Ok);
     }
-    let Some((module, mut words, block)) = Module::block(cx, adr)? else { return Ok(Pafe::Ok) };
-    if words.rx & !COUNT_BITS == MORE {
-        // ASCII-fragmented without FC 11: each block is one telegram here, and the word after the last block is only
-        // acknowledged.
-        if matches!(words.rx, MORE | BROKEN_OFF) {
-            return module.write(cx, 0, &MORE.to_be_bytes()).map(|_| Pafe::Ok);
-        }
-        words.rx &= COUNT_BITS;
+    let Some((module, words, block)) = Module::block(cx, adr)? else { return Ok(Pafe::Ok) };
+    let state = &module.state.reception;
+    let pafe = match take(cx, &module, words, &block)? {
+        Pafe::Ok if state.outside.get() != 0 => range_error(cx, &module)?,
+        pafe => pafe,
+    };
+    standing.note(state);
+    Ok(pafe)
+}
+
+/// Whether the last changed area still does not fit: "after elimination of the error cause, the byte is set back to 0"
+/// [S0 L964].
+fn range_error(cx: &mut Cx<'_, CpState>, module: &Module<'_>) -> Result<Pafe, Abort> {
+    let state = &module.state.reception;
+    let (db, abd) = (cx.get(reception::_DB)?, cx.get(reception::ABD)?);
+    let begin = module.offset(cx, abd)? + u32::from(state.offset.get());
+    let pafe = Pafe::check(cx.len(Area::Db(db)), begin, state.outside.get())?;
+    if pafe == Pafe::Ok {
+        state.outside.set(0);
     }
+    Ok(pafe)
+}
+
+fn take(cx: &mut Cx<'_, CpState>, module: &Module<'_>, mut words: Words, block: &BlockBytes) -> Result<Pafe, Abort> {
     let (emfr, job) = (cx.get(reception::EMFR)?, Job::load(cx)?);
-    if job.empf_laeuft {
-        if words.not_ready() || !module.state.receive.holds(&module.info) {
-            // A telegram whose last block is already stored stays valid.
-            return lost(cx, &module, words, !job.letzter_block || job.fehler_empf).map(|()| Pafe::Ok);
+    let (db, abd) = (cx.get(reception::_DB)?, cx.get(reception::ABD)?);
+    let key = Key::area(Role::Receive, db, abd);
+    match turn(cx, module, job, key, words)? {
+        Turn::No => return Ok(Pafe::Ok),
+        turn => {
+            if words.rx & !COUNT_BITS == MORE {
+                // ASCII-fragmented without FC 11: each block is one telegram here, and the word after the last block is
+                // only acknowledged.
+                if matches!(words.rx, MORE | BROKEN_OFF) {
+                    return module.write(cx, 0, &MORE.to_be_bytes()).map(|_| Pafe::Ok);
+                }
+                words.rx &= COUNT_BITS;
+            }
+            if turn == Turn::GoOn {
+                let (next, step) = job.go_on(words.rx, emfr);
+                return act(cx, module, next, step, words.rx, block);
+            }
         }
-        let (next, step) = job.go_on(words.rx, emfr);
-        return act(cx, &module, next, step, &block);
-    }
-    if is_closed(&module, words) {
-        return Ok(Pafe::Ok);
     }
     // "Not until setting back EMFR in the user application new data can be received." [S0 "RECEIVE (FC 1)"]
     if emfr {
@@ -138,26 +187,37 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     if step == Step::Wait {
         return Ok(Pafe::Ok);
     }
-    let (db, abd) = (cx.get(reception::_DB)?, cx.get(reception::ABD)?);
+    let (state, now) = (&module.state.reception, cx.now());
     let db_len = cx.len(Area::Db(db));
     let is_area = next.offset_bytes() > 0;
-    module.state.offset.set(if is_area { u16::from_be_bytes([block[0], block[1]]) } else { 0 });
-    let begin = module.offset(cx, abd)? + u32::from(module.state.offset.get());
-    let pafe = Pafe::check(db_len, begin, next.bytes().saturating_sub(next.offset_bytes()))?;
+    state.outside.set(0);
+    state.offset.set(if is_area { u16::from_be_bytes([block[0], block[1]]) } else { 0 });
+    let begin = module.offset(cx, abd)? + u32::from(state.offset.get());
+    let bytes = next.bytes().saturating_sub(next.offset_bytes());
+    let pafe = Pafe::check(db_len, begin, bytes)?;
+    module.tell_pafe(cx, Receive::NUMBER, db, pafe)?;
     if pafe == Pafe::Short && is_area {
-        module.state.receive.take(&module.info);
+        state.outside.set(bytes);
+        state.take(key, &module.info, now);
         let (next, step) = next.refuse();
-        return act(cx, &module, next, step, &block).map(|_| pafe);
+        return act(cx, module, next, step, words.rx, block).map(|_| pafe);
     }
     // A telegram that does not fit waits in the CP until it fits (ours).
     if pafe != Pafe::Ok {
         return Ok(pafe);
     }
-    module.state.receive.take(&module.info);
-    act(cx, &module, next, step, &block)
+    state.take(key, &module.info, now);
+    act(cx, module, next, step, words.rx, block)
 }
 
-fn act(cx: &mut Cx<'_, CpState>, module: &Module<'_>, job: Job, step: Step, block: &[u8]) -> Result<Pafe, Abort> {
+fn act(
+    cx: &mut Cx<'_, CpState>,
+    module: &Module<'_>,
+    job: Job,
+    step: Step,
+    rx: u16,
+    block: &[u8],
+) -> Result<Pafe, Abort> {
     match step {
         Step::Wait => {}
         Step::Take { to, len, count } => {
@@ -165,7 +225,7 @@ fn act(cx: &mut Cx<'_, CpState>, module: &Module<'_>, job: Job, step: Step, bloc
             let head = job.offset_bytes();
             let bytes = block.get(usize::from(head.saturating_sub(to))..usize::from(len)).unwrap_or(&[]);
             let abd = module.offset(cx, abd)?;
-            let at = abd + u32::from(module.state.offset.get()) + u32::from(to.saturating_sub(head));
+            let at = abd + u32::from(module.state.reception.offset.get()) + u32::from(to.saturating_sub(head));
             let db = cx.get(reception::_DB)?;
             if let Err(pafe) = put(cx, db, at, bytes)? {
                 return Ok(pafe);
@@ -173,14 +233,14 @@ fn act(cx: &mut Cx<'_, CpState>, module: &Module<'_>, job: Job, step: Step, bloc
             if !module.write(cx, 0, &count.to_be_bytes())? {
                 return Ok(Pafe::Ok);
             }
-            job.store(cx)?;
+            keep(cx, module, job)?;
             if job.letzter_block {
                 hand_over(cx, job.bytes().saturating_sub(head))?;
             }
         }
         Step::Refuse => {
             if module.write(cx, 0, &OUTSIDE.to_be_bytes())? {
-                job.store(cx)?;
+                keep(cx, module, job)?;
             }
         }
         Step::Finish => {
@@ -190,8 +250,8 @@ fn act(cx: &mut Cx<'_, CpState>, module: &Module<'_>, job: Job, step: Step, bloc
         }
         Step::Failed => {
             if module.write(cx, 0, &[0, 0])? {
-                module.state.discard.set(true);
                 end(cx, module, true)?;
+                module.state.reception.fail(rx, job.anz_int);
             }
         }
     }

@@ -5,6 +5,8 @@ use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
 use crate::module::Module;
 use crate::registers::{AREA, BLOCK_BYTES, Count, FAILED, Pafe, TELEGRAM_MAX, TX, Words, tx_count};
 use crate::state::CpState;
+use crate::turn::{Key, Role};
+use crate::tx::{Handed, acquire};
 
 interface! {
     /// The parameters, in the manual's order.
@@ -82,24 +84,20 @@ pub(crate) fn telegram_bytes(anz: u16) -> Result<u16, Refusal> {
 }
 
 impl Job {
-    /// FRG is set and no job is running. An old count is cleared first: CP and CPU both start from 0.
-    pub(crate) fn start(self, anz: u16, words: Words) -> (Self, Step) {
-        match tx_count(words.tx_echo) {
-            _ if words.not_ready() => (self, Step::Wait),
-            Count::Bytes(0) => {
-                let job = Job { anz_int: anz, senden_laeuft: true, ..Job::default() };
-                job.next_block()
-            }
-            Count::Bytes(_) => (self, Step::Word(0)),
-            Count::Failed(_) => (self, Step::Word(FAILED)),
-            Count::Line { .. } | Count::System | Count::Nonsense => (self, Step::Wait),
-        }
+    /// FRG is set, no job is running and `TX` is free: CP and CPU both start from 0.
+    pub(crate) fn start(anz: u16) -> (Self, Step) {
+        Job { anz_int: anz, senden_laeuft: true, ..Job::default() }.next_block()
+    }
+
+    /// The control words of the job: they must be those of the claim.
+    fn progress(self) -> u32 {
+        u32::from(self.gese) << 16 | u32::from(self.anz_int)
     }
 
     /// A job is running, and the CP has not restarted since.
     pub(crate) fn go_on(self, words: Words) -> (Self, Step) {
         if words.not_ready() {
-            return (self, self.lost(words));
+            return (self, Step::Failed(None));
         }
         let Some((posted, last)) = self.counts() else { return (self, Step::Failed(Some(0))) };
         match tx_count(words.tx_echo) {
@@ -119,12 +117,6 @@ impl Job {
             }
             Count::Line { .. } | Count::System | Count::Nonsense => (self, Step::Wait),
         }
-    }
-
-    /// The CP has restarted since the job began. The count is cleared, unless a start-up waits for its acknowledgement
-    /// in the same word.
-    pub(crate) fn lost(self, words: Words) -> Step {
-        Step::Failed((!words.not_ready()).then_some(0))
     }
 
     fn wait_or_fail(self, expected: bool) -> (Self, Step) {
@@ -174,29 +166,56 @@ impl Block for Send {
 fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     let adr = cx.get(send::ADR)?;
     let Some((module, words)) = Module::words(cx, adr)? else { return Ok(Pafe::Ok) };
-    let job = load(cx)?;
+    let (job, now) = (load(cx)?, cx.now());
+    let (db, abd) = (cx.get(send::_DB)?, cx.get(send::ABD)?);
+    let key = Key::area(Role::Send, db, abd);
+    module.state.has_own_bits.set(true);
     if job.senden_laeuft {
-        let (next, step) =
-            if module.state.send.holds(&module.info) { job.go_on(words) } else { (job, job.lost(words)) };
+        let claim = &module.state.tx.turn.claim;
+        if !claim.continues(key, job.progress(), &module.info, now) || module.is_closed(words) {
+            if let Some(failed) = module.state.tx.outcome(key, job.progress()) {
+                return end(cx, failed).map(|()| Pafe::Ok);
+            }
+            return lost(cx, &module, key, words).map(|()| Pafe::Ok);
+        }
+        let (next, step) = job.go_on(words);
         return act(cx, &module, job, next, step);
     }
     let anz = cx.get(send::ANZ)?;
     let bytes = match telegram_bytes(anz) {
         Ok(bytes) => bytes,
-        Err(refusal) => return end(cx, &module, refusal == Refusal::TooLong).map(|()| Pafe::Ok),
+        Err(refusal) => return end(cx, refusal == Refusal::TooLong).map(|()| Pafe::Ok),
     };
-    let (db, abd) = (cx.get(send::_DB)?, cx.get(send::ABD)?);
     let db_len = cx.len(Area::Db(db));
     let pafe = Pafe::check(db_len, module.offset(cx, abd)?, bytes)?;
-    // While the process of the CP is down, or a line command of FC 8 is running, FRG waits.
-    if pafe != Pafe::Ok || !module.info.present || module.state.line.holds(&module.info) {
+    module.tell_pafe(cx, Send::NUMBER, db, pafe)?;
+    // While the process of the CP is down, FC 9 is at work or another block has TX, FRG waits. Several FC 0 with data
+    // blocks of their own take turns [S0 L2287].
+    if pafe != Pafe::Ok || !module.info.present || module.is_closed(words) || !acquire(cx, &module, words, key, now)? {
         return Ok(pafe);
     }
-    let (next, step) = job.start(anz, words);
-    if next.senden_laeuft {
-        module.state.send.take(&module.info);
-    }
+    module.state.tx.begin(key);
+    let (next, step) = Job::start(anz);
     act(cx, &module, job, next, step)
+}
+
+/// The job is none, or no longer: the CP has restarted since it began, FC 9 has reset the CP, or another block has got
+/// `TX` because this one was not called. Its count is cleared, unless a start-up waits for its acknowledgement in the
+/// same word, or another block uses it.
+fn lost(cx: &mut Cx<'_, CpState>, module: &Module<'_>, key: Key, words: Words) -> Result<(), Abort> {
+    let tx = &module.state.tx;
+    let is_mine = tx.turn.claim.is_of(key);
+    let is_free = is_mine || !tx.turn.claim.holds(&module.info);
+    let may_clear = is_free && !tx.has_command(&module.info) && !module.is_closed(words);
+    if may_clear && !module.write(cx, TX, &[0, 0])? {
+        return Ok(());
+    }
+    if is_mine {
+        tx.turn.claim.release();
+    } else {
+        tx.turn.claim.orphan_told();
+    }
+    end(cx, true)
 }
 
 /// Writes the registers, then the new state of the job.
@@ -221,25 +240,34 @@ fn act(cx: &mut Cx<'_, CpState>, module: &Module<'_>, before: Job, job: Job, ste
                 return Ok(Pafe::Ok);
             }
         }
-        Step::Done => return end(cx, module, false).map(|()| Pafe::Ok),
+        Step::Done => {
+            module.state.tx.turn.claim.release();
+            return end(cx, false).map(|()| Pafe::Ok);
+        }
         Step::Failed(word) => {
             if let Some(word) = word
                 && !module.write(cx, TX, &word.to_be_bytes())?
             {
                 return Ok(Pafe::Ok);
             }
-            return end(cx, module, true).map(|()| Pafe::Ok);
+            module.state.tx.turn.claim.release();
+            return end(cx, true).map(|()| Pafe::Ok);
         }
     }
     if job != before {
         store(cx, job)?;
+        let handed = match job {
+            Job { fehler_kom: true, .. } => Handed::Failed,
+            Job { ende_kom: true, .. } => Handed::Whole,
+            _ => Handed::Part,
+        };
+        module.state.tx.note(job.progress(), handed);
     }
     Ok(Pafe::Ok)
 }
 
 /// Resets FRG. `failed`: the telegram was not acknowledged.
-fn end(cx: &mut Cx<'_, CpState>, module: &Module<'_>, failed: bool) -> Result<(), Abort> {
-    module.state.send.release();
+fn end(cx: &mut Cx<'_, CpState>, failed: bool) -> Result<(), Abort> {
     store(cx, Job { fehler_kom: failed, ..Job::default() })?;
     cx.set(send::FRG, false)
 }

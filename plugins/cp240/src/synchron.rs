@@ -118,6 +118,12 @@ impl Block for SynchronReset {
         if bits.anl != before.anl {
             cx.set(synchron::ANL, bits.anl)?;
         }
+        // What stands there from before the start of the CPU is no job. Later FC 0 ends each of its jobs itself, with
+        // FEHLER_KOM: FRG is none of the bits that the manual names [S0 L1090], and if FC 9 cleared it, a telegram that
+        // the reset has cut off would count as sent.
+        if bits.anl && !state.has_own_bits.replace(true) {
+            cx.set(synchron::STEUERB_S, 0)?;
+        }
         match step {
             Step::Wait => {}
             Step::RequestReset => {
@@ -162,16 +168,18 @@ fn end_after_delay(cx: &mut Cx<'_, CpState>, module: &Module<'_>) -> Result<(), 
         return if timer.running { Ok(()) } else { start_timer(cx).map(drop) };
     }
     let _known_above = cx.timer_run(number, TimerKind::OnDelay, false, DELAY)?;
-    module.state.acknowledged.set(0);
-    module.state.emptied.set(false);
-    module.state.discard.set(false);
-    module.state.send.release();
-    module.state.receive.release();
-    module.state.line.release();
-    module.state.reads.set(false);
-    module.state.rk512.clear();
-    cx.set(synchron::STEUERB_S, 0)?;
-    cx.set(synchron::STEUERB_R, 0)?;
+    let state = module.state;
+    let runs = state.rk512.is_running();
+    state.acknowledged.set(0);
+    state.emptied.set(false);
+    state.reception.clear();
+    state.tx.clear();
+    state.rk512.clear();
+    // The control bits of an order of RK 512 that the reset has cut off stay: its block ends it with ANZW 0008h
+    // [S0 L1297].
+    if !runs {
+        cx.set(synchron::STEUERB_R, 0)?;
+    }
     cx.set(synchron::RESET, false)?;
     cx.set(synchron::NULL, false)?;
     cx.set(synchron::ANL, false)

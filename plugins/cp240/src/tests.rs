@@ -6,6 +6,7 @@ mod receive;
 mod rk512;
 mod send;
 mod synchron;
+mod turn;
 mod wire;
 
 /// A CP that follows the register document, step by step.

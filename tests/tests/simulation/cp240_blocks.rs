@@ -22,9 +22,9 @@ const DLE: u8 = 0x10;
 pub(crate) struct Partner {
     is_3964r: bool,
     /// All received characters.
-    heard: Vec<u8>,
+    pub(crate) heard: Vec<u8>,
     /// 3964R: start of the telegram being received.
-    from: Option<usize>,
+    pub(crate) from: Option<usize>,
     pub(crate) telegrams: Vec<Vec<u8>>,
     blocks: VecDeque<Vec<u8>>,
     connects: bool,
@@ -80,15 +80,22 @@ pub(crate) struct Site {
 
 /// A station with one CP 240 with these parameters, and this program in its cycle.
 fn station(folder: &Path, params: &str, cycle: &str, blocks: &str) -> PathBuf {
+    timed_station(folder, 2, params, cycle, blocks)
+}
+
+/// The same with this cycle time in ms; OB 35 comes every 10 ms.
+fn timed_station(folder: &Path, min_cycle: u32, params: &str, cycle: &str, blocks: &str) -> PathBuf {
     let parameters = if params.starts_with('"') { format!("raw = {params}") } else { format!("params = {params}") };
     let program = format!(
         "{blocks}\nORGANIZATION_BLOCK OB 100\nBEGIN\nSET;\n=M 1.0;\nEND_ORGANIZATION_BLOCK\n\
              ORGANIZATION_BLOCK OB 1\nBEGIN\n{cycle}\nEND_ORGANIZATION_BLOCK\n"
     );
     fs::write(folder.join("program.awl"), program).expect("the program");
+    let has_ob_35 = blocks.contains("OB 35");
+    let cyclic = if has_ob_35 { "[[cpu.cyclic]]\nob = 35\nperiod = \"10ms\"\n" } else { "" };
     let file = format!(
-        "[station]\nname = \"blocks\"\n[cpu]\nmin_cycle = \"2ms\"\nwatchdog = \"500ms\"\n\
-             [program]\nsources = [\"program.awl\"]\nmnemonics = \"de\"\n[[plugin]]\npath = \"ob1_cp240\"\n\
+        "[station]\nname = \"blocks\"\n[cpu]\nmin_cycle = \"{min_cycle}ms\"\nwatchdog = \"500ms\"\n\
+             {cyclic}[program]\nsources = [\"program.awl\"]\nmnemonics = \"de\"\n[[plugin]]\npath = \"ob1_cp240\"\n\
              [[module]]\ntype = \"cp240\"\nname = \"cp\"\naddress = 256\nline = \"pty:partner\"\n{parameters}\n"
     );
     let path = folder.join("station.toml");
@@ -98,8 +105,12 @@ fn station(folder: &Path, params: &str, cycle: &str, blocks: &str) -> PathBuf {
 
 impl Site {
     pub(crate) fn new(params: &str, cycle: &str, blocks: &str) -> Self {
+        Self::timed(2, params, cycle, blocks)
+    }
+
+    pub(crate) fn timed(min_cycle: u32, params: &str, cycle: &str, blocks: &str) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
-        let path = station(folder.path(), params, cycle, blocks);
+        let path = timed_station(folder.path(), min_cycle, params, cycle, blocks);
         let partner = Partner { is_3964r: params.contains("3964r"), ..Partner::default() };
         let bench = Bench::build(&path, partner, 1).unwrap_or_else(|message| {
             panic!("{message}\nThis test needs the plugins that `cargo xtask test` builds; run: cargo xtask test")

@@ -24,7 +24,7 @@ const LINES: &str = "CALL FC 8 (ADR := 256, RTS := M 110.0, DTR := M 110.1, MASK
 const DB_11: &str = "DATA_BLOCK DB 11\nSTRUCT\nD : ARRAY [1..100] OF BYTE;\nEND_STRUCT\nBEGIN\nEND_DATA_BLOCK\n";
 
 impl Site {
-    fn set_word(&mut self, at: u32, word: u16) {
+    pub(crate) fn set_word(&mut self, at: u32, word: u16) {
         let cell = Cell::Area(Area::Memory, 8 * at);
         self.bench.station.cpu.write(cell, Width::Word, u32::from(word)).expect("bit memory");
     }

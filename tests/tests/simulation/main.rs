@@ -8,6 +8,8 @@ mod coupled;
 mod cp040;
 mod cp240;
 mod cp240_blocks;
+mod cp240_order_of_calls;
+mod cp240_reset;
 mod cp240_rk512;
 mod cp340;
 mod cp340_printer;

@@ -7,12 +7,14 @@
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
 
 use super::telegram::{
-    COUNT, DONE, FRAME_ERROR, HEADER_BYTES, INITIALISED, KIND, PARTNER, RESULT_BYTES, RUNNING, Rx, Tx, WORDS_MAX,
+    COUNT, DONE, FRAME_ERROR, HEADER_BYTES, INITIALISED, KIND, OWN, PARTNER, RESULT_BYTES, RUNNING, Rx, Tx, WORDS_MAX,
     failed, last_count, write_echo, write_tx,
 };
 use crate::module::Module;
 use crate::registers::{BLOCK_BYTES, BlockBytes, Pafe, Words};
 use crate::state::CpState;
+use crate::turn::{Key, Role};
+use crate::tx::acquire;
 
 interface! {
     /// The parameters, in the manual's order.
@@ -49,6 +51,10 @@ interface! {
         in_out FEHLER: Bool;
     }
 }
+
+/// The owner of `TX` while FC 4 answers, and of the order of the partner that it serves.
+const ANSWERS: Key = Key::new(Role::Answer, 0);
+const PARTNERS: Key = ANSWERS;
 
 /// Error numbers of a reaction message.
 const OK: u8 = 0x00;
@@ -171,40 +177,60 @@ impl Block for All {
     type Module = CpState;
 
     fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
-        let pafe = run(cx)?;
+        let adr = cx.get(all::ADR)?;
+        let Some((module, words, block)) = Module::block(cx, adr)? else { return cx.set(all::PAFE, 0) };
+        run(cx, &module, words, &block)?;
+        let pafe = standing(cx, &module)?;
         cx.set(all::PAFE, pafe as u8)
     }
 }
 
-fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
-    let adr = cx.get(all::ADR)?;
-    let Some((module, words, block)) = Module::block(cx, adr)? else { return Ok(Pafe::Ok) };
-    let job = load(cx)?;
-    if job.receives || job.sends {
-        if words.not_ready() || !module.state.rk512.partner.holds(&module.info) {
-            return broken_off(cx, &module, INITIALISED).map(|()| Pafe::Ok);
-        }
-        if job.receives {
-            return receive(cx, &module, job, words, &block).map(|()| Pafe::Ok);
-        }
-        return answer(cx, &module, job, words).map(|()| Pafe::Ok);
-    }
-    if words.not_ready() || !module.info.present {
+/// The error of the data block of the last order, as long as its cause stands: "after elimination of the error cause,
+/// the byte is set back to 0" [S0 L1262].
+fn standing(cx: &mut Cx<'_, CpState>, module: &Module<'_>) -> Result<Pafe, Abort> {
+    let state = &module.state.rk512;
+    if !state.bad.get() {
         return Ok(Pafe::Ok);
     }
+    let db_len = cx.len(Area::Db(state.bad_db.get()));
+    let pafe = Pafe::check(db_len, state.bad_from.get(), state.bad_bytes.get())?;
+    state.bad.set(pafe != Pafe::Ok);
+    module.tell_pafe(cx, All::NUMBER, state.bad_db.get(), pafe)?;
+    Ok(pafe)
+}
+
+fn run(cx: &mut Cx<'_, CpState>, module: &Module<'_>, words: Words, block: &BlockBytes) -> Result<(), Abort> {
+    let (job, now) = (load(cx)?, cx.now());
+    let state = &module.state.rk512;
+    if job.receives || job.sends {
+        if module.is_closed(words) || !state.partner.continues(PARTNERS, 1, &module.info, now) {
+            return broken_off(cx, module, INITIALISED);
+        }
+        return if job.receives { receive(cx, module, job, words, block) } else { answer(cx, module, job, words) };
+    }
+    if module.is_closed(words) || !module.info.present {
+        return Ok(());
+    }
     match (words.rx & KIND, words.rx & COUNT) {
-        (PARTNER, count) if count >= HEADER_BYTES && module.state.rk512.echo.get() == PARTNER => match block {
-            [code, NOTICE, ..] => refused_by_cp(cx, &module, words.rx, code).map(|()| Pafe::Ok),
-            _ => begin(cx, &module, count, &block),
+        (PARTNER, count) if count >= HEADER_BYTES && state.echo.get() == PARTNER => match *block {
+            [code, NOTICE, ..] => refused_by_cp(cx, module, words.rx, code),
+            _ => begin(cx, module, count, block),
         },
+        // The result of an order whose block is no longer called: nothing of the partner comes before it is fetched.
+        (OWN, 1..) if !state.order.claim.is_alive(&module.info, now) => {
+            if write_echo(cx, module, words.rx)? {
+                state.order.claim.abandon();
+            }
+            Ok(())
+        }
         // No order: show that FC 4 is being called. While `RX` shows a result, FC 2 or FC 3 uses the echo.
-        (0, 0) if module.state.rk512.echo.get() != PARTNER => write_echo(cx, &module, PARTNER).map(|_| Pafe::Ok),
-        _ => Ok(Pafe::Ok),
+        (0, 0) if state.echo.get() != PARTNER => write_echo(cx, module, PARTNER).map(drop),
+        _ => Ok(()),
     }
 }
 
 /// The CP shows an order of the partner: evaluates its header.
-fn begin(cx: &mut Cx<'_, CpState>, module: &Module<'_>, count: u16, block: &BlockBytes) -> Result<Pafe, Abort> {
+fn begin(cx: &mut Cx<'_, CpState>, module: &Module<'_>, count: u16, block: &BlockBytes) -> Result<(), Abort> {
     let header = Header::of(block);
     let locked = match Header::flag(header.coordination) {
         None => None,
@@ -221,7 +247,12 @@ fn begin(cx: &mut Cx<'_, CpState>, module: &Module<'_>, count: u16, block: &Bloc
     let room = header.bytes() <= BYTES_MAX && has_room(cx, &header)?;
     let Evaluated { code, pafe } = evaluate(&header, locked, db, room);
     let state = &module.state.rk512;
-    state.partner.take(&module.info);
+    state.partner.take(PARTNERS, &module.info, cx.now());
+    state.partner.note(1);
+    state.bad.set(pafe != Pafe::Ok);
+    state.bad_db.set(u16::from(header.db));
+    state.bad_from.set(header.from() as u16);
+    state.bad_bytes.set(header.bytes());
     state.refusal.set(code);
     state.coordination.set(header.coordination);
     state.length.set(header.bytes());
@@ -237,8 +268,7 @@ fn begin(cx: &mut Cx<'_, CpState>, module: &Module<'_>, count: u16, block: &Bloc
         ..Job::default()
     };
     cx.set(all::ANZW, RUNNING)?;
-    receive(cx, module, job, Words { rx: PARTNER | count, tx_echo: 0 }, block)?;
-    Ok(pafe)
+    receive(cx, module, job, Words { rx: PARTNER | count, tx_echo: 0 }, block)
 }
 
 /// Whether the requested inputs, outputs, bit memory, timers or counters exist.
@@ -325,20 +355,19 @@ fn mark(cx: &mut Cx<'_, CpState>, module: &Module<'_>, on: bool) -> Result<(), A
 /// The answer is being passed to the CP.
 fn answer(cx: &mut Cx<'_, CpState>, module: &Module<'_>, mut job: Job, words: Words) -> Result<(), Abort> {
     let (state, now) = (&module.state.rk512, cx.now());
-    // An order of FC 2 or FC 3 that is being passed to the CP, or a line command, goes first.
-    if module.state.line.holds(&module.info) || !state.take_tx(PARTNER, now) {
-        return Ok(());
-    }
+    let claim = &module.state.tx.turn.claim;
     let tx = if job.evaluated {
-        // The first block: first clear what an abandoned order has left in TX.
-        match words.tx_echo {
-            0 => Tx::next(PARTNER, job.anz, 0),
-            _ => return write_tx(cx, module, 0, &[]).map(drop),
+        if !acquire(cx, module, words, ANSWERS, now)? {
+            return Ok(());
         }
-    } else {
+        Tx::next(PARTNER, job.anz, 0)
+    } else if claim.continues(ANSWERS, 1, &module.info, now) {
         let (gese, tx) = Tx::go_on(words.tx_echo, PARTNER, job.anz, job.gese);
         job.gese = gese;
         tx
+    } else {
+        // Another block has got `TX`, because this one was not called.
+        return broken_off(cx, module, FRAME_ERROR);
     };
     match tx {
         Tx::Wait => Ok(()),
@@ -352,12 +381,14 @@ fn answer(cx: &mut Cx<'_, CpState>, module: &Module<'_>, mut job: Job, words: Wo
                     return Ok(());
                 }
                 state.refusal.set(RANGE);
+                claim.note(0);
                 mark(cx, module, false)?;
                 return store(cx, Job { gese: 0, anz: RESULT_BYTES, evaluated: true, last: false, ..job });
             }
             if !write_tx(cx, module, word, part)? {
                 return Ok(());
             }
+            claim.note(1);
             job.evaluated = false;
             job.last = job.anz.saturating_sub(job.gese) <= BLOCK_BYTES;
             store(cx, job)
@@ -371,7 +402,7 @@ fn answer(cx: &mut Cx<'_, CpState>, module: &Module<'_>, mut job: Job, words: Wo
         Tx::Taken => {
             let code = state.refusal.get();
             state.partner.release();
-            state.release_tx(PARTNER);
+            claim.release();
             store(cx, Job { failed: code != OK, ..Job::default() })?;
             cx.set(all::ANZW, if code == OK { DONE } else { failed(code) })
         }
@@ -426,8 +457,11 @@ fn compose(cx: &mut Cx<'_, CpState>, job: &Job, code: u8, from: u16, into: &mut 
 
 /// The CP has restarted (00h) or has withdrawn the order (0Ch): it has given the partner another answer.
 fn broken_off(cx: &mut Cx<'_, CpState>, module: &Module<'_>, code: u8) -> Result<(), Abort> {
+    let claim = &module.state.tx.turn.claim;
     module.state.rk512.partner.release();
-    module.state.rk512.release_tx(PARTNER);
+    if claim.is_of(ANSWERS) {
+        claim.release();
+    }
     store(cx, Job { failed: true, ..Job::default() })?;
     cx.set(all::ANZW, failed(code))
 }

@@ -62,6 +62,7 @@ impl Block for Fetch {
 }
 
 impl Order for Fetch {
+    const NUMBER: u16 = <Self as Block>::NUMBER;
     const COMMAND: u8 = b'E';
     const ANZW: Formal<Word, Out> = fetch::ANZW;
     const PAFE: Formal<Byte, Out> = fetch::PAFE;

@@ -5,15 +5,16 @@ use ob1_sdk::types::{Byte, Word};
 use ob1_sdk::{Abort, Area, Cx, Formal, Out};
 
 use super::job::{Job, Phase, Step};
-use super::state::GIVEN_UP;
 use super::telegram::{
     COUNT, DONE, FRAME_ERROR, HEADER_BYTES, KIND, OWN, RESULT_BYTES, RUNNING, TOO_LONG, WORDS_MAX, failed, write_echo,
     write_tx,
 };
 use crate::module::Module;
 use crate::reception::put;
-use crate::registers::{BLOCK_BYTES, BlockBytes, Count, FAILED, Pafe, Words, tx_count};
+use crate::registers::{BLOCK_BYTES, BlockBytes, Pafe, Words};
 use crate::state::CpState;
+use crate::turn::{Key, Role, Take};
+use crate::tx::{Left, acquire};
 
 /// The order in the parameters of the block.
 #[derive(Clone, Copy, Debug)]
@@ -39,6 +40,15 @@ impl Wish {
         u16::try_from(self.local.1.saturating_mul(2)).unwrap_or(u16::MAX)
     }
 
+    /// What tells this order from those of other calls.
+    fn key(&self, command: u8) -> Key {
+        let (local, remote) = (self.local.1 as u16, self.remote.0 as u8);
+        Key::new(
+            Role::Order,
+            u64::from(command) << 40 | u64::from(remote) << 32 | u64::from(self.local.0) << 16 | u64::from(local),
+        )
+    }
+
     /// The header as in the registers [S0 "Structure of the output message"].
     fn header(&self, command: u8, token: u8) -> [u8; HEADER_BYTES as usize] {
         let [high, low] = self.words.to_be_bytes();
@@ -62,6 +72,8 @@ impl Wish {
 
 /// The difference between the two blocks.
 pub(crate) trait Order {
+    /// Number of the block.
+    const NUMBER: u16;
     /// Third byte of the header.
     const COMMAND: u8;
     const ANZW: Formal<Word, Out>;
@@ -72,6 +84,9 @@ pub(crate) trait Order {
     fn store(cx: &mut Cx<'_, CpState>, job: Job) -> Result<(), Abort>;
 }
 
+/// The owner of `TX` while FC 2 or FC 3 passes an order to the CP.
+const TX_OWNER: Key = Key::new(Role::Order, 0);
+
 /// One call.
 pub(crate) fn call<O: Order>(cx: &mut Cx<'_, CpState>) -> Result<(), Abort> {
     let pafe = run::<O>(cx)?;
@@ -80,25 +95,31 @@ pub(crate) fn call<O: Order>(cx: &mut Cx<'_, CpState>) -> Result<(), Abort> {
 
 fn run<O: Order>(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     let wish = O::wish(cx)?;
+    let job = O::load(cx)?;
+    if job.phase == Phase::Idle {
+        // "Delete: when the according order is triggered for a second time" [S0 L1315], [S0 L1320]. Bit 1 follows "when
+        // the CP received the order" [S0 L1307]: until then, and while PAFE is not 0, nothing runs and nothing is done.
+        cx.set(O::ANZW, 0)?;
+    }
     let Some((module, words, block)) = Module::block(cx, wish.adr)? else { return Ok(Pafe::Ok) };
-    let (job, now) = (O::load(cx)?, cx.now());
-    let state = &module.state.rk512;
+    let now = cx.now();
     if job.phase == Phase::Idle {
         return start::<O>(cx, &module, &wish, words, now);
     }
-    if words.not_ready() || !state.order.holds(&module.info) || state.token.get() != job.token {
-        if state.token.get() == job.token {
+    let state = &module.state.rk512;
+    let (claim, tx) = (&state.order.claim, &module.state.tx.turn.claim);
+    let continues = claim.continues(wish.key(O::COMMAND), u32::from(job.token), &module.info, now);
+    let has_tx = job.phase != Phase::Sending || tx.continues(TX_OWNER, 1, &module.info, now);
+    if !continues || !has_tx || module.is_closed(words) {
+        if continues {
             release(&module);
         }
         O::store(cx, Job::default())?;
         return cx.set(O::ANZW, failed(Job::LOST)).map(|()| Pafe::Ok);
     }
-    state.order_seen.set(now);
-    if job.phase == Phase::Sending {
-        state.tx_seen.set(now);
-    }
-    if job.phase == Phase::Waiting && words.rx == 0 && state.echo.get() & KIND == OWN {
-        // The end of a result that belonged to no order.
+    if job.phase == Phase::Waiting && words.rx == 0 && state.echo.get() & COUNT != 0 {
+        // The end of a result that belonged to no order, or of an order of the partner that FC 4 has not ended: the CP
+        // shows nothing new before both sides are at 0.
         return write_echo(cx, &module, 0).map(|_| Pafe::Ok);
     }
     let (next, step) = job.go_on(words, &block);
@@ -121,25 +142,28 @@ fn start<O: Order>(
         return cx.set(O::ANZW, failed(TOO_LONG)).map(|()| Pafe::Ok);
     }
     let pafe = wish.check(cx)?;
+    module.tell_pafe(cx, O::NUMBER, wish.local.0, pafe)?;
     // A CP whose process is down, or that is not synchronised, accepts nothing: the order waits.
-    if pafe != Pafe::Ok || !module.info.present || words.not_ready() {
+    if pafe != Pafe::Ok || !module.info.present || module.is_closed(words) {
         return Ok(pafe);
     }
-    let state = &module.state.rk512;
-    let taken = state.order.holds(&module.info) && now.saturating_sub(state.order_seen.get()) < GIVEN_UP;
-    if taken || module.state.line.holds(&module.info) || !state.take_tx(OWN, now) {
-        // "SEND/FETCH blocked" [S0 "Content and structure of the indicator word ANZW"].
-        return cx.set(O::ANZW, RUNNING).map(|()| Pafe::Ok);
+    // "SEND/FETCH blocked" [S0 "Content and structure of the indicator word ANZW"].
+    cx.set(O::ANZW, RUNNING)?;
+    let (state, tx) = (&module.state.rk512, &module.state.tx);
+    match state.order.take(wish.key(O::COMMAND), &module.info, now) {
+        Take::No => return Ok(Pafe::Ok),
+        Take::Over if tx.turn.claim.is_of(TX_OWNER) && !tx.has_command(&module.info) => {
+            // The order before has been given up in the middle: the CP discards it when `TX` is 0.
+            tx.turn.claim.note(0);
+            let word = if let Left::Word(word) = Left::of(words) { word } else { 0 };
+            return write_tx(cx, module, word, &[]).map(|_| Pafe::Ok);
+        }
+        Take::Over | Take::Yes => {}
+    }
+    if !acquire(cx, module, words, TX_OWNER, now)? {
+        return Ok(Pafe::Ok);
     }
     // First clear what an abandoned order has left.
-    let left = match tx_count(words.tx_echo) {
-        Count::Failed(_) => Some(FAILED),
-        _ if words.tx_echo != 0 => Some(0),
-        _ => None,
-    };
-    if let Some(word) = left {
-        return write_tx(cx, module, word, &[]).map(|_| Pafe::Ok);
-    }
     if words.rx & KIND == OWN && words.rx & COUNT != 0 {
         return write_echo(cx, module, words.rx).map(|_| Pafe::Ok);
     }
@@ -150,10 +174,6 @@ fn start<O: Order>(
     let data = if O::COMMAND == b'A' { wish.bytes() } else { 0 };
     let (job, step) = Job::start(token, HEADER_BYTES + data);
     state.token.set(token);
-    state.order.take(&module.info);
-    state.order_seen.set(now);
-    // Bit 1 is set, bits 2 and 3 are reset: "when the according order is triggered for a second time".
-    cx.set(O::ANZW, RUNNING)?;
     act::<O>(cx, module, wish, job, step, &[0; BLOCK_BYTES as usize])
 }
 
@@ -182,7 +202,7 @@ fn act<O: Order>(
                 return Ok(Pafe::Ok);
             }
         }
-        Step::Handed => module.state.rk512.release_tx(OWN),
+        Step::Handed => module.state.tx.turn.claim.release(),
         Step::Drain(word) => return write_echo(cx, module, word).map(|_| Pafe::Ok),
         Step::Take { from, len, word } => {
             let code = (from == 0).then(|| verdict(wish, O::COMMAND, job.total, block));
@@ -213,12 +233,20 @@ fn act<O: Order>(
             return cx.set(O::ANZW, outcome.map_or_else(failed, |()| DONE)).map(|()| Pafe::Ok);
         }
     }
+    // The claims hold for the order that has begun.
+    module.state.rk512.order.claim.note(u32::from(job.token));
+    if job.phase == Phase::Sending {
+        module.state.tx.turn.claim.note(1);
+    }
     O::store(cx, job).map(|()| Pafe::Ok)
 }
 
+/// The order has ended.
 fn release(module: &Module<'_>) {
-    module.state.rk512.order.release();
-    module.state.rk512.release_tx(OWN);
+    module.state.rk512.order.claim.release();
+    if module.state.tx.turn.claim.is_of(TX_OWNER) {
+        module.state.tx.turn.claim.release();
+    }
 }
 
 /// Bytes of the telegram: header, then the data of a SEND.

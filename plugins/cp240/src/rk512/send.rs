@@ -64,6 +64,7 @@ impl Block for SendRk {
 }
 
 impl Order for SendRk {
+    const NUMBER: u16 = <Self as Block>::NUMBER;
     const COMMAND: u8 = b'A';
     const ANZW: Formal<Word, Out> = send::ANZW;
     const PAFE: Formal<Byte, Out> = send::PAFE;

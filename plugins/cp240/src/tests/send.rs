@@ -3,6 +3,7 @@
 use super::fake_cp::FakeCp;
 use crate::registers::{AREA, FAILED, NO_PARAMETERS, STARTUP, SYSTEM, Words};
 use crate::send::{Job, Refusal, Step, telegram_bytes};
+use crate::tx::Left;
 
 /// FC 0's call with FRG = 1, without parameters and data blocks.
 struct Caller {
@@ -17,8 +18,12 @@ impl Caller {
 
     fn call(&mut self, cp: &mut FakeCp, telegram: &[u8], option: u16) -> Step {
         let anz = telegram.len() as u16 | option;
-        let (job, step) =
-            if self.job.senden_laeuft { self.job.go_on(cp.words()) } else { self.job.start(anz, cp.words()) };
+        let (job, step) = match Left::of(cp.words()) {
+            _ if self.job.senden_laeuft => self.job.go_on(cp.words()),
+            Left::Nothing => Job::start(anz),
+            Left::Wait => (self.job, Step::Wait),
+            Left::Word(word) => (self.job, Step::Word(word)),
+        };
         self.job = job;
         match step {
             Step::Wait => {}
@@ -139,10 +144,8 @@ fn a_start_up_in_mid_job_fails_it_and_leaves_the_registers_to_fc_9() {
             let job = Job { gese, anz_int: 30, senden_laeuft: true, ende_kom: gese == 30, ..Job::default() };
             assert_eq!(job.go_on(visible).1, Step::Failed(None));
         }
-        assert_eq!(Job::default().start(30, visible), (Job::default(), Step::Wait), "and none starts");
+        assert_eq!(Left::of(visible), Left::Wait, "and none starts");
     }
-    let words = |tx_echo| Words { rx: 0, tx_echo };
-    assert_eq!(Job::default().lost(words(0)), Step::Failed(Some(0)));
 }
 
 #[test]
@@ -172,11 +175,13 @@ fn counters_that_are_not_ours_fail_the_job() {
 
 #[test]
 fn a_start_takes_back_what_an_abandoned_job_left() {
-    let start = |tx_echo| Job::default().start(30, Words { rx: 0, tx_echo }).1;
-    assert_eq!(start(18), Step::Word(0));
-    assert_eq!(start(0x2007), Step::Word(FAILED));
-    assert_eq!(start(0xFFFF), Step::Wait);
-    assert_eq!(start(0), Step::Block { from: 0, len: 12, word: 30 });
+    let left = |tx_echo| Left::of(Words { rx: 0, tx_echo });
+    for tx_echo in [18, 0x1C3F, 0x0812] {
+        assert_eq!(left(tx_echo), Left::Word(0), "{tx_echo:04X}h");
+    }
+    assert_eq!(left(0x2007), Left::Word(FAILED));
+    assert_eq!(left(0xFFFF), Left::Wait);
+    assert_eq!(left(0), Left::Nothing);
 
     // The program cleared the control bits after two blocks and asks for another telegram.
     let (mut cp, mut fc0, data) = (FakeCp::working(), Caller::new(), telegram(30));

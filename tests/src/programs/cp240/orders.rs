@@ -48,8 +48,8 @@ fn word(draft: &mut Draft<'_>, value: u32, changed: &[u32], as_int: bool) -> Ope
 fn data(draft: &mut Draft<'_>, first: u16, need: u32) -> Vec<(u16, u32)> {
     let bytes = match draft.random.below(16) {
         0 => 0,
-        1 => need / 2 + 4,
-        _ => (need + 4).max(1100),
+        1 => (need / 2 + 4).next_multiple_of(2),
+        _ => (need + 4).max(1100).next_multiple_of(2),
     };
     let mut list = vec![(first, bytes)];
     if draft.random.once_in(8) {

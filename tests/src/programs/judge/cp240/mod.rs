@@ -45,6 +45,8 @@ const MARGIN: Span = Span::from_millis(150);
 
 /// Until a CP whose process was killed works again.
 const RESTART: Span = Span::from_millis(700);
+/// A block that is no longer called loses what it has begun after this time.
+const GIVEN_UP: Span = Span::from_millis(2_100);
 /// After the last fault of the line both sides may still wait for something that was lost.
 const RECOVERY: Span = Span::from_millis(700);
 /// Characters that may still come after the partner's XOFF: what a UART already has.
@@ -72,6 +74,8 @@ pub(super) struct Seen {
     pub(super) resets: Vec<Instant>,
     /// RUN after STOP.
     pub(super) starts: Vec<Instant>,
+    /// When each place of a block that sends was called last.
+    pub(super) called: Vec<Option<Instant>>,
     /// The line is good from here on.
     pub(super) strict: Instant,
     /// Number of the next telegram.
@@ -89,6 +93,13 @@ impl Seen {
     /// When the last of them has ended, as far as it is known.
     pub(super) fn last_break(&self) -> Instant {
         self.breaks.iter().map(|(_, end)| *end).max().unwrap_or(Instant::START)
+    }
+
+    /// A block that sends is no longer called, and was called after `since`: what it began may stand in the CP's way until
+    /// the others give it up. The manual knows no such program; two seconds are ours (docs/cp240-blocks.md).
+    pub(super) fn given_up(&self, since: Instant, now: Instant) -> Span {
+        let dropped = |at: &Instant| at.saturating_add(GIVEN_UP) > since && at.saturating_add(SELDOM) < now;
+        if self.called.iter().flatten().any(dropped) { GIVEN_UP } else { Span::ZERO }
     }
 
     /// A break that takes until `end` or, if that comes, until another of the same cause.
@@ -237,7 +248,12 @@ impl Judge<Partner240> for Bench240 {
         if scan.state == OperatingState::Run {
             for call in scan.calls {
                 let site = &scan.sites[call.site];
-                match self.facts.roles[call.site] {
+                let role = self.facts.roles[call.site];
+                if !matches!(role, Role::Feed(_) | Role::Consume | Role::Receive | Role::Synchron) {
+                    self.seen.called.resize(scan.sites.len(), None);
+                    self.seen.called[call.site] = Some(scan.now);
+                }
+                match role {
                     Role::Feed(index) => {
                         fed.push(index);
                         if self.facts.roles.contains(&Role::Send(index)) {

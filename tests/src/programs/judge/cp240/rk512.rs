@@ -15,6 +15,8 @@ use crate::programs::text::{Operand, Site};
 pub(super) const LANG: usize = 3;
 pub(super) const ANZW: usize = 7;
 pub(super) const PAFE: usize = 8;
+/// The control bits begin here.
+const BITS: usize = 11;
 const RUNNING: u32 = 2;
 const DONE: u32 = 4;
 const ERROR: u32 = 8;
@@ -39,7 +41,7 @@ struct Order {
     lang: u32,
     changed: bool,
     pafe: bool,
-    /// When bit 1 was seen.
+    /// When it was released.
     ran: Option<Instant>,
     patience: Patience,
     late: bool,
@@ -119,7 +121,8 @@ pub(super) fn called(
             return;
         }
     }
-    if anzw & RUNNING != 0 {
+    // Bit 1 may also mean that it is blocked [S0 L1283]; "if the control bits are reset" it has not been released.
+    if anzw & RUNNING != 0 && after.iter().skip(BITS).any(|bit| *bit != 0) {
         order.ran.get_or_insert(now);
     }
     if ready == 0 {
@@ -128,9 +131,10 @@ pub(super) fn called(
         let good = order.given > judge.seen.strict && send::is_good_rk(rk);
         let reaction = t.bwz.max(super::MARGIN).min(REACTION);
         let one = line_time(&judge.facts, 138, partner, order.given, good) + reaction;
+        let wait = judge.seen.given_up(order.given, now);
         let attempts = if good { 1 } else { (u64::from(t.dbl) + 1) * 2 };
         let calls = u64::from(2 * order.lang.max(lang)) / 12 * 4 + 40;
-        if order.patience.is_over(one * telegrams * attempts, calls) && !order.late {
+        if order.patience.is_over(one * telegrams * attempts + wait, calls) && !order.late {
             order.late = true;
             let text = format!("order {} of {lang} words, given at {}: no end [S0 L1199]", order.number, order.given);
             verdict.broken("rk-live", now, text);
@@ -196,7 +200,9 @@ fn ended(
         }
         if possible && !order.changed && !fetches {
             let expected = telegram(order.number, 2 * order.lang as usize, false);
-            if !arrived.iter().any(|arrived| arrived.data == expected) {
+            // A reaction that came late or twice may be taken for the next one: RK 512 does not number them.
+            let gap = (rk.manners.late > 0 || rk.manners.twice > 0) && arrived.iter().any(|arrived| arrived.unclear);
+            if !gap && !arrived.iter().any(|arrived| arrived.data == expected) {
                 verdict.broken("rk-false-done", now, format!("{label}: done, but the data did not arrive [S0 L1312]"));
             }
         }

@@ -123,7 +123,7 @@ pub(super) fn called(
         let good = order.given > judge.seen.strict && is_good(partner);
         let calls = u64::from(order.anz.max(anz)) / 12 * 4 + 16;
         let line = line_time(&judge.facts, u64::from(order.anz.max(anz)), partner, order.given, good);
-        if order.patience.is_over(line, calls) && !order.late {
+        if order.patience.is_over(line + judge.seen.given_up(order.given, now), calls) && !order.late {
             order.late = true;
             let text =
                 format!("order {} of {anz} bytes, given at {}: FRG stays 1 [S0 L960]", order.number, order.given);
@@ -151,14 +151,14 @@ fn pafe(bytes: u32, from: u32, len: u32) -> u32 {
 }
 
 /// Whether this came whole to the partner, and how often in all.
-fn arrived(partner: &Partner240, order: &Order, plain: bool) -> (bool, usize, bool) {
+fn arrived(partner: &Partner240, order: &Order, plain: bool, exact: bool) -> (bool, usize, bool) {
     let len = order.anz as usize;
     let expected = telegram(order.number, len, plain);
     let head = &expected[..4.min(len)];
     match partner {
         Partner240::Procedure(line, _) => {
             let mine = || line.took.iter().filter(|taken| taken.at >= order.given && taken.data.starts_with(head));
-            let whole = mine().any(|taken| taken.data == expected || order.changed);
+            let whole = mine().any(|taken| taken.data == expected || order.changed || !exact);
             (whole, mine().count(), mine().all(|taken| taken.told))
         }
         Partner240::Stream(stream, _) => {
@@ -181,7 +181,7 @@ fn ended(
     verdict: &mut Verdict,
 ) {
     let facts = &judge.facts;
-    let (whole, times, told) = arrived(partner, &order, facts.plain);
+    let (whole, times, told) = arrived(partner, &order, facts.plain, order.given > judge.strict());
     let calm = order.given > judge.strict();
     let broken = judge.seen.broken(order.given, now);
     let label = format!("order {} of {} bytes, given at {}", order.number, order.anz, order.given);

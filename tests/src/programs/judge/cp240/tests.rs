@@ -160,7 +160,7 @@ impl Rig {
         let lang = (rk512::LANG, 6);
         let site = self.judge.facts.roles.iter().position(|role| *role == Role::SendRk(0)).expect("FC 3");
         self.sites[site] = site_of_fc3();
-        let values = |anzw| [lang, (rk512::ANZW, anzw), (rk512::PAFE, pafe)];
+        let values = |anzw: u32| [lang, (rk512::ANZW, anzw), (rk512::PAFE, pafe), (13, anzw >> 1 & 1)];
         self.call(site, &values(before), &values(after));
     }
 
