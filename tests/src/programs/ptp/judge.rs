@@ -94,6 +94,8 @@ pub struct PtpJudge {
     is_running: bool,
     /// The driver was killed: until then nobody listens.
     down: Instant,
+    /// Until then a telegram that was cut off may spoil others.
+    torn: Instant,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -111,6 +113,10 @@ struct Open {
 
 /// What needs time to settle after a start of the CPU or the driver.
 const SETTLES: Span = Span::from_millis(1500);
+/// The partner has sent more than there is room for.
+const NO_BUFFER: u16 = 0x080A;
+/// See [`PtpJudge::torn`].
+const TORN: Span = Span::from_millis(3000);
 /// A receiving block that is not called for so long is a reason for errors.
 const SELDOM: Span = Span::from_millis(900);
 
@@ -128,7 +134,7 @@ impl PtpJudge {
         let resets = vec![false; senders.len()];
         let (outbox, inbox) = (Outbox::default(), Inbox::default());
         let (able, heard) = (Instant::START, Instant::START);
-        Self { setup, senders, receivers, resets, jobs, outbox, inbox, telegrams: 0, able, heard, is_running: true, down: Instant::START }
+        Self { setup, senders, receivers, resets, jobs, outbox, inbox, telegrams: 0, able, heard, is_running: true, down: Instant::START, torn: Instant::START }
     }
 
     fn disturbed(&mut self, until: Instant) {
@@ -137,7 +143,8 @@ impl PtpJudge {
     }
 
     fn ledger(&mut self, now: Instant, partner: &mut Ptp, verdict: &mut Verdict) {
-        let lenient = self.setup.rates != FaultRates::NONE;
+        // The rest of a telegram that a kill or a reset has cut off spoils the next for a partner without check.
+        let lenient = self.setup.rates != FaultRates::NONE || now < self.torn;
         for event in std::mem::take(&mut partner.events) {
             match event {
                 Event::Got { at, telegram, answered } => {
@@ -177,11 +184,12 @@ impl PtpJudge {
         if self.senders[place].may_begin(send.req) {
             telegram = self.telegram(place, &send, db_no, dbb_no, values.mark(), cpu);
             // A second sending block at one CP is against the manual. [S4 L1584]
-            send.legal = telegram.is_some() && self.setup.sends.len() == 1;
+            send.legal = telegram.is_some() && self.setup.sends.len() == 1 && !self.setup.is_short;
         }
         if self.setup.is_040 && send.reset && !self.resets[place] {
             // It empties both directions. [S3 L311] [reference 7.4]
             self.inbox.broken_off();
+            self.torn = call.at + TORN;
             self.disturbed(call.at + SETTLES);
         }
         self.resets[place] = send.reset;
@@ -303,6 +311,7 @@ impl PtpJudge {
         };
         if self.setup.is_040 && receive.reset {
             self.inbox.broken_off();
+            self.torn = call.at + TORN;
             self.disturbed(call.at + SETTLES);
         }
         if !receive.enable || receive.reset || call.at.since(self.heard) > SELDOM {
@@ -331,10 +340,9 @@ impl PtpJudge {
             Some(Report::Error(status)) => {
                 // Something was lost, and the block said so.
                 self.inbox.broken_off();
-                if self.setup.is_short {
+                if self.setup.is_short || status == NO_BUFFER {
                     self.starves(call.at);
                 }
-                let _ = status;
             }
             Some(Report::Reset) | None => {}
         }
@@ -414,8 +422,7 @@ impl Judge<Ptp> for PtpJudge {
         self.ledger(now, partner, verdict);
         let patience = self.setup.patience;
         if !self.setup.receives.is_empty() && now.since(self.able) > patience && !self.setup.is_short {
-            let until = Instant::from_nanos(now.since_start().saturating_sub(patience).nanos());
-            self.inbox.finish(self.setup.receives[0].manual.block, until, verdict);
+            self.inbox.finish(self.setup.receives[0].manual.block, now, patience, verdict);
         }
     }
 }

@@ -212,11 +212,14 @@ impl Inbox {
         self.letters.iter().any(|letter| letter.owed && letter.taken == 0)
     }
 
-    /// The end of the run: what came before `until` must have been taken.
-    pub fn finish(&self, block: &str, until: Instant, findings: &mut Verdict) {
-        for letter in self.letters.iter().filter(|letter| letter.owed && letter.taken == 0 && letter.at < until) {
-            let (ms, len) = (letter.at.millis(), letter.telegram.len());
-            findings.breaks(until, Rule::Delivered, format!("{block}: {len} bytes of {ms} ms were never delivered"));
+    /// The end of the run at `now`: each telegram is delivered within `patience` after those before it.
+    pub fn finish(&self, block: &str, now: Instant, patience: Span, findings: &mut Verdict) {
+        let owed = self.letters.iter().filter(|letter| letter.owed && letter.taken == 0);
+        for (letter, before) in owed.zip(1_u64..) {
+            if now > letter.at + patience * before {
+                let (ms, len) = (letter.at.millis(), letter.telegram.len());
+                findings.breaks(now, Rule::Delivered, format!("{block}: {len} bytes of {ms} ms were never delivered"));
+            }
         }
     }
 }

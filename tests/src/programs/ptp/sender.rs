@@ -352,7 +352,11 @@ impl Sender {
         match (self.owed, end) {
             (Some(_), Some(End::Done)) => self.owed = None,
             // A start-up that R has interrupted.
-            (Some(_), Some(_)) if excused => self.owed = None,
+            (Some(_), Some(_)) if excused => {
+                if self.manual.blocks {
+                    self.owed = None;
+                }
+            }
             (Some((since, calls)), None) => {
                 let calls = calls + 1;
                 let (most, time) = self.manual.answers;

@@ -248,7 +248,7 @@ fn what_is_true_of_jobs() {
 fn inbox(run: impl FnOnce(&mut Inbox, &mut Verdict)) -> Verdict {
     let (mut inbox, mut verdict) = (Inbox::default(), Verdict::default());
     run(&mut inbox, &mut verdict);
-    inbox.finish("FB 7", at(1000), &mut verdict);
+    inbox.finish("FB 7", at(1000), Span::from_secs(1), &mut verdict);
     verdict
 }
 
