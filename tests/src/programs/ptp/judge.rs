@@ -332,7 +332,7 @@ impl PtpJudge {
                 let own = self.setup.is_040 && self.setup.protocol == Protocol::Modbus;
                 let told = |data: &[u8]| !(own && data.starts_with(b"ERROR"));
                 if let Some(data) = data.and_then(|data| data.get(dbb..dbb + len)).filter(|data| alone && told(data)) {
-                    let lenient = self.setup.rates != FaultRates::NONE;
+                    let lenient = self.setup.rates != FaultRates::NONE || call.at < self.torn;
                     let block = self.setup.receives[place].manual.block;
                     self.inbox.taken(call.at, block, data, lenient, verdict);
                 }
@@ -394,6 +394,7 @@ impl Judge<Ptp> for PtpJudge {
                 self.disturbed(now + SETTLES);
                 self.inbox.forget(now);
                 self.down = now + Span::from_millis(300);
+                self.torn = now + TORN;
                 self.able = now;
             }
             Deed::Stop | Deed::Run => {
@@ -404,7 +405,11 @@ impl Judge<Ptp> for PtpJudge {
                 self.disturbed(now + SETTLES);
                 self.able = now;
             }
-            Deed::Line(_) => self.disturbed(now + SETTLES),
+            Deed::Line(_) => {
+                self.disturbed(now + SETTLES);
+                // Characters right after it belong to the telegram that is lost.
+                self.down = now + Span::from_millis(300);
+            }
             // A parameter is changed: it counts for the next job, but errors of the running one have a cause.
             Deed::Write(..) => self.senders.iter_mut().for_each(Sender::excuse),
             Deed::Partner(_) => {}

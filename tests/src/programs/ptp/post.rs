@@ -158,6 +158,9 @@ impl Inbox {
 
     /// The CP has acknowledged this telegram.
     pub fn owed(&mut self, at: Instant, telegram: &[u8]) {
+        if self.letters.iter().any(|letter| letter.telegram == telegram && letter.taken > 0) {
+            return;
+        }
         if let Some(letter) = self.letters.iter_mut().rev().find(|letter| letter.telegram == telegram) {
             (letter.owed, letter.at) = (true, at);
         }
@@ -204,6 +207,8 @@ impl Inbox {
         });
         findings.must(place >= self.newest, at, Rule::InOrder, || format!("{block}: an older telegram after a newer"));
         self.newest = self.newest.max(place);
+        // It was sent again because its answer did not come: whether it comes again, nobody knows. [reference 5.3]
+        self.letters.iter_mut().filter(|letter| letter.telegram == telegram).for_each(|letter| letter.owed = false);
     }
 
     /// Whether something is still to be delivered.
