@@ -414,7 +414,8 @@ fn run_job<J: Job>(
     if memory.reset {
         return reset_block(cx, memory, laddr, state);
     }
-    if edge && !memory.has_work()
+    if edge
+        && !memory.has_work()
         && let Err(status) = latch::<J>(cx, memory)?
     {
         return Ok(Some(Err(status)));

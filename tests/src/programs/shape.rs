@@ -126,11 +126,7 @@ impl Shape {
     /// Puts a piece into the program. Pieces of OB 1 run in the order of these calls.
     pub fn put(&mut self, piece: Piece, home: Home, rhythm: &Rhythm) {
         let home = match home {
-            Home::Ob1 | Home::Fc | Home::Ob35
-                if !piece.statics.is_empty() || !piece.instances.is_empty() =>
-            {
-                Home::Fb
-            }
+            Home::Ob1 | Home::Fc | Home::Ob35 if !piece.statics.is_empty() || !piece.instances.is_empty() => Home::Fb,
             home => home,
         };
         let number = self.numbers;

@@ -141,24 +141,8 @@ pub const SENDING: [&str; 8] = ["REQ", "R", "LEN", "DB_NO", "DBB_NO", "DONE", "E
 /// Names of a receiving block's `EN_R`, R, `DB_NO`, `DBB_NO`, NDR, ERROR, STATUS, LEN.
 pub const RECEIVING: [&str; 8] = ["EN_R", "R", "DB_NO", "DBB_NO", "NDR", "ERROR", "STATUS", "LEN"];
 /// The sending half of FB 65.
-pub const COM_SENDING: [&str; 8] = [
-    "REQ_SEND",
-    "RESET",
-    "LEN_SEND",
-    "DB_NO_SEND",
-    "DBB_NO_SEND",
-    "DONE_SEND",
-    "ERROR_SEND",
-    "STATUS_SEND",
-];
+pub const COM_SENDING: [&str; 8] =
+    ["REQ_SEND", "RESET", "LEN_SEND", "DB_NO_SEND", "DBB_NO_SEND", "DONE_SEND", "ERROR_SEND", "STATUS_SEND"];
 /// The receiving half of FB 65.
-pub const COM_RECEIVING: [&str; 8] = [
-    "EN_RECV",
-    "RESET",
-    "DB_NO_RECV",
-    "DBB_NO_RECV",
-    "NDR_RECV",
-    "ERROR_RECV",
-    "STATUS_RECV",
-    "LEN_RECV",
-];
+pub const COM_RECEIVING: [&str; 8] =
+    ["EN_RECV", "RESET", "DB_NO_RECV", "DBB_NO_RECV", "NDR_RECV", "ERROR_RECV", "STATUS_RECV", "LEN_RECV"];

@@ -117,14 +117,19 @@ pub fn case(cp: Cp, seed: u64) -> (Case<Ptp>, Setup) {
     let cycle = [2, 5, 5, 10, 10, 20][random.below(6)];
     let two = random.once_in(10);
     let fetch = line.protocol == Protocol::Rk512 && random.once_in(3);
-    let most = if random.once_in(20) { if cp == Cp::Cp341 { u64::from(ROOM) - 40 } else { 1000 } } else { [40, 40, 200][random.below(3)] };
+    let most = if random.once_in(20) {
+        if cp == Cp::Cp341 { u64::from(ROOM) - 40 } else { 1000 }
+    } else {
+        [40, 40, 200][random.below(3)]
+    };
     let io = [8, 16, 16, 60][random.below(4)];
 
     let mut shape = Shape::default();
     let drawn = program(cp, random, &line, &mut shape, (two, fetch, io, cycle));
     let slowest_call = drawn.interval.max(cycle);
     // The calls that a telegram of this length needs, and its characters both ways.
-    let transfer = ms(slowest_call * (12 + most / if cp == Cp::Cp040 { io - 1 } else { 32 })) + line.each * (2 * most + 40);
+    let transfer =
+        ms(slowest_call * (12 + most / if cp == Cp::Cp040 { io - 1 } else { 32 })) + line.each * (2 * most + 40);
     let bound = line.slowest + 2 * transfer + if trouble.is_slow() { ms(11_000) } else { ms(300) };
 
     let length = length(cp, random, &line, most);
@@ -169,7 +174,13 @@ fn home(random: &mut Random) -> Home {
     if random.once_in(12) { Home::Ob35 } else { shape::home(random) }
 }
 
-fn program(cp: Cp, random: &mut Random, line: &Line, shape: &mut Shape, (two, fetch, io, cycle): (bool, bool, u64, u64)) -> Drawn {
+fn program(
+    cp: Cp,
+    random: &mut Random,
+    line: &Line,
+    shape: &mut Shape,
+    (two, fetch, io, cycle): (bool, bool, u64, u64),
+) -> Drawn {
     let mut drawn = Drawn { sends: Vec::new(), receives: Vec::new(), is_com: false, interval: 0, starts: Vec::new() };
     let (send, receive) = pieces::blocks_of(cp);
     let mut fixed = match (cp, line.protocol) {
@@ -270,7 +281,13 @@ fn program(cp: Cp, random: &mut Random, line: &Line, shape: &mut Shape, (two, fe
 fn length(cp: Cp, random: &mut Random, line: &Line, most: u64) -> u64 {
     match line.protocol {
         // The slave refuses a request that is too long.
-        Protocol::Modbus if cp == Cp::Cp040 => if random.once_in(6) { 5 + random.below(8) as u64 } else { 6 },
+        Protocol::Modbus if cp == Cp::Cp040 => {
+            if random.once_in(6) {
+                5 + random.below(8) as u64
+            } else {
+                6
+            }
+        }
         Protocol::Modbus => 12 + 2 * random.below(10) as u64,
         _ => 2 + random.below(most as usize - 1) as u64,
     }
@@ -450,7 +467,16 @@ fn length_or(line: &Line, most: u64) -> u32 {
 }
 
 #[expect(clippy::too_many_arguments, reason = "all that a judge has to know")]
-fn setup(cp: Cp, line: &Line, drawn: Drawn, bound: Span, calm: Instant, fetch: bool, io: u64, trouble: Trouble) -> Setup {
+fn setup(
+    cp: Cp,
+    line: &Line,
+    drawn: Drawn,
+    bound: Span,
+    calm: Instant,
+    fetch: bool,
+    io: u64,
+    trouble: Trouble,
+) -> Setup {
     let (send, receive) = numbers_of(cp, line.protocol);
     let is_040 = cp == Cp::Cp040;
     let (sending, receiving) = match drawn.is_com {
@@ -464,8 +490,7 @@ fn setup(cp: Cp, line: &Line, drawn: Drawn, bound: Span, calm: Instant, fetch: b
     let aborted = (!is_040).then_some(0x1E0D);
     let answers = if is_040 { (12, ms(600)) } else { (4, Span::ZERO) };
     let blocks = !is_040;
-    let send =
-        sender::Manual { block: of_send, busy, portions, reset: aborted, blocks, answers, number: send, bound };
+    let send = sender::Manual { block: of_send, busy, portions, reset: aborted, blocks, answers, number: send, bound };
     let portion = if is_040 { io as u32 } else { 32 };
     let receive = receiver::Manual { block: of_receive, busy, portion, aborted, blocks, answers, number: receive };
     // Two bits inverted in one column of a block are not seen by 3964R: only faults that can be seen. [S0 L1650]

@@ -134,7 +134,21 @@ impl PtpJudge {
         let resets = vec![false; senders.len()];
         let (outbox, inbox) = (Outbox::default(), Inbox::default());
         let (able, heard) = (Instant::START, Instant::START);
-        Self { setup, senders, receivers, resets, jobs, outbox, inbox, telegrams: 0, able, heard, is_running: true, down: Instant::START, torn: Instant::START }
+        Self {
+            setup,
+            senders,
+            receivers,
+            resets,
+            jobs,
+            outbox,
+            inbox,
+            telegrams: 0,
+            able,
+            heard,
+            is_running: true,
+            down: Instant::START,
+            torn: Instant::START,
+        }
     }
 
     fn disturbed(&mut self, until: Instant) {
@@ -325,7 +339,8 @@ impl PtpJudge {
                 verdict.received();
                 self.telegrams += 1;
                 let (db, dbb) = (values.before(db), values.before(dbb) as usize);
-                let (db, dbb) = if self.setup.protocol == Protocol::Rk512 { (values.after("L_NO"), 0) } else { (db, dbb) };
+                let (db, dbb) =
+                    if self.setup.protocol == Protocol::Rk512 { (values.after("L_NO"), 0) } else { (db, dbb) };
                 let len = usize::try_from(len).unwrap_or(0);
                 let data = u16::try_from(db).ok().and_then(|db| cpu.data_block(db));
                 // The CP 040's own text about a telegram of the slave that is wrong. [S3 L391]

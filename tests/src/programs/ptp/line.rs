@@ -59,7 +59,8 @@ pub fn draw(cp: Cp, random: &mut Random, moods: Moods) -> Line {
 
 fn procedure(cp: Cp, protocol: Protocol, random: &mut Random, baud: u64, each: Span, moods: Moods) -> Line {
     let qvz = 100 + 20 * random.below(15) as u64;
-    let zvz = 100 + 20 * random.below(8) as u64;
+    // Shorter than QVZ: else each new request would keep an old block open at the other end.
+    let zvz = 60 + 20 * random.below((qvz as usize - 60) / 20) as u64;
     let attempts = 1 + random.below(3) as u64;
     let is_high = random.once_in(2);
     let priority = if is_high { "low" } else { "high" };
@@ -78,8 +79,7 @@ fn procedure(cp: Cp, protocol: Protocol, random: &mut Random, baud: u64, each: S
         }
     };
     let ms = Span::from_millis;
-    let settings =
-        Settings { qvz: ms(qvz), zvz: ms(zvz), is_high, attempts: 2 + random.below(3) as u32 };
+    let settings = Settings { qvz: ms(qvz), zvz: ms(zvz), is_high, attempts: 2 + random.below(3) as u32 };
     let procedure = Procedure::new(settings, random.bits());
     let speaks = match protocol {
         Protocol::Rk512 => Speaks::Rk512(Rk512::new(procedure, TARGET)),
@@ -95,8 +95,15 @@ fn procedure(cp: Cp, protocol: Protocol, random: &mut Random, baud: u64, each: S
 fn characters(cp: Cp, protocol: Protocol, random: &mut Random, baud: u64, each: Span, moods: Moods) -> Line {
     let ms = Span::from_millis;
     let zvz = 20 + 10 * random.below(6) as u64;
-    let mut frame =
-        Frame { start: Vec::new(), end: Vec::new(), strips: false, gap: ms(zvz * 7 / 10), pause: ms(2 * zvz + 20), each, flow: false };
+    let mut frame = Frame {
+        start: Vec::new(),
+        end: Vec::new(),
+        strips: false,
+        gap: ms(zvz * 7 / 10),
+        pause: ms(2 * zvz + 20),
+        each,
+        flow: false,
+    };
     let mut tail = Vec::new();
     let mut slowest = ms(500);
     let flow = cp != Cp::Cp040 && random.once_in(3);
@@ -128,7 +135,8 @@ fn characters(cp: Cp, protocol: Protocol, random: &mut Random, baud: u64, each: 
             frame.end = if two { vec![13, 10] } else { vec![13] };
             frame.gap = ms(1000);
             tail.clone_from(&frame.end);
-            let flags = if two { "end_flags = 2, end_flag_1 = 13, end_flag_2 = 10" } else { "end_flags = 1, end_flag_1 = 13" };
+            let flags =
+                if two { "end_flags = 2, end_flag_1 = 13, end_flag_2 = 10" } else { "end_flags = 1, end_flag_1 = 13" };
             format!(
                 "protocol = \"ascii\", baud = {baud}, end_criterion = \"end-characters\", {flags}, zvz_ms = {zvz}, sending \
                  = \"append-end\"{flow_key}"

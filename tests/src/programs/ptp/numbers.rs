@@ -90,8 +90,8 @@ fn of_every_reception(status: u16) -> Option<Number> {
 pub fn receive_plain(status: u16) -> Option<Number> {
     let known = matches!(
         status,
-        0x050E | 0x0801 | 0x0802 | 0x0805 | 0x0806 | 0x0808 | 0x080A | 0x080C | 0x080D | 0x0810..=0x0812 | 0x0815
-            | 0x0816 | 0x0818
+        0x050E | 0x0801 | 0x0802 | 0x0805 | 0x0806 | 0x0808 | 0x080A | 0x080C | 0x080D | 0x0810
+            ..=0x0812 | 0x0815 | 0x0816 | 0x0818
     );
     known.then_some(Open).or_else(|| of_every_reception(status))
 }
@@ -122,5 +122,6 @@ pub fn send_040(status: u16) -> Option<Number> {
 /// FB 61, FB 65 receiving. [reference 8.4]
 #[must_use]
 pub fn receive_040(status: u16) -> Option<Number> {
-    matches!(status, 0x0202 | 0x0301 | 0x0517 | 0x070A | 0x080A | 0x080C | 0x8323 | 0x833A | 0x80A0 | 0x80A1).then_some(Open)
+    matches!(status, 0x0202 | 0x0301 | 0x0517 | 0x070A | 0x080A | 0x080C | 0x8323 | 0x833A | 0x80A0 | 0x80A1)
+        .then_some(Open)
 }

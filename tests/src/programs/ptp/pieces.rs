@@ -117,7 +117,13 @@ fn of<'a>(block: &Block, operands: &'a [Option<Operand>], name: &str) -> &'a Ope
 }
 
 /// What stands before the call of a sending block: REQ, R, and a new mark for each job.
-fn before(shape: &mut Shape, sending: &Sending, names: &[&'static str; 8], block: &'static Block, actual: &[Option<Operand>]) -> String {
+fn before(
+    shape: &mut Shape,
+    sending: &Sending,
+    names: &[&'static str; 8],
+    block: &'static Block,
+    actual: &[Option<Operand>],
+) -> String {
     let [req, reset, _, _, dbb, done, error, _] = *names;
     let bit = |name| of(block, actual, name).text(Type::Bool);
     let (req_bit, done, error) = (bit(req), bit(done), bit(error));
@@ -139,7 +145,11 @@ fn before(shape: &mut Shape, sending: &Sending, names: &[&'static str; 8], block
             let count = word(shape);
             format!(
                 "CLR;\n= {req_bit};\n{}",
-                shape.program.every(n, count.replace("MW ", "").parse().expect("a number"), &format!("SET;\n= {req_bit};\n"))
+                shape.program.every(
+                    n,
+                    count.replace("MW ", "").parse().expect("a number"),
+                    &format!("SET;\n= {req_bit};\n")
+                )
             )
         }
         Starts::Follows => format!("U M {hand}.0;\n= {req_bit};\n"),
@@ -152,8 +162,10 @@ fn before(shape: &mut Shape, sending: &Sending, names: &[&'static str; 8], block
     let source = SOURCE + sending.number as u16;
     // Two sending blocks have different marks.
     let base = if sending.number == 0 { "4040" } else { "6060" };
-    let mut fresh = format!("L {mark};\nL 1;\n+I;\nT {mark};\nL W#16#1F;\nUW;\nL {mark};\nSLW 3;\nL \
-         W#16#1F00;\nUW;\nOW;\nL W#16#{base};\nOW;\n");
+    let mut fresh = format!(
+        "L {mark};\nL 1;\n+I;\nT {mark};\nL W#16#1F;\nUW;\nL {mark};\nSLW 3;\nL \
+         W#16#1F00;\nUW;\nOW;\nL W#16#{base};\nOW;\n"
+    );
     for place in &sending.marks {
         fresh += &format!("T DB{source}.DBW {place};\n");
     }

@@ -5,8 +5,8 @@ use ob1_time::{Instant, Span};
 
 use super::numbers::Number;
 use super::rule::{Findings as _, Rule};
-use crate::programs::judge::Verdict;
 use super::sender::End;
+use crate::programs::judge::Verdict;
 
 /// A job as a block has named it.
 #[derive(Debug)]

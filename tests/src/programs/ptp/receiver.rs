@@ -126,9 +126,8 @@ impl Receiver {
         let excused = call.at < self.excused_until;
         let blocked = call.reset && self.manual.blocks;
         findings.must(!blocked, call.at, Rule::ResetBlocks, || format!("{block}: NDR while R is 1"));
-        findings.must(call.enable || call.reset, call.at, Rule::EnableBlocks, || {
-            format!("{block}: NDR while EN_R is 0")
-        });
+        findings
+            .must(call.enable || call.reset, call.at, Rule::EnableBlocks, || format!("{block}: NDR while EN_R is 0"));
         if self.owed.is_some() && !call.reset {
             // R was on for less than the answer takes; the telegram was at its end.
             self.owed = None;

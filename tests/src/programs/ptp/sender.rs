@@ -248,8 +248,19 @@ impl Sender {
         if self.manual.blocks {
             self.owed = None;
         }
-        self.job =
-            Some(Job { began: call.at, len, calls: 0, clock: None, settled: 0, late: 0, excused, sure, ghost: false, aborting: None, told: false });
+        self.job = Some(Job {
+            began: call.at,
+            len,
+            calls: 0,
+            clock: None,
+            settled: 0,
+            late: 0,
+            excused,
+            sure,
+            ghost: false,
+            aborting: None,
+            told: false,
+        });
     }
 
     /// A job runs: [reference 1.2 1-3, 5, 9].
@@ -286,7 +297,14 @@ impl Sender {
     }
 
     /// R in a job: the block says that the job has ended. [reference 1.2 5, 1.2 7]
-    fn aborted(&mut self, mut job: Job, since: Instant, call: &SendCall, end: Option<End>, findings: &mut Verdict) -> Option<End> {
+    fn aborted(
+        &mut self,
+        mut job: Job,
+        since: Instant,
+        call: &SendCall,
+        end: Option<End>,
+        findings: &mut Verdict,
+    ) -> Option<End> {
         let Manual { block, reset, .. } = self.manual;
         let status = match end {
             None => {
@@ -318,9 +336,8 @@ impl Sender {
             _ => None,
         };
         let right = reset.is_none() || status == reset || !job.sure || job.excused || call.at < self.excused_until;
-        findings.must(right, call.at, Rule::ResetIsAnswered, || {
-            format!("{block}: a job ended by R reports {status:04X?}")
-        });
+        findings
+            .must(right, call.at, Rule::ResetIsAnswered, || format!("{block}: a job ended by R reports {status:04X?}"));
         Some(End::Reset)
     }
 
@@ -367,6 +384,8 @@ impl Sender {
                 });
             }
             (None, None) => {}
+            // A reset that a start-up of the CPU has cut off.
+            (None, Some(End::Error(_))) if excused && !self.manual.blocks => {}
             (_, Some(end)) => {
                 let rule = if call.reset && self.manual.blocks { Rule::ResetBlocks } else { Rule::EndOfAJob };
                 findings.breaks(call.at, rule, format!("{block}: {end:X?} without a job"));

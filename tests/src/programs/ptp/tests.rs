@@ -21,8 +21,15 @@ const SEND: sender::Manual = sender::Manual {
     bound: Span::from_secs(2),
 };
 
-const COM: sender::Manual =
-    sender::Manual { block: "FB 60", busy: 0x8181, portions: Portions::Io(16), reset: None, blocks: false, number: numbers::send_040, ..SEND };
+const COM: sender::Manual = sender::Manual {
+    block: "FB 60",
+    busy: 0x8181,
+    portions: Portions::Io(16),
+    reset: None,
+    blocks: false,
+    number: numbers::send_040,
+    ..SEND
+};
 
 const TAKE: receiver::Manual = receiver::Manual {
     block: "FB 7",
@@ -138,7 +145,16 @@ fn a_job_without_an_end() {
 #[test]
 fn a_cause_is_an_excuse_and_delays_the_bound() {
     let (mut sender, mut verdict) = (Sender::new(SEND), Verdict::default());
-    let call = |n: u64| SendCall { at: at(n), req: n == 1, reset: false, len: 10, done: false, error: false, status: 0, legal: true };
+    let call = |n: u64| SendCall {
+        at: at(n),
+        req: n == 1,
+        reset: false,
+        len: 10,
+        done: false,
+        error: false,
+        status: 0,
+        legal: true,
+    };
     (0..200).for_each(|n| _ = sender.call(&call(n), &mut verdict));
     sender.disturbed(at(250));
     (200..430).for_each(|n| _ = sender.call(&call(n), &mut verdict));
@@ -287,7 +303,8 @@ fn the_telegram_of_a_source_area() {
     assert_eq!(request(&[5, 3, 0, 0x40, 0, 2, 9, 9]), Some((vec![5, 3, 0, 0x40, 0, 2], true)));
     assert_eq!(request(&[5, 16, 0, 1, 0, 1, 7, 8, 9]), Some((vec![5, 16, 0, 1, 0, 1, 2, 7, 8], false)));
     assert_eq!(request(&[0, 6, 0, 1, 7, 8]), Some((vec![0, 6, 0, 1, 7, 8], false)));
-    for refused in [&[0, 3, 0, 1, 0, 1][..], &[5, 3, 0, 1, 0, 0], &[5, 5, 0, 1, 0, 1], &[5, 9, 0, 0, 0, 1], &[5, 6, 0]] {
+    for refused in [&[0, 3, 0, 1, 0, 1][..], &[5, 3, 0, 1, 0, 0], &[5, 5, 0, 1, 0, 1], &[5, 9, 0, 0, 0, 1], &[5, 6, 0]]
+    {
         assert_eq!(request(refused), None, "{refused:?}");
     }
 }

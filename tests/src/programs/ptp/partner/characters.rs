@@ -171,7 +171,15 @@ mod tests {
 
     fn frame() -> Frame {
         let ms = Span::from_millis;
-        Frame { start: Vec::new(), end: Vec::new(), strips: false, gap: ms(10), pause: ms(20), each: ms(1), flow: false }
+        Frame {
+            start: Vec::new(),
+            end: Vec::new(),
+            strips: false,
+            gap: ms(10),
+            pause: ms(20),
+            each: ms(1),
+            flow: false,
+        }
     }
 
     #[test]

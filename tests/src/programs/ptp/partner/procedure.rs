@@ -12,6 +12,8 @@ const STX: u8 = 0x02;
 const ETX: u8 = 0x03;
 const DLE: u8 = 0x10;
 const NAK: u8 = 0x15;
+/// Pause before a request is repeated.
+const AGAIN: Span = Span::from_millis(40);
 
 /// Its settings.
 #[derive(Clone, Copy, Debug)]
@@ -66,11 +68,23 @@ const BAD: [Mood; 9] = [
 enum State {
     Idle,
     /// A block comes in.
-    In { data: Vec<u8>, dle: bool, end: bool, check: u8, mood: Mood, until: Instant },
+    In {
+        data: Vec<u8>,
+        dle: bool,
+        end: bool,
+        check: u8,
+        mood: Mood,
+        until: Instant,
+    },
     /// STX is out.
-    Asked { tries: u32, until: Instant },
+    Asked {
+        tries: u32,
+        until: Instant,
+    },
     /// The block is out.
-    Out { until: Instant },
+    Out {
+        until: Instant,
+    },
 }
 
 /// What the procedure tells the layer above it.
@@ -122,7 +136,14 @@ impl Procedure {
     }
 
     /// Takes characters, or none at a deadline. Returns the next deadline.
-    pub fn hear(&mut self, now: Instant, bytes: &[u8], moods: &Moods, out: &mut Vec<u8>, told: &mut Vec<Told>) -> Instant {
+    pub fn hear(
+        &mut self,
+        now: Instant,
+        bytes: &[u8],
+        moods: &Moods,
+        out: &mut Vec<u8>,
+        told: &mut Vec<Told>,
+    ) -> Instant {
         for byte in bytes {
             self.character(now, *byte, moods, out, told);
         }
@@ -153,7 +174,8 @@ impl Procedure {
                     self.called(now, moods, out);
                 }
                 STX => self.state = State::Asked { tries, until },
-                _ => self.again(now, tries, out, told),
+                // It asks again when the line is quiet: else its next request could lie in the block.
+                _ => self.state = State::Asked { tries, until: now + AGAIN },
             },
             State::Out { .. } => match byte {
                 DLE => {
@@ -168,12 +190,10 @@ impl Procedure {
 
     /// The CP wants to send. [S0 L1650]
     fn called(&mut self, now: Instant, moods: &Moods, out: &mut Vec<u8>) {
-        let mood = if moods.is_bad(now, &mut self.rng) {
-            BAD[self.rng.below(BAD.len() as u64) as usize]
-        } else {
-            Mood::Good
-        };
-        let opens = State::In { data: Vec::new(), dle: false, end: false, check: 0, mood, until: now + self.settings.zvz };
+        let mood =
+            if moods.is_bad(now, &mut self.rng) { BAD[self.rng.below(BAD.len() as u64) as usize] } else { Mood::Good };
+        let opens =
+            State::In { data: Vec::new(), dle: false, end: false, check: 0, mood, until: now + self.settings.zvz };
         match mood {
             Mood::Deaf => {}
             Mood::Busy => out.push(NAK),
@@ -218,7 +238,15 @@ impl Procedure {
         }
     }
 
-    fn finished(&mut self, now: Instant, good: bool, mood: Mood, block: Vec<u8>, out: &mut Vec<u8>, told: &mut Vec<Told>) {
+    fn finished(
+        &mut self,
+        now: Instant,
+        good: bool,
+        mood: Mood,
+        block: Vec<u8>,
+        out: &mut Vec<u8>,
+        told: &mut Vec<Told>,
+    ) {
         let qvz = self.settings.qvz;
         match (good, mood) {
             (false, _) | (_, Mood::Refuses) => out.push(NAK),
@@ -248,8 +276,7 @@ impl Procedure {
             out.push(byte);
             if byte == DLE && matches!(self.state, State::Idle) {
                 let until = now + self.settings.zvz;
-                self.state =
-                    State::In { data: Vec::new(), dle: false, end: false, check: 0, mood: Mood::Good, until };
+                self.state = State::In { data: Vec::new(), dle: false, end: false, check: 0, mood: Mood::Good, until };
             }
         }
         match self.state {
@@ -316,7 +343,14 @@ pub struct Plain(pub Procedure);
 
 impl Plain {
     /// As [`Procedure::hear`]; what happened goes to `events`.
-    pub fn hear(&mut self, now: Instant, bytes: &[u8], moods: &Moods, out: &mut Vec<u8>, events: &mut Vec<Event>) -> Instant {
+    pub fn hear(
+        &mut self,
+        now: Instant,
+        bytes: &[u8],
+        moods: &Moods,
+        out: &mut Vec<u8>,
+        events: &mut Vec<Event>,
+    ) -> Instant {
         let mut told = Vec::new();
         let next = self.0.hear(now, bytes, moods, out, &mut told);
         events.extend(told.into_iter().filter_map(|told| match told {
@@ -333,12 +367,8 @@ impl Plain {
 mod tests {
     use super::*;
 
-    const SETTINGS: Settings = Settings {
-        qvz: Span::from_millis(100),
-        zvz: Span::from_millis(100),
-        is_high: false,
-        attempts: 2,
-    };
+    const SETTINGS: Settings =
+        Settings { qvz: Span::from_millis(100), zvz: Span::from_millis(100), is_high: false, attempts: 2 };
 
     fn at(ms: u64) -> Instant {
         Instant::START + Span::from_millis(ms)

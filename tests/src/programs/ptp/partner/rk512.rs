@@ -69,7 +69,14 @@ impl Rk512 {
     }
 
     /// As [`super::Device::hear`].
-    pub fn hear(&mut self, now: Instant, bytes: &[u8], moods: &Moods, out: &mut Vec<u8>, events: &mut Vec<Event>) -> Instant {
+    pub fn hear(
+        &mut self,
+        now: Instant,
+        bytes: &[u8],
+        moods: &Moods,
+        out: &mut Vec<u8>,
+        events: &mut Vec<Event>,
+    ) -> Instant {
         let mut told = Vec::new();
         let mut next = self.procedure.hear(now, bytes, moods, out, &mut told);
         loop {
@@ -190,7 +197,8 @@ mod tests {
     use ob1_time::Span;
 
     fn wire(block: &[u8]) -> Vec<u8> {
-        let mut out: Vec<u8> = block.iter().flat_map(|b| std::iter::repeat_n(*b, if *b == 0x10 { 2 } else { 1 })).collect();
+        let mut out: Vec<u8> =
+            block.iter().flat_map(|b| std::iter::repeat_n(*b, if *b == 0x10 { 2 } else { 1 })).collect();
         out.extend([0x10, 3]);
         out.push(out.iter().fold(0, |check, byte| check ^ byte));
         out
