@@ -171,6 +171,8 @@ impl PtpJudge {
                 Event::Owed { telegram } if !lenient && now >= self.setup.calm => self.inbox.owed(now, &telegram),
                 Event::Owed { .. } => {}
                 Event::Disturbs(until) => self.disturbed(until),
+                // A CP that has just started does not know of the XOFF before.
+                Event::Flooded { .. } if now < self.torn => {}
                 Event::Flooded { at, characters } => {
                     verdict.breaks(at, Rule::Flow, format!("{characters} characters after XOFF"));
                 }
@@ -407,15 +409,15 @@ impl Judge<Ptp> for PtpJudge {
         match deed {
             Deed::Kill => {
                 self.disturbed(now + SETTLES);
-                self.inbox.forget(now);
                 self.down = now + Span::from_millis(300);
+                self.inbox.forget(self.down);
                 self.torn = now + TORN;
                 self.able = now;
             }
             Deed::Stop | Deed::Run => {
                 if self.setup.clears {
-                    self.inbox.forget(now);
                     self.down = now + Span::from_millis(300);
+                    self.inbox.forget(self.down);
                 }
                 self.disturbed(now + SETTLES);
                 self.able = now;
