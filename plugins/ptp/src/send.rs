@@ -352,11 +352,8 @@ fn run<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory) -> Result<End, Abo
     };
     let (instance, now_ms) = called(cx)?;
     let end = match own(memory, laddr, state, edge, (instance, now_ms)) {
-        Some(end) => {
-            // An edge in the call that reports the end of a cancelled job.
-            memory.latched = memory.latched && latch::<J>(cx, memory)?.is_ok();
-            end
-        }
+        Some(end) if memory.latched => latch::<J>(cx, memory)?.map_or(end, |()| end),
+        Some(end) => end,
         None => run_job::<J>(cx, memory, laddr, state, edge)?,
     };
     state.send.keep(instance, now_ms, if memory.has_work() { JOB_MS } else { 0 });
@@ -397,10 +394,9 @@ fn own(memory: &mut Memory, laddr: i16, state: &CpState, edge: bool, (instance, 
 
 /// The edge of REQ: the job has the data that the parameters name now, however long it waits for the CP. [S4 L1598]
 fn latch<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory) -> Result<Result<(), u16>, Abort> {
-    if let Err(status) = J::check(cx)? {
-        return Ok(Err(status));
-    }
-    Ok(J::begin(cx)?.map(|data| (memory.data, memory.latched) = (data, true)))
+    memory.latched = false;
+    let begun = J::check(cx)?.map_or_else(|status| Ok(Err(status)), |()| J::begin(cx))?;
+    Ok(begun.map(|data| (memory.data, memory.latched) = (data, true)))
 }
 
 /// One call of the instance that has the channel.
@@ -414,10 +410,8 @@ fn run_job<J: Job>(
     if memory.reset {
         return reset_block(cx, memory, laddr, state);
     }
-    if edge
-        && !memory.has_work()
-        && let Err(status) = latch::<J>(cx, memory)?
-    {
+    let latched = if edge && !memory.has_work() { latch::<J>(cx, memory)? } else { Ok(()) };
+    if let Err(status) = latched {
         return Ok(Some(Err(status)));
     }
     let cp = match channel::read(cx, laddr, Channel::Send)? {

@@ -308,7 +308,7 @@ fn sources(cp: Cp, random: &mut Random, line: &Line, two: bool, fetch: bool, mos
     text
 }
 
-/// Eight source areas of a Modbus master. [S4 chapter 5]
+/// Eight source areas of a Modbus master. [S4 L1600-L1638]
 fn requests(cp: Cp, random: &mut Random, db: u16) -> String {
     let mut text = String::new();
     for slot in 0..8 {

@@ -1,5 +1,5 @@
-//! The judge of a program around the blocks of a point-to-point CP: the automata of its blocks, and the partner's ledger
-//! beside them.
+//! The judge of a program around the blocks of a point-to-point CP: the automata of its blocks, and beside them the
+//! partner's ledger.
 
 use ob1_cpu::{Cpu, OperatingState};
 use ob1_line::sim::FaultRates;
@@ -239,7 +239,7 @@ impl PtpJudge {
         }
     }
 
-    /// A job that waits for a reset or another block: with a CP 040 nobody says which parameters it has. [reference 8.3]
+    /// A job that waits for a reset or another block: nobody says which parameters it has at a CP 040. [reference 8.3]
     fn waiting(&mut self, place: usize, send: &SendCall, (db, dbb, mark): (u32, usize, u32), cpu: &Cpu) {
         let Some(open) = self.jobs[place].filter(|_| self.setup.is_040) else { return };
         let now = (send.len, db, dbb, mark);

@@ -55,8 +55,8 @@ impl Outbox {
         self.jobs[job].spoilt = true;
     }
 
-    /// A whole telegram has reached the partner, and it has answered that it took it. `answered` is false when its answer
-    /// was kept back or spoilt; `lenient`: the line changes telegrams so that nobody can know.
+    /// A whole telegram has reached the partner, and it has answered that it took it. `answered` is false when its
+    /// answer was kept back or spoilt; `lenient`: the line changes telegrams so that nobody can know.
     pub fn arrived(&mut self, at: Instant, telegram: &[u8], answered: bool, lenient: bool, findings: &mut Verdict) {
         let is_it = |job: &&mut Job| job.began <= at && job.telegrams.iter().any(|own| own == telegram);
         let fresh = |job: &&mut Job| is_it(job) && job.arrived == 0;
@@ -150,8 +150,8 @@ pub struct Inbox {
 }
 
 impl Inbox {
-    /// The partner has sent a telegram whole; `owed`: the CP has acknowledged it, or there is nothing to acknowledge and
-    /// the line was good.
+    /// The partner has sent a telegram whole; `owed`: the CP has acknowledged it, or there is nothing to acknowledge
+    /// and the line was good.
     pub fn said(&mut self, at: Instant, telegram: &[u8], owed: bool) {
         self.letters.push(Letter { at, telegram: telegram.to_vec(), copies: 1, taken: 0, owed });
     }

@@ -1,7 +1,7 @@
 //! The automaton of a block that sends: P_SND_RK, P_SEND, FB 60, the sending half of FB 65.
 //!
-//! It sees the parameters of each call before and after, and says which jobs begin and end. What is at the partner is the
-//! matter of [`super::post`].
+//! It sees the parameters of each call before and after, and says which jobs begin and end. What is at the partner is
+//! the matter of [`super::post`].
 
 use ob1_time::{Instant, Span};
 
@@ -265,7 +265,7 @@ impl Sender {
 
     /// A job runs: [reference 1.2 1-3, 5, 9].
     fn running(&mut self, mut job: Job, call: &SendCall, end: Option<End>, findings: &mut Verdict) -> Option<End> {
-        let Manual { block, number, .. } = self.manual;
+        let Manual { block, number, blocks, .. } = self.manual;
         job.calls += 1;
         job.settled += 1;
         if let Some(since) = job.aborting {
@@ -279,9 +279,12 @@ impl Sender {
         match end {
             End::Done => {
                 let fewest = self.manual.portions.fewest(job.len);
-                findings.must(job.calls >= fewest || !job.sure || job.ghost, call.at, Rule::Portions, || {
-                    format!("{block}: {} bytes were DONE in {} calls, they need {fewest}", job.len, job.calls)
-                });
+                findings.must(
+                    job.calls >= fewest || !job.sure || job.ghost || !blocks && job.excused,
+                    call.at,
+                    Rule::Portions,
+                    || format!("{block}: {} bytes were DONE in {} calls, they need {fewest}", job.len, job.calls),
+                );
             }
             End::Error(status) => {
                 let about_itself = number(status).is_some_and(|number| number == Number::Refused);

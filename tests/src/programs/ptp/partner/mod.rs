@@ -1,5 +1,5 @@
-//! The partners on the line of the point-to-point CPs: written from the manuals, apart from the machines under test. What
-//! happened at them is their ledger ([`Event`]).
+//! The partners on the line of the point-to-point CPs: written from the manuals, apart from the machines under test.
+//! What happened at them is their ledger ([`Event`]).
 
 pub mod characters;
 pub mod procedure;
