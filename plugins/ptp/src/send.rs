@@ -232,7 +232,7 @@ pub trait Job {
     /// The call ends.
     fn check(cx: &mut Cx<'_, CpState>) -> Result<Result<(), u16>, Abort>;
 
-    /// Starts the job; returns the location and length of its data.
+    /// The location and length of the data of a job that starts now.
     ///
     /// # Errors
     /// The call ends.
@@ -352,6 +352,7 @@ fn run<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory) -> Result<End, Abo
     };
     let (instance, now_ms) = called(cx)?;
     let end = match own(memory, laddr, state, edge, (instance, now_ms)) {
+        Some(end) if memory.latched => latch::<J>(cx, memory)?.map_or(end, |()| end),
         Some(end) => end,
         None => run_job::<J>(cx, memory, laddr, state, edge)?,
     };
@@ -391,6 +392,13 @@ fn own(memory: &mut Memory, laddr: i16, state: &CpState, edge: bool, (instance, 
     None
 }
 
+/// The edge of REQ: the job has the data that the parameters name now, however long it waits for the CP. [S4 L1598]
+fn latch<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory) -> Result<Result<(), u16>, Abort> {
+    memory.latched = false;
+    let begun = J::check(cx)?.map_or_else(|status| Ok(Err(status)), |()| J::begin(cx))?;
+    Ok(begun.map(|data| (memory.data, memory.latched) = (data, true)))
+}
+
 /// One call of the instance that has the channel.
 fn run_job<J: Job>(
     cx: &mut Cx<'_, CpState>,
@@ -402,11 +410,9 @@ fn run_job<J: Job>(
     if memory.reset {
         return reset_block(cx, memory, laddr, state);
     }
-    if edge && !memory.has_work() {
-        if let Err(status) = J::check(cx)? {
-            return Ok(Some(Err(status)));
-        }
-        memory.latched = true;
+    let latched = if edge && !memory.has_work() { latch::<J>(cx, memory)? } else { Ok(()) };
+    if let Err(status) = latched {
+        return Ok(Some(Err(status)));
     }
     let cp = match channel::read(cx, laddr, Channel::Send)? {
         Ok(cp) => cp,
@@ -419,10 +425,6 @@ fn run_job<J: Job>(
         Act::Begin => {
             memory.latched = false;
             memory.job = if memory.job == u16::MAX { 1 } else { memory.job + 1 };
-            match J::begin(cx)? {
-                Err(status) => return Ok(Some(Err(status))),
-                Ok(data) => memory.data = data,
-            }
             (memory.phase, memory.piece) = (Phase::Giving, 0);
             give::<J>(cx, memory, laddr)?
         }

@@ -3,7 +3,15 @@
 use ob1_tests::programs::{SUBJECTS, Subject};
 
 /// Seeds that failed once, with the cause. They stay as long as the generator gives the same programs for them.
-const FOUND: &[(&str, u64, &str)] = &[];
+const FOUND: &[(&str, u64, &str)] = &[
+    ("cp341", 4, "R of an idle P_SND_RK was not answered"),
+    ("cp341", 6, "a job that waited for the CP had the LEN of a later call, not that of the edge of REQ"),
+    ("cp341", 20, "of two P_SND_RK at one CP one had no end"),
+    ("cp341", 29, "two P_SND_RK at one CP, one request on the line, DONE at both"),
+    ("cp341", 24, "DONE of a reading job before its NDR"),
+    ("cp340", 7, "as cp341 6, with P_SEND"),
+    ("cp340", 18, "as cp341 29, with P_SEND"),
+];
 
 fn passes(subject: &Subject, seed: u64) {
     let folder = tempfile::tempdir().expect("a folder");

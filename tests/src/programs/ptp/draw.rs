@@ -117,7 +117,11 @@ pub fn case(cp: Cp, seed: u64) -> (Case<Ptp>, Setup) {
     let cycle = [2, 5, 5, 10, 10, 20][random.below(6)];
     let two = random.once_in(10);
     let fetch = line.protocol == Protocol::Rk512 && random.once_in(3);
-    let most = if random.once_in(20) { u64::from(ROOM) - 40 } else { [40, 40, 200][random.below(3)] };
+    let most = if random.once_in(20) {
+        if cp == Cp::Cp341 { u64::from(ROOM) - 40 } else { 1000 }
+    } else {
+        [40, 40, 200][random.below(3)]
+    };
     let io = [8, 16, 16, 60][random.below(4)];
 
     let mut shape = Shape::default();
@@ -195,8 +199,8 @@ fn program(
     of_receiver.push(("LADDR", "272".into()));
     if cp == Cp::Cp040 {
         let size = ("IO_SIZE", format!("W#16#{io:X}"));
-        fixed.extend([size.clone(), ("CONTROL", "MB 230".into())]);
-        of_receiver.extend([size, ("CONTROL", "MB 230".into())]);
+        fixed.extend([size.clone(), ("CONTROL", "MB 238".into())]);
+        of_receiver.extend([size, ("CONTROL", "MB 238".into())]);
     }
     let is_modbus = line.protocol == Protocol::Modbus;
     let dbb = if is_modbus { 0 } else { [0, 10, 0, 32][random.below(4)] };
@@ -304,7 +308,7 @@ fn sources(cp: Cp, random: &mut Random, line: &Line, two: bool, fetch: bool, mos
     text
 }
 
-/// Eight source areas of a Modbus master. [S4 chapter 5]
+/// Eight source areas of a Modbus master. [S4 L1600-L1638]
 fn requests(cp: Cp, random: &mut Random, db: u16) -> String {
     let mut text = String::new();
     for slot in 0..8 {
@@ -524,6 +528,7 @@ fn setup(
         calm: if disturbed { calm + settle.min(ms(4000)) } else { Instant::START + ms(400) },
         patience,
         is_040,
+        clears: cp != Cp::Cp341,
         is_short: line.echoes,
         last: Instant::START,
     }

@@ -1,5 +1,5 @@
-//! The judge of a program around the blocks of a point-to-point CP: the automata of its blocks, and the partner's ledger
-//! beside them.
+//! The judge of a program around the blocks of a point-to-point CP: the automata of its blocks, and beside them the
+//! partner's ledger.
 
 use ob1_cpu::{Cpu, OperatingState};
 use ob1_line::sim::FaultRates;
@@ -66,6 +66,8 @@ pub struct Setup {
     pub patience: Span,
     /// A CP 040: its own Modbus, and R empties the CP.
     pub is_040: bool,
+    /// A start-up of the CPU empties the receive buffer: CP 340, CP 040. [reference 1.6 has "no" for the CP 341]
+    pub clears: bool,
     /// What the partner sends is not always taken.
     pub is_short: bool,
     /// Nothing happens from outside after this.
@@ -90,6 +92,10 @@ pub struct PtpJudge {
     /// Last call of the receiving block.
     heard: Instant,
     is_running: bool,
+    /// The driver was killed: until then nobody listens.
+    down: Instant,
+    /// Until then a telegram that was cut off may spoil others.
+    torn: Instant,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -101,10 +107,16 @@ struct Open {
     db: u32,
     dbb: usize,
     len: usize,
+    /// LEN, `DB_NO`, `DBB_NO` and the mark.
+    parameters: (i32, u32, usize, u32),
 }
 
 /// What needs time to settle after a start of the CPU or the driver.
 const SETTLES: Span = Span::from_millis(1500);
+/// The partner has sent more than there is room for.
+const NO_BUFFER: u16 = 0x080A;
+/// See [`PtpJudge::torn`].
+const TORN: Span = Span::from_millis(3000);
 /// A receiving block that is not called for so long is a reason for errors.
 const SELDOM: Span = Span::from_millis(900);
 
@@ -122,7 +134,21 @@ impl PtpJudge {
         let resets = vec![false; senders.len()];
         let (outbox, inbox) = (Outbox::default(), Inbox::default());
         let (able, heard) = (Instant::START, Instant::START);
-        Self { setup, senders, receivers, resets, jobs, outbox, inbox, telegrams: 0, able, heard, is_running: true }
+        Self {
+            setup,
+            senders,
+            receivers,
+            resets,
+            jobs,
+            outbox,
+            inbox,
+            telegrams: 0,
+            able,
+            heard,
+            is_running: true,
+            down: Instant::START,
+            torn: Instant::START,
+        }
     }
 
     fn disturbed(&mut self, until: Instant) {
@@ -131,17 +157,22 @@ impl PtpJudge {
     }
 
     fn ledger(&mut self, now: Instant, partner: &mut Ptp, verdict: &mut Verdict) {
-        let lenient = self.setup.rates != FaultRates::NONE;
+        // The rest of a telegram that a kill or a reset has cut off spoils the next for a partner without check.
+        let lenient = self.setup.rates != FaultRates::NONE || now < self.torn;
         for event in std::mem::take(&mut partner.events) {
             match event {
                 Event::Got { at, telegram, answered } => {
                     self.outbox.arrived(at, &telegram, answered, lenient, verdict);
                 }
                 Event::Said { at, telegram, owed } => {
-                    let owed = owed && !lenient && now >= self.setup.calm;
+                    let owed = owed && !lenient && now >= self.setup.calm && at > self.down;
                     self.inbox.said(at, &telegram, owed);
                 }
+                Event::Owed { telegram } if !lenient && now >= self.setup.calm => self.inbox.owed(now, &telegram),
+                Event::Owed { .. } => {}
                 Event::Disturbs(until) => self.disturbed(until),
+                // A CP that has just started does not know of the XOFF before.
+                Event::Flooded { .. } if now < self.torn => {}
                 Event::Flooded { at, characters } => {
                     verdict.breaks(at, Rule::Flow, format!("{characters} characters after XOFF"));
                 }
@@ -168,11 +199,13 @@ impl PtpJudge {
         let mut telegram = None;
         if self.senders[place].may_begin(send.req) {
             telegram = self.telegram(place, &send, db_no, dbb_no, values.mark(), cpu);
-            send.legal = telegram.is_some();
+            // A second sending block at one CP is against the manual. [S4 L1584]
+            send.legal = telegram.is_some() && self.setup.sends.len() == 1 && !self.setup.is_short;
         }
         if self.setup.is_040 && send.reset && !self.resets[place] {
             // It empties both directions. [S3 L311] [reference 7.4]
             self.inbox.broken_off();
+            self.torn = call.at + TORN;
             self.disturbed(call.at + SETTLES);
         }
         self.resets[place] = send.reset;
@@ -184,20 +217,39 @@ impl PtpJudge {
             self.ended(place, call.at, end, cpu, verdict);
         }
         if !began {
+            self.waiting(place, &send, (db_no, dbb_no, values.mark()), cpu);
             return;
         }
         verdict.given();
         let (db, dbb) = (db_no, dbb_no);
+        // Nobody answers a broadcast: DONE is the turnaround delay. [S4 L636]
+        let is_broadcast = self.setup.protocol == Protocol::Modbus
+            && telegram.as_ref().is_some_and(|telegram| telegram.bytes.first() == Some(&0));
         let reads = telegram.as_ref().is_some_and(|telegram| telegram.reads);
         let block = self.setup.sends[place].manual.block;
         let number = self.outbox.began(call.at, block, telegram.map(|telegram| telegram.bytes));
-        if ghost {
+        if ghost || is_broadcast {
             self.outbox.spoilt(number);
         }
         let len = usize::try_from(send.len).unwrap_or(0);
-        self.jobs[place] = Some(Open { number, telegrams: self.telegrams, reads, db, dbb, len });
+        let parameters = (send.len, db, dbb, values.mark());
+        self.jobs[place] = Some(Open { number, telegrams: self.telegrams, reads, db, dbb, len, parameters });
         if let Some(end) = at_once {
             self.ended(place, call.at, end, cpu, verdict);
+        }
+    }
+
+    /// A job that waits for a reset or another block: nobody says which parameters it has at a CP 040. [reference 8.3]
+    fn waiting(&mut self, place: usize, send: &SendCall, (db, dbb, mark): (u32, usize, u32), cpu: &Cpu) {
+        let Some(open) = self.jobs[place].filter(|_| self.setup.is_040) else { return };
+        let now = (send.len, db, dbb, mark);
+        if now == open.parameters {
+            return;
+        }
+        if let Some(telegram) = self.telegram(place, send, db, dbb, mark, cpu) {
+            self.outbox.also(open.number, telegram.bytes);
+        } else {
+            self.senders[place].excuse();
         }
     }
 
@@ -275,6 +327,7 @@ impl PtpJudge {
         };
         if self.setup.is_040 && receive.reset {
             self.inbox.broken_off();
+            self.torn = call.at + TORN;
             self.disturbed(call.at + SETTLES);
         }
         if !receive.enable || receive.reset || call.at.since(self.heard) > SELDOM {
@@ -292,8 +345,11 @@ impl PtpJudge {
                     if self.setup.protocol == Protocol::Rk512 { (values.after("L_NO"), 0) } else { (db, dbb) };
                 let len = usize::try_from(len).unwrap_or(0);
                 let data = u16::try_from(db).ok().and_then(|db| cpu.data_block(db));
-                if let Some(data) = data.and_then(|data| data.get(dbb..dbb + len)).filter(|_| alone) {
-                    let lenient = self.setup.rates != FaultRates::NONE;
+                // The CP 040's own text about a telegram of the slave that is wrong. [S3 L391]
+                let own = self.setup.is_040 && self.setup.protocol == Protocol::Modbus;
+                let told = |data: &[u8]| !(own && data.starts_with(b"ERROR"));
+                if let Some(data) = data.and_then(|data| data.get(dbb..dbb + len)).filter(|data| alone && told(data)) {
+                    let lenient = self.setup.rates != FaultRates::NONE || call.at < self.torn;
                     let block = self.setup.receives[place].manual.block;
                     self.inbox.taken(call.at, block, data, lenient, verdict);
                 }
@@ -301,10 +357,9 @@ impl PtpJudge {
             Some(Report::Error(status)) => {
                 // Something was lost, and the block said so.
                 self.inbox.broken_off();
-                if self.setup.is_short {
+                if self.setup.is_short || status == NO_BUFFER {
                     self.starves(call.at);
                 }
-                let _ = status;
             }
             Some(Report::Reset) | None => {}
         }
@@ -354,14 +409,24 @@ impl Judge<Ptp> for PtpJudge {
         match deed {
             Deed::Kill => {
                 self.disturbed(now + SETTLES);
-                self.inbox.forget(now + Span::from_millis(100));
+                self.down = now + Span::from_millis(300);
+                self.inbox.forget(self.down);
+                self.torn = now + TORN;
                 self.able = now;
             }
             Deed::Stop | Deed::Run => {
+                if self.setup.clears {
+                    self.down = now + Span::from_millis(300);
+                    self.inbox.forget(self.down);
+                }
                 self.disturbed(now + SETTLES);
                 self.able = now;
             }
-            Deed::Line(_) => self.disturbed(now + SETTLES),
+            Deed::Line(_) => {
+                self.disturbed(now + SETTLES);
+                // Characters right after it belong to the telegram that is lost.
+                self.down = now + Span::from_millis(300);
+            }
             // A parameter is changed: it counts for the next job, but errors of the running one have a cause.
             Deed::Write(..) => self.senders.iter_mut().for_each(Sender::excuse),
             Deed::Partner(_) => {}
@@ -379,8 +444,7 @@ impl Judge<Ptp> for PtpJudge {
         self.ledger(now, partner, verdict);
         let patience = self.setup.patience;
         if !self.setup.receives.is_empty() && now.since(self.able) > patience && !self.setup.is_short {
-            let until = Instant::from_nanos(now.since_start().saturating_sub(patience).nanos());
-            self.inbox.finish(self.setup.receives[0].manual.block, until, verdict);
+            self.inbox.finish(self.setup.receives[0].manual.block, now, patience, verdict);
         }
     }
 }

@@ -59,7 +59,8 @@ pub fn draw(cp: Cp, random: &mut Random, moods: Moods) -> Line {
 
 fn procedure(cp: Cp, protocol: Protocol, random: &mut Random, baud: u64, each: Span, moods: Moods) -> Line {
     let qvz = 100 + 20 * random.below(15) as u64;
-    let zvz = 100 + 20 * random.below(8) as u64;
+    // Shorter than QVZ: else each new request would keep an old block open at the other end.
+    let zvz = 60 + 20 * random.below((qvz as usize - 60) / 20) as u64;
     let attempts = 1 + random.below(3) as u64;
     let is_high = random.once_in(2);
     let priority = if is_high { "low" } else { "high" };
@@ -143,9 +144,11 @@ fn characters(cp: Cp, protocol: Protocol, random: &mut Random, baud: u64, each: 
         }
         _ => format!("protocol = \"ascii\", baud = {baud}, zvz_ms = {zvz}{flow_key}"),
     };
+    // Where silence ends a telegram, silence after XOFF would end one too.
+    let can_stop = flow && !frame.end.is_empty();
     let speaks = Speaks::Characters(Characters::new(frame, random.bits()));
     let mut partner = Ptp::new(speaks, moods);
-    partner.can_stop = flow;
+    partner.can_stop = can_stop;
     Line { protocol, params, partner, each, slowest, tail, echoes: false }
 }
 

@@ -1,4 +1,4 @@
-//! What a Modbus master has to send for a source area. [S4 L1600-L1640, chapter 5]
+//! What a Modbus master has to send for a source area. [S4 L1600-L1640]
 
 use super::judge::Expected;
 
@@ -12,7 +12,7 @@ pub fn request(source: &[u8]) -> Option<Expected> {
     let bytes = match function {
         // Broadcast only writes. [S4 L634]
         3 | 4 if !for_all && (1..=125).contains(&word(2)?) => take(4)?,
-        // The state of a coil is FF00h or 0. [S4 0E48h]
+        // The state of a coil is FF00h or 0. [S4 L1800]
         5 if matches!(word(2)?, 0 | 0xFF00) => take(4)?,
         6 => take(4)?,
         8 if !for_all && word(0)? == 0 => take(4)?,

@@ -122,5 +122,6 @@ pub fn send_040(status: u16) -> Option<Number> {
 /// FB 61, FB 65 receiving. [reference 8.4]
 #[must_use]
 pub fn receive_040(status: u16) -> Option<Number> {
-    matches!(status, 0x0202 | 0x0301 | 0x0517 | 0x080A | 0x080C | 0x8323 | 0x833A | 0x80A0 | 0x80A1).then_some(Open)
+    matches!(status, 0x0202 | 0x0301 | 0x0517 | 0x070A | 0x080A | 0x080C | 0x8323 | 0x833A | 0x80A0 | 0x80A1)
+        .then_some(Open)
 }

@@ -160,9 +160,11 @@ fn before(
     // A new job has a new mark; while a job runs nobody changes its data.
     let mark = word(shape);
     let source = SOURCE + sending.number as u16;
+    // Two sending blocks have different marks.
+    let base = if sending.number == 0 { "4040" } else { "6060" };
     let mut fresh = format!(
         "L {mark};\nL 1;\n+I;\nT {mark};\nL W#16#1F;\nUW;\nL {mark};\nSLW 3;\nL \
-         W#16#1F00;\nUW;\nOW;\nL W#16#4040;\nOW;\n"
+         W#16#1F00;\nUW;\nOW;\nL W#16#{base};\nOW;\n"
     );
     for place in &sending.marks {
         fresh += &format!("T DB{source}.DBW {place};\n");

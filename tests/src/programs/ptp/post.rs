@@ -13,8 +13,8 @@ use crate::programs::judge::Verdict;
 struct Job {
     block: &'static str,
     began: Instant,
-    /// What has to arrive; `None`: its parameters are wrong, nothing may.
-    telegram: Option<Vec<u8>>,
+    /// What has to arrive, one of these; none: its parameters are wrong, nothing may.
+    telegrams: Vec<Vec<u8>>,
     arrived: u32,
     /// When it arrived first.
     last: Instant,
@@ -38,8 +38,16 @@ impl Outbox {
     /// A job has begun; returns its number.
     pub fn began(&mut self, at: Instant, block: &'static str, telegram: Option<Vec<u8>>) -> usize {
         let (arrived, last, spoilt, refused) = (0, Instant::NEVER, false, false);
-        self.jobs.push(Job { block, began: at, telegram, arrived, last, spoilt, refused });
+        let telegrams = telegram.into_iter().collect();
+        self.jobs.push(Job { block, began: at, telegrams, arrived, last, spoilt, refused });
         self.jobs.len() - 1
+    }
+
+    /// The manual leaves open when the parameters count: this telegram is right, too.
+    pub fn also(&mut self, job: usize, telegram: Vec<u8>) {
+        if self.jobs[job].arrived == 0 && !self.jobs[job].telegrams.contains(&telegram) {
+            self.jobs[job].telegrams.push(telegram);
+        }
     }
 
     /// Answers to this job were lost or spoilt: the partner may get it more than once. [reference 5.3]
@@ -47,10 +55,10 @@ impl Outbox {
         self.jobs[job].spoilt = true;
     }
 
-    /// A whole telegram has reached the partner, and it has answered that it took it. `answered` is false when its answer
-    /// was kept back or spoilt; `lenient`: the line changes telegrams so that nobody can know.
+    /// A whole telegram has reached the partner, and it has answered that it took it. `answered` is false when its
+    /// answer was kept back or spoilt; `lenient`: the line changes telegrams so that nobody can know.
     pub fn arrived(&mut self, at: Instant, telegram: &[u8], answered: bool, lenient: bool, findings: &mut Verdict) {
-        let is_it = |job: &&mut Job| job.began <= at && job.telegram.as_deref() == Some(telegram);
+        let is_it = |job: &&mut Job| job.began <= at && job.telegrams.iter().any(|own| own == telegram);
         let fresh = |job: &&mut Job| is_it(job) && job.arrived == 0;
         let job = match self.jobs.iter_mut().rev().find(fresh) {
             Some(job) => Some(job),
@@ -142,15 +150,20 @@ pub struct Inbox {
 }
 
 impl Inbox {
-    /// The partner has sent a telegram whole; `owed`: the CP has acknowledged it, or there is nothing to acknowledge and
-    /// the line was good.
+    /// The partner has sent a telegram whole; `owed`: the CP has acknowledged it, or there is nothing to acknowledge
+    /// and the line was good.
     pub fn said(&mut self, at: Instant, telegram: &[u8], owed: bool) {
-        if let Some(letter) = self.letters.iter_mut().find(|letter| letter.telegram == telegram) {
-            letter.copies += 1;
-            letter.owed |= owed;
+        self.letters.push(Letter { at, telegram: telegram.to_vec(), copies: 1, taken: 0, owed });
+    }
+
+    /// The CP has acknowledged this telegram.
+    pub fn owed(&mut self, at: Instant, telegram: &[u8]) {
+        if self.letters.iter().any(|letter| letter.telegram == telegram && letter.taken > 0) {
             return;
         }
-        self.letters.push(Letter { at, telegram: telegram.to_vec(), copies: 1, taken: 0, owed });
+        if let Some(letter) = self.letters.iter_mut().rev().find(|letter| letter.telegram == telegram) {
+            (letter.owed, letter.at) = (true, at);
+        }
     }
 
     /// What is in the CP may be lost: a kill, new parameters, a full buffer.
@@ -170,7 +183,12 @@ impl Inbox {
 
     /// NDR with these data.
     pub fn taken(&mut self, at: Instant, block: &str, telegram: &[u8], lenient: bool, findings: &mut Verdict) {
-        let found = self.letters.iter_mut().enumerate().find(|(_, letter)| letter.telegram == telegram);
+        let same = |letter: &Letter| letter.telegram == telegram;
+        let fresh = |(place, letter): (usize, &Letter)| same(letter) && letter.taken == 0 && place >= self.newest;
+        let place = (0..).zip(&self.letters).position(fresh);
+        let place = place.or_else(|| self.letters.iter().position(|letter| same(letter) && letter.taken == 0));
+        let place = place.or_else(|| self.letters.iter().position(same));
+        let found = place.map(|place| (place, &mut self.letters[place]));
         let Some((place, letter)) = found else {
             if lenient {
                 return;
@@ -189,6 +207,8 @@ impl Inbox {
         });
         findings.must(place >= self.newest, at, Rule::InOrder, || format!("{block}: an older telegram after a newer"));
         self.newest = self.newest.max(place);
+        // It was sent again because its answer did not come: whether it comes again, nobody knows. [reference 5.3]
+        self.letters.iter_mut().filter(|letter| letter.telegram == telegram).for_each(|letter| letter.owed = false);
     }
 
     /// Whether something is still to be delivered.
@@ -197,11 +217,14 @@ impl Inbox {
         self.letters.iter().any(|letter| letter.owed && letter.taken == 0)
     }
 
-    /// The end of the run: what came before `until` must have been taken.
-    pub fn finish(&self, block: &str, until: Instant, findings: &mut Verdict) {
-        for letter in self.letters.iter().filter(|letter| letter.owed && letter.taken == 0 && letter.at < until) {
-            let (ms, len) = (letter.at.millis(), letter.telegram.len());
-            findings.breaks(until, Rule::Delivered, format!("{block}: {len} bytes of {ms} ms were never delivered"));
+    /// The end of the run at `now`: each telegram is delivered within `patience` after those before it.
+    pub fn finish(&self, block: &str, now: Instant, patience: Span, findings: &mut Verdict) {
+        let owed = self.letters.iter().filter(|letter| letter.owed && letter.taken == 0);
+        for (letter, before) in owed.zip(1_u64..) {
+            if now > letter.at + patience * before {
+                let (ms, len) = (letter.at.millis(), letter.telegram.len());
+                findings.breaks(now, Rule::Delivered, format!("{block}: {len} bytes of {ms} ms were never delivered"));
+            }
         }
     }
 }

@@ -144,7 +144,9 @@ impl Receiver {
         let Manual { block, aborted, .. } = self.manual;
         let excused = call.at < self.excused_until;
         if self.owed.is_some() {
-            self.owed = None;
+            if self.manual.blocks {
+                self.owed = None;
+            }
             let right = aborted.is_none_or(|aborted| call.status == aborted) || excused;
             findings.must(right, call.at, Rule::ResetIsAnswered, || {
                 format!("{block}: R is answered with ERROR {:04X}h", call.status)
@@ -154,7 +156,8 @@ impl Receiver {
         if self.disabled.take().is_some() && aborted == Some(call.status) {
             return Some(Report::Error(call.status));
         }
-        findings.must(excused, call.at, Rule::ErrorHasCause, || {
+        // The partner has sent more than there is room for: that is its own cause. [reference 6.4, 7.3]
+        findings.must(excused || call.status == 0x080A, call.at, Rule::ErrorHasCause, || {
             format!("{block}: ERROR {:04X}h, but nothing was wrong", call.status)
         });
         Some(Report::Error(call.status))
@@ -166,7 +169,7 @@ impl Receiver {
         let (most, time) = self.manual.answers;
         let over = calls + 1 >= most && call.at > since + time;
         self.owed = (!over).then_some((since, calls + 1));
-        findings.must(!over || excused, call.at, Rule::ResetIsAnswered, || {
+        findings.must(!over || excused || !self.manual.blocks, call.at, Rule::ResetIsAnswered, || {
             format!("{}: R is answered with neither NDR and LEN 0 nor ERROR", self.manual.block)
         });
     }

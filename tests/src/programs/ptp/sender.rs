@@ -1,7 +1,7 @@
 //! The automaton of a block that sends: P_SND_RK, P_SEND, FB 60, the sending half of FB 65.
 //!
-//! It sees the parameters of each call before and after, and says which jobs begin and end. What is at the partner is the
-//! matter of [`super::post`].
+//! It sees the parameters of each call before and after, and says which jobs begin and end. What is at the partner is
+//! the matter of [`super::post`].
 
 use ob1_time::{Instant, Span};
 
@@ -201,6 +201,11 @@ impl Sender {
             (_, true) => Some(End::Error(call.status)),
             _ => None,
         };
+        let mut end = end;
+        if !self.manual.blocks && self.owed.is_some() && end == Some(End::Done) {
+            // The reset itself has ended; a job may have begun meanwhile. [reference 8.3]
+            (self.owed, end) = (None, None);
+        }
         let mut turn = Turn::default();
         if self.job.is_some_and(|job| !job.sure) && rises && end.is_none() {
             self.begin(call, true);
@@ -240,7 +245,9 @@ impl Sender {
     fn begin(&mut self, call: &SendCall, sure: bool) {
         let excused = call.at < self.excused_until || !call.legal;
         let len = call.len;
-        self.owed = None;
+        if self.manual.blocks {
+            self.owed = None;
+        }
         self.job = Some(Job {
             began: call.at,
             len,
@@ -258,7 +265,7 @@ impl Sender {
 
     /// A job runs: [reference 1.2 1-3, 5, 9].
     fn running(&mut self, mut job: Job, call: &SendCall, end: Option<End>, findings: &mut Verdict) -> Option<End> {
-        let Manual { block, number, .. } = self.manual;
+        let Manual { block, number, blocks, .. } = self.manual;
         job.calls += 1;
         job.settled += 1;
         if let Some(since) = job.aborting {
@@ -272,9 +279,12 @@ impl Sender {
         match end {
             End::Done => {
                 let fewest = self.manual.portions.fewest(job.len);
-                findings.must(job.calls >= fewest || !job.sure || job.ghost, call.at, Rule::Portions, || {
-                    format!("{block}: {} bytes were DONE in {} calls, they need {fewest}", job.len, job.calls)
-                });
+                findings.must(
+                    job.calls >= fewest || !job.sure || job.ghost || !blocks && job.excused,
+                    call.at,
+                    Rule::Portions,
+                    || format!("{block}: {} bytes were DONE in {} calls, they need {fewest}", job.len, job.calls),
+                );
             }
             End::Error(status) => {
                 let about_itself = number(status).is_some_and(|number| number == Number::Refused);
@@ -319,7 +329,13 @@ impl Sender {
                 // The job was at its end when R came.
                 return Some(End::Done);
             }
-            Some(End::Error(status)) => Some(status),
+            Some(End::Error(status)) => {
+                if !self.manual.blocks {
+                    // First the job that was lost, then the reset.
+                    self.owed = Some((since, 0));
+                }
+                Some(status)
+            }
             _ => None,
         };
         let right = reset.is_none() || status == reset || !job.sure || job.excused || call.at < self.excused_until;
@@ -356,7 +372,11 @@ impl Sender {
         match (self.owed, end) {
             (Some(_), Some(End::Done)) => self.owed = None,
             // A start-up that R has interrupted.
-            (Some(_), Some(_)) if excused => self.owed = None,
+            (Some(_), Some(_)) if excused => {
+                if self.manual.blocks {
+                    self.owed = None;
+                }
+            }
             (Some((since, calls)), None) => {
                 let calls = calls + 1;
                 let (most, time) = self.manual.answers;
@@ -367,6 +387,8 @@ impl Sender {
                 });
             }
             (None, None) => {}
+            // A reset that a start-up of the CPU has cut off.
+            (None, Some(End::Error(_))) if excused && !self.manual.blocks => {}
             (_, Some(end)) => {
                 let rule = if call.reset && self.manual.blocks { Rule::ResetBlocks } else { Rule::EndOfAJob };
                 findings.breaks(call.at, rule, format!("{block}: {end:X?} without a job"));

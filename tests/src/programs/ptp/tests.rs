@@ -45,8 +45,8 @@ fn at(calls: u64) -> Instant {
     Instant::START + Span::from_millis(10 * calls)
 }
 
-/// Letters are calls of a sending block: q REQ, r R, D DONE, E ERROR with 0703h, P with 1E41h, A with 1E0Dh, X with 1234h,
-/// S STATUS without ERROR, 8 STATUS 8181h; `.` nothing. Calls are separated by blanks.
+/// Letters are calls of a sending block: q REQ, r R, D DONE, E ERROR with 0703h, P with 1E41h, A with 1E0Dh, X with
+/// 1234h, S STATUS without ERROR, 8 STATUS 8181h; `.` nothing. Calls are separated by blanks.
 fn sends(manual: sender::Manual, calls: &str) -> Verdict {
     let (mut sender, mut verdict) = (Sender::new(manual), Verdict::default());
     for (number, text) in (0..).zip(calls.split(' ')) {
@@ -264,7 +264,7 @@ fn what_is_true_of_jobs() {
 fn inbox(run: impl FnOnce(&mut Inbox, &mut Verdict)) -> Verdict {
     let (mut inbox, mut verdict) = (Inbox::default(), Verdict::default());
     run(&mut inbox, &mut verdict);
-    inbox.finish("FB 7", at(1000), &mut verdict);
+    inbox.finish("FB 7", at(1000), Span::from_secs(1), &mut verdict);
     verdict
 }
 

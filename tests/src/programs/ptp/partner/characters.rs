@@ -9,6 +9,8 @@ use super::{Event, leaving};
 
 const XON: u8 = 0x11;
 const XOFF: u8 = 0x13;
+/// Characters that a UART may still have in its buffer when XOFF comes, and those under way.
+const BUFFER: u64 = 18;
 
 /// What ends a telegram.
 #[derive(Clone, Debug)]
@@ -38,8 +40,8 @@ pub struct Characters {
     queue: VecDeque<(u32, Vec<u8>)>,
     /// Its own characters have left, and the pause.
     free: Instant,
-    /// A telegram under way: it is said when its characters have left.
-    saying: Option<(Instant, Vec<u8>)>,
+    /// A telegram is under way until then.
+    saying: Option<Instant>,
     /// It has said XOFF: since, until.
     off: Option<(Instant, Instant)>,
     /// The CP has said XOFF.
@@ -73,7 +75,7 @@ impl Characters {
         self.time(now, out, events);
         let gap = if self.heard.is_empty() || self.off.is_some() { Instant::NEVER } else { self.last + self.frame.gap };
         let queue = if self.queue.is_empty() || self.held { Instant::NEVER } else { self.free };
-        let saying = self.saying.as_ref().map_or(Instant::NEVER, |(at, _)| *at);
+        let saying = self.saying.unwrap_or(Instant::NEVER);
         let off = self.off.map_or(Instant::NEVER, |(_, until)| until);
         gap.min(queue).min(saying).min(off)
     }
@@ -84,11 +86,12 @@ impl Characters {
             return;
         }
         if let Some((since, _)) = self.off
-            && now > since + 3 * self.frame.each
+            && now > since + BUFFER * self.frame.each
         {
             self.flooded += 1;
         }
-        let silent = now > self.last + self.frame.gap;
+        // While it holds the CP back, silence ends nothing.
+        let silent = now > self.last + self.frame.gap && self.off.is_none();
         if silent {
             self.ends(events);
         }
@@ -122,11 +125,10 @@ impl Characters {
         if !self.heard.is_empty() && now >= self.last + self.frame.gap && self.off.is_none() {
             self.ends(events);
         }
-        if let Some((at, telegram)) = self.saying.take_if(|(at, _)| *at <= now) {
-            events.push(Event::Said { at, telegram, owed: true });
-        }
+        self.saying.take_if(|at| *at <= now);
         if self.off.is_some_and(|(_, until)| until <= now) {
             self.off = None;
+            self.last = self.last.max(now + 4 * self.frame.each);
             out.push(XON);
             self.free = self.free.max(now + self.frame.each);
             if self.flooded > 0 {
@@ -154,7 +156,8 @@ impl Characters {
         self.free = left + *pause;
         // The end characters of ASCII are part of what the block gets. [reference 6.1]
         let telegram = if *strips { telegram } else { out[from..].to_vec() };
-        self.saying = Some((left, telegram));
+        self.saying = Some(left);
+        events.push(Event::Said { at: left, telegram, owed: true });
     }
 }
 
@@ -213,7 +216,7 @@ mod tests {
         assert_eq!(out, [XOFF]);
         // One is under way; the second comes too late.
         partner.hear(at(101), b"b", &mut out, &mut events);
-        partner.hear(at(120), b"c", &mut out, &mut events);
+        partner.hear(at(130), b"c", &mut out, &mut events);
         partner.hear(at(600), b"", &mut out, &mut events);
         assert!(events.contains(&Event::Flooded { at: at(600), characters: 1 }), "{events:?}");
     }

@@ -1,5 +1,5 @@
-//! The partners on the line of the point-to-point CPs: written from the manuals, apart from the machines under test. What
-//! happened at them is their ledger ([`Event`]).
+//! The partners on the line of the point-to-point CPs: written from the manuals, apart from the machines under test.
+//! What happened at them is their ledger ([`Event`]).
 
 pub mod characters;
 pub mod procedure;
@@ -32,6 +32,11 @@ pub enum Event {
         telegram: Vec<u8>,
         /// The CP has it: it said so, or there is nothing to say and the telegram was good.
         owed: bool,
+    },
+    /// The CP has acknowledged a telegram that it had sent.
+    Owed {
+        /// The telegram.
+        telegram: Vec<u8>,
     },
     /// It does something wrong until this instant: jobs may fail.
     Disturbs(Instant),

@@ -12,6 +12,8 @@ const STX: u8 = 0x02;
 const ETX: u8 = 0x03;
 const DLE: u8 = 0x10;
 const NAK: u8 = 0x15;
+/// Pause before a request is repeated.
+const AGAIN: Span = Span::from_millis(40);
 
 /// Its settings.
 #[derive(Clone, Copy, Debug)]
@@ -90,6 +92,8 @@ enum State {
 pub enum Told {
     /// A block was taken; whether its answer went out good and in time.
     Block(Vec<u8>, bool),
+    /// The own block goes out.
+    Offered(Vec<u8>),
     /// The own block was acknowledged.
     Acknowledged(Vec<u8>),
     /// The own block may have arrived, but the answer did not.
@@ -164,13 +168,14 @@ impl Procedure {
                 self.data(now, byte, out, told);
             }
             State::Asked { tries, until } => match byte {
-                DLE => self.write(now, out),
+                DLE => self.write(now, out, told),
                 STX if !self.settings.is_high => {
                     self.quiet = now;
                     self.called(now, moods, out);
                 }
                 STX => self.state = State::Asked { tries, until },
-                _ => self.again(now, tries, out, told),
+                // It asks again when the line is quiet: else its next request could lie in the block.
+                _ => self.state = State::Asked { tries, until: now + AGAIN },
             },
             State::Out { .. } => match byte {
                 DLE => {
@@ -313,8 +318,9 @@ impl Procedure {
         }
     }
 
-    fn write(&mut self, now: Instant, out: &mut Vec<u8>) {
+    fn write(&mut self, now: Instant, out: &mut Vec<u8>, told: &mut Vec<Told>) {
         let Some(block) = self.queue.front() else { return };
+        told.push(Told::Offered(block.clone()));
         let from = out.len();
         for byte in block {
             out.push(*byte);
@@ -347,10 +353,11 @@ impl Plain {
     ) -> Instant {
         let mut told = Vec::new();
         let next = self.0.hear(now, bytes, moods, out, &mut told);
-        events.extend(told.into_iter().map(|told| match told {
-            Told::Block(telegram, answered) => Event::Got { at: now, telegram, answered },
-            Told::Acknowledged(telegram) => Event::Said { at: now, telegram, owed: true },
-            Told::Unanswered(telegram) => Event::Said { at: now, telegram, owed: false },
+        events.extend(told.into_iter().filter_map(|told| match told {
+            Told::Block(telegram, answered) => Some(Event::Got { at: now, telegram, answered }),
+            Told::Offered(telegram) => Some(Event::Said { at: now, telegram, owed: false }),
+            Told::Acknowledged(telegram) => Some(Event::Owed { telegram }),
+            Told::Unanswered(_) => None,
         }));
         next
     }
@@ -394,7 +401,7 @@ mod tests {
         partner.hear(at(300), b"", &Moods::GOOD, &mut out, &mut told);
         partner.hear(at(301), &[DLE], &Moods::GOOD, &mut out, &mut told);
         partner.hear(at(302), &[DLE], &Moods::GOOD, &mut out, &mut told);
-        assert_eq!(told, [Told::Acknowledged(b"\x10".to_vec())]);
+        assert_eq!(told.last(), Some(&Told::Acknowledged(b"\x10".to_vec())));
         assert_eq!(partner.waiting(), 0);
     }
 }

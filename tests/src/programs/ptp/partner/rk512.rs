@@ -85,14 +85,14 @@ impl Rk512 {
                     Told::Block(block, answered) => self.block(now, &block, answered, events),
                     // The own response did not arrive: the CP will not believe it.
                     Told::Unanswered(block) if block.get(2) == Some(&0) => self.doubt(),
-                    Told::Acknowledged(_) | Told::Unanswered(_) => {}
+                    Told::Offered(_) | Told::Acknowledged(_) | Told::Unanswered(_) => {}
                 }
             }
             let wanted = self.orders.front().filter(|order| order.asked.is_none());
             if wanted.is_none() || self.procedure.waiting() > 0 {
                 break;
             }
-            self.ask(now);
+            self.ask(now, events);
             next = next.min(self.procedure.hear(now, &[], moods, out, &mut told));
         }
         if self.procedure.waiting() > 0 {
@@ -109,7 +109,7 @@ impl Rk512 {
 
     fn block(&mut self, now: Instant, block: &[u8], answered: bool, events: &mut Vec<Event>) {
         match block {
-            [0 | 0xFF, 0, 0, code] => self.response(now, *code, events),
+            [0 | 0xFF, 0, 0, code] => self.response(*code, events),
             [0, 0, b'A' | b'O', letter, ..] if block.len() >= 10 => {
                 let mut header = [0; 10];
                 header.copy_from_slice(&block[..10]);
@@ -159,13 +159,16 @@ impl Rk512 {
         self.procedure.send(block);
     }
 
-    fn ask(&mut self, now: Instant) {
+    fn ask(&mut self, now: Instant, events: &mut Vec<Event>) {
         let Some(order) = self.orders.front_mut() else { return };
         let [high, low] = ((order.data.len() / 2) as u16).to_be_bytes();
         let mut block = match order.sent {
             0 => vec![0, 0, b'A', b'D', order.db, 0, high, low, 0xFF, 0xFF],
             _ => vec![0xFF, 0, b'A', b'D'],
         };
+        if order.sent == 0 {
+            events.push(Event::Said { at: now, telegram: order.data.clone(), owed: false });
+        }
         let portion = &order.data[order.sent..order.data.len().min(order.sent + PORTION)];
         block.extend(portion);
         order.sent += portion.len();
@@ -173,7 +176,7 @@ impl Rk512 {
         self.procedure.send(block);
     }
 
-    fn response(&mut self, now: Instant, code: u8, events: &mut Vec<Event>) {
+    fn response(&mut self, code: u8, events: &mut Vec<Event>) {
         let Some(order) = self.orders.front_mut().filter(|order| order.asked.is_some()) else { return };
         if code == 0 && order.sent < order.data.len() {
             order.asked = None;
@@ -181,7 +184,9 @@ impl Rk512 {
         }
         let telegram = std::mem::take(&mut order.data);
         self.orders.pop_front();
-        events.push(Event::Said { at: now, telegram, owed: code == 0 });
+        if code == 0 {
+            events.push(Event::Owed { telegram });
+        }
     }
 }
 
