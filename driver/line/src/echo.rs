@@ -17,9 +17,9 @@ use crate::link::Passage;
 const SLOW: usize = 8;
 /// How late an echo may come, besides twice its latest: the latency timer of a USB adapter (16 ms), a busy machine.
 const LATE: Span = Span::from_millis(20);
-/// Shortest pause between two parts of a telegram to a program that may echo: four of them are longer than a burst of a
-/// USB adapter (16 ms), and a program on such an adapter bears each.
-const PAUSE: Span = Span::from_millis(5);
+/// Shortest pause between two parts of a telegram to a program that may echo: all of them are twice a burst of a USB
+/// adapter (16 ms) and more, so that a program on a busy machine gives something back in time.
+const PAUSE: Span = Span::from_millis(10);
 /// The same, to a program that has not echoed: less than the silence that ends a telegram of Modbus RTU (1.75 ms), for
 /// the program may hand it on to a wire.
 const SHORT_PAUSE: Span = Span::from_micros(1_200);

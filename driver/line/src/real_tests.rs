@@ -343,7 +343,7 @@ fn an_echo_that_comes_late_once_is_still_one() {
 
 #[test]
 fn a_telegram_to_a_program_keeps_its_time_and_tears_nothing() {
-    for (passage, pause) in [(Passage::Program, 5_000), (Passage::Network, 0)] {
+    for (passage, pause) in [(Passage::Program, 10_000), (Passage::Network, 0)] {
         for baud in BAUDS {
             let mut bench = Bench::new(passage, half(baud), Partner::default());
             let begin = bench.now();
@@ -357,7 +357,7 @@ fn a_telegram_to_a_program_keeps_its_time_and_tears_nothing() {
                 assert!(silence <= most, "{baud} baud: {silence:?}");
             }
             let late = bench.ends[0].since(begin + half(baud).time_of(100));
-            assert!(late <= 20 * MS && bench.ends[0] >= begin + half(baud).time_of(100), "{late:?}");
+            assert!(late <= 40 * MS && bench.ends[0] >= begin + half(baud).time_of(100), "{late:?}");
             assert_eq!(written.last().map(|(at, _)| *at), Some(bench.ends[0]), "its last character is the end");
         }
     }
