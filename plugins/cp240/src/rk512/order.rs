@@ -114,6 +114,7 @@ fn run<O: Order>(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
         if continues {
             release(&module);
         }
+        state.cut_off.set(false);
         O::store(cx, Job::default())?;
         return cx.set(O::ANZW, failed(Job::LOST)).map(|()| Pafe::Ok);
     }

@@ -22,6 +22,8 @@ ob1_sdk::state! {
         pub(super) bad_db: Cell<u16>,
         pub(super) bad_from: Cell<u16>,
         pub(super) bad_bytes: Cell<u16>,
+        /// FC 9 has cut off an order whose block was not called since: its control bits stand.
+        pub(super) cut_off: Cell<bool>,
         /// The content of `RX echo`.
         pub(super) echo: Cell<u16>,
     }
@@ -30,11 +32,12 @@ ob1_sdk::state! {
 impl Rk512State {
     /// Whether an order of either side has not ended for its block.
     pub(crate) fn is_running(&self) -> bool {
-        self.order.claim.is_busy() || self.partner.is_busy()
+        self.order.claim.is_busy() || self.partner.is_busy() || self.cut_off.get()
     }
 
     /// FC 9 has synchronised: no order runs, all words are 0.
     pub(crate) fn clear(&self) {
+        self.cut_off.set(self.is_running());
         self.order.clear();
         self.partner.clear();
         self.bad.set(false);

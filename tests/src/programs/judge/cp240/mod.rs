@@ -76,6 +76,10 @@ pub(super) struct Seen {
     pub(super) starts: Vec<Instant>,
     /// When each place of a block that sends was called last.
     pub(super) called: Vec<Option<Instant>>,
+    /// When one of them was called again after a while.
+    pub(super) back: Vec<Instant>,
+    /// The partner stops the CP, and a bad line may lose its XON.
+    pub(super) unheard: bool,
     /// The line is good from here on.
     pub(super) strict: Instant,
     /// Number of the next telegram.
@@ -99,7 +103,8 @@ impl Seen {
     /// until the others give it up. The manual knows no such program; two seconds are ours (docs/cp240-blocks.md).
     pub(super) fn given_up(&self, since: Instant, now: Instant) -> Span {
         let dropped = |at: &Instant| at.saturating_add(GIVEN_UP) > since && at.saturating_add(SELDOM) < now;
-        if self.called.iter().flatten().any(dropped) { GIVEN_UP } else { Span::ZERO }
+        let gone = self.called.iter().flatten().any(dropped) || self.back.iter().any(|at| *at > since);
+        if gone { GIVEN_UP } else { Span::ZERO }
     }
 
     /// A break that takes until `end` or, if that comes, until another of the same cause.
@@ -243,6 +248,8 @@ pub(super) fn sent(partner: &Partner240) -> &[Sent] {
 
 impl Judge<Partner240> for Bench240 {
     fn scan(&mut self, scan: &Scan<'_>, cpu: &mut Cpu, partner: &mut Partner240, verdict: &mut Verdict) {
+        let stops = matches!(partner, Partner240::Stream(stream, _) if stream.stops.is_some());
+        self.seen.unheard = stops && self.facts.calm > Instant::START;
         let mut fed = Vec::new();
         let first = self.seen.next == 1;
         if scan.state == OperatingState::Run {
@@ -251,7 +258,10 @@ impl Judge<Partner240> for Bench240 {
                 let role = self.facts.roles[call.site];
                 if !matches!(role, Role::Feed(_) | Role::Consume | Role::Receive | Role::Synchron) {
                     self.seen.called.resize(scan.sites.len(), None);
-                    self.seen.called[call.site] = Some(scan.now);
+                    let last = self.seen.called[call.site].replace(scan.now);
+                    if last.is_some_and(|last| scan.now - last > SELDOM) {
+                        self.seen.back.push(scan.now);
+                    }
                 }
                 match role {
                     Role::Feed(index) => {

@@ -44,7 +44,7 @@ pub(super) fn called(judge: &mut Bench240, call: &Call, verdict: &mut Verdict) {
     }
     if after[START] == 0 {
         judge.modem.since = None;
-    } else if since.is_over(WHILE_SENDING, 40) {
+    } else if since.is_over(WHILE_SENDING, 40) && !judge.seen.unheard {
         judge.modem.since = None;
         verdict.broken("fc8-live", now, "START stays 1 [S0 L1049]");
     }

@@ -77,13 +77,16 @@ pub(super) fn called(judge: &mut Bench240, call: &Call, cpu: &Cpu, partner: &Par
     let found = telegrams.iter().rposition(|sent| sent.data == data && sent.begun <= now);
     let Some(found) = found else {
         let noisy = now <= judge.seen.strict;
-        // The rest of a telegram whose beginning was broken off cannot be told from a telegram without a procedure.
-        let torn = !facts.protocol.acknowledges()
+        // Without a check character the rest of a telegram whose beginning was broken off cannot be told from a
+        // telegram: with 3964 any STX in it begins one. And a second STX that crosses DLE is data.
+        let double = facts.protocol == Protocol::P3964
+            && data.strip_prefix(&[2]).is_some_and(|rest| telegrams.iter().any(|sent| sent.data == rest));
+        let torn = facts.protocol != Protocol::P3964R
             && telegrams.iter().any(|sent| {
                 let end = sent.acknowledged.unwrap_or(now);
                 sent.data.windows(len.max(1)).any(|part| part == data) && judge.seen.broken(sent.begun, end)
             });
-        if !noisy && !torn {
+        if !noisy && !torn && !double {
             let text = format!("{len} bytes that the partner did not send: {:02X?} [S0 L981]", &data[..len.min(24)]);
             verdict.broken("fc1-whole", now, text);
         }

@@ -31,6 +31,7 @@ pub(super) struct Job {
     number: u32,
     wanted: bool,
     order: Option<Order>,
+    ended: usize,
 }
 
 #[derive(Debug)]
@@ -44,6 +45,8 @@ struct Order {
     /// When it was released.
     ran: Option<Instant>,
     patience: Patience,
+    /// Orders of the other block that had ended when it was given.
+    ended: usize,
     late: bool,
 }
 
@@ -89,6 +92,8 @@ pub(super) fn called(
         verdict.broken("rk-pafe", now, format!("PAFE is {} [S0 L1193]", after[PAFE]));
     }
     let fetches = judge.facts.roles[call.site] == Role::Fetch(index);
+    let ended = judge.fetches.iter().map(|job| job.ended).sum();
+    let runs = (0..).zip(&judge.fetches).any(|(other, job)| other != index && job.order.is_some());
     let job = &mut judge.fetches[index];
     let wanted = std::mem::take(&mut job.wanted);
     if job.order.is_none() {
@@ -101,6 +106,7 @@ pub(super) fn called(
             pafe: false,
             ran: None,
             patience: Patience::new(now),
+            ended,
             late: false,
         });
     }
@@ -108,6 +114,10 @@ pub(super) fn called(
     order.changed |= order.lang != lang || order.site != call.site;
     order.patience.called(now);
     if judge.seen.last_break() >= order.patience.begun() {
+        order.patience = Patience::new(now);
+    }
+    // Blocked by the order of the other block [S0 L1283]; but not by one after the other.
+    if runs && order.ran.is_none() && ended - order.ended <= 1 {
         order.patience = Patience::new(now);
     }
     if after[PAFE] != 0 {
@@ -146,7 +156,8 @@ pub(super) fn called(
         return;
     }
     let Some(order) = job.order.take() else { return };
-    ended(judge, order, index, (now, anzw), fetches, (cpu, rk), verdict);
+    job.ended += 1;
+    finished(judge, order, index, (now, anzw), fetches, (cpu, rk), verdict);
 }
 
 /// The station's order as it came to the partner.
@@ -178,7 +189,7 @@ fn is_clear(rk: &Rk512, arrived: &Arrived, bwz: Span) -> bool {
     !arrived.unclear && reaction.is_some_and(|at| at - arrived.at < bwz * 6 / 10)
 }
 
-fn ended(
+fn finished(
     judge: &Bench240,
     order: Order,
     index: usize,
@@ -199,8 +210,8 @@ fn ended(
     if anzw & ERROR != 0 {
         verdict.failed();
         let good = possible && calm && !broken && !order.changed && !order.pafe;
-        let finished = !fetches && arrived.iter().any(|arrived| arrived.done.is_some() && arrived.refused.is_none());
-        if good && finished && clear {
+        let has_all = !fetches && arrived.iter().any(|arrived| arrived.done.is_some() && arrived.refused.is_none());
+        if good && has_all && clear {
             verdict.broken("rk-false-error", now, format!("{label}: ANZW {anzw:04X}h, the partner has all data"));
         } else if good && send::is_good_rk(rk) && anzw >> 8 != 0x2A {
             verdict.broken("rk-no-reason", now, format!("{label}: ANZW {anzw:04X}h, with a good partner and line"));

@@ -1,12 +1,12 @@
 //! FC 0.
 
-use ob1_time::Instant;
+use ob1_time::{Instant, Span};
 
 use super::{Bench240, Patience, line_time};
 use crate::programs::cp240::{Partner240, Protocol};
 use crate::programs::judge::Verdict;
 use crate::programs::partner::rk512::Rk512;
-use crate::programs::partner::{Manners, number, telegram};
+use crate::programs::partner::{Manners, Taken, number, telegram};
 use crate::programs::record::Call;
 use crate::programs::text::Site;
 
@@ -17,6 +17,9 @@ pub(super) const FEHLER_KOM: usize = 10;
 pub(super) const PAFE: usize = 11;
 /// Behind the parameters: ANZ.
 pub(super) const LENGTH: usize = 12;
+
+/// What the telegram of another FC 0 may take.
+const OTHERS: Span = Span::from_millis(1_500);
 
 /// A job of FC 0.
 #[derive(Debug, Default)]
@@ -124,10 +127,13 @@ pub(super) fn called(
         let good = order.given > judge.seen.strict && is_good(partner);
         let calls = u64::from(order.anz.max(anz)) / 12 * 4 + 16;
         let line = line_time(&judge.facts, u64::from(order.anz.max(anz)), partner, order.given, good);
-        // A bad line may lose the partner's XON.
-        let flow = matches!(partner, Partner240::Stream(stream, _) if stream.stops.is_some());
-        let unheard = flow && order.given <= judge.seen.strict && judge.seen.strict > Instant::START;
-        if !unheard && order.patience.is_over(line + judge.seen.given_up(order.given, now), calls) && !order.late {
+        let unheard = judge.seen.unheard;
+        // Others send, too: each waits for its turn.
+        let others = if judge.facts.senders.len() > 1 { OTHERS } else { Span::ZERO };
+        if !unheard
+            && order.patience.is_over(line + others + judge.seen.given_up(order.given, now), calls)
+            && !order.late
+        {
             order.late = true;
             let text =
                 format!("order {} of {anz} bytes, given at {}: FRG stays 1 [S0 L960]", order.number, order.given);
@@ -161,8 +167,15 @@ fn arrived(partner: &Partner240, order: &Order, plain: bool, exact: bool) -> (bo
     let head = &expected[..4.min(len)];
     match partner {
         Partner240::Procedure(line, _) => {
-            let mine = || line.took.iter().filter(|taken| taken.at >= order.given && taken.data.starts_with(head));
-            let whole = mine().any(|taken| taken.data == expected || order.changed || !exact);
+            // Where DLE came late or twice, STX and NAK that crossed it stand before the telegram, and may cancel out in
+            // the check character.
+            let late = line.manners != Manners::GOOD;
+            let has_head = |taken: &Taken| taken.data.windows(head.len().max(1)).any(|part| part == head);
+            let comes = |taken: &Taken| {
+                taken.data.starts_with(head) || late && taken.data.ends_with(&expected) || !exact && has_head(taken)
+            };
+            let mine = || line.took.iter().filter(|taken| taken.at >= order.given && comes(taken));
+            let whole = mine().any(|taken| taken.data == expected || late || order.changed || !exact);
             (whole, mine().count(), mine().all(|taken| taken.told))
         }
         Partner240::Stream(stream, _) => {
@@ -191,7 +204,7 @@ fn ended(
     let label = format!("order {} of {} bytes, given at {}", order.number, order.anz, order.given);
     // What a bad line does to telegrams without a check cannot be seen; letters need four bytes.
     // Without a check character a second STX that crosses a late DLE is data.
-    let late = matches!(partner, Partner240::Procedure(line, _) if !line.checked && line.manners.late > 0);
+    let late = matches!(partner, Partner240::Procedure(line, _) if !line.checked && line.manners != Manners::GOOD);
     let exact = (calm || facts.protocol == Protocol::P3964R) && order.anz >= 4 && order.number > 0 && !late;
     if error {
         verdict.failed();
@@ -210,7 +223,7 @@ fn ended(
             verdict.broken("fc0-false-done", now, format!("{label}: done, but it did not arrive whole [S0 L960]"));
         }
     }
-    if exact && times > 1 && told && calm {
+    if exact && times > 1 && told && calm && is_good(partner) {
         verdict.broken("fc0-twice", now, format!("{label}: the partner got it {times} times [S0 L960]"));
     }
     judge.senders[index].past.push((order.number, order.given));
@@ -235,7 +248,7 @@ pub(super) fn end(judge: &mut Bench240, now: Instant, partner: &Partner240, verd
     let Partner240::Procedure(line, _) = partner else { return };
     for (order, given) in judge.senders.iter().flat_map(|job| &job.past) {
         let mine: Vec<_> = line.took.iter().filter(|taken| number(&taken.data) == Some(*order)).collect();
-        if mine.len() > 1 && mine.iter().all(|taken| taken.told) && *given > judge.strict() && *order > 0 {
+        if mine.len() > 1 && is_good(partner) && *given > judge.strict() && *order > 0 {
             verdict.broken("fc0-twice", now, format!("order {order}, given at {given}: it came {} times", mine.len()));
         }
     }

@@ -58,6 +58,8 @@ pub(super) fn look(judge: &mut Bench240, now: Instant, cpu: &Cpu, partner: &Part
         let fits = db == served::FETCHED
             || judge.facts.served.iter().any(|(number, len)| *number == db && *len as usize >= bytes);
         let calm = request.given > judge.strict() && !judge.seen.broken(request.given, *at);
+        // Where its acknowledgement was late, a reaction came twice, and counts for the next order.
+        let calm = calm && rk.line.manners == Manners::GOOD;
         let label = format!("the partner's order {:02X?}, given at {}", &telegram[..10], request.given);
         match error {
             0 if telegram[2] == b'E' => {
@@ -70,14 +72,13 @@ pub(super) fn look(judge: &mut Bench240, now: Instant, cpu: &Cpu, partner: &Part
                 let there = cpu.data_block(db).is_some_and(|data| data.starts_with(&telegram[10..]));
                 // The next order may have come meanwhile.
                 let last = judge.serve.seen == rk.requests.len();
-                if !fits || !there && last && calm {
+                if calm && (!fits || !there && last) {
                     verdict.broken("fc4-false-done", now, format!("{label}: its data are not in DB {db} [S0 L1241]"));
                 }
             }
             error => {
-                let good = rk.line.manners == Manners::GOOD;
                 let served = judge.serve.gap < super::SELDOM && judge.serve.last.is_some();
-                if fits && calm && good && served {
+                if fits && calm && served {
                     verdict.broken("fc4-refused", now, format!("{label}: refused with {error:02X}h"));
                 }
             }
