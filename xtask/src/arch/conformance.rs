@@ -471,7 +471,7 @@ mod tests {
             let rows = good.replacen(from, to, 1);
             let code = [("a/tests/m.rs", CODE), (WHOLE.rows, &rows)];
             let page = page(&Tree::of(&code), &WHOLE, &Table::read(&rows));
-            assert!(page.contains("| S3 L3-5 | said |") || from != "", "{page}");
+            assert!(page.contains("| S3 L3-5 | said |") || !from.is_empty(), "{page}");
             let tree = Tree::of(&[code[0], code[1], (WHOLE.page, &page)]);
             let found = check_against(&tree, &WHOLE, ["S3 1"].into_iter());
             let text = found.iter().map(ToString::to_string).collect::<String>();

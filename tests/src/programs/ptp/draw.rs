@@ -142,7 +142,7 @@ pub fn case(cp: Cp, seed: u64) -> (Case<Ptp>, Setup) {
     let (plan, is_wrong) = plan(cp, random, trouble, &line, calm, end - bound.millis() - 500, most, two, &drawn);
     let (text, sites) = finish(shape, &start, is_wrong);
     let last = plan.last().map_or(Instant::START, |(at, _)| *at);
-    let mut setup = setup(cp, &line, drawn, bound, at(calm), fetch, io, trouble);
+    let mut setup = setup(cp, &line, &drawn, bound, at(calm), fetch, io, trouble);
     setup.last = last;
     let rates = setup.rates;
     let case = Case {
@@ -470,7 +470,7 @@ fn length_or(line: &Line, most: u64) -> u32 {
 fn setup(
     cp: Cp,
     line: &Line,
-    drawn: Drawn,
+    drawn: &Drawn,
     bound: Span,
     calm: Instant,
     fetch: bool,

@@ -154,12 +154,12 @@ impl Slave {
         let reads = matches!(request[1], 3 | 4) && !refused;
         let text = if all { answer.clone() } else { answer.get(3..).unwrap_or_default().to_vec() };
         let refusal = all && mood == Mood::Refuses;
-        let said = ((reads || all) && (good || refusal)).then(|| Event::Said { at, telegram: text, owed: false });
+        let said = ((reads || all) && (good || refusal)).then_some(Event::Said { at, telegram: text, owed: false });
         let mut characters = framed(frame, &answer);
         let mut wait = Span::from_micros(100) + self.rng.span_below(timeout * 8 / 10);
         match mood {
             Mood::Late => {
-                wait = timeout + leaving(request.len() * 3, self.settings.each) + self.rng.span_below(timeout)
+                wait = timeout + leaving(request.len() * 3, self.settings.each) + self.rng.span_below(timeout);
             }
             Mood::Spoilt => {
                 let place = characters.len() - 3;
