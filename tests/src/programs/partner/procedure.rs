@@ -126,8 +126,10 @@ impl Procedure {
         None
     }
 
-    /// Answers DLE, in its manner; true if it is in time, None if something else goes out.
+    /// Answers DLE, in its manner; true if it is in time, None if something else goes out. What was still to be
+    /// answered is void.
     fn agree(&mut self, now: Instant) -> Option<bool> {
+        self.output = Output::default();
         let manner = self.manners.next(&mut self.random);
         match manner {
             Manner::Good => self.output.push(now + TURN, vec![DLE]),

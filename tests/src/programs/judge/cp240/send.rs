@@ -167,8 +167,8 @@ fn arrived(partner: &Partner240, order: &Order, plain: bool, exact: bool) -> (bo
     let head = &expected[..4.min(len)];
     match partner {
         Partner240::Procedure(line, _) => {
-            // Where DLE came late or twice, STX and NAK that crossed it stand before the telegram, and may cancel out in
-            // the check character.
+            // Where DLE came late or twice, STX and NAK that crossed it stand before the telegram, and may cancel out
+            // in the check character.
             let late = line.manners != Manners::GOOD;
             let has_head = |taken: &Taken| taken.data.windows(head.len().max(1)).any(|part| part == head);
             let comes = |taken: &Taken| {
