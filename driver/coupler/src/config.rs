@@ -103,6 +103,7 @@ impl Serial {
             baud: self.baud,
             parity: self.parity,
             stop_bits: if self.stop_bits == 2 { StopBits::Two } else { StopBits::One },
+            half_duplex: true,
             ..LineSettings::default()
         }
     }

@@ -1,7 +1,7 @@
 //! The module in the driver's configuration: its type, and the parameters of a type that has keys: `"module": "cp341",
-//! "params": { "protocol": "3964r", "baud": 9600 }`.
+//! "params": { "protocol": "3964r", "baud": 9600 }`. Of a CP 240, whose parameters are bytes, its `interface`.
 
-use ob1_params::{Cp341, CpKind, ParamError, Value};
+use ob1_params::{Cp341, CpKind, Interface, ParamError, Value};
 use serde_json::{Map, Value as Json};
 
 /// Parameters that are keys, or the error in them.
@@ -14,18 +14,23 @@ pub struct CpType {
     pub kind: CpKind,
     /// Its parameters, if they are keys; otherwise they are 16 bytes.
     pub keys: Option<KeyedParameters>,
+    /// Its interface, where no parameter names it: a CP 240.
+    pub interface: Interface,
 }
 
 impl CpType {
     /// A type whose parameters are 16 bytes.
-    pub const CP240: Self = Self { kind: CpKind::Cp240, keys: None };
+    pub const CP240: Self = Self { kind: CpKind::Cp240, keys: None, interface: Interface::Rs232 };
 
     /// The type of this name, with the keys under `params`.
     #[must_use]
     pub fn of(name: &str, params: &Map<String, Json>) -> Option<Self> {
         // A CP with boxes is not a serial one.
         let kind = CpKind::of_name(name).filter(|kind| !kind.row().has_boxes)?;
-        Some(Self { kind, keys: kind.row().has_channels.then(|| keyed(kind, params)) })
+        let keys = kind.row().has_channels.then(|| keyed(kind, params));
+        let given = params.get("interface").and_then(Json::as_str);
+        let interface = Interface::NAMES.iter().find(|(name, _)| given == Some(*name));
+        Some(Self { kind, keys, interface: interface.map(|(_, interface)| *interface).unwrap_or_default() })
     }
 }
 
@@ -57,6 +62,9 @@ mod tests {
             assert_eq!(CpType::of(row.name, &none).map(|cp| cp.kind), Some(row.kind));
         }
         assert_eq!((CpType::of("cp999", &none), CpType::of("cp343", &none)), (None, None));
+        let Json::Object(two_wires) = serde_json::json!({ "interface": "rs485" }) else { panic!() };
+        let of = |params: &Map<String, Json>| CpType::of("cp240", params).map(|cp| cp.interface);
+        assert_eq!((of(&none), of(&two_wires)), (Some(Interface::Rs232), Some(Interface::Rs485)));
         for name in ["cp341", "cp340"] {
             let refused = CpType::of(name, &none).and_then(|cp| cp.keys);
             assert!(matches!(refused, Some(Err(_))), "a {name} has no defaults");

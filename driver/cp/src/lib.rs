@@ -8,10 +8,12 @@ mod keys;
 mod line_port;
 mod module;
 mod plug;
+mod presence;
 mod pump;
 mod translate;
 
 pub use keys::{CpType, KeyedParameters};
 pub use line_port::{LinePort, Refused};
+pub use presence::{ARRIVAL, Change, Presence};
 pub use pump::{CpPump, HEARTBEAT};
 pub use translate::{EventCode, LINE_TEXT_RECORD};

@@ -33,6 +33,11 @@ impl Module {
         self.firmware.is_working()
     }
 
+    /// The firmware.
+    pub(crate) fn cp(&self) -> &dyn Cp {
+        &*self.firmware
+    }
+
     pub(crate) fn enable_diagnostics(&mut self, enabled: bool) {
         self.firmware.enable_diagnostics(enabled);
     }
@@ -44,6 +49,7 @@ impl Module {
 
     /// Parameters: the 16 bytes, or the keys of a type that has keys.
     pub(crate) fn parametrise(&mut self, now: Instant, bytes: &[u8; 16], kind: &CpType, port: &mut dyn CpPort) {
+        self.firmware.set_interface(kind.interface);
         let input = match &kind.keys {
             Some(keys) => CpInput::Keys(keys.as_ref()),
             None => CpInput::Parameters(bytes),

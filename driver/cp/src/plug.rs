@@ -2,13 +2,19 @@
 
 use ob1_backplane::{Channel as SegmentChannel, CpSide, DriverState, Event, EventKind, ModemOutputs};
 use ob1_firmware::cp341::{Channel, ChannelBlock};
-use ob1_firmware::{CpCounter, CpEvent, CpPort, Instant, Leds, LineSettings, ModemLines, Span, StartReason, Wire};
+use ob1_firmware::{
+    Cp, CpCounter, CpEvent, CpPort, Instant, Leds, LineSettings, ModemLines, Reason, Span, StartReason, Troubles, Why,
+    Wire,
+};
 
 use crate::line_port::LinePort;
 use crate::translate::{self, EventCode, LINE_TEXT_RECORD};
 
 /// Number of the diagnostic record of a CP 040 [S3 "Diagnostic data"] and a CP 341.
 const DIAGNOSTIC_RECORD: u32 = 1;
+
+/// The same number is listed again after this time.
+const LIST_AGAIN: Span = Span::from_secs(1);
 
 /// The driver's end of the segment, with the data shown there.
 pub(crate) struct SegmentEnd {
@@ -23,6 +29,13 @@ pub(crate) struct SegmentEnd {
     /// Error number of a line that is gone.
     pub(crate) line_error: Option<u32>,
     state: DriverState,
+    /// The line gives back what is sent.
+    pub(crate) echoes: bool,
+    /// What has failed at the CP.
+    pub(crate) troubles: Troubles,
+    reason: Option<Reason>,
+    /// The number listed last, and when.
+    listed: Option<(u16, Instant)>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -43,7 +56,11 @@ impl SegmentEnd {
             dtr: true,
             parameters: Parameters::None,
             line_error: None,
+            echoes: false,
             state: DriverState::Starting,
+            troubles: Troubles::default(),
+            reason: None,
+            listed: None,
         }
     }
 
@@ -51,6 +68,42 @@ impl SegmentEnd {
     pub(crate) fn emit(&mut self, now: Instant, code: u32, data: &[u8]) {
         // A full ring counts the events it drops.
         self.segment.emit_event(Event::new(now.nanos(), EventKind::Message, code, data));
+    }
+
+    /// An order has ended with this number: a code of the indicator word, or a STATUS.
+    fn order_ended(&mut self, now: Instant, number: u16) {
+        self.segment.count_end(number);
+        let bytes = number.to_be_bytes();
+        let data = if number > 0xFF { &bytes[..] } else { &bytes[1..] };
+        self.emit(now, EventCode::SendFailed as u32, data);
+    }
+
+    /// Something in a protocol, if it has a number.
+    fn occurred(&mut self, now: Instant, number: Option<u16>) {
+        if let Some(number) = number {
+            self.list(now, number);
+            self.emit(now, u32::from(number), &[]);
+        }
+    }
+
+    /// Lists a number of a CP that has no diagnostic buffer by its manual: a noisy line repeats one for each character.
+    fn list(&mut self, now: Instant, number: u16) {
+        if self.listed.is_none_or(|(before, at)| before != number || now >= at + LIST_AGAIN) {
+            self.listed = Some((number, now));
+            self.segment.enter(number, true);
+        }
+    }
+
+    /// Shows what the CP waits for, or what has failed.
+    pub(crate) fn show_reason(&mut self, now: Instant, cp: &dyn Cp) {
+        let told = self.troubles.reason(now, cp);
+        // What fails on a line that echoes fails because of that.
+        let by_echo = |told: Reason| matches!(told.why, Why::OrderFailed | Why::ReceiveError);
+        let reason = if self.echoes && told.is_none_or(by_echo) { Some(Reason::state(Why::Echoes, 0)) } else { told };
+        if reason != self.reason {
+            self.reason = reason;
+            self.segment.set_reason(reason);
+        }
     }
 
     /// Shows a text as the diagnostic record.
@@ -157,6 +210,7 @@ impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
     }
 
     fn event(&mut self, now: Instant, event: CpEvent<'_>) {
+        self.end.troubles.event(now, &event);
         match &event {
             CpEvent::Startup { number, reason } => {
                 let reason = u8::from(*reason == StartReason::ResetRequest);
@@ -170,7 +224,11 @@ impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
             }
             CpEvent::Entry(number) => self.end.segment.enter(*number, true),
             CpEvent::EntryGone(number) => self.end.segment.enter(*number, false),
-            CpEvent::SendFailed(code) => self.end.emit(now, EventCode::SendFailed as u32, &[*code]),
+            CpEvent::SendFailed(code) | CpEvent::OrderDiscarded { code: Some(code) } => {
+                self.end.list(now, (*code).into());
+                self.end.order_ended(now, (*code).into());
+            }
+            CpEvent::JobFailed(status) => self.end.order_ended(now, *status),
             CpEvent::Diagnosis { incoming, data } => {
                 let kind = if *incoming { EventKind::DiagnosticIncoming } else { EventKind::DiagnosticOutgoing };
                 let number = u32::from(u16::from_be_bytes([data[4], data[5]]));
@@ -180,16 +238,8 @@ impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
                 let kind = if *incoming { EventKind::DiagnosticIncoming } else { EventKind::DiagnosticOutgoing };
                 self.end.segment.emit_event(Event::new(now.nanos(), kind, 0, record));
             }
-            CpEvent::Protocol(event) => {
-                if let Some(number) = event.number() {
-                    self.end.emit(now, u32::from(number), &[]);
-                }
-            }
-            CpEvent::Rk512(event) => {
-                if let Some(number) = event.number() {
-                    self.end.emit(now, u32::from(number), &[]);
-                }
-            }
+            CpEvent::Protocol(event) => self.end.occurred(now, event.number()),
+            CpEvent::Rk512(event) => self.end.occurred(now, event.number()),
             _ => {}
         }
         self.line.trace(now, &event);

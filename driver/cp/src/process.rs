@@ -6,10 +6,10 @@ use std::time::{self, Duration};
 
 use ob1_backplane::CpSide;
 use ob1_child::doorbell_closed;
-use ob1_cp::{CpPump, HEARTBEAT};
+use ob1_cp::{Change, CpPump, HEARTBEAT, Presence};
 use ob1_firmware::trace::record::Kind;
 use ob1_firmware::{Instant, LineFault, LineInput, ModemLines, Span};
-use ob1_line::{LineEvent, PollFds, RealLine};
+use ob1_line::{ECHOES, LineEvent, PollFds, RealLine, SILENT};
 use rustix::event::{PollFd, PollFlags};
 use rustix::io::Errno;
 use tracing::{info, warn};
@@ -53,8 +53,7 @@ pub(crate) struct Process {
     start: time::Instant,
     spin: Duration,
     terminate: Arc<AtomicBool>,
-    /// The firmware has been told that the line is gone.
-    told_gone: bool,
+    presence: Presence,
     modem: Option<ModemLines>,
     modem_at: Instant,
     /// Lost log lines that are counted in the segment.
@@ -69,7 +68,7 @@ impl Process {
             start: time::Instant::now(),
             spin,
             terminate,
-            told_gone: false,
+            presence: Presence::default(),
             modem: None,
             modem_at: Instant::START,
             log_lost: 0,
@@ -102,7 +101,7 @@ impl Process {
                 }
                 self.pump.awake();
             }
-            let due = deadline.min(line);
+            let due = deadline.min(line).min(self.presence.deadline().unwrap_or(Instant::NEVER));
             let timeout = if passes >= PASSES || more { Span::ZERO } else { due.since(self.now()) };
             (passes, changed) = (0, false);
             let ready = self.wait(timeout)?;
@@ -202,6 +201,14 @@ impl Process {
                     self.pump.line_error(now, errno, &reason);
                     self.line_is_gone(now);
                 }
+                LineEvent::Echo(on) => {
+                    if on {
+                        warn!("{ECHOES}");
+                    } else {
+                        info!("{SILENT}");
+                    }
+                    self.pump.line_echo(now, on.then_some(ECHOES));
+                }
             }
         }
         // A connection that is still being made: nothing may count as sent on it.
@@ -218,17 +225,26 @@ impl Process {
     }
 
     fn line_is_gone(&mut self, now: Instant) {
-        if !self.told_gone {
-            self.told_gone = true;
-            self.pump.line_event(now, LineInput::Fault(LineFault::Gone), &mut self.port);
-        }
+        let change = self.presence.absent(now);
+        self.tell(now, change);
     }
 
     fn line_is_up(&mut self, now: Instant) {
-        if self.told_gone {
-            self.told_gone = false;
-            self.pump.line_event(now, LineInput::Fault(LineFault::Back), &mut self.port);
-        }
+        let change = self.presence.present();
+        self.tell(now, change);
+    }
+
+    fn tell(&mut self, now: Instant, change: Option<Change>) {
+        let fault = match change {
+            Some(Change::NotYet) => {
+                self.pump.no_line(now, &mut self.port);
+                return;
+            }
+            Some(Change::Gone) => LineFault::Gone,
+            Some(Change::Back) => LineFault::Back,
+            None => return,
+        };
+        self.pump.line_event(now, LineInput::Fault(fault), &mut self.port);
     }
 
     /// Modem lines cannot be polled for; they are sampled with the heartbeat, if there are any.

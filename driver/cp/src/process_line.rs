@@ -89,7 +89,7 @@ impl LinePort for ProcessLine {
     }
 
     fn trace(&mut self, now: Instant, event: &CpEvent<'_>) {
-        tap::note(&mut self.tap, now, event);
+        tap::note(&mut self.tap, now, event, self.config.as_ref().map(|config| &config.cp_type));
         match event {
             CpEvent::Startup { .. } | CpEvent::Working => info!("{}", tap::words(event)),
             CpEvent::NoParameters(_) => warn!("{}", tap::words(event)),

@@ -32,8 +32,12 @@ pub struct CpPump {
     /// A set of registers was in the middle of a write.
     look_again: bool,
     params_revision: u64,
+    /// The line has not been there since the start.
+    no_line: bool,
     cpu_running: Option<bool>,
     next_beat: Instant,
+    /// The reason may have changed.
+    has_stepped: bool,
 }
 
 impl CpPump {
@@ -45,8 +49,10 @@ impl CpPump {
             seen: None,
             look_again: false,
             params_revision: 0,
+            no_line: false,
             cpu_running: None,
             next_beat: Instant::START,
+            has_stepped: false,
         }
     }
 
@@ -74,6 +80,7 @@ impl CpPump {
         if now >= self.next_beat {
             self.end.segment.beat();
             self.next_beat = now + HEARTBEAT;
+            self.has_stepped = true;
         }
         let mark = self.end.segment.changes();
         if self.look_again || self.seen != Some(mark) {
@@ -83,14 +90,30 @@ impl CpPump {
         if self.module.due().is_some_and(|due| now >= due) {
             self.step(now, CpInput::Tick, line);
         }
+        self.show_reason(now);
+        self.deadline(now)
+    }
+
+    /// The line has not been there since the start, which is no fault yet; returns the same as [`Self::poll`].
+    pub fn no_line<L: LinePort + ?Sized>(&mut self, now: Instant, line: &mut L) -> Instant {
+        self.no_line = true;
+        self.step(now, CpInput::NoLine, line);
         self.deadline(now)
     }
 
     /// Passes in an event of the line; returns the same as [`Self::poll`].
     pub fn line_event<L: LinePort + ?Sized>(&mut self, now: Instant, input: LineInput<'_>, line: &mut L) -> Instant {
         match input {
-            LineInput::Fault(LineFault::Back) => self.line_up(now),
-            LineInput::Fault(LineFault::Gone) if self.end.line_error.is_none() => self.line_error(now, 0, "gone"),
+            LineInput::Fault(LineFault::Back) => {
+                self.no_line = false;
+                self.line_up(now);
+            }
+            LineInput::Fault(LineFault::Gone) => {
+                self.no_line = false;
+                if self.end.line_error.is_none() {
+                    self.line_error(now, 0, "gone");
+                }
+            }
             LineInput::Modem(lines) => {
                 self.end.modem_inputs = lines;
                 self.end.show_modem();
@@ -98,6 +121,7 @@ impl CpPump {
             _ => {}
         }
         self.step(now, CpInput::Line(input), line);
+        self.show_reason(now);
         self.deadline(now)
     }
 
@@ -108,6 +132,14 @@ impl CpPump {
         self.end.emit(now, EventCode::LineGone as u32, &errno.to_be_bytes());
         self.write_text(reason);
         self.end.show_state();
+    }
+
+    /// Reports that the line has begun to give back what is sent, with a text for the user, or has ceased to.
+    pub fn line_echo(&mut self, now: Instant, text: Option<&str>) {
+        self.end.echoes = text.is_some();
+        self.end.emit(now, EventCode::LineEcho as u32, &[u8::from(text.is_some())]);
+        self.write_text(text.unwrap_or_default());
+        self.end.show_reason(now, self.module.cp());
     }
 
     /// Announces sleep; see [`CpSide::prepare_sleep`]. False: poll again first.
@@ -132,6 +164,13 @@ impl CpPump {
         self.end.show_state();
     }
 
+    /// After a step, and with each beat.
+    fn show_reason(&mut self, now: Instant) {
+        if std::mem::take(&mut self.has_stepped) {
+            self.end.show_reason(now, self.module.cp());
+        }
+    }
+
     fn deadline(&self, now: Instant) -> Instant {
         let again = self.look_again.then_some(now + LOOK_AGAIN);
         self.module.due().into_iter().chain(again).fold(self.next_beat, Instant::min)
@@ -145,6 +184,7 @@ impl CpPump {
     }
 
     fn step<L: LinePort + ?Sized>(&mut self, now: Instant, input: CpInput<'_>, line: &mut L) {
+        self.has_stepped = true;
         self.module.step(now, input, &mut Plug { end: &mut self.end, line, now });
     }
 
@@ -199,7 +239,9 @@ impl CpPump {
             return;
         }
         self.module = Module::new(kind, self.end.segment.generation(), self.end.segment.io_bytes());
-        if self.end.line_error.is_some() {
+        if self.no_line {
+            self.step(now, CpInput::NoLine, line);
+        } else if self.end.line_error.is_some() {
             self.step(now, CpInput::Line(LineInput::Fault(LineFault::Gone)), line);
         }
         if let Some(running) = self.cpu_running {
@@ -217,6 +259,11 @@ impl CpPump {
             Err(_) => return self.end.emit(now, EventCode::Segment as u32, &[]),
         };
         if self.cpu_running != Some(running) {
+            if !running && self.module.kind().row().has_channels {
+                // What the blocks wrote before the STOP still counts: a telegram that they have told the program must
+                // not come again.
+                self.look_channels(now, line);
+            }
             self.cpu_running = Some(running);
             self.step(now, CpInput::CpuRun(running), line);
         }

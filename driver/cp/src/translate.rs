@@ -26,12 +26,15 @@ pub enum EventCode {
     LineGone = 4,
     /// The line can be used.
     LineUp = 5,
-    /// An order ended with an error; data: the code of the indicator word.
+    /// An order ended with an error; data: the code of the indicator word (1 byte), or the STATUS (2, big-endian).
     SendFailed = 6,
     /// The driver's configuration (JSON) is refused; the text is in record [`LINE_TEXT_RECORD`].
     Configuration = 7,
     /// Something in the segment has no meaning.
     Segment = 8,
+    /// The line gives back what is sent in half duplex; data: 1, or 0 when it has ceased to. The text is in record
+    /// [`LINE_TEXT_RECORD`].
+    LineEcho = 9,
 }
 
 pub(crate) const fn counter(counter: CpCounter) -> Counter {

@@ -212,6 +212,53 @@ fn two_drivers_speak_3964r_over_a_null_modem() {
 }
 
 /// The system holds the driver up for longer than QVZ, while the answer comes in.
+/// Modbus RTU, function 06, whose answer repeats its request.
+#[test]
+fn an_adapter_that_echoes_is_no_slave() {
+    let _one = lock();
+    let keys = [("protocol", "modbus-master-rtu".into()), ("baud", 2400.into()), ("wait_ms", 200.into())];
+    let parameters = ob1_params::Cp240::from_keys(keys).unwrap().encode();
+    for echoes in [true, false] {
+        let dir = tempfile::tempdir().unwrap();
+        let line = dir.path().join("line");
+        let mut station = Station::with(&parameters, "pty", line, dir);
+        // Modbus has no start-up to acknowledge.
+        station.until("ready", |s| (s.cpu.monitor().driver_state() == Ok(DriverState::Ready)).then_some(()));
+        let mut partner = station.partner();
+        std::thread::spawn(move || {
+            let mut heard = [0; 8];
+            loop {
+                // An adapter gives back what it has, a slave what is whole.
+                let count = if echoes { partner.read(&mut heard) } else { partner.read_exact(&mut heard).map(|()| 8) };
+                let Ok(count) = count else { return };
+                if partner.write_all(&heard[..count]).is_err() {
+                    return;
+                }
+            }
+        });
+        // A machine that stands still for 25 ms may hold the first echo back until it looks like an answer.
+        let mut ends = Vec::new();
+        for _ in 0..4 {
+            station.send(&[5, 6, 0, 1, 0x12, 0x34]);
+            let end = station.until("an end", |s| Some(s.words().1).filter(|tx| *tx == 0 || tx & 0xFF == 0x07));
+            ends.push(end);
+            // The answer, or why there is none; then the error is acknowledged.
+            station.receive();
+            station.put(0, end & 0x2000, &[]);
+            station.until("acknowledged", |s| (s.words().1 == 0).then_some(()));
+            station.put(0, 0, &[]);
+        }
+        let failed = ends.iter().filter(|end| **end != 0).count();
+        if echoes {
+            assert!(failed > 1, "{ends:04X?}");
+            let text = station.cpu.read_diagnosis().unwrap();
+            assert_eq!(std::str::from_utf8(text.data()), Ok(ob1_line::ECHOES));
+        } else {
+            assert_eq!(failed, 0, "{ends:04X?}");
+        }
+    }
+}
+
 #[test]
 fn an_answer_in_time_counts_for_a_driver_that_comes_late() {
     let _one = lock();

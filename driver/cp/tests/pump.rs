@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use ob1_backplane::{Channel, Counter, CpSide, CpuSide, CpuState, DriverState, Segment};
+use ob1_backplane::{Channel, Counter, CpSide, CpuSide, CpuState, DriverState, Segment, Why};
 use ob1_cp::{CpPump, CpType, EventCode, HEARTBEAT, LinePort, Refused};
 use ob1_firmware::{Instant, LineFault, LineInput, LineSettings, Span};
 use ob1_line::sim::{End, SimConfig, SimEvent, SimLine};
@@ -193,7 +193,8 @@ fn the_state_tells_what_is_missing() {
     module.poll(Instant::START);
     assert_eq!(state(&module), DriverState::NoParameters);
     let mut wrong = PARAMETERS;
-    wrong[2] = 0xFF;
+    // Stop bits 00b.
+    wrong[2] = 0xCF;
     module.cpu.write_params(&wrong, b"{}").unwrap();
     module.poll(Instant::START);
     assert_eq!(state(&module), DriverState::ParameterError(2));
@@ -290,9 +291,11 @@ fn the_module_is_what_the_configuration_says() {
     (start[0], start[3]) = (1, 5);
     // First input register: start-up identifier of a CP 240, a CP 040's first answer, signals of a CP 341's interface,
     // none of them on.
-    for (cp_type, register, acknowledged) in
-        [(CpType::CP240, 0x80, [0, 0]), (CpType { kind: CpKind::Cp040, keys: None }, 0x88, [0, 0]), (cp341, 0, [1, 5])]
-    {
+    for (cp_type, register, acknowledged) in [
+        (CpType::CP240, 0x80, [0, 0]),
+        (CpType { kind: CpKind::Cp040, ..CpType::CP240 }, 0x88, [0, 0]),
+        (cp341, 0, [1, 5]),
+    ] {
         let name = cp_type.kind.name();
         let mut module = Module::new(&line(), End::A);
         module.port.cp_type = cp_type;
@@ -312,4 +315,61 @@ fn the_module_is_what_the_configuration_says() {
         let entries: Vec<_> = module.cpu.monitor().buffer().collect();
         assert_eq!(entries.iter().any(|entry| entry.number == 4), name == "cp341", "{name}: {entries:?}");
     }
+}
+
+#[test]
+fn a_line_that_has_not_come_yet_is_no_event() {
+    let mut module = Module::new(&line(), End::A);
+    module.start(Instant::from_nanos(1));
+    module.event_codes();
+    let now = Instant::from_nanos(2);
+    module.pump.no_line(now, &mut module.port);
+    assert_eq!((module.event_codes(), module.cpu.monitor().leds().error), (vec![], false));
+    module.pump.line_event(now, LineInput::Fault(LineFault::Gone), &mut module.port);
+    assert_eq!((module.event_codes(), module.cpu.monitor().leds().error), (vec![EventCode::LineGone as u32], true));
+}
+
+#[test]
+fn an_echo_is_an_event_with_its_text() {
+    let mut module = Module::new(&line(), End::A);
+    module.start(Instant::from_nanos(1));
+    module.event_codes();
+    module.pump.line_echo(Instant::from_nanos(2), Some("it echoes"));
+    assert_eq!(module.event_codes(), [EventCode::LineEcho as u32]);
+    assert_eq!(module.cpu.read_diagnosis().unwrap().data(), b"it echoes");
+    let why = |module: &Module| module.cpu.monitor().reason().map(|(reason, _)| reason.why);
+    assert_eq!(why(&module), Some(Why::Echoes));
+    module.pump.line_echo(Instant::from_nanos(3), None);
+    assert_eq!(why(&module), None);
+}
+
+/// An order that nobody answers, with a line of its own speed: what the driver shows of it.
+#[test]
+fn a_failed_order_is_the_reason_has_its_count_and_is_listed_once() {
+    let line = line();
+    let mut modules = [Module::new(&line, End::A), Module::new(&line, End::B)];
+    let mut now = Instant::START;
+    modules[0].cpu.set_time(5_000_000_000);
+    let told = |m: &Module| m.cpu.monitor().reason().map(|(reason, at)| (reason.why, reason.number, reason.count, at));
+    modules[0].cpu.write_params(&PARAMETERS, b"{}").unwrap();
+    modules[0].poll(now);
+    assert_eq!(told(&modules[0]), Some((Why::StartUp, 0x8001, 0, 5)));
+    modules[0].synchronise(now);
+    assert_eq!(told(&modules[0]), None);
+    for count in 1..=2 {
+        modules[0].put(now, 0, 1, b"x");
+        modules[0].put(now, 0, 0, &[]);
+        // The other end has no parameters: it answers nothing.
+        now = run(&mut modules, now, now + 10_000 * MS, |m| m[0].words().1 == 0x2007);
+        modules[0].put(now, 0, 0x2000, &[]);
+        modules[0].put(now, 0, 0, &[]);
+        assert_eq!(told(&modules[0]), Some((Why::OrderFailed, 7, count, 5)));
+    }
+    let monitor = modules[0].cpu.monitor();
+    assert_eq!(monitor.ends().map(|ends| (ends.number, ends.count)).collect::<Vec<_>>(), [(7, 2)]);
+    let listed: Vec<_> = monitor.buffer().map(|entry| entry.number).collect();
+    assert_eq!(listed.iter().filter(|number| **number == 7).count(), 2, "{listed:x?}");
+    assert!(listed.len() < 30, "not each of the 12 attempts twice: {listed:x?}");
+    let codes = modules[0].event_codes();
+    assert_eq!(codes.iter().filter(|code| **code == EventCode::SendFailed as u32).count(), 2, "{codes:x?}");
 }

@@ -11,13 +11,14 @@ mod send;
 
 use ob1_params::{Cp040 as Parameters, Duplex};
 use ob1_protocols::modbus::area::{BLOCK_BYTES, BLOCKS_TOGETHER};
-use ob1_protocols::{Input, Instant, LineFault, LineInput, Order, SendError, Span};
+use ob1_protocols::{Input, Instant, LineFault, LineInput, ModemLines, Order, SendError, Span};
 
 pub use ob1_words::cp040::IO_BYTES;
 
 use crate::leds::{LedDriver, Leds};
 use crate::port::{Cp, CpCounter, CpEvent, CpInput, CpPort};
 use crate::protocol::{Protocol, Setup};
+use crate::reason::{Reason, Waiting, Why};
 use diagnosis::Diagnosis;
 use exchange::{Exchange, Step};
 use ob1_words::cp040::Area;
@@ -54,6 +55,8 @@ pub struct Cp040 {
     /// Characters are being transmitted.
     transmitting: bool,
     line_gone: bool,
+    /// It has not been there since the start, which is no wire break.
+    line_awaited: bool,
     /// The order was aborted because the line is gone.
     line_broke_off: bool,
     leds: LedDriver,
@@ -74,6 +77,10 @@ impl Cp for Cp040 {
                 self.look(now, port);
             }
             CpInput::Line(line) => self.line(now, line, port),
+            CpInput::NoLine => {
+                port.count(CpCounter::LineFaults, 1);
+                (self.line_gone, self.line_awaited) = (true, true);
+            }
             CpInput::CpuRun(run) => {
                 self.cpu_stopped = !run;
                 if run {
@@ -102,6 +109,20 @@ impl Cp for Cp040 {
     fn enable_diagnostics(&mut self, enabled: bool) {
         self.diagnosis.enabled = enabled;
     }
+
+    fn waits_for(&self) -> Option<Reason> {
+        if self.diagnosis.wire_break {
+            return Some(Reason::state(Why::Interrupted, 0));
+        }
+        // Its interfaces have no modem lines.
+        self.protocol.stopped(ModemLines::default())
+    }
+
+    fn waiting(&self) -> Waiting {
+        let receive = &self.exchange.receive;
+        let (telegrams, progress) = (receive.telegrams(), receive.nibble().into());
+        Waiting { telegrams, progress, block: 0, cpu_runs: !self.cpu_stopped && self.phase == Phase::Working }
+    }
 }
 
 impl Cp040 {
@@ -118,6 +139,7 @@ impl Cp040 {
             protocol_due: None,
             transmitting: false,
             line_gone: false,
+            line_awaited: false,
             line_broke_off: false,
             leds: LedDriver::new(),
             leds_shown: Leds::NONE,
@@ -148,8 +170,7 @@ impl Cp040 {
         }
         (self.protocol, self.protocol_due, self.transmitting) = (Protocol::None, None, false);
         self.clear(port);
-        let decoded =
-            if bytes.iter().all(|b| *b == 0) { Parameters::defaults("ascii") } else { Parameters::decode(bytes) };
+        let decoded = Parameters::of_bytes(bytes);
         self.diagnosis.parameters = decoded.is_err();
         self.diagnosis.wire_break = false;
         let parameters = match decoded {
@@ -164,11 +185,11 @@ impl Cp040 {
         self.leds.parameters(now, setup.is_modbus(), true);
         self.protocol = setup.build();
         self.setup = Some(setup);
-        port.line_settings(&parameters.common.line_settings());
+        port.line_settings(&parameters.line_settings());
         self.parameters = Some(parameters);
         self.phase = Phase::Working;
         self.clear(port);
-        self.diagnosis.wire_break = self.line_gone && self.detects_break();
+        self.diagnosis.wire_break = self.line_gone && !self.line_awaited && self.detects_break();
         port.record(self.diagnosis.record());
         port.rts(true);
         port.dtr(true);
@@ -292,7 +313,7 @@ impl Cp040 {
         // Two wires: "data is exchanged ... but only in one direction at a time". What arrives while we send is our own
         // echo. [S3 L347]
         let is_half = self.parameters.as_ref().is_some_and(|p| p.duplex == Duplex::Half);
-        let mut input = line;
+        let (mut input, was_gone) = (line, self.line_gone);
         match line {
             LineInput::Rx(_) if is_half && self.transmitting => return,
             LineInput::Rx(_) => {
@@ -304,12 +325,12 @@ impl Cp040 {
                 self.leds.transmit(false);
             }
             LineInput::Fault(LineFault::Gone) => {
-                self.line_gone = true;
+                (self.line_gone, self.line_awaited) = (true, false);
                 self.diagnosis.wire_break = self.detects_break();
                 self.leds.line(now, true);
             }
             LineInput::Fault(LineFault::Back) => {
-                self.line_gone = false;
+                (self.line_gone, self.line_awaited) = (false, false);
                 self.diagnosis.wire_break = false;
                 self.leds.line(now, false);
             }
@@ -326,7 +347,7 @@ impl Cp040 {
             LineInput::Fault(_) => self.leds.error(now),
             LineInput::Modem(_) => {}
         }
-        port.count_line(line);
+        port.count_line(line, was_gone);
         if self.phase != Phase::Working {
             return;
         }
@@ -382,7 +403,7 @@ impl Cp040 {
 
     fn ended(&mut self, now: Instant, outcome: Result<(), SendError>, port: &mut dyn CpPort) {
         let outcome = port.order_ended(now, outcome, self.line_broke_off);
-        self.exchange.send.ended(outcome.is_ok());
+        self.exchange.send.ended(outcome);
         // The end is shown before a waiting command is evaluated.
         self.publish(port);
         if !self.cpu_stopped {

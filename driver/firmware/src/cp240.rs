@@ -26,7 +26,7 @@ mod rk512;
 mod rk512_side;
 mod send;
 
-use ob1_params::{Cp240 as Parameters, LineSettings};
+use ob1_params::{Cp240 as Parameters, Interface, LineSettings};
 use ob1_protocols::rk512::Order as Rk512Order;
 use ob1_protocols::{Event, Input, Instant, LineFault, LineInput, Order, Rk512, SendError, What};
 
@@ -35,6 +35,7 @@ use crate::leds::{LedDriver, Leds};
 use crate::modbus;
 use crate::port::{Cp, CpCounter, CpEvent, CpInput, CpPort, StartReason};
 use crate::protocol::{Protocol, Setup};
+use crate::reason::{Reason, Waiting, Why};
 use crate::ring::Capacity;
 use modem::Modem;
 use ob1_words::cp240::{NO_PARAMETERS, RESET, Registers, STARTUP, SYSTEM, block, compose, rx_word, tx_word};
@@ -79,6 +80,10 @@ pub struct Cp240 {
     outputs: Registers,
     shown: Registers,
 
+    /// Which interface it has.
+    interface: Interface,
+    /// Its parameters, if they are valid.
+    parameters: Option<Parameters>,
     setup: Option<Setup>,
     /// How the line is set.
     settings: Option<LineSettings>,
@@ -119,6 +124,10 @@ impl Cp for Cp240 {
                 self.look(now, port);
             }
             CpInput::Line(line) => self.line(now, line, port),
+            CpInput::NoLine => {
+                port.count(CpCounter::LineFaults, 1);
+                self.line_gone = true;
+            }
             CpInput::CpuRun(true) => {
                 if core::mem::take(&mut self.cpu_stopped) {
                     self.leds.stop_run();
@@ -141,7 +150,7 @@ impl Cp for Cp240 {
         port.show(leds, &mut self.leds_shown);
         if self.phase != Phase::Off
             && let Some((incoming, data)) = self.diagnosis.tell(leds.error)
-            && !self.is_enocean()
+            && self.parameters.as_ref().is_none_or(|parameters| parameters.protocol.has_diagnostics())
         {
             port.event(now, CpEvent::Diagnosis { incoming, data });
         }
@@ -154,6 +163,31 @@ impl Cp for Cp240 {
 
     fn enable_diagnostics(&mut self, enabled: bool) {
         self.diagnosis.enabled = enabled;
+    }
+
+    fn set_interface(&mut self, interface: Interface) {
+        self.interface = interface;
+        self.modem.set_interface(interface);
+    }
+
+    fn waits_for(&self) -> Option<Reason> {
+        match self.phase {
+            Phase::Off | Phase::NoParameters(_) => None,
+            // A CPU in STOP calls no FC 9.
+            Phase::Identify | Phase::Clearing => (!self.cpu_stopped).then_some(Reason::state(Why::StartUp, STARTUP)),
+            Phase::Working => self.protocol.stopped(self.modem.lines().unwrap_or_default()),
+        }
+    }
+
+    fn waiting(&self) -> Waiting {
+        let cpu_runs = !self.cpu_stopped && self.phase == Phase::Working;
+        if self.rk512_machine.is_some() {
+            let (telegrams, progress) = self.rk512.waiting();
+            return Waiting { telegrams, progress, block: 4, cpu_runs };
+        }
+        let (telegrams, progress) = (self.receive.ring.telegrams(), self.receive.word().into());
+        let is_fragmented = self.setup.as_ref().is_some_and(Setup::is_fragmented);
+        Waiting { telegrams, progress, block: if is_fragmented { 11 } else { 1 }, cpu_runs }
     }
 }
 
@@ -170,6 +204,8 @@ impl Cp240 {
             reset_seen: false,
             outputs: [0; 16],
             shown: [0; 16],
+            interface: Interface::Rs232,
+            parameters: None,
             setup: None,
             settings: None,
             capacity: Capacity::buffers(1),
@@ -189,10 +225,6 @@ impl Cp240 {
         }
     }
 
-    fn is_enocean(&self) -> bool {
-        self.setup.as_ref().is_some_and(Setup::is_enocean)
-    }
-
     /// Telegrams in the receive buffer.
     pub fn received_waiting(&self) -> usize {
         self.receive.ring.telegrams()
@@ -207,22 +239,23 @@ impl Cp240 {
         let is_modbus = MODBUS_CODES.contains(&bytes[1]);
         self.leds.parameters(now, is_modbus, decoded.is_ok());
         let parameters = match decoded {
-            Ok(parameters) => parameters,
+            Ok(parameters) => Parameters { interface: self.interface, ..parameters },
             Err(error) => {
                 port.event(now, CpEvent::NoParameters(&error));
-                self.setup = None;
+                (self.parameters, self.setup) = (None, None);
                 self.phase = Phase::NoParameters(error.byte.map_or(0, |byte| byte as u8));
                 return;
             }
         };
         let setup = Setup::of(&parameters, port.lateness());
-        let has_identifier = setup.has_identifier();
         self.leds.show_overflow_alone(setup.is_enocean());
         self.setup = Some(setup);
         self.capacity = capacity(&parameters);
         let settings = parameters.line_settings();
         self.settings = Some(settings);
         port.line_settings(&settings);
+        let has_identifier = parameters.protocol.has_identifier();
+        self.parameters = Some(parameters);
         if has_identifier {
             self.identify(now, StartReason::Parameters, port);
         } else {
@@ -287,7 +320,9 @@ impl Cp240 {
     fn look(&mut self, now: Instant, port: &mut dyn CpPort) {
         let (rx, tx) = (rx_word(&self.outputs), tx_word(&self.outputs));
         let reset = rx == RESET;
-        let asked = reset && !self.reset_seen && self.setup.as_ref().is_some_and(Setup::has_identifier);
+        let asked = reset
+            && !self.reset_seen
+            && self.parameters.as_ref().is_some_and(|parameters| parameters.protocol.has_identifier());
         self.reset_seen = reset;
         match self.phase {
             Phase::Off | Phase::NoParameters(_) => {}
@@ -406,7 +441,7 @@ impl Cp240 {
     // ---- the line and the protocol ----
 
     fn line(&mut self, now: Instant, line: LineInput<'_>, port: &mut dyn CpPort) {
-        port.count_line(line);
+        port.count_line(line, self.line_gone);
         match line {
             LineInput::Rx(_) => self.leds.received(now),
             LineInput::TxDone => self.leds.transmit(false),

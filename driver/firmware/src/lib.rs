@@ -19,6 +19,7 @@ mod modbus;
 mod port;
 mod printer;
 mod protocol;
+mod reason;
 mod ring;
 
 pub use cp::of;
@@ -28,7 +29,10 @@ pub use cp341::Cp341;
 pub use diagnosis::{DiagnosticBytes, DiagnosticRecord};
 pub use leds::Leds;
 pub use ob1_params::LineSettings;
+pub use ob1_protocols::modbus_master_32::job::LONG_BIT;
 pub use ob1_protocols::{Instant, LineFault, LineInput, ModemLines, Span, Wire, cp341_events, trace};
 pub use ob1_words::cp240::Registers;
+pub use ob1_words::{Reason, Why};
 pub use port::{Cp, CpCounter, CpEvent, CpInput, CpPort, StartReason};
+pub use reason::{Troubles, Waiting};
 pub use ring::TELEGRAMS_MAX;

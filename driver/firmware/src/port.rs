@@ -2,12 +2,13 @@
 
 use std::fmt::Debug;
 
-use ob1_params::{Cp341 as Keys, LineSettings, ParamError};
-use ob1_protocols::{Event, Instant, LineFault, LineInput, SendError, Span, What, Wire, rk512};
+use ob1_params::{Cp341 as Keys, Interface, LineSettings, ParamError};
+use ob1_protocols::{Event, Instant, LineFault, LineInput, Phase, SendError, Span, What, Wire, rk512};
 use ob1_words::channels::{Channel, ChannelBlock};
 
 use crate::diagnosis::{DiagnosticBytes, DiagnosticRecord};
 use crate::leds::Leds;
+use crate::reason::{Reason, Waiting};
 
 /// A whole CP.
 pub trait Cp: Debug {
@@ -22,6 +23,22 @@ pub trait Cp: Debug {
     /// [`CpEvent::Diagnosis`]; its parameter bytes have no place for this switch (ours: a key of the station file). CP
     /// 040, CP 340 and CP 341: a wire break and wrong parameters are reported.
     fn enable_diagnostics(&mut self, enabled: bool);
+
+    /// Which interface the module has, before its parameters; RS 232 unless set. A CP 240 alone has one that no
+    /// parameter names.
+    fn set_interface(&mut self, interface: Interface) {
+        let _ = interface;
+    }
+
+    /// What must change before the CP does anything more, if there is something.
+    fn waits_for(&self) -> Option<Reason> {
+        None
+    }
+
+    /// What was received and waits for the CPU.
+    fn waiting(&self) -> Waiting {
+        Waiting::default()
+    }
 }
 
 /// Everything that can happen to a CP.
@@ -33,6 +50,9 @@ pub enum CpInput<'a> {
     Outputs(&'a [u8]),
     /// Something happened on the line.
     Line(LineInput<'a>),
+    /// The line has not been there since the start. What is sent is lost, but it is no wire break: [`LineFault::Gone`]
+    /// follows if it does not come.
+    NoLine,
     /// The CPU went to RUN or start-up (true) or to STOP (false).
     CpuRun(bool),
     /// Parameters: the CP restarts with them. Sixteen zeros stand for "none", see [`crate::Cp240`].
@@ -87,10 +107,10 @@ impl dyn CpPort + '_ {
     }
 
     /// Counts what has come from the line.
-    pub(crate) fn count_line(&mut self, line: LineInput<'_>) {
+    pub(crate) fn count_line(&mut self, line: LineInput<'_>, was_gone: bool) {
         match line {
             LineInput::Rx(bytes) => self.count(CpCounter::BytesRx, bytes.len() as u64),
-            LineInput::Fault(LineFault::Gone) => self.count(CpCounter::LineFaults, 1),
+            LineInput::Fault(LineFault::Gone) => self.count(CpCounter::LineFaults, u64::from(!was_gone)),
             LineInput::Fault(LineFault::Back) => self.count(CpCounter::LineRestarts, 1),
             _ => {}
         }
@@ -111,7 +131,7 @@ impl dyn CpPort + '_ {
             self.event(now, CpEvent::Received(telegram));
         } else {
             // A protocol that does not ask for room first.
-            self.count(CpCounter::Rejected, 1);
+            self.occurred(now, Event { phase: Phase::Receive, what: What::NoBuffer });
         }
     }
 
@@ -186,7 +206,7 @@ pub enum CpCounter {
 
 impl CpCounter {
     /// The counter of an occurrence in a protocol of a CP 240 or CP 040.
-    const fn of(what: What) -> Option<Self> {
+    pub(crate) const fn of(what: What) -> Option<Self> {
         match what {
             What::NoBuffer | What::TooLong => Some(Self::Rejected),
             What::CharacterDelay

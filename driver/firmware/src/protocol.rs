@@ -1,16 +1,18 @@
 //! From the parameters to the protocol machine.
 
 use ob1_params::{
-    Ascii as AsciiParams, Cp040, Cp240 as Parameters, Priority, Protocol as Chosen, S3964 as S3964Params,
-    StxEtx as StxEtxParams,
+    Ascii as AsciiParams, Cp040, Cp240 as Parameters, CpKind, Priority, Protocol as Chosen, S3964 as S3964Params,
+    StxEtx as StxEtxParams, zero,
 };
 use ob1_protocols::modbus::{Master, Slave};
 use ob1_protocols::rk512::{self, Rk512};
 use ob1_protocols::{
-    Ascii, Esp2, Input, Instant, MBus, MS, Machine, Order, S3964, Sink, Span, StxEtx, ascii, esp2, mbus, s3964, stx_etx,
+    Ascii, Esp2, Input, Instant, MBus, MS, Machine, ModemLines, Order, S3964, Sink, Span, StxEtx, ascii, esp2, mbus,
+    s3964, stx_etx,
 };
 
 use crate::modbus;
+use crate::reason::{Reason, Why};
 use ob1_words::cp240::Registers;
 
 /// How to build the machine of a parameter record.
@@ -28,35 +30,31 @@ pub(crate) enum Setup {
 impl Setup {
     /// `late`: how late the line may hand characters over.
     pub(crate) fn of(parameters: &Parameters, late: Span) -> Self {
+        Self::of_kind(CpKind::Cp240, parameters, late)
+    }
+
+    fn of_kind(kind: CpKind, parameters: &Parameters, late: Span) -> Self {
         let char_time = parameters.char_time();
+        let times = Times { kind, char_time };
         match &parameters.protocol {
-            Chosen::Ascii(p) => Self::Ascii(ascii_config(p, char_time)),
-            Chosen::S3964(p) if p.rk512 => Self::Rk512(rk512::Config::cp240(s3964_config(p, char_time))),
-            Chosen::S3964(p) => Self::S3964(s3964_config(p, char_time)),
-            Chosen::StxEtx(p) => Self::StxEtx(stx_etx_config(p, char_time)),
+            Chosen::Ascii(p) => Self::Ascii(ascii_config(p, times)),
+            Chosen::S3964(p) if p.rk512 => Self::Rk512(rk512::Config::cp240(s3964_config(p, times))),
+            Chosen::S3964(p) => Self::S3964(s3964_config(p, times)),
+            Chosen::StxEtx(p) => Self::StxEtx(stx_etx_config(p, times)),
             Chosen::Modbus(p) => Self::Modbus(modbus::Setup::of(p, parameters.baud, char_time, late)),
             Chosen::MBus => Self::MBus(mbus::Config::cp240().with_bursts(late)),
             Chosen::EnOcean => Self::EnOcean(esp2::Config::cp240()),
         }
     }
 
-    /// The same for a CP 040 that occupies `io_bytes` each way: where 0 means double the character time for the CP 240,
-    /// it means "triple character time" [S3 L303], for QVZ too [S3 L305], and the areas of its slave "short" are as
-    /// long as its process image [S3 L385].
+    /// The same for a CP 040 that occupies `io_bytes` each way: the areas of its slave "short" are as long as its
+    /// process image [S3 L385].
     pub(crate) fn of_040(parameters: &Cp040, io_bytes: usize, late: Span) -> Self {
-        let mut setup = Self::of(&parameters.common, late);
-        let triple = 3 * parameters.common.char_time();
-        match &mut setup {
-            Self::Ascii(config) if config.zvz == Span::ZERO => config.zvz = triple,
-            Self::S3964(config) => {
-                for time in [&mut config.zvz, &mut config.qvz] {
-                    if *time == Span::ZERO {
-                        *time = triple;
-                    }
-                }
-            }
-            Self::Modbus(modbus::Setup::Slave(config)) if !config.confirmed => config.area_bytes = io_bytes,
-            _ => {}
+        let mut setup = Self::of_kind(CpKind::Cp040, &parameters.common, late);
+        if let Self::Modbus(modbus::Setup::Slave(config)) = &mut setup
+            && !config.confirmed
+        {
+            config.area_bytes = io_bytes;
         }
         setup
     }
@@ -93,53 +91,73 @@ impl Setup {
         }
     }
 
-    /// Whether the CP shows a start-up identifier and waits for FC 9. In the Modbus modes the manual does not call FC
-    /// 9.
-    pub(crate) const fn has_identifier(&self) -> bool {
-        !matches!(self, Self::Modbus(_))
-    }
-
-    /// EnOcean: ER "signalizes an error by buffer overflow" and nothing of the line, and there is no diagnostic
-    /// interrupt. [S1 "LEDs"], [S1 "Technische Daten"]
+    /// EnOcean: ER "signalizes an error by buffer overflow" and nothing of the line. [S1 "LEDs"]
     pub(crate) const fn is_enocean(&self) -> bool {
         matches!(self, Self::EnOcean(_))
     }
 }
 
-fn ascii_config(p: &AsciiParams, char_time: Span) -> ascii::Config {
-    ascii::Config {
-        criterion: if p.fragmented { ascii::Criterion::Fragments } else { ascii::Criterion::Silence },
-        flow: p.flow,
-        zna: u64::from(p.zna_ms) * MS,
-        zvz: u64::from(p.zvz_ms) * MS,
-        ..ascii::Config::unset(char_time)
+/// The times of the parameters of a CP, for its machine.
+#[derive(Clone, Copy)]
+struct Times {
+    kind: CpKind,
+    char_time: Span,
+}
+
+impl Times {
+    /// The time of a key, or what its 0 stands for.
+    fn of(self, key: &str, ms: u16) -> Span {
+        if ms == 0 { zero::characters(self.kind, key) * self.char_time } else { u64::from(ms) * MS }
     }
 }
 
-fn stx_etx_config(p: &StxEtxParams, char_time: Span) -> stx_etx::Config {
+fn ascii_config(p: &AsciiParams, times: Times) -> ascii::Config {
+    ascii::Config {
+        criterion: if p.fragmented { ascii::Criterion::Fragments } else { ascii::Criterion::Silence },
+        flow: p.flow,
+        zna: times.of("zna_ms", p.zna_ms),
+        zvz: times.of("zvz_ms", p.zvz_ms),
+        ..ascii::Config::unset(times.char_time)
+    }
+}
+
+fn stx_etx_config(p: &StxEtxParams, times: Times) -> stx_etx::Config {
     stx_etx::Config {
         start: stx_etx::Flags::new(p.start, p.start_flags),
         end: stx_etx::Flags::new(p.end, p.end_flags),
         flow: p.flow,
-        zna: u64::from(p.zna_ms) * MS,
-        tmo: u64::from(p.tmo_ms) * MS,
-        ..stx_etx::Config::unset(char_time)
+        zna: times.of("zna_ms", p.zna_ms),
+        tmo: times.of("tmo_ms", p.tmo_ms),
+        ..stx_etx::Config::unset(times.char_time)
     }
 }
 
-fn s3964_config(p: &S3964Params, char_time: Span) -> s3964::Config {
+fn s3964_config(p: &S3964Params, times: Times) -> s3964::Config {
     s3964::Config {
         bcc: p.bcc,
         priority: priority(p.priority),
-        zvz: u64::from(p.zvz_ms) * MS,
-        qvz: u64::from(p.qvz_ms) * MS,
-        zna: u64::from(p.zna_ms) * MS,
-        bwz: u64::from(p.bwz_ms) * MS,
+        zvz: times.of("zvz_ms", p.zvz_ms),
+        qvz: times.of("qvz_ms", p.qvz_ms),
+        zna: times.of("zna_ms", p.zna_ms),
+        bwz: times.of("bwz_ms", p.bwz_ms),
         // [S0 "STX repetitions"] counts the repetitions, [S0 "DBL"] the attempts.
         connect_attempts: u16::from(p.stx_repetitions) + 1,
         block_attempts: u16::from(p.dbl).max(1),
-        ..s3964::Config::cp240(char_time)
+        ..s3964::Config::cp240(times.char_time)
     }
+}
+
+/// Why an order waits that flow control has stopped.
+pub(crate) fn stopped_by(flow: ascii::Flow, lines: ModemLines) -> Reason {
+    match flow {
+        ascii::Flow::Hardware => signals_off(lines),
+        ascii::Flow::XonXoff | ascii::Flow::None => Reason::state(Why::Stopped, 0),
+    }
+}
+
+/// CTS or DSR is OFF.
+pub(crate) fn signals_off(lines: ModemLines) -> Reason {
+    Reason::state(Why::Signals, u16::from(lines.cts) | u16::from(lines.dsr) << 1)
 }
 
 /// The priority of the parameters, for the machine.
@@ -178,6 +196,16 @@ impl Protocol {
             Self::MBus(machine) => machine.step(now, input, out),
             Self::EnOcean(machine) => machine.step(now, input, out),
         }
+    }
+
+    /// What the running order waits for because the partner has stopped it; `lines`: the modem lines.
+    pub(crate) fn stopped(&self, lines: ModemLines) -> Option<Reason> {
+        let (is_stopped, flow) = match self {
+            Self::Ascii(machine) => (machine.is_stopped(), machine.config().flow),
+            Self::StxEtx(machine) => (machine.is_stopped(), machine.config().flow),
+            _ => return None,
+        };
+        is_stopped.then(|| stopped_by(flow, lines))
     }
 
     /// Whether the partner acknowledges telegrams. If not, an order on a lost line must not count as done because its

@@ -14,6 +14,12 @@ pub(crate) const BYTES_341: usize = 4096;
 /// Telegrams the buffer can hold at most. [S0 "Properties"]
 pub const TELEGRAMS_MAX: usize = 250;
 
+/// Places beside the telegrams, for what a CP 040 tells of the ones that it could not receive.
+pub(crate) const ERRORS_MAX: usize = 8;
+
+/// Places.
+const PLACES: usize = TELEGRAMS_MAX + ERRORS_MAX;
+
 /// In a length: more of the telegram follows, or the rest of it is lost.
 const MORE: u16 = 0x8000;
 const BROKEN: u16 = 0x4000;
@@ -47,6 +53,11 @@ impl Capacity {
         Self { bytes: BYTES_MAX, ..Self::buffers(telegrams) }
     }
 
+    /// With places for errors too.
+    pub(crate) const fn with_errors(self) -> Self {
+        Self { telegrams: self.telegrams + ERRORS_MAX, ..self }
+    }
+
     /// A CP 341 (4096) or a CP 340 (1024): `bytes` bytes and `telegrams` telegrams, 1 to 250.
     pub(crate) const fn of_bytes(bytes: usize, telegrams: u8) -> Self {
         Self { bytes, ..Self::buffers(telegrams) }
@@ -67,7 +78,7 @@ pub(crate) struct Ring<const BYTES: usize = BYTES_MAX> {
     /// Bytes in use.
     used: usize,
     /// Length of each telegram or part, with [`MORE`] and [`BROKEN`].
-    lengths: [u16; TELEGRAMS_MAX],
+    lengths: [u16; PLACES],
     /// Place of the oldest length.
     first: usize,
     telegrams: usize,
@@ -81,7 +92,7 @@ impl<const BYTES: usize> Ring<BYTES> {
             bytes: [0; BYTES],
             head: 0,
             used: 0,
-            lengths: [0; TELEGRAMS_MAX],
+            lengths: [0; PLACES],
             first: 0,
             telegrams: 0,
             capacity: Capacity::buffers(u8::MAX),
@@ -129,7 +140,7 @@ impl<const BYTES: usize> Ring<BYTES> {
         self.bytes[begin..begin + straight].copy_from_slice(front);
         self.bytes[..back.len()].copy_from_slice(back);
         self.used += telegram.len();
-        self.lengths[(self.first + self.telegrams) % TELEGRAMS_MAX] = telegram.len() as u16;
+        self.lengths[(self.first + self.telegrams) % PLACES] = telegram.len() as u16;
         self.telegrams += 1;
         true
     }
@@ -141,7 +152,7 @@ impl<const BYTES: usize> Ring<BYTES> {
 
     /// Appends a part of a telegram, or the mark of its end.
     pub(crate) fn push_part(&mut self, bytes: &[u8], part: Part) -> bool {
-        let place = (self.first + self.telegrams) % TELEGRAMS_MAX;
+        let place = (self.first + self.telegrams) % PLACES;
         if bytes.is_empty() && self.telegrams < self.capacity.telegrams {
             self.lengths[place] = 0;
             self.telegrams += 1;
@@ -158,7 +169,7 @@ impl<const BYTES: usize> Ring<BYTES> {
 
     /// Number of complete telegrams.
     pub(crate) fn complete(&self) -> usize {
-        let places = (self.first..self.first + self.telegrams).map(|place| self.lengths[place % TELEGRAMS_MAX]);
+        let places = (self.first..self.first + self.telegrams).map(|place| self.lengths[place % PLACES]);
         places.filter(|length| length & (MORE | BROKEN) == 0).count()
     }
 
@@ -188,7 +199,7 @@ impl<const BYTES: usize> Ring<BYTES> {
         if let Some(length) = self.oldest() {
             self.head = (self.head + length) % BYTES;
             self.used -= length;
-            self.first = (self.first + 1) % TELEGRAMS_MAX;
+            self.first = (self.first + 1) % PLACES;
             self.telegrams -= 1;
         }
     }

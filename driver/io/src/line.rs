@@ -5,7 +5,7 @@ use std::io;
 use ob1_child::tap::Tap;
 use ob1_coupler::{Image, Input, LineConfig, LineFault, LineInput, MasterInput, State};
 use ob1_io::Master;
-use ob1_line::{Instant, LineEvent, LineSettings, LineSpec, Parity, RealLine};
+use ob1_line::{ECHOES, Instant, LineEvent, LineSettings, LineSpec, Parity, RealLine, SILENT};
 use ob1_protocols::trace::record::Kind;
 use serde_json::json;
 use tracing::{info, warn};
@@ -88,6 +88,8 @@ impl Line {
                     self.tap.tell(now, Kind::Gone, reason.as_bytes());
                     self.gone(now, image);
                 }
+                LineEvent::Echo(true) => warn!(line = %self.spec, "{ECHOES}"),
+                LineEvent::Echo(false) => info!(line = %self.spec, "{SILENT}"),
             }
         }
         true

@@ -37,6 +37,7 @@ pub(crate) fn run(bus: &BusConfig) -> io::Result<()> {
                 LineEvent::Input(input) => input,
                 LineEvent::Up(_) => LineInput::Fault(LineFault::Back),
                 LineEvent::Gone(reason) => return Err(io::Error::other(reason)),
+                LineEvent::Echo(_) => continue,
             };
             deadline = step(&mut scan, now(), Input::Line(input), &mut real);
         }

@@ -88,6 +88,10 @@ impl Hub {
                 Some(AtWork::Pty(Box::new(RealLine::new(&LineSpec::Pty(path.clone()))), bus.join(frame)))
             }
         };
+        // Neither has modem lines of its own, so nothing holds the CP back.
+        if let Some(AtWork::Echo(who) | AtWork::Pty(_, who)) = &partner {
+            bus.set_modem(*who, Instant::START, true, true);
+        }
         let most = if config.half_duplex { MOST } else { 2 - usize::from(partner.is_some()) };
         let listener = Listener::bind(path)?;
         Ok(Self { bus, listener, guests: Vec::new(), partner, most, deaf_until: None, lost: 0, turned_away: 0 })
@@ -178,6 +182,13 @@ impl Hub {
                 continue;
             }
             let who = self.bus.join(Frame::of(&LineSettings::default()));
+            // As the inputs of a UART: they have a level before a partner has switched anything.
+            if let Some(lines) = self.bus.modem_lines(who) {
+                let mut message = Vec::new();
+                FromHub::Modem(lines).write(&mut message);
+                // A connection that is already broken is found when it is read.
+                let _ = channel.send(&message);
+            }
             self.guests.push(Guest { channel, who, written: 0, gone: false });
         }
     }

@@ -10,6 +10,7 @@
 // Two ioctls that no crate wraps (see `sys`), and the borrowed descriptor of a serial port.
 #![allow(unsafe_code)]
 
+mod echo;
 pub mod hub;
 mod line;
 mod link;
@@ -22,7 +23,7 @@ mod spec;
 mod sys;
 mod wire;
 
-pub use line::{Instant, LineEvent, LineFault, LineInput, ModemLines, PollFds, Span};
+pub use line::{ECHOES, Instant, LineEvent, LineFault, LineInput, ModemLines, PollFds, SILENT, Span};
 pub use link::RETRY;
 pub use parmrk::{Decoded, Mark, ParmrkDecoder};
 pub use real::RealLine;

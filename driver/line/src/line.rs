@@ -18,7 +18,14 @@ pub enum LineEvent<'a> {
     /// The line cannot be used, and why. Unsent bytes, and bytes written from now on, are discarded. The line tries by
     /// itself to recover.
     Gone(String),
+    /// In half duplex: the line has begun (true) or ceased to give back what is sent. Its echo is not received.
+    Echo(bool),
 }
+
+/// [`LineEvent::Echo`] in words: the line has begun to echo.
+pub const ECHOES: &str = "this adapter echoes: switch local echo off";
+/// [`LineEvent::Echo`] in words: it has ceased to.
+pub const SILENT: &str = "this adapter does not echo any more";
 
 /// The descriptors to wait for: at most two.
 #[derive(Debug, Default)]

@@ -3,11 +3,13 @@
 
 use std::io;
 
+use crate::echo::{self, Echo};
 use crate::line::{Instant, LineEvent, LineFault, LineInput, ModemLines, PollFds, Span};
-use crate::link::{self, Link, Opened, RETRY};
+use crate::link::{self, Link, Opened, Passage, RETRY};
 use crate::parmrk::{Mark, ParmrkDecoder};
-use crate::settings::{LineSettings, Parity, SettingsError, Warning, check};
+use crate::settings::{Flow, LineSettings, Parity, SettingsError, Warning, check};
 use crate::spec::LineSpec;
+use crate::sys;
 
 /// Bytes that may wait for the line: the longest telegram of a CP (1024 bytes, every one a doubled DLE, and its frame),
 /// and room for the answers besides.
@@ -32,9 +34,14 @@ enum State {
 /// A serial device, pty or TCP connection.
 ///
 /// `TxDone` means that the bytes have been written and the last bit has been sent. A UART that reports an empty shift
-/// register is asked. Otherwise, and on a pty or TCP, the end is computed from the configured baud rate, or is the
-/// partner's next character if that is earlier. On a pty or TCP the bytes themselves reach the partner at once, not one
-/// by one.
+/// register is asked. Otherwise, and on a pty or TCP, the end is computed from the configured baud rate. On a pty or
+/// TCP the bytes themselves reach the partner at once, not one by one. What comes before the computed end:
+///
+/// | mode | |
+/// |---|---|
+/// | full duplex | may answer a pty's telegram, which takes no time: the transmission counts as ended |
+/// | XON/XOFF | is reported before `TxDone`, which comes at the computed end: the owner must see an XOFF first |
+/// | half duplex | is not received, and may be the own echo; the last characters go to a pty or TCP as they end |
 pub struct RealLine {
     spec: LineSpec,
     link: Box<dyn Link>,
@@ -55,7 +62,14 @@ pub struct RealLine {
     /// Something was written for which `TxDone` has not come yet.
     sending: bool,
     /// The computed end of the last bit.
+    end: Instant,
+    /// When it is checked next.
     sent_at: Instant,
+    /// XON/XOFF: what had come before the end was read.
+    looked: bool,
+    echo: Echo,
+    /// Half duplex: the telegram is handed over in parts.
+    parts: Option<Parts>,
 
     rx: Box<[u8; RX_BYTES]>,
     rx_begin: usize,
@@ -66,6 +80,17 @@ pub struct RealLine {
     may_write: bool,
     /// When the line is looked after, if it needs that.
     next_look: Instant,
+}
+
+/// A telegram that is handed over in parts, each when its last character would have left.
+#[derive(Debug, Clone, Copy)]
+struct Parts {
+    /// When the next one is due.
+    at: Instant,
+    /// The shortest pause between two.
+    pause: Span,
+    /// The first has been handed over.
+    begun: bool,
 }
 
 impl RealLine {
@@ -85,7 +110,11 @@ impl RealLine {
             tx_begin: 0,
             tx_end: 0,
             sending: false,
+            end: Instant::START,
             sent_at: Instant::START,
+            looked: false,
+            echo: Echo::new(),
+            parts: None,
             rx: Box::new([0; RX_BYTES]),
             rx_begin: 0,
             rx_end: 0,
@@ -109,7 +138,10 @@ impl RealLine {
 
     fn try_open(&mut self, now: Instant) -> Option<LineEvent<'static>> {
         match self.link.open(now, &self.settings) {
-            Ok(Opened::Yes(warnings)) => Some(self.up(warnings)),
+            Ok(Opened::Yes(warnings)) => {
+                self.echo.reopened();
+                Some(self.up(warnings))
+            }
             Ok(Opened::Waiting(until)) => {
                 self.state = State::Opening(until);
                 // Reported once. A connection attempt reports its own end soon enough.
@@ -142,6 +174,8 @@ impl RealLine {
         (self.tx_begin, self.tx_end) = (0, 0);
         (self.rx_begin, self.rx_end, self.fault) = (0, 0, None);
         self.decoder.reset();
+        self.echo.forget();
+        self.parts = None;
     }
 
     fn gone(&mut self, now: Instant, error: &io::Error) -> Option<LineEvent<'static>> {
@@ -154,28 +188,42 @@ impl RealLine {
             return None;
         }
         self.reason.clone_from(&reason);
-        self.errno = errno_of(error);
+        self.errno = sys::errno_of(error);
         Some(LineEvent::Gone(reason))
     }
 
-    /// Writes waiting bytes; an error means that the line is gone.
-    fn flush(&mut self) -> io::Result<()> {
-        self.tx_begin += put(&mut *self.link, &mut self.may_write, &self.tx[self.tx_begin..self.tx_end])?;
+    /// Writes waiting bytes that are due; an error means that the line is gone.
+    fn flush(&mut self, now: Instant) -> io::Result<()> {
+        let left = self.tx_end - self.tx_begin;
+        let count = match self.parts {
+            Some(parts) if now < parts.at => return Ok(()),
+            Some(_) => echo::part(left).min(left),
+            None => left,
+        };
+        let due = &self.tx[self.tx_begin..self.tx_begin + count];
+        let written = put(&mut *self.link, &mut self.may_write, due)?;
+        self.tx_begin += written;
         if self.tx_begin == self.tx_end {
             (self.tx_begin, self.tx_end) = (0, 0);
+            if self.parts.take().is_some() {
+                (self.end, self.sent_at) = (now, now);
+            }
+        } else if let Some(parts) = &mut self.parts
+            && written == count
+        {
+            let next = self.settings.time_of(echo::part(left - count));
+            (parts.at, parts.begun) = (now + next.max(parts.pause), true);
         }
         Ok(())
     }
 
     /// Whether the last bit of everything has been sent; otherwise moves the time of the next check.
-    fn tx_done(&mut self, now: Instant) -> bool {
+    fn is_sent(&mut self, now: Instant) -> bool {
         if !self.sending || self.tx_end > 0 {
             return false;
         }
-        if self.state == State::Up && self.link.tells_drained() {
-            let left = self.link.drained() == Some(true);
-            self.sending = !left;
-            return left;
+        if self.state == State::Up && self.link.passage() == Passage::Simulated {
+            return self.link.drained() == Some(true);
         }
         if now < self.sent_at {
             return false;
@@ -184,8 +232,54 @@ impl RealLine {
             self.sent_at = now + self.settings.time_of(1).max(Span::from_nanos(200_000));
             return false;
         }
-        self.sending = false;
         true
+    }
+
+    /// Whether the line may hear itself.
+    fn hears_itself(&self) -> bool {
+        self.settings.half_duplex && self.link.passage() != Passage::Simulated
+    }
+
+    /// Half duplex: whether the line is still sending, and so does not receive.
+    fn is_deaf(&mut self, now: Instant) -> bool {
+        self.sending
+            && self.hears_itself()
+            && (self.tx_end > 0
+                || !self.echo.may_be_answered_early(self.link.passage())
+                    && (now < self.end || self.link.drained() == Some(false)))
+    }
+
+    /// Reads what comes while the line is deaf. Only a break is passed on: it may mean an open line.
+    fn overhear(&mut self, now: Instant) -> io::Result<Option<LineFault>> {
+        let mut heard = [0; 64];
+        // What has come by now came before the next part leaves.
+        self.may_read |= self.parts.is_some_and(|parts| now >= parts.at);
+        loop {
+            if self.fault.take() == Some(LineFault::Break) {
+                return Ok(Some(LineFault::Break));
+            }
+            if !self.fill()? {
+                return Ok(None);
+            }
+            let count = self.decode(&mut heard);
+            let waiting = match self.link.passage() {
+                Passage::Wire => (self.end.since(now) / self.settings.time_of(1).max(Span::from_nanos(1))) as usize,
+                _ => self.tx_end - self.tx_begin,
+            };
+            self.echo.overheard(waiting, &heard[..count]);
+        }
+    }
+
+    /// XON/XOFF: whether something came before the end of sending that the owner has not seen.
+    fn has_heard(&mut self) -> io::Result<bool> {
+        if self.settings.flow != Flow::XonXoff || self.state != State::Up {
+            return Ok(false);
+        }
+        if self.rx_begin == self.rx_end && self.fault.is_none() && !std::mem::replace(&mut self.looked, true) {
+            self.may_read = true;
+            self.fill()?;
+        }
+        Ok(self.rx_begin < self.rx_end || self.fault.is_some())
     }
 
     /// Decodes bytes already read, up to a fault; returns how many characters were written into `buffer`.
@@ -225,24 +319,42 @@ impl RealLine {
         Ok(self.rx_begin < self.rx_end)
     }
 
-    /// The next received data. It may answer our output, and where the end of the output is only computed the answer
-    /// can come earlier: a pty transfers a telegram in no time. So the end is reported first.
+    /// The next received data. In full duplex it may answer our output, and where the end of the output is only
+    /// computed the answer can come earlier: a pty transfers a telegram in no time. So the end is reported first.
     fn receive<'a>(&mut self, now: Instant, buffer: &'a mut [u8]) -> io::Result<Option<LineInput<'a>>> {
         loop {
             if let Some(fault) = self.fault.take() {
+                if self.hears_itself() && self.echo.unreadable() {
+                    continue;
+                }
                 return Ok(Some(LineInput::Fault(fault)));
             }
             if !self.fill()? {
                 return Ok(None);
             }
-            if self.sending && self.tx_end == 0 && self.link.drained() != Some(false) {
+            let ends = self.sending && self.tx_end == 0 && self.settings.flow != Flow::XonXoff;
+            if ends && self.link.drained() != Some(false) {
                 self.sending = false;
                 self.sent_at = now;
                 return Ok(Some(LineInput::TxDone));
             }
-            let written = self.decode(buffer);
-            if written > 0 {
-                return Ok(Some(LineInput::Rx(&buffer[..written])));
+            if !self.hears_itself() {
+                let written = self.decode(buffer);
+                if written > 0 {
+                    return Ok(Some(LineInput::Rx(&buffer[..written])));
+                }
+                continue;
+            }
+            // Room for characters that were taken for echo.
+            let room = self.echo.withheld().min(buffer.len() / 2);
+            let written = self.decode(&mut buffer[room..]);
+            let (times, char_time) = ((now, self.end), self.settings.time_of(1));
+            let heard = self.echo.heard(times, char_time, self.link.passage(), &buffer[room..room + written]);
+            let released = self.echo.released(heard.release.min(room));
+            let first = room + heard.drop - released.len();
+            buffer[first..first + released.len()].copy_from_slice(released);
+            if first < room + written {
+                return Ok(Some(LineInput::Rx(&buffer[first..room + written])));
             }
         }
     }
@@ -295,7 +407,7 @@ impl RealLine {
     /// Adds the descriptors to wait for.
     pub fn poll_fds<'a>(&'a self, fds: &mut PollFds<'a>) {
         if matches!(self.state, State::Up | State::Opening(_)) {
-            self.link.poll_fds(self.tx_begin < self.tx_end, fds);
+            self.link.poll_fds(self.tx_begin < self.tx_end && (self.parts.is_none() || !self.may_write), fds);
         }
     }
 
@@ -321,13 +433,23 @@ impl RealLine {
         if due && let Some(event) = self.try_open(now) {
             return Some(event);
         }
-        if self.state == State::Up
-            && let Err(error) = self.flush()
-        {
-            return self.gone(now, &error);
+        if self.state == State::Up {
+            let overheard = if self.is_deaf(now) { self.overhear(now) } else { Ok(None) };
+            match overheard.and_then(|fault| if fault.is_none() { self.flush(now).map(|()| None) } else { Ok(fault) }) {
+                Ok(None) => {}
+                Ok(Some(fault)) => return Some(LineEvent::Input(LineInput::Fault(fault))),
+                Err(error) => return self.gone(now, &error),
+            }
         }
-        if self.tx_done(now) {
-            return Some(LineEvent::Input(LineInput::TxDone));
+        if self.is_sent(now) {
+            match self.has_heard() {
+                Ok(true) => {}
+                Ok(false) => {
+                    (self.sending, self.looked) = (false, false);
+                    return Some(LineEvent::Input(LineInput::TxDone));
+                }
+                Err(error) => return self.gone(now, &error),
+            }
         }
         if self.state != State::Up {
             return None;
@@ -336,15 +458,19 @@ impl RealLine {
             self.next_look = now.saturating_add(LOOKS);
             self.link.look_after();
         }
+        if self.is_deaf(now) {
+            return self.echo.news().map(LineEvent::Echo);
+        }
         match self.receive(now, buffer) {
-            Ok(input) => input.map(LineEvent::Input),
+            Ok(Some(input)) => Some(LineEvent::Input(input)),
+            Ok(None) => self.echo.news().map(LineEvent::Echo),
             Err(error) => self.gone(now, &error),
         }
     }
 
     /// When [`Self::next_event`] must be called although nothing is ready.
     pub fn deadline(&self) -> Option<Instant> {
-        if self.announce.is_some() {
+        if self.announce.is_some() || self.state == State::Up && self.echo.has_news() {
             return Some(Instant::START);
         }
         let open = match self.state {
@@ -352,10 +478,11 @@ impl RealLine {
             State::Opening(until) => until,
             State::Refused | State::Up => None,
         };
-        let told = self.state == State::Up && self.link.tells_drained();
+        let told = self.state == State::Up && self.link.passage() == Passage::Simulated;
         let sent = (self.sending && self.tx_end == 0 && !told).then_some(self.sent_at);
+        let part = self.parts.filter(|_| self.may_write).map(|parts| parts.at);
         let look = (self.state == State::Up && self.link.needs_looks()).then_some(self.next_look);
-        open.into_iter().chain(sent).chain(look).min()
+        open.into_iter().chain(sent).chain(part).chain(look).min()
     }
 
     /// Sends. Returns how many of the bytes were taken: all, unless more than 4096 are already waiting.
@@ -368,10 +495,18 @@ impl RealLine {
             self.sending |= !bytes.is_empty();
             return bytes.len();
         }
+        if self.hears_itself() && !self.sending && !bytes.is_empty() {
+            let pause = self.echo.begin(self.link.passage());
+            self.parts = pause.map(|pause| Parts { at: now, pause, begun: false });
+        }
         // Written at once, not at the next turn of the loop, and without a copy if nothing waits. After a failure the
         // bytes keep waiting, and `next_event` reports it.
         let is_first = self.tx_begin == self.tx_end;
-        let through = if is_first { put(&mut *self.link, &mut self.may_write, bytes).unwrap_or(0) } else { 0 };
+        let through = if is_first && self.parts.is_none() {
+            put(&mut *self.link, &mut self.may_write, bytes).unwrap_or(0)
+        } else {
+            0
+        };
         let rest = &bytes[through..];
         if self.tx_begin > 0 && self.tx_end + rest.len() > TX_BYTES {
             self.tx.copy_within(self.tx_begin..self.tx_end, 0);
@@ -383,11 +518,20 @@ impl RealLine {
         self.tx_end += kept;
         let taken = through + kept;
         if taken > 0 {
-            self.sent_at = self.sent_at.max(now) + self.settings.time_of(taken);
-            self.sending = true;
+            self.end = self.sent_at.max(now) + self.settings.time_of(taken);
+            (self.sent_at, self.sending, self.looked) = (self.end, true, false);
+            if self.hears_itself() {
+                self.echo.sends(&bytes[..taken]);
+            }
         }
-        if !is_first {
-            let _ = self.flush();
+        match &mut self.parts {
+            Some(parts) if !parts.begun => {
+                let left = self.tx_end - self.tx_begin;
+                parts.at = self.end.saturating_sub(self.settings.time_of(left - echo::part(left).min(left)));
+            }
+            Some(_) => {}
+            None if is_first => {}
+            None => drop(self.flush(now)),
         }
         taken
     }
@@ -396,8 +540,9 @@ impl RealLine {
     pub fn take_back(&mut self, now: Instant) -> usize {
         let waiting = self.tx_end - self.tx_begin;
         (self.tx_begin, self.tx_end) = (0, 0);
+        self.parts = None;
         let mut taken = waiting + if self.state == State::Up { self.link.take_back() } else { 0 };
-        if self.state == State::Up && self.sending && self.link.reckons_taken_back() {
+        if self.state == State::Up && self.sending && self.link.passage() == Passage::Simulated {
             let unsent = self.sent_at.since(now) / self.settings.time_of(1).max(Span::from_nanos(1));
             taken = taken.max(unsent as usize);
         }
@@ -405,6 +550,8 @@ impl RealLine {
             // The character in the shift register is still sent.
             let rest = self.sent_at.saturating_sub(self.settings.time_of(taken));
             self.sent_at = rest.max(now + self.settings.time_of(1));
+            self.end = self.sent_at;
+            self.echo.taken_back(taken);
         }
         taken
     }
@@ -440,17 +587,6 @@ fn put(link: &mut dyn Link, may_write: &mut bool, bytes: &[u8]) -> io::Result<us
     Ok(done)
 }
 
-/// The error number, even if a library has kept only its kind.
-fn errno_of(error: &io::Error) -> Option<u32> {
-    use rustix::io::Errno;
-    let number = error.raw_os_error().or(match error.kind() {
-        io::ErrorKind::NotFound => Some(Errno::NOENT.raw_os_error()),
-        io::ErrorKind::PermissionDenied => Some(Errno::ACCESS.raw_os_error()),
-        io::ErrorKind::AlreadyExists => Some(Errno::EXIST.raw_os_error()),
-        io::ErrorKind::ConnectionRefused => Some(Errno::CONNREFUSED.raw_os_error()),
-        io::ErrorKind::TimedOut => Some(Errno::TIMEDOUT.raw_os_error()),
-        io::ErrorKind::AddrInUse => Some(Errno::ADDRINUSE.raw_os_error()),
-        _ => None,
-    })?;
-    u32::try_from(number).ok()
-}
+#[cfg(test)]
+#[path = "real_tests.rs"]
+mod tests;

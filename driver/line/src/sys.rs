@@ -1,5 +1,6 @@
 //! The ioctls of a serial port that neither serialport nor rustix wraps.
 
+use std::io;
 use std::os::fd::AsFd;
 
 use rustix::io::Errno;
@@ -57,4 +58,18 @@ pub(crate) fn low_latency(fd: impl AsFd) -> Result<(), Errno> {
     serial.flags |= LOW_LATENCY;
     // SAFETY: TIOCSSERIAL reads one `struct serial_struct`, here the one just filled in by the kernel.
     unsafe { ioctl(fd, Setter::<TIOCSSERIAL, SerialStruct>::new(serial)) }
+}
+
+/// The error number, even if a library has kept only its kind.
+pub(crate) fn errno_of(error: &io::Error) -> Option<u32> {
+    let number = error.raw_os_error().or(match error.kind() {
+        io::ErrorKind::NotFound => Some(Errno::NOENT.raw_os_error()),
+        io::ErrorKind::PermissionDenied => Some(Errno::ACCESS.raw_os_error()),
+        io::ErrorKind::AlreadyExists => Some(Errno::EXIST.raw_os_error()),
+        io::ErrorKind::ConnectionRefused => Some(Errno::CONNREFUSED.raw_os_error()),
+        io::ErrorKind::TimedOut => Some(Errno::TIMEDOUT.raw_os_error()),
+        io::ErrorKind::AddrInUse => Some(Errno::ADDRINUSE.raw_os_error()),
+        _ => None,
+    })?;
+    u32::try_from(number).ok()
 }

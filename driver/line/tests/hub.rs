@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use ob1_line::hub::{Hub, Partner};
 use ob1_line::sim::{BusConfig, FaultRates};
-use ob1_line::{Instant, LineEvent, LineFault, LineInput, LineSettings, Parity, RealLine, Span, StopBits};
+use ob1_line::{Instant, LineEvent, LineFault, LineInput, LineSettings, ModemLines, Parity, RealLine, Span, StopBits};
 
 const MS: Span = Span::MILLISECOND;
 
@@ -226,6 +226,16 @@ fn a_program_on_the_pty_is_the_partner() {
     world.run(10 * MS);
     let heard = world.take().iter().filter(|line| line.contains(" 0 [")).count();
     assert_eq!(heard, 4, "one by one, however fast the pty is");
+}
+
+#[test]
+fn a_cable_reports_its_modem_lines_before_anybody_has_switched_them() {
+    let lines = |half_duplex, partner| {
+        World::new(BusConfig::new(half_duplex), &partner, &[at_9600()]).lines[0].modem_lines().map(ModemLines::bits)
+    };
+    assert_eq!(lines(false, Partner::None), Some(0), "nobody is there: all OFF");
+    assert_eq!(lines(false, Partner::Echo), Some(0b1011), "CTS, DSR, CD: a partner without modem lines holds nothing");
+    assert_eq!(lines(true, Partner::None), None, "two wires have none");
 }
 
 #[test]

@@ -9,7 +9,7 @@ use std::net::{TcpListener, TcpStream};
 use std::path::PathBuf;
 use std::time::{self, Duration};
 
-use ob1_line::{Instant, LineEvent, LineInput, LineSettings, Parity, PollFds, RealLine, Span};
+use ob1_line::{Flow, Instant, LineEvent, LineInput, LineSettings, Parity, PollFds, RealLine, Span};
 use ob1_time::WatchedTime;
 use rustix::event::{Timespec, poll};
 use serialport::SerialPort;
@@ -66,6 +66,7 @@ impl Bench {
                     }
                     LineEvent::Up(warnings) => return Some(LineEvent::Up(warnings)),
                     LineEvent::Gone(why) => return Some(LineEvent::Gone(why)),
+                    LineEvent::Echo(on) => return Some(LineEvent::Echo(on)),
                 }
             }
             if enough(&self.received) {
@@ -88,6 +89,10 @@ impl Bench {
 
 fn up() -> LineEvent<'static> {
     LineEvent::Up(Vec::new())
+}
+
+fn partner(path: &std::path::Path) -> serialport::TTYPort {
+    serialport::new(path.to_string_lossy(), 9600).exclusive(false).timeout(PATIENCE).open_native().unwrap()
 }
 
 fn pty_in(dir: &tempfile::TempDir) -> (PathBuf, String) {
@@ -192,13 +197,70 @@ fn an_answer_ends_the_transmission_it_answers() {
     // A character lasts 66 ms, the telegram more than a minute: the test would not wait for it.
     a.line.apply(&LineSettings { baud: 150, ..LineSettings::default() }).unwrap();
     assert_eq!(a.event(), up());
-    let mut partner =
-        serialport::new(path.to_string_lossy(), 9600).exclusive(false).timeout(PATIENCE).open_native().unwrap();
+    let mut partner = partner(&path);
     assert_eq!(a.line.write(a.now(), &[0x55; 1000]), 1000);
     partner.read_exact(&mut [0; 1000]).unwrap();
     partner.write_all(&[0x10]).unwrap();
     assert_eq!(a.event(), SENT);
     assert_eq!(a.receive(1), [0x10], "behind it");
+}
+
+#[test]
+fn an_xoff_is_handed_over_before_the_end_of_what_it_stops() {
+    let dir = tempfile::tempdir().unwrap();
+    let (path, spec) = pty_in(&dir);
+    let mut a = Bench::new(&spec);
+    a.line.apply(&LineSettings { baud: 150, flow: Flow::XonXoff, ..LineSettings::default() }).unwrap();
+    assert!(matches!(a.event(), LineEvent::Up(_)));
+    let mut partner = partner(&path);
+    assert_eq!(a.line.write(a.now(), &[0x55; 16]), 16);
+    partner.read_exact(&mut [0; 16]).unwrap();
+    partner.write_all(&[0x13]).unwrap();
+    assert_eq!(a.event(), SENT);
+    assert_eq!(std::mem::take(&mut a.received), [0x13], "before it");
+}
+
+#[test]
+fn an_echo_is_found_and_an_answer_that_repeats_the_request_is_heard() {
+    // A pty of our own, and that of another program, opened as a device: neither knows TIOCSERGETLSR.
+    let dir = tempfile::tempdir().unwrap();
+    let (path, spec) = pty_in(&dir);
+    let mut a = Bench::new(&spec);
+    assert_eq!(a.event(), up());
+    echoes_and_answers(a, partner(&path));
+    let (mut master, slave) = serialport::TTYPort::pair().unwrap();
+    master.set_timeout(PATIENCE).unwrap();
+    let spec = format!("serial:{}", slave.name().unwrap());
+    let mut a = Bench::new(&spec);
+    assert_eq!(a.event(), up());
+    echoes_and_answers(a, master);
+}
+
+fn echoes_and_answers(mut a: Bench, mut slave: serialport::TTYPort) {
+    // The echo has 0.4 s for its way.
+    a.line.apply(&LineSettings { baud: 150, half_duplex: true, ..LineSettings::default() }).unwrap();
+    assert!(matches!(a.event(), LineEvent::Up(_)));
+    let request = [5, 6, 0, 1, 0x12, 0x34, 0xAB, 0xCD];
+    for _ in 0..2 {
+        let mut heard = [0; 8];
+        a.line.write(a.now(), &request);
+        assert_eq!(a.event(), SENT, "a slave answers what it has received");
+        slave.read_exact(&mut heard).unwrap();
+        slave.write_all(&heard).unwrap();
+        assert_eq!(a.receive(8), request);
+    }
+    std::thread::spawn(move || {
+        let mut heard = [0; 64];
+        while let Ok(count) = slave.read(&mut heard) {
+            if slave.write_all(&heard[..count]).is_err() {
+                return;
+            }
+        }
+    });
+    a.line.write(a.now(), &request);
+    let mut events = vec![a.event(), a.event()];
+    events.sort_by_key(|event| *event == SENT);
+    assert_eq!((events, a.received.len()), (vec![LineEvent::Echo(true), SENT], 0));
 }
 
 #[test]
@@ -229,8 +291,7 @@ fn a_partner_that_leaves_and_comes_back_is_no_event_on_a_pty() {
     assert_eq!(a.event(), up());
     for round in 0..3u8 {
         // A foreign program opens the path as a device.
-        let mut partner =
-            serialport::new(path.to_string_lossy(), 9600).exclusive(false).timeout(PATIENCE).open_native().unwrap();
+        let mut partner = partner(&path);
         partner.write_all(&[round, 0xFF]).unwrap();
         assert_eq!(a.receive(2), [round, 0xFF]);
         a.line.write(a.now(), &[round]);

@@ -1,6 +1,6 @@
 //! Conversion between the typed parameters and the rows of the table, in both directions.
 
-use crate::cp240::{Ascii, Cp240, Modbus, ModbusKind, Priority, Protocol, S3964, StxEtx};
+use crate::cp240::{Ascii, Cp240, Interface, Modbus, ModbusKind, Priority, Protocol, S3964, StxEtx};
 use crate::error::ParamError;
 use crate::record::{self, Record, Value};
 use crate::table::{CP240, Field, Layout};
@@ -13,7 +13,9 @@ impl Cp240 {
         Self::from_keys([("protocol", Value::from(protocol))])
     }
 
-    /// Reads the 16 bytes. Every code is checked; reserved bits must be 0.
+    /// Reads the 16 bytes. Every code is checked; reserved bits are read over ([`ByteTables::reserved`] finds them).
+    ///
+    /// [`ByteTables::reserved`]: crate::table::ByteTables::reserved
     pub fn decode(bytes: &[u8; 16]) -> Result<Self, ParamError> {
         let (name, layout) = CP240.check(bytes)?;
         Reader { bytes, layout, fields: layout.fields() }.read(name)
@@ -119,7 +121,7 @@ impl Cp240 {
                     ("debug", Value::from(if p.debug { "on" } else { "off" })),
                     ("wait_ms", int(p.wait_ms)),
                 ]);
-                Layout::Modbus
+                if p.kind.is_master() { Layout::ModbusMaster } else { Layout::ModbusSlave }
             }
             Protocol::MBus => Layout::MBus,
             Protocol::EnOcean => Layout::EnOcean,
@@ -201,7 +203,7 @@ impl Reader<'_> {
                 dbl: self.byte("dbl")?,
                 priority: if self.is("priority", "high")? { Priority::High } else { Priority::Low },
             }),
-            Layout::Modbus => Protocol::Modbus(Modbus {
+            Layout::ModbusMaster | Layout::ModbusSlave => Protocol::Modbus(Modbus {
                 kind: ModbusKind::NAMES.iter().find(|(_, n)| *n == name).map_or(ModbusKind::MasterRtu, |(k, _)| *k),
                 address: self.byte("address")?,
                 debug: self.is("debug", "on")?,
@@ -222,6 +224,7 @@ impl Reader<'_> {
             Value::Int(_) => StopBits::One,
             Value::Str(_) => StopBits::OneAndHalf,
         };
-        Ok(Cp240 { baud: self.int("baud")?, data_bits: self.byte("data_bits")?, parity, stop_bits, protocol })
+        let (baud, data_bits) = (self.int("baud")?, self.byte("data_bits")?);
+        Ok(Cp240 { baud, data_bits, parity, stop_bits, protocol, interface: Interface::Rs232 })
     }
 }

@@ -3,6 +3,41 @@
 use crate::error::ParamError;
 use ob1_serial::{Flow, LineSettings, Parity, Span, StopBits};
 
+/// The interface of a CP 240, which its order number says and no parameter byte. [S0 L1351 ff.]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Interface {
+    /// 240-1BA20: full duplex, with all modem lines. [S0 L1466 ff.]
+    #[default]
+    Rs232,
+    /// 240-1CA21 on four wires: full duplex. [S0 L1511 ff.]
+    Rs422,
+    /// 240-1CA20, and 240-1CA21 on two wires: half duplex. [S0 L1492]
+    Rs485,
+}
+
+impl Interface {
+    /// Their names in the station file.
+    pub const NAMES: [(&str, Self); 3] = [("rs232", Self::Rs232), ("rs422", Self::Rs422), ("rs485", Self::Rs485)];
+
+    /// Its name in the station file.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        Self::NAMES.iter().find(|(_, interface)| *interface == self).map_or("", |(name, _)| name)
+    }
+
+    /// Whether it has DTR, CTS, DSR, RI and CD; RTS is on every plug. [S0 L1466 ff.], [S0 L1504], [S0 L1526]
+    #[must_use]
+    pub const fn has_modem_lines(self) -> bool {
+        matches!(self, Self::Rs232)
+    }
+
+    /// Two wires: "Serial bus connection in two-wire technology using half duplex mode" [S0 L1492]
+    #[must_use]
+    pub const fn is_half_duplex(self) -> bool {
+        matches!(self, Self::Rs485)
+    }
+}
+
 /// The parameters of a CP 240. Only [`Cp240::decode`] and [`Cp240::from_keys`] check the ranges given at the fields;
 /// [`Cp240::encode`] writes the default in the place of a value that its field does not accept.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -17,6 +52,8 @@ pub struct Cp240 {
     pub stop_bits: StopBits,
     /// The protocol and its parameters.
     pub protocol: Protocol,
+    /// The interface. It is not in the bytes: what reads them assumes RS 232.
+    pub interface: Interface,
 }
 
 /// Protocol and its own parameters.
@@ -34,6 +71,22 @@ pub enum Protocol {
     MBus,
     /// E0h EnOcean. It has no parameters: the line goes to the module inside the CP.
     EnOcean,
+}
+
+impl Protocol {
+    /// Whether a CP with it raises diagnostic interrupts: "Diagnosis data -" of the M-Bus module [S0 L4717],
+    /// "Diagnosealarm nein" of the EnOcean module [S1 L781].
+    #[must_use]
+    pub const fn has_diagnostics(&self) -> bool {
+        !matches!(self, Self::MBus | Self::EnOcean)
+    }
+
+    /// Whether the CP shows a start-up identifier and waits for FC 9: in the Modbus modes it "is ready for
+    /// communication" with valid parameters [S0 "Commissioning"].
+    #[must_use]
+    pub const fn has_identifier(&self) -> bool {
+        !matches!(self, Self::Modbus(_))
+    }
 }
 
 /// Parameters of ASCII. Times in milliseconds, multiples of 20.
@@ -58,7 +111,7 @@ pub struct StxEtx {
     pub flow: Flow,
     /// ZNA, 0..5100.
     pub zna_ms: u16,
-    /// TMO, 20..5100: longest time between two telegrams.
+    /// TMO, 20..5100: longest pause between two characters of a telegram.
     pub tmo_ms: u16,
     /// Number of start characters in use, 0..2.
     pub start_flags: u8,
@@ -81,9 +134,9 @@ pub struct S3964 {
     pub zna_ms: u16,
     /// ZVZ, 0..5100; 0: about two character times.
     pub zvz_ms: u16,
-    /// QVZ, 0..5100.
+    /// QVZ, 0..5100; 0: about two character times.
     pub qvz_ms: u16,
-    /// BWZ, 0..5100: from the acknowledgement of a request telegram to STX of the answer telegram.
+    /// BWZ, 0..5100: from the acknowledgement of a request telegram to STX of the answer telegram; 0: not watched.
     pub bwz_ms: u16,
     /// Repetitions of STX after the first attempt.
     pub stx_repetitions: u8,
@@ -107,11 +160,11 @@ pub enum Priority {
 pub struct Modbus {
     /// The mode.
     pub kind: ModbusKind,
-    /// Slave address, 1..255.
+    /// Slave address, 1..255; that of a master, which does not count, also 0.
     pub address: u8,
     /// For internal tests.
     pub debug: bool,
-    /// Wait of the master in milliseconds, 1..60000; 0: see [`Modbus::wait_auto_ms`].
+    /// Wait of the master in milliseconds, 1..60000; 0: see [`Modbus::wait_auto_ms`]. A slave ignores it.
     pub wait_ms: u16,
 }
 
@@ -141,6 +194,12 @@ impl ModbusKind {
         (Self::SlaveAsciiLong, "modbus-slave-ascii-long"),
         (Self::SlaveRtuLong, "modbus-slave-rtu-long"),
     ];
+
+    /// A master.
+    #[must_use]
+    pub const fn is_master(self) -> bool {
+        matches!(self, Self::MasterAscii | Self::MasterRtu)
+    }
 }
 
 impl Modbus {
@@ -171,6 +230,7 @@ impl Cp240 {
                 zvz_ms: 200,
                 receive_buffers: 1,
             }),
+            interface: Interface::Rs232,
         }
     }
 
@@ -185,12 +245,26 @@ impl Cp240 {
     /// M-Bus: 2400 baud until a telegram names another rate [S0 L4298], 8 data bits, even parity, 1 stop bit as in EN
     /// 1434-3.
     pub const fn mbus() -> Self {
-        Self { baud: 2400, data_bits: 8, parity: Parity::Even, stop_bits: StopBits::One, protocol: Protocol::MBus }
+        Self {
+            baud: 2400,
+            data_bits: 8,
+            parity: Parity::Even,
+            stop_bits: StopBits::One,
+            protocol: Protocol::MBus,
+            interface: Interface::Rs232,
+        }
     }
 
     /// EnOcean: 9600 baud [S1 L1919], 8 data bits, no parity, 1 stop bit, as for the TCM 120.
     pub const fn enocean() -> Self {
-        Self { baud: 9600, data_bits: 8, parity: Parity::None, stop_bits: StopBits::One, protocol: Protocol::EnOcean }
+        Self {
+            baud: 9600,
+            data_bits: 8,
+            parity: Parity::None,
+            stop_bits: StopBits::One,
+            protocol: Protocol::EnOcean,
+            interface: Interface::Rs232,
+        }
     }
 
     /// Name of the protocol, as in `protocol = `.
@@ -224,6 +298,9 @@ impl Cp240 {
             parity: self.parity,
             stop_bits: self.stop_bits,
             flow,
+            // "Physically, Modbus transmits via a serial half-duplex core" [S0 L2034]; so does M-Bus.
+            half_duplex: self.interface.is_half_duplex()
+                || matches!(self.protocol, Protocol::Modbus(_) | Protocol::MBus),
         }
     }
 

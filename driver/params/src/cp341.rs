@@ -150,7 +150,8 @@ impl Cp341 {
     /// The typed form of keys that have been checked one by one.
     fn of_checked(kind: CpKind, protocol: &str, keys: Vec<(&'static str, Value)>) -> Result<Self, ParamError> {
         let reader = Reader(&keys);
-        let line = line_of(&reader);
+        // "Reception during transmission is ignored." [S4 L727]
+        let line = LineSettings { half_duplex: protocol == cp341_modbus::NAME, ..line_of(&reader) };
         let protocol = match protocol {
             cp341_modbus::NAME => {
                 cp341_modbus::check(&reader)?;

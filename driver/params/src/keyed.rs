@@ -219,5 +219,6 @@ pub(crate) fn line_of(keys: &Reader<'_>) -> LineSettings {
             "rts-cts" => Flow::Hardware,
             _ => Flow::None,
         },
+        half_duplex: false,
     }
 }

@@ -27,9 +27,10 @@ mod kind;
 pub mod printer;
 mod record;
 pub mod table;
+pub mod zero;
 
 pub use cp040::{Cp040, Duplex, Preset};
-pub use cp240::{Ascii, Cp240, Modbus, ModbusKind, Priority, Protocol, S3964, StxEtx};
+pub use cp240::{Ascii, Cp240, Interface, Modbus, ModbusKind, Priority, Protocol, S3964, StxEtx};
 pub use cp340::PROTOCOLS_340;
 pub use cp341::{Cp341, PROTOCOLS_341, Protocol341, S3964Of341, protocols_of};
 pub use cp341_ascii::{AsciiOf341, EndOf341, SendingOf341};

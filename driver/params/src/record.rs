@@ -90,6 +90,8 @@ fn codes(field: &Field) -> String {
                 8.. => format!("{code:02X}h ({name})"),
                 bits => format!("{code:0w$b}b ({name})", w = bits.into()),
             };
+            let mut names = names.to_vec();
+            names.sort_by_key(|(_, code)| *code);
             names.iter().map(one).collect::<Vec<_>>().join(", ")
         }
         Kind::Number { min, max } => format!("{min:02X}h..{max:02X}h ({min}..{max})"),
@@ -165,30 +167,26 @@ impl ByteTables {
         for field in (self.fields)(*layout) {
             value(record, field)?;
         }
-        self.check_reserved(record, *layout)?;
         Ok((name, *layout))
     }
 
-    /// Refuses bits that belong to no field: they show that a value is in the wrong byte.
-    fn check_reserved(&self, record: &Record, layout: Layout) -> Result<(), ParamError> {
+    /// The bytes of a record that have something in bits of no parameter. The manual gives them no value
+    /// [S0 L1896 ff.] and hardware configurations write there, so they are read over; but they can show that a value
+    /// is in the wrong byte. None where the manual says that such bytes do not count.
+    #[must_use]
+    pub fn reserved(&self, record: &Record) -> Vec<usize> {
+        let Some((.., layout)) = self.protocols.iter().find(|(_, code, _)| *code == record[1]) else {
+            return Vec::new();
+        };
         if layout.ignores_reserved() {
-            return Ok(());
+            return Vec::new();
         }
         let mut rest = *record;
         rest[1] = 0;
-        for field in (self.fields)(layout) {
+        for field in (self.fields)(*layout) {
             set_code(&mut rest, field, 0);
         }
-        match rest.iter().position(|b| *b != 0) {
-            None => Ok(()),
-            Some(byte) => Err(ParamError {
-                byte: Some(byte),
-                key: String::new(),
-                value: format!("{:02X}h", record[byte]),
-                allowed: "0 in reserved bits".into(),
-                remedy: "set them to 0, or move the value to the byte it belongs to".into(),
-            }),
-        }
+        (0..rest.len()).filter(|byte| rest[*byte] != 0).collect()
     }
 
     /// The record of named keys, and its protocol. `protocol` must be among the keys; missing ones have their default.

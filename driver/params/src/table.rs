@@ -12,8 +12,10 @@ pub enum Layout {
     StxEtx,
     /// 3964, 3964R, each with and without RK 512.
     S3964,
-    /// All Modbus modes.
-    Modbus,
+    /// The Modbus masters.
+    ModbusMaster,
+    /// The Modbus slaves.
+    ModbusSlave,
     /// M-Bus: only the protocol code.
     MBus,
     /// EnOcean: only the protocol code.
@@ -81,13 +83,13 @@ pub const PROTOCOLS: &[(&str, u8, Layout)] = &[
     ("3964r", 0x04, Layout::S3964),
     ("3964-rk512", 0x05, Layout::S3964),
     ("3964r-rk512", 0x06, Layout::S3964),
-    ("modbus-master-ascii", 0x0A, Layout::Modbus),
-    ("modbus-master-rtu", 0x0B, Layout::Modbus),
-    ("modbus-slave-ascii-short", 0x0C, Layout::Modbus),
-    ("modbus-slave-rtu-short", 0x0D, Layout::Modbus),
+    ("modbus-master-ascii", 0x0A, Layout::ModbusMaster),
+    ("modbus-master-rtu", 0x0B, Layout::ModbusMaster),
+    ("modbus-slave-ascii-short", 0x0C, Layout::ModbusSlave),
+    ("modbus-slave-rtu-short", 0x0D, Layout::ModbusSlave),
     ("ascii-fragmented", 0x11, Layout::Ascii),
-    ("modbus-slave-ascii-long", 0x1C, Layout::Modbus),
-    ("modbus-slave-rtu-long", 0x1D, Layout::Modbus),
+    ("modbus-slave-ascii-long", 0x1C, Layout::ModbusSlave),
+    ("modbus-slave-rtu-long", 0x1D, Layout::ModbusSlave),
     ("enocean", 0xE0, Layout::EnOcean),
     ("mbus", 0xF0, Layout::MBus),
 ];
@@ -182,7 +184,9 @@ const STX_ETX: &[Field] = &[
     STOP_BITS_ROW,
     FLOW_ROW,
     ZNA_ROW,
-    whole("tmo_ms", 5, Kind::Ticks { min: 1 }, 10, "TMO: longest pause between two telegrams"),
+    // "the maximum time between two messages" [S0 L2016]: the silence after which the next message may begin. The
+    // technical data call it "Character delay time TMO" [S0 L2800].
+    whole("tmo_ms", 5, Kind::Ticks { min: 1 }, 10, "TMO: longest pause between two characters of a telegram"),
     whole("start_flags", 6, FLAGS, 1, "number of start characters"),
     whole("start_flag_1", 7, BYTE, 0x02, "first start character"),
     whole("start_flag_2", 8, BYTE, 0x00, "second start character"),
@@ -198,31 +202,42 @@ const S3964: &[Field] = &[
     STOP_BITS_ROW,
     ZNA_ROW,
     ZVZ_ROW,
-    whole("qvz_ms", 6, TICKS, 25, "QVZ: longest wait for the acknowledgement of the partner"),
-    whole("bwz_ms", 7, TICKS, 100, "BWZ: longest wait from the acknowledged request to the answer telegram (RK 512)"),
+    whole("qvz_ms", 6, TICKS, 25, "QVZ: longest wait for the acknowledgement of the partner; 0: two character times"),
+    whole(
+        "bwz_ms",
+        7,
+        TICKS,
+        100,
+        "BWZ: longest wait from the acknowledged request to the answer telegram (RK 512); 0: not watched",
+    ),
     // The table prints 5, the description 3. [reference 10, row 7]
     whole("stx_repetitions", 8, BYTE, 5, "repetitions of STX after the first attempt"),
     whole("dbl", 9, BYTE, 6, "DBL: attempts to send a block, the first included"),
     whole("priority", 10, Kind::Choice(&[("low", 0), ("high", 1)]), 0, "which side gives way when both want to send"),
 ];
 
-const MODBUS: &[Field] = &[
-    whole("baud", 0, BAUD_MODBUS, 0x00, "baud rate, bit/s"),
-    DATA_BITS_ROW,
-    bits("parity", 2, 2, 2, PARITY_MODBUS, 0b00, "parity bit"),
-    STOP_BITS_ROW,
-    whole("address", 4, Kind::Number { min: 1, max: 255 }, 1, "slave address"),
-    whole("debug", 5, Kind::Choice(&[("off", 0), ("on", 1)]), 0, "for internal tests; leave it off"),
-    bits(
-        "wait_ms",
-        6,
-        0,
-        16,
-        Kind::Number { min: 0, max: 60_000 },
-        0,
-        "wait of the master; 0: computed from the baud rate",
-    ),
-];
+/// "At a master parameterization the address is ignored." [S0 L2572]
+pub(crate) const MASTER_ADDRESS: (Kind, &str) = (BYTE, "slave address; a master ignores it");
+pub(crate) const SLAVE_ADDRESS: (Kind, &str) = (Kind::Number { min: 1, max: 255 }, "slave address");
+/// "In slave mode this parameter is ignored." [S0 L2177]
+pub(crate) const SLAVE_WAIT: (Kind, &str) =
+    (Kind::Number { min: 0, max: 65_535 }, "wait of a master; a slave has none");
+pub(crate) const MASTER_WAIT: &str = "wait of the master; 0: computed from the baud rate";
+
+const fn modbus(address: (Kind, &'static str), wait: (Kind, &'static str)) -> [Field; 7] {
+    [
+        whole("baud", 0, BAUD_MODBUS, 0x00, "baud rate, bit/s"),
+        DATA_BITS_ROW,
+        bits("parity", 2, 2, 2, PARITY_MODBUS, 0b00, "parity bit"),
+        STOP_BITS_ROW,
+        whole("address", 4, address.0, 1, address.1),
+        whole("debug", 5, Kind::Choice(&[("off", 0), ("on", 1)]), 0, "for internal tests; leave it off"),
+        bits("wait_ms", 6, 0, 16, wait.0, 0, wait.1),
+    ]
+}
+
+const MODBUS_MASTER: &[Field] = &modbus(MASTER_ADDRESS, (Kind::Number { min: 0, max: 60_000 }, MASTER_WAIT));
+const MODBUS_SLAVE: &[Field] = &modbus(SLAVE_ADDRESS, SLAVE_WAIT);
 
 impl Layout {
     /// The rows of this layout, byte 1 (the protocol) left out.
@@ -231,7 +246,8 @@ impl Layout {
             Self::Ascii => ASCII,
             Self::StxEtx => STX_ETX,
             Self::S3964 => S3964,
-            Self::Modbus => MODBUS,
+            Self::ModbusMaster => MODBUS_MASTER,
+            Self::ModbusSlave => MODBUS_SLAVE,
             Self::MBus | Self::EnOcean => &[],
         }
     }
@@ -243,7 +259,8 @@ impl Layout {
     }
 
     /// All layouts.
-    pub const ALL: [Self; 6] = [Self::Ascii, Self::StxEtx, Self::S3964, Self::Modbus, Self::MBus, Self::EnOcean];
+    pub const ALL: [Self; 7] =
+        [Self::Ascii, Self::StxEtx, Self::S3964, Self::ModbusMaster, Self::ModbusSlave, Self::MBus, Self::EnOcean];
 }
 
 impl Field {
@@ -256,6 +273,10 @@ impl Field {
                     if !list.contains(name) {
                         list.push(name);
                     }
+                }
+                // The code to write comes first in the table; people look for numbers by their size.
+                if list.iter().all(|name| name.parse::<u32>().is_ok()) {
+                    list.sort_by_key(|name| name.parse::<u32>().ok());
                 }
                 list.join(", ")
             }

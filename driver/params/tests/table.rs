@@ -1,6 +1,6 @@
 //! The parameter tables: every printed code and default, conversion between the two forms, and error texts.
 
-use ob1_params::table::{Kind, Layout, PROTOCOLS};
+use ob1_params::table::{CP240, Kind, Layout, PROTOCOLS};
 use ob1_params::{Cp240, Flow, ModbusKind, Parity, Priority, Protocol, StopBits, Value};
 use ob1_serial::Span;
 use proptest::prelude::*;
@@ -117,7 +117,8 @@ fn transfer_parameter_byte() {
         for (protocol, has_flow) in [("ascii", true), ("stx-etx", true), ("3964r", false), ("modbus-master-rtu", false)]
         {
             let read = Cp240::decode(&with(defaults(protocol), 2, code));
-            let good = stop_bits.is_some() && if has_flow { flow.is_some() } else { code >> 6 == 0 };
+            // Where the bits of flow control are reserved, they may have any value. [S0 L1936], [S0 L2102]
+            let good = stop_bits.is_some() && (!has_flow || flow.is_some());
             assert_eq!(read.is_ok(), good, "{protocol} {code:08b}: {read:?}");
             if let Ok(cp) = read {
                 let line = cp.line_settings();
@@ -174,16 +175,57 @@ fn character_times() {
     assert_eq!(frame(150, "even", "2"), Span::from_nanos(80_000_000));
 }
 
+/// The tables print no value for them, and hardware configurations write there: they are read over, and found.
+/// [S0 L1896], [S0 L1936], [S0 L2102]
 #[test]
-fn reserved_bits_must_be_0() {
-    for (protocol, byte) in
-        [("ascii", 3), ("ascii", 7), ("ascii", 15), ("3964r", 11), ("stx-etx", 12), ("modbus-master-rtu", 8)]
-    {
-        let error = Cp240::decode(&with(defaults(protocol), byte, 1)).expect_err("a reserved byte");
-        assert_eq!(error.byte, Some(byte));
+fn reserved_bits_are_read_over_and_found() {
+    for (protocol, byte, value) in [
+        ("ascii", 3, 1),
+        ("ascii", 7, 0xFF),
+        ("ascii", 15, 1),
+        ("3964r", 11, 1),
+        ("3964r", 2, 0x53),
+        ("stx-etx", 12, 1),
+        ("modbus-master-rtu", 8, 1),
+        ("modbus-slave-rtu-long", 2, 0xD3),
+    ] {
+        let plain = defaults(protocol);
+        let record = with(plain, byte, value);
+        assert_eq!(decode(record), decode(plain), "{protocol} {byte}");
+        assert_eq!((CP240.reserved(&record), CP240.reserved(&plain)), (vec![byte], vec![]), "{protocol}");
     }
-    let error = Cp240::decode(&with(defaults("3964r"), 2, 0x53)).expect_err("flow control with 3964R");
-    assert_eq!(error.byte, Some(2));
+    assert_eq!(CP240.reserved(&with(with(defaults("3964r"), 3, 7), 15, 9)), [3, 15]);
+    // "The other parameters are reserved and not evaluated." [S0 L4129], [S1 L937]
+    for protocol in ["mbus", "enocean"] {
+        assert_eq!(CP240.reserved(&with(defaults(protocol), 2, 0x13)), [], "{protocol}");
+    }
+    assert_eq!(CP240.reserved(&[0; 16]), [], "none at all");
+}
+
+/// "At a master parameterization the address is ignored." [S0 L2572] "In slave mode this parameter [the delay time] is
+/// ignored." [S0 L2177]
+#[test]
+fn what_a_modbus_mode_ignores_may_have_any_value() {
+    let address = |protocol: &str, address| Cp240::decode(&with(defaults(protocol), 4, address)).is_ok();
+    let wait = |protocol: &str| Cp240::decode(&with(with(defaults(protocol), 6, 0xFF), 7, 0xFF)).is_ok();
+    for mode in ["ascii", "rtu"] {
+        let (master, slave) = (format!("modbus-master-{mode}"), format!("modbus-slave-{mode}-long"));
+        assert!(address(&master, 0) && address(&master, 255) && address(&slave, 255));
+        assert!(!address(&slave, 0) && !wait(&master) && wait(&slave));
+    }
+}
+
+/// Numbers stand by their size, whatever the order of the table.
+#[test]
+fn baud_rates_are_listed_by_size() {
+    let refused = |protocol: &str| {
+        Cp240::from_keys([("protocol", Value::from(protocol)), ("baud", Value::Int(9601))]).expect_err("9601").allowed
+    };
+    let all = "150, 300, 600, 1200, 1800, 2400, 4800, 7200, 9600, 14400, 19200, 38400, 57600, 76800, 115200";
+    assert_eq!(refused("ascii"), all);
+    assert_eq!(refused("modbus-master-rtu"), "2400, 4800, 7200, 9600, 14400, 19200, 38400");
+    let error = Cp240::decode(&with(defaults("ascii"), 0, 0x20)).expect_err("no such code");
+    assert!(error.allowed.starts_with("00h (9600), 01h (150)"), "{}", error.allowed);
 }
 
 /// Every field refuses values just outside its range, by code and by key, and names itself.
@@ -232,7 +274,7 @@ fn mistakes_in_words() {
     assert_eq!(
         error(&[s3964r.clone(), ("qvz_ms", Value::Int(510))]),
         "parameter `qvz_ms` (byte 6): 510 is not allowed; allowed: 0..5100 in steps of 20; \
-         the nearest is 520 (QVZ: longest wait for the acknowledgement of the partner)"
+         the nearest is 520 (QVZ: longest wait for the acknowledgement of the partner; 0: two character times)"
     );
     assert_eq!(
         error(&[s3964r.clone(), ("priorty", Value::from("high"))]),

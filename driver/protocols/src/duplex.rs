@@ -52,6 +52,10 @@ impl<R: Receiver, const N: usize> Duplex<R, N> {
         self.output.is_busy()
     }
 
+    pub(crate) fn is_stopped(&self) -> bool {
+        self.output.is_stopped()
+    }
+
     pub(crate) fn step(&mut self, now: Instant, input: Input<'_>, out: &mut dyn Sink) -> Option<Instant> {
         match input {
             Input::Tick => self.tick(now, out),

@@ -38,6 +38,11 @@ pub trait Machine {
 
     /// Whether an order is running, that is, accepted and not yet answered by [`Sink::sent`].
     fn busy(&self) -> bool;
+
+    /// Whether the running order waits because the partner has stopped this side by flow control.
+    fn is_stopped(&self) -> bool {
+        false
+    }
 }
 
 /// What happened. `O`: the orders that the CPU can give this protocol.
@@ -127,6 +132,8 @@ pub enum SendError {
     Frame,
     /// The telegram is longer than the machine's buffer; nothing was sent.
     TooLong,
+    /// Modbus master: it is no request, or one that cannot be a broadcast; nothing was sent.
+    NoRequest,
     /// ASCII with end characters: none in the telegram, or no room to append them; nothing was sent. (CP 341)
     NoEnd,
     /// Automatic use of the secondary signals: DSR or CTS is OFF. (CP 341)
@@ -145,7 +152,7 @@ impl SendError {
         match self {
             Self::AckDelay | Self::Signals => 0x07,
             Self::Repetitions => 0x0A,
-            Self::Frame => 0x0C,
+            Self::Frame | Self::NoRequest => 0x0C,
             Self::TooLong | Self::NoEnd => 0x17,
             Self::Aborted | Self::Busy => 0x00,
         }

@@ -117,6 +117,11 @@ impl<const N: usize> Output<N> {
         self.state != State::Idle
     }
 
+    /// Whether a telegram waits until the partner lets it go.
+    pub(crate) fn is_stopped(&self) -> bool {
+        self.is_busy() && self.stopped
+    }
+
     /// The very first step.
     pub(crate) fn start(&self, out: &mut dyn Sink) {
         self.signals.start(out);

@@ -47,8 +47,7 @@ pub(crate) struct Change {
 pub(crate) struct Signals {
     /// `None`: no automatic use.
     times: Option<Times>,
-    /// `None`: the line has not reported; that counts as ON.
-    lines: Option<ModemLines>,
+    lines: ModemLines,
     /// RTS is ON for a request whose last bit has not been sent.
     requested: bool,
     /// End of the data output waiting time.
@@ -59,7 +58,7 @@ pub(crate) struct Signals {
 
 impl Signals {
     pub(crate) const fn new(times: Option<Times>) -> Self {
-        Self { times, lines: None, requested: false, wait: None, rts_off: None }
+        Self { times, lines: ModemLines::UNREPORTED, requested: false, wait: None, rts_off: None }
     }
 
     /// Whether they are used automatically.
@@ -79,7 +78,7 @@ impl Signals {
     /// With DSR OFF the request fails.
     pub(crate) fn request(&mut self, now: Instant, out: &mut dyn Wire) -> Clear {
         let Some(times) = self.times else { return Clear::Go };
-        if !self.dsr() {
+        if !self.lines.dsr {
             return Clear::Off;
         }
         // RTS may still be ON for the previous request.
@@ -95,7 +94,7 @@ impl Signals {
     pub(crate) fn clear(&mut self, now: Instant) -> Clear {
         match self.wait {
             Some(until) if now < until => Clear::Wait,
-            Some(_) if !self.cts() => Clear::Off,
+            Some(_) if !self.lines.cts => Clear::Off,
             _ => {
                 self.wait = None;
                 Clear::Go
@@ -132,22 +131,14 @@ impl Signals {
 
     /// The inputs have changed.
     pub(crate) fn inputs(&mut self, lines: ModemLines) -> Change {
-        let dsr_was_on = self.dsr();
-        self.lines = Some(lines);
+        let dsr_was_on = self.lines.dsr;
+        self.lines = lines;
         let used = self.are_used();
         Change { dsr_fell: used && dsr_was_on && !lines.dsr, cts_off: used && !lines.cts }
     }
 
     /// "Data can be received via the RS 232C interface as soon as the DSR line is set to ON." [S4 L816]
     pub(crate) fn can_receive(&self) -> bool {
-        !self.are_used() || self.dsr()
-    }
-
-    fn dsr(&self) -> bool {
-        self.lines.is_none_or(|lines| lines.dsr)
-    }
-
-    fn cts(&self) -> bool {
-        self.lines.is_none_or(|lines| lines.cts)
+        !self.are_used() || self.lines.dsr
     }
 }

@@ -53,6 +53,9 @@ pub struct LineSettings {
     pub stop_bits: StopBits,
     /// Flow control.
     pub flow: Flow,
+    /// One side at a time sends: two wires, or a protocol of requests and answers. What comes while the line sends is
+    /// not heard, and an adapter that gives back what is sent is found.
+    pub half_duplex: bool,
 }
 
 impl LineSettings {
@@ -84,9 +87,16 @@ impl LineSettings {
 }
 
 impl Default for LineSettings {
-    /// 9600 8N1, the default of the parameter tables. [S0 "Structure of the parameter bytes of ASCII"]
+    /// 9600 8N1, full duplex, the default of the parameter tables. [S0 "Structure of the parameter bytes of ASCII"]
     fn default() -> Self {
-        Self { baud: 9600, data_bits: 8, parity: Parity::None, stop_bits: StopBits::One, flow: Flow::None }
+        Self {
+            baud: 9600,
+            data_bits: 8,
+            parity: Parity::None,
+            stop_bits: StopBits::One,
+            flow: Flow::None,
+            half_duplex: false,
+        }
     }
 }
 

@@ -33,6 +33,9 @@ pub struct ModemLines {
 }
 
 impl ModemLines {
+    /// What counts as long as a line has not reported, and always on one without modem lines: nothing holds back.
+    pub const UNREPORTED: Self = Self { cts: true, dsr: true, ri: false, cd: true };
+
     /// CTS, DSR, RI, CD as bits 0 to 3.
     #[must_use]
     pub fn bits(self) -> u8 {

@@ -42,8 +42,7 @@ impl Cp {
             return Some((Self { name, reader: Box::new(Reader::new(dialect_of_keyed(&cp))), unix }, about));
         }
         let parameters = match kind {
-            Some(CpKind::Cp040) if bytes == [0; 16] => Cp040::defaults("ascii").ok()?.common,
-            Some(CpKind::Cp040) => Cp040::decode(&bytes).ok()?.common,
+            Some(CpKind::Cp040) => Cp040::of_bytes(&bytes).ok()?.common,
             _ => Cp240::of_bytes(&bytes).ok()?,
         };
         let about = format!(
@@ -113,7 +112,8 @@ fn dialect_of_keyed(cp: &Cp341) -> Dialect {
         Protocol341::Printer(_) => Dialect::Ascii { pause: 20 * MS },
         Protocol341::ModbusMaster32(p) => {
             // Characters come late from a pty; a continuing telegram must not be cut.
-            Dialect::ModbusAscii { master: true, pause: u64::from(p.character_delay_ms).max(20) * MS }
+            let pause = u64::from(p.character_delay_ms).max(20) * MS;
+            Dialect::ModbusAscii { master: true, loadable: true, pause }
         }
     }
 }
@@ -137,7 +137,7 @@ fn dialect(parameters: &Cp240) -> Dialect {
             if name.contains("rtu") {
                 Dialect::ModbusRtu { master, pause: characters(35).max(50 * MS) }
             } else {
-                Dialect::ModbusAscii { master, pause: 1000 * MS }
+                Dialect::ModbusAscii { master, loadable: false, pause: 1000 * MS }
             }
         }
         // 33 bits at 300 baud, enough for any rate of a telegram.

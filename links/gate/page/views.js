@@ -1,7 +1,7 @@
 // What the station is, how it scans, what has happened, and the reports of soak runs.
 import { dialog, h, redraw, table, tell } from "./kit.js";
 import { ask, listen, may, state } from "./session.js";
-import { say } from "./words.js";
+import { reason as reasonText, say } from "./words.js";
 
 const time = (ns) => ns >= 1e9 ? `${(ns / 1e9).toFixed(2)} s` : ns >= 1e6 ? `${(ns / 1e6).toFixed(2)} ms` : `${(ns / 1e3).toFixed(1)} µs`;
 
@@ -39,13 +39,16 @@ const led = (name) => h("span", { class: `led ${colours[name] ?? "yellow"}` }, n
 function module(of) {
   const counters = of.counters ?? {};
   const telling = ["telegrams_sent", "telegrams_received", "send_errors", "receive_errors"];
-  if (counters.events_lost > 0) telling.push("events_lost");
+  telling.push(...Object.keys(counters).filter((key) => counters[key] > 0
+    && (/^ended_|_lost$/.test(key) || key === "rejected_full") && key !== "log_lost"));
   return h("section", { class: "module" },
     h("h3", {}, of.name), h("div", { class: "quiet" }, `${of.type}, ${of.address}`),
     h("div", {}, led2(of.present), ...of.leds.map(led)),
     h("div", {}, say(of.present ? "present" : "absent")),
     of.driver ? h("div", {}, `${say("driver")}: ${of.driver.state}`,
-      of.driver.losses > 0 ? `, ${of.driver.losses} × ${say("lost")}` : "") : null,
+      of.driver.losses > 0 ? `, ${of.driver.losses} × ${say("restarted")}` : "") : null,
+    of.reason ? h("div", { class: "reason" }, h("strong", {}, reasonText(of.reason)),
+      of.reason.remedy ? h("div", { class: "remedy" }, `${say("remedy")}: ${of.reason.remedy}`) : null) : null,
     h("div", { class: "quiet" }, telling.filter((key) => key in counters)
       .map((key) => `${key.replace("_", " ")} ${counters[key]}`).join(", ")));
 }
@@ -174,6 +177,7 @@ export function diagnostics(main) {
     try {
       const [entries, buffers] = [await ask("diagnostics"), await ask("buffers")];
       const cp = (buffer) => h("section", {}, h("h2", {}, `${buffer.name} (${buffer.type}, ${buffer.address}): ${buffer.driver}`),
+        buffer.reason ? h("p", {}, h("strong", {}, reasonText(buffer.reason))) : null,
         buffer.entries.length ? h("ol", { class: "buffer" }, buffer.entries.map((of) =>
           h("li", {}, h("div", { class: "quiet" }, `${wall(of.unix_ns)}  ${of.number}`),
             h("div", {}, `${of.incoming ? "" : `${say("gone")}: `}${of.text}`),

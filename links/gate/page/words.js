@@ -11,7 +11,7 @@ const words = {
     warm: "Warm restart", cold: "Cold restart", hot: "Hot restart", reset: "Memory reset",
     confirmTitle: "Change the operating state?", confirm: "The machine may move. The station {1} gets the command {0}.",
     mayNot: "Your right only allows reading: {0}.", modules: "Rack", present: "answers", absent: "does not answer",
-    driver: "driver", starts: "starts", lost: "lost", figures: "Figures", scans: "Scans", late: "Late scans",
+    driver: "driver", starts: "starts", restarted: "restarted", figures: "Figures", scans: "Scans", late: "Late scans",
     overruns: "Overruns", missed: "Missed deadlines", watchdogs: "Watchdog", uptime: "Runs for", memory: "Memory",
     threads: "threads", links: "Links", up: "up", down: "down", execution: "Execution", cycle: "Cycle",
     wake: "Wake-up after the deadline", upTo: "up to", count: "count", median: "median", greatest: "maximum",
@@ -37,7 +37,7 @@ const words = {
     warm: "Neustart (Warmstart)", cold: "Kaltstart", hot: "Wiederanlauf", reset: "Urlöschen",
     confirmTitle: "Betriebszustand ändern?", confirm: "Die Maschine kann sich bewegen. Die Station {1} erhält den Befehl {0}.",
     mayNot: "Ihre Rechte erlauben nur das Ansehen: {0}.", modules: "Baugruppen", present: "antwortet",
-    absent: "antwortet nicht", driver: "Treiber", starts: "Starts", lost: "verloren", figures: "Zahlen",
+    absent: "antwortet nicht", driver: "Treiber", starts: "Starts", restarted: "neu gestartet", figures: "Zahlen",
     scans: "Zyklen", late: "Verspätete Zyklen", overruns: "Überläufe", missed: "Versäumte Termine",
     watchdogs: "Zyklusüberwachung", uptime: "Läuft seit", memory: "Speicher", threads: "Threads",
     links: "Kopplungen", up: "da", down: "weg", execution: "Bearbeitung", cycle: "Zykluszeit",
@@ -56,6 +56,26 @@ const words = {
     closed: "Wählen Sie einen Baustein.",
   },
 };
+
+// What a CP waits for or what has failed: its text comes in English, so only the German words are here.
+const reasons = {
+  no_driver: "sein Treiber läuft nicht", no_parameters: "wartet auf seine Parameter: die CPU sendet sie beim Übergang nach RUN",
+  parameters_refused: "Parameter abgelehnt ({number})", line_gone: "Leitung weg (Fehler {number} des Systems)",
+  start_up: "wartet auf FC 9 ({hex}), seit {age} s", interrupted: "Empfangsleitung unterbrochen (BREAK), seit {age} s",
+  stopped: "der Partner hält uns an (XOFF), seit {age} s", signals: "CTS oder DSR aus, seit {age} s",
+  order_failed: "Aufträge enden mit {hex}: {count} nacheinander, der letzte vor {age} s",
+  buffer_full: "Empfangspuffer voll: abgewiesene Telegramme: {count}, das letzte vor {age} s",
+  not_fetched: "wartet auf den Empfangsbaustein, seit {age} s: nicht abgeholte Telegramme: {count}",
+  receive_error: "Empfangsfehler nacheinander: {count}, der letzte ({hex}) vor {age} s",
+  echoes: "die Leitung gibt das Gesendete zurück (lokales Echo abschalten), seit {age} s",
+};
+
+export function reason(of) {
+  const text = language === "de" ? reasons[of.why] : null;
+  const hex = `${of.number.toString(16).toUpperCase().padStart(of.number > 255 ? 4 : 2, "0")}h`;
+  const told = { number: of.number, hex, count: of.count, age: of.age_s };
+  return text?.replace(/\{(\w+)\}/g, (_, key) => told[key]) ?? of.text;
+}
 
 const kept = () => { try { return localStorage.getItem("ob1-language"); } catch { return null; } };
 let language = kept() ?? (navigator.language.startsWith("de") ? "de" : "en");

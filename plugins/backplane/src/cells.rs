@@ -4,7 +4,8 @@
 //! not change.
 
 use crate::layout::{
-    BOX_BYTES, BOXES, BUFFER_SLOTS, COUNTER_WORDS, EVENT_SLOTS, IO_BYTES_MAX, JSON_BYTES, PARAMETER_BYTES, RECORD_BYTES,
+    BOX_BYTES, BOXES, BUFFER_SLOTS, COUNTER_WORDS, ENDS, EVENT_SLOTS, IO_BYTES_MAX, JSON_BYTES, PARAMETER_BYTES,
+    RECORD_BYTES,
 };
 use crate::seqlock::SeqCell;
 use crate::sync::{AtomicU64, Pad, Words};
@@ -68,7 +69,8 @@ pub(crate) struct CpCells {
     pub(crate) state: AtomicU64,
     pub(crate) leds: AtomicU64,
     pub(crate) modem_inputs: AtomicU64,
-    pad: Pad<11>,
+    pub(crate) reason: AtomicU64,
+    pad: Pad<10>,
 }
 
 /// Whether the driver sleeps and wants a doorbell.
@@ -177,7 +179,8 @@ pub(crate) struct SegmentCells {
     pub(crate) cpu: CpuCells,
     pub(crate) cp: CpCells,
     pub(crate) doorbell: DoorbellCells,
-    pad_counters: Pad<64>,
+    pub(crate) ends: Words<ENDS>,
+    pad_counters: Pad<48>,
     pub(crate) counters: Words<COUNTER_WORDS>,
     pub(crate) diagnosis: RecordCells,
     /// Reserved: nothing writes it.
@@ -240,7 +243,9 @@ pub(crate) const OFFSETS: &[(usize, &str)] = {
         (offset_of!(SegmentCells, cp.state), "cp.state"),
         (offset_of!(SegmentCells, cp.leds), "cp.leds"),
         (offset_of!(SegmentCells, cp.modem_inputs), "cp.modem_inputs"),
+        (offset_of!(SegmentCells, cp.reason), "cp.reason"),
         (offset_of!(SegmentCells, doorbell.sleeping), "doorbell.sleeping"),
+        (offset_of!(SegmentCells, ends), "ends"),
         (offset_of!(SegmentCells, counters), "counters"),
         (offset_of!(SegmentCells, diagnosis.record.sequence), "diagnosis.sequence"),
         (offset_of!(SegmentCells, diagnosis.record.data), "diagnosis.number"),

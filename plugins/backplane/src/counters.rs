@@ -1,6 +1,7 @@
-//! The counters of a CP: they only grow, across all restarts of its driver, and tell what became of each telegram.
+//! The counters of a CP: they only grow, across all restarts of its driver, and tell what became of each telegram, and
+//! with which numbers orders have failed.
 
-use crate::layout::COUNTER_WORDS;
+use crate::layout::{COUNTER_WORDS, ENDS};
 use crate::sync::{AtomicU64, Ordering, Words};
 
 macro_rules! counters {
@@ -125,6 +126,40 @@ pub(crate) fn book_lost(cells: &Words<COUNTER_WORDS>) {
     add(cells, Counter::ReceiveLost, now.open_receives());
 }
 
+/// Orders that ended with an error number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Ends {
+    /// The number: a code of the indicator word, or a STATUS; [`Ends::OTHERS`] for all that found no room.
+    pub number: u16,
+    /// How many.
+    pub count: u64,
+}
+
+impl Ends {
+    /// Stands for all numbers without a word of their own.
+    pub const OTHERS: u16 = 0xFFFF;
+
+    fn of(word: u64) -> Option<Self> {
+        (word != 0).then_some(Self { number: word as u16, count: word >> 16 })
+    }
+}
+
+/// Counts an order that ended with this number: in the word of the number, or in the first that is free; in the last
+/// word if there is none.
+pub(crate) fn add_end(cells: &Words<ENDS>, number: u16) {
+    let Some((last, own)) = cells.0.split_last() else { return };
+    let is_free_or_its =
+        |cell: &&AtomicU64| Ends::of(cell.load(Ordering::Relaxed)).is_none_or(|ends| ends.number == number);
+    let (cell, number) = own.iter().find(is_free_or_its).map_or((last, Ends::OTHERS), |cell| (cell, number));
+    let count = (cell.load(Ordering::Relaxed) >> 16).wrapping_add(1);
+    cell.store(count << 16 | u64::from(number), Ordering::Relaxed);
+}
+
+/// The numbers with which orders have ended.
+pub(crate) fn ends(cells: &Words<ENDS>) -> impl Iterator<Item = Ends> {
+    cells.0.iter().filter_map(|cell| Ends::of(cell.load(Ordering::Relaxed)))
+}
+
 #[cfg(all(test, not(loom)))]
 mod tests {
     use super::*;
@@ -155,6 +190,22 @@ mod tests {
         add(&cells, Counter::TelegramsSent, 2);
         book_lost(&cells);
         assert_eq!(Counters::read(&cells).open_orders(), 0);
+    }
+
+    #[test]
+    fn each_number_has_a_word_as_long_as_there_are_some() {
+        let cells = Words::default();
+        for number in [0x07, 0x0708, 0x07, 0] {
+            add_end(&cells, number);
+        }
+        let told: Vec<_> = ends(&cells).map(|ends| (ends.number, ends.count)).collect();
+        assert_eq!(told, [(0x07, 2), (0x0708, 1), (0, 1)]);
+        for number in 0x0800..0x0820 {
+            add_end(&cells, number);
+        }
+        assert_eq!(ends(&cells).count(), ENDS);
+        assert_eq!(ends(&cells).last(), Some(Ends { number: Ends::OTHERS, count: 32 - (ENDS as u64 - 4) }));
+        assert_eq!(ends(&cells).map(|ends| ends.count).sum::<u64>(), 36);
     }
 
     #[test]

@@ -16,7 +16,7 @@ use crate::registers::{IoBytes, RegisterWriter};
 use crate::segment::Segment;
 use crate::seqlock::{Freshness, SeqReader};
 use crate::sync::{Ordering, fence};
-use crate::words::{self, CpuState, DriverState, Leds, ModemInputs, ModemOutputs};
+use crate::words::{self, CpuState, DriverState, Leds, ModemInputs, ModemOutputs, Reason};
 
 /// A point in the CPU side's history, for [`CpSide::prepare_sleep`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,6 +54,7 @@ impl CpSide {
         cells.cp.state.store(DriverState::Starting.to_word(), Ordering::Relaxed);
         cells.cp.leds.store(0, Ordering::Relaxed);
         cells.cp.modem_inputs.store(0, Ordering::Relaxed);
+        cells.cp.reason.store(0, Ordering::Relaxed);
         let mut inputs = RegisterWriter::new(io);
         inputs.clear(&cells.inputs.registers);
         let mut channels = ChannelEnd::new(Way::ToCpu);
@@ -231,6 +232,11 @@ impl CpSide {
         counters::add(&self.cells().counters, counter, count);
     }
 
+    /// Counts an order that ended with this error number.
+    pub fn count_end(&mut self, number: u16) {
+        counters::add_end(&self.cells().ends, number);
+    }
+
     /// The counters of this CP, those of earlier drivers included.
     #[must_use]
     pub fn counters(&self) -> Counters {
@@ -245,6 +251,14 @@ impl CpSide {
     /// Shows the LEDs.
     pub fn set_leds(&mut self, leds: Leds) {
         self.cells().cp.leds.store(words::leds_to_word(leds), Ordering::Relaxed);
+    }
+
+    /// Shows what the CP waits for or what has failed, with the CPU's time.
+    pub fn set_reason(&mut self, reason: Option<Reason>) {
+        let cells = self.cells();
+        let seconds = cells.cpu.time.load(Ordering::Relaxed) / 1_000_000_000;
+        let word = reason.map_or(0, |reason| words::reason_to_word(reason, seconds));
+        cells.cp.reason.store(word, Ordering::Relaxed);
     }
 
     /// Shows the modem lines.

@@ -60,6 +60,9 @@ pub const BUFFER_SLOTS: usize = BUFFER_ENTRIES + 1;
 /// Words for counters; those without a name are reserved.
 pub const COUNTER_WORDS: usize = if cfg!(loom) { 17 } else { 32 };
 
+/// Words for the ends of orders: one for each number, the last for all that find no word of their own.
+pub const ENDS: usize = if cfg!(loom) { 2 } else { 16 };
+
 /// Who may write a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Writer {
@@ -120,7 +123,9 @@ pub const FIELDS: &[Field] = &[
     field(0x0210, 8, "cp.state", Writer::Cp),
     field(0x0218, 8, "cp.leds", Writer::Cp),
     field(0x0220, 8, "cp.modem_inputs", Writer::Cp),
+    field(0x0228, 8, "cp.reason", Writer::Cp),
     field(0x0280, 8, "doorbell.sleeping", Writer::Both),
+    field(0x0300, 128, "ends", Writer::Cp),
     field(0x0500, 256, "counters", Writer::Cp),
     field(0x0600, 8, "diagnosis.sequence", Writer::Cp),
     field(0x0608, 8, "diagnosis.number", Writer::Cp),

@@ -69,7 +69,7 @@ pub use bus_image::{
     BUS_AREA_BYTES, BUS_COUPLERS, BusCpuSide, BusLook, BusMemory, BusProcessSide, BusSize, COUPLER_WORDS,
 };
 pub use channel::{Channel, ChannelBlock};
-pub use counters::{Counter, Counters};
+pub use counters::{Counter, Counters, Ends};
 pub use cp_side::{ChangeMark, CpSide};
 pub use cpu_side::CpuSide;
 pub use events::{Event, EventKind};
@@ -86,7 +86,7 @@ pub use segment::Segment;
 pub use seqlock::Freshness;
 pub use sync::AtomicU64;
 pub use window::{WINDOW_WORDS, WindowHead, WindowReader, WindowWriter};
-pub use words::{CpuState, DriverState, Leds, ModemInputs, ModemOutputs};
+pub use words::{CpuState, DriverState, Leds, ModemInputs, ModemOutputs, Reason, Why};
 
 // Over heap segments only and without any system interface, so that Miri can run them.
 #[cfg(all(test, not(loom)))]

@@ -2,13 +2,13 @@
 
 use crate::buffer::{self, BufferEntry};
 use crate::cells::{BoxesCells, SegmentCells};
-use crate::counters::{Counters, book_lost};
+use crate::counters::{self, Counters, Ends, book_lost};
 use crate::fault::Fault;
 use crate::header;
 use crate::registers::IoBytes;
 use crate::segment::Segment;
 use crate::sync::Ordering;
-use crate::words::{self, DriverState, Leds, ModemInputs};
+use crate::words::{self, DriverState, Leds, ModemInputs, Reason};
 
 /// A view of one CP that does not disturb it. Every value is a single word, checked.
 #[derive(Clone, Debug)]
@@ -67,6 +67,18 @@ impl Monitor {
         words::leds_from_word(self.cells().cp.leds.load(Ordering::Relaxed))
     }
 
+    /// What the CP says it waits for or what has failed, and the CPU's time in seconds when that last changed. A driver
+    /// that does not know the field says nothing.
+    #[must_use]
+    pub fn reason(&self) -> Option<(Reason, u64)> {
+        words::reason_from_word(self.cells().cp.reason.load(Ordering::Relaxed))
+    }
+
+    /// With which numbers orders have ended, and how many of them.
+    pub fn ends(&self) -> impl Iterator<Item = Ends> {
+        counters::ends(&self.cells().ends)
+    }
+
     /// State of the modem lines at the CP.
     #[must_use]
     pub fn modem_inputs(&self) -> ModemInputs {
@@ -116,6 +128,7 @@ impl Monitor {
         cells.doorbell.sleeping.store(0, Ordering::Relaxed);
         cells.cp.leds.store(0, Ordering::Relaxed);
         cells.cp.modem_inputs.store(0, Ordering::Relaxed);
+        cells.cp.reason.store(0, Ordering::Relaxed);
         book_lost(&cells.counters);
     }
 }

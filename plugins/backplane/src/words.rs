@@ -1,6 +1,6 @@
 //! State words of the segment: what they mean, and that anything else is a fault.
 
-pub use ob1_words::Leds;
+pub use ob1_words::{Leds, Reason, Why};
 
 use crate::fault::Fault;
 
@@ -91,6 +91,19 @@ pub(crate) fn leds_from_word(word: u64) -> Leds {
     Leds { power, transmit, receive, error }
 }
 
+/// The word of a reason: why (bits 0 to 7), number (8 to 23), count (24 to 35), the CPU's time in seconds (36 to 63).
+pub(crate) fn reason_to_word(reason: Reason, seconds: u64) -> u64 {
+    let count = reason.count.min(Reason::COUNT_MAX);
+    u64::from(reason.why as u8) | u64::from(reason.number) << 8 | u64::from(count) << 24 | seconds << 36
+}
+
+/// A reason without meaning is none: a driver may know more of them than this reader.
+pub(crate) fn reason_from_word(word: u64) -> Option<(Reason, u64)> {
+    let why = Why::of(word as u8)?;
+    let reason = Reason { why, number: (word >> 8) as u16, count: (word >> 24) as u32 & Reason::COUNT_MAX };
+    Some((reason, word >> 36))
+}
+
 /// Modem lines the CPU drives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ModemOutputs {
@@ -173,6 +186,18 @@ mod tests {
         assert_eq!(DriverState::from_word(u64::MAX), Err(Fault::DriverState(u64::MAX)));
         assert_eq!(CpuState::from_word(3), Err(Fault::CpuState(3)));
         assert_eq!(CpuState::from_word(1 << 32), Err(Fault::CpuState(1 << 32)));
+    }
+
+    #[test]
+    fn a_reason_has_its_bits() {
+        let reason = Reason { why: Why::OrderFailed, number: 0x0708, count: 5 };
+        assert_eq!(reason_to_word(reason, 3), 3 << 36 | 5 << 24 | 0x0708 << 8 | 5);
+        assert_eq!(reason_from_word(reason_to_word(reason, 3)), Some((reason, 3)));
+        let many = Reason { count: u32::MAX, ..reason };
+        assert_eq!(reason_from_word(reason_to_word(many, 0)), Some((Reason { count: Reason::COUNT_MAX, ..many }, 0)));
+        for word in [0, 10, 255, u64::MAX, 10 << 8] {
+            assert_eq!(reason_from_word(word), None, "{word:#x}");
+        }
     }
 
     #[test]

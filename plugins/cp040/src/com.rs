@@ -2,7 +2,8 @@
 
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 
-use crate::module::{self, Module, Order, Outcome};
+use crate::module::{Module, Order, Outcome};
+use crate::order::{Orders, Told};
 use crate::state::CpState;
 
 interface! {
@@ -49,8 +50,25 @@ interface! {
         static REQ_BEFORE: Bool;
         static RESET_BEFORE: Bool;
         static BUSY: Bool;
+        static REQUEST: Bool;
+        static RESETS: Bool;
+        static SINCE: DWord;
+        static ABSENT: DWord;
+        static TOLD: Word;
+        static PLACE: DWord;
     }
 }
+
+const ORDERS: Orders = Orders {
+    req_before: com::REQ_BEFORE,
+    r_before: com::RESET_BEFORE,
+    busy: com::BUSY,
+    request: com::REQUEST,
+    reset: com::RESETS,
+    since: com::SINCE,
+};
+
+const TOLD: Told = Told { status: com::TOLD, place: com::PLACE, since: com::ABSENT };
 
 /// FB 65.
 pub(crate) struct Com;
@@ -64,22 +82,19 @@ impl Block for Com {
     type Module = CpState;
 
     fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
-        let (request, reset) = (cx.get(com::REQ_SEND)?, cx.get(com::RESET)?);
+        let (req, reset) = (cx.get(com::REQ_SEND)?, cx.get(com::RESET)?);
         let order = Order {
-            request: request && !cx.load(com::REQ_BEFORE)?,
-            reset: reset && !cx.load(com::RESET_BEFORE)?,
-            instance: module::instance(cx)?,
-            busy: cx.load(com::BUSY)?,
             db: cx.get(com::DB_NO_SEND)?,
             byte: cx.get(com::DBB_NO_SEND)?,
             length: cx.get(com::LEN_SEND)?,
+            ..ORDERS.look(cx, req, reset)?
         };
         let (input, output, io_size) = (cx.get(com::ADDR_IN)?, cx.get(com::ADDR_OUT)?, cx.get(com::IO_SIZE)?);
-        let (sent, received) = match Module::open(cx, input, output, io_size)? {
+        let (enabled, db, byte) = (cx.get(com::EN_RECV)?, cx.get(com::DB_NO_RECV)?, cx.get(com::DBB_NO_RECV)?);
+        let (sent, resetting, received) = match Module::open(cx, input, output, io_size)? {
             Ok(module) => {
+                let resetting = module.state.send().is_reset();
                 let sent = module.send(cx, order)?;
-                let (enabled, db) = (cx.get(com::EN_RECV)?, cx.get(com::DB_NO_RECV)?);
-                let byte = cx.get(com::DBB_NO_RECV)?;
                 // A reset ended in this call: the inputs were read before its end.
                 let received = if order.busy && sent.is_done() {
                     Outcome::Nothing
@@ -87,26 +102,20 @@ impl Block for Com {
                     module.receive(cx, enabled, db, byte)?
                 };
                 cx.set(com::CONTROL, module.state.byte0())?;
-                (sent, received)
+                (sent, resetting, received)
             }
-            Err(Outcome::Later) => (Outcome::Later, Outcome::Nothing),
-            Err(outcome) => (outcome, outcome),
+            Err(outcome) => (outcome, false, if enabled { outcome } else { Outcome::Nothing }),
         };
-        if sent != Outcome::Later {
-            cx.store(com::REQ_BEFORE, request)?;
-            cx.store(com::RESET_BEFORE, reset)?;
-            cx.store(com::BUSY, sent == Outcome::Running)?;
-        } else if !request {
-            cx.store(com::REQ_BEFORE, false)?;
-        }
+        let sent = ORDERS.settle(cx, &order, sent, resetting)?;
+        let received = TOLD.once(cx, received, db, byte)?;
         cx.set(com::DONE_SEND, sent.is_done())?;
         cx.set(com::ERROR_SEND, sent.is_error())?;
         cx.set(com::STATUS_SEND, sent.status())?;
         cx.set(com::NDR_RECV, received.is_done())?;
         cx.set(com::ERROR_RECV, received.is_error())?;
         cx.set(com::STATUS_RECV, received.status())?;
-        if let Outcome::Done(length) = received {
-            cx.set(com::LEN_RECV, length as i16)?;
+        if let Some(length) = received.length() {
+            cx.set(com::LEN_RECV, length)?;
         }
         cx.set_br(!sent.is_error() && !received.is_error())
     }

@@ -7,6 +7,7 @@
 
 mod com;
 mod module;
+mod order;
 mod receive;
 mod send;
 mod state;

@@ -1,6 +1,6 @@
 //! The module as the blocks see it, and one call of each direction.
 
-use ob1_sdk::{Abort, Area, Cx, Refused};
+use ob1_sdk::{Abort, Area, Cx, Instance, Refused};
 use ob1_slio::{ACKNOWLEDGE_SHIFT, IDLE, IO_BYTES, Piece, ReceiveJob, ReceiveStep, SendJob, SendStep, Take};
 
 use crate::state::CpState;
@@ -32,6 +32,13 @@ pub(crate) struct Order {
     pub(crate) length: i16,
 }
 
+impl Order {
+    /// There is no order.
+    pub(crate) const fn is_idle(&self) -> bool {
+        !self.request && !self.reset && !self.busy
+    }
+}
+
 /// The result of a call of either direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Outcome {
@@ -39,8 +46,12 @@ pub(crate) enum Outcome {
     Nothing,
     /// A job runs.
     Running,
-    /// The request must be repeated later, because the send side is in use or the CP is not ready.
+    /// The request must be repeated later, because the CP is not ready.
     Later,
+    /// The same, because another instance sends.
+    Queued,
+    /// A reset has begun, and the job or the telegram that it ends is lost.
+    Lost,
     /// Sent, received (with the length), or reset executed.
     Done(u16),
     /// An error, with STATUS.
@@ -50,7 +61,7 @@ pub(crate) enum Outcome {
 impl Outcome {
     /// ERROR.
     pub(crate) const fn is_error(self) -> bool {
-        matches!(self, Self::Error(_))
+        matches!(self, Self::Error(_) | Self::Lost)
     }
 
     /// DONE or NDR.
@@ -58,11 +69,21 @@ impl Outcome {
         matches!(self, Self::Done(_))
     }
 
+    /// LEN of the receive side: 0 with an error; `None`: as it was.
+    pub(crate) const fn length(self) -> Option<i16> {
+        match self {
+            Self::Done(length) => Some(length as i16),
+            Self::Error(_) | Self::Lost => Some(0),
+            _ => None,
+        }
+    }
+
     /// STATUS.
     pub(crate) const fn status(self) -> u16 {
         match self {
             Self::Nothing | Self::Done(_) => status::NONE,
-            Self::Running | Self::Later => status::RUNNING,
+            Self::Running | Self::Later | Self::Queued => status::RUNNING,
+            Self::Lost => status::FAILED,
             Self::Error(status) => status,
         }
     }
@@ -70,8 +91,7 @@ impl Outcome {
 
 /// The called instance as a number; never 0.
 pub(crate) fn instance(cx: &mut Cx<'_, CpState>) -> Result<u64, Abort> {
-    let instance = cx.instance()?;
-    Ok(instance.map_or(u64::MAX, |instance| 1 << 48 | u64::from(instance.db) << 32 | u64::from(instance.offset)))
+    Ok(cx.instance()?.map_or(u64::MAX, Instance::key))
 }
 
 /// A logical address or a byte number: declared as INT, but unsigned.
@@ -144,20 +164,27 @@ impl<'a> Module<'a> {
 
     /// One call of the send side.
     pub(crate) fn send(&self, cx: &mut Cx<'_, CpState>, order: Order) -> Result<Outcome, Abort> {
-        let state = self.state;
+        let (state, now_ms) = (self.state, cx.now() / 1_000_000);
+        let owns = state.is_owner(order.instance);
+        let is_owner = owns && order.busy;
+        // DONE of the reset must not be taken for that of the job.
+        let is_lost = order.reset && (order.request || is_owner && !state.send().is_reset());
         if order.reset {
             // A reset ends every running job.
-            state.claim(order.instance, SendJob::reset());
-            state.set_receive(ReceiveJob::default());
+            state.claim(order.instance, SendJob::reset(), status::FAILED);
+            state.drop_receive();
             if let Err(status) = self.acknowledge(cx, IDLE)? {
                 return Ok(Outcome::Error(status));
             }
-        } else if state.is_owner(order.instance) {
+        } else if is_owner {
             // A request while a job runs is ignored.
         } else if order.busy {
-            return Ok(Outcome::Error(status::NOT_SYNCHRONISED));
-        } else if state.send().is_running() {
-            return Ok(if order.request { Outcome::Later } else { Outcome::Nothing });
+            return Ok(Outcome::Error(state.lost()));
+        } else if owns && !order.request {
+            // Its end has been told: a call with wrong parameters, or the instance was written anew.
+            state.claim(0, SendJob::default(), status::NOT_SYNCHRONISED);
+        } else if !owns && state.send().is_running() && !(order.request && state.is_abandoned(now_ms)) {
+            return Ok(if order.request { Outcome::Queued } else { Outcome::Nothing });
         } else if order.request {
             let Some(job) = u16::try_from(order.length).ok().and_then(SendJob::telegram) else {
                 return Ok(Outcome::Error(status::LENGTH));
@@ -166,8 +193,9 @@ impl<'a> Module<'a> {
             if !cx.len(Area::Db(order.db as u16))?.is_ok_and(|bytes| end <= bytes) {
                 return Ok(Outcome::Error(status::DATA_BLOCK));
             }
-            state.claim(order.instance, job);
+            state.claim(order.instance, job, status::NOT_SYNCHRONISED);
         }
+        state.touch(now_ms);
         let running = state.send().is_running();
         let (job, step) = state.send().step(self.inputs(), state.byte0(), self.io_bytes);
         let done = match step {
@@ -177,13 +205,14 @@ impl<'a> Module<'a> {
             SendStep::Done | SendStep::Failed(_) => self.command(cx, IDLE)?,
         };
         if let Err(status) = done {
-            state.claim(0, SendJob::default());
+            state.claim(0, SendJob::default(), status);
             return Ok(Outcome::Error(status));
         }
         state.set_send(job);
         Ok(match step {
             SendStep::Done => Outcome::Done(0),
             SendStep::Failed(failure) => Outcome::Error(status::of(failure)),
+            _ if is_lost => Outcome::Lost,
             _ if running => Outcome::Running,
             _ => Outcome::Nothing,
         })
@@ -222,7 +251,13 @@ impl<'a> Module<'a> {
             return Ok(Outcome::Error(status::NOT_SYNCHRONISED));
         }
         if state.send().is_reset() {
-            return Ok(Outcome::Running);
+            if !state.is_abandoned(cx.now() / 1_000_000) {
+                return Ok(Outcome::Running);
+            }
+            state.claim(0, SendJob::default(), status::NOT_SYNCHRONISED);
+            if let Err(status) = self.command(cx, IDLE)? {
+                return Ok(Outcome::Error(status));
+            }
         }
         let job = state.receive();
         if !enabled && (job.is_running() || job == ReceiveJob::default()) {

@@ -2,7 +2,8 @@
 
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 
-use crate::module::{self, Module, Order, Outcome};
+use crate::module::{Module, Order, Outcome};
+use crate::order::{Orders, Told};
 use crate::state::CpState;
 
 interface! {
@@ -30,10 +31,29 @@ interface! {
         out    LEN: Int;
         /// Byte 0 of the outputs; SEND and RECEIVE use the same byte.
         in_out CONTROL: Byte;
+        static REQ_BEFORE: Bool;
         static R_BEFORE: Bool;
         static BUSY: Bool;
+        static REQUEST: Bool;
+        static RESET: Bool;
+        static SINCE: DWord;
+        static ABSENT: DWord;
+        static TOLD: Word;
+        static PLACE: DWord;
     }
 }
+
+/// Only resets: RECEIVE has no requests.
+const ORDERS: Orders = Orders {
+    req_before: receive::REQ_BEFORE,
+    r_before: receive::R_BEFORE,
+    busy: receive::BUSY,
+    request: receive::REQUEST,
+    reset: receive::RESET,
+    since: receive::SINCE,
+};
+
+const TOLD: Told = Told { status: receive::TOLD, place: receive::PLACE, since: receive::ABSENT };
 
 /// FB 61.
 pub(crate) struct Receive;
@@ -47,38 +67,45 @@ impl Block for Receive {
     type Module = CpState;
 
     fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
+        let (enabled, reset) = (cx.get(receive::EN_R)?, cx.get(receive::R)?);
+        let order = ORDERS.look(cx, false, reset)?;
         let (laddr, io_size) = (cx.get(receive::LADDR)?, cx.get(receive::IO_SIZE)?);
+        let (db, byte) = (cx.get(receive::DB_NO)?, cx.get(receive::DBB_NO)?);
         let outcome = match Module::open(cx, laddr, laddr, io_size)? {
             Ok(module) => {
-                let outcome = call(cx, &module)?;
+                let outcome = call(cx, &module, order, enabled, (db, byte))?;
                 cx.set(receive::CONTROL, module.state.byte0())?;
                 outcome
             }
-            // There is no request that could get lost.
-            Err(Outcome::Later) => Outcome::Nothing,
+            Err(_) if order.is_idle() && !enabled => Outcome::Nothing,
             Err(outcome) => outcome,
+        };
+        let outcome = if order.is_idle() {
+            TOLD.once(cx, outcome, db, byte)?
+        } else {
+            ORDERS.settle(cx, &order, outcome, false)?
         };
         cx.set(receive::NDR, outcome.is_done())?;
         cx.set(receive::ERROR, outcome.is_error())?;
         cx.set(receive::STATUS, outcome.status())?;
-        if let Outcome::Done(length) = outcome {
-            cx.set(receive::LEN, length as i16)?;
+        if let Some(length) = outcome.length() {
+            cx.set(receive::LEN, length)?;
         }
         cx.set_br(!outcome.is_error())
     }
 }
 
-fn call(cx: &mut Cx<'_, CpState>, module: &Module<'_>) -> Result<Outcome, Abort> {
-    let (reset, busy) = (cx.get(receive::R)?, cx.load(receive::BUSY)?);
-    let begins = reset && !cx.load(receive::R_BEFORE)?;
-    cx.store(receive::R_BEFORE, reset)?;
-    if begins || busy {
-        let instance = module::instance(cx)?;
-        let order = Order { request: false, reset: begins, instance, busy, db: 0, byte: 0, length: 0 };
-        let outcome = module.send(cx, order)?;
-        cx.store(receive::BUSY, outcome == Outcome::Running)?;
-        return Ok(outcome);
+fn call(
+    cx: &mut Cx<'_, CpState>,
+    module: &Module<'_>,
+    order: Order,
+    enabled: bool,
+    (db, byte): (i16, i16),
+) -> Result<Outcome, Abort> {
+    if order.is_idle() {
+        return module.receive(cx, enabled, db, byte);
     }
-    let (enabled, db, byte) = (cx.get(receive::EN_R)?, cx.get(receive::DB_NO)?, cx.get(receive::DBB_NO)?);
-    module.receive(cx, enabled, db, byte)
+    let outcome = module.send(cx, order)?;
+    // The telegram that was being received is lost with the reset.
+    Ok(if order.reset && module.state.take_cut_off() { Outcome::Lost } else { outcome })
 }

@@ -2,7 +2,8 @@
 
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 
-use crate::module::{self, Module, Order, Outcome};
+use crate::module::{Module, Order};
+use crate::order::Orders;
 use crate::state::CpState;
 
 interface! {
@@ -33,8 +34,20 @@ interface! {
         static REQ_BEFORE: Bool;
         static R_BEFORE: Bool;
         static BUSY: Bool;
+        static REQUEST: Bool;
+        static RESET: Bool;
+        static SINCE: DWord;
     }
 }
+
+const ORDERS: Orders = Orders {
+    req_before: send::REQ_BEFORE,
+    r_before: send::R_BEFORE,
+    busy: send::BUSY,
+    request: send::REQUEST,
+    reset: send::RESET,
+    since: send::SINCE,
+};
 
 /// FB 60.
 pub(crate) struct Send;
@@ -48,33 +61,24 @@ impl Block for Send {
     type Module = CpState;
 
     fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
-        let (request, reset) = (cx.get(send::REQ)?, cx.get(send::R)?);
+        let (req, reset) = (cx.get(send::REQ)?, cx.get(send::R)?);
         let order = Order {
-            request: request && !cx.load(send::REQ_BEFORE)?,
-            reset: reset && !cx.load(send::R_BEFORE)?,
-            instance: module::instance(cx)?,
-            busy: cx.load(send::BUSY)?,
             db: cx.get(send::DB_NO)?,
             byte: cx.get(send::DBB_NO)?,
             length: cx.get(send::LEN)?,
+            ..ORDERS.look(cx, req, reset)?
         };
         let (laddr, io_size) = (cx.get(send::LADDR)?, cx.get(send::IO_SIZE)?);
-        let outcome = match Module::open(cx, laddr, laddr, io_size)? {
+        let (outcome, resetting) = match Module::open(cx, laddr, laddr, io_size)? {
             Ok(module) => {
+                let resetting = module.state.send().is_reset();
                 let outcome = module.send(cx, order)?;
                 cx.set(send::CONTROL, module.state.byte0())?;
-                outcome
+                (outcome, resetting)
             }
-            Err(outcome) => outcome,
+            Err(outcome) => (outcome, false),
         };
-        // An edge that could not be handled yet is kept for the next call.
-        if outcome != Outcome::Later {
-            cx.store(send::REQ_BEFORE, request)?;
-            cx.store(send::R_BEFORE, reset)?;
-            cx.store(send::BUSY, outcome == Outcome::Running)?;
-        } else if !request {
-            cx.store(send::REQ_BEFORE, false)?;
-        }
+        let outcome = ORDERS.settle(cx, &order, outcome, resetting)?;
         cx.set(send::DONE, outcome.is_done())?;
         cx.set(send::ERROR, outcome.is_error())?;
         cx.set(send::STATUS, outcome.status())?;

@@ -4,6 +4,9 @@ use std::cell::Cell;
 
 use ob1_slio::{ReceiveJob, SendJob};
 
+use crate::order::PATIENCE_MS;
+use crate::status;
+
 ob1_sdk::state! {
     /// One for each module and station, zeroed at every start-up.
     #[derive(Debug, Default)]
@@ -12,13 +15,17 @@ ob1_sdk::state! {
         receive: Cell<u64>,
         /// The instance that owns the send job or reset.
         owner: Cell<u64>,
+        /// Time of its last call, ms.
+        seen: Cell<u64>,
+        /// STATUS of an instance that has lost the send job or reset.
+        lost: Cell<u16>,
         /// The start of the CP to which all this belongs.
         generation: Cell<u32>,
         /// Byte 0 of the outputs was written since that start.
         written: Cell<bool>,
         /// Byte 0 of the outputs as it was written last.
         byte0: Cell<u8>,
-        /// A restart of the CP interrupted a telegram: RECEIVE reports it once.
+        /// A restart or reset of the CP interrupted a telegram: RECEIVE reports it once.
         cut_off: Cell<bool>,
     }
 }
@@ -43,10 +50,29 @@ impl CpState {
         self.receive.set(job.pack());
     }
 
-    /// Gives the send side to an instance.
-    pub(crate) fn claim(&self, owner: u64, job: SendJob) {
+    /// Gives the send side to an instance. The one that had it learns by this STATUS that its job has ended.
+    pub(crate) fn claim(&self, owner: u64, job: SendJob, lost: u16) {
         self.owner.set(owner);
         self.set_send(job);
+        self.lost.set(lost);
+    }
+
+    /// STATUS of an instance whose job is no longer there; 0202h after a start-up, too.
+    pub(crate) fn lost(&self) -> u16 {
+        match self.lost.get() {
+            0 => status::NOT_SYNCHRONISED,
+            status => status,
+        }
+    }
+
+    /// The owner of the send side is called.
+    pub(crate) fn touch(&self, now_ms: u64) {
+        self.seen.set(now_ms);
+    }
+
+    /// The owner of the send side is no longer called.
+    pub(crate) fn is_abandoned(&self, now_ms: u64) -> bool {
+        self.send().is_running() && now_ms.saturating_sub(self.seen.get()) >= u64::from(PATIENCE_MS)
     }
 
     pub(crate) fn is_owner(&self, instance: u64) -> bool {
@@ -67,15 +93,20 @@ impl CpState {
         if self.written.get() && self.generation.get() == generation {
             return None;
         }
-        if self.receive().is_running() {
-            self.cut_off.set(true);
-        }
-        self.claim(0, SendJob::default());
-        self.set_receive(ReceiveJob::default());
+        self.drop_receive();
+        self.claim(0, SendJob::default(), status::NOT_SYNCHRONISED);
         self.generation.set(generation);
         self.written.set(true);
         self.byte0.set(IDLE);
         Some(IDLE)
+    }
+
+    /// Drops the telegram that is being received.
+    pub(crate) fn drop_receive(&self) {
+        if self.receive().is_running() {
+            self.cut_off.set(true);
+        }
+        self.set_receive(ReceiveJob::default());
     }
 
     /// Whether a telegram was interrupted since the last call.
@@ -93,10 +124,11 @@ mod tests {
         let state = CpState::default();
         assert_eq!(state.see(1), Some(0x88), "the first look");
         assert_eq!(state.see(1), None);
-        state.claim(7, SendJob::telegram(5).expect("1 to 1024"));
+        state.claim(7, SendJob::telegram(5).expect("1 to 1024"), 0);
         assert!(state.is_owner(7) && !state.is_owner(8));
         assert_eq!(state.see(2), Some(0x88));
         assert!(!state.is_owner(7) && !state.send().is_running());
         assert!(!state.take_cut_off(), "nothing was being received");
+        assert_eq!(state.lost(), 0x0202);
     }
 }

@@ -12,7 +12,7 @@ pub(crate) const NOT_SYNCHRONISED: u16 = 0x0202;
 pub(crate) const DATA_BLOCK: u16 = 0x0301;
 /// Length 0 or above 1024.
 pub(crate) const LENGTH: u16 = 0x0517;
-/// Transfer failed: the partner does not answer, or the order was acknowledged negatively.
+/// Transfer failed: the partner does not answer, the order was acknowledged negatively, or a reset has ended it.
 pub(crate) const FAILED: u16 = 0x070A;
 /// Peripheral access error when reading.
 pub(crate) const READ_ACCESS: u16 = 0x80A0;
@@ -22,6 +22,11 @@ pub(crate) const WRITE_ACCESS: u16 = 0x80A1;
 pub(crate) const TOO_SHORT: u16 = 0x8323;
 /// Receive data block not readable: not present, or write-protected.
 pub(crate) const NOT_READABLE: u16 = 0x833A;
+
+/// Whether the telegram waits in the CP until the data block can take it.
+pub(crate) const fn is_of_data_block(status: u16) -> bool {
+    matches!(status, TOO_SHORT | NOT_READABLE | DATA_BLOCK)
+}
 
 /// STATUS for a failure of the CP.
 pub(crate) const fn of(failure: Failure) -> u16 {

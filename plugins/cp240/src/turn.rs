@@ -47,7 +47,7 @@ impl Key {
 
     /// `id`: up to 56 bits.
     pub(crate) const fn new(role: Role, id: u64) -> Self {
-        Self((role as u64) << 56 | id & (1 << 56) - 1)
+        Self((role as u64) << 56 | id & ((1 << 56) - 1))
     }
 
     /// FC 0, FC 1, FC 11: the data block and ABD.

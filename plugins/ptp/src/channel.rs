@@ -17,9 +17,13 @@ impl Unreachable {
     const NO_MODULE: Self = Self(0x8090);
     /// A module of another type, without channels.
     const NO_RECORD: Self = Self(0x80B0);
+    /// The CP does not answer.
+    pub(crate) const ABSENT: Self = Self(0x80A0);
+    /// Another instance has the channel.
+    pub(crate) const IN_USE: Self = Self(0x80C3);
 
     fn reading(refused: Refused) -> Self {
-        Self::of(refused, Self(0x80A0), Self(0x80C0))
+        Self::of(refused, Self::ABSENT, Self(0x80C0))
     }
 
     fn writing(refused: Refused) -> Self {

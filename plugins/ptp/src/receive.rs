@@ -11,8 +11,8 @@ use ob1_sdk::{Abort, Area, Cx, Formal, In, Out, Static};
 use ob1_words::channels::{Block, Channel, Command, NO_FLAG, Offered, PIECE, Refusal, State, pieces};
 
 use crate::channel::{self, LEN_MAX, Unreachable, next_start};
-use crate::send::{ABORTED, CP_RESTARTED, fault_of};
-use crate::state::CpState;
+use crate::send::{ABORTED, ABSENCE_MS, CP_RESTARTED, fault_of};
+use crate::state::{CpState, JOB_MS, WAITING_MS, called};
 use crate::target::Target;
 
 /// STATUS: RD_REC failed; RET_VAL is in SFCERR. [reference 3.14]
@@ -62,6 +62,14 @@ pub(crate) struct Memory {
     pub(crate) phase: Phase,
     /// The channel could not be read at the last call; reported only once.
     unreachable: bool,
+    /// R at the last call.
+    reset: bool,
+    /// LADDR of the start number.
+    laddr: i16,
+    /// Another instance has the channel: its calls so far, when this one was called last.
+    rival: Option<u16>,
+    /// The CP does not answer, since this time (ms, the low 32 bits).
+    absent_since: Option<u32>,
     pub(crate) start: u16,
     pub(crate) job: u16,
     /// Next piece.
@@ -81,7 +89,11 @@ impl Memory {
         let word = |at: usize| u16::from_be_bytes([bytes[at], bytes[at + 1]]);
         Self {
             phase: Phase::of(bytes[0]),
-            unreachable: bytes[1] != 0,
+            unreachable: bytes[1] & 1 != 0,
+            reset: bytes[1] & 2 != 0,
+            laddr: word(20) as i16,
+            rival: (bytes[1] & 4 != 0).then_some(word(22)),
+            absent_since: (bytes[1] & 8 != 0).then_some(u32::from(word(24)) << 16 | u32::from(word(26))),
             start: word(2),
             job: word(4),
             piece: word(6),
@@ -95,14 +107,22 @@ impl Memory {
 
     fn bytes(&self) -> [u8; 34] {
         let mut bytes = [0; 34];
-        (bytes[0], bytes[1]) = (self.phase as u8, u8::from(self.unreachable));
-        let letter = u16::from(self.letter) << 8;
+        let bits = [self.unreachable, self.reset, self.rival.is_some(), self.absent_since.is_some()];
+        bytes[0] = self.phase as u8;
+        bytes[1] = bits.into_iter().rev().fold(0, |byte, bit| byte << 1 | u8::from(bit));
+        let (letter, since) = (u16::from(self.letter) << 8, self.absent_since.unwrap_or(0));
         let words = [self.start, self.job, self.piece, self.len, letter, self.number, self.offset];
-        let words = words.into_iter().chain([self.flag.0, self.flag.1]);
+        let rest = [self.laddr as u16, self.rival.unwrap_or(0), (since >> 16) as u16, since as u16];
+        let words = words.into_iter().chain([self.flag.0, self.flag.1]).chain(rest);
         for (place, word) in bytes[2..].chunks_exact_mut(2).zip(words) {
             place.copy_from_slice(&word.to_be_bytes());
         }
         bytes
+    }
+
+    /// What outlasts a job.
+    fn kept(&self) -> Self {
+        Self { start: self.start, reset: self.reset, laddr: self.laddr, ..Self::default() }
     }
 
     /// Whether this is the next piece of the job. A CP that shows or asks for more than the job has is not followed.
@@ -222,17 +242,78 @@ fn job(cx: &mut Cx<'_, CpState>, params: &Params) -> Result<Option<Result<Receiv
 fn run(cx: &mut Cx<'_, CpState>, params: &Params, memory: &mut Memory) -> Result<End, Abort> {
     let (enabled, reset, laddr) = (cx.get(params.en_r)?, cx.get(params.r)?, cx.get(params.laddr)?);
     let takes = enabled && !reset;
+    let resets = reset && !memory.reset;
+    memory.reset = reset;
     let Ok(state) = cx.module_state(channel::address(laddr))? else {
-        return unreachable(cx, params, memory, takes, Unreachable(0x8090));
+        let had_job = memory.phase.has_job();
+        memory.phase = Phase::Off;
+        return unreachable(cx, params, memory, takes || resets || had_job, Unreachable(0x8090));
     };
-    if memory.start != state.receive.start.get() {
-        // The first call since the start-up of the CPU: a job from before is cancelled. [reference 1.6]
-        let cancelled = memory.phase.has_job();
-        *memory = Memory::default();
-        if cancelled {
-            return Ok(Some(Err(ABORTED)));
-        }
+    let (instance, now_ms) = called(cx)?;
+    let end = match own(cx, params, memory, laddr, state, takes, (instance, now_ms))? {
+        Some(end) => end,
+        None => run_job(cx, params, memory, laddr, state, takes, now_ms)?,
+    };
+    let keeps = match memory.phase {
+        phase if phase.has_job() => JOB_MS,
+        _ if takes => WAITING_MS,
+        _ => 0,
+    };
+    state.receive.keep(instance, now_ms, keeps);
+    if resets && end.is_none() {
+        // "NDR and ERROR/STATUS are also output on reset, with LEN = 0". [reference 1.5]
+        (memory.len, memory.letter, memory.number, memory.offset, memory.flag) = (0, 0, 0, 0, (NO_FLAG, 0));
+        return Ok(Some(Ok(())));
     }
+    Ok(end)
+}
+
+/// Makes the channel the instance's own. If it cannot be, or a job is cancelled by that, returns how the call ends.
+fn own(
+    cx: &mut Cx<'_, CpState>,
+    params: &Params,
+    memory: &mut Memory,
+    laddr: i16,
+    state: &CpState,
+    takes: bool,
+    (instance, now_ms): (u64, u64),
+) -> Result<Option<End>, Abort> {
+    let claim = &state.receive;
+    if claim.is_of(instance, memory.start) && memory.laddr == laddr {
+        return Ok(None);
+    }
+    // The first call since the start-up of the CPU, or another instance has taken the channel: a job from before is
+    // cancelled. [reference 1.6]
+    let cancelled = memory.phase.has_job();
+    let Memory { reset, unreachable: told, rival, .. } = *memory;
+    *memory = Memory { reset, ..Memory::default() };
+    let has = claim.is_unused_but_by(instance) || takes && claim.is_abandoned(now_ms);
+    if has {
+        (memory.start, memory.laddr) = (claim.take(instance), laddr);
+    }
+    if cancelled {
+        return Ok(Some(Some(Err(ABORTED))));
+    }
+    if has || !takes {
+        return Ok(if has { None } else { Some(None) });
+    }
+    let calls = claim.calls.get();
+    (memory.unreachable, memory.rival) = (told, Some(calls));
+    // An error only if both are called: a program may go over from one to the other.
+    let both = rival.is_some_and(|before| before != calls);
+    unreachable(cx, params, memory, both, Unreachable::IN_USE).map(Some)
+}
+
+/// One call of the instance that has the channel.
+fn run_job(
+    cx: &mut Cx<'_, CpState>,
+    params: &Params,
+    memory: &mut Memory,
+    laddr: i16,
+    state: &CpState,
+    takes: bool,
+    now_ms: u64,
+) -> Result<End, Abort> {
     let cp = match channel::read(cx, laddr, Channel::Receive)? {
         Ok(cp) => cp,
         Err(why) => {
@@ -241,11 +322,13 @@ fn run(cx: &mut Cx<'_, CpState>, params: &Params, memory: &mut Memory) -> Result
             if had_job {
                 return Ok(Some(Err(CP_RESTARTED)));
             }
-            // A CP that is starting is not an error.
-            return if why == Unreachable(0x80A0) { Ok(None) } else { unreachable(cx, params, memory, takes, why) };
+            let since = *memory.absent_since.get_or_insert(now_ms as u32);
+            let is_starting = why == Unreachable::ABSENT && (now_ms as u32).wrapping_sub(since) < ABSENCE_MS;
+            return unreachable(cx, params, memory, takes && !is_starting, why);
         }
     };
-    memory.unreachable = false;
+    (memory.unreachable, memory.absent_since) = (false, None);
+    let reset = memory.reset;
     let mut block = Call { cx, params, memory, laddr, state, cp };
     block.step(takes, reset)
 }
@@ -304,7 +387,8 @@ impl Call<'_, '_> {
                 self.begin(false)?;
             } else if self.memory.phase != Phase::Rest {
                 self.memory.phase = Phase::Rest;
-                self.show(Command::Rest)?;
+                let block = self.shown(Command::Rest);
+                self.write(&if had_job { block.dropping() } else { block })?;
             }
             return Ok(had_job.then_some(Err(ABORTED)));
         }
@@ -325,13 +409,17 @@ impl Call<'_, '_> {
     /// Requests the start-up coordination with a new number.
     fn begin(&mut self, takes: bool) -> Result<(), Abort> {
         let start = next_start(self.cp.start(), self.memory.start);
-        *self.memory = Memory { phase: Phase::Starting, start, ..Memory::default() };
+        *self.memory = Memory { phase: Phase::Starting, start, ..self.memory.kept() };
         self.state.receive.start.set(start);
         self.write(&Block::of_cpu(Command::Start, start, 0).with_takes(takes))
     }
 
+    fn shown(&self, command: Command) -> Block {
+        Block::of_cpu(command, self.memory.start, self.memory.job).with_piece(self.memory.piece)
+    }
+
     fn show(&mut self, command: Command) -> Result<(), Abort> {
-        self.write(&Block::of_cpu(command, self.memory.start, self.memory.job).with_piece(self.memory.piece))
+        self.write(&self.shown(command))
     }
 
     fn write(&mut self, block: &Block) -> Result<(), Abort> {
@@ -362,15 +450,13 @@ impl Call<'_, '_> {
         let (is_fetch, letter) = (header.kind == Offered::Provide, header.letter);
         *self.memory = Memory {
             phase: Phase::Taking,
-            unreachable: false,
-            start: self.memory.start,
             job: self.cp.job(),
-            piece: 0,
             len: self.cp.len().min(LEN_MAX),
             letter,
             number: header.number,
             offset: header.offset,
             flag: header.flag,
+            ..self.memory.kept()
         };
         if letter == 0 {
             self.memory.flag = (NO_FLAG, 0);

@@ -10,7 +10,7 @@ use ob1_sdk::{Abort, Area, Cx, Formal, In, Out, Refused, Static};
 use ob1_words::channels::{Block, Channel, Command, PIECE, State, pieces};
 
 use crate::channel::{self, Unreachable, next_start};
-use crate::state::CpState;
+use crate::state::{CpState, JOB_MS, called};
 
 /// STATUS: job aborted by restart or reset. [reference 3.14]
 pub(crate) const ABORTED: u16 = 0x1E0D;
@@ -18,13 +18,15 @@ pub(crate) const ABORTED: u16 = 0x1E0D;
 const WRITE_FAILED: u16 = 0x1E0F;
 /// STATUS: the CP has started again. [reference 3.7]
 pub(crate) const CP_RESTARTED: u16 = 0x0501;
+/// STATUS: another instance has a job at this CP. [reference 3.7]
+const BUSY: u16 = 0x0522;
 /// STATUS: the DB is missing or too short. [reference 3.5]
 pub const DB_WRONG: u16 = 0x0301;
 /// STATUS: LEN is 0, negative or more than the CP takes, or a length of P_PRINT. [reference 3.14]
 pub const LEN_WRONG: u16 = 0x1E41;
 
-/// How long a job waits for a CP that does not answer: it may be starting. (ours)
-const ABSENCE_MS: u32 = 10_000;
+/// How long a block waits for a CP that does not answer: it may be starting. (ours)
+pub(crate) const ABSENCE_MS: u32 = 10_000;
 
 /// The phase of the job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -68,6 +70,10 @@ pub(crate) struct Memory {
     pub(crate) req: bool,
     /// A job waits for the start-up coordination: it "is not lost".
     pub(crate) latched: bool,
+    /// R at the last call.
+    reset: bool,
+    /// LADDR of the job, and of the start number.
+    laddr: i16,
     /// A job waits for a CP that does not answer, since this time (ms).
     absent_since: Option<u32>,
     pub(crate) start: u16,
@@ -101,6 +107,8 @@ impl Memory {
             phase: Phase::of(bytes[0]),
             req: bytes[1] & 1 != 0,
             latched: bytes[1] & 2 != 0,
+            reset: bytes[1] & 8 != 0,
+            laddr: word(18) as i16,
             absent_since: (bytes[1] & 4 != 0).then_some(since),
             start: word(2),
             job: word(4),
@@ -112,14 +120,26 @@ impl Memory {
     fn bytes(&self) -> [u8; 34] {
         let mut bytes = [0; 34];
         bytes[0] = self.phase as u8;
-        bytes[1] = u8::from(self.req) | u8::from(self.latched) << 1 | u8::from(self.absent_since.is_some()) << 2;
+        let bits = [self.req, self.latched, self.absent_since.is_some(), self.reset];
+        bytes[1] = bits.into_iter().rev().fold(0, |byte, bit| byte << 1 | u8::from(bit));
         let since = self.absent_since.unwrap_or(0);
         let Data { db, byte, len } = self.data;
-        let words = [self.start, self.job, self.piece, db, byte, len, (since >> 16) as u16, since as u16];
+        let (high, low, laddr) = ((since >> 16) as u16, since as u16, self.laddr as u16);
+        let words = [self.start, self.job, self.piece, db, byte, len, high, low, laddr];
         for (place, word) in bytes[2..].chunks_exact_mut(2).zip(words) {
             place.copy_from_slice(&word.to_be_bytes());
         }
         bytes
+    }
+
+    /// A job runs or waits.
+    fn has_work(&self) -> bool {
+        self.phase.has_job() || self.latched
+    }
+
+    /// Forgets everything but the inputs of this call.
+    fn renew(&mut self) {
+        *self = Self { req: self.req, reset: self.reset, ..Self::default() };
     }
 
     /// One call while R is 0; `cp` is the block that the CP shows.
@@ -212,7 +232,7 @@ pub trait Job {
     /// The call ends.
     fn check(cx: &mut Cx<'_, CpState>) -> Result<Result<(), u16>, Abort>;
 
-    /// Starts the job; returns the location and length of its data.
+    /// The location and length of the data of a job that starts now.
     ///
     /// # Errors
     /// The call ends.
@@ -321,30 +341,78 @@ type End = Option<Result<(), u16>>;
 
 fn run<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory) -> Result<End, Abort> {
     let (req, reset, laddr) = (cx.get(J::PARAMS.req)?, cx.get(J::PARAMS.r)?, cx.get(J::PARAMS.laddr)?);
-    let edge = req && !memory.req;
-    memory.req = req;
-    let state = match cx.module_state(channel::address(laddr))? {
-        Ok(state) => state,
-        Err(_) if edge && !reset => return unreachable::<J>(cx, Unreachable(0x8090)).map(Some),
-        Err(_) => return Ok(None),
+    let (edge, resets) = (req && !memory.req && !reset, reset && !memory.reset);
+    (memory.req, memory.reset) = (req, reset);
+    let Ok(state) = cx.module_state(channel::address(laddr))? else {
+        if !(edge || resets || memory.has_work()) {
+            return Ok(None);
+        }
+        memory.renew();
+        return unreachable::<J>(cx, Unreachable(0x8090)).map(Some);
     };
-    if memory.start != state.send.start.get() {
-        // The first call since the start-up of the CPU: a job from before is cancelled. [reference 1.6]
-        let cancelled = memory.phase.has_job();
-        *memory = Memory { req, ..Memory::default() };
+    let (instance, now_ms) = called(cx)?;
+    let end = match own(memory, laddr, state, edge, (instance, now_ms)) {
+        Some(end) if memory.latched => latch::<J>(cx, memory)?.map_or(end, |()| end),
+        Some(end) => end,
+        None => run_job::<J>(cx, memory, laddr, state, edge)?,
+    };
+    state.send.keep(instance, now_ms, if memory.has_work() { JOB_MS } else { 0 });
+    // "DONE and ERROR/STATUS are also output for a RESET": with an error if it has ended a job. [reference 1.2]
+    Ok(end.or(resets.then_some(Ok(()))))
+}
+
+/// Makes the channel the instance's own. If it cannot be, or a job is cancelled by that, returns how the call ends.
+fn own(memory: &mut Memory, laddr: i16, state: &CpState, edge: bool, (instance, now_ms): (u64, u64)) -> Option<End> {
+    let claim = &state.send;
+    if claim.is_of(instance, memory.start) && memory.laddr == laddr {
+        return None;
+    }
+    // The first call since the start-up of the CPU, or another instance has taken the channel: a job from before is
+    // cancelled. [reference 1.6]
+    let cancelled = memory.has_work();
+    memory.renew();
+    if !claim.is_unused_but_by(instance) {
         if cancelled {
-            memory.latched = edge && !reset;
-            return Ok(Some(Err(ABORTED)));
+            // An edge in this call counts in the next one.
+            memory.req &= !edge;
+            return Some(Some(Err(ABORTED)));
+        }
+        if !edge {
+            return Some(None);
+        }
+        if !claim.is_abandoned(now_ms) {
+            return Some(Some(Err(BUSY)));
         }
     }
-    if reset {
+    (memory.start, memory.laddr) = (claim.take(instance), laddr);
+    if cancelled {
+        memory.latched = edge;
+        return Some(Some(Err(ABORTED)));
+    }
+    None
+}
+
+/// The edge of REQ: the job has the data that the parameters name now, however long it waits for the CP. [S4 L1598]
+fn latch<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory) -> Result<Result<(), u16>, Abort> {
+    memory.latched = false;
+    let begun = J::check(cx)?.map_or_else(|status| Ok(Err(status)), |()| J::begin(cx))?;
+    Ok(begun.map(|data| (memory.data, memory.latched) = (data, true)))
+}
+
+/// One call of the instance that has the channel.
+fn run_job<J: Job>(
+    cx: &mut Cx<'_, CpState>,
+    memory: &mut Memory,
+    laddr: i16,
+    state: &CpState,
+    edge: bool,
+) -> Result<End, Abort> {
+    if memory.reset {
         return reset_block(cx, memory, laddr, state);
     }
-    if edge && !memory.phase.has_job() && !memory.latched {
-        if let Err(status) = J::check(cx)? {
-            return Ok(Some(Err(status)));
-        }
-        memory.latched = true;
+    let latched = if edge && !memory.has_work() { latch::<J>(cx, memory)? } else { Ok(()) };
+    if let Err(status) = latched {
+        return Ok(Some(Err(status)));
     }
     let cp = match channel::read(cx, laddr, Channel::Send)? {
         Ok(cp) => cp,
@@ -357,10 +425,6 @@ fn run<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory) -> Result<End, Abo
         Act::Begin => {
             memory.latched = false;
             memory.job = if memory.job == u16::MAX { 1 } else { memory.job + 1 };
-            match J::begin(cx)? {
-                Err(status) => return Ok(Some(Err(status))),
-                Ok(data) => memory.data = data,
-            }
             (memory.phase, memory.piece) = (Phase::Giving, 0);
             give::<J>(cx, memory, laddr)?
         }
@@ -398,7 +462,7 @@ type Done = Result<Result<(), Unreachable>, Wrong>;
 
 /// R = 1: the block returns to its initial state; a job that the CP has completely is still executed. [reference 1.2]
 fn reset_block(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16, state: &CpState) -> Result<End, Abort> {
-    let aborted = memory.phase.has_job() || memory.latched;
+    let aborted = memory.has_work();
     (memory.latched, memory.absent_since) = (false, None);
     if let Ok(cp) = channel::read(cx, laddr, Channel::Send)? {
         match memory.phase {

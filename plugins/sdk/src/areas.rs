@@ -50,6 +50,14 @@ pub struct Instance {
     pub len: u32,
 }
 
+impl Instance {
+    /// Data block and first byte as one number, never 0: for a block that stores which instance uses something.
+    #[must_use]
+    pub const fn key(self) -> u64 {
+        1 << 48 | (self.db as u64) << 32 | self.offset as u64
+    }
+}
+
 impl<M> Cx<'_, M> {
     /// Copies bytes out of an area, all or none.
     ///

@@ -245,6 +245,20 @@ impl Block {
         self
     }
 
+    /// With [`Command::Rest`] in the receive channel: the job under way was aborted. Without this mark REST tells, like
+    /// WAIT, that the program has been told its end.
+    #[must_use]
+    pub const fn drops(&self) -> bool {
+        self.0[1] & 2 != 0
+    }
+
+    /// The block with this mark.
+    #[must_use]
+    pub const fn dropping(mut self) -> Self {
+        self.0[1] |= 2;
+        self
+    }
+
     /// Start number; in a block of the CP the acknowledged one, 0: none.
     #[must_use]
     pub const fn start(&self) -> u16 {

@@ -17,5 +17,7 @@ pub mod cp040;
 pub mod cp240;
 pub mod cp342;
 mod leds;
+mod reason;
 
 pub use leds::Leds;
+pub use reason::{Reason, Why};

@@ -333,6 +333,14 @@ impl NativeContext for Call<'_, '_> {
         plugged.module.record_write(record, from).map_err(NativeError::Module)
     }
 
+    fn program_record_write(&mut self, address: u32, record: u8, from: &[u8]) -> Result<(), NativeError> {
+        let plugged = self.cx.machine.modules.at(address).ok_or(NativeError::NoModule)?;
+        if plugged.module.is_of_blocks(record) {
+            return Err(NativeError::Module(crate::ModuleError::NoRecord));
+        }
+        plugged.module.record_write(record, from).map_err(NativeError::Module)
+    }
+
     fn call_block(&mut self, id: BlockId, instance_db: u16, args: &[NativeArg]) -> Result<(), NativeError> {
         let callee = self.cx.blocks.find(id).ok_or(NativeError::NoBlock)?;
         self.attend().map_err(|Abort| NativeError::Abort)?;

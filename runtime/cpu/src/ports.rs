@@ -151,6 +151,10 @@ pub trait Module: Send {
     fn record_read(&mut self, record: u8, into: &mut [u8]) -> Result<usize, ModuleError>;
     /// Writes a record.
     fn record_write(&mut self, record: u8, from: &[u8]) -> Result<(), ModuleError>;
+    /// Whether the module's handling blocks exchange data by this record. No other block writes it.
+    fn is_of_blocks(&self, _record: u8) -> bool {
+        false
+    }
     /// Tells the entries of its own diagnostic buffer, newest first; false if it has none.
     fn diagnostic_buffer(&mut self, _each: &mut dyn FnMut(ModuleEntry)) -> bool {
         false
@@ -279,6 +283,10 @@ pub trait NativeContext {
     fn io_write(&mut self, address: u32, from: &[u8]) -> Result<(), NativeError>;
     fn record_read(&mut self, address: u32, record: u8, into: &mut [u8]) -> Result<usize, NativeError>;
     fn record_write(&mut self, address: u32, record: u8, from: &[u8]) -> Result<(), NativeError>;
+    /// The same for a program (SFC 55, SFC 58), to which the records of handling blocks are unknown.
+    fn program_record_write(&mut self, address: u32, record: u8, from: &[u8]) -> Result<(), NativeError> {
+        self.record_write(address, record, from)
+    }
 
     fn call_block(&mut self, id: BlockId, instance_db: u16, args: &[NativeArg]) -> Result<(), NativeError>;
     fn now(&mut self) -> Instant;

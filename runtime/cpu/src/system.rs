@@ -154,7 +154,7 @@ impl Context for Bridge<'_> {
     }
 
     fn record_write(&mut self, address: u32, record: u8, from: &[u8]) -> Result<(), Refused> {
-        self.cx.record_write(address, record, from).map_err(refused)
+        self.cx.program_record_write(address, record, from).map_err(refused)
     }
 
     fn retrigger_watchdog(&mut self) {

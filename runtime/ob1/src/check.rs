@@ -7,7 +7,7 @@ use clap::Args;
 use ob1_cpu::{Cpu, CpuConfig, LoadError, Module};
 use ob1_host::bus::area_bytes;
 use ob1_model::Section;
-use ob1_params::CpKind;
+use ob1_params::{CpKind, Interface};
 
 use crate::exit::Exit;
 use crate::language::Language;
@@ -346,6 +346,11 @@ fn describe(station: &Station) -> String {
                 let inputs = span(module.input_address, module.input_bytes());
                 let outputs = span(module.output_address, module.output_bytes());
                 let _ = writeln!(text, "{}: {name}, inputs {inputs}, outputs {outputs}, line {line}", module.name);
+                if let ModuleKind::Cp240 { params, .. } = &module.kind
+                    && params.interface != Interface::Rs232
+                {
+                    let _ = writeln!(text, "  interface = \"{}\"", params.interface.name());
+                }
                 let raw: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
                 let _ = writeln!(text, "  raw = \"{}\"", raw.join(" "));
                 let keys: Vec<String> = keys.iter().map(|(key, value)| format!("{key} = {value}")).collect();

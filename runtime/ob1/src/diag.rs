@@ -1,5 +1,4 @@
-//! `ob1 diag`: the diagnostic buffers of a running station, the CPU's and those its CPs have of their own, with text
-//! and remedy.
+//! `ob1 diag`: the diagnostic buffers of a running station, the CPU's and those of its CPs, with text and remedy.
 
 use clap::Args;
 use ob1_std::moment::Moment;
@@ -12,9 +11,10 @@ use ob1_station::wall_clock;
 
 /// Print the diagnostic buffers of a running station
 ///
-/// The buffer of the CPU, and those its CPs have of their own (CP 341): newest entry first, each with its date and
-/// time of day (UTC), its time since the start of the runtime, its number, what it means, where (block, line, file)
-/// and, in the line below, what helps. The buffer of a CP outlives its driver.
+/// The buffer of the CPU, and those of its CPs (of a CP 240 and a CP 040 a list that the module itself does not have):
+/// newest entry first, each with its date and time of day (UTC), its time since the start of the runtime, its number,
+/// what it means, where (block, line, file) and, in the line below, what helps. Above the entries of a CP stands what
+/// it waits for or what has failed. The buffer of a CP outlives its driver.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 diag press.toml\n  ob1 diag press cp --count 5\n  ob1 diag press 272 --json\n\n\
@@ -54,7 +54,7 @@ pub fn diag(args: &DiagArgs) -> Exit {
         cps.retain(|cp| cp.name == *wanted || wanted.parse() == Ok(cp.address));
         if cps.is_empty() {
             let there = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
-            err!("ob1: \"{wanted}\" is not a CP with a diagnostic buffer of its own\n  = this station has: {there}");
+            err!("ob1: \"{wanted}\" is not a CP with a diagnostic buffer\n  = this station has: {there}");
             return Exit::Usage;
         }
     }
@@ -90,6 +90,12 @@ pub(crate) fn text(cpu: Option<&[Diagnostic]>, cps: &[CpBuffer]) -> String {
     for cp in cps {
         let gap = if out.is_empty() { "" } else { "\n" };
         let _ = writeln!(out, "{gap}{} ({} at {}), driver: {}", cp.name, cp.type_name, cp.address, cp.driver);
+        if let Some(reason) = &cp.reason {
+            let _ = writeln!(out, "        now: {}", reason.text);
+            if !reason.remedy.is_empty() {
+                let _ = writeln!(out, "{:>51} {}", "=", reason.remedy);
+            }
+        }
         if cp.entries.is_empty() {
             out.push_str("        no entries\n");
         }
@@ -108,6 +114,7 @@ pub(crate) fn text(cpu: Option<&[Diagnostic]>, cps: &[CpBuffer]) -> String {
 #[cfg(test)]
 mod tests {
     use ob1_backplane::BufferEntry;
+    use ob1_station::access::protocol::ReasonStatus;
 
     use super::*;
 
@@ -118,6 +125,7 @@ mod tests {
             type_name: "cp341".into(),
             address: 272,
             driver: "ready".into(),
+            reason: None,
             entries: entries.iter().map(entry).collect(),
         }
     }
@@ -156,5 +164,13 @@ cp (cp341 at 272), driver: ready
     #[test]
     fn an_empty_buffer_says_so() {
         assert_eq!(text(None, &[buffer(&[])]), "cp (cp341 at 272), driver: ready\n        no entries\n");
+        let reason = Some(ReasonStatus {
+            text: "waits for P_RCV_RK".into(),
+            remedy: "Call it.".into(),
+            ..ReasonStatus::default()
+        });
+        let expected = "cp (cp341 at 272), driver: ready\n        now: waits for P_RCV_RK\n                         \
+                        \u{20}                        = Call it.\n        no entries\n";
+        assert_eq!(text(None, &[CpBuffer { reason, ..buffer(&[]) }]), expected);
     }
 }

@@ -6,11 +6,12 @@ use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
 use ob1_access::Form;
 use ob1_model::Command;
+use ob1_params::CpKind;
 use serde_json::Value;
 
 use crate::exit::Exit;
 use ob1_station::access::client::Client;
-use ob1_station::access::protocol::{Op, Response, RetentiveStatus, Status, Times};
+use ob1_station::access::protocol::{ModuleStatus, Op, Response, RetentiveStatus, Status, Times};
 use ob1_station::timing::text;
 use ob1_station::view::EVENTS_LOST;
 
@@ -248,17 +249,49 @@ fn print_status(status: &Status) {
         say!("{grant}");
     }
     for module in &status.modules {
-        let present = if module.present { "present" } else { "absent" };
-        says!("{} ({} at {}): {present}", module.name, module.type_name, module.address);
-        if let Some(driver) = &module.driver {
-            let (pid, state, losses) = (driver.pid, &driver.state, driver.losses);
-            says!(", driver {pid} {state}, lost {losses}, LEDs {}", module.leds.join(" "));
-            if let Some(events) = module.counters.get(EVENTS_LOST).filter(|events| **events > 0) {
-                says!(", events lost {events}");
-            }
-        }
-        say!();
+        says!("{}", module_text(module));
     }
+}
+
+/// A module: whether it is there, its driver, what has become of its telegrams, why nothing happens.
+fn module_text(module: &ModuleStatus) -> String {
+    let present = if module.present { "present" } else { "absent" };
+    let mut out = format!("{} ({} at {}): {present}", module.name, module.type_name, module.address);
+    let Some(driver) = &module.driver else { return out + "\n" };
+    let leds = module.leds.join(" ");
+    out += &format!(", driver {} {}, restarts {}, LEDs {leds}\n", driver.pid, driver.state, driver.losses);
+    if CpKind::of_name(&module.type_name).is_some_and(|cp| !cp.row().has_boxes) {
+        let n = |name: &str| module.counters.get(name).copied().unwrap_or(0);
+        out += &format!(
+            "    telegrams sent {}, received {}, rejected {}, lost {}; orders failed {}{}, lost {}; receive errors {}",
+            n("telegrams_sent"),
+            n("telegrams_received"),
+            n("rejected_full"),
+            n("receive_lost"),
+            n("send_errors"),
+            ends(module),
+            n("orders_lost"),
+            n("receive_errors")
+        );
+        if n(EVENTS_LOST) > 0 {
+            out += &format!("; events lost {}", n(EVENTS_LOST));
+        }
+        out.push('\n');
+    }
+    if let Some(reason) = &module.reason {
+        out += &format!("    {}\n", reason.text);
+        if !reason.remedy.is_empty() {
+            out += &format!("    = {}\n", reason.remedy);
+        }
+    }
+    out
+}
+
+/// The numbers with which orders have ended: ` (5 07h, 1 0Ah)`.
+fn ends(module: &ModuleStatus) -> String {
+    let ends = module.counters.iter().filter_map(|(name, count)| Some((name.strip_prefix("ended_")?, count)));
+    let ends: Vec<String> = ends.map(|(number, count)| format!("{count} {number}")).collect();
+    if ends.is_empty() { String::new() } else { format!(" ({})", ends.join(", ")) }
 }
 
 fn retentive_text(retentive: &RetentiveStatus) -> String {
@@ -283,5 +316,31 @@ pub(crate) fn print_json(value: &impl serde::Serialize) -> Exit {
             err!("ob1: {error}");
             Exit::System
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn a_module_says_what_became_of_its_telegrams_and_why_nothing_happens() {
+        let mut module = json!({"name": "scale", "type": "cp240", "address": 256, "present": true, "leds": ["PW"],
+            "driver": {"pid": 43, "starts": 1, "losses": 0, "state": "ready"},
+            "counters": {"telegrams_sent": 9, "telegrams_received": 4, "rejected_full": 2, "receive_lost": 0, "send_errors": 6,
+                "ended_07h": 5, "ended_0Ah": 1, "orders_lost": 1, "receive_errors": 3}});
+        let text = |module: &Value| module_text(&serde_json::from_value(module.clone()).expect("a module"));
+        let head = "scale (cp240 at 256): present, driver 43 ready, restarts 0, LEDs PW\n    telegrams sent 9, received 4, \
+                    rejected 2, lost 0; orders failed 6 (5 07h, 1 0Ah), lost 1; receive errors 3";
+        assert_eq!(text(&module), format!("{head}\n"));
+        module["counters"][EVENTS_LOST] = json!(7);
+        module["reason"] = json!({"why": "start_up", "number": 32769, "count": 0, "age_s": 12,
+            "text": "waits for FC 9 (8001h), for 12 s", "remedy": "Call FC 9."});
+        let reason = "    waits for FC 9 (8001h), for 12 s\n    = Call FC 9.\n";
+        assert_eq!(text(&module), format!("{head}; events lost 7\n{reason}"));
+        let inputs = json!({"name": "di", "type": "inputs", "address": 0, "present": true, "leds": [], "counters": {}});
+        assert_eq!(text(&inputs), "di (inputs at 0): present\n");
     }
 }

@@ -35,6 +35,7 @@ pub mod numbers;
 pub mod posture;
 pub mod program;
 pub mod program_files;
+mod reason;
 pub mod retentive;
 pub mod run;
 pub mod rundir;

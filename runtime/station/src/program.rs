@@ -80,7 +80,8 @@ pub fn load(station: &Station) -> Result<Loaded, LoadFailure> {
         plugin.info().blocks.iter().map(|block| renumber.get(&block.id).copied().unwrap_or(block.id))
     });
     compiled.findings.extend(without_ob1(&compiled.program, of_plugins));
-    compiled.findings.extend(handling_check::without_use(&compiled.program, &plugins, &station.modules));
+    let handling = handling_check::blocks_of(&plugins);
+    compiled.findings.extend(handling_check::findings(&compiled.program, &handling, station));
     if let Some(file) = &station.retentive {
         compiled.findings.extend(retentive::not_kept(&compiled.program, file));
     }

@@ -11,13 +11,14 @@ use ob1_params::CpKind;
 use ob1_rt::{Grant, MonotonicClock};
 
 use crate::access::protocol::{
-    CpBuffer, CpEntry, Diagnostic, DriverStatus, GrantStatus, MemoryStatus, ModuleStatus, Status, Times,
+    CpBuffer, CpEntry, Diagnostic, DriverStatus, GrantStatus, MemoryStatus, ModuleStatus, ReasonStatus, Status, Times,
 };
 use crate::bus_view::BusView;
 use crate::drivers::state_text;
 use crate::engine::InUse;
 use crate::io::Panel;
 use crate::known::Known;
+use crate::reason;
 use crate::retentive::health::Health;
 use crate::station_file::{ModuleConfig, ModuleKind};
 use crate::timing::Timings;
@@ -87,7 +88,7 @@ impl ModuleView {
         Self { name: config.name.clone(), cp, type_name, address, monitor: None, driver: None }
     }
 
-    fn status(&self, present: bool) -> ModuleStatus {
+    fn status(&self, present: bool, now: Instant) -> ModuleStatus {
         let monitor = self.monitor.as_ref();
         let driver = self.driver.as_ref().map(|driver| DriverStatus {
             pid: driver.pid(),
@@ -98,7 +99,8 @@ impl ModuleView {
         let counters = monitor.map(|monitor| {
             let counters = monitor.counters();
             let named = Counter::ALL.iter().map(|counter| (counter.name().to_owned(), counters.get(*counter)));
-            named.chain([(EVENTS_LOST.to_owned(), monitor.events_lost())]).collect()
+            let ends = monitor.ends().map(|ends| (reason::end_counter(ends.number), ends.count));
+            named.chain([(EVENTS_LOST.to_owned(), monitor.events_lost())]).chain(ends).collect()
         });
         ModuleStatus {
             name: self.name.clone(),
@@ -108,7 +110,15 @@ impl ModuleView {
             leds: self.cp.zip(monitor).map(|(cp, monitor)| leds(cp, monitor)).unwrap_or_default(),
             driver,
             counters: counters.unwrap_or_default(),
+            reason: self.reason(now),
         }
+    }
+}
+
+impl ModuleView {
+    /// What a CP waits for, or what has failed; `now` by the clock of the runtime.
+    pub(crate) fn reason(&self, now: Instant) -> Option<ReasonStatus> {
+        reason::of(self.cp?, self.monitor.as_ref()?, now)
     }
 }
 
@@ -120,21 +130,26 @@ fn leds(cp: CpKind, monitor: &Monitor) -> Vec<String> {
 }
 
 impl StationView {
-    /// The diagnostic buffers of those CPs that have one: at most `count` entries of each, newest first.
+    /// The diagnostic buffers of the CPs, and what ob1 lists of those that have none by their manual: at most `count`
+    /// entries of each, newest first.
     #[must_use]
     pub fn buffers(&self, count: u32) -> Vec<CpBuffer> {
-        let with_buffer = self.modules.iter().filter(|module| module.cp.is_some_and(|cp| cp.row().has_channels));
+        let now = self.clock.time();
         let buffer = |module: &ModuleView| {
+            // A CP 343 lists nothing: its jobs have their own STATUS.
+            let cp = module.cp.filter(|cp| !cp.row().has_boxes)?;
             let monitor = module.monitor.as_ref()?;
+            let is_own = cp.row().has_channels;
             Some(CpBuffer {
                 name: module.name.clone(),
                 type_name: module.type_name.to_owned(),
                 address: module.address,
                 driver: state_text(monitor),
-                entries: monitor.buffer().take(count as usize).map(|entry| self.cp_entry(entry)).collect(),
+                reason: module.reason(now),
+                entries: monitor.buffer().take(count as usize).map(|entry| self.cp_entry(entry, is_own)).collect(),
             })
         };
-        with_buffer.filter_map(buffer).collect()
+        self.modules.iter().filter_map(buffer).collect()
     }
 
     /// An entry of the CPU's diagnostic buffer as others see it.
@@ -163,9 +178,18 @@ impl StationView {
         unix_now().saturating_sub(self.clock.time().since(time).nanos())
     }
 
-    fn cp_entry(&self, entry: BufferEntry) -> CpEntry {
+    /// An entry of a CP; `is_own`: of its own buffer. In ob1's list are also the codes with which orders have ended.
+    fn cp_entry(&self, entry: BufferEntry, is_own: bool) -> CpEntry {
         let unix_ns = self.unix_at(Instant::from_millis(entry.time_ms));
-        CpEntry { unix_ns, ..entry.into() }
+        let told = CpEntry { unix_ns, ..entry.into() };
+        match u8::try_from(entry.number) {
+            Ok(code) if !is_own => {
+                let (text, remedy) = reason::code(code);
+                let number = reason::number_text(entry.number);
+                CpEntry { number, text: format!("order ended: {text}"), remedy: remedy.to_owned(), ..told }
+            }
+            _ => told,
+        }
     }
 
     /// The station as others see it. `present` has one entry a module.
@@ -174,13 +198,14 @@ impl StationView {
         let memory = ob1_rt::memory();
         let figures = self.timings.figures();
         let statistics = figures.statistics();
-        let module = |(index, module): (usize, &ModuleView)| module.status(present.get(index) == Some(&true));
+        let now = self.clock.time();
+        let module = |(index, module): (usize, &ModuleView)| module.status(present.get(index) == Some(&true), now);
         let known = self.known.get();
         Status {
             station: self.name.clone(),
             pid: std::process::id(),
             state: state.name().to_owned(),
-            runtime_ns: self.clock.time().nanos(),
+            runtime_ns: now.nanos(),
             scans: statistics.scans,
             statements: statistics.statements,
             engine: self.engine.name().to_owned(),
@@ -255,7 +280,12 @@ mod tests {
         }
         let monitor = Some(side.monitor().clone());
         let view = ModuleView { name: "cp".into(), cp: None, type_name: "cp240", address: 256, monitor, driver: None };
-        let counters = view.status(true).counters;
+        let counters = view.status(true, Instant::START).counters;
         assert_eq!((counters.len(), counters.get(EVENTS_LOST)), (Counter::ALL.len() + 1, Some(&6)));
+        for number in [0x07, 0x07, 0x0708] {
+            cp.count_end(number);
+        }
+        let counters = view.status(true, Instant::START).counters;
+        assert_eq!((counters.get("ended_07h"), counters.get("ended_0708h")), (Some(&2), Some(&1)));
     }
 }

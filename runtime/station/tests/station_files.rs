@@ -75,3 +75,95 @@ fn the_examples_are_good() {
         assert!(station.program.files.iter().all(|s| s.exists()), "{name}");
     }
 }
+
+/// What is said of a module, by number and place.
+fn said_of(module: &str) -> Vec<(String, u32, String)> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("s.toml");
+    let head = "[station]\nname = \"s\"\n[program]\nsources = []\n[[simulated_line]]\nname = \"l\"\n";
+    let text = format!("{head}[[module]]\nname = \"x\"\naddress = 256\nline = \"sim:l\"\n{module}");
+    std::fs::write(&path, text).expect("writable");
+    let found = match ob1_station::look::load(&path) {
+        Ok((_, warnings)) => warnings,
+        Err(errors) => errors,
+    };
+    found.into_iter().map(|finding| (finding.code, finding.line, finding.text)).collect()
+}
+
+fn codes(module: &str) -> Vec<String> {
+    said_of(module).into_iter().map(|(code, ..)| code).collect()
+}
+
+/// Hardware configurations write there: a record is accepted with a warning at its first such byte.
+#[test]
+fn reserved_bytes_of_a_record_are_a_warning() {
+    for (kind, raw, byte) in [
+        ("cp240", "09 04 53 07 00 0A 19 64 05 06 01 00 00 00 00 00", "2 (53h), 3 (07h)"),
+        ("cp240", "09 0B 13 00 00 00 00 00 00 00 00 00 00 00 00 01", "15 (01h)"),
+        ("cp040", "09 01 13 00 00 00 C8 01 05 00 00 00 00 00 00 00", "8 (05h)"),
+    ] {
+        let said = said_of(&format!("type = \"{kind}\"\nraw = \"{raw}\"\n"));
+        let [(code, line, text)] = said.as_slice() else { panic!("{said:?}") };
+        assert_eq!((code.as_str(), *line), ("C008", 12), "{text}");
+        assert!(text.contains(": warning C008: ") && text.contains(&format!("in byte {byte}")), "{text}");
+    }
+    // The address of a master is ignored; EnOcean and M-Bus do not evaluate the others.
+    for raw in ["09 0B 13 00 00 00 00 00 00 00 00 00 00 00 00 00", "09 F0 13 01 02 03 00 00 00 00 00 00 00 00 00 00"] {
+        assert_eq!(said_of(&format!("type = \"cp240\"\nraw = \"{raw}\"\n")), [], "{raw}");
+    }
+}
+
+#[test]
+fn sixteen_zeros_are_a_cp_without_parameters() {
+    let zeros = ["00"; 16].join(" ");
+    for kind in ["cp240", "cp040"] {
+        assert_eq!(said_of(&format!("type = \"{kind}\"\nraw = \"{zeros}\"\n")), [], "{kind}");
+        let said = said_of(&format!("type = \"{kind}\"\n"));
+        assert!(said[0].0 == "C004" && said[0].2.contains("sixteen 00 are a CP without parameters"), "{said:?}");
+    }
+}
+
+#[test]
+fn a_qvz_of_0_is_a_warning() {
+    for kind in ["cp240", "cp040"] {
+        let with =
+            |qvz: u32| codes(&format!("type = \"{kind}\"\nparams = {{ protocol = \"3964r\", qvz_ms = {qvz} }}\n"));
+        assert_eq!((with(0), with(20)), (vec!["C008".to_owned()], vec![]), "{kind}");
+    }
+}
+
+/// [S0 L4717], [S1 L781]
+#[test]
+fn diagnostics_without_an_effect_are_a_warning() {
+    for (protocol, effect) in [("mbus", false), ("enocean", false), ("ascii", true)] {
+        let with =
+            |on| codes(&format!("type = \"cp240\"\nparams = {{ protocol = \"{protocol}\" }}\ndiagnostics = {on}\n"));
+        let expected = if effect { vec![] } else { vec!["C020".to_owned()] };
+        assert_eq!((with(true), with(false)), (expected, vec![]), "{protocol}");
+    }
+}
+
+/// [S0 L1351], [S0 L1504], [S0 L1526]
+#[test]
+fn an_interface_says_what_it_cannot_do() {
+    let with = |interface: &str, flow: &str| {
+        let said = said_of(&format!(
+            "type = \"cp240\"\nparams = {{ protocol = \"ascii\", flow = \"{flow}\" }}\ninterface = \"{interface}\"\n"
+        ));
+        said.into_iter().map(|(code, _, text)| (code, text.contains(": error "))).collect::<Vec<_>>()
+    };
+    let told = |error: bool| vec![("C008".to_owned(), error)];
+    for (interface, flow, expected) in [
+        ("rs232", "hardware", vec![]),
+        ("rs422", "hardware", told(true)),
+        ("rs485", "hardware", told(true)),
+        ("rs422", "xon-xoff", vec![]),
+        ("rs485", "xon-xoff", told(false)),
+        ("rs485", "none", vec![]),
+        ("rs", "none", vec![("C005".to_owned(), true)]),
+    ] {
+        assert_eq!(with(interface, flow), expected, "{interface} {flow}");
+    }
+    assert_eq!(codes("type = \"cp040\"\nparams = { protocol = \"ascii\" }\ninterface = \"rs485\"\n"), ["C010"]);
+    assert_eq!(codes("type = \"cp240\"\nparams = { protocol = \"mbus\" }\ninterface = \"rs485\"\n"), ["C010"]);
+}

@@ -99,7 +99,7 @@ fn run(spec: &LineSpec, eeprom: Eeprom) -> Result<(), Box<dyn std::error::Error>
                 // The cable is plugged in later: the module is already on.
                 LineEvent::Up(_) => println!("line up"),
                 LineEvent::Gone(why) => println!("line gone: {why}"),
-                LineEvent::Input(_) => {}
+                LineEvent::Input(_) | LineEvent::Echo(_) => {}
             }
         }
         loop {

@@ -8,6 +8,7 @@
 pub mod cp240;
 pub mod judge;
 pub mod partner;
+pub mod ptp;
 pub mod record;
 pub mod run;
 pub mod shape;
@@ -31,5 +32,7 @@ pub struct Subject {
 /// All CPs.
 pub const SUBJECTS: &[Subject] = &[
     Subject { name: "cp240", plugin: "ob1-cp240", run: cp240::run },
-    // cp340, cp341, cp040
+    Subject { name: "cp340", plugin: "ob1-cp340", run: ptp::cp340 },
+    Subject { name: "cp341", plugin: "ob1-cp341", run: ptp::cp341 },
+    Subject { name: "cp040", plugin: "ob1-cp040", run: ptp::cp040 },
 ];

@@ -118,7 +118,7 @@ pub fn run<P: Partner, J: Judge<P>>(case: Case<P>, judge: &mut J, folder: &Path,
     let mut plan = plan.into_iter().peekable();
     let mut stopped = false;
     let mut shown = String::new();
-    while bench.now < end {
+    while bench.now < end && !(plan.peek().is_none() && judge.is_over(bench.now)) {
         let due = plan.peek().map_or(end, |(at, _)| *at).min(end);
         if due > bench.now {
             let mut broken = None;

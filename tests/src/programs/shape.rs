@@ -57,6 +57,8 @@ pub struct Piece {
     pub text: String,
     /// Static variables: name and type.
     pub statics: Vec<(String, Type)>,
+    /// Multi-instances: name and function block.
+    pub instances: Vec<(&'static str, &'static str)>,
 }
 
 /// A program being put together.
@@ -124,13 +126,15 @@ impl Shape {
     /// Puts a piece into the program. Pieces of OB 1 run in the order of these calls.
     pub fn put(&mut self, piece: Piece, home: Home, rhythm: &Rhythm) {
         let home = match home {
-            Home::Ob1 | Home::Fc | Home::Ob35 if !piece.statics.is_empty() => Home::Fb,
+            Home::Ob1 | Home::Fc | Home::Ob35 if !piece.statics.is_empty() || !piece.instances.is_empty() => Home::Fb,
             home => home,
         };
         let number = self.numbers;
         self.numbers += 2;
-        let statics = piece.statics.iter().fold(String::from("VAR\n"), |mut out, (name, of)| {
-            let _ = writeln!(out, "{name} : {};", of.name());
+        let statics = piece.statics.iter().map(|(name, of)| (name.as_str(), of.name()));
+        let statics = statics.chain(piece.instances.iter().copied());
+        let statics = statics.fold(String::from("VAR\n"), |mut out, (name, of)| {
+            let _ = writeln!(out, "{name} : {of};");
             out
         }) + "END_VAR\n";
         let text = match home {

@@ -358,6 +358,7 @@ fn a_call_for_nothing_is_found_before() {
         ("modbus-slave-ascii-short", FRAGMENTS, vec![("L022".to_owned(), line + 2)]),
         ("modbus-master-rtu", FRAGMENTS, vec![]),
         ("ascii", SYNCHRON, vec![]),
+        ("3964r-rk512", FRAGMENTS, vec![("L024".to_owned(), line + 2), ("L025".to_owned(), line + 2)]),
     ] {
         assert_eq!(warnings(protocol, cycle), expected, "{protocol}");
     }
@@ -379,4 +380,17 @@ fn a_cp_without_parameters() {
     assert!(!site.is_set(5, 0), "ZVZ has not run out");
     site.until(|site| site.is_set(5, 0));
     assert_eq!(site.word(40), 5);
+}
+
+/// [S0 L1504]: of all lines the plug of RS 485 has RTS alone. FC 8 shows it, and `ob1 check` says it before.
+#[test]
+fn fc_8_on_two_wires_has_rts_alone() {
+    let lines = "CALL FC 8 (ADR := 256, RTS := M 110.0, DTR := M 110.1, MASKE_RTS := M 110.2, MASKE_DTR := M 110.3, \
+        STATUS := MB 111, DELTA_STATUS := MB 112, START := M 110.4, AUFTRAG_LAEU := M 110.5, RET_VAL := MW 114);\n";
+    for (interface, status) in [("rs232", 0x30), ("rs422", 0x20), ("rs485", 0x20)] {
+        let params = format!("{{ protocol = \"ascii\" }}\ninterface = \"{interface}\"");
+        let mut site = Site::new(&params, &[SYNCHRON, lines].concat(), DB_10);
+        site.bench.pass(SECOND);
+        assert_eq!(site.word(110) & 0x30, status, "{interface}: RTS and DTR are ON where they are");
+    }
 }

@@ -29,7 +29,7 @@ impl Site {
         self.bench.station.cpu.write(cell, Width::Word, u32::from(word)).expect("bit memory");
     }
 
-    fn set_byte(&mut self, at: u32, byte: u8) {
+    pub(crate) fn set_byte(&mut self, at: u32, byte: u8) {
         let cell = Cell::Area(Area::Memory, 8 * at);
         self.bench.station.cpu.write(cell, Width::Byte, u32::from(byte)).expect("bit memory");
     }

@@ -57,15 +57,15 @@ const JOBS: &[(Job, u16, Report)] = &[
     (Job { r_typ: 'Z', dbb_no: 48, r_offset: 3, len: 32, ..FETCH }, 0, Ndr('Z', 0, 3, 32)),
     (Job { r_typ: 'T', dbb_no: 80, r_offset: 0, len: 32, ..FETCH }, 0, Ndr('T', 0, 0, 32)),
     // At most 16 timers or counters. A DX cannot be fetched from a CP 341.
-    (Job { r_typ: 'Z', r_offset: 3, len: 34, ..FETCH }, 0x0903, Error(0x0607)),
-    (Job { r_typ: 'T', len: 34, ..FETCH }, 0x0903, Error(0x0607)),
+    (Job { r_typ: 'Z', r_offset: 3, len: 34, ..FETCH }, 0x0902, Error(0x0607)),
+    (Job { r_typ: 'T', len: 34, ..FETCH }, 0x0902, Error(0x0607)),
     (Job { r_typ: 'X', ..FETCH }, 0x090B, Error(0x0604)),
     // DB missing or too short; bit memory beyond its end.
     (Job { r_no: 99, ..SEND }, 0x0903, Error(0x0606)),
     (Job { r_no: 99, ..FETCH }, 0x0903, Error(0x0606)),
     (Job { r_offset: 500, len: 100, ..SEND }, 0x0903, Error(0x0607)),
     (Job { r_offset: 500, len: 100, ..FETCH }, 0x0903, Error(0x0607)),
-    (Job { r_typ: 'M', r_offset: 250, len: 100, ..FETCH }, 0x0903, Error(0x0607)),
+    (Job { r_typ: 'M', r_offset: 250, len: 100, ..FETCH }, 0x0902, Error(0x0607)),
     // The coordination flag: set by the first job, it locks the second, also a FETCH.
     (Job { cf: (50, 3), ..SEND }, 0, Ndr('D', 31, 0, 10)),
     (Job { cf: (50, 3), ..SEND }, 0x0909, Error(0x060F)),

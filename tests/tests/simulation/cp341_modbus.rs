@@ -97,6 +97,9 @@ impl Example {
         let after = self.counters();
         // Data or an error of P_RCV_RK come before the end of the whole job.
         let received = after[2] - before[2];
+        // FC 21 calls P_SND_RK before FC 23 calls P_RCV_RK: at DONE the data and their length are already there.
+        // [S4 L1648], [S4 L1668]
+        assert_eq!(self.db(41)[0] & 0x10, 0, "NDR was in an earlier cycle");
         self.bench.pass(50 * MS);
         assert_eq!(self.counters()[..3], after[..3], "nothing comes after the end");
         assert_eq!(self.bench.station.cpu.bit_memory()[120] & 0x80, 0, "M 120.7 is reset at once");
@@ -225,6 +228,9 @@ fn a_reply_that_nobody_takes() {
     // second bit.
     example.bench.device.slave.registers[0] = 0xABCD;
     example.write(Cell::Db(70, 0), 0x02);
+    // The reset itself is answered with NDR.
+    example.bench.pass(50 * MS);
+    assert_eq!((example.counters()[2], example.int(41, 4)), (1, 0));
     assert_eq!(example.job(&[5, 3, 0, 0, 0, 1]), Err(0x0E31));
     example.write(Cell::Db(70, 0), 0x00);
     example.bench.device.slave.registers[0] = 0x1234;

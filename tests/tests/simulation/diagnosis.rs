@@ -3,6 +3,7 @@
 
 use std::fs;
 
+use ob1_cpu::OperatingState;
 use ob1_firmware::LineFault;
 use ob1_host::module::CpSettings;
 use ob1_line::sim::FaultRates;
@@ -63,7 +64,6 @@ fn a_wire_break_comes_and_goes_as_ob_82() {
         // ERR_A: fault, external; class 1Ch: with channel information.
         ("CP 040", CP_040, 0x051C_0000, 0x001C_0000),
         ("CP 240", CP_240, 0x250C_0200, 0x000C_0000),
-        ("CP 240, M-Bus", CP_240_MBUS, 0x250C_0200, 0x000C_0000),
     ] {
         let mut bench = house(module, true, true, &|_| {});
         assert_eq!(interrupts(&bench), (0, 0, 0), "{name}: {}", bench.log());
@@ -86,6 +86,20 @@ fn enocean_shows_and_tells_a_full_buffer_alone() {
     bench.fault(LineFault::Back);
     bench.pass(5 * SECOND);
     assert_eq!(interrupts(&bench), (0, 0, 0), "{}", bench.log());
+}
+
+/// "Diagnosis data -" [S0 L4717]: no interrupt, and no STOP where there is no OB 82.
+#[test]
+fn m_bus_has_no_diagnostic_interrupt() {
+    for ob_82 in [true, false] {
+        let mut bench = house(CP_240_MBUS, true, ob_82, &|_| {});
+        bench.fault(LineFault::Gone);
+        bench.pass(SECOND);
+        bench.fault(LineFault::Back);
+        bench.pass(5 * SECOND);
+        assert_eq!(interrupts(&bench), (0, 0, 0), "{}", bench.log());
+        assert_eq!(bench.station.cpu.state(), OperatingState::Run, "{}", bench.log());
+    }
 }
 
 #[test]

@@ -6,9 +6,14 @@ use super::Finding;
 use super::tree::Tree;
 
 /// The manuals and their numbers of lines.
-const MANUALS: &[(&str, u32)] = &[("S0", 4956), ("S1", 2498), ("S3", 400), ("S4", 2330)];
+const MANUALS: &[(&str, u32)] = &[("S0", 4956), ("S1", 2499), ("S3", 400), ("S4", 2330)];
 
 const RULE: &str = "invariant 12";
+
+/// The number of lines of a manual, 0 if there is none of this name.
+pub(super) fn length(manual: &str) -> usize {
+    MANUALS.iter().find(|(name, _)| *name == manual).map_or(0, |(_, lines)| *lines as usize)
+}
 
 /// Checks all citations in the checkout.
 pub(super) fn check(tree: &Tree) -> Vec<Finding> {

@@ -1,14 +1,16 @@
-//! The conformance tables of the CP 341 and the CP 340: every row of the manuals with the test that proves it, or the
-//! reason why there is no test.
+//! The conformance tables of the CPs: every row of the manuals with the test that proves it, or the reason why there is
+//! no test.
 //!
 //! `docs/conformance/*.rows` are written by hand, and `cargo xtask arch --bless` generates the pages from them. The
-//! guard finds rows without test and reason, missing tests, sections without a row, and pages that do not match the
-//! rows.
+//! guard finds rows without test and reason, missing tests, sections without a row, lines of a manual without a row,
+//! and pages that do not match the rows.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
+use std::ops::RangeInclusive;
 
 use super::Finding;
+use super::citations;
 use super::tree::{File, Tree};
 use crate::cargo;
 use crate::failure::{Outcome, step};
@@ -25,15 +27,42 @@ struct Manual {
     head: &'static str,
     /// The event numbers are also rows of this table.
     has_events: bool,
+    /// The manual of which each line has a row.
+    whole: Option<&'static str>,
 }
 
-const MANUALS: [Manual; 3] = [
+const MANUALS: [Manual; 6] = [
+    Manual {
+        rows: "docs/conformance/cp240.rows",
+        page: "docs/conformance/cp240.md",
+        sections: SECTIONS_240,
+        head: HEAD_240,
+        has_events: false,
+        whole: Some("S0"),
+    },
+    Manual {
+        rows: "docs/conformance/cp240-enocean.rows",
+        page: "docs/conformance/cp240-enocean.md",
+        sections: SECTIONS_240_ENOCEAN,
+        head: HEAD_240_ENOCEAN,
+        has_events: false,
+        whole: Some("S1"),
+    },
+    Manual {
+        rows: "docs/conformance/cp040.rows",
+        page: "docs/conformance/cp040.md",
+        sections: SECTIONS_040,
+        head: HEAD_040,
+        has_events: false,
+        whole: Some("S3"),
+    },
     Manual {
         rows: "docs/conformance/cp341.rows",
         page: "docs/conformance/cp341.md",
         sections: SECTIONS,
         head: HEAD,
         has_events: true,
+        whole: None,
     },
     Manual {
         rows: "docs/conformance/cp340.rows",
@@ -41,6 +70,7 @@ const MANUALS: [Manual; 3] = [
         sections: SECTIONS_340,
         head: HEAD_340,
         has_events: false,
+        whole: None,
     },
     Manual {
         rows: "docs/conformance/cp342.rows",
@@ -48,6 +78,7 @@ const MANUALS: [Manual; 3] = [
         sections: "blocks; DPSTATUS; DTYPE; CTYPE; STATUS",
         head: HEAD_342,
         has_events: false,
+        whole: None,
     },
 ];
 
@@ -73,6 +104,58 @@ const SECTIONS: &str = "
 const SECTIONS_340: &str = "
     CP 340 blocks; CP 340 p. 39; CP 340 p. 54; CP 340 p. 64; CP 340 p. 67; CP 340 p. 72; CP 340 p. 85; CP 340 p. 142; CP 340 p. 143;
     CP 341 p. 76; CP 341 p. 94; CP 341 p. 100; CP 341 p. 101; CP 341 p. 103; reference 3.7";
+
+/// The sections of the CP 240's manual, by the pages of its table of contents.
+const SECTIONS_240: &str = "
+    S0 0; S0 1-2; S0 1-3; S0 1-4; S0 1-5; S0 2-2; S0 2-5; S0 2-8; S0 2-10; S0 2-12; S0 3-2; S0 3-3; S0 3-4;
+    S0 3-7; S0 3-8; S0 3-9; S0 3-10; S0 3-11; S0 3-12; S0 3-14; S0 3-16; S0 3-17; S0 4-2; S0 4-3; S0 4-4; S0 4-5;
+    S0 4-10; S0 4-11; S0 4-12; S0 4-16; S0 4-18; S0 4-19; S0 4-22; S0 4-26; S0 4-27; S0 4-28; S0 4-31; S0 4-34; S0 4-35; S0 4-39;
+    S0 4-40; S0 4-46; S0 5-2; S0 5-3; S0 5-4; S0 5-5; S0 5-7; S0 5-9; S0 5-14; S0 5-17; S0 5-29; S0 5-31; S0 6-2; S0 6-3; S0 6-4;
+    S0 6-5; S0 6-6; S0 6-8; S0 6-13; S0 6-17; S0 A";
+
+/// The sections of the manual of the CP 240 EnOcean, by the pages of its table of contents.
+const SECTIONS_240_ENOCEAN: &str = "
+    S1 0; S1 1-2; S1 1-3; S1 1-5; S1 1-7; S1 1-11; S1 1-12; S1 1-14; S1 1-17; S1 2-2; S1 2-3; S1 2-5; S1 3-2; S1 3-3; S1 3-5;
+    S1 3-6; S1 3-9; S1 3-12; S1 3-14; S1 3-19; S1 3-34";
+
+/// The chapters of the CP 040's manual.
+const SECTIONS_040: &str = "
+    S3 1; S3 2; S3 2.8; S3 3.1; S3 3.2; S3 3.3; S3 4.1; S3 4.2; S3 4.3.1; S3 4.3.2; S3 4.3.3; S3 4.4; S3 4.5;
+    S3 5.1; S3 5.2; S3 5.3; S3 5.4; S3 5.5; S3 5.6; S3 5.6.3; S3 5.6.4";
+
+const HEAD_240: &str = "\
+# Conformance of the CP 240
+
+Every line of the CP 240's manual (S0) with the test that proves what it requires, or the reason why there is none:
+*fact only* (nothing to be done by this program), *other module*, *hardware fault*. Where two lines of the manual
+contradict each other, the row says so; what ob1 does then is
+[decision 20](../decisions/0020-what-the-cp-manuals-leave-open.md).
+
+Made of `docs/conformance/cp240.rows` by `cargo xtask arch --bless`; `cargo xtask arch` fails when a row has neither,
+when a test is not there, when a section has no row, and when a line of the manual has none.
+";
+
+const HEAD_240_ENOCEAN: &str = "\
+# Conformance of the CP 240 EnOcean
+
+Every line of the EnOcean module's own manual (S1, German) with the test that proves what it requires, or the reason why
+there is none: *fact only* (nothing to be done by this program), *other module*, *hardware fault*. What it shares with
+the [manual of the CP 240](cp240.md) has the same tests.
+
+Made of `docs/conformance/cp240-enocean.rows` by `cargo xtask arch --bless`; `cargo xtask arch` fails when a row has
+neither, when a test is not there, when a section has no row, and when a line of the manual has none.
+";
+
+const HEAD_040: &str = "\
+# Conformance of the CP 040
+
+Every line of the CP 040's manual (S3, the excerpts that are public) with the test that proves what it requires, or the
+reason why there is none: *fact only* (nothing to be done by this program), *other module*, *hardware fault*. A row that
+says *ours* is our decision, because the excerpt is silent ([registers](../cp040-registers.md)).
+
+Made of `docs/conformance/cp040.rows` by `cargo xtask arch --bless`; `cargo xtask arch` fails when a row has neither,
+when a test is not there, when a section has no row, and when a line of the manual has none.
+";
 
 const HEAD_342: &str = "\
 # Conformance of the CP 342-5
@@ -199,6 +282,34 @@ fn is_about(heading: &str, section: &str) -> bool {
     heading.strip_prefix(section).is_some_and(|rest| rest.is_empty() || rest.starts_with(' '))
 }
 
+/// The lines of the manual that a place names: `L12`, `L12-15`, several parted by commas.
+fn lines_of(place: &str) -> Option<Vec<RangeInclusive<usize>>> {
+    let range = |part: &str| {
+        let part = part.trim().strip_prefix('L')?;
+        let (first, last) = part.split_once('-').unwrap_or((part, part));
+        let range: RangeInclusive<usize> = first.parse().ok()?..=last.parse().ok()?;
+        (!range.is_empty()).then_some(range)
+    };
+    place.split(',').map(range).collect()
+}
+
+/// The lines of a manual that no row names, as ranges; or the rows whose places are no lines of it.
+fn holes(table: &Table<'_>, lines: usize) -> Vec<(Option<usize>, String)> {
+    let mut has_row = vec![false; lines];
+    let mut flaws = Vec::new();
+    for row in table.rows() {
+        let named = lines_of(row.place);
+        match named.filter(|ranges| ranges.iter().all(|range| *range.start() > 0 && *range.end() <= lines)) {
+            Some(ranges) => ranges.into_iter().flatten().for_each(|line| has_row[line - 1] = true),
+            None => flaws.push((Some(row.line), format!("`{}` are no lines of the manual, `L1-{lines}`", row.place))),
+        }
+    }
+    let lines: Vec<usize> = (1..=lines).collect();
+    let runs = lines.chunk_by(|a, b| has_row[a - 1] == has_row[b - 1]).filter(|run| !has_row[run[0] - 1]);
+    flaws.extend(runs.map(|run| (None, format!("L{}-{} has no row", run[0], run[run.len() - 1]))));
+    flaws
+}
+
 /// Runs the guard.
 pub(super) fn check(tree: &Tree) -> Vec<Finding> {
     let required = |manual: &Manual| manual.sections.split(';').map(str::trim);
@@ -225,6 +336,9 @@ fn check_against<'s>(tree: &Tree, manual: &Manual, required: impl Iterator<Item 
         if counts.sum::<usize>() == 0 {
             findings.push(finding(rows.into(), format!("{section} has no row")));
         }
+    }
+    for (line, what) in manual.whole.map_or_else(Vec::new, |name| holes(&table, citations::length(name))) {
+        findings.push(finding(line.map_or_else(|| rows.into(), at), what));
     }
     let listed: BTreeSet<&str> = event_rows(&table).map(|row| row.place).collect();
     for (number, _, reason) in manual.events(tree) {
@@ -267,7 +381,9 @@ fn page(tree: &Tree, manual: &Manual, table: &Table<'_>) -> String {
     let proven = count(&|_| true) + without - reasons;
     let _ = write!(page, "\n{proven} rows have a test, {reasons} a reason why there is none.\n");
     for (heading, rows) in table.sections.iter().filter(|(heading, _)| !is_about(heading, "events")) {
-        let manual = if heading.starts_with("S4") { "S4 " } else { "" };
+        // S0, S1, S3, S4: the places are lines of this manual.
+        let is_manual = |name: &&str| name.len() == 2 && name.starts_with('S');
+        let manual = heading.split(' ').next().filter(is_manual).map_or(String::new(), |name| format!("{name} "));
         let _ = write!(page, "\n## {heading}\n\n| place | what it says | proof |\n|---|---|---|\n");
         for row in rows {
             let _ = writeln!(page, "| {manual}{} | {} | {} |", row.place, row.text, proof(tree, table, row));
@@ -302,7 +418,8 @@ fn proof(tree: &Tree, table: &Table<'_>, row: &Row<'_>) -> String {
 mod tests {
     use super::*;
 
-    const CP341: &Manual = &MANUALS[0];
+    const CP341: &Manual = &MANUALS[3];
+    const WHOLE: Manual = Manual { whole: Some("S3"), has_events: false, ..MANUALS[0] };
     const CODE: &str = "#[test]\nfn good() {}\nfn helper() {}\n// fn commented()\n";
     const EVENT_PAGE: &str = "| STATUS | event |\n| 0E20 | bits | remedy | |\n| 0101 | memory | | hardware fault |\n";
     const GOOD: &str = "@m a/tests/m.rs\n== S4 3.1 Title\nL12 | said | m::good\nL13 | said | fact only\n== events\n0E20 | - | m::good\n";
@@ -335,6 +452,30 @@ mod tests {
         ] {
             let found = findings(&GOOD.replace(from, to));
             assert!(found.iter().any(|finding| finding.contains(says)), "{from} -> {to}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn each_line_of_a_whole_manual_has_a_row() {
+        let good = "@m a/tests/m.rs\n== S3 1 Title\nL1-3, L6-400 | said | m::good\nL3-5 | said | fact only\n";
+        for (from, to, says) in [
+            ("", "", ""),
+            ("L1-3, L6-400", "L1-3, L8-400", "L6-7 has no row"),
+            ("L1-3, ", "L2-3, ", "L1-1 has no row"),
+            ("L3-5", "L4-5", ""),
+            ("L6-400", "L6-401", "`L1-3, L6-401` are no lines of the manual"),
+            ("L3-5", "L0-5", "`L0-5` are no lines"),
+            ("L3-5", "L5-3", "`L5-3` are no lines"),
+            ("L3-5", "page 3", "`page 3` are no lines"),
+        ] {
+            let rows = good.replacen(from, to, 1);
+            let code = [("a/tests/m.rs", CODE), (WHOLE.rows, &rows)];
+            let page = page(&Tree::of(&code), &WHOLE, &Table::read(&rows));
+            assert!(page.contains("| S3 L3-5 | said |") || !from.is_empty(), "{page}");
+            let tree = Tree::of(&[code[0], code[1], (WHOLE.page, &page)]);
+            let found = check_against(&tree, &WHOLE, ["S3 1"].into_iter());
+            let text = found.iter().map(ToString::to_string).collect::<String>();
+            assert!(found.is_empty() == says.is_empty() && text.contains(says), "{from} -> {to}: {text}");
         }
     }
 

@@ -1,4 +1,5 @@
-//! Numbers to STRING and back. What cannot be converted leaves the result alone, and BR is 0.
+//! Numbers to STRING and back. What is no number leaves the result alone, what is beyond its range becomes the nearest
+//! limit; BR is 0 in both cases. Forms and limits are those of Siemens' compiled blocks.
 
 use ob1_model::BlockKind::Fc;
 
@@ -25,18 +26,19 @@ pub(super) const ROWS: &[Row] = &[
         write_integer(call, IntString::RET_VAL, value)
     })
     .note("always with a sign"),
-    Row::new::<RealString>(Origin::Iec, Fc, 30, "R_STRNG", write_real).note("14 characters `±v.nnnnnnnE±xx`"),
+    Row::new::<RealString>(Origin::Iec, Fc, 30, "R_STRNG", write_real).note("14 characters `±0.nnnnnnnE±xx`"),
     Row::new::<StringDint>(Origin::Iec, Fc, 37, "STRNG_DI", |call| {
-        let value = integer(call.text(StringDint::S).as_slice(), 11).and_then(|v| i32::try_from(v).ok());
-        read_integer(call, StringDint::RET_VAL, value)
+        let value = integer(call.text(StringDint::S).as_slice(), 11);
+        read_integer(call, StringDint::RET_VAL, value, i64::from(i32::MIN)..=i64::from(i32::MAX))
     })
-    .note("at most 11 characters"),
+    .note("at most 11 characters; saturates with BR 0"),
     Row::new::<StringInt>(Origin::Iec, Fc, 38, "STRNG_I", |call| {
-        let value = integer(call.text(StringInt::S).as_slice(), 6).and_then(|v| i16::try_from(v).ok());
-        read_integer(call, StringInt::RET_VAL, value.map(i32::from))
+        let value = integer(call.text(StringInt::S).as_slice(), 6);
+        read_integer(call, StringInt::RET_VAL, value, i64::from(i16::MIN)..=i64::from(i16::MAX))
     })
-    .note("at most 6 characters"),
-    Row::new::<StringReal>(Origin::Iec, Fc, 39, "STRNG_R", read_real).note("14 characters `±v.nnnnnnnE±xx`"),
+    .note("at most 6 characters; saturates with BR 0"),
+    Row::new::<StringReal>(Origin::Iec, Fc, 39, "STRNG_R", read_real)
+        .note("`±v.nnnnnnnE±xx`, also `,` and `e`; saturates with BR 0"),
 ];
 
 /// A sign and digits without leading zeros.
@@ -80,13 +82,19 @@ fn integer(text: &[u8], longest: usize) -> Option<i64> {
     Some(if negative { -value } else { value })
 }
 
-fn read_integer(call: &mut Call<'_>, ret_val: impl Params, value: Option<i32>) -> Done {
+/// The value, or the limit of its type and BR 0.
+fn read_integer(
+    call: &mut Call<'_>,
+    ret_val: impl Params,
+    value: Option<i64>,
+    range: std::ops::RangeInclusive<i64>,
+) -> Done {
     let Some(value) = value else { return call.br(false) };
-    call.set_dint(ret_val, value);
-    Ok(())
+    call.set_dint(ret_val, value.clamp(*range.start(), *range.end()) as i32);
+    call.br(range.contains(&value))
 }
 
-/// `±v.nnnnnnnE±xx`; no conversion for an infinity, a NaN or a result variable of less than 14 characters.
+/// `±0.nnnnnnnE±xx`; no conversion for an infinity, a NaN or a result variable of less than 14 characters.
 fn write_real(call: &mut Call<'_>) -> Done {
     let value = call.real(RealString::IN);
     if is_invalid(value) {
@@ -95,26 +103,28 @@ fn write_real(call: &mut Call<'_>) -> Done {
     write_whole(call, RealString::RET_VAL, &real_text(value))
 }
 
-/// The 14 characters of a finite REAL.
+/// The 14 characters of a finite REAL: seven digits behind the point, the first of them not 0.
 fn real_text(value: f32) -> [u8; 14] {
     let mut text = *b"+0.0000000E+00";
-    if value.is_sign_negative() && value != 0.0 {
+    if value == 0.0 {
+        return text;
+    }
+    if value.is_sign_negative() {
         text[0] = b'-';
     }
     let mut room = Exponential { bytes: [0; 24], len: 0 };
-    // A finite number in this form has at most 13 characters, so that writing cannot fail.
-    let _ = std::fmt::Write::write_fmt(&mut room, format_args!("{:.7e}", f64::from(value.abs())));
+    // `d.ddddddexx`: a finite number in this form has at most 12 characters, so that writing cannot fail.
+    let _ = std::fmt::Write::write_fmt(&mut room, format_args!("{:.6e}", f64::from(value.abs())));
     let written = &room.bytes[..room.len];
-    let at = written.iter().position(|c| *c == b'e').unwrap_or(0);
-    if at == 9 {
-        text[1..10].copy_from_slice(&written[..9]);
-        let (sign, digits) = match &written[10..] {
-            [b'-', digits @ ..] => (b'-', digits),
-            digits => (b'+', digits),
-        };
-        text[11] = sign;
-        let digits = &digits[..digits.len().min(2)];
-        text[14 - digits.len()..].copy_from_slice(digits);
+    if let [first, b'.', rest @ ..] = written
+        && let Some((digits, [b'e', exponent @ ..])) = rest.split_at_checked(6)
+    {
+        text[3] = *first;
+        text[4..10].copy_from_slice(digits);
+        let exponent = std::str::from_utf8(exponent).ok().and_then(|text| text.parse::<i8>().ok()).unwrap_or(0) + 1;
+        text[11] = if exponent < 0 { b'-' } else { b'+' };
+        let [tens, ones] = [exponent.unsigned_abs() / 10 % 10, exponent.unsigned_abs() % 10];
+        text[12..].copy_from_slice(&[b'0' + tens, b'0' + ones]);
     }
     text
 }
@@ -134,26 +144,29 @@ impl std::fmt::Write for Exponential {
     }
 }
 
-/// Exactly `±v.nnnnnnnE±xx`, within the range of REAL.
 fn read_real(call: &mut Call<'_>) -> Done {
     let text = call.text(StringReal::S);
     let Some(value) = real(text.as_slice()) else { return call.br(false) };
-    call.set_real(StringReal::RET_VAL, value);
-    Ok(())
+    let fits = value.is_finite() && (value == 0.0 || value.is_normal());
+    let limit = if value.is_finite() { f32::MIN_POSITIVE } else { f32::MAX };
+    // What is too small for a REAL with all its digits is the smallest one that has them.
+    call.set_real(StringReal::RET_VAL, if fits { value } else { limit.copysign(value) });
+    call.br(fits)
 }
 
+/// Exactly `±v.nnnnnnnE±xx`, the point also a comma, the letter also small. Too large: infinite. Too small: not normal.
 fn real(text: &[u8]) -> Option<f32> {
-    let shape = text.len() == 14
-        && text.iter().enumerate().all(|(i, c)| match i {
-            0 | 11 => matches!(c, b'+' | b'-'),
-            2 => *c == b'.',
-            10 => *c == b'E',
-            _ => c.is_ascii_digit(),
-        });
-    let value: f32 = std::str::from_utf8(text).ok().filter(|_| shape)?.parse().ok()?;
-    // A value that is not 0 as written, but too small for a REAL, is out of range as well.
-    let underflow = value == 0.0 && text[1..10].iter().any(|c| (b'1'..=b'9').contains(c));
-    (value.is_finite() && !underflow).then_some(value)
+    let mut text: [u8; 14] = text.try_into().ok()?;
+    text[2] = if text[2] == b',' { b'.' } else { text[2] };
+    let shape = text.iter().enumerate().all(|(i, c)| match i {
+        0 | 11 => matches!(c, b'+' | b'-'),
+        2 => *c == b'.',
+        10 => c.eq_ignore_ascii_case(&b'e'),
+        _ => c.is_ascii_digit(),
+    });
+    let value: f32 = std::str::from_utf8(&text).ok().filter(|_| shape)?.parse().ok()?;
+    let is_zero = text[1..10].iter().all(|c| matches!(c, b'0' | b'.'));
+    Some(if value == 0.0 && !is_zero { f32::from_bits(1).copysign(value) } else { value })
 }
 
 #[cfg(test)]
@@ -182,12 +195,13 @@ mod tests {
     fn strings_to_integers() {
         for (key, text, value, br) in [
             ("IEC:FC37", "-2147483648", i32::MIN, true),
-            ("IEC:FC37", "2147483648", 7, false),
+            ("IEC:FC37", "2147483648", i32::MAX, false),
             ("IEC:FC37", "+00000000001", 7, false),
             ("IEC:FC37", "12", 12, true),
             ("IEC:FC38", "+32767", 32_767, true),
             ("IEC:FC38", "-32768", -32_768, true),
-            ("IEC:FC38", "32768", 7, false),
+            ("IEC:FC38", "32768", 32_767, false),
+            ("IEC:FC38", "-32769", -32_768, false),
             ("IEC:FC38", "0000001", 7, false),
             ("IEC:FC38", "", 7, false),
             ("IEC:FC38", "-", 7, false),
@@ -205,27 +219,43 @@ mod tests {
     fn reals_both_ways() {
         for (value, text) in [
             (0.0, "+0.0000000E+00"),
-            (303.303, "+3.0330301E+02"),
-            (-1.0, "-1.0000000E+00"),
-            (f32::MAX, "+3.4028235E+38"),
-            (2f32.powi(-20), "+9.5367432E-07"),
+            (3.5, "+0.3500000E+01"),
+            (-1.0, "-0.1000000E+01"),
+            (0.5, "+0.5000000E+00"),
+            (303.303, "+0.3033030E+03"),
+            (f32::MAX, "+0.3402823E+39"),
+            (2f32.powi(-20), "+0.9536743E-06"),
         ] {
             let mut fake = Fake::new("IEC:FC30").with("IN", f32::to_be_bytes(value)).with("RET_VAL", string(14, ""));
             fake.run();
             assert_eq!((fake.text("RET_VAL"), fake.br), (text.to_owned(), true));
             let mut fake = Fake::new("IEC:FC39").with("S", string(20, text)).with("RET_VAL", [9; 4]);
             fake.run();
-            assert_eq!((fake.real("RET_VAL"), fake.br), (value, true), "{text}");
+            let error = (fake.real("RET_VAL") - value).abs();
+            assert!(fake.br && error <= value.abs() * 2e-7, "{text}");
+        }
+        for (text, value, br) in [
+            ("+3.0330301E+02", 303.303, true),
+            ("+1,2345678E+00", 1.234_567_8, true),
+            ("-1.0000000e+01", -10.0, true),
+            ("+1.0000000E+99", f32::MAX, false),
+            ("-1.0000000E+39", -f32::MAX, false),
+            ("+1.0000000E-40", f32::MIN_POSITIVE, false),
+            ("-1.0000000E-60", -f32::MIN_POSITIVE, false),
+        ] {
+            let mut fake = Fake::new("IEC:FC39").with("S", string(20, text)).with("RET_VAL", [9; 4]);
+            fake.run();
+            assert_eq!((fake.real("RET_VAL"), fake.br), (value, br), "{text}");
         }
         for (value, room) in [(f32::NAN, 20), (f32::NEG_INFINITY, 20), (1.0, 13)] {
             let mut fake = Fake::new("IEC:FC30").with("IN", value.to_be_bytes()).with("RET_VAL", string(room, "?"));
             fake.run();
             assert_eq!((fake.text("RET_VAL"), fake.br), ("?".to_owned(), false), "{value}");
         }
-        for text in ["", "+1.0000000E+0", "1.00000000E+00", "+1,0000000E+00", "+1.0000000E+39", "+1.0000000E-60"] {
-            let mut fake = Fake::new("IEC:FC39").with("S", string(20, text)).with("RET_VAL", [0; 4]);
+        for text in ["", "+1.0000000E+0", "1.00000000E+00", "+1.0000000E+000", "+1;0000000E+00", "+1.000000 E+00"] {
+            let mut fake = Fake::new("IEC:FC39").with("S", string(20, text)).with("RET_VAL", [9; 4]);
             fake.run();
-            assert!(!fake.br, "{text}");
+            assert_eq!((fake.bytes("RET_VAL"), fake.br), (&[9; 4][..], false), "{text}");
         }
     }
 }

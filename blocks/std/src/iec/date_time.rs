@@ -14,7 +14,7 @@ use crate::moment::{DAY_MS, Moment};
 use crate::row::{Origin, Row};
 
 params!(AddSub { Input { T: DT, D: TIME } Return { RET_VAL: DT } });
-params!(Difference { Input { T1: DT, T2: DT } Return { RET_VAL: TIME } });
+params!(Difference { Input { DT1: DT, DT2: DT } Return { RET_VAL: TIME } });
 params!(Combine { Input { IN1: DATE, IN2: TOD } Return { RET_VAL: DT } });
 params!(DatePart { Input { IN: DT } Return { RET_VAL: DATE } });
 params!(DayPart { Input { IN: DT } Return { RET_VAL: INT } });
@@ -58,7 +58,7 @@ fn shift(call: &mut Call<'_>, sign: i64) -> Done {
 
 /// Limited to the range of TIME with BR 0.
 fn difference(call: &mut Call<'_>) -> Done {
-    let moments = (Moment::from_bytes(call.dt(Difference::T1)), Moment::from_bytes(call.dt(Difference::T2)));
+    let moments = (Moment::from_bytes(call.dt(Difference::DT1)), Moment::from_bytes(call.dt(Difference::DT2)));
     let (Ok(one), Ok(other)) = moments else { return call.br(false) };
     let difference = one.ms() as i64 - other.ms() as i64;
     let limited = difference.clamp(i64::from(i32::MIN), i64::from(i32::MAX));
@@ -132,7 +132,7 @@ mod tests {
             ("2000-01-01-00:00:00.000", "1999-01-01-00:00:00.000", i32::MAX, false),
             ("1990-01-01-00:00:00.000", "2089-12-31-00:00:00.000", i32::MIN, false),
         ] {
-            let mut fake = Fake::new("IEC:FC34").with("T1", dt(t1)).with("T2", dt(t2)).with("RET_VAL", [0; 4]);
+            let mut fake = Fake::new("IEC:FC34").with("DT1", dt(t1)).with("DT2", dt(t2)).with("RET_VAL", [0; 4]);
             fake.run();
             assert_eq!((fake.dint("RET_VAL"), fake.br), (result, br), "{t1} {t2}");
         }

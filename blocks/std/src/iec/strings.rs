@@ -28,13 +28,13 @@ pub(super) const ROWS: &[Row] = &[
     Row::new::<Compare>(Origin::Iec, Fc, 15, "GT_STRNG", |call| compare(call, Ordering::is_gt)),
     Row::new::<Insert>(Origin::Iec, Fc, 17, "INSERT", insert),
     Row::new::<Compare>(Origin::Iec, Fc, 19, "LE_STRNG", |call| compare(call, Ordering::is_le)),
-    Row::new::<Ends>(Origin::Iec, Fc, 20, "LEFT", |call| ends(call, |len, l| (0, l.min(len)))),
+    Row::new::<Ends>(Origin::Iec, Fc, 20, "LEFT", |call| ends(call, |text, kept| &text[..kept])),
     Row::new::<Len>(Origin::Iec, Fc, 21, "LEN", len),
     Row::new::<Compare>(Origin::Iec, Fc, 24, "LT_STRNG", |call| compare(call, Ordering::is_lt)),
     Row::new::<Cut>(Origin::Iec, Fc, 26, "MID", mid),
     Row::new::<Compare>(Origin::Iec, Fc, 29, "NE_STRNG", |call| compare(call, Ordering::is_ne)),
     Row::new::<Replace>(Origin::Iec, Fc, 31, "REPLACE", replace),
-    Row::new::<Ends>(Origin::Iec, Fc, 32, "RIGHT", |call| ends(call, |len, l| (len.saturating_sub(l), len))),
+    Row::new::<Ends>(Origin::Iec, Fc, 32, "RIGHT", |call| ends(call, |text, kept| &text[text.len() - kept..])),
 ];
 
 /// Writes the pieces; BR tells whether all fitted.
@@ -81,20 +81,25 @@ fn mid(call: &mut Call<'_>) -> Done {
     join(call, Cut::RET_VAL, &[&text[p - 1..(p - 1 + l).min(text.len())]])
 }
 
-/// LEFT and RIGHT: `part` gives the ends of what is kept.
-fn ends(call: &mut Call<'_>, part: fn(usize, usize) -> (usize, usize)) -> Done {
+/// LEFT and RIGHT: `part` gives the characters at that end, as many as are kept. A result that is too short for L
+/// characters has those nearest to the end.
+fn ends(call: &mut Call<'_>, part: fn(&[u8], usize) -> &[u8]) -> Done {
     let input = call.text(Ends::IN);
     let text = input.as_slice();
     let Ok(l) = usize::try_from(call.int(Ends::L)) else { return refuse(call, Ends::RET_VAL) };
-    let (from, to) = part(text.len(), l);
-    join(call, Ends::RET_VAL, &[&text[from..to]])
+    let wanted = l.min(text.len());
+    let kept = wanted.min(call.room(Ends::RET_VAL));
+    call.set_text(Ends::RET_VAL, part(text, kept));
+    call.br(kept == wanted)
 }
 
-/// The position of the second string in the first, 0 when it is not in it. An empty one is in no string.
+/// The position of the second string in the first, 0 when it is not in it. An empty one is in no string, and neither is
+/// one as long as the first, not even in itself: so it is in Siemens' compiled FC 11.
 fn find(call: &mut Call<'_>) -> Done {
     let (one, other) = (call.text(Find::IN1), call.text(Find::IN2));
-    let wanted = other.as_slice();
-    let at = if wanted.is_empty() { None } else { one.as_slice().windows(wanted.len()).position(|w| w == wanted) };
+    let (text, wanted) = (one.as_slice(), other.as_slice());
+    let shorter = !wanted.is_empty() && wanted.len() < text.len();
+    let at = shorter.then(|| text.windows(wanted.len()).position(|w| w == wanted)).flatten();
     call.set_int(Find::RET_VAL, at.map_or(0, |at| at as i16 + 1));
     Ok(())
 }
@@ -167,6 +172,7 @@ mod tests {
         ("RIGHT", &["abc"], &[2], 10, "bc", true),
         ("RIGHT", &["abc"], &[9], 10, "abc", true),
         ("RIGHT", &["abc"], &[-2], 10, "", false),
+        ("RIGHT", &["12345"], &[5], 3, "345", false),
         ("MID", &["abcdef"], &[2, 3], 10, "cd", true),
         ("MID", &["abcdef"], &[9, 6], 10, "f", true),
         ("MID", &["abcdef"], &[1, 7], 10, "", false),
@@ -226,7 +232,7 @@ mod tests {
     #[test]
     fn finding_and_comparing() {
         for (one, other, at) in
-            [("abcabc", "ca", 3), ("abc", "abc", 1), ("abc", "abcd", 0), ("abc", "", 0), ("", "a", 0)]
+            [("abcabc", "ca", 3), ("abc", "abc", 0), ("abc", "abcd", 0), ("abc", "", 0), ("", "a", 0)]
         {
             let mut fake = Fake::new("IEC:FIND").with("IN1", string(9, one)).with("IN2", string(9, other));
             fake = fake.with("RET_VAL", [9; 2]);

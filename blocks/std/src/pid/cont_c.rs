@@ -29,6 +29,10 @@ params!(ContC {
 pub(super) const ROWS: &[Row] =
     &[Row::new::<ContC>(Origin::Pid, Fb, 41, "CONT_C", cont_c), Row::sfb::<ContC>(41, "CONT_C", cont_c)];
 
+/// The limits of LMN_PER: the ends of an analog module's overrange.
+const PER_HIGH: f32 = 32511.0;
+const PER_LOW: f32 = -32512.0;
+
 fn cont_c(call: &mut Call<'_>) -> Done {
     if call.bool(ContC::COM_RST) {
         return restart(call);
@@ -56,12 +60,13 @@ fn cont_c(call: &mut Call<'_>) -> Done {
         wanted
     };
     if manual && call.bool(ContC::I_SEL) && !call.bool(ContC::I_ITL_ON) {
-        // The integrator follows, so that switching to automatic gives no bump.
-        i = value - p - disturbance;
+        // The integrator follows what the call before has put out, so that switching to automatic gives no bump.
+        i = call.real(ContC::sLmn) - p - disturbance;
     }
     let out = value * call.real(ContC::LMN_FAC) + call.real(ContC::LMN_OFF);
     call.set_real(ContC::LMN, out);
-    call.set(ContC::LMN_PER, u32::from((out * 276.48).round_ties_even() as i16 as u16));
+    let per = (out * 276.48).clamp(PER_LOW, PER_HIGH).round_ties_even();
+    call.set(ContC::LMN_PER, u32::from(per as i16 as u16));
     call.set_bool(ContC::QLMN_HLM, over);
     call.set_bool(ContC::QLMN_LLM, under);
     for (p, value) in [
@@ -129,7 +134,7 @@ fn integral(call: &mut Call<'_>, signal: f32, cycle: f32, manual: bool) -> f32 {
 /// A differentiator with a lag of the first order.
 fn differential(call: &mut Call<'_>, signal: f32, cycle: f32, manual: bool) -> f32 {
     let time = ms(call, ContC::TD);
-    if manual || !call.bool(ContC::D_SEL) || time == 0.0 {
+    if manual || !call.bool(ContC::D_SEL) {
         call.set_real(ContC::sRueck, signal);
         call.set_real(ContC::sRestDif, 0.0);
         return 0.0;
@@ -203,8 +208,10 @@ mod tests {
     #[test]
     fn manual_to_automatic_without_a_bump() {
         let mut fake = fake().with("MAN_ON", [1]).with("MAN", 50f32.to_be_bytes());
-        fake.run();
-        assert_eq!((fake.real("LMN"), fake.real("LMN_I")), (50.0, 30.0));
+        for i in [-20.0, 30.0] {
+            fake.run();
+            assert_eq!((fake.real("LMN"), fake.real("LMN_I")), (50.0, i), "the integrator is a call behind");
+        }
         let mut fake = fake.with("MAN_ON", [0]);
         fake.run();
         assert_eq!(fake.real("LMN"), 51.0, "one second of integration on");
@@ -221,6 +228,26 @@ mod tests {
             fake.run();
             assert!((fake.real("LMN_D") - d).abs() < 0.001, "{} {d}", fake.real("LMN_D"));
             assert_eq!(fake.real("LMN_I"), 0.0);
+        }
+    }
+
+    #[test]
+    fn a_derivative_time_below_the_cycle_counts_as_the_cycle() {
+        for td in [0i32, 999, 1000] {
+            let mut fake =
+                fake().with("D_SEL", [1]).with("TD", td.to_be_bytes()).with("LMN_HLM", 1000f32.to_be_bytes());
+            fake.run();
+            assert_eq!(fake.real("LMN_D"), 8.0, "1 / 2.5 * 20");
+        }
+    }
+
+    #[test]
+    fn lmn_per_ends_with_the_overrange() {
+        for (man, per) in [(200f32, 32_511), (-200.0, -32_512i16 as u16)] {
+            let mut fake = fake().with("MAN_ON", [1]).with("MAN", man.to_be_bytes());
+            fake = fake.with("LMN_HLM", 200f32.to_be_bytes()).with("LMN_LLM", (-200f32).to_be_bytes());
+            fake.run();
+            assert_eq!(fake.value("LMN_PER"), u32::from(per), "{man}");
         }
     }
 

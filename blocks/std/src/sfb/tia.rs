@@ -6,7 +6,7 @@
 //! that no name of TIA Portal has keep the timer's state and the counter's last signals.
 
 use super::counters::{ctd, ctu, ctud};
-use super::timers::{Moment, State, Step, off_delay, on_delay, pulse};
+use super::timers::{Moment, Reached, State, Step, off_delay, on_delay, pulse};
 use crate::Done;
 use crate::call::Call;
 use crate::declare::params;
@@ -90,12 +90,12 @@ fn run(call: &mut Call<'_>, step: Step, output: fn(State) -> bool) -> Done {
     let now = time_tick(call.cx.now());
     let (input, preset) = (call.bool(Timer::IN), call.dint(Timer::PT));
     let before = Moment { state: State::from_byte(call.byte(Timer::STATE)), start: call.raw(Timer::ST) };
-    let (after, elapsed) = before.next(step, now, input, preset);
-    call.set(Timer::STATE, after.state as u32);
-    call.set(Timer::ST, after.start);
-    call.set_bool(Timer::RU, after.state.runs());
+    let Reached { kept, state, elapsed } = before.next(step, now, input, preset);
+    call.set(Timer::STATE, kept.state as u32);
+    call.set(Timer::ST, kept.start);
+    call.set_bool(Timer::RU, kept.state.runs());
     call.set_dint(Timer::ET, elapsed);
-    call.set_bool(Timer::Q, output(after.state));
+    call.set_bool(Timer::Q, output(state));
     Ok(())
 }
 

@@ -1,5 +1,6 @@
 //! IEC timers: SFB 3 TP, SFB 4 TON, SFB 5 TOF. They count in the system time of SFC 64 and are brought up to date by
-//! each call. ["IEC Timers and IEC Counters"]
+//! each call. A call with PT = 0 also initialises the instance: a program makes one in OB 100 when a timer is to begin
+//! anew after a warm restart. ["IEC Timers and IEC Counters"]
 
 use crate::Done;
 use crate::call::Call;
@@ -64,12 +65,12 @@ fn run(call: &mut Call<'_>, step: Step, output: fn(State) -> bool) -> Done {
     let now = time_tick(call.cx.now());
     let (input, preset) = (call.bool(Timer::IN), call.dint(Timer::PT));
     let before = Moment { state: State::from_byte(call.byte(Timer::STATE)), start: call.raw(Timer::STIME) };
-    let (after, elapsed) = before.next(step, now, input, preset);
-    call.set(Timer::STATE, after.state as u32);
-    call.set(Timer::STIME, after.start);
+    let Reached { kept, state, elapsed } = before.next(step, now, input, preset);
+    call.set(Timer::STATE, kept.state as u32);
+    call.set(Timer::STIME, kept.start);
     call.set(Timer::ATIME, now);
     call.set_dint(Timer::ET, elapsed);
-    call.set_bool(Timer::Q, output(after.state));
+    call.set_bool(Timer::Q, output(state));
     Ok(())
 }
 
@@ -80,10 +81,23 @@ pub(super) struct Moment {
     pub(super) start: u32,
 }
 
+/// What a call has reached.
+#[derive(Clone, Copy)]
+pub(super) struct Reached {
+    /// For the next call.
+    pub(super) kept: Moment,
+    /// For Q.
+    pub(super) state: State,
+    /// ET.
+    pub(super) elapsed: i32,
+}
+
 impl Moment {
-    /// The next moment, with the elapsed time shown.
-    pub(super) fn next(self, step: Step, now: u32, input: bool, preset: i32) -> (Self, i32) {
-        let (Self { state: old, mut start }, preset) = (self, preset.max(0));
+    /// The next moment. A PT below 0, which the manual does not allow, counts as 0.
+    pub(super) fn next(self, step: Step, now: u32, input: bool, preset: i32) -> Reached {
+        let (Self { state, mut start }, preset) = (self, preset.max(0));
+        // "call with PT = 0 ms in OB 100": what was before is forgotten, and so is this call.
+        let old = if preset == 0 { State::Idle } else { state };
         let elapsed = now.wrapping_sub(start) & 0x7FFF_FFFF;
         let mut new = step(old, input, old == State::Running && elapsed as i32 >= preset);
         if new == State::Running && old != State::Running {
@@ -99,7 +113,8 @@ impl Moment {
             State::Running => 0,
             State::Over => preset,
         };
-        (Self { state: new, start }, shown)
+        let kept = Self { state: if preset == 0 { State::Idle } else { new }, start };
+        Reached { kept, state: new, elapsed: shown }
     }
 }
 
@@ -204,6 +219,26 @@ mod tests {
             100,
             &[(10, 1, 1, 0), (20, 0, 1, 0), (50, 1, 1, 0), (60, 0, 1, 0), (159, 0, 1, 99), (160, 0, 0, 100)],
         );
+    }
+
+    #[test]
+    fn a_call_without_a_time_initialises() {
+        // TP and TON are over with IN = 1, TOF after IN has fallen.
+        for (key, end, q) in [("SYSTEM:SFB3", 1, 1), ("SYSTEM:SFB4", 1, 0), ("SYSTEM:SFB5", 0, 0)] {
+            let mut fake = Fake::new(key).with("PT", 100i32.to_be_bytes());
+            for (ms, input) in [(0, 1), (1, end), (500, end)] {
+                fake.now = Instant::from_millis(ms);
+                fake = fake.with("IN", [input]);
+                fake.run();
+            }
+            // OB 100 of a warm restart, then OB 1 again.
+            for (ms, pt) in [(600, 0i32), (601, 100)] {
+                fake.now = Instant::from_millis(ms);
+                fake = fake.with("PT", pt.to_be_bytes());
+                fake.run();
+            }
+            assert_eq!((fake.value("Q"), fake.dint("ET")), (q, 0), "{key} begins anew");
+        }
     }
 
     #[test]

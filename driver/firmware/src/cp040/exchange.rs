@@ -124,7 +124,7 @@ mod tests {
         let mut cp = cp(60);
         assert_eq!(write(&mut cp, &[0x8A, 0, 0, 0x28], 0..40), (COMPLETE, 0x88));
         assert_eq!(cp.send.telegram(), Vec::from_iter(0..40));
-        cp.send.ended(true);
+        cp.send.ended(Ok(()));
         assert_eq!(cp.inputs()[0], 0xA8);
         assert_eq!(write(&mut cp, &[0x88], 0..0).1, 0x88);
     }
@@ -138,7 +138,7 @@ mod tests {
         assert_eq!(write(&mut cp, &[0x81], 27..42), (STORED, 0x18));
         assert_eq!(write(&mut cp, &[0x8A], 42..50), (COMPLETE, 0x18));
         assert_eq!(cp.send.telegram(), Vec::from_iter(0..50));
-        cp.send.ended(true);
+        cp.send.ended(Ok(()));
         assert_eq!(cp.inputs()[0], 0xA8);
     }
 

@@ -3,6 +3,7 @@
 
 use std::collections::VecDeque;
 
+use ob1_protocols::SendError;
 use ob1_slio::{ReceiveJob, ReceiveStep, SendJob, SendStep};
 use proptest::prelude::*;
 
@@ -162,7 +163,7 @@ impl World {
             Act::HostReceive => self.host_receive(),
             Act::Cp => self.cp(),
             Act::Ends(well) => {
-                self.cp.send.ended(*well);
+                self.cp.send.ended(well.then_some(()).ok_or(SendError::Frame));
                 self.show();
             }
             Act::Telegram(length) => {

@@ -1,6 +1,6 @@
 //! Where the protocol puts its results during one step.
 
-use ob1_protocols::{Event, Instant, LineFault, SendError, Sink, What, Wire};
+use ob1_protocols::{Event, Instant, LineFault, Phase, SendError, Sink, What, Wire};
 
 use super::receive::{ReceiveSide, ReturnValue};
 use crate::leds::LedDriver;
@@ -62,7 +62,10 @@ impl Sink for Outlet<'_> {
         match event.what {
             What::NoBuffer => self.tell(ReturnValue::NoBuffer),
             What::TooLong => self.tell(ReturnValue::Length),
-            What::Line(LineFault::Parity | LineFault::Framing | LineFault::Overrun | LineFault::Break) => {
+            // The first such character of a telegram; it is lost with all that follow. [S3 L319]
+            What::Line(LineFault::Parity | LineFault::Framing | LineFault::Overrun | LineFault::Break)
+                if event.phase == Phase::Receive =>
+            {
                 self.tell(ReturnValue::Character);
             }
             _ => {}

@@ -1,6 +1,6 @@
 //! CP -> host: received telegrams, each cut into fragments that the host acknowledges [S3 "Receiving data"].
 
-use crate::ring::{Capacity, Ring};
+use crate::ring::{Capacity, ERRORS_MAX, Ring};
 use ob1_words::cp040::{Area, FIRST, HEAD_BYTES, IDLE, INFO_OFFSET, INFO_PLAIN, IO_BYTES, LAST, nibble};
 use ob1_words::cp240::BUFFER_BYTES;
 
@@ -55,8 +55,8 @@ pub(crate) struct ReceiveSide {
     telegrams_max: usize,
     /// Error telegrams among the telegrams.
     errors: usize,
-    /// The newest entry is this error; it is not reported again until something else has come.
-    newest: Option<ReturnValue>,
+    /// It has been told that there was no room, and nothing has come out since.
+    full_told: bool,
 }
 
 impl ReceiveSide {
@@ -68,15 +68,15 @@ impl ReceiveSide {
             used: 0,
             telegrams_max: 1,
             errors: 0,
-            newest: None,
+            full_told: false,
         }
     }
 
     /// Empties the buffer; returns the number of telegrams (not errors) that were in it.
     pub(crate) fn clear(&mut self, telegrams_max: u8) -> usize {
         let dropped = self.telegrams();
-        self.ring.clear(Capacity::large(u8::MAX));
-        (self.state, self.used, self.errors, self.newest) = (State::Closing, 0, 0, None);
+        self.ring.clear(Capacity::large(u8::MAX).with_errors());
+        (self.state, self.used, self.errors, self.full_told) = (State::Closing, 0, 0, false);
         self.shown = [0; *IO_BYTES.end()];
         self.telegrams_max = usize::from(telegrams_max);
         dropped
@@ -90,7 +90,7 @@ impl ReceiveSide {
     /// Maximum user bytes of the next telegram; 0: none is accepted.
     pub(crate) fn room(&self) -> usize {
         let head = self.ring.room().saturating_sub(OFFSET_HEAD);
-        if self.ring.telegrams() < self.telegrams_max { (BUFFER_BYTES - self.used).min(head) } else { 0 }
+        if self.telegrams() < self.telegrams_max { (BUFFER_BYTES - self.used).min(head) } else { 0 }
     }
 
     /// Appends a telegram, with the offset of its data if it has one; false if there is no room.
@@ -112,20 +112,21 @@ impl ReceiveSide {
         let pushed = self.ring.push(&entry[..end]);
         if pushed {
             self.used += data.len();
-            self.newest = None;
         }
         pushed
     }
 
-    /// Appends an error: a telegram with only the return value. It is dropped if the buffer is full, as in a real one.
+    /// Appends an error: a telegram with only the return value. A full buffer is told once until something has come
+    /// out, and has the last place; other errors are dropped when too many wait. [S3 L319]
     pub(crate) fn push_error(&mut self, value: ReturnValue) {
-        if self.newest == Some(value) {
+        let is_full = value == ReturnValue::NoBuffer;
+        if is_full && self.full_told || self.errors + usize::from(!is_full) >= ERRORS_MAX {
             return;
         }
         let [high, low] = (value as u16).to_be_bytes();
         if self.ring.push(&[INFO_PLAIN, high, low]) {
             self.errors += 1;
-            self.newest = Some(value);
+            self.full_told |= is_full;
         }
     }
 
@@ -168,14 +169,12 @@ impl ReceiveSide {
         let head = if info[0] == INFO_OFFSET { OFFSET_HEAD } else { PLAIN_HEAD };
         let bytes = self.ring.oldest().unwrap_or(head) - head;
         self.ring.pop();
-        if self.ring.telegrams() == 0 {
-            self.newest = None;
-        }
         if bytes == 0 {
             self.errors -= 1;
             return None;
         }
         self.used -= bytes;
+        self.full_told = false;
         Some(bytes)
     }
 
@@ -235,10 +234,10 @@ mod tests {
     }
 
     #[test]
-    fn an_error_is_a_telegram_of_two_bytes_told_once() {
-        let mut side = ready(2);
+    fn an_error_is_a_telegram_of_two_bytes() {
+        let mut side = ready(1);
         assert!(side.push(None, b"x"));
-        for value in [ReturnValue::Character, ReturnValue::Character, ReturnValue::NoBuffer] {
+        for value in [ReturnValue::Character, ReturnValue::NoBuffer, ReturnValue::NoBuffer] {
             side.push_error(value);
         }
         assert_eq!((side.telegrams(), side.room()), (1, 0));
@@ -260,6 +259,23 @@ mod tests {
             assert!(side.push(None, &[n; 4]), "{n}");
         }
         assert!(!side.push(None, &[1]));
+        // "A free receive buffer is not available" is told all the same, whatever else there is to tell. [S3 L319]
+        for _ in 0..20 {
+            side.push_error(ReturnValue::Character);
+            side.push_error(ReturnValue::NoBuffer);
+        }
+        let (mut told, mut telegrams) = (Vec::new(), 0);
+        while side.look(IDLE, 16) == Step::Offered {
+            let value = [side.shown()[4], side.shown()[5]];
+            match side.look(LAST, 16) {
+                Step::Delivered(None) => told.push(u16::from_be_bytes(value)),
+                _ => telegrams += 1,
+            }
+        }
+        assert_eq!((telegrams, told.iter().filter(|value| **value == 0x080A).count()), (250, 1));
+        side.push_error(ReturnValue::NoBuffer);
+        side.push_error(ReturnValue::NoBuffer);
+        assert_eq!(side.telegrams() + side.errors, 1, "again, because something has come out; and once");
         side.clear(250);
         assert!(side.push(None, &[1; 1024]));
         assert_eq!(side.room(), 0);

@@ -1,5 +1,6 @@
 //! Host -> CP: a telegram collected fragment by fragment, and how its order ends [S3 "Sending data"].
 
+use ob1_protocols::SendError;
 use ob1_words::cp040::{BAD_LENGTH, FAILED, FIRST, HEAD_BYTES, IDLE, INFO_PLAIN, LAST, RESET, RESET_DONE, nibble};
 use ob1_words::cp240::BUFFER_BYTES;
 
@@ -158,10 +159,14 @@ impl SendSide {
         Step::Stored
     }
 
-    /// The order is over.
-    pub(crate) fn ended(&mut self, sent: bool) {
+    /// The order is over. A telegram that the protocol does not take has no valid length or content. [S3 L315]
+    pub(crate) fn ended(&mut self, outcome: Result<(), SendError>) {
         if let State::Transmitting { withdrawn, .. } = self.state {
-            let shown = if sent { LAST } else { FAILED };
+            let shown = match outcome {
+                Ok(()) => LAST,
+                Err(SendError::TooLong | SendError::NoRequest) => BAD_LENGTH,
+                Err(_) => FAILED,
+            };
             self.state = if withdrawn { State::Idle } else { State::Answered { shown } };
         }
     }
@@ -225,10 +230,10 @@ mod tests {
         assert_eq!(look(&mut side, LAST, &[0, 0, 1, b'a']), (Step::Complete, IDLE));
         assert_eq!(look(&mut side, IDLE, &[]), (Step::Wait, IDLE));
         assert_eq!(look(&mut side, LAST, &[0, 0, 1, b'b']), (Step::Wait, IDLE));
-        side.ended(true);
+        side.ended(Ok(()));
         assert_eq!(look(&mut side, LAST, &[0, 0, 1, b'b']), (Step::Complete, IDLE), "now it is its turn");
         assert_eq!(side.telegram(), b"b");
-        side.ended(false);
+        side.ended(Err(SendError::AckDelay));
         assert_eq!(side.nibble(), FAILED);
     }
 }

@@ -1,6 +1,7 @@
 //! The modem lines, and the line command that reads and sets them (FC 8 STEUERBIT) [S0 "STUEBIT (FC 8)"],
 //! `docs/cp240-registers.md`.
 
+use ob1_params::Interface;
 use ob1_protocols::ModemLines;
 
 use ob1_words::cp240::{LINE_ANSWER, LINE_DELTA_SHIFT, LINE_DTR, LINE_RTS, LINE_SET_DTR, LINE_SET_RTS};
@@ -14,6 +15,8 @@ pub(crate) struct Modem {
     delta: u16,
     rts: bool,
     dtr: bool,
+    /// Of all lines the plug has RTS alone: RS 422 and RS 485. [S0 L1504], [S0 L1526]
+    rts_alone: bool,
 }
 
 /// What a command has switched.
@@ -25,7 +28,12 @@ pub(crate) struct Switched {
 
 impl Modem {
     pub(crate) const fn new() -> Self {
-        Self { lines: None, delta: 0, rts: true, dtr: true }
+        Self { lines: None, delta: 0, rts: true, dtr: true, rts_alone: false }
+    }
+
+    /// Which lines the plug has.
+    pub(crate) fn set_interface(&mut self, interface: Interface) {
+        self.rts_alone = !interface.has_modem_lines();
     }
 
     pub(crate) const fn lines(&self) -> Option<ModemLines> {
@@ -34,6 +42,9 @@ impl Modem {
 
     /// The line reports its inputs. The first report counts as no change.
     pub(crate) fn input(&mut self, lines: ModemLines) {
+        if self.rts_alone {
+            return;
+        }
         if let Some(before) = self.lines.replace(lines) {
             self.delta |= u16::from(before.bits() ^ lines.bits());
         }
@@ -57,13 +68,13 @@ impl Modem {
             self.rts = command & LINE_RTS != 0;
             switched.rts = Some(self.rts);
         }
-        if command & LINE_SET_DTR != 0 {
+        if command & LINE_SET_DTR != 0 && !self.rts_alone {
             self.dtr = command & LINE_DTR != 0;
             switched.dtr = Some(self.dtr);
         }
         // [S0 "STATUS, DELTA_STATUS"]
         let lines = u16::from(self.lines.unwrap_or_default().bits());
-        let status = lines | u16::from(self.dtr) << 4 | u16::from(self.rts) << 5;
+        let status = lines | u16::from(self.dtr && !self.rts_alone) << 4 | u16::from(self.rts) << 5;
         let delta = std::mem::take(&mut self.delta) << LINE_DELTA_SHIFT;
         (switched, LINE_ANSWER | delta | status)
     }
@@ -83,6 +94,19 @@ mod tests {
         modem.input(ModemLines { cts: true, dsr: true, ri: true, cd: true });
         assert_eq!(modem.command(0, true).1, 0x1C3F | 0b1011 << 6, "CTS has changed and is as before");
         assert_eq!(modem.command(0, true).1, 0x1C3F, "since the last access");
+    }
+
+    /// [S0 L1504], [S0 L1526]: of all lines the plugs of RS 485 and RS 422 have RTS alone.
+    #[test]
+    fn rs_422_and_rs_485_have_rts_alone() {
+        for interface in [Interface::Rs422, Interface::Rs485] {
+            let mut modem = Modem::new();
+            modem.set_interface(interface);
+            modem.input(ModemLines { cts: true, dsr: true, ri: true, cd: true });
+            assert_eq!(modem.command(0, true), (Switched::default(), 0x1C20), "RTS is ON");
+            assert_eq!(modem.command(0b1111, true), (Switched { rts: Some(true), dtr: None }, 0x1C20));
+            assert_eq!(modem.command(0b1100, true), (Switched { rts: Some(false), dtr: None }, 0x1C00));
+        }
     }
 
     #[test]

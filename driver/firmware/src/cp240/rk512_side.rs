@@ -162,7 +162,7 @@ impl Rk512Side {
     pub(crate) fn ended(&mut self, outcome: Result<&[u8], OrderError>) {
         let (by, code, data) = match outcome {
             Ok(data) => (BY_PARTNER, 0, data),
-            Err(OrderError::Rejected(code)) => (BY_PARTNER, code, &[][..]),
+            Err(error @ (OrderError::Rejected(_) | OrderError::NoArea)) => (BY_PARTNER, error.code(), &[][..]),
             Err(error) => (BY_CP, error.code(), &[][..]),
         };
         self.result.set(&[0, self.token, by, code], data);
@@ -205,6 +205,12 @@ impl Rk512Side {
             State::Idle | State::Closing => 0,
             State::Offered { what, rest } => what.framing() | rest as u16,
         }
+    }
+
+    /// The order of the partner that waits for the CPU or its answer: how many, and a number that changes when the CPU
+    /// takes a part of it.
+    pub(crate) fn waiting(&self) -> (usize, u32) {
+        (self.asked.is_some().into(), u32::from(self.job) << 16 | u32::from(self.rx()))
     }
 
     /// The block of `RX`.

@@ -143,6 +143,7 @@ impl Cp341 {
                 self.order_loadable(now, modbus_master_32::Order::Taken(false), port);
             }
             receive::Step::Complete => self.taken(now, kind, port),
+            receive::Step::Told => self.told(now, port),
         }
         // A job in the send channel may have waited only for this, and the buffer may have room again.
         self.drive(now, Input::Tick, port);
@@ -177,16 +178,7 @@ impl Cp341 {
     fn taken(&mut self, now: Instant, kind: Option<Kind>, port: &mut dyn CpPort) {
         match kind {
             None => {}
-            Some(Kind::Telegram) => {
-                let len = self.receive.given().len();
-                if mem::take(&mut self.parts.on_offer) {
-                    self.parts.ring.pop();
-                }
-                port.count(CpCounter::Delivered, 1);
-                port.event(now, CpEvent::Delivered(len));
-                self.receive.ended(Ok(()));
-                self.order_loadable(now, modbus_master_32::Order::Taken(true), port);
-            }
+            Some(Kind::Telegram) => self.receive.ended(Ok(())),
             Some(Kind::Receive) => self.order_rk512(now, rk512::Order::Answer(Answer::Taken), port),
             Some(Kind::Provide) => {
                 let Protocol::Rk512(machine) = &mut self.protocol else { return };
@@ -197,6 +189,18 @@ impl Cp341 {
                 self.after(now, collected, port);
             }
         }
+    }
+
+    /// The program knows that the telegram is there. Only now a reading job ends: "the received data are already
+    /// available on the CPU", with their length, when P_SND_RK shows DONE, in whatever order the program calls the two
+    /// blocks. [S4 L1648], [S4 L1668]
+    fn told(&mut self, now: Instant, port: &mut dyn CpPort) {
+        if mem::take(&mut self.parts.on_offer) {
+            self.parts.ring.pop();
+        }
+        port.count(CpCounter::Delivered, 1);
+        port.event(now, CpEvent::Delivered(self.receive.given().len()));
+        self.order_loadable(now, modbus_master_32::Order::Taken(true), port);
     }
 
     /// Offers the next item if the block waits for one.

@@ -49,6 +49,10 @@ impl LedDriver {
         self.signals_missing = missing;
     }
 
+    pub(crate) const fn are_signals_missing(&self) -> bool {
+        self.signals_missing
+    }
+
     pub(crate) fn transmit(&mut self, on: bool) {
         self.transmit = on;
     }

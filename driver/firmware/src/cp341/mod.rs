@@ -26,6 +26,8 @@ use ob1_protocols::{Input, Instant, LineFault, LineInput};
 
 use crate::leds::Leds;
 use crate::port::{Cp, CpCounter, CpEvent, CpInput, CpPort};
+use crate::protocol::signals_off;
+use crate::reason::{Reason, Waiting, Why};
 use crate::ring::Capacity;
 use diagnosis::{Diagnosis, Faults};
 use model::Model;
@@ -91,6 +93,10 @@ impl Cp for Cp341 {
                 }
             }
             CpInput::Line(line) => self.line(now, line, port),
+            CpInput::NoLine => {
+                port.count(CpCounter::LineFaults, 1);
+                self.parts.line_gone = true;
+            }
             CpInput::CpuRun(run) => self.cpu(now, run, port),
             CpInput::Keys(parameters) => self.parametrise(now, parameters, port),
             // This CP takes its parameters as keys.
@@ -101,7 +107,7 @@ impl Cp for Cp341 {
         self.watch_cpu(now, port);
         self.publish(port);
         let v24_due = self.v24.refresh(now, port);
-        port.show(self.parts.leds.at(now, self.parts.is_interrupted()), &mut self.leds_shown);
+        port.show(self.parts.leds.at(now, self.parts.interrupted), &mut self.leds_shown);
         let again = Some(self.again_at).filter(|at| now < *at);
         let own = [self.parts.leds.deadline(now), v24_due, self.patience.deadline(), again];
         self.protocol_due.into_iter().chain(own.into_iter().flatten()).min()
@@ -113,6 +119,24 @@ impl Cp for Cp341 {
 
     fn enable_diagnostics(&mut self, enabled: bool) {
         self.diagnosis.enabled = enabled;
+    }
+
+    fn waits_for(&self) -> Option<Reason> {
+        if self.parts.interrupted {
+            return Some(Reason::state(Why::Interrupted, 0));
+        }
+        let lines = self.v24.lines().unwrap_or_default();
+        if self.parts.leds.are_signals_missing() {
+            return Some(signals_off(lines));
+        }
+        self.protocol.stopped(lines)
+    }
+
+    fn waiting(&self) -> Waiting {
+        let offered = usize::from(self.receive.awaits_cpu() && !self.parts.on_offer);
+        let jobs = offered + usize::from(self.parts.asked.open().is_some());
+        let telegrams = self.parts.ring.telegrams() + jobs;
+        Waiting { telegrams, progress: self.receive.moves(), block: 0, cpu_runs: self.cpu_running }
     }
 }
 
@@ -153,7 +177,7 @@ impl Cp341 {
 
     /// Reports wire breaks and wrong parameters that have come or gone. [reference 1.9]
     fn diagnose(&mut self, now: Instant, port: &mut dyn CpPort) {
-        let found = Faults { wire_break: self.parts.is_interrupted(), parameters: self.parameters_wrong };
+        let found = Faults { wire_break: self.parts.interrupted, parameters: self.parameters_wrong };
         for number in self.diagnosis.find(found) {
             port.event(now, CpEvent::EntryGone(number));
         }
@@ -179,6 +203,7 @@ impl Cp341 {
                 port.line_settings(&new.line_settings());
                 self.parts.ring.clear(capacity(self.model, new));
                 self.protocol = Protocol::of(new, port.lateness());
+                self.parts.burst_gap = 4 * new.line_settings().char_time() + port.lateness();
                 self.parts.heard_once = !self.protocol.is_acknowledged();
                 // "When the module is switched on, all output signals are in OFF state"; a driver that uses them
                 // switches them itself. [reference 2.2], [S4 L590]
@@ -274,7 +299,7 @@ impl Cp341 {
     // ---- the line and the protocol ----
 
     fn line(&mut self, now: Instant, line: LineInput<'_>, port: &mut dyn CpPort) {
-        port.count_line(line);
+        port.count_line(line, self.parts.line_gone);
         match line {
             LineInput::Rx(_) => {
                 self.parts.interrupted = false;
@@ -294,7 +319,8 @@ impl Cp341 {
         self.drive(now, Input::Line(line), port);
         // "BREAK: receiving line to partner device is interrupted" [S4 L1750]; a protocol that has noticed it has
         // already reported it.
-        if self.parts.line_gone && !std::mem::replace(&mut self.parts.interrupted, true) {
+        let is_gone = line == LineInput::Fault(LineFault::Gone);
+        if is_gone && !std::mem::replace(&mut self.parts.interrupted, true) {
             self.enter(now, 0x080D, port);
         }
         self.break_off(now, port);

@@ -5,7 +5,7 @@ use std::mem;
 
 use ob1_params::CpKind;
 use ob1_protocols::rk512::{self, AnswerError, OrderError, Request};
-use ob1_protocols::{Event, Instant, LineFault, Phase, SendError, Sink, What, Wire};
+use ob1_protocols::{Event, Instant, LineFault, Phase, SendError, Sink, Span, What, Wire};
 
 use super::leds::LedDriver;
 use super::model::JOB_MAX;
@@ -37,6 +37,10 @@ pub(crate) struct Parts {
     pub(crate) heard_once: bool,
     /// First error of the telegram that is being received.
     receive_error: Option<u16>,
+    /// The unreadable character or BREAK that came last: entry and time.
+    burst: Option<(u16, Instant)>,
+    /// Such characters belong together if no more than this time lies between two of them.
+    pub(crate) burst_gap: Span,
     fetched: Box<[u8; JOB_MAX]>,
 }
 
@@ -54,6 +58,8 @@ impl Parts {
             on_offer: false,
             heard_once: false,
             receive_error: None,
+            burst: None,
+            burst_gap: Span::ZERO,
             fetched: Box::new([0; JOB_MAX]),
         }
     }
@@ -61,11 +67,6 @@ impl Parts {
     /// `taking`: P_RCV_RK is called, and wants to hear of errors.
     pub(crate) fn outlet<'a>(&'a mut self, now: Instant, taking: bool, port: &'a mut dyn CpPort) -> Outlet<'a> {
         Outlet { now, taking, parts: self, port, collected: Collected::default() }
-    }
-
-    /// The receiving line is interrupted.
-    pub(crate) const fn is_interrupted(&self) -> bool {
-        self.line_gone || self.interrupted
     }
 
     /// Data of the FETCH that has ended.
@@ -167,7 +168,18 @@ impl Outlet<'_> {
             0x0818 => self.parts.leds.signals_missing(true),
             _ => {}
         }
-        self.port.event(self.now, CpEvent::Entry(number));
+        if !self.is_of_burst(number) {
+            self.port.event(self.now, CpEvent::Entry(number));
+        }
+    }
+
+    /// The same fault, character after character, is one entry: otherwise a burst would fill the buffer. (ours)
+    fn is_of_burst(&mut self, number: u16) -> bool {
+        if !matches!(number, 0x080C | 0x080D | 0x0810 | 0x0811) {
+            return false;
+        }
+        let before = self.parts.burst.replace((number, self.now));
+        before.is_some_and(|(same, at)| same == number && self.now <= at + self.parts.burst_gap)
     }
 
     fn tell(&mut self, number: u16) {
@@ -215,6 +227,8 @@ fn number_340(event: Event, is_ascii: bool) -> Option<u16> {
 
 impl Wire for Outlet<'_> {
     fn transmit(&mut self, bytes: &[u8]) {
+        // What happens to a job is entered for this job.
+        self.parts.burst = None;
         self.parts.leds.transmit(true);
         self.port.put_out(bytes);
     }
@@ -262,13 +276,13 @@ impl Sink for Outlet<'_> {
             SendError::Busy => 0x0501,
             // The job ends with its first error. [reference 3.9]
             SendError::AckDelay => first.unwrap_or(0x0708),
-            SendError::Repetitions | SendError::Frame => first.unwrap_or(0x070A),
+            SendError::Repetitions | SendError::Frame | SendError::NoRequest => first.unwrap_or(0x070A),
         }));
     }
 
     fn report(&mut self, event: Event) {
-        if let What::Line(LineFault::Parity | LineFault::Framing | LineFault::Overrun | LineFault::Break) = event.what {
-            self.port.count(CpCounter::ReceiveErrors, 1);
+        if let Some(counter) = CpCounter::of(event.what) {
+            self.port.count(counter, 1);
         }
         // The block is given up.
         if matches!((event.what, event.phase), (What::NoRepetition, _) | (What::Exhausted, Phase::Receive))

@@ -6,13 +6,15 @@ use ob1_params::{AsciiOf341, Cp341 as Parameters, CpKind, EndOf341, Protocol341,
 use ob1_protocols::modbus_master_32::{self, Driver};
 use ob1_protocols::rk512::{self, Rk512};
 use ob1_protocols::{
-    Ascii, Input, Instant, LineFault, LineInput, MS, Machine, Order, S3964, Sink, Span, ascii, s3964, signals,
+    Ascii, Input, Instant, LineFault, LineInput, MS, Machine, ModemLines, Order, S3964, Sink, Span, ascii, s3964,
+    signals,
 };
 
 use super::loadable;
 use super::model::{JOB_MAX, JOB_MAX_340};
 use crate::printer::Printer;
-use crate::protocol::priority;
+use crate::protocol::{priority, stopped_by};
+use crate::reason::Reason;
 
 /// The running protocol.
 pub(crate) enum Protocol {
@@ -146,6 +148,16 @@ impl Protocol {
             Self::Plain(plain) | Self::Printer(_, plain) => plain.machine.busy(),
             Self::Rk512(machine) => machine.busy(),
             Self::Loadable(driver) => driver.busy(),
+        }
+    }
+
+    /// What the running job waits for because the partner has stopped it; `lines`: the modem lines.
+    pub(crate) fn stopped(&self, lines: ModemLines) -> Option<Reason> {
+        match self {
+            Self::Plain(plain) | Self::Printer(_, plain) => {
+                plain.machine.is_stopped().then(|| stopped_by(plain.flow, lines))
+            }
+            _ => None,
         }
     }
 

@@ -64,6 +64,8 @@ pub(crate) enum Step {
     Refused(Refusal),
     /// The CPU has taken or given all data.
     Complete,
+    /// The program has been told that the telegram is there (NDR).
+    Told,
 }
 
 /// The channel, and the data of the item on offer.
@@ -110,6 +112,8 @@ impl ReceiveChannel {
             Phase::Offered | Phase::Giving { .. } | Phase::Collecting { .. } | Phase::Finishing => {
                 Some(self.offer.kind)
             }
+            // Its data are in the CPU, but the block has not said so yet; it may still be reset.
+            Phase::Done if self.offer.kind == Kind::Telegram => Some(Kind::Telegram),
             _ => None,
         }
     }
@@ -164,6 +168,7 @@ impl ReceiveChannel {
             return Step::Nothing;
         }
         match (cpu.command(), self.phase) {
+            (Command::Rest, Phase::Done) if !cpu.drops() => self.told(Phase::Rest),
             (Command::Rest, _) => {
                 let (dropped, moved) = (self.offered().is_some(), self.phase != Phase::Offered);
                 self.phase = Phase::Rest;
@@ -173,8 +178,9 @@ impl ReceiveChannel {
                 self.phase = Phase::Ready;
                 Step::Nothing
             }
+            (Command::Wait, Phase::Done) => self.told(Phase::Ready),
             // The end of the previous job is acknowledged.
-            (Command::Wait, Phase::Done | Phase::Failed(_)) => {
+            (Command::Wait, Phase::Failed(_)) => {
                 self.phase = Phase::Ready;
                 Step::Nothing
             }
@@ -187,6 +193,11 @@ impl ReceiveChannel {
             (Command::Job, _) if cpu.job() == self.number => self.work(&cpu),
             _ => Step::Nothing,
         }
+    }
+
+    fn told(&mut self, then: Phase) -> Step {
+        self.phase = then;
+        if self.offer.kind == Kind::Telegram { Step::Told } else { Step::Nothing }
     }
 
     fn work(&mut self, cpu: &Block) -> Step {

@@ -104,7 +104,7 @@ impl V24 {
     }
 
     fn image(&self) -> u8 {
-        let lines = self.lines.unwrap_or_default();
+        let lines = self.lines.unwrap_or(ModemLines::UNREPORTED);
         let bits =
             [(self.dtr, DTR), (lines.dsr, DSR), (self.rts, RTS), (lines.cts, CTS), (lines.cd, DCD), (lines.ri, RI)];
         bits.into_iter().filter(|(on, _)| *on).fold(0, |image, (_, bit)| image | bit)

@@ -1,10 +1,12 @@
 //! A CP 040 on the bench: the machine with its protocols, driven through its registers by the host's machines.
 
+mod manual;
+
 use std::collections::BTreeMap;
 
 use ob1_firmware::{
     Cp as _, Cp040, CpCounter, CpEvent, CpInput, CpPort, DiagnosticRecord, Instant, Leds, LineFault, LineInput,
-    LineSettings, Span, Wire,
+    LineSettings, Reason, Span, Troubles, Why, Wire,
 };
 use ob1_params::{Cp040 as Parameters, Value};
 use ob1_slio::{Failure, ReceiveJob, ReceiveStep, Received, SendJob, SendStep};
@@ -20,6 +22,7 @@ struct Log {
     counters: BTreeMap<CpCounter, u64>,
     records: Vec<DiagnosticRecord>,
     interrupts: Vec<(bool, u8)>,
+    troubles: Troubles,
 }
 
 impl Wire for Log {
@@ -49,7 +52,8 @@ impl CpPort for Log {
         *self.counters.entry(counter).or_default() += n;
     }
 
-    fn event(&mut self, _now: Instant, event: CpEvent<'_>) {
+    fn event(&mut self, now: Instant, event: CpEvent<'_>) {
+        self.troubles.event(now, &event);
         if let CpEvent::Record { incoming, record } = event {
             self.interrupts.push((incoming, record[0]));
         }
@@ -168,6 +172,11 @@ impl Bench {
         panic!("it does not end");
     }
 
+    /// What its owner would show as its reason.
+    fn reason(&mut self) -> Option<Reason> {
+        self.log.troubles.reason(self.now, &self.cp)
+    }
+
     fn count(&self, counter: CpCounter) -> u64 {
         self.log.counters.get(&counter).copied().unwrap_or(0)
     }
@@ -248,6 +257,20 @@ fn a_qvz_of_0_is_three_characters() {
     assert_eq!(bench.log.tx, [0x02; 2]);
 }
 
+/// TMO = 0 is three characters, too: at once would let no telegram come.
+#[test]
+fn a_tmo_of_0_is_three_characters() {
+    let keys = [("protocol", "stx-etx"), ("duplex", "full"), ("tmo_ms", "0"), ("end_flags", "0"), ("baud", "9600")];
+    let mut bench = Bench::new(60, &keys);
+    bench.line(LineInput::Rx(b"\x02a"));
+    bench.pass(2 * MS);
+    bench.line(LineInput::Rx(b"b"));
+    bench.pass(3 * MS);
+    assert_eq!(bench.fetch(), None);
+    bench.pass(MS / 5);
+    assert_eq!(bench.fetch(), Some((0, b"ab".to_vec(), 0)));
+}
+
 #[test]
 fn an_order_the_partner_does_not_answer_ends_with_e() {
     let mut bench =
@@ -316,6 +339,19 @@ fn a_wire_break_is_seen_with_the_preset_for_it_and_in_full_duplex_alone() {
                 assert_eq!(bench.log.interrupts, [(true, 5), (false, 0)]);
             }
         }
+    }
+}
+
+#[test]
+fn a_line_that_comes_later_is_no_wire_break_and_one_that_never_comes_is() {
+    for comes in [true, false] {
+        let mut bench = Bench::new(16, &[("protocol", "ascii"), ("duplex", "full"), ("preset", "break")]);
+        bench.cp.enable_diagnostics(true);
+        bench.step(CpInput::NoLine);
+        bench.line(LineInput::TxDone);
+        assert_eq!((bench.log.interrupts.len(), bench.log.records.last().map(|r| r[8])), (0, Some(0)));
+        bench.line(LineInput::Fault(if comes { LineFault::Back } else { LineFault::Gone }));
+        assert_eq!(bench.log.interrupts, if comes { vec![] } else { vec![(true, 5)] });
     }
 }
 
@@ -440,4 +476,88 @@ fn a_stopped_cpu_commands_nothing() {
     bench.put(&[0x88]);
     assert_eq!(bench.send(b"y"), Some(Ok(())));
     assert_eq!(bench.log.tx, b"y");
+}
+
+#[test]
+fn the_reason_says_what_is_wrong() {
+    let mut bench = Bench::new(60, &[("protocol", "stx-etx"), ("duplex", "full"), ("preset", "break")]);
+    bench.step(CpInput::CpuRun(true));
+    assert_eq!(bench.reason(), None);
+    bench.line(LineInput::Fault(LineFault::Break));
+    assert_eq!(bench.reason(), Some(Reason::state(Why::Interrupted, 0)));
+    for length in [1000, 25] {
+        bench.line(LineInput::Rx(&[&[0x02][..], &vec![b'x'; length], &[0x03]].concat()));
+    }
+    assert_eq!(bench.reason(), Some(Reason { why: Why::Full, number: 0, count: 1 }));
+    while bench.fetch().is_some() {}
+    assert_eq!(bench.reason(), None);
+    bench.line(LineInput::Rx(b"\x02late\x03"));
+    assert_eq!(bench.reason(), None, "a telegram has just come");
+    bench.pass(1_001 * MS);
+    assert_eq!(bench.reason(), Some(Reason { why: Why::NotFetched, number: 0, count: 1 }));
+    assert_eq!(bench.fetch(), Some((0, b"late".to_vec(), 0)));
+    assert_eq!(bench.reason(), None);
+
+    let mut bench = Bench::new(60, &[("protocol", "3964r")]);
+    bench.send(b"a");
+    bench.pass(20_000 * MS);
+    assert_eq!(bench.reason(), Some(Reason { why: Why::OrderFailed, number: 0x07, count: 1 }));
+}
+
+/// "The entered length is not valid" [S3 L315]: a request has at least 2 bytes and at most 257 [S3 L305], and only
+/// functions that write may be sent to all slaves.
+#[test]
+fn a_modbus_master_does_not_take_what_is_no_request() {
+    let mut bench = Bench::new(60, &[("protocol", "modbus-master-rtu"), ("duplex", "full")]);
+    for telegram in [&[5][..], &[5; 258], &[5; 1024], &[0, 3, 0, 0, 0, 1]] {
+        assert_eq!(bench.send(telegram), Some(Err(Failure::Length)), "{} bytes", telegram.len());
+    }
+    bench.pass(1000 * MS);
+    assert_eq!(bench.log.tx, b"");
+    assert_eq!(bench.send(&[5, 3, 0, 0, 0, 1]), None);
+    bench.pass(100 * MS);
+    assert_eq!(bench.log.tx, rtu(&[5, 3, 0, 0, 0, 1]));
+}
+
+/// "Character with error received" [S3 L319]: one error for each telegram, however often the CPU looks.
+#[test]
+fn a_garbled_telegram_is_one_error() {
+    for protocol in ["ascii", "stx-etx"] {
+        for scans in [false, true] {
+            let mut bench = Bench::new(16, &[("protocol", protocol), ("duplex", "full")]);
+            let mut told = Vec::new();
+            for _ in 0..3 {
+                for byte in [None, Some(b'a'), None, None, Some(b'b'), None, Some(0x03)] {
+                    match &byte {
+                        None => bench.line(LineInput::Fault(LineFault::Parity)),
+                        Some(byte) => bench.line(LineInput::Rx(std::slice::from_ref(byte))),
+                    }
+                    bench.pass(MS);
+                    if scans {
+                        told.extend(bench.fetch());
+                    }
+                }
+                bench.pass(1000 * MS);
+            }
+            told.extend(std::iter::from_fn(|| bench.fetch()));
+            assert_eq!(told, vec![(0, vec![], 0x080C); 3], "{protocol}, {scans}");
+        }
+    }
+}
+
+/// "A free receive buffer is not available" [S3 L319], with as many telegrams waiting as there can be.
+#[test]
+fn a_full_buffer_is_told_once_until_something_has_come_out() {
+    let mut bench =
+        Bench::new(16, &[("protocol", "ascii"), ("duplex", "full"), ("zvz_ms", "3"), ("receive_buffers", "250")]);
+    for round in 0..2 {
+        for _ in 0..255 {
+            bench.line(LineInput::Rx(b"abcd"));
+            bench.pass(10 * MS);
+        }
+        let fetched: Vec<_> =
+            std::iter::from_fn(|| bench.fetch()).map(|(_, data, value)| (data.len(), value)).collect();
+        let expected = [vec![(4, 0); 250], vec![(0, 0x080A)]].concat();
+        assert_eq!(fetched, expected, "round {round}");
+    }
 }

@@ -107,6 +107,37 @@ fn wire_break_and_wrong_parameters_raise_a_diagnostic_interrupt() {
 }
 
 #[test]
+fn a_line_that_comes_later_is_no_wire_break_and_one_that_never_comes_is() {
+    let (mut cp, mut log) = running();
+    let before = entries(&log).len();
+    cp.step(Instant::START, CpInput::NoLine, &mut log);
+    cp.step(Instant::from_millis(1), CpInput::Line(LineInput::TxDone), &mut log);
+    cp.step(Instant::from_secs(1), CpInput::Tick, &mut log);
+    assert_eq!((interrupts(&log).len(), entries(&log).len(), log.leds.error), (0, before, false));
+    cp.step(Instant::from_secs(1), CpInput::Line(LineInput::Fault(LineFault::Back)), &mut log);
+    assert_eq!((interrupts(&log).len(), entries(&log).len()), (0, before));
+    cp.step(Instant::from_secs(2), CpInput::Line(LineInput::Fault(LineFault::Gone)), &mut log);
+    assert_eq!(interrupts(&log), [&told(true, WIRE_BREAK)]);
+
+    let (mut cp, mut log) = running();
+    cp.step(Instant::START, CpInput::NoLine, &mut log);
+    cp.step(Instant::from_secs(5), CpInput::Line(LineInput::Fault(LineFault::Gone)), &mut log);
+    assert_eq!(interrupts(&log), [&told(true, WIRE_BREAK)]);
+}
+
+/// As on a pty: nothing holds the program back. [reference 2]
+#[test]
+fn a_line_without_modem_lines_shows_them_on() {
+    let mut log = running().1;
+    let mut cp = Cp341::new();
+    cp.step(Instant::START, CpInput::CpuRun(true), &mut log);
+    cp.step(Instant::START, CpInput::Keys(Ok(&parameters(9600))), &mut log);
+    cp.step(Instant::from_millis(40), CpInput::Tick, &mut log);
+    let image = log.inputs.first().copied().unwrap_or_default();
+    assert_eq!(image & 0b01_1010, 0b01_1010, "DSR, CTS, DCD: {image:06b}");
+}
+
+#[test]
 fn nothing_is_told_unless_enabled_and_the_record_is_there_all_the_same() {
     let (mut cp, mut log) = (Cp341::new(), Log::default());
     cp.step(Instant::START, CpInput::CpuRun(true), &mut log);
@@ -156,7 +187,7 @@ fn a_break_lasts_until_characters_come_again() {
 fn sf_is_lit_until_initialised_with_new_and_with_wrong_parameters() {
     let (mut cp, mut log) = (Cp341::new(), Log::default());
     let due = cp.step(Instant::START, CpInput::CpuRun(true), &mut log);
-    assert_eq!((log.leds.error, due), (true, None), "switched on");
+    assert_eq!((log.leds.error, due), (true, Some(Instant::from_millis(20))), "switched on; V24_STAT is due");
     cp.step(Instant::from_secs(10), CpInput::Tick, &mut log);
     assert!(log.leds.error, "for as long as there are no parameters");
     let lit_for = |cp: &mut Cp341, log: &mut Log, from: Instant, baud| {

@@ -2,7 +2,7 @@
 //! loadable Modbus driver, V24_SET and V24_STAT beside it, BREAK. [S4 "4.3 RS 232C Secondary Signals"], [reference 2],
 //! [reference 6.5]
 
-use ob1_firmware::Span;
+use ob1_firmware::{Reason, Span, Why};
 use ob1_params::Value;
 
 use crate::cp341_bench::{Bench, Got, MS};
@@ -193,12 +193,17 @@ fn break_ends_a_job_of_the_loadable_driver() {
     bench.breaks();
     bench.pass(10 * MS);
     assert_eq!((bench.sent(), bench.entries()), (None, vec![0x080D]), "normal operation tells of it in idle, too");
+    assert!(bench.sf(), "BREAK lights SF [S4 L1703]");
+    assert_eq!(bench.reason(), Some(Reason::state(Why::Interrupted, 0)));
     let quiet = ("operating_mode", Value::from("interference-suppression"));
     let mut bench = Bench::new(&[("protocol", MODBUS.into()), quiet]);
     bench.send(&[5, 7]);
     bench.pass(100 * MS);
+    bench.pass(500 * MS);
     bench.breaks();
     bench.pass(100 * MS);
+    // "no error is reported" [S4 L539], by the LED neither.
+    assert_eq!((bench.sf(), bench.reason()), (false, None));
     bench.has_said(b":05073EB6\r\n");
     assert_eq!(bench.all(), [Got::Telegram(vec![0x3E])]);
     assert_eq!((bench.sent(), bench.entries()), (Some(Ok(())), vec![]), "a reply begins with its colon");

@@ -256,3 +256,21 @@ fn fragments_are_offered_as_they_come() {
         assert_eq!(bench.fetch(), block);
     }
 }
+
+/// QVZ = 0 has no meaning in the manual [S0 L2022]: it is two character times, as ZVZ = 0 [S0 L2014]. At once would let
+/// every connection fail.
+#[test]
+fn a_qvz_of_0_is_two_characters() {
+    let mut bench = Bench::working(&{
+        let mut bytes = s3964r(false);
+        bytes[6] = 0;
+        bytes
+    });
+    bench.hand_over(b"a");
+    bench.line(LineInput::TxDone);
+    // 10 bits at 9600: the partner's DLE takes 1.042 ms.
+    bench.pass(2 * MS);
+    assert_eq!(bench.log.tx, [0x02]);
+    bench.line(LineInput::Rx(&[0x10]));
+    assert_eq!(bench.log.tx, [0x02, b'a', 0x10, 0x03, b'a' ^ 0x13], "it was heard in time");
+}

@@ -14,6 +14,7 @@ mod modbus;
 mod model;
 mod modem;
 mod pair;
+mod reason;
 mod rk512;
 mod startup;
 mod stx_etx;

@@ -1,6 +1,6 @@
 //! A CP with M-Bus: from the registers to the line and back.
 
-use ob1_firmware::{CpCounter, LineFault, LineInput};
+use ob1_firmware::{Cp as _, CpCounter, LineFault, LineInput};
 use ob1_params::Cp240;
 
 use crate::common::{Bench, MS};
@@ -87,6 +87,19 @@ fn no_answer_and_short_circuit() {
     assert!(bench.log.leds.error);
 }
 
+/// "Diagnosis data -" [S0 L4717]: an error lights ER and raises no diagnostic interrupt.
+#[test]
+fn there_is_no_diagnostic_interrupt() {
+    let mut bench = Bench::working(&PARAMETERS);
+    bench.cp.enable_diagnostics(true);
+    bench.line(LineInput::Fault(LineFault::Gone));
+    assert!(bench.log.leds.error);
+    bench.line(LineInput::Fault(LineFault::Back));
+    bench.pass(5000 * MS);
+    assert!(!bench.log.leds.error);
+    assert!(!bench.log.events.iter().any(|event| event.contains("Diagnosis")), "{:?}", bench.log.events);
+}
+
 #[test]
 fn what_is_no_frame_ends_with_its_code() {
     for (telegram, echo) in [(vec![0xBB], 0x200C), (vec![0xBB, 0x10], 0x200C), (vec![0xBB; 257], 0x2017)] {
@@ -146,4 +159,22 @@ fn the_receive_buffer_has_2048_bytes() {
         assert_eq!(bench.fetch()[4..], [n; 252]);
     }
     assert_eq!(bench.fetch(), [0, 0xE5]);
+}
+
+/// [S0 L4184]: a missing stop bit, which a wrong baud rate makes as well, lights ER for 4 s.
+#[test]
+fn a_wrong_stop_bit_lights_er() {
+    let mut bench = Bench::working(&PARAMETERS);
+    bench.hand_over(&[0xBD, 0x5B, 2]);
+    bench.line(LineInput::TxDone);
+    bench.line(LineInput::Rx(&answer(&[1])[..5]));
+    assert!(!bench.log.leds.error);
+    bench.line(LineInput::Fault(LineFault::Framing));
+    assert!(bench.log.leds.error);
+    bench.pass(10 * MS);
+    bench.line(LineInput::TxDone);
+    bench.line(LineInput::Rx(&answer(&[1])));
+    assert_eq!(bench.fetch(), [0, 8, 2, 0x72, 1], "asked again, and answered");
+    bench.pass(4_000 * MS);
+    assert!(!bench.log.leds.error);
 }

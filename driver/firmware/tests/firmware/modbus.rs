@@ -198,6 +198,37 @@ fn a_reset_request_is_not_understood() {
     assert_eq!((bench.rx(), bench.tx_echo()), (0, 0));
 }
 
+/// The master's delay time is no parameter of a slave: it answers at once, whatever stands there. [S0 L2177] Debug
+/// changes nothing. [S0 L2168]
+#[test]
+fn a_slave_has_no_delay_time_and_no_debug() {
+    for (wait, debug) in [(0_u16, 0), (1, 0), (60_000, 0), (0, 1)] {
+        let mut parameters = SLAVE_SHORT;
+        parameters[5] = debug;
+        parameters[6..8].copy_from_slice(&wait.to_be_bytes());
+        let mut bench = Bench::starting(&parameters);
+        let answer = ask(&mut bench, &[5, 4, 0, 0, 0, 1]);
+        assert_eq!(answer, frame(&[5, 4, 2, 0, 0]), "{wait} ms");
+    }
+}
+
+/// A master asks whom the telegram names: its own address is nobody's. [S0 L2570-L2572]
+#[test]
+fn a_master_has_no_address() {
+    for address in [1, 5, 255] {
+        let mut parameters = MASTER_RTU;
+        parameters[4] = address;
+        let mut bench = Bench::starting(&parameters);
+        send(&mut bench, &[5, 3, 0, 0, 0, 1], 0);
+        bench.pass(5 * MS);
+        assert_eq!(bench.log.tx, frame(&[5, 3, 0, 0, 0, 1]), "address {address}");
+        bench.line(LineInput::TxDone);
+        bench.line(LineInput::Rx(&frame(&[5, 3, 2, 0x12, 0x34])));
+        bench.pass(5 * MS);
+        assert_eq!(receive(&mut bench), Some((0, vec![5, 3, 2, 0x12, 0x34])), "address {address}");
+    }
+}
+
 /// "Slave short": 16 bytes each way in the process image, no program. [S0 "Modbus Slave Short"]
 #[test]
 fn slave_short_is_the_process_image() {

@@ -1,6 +1,7 @@
 //! Line command (FC 8), LEDs and diagnostics: docs/cp240-registers.md.
 
-use ob1_firmware::{Cp as _, LineFault, LineInput, ModemLines, Span};
+use ob1_firmware::{Cp as _, CpInput, LineFault, LineInput, ModemLines, Span};
+use ob1_params::Interface;
 
 use crate::common::{Bench, MS, ascii, s3964r};
 
@@ -59,6 +60,23 @@ fn a_line_command_waits_while_an_order_is_under_way() {
     assert_eq!(bench.tx_echo(), 0x1C30, "done, and then the command that waited");
 }
 
+/// On two wires data are either sent or received [S0 L1492], and the plug has RTS alone [S0 L1504].
+#[test]
+fn the_interface_is_that_of_the_order_number() {
+    for (interface, half_duplex, answer) in
+        [(Interface::Rs232, false, 0x1C3F), (Interface::Rs422, false, 0x1C20), (Interface::Rs485, true, 0x1C20)]
+    {
+        let mut bench = Bench::working(&ascii(1));
+        bench.cp.set_interface(interface);
+        bench.step(CpInput::Parameters(&ascii(1)));
+        bench.synchronise();
+        assert_eq!(bench.log.settings.last().map(|settings| settings.half_duplex), Some(half_duplex));
+        bench.line(LineInput::Modem(ModemLines { cts: true, dsr: true, ri: true, cd: true }));
+        bench.put_tx(0x1800, &[]);
+        assert_eq!(bench.tx_echo() & 0x1C3F, answer, "{interface:?}");
+    }
+}
+
 /// [S0 "LEDs"]: ER for open circuit, overflow, parity or framing errors; it goes out after 4 s.
 #[test]
 fn what_lights_er_raises_one_diagnostic_interrupt() {
@@ -93,6 +111,19 @@ fn what_lights_er_raises_one_diagnostic_interrupt() {
     bench.line(LineInput::Fault(LineFault::Back));
     bench.pass(4 * SECOND);
     assert!(!bench.log.leds.error && bench.has_event("incoming: false"));
+}
+
+#[test]
+fn a_line_that_comes_later_is_no_open_circuit_and_one_that_never_comes_is() {
+    for comes in [true, false] {
+        let mut bench = Bench::working(&ascii(1));
+        bench.cp.enable_diagnostics(true);
+        bench.step(CpInput::NoLine);
+        bench.pass(SECOND);
+        assert!(!bench.log.leds.error && !bench.has_event("Diagnosis"), "{:?}", bench.log.events);
+        bench.line(LineInput::Fault(if comes { LineFault::Back } else { LineFault::Gone }));
+        assert_eq!((bench.has_event("incoming: true"), bench.log.leds.error), (!comes, !comes));
+    }
 }
 
 #[test]

@@ -25,6 +25,19 @@ pub(crate) enum Opened {
     Waiting(Option<Instant>),
 }
 
+/// How characters get to the partner.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Passage {
+    /// One after the other, each in its time.
+    Wire,
+    /// All at once, to a program on this machine.
+    Program,
+    /// All at once to another machine, which may have a wire behind it.
+    Network,
+    /// On a simulated line, which keeps the times and reports the end of sending. On two wires nobody hears himself.
+    Simulated,
+}
+
 /// One kind of line. Everything is non-blocking; an error of `read` or `write` other than "would block" means that the
 /// line is gone, and so does reading nothing.
 pub(crate) trait Link {
@@ -56,19 +69,12 @@ pub(crate) trait Link {
         None
     }
 
-    /// Whether the line itself reports the end of the output by something to read: then nothing is computed.
-    fn tells_drained(&self) -> bool {
-        false
-    }
+    /// How its characters get to the partner.
+    fn passage(&self) -> Passage;
 
-    /// Drops the unsent bytes of the device; returns their number.
+    /// Drops the unsent bytes of the device; returns their number. A simulated line does not know it.
     fn take_back(&mut self) -> usize {
         0
-    }
-
-    /// Whether `take_back` cannot tell the number: then it is computed from the time.
-    fn reckons_taken_back(&self) -> bool {
-        false
     }
 
     /// Whether 1.5 stop bits are possible.
@@ -119,7 +125,8 @@ pub(crate) fn of(spec: &LineSpec) -> Box<dyn Link> {
 
 /// The settings that neither a pty nor TCP can apply.
 fn not_a_wire(kind: &str, settings: &LineSettings) -> Vec<Warning> {
-    let plain = LineSettings { baud: settings.baud, ..LineSettings::default() };
+    let LineSettings { baud, half_duplex, .. } = *settings;
+    let plain = LineSettings { baud, half_duplex, ..LineSettings::default() };
     if *settings == plain {
         return Vec::new();
     }

@@ -9,7 +9,7 @@ use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::io::{FdFlags, fcntl_setfd};
 use serialport::{SerialPort, TTYPort};
 
-use super::{Link, Opened, not_a_wire};
+use super::{Link, Opened, Passage, not_a_wire};
 use crate::line::{Instant, PollFds};
 use crate::settings::{LineSettings, Warning};
 
@@ -94,6 +94,10 @@ impl Link for PtyLink {
 
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         Ok(rustix::io::write(self.pty()?, bytes)?)
+    }
+
+    fn passage(&self) -> Passage {
+        Passage::Program
     }
 
     fn drops_when_full(&self) -> bool {

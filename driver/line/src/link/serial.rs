@@ -10,7 +10,7 @@ use rustix::fs::{FlockOperation, OFlags, fcntl_getfl, fcntl_setfl, flock};
 use rustix::termios::{ControlModes, InputModes, OptionalActions, tcgetattr, tcsetattr};
 use serialport::{ClearBuffer, DataBits, FlowControl, SerialPort, TTYPort};
 
-use super::{Link, Opened};
+use super::{Link, Opened, Passage};
 use crate::line::{Instant, ModemLines, PollFds};
 use crate::settings::{Flow, LineSettings, Parity, StopBits, Warning};
 use crate::sys;
@@ -27,6 +27,8 @@ struct Port {
     knows_empty: bool,
     /// The device has modem lines.
     has_modem: bool,
+    /// It is the pty of another program.
+    is_pty: bool,
 }
 
 impl AsFd for Port {
@@ -54,7 +56,7 @@ impl Link for SerialLink {
         let real = std::fs::canonicalize(&self.path)?;
         let is_pty = real.starts_with("/dev/pts");
         let tty = builder(&self.path, settings).exclusive(!is_pty).open_native()?;
-        let mut port = Port { tty, knows_empty: false, has_modem: false };
+        let mut port = Port { tty, knows_empty: false, has_modem: false, is_pty };
         if is_pty {
             flock(&port, FlockOperation::NonBlockingLockExclusive)?;
         }
@@ -101,6 +103,10 @@ impl Link for SerialLink {
 
     fn marks_faults(&self) -> bool {
         true
+    }
+
+    fn passage(&self) -> Passage {
+        if self.port.as_ref().is_some_and(|port| port.is_pty) { Passage::Program } else { Passage::Wire }
     }
 
     fn drained(&mut self) -> Option<bool> {

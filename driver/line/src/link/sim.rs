@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use rustix::event::PollFlags;
 
-use super::{Link, Opened};
+use super::{Link, Opened, Passage};
 use crate::line::{Instant, ModemLines, PollFds, Span};
 use crate::seqpacket::{Channel, MESSAGE_MAX, Sent};
 use crate::settings::{LineSettings, Warning};
@@ -147,8 +147,8 @@ impl Link for SimLink {
         Some(open.left == open.written)
     }
 
-    fn tells_drained(&self) -> bool {
-        self.open.is_some()
+    fn passage(&self) -> Passage {
+        Passage::Simulated
     }
 
     fn take_back(&mut self) -> usize {
@@ -157,10 +157,6 @@ impl Link for SimLink {
             let _ = tell(&open.channel, ToHub::TakeBack);
         }
         0
-    }
-
-    fn reckons_taken_back(&self) -> bool {
-        true
     }
 
     fn does_odd_stop_bits(&self) -> bool {

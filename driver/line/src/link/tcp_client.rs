@@ -9,7 +9,7 @@ use rustix::event::PollFlags;
 use rustix::io::Errno;
 use rustix::net::{AddressFamily, SocketFlags, SocketType, connect, ipproto, socket_with, sockopt};
 
-use super::{Link, Opened, not_a_wire, tcp_common};
+use super::{Link, Opened, Passage, not_a_wire, tcp_common};
 use crate::line::{Instant, PollFds, Span};
 use crate::settings::{LineSettings, Warning};
 
@@ -130,6 +130,10 @@ impl Link for ClientLink {
 
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         tcp_common::read(self.stream(), buffer)
+    }
+
+    fn passage(&self) -> Passage {
+        Passage::Network
     }
 
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {

@@ -6,7 +6,7 @@ use std::os::fd::AsFd;
 
 use rustix::event::PollFlags;
 
-use super::{Link, Opened, not_a_wire, tcp_common};
+use super::{Link, Opened, Passage, not_a_wire, tcp_common};
 use crate::line::{Instant, PollFds};
 use crate::settings::{LineSettings, Warning};
 
@@ -71,6 +71,10 @@ impl Link for ListenerLink {
 
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         tcp_common::read(self.client.as_ref(), buffer)
+    }
+
+    fn passage(&self) -> Passage {
+        Passage::Network
     }
 
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {

@@ -391,6 +391,11 @@ impl SimBus {
         }
     }
 
+    /// The modem lines as `who` sees them: OFF while nobody drives them. `None`: two wires have none.
+    pub fn modem_lines(&self, who: Participant) -> Option<ModemLines> {
+        self.members.get(who).filter(|_| !self.config.half_duplex).map(|member| member.modem)
+    }
+
     /// Whether `who` has characters on the line or waiting to be.
     pub fn is_sending(&self, who: Participant, now: Instant) -> bool {
         self.members.get(who).is_some_and(|member| now < member.busy_until)

@@ -10,7 +10,7 @@ use crate::cp240::{Cp240, Protocol};
 use crate::error::ParamError;
 use crate::record::{self, Value};
 use crate::table::Layout;
-use ob1_serial::Flow;
+use ob1_serial::{Flow, LineSettings};
 use table::CP040;
 
 /// The parameters of a CP 040.
@@ -59,7 +59,18 @@ impl Cp040 {
         Self::from_keys([("protocol", Value::from(protocol))])
     }
 
-    /// Reads the 16 bytes. Every code is checked; reserved bits must be 0.
+    /// Parameters from the bytes of a module: sixteen zeros stand for "none", and for the defaults of its table of
+    /// ASCII. [S0 L2118] says so of the CP 240; the CP 040's manual is silent (ours).
+    ///
+    /// # Errors
+    /// As [`Cp040::decode`].
+    pub fn of_bytes(bytes: &[u8; 16]) -> Result<Self, ParamError> {
+        if *bytes == [0; 16] { Self::defaults("ascii") } else { Self::decode(bytes) }
+    }
+
+    /// Reads the 16 bytes. Every code is checked; reserved bits are read over ([`ByteTables::reserved`] finds them).
+    ///
+    /// [`ByteTables::reserved`]: crate::table::ByteTables::reserved
     ///
     /// # Errors
     /// [`ParamError`], with the byte.
@@ -136,6 +147,12 @@ impl Cp040 {
         Ok(Self { common, duplex, preset })
     }
 
+    /// The settings of the line.
+    pub fn line_settings(&self) -> LineSettings {
+        let line = self.common.line_settings();
+        LineSettings { half_duplex: line.half_duplex || self.duplex == Duplex::Half, ..line }
+    }
+
     /// Maximum of telegrams in the receive buffer: the parameter for ASCII, 250 otherwise. [S3 L303]
     pub fn receive_buffers(&self) -> u8 {
         match &self.common.protocol {
@@ -153,7 +170,7 @@ mod tests {
     fn the_defaults_are_as_printed() {
         for (name, bytes) in [
             ("ascii", [0, 1, 0x13, 0, 0, 0, 200, 1, 0, 0, 0, 0, 0, 0, 0, 0]),
-            ("stx-etx", [0, 2, 0x13, 0, 0, 0, 200, 1, 2, 0, 1, 3, 0, 0, 0, 0]),
+            ("stx-etx", [0, 2, 0x13, 0, 0, 0, 250, 1, 2, 0, 1, 3, 0, 0, 0, 0]),
             ("3964r", [0, 4, 0x13, 0, 10, 10, 10, 5, 6, 0, 0, 0, 0, 0, 0, 0]),
             ("modbus-master-rtu", [0, 0x0B, 0x13, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]),
         ] {
@@ -164,6 +181,32 @@ mod tests {
             assert_eq!(cp.encode(), expected, "{name}");
             assert_eq!(Cp040::decode(&bytes).expect(name), cp);
         }
+    }
+
+    /// The CP 240's manual has that for its module. [S0 L2118]
+    #[test]
+    fn sixteen_zeros_are_the_defaults() {
+        assert_eq!(Cp040::of_bytes(&[0; 16]), Cp040::defaults("ascii"));
+        let bytes = Cp040::defaults("3964r").expect("known").encode();
+        assert_eq!(Cp040::of_bytes(&bytes), Cp040::decode(&bytes));
+        assert!(Cp040::of_bytes(&[0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]).is_err());
+    }
+
+    /// HB300 p. 66: 0 to 65535, default 250.
+    #[test]
+    fn tmo_is_0_to_65535() {
+        let tmo = |ms: i64| Cp040::from_keys([("protocol", Value::from("stx-etx")), ("tmo_ms", Value::Int(ms))]);
+        assert!(tmo(0).is_ok() && tmo(65_535).is_ok() && tmo(65_536).is_err());
+        let Protocol::StxEtx(p) = Cp040::defaults("stx-etx").expect("known").common.protocol else { panic!() };
+        assert_eq!(p.tmo_ms, 250);
+    }
+
+    #[test]
+    fn reserved_bytes_are_read_over() {
+        let plain = Cp040::defaults("ascii").expect("known").encode();
+        let mut bytes = plain;
+        bytes[8] = 1;
+        assert_eq!((Cp040::decode(&bytes), CP040.reserved(&bytes)), (Cp040::decode(&plain), vec![8]));
     }
 
     #[test]
@@ -201,7 +244,7 @@ mod tests {
         assert!(wrong(&[("protocol", Value::from("3964rr"))]).contains("did you mean \"3964r\""));
         let unknown = wrong(&[("protocol", Value::from("ascii")), ("duplx", Value::from("full"))]);
         assert!(unknown.contains("did you mean `duplex`"), "{unknown}");
-        for (at, byte) in [(1, 0x06), (8, 1), (14, 2), (15, 3), (2, 0x53), (0, 0x11)] {
+        for (at, byte) in [(1, 0x06), (14, 2), (15, 3), (2, 0x53), (0, 0x11)] {
             let mut bytes = Cp040::defaults("ascii").expect("known").encode();
             bytes[at] = byte;
             assert_eq!(Cp040::decode(&bytes).expect_err("wrong").byte, Some(at));

@@ -2,7 +2,8 @@
 //! 0 to 15; OPTION n is byte n - 1. [S3 "Parameter data of ASCII"] and the sections of the other protocols.
 
 use crate::table::{
-    self, BYTE, ByteTables, DATA_BITS_ROW, FLAGS, Field, Kind, Layout, PARITY_ROW, STOP_BITS_ROW, TICKS, bits, whole,
+    self, BYTE, ByteTables, DATA_BITS_ROW, FLAGS, Field, Kind, Layout, MASTER_ADDRESS, MASTER_WAIT, PARITY_ROW,
+    SLAVE_ADDRESS, SLAVE_WAIT, STOP_BITS_ROW, TICKS, bits, whole,
 };
 
 /// The tables of a CP 040.
@@ -76,7 +77,16 @@ const STX_ETX: &[Field] = &[
     STOP_BITS_ROW,
     FLOW_ROW,
     ZNA_ROW,
-    bits("tmo_ms", 5, 0, 16, Kind::Number { min: 1, max: 65_535 }, 200, "TMO: longest pause between two telegrams"),
+    // Range and default: HB300 p. 66, of which [S3 L357] has the end.
+    bits(
+        "tmo_ms",
+        5,
+        0,
+        16,
+        MS,
+        250,
+        "TMO: longest pause between two characters of a telegram; 0: three character times",
+    ),
     whole("start_flags", 7, FLAGS, 1, "number of start characters"),
     whole("start_flag_1", 8, BYTE, 0x02, "first start character"),
     whole("start_flag_2", 9, BYTE, 0x00, "second start character"),
@@ -104,16 +114,21 @@ const S3964: &[Field] = &[
     PRESET_ROW,
 ];
 
-const MODBUS: &[Field] = &[
-    BAUD_ROW,
-    DATA_BITS_ROW,
-    PARITY_ROW,
-    STOP_BITS_ROW,
-    whole("address", 3, Kind::Number { min: 1, max: 255 }, 1, "slave address"),
-    bits("wait_ms", 4, 0, 16, MS, 0, "wait of the master; 0: computed from the baud rate"),
-    DUPLEX_ROW,
-    PRESET_ROW,
-];
+const fn modbus(address: (Kind, &'static str), wait: (Kind, &'static str)) -> [Field; 8] {
+    [
+        BAUD_ROW,
+        DATA_BITS_ROW,
+        PARITY_ROW,
+        STOP_BITS_ROW,
+        whole("address", 3, address.0, 1, address.1),
+        bits("wait_ms", 4, 0, 16, wait.0, 0, wait.1),
+        DUPLEX_ROW,
+        PRESET_ROW,
+    ]
+}
+
+const MODBUS_MASTER: &[Field] = &modbus(MASTER_ADDRESS, (MS, MASTER_WAIT));
+const MODBUS_SLAVE: &[Field] = &modbus(SLAVE_ADDRESS, SLAVE_WAIT);
 
 /// The rows of a protocol's table, byte 1 (the protocol) left out.
 pub fn fields(layout: Layout) -> &'static [Field] {
@@ -121,7 +136,8 @@ pub fn fields(layout: Layout) -> &'static [Field] {
         Layout::Ascii => ASCII,
         Layout::StxEtx => STX_ETX,
         Layout::S3964 => S3964,
-        Layout::Modbus => MODBUS,
+        Layout::ModbusMaster => MODBUS_MASTER,
+        Layout::ModbusSlave => MODBUS_SLAVE,
         Layout::MBus | Layout::EnOcean => &[],
     }
 }

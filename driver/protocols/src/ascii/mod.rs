@@ -144,4 +144,8 @@ impl<const N: usize> Machine for Ascii<N> {
     fn busy(&self) -> bool {
         self.line.is_busy()
     }
+
+    fn is_stopped(&self) -> bool {
+        self.line.is_stopped()
+    }
 }

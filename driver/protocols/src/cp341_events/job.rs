@@ -100,6 +100,6 @@ pub(super) const ROWS: &[Row] = &[
     here(
         0x0522,
         "A new job came before the one before had ended",
-        "Wait for DONE or ERROR before the next edge of REQ.",
+        "Wait for DONE or ERROR before the next edge of REQ; call one P_SND_RK for each CP.",
     ),
 ];

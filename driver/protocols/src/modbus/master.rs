@@ -109,7 +109,7 @@ impl Master {
                     self.state = State::Silence { until: now + self.config.wait };
                     self.silence(now, out);
                 }
-                _ => out.sent(Err(SendError::Frame)),
+                _ => out.sent(Err(SendError::NoRequest)),
             },
         }
     }

@@ -1,7 +1,7 @@
 //! The active role: send the telegrams of an own order one by one, wait for the reaction to each.
 
-use super::codec::{self, PIECE};
-use super::event::{BadReaction, Event, OrderError};
+use super::codec::{self, Area, PIECE};
+use super::event::{BadReaction, Event, OrderError, code};
 use super::{Command, Owner, Request, Rk512};
 use crate::machine::{Instant, SendError};
 
@@ -194,7 +194,12 @@ impl<const N: usize> Rk512<N> {
             Command::Send if with_data => return self.bad_reaction(now, BadReaction::SendData, out),
             _ if number != 0 && with_data => return self.bad_reaction(now, BadReaction::Data, out),
             // [reference 4.5]: the order ends, without data, without further telegrams.
-            _ if number != 0 => return self.end_own(now, Err(OrderError::Rejected(number)), out),
+            _ if number != 0 => {
+                let is_block = matches!(own.request.area, Area::Db | Area::Dx);
+                let error =
+                    if number == code::RANGE && !is_block { OrderError::NoArea } else { OrderError::Rejected(number) };
+                return self.end_own(now, Err(error), out);
+            }
             Command::Send => own.piece(),
             // Less than 128 bytes is tolerated in a reaction [reference 4.4]: the rest is fetched.
             Command::Fetch => match self.own_data[..bytes].get_mut(own.at..own.at + data.len()) {

@@ -163,6 +163,8 @@ pub enum OrderError {
     Line(SendError),
     /// The partner refuses, with this error number. [reference 4.6]
     Rejected(u8),
+    /// The partner refuses with 14h: an area other than a data block is missing or too short.
+    NoArea,
     /// No reaction within the monitoring time.
     NoReaction,
     /// No reaction within BWZ, and the telegram has been sent DBL times.
@@ -186,6 +188,7 @@ impl OrderError {
         match self {
             Self::Line(error) => error.code(),
             Self::Rejected(code) => code,
+            Self::NoArea => code::RANGE,
             Self::NoReaction => 0x07, // "The message was not acknowledged within the acknowledgement delay time."
             Self::BwzExceeded => 0x0A, // "The number of block repetitions .. was exceeded."
             Self::BadReaction(_) | Self::Invalid => 0x0C,
@@ -199,6 +202,8 @@ impl OrderError {
         Some(match self {
             Self::Line(_) => 0x051A,
             Self::Rejected(code) => rejected(code),
+            // The error number is the same for each area; whoever has asked knows which one. [reference 3.11]
+            Self::NoArea => 0x0902,
             Self::NoReaction | Self::BwzExceeded => 0x0A05,
             Self::BadReaction(bad) => bad.number(),
             Self::TooLong | Self::Invalid => 0x0517,

@@ -92,9 +92,7 @@ impl Decoder {
 
     /// The telegram is lost: nothing more of it is reported.
     pub fn skip(&mut self) {
-        if self.state == State::Inside {
-            self.state = State::Skip;
-        }
+        self.state = State::Skip;
         self.held = None;
     }
 

@@ -97,6 +97,10 @@ impl<const N: usize> Machine for StxEtx<N> {
     fn busy(&self) -> bool {
         self.line.is_busy()
     }
+
+    fn is_stopped(&self) -> bool {
+        self.line.is_stopped()
+    }
 }
 
 /// The receiving half, with a buffer of `N` bytes.
@@ -161,7 +165,8 @@ impl<const N: usize> Receiver for Receive<N> {
     }
 
     fn unreadable(&mut self, now: Instant, what: What, out: &mut dyn Sink) {
-        let phase = if self.telegram.open { Phase::Receive } else { Phase::Idle };
+        // It may have been the start of a telegram, which is lost then; the rest of a lost one costs nothing more.
+        let phase = if self.decoder.skips() { Phase::Idle } else { Phase::Receive };
         out.report(Event { phase, what });
         self.telegram.close();
         self.decoder.skip();

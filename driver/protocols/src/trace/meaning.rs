@@ -48,6 +48,20 @@ pub struct Modbus<'a> {
     pub telegram: &'a [u8],
     /// Request or answer.
     pub direction: Direction,
+    /// How its function is called.
+    pub names: Names,
+}
+
+/// Names of the functions of Modbus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Names {
+    /// VIPA's, of CP 240 and CP 040. [S0 "Modbus - Function codes"]
+    Vipa,
+    /// Siemens', of the CP 341. [S4 "5 Function Codes"]
+    Siemens {
+        /// The registers have 32 bits. A request to read does not show it.
+        long: bool,
+    },
 }
 
 impl<'a> Meaning<'a> {

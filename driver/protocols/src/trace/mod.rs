@@ -11,7 +11,7 @@ mod profibus;
 mod reader;
 pub mod record;
 
-pub use meaning::{Meaning, Modbus};
+pub use meaning::{Meaning, Modbus, Names};
 pub use reader::{Reader, Unit};
 
 use crate::machine::Span;
@@ -74,6 +74,8 @@ pub enum Dialect {
     ModbusAscii {
         /// As above.
         master: bool,
+        /// It is the loadable driver of a CP 341: Siemens' names, and registers of 32 bits.
+        loadable: bool,
         /// As above.
         pause: Span,
     },

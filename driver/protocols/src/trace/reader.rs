@@ -1,6 +1,6 @@
 //! Both directions of a line, character by character, into units.
 
-use super::meaning::{Meaning, Modbus};
+use super::meaning::{Meaning, Modbus, Names};
 use super::{Dialect, Way};
 use crate::esp2::WAKE;
 use crate::esp2::frame::{self as esp2, FRAME_BYTES};
@@ -129,13 +129,15 @@ impl Side {
 pub struct Reader {
     dialect: Dialect,
     sides: [Side; 2],
+    /// Loadable driver of a CP 341: registers in its last telegram, and whether they have 32 bits.
+    asked: (u16, bool),
 }
 
 impl Reader {
     /// A reader of a quiet line.
     #[must_use]
     pub fn new(dialect: Dialect) -> Self {
-        Self { dialect, sides: [Side::new(), Side::new()] }
+        Self { dialect, sides: [Side::new(), Side::new()], asked: (0, false) }
     }
 
     /// The protocol it expects.
@@ -172,13 +174,13 @@ impl Reader {
                     self.keep(now, way, byte, out);
                     self.modbus_rtu(way, master, out);
                 }
-                Dialect::ModbusAscii { master, .. } => {
+                Dialect::ModbusAscii { master, loadable, .. } => {
                     if byte == ascii::START {
                         self.close(way, out);
                     }
                     self.keep(now, way, byte, out);
                     if byte == ascii::LF {
-                        self.modbus_ascii(way, master, out);
+                        self.modbus_ascii(way, master, loadable, out);
                     }
                 }
                 Dialect::EnOcean { .. } => {
@@ -363,6 +365,9 @@ impl Reader {
             (NAK, Link::Called) => (side.link, idle, "connection refused"),
             (NAK, Link::Sent) => (side.link, idle, "block refused"),
             (NAK, Link::Block(_)) => (side.link, idle, "block broken off by the receiver"),
+            // It ends what it has begun itself: QVZ is over, and nobody has answered. [S0 L1629]
+            (NAK, Link::Idle) if side.link == Link::Called => (idle, idle, "connection given up"),
+            (NAK, Link::Idle) if side.link == Link::Sent => (idle, idle, "block given up"),
             (NAK, Link::Idle) => (side.link, idle, "no connection"),
             _ => {
                 // More of them may follow: they are output together.
@@ -404,7 +409,10 @@ impl Reader {
         let length = telegram.len();
         side.put(
             way,
-            |raw, _, put| put(Meaning::Modbus(Modbus { telegram: raw.get(..length).unwrap_or(raw), direction })),
+            |raw, _, put| {
+                let telegram = raw.get(..length).unwrap_or(raw);
+                put(Meaning::Modbus(Modbus { telegram, direction, names: Names::Vipa }));
+            },
             out,
         );
     }
@@ -441,7 +449,7 @@ impl Reader {
             way,
             |raw, _, put| {
                 let telegram = raw.get(tcp::HEAD_BYTES..).unwrap_or_default();
-                put(Meaning::Modbus(Modbus { telegram, direction }));
+                put(Meaning::Modbus(Modbus { telegram, direction, names: Names::Vipa }));
             },
             out,
         );
@@ -480,13 +488,17 @@ impl Reader {
         );
     }
 
-    fn modbus_ascii(&mut self, way: Way, master: bool, out: &mut Out<'_>) {
+    fn modbus_ascii(&mut self, way: Way, master: bool, loadable: bool, out: &mut Out<'_>) {
         let side = &mut self.sides[way as usize];
         let direction = if (way == Way::Out) == master { Direction::Request } else { Direction::Answer };
         match ascii::decode(&side.raw[..side.len], &mut side.payload) {
             Ok(length) => {
                 side.payload_len = length;
-                side.put(way, |_, telegram, put| put(Meaning::Modbus(Modbus { telegram, direction })), out);
+                let mut names = Names::Vipa;
+                if loadable {
+                    (names, self.asked) = Names::loadable(&side.payload[..length], direction, self.asked);
+                }
+                side.put(way, |_, telegram, put| put(Meaning::Modbus(Modbus { telegram, direction, names })), out);
             }
             Err(_) => side.put(way, |_, _, put| put(Meaning::Broken("frame with a wrong LRC, or none")), out),
         }

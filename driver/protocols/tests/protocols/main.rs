@@ -19,6 +19,7 @@ mod faults_s3964;
 mod faults_stx_etx;
 mod mbus;
 mod modbus_codec;
+mod modbus_limits;
 mod modbus_master;
 mod modbus_master_32;
 mod modbus_master_32_examples;

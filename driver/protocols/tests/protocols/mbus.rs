@@ -64,6 +64,24 @@ fn the_first_byte_is_the_baud_rate() {
     }
 }
 
+/// [S0 L4300-L4342]: C and A field pass as they are: every function, every address. An answer E5h means "no such data"
+/// [S0 L4316-L4317]; at 255 all listen and none answers [S0 L4339].
+#[test]
+fn every_function_and_address_passes() {
+    for c in [0x40, 0x5A, 0x5B, 0x7A, 0x7B] {
+        for a in 0..=255_u8 {
+            let sum = a.wrapping_add(c);
+            let end = match a {
+                255 => "9 done => got 01, sent ok".to_owned(),
+                _ => "9 done\n12 rx E5 => got 00 E5, sent ok".to_owned(),
+            };
+            run(&format!(
+                "0 start\n0 order BD {c:02X} {a:02X} => baud 9600, tx 10 {c:02X} {a:02X} {sum:02X} 16\n{end}"
+            ));
+        }
+    }
+}
+
 /// [S0 "FCB bit"]: 330 bit times plus 50 ms, two repetitions, 33 bit times of pause.
 #[test]
 fn a_missing_answer_is_asked_for_three_times() {

@@ -197,8 +197,8 @@ fn broadcast() {
     rtu("0    start
          10   order 00 06 00 00 00 01 => tx 00 06 00 00 00 01 49 DB
          18   done                    => sent ok
-         19   order 00 03 00 00 00 01 => sent Frame
-         19.5 order 00 08 00 00 00 01 => sent Frame
+         19   order 00 03 00 00 00 01 => sent NoRequest
+         19.5 order 00 08 00 00 00 01 => sent NoRequest
          20   order 00 05 00 00 FF 00
          21.5 timeout                 => tx 00 05 00 00 FF 00 8D EB
          30   done                    => sent ok");
@@ -309,7 +309,7 @@ fn no_receive_buffer() {
 #[test]
 fn orders_that_are_none() {
     rtu("0    start
-         10   order 01                => sent Frame
+         10   order 01                => sent NoRequest
          11   order 258*01            => sent TooLong
          12   order 01 06 00 00 00 01 => tx 01 06 00 00 00 01 48 0A
          13   order 01 06 00 00 00 02 => sent Busy

@@ -362,6 +362,13 @@ fn the_partner_refuses() {
         ));
         assert_eq!(OrderError::Rejected(number).code(), number);
     }
+    // 14h is the same for each area: "not DB/DX" is another number. [reference 3.11]
+    check(
+        "10 order 00 00 45 4D 00 10 00 20 FF FF => tx STX
+         20 takes 00 00 45 4D 00 10 00 20 FF FF
+         30 partner 00 00 00 14 => !0902; ended NoArea",
+    );
+    assert_eq!(OrderError::NoArea.code(), 0x14);
 }
 
 /// [reference 3.12], class 10: telegrams that are not valid reactions.

@@ -279,7 +279,8 @@ fn line_faults() {
     run(
         config(),
         "0   start
-         5   fault Framing => !Idle: Line(Framing)
+         5   fault Framing => !Receive: Line(Framing)   # it may have been STX
+         6   fault Framing => !Idle: Line(Framing)
          10  rx STX 41
          11  fault Parity => !Receive: Line(Parity)
          12  rx 42 ETX
@@ -295,10 +296,10 @@ fn line_faults() {
     run(
         braces(0, 1),
         "0   start
-         10  fault Parity => !Idle: Line(Parity)
+         10  fault Parity => !Receive: Line(Parity)
          11  rx 41 29
          12  rx 42 29 => got 42
-         20  fault Parity => !Idle: Line(Parity)
+         20  fault Parity => !Receive: Line(Parity)
          220 timeout
          221 rx 43 29 => got 43",
     );

@@ -110,6 +110,24 @@ fn what_goes_wrong_with_3964r() {
             "10 > NAK: block refused",
         ],
     );
+    // A connection that was given up, and a block whose acknowledgement never came: the partner's STX is no conflict.
+    check(
+        R,
+        "0 > 02\n 550 > 02\n 1100 > 15\n 1600 < 02\n 1601 > 10\n 2000 .\n 9000 > 02\n 9001 < 10\n \
+         9002 > 31 10 03 22\n 9600 > 15\n 9700 < 02",
+        &[
+            "0 > STX: connection request",
+            "550 > STX: connection request",
+            "1100 > NAK: connection given up",
+            "1600 < STX: connection request",
+            "1601 > DLE: ready to receive",
+            "9000 > STX: connection request",
+            "9001 < DLE: ready to receive",
+            "9002 > block, 1 byte, BCC 22",
+            "9600 > NAK: block given up",
+            "9700 < STX: connection request",
+        ],
+    );
     // A block that stops, and a request that is never answered: not a conflict hours later.
     check(
         R,
@@ -181,7 +199,7 @@ fn frames_of_modbus() {
     let length = Mode::Ascii.encode(&[17, 6, 0, 1, 0, 3], &mut frame).expect("short");
     let text: String = frame[..length].iter().map(|byte| format!("{byte:02X} ")).collect();
     check(
-        Dialect::ModbusAscii { master: false, pause: 1000 * MS },
+        Dialect::ModbusAscii { master: false, loadable: false, pause: 1000 * MS },
         &format!("0 < {text}\n 5 < 3A 31 31 0D 0A\n 9 < 3A 31"),
         &[
             "0 < slave 17, request: write word (06h), 1 := 0003h",
@@ -200,30 +218,36 @@ fn frames_of_modbus() {
 #[test]
 fn modbus_functions_of_the_cp341_and_32_bit_registers() {
     let mut script = String::new();
-    let table: [(&str, &[u8], &str); 12] = [
-        (">", &[5, 7], "slave 5, request: read exception status (07h)"),
-        ("<", &[5, 7, 0x3E], "slave 5, answer: read exception status (07h), 3Eh"),
-        (">", &[5, 8, 0, 0, 0xA5, 0xC3], "slave 5, request: diagnostics (08h), code 0, value A5C3h"),
-        ("<", &[5, 8, 0, 0, 0xA5, 0xC3], "slave 5, answer: diagnostics (08h), code 0, value A5C3h"),
-        (">", &[5, 11], "slave 5, request: read event counter (0Bh)"),
-        ("<", &[5, 11, 0xFE, 0xDC, 1, 8], "slave 5, answer: read event counter (0Bh), status FEDCh, 264 events"),
-        (">", &[5, 12], "slave 5, request: read event log (0Ch)"),
+    let table: [(&str, &[u8], &str); 18] = [
+        (">", &[5, 7], "slave 5, request: Read Exception Status (07h)"),
+        ("<", &[5, 7, 0x3E], "slave 5, answer: Read Exception Status (07h), 3Eh"),
+        (">", &[5, 8, 0, 0, 0xA5, 0xC3], "slave 5, request: Diagnostics (08h), code 0, value A5C3h"),
+        ("<", &[5, 8, 0, 0, 0xA5, 0xC3], "slave 5, answer: Diagnostics (08h), code 0, value A5C3h"),
+        (">", &[5, 11], "slave 5, request: Get Comm Event Counter (0Bh)"),
+        ("<", &[5, 11, 0xFE, 0xDC, 1, 8], "slave 5, answer: Get Comm Event Counter (0Bh), status FEDCh, 264 events"),
+        (">", &[5, 12], "slave 5, request: Get Comm Event Log (0Ch)"),
         (
             "<",
             &[5, 12, 8, 0x87, 0x65, 1, 8, 2, 0x20, 1, 0x12],
-            "slave 5, answer: read event log (0Ch), status 8765h, 264 events, 544 messages, log of 2 bytes",
+            "slave 5, answer: Get Comm Event Log (0Ch), status 8765h, 264 events, 544 messages, log of 2 bytes",
         ),
         (
             ">",
             &[5, 6, 1, 0x80, 0x11, 0x22, 0x33, 0x44],
-            "slave 5, request: write word (06h), 384 := 11223344h, 32 bits",
+            "slave 5, request: Write Single 32-Bit Register (06h), 384 := 11223344h",
         ),
-        ("<", &[5, 6, 1, 0x80, 0x11, 0x22], "slave 5, answer: write word (06h), 384 := 1122h"),
+        ("<", &[5, 6, 1, 0x80, 0x11, 0x22], "slave 5, answer: Write Single Register (06h), 384 := 1122h"),
         (
             ">",
             &[5, 16, 1, 0x20, 0, 2, 8, 0x51, 0xA1, 0x52, 0xA2, 0x53, 0xA3, 0x54, 0xA4],
-            "slave 5, request: write words (10h), 2 from 288, 32 bits",
+            "slave 5, request: Write Multiple 32-Bit Registers (10h), 2 from 288",
         ),
+        ("<", &[5, 16, 1, 0x20, 0, 2], "slave 5, answer: Write Multiple 32-Bit Registers (10h), 2 from 288"),
+        (">", &[5, 3, 0, 0x40, 0, 2], "slave 5, request: Read Holding Registers (03h), 2 from 64"),
+        ("<", &[5, 3, 8, 1, 2, 3, 4, 5, 6, 7, 8], "slave 5, answer: Read 32-Bit Holding Registers (03h), 8 bytes"),
+        (">", &[5, 3, 0, 0x40, 0, 2], "slave 5, request: Read Holding Registers (03h), 2 from 64"),
+        ("<", &[5, 3, 4, 1, 2, 3, 4], "slave 5, answer: Read Holding Registers (03h), 4 bytes"),
+        (">", &[5, 1, 0, 0x40, 0, 2], "slave 5, request: Read Coils (01h), 2 from 64"),
         ("<", &[5, 0x11, 0], "slave 5, answer: function 11h"),
     ];
     let mut expected = Vec::new();
@@ -235,7 +259,7 @@ fn modbus_functions_of_the_cp341_and_32_bit_registers() {
         expected.push(format!("{n} {arrow} {words}"));
     }
     let expected: Vec<&str> = expected.iter().map(String::as_str).collect();
-    check(Dialect::ModbusAscii { master: true, pause: 1000 * MS }, &script, &expected);
+    check(Dialect::ModbusAscii { master: true, loadable: true, pause: 1000 * MS }, &script, &expected);
 }
 
 const MBUS: Dialect = Dialect::MBus { pause: Span::from_millis(110) };
@@ -335,7 +359,7 @@ proptest! {
             RK,
             RTU,
             Dialect::Ascii { pause: 100 * MS },
-            Dialect::ModbusAscii { master: false, pause: 100 * MS },
+            Dialect::ModbusAscii { master: false, loadable: false, pause: 100 * MS },
             Dialect::EnOcean { pause: 100 * MS },
             MBUS,
             TCP,

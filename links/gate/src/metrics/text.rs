@@ -256,6 +256,11 @@ fn modules(page: &mut Page, status: &Value) {
             page.sample("ob1_cp_total", &labels, number(value));
         }
     }
+    page.family("ob1_cp_reason", "gauge", "what a CP waits for or what has failed (docs/access.md)");
+    for module in modules.iter().filter(|module| module["reason"].is_object()) {
+        let labels = [("module", text(&module["name"])), ("reason", text(&module["reason"]["why"]))];
+        page.sample("ob1_cp_reason", &labels, 1.0);
+    }
     page.family("ob1_led", "gauge", "LEDs that are lit");
     for module in modules {
         for led in list(&module["leds"]) {
@@ -316,7 +321,8 @@ mod tests {
                 "modules": [{
                     "name": "cp", "type": "cp340", "present": true, "leds": ["TXD"],
                     "driver": { "starts": 2, "losses": 1, "state": "line error 5" },
-                    "counters": { "telegrams_sent": 7 },
+                    "counters": { "telegrams_sent": 7, "ended_07h": 2 },
+                    "reason": { "why": "order_failed", "number": 7, "count": 2, "age_s": 3, "text": "no answer", "remedy": "" },
                 }],
             }),
             timing: json!({
@@ -354,6 +360,8 @@ mod tests {
             r#"ob1_driver_losses_total{module="cp",type="cp340"} 1"#,
             r#"ob1_line_ready{module="cp",type="cp340"} 0"#,
             r#"ob1_cp_total{module="cp",counter="telegrams_sent"} 7"#,
+            r#"ob1_cp_total{module="cp",counter="ended_07h"} 2"#,
+            r#"ob1_cp_reason{module="cp",reason="order_failed"} 1"#,
             r#"ob1_led{module="cp",led="TXD"} 1"#,
             r#"ob1_link_up{link="figures"} 0"#,
             r#"ob1_memory_bytes{kind="resident"} 2048"#,

@@ -1,7 +1,7 @@
 //! A driver dies and another one replaces it.
 
 use super::{at, both_ends};
-use crate::{Counter, CpSide, DriverState, Event, EventKind, Freshness, Leds, ModemInputs};
+use crate::{Counter, CpSide, DriverState, Event, EventKind, Freshness, Leds, ModemInputs, Reason, Why};
 
 #[test]
 fn a_new_driver_is_another_generation_and_starts_from_zero() {
@@ -17,6 +17,10 @@ fn a_new_driver_is_another_generation_and_starts_from_zero() {
     cp.set_state(DriverState::Ready);
     cp.set_leds(Leds { power: true, ..Leds::default() });
     cp.set_modem_inputs(ModemInputs { rts: true, ..ModemInputs::default() });
+    cpu.set_time(12_999_999_999);
+    let reason = Reason::state(Why::StartUp, 0x8001);
+    cp.set_reason(Some(reason));
+    assert_eq!(cpu.monitor().reason(), Some((reason, 12)));
     drop(cp);
     let mut cp = CpSide::attach(&segment).unwrap();
     assert_ne!(cp.generation(), first);
@@ -24,6 +28,7 @@ fn a_new_driver_is_another_generation_and_starts_from_zero() {
     assert_eq!(cpu.monitor().driver_state(), Ok(DriverState::Starting));
     assert_eq!(cpu.monitor().leds(), Leds::default());
     assert_eq!(cpu.monitor().modem_inputs(), ModemInputs::default());
+    assert_eq!(cpu.monitor().reason(), None);
     let mut registers = [1; 16];
     assert_eq!(cpu.read_inputs(&mut registers), Freshness::Fresh);
     assert_eq!(registers, [0; 16]);
@@ -51,6 +56,7 @@ fn while_no_driver_is_there_its_side_reads_zero() {
     cp.set_state(DriverState::Ready);
     cp.set_leds(Leds { error: true, ..Leds::default() });
     cp.set_modem_inputs(ModemInputs { cd: true, ..ModemInputs::default() });
+    cp.set_reason(Some(Reason::state(Why::Stopped, 0)));
     assert!(cp.prepare_sleep(cp.changes()));
     // Killed while sleeping, and during a write, as far as this can be simulated.
     segment.poke(at("inputs.sequence"), 1001);
@@ -61,6 +67,7 @@ fn while_no_driver_is_there_its_side_reads_zero() {
     assert_eq!(registers, [0; 16]);
     assert_eq!(cpu.monitor().driver_state(), Ok(DriverState::Absent));
     assert_eq!((cpu.monitor().leds(), cpu.monitor().modem_inputs()), (Leds::default(), ModemInputs::default()));
+    assert_eq!(cpu.monitor().reason(), None);
     cpu.write_outputs(&[1; 16]);
     assert!(!cpu.take_doorbell(), "nobody is there to be woken");
 }

@@ -83,7 +83,10 @@ impl Module for TestModule {
         Ok(1)
     }
     fn record_write(&mut self, record: u8, _from: &[u8]) -> Result<(), ModuleError> {
-        if record == 1 { Ok(()) } else { Err(ModuleError::NoRecord) }
+        if matches!(record, 1 | 0x80 | 0x90) { Ok(()) } else { Err(ModuleError::NoRecord) }
+    }
+    fn is_of_blocks(&self, record: u8) -> bool {
+        record == 0x80
     }
     fn diagnostic_buffer(&mut self, each: &mut dyn FnMut(ModuleEntry)) -> bool {
         self.look(|s| s.buffer.iter().for_each(|entry| each(*entry)));

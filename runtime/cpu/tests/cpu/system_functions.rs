@@ -179,6 +179,35 @@ const CALLS: &[Row] = &[
         false,
         &[],
     ),
+    // A record by which handling blocks exchange data with their module is unknown to a program.
+    (
+        "SFC 58",
+        "(REQ := TRUE, IOID := B#16#54, LADDR := W#16#100, RECNUM := B#16#80, RECORD := P#M 0.0 BYTE 4, RET_VAL := MW 10, BUSY := M 12.0)",
+        0x80B0,
+        false,
+        &[],
+    ),
+    (
+        "SFC 55",
+        "(REQ := TRUE, IOID := B#16#54, LADDR := W#16#100, RECNUM := B#16#80, RECORD := P#M 0.0 BYTE 4, RET_VAL := MW 10, BUSY := M 12.0)",
+        0x80B0,
+        false,
+        &[],
+    ),
+    (
+        "SFC 58",
+        "(REQ := TRUE, IOID := B#16#54, LADDR := W#16#100, RECNUM := B#16#90, RECORD := P#M 0.0 BYTE 4, RET_VAL := MW 10, BUSY := M 12.0)",
+        0,
+        true,
+        &[],
+    ),
+    (
+        "SFC 55",
+        "(REQ := TRUE, IOID := B#16#54, LADDR := W#16#100, RECNUM := B#16#90, RECORD := P#M 0.0 BYTE 4, RET_VAL := MW 10, BUSY := M 12.0)",
+        0,
+        true,
+        &[],
+    ),
     (
         "SFC 58",
         "(REQ := FALSE, IOID := B#16#54, LADDR := W#16#100, RECNUM := B#16#5, RECORD := P#M 0.0 BYTE 4, RET_VAL := MW 10, BUSY := M 12.0)",

@@ -380,6 +380,10 @@ impl Module for DpCp {
         }
     }
 
+    fn is_of_blocks(&self, record: u8) -> bool {
+        matches!(record, SEND | RECEIVE | JOB)
+    }
+
     fn record_write(&mut self, record: u8, from: &[u8]) -> Result<(), ModuleError> {
         let shared = Arc::clone(&self.shared);
         let Ok(mut shared) = shared.try_lock() else { return Err(ModuleError::Busy) };

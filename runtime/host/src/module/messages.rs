@@ -1,8 +1,9 @@
 //! What a driver and its supervisor report, as entries of the diagnostic buffer. Made on the scan thread: no
 //! allocation.
 //!
-//! A CP also reports each repetition and each failed order; those are not entered. The program sees them (FEHLER_KOM),
-//! they are counted, and a noisy line would push everything else out of the buffer.
+//! A CP also reports its start-up, each repetition and each failed order; those are not entered here, where a noisy
+//! line would push everything else out of the buffer. The CP itself lists and counts them, and says what it waits for
+//! (docs/driver.md, "Events").
 
 use std::fmt::{self, Write};
 
@@ -21,6 +22,7 @@ mod code {
     pub(super) const LINE_UP: u32 = 5;
     pub(super) const CONFIGURATION: u32 = 7;
     pub(super) const SEGMENT: u32 = 8;
+    pub(super) const ECHO: u32 = 9;
 }
 
 /// Kinds of rule violations by a driver, each entered once in an incident.
@@ -128,6 +130,8 @@ pub(super) struct Messages {
     /// The line is gone, with the system's error number.
     line: Told<u32>,
     refused: Told<Refused>,
+    /// The line gives back what is sent.
+    echo: Told<()>,
     states: Allowance,
     /// How many events the ring of the segment had no room for.
     lost: Told<u64>,
@@ -146,6 +150,7 @@ impl Messages {
             interrupts: Allowance::new(INTERRUPTS),
             line: Told::NEVER,
             refused: Told::NEVER,
+            echo: Told::NEVER,
             states: Allowance::new(STATES),
             lost: Told::NEVER,
             losses: Allowance::new(LOSSES),
@@ -177,6 +182,10 @@ impl Messages {
                 Some(errno) => text(Event::CP_ERROR, format_args!("{}", Gone(errno))),
                 None => text(Event::CP_ERROR_GONE, format_args!("line up")),
             });
+        }
+        if let Some(echo) = self.echo.due(&mut self.states) {
+            let event = if echo.is_some() { Event::CP_ERROR } else { Event::CP_ERROR_GONE };
+            return Some(text(event, format_args!("line: local echo")));
         }
         let refused = self.refused.due(&mut self.states)?;
         Some(match refused {
@@ -221,6 +230,8 @@ impl Messages {
             code::NO_PARAMETERS => self.refused.comes(Refused::Byte(first)),
             code::CONFIGURATION => self.refused.comes(Refused::Configuration),
             code::WORKING => self.refused.goes(),
+            code::ECHO if first == 0 => self.echo.goes(),
+            code::ECHO => self.echo.comes(()),
             code::SEGMENT => self.enter_once(SEEN_BY_THE_CP, "seen by the CP", incident),
             _ => {}
         }
@@ -271,23 +282,32 @@ struct Gone(u32);
 
 impl fmt::Display for Gone {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        use rustix::io::Errno;
-        // The number comes out of shared memory, and the system has none beyond these.
-        let known = i32::try_from(self.0).ok().filter(|number| (1..4096).contains(number));
-        let Some(errno) = known.map(Errno::from_raw_os_error) else {
-            return if self.0 == 0 { f.write_str("line: closed") } else { write!(f, "line gone, os {}", self.0) };
-        };
-        f.write_str(match errno {
-            Errno::NOENT => "line: no device",
-            Errno::ACCESS | Errno::PERM => "line: no access",
-            Errno::BUSY => "line: in use",
-            Errno::IO | Errno::NODEV | Errno::NXIO => "line: unplugged",
-            Errno::CONNREFUSED => "line: refused",
-            Errno::CONNRESET | Errno::PIPE => "line: hung up",
-            Errno::TIMEDOUT | Errno::HOSTUNREACH | Errno::NETUNREACH => "line: no answer",
-            _ => return write!(f, "line gone, os {}", self.0),
-        })
+        match line_gone(self.0) {
+            Some(why) => write!(f, "line: {why}"),
+            None => write!(f, "line gone, os {}", self.0),
+        }
     }
+}
+
+/// Why a line is gone, by the system's error number (0: none); `None` where no short word says more than the number.
+#[must_use]
+pub fn line_gone(errno: u32) -> Option<&'static str> {
+    use rustix::io::Errno;
+    if errno == 0 {
+        return Some("closed");
+    }
+    // The number comes out of shared memory, and the system has none beyond these.
+    let known = i32::try_from(errno).ok().filter(|number| (1..4096).contains(number))?;
+    Some(match Errno::from_raw_os_error(known) {
+        Errno::NOENT => "no device",
+        Errno::ACCESS | Errno::PERM => "no access",
+        Errno::BUSY => "in use",
+        Errno::IO | Errno::NODEV | Errno::NXIO => "unplugged",
+        Errno::CONNREFUSED => "refused",
+        Errno::CONNRESET | Errno::PIPE => "hung up",
+        Errno::TIMEDOUT | Errno::HOSTUNREACH | Errno::NETUNREACH => "no answer",
+        _ => return None,
+    })
 }
 
 /// An entry with a text of at most 16 bytes.

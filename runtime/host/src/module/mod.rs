@@ -16,7 +16,10 @@ use ob1_time::Instant;
 
 pub use link::{AlwaysThere, DriverLink, Life};
 use messages::Messages;
+pub use messages::line_gone;
 
+/// Number of the parameter record. [S3 L341]
+const PARAMETER_RECORD: u8 = 0x80;
 /// Most register bytes a segment has.
 const IO_MAX: usize = ob1_backplane::layout::IO_BYTES_MAX;
 /// Messages of a driver taken in one call of `poll_event`: it can make them as fast as they are read.
@@ -34,6 +37,8 @@ pub struct CpSettings {
     /// It has channels (the CP 341): its handling blocks read and write them as data records.
     /// (`docs/cp341-channels.md`) So it has a diagnostic buffer of its own too.
     pub channels: bool,
+    /// A program may write its parameters, record 80h, in RUN (the CP 040). [S3 L341]
+    pub takes_parameters: bool,
     /// It has boxes (the CP 343): its handling blocks read and write them as data records. (`docs/cp343.md`)
     pub boxes: bool,
     /// `diagnostics = true`: it may raise diagnostic interrupts (OB 82). Otherwise it may not, whatever its driver
@@ -261,8 +266,18 @@ impl Module for CpModule {
             self.side.write_box(index, from);
             return Ok(());
         }
-        // No CP here takes any other record.
+        if self.settings.takes_parameters && record == PARAMETER_RECORD {
+            let parameters = from.try_into().map_err(|_| ModuleError::Outside)?;
+            // They last until the next start-up, which brings those of the station file again.
+            let _fits = self.side.write_params(parameters, &self.settings.json);
+            return Ok(());
+        }
+        // No CP here takes any other record: 00h and 02h of a CP 040 "may only be transferred at STOP state". [S3 L375]
         Err(ModuleError::NoRecord)
+    }
+
+    fn is_of_blocks(&self, record: u8) -> bool {
+        self.channel(record).is_some() || self.box_of(record).is_some()
     }
 
     fn diagnostic_buffer(&mut self, each: &mut dyn FnMut(ModuleEntry)) -> bool {

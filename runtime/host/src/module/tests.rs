@@ -313,6 +313,19 @@ fn interrupts_and_a_line_that_flaps_have_their_limits_and_the_last_word_is_told(
 }
 
 #[test]
+fn a_line_that_echoes_is_entered_once_and_its_end_too() {
+    let (mut module, segment) = module();
+    let mut cp = driver(&segment);
+    let entries = entries_of(&mut module, 10, |scan| {
+        if matches!(scan, 1 | 5) {
+            cp.emit_event(ob1_backplane::Event::new(0, EventKind::Message, 9, &[u8::from(scan == 1)]));
+        }
+    });
+    let told: Vec<_> = entries.iter().map(|e| (e.event, &e.data[..usize::from(e.len)])).collect();
+    assert_eq!(told, [(Event::CP_ERROR, &b"line: local echo"[..]), (Event::CP_ERROR_GONE, b"line: local echo")]);
+}
+
+#[test]
 fn events_that_a_full_ring_loses_are_entered_when_that_begins_and_then_from_time_to_time() {
     let (mut module, segment) = module();
     let mut cp = driver(&segment);
@@ -428,4 +441,40 @@ fn the_diagnostic_buffer_has_the_time_of_the_cpu_and_outlives_its_driver() {
     assert_eq!(entries, [(0x080D, false, Instant::from_secs(7)), (0x0703, true, Instant::from_millis(2_500))]);
     let (mut other, _segment) = self::module();
     assert!(!other.diagnostic_buffer(&mut |_| {}), "a CP 240 has none");
+}
+
+/// "DS: record set for access via CPU" [S3 L341]; 00h and 02h "may only be transferred at STOP state" [S3 L375].
+#[test]
+fn a_program_writes_the_parameters_of_a_cp_040() {
+    let settings = CpSettings { takes_parameters: true, parameters: [3; 16], ..CpSettings::default() };
+    let (mut module, segment) = module_with(Box::new(AlwaysThere), settings);
+    let mut cp = driver(&segment);
+    module.cpu_state(true);
+    let mut bytes = || cp.read_params().expect("they are whole").bytes;
+    assert_eq!(bytes(), [3; 16]);
+    for (record, len, answer) in [
+        (0x80, 15, Err(ModuleError::Outside)),
+        (0x80, 17, Err(ModuleError::Outside)),
+        (0x02, 2, Err(ModuleError::NoRecord)),
+        (0x00, 1, Err(ModuleError::NoRecord)),
+        (0x81, 16, Err(ModuleError::NoRecord)),
+    ] {
+        assert_eq!(module.record_write(record, &[7; 17][..len]), answer, "{record:02X}h, {len} bytes");
+        assert_eq!(bytes(), [3; 16]);
+    }
+    assert_eq!((module.is_of_blocks(0x80), module.record_write(0x80, &[7; 16])), (false, Ok(())));
+    assert_eq!(bytes(), [7; 16]);
+    module.cpu_state(true);
+    assert_eq!(bytes(), [3; 16], "a start-up brings the parameters of the station file");
+}
+
+#[test]
+fn records_of_handling_blocks_are_theirs() {
+    let settings = [
+        CpSettings { channels: true, ..CpSettings::default() },
+        CpSettings { boxes: true, ..CpSettings::default() },
+        CpSettings::default(),
+    ];
+    let modules = settings.map(|settings| module_with(Box::new(AlwaysThere), settings).0);
+    assert_eq!(modules.map(|module| module.is_of_blocks(0x80)), [true, true, false]);
 }

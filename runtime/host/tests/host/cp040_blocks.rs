@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use ob1_cpu::{ModuleStatus, Natives};
 use ob1_host::plugin::{Plugin, PluginModule};
 use ob1_model::BlockKind;
+use ob1_time::Span;
 
 use crate::support::{Cpu, Registers, find, plugin};
 
@@ -25,7 +26,7 @@ impl Fb {
         Self {
             number: 60,
             params: vec![1, 0, ADR, 10, 20, len, 16, 0, 0, 0, 0],
-            instance: vec![0; 32],
+            instance: vec![0; 64],
             outputs: [7, 8, 9],
         }
     }
@@ -35,9 +36,17 @@ impl Fb {
         Self {
             number: 61,
             params: vec![1, 0, ADR, 11, 4, 16, 0, 0, 0, 0, 0],
-            instance: vec![0; 32],
+            instance: vec![0; 64],
             outputs: [6, 7, 8],
         }
+    }
+
+    /// FB 65: REQ_SEND, EN_RECV, RESET, ADDR_IN, ADDR_OUT, send DB, DBB, LEN, receive DB, DBB, IO_SIZE, LEN_RECV, DONE,
+    /// ERROR, STATUS, NDR, ERROR, STATUS, CONTROL. The outputs of its receive side.
+    fn com() -> Self {
+        let mut params = vec![0; 19];
+        params[..11].copy_from_slice(&[0, 1, 0, ADR, ADR, 10, 20, 5, 11, 4, 16]);
+        Self { number: 65, params, instance: vec![0; 64], outputs: [15, 16, 17] }
     }
 
     /// One call: DONE, ERROR and STATUS. BR is the contrary of ERROR.
@@ -159,6 +168,8 @@ fn what_does_not_fit_waits_in_the_cp() {
         (receive.params[3], receive.params[4]) = (db, byte);
         assert_eq!(receive.call(&mut cpu, &blocks), (0, 1, status));
         assert_eq!(cpu.module.output[0], 0x88, "not acknowledged");
+        assert_eq!(receive.call(&mut cpu, &blocks), RUNNING, "ERROR is set for one call");
+        assert_eq!(receive.params[9], 0, "LEN");
     }
     (receive.params[3], receive.params[4]) = (11, 55);
     assert_eq!(receive.call(&mut cpu, &blocks), (1, 0, 0));
@@ -205,5 +216,175 @@ fn a_new_start_of_the_cp_ends_the_job_once() {
     assert_eq!(send.call(&mut cpu, &blocks), RUNNING);
     assert_eq!(cpu.module.output[0], 0x88, "nothing of before stands there");
     assert_eq!(send.call(&mut cpu, &blocks), (0, 1, 0x0202));
+    assert_eq!(send.call(&mut cpu, &blocks), NOTHING);
+}
+
+/// Access error [reference 8.4], after 10 s as at the CP 341. (ours)
+#[test]
+fn a_cp_that_does_not_come_is_an_access_error_after_10_s() {
+    let (mut cpu, blocks) = cp040();
+    cpu.module.status.present = false;
+    cpu.now += Span::from_secs(1);
+    let (mut send, mut receive, mut com) = (Fb::send(5), Fb::receive(), Fb::com());
+    assert_eq!(send.call(&mut cpu, &blocks), RUNNING);
+    send.params[0] = 0;
+    assert_eq!(send.call(&mut cpu, &blocks), RUNNING, "the request is not lost when REQ goes back");
+    for block in [&mut receive, &mut com] {
+        assert_eq!(block.call(&mut cpu, &blocks), NOTHING, "FB {}", block.number);
+    }
+    cpu.now += Span::from_millis(9_999);
+    assert_eq!((send.call(&mut cpu, &blocks), receive.call(&mut cpu, &blocks)), (RUNNING, NOTHING));
+    cpu.now += Span::MILLISECOND;
+    for block in [&mut send, &mut receive, &mut com] {
+        assert_eq!(block.call(&mut cpu, &blocks), (0, 1, 0x80A0), "FB {}", block.number);
+        assert_eq!(block.call(&mut cpu, &blocks), NOTHING, "for one call");
+    }
+    // The next request has its 10 s too, and R as well.
+    (send.params[0], receive.params[1]) = (1, 1);
+    for block in [&mut send, &mut receive] {
+        assert_eq!(block.call(&mut cpu, &blocks), RUNNING);
+        (block.params[0], block.params[1]) = (0, 0);
+    }
+    cpu.now += Span::from_secs(10);
+    for block in [&mut send, &mut receive] {
+        assert_eq!(block.call(&mut cpu, &blocks), (0, 1, 0x80A0), "FB {}", block.number);
+    }
+    // A pulse at REQ while the CP starts is a request all the same.
+    send.params[0] = 1;
+    send.call(&mut cpu, &blocks);
+    send.params[0] = 0;
+    cpu.now += Span::from_secs(5);
+    cpu.module.status = ModuleStatus { present: true, generation: 2, leds: 0 };
+    while cpu.module.output[0] != 0x8A {
+        assert_eq!(send.call(&mut cpu, &blocks), RUNNING);
+    }
+    cpu.module.input[0] = 0xA8;
+    assert_eq!(send.call(&mut cpu, &blocks), (1, 0, 0));
+}
+
+/// DONE of a reset must not be taken for that of the job it has ended.
+#[test]
+fn a_reset_says_what_it_has_ended() {
+    const LOST: (u32, u32, u32) = (0, 1, 0x070A);
+    let finish = |cpu: &mut Cpu, block: &mut Fb, blocks: &Natives| {
+        (block.params[0], block.params[1]) = (0, 0);
+        cpu.module.input[0] = 0xC8;
+        assert_eq!(block.call(cpu, blocks), RUNNING);
+        cpu.module.input[0] = 0x88;
+        assert_eq!(block.call(cpu, blocks), (1, 0, 0), "FB {}", block.number);
+        assert_eq!(block.call(cpu, blocks), NOTHING);
+    };
+    // Its own job, and a request in the same call.
+    for begins_before in [true, false] {
+        let (mut cpu, blocks) = cp040();
+        Fb::receive().call(&mut cpu, &blocks);
+        let mut send = Fb::send(5);
+        if begins_before {
+            assert_eq!(send.call(&mut cpu, &blocks), RUNNING);
+        }
+        send.params[1] = 1;
+        assert_eq!(send.call(&mut cpu, &blocks), LOST);
+        finish(&mut cpu, &mut send, &blocks);
+        assert_eq!(cpu.module.output[0], 0x88, "nothing is sent afterwards");
+    }
+    // The job of another block, and the telegram that it was receiving.
+    let (mut cpu, blocks) = cp040();
+    let (mut send, mut receive) = (Fb::send(5), Fb::receive());
+    receive.call(&mut cpu, &blocks);
+    cpu.module.input = [0x89, 0, 0, 0x2A, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9];
+    assert_eq!((receive.call(&mut cpu, &blocks), send.call(&mut cpu, &blocks)), (RUNNING, RUNNING));
+    cpu.instance_at = 100;
+    receive.params[1] = 1;
+    assert_eq!(receive.call(&mut cpu, &blocks), LOST);
+    cpu.instance_at = 0;
+    assert_eq!(send.call(&mut cpu, &blocks), LOST);
+    cpu.instance_at = 100;
+    finish(&mut cpu, &mut receive, &blocks);
+}
+
+/// A request during the block's own reset comes after it: its DONE is not the reset's.
+#[test]
+fn a_request_in_a_reset_waits_for_its_end() {
+    let (mut cpu, blocks) = cp040();
+    Fb::receive().call(&mut cpu, &blocks);
+    let mut send = Fb::send(5);
+    (send.params[0], send.params[1]) = (0, 1);
+    assert_eq!(send.call(&mut cpu, &blocks), RUNNING);
+    send.params[0] = 1;
+    assert_eq!(send.call(&mut cpu, &blocks), RUNNING);
+    (send.params[0], send.params[1]) = (0, 0);
+    cpu.module.input[0] = 0xC8;
+    send.call(&mut cpu, &blocks);
+    cpu.module.input[0] = 0x88;
+    assert_eq!(send.call(&mut cpu, &blocks), (1, 0, 0), "the reset");
+    while cpu.module.output[0] != 0x8A {
+        assert_eq!(send.call(&mut cpu, &blocks), RUNNING);
+    }
+    cpu.module.input[0] = 0xA8;
+    assert_eq!(send.call(&mut cpu, &blocks), (1, 0, 0), "the telegram");
+}
+
+/// The send side of an instance that is no longer called is free after 10 s. (ours)
+#[test]
+fn an_instance_that_is_no_longer_called_holds_up_nobody() {
+    let (mut cpu, blocks) = cp040();
+    let (mut first, mut second) = (Fb::send(50), Fb::send(5));
+    first.call(&mut cpu, &blocks);
+    assert_eq!(first.call(&mut cpu, &blocks), RUNNING);
+    cpu.module.input[0] = 0x98;
+    cpu.instance_at = 100;
+    assert_eq!(second.call(&mut cpu, &blocks), RUNNING);
+    second.params[0] = 0;
+    cpu.now += Span::from_millis(9_999);
+    assert_eq!((second.call(&mut cpu, &blocks), cpu.module.output[0]), (RUNNING, 0x89), "it waits");
+    cpu.now += Span::MILLISECOND;
+    assert_eq!((second.call(&mut cpu, &blocks), cpu.module.output[0]), (RUNNING, 0x88));
+    cpu.module.input[0] = 0x88;
+    assert_eq!((second.call(&mut cpu, &blocks), cpu.module.output[0]), (RUNNING, 0x8A));
+    cpu.instance_at = 0;
+    assert_eq!(first.call(&mut cpu, &blocks), (0, 1, 0x0202), "it has lost its job");
+    cpu.instance_at = 100;
+    cpu.module.input[0] = 0xA8;
+    assert_eq!(second.call(&mut cpu, &blocks), (1, 0, 0));
+}
+
+#[test]
+fn an_error_that_lasts_is_told_once() {
+    // FB 61 without its module; FB 61 and FB 65 with a wrong IO_SIZE.
+    for (mut block, at, value, status) in
+        [(Fb::receive(), 2, 999, 0x80A0), (Fb::receive(), 5, 60, 0x0202), (Fb::com(), 10, 60, 0x0202)]
+    {
+        let (mut cpu, blocks) = cp040();
+        let right = std::mem::replace(&mut block.params[at], value);
+        assert_eq!(block.call(&mut cpu, &blocks), (0, 1, status), "FB {}", block.number);
+        for _ in 0..3 {
+            assert_eq!(block.call(&mut cpu, &blocks), NOTHING, "FB {}", block.number);
+        }
+        block.params[at] = right;
+        block.call(&mut cpu, &blocks);
+        block.params[at] = value;
+        assert_eq!(block.call(&mut cpu, &blocks), (0, 1, status), "again, when it comes again");
+    }
+    // FB 60 tells it with a request.
+    let (mut cpu, blocks) = cp040();
+    let mut send = Fb::send(5);
+    (send.params[0], send.params[6]) = (0, 60);
+    assert_eq!(send.call(&mut cpu, &blocks), NOTHING);
+    send.params[0] = 1;
+    assert_eq!((send.call(&mut cpu, &blocks), send.call(&mut cpu, &blocks)), ((0, 1, 0x0202), NOTHING));
+}
+
+/// ERROR is the end of a job: DONE does not come after it.
+#[test]
+fn a_job_that_has_ended_with_an_error_does_not_go_on() {
+    let (mut cpu, blocks) = cp040();
+    let mut send = Fb::send(5);
+    send.call(&mut cpu, &blocks);
+    assert_eq!(send.call(&mut cpu, &blocks), RUNNING);
+    send.params[6] = 60;
+    assert_eq!(send.call(&mut cpu, &blocks), (0, 1, 0x0202));
+    send.params[6] = 16;
+    cpu.module.input[0] = 0xA8;
+    assert_eq!((send.call(&mut cpu, &blocks), cpu.module.output[0]), (NOTHING, 0x88));
     assert_eq!(send.call(&mut cpu, &blocks), NOTHING);
 }

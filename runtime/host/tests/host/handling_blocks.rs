@@ -1,5 +1,7 @@
 //! The handling blocks of the CP 240, loaded as the runtime loads them, against registers written by hand.
 
+mod manual;
+
 use std::collections::BTreeMap;
 
 use ob1_cpu::{ModuleStatus, NativeBlock, Natives};

@@ -28,16 +28,16 @@ fn blocks() -> Natives {
 
 /// A CP that is quicker than any scan.
 #[derive(Default)]
-struct FakeCp {
+pub(crate) struct FakeCp {
     /// Jobs of P_SND_RK it has got completely: header and data.
-    jobs: Vec<(Vec<u8>, Vec<u8>)>,
+    pub(crate) jobs: Vec<(Vec<u8>, Vec<u8>)>,
     collected: Vec<u8>,
     /// STATUS its next job ends with.
     fails_with: u16,
     /// It does not end its job.
-    holds: bool,
+    pub(crate) holds: bool,
     /// What it offers to P_RCV_RK.
-    telegrams: Vec<Vec<u8>>,
+    pub(crate) telegrams: Vec<Vec<u8>>,
     offered: u16,
     /// Jobs P_RCV_RK has refused: the reason.
     refused: Vec<u8>,
@@ -154,17 +154,19 @@ impl FakeCp {
 }
 
 /// P_SND_RK, P_RCV_RK, their instances, CPU and CP.
-struct Bench {
+pub(crate) struct Bench {
     blocks: Natives,
-    cpu: Cpu,
-    cp: FakeCp,
-    instances: [Vec<u8>; 2],
+    pub(crate) cpu: Cpu,
+    pub(crate) cp: FakeCp,
+    pub(crate) instances: [Vec<u8>; 2],
+    /// Of a second pair of blocks.
+    pub(crate) others: [Vec<u8>; 2],
     send: [u32; 16],
-    receive: [u32; 14],
+    pub(crate) receive: [u32; 14],
 }
 
 impl Bench {
-    fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let mut cpu = Cpu::new();
         let status = ModuleStatus { present: true, generation: 1, leds: 0 };
         cpu.module = Registers { address: LADDR, status, ..Registers::default() };
@@ -175,7 +177,15 @@ impl Bench {
         (send[0], send[3], send[4], send[6], send[7], send[8]) = (u32::from(b'S'), LADDR, 10, 5, 1, u32::from(b'D'));
         let mut receive = [0; 14];
         (receive[0], receive[2], receive[3]) = (1, LADDR, 11);
-        Self { blocks: blocks(), cpu, cp: FakeCp::default(), instances: [vec![0; 62], vec![0; 60]], send, receive }
+        let instances = [vec![0; 62], vec![0; 60]];
+        Self { blocks: blocks(), cpu, cp: FakeCp::default(), others: instances.clone(), instances, send, receive }
+    }
+
+    /// Goes over to the other pair of instances, which lies in the same data block: multi-instances.
+    pub(crate) fn other(&mut self) -> &mut Self {
+        std::mem::swap(&mut self.instances, &mut self.others);
+        self.cpu.instance_at ^= 200;
+        self
     }
 
     /// One call of P_SND_RK; the CP looks before.
@@ -192,13 +202,13 @@ impl Bench {
     }
 
     /// With REQ as given.
-    fn req(&mut self, req: bool) -> (bool, bool, u16) {
+    pub(crate) fn req(&mut self, req: bool) -> (bool, bool, u16) {
         self.send[1] = u32::from(req);
         self.send()
     }
 
     /// Calls until it ends: how many, and how.
-    fn until_end(&mut self) -> (u32, (bool, bool, u16)) {
+    pub(crate) fn until_end(&mut self) -> (u32, (bool, bool, u16)) {
         for calls in 1..200 {
             let end = self.req(calls == 1);
             if end.0 || end.1 {
@@ -209,7 +219,7 @@ impl Bench {
     }
 
     /// One call of P_RCV_RK: NDR, STATUS, LEN.
-    fn receive(&mut self) -> (bool, u16, u16) {
+    pub(crate) fn receive(&mut self) -> (bool, u16, u16) {
         self.cp.look(&mut self.cpu);
         self.cpu.instance = std::mem::take(&mut self.instances[1]);
         self.cpu.call(find(&self.blocks, BlockKind::Fb, 7), &self.receive).expect("it goes on");
@@ -220,15 +230,15 @@ impl Bench {
         (out(NDR) != 0, out(13) as u16, out(LEN) as u16)
     }
 
-    fn start_up(&mut self) {
+    pub(crate) fn start_up(&mut self) {
         while self.instances[0][28] != 2 {
             assert_eq!(self.req(false), NOTHING);
         }
     }
 }
 
-const NOTHING: (bool, bool, u16) = (false, false, 0);
-const END: (bool, bool, u16) = (true, false, 0);
+pub(crate) const NOTHING: (bool, bool, u16) = (false, false, 0);
+pub(crate) const END: (bool, bool, u16) = (true, false, 0);
 
 #[test]
 fn instances_have_the_size_of_the_originals() {
@@ -313,8 +323,34 @@ fn reset_aborts_the_job_and_blocks() {
     assert_eq!(bench.req(false), NOTHING);
     assert_eq!(bench.until_end(), (3, END));
     assert_eq!(bench.cp.jobs.len(), 1);
+}
+
+/// "DONE and ERROR/STATUS are also output for a RESET", NDR with LEN = 0. [reference 1.2, 1.5]
+#[test]
+fn r_on_an_idle_block_is_answered_once_with_done_and_ndr() {
+    let mut bench = Bench::new();
+    (bench.send[2], bench.receive[1]) = (1, 1);
+    assert_eq!((bench.req(false), bench.receive()), (END, (true, 0, 0)), "in the first call");
+    for req in [true, false, true] {
+        assert_eq!((bench.req(req), bench.receive()), (NOTHING, (false, 0, 0)), "once");
+    }
+    (bench.send[2], bench.receive[1]) = (0, 0);
+    assert_eq!((bench.req(false), bench.receive()), (NOTHING, (false, 0, 0)));
+    bench.cp.telegrams.push(vec![7; 3]);
+    assert_eq!(bench.until_end().1, END);
+    assert_eq!((0..9).map(|_| bench.receive()).find(|end| end.0), Some((true, 0, 3)));
+    (bench.send[2], bench.receive[1]) = (1, 1);
+    assert_eq!((bench.req(false), bench.receive()), (END, (true, 0, 0)));
+    // A job that waits for the coordination is a job, too.
+    let mut bench = Bench::new();
+    assert_eq!(bench.req(true), NOTHING);
     bench.send[2] = 1;
-    assert_eq!(bench.req(false), NOTHING, "idle: nothing to abort");
+    assert_eq!((bench.req(false), bench.req(false)), ((false, true, 0x1E0D), NOTHING));
+    // Nobody is there to be reset.
+    (bench.send[2], bench.send[3]) = (0, 999);
+    bench.req(false);
+    bench.send[2] = 1;
+    assert_eq!((bench.req(false), bench.req(false)), ((false, true, 0x1E0F), NOTHING));
 }
 
 #[test]

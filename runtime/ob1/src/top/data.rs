@@ -212,6 +212,7 @@ pub(super) mod tests {
                 type_name: "cp341".into(),
                 address: 272,
                 driver: "ready".into(),
+                reason: None,
                 entries: (3..8).map(|number| BufferEntry { number, incoming: true, time_ms: 10 }.into()).collect(),
             }],
             buses: vec![crate::bus::text::tests::bus(scans)],

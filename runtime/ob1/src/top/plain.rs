@@ -64,19 +64,24 @@ pub(super) fn module(data: &Data, number: usize, m: &ModuleStatus) -> String {
         let lit = m.leds.iter().any(|name| name == led);
         let _ = write!(out, "{}{led} ", if lit { '*' } else { '.' });
     }
-    let _ = write!(out, " {} ({}), lost {}", driver.state, driver.pid, driver.losses);
+    let _ = write!(out, " {} ({}), restarts {}", driver.state, driver.pid, driver.losses);
+    if let Some(reason) = &m.reason {
+        // Before the figures: a narrow screen cuts them off.
+        let _ = write!(out, "  {}", reason.text);
+    }
     let n = |name: &str| counter(m, name);
     let open = n("orders_accepted")
         .saturating_sub(n("telegrams_sent") + n("send_errors") + n("orders_aborted") + n("orders_lost"));
     let _ = write!(
         out,
-        "  orders {} open {open} done {} error {} aborted {} lost {}  received {} errors {}",
+        "  orders {} open {open} done {} error {} aborted {} lost {}  received {} rejected {} errors {}",
         n("orders_accepted"),
         n("telegrams_sent"),
         n("send_errors"),
         n("orders_aborted"),
         n("orders_lost"),
         n("telegrams_received"),
+        n("rejected_full"),
         n("receive_errors")
     );
     if n(EVENTS_LOST) > 0 {
@@ -150,6 +155,7 @@ pub(super) fn text(data: &Data) -> String {
 mod tests {
     use super::super::data::tests::look;
     use super::*;
+    use ob1_station::access::protocol::ReasonStatus;
 
     #[test]
     fn a_look_tells_everything() {
@@ -161,7 +167,7 @@ mod tests {
             "scans 12000 (1000/s)",
             "engine native",
             "wake-up                  12000    20.0 µs",
-            "*PW .ER *TxD .RxD  ready (43), lost 0  orders 121 open 1 done 120",
+            "*PW .ER *TxD .RxD  ready (43), restarts 0  orders 121 open 1 done 120",
             "10.0/s out 5.0/s in",
             "rio              exchange       1000.0",
             "panel            up\n  10.0.0.7:50000           03.02                  up       PDU  480  jobs         17  errors      2",
@@ -178,6 +184,10 @@ mod tests {
         assert!(!text.contains("events lost"), "{text}");
         data.now.status.modules[0].counters.insert(EVENTS_LOST.into(), 3);
         let text = self::text(&data);
-        assert!(text.contains("errors 0  events lost 3  10.0/s out"), "{text}");
+        assert!(text.contains("rejected 0 errors 0  events lost 3  10.0/s out"), "{text}");
+        let reason = ReasonStatus { text: "waits for FC 9 (8001h), for 3 s".into(), ..ReasonStatus::default() };
+        data.now.status.modules[0].reason = Some(reason);
+        let text = self::text(&data);
+        assert!(text.contains("restarts 0  waits for FC 9 (8001h), for 3 s  orders 121"), "{text}");
     }
 }

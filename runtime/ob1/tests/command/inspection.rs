@@ -66,6 +66,31 @@ fn a_stimulus_without_inputs_is_told() {
     }
 }
 
+/// What works, and is probably not meant so, is a warning: the station can run.
+#[test]
+fn parameters_without_an_effect_are_warnings() {
+    let folder = tempfile::tempdir().expect("a directory");
+    std::fs::write(folder.path().join("p.awl"), "ORGANIZATION_BLOCK OB 1\nBEGIN\nEND_ORGANIZATION_BLOCK\n")
+        .expect("written");
+    let path = folder.path().join("s.toml");
+    let head = "[station]\nname = \"s\"\n[program]\nsources = [\"p.awl\"]\n[[simulated_line]]\nname = \"l\"\n";
+    for (module, says) in [
+        ("raw = \"09 01 13 00 00 0A 01 00 00 00 00 00 00 00 00 07\"\n", "s.toml:11:53: warning C008: "),
+        ("params = { protocol = \"mbus\" }\ndiagnostics = true\n", "s.toml:12:15: warning C020: "),
+        (
+            "params = { protocol = \"3964\", qvz_ms = 0 }\n",
+            "s.toml:11:40: warning C008: QVZ = 0 means 2 character times",
+        ),
+    ] {
+        let own = "[[module]]\ntype = \"cp240\"\nname = \"x\"\nline = \"sim:l\"\n";
+        let text = format!("{head}{own}{module}address = 256\n");
+        std::fs::write(&path, text).expect("writable");
+        let output = ob1(&["check", &path.display().to_string()]);
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(0) && said.contains(says), "{says}: {said}");
+    }
+}
+
 #[test]
 fn a_missing_stimulus_is_told_at_the_line_that_names_it() {
     let folder = tempfile::tempdir().expect("a directory");

@@ -340,6 +340,27 @@ pub struct ModuleStatus {
     pub driver: Option<DriverStatus>,
     /// Its counters by name (docs/backplane.md).
     pub counters: BTreeMap<String, u64>,
+    /// Why nothing happens at a CP, or what has failed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reason: Option<ReasonStatus>,
+}
+
+/// What a CP waits for, or what has failed.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+pub struct ReasonStatus {
+    /// Which reason, as one word (docs/access.md).
+    pub why: String,
+    /// What it is about: an end of an order, an event, a parameter byte, an error number of the system.
+    pub number: u32,
+    /// How often; 0 for what does not count.
+    pub count: u32,
+    /// Seconds since it began, or since the last time; none where the CP does not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub age_s: Option<u64>,
+    /// The reason in words.
+    pub text: String,
+    /// What helps; may be empty.
+    pub remedy: String,
 }
 
 /// A driver process.
@@ -396,7 +417,7 @@ pub struct MemoryStatus {
     pub threads: u64,
 }
 
-/// The diagnostic buffer of a CP.
+/// The diagnostic buffer of a CP: its own (CP 340, CP 341), or what ob1 lists of it (CP 240, CP 040).
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
 pub struct CpBuffer {
     /// The module's name.
@@ -408,6 +429,9 @@ pub struct CpBuffer {
     pub address: u32,
     /// What its driver says: as `state` in `status`.
     pub driver: String,
+    /// As in `status`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reason: Option<ReasonStatus>,
     /// Newest first.
     pub entries: Vec<CpEntry>,
 }

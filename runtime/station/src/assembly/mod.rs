@@ -15,7 +15,7 @@ use ob1_host::module::{CpModule, CpSettings};
 use ob1_host::plugin::{PluginModule, STATION, Setting};
 use ob1_host::supervisor::Times;
 use ob1_ir::Program;
-use ob1_params::Value;
+use ob1_params::{CpKind, Interface, Value};
 use ob1_rt::MonotonicClock;
 use ob1_stl::Library;
 use serde_json::json;
@@ -159,6 +159,11 @@ pub fn cp_settings(
     };
     let mut text = line.to_string();
     let mut json = json!({ "module": row.name, "station": station, "name": config.name });
+    if let ModuleKind::Cp240 { params, .. } = &config.kind
+        && params.interface != Interface::Rs232
+    {
+        json["params"]["interface"] = params.interface.name().into();
+    }
     if let ModuleKind::Keyed { params, .. } = &config.kind {
         for (key, value) in params.to_keys() {
             json["params"][*key] = match value {
@@ -184,6 +189,7 @@ pub fn cp_settings(
         json: json.to_string().into_bytes(),
         absent_is_fault: config.absent == Absent::Fault,
         channels: row.has_channels,
+        takes_parameters: row.kind == CpKind::Cp040,
         boxes: row.has_boxes,
         diagnostics: *diagnostics,
     })

@@ -23,6 +23,7 @@ use super::last_words;
 use super::listening::listen;
 use super::monitor::Monitor;
 use super::options::Options;
+use super::reason_log::ReasonLog;
 use super::report::{Ended, Report};
 use super::scan::{Scan, ScanState};
 use super::signals::Signals;
@@ -48,8 +49,8 @@ use crate::view::StationView;
 const TICK: Duration = Duration::from_millis(20);
 /// Ticks between two live lines.
 const LIVE_TICKS: u64 = 25;
-/// Ticks between two looks whether the runtime directory is still there.
-const DIRECTORY_TICKS: u64 = 50;
+/// Ticks between two looks whether the runtime directory is still there, and what the CPs wait for.
+const SECOND_TICKS: u64 = 50;
 /// How long the CPU gets to go to STOP, beyond two cycles.
 const STOP_TIME: Span = Span::from_secs(3);
 /// Between two looks at it. Looks are counted, not time: a process that stood still meanwhile is not taken for a block
@@ -188,6 +189,7 @@ impl AtWork {
         let bounded = options.time.is_some() || options.scans.is_some();
         let end = options.time.map(|time| self.clock.time().saturating_add(time));
         let (mut ticks, mut posture_is_told) = (0_u64, false);
+        let mut reasons = ReasonLog::default();
         let ended = loop {
             self.drain_log();
             self.tell_posture(&mut posture_is_told);
@@ -216,8 +218,9 @@ impl AtWork {
             if line.is_on() && ticks.is_multiple_of(LIVE_TICKS) {
                 line.show(&self.live());
             }
-            if ticks.is_multiple_of(DIRECTORY_TICKS) {
+            if ticks.is_multiple_of(SECOND_TICKS) {
                 self.look_after_directory();
+                reasons.look(&self.view);
             }
         };
         line.wipe();
@@ -298,7 +301,7 @@ impl AtWork {
             );
             text += &format!("   {}: {sent} sent, {received} received, {errors} errors", module.name);
             if driver.losses() > 0 {
-                text += &format!(", driver lost {}", driver.losses());
+                text += &format!(", driver died {}", driver.losses());
             }
         }
         text

@@ -8,6 +8,7 @@ mod last_words;
 mod listening;
 pub(crate) mod monitor;
 mod options;
+mod reason_log;
 mod report;
 mod scan;
 pub mod signals;

@@ -137,7 +137,7 @@ impl Report {
             let Some(driver) = &module.driver else { continue };
             let _ = writeln!(
                 out,
-                "{} ({} at {}): driver up {} times, lost {}",
+                "{} ({} at {}): driver up {} times, died {}",
                 module.name, module.type_name, module.address, driver.starts, driver.losses
             );
             let counters: Vec<String> =

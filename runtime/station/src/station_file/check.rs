@@ -19,7 +19,12 @@ use crate::finding::{Finding, Text};
 use crate::library::{self, Choice};
 use crate::sources::{Mnemonics, Sources};
 
-pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Result<Station, Vec<Finding>> {
+/// The station, and warnings about it.
+pub(super) fn check(
+    file: &StationFile,
+    source: Text<'_>,
+    folder: &Path,
+) -> Result<(Station, Vec<Finding>), Vec<Finding>> {
     let mut findings = Findings::new(source);
     let f = &mut findings;
     let mut cpu = cpu(f, &file.cpu);
@@ -61,7 +66,8 @@ pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Resu
         simulated_lines: simulated::lines(f, file, folder),
         stimulus: file.process_io.stimulus.as_ref().map(|s| place(f, s, folder)),
     };
-    findings.into_result(station)
+    let warnings = findings.take_warnings();
+    findings.into_result((station, warnings))
 }
 
 fn cpu(f: &mut Findings<'_>, table: &CpuTable) -> CpuConfig {

@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use ob1_params::Cp040;
+use ob1_params::cp040::table::CP040;
+use ob1_params::{Cp040, CpKind};
 
-use super::cp_keys::{characters_of_modbus, keys_or_bytes, line_of, stop_bits_of};
+use super::cp_keys::{characters_of_modbus, keys_or_bytes, line_of, stop_bits_of, zeros_of};
 use super::findings::{CONTRADICTION, Findings};
 use super::tables::{ModuleTable, Placed};
 use super::types::ModuleKind;
@@ -22,8 +23,9 @@ pub(super) fn module(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -
             f.error(CONTRADICTION, at, format!("`{key}` cannot be chosen for a CP 040"), remedy);
         }
     }
-    let params = keys_or_bytes(f, table, "CP 040", |keys| Cp040::from_keys(keys), Cp040::decode)?;
+    let params = keys_or_bytes(f, table, ("CP 040", CP040), |keys| Cp040::from_keys(keys), Cp040::of_bytes)?;
     characters_of_modbus(f, table, &params.common);
+    zeros_of(f, table, CpKind::Cp040, &params.common);
     let line = line_of(f, table, folder, "the CP 040")?;
     stop_bits_of(f, table, &line, params.common.stop_bits);
     let most = *IO_SIZES.end() as u16;

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use ob1_params::{Cp240, ModbusKind, ParamError, Protocol, StopBits, Value};
+use ob1_params::table::ByteTables;
+use ob1_params::{Cp240, CpKind, ModbusKind, ParamError, Protocol, StopBits, Value, zero};
 
 use super::findings::{CONTRADICTION, Findings, LINE, MISSING, PARAMETER, VALUE};
 use super::line::{self, Line};
@@ -53,7 +54,7 @@ pub(super) fn characters_of_modbus(f: &mut Findings<'_>, table: &ModuleTable, pa
 }
 
 /// The place of a parameter in the file: its value, or else what has all of them.
-fn place_of(table: &ModuleTable, key: &str) -> std::ops::Range<usize> {
+pub(super) fn place_of(table: &ModuleTable, key: &str) -> std::ops::Range<usize> {
     let named = table
         .params
         .as_ref()
@@ -67,23 +68,37 @@ pub(super) type Keys = std::collections::BTreeMap<Placed<String>, Placed<toml::V
 pub(super) fn keys_or_bytes<P>(
     f: &mut Findings<'_>,
     table: &ModuleTable,
-    cp: &str,
+    (cp, tables): (&str, ByteTables),
     of_keys: impl Fn(Vec<(&str, Value)>) -> Result<P, ParamError>,
     of_bytes: fn(&[u8; 16]) -> Result<P, ParamError>,
 ) -> Option<P> {
     match (&table.params, &table.raw) {
         (Some(given), None) => from_keys(f, given, of_keys),
-        (None, Some(raw)) => from_raw(f, cp, raw, of_bytes),
+        (None, Some(raw)) => from_raw(f, (cp, tables), raw, of_bytes),
         (Some(_), Some(raw)) => {
             let remedy = "keep one of them; `ob1 check STATION --verbose` prints the other form";
             f.error(CONTRADICTION, raw.span(), "the parameters are given twice, as `params` and as `raw`", remedy);
             None
         }
         (None, None) => {
-            let remedy = "params = { protocol = \"3964r\", baud = 9600 }, or raw = \"00 04 13 ...\" with all 16 bytes";
+            let remedy = "params = { protocol = \"3964r\", baud = 9600 }, or raw = \"00 04 13 ...\" with all 16 bytes; \
+                sixteen 00 are a CP without parameters: ASCII, 9600 baud";
             f.error(MISSING, table.kind.span(), format!("the {cp} has no parameters"), remedy);
             None
         }
+    }
+}
+
+/// Warns of what is allowed, and lets orders fail.
+pub(super) fn zeros_of(f: &mut Findings<'_>, table: &ModuleTable, kind: CpKind, params: &Cp240) {
+    let Protocol::S3964(s3964) = &params.protocol else { return };
+    if s3964.qvz_ms == 0 {
+        let characters = zero::characters(kind, "qvz_ms");
+        let time = (characters * params.char_time()).micros();
+        let message = format!("QVZ = 0 means {characters} character times, here {time} us");
+        let remedy = "a partner that acknowledges later is not waited for, and each order fails with 07h: \
+            write `qvz_ms = 500`";
+        f.warning(PARAMETER, place_of(table, "qvz_ms"), message, remedy);
     }
 }
 
@@ -143,7 +158,7 @@ fn place_in(params: &Placed<Keys>, error: &ParamError) -> std::ops::Range<usize>
 
 fn from_raw<P>(
     f: &mut Findings<'_>,
-    cp: &str,
+    (cp, tables): (&str, ByteTables),
     raw: &Placed<String>,
     decode: fn(&[u8; 16]) -> Result<P, ParamError>,
 ) -> Option<P> {
@@ -169,7 +184,15 @@ fn from_raw<P>(
         return None;
     }
     let place = |error: &ParamError| error.byte.and_then(|b| places.get(b).cloned()).unwrap_or_else(|| raw.span());
-    decode(&bytes).map_err(|error| parameter(f, place(&error), &error)).ok()
+    let params = decode(&bytes).map_err(|error| parameter(f, place(&error), &error)).ok()?;
+    let reserved = tables.reserved(&bytes);
+    if let Some(at) = reserved.first().and_then(|byte| places.get(*byte)) {
+        let list: Vec<String> = reserved.iter().map(|byte| format!("{byte} ({:02X}h)", bytes[*byte])).collect();
+        let message = format!("no parameter of this protocol lies in byte {}: it is read over", list.join(", "));
+        let remedy = "a hardware configuration may write there; otherwise a value is in the wrong byte";
+        f.warning(PARAMETER, at.clone(), message, remedy);
+    }
+    Some(params)
 }
 
 fn parameter(f: &mut Findings<'_>, at: std::ops::Range<usize>, error: &ParamError) {

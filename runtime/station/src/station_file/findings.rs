@@ -44,6 +44,8 @@ pub const UNPROTECTED: &str = "C017";
 pub const NOT_KEPT: &str = "C018";
 /// A file with nothing in it.
 pub const EMPTY: &str = "C019";
+/// A key that has no effect with this module.
+pub const NO_EFFECT: &str = "C020";
 
 /// The finding about a file that cannot be read, at the place that names it.
 #[must_use]
@@ -79,6 +81,17 @@ impl<'a> Findings<'a> {
     /// Adds an error: its number, its place in the file, what is wrong and what helps.
     pub fn error(&mut self, code: &str, at: Range<usize>, message: impl Into<String>, remedy: impl Into<String>) {
         self.found.push(self.source.finding(Level::Error, code, at, message.into(), remedy.into()));
+    }
+
+    /// Adds a warning: the file can be used.
+    pub fn warning(&mut self, code: &str, at: Range<usize>, message: impl Into<String>, remedy: impl Into<String>) {
+        self.found.push(self.source.finding(Level::Warning, code, at, message.into(), remedy.into()));
+    }
+
+    /// Takes the warnings out, if there is no error among them.
+    pub fn take_warnings(&mut self) -> Vec<Finding> {
+        let error = self.found.iter().any(|finding| finding.level == Level::Error);
+        if error { Vec::new() } else { std::mem::take(&mut self.found) }
     }
 
     /// The station if nothing was found, else the findings in the order of the file.

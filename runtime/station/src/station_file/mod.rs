@@ -60,8 +60,8 @@ pub fn load_and_look(path: &Path) -> Result<(Station, Vec<Finding>), Vec<Finding
     let (text, name, folder) = (read(path)?, path.display().to_string(), folder_of(path));
     let source = Text { file: &name, text: &text };
     let file = tables(source)?;
-    let station = check::check(&file, source, folder)?;
-    let mut warnings = devices::not_ready(&file, source, folder, devices::state);
+    let (station, mut warnings) = check::check(&file, source, folder)?;
+    warnings.extend(devices::not_ready(&file, source, folder, devices::state));
     warnings.extend(coupler::unwatched(&file, source));
     warnings.extend(unplayed(&file, source));
     warnings.extend(link::absent(&file.link, source, folder));
@@ -94,7 +94,7 @@ pub fn user_of(path: &Path) -> Option<String> {
 /// All findings, at least one of them an error.
 pub fn parse(text: &str, name: &str, folder: &Path) -> Result<Station, Vec<Finding>> {
     let source = Text { file: name, text };
-    check::check(&tables(source)?, source, folder)
+    Ok(check::check(&tables(source)?, source, folder)?.0)
 }
 
 fn read(path: &Path) -> Result<String, Vec<Finding>> {

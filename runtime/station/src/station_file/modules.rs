@@ -4,11 +4,12 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use ob1_backplane::io_layout::IO_AREA_BYTES;
-use ob1_params::{Cp240, CpKind};
+use ob1_params::table::CP240;
+use ob1_params::{Cp240, CpKind, Flow, Interface, Protocol};
 
 use super::building::Buses;
-use super::cp_keys::{characters_of_modbus, keys_or_bytes, line_of, stop_bits_of};
-use super::findings::{ADDRESS, CONTRADICTION, Findings, MISSING, TWICE, VALUE};
+use super::cp_keys::{characters_of_modbus, keys_or_bytes, line_of, place_of, stop_bits_of, zeros_of};
+use super::findings::{ADDRESS, CONTRADICTION, Findings, MISSING, NO_EFFECT, PARAMETER, TWICE, VALUE};
 use super::tables::{ModuleTable, Placed};
 use super::types::{AbdUnit, Absent, ModuleConfig, ModuleKind};
 use super::values::{choice, name, number};
@@ -62,6 +63,10 @@ pub(super) fn modules(
         let cps = CpKind::TABLE.iter().map(|row| (row.name, Type::Cp(row.kind)));
         let types: Vec<(&str, Type)> = cps.chain(OTHERS).collect();
         let Some(ty) = choice(f, "type", Some(&table.kind), &types) else { continue };
+        if let Some(given) = table.interface.as_ref().filter(|_| ty != Type::Cp(CpKind::Cp240)) {
+            let remedy = "leave it out: a CP 040 has `duplex`, a CP 341 `wiring`, both in `params`";
+            f.error(CONTRADICTION, given.span(), "`interface` belongs to a CP 240", remedy);
+        }
         // Each with the places that say where its inputs and outputs lie.
         let built: Vec<(ModuleConfig, [Range<usize>; 2])> = match ty {
             Type::Coupler => coupler::modules(f, table, buses, folder),
@@ -219,15 +224,51 @@ fn cp240(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Mod
             f.error(CONTRADICTION, value.span(), message, "leave it out: a CP 240 has 16 bytes each way");
         }
     }
-    let params = keys_or_bytes(f, table, "CP 240", |keys| Cp240::from_keys(keys), Cp240::of_bytes)?;
+    let mut params = keys_or_bytes(f, table, ("CP 240", CP240), |keys| Cp240::from_keys(keys), Cp240::of_bytes)?;
+    params.interface = interface_of(f, table, &params);
     characters_of_modbus(f, table, &params);
+    zeros_of(f, table, CpKind::Cp240, &params);
     let line = line_of(f, table, folder, "the CP 240")?;
     stop_bits_of(f, table, &line, params.stop_bits);
     let bytes = params.encode();
     let units = [("byte", AbdUnit::Byte), ("word", AbdUnit::Word)];
     let abd = choice(f, "abd", table.abd.as_ref(), &units).unwrap_or_default();
-    let diagnostics = table.diagnostics.as_ref().is_some_and(|switch| *switch.get_ref());
+    let diagnostics = diagnostics_of_240(f, table, &params);
     Some(ModuleKind::Cp240 { params: Box::new(params), bytes, line, abd, diagnostics })
+}
+
+/// The interface of a CP 240, and what it cannot do.
+fn interface_of(f: &mut Findings<'_>, table: &ModuleTable, params: &Cp240) -> Interface {
+    let Some(given) = &table.interface else { return Interface::Rs232 };
+    let interface = choice(f, "interface", Some(given), &Interface::NAMES).unwrap_or_default();
+    if matches!(params.protocol, Protocol::MBus | Protocol::EnOcean) {
+        let message = format!("a CP 240 with \"{}\" has no RS 232, 422 or 485", params.protocol_name());
+        f.error(CONTRADICTION, given.span(), message, "leave `interface` out");
+    }
+    match params.line_settings().flow {
+        // "Hardware flow control employs the RTS and CTS lines" [S0 L2007], and here is no CTS. [S0 L1504], [S0 L1526]
+        Flow::Hardware if !interface.has_modem_lines() => {
+            let message = format!("`flow = \"hardware\"` needs CTS, and {} has RTS alone", interface.name());
+            f.error(PARAMETER, place_of(table, "flow"), message, "`flow = \"none\"`, or `interface = \"rs232\"`");
+        }
+        Flow::XonXoff if interface.is_half_duplex() => {
+            let message = "XON and XOFF are not heard while this CP sends: two wires are half duplex";
+            f.warning(PARAMETER, place_of(table, "flow"), message, "`flow = \"none\"`, or `interface = \"rs422\"`");
+        }
+        _ => {}
+    }
+    interface
+}
+
+/// Whether its errors raise diagnostic interrupts.
+fn diagnostics_of_240(f: &mut Findings<'_>, table: &ModuleTable, params: &Cp240) -> bool {
+    let Some(switch) = table.diagnostics.as_ref().filter(|switch| *switch.get_ref()) else { return false };
+    if !params.protocol.has_diagnostics() {
+        let message = format!("`diagnostics` has no effect: a CP 240 with \"{}\" has none", params.protocol_name());
+        let remedy = "leave it out; errors are in its LEDs, its counters and the answers of its handling blocks";
+        f.warning(NO_EFFECT, switch.span(), message, remedy);
+    }
+    params.protocol.has_diagnostics()
 }
 
 /// Refuses a module that shares bytes with an earlier one or reaches beyond its area. The same fault of inputs and

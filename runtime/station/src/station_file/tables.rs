@@ -257,6 +257,7 @@ pub(super) struct ModuleTable {
     pub(super) link: Option<Placed<String>>,
     pub(super) absent: Option<Placed<String>>,
     pub(super) abd: Option<Placed<String>>,
+    pub(super) interface: Option<Placed<String>>,
     pub(super) diagnostics: Option<Placed<bool>>,
     pub(super) substitute: Option<Placed<Vec<Placed<i64>>>>,
     pub(super) driver: Option<Placed<String>>,

@@ -330,7 +330,7 @@ pub enum AbdUnit {
 pub enum ModuleKind {
     /// A CP 240 with its driver process.
     Cp240 {
-        /// Its parameters; [`Cp240::encode`] gives the other form.
+        /// Its parameters, with its interface; [`Cp240::encode`] gives the other form, without.
         params: Box<Cp240>,
         /// The parameter bytes as sent.
         bytes: [u8; 16],

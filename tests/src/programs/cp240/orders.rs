@@ -110,7 +110,7 @@ pub(super) fn send(draft: &mut Draft<'_>, store: Store, manual: bool) {
     let mut piece = Piece::default();
     let len = length(draft);
     let abd = [0, 0, 20, 7][draft.random.below(4)];
-    let (index, blocks, next) = sender(draft, len.min(1024).max(60), abd);
+    let (index, blocks, next) = sender(draft, len.clamp(60, 1024), abd);
     let (operands, other) = if manual {
         // The wiring of the manual [S0 L871-880].
         (

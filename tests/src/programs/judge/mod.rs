@@ -35,6 +35,11 @@ pub trait Judge<P> {
     /// Something happens from outside.
     fn deed(&mut self, now: Instant, deed: &Deed);
 
+    /// Nothing is open any more: a run whose plan is over may end.
+    fn is_over(&self, _now: Instant) -> bool {
+        false
+    }
+
     /// The run ends.
     fn end(&mut self, now: Instant, partner: &mut P, verdict: &mut Verdict);
 }

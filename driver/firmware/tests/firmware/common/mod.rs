@@ -5,7 +5,8 @@
 use std::collections::BTreeMap;
 
 use ob1_firmware::{
-    Cp as _, Cp240, CpCounter, CpEvent, CpInput, CpPort, Instant, Leds, LineInput, LineSettings, Registers, Span, Wire,
+    Cp as _, Cp240, CpCounter, CpEvent, CpInput, CpPort, Instant, Leds, LineInput, LineSettings, Reason, Registers,
+    Span, Troubles, Wire,
 };
 
 pub(crate) const MS: Span = Span::MILLISECOND;
@@ -26,6 +27,7 @@ pub(crate) struct Log {
     pub(crate) received: Vec<Vec<u8>>,
     /// Diagnostic data, each time they have changed.
     pub(crate) records: Vec<Vec<u8>>,
+    pub(crate) troubles: Troubles,
 }
 
 impl Wire for Log {
@@ -64,7 +66,8 @@ impl CpPort for Log {
         *self.counters.entry(counter).or_default() += n;
     }
 
-    fn event(&mut self, _now: Instant, event: CpEvent<'_>) {
+    fn event(&mut self, now: Instant, event: CpEvent<'_>) {
+        self.troubles.event(now, &event);
         if let CpEvent::Received(telegram) = event {
             self.received.push(telegram.to_vec());
         }
@@ -187,6 +190,11 @@ impl Bench {
 
     pub(crate) fn count(&self, counter: CpCounter) -> u64 {
         self.log.counters.get(&counter).copied().unwrap_or(0)
+    }
+
+    /// What its owner would show as its reason.
+    pub(crate) fn reason(&mut self) -> Option<Reason> {
+        self.log.troubles.reason(self.now, &self.cp)
     }
 
     pub(crate) fn has_event(&self, text: &str) -> bool {

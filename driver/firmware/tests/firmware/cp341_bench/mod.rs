@@ -8,7 +8,9 @@ use std::collections::BTreeMap;
 use std::rc::Rc;
 
 use ob1_firmware::cp341::{Channel, ChannelBlock, Cp341};
-use ob1_firmware::{Cp as _, CpCounter, CpEvent, CpInput, CpPort, Instant, Leds, LineInput, LineSettings, Span, Wire};
+use ob1_firmware::{
+    Cp as _, CpCounter, CpEvent, CpInput, CpPort, Instant, Leds, LineInput, LineSettings, Reason, Span, Troubles, Wire,
+};
 use ob1_line::sim::{BusConfig, BusEvent, Frame, SimBus};
 use ob1_params::{Cp341 as Parameters, Value};
 
@@ -32,6 +34,8 @@ struct Port {
     image: u8,
     entries: Vec<u16>,
     counters: BTreeMap<CpCounter, u64>,
+    leds: Leds,
+    troubles: Troubles,
     frame: Frame,
 }
 
@@ -78,13 +82,16 @@ impl CpPort for Port {
         line.set_frame(PARTNER, self.frame);
     }
 
-    fn leds(&mut self, _leds: Leds) {}
+    fn leds(&mut self, leds: Leds) {
+        self.leds = leds;
+    }
 
     fn count(&mut self, counter: CpCounter, n: u64) {
         *self.counters.entry(counter).or_default() += n;
     }
 
-    fn event(&mut self, _now: Instant, event: CpEvent<'_>) {
+    fn event(&mut self, now: Instant, event: CpEvent<'_>) {
+        self.troubles.event(now, &event);
         if let CpEvent::Entry(number) = event {
             self.entries.push(number);
         }
@@ -132,6 +139,8 @@ impl Bench {
             image: 0,
             entries: Vec::new(),
             counters: BTreeMap::new(),
+            leds: Leds::NONE,
+            troubles: Troubles::default(),
             frame,
         };
         let cp = Cp341::new();
@@ -396,6 +405,16 @@ impl Bench {
     /// New entries of the diagnostic buffer.
     pub(crate) fn entries(&mut self) -> Vec<u16> {
         std::mem::take(&mut self.port.entries)
+    }
+
+    /// Whether SF is lit.
+    pub(crate) fn sf(&self) -> bool {
+        self.port.leds.error
+    }
+
+    /// What its owner would show as its reason.
+    pub(crate) fn reason(&mut self) -> Option<Reason> {
+        self.port.troubles.reason(self.now, &self.cp)
     }
 
     pub(crate) fn count(&self, counter: CpCounter) -> u64 {

@@ -42,6 +42,8 @@ pub(crate) struct Cpu {
     pub(crate) inputs: Vec<u8>,
     pub(crate) outputs: Vec<u8>,
     pub(crate) instance: Vec<u8>,
+    /// Where it lies, apart from the first one.
+    pub(crate) instance_at: u32,
     pub(crate) timers: BTreeMap<u16, (Instant, bool)>,
     pub(crate) module: Registers,
     /// Records the module answers, and those the block has written, by number.
@@ -172,7 +174,7 @@ impl NativeContext for Cpu {
     }
     fn instance(&mut self) -> Option<Instance> {
         let len = self.instance.len() as u32;
-        (len > 0).then_some(Instance { db: 7, offset: 4, len })
+        (len > 0).then_some(Instance { db: 7, offset: 4 + self.instance_at, len })
     }
     fn registers(&mut self) -> (u16, u16) {
         (10, 11)

@@ -157,7 +157,7 @@ pub(super) fn called(
     }
     let Some(order) = job.order.take() else { return };
     job.ended += 1;
-    finished(judge, order, index, (now, anzw), fetches, (cpu, rk), verdict);
+    finished(judge, &order, index, (now, anzw), fetches, (cpu, rk), verdict);
 }
 
 /// The station's order as it came to the partner.
@@ -191,7 +191,7 @@ fn is_clear(rk: &Rk512, arrived: &Arrived, bwz: Span) -> bool {
 
 fn finished(
     judge: &Bench240,
-    order: Order,
+    order: &Order,
     index: usize,
     (now, anzw): (Instant, u32),
     fetches: bool,
@@ -200,7 +200,7 @@ fn finished(
 ) {
     let facts = &judge.facts;
     let calm = order.given > judge.strict();
-    let arrived = arrivals(rk, &order, fetches);
+    let arrived = arrivals(rk, order, fetches);
     let label = format!("order {} of {} words, given at {}", order.number, order.lang, order.given);
     let broken = judge.seen.broken(order.given, now);
     // The number of an order needs two words.
@@ -225,13 +225,13 @@ fn finished(
         if possible && !order.changed && !fetches {
             let expected = telegram(order.number, 2 * order.lang as usize, false);
             let there = arrived.iter().any(|arrived| arrived.data == expected);
-            if calm && !there && !gap(rk, &order, &arrived) {
+            if calm && !there && !gap(rk, order, &arrived) {
                 let text = format!("{label}: done, but the data did not arrive [S0 L1312]");
                 verdict.broken("rk-false-done", now, text);
             }
         }
         if possible && !order.changed && fetches {
-            fetched(judge, &order, index, now, (cpu, rk), &label, verdict);
+            fetched(judge, order, index, now, (cpu, rk), &label, verdict);
         }
     }
     if !fetches && calm && arrived.len() > 1 && clear && !order.changed {

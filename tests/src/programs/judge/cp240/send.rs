@@ -66,7 +66,7 @@ fn vanished(
         judge.senders[index].past.push((order.number, order.given));
         return;
     }
-    ended(judge, index, order, now, error, partner, verdict);
+    ended(judge, index, &order, now, error, partner, verdict);
 }
 
 /// A call of FC 0.
@@ -142,7 +142,7 @@ pub(super) fn called(
         return;
     }
     if let Some(order) = judge.senders[index].order.take() {
-        ended(judge, index, order, now, after[FEHLER_KOM] == 1, partner, verdict);
+        ended(judge, index, &order, now, after[FEHLER_KOM] == 1, partner, verdict);
     }
 }
 
@@ -191,14 +191,14 @@ fn arrived(partner: &Partner240, order: &Order, plain: bool, exact: bool) -> (bo
 fn ended(
     judge: &mut Bench240,
     index: usize,
-    order: Order,
+    order: &Order,
     now: Instant,
     error: bool,
     partner: &Partner240,
     verdict: &mut Verdict,
 ) {
     let facts = &judge.facts;
-    let (whole, times, told) = arrived(partner, &order, facts.plain, order.given > judge.strict());
+    let (whole, times, told) = arrived(partner, order, facts.plain, order.given > judge.strict());
     let calm = order.given > judge.strict();
     let broken = judge.seen.broken(order.given, now);
     let label = format!("order {} of {} bytes, given at {}", order.number, order.anz, order.given);

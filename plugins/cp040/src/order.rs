@@ -1,0 +1,123 @@
+//! What a block keeps of its orders between two calls, and what it has told the program.
+
+use ob1_sdk::types::{Bool, DWord, Word};
+use ob1_sdk::{Abort, Cx, Static};
+
+use crate::module::{Order, Outcome, instance};
+use crate::state::CpState;
+use crate::status;
+
+/// How long an order waits for a CP that does not answer, because its process may be starting; and how long a job whose
+/// block is no longer called keeps the send side. As at the CP 341. (ours)
+pub(crate) const PATIENCE_MS: u32 = 10_000;
+
+/// Where an instance keeps its orders.
+pub(crate) struct Orders {
+    /// REQ and R at the last call.
+    pub(crate) req_before: Static<Bool>,
+    pub(crate) r_before: Static<Bool>,
+    /// An order has begun and has not ended.
+    pub(crate) busy: Static<Bool>,
+    /// A request and a reset that have not begun.
+    pub(crate) request: Static<Bool>,
+    pub(crate) reset: Static<Bool>,
+    /// The CP has not answered since this time, ms; 0: it answers.
+    pub(crate) since: Static<DWord>,
+}
+
+impl Orders {
+    /// The orders of this call: rising edges, and what still waits.
+    pub(crate) fn look(&self, cx: &mut Cx<'_, CpState>, req: bool, r: bool) -> Result<Order, Abort> {
+        let request = req && !cx.load(self.req_before)? || cx.load(self.request)?;
+        let reset = r && !cx.load(self.r_before)? || cx.load(self.reset)?;
+        cx.store(self.req_before, req)?;
+        cx.store(self.r_before, r)?;
+        Ok(Order { request, reset, instance: instance(cx)?, busy: cx.load(self.busy)?, db: 0, byte: 0, length: 0 })
+    }
+
+    /// Stores what goes on; returns the outcome for the program. `resetting`: this call found a reset under way, a
+    /// request comes after it.
+    pub(crate) fn settle(
+        &self,
+        cx: &mut Cx<'_, CpState>,
+        order: &Order,
+        outcome: Outcome,
+        resetting: bool,
+    ) -> Result<Outcome, Abort> {
+        let outcome = if order.is_idle() {
+            // An order's errors are told with an order.
+            match outcome {
+                Outcome::Later | Outcome::Error(_) => Outcome::Nothing,
+                other => other,
+            }
+        } else {
+            absent(cx, self.since, outcome)?
+        };
+        if outcome != Outcome::Later {
+            cx.store(self.since, 0)?;
+        }
+        let waits = matches!(outcome, Outcome::Later | Outcome::Queued);
+        cx.store(self.request, order.request && (waits || resetting && !order.reset))?;
+        cx.store(self.reset, order.reset && waits)?;
+        let goes_on = matches!(outcome, Outcome::Running | Outcome::Lost) || waits && order.busy;
+        cx.store(self.busy, goes_on)?;
+        Ok(outcome)
+    }
+}
+
+/// Where an instance keeps what its receive side has told.
+pub(crate) struct Told {
+    /// STATUS of the last call; 0: no error.
+    pub(crate) status: Static<Word>,
+    /// DB_NO and DBB_NO then.
+    pub(crate) place: Static<DWord>,
+    /// As in [`Orders`].
+    pub(crate) since: Static<DWord>,
+}
+
+impl Told {
+    /// "ERROR is set for one call": an error that lasts is told when it comes, and again when the program has named
+    /// another place for the data. [reference 8.3]
+    pub(crate) fn once(
+        &self,
+        cx: &mut Cx<'_, CpState>,
+        outcome: Outcome,
+        db: i16,
+        byte: i16,
+    ) -> Result<Outcome, Abort> {
+        if outcome != Outcome::Later {
+            cx.store(self.since, 0)?;
+        }
+        let outcome = match absent(cx, self.since, outcome)? {
+            // Nobody has asked for anything that waits.
+            Outcome::Later => Outcome::Nothing,
+            other => other,
+        };
+        let Outcome::Error(status) = outcome else {
+            cx.store(self.status, 0)?;
+            return Ok(outcome);
+        };
+        let place = u32::from(db as u16) << 16 | u32::from(byte as u16);
+        if cx.load(self.status)? != status || cx.load(self.place)? != place {
+            cx.store(self.status, status)?;
+            cx.store(self.place, place)?;
+            return Ok(outcome);
+        }
+        Ok(if status::is_of_data_block(status) { Outcome::Running } else { Outcome::Nothing })
+    }
+}
+
+/// A CP that has not answered for too long is an access error.
+fn absent(cx: &mut Cx<'_, CpState>, since: Static<DWord>, outcome: Outcome) -> Result<Outcome, Abort> {
+    if outcome != Outcome::Later {
+        return Ok(outcome);
+    }
+    let now_ms = ((cx.now() / 1_000_000) as u32).max(1);
+    let begin = match cx.load(since)? {
+        0 => now_ms,
+        begin => begin,
+    };
+    cx.store(since, begin)?;
+    let is_over = now_ms.wrapping_sub(begin) >= PATIENCE_MS;
+    Ok(if is_over { Outcome::Error(status::READ_ACCESS) } else { Outcome::Later })
+}

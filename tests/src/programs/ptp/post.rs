@@ -1,0 +1,230 @@
+//! What is true: the telegrams that reached the partner beside the jobs of the blocks, and those of the partner beside
+//! what the blocks have taken.
+
+use ob1_time::{Instant, Span};
+
+use super::numbers::Number;
+use super::rule::{Findings as _, Rule};
+use super::sender::End;
+use crate::programs::judge::Verdict;
+
+/// A job as a block has named it.
+#[derive(Debug)]
+struct Job {
+    block: &'static str,
+    began: Instant,
+    /// What has to arrive, one of these; none: its parameters are wrong, nothing may.
+    telegrams: Vec<Vec<u8>>,
+    arrived: u32,
+    /// When it arrived first.
+    last: Instant,
+    /// Repetitions have a cause: the partner or the line spoilt an answer.
+    spoilt: bool,
+    refused: bool,
+}
+
+/// Telegrams from the CP to the partner.
+#[derive(Debug, Default)]
+pub struct Outbox {
+    jobs: Vec<Job>,
+    /// DONE was seen, and the partner does not know yet whether the telegram has ended: silence ends it.
+    open: Vec<(Instant, usize)>,
+}
+
+/// Longest silence after which a partner knows that a telegram has ended.
+const ENDS: Span = Span::from_millis(400);
+
+impl Outbox {
+    /// A job has begun; returns its number.
+    pub fn began(&mut self, at: Instant, block: &'static str, telegram: Option<Vec<u8>>) -> usize {
+        let (arrived, last, spoilt, refused) = (0, Instant::NEVER, false, false);
+        let telegrams = telegram.into_iter().collect();
+        self.jobs.push(Job { block, began: at, telegrams, arrived, last, spoilt, refused });
+        self.jobs.len() - 1
+    }
+
+    /// The manual leaves open when the parameters count: this telegram is right, too.
+    pub fn also(&mut self, job: usize, telegram: Vec<u8>) {
+        if self.jobs[job].arrived == 0 && !self.jobs[job].telegrams.contains(&telegram) {
+            self.jobs[job].telegrams.push(telegram);
+        }
+    }
+
+    /// Answers to this job were lost or spoilt: the partner may get it more than once. [reference 5.3]
+    pub fn spoilt(&mut self, job: usize) {
+        self.jobs[job].spoilt = true;
+    }
+
+    /// A whole telegram has reached the partner, and it has answered that it took it. `answered` is false when its
+    /// answer was kept back or spoilt; `lenient`: the line changes telegrams so that nobody can know.
+    pub fn arrived(&mut self, at: Instant, telegram: &[u8], answered: bool, lenient: bool, findings: &mut Verdict) {
+        let is_it = |job: &&mut Job| job.began <= at && job.telegrams.iter().any(|own| own == telegram);
+        let fresh = |job: &&mut Job| is_it(job) && job.arrived == 0;
+        let job = match self.jobs.iter_mut().rev().find(fresh) {
+            Some(job) => Some(job),
+            None => self.jobs.iter_mut().rev().find(is_it),
+        };
+        let Some(job) = job else {
+            if lenient {
+                self.jobs.iter_mut().for_each(|job| job.spoilt = true);
+                return;
+            }
+            findings.breaks(at, Rule::SentOnce, format!("the partner got {} bytes of no job", telegram.len()));
+            return;
+        };
+        let block = job.block;
+        findings.must(job.arrived == 0 || job.spoilt, at, Rule::SentOnce, || {
+            format!("{block}: the partner got the same job twice, and its first answer was good")
+        });
+        findings.must(!job.refused, at, Rule::RefusedIsNotSent, || {
+            format!("{block}: the job was refused, and yet its telegram arrived")
+        });
+        job.last = job.last.min(at);
+        job.arrived += 1;
+        job.spoilt |= !answered;
+    }
+
+    /// A job has ended. `number`: what its STATUS says.
+    pub fn ended(&mut self, at: Instant, job: usize, end: End, number: Option<Number>, findings: &mut Verdict) {
+        let number_of = job;
+        let job = &mut self.jobs[job];
+        let block = job.block;
+        match end {
+            End::Done => {
+                if job.arrived == 0 && !job.spoilt {
+                    self.open.push((at, number_of));
+                }
+            }
+            End::Error(status) if number == Some(Number::Refused) => {
+                job.refused = true;
+                findings.must(job.arrived == 0, at, Rule::RefusedIsNotSent, || {
+                    format!("{block}: ERROR {status:04X}h says that nothing was sent, but it arrived")
+                });
+            }
+            End::Error(status) if number == Some(Number::Rejected) => {
+                findings.must(job.arrived == 0 || job.spoilt, at, Rule::RefusedIsNotSent, || {
+                    format!("{block}: ERROR {status:04X}h says that the partner refused it, but it took it")
+                });
+            }
+            // R: what has reached the CP is still sent. [reference 1.2 5]
+            End::Error(_) | End::Reset => job.spoilt = true,
+        }
+    }
+
+    /// Looks at the jobs that were DONE a while ago.
+    pub fn settle(&mut self, now: Instant, findings: &mut Verdict) {
+        let jobs = &self.jobs;
+        self.open.retain(|(done, job)| {
+            let Job { block, arrived, spoilt, last, .. } = &jobs[*job];
+            if now.since(*done) < ENDS && *arrived == 0 {
+                return true;
+            }
+            let there = *arrived > 0 && last <= done || *spoilt;
+            findings.must(there, *done, Rule::DoneArrived, || match arrived {
+                0 => format!("{block}: DONE, but the partner did not get it"),
+                _ => format!("{block}: DONE {} us before its last character", last.since(*done).micros()),
+            });
+            false
+        });
+    }
+}
+
+/// A telegram of the partner.
+#[derive(Debug)]
+struct Letter {
+    at: Instant,
+    telegram: Vec<u8>,
+    /// How often it may be taken: the partner has sent it again because the answer did not come.
+    copies: u32,
+    taken: u32,
+    /// The CP has acknowledged it and nothing has happened to it since.
+    owed: bool,
+}
+
+/// Telegrams from the partner to the CP.
+#[derive(Debug, Default)]
+pub struct Inbox {
+    letters: Vec<Letter>,
+    /// The newest that was taken.
+    newest: usize,
+}
+
+impl Inbox {
+    /// The partner has sent a telegram whole; `owed`: the CP has acknowledged it, or there is nothing to acknowledge
+    /// and the line was good.
+    pub fn said(&mut self, at: Instant, telegram: &[u8], owed: bool) {
+        self.letters.push(Letter { at, telegram: telegram.to_vec(), copies: 1, taken: 0, owed });
+    }
+
+    /// The CP has acknowledged this telegram.
+    pub fn owed(&mut self, at: Instant, telegram: &[u8]) {
+        if self.letters.iter().any(|letter| letter.telegram == telegram && letter.taken > 0) {
+            return;
+        }
+        if let Some(letter) = self.letters.iter_mut().rev().find(|letter| letter.telegram == telegram) {
+            (letter.owed, letter.at) = (true, at);
+        }
+    }
+
+    /// What is in the CP may be lost: a kill, new parameters, a full buffer.
+    pub fn forget(&mut self, until: Instant) {
+        for letter in self.letters.iter_mut().filter(|letter| letter.at <= until) {
+            letter.copies += 1;
+            letter.owed = false;
+        }
+    }
+
+    /// A reception was broken off: the telegram may be gone or come again. [reference 1.5 2, 1.5 3]
+    pub fn broken_off(&mut self) {
+        for letter in self.letters.iter_mut().filter(|letter| letter.taken == 0) {
+            letter.owed = false;
+        }
+    }
+
+    /// NDR with these data.
+    pub fn taken(&mut self, at: Instant, block: &str, telegram: &[u8], lenient: bool, findings: &mut Verdict) {
+        let same = |letter: &Letter| letter.telegram == telegram;
+        let fresh = |(place, letter): (usize, &Letter)| same(letter) && letter.taken == 0 && place >= self.newest;
+        let place = (0..).zip(&self.letters).position(fresh);
+        let place = place.or_else(|| self.letters.iter().position(|letter| same(letter) && letter.taken == 0));
+        let place = place.or_else(|| self.letters.iter().position(same));
+        let found = place.map(|place| (place, &mut self.letters[place]));
+        let Some((place, letter)) = found else {
+            if lenient {
+                return;
+            }
+            let head = &telegram[..telegram.len().min(12)];
+            findings.breaks(
+                at,
+                Rule::NdrWhole,
+                format!("{block}: NDR with {} bytes that the partner did not send: {head:02X?}", telegram.len()),
+            );
+            return;
+        };
+        letter.taken += 1;
+        findings.must(letter.taken <= letter.copies, at, Rule::TakenOnce, || {
+            format!("{block}: a telegram of the partner was taken {} times, sent {}", letter.taken, letter.copies)
+        });
+        findings.must(place >= self.newest, at, Rule::InOrder, || format!("{block}: an older telegram after a newer"));
+        self.newest = self.newest.max(place);
+        // It was sent again because its answer did not come: whether it comes again, nobody knows. [reference 5.3]
+        self.letters.iter_mut().filter(|letter| letter.telegram == telegram).for_each(|letter| letter.owed = false);
+    }
+
+    /// Whether something is still to be delivered.
+    #[must_use]
+    pub fn has_owed(&self) -> bool {
+        self.letters.iter().any(|letter| letter.owed && letter.taken == 0)
+    }
+
+    /// The end of the run at `now`: each telegram is delivered within `patience` after those before it.
+    pub fn finish(&self, block: &str, now: Instant, patience: Span, findings: &mut Verdict) {
+        let owed = self.letters.iter().filter(|letter| letter.owed && letter.taken == 0);
+        for (letter, before) in owed.zip(1_u64..) {
+            if now > letter.at + patience * before {
+                let (ms, len) = (letter.at.millis(), letter.telegram.len());
+                findings.breaks(now, Rule::Delivered, format!("{block}: {len} bytes of {ms} ms were never delivered"));
+            }
+        }
+    }
+}

@@ -1,0 +1,320 @@
+//! Each rule of the judge is broken on purpose and seen; beside it stands the sequence that the manual allows.
+
+use ob1_time::{Instant, Span};
+
+use super::numbers::{self, Number};
+use super::post::{Inbox, Outbox};
+use super::receiver::{self, ReceiveCall, Receiver};
+use super::rule::Rule;
+use super::sender::{self, End, Portions, SendCall, Sender};
+use super::{judge::PtpJudge, judge::Setup, modbus, numbers::Protocol};
+use crate::programs::judge::Verdict;
+
+const SEND: sender::Manual = sender::Manual {
+    block: "FB 8",
+    busy: 0,
+    portions: Portions::Of32,
+    reset: Some(0x1E0D),
+    blocks: true,
+    answers: (4, Span::ZERO),
+    number: numbers::send_3964,
+    bound: Span::from_secs(2),
+};
+
+const COM: sender::Manual = sender::Manual {
+    block: "FB 60",
+    busy: 0x8181,
+    portions: Portions::Io(16),
+    reset: None,
+    blocks: false,
+    number: numbers::send_040,
+    ..SEND
+};
+
+const TAKE: receiver::Manual = receiver::Manual {
+    block: "FB 7",
+    busy: 0,
+    portion: 32,
+    aborted: Some(0x1E0D),
+    blocks: true,
+    answers: (4, Span::ZERO),
+    number: numbers::receive_plain,
+};
+
+fn at(calls: u64) -> Instant {
+    Instant::START + Span::from_millis(10 * calls)
+}
+
+/// Letters are calls of a sending block: q REQ, r R, D DONE, E ERROR with 0703h, P with 1E41h, A with 1E0Dh, X with
+/// 1234h, S STATUS without ERROR, 8 STATUS 8181h; `.` nothing. Calls are separated by blanks.
+fn sends(manual: sender::Manual, calls: &str) -> Verdict {
+    let (mut sender, mut verdict) = (Sender::new(manual), Verdict::default());
+    for (number, text) in (0..).zip(calls.split(' ')) {
+        let has = |letter| text.contains(letter);
+        let status = [('E', 0x0703), ('P', 0x1E41), ('A', 0x1E0D), ('X', 0x1234), ('S', 0x0703), ('8', 0x8181)];
+        let call = SendCall {
+            at: at(number),
+            req: has('q'),
+            reset: has('r'),
+            len: if has('l') { 100 } else { 10 },
+            done: has('D'),
+            error: ['E', 'P', 'A', 'X', 'N'].into_iter().any(has),
+            status: status.into_iter().find(|(letter, _)| has(*letter)).map_or(0, |(_, status)| status),
+            legal: true,
+        };
+        sender.call(&call, &mut verdict);
+    }
+    verdict
+}
+
+fn receives(calls: &str) -> Verdict {
+    let (mut receiver, mut verdict) = (Receiver::new(TAKE), Verdict::default());
+    for (number, text) in (0..).zip(calls.split(' ')) {
+        let has = |letter| text.contains(letter);
+        let status = [('E', 0x0806), ('A', 0x1E0D), ('X', 0x1234), ('S', 0x0806)];
+        let call = ReceiveCall {
+            at: at(number),
+            enable: has('e'),
+            reset: has('r'),
+            ndr: has('D'),
+            error: ['E', 'A', 'X', 'N'].into_iter().any(has),
+            status: status.into_iter().find(|(letter, _)| has(*letter)).map_or(0, |(_, status)| status),
+            len: if has('0') { 0 } else { 100 },
+        };
+        receiver.call(&call, &mut verdict);
+    }
+    verdict
+}
+
+#[track_caller]
+fn holds(verdict: &Verdict) {
+    assert!(verdict.findings.is_empty(), "{:?}", verdict.findings);
+}
+
+#[track_caller]
+fn breaks(verdict: &Verdict, rule: Rule) {
+    assert!(verdict.has(rule.name()), "{rule:?} was not seen, but {:?}", verdict.findings);
+}
+
+#[test]
+fn what_the_manual_allows_a_sending_block() {
+    holds(&sends(SEND, ". q q qD . . q . D"));
+    // REQ may go at once; another edge while the job runs does nothing.
+    holds(&sends(SEND, "q . q . D . . ."));
+    // R in a job and without one; edges while R is on do nothing, and none is remembered.
+    holds(&sends(SEND, "q . rA r r . q . D"));
+    holds(&sends(SEND, ". r rD r rq r q q q"));
+    // FB 60 shows that the job runs, and answers R with DONE.
+    holds(&sends(COM, "q8 8 8 D . q8 8 rD . rD ."));
+}
+
+#[test]
+fn the_outputs_of_a_sending_block() {
+    breaks(&sends(SEND, "q . . DE"), Rule::EndIsOne);
+    breaks(&sends(SEND, "q . S D"), Rule::StatusWithError);
+    breaks(&sends(SEND, "q . . N"), Rule::StatusWithError);
+    breaks(&sends(COM, "q8 8 8N8"), Rule::StatusWithError);
+    breaks(&sends(SEND, "q . . X"), Rule::KnownStatus);
+    breaks(&sends(SEND, ". . D"), Rule::EndOfAJob);
+    breaks(&sends(SEND, "q . D D"), Rule::EndOfAJob);
+    breaks(&sends(SEND, "q . . D E"), Rule::EndOfAJob);
+    breaks(&sends(SEND, "q D"), Rule::Portions);
+    breaks(&sends(SEND, "ql . . . D"), Rule::Portions);
+    holds(&sends(SEND, "ql . . . . D"));
+    breaks(&sends(SEND, "q . . E"), Rule::ErrorHasCause);
+    breaks(&sends(SEND, "qP . ."), Rule::ErrorHasCause);
+}
+
+#[test]
+fn r_at_a_sending_block() {
+    breaks(&sends(SEND, "q . r r r r r r"), Rule::ResetIsAnswered);
+    breaks(&sends(SEND, "q . rE"), Rule::ResetIsAnswered);
+    breaks(&sends(SEND, ". r r r r r r"), Rule::ResetIsAnswered);
+    breaks(&sends(SEND, ". rD rq r r rD"), Rule::ResetBlocks);
+    breaks(&sends(COM, "q8 8 r r r r r"), Rule::ResetIsAnswered);
+}
+
+#[test]
+fn a_job_without_an_end() {
+    let calls = ["q"].into_iter().chain(["."; 400]).collect::<Vec<_>>().join(" ");
+    breaks(&sends(SEND, &calls), Rule::JobEnds);
+    let calls = ["q"].into_iter().chain(["."; 150]).collect::<Vec<_>>().join(" ");
+    holds(&sends(SEND, &calls));
+}
+
+#[test]
+fn a_cause_is_an_excuse_and_delays_the_bound() {
+    let (mut sender, mut verdict) = (Sender::new(SEND), Verdict::default());
+    let call = |n: u64| SendCall {
+        at: at(n),
+        req: n == 1,
+        reset: false,
+        len: 10,
+        done: false,
+        error: false,
+        status: 0,
+        legal: true,
+    };
+    (0..200).for_each(|n| _ = sender.call(&call(n), &mut verdict));
+    sender.disturbed(at(250));
+    (200..430).for_each(|n| _ = sender.call(&call(n), &mut verdict));
+    holds(&verdict);
+    let end = sender.call(&SendCall { error: true, status: 0x0703, ..call(430) }, &mut verdict).ended;
+    assert_eq!(end, Some(End::Error(0x0703)));
+    holds(&verdict);
+    // A start-up ends what runs; whether REQ has risen since then cannot be known.
+    sender.restarted(at(440));
+    let turn = sender.call(&SendCall { req: true, ..call(450) }, &mut verdict);
+    assert!(turn.began && sender.is_busy());
+}
+
+#[test]
+fn what_the_manual_allows_a_receiving_block() {
+    holds(&receives("e e e e eD e e e e eD"));
+    holds(&receives("e e r0 r0D r . e e e e eD"));
+    holds(&receives("e e rA r . e"));
+    holds(&receives("e e . A . e"));
+}
+
+#[test]
+fn the_outputs_of_a_receiving_block() {
+    breaks(&receives("e e e e eDE"), Rule::EndIsOne);
+    breaks(&receives("e e eS"), Rule::StatusWithError);
+    breaks(&receives("e eN"), Rule::StatusWithError);
+    breaks(&receives("e eX"), Rule::KnownStatus);
+    breaks(&receives("e e e D"), Rule::EnableBlocks);
+    breaks(&receives("e e e r0D er er erD"), Rule::ResetBlocks);
+    breaks(&receives("e eD"), Rule::Portions);
+    breaks(&receives("e e eE"), Rule::ErrorHasCause);
+    breaks(&receives("e r r r r r r"), Rule::ResetIsAnswered);
+    breaks(&receives("e rE"), Rule::ResetIsAnswered);
+}
+
+fn outbox(run: impl FnOnce(&mut Outbox, &mut Verdict)) -> Verdict {
+    let (mut outbox, mut verdict) = (Outbox::default(), Verdict::default());
+    run(&mut outbox, &mut verdict);
+    outbox.settle(at(1000), &mut verdict);
+    verdict
+}
+
+#[test]
+fn what_is_true_of_jobs() {
+    let telegram = || Some(b"ab".to_vec());
+    holds(&outbox(|outbox, verdict| {
+        let job = outbox.began(at(1), "FB 8", telegram());
+        outbox.arrived(at(2), b"ab", true, false, verdict);
+        outbox.ended(at(3), job, End::Done, None, verdict);
+    }));
+    // Silence ends it at the partner after DONE.
+    holds(&outbox(|outbox, verdict| {
+        let job = outbox.began(at(1), "FB 8", telegram());
+        outbox.ended(at(3), job, End::Done, None, verdict);
+        outbox.arrived(at(3), b"ab", true, false, verdict);
+    }));
+    // The answer was lost: the block comes again.
+    holds(&outbox(|outbox, verdict| {
+        let job = outbox.began(at(1), "FB 8", telegram());
+        outbox.arrived(at(2), b"ab", false, false, verdict);
+        outbox.arrived(at(3), b"ab", true, false, verdict);
+        outbox.ended(at(4), job, End::Done, None, verdict);
+    }));
+    let false_done = outbox(|outbox, verdict| {
+        let job = outbox.began(at(1), "FB 8", telegram());
+        outbox.ended(at(3), job, End::Done, None, verdict);
+    });
+    breaks(&false_done, Rule::DoneArrived);
+    let too_early = outbox(|outbox, verdict| {
+        let job = outbox.began(at(1), "FB 8", telegram());
+        outbox.ended(at(3), job, End::Done, None, verdict);
+        outbox.arrived(at(5), b"ab", true, false, verdict);
+    });
+    breaks(&too_early, Rule::DoneArrived);
+    // Two instances, one request on the line, DONE at both.
+    let both = outbox(|outbox, verdict| {
+        let (one, two) = (outbox.began(at(1), "FB 8", telegram()), outbox.began(at(1), "FB 8", Some(b"cd".to_vec())));
+        outbox.arrived(at(2), b"ab", true, false, verdict);
+        outbox.ended(at(3), one, End::Done, None, verdict);
+        outbox.ended(at(3), two, End::Done, None, verdict);
+    });
+    breaks(&both, Rule::DoneArrived);
+    for twice in [&b"ab"[..], b"xy"] {
+        let verdict = outbox(|outbox, verdict| {
+            outbox.began(at(1), "FB 8", telegram());
+            outbox.arrived(at(2), b"ab", true, false, verdict);
+            outbox.arrived(at(3), twice, true, false, verdict);
+        });
+        breaks(&verdict, Rule::SentOnce);
+    }
+    for number in [Number::Refused, Number::Rejected] {
+        let verdict = outbox(|outbox, verdict| {
+            let job = outbox.began(at(1), "FB 8", telegram());
+            outbox.arrived(at(2), b"ab", true, false, verdict);
+            outbox.ended(at(3), job, End::Error(0x050E), Some(number), verdict);
+        });
+        breaks(&verdict, Rule::RefusedIsNotSent);
+    }
+    let later = outbox(|outbox, verdict| {
+        let job = outbox.began(at(1), "FB 8", telegram());
+        outbox.ended(at(3), job, End::Error(0x050E), Some(Number::Refused), verdict);
+        outbox.arrived(at(4), b"ab", true, false, verdict);
+    });
+    breaks(&later, Rule::RefusedIsNotSent);
+}
+
+fn inbox(run: impl FnOnce(&mut Inbox, &mut Verdict)) -> Verdict {
+    let (mut inbox, mut verdict) = (Inbox::default(), Verdict::default());
+    run(&mut inbox, &mut verdict);
+    inbox.finish("FB 7", at(1000), Span::from_secs(1), &mut verdict);
+    verdict
+}
+
+#[test]
+fn what_is_true_of_receptions() {
+    holds(&inbox(|inbox, verdict| {
+        inbox.said(at(1), b"ab", true);
+        inbox.said(at(2), b"cd", true);
+        inbox.taken(at(3), "FB 7", b"ab", false, verdict);
+        inbox.taken(at(4), "FB 7", b"cd", false, verdict);
+    }));
+    let changed = inbox(|inbox, verdict| {
+        inbox.said(at(1), b"ab", false);
+        inbox.taken(at(3), "FB 7", b"a", false, verdict);
+    });
+    breaks(&changed, Rule::NdrWhole);
+    let twice = inbox(|inbox, verdict| {
+        inbox.said(at(1), b"ab", true);
+        inbox.taken(at(3), "FB 7", b"ab", false, verdict);
+        inbox.taken(at(4), "FB 7", b"ab", false, verdict);
+    });
+    breaks(&twice, Rule::TakenOnce);
+    let order = inbox(|inbox, verdict| {
+        inbox.said(at(1), b"ab", true);
+        inbox.said(at(2), b"cd", true);
+        inbox.taken(at(3), "FB 7", b"cd", false, verdict);
+        inbox.taken(at(4), "FB 7", b"ab", false, verdict);
+    });
+    breaks(&order, Rule::InOrder);
+    breaks(&inbox(|inbox, _| inbox.said(at(1), b"ab", true)), Rule::Delivered);
+}
+
+#[test]
+fn the_telegram_of_a_source_area() {
+    let request = |source: &[u8]| modbus::request(source).map(|expected| (expected.bytes, expected.reads));
+    assert_eq!(request(&[5, 3, 0, 0x40, 0, 2, 9, 9]), Some((vec![5, 3, 0, 0x40, 0, 2], true)));
+    assert_eq!(request(&[5, 16, 0, 1, 0, 1, 7, 8, 9]), Some((vec![5, 16, 0, 1, 0, 1, 2, 7, 8], false)));
+    assert_eq!(request(&[0, 6, 0, 1, 7, 8]), Some((vec![0, 6, 0, 1, 7, 8], false)));
+    for refused in [&[0, 3, 0, 1, 0, 1][..], &[5, 3, 0, 1, 0, 0], &[5, 5, 0, 1, 0, 1], &[5, 9, 0, 0, 0, 1], &[5, 6, 0]]
+    {
+        assert_eq!(request(refused), None, "{refused:?}");
+    }
+}
+
+/// A setup without blocks can be judged: the rules with a partner are proved in `tests/tests/simulation`.
+#[test]
+fn a_rule_has_a_name_and_a_place() {
+    let names: std::collections::BTreeSet<_> = Rule::ALL.iter().map(|rule| rule.name()).collect();
+    assert_eq!(names.len(), Rule::ALL.len());
+    assert!(Rule::ALL.iter().all(|rule| rule.place().contains('[')));
+    let _ = |setup: Setup| PtpJudge::new(setup);
+    assert_ne!(Protocol::Ascii, Protocol::StxEtx);
+}
