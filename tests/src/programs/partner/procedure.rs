@@ -83,6 +83,14 @@ impl Procedure {
         self.sent.push(Sent { data, begun: Instant::NEVER, acknowledged: None, attempts: 0 });
     }
 
+    /// A telegram is not sent, if it is still to be sent: `index` in [`Procedure::sent`].
+    pub fn withdraw(&mut self, index: usize) {
+        if self.queue.front() == Some(&index) {
+            self.tries = 0;
+        }
+        self.queue.retain(|waits| *waits != index);
+    }
+
     /// A telegram as it stands on the line.
     #[must_use]
     pub fn block(&self, data: &[u8]) -> Vec<u8> {
