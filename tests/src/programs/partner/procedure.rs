@@ -45,6 +45,8 @@ pub struct Procedure {
     pub took: Vec<Taken>,
     /// What it sends, or has sent.
     pub sent: Vec<Sent>,
+    /// When it has given up a telegram last: its NAK may cross an STX.
+    pub gave_up: Option<Instant>,
     pace: Pace,
     random: Random,
     state: State,
@@ -66,6 +68,7 @@ impl Procedure {
             manners,
             took: Vec::new(),
             sent: Vec::new(),
+            gave_up: None,
             pace,
             random,
             state: State::Idle,
@@ -232,6 +235,7 @@ impl Procedure {
         if self.tries >= ATTEMPTS {
             self.tries = 0;
             self.queue.pop_front();
+            self.gave_up = Some(now);
             self.output.push(now + TURN, vec![NAK]);
         }
         self.idle(now);

@@ -2,7 +2,7 @@
 
 use ob1_time::{Instant, Span};
 
-use super::{Bench240, Patience, line_time};
+use super::{Bench240, Patience, RECOVERY, line_time};
 use crate::programs::cp240::{Partner240, Protocol};
 use crate::programs::judge::Verdict;
 use crate::programs::partner::{Manners, Taken, number, telegram};
@@ -220,7 +220,7 @@ fn ended(
         let alone = facts.senders.len() == 1;
         if good && alone && exact && facts.protocol.acknowledges() && whole && told {
             verdict.broken("fc0-false-error", now, format!("{label}: an error, but the partner has acknowledged it"));
-        } else if good && alone && is_good(partner) {
+        } else if good && alone && is_good(partner) && !is_crossed(partner, order) {
             verdict.broken("fc0-no-reason", now, format!("{label}: an error, with a good partner and line"));
         }
     } else {
@@ -235,6 +235,13 @@ fn ended(
         verdict.broken("fc0-twice", now, format!("{label}: the partner got it {times} times [S0 L960]"));
     }
     judge.senders[index].past.push((order.number, order.given));
+}
+
+/// The partner has given up a telegram of its own: "after which a NAK is transmitted" [S0 L1633]. Where this NAK crosses
+/// the STX of the CP, it counts as the answer to it, and so does what follows until both sides are at rest [S0 L1631].
+fn is_crossed(partner: &Partner240, order: &Order) -> bool {
+    let Partner240::Procedure(line, _) = partner else { return false };
+    line.gave_up.is_some_and(|at| at.saturating_add(RECOVERY) > order.given)
 }
 
 /// The partner does what it should.

@@ -334,6 +334,21 @@ fn fc0_fails_for_no_reason() {
     rig.sees_nothing();
 }
 
+/// Its STX was crossed by the NAK with which the partner gives up a telegram that the CP has no room for.
+#[test]
+fn fc0_fails_by_the_nak_of_a_partner_that_gives_up() {
+    let run = |before: Span| {
+        let mut rig = Rig::new(Protocol::P3964R);
+        let Partner240::Procedure(line, _) = &mut rig.partner else { unreachable!("3964R") };
+        line.gave_up = Some(rig.now.saturating_sub(before));
+        rig.send();
+        rig.fc0(0, 1);
+        rig
+    };
+    run(MS).sees_nothing();
+    run(SECOND).sees_only("fc0-no-reason");
+}
+
 #[test]
 fn a_telegram_that_was_sent_twice() {
     let mut rig = Rig::new(Protocol::P3964R);
