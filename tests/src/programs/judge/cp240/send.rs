@@ -177,8 +177,8 @@ fn arrived(partner: &Partner240, order: &Order, plain: bool, exact: bool) -> (bo
             let comes = |taken: &Taken| {
                 taken.data.starts_with(head) || late && taken.data.ends_with(&expected) || !exact && has_head(taken)
             };
-            // "an XOR function over the entire data" [S0 L1647] does not see two characters that a bad line has taken or
-            // changed alike: the partner acknowledges what is left.
+            // "an XOR function over the entire data" [S0 L1647] does not see two characters that a bad line has taken
+            // or changed alike: the partner acknowledges what is left.
             let check = |data: &[u8]| line.block(data).last().copied();
             let unseen = |taken: &Taken| !exact && line.checked && check(&taken.data) == check(&expected);
             let comes = |taken: &Taken| comes(taken) || unseen(taken);
@@ -237,8 +237,9 @@ fn ended(
     judge.senders[index].past.push((order.number, order.given));
 }
 
-/// The partner has given up a telegram of its own: "after which a NAK is transmitted" [S0 L1633]. Where this NAK crosses
-/// the STX of the CP, it counts as the answer to it, and so does what follows until both sides are at rest [S0 L1631].
+/// The partner has given up a telegram of its own: "after which a NAK is transmitted" [S0 L1633]. Where this NAK
+/// crosses the STX of the CP, it counts as the answer to it [S0 L1631], and both sides need a while until they are at
+/// rest.
 fn is_crossed(partner: &Partner240, order: &Order) -> bool {
     let Partner240::Procedure(line, _) = partner else { return false };
     line.gave_up.is_some_and(|at| at.saturating_add(RECOVERY) > order.given)
