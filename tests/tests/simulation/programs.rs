@@ -20,6 +20,7 @@ const FOUND: &[(&str, u64, &str)] = &[
     ("cp340", 728, SAME_START),
     ("cp340", 767, SAME_START),
     ("cp340", 772, SAME_START),
+    ("cp340", 641, "the judge called an answer good that a fault of the line had hit"),
 ];
 
 const SAME_START: &str =
