@@ -317,8 +317,8 @@ fn the_module_is_what_the_configuration_says() {
     }
 }
 
-/// A START that the CP has forgotten in STOP is acknowledged in RUN: it has the same bytes as the one before the STOP, or
-/// it was written before the driver saw the STOP. (docs/cp341-channels.md)
+/// In RUN the CP acknowledges a START that it has forgotten in STOP: one with the same bytes as before the STOP, or one
+/// that was written before the driver saw the STOP. (docs/cp341-channels.md)
 #[test]
 fn a_start_shown_before_the_driver_saw_the_stop() {
     let keys = serde_json::json!({"protocol": "ascii", "baud": 9600});
