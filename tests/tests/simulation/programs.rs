@@ -19,7 +19,20 @@ const FOUND: &[(&str, u64, &str)] = &[
     ("cp341", 24, "DONE of a reading job before its NDR"),
     ("cp340", 7, "as cp341 6, with P_SEND"),
     ("cp340", 18, "as cp341 29, with P_SEND"),
+    ("cp341", 702, SAME_START),
+    ("cp341", 729, SAME_START),
+    ("cp341", 766, SAME_START),
+    ("cp340", 492, SAME_START),
+    ("cp340", 496, SAME_START),
+    ("cp340", 703, SAME_START),
+    ("cp340", 728, SAME_START),
+    ("cp340", 767, SAME_START),
+    ("cp340", 772, SAME_START),
+    ("cp340", 641, "the judge called an answer good that a fault of the line had hit"),
 ];
+
+const SAME_START: &str =
+    "after STOP -> RUN the block showed the START of before, byte for byte, and the CP did not look";
 
 fn passes(subject: &Subject, seed: u64) {
     let folder = tempfile::tempdir().expect("a folder");

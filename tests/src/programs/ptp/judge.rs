@@ -424,6 +424,7 @@ impl Judge<Ptp> for PtpJudge {
             }
             Deed::Line(_) => {
                 self.disturbed(now + SETTLES);
+                self.outbox.line_fault(now);
                 // Characters right after it belong to the telegram that is lost.
                 self.down = now + Span::from_millis(300);
             }

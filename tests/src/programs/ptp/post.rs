@@ -29,7 +29,12 @@ pub struct Outbox {
     jobs: Vec<Job>,
     /// DONE was seen, and the partner does not know yet whether the telegram has ended: silence ends it.
     open: Vec<(Instant, usize)>,
+    /// When the line had a fault.
+    faults: Vec<Instant>,
 }
+
+/// A character of the slowest line is shorter.
+const CHARACTER: Span = Span::from_millis(3);
 
 /// Longest silence after which a partner knows that a telegram has ended.
 const ENDS: Span = Span::from_millis(400);
@@ -55,6 +60,11 @@ impl Outbox {
         self.jobs[job].spoilt = true;
     }
 
+    /// The line reports a fault now: an answer of the partner that is on its way is spoilt.
+    pub fn line_fault(&mut self, now: Instant) {
+        self.faults.push(now);
+    }
+
     /// A whole telegram has reached the partner, and it has answered that it took it. `answered` is false when its
     /// answer was kept back or spoilt; `lenient`: the line changes telegrams so that nobody can know.
     pub fn arrived(&mut self, at: Instant, telegram: &[u8], answered: bool, lenient: bool, findings: &mut Verdict) {
@@ -73,6 +83,8 @@ impl Outbox {
             return;
         };
         let block = job.block;
+        let hits = |fault: &Instant| job.arrived > 0 && *fault >= job.last && fault.since(job.last) < CHARACTER;
+        job.spoilt |= self.faults.iter().any(hits);
         findings.must(job.arrived == 0 || job.spoilt, at, Rule::SentOnce, || {
             format!("{block}: the partner got the same job twice, and its first answer was good")
         });
