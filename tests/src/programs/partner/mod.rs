@@ -114,6 +114,11 @@ impl Output {
         self.0.insert(place, (at, bytes));
     }
 
+    /// What has these bytes is not sent.
+    pub fn drop_all(&mut self, bytes: &[u8]) {
+        self.0.retain(|(_, waits)| waits != bytes);
+    }
+
     /// Sends what is due.
     pub fn due(&mut self, now: Instant, out: &mut Vec<u8>) {
         while self.0.front().is_some_and(|(at, _)| *at <= now) {

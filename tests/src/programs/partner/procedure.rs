@@ -45,6 +45,8 @@ pub struct Procedure {
     pub took: Vec<Taken>,
     /// What it sends, or has sent.
     pub sent: Vec<Sent>,
+    /// When it has given up a telegram last: its NAK may cross an STX.
+    pub gave_up: Option<Instant>,
     pace: Pace,
     random: Random,
     state: State,
@@ -66,6 +68,7 @@ impl Procedure {
             manners,
             took: Vec::new(),
             sent: Vec::new(),
+            gave_up: None,
             pace,
             random,
             state: State::Idle,
@@ -81,6 +84,14 @@ impl Procedure {
     pub fn send(&mut self, data: Vec<u8>) {
         self.queue.push_back(self.sent.len());
         self.sent.push(Sent { data, begun: Instant::NEVER, acknowledged: None, attempts: 0 });
+    }
+
+    /// A telegram is not sent, if it is still to be sent: `index` in [`Procedure::sent`].
+    pub fn withdraw(&mut self, index: usize) {
+        if self.queue.front() == Some(&index) {
+            self.tries = 0;
+        }
+        self.queue.retain(|waits| *waits != index);
     }
 
     /// A telegram as it stands on the line.
@@ -126,10 +137,10 @@ impl Procedure {
         None
     }
 
-    /// Answers DLE, in its manner; true if it is in time, None if something else goes out. What was still to be
-    /// answered is void.
+    /// Answers DLE, in its manner; true if it is in time, None if something else goes out. A DLE that was still to
+    /// be sent is void.
     fn agree(&mut self, now: Instant) -> Option<bool> {
-        self.output = Output::default();
+        self.output.drop_all(&[DLE]);
         let manner = self.manners.next(&mut self.random);
         match manner {
             Manner::Good => self.output.push(now + TURN, vec![DLE]),
@@ -224,6 +235,7 @@ impl Procedure {
         if self.tries >= ATTEMPTS {
             self.tries = 0;
             self.queue.pop_front();
+            self.gave_up = Some(now);
             self.output.push(now + TURN, vec![NAK]);
         }
         self.idle(now);

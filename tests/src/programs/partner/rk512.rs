@@ -89,6 +89,12 @@ impl Rk512 {
         }
     }
 
+    /// It does what it should, on the line and above it.
+    #[must_use]
+    pub fn is_good(&self) -> bool {
+        self.line.manners == Manners::GOOD && self.manners == Manners::GOOD
+    }
+
     /// Gives an order to the station, after those that wait.
     pub fn request(&mut self, telegram: Vec<u8>) {
         self.pending.push(telegram);
@@ -123,6 +129,13 @@ impl Rk512 {
     fn order(&mut self, now: Instant, telegram: &[u8], told: bool) {
         let [_, _, command, _, db, word, high, low, _, _, data @ ..] = telegram else { return };
         let words = usize::from(u16::from_be_bytes([*high, *low]));
+        // "BWZ is the max. time between acknowledgement of a request telegram (DLE) and STX of the answer telegram"
+        // [S0 L1635]: a good partner does not send an answer any more that a new order has overtaken.
+        if self.is_good()
+            && let Some(order) = self.orders.last()
+        {
+            self.line.withdraw(order.reaction);
+        }
         self.orders.push(Order {
             at: now,
             command: *command,
@@ -225,5 +238,51 @@ impl Device for Rk512 {
         let wait = self.waits.then_some(self.give_up);
         let reactions = self.reactions.iter().map(|(at, _)| *at).min();
         [line, wait, reactions].into_iter().flatten().min()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::programs::partner::Pace;
+    use crate::sim::MS;
+
+    /// A RESET of the station: its first order is forgotten, and nobody answers the STX of the reaction to it.
+    fn overtaken(manners: Manners) -> Vec<u8> {
+        let pace = Pace { char: MS / 10, qvz: 40 * MS, zvz: 20 * MS };
+        let line = Procedure::new(true, false, Manners::GOOD, pace, Random::new(1));
+        let mut rk = Rk512::new(line, manners, 100 * MS, Random::new(1));
+        let mut now = Instant::START + MS;
+        let mut out = Vec::new();
+        for number in [1, 2] {
+            let order = [&[0, 0, b'A', b'D', 21, 0, 0, 2, 0xFF, 0xFF][..], &telegram_of(number, 4, false)].concat();
+            let block = rk.line.block(&order);
+            for bytes in [&[0x02][..], &block] {
+                rk.hear(now, bytes, &mut out);
+                now += 5 * MS;
+                rk.hear(now, &[], &mut out);
+            }
+            now += 20 * MS;
+            rk.hear(now, &[], &mut out);
+        }
+        assert_eq!(rk.orders.len(), 2, "{out:?}");
+        (0..40).for_each(|_| {
+            now += 5 * MS;
+            rk.hear(now, &[], &mut out);
+            if out.last() == Some(&0x02) {
+                rk.hear(now, &[0x10], &mut out);
+            } else if out.ends_with(&[0x10, 0x03, 0x13]) {
+                rk.hear(now, &[0x10], &mut out);
+                out.push(0);
+            }
+        });
+        rk.line.sent.iter().map(|sent| u8::from(sent.acknowledged.is_some())).collect()
+    }
+
+    #[test]
+    fn a_good_partner_forgets_a_reaction_that_is_overtaken() {
+        assert_eq!(overtaken(Manners::GOOD), [0, 1]);
+        // The draw of these manners is never used: only that they are not those of a good partner.
+        assert_eq!(overtaken(Manners { late: 0, silent: 0, refuses: 0, wrong: 0, twice: 1 })[0], 1);
     }
 }

@@ -3,7 +3,7 @@
 use ob1_cpu::Cpu;
 use ob1_time::{Instant, Span};
 
-use super::{Bench240, Patience, line_time, send};
+use super::{Bench240, Patience, line_time};
 use crate::programs::cp240::{Partner240, Role};
 use crate::programs::judge::Verdict;
 use crate::programs::partner::rk512::{Order as Arrived, Rk512};
@@ -138,7 +138,7 @@ pub(super) fn called(
     if ready == 0 {
         let t = &judge.facts.times;
         let telegrams = u64::from(2 * order.lang.max(lang)) / 118 + 1;
-        let good = order.given > judge.seen.strict && send::is_good_rk(rk);
+        let good = order.given > judge.seen.strict && rk.is_good();
         let reaction = t.bwz.max(super::MARGIN).min(REACTION);
         let one = line_time(&judge.facts, 138, partner, order.given, good) + reaction;
         let wait = judge.seen.given_up(order.given, now);
@@ -183,6 +183,13 @@ fn gap(rk: &Rk512, order: &Order, arrived: &[&Arrived]) -> bool {
     arrived.iter().any(|arrived| arrived.unclear) || rk.orders.iter().any(stale)
 }
 
+/// The CP has taken a reaction to an order before this one after it: a reaction tells by nothing to which order it
+/// belongs [S0 L1705-1711], so the CP takes it for this one's.
+fn is_overtaken(rk: &Rk512, order: &Arrived) -> bool {
+    let reaction = |earlier: &Arrived| rk.line.sent.get(earlier.reaction).and_then(|sent| sent.acknowledged);
+    rk.orders.iter().any(|earlier| earlier.at < order.at && reaction(earlier).is_some_and(|at| at >= order.at))
+}
+
 /// Its reaction was acknowledged in time.
 fn is_clear(rk: &Rk512, arrived: &Arrived, bwz: Span) -> bool {
     let reaction = rk.line.sent.get(arrived.reaction).and_then(|sent| sent.acknowledged);
@@ -211,9 +218,9 @@ fn finished(
         verdict.failed();
         let good = possible && calm && !broken && !order.changed && !order.pafe;
         let has_all = !fetches && arrived.iter().any(|arrived| arrived.done.is_some() && arrived.refused.is_none());
-        if good && has_all && clear {
+        if good && has_all && clear && !arrived.iter().any(|arrived| is_overtaken(rk, arrived)) {
             verdict.broken("rk-false-error", now, format!("{label}: ANZW {anzw:04X}h, the partner has all data"));
-        } else if good && send::is_good_rk(rk) && anzw >> 8 != 0x2A {
+        } else if good && rk.is_good() && anzw >> 8 != 0x2A {
             verdict.broken("rk-no-reason", now, format!("{label}: ANZW {anzw:04X}h, with a good partner and line"));
         }
     } else {

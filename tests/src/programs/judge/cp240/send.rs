@@ -2,10 +2,9 @@
 
 use ob1_time::{Instant, Span};
 
-use super::{Bench240, Patience, line_time};
+use super::{Bench240, Patience, RECOVERY, line_time};
 use crate::programs::cp240::{Partner240, Protocol};
 use crate::programs::judge::Verdict;
-use crate::programs::partner::rk512::Rk512;
 use crate::programs::partner::{Manners, Taken, number, telegram};
 use crate::programs::record::Call;
 use crate::programs::text::Site;
@@ -37,7 +36,9 @@ struct Order {
     number: u32,
     given: Instant,
     site: usize,
+    /// The least ANZ since then, and the most: the job that runs has that of one of its calls.
     anz: u32,
+    most: u32,
     /// ANZ or the data block was changed while it ran.
     changed: bool,
     pafe: bool,
@@ -101,6 +102,7 @@ pub(super) fn called(
         given: now,
         site: call.site,
         anz,
+        most: anz,
         changed: false,
         pafe: false,
         patience: Patience::new(now),
@@ -109,6 +111,7 @@ pub(super) fn called(
     let _ = site;
     order.changed |= order.anz != anz || order.site != call.site;
     order.anz = order.anz.min(anz);
+    order.most = order.most.max(anz);
     // While a job runs whose parameters were changed, the manual says nothing of PAFE.
     if after[PAFE] > 3 || !order.changed && (1..=1024).contains(&anz) && after[PAFE] != expected {
         let text = format!("PAFE is {}, not {expected}: DB of {bytes} bytes, ANZ {anz} [S0 L964]", after[PAFE]);
@@ -125,8 +128,8 @@ pub(super) fn called(
     }
     if after[FRG] == 1 {
         let good = order.given > judge.seen.strict && is_good(partner);
-        let calls = u64::from(order.anz.max(anz)) / 12 * 4 + 16;
-        let line = line_time(&judge.facts, u64::from(order.anz.max(anz)), partner, order.given, good);
+        let calls = u64::from(order.most) / 12 * 4 + 16;
+        let line = line_time(&judge.facts, u64::from(order.most), partner, order.given, good);
         let unheard = judge.seen.unheard;
         // Others send, too: each waits for its turn.
         let others = if judge.facts.senders.len() > 1 { OTHERS } else { Span::ZERO };
@@ -174,6 +177,11 @@ fn arrived(partner: &Partner240, order: &Order, plain: bool, exact: bool) -> (bo
             let comes = |taken: &Taken| {
                 taken.data.starts_with(head) || late && taken.data.ends_with(&expected) || !exact && has_head(taken)
             };
+            // "an XOR function over the entire data" [S0 L1647] does not see two characters that a bad line has taken or
+            // changed alike: the partner acknowledges what is left.
+            let check = |data: &[u8]| line.block(data).last().copied();
+            let unseen = |taken: &Taken| !exact && line.checked && check(&taken.data) == check(&expected);
+            let comes = |taken: &Taken| comes(taken) || unseen(taken);
             let mine = || line.took.iter().filter(|taken| taken.at >= order.given && comes(taken));
             let whole = mine().any(|taken| taken.data == expected || late || order.changed || !exact);
             (whole, mine().count(), mine().all(|taken| taken.told))
@@ -212,7 +220,7 @@ fn ended(
         let alone = facts.senders.len() == 1;
         if good && alone && exact && facts.protocol.acknowledges() && whole && told {
             verdict.broken("fc0-false-error", now, format!("{label}: an error, but the partner has acknowledged it"));
-        } else if good && alone && is_good(partner) {
+        } else if good && alone && is_good(partner) && !is_crossed(partner, order) {
             verdict.broken("fc0-no-reason", now, format!("{label}: an error, with a good partner and line"));
         }
     } else {
@@ -229,18 +237,20 @@ fn ended(
     judge.senders[index].past.push((order.number, order.given));
 }
 
+/// The partner has given up a telegram of its own: "after which a NAK is transmitted" [S0 L1633]. Where this NAK crosses
+/// the STX of the CP, it counts as the answer to it, and so does what follows until both sides are at rest [S0 L1631].
+fn is_crossed(partner: &Partner240, order: &Order) -> bool {
+    let Partner240::Procedure(line, _) = partner else { return false };
+    line.gave_up.is_some_and(|at| at.saturating_add(RECOVERY) > order.given)
+}
+
 /// The partner does what it should.
 pub(super) fn is_good(partner: &Partner240) -> bool {
     match partner {
         Partner240::Procedure(line, _) => line.manners == Manners::GOOD,
-        Partner240::Rk512(rk, _) => is_good_rk(rk),
+        Partner240::Rk512(rk, _) => rk.is_good(),
         Partner240::Stream(..) => true,
     }
-}
-
-/// The same with RK 512.
-pub(super) fn is_good_rk(rk: &Rk512) -> bool {
-    rk.line.manners == Manners::GOOD && rk.manners == Manners::GOOD
 }
 
 /// The run ends: nothing that was given once came twice, whenever.

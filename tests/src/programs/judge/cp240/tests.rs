@@ -241,6 +241,25 @@ fn fc0_never_ends() {
     rig.sees_only("fc0-live");
 }
 
+/// The job that runs is the long one, whatever the program writes to ANZ meanwhile.
+#[test]
+fn anz_is_changed_while_a_long_telegram_runs() {
+    let run = |scans: u32| {
+        let mut rig = Rig::new(Protocol::P3964R);
+        rig.feed();
+        let call = |rig: &mut Rig, anz: u32| {
+            let anz = (send::LENGTH, anz);
+            rig.call(1, &[(send::FRG, 1), anz], &[(send::FRG, 1), anz]);
+        };
+        call(&mut rig, 100);
+        (1..scans).for_each(|_| call(&mut rig, 5));
+        rig
+    };
+    // 5 bytes would have to be out after 170 scans.
+    run(200).sees_nothing();
+    run(300).sees_only("fc0-live");
+}
+
 /// Each pause in which it is not called does not count, but the calls do.
 #[test]
 fn fc0_that_is_not_called_may_wait() {
@@ -263,6 +282,24 @@ fn fc0_says_done_and_nothing_came() {
     rig.send();
     rig.fc0(0, 0);
     rig.sees_only("fc0-false-done");
+}
+
+/// The check character is the same without them, so the partner has acknowledged what is left.
+#[test]
+fn a_bad_line_has_taken_two_equal_characters() {
+    let run = |data: Vec<u8>, calm: bool| {
+        let mut rig = Rig::new(Protocol::P3964R);
+        rig.judge.seen.strict = if calm { Instant::START } else { Instant::NEVER };
+        rig.send();
+        rig.takes(data);
+        rig.fc0(0, 0);
+        rig
+    };
+    let whole = expected();
+    assert_eq!(whole[0], whole[1]);
+    run(whole[2..].to_vec(), false).sees_nothing();
+    run(whole[1..].to_vec(), false).sees_only("fc0-false-done");
+    run(whole[2..].to_vec(), true).sees_only("fc0-false-done");
 }
 
 /// FC 9 has cleared FRG together with the control bits: for the program the order is done.
@@ -295,6 +332,21 @@ fn fc0_fails_for_no_reason() {
     rig.call(4, &[(modem::RESET, 1)], &[(modem::RESET, 1)]);
     rig.fc0(0, 1);
     rig.sees_nothing();
+}
+
+/// Its STX was crossed by the NAK with which the partner gives up a telegram that the CP has no room for.
+#[test]
+fn fc0_fails_by_the_nak_of_a_partner_that_gives_up() {
+    let run = |before: Span| {
+        let mut rig = Rig::new(Protocol::P3964R);
+        let Partner240::Procedure(line, _) = &mut rig.partner else { unreachable!("3964R") };
+        line.gave_up = Some(rig.now.saturating_sub(before));
+        rig.send();
+        rig.fc0(0, 1);
+        rig
+    };
+    run(MS).sees_nothing();
+    run(SECOND).sees_only("fc0-no-reason");
 }
 
 #[test]
@@ -467,6 +519,27 @@ fn fc3_says_error_for_no_reason() {
     rig.fc3(0, 2, 0);
     rig.fc3(2, 0x0708, 0);
     rig.sees_only("rk-no-reason");
+}
+
+/// The CP takes it for that of this order: nothing in it says otherwise.
+#[test]
+fn fc3_fails_by_the_reaction_to_an_order_before() {
+    let run = |late: bool| {
+        let mut rig = Rig::new(Protocol::Rk512);
+        rig.feed();
+        rig.fc3(0, 2, 0);
+        rig.order_comes(true);
+        rig.now += CYCLE;
+        rig.order_comes(true);
+        let now = rig.now;
+        let Partner240::Rk512(rk, _) = &mut rig.partner else { unreachable!("RK 512") };
+        rk.line.manners = Manners { late: 1, ..Manners::GOOD };
+        (rk.orders[0].command, rk.line.sent[0].acknowledged) = (b'E', Some(if late { now } else { now - CYCLE }));
+        rig.fc3(2, 0x0C08, 0);
+        rig
+    };
+    run(true).sees_nothing();
+    run(false).sees_only("rk-false-error");
 }
 
 #[test]
