@@ -3,7 +3,8 @@
 use ob1_backplane::{Channel as SegmentChannel, CpSide, DriverState, Event, EventKind, ModemOutputs};
 use ob1_firmware::cp341::{Channel, ChannelBlock};
 use ob1_firmware::{
-    Cp, CpCounter, CpEvent, CpPort, Instant, Leds, LineSettings, ModemLines, Reason, Span, StartReason, Troubles, Why, Wire,
+    Cp, CpCounter, CpEvent, CpPort, Instant, Leds, LineSettings, ModemLines, Reason, Span, StartReason, Troubles, Why,
+    Wire,
 };
 
 use crate::line_port::LinePort;

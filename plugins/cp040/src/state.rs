@@ -13,6 +13,8 @@ ob1_sdk::state! {
     pub(crate) struct CpState {
         send: Cell<u64>,
         receive: Cell<u64>,
+        /// DB_NO and DBB_NO of the send job.
+        source: Cell<u32>,
         /// The instance that owns the send job or reset.
         owner: Cell<u64>,
         /// Time of its last call, ms.
@@ -40,6 +42,16 @@ impl CpState {
 
     pub(crate) fn set_send(&self, job: SendJob) {
         self.send.set(job.pack());
+    }
+
+    /// DB_NO and DBB_NO of the send job: all its fragments come from there, whatever the parameters of later calls are.
+    pub(crate) fn source(&self) -> (u16, u16) {
+        let source = self.source.get();
+        ((source >> 16) as u16, source as u16)
+    }
+
+    pub(crate) fn set_source(&self, db: u16, byte: u16) {
+        self.source.set(u32::from(db) << 16 | u32::from(byte));
     }
 
     pub(crate) fn receive(&self) -> ReceiveJob {

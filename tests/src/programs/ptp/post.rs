@@ -43,7 +43,7 @@ impl Outbox {
         self.jobs.len() - 1
     }
 
-    /// The manual leaves open when the parameters count: this telegram is right, too.
+    /// The program has changed the data of a job that waits or runs: this telegram is right, too.
     pub fn also(&mut self, job: usize, telegram: Vec<u8>) {
         if self.jobs[job].arrived == 0 && !self.jobs[job].telegrams.contains(&telegram) {
             self.jobs[job].telegrams.push(telegram);
@@ -111,15 +111,16 @@ impl Outbox {
         }
     }
 
-    /// Looks at the jobs that were DONE a while ago.
-    pub fn settle(&mut self, now: Instant, findings: &mut Verdict) {
+    /// Looks at the jobs that were DONE a while ago. `loses`: the line loses characters and nobody acknowledges
+    /// telegrams: one whose first character is lost is none for the partner.
+    pub fn settle(&mut self, now: Instant, loses: bool, findings: &mut Verdict) {
         let jobs = &self.jobs;
         self.open.retain(|(done, job)| {
             let Job { block, arrived, spoilt, last, .. } = &jobs[*job];
             if now.since(*done) < ENDS && *arrived == 0 {
                 return true;
             }
-            let there = *arrived > 0 && last <= done || *spoilt;
+            let there = *arrived > 0 && last <= done || *spoilt || loses && *arrived == 0;
             findings.must(there, *done, Rule::DoneArrived, || match arrived {
                 0 => format!("{block}: DONE, but the partner did not get it"),
                 _ => format!("{block}: DONE {} us before its last character", last.since(*done).micros()),

@@ -193,7 +193,7 @@ fn the_outputs_of_a_receiving_block() {
 fn outbox(run: impl FnOnce(&mut Outbox, &mut Verdict)) -> Verdict {
     let (mut outbox, mut verdict) = (Outbox::default(), Verdict::default());
     run(&mut outbox, &mut verdict);
-    outbox.settle(at(1000), &mut verdict);
+    outbox.settle(at(1000), false, &mut verdict);
     verdict
 }
 

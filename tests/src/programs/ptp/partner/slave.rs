@@ -129,6 +129,8 @@ impl Slave {
             events.push(Event::Disturbs(at + 2 * timeout));
         }
         if mood == Mood::Deaf {
+            // An answer to an earlier request would be taken for that to this one, and nobody has heard it.
+            self.answer = None;
             return;
         }
         self.requests += 1;
@@ -153,8 +155,9 @@ impl Slave {
         }
         let reads = matches!(request[1], 3 | 4) && !refused;
         let text = if all { answer.clone() } else { answer.get(3..).unwrap_or_default().to_vec() };
-        let refusal = all && mood == Mood::Refuses;
-        let said = ((reads || all) && (good || refusal)).then(|| Event::Said { at, telegram: text, owed: false });
+        // A late answer may come when the master waits for that to its next request: nothing tells them apart in RTU.
+        let other = all && matches!(mood, Mood::Refuses | Mood::Late);
+        let said = ((reads || all) && (good || other)).then(|| Event::Said { at, telegram: text, owed: false });
         let mut characters = framed(frame, &answer);
         let mut wait = Span::from_micros(100) + self.rng.span_below(timeout * 8 / 10);
         match mood {
