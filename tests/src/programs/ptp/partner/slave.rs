@@ -255,4 +255,25 @@ mod tests {
             assert_eq!(out, framed(frame, &request));
         }
     }
+
+    /// A CP 040 takes every answer with a right check, late ones for that to its next request, too.
+    #[test]
+    fn every_whole_answer_is_in_the_ledger() {
+        let mut slave = slave(Frame::Rtu);
+        let (moods, mut now, mut whole) = (Moods { bad: 100, until: Instant::NEVER }, Instant::START, 0);
+        for register in 0..100 {
+            now += Span::from_millis(500);
+            let (mut out, mut events) = (Vec::new(), Vec::new());
+            let request = framed(Frame::Rtu, &[5, 6, 0, register, 0, 2]);
+            let mut next = slave.hear(now, &request, &moods, &mut out, &mut events);
+            while next < Instant::NEVER {
+                next = slave.hear(next, &[], &moods, &mut out, &mut events);
+            }
+            let Some(answer) = unframed(Frame::Rtu, &out).filter(|answer| answer.first() == Some(&5)) else { continue };
+            whole += 1;
+            let is_said = |event: &Event| matches!(event, Event::Said { telegram, .. } if *telegram == answer);
+            assert!(events.iter().any(is_said), "{answer:02X?}");
+        }
+        assert!(whole > 10, "{whole}");
+    }
 }
