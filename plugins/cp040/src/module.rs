@@ -309,7 +309,9 @@ impl<'a> Module<'a> {
         let Some(data) = self.inputs().get(take.from..take.from + take.count) else {
             return Ok(Err(status::NOT_SYNCHRONISED));
         };
-        let (db, begin) = (Area::Db(db as u16), unsigned(byte));
+        // A telegram is in one place: that of its first fragment.
+        let place = if job.is_at_first() { (db as u16, byte as u16) } else { self.state.target() };
+        let (db, begin) = (Area::Db(place.0), u32::from(place.1));
         // An error reported by the CP has no data and needs no data block.
         if job.end() > 0 {
             match cx.len(db)? {
@@ -321,6 +323,7 @@ impl<'a> Module<'a> {
             if cx.write(db, begin + take.at as u32, data)?.is_err() {
                 return Ok(Err(status::NOT_READABLE));
             }
+            self.state.set_target(place.0, place.1);
         }
         self.acknowledge(cx, take.acknowledge)
     }

@@ -4,7 +4,7 @@ use ob1_sdk::types::{Bool, DWord, Int, Word};
 use ob1_sdk::{Abort, Cx, Formal, In, Static};
 
 use crate::module::{Order, Outcome, instance};
-use crate::state::CpState;
+use crate::state::{CpState, number};
 use crate::status;
 
 /// How long an order waits for a CP that does not answer, because its process may be starting; and how long a job whose
@@ -127,7 +127,7 @@ impl Told {
             cx.store(self.status, 0)?;
             return Ok(outcome);
         };
-        let place = u32::from(db as u16) << 16 | u32::from(byte as u16);
+        let place = number(db as u16, byte as u16);
         if cx.load(self.status)? != status || cx.load(self.place)? != place {
             cx.store(self.status, status)?;
             cx.store(self.place, place)?;

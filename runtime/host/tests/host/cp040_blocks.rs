@@ -158,6 +158,25 @@ fn fb_61_fetches_and_says_how_much() {
     assert_eq!(cpu.module.output[0], 0x88);
 }
 
+/// A telegram is in the place that DB_NO and DBB_NO name at its first fragment.
+#[test]
+fn a_telegram_that_is_received_is_in_one_place() {
+    for (mut receive, places) in [(Fb::receive(), [3, 4]), (Fb::com(), [8, 9])] {
+        let (mut cpu, blocks) = cp040();
+        receive.call(&mut cpu, &blocks);
+        // [S3 L327]: 40 bytes in three fragments.
+        cpu.module.input = [0x89, 0, 0, 0x2A, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9];
+        assert_eq!(receive.call(&mut cpu, &blocks), RUNNING);
+        (receive.params[places[0]], receive.params[places[1]]) = (10, 50);
+        cpu.module.input = std::array::from_fn(|n| if n == 0 { 0x80 } else { 9 + n as u8 });
+        assert_eq!(receive.call(&mut cpu, &blocks), RUNNING);
+        cpu.module.input = std::array::from_fn(|n| if n == 0 { 0x8A } else { 24 + n as u8 });
+        assert_eq!(receive.call(&mut cpu, &blocks), (1, 0, 0), "NDR");
+        assert_eq!(cpu.dbs[&11][4..44], Vec::from_iter(0..40), "FB {}", receive.number);
+        assert_eq!(cpu.dbs[&10], Vec::from_iter(0..100));
+    }
+}
+
 #[test]
 fn what_does_not_fit_waits_in_the_cp() {
     let (mut cpu, blocks) = cp040();

@@ -237,8 +237,8 @@ impl PtpJudge {
         }
     }
 
-    /// A job at a CP 040 has the parameters of the edge of REQ, and the data of the calls that pass them: a program that
-    /// starts jobs in a reset changes those of the one that waits.
+    /// A job at a CP 040 has the parameters of the edge of REQ, and the data of the calls that pass them: a program
+    /// that starts jobs in a reset changes those of the one that waits.
     fn waiting(&mut self, place: usize, mark: u32, cpu: &Cpu) {
         let Some(open) = self.jobs[place].filter(|_| self.setup.is_040) else { return };
         if let Some(telegram) = self.telegram(place, open.len as i32, open.db, open.dbb, mark, cpu) {
