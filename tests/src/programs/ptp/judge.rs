@@ -113,6 +113,10 @@ struct Open {
 const SETTLES: Span = Span::from_millis(1500);
 /// The partner has sent more than there is room for.
 const NO_BUFFER: u16 = 0x080A;
+/// Longest answer of a slave.
+const ANSWER: usize = 256;
+/// Bytes of the CP 040's receive buffer.
+const BUFFER: usize = 1024;
 /// See [`PtpJudge::torn`].
 const TORN: Span = Span::from_millis(3000);
 /// A receiving block that is not called for so long is a reason for errors.
@@ -208,6 +212,10 @@ impl PtpJudge {
             self.disturbed(call.at + SETTLES);
         }
         self.resets[place] = send.reset;
+        if self.setup.is_040 && self.setup.protocol == Protocol::Modbus && self.inbox.waiting() + ANSWER > BUFFER {
+            // The receiving block is too slow for the answers: there may be no buffer for the next. [S3 L319]
+            self.senders[place].excuse();
+        }
         let Turn { ended, began, at_once, ghost } = self.senders[place].call(&send, verdict);
         if self.setup.sends.len() > 1 {
             self.senders[place].excuse();

@@ -73,7 +73,8 @@ impl Outbox {
             return;
         };
         let block = job.block;
-        findings.must(job.arrived == 0 || job.spoilt, at, Rule::SentOnce, || {
+        // The line may have spoilt the answer. [reference 5.3]
+        findings.must(job.arrived == 0 || job.spoilt || lenient, at, Rule::SentOnce, || {
             format!("{block}: the partner got the same job twice, and its first answer was good")
         });
         findings.must(!job.refused, at, Rule::RefusedIsNotSent, || {
@@ -210,6 +211,13 @@ impl Inbox {
         self.newest = self.newest.max(place);
         // It was sent again because its answer did not come: whether it comes again, nobody knows. [reference 5.3]
         self.letters.iter_mut().filter(|letter| letter.telegram == telegram).for_each(|letter| letter.owed = false);
+    }
+
+    /// Bytes of telegrams that came after the newest which was taken.
+    #[must_use]
+    pub fn waiting(&self) -> usize {
+        let behind = self.letters.iter().skip(self.newest).filter(|letter| letter.taken == 0);
+        behind.map(|letter| letter.telegram.len()).sum()
     }
 
     /// Whether something is still to be delivered.
