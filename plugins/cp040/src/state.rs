@@ -13,6 +13,10 @@ ob1_sdk::state! {
     pub(crate) struct CpState {
         send: Cell<u64>,
         receive: Cell<u64>,
+        /// DB_NO and DBB_NO of the send job.
+        source: Cell<u32>,
+        /// DB_NO and DBB_NO of the telegram that is being received.
+        target: Cell<u32>,
         /// The instance that owns the send job or reset.
         owner: Cell<u64>,
         /// Time of its last call, ms.
@@ -33,6 +37,15 @@ ob1_sdk::state! {
 /// Both nibbles idle.
 const IDLE: u8 = 0x88;
 
+/// DB_NO and DBB_NO as one number.
+pub(crate) fn number(db: u16, byte: u16) -> u32 {
+    u32::from(db) << 16 | u32::from(byte)
+}
+
+fn place(number: u32) -> (u16, u16) {
+    ((number >> 16) as u16, number as u16)
+}
+
 impl CpState {
     pub(crate) fn send(&self) -> SendJob {
         SendJob::unpack(self.send.get())
@@ -40,6 +53,24 @@ impl CpState {
 
     pub(crate) fn set_send(&self, job: SendJob) {
         self.send.set(job.pack());
+    }
+
+    /// DB_NO and DBB_NO of the send job: all its fragments come from there, whatever the parameters of later calls are.
+    pub(crate) fn source(&self) -> (u16, u16) {
+        place(self.source.get())
+    }
+
+    pub(crate) fn set_source(&self, db: u16, byte: u16) {
+        self.source.set(number(db, byte));
+    }
+
+    /// The same of the telegram that is being received: where its first fragment is.
+    pub(crate) fn target(&self) -> (u16, u16) {
+        place(self.target.get())
+    }
+
+    pub(crate) fn set_target(&self, db: u16, byte: u16) {
+        self.target.set(number(db, byte));
     }
 
     pub(crate) fn receive(&self) -> ReceiveJob {

@@ -35,6 +35,16 @@ const FOUND: &[(&str, u64, &str)] = &[
     ("cp340", 767, SAME_START),
     ("cp340", 772, SAME_START),
     ("cp340", 641, "the judge called an answer good that a fault of the line had hit"),
+    ("cp040", 302, "a request in a reset: one telegram with parts of two areas, because DBB_NO changed meanwhile"),
+    ("cp040", 32, "as 302, with FB 65"),
+    ("cp040", 92, "of two FB 60: a request that waited had the DBB_NO of a later call"),
+    ("cp040", 112, "of two FB 60: a request that waited had the LEN of a later call"),
+    ("cp040", 774, "DONE for a telegram that no call had asked for: LEN of a later call"),
+    ("cp040", 306, "the judge: two jobs of a block had the same mark"),
+    ("cp040", 409, "the judge: a late answer of a slave is taken for that to the next request"),
+    ("cp040", 445, "the judge: STX lost on the line, and nobody acknowledges"),
+    ("cp040", 685, "the judge: a start-up in the middle of a telegram of the partner leaves its rest"),
+    ("cp040", 692, "the judge: DONE of a reset taken for that of a job which may not have begun"),
 ];
 
 const SAME_START: &str =
