@@ -114,8 +114,8 @@ impl CpState {
         self.owner.get() == instance && self.send().is_running()
     }
 
-    /// Whether a request of this instance must wait for that of another. Otherwise an instance that is called more often
-    /// sends for ever, and the others never. One that is no longer called loses its place.
+    /// Whether a request of this instance must wait for that of another. Otherwise an instance that is called more
+    /// often sends for ever, and the others never. One that is no longer called loses its place.
     pub(crate) fn is_behind(&self, instance: u64, now_ms: u64) -> bool {
         let is_there = now_ms.saturating_sub(self.next_seen.get()) < u64::from(PATIENCE_MS);
         self.next.get() != 0 && self.next.get() != instance && is_there
