@@ -171,7 +171,9 @@ impl<'a> Module<'a> {
         let is_owner = owns && order.busy;
         // DONE of the reset must not be taken for that of the job.
         let is_lost = order.reset && (order.request || is_owner && !state.send().is_reset());
+        let is_taken = !owns && state.send().is_running() && !(order.request && state.is_abandoned(now_ms));
         if order.reset {
+            state.leave(order.instance);
             // A reset ends every running job.
             state.claim(order.instance, SendJob::reset(), status::FAILED);
             state.drop_receive();
@@ -185,9 +187,13 @@ impl<'a> Module<'a> {
         } else if owns && !order.request {
             // Its end has been told: a call with wrong parameters, or the instance was written anew.
             state.claim(0, SendJob::default(), status::NOT_SYNCHRONISED);
-        } else if !owns && state.send().is_running() && !(order.request && state.is_abandoned(now_ms)) {
-            return Ok(if order.request { Outcome::Queued } else { Outcome::Nothing });
+        } else if order.request && (is_taken || state.is_behind(order.instance, now_ms)) {
+            state.queue(order.instance, now_ms);
+            return Ok(Outcome::Queued);
+        } else if is_taken {
+            return Ok(Outcome::Nothing);
         } else if order.request {
+            state.leave(order.instance);
             let Some(job) = u16::try_from(order.length).ok().and_then(SendJob::telegram) else {
                 return Ok(Outcome::Error(status::LENGTH));
             };

@@ -21,6 +21,10 @@ ob1_sdk::state! {
         owner: Cell<u64>,
         /// Time of its last call, ms.
         seen: Cell<u64>,
+        /// The instance that sends next: its request has waited longest. 0: none waits.
+        next: Cell<u64>,
+        /// Time of its last call, ms.
+        next_seen: Cell<u64>,
         /// STATUS of an instance that has lost the send job or reset.
         lost: Cell<u16>,
         /// The start of the CP to which all this belongs.
@@ -108,6 +112,28 @@ impl CpState {
 
     pub(crate) fn is_owner(&self, instance: u64) -> bool {
         self.owner.get() == instance && self.send().is_running()
+    }
+
+    /// Whether a request of this instance must wait for that of another. Otherwise an instance that is called more
+    /// often sends for ever, and the others never. One that is no longer called loses its place.
+    pub(crate) fn is_behind(&self, instance: u64, now_ms: u64) -> bool {
+        let is_there = now_ms.saturating_sub(self.next_seen.get()) < u64::from(PATIENCE_MS);
+        self.next.get() != 0 && self.next.get() != instance && is_there
+    }
+
+    /// A request of this instance waits.
+    pub(crate) fn queue(&self, instance: u64, now_ms: u64) {
+        if !self.is_behind(instance, now_ms) {
+            self.next.set(instance);
+            self.next_seen.set(now_ms);
+        }
+    }
+
+    /// It waits no longer.
+    pub(crate) fn leave(&self, instance: u64) {
+        if self.next.get() == instance {
+            self.next.set(0);
+        }
     }
 
     /// Byte 0 as it was written last.

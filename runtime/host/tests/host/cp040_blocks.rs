@@ -422,6 +422,33 @@ fn a_request_that_waits_keeps_its_parameters() {
     passes(&mut cpu, &mut send, &blocks);
 }
 
+/// Of two instances at one CP none sends for ever while the other waits.
+#[test]
+fn a_request_that_waits_has_its_turn() {
+    let (mut cpu, blocks) = cp040();
+    Fb::receive().call(&mut cpu, &blocks);
+    let (mut first, mut second) = (Fb::send(3), Fb::send(5));
+    assert_eq!(first.call(&mut cpu, &blocks), RUNNING);
+    cpu.instance_at = 100;
+    assert_eq!(second.call(&mut cpu, &blocks), RUNNING);
+    cpu.instance_at = 0;
+    cpu.module.input[0] = 0xA8;
+    assert_eq!(first.call(&mut cpu, &blocks), (1, 0, 0));
+    cpu.module.input[0] = 0x88;
+    for req in [0, 1, 0] {
+        first.params[0] = req;
+        first.call(&mut cpu, &blocks);
+    }
+    assert_eq!(cpu.module.output[0], 0x88, "it waits");
+    cpu.instance_at = 100;
+    assert_eq!((second.call(&mut cpu, &blocks), cpu.module.output[3]), (RUNNING, 5));
+    cpu.module.input[0] = 0xA8;
+    assert_eq!(second.call(&mut cpu, &blocks), (1, 0, 0));
+    cpu.module.input[0] = 0x88;
+    cpu.instance_at = 0;
+    assert_eq!((first.call(&mut cpu, &blocks), cpu.module.output[3]), (RUNNING, 3));
+}
+
 /// The send side of an instance that is no longer called is free after 10 s. (ours)
 #[test]
 fn an_instance_that_is_no_longer_called_holds_up_nobody() {
