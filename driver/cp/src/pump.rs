@@ -35,6 +35,9 @@ pub struct CpPump {
     /// The line has not been there since the start.
     no_line: bool,
     cpu_running: Option<bool>,
+    /// The module has forgotten the start numbers of the handling blocks: what they show counts again, although it has
+    /// been seen.
+    forgot_channels: bool,
     next_beat: Instant,
     /// The reason may have changed.
     has_stepped: bool,
@@ -51,6 +54,7 @@ impl CpPump {
             params_revision: 0,
             no_line: false,
             cpu_running: None,
+            forgot_channels: false,
             next_beat: Instant::START,
             has_stepped: false,
         }
@@ -190,8 +194,9 @@ impl CpPump {
 
     /// Reads the blocks of the handling blocks in the channels.
     fn look_channels<L: LinePort + ?Sized>(&mut self, now: Instant, line: &mut L) {
+        let all = std::mem::take(&mut self.forgot_channels);
         for (channel, name) in [(SegmentChannel::Send, Channel::Send), (SegmentChannel::Receive, Channel::Receive)] {
-            if !self.end.segment.channel_changed(channel) {
+            if !all && !self.end.segment.channel_changed(channel) {
                 continue;
             }
             let mut block: ChannelBlock = [0; 64];
@@ -239,6 +244,7 @@ impl CpPump {
             return;
         }
         self.module = Module::new(kind, self.end.segment.generation(), self.end.segment.io_bytes());
+        self.forgot_channels = true;
         if self.no_line {
             self.step(now, CpInput::NoLine, line);
         } else if self.end.line_error.is_some() {
@@ -265,6 +271,9 @@ impl CpPump {
                 self.look_channels(now, line);
             }
             self.cpu_running = Some(running);
+            // A block that starts with the number from before the STOP writes the same bytes, which is no change; and
+            // a CPU that is in RUN again at once may have written before its STOP was seen.
+            self.forgot_channels = running;
             self.step(now, CpInput::CpuRun(running), line);
         }
     }

@@ -317,6 +317,47 @@ fn the_module_is_what_the_configuration_says() {
     }
 }
 
+/// In RUN the CP acknowledges a START that it has forgotten in STOP: one with the same bytes as before the STOP, or one
+/// that was written before the driver saw the STOP. (docs/cp341-channels.md)
+#[test]
+fn a_start_shown_before_the_driver_saw_the_stop() {
+    let keys = serde_json::json!({"protocol": "ascii", "baud": 9600});
+    for (kind, channel) in
+        [CpKind::Cp341, CpKind::Cp340].into_iter().flat_map(|kind| Channel::ALL.map(|channel| (kind, channel)))
+    {
+        let mut module = Module::new(&line(), End::A);
+        module.port.cp_type = CpType::of(kind.name(), keys.as_object().unwrap()).unwrap();
+        assert!(matches!(module.port.cp_type.keys, Some(Ok(_))), "{:?}", module.port.cp_type);
+        module.cpu.write_params(&[0; 16], b"{}").unwrap();
+        let mut ms = 0;
+        let mut state_and_start = |module: &mut Module| {
+            ms += 1;
+            module.poll(Instant::from_millis(ms));
+            let mut shown = [0; 64];
+            let _ = module.cpu.read_channel(channel, &mut shown);
+            [shown[0], shown[3]]
+        };
+        let start = |number| {
+            let mut block = [0; 64];
+            (block[0], block[3]) = (1, number);
+            block
+        };
+        assert!(module.cpu.write_channel(channel, &start(1)));
+        assert_eq!(state_and_start(&mut module), [1, 1], "{kind:?} {channel:?}");
+        module.cpu.set_cpu_state(CpuState::Stop);
+        assert_eq!(state_and_start(&mut module), [0, 0], "{kind:?} {channel:?}");
+        module.cpu.set_cpu_state(CpuState::Run);
+        assert!(!module.cpu.write_channel(channel, &start(1)), "the same bytes");
+        assert_eq!(state_and_start(&mut module), [1, 1], "{kind:?} {channel:?}: the same number");
+
+        module.cpu.set_cpu_state(CpuState::Stop);
+        assert!(module.cpu.write_channel(channel, &start(2)));
+        assert_eq!(state_and_start(&mut module), [0, 0], "{kind:?} {channel:?}");
+        module.cpu.set_cpu_state(CpuState::Run);
+        assert_eq!(state_and_start(&mut module), [1, 2], "{kind:?} {channel:?}: before the STOP was seen");
+    }
+}
+
 #[test]
 fn a_line_that_has_not_come_yet_is_no_event() {
     let mut module = Module::new(&line(), End::A);

@@ -2,8 +2,8 @@
 
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 
-use crate::module::{Module, Order, Outcome};
-use crate::order::{Orders, Told};
+use crate::module::{Module, Outcome};
+use crate::order::{Named, Orders, Told};
 use crate::state::CpState;
 
 interface! {
@@ -56,6 +56,9 @@ interface! {
         static ABSENT: DWord;
         static TOLD: Word;
         static PLACE: DWord;
+        static SEND_DB: Int;
+        static SEND_BYTE: Int;
+        static SEND_LENGTH: Int;
     }
 }
 
@@ -67,6 +70,8 @@ const ORDERS: Orders = Orders {
     reset: com::RESETS,
     since: com::SINCE,
 };
+
+const NAMED: Named = Named { db: com::SEND_DB, byte: com::SEND_BYTE, length: com::SEND_LENGTH };
 
 const TOLD: Told = Told { status: com::TOLD, place: com::PLACE, since: com::ABSENT };
 
@@ -83,12 +88,8 @@ impl Block for Com {
 
     fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
         let (req, reset) = (cx.get(com::REQ_SEND)?, cx.get(com::RESET)?);
-        let order = Order {
-            db: cx.get(com::DB_NO_SEND)?,
-            byte: cx.get(com::DBB_NO_SEND)?,
-            length: cx.get(com::LEN_SEND)?,
-            ..ORDERS.look(cx, req, reset)?
-        };
+        let order = ORDERS.look(cx, req, reset)?;
+        let order = NAMED.of_the_edge(cx, order, [com::DB_NO_SEND, com::DBB_NO_SEND, com::LEN_SEND])?;
         let (input, output, io_size) = (cx.get(com::ADDR_IN)?, cx.get(com::ADDR_OUT)?, cx.get(com::IO_SIZE)?);
         let (enabled, db, byte) = (cx.get(com::EN_RECV)?, cx.get(com::DB_NO_RECV)?, cx.get(com::DBB_NO_RECV)?);
         let (sent, resetting, received) = match Module::open(cx, input, output, io_size)? {

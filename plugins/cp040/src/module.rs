@@ -19,7 +19,9 @@ pub(crate) struct Module<'a> {
 /// The program's request to the send side.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Order {
-    /// A rising edge of REQ.
+    /// A rising edge of REQ in this call, and no request waits.
+    pub(crate) rises: bool,
+    /// A request: it has risen in this call, or it waits.
     pub(crate) request: bool,
     /// A rising edge of R.
     pub(crate) reset: bool,
@@ -169,7 +171,9 @@ impl<'a> Module<'a> {
         let is_owner = owns && order.busy;
         // DONE of the reset must not be taken for that of the job.
         let is_lost = order.reset && (order.request || is_owner && !state.send().is_reset());
+        let is_taken = !owns && state.send().is_running() && !(order.request && state.is_abandoned(now_ms));
         if order.reset {
+            state.leave(order.instance);
             // A reset ends every running job.
             state.claim(order.instance, SendJob::reset(), status::FAILED);
             state.drop_receive();
@@ -183,9 +187,13 @@ impl<'a> Module<'a> {
         } else if owns && !order.request {
             // Its end has been told: a call with wrong parameters, or the instance was written anew.
             state.claim(0, SendJob::default(), status::NOT_SYNCHRONISED);
-        } else if !owns && state.send().is_running() && !(order.request && state.is_abandoned(now_ms)) {
-            return Ok(if order.request { Outcome::Queued } else { Outcome::Nothing });
+        } else if order.request && (is_taken || state.is_behind(order.instance, now_ms)) {
+            state.queue(order.instance, now_ms);
+            return Ok(Outcome::Queued);
+        } else if is_taken {
+            return Ok(Outcome::Nothing);
         } else if order.request {
+            state.leave(order.instance);
             let Some(job) = u16::try_from(order.length).ok().and_then(SendJob::telegram) else {
                 return Ok(Outcome::Error(status::LENGTH));
             };
@@ -194,6 +202,7 @@ impl<'a> Module<'a> {
                 return Ok(Outcome::Error(status::DATA_BLOCK));
             }
             state.claim(order.instance, job, status::NOT_SYNCHRONISED);
+            state.set_source(order.db as u16, order.byte as u16);
         }
         state.touch(now_ms);
         let running = state.send().is_running();
@@ -201,7 +210,7 @@ impl<'a> Module<'a> {
         let done = match step {
             SendStep::Wait => Ok(()),
             SendStep::Command(nibble) => self.command(cx, nibble)?,
-            SendStep::Put(piece) => self.piece(cx, &piece, order)?,
+            SendStep::Put(piece) => self.piece(cx, &piece)?,
             SendStep::Done | SendStep::Failed(_) => self.command(cx, IDLE)?,
         };
         if let Err(status) = done {
@@ -218,14 +227,15 @@ impl<'a> Module<'a> {
         })
     }
 
-    fn piece(&self, cx: &mut Cx<'_, CpState>, piece: &Piece, order: Order) -> Result<Result<(), u16>, Abort> {
+    fn piece(&self, cx: &mut Cx<'_, CpState>, piece: &Piece) -> Result<Result<(), u16>, Abort> {
         let mut area = [0; IO_MAX];
         let Some(area) = area.get_mut(..self.io_bytes) else { return Ok(Err(status::NOT_SYNCHRONISED)) };
         let byte0 = self.state.byte0() & 0xF0 | piece.command;
         area[0] = byte0;
         let at = 1 + piece.head(&mut area[1..]);
         let Some(data) = area.get_mut(at..at + piece.count) else { return Ok(Err(status::NOT_SYNCHRONISED)) };
-        if cx.read(Area::Db(order.db as u16), unsigned(order.byte) + piece.from as u32, data)?.is_err() {
+        let (db, byte) = self.state.source();
+        if cx.read(Area::Db(db), u32::from(byte) + piece.from as u32, data)?.is_err() {
             self.command(cx, IDLE)?.ok();
             return Ok(Err(status::DATA_BLOCK));
         }
@@ -305,7 +315,9 @@ impl<'a> Module<'a> {
         let Some(data) = self.inputs().get(take.from..take.from + take.count) else {
             return Ok(Err(status::NOT_SYNCHRONISED));
         };
-        let (db, begin) = (Area::Db(db as u16), unsigned(byte));
+        // A telegram is in one place: that of its first fragment.
+        let place = if job.is_at_first() { (db as u16, byte as u16) } else { self.state.target() };
+        let (db, begin) = (Area::Db(place.0), u32::from(place.1));
         // An error reported by the CP has no data and needs no data block.
         if job.end() > 0 {
             match cx.len(db)? {
@@ -317,6 +329,7 @@ impl<'a> Module<'a> {
             if cx.write(db, begin + take.at as u32, data)?.is_err() {
                 return Ok(Err(status::NOT_READABLE));
             }
+            self.state.set_target(place.0, place.1);
         }
         self.acknowledge(cx, take.acknowledge)
     }

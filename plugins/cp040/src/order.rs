@@ -1,10 +1,10 @@
 //! What a block keeps of its orders between two calls, and what it has told the program.
 
-use ob1_sdk::types::{Bool, DWord, Word};
-use ob1_sdk::{Abort, Cx, Static};
+use ob1_sdk::types::{Bool, DWord, Int, Word};
+use ob1_sdk::{Abort, Cx, Formal, In, Static};
 
 use crate::module::{Order, Outcome, instance};
-use crate::state::CpState;
+use crate::state::{CpState, number};
 use crate::status;
 
 /// How long an order waits for a CP that does not answer, because its process may be starting; and how long a job whose
@@ -28,11 +28,13 @@ pub(crate) struct Orders {
 impl Orders {
     /// The orders of this call: rising edges, and what still waits.
     pub(crate) fn look(&self, cx: &mut Cx<'_, CpState>, req: bool, r: bool) -> Result<Order, Abort> {
-        let request = req && !cx.load(self.req_before)? || cx.load(self.request)?;
+        let waits = cx.load(self.request)?;
+        let rises = req && !cx.load(self.req_before)? && !waits;
         let reset = r && !cx.load(self.r_before)? || cx.load(self.reset)?;
         cx.store(self.req_before, req)?;
         cx.store(self.r_before, r)?;
-        Ok(Order { request, reset, instance: instance(cx)?, busy: cx.load(self.busy)?, db: 0, byte: 0, length: 0 })
+        let (request, busy) = (rises || waits, cx.load(self.busy)?);
+        Ok(Order { rises, request, reset, instance: instance(cx)?, busy, db: 0, byte: 0, length: 0 })
     }
 
     /// Stores what goes on; returns the outcome for the program. `resetting`: this call found a reset under way, a
@@ -62,6 +64,34 @@ impl Orders {
         let goes_on = matches!(outcome, Outcome::Running | Outcome::Lost) || waits && order.busy;
         cx.store(self.busy, goes_on)?;
         Ok(outcome)
+    }
+}
+
+/// Where an instance keeps what a request names.
+pub(crate) struct Named {
+    pub(crate) db: Static<Int>,
+    pub(crate) byte: Static<Int>,
+    pub(crate) length: Static<Int>,
+}
+
+impl Named {
+    /// The order with the DB_NO, DBB_NO and LEN of the call in which REQ has risen: a request that waits keeps them.
+    pub(crate) fn of_the_edge(
+        &self,
+        cx: &mut Cx<'_, CpState>,
+        order: Order,
+        [db, byte, length]: [Formal<Int, In>; 3],
+    ) -> Result<Order, Abort> {
+        if order.rises {
+            for (to, from) in [(self.db, db), (self.byte, byte), (self.length, length)] {
+                let value = cx.get(from)?;
+                cx.store(to, value)?;
+            }
+        }
+        if !order.request {
+            return Ok(order);
+        }
+        Ok(Order { db: cx.load(self.db)?, byte: cx.load(self.byte)?, length: cx.load(self.length)?, ..order })
     }
 }
 
@@ -97,7 +127,7 @@ impl Told {
             cx.store(self.status, 0)?;
             return Ok(outcome);
         };
-        let place = u32::from(db as u16) << 16 | u32::from(byte as u16);
+        let place = number(db as u16, byte as u16);
         if cx.load(self.status)? != status || cx.load(self.place)? != place {
             cx.store(self.status, status)?;
             cx.store(self.place, place)?;

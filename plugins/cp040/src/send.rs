@@ -2,8 +2,8 @@
 
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 
-use crate::module::{Module, Order};
-use crate::order::Orders;
+use crate::module::Module;
+use crate::order::{Named, Orders};
 use crate::state::CpState;
 
 interface! {
@@ -37,6 +37,9 @@ interface! {
         static REQUEST: Bool;
         static RESET: Bool;
         static SINCE: DWord;
+        static SEND_DB: Int;
+        static SEND_BYTE: Int;
+        static SEND_LENGTH: Int;
     }
 }
 
@@ -48,6 +51,8 @@ const ORDERS: Orders = Orders {
     reset: send::RESET,
     since: send::SINCE,
 };
+
+const NAMED: Named = Named { db: send::SEND_DB, byte: send::SEND_BYTE, length: send::SEND_LENGTH };
 
 /// FB 60.
 pub(crate) struct Send;
@@ -62,12 +67,8 @@ impl Block for Send {
 
     fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
         let (req, reset) = (cx.get(send::REQ)?, cx.get(send::R)?);
-        let order = Order {
-            db: cx.get(send::DB_NO)?,
-            byte: cx.get(send::DBB_NO)?,
-            length: cx.get(send::LEN)?,
-            ..ORDERS.look(cx, req, reset)?
-        };
+        let order = ORDERS.look(cx, req, reset)?;
+        let order = NAMED.of_the_edge(cx, order, [send::DB_NO, send::DBB_NO, send::LEN])?;
         let (laddr, io_size) = (cx.get(send::LADDR)?, cx.get(send::IO_SIZE)?);
         let (outcome, resetting) = match Module::open(cx, laddr, laddr, io_size)? {
             Ok(module) => {

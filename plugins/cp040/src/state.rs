@@ -13,10 +13,18 @@ ob1_sdk::state! {
     pub(crate) struct CpState {
         send: Cell<u64>,
         receive: Cell<u64>,
+        /// DB_NO and DBB_NO of the send job.
+        source: Cell<u32>,
+        /// DB_NO and DBB_NO of the telegram that is being received.
+        target: Cell<u32>,
         /// The instance that owns the send job or reset.
         owner: Cell<u64>,
         /// Time of its last call, ms.
         seen: Cell<u64>,
+        /// The instance that sends next: its request has waited longest. 0: none waits.
+        next: Cell<u64>,
+        /// Time of its last call, ms.
+        next_seen: Cell<u64>,
         /// STATUS of an instance that has lost the send job or reset.
         lost: Cell<u16>,
         /// The start of the CP to which all this belongs.
@@ -33,6 +41,15 @@ ob1_sdk::state! {
 /// Both nibbles idle.
 const IDLE: u8 = 0x88;
 
+/// DB_NO and DBB_NO as one number.
+pub(crate) fn number(db: u16, byte: u16) -> u32 {
+    u32::from(db) << 16 | u32::from(byte)
+}
+
+fn place(number: u32) -> (u16, u16) {
+    ((number >> 16) as u16, number as u16)
+}
+
 impl CpState {
     pub(crate) fn send(&self) -> SendJob {
         SendJob::unpack(self.send.get())
@@ -40,6 +57,24 @@ impl CpState {
 
     pub(crate) fn set_send(&self, job: SendJob) {
         self.send.set(job.pack());
+    }
+
+    /// DB_NO and DBB_NO of the send job: all its fragments come from there, whatever the parameters of later calls are.
+    pub(crate) fn source(&self) -> (u16, u16) {
+        place(self.source.get())
+    }
+
+    pub(crate) fn set_source(&self, db: u16, byte: u16) {
+        self.source.set(number(db, byte));
+    }
+
+    /// The same of the telegram that is being received: where its first fragment is.
+    pub(crate) fn target(&self) -> (u16, u16) {
+        place(self.target.get())
+    }
+
+    pub(crate) fn set_target(&self, db: u16, byte: u16) {
+        self.target.set(number(db, byte));
     }
 
     pub(crate) fn receive(&self) -> ReceiveJob {
@@ -77,6 +112,28 @@ impl CpState {
 
     pub(crate) fn is_owner(&self, instance: u64) -> bool {
         self.owner.get() == instance && self.send().is_running()
+    }
+
+    /// Whether a request of this instance must wait for that of another. Otherwise an instance that is called more
+    /// often sends for ever, and the others never. One that is no longer called loses its place.
+    pub(crate) fn is_behind(&self, instance: u64, now_ms: u64) -> bool {
+        let is_there = now_ms.saturating_sub(self.next_seen.get()) < u64::from(PATIENCE_MS);
+        self.next.get() != 0 && self.next.get() != instance && is_there
+    }
+
+    /// A request of this instance waits.
+    pub(crate) fn queue(&self, instance: u64, now_ms: u64) {
+        if !self.is_behind(instance, now_ms) {
+            self.next.set(instance);
+            self.next_seen.set(now_ms);
+        }
+    }
+
+    /// It waits no longer.
+    pub(crate) fn leave(&self, instance: u64) {
+        if self.next.get() == instance {
+            self.next.set(0);
+        }
     }
 
     /// Byte 0 as it was written last.

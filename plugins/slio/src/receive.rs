@@ -73,6 +73,11 @@ impl ReceiveJob {
         matches!(self.phase, Phase::Taking)
     }
 
+    /// Whether its newest fragment is the first.
+    pub const fn is_at_first(self) -> bool {
+        self.piece == 0
+    }
+
     /// The number of bytes of the receive area that the telegram needs; known from its first fragment on.
     pub fn end(self) -> usize {
         usize::from(self.offset.unwrap_or(0)) + usize::from(self.length)

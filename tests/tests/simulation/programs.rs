@@ -25,7 +25,33 @@ const FOUND: &[(&str, u64, &str)] = &[
     ("cp341", 24, "DONE of a reading job before its NDR"),
     ("cp340", 7, "as cp341 6, with P_SEND"),
     ("cp340", 18, "as cp341 29, with P_SEND"),
+    ("cp341", 702, SAME_START),
+    ("cp341", 729, SAME_START),
+    ("cp341", 766, SAME_START),
+    ("cp340", 492, SAME_START),
+    ("cp340", 496, SAME_START),
+    ("cp340", 703, SAME_START),
+    ("cp340", 728, SAME_START),
+    ("cp340", 767, SAME_START),
+    ("cp340", 772, SAME_START),
+    ("cp340", 641, "the judge called an answer good that a fault of the line had hit"),
+    ("cp040", 302, "a request in a reset: one telegram with parts of two areas, because DBB_NO changed meanwhile"),
+    ("cp040", 32, "as 302, with FB 65"),
+    ("cp040", 92, "of two FB 60: a request that waited had the DBB_NO of a later call"),
+    ("cp040", 112, "of two FB 60: a request that waited had the LEN of a later call"),
+    ("cp040", 774, "DONE for a telegram that no call had asked for: LEN of a later call"),
+    ("cp040", 1078, "of two FB 60 the one that was called less often never had its turn"),
+    ("cp040", 306, "the judge: two jobs of a block had the same mark"),
+    ("cp040", 409, "the judge: a late answer of a slave is taken for that to the next request"),
+    ("cp040", 445, "the judge: STX lost on the line, and nobody acknowledges"),
+    ("cp040", 685, "the judge: a start-up in the middle of a telegram of the partner leaves its rest"),
+    ("cp040", 692, "the judge: DONE of a reset taken for that of a job which may not have begun"),
+    ("cp040", 1111, "the judge: FB 61 too slow for the answers of a Modbus slave, no buffer for the next"),
+    ("cp040", 1678, "the judge: the line spoilt an answer of 3964R"),
 ];
+
+const SAME_START: &str =
+    "after STOP -> RUN the block showed the START of before, byte for byte, and the CP did not look";
 
 fn passes(subject: &Subject, seed: u64) {
     let folder = tempfile::tempdir().expect("a folder");

@@ -158,6 +158,25 @@ fn fb_61_fetches_and_says_how_much() {
     assert_eq!(cpu.module.output[0], 0x88);
 }
 
+/// A telegram is in the place that DB_NO and DBB_NO name at its first fragment.
+#[test]
+fn a_telegram_that_is_received_is_in_one_place() {
+    for (mut receive, places) in [(Fb::receive(), [3, 4]), (Fb::com(), [8, 9])] {
+        let (mut cpu, blocks) = cp040();
+        receive.call(&mut cpu, &blocks);
+        // [S3 L327]: 40 bytes in three fragments.
+        cpu.module.input = [0x89, 0, 0, 0x2A, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9];
+        assert_eq!(receive.call(&mut cpu, &blocks), RUNNING);
+        (receive.params[places[0]], receive.params[places[1]]) = (10, 50);
+        cpu.module.input = std::array::from_fn(|n| if n == 0 { 0x80 } else { 9 + n as u8 });
+        assert_eq!(receive.call(&mut cpu, &blocks), RUNNING);
+        cpu.module.input = std::array::from_fn(|n| if n == 0 { 0x8A } else { 24 + n as u8 });
+        assert_eq!(receive.call(&mut cpu, &blocks), (1, 0, 0), "NDR");
+        assert_eq!(cpu.dbs[&11][4..44], Vec::from_iter(0..40), "FB {}", receive.number);
+        assert_eq!(cpu.dbs[&10], Vec::from_iter(0..100));
+    }
+}
+
 #[test]
 fn what_does_not_fit_waits_in_the_cp() {
     let (mut cpu, blocks) = cp040();
@@ -322,6 +341,112 @@ fn a_request_in_a_reset_waits_for_its_end() {
     }
     cpu.module.input[0] = 0xA8;
     assert_eq!(send.call(&mut cpu, &blocks), (1, 0, 0), "the telegram");
+}
+
+/// A job has the DB_NO, DBB_NO and LEN of the call in which REQ rises: all fragments are from there.
+#[test]
+fn a_job_keeps_the_parameters_of_the_edge() {
+    // FB 60 and FB 65 with REQ, DB_NO, DBB_NO, LEN at these places.
+    for (mut send, places) in [(Fb::send(50), [0, 3, 4, 5]), (Fb::com(), [0, 5, 6, 7])] {
+        let (mut cpu, blocks) = cp040();
+        Fb::receive().call(&mut cpu, &blocks);
+        let given = |send: &mut Fb, values: [u32; 4]| {
+            places.iter().zip(values).for_each(|(at, value)| send.params[*at] = value);
+        };
+        given(&mut send, [1, 10, 20, 50]);
+        send.call(&mut cpu, &blocks);
+        assert_eq!((cpu.module.output[0], cpu.module.output[4]), (0x89, 20));
+        // Another area; no area at all; and an edge that the running job ignores.
+        for (answer, command, first, values) in
+            [(0x98, 0x80, 32, [0, 10, 0, 3]), (0x08, 0x81, 47, [1, 99, 7, 0]), (0x18, 0x8A, 62, [0, 11, 7, 9])]
+        {
+            cpu.module.input[0] = answer;
+            given(&mut send, values);
+            send.call(&mut cpu, &blocks);
+            assert_eq!((cpu.module.output[0], cpu.module.output[1]), (command, first), "FB {}", send.number);
+        }
+    }
+}
+
+/// The same for a request that waits: for the CP, for its own reset, for another block.
+#[test]
+fn a_request_that_waits_keeps_its_parameters() {
+    let passes = |cpu: &mut Cpu, send: &mut Fb, blocks: &Natives| {
+        while cpu.module.output[0] != 0x8A {
+            assert_eq!(send.call(cpu, blocks), RUNNING);
+        }
+        assert_eq!(cpu.module.output[1..], [0, 0, 5, 20, 21, 22, 23, 24, 0, 0, 0, 0, 0, 0, 0]);
+        cpu.module.input[0] = 0xA8;
+        assert_eq!(send.call(cpu, blocks), (1, 0, 0));
+    };
+    let changes = |send: &mut Fb| (send.params[0], send.params[4], send.params[5]) = (0, 40, 9);
+    // It waits for the CP, and another edge comes meanwhile.
+    let (mut cpu, blocks) = cp040();
+    cpu.module.status.present = false;
+    let mut send = Fb::send(5);
+    for req in [1, 0, 1] {
+        assert_eq!(send.call(&mut cpu, &blocks), RUNNING);
+        changes(&mut send);
+        send.params[0] = req;
+    }
+    assert_eq!(send.call(&mut cpu, &blocks), RUNNING);
+    cpu.module.status.present = true;
+    passes(&mut cpu, &mut send, &blocks);
+    // It waits for its own reset.
+    let (mut cpu, blocks) = cp040();
+    Fb::receive().call(&mut cpu, &blocks);
+    let mut send = Fb::send(5);
+    (send.params[0], send.params[1]) = (0, 1);
+    assert_eq!(send.call(&mut cpu, &blocks), RUNNING);
+    send.params[0] = 1;
+    assert_eq!(send.call(&mut cpu, &blocks), RUNNING);
+    changes(&mut send);
+    cpu.module.input[0] = 0xC8;
+    assert_eq!(send.call(&mut cpu, &blocks), RUNNING);
+    cpu.module.input[0] = 0x88;
+    assert_eq!(send.call(&mut cpu, &blocks), (1, 0, 0), "the reset");
+    passes(&mut cpu, &mut send, &blocks);
+    // It waits for the job of another block.
+    let (mut cpu, blocks) = cp040();
+    let (mut first, mut send) = (Fb::send(3), Fb::send(5));
+    first.call(&mut cpu, &blocks);
+    assert_eq!(first.call(&mut cpu, &blocks), RUNNING);
+    cpu.instance_at = 100;
+    assert_eq!(send.call(&mut cpu, &blocks), RUNNING);
+    changes(&mut send);
+    cpu.module.input[0] = 0xA8;
+    cpu.instance_at = 0;
+    assert_eq!(first.call(&mut cpu, &blocks), (1, 0, 0));
+    cpu.instance_at = 100;
+    cpu.module.input[0] = 0x88;
+    passes(&mut cpu, &mut send, &blocks);
+}
+
+/// Of two instances at one CP none sends for ever while the other waits.
+#[test]
+fn a_request_that_waits_has_its_turn() {
+    let (mut cpu, blocks) = cp040();
+    Fb::receive().call(&mut cpu, &blocks);
+    let (mut first, mut second) = (Fb::send(3), Fb::send(5));
+    assert_eq!(first.call(&mut cpu, &blocks), RUNNING);
+    cpu.instance_at = 100;
+    assert_eq!(second.call(&mut cpu, &blocks), RUNNING);
+    cpu.instance_at = 0;
+    cpu.module.input[0] = 0xA8;
+    assert_eq!(first.call(&mut cpu, &blocks), (1, 0, 0));
+    cpu.module.input[0] = 0x88;
+    for req in [0, 1, 0] {
+        first.params[0] = req;
+        first.call(&mut cpu, &blocks);
+    }
+    assert_eq!(cpu.module.output[0], 0x88, "it waits");
+    cpu.instance_at = 100;
+    assert_eq!((second.call(&mut cpu, &blocks), cpu.module.output[3]), (RUNNING, 5));
+    cpu.module.input[0] = 0xA8;
+    assert_eq!(second.call(&mut cpu, &blocks), (1, 0, 0));
+    cpu.module.input[0] = 0x88;
+    cpu.instance_at = 0;
+    assert_eq!((first.call(&mut cpu, &blocks), cpu.module.output[3]), (RUNNING, 3));
 }
 
 /// The send side of an instance that is no longer called is free after 10 s. (ours)

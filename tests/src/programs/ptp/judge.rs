@@ -107,14 +107,16 @@ struct Open {
     db: u32,
     dbb: usize,
     len: usize,
-    /// LEN, `DB_NO`, `DBB_NO` and the mark.
-    parameters: (i32, u32, usize, u32),
 }
 
 /// What needs time to settle after a start of the CPU or the driver.
 const SETTLES: Span = Span::from_millis(1500);
 /// The partner has sent more than there is room for.
 const NO_BUFFER: u16 = 0x080A;
+/// Longest answer of a slave.
+const ANSWER: usize = 256;
+/// Bytes of the CP 040's receive buffer.
+const BUFFER: usize = 1024;
 /// See [`PtpJudge::torn`].
 const TORN: Span = Span::from_millis(3000);
 /// A receiving block that is not called for so long is a reason for errors.
@@ -178,7 +180,8 @@ impl PtpJudge {
                 }
             }
         }
-        self.outbox.settle(now, verdict);
+        let loses = self.setup.rates != FaultRates::NONE && !self.setup.protocol.is_acknowledged();
+        self.outbox.settle(now, loses && now < self.setup.calm, verdict);
     }
 
     fn send(&mut self, place: usize, call: &Call, site: &Site, cpu: &Cpu, verdict: &mut Verdict) {
@@ -198,7 +201,7 @@ impl PtpJudge {
         let (db_no, dbb_no) = (values.before(db), values.before(dbb) as usize);
         let mut telegram = None;
         if self.senders[place].may_begin(send.req) {
-            telegram = self.telegram(place, &send, db_no, dbb_no, values.mark(), cpu);
+            telegram = self.telegram(place, send.len, db_no, dbb_no, values.mark(), cpu);
             // A second sending block at one CP is against the manual. [S4 L1584]
             send.legal = telegram.is_some() && self.setup.sends.len() == 1 && !self.setup.is_short;
         }
@@ -209,6 +212,10 @@ impl PtpJudge {
             self.disturbed(call.at + SETTLES);
         }
         self.resets[place] = send.reset;
+        if self.setup.is_040 && self.setup.protocol == Protocol::Modbus && self.inbox.waiting() + ANSWER > BUFFER {
+            // The receiving block is too slow for the answers: there may be no buffer for the next. [S3 L319]
+            self.senders[place].excuse();
+        }
         let Turn { ended, began, at_once, ghost } = self.senders[place].call(&send, verdict);
         if self.setup.sends.len() > 1 {
             self.senders[place].excuse();
@@ -217,7 +224,7 @@ impl PtpJudge {
             self.ended(place, call.at, end, cpu, verdict);
         }
         if !began {
-            self.waiting(place, &send, (db_no, dbb_no, values.mark()), cpu);
+            self.waiting(place, values.mark(), cpu);
             return;
         }
         verdict.given();
@@ -232,31 +239,25 @@ impl PtpJudge {
             self.outbox.spoilt(number);
         }
         let len = usize::try_from(send.len).unwrap_or(0);
-        let parameters = (send.len, db, dbb, values.mark());
-        self.jobs[place] = Some(Open { number, telegrams: self.telegrams, reads, db, dbb, len, parameters });
+        self.jobs[place] = Some(Open { number, telegrams: self.telegrams, reads, db, dbb, len });
         if let Some(end) = at_once {
             self.ended(place, call.at, end, cpu, verdict);
         }
     }
 
-    /// A job that waits for a reset or another block: nobody says which parameters it has at a CP 040. [reference 8.3]
-    fn waiting(&mut self, place: usize, send: &SendCall, (db, dbb, mark): (u32, usize, u32), cpu: &Cpu) {
+    /// A job at a CP 040 has the parameters of the edge of REQ, and the data of the calls that pass them: a program
+    /// that starts jobs in a reset changes those of the one that waits.
+    fn waiting(&mut self, place: usize, mark: u32, cpu: &Cpu) {
         let Some(open) = self.jobs[place].filter(|_| self.setup.is_040) else { return };
-        let now = (send.len, db, dbb, mark);
-        if now == open.parameters {
-            return;
-        }
-        if let Some(telegram) = self.telegram(place, send, db, dbb, mark, cpu) {
+        if let Some(telegram) = self.telegram(place, open.len as i32, open.db, open.dbb, mark, cpu) {
             self.outbox.also(open.number, telegram.bytes);
-        } else {
-            self.senders[place].excuse();
         }
     }
 
     /// What has to arrive at the partner; `None`: the parameters are wrong.
-    fn telegram(&self, place: usize, send: &SendCall, db: u32, dbb: usize, mark: u32, cpu: &Cpu) -> Option<Expected> {
+    fn telegram(&self, place: usize, len: i32, db: u32, dbb: usize, mark: u32, cpu: &Cpu) -> Option<Expected> {
         let Sends { most, mark: at, .. } = self.setup.sends[place];
-        let len = usize::try_from(send.len).ok().filter(|len| *len > 0 && send.len <= most)?;
+        let len = usize::try_from(len).ok().filter(|_| len > 0 && len <= most)?;
         let mut data = cpu.data_block(u16::try_from(db).ok()?)?.get(dbb..dbb + len)?.to_vec();
         for (byte, value) in data.iter_mut().skip(at).zip((mark as u16).to_be_bytes()) {
             *byte = value;
@@ -418,12 +419,15 @@ impl Judge<Ptp> for PtpJudge {
                 if self.setup.clears {
                     self.down = now + Span::from_millis(300);
                     self.inbox.forget(self.down);
+                    // The rest of a telegram that comes in just then is one for a protocol without frames.
+                    self.torn = now + TORN;
                 }
                 self.disturbed(now + SETTLES);
                 self.able = now;
             }
             Deed::Line(_) => {
                 self.disturbed(now + SETTLES);
+                self.outbox.line_fault(now);
                 // Characters right after it belong to the telegram that is lost.
                 self.down = now + Span::from_millis(300);
             }

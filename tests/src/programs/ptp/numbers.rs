@@ -29,6 +29,13 @@ pub enum Protocol {
     Modbus,
 }
 
+impl Protocol {
+    /// The partner answers each telegram.
+    pub(super) fn is_acknowledged(self) -> bool {
+        !matches!(self, Self::Ascii | Self::StxEtx)
+    }
+}
+
 /// What a job's end may name at any block of a CP 341 or CP 340. [reference 3.4-3.7, 3.14]
 fn of_every_job(status: u16) -> Option<Number> {
     match status {

@@ -162,9 +162,11 @@ fn before(
     let source = SOURCE + sending.number as u16;
     // Two sending blocks have different marks.
     let base = if sending.number == 0 { "4040" } else { "6060" };
+    // Its number in five bits of each byte. A load pushes one accumulator only: the first place keeps the low bits.
+    let first = format!("DB{source}.DBW {}", sending.marks.first().copied().unwrap_or(0));
     let mut fresh = format!(
-        "L {mark};\nL 1;\n+I;\nT {mark};\nL W#16#1F;\nUW;\nL {mark};\nSLW 3;\nL \
-         W#16#1F00;\nUW;\nOW;\nL W#16#{base};\nOW;\n"
+        "L {mark};\nL 1;\n+I;\nT {mark};\nSLW 3;\nL W#16#1F00;\nUW;\nL W#16#{base};\nOW;\nT {first};\nL \
+         {mark};\nL W#16#1F;\nUW;\nL {first};\nOW;\n"
     );
     for place in &sending.marks {
         fresh += &format!("T DB{source}.DBW {place};\n");

@@ -29,7 +29,12 @@ pub struct Outbox {
     jobs: Vec<Job>,
     /// DONE was seen, and the partner does not know yet whether the telegram has ended: silence ends it.
     open: Vec<(Instant, usize)>,
+    /// When the line had a fault.
+    faults: Vec<Instant>,
 }
+
+/// A character of the slowest line is shorter.
+const CHARACTER: Span = Span::from_millis(3);
 
 /// Longest silence after which a partner knows that a telegram has ended.
 const ENDS: Span = Span::from_millis(400);
@@ -43,7 +48,7 @@ impl Outbox {
         self.jobs.len() - 1
     }
 
-    /// The manual leaves open when the parameters count: this telegram is right, too.
+    /// The program has changed the data of a job that waits or runs: this telegram is right, too.
     pub fn also(&mut self, job: usize, telegram: Vec<u8>) {
         if self.jobs[job].arrived == 0 && !self.jobs[job].telegrams.contains(&telegram) {
             self.jobs[job].telegrams.push(telegram);
@@ -53,6 +58,11 @@ impl Outbox {
     /// Answers to this job were lost or spoilt: the partner may get it more than once. [reference 5.3]
     pub fn spoilt(&mut self, job: usize) {
         self.jobs[job].spoilt = true;
+    }
+
+    /// The line reports a fault now: an answer of the partner that is on its way is spoilt.
+    pub fn line_fault(&mut self, now: Instant) {
+        self.faults.push(now);
     }
 
     /// A whole telegram has reached the partner, and it has answered that it took it. `answered` is false when its
@@ -73,7 +83,9 @@ impl Outbox {
             return;
         };
         let block = job.block;
-        findings.must(job.arrived == 0 || job.spoilt, at, Rule::SentOnce, || {
+        let hits = |fault: &Instant| job.arrived > 0 && *fault >= job.last && fault.since(job.last) < CHARACTER;
+        job.spoilt |= self.faults.iter().any(hits);
+        findings.must(job.arrived == 0 || job.spoilt || lenient, at, Rule::SentOnce, || {
             format!("{block}: the partner got the same job twice, and its first answer was good")
         });
         findings.must(!job.refused, at, Rule::RefusedIsNotSent, || {
@@ -111,15 +123,16 @@ impl Outbox {
         }
     }
 
-    /// Looks at the jobs that were DONE a while ago.
-    pub fn settle(&mut self, now: Instant, findings: &mut Verdict) {
+    /// Looks at the jobs that were DONE a while ago. `loses`: the line loses characters and nobody acknowledges
+    /// telegrams: one whose first character is lost is none for the partner.
+    pub fn settle(&mut self, now: Instant, loses: bool, findings: &mut Verdict) {
         let jobs = &self.jobs;
         self.open.retain(|(done, job)| {
             let Job { block, arrived, spoilt, last, .. } = &jobs[*job];
             if now.since(*done) < ENDS && *arrived == 0 {
                 return true;
             }
-            let there = *arrived > 0 && last <= done || *spoilt;
+            let there = *arrived > 0 && last <= done || *spoilt || loses && *arrived == 0;
             findings.must(there, *done, Rule::DoneArrived, || match arrived {
                 0 => format!("{block}: DONE, but the partner did not get it"),
                 _ => format!("{block}: DONE {} us before its last character", last.since(*done).micros()),
@@ -209,6 +222,13 @@ impl Inbox {
         self.newest = self.newest.max(place);
         // It was sent again because its answer did not come: whether it comes again, nobody knows. [reference 5.3]
         self.letters.iter_mut().filter(|letter| letter.telegram == telegram).for_each(|letter| letter.owed = false);
+    }
+
+    /// Bytes of telegrams that came after the newest which was taken.
+    #[must_use]
+    pub fn waiting(&self) -> usize {
+        let behind = self.letters.iter().skip(self.newest).filter(|letter| letter.taken == 0);
+        behind.map(|letter| letter.telegram.len()).sum()
     }
 
     /// Whether something is still to be delivered.

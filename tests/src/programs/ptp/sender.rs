@@ -215,6 +215,12 @@ impl Sender {
             (turn.began, turn.ghost) = (true, true);
             return turn;
         }
+        if resets && !self.manual.blocks && end.is_none() && self.job.take_if(|job| !job.sure).is_some() {
+            // No job was there for R to end, or it would have said so: DONE is that of the reset. [reference 8.3]
+            self.owed = Some((call.at, 0));
+            turn.ended = Some(End::Reset);
+            return turn;
+        }
         if let Some(mut job) = self.job.take() {
             if blocked || resets {
                 job.aborting = job.aborting.or(Some(call.at));

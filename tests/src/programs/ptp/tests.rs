@@ -106,6 +106,8 @@ fn what_the_manual_allows_a_sending_block() {
     holds(&sends(SEND, ". r rD r rq r q q q"));
     // FB 60 shows that the job runs, and answers R with DONE.
     holds(&sends(COM, "q8 8 8 D . q8 8 rD . rD ."));
+    // An edge in the call that ends a job may start none: then DONE is that of the reset, the next one of the request.
+    holds(&sends(COM, "q8 8 8 Dq r8 rq8 rD 8 8 D ."));
 }
 
 #[test]
@@ -193,8 +195,20 @@ fn the_outputs_of_a_receiving_block() {
 fn outbox(run: impl FnOnce(&mut Outbox, &mut Verdict)) -> Verdict {
     let (mut outbox, mut verdict) = (Outbox::default(), Verdict::default());
     run(&mut outbox, &mut verdict);
-    outbox.settle(at(1000), &mut verdict);
+    outbox.settle(at(1000), false, &mut verdict);
     verdict
+}
+
+/// STX lost on a line with faults, and nobody acknowledges: DONE is right, and the partner has got nothing.
+#[test]
+fn a_line_that_loses_characters() {
+    for loses in [true, false] {
+        let (mut outbox, mut verdict) = (Outbox::default(), Verdict::default());
+        let job = outbox.began(at(1), "FB 65", Some(b"ab".to_vec()));
+        outbox.ended(at(3), job, End::Done, None, &mut verdict);
+        outbox.settle(at(1000), loses, &mut verdict);
+        assert_eq!(verdict.has(Rule::DoneArrived.name()), !loses);
+    }
 }
 
 #[test]
