@@ -335,11 +335,11 @@ fn a_driver_that_is_killed_is_seen_to_come_back() {
     browser.until("/block, [0-9]+ bytes, BCC/.test(document.querySelector('#telegrams').innerText)");
     browser.click("nav a[href='#station']");
     browser.until("document.querySelectorAll('.rack .module').length === 2");
-    // The number of losses is shown, even if it returns at once.
+    // The number of restarts is shown, even if it returns at once.
     let told = "document.querySelectorAll('.rack .module')[1].innerText";
-    assert_eq!(browser.run(&format!("return {told}.includes('lost')")), false);
+    assert_eq!(browser.run(&format!("return {told}.includes('restarted')")), false);
     a.driver_process().signal(Signal::KILL);
-    browser.until(&format!("{told}.includes('1 × lost')"));
+    browser.until(&format!("{told}.includes('1 × restarted')"));
     browser.until(&format!("{told}.includes('driver: ready') && {told}.includes('answers')"));
     assert_eq!(a.status().state, "RUN");
 }
