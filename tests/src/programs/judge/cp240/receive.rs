@@ -21,6 +21,8 @@ pub(super) struct Reception {
     /// How often each telegram of the partner was given to the program.
     given: Vec<u32>,
     last: Option<usize>,
+    /// `ready` when the last one was given.
+    given_at: u64,
     /// Calls that could take something: EMFR 0, PAFE 0.
     ready: u64,
     /// For each telegram of the partner: the calls when its acknowledgement was seen.
@@ -65,6 +67,7 @@ pub(super) fn called(judge: &mut Bench240, call: &Call, cpu: &Cpu, partner: &Par
         return;
     }
     verdict.received();
+    reception.given_at = reception.ready;
     let from = facts.receiver.abd as usize;
     let len = after[ANZ] as usize;
     let Some(data) = cpu.data_block(db).and_then(|data| data.get(from..from + len)) else {
@@ -78,9 +81,12 @@ pub(super) fn called(judge: &mut Bench240, call: &Call, cpu: &Cpu, partner: &Par
     let Some(found) = found else {
         let noisy = now <= judge.seen.strict;
         // Without a check character the rest of a telegram whose beginning was broken off cannot be told from a
-        // telegram: with 3964 any STX in it begins one. And a second STX that crosses DLE is data.
+        // telegram: with 3964 any STX in it begins one. And each further STX that crosses a late DLE is data.
         let double = facts.protocol == Protocol::P3964
-            && data.strip_prefix(&[2]).is_some_and(|rest| telegrams.iter().any(|sent| sent.data == rest));
+            && telegrams.iter().any(|sent| {
+                data.strip_suffix(&sent.data[..])
+                    .is_some_and(|stx| !stx.is_empty() && stx.iter().all(|byte| *byte == 2))
+            });
         let torn = facts.protocol != Protocol::P3964R
             && telegrams.iter().any(|sent| {
                 let end = sent.acknowledged.unwrap_or(now);
@@ -119,7 +125,10 @@ pub(super) fn end(judge: &mut Bench240, now: Instant, partner: &Partner240, verd
         }
         bytes += sent.data.len() as u64 / 12 + 2;
         let fits = sent.data.len() as u64 + u64::from(facts.receiver.abd) <= u64::from(facts.receiver.block.1);
-        let calls = judge.reception.ready - seen;
+        // Those before it came first, as long as none behind it was given.
+        let behind = judge.reception.last.is_some_and(|last| last > index);
+        let since = if behind { *seen } else { (*seen).max(judge.reception.given_at) };
+        let calls = judge.reception.ready - since;
         if !fits {
             // It stays in the CP, and all others behind it.
             return;

@@ -41,6 +41,8 @@ struct Order {
     site: usize,
     lang: u32,
     changed: bool,
+    /// It may end with an error: bits of an order before a start, or not called for two seconds.
+    excused: bool,
     pafe: bool,
     /// When it was released.
     ran: Option<Instant>,
@@ -103,6 +105,7 @@ pub(super) fn called(
             site: call.site,
             lang,
             changed: !wanted,
+            excused: before[ANZW] & RUNNING != 0 && before[BITS..BITS + 4].iter().any(|bit| *bit != 0),
             pafe: false,
             ran: None,
             patience: Patience::new(now),
@@ -112,6 +115,8 @@ pub(super) fn called(
     }
     let Some(order) = &mut job.order else { return };
     order.changed |= order.lang != lang || order.site != call.site;
+    // Another has taken its turn (docs/cp240-blocks.md).
+    order.excused |= now - order.patience.last >= Span::from_secs(2);
     order.patience.called(now);
     if judge.seen.last_break() >= order.patience.begun() {
         order.patience = Patience::new(now);
@@ -216,7 +221,7 @@ fn finished(
     let reset = judge.seen.resets.iter().any(|at| order.ran.is_some_and(|ran| ran < *at));
     if anzw & ERROR != 0 {
         verdict.failed();
-        let good = possible && calm && !broken && !order.changed && !order.pafe;
+        let good = possible && calm && !broken && !order.changed && !order.excused && !order.pafe;
         let has_all = !fetches && arrived.iter().any(|arrived| arrived.done.is_some() && arrived.refused.is_none());
         if good && has_all && clear && !arrived.iter().any(|arrived| is_overtaken(rk, arrived)) {
             verdict.broken("rk-false-error", now, format!("{label}: ANZW {anzw:04X}h, the partner has all data"));

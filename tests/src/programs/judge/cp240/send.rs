@@ -19,6 +19,8 @@ pub(super) const LENGTH: usize = 12;
 
 /// What the telegram of another FC 0 may take.
 const OTHERS: Span = Span::from_millis(1_500);
+/// Bytes of the longest telegram. [S0 L1827]
+const LONGEST: u64 = 1024;
 
 /// A job of FC 0.
 #[derive(Debug, Default)]
@@ -131,8 +133,12 @@ pub(super) fn called(
         let calls = u64::from(order.most) / 12 * 4 + 16;
         let line = line_time(&judge.facts, u64::from(order.most), partner, order.given, good);
         let unheard = judge.seen.unheard;
-        // Others send, too: each waits for its turn.
-        let others = if judge.facts.senders.len() > 1 { OTHERS } else { Span::ZERO };
+        // Others send, too: each waits for its turn, also while the partner stops the telegram of another with XOFF.
+        let others = match partner {
+            _ if judge.facts.senders.len() < 2 => Span::ZERO,
+            Partner240::Stream(..) => OTHERS.max(line_time(&judge.facts, LONGEST, partner, order.given, good)),
+            _ => OTHERS,
+        };
         if !unheard
             && order.patience.is_over(line + others + judge.seen.given_up(order.given, now), calls)
             && !order.late

@@ -28,13 +28,13 @@ pub(super) struct Serve {
 pub(super) fn called(judge: &mut Bench240, call: &Call, verdict: &mut Verdict) {
     let (before, after, now) = (&call.before, &call.after, call.at);
     judge.serve.gap = judge.serve.gap.max(judge.serve.last.map_or(Span::ZERO, |last| now - last));
-    judge.serve.last = Some(now);
+    let previous = judge.serve.last.replace(now).unwrap_or(now);
     if after[PAFE] > 3 {
         verdict.broken("fc4-pafe", now, format!("PAFE is {} [S0 L1262]", after[PAFE]));
     }
     // "after elimination of the error cause, the byte is set back": the order that was wrong is the last one, still.
     let same = before[ANZW] & 2 != 0 || before[ANZW] == after[ANZW];
-    let stands = judge.seen.last_break().saturating_add(super::MARGIN) < now;
+    let stands = judge.seen.last_break().saturating_add(super::MARGIN) < previous;
     if before[PAFE] != 0 && after[PAFE] == 0 && same && stands {
         verdict.broken("fc4-pafe", now, format!("PAFE {} is taken back, its cause stands [S0 L1262]", before[PAFE]));
     }
