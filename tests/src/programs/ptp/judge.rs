@@ -238,6 +238,14 @@ impl PtpJudge {
         if ghost || is_broadcast {
             self.outbox.spoilt(number);
         }
+        // The job before may be the one that runs, with the data that stand there now.
+        if ghost
+            && let Some(old) = self.jobs[place]
+            && let Some(telegram) = self.telegram(place, old.len as i32, old.db, old.dbb, values.mark(), cpu)
+        {
+            self.outbox.also(number, telegram.bytes);
+        }
+        let reads = reads && !ghost;
         let len = usize::try_from(send.len).unwrap_or(0);
         self.jobs[place] = Some(Open { number, telegrams: self.telegrams, reads, db, dbb, len });
         if let Some(end) = at_once {
@@ -362,7 +370,8 @@ impl PtpJudge {
                     self.starves(call.at);
                 }
             }
-            Some(Report::Reset) | None => {}
+            Some(Report::Reset) => self.inbox.broken_off(),
+            None => {}
         }
     }
 
@@ -411,14 +420,14 @@ impl Judge<Ptp> for PtpJudge {
             Deed::Kill => {
                 self.disturbed(now + SETTLES);
                 self.down = now + Span::from_millis(300);
-                self.inbox.forget(self.down);
+                self.inbox.forget();
                 self.torn = now + TORN;
                 self.able = now;
             }
             Deed::Stop | Deed::Run => {
                 if self.setup.clears {
                     self.down = now + Span::from_millis(300);
-                    self.inbox.forget(self.down);
+                    self.inbox.forget();
                     // The rest of a telegram that comes in just then is one for a protocol without frames.
                     self.torn = now + TORN;
                 }
@@ -428,6 +437,10 @@ impl Judge<Ptp> for PtpJudge {
             Deed::Line(_) => {
                 self.disturbed(now + SETTLES);
                 self.outbox.line_fault(now);
+                // Without an answer nobody knows whether it hit a telegram that is under way.
+                if !self.setup.protocol.is_acknowledged() {
+                    self.inbox.broken_off();
+                }
                 // Characters right after it belong to the telegram that is lost.
                 self.down = now + Span::from_millis(300);
             }

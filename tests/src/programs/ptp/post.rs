@@ -69,7 +69,7 @@ impl Outbox {
     /// answer was kept back or spoilt; `lenient`: the line changes telegrams so that nobody can know.
     pub fn arrived(&mut self, at: Instant, telegram: &[u8], answered: bool, lenient: bool, findings: &mut Verdict) {
         let is_it = |job: &&mut Job| job.began <= at && job.telegrams.iter().any(|own| own == telegram);
-        let fresh = |job: &&mut Job| is_it(job) && job.arrived == 0;
+        let fresh = |job: &&mut Job| is_it(job) && job.arrived == 0 && !job.refused;
         let job = match self.jobs.iter_mut().rev().find(fresh) {
             Some(job) => Some(job),
             None => self.jobs.iter_mut().rev().find(is_it),
@@ -83,7 +83,8 @@ impl Outbox {
             return;
         };
         let block = job.block;
-        let hits = |fault: &Instant| job.arrived > 0 && *fault >= job.last && fault.since(job.last) < CHARACTER;
+        // A fault before the answer leaves spoils the answer, too.
+        let hits = |fault: &Instant| job.arrived > 0 && *fault >= job.began && *fault < job.last + CHARACTER;
         job.spoilt |= self.faults.iter().any(hits);
         findings.must(job.arrived == 0 || job.spoilt || lenient, at, Rule::SentOnce, || {
             format!("{block}: the partner got the same job twice, and its first answer was good")
@@ -152,6 +153,8 @@ struct Letter {
     taken: u32,
     /// The CP has acknowledged it and nothing has happened to it since.
     owed: bool,
+    /// A reception was broken off when it was under way.
+    broken: bool,
 }
 
 /// Telegrams from the partner to the CP.
@@ -166,7 +169,7 @@ impl Inbox {
     /// The partner has sent a telegram whole; `owed`: the CP has acknowledged it, or there is nothing to acknowledge
     /// and the line was good.
     pub fn said(&mut self, at: Instant, telegram: &[u8], owed: bool) {
-        self.letters.push(Letter { at, telegram: telegram.to_vec(), copies: 1, taken: 0, owed });
+        self.letters.push(Letter { at, telegram: telegram.to_vec(), copies: 1, taken: 0, owed, broken: false });
     }
 
     /// The CP has acknowledged this telegram.
@@ -174,23 +177,24 @@ impl Inbox {
         if self.letters.iter().any(|letter| letter.telegram == telegram && letter.taken > 0) {
             return;
         }
-        if let Some(letter) = self.letters.iter_mut().rev().find(|letter| letter.telegram == telegram) {
+        let newest = self.letters.iter_mut().rev().find(|letter| letter.telegram == telegram);
+        if let Some(letter) = newest.filter(|letter| !letter.broken) {
             (letter.owed, letter.at) = (true, at);
         }
     }
 
     /// What is in the CP may be lost: a kill, new parameters, a full buffer.
-    pub fn forget(&mut self, until: Instant) {
-        for letter in self.letters.iter_mut().filter(|letter| letter.at <= until) {
+    pub fn forget(&mut self) {
+        for letter in &mut self.letters {
             letter.copies += 1;
-            letter.owed = false;
+            (letter.owed, letter.broken) = (false, true);
         }
     }
 
     /// A reception was broken off: the telegram may be gone or come again. [reference 1.5 2, 1.5 3]
     pub fn broken_off(&mut self) {
         for letter in self.letters.iter_mut().filter(|letter| letter.taken == 0) {
-            letter.owed = false;
+            (letter.owed, letter.broken) = (false, true);
         }
     }
 

@@ -18,6 +18,8 @@ struct Taking {
     bytes: usize,
     /// All answers went out good.
     answered: bool,
+    /// The answer to the last block did not go out good: it may come again.
+    unsure: bool,
 }
 
 /// A FETCH of the CP under way: what is still to be answered.
@@ -115,17 +117,36 @@ impl Rk512 {
                 header.copy_from_slice(&block[..10]);
                 let words = usize::from(u16::from_be_bytes([block[6], block[7]]));
                 let _ = letter;
-                self.taking = Some(Taking { header, data: block[10..].to_vec(), bytes: 2 * words, answered });
+                let (data, bytes) = (block[10..].to_vec(), 2 * words);
+                // 3964R does not see that a 00h was lost. [reference 4.10]
+                if data.len() != bytes.min(PORTION) {
+                    self.taking = None;
+                    self.procedure.send(vec![0, 0, 0, 0x34]);
+                    return;
+                }
+                self.taking = Some(Taking { header, data, bytes, answered, unsure: !answered });
                 self.took(now, 0, events);
             }
             [0xFF, 0, b'A' | b'O', _, data @ ..] if self.taking.is_some() => {
-                if let Some(taking) = &mut self.taking {
+                let Some(taking) = &mut self.taking else { return };
+                // The CP repeats a block whose answer did not come.
+                let again = taking.unsure && taking.data.ends_with(data);
+                if !again && data.len() != (taking.bytes - taking.data.len()).min(PORTION) {
+                    self.taking = None;
+                    self.procedure.send(vec![0xFF, 0, 0, 0x34]);
+                    return;
+                }
+                if !again {
                     taking.data.extend(data);
-                    taking.answered &= answered;
+                }
+                taking.answered &= answered;
+                taking.unsure = !answered;
+                if again && self.procedure.waiting() > 0 {
+                    return;
                 }
                 self.took(now, 0xFF, events);
             }
-            [0, 0, b'E', letter, db, dw, high, low, ..] => {
+            [0, 0, b'E', letter, db, dw, high, low, ..] if block.len() == 10 => {
                 let count = usize::from(u16::from_be_bytes([*high, *low]));
                 let bytes = if matches!(letter, b'M' | b'E' | b'A') { count } else { 2 * count };
                 let from = if matches!(letter, b'M' | b'E' | b'A') { usize::from(*dw) } else { 2 * usize::from(*dw) };
