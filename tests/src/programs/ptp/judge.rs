@@ -169,6 +169,10 @@ impl PtpJudge {
                 Event::Said { at, telegram, owed } => {
                     let owed = owed && !lenient && now >= self.setup.calm && at > self.down;
                     self.inbox.said(at, &telegram, owed);
+                    // A CP of low priority gives way to each telegram of the partner.
+                    if self.setup.protocol.is_acknowledged() {
+                        self.senders.iter_mut().for_each(|sender| sender.delayed());
+                    }
                 }
                 Event::Owed { telegram } if !lenient && now >= self.setup.calm => self.inbox.owed(now, &telegram),
                 Event::Owed { .. } => {}

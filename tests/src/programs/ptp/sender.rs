@@ -179,6 +179,13 @@ impl Sender {
         }
     }
 
+    /// The line was the partner's: the bound begins again.
+    pub fn delayed(&mut self) {
+        if let Some(job) = &mut self.job {
+            (job.clock, job.settled, job.late) = (None, 0, 0);
+        }
+    }
+
     /// A start-up of the CPU: it ends what runs. [reference 1.6]
     pub fn restarted(&mut self, until: Instant) {
         self.disturbed(until);
@@ -207,6 +214,19 @@ impl Sender {
             (self.owed, end) = (None, None);
         }
         let mut turn = Turn::default();
+        let failed = matches!(end, Some(End::Error(_))) && call.at < self.excused_until;
+        if !self.manual.blocks && !resets && self.owed.is_some() && failed {
+            // The reset has ended with an error: a restart of the CP, or another instance's reset. [reference 8.3]
+            self.owed = None;
+            if self.job.is_none() {
+                if rises {
+                    // Whether an edge in this call counts is open, as at the end of a job.
+                    self.begin(call, false);
+                    turn.began = true;
+                }
+                return turn;
+            }
+        }
         if self.job.is_some_and(|job| !job.sure) && rises && end.is_none() {
             self.begin(call, true);
             if let Some(job) = &mut self.job {
