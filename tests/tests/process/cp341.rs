@@ -20,6 +20,8 @@ const ACROSS: u64 = 1000;
 /// Events of the diagnostic buffer.
 const WATCHDOG: &str = "3501h";
 const DRIVER_LOST: &str = "F201h";
+/// STATUS of P_RCV_RK: the character delay time has expired within a block. [reference 3.10]
+const CHARACTER_DELAY: i64 = 0x0806;
 
 /// The example on simulated lines instead of ptys.
 fn pair() -> (Site, Running, Running) {
@@ -56,9 +58,9 @@ impl Books {
         const A_RK: &[&str] = &["STARTED", "DONE", "ERROR", "ABORTED", "GOOD", "WRONG", "STATE"];
         Self {
             a: Ledger::read(a, "DB20", A),
-            b: Ledger::read(b, "DB20", &["RECEIVED", "STARTED", "DONE", "ERROR", "BUSY", "STATE"]),
+            b: Ledger::read(b, "DB20", &["RECEIVED", "STARTED", "DONE", "ERROR", "BUSY", "STATE", "LAST_STATUS"]),
             a_rk: Ledger::read(a, "DB21", A_RK),
-            b_rk: Ledger::read(b, "DB21", &["SERVED", "ERROR"]),
+            b_rk: Ledger::read(b, "DB21", &["SERVED", "ERROR", "LAST_STATUS"]),
         }
     }
 
@@ -115,7 +117,9 @@ fn telegrams_and_blocks_go_both_ways_and_none_is_lost() {
     // RK 512: a SEND and a FETCH for each block that returned correctly.
     assert_eq!((a_rk["DONE"], a_rk["STARTED"]), (2 * a_rk["GOOD"], 2 * a_rk["GOOD"]), "{books:?}");
     assert_eq!((a_rk["ERROR"], a_rk["ABORTED"], a_rk["WRONG"]), (0, 0, 0), "{books:?}");
-    assert_eq!((b_rk["SERVED"], b_rk["ERROR"]), (a_rk["DONE"], 0), "{books:?}");
+    assert_eq!(b_rk["SERVED"], a_rk["DONE"], "{books:?}");
+    // A busy host can pause a driver within a block. The receiver reports that; A's procedure repeats the block.
+    assert!(b_rk["ERROR"] == 0 || b_rk["LAST_STATUS"] == CHARACTER_DELAY, "{books:?}");
     interrupt(&site, [a, b]);
 }
 
