@@ -23,8 +23,10 @@ enum Phase {
     Failed(u16),
 }
 
-/// Identifies a job: start number and job number.
-pub(crate) type Token = (u16, u16);
+/// Identifies a job. Start and job numbers do not: after a STOP the CPU begins again with the first ones, while the job
+/// from before may still be on the line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Token(u32);
 
 /// The effect of a block of the CPU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,6 +48,8 @@ pub(crate) struct SendChannel {
     phase: Phase,
     start: u16,
     number: u16,
+    /// Jobs so far.
+    jobs: u32,
     job: Job,
     data: Box<[u8; JOB_MAX]>,
     /// Bytes of fetched data.
@@ -55,7 +59,7 @@ pub(crate) struct SendChannel {
 impl SendChannel {
     pub(crate) fn new(model: &'static Model) -> Self {
         let data = Box::new([0; JOB_MAX]);
-        Self { model, phase: Phase::Off, start: 0, number: 0, job: Job::default(), data, fetched: 0 }
+        Self { model, phase: Phase::Off, start: 0, number: 0, jobs: 0, job: Job::default(), data, fetched: 0 }
     }
 
     /// The CPU is in STOP, or the CP starts again: nobody waits for an answer.
@@ -70,7 +74,7 @@ impl SendChannel {
 
     /// Which job it is.
     pub(crate) fn token(&self) -> Token {
-        (self.start, self.number)
+        Token(self.jobs)
     }
 
     /// The job and the data that came with it.
@@ -113,6 +117,7 @@ impl SendChannel {
             }
             (Command::Job, _) if cpu.job() != self.number => {
                 (self.number, self.job, self.fetched) = (cpu.job(), cpu.order(), 0);
+                self.jobs = self.jobs.wrapping_add(1);
                 self.phase = Phase::Collecting { taken: 0 };
                 self.collect(&cpu)
             }

@@ -287,3 +287,36 @@ fn outputs_are_off_at_power_on_and_the_programs_afterwards() {
     cp.step(Instant::from_millis(40), CpInput::Tick, &mut log);
     assert_eq!(log.inputs[0], 0b11_1010);
 }
+
+#[test]
+fn a_job_from_before_a_stop_does_not_end_the_first_one_after_it() {
+    let (mut cp, mut log) = running();
+    // The blocks begin with the same numbers after each STOP: start 1, job 1.
+    let give = |cp: &mut Cp341, log: &mut Log, at: Span, data: u8| {
+        let mut block: ChannelBlock = [0; 64];
+        (block[0], block[3]) = (1, 1);
+        cp.step(Instant::START + at, CpInput::Channel(Channel::Send, &block), log);
+        (block[0], block[5], block[8], block[9], block[11], block[32]) = (4, 1, b'S', b'X', 1, data);
+        cp.step(Instant::START + at, CpInput::Channel(Channel::Send, &block), log);
+    };
+    let hears = |cp: &mut Cp341, log: &mut Log, at: Span, byte: u8| {
+        cp.step(Instant::START + at, CpInput::Line(LineInput::TxDone), log);
+        cp.step(Instant::START + at, CpInput::Line(LineInput::Rx(&[byte])), log);
+    };
+    const DLE: u8 = 0x10;
+    const RUNNING: u8 = 3;
+    const DONE: u8 = 5;
+    give(&mut cp, &mut log, SECOND, 0xAA);
+    hears(&mut cp, &mut log, SECOND + MS, DLE);
+    cp.step(Instant::START + SECOND + 2 * MS, CpInput::CpuRun(false), &mut log);
+    cp.step(Instant::START + SECOND + 3 * MS, CpInput::CpuRun(true), &mut log);
+    give(&mut cp, &mut log, SECOND + 4 * MS, 0xBB);
+    log.tx.clear();
+    hears(&mut cp, &mut log, SECOND + 10 * MS, DLE);
+    assert_eq!(log.events.iter().filter(|event| *event == "Sent").count(), 1, "{:?}", log.events);
+    assert_eq!(log.channels[0], RUNNING, "the partner does not have the second job");
+    assert_eq!(log.tx, [0x02], "now it is its turn");
+    hears(&mut cp, &mut log, SECOND + 11 * MS, DLE);
+    hears(&mut cp, &mut log, SECOND + 20 * MS, DLE);
+    assert_eq!(log.channels[0], DONE);
+}

@@ -4,6 +4,7 @@
 
 use std::collections::BTreeMap;
 
+use ob1_firmware::cp341::{Channel, ChannelBlock};
 use ob1_firmware::{
     Cp as _, Cp240, CpCounter, CpEvent, CpInput, CpPort, Instant, Leds, LineInput, LineSettings, Reason, Registers,
     Span, Troubles, Wire,
@@ -28,6 +29,8 @@ pub(crate) struct Log {
     /// Diagnostic data, each time they have changed.
     pub(crate) records: Vec<Vec<u8>>,
     pub(crate) troubles: Troubles,
+    /// The state that each channel of a CP 341 shows (`docs/cp341-channels.md`): send, receive.
+    pub(crate) channels: [u8; 2],
 }
 
 impl Wire for Log {
@@ -48,6 +51,10 @@ impl CpPort for Log {
     fn inputs(&mut self, registers: &[u8]) {
         self.inputs.copy_from_slice(registers);
         self.shown.push((word(&self.inputs, 0), word(&self.inputs, 2)));
+    }
+
+    fn channel(&mut self, channel: Channel, block: &ChannelBlock) {
+        self.channels[usize::from(channel == Channel::Receive)] = block[0];
     }
 
     fn line_settings(&mut self, settings: &LineSettings) {
