@@ -1,4 +1,5 @@
-//! `cargo xtask test`: every test of the project.
+//! `cargo xtask test`: every test of the project. `--quick`: those that need nothing but the Rust toolchain and a C
+//! compiler: no foreign program, no browser, no real process.
 //!
 //! `cargo test` alone builds neither the plugins (cdylibs) nor the binaries of other crates, nor installs the foreign
 //! partners. This verb installs the packages of the partners (`needs.rs`), builds everything else in the profile of the
@@ -28,49 +29,42 @@ const SERIAL_PREFIX: &str = "process";
 #[derive(Debug, PartialEq, Eq)]
 struct Wish {
     profile: Profile,
+    /// Only what needs no foreign program, without loom and the doc tests.
+    quick: bool,
     /// Runs only tests whose name contains it, without loom and the doc tests.
     filter: Option<String>,
 }
 
-/// `cargo xtask test [--release] [FILTER]`
+/// `cargo xtask test [--quick] [--release] [FILTER]`
 ///
 /// # Errors
 /// If anything cannot be built or installed, any test fails, or a runner ran no test.
 pub(crate) fn run(args: &[String]) -> Outcome {
     let wish = parse(args)?;
-    // Missing packages are installed or reported before anything is built.
-    needs::satisfy(&[
-        needs::PYTHON,
-        needs::NODE,
-        needs::MBPOLL,
-        needs::LIBMODBUS,
-        needs::BROWSER,
-        needs::PROMETHEUS,
-        needs::MOSQUITTO,
-        needs::TSHARK,
-    ])?;
-    let python = python::interpreter()?;
+    let python = if wish.quick { None } else { Some(partners()?) };
     shell::run(cargo(cargo::TESTS).args(wish.profile.flags()))?;
     let folder = wish.profile.folder()?;
     let surroundings = |command: &mut Command| {
-        command
-            .env("OB1_UNDER_XTASK", "1")
-            .env("OB1_PLUGIN_DIR", &folder)
-            .env("OB1_BIN_DIR", &folder)
-            .env("OB1_PYTHON", &python)
-            .env("OB1_SNAP7_NATIVE", python::native())
-            .env("NODE_PATH", python::node_modules());
+        command.env("OB1_UNDER_XTASK", "1").env("OB1_PLUGIN_DIR", &folder).env("OB1_BIN_DIR", &folder);
+        if let Some(python) = &python {
+            command
+                .env("OB1_PYTHON", python)
+                .env("OB1_SNAP7_NATIVE", python::native())
+                .env("NODE_PATH", python::node_modules());
+        }
     };
 
     let mut summary = Vec::new();
-    summary.push(("partners", self_tests(&python)?));
+    if let Some(python) = &python {
+        summary.push(("partners", self_tests(python)?));
+    }
     let mut closing = Vec::new();
     for mut command in test_commands(&wish)? {
         surroundings(&mut command);
         closing.extend(shell::watch(&mut command, is_closing_line)?);
     }
     summary.push(("tests", count(&closing, "tests")?));
-    if wish.filter.is_none() {
+    if wish.filter.is_none() && !wish.quick {
         let mut doc = cargo(&["test", "--workspace", "--doc"]);
         doc.args(wish.profile.flags());
         surroundings(&mut doc);
@@ -86,11 +80,29 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     for (what, result) in &summary {
         println!("{what:<10} {result}");
     }
-    if wish.filter.is_some() {
-        println!("{:<10} left out, because a filter was given", "the rest");
+    match (wish.quick, wish.filter.is_some()) {
+        (true, _) => println!("{:<10} left out: real processes, foreign partners, doc tests, loom", "the rest"),
+        (false, true) => println!("{:<10} left out, because a filter was given", "the rest"),
+        (false, false) => {}
     }
-    println!("all tests passed");
+    println!("{}", if wish.quick { "the quick tests passed" } else { "all tests passed" });
     Ok(())
+}
+
+/// Installs the foreign partners; returns the interpreter that runs them. Missing packages are installed or reported
+/// before anything is built.
+fn partners() -> Outcome<PathBuf> {
+    needs::satisfy(&[
+        needs::PYTHON,
+        needs::NODE,
+        needs::MBPOLL,
+        needs::LIBMODBUS,
+        needs::BROWSER,
+        needs::PROMETHEUS,
+        needs::MOSQUITTO,
+        needs::TSHARK,
+    ])?;
+    python::interpreter()
 }
 
 /// A faulty partner proves nothing: each script of `tests/peers` is first tested against itself.
@@ -107,9 +119,10 @@ fn self_tests(python: &Path) -> Outcome<String> {
 }
 
 fn parse(args: &[String]) -> Outcome<Wish> {
-    let mut wish = Wish { profile: Profile::Debug, filter: None };
+    let mut wish = Wish { profile: Profile::Debug, quick: false, filter: None };
     for arg in args {
         match arg.as_str() {
+            "--quick" => wish.quick = true,
             "--release" => wish.profile = Profile::Release,
             flag if flag.starts_with('-') => return Err(Failure::Usage(format!("test knows no `{flag}`"))),
             _ if wish.filter.is_some() => return Err(Failure::Usage("test takes one filter".into())),
@@ -125,6 +138,9 @@ fn test_commands(wish: &Wish) -> Outcome<Vec<Command>> {
     if shell::works(&mut cargo(&["nextest", "--version"])) {
         let mut nextest = cargo(&["nextest", "run", "--workspace"]);
         nextest.args(wish.profile.flags()).args(filter);
+        if wish.quick {
+            nextest.args(["-E", &format!("not binary(/^{SERIAL_PREFIX}/)")]);
+        }
         return Ok(vec![nextest]);
     }
     let mut parallel = cargo(&["test", "--workspace", "--no-fail-fast", "--lib", "--bins", "--examples"]);
@@ -140,7 +156,7 @@ fn test_commands(wish: &Wish) -> Outcome<Vec<Command>> {
     }
     parallel.args(wish.profile.flags()).args(filter);
     serial.args(wish.profile.flags()).args(filter).args(["--", "--test-threads=1"]);
-    Ok(if some_serial { vec![parallel, serial] } else { vec![parallel] })
+    Ok(if some_serial && !wish.quick { vec![parallel, serial] } else { vec![parallel] })
 }
 
 /// Names of the integration test binaries of all members.
@@ -165,7 +181,8 @@ mod tests {
     #[test]
     fn a_filter_and_a_profile() {
         let wish = parse(&words("--release seqlock")).expect("both are known");
-        assert_eq!(wish, Wish { profile: Profile::Release, filter: Some("seqlock".into()) });
+        assert_eq!(wish, Wish { profile: Profile::Release, quick: false, filter: Some("seqlock".into()) });
+        assert!(parse(&words("--quick")).is_ok_and(|wish| wish.quick));
         assert!(matches!(parse(&words("--relase")), Err(Failure::Usage(_))));
         assert!(matches!(parse(&words("a b")), Err(Failure::Usage(_))));
     }
