@@ -31,7 +31,9 @@ const USAGE: &str = "\
 usage: cargo xtask VERB [...]
 
   demo [--for 20s] [--dirty]      the two stations of examples/two-stations, live, with a verdict; --dirty: over a bad cable
-  test [--release] [FILTER]       all tests: plugins, binaries and partners are built and handed to them
+  test [--quick] [--release] [FILTER]
+                                  all tests: plugins, binaries and partners are built and handed to them; --quick: those that
+                                  need no foreign program and start no process
   sim [--debug] [--seeds N] [--seed S] [--minutes M] [-- ...]
                                   the whole station in virtual time, with line faults and driver kills
   programs [CP...] [--debug] [--seeds N] [--seed S --log]
