@@ -23,8 +23,8 @@ const ERROR: u32 = 8;
 /// "In both cases the procedures will time out after a maximum period of 5s" [S0 L1678].
 const REACTION: Span = Span::from_secs(5);
 /// After an order without its reaction, or with one that is not valid, each of the next two waits so long before it
-/// goes out: "a reaction message" [S0 L1705-1711] has nothing that tells to which order it belongs, so that of the order
-/// before must not be taken for theirs. The time is ours (docs/cp240-blocks.md).
+/// goes out: a reaction [S0 L1705-1711] has nothing that tells to which order it belongs, so that of the order before
+/// must not be taken for theirs. The time is ours (docs/cp240-blocks.md).
 const LATE: Span = Span::from_secs(2);
 /// How such an order ends: initialised again [S0 L1297], no reaction, BWZ exceeded, an invalid reaction.
 const WITHOUT_REACTION: [u32; 4] = [0x00, 0x07, 0x0A, 0x0C];

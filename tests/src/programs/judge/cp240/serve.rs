@@ -81,11 +81,11 @@ pub(super) fn look(judge: &mut Bench240, now: Instant, cpu: &Cpu, partner: &Part
                 }
             }
             error => {
-                // "These FC serves for to deal with the FETCH and SEND orders" [S0 L1241]: where it is not called, nobody
-                // does, and the CP refuses with 2Ah.
+                // "These FC serves for to deal with the FETCH and SEND orders" [S0 L1241]: where it is not called,
+                // nobody does, and the CP refuses with 2Ah.
                 let served = judge.serve.last.is_some_and(|last| judge.serve.gap.max(now - last) < super::SELDOM);
-                // "Structure" [S0 L1705-1711]: a reaction has 4 bytes. One of the partner's that has fewer is refused by
-                // the CP, in place of the order that it has from it; there is one reaction for both.
+                // A reaction has 4 bytes [S0 L1705-1711]. One of the partner's that has fewer is refused by the CP, in
+                // place of the order that it has from it: there is one reaction for both.
                 let garbled = *error == FORM && rk.has_garbled(request.given.saturating_sub(REFUSED), *at);
                 if fits && calm && served && !garbled {
                     verdict.broken("fc4-refused", now, format!("{label}: refused with {error:02X}h"));
