@@ -133,6 +133,11 @@ impl Claim {
         self.seen.get()
     }
 
+    /// Whether the control bits of a job that has lost its claim may still stand.
+    pub(crate) fn has_orphans(&self) -> bool {
+        self.orphans.get()
+    }
+
     /// Whether a job is under way.
     pub(crate) fn is_busy(&self) -> bool {
         self.progress.get() != 0

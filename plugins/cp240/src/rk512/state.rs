@@ -9,7 +9,7 @@ ob1_sdk::state! {
     #[derive(Debug, Default)]
     pub(crate) struct Rk512State {
         /// The running order of this CPU, and the mark of the last one.
-        pub(super) order: Turn,
+        pub(crate) order: Turn,
         pub(super) token: Cell<u8>,
         /// The order of the partner that FC 4 is serving.
         pub(super) partner: Claim,
@@ -22,7 +22,7 @@ ob1_sdk::state! {
         pub(super) bad_db: Cell<u16>,
         pub(super) bad_from: Cell<u16>,
         pub(super) bad_bytes: Cell<u16>,
-        /// FC 9 has cut off an order whose block was not called since: its control bits stand.
+        /// FC 9 has synchronised since the order of a block that was not called since: its control bits stand.
         pub(super) cut_off: Cell<bool>,
         /// The content of `RX echo`.
         pub(super) echo: Cell<u16>,
@@ -30,9 +30,10 @@ ob1_sdk::state! {
 }
 
 impl Rk512State {
-    /// Whether an order of either side has not ended for its block.
+    /// Whether an order of either side has not ended for its block, be it that another one got its turn meanwhile.
     pub(crate) fn is_running(&self) -> bool {
-        self.order.claim.is_busy() || self.partner.is_busy() || self.cut_off.get()
+        let own = &self.order.claim;
+        own.is_busy() || own.has_orphans() || self.partner.is_busy() || self.cut_off.get()
     }
 
     /// FC 9 has synchronised: no order runs, all words are 0.

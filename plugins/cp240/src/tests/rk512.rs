@@ -1,8 +1,11 @@
 //! FC 2, FC 3 and FC 4: the steps of an order of this CPU against a CP written from the register document, and the
 //! answers to headers of the partner.
 
+use ob1_sdk::ModuleInfo;
+
 use crate::registers::{FAILED, Pafe, Words};
-use crate::rk512::{Evaluated, Header, Job, OWN, PARTNER, Phase, Step, evaluate};
+use crate::rk512::{Evaluated, Header, Job, OWN, PARTNER, Phase, Rk512State, Step, evaluate};
+use crate::turn::{GIVEN_UP, Key, Role, Take};
 
 /// The CP's side of `TX` and `RX` with framings.
 #[derive(Default)]
@@ -196,5 +199,31 @@ fn what_an_order_of_the_partner_is_answered() {
     ] {
         let header = header(&[0, 1, command, letter, 7, 1, 0, 1, 0xFF, 0xFF]);
         assert_eq!(evaluate(&header, locked, db, room), Evaluated { code, pafe }, "{} {letter}", command as char);
+    }
+}
+
+/// FC 9 clears STEUERB_R only where no control bits of an order stand in it [S0 L1297].
+#[test]
+fn an_order_whose_block_has_lost_its_turn_is_still_to_be_told() {
+    let cp = ModuleInfo { address: 256, input_bytes: 16, output_bytes: 16, present: true, generation: 1 };
+    let (fetch, send) = (Key::new(Role::Order, 1), Key::new(Role::Order, 2));
+    let give_up: [&dyn Fn(&Rk512State); 2] = [
+        // FC 4 has fetched the result.
+        &|state| state.order.claim.abandon(),
+        // FC 3 has taken its turn, and its own order has ended.
+        &|state| {
+            assert_eq!(state.order.take(send, &cp, GIVEN_UP), Take::Over);
+            state.order.claim.release();
+        },
+    ];
+    for give_up in give_up {
+        let state = Rk512State::default();
+        assert!(!state.is_running());
+        state.order.take(fetch, &cp, 0);
+        state.order.claim.note(7);
+        give_up(&state);
+        assert!(state.is_running(), "its control bits stand");
+        state.clear();
+        assert!(state.is_running(), "and still do after the reset");
     }
 }

@@ -6,7 +6,7 @@ use crate::compare::random::Random;
 use crate::sim::device::Device;
 
 use super::procedure::Procedure;
-use super::{Manner, Manners, Taken, telegram as telegram_of};
+use super::{Manner, Manners, Sent, Taken, telegram as telegram_of};
 
 /// User data of a telegram at most [S0 L1713]; a first telegram has so many with its header of 10 bytes or without.
 const MOST: usize = 128;
@@ -93,6 +93,13 @@ impl Rk512 {
     #[must_use]
     pub fn is_good(&self) -> bool {
         self.line.manners == Manners::GOOD && self.manners == Manners::GOOD
+    }
+
+    /// It has sent a telegram that is too short for one, and the station has acknowledged it in this time.
+    #[must_use]
+    pub fn has_garbled(&self, from: Instant, to: Instant) -> bool {
+        let short = |sent: &Sent| sent.data.len() < 4 && sent.acknowledged.is_some_and(|at| from <= at && at <= to);
+        self.line.sent.iter().any(short)
     }
 
     /// Gives an order to the station, after those that wait.

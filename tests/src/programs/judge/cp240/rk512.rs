@@ -22,6 +22,12 @@ const DONE: u32 = 4;
 const ERROR: u32 = 8;
 /// "In both cases the procedures will time out after a maximum period of 5s" [S0 L1678].
 const REACTION: Span = Span::from_secs(5);
+/// After an order without its reaction, or with one that is not valid, each of the next two waits so long before it
+/// goes out: a reaction [S0 L1705-1711] has nothing that tells to which order it belongs, so that of the order before
+/// must not be taken for theirs. The time is ours (docs/cp240-blocks.md).
+const LATE: Span = Span::from_secs(2);
+/// How such an order ends: initialised again [S0 L1297], no reaction, BWZ exceeded, an invalid reaction.
+const WITHOUT_REACTION: [u32; 4] = [0x00, 0x07, 0x0A, 0x0C];
 /// Numbers that the page for users has.
 const NUMBERS: &[u32] = &[0, 7, 0x0A, 0x0C, 0x10, 0x12, 0x14, 0x16, 0x17, 0x2A, 0x32, 0x34, 0x36];
 
@@ -32,6 +38,8 @@ pub(super) struct Job {
     wanted: bool,
     order: Option<Order>,
     ended: usize,
+    /// Orders that the CP had, in the order of their ends: when, and whether a reaction may still come.
+    ends: Vec<(Instant, bool)>,
 }
 
 #[derive(Debug)]
@@ -56,10 +64,21 @@ struct Order {
 pub(super) fn fed(judge: &mut Bench240, index: usize, call: &Call, verdict: &mut Verdict) {
     let job = &mut judge.fetches[index];
     // Its run bit was 0: after a start of the CPU an order may have been forgotten.
-    job.order = None;
+    if job.order.take().is_some_and(|order| order.ran.is_some()) {
+        job.ends.push((call.at, true));
+    }
     job.number = number(&call.after[0].to_be_bytes()).unwrap_or(0);
     job.wanted = true;
     verdict.given();
+}
+
+/// How long an order that runs since `ran` waits for the reaction to one of the two before it ([`LATE`]).
+fn late(jobs: &[Job], ran: Instant) -> Span {
+    let mut before: Vec<_> = jobs.iter().flat_map(|job| &job.ends).filter(|(at, _)| *at <= ran).collect();
+    before.sort_by_key(|(at, _)| *at);
+    let last = before.last().map_or(Instant::START, |(at, _)| *at);
+    let owed = before.iter().rev().take(2).any(|(_, owed)| *owed);
+    if owed { LATE.saturating_sub(ran - last) } else { Span::ZERO }
 }
 
 /// LANG: recorded, or as it stands in the text.
@@ -149,9 +168,14 @@ pub(super) fn called(
         let wait = judge.seen.given_up(order.given, now);
         let attempts = if good { 1 } else { (u64::from(t.dbl) + 1) * 2 };
         let calls = u64::from(2 * order.lang.max(lang)) / 12 * 4 + 40;
-        if order.patience.is_over(one * telegrams * attempts + wait, calls) && !order.late {
+        let (bound, patience, ran) = (one * telegrams * attempts + wait, order.patience, order.ran.unwrap_or(now));
+        if order.late || !patience.is_over(bound, calls) {
+            return;
+        }
+        let text = format!("order {} of {lang} words, given at {}: no end [S0 L1199]", order.number, order.given);
+        let late = patience.is_over(bound + late(&judge.fetches, ran), calls);
+        if let Some(order) = judge.fetches[index].order.as_mut().filter(|_| late) {
             order.late = true;
-            let text = format!("order {} of {lang} words, given at {}: no end [S0 L1199]", order.number, order.given);
             verdict.broken("rk-live", now, text);
         }
         return;
@@ -162,6 +186,9 @@ pub(super) fn called(
     }
     let Some(order) = job.order.take() else { return };
     job.ended += 1;
+    if order.ran.is_some() {
+        job.ends.push((now, anzw & ERROR != 0 && WITHOUT_REACTION.contains(&(anzw >> 8))));
+    }
     finished(judge, &order, index, (now, anzw), fetches, (cpu, rk), verdict);
 }
 

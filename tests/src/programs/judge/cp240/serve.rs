@@ -13,6 +13,10 @@ use crate::programs::record::Call;
 pub(super) const ANZW: usize = 1;
 pub(super) const PAFE: usize = 2;
 const READY: u32 = 0xC;
+/// Error number for a telegram whose form is wrong (docs/cp240-blocks.md).
+const FORM: u8 = 0x34;
+/// How long the CP takes at most to refuse one on a good line: its STX may have to wait for a telegram.
+const REFUSED: Span = Span::from_millis(200);
 
 /// What FC 4 does.
 #[derive(Debug, Default)]
@@ -77,8 +81,13 @@ pub(super) fn look(judge: &mut Bench240, now: Instant, cpu: &Cpu, partner: &Part
                 }
             }
             error => {
-                let served = judge.serve.gap < super::SELDOM && judge.serve.last.is_some();
-                if fits && calm && served {
+                // "These FC serves for to deal with the FETCH and SEND orders" [S0 L1241]: where it is not called,
+                // nobody does, and the CP refuses with 2Ah.
+                let served = judge.serve.last.is_some_and(|last| judge.serve.gap.max(now - last) < super::SELDOM);
+                // A reaction has 4 bytes [S0 L1705-1711]. One of the partner's that has fewer is refused by the CP, in
+                // place of the order that it has from it: there is one reaction for both.
+                let garbled = *error == FORM && rk.has_garbled(request.given.saturating_sub(REFUSED), *at);
+                if fits && calm && served && !garbled {
                     verdict.broken("fc4-refused", now, format!("{label}: refused with {error:02X}h"));
                 }
             }

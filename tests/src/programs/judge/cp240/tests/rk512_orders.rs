@@ -1,4 +1,4 @@
-//! FC 2 and FC 3.
+//! FC 2, FC 3, and what FC 4 may refuse.
 
 use super::*;
 
@@ -114,4 +114,62 @@ fn fc3_goes_on_after_a_reset() {
     rig.order_comes(true);
     rig.fc3(2, 4, 0);
     rig.sees_only("rk-reset");
+}
+
+/// Each of the two orders after one without its reaction waits for that, and no other one.
+#[test]
+fn an_order_waits_for_the_reaction_to_one_before() {
+    let run = |code: u32, between: usize, calls: usize| {
+        let mut rig = Rig::new(Protocol::Rk512);
+        let manners = |rig: &mut Rig, manners| {
+            let Partner240::Rk512(rk, _) = &mut rig.partner else { unreachable!("RK 512") };
+            rk.manners = manners;
+        };
+        manners(&mut rig, Manners::ABSENT);
+        rig.feed();
+        rig.fc3(0, 2, 0);
+        rig.fc3(2, code << 8 | 8, 0);
+        manners(&mut rig, Manners::GOOD);
+        for _ in 0..between {
+            rig.feed();
+            rig.fc3(4, 2, 0);
+            rig.order_comes(true);
+            rig.fc3(2, 4, 0);
+        }
+        rig.feed();
+        (0..calls).for_each(|_| rig.fc3(2, 2, 0));
+        rig
+    };
+    for between in 0..2 {
+        run(0x07, between, 1200).sees_nothing();
+        run(0x07, between, 1400).sees_only("rk-live");
+        // The partner has refused it: there was a reaction.
+        run(0x10, between, 1200).sees_only("rk-live");
+    }
+    run(0x07, 2, 1200).sees_only("rk-live");
+}
+
+#[test]
+fn fc4_that_is_no_longer_called_refuses_nothing() {
+    for (calls, finds) in [(60, false), (0, true)] {
+        let mut rig = Rig::new(Protocol::Rk512);
+        rig.call(6, &[], &[]);
+        (0..calls).for_each(|_| rig.scan(&[]));
+        request(&mut rig, 60, 0x2A);
+        rig.scan(&[]);
+        if finds { rig.sees_only("fc4-refused") } else { rig.sees_nothing() }
+    }
+}
+
+/// There is one reaction for the reaction that was too short and for the order.
+#[test]
+fn the_cp_refuses_an_order_in_which_something_else_comes() {
+    for (short, error, finds) in [(true, 0x34, false), (true, 0x2A, true), (false, 0x34, true)] {
+        let mut rig = Rig::new(Protocol::Rk512);
+        rig.call(6, &[], &[]);
+        rig.sends(if short { &[0, 0, 7] } else { &[0, 0, 0, 7] });
+        request(&mut rig, 60, error);
+        rig.call(6, &[], &[]);
+        if finds { rig.sees_only("fc4-refused") } else { rig.sees_nothing() }
+    }
 }
