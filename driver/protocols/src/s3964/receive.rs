@@ -15,6 +15,8 @@ pub(super) struct Block {
     characters: usize,
     /// The request for the connection was repeated before our DLE had been sent.
     asked_again: bool,
+    /// The last character was STX, and came then; the request is one.
+    asked: Option<Instant>,
     /// An error has been noted (and reported): the block will be refused at its end.
     bad: bool,
     /// How often this block has been refused before.
@@ -83,6 +85,7 @@ impl<const N: usize> S3964<N> {
             len: 0,
             characters: 0,
             asked_again: false,
+            asked: Some(now),
             bad: false,
             refused,
         };
@@ -115,6 +118,11 @@ impl<const N: usize> S3964<N> {
 
     /// A character of the block. ZVZ begins again with each. [S0 "Timeout times"]
     pub(super) fn receive_character(&mut self, now: Instant, mut block: Block, byte: u8, out: &mut dyn Sink) {
+        if byte == STX && self.is_repetition(now, &block) {
+            self.report(Phase::Idle, What::Unexpected(byte), out);
+            return self.connection_asked(now, block.refused, out);
+        }
+        block.asked = (byte == STX).then_some(now);
         if byte == STX && !block.begun() {
             if !self.output.is_out(now) {
                 // Our DLE comes so late that the partner has repeated its request. [reference 5.4: 0802h]
@@ -151,20 +159,29 @@ impl<const N: usize> S3964<N> {
         self.state = State::Receive { block, expiry: now + self.config.zvz() };
     }
 
+    /// Whether a STX is the request for the connection once more: "When the QVZ expires after an STX, the STX is
+    /// repeated" [S0 L1631], by a partner that has not had our DLE. Where ZVZ is longer than QVZ it would keep the block
+    /// open for as long as the partner asks, and neither side could ever send. A quarter of QVZ is for its clock. (ours)
+    fn is_repetition(&self, now: Instant, block: &Block) -> bool {
+        let qvz = self.config.qvz;
+        !qvz.is_zero() && block.asked.is_some_and(|asked| now >= asked + qvz * 3 / 4)
+    }
+
     /// Takes the user data at the beginning of `characters`, as [`Self::receive_character`] would one by one. It leaves
-    /// the first character of a block, which may be a repeated STX.
+    /// the first character of a block and what follows a STX, which may be a repeated STX.
     pub(crate) fn receive_plain(&mut self, now: Instant, characters: &mut &[u8]) {
         let zvz = self.config.zvz();
         let State::Receive { block, expiry } = &mut self.state else { return };
         let end = self.config.telegram_max.min(N);
         let places = match self.rx.get_mut(block.len..end) {
-            Some(places) if block.begun() => places,
+            Some(places) if block.begun() && block.asked.is_none() => places,
             _ => return,
         };
         let taken = block.decoder.plain(characters, places);
         if taken > 0 {
             block.len += taken;
             block.characters += taken;
+            block.asked = (characters[taken - 1] == STX).then_some(now);
             *expiry = now + zvz;
             *characters = &characters[taken..];
         }
@@ -173,6 +190,7 @@ impl<const N: usize> S3964<N> {
     /// A character of the block could not be read: the block is received to its end, then refused. [reference 5.4]
     pub(super) fn receive_unreadable(&mut self, now: Instant, mut block: Block, what: What, out: &mut dyn Sink) {
         block.characters += 1;
+        block.asked = None;
         self.note(&mut block, what, out);
         if block.decoder.unreadable() {
             return self.block_complete(now, block, out);

@@ -168,6 +168,35 @@ fn a_request_that_was_repeated_before_our_dle() {
     );
 }
 
+/// [S0 L1631]: a partner that has not had our DLE repeats STX when its QVZ has expired. Where ZVZ is longer this is no
+/// data, or each STX would keep the block open. An STX that comes sooner, or after another character, is data.
+#[test]
+fn a_request_that_is_repeated_because_our_dle_was_lost() {
+    run(
+        Config { qvz: 100 * MS, ..config(true) },
+        "0   start
+         0   rx STX => tx DLE
+         1   done
+         101 rx STX => !Idle: Unexpected(2), tx DLE
+         102 done
+         150 rx NAK          # the partner gives up ...
+         160 rx STX          # ... and begins again
+         260 rx STX => !Idle: Unexpected(2), tx DLE
+         261 done
+         262 rx 31 10 03 22 => tx DLE, got 31
+         263 done
+         300 rx STX => tx DLE
+         301 done
+         340 rx STX
+         400 rx STX 31 10 03 22 => tx DLE, got 02 02 31
+         401 done
+         500 rx STX => tx DLE
+         501 done
+         502 rx 31 STX 32
+         690 rx STX 10 03 10 => tx DLE, got 31 02 32 02",
+    );
+}
+
 /// [S0 "Block check character (BCC-Byte)"]: differs: NAK instead of DLE; the CP 240 then waits for another connection
 /// request, and an order of its own may go first.
 #[test]
