@@ -159,16 +159,17 @@ impl<const N: usize> S3964<N> {
         self.state = State::Receive { block, expiry: now + self.config.zvz() };
     }
 
-    /// Whether a STX is the request for the connection once more: "When the QVZ expires after an STX, the STX is
-    /// repeated" [S0 L1631], by a partner that has not had our DLE. Where ZVZ is longer than QVZ it would keep the block
-    /// open for as long as the partner asks, and neither side could ever send. A quarter of QVZ is for its clock. (ours)
+    /// Whether an STX is the request for the connection once more: "When the QVZ expires after an STX, the STX is
+    /// repeated" [S0 L1631], by a partner that has not had our DLE. Where ZVZ is longer than QVZ it would keep the
+    /// block open as long as the partner asks, and neither side could ever send. A quarter of QVZ is for the partner's
+    /// clock. (ours)
     fn is_repetition(&self, now: Instant, block: &Block) -> bool {
         let qvz = self.config.qvz;
         !qvz.is_zero() && block.asked.is_some_and(|asked| now >= asked + qvz * 3 / 4)
     }
 
     /// Takes the user data at the beginning of `characters`, as [`Self::receive_character`] would one by one. It leaves
-    /// the first character of a block and what follows a STX, which may be a repeated STX.
+    /// the first character of a block and what follows STX, which may be a repeated STX.
     pub(crate) fn receive_plain(&mut self, now: Instant, characters: &mut &[u8]) {
         let zvz = self.config.zvz();
         let State::Receive { block, expiry } = &mut self.state else { return };
