@@ -54,6 +54,8 @@ pub struct Procedure {
     output: Output,
     queue: VecDeque<usize>,
     tries: u32,
+    /// The end of its own block on the line.
+    block_out: Instant,
     /// No attempt to send before this time.
     quiet: Instant,
 }
@@ -76,6 +78,7 @@ impl Procedure {
             output: Output::default(),
             queue: VecDeque::new(),
             tries: 0,
+            block_out: Instant::START,
             quiet: Instant::START,
         }
     }
@@ -196,6 +199,7 @@ impl Procedure {
                 let index = self.queue[0];
                 let block = self.block(&self.sent[index].data);
                 self.sent[index].attempts += 1;
+                self.block_out = now + TURN + self.pace.char * block.len() as u64;
                 self.until = now + self.pace.char * block.len() as u64 + self.pace.qvz;
                 self.output.push(now + TURN, block);
                 self.state = State::Awaits;
@@ -229,7 +233,8 @@ impl Procedure {
         self.quiet = now + 10 * MS;
     }
 
-    /// An attempt to send has failed.
+    /// An attempt to send has failed. What is on the line of its block leaves first: several STX behind it would come
+    /// at once, as data. [S0 L1633]
     fn again(&mut self, now: Instant) {
         self.tries += 1;
         if self.tries >= ATTEMPTS {
@@ -239,7 +244,7 @@ impl Procedure {
             self.output.push(now + TURN, vec![NAK]);
         }
         self.idle(now);
-        self.quiet = now + 20 * MS;
+        self.quiet = now.max(self.block_out) + 20 * MS;
     }
 
     fn clock(&mut self, now: Instant) {
@@ -284,5 +289,24 @@ impl Device for Procedure {
         self.clock(now);
         self.output.due(now, out);
         self.next()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A CP that was reset answers the rest of a block with NAK: STX comes when the block has left.
+    #[test]
+    fn it_asks_again_behind_its_own_block() {
+        let pace = Pace { char: MS, qvz: 60 * MS, zvz: 40 * MS };
+        let mut partner = Procedure::new(true, false, Manners::GOOD, pace, Random::new(1));
+        let (mut out, start) = (Vec::new(), Instant::START + 100 * MS);
+        partner.send(vec![1; 97]);
+        partner.hear(start, &[], &mut out);
+        partner.hear(start + MS, &[DLE], &mut out);
+        partner.hear(start + 2 * MS, &[], &mut out);
+        assert_eq!(out.len(), 101);
+        assert_eq!(partner.hear(start + 50 * MS, &[NAK], &mut out), Some(start + MS + TURN + 120 * MS));
     }
 }
