@@ -182,6 +182,8 @@ pub struct Inbox {
     letters: Vec<Letter>,
     /// The newest that was taken.
     newest: usize,
+    /// When the last one was taken.
+    last: Instant,
 }
 
 impl Inbox {
@@ -238,6 +240,7 @@ impl Inbox {
             return;
         };
         letter.taken += 1;
+        self.last = at;
         findings.must(letter.taken <= letter.copies, at, Rule::TakenOnce, || {
             format!("{block}: a telegram of the partner was taken {} times, sent {}", letter.taken, letter.copies)
         });
@@ -262,9 +265,11 @@ impl Inbox {
 
     /// The end of the run at `now`: each telegram is delivered within `patience` after those before it.
     pub fn finish(&self, block: &str, now: Instant, patience: Span, findings: &mut Verdict) {
-        let owed = self.letters.iter().filter(|letter| letter.owed && letter.taken == 0);
-        for (letter, before) in owed.zip(1_u64..) {
-            if now > letter.at + patience * before {
+        let owed = (0..).zip(&self.letters).filter(|(_, letter)| letter.owed && letter.taken == 0);
+        for ((place, letter), before) in owed.zip(1_u64..) {
+            // Those before it came first, each a portion in a call. [reference 1.7, 7.3]
+            let since = if place > self.newest { letter.at.max(self.last) } else { letter.at };
+            if now > since + patience * before {
                 let (ms, len) = (letter.at.millis(), letter.telegram.len());
                 findings.breaks(now, Rule::Delivered, format!("{block}: {len} bytes of {ms} ms were never delivered"));
             }

@@ -382,6 +382,17 @@ fn what_is_true_of_receptions() {
     });
     breaks(&order, Rule::InOrder);
     breaks(&inbox(|inbox, _| inbox.said(at(1), b"ab", true)), Rule::Delivered);
+    // The one before it took until then, or not so long; or one behind it has overtaken it.
+    let second = |taken: u64, first: &'static [u8]| {
+        inbox(|inbox, verdict| {
+            inbox.said(at(1), b"ab", first == b"cd");
+            inbox.said(at(2), b"cd", first == b"ab");
+            inbox.taken(at(taken), "FB 7", first, false, verdict);
+        })
+    };
+    holds(&second(950, b"ab"));
+    breaks(&second(850, b"ab"), Rule::Delivered);
+    breaks(&second(950, b"cd"), Rule::Delivered);
 }
 
 #[test]

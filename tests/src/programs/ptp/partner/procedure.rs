@@ -110,6 +110,8 @@ pub struct Procedure {
     blocks: u32,
     /// A character to send later.
     delayed: Option<(Instant, u8)>,
+    /// It went out in the middle of a block of the CP, which must then repeat the block. [reference 3.9: 0706h]
+    crossed: bool,
     /// Not before this instant a connection is asked for.
     quiet: Instant,
     rng: SplitMix64,
@@ -120,8 +122,8 @@ impl Procedure {
     #[must_use]
     pub fn new(settings: Settings, seed: u64) -> Self {
         let rng = SplitMix64::new(seed);
-        let (state, queue, delayed) = (State::Idle, VecDeque::new(), None);
-        Self { settings, state, queue, blocks: 0, delayed, quiet: Instant::START, rng }
+        let (state, queue, delayed, crossed) = (State::Idle, VecDeque::new(), None, false);
+        Self { settings, state, queue, blocks: 0, delayed, crossed, quiet: Instant::START, rng }
     }
 
     /// A block to be sent.
@@ -194,6 +196,7 @@ impl Procedure {
             if moods.is_bad(now, &mut self.rng) { BAD[self.rng.below(BAD.len() as u64) as usize] } else { Mood::Good };
         let opens =
             State::In { data: Vec::new(), dle: false, end: false, check: 0, mood, until: now + self.settings.zvz };
+        self.crossed = false;
         match mood {
             Mood::Deaf => {}
             Mood::Busy => out.push(NAK),
@@ -264,7 +267,7 @@ impl Procedure {
                 if mood == Mood::Twice {
                     out.push(DLE);
                 }
-                told.push(Told::Block(block, true));
+                told.push(Told::Block(block, !self.crossed));
             }
         }
         // Both may want to send next: the CP first, now and then.
@@ -277,6 +280,7 @@ impl Procedure {
         self.delayed.take_if(|(at, _)| *at <= now && matches!(self.state, State::In { end: true, .. }));
         if let Some((_, byte)) = self.delayed.take_if(|(at, _)| *at <= now) {
             out.push(byte);
+            self.crossed |= matches!(self.state, State::In { .. });
             if byte == DLE && matches!(self.state, State::Idle) {
                 let until = now + self.settings.zvz;
                 self.state = State::In { data: Vec::new(), dle: false, end: false, check: 0, mood: Mood::Good, until };
@@ -406,6 +410,20 @@ mod tests {
             assert_eq!(out == [DLE], said, "after {place} characters");
             partner.hear(at(6), &block[place..], &Moods::GOOD, &mut out, &mut told);
             assert_eq!((out.last(), told.len()), (Some(&DLE), 1));
+        }
+    }
+
+    /// The CP takes it for a disturbance, and repeats a block that has arrived.
+    #[test]
+    fn a_late_answer_in_the_middle_of_a_block_spoils_that_to_the_block() {
+        for (crosses, whole) in [(false, true), (true, false)] {
+            let mut partner = Procedure::new(SETTINGS, 1);
+            let (mut out, mut told) = (Vec::new(), Vec::new());
+            partner.delayed = crosses.then_some((at(3), DLE));
+            partner.hear(at(1), b"\x02", &Moods::GOOD, &mut out, &mut told);
+            partner.hear(at(4), b"\x31\x10", &Moods::GOOD, &mut out, &mut told);
+            partner.hear(at(5), b"\x03\x22", &Moods::GOOD, &mut out, &mut told);
+            assert_eq!(told, [Told::Block(b"\x31".to_vec(), whole)]);
         }
     }
 
