@@ -18,6 +18,14 @@ const FOUND: &[(&str, u64, &str)] = &[
     ("cp240", 22439, "the judge: two equal characters were lost, and the check character was the same"),
     ("cp240", 30699, "as 22066: each order failed, and the next one waited for its late reaction"),
     ("cp240", 31229, "the judge: the NAK of a partner that gives up crossed the STX of the CP"),
+    ("cp240", 140059, "3964R: ZVZ above QVZ, DLE lost: each STX of the partner kept the block open, nobody could send"),
+    ("cp240", 144209, "as 140059, with 3964 and a RESET: START of FC 8 stayed 1"),
+    ("cp240", 161426, "as 140059; the judge: a doubled 00h, which the check character does not show, was read late"),
+    ("cp240", 131512, "the partner: several STX behind the block that a RESET has cut off came at once, as data"),
+    ("cp240", 146587, "the judge: on a late line a DLE acknowledged the order before"),
+    ("cp240", 149190, "the judge: the other FC 0 was called so seldom that its telegram took two seconds"),
+    ("cp240", 170136, "the judge: the rest of a telegram behind an STX had the check character of the whole"),
+    ("cp240", 192807, "the judge: a doubled 00h, as 161426"),
     ("cp341", 4, "R of an idle P_SND_RK was not answered"),
     ("cp341", 6, "a job that waited for the CP had the LEN of a later call, not that of the edge of REQ"),
     ("cp341", 20, "of two P_SND_RK at one CP one had no end"),
@@ -48,6 +56,9 @@ const FOUND: &[(&str, u64, &str)] = &[
     ("cp040", 692, "the judge: DONE of a reset taken for that of a job which may not have begun"),
     ("cp040", 1111, "the judge: FB 61 too slow for the answers of a Modbus slave, no buffer for the next"),
     ("cp040", 1678, "the judge: the line spoilt an answer of 3964R"),
+    ("cp040", 105371, "the judge: the telegrams before it took their time, 7 bytes in a call"),
+    ("cp341", 104044, "the partner: a late DLE in the middle of the next block, which the CP must repeat"),
+    ("cp340", 104045, "as cp341 104044"),
 ];
 
 const SAME_START: &str =
