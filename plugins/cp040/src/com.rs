@@ -94,7 +94,7 @@ impl Block for Com {
         let (enabled, db, byte) = (cx.get(com::EN_RECV)?, cx.get(com::DB_NO_RECV)?, cx.get(com::DBB_NO_RECV)?);
         let (sent, resetting, received) = match Module::open(cx, input, output, io_size)? {
             Ok(module) => {
-                let resetting = module.state.send().is_reset();
+                let resetting = module.state.is_resetting(order.instance);
                 let sent = module.send(cx, order)?;
                 // A reset ended in this call: the inputs were read before its end.
                 let received = if order.busy && sent.is_done() {

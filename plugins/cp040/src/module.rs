@@ -273,7 +273,7 @@ impl<'a> Module<'a> {
         if !enabled && (job.is_running() || job == ReceiveJob::default()) {
             return Ok(Outcome::Nothing);
         }
-        let (next, step) = job.step(self.inputs(), state.byte0());
+        let (next, step) = job.step(self.inputs(), state.byte0(), state.send());
         let outcome = match step {
             ReceiveStep::Wait if next.is_running() => Outcome::Running,
             ReceiveStep::Wait => Outcome::Nothing,

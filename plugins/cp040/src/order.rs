@@ -37,8 +37,8 @@ impl Orders {
         Ok(Order { rises, request, reset, instance: instance(cx)?, busy, db: 0, byte: 0, length: 0 })
     }
 
-    /// Stores what goes on; returns the outcome for the program. `resetting`: this call found a reset under way, a
-    /// request comes after it.
+    /// Stores what goes on; returns the outcome for the program. `resetting`: this call found a reset of this
+    /// instance under way, a request comes after it.
     pub(crate) fn settle(
         &self,
         cx: &mut Cx<'_, CpState>,

@@ -72,7 +72,7 @@ impl Block for Send {
         let (laddr, io_size) = (cx.get(send::LADDR)?, cx.get(send::IO_SIZE)?);
         let (outcome, resetting) = match Module::open(cx, laddr, laddr, io_size)? {
             Ok(module) => {
-                let resetting = module.state.send().is_reset();
+                let resetting = module.state.is_resetting(order.instance);
                 let outcome = module.send(cx, order)?;
                 cx.set(send::CONTROL, module.state.byte0())?;
                 (outcome, resetting)

@@ -114,6 +114,11 @@ impl CpState {
         self.owner.get() == instance && self.send().is_running()
     }
 
+    /// Whether the reset that runs is that of this instance. One of another ends its orders.
+    pub(crate) fn is_resetting(&self, instance: u64) -> bool {
+        self.owner.get() == instance && self.send().is_reset()
+    }
+
     /// Whether a request of this instance must wait for that of another. Otherwise an instance that is called more
     /// often sends for ever, and the others never. One that is no longer called loses its place.
     pub(crate) fn is_behind(&self, instance: u64, now_ms: u64) -> bool {

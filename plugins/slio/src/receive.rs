@@ -3,6 +3,7 @@
 use crate::failure::Failure;
 use ob1_words::cp040::{FIRST, HEAD_BYTES, IDLE, INFO_OFFSET, LAST, OFFSET_BYTES, RETURN_BYTES, TELEGRAM_MAX, nibble};
 
+use crate::send::SendJob;
 use crate::wire::is_absent;
 
 /// The phase of a job.
@@ -83,9 +84,11 @@ impl ReceiveJob {
         usize::from(self.offset.unwrap_or(0)) + usize::from(self.length)
     }
 
-    /// One step: the CP's inputs (as many as the CP has, 8 to 60), and byte 0 of the outputs as last written.
-    pub fn step(self, inputs: &[u8], output0: u8) -> (Self, ReceiveStep) {
-        if is_absent(inputs, output0) {
+    /// One step: the CP's inputs (as many as the CP has, 8 to 60), byte 0 of the outputs as last written, and the job of
+    /// the other direction, whose answer stands in byte 0 of the inputs beside fragment 0: both can be 0, for as long as
+    /// the CP transmits.
+    pub fn step(self, inputs: &[u8], output0: u8, send: SendJob) -> (Self, ReceiveStep) {
+        if is_absent(inputs, output0) && !send.shows_0(inputs.len()) {
             return (self, ReceiveStep::Wait);
         }
         let info = inputs.first().map_or(IDLE, |byte| byte & 0x0F);
@@ -204,7 +207,7 @@ mod tests {
     }
 
     fn take(job: &mut ReceiveJob, inputs: &[u8]) -> Take {
-        match job.step(inputs, 0x88) {
+        match job.step(inputs, 0x88, SendJob::default()) {
             (next, ReceiveStep::Take(take)) => {
                 *job = next;
                 assert_eq!(ReceiveJob::unpack(job.pack()), *job);
@@ -221,8 +224,8 @@ mod tests {
         let got = take(&mut job, &area::<60>(&[0x8A, 0, 0, 0x2A, 0, 0], 0..40));
         let received = Some(Received { length: 40, return_value: 0 });
         assert_eq!(got, Take { from: 6, count: 40, at: 0, acknowledge: 0xA, received });
-        assert_eq!(job.step(&[0x8A], 0xA8).1, ReceiveStep::Wait);
-        assert_eq!(job.step(&[0x88], 0xA8), (ReceiveJob::default(), ReceiveStep::Acknowledge(IDLE)));
+        assert_eq!(job.step(&[0x8A], 0xA8, SendJob::default()).1, ReceiveStep::Wait);
+        assert_eq!(job.step(&[0x88], 0xA8, SendJob::default()), (ReceiveJob::default(), ReceiveStep::Acknowledge(IDLE)));
     }
 
     #[test]
@@ -231,7 +234,7 @@ mod tests {
         let mut job = ReceiveJob::default();
         let first = take(&mut job, &area::<16>(&[0x89, 0, 0, 0x2A, 0, 0], 0..10));
         assert_eq!((first.from, first.count, first.at, first.acknowledge), (6, 10, 0, 0x9));
-        assert_eq!(job.step(&area::<16>(&[0x89], 0..0), 0x98).1, ReceiveStep::Wait);
+        assert_eq!(job.step(&area::<16>(&[0x89], 0..0), 0x98, SendJob::default()).1, ReceiveStep::Wait);
         let second = take(&mut job, &area::<16>(&[0x80], 10..25));
         assert_eq!((second.from, second.count, second.at, second.acknowledge), (1, 15, 10, 0x0));
         let third = take(&mut job, &area::<16>(&[0x8A], 25..40));
@@ -269,7 +272,7 @@ mod tests {
             [0x89, 0, 4, 3, 0, 0, 0, 0],
         ] {
             let failed = ReceiveStep::Failed(Failure::NotSynchronised);
-            assert_eq!(ReceiveJob::default().step(&inputs, 0x88).1, failed, "{inputs:02X?}");
+            assert_eq!(ReceiveJob::default().step(&inputs, 0x88, SendJob::default()).1, failed, "{inputs:02X?}");
         }
     }
 
@@ -277,8 +280,22 @@ mod tests {
     fn a_cp_that_is_gone_is_no_fragment_0() {
         let mut job = ReceiveJob::default();
         take(&mut job, &area::<16>(&[0x89, 0, 0, 0x2A, 0, 0], 0..10));
-        assert_eq!(job.step(&[0; 16], 0x98), (job, ReceiveStep::Wait));
-        let (none, step) = job.step(&area::<16>(&[0x88], 0..0), 0x98);
+        assert_eq!(job.step(&[0; 16], 0x98, SendJob::default()), (job, ReceiveStep::Wait));
+        let (none, step) = job.step(&area::<16>(&[0x88], 0..0), 0x98, SendJob::default());
         assert_eq!((none, step), (ReceiveJob::default(), ReceiveStep::Failed(Failure::NotSynchronised)));
+    }
+
+    /// A CP that transmits shows its answer to the fragment before: with 34 bytes and areas of 16 that is 0.
+    #[test]
+    fn fragment_0_comes_beside_the_answer_0() {
+        let mut send = SendJob::telegram(34).expect("1 to 1024");
+        for (inputs, output0) in [(0x88, 0x88), (0x98, 0x89), (0x08, 0x80)] {
+            send = send.step(&[inputs], output0, 16).0;
+        }
+        let mut job = ReceiveJob::default();
+        take(&mut job, &area::<16>(&[0x09, 0, 0, 0x2A, 0, 0], 0..10));
+        let inputs = area::<16>(&[0x00], 10..25);
+        let (_, step) = job.step(&inputs, 0x9A, send);
+        assert!(matches!(step, ReceiveStep::Take(Take { at: 10, count: 15, acknowledge: 0, .. })), "{step:?}");
     }
 }

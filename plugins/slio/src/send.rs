@@ -98,6 +98,12 @@ impl SendJob {
         matches!(self.phase, Phase::ResetStarting | Phase::ResetAsked | Phase::ResetClosing)
     }
 
+    /// Whether 0 is the answer that stays shown until the fragment that was written last is answered.
+    pub(crate) fn shows_0(self, io_bytes: usize) -> bool {
+        let n = usize::from(self.piece);
+        self.phase == Phase::Waiting && n > 0 && nibble(n - 1, self.stream(), io_bytes.saturating_sub(1)) == 0
+    }
+
     /// One step: the CP's inputs, byte 0 of the outputs as last written, and the number of bytes in each direction (8
     /// to 60).
     pub fn step(self, inputs: &[u8], output0: u8, io_bytes: usize) -> (Self, SendStep) {

@@ -134,7 +134,7 @@ fn host(io_bytes: usize, data: &[u8]) {
     let mut area = vec![0; io_bytes];
     area.iter_mut().zip(inputs).for_each(|(to, from)| *to = *from);
     let output0 = inputs.last().copied().unwrap_or(0x88);
-    if let (_, ReceiveStep::Take(take)) = ReceiveJob::unpack(number).step(&area, output0) {
+    if let (_, ReceiveStep::Take(take)) = ReceiveJob::unpack(number).step(&area, output0, SendJob::unpack(number)) {
         assert!(take.from + take.count <= io_bytes);
     }
     if let (job, SendStep::Put(piece)) = SendJob::unpack(number).step(&area, output0, io_bytes) {

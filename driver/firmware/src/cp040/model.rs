@@ -115,7 +115,7 @@ impl World {
             return;
         }
         let io_bytes = self.cp.io_bytes();
-        let (job, step) = self.receive.step(&self.inputs[..io_bytes], self.outputs[0]);
+        let (job, step) = self.receive.step(&self.inputs[..io_bytes], self.outputs[0], self.send);
         self.receive = ReceiveJob::unpack(job.pack());
         match step {
             ReceiveStep::Wait => {}

@@ -152,7 +152,7 @@ impl Bench {
     fn fetch(&mut self) -> Option<(usize, Vec<u8>, u16)> {
         let (mut job, mut data, mut begin) = (ReceiveJob::default(), Vec::new(), None);
         for _ in 0..400 {
-            let (next, step) = job.step(&self.log.inputs, self.outputs[0]);
+            let (next, step) = job.step(&self.log.inputs, self.outputs[0], SendJob::default());
             job = next;
             match step {
                 ReceiveStep::Wait => return None,

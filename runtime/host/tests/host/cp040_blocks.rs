@@ -449,6 +449,37 @@ fn a_request_that_waits_has_its_turn() {
     assert_eq!((first.call(&mut cpu, &blocks), cpu.module.output[3]), (RUNNING, 3));
 }
 
+/// ERROR ends what an instance has asked for, also in the reset of another one: the next edge names the next telegram.
+#[test]
+fn a_request_that_has_ended_with_an_error_does_not_come_back() {
+    let (mut cpu, blocks) = cp040();
+    Fb::receive().call(&mut cpu, &blocks);
+    let (mut first, mut second) = (Fb::send(3), Fb::send(5));
+    assert_eq!(first.call(&mut cpu, &blocks), RUNNING);
+    // The process of the CP ends; an edge of REQ comes meanwhile.
+    cpu.module.status.present = false;
+    for req in [0, 1, 0] {
+        first.params[0] = req;
+        assert_eq!(first.call(&mut cpu, &blocks), RUNNING);
+    }
+    cpu.module.status = ModuleStatus { present: true, generation: 2, leds: 0 };
+    Fb::receive().call(&mut cpu, &blocks);
+    cpu.instance_at = 100;
+    (second.params[0], second.params[1]) = (0, 1);
+    assert_eq!((second.call(&mut cpu, &blocks), cpu.module.output[0]), (RUNNING, 0x8B));
+    cpu.instance_at = 0;
+    assert_eq!(first.call(&mut cpu, &blocks), (0, 1, 0x070A));
+    cpu.instance_at = 100;
+    for (answer, outcome) in [(0xC8, RUNNING), (0x88, (1, 0, 0))] {
+        cpu.module.input[0] = answer;
+        assert_eq!(second.call(&mut cpu, &blocks), outcome);
+    }
+    cpu.instance_at = 0;
+    assert_eq!((first.call(&mut cpu, &blocks), cpu.module.output[0]), (NOTHING, 0x88), "nothing is sent");
+    (first.params[0], first.params[5]) = (1, 7);
+    assert_eq!((first.call(&mut cpu, &blocks), cpu.module.output[3]), (RUNNING, 7), "the telegram of this edge");
+}
+
 /// The send side of an instance that is no longer called is free after 10 s. (ours)
 #[test]
 fn an_instance_that_is_no_longer_called_holds_up_nobody() {

@@ -440,6 +440,7 @@ impl Judge<Ptp> for PtpJudge {
             }
             Deed::Line(_) => {
                 self.disturbed(now + SETTLES);
+                self.receivers.iter_mut().for_each(Receiver::fault);
                 self.outbox.line_fault(now);
                 // Without an answer nobody knows whether it hit a telegram that is under way.
                 if !self.setup.protocol.is_acknowledged() {

@@ -21,6 +21,8 @@ struct Job {
     /// Repetitions have a cause: the partner or the line spoilt an answer.
     spoilt: bool,
     refused: bool,
+    /// The block has told its end.
+    over: bool,
 }
 
 /// Telegrams from the CP to the partner.
@@ -42,9 +44,9 @@ const ENDS: Span = Span::from_millis(400);
 impl Outbox {
     /// A job has begun; returns its number.
     pub fn began(&mut self, at: Instant, block: &'static str, telegram: Option<Vec<u8>>) -> usize {
-        let (arrived, last, spoilt, refused) = (0, Instant::NEVER, false, false);
+        let (arrived, last, spoilt, refused, over) = (0, Instant::NEVER, false, false, false);
         let telegrams = telegram.into_iter().collect();
-        self.jobs.push(Job { block, began: at, telegrams, arrived, last, spoilt, refused });
+        self.jobs.push(Job { block, began: at, telegrams, arrived, last, spoilt, refused, over });
         self.jobs.len() - 1
     }
 
@@ -100,7 +102,11 @@ impl Outbox {
     /// A job has ended. `number`: what its STATUS says.
     pub fn ended(&mut self, at: Instant, job: usize, end: End, number: Option<Number>, findings: &mut Verdict) {
         let number_of = job;
+        if end == End::Done && self.jobs[job].arrived == 0 {
+            self.exchange(job);
+        }
         let job = &mut self.jobs[job];
+        job.over = true;
         let block = job.block;
         match end {
             End::Done => {
@@ -122,6 +128,19 @@ impl Outbox {
             // R: what has reached the CP is still sent. [reference 1.2 5]
             End::Error(_) | End::Reset => job.spoilt = true,
         }
+    }
+
+    /// A job is DONE whose telegram was counted for another one that still runs: two instances send the same bytes, and
+    /// on the line nothing tells them apart. The other one needs an arrival of its own then.
+    fn exchange(&mut self, done: usize) {
+        let Job { telegrams, began, .. } = &self.jobs[done];
+        let is_same = |job: &Job| {
+            job.arrived == 1 && !job.over && job.last >= *began && job.telegrams.iter().any(|own| telegrams.contains(own))
+        };
+        let Some(other) = self.jobs.iter().rposition(is_same) else { return };
+        let last = std::mem::replace(&mut self.jobs[other].last, Instant::NEVER);
+        self.jobs[other].arrived = 0;
+        (self.jobs[done].arrived, self.jobs[done].last) = (1, last);
     }
 
     /// Looks at the jobs that were DONE a while ago. `loses`: the line loses characters and nobody acknowledges

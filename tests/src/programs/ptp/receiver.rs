@@ -72,19 +72,30 @@ pub struct Receiver {
     calls: u32,
     /// Errors have a cause until then.
     excused_until: Instant,
+    /// Faults of the line that were not reported.
+    faults: u32,
 }
+
+/// Framing, parity, overrun; BREAK. [reference 3.10, 7.3]
+const CHARACTER: [u16; 2] = [0x080C, 0x080D];
 
 impl Receiver {
     /// A new instance.
     #[must_use]
     pub fn new(manual: Manual) -> Self {
         let excused_until = Instant::START;
-        Self { manual, enable: false, reset: false, owed: None, disabled: None, calls: 0, excused_until }
+        Self { manual, enable: false, reset: false, owed: None, disabled: None, calls: 0, excused_until, faults: 0 }
     }
 
     /// Something has happened that may fail receptions until `until`.
     pub fn disturbed(&mut self, until: Instant) {
         self.excused_until = self.excused_until.max(until);
+    }
+
+    /// A fault of the line. Its error comes when the telegram that it has hit is over [reference 5.4, 6.2], and behind
+    /// those before it, each a portion in a call [reference 1.5, 7.3]: however late, but once.
+    pub fn fault(&mut self) {
+        self.faults += 1;
     }
 
     /// A start-up of the CPU.
@@ -156,8 +167,10 @@ impl Receiver {
         if self.disabled.take().is_some() && aborted == Some(call.status) {
             return Some(Report::Error(call.status));
         }
+        let is_fault = CHARACTER.contains(&call.status) && self.faults > 0;
+        self.faults -= u32::from(is_fault);
         // The partner has sent more than there is room for: that is its own cause. [reference 6.4, 7.3]
-        findings.must(excused || call.status == 0x080A, call.at, Rule::ErrorHasCause, || {
+        findings.must(excused || is_fault || call.status == 0x080A, call.at, Rule::ErrorHasCause, || {
             format!("{block}: ERROR {:04X}h, but nothing was wrong", call.status)
         });
         Some(Report::Error(call.status))

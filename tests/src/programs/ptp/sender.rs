@@ -126,6 +126,8 @@ pub struct Sender {
     job: Option<Job>,
     /// R has come and was not answered: when, and calls since then.
     owed: Option<(Instant, u32)>,
+    /// An error has ended the job, or a start-up has come: whether the reset still runs, the next call shows.
+    settles: bool,
     /// Errors have a cause until then.
     excused_until: Instant,
     /// The first call after a start-up: whether REQ has risen cannot be known.
@@ -140,7 +142,8 @@ impl Sender {
     #[must_use]
     pub fn new(manual: Manual) -> Self {
         let excused_until = Instant::START;
-        Self { manual, req: false, reset: false, job: None, owed: None, excused_until, is_restart: false }
+        let (job, owed, settles) = (None, None, false);
+        Self { manual, req: false, reset: false, job, owed, settles, excused_until, is_restart: false }
     }
 
     /// Whether a job runs.
@@ -189,7 +192,11 @@ impl Sender {
     /// A start-up of the CPU: it ends what runs. [reference 1.6]
     pub fn restarted(&mut self, until: Instant) {
         self.disturbed(until);
-        self.owed = None;
+        // Where R acts on its edge, the reset is kept in the instance data and may go on.
+        self.settles = !self.manual.blocks && self.owed.is_some();
+        if !self.settles {
+            self.owed = None;
+        }
         self.is_restart = true;
     }
 
@@ -214,16 +221,24 @@ impl Sender {
             (self.owed, end) = (None, None);
         }
         let mut turn = Turn::default();
+        // STATUS "job runs" without a job: that is the reset. [reference 8.3]
+        let settles = std::mem::take(&mut self.settles);
+        if settles && end.is_none() && call.status != self.manual.busy {
+            self.owed = None;
+        }
         let failed = matches!(end, Some(End::Error(_))) && call.at < self.excused_until;
         if !self.manual.blocks && !resets && self.owed.is_some() && failed {
-            // The reset has ended with an error: a restart of the CP, or another instance's reset. [reference 8.3]
-            self.owed = None;
+            if self.job.is_none() && !rises {
+                // The reset has ended with an error: a restart of the CP, or another instance's reset. [reference 8.3]
+                self.owed = None;
+                return turn;
+            }
+            // One error for a job and a reset: it may have ended only the job, and then the reset goes on.
+            self.settles = true;
             if self.job.is_none() {
-                if rises {
-                    // Whether an edge in this call counts is open, as at the end of a job.
-                    self.begin(call, false);
-                    turn.began = true;
-                }
+                // Whether an edge in this call counts is open, as at the end of a job.
+                self.begin(call, false);
+                turn.began = true;
                 return turn;
             }
         }

@@ -45,26 +45,31 @@ fn at(calls: u64) -> Instant {
     Instant::START + Span::from_millis(10 * calls)
 }
 
-/// Letters are calls of a sending block: q REQ, r R, D DONE, E ERROR with 0703h, P with 1E41h, A with 1E0Dh, X with
-/// 1234h, S STATUS without ERROR, 8 STATUS 8181h; `.` nothing. Calls are separated by blanks.
+/// Letters are calls of a sending block: q REQ, r R, D DONE, E ERROR with 0703h, L with 070Ah, P with 1E41h, A with
+/// 1E0Dh, X with 1234h, S STATUS without ERROR, 8 STATUS 8181h; `.` nothing. Calls are separated by blanks.
 fn sends(manual: sender::Manual, calls: &str) -> Verdict {
     let (mut sender, mut verdict) = (Sender::new(manual), Verdict::default());
+    send_calls(&mut sender, calls, &mut verdict);
+    verdict
+}
+
+fn send_calls(sender: &mut Sender, calls: &str, verdict: &mut Verdict) {
     for (number, text) in (0..).zip(calls.split(' ')) {
         let has = |letter| text.contains(letter);
-        let status = [('E', 0x0703), ('P', 0x1E41), ('A', 0x1E0D), ('X', 0x1234), ('S', 0x0703), ('8', 0x8181)];
+        let errors = [('E', 0x0703), ('L', 0x070A), ('P', 0x1E41), ('A', 0x1E0D), ('X', 0x1234)];
+        let status = errors.into_iter().chain([('S', 0x0703), ('8', 0x8181)]).find(|(letter, _)| has(*letter));
         let call = SendCall {
             at: at(number),
             req: has('q'),
             reset: has('r'),
             len: if has('l') { 100 } else { 10 },
             done: has('D'),
-            error: ['E', 'P', 'A', 'X', 'N'].into_iter().any(has),
-            status: status.into_iter().find(|(letter, _)| has(*letter)).map_or(0, |(_, status)| status),
+            error: has('N') || errors.into_iter().any(|(letter, _)| has(letter)),
+            status: status.map_or(0, |(_, status)| status),
             legal: true,
         };
-        sender.call(&call, &mut verdict);
+        sender.call(&call, verdict);
     }
-    verdict
 }
 
 fn receives(calls: &str) -> Verdict {
@@ -108,6 +113,35 @@ fn what_the_manual_allows_a_sending_block() {
     holds(&sends(COM, "q8 8 8 D . q8 8 rD . rD ."));
     // An edge in the call that ends a job may start none: then DONE is that of the reset, the next one of the request.
     holds(&sends(COM, "q8 8 8 Dq r8 rq8 rD 8 8 D ."));
+}
+
+/// At a CP 040 that has just started an error may end a job alone, or with the reset that waited beside it. What STATUS
+/// shows in the next call tells which.
+#[test]
+fn one_error_for_a_job_and_a_reset() {
+    let starts = |calls: &str| {
+        let (mut sender, mut verdict) = (Sender::new(COM), Verdict::default());
+        sender.disturbed(at(1000));
+        send_calls(&mut sender, calls, &mut verdict);
+        verdict
+    };
+    // DONE of the reset is not that of a job.
+    for right in ["rq8 r8 rL r8 rqD rq8 q8 q8 qD", "r8 rqL rq8 rD", "r8 r8 rL . q8 8 8 D", "rq8 r8 rL . q8 8 8 D"] {
+        holds(&starts(right));
+    }
+    for wrong in ["rq8 r8 rL . D", "rq8 r8 rL r8 D D", "r8 r8 rL r8 D"] {
+        breaks(&starts(wrong), Rule::EndOfAJob);
+    }
+    // What waits in the instance data goes on after a start-up of the CPU.
+    let restarts = |calls: &str| {
+        let (mut sender, mut verdict) = (Sender::new(COM), Verdict::default());
+        send_calls(&mut sender, "r8 rq8", &mut verdict);
+        sender.restarted(at(1000));
+        send_calls(&mut sender, calls, &mut verdict);
+        verdict
+    };
+    holds(&restarts("8 L 8 D ."));
+    breaks(&restarts("8 L . D"), Rule::EndOfAJob);
 }
 
 #[test]
@@ -176,6 +210,32 @@ fn what_the_manual_allows_a_receiving_block() {
     holds(&receives("e e r0 r0D r . e e e e eD"));
     holds(&receives("e e rA r . e"));
     holds(&receives("e e . A . e"));
+}
+
+/// The error of a fault comes with its telegram, behind those before it: however late, but once.
+#[test]
+fn a_fault_of_the_line_is_reported_once() {
+    let (mut receiver, mut verdict) = (Receiver::new(TAKE), Verdict::default());
+    let fails = |number, status| ReceiveCall {
+        at: at(number),
+        enable: true,
+        reset: false,
+        ndr: false,
+        error: true,
+        status,
+        len: 0,
+    };
+    receiver.fault();
+    receiver.call(&fails(900, 0x080C), &mut verdict);
+    holds(&verdict);
+    receiver.fault();
+    receiver.call(&fails(901, 0x0806), &mut verdict);
+    breaks(&verdict, Rule::ErrorHasCause);
+    let mut verdict = Verdict::default();
+    receiver.call(&fails(902, 0x080D), &mut verdict);
+    holds(&verdict);
+    receiver.call(&fails(903, 0x080D), &mut verdict);
+    breaks(&verdict, Rule::ErrorHasCause);
 }
 
 #[test]
@@ -251,6 +311,19 @@ fn what_is_true_of_jobs() {
         outbox.ended(at(3), two, End::Done, None, verdict);
     });
     breaks(&both, Rule::DoneArrived);
+    // Two instances send the same bytes: the first DONE is that of either, and each needs its own arrival.
+    for times in [1, 2] {
+        let verdict = outbox(|outbox, verdict| {
+            let jobs = [outbox.began(at(1), "FB 60", telegram()), outbox.began(at(1), "FB 60", telegram())];
+            for (job, n) in jobs.into_iter().zip(0..) {
+                if n < times {
+                    outbox.arrived(at(2 + 2 * n), b"ab", true, false, verdict);
+                }
+                outbox.ended(at(3 + 2 * n), job, End::Done, None, verdict);
+            }
+        });
+        assert_eq!(verdict.has(Rule::DoneArrived.name()), times == 1);
+    }
     for twice in [&b"ab"[..], b"xy"] {
         let verdict = outbox(|outbox, verdict| {
             outbox.began(at(1), "FB 8", telegram());

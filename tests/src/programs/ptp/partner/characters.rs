@@ -11,6 +11,8 @@ const XON: u8 = 0x11;
 const XOFF: u8 = 0x13;
 /// Characters that a UART may still have in its buffer when XOFF comes, and those under way.
 const BUFFER: u64 = 18;
+/// A CP waits longer than this for XON (`flow_wait_ms` of [`super::super::line`] is 2000).
+const HELD: Span = Span::from_millis(1500);
 
 /// What ends a telegram.
 #[derive(Clone, Debug)]
@@ -148,11 +150,20 @@ impl Characters {
             return;
         }
         let Frame { start, end, each, pause, strips, .. } = &self.frame;
+        let left = now + leaving(start.len() + telegram.len() + end.len(), *each);
+        if let Some((since, until)) = &mut self.off {
+            // One character after the other: XON leaves behind those of the telegram, and the CP is held until then.
+            if left > *since + HELD {
+                self.free = *until + *each;
+                self.queue.push_front((what, telegram));
+                return;
+            }
+            *until = left.max(*until);
+        }
         let from = out.len();
         out.extend(start);
         out.extend(&telegram);
         out.extend(end);
-        let left = now + leaving(out.len() - from, *each);
         self.free = left + *pause;
         // The end characters of ASCII are part of what the block gets. [reference 6.1]
         let telegram = if *strips { telegram } else { out[from..].to_vec() };
@@ -219,5 +230,29 @@ mod tests {
         partner.hear(at(130), b"c", &mut out, &mut events);
         partner.hear(at(600), b"", &mut out, &mut events);
         assert!(events.contains(&Event::Flooded { at: at(600), characters: 1 }), "{events:?}");
+    }
+
+    /// The silence that XOFF has made does not end the telegram of the CP before XON has left.
+    #[test]
+    fn xon_stands_behind_its_own_telegram() {
+        for (len, first) in [(1000, b'y'), (2000, XON)] {
+            let mut partner = Characters::new(frame(), 1);
+            let (mut out, mut events) = (Vec::new(), Vec::new());
+            partner.hear(at(99), b"a", &mut out, &mut events);
+            partner.send(SAY_XOFF, Vec::new());
+            partner.send(2 << 16, vec![b'y'; len]);
+            let (mut now, mut next) = (at(100), at(100));
+            while out.last() != Some(&XON) {
+                now = next.max(now);
+                next = partner.hear(now, b"", &mut out, &mut events);
+            }
+            // What would hold the CP back for too long comes behind XON.
+            assert_eq!(out[1], first);
+            assert_eq!((now >= at(1100), events.len()), (first == b'y', usize::from(first == b'y')));
+            partner.hear(now + Span::from_millis(5), b"b", &mut out, &mut events);
+            partner.hear(now + Span::from_millis(20), b"", &mut out, &mut events);
+            let is_whole = |event: &Event| matches!(event, Event::Got { telegram, .. } if telegram == b"ab");
+            assert!(events.iter().any(is_whole), "{events:?}");
+        }
     }
 }

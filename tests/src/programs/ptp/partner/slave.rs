@@ -118,7 +118,12 @@ impl Slave {
     fn request(&mut self, moods: &Moods, events: &mut Vec<Event>) {
         let heard = std::mem::take(&mut self.heard);
         let at = self.last;
-        let Some(request) = unframed(self.settings.frame, &heard) else { return };
+        let Some(request) = unframed(self.settings.frame, &heard) else {
+            // The master asks for something else meanwhile (R, a kill), and the line has spoilt it: as with [`Mood::Deaf`]
+            // it would take the answer to the request before for that to this one. RTU has no number of a request.
+            self.answer = None;
+            return;
+        };
         let Settings { address, frame, timeout, .. } = self.settings;
         if request.len() < 2 || (request[0] != address && request[0] != 0) {
             return;
@@ -230,6 +235,10 @@ mod tests {
         Slave::new(Settings { address: 5, frame, timeout: ms(100), each: ms(1) }, 1)
     }
 
+    fn at(ms: u64) -> Instant {
+        Instant::START + Span::from_millis(ms)
+    }
+
     #[test]
     fn the_frames_of_the_specification() {
         assert_eq!(framed(Frame::Ascii, &[5, 8, 0, 0, 0xA5, 0xC3]), b":05080000A5C38B\r\n");
@@ -253,6 +262,23 @@ mod tests {
             }
             assert_eq!(events.first(), Some(&Event::Got { at, telegram: request.clone(), answered: true }));
             assert_eq!(out, framed(frame, &request));
+        }
+    }
+
+    #[test]
+    fn an_answer_is_dropped_when_the_next_request_is_spoilt() {
+        for (spoilt, answers) in [(0, true), (1, false)] {
+            let mut slave = slave(Frame::Rtu);
+            let (mut out, mut events) = (Vec::new(), Vec::new());
+            let mut request = framed(Frame::Rtu, &[5, 6, 0, 1, 0, 2]);
+            slave.hear(at(50), &request, &Moods::GOOD, &mut out, &mut events);
+            slave.hear(at(54), &[], &Moods::GOOD, &mut out, &mut events);
+            request[4] ^= spoilt;
+            let mut next = slave.hear(at(54), &request, &Moods::GOOD, &mut out, &mut events);
+            while next < Instant::NEVER {
+                next = slave.hear(next, &[], &Moods::GOOD, &mut out, &mut events);
+            }
+            assert_eq!(!out.is_empty(), answers);
         }
     }
 
