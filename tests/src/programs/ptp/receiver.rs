@@ -76,8 +76,8 @@ pub struct Receiver {
     faults: u32,
 }
 
-/// Framing, parity, overrun; BREAK. [reference 3.10, 7.3]
-const CHARACTER: [u16; 2] = [0x080C, 0x080D];
+/// Framing, parity, overrun; BREAK; parity and framing at a CP 340 with ASCII. [reference 3.10, 7.3]
+const CHARACTER: [u16; 4] = [0x080C, 0x080D, 0x0810, 0x0811];
 
 impl Receiver {
     /// A new instance.
