@@ -15,7 +15,7 @@ pub fn of(kind: CpKind, generation: u64, io_bytes: usize) -> Box<dyn Cp> {
     match kind {
         CpKind::Cp240 => Box::new(Cp240::new(generation)),
         CpKind::Cp040 => Box::new(Cp040::new(io_bytes)),
-        CpKind::Cp341 | CpKind::Cp340 => Box::new(Cp341::of(kind)),
+        CpKind::Cp341 | CpKind::Cp340 => Box::new(Cp341::of(kind, generation)),
         CpKind::Cp343 => Box::new(Elsewhere),
     }
 }

@@ -99,6 +99,8 @@ pub struct Cp240 {
     rk512: Rk512Side,
     /// RK 512: an order of the CPU waits until the previous one has ended.
     order_waits: bool,
+    /// RK 512: the reaction to an order of the machine before may still come.
+    reaction_owed: bool,
 
     line_gone: bool,
     /// The order was aborted because the line is gone.
@@ -216,6 +218,7 @@ impl Cp240 {
             rk512_machine: None,
             rk512: Rk512Side::new(),
             order_waits: false,
+            reaction_owed: generation > 1,
             line_gone: false,
             line_broke_off: false,
             modem: Modem::new(),
@@ -299,6 +302,11 @@ impl Cp240 {
         let Some(setup) = &self.setup else { return };
         self.receive.clear(self.capacity);
         (self.protocol, self.rk512_machine) = (setup.build(), setup.rk512());
+        if core::mem::take(&mut self.reaction_owed)
+            && let Some(machine) = &mut self.rk512_machine
+        {
+            machine.succeeds(now);
+        }
         let long = self.protocol.slave().is_some_and(|slave| slave.config().confirmed);
         self.send.set_area(long);
         self.receive.set_area(long);

@@ -225,7 +225,10 @@ mod tests {
         let received = Some(Received { length: 40, return_value: 0 });
         assert_eq!(got, Take { from: 6, count: 40, at: 0, acknowledge: 0xA, received });
         assert_eq!(job.step(&[0x8A], 0xA8, SendJob::default()).1, ReceiveStep::Wait);
-        assert_eq!(job.step(&[0x88], 0xA8, SendJob::default()), (ReceiveJob::default(), ReceiveStep::Acknowledge(IDLE)));
+        assert_eq!(
+            job.step(&[0x88], 0xA8, SendJob::default()),
+            (ReceiveJob::default(), ReceiveStep::Acknowledge(IDLE))
+        );
     }
 
     #[test]

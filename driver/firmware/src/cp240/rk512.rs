@@ -77,7 +77,9 @@ impl Cp240 {
 
     /// Ends RK 512: clears both roles, and counts what is lost. `None`: the protocol is another.
     pub(super) fn drop_rk512(&mut self, port: &mut dyn CpPort) -> Option<()> {
-        let busy = self.rk512_machine.take()?.busy();
+        let machine = self.rk512_machine.take()?;
+        self.reaction_owed = machine.is_owed_a_reaction();
+        let busy = machine.busy();
         let orders = u64::from(core::mem::take(&mut self.order_waits)) + u64::from(busy);
         if orders > 0 {
             port.count(CpCounter::OrdersAborted, orders);

@@ -48,6 +48,8 @@ pub struct Cp341 {
     model: &'static Model,
     parameters: Option<Parameters>,
     parameters_wrong: bool,
+    /// RK 512: the reaction to a job of the process before, or of before new parameters, may still come.
+    reaction_owed: bool,
     protocol: Protocol,
     protocol_due: Option<Instant>,
     cpu_running: bool,
@@ -143,16 +145,17 @@ impl Cp for Cp341 {
 impl Cp341 {
     /// A CP 341 without parameters.
     pub fn new() -> Self {
-        Self::of(CpKind::Cp341)
+        Self::of(CpKind::Cp341, 1)
     }
 
-    /// The CP of this type, without parameters.
-    pub fn of(kind: CpKind) -> Self {
+    /// The CP of this type, without parameters. `generation` counts the processes that have run this module.
+    pub fn of(kind: CpKind, generation: u64) -> Self {
         let model = Model::of(kind);
         Self {
             model,
             parameters: None,
             parameters_wrong: false,
+            reaction_owed: generation > 1,
             protocol: Protocol::None,
             protocol_due: None,
             cpu_running: false,
@@ -203,6 +206,11 @@ impl Cp341 {
                 port.line_settings(&new.line_settings());
                 self.parts.ring.clear(capacity(self.model, new));
                 self.protocol = Protocol::of(new, port.lateness());
+                if std::mem::take(&mut self.reaction_owed)
+                    && let Protocol::Rk512(machine) = &mut self.protocol
+                {
+                    machine.succeeds(now);
+                }
                 self.parts.burst_gap = 4 * new.line_settings().char_time() + port.lateness();
                 self.parts.heard_once = !self.protocol.is_acknowledged();
                 // "When the module is switched on, all output signals are in OFF state"; a driver that uses them
@@ -230,6 +238,9 @@ impl Cp341 {
     fn drop_all(&mut self, now: Instant, port: &mut dyn CpPort) {
         if self.is_working() {
             self.drive(now, Protocol::ABORT, port);
+        }
+        if let Protocol::Rk512(machine) = &self.protocol {
+            self.reaction_owed = machine.is_owed_a_reaction();
         }
         self.protocol = Protocol::None;
         self.protocol_due = None;

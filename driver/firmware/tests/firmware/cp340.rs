@@ -40,7 +40,7 @@ impl CpPort for Port {
 #[test]
 fn wrong_parameters_of_a_cp_340_have_its_own_byte() {
     for (kind, byte) in [(CpKind::Cp340, 0x81), (CpKind::Cp341, 0x83)] {
-        let (mut cp, mut port) = (Cp341::of(kind), Port::default());
+        let (mut cp, mut port) = (Cp341::of(kind, 1), Port::default());
         assert_eq!(cp.kind(), kind);
         cp.enable_diagnostics(true);
         cp.step(Instant::START, CpInput::CpuRun(true), &mut port);

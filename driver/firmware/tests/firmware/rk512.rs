@@ -1,7 +1,7 @@
 //! RK 512 at the registers: orders of the CPU, their results, orders of the partner, answers (docs/cp240-registers.md,
 //! "RK 512").
 
-use ob1_firmware::{CpCounter, CpInput, LineFault, LineInput};
+use ob1_firmware::{Cp240, CpCounter, CpInput, LineFault, LineInput};
 
 use crate::common::{Bench, MS};
 
@@ -255,6 +255,39 @@ fn a_reset_drops_both_roles() {
     cp.log.tx.clear();
     cp.pass(10_000 * MS);
     assert!(cp.log.tx.is_empty() && cp.rx() == 0, "nothing of before comes back");
+}
+
+#[test]
+fn the_reaction_to_an_order_from_before_ends_no_order() {
+    let reset = || {
+        let mut cp = Bench::working(&RK512);
+        cp.hand_over_framed(OWN, &SEND);
+        cp.partner_takes(&[0, 0, b'A', b'D', 5, 1, 0, 2, 0xFF, 0xFF, 0x61, 0x62, 0x63, 0x64]);
+        cp.put_rx(0x8002);
+        cp.put_rx(0);
+        cp
+    };
+    let successor = || {
+        let mut cp = Bench::off();
+        cp.cp = Cp240::new(2);
+        cp.step(CpInput::Parameters(&RK512));
+        cp
+    };
+    for (before, what) in [(reset(), "a RESET"), (successor(), "another process")] {
+        let mut cp = before;
+        cp.synchronise();
+        cp.log.tx.clear();
+        cp.hand_over_framed(OWN, &SEND);
+        cp.pass(100 * MS);
+        assert!(cp.log.tx.is_empty(), "after {what} it waits for that reaction");
+        cp.partner_sends(&[0, 0, 0, 0]);
+        assert_eq!(cp.rx(), 0, "which ends nothing");
+        cp.line(LineInput::TxDone);
+        cp.log.tx = vec![0x02];
+        cp.partner_takes(&[0, 0, b'A', b'D', 5, 1, 0, 2, 0xFF, 0xFF, 0x61, 0x62, 0x63, 0x64]);
+        cp.partner_sends(&[0, 0, 0, 0]);
+        assert_eq!(cp.fetch_framed(OWN, 0), [0, 7, 0, 0]);
+    }
 }
 
 /// Any content of the registers and any input from the line: no panic, the counters balance, and after a reset the CP

@@ -252,6 +252,16 @@ impl<const N: usize> Rk512<N> {
         self.late = Some(Late { until: Some(now + self.config.late_wait), last });
     }
 
+    /// Whether a reaction to an order of this machine may still come.
+    pub fn is_owed_a_reaction(&self) -> bool {
+        self.late.is_some() || self.own.as_ref().is_some_and(|own| own.stage != Stage::ToSend || own.until.is_some())
+    }
+
+    /// The machine before this one, in a process that has died or before a RESET, may be owed a reaction.
+    pub fn succeeds(&mut self, now: Instant) {
+        self.expect_late(now, false);
+    }
+
     /// The telegram that the procedure below still wants to repeat has been answered.
     fn forget_own_telegram(&mut self) {
         if self.carries == super::Carries::Order {

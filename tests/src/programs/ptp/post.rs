@@ -105,6 +105,9 @@ impl Outbox {
         if end == End::Done && self.jobs[job].arrived == 0 {
             self.exchange(job);
         }
+        if matches!(end, End::Error(_)) && number == Some(Number::Refused) && self.jobs[job].arrived == 1 {
+            self.give_back(job);
+        }
         let job = &mut self.jobs[job];
         job.over = true;
         let block = job.block;
@@ -135,12 +138,30 @@ impl Outbox {
     fn exchange(&mut self, done: usize) {
         let Job { telegrams, began, .. } = &self.jobs[done];
         let is_same = |job: &Job| {
-            job.arrived == 1 && !job.over && job.last >= *began && job.telegrams.iter().any(|own| telegrams.contains(own))
+            job.arrived == 1
+                && !job.over
+                && job.last >= *began
+                && job.telegrams.iter().any(|own| telegrams.contains(own))
         };
         let Some(other) = self.jobs.iter().rposition(is_same) else { return };
         let last = std::mem::replace(&mut self.jobs[other].last, Instant::NEVER);
         self.jobs[other].arrived = 0;
         (self.jobs[done].arrived, self.jobs[done].last) = (1, last);
+    }
+
+    /// A job was refused, and the same bytes have arrived: they may be those of a job before it that ended with an error
+    /// when they were on the line already.
+    fn give_back(&mut self, refused: usize) {
+        let (before, from) = self.jobs.split_at_mut(refused);
+        let is_same = |job: &&mut Job| {
+            job.arrived == 0
+                && job.over
+                && job.spoilt
+                && job.telegrams.iter().any(|own| from[0].telegrams.contains(own))
+        };
+        if let Some(other) = before.iter_mut().rev().find(is_same) {
+            (other.arrived, from[0].arrived) = (1, 0);
+        }
     }
 
     /// Looks at the jobs that were DONE a while ago. `loses`: the line loses characters and nobody acknowledges

@@ -131,6 +131,14 @@ impl Procedure {
         self.queue.push_back(block);
     }
 
+    /// Does not repeat these blocks.
+    pub fn forget(&mut self, is_one: impl Fn(&[u8]) -> bool) {
+        if self.queue.front().is_some_and(|block| is_one(block)) {
+            self.blocks = 0;
+        }
+        self.queue.retain(|block| !is_one(block));
+    }
+
     /// How many wait to be sent.
     #[must_use]
     pub fn waiting(&self) -> usize {

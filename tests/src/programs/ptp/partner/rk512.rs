@@ -199,6 +199,8 @@ impl Rk512 {
 
     fn response(&mut self, code: u8, events: &mut Vec<Event>) {
         let Some(order) = self.orders.front_mut().filter(|order| order.asked.is_some()) else { return };
+        // The response shows that the block has arrived: only its acknowledgement was lost.
+        self.procedure.forget(|block| matches!(block, [_, 0, b'A', ..]));
         if code == 0 && order.sent < order.data.len() {
             order.asked = None;
             return;

@@ -156,6 +156,8 @@ impl Slave {
             events.push(Event::Disturbs(at + 2 * timeout));
         }
         if answer.is_empty() || mood == Mood::Mute {
+            // As with [`Mood::Deaf`].
+            self.answer = None;
             return;
         }
         let reads = matches!(request[1], 3 | 4) && !refused;
