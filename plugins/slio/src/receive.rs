@@ -84,9 +84,9 @@ impl ReceiveJob {
         usize::from(self.offset.unwrap_or(0)) + usize::from(self.length)
     }
 
-    /// One step: the CP's inputs (as many as the CP has, 8 to 60), byte 0 of the outputs as last written, and the job of
-    /// the other direction, whose answer stands in byte 0 of the inputs beside fragment 0: both can be 0, for as long as
-    /// the CP transmits.
+    /// One step: the CP's inputs (as many as the CP has, 8 to 60), byte 0 of the outputs as last written, and the job
+    /// of the other direction, whose answer stands in byte 0 of the inputs beside fragment 0: both can be 0, for as
+    /// long as the CP transmits.
     pub fn step(self, inputs: &[u8], output0: u8, send: SendJob) -> (Self, ReceiveStep) {
         if is_absent(inputs, output0) && !send.shows_0(inputs.len()) {
             return (self, ReceiveStep::Wait);
@@ -225,7 +225,10 @@ mod tests {
         let received = Some(Received { length: 40, return_value: 0 });
         assert_eq!(got, Take { from: 6, count: 40, at: 0, acknowledge: 0xA, received });
         assert_eq!(job.step(&[0x8A], 0xA8, SendJob::default()).1, ReceiveStep::Wait);
-        assert_eq!(job.step(&[0x88], 0xA8, SendJob::default()), (ReceiveJob::default(), ReceiveStep::Acknowledge(IDLE)));
+        assert_eq!(
+            job.step(&[0x88], 0xA8, SendJob::default()),
+            (ReceiveJob::default(), ReceiveStep::Acknowledge(IDLE))
+        );
     }
 
     #[test]

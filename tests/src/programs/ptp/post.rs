@@ -135,7 +135,10 @@ impl Outbox {
     fn exchange(&mut self, done: usize) {
         let Job { telegrams, began, .. } = &self.jobs[done];
         let is_same = |job: &Job| {
-            job.arrived == 1 && !job.over && job.last >= *began && job.telegrams.iter().any(|own| telegrams.contains(own))
+            job.arrived == 1
+                && !job.over
+                && job.last >= *began
+                && job.telegrams.iter().any(|own| telegrams.contains(own))
         };
         let Some(other) = self.jobs.iter().rposition(is_same) else { return };
         let last = std::mem::replace(&mut self.jobs[other].last, Instant::NEVER);
