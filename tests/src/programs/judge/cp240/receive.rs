@@ -79,7 +79,7 @@ pub(super) fn called(judge: &mut Bench240, call: &Call, cpu: &Cpu, partner: &Par
     }
     let found = telegrams.iter().rposition(|sent| sent.data == data && sent.begun <= now);
     let Some(found) = found else {
-        let noisy = now <= judge.seen.strict;
+        let noisy = now <= judge.seen.strict || is_spoilt(judge, data, partner);
         // Without a check character the rest of a telegram whose beginning was broken off cannot be told from a
         // telegram: with 3964 any STX in it begins one. And each further STX that crosses a late DLE is data.
         let double = facts.protocol == Protocol::P3964
@@ -87,11 +87,13 @@ pub(super) fn called(judge: &mut Bench240, call: &Call, cpu: &Cpu, partner: &Par
                 data.strip_suffix(&sent.data[..])
                     .is_some_and(|stx| !stx.is_empty() && stx.iter().all(|byte| *byte == 2))
             });
-        let torn = facts.protocol != Protocol::P3964R
-            && telegrams.iter().any(|sent| {
-                let end = sent.acknowledged.unwrap_or(now);
-                sent.data.windows(len.max(1)).any(|part| part == data) && judge.seen.broken(sent.begun, end)
-            });
+        // Nor with 3964R where the check character of the rest happens to be that of the whole. [S0 L1637, L1647]
+        let torn = telegrams.iter().any(|sent| {
+            let end = sent.acknowledged.unwrap_or(now);
+            sent.data.windows(len.max(1)).any(|part| part == data)
+                && judge.seen.broken(sent.begun, end)
+                && is_check_equal(partner, data, &sent.data)
+        });
         if !noisy && !torn && !double {
             let text = format!("{len} bytes that the partner did not send: {:02X?} [S0 L981]", &data[..len.min(24)]);
             verdict.broken("fc1-whole", now, text);
@@ -106,6 +108,22 @@ pub(super) fn called(judge: &mut Bench240, call: &Call, cpu: &Cpu, partner: &Par
         verdict.broken("fc1-order", now, format!("telegram {found} came after a later one"));
     }
     reception.last = reception.last.max(Some(found));
+}
+
+/// A telegram came on the bad line and was read later. "An XOR function over the entire data" [S0 L1647] does not see
+/// 00h that a bad line has doubled, or two equal characters: the CP acknowledges what is left.
+fn is_spoilt(judge: &Bench240, data: &[u8], partner: &Partner240) -> bool {
+    let from = judge.reception.last.unwrap_or(0);
+    let mut telegrams = sent(partner).iter().skip(from);
+    telegrams.any(|sent| sent.begun <= judge.seen.strict && is_check_equal(partner, data, &sent.data))
+}
+
+/// The receiver cannot tell these apart by their check characters.
+fn is_check_equal(partner: &Partner240, one: &[u8], other: &[u8]) -> bool {
+    match partner {
+        Partner240::Procedure(line, _) if line.checked => line.block(one).last() == line.block(other).last(),
+        _ => true,
+    }
 }
 
 /// The run ends: what the CP has acknowledged was given to the program, if it was called often enough since then.

@@ -2,7 +2,7 @@
 
 use ob1_time::{Instant, Span};
 
-use super::{Bench240, Patience, RECOVERY, line_time};
+use super::{Bench240, Patience, RECOVERY, SELDOM, line_time};
 use crate::programs::cp240::{Partner240, Protocol};
 use crate::programs::judge::Verdict;
 use crate::programs::partner::{Manners, Taken, number, telegram};
@@ -28,6 +28,10 @@ pub(super) struct Job {
     /// Number of the telegram that the program has given last.
     number: u32,
     order: Option<Order>,
+    /// The longest ANZ, and the longest time between two calls.
+    longest: u32,
+    gap: Span,
+    called: Option<Instant>,
     /// Orders that have ended, for the rule that nothing is taken twice.
     past: Vec<(u32, Instant)>,
 }
@@ -83,6 +87,9 @@ pub(super) fn called(
 ) {
     let (before, after) = (&call.before, &call.after);
     let now = call.at;
+    let job = &mut judge.senders[index];
+    let last = job.called.replace(now).unwrap_or(now);
+    job.gap = job.gap.max((now - last).min(SELDOM));
     if before[FRG] == 0 {
         vanished(judge, index, now, before[FEHLER_KOM] == 1, partner, verdict);
         if before != after {
@@ -94,6 +101,8 @@ pub(super) fn called(
     let (_, bytes) = judge.facts.senders[index].blocks[which.min(judge.facts.senders[index].blocks.len() - 1)];
     let anz = after[LENGTH];
     let expected = pafe(bytes, if before[ABD] > 0 { before[ABD] } else { judge.facts.senders[index].abd }, anz);
+    judge.senders[index].longest = judge.senders[index].longest.max(anz);
+    let others = others(judge, index, now, partner);
     let number = judge.senders[index].number;
     let new = judge.senders[index].order.is_none();
     if new {
@@ -130,15 +139,9 @@ pub(super) fn called(
     }
     if after[FRG] == 1 {
         let good = order.given > judge.seen.strict && is_good(partner);
-        let calls = u64::from(order.most) / 12 * 4 + 16;
+        let calls = calls(order.most);
         let line = line_time(&judge.facts, u64::from(order.most), partner, order.given, good);
         let unheard = judge.seen.unheard;
-        // Others send, too: each waits for its turn, also while the partner stops the telegram of another with XOFF.
-        let others = match partner {
-            _ if judge.facts.senders.len() < 2 => Span::ZERO,
-            Partner240::Stream(..) => OTHERS.max(line_time(&judge.facts, LONGEST, partner, order.given, good)),
-            _ => OTHERS,
-        };
         if !unheard
             && order.patience.is_over(line + others + judge.seen.given_up(order.given, now), calls)
             && !order.late
@@ -153,6 +156,28 @@ pub(super) fn called(
     if let Some(order) = judge.senders[index].order.take() {
         ended(judge, index, &order, now, after[FEHLER_KOM] == 1, partner, verdict);
     }
+}
+
+/// Calls in which a telegram is in the CP: 12 bytes each [S0 L1866], with the words of the handshake.
+fn calls(bytes: u32) -> u64 {
+    u64::from(bytes) / 12 * 4 + 16
+}
+
+/// Others send, too: each waits for its turn, also while the partner stops the telegram of another with XOFF, and while
+/// one that is called seldom hands its telegram over, 12 bytes in a call [S0 L1866].
+fn others(judge: &Bench240, index: usize, now: Instant, partner: &Partner240) -> Span {
+    let facts = &judge.facts;
+    if facts.senders.len() < 2 {
+        return Span::ZERO;
+    }
+    let given = judge.senders[index].order.as_ref().map_or(now, |order| order.given);
+    let good = given > judge.seen.strict && is_good(partner);
+    let line = |bytes: u64| line_time(facts, bytes, partner, given, good);
+    let turn = |job: &Job| line(u64::from(job.longest)) + job.gap * calls(job.longest);
+    let before = judge.senders.iter().enumerate().filter(|(at, job)| *at != index && job.longest > 0);
+    let turns = before.fold(Span::ZERO, |sum, (_, job)| sum + turn(job));
+    let least = if matches!(partner, Partner240::Stream(..)) { OTHERS.max(line(LONGEST)) } else { OTHERS };
+    least.max(turns)
 }
 
 fn first_site(judge: &Bench240, index: usize) -> usize {
@@ -233,7 +258,7 @@ fn ended(
         verdict.done();
         if order.anz > 1024 {
             verdict.broken("fc0-false-done", now, format!("{label}: the send buffer has 1024 bytes [S0 L1823]"));
-        } else if order.anz > 0 && exact && !whole {
+        } else if order.anz > 0 && exact && !whole && (calm || !is_taken_for(judge, order, partner)) {
             verdict.broken("fc0-false-done", now, format!("{label}: done, but it did not arrive whole [S0 L960]"));
         }
     }
@@ -249,6 +274,15 @@ fn ended(
 fn is_crossed(partner: &Partner240, order: &Order) -> bool {
     let Partner240::Procedure(line, _) = partner else { return false };
     line.gave_up.is_some_and(|at| at.saturating_add(RECOVERY) > order.given)
+}
+
+/// On a bad line that was late, the partner has acknowledged an order before this one only now, and no DLE says which
+/// telegram it means: the CP waits for "a character other than DLE" [S0 L1633].
+fn is_taken_for(judge: &Bench240, order: &Order, partner: &Partner240) -> bool {
+    let Partner240::Procedure(line, _) = partner else { return false };
+    let is_before = |of: u32| judge.senders.iter().flat_map(|job| &job.past).any(|(number, _)| *number == of);
+    let late = line.took.iter().filter(|taken| taken.at >= order.given);
+    late.filter_map(|taken| number(&taken.data)).any(|of| of != order.number && is_before(of))
 }
 
 /// The partner does what it should.

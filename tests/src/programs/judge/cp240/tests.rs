@@ -262,6 +262,28 @@ fn anz_is_changed_while_a_long_telegram_runs() {
     run(300).sees_only("fc0-live");
 }
 
+/// The other FC 0 is called every 46 ms: 40 calls for its 477 bytes come first, but not more than that.
+#[test]
+fn fc0_waits_for_one_that_is_called_seldom() {
+    let run = |turns: u32| {
+        let mut rig = Rig::new(Protocol::P3964R);
+        rig.judge.facts.senders.push(Sender { blocks: vec![(10, 477)], abd: 0, next: 244 });
+        rig.judge.facts.roles[5] = Role::Send(1);
+        rig.sites[5] = site(&SEND);
+        rig.judge.senders.push(send::Job::default());
+        rig.send();
+        for _ in 0..turns {
+            let values = [(send::FRG, 1), (send::LENGTH, 477)];
+            rig.call(5, &values, &values);
+            (1..23).for_each(|_| rig.fc0(1, 0));
+        }
+        rig
+    };
+    run(45).sees_nothing();
+    let seen = run(400).verdict;
+    assert!(seen.findings.iter().any(|finding| finding.text.contains("12 bytes")), "{:?}", seen.findings);
+}
+
 /// Each pause in which it is not called does not count, but the calls do.
 #[test]
 fn fc0_that_is_not_called_may_wait() {
@@ -302,6 +324,28 @@ fn a_bad_line_has_taken_two_equal_characters() {
     run(whole[2..].to_vec(), false).sees_nothing();
     run(whole[1..].to_vec(), false).sees_only("fc0-false-done");
     run(whole[2..].to_vec(), true).sees_only("fc0-false-done");
+}
+
+/// Its DLE comes so late that the order after it has it.
+#[test]
+fn a_late_line_has_acknowledged_the_order_before() {
+    let run = |late: bool, calm: bool| {
+        let mut rig = Rig::new(Protocol::P3964R);
+        rig.judge.seen.strict = if calm { Instant::START } else { Instant::NEVER };
+        rig.send();
+        rig.fc0(0, 1);
+        rig.verdict.findings.clear();
+        rig.scan(&[(0, Vec::new(), vec![u32::from_be_bytes(letters(FIRST + 1)), 0])]);
+        rig.fc0(1, 0);
+        if late {
+            rig.takes(expected());
+        }
+        rig.fc0(0, 0);
+        rig
+    };
+    run(true, false).sees_nothing();
+    run(false, false).sees_only("fc0-false-done");
+    run(true, true).sees("fc0-false-done");
 }
 
 /// FC 9 has cleared FRG together with the control bits: for the program the order is done.
@@ -375,6 +419,38 @@ fn fc1_gives_something_else() {
     rig.sends(b"AAAAwhole");
     rig.gives(b"AAAAwhol");
     rig.sees_only("fc1-whole");
+}
+
+/// The check character is the same with 00h twice. The program reads it when the line has long been good.
+#[test]
+fn a_bad_line_has_doubled_a_character_that_the_check_does_not_see() {
+    let run = |data: &[u8], calm: bool| {
+        let mut rig = Rig::new(Protocol::P3964R);
+        rig.sends(b"AAAA\0whole");
+        rig.judge.seen.strict = if calm { Instant::START } else { rig.now };
+        rig.gives(data);
+        rig
+    };
+    run(b"AAAA\0\0whole", false).sees_nothing();
+    run(b"AAAA\0\0whole", true).sees_only("fc1-whole");
+    run(b"AAAA\0wholee", false).sees_only("fc1-whole");
+}
+
+/// A STX in it begins a telegram for a CP that was reset meanwhile.
+#[test]
+fn the_rest_of_a_telegram_has_the_check_character_of_the_whole() {
+    let run = |data: &[u8], reset: bool| {
+        let mut rig = Rig::new(Protocol::P3964R);
+        if reset {
+            rig.call(4, &[(modem::RESET, 1)], &[(modem::RESET, 1)]);
+        }
+        rig.sends(b"AAAA\x02\x02rest");
+        rig.gives(data);
+        rig
+    };
+    run(b"rest", true).sees_nothing();
+    run(b"rest", false).sees_only("fc1-whole");
+    run(b"est", true).sees_only("fc1-whole");
 }
 
 #[test]
