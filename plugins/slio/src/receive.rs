@@ -84,9 +84,9 @@ impl ReceiveJob {
         usize::from(self.offset.unwrap_or(0)) + usize::from(self.length)
     }
 
-    /// One step: the CP's inputs (as many as the CP has, 8 to 60), byte 0 of the outputs as last written, and the job of
-    /// the other direction, whose answer stands in byte 0 of the inputs beside fragment 0: both can be 0, for as long as
-    /// the CP transmits.
+    /// One step: the CP's inputs (as many as the CP has, 8 to 60), byte 0 of the outputs as last written, and the job
+    /// of the other direction, whose answer stands in byte 0 of the inputs beside fragment 0: both can be 0, for as
+    /// long as the CP transmits.
     pub fn step(self, inputs: &[u8], output0: u8, send: SendJob) -> (Self, ReceiveStep) {
         if is_absent(inputs, output0) && !send.shows_0(inputs.len()) {
             return (self, ReceiveStep::Wait);

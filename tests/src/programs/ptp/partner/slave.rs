@@ -119,8 +119,8 @@ impl Slave {
         let heard = std::mem::take(&mut self.heard);
         let at = self.last;
         let Some(request) = unframed(self.settings.frame, &heard) else {
-            // The master asks for something else meanwhile (R, a kill), and the line has spoilt it: as with [`Mood::Deaf`]
-            // it would take the answer to the request before for that to this one. RTU has no number of a request.
+            // The master asks for something else meanwhile (R, a kill), and the line has spoilt it: as with `Deaf` it
+            // would take the answer to the request before for that to this one. RTU does not number requests.
             self.answer = None;
             return;
         };
