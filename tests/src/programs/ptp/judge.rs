@@ -7,7 +7,7 @@ use ob1_time::{Instant, Span};
 
 use super::numbers::{Number, Protocol};
 use super::partner::{self, Event, Ptp};
-use super::post::{Inbox, Outbox};
+use super::post::{CHARACTER, Inbox, Outbox};
 use super::receiver::{ReceiveCall, Receiver, Report};
 use super::rule::{Findings as _, Rule};
 use super::sender::{End, SendCall, Sender, Turn};
@@ -159,22 +159,30 @@ impl PtpJudge {
     }
 
     fn ledger(&mut self, now: Instant, partner: &mut Ptp, verdict: &mut Verdict) {
-        // The rest of a telegram that a kill or a reset has cut off spoils the next for a partner without check.
-        let lenient = self.setup.rates != FaultRates::NONE || now < self.torn;
+        // The rest of a telegram that a kill or a reset has cut off spoils the next for a partner without check, and so
+        // on, as long as no silence ends it: what counts is when its first character came.
+        let (rates, torn) = (self.setup.rates != FaultRates::NONE, self.torn);
+        let began = |at: Instant, telegram: &[u8]| at.saturating_sub(CHARACTER * telegram.len() as u64);
+        let is_torn = |at: Instant, telegram: &[u8]| now < torn || began(at, telegram) < torn;
         for event in std::mem::take(&mut partner.events) {
             match event {
                 Event::Got { at, telegram, answered } => {
+                    let lenient = rates || is_torn(at, &telegram);
                     self.outbox.arrived(at, &telegram, answered, lenient, verdict);
                 }
                 Event::Said { at, telegram, owed } => {
-                    let owed = owed && !lenient && now >= self.setup.calm && at > self.down;
-                    self.inbox.said(at, &telegram, owed);
+                    let broken = is_torn(at, &telegram);
+                    // What begins right after a fault belongs to the telegram that is lost.
+                    let good = !rates && now >= self.setup.calm && began(at, &telegram) > self.down;
+                    self.inbox.said(at, &telegram, owed && good && !broken, broken);
                     // A CP of low priority gives way to each telegram of the partner.
                     if self.setup.protocol.is_acknowledged() {
                         self.senders.iter_mut().for_each(|sender| sender.delayed());
                     }
                 }
-                Event::Owed { telegram } if !lenient && now >= self.setup.calm => self.inbox.owed(now, &telegram),
+                Event::Owed { telegram } if !rates && now >= self.setup.calm.max(torn) => {
+                    self.inbox.owed(now, &telegram);
+                }
                 Event::Owed { .. } => {}
                 Event::Disturbs(until) => self.disturbed(until),
                 // A CP that has just started does not know of the XOFF before.

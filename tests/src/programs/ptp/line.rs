@@ -172,7 +172,7 @@ fn modbus(cp: Cp, random: &mut Random, baud: u64, each: Span, moods: Moods) -> L
     let speaks = Speaks::Modbus(slave::Slave::new(settings, random.bits()));
     let mut partner = Ptp::new(speaks, moods);
     if echoes {
-        partner.echoes = true;
+        partner.echoes = Some(each);
         partner.is_absent = random.once_in(2);
     }
     let slowest = Span::from_millis(3 * timeout + 1500);

@@ -36,7 +36,7 @@ pub struct Outbox {
 }
 
 /// A character of the slowest line is shorter.
-const CHARACTER: Span = Span::from_millis(3);
+pub const CHARACTER: Span = Span::from_millis(3);
 
 /// Longest silence after which a partner knows that a telegram has ended.
 const ENDS: Span = Span::from_millis(400);
@@ -209,9 +209,9 @@ pub struct Inbox {
 
 impl Inbox {
     /// The partner has sent a telegram whole; `owed`: the CP has acknowledged it, or there is nothing to acknowledge
-    /// and the line was good.
-    pub fn said(&mut self, at: Instant, telegram: &[u8], owed: bool) {
-        self.letters.push(Letter { at, telegram: telegram.to_vec(), copies: 1, taken: 0, owed, broken: false });
+    /// and the line was good; `broken`: a kill or a reset may have cut off its beginning.
+    pub fn said(&mut self, at: Instant, telegram: &[u8], owed: bool, broken: bool) {
+        self.letters.push(Letter { at, telegram: telegram.to_vec(), copies: 1, taken: 0, owed, broken });
     }
 
     /// The CP has acknowledged this telegram.
@@ -249,7 +249,8 @@ impl Inbox {
         let place = place.or_else(|| self.letters.iter().position(same));
         let found = place.map(|place| (place, &mut self.letters[place]));
         let Some((place, letter)) = found else {
-            if lenient {
+            // The rest of one that was cut off, however many calls it took.
+            if lenient || self.letters.iter().any(|letter| letter.broken && letter.telegram.ends_with(telegram)) {
                 return;
             }
             let head = &telegram[..telegram.len().min(12)];

@@ -340,6 +340,17 @@ fn what_is_true_of_jobs() {
         });
         breaks(&verdict, Rule::RefusedIsNotSent);
     }
+    // The same bytes of a job that was broken off: they were on the line already.
+    for other in [telegram(), Some(b"cd".to_vec())] {
+        let verdict = outbox(|outbox, verdict| {
+            let job = outbox.began(at(1), "FB 8", other.clone());
+            outbox.ended(at(2), job, End::Error(0x0501), Some(Number::Open), verdict);
+            let job = outbox.began(at(2), "FB 8", telegram());
+            outbox.arrived(at(3), b"ab", true, false, verdict);
+            outbox.ended(at(4), job, End::Error(0x0522), Some(Number::Refused), verdict);
+        });
+        assert_eq!(verdict.has(Rule::RefusedIsNotSent.name()), other != telegram());
+    }
     let later = outbox(|outbox, verdict| {
         let job = outbox.began(at(1), "FB 8", telegram());
         outbox.ended(at(3), job, End::Error(0x050E), Some(Number::Refused), verdict);
@@ -358,35 +369,43 @@ fn inbox(run: impl FnOnce(&mut Inbox, &mut Verdict)) -> Verdict {
 #[test]
 fn what_is_true_of_receptions() {
     holds(&inbox(|inbox, verdict| {
-        inbox.said(at(1), b"ab", true);
-        inbox.said(at(2), b"cd", true);
+        inbox.said(at(1), b"ab", true, false);
+        inbox.said(at(2), b"cd", true, false);
         inbox.taken(at(3), "FB 7", b"ab", false, verdict);
         inbox.taken(at(4), "FB 7", b"cd", false, verdict);
     }));
     let changed = inbox(|inbox, verdict| {
-        inbox.said(at(1), b"ab", false);
+        inbox.said(at(1), b"ab", false, false);
         inbox.taken(at(3), "FB 7", b"a", false, verdict);
     });
     breaks(&changed, Rule::NdrWhole);
+    // A kill or a reset has cut off its beginning; its end comes whole.
+    for (broken, taken, holds) in [(true, &b"b"[..], true), (true, b"a", false), (false, b"b", false)] {
+        let verdict = inbox(|inbox, verdict| {
+            inbox.said(at(1), b"ab", false, broken);
+            inbox.taken(at(3), "FB 7", taken, false, verdict);
+        });
+        assert_eq!(verdict.has(Rule::NdrWhole.name()), !holds, "{broken} {taken:?}");
+    }
     let twice = inbox(|inbox, verdict| {
-        inbox.said(at(1), b"ab", true);
+        inbox.said(at(1), b"ab", true, false);
         inbox.taken(at(3), "FB 7", b"ab", false, verdict);
         inbox.taken(at(4), "FB 7", b"ab", false, verdict);
     });
     breaks(&twice, Rule::TakenOnce);
     let order = inbox(|inbox, verdict| {
-        inbox.said(at(1), b"ab", true);
-        inbox.said(at(2), b"cd", true);
+        inbox.said(at(1), b"ab", true, false);
+        inbox.said(at(2), b"cd", true, false);
         inbox.taken(at(3), "FB 7", b"cd", false, verdict);
         inbox.taken(at(4), "FB 7", b"ab", false, verdict);
     });
     breaks(&order, Rule::InOrder);
-    breaks(&inbox(|inbox, _| inbox.said(at(1), b"ab", true)), Rule::Delivered);
+    breaks(&inbox(|inbox, _| inbox.said(at(1), b"ab", true, false)), Rule::Delivered);
     // The one before it took until then, or not so long; or one behind it has overtaken it.
     let second = |taken: u64, first: &'static [u8]| {
         inbox(|inbox, verdict| {
-            inbox.said(at(1), b"ab", first == b"cd");
-            inbox.said(at(2), b"cd", first == b"ab");
+            inbox.said(at(1), b"ab", first == b"cd", false);
+            inbox.said(at(2), b"cd", first == b"ab", false);
             inbox.taken(at(taken), "FB 7", first, false, verdict);
         })
     };

@@ -90,8 +90,10 @@ pub struct Ptp {
     pub moods: Moods,
     /// What happened since the judge has looked.
     pub events: Vec<Event>,
-    /// The two wires give the CP its own characters back.
-    pub echoes: bool,
+    /// The two wires give the CP its own characters back; how long a character takes on them.
+    pub echoes: Option<Span>,
+    /// Until then its own characters are on the two wires: what the CP sends meanwhile collides, and nobody can read it.
+    busy: Instant,
     /// Nobody else is on the line.
     pub is_absent: bool,
     /// It may say XOFF.
@@ -102,18 +104,27 @@ impl Ptp {
     /// A good partner.
     #[must_use]
     pub fn new(speaks: Speaks, moods: Moods) -> Self {
-        Self { speaks, moods, events: Vec::new(), echoes: false, is_absent: false, can_stop: false }
+        Self {
+            speaks,
+            moods,
+            events: Vec::new(),
+            echoes: None,
+            busy: Instant::START,
+            is_absent: false,
+            can_stop: false,
+        }
     }
 }
 
 impl Device for Ptp {
     fn hear(&mut self, now: Instant, bytes: &[u8], out: &mut Vec<u8>) -> Option<Instant> {
-        if self.echoes {
+        if self.echoes.is_some() && now >= self.busy {
             out.extend(bytes);
         }
         if self.is_absent {
             return None;
         }
+        let echo = out.len();
         let Self { moods, events, .. } = self;
         let next = match &mut self.speaks {
             Speaks::Procedure(partner) => partner.hear(now, bytes, moods, out, events),
@@ -121,6 +132,9 @@ impl Device for Ptp {
             Speaks::Characters(partner) => partner.hear(now, bytes, out, events),
             Speaks::Modbus(partner) => partner.hear(now, bytes, moods, out, events),
         };
+        if let Some(each) = self.echoes.filter(|_| out.len() > echo) {
+            self.busy = self.busy.max(now) + leaving(out.len() - echo, each);
+        }
         (next < Instant::NEVER).then_some(next)
     }
 }
