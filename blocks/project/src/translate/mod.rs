@@ -75,6 +75,10 @@ pub fn translate(folder: &Folder, wanted: &Wanted<'_>) -> Translation {
         // With their interfaces the calls of the stand-ins fold.
         draft.decode();
     }
+    if draft.reserve() {
+        // The copies that a block makes of its parameters lie behind what is declared.
+        draft.decode();
+    }
     draft.write_statements();
     draft.finish()
 }

@@ -57,6 +57,24 @@ impl Draft<'_> {
         self.interfaces = interfaces;
     }
 
+    /// Declares the local data of the heads of blocks whose statements need less. True when there is any.
+    pub(super) fn reserve(&mut self) -> bool {
+        let mut any = false;
+        for (id, decoded) in &self.decoded {
+            let (Some(block), Some(declared)) = (self.folder.blocks.get(id), self.declared.get_mut(id)) else {
+                continue;
+            };
+            // A protected block has its machine code beside it, whose head says it.
+            if block.know_how || decoded.block.interface.temp_bytes >= u32::from(block.local_bytes) {
+                continue;
+            }
+            let declared_bytes = decoded.block.interface.declared_temps().next_multiple_of(2);
+            declared.reserve(u32::from(block.local_bytes) - declared_bytes);
+            any = true;
+        }
+        any
+    }
+
     /// Called blocks that are missing are replaced by one that does nothing. True when there are any.
     pub(super) fn stand_in(&mut self) -> bool {
         let missing = stand_in::missing(&self.decoded, &self.library, &|id| self.decoded.contains_key(&id));
