@@ -49,18 +49,18 @@ fn source(translation: &Translation, name: &str) -> String {
 /// there is.
 #[test]
 fn a_block_has_the_local_data_of_its_head() {
-    // L 5; T LW 30; BE.
+    // L 5; T LD 30; BE.
     let code = [0x30, 0x03, 0x00, 0x05, 0x7E, 0x67, 0x00, 0x1E, 0x65, 0x00];
     let temp = "\nVAR_TEMP\n  x : WORD ;\t//one\nEND_VAR\n";
     let blocks = vec![
         Block { local_bytes: 40, ..function(1, temp, &[0x04, 0x05], &code) },
         Block { local_bytes: 60, ..function(2, "", &[], &code) },
-        Block { local_bytes: 32, ..function(3, temp, &[0x04, 0x05], &code) },
+        Block { local_bytes: 34, ..function(3, temp, &[0x04, 0x05], &code) },
         Block { local_bytes: 0, ..function(4, temp, &[0x04, 0x05], &code) },
     ];
     let (_, translation) = translated(blocks);
     let bytes: Vec<u32> = translation.program.blocks.iter().map(|block| block.interface.temp_bytes).collect();
-    assert_eq!((bytes, translation.printed), (vec![40, 60, 32, 32], 4), "{:?}", translation.notes);
+    assert_eq!((bytes, translation.printed), (vec![40, 60, 34, 34], 4), "{:?}", translation.notes);
     let text = source(&translation, "FC_1.awl");
     let wanted = "VAR_TEMP\n  x : WORD ;\t//one\n  COMPILER_TEMP : ARRAY [1 .. 38] OF BYTE ;\nEND_VAR\n";
     assert!(text.contains(wanted), "{text}");
