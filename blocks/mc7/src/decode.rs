@@ -430,6 +430,8 @@ impl Lowering<'_, '_, '_> {
         }
         let mut interface = self.block.interface.clone();
         let declared = interface.declared_temps().next_multiple_of(2);
+        // Pointers made at run time reach what no statement names.
+        let declared = declared.max(self.block.local_bytes.next_multiple_of(2));
         let own = declared.max(CodeBlock::local_bytes(&code));
         let end = place_copies(&mut code, own);
         if end > own && end > BitAddr::MAX_BYTE {

@@ -83,6 +83,7 @@ fn check(block: &Block, known: &Known, figures: &mut Figures) -> Result<(), Stri
         code,
         segments: &segments,
         multi_instance: !block.code_version1,
+        local_bytes: 0,
     };
     let decoded = decode(&machine(&block.code), &callees).map_err(|e| e.to_string())?;
     figures.blocks += 1;

@@ -40,6 +40,12 @@ impl BlockKind {
         matches!(self, BlockKind::Fb | BlockKind::Sfb)
     }
 
+    /// True for blocks of the CPU itself, which no program has.
+    #[must_use]
+    pub const fn is_system(self) -> bool {
+        matches!(self, BlockKind::Sfb | BlockKind::Sfc)
+    }
+
     /// The kind of a repr value, as it comes over a plugin's table.
     #[must_use]
     pub const fn from_repr(value: u8) -> Option<Self> {

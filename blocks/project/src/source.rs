@@ -42,8 +42,7 @@ impl Declarations {
 const RESERVED: &str = "COMPILER_TEMP";
 
 impl Declarations {
-    /// Adds `bytes` of local data behind the declared ones, as a variable that no statement names: a compiler has made
-    /// variables of its own, or calls need them.
+    /// Adds `bytes` of local data behind the declared ones, as a variable: those that a compiler has made itself.
     pub(crate) fn reserve(&mut self, bytes: u32) {
         let mut name = RESERVED.to_owned();
         while self.text.to_ascii_uppercase().contains(&name) {

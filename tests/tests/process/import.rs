@@ -135,7 +135,7 @@ fn the_example_runs() {
     let said = site.ob1(&["import", &example, "--out", &out.display().to_string(), "--json"]).fine();
     let json: Value = serde_json::from_str(&said).expect("JSON");
     let keys: Vec<&String> = json.as_object().expect("an object").keys().collect();
-    assert_eq!(keys, ["blocks", "decoded", "files", "left_out", "program", "programs"]);
+    assert_eq!(keys, ["blocks", "decoded", "errors", "files", "left_out", "program", "programs"]);
     assert_eq!((&json["blocks"], &json["decoded"]), (&Value::from(4), &Value::from(4)));
     assert_eq!(json["program"], "Conveyor/CPU 315-2 DP/S7 Program(1)");
     assert_eq!(json["left_out"], Value::Array(Vec::new()));
@@ -389,31 +389,43 @@ fn an_instance_that_is_too_short_gets_the_start_values_of_the_rest() {
     site.ob1(&["check", &format!("{out}/station.toml")]).fine();
 }
 
-#[test]
-fn handling_blocks_are_replaced_by_ours() {
-    let site = Site::new();
-    let mut project = step7::example();
-    let ours = ob1_std::standard_block("CP341:FB8").expect("P_SND_RK");
-    let compiled = CompiledInterface::of(12, &ours.interface, &BTreeMap::new(), &|_| None).expect("short");
-    let like = |number, name: &str, interface: Vec<u8>| Block {
+/// A function block of this number and name.
+fn named(number: u16, name: &str, interface: Vec<u8>) -> Block {
+    Block {
         id: BlockId::new(BlockKind::Fb, number),
         head: Head { name: name.into(), ..Head::default() },
         interface,
         ..function(number, &[0x65, 0])
-    };
-    project.blocks.push(like(12, "P_SND_RK", compiled.bytes().expect("short")));
-    // A block with the same name but other parameters belongs to the user.
-    project.blocks.push(like(13, "P_SND_RK", vec![1, 13, 0, 2, 0, 0, 0, 0x05, 0x01, 0]));
+    }
+}
+
+/// A project with P_SND_RK as FB 12 and a CP 341 at address 304.
+fn with_a_cp341() -> NewProject {
+    let mut project = step7::example();
+    let ours = ob1_std::standard_block("CP341:FB8").expect("P_SND_RK");
+    let compiled = CompiledInterface::of(12, &ours.interface, &BTreeMap::new(), &|_| None).expect("short");
+    project.blocks.push(named(12, "P_SND_RK", compiled.bytes().expect("short")));
     let mut cp = project.modules[0].clone();
     (cp.name, cp.place) = ("CP 341-RS232C".into(), (0, 7, 0));
     cp.inputs = vec![Area { first: 304, bytes: 16 }];
     project.modules.push(cp);
+    project
+}
+
+#[test]
+fn handling_blocks_are_replaced_by_ours() {
+    let site = Site::new();
+    let mut project = with_a_cp341();
+    // A block with the same name but other parameters belongs to the user.
+    project.blocks.push(named(13, "P_SND_RK", vec![1, 13, 0, 2, 0, 0, 0, 0x05, 0x01, 0]));
+    // So does one that has the number of another block of the plugin.
+    project.blocks.push(function(5, &[0x65, 0]));
     let out = site.path("station").display().to_string();
     site.ob1(&["import", &self::project(&site, &project.files()), "--out", &out]).fine();
     let station = text(&site.path("station/station.toml"));
     for wanted in [
         "\"FB 12\" = \"CP341:FB8\"",
-        "path = \"ob1_cp341\"\nblocks = { \"FB 8\" = \"FB 12\" }",
+        "path = \"ob1_cp341\"\nblocks = { \"FB 8\" = \"FB 12\", \"FB 13\" = \"FB 1000\", \"FC 5\" = \"FC 1000\" }",
         "type = \"cp341\"",
         "address = 304",
     ] {
@@ -425,6 +437,31 @@ fn handling_blocks_are_replaced_by_ours() {
         report.contains("FB 12: it is the handling block P_SND_RK") && report.contains("has other parameters"),
         "{report}"
     );
+    assert!(report.contains("ob1_cp341: the plugin's FB 13 P_PRT341 is FB 1000 here"), "{report}");
+    site.ob1(&["run", &format!("{out}/station.toml"), "--scans", "5", "--quiet"]).fine();
+}
+
+/// What is written is checked: a station that does not start is told.
+#[test]
+fn a_station_that_does_not_start_is_told() {
+    let site = Site::new();
+    let mut project = with_a_cp341();
+    let mut second = project.modules.last().expect("a CP").clone();
+    second.place = (0, 8, 0);
+    project.modules.push(second);
+    let out = site.path("station").display().to_string();
+    let said = site.ob1(&["import", &self::project(&site, &project.files()), "--out", &out]);
+    assert_eq!(said.code, Some(1), "{}{}", said.out, said.err);
+    assert!(
+        said.out.contains("does not start yet") && said.out.contains("belongs to cp341-0-7 already"),
+        "{}",
+        said.out
+    );
+    let report = text(&site.path("station/report.txt"));
+    assert!(report.contains("does not start yet") && report.contains("belongs to cp341-0-7"), "{report}");
+    let said = site.ob1(&["import", &self::project(&site, &project.files()), "--out", &out, "--overwrite", "--json"]);
+    let json: Value = serde_json::from_str(&said.out).expect("JSON");
+    assert_eq!(json["errors"][0]["level"], "error");
 }
 
 #[test]

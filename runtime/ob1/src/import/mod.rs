@@ -35,7 +35,7 @@ pub use upload::{CompareArgs, UploadArgs, compare, upload};
 #[command(
     after_help = "Examples:\n  ob1 import plant.zip --list\n  ob1 import plant/ --program \"CPU 315-2 DP\" --out press\n  ob1 run press/station.toml\n  \
     ob1 import plant/ --listing FC5\n\n\
-    Exit codes: 0 the whole program was imported, 1 blocks were left out,\n2 nothing could be read or written.\n\nMore: docs/import.md."
+    Exit codes: 0 the whole program was imported, 1 blocks were left out or the\nstation does not start yet, 2 nothing could be read or written.\n\nMore: docs/import.md."
 )]
 pub struct ImportArgs {
     /// The project: its folder, its .s7p or .s7l, or a .zip of it
@@ -58,7 +58,7 @@ pub struct ImportArgs {
     /// Print a block or a UDT as STL, write nothing
     #[arg(long, value_name = "BLOCK", conflicts_with = "out")]
     pub listing: Option<String>,
-    /// Print the outcome as JSON: programs, program, blocks, decoded, left_out, files
+    /// Print the outcome as JSON: programs, program, blocks, decoded, left_out, files, errors
     #[arg(long)]
     pub json: bool,
 }
@@ -78,7 +78,7 @@ pub fn import(args: &ImportArgs) -> ImportExit {
         Ok(exit) => exit,
         Err(text) => {
             if args.json {
-                say!("{}", outcome(&[], None, &Translation::default(), &[]));
+                say!("{}", outcome(&[], None, &Translation::default(), None));
             }
             err!("ob1: {text}");
             ImportExit::Nothing
@@ -131,17 +131,23 @@ fn run(args: &ImportArgs) -> Result<ImportExit, String> {
         Some(folder) => GsdFiles::read(folder, &mut notes)?,
         None => GsdFiles::default(),
     };
-    let made = station::make(&taken.title, &translation, &modules, &replaced, &gsds);
+    let made = station::make(&taken.title, (&taken.folder, &translation), &modules, &replaced, &gsds);
     notes.extend(replaced.notes.clone());
-    let report = report::text(&taken.title, &translation, &made, &notes);
-    let files = output::write(out, args.overwrite, &translation, &symbols.0, &made, &report)?;
-    let exit = if translation.left_out.is_empty() { ImportExit::Whole } else { ImportExit::LeftOut };
+    let written = output::write((out, args.overwrite), &taken.title, &translation, &symbols.0, &made, &notes)?;
     if args.json {
-        say!("{}", outcome(&titles, Some(&taken.title), &translation, &files));
+        say!("{}", outcome(&titles, Some(&taken.title), &translation, Some(&written)));
     } else {
-        says!("{}", report::summary(&taken.title, &translation, out));
+        says!("{}", report::summary(&taken.title, &translation, out, &written.errors));
     }
-    Ok(exit)
+    Ok(exit(&translation, &written))
+}
+
+fn exit(translation: &Translation, written: &output::Written) -> ImportExit {
+    if translation.left_out.is_empty() && written.errors.is_empty() {
+        ImportExit::Whole
+    } else {
+        ImportExit::Incomplete
+    }
 }
 
 fn title(project: &Project, choice: Choice, projects: usize) -> String {
@@ -244,7 +250,7 @@ fn list(args: &ImportArgs, tree: &Tree<'_>, projects: &[Project], titles: &[Stri
         }
     }
     if args.json {
-        say!("{}", outcome(titles, None, &translation, &[]));
+        say!("{}", outcome(titles, None, &translation, None));
     }
     ImportExit::Whole
 }
@@ -277,7 +283,12 @@ fn udt_number(wanted: &str) -> Option<u16> {
     kind.eq_ignore_ascii_case("UDT").then(|| number.trim().parse().ok())?
 }
 
-fn outcome(programs: &[String], program: Option<&str>, translation: &Translation, files: &[String]) -> String {
+fn outcome(
+    programs: &[String],
+    program: Option<&str>,
+    translation: &Translation,
+    written: Option<&output::Written>,
+) -> String {
     let left_out: Vec<_> =
         translation.left_out.iter().map(|(block, reason)| json!({ "block": block, "reason": reason })).collect();
     json!({
@@ -286,7 +297,8 @@ fn outcome(programs: &[String], program: Option<&str>, translation: &Translation
         "blocks": translation.blocks,
         "decoded": translation.decoded,
         "left_out": left_out,
-        "files": files,
+        "files": written.map_or(&[][..], |written| &written.files),
+        "errors": written.map_or(&[][..], |written| &written.errors),
     })
     .to_string()
 }

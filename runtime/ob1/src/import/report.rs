@@ -5,11 +5,13 @@ use std::path::Path;
 
 use ob1_model::BlockKind;
 use ob1_project::{Folder, Notes, Translation, Weight};
+use ob1_station::finding::Finding;
 
+use super::names::{REPORT, STATION};
 use super::station::Made;
 
-/// The report beside the station.
-pub(super) fn text(title: &str, translation: &Translation, made: &Made, notes: &Notes) -> String {
+/// The report beside the station. `errors` keep it from starting.
+pub(super) fn text(title: &str, translation: &Translation, made: &Made, notes: &Notes, errors: &[Finding]) -> String {
     let mut out = format!("Import of {title}\n\n");
     let _ = writeln!(
         out,
@@ -27,6 +29,10 @@ pub(super) fn text(title: &str, translation: &Translation, made: &Made, notes: &
             let _ = writeln!(out, "  {block}: {reason}");
         }
     }
+    if !errors.is_empty() {
+        let _ = writeln!(out, "\n{STARTS_NOT}");
+        errors.iter().for_each(|error| out.push_str(&error.text));
+    }
     let all = || notes.iter().chain(&translation.notes).chain(&made.notes);
     for (weight, heading) in [(Weight::Warning, "Warnings"), (Weight::Info, "Worth knowing")] {
         let mut of_weight = all().filter(|note| note.weight == weight).peekable();
@@ -40,15 +46,29 @@ pub(super) fn text(title: &str, translation: &Translation, made: &Made, notes: &
     out
 }
 
-/// What the command prints at its end.
-pub(super) fn summary(title: &str, translation: &Translation, out: &Path) -> String {
+/// The heading of errors.
+const STARTS_NOT: &str = "The station does not start yet";
+/// Errors that the command prints; all are in the report.
+const SHOWN: usize = 10;
+
+/// What the command prints at its end. `errors` keep the station from starting.
+pub(super) fn summary(title: &str, translation: &Translation, out: &Path, errors: &[Finding]) -> String {
     let mut text = format!("{title}: {} of {} blocks\n", translation.decoded, translation.blocks);
     for (block, reason) in &translation.left_out {
         let _ = writeln!(text, "  left out: {block}: {reason}");
     }
-    let station = out.join("station.toml");
-    let report = out.join("report.txt");
-    let _ = writeln!(text, "report: {}\nrun it: ob1 run {}", report.display(), station.display());
+    let station = out.join(STATION);
+    let report = out.join(REPORT);
+    let _ = writeln!(text, "report: {}", report.display());
+    if errors.is_empty() {
+        let _ = writeln!(text, "run it: ob1 run {}", station.display());
+        return text;
+    }
+    let _ = writeln!(text, "{STARTS_NOT}; what `ob1 check {}` finds:", station.display());
+    errors.iter().take(SHOWN).for_each(|error| text.push_str(&error.text));
+    if errors.len() > SHOWN {
+        let _ = writeln!(text, "and {} more, in the report", errors.len() - SHOWN);
+    }
     text
 }
 
