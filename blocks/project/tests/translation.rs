@@ -40,6 +40,16 @@ fn function(number: u16, declarations: &str, interface: &[u8], code: &[u8]) -> B
     }
 }
 
+/// SCL keeps start values of a function's inputs in its declarations.
+#[test]
+fn start_values_of_a_functions_inputs_stay() {
+    let text = "\nVAR_INPUT\n  level : BYTE  := B#16#FF;\t//most\nEND_VAR\n";
+    let (_, translation) = translated(vec![function(1, text, &[0x02, 0x01], &[0x65, 0x00])]);
+    assert_eq!((translation.notes.as_slice(), translation.printed), (&[][..], 1));
+    let text = source(&translation, "FC_1.awl");
+    assert!(text.contains("  level : BYTE  := B#16#FF;\t//most\n"), "{text}");
+}
+
 fn source(translation: &Translation, name: &str) -> String {
     let file = translation.sources.iter().find(|file| file.name == name).expect("a source");
     String::from_utf8(file.bytes.clone()).expect("text")

@@ -304,6 +304,22 @@ fn function(number: u16, code: &[u8]) -> Block {
     }
 }
 
+/// Its value is of a type that is not in the project, and no source can name the structure it was compiled with.
+#[test]
+fn a_block_without_a_source_is_printed_from_its_machine_code() {
+    let site = Site::new();
+    let mut project = step7::example();
+    project.blocks.push(Block {
+        interface: vec![1, 6, 0, 5, 0, 0, 0, 0x11, 6, 1, 0x05, 6, 0],
+        declarations: Some("\r\nVAR_OUTPUT\r\n  RET_VAL : UDT 99;\r\nEND_VAR\r\n".to_owned()),
+        // L 5; BE.
+        ..function(6, &[0x30, 0x03, 0, 5, 0x65, 0])
+    });
+    let example = self::project(&site, &project.files());
+    let listed = site.ob1(&["import", &example, "--listing", "FC6"]).fine();
+    assert!(listed.contains("FUNCTION FC 6 :") && listed.contains("L 5;"), "{listed}");
+}
+
 #[test]
 fn a_block_nobody_has_is_stood_in_for() {
     let site = Site::new();
@@ -318,6 +334,32 @@ fn a_block_nobody_has_is_stood_in_for() {
     for wanted in ["SFC 250: this CPU does not have it", "FC 77: it is not in the project", "FC 3 calls it"] {
         assert!(report.contains(wanted), "{wanted} is not in\n{report}");
     }
+    site.ob1(&["run", &format!("{out}/station.toml"), "--scans", "20", "--quiet"]).fine();
+}
+
+/// SFC 62 CONTROL of an S7-400, which a plugin serves: without it the stand-in has the parameters of the project.
+#[test]
+fn a_block_of_an_s7_400_that_no_plugin_serves_is_stood_in_for() {
+    let site = Site::new();
+    let mut project = step7::example();
+    project.cpu = project.cpu.map(|cpu| Cpu { s7_400: true, ..cpu });
+    let ours = ob1_std::standard_block("S7-400:SFC62").expect("CONTROL");
+    let compiled = CompiledInterface::of(62, &ours.interface, &BTreeMap::new(), &|_| None).expect("short");
+    project.blocks.push(Block {
+        id: BlockId::new(BlockKind::Sfc, 62),
+        interface: compiled.bytes().expect("short"),
+        ..function(62, &[0x65, 0])
+    });
+    // UC SFC 62 with ten pointers, RET_VAL into MW 100.
+    let pointers = [0x8300_0000u32, 0x0009_0000, 0x8300_0050, 0x8300_0320, 0x8300_00A0, 0x8300_00B0, 0x8300_00C0];
+    let pointers = [&pointers[..], &[0x8300_00D0, 0x8300_00E0, 0x8300_00F0]].concat();
+    let mut code = vec![0xFB, 0x74, 0, 62, 0x70, 0x0B, 0, 2 + 2 * pointers.len() as u8];
+    code.extend(pointers.iter().flat_map(|pointer| pointer.to_be_bytes()));
+    code.extend([0x65, 0]);
+    project.blocks.push(function(3, &code));
+    let out = site.path("station").display().to_string();
+    let example = self::project(&site, &project.files());
+    site.ob1(&["import", &example, "--out", &out]).fine();
     site.ob1(&["run", &format!("{out}/station.toml"), "--scans", "20", "--quiet"]).fine();
 }
 

@@ -1,10 +1,11 @@
 //! What came over, what did not, and why.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
 use ob1_model::BlockKind;
-use ob1_project::{Folder, Notes, Translation, Weight};
+use ob1_project::{Folder, Note, Notes, Translation, Weight};
 use ob1_station::finding::Finding;
 
 use super::names::{REPORT, STATION};
@@ -33,17 +34,34 @@ pub(super) fn text(title: &str, translation: &Translation, made: &Made, notes: &
         let _ = writeln!(out, "\n{STARTS_NOT}");
         errors.iter().for_each(|error| out.push_str(&error.text));
     }
-    let all = || notes.iter().chain(&translation.notes).chain(&made.notes);
+    let all: Notes = notes.iter().chain(&translation.notes).chain(&made.notes).cloned().collect();
     for (weight, heading) in [(Weight::Warning, "Warnings"), (Weight::Info, "Worth knowing")] {
-        let mut of_weight = all().filter(|note| note.weight == weight).peekable();
-        if of_weight.peek().is_some() {
+        let of_weight: Notes = all.iter().filter(|note| note.weight == weight).cloned().collect();
+        if !of_weight.is_empty() {
             let _ = writeln!(out, "\n{heading}");
-            for note in of_weight {
-                let _ = writeln!(out, "  {note}");
+            for line in together(&of_weight) {
+                let _ = writeln!(out, "  {line}");
             }
         }
     }
     out
+}
+
+/// A line for each note; equal ones in one, with their count.
+pub(super) fn together(notes: &Notes) -> impl Iterator<Item = String> {
+    let mut lines: Vec<String> = Vec::new();
+    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+    for line in notes.iter().map(Note::to_string) {
+        let count = counts.entry(line.clone()).or_default();
+        *count += 1;
+        if *count == 1 {
+            lines.push(line);
+        }
+    }
+    lines.into_iter().map(move |line| match counts.get(&line) {
+        Some(count) if *count > 1 => format!("{line} ({count} times)"),
+        _ => line,
+    })
 }
 
 /// The heading of errors.
@@ -98,4 +116,16 @@ pub(super) fn blocks(folder: &Folder) -> String {
         let _ = writeln!(out, "    {block}: {why}");
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_notes_are_one_line() {
+        let note = |what: &str| Note::warning("a", what);
+        let lines: Vec<String> = together(&vec![note("x"), note("y"), note("x"), note("x")]).collect();
+        assert_eq!(lines, ["a: x (3 times)", "a: y"]);
+    }
 }
