@@ -520,7 +520,10 @@ fn as_many_blocks_as_a_plant_has_come_over() {
 /// imported, and the program is in RUN after 20 scans.
 #[test]
 fn projects_that_lie_beside_run() {
-    let Some(folder) = std::env::var_os("OB1_STEP7_PROJECTS") else { return };
+    let Some(folder) = std::env::var_os("OB1_STEP7_PROJECTS") else {
+        println!("skipped: OB1_STEP7_PROJECTS names no folder of projects");
+        return;
+    };
     for entry in fs::read_dir(folder).expect("a folder").flatten() {
         let (site, path) = (Site::new(), entry.path().display().to_string());
         let listed = site.ob1(&["import", &path, "--list", "--json"]);
