@@ -234,8 +234,8 @@ impl Project {
         Vec::new()
     }
 
-    /// What is taken when no name is given: the program with blocks that belongs to a CPU; else the one that has blocks;
-    /// else the block folder that has some. If there are several, all of them come back.
+    /// What is taken when no name is given: the program with blocks that belongs to a CPU; else the one that has
+    /// blocks; else the block folder that has some. If there are several, all of them come back.
     #[must_use]
     pub fn default_choice(&self) -> Vec<Choice> {
         let with_blocks = |c: &Choice| self.folders.get(c.folder).is_some_and(|f| f.blocks > 0);
