@@ -1,7 +1,8 @@
 //! Blocks and the whole program.
 
-use ob1_model::{Area, BitAddr, BlockId, Component, DataType, Interface};
+use ob1_model::{Area, BitAddr, BlockId, Component, DataType, Interface, Layout};
 
+use crate::call::Arg;
 use crate::op::Op;
 use crate::place::Place;
 
@@ -33,11 +34,22 @@ pub struct CodeBlock {
 }
 
 impl CodeBlock {
-    /// Bytes of local data, an even number, that absolute operands (`L 10.0`, `LW 20`) reach into.
+    /// Bytes of local data, an even number, that absolute operands (`L 10.0`, `LW 20`) and the pointers behind a
+    /// `UC` or `CC` (`P#V 20.0`) reach into. What such a pointer leads to is at most an ANY.
     #[must_use]
     pub fn local_bytes(code: &[Stmt]) -> u32 {
+        let any = Layout::bits(&DataType::Any).div_ceil(8);
         let mut bytes = 0;
         for stmt in code {
+            if let Op::Call(call) = &stmt.op {
+                for arg in &call.args {
+                    if let Arg::Raw(pointer) = arg
+                        && Area::from_pointer_code((pointer >> 24) as u8) == Some(Area::PreviousLocal)
+                    {
+                        bytes = bytes.max(BitAddr::of_pointer(*pointer).byte() + any);
+                    }
+                }
+            }
             stmt.op.places(&mut |place, width| {
                 if let Place::Fixed(Area::Local, at) = place
                     && at.byte() <= BitAddr::MAX_BYTE

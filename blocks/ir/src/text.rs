@@ -341,7 +341,7 @@ impl Display for Op {
 
 /// `P#12.0`, `P#M 3.0`, or the bits if they are not a pointer.
 fn pointer_constant(bits: u32) -> String {
-    let at = BitAddr(bits & 0x0007_FFFF);
+    let at = BitAddr::of_pointer(bits);
     match (bits >> 24, Area::from_pointer_code((bits >> 24) as u8)) {
         _ if bits & 0x00F8_0000 != 0 => format!("DW#16#{bits:X}"),
         (0, _) => format!("P#{at}"),

@@ -13,7 +13,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::ops::Deref;
 
-use ob1_model::{Area, BitAddr, BlockId, BlockKind, Interface, Layout, Param, Section, Width};
+use ob1_model::{Area, BitAddr, BlockId, Interface, Layout, Param, Section, Width};
 
 use crate::{Arg, Call, CallMode, CodeBlock, DataKind, Number, Op, Place, Program, Target};
 
@@ -287,7 +287,7 @@ fn check_place(block: &CodeBlock, formals: &[&Param], place: Place, width: Width
         Place::Instance(at) if beyond(at, block.interface.instance_bytes) => {
             return Err(Defect::InstanceOverflow(at));
         }
-        Place::Param { .. } if !by_reference(block.id.kind) => return Err(Defect::ParamKind),
+        Place::Param { .. } if !block.id.kind.is_function() => return Err(Defect::ParamKind),
         Place::Param { index, at } => {
             let param = formals.get(usize::from(index)).ok_or(Defect::ParamIndex(index))?;
             if param.ty.is_parameter_type() && !whole {
@@ -314,7 +314,7 @@ fn check_place(block: &CodeBlock, formals: &[&Param], place: Place, width: Width
 
 fn check_number(block: &CodeBlock, formals: &[&Param], number: Number) -> Result<(), Defect> {
     match number {
-        Number::Param(_) if !by_reference(block.id.kind) => Err(Defect::ParamKind),
+        Number::Param(_) if !block.id.kind.is_function() => Err(Defect::ParamKind),
         Number::Param(index) => {
             let param = formals.get(usize::from(index)).ok_or(Defect::ParamIndex(index))?;
             if param.ty.is_parameter_type() { Ok(()) } else { Err(Defect::ParamType(index)) }
@@ -325,11 +325,6 @@ fn check_number(block: &CodeBlock, formals: &[&Param], number: Number) -> Result
         }
         _ => Ok(()),
     }
-}
-
-/// Blocks of these kinds find references to their parameters.
-const fn by_reference(kind: BlockKind) -> bool {
-    matches!(kind, BlockKind::Fc | BlockKind::Sfc)
 }
 
 fn check_call<'p>(call: &Call, interface: &dyn Fn(BlockId) -> Option<&'p Interface>, report: &mut dyn FnMut(Defect)) {

@@ -20,6 +20,8 @@ pub struct MachineBlock<'b> {
     pub segments: &'b Segments,
     /// A function block of code version 2: its instance is addressed through AR2, so that it can be a multi-instance.
     pub multi_instance: bool,
+    /// Bytes of local data that its head says; what the code itself shows counts if it is more.
+    pub local_bytes: u32,
 }
 
 /// A statement at its place.

@@ -10,7 +10,7 @@ use ob1_ir::{
     AddressRegister, Arg, Call, CallMode, CodeBlock, DbRegister, Notation, Number, Op, Operand, Place, Stmt, Target,
     Width,
 };
-use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType};
+use ob1_model::{Area, BitAddr, BlockId, DataType};
 
 use crate::block::{Callees, Item, MachineBlock, list_order};
 use crate::error::{Mc7Error, Problem};
@@ -281,7 +281,7 @@ impl Lowering<'_, '_, '_> {
                 let at = op.place_mut()?;
                 let Place::Register(None, AddressRegister::Ar1, offset) = *at else { return None };
                 let bits = u32::from(op.operand()?.width.bits());
-                if self.block.id.kind != BlockKind::Fc || parts::component_at(&formal.ty, offset.0, bits).is_none() {
+                if !self.block.id.kind.is_function() || parts::component_at(&formal.ty, offset.0, bits).is_none() {
                     return None;
                 }
                 *op.place_mut()? = Place::Param { index, at: offset };
@@ -348,8 +348,7 @@ impl Lowering<'_, '_, '_> {
     /// The index of a formal by its place in the list.
     fn formal(&self, place: u16) -> Result<u16, Problem> {
         // Only functions have parameters in a list.
-        let by_reference = self.block.id.kind == BlockKind::Fc;
-        let found = self.order.get(usize::from(place)).copied().filter(|_| by_reference);
+        let found = self.order.get(usize::from(place)).copied().filter(|_| self.block.id.kind.is_function());
         found.ok_or(Problem::Parameter(place))
     }
 
@@ -430,6 +429,8 @@ impl Lowering<'_, '_, '_> {
         }
         let mut interface = self.block.interface.clone();
         let declared = interface.declared_temps().next_multiple_of(2);
+        // Pointers made at run time reach what no statement names.
+        let declared = declared.max(self.block.local_bytes.next_multiple_of(2));
         let own = declared.max(CodeBlock::local_bytes(&code));
         let end = place_copies(&mut code, own);
         if end > own && end > BitAddr::MAX_BYTE {

@@ -102,6 +102,7 @@ fn every_block_has_an_image_that_says_what_the_program_says() {
             code: &back.code,
             segments: &segments,
             multi_instance: has_instance && back.head.version == 1,
+            local_bytes: 0,
         };
         let callees = |id| program.blocks.iter().find(|b| b.id == id).map(|b: &CodeBlock| &b.interface);
         let decoded = decode(&machine, &callees).expect("code");

@@ -163,7 +163,15 @@ fn decoded(id: BlockId, own: &Interface, code: &str, callee: Option<(BlockId, &I
     let code = bytes(code);
     let segments = Segments::default();
     let known = |id: BlockId| callee.filter(|(other, _)| *other == id).map(|(_, interface)| interface);
-    let block = MachineBlock { id, name: None, interface: own, code: &code, segments: &segments, multi_instance: true };
+    let block = MachineBlock {
+        id,
+        name: None,
+        interface: own,
+        code: &code,
+        segments: &segments,
+        multi_instance: true,
+        local_bytes: 0,
+    };
     let decoded = decode(&block, &known).map_err(|e| e.to_string())?;
     let ops: Vec<String> = decoded.block.code.iter().map(|s| s.op.to_string()).collect();
     Ok(ops.join("; "))
@@ -248,8 +256,15 @@ fn a_call_of_a_function() {
 fn notations_come_with_the_constants() {
     let code = bytes("30030041 28FF 30050041 38013F800000 300C2150 380483000008 6500");
     let (own, segments) = (Interface::default(), Segments::default());
-    let block =
-        MachineBlock { id: FC1, name: None, interface: &own, code: &code, segments: &segments, multi_instance: false };
+    let block = MachineBlock {
+        id: FC1,
+        name: None,
+        interface: &own,
+        code: &code,
+        segments: &segments,
+        multi_instance: false,
+        local_bytes: 0,
+    };
     let decoded = decode(&block, &|_| None).unwrap();
     let notations: Vec<_> = decoded.notations.into_values().collect();
     use Notation::{Byte, Int, Pointer, Real, S5Time, Text};
@@ -263,8 +278,15 @@ fn labels_go_by_the_entries_of_the_segment_table() {
     let code = bytes("FFF80004 FFB80002 0000 6500");
     let segments = Segments { networks: vec![10], jumps: vec![2, 0], rest: Vec::new() };
     let own = Interface::default();
-    let block =
-        MachineBlock { id: FC1, name: None, interface: &own, code: &code, segments: &segments, multi_instance: false };
+    let block = MachineBlock {
+        id: FC1,
+        name: None,
+        interface: &own,
+        code: &code,
+        segments: &segments,
+        multi_instance: false,
+        local_bytes: 0,
+    };
     let decoded = decode(&block, &|_| None).unwrap();
     let names = ["end".to_owned(), "end".to_owned()];
     assert_eq!(decoded.labels(&segments, &names), [(2, "end".to_owned())].into());

@@ -54,6 +54,7 @@ fn through_machine_code(block: &CodeBlock, callees: &BTreeMap<BlockId, Interface
         code: &encoded.code,
         segments: &encoded.segments,
         multi_instance: true,
+        local_bytes: 0,
     };
     let decoded = decode(&machine, &known).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(decoded.offsets.len(), decoded.block.code.len());

@@ -41,7 +41,7 @@ fn run(
     callees: &BTreeMap<BlockId, Interface>,
 ) -> bool {
     let known = |id: BlockId| callees.get(&id);
-    let machine = MachineBlock { id, name: None, interface, code, segments, multi_instance: true };
+    let machine = MachineBlock { id, name: None, interface, code, segments, multi_instance: true, local_bytes: 0 };
     let Ok(decoded) = decode(&machine, &known) else { return false };
     let listing = Listing { notations: decoded.notations.clone(), ..Listing::default() };
     let _ = Printer::new(Mnemonics::German, &known).statements(&decoded.block, &listing);

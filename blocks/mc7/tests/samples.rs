@@ -83,6 +83,7 @@ fn check(block: &Block, known: &Known, figures: &mut Figures) -> Result<(), Stri
         code,
         segments: &segments,
         multi_instance: !block.code_version1,
+        local_bytes: 0,
     };
     let decoded = decode(&machine(&block.code), &callees).map_err(|e| e.to_string())?;
     figures.blocks += 1;
@@ -150,7 +151,10 @@ fn folder(name: &str, folder: &Folder, figures: &mut Figures) {
 
 #[test]
 fn every_block_of_every_project() {
-    let Some(root) = std::env::var_os("OB1_STEP7_PROJECTS") else { return };
+    let Some(root) = std::env::var_os("OB1_STEP7_PROJECTS") else {
+        println!("skipped: OB1_STEP7_PROJECTS names no folder of projects");
+        return;
+    };
     let mut all = Files::default();
     files(Path::new(&root), "", &mut all);
     let tree = Tree::new(&all);

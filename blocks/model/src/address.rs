@@ -92,6 +92,12 @@ impl BitAddr {
         Self(byte * 8)
     }
 
+    /// The address in a pointer of 32 bits, whose highest byte is its area.
+    #[must_use]
+    pub const fn of_pointer(pointer: u32) -> Self {
+        Self(pointer & 0x7_FFFF)
+    }
+
     /// The byte part.
     #[must_use]
     pub const fn byte(self) -> u32 {

@@ -40,6 +40,18 @@ impl BlockKind {
         matches!(self, BlockKind::Fb | BlockKind::Sfb)
     }
 
+    /// True for functions, which find references to their parameters: a list of pointers follows their calls.
+    #[must_use]
+    pub const fn is_function(self) -> bool {
+        matches!(self, BlockKind::Fc | BlockKind::Sfc)
+    }
+
+    /// True for blocks of the CPU itself, which no program has.
+    #[must_use]
+    pub const fn is_system(self) -> bool {
+        matches!(self, BlockKind::Sfb | BlockKind::Sfc)
+    }
+
     /// The kind of a repr value, as it comes over a plugin's table.
     #[must_use]
     pub const fn from_repr(value: u8) -> Option<Self> {

@@ -233,7 +233,7 @@ impl Folder {
         let Some(table) = ["SUBBLK", "BAUSTEIN"].into_iter().find_map(table) else { return 0 };
         let is_block = |row: &Row<'_>| {
             let part = row.number("SUBBLKTYP");
-            KINDS.iter().any(|kind| kind.code == part && !matches!(kind.kind, BlockKind::Sfb | BlockKind::Sfc))
+            KINDS.iter().any(|kind| kind.code == part && !kind.kind.is_system())
         };
         u32::try_from(table.rows().filter(is_block).count()).unwrap_or(u32::MAX)
     }

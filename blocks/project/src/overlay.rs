@@ -118,11 +118,9 @@ pub(crate) fn code<'i>(
         code: &image.code,
         segments: &segments,
         multi_instance: image.head.version != 0,
+        local_bytes: u32::from(image.head.local_bytes),
     };
-    let mut block = decode_block(&machine, callees).map_err(|error| error.to_string())?.block;
-    // Pointers made at run time reach what no statement names.
-    block.interface.temp_bytes = block.interface.temp_bytes.max(u32::from(image.head.local_bytes));
-    Ok(block)
+    decode_block(&machine, callees).map(|decoded| decoded.block).map_err(|error| error.to_string())
 }
 
 fn put(program: &mut Program, block: CodeBlock) {

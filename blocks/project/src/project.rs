@@ -234,20 +234,19 @@ impl Project {
         Vec::new()
     }
 
-    /// What is taken when no name is given: the program with blocks that belongs to a CPU; without CPUs the one with
-    /// most blocks. If there are several of the first kind, all of them come back.
+    /// What is taken when no name is given: the program with blocks that belongs to a CPU; else the one that has
+    /// blocks; else the block folder that has some. If there are several, all of them come back.
     #[must_use]
     pub fn default_choice(&self) -> Vec<Choice> {
-        let blocks = |c: &Choice| self.folders.get(c.folder).map_or(0, |f| f.blocks);
+        let with_blocks = |c: &Choice| self.folders.get(c.folder).is_some_and(|f| f.blocks > 0);
+        let of_cpu = |c: &Choice| with_blocks(c) && c.program.and_then(|i| self.programs.get(i)?.cpu).is_some();
+        let of_program = |c: &Choice| with_blocks(c) && c.program.is_some();
         let choices = self.choices();
-        let of_cpu = |c: &Choice| c.program.and_then(|i| self.programs.get(i)?.cpu).is_some();
-        let linked: Vec<Choice> = choices.iter().copied().filter(|c| of_cpu(c) && blocks(c) > 0).collect();
-        if !linked.is_empty() {
-            return linked;
-        }
-        // The first of those with most.
-        let most = choices.iter().map(blocks).max();
-        choices.iter().copied().find(|c| Some(blocks(c)) == most).into_iter().collect()
+        let of = |test: &dyn Fn(&Choice) -> bool| choices.iter().copied().filter(|c| test(c)).collect::<Vec<_>>();
+        let kinds = [of(&of_cpu), of(&of_program), of(&with_blocks)];
+        let found = kinds.into_iter().find(|found| !found.is_empty());
+        // Where nothing has blocks, the reason is told of the first.
+        found.unwrap_or_else(|| choices.first().copied().into_iter().collect())
     }
 
     /// Reads the blocks of a choice.

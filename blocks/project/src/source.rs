@@ -38,6 +38,34 @@ impl Declarations {
     }
 }
 
+/// The name of [`Declarations::reserve`]'s variable.
+const RESERVED: &str = "COMPILER_TEMP";
+
+impl Declarations {
+    /// Adds `bytes` of local data behind the declared ones, as a variable: those that a compiler has made itself.
+    pub(crate) fn reserve(&mut self, bytes: u32) {
+        let mut name = RESERVED.to_owned();
+        while self.text.to_ascii_uppercase().contains(&name) {
+            name.push('_');
+        }
+        let variable = format!("  {name} : ARRAY [1 .. {bytes}] OF BYTE ;\n");
+        let temp = self.text.lines().position(|line| line.split_whitespace().next() == Some("VAR_TEMP"));
+        let end = temp.and_then(|temp| {
+            let is_end = |line: &str| line.split_whitespace().next().is_some_and(|word| word.starts_with("END_VAR"));
+            self.text.lines().skip(temp).position(is_end).map(|end| temp + end)
+        });
+        match end {
+            Some(end) => {
+                let at = self.text.split_inclusive('\n').take(end).map(str::len).sum();
+                self.text.insert_str(at, &variable);
+            }
+            None => {
+                let _ = write!(self.text, "VAR_TEMP\n{variable}END_VAR\n");
+            }
+        }
+    }
+}
+
 /// Texts in quotes: what is not ASCII becomes the byte the project means, `$C4`.
 fn escape(text: &str, page: CodePage) -> String {
     let mut out = String::with_capacity(text.len());

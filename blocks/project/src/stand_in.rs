@@ -7,7 +7,7 @@ use ob1_ir::{Arg, Op, Target};
 use ob1_mc7::{
     BlockFoot, BlockHead, BlockImage, CompiledInterface, Decoded, Entry, EntryType, InterfaceKind, Segments, list_order,
 };
-use ob1_model::{BlockId, BlockKind, DataType, Section};
+use ob1_model::{BlockId, DataType, Section};
 use ob1_stl::Library;
 
 use crate::folder::Folder;
@@ -51,7 +51,7 @@ impl Missing {
     /// What the report says.
     pub(crate) fn note(&self, folder: &Folder) -> String {
         let callers: Vec<String> = self.callers.iter().map(BlockId::to_string).collect();
-        let system = matches!(self.id.kind, BlockKind::Sfc | BlockKind::Sfb);
+        let system = self.id.kind.is_system();
         let name = folder.blocks.get(&self.id).map(|b| b.head.name.trim().to_owned()).filter(|name| !name.is_empty());
         let name = name.map(|name| format!(" ({name})")).unwrap_or_default();
         let what = if system {

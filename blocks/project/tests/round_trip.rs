@@ -287,6 +287,8 @@ fn programs_of_one_name_are_told_apart() {
         assert_eq!(project.named(title), [choice]);
     }
     assert_eq!(project.named("S7 Program(1)").len(), 2);
+    // None belongs to a CPU: both come back.
+    assert_eq!(project.default_choice(), project.choices());
 }
 
 /// Without the list of block folders the one that has blocks is taken, not the first.

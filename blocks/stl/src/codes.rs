@@ -108,7 +108,7 @@ codes! {
     TOO_MANY_PARAMETERS = "S0214", Error, "A block has too many parameters.",
         "Pass a structure or a data block instead.";
     INITIAL_VALUE = "S0215", Error, "A start value is not well formed or not allowed here.",
-        "Write a constant, for arrays a list: 1, 2, 3(0). Functions, in/out parameters of complex types and temps have no start value.";
+        "Write a constant, for arrays a list: 1, 2, 3(0). Outputs and in/outs of functions, in/out parameters of complex types and temps have no start value.";
     ASSIGNMENT = "S0216", Error, "An assignment in a data block is not well formed.",
         "Write name := constant;";
     TYPE_WITHOUT_STL = "S0217", Error, "A data type of TIA Portal for which STL has no statements.",
@@ -209,6 +209,8 @@ codes! {
         "Supply it: without an actual a complex in/out leads to no area (OB 121 or STOP), TIMER, COUNTER and BLOCK are number 0.";
     NEVER_CALLED = "S0806", Warning, "An organization block has a number that the CPU never calls.",
         "Give it the number of its event (docs/cpu.md), or make it a function that OB 1 calls; do the same with OB 123 and above of TIA Portal.";
+    START_OF_INPUT = "S0807", Warning, "An input of a function has a start value.",
+        "It has no effect, since each call supplies the input; SCL keeps such values in the declarations.";
     // Lints
     CONSTANT_FOR_OUTPUT = "S0901", Lint, "A constant is supplied to a parameter that the block writes.",
         "The value that the block writes is lost; supply an operand.";

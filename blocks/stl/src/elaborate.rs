@@ -534,12 +534,18 @@ impl<'e> Elaborator<'e> {
             self.sink.report(block.file, declaration.span, &codes::TYPE_NOT_HERE, message);
             return None;
         }
-        let takes_initial = block.frame == Frame::Fb && section != Section::Temp && resolved.fb.is_none();
+        let of_function = block.frame == Frame::Fc && section == Section::Input;
+        let takes_initial =
+            (block.frame == Frame::Fb && section != Section::Temp || of_function) && resolved.fb.is_none();
         let mut param = Param::new(&declaration.name, section, resolved.ty);
         if declaration.initial.is_some() && (!takes_initial || section == Section::InOut && param.ty.is_composed()) {
             self.sink.report(block.file, declaration.span, &codes::INITIAL_VALUE, "a start value is not allowed here");
         } else {
             param.initial = self.start_value(block.file, declaration.initial.as_ref(), declaration.span, &param.ty);
+            if of_function && param.initial.is_some() {
+                let message = format!("the start value of {} has no effect: each call supplies it", param.name);
+                self.sink.report(block.file, declaration.span, &codes::START_OF_INPUT, message);
+            }
         }
         Some((param, resolved.fb))
     }

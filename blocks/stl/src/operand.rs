@@ -97,11 +97,20 @@ impl<'w> Resolver<'w> {
     /// A word: operand identifier, TRUE/FALSE, or the name of a local or symbol without its sign.
     fn word(&self, reader: &mut Reader<'_, '_>, token: Token) -> Option<Value<'w>> {
         let text = reader.text(token);
+        let (letters, digits) = split_digits(text);
+        // `B`, `W` and `D` are no areas: `D1` is no address, and a name where it is declared.
+        let indirect = reader.peek_second().is_some_and(|next| next.kind == Kind::LeftBracket);
+        let is_name = matches!(self.words.identifier(letters), Some(Identifier::Crossing(_)))
+            && self.is_declared(text)
+            && (!indirect || !digits.is_empty());
+        if is_name {
+            reader.next();
+            return self.local(reader, text, token.span);
+        }
         if let Some(identifier) = self.words.identifier(text) {
             reader.next();
             return self.identified(reader, identifier, "", token.span);
         }
-        let (letters, digits) = split_digits(text);
         if !digits.is_empty()
             && let Some(identifier) = self.words.identifier(letters)
         {

@@ -138,3 +138,17 @@ fn listings_show_labels_comments_titles_and_notations() {
                     L P#M 1.0;\n      T LD 4;\n      L S5T#2000MS;\nNETWORK\n      SPA loop;\nNETWORK\nTITLE = Empty\n";
     assert_eq!(text, expected);
 }
+
+/// A pointer or number in a declared temporary is named.
+#[test]
+fn what_an_indirect_address_is_in_has_its_name() {
+    let source = "FUNCTION FC 1 : VOID\nVAR_TEMP p : DWORD; n : INT; pair : ARRAY [0..1] OF WORD; END_VAR\nBEGIN\n\
+                  L DBW [#p];\nAUF DB [#n];\nU T [#pair[1]];\nL MW [LD 20];\nAUF DI [LW 0];\nEND_FUNCTION\n";
+    let output = compile(&[Source::new("a", source)], &Library::new(), &Options::default());
+    assert!(output.is_good(), "{:?}", output.diagnostics);
+    let callees = |_| None;
+    let printer = Printer::new(Mnemonics::German, &callees);
+    let text = printer.statements(&output.program.blocks[0], &Listing::default()).unwrap();
+    let lines: Vec<&str> = text.lines().map(str::trim).collect();
+    assert_eq!(lines, ["NETWORK", "L DBW [#p];", "AUF DB [#n];", "U T [#pair[1]];", "L MW [LD 20];", "AUF DI [LW 0];"]);
+}

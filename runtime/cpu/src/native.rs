@@ -453,6 +453,7 @@ fn nested_call(call: &mut Call<'_, '_>, called: &Called<'_>) -> Result<(), Nativ
         if db.writable < signature.instance_bytes {
             return Err(if db.writable == 0 && db.len > 0 { NativeError::ReadOnly } else { NativeError::NoBlock });
         }
+        entry.db = entry.di;
         entry.di = db;
         entry.ar2 = u32::from(ob1_model::Area::Db.pointer_code()) << 24;
     }

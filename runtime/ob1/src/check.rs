@@ -265,6 +265,19 @@ fn check_station(path: &Path, args: &CheckArgs) -> Checked {
     Checked { findings, text }
 }
 
+/// What keeps a station from starting: the errors that a check of its file finds.
+pub(crate) fn station_errors(path: &Path) -> Vec<Finding> {
+    let mut found = match ob1_station::look::load(path) {
+        Ok((station, devices)) => {
+            let program = check_program(&station).map_or_else(|findings| findings, |(loaded, _)| loaded.findings);
+            [program, devices].concat()
+        }
+        Err(findings) => findings,
+    };
+    found.retain(|finding| finding.level == Level::Error);
+    found
+}
+
 /// The machine code of sources without a station.
 fn machine_code(program: &ob1_ir::Program, standard: &[Choice]) -> String {
     let natives = program::native_standard_blocks(standard);

@@ -19,7 +19,8 @@ Exit codes:
   14  the runtime has crashed, in a block in C or a library; outputs are off
   exec has codes of its own: 0 stopped by SFC 46, 3 limit reached, 10 rejected, 11 CPU fault.
   test: 0 passed, 1 a test failed, 2 a test file or program cannot be used.
-  import, upload: 0 the whole program came over, 1 blocks were left out, 2 nothing could be read or written.
+  import, upload: 0 the whole program came over, 1 blocks were left out or the station does not start
+  yet, 2 nothing could be read or written.
   download: 0 everything was loaded, 1 blocks were refused, 2 nothing could be loaded.
   compare: 0 the same program, 1 another one, 2 nothing could be read.
   soak: 0 pass (compare: not worse), 1 a budget is broken (compare: worse), 2 inconclusive, or it could not be measured.
@@ -90,8 +91,8 @@ pub enum TestExit {
 pub enum ImportExit {
     /// The whole program was imported.
     Whole = 0,
-    /// Blocks were left out.
-    LeftOut = 1,
+    /// Blocks were left out, or the station does not start yet.
+    Incomplete = 1,
     /// Nothing could be read, or nothing could be written.
     Nothing = 2,
 }

@@ -66,7 +66,7 @@ fn interface(has_instance: bool) -> Interface {
 fn judge(id: BlockId, own: &Interface, code: &[u8], segments: &Segments) {
     let (function, instance) = (interface(false), interface(true));
     let known = |id: BlockId| Some(if id.kind.has_instance() { &instance } else { &function });
-    let block = MachineBlock { id, name: None, interface: own, code, segments, multi_instance: true };
+    let block = MachineBlock { id, name: None, interface: own, code, segments, multi_instance: true, local_bytes: 0 };
     let Ok(decoded) = decode(&block, &known) else { return };
     let listing = Listing { notations: decoded.notations.clone(), ..Listing::default() };
     let _ = Printer::new(Mnemonics::International, &known).statements(&decoded.block, &listing);

@@ -1,6 +1,7 @@
 //! What crosses two crates and needs no station.
 
 mod compare;
+mod foreign;
 mod fuzz_corpus;
 mod handling_interfaces;
 mod mbus_records;

@@ -135,7 +135,7 @@ fn the_example_runs() {
     let said = site.ob1(&["import", &example, "--out", &out.display().to_string(), "--json"]).fine();
     let json: Value = serde_json::from_str(&said).expect("JSON");
     let keys: Vec<&String> = json.as_object().expect("an object").keys().collect();
-    assert_eq!(keys, ["blocks", "decoded", "files", "left_out", "program", "programs"]);
+    assert_eq!(keys, ["blocks", "decoded", "errors", "files", "left_out", "program", "programs"]);
     assert_eq!((&json["blocks"], &json["decoded"]), (&Value::from(4), &Value::from(4)));
     assert_eq!(json["program"], "Conveyor/CPU 315-2 DP/S7 Program(1)");
     assert_eq!(json["left_out"], Value::Array(Vec::new()));
@@ -304,6 +304,22 @@ fn function(number: u16, code: &[u8]) -> Block {
     }
 }
 
+/// Its value is of a type that is not in the project, and no source can name the structure it was compiled with.
+#[test]
+fn a_block_without_a_source_is_printed_from_its_machine_code() {
+    let site = Site::new();
+    let mut project = step7::example();
+    project.blocks.push(Block {
+        interface: vec![1, 6, 0, 5, 0, 0, 0, 0x11, 6, 1, 0x05, 6, 0],
+        declarations: Some("\r\nVAR_OUTPUT\r\n  RET_VAL : UDT 99;\r\nEND_VAR\r\n".to_owned()),
+        // L 5; BE.
+        ..function(6, &[0x30, 0x03, 0, 5, 0x65, 0])
+    });
+    let example = self::project(&site, &project.files());
+    let listed = site.ob1(&["import", &example, "--listing", "FC6"]).fine();
+    assert!(listed.contains("FUNCTION FC 6 :") && listed.contains("L 5;"), "{listed}");
+}
+
 #[test]
 fn a_block_nobody_has_is_stood_in_for() {
     let site = Site::new();
@@ -318,6 +334,32 @@ fn a_block_nobody_has_is_stood_in_for() {
     for wanted in ["SFC 250: this CPU does not have it", "FC 77: it is not in the project", "FC 3 calls it"] {
         assert!(report.contains(wanted), "{wanted} is not in\n{report}");
     }
+    site.ob1(&["run", &format!("{out}/station.toml"), "--scans", "20", "--quiet"]).fine();
+}
+
+/// SFC 62 CONTROL of an S7-400, which a plugin serves: without it the stand-in has the parameters of the project.
+#[test]
+fn a_block_of_an_s7_400_that_no_plugin_serves_is_stood_in_for() {
+    let site = Site::new();
+    let mut project = step7::example();
+    project.cpu = project.cpu.map(|cpu| Cpu { s7_400: true, ..cpu });
+    let ours = ob1_std::standard_block("S7-400:SFC62").expect("CONTROL");
+    let compiled = CompiledInterface::of(62, &ours.interface, &BTreeMap::new(), &|_| None).expect("short");
+    project.blocks.push(Block {
+        id: BlockId::new(BlockKind::Sfc, 62),
+        interface: compiled.bytes().expect("short"),
+        ..function(62, &[0x65, 0])
+    });
+    // UC SFC 62 with ten pointers, RET_VAL into MW 100.
+    let pointers = [0x8300_0000u32, 0x0009_0000, 0x8300_0050, 0x8300_0320, 0x8300_00A0, 0x8300_00B0, 0x8300_00C0];
+    let pointers = [&pointers[..], &[0x8300_00D0, 0x8300_00E0, 0x8300_00F0]].concat();
+    let mut code = vec![0xFB, 0x74, 0, 62, 0x70, 0x0B, 0, 2 + 2 * pointers.len() as u8];
+    code.extend(pointers.iter().flat_map(|pointer| pointer.to_be_bytes()));
+    code.extend([0x65, 0]);
+    project.blocks.push(function(3, &code));
+    let out = site.path("station").display().to_string();
+    let example = self::project(&site, &project.files());
+    site.ob1(&["import", &example, "--out", &out]).fine();
     site.ob1(&["run", &format!("{out}/station.toml"), "--scans", "20", "--quiet"]).fine();
 }
 
@@ -389,31 +431,43 @@ fn an_instance_that_is_too_short_gets_the_start_values_of_the_rest() {
     site.ob1(&["check", &format!("{out}/station.toml")]).fine();
 }
 
-#[test]
-fn handling_blocks_are_replaced_by_ours() {
-    let site = Site::new();
-    let mut project = step7::example();
-    let ours = ob1_std::standard_block("CP341:FB8").expect("P_SND_RK");
-    let compiled = CompiledInterface::of(12, &ours.interface, &BTreeMap::new(), &|_| None).expect("short");
-    let like = |number, name: &str, interface: Vec<u8>| Block {
+/// A function block of this number and name.
+fn named(number: u16, name: &str, interface: Vec<u8>) -> Block {
+    Block {
         id: BlockId::new(BlockKind::Fb, number),
         head: Head { name: name.into(), ..Head::default() },
         interface,
         ..function(number, &[0x65, 0])
-    };
-    project.blocks.push(like(12, "P_SND_RK", compiled.bytes().expect("short")));
-    // A block with the same name but other parameters belongs to the user.
-    project.blocks.push(like(13, "P_SND_RK", vec![1, 13, 0, 2, 0, 0, 0, 0x05, 0x01, 0]));
+    }
+}
+
+/// A project with P_SND_RK as FB 12 and a CP 341 at address 304.
+fn with_a_cp341() -> NewProject {
+    let mut project = step7::example();
+    let ours = ob1_std::standard_block("CP341:FB8").expect("P_SND_RK");
+    let compiled = CompiledInterface::of(12, &ours.interface, &BTreeMap::new(), &|_| None).expect("short");
+    project.blocks.push(named(12, "P_SND_RK", compiled.bytes().expect("short")));
     let mut cp = project.modules[0].clone();
     (cp.name, cp.place) = ("CP 341-RS232C".into(), (0, 7, 0));
     cp.inputs = vec![Area { first: 304, bytes: 16 }];
     project.modules.push(cp);
+    project
+}
+
+#[test]
+fn handling_blocks_are_replaced_by_ours() {
+    let site = Site::new();
+    let mut project = with_a_cp341();
+    // A block with the same name but other parameters belongs to the user.
+    project.blocks.push(named(13, "P_SND_RK", vec![1, 13, 0, 2, 0, 0, 0, 0x05, 0x01, 0]));
+    // So does one that has the number of another block of the plugin.
+    project.blocks.push(function(5, &[0x65, 0]));
     let out = site.path("station").display().to_string();
     site.ob1(&["import", &self::project(&site, &project.files()), "--out", &out]).fine();
     let station = text(&site.path("station/station.toml"));
     for wanted in [
         "\"FB 12\" = \"CP341:FB8\"",
-        "path = \"ob1_cp341\"\nblocks = { \"FB 8\" = \"FB 12\" }",
+        "path = \"ob1_cp341\"\nblocks = { \"FB 8\" = \"FB 12\", \"FB 13\" = \"FB 1000\", \"FC 5\" = \"FC 1000\" }",
         "type = \"cp341\"",
         "address = 304",
     ] {
@@ -425,6 +479,31 @@ fn handling_blocks_are_replaced_by_ours() {
         report.contains("FB 12: it is the handling block P_SND_RK") && report.contains("has other parameters"),
         "{report}"
     );
+    assert!(report.contains("ob1_cp341: the plugin's FB 13 P_PRT341 is FB 1000 here"), "{report}");
+    site.ob1(&["run", &format!("{out}/station.toml"), "--scans", "5", "--quiet"]).fine();
+}
+
+/// What is written is checked: a station that does not start is told.
+#[test]
+fn a_station_that_does_not_start_is_told() {
+    let site = Site::new();
+    let mut project = with_a_cp341();
+    let mut second = project.modules.last().expect("a CP").clone();
+    second.place = (0, 8, 0);
+    project.modules.push(second);
+    let out = site.path("station").display().to_string();
+    let said = site.ob1(&["import", &self::project(&site, &project.files()), "--out", &out]);
+    assert_eq!(said.code, Some(1), "{}{}", said.out, said.err);
+    assert!(
+        said.out.contains("does not start yet") && said.out.contains("belongs to cp341-0-7 already"),
+        "{}",
+        said.out
+    );
+    let report = text(&site.path("station/report.txt"));
+    assert!(report.contains("does not start yet") && report.contains("belongs to cp341-0-7"), "{report}");
+    let said = site.ob1(&["import", &self::project(&site, &project.files()), "--out", &out, "--overwrite", "--json"]);
+    let json: Value = serde_json::from_str(&said.out).expect("JSON");
+    assert_eq!(json["errors"][0]["level"], "error");
 }
 
 #[test]
@@ -441,7 +520,10 @@ fn as_many_blocks_as_a_plant_has_come_over() {
 /// imported, and the program is in RUN after 20 scans.
 #[test]
 fn projects_that_lie_beside_run() {
-    let Some(folder) = std::env::var_os("OB1_STEP7_PROJECTS") else { return };
+    let Some(folder) = std::env::var_os("OB1_STEP7_PROJECTS") else {
+        println!("skipped: OB1_STEP7_PROJECTS names no folder of projects");
+        return;
+    };
     for entry in fs::read_dir(folder).expect("a folder").flatten() {
         let (site, path) = (Site::new(), entry.path().display().to_string());
         let listed = site.ob1(&["import", &path, "--list", "--json"]);

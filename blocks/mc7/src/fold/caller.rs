@@ -1,7 +1,7 @@
 //! The block in which a frame stands: its operands as the source names them, and the actuals of a call.
 
 use ob1_ir::{Arg, Number, Operand, Place, Width};
-use ob1_model::{BitAddr, BlockKind, Param, Section};
+use ob1_model::{BitAddr, Param, Section};
 
 use super::values::{Copies, Source};
 use crate::block::MachineBlock;
@@ -20,7 +20,7 @@ impl Caller<'_, '_> {
         let has_instance = self.block.id.kind.has_instance();
         let place = match operand.place {
             Place::Param { index, at } => {
-                if self.block.id.kind != BlockKind::Fc {
+                if !self.block.id.kind.is_function() {
                     return None;
                 }
                 Place::Param { index: *self.order.get(usize::from(index))?, at }

@@ -30,11 +30,6 @@ const SHORT: [(u8, BlockKind, bool); 4] = [
     (0x55, BlockKind::Fb, true),
 ];
 
-/// True for calls that a list of pointers follows.
-const fn has_list(kind: BlockKind) -> bool {
-    matches!(kind, BlockKind::Fc | BlockKind::Sfc)
-}
-
 /// Reads a statement about blocks.
 pub(crate) fn read(b: &Bytes<'_>) -> Found {
     let (first, second) = (b.first(), b.second());
@@ -80,7 +75,7 @@ pub(crate) fn read(b: &Bytes<'_>) -> Found {
 fn call(b: &Bytes<'_>, length: usize, kind: BlockKind, conditional: bool, number: Number, long: bool) -> Found {
     let mut end = length;
     let mut list = None;
-    if has_list(kind) {
+    if kind.is_function() {
         let words = usize::from(b.word_at(length + 2));
         let whole = b.0.len() >= length + 4;
         if whole && (b.word_at(length) != LIST || words < 2 || !words.is_multiple_of(2) || words > 0x7FFF) {
@@ -147,7 +142,7 @@ pub(crate) fn write_call(call: &Uncond, long: bool) -> Option<Vec<u8>> {
         bytes.extend_from_slice(&(words as u16).to_be_bytes());
         list.iter().for_each(|pointer| bytes.extend_from_slice(&pointer.to_be_bytes()));
     }
-    (list.is_some() == has_list(*kind)).then_some(bytes)
+    (list.is_some() == kind.is_function()).then_some(bytes)
 }
 
 /// Writes `L P##parameter`.

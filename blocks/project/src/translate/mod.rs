@@ -75,6 +75,7 @@ pub fn translate(folder: &Folder, wanted: &Wanted<'_>) -> Translation {
         // With their interfaces the calls of the stand-ins fold.
         draft.decode();
     }
+    draft.reserve();
     draft.write_statements();
     draft.finish()
 }
@@ -126,6 +127,8 @@ struct Draft<'f> {
     statements: BTreeMap<BlockId, String>,
     decoded: BTreeMap<BlockId, Decoded>,
     interfaces: BTreeMap<BlockId, Interface>,
+    /// Blocks whose heads say more local data than declarations and statements show.
+    reserved: BTreeSet<BlockId>,
     /// Blocks that stay in machine code.
     images: BTreeSet<BlockId>,
     printed: BTreeSet<BlockId>,
@@ -147,6 +150,7 @@ impl<'f> Draft<'f> {
             statements: BTreeMap::new(),
             decoded: BTreeMap::new(),
             interfaces: BTreeMap::new(),
+            reserved: BTreeSet::new(),
             images: BTreeSet::new(),
             printed: BTreeSet::new(),
             out: Translation {
@@ -161,7 +165,7 @@ impl<'f> Draft<'f> {
             draft.udts.insert(*number, Declarations::of_text(&udt.declarations, false, wanted.page));
         }
         for (id, block) in &folder.blocks {
-            if matches!(id.kind, BlockKind::Sfc | BlockKind::Sfb) {
+            if id.kind.is_system() {
                 continue;
             }
             draft.out.blocks += 1;

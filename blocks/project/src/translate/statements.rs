@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use ob1_ir::CodeBlock;
-use ob1_mc7::{MachineBlock, Segments};
+use ob1_mc7::{MachineBlock, Segments, decode};
 use ob1_model::{BlockId, BlockKind, Interface};
 use ob1_stl::print::Printer;
 
@@ -33,6 +33,7 @@ impl Draft<'_> {
             if !is_here || id.kind == BlockKind::Db {
                 continue;
             }
+            let local_bytes = u32::from(block.local_bytes);
             let Some(interface) = interfaces.get(id) else {
                 self.leave_out(*id, "it has no interface, neither as text nor compiled");
                 continue;
@@ -48,13 +49,37 @@ impl Draft<'_> {
                 code: &block.code,
                 segments: &segments,
                 multi_instance: !block.code_version1,
+                local_bytes: 0,
             };
-            match decode_block(&machine, &callees) {
+            let unshown = |block: &CodeBlock| block.interface.temp_bytes < local_bytes;
+            let mut decoded = decode_block(&machine, &callees);
+            // What a head says above its statements is for calls that are folded here, or reached by pointers.
+            if decoded.as_ref().is_ok_and(|decoded| unshown(&decoded.block))
+                && decode(&machine, &|_| None).is_ok_and(|unfolded| unshown(&unfolded.block))
+            {
+                decoded = decode_block(&MachineBlock { local_bytes, ..machine }, &callees);
+                self.reserved.insert(*id);
+            }
+            match decoded {
                 Ok(decoded) => drop(self.decoded.insert(*id, decoded)),
                 Err(error) => self.leave_out(*id, error.to_string()),
             }
         }
         self.interfaces = interfaces;
+    }
+
+    /// Declares the local data that a head says and nothing else shows.
+    pub(super) fn reserve(&mut self) {
+        for (id, decoded) in self.decoded.iter().filter(|(id, _)| self.reserved.contains(id)) {
+            let (Some(block), Some(declared)) = (self.folder.blocks.get(id), self.declared.get_mut(id)) else {
+                continue;
+            };
+            // A protected block has its machine code beside it, whose head says it.
+            if !block.know_how {
+                let declared_bytes = decoded.block.interface.declared_temps().next_multiple_of(2);
+                declared.reserve(u32::from(block.local_bytes) - declared_bytes);
+            }
+        }
     }
 
     /// Called blocks that are missing are replaced by one that does nothing. True when there are any.

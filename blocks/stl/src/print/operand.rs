@@ -103,9 +103,11 @@ impl Printer<'_> {
             Place::InDi(db, at) => Some(format!("DI{db}.{}", self.absolute(Area::Di, at, width, write)?)),
             Place::Param { index, at } => of_param(interface, index, at, &wanted),
             Place::Instance(at) => of_instance(interface, at, &wanted),
-            Place::Memory(area, at) => {
-                Some(format!("{} [{}]", self.area(area, width, write)?, self.pointer_place(at, Width::DWord)?))
-            }
+            Place::Memory(area, at) => Some(format!(
+                "{} [{}]",
+                self.area(area, width, write)?,
+                self.pointer_place(interface, at, Width::DWord)?
+            )),
             Place::Register(area, r, at) => {
                 if at.byte() > BitAddr::MAX_BYTE {
                     return None;
@@ -137,10 +139,13 @@ impl Printer<'_> {
         }
     }
 
-    /// `MD 20` of `[MD 20]`.
-    fn pointer_place(&self, pointer: Pointer, width: Width) -> Option<String> {
-        let holds = matches!(pointer.area, Area::Memory | Area::Local | Area::Db | Area::Di);
-        self.absolute(pointer.area, pointer.at, width, false).filter(|_| holds)
+    /// `MD 20` of `[MD 20]`, `#name` of `[#name]`.
+    fn pointer_place(&self, interface: &Interface, pointer: Pointer, width: Width) -> Option<String> {
+        if !matches!(pointer.area, Area::Memory | Area::Local | Area::Db | Area::Di) {
+            return None;
+        }
+        let name = (pointer.area == Area::Local).then(|| of_temp(interface, pointer.at, &of_width(width))).flatten();
+        name.or_else(|| self.absolute(pointer.area, pointer.at, width, false))
     }
 
     /// A number after the letters of what it counts; `#name` alone for a parameter.
@@ -153,7 +158,7 @@ impl Printer<'_> {
     ) -> Option<String> {
         Some(match number {
             Number::Fixed(n) => format!("{letters} {n}"),
-            Number::Memory(pointer) => format!("{letters} [{}]", self.pointer_place(pointer, Width::Word)?),
+            Number::Memory(pointer) => format!("{letters} [{}]", self.pointer_place(interface, pointer, Width::Word)?),
             Number::Param(index) => of_param(interface, index, BitAddr(0), ty)?,
             Number::Instance(at) => of_instance(interface, at, ty)?,
         })

@@ -179,6 +179,10 @@ pub(crate) fn enter(
     };
     m.hot.local_top += local_len;
     m.hot.depth += 1;
+    if instance {
+        // STEP 7 exchanges the registers (`TDB`) before it opens the instance.
+        r.db = r.di;
+    }
     r.di = entry.di;
     r.ar2 = entry.ar2;
     r.refs = entry.refs;

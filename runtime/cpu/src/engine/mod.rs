@@ -65,7 +65,7 @@ pub use call::{Prepared, Saved, Tops};
 pub use convert::convert;
 pub use hot::Hot;
 pub use jump::condition;
-pub use operand::{POINTER_BITS, RAW};
+pub use operand::{OWN_LOCAL, POINTER_BITS, RAW};
 pub use plan::{
     AREA_IN_POINTER, Areas, Base, Block, Call, CallTarget, Callee, Caller, Executed, Formal, InSource, InstanceIn,
     InstanceOf, InstanceOut, List, Op, OutTarget, Plan, RefArg, Scan, Signature, Signatures,

@@ -16,6 +16,11 @@ pub const RAW: u32 = 0x8000_0000;
 /// Addresses of area V from here on are the copies that calls make of constants and of operands without an address.
 pub(crate) const COPIES: u32 = 0x8000;
 
+/// Addresses of area V from here on are the running block's own local data: there lie the POINTERs that `L P##name`
+/// makes of composed parameters. On a rack the caller has made them, in its local data.
+pub const OWN_LOCAL: u32 = 0xC000;
+const _: () = assert!(COPIES + crate::memory::SCRATCH_BYTES <= OWN_LOCAL, "both are told apart");
+
 /// Where an operand lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Where {
@@ -112,15 +117,29 @@ pub(crate) fn in_area(area: Area, at: u32, bits: u32, write: bool, r: &Regs, m: 
     };
     match range.locate(at / 8, bits.div_ceil(8)) {
         Some(byte) => Ok(Where::Arena(byte.bit(at % 8))),
-        None if area == Area::PreviousLocal => copies(at, bits, m).ok_or_else(|| outside(area, at, bits, write)),
+        None if area == Area::PreviousLocal => beyond(at, bits, r, m).ok_or_else(|| outside(area, at, bits, write)),
         None => Err(outside(area, at, bits, write)),
     }
 }
 
-/// The place in area V beyond the caller's local data: what calls have copied.
-fn copies(at: u32, bits: u32, m: &Machine) -> Option<Where> {
-    let byte = (at / 8).checked_sub(COPIES)?;
-    m.memory.scratch.locate(byte, bits.div_ceil(8)).map(|byte| Where::Arena(byte.bit(at % 8)))
+/// The place in area V beyond the caller's local data: what calls and the block itself have copied.
+fn beyond(at: u32, bits: u32, r: &Regs, m: &Machine) -> Option<Where> {
+    let (range, from) = match at / 8 {
+        OWN_LOCAL.. => (Range { at: r.local, len: r.local_len }, OWN_LOCAL),
+        _ => (m.memory.scratch, COPIES),
+    };
+    let byte = range.locate((at / 8).checked_sub(from)?, bits.div_ceil(8))?;
+    Some(Where::Arena(byte.bit(at % 8)))
+}
+
+/// The pointer, in area V, to what a block has put at `at` of its own local data for `L P##name`.
+pub(crate) fn own_copy(at: BitAddr) -> u32 {
+    let (area, at) = if at.byte() < 0x1_0000 - OWN_LOCAL {
+        (Area::PreviousLocal, at.0 + OWN_LOCAL * 8)
+    } else {
+        (Area::Local, at.0)
+    };
+    u32::from(area.pointer_code()) << 24 | at
 }
 
 #[cold]

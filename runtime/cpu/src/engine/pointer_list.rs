@@ -9,7 +9,7 @@
 use ob1_ir::DbRegister;
 use ob1_model::{Area, BitAddr, Fault, FaultKind};
 
-use super::operand::{COPIES, POINTER_BITS, RAW, Where, aligned, by_pointer, in_area, in_db, reference};
+use super::operand::{COPIES, POINTER_BITS, RAW, Where, aligned, by_pointer, in_area, in_db, own_copy, reference};
 use super::plan::Formal;
 use super::regs::Regs;
 use crate::arena::{ArenaBit, Range};
@@ -104,7 +104,7 @@ pub(crate) fn handed_on(reference: u32, at: u32, r: &Regs, m: &Machine) -> u32 {
 }
 
 /// `L P##name`: the pointer to the actual parameter `index`. With `by`, its POINTER is written to that place of the
-/// local data, and the answer points there.
+/// local data, and the answer points there, in area V as on a rack.
 pub(crate) fn pointer_to(index: u16, by: Option<BitAddr>, r: &Regs, m: &mut Machine) -> Result<u32, Fault> {
     let reference = reference(index, r, m);
     let Some(by) = by else {
@@ -121,7 +121,7 @@ pub(crate) fn pointer_to(index: u16, by: Option<BitAddr>, r: &Regs, m: &mut Mach
     let Where::Arena(at) = in_area(Area::Local, by.0, POINTER, true, r, m)? else { return Ok(0) };
     m.memory.write_bits(at, 16, u32::from(db));
     m.memory.write_bits(at.plus(16), 32, bits);
-    Ok(u32::from(Area::Local.pointer_code()) << 24 | by.0)
+    Ok(own_copy(by))
 }
 
 /// Data block and pointer to a bit of the arena, as the running block can use them.

@@ -246,7 +246,7 @@ fn load_transfer(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
                 let value = read(Place::Param { index, at: BitAddr::byte_addr(offset) }, 32, r, m)?;
                 write(Place::Fixed(Area::Local, BitAddr(at.0 + offset * 8)), 32, value, r, m)?;
             }
-            load(r, u32::from(Area::Local.pointer_code()) << 24 | at.0);
+            load(r, super::operand::own_copy(at));
         }
         Op::Transfer(operand) => {
             let value = if r.mcr_off() { 0 } else { r.a1 };

@@ -228,6 +228,53 @@ fn multi_instances_and_the_registers_after_the_call() {
     });
 }
 
+/// `CALL` of a function block exchanges the registers before it opens the instance (`TDB`): inside, the DB register is
+/// the caller's DI.
+#[test]
+fn the_db_register_in_a_function_block_is_its_callers_di() {
+    on_each_engine(|| {
+        let source = "
+            FUNCTION_BLOCK FB 1
+            VAR_INPUT x : INT; at : INT; END_VAR
+            VAR_TEMP pointer : DWORD; t : ARRAY [0..60] OF INT; END_VAR
+            BEGIN
+            L #at; SLD 3; L P#M 0.0; +D; LAR1; T #pointer;
+            L DBNO; T W [AR1,P#0.0]; L DINO; T W [AR1,P#2.0]; L DBW 0; T W [AR1,P#4.0];
+            END_FUNCTION_BLOCK
+            FUNCTION_BLOCK FB 3
+            VAR_INPUT x : INT; END_VAR
+            BEGIN
+            L DBW 0; T MW 60;
+            END_FUNCTION_BLOCK
+            FUNCTION_BLOCK FB 2
+            VAR_INPUT y : INT; END_VAR
+            VAR inner : FB 1; END_VAR
+            BEGIN
+            AUF DB 3; CALL #inner (x := 7, at := 30); L DBNO; T MW 36;
+            AUF DB 3; CALL FB 1, DB 5 (x := DB4.DBW 0, at := 40);
+            END_FUNCTION_BLOCK
+            DATA_BLOCK DB 3 STRUCT a : INT := 33; END_STRUCT BEGIN END_DATA_BLOCK
+            DATA_BLOCK DB 4 STRUCT a : INT := 44; END_STRUCT BEGIN END_DATA_BLOCK
+            DATA_BLOCK DB 5 FB 1 BEGIN END_DATA_BLOCK
+            DATA_BLOCK DB 6 FB 2 BEGIN END_DATA_BLOCK
+            DATA_BLOCK DB 7 FB 3 BEGIN END_DATA_BLOCK
+            ORGANIZATION_BLOCK OB 1 BEGIN
+            AUF DB 3; AUF DI 4; CALL FB 1, DB 5 (x := DB3.DBW 0, at := 20); L DBNO; T MW 26; L DINO; T MW 28;
+            AUF DB 3; AUF DI 4; CALL FB 3, DB 7 (x := 1);
+            CALL FB 2, DB 6 (y := 66);
+            END_ORGANIZATION_BLOCK";
+        let mut bench = source::bench(source, &[]);
+        bench.run();
+        let words = |bench: &mut Bench, first: u32| [0, 2, 4].map(|n| bench.mw(first + n));
+        assert_eq!(words(&mut bench, 20), [4, 5, 44]);
+        assert_eq!((bench.mw(26), bench.mw(28)), (5, 4), "behind the call");
+        assert_eq!(bench.mw(60), 44, "a short block");
+        assert_eq!(words(&mut bench, 30), [6, 6, 66], "a multi-instance");
+        assert_eq!(bench.mw(36), 6);
+        assert_eq!(words(&mut bench, 40), [6, 5, 66]);
+    });
+}
+
 #[test]
 fn uc_cc_and_calls_by_number() {
     let inc = |n: u16, byte: u32| {

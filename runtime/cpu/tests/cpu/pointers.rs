@@ -181,6 +181,39 @@ fn an_any_put_together_by_hand() {
     });
 }
 
+/// `P##` of a composed parameter of a function is a pointer into area V, whatever is supplied: programs look at it.
+#[test]
+fn a_composed_parameter_of_a_function_is_in_area_v() {
+    on_each_engine(|| {
+        let source = "
+            FUNCTION FC 2 : VOID
+            VAR_INPUT s : STRING[4]; a : ANY; p : POINTER; END_VAR
+            BEGIN
+            L P##s; LAR1; T MD 20; L W [AR1,P#0.0]; T MW 40; L D [AR1,P#2.0]; T MD 42; TAR1; T MD 24;
+            LAR1 P##a; TAR1; T MD 28; L D [AR1,P#6.0]; T MD 46; L W [AR1,P#2.0]; T MW 50; U [AR1,P#3.0]; = M 52.0;
+            L P##p; LAR1; T MD 32;
+            END_FUNCTION
+            FUNCTION FC 1 : VOID
+            VAR_INPUT s : STRING[4]; a : ANY; END_VAR
+            VAR_TEMP t : INT; u : STRING[4]; END_VAR
+            BEGIN
+            CALL FC 2 (s := #s, a := #a, p := P#M 3.0);
+            L P##s; LAR1; T MD 36;
+            END_FUNCTION
+            DATA_BLOCK DB 10 STRUCT x : INT; s : STRING[4] := 'ab'; END_STRUCT BEGIN END_DATA_BLOCK
+            ORGANIZATION_BLOCK OB 1 BEGIN
+            CALL FC 1 (s := DB10.s, a := P#DB10.DBX 3.0 BYTE 257);
+            END_ORGANIZATION_BLOCK";
+        let mut bench = bench(source, &[]);
+        bench.run();
+        for at in [20, 24, 28, 32, 36] {
+            assert_eq!(bench.md(at) >> 24, 0x87, "MD {at}");
+        }
+        assert_eq!((bench.mw(40), bench.md(42)), (10, 0x8400_0010));
+        assert_eq!((bench.md(46), bench.mw(50), bench.m(52, 0)), (0x8400_0018, 257, true));
+    });
+}
+
 /// `blocks/stl/tests/data/pointers.awl`, with the jumps around its code taken out, to its end.
 #[test]
 fn the_pointer_program_of_the_compiler_runs() {

@@ -75,6 +75,24 @@ fn local_data_of_the_caller_is_area_v() {
     });
 }
 
+/// What an SCL compiler makes: a result in local data that no declaration and no statement before it names.
+#[test]
+fn local_data_that_only_a_list_names_is_there() {
+    on_each_engine(|| {
+        let source = format!(
+            "{CALLEES}FUNCTION FC 10 : VOID
+            BEGIN
+            UC FC 6 {{ P#M 1.3, P#V 8.0 }};
+            UC FC 5 {{ P#M 10.0, P#V 2.0, P#V 12.0, P#M 16.0 }};
+            END_FUNCTION
+            ORGANIZATION_BLOCK OB 1 BEGIN L 5; T MW 10; UC FC 10; L 6; T MW 12; END_ORGANIZATION_BLOCK"
+        );
+        let mut bench = bench_of(&source);
+        bench.run();
+        assert_eq!((bench.mw(12), bench.mw(16)), (6, 1));
+    });
+}
+
 #[test]
 fn bits_go_by_their_address() {
     on_each_engine(|| {

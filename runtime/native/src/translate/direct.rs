@@ -86,6 +86,7 @@ impl Translation<'_, '_> {
             self.store_state(value, self.run, Self::reg(at));
         }
         self.put_constants(FRESH);
+        self.keep_own_instance();
         self.put_instance(instance);
         self.end_of_chain();
         let answer = self.b.ins().call_indirect(self.other, address, &[self.run]);
@@ -103,6 +104,15 @@ impl Translation<'_, '_> {
         self.copy_out(call, instance);
         self.write_back();
         self.put_data(instance, offset_of!(Regs, db));
+    }
+
+    /// The DB register of a called function block is its caller's DI.
+    fn keep_own_instance(&mut self) {
+        let size = size_of::<Db>();
+        for ((ty, di), (_, db)) in values((offset_of!(Regs, di), size)).zip(values((offset_of!(Regs, db), size))) {
+            let part = self.load_state(ty, self.run, Self::reg(di));
+            self.store_state(part, self.run, Self::reg(db));
+        }
     }
 
     /// The instance of a function block is the open DI, and AR2 its beginning.

@@ -3,7 +3,7 @@
 use std::mem::offset_of;
 
 use cranelift_codegen::ir::{InstBuilder, Value, condcodes::IntCC, types};
-use ob1_cpu::engine::{Db, Hot, Regs};
+use ob1_cpu::engine::{Db, Hot, OWN_LOCAL, Regs};
 use ob1_ir::{AddressRegister, Place, Pointer};
 use ob1_model::Area;
 
@@ -381,6 +381,14 @@ impl Translation<'_, '_> {
     fn crossing(&mut self, pointer: Value, at: Value, bits: u32, write: bool, pc: usize) -> Spot {
         let shift = self.word(24);
         let code = self.b.ins().ushr(pointer, shift);
+        // What `L P##name` points to: the block's own local data, named as area V. The caller's is left to the
+        // reference: its address is beyond the own.
+        let (previous, own) = (self.word(u32::from(Area::PreviousLocal.pointer_code())), self.word(OWN_LOCAL * 8));
+        let is_own = self.b.ins().icmp(IntCC::Equal, code, previous);
+        let inside = self.b.ins().isub(at, own);
+        let at = self.b.ins().select(is_own, inside, at);
+        let local = self.word(u32::from(Area::Local.pointer_code()));
+        let code = self.b.ins().select(is_own, local, code);
         let (mut first, mut length) = (self.word(0), self.word(0));
         for area in [Area::Output, Area::Input, Area::Local, Area::Di, Area::Memory, Area::Db] {
             let (area_first, area_length) = self.area_values(area, write);

@@ -80,7 +80,7 @@ fn run(args: &DownloadArgs) -> Result<ImportExit, String> {
     Ok(match left_out {
         0 => ImportExit::Whole,
         all if all == blocks.len() => ImportExit::Nothing,
-        _ => ImportExit::LeftOut,
+        _ => ImportExit::Incomplete,
     })
 }
 

@@ -17,7 +17,11 @@ mod wire;
 use std::path::PathBuf;
 
 use clap::Args;
+use ob1_mc7::CompiledInterface;
+use ob1_model::{BlockId, BlockKind};
 use ob1_project::{Choice, Folder, Project, Root, Translation, Tree, Wanted, translate};
+use ob1_stl::Library;
+use ob1_stl::print::{Declared, Heading, Listing, Printer};
 use serde_json::json;
 
 use crate::exit::ImportExit;
@@ -35,7 +39,7 @@ pub use upload::{CompareArgs, UploadArgs, compare, upload};
 #[command(
     after_help = "Examples:\n  ob1 import plant.zip --list\n  ob1 import plant/ --program \"CPU 315-2 DP\" --out press\n  ob1 run press/station.toml\n  \
     ob1 import plant/ --listing FC5\n\n\
-    Exit codes: 0 the whole program was imported, 1 blocks were left out,\n2 nothing could be read or written.\n\nMore: docs/import.md."
+    Exit codes: 0 the whole program was imported, 1 blocks were left out or the\nstation does not start yet, 2 nothing could be read or written.\n\nMore: docs/import.md."
 )]
 pub struct ImportArgs {
     /// The project: its folder, its .s7p or .s7l, or a .zip of it
@@ -58,7 +62,7 @@ pub struct ImportArgs {
     /// Print a block or a UDT as STL, write nothing
     #[arg(long, value_name = "BLOCK", conflicts_with = "out")]
     pub listing: Option<String>,
-    /// Print the outcome as JSON: programs, program, blocks, decoded, left_out, files
+    /// Print the outcome as JSON: programs, program, blocks, decoded, left_out, files, errors
     #[arg(long)]
     pub json: bool,
 }
@@ -78,7 +82,7 @@ pub fn import(args: &ImportArgs) -> ImportExit {
         Ok(exit) => exit,
         Err(text) => {
             if args.json {
-                say!("{}", outcome(&[], None, &Translation::default(), &[]));
+                say!("{}", outcome(&[], None, &Translation::default(), None));
             }
             err!("ob1: {text}");
             ImportExit::Nothing
@@ -124,24 +128,30 @@ fn run(args: &ImportArgs) -> Result<ImportExit, String> {
     };
     let translation = translate(&taken.folder, &wanted);
     if let Some(block) = &args.listing {
-        return listing(block, &taken.folder, &translation);
+        return listing(block, &taken.folder, &translation, &library);
     }
     let Some(out) = &args.out else { return Err("--out is missing".to_owned()) };
     let gsds = match &args.gsd {
         Some(folder) => GsdFiles::read(folder, &mut notes)?,
         None => GsdFiles::default(),
     };
-    let made = station::make(&taken.title, &translation, &modules, &replaced, &gsds);
+    let made = station::make(&taken.title, (&taken.folder, &translation), &modules, &replaced, &gsds);
     notes.extend(replaced.notes.clone());
-    let report = report::text(&taken.title, &translation, &made, &notes);
-    let files = output::write(out, args.overwrite, &translation, &symbols.0, &made, &report)?;
-    let exit = if translation.left_out.is_empty() { ImportExit::Whole } else { ImportExit::LeftOut };
+    let written = output::write((out, args.overwrite), &taken.title, &translation, &symbols.0, &made, &notes)?;
     if args.json {
-        say!("{}", outcome(&titles, Some(&taken.title), &translation, &files));
+        say!("{}", outcome(&titles, Some(&taken.title), &translation, Some(&written)));
     } else {
-        says!("{}", report::summary(&taken.title, &translation, out));
+        says!("{}", report::summary(&taken.title, &translation, out, &written.errors));
     }
-    Ok(exit)
+    Ok(exit(&translation, &written))
+}
+
+fn exit(translation: &Translation, written: &output::Written) -> ImportExit {
+    if translation.left_out.is_empty() && written.errors.is_empty() {
+        ImportExit::Whole
+    } else {
+        ImportExit::Incomplete
+    }
 }
 
 fn title(project: &Project, choice: Choice, projects: usize) -> String {
@@ -160,8 +170,8 @@ fn tell_apart(projects: &mut [Project], roots: &[Root]) {
     }
 }
 
-/// What is taken of several projects when no name is given: programs with blocks that belong to a CPU; without CPUs
-/// those with blocks.
+/// What is taken of several projects when no name is given: programs with blocks that belong to a CPU; else programs
+/// with blocks; else block folders that have some.
 fn preferred(found: Vec<(usize, Choice)>, projects: &[Project]) -> Vec<(usize, Choice)> {
     let with = |test: &dyn Fn(&Project, &Choice) -> bool| {
         let of = |(index, choice): &&(usize, Choice)| projects.get(*index).is_some_and(|project| test(project, choice));
@@ -172,7 +182,8 @@ fn preferred(found: Vec<(usize, Choice)>, projects: &[Project]) -> Vec<(usize, C
         let program = choice.program.and_then(|index| project.programs.get(index));
         blocks(project, choice) && program.is_some_and(|program| program.cpu.is_some())
     };
-    [with(&of_cpu), with(&blocks)].into_iter().find(|kept| !kept.is_empty()).unwrap_or(found)
+    let of_program = |project: &Project, choice: &Choice| blocks(project, choice) && choice.program.is_some();
+    [with(&of_cpu), with(&of_program), with(&blocks)].into_iter().find(|kept| !kept.is_empty()).unwrap_or(found)
 }
 
 /// The one program that is meant.
@@ -240,23 +251,23 @@ fn list(args: &ImportArgs, tree: &Tree<'_>, projects: &[Project], titles: &[Stri
             }
         }
         if !args.json {
-            project.notes.iter().for_each(|note| say!("  {note}"));
+            report::together(&project.notes).for_each(|line| say!("  {line}"));
         }
     }
     if args.json {
-        say!("{}", outcome(titles, None, &translation, &[]));
+        say!("{}", outcome(titles, None, &translation, None));
     }
     ImportExit::Whole
 }
 
-fn listing(wanted: &str, folder: &Folder, translation: &Translation) -> Result<ImportExit, String> {
-    let (name, file, is_protected) = match udt_number(wanted) {
-        Some(number) => (format!("UDT {number}"), format!("UDT_{number}.awl"), false),
+fn listing(wanted: &str, folder: &Folder, translation: &Translation, library: &Library) -> Result<ImportExit, String> {
+    let (name, file, id, is_protected) = match udt_number(wanted) {
+        Some(number) => (format!("UDT {number}"), format!("UDT_{number}.awl"), None, false),
         None => {
             let id = ob1_station::block_name::parse_block(wanted)
                 .ok_or_else(|| format!("\"{wanted}\" is not a block; write FC5, DB 10 or UDT 1"))?;
             let is_protected = folder.blocks.get(&id).is_some_and(|block| block.know_how);
-            (id.to_string(), format!("{}_{}.awl", id.kind.name(), id.number), is_protected)
+            (id.to_string(), format!("{}_{}.awl", id.kind.name(), id.number), Some(id), is_protected)
         }
     };
     if let Some(why) = translation.left_out.get(&name) {
@@ -265,10 +276,38 @@ fn listing(wanted: &str, folder: &Folder, translation: &Translation) -> Result<I
     if is_protected {
         return Err(format!("{name} is know-how protected: it runs, and its statements are not printed"));
     }
-    let source = translation.sources.iter().find(|source| source.name == file);
-    let source = source.ok_or_else(|| format!("{name} is not in this program"))?;
-    says!("{}", String::from_utf8_lossy(&source.bytes));
+    let text = match (translation.sources.iter().find(|source| source.name == file), id) {
+        (Some(source), _) => String::from_utf8_lossy(&source.bytes).into_owned(),
+        (None, Some(id)) => of_machine_code(id, folder, translation, library)?,
+        (None, None) => return Err(format!("{name} is not in this program")),
+    };
+    says!("{text}");
     Ok(ImportExit::Whole)
+}
+
+/// The text of a block that has no source: with the names of its compiled form.
+fn of_machine_code(
+    id: BlockId,
+    folder: &Folder,
+    translation: &Translation,
+    library: &Library,
+) -> Result<String, String> {
+    let program = &translation.program;
+    let of_program = |id: BlockId| program.blocks.iter().find(|block| block.id == id).map(|block| &block.interface);
+    let callees = |id: BlockId| of_program(id).or_else(|| library.get(id).map(|block| &block.interface));
+    let printer = Printer::new(ob1_stl::Mnemonics::International, &callees);
+    let compiled = folder.blocks.get(&id).and_then(|block| CompiledInterface::read(&block.interface).ok());
+    let instances = compiled.map(|compiled| compiled.instances()).unwrap_or_default();
+    let declared = Declared { instances, ..Declared::default() };
+    let heading = Heading::default();
+    let block = program.blocks.iter().find(|block| block.id == id);
+    let data = program.data.iter().find(|data| id.kind == BlockKind::Db && data.number == id.number);
+    let text = match (block, data) {
+        (Some(block), _) => printer.block(block, &heading, &declared, &Listing::default()),
+        (None, Some(data)) => printer.data(data, &heading),
+        (None, None) => return Err(format!("{id} is not in this program")),
+    };
+    text.map_err(|why| format!("{id} stays in machine code: {why}"))
 }
 
 /// `UDT 1`, `udt1`.
@@ -277,7 +316,12 @@ fn udt_number(wanted: &str) -> Option<u16> {
     kind.eq_ignore_ascii_case("UDT").then(|| number.trim().parse().ok())?
 }
 
-fn outcome(programs: &[String], program: Option<&str>, translation: &Translation, files: &[String]) -> String {
+fn outcome(
+    programs: &[String],
+    program: Option<&str>,
+    translation: &Translation,
+    written: Option<&output::Written>,
+) -> String {
     let left_out: Vec<_> =
         translation.left_out.iter().map(|(block, reason)| json!({ "block": block, "reason": reason })).collect();
     json!({
@@ -286,7 +330,8 @@ fn outcome(programs: &[String], program: Option<&str>, translation: &Translation
         "blocks": translation.blocks,
         "decoded": translation.decoded,
         "left_out": left_out,
-        "files": files,
+        "files": written.map_or(&[][..], |written| &written.files),
+        "errors": written.map_or(&[][..], |written| &written.errors),
     })
     .to_string()
 }

@@ -1,5 +1,11 @@
 //! Names of an imported station: its files, and texts of the project as names and in comments.
 
+/// The name of the station file.
+pub(super) const STATION: &str = "station.toml";
+
+/// The name of the report.
+pub(super) const REPORT: &str = "report.txt";
+
 /// The name of the symbol table.
 pub(super) const SYMBOLS: &str = "symbols.sdf";
 

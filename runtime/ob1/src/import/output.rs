@@ -4,11 +4,14 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use ob1_ir::Symbol;
-use ob1_project::{SymbolRow, Translation};
+use ob1_project::{Notes, SymbolRow, Translation};
+use ob1_station::finding::Finding;
 use ob1_stl::Source;
 
-use super::names::{BLOCKS, GSD, SYMBOLS};
+use super::names::{BLOCKS, GSD, REPORT, STATION, SYMBOLS};
+use super::report;
 use super::station::Made;
+use crate::check;
 
 /// The symbol table as STEP 7 exports it, and the symbols a program gets from it.
 pub(super) fn symbol_table(rows: &[SymbolRow]) -> (String, Vec<Symbol>) {
@@ -28,19 +31,44 @@ pub(super) fn symbol_table(rows: &[SymbolRow]) -> (String, Vec<Symbol>) {
     (text, symbols)
 }
 
-/// Writes the station; gives the files, as paths below `out`.
+/// A station that was written.
+pub(super) struct Written {
+    /// Its files, as paths below the folder.
+    pub(super) files: Vec<String>,
+    /// What keeps it from starting.
+    pub(super) errors: Vec<Finding>,
+}
+
+/// Writes the station, checks it as `ob1 check` does, and writes the report.
 pub(super) fn write(
+    (out, overwrite): (&Path, bool),
+    title: &str,
+    translation: &Translation,
+    symbols: &str,
+    station: &Made,
+    notes: &Notes,
+) -> Result<Written, String> {
+    let mut files = put_all(out, overwrite, translation, symbols, station)?;
+    let errors = check::station_errors(&out.join(STATION));
+    let report = report::text(title, translation, station, notes, &errors);
+    let path = out.join(REPORT);
+    std::fs::write(&path, report).map_err(refused(&path))?;
+    files.push(REPORT.to_owned());
+    Ok(Written { files, errors })
+}
+
+fn refused(path: &Path) -> impl FnOnce(std::io::Error) -> String + use<> {
+    let path = path.display().to_string();
+    move |error| format!("{path}: {error}")
+}
+
+fn put_all(
     out: &Path,
     overwrite: bool,
     translation: &Translation,
     symbols: &str,
     station: &Made,
-    report: &str,
 ) -> Result<Vec<String>, String> {
-    let refused = |path: &Path| {
-        let path = path.display().to_string();
-        move |error: std::io::Error| format!("{path}: {error}")
-    };
     let is_taken = std::fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some());
     if is_taken && !overwrite {
         return Err(format!("{} is not empty; name another folder, or say --overwrite", out.display()));
@@ -54,7 +82,7 @@ pub(super) fn write(
         files.push(name);
         Ok::<(), String>(())
     };
-    put("station.toml".to_owned(), station.text.as_bytes())?;
+    put(STATION.to_owned(), station.text.as_bytes())?;
     if !symbols.is_empty() {
         put(SYMBOLS.to_owned(), symbols.as_bytes())?;
     }
@@ -68,6 +96,5 @@ pub(super) fn write(
     for file in translation.sources.iter().chain(&translation.images) {
         put(format!("{BLOCKS}/{}", file.name), &file.bytes)?;
     }
-    put("report.txt".to_owned(), report.as_bytes())?;
     Ok(files)
 }

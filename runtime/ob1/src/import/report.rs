@@ -1,15 +1,18 @@
 //! What came over, what did not, and why.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
 use ob1_model::BlockKind;
-use ob1_project::{Folder, Notes, Translation, Weight};
+use ob1_project::{Folder, Note, Notes, Translation, Weight};
+use ob1_station::finding::Finding;
 
+use super::names::{REPORT, STATION};
 use super::station::Made;
 
-/// The report beside the station.
-pub(super) fn text(title: &str, translation: &Translation, made: &Made, notes: &Notes) -> String {
+/// The report beside the station. `errors` keep it from starting.
+pub(super) fn text(title: &str, translation: &Translation, made: &Made, notes: &Notes, errors: &[Finding]) -> String {
     let mut out = format!("Import of {title}\n\n");
     let _ = writeln!(
         out,
@@ -27,28 +30,63 @@ pub(super) fn text(title: &str, translation: &Translation, made: &Made, notes: &
             let _ = writeln!(out, "  {block}: {reason}");
         }
     }
-    let all = || notes.iter().chain(&translation.notes).chain(&made.notes);
+    if !errors.is_empty() {
+        let _ = writeln!(out, "\n{STARTS_NOT}");
+        errors.iter().for_each(|error| out.push_str(&error.text));
+    }
+    let all: Notes = notes.iter().chain(&translation.notes).chain(&made.notes).cloned().collect();
     for (weight, heading) in [(Weight::Warning, "Warnings"), (Weight::Info, "Worth knowing")] {
-        let mut of_weight = all().filter(|note| note.weight == weight).peekable();
-        if of_weight.peek().is_some() {
+        let of_weight: Notes = all.iter().filter(|note| note.weight == weight).cloned().collect();
+        if !of_weight.is_empty() {
             let _ = writeln!(out, "\n{heading}");
-            for note in of_weight {
-                let _ = writeln!(out, "  {note}");
+            for line in together(&of_weight) {
+                let _ = writeln!(out, "  {line}");
             }
         }
     }
     out
 }
 
-/// What the command prints at its end.
-pub(super) fn summary(title: &str, translation: &Translation, out: &Path) -> String {
+/// A line for each note; equal ones in one, with their count.
+pub(super) fn together(notes: &Notes) -> impl Iterator<Item = String> {
+    let mut lines: Vec<String> = Vec::new();
+    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+    for line in notes.iter().map(Note::to_string) {
+        let count = counts.entry(line.clone()).or_default();
+        *count += 1;
+        if *count == 1 {
+            lines.push(line);
+        }
+    }
+    lines.into_iter().map(move |line| match counts.get(&line) {
+        Some(count) if *count > 1 => format!("{line} ({count} times)"),
+        _ => line,
+    })
+}
+
+/// The heading of errors.
+const STARTS_NOT: &str = "The station does not start yet";
+/// Errors that the command prints; all are in the report.
+const SHOWN: usize = 10;
+
+/// What the command prints at its end. `errors` keep the station from starting.
+pub(super) fn summary(title: &str, translation: &Translation, out: &Path, errors: &[Finding]) -> String {
     let mut text = format!("{title}: {} of {} blocks\n", translation.decoded, translation.blocks);
     for (block, reason) in &translation.left_out {
         let _ = writeln!(text, "  left out: {block}: {reason}");
     }
-    let station = out.join("station.toml");
-    let report = out.join("report.txt");
-    let _ = writeln!(text, "report: {}\nrun it: ob1 run {}", report.display(), station.display());
+    let station = out.join(STATION);
+    let report = out.join(REPORT);
+    let _ = writeln!(text, "report: {}", report.display());
+    if errors.is_empty() {
+        let _ = writeln!(text, "run it: ob1 run {}", station.display());
+        return text;
+    }
+    let _ = writeln!(text, "{STARTS_NOT}; what `ob1 check {}` finds:", station.display());
+    errors.iter().take(SHOWN).for_each(|error| text.push_str(&error.text));
+    if errors.len() > SHOWN {
+        let _ = writeln!(text, "and {} more, in the report", errors.len() - SHOWN);
+    }
     text
 }
 
@@ -78,4 +116,16 @@ pub(super) fn blocks(folder: &Folder) -> String {
         let _ = writeln!(out, "    {block}: {why}");
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_notes_are_one_line() {
+        let note = |what: &str| Note::warning("a", what);
+        let lines: Vec<String> = together(&vec![note("x"), note("y"), note("x"), note("x")]).collect();
+        assert_eq!(lines, ["a: x (3 times)", "a: y"]);
+    }
 }

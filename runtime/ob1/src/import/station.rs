@@ -6,7 +6,8 @@ use std::fmt::Write as _;
 use ob1_backplane::io_layout::IO_AREA_BYTES;
 use ob1_ir::Program;
 use ob1_model::{BlockId, BlockKind};
-use ob1_project::{Area, Module, Note, Notes, Translation};
+use ob1_project::{Area, Folder, Module, Note, Notes, Translation};
+use ob1_std::standard_blocks;
 
 use super::hardware::{Hardware, cp_type, merged};
 use super::names::{BLOCKS, SYMBOLS, clean, line};
@@ -37,7 +38,7 @@ const MONITORING_MS: u16 = 150;
 /// Writes the station file of a program.
 pub(super) fn make(
     title: &str,
-    translation: &Translation,
+    (folder, translation): (&Folder, &Translation),
     hardware: &Hardware,
     replaced: &Replaced,
     gsds: &GsdFiles,
@@ -51,6 +52,7 @@ pub(super) fn make(
     head(&mut made, title, &used, hardware);
     cyclic(&mut made.text, &translation.program, hardware);
     program(&mut made.text, translation, replaced);
+    plugins(&mut made, folder, translation, replaced);
     made.text.push_str(&modules.text);
     made.text.push_str(&slaves.text);
     made.files = slaves.files;
@@ -127,13 +129,41 @@ fn program(text: &mut String, translation: &Translation, replaced: &Replaced) {
     for (id, block) in &replaced.blocks {
         let _ = writeln!(text, "\"{id}\" = \"{}\"", block.key());
     }
+}
+
+/// The first number that a block of a plugin gets whose own number the project has.
+const OUT_OF_THE_WAY: u16 = 1000;
+
+/// The plugins of the handling blocks. A plugin brings all its blocks: those that the project does not call move to
+/// free numbers where the project or another plugin has theirs.
+fn plugins(made: &mut Made, folder: &Folder, translation: &Translation, replaced: &Replaced) {
+    let of_program = translation.program.blocks.iter().map(|block| block.id);
+    let mut taken: BTreeSet<BlockId> = folder.blocks.keys().copied().chain(of_program).collect();
+    taken.extend(replaced.ids());
     let plugins: BTreeSet<String> = replaced.blocks.values().map(plugin_of).collect();
     for plugin in plugins {
-        let _ = writeln!(text, "\n[[plugin]]\npath = \"{plugin}\"");
-        let other = replaced.blocks.iter().filter(|(id, block)| plugin_of(block) == plugin && **id != block.id);
-        let renumbered: Vec<String> = other.map(|(id, block)| format!("\"{}\" = \"{id}\"", block.id)).collect();
-        if !renumbered.is_empty() {
-            let _ = writeln!(text, "blocks = {{ {} }}", renumbered.join(", "));
+        let mut numbers = Vec::new();
+        // Those of the CPU have their numbers on every CPU that has them.
+        for ours in standard_blocks().iter().filter(|block| plugin_of(block) == plugin && !block.id.kind.is_system()) {
+            let id = match replaced.blocks.iter().find(|(_, block)| block.key() == ours.key()) {
+                Some((id, _)) => *id,
+                None if taken.insert(ours.id) => ours.id,
+                None => {
+                    let free = |number: &u16| taken.insert(BlockId::new(ours.id.kind, *number));
+                    let Some(number) = (OUT_OF_THE_WAY..).find(free) else { continue };
+                    let id = BlockId::new(ours.id.kind, number);
+                    let what = format!("the plugin's {} {} is {id} here: its own number is taken", ours.id, ours.name);
+                    made.notes.push(Note::info(plugin.clone(), what));
+                    id
+                }
+            };
+            if id != ours.id {
+                numbers.push(format!("\"{}\" = \"{id}\"", ours.id));
+            }
+        }
+        let _ = writeln!(made.text, "\n[[plugin]]\npath = \"{plugin}\"");
+        if !numbers.is_empty() {
+            let _ = writeln!(made.text, "blocks = {{ {} }}", numbers.join(", "));
         }
     }
 }

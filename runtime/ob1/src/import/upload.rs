@@ -13,7 +13,7 @@ use super::block_files::{Blocks, UPLOADED, collect};
 use super::hardware::Hardware;
 use super::profibus::GsdFiles;
 use super::wire::{CpuArgs, Socket, connect};
-use super::{outcome, output, replace, report, station};
+use super::{exit, outcome, output, replace, report, station};
 use crate::exit::ImportExit;
 
 /// The types of blocks a program is made of.
@@ -28,7 +28,7 @@ const PAGE: u16 = 1252;
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 upload 192.168.0.10 --out press\n  ob1 upload 127.0.0.1:10102 --slot 2 --out copy\n\n\
-    Exit codes: 0 the whole program was uploaded, 1 blocks were left out,\n2 nothing could be read or written.\n\nMore: docs/s7-link.md."
+    Exit codes: 0 the whole program was uploaded, 1 blocks were left out or the\nstation does not start yet, 2 nothing could be read or written.\n\nMore: docs/s7-link.md."
 )]
 pub struct UploadArgs {
     #[command(flatten)]
@@ -90,17 +90,16 @@ fn run(args: &UploadArgs) -> Result<ImportExit, String> {
     translation.blocks += refused.len();
     translation.left_out.extend(refused);
     let title = format!("CPU {}", args.cpu.host);
-    let made = station::make(&title, &translation, &Hardware::default(), &replaced, &GsdFiles::default());
+    let made = station::make(&title, (&folder, &translation), &Hardware::default(), &replaced, &GsdFiles::default());
     notes.extend(replaced.notes.clone());
-    let report = report::text(&title, &translation, &made, &notes);
-    let mut files = output::write(&args.out, args.overwrite, &translation, "", &made, &report)?;
-    files.extend(keep(&args.out, &blocks)?);
+    let mut written = output::write((&args.out, args.overwrite), &title, &translation, "", &made, &notes)?;
+    written.files.extend(keep(&args.out, &blocks)?);
     if args.json {
-        say!("{}", outcome(std::slice::from_ref(&title), Some(&title), &translation, &files));
+        say!("{}", outcome(std::slice::from_ref(&title), Some(&title), &translation, Some(&written)));
     } else {
-        says!("{}", report::summary(&title, &translation, &args.out));
+        says!("{}", report::summary(&title, &translation, &args.out, &written.errors));
     }
-    Ok(if translation.left_out.is_empty() { ImportExit::Whole } else { ImportExit::LeftOut })
+    Ok(exit(&translation, &written))
 }
 
 /// Which CPU it is, and what its clock says.
@@ -179,7 +178,7 @@ fn held_against(args: &CompareArgs) -> Result<ImportExit, String> {
         other += 1;
     }
     say!("{} blocks in the CPU, differences from {}: {other}", there.len(), args.folder.display());
-    Ok(if other == 0 { ImportExit::Whole } else { ImportExit::LeftOut })
+    Ok(if other == 0 { ImportExit::Whole } else { ImportExit::Incomplete })
 }
 
 /// The values of a data block change as long as the CPU runs.

@@ -5,7 +5,7 @@ use ob1_model::{Area, BitAddr};
 
 use super::bytes::dword;
 use crate::arena::{ArenaBit, ArenaByte, Db, Range};
-use crate::engine::operand::{POINTER_BITS, RAW, reference};
+use crate::engine::operand::{OWN_LOCAL, POINTER_BITS, RAW, reference};
 use crate::engine::plan::{AREA_IN_POINTER, Base};
 use crate::engine::regs::Regs;
 use crate::machine::Machine;
@@ -56,6 +56,9 @@ fn indirect(
         Area::Input => m.memory.inputs,
         Area::Output => m.memory.outputs,
         Area::Local => Range { at: r.local, len: r.local_len },
+        Area::PreviousLocal if at >= OWN_LOCAL * 8 => {
+            return inside(Range { at: r.local, len: r.local_len }, at - OWN_LOCAL * 8, bits);
+        }
         Area::PreviousLocal => Range { at: r.previous_local, len: r.previous_local_len },
         Area::Peripheral => return None,
     };
