@@ -239,16 +239,18 @@ impl Cp {
         let mark = self.segment.changes();
         self.mark = Some(mark);
         let now = self.ms(at);
-        self.machine.run(!matches!(self.segment.cpu_state(), Ok(CpuState::Stop) | Err(_)));
+        // The state before the boxes: those of a CPU in STOP have everything that its program has done before.
+        let runs = !matches!(self.segment.cpu_state(), Ok(CpuState::Stop) | Err(_));
+        let mut boxes = Vec::new();
         for index in 0..BOXES {
-            if !self.segment.box_changed(index) {
-                continue;
-            }
             let mut block = [0; BOX_BYTES];
-            if self.segment.read_box(index, &mut block) == Freshness::Fresh {
-                self.machine.show(index, &block, now);
+            if self.segment.box_changed(index) && self.segment.read_box(index, &mut block) == Freshness::Fresh {
+                self.machine.settle(index, &block, now);
+                boxes.push((index, block));
             }
         }
+        self.machine.run(runs);
+        boxes.iter().for_each(|(index, block)| self.machine.show(*index, block, now));
         self.due = self.machine.tick(now);
         for index in 0..self.lines.len() {
             self.questions(index, around, number);
