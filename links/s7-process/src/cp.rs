@@ -278,19 +278,21 @@ impl Cp {
         let is_of_use = self.machine.is_of_use(index, self.ms(around.now));
         let Some(line) = self.lines.get_mut(index) else { return };
         let condition = self.machine.condition(index).0;
+        let id = self.machine.spec(index).map_or(0, |spec| spec.id);
         let is_up = condition == Condition::Up;
         if line.telling.tells(is_up, is_of_use) {
-            let name = self.machine.spec(index).map_or(0, |spec| spec.id);
             if is_up {
-                info!("connection {name} is up");
+                info!("connection {id} is up");
             } else {
-                warn!("connection {name} is down");
+                warn!("connection {id} is down");
             }
         }
         if condition != line.was {
             if is_up {
                 line.asks = Asks::default();
                 line.client = number();
+                let partner = line.partner.map(|partner| partner.to_string());
+                around.door.partner(line.client, partner.unwrap_or_else(|| format!("connection {id}")));
             } else if line.was == Condition::Up {
                 around.door.client_gone(line.client);
             }

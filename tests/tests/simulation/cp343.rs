@@ -79,8 +79,8 @@ fn a_cp_that_becomes_ready_within_a_scan_loses_no_order() {
     assert!(again_in_scans > 30, "{again_in_scans}");
 }
 
-/// The programs call their blocks again before the CPs have seen what they have taken: what a program has is not refused
-/// to its sender (the judge's rule), and none is left out.
+/// The programs call their blocks again before the CPs have seen what they have taken: what a program has is not
+/// refused to its sender (the judge's rule), and none is left out.
 #[test]
 fn a_cp_that_is_slower_than_the_cycle_refuses_nothing_that_was_given() {
     let folder = tempfile::tempdir().expect("a folder");

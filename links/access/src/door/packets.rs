@@ -89,7 +89,7 @@ wire!(struct Welcome {
 });
 wire!(enum ToBroker {
     0 => Beat, 1 => Watch { generation, pieces }, 2 => Write { client, ticket, puts }, 3 => Ask { client, ticket, ask },
-    4 => Gone(client), 5 => Connections(list),
+    4 => Gone(client), 5 => Connections(list), 6 => Partner { client, partner },
 });
 wire!(struct Connection { partner, name, state, pdu, jobs, errors });
 wire!(enum ToLink {

@@ -100,8 +100,8 @@ impl Slot {
 }
 
 impl Coupling {
-    /// Learns from the CPU's content of a box that the program has all data of the job in it, which may have ended since:
-    /// they are neither given again nor refused to their sender.
+    /// Learns from the CPU's content of a box that the program has all data of the job in it, which may have ended
+    /// since: they are neither given again nor refused to their sender.
     pub fn settle(&mut self, at: usize, block: &[u8; BOX_BYTES], now: u64) {
         self.now = now;
         let Some(head) = block.first_chunk::<HEAD_BYTES>() else { return };
