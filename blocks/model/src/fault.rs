@@ -323,9 +323,11 @@ impl Event {
     pub const RETENTIVE_REFUSED: Event = Event(0xF303);
     /// STOP because two engines do not do the same (ours, `engine = "both"`).
     pub const ENGINES_DIFFER: Event = Event(0xF401);
+    /// A partner of a link has given a wrong password, or has changed something (ours).
+    pub const PARTNER: Event = Event(0xF501);
 
     /// Every event with a name that is not a fault.
-    pub const ALL: [Event; 49] = [
+    pub const ALL: [Event; 50] = [
         Event::STARTUP,
         Event::RUN,
         Event::STOP_OPERATOR,
@@ -375,6 +377,7 @@ impl Event {
         Event::RETENTIVE_KEPT,
         Event::RETENTIVE_REFUSED,
         Event::ENGINES_DIFFER,
+        Event::PARTNER,
     ];
 
     /// The event's text.
@@ -451,6 +454,7 @@ impl Event {
             0xF20D => "a CP has lost events",
             0xF301 => "retentive memory cannot be written",
             0xF302 => "retentive memory is written again",
+            0xF501 => "a partner of a link",
             0xF303 => "retentive memory is refused, the station starts without it",
             0xF401 => "STOP, the two engines disagree",
             // Entries of the program itself (SFC 52): classes 8 and 9 are for its messages, A and B for the user's own.

@@ -216,6 +216,7 @@ mod tests {
         Event::DRIVER_UP,
         Event::CP_ERROR_GONE,
         Event::RETENTIVE_KEPT,
+        Event::PARTNER,
         Event::INPUT_IMAGE_BACK,
         Event::OUTPUT_IMAGE_BACK,
         Event::STATION_BACK,

@@ -21,8 +21,8 @@ const LONGEST_PAUSE: Span = Span::from_secs(1);
 const MAY_HAVE_RESTARTED: u32 = 2;
 /// Exception 04h, device failure: the answer of a coupler whose watchdog has expired.
 const DEVICE_FAILURE: u8 = 4;
-/// A coupler that leaves this many requests of function 17h unanswered, and answers none of them, does not know the
-/// function.
+/// A coupler that knows function 17h and leaves this many requests of it unanswered, one after the other, is asked for
+/// it no more. One that has never answered it does not know it: the first is enough.
 const BOTH_UNANSWERED: u8 = 3;
 /// Exceptions 05h and 06h, acknowledge and busy: the request comes too early, and is repeated.
 const TOO_EARLY: [u8; 2] = [5, 6];
@@ -84,8 +84,13 @@ pub(crate) struct Coupler {
     misses: u32,
     /// The coupler does not support function 17h.
     never_both: bool,
-    /// Unanswered requests of function 17h since the last one that it has answered, over all connections.
+    /// It has answered one.
+    knows_both: bool,
+    /// Unanswered requests of function 17h since the last one that it has answered, over all connections; a coupler
+    /// that does not answer what comes next either was away, and that one does not count.
     both_unanswered: u8,
+    /// The last one of them is not counted yet.
+    both_doubtful: bool,
     /// The last one was not answered: until a round is complete, the coupler is written and read separately.
     apart: bool,
     /// Consecutive answers that it is busy.
@@ -116,7 +121,9 @@ impl Coupler {
             patience: config.lost_after.max(START),
             misses: 0,
             never_both: false,
+            knows_both: false,
             both_unanswered: 0,
+            both_doubtful: false,
             apart: false,
             busy: 0,
             wrote_last: false,
@@ -222,7 +229,7 @@ impl Coupler {
     fn goes_together(&self, write: usize, read: usize) -> bool {
         let is_words = |table: Option<Table>| table == Some(Table::Holding);
         !(self.never_both || self.apart)
-            && self.both_unanswered < BOTH_UNANSWERED
+            && self.both_unanswered < if self.knows_both { BOTH_UNANSWERED } else { 1 }
             && is_words(self.writes.get(write).map(|outputs| outputs.chunk.table))
             && is_words(self.reads.get(read).map(|chunk| chunk.table))
     }
@@ -276,6 +283,7 @@ impl Coupler {
         }
         // It is unknown whether it was written.
         self.forget_written(job);
+        self.both_doubtful = false;
         self.unanswered(job);
         image.tell(self.index, |status| status.failures += 1);
     }
@@ -284,9 +292,25 @@ impl Coupler {
     /// know.
     pub(crate) fn unanswered(&mut self, job: Job) {
         if matches!(job, Job::Both { .. }) {
-            self.apart = true;
+            (self.apart, self.both_doubtful) = (true, true);
+        }
+    }
+
+    /// It has answered something: if it has not answered function 17h before, it was there and does not know it.
+    fn is_there(&mut self) {
+        if std::mem::take(&mut self.both_doubtful) {
             self.both_unanswered = self.both_unanswered.saturating_add(1);
         }
+    }
+
+    /// Whether a request is the one that shows whether it knows function 17h.
+    pub(crate) fn is_probe(&self, job: Job) -> bool {
+        matches!(job, Job::Both { .. }) && !self.knows_both
+    }
+
+    /// The line was taken for this long by a request that may have been one too many: this is no silence of anybody.
+    pub(crate) fn forgive(&mut self, time: Span) {
+        self.heard = self.heard.saturating_add(time);
     }
 
     /// What a request would have written is written again.
@@ -321,6 +345,7 @@ impl Coupler {
             Job::Prove => answer.get(3..).unwrap_or_default(),
             Job::Setup(_) | Job::Write(_) => &[],
         };
+        self.is_there();
         (self.heard, self.misses, self.not_before, self.unreached) = (now, 0, now, None);
         (self.patience, self.busy) = (self.config.lost_after, 0);
         match job {
@@ -332,7 +357,7 @@ impl Coupler {
             Job::Read(read) => self.has_read_one(now, read, data, image),
             Job::Write(write) => self.has_written(now, write, image),
             Job::Both { write, read } => {
-                self.both_unanswered = 0;
+                (self.knows_both, self.both_unanswered) = (true, 0);
                 self.has_written(now, write, image);
                 self.has_read_one(now, read, data, image);
             }
@@ -410,6 +435,7 @@ impl Coupler {
             return self.failed(now, job, image);
         }
         self.unreached = None;
+        self.is_there();
         (self.heard, self.misses, self.patience) = (now, 0, self.config.lost_after);
         if TOO_EARLY.contains(&exception) && self.busy < REPETITIONS {
             (self.busy, self.not_before) = (self.busy + 1, now.saturating_add(SHORTEST_PAUSE));

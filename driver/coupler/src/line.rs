@@ -19,6 +19,8 @@ pub struct LineMaster {
     couplers: Vec<Coupler>,
     /// The coupler being asked, and the request.
     asked: Option<(usize, Job)>,
+    /// It shows whether the coupler knows a function; asked at this time.
+    probe: Option<Instant>,
     turn: usize,
     is_up: bool,
     silent: u32,
@@ -34,6 +36,7 @@ impl LineMaster {
             wire: Wire::new(config),
             couplers: config.couplers.iter().enumerate().map(coupler).collect(),
             asked: None,
+            probe: None,
             turn: 0,
             is_up: false,
             silent: 0,
@@ -51,6 +54,7 @@ impl LineMaster {
             Input::Line(LineInput::Fault(LineFault::Gone)) => {
                 self.is_up = false;
                 // It cannot be answered any more, which is no failure of the coupler.
+                self.probe_is_over(now);
                 if let Some((who, job)) = self.asked.take()
                     && let Some(coupler) = self.couplers.get_mut(who)
                 {
@@ -62,7 +66,9 @@ impl LineMaster {
         if let Some(outcome) = self.wire.step(now, input, out) {
             self.ended(now, outcome, image);
         }
-        self.couplers.iter_mut().for_each(|coupler| coupler.tick(now, image));
+        if self.probe.is_none() {
+            self.couplers.iter_mut().for_each(|coupler| coupler.tick(now, image));
+        }
         self.reconnect |= self.is_up && self.wire.is_broken();
         // A request that cannot even be sent has ended too.
         for _ in 0..=self.couplers.len() {
@@ -72,6 +78,7 @@ impl LineMaster {
             let Some((who, job)) = self.choose(now, image) else { break };
             let Some(coupler) = self.couplers.get_mut(who) else { break };
             let telegram = coupler.telegram(job, image);
+            self.probe = coupler.is_probe(job).then_some(now);
             self.asked = Some((who, job));
             if let Some(outcome) = self.wire.ask(now, &telegram, out) {
                 self.ended(now, outcome, image);
@@ -84,7 +91,7 @@ impl LineMaster {
     pub fn wants_reconnect(&mut self) -> bool {
         std::mem::take(&mut self.reconnect) && {
             self.is_up = false;
-            self.asked = None;
+            (self.asked, self.probe) = (None, None);
             true
         }
     }
@@ -111,6 +118,8 @@ impl LineMaster {
     }
 
     fn ended(&mut self, now: Instant, outcome: Outcome, image: &mut Image) {
+        let was_probe = self.probe.is_some();
+        self.probe_is_over(now);
         let Some((who, job)) = self.asked.take() else { return };
         let Some(coupler) = self.couplers.get_mut(who) else { return };
         match outcome {
@@ -120,9 +129,16 @@ impl LineMaster {
             }
             Outcome::Failed => {
                 coupler.failed(now, job, image);
-                self.silent = self.silent.saturating_add(1);
+                self.silent = self.silent.saturating_add(u32::from(!was_probe));
                 self.reconnect |= self.silent >= SILENT && self.wire.is_connection();
             }
+        }
+    }
+
+    /// A request of a function that the coupler may not know has ended.
+    fn probe_is_over(&mut self, now: Instant) {
+        if let Some(since) = self.probe.take() {
+            self.couplers.iter_mut().for_each(|coupler| coupler.forgive(now.since(since)));
         }
     }
 
@@ -132,6 +148,7 @@ impl LineMaster {
         let busy = self.asked.is_some() || !self.is_up;
         let coupler = |coupler: &Coupler| match (busy, is_lost(coupler)) {
             (true, true) => Instant::NEVER,
+            (true, false) if self.probe.is_some() => Instant::NEVER,
             (true, false) => coupler.lost_at(),
             (false, is_lost) => coupler.due(is_lost),
         };

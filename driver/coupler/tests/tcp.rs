@@ -298,8 +298,41 @@ fn function_17h_is_left_out_where_it_is_never_answered() {
         net.run(200 * MS);
         functions.extend(net.functions(0));
     }
-    assert_eq!(functions.iter().filter(|code| **code == 0x17).count(), 3, "{functions:?}");
+    assert_eq!(functions.iter().filter(|code| **code == 0x17).count(), 1, "{functions:?}");
     assert_eq!((net.states.clone(), net.reconnects), (vec![(0, State::Running)], 0));
+}
+
+/// Several of them on one line, and a short `lost_after`: to find it out takes longer, and none of them is lost for it.
+/// One that is away at that time is asked again, and one that knows the function uses it.
+#[test]
+fn to_find_out_about_function_17h_loses_no_coupler() {
+    let both_ways = |unit: u8| {
+        let at = 4 * usize::from(unit - 1);
+        let (inputs, outputs) = (range(Table::Holding, 0, 2, at), range(Table::Holding, 2, 2, at));
+        CouplerConfig { lost_after: 150 * MS, ..coupler(unit, vec![inputs], vec![outputs]) }
+    };
+    let mut net = Net::new((1..=6).map(both_ways).collect());
+    net.image.outputs = vec![1; 24];
+    for device in 0..5 {
+        net.devices[device].ignores_both = true;
+    }
+    net.devices[4].ignores_both = false;
+    net.devices[4].silent = true;
+    net.run(1500 * MS);
+    net.devices[4].silent = false;
+    net.run(1500 * MS);
+    for device in [0, 1, 2, 3, 5] {
+        let losses = net.image.status[device].losses;
+        assert_eq!((net.image.status[device].state, losses), (State::Running, 0), "{device}");
+    }
+    assert_eq!(net.image.status[4].state, State::Running);
+    let asked = [0, 1, 2, 3].map(|device| net.functions(device).iter().filter(|code| **code == 0x17).count());
+    assert_eq!(asked, [1; 4]);
+    for device in [4, 5] {
+        let functions = net.functions(device);
+        let after_a_read = functions.iter().skip_while(|code| **code != 3).any(|code| *code == 0x17);
+        assert!(after_a_read, "{functions:?}");
+    }
 }
 
 #[test]

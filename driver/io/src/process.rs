@@ -106,7 +106,7 @@ impl Process {
                 chip.step(now, &mut self.pump.image);
             }
         }
-        self.told.look(&self.pump.image);
+        self.told.look(&self.pump.image, time::Instant::now());
         self.pump.show(now);
         more
     }

@@ -10,9 +10,9 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use serde_json::json;
+use ob1_access::audit::line;
 
-use crate::clock::{iso, unix_now};
+use crate::clock::unix_now;
 
 /// Longest text of an action, in bytes, so that one line stays one write.
 const WHAT: usize = 2000;
@@ -123,15 +123,11 @@ impl Audit {
         let (user, client, what) = (cut(user, NAME), cut(client, NAME), cut(what, WHAT));
         tracing::info!(link = %self.link, user, client, "{what}: {outcome}");
         let Some(file) = &self.file else { return Ok(()) };
-        let line = json!({
-            "time": iso(unix_now()), "link": &*self.link, "user": user, "client": client, "what": what,
-            "outcome": outcome,
-        });
+        let line = line(unix_now(), [&*self.link, user, client, what, outcome]);
         let mut out = file.lock().unwrap_or_else(PoisonError::into_inner);
         // While nothing can be written one line is kept: no further action is carried out before it has been written.
         if out.left.len() < 4 * WHAT {
-            out.left.extend_from_slice(line.to_string().as_bytes());
-            out.left.push(b'\n');
+            out.left.extend_from_slice(line.as_bytes());
         }
         let written = out.flush();
         if let Err(error) = &written {
@@ -161,6 +157,7 @@ impl Out {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde_json::json;
     use std::os::unix::fs::PermissionsExt as _;
 
     #[test]

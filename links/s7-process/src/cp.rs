@@ -239,16 +239,18 @@ impl Cp {
         let mark = self.segment.changes();
         self.mark = Some(mark);
         let now = self.ms(at);
-        self.machine.run(!matches!(self.segment.cpu_state(), Ok(CpuState::Stop) | Err(_)));
+        // The state before the boxes: those of a CPU in STOP have everything that its program has done before.
+        let runs = !matches!(self.segment.cpu_state(), Ok(CpuState::Stop) | Err(_));
+        let mut boxes = Vec::new();
         for index in 0..BOXES {
-            if !self.segment.box_changed(index) {
-                continue;
-            }
             let mut block = [0; BOX_BYTES];
-            if self.segment.read_box(index, &mut block) == Freshness::Fresh {
-                self.machine.show(index, &block, now);
+            if self.segment.box_changed(index) && self.segment.read_box(index, &mut block) == Freshness::Fresh {
+                self.machine.settle(index, &block, now);
+                boxes.push((index, block));
             }
         }
+        self.machine.run(runs);
+        boxes.iter().for_each(|(index, block)| self.machine.show(*index, block, now));
         self.due = self.machine.tick(now);
         for index in 0..self.lines.len() {
             self.questions(index, around, number);
@@ -276,19 +278,21 @@ impl Cp {
         let is_of_use = self.machine.is_of_use(index, self.ms(around.now));
         let Some(line) = self.lines.get_mut(index) else { return };
         let condition = self.machine.condition(index).0;
+        let id = self.machine.spec(index).map_or(0, |spec| spec.id);
         let is_up = condition == Condition::Up;
         if line.telling.tells(is_up, is_of_use) {
-            let name = self.machine.spec(index).map_or(0, |spec| spec.id);
             if is_up {
-                info!("connection {name} is up");
+                info!("connection {id} is up");
             } else {
-                warn!("connection {name} is down");
+                warn!("connection {id} is down");
             }
         }
         if condition != line.was {
             if is_up {
                 line.asks = Asks::default();
                 line.client = number();
+                let partner = line.partner.map(|partner| partner.to_string());
+                around.door.partner(line.client, partner.unwrap_or_else(|| format!("connection {id}")));
             } else if line.was == Condition::Up {
                 around.door.client_gone(line.client);
             }

@@ -20,7 +20,7 @@ use tracing::{debug, info, warn};
 use crate::coupler::Coupler;
 use crate::entries::Entries;
 use crate::session::Session;
-use crate::slots::{Verdict, admit};
+use crate::slots::{Verdict, admit, of};
 use crate::sockets::{PAUSE, is_broken, keep_alive};
 use crate::tap::{Shared, Tap};
 use ob1_s7_process::asks::Surroundings;
@@ -33,12 +33,12 @@ const TICK: Duration = Duration::from_secs(1);
 const HALF_OPEN: usize = 64;
 /// Time limit for the call.
 const CALL: Duration = Duration::from_secs(10);
+/// How long a call waits for a place before it is refused.
+const PLACE: Duration = Duration::from_secs(2);
 /// Maximum accepted per round, so that served connections get their turn.
 const ACCEPTS: usize = 64;
 /// Maximum of reported connections: as many as fit a message.
 const TOLD: usize = 256;
-/// Maximum log lines about connections per [`TICK`].
-const LINES: u32 = 10;
 /// The list of the newest entries of the diagnostic buffer.
 const DIAGNOSTIC_BUFFER: u16 = 0x01A0;
 /// Client number of the link's own requests.
@@ -58,9 +58,6 @@ pub(crate) struct Server {
     beat: Instant,
     tick: Instant,
     buffer: Box<[u8; 16 * 1024]>,
-    /// Log lines that may still be written, and the number of those omitted.
-    lines: u32,
-    unsaid: u64,
     subscribed: bool,
     /// The connections as last reported.
     told: Vec<ob1_access::door::Connection>,
@@ -100,8 +97,6 @@ impl Server {
             beat: now,
             tick: now,
             buffer: Box::new([0; 16 * 1024]),
-            lines: LINES,
-            unsaid: 0,
             subscribed: false,
             told: Vec::new(),
             entries: Entries::default(),
@@ -185,10 +180,6 @@ impl Server {
             self.door.tick();
             self.tick = now + TICK;
             self.tell_connections();
-            self.lines = LINES;
-            if std::mem::take(&mut self.unsaid) > 0 {
-                warn!("too many connections to log each of them");
-            }
             let idle = self.config.and_then(|config| config.idle);
             let late = |session: &Session| session.resource.is_none() && now.duration_since(session.since) >= CALL;
             let silent = |session: &Session| idle.is_some_and(|idle| session.is_silent(idle, now));
@@ -287,9 +278,16 @@ impl Server {
 
     /// Handles connections whose call has come.
     fn calls(&mut self, config: &Config, now: Instant) {
+        // Those that go on waiting.
+        let mut waiting = Vec::new();
         loop {
-            let caller = self.sessions.iter().position(|s| s.resource.is_none() && s.call().is_some());
-            let Some(index) = caller else { return };
+            let others: Vec<_> = self.sessions.iter().filter_map(|session| session.occupant(now)).collect();
+            let calls = self.sessions.iter().enumerate().filter(|(_, s)| s.resource.is_none() && s.call().is_some());
+            // Who has the fewest places gets the next one, then who waits longest.
+            let next = calls
+                .filter(|(_, session)| !waiting.contains(&session.number))
+                .min_by_key(|(_, session)| (of(session.peer.ip(), &others), session.since, session.number));
+            let Some(index) = next.map(|(index, _)| index) else { return };
             let Some(call) = self.sessions.get(index).and_then(|s| s.call()).cloned() else { return };
             if self.is_for_coupler(index, now) {
                 continue;
@@ -298,33 +296,32 @@ impl Server {
             // The TSAP of a connection is for its partner alone, unless it also names a CPU.
             let is_anothers = called.place().is_none() && self.coupler.as_ref().is_some_and(|cp| cp.has_tsap(called));
             let resource = called.resource();
-            let others: Vec<_> = self.sessions.iter().filter_map(|session| session.occupant(now)).collect();
-            let verdict = admit(config.clients, resource, &others);
             let Some(session) = self.sessions.get_mut(index) else { return };
-            let peer = session.peer;
+            let (number, peer) = (session.number, session.peer);
+            let verdict = admit(config.clients, resource, peer.ip(), &others);
             if call.is_elsewhere(config.place) {
                 session.refuse(Refusal::Unknown);
                 let place = config.place;
-                self.say(|| {
-                    info!("{peer} refused: it calls {called}, this CPU is in rack {} slot {}", place.rack, place.slot);
-                });
+                info!("{peer} refused: it calls {called}, this CPU is in rack {} slot {}", place.rack, place.slot);
                 continue;
             }
             if is_anothers {
                 session.refuse(Refusal::Unknown);
-                self.say(|| info!("{peer} refused: {called} is the TSAP of a connection with another partner"));
+                info!("{peer} refused: {called} is the TSAP of a connection with another partner");
                 continue;
             }
             match verdict {
+                Verdict::Full if now < *session.queued.get_or_insert(now + PLACE) => waiting.push(number),
                 Verdict::Full => {
                     session.refuse(Refusal::Full);
-                    self.say(|| info!("{peer} refused: all {} connections are taken", config.clients));
+                    info!("{peer} refused: all {} connections are taken", config.clients);
                 }
                 Verdict::Free | Verdict::InsteadOf(_) => {
                     session.accept(resource);
+                    self.door.partner(number, peer.to_string());
                     debug!("{peer} connected to {called}");
-                    if let Verdict::InsteadOf(number) = verdict {
-                        self.close(number, "silent, and its place is needed");
+                    if let Verdict::InsteadOf(other) = verdict {
+                        self.close(other, "its place is needed");
                     }
                 }
             }
@@ -341,16 +338,6 @@ impl Server {
         let (socket, transport) = self.sessions.swap_remove(index).into_call();
         coupler.called(connection, socket, transport, now);
         true
-    }
-
-    fn say(&mut self, line: impl FnOnce()) {
-        match self.lines.checked_sub(1) {
-            Some(lines) => {
-                self.lines = lines;
-                line();
-            }
-            None => self.unsaid += 1,
-        }
     }
 
     fn close(&mut self, number: u32, why: &'static str) {
@@ -372,7 +359,7 @@ impl Server {
                     Ok((_, None)) | Err(Errno::CONNABORTED | Errno::INTR) => continue,
                     Err(Errno::AGAIN) => break,
                     Err(error) => {
-                        self.say(|| warn!("no connection can be accepted at the moment: {error}"));
+                        warn!("no connection can be accepted at the moment: {error}");
                         self.deaf_until = now + PAUSE;
                         return;
                     }

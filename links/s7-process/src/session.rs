@@ -28,6 +28,8 @@ pub(crate) struct Session {
     /// Its kind, once it has been accepted.
     pub(crate) resource: Option<Resource>,
     pub(crate) since: Instant,
+    /// Its call waits for a place until then.
+    pub(crate) queued: Option<Instant>,
     /// The TSAP it has called.
     tsap: String,
     socket: TcpStream,
@@ -47,6 +49,7 @@ impl Session {
             peer,
             resource: None,
             since: now,
+            queued: None,
             tsap: String::new(),
             socket,
             connection,
@@ -91,6 +94,7 @@ impl Session {
     }
 
     pub(crate) fn refuse(&mut self, why: Refusal) {
+        self.queued = None;
         self.connection.refuse(why);
     }
 
@@ -110,7 +114,15 @@ impl Session {
     pub(crate) fn occupant(&self, now: Instant) -> Option<Occupant> {
         let waits = self.connection.waits();
         let silent = now.saturating_duration_since(self.heard);
-        self.resource.map(|resource| Occupant { number: self.number, resource, works: self.works, waits, silent })
+        self.resource.map(|resource| Occupant {
+            number: self.number,
+            address: self.peer.ip(),
+            resource,
+            works: self.works,
+            waits,
+            guesses: self.connection.guesses(),
+            silent,
+        })
     }
 
     /// Whether it has been silent for this long, and waits for nothing.
@@ -227,6 +239,7 @@ impl Session {
     /// When [`Session::serve`] or [`Session::over`] is due at the latest. Milliseconds count from `start`.
     pub(crate) fn due(&self, start: Instant) -> Option<Instant> {
         let tick = self.connection.next_tick().map(|ms| start + Duration::from_millis(ms));
-        [tick, self.asks.due(), self.ends_by].into_iter().flatten().min()
+        let queued = self.queued.filter(|_| self.resource.is_none());
+        [tick, self.asks.due(), self.ends_by, queued].into_iter().flatten().min()
     }
 }

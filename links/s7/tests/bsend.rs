@@ -11,7 +11,7 @@ use ob1_words::boxes::{Answer, BOX_BYTES, HEAD_BYTES, Order, Service, State, pie
 const BYTES: usize = 4000;
 
 /// The fields that BSEND and BRCV have in common.
-const ORDER: Order = Order { service: None, job: 1, id: 1, r_id: 7, piece: 0, len: 0, taken: 0, room: 0 };
+const ORDER: Order = Order { service: None, job: 1, id: 1, r_id: 7, piece: 0, len: 0, taken: 0, had: 0, room: 0 };
 /// A BRCV with room.
 const RECEIVES: Order = Order { service: Some(Service::Brcv), room: BYTES as u32, ..ORDER };
 
@@ -178,6 +178,36 @@ fn parts_are_counted_as_the_sender_likes() {
         let answers = [0, 1, 2].map(|index| partner.send(index, units[index]));
         assert_eq!(answers, [Some(Code::DONE), Some(Code::DONE), None], "{units:?}");
         assert_eq!(partner.takes(order), Some(Code::DONE), "{units:?}");
+    }
+}
+
+/// The program has everything and shows its next job, drops its block or stops, before the CP has seen that: the sender
+/// hears that it has arrived. (`D240h` is for a program that has not taken everything.)
+#[test]
+fn what_the_program_has_is_confirmed_whatever_it_shows_next() {
+    let all = pieces(3 * PART);
+    let next = Order { job: 2, ..RECEIVES };
+    let had = |order: Order| Order { had: 1, ..order };
+    let (has, refused) = (Some(Code::DONE), Some(Code::COORDINATION));
+    for (shows, answer) in [
+        (Order { taken: all, ..RECEIVES }, has),
+        (had(next), has),
+        (had(Order { service: Some(Service::Lock), ..next }), has),
+        (had(Order::NONE), has),
+        (next, refused),
+        (Order { had: 7, ..next }, refused),
+        (Order::NONE, refused),
+        (Order { taken: all - 1, ..RECEIVES }, None),
+    ] {
+        let mut partner = Partner::new();
+        show(&mut partner.cp, RECEIVES, &[], 1);
+        let answers = [0, 1, 2].map(|index| partner.send(index, index as u8 + 1));
+        assert_eq!(answers, [has, has, None]);
+        show(&mut partner.cp, shows, &[], 1);
+        assert_eq!(partner.answer(), answer, "{shows:?}");
+        // In STOP there is nobody who could take the rest.
+        partner.cp.run(false);
+        assert_eq!(partner.answer(), if answer.is_none() { refused } else { None }, "{shows:?}");
     }
 }
 

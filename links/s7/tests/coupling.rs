@@ -48,7 +48,7 @@ impl Job {
         self.number = self.number.wrapping_add(1).max(1);
         (self.data, self.came) = (data, Vec::new());
         let len = self.data.len() as u32;
-        let order = Order { service: Some(service), job: self.number, id, r_id, piece: 0, len, taken: 0, room };
+        let order = Order { service: Some(service), job: self.number, id, r_id, piece: 0, len, taken: 0, had: 0, room };
         self.order = Some(order);
         self.block(&order)
     }

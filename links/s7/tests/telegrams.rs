@@ -327,6 +327,11 @@ fn a_password_raises_the_rights_and_three_wrong_ones_end_the_connection() {
     assert_eq!(desk.service(5, 2, &[])[0][20..22], [0, 0]);
     assert_eq!(desk.connection.rights(), Rights::Read);
     assert_eq!(desk.service(4, 1, &[2, 0x32, 0, 4])[0][26 + 8 + 6..][..2], [0, 2]);
+    // By index 0 too, for clients that know no other; the same with the PDU and the connections.
+    assert_eq!(desk.service(4, 1, &[2, 0x32, 0, 0])[0][26 + 8 + 6..][..2], [0, 2]);
+    for index in [0, 1] {
+        assert_eq!(desk.service(4, 1, &[1, 0x31, 0, index])[0][26 + 8..][..6], [0, 1, 3, 0xC0, 0, 1]);
+    }
     for _ in 0..3 {
         assert_eq!(desk.service(5, 1, &password("wrong"))[0][20..22], [0xD6, 0x02]);
     }

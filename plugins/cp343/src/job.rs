@@ -123,10 +123,7 @@ pub(crate) fn turn(cx: &mut Cx<'_, CpState>, wanted: &mut Wanted) -> Result<End,
         return give(cx, wanted, slot, record);
     }
     if !is_busy || is_other {
-        // A new order for data waits until the CP has seen the end of the one before: otherwise it could not tell
-        // whether its data have been taken, and gives those that have not to the new one.
-        let is_unseen = wanted.service == Service::Receive && is_there;
-        if !wanted.begins || is_unseen {
+        if !wanted.begins {
             return Ok(End::Idle);
         }
         let mut number = answer.job.wrapping_add(1).max(1);
@@ -134,6 +131,9 @@ pub(crate) fn turn(cx: &mut Cx<'_, CpState>, wanted: &mut Wanted) -> Result<End,
             number = number.wrapping_add(1).max(1);
         }
         slot.job.set(number);
+        if slot.had.get() == number {
+            slot.had.set(0);
+        }
         slot.set(Phase::Giving);
         slot.piece.set(0);
         slot.room.set(wanted.room());
@@ -179,7 +179,7 @@ pub(crate) fn cancel(cx: &mut Cx<'_, CpState>, laddr: u32, owner: u64) -> Result
     };
     slot.set(Phase::Idle);
     // If the CP is gone, its job is gone too.
-    let _told = cx.record_write(laddr, record(index), &Order::NONE.bytes())?;
+    let _told = cx.record_write(laddr, record(index), &Order { had: slot.had.get(), ..Order::NONE }.bytes())?;
     Ok(true)
 }
 
@@ -192,6 +192,7 @@ fn order(wanted: &Wanted, slot: &Slot) -> Order {
         piece: slot.piece.get(),
         len: slot.len.get(),
         taken: 0,
+        had: slot.had.get(),
         room: slot.room.get(),
     }
 }
@@ -253,6 +254,11 @@ fn take(cx: &mut Cx<'_, CpState>, wanted: &mut Wanted, slot: &Slot, record: u8) 
     }
     let taken = answer.piece.saturating_add(1);
     slot.piece.set(taken);
+    if taken >= pieces(len as usize) {
+        // The next job may be in the box before the CP has seen this: what the program has is not given a second time,
+        // and not refused to its sender.
+        slot.had.set(slot.job.get());
+    }
     let order = Order { taken, ..order(wanted, slot) };
     let told = cx.record_write(wanted.laddr, record, &order.bytes())?;
     let end = stored(taken, len, told.is_ok());

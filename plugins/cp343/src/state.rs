@@ -26,6 +26,8 @@ ob1_sdk::state! {
         pub(crate) generation: Cell<u32>,
         /// Number of the job.
         pub(crate) job: Cell<u16>,
+        /// The last job whose data were all taken.
+        pub(crate) had: Cell<u16>,
         /// See [`Phase`].
         phase: Cell<u8>,
         /// The piece shown last, or the number of pieces taken.

@@ -111,13 +111,16 @@ pub struct Order {
     pub len: u32,
     /// Number of pieces of the CP's data that have been taken.
     pub taken: u16,
+    /// The last job of this box whose data were all taken; 0: none. The CP may not have seen that before the next job
+    /// is in the box.
+    pub had: u16,
     /// Room for data of the CP, in bytes.
     pub room: u32,
 }
 
 impl Order {
     /// No job.
-    pub const NONE: Self = Self { service: None, job: 0, id: 0, r_id: 0, piece: 0, len: 0, taken: 0, room: 0 };
+    pub const NONE: Self = Self { service: None, job: 0, id: 0, r_id: 0, piece: 0, len: 0, taken: 0, had: 0, room: 0 };
 
     /// The bytes in the box.
     #[must_use]
@@ -130,6 +133,7 @@ impl Order {
         head[8..12].copy_from_slice(&self.r_id.to_be_bytes());
         head[12..16].copy_from_slice(&self.len.to_be_bytes());
         head[16..18].copy_from_slice(&self.taken.to_be_bytes());
+        head[18..20].copy_from_slice(&self.had.to_be_bytes());
         head[20..24].copy_from_slice(&self.room.to_be_bytes());
         head
     }
@@ -145,6 +149,7 @@ impl Order {
             r_id: dword(head, 8),
             len: dword(head, 12),
             taken: word(head, 16),
+            had: word(head, 18),
             room: dword(head, 20),
         }
     }

@@ -1,13 +1,16 @@
 //! The broker itself: takes requests of links, carries out what is allowed, and reports the outcome.
 
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::io;
 use std::os::fd::OwnedFd;
+use std::time::{self, Duration};
 
+use ob1_access::Cell;
 use ob1_access::door::{Answer, Ask, Document, MESSAGE_BYTES, News, Refusal, Refused, State, ToBroker, ToLink, What};
 use ob1_backplane::WindowReader;
-use ob1_cpu::{Answer as PortAnswer, Ask as PortAsk, Command, Cpu, DIAG_ENTRIES, DIAG_STOPS};
-use ob1_model::{BlockId, BlockKind, StateChange};
+use ob1_cpu::{Answer as PortAnswer, Ask as PortAsk, Command, Cpu, DIAG_ENTRIES, DIAG_STOPS, ShortText};
+use ob1_model::{BlockId, BlockKind, Event, StateChange};
 use ob1_time::{Instant, Span, WatchedTime};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
@@ -31,6 +34,8 @@ const PATIENT_LOOKS: u32 = 500;
 const MESSAGES: usize = 64;
 /// Connections of a link that are kept.
 const CONNECTIONS: usize = 256;
+/// Longest name of a partner, in bytes: an address and a port.
+const PARTNER: usize = 64;
 /// Packets that may wait for a link while it still gets events.
 const EVENTS_WAITING: usize = 64;
 /// Packets that may wait for a link while documents are made for it: each can be many.
@@ -52,6 +57,8 @@ pub struct Broker {
     watched: WatchedTime,
     looks: u32,
     buffer: Vec<u8>,
+    /// The zero of this thread's time, for what counts in the time of the machine.
+    zero: time::Instant,
 }
 
 impl std::fmt::Debug for Broker {
@@ -84,6 +91,7 @@ impl Broker {
             change: 0,
             events: Stream::default(),
             looks: 0,
+            zero: time::Instant::now(),
             buffer: vec![0; MESSAGE_BYTES],
         })
     }
@@ -135,6 +143,7 @@ impl Broker {
         }
         self.watch_station(now);
         self.tell_changes();
+        self.tell_logins(now);
         self.port.step();
         while let Some((asker, answers)) = self.port.answered(watched) {
             let answer = match answers {
@@ -180,6 +189,45 @@ impl Broker {
         }
     }
 
+    /// Looks at passwords that have waited.
+    fn tell_logins(&mut self, now: Instant) {
+        for link in 0..self.joints.len() {
+            while let Some((client, ticket, is_right)) =
+                self.joints.get_mut(link).and_then(|joint| joint.clients.logged_in(&joint.config, now))
+            {
+                if !is_right {
+                    self.record(link, client, "password", "wrong", now);
+                }
+                let answer = if is_right { Answer::Done } else { Answer::Refused(Refusal::Password) };
+                self.answer(Asker { link, client, ticket, document: false }, answer);
+            }
+        }
+    }
+
+    /// Records what a partner does, in the log, the diagnostic buffer and the audit log.
+    fn record(&mut self, link: usize, client: u32, what: &str, outcome: &str, now: Instant) {
+        let Some(joint) = self.joints.get_mut(link) else { return };
+        let Some(partner) = joint.clients.known(client).map(|client| client.partner.clone()) else { return };
+        if partner.is_empty() || !joint.records.take(self.zero + Duration::from(now.since_start())) {
+            return;
+        }
+        let link = joint.config.name.clone();
+        let left_out = match joint.records.left_out() {
+            0 => String::new(),
+            count => format!(" ({count} more before it)"),
+        };
+        let outcome = format!("{outcome}{left_out}");
+        tracing::warn!(link, "{partner}: {what}: {outcome}");
+        let text = ShortText::new(&format!("{link}, {partner}: {what}: {outcome}"));
+        let nobody = Asker { link: usize::MAX, client, ticket: 0, document: false };
+        self.port.ask(
+            nobody,
+            [PortAsk::Note(Event::PARTNER, text)],
+            self.watched.time().saturating_add(self.answer_time),
+        );
+        self.facts.record(&link, &partner, what, &outcome);
+    }
+
     /// Has the program changed; the answer comes when it has taken effect.
     fn begin_change(&mut self, asker: Asker, change: Change) -> Result<Option<Answer>, Refusal> {
         self.change += 1;
@@ -217,6 +265,12 @@ impl Broker {
             ToBroker::Beat => {}
             ToBroker::Watch { generation, pieces } => joint.watch(generation, pieces),
             ToBroker::Gone(client) => joint.client_gone(client),
+            ToBroker::Partner { client, mut partner } => {
+                partner.truncate(partner.floor_char_boundary(PARTNER));
+                if let Some(client) = joint.clients.of(client, &joint.config) {
+                    client.partner = partner;
+                }
+            }
             ToBroker::Connections(mut list) => {
                 list.truncate(CONNECTIONS);
                 joint.connections = list;
@@ -261,8 +315,8 @@ impl Broker {
         let client = joint.clients.of(asker.client, &joint.config).ok_or(Refusal::Full)?;
         let asks: Vec<PortAsk> = match ask {
             Ask::Login(password) => {
-                joint.clients.login(asker.client, &password, &joint.config, now)?;
-                return Ok(Some(Answer::Done));
+                joint.clients.login((asker.client, asker.ticket), password, &joint.config, now)?;
+                return Ok(None);
             }
             Ask::Logout => {
                 client.right = joint.config.rights;
@@ -274,6 +328,7 @@ impl Broker {
             }
             Ask::Blocks => return Ok(Some(Answer::Blocks(self.facts.blocks()))),
             Ask::Block(id) => {
+                may_touch(id, &joint.config)?;
                 let block = self.facts.block(id).filter(|bytes| bytes.len() + 64 < MESSAGE_BYTES);
                 return block.map(|bytes| Some(Answer::Block(bytes))).ok_or(Refusal::NotThere);
             }
@@ -292,6 +347,7 @@ impl Broker {
             Ask::Command(command) => {
                 client.may_operate()?;
                 self.check(command)?;
+                self.record(asker.link, asker.client, command.word(), "taken", now);
                 vec![PortAsk::Command(command)]
             }
             Ask::Stage { id, bytes } => {
@@ -309,16 +365,20 @@ impl Broker {
                 client.may_operate()?;
                 client.count()?;
                 let blocks = client.take_staged();
+                let what = format!("load {}", list(blocks.iter().map(|(id, _)| *id)));
+                self.record(asker.link, asker.client, &what, "taken", now);
                 return self.begin_change(asker, Change::Link(blocks)).inspect_err(|_| self.uncount(asker));
             }
             Ask::Delete(ids) => {
                 client.may_operate()?;
                 ids.iter().try_for_each(|id| may_touch(*id, &joint.config))?;
                 joint.clients.of(asker.client, &joint.config).ok_or(Refusal::Full)?.count()?;
+                self.record(asker.link, asker.client, &format!("delete {}", list(ids.iter().copied())), "taken", now);
                 return self.begin_change(asker, Change::Delete(ids)).inspect_err(|_| self.uncount(asker));
             }
             Ask::SetClock(clock) => {
                 client.may_operate()?;
+                self.record(asker.link, asker.client, "set the clock", "taken", now);
                 vec![PortAsk::SetClock(clock)]
             }
             Ask::Clock => vec![PortAsk::Clock],
@@ -429,8 +489,19 @@ impl Broker {
     }
 }
 
-/// A data block may be changed if its values may be.
+/// Blocks in words.
+fn list(ids: impl Iterator<Item = BlockId>) -> String {
+    let mut text = String::new();
+    for id in ids {
+        // Writing into a String cannot fail.
+        let _ = write!(text, "{}{id}", if text.is_empty() { "" } else { ", " });
+    }
+    text
+}
+
+/// A data block may be seen or changed if its values may be, a block of statements if the program may be.
 fn may_touch(id: BlockId, config: &LinkConfig) -> Result<(), Refusal> {
-    let allowed = id.kind != BlockKind::Db || config.allowed.has(ob1_access::Cell::Db(id.number, 0));
+    let is_data = id.kind == BlockKind::Db;
+    let allowed = if is_data { config.allowed.has(Cell::Db(id.number, 0)) } else { config.allowed.has_program() };
     if allowed { Ok(()) } else { Err(Refusal::Right) }
 }

@@ -5,19 +5,13 @@ use std::collections::{BTreeMap, VecDeque};
 use ob1_access::door::{OUTSTANDING, Refusal, Refused, STAGED_BYTES, Ticket};
 use ob1_access::{Put, Right};
 use ob1_model::BlockId;
-use ob1_time::{Instant, Span};
+use ob1_time::Instant;
 
 use crate::LinkConfig;
+use crate::logins::Logins;
 
 /// Most clients of one link at one time.
 const CLIENTS: usize = 4096;
-/// After a wrong password its client is refused for this long.
-const WRONG_PASSWORD: Span = Span::from_millis(250);
-/// Wrong passwords that all clients of a link may have given within [`WINDOW`]. A client that comes back under another
-/// number gets no more tries than that; a client with the right one is not held up by a few wrong ones of others.
-const WRONG_TOGETHER: u32 = 16;
-const WINDOW: Span = Span::SECOND;
-
 /// Something of a client that waits for its turn at the scan.
 #[derive(Debug)]
 pub(crate) enum Job {
@@ -32,8 +26,8 @@ pub(crate) struct Client {
     jobs: VecDeque<Job>,
     /// Handed over, not answered.
     pub(crate) out: usize,
-    /// It has given a wrong password.
-    locked_until: Instant,
+    /// Address and port, where its link knows them.
+    pub(crate) partner: String,
     /// Blocks that wait to be linked.
     staged: Vec<(BlockId, Box<[u8]>)>,
 }
@@ -44,8 +38,7 @@ pub(crate) struct Clients {
     list: BTreeMap<u32, Client>,
     /// The one whose turn was last.
     last: u32,
-    /// Wrong passwords within the window that began then.
-    wrong: (Instant, u32),
+    logins: Logins,
 }
 
 impl Clients {
@@ -58,7 +51,7 @@ impl Clients {
             right: config.rights,
             jobs: VecDeque::new(),
             out: 0,
-            locked_until: Instant::START,
+            partner: String::new(),
             staged: Vec::new(),
         };
         Some(self.list.entry(number).or_insert_with(new))
@@ -71,15 +64,17 @@ impl Clients {
 
     pub(crate) fn gone(&mut self, number: u32) {
         self.list.remove(&number);
+        self.logins.gone(number);
     }
 
     pub(crate) fn clear(&mut self) {
         self.list.clear();
+        self.logins.clear();
     }
 
     /// Whether a client waits for its turn.
     pub(crate) fn wait(&self) -> bool {
-        self.list.values().any(|client| !client.jobs.is_empty())
+        self.logins.wait() || self.list.values().any(|client| !client.jobs.is_empty())
     }
 
     /// The next job: each client in turn.
@@ -100,24 +95,37 @@ impl Clients {
         }
     }
 
-    /// Gives the client the right of this password.
-    pub(crate) fn login(&mut self, number: u32, given: &str, config: &LinkConfig, now: Instant) -> Result<(), Refusal> {
-        if now >= self.wrong.0.saturating_add(WINDOW) {
-            self.wrong = (now, 0);
-        }
-        let may_try = self.wrong.1 < WRONG_TOGETHER;
-        let known = config.password.as_deref().filter(|_| may_try).ok_or(Refusal::Password)?;
+    /// A try with a password, whose outcome comes from [`Clients::logged_in`].
+    pub(crate) fn login(
+        &mut self,
+        (number, ticket): (u32, Ticket),
+        given: String,
+        config: &LinkConfig,
+        now: Instant,
+    ) -> Result<(), Refusal> {
+        config.password.as_ref().ok_or(Refusal::Password)?;
         let client = self.of(number, config).ok_or(Refusal::Full)?;
-        if now < client.locked_until {
-            return Err(Refusal::Password);
+        client.count()?;
+        let partner = client.partner.clone();
+        if self.logins.begin(&partner, number, ticket, given, now) {
+            return Ok(());
         }
-        if !same(known.as_bytes(), given.as_bytes()) {
-            client.locked_until = now.saturating_add(WRONG_PASSWORD);
-            self.wrong.1 += 1;
-            return Err(Refusal::Password);
+        self.known(number).into_iter().for_each(|client| client.out -= 1);
+        Err(Refusal::Full)
+    }
+
+    /// The next try whose wait is over: whose it was, its ticket, and whether it has given the client its right.
+    pub(crate) fn logged_in(&mut self, config: &LinkConfig, now: Instant) -> Option<(u32, Ticket, bool)> {
+        let (number, ticket, given) = self.logins.due(now)?;
+        let client = self.list.get_mut(&number)?;
+        client.out = client.out.saturating_sub(1);
+        let is_right = config.password.as_deref().is_some_and(|known| same(known.as_bytes(), given.as_bytes()));
+        if is_right {
+            client.right = config.rights.max(config.password_rights);
+        } else {
+            self.logins.failed(&client.partner, now);
         }
-        client.right = config.rights.max(config.password_rights);
-        Ok(())
+        Some((number, ticket, is_right))
     }
 }
 
@@ -213,29 +221,25 @@ mod tests {
     }
 
     #[test]
-    fn a_password_raises_one_client_and_a_wrong_one_makes_wait() {
+    fn a_password_raises_one_client() {
         let (config, mut clients) = (config(), Clients::default());
-        let (start, moment) = (Instant::START, Span::from_nanos(1));
-        let free = start + WRONG_PASSWORD;
-        assert_eq!(clients.login(1, "secre", &config, start), Err(Refusal::Password));
-        assert_eq!(clients.login(1, "secret", &config, free - moment), Err(Refusal::Password), "too soon");
-        assert_eq!(clients.login(1, "secret", &config, free), Ok(()));
-        assert_eq!(clients.known(1).map(|client| client.right), Some(Right::Operate));
+        let mut now = Instant::START;
+        let mut login = |clients: &mut Clients, number, given: &str, config: &LinkConfig| {
+            clients.login((number, 7), given.to_owned(), config, now)?;
+            now += crate::logins::LONGEST;
+            Ok(clients.logged_in(config, now))
+        };
+        assert_eq!(login(&mut clients, 1, "secret", &config), Ok(Some((1, 7, true))));
+        assert_eq!(clients.known(1).map(|client| (client.right, client.out)), Some((Right::Operate, 0)));
         assert_eq!(clients.of(2, &config).map(|client| client.right), Some(Right::Read));
-        // A client that comes again and again under another number.
-        let second = start + 5 * WINDOW;
-        for number in 100..100 + WRONG_TOGETHER {
-            assert_eq!(clients.login(number, "guess", &config, second), Err(Refusal::Password));
+        for wrong in ["", "secre", "secretsecret", "Secret", "secret "] {
+            assert_eq!(login(&mut clients, 3, wrong, &config), Ok(Some((3, 7, false))), "{wrong}");
         }
-        assert_eq!(clients.login(200, "secret", &config, second + WINDOW - moment), Err(Refusal::Password));
-        assert_eq!(clients.login(200, "secret", &config, second + WINDOW), Ok(()));
-        for wrong in ["", "secretsecret", "Secret", "secret "] {
-            let mut clients = Clients::default();
-            assert_eq!(clients.login(1, wrong, &config, start), Err(Refusal::Password), "{wrong}");
-        }
-        assert_eq!(clients.login(2, "no", &config, free), Err(Refusal::Password));
-        assert_eq!(clients.login(3, "secret", &config, free), Ok(()), "another's mistake");
-        let without = LinkConfig::default();
-        assert_eq!(clients.login(4, "", &without, start + WRONG_PASSWORD * 9), Err(Refusal::Password));
+        assert_eq!(clients.known(3).map(|client| (client.right, client.out)), Some((Right::Read, 0)));
+        assert_eq!(login(&mut clients, 4, "", &LinkConfig::default()), Err(Refusal::Password));
+        // Whoever is gone hears nothing.
+        assert_eq!(clients.login((5, 7), "secret".to_owned(), &config, now), Ok(()));
+        clients.gone(5);
+        assert_eq!(clients.logged_in(&config, now + crate::logins::LONGEST), None);
     }
 }

@@ -72,6 +72,8 @@ pub trait Facts: Send {
     fn change(&mut self, _number: u64, _change: Change) -> bool {
         false
     }
+    /// A partner of a link has given a wrong password, or changes something: for the audit log.
+    fn record(&mut self, _link: &str, _partner: &str, _what: &str, _outcome: &str) {}
     /// The next change that has ended.
     fn changed(&mut self) -> Option<Changed> {
         None

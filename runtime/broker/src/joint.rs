@@ -4,17 +4,23 @@ use std::collections::BTreeMap;
 use std::os::fd::{AsFd as _, OwnedFd};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
 
 use ob1_access::door::{
     Answer, Connection as LinkConnection, News, PART_BYTES, Refusal, Refused, Ticket, ToLink, VERSION, Welcome,
 };
 use ob1_backplane::{SegmentError, WindowHead, WindowReader, WindowWriter};
 use ob1_cpu::{Cpu, Frame, Group, Link, Listing, Mark, Piece, Returned, TooMuch, Window};
+use ob1_log::Limit;
 use ob1_time::{Instant, Span};
 
 use crate::client::{Clients, Job};
 use crate::connection::Connection;
 use crate::{Facts, LinkConfig};
+
+/// What partners do that is recorded at once, and the time after which one more is.
+const RECORDS: u32 = 20;
+const RECORD: Duration = Duration::from_secs(5);
 
 /// Signs of life of a link's process: a number that changes with each.
 #[derive(Clone, Debug, Default)]
@@ -84,6 +90,8 @@ pub(crate) struct Joint {
     generation: u64,
     number: u64,
     out: BTreeMap<u64, Out>,
+    /// How much of what its partners do is recorded.
+    pub(crate) records: Limit,
 }
 
 impl Joint {
@@ -107,6 +115,7 @@ impl Joint {
             generation: 0,
             number: 0,
             out: BTreeMap::new(),
+            records: Limit::new(RECORDS, RECORD),
         }))
     }
 

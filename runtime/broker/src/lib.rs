@@ -17,6 +17,7 @@ mod events;
 mod facts;
 mod feed;
 mod joint;
+mod logins;
 mod port;
 mod thread;
 

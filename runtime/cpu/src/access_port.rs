@@ -9,7 +9,9 @@
 use ob1_model::CellError;
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use crate::{Command, DiagEntry, InterruptError, ModuleStatus, OperatingState};
+use ob1_model::Event;
+
+use crate::{Command, DiagEntry, InterruptError, ModuleStatus, OperatingState, ShortText};
 
 /// What a client asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,6 +37,8 @@ pub enum Ask {
     Clock,
     /// Sets them, as SFC 0 does: the eight bytes of a DATE_AND_TIME.
     SetClock([u8; 8]),
+    /// An entry for the diagnostic buffer about what comes over this port.
+    Note(Event, ShortText),
 }
 
 /// What the CPU answers.

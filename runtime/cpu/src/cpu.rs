@@ -280,6 +280,10 @@ impl Cpu {
                 self.machine.reschedule();
                 Answer::Done
             }
+            Ask::Note(event, text) => {
+                self.machine.enter(event, None, 0, text);
+                Answer::Done
+            }
             Ask::Module(index) => {
                 Answer::Module(self.machine.modules.status(index as usize).ok_or(CellError::NoModule)?)
             }

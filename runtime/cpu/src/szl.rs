@@ -43,7 +43,7 @@ impl SystemStatus for Machine {
             0x0222 => self.interrupt_status(index, each),
             0x0025 => szl_outside::partitions(),
             0x0131 => szl_outside::capabilities(index, each),
-            0x0132 | 0x0232 => szl_outside::communication(index, each),
+            0x0132 | 0x0232 => szl_outside::communication(id, index, each),
             0x0092 | 0x0292 | 0x0692 => szl_outside::racks(&self.modules, id, index, each),
             0x0124 => self.operating_state(false, each),
             0x0424 => self.operating_state(true, each),
@@ -226,15 +226,17 @@ impl Machine {
         self.seen_from_outside.unwrap_or(inside)
     }
 
-    /// Names: of the station and of the module, the plant's (none), copyright, module type.
+    /// Names: of the station and of the module, the plant's (none), copyright, serial number, module type; memory card,
+    /// maker, a seller's copyright, location: none.
     fn components(&self, index: Option<u16>, each: Each<'_>) -> Length {
-        chosen(&[1, 2, 3, 4, 5, 7], index, &mut |index| {
+        chosen(&[1, 2, 3, 4, 5, 7, 8, 9, 10, 11], index, &mut |index| {
             let (text, len) = match index {
                 1 | 2 => (self.name(), 24),
                 3 => ("", 32),
                 4 => ("ob1", 26),
                 5 => ("0", 24),
-                _ => (self.name(), 32),
+                7 => (self.name(), 32),
+                _ => ("", 32),
             };
             each(&Record::<34>::new().word(index).text(text, len, 0).bytes);
         })?;

@@ -15,8 +15,9 @@ const PARTITION: u16 = 4;
 /// Bytes of a record of list xy92: a bit for each rack or station.
 const RACKS: u16 = 16;
 
-/// List 0131: what can be done by communication.
+/// List 0131: what can be done by communication. Clients that know no index ask for 0: they mean the general record.
 pub(crate) fn capabilities(index: u16, each: Each<'_>) -> Length {
+    let index = index.max(1);
     let record = Record::<40>::new().word(index);
     let record = match index {
         // PDU and connections: the link's. Data rates of MPI and K bus: there are none.
@@ -33,8 +34,9 @@ pub(crate) fn capabilities(index: u16, each: Each<'_>) -> Length {
     Ok(COMMUNICATION)
 }
 
-/// Lists 0132 and 0232: the current state of communication.
-pub(crate) fn communication(index: u16, each: Each<'_>) -> Length {
+/// Lists 0132 and 0232: the current state of communication. Of 0232 there is one record: protection.
+pub(crate) fn communication(list: u16, index: u16, each: Each<'_>) -> Length {
+    let index = if (list, index) == (0x0232, 0) { 4 } else { index };
     let record = Record::<40>::new().word(index);
     let record = match index {
         // Connections kept for programming devices; the others are taken as they come.

@@ -55,6 +55,18 @@ fn the_watchdog_is_set_where_it_does_not_run() {
     assert_eq!((proof.skips, &proof.expected[..]), (3, &[(0, 5), (6, 1)][..]));
 }
 
+/// The only module of a bus has a mistake: the bus has a module, so that is the only finding.
+#[test]
+fn a_mistake_in_the_only_module_of_a_bus_is_one_finding() {
+    let text = "[station]\nname = \"x\"\n[[bus]]\nname = \"field\"\ntype = \"modbus-tcp\"\n[[module]]\ntype = \"coupler\"\n\
+                bus = \"field\"\nname = \"north\"\nline = \"tcp:10.0.0.11:502\"\nunit = 700\n\
+                inputs = [{ at = \"EB 0\", from = \"holdin:0\", registers = 4 }]\n";
+    let findings = read(text).expect_err("a mistake");
+    assert!(findings.iter().all(|finding| finding.code == "C005"), "{findings:#?}");
+    let nothing = read(text.split("[[module]]").next().unwrap_or_default()).expect_err("no module");
+    assert_eq!(nothing.iter().map(|finding| finding.code.as_str()).collect::<Vec<_>>(), ["C010"]);
+}
+
 #[test]
 fn each_mistake_has_its_place_and_its_words() {
     mistakes::check(

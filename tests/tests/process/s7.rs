@@ -124,8 +124,15 @@ fn a_programming_device_sees_lists_blocks_and_the_clock() {
         let list = client.done(&json!({ "op": "szl", "id": 0x0011, "index": 0 }));
         assert_eq!((list["record"].as_u64(), list["count"].as_u64()), (Some(28), Some(3)), "{name}");
         assert_eq!(hex(&list)[2..12], *b"ob1 S7-300", "{name}");
-        for (id, index, record) in [(0x001C, 0, 34), (0x0131, 1, 40), (0x0232, 4, 40), (0x0424, 0, 20), (0x0074, 0, 4)]
-        {
+        for (id, index, record) in [
+            (0x001C, 0, 34),
+            (0x0131, 1, 40),
+            (0x0131, 0, 40),
+            (0x0232, 4, 40),
+            (0x0232, 0, 40),
+            (0x0424, 0, 20),
+            (0x0074, 0, 4),
+        ] {
             let list = client.done(&json!({ "op": "szl", "id": id, "index": index }));
             assert_eq!(list["record"].as_u64(), Some(record), "{name} {id:04X}");
         }
@@ -173,11 +180,28 @@ fn stop_and_start_by_right() {
         let mut other = Client::start(&site, name, port);
         assert_eq!(other.ask(&json!({ "op": "stop" }))["ok"], false, "{name}");
     }
-    // Last, because a wrong password delays all later clients.
     let mut wrong = Client::start(&site, "native", port);
     assert_eq!(wrong.ask(&json!({ "op": "login", "password": "wrong" }))["ok"], false);
     assert_eq!(wrong.ask(&json!({ "op": "stop" }))["ok"], false);
     drop(wrong);
+    // Who it was, in the diagnostic buffer, the log and the audit log.
+    let texts: Vec<_> = without.diagnostics().into_iter().filter(|e| e.event == "F501h").map(|e| e.text).collect();
+    let log = without.said();
+    let audit = std::fs::read_to_string(site.path("s7-read.audit")).expect("an audit log");
+    for what in ["password: wrong", "stop: taken", "warm"] {
+        assert!(
+            texts.iter().any(|text| text.contains("panel, 127.0.0.1:") && text.contains(what)),
+            "{what}: {texts:?}"
+        );
+        assert!(log.lines().any(|line| line.contains("127.0.0.1:") && line.contains(what)), "{what}: {log}");
+    }
+    let lines: Vec<serde_json::Value> = audit.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    for (what, outcome) in [("password", "wrong"), ("stop", "taken")] {
+        let is_it =
+            |line: &&serde_json::Value| line["link"] == "panel" && line["what"] == what && line["outcome"] == outcome;
+        let line = lines.iter().find(is_it).unwrap_or_else(|| panic!("{what}: {audit}"));
+        assert!(line["client"].as_str().is_some_and(|client| client.starts_with("127.0.0.1:")), "{line}");
+    }
     assert_eq!(without.interrupt().code(), Some(0));
 }
 

@@ -5,7 +5,7 @@
 use ob1_tests::siege;
 use ob1_time::{Instant, Span};
 
-use crate::coupled::{MS, Outcome, SECOND, STREAMS, Scenario, run};
+use crate::coupled::{KILL, MS, Outcome, SECOND, STOP, STREAMS, Scenario, run};
 
 /// Telegrams in the test suite.
 const TELEGRAMS: u64 = 50_000;
@@ -16,9 +16,10 @@ fn trouble(seed: u64) -> Scenario {
         seed,
         trouble: Instant::from_secs(4 + seed % 5),
         every,
-        kills_only: false,
+        only: None,
         loses: [8, 20][(seed % 2) as usize],
         call: Span::ZERO,
+        late: Span::ZERO,
     }
 }
 
@@ -30,9 +31,10 @@ fn on_a_good_network_everything_comes() {
             seed: 7,
             trouble: Instant::from_secs(3),
             every: Span::ZERO,
-            kills_only: false,
+            only: None,
             loses: 0,
             call: Span::ZERO,
+            late: Span::ZERO,
         },
         folder.path(),
     );
@@ -61,13 +63,42 @@ fn a_cp_that_becomes_ready_within_a_scan_loses_no_order() {
     for seed in 1..=12 {
         // Short runs, because a later kill would end a wait without end that an earlier one has caused.
         let every = 400 * MS;
-        let scenario =
-            Scenario { seed, trouble: Instant::from_secs(3), every, kills_only: true, loses: 0, call: 2 * MS };
+        let scenario = Scenario {
+            seed,
+            trouble: Instant::from_secs(3),
+            every,
+            only: Some(KILL),
+            loses: 0,
+            call: 2 * MS,
+            late: Span::ZERO,
+        };
         let outcome = run(scenario, folder.path());
         // The first start of each station is not a restart.
         again_in_scans += outcome.up_in_scans.saturating_sub(2);
     }
     assert!(again_in_scans > 30, "{again_in_scans}");
+}
+
+/// The programs call their blocks again before the CPs have seen what they have taken: what a program has is not
+/// refused to its sender (the judge's rule), and none is left out.
+#[test]
+fn a_cp_that_is_slower_than_the_cycle_refuses_nothing_that_was_given() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for late in [4 * MS, 12 * MS] {
+        let trouble = Instant::from_secs(4);
+        let outcome = run(
+            Scenario { seed: 11, trouble, every: Span::ZERO, only: None, loses: 0, call: Span::ZERO, late },
+            folder.path(),
+        );
+        assert!(outcome.told.telegrams.iter().all(|count| *count > 30), "{outcome:?}");
+        assert_eq!((outcome.told.late, outcome.left_out), (0, 0), "{outcome:?}");
+    }
+    // CPUs that stop at any moment.
+    for seed in 1..=4 {
+        let scenario = Scenario { late: 8 * MS, every: 100 * MS, loses: 0, ..trouble(seed) };
+        let outcome = run(Scenario { only: Some(STOP), ..scenario }, folder.path());
+        assert!(outcome.stops > 3, "{outcome:?}");
+    }
 }
 
 /// `cargo xtask siege s7_simulation`: a million telegrams.

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::Right;
 
 /// Version of these messages. Both ends come from one build, and check it.
-pub const VERSION: u16 = 4;
+pub const VERSION: u16 = 5;
 /// The longest message either way, in bytes.
 pub const MESSAGE_BYTES: usize = 160 * 1024;
 /// The longest part of a document.
@@ -153,7 +153,9 @@ impl std::fmt::Display for Refusal {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Refusal::Cell(error) => error.fmt(f),
-            Refusal::Right => f.write_str("not allowed here: see `rights`, `areas` and `blocks` of the link"),
+            Refusal::Right => {
+                f.write_str("not allowed here: see `rights`, `areas`, `blocks` and `program` of the link")
+            }
             Refusal::Password => f.write_str("wrong password"),
             Refusal::NotThere => f.write_str("there is no such thing"),
             Refusal::Full => f.write_str("too many requests are unanswered"),
@@ -325,6 +327,14 @@ pub enum ToBroker {
     Gone(u32),
     /// Its present connections.
     Connections(Vec<Connection>),
+    /// Who this client is, address and port: passwords wait by the address, and what it changes is recorded under it. A
+    /// link that has users of its own records them itself.
+    Partner {
+        /// The client.
+        client: u32,
+        /// Its partner.
+        partner: String,
+    },
 }
 
 /// A message to a link.

@@ -115,6 +115,14 @@ enum Try {
     Missing,
 }
 
+/// A station that ends with something of ours unread resets the connection instead of closing it.
+fn ended(error: io::Error) -> DoorError {
+    match error.kind() {
+        io::ErrorKind::BrokenPipe | io::ErrorKind::ConnectionReset => DoorError::Closed,
+        _ => error.into(),
+    }
+}
+
 impl Door {
     /// A door over the socket that the supervisor has handed over, which is the standard input of a link.
     ///
@@ -187,7 +195,7 @@ impl Door {
     /// [`DoorError`]: the door is gone.
     pub fn pump(&mut self) -> Result<(), DoorError> {
         self.send()?;
-        while let Some((len, descriptors)) = handover::receive(&self.socket, &mut self.buffer)? {
+        while let Some((len, descriptors)) = handover::receive(&self.socket, &mut self.buffer).map_err(ended)? {
             if len == 0 {
                 return Err(DoorError::Closed);
             }
@@ -251,8 +259,7 @@ impl Door {
             match handover::send(&self.socket, message, &[]) {
                 Ok(()) => drop(self.outbox.pop_front()),
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
-                Err(error) if error.kind() == io::ErrorKind::BrokenPipe => return Err(DoorError::Closed),
-                Err(error) => return Err(error.into()),
+                Err(error) => return Err(ended(error)),
             }
         }
         if self.outbox.len() > OUTBOX { Err(DoorError::Full) } else { Ok(()) }
@@ -359,6 +366,11 @@ impl Door {
         let ticket = self.ticket();
         self.say(&ToBroker::Ask { client, ticket, ask });
         ticket
+    }
+
+    /// Who a client is: address and port.
+    pub fn partner(&mut self, client: u32, partner: String) {
+        self.say(&ToBroker::Partner { client, partner });
     }
 
     /// A client is gone: its rights and its open requests are dropped.

@@ -89,7 +89,7 @@ wire!(struct Welcome {
 });
 wire!(enum ToBroker {
     0 => Beat, 1 => Watch { generation, pieces }, 2 => Write { client, ticket, puts }, 3 => Ask { client, ticket, ask },
-    4 => Gone(client), 5 => Connections(list),
+    4 => Gone(client), 5 => Connections(list), 6 => Partner { client, partner },
 });
 wire!(struct Connection { partner, name, state, pdu, jobs, errors });
 wire!(enum ToLink {
@@ -177,6 +177,7 @@ mod tests {
                 puts: vec![Put::Value(at, Width::Bit, 1), Put::Bytes(at, Box::from([1, 2]))],
             },
             ToBroker::Gone(5),
+            ToBroker::Partner { client: 7, partner: "[2001:db8::5]:1102".into() },
         ];
         to.extend(asks.into_iter().map(|ask| ToBroker::Ask { client: 1, ticket: 2, ask }));
         let answers = [

@@ -224,3 +224,21 @@ fn documents_are_put_together() {
     }
     assert_eq!(door.take_news(), None);
 }
+
+/// The station ends at any moment of the link: with a sign of life unread, or with nothing. Both are a normal end.
+#[test]
+fn a_station_that_ends_with_something_unread_has_closed_the_door() {
+    for unread in [false, true] {
+        let (desk, mut door) = Desk::open();
+        door.pump().expect("open");
+        if unread {
+            door.beat();
+            door.pump().expect("open");
+        }
+        drop(desk);
+        if !unread {
+            door.beat();
+        }
+        assert!(matches!(door.pump(), Err(DoorError::Closed)), "{unread}");
+    }
+}

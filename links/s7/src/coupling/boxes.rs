@@ -100,15 +100,29 @@ impl Slot {
 }
 
 impl Coupling {
+    /// Learns from the CPU's content of a box that the program has all data of the job in it, which may have ended
+    /// since: they are neither given again nor refused to their sender.
+    pub fn settle(&mut self, at: usize, block: &[u8; BOX_BYTES], now: u64) {
+        self.now = now;
+        let Some(head) = block.first_chunk::<HEAD_BYTES>() else { return };
+        let order = Order::read(head);
+        let Some(slot) = self.slots.get_mut(at).filter(|slot| slot.phase == Phase::Giving) else { return };
+        let has_all = order.job == slot.order.job && order.taken >= pieces(slot.give.len());
+        if has_all || order.had == slot.order.job {
+            slot.phase = Phase::Ended;
+            slot.show(State::Done, 0);
+            self.taken(at);
+        }
+    }
+
     /// Takes the CPU's content of a box.
     pub fn show(&mut self, at: usize, block: &[u8; BOX_BYTES], now: u64) {
-        self.now = now;
+        self.settle(at, block, now);
         let Some((head, data)) = block.split_first_chunk::<HEAD_BYTES>() else { return };
         let order = Order::read(head);
         let Some(slot) = self.slots.get(at) else { return };
         if order.service.is_none() || order.job == 0 {
             if slot.phase != Phase::Idle {
-                self.put_back(at);
                 self.cancel(at);
             }
             return;
@@ -145,14 +159,8 @@ impl Coupling {
                 }
             }
             Phase::Giving if order.taken == slot.piece + 1 => {
-                if order.taken < pieces(slot.give.len()) {
-                    slot.piece = order.taken;
-                    slot.show(State::Giving, 0);
-                } else {
-                    slot.phase = Phase::Ended;
-                    slot.show(State::Done, 0);
-                    self.taken(at);
-                }
+                slot.piece = order.taken;
+                slot.show(State::Giving, 0);
             }
             _ => {}
         }
@@ -246,6 +254,7 @@ impl Coupling {
 
     /// The CPU drops the job.
     pub(super) fn cancel(&mut self, at: usize) {
+        self.put_back(at);
         self.abandon(at);
         let Some(slot) = self.slots.get_mut(at) else { return };
         let was_idle = slot.phase == Phase::Idle;

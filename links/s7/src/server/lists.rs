@@ -40,7 +40,9 @@ impl Connection {
             out.extend_from_slice(&word.to_be_bytes());
         }
         out.extend_from_slice(bytes.get(..MOST).unwrap_or(bytes));
-        if id == CAPABILITIES && index == GENERAL_INDEX {
+        // Of the record: a client may ask for index 0.
+        let told = out.get(8..).and_then(|record| record.first_chunk()).copied().map(u16::from_be_bytes);
+        if id == CAPABILITIES && told == Some(GENERAL_INDEX) {
             let [a, b] = self.settings.pdu.to_be_bytes();
             let [c, d] = self.settings.connections.to_be_bytes();
             if let Some(place) = out.get_mut(8 + PDU_AT..12 + PDU_AT) {
@@ -48,7 +50,7 @@ impl Connection {
             }
         }
         // The level in force is that of this connection: 1 all, 2 no changes of program and operating state.
-        if PROTECTION.contains(&id) && index == PROTECTION_INDEX {
+        if PROTECTION.contains(&id) && told == Some(PROTECTION_INDEX) {
             let level: u16 = if self.may(Rights::Operate) { 1 } else { 2 };
             if let Some(place) = out.get_mut(8 + LEVEL_AT..10 + LEVEL_AT) {
                 place.copy_from_slice(&level.to_be_bytes());

@@ -266,6 +266,12 @@ impl Connection {
         self.counts
     }
 
+    /// Whether it has given a wrong password, and not the right one since.
+    #[must_use]
+    pub const fn guesses(&self) -> bool {
+        self.wrong_passwords > 0
+    }
+
     fn is_busy(&self) -> bool {
         let most = self.agreed.map_or(1, |agreed| agreed.jobs);
         self.queue.len() >= most || self.transport.output().len() >= OUTPUT || self.is_full()

@@ -139,7 +139,8 @@ impl ModelCpu {
             Ask::Szl { id: 0x00A0, .. } => {
                 Reply::Szl { record: 20, bytes: (0..2000).map(|n| (n / 20) as u8).collect() }
             }
-            Ask::Szl { id: 0x0232, index: 4 } => Reply::Szl { record: 40, bytes: vec![0; 40] },
+            Ask::Szl { id: 0x0232, index: 0 | 4 } => Reply::Szl { record: 40, bytes: [&[0, 4][..], &[0; 38]].concat() },
+            Ask::Szl { id: 0x0131, index: 0 | 1 } => Reply::Szl { record: 40, bytes: [&[0, 1][..], &[0; 38]].concat() },
             Ask::Szl { .. } => Reply::Refused(Code::NO_LIST),
             Ask::Blocks => {
                 let list = |(ty, number): &(BlockType, u16)| Listed { ty: *ty, number: *number, language: 1 };

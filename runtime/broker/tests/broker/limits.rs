@@ -4,12 +4,13 @@ use std::os::fd::OwnedFd;
 use std::sync::atomic::Ordering;
 
 use ob1_access::door::{
-    Answer, Ask, Connection, Document, Event, MESSAGE_BYTES, News, OUTSTANDING, Refusal, Refused, Ticket, ToBroker,
-    ToLink, What,
+    Answer, Ask, Connection, Document, Door, Event, MESSAGE_BYTES, News, OUTSTANDING, Refusal, Refused, Ticket,
+    ToBroker, ToLink, What,
 };
 use ob1_access::{Cell, Piece, Put, Right, Width};
 use ob1_backplane::handover;
 use ob1_broker::LinkConfig;
+use ob1_model::{BlockId, BlockKind, Command};
 
 use crate::station::{MS, Station, bytes, link, memory, word};
 
@@ -166,23 +167,88 @@ fn at_most_4096_answers_wait_for_a_link() {
     assert!(station.write(&mut panel, 1, &[word(memory(20), 1)]).is_ok());
 }
 
-/// Another client number is no way to more tries.
+/// Asks for a login and waits for its end, in milliseconds.
+fn login(station: &mut Station, door: &mut Door, client: u32, password: &str) -> (bool, u64) {
+    let begin = station.time;
+    let ticket = door.ask(client, Ask::Login(password.into()));
+    loop {
+        door.pump().expect("open");
+        while let Some(news) = door.take_news() {
+            if let News::Answer { ticket: of, answer, .. } = news
+                && of == ticket
+            {
+                assert!(matches!(answer, Answer::Done | Answer::Refused(Refusal::Password)), "{answer:?}");
+                return (answer == Answer::Done, (station.time - begin) / MS);
+            }
+        }
+        station.cycle();
+    }
+}
+
+/// Another connection is no way to more tries; another address does not wait for this one. Each wrong password is
+/// recorded with its partner, up to a bound.
 #[test]
-fn sixteen_wrong_passwords_a_second_are_tried() {
+fn who_guesses_waits_longer_and_longer_and_is_recorded() {
     let config =
-        LinkConfig { password: Some("secret".into()), password_rights: Right::Write, ..link("panel", Right::Read) };
+        LinkConfig { password: Some("secret".into()), password_rights: Right::Operate, ..link("panel", Right::Read) };
     let mut station = Station::new(vec![config]);
     let mut door = station.open(0);
     let begin = station.time;
-    let mut login =
-        |station: &mut Station, client, password: &str| station.ask(&mut door, client, Ask::Login(password.into()));
-    for client in 0..16 {
-        assert_eq!(login(&mut station, client, "guess"), Answer::Refused(Refusal::Password));
+    for client in 1..=200 {
+        door.partner(client, format!("10.0.0.5:{client}"));
+        let (is_right, wait) = login(&mut station, &mut door, client, "guess");
+        assert!(!is_right);
+        let least = [0, 250, 500, 1000, 2000, 2500][(client as usize - 1).min(5)];
+        assert!((least..least + 10).contains(&wait), "{client}: {wait}");
     }
-    assert_eq!(login(&mut station, 100, "secret"), Answer::Refused(Refusal::Password), "too many tries");
-    assert!(station.time - begin < 900 * MS, "all within a second");
-    station.time = begin + 1_100 * MS;
-    assert_eq!(login(&mut station, 100, "secret"), Answer::Done);
+    assert!(station.time - begin > 480_000 * MS, "200 tries take 8 minutes");
+    door.partner(300, "10.0.0.6:1".to_owned());
+    assert!(matches!(login(&mut station, &mut door, 300, "secret"), (true, 0..10)));
+    door.partner(301, "10.0.0.5:999".to_owned());
+    assert!(matches!(login(&mut station, &mut door, 301, "secret"), (true, 2500..2510)), "at the same address");
+    let records = std::mem::take(&mut *station.records.lock().expect("not poisoned"));
+    assert_eq!(records[0], "panel, 10.0.0.5:1: password: wrong");
+    assert!((100..140).contains(&records.len()), "{}", records.len());
+    let left_out =
+        |line: &String| line.split_once(" (").and_then(|(_, rest)| rest.split(' ').next()?.parse::<usize>().ok());
+    let left_out: usize = records.iter().filter_map(left_out).sum();
+    assert!((190..=200).contains(&(records.len() + left_out)), "{left_out} of {records:?}");
+    let entries = station.entries(0xF501);
+    assert!(
+        entries.iter().any(|text| text.starts_with("panel, 10.0.0.5:") && text.contains(": password: wrong")),
+        "{entries:?}"
+    );
+}
+
+/// STOP, clock, loading and deleting name their partner. A link that has users of its own records them itself.
+#[test]
+fn what_a_partner_changes_is_recorded() {
+    let mut station = Station::new(vec![link("panel", Right::Operate), link("page", Right::Operate)]);
+    let (mut door, mut other) = (station.open(0), station.open(1));
+    door.partner(7, "[2001:db8::5]:1102".to_owned());
+    let db = BlockId::new(BlockKind::Db, 8);
+    for ask in [
+        Ask::SetClock([0x26, 0x11, 0x28, 0x10, 0, 0, 0, 0]),
+        Ask::Stage { id: db, bytes: Box::from([1]) },
+        Ask::Link,
+        Ask::Delete(vec![db]),
+        Ask::Command(Command::Stop),
+        Ask::Szl { id: 0x0011, index: 0 },
+    ] {
+        let _ = station.ask(&mut door, 7, ask.clone());
+        let _ = station.ask(&mut other, 7, ask);
+    }
+    let partner = "panel, [2001:db8::5]:1102: ";
+    let wanted = ["set the clock", "load DB 8", "delete DB 8", "stop"].map(|what| format!("{partner}{what}: taken"));
+    assert_eq!(*station.records.lock().expect("not poisoned"), wanted);
+    let entries = station.entries(0xF501);
+    assert_eq!(entries.iter().rev().collect::<Vec<_>>(), wanted.iter().collect::<Vec<_>>());
+    // A link that never gives the right to operate has nothing to record.
+    let mut station = Station::new(vec![link("panel", Right::Write)]);
+    let mut door = station.open(0);
+    door.partner(7, "10.0.0.5:1".to_owned());
+    assert_eq!(station.ask(&mut door, 7, Ask::Command(Command::Stop)), Answer::Refused(Refusal::Right));
+    assert!(station.records.lock().expect("not poisoned").is_empty());
 }
 
 /// What a door refuses to send, the broker refuses to take.

@@ -101,7 +101,7 @@ fn changes_of_the_program() {
         assert!(station.changes.lock().expect("not poisoned").is_empty());
     }
     let only = LinkConfig {
-        allowed: Allowed::of(None, Some(&["DB7".to_owned()])).expect("right"),
+        allowed: Allowed::of(None, Some(&["DB7".to_owned()])).expect("right").with_program(Some(true)),
         ..link("panel", Right::Operate)
     };
     let mut station = Station::new(vec![only]);

@@ -3,9 +3,9 @@
 use ob1_access::door::{Answer, Ask, Command, Refusal, Refused};
 use ob1_access::{Allowed, Cell, Piece, Put, Right, Width};
 use ob1_broker::LinkConfig;
-use ob1_model::Area;
+use ob1_model::{Area, BlockId, BlockKind};
 
-use crate::station::{MS, Station, bytes, link, memory, word};
+use crate::station::{Station, bytes, link, memory, word};
 
 /// Each right, and each limit of it: what is not allowed is refused and changes nothing.
 #[test]
@@ -69,6 +69,33 @@ fn areas_and_blocks() {
     }
 }
 
+/// A link that is limited to some cells shows and changes no statements, unless its file says so: they tell and reach
+/// every cell.
+#[test]
+fn areas_and_blocks_cover_the_program() {
+    let dbs = ["DB8".to_owned()];
+    let limited = || Allowed::of(None, Some(&dbs)).expect("right");
+    for (allowed, db7, ob1) in [
+        (Allowed::default(), true, true),
+        (Allowed::default().with_program(Some(false)), true, false),
+        (limited(), false, false),
+        (limited().with_program(Some(true)), false, true),
+    ] {
+        let mut station = Station::new(vec![LinkConfig { allowed: allowed.clone(), ..link("panel", Right::Operate) }]);
+        let mut door = station.open(0);
+        let mut may = |ask: Ask| station.ask(&mut door, 1, ask) != Answer::Refused(Refusal::Right);
+        for (kind, number, is_allowed) in
+            [(BlockKind::Db, 7, db7), (BlockKind::Db, 8, true), (BlockKind::Ob, 1, ob1), (BlockKind::Fc, 5, ob1)]
+        {
+            let id = BlockId::new(kind, number);
+            assert_eq!(may(Ask::Block(id)), is_allowed, "{allowed:?} {id}");
+            assert_eq!(may(Ask::Stage { id, bytes: Box::from([1]) }), is_allowed, "{allowed:?} {id}");
+            assert_eq!(may(Ask::Delete(vec![id])), is_allowed, "{allowed:?} {id}");
+        }
+        assert!(may(Ask::Blocks));
+    }
+}
+
 #[test]
 fn a_password_gives_one_client_more() {
     let config =
@@ -76,7 +103,6 @@ fn a_password_gives_one_client_more() {
     let mut station = Station::new(vec![config]);
     let mut door = station.open(0);
     assert_eq!(station.ask(&mut door, 1, Ask::Login("guess".into())), Answer::Refused(Refusal::Password));
-    station.time += 1000 * MS;
     assert_eq!(station.ask(&mut door, 1, Ask::Login("secret".into())), Answer::Done);
     assert!(station.write(&mut door, 1, &[word(memory(20), 1)]).is_ok());
     assert!(station.write(&mut door, 2, &[word(memory(20), 2)]).is_err(), "another client");

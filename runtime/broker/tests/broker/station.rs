@@ -43,6 +43,8 @@ struct Plant {
     /// Changes of the program that reached it.
     changes: Arc<Mutex<Vec<Change>>>,
     changed: Vec<Changed>,
+    /// What partners have done.
+    records: Arc<Mutex<Vec<String>>>,
 }
 
 impl Facts for Plant {
@@ -95,6 +97,9 @@ impl Facts for Plant {
     fn changed(&mut self) -> Option<Changed> {
         self.changed.pop()
     }
+    fn record(&mut self, link: &str, partner: &str, what: &str, outcome: &str) {
+        self.records.lock().expect("not poisoned").push(format!("{link}, {partner}: {what}: {outcome}"));
+    }
     fn take_input(&self, put: &Put) -> bool {
         put.cell() == Cell::Area(Area::Input, 0)
     }
@@ -117,6 +122,7 @@ pub(crate) struct Station {
     pub(crate) time: Instant,
     pub(crate) driver_up: Arc<AtomicBool>,
     pub(crate) changes: Arc<Mutex<Vec<Change>>>,
+    pub(crate) records: Arc<Mutex<Vec<String>>>,
     /// Events that came while others were waited for.
     pub(crate) seen: Vec<Event>,
 }
@@ -139,12 +145,13 @@ impl Station {
             .expect("loads");
         let (scan, end) = feed();
         let driver_up = Arc::new(AtomicBool::new(false));
-        let changes = Arc::default();
+        let (changes, records): (Arc<_>, Arc<Mutex<Vec<String>>>) = Default::default();
         let (up, log) = (Arc::clone(&driver_up), Arc::clone(&changes));
-        let facts = Box::new(Plant { up, changes: log, changed: Vec::new() });
+        let facts = Box::new(Plant { up, changes: log, changed: Vec::new(), records: Arc::clone(&records) });
         let broker = Broker::new(&mut cpu, links, end, facts).expect("a broker");
         cpu.request(ob1_cpu::Command::Warm);
-        let mut station = Self { cpu, broker, feed: scan, time: Instant::START, driver_up, changes, seen: Vec::new() };
+        let mut station =
+            Self { cpu, broker, feed: scan, time: Instant::START, driver_up, changes, records, seen: Vec::new() };
         station.cycles(2);
         station
     }
@@ -169,6 +176,13 @@ impl Station {
         (0..count).for_each(|_| self.cycle());
     }
 
+    /// The texts of the entries with this event in the diagnostic buffer, newest first.
+    pub(crate) fn entries(&mut self, event: u16) -> Vec<String> {
+        self.cycles(2);
+        let entries = self.cpu.diagnostics().filter(|entry| entry.event.0 == event);
+        entries.map(|entry| entry.text.as_str().to_owned()).collect()
+    }
+
     /// Asks until the answer is there.
     pub(crate) fn ask(&mut self, door: &mut Door, client: u32, ask: Ask) -> Answer {
         let asked = door.ask(client, ask);
@@ -187,7 +201,7 @@ impl Station {
     }
 
     pub(crate) fn until(&mut self, door: &mut Door, wanted: impl Fn(&News) -> bool) -> News {
-        for _ in 0..20 {
+        for _ in 0..300 {
             door.pump().expect("open");
             while let Some(news) = door.take_news() {
                 if wanted(&news) {
@@ -200,7 +214,7 @@ impl Station {
             self.broker.step(self.time);
             self.cycle();
         }
-        panic!("no answer in twenty cycles");
+        panic!("no answer in three hundred cycles");
     }
 
     pub(crate) fn read(&mut self, door: &mut Door, pieces: &[Piece]) -> Reading {

@@ -1,8 +1,10 @@
 //! The access port: served once a scan, a bounded number of items.
 
-use ob1_cpu::{Answer, Ask, Cell, CellError, Command, Cpu, CpuConfig, OperatingState, Request, TimeOfDay, Width};
+use ob1_cpu::{
+    Answer, Ask, Cell, CellError, Command, Cpu, CpuConfig, OperatingState, Request, ShortText, TimeOfDay, Width,
+};
 use ob1_ir::{AccuOp, NumberFormat, Op};
-use ob1_model::{Area, Interface};
+use ob1_model::{Area, Event, Interface};
 use ob1_std::moment::Moment;
 use ob1_std::services::Period;
 use ob1_time::Span;
@@ -79,6 +81,7 @@ fn commands_and_refusals() {
         (Ask::Module(0), refused(CellError::NoModule)),
         (Ask::Diag(50), refused(CellError::NoEntry)),
         (Ask::State, Answer::State(OperatingState::Run)),
+        (Ask::Note(Event::PARTNER, ShortText::new("panel, 10.0.0.5:1")), Answer::Done),
         (Ask::Command(Command::Stop), Answer::Done),
         (Ask::State, Answer::State(OperatingState::Stop)),
     ] {
@@ -86,8 +89,10 @@ fn commands_and_refusals() {
     }
     let Answer::Diag(entry) = ask(&mut bench, Ask::Diag(0)) else { panic!("no entry") };
     assert_eq!(entry.to_string(), "4304h STOP by operator");
+    let Answer::Diag(entry) = ask(&mut bench, Ask::Diag(1)) else { panic!("no entry") };
+    assert_eq!(entry.to_string(), "F501h a partner of a link: panel, 10.0.0.5:1");
     let scans = bench.cpu.accounts().scans();
-    assert_eq!(scans, 4, "one of `bench`, three questions in RUN; the STOP came before its scan");
+    assert_eq!(scans, 5, "one of `bench`, four questions in RUN; the STOP came before its scan");
 }
 
 #[test]

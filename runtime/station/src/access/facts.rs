@@ -1,18 +1,25 @@
 //! What the broker needs to know of the station.
 
+use std::fs::OpenOptions;
+use std::io::Write as _;
+use std::os::unix::fs::OpenOptionsExt as _;
+use std::path::PathBuf;
 use std::sync::Arc;
 
+use ob1_access::audit;
 use ob1_access::door::{BlockFact, Diagnosis, Document, State};
 use ob1_access::{Cell, Put, Width};
 use ob1_broker::{Change, Changed, DriverState, Facts, LinkState};
-use ob1_cpu::{CpuConfig, DIAG_ENTRIES, DiagEntry, Family};
+use ob1_cpu::{DIAG_ENTRIES, DiagEntry, Family};
 use ob1_host::driver;
 use ob1_model::BlockId;
 use ob1_time::Span;
 
 use crate::access::protocol::LinkStatus;
 use crate::download::Loader;
+use crate::station_file::Station;
 use crate::view::StationView;
+use crate::wall_clock::unix_now;
 
 /// See above.
 pub(crate) struct StationFacts {
@@ -23,10 +30,15 @@ pub(crate) struct StationFacts {
     drivers: Vec<(String, Arc<driver::DriverStatus>)>,
     /// Where blocks can be downloaded.
     loader: Option<Loader>,
+    /// Links, and the audit log of each.
+    audits: Vec<(String, PathBuf)>,
+    /// It could not be written last time.
+    audit_fails: bool,
 }
 
 impl StationFacts {
-    pub(crate) fn new(view: StationView, cpu: &CpuConfig, loader: Option<Loader>) -> Self {
+    pub(crate) fn new(view: StationView, station: &Station, loader: Option<Loader>) -> Self {
+        let cpu = &station.cpu;
         let driver = |module: &crate::view::ModuleView| Some((module.name.clone(), module.driver.clone()?));
         Self {
             drivers: view.modules.iter().filter_map(driver).collect(),
@@ -35,6 +47,8 @@ impl StationFacts {
             timers_and_counters: [cpu.timers, cpu.counters],
             min_cycle: cpu.min_cycle,
             loader,
+            audits: station.links.iter().filter_map(|link| Some((link.name.clone(), link.audit.clone()?))).collect(),
+            audit_fails: false,
         }
     }
 }
@@ -124,6 +138,20 @@ impl Facts for StationFacts {
 
     fn change(&mut self, number: u64, change: Change) -> bool {
         self.loader.as_ref().is_some_and(|loader| loader.change(number, change))
+    }
+
+    fn record(&mut self, link: &str, partner: &str, what: &str, outcome: &str) {
+        let Some((_, path)) = self.audits.iter().find(|(name, _)| name == link) else { return };
+        let line = audit::line(unix_now() / 1_000_000, [link, "-", partner, what, outcome]);
+        // Opened for each line: there are few, and whoever rotates the file need not tell us.
+        let file = OpenOptions::new().append(true).create(true).mode(0o600).open(path);
+        let written = file.and_then(|mut file| file.write_all(line.as_bytes()));
+        if let Err(why) = &written
+            && !self.audit_fails
+        {
+            tracing::error!("the audit log {} cannot be written: {why}", path.display());
+        }
+        self.audit_fails = written.is_err();
     }
 
     fn changed(&mut self) -> Option<Changed> {

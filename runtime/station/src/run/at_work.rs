@@ -116,7 +116,7 @@ impl AtWork {
         let download = download.map(|download| download.start(runs)).transpose();
         let download = download.map_err(system("the thread for downloads"))?;
         let (loader, newcomers) = download.unzip();
-        let facts = StationFacts::new(view.clone(), &station.cpu, loader);
+        let facts = StationFacts::new(view.clone(), station, loader);
         let (broker, door, links) = open_doors(station, &mut cpu, fed, facts, clock, (listeners, &rundir.socket()))
             .map_err(system("the broker"))?;
         let server = Server::start(&rundir.socket(), door, view.clone(), station.cpu.min_cycle)

@@ -11,7 +11,7 @@ use ob1_time::Span;
 
 use super::building::{Building, BusKind, Buses, REMEDY, line};
 use super::findings::{CONTRADICTION, Findings, MISSING, TWICE, VALUE};
-use super::tables::{BusTable, Placed};
+use super::tables::{BusTable, ModuleTable, Placed};
 use super::types::{Bus, ModuleConfig, ModuleKind};
 use super::values::{choice, name, number, time};
 use super::{dp, gpio};
@@ -40,7 +40,12 @@ impl Buses {
     }
 
     /// All modules are known: a bus without one is an error, and diagnostic addresses that were left open are given.
-    pub(super) fn finish(self, f: &mut Findings<'_>, modules: &mut [ModuleConfig]) -> Vec<Bus> {
+    pub(super) fn finish(
+        self,
+        f: &mut Findings<'_>,
+        tables: &[Placed<ModuleTable>],
+        modules: &mut [ModuleConfig],
+    ) -> Vec<Bus> {
         let of_inputs = modules.iter().flat_map(|m| m.input_address..m.input_address + u32::from(m.input_bytes()));
         let mut taken: BTreeSet<u32> = of_inputs.collect();
         let mut given: BTreeSet<u16> = BTreeSet::new();
@@ -68,7 +73,11 @@ impl Buses {
             for station in unnamed.filter(|_| building.cp.is_none()) {
                 station.diagnostic = next();
             }
-            if building.bus.stations.is_empty() {
+            // A module with a mistake is not among them, and that has been said.
+            let is_of = |table: &Placed<ModuleTable>| {
+                table.get_ref().bus.as_ref().is_some_and(|bus| *bus.get_ref() == building.bus.name)
+            };
+            if building.bus.stations.is_empty() && !tables.iter().any(is_of) {
                 let message = format!("the bus \"{}\" has no modules", building.bus.name);
                 f.error(CONTRADICTION, building.at.clone(), message, "give it a [[module]] with `type = \"coupler\"`");
             }

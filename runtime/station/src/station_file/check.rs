@@ -32,7 +32,7 @@ pub(super) fn check(
     let retentive = retentive::retentive(f, file.retentive.as_ref(), &file.station, folder, &mut cpu);
     let mut buses = Buses::new(f, &file.bus, &cpu, folder);
     let mut modules = modules::modules(f, &file.module, &mut buses, folder);
-    let buses = buses.finish(f, &mut modules);
+    let buses = buses.finish(f, &file.module, &mut modules);
     let mut links =
         link::links(f, &file.link, file.station.name.get_ref(), folder, &retentive::folder_of(&file.station, folder));
     connection::connections(f, &file.connection, &file.module, &modules, &mut links);

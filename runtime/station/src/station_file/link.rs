@@ -25,7 +25,9 @@ const SERVERS: &[LinkKind] = &[LinkKind::S7, Web, Metrics, OpcUa];
 /// Kinds with users.
 const WITH_USERS: &[LinkKind] = &[Web, Metrics, OpcUa];
 /// Kinds with an audit log.
-const WITH_AUDIT: &[LinkKind] = &[Web, Metrics, OpcUa, Mqtt];
+const WITH_AUDIT: &[LinkKind] = &[LinkKind::S7, Web, Metrics, OpcUa, Mqtt];
+/// Kinds that show statements.
+const WITH_PROGRAM: &[LinkKind] = &[LinkKind::S7, Web];
 /// Kinds whose connections TLS protects; OPC UA brings its own.
 const WITH_TLS: &[LinkKind] = &[Web, Metrics];
 /// Kinds with a certificate in a file: a server's, or a client's own.
@@ -53,6 +55,7 @@ fn keys(table: &LinkTable) -> Vec<(&'static str, &'static [LinkKind], Key<'_>)> 
         ("clients", SERVERS, Key::Number(&table.clients, 1..=128)),
         ("rack", &[S7], Key::Number(&table.rack, 0..=7)),
         ("slot", &[S7], Key::Number(&table.slot, 0..=31)),
+        ("program", WITH_PROGRAM, Key::Flag(&table.program)),
         ("pdu", &[S7], Key::Number(&table.pdu, 64..=1024)),
         ("idle", &[S7], Key::Number(&table.idle, 0..=86_400)),
         ("password_rights", &[S7], Key::Text(&table.password_rights)),
@@ -142,7 +145,8 @@ fn link(f: &mut Findings<'_>, table: &LinkTable, station: &str, folder: &Path, s
     let unlocked = choice(f, "password_rights", table.password_rights.as_ref(), &RIGHTS);
     password(f, table, kind);
     let allowed = Allowed::of(table.areas.as_ref().map(inner), table.blocks.as_ref().map(inner));
-    let allowed = allowed.map_err(|why| {
+    let program = table.program.as_ref().map(|program| *program.get_ref());
+    let allowed = allowed.map(|allowed| allowed.with_program(program)).map_err(|why| {
         let at = table.areas.as_ref().or(table.blocks.as_ref()).map_or(0..0, Placed::span);
         f.error(VALUE, at, why, "areas = [\"M\", \"DB\"], blocks = [\"DB10\", \"DB20-29\"]");
     });
@@ -152,6 +156,9 @@ fn link(f: &mut Findings<'_>, table: &LinkTable, station: &str, folder: &Path, s
     protected(f, table, kind, rights, listen);
     brokered(f, table, kind, rights);
     proxied(f, table);
+    // What clients with more than the right to read do is recorded: by the process of the link, of S7 by the runtime.
+    let named = table.audit.as_ref().map(|path| absolute(folder, path.get_ref()));
+    let audit = named.unwrap_or_else(|| absolute(state, &format!("{station}.audit")));
     if kind.shares_its_process() {
         config.insert("type".into(), json!(table.kind.get_ref()));
         // The broker holds them; the process shows nothing else.
@@ -160,8 +167,9 @@ fn link(f: &mut Findings<'_>, table: &LinkTable, station: &str, folder: &Path, s
                 config.insert(key.into(), json!(list.get_ref()));
             }
         }
-        // What clients with more than the right to read do is recorded.
-        let audit = absolute(state, &format!("{station}.audit"));
+        if let Ok(allowed) = &allowed {
+            config.insert("program".into(), json!(allowed.has_program()));
+        }
         config.entry("audit").or_insert_with(|| json!(audit));
         if matches!(kind, OpcUa | Mqtt) {
             config.insert("state".into(), json!(absolute(state, &format!("{station}.gate"))));
@@ -177,6 +185,7 @@ fn link(f: &mut Findings<'_>, table: &LinkTable, station: &str, folder: &Path, s
         password_rights: unlocked.unwrap_or(rights),
         config: Value::Object(config).to_string(),
         secrets,
+        audit: (kind == S7).then_some(audit),
         cp: None,
         connections: Vec::new(),
     })
@@ -399,6 +408,12 @@ mod tests {
         assert_eq!((link.rights, link.password_rights), (Right::Write, Right::Operate));
         assert_eq!(link.config, r#"{"password_rights":"operate","pdu":240,"slot":3}"#);
         assert!(!link.config.contains("secret"));
+        assert!(!link.allowed.has_program(), "limited to bit memory");
+        assert_eq!(link.audit.as_deref(), Some(&*std::path::absolute("x.audit").expect("a path")));
+        let keys = "areas = [\"M\"]\nprogram = true\naudit = \"/var/log/a\"";
+        let parsed = parse(&station(keys), "x.toml", Path::new("")).expect("right");
+        assert!(parsed.links[0].allowed.has_program());
+        assert_eq!(parsed.links[0].audit.as_deref(), Some(Path::new("/var/log/a")));
     }
 
     #[test]
@@ -501,7 +516,7 @@ mod tests {
         let config: serde_json::Value = serde_json::from_str(&link.config).expect("JSON");
         let wanted = json!({
             "type": "web", "users": "/etc/ob1/a.users", "certificate": "/c/a.crt", "key": "/etc/ob1/tls/a.key",
-            "hosts": ["press.plant"], "audit": "/etc/ob1/x.audit",
+            "hosts": ["press.plant"], "audit": "/etc/ob1/x.audit", "program": true,
         });
         assert_eq!(config, wanted);
         assert_eq!(link.secrets, [Path::new("/etc/ob1/a.users"), Path::new("/etc/ob1/tls/a.key")]);

@@ -62,6 +62,7 @@ pub(super) struct LinkTable {
     pub(super) rights: Option<Placed<String>>,
     pub(super) areas: Option<Placed<Vec<String>>>,
     pub(super) blocks: Option<Placed<Vec<String>>>,
+    pub(super) program: Option<Placed<bool>>,
     pub(super) password: Option<Placed<String>>,
     pub(super) password_rights: Option<Placed<String>>,
     pub(super) clients: Option<Placed<i64>>,

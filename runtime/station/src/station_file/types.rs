@@ -105,6 +105,8 @@ pub struct StationLink {
     pub config: String,
     /// Files that nobody but the user of the station may read.
     pub secrets: Vec<PathBuf>,
+    /// Where the runtime records what partners do, for a link whose process cannot.
+    pub audit: Option<PathBuf>,
     /// Its process is this CP 343 too.
     pub cp: Option<String>,
     /// The connections of that CP.

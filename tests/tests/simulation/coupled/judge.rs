@@ -3,6 +3,9 @@
 //! - No telegram is received corrupted, twice, or out of order.
 //! - After DONE of BSEND the partner's BRCV has the telegram; after DONE of PUT the telegram is in the partner's
 //!   memory.
+//! - What was given to the partner's program is never refused: after ERROR of BSEND its BRCV does not have the
+//! telegram,
+//!   unless the connection is lost (1).
 //! - GET returns what PUT has written.
 //! - Every job ends: after ten seconds without an answer, or when the connection to a silent partner is closed.
 //! - STATUS is one that docs/cp343.md defines for the fault.
@@ -107,7 +110,10 @@ impl Judge {
                 self.is_done(&at, stream, own.cell(sender, 16), partner);
             }
             if failed != was.failed {
-                self.fails(&at, stream, "sending", out, own.word(sender, 20), failed - was.failed);
+                let status = own.word(sender, 20);
+                self.fails(&at, stream, "sending", out, status, failed - was.failed);
+                let has = about.kind == Kind::Block && partner.cell(receiver, 0) == own.cell(sender, 0);
+                assert!(status == 1 || !has, "{at}: STATUS {status:04X}, but the partner has it");
             }
             if not_got != was.not_got {
                 self.fails(&at, stream, "GET", out, own.word(sender, 36), not_got - was.not_got);

@@ -29,8 +29,10 @@ pub(crate) use sim::{MS, SECOND};
 /// Without further faults everything recovers within this time: the longest wait between two calls, and one job without
 /// an answer.
 const BACK: Span = Span::from_secs(20);
-/// Of 20 kinds of fault, those from this number on kill a CP.
-const KILL: u64 = 11;
+/// Of 20 kinds of fault, those from this number on kill a CP,
+pub(crate) const KILL: u64 = 11;
+/// and those from this number on stop a station.
+pub(crate) const STOP: u64 = 17;
 /// After this many telegrams of each stream it has recovered.
 const ENOUGH: u32 = 3;
 
@@ -42,12 +44,14 @@ pub(crate) struct Scenario {
     pub(crate) trouble: Instant,
     /// Average interval between faults; 0: no faults.
     pub(crate) every: Span,
-    /// The only faults are killed CPs.
-    pub(crate) kills_only: bool,
+    /// The only kind of fault: [`KILL`], [`STOP`].
+    pub(crate) only: Option<u64>,
     /// One datagram in this many is lost, and one connection request in this many is refused; 0: none.
     pub(crate) loses: u64,
     /// A long scan: this time passes before and after each call of a handling block; 0: none.
     pub(crate) call: Span,
+    /// A busy host: each process of a CP gets its core up to this late; 0: at once.
+    pub(crate) late: Span,
 }
 
 /// The result of a run.
@@ -92,7 +96,7 @@ impl World {
         let base = time::Instant::now();
         let mut net = Net::new(rng.next_u64());
         net.loses = scenario.loses;
-        let stations = [0, 1].map(|me| Station::new(me, folder, rng.next_u64(), base));
+        let stations = [0, 1].map(|me| Station::new(me, folder, rng.next_u64(), base, scenario.late));
         let mut world = Self {
             scenario,
             now: Instant::START,
@@ -117,7 +121,7 @@ impl World {
 
     fn goes_wrong(&mut self) {
         let now = self.now;
-        let what = if self.scenario.kills_only { KILL } else { self.rng.below(20) };
+        let what = self.scenario.only.unwrap_or_else(|| self.rng.below(20));
         let (line, me) = (self.rng.below(LINES.len() as u64) as usize, self.rng.below(2) as usize);
         let text = match what {
             0..=9 if self.net.breaks(line, now) => {
@@ -135,7 +139,7 @@ impl World {
                 }
                 format!("the CP of station {me} is killed")
             }
-            17..=19 if self.stations[me].runs() && self.starts[me] == Instant::NEVER => {
+            STOP..=19 if self.stations[me].runs() && self.starts[me] == Instant::NEVER => {
                 self.outcome.stops += 1;
                 self.stations[me].cpu.request(Command::Stop);
                 self.starts[me] = now + 50 * MS + self.rng.span_below(5 * SECOND);

@@ -8,6 +8,7 @@ use std::time::{self, Duration};
 use ob1_access::door::{Door, News, Reading};
 use ob1_backplane::{CpSide, Segment, handover};
 use ob1_broker::Broker;
+use ob1_line::sim::SplitMix64;
 use ob1_s7::server::Connection;
 use ob1_s7_process::asks::Surroundings;
 use ob1_s7_process::config::Config;
@@ -46,14 +47,30 @@ pub(crate) struct Process {
     /// The zero of virtual time, for code that uses the time of the machine.
     base: time::Instant,
     due: Instant,
+    /// It gets no core until then, and up to `late` after each of its turns.
+    held_up: Instant,
+    late: Span,
+    rng: SplitMix64,
     pub(crate) kills: u64,
     /// Number of times it was ready.
     pub(crate) ups: u64,
 }
 
 impl Process {
-    pub(crate) fn new(me: usize, segment: Segment, life: Life, base: time::Instant) -> Self {
-        Self { me, segment, life, alive: None, base, due: Instant::NEVER, kills: 0, ups: 0 }
+    pub(crate) fn new(me: usize, segment: Segment, life: Life, base: time::Instant, late: Span) -> Self {
+        Self {
+            me,
+            segment,
+            life,
+            alive: None,
+            base,
+            due: Instant::NEVER,
+            held_up: Instant::START,
+            late,
+            rng: SplitMix64::new(me as u64),
+            kills: 0,
+            ups: 0,
+        }
     }
 
     pub(crate) fn next(&self, now: Instant, net: &Net) -> Instant {
@@ -62,7 +79,7 @@ impl Process {
             let line = alive.lines.iter().position(|socket| socket.id() == Some(id));
             line.is_none_or(|line| matches!(alive.lines[line], Socket::Up(_)) && alive.cp.wants_read(line))
         };
-        self.life.next_event().min(self.due).min(net.next(self.me, now, reads))
+        self.life.next_event().min(self.due.min(net.next(self.me, now, reads)).max(self.held_up))
     }
 
     /// Handles everything that is due.
@@ -73,7 +90,12 @@ impl Process {
                 Turn::Killed => panic!("at {now}: the supervisor kills a process that does nothing wrong"),
             }
         }
-        self.poll(now, broker, net);
+        if now >= self.held_up {
+            self.poll(now, broker, net);
+            if !self.late.is_zero() {
+                self.held_up = now + self.rng.span_below(self.late);
+            }
+        }
     }
 
     fn begins(&mut self, now: Instant, broker: &mut Broker) {

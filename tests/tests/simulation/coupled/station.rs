@@ -25,7 +25,7 @@ pub(crate) struct Station {
 }
 
 impl Station {
-    pub(crate) fn new(me: usize, folder: &Path, seed: u64, base: time::Instant) -> Self {
+    pub(crate) fn new(me: usize, folder: &Path, seed: u64, base: time::Instant, late: Span) -> Self {
         let file = text::file(me);
         let station = station_file::parse(&file, "coupled.toml", folder).unwrap_or_else(|f| panic!("{f:#?}\n{file}"));
         std::fs::write(folder.join(format!("{}.awl", station.name)), text::source(me)).expect("room for a file");
@@ -46,7 +46,7 @@ impl Station {
         let links = vec![assembly::link_config(link, link.config.clone(), Vec::new())];
         let broker = Broker::new(&mut cpu, links, feed().1, Box::new(Bare)).expect("a broker");
         cpu.request(Command::Run);
-        Self { cpu, broker, process: Process::new(me, segment, life, base), due: Instant::START }
+        Self { cpu, broker, process: Process::new(me, segment, life, base, late), due: Instant::START }
     }
 
     /// One cycle, in which `call` passes before and after each call of a handling block; returns its end.

@@ -146,7 +146,18 @@ pub(super) const TABLE: &[Row] = &[
     row(
         "ob1-broker",
         "invariant 2",
-        &["ob1-access", "ob1-backplane", "ob1-cpu", "ob1-model", "ob1-rt", "ob1-time", "rtrb", "rustix", "tracing"],
+        &[
+            "ob1-access",
+            "ob1-backplane",
+            "ob1-cpu",
+            "ob1-log",
+            "ob1-model",
+            "ob1-rt",
+            "ob1-time",
+            "rtrb",
+            "rustix",
+            "tracing",
+        ],
     ),
     row(
         "ob1-rt",
