@@ -25,7 +25,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use super::changes::{Changes, block, has};
 use super::file;
 use crate::compiling::{Compiling, Giver, Request, Successors};
-use crate::engine::EngineChoice;
+use crate::engine::{EngineChoice, InUse};
 use crate::known::{Known, KnownProgram};
 
 /// Programs under way to the scan.
@@ -101,6 +101,8 @@ pub struct Downloading {
     pub known: Known,
     /// The requested engine.
     pub engine: EngineChoice,
+    /// Which one runs.
+    pub in_use: Arc<InUse>,
     /// What is compiled in a process of its own, if the choice of the engine is left to us.
     pub compile: Option<Request>,
     /// Bytes of stack the scan has.
@@ -179,6 +181,11 @@ impl Downloading {
     }
 }
 
+/// OB 1, and those of interrupts, errors and start-ups.
+fn is_ever_run(ob: u16) -> bool {
+    ob == 1 || (10..=122).contains(&ob)
+}
+
 /// Why a change was not made.
 struct Refused {
     why: Refusal,
@@ -220,7 +227,7 @@ impl Work {
         let (Some((plan, giver)), Some(request)) = (self.wanted.take(), &self.with.compile) else { return };
         // The program it was made for is gone.
         self.compiling = None;
-        match Compiling::giving(request.with(Arc::clone(&self.with.now)), &plan, giver) {
+        match Compiling::giving(request.with(Arc::clone(&self.with.now)), &plan, giver, &self.with.in_use) {
             Ok(compiling) => self.compiling = Some(compiling),
             Err(why) => tracing::warn!("machine code: {why}; the station continues without it"),
         }
@@ -247,6 +254,12 @@ impl Work {
             Change::Link(blocks) => {
                 for (id, bytes) in blocks {
                     block(id, &bytes).map_err(|why| Refused::new(Refusal::Block, format!("{id}: {why}")))?;
+                    if id.kind == BlockKind::Ob && !is_ever_run(id.number) {
+                        return Err(Refused::new(
+                            Refusal::Block,
+                            format!("{id}: no CPU runs such an organization block"),
+                        ));
+                    }
                     changes.put(id, bytes.into_vec());
                     fresh.extend((id.kind == BlockKind::Db).then_some(id.number));
                     told.push(id);
@@ -299,8 +312,11 @@ impl Work {
         let made = match made {
             Err(errors)
                 if with.engine == EngineChoice::Auto
-                    && errors.iter().any(|error| matches!(error, LoadError::Engine { .. })) =>
+                    && errors
+                        .iter()
+                        .any(|error| matches!(error, LoadError::Engine { .. } | LoadError::Stack { .. })) =>
             {
+                // The reference engine needs less stack.
                 with.around.successor(programs, fresh, with.engine.factory(), with.stack)
             }
             made => made,
@@ -406,6 +422,7 @@ mod tests {
             library: Arc::new(Library::new()),
             known: Known::default(),
             engine,
+            in_use: Arc::default(),
             compile,
             stack: cpu.stack_bytes(),
             cycles: Duration::ZERO,

@@ -68,7 +68,8 @@ impl Buses {
             for station in unnamed.filter(|_| building.cp.is_none()) {
                 station.diagnostic = next();
             }
-            if building.bus.stations.is_empty() {
+            // A module of it that is refused has said so.
+            if building.bus.stations.is_empty() && !f.has_error() {
                 let message = format!("the bus \"{}\" has no modules", building.bus.name);
                 f.error(CONTRADICTION, building.at.clone(), message, "give it a [[module]] with `type = \"coupler\"`");
             }

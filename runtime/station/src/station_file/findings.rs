@@ -88,10 +88,14 @@ impl<'a> Findings<'a> {
         self.found.push(self.source.finding(Level::Warning, code, at, message.into(), remedy.into()));
     }
 
+    /// Whether there is an error so far.
+    pub fn has_error(&self) -> bool {
+        self.found.iter().any(|finding| finding.level == Level::Error)
+    }
+
     /// Takes the warnings out, if there is no error among them.
     pub fn take_warnings(&mut self) -> Vec<Finding> {
-        let error = self.found.iter().any(|finding| finding.level == Level::Error);
-        if error { Vec::new() } else { std::mem::take(&mut self.found) }
+        if self.has_error() { Vec::new() } else { std::mem::take(&mut self.found) }
     }
 
     /// The station if nothing was found, else the findings in the order of the file.
