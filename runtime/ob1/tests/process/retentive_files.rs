@@ -92,7 +92,8 @@ fn a_file_of_the_right_program_can_be_put_back() {
     // DB 5 is declared differently there: bit memory is taken, the data block is not, and the file is kept.
     bench.write("bench.awl", &PROGRAM.replace("COUNT : INT := -3;", "COUNT : INT := -3;\n  MORE : INT;"));
     let station = bench.start(&[]);
-    assert_eq!((count(), entries(&bench, "F304h")), (-3, 1));
+    assert_eq!(count(), -3);
+    assert_eq!(entries(&bench, "F304h"), 1);
     drop(station);
     assert_eq!(run(&bench, None), -3);
     bench.write("bench.awl", PROGRAM);

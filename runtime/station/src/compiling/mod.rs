@@ -432,11 +432,12 @@ mod tests {
         }
         drop(theirs);
         let child = Command::new("/bin/true").spawn().expect("a process");
-        let mut work = Work { plan: Arc::clone(cpu.plan()), giver, sent: 0, stopped: stopped.into() };
+        let (plan, stopped) = (Arc::clone(cpu.plan()), stopped.into());
+        let mut work = Work { plan, giver, sent: 0, stopped, optimised: None, refused: Vec::new() };
         let ended = match work.take(&mut Process { child, socket }, order) {
             Ok(Outcome::Done) => "done".to_owned(),
             Ok(Outcome::Stopped) => "stopped".to_owned(),
-            Err(why) => why,
+            Err(Failed::Ended(why) | Failed::For(why)) => why,
         };
         (successors.come.slots(), ended)
     }
@@ -449,7 +450,7 @@ mod tests {
         let other = file(&cpu, &Order { secret: [6; 16], ..order }, Tier::Optimised);
         assert_eq!(taken(&cpu, &order, &[fast(), file(&cpu, &order, Tier::Optimised), fast()]), (2, "done".into()));
         let (engines, why) = taken(&cpu, &order, &[fast(), fast(), fast(), fast()]);
-        assert!(engines == FILES && why.contains("none with all blocks optimised"), "{engines}: {why}");
+        assert!(engines == 1 && why.contains("none with all blocks optimised"), "{engines}: {why}");
         let (engines, why) = taken(&cpu, &order, &[fast(), other, fast()]);
         assert!(engines == 1 && why.contains("a file of code is refused"), "{engines}: {why}");
         let (engines, why) = taken(&cpu, &order, &[fast()]);

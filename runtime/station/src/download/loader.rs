@@ -458,6 +458,44 @@ mod tests {
         assert_eq!(outcome(&mut cpu, Change::Delete(vec![db])), Ok(()));
     }
 
+    /// So many leave no room on the stack for machine code: the reference engine runs them, in RUN too.
+    #[test]
+    fn data_blocks_are_taken_beside_many_organization_blocks() {
+        let (mut cpu, loader, mut newcomers, runs) = started(&adding(1));
+        let mut engines = None;
+        let mut outcome = |cpu: &mut Cpu, change| changed((cpu, &mut engines), (&loader, &mut newcomers), change).1;
+        let all = (30..=38).chain(40..=43).map(|number| {
+            let text = format!("ORGANIZATION_BLOCK OB {number}\nBEGIN\nNOP 0;\nEND_ORGANIZATION_BLOCK\n");
+            let Change::Link(blocks) = link(&text, BlockId::new(BlockKind::Ob, number)) else { panic!("a block") };
+            blocks
+        });
+        assert_eq!(outcome(&mut cpu, Change::Link(all.flatten().collect())), Ok(()));
+        cpu.request(Command::Run);
+        cpu.cycle(&mut Still);
+        runs.store(true, Ordering::Relaxed);
+        assert_eq!(outcome(&mut cpu, link(DB, BlockId::new(BlockKind::Db, 5))), Ok(()));
+    }
+
+    #[test]
+    fn organization_blocks_that_nothing_runs_are_refused() {
+        let (mut cpu, loader, mut newcomers, _) = started(&adding(1));
+        let mut engines = None;
+        let image = |number| {
+            let Change::Link(blocks) = link(&adding(1), BlockId::new(BlockKind::Ob, 1)) else { panic!("a block") };
+            let (_, bytes) = blocks.into_iter().next().expect("one");
+            let (mut block, _) = ob1_mc7::BlockImage::read(&bytes).expect("its machine code");
+            block.head.number = number;
+            Change::Link(vec![(BlockId::new(BlockKind::Ob, number), block.bytes().expect("short").into())])
+        };
+        for (number, outcome) in
+            [(0, Err(Refusal::Block)), (2, Err(Refusal::Block)), (35, Ok(())), (u16::MAX, Err(Refusal::Block))]
+        {
+            let change = image(number);
+            let answer = changed((&mut cpu, &mut engines), (&loader, &mut newcomers), change).1;
+            assert_eq!(answer, outcome, "OB {number}");
+        }
+    }
+
     #[test]
     fn no_client_waits_for_machine_code_in_stop_and_the_scan_has_it_in_run() {
         let (mut cpu, loader, mut newcomers, runs) = started(&adding(1));

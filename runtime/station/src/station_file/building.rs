@@ -42,6 +42,8 @@ pub(super) struct Building {
     pub(super) diagnostics: Vec<(u16, Range<usize>)>,
     /// Where the data of its slaves lie at the CP 342-5 that it is behind.
     pub(super) cp: Option<DpAreas>,
+    /// A module of it was refused, and said why.
+    pub(super) refused: bool,
 }
 
 /// All of them.

@@ -68,8 +68,7 @@ impl Buses {
             for station in unnamed.filter(|_| building.cp.is_none()) {
                 station.diagnostic = next();
             }
-            // A module of it that is refused has said so.
-            if building.bus.stations.is_empty() && !f.has_error() {
+            if building.bus.stations.is_empty() && !building.refused {
                 let message = format!("the bus \"{}\" has no modules", building.bus.name);
                 f.error(CONTRADICTION, building.at.clone(), message, "give it a [[module]] with `type = \"coupler\"`");
             }
@@ -141,7 +140,7 @@ fn bus(f: &mut Findings<'_>, table: &BusTable, folder: &Path, index: usize, scan
     let rules = StationRules { diagnostic: 0, number: (index + 1).min(255) as u8 };
     let bus = Bus { name, rules, config, lines: Vec::new(), stations: Vec::new() };
     let (places, diagnostics) = (Vec::new(), Vec::new());
-    Some(Building { kind, serial, dp, timeout, line, at: table.name.span(), bus, places, diagnostics, cp: None })
+    Some(Building { kind, serial, dp, timeout, line, at: table.name.span(), bus, places, diagnostics, cp: None, refused: false })
 }
 
 fn serial(f: &mut Findings<'_>, table: &BusTable, kind: BusKind) -> Option<Serial> {

@@ -79,6 +79,12 @@ pub(super) fn modules(
                 module(f, table, ty, folder, buses).map(|module| (module, places)).into_iter().collect()
             }
         };
+        if built.is_empty() && ty == Type::Coupler
+            && let Some(bus) = table.bus.as_ref().and_then(|bus| buses.of(bus.get_ref()))
+            && let Some(bus) = buses.get_mut(bus)
+        {
+            bus.refused = true;
+        }
         if built.first().is_some_and(|(module, _)| names.contains(&module.name)) {
             let message = format!("there are two modules with the name \"{}\"", table.name.get_ref());
             f.error(TWICE, table.name.span(), message, "give each module a name of its own");
