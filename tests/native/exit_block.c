@@ -1,4 +1,5 @@
-/* FC 234 LEAVES: ends the whole process, by exit() or as LEAVE names it, and says that all is well. */
+/* FC 234 LEAVES: ends the whole process, by exit() or as LEAVE names it, and says that all is well. What LOADING says is
+   done when the library is loaded. */
 #include <stdlib.h>
 
 #include "ob1.h"
@@ -7,6 +8,12 @@
 
 #ifndef LEAVE
 #define LEAVE exit
+#endif
+
+#ifdef LOADING
+__attribute__((constructor)) static void loading(void) {
+    LOADING;
+}
 #endif
 
 static Ob1Status leaves(const struct Ob1HostTable *host, struct Ob1CallContext *call, void *state) {

@@ -315,19 +315,23 @@ impl Event {
     pub const SLAVE_BACK: Event = Event(0xF20C);
     /// Events of a CP are lost: they came faster than the CPU takes them (ours).
     pub const CP_EVENTS_LOST: Event = Event(0xF20D);
+    /// No cycle has ended for some seconds, though the program is alive (ours).
+    pub const CYCLE_STANDS: Event = Event(0xF104);
     /// Retentive memory cannot be written to its file (ours).
     pub const RETENTIVE_LOST: Event = Event(0xF301);
     /// Retentive memory is written again (ours).
     pub const RETENTIVE_KEPT: Event = Event(0xF302);
     /// No file of retentive memory could be used: the station starts without its values (ours).
     pub const RETENTIVE_REFUSED: Event = Event(0xF303);
+    /// A file of retentive memory was used, but the program has no place for all of it (ours).
+    pub const RETENTIVE_PARTLY: Event = Event(0xF304);
     /// STOP because two engines do not do the same (ours, `engine = "both"`).
     pub const ENGINES_DIFFER: Event = Event(0xF401);
     /// A partner of a link has given a wrong password, or has changed something (ours).
     pub const PARTNER: Event = Event(0xF501);
 
     /// Every event with a name that is not a fault.
-    pub const ALL: [Event; 50] = [
+    pub const ALL: [Event; 52] = [
         Event::STARTUP,
         Event::RUN,
         Event::STOP_OPERATOR,
@@ -373,9 +377,11 @@ impl Event {
         Event::SLAVE_LOST,
         Event::SLAVE_BACK,
         Event::CP_EVENTS_LOST,
+        Event::CYCLE_STANDS,
         Event::RETENTIVE_LOST,
         Event::RETENTIVE_KEPT,
         Event::RETENTIVE_REFUSED,
+        Event::RETENTIVE_PARTLY,
         Event::ENGINES_DIFFER,
         Event::PARTNER,
     ];
@@ -439,6 +445,7 @@ impl Event {
             0xF101 => "STOP, a plugin block panicked",
             0xF102 => "STOP by a plugin block",
             0xF103 => "entry of a plugin block",
+            0xF104 => "no cycle ends",
             0xF201 => "driver process ended",
             0xF202 => "driver process is up",
             0xF203 => "a CP's shared memory is not valid",
@@ -456,6 +463,7 @@ impl Event {
             0xF302 => "retentive memory is written again",
             0xF501 => "a partner of a link",
             0xF303 => "retentive memory is refused, the station starts without it",
+            0xF304 => "retentive memory is restored in part",
             0xF401 => "STOP, the two engines disagree",
             // Entries of the program itself (SFC 52): classes 8 and 9 are for its messages, A and B for the user's own.
             _ if matches!(self.0 >> 12, 8..=0xB) => "entry of the program",

@@ -118,12 +118,19 @@ impl Event {
             Event::DRIVER_HELD_UP => {
                 "The machine is too busy: give the drivers cores of their own (`affinity`), or reduce the load."
             }
+            Event::CYCLE_STANDS => {
+                "A loop triggers the cycle monitoring again and again (SFC 43), or the monitoring is off (`watchdog`): the outputs keep what the cycle before wrote. Give the loop an end; STOP is obeyed meanwhile."
+            }
             Event::RETENTIVE_LOST => {
                 "Make room on the disk, or make the folder writable ([station] state); until then a power cycle loses the newest values."
             }
             Event::RETENTIVE_REFUSED => {
                 "The log says why each file was refused and where it is kept. After a start with the wrong program, end the \
-                 station, rename its files back and start the right one (docs/station-file.md)."
+                 station, put its file back and start the right one (docs/station-file.md)."
+            }
+            Event::RETENTIVE_PARTLY => {
+                "These are declared anew or not there any more; the others have their values. The log says where the file \
+                 is kept. After a start with the wrong program, put it back (docs/station-file.md)."
             }
             Event::ENGINES_DIFFER => {
                 "This is an error in ob1: report it with the program and the lines of the log; set engine = \"reference\" until it is corrected."

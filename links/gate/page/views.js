@@ -104,6 +104,8 @@ export function station(main) {
       [say("late"), `${status.late}`], [say("overruns"), `${status.overruns}`], [say("missed"), `${status.missed}`],
       [say("watchdogs"), `${status.watchdogs}`],
       [say("memory"), `${(status.memory.resident_kib / 1024).toFixed(1)} MiB, ${status.memory.threads} ${say("threads")}`],
+      ...(status.stands_s ? [[`${say("serious")}: ${say("stands")}`, duration(status.stands_s * 1e9)]] : []),
+      ...(status.engine_lacks ? [[`${say("serious")}: ${status.engine}`, status.engine_lacks]] : []),
       ...status.posture.filter((grant) => grant.outcome !== "granted")
         .map((grant) => [`${say("serious")}: ${grant.what}`, `${grant.outcome}: ${grant.detail} ${grant.remedy ?? ""}`]),
     ], say("figures")));

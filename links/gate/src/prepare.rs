@@ -5,7 +5,7 @@ use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
 
 use ob1_access::Right;
-use ob1_access::door::{Door, DoorError};
+use ob1_access::door::{Door, DoorError, Welcome};
 use ob1_gate_core::{Audit, Memory, Tls, Users};
 use ob1_rt::{Confinement, Network};
 use rustix::event::{PollFd, PollFlags, poll};
@@ -56,7 +56,7 @@ pub(crate) fn links(doors: Vec<Door>) -> Result<(Vec<Ready>, Memory), String> {
     let memory = Memory::open(MEMORY);
     let mut links = doors.into_iter().map(link).collect::<Result<Vec<_>, _>>()?;
     let mut wanted = Confinement { events: true, memory: MEMORY, oom_score: OOM_SCORE, ..Confinement::default() };
-    for link in &links {
+    for link in links.iter().filter(|link| !link.kind.is_empty()) {
         let keys = keys(&link.door)?;
         // Folders, not files: renewal replaces a file by another of the same name.
         let of = |key: &str| path(&keys, key).and_then(|path| path.parent().map(Path::to_owned));
@@ -96,26 +96,44 @@ fn path(keys: &Value, key: &str) -> Option<PathBuf> {
     keys.get(key).and_then(Value::as_str).map(PathBuf::from)
 }
 
+/// A link; if something it needs cannot be had, it is of no kind, and only its door is kept.
 fn link(mut door: Door) -> Result<Ready, String> {
     let keys = keys(&door)?;
     let welcome = door.welcome().cloned().ok_or("no welcome")?;
+    let listeners = door.take_listeners();
+    let (users, tls, audit, state) = match needs(&keys, &welcome) {
+        Ok(needs) => needs,
+        Err(why) => {
+            error!("{why}: this link is not served, the others are; correct it and start the station again");
+            let (ceiling, audit) = (Right::Read, Audit::none(&welcome.link));
+            let (kind, listeners) = (String::new(), Vec::new());
+            return Ok(Ready { kind, ceiling, door, listeners, users: None, tls: None, audit, state: None });
+        }
+    };
+    let listeners = listeners.into_iter().map(TcpListener::from).collect();
+    let kind = keys.get("type").and_then(Value::as_str).unwrap_or_default().to_owned();
+    Ok(Ready { kind, ceiling: welcome.rights, door, listeners, users, tls, audit, state })
+}
+
+/// What a link needs.
+type Needs = (Option<Users>, Option<Tls>, Audit, Option<PathBuf>);
+
+fn needs(keys: &Value, welcome: &Welcome) -> Result<Needs, String> {
     let named = |why: &dyn std::fmt::Display| format!("link \"{}\": {why}", welcome.link);
-    let users = path(&keys, "users").map(|file| Users::read(&file)).transpose().map_err(|why| named(&why))?;
-    let tls = match (path(&keys, "certificate"), path(&keys, "key")) {
+    let users = path(keys, "users").map(|file| Users::read(&file)).transpose().map_err(|why| named(&why))?;
+    let tls = match (path(keys, "certificate"), path(keys, "key")) {
         (Some(certificate), Some(key)) => Some(Tls::load(&certificate, &key).map_err(|why| named(&why))?),
         _ => None,
     };
     // A link that only reads and has no users writes no log.
-    let audit = match path(&keys, "audit").filter(|_| users.is_some() || welcome.rights > Right::Read) {
+    let audit = match path(keys, "audit").filter(|_| users.is_some() || welcome.rights > Right::Read) {
         Some(file) => Audit::open(&welcome.link, &file)
             .map_err(|why| named(&format!("the audit log {}: {why}", file.display())))?,
         None => Audit::none(&welcome.link),
     };
-    let state = path(&keys, "state");
+    let state = path(keys, "state");
     if let Some(folder) = &state {
         std::fs::create_dir_all(folder).map_err(|why| named(&format!("{}: {why}", folder.display())))?;
     }
-    let listeners = door.take_listeners().into_iter().map(TcpListener::from).collect();
-    let kind = keys.get("type").and_then(Value::as_str).unwrap_or_default().to_owned();
-    Ok(Ready { kind, ceiling: welcome.rights, door, listeners, users, tls, audit, state })
+    Ok((users, tls, audit, state))
 }

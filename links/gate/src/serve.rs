@@ -55,6 +55,9 @@ async fn all(links: Vec<Ready>, memory: Memory) -> Result<(), String> {
         let name = station.welcome().link.clone();
         // A link that cannot be served keeps its door, and the others continue.
         held.push(station.clone());
+        if kind.is_empty() {
+            continue;
+        }
         let Some((_, serve, says_goodbye)) = PROTOCOLS.iter().find(|(known, ..)| *known == kind) else {
             error!("link \"{name}\": this build has no links of type \"{kind}\"");
             continue;

@@ -82,7 +82,8 @@ impl Context<'_> {
             self.look();
             let at = self.machine.at.take();
             let machine = &mut *self.machine;
-            machine.trace.safe_point(machine.hot.now, at.or(machine.native_caller));
+            let at = at.or(machine.native_caller);
+            machine.trace.safe_point(machine.hot.now, at);
             if self.machine.hot.stopping {
                 return Err(Abort);
             }
@@ -93,6 +94,9 @@ impl Context<'_> {
             }
             if self.machine.watchdog.expires.is_some_and(|expires| self.machine.hot.now >= expires) {
                 self.cycle_exceeded()?;
+            }
+            if self.machine.hot.now >= self.machine.standstill.look_at {
+                self.stand_still(at)?;
             }
             // One at a time: interrupts that come faster than they are served must not hide halt and watchdog.
             if !self.machine.interrupts.wants(self.machine.hot.now) || !self.interrupt()? {

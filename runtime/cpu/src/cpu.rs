@@ -4,33 +4,27 @@
 use std::sync::Arc;
 
 use ob1_model::Event;
-use ob1_std::moment::Moment;
-use ob1_std::services::WallClock as _;
 use ob1_time::Instant;
 
-use crate::access_port::AccessPort;
 use crate::cells;
 use crate::context::Blocks;
 use crate::engine::{Engine, Plan};
 use crate::exchange::{Exchange, Link};
-use crate::interrupts::{Hardware, slot_of};
 use crate::machine::{Attention, Machine};
 use crate::natives::Running;
 use crate::{
-    AccessClient, Accounts, Answer, Ask, Cell, CellError, Command, DiagEntry, InterruptError, LogReader, ModuleSlot,
-    ModuleStatus, OperatingState, ScanRecord, ScanStatistics, ShortText, Sums, Whereabouts, Width, Window,
+    AccessClient, Accounts, Cell, CellError, Command, DiagEntry, InterruptError, LogReader, ModuleSlot, ModuleStatus,
+    OperatingState, ScanRecord, ScanStatistics, ShortText, Sums, Whereabouts, Width, Window,
 };
 
 /// A CPU with its program, modules and native blocks.
 pub struct Cpu {
     pub(crate) machine: Machine,
     pub(crate) blocks: Blocks,
-    port: AccessPort,
     pub(crate) exchange: Exchange,
     client: Option<AccessClient>,
     log: Option<LogReader>,
     pub(crate) state: OperatingState,
-    pub(crate) wanted: Option<Command>,
     /// When the running or next cycle was or is due.
     pub(crate) due: Instant,
     pub(crate) last_start: Option<Instant>,
@@ -51,22 +45,14 @@ impl std::fmt::Debug for Cpu {
 }
 
 impl Cpu {
-    pub(crate) fn assemble(
-        machine: Machine,
-        blocks: Blocks,
-        port: AccessPort,
-        client: AccessClient,
-        log: LogReader,
-    ) -> Self {
+    pub(crate) fn assemble(machine: Machine, blocks: Blocks, client: AccessClient, log: LogReader) -> Self {
         Self {
             machine,
             blocks,
-            port,
             exchange: Exchange::default(),
             client: Some(client),
             log: Some(log),
             state: OperatingState::Stop,
-            wanted: None,
             due: Instant::START,
             last_start: None,
             cycle_ms: [0; 3],
@@ -142,7 +128,7 @@ impl Cpu {
 
     /// Asks for a change of state; the next [`Cpu::cycle`] makes it.
     pub fn request(&mut self, command: Command) {
-        self.wanted = Some(command);
+        self.machine.wanted = Some(command);
     }
 
     /// The operating state.
@@ -204,13 +190,7 @@ impl Cpu {
     /// # Errors
     /// The OB does not exist, the CPU is not in RUN, or too many wait.
     pub fn fire_hardware_interrupt(&mut self, ob: u16, address: u16, point: u32) -> Result<(), InterruptError> {
-        let slot = slot_of(ob).filter(|_| (40..=47).contains(&ob)).ok_or(InterruptError::NoOb)?;
-        self.blocks.ob(ob).ok_or(InterruptError::NoOb)?;
-        if self.state != OperatingState::Run {
-            return Err(InterruptError::NotRunning);
-        }
-        let request = Hardware { slot: slot as u8, output: false, address, point, at: self.machine.hot.now };
-        if self.machine.interrupts.fire(request) { Ok(()) } else { Err(InterruptError::Full) }
+        self.machine.fire_hardware_interrupt(&self.blocks, self.state, (ob, address, point))
     }
 
     /// Number of modules.
@@ -252,41 +232,5 @@ impl Cpu {
     pub fn data_block(&self, number: u16) -> Option<&[u8]> {
         let db = self.machine.memory.db(number)?;
         self.machine.memory.bytes.get(db.range().bytes())
-    }
-
-    pub(crate) fn serve_port(&mut self) {
-        for _ in 0..self.machine.config.port_items_per_scan.max(1) {
-            let Some(request) = self.port.next() else { break };
-            let answer = self.answer(request.ask).unwrap_or_else(Answer::Refused);
-            self.port.answer(request.id, answer);
-        }
-    }
-
-    fn answer(&mut self, ask: Ask) -> Result<Answer, CellError> {
-        Ok(match ask {
-            Ask::Command(command) => {
-                self.wanted = Some(command);
-                Answer::Done
-            }
-            Ask::State => Answer::State(self.state),
-            Ask::Diag(back) => Answer::Diag(*self.machine.diag.get(back as usize).ok_or(CellError::NoEntry)?),
-            Ask::HardwareInterrupt { ob, address, point } => {
-                Answer::Interrupt(self.fire_hardware_interrupt(ob, address, point))
-            }
-            Ask::Clock => Answer::Clock(self.machine.wall.bytes(self.machine.hot.now)),
-            Ask::SetClock(bytes) => {
-                let moment = Moment::from_bytes(bytes).map_err(|_| CellError::Value)?;
-                self.machine.set_moment(moment);
-                self.machine.reschedule();
-                Answer::Done
-            }
-            Ask::Note(event, text) => {
-                self.machine.enter(event, None, 0, text);
-                Answer::Done
-            }
-            Ask::Module(index) => {
-                Answer::Module(self.machine.modules.status(index as usize).ok_or(CellError::NoModule)?)
-            }
-        })
     }
 }

@@ -7,6 +7,7 @@ use crate::accounts::Ended;
 use crate::context::Context;
 use crate::interrupts::{Hardware, slot_of};
 use crate::machine::{Machine, Watchdog};
+use crate::standstill::Standstill;
 use crate::{
     Abort, Clock, Command, Cpu, CycleEnd, ImageErrors, MissedCycle, ModuleError, ModuleEvent, ObInfo, OperatingState,
     ShortText,
@@ -29,11 +30,11 @@ impl Cpu {
     pub fn cycle(&mut self, clock: &mut dyn Clock) -> CycleEnd {
         self.machine.hot.now = self.machine.hot.now.max(clock.now());
         self.machine.memory.reuse_deleted();
-        self.serve_port();
+        self.machine.serve_port(&self.blocks, self.state);
         if self.machine.attention.take_halt() {
-            self.wanted = Some(Command::Stop);
+            self.machine.wanted = Some(Command::Stop);
         }
-        if let Some(command) = self.wanted.take() {
+        if let Some(command) = self.machine.wanted.take() {
             self.obey(command, clock);
         }
         let now = self.machine.hot.now;
@@ -161,6 +162,7 @@ impl Cpu {
         let limit = self.machine.config.watchdog;
         self.machine.watchdog =
             Watchdog { expires: (!limit.is_zero()).then(|| start.saturating_add(limit)), excess: false };
+        self.machine.standstill = Standstill::watched(start, self.state);
     }
 
     pub(crate) fn context<'a>(&'a mut self, clock: &'a mut dyn Clock) -> Context<'a> {

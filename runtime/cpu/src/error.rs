@@ -92,6 +92,8 @@ pub enum LoadError {
         obs: usize,
         /// Blocks nested in each.
         nesting: u8,
+        /// Bytes there are.
+        most: usize,
     },
     /// L014: the requested engine cannot run here.
     Engine {
@@ -193,13 +195,13 @@ impl fmt::Display for LoadError {
             LoadError::Code { site, reason } => write!(f, "{site}: {reason}"),
             LoadError::Memory { bytes } => write!(f, "the program needs {bytes} bytes of memory; at most 256 MiB"),
             LoadError::Retentive(number) => write!(f, "DB {number} is to be retentive, but is not loaded"),
-            LoadError::Stack { bytes, obs, nesting } => write!(
+            LoadError::Stack { bytes, obs, nesting, most } => write!(
                 f,
                 "{obs} organization blocks can run at one time, each with {nesting} plugin blocks nested in it: that \
-                 needs {} MiB of stack, at most {} can be had; make nesting_depth smaller or leave organization \
+                 needs {} KiB of stack, there are {}; make nesting_depth smaller or leave organization \
                  blocks out",
-                bytes.div_ceil(1 << 20),
-                crate::MOST_STACK_BYTES >> 20
+                bytes.div_ceil(1 << 10),
+                most >> 10
             ),
             LoadError::Engine { reason } => f.write_str(reason),
             LoadError::DbNumber(number) => write!(f, "DB {number} is not possible; numbers begin at 1"),

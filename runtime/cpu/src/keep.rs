@@ -1,9 +1,9 @@
 //! What a warm restart and a power cycle keep, found in the arena.
 
-use ob1_ir::Program;
-use ob1_model::BlockKind;
+use ob1_ir::{DataBlock, DataKind, Program};
+use ob1_model::Section;
 
-use crate::arena::{ArenaByte, Range};
+use crate::arena::Range;
 use crate::memory::Memory;
 use crate::timers::{Counter, Timer};
 use crate::{CpuConfig, LoadError, RetentiveData};
@@ -14,11 +14,14 @@ pub(crate) struct Keep {
     pub(crate) memory: Vec<Range>,
     pub(crate) timers: Vec<std::ops::Range<usize>>,
     pub(crate) counters: Vec<std::ops::Range<usize>>,
+    /// Parts of data blocks of the program, in ascending order, each within one block.
     pub(crate) data: Vec<Range>,
     /// Data blocks that the program makes, too.
     pub(crate) made: bool,
-    /// The part of the image's header that has to be the same.
-    pub(crate) same: Vec<u8>,
+    /// What the bytes of each data block of the program mean, in the order of [`Memory::dbs`].
+    pub(crate) meanings: Vec<u64>,
+    /// What the image says of all these: its pieces (`retentive.rs`), but for the data blocks that the program makes.
+    pub(crate) pieces: Vec<u8>,
 }
 
 impl Keep {
@@ -56,33 +59,19 @@ impl Keep {
                 }
             }
         }
-        keep.memory.sort_unstable_by_key(|range| range.at);
-        keep.data.sort_unstable_by_key(|range| range.at);
+        keep.memory = merged(keep.memory);
+        keep.data = merged(keep.data);
         for block in program.data.iter().filter(|block| block.non_retain) {
             let Some(db) = memory.program_db(block.number) else { continue };
             keep.data = without(&keep.data, Range { at: db.at, len: db.len.next_multiple_of(8) });
         }
-        let mut same = declarations(program).to_le_bytes().to_vec();
-        let numbers = |list: &[std::ops::Range<usize>]| -> Vec<(u32, u32)> {
-            list.iter().map(|r| (r.start as u32, r.len() as u32)).collect()
-        };
-        // Offsets in their area: offsets in the arena move with the program's constants.
-        let places = |list: &[Range], base: ArenaByte| -> Vec<(u32, u32)> {
-            list.iter().map(|r| (r.at.0 - base.0, r.len)).collect()
-        };
-        for list in [
-            places(&keep.memory, memory.memory.at),
-            places(&keep.data, memory.all_dbs.at),
-            numbers(&keep.timers),
-            numbers(&keep.counters),
-        ] {
-            same.extend_from_slice(&(list.len() as u32).to_le_bytes());
-            for (at, len) in list {
-                same.extend_from_slice(&at.to_le_bytes());
-                same.extend_from_slice(&len.to_le_bytes());
-            }
-        }
-        keep.same = same;
+        let blocks = &memory.dbs[..memory.program_dbs];
+        let parts = blocks.iter().filter(|db| db.len > 0).flat_map(|db| common(&keep.data, db.range()));
+        keep.data = parts.collect();
+        let mut data: Vec<&DataBlock> = program.data.iter().collect();
+        data.sort_unstable_by_key(|db| db.number);
+        keep.meanings = data.into_iter().map(|db| meaning(db, program)).collect();
+        keep.pieces = keep.described(memory);
         keep
     }
 
@@ -94,6 +83,29 @@ impl Keep {
         clear_gaps(timers, &self.timers);
         clear_gaps(counters, &self.counters);
     }
+}
+
+/// The same bytes in ascending order, none twice.
+fn merged(mut ranges: Vec<Range>) -> Vec<Range> {
+    ranges.sort_unstable_by_key(|range| range.at);
+    let mut merged: Vec<Range> = Vec::with_capacity(ranges.len());
+    for range in ranges {
+        match merged.last_mut().filter(|last| range.at <= last.end()) {
+            Some(last) => last.len = last.end().max(range.end()).0 - last.at.0,
+            None => merged.push(range),
+        }
+    }
+    merged
+}
+
+/// What `ranges`, in ascending order and apart from each other, have in common with `part`.
+pub(crate) fn common(ranges: &[Range], part: Range) -> impl Iterator<Item = Range> {
+    let first = ranges.partition_point(|range| range.end() <= part.at);
+    let near = ranges[first..].iter().take_while(move |range| range.at < part.end());
+    near.map(move |range| {
+        let at = range.at.max(part.at);
+        Range { at, len: range.end().min(part.end()).0 - at.0 }
+    })
 }
 
 /// The parts of `ranges` outside `hole`.
@@ -119,17 +131,19 @@ fn clear_gaps<T: Default>(list: &mut [T], keep: &[std::ops::Range<usize>]) {
     }
 }
 
-/// What gives the retained bytes their meaning: the declarations of data blocks and function blocks. Statements are not
-/// part of it, so that a program keeps its data when a statement changes.
-fn declarations(program: &Program) -> u64 {
+/// What gives the retained bytes of a data block their meaning: its declarations, and of an instance those of its
+/// function block. Statements are no part of it, so that a program keeps its data when a statement changes.
+fn meaning(db: &DataBlock, program: &Program) -> u64 {
     use std::fmt::Write;
     let mut hash = Hash::default();
     // Writing into the hash cannot fail.
-    for db in &program.data {
-        let _ = write!(hash, "{} {:?} {} {:?};", db.number, db.kind, db.bytes.len(), db.components);
-    }
-    for fb in program.blocks.iter().filter(|block| block.id.kind == BlockKind::Fb) {
-        let _ = write!(hash, "{} {:?};", fb.id, fb.interface);
+    let _ = write!(hash, "{:?} {} {:?};", db.kind, db.bytes.len(), db.components);
+    if let DataKind::Instance(id) = db.kind {
+        let block = program.blocks.iter().find(|block| block.id == id);
+        let params = block.iter().flat_map(|block| &block.interface.params);
+        for param in params.filter(|param| param.section != Section::Temp) {
+            let _ = write!(hash, "{param:?};");
+        }
     }
     hash.0
 }

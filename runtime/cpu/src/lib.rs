@@ -37,6 +37,7 @@ mod retentive;
 mod service_state;
 mod services;
 mod settings;
+mod standstill;
 mod startup;
 mod successor;
 mod system;

@@ -21,6 +21,7 @@ use crate::natives::Native;
 use crate::nesting::Nesting;
 use crate::obs::ObRecords;
 use crate::service_state::ServiceState;
+use crate::standstill::Standstill;
 use crate::timers::{Counter, Timer};
 use crate::wall::Wall;
 use crate::{
@@ -194,6 +195,9 @@ impl Cpu {
             hot: Hot::default(),
             pace: Span::ZERO,
             watchdog: Watchdog::default(),
+            standstill: Standstill::default(),
+            port,
+            wanted: None,
             refs: vec![0; REFERENCES].into_boxed_slice(),
             stack,
             ob: ObInfo::default(),
@@ -218,7 +222,7 @@ impl Cpu {
             tape: None,
             config,
         };
-        Ok(Cpu::assemble(machine, blocks, port, client, reader))
+        Ok(Cpu::assemble(machine, blocks, client, reader))
     }
 }
 

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use ob1_model::{Event, Site};
 use ob1_time::{Instant, Span};
 
+use crate::access_port::AccessPort;
 use crate::accounts::Trace;
 use crate::engine::{Caller, Hot, Interrupted, Tape};
 use crate::interrupts::{Diagnoses, Interrupts};
@@ -13,10 +14,11 @@ use crate::keep::Keep;
 use crate::log::{LogLine, LogWriter};
 use crate::obs::ObRecords;
 use crate::service_state::ServiceState;
+use crate::standstill::Standstill;
 use crate::timers::{Counter, Timer};
 use crate::wall::Wall;
 use crate::whereabouts::Whereabouts;
-use crate::{CpuConfig, DiagBuffer, DiagEntry, IoError, Memory, Modules, ObInfo, OperatingState, ShortText};
+use crate::{Command, CpuConfig, DiagBuffer, DiagEntry, IoError, Memory, Modules, ObInfo, OperatingState, ShortText};
 
 /// Flags that other threads may set; the scan reads them at safe points.
 #[derive(Clone, Debug, Default)]
@@ -83,6 +85,10 @@ pub(crate) struct Machine {
     /// The time 1024 statements took between the last two readings of the clock.
     pub(crate) pace: Span,
     pub(crate) watchdog: Watchdog,
+    pub(crate) standstill: Standstill,
+    pub(crate) port: AccessPort,
+    /// A change of the operating state that is asked for.
+    pub(crate) wanted: Option<Command>,
     /// References to actual parameters, a stack.
     pub(crate) refs: Box<[u32]>,
     /// Bytes of stack the thread needs that runs the CPU.

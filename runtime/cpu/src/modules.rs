@@ -51,16 +51,21 @@ impl Modules {
                 image_error: [false; 2],
             })
             .collect();
+        // Whose each byte is; the lowest of two owners stays.
+        let mut owners = [(); 2].map(|()| vec![None; PERIPHERAL_BYTES as usize]);
         for (i, a) in list.iter().enumerate() {
             for (address, len) in [(a.slot.input_address, a.input_bytes), (a.slot.output_address, a.output_bytes)] {
                 if u64::from(address) + u64::from(len) > u64::from(PERIPHERAL_BYTES) {
                     errors.push(LoadError::ModuleAddress { name: a.slot.name.clone(), address });
                 }
             }
-            for b in &list[..i] {
-                for outputs in [false, true] {
-                    if let Some(address) = common(b.range(outputs), a.range(outputs)) {
-                        let (first, second) = (b.slot.name.clone(), a.slot.name.clone());
+            for (outputs, owners) in [false, true].into_iter().zip(&mut owners) {
+                let (address, len) = a.range(outputs);
+                let mut told = None;
+                for (address, owner) in (address..).zip(owners.iter_mut().skip(address as usize).take(len as usize)) {
+                    let first: usize = *owner.get_or_insert(i);
+                    if first != i && told.replace(first) != Some(first) {
+                        let (first, second) = (list[first].slot.name.clone(), a.slot.name.clone());
                         errors.push(LoadError::ModuleOverlap { first, second, address, outputs });
                     }
                 }
@@ -204,25 +209,5 @@ impl Plugged {
         } else {
             (self.slot.input_address, self.input_bytes)
         }
-    }
-}
-
-/// The first byte two ranges share.
-fn common((a, a_len): (u32, u32), (b, b_len): (u32, u32)) -> Option<u32> {
-    let first = a.max(b);
-    let end = (u64::from(a) + u64::from(a_len)).min(u64::from(b) + u64::from(b_len));
-    (u64::from(first) < end).then_some(first)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::common;
-
-    #[test]
-    fn overlaps() {
-        assert_eq!(common((0, 4), (4, 4)), None);
-        assert_eq!(common((0, 5), (4, 4)), Some(4));
-        assert_eq!(common((4, 0), (4, 4)), None);
-        assert_eq!(common((256, 16), (260, 1)), Some(260));
     }
 }

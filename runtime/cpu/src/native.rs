@@ -397,6 +397,12 @@ impl NativeContext for Call<'_, '_> {
     fn retrigger_watchdog(&mut self) {
         self.cx.look();
         self.cx.retrigger_watchdog();
+        // The count of statements begins anew: in a loop that comes back sooner than it ends, nobody else would see
+        // that something is due.
+        let machine = &mut *self.cx.machine;
+        if machine.hot.now >= machine.standstill.look_at.min(machine.interrupts.next_due()) {
+            machine.hot.look_after = 0;
+        }
     }
 
     fn wait(&mut self, time: Span) -> Result<(), Abort> {

@@ -59,7 +59,7 @@ impl Nesting {
         let each = ORGANIZATION_BLOCK + natives + statements;
         let stack = BASE + obs * each;
         if stack > most {
-            return Err(LoadError::Stack { bytes: stack, obs, nesting: config.nesting_depth });
+            return Err(LoadError::Stack { bytes: stack, obs, nesting: config.nesting_depth, most });
         }
         // Room for programs that come later.
         Ok(Self { obs, stack: (stack + usize::from(config.spare_obs) * each).min(most) })

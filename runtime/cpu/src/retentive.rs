@@ -1,19 +1,20 @@
 //! The image of retentive memory for a power cycle.
 //!
-//! The image is one contiguous piece, all numbers little-endian: magic, version, length, number of data blocks made by
-//! the program; then what has to be the same when it is restored (checksum of the declarations, the ranges); then the
-//! made data blocks, the contents, and a checksum over everything before. Keeping it on a disk is the caller's
-//! task.
+//! The image is one contiguous piece, all numbers little-endian: magic, version, length, number of pieces; then what
+//! each piece is, then their contents in the same order, and a checksum over everything before. It is put back by what
+//! the image and the program have in common: a data block that was declared anew takes nothing from the others. Keeping
+//! it on a disk is the caller's task.
 
-use crate::keep::Hash;
+use crate::arena::Range;
+use crate::keep::{Hash, Keep, common};
 use crate::made::Attributes;
 use crate::memory::Memory;
 use crate::timers::{Counter, Timer};
 use crate::{Cpu, OperatingState};
 
 const MAGIC: [u8; 8] = *b"ob1 keep";
-const VERSION: u32 = 1;
-/// Magic, version, length, made data blocks.
+const VERSION: u32 = 2;
+/// Magic, version, length, number of pieces.
 const HEAD: usize = 20;
 const CHECKSUM: usize = 8;
 
@@ -26,12 +27,8 @@ pub enum Why {
     Version(u32),
     /// Cut off or changed.
     Damaged,
-    /// Data blocks or function blocks are declared differently: the bytes would mean something else.
+    /// It has nothing that this program could keep: other ranges, other declarations of data blocks.
     OtherProgram,
-    /// Other ranges are retentive now.
-    OtherRanges,
-    /// The data blocks the program had made find no room.
-    NoRoom,
     /// The CPU is not in STOP.
     NotInStop,
 }
@@ -42,15 +39,116 @@ impl std::fmt::Display for Why {
             Why::NoImage => f.write_str("this is no image of retentive memory"),
             Why::Version(v) => write!(f, "the image has version {v}; this software reads version {VERSION}"),
             Why::Damaged => f.write_str("the image is cut off or damaged"),
-            Why::OtherProgram => f.write_str("the image belongs to a program with other data blocks"),
-            Why::OtherRanges => f.write_str("the image was made with other retentive ranges"),
-            Why::NoRoom => f.write_str("there is no room for the data blocks made by the program"),
+            Why::OtherProgram => f.write_str("the image belongs to a program with other data blocks and ranges"),
             Why::NotInStop => f.write_str("the CPU is not in STOP"),
         }
     }
 }
 
 impl std::error::Error for Why {}
+
+/// What a piece of the image holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum What {
+    /// Bit memory.
+    Memory,
+    /// A part of a data block of the program.
+    Data,
+    Timers,
+    Counters,
+    /// A data block that the program made.
+    Made,
+}
+
+impl What {
+    /// In the order of their numbers in the image.
+    const ALL: [Self; 5] = [Self::Memory, Self::Data, Self::Timers, Self::Counters, Self::Made];
+}
+
+/// What the image says of a piece.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    what: What,
+    /// Number of the data block.
+    number: u32,
+    /// First byte, timer or counter.
+    at: u32,
+    /// Bytes, timers or counters.
+    len: u32,
+    /// What the bytes of a data block mean (`keep.rs`); attributes of one that the program made.
+    meaning: u64,
+}
+
+impl Piece {
+    /// Its bytes in the head of the image.
+    const BYTES: usize = 24;
+
+    fn write(self, into: &mut Vec<u8>) {
+        for number in [self.what as u32, self.number, self.at, self.len] {
+            into.extend_from_slice(&number.to_le_bytes());
+        }
+        into.extend_from_slice(&self.meaning.to_le_bytes());
+    }
+
+    fn read(reader: &mut Reader<'_>) -> Result<Self, Why> {
+        let what = *What::ALL.get(reader.u32()? as usize).ok_or(Why::Damaged)?;
+        let [number, at, len, low, high] = [reader.u32()?, reader.u32()?, reader.u32()?, reader.u32()?, reader.u32()?];
+        // Nothing of a CPU comes near this.
+        if at.checked_add(len).is_none_or(|end| end > i32::MAX as u32) || number > u16::MAX.into() {
+            return Err(Why::Damaged);
+        }
+        Ok(Self { what, number, at, len, meaning: u64::from(high) << 32 | u64::from(low) })
+    }
+
+    /// Bytes of its content.
+    const fn content(self) -> usize {
+        let each = match self.what {
+            What::Timers => Timer::IMAGE,
+            What::Counters => Counter::IMAGE,
+            What::Memory | What::Data | What::Made => 1,
+        };
+        self.len as usize * each
+    }
+}
+
+impl std::fmt::Display for Piece {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { what, number, at, len, .. } = *self;
+        let area = match what {
+            What::Data | What::Made => return write!(f, "DB {number}"),
+            What::Memory => "MB",
+            What::Timers => "T",
+            What::Counters => "C",
+        };
+        match len {
+            0 | 1 => write!(f, "{area} {at}"),
+            _ => write!(f, "{area} {at} to {}", at + len - 1),
+        }
+    }
+}
+
+impl Keep {
+    /// The pieces of the image, as it begins with them.
+    pub(crate) fn described(&self, memory: &Memory) -> Vec<u8> {
+        let mut pieces = Vec::new();
+        let mut piece = |what, number: u16, at: usize, len: usize, meaning| {
+            Piece { what, number: number.into(), at: at as u32, len: len as u32, meaning }.write(&mut pieces);
+        };
+        for range in &self.memory {
+            piece(What::Memory, 0, range.at.index() - memory.memory.at.index(), range.len as usize, 0);
+        }
+        let blocks = &memory.dbs[..memory.program_dbs];
+        for range in &self.data {
+            let index = blocks.partition_point(|db| db.range().end() <= range.at);
+            let (Some(db), Some(meaning)) = (blocks.get(index), self.meanings.get(index)) else { continue };
+            piece(What::Data, db.number, range.at.index() - db.at.index(), range.len as usize, *meaning);
+        }
+        for (what, ranges) in [(What::Timers, &self.timers), (What::Counters, &self.counters)] {
+            ranges.iter().for_each(|range| piece(what, 0, range.start, range.len(), 0));
+        }
+        pieces
+    }
+}
 
 fn checksum(bytes: &[u8]) -> [u8; CHECKSUM] {
     let mut hash = Hash::default();
@@ -78,12 +176,12 @@ impl Cpu {
     #[must_use]
     pub fn retentive_len(&self) -> usize {
         let keep = &self.machine.keep;
-        let made: usize =
-            if keep.made { self.machine.memory.made_dbs().map(|made| 12 + made.db.len as usize).sum() } else { 0 };
+        let made = self.machine.memory.made_dbs().filter(|_| keep.made);
+        let made: usize = made.map(|made| Piece::BYTES + made.db.len as usize).sum();
         let ranges: usize = keep.memory.iter().chain(&keep.data).map(|r| r.len as usize).sum();
         let timers: usize = keep.timers.iter().map(|r| r.len() * Timer::IMAGE).sum();
         let counters: usize = keep.counters.iter().map(|r| r.len() * Counter::IMAGE).sum();
-        HEAD + keep.same.len() + made + ranges + timers + counters + CHECKSUM
+        HEAD + keep.pieces.len() + made + ranges + timers + counters + CHECKSUM
     }
 
     /// Replaces what `into` holds by the image of retentive memory as it is between two cycles. Allocates only when
@@ -94,15 +192,15 @@ impl Cpu {
         into.clear();
         into.reserve(len);
         let made = || m.memory.made_dbs().filter(|_| m.keep.made);
+        let pieces = m.keep.pieces.len() / Piece::BYTES + made().count();
         into.extend_from_slice(&MAGIC);
-        for number in [VERSION, len as u32, made().count() as u32] {
+        for number in [VERSION, len as u32, pieces as u32] {
             into.extend_from_slice(&number.to_le_bytes());
         }
-        into.extend_from_slice(&m.keep.same);
+        into.extend_from_slice(&m.keep.pieces);
         for made in made() {
-            for number in [u32::from(made.db.number), made.db.len, made.attributes.bits()] {
-                into.extend_from_slice(&number.to_le_bytes());
-            }
+            let (number, meaning) = (made.db.number.into(), made.attributes.bits().into());
+            Piece { what: What::Made, number, at: 0, len: made.db.len, meaning }.write(into);
         }
         for range in m.keep.memory.iter().chain(&m.keep.data) {
             into.extend_from_slice(m.memory.slice(*range));
@@ -123,84 +221,132 @@ impl Cpu {
         into.extend_from_slice(&sum);
     }
 
-    /// Puts an image back, in STOP; the next warm or hot restart keeps it.
+    /// Puts an image back, in STOP, as far as the program has the same ranges and data blocks; the next warm or hot
+    /// restart keeps it. Gives what of the image has no place, as `DB 10` or `MB 4 to 7`.
     ///
     /// # Errors
-    /// Why not; nothing has been changed then.
-    pub fn restore_retentive(&mut self, image: &[u8]) -> Result<(), Why> {
+    /// Why not; nothing has been changed then, but that data blocks made by the program are gone.
+    pub fn restore_retentive(&mut self, image: &[u8]) -> Result<Vec<String>, Why> {
         if self.state != OperatingState::Stop {
             return Err(Why::NotInStop);
         }
-        let mut reader = Reader(image);
-        if reader.take(MAGIC.len()).map_err(|_| Why::NoImage)? != MAGIC {
-            return Err(Why::NoImage);
-        }
-        let version = reader.u32()?;
-        if version != VERSION {
-            return Err(Why::Version(version));
-        }
-        let (len, made) = (reader.u32()?, reader.u32()?);
-        let end = image.len().checked_sub(CHECKSUM).ok_or(Why::Damaged)?;
-        if len as usize != image.len() || image[end..] != checksum(&image[..end]) {
-            return Err(Why::Damaged);
-        }
+        let now = self.machine.hot.now;
+        let pieces = pieces(image, now)?;
         let m = &mut self.machine;
-        let same = reader.take(m.keep.same.len()).map_err(|_| Why::OtherRanges)?;
-        if same[..CHECKSUM] != m.keep.same[..CHECKSUM] {
+        m.memory.delete_made();
+        let (mut left, mut taken) = (Vec::new(), pieces.is_empty());
+        for (piece, content) in pieces {
+            let some = match content {
+                Content::Bytes(bytes) => m.keep.put_bytes(&mut m.memory, piece, bytes),
+                Content::Timers(all) => put(&mut m.timers, &m.keep.timers, piece, all),
+                Content::Counters(all) => put(&mut m.counters, &m.keep.counters, piece, all),
+            };
+            if some < piece.len {
+                left.push(piece.to_string());
+            }
+            taken |= some > 0 || piece.len == 0;
+        }
+        if !taken {
             return Err(Why::OtherProgram);
         }
-        if same != m.keep.same {
-            return Err(Why::OtherRanges);
-        }
-        let blocks = reader.take(made as usize * 12)?;
-        let ranges: usize = m.keep.memory.iter().chain(&m.keep.data).map(|r| r.len as usize).sum();
-        let contents = reader.take(ranges)?;
-        let timers: usize = m.keep.timers.iter().map(std::ops::Range::len).sum();
-        let counters: usize = m.keep.counters.iter().map(std::ops::Range::len).sum();
-        let timers = reader.take(timers * Timer::IMAGE)?;
-        let counters = reader.take(counters * Counter::IMAGE)?;
-        let timers: Vec<Timer> = timers
-            .chunks_exact(Timer::IMAGE)
-            .map(|b| Timer::from_image(b, m.hot.now).ok_or(Why::Damaged))
-            .collect::<Result<_, _>>()?;
-        let counters: Vec<Counter> = counters
-            .chunks_exact(Counter::IMAGE)
-            .map(|b| Counter::from_image(b).ok_or(Why::Damaged))
-            .collect::<Result<_, _>>()?;
-
-        m.memory.delete_made();
-        if let Err(why) = make(&mut m.memory, blocks, &mut reader) {
-            m.memory.delete_made();
-            return Err(why);
-        }
-        let mut contents = Reader(contents);
-        for range in m.keep.memory.iter().chain(&m.keep.data) {
-            m.memory.bytes[range.bytes()].copy_from_slice(contents.take(range.len as usize)?);
-        }
-        let (mut timers, mut counters) = (timers.into_iter(), counters.into_iter());
-        m.keep.timers.iter().for_each(|r| m.timers[r.clone()].iter_mut().zip(&mut timers).for_each(|(t, n)| *t = n));
-        m.keep
-            .counters
-            .iter()
-            .for_each(|r| m.counters[r.clone()].iter_mut().zip(&mut counters).for_each(|(t, n)| *t = n));
-        m.stopped_at = m.hot.now;
+        left.dedup();
+        m.stopped_at = now;
         self.has_run = true;
-        Ok(())
+        Ok(left)
     }
 }
 
-/// Makes the data blocks the program had made.
-fn make(memory: &mut Memory, blocks: &[u8], contents: &mut Reader<'_>) -> Result<(), Why> {
-    let mut blocks = Reader(blocks);
-    while !blocks.0.is_empty() {
-        let (number, len, attributes) = (blocks.u32()?, blocks.u32()?, Attributes::of_bits(blocks.u32()?));
-        let number = u16::try_from(number).map_err(|_| Why::Damaged)?;
-        let bytes = contents.take(len as usize)?;
-        let number = memory.make_db(number, number, len, attributes).map_err(|_| Why::NoRoom)?;
-        if let Some(made) = memory.made_db(number) {
-            memory.slice_mut(made.db.range()).copy_from_slice(bytes);
-            memory.slice_mut(made.load_values()).copy_from_slice(bytes);
+/// What a piece holds.
+enum Content<'a> {
+    Bytes(&'a [u8]),
+    Timers(Vec<Timer>),
+    Counters(Vec<Counter>),
+}
+
+/// The pieces of an image, all of them checked.
+fn pieces(image: &[u8], now: ob1_time::Instant) -> Result<Vec<(Piece, Content<'_>)>, Why> {
+    let mut reader = Reader(image);
+    if reader.take(MAGIC.len()).map_err(|_| Why::NoImage)? != MAGIC {
+        return Err(Why::NoImage);
+    }
+    let version = reader.u32()?;
+    if version != VERSION {
+        return Err(Why::Version(version));
+    }
+    let (len, count) = (reader.u32()?, reader.u32()?);
+    let end = image.len().checked_sub(CHECKSUM).ok_or(Why::Damaged)?;
+    if len as usize != image.len() || image[end..] != checksum(&image[..end]) {
+        return Err(Why::Damaged);
+    }
+    let mut heads = Reader(reader.take((count as usize).checked_mul(Piece::BYTES).ok_or(Why::Damaged)?)?);
+    let mut pieces = Vec::with_capacity(count as usize);
+    for _ in 0..count {
+        let piece = Piece::read(&mut heads)?;
+        let bytes = reader.take(piece.content())?;
+        let content = match piece.what {
+            What::Memory | What::Data | What::Made => Content::Bytes(bytes),
+            What::Timers => {
+                let all = bytes.chunks_exact(Timer::IMAGE).map(|b| Timer::from_image(b, now));
+                Content::Timers(all.collect::<Option<_>>().ok_or(Why::Damaged)?)
+            }
+            What::Counters => {
+                let all = bytes.chunks_exact(Counter::IMAGE).map(Counter::from_image);
+                Content::Counters(all.collect::<Option<_>>().ok_or(Why::Damaged)?)
+            }
+        };
+        pieces.push((piece, content));
+    }
+    if reader.0.len() == CHECKSUM { Ok(pieces) } else { Err(Why::Damaged) }
+}
+
+/// Puts timers or counters where they are retentive; how many.
+fn put<T>(all: &mut [T], keep: &[std::ops::Range<usize>], piece: Piece, contents: Vec<T>) -> u32 {
+    let mut taken = 0;
+    for (at, content) in (piece.at as usize..).zip(contents) {
+        if keep.iter().any(|range| range.contains(&at)) {
+            all[at] = content;
+            taken += 1;
         }
     }
-    Ok(())
+    taken
+}
+
+impl Keep {
+    /// Puts the bytes of a piece where they are retentive and mean the same; how many.
+    fn put_bytes(&self, memory: &mut Memory, piece: Piece, bytes: &[u8]) -> u32 {
+        let Piece { what, number, at, len, meaning } = piece;
+        let number = number as u16;
+        let blocks = &memory.dbs[..memory.program_dbs];
+        let (ranges, all) = match what {
+            What::Made => return if self.made && make(memory, piece, bytes) { len } else { 0 },
+            What::Data => {
+                let index = blocks.binary_search_by_key(&number, |db| db.number).ok();
+                let same = index.filter(|index| self.meanings.get(*index) == Some(&meaning));
+                let Some(db) = same.and_then(|index| blocks.get(index)) else { return 0 };
+                (&self.data, db.range())
+            }
+            What::Memory | What::Timers | What::Counters => (&self.memory, memory.memory),
+        };
+        let part = Range { at: all.at.plus(at), len: len.min(all.len.saturating_sub(at)) };
+        let mut taken = 0;
+        for range in common(ranges, part) {
+            let from = (range.at.0 - part.at.0) as usize;
+            memory.bytes[range.bytes()].copy_from_slice(&bytes[from..from + range.len as usize]);
+            taken += range.len;
+        }
+        taken
+    }
+}
+
+/// Makes a data block the program had made, if its number is free and there is room.
+fn make(memory: &mut Memory, piece: Piece, bytes: &[u8]) -> bool {
+    let (number, attributes) = (piece.number as u16, Attributes::of_bits(piece.meaning as u32));
+    if memory.make_db(number, number, piece.len, attributes).is_err() {
+        return false;
+    }
+    if let Some(made) = memory.made_db(number) {
+        memory.slice_mut(made.db.range()).copy_from_slice(bytes);
+        memory.slice_mut(made.load_values()).copy_from_slice(bytes);
+    }
+    true
 }

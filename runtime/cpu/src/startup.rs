@@ -5,6 +5,7 @@ use ob1_time::Span;
 
 use crate::interrupts::Diagnoses;
 use crate::machine::Watchdog;
+use crate::standstill::Standstill;
 use crate::timers::{Counter, Timer};
 use crate::{Clock, Command, Cpu, Family, ObInfo, OperatingState};
 
@@ -147,6 +148,7 @@ impl Cpu {
         self.diagnose(Event::STARTUP, 0, kind.text());
         self.machine.modules.cpu_state(true);
         self.machine.watchdog = Watchdog::default();
+        self.machine.standstill = Standstill::watched(self.machine.hot.now, self.state);
         let number = match kind {
             Start::Cold if self.blocks.ob(102).is_some() => 102,
             Start::Warm | Start::Cold => 100,

@@ -280,9 +280,25 @@ fn forbids_colour(no_color: Option<&OsStr>) -> bool {
     no_color.is_some_and(|value| !value.is_empty())
 }
 
+thread_local! {
+    /// Panics of this thread are caught, and somebody else tells of them.
+    static QUIET: std::cell::Cell<bool> = const { std::cell::Cell::new(false) };
+}
+
+/// Runs `work`, which catches the panics of code that is not ours: they are no internal error and leave no message.
+pub fn quietly<T>(work: impl FnOnce() -> T) -> T {
+    let before = QUIET.replace(true);
+    let done = work();
+    QUIET.set(before);
+    done
+}
+
 /// Sends the message of a panic there too: the one of the standard library waits for the reader.
 pub fn tell_panics() {
     std::panic::set_hook(Box::new(|panic| {
+        if QUIET.get() {
+            return;
+        }
         let thread = std::thread::current();
         let name = thread.name().unwrap_or("a thread");
         write(Severity::Error, format!("ob1: internal error: {name}: {panic}\n").as_bytes());

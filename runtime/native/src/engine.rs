@@ -23,6 +23,7 @@ pub const NAME_HOTTEST: &str = "native, hottest blocks";
 /// Runs blocks as machine code.
 pub struct Native {
     code: Code,
+    refused: Vec<String>,
 }
 
 impl std::fmt::Debug for Native {
@@ -48,7 +49,7 @@ impl Native {
             Some(CodeMemory::of(&bytes).map_err(|error| format!("no memory for code: {error}"))?)
         };
         let optimised = functions.len() - image.unoptimised().len();
-        Ok(Self { code: Code::new(plan, functions, memory, optimised) })
+        Ok(Self { code: Code::new(plan, functions, memory, optimised), refused: Vec::new() })
     }
 
     /// The engine of a plan and a sealed code file ([`Image::file`]), which may come from anywhere: whatever is not
@@ -60,8 +61,10 @@ impl Native {
         has_stack(plan)?;
         let memory = CodeMemory::map(file).map_err(|error| format!("it cannot be mapped: {error}"))?;
         let statements: Vec<usize> = plan.blocks.iter().map(|block| block.stmts.len()).collect();
-        let Contents { optimised, functions } = crate::file::read(memory.bytes(), order, &statements)?;
-        Ok(Self { code: Code::new(plan, functions, Some(memory), optimised) })
+        let Contents { optimised, functions, refused } = crate::file::read(memory.bytes(), order, &statements)?;
+        let named = |(block, why): (usize, String)| Some(format!("{}: {why}", plan.blocks.get(block)?.id));
+        let refused = refused.into_iter().filter_map(named).collect();
+        Ok(Self { code: Code::new(plan, functions, Some(memory), optimised), refused })
     }
 }
 
@@ -79,6 +82,18 @@ impl Native {
             functions.len(),
             bytes.div_ceil(1024)
         )
+    }
+
+    /// Blocks of the file whose code is not taken, each with the reason; the reference runs them.
+    #[must_use]
+    pub fn refused(&self) -> &[String] {
+        &self.refused
+    }
+
+    /// How many of its blocks are optimised.
+    #[must_use]
+    pub fn optimised(&self) -> usize {
+        self.code.optimised
     }
 
     /// Every block is optimised: no better code will come.

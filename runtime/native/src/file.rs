@@ -57,6 +57,8 @@ pub(crate) struct Contents {
     pub(crate) optimised: usize,
     /// Their places count from the file's first byte.
     pub(crate) functions: Vec<Compiled>,
+    /// Blocks whose code is not taken, each with the reason.
+    pub(crate) refused: Vec<(usize, String)>,
 }
 
 impl Image {
@@ -141,26 +143,45 @@ pub(crate) fn read(file: &[u8], order: &Order, statements: &[usize]) -> Result<C
     if !whole || !(code_at as usize).is_multiple_of(ALIGNMENT) {
         return Err("its parts do not fill it".into());
     }
-    let functions = statements.iter().map(|&statements| function(&mut numbers, statements, code_at, code_len));
-    Ok(Contents { optimised: optimised as usize, functions: functions.collect::<Result<_, String>>()? })
+    let mut refused = Vec::new();
+    let mut functions = Vec::with_capacity(statements.len());
+    for (block, &statements) in statements.iter().enumerate() {
+        // A block that is not sound in itself goes without code; the others keep theirs.
+        functions.push(function(&mut numbers, statements, code_at, code_len)?.unwrap_or_else(|why| {
+            refused.push((block, why));
+            Compiled { at: None, made: Made { resume: Vec::new() } }
+        }));
+    }
+    Ok(Contents { optimised: optimised as usize, functions, refused })
 }
 
-fn function(numbers: &mut Numbers<'_>, statements: usize, code_at: u32, code_len: u32) -> Result<Compiled, String> {
+/// The next block; inside, what is wrong with it.
+fn function(
+    numbers: &mut Numbers<'_>,
+    statements: usize,
+    code_at: u32,
+    code_len: u32,
+) -> Result<Result<Compiled, String>, String> {
+    let mut wrong = None;
     let at = match numbers.next()? {
         NONE => None,
         at if at < code_len => Some(code_at + at),
-        at => return Err(format!("code at {at} of {code_len}")),
+        at => {
+            wrong = Some(format!("code at {at} of {code_len}"));
+            None
+        }
     };
     let mut resume = Vec::new();
     for _ in 0..numbers.next()? {
         let (statement, number) = (numbers.next()?, numbers.next()?);
-        let ascends = resume.last().is_none_or(|(last, _)| *last < statement);
+        // A loop that begins with a call has two entries there: at its head, and where the call is made.
+        let ascends = resume.last().is_none_or(|last| *last < (statement, number));
         if statement as usize > statements || number == 0 || number as i32 <= 0 || !ascends {
-            return Err(format!("an entry {number} at statement {statement} of {statements}"));
+            wrong.get_or_insert_with(|| format!("an entry {number} at statement {statement} of {statements}"));
         }
         resume.push((statement, number));
     }
-    Ok(Compiled { at, made: Made { resume } })
+    Ok(wrong.map_or(Ok(Compiled { at, made: Made { resume } }), Err))
 }
 
 #[cfg(test)]
@@ -232,10 +253,21 @@ mod tests {
         assert!(forged(put(HEAD + 8, 3)).is_err_and(|why| why.contains("blocks")));
         assert!(forged(put(HEAD + 12, 1)).is_err_and(|why| why.contains("parts")));
         assert!(forged(put(HEAD + 16, 41)).is_err_and(|why| why.contains("parts")));
-        assert!(forged(put(TABLE, 40)).is_err_and(|why| why.contains("code at 40")));
         assert!(forged(put(TABLE + 4, u32::MAX)).is_err());
-        assert!(forged(put(TABLE + 8, 9)).is_err_and(|why| why.contains("entry")));
-        assert!(forged(put(TABLE + 12, 0)).is_err_and(|why| why.contains("entry")));
-        assert!(forged(put(TABLE + 16, 1)).is_err_and(|why| why.contains("entry")));
+        // What is wrong with one block costs that block its code.
+        for (at, number, wrong) in
+            [(TABLE, 40, "code at 40"), (TABLE + 8, 9, "entry"), (TABLE + 12, 0, "entry"), (TABLE + 16, 0, "entry")]
+        {
+            let contents = forged(put(at, number)).expect("a file");
+            assert_eq!(contents.functions.iter().map(|function| function.at).collect::<Vec<_>>(), [None, None]);
+            assert!(matches!(&contents.refused[..], [(0, why)] if why.contains(wrong)), "{:?}", contents.refused);
+        }
+        // Two entries at one statement: a loop that begins with a call.
+        let contents = forged(|file| {
+            put(TABLE + 8, 3)(file);
+            put(TABLE + 12, 1)(file);
+            put(TABLE + 20, 2)(file);
+        });
+        assert_eq!(contents.expect("a file").functions[0].made.resume, [(3, 1), (3, 2)]);
     }
 }

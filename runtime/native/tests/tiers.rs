@@ -5,7 +5,7 @@ use std::os::fd::AsFd;
 use std::sync::Arc;
 
 use ob1_cpu::engine::{ACCOUNTING, Engine, Factory, Plan, REFERENCE};
-use ob1_cpu::{Command, Cpu, CpuConfig, Still};
+use ob1_cpu::{Command, Cpu, CpuConfig, Still, system_blocks};
 use ob1_native::{
     Compiler, Image, NAME, NAME_FAST, NAME_HOTTEST, Native, Order, Target, Tier, fingerprint, hottest, memory_file,
     seal,
@@ -99,5 +99,34 @@ impl Factory for Room {
 
     fn stack_per_block(&self) -> usize {
         ob1_native::AtLoad(Tier::Fast).stack_per_block()
+    }
+}
+
+/// A loop may begin with a call: its head, and the place where the call is made, are entries then.
+#[test]
+fn a_loop_that_begins_with_a_call_comes_as_a_file() {
+    let text = "FUNCTION FC 1 : VOID\nBEGIN\nL MW 30;\n+ 1;\nT MW 30;\nS M 0.0;\nR M 0.0;\nCALL SFC 43;\nEND_FUNCTION\n\
+        ORGANIZATION_BLOCK OB 1\nBEGIN\nL 0;\nT MW 30;\nT MW 32;\nn: UC FC 1;\nL MW 30;\nL 9;\n<I;\nSPB n;\n\
+        SET;\no: CC FC 1;\nL MW 30;\nL 20;\n<I;\nSPB o;\n\
+        p: CALL SFC 43;\nL MW 32;\n+ 1;\nT MW 32;\nL 5;\n<I;\nSPB p;\nEND_ORGANIZATION_BLOCK\n";
+    let sources = [ob1_stl::Source::new("p.awl", text)];
+    let mut library = ob1_stl::Library::new();
+    for block in system_blocks() {
+        library.insert(block.id(), block.name(), block.interface().clone());
+    }
+    let output = ob1_stl::compile(&sources, &library, &ob1_stl::Options::default());
+    assert!(output.is_good(), "{:?}", output.diagnostics.first());
+    for tier in [Tier::Fast, Tier::Optimised] {
+        let config = CpuConfig::default();
+        let mut cpu = Cpu::new(config, &output.program, system_blocks(), Vec::new(), &Room).expect("it loads");
+        let order = Order { fingerprint: fingerprint(cpu.plan()), secret: [5; 16] };
+        let image = Compiler::new(Target::Host, tier).expect("this processor").image(cpu.plan());
+        let file = seal(memory_file().expect("memory"), &image.file(&order)).expect("memory");
+        let engine = Native::of_file(cpu.plan(), &order, file.as_fd()).expect("a good file");
+        assert_eq!(engine.refused(), [""; 0]);
+        assert!(cpu.exchange_engine(Box::new(engine)).is_ok());
+        cpu.request(Command::Run);
+        cpu.cycle(&mut Still);
+        assert_eq!(cpu.bit_memory()[30..34], [0, 20, 0, 5], "{tier:?}");
     }
 }

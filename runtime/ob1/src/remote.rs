@@ -232,6 +232,12 @@ fn print_status(status: &Status) {
     line("cycle", &status.cycle);
     line("wake-up", &status.wake);
     line("execution", &status.execution);
+    if let Some(seconds) = status.stands_s {
+        say!("no cycle ends: the one that runs began {seconds} s ago");
+    }
+    if let Some(why) = &status.engine_lacks {
+        say!("machine code: {why}");
+    }
     if let Some(retentive) = &status.retentive {
         say!("{}", retentive_text(retentive));
     }

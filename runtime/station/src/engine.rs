@@ -1,7 +1,7 @@
 //! Which engine runs the program: `[cpu] engine`, `ob1 exec --engine`.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use ob1_arena::Arena;
 use ob1_cpu::engine::{ACCOUNTING, Both, Engine, Factory, PLAIN, Plan, REFERENCE};
@@ -134,13 +134,24 @@ const NAMES: [&str; 6] =
 
 /// Which engine runs, as other threads see it.
 #[derive(Debug, Default)]
-pub struct InUse(AtomicU8);
+pub struct InUse(AtomicU8, Mutex<Option<String>>);
 
 impl InUse {
     /// This one from now on.
     pub fn set(&self, name: &str) {
         let index = NAMES.iter().position(|known| *known == name).unwrap_or(0);
         self.0.store(index as u8, Ordering::Relaxed);
+    }
+
+    /// Why it is not what was asked for; `None`: it is, or it comes.
+    pub fn lack(&self, why: Option<String>) {
+        *self.1.lock().unwrap_or_else(PoisonError::into_inner) = why;
+    }
+
+    /// What was said last.
+    #[must_use]
+    pub fn lacks(&self) -> Option<String> {
+        self.1.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// Its name.

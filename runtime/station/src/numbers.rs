@@ -12,6 +12,14 @@ use crate::files;
 use crate::finding::{Finding, Level, Text};
 use crate::station_file::findings::{NOT_KEPT, UNREADABLE, VALUE, of_toml};
 
+/// What the first line of the file begins with; the checksum of the other lines follows. Without that line there is none:
+/// the file was made or changed by hand.
+const SUM: &str = "# checksum ";
+
+fn sum_of(text: &str) -> String {
+    format!("{:016x}", files::checksum(text.bytes()))
+}
+
 /// Reads a file of numbers; none when there is no file.
 ///
 /// # Errors
@@ -33,6 +41,18 @@ pub(crate) fn read(path: &Path) -> Result<Vec<Numbered>, Vec<Finding>> {
         }
     };
     let source = Text { file: &name, text: &text };
+    let is_whole = match text.strip_prefix(SUM) {
+        Some(rest) => {
+            let (sum, lines) = rest.split_once('\n').unwrap_or((rest, ""));
+            sum == sum_of(lines)
+        }
+        None => text.is_empty() || !SUM.starts_with(text.as_str()),
+    };
+    if !is_whole {
+        let message = "the file of block numbers is damaged or cut off, or was changed by hand".to_owned();
+        let remedy = "put the file back as it was; after a change by hand remove its first line".to_owned();
+        return Err(vec![source.finding(Level::Error, UNREADABLE, 0..0, message, remedy)]);
+    }
     let table: BTreeMap<String, toml::Spanned<String>> =
         toml::from_str(&text).map_err(|error| vec![of_toml(source, &error, "docs/porting.md", |_, _| None)])?;
     let mut numbers = Vec::with_capacity(table.len());
@@ -65,6 +85,7 @@ pub(crate) fn write(path: &Path, kept: &[Numbered], given: &[Numbered]) -> Optio
     for (name, one) in all {
         let _ = writeln!(text, "{} = \"{}\"", toml::Value::from(name), one.id);
     }
+    let text = format!("{SUM}{}\n{text}", sum_of(&text));
     files::replace(path, text.as_bytes()).err().map(|error| {
         let message = format!("the numbers of blocks cannot be kept: {error}");
         let remedy = "make the folder writable, or fix them: [program] numbers = { \"name\" = \"FC 35\" }";
@@ -101,6 +122,22 @@ mod tests {
         let other = Numbered { id: BlockId::new(BlockKind::Db, 7), ..one.clone() };
         assert_eq!(write(&path, std::slice::from_ref(&one), &[other, two.clone()]), None);
         assert_eq!(read(&path), Ok(vec![two, one]));
+        // Every cut and every flipped bit is noticed; a file of somebody's own has no checksum.
+        let good = std::fs::read(&path).expect("there");
+        let is_refused = |bytes: &[u8]| {
+            std::fs::write(&path, bytes).expect("written");
+            read(&path).is_err_and(|found| found[0].code == UNREADABLE || !found[0].message.is_empty())
+        };
+        let first = good.iter().position(|byte| *byte == b'\n').expect("a line");
+        for len in 1..good.len() {
+            assert!(is_refused(&good[..len]), "cut at {len}");
+        }
+        for at in SUM.len()..good.len() {
+            let mut bad = good.clone();
+            bad[at] ^= 1;
+            assert!(is_refused(&bad), "byte {at}");
+        }
+        assert!(!is_refused(&good) && !is_refused(&good[first + 1..]));
         std::fs::write(&path, "\"x\" = \"MW 5\"\n").expect("written");
         assert_eq!(read(&path).expect_err("no block")[0].line, 1);
         let given = [Numbered { name: "x".into(), id: BlockId::new(BlockKind::Fc, 1) }];

@@ -5,6 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::mpsc::RecvTimeoutError;
+use std::time::Duration;
 
 use ob1_cpu::Natives;
 use ob1_host::plugin::{Plugin, PluginError, PluginModule, Refusal};
@@ -12,9 +14,11 @@ use ob1_ir::Program;
 use ob1_mc7::BlockImage;
 use ob1_model::{BlockId, BlockKind};
 use ob1_project::Image;
+use ob1_rt::SideThread;
 use ob1_std::{Origin, StandardBlock, standard_blocks};
 use ob1_stl::{Library, Limit, Numbered, Options, Rest, Severity, Source};
 
+use crate::exit::Exit;
 use crate::finding::{Finding, Level, Spot};
 use crate::library::{self, Choice};
 use crate::sources::Sources;
@@ -139,6 +143,9 @@ pub fn in_use(program: &Program, chosen: &[Choice], demanded: &[Choice]) -> Vec<
 /// Plugins, each with the renumbering of its blocks.
 pub type Plugins = Vec<(Arc<Plugin>, BTreeMap<BlockId, BlockId>)>;
 
+/// A plugin that has been loading for so long is told of.
+const SLOW: Duration = Duration::from_secs(5);
+
 /// Loads the plugins of a list.
 ///
 /// # Errors
@@ -155,12 +162,29 @@ pub fn load_plugins(plugins: &[station_file::Plugin]) -> Result<Plugins, Vec<Fin
             refused.push(of_plugin(config, &PluginError { path, refusal: Refusal::NotALibrary(why) }));
             continue;
         }
-        match Plugin::load(&path) {
+        match load_watched(&path) {
             Ok(plugin) => loaded.push((plugin, config.blocks.iter().copied().collect())),
             Err(error) => refused.push(of_plugin(config, &error)),
         }
     }
     if refused.is_empty() { Ok(loaded) } else { Err(refused) }
+}
+
+/// Loads a plugin. One that ends the process meanwhile, or does not return, is named.
+fn load_watched(path: &Path) -> Result<Arc<Plugin>, PluginError> {
+    let name = path.display().to_string();
+    let _exit = ob1_rt::ExitGuard::raise(move || {
+        err!("\nob1: the plugin {name} has called exit() while it was loaded");
+        ob1_log::flush(ob1_log::LAST_WORDS);
+        Exit::EndedByPlugin as u8
+    });
+    let name = path.display().to_string();
+    let _slow = SideThread::looking("ob1-loading", move |loaded| {
+        if loaded.recv_timeout(SLOW) == Err(RecvTimeoutError::Timeout) {
+            err!("ob1: the plugin {name} does not return: it has been loading for {} s", SLOW.as_secs());
+        }
+    });
+    Plugin::load(path)
 }
 
 fn file_name(config: &station_file::Plugin) -> String {

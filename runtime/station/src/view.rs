@@ -1,5 +1,6 @@
 //! What others may read from outside the scan: names, monitors of the CPs, drivers, the posture.
 
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time;
 
@@ -53,6 +54,8 @@ pub struct StationView {
     pub timings: Timings,
     /// The engine that runs its program.
     pub engine: Arc<InUse>,
+    /// Seconds since a cycle began that does not end; 0: cycles end.
+    pub stands: Arc<AtomicU64>,
 }
 
 /// A module, as seen from other threads than the scan.
@@ -209,6 +212,8 @@ impl StationView {
             scans: statistics.scans,
             statements: statistics.statements,
             engine: self.engine.name().to_owned(),
+            engine_lacks: self.engine.lacks(),
+            stands_s: Some(self.stands.load(Ordering::Relaxed)).filter(|seconds| *seconds > 0),
             overruns: statistics.overruns,
             missed: figures.missed,
             late: figures.late,

@@ -47,6 +47,22 @@ fn answer(path: &Path) -> String {
     }
 }
 
+/// Each module is looked at once, not beside each other.
+#[test]
+fn many_modules_are_read() {
+    let read = |modules: usize| {
+        let mut text = String::from("[station]\nname = \"many\"\n");
+        for n in 0..modules {
+            let _ = write!(text, "[[module]]\ntype = \"do\"\nname = \"m{n}\"\naddress = {n}\nbytes = 1\n");
+        }
+        let station = ob1_station::station_file::parse(&text, "many.toml", Path::new("."));
+        station.map(|station| station.modules.len()).map_err(|found| (found.len(), found[200].message.clone()))
+    };
+    assert_eq!(read(16_384), Ok(16_384));
+    // The others have no address.
+    assert_eq!(read(40_000), Err((201, "23416 errors more".to_owned())));
+}
+
 #[test]
 fn every_station_file_gets_its_answer() {
     let files = files();

@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 
 use crate::common;
 use crate::common::gate::{Stream, Visitor, add_user, gate, station};
+use crate::common::s7::free_port;
 use crate::common::site::Site;
 
 const USERS: &str = "rights = \"operate\"\nusers = \"a.users\"";
@@ -252,6 +253,26 @@ fn a_killed_gate_comes_back() {
     // The end of the station is not reported as the end of a link.
     let ended = station.interrupt();
     assert_eq!(ended.err.matches("it is started again").count(), 1, "{ended:?}");
+}
+
+/// A FIFO in the folder of reports is not waited for; a link whose folder is in the way is not served, and the page is.
+#[test]
+fn a_fifo_and_a_link_that_lacks_its_folder_leave_the_page_alone() {
+    let site = Site::new();
+    std::fs::create_dir(site.path("reports")).expect("a folder");
+    let made = std::process::Command::new("mkfifo").arg(site.path("reports/a.json")).status().expect("mkfifo is there");
+    assert!(made.success());
+    site.write("gate-beside.gate", "no folder");
+    let port = free_port();
+    let keys =
+        format!("reports = \"reports\"\n\n[[link]]\ntype = \"opcua\"\nname = \"ua\"\nlisten = \"127.0.0.1:{port}\"\n");
+    let (station, page, _) = station(&site, "gate-beside", &keys);
+    let visitor = Visitor::at(page);
+    let (pid, _) = gate(&station);
+    assert_eq!(visitor.get("/api/reports?name=a.json").status, 409);
+    assert_eq!((visitor.get("/api/status").status, gate(&station).0), (200, pid));
+    let ended = station.interrupt();
+    assert!(ended.err.contains("this link is not served, the others are"), "{ended:?}");
 }
 
 /// Incomplete requests, huge ones, noise: each is refused or closed, other clients are served meanwhile, and the gate

@@ -26,6 +26,11 @@ fn station(site: &Site, min_cycle: &str) -> Running {
 
 /// The same with this program, and these flags for the plugin.
 fn station_of(site: &Site, ob1: &Path, min_cycle: &str, flags: &[&str]) -> Running {
+    starting(site, ob1, min_cycle, flags).until_run()
+}
+
+/// The same, not waited for.
+fn starting(site: &Site, ob1: &Path, min_cycle: &str, flags: &[&str]) -> Running {
     let plugin = native::build(site, "tests/native/exit_block.c", "exit_block.so", flags);
     let toml = format!(
         "[station]\nname = \"guarded\"\n\n[cpu]\nmin_cycle = \"{min_cycle}\"\nwatchdog = \"500ms\"\nmissed = \"skip\"\n\n\
@@ -42,7 +47,7 @@ fn station_of(site: &Site, ob1: &Path, min_cycle: &str, flags: &[&str]) -> Runni
     site.write("guarded.awl", awl);
     let mut command = site.command(ob1);
     command.args(["run", "guarded.toml"]);
-    Running::start_command(site, "guarded.toml", command).until_run()
+    Running::start_command(site, "guarded.toml", command)
 }
 
 /// The image, mapped independently of the processes of the station.
@@ -176,6 +181,28 @@ fn a_plugin_that_calls_exit_is_a_fault() {
         assert_eq!(plant.outputs(), SAFE, "{way}");
         site.wait_until_empty();
     }
+}
+
+#[test]
+fn a_plugin_that_ends_the_process_while_it_is_loaded_is_named() {
+    let site = Site::new();
+    let ended = starting(&site, &program("ob1"), "10ms", &["-DLOADING=exit(0)"]).end();
+    assert_eq!(ended.code(), Some(13), "{ended:?}");
+    assert!(ended.err.contains("exit_block.so has called exit() while it was loaded"), "{ended:?}");
+    let checked = site.ob1(&["check", "guarded.toml"]);
+    assert_eq!(checked.code, Some(13), "{checked:?}");
+}
+
+#[test]
+fn a_plugin_that_never_returns_from_its_load_is_named_and_a_signal_ends_it() {
+    let site = Site::new();
+    let station = starting(&site, &program("ob1"), "10ms", &["-DLOADING=for(volatile int i=0;;)i=i"]);
+    station.until("it is named", |station| {
+        station.said().contains("exit_block.so does not return: it has been loading for 5 s").then_some(())
+    });
+    station.process.signal(Signal::TERM);
+    let ended = station.end();
+    assert_eq!(ended.code(), Some(130), "{ended:?}");
 }
 
 #[test]

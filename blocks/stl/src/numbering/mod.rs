@@ -122,9 +122,15 @@ impl Elaborator<'_> {
     }
 }
 
-/// The first number from `next` on that is not taken; it is then.
+/// The first number from `next` on that is not taken; it is then. 0 in `next`: there is none left, nobody looks again.
 fn free(taken: &mut BTreeSet<u16>, next: &mut u16) -> Option<u16> {
-    let number = (*next..=u16::MAX).chain(1..FIRST).find(|n| !taken.contains(n))?;
+    if *next == 0 {
+        return None;
+    }
+    let Some(number) = (*next..=u16::MAX).chain(1..FIRST).find(|n| !taken.contains(n)) else {
+        *next = 0;
+        return None;
+    };
     taken.insert(number);
     *next = number.saturating_add(1);
     Some(number)

@@ -282,6 +282,10 @@ fn rest(page: &mut Page, told: &Told, counts: &Counts) {
     }
     page.gauge("ob1_threads", "threads of the runtime", number(&memory["threads"]));
     page.counter("ob1_log_lines_lost", "log lines that nobody took", number(&told.status["log_lost"]));
+    let seconds_of_one = told.status.get("stands_s").map_or(0.0, number);
+    page.gauge("ob1_cycle_stands_seconds", "since a cycle began that does not end", seconds_of_one);
+    let lacks = f64::from(u8::from(told.status.get("engine_lacks").is_some()));
+    page.gauge("ob1_engine_lacking", "the engine is not what was asked for", lacks);
     if let Some(retentive) = told.status.get("retentive") {
         let age = retentive.get("age_ns").map_or(f64::NAN, number);
         page.gauge("ob1_retentive_age_seconds", "since the disk had the values of memory", seconds(age));
@@ -317,6 +321,7 @@ mod tests {
         Told {
             status: json!({
                 "station": "pr\"ess", "state": "RUN", "runtime_ns": 2_000_000_000u64, "log_lost": 3,
+                "stands_s": 4, "engine_lacks": "killed",
                 "memory": { "resident_kib": 2, "threads": 9 }, "retentive": { "age_ns": 5e9, "error": null },
                 "modules": [{
                     "name": "cp", "type": "cp340", "present": true, "leds": ["TXD"],
@@ -367,6 +372,8 @@ mod tests {
             r#"ob1_memory_bytes{kind="resident"} 2048"#,
             r#"ob1_diagnostic_events_total{event="4302h",change="run"} 2"#,
             "ob1_retentive_age_seconds 5",
+            "ob1_cycle_stands_seconds 4",
+            "ob1_engine_lacking 1",
             r#"ob1_cp_buffer_entries{module="cp"} 2"#,
         ] {
             assert!(text.lines().any(|told| told == line), "{line}\n{text}");

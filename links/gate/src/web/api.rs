@@ -1,5 +1,9 @@
 //! Requests of the page: login, figures, the cause of a STOP, writes, changes of mode.
 
+use std::fs::OpenOptions;
+use std::io::Read as _;
+use std::os::unix::fs::OpenOptionsExt as _;
+use std::path::Path;
 use std::time::Duration;
 
 use hyper::StatusCode;
@@ -9,6 +13,7 @@ use ob1_access::door::{Answer, Ask, Command, Diagnosis, Document};
 use ob1_access::{Put, Right, value};
 use ob1_gate_core::{Client, LoginError, Trouble, Who};
 use ob1_model::{DataType, Event, StateChange};
+use rustix::fs::OFlags;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
@@ -222,12 +227,21 @@ impl Page {
             return plain(StatusCode::NOT_FOUND, "there is no such report");
         };
         let path = folder.join(name);
-        let fits = std::fs::metadata(&path).is_ok_and(|about| about.is_file() && about.len() <= REPORT);
-        match std::fs::read(&path).ok().filter(|_| fits) {
+        match report(&path) {
             Some(text) => reply(StatusCode::OK, "application/json", text),
             None => plain(StatusCode::CONFLICT, "it cannot be read, or is longer than 1 MiB"),
         }
     }
+}
+
+/// A report, if it is a file of at most 1 MiB. A FIFO in its place has no writer: it is not waited for.
+fn report(path: &Path) -> Option<Vec<u8>> {
+    let nonblock = OFlags::NONBLOCK.bits() as i32;
+    let file = OpenOptions::new().read(true).custom_flags(nonblock).open(path).ok()?;
+    let fits = file.metadata().is_ok_and(|about| about.is_file() && about.len() <= REPORT);
+    let mut text = Vec::new();
+    file.take(REPORT).read_to_end(&mut text).ok().filter(|_| fits)?;
+    Some(text)
 }
 
 /// A DATE_AND_TIME as text.

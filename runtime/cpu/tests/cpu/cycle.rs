@@ -1,11 +1,12 @@
 //! Cycle control: start-up, states, deadlines, watchdog.
 
-use ob1_cpu::{Command, Cpu, CpuConfig, OperatingState};
+use ob1_cpu::{AccessClient, Answer, Ask, Clock as _, Command, Cpu, CpuConfig, OperatingState, Request};
 use ob1_ir::{AccuOp, Jump, NumberFormat, Op};
 use ob1_model::Interface;
 use ob1_time::{Instant, Span};
 
 use crate::common;
+use crate::common::source::bench_with;
 use crate::common::*;
 
 fn count(byte: u32) -> Vec<Op> {
@@ -127,6 +128,63 @@ fn an_operators_halt_ends_an_endless_loop() {
         bench.cpu.request(Command::Run);
         let end = bench.cpu.cycle(&mut Halting(attention, Instant::START));
         assert_eq!((end.state, bench.events()[0]), (OperatingState::Stop, 0x4304));
+    });
+}
+
+/// A loop that triggers the cycle monitoring for ever, in OB 1 and in a start-up: the port is served within it, the
+/// diagnostic buffer has an entry, STOP and restarts are obeyed.
+#[test]
+fn an_endless_loop_with_sfc_43_is_stopped_through_the_port() {
+    on_each_engine(|| {
+        struct Asking {
+            now: Instant,
+            client: AccessClient,
+            asks: Vec<(u64, Ask)>,
+            answers: Vec<Answer>,
+        }
+        impl ob1_cpu::Clock for Asking {
+            fn now(&mut self) -> Instant {
+                self.now
+            }
+            fn executed(&mut self, statements: u64) {
+                self.now += statements * Span::MILLISECOND;
+                while let Some((at, ask)) =
+                    self.asks.first().copied().filter(|(at, _)| self.now >= Instant::from_micros(at * 1000))
+                {
+                    self.client.post(Request { id: at as u32, ask }).expect("room");
+                    self.asks.remove(0);
+                }
+                self.answers.extend(std::iter::from_fn(|| self.client.take()).map(|response| response.answer));
+            }
+        }
+        for (ob, state) in [(1, OperatingState::Run), (100, OperatingState::Startup)] {
+            let source = format!(
+                "ORGANIZATION_BLOCK OB {ob}\nBEGIN\nm: CALL SFC 43;\nSPA m;\nEND_ORGANIZATION_BLOCK\n\
+                 ORGANIZATION_BLOCK OB 35\nBEGIN\nL MW 20;\n+ 1;\nT MW 20;\nEND_ORGANIZATION_BLOCK\n"
+            );
+            let mut bench = bench_with(&source, &[], CpuConfig::default(), vec![]);
+            let client = bench.cpu.access_client().expect("there is one");
+            let asks = vec![(1500, Ask::State), (4000, Ask::Diag(0)), (5000, Ask::Command(Command::Stop))];
+            let mut clock = Asking { now: Instant::START, client, asks, answers: Vec::new() };
+            bench.cpu.request(Command::Run);
+            let end = bench.cpu.cycle(&mut clock);
+            assert_eq!((end.state, bench.events()[0]), (OperatingState::Stop, 0x4304), "OB {ob}");
+            clock.executed(0);
+            let [Answer::State(answered), Answer::Diag(entry), Answer::Done] = clock.answers[..] else {
+                panic!("OB {ob}: {:?}", clock.answers)
+            };
+            assert_eq!((answered, entry.event.0, entry.data), (state, 0xF104, 3), "OB {ob}");
+            assert!(clock.now < Instant::from_micros(5_400_000), "OB {ob}: {:?}", clock.now);
+            assert_eq!(bench.mw(20) > 40, ob == 1, "OB {ob}: {} cyclic interrupts", bench.mw(20));
+            // A restart begins again where it was.
+            clock.asks = vec![(8000, Ask::Command(Command::Warm)), (9000, Ask::Command(Command::Stop))];
+            bench.cpu.request(Command::Run);
+            for _ in 0..2 {
+                assert_eq!(bench.cpu.cycle(&mut clock).state, OperatingState::Stop, "OB {ob}");
+            }
+            let restarted = bench.events().iter().filter(|event| **event == 0x4301).count();
+            assert_eq!((bench.events()[0], restarted), (0x4304, 3), "OB {ob}");
+        }
     });
 }
 

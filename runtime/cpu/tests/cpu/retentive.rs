@@ -88,7 +88,7 @@ fn an_image_survives_a_power_cycle() {
         assert_eq!(image.len(), bench.cpu.retentive_len());
 
         let mut other = start(config(only()), &station());
-        assert_eq!(other.cpu.restore_retentive(&image), Ok(()));
+        assert_eq!(other.cpu.restore_retentive(&image), Ok(vec![]));
         other.cpu.retentive_image(&mut again);
         assert_eq!(image, again);
         other.run();
@@ -108,7 +108,7 @@ fn the_default_keeps_all_data_blocks() {
         let mut image = Vec::new();
         bench.cpu.retentive_image(&mut image);
         let mut other = start(CpuConfig::default(), &station());
-        assert_eq!(other.cpu.restore_retentive(&image), Ok(()));
+        assert_eq!(other.cpu.restore_retentive(&image), Ok(vec![]));
         other.run();
         assert_eq!(state(&mut other), ([0; 3], [0; 2], [0; 3], 0x1111, [0x1111; 3]));
     });
@@ -128,7 +128,7 @@ fn a_data_block_that_is_not_retentive_begins_anew() {
             bench.cpu.request(Command::Warm);
             bench.run();
             let mut other = start(config(data.clone()), &program);
-            assert_eq!(other.cpu.restore_retentive(&image), Ok(()));
+            assert_eq!(other.cpu.restore_retentive(&image), Ok(vec![]));
             other.run();
             for (bench, after) in [(&mut bench, "a warm restart"), (&mut other, "a power cycle")] {
                 let (.., two, nine) = state(bench);
@@ -160,13 +160,57 @@ fn foreign_and_damaged_images_are_refused_and_change_nothing() {
         }
         assert_eq!(state(&mut other), NOTHING);
 
-        let changed = program(vec![], vec![db(2, &[2; 6]), db(9, &[9; 6])]);
-        assert_eq!(start(config(only()), &changed).cpu.restore_retentive(&image), Err(Why::OtherProgram));
-        let ranges = start(config(RetentiveData::All), &station()).cpu.restore_retentive(&image);
-        assert_eq!(ranges, Err(Why::OtherRanges));
+        let nothing = Retentive { memory: vec![8..12], data: RetentiveData::All, ..Retentive::default() };
+        let nothing = CpuConfig { retentive: nothing, ..CpuConfig::default() };
+        let other = program(vec![], vec![db(2, &[2; 6]), db(10, &[9; 6])]);
+        assert_eq!(start(nothing, &other).cpu.restore_retentive(&image), Err(Why::OtherProgram));
         let mut statements = station();
         statements.blocks[0].code.pop();
-        assert_eq!(start(config(only()), &statements).cpu.restore_retentive(&image), Ok(()), "statements may change");
+        assert_eq!(
+            start(config(only()), &statements).cpu.restore_retentive(&image),
+            Ok(vec![]),
+            "statements may change"
+        );
+    });
+}
+
+/// A data block that was loaded meanwhile, and other ranges: everything else keeps its values.
+#[test]
+fn an_image_is_taken_by_what_it_and_the_program_have_in_common() {
+    on_each_engine(|| {
+        let mut bench = start(config(RetentiveData::All), &station());
+        fill(&mut bench);
+        let mut image = Vec::new();
+        bench.cpu.retentive_image(&mut image);
+        let restored = |program: &Program, config: CpuConfig| {
+            let mut other = start(config, program);
+            let left = other.cpu.restore_retentive(&image);
+            other.run();
+            (left, other)
+        };
+        let mut longer = station();
+        longer.data[1].bytes.extend([9, 9]);
+        longer.data.push(db(5, &[5, 5]));
+        let (left, mut other) = restored(&longer, config(RetentiveData::All));
+        assert_eq!(left, Ok(vec!["DB 9".to_owned()]));
+        let expected = (KEPT.0, KEPT.1, KEPT.2, KEPT.3, [0x0909; 3]);
+        assert_eq!((state(&mut other), other.dbw(5, 0)), (expected, 0x0505));
+
+        let mut gone = station();
+        gone.data.remove(1);
+        let (left, mut other) = restored(&gone, config(RetentiveData::All));
+        assert_eq!((left, other.dbw(2, 0)), (Ok(vec!["DB 9".to_owned()]), 0x1111));
+
+        let ranges = Retentive { memory: vec![6..9], timers: vec![2..5], counters: vec![3..9], data: only() };
+        let (left, mut other) = restored(&station(), CpuConfig { retentive: ranges, ..CpuConfig::default() });
+        let left = left.expect("it has something of all");
+        assert_eq!(left, ["MB 0 to 1", "MB 4 to 7", "DB 9", "T 1", "C 2 to 3"]);
+        let expected = ([0, 0x0708, 0], [0x2096, 0x2100], [0, 0, 73], 0x1111, [0x0909, 0x1111, 0x0909]);
+        assert_eq!(state(&mut other).0, expected.0);
+        assert_eq!(
+            (state(&mut other).2, state(&mut other).3, state(&mut other).4),
+            (expected.2, expected.3, expected.4)
+        );
     });
 }
 

@@ -216,7 +216,7 @@ fn the_program_makes_and_deletes_data_blocks() {
         let mut bench = start(config, vec![on_demand(vec![delete])]);
         bench.cpu.request(Command::Stop);
         bench.cycle();
-        assert_eq!(bench.cpu.restore_retentive(&image), Ok(()));
+        assert_eq!(bench.cpu.restore_retentive(&image), Ok(vec![]));
         bench.cpu.request(Command::Run);
         bench.run();
         assert_eq!(bench.dbw(100, 6), 0x4711, "and so does the image");
@@ -259,7 +259,7 @@ fn a_data_block_made_as_not_retentive_begins_anew() {
         assert_eq!((bench.dbw(100, 0), bench.dbw(100, 2)), (0x0102, 0x0304), "after a warm restart");
 
         let mut bench = bench_with(source, &[], config, vec![]);
-        assert_eq!(bench.cpu.restore_retentive(&image), Ok(()));
+        assert_eq!(bench.cpu.restore_retentive(&image), Ok(vec![]));
         bench.run();
         assert_eq!((bench.dbw(100, 0), bench.dbw(100, 2)), (0x0102, 0x0304), "after a power cycle");
         change(&mut bench);

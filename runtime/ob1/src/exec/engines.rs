@@ -39,7 +39,7 @@ impl Engines {
         self.cycles += 1;
         let is_time = self.cycles.is_multiple_of(LOOKS) && self.begun.elapsed() >= LASTS;
         let Some((request, plan)) = self.wanted.take_if(|_| is_time) else { return };
-        match Compiling::start(request, &plan) {
+        match Compiling::start(request, &plan, &Arc::default()) {
             Ok(running) => self.running = Some(running),
             Err(error) if !self.quiet => err!("ob1: machine code: {error}; the run continues without it"),
             Err(_) => {}

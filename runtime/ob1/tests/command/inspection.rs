@@ -36,6 +36,26 @@ fn who_writes_the_lamps() {
     assert_eq!(ob1(&["xref", "traffic-light/README.md"]).status.code(), Some(1));
 }
 
+/// The reader of GSD files panics at some: that is a finding about the file, and nothing else.
+#[test]
+fn a_gsd_file_that_cannot_be_read_is_one_finding() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("written");
+    write("broken.gsd", "#Profibus_DP\nExt_User_Prm_Data_Ref(0) = 17\n");
+    write("p.awl", "ORGANIZATION_BLOCK OB 1\nBEGIN\nNOP 0;\nEND_ORGANIZATION_BLOCK\n");
+    write(
+        "p.toml",
+        "[station]\nname = \"p\"\n\n[program]\nsources = [\"p.awl\"]\n\n[[bus]]\nname = \"profi\"\ntype = \"dp\"\n\
+         line = \"serial:/dev/ttyUSB0\"\nbaud = 500000\n\n[[module]]\ntype = \"coupler\"\nbus = \"profi\"\n\
+         name = \"rack\"\nstation = 8\ngsd = \"broken.gsd\"\nslots = [{ slot = 1, module = \"DI\", inputs = \"EB 0\" }]\n",
+    );
+    let checked = ob1(&["check", folder.path().join("p.toml").to_str().expect("a name")]);
+    let said = text(&checked) + &String::from_utf8_lossy(&checked.stderr);
+    assert_eq!(checked.status.code(), Some(2), "{said}");
+    assert!(said.contains("leads nowhere"), "{said}");
+    assert!(!said.contains("internal error") && !said.contains("has no modules"), "{said}");
+}
+
 #[test]
 fn a_station_file_and_a_source_in_each_others_place_are_told() {
     for (args, code, part) in [

@@ -112,6 +112,44 @@ fn one_runtime_for_a_station_and_ctrl_c_ends_it() {
     assert_eq!(bench.code(&["get", "bench", "M1.0"]), Some(5));
 }
 
+/// Signals that mean nothing to a station do nothing; Ctrl-\ and a failing power supply end it in order.
+#[test]
+fn no_signal_ends_a_station_without_a_word() {
+    let bench = Bench::new();
+    for ending in ["-QUIT", "-PWR", "-XCPU"] {
+        let mut station = bench.start(&[]);
+        for signal in ["-USR1", "-USR2", "-ALRM", "-VTALRM", "-PROF", "-IO"] {
+            station.signal(signal);
+        }
+        let before = bench.value("MW0");
+        until(|| bench.value("MW0") != before);
+        station.signal(ending);
+        assert_eq!(station.child.wait().expect("it ends").code(), Some(0), "{ending}");
+        assert!(!bench.rundir().exists(), "{ending}");
+    }
+}
+
+/// The loop triggers the cycle monitoring for ever: it is told of, questions are answered, STOP is obeyed.
+#[test]
+fn a_cycle_that_never_ends_is_told_of_and_stopped() {
+    let bench = Bench::new();
+    let endless = PROGRAM.replace("AUF   DB    77;", "SET;\nm: CALL SFC 43;\nSPA m;");
+    bench.write("bench.awl", &endless);
+    let mut station = bench.start(&[]);
+    until(|| bench.value("MW0") != 0);
+    assert_eq!(bench.code(&["set", "bench", "M2.0=1"]), Some(0));
+    let status = || bench.json(&["ctl", "bench", "status", "--json"]);
+    until(|| status()["stands_s"].as_u64() >= Some(3));
+    assert_eq!(status()["state"], "RUN");
+    let diag = bench.json(&["diag", "bench", "--json"]);
+    assert_eq!(diag["cpu"][0]["event"], "F104h", "{diag}");
+    assert_eq!(bench.code(&["ctl", "bench", "stop"]), Some(0));
+    until(|| status()["state"] == "STOP");
+    until(|| status()["stands_s"].is_null());
+    station.signal("-INT");
+    assert_eq!(station.child.wait().expect("it ends").code(), Some(0));
+}
+
 /// A wrong path is told from a station that does not run.
 #[test]
 fn a_station_file_that_is_not_there_is_named() {

@@ -73,6 +73,39 @@ fn files_that_are_refused_are_an_entry_of_the_diagnostic_buffer() {
     }
 }
 
+/// After a start with the wrong program the right one gets its values back, as docs/station-file.md says.
+#[test]
+fn a_file_of_the_right_program_can_be_put_back() {
+    let bench = bench();
+    let count = || bench.value("DB5.COUNT");
+    let run = |bench: &Bench, set: Option<&str>| {
+        let mut station = bench.start(&[]);
+        if let Some(set) = set {
+            assert_eq!(bench.code(&["set", "bench", set]), Some(0));
+        }
+        let found = count();
+        station.signal("-INT");
+        assert_eq!(station.child.wait().expect("it ends").code(), Some(0));
+        found
+    };
+    assert_eq!(run(&bench, Some("DB5.COUNT=4711")), 4711);
+    // DB 5 is declared differently there: bit memory is taken, the data block is not, and the file is kept.
+    bench.write("bench.awl", &PROGRAM.replace("COUNT : INT := -3;", "COUNT : INT := -3;\n  MORE : INT;"));
+    let station = bench.start(&[]);
+    assert_eq!(count(), -3);
+    assert_eq!(entries(&bench, "F304h"), 1);
+    drop(station);
+    assert_eq!(run(&bench, None), -3);
+    bench.write("bench.awl", PROGRAM);
+    let path = |name: &str| bench.folder.path().join(format!(".bench.retentive.{name}"));
+    let kept = ["a.refused", "b.refused"].map(path).into_iter().find(|path| path.exists()).expect("kept");
+    for slot in ["a", "b"] {
+        let _ = std::fs::remove_file(path(slot));
+    }
+    std::fs::rename(kept, path("a")).expect("there");
+    assert_eq!(run(&bench, None), 4711);
+}
+
 #[test]
 fn a_station_runs_once_whatever_its_runtime_directory() {
     let bench = bench();
@@ -110,9 +143,12 @@ fn a_folder_that_cannot_be_used_is_refused_at_once() {
     let bench = bench();
     let text = std::fs::read_to_string(bench.folder.path().join("bench.toml")).expect("there");
     bench.write("bench.toml", &text.replace("name = \"bench\"", "name = \"bench\"\nstate = \"bench.awl/below\""));
+    let began = std::time::Instant::now();
     let output = bench.ob1(&["run", "bench.toml", "--scans", "1"]);
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(6), "{said}");
+    // The guardian does not wait for what this process still holds.
+    assert!(began.elapsed() < std::time::Duration::from_secs(4), "{:?}", began.elapsed());
     assert!(said.contains("bench.awl/below") && said.contains("  = name a folder"), "{said}");
     assert!(!said.contains("STARTUP") && !bench.rundir().exists(), "{said}");
 }

@@ -268,6 +268,12 @@ pub struct Status {
     /// The engine that runs the program now.
     #[serde(default)]
     pub engine: String,
+    /// Why that is not the engine that was asked for, if it is not and none comes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub engine_lacks: Option<String>,
+    /// Seconds since a cycle began that does not end.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stands_s: Option<u64>,
     /// Cycles that began late because the one before took too long.
     pub overruns: u64,
     /// Deadlines no cycle began for.

@@ -23,7 +23,7 @@ use serde_json::json;
 use crate::compiling::Request;
 use crate::download::{self, Changes, Downloading};
 use crate::drivers::{DriverSettings, find_program};
-use crate::engine::EngineChoice;
+use crate::engine::{EngineChoice, InUse};
 use crate::fence;
 use crate::io::{Panel, ProcessIo, Stimulus};
 use crate::known::Known;
@@ -262,6 +262,7 @@ pub fn assemble(
     let cpu =
         load_cpu(config, (loaded, &now), natives, building.modules, station.engine).map_err(AssemblyError::Load)?;
     let known = Known::default();
+    let in_use = Arc::new(InUse::default());
     known.set(changes.known(&now, (&sources, &around), &library));
     let download = station.downloads.as_ref().map(|folder| Downloading {
         around,
@@ -272,6 +273,7 @@ pub fn assemble(
         library,
         known: known.clone(),
         engine: station.engine,
+        in_use: Arc::clone(&in_use),
         compile: compile.clone(),
         stack: cpu.stack_bytes(),
         cycles: station.cpu.min_cycle.times(2).into(),
@@ -280,7 +282,8 @@ pub fn assemble(
         name: station.name.clone(),
         family: station.cpu.family,
         known,
-        engine: Arc::default(),
+        engine: in_use,
+        stands: Arc::default(),
         modules: building.views,
         buses: building.buses.into_iter().map(|bus| bus.view).collect(),
         panel: building.io.as_ref().and_then(|io| Some(Panel::new(io.field()?, &station.modules))),

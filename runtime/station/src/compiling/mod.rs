@@ -28,6 +28,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::time::Timespec;
 
+use crate::engine::InUse;
 use crate::kept_process::own_program;
 
 pub use child::run as compile_blocks;
@@ -37,6 +38,12 @@ pub use request::Request;
 
 /// The command of this executable that runs as the process.
 const COMMAND: &str = "compile-blocks";
+/// Pauses before a process that ended too soon is started again: it is the first that the kernel kills when memory
+/// runs out.
+const AGAIN: [Duration; 4] =
+    [Duration::from_secs(1), Duration::from_secs(10), Duration::from_secs(60), Duration::from_secs(600)];
+/// A process that has made nothing for so long is told of, once.
+const SILENT: Duration = Duration::from_secs(300);
 /// The longest wait for engines that the scan gives back.
 const LOOK: Duration = Duration::from_millis(250);
 
@@ -85,25 +92,40 @@ impl Compiling {
     ///
     /// # Errors
     /// What the system says when it has no thread or descriptor left.
-    pub fn start(request: Request, plan: &Arc<Plan>) -> io::Result<(Self, Successors)> {
+    pub fn start(request: Request, plan: &Arc<Plan>, in_use: &Arc<InUse>) -> io::Result<(Self, Successors)> {
         let (giver, successors) = Giver::pair();
-        Ok((Self::giving(request, plan, giver)?, successors))
+        Ok((Self::giving(request, plan, giver, in_use)?, successors))
     }
 
     /// The same for a scan that has the other end of `giver` already.
     ///
     /// # Errors
     /// As of [`Compiling::start`].
-    pub fn giving(request: Request, plan: &Arc<Plan>, giver: Giver) -> io::Result<Self> {
-        let plan = Arc::clone(plan);
+    pub fn giving(request: Request, plan: &Arc<Plan>, giver: Giver, in_use: &Arc<InUse>) -> io::Result<Self> {
+        let (plan, in_use) = (Arc::clone(plan), Arc::clone(in_use));
         let work = move |stopped| {
-            let mut work = Work { plan, giver, sent: 0, stopped };
-            match work.run(&request) {
-                Ok(Outcome::Stopped) => {}
-                Ok(Outcome::Done) => work.bury(),
-                Err(why) => {
-                    tracing::warn!("machine code: {why}; the station continues without it");
-                    work.bury();
+            let mut work = Work { plan, giver, sent: 0, stopped, optimised: None, refused: Vec::new() };
+            in_use.lack(None);
+            let mut again = AGAIN.into_iter();
+            loop {
+                match work.run(&request) {
+                    Ok(Outcome::Stopped) => return,
+                    Ok(Outcome::Done) => {
+                        in_use.lack((!work.refused.is_empty()).then(|| work.refused.join("; ")));
+                        return work.bury();
+                    }
+                    Err(Failed::Ended(why)) if let Some(pause) = again.next() => {
+                        tracing::warn!("machine code: {why}; it is tried again in {} s", pause.as_secs());
+                        in_use.lack(Some(why));
+                        if work.pause(pause) {
+                            return;
+                        }
+                    }
+                    Err(Failed::Ended(why) | Failed::For(why)) => {
+                        tracing::warn!("machine code: {why}; the station continues without it");
+                        in_use.lack(Some(why));
+                        return work.bury();
+                    }
                 }
             }
         };
@@ -152,6 +174,21 @@ enum Outcome {
     Done,
     /// The station ends.
     Stopped,
+}
+
+/// Why there is no machine code.
+#[derive(Debug)]
+enum Failed {
+    /// The process has ended too soon.
+    Ended(String),
+    /// For good.
+    For(String),
+}
+
+impl From<String> for Failed {
+    fn from(why: String) -> Self {
+        Self::For(why)
+    }
 }
 
 /// The process, and our end of its socket.
@@ -214,30 +251,42 @@ struct Work {
     /// Engines that were given to the scan.
     sent: usize,
     stopped: OwnedFd,
+    /// Optimised blocks of the engine that was given last.
+    optimised: Option<usize>,
+    /// Blocks without code in the newest engine, each with the reason.
+    refused: Vec<String>,
 }
 
 impl Work {
-    fn run(&mut self, request: &Request) -> Result<Outcome, String> {
+    fn run(&mut self, request: &Request) -> Result<Outcome, Failed> {
         let secret = secret().map_err(|error| format!("no secret for the code: {error}"))?;
         let order = Order { fingerprint: fingerprint(&self.plan), secret };
         let request = request.write()?;
-        let process = Process::start(&request, &order);
-        let mut process = process.map_err(|error| format!("the process that compiles cannot be started: {error}"))?;
+        let failed = |error| Failed::Ended(format!("the process that compiles cannot be started: {error}"));
+        let mut process = Process::start(&request, &order).map_err(failed)?;
         drop(request);
         self.take(&mut process, &order)
     }
 
     /// Takes the files of code that come, and hands each as an engine to the scan.
-    fn take(&mut self, process: &mut Process, order: &Order) -> Result<Outcome, String> {
+    fn take(&mut self, process: &mut Process, order: &Order) -> Result<Outcome, Failed> {
         for count in 1..=FILES {
             let Some(file) = self.next(process)? else { return Ok(Outcome::Stopped) };
             let engine = Native::of_file(&self.plan, order, file.as_fd());
             let engine = engine.map_err(|why| format!("a file of code is refused: {why}"))?;
             tracing::info!("machine code: {}", engine.told());
+            self.refused = engine.refused().to_vec();
+            for refused in &self.refused {
+                tracing::warn!("machine code of {refused}; the reference engine runs this block");
+            }
             let is_last = engine.is_optimised();
-            // There is room for all that come.
-            let _ = self.giver.give(Box::new(engine));
-            self.sent += 1;
+            // A process that was started again begins anew.
+            if self.optimised.is_none_or(|before| before < engine.optimised()) {
+                self.optimised = Some(engine.optimised());
+                // There is room for all that come.
+                let _ = self.giver.give(Box::new(engine));
+                self.sent += 1;
+            }
             if is_last {
                 return Ok(Outcome::Done);
             }
@@ -245,32 +294,57 @@ impl Work {
                 // The process waits for the account. What the scan has executed so far predicts what it will execute.
                 let account = request::account(&self.plan.executed.read());
                 send(&process.socket, &[0], &account).map_err(|error| {
-                    format!("the process that compiles is not reached: {error}; {}", process.death())
+                    Failed::Ended(format!("the process that compiles is not reached: {error}; {}", process.death()))
                 })?;
             }
         }
-        Err("files of code have come, but none with all blocks optimised".into())
+        Err(Failed::For("files of code have come, but none with all blocks optimised".into()))
     }
 
     /// The next file of code; `None`: the station ends.
-    fn next(&self, process: &mut Process) -> Result<Option<OwnedFd>, String> {
+    fn next(&self, process: &mut Process) -> Result<Option<OwnedFd>, Failed> {
+        let gone =
+            |process: &mut Process| Failed::Ended(format!("the process that compiles is gone: {}", process.death()));
+        let mut silent = Timespec::try_from(SILENT).ok();
         loop {
             match handover::receive(&process.socket, &mut [0; 1]) {
-                Ok(Some((0, _))) => return Err(format!("the process that compiles is gone: {}", process.death())),
+                Ok(Some((0, _))) => return Err(gone(process)),
                 Ok(Some((_, files))) => {
-                    return files.into_iter().next().map(Some).ok_or_else(|| "a message without code has come".into());
+                    let file = files.into_iter().next().map(Some);
+                    return file.ok_or_else(|| Failed::For("a message without code has come".into()));
                 }
                 Ok(None) => {}
                 // It has not even read the request.
-                Err(error) if error.kind() == io::ErrorKind::ConnectionReset => {
-                    return Err(format!("the process that compiles is gone: {}", process.death()));
-                }
-                Err(error) => return Err(format!("the process that compiles cannot be heard: {error}")),
+                Err(error) if error.kind() == io::ErrorKind::ConnectionReset => return Err(gone(process)),
+                Err(error) => return Err(Failed::For(format!("the process that compiles cannot be heard: {error}"))),
             }
             let mut fds = [PollFd::new(&self.stopped, PollFlags::IN), PollFd::new(&process.socket, PollFlags::IN)];
-            let _ = poll(&mut fds, None);
+            if poll(&mut fds, silent.as_ref()) == Ok(0) {
+                let (pid, minutes) = (process.child.id(), SILENT.as_secs() / 60);
+                tracing::warn!("machine code: process {pid}, which compiles, has made nothing for {minutes} min");
+                silent = None;
+            }
             if !fds[0].revents().is_empty() {
                 return Ok(None);
+            }
+        }
+    }
+
+    /// Waits; true when the station ends meanwhile. Frees the engines that the scan gives back.
+    fn pause(&mut self, time: Duration) -> bool {
+        let end = std::time::Instant::now() + time;
+        loop {
+            while self.giver.take_back().is_some() {
+                self.sent -= 1;
+            }
+            let left = end.saturating_duration_since(std::time::Instant::now());
+            if left.is_zero() {
+                return false;
+            }
+            let mut fds = [PollFd::new(&self.stopped, PollFlags::IN)];
+            let _ = poll(&mut fds, Timespec::try_from(left).ok().as_ref());
+            if !fds[0].revents().is_empty() {
+                return true;
             }
         }
     }
@@ -358,11 +432,12 @@ mod tests {
         }
         drop(theirs);
         let child = Command::new("/bin/true").spawn().expect("a process");
-        let mut work = Work { plan: Arc::clone(cpu.plan()), giver, sent: 0, stopped: stopped.into() };
+        let (plan, stopped) = (Arc::clone(cpu.plan()), stopped.into());
+        let mut work = Work { plan, giver, sent: 0, stopped, optimised: None, refused: Vec::new() };
         let ended = match work.take(&mut Process { child, socket }, order) {
             Ok(Outcome::Done) => "done".to_owned(),
             Ok(Outcome::Stopped) => "stopped".to_owned(),
-            Err(why) => why,
+            Err(Failed::Ended(why) | Failed::For(why)) => why,
         };
         (successors.come.slots(), ended)
     }
@@ -375,7 +450,7 @@ mod tests {
         let other = file(&cpu, &Order { secret: [6; 16], ..order }, Tier::Optimised);
         assert_eq!(taken(&cpu, &order, &[fast(), file(&cpu, &order, Tier::Optimised), fast()]), (2, "done".into()));
         let (engines, why) = taken(&cpu, &order, &[fast(), fast(), fast(), fast()]);
-        assert!(engines == FILES && why.contains("none with all blocks optimised"), "{engines}: {why}");
+        assert!(engines == 1 && why.contains("none with all blocks optimised"), "{engines}: {why}");
         let (engines, why) = taken(&cpu, &order, &[fast(), other, fast()]);
         assert!(engines == 1 && why.contains("a file of code is refused"), "{engines}: {why}");
         let (engines, why) = taken(&cpu, &order, &[fast()]);

@@ -97,9 +97,8 @@ fn decode(bytes: &[u8]) -> Result<Changes, String> {
     if rest.is_empty() { Ok(changes) } else { Err(damaged()) }
 }
 
-/// FNV-1a, 64 bits.
 fn checksum(body: &[u8]) -> u64 {
-    body.iter().fold(0xCBF2_9CE4_8422_2325, |sum, byte| (sum ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01B3))
+    files::checksum(body.iter().copied())
 }
 
 #[cfg(test)]

@@ -25,7 +25,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use super::changes::{Changes, block, has};
 use super::file;
 use crate::compiling::{Compiling, Giver, Request, Successors};
-use crate::engine::EngineChoice;
+use crate::engine::{EngineChoice, InUse};
 use crate::known::{Known, KnownProgram};
 
 /// Programs under way to the scan.
@@ -101,6 +101,8 @@ pub struct Downloading {
     pub known: Known,
     /// The requested engine.
     pub engine: EngineChoice,
+    /// Which one runs.
+    pub in_use: Arc<InUse>,
     /// What is compiled in a process of its own, if the choice of the engine is left to us.
     pub compile: Option<Request>,
     /// Bytes of stack the scan has.
@@ -179,6 +181,11 @@ impl Downloading {
     }
 }
 
+/// OB 1, and those of interrupts, errors and start-ups.
+fn is_ever_run(ob: u16) -> bool {
+    ob == 1 || (10..=122).contains(&ob)
+}
+
 /// Why a change was not made.
 struct Refused {
     why: Refusal,
@@ -220,7 +227,7 @@ impl Work {
         let (Some((plan, giver)), Some(request)) = (self.wanted.take(), &self.with.compile) else { return };
         // The program it was made for is gone.
         self.compiling = None;
-        match Compiling::giving(request.with(Arc::clone(&self.with.now)), &plan, giver) {
+        match Compiling::giving(request.with(Arc::clone(&self.with.now)), &plan, giver, &self.with.in_use) {
             Ok(compiling) => self.compiling = Some(compiling),
             Err(why) => tracing::warn!("machine code: {why}; the station continues without it"),
         }
@@ -247,6 +254,12 @@ impl Work {
             Change::Link(blocks) => {
                 for (id, bytes) in blocks {
                     block(id, &bytes).map_err(|why| Refused::new(Refusal::Block, format!("{id}: {why}")))?;
+                    if id.kind == BlockKind::Ob && !is_ever_run(id.number) {
+                        return Err(Refused::new(
+                            Refusal::Block,
+                            format!("{id}: no CPU runs such an organization block"),
+                        ));
+                    }
                     changes.put(id, bytes.into_vec());
                     fresh.extend((id.kind == BlockKind::Db).then_some(id.number));
                     told.push(id);
@@ -299,8 +312,11 @@ impl Work {
         let made = match made {
             Err(errors)
                 if with.engine == EngineChoice::Auto
-                    && errors.iter().any(|error| matches!(error, LoadError::Engine { .. })) =>
+                    && errors
+                        .iter()
+                        .any(|error| matches!(error, LoadError::Engine { .. } | LoadError::Stack { .. })) =>
             {
+                // The reference engine needs less stack.
                 with.around.successor(programs, fresh, with.engine.factory(), with.stack)
             }
             made => made,
@@ -406,6 +422,7 @@ mod tests {
             library: Arc::new(Library::new()),
             known: Known::default(),
             engine,
+            in_use: Arc::default(),
             compile,
             stack: cpu.stack_bytes(),
             cycles: Duration::ZERO,
@@ -439,6 +456,44 @@ mod tests {
         assert_eq!(outcome(&mut cpu, broken(db)), Err(Refusal::Block));
         assert_eq!(outcome(&mut cpu, link(DB, db)), Ok(()));
         assert_eq!(outcome(&mut cpu, Change::Delete(vec![db])), Ok(()));
+    }
+
+    /// So many leave no room on the stack for machine code: the reference engine runs them, in RUN too.
+    #[test]
+    fn data_blocks_are_taken_beside_many_organization_blocks() {
+        let (mut cpu, loader, mut newcomers, runs) = started(&adding(1));
+        let mut engines = None;
+        let mut outcome = |cpu: &mut Cpu, change| changed((cpu, &mut engines), (&loader, &mut newcomers), change).1;
+        let all = (30..=38).chain(40..=43).map(|number| {
+            let text = format!("ORGANIZATION_BLOCK OB {number}\nBEGIN\nNOP 0;\nEND_ORGANIZATION_BLOCK\n");
+            let Change::Link(blocks) = link(&text, BlockId::new(BlockKind::Ob, number)) else { panic!("a block") };
+            blocks
+        });
+        assert_eq!(outcome(&mut cpu, Change::Link(all.flatten().collect())), Ok(()));
+        cpu.request(Command::Run);
+        cpu.cycle(&mut Still);
+        runs.store(true, Ordering::Relaxed);
+        assert_eq!(outcome(&mut cpu, link(DB, BlockId::new(BlockKind::Db, 5))), Ok(()));
+    }
+
+    #[test]
+    fn organization_blocks_that_nothing_runs_are_refused() {
+        let (mut cpu, loader, mut newcomers, _) = started(&adding(1));
+        let mut engines = None;
+        let image = |number| {
+            let Change::Link(blocks) = link(&adding(1), BlockId::new(BlockKind::Ob, 1)) else { panic!("a block") };
+            let (_, bytes) = blocks.into_iter().next().expect("one");
+            let (mut block, _) = ob1_mc7::BlockImage::read(&bytes).expect("its machine code");
+            block.head.number = number;
+            Change::Link(vec![(BlockId::new(BlockKind::Ob, number), block.bytes().expect("short").into())])
+        };
+        for (number, outcome) in
+            [(0, Err(Refusal::Block)), (2, Err(Refusal::Block)), (35, Ok(())), (u16::MAX, Err(Refusal::Block))]
+        {
+            let change = image(number);
+            let answer = changed((&mut cpu, &mut engines), (&loader, &mut newcomers), change).1;
+            assert_eq!(answer, outcome, "OB {number}");
+        }
     }
 
     #[test]

@@ -5,6 +5,8 @@
 
 use bincode::config::{Config, standard};
 
+use crate::files;
+
 const MAGIC: [u8; 8] = *b"ob1 file";
 const VERSION: u32 = 1;
 const HEAD: usize = 8 + 4 + 8 + 8;
@@ -95,10 +97,9 @@ pub fn decode(bytes: &[u8], station: &str) -> Result<Content, FormatError> {
     Ok(content)
 }
 
-/// FNV-1a, 64 bits, over the version and the content.
+/// Over the version and the content.
 fn checksum(body: &[u8]) -> u64 {
-    let bytes = VERSION.to_le_bytes().into_iter().chain(body.iter().copied());
-    bytes.fold(0xCBF2_9CE4_8422_2325, |sum, byte| (sum ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3))
+    files::checksum(VERSION.to_le_bytes().into_iter().chain(body.iter().copied()))
 }
 
 #[cfg(test)]

@@ -50,6 +50,11 @@ pub struct ScanEnd {
 }
 
 impl ScanEnd {
+    /// Data blocks have other values or declarations now: an image of them follows at once.
+    pub fn hand_over_soon(&mut self) {
+        self.owed = true;
+    }
+
     /// After each cycle: hands an image over when one is wanted, and when RUN has ended; enters what the writer has to
     /// say.
     pub fn after_cycle(&mut self, cpu: &mut Cpu) {
@@ -86,7 +91,7 @@ pub struct Keeper {
 
 impl Keeper {
     /// Starts the thread that writes into `store`: an image every `every`, where something has changed, and one at each
-    /// end of RUN. `len` is the length of the CPU's image.
+    /// end of RUN and after blocks were loaded. `len` is the length of the CPU's image.
     ///
     /// # Errors
     /// No thread can be started.

@@ -42,8 +42,11 @@ pub(crate) fn not_kept(program: &Program, file: &RetentiveFile) -> Vec<Finding> 
     named.map(finding).collect()
 }
 
-/// Puts the newest generation back that fits, and returns what was refused; that is kept under another name. If every
-/// generation is refused, the diagnostic buffer gets an entry.
+/// Data blocks and ranges that are named in one message, at most.
+const NAMED: usize = 12;
+
+/// Puts the newest generation back of which the program can keep something, and returns what was refused and what had
+/// no place; that is kept under another name. The diagnostic buffer gets an entry of it.
 ///
 /// # Errors
 /// [`StoreError`].
@@ -52,11 +55,23 @@ pub fn restore(file: &RetentiveFile, station: &str, cpu: &mut Cpu) -> Result<(St
     let mut told = found.refused;
     let mut reason = None;
     for generation in &found.generations {
+        let sequence = generation.sequence;
         match cpu.restore_retentive(&generation.image) {
-            Ok(()) => return Ok((store, told)),
+            Ok(left) if left.is_empty() => return Ok((store, told)),
+            Ok(left) => {
+                let more = left.len().saturating_sub(NAMED);
+                let mut names = left[..left.len() - more].join(", ");
+                if more > 0 {
+                    names += &format!(" and {more} more");
+                }
+                let kept = store.keep_too(sequence);
+                told.push(format!("generation {sequence}: the program has no place for {names}; {kept}"));
+                cpu.diagnose(Event::RETENTIVE_PARTLY, 0, &format!("no place for {names}"));
+                return Ok((store, told));
+            }
             Err(why) => {
-                let kept = store.refuse(generation.sequence);
-                told.push(format!("generation {}: {why}; {kept}", generation.sequence));
+                let kept = store.refuse(sequence);
+                told.push(format!("generation {sequence}: {why}; {kept}"));
                 // The reason of the newest generation says most.
                 reason.get_or_insert(why);
             }

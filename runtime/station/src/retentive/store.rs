@@ -153,6 +153,18 @@ impl Store {
         kept
     }
 
+    /// Keeps a whole generation of which not everything was used under another name, too; it stays the newest. Says what
+    /// became of it.
+    pub fn keep_too(&self, sequence: u64) -> String {
+        let Some(slot) = self.there.iter().position(|there| *there == Some(sequence)) else {
+            return "it is not there any more".to_owned();
+        };
+        match copy_aside(&self.path(slot)) {
+            Ok(aside) => format!("it is kept as {}", aside.display()),
+            Err(error) => format!("it cannot be kept: {error}"),
+        }
+    }
+
     /// Renames what lies in a slot. Says what became of it.
     fn clear(&mut self, slot: usize) -> String {
         self.there[slot] = None;
@@ -268,23 +280,42 @@ fn read(path: &Path) -> Result<Option<Vec<u8>>, String> {
 
 /// Renames what was refused; the new name.
 fn set_aside(path: &Path) -> io::Result<PathBuf> {
-    let mut last = io::Error::other("too many refused files are kept");
-    for number in 0..KEPT {
-        let mut aside = path.as_os_str().to_owned();
-        aside.push(".refused");
-        if number > 0 {
-            aside.push(format!(".{number}"));
-        }
-        let aside = PathBuf::from(aside);
-        if number + 1 < KEPT && fs::symlink_metadata(&aside).is_ok() {
-            continue;
-        }
+    let last = name_aside(path, KEPT - 1);
+    let free =
+        (0..KEPT - 1).map(|number| name_aside(path, number)).filter(|aside| fs::symlink_metadata(aside).is_err());
+    let mut failure = io::Error::other("too many refused files are kept");
+    for aside in free.chain([last]) {
         match fs::rename(path, &aside) {
             Ok(()) => return Ok(aside),
-            Err(error) => last = error,
+            Err(error) => failure = error,
         }
     }
-    Err(last)
+    Err(failure)
+}
+
+/// Copies a file to such a name, whole or not at all; the name. A station that is started again and again before it
+/// writes a generation needs one copy.
+fn copy_aside(path: &Path) -> io::Result<PathBuf> {
+    let bytes = files::read(path, format::LONGEST)?;
+    let is_it = |aside: &PathBuf| files::read(aside, format::LONGEST).is_ok_and(|there| there == bytes);
+    let mut names = (0..KEPT).map(|number| name_aside(path, number));
+    if let Some(aside) = names.clone().find(is_it) {
+        return Ok(aside);
+    }
+    let aside = names.find(|aside| fs::symlink_metadata(aside).is_err());
+    let aside = aside.unwrap_or_else(|| name_aside(path, KEPT - 1));
+    files::replace_by(&name_aside(path, KEPT), &aside, &bytes, MODE)?;
+    Ok(aside)
+}
+
+/// A name for a file that is kept.
+fn name_aside(path: &Path, number: u32) -> PathBuf {
+    let mut aside = path.as_os_str().to_owned();
+    aside.push(".refused");
+    if number > 0 {
+        aside.push(format!(".{number}"));
+    }
+    aside.into()
 }
 
 #[cfg(test)]

@@ -88,12 +88,13 @@ pub(super) struct AtWork {
 }
 
 impl AtWork {
-    /// Publishes the links, starts the socket, the drivers, the scan and its monitor.
+    /// Publishes the links, starts the socket, the drivers, the scan and its monitor. If that fails, the guardian goes
+    /// last: it cleans up when nobody holds the lock of the runtime directory any more, and is waited for.
     pub(super) fn start(
+        guardian: Guardian,
         station: &Station,
         assembly: Assembly,
         mut rundir: RunDir,
-        guardian: Guardian,
         clock: MonotonicClock,
         options: &Options,
     ) -> Result<Self, Failure> {
@@ -131,9 +132,9 @@ impl AtWork {
             Observer::start(view.timings.clone(), station.realtime.affinity.clone()).map_err(system("the observer"))?;
         let (to_run, entries) = ob1_broker::feed();
         let journal = Journal::new(entries);
-        let (attention, log) = (cpu.attention(), cpu.log_reader());
-        last_words::prepare(io.clone(), Arc::clone(&running), cpu.whereabouts()).map_err(system("signals"))?;
-        let compiling = compile.map(|request| Compiling::start(request, cpu.plan())).transpose();
+        let (attention, log, whereabouts) = (cpu.attention(), cpu.log_reader(), cpu.whereabouts());
+        last_words::prepare(io.clone(), Arc::clone(&running), Arc::clone(&whereabouts)).map_err(system("signals"))?;
+        let compiling = compile.map(|request| Compiling::start(request, cpu.plan(), &view.engine)).transpose();
         let (compiling, successors) = compiling.map_err(system("the thread that compiles"))?.unzip();
         let thread = Scan {
             cpu,
@@ -154,7 +155,8 @@ impl AtWork {
         }
         .start()
         .map_err(system("the scan thread"))?;
-        let monitor = Monitor::start(Arc::clone(&scan), Arc::clone(&running), io.clone(), station.cpu.watchdog);
+        let seen = (Arc::clone(&scan), whereabouts, Arc::clone(&view.stands));
+        let monitor = Monitor::start(seen, Arc::clone(&running), io.clone(), station.cpu.watchdog);
         let monitor = monitor.map_err(system("the monitor"))?;
         Ok(Self {
             view,

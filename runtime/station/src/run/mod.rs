@@ -73,7 +73,9 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
     {
         return Err(Failure::of_findings(Exit::Rejected, &[finding]));
     }
+    let starting = signals.end_at_once().map_err(|e| Failure::system("signals", &e))?;
     let loaded = program::load(&station).map_err(|f| Failure::of_load(&f))?;
+    drop(starting);
     // Lints are for `check`. That nothing will be executed is always reported.
     let told = |f: &&Finding| f.level != Level::Lint && (!options.quiet || f.code == program::NO_OB1);
     for finding in loaded.findings.iter().chain(&warnings).filter(told) {
@@ -96,7 +98,7 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
     let guardian = Ward::of_this_process(path, published, patience, assembly.io.as_ref()).and_then(Guardian::start);
     let guardian = guardian.map_err(|e| Failure::system("the guardian", &e))?;
     tracing::info!("station {}, process {}", station.name, std::process::id());
-    let mut station_at_work = AtWork::start(&station, assembly, rundir, guardian, clock, options)?;
+    let mut station_at_work = AtWork::start(guardian, &station, assembly, rundir, clock, options)?;
     let ended = station_at_work.watch(&signals, options);
     let report = station_at_work.stop(ended)?;
     if !options.quiet {

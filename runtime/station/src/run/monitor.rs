@@ -1,17 +1,18 @@
 //! The monitor: names a native block that never returns, switches the outputs off and ends the process.
 //!
-//! Nothing can bring the scan thread back from such a block. A loop of statements is caught by the watchdog and
-//! needs no monitor.
+//! Nothing can bring the scan thread back from such a block. A loop of statements is caught by the watchdog; one that
+//! triggers the watchdog again and again (SFC 43), or that has none, is told of.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender};
 
-use ob1_model::BlockId;
+use ob1_model::{BlockId, Event};
 
 use super::scan::ScanState;
 use crate::exit::Exit;
 use crate::io::ProcessIo;
-use ob1_cpu::Running;
+use ob1_cpu::{Running, Whereabouts};
 use ob1_rt::SideThread;
 use ob1_time::Span;
 
@@ -20,6 +21,8 @@ const LOOK: Span = Span::from_millis(100);
 /// Looks in which nothing must have moved, at least: looks are counted, not time, so that a process that was stopped as
 /// a whole is not taken for a hung scan.
 const LOOKS: u32 = 20;
+/// Looks in one cycle after which that is told of: 3 s, unless the watchdog allows more.
+const STANDS: u32 = 30;
 /// The same for a CPU without a watchdog.
 const LOOKS_WITHOUT_WATCHDOG: u32 = 600;
 
@@ -56,6 +59,46 @@ impl Suspicion {
     }
 }
 
+/// Tells, look by look, of a cycle that does not end. Pure.
+#[derive(Debug)]
+struct Standstill {
+    needed: u32,
+    cycles: u64,
+    looks: u32,
+}
+
+/// What is due for the log.
+#[derive(Debug, PartialEq, Eq)]
+enum Told {
+    Nothing,
+    Stands,
+    GoesOn,
+}
+
+impl Standstill {
+    /// For a CPU with this watchdog.
+    fn new(watchdog: Span) -> Self {
+        let needed = Suspicion::new(watchdog).needed.max(STANDS).min(LOOKS_WITHOUT_WATCHDOG);
+        Self { needed: if watchdog.is_zero() { STANDS } else { needed }, cycles: 0, looks: 0 }
+    }
+
+    /// One look: cycles so far, and whether one runs.
+    fn look(&mut self, cycles: u64, runs: bool) -> Told {
+        if !runs || cycles != self.cycles {
+            let told = self.looks >= self.needed;
+            (self.cycles, self.looks) = (cycles, 0);
+            return if told { Told::GoesOn } else { Told::Nothing };
+        }
+        self.looks += 1;
+        if self.looks == self.needed { Told::Stands } else { Told::Nothing }
+    }
+
+    /// Seconds since the cycle began that does not end; 0: there is none.
+    fn seconds(&self) -> u64 {
+        if self.looks < self.needed { 0 } else { u64::from(self.looks) * LOOK.millis() / 1000 }
+    }
+}
+
 /// The monitor thread. Dropping it ends it.
 #[derive(Debug)]
 pub(super) struct Monitor {
@@ -64,17 +107,29 @@ pub(super) struct Monitor {
 
 impl Monitor {
     pub(super) fn start(
-        scan: Arc<ScanState>,
+        (scan, whereabouts, stands): (Arc<ScanState>, Arc<Whereabouts>, Arc<AtomicU64>),
         running: Arc<Running>,
         io: Option<ProcessIo>,
         watchdog: Span,
     ) -> std::io::Result<Self> {
         let thread = SideThread::looking("ob1-monitor", move |stopped| {
-            let mut suspicion = Suspicion::new(watchdog);
+            let (mut suspicion, mut standstill) = (Suspicion::new(watchdog), Standstill::new(watchdog));
             while stopped.recv_timeout(LOOK.into()) == Err(RecvTimeoutError::Timeout) {
                 let block = running.block().filter(|_| scan.is_in_cycle());
                 if let Some(block) = suspicion.look(scan.cycles(), block) {
                     give_up(block, io.as_ref());
+                }
+                let told = standstill.look(scan.cycles(), scan.is_in_cycle());
+                stands.store(standstill.seconds(), Ordering::Relaxed);
+                match told {
+                    Told::Nothing => {}
+                    Told::Stands => {
+                        let ob = whereabouts.ob().map_or_else(String::new, |ob| format!(", in OB {ob}"));
+                        let (text, seconds) = (Event::CYCLE_STANDS.text(), standstill.seconds());
+                        tracing::warn!("{text}: one began {seconds} s ago{ob}");
+                        tracing::warn!("  = {}", Event::CYCLE_STANDS.remedy());
+                    }
+                    Told::GoesOn => tracing::info!("cycles end again"),
                 }
             }
         })?;
@@ -106,6 +161,23 @@ mod tests {
         let mut suspicion = Suspicion::new(Span::from_millis(150));
         assert_eq!((0..LOOKS).find_map(|_| suspicion.look(5, BLOCK)), None);
         assert_eq!(suspicion.look(5, BLOCK), BLOCK);
+    }
+
+    #[test]
+    fn a_cycle_that_does_not_end_is_told_once() {
+        let mut standstill = Standstill::new(Span::from_millis(150));
+        let mut looks = |cycles, runs, times| -> Vec<Told> {
+            let told = (0..times).map(|_| standstill.look(cycles, runs)).filter(|told| *told != Told::Nothing);
+            let told = told.collect();
+            assert_eq!(standstill.seconds() > 0, runs && times >= STANDS, "{cycles}");
+            told
+        };
+        assert_eq!(looks(7, false, 100), [], "it sleeps");
+        assert_eq!(looks(7, true, STANDS - 1), []);
+        assert_eq!(looks(8, true, 100), [Told::Stands]);
+        assert_eq!(looks(9, true, 1), [Told::GoesOn]);
+        assert_eq!(looks(9, true, STANDS), [Told::Stands]);
+        assert_eq!(Standstill::new(Span::from_secs(10)).needed, 200);
     }
 
     #[test]

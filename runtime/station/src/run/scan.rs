@@ -212,6 +212,7 @@ impl Scan {
             let (cpu, engines) = (&mut self.cpu, &mut self.successors);
             if let Some(name) = self.newcomers.as_mut().and_then(|programs| programs.take_over(cpu, engines)) {
                 self.engine.set(name);
+                self.retentive.iter_mut().for_each(ScanEnd::hand_over_soon);
             }
             if let Some(retentive) = &mut self.retentive {
                 retentive.after_cycle(&mut self.cpu);

@@ -1,13 +1,20 @@
-//! Ctrl-C, SIGTERM and SIGHUP: the first ends the run in order; a second Ctrl-C or SIGTERM at once. A terminal that is
-//! closed may send SIGHUP more than once, and a run started with `nohup` is to go on.
+//! Ctrl-C, SIGTERM, SIGHUP, SIGQUIT, SIGPWR and SIGXCPU: the first ends the run in order; a second Ctrl-C or SIGTERM at
+//! once. A terminal that is closed may send SIGHUP more than once, and a run started with `nohup` is to go on. Signals
+//! that mean nothing here (SIGUSR1, a timer of a library) do nothing, instead of ending the process.
 
 use std::io::{self, Read as _, Write as _};
+use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use ob1_rt::SideThread;
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::process::Signal;
+use signal_hook::consts::{
+    SIGALRM, SIGHUP, SIGINT, SIGIO, SIGPROF, SIGQUIT, SIGTERM, SIGUSR1, SIGUSR2, SIGVTALRM, SIGXCPU,
+};
 
 /// The exit code of a run that was ended by a second signal, as shells show SIGINT.
 const SECOND_SIGNAL: i32 = 130;
@@ -30,8 +37,13 @@ impl Signals {
             signal_hook::flag::register(signal, armed)?;
             signal_hook::low_level::pipe::register(signal, sender.try_clone()?)?;
         }
-        if !ignored(SIGHUP) {
-            signal_hook::low_level::pipe::register(SIGHUP, sender.try_clone()?)?;
+        let power = Signal::POWER.as_raw();
+        for signal in [SIGHUP, SIGQUIT, power, SIGXCPU].into_iter().filter(|signal| !ignored(*signal)) {
+            signal_hook::low_level::pipe::register(signal, sender.try_clone()?)?;
+        }
+        // Heard by nobody. A process that is started from here does not inherit that.
+        for signal in [SIGUSR1, SIGUSR2, SIGALRM, SIGVTALRM, SIGPROF, SIGIO] {
+            signal_hook::flag::register(signal, Arc::default())?;
         }
         Ok(Self { caught, sender })
     }
@@ -45,6 +57,30 @@ impl Signals {
             let _ = sender.write_all(&[0]);
         })?;
         Ok(())
+    }
+
+    /// Until this is dropped a signal ends the process at once: nothing has been started yet, and a plugin may not
+    /// return from its load.
+    ///
+    /// # Errors
+    /// What the system says when it has no thread or descriptor left.
+    pub fn end_at_once(&self) -> io::Result<SideThread<OwnedFd>> {
+        let caught = self.caught.try_clone()?;
+        SideThread::polling("ob1-starting", move |stopped| {
+            loop {
+                let mut fds = [PollFd::new(&stopped, PollFlags::IN), PollFd::new(&caught, PollFlags::IN)];
+                let _ = poll(&mut fds, None);
+                if !fds[0].revents().is_empty() {
+                    return;
+                }
+                if !fds[1].revents().is_empty() {
+                    err!("ob1: ended by a signal before the station was started");
+                    ob1_log::flush(ob1_log::LAST_WORDS);
+                    // Without the handlers of libraries: a plugin that is just being loaded holds their lock.
+                    signal_hook::low_level::exit(SECOND_SIGNAL);
+                }
+            }
+        })
     }
 
     /// Waits for a signal, but not longer than `time`; true when one came.

@@ -331,7 +331,7 @@ fn gsd(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Gsd> 
             return None;
         }
     };
-    match Gsd::read(&bytes) {
+    match ob1_log::quietly(|| Gsd::read(&bytes)) {
         Ok(gsd) => Some(gsd),
         Err(error) => {
             let message = format!("{} is not a valid GSD file: {error}", path.display());

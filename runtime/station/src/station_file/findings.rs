@@ -65,12 +65,17 @@ pub fn unreadable(place: &Spot, path: &Path, error: &io::Error) -> Finding {
 pub struct Findings<'a> {
     source: Text<'a>,
     found: Vec<Finding>,
+    /// Those left out.
+    more: usize,
 }
+
+/// Errors of one file that are told, at most: each is looked up in the file, and nobody reads more.
+const MOST: usize = 200;
 
 impl<'a> Findings<'a> {
     /// Nothing found yet in this file.
     pub fn new(source: Text<'a>) -> Self {
-        Self { source, found: Vec::new() }
+        Self { source, found: Vec::new(), more: 0 }
     }
 
     /// A place in the file, for an error that may come later.
@@ -80,6 +85,10 @@ impl<'a> Findings<'a> {
 
     /// Adds an error: its number, its place in the file, what is wrong and what helps.
     pub fn error(&mut self, code: &str, at: Range<usize>, message: impl Into<String>, remedy: impl Into<String>) {
+        if self.found.len() >= MOST && self.has_error() {
+            self.more += 1;
+            return;
+        }
         self.found.push(self.source.finding(Level::Error, code, at, message.into(), remedy.into()));
     }
 
@@ -88,10 +97,14 @@ impl<'a> Findings<'a> {
         self.found.push(self.source.finding(Level::Warning, code, at, message.into(), remedy.into()));
     }
 
+    /// Whether there is an error so far.
+    fn has_error(&self) -> bool {
+        self.found.iter().any(|finding| finding.level == Level::Error)
+    }
+
     /// Takes the warnings out, if there is no error among them.
     pub fn take_warnings(&mut self) -> Vec<Finding> {
-        let error = self.found.iter().any(|finding| finding.level == Level::Error);
-        if error { Vec::new() } else { std::mem::take(&mut self.found) }
+        if self.has_error() { Vec::new() } else { std::mem::take(&mut self.found) }
     }
 
     /// The station if nothing was found, else the findings in the order of the file.
@@ -100,6 +113,10 @@ impl<'a> Findings<'a> {
             return Ok(value);
         }
         self.found.sort_by_key(|f| (f.line, f.column));
+        if self.more > 0 {
+            let (file, message) = (self.source.file, format!("{} errors more", self.more));
+            self.found.push(Finding::whole(Level::Error, VALUE, file, message, "correct the others first"));
+        }
         Err(self.found)
     }
 }

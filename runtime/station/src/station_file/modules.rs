@@ -1,5 +1,6 @@
 //! The modules of a station: addresses, parameters in both forms, lines.
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -54,6 +55,7 @@ pub(super) fn modules(
     folder: &Path,
 ) -> Vec<ModuleConfig> {
     let mut modules: Vec<ModuleConfig> = Vec::with_capacity(tables.len());
+    let (mut names, mut owners) = (BTreeSet::new(), Owners::default());
     // Slaves behind a CP have no addresses in the CPU, wherever the CP is in the file.
     for table in tables.iter().map(Placed::get_ref).filter(|table| table.kind.get_ref() == DP_MASTER) {
         dp_master::claim(f, table, buses);
@@ -77,12 +79,14 @@ pub(super) fn modules(
                 module(f, table, ty, folder, buses).map(|module| (module, places)).into_iter().collect()
             }
         };
-        if built.first().is_some_and(|(module, _)| modules.iter().any(|m| m.name == module.name)) {
+        if built.first().is_some_and(|(module, _)| names.contains(&module.name)) {
             let message = format!("there are two modules with the name \"{}\"", table.name.get_ref());
             f.error(TWICE, table.name.span(), message, "give each module a name of its own");
         }
         for (module, places) in built {
-            overlaps(f, &places, &module, &modules);
+            overlaps(f, &places, &module, (&modules, &owners));
+            owners.take(&module, modules.len());
+            names.insert(module.name.clone());
             modules.push(module);
         }
     }
@@ -271,9 +275,46 @@ fn diagnostics_of_240(f: &mut Findings<'_>, table: &ModuleTable, params: &Cp240)
     params.protocol.has_diagnostics()
 }
 
+/// Whose each byte of the peripheral area is: inputs, outputs.
+struct Owners([Vec<Option<usize>>; 2]);
+
+impl Default for Owners {
+    fn default() -> Self {
+        Self([(); 2].map(|()| vec![None; LAST_ADDRESS as usize + 1]))
+    }
+}
+
+impl Owners {
+    fn bytes(&self, module: &ModuleConfig, outputs: bool) -> Range<usize> {
+        let (first, len) = range(module, outputs);
+        let all = self.0[usize::from(outputs)].len();
+        (first as usize).min(all)..(first as usize + len as usize).min(all)
+    }
+
+    /// The first byte of a module that another one has, and which.
+    fn shared(&self, module: &ModuleConfig, outputs: bool) -> Option<(usize, usize)> {
+        let of = &self.0[usize::from(outputs)];
+        self.bytes(module, outputs).find_map(|byte| Some((byte, of[byte]?)))
+    }
+
+    /// The bytes that nobody has are this module's.
+    fn take(&mut self, module: &ModuleConfig, index: usize) {
+        for outputs in [false, true] {
+            for byte in self.bytes(module, outputs) {
+                self.0[usize::from(outputs)][byte].get_or_insert(index);
+            }
+        }
+    }
+}
+
 /// Refuses a module that shares bytes with an earlier one or reaches beyond its area. The same fault of inputs and
 /// outputs, at one place of the file, is told once.
-fn overlaps(f: &mut Findings<'_>, places: &[Range<usize>; 2], module: &ModuleConfig, earlier: &[ModuleConfig]) {
+fn overlaps(
+    f: &mut Findings<'_>,
+    places: &[Range<usize>; 2],
+    module: &ModuleConfig,
+    (earlier, owners): (&[ModuleConfig], &Owners),
+) {
     let mut before: Option<(Range<usize>, Option<&str>)> = None;
     for outputs in [false, true] {
         let (first, len) = range(module, outputs);
@@ -286,15 +327,12 @@ fn overlaps(f: &mut Findings<'_>, places: &[Range<usize>; 2], module: &ModuleCon
             (message, format!("the last {word} byte such a module can have is {}", area - 1), None)
         });
         let shared = || {
-            earlier.iter().find_map(|other| {
-                let (begin, other_len) = range(other, outputs);
-                let (common, other_end) = (first.max(begin), begin + other_len);
-                (common < end.min(other_end)).then(|| {
-                    let message = format!("{word} byte {common} belongs to {} already", other.name);
-                    let remedy = format!("{} occupies {begin} to {}", other.name, other_end - 1);
-                    (message, remedy, Some(other.name.as_str()))
-                })
-            })
+            let (common, other) = owners.shared(module, outputs)?;
+            let other = earlier.get(other)?;
+            let (begin, other_len) = range(other, outputs);
+            let message = format!("{word} byte {common} belongs to {} already", other.name);
+            let remedy = format!("{} occupies {begin} to {}", other.name, begin + other_len - 1);
+            Some((message, remedy, Some(other.name.as_str())))
         };
         let Some((message, remedy, owner)) = beyond.or_else(shared) else { continue };
         let fault = (at.clone(), owner);
