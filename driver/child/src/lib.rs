@@ -23,7 +23,7 @@ pub fn start_log() {
     let _ = ob1_log::start();
     ob1_log::tell_panics();
     // The runtime has said what is wrong with OB1_LOG.
-    let _ = ob1_log::subscribe("info");
+    let _ = ob1_log::subscribe("info", ob1_log::Lines::Sparing);
 }
 
 /// Ctrl-C on a terminal reaches the whole group; the runtime handles it, and ends us by closing standard input. The

@@ -116,7 +116,7 @@ fn run(name: &str) -> ExitCode {
     // Before anything is opened, and before there is a thread.
     ob1_rt::close_inherited();
     // The runtime has said what is wrong with OB1_LOG.
-    let _ = ob1_log::subscribe("info");
+    let _ = ob1_log::subscribe("info", ob1_log::Lines::Sparing);
     // Of the highest level: a filter that lets only warnings through keeps the name before them.
     let _span = tracing::error_span!("gate", name).entered();
     signals();

@@ -84,7 +84,7 @@ fn run(arguments: &Arguments) -> ExitCode {
     let _ = ob1_log::start();
     ob1_log::tell_panics();
     // The runtime has said what is wrong with OB1_LOG.
-    let _ = ob1_log::subscribe("info");
+    let _ = ob1_log::subscribe("info", ob1_log::Lines::Sparing);
     // Of the highest level: a filter that lets only warnings through keeps the name before them.
     let _span = tracing::error_span!("s7", name = arguments.name).entered();
     refused.iter().for_each(|(what, why)| warn!("not confined, {what}: {why}"));

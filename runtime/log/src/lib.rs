@@ -4,7 +4,11 @@
 //! error, fed by a bounded queue: [`write`] neither waits nor fails nor panics, and what could not be written is
 //! counted in [`lost`]. Before [`start`] everything is written at once, without the thread.
 //!
+//! Lines that others cause have a bound ([`Lines::Sparing`], [`Limit`]); what was left out is counted.
+//!
 //! To the journal of systemd each line has its [`Severity`] in front, so that `journalctl -p` finds it.
+
+mod limit;
 
 use std::ffi::OsStr;
 use std::fs::File;
@@ -13,7 +17,7 @@ use std::os::fd::AsFd as _;
 use std::os::unix::fs::MetadataExt as _;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::Builder;
 use std::time::{Duration, Instant};
 
@@ -22,9 +26,18 @@ use tracing::{Level, Metadata};
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::filter::LevelFilter;
 use tracing_subscriber::fmt::MakeWriter;
+use tracing_subscriber::layer::SubscriberExt as _;
+use tracing_subscriber::util::SubscriberInitExt as _;
+
+pub use limit::Limit;
+use limit::{Sparing, tell_left_out};
 
 /// How long what is still to be written may hold up the end of a process.
 pub const LAST_WORDS: Duration = Duration::from_millis(200);
+/// The target of lines that are all written, also with [`Lines::Sparing`]: they have a bound of their own.
+pub const ALL: &str = "ob1_all";
+/// Between the first line that is left out and the one that says how many were.
+const LEFT_OUT: Duration = Duration::from_secs(1);
 /// Texts that wait to be written.
 const QUEUE: usize = 1024;
 /// Stack of the thread, in bytes: it may be locked into memory.
@@ -63,6 +76,17 @@ enum Message {
     Text(Vec<u8>),
     /// The line below them, in place of the one before; empty: none.
     Live(Vec<u8>),
+    /// Lines are being left out: their number is due.
+    LeftOut,
+}
+
+/// Which lines [`subscribe`] writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lines {
+    /// All of the level: what happens here, nobody else causes.
+    All,
+    /// Others cause lines: of each place in the code some, and the number of those left out.
+    Sparing,
 }
 
 static SENDER: OnceLock<SyncSender<Message>> = OnceLock::new();
@@ -100,18 +124,28 @@ fn start_with(
     Ok(())
 }
 
-/// Sends log lines to standard error: those of this level and above, or what `OB1_LOG` says. It needs no thread; a
-/// second call changes nothing. Returns what is wrong with `OB1_LOG`, whose value does not count then.
-pub fn subscribe(level: &str) -> Option<String> {
+/// Sends log lines to standard error: those of this level and above, or what `OB1_LOG` says. It needs no thread, but
+/// without one what [`Lines::Sparing`] leaves out is told by [`flush`] alone; a second call changes nothing. Returns what
+/// is wrong with `OB1_LOG`, whose value does not count then.
+pub fn subscribe(level: &str, lines: Lines) -> Option<String> {
     let told = std::env::var_os("OB1_LOG").map(|text| text.to_string_lossy().into_owned());
     let (filter, wrong) = filter(told.as_deref().unwrap_or_default(), level);
-    let _ = tracing_subscriber::fmt()
+    let log = tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(Log(Severity::Info))
         .with_ansi(is_coloured(is_terminal()))
         .with_target(false)
-        .try_init();
+        .finish();
+    let sparing = (lines == Lines::Sparing).then_some(Sparing { begun: left_out });
+    let _ = log.with(sparing).try_init();
     wrong
+}
+
+/// The first line is left out: the thread tells how many, a moment later.
+fn left_out() {
+    if let Some(sender) = SENDER.get() {
+        hand_over(sender, Message::LeftOut);
+    }
 }
 
 /// The filter of this text: a level, or levels of parts of the program (`ob1_station=debug`). Any other word would be
@@ -196,6 +230,7 @@ pub fn lost() -> u64 {
 
 /// Waits until everything is written, but not longer than `patience`; for the end of a process.
 pub fn flush(patience: Duration) {
+    tell_left_out();
     let end = Instant::now() + patience;
     while WAITING.load(Ordering::Relaxed) > 0 && Instant::now() < end {
         std::thread::sleep(LOOK);
@@ -257,16 +292,34 @@ pub fn tell_panics() {
 /// The thread: only it waits for the reader.
 fn write_all(mut file: File, messages: &Receiver<Message>) {
     let mut live = false;
-    for message in messages {
-        let bytes = match &message {
+    let mut due: Option<Instant> = None;
+    loop {
+        let wait = due.map(|due| due.saturating_duration_since(Instant::now()));
+        if wait == Some(Duration::ZERO) {
+            due = None;
+            tell_left_out();
+            continue;
+        }
+        let next = wait.map_or_else(|| messages.recv().map_err(Into::into), |wait| messages.recv_timeout(wait));
+        let message = match next {
+            Ok(message) => message,
+            Err(RecvTimeoutError::Timeout) => continue,
+            Err(RecvTimeoutError::Disconnected) => return,
+        };
+        let bytes: &[u8] = match &message {
             Message::Text(text) | Message::Live(text) => text,
+            Message::LeftOut => {
+                due.get_or_insert_with(|| Instant::now() + LEFT_OUT);
+                WAITING.fetch_sub(1, Ordering::Relaxed);
+                continue;
+            }
         };
         let done = if std::mem::take(&mut live) { put(&mut file, WIPE) } else { Ok(()) };
         let done = done.and_then(|()| put(&mut file, bytes));
         match message {
             Message::Live(line) => live = !line.is_empty(),
-            Message::Text(_) if done.is_err() => drop(LOST.fetch_add(1, Ordering::Relaxed)),
-            Message::Text(_) => {}
+            _ if done.is_err() => drop(LOST.fetch_add(1, Ordering::Relaxed)),
+            _ => {}
         }
         WAITING.fetch_sub(1, Ordering::Relaxed);
     }

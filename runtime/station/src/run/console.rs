@@ -5,7 +5,7 @@
 pub fn start_log(quiet: bool) {
     // Without the thread the log is written at once.
     let _ = ob1_log::start();
-    if let Some(wrong) = ob1_log::subscribe(if quiet { "warn" } else { "info" }) {
+    if let Some(wrong) = ob1_log::subscribe(if quiet { "warn" } else { "info" }, ob1_log::Lines::All) {
         tracing::warn!("{wrong}");
     }
 }
