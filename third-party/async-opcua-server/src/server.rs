@@ -53,6 +53,15 @@ struct ConnectionInfo {
     command_send: tokio::sync::mpsc::Sender<ControllerCommand>,
 }
 
+tokio::task_local! {
+    static PEER: SocketAddr;
+}
+
+/// The address of the client whose connection this task serves.
+pub fn peer() -> Option<SocketAddr> {
+    PEER.try_with(|peer| *peer).ok()
+}
+
 fn log_connection_panic(id: u32, payload: Box<dyn std::any::Any + Send>) {
     let message = payload
         .downcast_ref::<&str>()
@@ -390,7 +399,7 @@ impl Server {
                             );
 
                             let (send, recv) = tokio::sync::mpsc::channel(5);
-                            let handle = tokio::spawn(async move {
+                            let handle = tokio::spawn(PEER.scope(addr, async move {
                                 if let Err(payload) =
                                     std::panic::AssertUnwindSafe(conn.run(recv, |_| {}))
                                         .catch_unwind()
@@ -399,7 +408,7 @@ impl Server {
                                     log_connection_panic(connection_counter, payload);
                                 }
                                 connection_counter
-                            });
+                            }));
                             self.connections.push(handle);
                             self.connection_map.insert(connection_counter, ConnectionInfo {
                                 command_send: send

@@ -53,6 +53,9 @@ impl File {
     }
 }
 
+/// Copies of other projects: they keep their ways.
+const OTHERS: &str = "third-party/";
+
 /// All files, and the graph of crates.
 pub(super) struct Tree {
     pub(super) files: Vec<File>,
@@ -67,7 +70,7 @@ impl Tree {
         list.args(["ls-files", "--cached", "--others", "--exclude-standard"]).current_dir(root);
         let names = if root.join(".git").exists() { shell::read(&mut list)? } else { walk(root) };
         let mut files = Vec::new();
-        for path in names.lines().filter(|path| is_text(path)) {
+        for path in names.lines().filter(|path| is_text(path) && !path.starts_with(OTHERS)) {
             match std::fs::read_to_string(root.join(path)) {
                 Ok(text) => files.push(File::new(path, &text)),
                 // Deleted but still in the index, or a program in CP1252: ignored.

@@ -1,4 +1,5 @@
 use std::collections::HashMap;
+use std::net::IpAddr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -15,6 +16,9 @@ use opcua_crypto::X509;
 use opcua_types::{
     ApplicationDescription, ByteString, MessageSecurityMode, NodeId, StatusCode, UAString,
 };
+
+/// The longest life of a session before it is activated.
+const UNACTIVATED: Duration = Duration::from_secs(10);
 
 /// An instance of an OPC-UA session.
 pub struct Session {
@@ -68,6 +72,10 @@ pub struct Session {
     user_token: Option<UserToken>,
     /// Whether the session has been closed.
     is_closed: bool,
+    /// The address of the client that created the session.
+    peer: Option<IpAddr>,
+    /// Whether its activation waits for the user to be authenticated.
+    pub(super) is_activating: bool,
 }
 
 impl Session {
@@ -120,6 +128,8 @@ impl Session {
             application_description,
             message_security_mode,
             is_closed: false,
+            peer: crate::peer().map(|peer| peer.ip().to_canonical()),
+            is_activating: false,
         }
     }
 
@@ -140,7 +150,22 @@ impl Session {
 
     /// Get the session timeout deadline.
     pub fn deadline(&self) -> Instant {
-        **self.last_service_request.load() + self.session_timeout
+        let timeout = if self.user_token.is_some() {
+            self.session_timeout
+        } else {
+            self.session_timeout.min(UNACTIVATED)
+        };
+        **self.last_service_request.load() + timeout
+    }
+
+    /// The address of the client that created the session.
+    pub(super) fn peer(&self) -> Option<IpAddr> {
+        self.peer
+    }
+
+    /// Whether the session can make room for another: nobody has been let in by it.
+    pub(super) fn is_idle_stranger(&self) -> bool {
+        self.user_token.is_none() && !self.is_activating
     }
 
     /// Check whether this session is validated and return the appropriate error if not.

@@ -24,6 +24,10 @@ use super::{instance::Session, message_handler::MessageHandler};
 
 static NEXT_SESSION_ID: AtomicU32 = AtomicU32::new(1);
 
+/// Maximum of sessions that have not been activated. They do not count for the limit of sessions: whoever cannot log
+/// in keeps nobody out.
+const MAX_UNACTIVATED: usize = 500;
+
 pub(super) fn next_session_id() -> (NodeId, u32) {
     // Session id will be a string identifier
     let session_id = NEXT_SESSION_ID.fetch_add(1, Ordering::Relaxed);
@@ -67,7 +71,7 @@ impl SessionManager {
         certificate_store: &RwLock<CertificateStore>,
         request: &CreateSessionRequest,
     ) -> Result<CreateSessionResponse, StatusCode> {
-        if self.sessions.len() >= self.info.config.limits.max_sessions {
+        if self.is_full() {
             return Err(StatusCode::BadTooManySessions);
         }
 
@@ -157,6 +161,7 @@ impl SessionManager {
             request.client_description.clone(),
             channel.security_mode(),
         );
+        self.make_room(&session);
         info!("Created new session with ID {}", session.session_id());
 
         let session_id = session.session_id().clone();
@@ -183,6 +188,44 @@ impl SessionManager {
             server_signature,
             max_request_message_size,
         })
+    }
+
+    /// Whether there is no room for another activated session.
+    fn is_full(&self) -> bool {
+        let activated = |session: &&Arc<RwLock<Session>>| session.read().is_activated();
+        self.sessions.values().filter(activated).count() >= self.info.config.limits.max_sessions
+    }
+
+    /// Makes room for a session that is not activated yet. OPC 10000-4, CreateSession: the oldest that has not been
+    /// activated is closed. It is one of the same channel, which can activate one at a time; or, when there are too
+    /// many, one of the address that has most of them.
+    fn make_room(&mut self, new: &Session) {
+        let mut idle = Vec::new();
+        for session in self.sessions.values() {
+            let session = session.read();
+            if session.is_idle_stranger() {
+                let channel = session.secure_channel_id();
+                idle.push((session.session_id_numeric(), channel, session.peer()));
+            }
+        }
+        let of_channel = |other: &&(u32, u32, _)| other.1 == new.secure_channel_id();
+        let of_channel = idle.iter().filter(of_channel).map(|session| session.0).min();
+        let oldest = of_channel.or_else(|| {
+            if idle.len() < MAX_UNACTIVATED {
+                return None;
+            }
+            let mut shares: HashMap<_, (usize, u32)> = HashMap::new();
+            for (id, _, peer) in &idle {
+                let share = shares.entry(*peer).or_insert((0, *id));
+                *share = (share.0 + 1, share.1.min(*id));
+            }
+            shares.into_values().max_by_key(|share| share.0).map(|share| share.1)
+        });
+        if let Some(oldest) = oldest {
+            if let Some(session) = self.sessions.remove(&NodeId::new(1, oldest)) {
+                trace_write_lock!(session).close();
+            }
+        }
     }
 
     fn verify_client_signature(
@@ -345,6 +388,7 @@ pub(crate) async fn activate_session(
         (endpoint_url, session_nonce, session_lck, mgr.info.clone())
     };
 
+    trace_write_lock!(session_lck).is_activating = true;
     let user_token = info
         .authenticate_endpoint(
             request,
@@ -354,10 +398,22 @@ pub(crate) async fn activate_session(
             request.user_identity_token.clone(),
             &session_nonce,
         )
-        .await?;
+        .await;
+    trace_write_lock!(session_lck).is_activating = false;
+    let user_token = user_token?;
 
     let (server_nonce, session_id) = {
+        // While the user was authenticated, others may have been activated, and this one may have expired.
+        let mgr = trace_write_lock!(mgr_lck);
         let mut session = trace_write_lock!(session_lck);
+        if !mgr.sessions.contains_key(session.session_id()) {
+            return Err(StatusCode::BadSessionIdInvalid);
+        }
+        let others = mgr.sessions.values().filter(|other| !Arc::ptr_eq(other, &session_lck));
+        let activated = others.filter(|other| other.read().is_activated()).count();
+        if !session.is_activated() && activated >= info.config.limits.max_sessions {
+            return Err(StatusCode::BadTooManySessions);
+        }
 
         if !session.is_activated() && session.secure_channel_id() != secure_channel_id {
             error!("activate session, rejected secure channel id {} for inactive session does not match one used to create session, {}", secure_channel_id, session.secure_channel_id());
