@@ -15,7 +15,7 @@ use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper::{Method, Request, Response, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
-use ob1_gate_core::Link;
+use ob1_gate_core::{Link, network};
 use rustix::net::sockopt;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpListener;
@@ -195,7 +195,7 @@ pub(crate) async fn serve(link: Link, site: Rc<impl Site>) -> Result<(), String>
                 continue;
             }
         };
-        let address = peer.ip().to_canonical();
+        let address = network(peer.ip());
         let same = counted.borrow().iter().filter(|other| **other == address).count();
         if counted.borrow().len() >= clients || same >= clients.div_ceil(2) {
             debug!(%address, "too many connections");
