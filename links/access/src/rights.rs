@@ -77,6 +77,8 @@ pub struct Allowed {
     areas: Option<BTreeSet<Place>>,
     /// `None`: all.
     blocks: Option<Vec<RangeInclusive<u16>>>,
+    /// `None`: unless cells are limited.
+    program: Option<bool>,
 }
 
 impl Allowed {
@@ -94,7 +96,21 @@ impl Allowed {
         Ok(Self {
             areas: areas.map(|names| names.iter().map(area).collect()).transpose()?,
             blocks: blocks.map(|texts| texts.iter().map(block).collect()).transpose()?,
+            program: None,
         })
+    }
+
+    /// With the key `program` of the link.
+    #[must_use]
+    pub fn with_program(self, program: Option<bool>) -> Self {
+        Self { program, ..self }
+    }
+
+    /// Whether a client may see the statements of the program and, if it has the right to operate, change them. They
+    /// tell and reach every cell: a link that is limited to some of them has the program only if its file says so.
+    #[must_use]
+    pub fn has_program(&self) -> bool {
+        self.program.unwrap_or(self.areas.is_none() && self.blocks.is_none())
     }
 
     /// Whether a client may read this cell and, if it has the right to write, write it.
@@ -159,6 +175,19 @@ mod tests {
             let made = Allowed::of(areas.map(texts).as_deref(), blocks.map(texts).as_deref()).expect("right");
             let has: Vec<usize> = (0..cells.len()).filter(|at| made.has(cells[*at])).collect();
             assert_eq!(has, allowed, "{areas:?} {blocks:?}");
+        }
+        let has_program = |areas: Option<&[&str]>, blocks: Option<&[&str]>, program| {
+            let made = Allowed::of(areas.map(texts).as_deref(), blocks.map(texts).as_deref()).expect("right");
+            made.with_program(program).has_program()
+        };
+        for (areas, blocks, program, has) in [
+            (None, None, None, true),
+            (None, None, Some(false), false),
+            (Some(&["M"][..]), None, None, false),
+            (None, Some(&["DB10"][..]), None, false),
+            (Some(&["DB"]), Some(&["DB10"]), Some(true), true),
+        ] {
+            assert_eq!(has_program(areas, blocks, program), has, "{areas:?} {blocks:?} {program:?}");
         }
         for wrong in ["L", "m", "", "DB1"] {
             assert!(Allowed::of(Some(&texts(&[wrong])), None).is_err(), "{wrong}");
