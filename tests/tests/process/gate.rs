@@ -224,6 +224,26 @@ fn without_rights_nothing_changes() {
     station.until("another login is needed", |_| (rita.get("/api/status").status == 401).then_some(()));
 }
 
+/// Statements tell of all cells: a link that is limited to some does not show them.
+#[test]
+fn a_limited_page_does_not_show_the_program() {
+    let site = Site::new();
+    let (station, page, _) = station(&site, "gate-limited", "areas = [\"DB\"]\nblocks = [\"DB10\"]");
+    let visitor = Visitor::at(page);
+    let program = visitor.get("/api/program").json();
+    assert_eq!(program["blocks"], json!([]), "{program}");
+    assert_eq!(program["data"].as_array().map(Vec::len), Some(1), "{program}");
+    for (path, status) in [
+        ("/api/block?id=DB%2010", 200),
+        ("/api/block?id=OB%201", 403),
+        ("/api/block?id=DB%2020", 404),
+        ("/api/xref?operand=M", 403),
+    ] {
+        assert_eq!(visitor.get(path).status, status, "{path}");
+    }
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
 /// A killed gate is restarted: the page is available again, a resumed stream has missed nothing, and the scan has
 /// continued.
 #[test]
