@@ -322,7 +322,11 @@ mod tests {
     #[test]
     fn what_is_sent_is_read_again() {
         assert_eq!(Payload::decode(&payload().encode()), Some(payload()));
-        assert_eq!(Value::Int(0xFFFF_FFFE).json(kind::INT16), serde_json::json!(-2));
+        // A number has the width of its data type; what hosts send may be extended to 32 bits.
+        assert_eq!(Value::of(&Datum::Int(-2)), Value::Int(0xFFFE));
+        for (value, kind) in [(0xFFFF_FFFE, kind::INT16), (0xFFFE, kind::INT16), (0xFE, kind::INT8)] {
+            assert_eq!(Value::Int(value).json(kind), serde_json::json!(-2), "{value:X}");
+        }
         assert_eq!(Value::Long(u64::MAX).json(kind::INT64), serde_json::json!(-1));
         assert_eq!(Value::Long(1_767_225_600_007).json(kind::DATE_TIME), serde_json::json!("2026-01-01T00:00:00.007"));
         // A payload of Eclipse Tahu's: timestamp 1, one metric "bdSeq" (UInt64) 7, by hand.

@@ -4,7 +4,8 @@
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
 
-use ob1_tests::opcua::OpcUa;
+use ob1_tests::opcua::{OpcUa, OpcUaError, value_of};
+use opcua_types::{CreateSessionResponse, ReadRequest, ReadResponse, StatusCode};
 use rustix::process::Signal;
 use serde_json::{Value, json};
 
@@ -268,6 +269,34 @@ fn a_channel_is_encrypted_with_a_key_of_its_own() {
     let mode = std::os::unix::fs::MetadataExt::mode(&std::fs::metadata(key).expect("a key")) & 0o777;
     assert_eq!(mode, 0o600);
     drop(plain);
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
+/// OPC 10000-4, CreateSession: the oldest session that nobody has activated makes room. As many as `clients` are let in.
+#[test]
+fn sessions_that_nobody_activates_keep_nobody_out() {
+    let site = Site::new();
+    let (station, port) = opcua(&site, "ua-idle", "clients = 3\n");
+    let address = std::net::SocketAddr::from(([127, 0, 0, 1], port));
+    let patience = std::time::Duration::from_secs(60);
+    let create =
+        |client: &mut OpcUa| -> Result<CreateSessionResponse, _> { client.call(&client.create_session(address)) };
+    let mut one = OpcUa::open(address, patience).expect("a channel");
+    let mut others: Vec<_> = (0..10).map(|_| OpcUa::open(address, patience).expect("a channel")).collect();
+    (0..20).for_each(|_| drop(create(&mut one).expect("a session")));
+    others.iter_mut().for_each(|client| drop(create(client).expect("a session")));
+    let mut honest: Vec<_> = (0..3).map(|_| OpcUa::connect(address, patience).expect("let in")).collect();
+    let full = OpcUa::connect(address, patience).expect_err("more than `clients`");
+    assert!(matches!(full, OpcUaError::Status(StatusCode::BadTooManySessions)), "{full}");
+    // Those who are in stay in.
+    for client in &mut honest {
+        let read = ReadRequest {
+            request_header: client.header(),
+            nodes_to_read: Some(vec![value_of("MW20")]),
+            ..ReadRequest::default()
+        };
+        let _: ReadResponse = client.call(&read).expect("a value");
+    }
     assert_eq!(station.interrupt().code(), Some(0));
 }
 

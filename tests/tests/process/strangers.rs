@@ -2,6 +2,7 @@
 //! can make it write. Short here; long runs with `cargo xtask siege honest logs --minutes 2`.
 
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpStream};
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::{Scope, scope};
 use std::time::{Duration, Instant};
@@ -11,7 +12,7 @@ use ob1_tests::siege::Span;
 use opcua_types::CreateSessionResponse;
 use serde_json::json;
 
-use crate::common::fleet::{connected, station, users};
+use crate::common::fleet::{Broker, Listener, connected, station, users};
 use crate::common::gate::Visitor;
 use crate::common::s7::free_port;
 use crate::common::site::Site;
@@ -85,7 +86,7 @@ fn honest() {
     station.until("clients are served", |_| OpcUa::open(opcua, Duration::from_secs(1)).ok());
     let operator = Visitor::as_user(page, "anna", "anna-secret");
     let log_in = || drop(Visitor::as_user(page, "anna", "anna-secret"));
-    let span = Span::of(2);
+    let span = Span::of(1);
     // Times of the honest ones under an attack.
     let under = |what: &str, act: &(dyn Fn(u64, u64) + Sync), honest: &dyn Fn()| {
         let (stop, count) = (AtomicBool::new(false), AtomicU64::new(0));
@@ -94,10 +95,10 @@ fn honest() {
             let _end = Attack(&stop);
             attack(scope, &stop, &count, act);
             // The attack is under way.
-            while count.load(Ordering::Relaxed) < 3 * ATTACKERS && begin.elapsed() < PATIENCE {
+            while count.load(Ordering::Relaxed) < 2 * ATTACKERS && begin.elapsed() < PATIENCE {
                 std::thread::sleep(Duration::from_millis(20));
             }
-            while times < 3 || span.is_campaign() && times < 40 {
+            while times < 1 || span.is_campaign() && times < 40 {
                 let begin = Instant::now();
                 honest();
                 worst = worst.max(begin.elapsed());
@@ -135,6 +136,19 @@ fn honest() {
         under("sessions that nobody activates", &create, &|| {
             drop(OpcUa::connect(opcua, PATIENCE).expect("a session"));
         });
+        let held = Duration::from_millis(300);
+        let hold = |_: u64, _: u64| {
+            let _all: Vec<_> = (0..3).map(|_| Visitor::at(page).connect()).collect();
+            std::thread::sleep(held);
+        };
+        under("connections that ask for nothing", &hold, &log_in);
+        let channels = |_: u64, _: u64| {
+            let _all: Vec<_> = (0..12).map(|_| OpcUa::open(opcua, PATIENCE)).collect();
+            std::thread::sleep(held);
+        };
+        under("channels without a session", &channels, &|| {
+            drop(OpcUa::connect(opcua, PATIENCE).expect("a session"));
+        });
         // A user with the least right logs in more often than there are sessions.
         let bert = |_: u64, _: u64| drop(Visitor::as_user(page, "bert", "bert-secret"));
         under("logins of somebody else", &bert, &log_in);
@@ -157,14 +171,23 @@ fn logs() {
             "[[link]]\ntype = \"{kind}\"\nname = \"{kind}\"\nlisten = \"127.0.0.1:{port}\"\nusers = \"gate.users\"\n\n"
         )
     };
-    let station = station(&site, "st-logs", &(link("web", page) + &link("metrics", figures) + &link("opcua", scada)));
+    let broker = Broker::start(&site);
+    let mqtt = format!(
+        "[[link]]\ntype = \"mqtt\"\nname = \"mqtt\"\nbroker = \"mqtt://127.0.0.1:{}\"\nrights = \"write\"\npublish = \
+         [\"MW20\"]\ncommands = [\"MW20\"]\n",
+        broker.port
+    );
+    let links = link("web", page) + &link("metrics", figures) + &link("opcua", scada) + &mqtt;
+    let station = station(&site, "st-logs", &links);
+    let mut listener = Listener::start(&site, broker.port, "ob1/st-logs/online");
+    listener.until("online", |said| (said["payload"] == true).then_some(()));
     let opcua = SocketAddr::from(([127, 0, 0, 1], scada));
     station.until("the page is served", |_| Visitor::at(page).try_get("/api/session"));
     station.until("clients are served", |_| OpcUa::open(opcua, Duration::from_secs(1)).ok());
     let span = Span::of(1);
     let seconds = if span.is_campaign() { 10 } else { 2 };
     let lines = || station.said().lines().count();
-    let under = |what: &str, act: &(dyn Fn(u64, u64) + Sync)| {
+    let under = |what: &str, least: u64, act: &(dyn Fn(u64, u64) + Sync)| {
         let (stop, count) = (AtomicBool::new(false), AtomicU64::new(0));
         let (mut worst, mut last, first) = (0, lines(), lines());
         scope(|scope| {
@@ -181,26 +204,39 @@ fn logs() {
         let count = count.into_inner();
         println!("{what}: {count} times, {} lines, at most {worst} a second", last - first);
         assert!(worst <= LINES, "{what}: {worst} lines a second");
-        assert!(count > 2 * LINES as u64, "{what}: only {count} times");
+        assert!(count > least, "{what}: only {count} times");
         let told = |said: &str| said.lines().skip(first).any(|line| line.contains("left out"));
         station.until("what was left out", |station| told(&station.said()).then_some(()));
     };
     let get = |port: u16, heads: &str| {
         let _ = Visitor::at(port).raw(format!("GET / HTTP/1.1\r\n{heads}Connection: close\r\n\r\n").as_bytes());
     };
-    let mut round = 0;
+    let (many, mut round) = (2 * LINES as u64, 0);
     while span.goes_on(round) {
         round += 1;
-        under("a wrong host", &|_, _| get(page, "Host: evil.example\r\n"));
-        under("a wrong origin", &|_, _| get(figures, "Host: localhost\r\nOrigin: http://evil.example\r\n"));
-        under("connections", &|_, _| drop(OpcUa::open(opcua, Duration::from_secs(5))));
-        under("noise", &|_, number| {
+        under("a wrong host", many, &|_, _| get(page, "Host: evil.example\r\n"));
+        under("a wrong origin", many, &|_, _| get(figures, "Host: localhost\r\nOrigin: http://evil.example\r\n"));
+        under("connections", many, &|_, _| drop(OpcUa::open(opcua, Duration::from_secs(5))));
+        under("noise", many, &|_, number| {
             let Ok(mut stream) = TcpStream::connect(opcua) else { return };
             let _ = std::io::Write::write_all(&mut stream, &number.to_le_bytes().repeat(20));
             let _ = stream.shutdown(Shutdown::Write);
             let _ = std::io::Read::read(&mut stream, &mut [0; 64]);
         });
-        under("sessions", &|_, _| {
+        // Each takes its turn, so there are fewer.
+        under("wrong passwords", ATTACKERS, &|_, number| {
+            let visitor = Visitor { from: Some(address(number)), ..Visitor::at(page) };
+            guess(&visitor, &format!("user{number}"));
+        });
+        let (said, first) = (Mutex::new(&mut listener), AtomicU64::new(0));
+        under("unknown commands", 0, &|_, _| {
+            std::thread::sleep(Duration::from_millis(50));
+            let number = first.fetch_add(1, Ordering::Relaxed);
+            let topic = if number % 2 == 0 { "MW20".to_owned() } else { format!("X{number}") };
+            let mut listener = said.lock().expect("free");
+            listener.say(&json!({ "topic": format!("ob1/st-logs/{topic}/set"), "payload": "wrong" }));
+        });
+        under("sessions", many, &|_, _| {
             let Ok(mut client) = OpcUa::open(opcua, Duration::from_secs(5)) else { return };
             let _: Result<CreateSessionResponse, OpcUaError> = client.call(&client.create_session(opcua));
         });

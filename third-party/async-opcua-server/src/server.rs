@@ -2,7 +2,7 @@ use std::{
     collections::HashMap,
     net::{SocketAddr, ToSocketAddrs},
     sync::{
-        atomic::{AtomicU16, AtomicU8},
+        atomic::{AtomicBool, AtomicU16, AtomicU8, Ordering},
         Arc,
     },
     time::Duration,
@@ -50,16 +50,57 @@ use super::{
 };
 
 struct ConnectionInfo {
+    shared: Option<Arc<Shared>>,
     command_send: tokio::sync::mpsc::Sender<ControllerCommand>,
 }
 
+/// Maximum of connections without an activated session.
+const MAX_IDLE: usize = 200;
+
+/// What a connection's task and the server both know of it.
+struct Shared {
+    peer: SocketAddr,
+    has_session: AtomicBool,
+}
+
 tokio::task_local! {
-    static PEER: SocketAddr;
+    static CONNECTION: Arc<Shared>;
 }
 
 /// The address of the client whose connection this task serves.
 pub fn peer() -> Option<SocketAddr> {
-    PEER.try_with(|peer| *peer).ok()
+    CONNECTION.try_with(|connection| connection.peer).ok()
+}
+
+/// Notes whether the connection that this task serves has an activated session.
+pub(crate) fn note_session(is_activated: bool) {
+    let _ = CONNECTION
+        .try_with(|connection| connection.has_session.store(is_activated, Ordering::Relaxed));
+}
+
+/// Closes a connection without a session if there are many: the oldest of the address that has most of them.
+fn make_room(connections: &mut HashMap<u32, ConnectionInfo>) {
+    let mut shares: HashMap<_, (usize, u32)> = HashMap::new();
+    let mut count = 0;
+    for (id, connection) in &*connections {
+        let Some(shared) = &connection.shared else {
+            continue;
+        };
+        if !shared.has_session.load(Ordering::Relaxed) {
+            count += 1;
+            let share = shares
+                .entry(shared.peer.ip().to_canonical())
+                .or_insert((0, *id));
+            *share = (share.0 + 1, share.1.min(*id));
+        }
+    }
+    if count < MAX_IDLE {
+        return;
+    }
+    let oldest = shares.into_values().max_by_key(|share| share.0);
+    if let Some(connection) = oldest.and_then(|share| connections.remove(&share.1)) {
+        let _ = connection.command_send.try_send(ControllerCommand::Close);
+    }
 }
 
 fn log_connection_panic(id: u32, payload: Box<dyn std::any::Any + Send>) {
@@ -334,7 +375,7 @@ impl Server {
 
         self.info
             .port
-            .store(addr.port(), std::sync::atomic::Ordering::Relaxed);
+            .store(addr.port(), Ordering::Relaxed);
 
         self.log_endpoint_info();
 
@@ -398,8 +439,11 @@ impl Server {
                                 self.subscriptions.clone()
                             );
 
+                            make_room(&mut self.connection_map);
+                            let has_session = AtomicBool::new(false);
+                            let shared = Arc::new(Shared { peer: addr, has_session });
                             let (send, recv) = tokio::sync::mpsc::channel(5);
-                            let handle = tokio::spawn(PEER.scope(addr, async move {
+                            let handle = tokio::spawn(CONNECTION.scope(shared.clone(), async move {
                                 if let Err(payload) =
                                     std::panic::AssertUnwindSafe(conn.run(recv, |_| {}))
                                         .catch_unwind()
@@ -411,6 +455,7 @@ impl Server {
                             }));
                             self.connections.push(handle);
                             self.connection_map.insert(connection_counter, ConnectionInfo {
+                                shared: Some(shared),
                                 command_send: send
                             });
                             connection_counter += 1;
@@ -461,6 +506,7 @@ impl Server {
                     });
                     self.connections.push(handle);
                     self.connection_map.insert(connection_counter, ConnectionInfo {
+                        shared: None,
                         command_send: send
                     });
                     connection_counter += 1;

@@ -317,6 +317,7 @@ pub(crate) async fn close_session(
             (id, token, session_id)
         };
 
+        crate::server::note_session(false);
         info!("Closed session with ID {}", session_id);
         let session = mgr.sessions.remove(&session_id).unwrap();
         {
@@ -435,6 +436,7 @@ pub(crate) async fn activate_session(
             request.locale_ids.clone(),
             user_token.clone(),
         );
+        crate::server::note_session(true);
         (
             session.session_nonce().clone(),
             session.session_id_numeric(),
