@@ -153,15 +153,12 @@ impl Connections {
     fn enter(&self, network: IpAddr, most: usize) -> Option<Rc<Connection>> {
         let mut all = self.0.borrow_mut();
         let count = |of: IpAddr| all.iter().filter(|other| other.network == of).count();
-        let full = if count(network) >= most.div_ceil(2) {
-            Some(network)
-        } else if all.len() >= most {
-            all.iter().map(|other| other.network).max_by_key(|of| count(*of))
-        } else {
-            None
-        };
-        if let Some(full) = full {
-            let at = all.iter().position(|other| other.network == full && other.requests.get() == 0)?;
+        let has_its_share = count(network) >= most.div_ceil(2);
+        if has_its_share || all.len() >= most {
+            let idle = all.iter().enumerate().rev().filter(|(_, other)| other.requests.get() == 0);
+            let fit = idle.filter(|(_, other)| !has_its_share || other.network == network);
+            // The last of equal ones, which is the oldest.
+            let (at, _) = fit.max_by_key(|(_, other)| count(other.network))?;
             all.remove(at).leaves.notify_one();
         }
         let one = Rc::new(Connection { network, requests: Cell::new(0), leaves: Notify::new() });

@@ -125,8 +125,8 @@ fn start_with(
 }
 
 /// Sends log lines to standard error: those of this level and above, or what `OB1_LOG` says. It needs no thread, but
-/// without one what [`Lines::Sparing`] leaves out is told by [`flush`] alone; a second call changes nothing. Returns what
-/// is wrong with `OB1_LOG`, whose value does not count then.
+/// without one what [`Lines::Sparing`] leaves out is told by [`flush`] alone; a second call changes nothing. Returns
+/// what is wrong with `OB1_LOG`, whose value does not count then.
 pub fn subscribe(level: &str, lines: Lines) -> Option<String> {
     let told = std::env::var_os("OB1_LOG").map(|text| text.to_string_lossy().into_owned());
     let (filter, wrong) = filter(told.as_deref().unwrap_or_default(), level);

@@ -272,7 +272,8 @@ fn a_channel_is_encrypted_with_a_key_of_its_own() {
     assert_eq!(station.interrupt().code(), Some(0));
 }
 
-/// OPC 10000-4, CreateSession: the oldest session that nobody has activated makes room. As many as `clients` are let in.
+/// OPC 10000-4, CreateSession: the oldest session that nobody has activated makes room. As many as `clients` are let
+/// in.
 #[test]
 fn sessions_that_nobody_activates_keep_nobody_out() {
     let site = Site::new();

@@ -1,6 +1,7 @@
 //! Strangers at the links of a station: what they cannot take from those who know their password, and how little they
 //! can make it write. Short here; long runs with `cargo xtask siege honest logs --minutes 2`.
 
+use std::io::{Read as _, Write as _};
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpStream};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -68,8 +69,8 @@ fn address(number: u64) -> Ipv4Addr {
     Ipv4Addr::from_bits(0x7F01_0000 + (number % 60_000) as u32)
 }
 
-/// A right password gets in within five seconds, whatever 24 attackers do; a `read` user ends nobody's session; sessions
-/// that nobody activates keep no client out.
+/// A right password gets in within five seconds, whatever 24 attackers do; a `read` user ends nobody's session;
+/// sessions that nobody activates keep no client out.
 #[test]
 fn honest() {
     let site = Site::new();
@@ -96,7 +97,7 @@ fn honest() {
             attack(scope, &stop, &count, act);
             // The attack is under way.
             while count.load(Ordering::Relaxed) < 2 * ATTACKERS && begin.elapsed() < PATIENCE {
-                std::thread::sleep(Duration::from_millis(20));
+                station.scans(4);
             }
             while times < 1 || span.is_campaign() && times < 40 {
                 let begin = Instant::now();
@@ -136,15 +137,18 @@ fn honest() {
         under("sessions that nobody activates", &create, &|| {
             drop(OpcUa::connect(opcua, PATIENCE).expect("a session"));
         });
-        let held = Duration::from_millis(300);
+        // Held for a moment, or until the gate closes them.
         let hold = |_: u64, _: u64| {
-            let _all: Vec<_> = (0..3).map(|_| Visitor::at(page).connect()).collect();
-            std::thread::sleep(held);
+            let mut all: Vec<_> = (0..3).filter_map(|_| Visitor::at(page).connect()).collect();
+            for stream in &mut all {
+                let _ = stream.set_read_timeout(Some(Duration::from_millis(100)));
+                let _ = stream.read(&mut [0; 64]);
+            }
         };
         under("connections that ask for nothing", &hold, &log_in);
         let channels = |_: u64, _: u64| {
-            let _all: Vec<_> = (0..12).map(|_| OpcUa::open(opcua, PATIENCE)).collect();
-            std::thread::sleep(held);
+            let mut all: Vec<_> = (0..12).map(|_| OpcUa::open(opcua, Duration::from_secs(1))).collect();
+            let _ = all.iter_mut().flatten().next().map(OpcUa::told);
         };
         under("channels without a session", &channels, &|| {
             drop(OpcUa::connect(opcua, PATIENCE).expect("a session"));
@@ -195,7 +199,8 @@ fn logs() {
             attack(scope, &stop, &count, act);
             for _ in 0..seconds {
                 let begin = Instant::now();
-                std::thread::sleep(Duration::from_secs(1));
+                // A second, or a little more.
+                station.scans(200);
                 let now = lines();
                 worst = worst.max((now - last).div_ceil(begin.elapsed().as_secs().max(1) as usize));
                 last = now;
@@ -219,9 +224,9 @@ fn logs() {
         under("connections", many, &|_, _| drop(OpcUa::open(opcua, Duration::from_secs(5))));
         under("noise", many, &|_, number| {
             let Ok(mut stream) = TcpStream::connect(opcua) else { return };
-            let _ = std::io::Write::write_all(&mut stream, &number.to_le_bytes().repeat(20));
+            let _ = stream.write_all(&number.to_le_bytes().repeat(20));
             let _ = stream.shutdown(Shutdown::Write);
-            let _ = std::io::Read::read(&mut stream, &mut [0; 64]);
+            let _ = stream.read(&mut [0; 64]);
         });
         // Each takes its turn, so there are fewer.
         under("wrong passwords", ATTACKERS, &|_, number| {
@@ -230,7 +235,8 @@ fn logs() {
         });
         let (said, first) = (Mutex::new(&mut listener), AtomicU64::new(0));
         under("unknown commands", 0, &|_, _| {
-            std::thread::sleep(Duration::from_millis(50));
+            // Not faster than the client reads.
+            let _ = Visitor::at(page).try_get("/api/session");
             let number = first.fetch_add(1, Ordering::Relaxed);
             let topic = if number % 2 == 0 { "MW20".to_owned() } else { format!("X{number}") };
             let mut listener = said.lock().expect("free");
