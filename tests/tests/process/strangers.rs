@@ -99,7 +99,7 @@ fn honest() {
             while count.load(Ordering::Relaxed) < 2 * ATTACKERS && begin.elapsed() < PATIENCE {
                 station.scans(4);
             }
-            while times < 1 || span.is_campaign() && times < 40 {
+            while times < 1 || span.is_campaign() && times < 10 {
                 let begin = Instant::now();
                 honest();
                 worst = worst.max(begin.elapsed());

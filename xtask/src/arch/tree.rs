@@ -196,8 +196,9 @@ impl Graph {
             let (Some(id), Some(name)) = (package["id"].as_str(), package["name"].as_str()) else { continue };
             names.insert(id, name);
             let manifest = package["manifest_path"].as_str().unwrap_or_default();
-            if package["source"].is_null() {
-                let folder = manifest.strip_prefix(&root).and_then(|path| path.strip_suffix("/Cargo.toml"));
+            let path = manifest.strip_prefix(&root);
+            if package["source"].is_null() && !path.is_some_and(|path| path.starts_with(OTHERS)) {
+                let folder = path.and_then(|path| path.strip_suffix("/Cargo.toml"));
                 let node = graph.crates.entry(name.to_owned()).or_default();
                 node.folder = folder.unwrap_or_default().to_owned();
                 node.declares =
