@@ -24,8 +24,9 @@ def decoded(payload):
     for metric in message.metrics:
         field = metric.WhichOneof("value")
         value = None if metric.is_null or field is None else getattr(metric, field)
-        if metric.datatype in (2, 3) and isinstance(value, int) and value >= 1 << 31:
-            value -= 1 << 32  # a negative number of 16 or 32 bits
+        width = {2: 16, 3: 32}.get(metric.datatype)
+        if width and isinstance(value, int) and value >= 1 << (width - 1):
+            value -= 1 << width  # a negative number
         if isinstance(value, bytes):
             value = value.hex()
         metrics.append(

@@ -26,6 +26,8 @@ const SIEGES: &[Siege] = &[
     siege("gate_mqtt", "process::gate_siege", Long::Minutes(10.0)),
     siege("gate_greed", "process::gate_siege", Long::Minutes(60.0)),
     siege("gate_broker", "process::gate_siege", Long::Rounds(100)),
+    siege("honest", "process::strangers", Long::Minutes(2.0)),
+    siege("logs", "process::strangers", Long::Minutes(2.0)),
     siege("browsers", "process::browser", Long::Rounds(50)),
     siege("segment", "parts::siege", Long::Rounds(1_000_000)),
     siege("input", "parts::siege", Long::Rounds(100_000)),

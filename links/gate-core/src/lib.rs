@@ -6,22 +6,24 @@
 //! the audit log itself, so that no protocol can forget it.
 
 mod audit;
-mod back_off;
 mod catalog;
 mod clock;
+mod hex;
 mod memory;
 mod pump;
 mod station;
 mod tls;
 mod trouble;
+mod turns;
 mod users;
 
 pub use audit::Audit;
-pub use back_off::BackOff;
 pub use catalog::Catalog;
 pub use clock::{iso, unix_now};
+pub use hex::{hex, unhex};
 pub use memory::Memory;
 pub use station::{Client, Link, Station, Watch, Who};
 pub use tls::Tls;
 pub use trouble::Trouble;
+pub use turns::{Source, network};
 pub use users::{Login, LoginError, Users, UsersError, hash};

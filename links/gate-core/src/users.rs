@@ -16,16 +16,19 @@ use std::io::Read as _;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use argon2::password_hash::{PasswordHash, PasswordHasher as _, PasswordVerifier as _, SaltString};
 use argon2::{Algorithm, Argon2, Params, Version};
 use ob1_access::Right;
+use ring::hmac::{HMAC_SHA256, Key, sign, verify as is_signed};
 use ring::rand::{SecureRandom as _, SystemRandom};
 use thiserror::Error;
-use tokio::sync::Semaphore;
+use tokio::sync::Notify;
+use tokio::time::Instant;
 
-use crate::BackOff;
+use crate::turns::{Keys, Next, Turns};
+use crate::{Source, hex};
 
 /// Maximum size of the file.
 const FILE: u64 = 256 << 10;
@@ -34,10 +37,8 @@ const NAME: usize = 64;
 const PASSWORD: usize = 256;
 /// Maximum cost of a hash: memory in KiB, passes, lanes.
 const MOST: (u32, u32, u32) = (64 << 10, 8, 4);
-/// Number of passwords that may wait to be checked.
-const WAITING: usize = 16;
-/// Wrong passwords of an address, for any name, before it has to wait.
-const FREE_OF_ADDRESS: u32 = 10;
+/// Bytes of the number of a browser that has logged in.
+const DEVICE: usize = 16;
 
 /// Why a file of users cannot be used.
 #[derive(Debug, Error)]
@@ -59,10 +60,7 @@ pub enum LoginError {
     /// There is no such user, or the password is wrong.
     #[error("wrong name or password")]
     Wrong,
-    /// Too many wrong passwords; the time until the next is checked.
-    #[error("too many wrong passwords: wait {} s", .0.as_secs() + 1)]
-    Wait(Duration),
-    /// Too many logins at a time.
+    /// Too many logins at a time, most of them from this address.
     #[error("too many log in at the same time: try again")]
     Busy,
 }
@@ -89,9 +87,9 @@ pub struct Users(Arc<Inner>);
 struct Inner {
     path: PathBuf,
     known: Mutex<Read>,
-    waits: Mutex<(BackOff, BackOff)>,
-    turn: Arc<Semaphore>,
-    queue: Arc<Semaphore>,
+    turns: Mutex<Turns>,
+    /// A turn is over, or somebody has left.
+    moved: Notify,
     began: Instant,
     /// A hash that is not a user's password: checking it makes a wrong name take as long as a wrong password.
     nobody: String,
@@ -118,9 +116,8 @@ impl Users {
         Ok(Self(Arc::new(Inner {
             path: path.to_owned(),
             known: Mutex::new(known),
-            waits: Mutex::new((BackOff::after(0), BackOff::after(FREE_OF_ADDRESS))),
-            turn: Arc::new(Semaphore::new(1)),
-            queue: Arc::new(Semaphore::new(WAITING)),
+            turns: Mutex::default(),
+            moved: Notify::new(),
             began: Instant::now(),
             nobody: hash("nobody"),
         })))
@@ -162,51 +159,115 @@ impl Users {
         Some(hasher.finish())
     }
 
-    /// Logs in a user from this address.
+    /// Logs in a user; it takes its turn with others who do.
     ///
     /// # Errors
     /// [`LoginError`].
-    pub async fn login(&self, user: &str, password: &str, address: &str) -> Result<Login, LoginError> {
-        let (one, all) = (format!("{user}\n{address}"), address.to_owned());
-        let now = || self.0.began.elapsed();
-        let waits = || self.0.waits.lock().unwrap_or_else(PoisonError::into_inner);
-        let long = user.len() > NAME || password.len() > PASSWORD;
-        let waited = || {
-            let waits = waits();
-            waits.0.wait(&one, now()).max(waits.1.wait(&all, now()))
-        };
-        let wait = waited();
-        if long || !wait.is_zero() {
-            return Err(if long { LoginError::Wrong } else { LoginError::Wait(wait) });
+    pub async fn login(&self, user: &str, password: &str, source: &Source) -> Result<Login, LoginError> {
+        if user.len() > NAME || password.len() > PASSWORD {
+            return Err(LoginError::Wrong);
         }
-        let _place = self.0.queue.clone().try_acquire_owned().map_err(|_| LoginError::Busy)?;
-        let turn = self.0.turn.clone().acquire_owned().await.map_err(|_| LoginError::Busy)?;
-        // While this one waited for its turn, others may have tried the same.
-        let wait = waited();
-        if !wait.is_zero() {
-            return Err(LoginError::Wait(wait));
-        }
+        let device = source.device.as_deref().and_then(|device| self.known_device(user, device));
+        let turn = self.turn(Keys::of(user, source, device)).await.ok_or(LoginError::Busy)?;
         let known = self.known().users.get(user).cloned();
         let hash = known.as_ref().map_or_else(|| self.0.nobody.clone(), |known| known.hash.clone());
-        let password = password.to_owned();
+        let (password, is_user) = (password.to_owned(), known.is_some());
         let checked = tokio::task::spawn_blocking(move || {
-            let _turn = turn;
-            verify(&password, &hash)
+            let is_right = verify(&password, &hash) && is_user;
+            // Here, so that it also counts for clients that do not wait for the answer.
+            turn.count(is_right);
+            is_right
         });
-        let right = checked.await.unwrap_or(false);
-        match known.filter(|_| right) {
-            Some(known) => {
-                waits().0.passed(&one);
-                Ok(Login { user: user.to_owned(), right: known.right })
-            }
-            None => {
-                let now = now();
-                let mut waits = waits();
-                waits.0.failed(&one, now);
-                waits.1.failed(&all, now);
-                Err(LoginError::Wrong)
+        let is_right = checked.await.unwrap_or(false);
+        let known = known.filter(|_| is_right).ok_or(LoginError::Wrong)?;
+        Ok(Login { user: user.to_owned(), right: known.right })
+    }
+
+    /// Waits for a turn; `None`: others have taken the place.
+    async fn turn(&self, keys: Keys) -> Option<Turn> {
+        let mut turn = Turn { inner: Arc::clone(&self.0), number: 0, keys, has_begun: false };
+        turn.number = self.0.turns().enter(&turn.keys, self.0.now());
+        loop {
+            let mut moved = std::pin::pin!(self.0.moved.notified());
+            moved.as_mut().enable();
+            let next = self.0.turns().next(turn.number, self.0.now());
+            match next {
+                Next::Now => {
+                    turn.has_begun = true;
+                    return Some(turn);
+                }
+                Next::At(due) => {
+                    let _ = tokio::time::timeout_at(self.0.began + due, moved).await;
+                }
+                Next::Later => moved.await,
+                Next::Gone => return None,
             }
         }
+    }
+
+    /// A text by which the browser of a user who has logged in is known again, until the user has another password.
+    /// Strangers cannot make one, and it is no login. `None`: no such user, or no random numbers.
+    #[must_use]
+    pub fn device(&self, user: &str) -> Option<String> {
+        let mut number = [0; DEVICE];
+        SystemRandom::new().fill(&mut number).ok()?;
+        let number = hex(&number);
+        let proof = sign(&self.device_key(user)?, device_text(user, &number).as_bytes());
+        Some(format!("{number}{}", hex(proof.as_ref())))
+    }
+
+    /// The number of a browser that this user has logged in with.
+    fn known_device<'d>(&self, user: &str, device: &'d str) -> Option<&'d str> {
+        let (number, proof) = device.split_at_checked(2 * DEVICE)?;
+        let proof = crate::unhex::<32>(proof)?;
+        is_signed(&self.device_key(user)?, device_text(user, number).as_bytes(), &proof).ok()?;
+        Some(number)
+    }
+
+    /// Nobody else knows the line of a user, and it changes with the password.
+    fn device_key(&self, user: &str) -> Option<Key> {
+        Some(Key::new(HMAC_SHA256, self.known().users.get(user)?.hash.as_bytes()))
+    }
+}
+
+fn device_text(user: &str, number: &str) -> String {
+    format!("ob1 device\n{user}\n{number}")
+}
+
+impl Inner {
+    fn turns(&self) -> std::sync::MutexGuard<'_, Turns> {
+        self.turns.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn now(&self) -> Duration {
+        self.began.elapsed()
+    }
+}
+
+/// The place of somebody who logs in; dropping it leaves it.
+struct Turn {
+    inner: Arc<Inner>,
+    keys: Keys,
+    number: u64,
+    has_begun: bool,
+}
+
+impl Turn {
+    fn count(&self, is_right: bool) {
+        self.inner.turns().count(&self.keys, is_right, self.inner.now());
+    }
+}
+
+impl Drop for Turn {
+    fn drop(&mut self) {
+        let mut turns = self.inner.turns();
+        if self.has_begun {
+            turns.done();
+        } else {
+            turns.leave(self.number);
+        }
+        drop(turns);
+        self.inner.moved.notify_waiters();
     }
 }
 
@@ -306,7 +367,11 @@ mod tests {
     }
 
     fn runtime() -> tokio::runtime::Runtime {
-        tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime")
+        tokio::runtime::Builder::new_current_thread().enable_all().start_paused(true).build().expect("a runtime")
+    }
+
+    fn at(address: &str) -> Source {
+        Source::address(address.parse().expect("an address"))
     }
 
     #[test]
@@ -316,18 +381,63 @@ mod tests {
         let users = Users::read(&path).expect("right");
         runtime().block_on(async {
             let anna = Login { user: "anna".into(), right: Right::Operate };
-            assert_eq!(users.login("anna", "pässword", "::1").await, Ok(anna.clone()));
+            assert_eq!(users.login("anna", "pässword", &at("::1")).await, Ok(anna.clone()));
             for (user, password) in [("anna", "Pässword"), ("bert", ""), ("carl", "b"), ("", "")] {
-                assert_eq!(users.login(user, password, "::1").await, Err(LoginError::Wrong), "{user}");
-                let again = users.login(user, "b", "::1").await;
-                assert!(matches!(again, Err(LoginError::Wait(_))), "{user}: {again:?}");
+                assert_eq!(users.login(user, password, &at("::1")).await, Err(LoginError::Wrong), "{user}");
+                // The next one from there waits, but comes in; other addresses do not wait.
+                let begin = Instant::now();
+                let there = users.login(user, password, &at("192.0.2.1")).await;
+                assert_eq!((there, begin.elapsed()), (Err(LoginError::Wrong), Duration::ZERO), "{user}");
+                assert_eq!(users.login(user, "no", &at("::1")).await, Err(LoginError::Wrong), "{user}");
+                assert_eq!(begin.elapsed().as_millis() / 10, 25, "{user}");
             }
-            // Other addresses do not wait.
-            assert_eq!(users.login("anna", "pässword", "192.0.2.1").await, Ok(anna));
+            let begin = Instant::now();
+            assert_eq!(users.login("anna", "pässword", &at("::1")).await, Ok(anna.clone()));
+            assert_eq!(begin.elapsed().as_millis() / 10, 50);
             let long = "x".repeat(PASSWORD + 1);
-            assert_eq!(users.login("anna", &long, "192.0.2.1").await, Err(LoginError::Wrong));
+            assert_eq!(users.login("anna", &long, &at("192.0.2.1")).await, Err(LoginError::Wrong));
         });
         assert_eq!((users.right("bert"), users.right("carl")), (Some(Right::Read), None));
+    }
+
+    /// Who goes before its turn leaves no hole, and is still counted.
+    #[test]
+    fn a_client_that_does_not_wait_keeps_nobody_waiting() {
+        let (_folder, path) = users(&format!("anna:read:{}\n", hash("x")), 0o600);
+        let users = Users::read(&path).expect("right");
+        runtime().block_on(async {
+            for _ in 0..3 {
+                let source = at("::1");
+                tokio::select! {
+                    biased;
+                    _ = users.login("anna", "y", &source) => {}
+                    () = tokio::task::yield_now() => {}
+                }
+            }
+            let begin = Instant::now();
+            assert!(users.login("anna", "x", &at("192.0.2.1")).await.is_ok());
+            assert!(users.login("anna", "x", &at("::1")).await.is_ok());
+            assert!(begin.elapsed() >= Duration::from_millis(200), "{:?}", begin.elapsed());
+        });
+    }
+
+    #[test]
+    fn a_browser_is_known_again_until_the_password_changes() {
+        let (_folder, path) = users(&format!("anna:read:{0}\nbert:read:{0}\n", hash("x")), 0o600);
+        let users = Users::read(&path).expect("right");
+        let device = users.device("anna").expect("she is there");
+        assert_eq!(users.known_device("anna", &device), device.get(..2 * DEVICE));
+        assert_ne!(users.device("anna"), Some(device.clone()), "each browser its own");
+        let other = if device.ends_with('0') { "1" } else { "0" };
+        let changed = format!("{}{other}", &device[..device.len() - 1]);
+        for (user, device) in [("bert", &*device), ("carl", &*device), ("anna", &*changed), ("anna", ""), ("anna", "ü")]
+        {
+            assert_eq!(users.known_device(user, device), None, "{user} {device}");
+        }
+        assert_eq!(users.device("carl"), None);
+        fs::write(&path, format!("anna:read:{}\n", hash("x"))).expect("a file");
+        assert!(users.refresh().expect("right"));
+        assert_eq!(users.known_device("anna", &device), None);
     }
 
     #[test]

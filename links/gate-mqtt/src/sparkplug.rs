@@ -7,6 +7,7 @@ use ob1_access::Datum;
 
 /// Data types [Sparkplug 3.0, "6.4.16"].
 pub(crate) mod kind {
+    pub(crate) const INT8: u32 = 1;
     pub(crate) const INT16: u32 = 2;
     pub(crate) const INT32: u32 = 3;
     pub(crate) const INT64: u32 = 4;
@@ -29,7 +30,7 @@ pub(crate) const BD_SEQ: &str = "bdSeq";
 /// A value of a metric.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Value {
-    /// Up to 32 bits; signed ones as two's complement.
+    /// Up to 32 bits; signed ones as two's complement of their width. Some hosts extend theirs to 32 bits.
     Int(u32),
     Long(u64),
     Float(f32),
@@ -86,8 +87,8 @@ impl Value {
             Datum::Byte(v) => Self::Int((*v).into()),
             Datum::Word(v) => Self::Int((*v).into()),
             Datum::DWord(v) => Self::Int(*v),
-            // Negative 16-bit numbers are extended to 32 bits.
-            Datum::Int(v) => Self::Int(i32::from(*v) as u32),
+            // In 16 bits: hosts refuse what does not fit the data type.
+            Datum::Int(v) => Self::Int((*v as u16).into()),
             Datum::DInt(v) => Self::Int(*v as u32),
             Datum::Real(v) => Self::Float(*v),
             Datum::Duration(ms) | Datum::Moment(ms) => Self::Long(*ms as u64),
@@ -101,6 +102,7 @@ impl Value {
     pub(crate) fn json(&self, datatype: u32) -> serde_json::Value {
         match self {
             Self::Int(v) => match datatype {
+                kind::INT8 => serde_json::json!(*v as i8),
                 kind::INT16 => serde_json::json!(*v as i16),
                 kind::INT32 => serde_json::json!(*v as i32),
                 _ => serde_json::json!(v),
@@ -320,7 +322,11 @@ mod tests {
     #[test]
     fn what_is_sent_is_read_again() {
         assert_eq!(Payload::decode(&payload().encode()), Some(payload()));
-        assert_eq!(Value::Int(0xFFFF_FFFE).json(kind::INT16), serde_json::json!(-2));
+        // A number has the width of its data type; what hosts send may be extended to 32 bits.
+        assert_eq!(Value::of(&Datum::Int(-2)), Value::Int(0xFFFE));
+        for (value, kind) in [(0xFFFF_FFFE, kind::INT16), (0xFFFE, kind::INT16), (0xFE, kind::INT8)] {
+            assert_eq!(Value::Int(value).json(kind), serde_json::json!(-2), "{value:X}");
+        }
         assert_eq!(Value::Long(u64::MAX).json(kind::INT64), serde_json::json!(-1));
         assert_eq!(Value::Long(1_767_225_600_007).json(kind::DATE_TIME), serde_json::json!("2026-01-01T00:00:00.007"));
         // A payload of Eclipse Tahu's: timestamp 1, one metric "bdSeq" (UInt64) 7, by hand.

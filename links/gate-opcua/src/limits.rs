@@ -47,8 +47,9 @@ pub(crate) fn limits(sessions: usize, items: usize) -> Limits {
         max_sessions: sessions,
         subscriptions: SubscriptionLimits {
             max_subscriptions_per_session: 10,
-            max_pending_publish_requests: 20,
-            max_publish_requests_per_subscription: 4,
+            // node-opcua keeps five for each subscription, and takes a refusal of one for an error.
+            max_pending_publish_requests: 100,
+            max_publish_requests_per_subscription: 10,
             min_sampling_interval_ms: SAMPLING_MS,
             min_publishing_interval_ms: SAMPLING_MS,
             // A subscription whose client is dead lives 300 publishing intervals at most.

@@ -1,5 +1,6 @@
 //! HTTP/1.1 for a link: who may connect, how long a request may take, which hosts it may name. All input is untrusted.
 
+use std::cell::{Cell, RefCell};
 use std::convert::Infallible;
 use std::future::Future;
 use std::net::{IpAddr, SocketAddr};
@@ -15,11 +16,11 @@ use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper::{Method, Request, Response, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
-use ob1_gate_core::Link;
+use ob1_gate_core::{Link, network};
 use rustix::net::sockopt;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpListener;
-use tokio::sync::mpsc;
+use tokio::sync::{Notify, mpsc};
 use tokio::time::timeout;
 use tracing::{debug, warn};
 
@@ -30,7 +31,8 @@ const DEAF: Duration = Duration::from_secs(30);
 /// Longest header and body, in bytes.
 const HEAD: usize = 32 << 10;
 const BODY: usize = 64 << 10;
-/// Default limit of concurrent connections; one address gets at most half of them.
+/// Default limit of concurrent connections; one address gets at most half of them. A new one replaces one that asks for
+/// nothing.
 const CLIENTS: usize = 64;
 /// Wait before the next accept when there is no free descriptor.
 const PAUSE: Duration = Duration::from_millis(100);
@@ -89,6 +91,83 @@ impl hyper::body::Body for Body {
 
     fn is_end_stream(&self) -> bool {
         matches!(self, Self::Whole(None))
+    }
+}
+
+/// A body, and the request that it belongs to.
+struct Held(Body, #[expect(dead_code, reason = "its end is what counts")] Busy);
+
+impl hyper::body::Body for Held {
+    type Data = Bytes;
+    type Error = Infallible;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Bytes>, Infallible>>> {
+        Pin::new(&mut self.0).poll_frame(context)
+    }
+
+    fn size_hint(&self) -> hyper::body::SizeHint {
+        self.0.size_hint()
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.0.is_end_stream()
+    }
+}
+
+/// An open connection.
+struct Connection {
+    /// The address, as far as its owner cannot choose it.
+    network: IpAddr,
+    /// Requests that have no complete answer yet.
+    requests: Cell<u32>,
+    /// It has to make room.
+    leaves: Notify,
+}
+
+/// A request of a connection that has no complete answer yet.
+struct Busy(Rc<Connection>);
+
+impl Busy {
+    fn of(connection: &Rc<Connection>) -> Self {
+        connection.requests.set(connection.requests.get() + 1);
+        Self(Rc::clone(connection))
+    }
+}
+
+impl Drop for Busy {
+    fn drop(&mut self) {
+        self.0.requests.set(self.0.requests.get() - 1);
+    }
+}
+
+/// The open connections of a link, the oldest first.
+#[derive(Default)]
+struct Connections(RefCell<Vec<Rc<Connection>>>);
+
+impl Connections {
+    /// A place for one more; `None`: there is none for this address. With too many of an address its oldest that asks
+    /// for nothing makes room, with too many of all that of the address that has most.
+    fn enter(&self, network: IpAddr, most: usize) -> Option<Rc<Connection>> {
+        let mut all = self.0.borrow_mut();
+        let count = |of: IpAddr| all.iter().filter(|other| other.network == of).count();
+        let has_its_share = count(network) >= most.div_ceil(2);
+        if has_its_share || all.len() >= most {
+            let idle = all.iter().enumerate().rev().filter(|(_, other)| other.requests.get() == 0);
+            let fit = idle.filter(|(_, other)| !has_its_share || other.network == network);
+            // The last of equal ones, which is the oldest.
+            let (at, _) = fit.max_by_key(|(_, other)| count(other.network))?;
+            all.remove(at).leaves.notify_one();
+        }
+        let one = Rc::new(Connection { network, requests: Cell::new(0), leaves: Notify::new() });
+        all.push(Rc::clone(&one));
+        Some(one)
+    }
+
+    fn leave(&self, one: &Rc<Connection>) {
+        self.0.borrow_mut().retain(|other| !Rc::ptr_eq(other, one));
     }
 }
 
@@ -183,7 +262,7 @@ pub(crate) async fn serve(link: Link, site: Rc<impl Site>) -> Result<(), String>
         listed.into_iter().flatten().filter_map(|text| text.as_str().map(str::to_owned)).collect()
     };
     let names = Rc::new(Names { hosts: texts("hosts"), origins: texts("origins") });
-    let counted = Rc::new(std::cell::RefCell::new(Vec::<IpAddr>::new()));
+    let connections = Rc::<Connections>::default();
     let listener = link.listeners.into_iter().next().ok_or("nowhere to listen: see above")?;
     let listener = TcpListener::from_std(listener).map_err(|error| error.to_string())?;
     loop {
@@ -195,31 +274,31 @@ pub(crate) async fn serve(link: Link, site: Rc<impl Site>) -> Result<(), String>
                 continue;
             }
         };
-        let address = peer.ip().to_canonical();
-        let same = counted.borrow().iter().filter(|other| **other == address).count();
-        if counted.borrow().len() >= clients || same >= clients.div_ceil(2) {
-            debug!(%address, "too many connections");
+        let Some(one) = connections.enter(network(peer.ip()), clients) else {
+            debug!(%peer, "too many connections");
             continue;
-        }
+        };
         let _ = stream.set_nodelay(true);
         let _ = sockopt::set_tcp_user_timeout(&stream, DEAF.as_millis() as u32);
         let _ = sockopt::set_socket_keepalive(&stream, true);
-        counted.borrow_mut().push(address);
-        let (site, names, counted) = (Rc::clone(&site), Rc::clone(&names), Rc::clone(&counted));
+        let (site, names, connections) = (Rc::clone(&site), Rc::clone(&names), Rc::clone(&connections));
         let tls = link.tls.as_ref().map(ob1_gate_core::Tls::acceptor);
         tokio::task::spawn_local(async move {
-            match tls {
-                None => connection(stream, peer, false, names, site).await,
-                Some(acceptor) => match timeout(PATIENCE, acceptor.accept(stream)).await {
-                    Ok(Ok(stream)) => connection(stream, peer, true, names, site).await,
-                    Ok(Err(error)) => debug!(%peer, "TLS: {error}"),
-                    Err(_) => debug!(%peer, "TLS: no handshake"),
-                },
+            let served = async {
+                match tls {
+                    None => connection(stream, peer, false, names, site, &one).await,
+                    Some(acceptor) => match timeout(PATIENCE, acceptor.accept(stream)).await {
+                        Ok(Ok(stream)) => connection(stream, peer, true, names, site, &one).await,
+                        Ok(Err(error)) => debug!(%peer, "TLS: {error}"),
+                        Err(_) => debug!(%peer, "TLS: no handshake"),
+                    },
+                }
+            };
+            tokio::select! {
+                () = served => {}
+                () = one.leaves.notified() => debug!(%peer, "makes room for another"),
             }
-            let mut counted = counted.borrow_mut();
-            if let Some(at) = counted.iter().position(|other| *other == address) {
-                counted.swap_remove(at);
-            }
+            connections.leave(&one);
         });
     }
 }
@@ -230,10 +309,19 @@ async fn connection<S: Site>(
     tls: bool,
     names: Rc<Names>,
     site: Rc<S>,
+    one: &Rc<Connection>,
 ) {
     let service = service_fn(move |request: Request<Incoming>| {
-        let (names, site) = (Rc::clone(&names), Rc::clone(&site));
-        async move { Ok::<_, Infallible>(guarded(answer(request, peer, tls, &names, site).await)) }
+        let (names, site, one) = (Rc::clone(&names), Rc::clone(&site), Rc::clone(one));
+        async move {
+            let received = receive(request, peer, tls, &names).await;
+            let busy = Busy::of(&one);
+            let reply = match received {
+                Ok(call) => site.call(call).await,
+                Err(refused) => *refused,
+            };
+            Ok::<_, Infallible>(guarded(reply).map(|body| Held(body, busy)))
+        }
     });
     let served = http1::Builder::new()
         .timer(TokioTimer::new())
@@ -246,27 +334,27 @@ async fn connection<S: Site>(
     }
 }
 
-async fn answer<S: Site>(request: Request<Incoming>, peer: SocketAddr, tls: bool, names: &Names, site: Rc<S>) -> Reply {
+/// Receives a whole request.
+async fn receive(request: Request<Incoming>, peer: SocketAddr, tls: bool, names: &Names) -> Result<Call, Box<Reply>> {
+    let refuse = |status, why: &str| Err(Box::new(plain(status, why)));
     let (head, body) = request.into_parts();
     if let Some(why) = stranger(names, &head.headers, &head.method, tls) {
         warn!(%peer, "refused: {why}");
-        return plain(StatusCode::FORBIDDEN, why);
+        return refuse(StatusCode::FORBIDDEN, why);
     }
     let body = match timeout(PATIENCE, Limited::new(body, BODY).collect()).await {
         Ok(Ok(body)) => body.to_bytes(),
         Ok(Err(error)) if error.is::<LengthLimitError>() => {
-            return plain(StatusCode::PAYLOAD_TOO_LARGE, "at most 64 KiB");
+            return refuse(StatusCode::PAYLOAD_TOO_LARGE, "at most 64 KiB");
         }
-        Ok(Err(_)) => return plain(StatusCode::BAD_REQUEST, "the body of the request is broken"),
-        Err(_) => return plain(StatusCode::REQUEST_TIMEOUT, "the body of the request did not arrive in time"),
+        Ok(Err(_)) => return refuse(StatusCode::BAD_REQUEST, "the body of the request is broken"),
+        Err(_) => return refuse(StatusCode::REQUEST_TIMEOUT, "the body of the request did not arrive in time"),
     };
     // The origin is ours; if it is one of HTTPS, the browser speaks TLS to a proxy.
     let tls = tls || head.headers.get(ORIGIN).is_some_and(|origin| origin.as_bytes().starts_with(b"https://"));
     let path = head.uri.path().to_owned();
     let query = head.uri.query().unwrap_or_default().to_owned();
-    let call =
-        Call { method: head.method, path, query, headers: head.headers, body, peer: peer.ip().to_canonical(), tls };
-    site.call(call).await
+    Ok(Call { method: head.method, path, query, headers: head.headers, body, peer: peer.ip().to_canonical(), tls })
 }
 
 /// The headers of every answer.
@@ -315,6 +403,27 @@ fn decode(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn who_asks_for_nothing_makes_room() {
+        let of = |text: &str| text.parse::<IpAddr>().expect("an address");
+        let (here, there) = (of("127.0.0.1"), of("192.0.2.1"));
+        let all = Connections::default();
+        let silent: Vec<_> = (0..4).map(|_| all.enter(here, 8).expect("room")).collect();
+        let asking: Vec<Busy> = silent[..2].iter().map(Busy::of).collect();
+        assert!(all.enter(here, 8).is_some(), "one of the own that asks for nothing goes");
+        assert_eq!(all.0.borrow().len(), 4);
+        assert!(!all.0.borrow().iter().any(|other| Rc::ptr_eq(other, &silent[2])), "the oldest of them");
+        let others: Vec<Busy> = (0..4).map(|_| Busy::of(&all.enter(there, 8).expect("room"))).collect();
+        assert!(all.enter(there, 8).is_none(), "all of its own are served");
+        assert!(all.enter(of("192.0.2.2"), 8).is_some(), "of the address that has most");
+        drop((asking, others));
+        assert!(all.enter(there, 8).is_some());
+        let one = all.enter(here, 8).expect("room");
+        let count = all.0.borrow().len();
+        all.leave(&one);
+        assert_eq!(all.0.borrow().len(), count - 1);
+    }
 
     #[test]
     fn queries_are_decoded() {

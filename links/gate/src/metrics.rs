@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use hyper::header::{ACCEPT, AUTHORIZATION, HeaderMap, HeaderValue, WWW_AUTHENTICATE};
 use hyper::{Method, StatusCode};
 use ob1_access::door::{Document, What};
-use ob1_gate_core::{Link, Station, Trouble, Users};
+use ob1_gate_core::{Link, Source, Station, Trouble, Users};
 use ring::digest::{SHA256, digest};
 use serde_json::Value;
 
@@ -27,11 +27,13 @@ const AGE: Duration = Duration::from_millis(500);
 const TRUSTED: Duration = Duration::from_secs(300);
 const TRUSTED_ONES: usize = 16;
 
+type Trusted = (Vec<u8>, String, Instant);
+
 struct Figures {
     station: Station,
     users: Option<Users>,
     /// Digests of correct passwords, their users, and when they were checked.
-    trusted: RefCell<Vec<(Vec<u8>, String, Instant)>>,
+    trusted: RefCell<Vec<Trusted>>,
     events: Rc<RefCell<text::Counts>>,
 }
 
@@ -103,11 +105,9 @@ impl Figures {
         if trusted && users.right(&user).is_some() {
             return Ok(());
         }
-        match users.login(&user, &password, &call.peer.to_string()).await {
+        match users.login(&user, &password, &Source::address(call.peer)).await {
             Ok(login) => {
-                let mut trusted = self.trusted.borrow_mut();
-                trusted.truncate(TRUSTED_ONES - 1);
-                trusted.push((proof, login.user, now));
+                trust(&mut self.trusted.borrow_mut(), (proof, login.user, now));
                 Ok(())
             }
             Err(why) => {
@@ -129,16 +129,20 @@ impl Figures {
     }
 }
 
-/// The format for a client, and its content type: OpenMetrics, unless it names text but not OpenMetrics, as older
-/// collectors and browsers do.
-fn format(headers: &HeaderMap) -> (Format, &'static str) {
-    let begins = |kind: &str, with: &str| kind.get(..with.len()).is_some_and(|begin| begin.eq_ignore_ascii_case(with));
-    let (mut text, mut open) = (false, false);
-    for kind in http::list(headers, ACCEPT) {
-        text |= begins(kind, "text/");
-        open |= begins(kind, "application/openmetrics-text");
+/// Remembers a correct password in place of the oldest.
+fn trust(trusted: &mut Vec<Trusted>, one: Trusted) {
+    if trusted.len() >= TRUSTED_ONES {
+        trusted.remove(0);
     }
-    if text && !open { (Format::Text, TEXT) } else { (Format::OpenMetrics, OPEN_METRICS) }
+    trusted.push(one);
+}
+
+/// The format for a client, and its content type: OpenMetrics for those that ask for it, as collectors do; the text
+/// before it for all others (`curl | promtool check metrics`, browsers).
+fn format(headers: &HeaderMap) -> (Format, &'static str) {
+    let name = "application/openmetrics-text";
+    let is_open = |kind: &str| kind.get(..name.len()).is_some_and(|begin| begin.eq_ignore_ascii_case(name));
+    if http::list(headers, ACCEPT).any(is_open) { (Format::OpenMetrics, OPEN_METRICS) } else { (Format::Text, TEXT) }
 }
 
 /// `Basic bmFtZTpwYXNzd29yZA==`.
@@ -178,7 +182,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn older_collectors_and_browsers_get_plain_text() {
+    fn of_the_trusted_passwords_the_oldest_goes() {
+        let mut trusted = Vec::new();
+        (0..=TRUSTED_ONES).for_each(|number| trust(&mut trusted, (vec![number as u8], String::new(), Instant::now())));
+        let kept: Vec<u8> = trusted.iter().map(|(proof, ..)| proof[0]).collect();
+        assert_eq!(kept, (1..=TRUSTED_ONES as u8).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn only_who_asks_for_it_gets_open_metrics() {
         let of = |lines: &[&str]| {
             let mut headers = HeaderMap::new();
             for line in lines {
@@ -187,14 +199,15 @@ mod tests {
             format(&headers).0
         };
         for (lines, wanted) in [
-            (&[][..], Format::OpenMetrics),
-            (&["*/*"], Format::OpenMetrics),
+            (&[][..], Format::Text),
+            (&["*/*"], Format::Text),
             (&["application/openmetrics-text;version=1.0.0;q=0.5,text/plain;q=0.4,*/*;q=0.1"], Format::OpenMetrics),
             (&["text/plain;version=0.0.4", "application/openmetrics-text"], Format::OpenMetrics),
             (&["text/plain;version=0.0.4;q=0.5,*/*;q=0.1"], Format::Text),
             (&["Text/Plain"], Format::Text),
             (&["text/html,application/xhtml+xml,application/xml;q=0.9,*/*;q=0.8"], Format::Text),
-            (&["application/json", "", ",;,"], Format::OpenMetrics),
+            (&["application/json", "", ",;,"], Format::Text),
+            (&["Application/OpenMetrics-Text"], Format::OpenMetrics),
         ] {
             assert_eq!(of(lines), wanted, "{lines:?}");
         }

@@ -2,7 +2,8 @@
 //!
 //! Whoever reaches a process over a line or a network can make it write: by a wrong address, a telegram nobody knows, a
 //! state that changes with each answer. [`Limit`] is the bound; [`Sparing`] gives one to each place in the code that
-//! writes, so that no such place has to think of it, libraries included.
+//! writes, so that no such place has to think of it. A library, which writes at several places about each connection,
+//! is one place.
 
 use std::fmt;
 use std::sync::{Mutex, PoisonError};
@@ -20,6 +21,8 @@ use crate::ALL;
 const AT_ONCE: u32 = 20;
 /// and the time after which one more is.
 const ONE_MORE: Duration = Duration::from_millis(500);
+/// How the names of our own crates begin.
+const OURS: &str = "ob1";
 /// Longest example of what was left out, in bytes.
 const EXAMPLE: usize = 200;
 
@@ -67,7 +70,8 @@ impl Limit {
 
 /// A place in the code that has written.
 struct Place {
-    id: Identifier,
+    /// Of a library there is none, but its name.
+    id: (Option<Identifier>, &'static str),
     limit: Limit,
     /// One of the lines that were left out, and where it belongs.
     example: String,
@@ -90,10 +94,12 @@ impl<S: Subscriber> Layer<S> for Sparing {
             return true;
         }
         let mut places = PLACES.lock().unwrap_or_else(PoisonError::into_inner);
-        let index = places.iter().position(|place| place.id == line.callsite()).unwrap_or(places.len());
+        let part = line.target().split("::").next().unwrap_or_default();
+        let id = if part.starts_with(OURS) { (Some(line.callsite()), part) } else { (None, part) };
+        let index = places.iter().position(|place| place.id == id).unwrap_or(places.len());
         if index == places.len() {
             let limit = Limit::new(AT_ONCE, ONE_MORE);
-            places.push(Place { id: line.callsite(), limit, example: String::new(), span: Span::none() });
+            places.push(Place { id, limit, example: String::new(), span: Span::none() });
         }
         let Some(place) = places.get_mut(index) else { return true };
         let is_within = place.limit.take(Instant::now());
@@ -184,16 +190,22 @@ mod tests {
                 tracing::debug!("not asked for");
             }
             tracing::info!("another place");
+            // A library tells of a connection at several places.
+            for number in 0..200 {
+                tracing::info!(target: "library::server", "connection {number} accepted");
+                tracing::error!(target: "library::channel", "connection {number} ended");
+            }
             (0..30).for_each(|n| tracing::info!(target: ALL, "with a bound of its own {n}"));
-            assert_eq!(BEGUN.load(Ordering::Relaxed), 1);
             tell_left_out();
             tell_left_out();
         });
+        assert_eq!(BEGUN.load(Ordering::Relaxed), 2);
         let text = String::from_utf8(text.lock().expect("free").clone()).expect("text");
         let count = |part: &str| text.lines().filter(|line| line.contains(part)).count();
         assert!((20..24).contains(&count(" refused")), "{text}");
         assert_eq!((count("another place"), count("of its own"), count("left out: 10.0.0.1:")), (1, 30, 1), "{text}");
-        let told = text.lines().find(|line| line.contains("left out")).expect("told");
+        assert!((21..25).contains(&count(": connection ")), "with the count: {text}");
+        let told = text.lines().find(|line| line.contains("left out: 10.")).expect("told");
         assert!(told.contains("s7{name=\"panel\"}"), "{told}");
         let counted = told.split_once("}: ").and_then(|(_, rest)| rest.split(' ').next()?.parse::<usize>().ok());
         assert_eq!(counted.map(|left_out| left_out + count(" refused") - 1), Some(5000), "{told}");

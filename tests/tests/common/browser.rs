@@ -60,7 +60,7 @@ impl Browser {
     }
 
     fn try_call(&self, method: &str, path: &str, body: &Value) -> Option<Value> {
-        let visitor = Visitor { address: self.address, cookie: None };
+        let visitor = Visitor { address: self.address, cookie: None, from: None };
         let mut stream = visitor.connect()?;
         let text = if body.is_null() { String::new() } else { body.to_string() };
         let host = self.address;

@@ -1,10 +1,11 @@
 //! Stations with a web page and metrics, and an HTTP client that can also send what a browser would not.
 
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
-use std::net::{SocketAddr, TcpStream};
+use std::net::{Ipv4Addr, SocketAddr, TcpStream};
 use std::process::Stdio;
 use std::time::Duration;
 
+use rustix::net;
 use serde_json::Value;
 
 use super::Guard;
@@ -41,15 +42,25 @@ impl Answer {
 pub(crate) struct Visitor {
     pub(crate) address: SocketAddr,
     pub(crate) cookie: Option<String>,
+    /// The own address; `None`: any.
+    pub(crate) from: Option<Ipv4Addr>,
 }
 
 impl Visitor {
     pub(crate) fn at(port: u16) -> Self {
-        Self { address: SocketAddr::from(([127, 0, 0, 1], port)), cookie: None }
+        Self { address: SocketAddr::from(([127, 0, 0, 1], port)), cookie: None, from: None }
     }
 
     pub(crate) fn connect(&self) -> Option<TcpStream> {
-        let stream = TcpStream::connect(self.address).ok()?;
+        let stream = match self.from {
+            None => TcpStream::connect(self.address).ok()?,
+            Some(from) => {
+                let socket = net::socket(net::AddressFamily::INET, net::SocketType::STREAM, None).ok()?;
+                net::bind(&socket, &SocketAddr::from((from, 0))).ok()?;
+                net::connect(&socket, &self.address).ok()?;
+                TcpStream::from(socket)
+            }
+        };
         stream.set_read_timeout(Some(Duration::from_secs(60))).ok()?;
         Some(stream)
     }

@@ -1,7 +1,7 @@
 //! The web page and the metrics of a running station: what is shown, who may change what, and hostile requests.
 
 use std::io::Write as _;
-use std::net::{SocketAddr, TcpStream};
+use std::net::{Ipv4Addr, TcpStream};
 use std::os::unix::fs::PermissionsExt as _;
 
 use rustix::process::Signal;
@@ -66,11 +66,12 @@ fn the_page_shows_the_station() {
     station.set("DB10.DBW 2", 5);
     stream.until("values", |told| told["values"][1] == "16#0005");
 
-    let text = Visitor::at(figures).get("/metrics");
+    let open = "Accept: application/openmetrics-text;version=1.0.0,text/plain;q=0.5\r\n";
+    let text = Visitor::at(figures).get_with("/metrics", open);
     assert!(text.head("content-type").is_some_and(|kind| kind.starts_with("application/openmetrics-text")));
     assert!(text.body.contains("ob1_cpu_state{ob1_cpu_state=\"RUN\"} 1"), "{}", text.body);
     assert!(text.body.ends_with("# EOF\n"));
-    let old = Visitor::at(figures).get_with("/metrics", "Accept: text/plain;version=0.0.4\r\n");
+    let old = Visitor::at(figures).get_with("/metrics", "Accept: */*\r\n");
     assert_eq!(old.head("content-type"), Some("text/plain; version=0.0.4; charset=utf-8"));
     assert!(old.body.contains("# TYPE ob1_scans_total counter") && !old.body.contains("# EOF"), "{}", old.body);
     let scans = |text: &str| -> f64 {
@@ -213,15 +214,35 @@ fn without_rights_nothing_changes() {
     assert!(
         lines.iter().all(|line| line["link"] == "web" && line["time"].is_string() && line["client"] == "127.0.0.1")
     );
-    // Wrong passwords cause a delay.
+    // Wrong passwords keep nobody out.
     let guess = |password: &str| stranger.post("/api/login", &json!({ "user": "anna", "password": password })).status;
-    assert_eq!((guess("wrong"), guess("anna-password")), (401, 429));
+    assert_eq!((guess("wrong"), guess("anna-password")), (401, 200));
     // A new password ends the sessions of the old one.
     let mut stream = rita.stream("", "");
     assert!(stream.next("status").is_some());
     add_user(&site, "a.users", "rita", "read", "another-password");
     assert!((0..20).any(|_| stream.next("status").is_none()), "so does its stream");
     station.until("another login is needed", |_| (rita.get("/api/status").status == 401).then_some(()));
+}
+
+/// Statements tell of all cells: a link that is limited to some does not show them.
+#[test]
+fn a_limited_page_does_not_show_the_program() {
+    let site = Site::new();
+    let (station, page, _) = station(&site, "gate-limited", "areas = [\"DB\"]\nblocks = [\"DB10\"]");
+    let visitor = Visitor::at(page);
+    let program = visitor.get("/api/program").json();
+    assert_eq!(program["blocks"], json!([]), "{program}");
+    assert_eq!(program["data"].as_array().map(Vec::len), Some(1), "{program}");
+    for (path, status) in [
+        ("/api/block?id=DB%2010", 200),
+        ("/api/block?id=OB%201", 403),
+        ("/api/block?id=DB%2020", 404),
+        ("/api/xref?operand=M", 403),
+    ] {
+        assert_eq!(visitor.get(path).status, status, "{path}");
+    }
+    assert_eq!(station.interrupt().code(), Some(0));
 }
 
 /// A killed gate is restarted: the page is available again, a resumed stream has missed nothing, and the scan has
@@ -285,7 +306,7 @@ fn what_strangers_send_hurts_nobody() {
     let visitor = Visitor::at(page);
     let (pid, _) = gate(&station);
     // Uses all connections of one address without completing a request.
-    let elsewhere = Visitor { address: SocketAddr::from(([127, 0, 0, 1], page)), cookie: None };
+    let elsewhere = Visitor::at(page);
     let slow: Vec<TcpStream> = (0..40).filter_map(|_| from_elsewhere(page)).collect();
     assert!(!slow.is_empty());
     for mut stream in &slow {
@@ -358,11 +379,7 @@ fn strangers_do_not_fill_the_audit_log() {
 
 /// Connects from another address of this machine.
 fn from_elsewhere(port: u16) -> Option<TcpStream> {
-    use rustix::net::{AddressFamily, SocketType, bind, connect, socket};
-    let fd = socket(AddressFamily::INET, SocketType::STREAM, None).ok()?;
-    bind(&fd, &SocketAddr::from(([127, 0, 0, 2], 0))).ok()?;
-    connect(&fd, &SocketAddr::from(([127, 0, 0, 1], port))).ok()?;
-    Some(TcpStream::from(fd))
+    Visitor { from: Some(Ipv4Addr::new(127, 0, 0, 2)), ..Visitor::at(port) }.connect()
 }
 
 /// It is confined: no privileges, and only the system calls it needs.

@@ -38,6 +38,7 @@ mod serial_devices;
 mod siege;
 mod simulated_line;
 mod soak;
+mod strangers;
 mod timing;
 mod top;
 mod two_stations;

@@ -4,6 +4,7 @@
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
 
+use ob1_tests::opcua::OpcUa;
 use rustix::process::Signal;
 use serde_json::{Value, json};
 
@@ -267,6 +268,25 @@ fn a_channel_is_encrypted_with_a_key_of_its_own() {
     let mode = std::os::unix::fs::MetadataExt::mode(&std::fs::metadata(key).expect("a key")) & 0o777;
     assert_eq!(mode, 0o600);
     drop(plain);
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
+/// node-opcua keeps five publish requests for each subscription; others keep more.
+#[test]
+fn requests_to_be_told_are_kept() {
+    let site = Site::new();
+    let (station, port) = opcua(&site, "ua-publish", "");
+    let address = std::net::SocketAddr::from(([127, 0, 0, 1], port));
+    let mut client = OpcUa::connect(address, std::time::Duration::from_secs(60)).expect("a session");
+    let subscription = client.subscribe(50.0).expect("a subscription");
+    let (taken, _) = client.monitor(subscription, &["MW20".to_owned()], 50.0).expect("monitored");
+    assert_eq!(taken, 1);
+    for _ in 0..8 {
+        client.ask_to_be_told(None).expect("connected");
+    }
+    let (values, _) = client.told().expect("a value, not a refusal");
+    assert_eq!(values.len(), 1);
+    client.told().expect("that it is alive, not a refusal");
     assert_eq!(station.interrupt().code(), Some(0));
 }
 

@@ -11,17 +11,20 @@ use hyper::body::Bytes;
 use hyper::header::{HeaderMap, HeaderValue, SET_COOKIE};
 use ob1_access::door::{Answer, Ask, Command, Diagnosis, Document};
 use ob1_access::{Put, Right, value};
-use ob1_gate_core::{Client, LoginError, Trouble, Who};
+use ob1_gate_core::{Client, LoginError, Source, Trouble, Who};
 use ob1_model::{DataType, Event, StateChange};
 use rustix::fs::OFlags;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::Page;
+use super::sessions::{self, HOST};
 use crate::http::{Call, Reply, plain, query, reply};
 
 /// Within this time concurrent requests share one document.
 const AGE: Duration = Duration::from_millis(800);
+/// How long a browser is known after a login, in seconds.
+const KNOWN: u32 = 180 * 24 * 3600;
 /// Entries of the diagnostic buffer that are shown.
 const ENTRIES: u16 = 100;
 /// Longest report shown, in bytes, and the maximum number of reports.
@@ -76,6 +79,16 @@ fn body<'b, T: Deserialize<'b>>(headers: Option<&HeaderMap>, bytes: &'b Bytes) -
     if json { serde_json::from_slice(bytes).ok() } else { None }
 }
 
+/// Adds a cookie for this very host; `age` in seconds, without it until the browser ends.
+fn add_cookie(reply: &mut Reply, name: &str, tls: bool, value: &str, age: Option<u32>) {
+    let (prefix, secure) = if tls { (HOST, "; Secure") } else { ("", "") };
+    let age = age.map_or_else(String::new, |age| format!("; Max-Age={age}"));
+    let cookie = format!("{prefix}{name}={value}; Path=/; HttpOnly; SameSite=Strict{secure}{age}");
+    if let Ok(cookie) = HeaderValue::from_str(&cookie) {
+        reply.headers_mut().append(SET_COOKIE, cookie);
+    }
+}
+
 fn wrong() -> Reply {
     plain(StatusCode::BAD_REQUEST, "this is not a valid request")
 }
@@ -96,13 +109,15 @@ impl Page {
         let Some(users) = &self.users else { return plain(StatusCode::NOT_FOUND, "this link has no users") };
         let Some(Login { user, password }) = body(Some(&call.headers), &call.body) else { return wrong() };
         let address = call.peer.to_string();
-        let login = match users.login(&user, &password, &address).await {
+        let device = sessions::device(&call.headers, &self.sessions.device_cookie());
+        let source = Source { address: call.peer, device };
+        let login = match users.login(&user, &password, &source).await {
             Ok(login) => login,
             Err(why) => {
                 self.station.audit().refused(&user, &address, "login", &why.to_string());
                 let status = match why {
                     LoginError::Wrong => StatusCode::UNAUTHORIZED,
-                    LoginError::Wait(_) | LoginError::Busy => StatusCode::TOO_MANY_REQUESTS,
+                    LoginError::Busy => StatusCode::TOO_MANY_REQUESTS,
                 };
                 return plain(status, why.to_string());
             }
@@ -117,7 +132,12 @@ impl Page {
         let Some(token) = self.sessions.open(client, users.mark(&user)) else {
             return plain(StatusCode::SERVICE_UNAVAILABLE, "no random numbers");
         };
-        self.with_cookie(send(&json!({ "user": user, "right": right })), call.tls, &token, None)
+        let mut answer = send(&json!({ "user": user, "right": right }));
+        add_cookie(&mut answer, self.sessions.cookie(), call.tls, &token, None);
+        if let Some(device) = users.device(&user) {
+            add_cookie(&mut answer, &self.sessions.device_cookie(), call.tls, &device, Some(KNOWN));
+        }
+        answer
     }
 
     pub(super) fn logout(&self, call: &Call) -> Reply {
@@ -125,18 +145,9 @@ impl Page {
             let who = client.who();
             let _ = self.station.audit().note(&who.user, &who.address, "logout", "done");
         }
-        self.with_cookie(send(&json!({})), call.tls, "", Some(0))
-    }
-
-    fn with_cookie(&self, mut reply: Reply, tls: bool, token: &str, age: Option<u32>) -> Reply {
-        let secure = if tls { "; Secure" } else { "" };
-        let age = age.map_or_else(String::new, |age| format!("; Max-Age={age}"));
-        let name = self.sessions.cookie(tls);
-        let cookie = format!("{name}={token}; Path=/; HttpOnly; SameSite=Strict{secure}{age}");
-        if let Ok(cookie) = HeaderValue::from_str(&cookie) {
-            reply.headers_mut().insert(SET_COOKIE, cookie);
-        }
-        reply
+        let mut answer = send(&json!({}));
+        add_cookie(&mut answer, self.sessions.cookie(), call.tls, "", Some(0));
+        answer
     }
 
     pub(super) async fn document(&self, what: &str) -> Reply {

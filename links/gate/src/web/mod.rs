@@ -12,7 +12,7 @@ use std::pin::Pin;
 use std::rc::Rc;
 
 use hyper::{Method, StatusCode};
-use ob1_access::Right;
+use ob1_access::{Allowed, Right};
 use ob1_gate_core::{Client, Link, Station, Users, Who};
 
 use crate::http::{self, Call, Reply, Site, not_so, plain};
@@ -26,6 +26,8 @@ pub(super) struct Page {
     station: Station,
     users: Option<Users>,
     sessions: Sessions,
+    /// What the page shows of the program.
+    allowed: Allowed,
     /// Without users everybody is this client, which may read.
     everybody: Client,
     reports: Option<std::path::PathBuf>,
@@ -38,8 +40,12 @@ pub(super) struct Page {
 /// Serves a link of type `web`.
 pub(crate) async fn serve(mut link: Link) -> Result<(), String> {
     let station = link.station.clone();
+    let texts =
+        |key: &str| serde_json::from_value::<Option<Vec<String>>>(station.keys()[key].clone()).unwrap_or_default();
+    let allowed = Allowed::of(texts("areas").as_deref(), texts("blocks").as_deref())?;
     let who = Who { user: "-".into(), address: "-".into(), right: Right::Read };
     let page = Page {
+        allowed: allowed.with_program(station.keys()["program"].as_bool()),
         everybody: station.client(who),
         users: link.users.take(),
         sessions: Sessions::of(&station.welcome().station, &station.welcome().link),
@@ -94,9 +100,9 @@ impl Page {
             ("diagnostics", true) => self.diagnostics(&client).await,
             ("why", true) => self.why(&client).await,
             ("status" | "timing" | "buffers" | "links", true) => self.document(&what).await,
-            ("program", true) => program::overview(&self.station).await,
-            ("block", true) => program::block(&self.station, &call.query).await,
-            ("xref", true) => program::xref(&self.station, &call.query).await,
+            ("program", true) => program::overview(&self.station, &self.allowed).await,
+            ("block", true) => program::block(&self.station, &self.allowed, &call.query).await,
+            ("xref", true) => program::xref(&self.station, &self.allowed, &call.query).await,
             ("reports", true) => self.reports(&call.query),
             ("write", false) => self.write(&client, &call.body).await,
             ("command", false) => self.command(&client, &call.body).await,

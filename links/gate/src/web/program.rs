@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use hyper::StatusCode;
+use ob1_access::{Allowed, Cell};
 use ob1_gate_core::{Catalog, Station};
 use ob1_ir::{CodeBlock, DataBlock, DataKind};
 use ob1_model::{BitAddr, DataType};
@@ -15,13 +16,22 @@ use crate::http::{Reply, plain, query};
 /// Maximum of references shown at a time.
 const REFERENCES: usize = 500;
 
-/// All blocks, and the symbols.
-pub(super) async fn overview(station: &Station) -> Reply {
-    let catalog = match station.catalog().await {
-        Ok(catalog) => catalog,
-        Err(why) => return trouble(&why),
-    };
+/// A link that is limited to some cells does not show statements: they tell of all others.
+fn hidden() -> Reply {
+    plain(StatusCode::FORBIDDEN, "this link does not show the program: see its keys `areas`, `blocks` and `program`")
+}
+
+/// All blocks, and the symbols; where the program is hidden, the data blocks and symbols that may be read.
+pub(super) async fn overview(station: &Station, allowed: &Allowed) -> Reply {
+    match station.catalog().await {
+        Ok(catalog) => send(&listed(&catalog, allowed)),
+        Err(why) => trouble(&why),
+    }
+}
+
+fn listed(catalog: &Catalog, allowed: &Allowed) -> Value {
     let program = &catalog.program;
+    let is_shown = allowed.has_program();
     let code = |block: &CodeBlock| {
         json!({
             "id": block.id.to_string(), "name": block.name, "statements": block.code.len(),
@@ -35,23 +45,35 @@ pub(super) async fn overview(station: &Station) -> Reply {
         };
         json!({ "id": format!("DB {}", block.number), "name": block.name, "bytes": block.bytes.len(), "of": of })
     };
-    let mut blocks: Vec<&CodeBlock> = program.blocks.iter().collect();
+    let mut blocks: Vec<&CodeBlock> = program.blocks.iter().filter(|_| is_shown).collect();
     blocks.sort_by_key(|block| block.id);
-    send(&json!({
+    let has = |name: &str| catalog.names.parse(name).is_ok_and(|item| allowed.has(item.cell));
+    let symbols = program.symbols.iter().filter(|symbol| is_shown || has(&symbol.name));
+    let seen = program.data.iter().filter(|block| is_seen(block, allowed));
+    json!({
         "blocks": blocks.into_iter().map(code).collect::<Vec<_>>(),
-        "data": program.data.iter().map(data).collect::<Vec<_>>(),
-        "symbols": program.symbols.iter().map(|s| json!([s.name, s.address])).collect::<Vec<_>>(),
-    }))
+        "data": seen.map(data).collect::<Vec<_>>(),
+        "symbols": symbols.map(|s| json!([s.name, s.address])).collect::<Vec<_>>(),
+    })
+}
+
+/// Whether the declarations of a data block are shown: with the program, or if its values may be read.
+fn is_seen(block: &DataBlock, allowed: &Allowed) -> bool {
+    allowed.has_program() || allowed.has(Cell::Db(block.number, 0))
 }
 
 /// `?id=FC 1`: its statements; `?id=DB 10`: its declarations.
-pub(super) async fn block(station: &Station, asked: &str) -> Reply {
+pub(super) async fn block(station: &Station, allowed: &Allowed, asked: &str) -> Reply {
     let catalog = match station.catalog().await {
         Ok(catalog) => catalog,
         Err(why) => return trouble(&why),
     };
     let id = query(asked, "id").unwrap_or_default();
     let program = &catalog.program;
+    let number = id.strip_prefix("DB ").and_then(|number| number.parse().ok());
+    if number.is_none() && !allowed.has_program() {
+        return hidden();
+    }
     if let Some(block) = program.blocks.iter().find(|block| block.id.to_string() == id) {
         let statement = |stmt: &ob1_ir::Stmt| json!([stmt.network, stmt.line, stmt.op.to_string()]);
         return send(&json!({
@@ -59,8 +81,8 @@ pub(super) async fn block(station: &Station, asked: &str) -> Reply {
             "statements": block.code.iter().map(statement).collect::<Vec<_>>(),
         }));
     }
-    let number = id.strip_prefix("DB ").and_then(|number| number.parse().ok());
     match number.and_then(|number: u16| program.data.iter().find(|block| block.number == number)) {
+        Some(block) if !is_seen(block, allowed) => hidden(),
         Some(block) => {
             let rows: Vec<Value> =
                 block.components.iter().flat_map(|c| rows(block.number, &c.path, c.at, &c.ty)).collect();
@@ -84,7 +106,10 @@ fn rows(db: u16, path: &str, at: BitAddr, ty: &DataType) -> Vec<Value> {
 }
 
 /// `?operand=MW 10`: its readers and writers; a part of the name or symbol is enough.
-pub(super) async fn xref(station: &Station, asked: &str) -> Reply {
+pub(super) async fn xref(station: &Station, allowed: &Allowed, asked: &str) -> Reply {
+    if !allowed.has_program() {
+        return hidden();
+    }
     let catalog = match station.catalog().await {
         Ok(catalog) => catalog,
         Err(why) => return trouble(&why),
@@ -116,4 +141,23 @@ fn references(catalog: &Arc<Catalog>, wanted: &str) -> Value {
         found.entry(name).or_default().push(place);
     }
     json!({ "more": count > REFERENCES, "operands": found })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_link_limited_to_a_block_does_not_list_the_program() {
+        let text = "symbol \"start\" \"E 0.0\" BOOL\nsymbol \"level\" \"DB7.DBW 0\" INT\ndata DB 7 \"TANK\" of FB 3\n  at \
+                    \"level\" @0.0 INT\n  bytes 00FF\ndata DB 20 \"RECIPE\" of FB 3\n  at \"acid\" @0.0 INT\n  bytes 00FF\n";
+        let program = ob1_ir::parse(text).expect("a program");
+        let catalog = Catalog { names: ob1_access::Names::new(&program), program };
+        let all = Allowed::default();
+        let few = Allowed::of(Some(&["DB".to_owned()]), Some(&["DB7".to_owned()])).expect("right");
+        let count = |allowed: &Allowed, key: &str| listed(&catalog, allowed)[key].as_array().map_or(0, Vec::len);
+        assert_eq!((count(&all, "data"), count(&all, "symbols")), (2, 2));
+        assert_eq!((count(&few, "data"), count(&few, "symbols")), (1, 1), "{}", listed(&catalog, &few));
+        assert_eq!(count(&few.with_program(Some(true)), "data"), 2);
+    }
 }

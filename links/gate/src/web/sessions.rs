@@ -5,11 +5,13 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use hyper::header::{COOKIE, HeaderMap};
-use ob1_gate_core::{Client, Users};
+use ob1_gate_core::{Client, Users, hex, unhex};
 use ring::rand::{SecureRandom as _, SystemRandom};
 
-/// Maximum of sessions; a new one replaces the one that has been silent longest.
+/// Maximum of sessions; a new one replaces one of the user who has most of them, that which has been silent longest.
 const SESSIONS: usize = 128;
+/// Maximum of sessions of one user; a new one replaces the own one that has been silent longest.
+const OF_USER: usize = 16;
 /// A session ends after this long without a request, and after this long in any case.
 const SILENT: Duration = Duration::from_secs(3600);
 const LONGEST: Duration = Duration::from_secs(12 * 3600);
@@ -35,7 +37,7 @@ pub(super) struct Sessions {
 }
 
 /// With this prefix a browser accepts a cookie only from this very host, over TLS.
-const HOST: &str = "__Host-";
+pub(super) const HOST: &str = "__Host-";
 
 impl Sessions {
     /// No sessions yet. A browser keeps the cookies of a host together, whatever the ports: a login at one link must
@@ -44,9 +46,14 @@ impl Sessions {
         Self { all: RefCell::default(), cookie: format!("ob1-{station}-{link}") }
     }
 
-    /// The name of the cookie.
-    pub(super) fn cookie(&self, tls: bool) -> String {
-        format!("{}{}", if tls { HOST } else { "" }, self.cookie)
+    /// The name of the cookie, without the prefix.
+    pub(super) fn cookie(&self) -> &str {
+        &self.cookie
+    }
+
+    /// The name of the cookie by which a browser is known again after its session, without the prefix.
+    pub(super) fn device_cookie(&self) -> String {
+        format!("{}-device", self.cookie)
     }
 
     /// Opens a session; returns its token. `mark` is [`Users::mark`] now.
@@ -54,14 +61,14 @@ impl Sessions {
         let mut token = [0; TOKEN];
         SystemRandom::new().fill(&mut token).ok()?;
         let mut all = self.all.borrow_mut();
-        if all.len() >= SESSIONS
-            && let Some(at) = (0..all.len()).min_by_key(|at| all[*at].last)
-        {
+        let users: Vec<&str> = all.iter().map(|session| &*session.client.who().user).collect();
+        let lasts: Vec<Instant> = all.iter().map(|session| session.last).collect();
+        if let Some(at) = replaced(&users, &lasts, &client.who().user) {
             all.swap_remove(at).left.set(true);
         }
         let now = Instant::now();
         all.push(Session { token, client, mark, began: now, last: now, left: Rc::default() });
-        Some(token.iter().map(|byte| format!("{byte:02x}")).collect())
+        Some(hex(&token))
     }
 
     /// The client of the session that the cookie names; `None` if the user is gone or now has other rights or another
@@ -105,32 +112,62 @@ impl Sessions {
     }
 }
 
-/// All possible tokens; other sites may have set cookies of the same name.
-fn tokens(headers: &HeaderMap, cookie: &str) -> Vec<[u8; TOKEN]> {
-    let texts = headers.get_all(COOKIE).iter().filter_map(|value| value.to_str().ok());
-    let pairs = texts.flat_map(|text| text.split(';')).filter_map(|pair| pair.trim().split_once('='));
-    pairs
-        .filter(|(name, _)| name.strip_prefix(HOST).unwrap_or(name) == cookie)
-        .filter_map(|(_, value)| token(value))
-        .take(4)
-        .collect()
+/// The session that makes room for a new one of `user`: the sessions of nobody else end because somebody logs in often.
+fn replaced(users: &[&str], lasts: &[Instant], user: &str) -> Option<usize> {
+    let count = |of: &str| users.iter().filter(|other| **other == of).count();
+    let of = if count(user) >= OF_USER {
+        user
+    } else if users.len() >= SESSIONS {
+        users.iter().max_by_key(|of| count(of))?
+    } else {
+        return None;
+    };
+    (0..users.len()).filter(|at| users[*at] == of).min_by_key(|at| lasts[*at])
 }
 
-fn token(text: &str) -> Option<[u8; TOKEN]> {
-    let digits = text.as_bytes();
-    if digits.len() != 2 * TOKEN || !digits.iter().all(u8::is_ascii_hexdigit) {
-        return None;
-    }
-    let mut token = [0; TOKEN];
-    for (byte, pair) in token.iter_mut().zip(digits.chunks(2)) {
-        *byte = u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok()?;
-    }
-    Some(token)
+/// What `device` of a login is: the text by which a browser is known again, from the cookie of that name.
+pub(super) fn device(headers: &HeaderMap, cookie: &str) -> Option<String> {
+    values(headers, cookie).next().map(str::to_owned)
+}
+
+/// All possible tokens; other sites may have set cookies of the same name.
+fn tokens(headers: &HeaderMap, cookie: &str) -> Vec<[u8; TOKEN]> {
+    values(headers, cookie).filter_map(unhex).take(4).collect()
+}
+
+/// The values of the cookies of this name, with or without the prefix.
+fn values<'h>(headers: &'h HeaderMap, cookie: &'h str) -> impl Iterator<Item = &'h str> {
+    let texts = headers.get_all(COOKIE).iter().filter_map(|value| value.to_str().ok());
+    let pairs = texts.flat_map(|text| text.split(';')).filter_map(|pair| pair.trim().split_once('='));
+    pairs.filter(move |(name, _)| name.strip_prefix(HOST).unwrap_or(name) == cookie).map(|(_, value)| value)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn nobody_ends_the_sessions_of_others_by_logging_in() {
+        let begin = Instant::now();
+        let (mut users, mut lasts) = (vec!["anna", "bert"], vec![begin, begin]);
+        for number in 1..1000 {
+            if let Some(at) = replaced(&users, &lasts, "carl") {
+                assert_eq!(users[at], "carl");
+                users.remove(at);
+                lasts.remove(at);
+            }
+            users.push("carl");
+            lasts.push(begin + Duration::from_secs(number));
+        }
+        assert_eq!((users.len(), lasts[2]), (2 + OF_USER, begin + Duration::from_secs(1000 - OF_USER as u64)));
+        // Many users: the one with most sessions loses the one that has been silent longest.
+        let names: Vec<String> = (0..SESSIONS).map(|number| format!("user{}", number / 15)).collect();
+        let users: Vec<&str> = names.iter().map(String::as_str).collect();
+        let lasts: Vec<Instant> = (0..SESSIONS as u64).map(|number| begin + Duration::from_secs(number)).collect();
+        assert_eq!(replaced(&users[1..], &lasts[1..], "anna"), None, "there is room");
+        let at = replaced(&users, &lasts, "anna").expect("full");
+        assert_eq!(at % 15, 0, "{}", users[at]);
+    }
 
     #[test]
     fn only_tokens_are_tokens() {

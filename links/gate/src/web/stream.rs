@@ -10,7 +10,7 @@ use hyper::body::Bytes;
 use hyper::header::{CONTENT_TYPE, HeaderValue};
 use ob1_access::door::{Document, Event, What};
 use ob1_access::{Datum, Form, Names, Typed, Width, value};
-use ob1_gate_core::{Client, Trouble, Watch, iso};
+use ob1_gate_core::{Client, Trouble, Watch, iso, network};
 use serde_json::{Value, json};
 use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::mpsc;
@@ -70,7 +70,7 @@ struct Line {
 
 /// Opens a stream: `items` are names, one per line; `period` in milliseconds.
 pub(super) fn open(page: &Rc<Page>, client: Client, call: &Call) -> Reply {
-    let Some(counted) = page.streams.place(call.peer) else {
+    let Some(counted) = page.streams.place(network(call.peer)) else {
         return plain(StatusCode::SERVICE_UNAVAILABLE, "too many pages show this station: close another one");
     };
     let (to, parts) = mpsc::channel(WAITING);
