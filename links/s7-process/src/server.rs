@@ -34,7 +34,7 @@ const HALF_OPEN: usize = 64;
 /// Time limit for the call.
 const CALL: Duration = Duration::from_secs(10);
 /// How long a call waits for a place before it is refused.
-const PLACE: Duration = Duration::from_secs(2);
+const PLACE: Duration = Duration::from_secs(4);
 /// Maximum accepted per round, so that served connections get their turn.
 const ACCEPTS: usize = 64;
 /// Maximum of reported connections: as many as fit a message.

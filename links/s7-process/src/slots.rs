@@ -33,7 +33,8 @@ pub(crate) struct Occupant {
 
 impl Occupant {
     fn can_go(&self) -> bool {
-        !self.waits && (self.guesses || self.silent >= if self.works { SILENT } else { NEVER })
+        // A next try is no reason to stay: otherwise whoever guesses keeps his place by guessing.
+        self.guesses || !self.waits && self.silent >= if self.works { SILENT } else { NEVER }
     }
 }
 
@@ -166,6 +167,8 @@ mod tests {
         others[5].guesses = true;
         assert_eq!(call(16, Resource::Op, &others), Verdict::InsteadOf(5));
         others[5].waits = true;
-        assert_eq!(call(16, Resource::Op, &others), Verdict::Full, "its try is not over");
+        assert_eq!(call(16, Resource::Op, &others), Verdict::InsteadOf(5), "also while it tries again");
+        others[5].guesses = false;
+        assert_eq!(call(16, Resource::Op, &others), Verdict::Full, "its first try");
     }
 }
