@@ -264,17 +264,15 @@ mod tests {
         let honest = keys("anna", "127.0.0.1");
         let known = Keys::of("anna", &Source::address("127.0.0.1".parse().expect("an address")), Some("7"));
         for (check, guessers) in [(30 * MS, 1), (30 * MS, 24), (90 * MS, 24)] {
-            {
-                let waits = [
-                    longest(|number| keys(&format!("u{number}"), "127.0.0.1"), guessers, &honest, check),
-                    longest(|number| keys(&format!("u{number}"), &at(number)), guessers, &honest, check),
-                    longest(|number| keys("anna", &at(number)), guessers, &honest, check),
-                    longest(|_| keys("anna", "127.0.0.1"), guessers, &honest, check),
-                    longest(|_| keys("anna", "127.0.0.1"), guessers, &known, check),
-                ];
-                assert!(waits.iter().all(|wait| *wait < Duration::from_secs(5)), "{guessers}: {waits:?}");
-                assert!(waits[4] <= 3 * check, "a known browser waits for nobody: {waits:?}");
-            }
+            let waits = [
+                longest(|number| keys(&format!("u{number}"), "127.0.0.1"), guessers, &honest, check),
+                longest(|number| keys(&format!("u{number}"), &at(number)), guessers, &honest, check),
+                longest(|number| keys("anna", &at(number)), guessers, &honest, check),
+                longest(|_| keys("anna", "127.0.0.1"), guessers, &honest, check),
+                longest(|_| keys("anna", "127.0.0.1"), guessers, &known, check),
+            ];
+            assert!(waits.iter().all(|wait| *wait < Duration::from_secs(5)), "{guessers}: {waits:?}");
+            assert!(waits[4] <= 3 * check, "a known browser waits for nobody: {waits:?}");
         }
         // Twice as many as there are places, of one address: the others have theirs.
         let one = longest(|number| keys(&format!("u{number}"), "192.0.2.1"), 2 * WAITING, &honest, 30 * MS);

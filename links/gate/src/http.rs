@@ -300,6 +300,8 @@ pub(crate) async fn serve(link: Link, site: Rc<impl Site>) -> Result<(), String>
             }
             connections.leave(&one);
         });
+        // Its request is read before others can take its place.
+        tokio::task::yield_now().await;
     }
 }
 
