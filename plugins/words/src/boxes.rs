@@ -274,6 +274,7 @@ mod tests {
                 piece: 9,
                 len: 70_000,
                 taken: 3,
+                had: 4,
                 room: 65_536,
             };
             assert_eq!(Order::read(&order.bytes()), order);

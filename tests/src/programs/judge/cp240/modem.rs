@@ -54,6 +54,8 @@ pub(super) fn called(judge: &mut Bench240, call: &Call, verdict: &mut Verdict) {
 #[derive(Debug, Default)]
 pub(super) struct Synchron {
     since: Option<Patience>,
+    /// It was synchronised before.
+    again: bool,
 }
 
 /// A call of FC 9.
@@ -69,6 +71,9 @@ pub(super) fn synchron(judge: &mut Bench240, call: &Call, verdict: &mut Verdict)
     }
     if !busy(before) && busy(after) || before[RESET] == 1 {
         judge.seen.resets.push(now);
+    }
+    if busy(before) && !busy(after) && std::mem::replace(&mut judge.synchron.again, true) {
+        super::rk512::synchronised(judge, now);
     }
     if !busy(after) {
         judge.synchron.since = None;
