@@ -207,7 +207,7 @@ mod tests {
     use super::*;
 
     /// Events that report something good, or a command.
-    const NOTHING_TO_DO: [Event; 14] = [
+    const NOTHING_TO_DO: [Event; 15] = [
         Event::STARTUP,
         Event::RUN,
         Event::STOP_OPERATOR,
