@@ -140,7 +140,19 @@ fn bus(f: &mut Findings<'_>, table: &BusTable, folder: &Path, index: usize, scan
     let rules = StationRules { diagnostic: 0, number: (index + 1).min(255) as u8 };
     let bus = Bus { name, rules, config, lines: Vec::new(), stations: Vec::new() };
     let (places, diagnostics) = (Vec::new(), Vec::new());
-    Some(Building { kind, serial, dp, timeout, line, at: table.name.span(), bus, places, diagnostics, cp: None, refused: false })
+    Some(Building {
+        kind,
+        serial,
+        dp,
+        timeout,
+        line,
+        at: table.name.span(),
+        bus,
+        places,
+        diagnostics,
+        cp: None,
+        refused: false,
+    })
 }
 
 fn serial(f: &mut Findings<'_>, table: &BusTable, kind: BusKind) -> Option<Serial> {

@@ -79,7 +79,8 @@ pub(super) fn modules(
                 module(f, table, ty, folder, buses).map(|module| (module, places)).into_iter().collect()
             }
         };
-        if built.is_empty() && ty == Type::Coupler
+        if built.is_empty()
+            && ty == Type::Coupler
             && let Some(bus) = table.bus.as_ref().and_then(|bus| buses.of(bus.get_ref()))
             && let Some(bus) = buses.get_mut(bus)
         {
