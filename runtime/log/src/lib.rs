@@ -102,7 +102,16 @@ static WAITING: AtomicU64 = AtomicU64::new(0);
 pub fn start() -> io::Result<()> {
     start_with(&SENDER, |file, messages| {
         let thread = Builder::new().name("ob1-log".into()).stack_size(STACK);
-        thread.spawn(move || write_all(file, &messages)).map(drop)
+        let (up, is_up) = sync_channel(0);
+        thread.spawn(move || {
+            // A thread that begins to run, and one that waits for the first time, needs the lock that a library holds
+            // while it is loaded, perhaps for ever: that is done with when this function returns.
+            let _ = messages.recv_timeout(Duration::from_millis(1));
+            let _ = up.send(());
+            write_all(file, &messages);
+        })?;
+        let _ = is_up.recv();
+        Ok(())
     })
 }
 

@@ -12,8 +12,8 @@ use crate::files;
 use crate::finding::{Finding, Level, Text};
 use crate::station_file::findings::{NOT_KEPT, UNREADABLE, VALUE, of_toml};
 
-/// What the first line of the file begins with; the checksum of the other lines follows. Without that line there is none:
-/// the file was made or changed by hand.
+/// What the first line of the file begins with; the checksum of the other lines follows. Without that line there is
+/// none: the file was made or changed by hand.
 const SUM: &str = "# checksum ";
 
 fn sum_of(text: &str) -> String {

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::mpsc::RecvTimeoutError;
+use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
 use ob1_cpu::Natives;
@@ -179,11 +179,16 @@ fn load_watched(path: &Path) -> Result<Arc<Plugin>, PluginError> {
         Exit::EndedByPlugin as u8
     });
     let name = path.display().to_string();
+    let (up, is_up) = mpsc::channel();
     let _slow = SideThread::looking("ob1-loading", move |loaded| {
+        // A thread that begins to run, and one that waits for the first time, needs the lock that is held from here on.
+        let _ = loaded.recv_timeout(Duration::from_millis(1));
+        let _ = up.send(());
         if loaded.recv_timeout(SLOW) == Err(RecvTimeoutError::Timeout) {
             err!("ob1: the plugin {name} does not return: it has been loading for {} s", SLOW.as_secs());
         }
     });
+    let _ = is_up.recv();
     Plugin::load(path)
 }
 

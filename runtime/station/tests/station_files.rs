@@ -59,8 +59,8 @@ fn many_modules_are_read() {
         station.map(|station| station.modules.len()).map_err(|found| (found.len(), found[200].message.clone()))
     };
     assert_eq!(read(16_384), Ok(16_384));
-    // The others have no address.
-    assert_eq!(read(40_000), Err((201, "23416 errors more".to_owned())));
+    // The others have no address: an error for each of them, and for each of its bytes.
+    assert_eq!(read(40_000), Err((201, "47032 errors more".to_owned())));
 }
 
 #[test]

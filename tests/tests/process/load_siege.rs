@@ -69,7 +69,7 @@ fn start(site: &Site) -> (Running, Device<Socket>) {
     let port = free_port();
     let file = format!(
         "[station]\nname = \"load-kill\"\n\n[cpu]\nmin_cycle = \"5ms\"\nwatchdog = \"10s\"\n\n\
-         [program]\nsources = [\"plant.awl\"]\n\n[retentive]\nmemory = [\"100..199\"]\nevery = \"50ms\"\n\n\
+         [program]\nsources = [\"plant.awl\"]\n\n[retentive]\nmemory = [\"100..199\"]\nevery = \"100ms\"\n\n\
          [[link]]\ntype = \"s7\"\nname = \"panel\"\nlisten = \"127.0.0.1:{port}\"\nrights = \"operate\"\n"
     );
     site.write("station.toml", &file);
@@ -82,7 +82,8 @@ fn generation(station: &Running) -> u64 {
     station.status().retentive.and_then(|retentive| retentive.generation).unwrap_or(0)
 }
 
-/// Data blocks are loaded, made longer and shorter while the program runs; the station is killed at any moment of it. At the next start bit memory and the data blocks that nobody has loaded have what was on the disk.
+/// Data blocks are loaded, made longer and shorter while the program runs; the station is killed at any moment of it.
+/// At the next start bit memory and the data blocks that nobody has loaded have what was on the disk.
 #[test]
 fn load_kill() {
     let site = Site::new();

@@ -153,8 +153,8 @@ impl Store {
         kept
     }
 
-    /// Keeps a whole generation of which not everything was used under another name, too; it stays the newest. Says what
-    /// became of it.
+    /// Keeps a whole generation of which not everything was used under another name, too; it stays the newest. Says
+    /// what became of it.
     pub fn keep_too(&self, sequence: u64) -> String {
         let Some(slot) = self.there.iter().position(|there| *there == Some(sequence)) else {
             return "it is not there any more".to_owned();

@@ -7,6 +7,7 @@ use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::sync::mpsc;
 use std::time::Duration;
 
 use ob1_rt::SideThread;
@@ -66,7 +67,10 @@ impl Signals {
     /// What the system says when it has no thread or descriptor left.
     pub fn end_at_once(&self) -> io::Result<SideThread<OwnedFd>> {
         let caught = self.caught.try_clone()?;
-        SideThread::polling("ob1-starting", move |stopped| {
+        let (up, is_up) = mpsc::channel();
+        let thread = SideThread::polling("ob1-starting", move |stopped| {
+            // A thread that begins to run needs the lock that a library holds while it is loaded.
+            let _ = up.send(());
             loop {
                 let mut fds = [PollFd::new(&stopped, PollFlags::IN), PollFd::new(&caught, PollFlags::IN)];
                 let _ = poll(&mut fds, None);
@@ -80,7 +84,9 @@ impl Signals {
                     signal_hook::low_level::exit(SECOND_SIGNAL);
                 }
             }
-        })
+        });
+        let _ = is_up.recv();
+        thread
     }
 
     /// Waits for a signal, but not longer than `time`; true when one came.

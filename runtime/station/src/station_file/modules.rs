@@ -291,10 +291,10 @@ impl Owners {
         (first as usize).min(all)..(first as usize + len as usize).min(all)
     }
 
-    /// The first byte of a module that another one has, and which.
+    /// Of the modules that have bytes of this one, the first in the file, and the first byte.
     fn shared(&self, module: &ModuleConfig, outputs: bool) -> Option<(usize, usize)> {
         let of = &self.0[usize::from(outputs)];
-        self.bytes(module, outputs).find_map(|byte| Some((byte, of[byte]?)))
+        self.bytes(module, outputs).filter_map(|byte| Some((of[byte]?, byte))).min()
     }
 
     /// The bytes that nobody has are this module's.
@@ -327,7 +327,7 @@ fn overlaps(
             (message, format!("the last {word} byte such a module can have is {}", area - 1), None)
         });
         let shared = || {
-            let (common, other) = owners.shared(module, outputs)?;
+            let (other, common) = owners.shared(module, outputs)?;
             let other = earlier.get(other)?;
             let (begin, other_len) = range(other, outputs);
             let message = format!("{word} byte {common} belongs to {} already", other.name);
