@@ -92,7 +92,7 @@ pub struct Ptp {
     pub events: Vec<Event>,
     /// The two wires give the CP its own characters back; how long a character takes on them.
     pub echoes: Option<Span>,
-    /// Until then its own characters are on the two wires: what the CP sends meanwhile collides, and nobody can read it.
+    /// Until then its own characters are on the two wires: what the CP sends meanwhile collides.
     busy: Instant,
     /// Nobody else is on the line.
     pub is_absent: bool,
