@@ -62,7 +62,7 @@ impl Told {
                     (State::Starting, _) => {}
                     (State::Running, _) => info!(target: ALL, coupler = name, "exchange"),
                     (State::Lost, _) => {
-                        warn!(target: ALL, coupler = name, failures = status.failures, "does not answer: lost")
+                        warn!(target: ALL, coupler = name, failures = status.failures, "does not answer: lost");
                     }
                     (State::Refused, None) => {
                         warn!(target: ALL, coupler = name, "refuses a set-up request: its outputs are not driven");
@@ -82,7 +82,7 @@ impl Told {
                     warn!(target: ALL, coupler = name, "{refusal}");
                 }
                 None if known.status.refusal.is_some() => {
-                    info!(target: ALL, coupler = name, "accepts all requests again")
+                    info!(target: ALL, coupler = name, "accepts all requests again");
                 }
                 _ => {}
             }

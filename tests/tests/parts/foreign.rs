@@ -109,7 +109,7 @@ fn wipe(id: BlockId) -> CodeBlock {
 fn call(id: BlockId, interface: &Interface, data: u16) -> (Op, Driven) {
     let (mut layout, mut args, mut driven) = (Layout::new(), Vec::new(), Driven { id, bytes: 0, strings: Vec::new() });
     for formal in interface.formals() {
-        let behind = 0x8400_0000 | BEHIND * 8;
+        let behind = 0x8400_0000 | (BEHIND * 8);
         args.push(match &formal.ty {
             ty if ty.is_parameter_type() => Arg::Number(Number::Fixed(1)),
             DataType::Any => {

@@ -78,7 +78,7 @@ enum Told {
 impl Standstill {
     /// For a CPU with this watchdog.
     fn new(watchdog: Span) -> Self {
-        let needed = Suspicion::new(watchdog).needed.max(STANDS).min(LOOKS_WITHOUT_WATCHDOG);
+        let needed = Suspicion::new(watchdog).needed.clamp(STANDS, LOOKS_WITHOUT_WATCHDOG);
         Self { needed: if watchdog.is_zero() { STANDS } else { needed }, cycles: 0, looks: 0 }
     }
 

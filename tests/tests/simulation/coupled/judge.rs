@@ -4,8 +4,7 @@
 //! - After DONE of BSEND the partner's BRCV has the telegram; after DONE of PUT the telegram is in the partner's
 //!   memory.
 //! - What was given to the partner's program is never refused: after ERROR of BSEND its BRCV does not have the
-//! telegram,
-//!   unless the connection is lost (1).
+//!   telegram, unless the connection is lost (1).
 //! - GET returns what PUT has written.
 //! - Every job ends: after ten seconds without an answer, or when the connection to a silent partner is closed.
 //! - STATUS is one that docs/cp343.md defines for the fault.
