@@ -159,19 +159,16 @@ fn interface(has_instance: bool, params: &[(&str, Section, DataType)]) -> Interf
     interface
 }
 
+/// FC 1 of this code.
+fn block<'a>(interface: &'a Interface, code: &'a [u8], segments: &'a Segments) -> MachineBlock<'a> {
+    MachineBlock { id: FC1, name: None, interface, code, segments, multi_instance: false, local_bytes: 0 }
+}
+
 fn decoded(id: BlockId, own: &Interface, code: &str, callee: Option<(BlockId, &Interface)>) -> Result<String, String> {
     let code = bytes(code);
     let segments = Segments::default();
     let known = |id: BlockId| callee.filter(|(other, _)| *other == id).map(|(_, interface)| interface);
-    let block = MachineBlock {
-        id,
-        name: None,
-        interface: own,
-        code: &code,
-        segments: &segments,
-        multi_instance: true,
-        local_bytes: 0,
-    };
+    let block = MachineBlock { id, multi_instance: true, ..block(own, &code, &segments) };
     let decoded = decode(&block, &known).map_err(|e| e.to_string())?;
     let ops: Vec<String> = decoded.block.code.iter().map(|s| s.op.to_string()).collect();
     Ok(ops.join("; "))
@@ -256,16 +253,7 @@ fn a_call_of_a_function() {
 fn notations_come_with_the_constants() {
     let code = bytes("30030041 28FF 30050041 38013F800000 300C2150 380483000008 6500");
     let (own, segments) = (Interface::default(), Segments::default());
-    let block = MachineBlock {
-        id: FC1,
-        name: None,
-        interface: &own,
-        code: &code,
-        segments: &segments,
-        multi_instance: false,
-        local_bytes: 0,
-    };
-    let decoded = decode(&block, &|_| None).unwrap();
+    let decoded = decode(&block(&own, &code, &segments), &|_| None).unwrap();
     let notations: Vec<_> = decoded.notations.into_values().collect();
     use Notation::{Byte, Int, Pointer, Real, S5Time, Text};
     assert_eq!(notations, [Int, Byte, Text, Real, S5Time, Pointer]);
@@ -278,16 +266,7 @@ fn labels_go_by_the_entries_of_the_segment_table() {
     let code = bytes("FFF80004 FFB80002 0000 6500");
     let segments = Segments { networks: vec![10], jumps: vec![2, 0], rest: Vec::new() };
     let own = Interface::default();
-    let block = MachineBlock {
-        id: FC1,
-        name: None,
-        interface: &own,
-        code: &code,
-        segments: &segments,
-        multi_instance: false,
-        local_bytes: 0,
-    };
-    let decoded = decode(&block, &|_| None).unwrap();
+    let decoded = decode(&block(&own, &code, &segments), &|_| None).unwrap();
     let names = ["end".to_owned(), "end".to_owned()];
     assert_eq!(decoded.labels(&segments, &names), [(2, "end".to_owned())].into());
     assert_eq!(decoded.labels(&segments, &names[..1]), [(2, "end".to_owned())].into());

@@ -10,6 +10,7 @@ pub mod door;
 mod form;
 mod item;
 mod near;
+pub mod partner;
 mod rights;
 pub mod value;
 

@@ -11,6 +11,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use ob1_access::audit::line;
+use ob1_log::Limit;
 
 use crate::clock::unix_now;
 
@@ -28,44 +29,8 @@ const ONE_MORE: Duration = Duration::from_millis(200);
 pub struct Audit {
     link: Arc<str>,
     file: Option<Arc<Mutex<Out>>>,
-    refusals: Arc<Mutex<Refusals>>,
-}
-
-/// How many refusals may still be logged.
-#[derive(Debug)]
-struct Refusals {
-    free: u32,
-    since: Option<Instant>,
-    /// Number of refusals not logged.
-    left_out: u64,
-}
-
-impl Default for Refusals {
-    fn default() -> Self {
-        Self { free: REFUSALS, since: None, left_out: 0 }
-    }
-}
-
-impl Refusals {
-    /// Whether one more is logged; returns how many before it were not.
-    fn take(&mut self, now: Instant) -> Option<u64> {
-        let since = *self.since.get_or_insert(now);
-        let more = now.saturating_duration_since(since).as_millis() / ONE_MORE.as_millis();
-        if more > 0 {
-            self.free = self.free.saturating_add(u32::try_from(more).unwrap_or(u32::MAX)).min(REFUSALS);
-            self.since = Some(now);
-        }
-        match self.free.checked_sub(1) {
-            Some(free) => {
-                self.free = free;
-                Some(std::mem::take(&mut self.left_out))
-            }
-            None => {
-                self.left_out += 1;
-                None
-            }
-        }
-    }
+    /// How many refusals are logged.
+    refusals: Arc<Mutex<Limit>>,
 }
 
 #[derive(Debug)]
@@ -83,13 +48,13 @@ impl Audit {
     pub fn open(link: &str, path: &Path) -> io::Result<Self> {
         let file = OpenOptions::new().append(true).create(true).mode(0o600).open(path)?;
         let out = Out { file, left: Vec::new() };
-        Ok(Self { link: link.into(), file: Some(Arc::new(Mutex::new(out))), refusals: Arc::default() })
+        Ok(Self { link: link.into(), file: Some(Arc::new(Mutex::new(out))), refusals: refusals() })
     }
 
     /// The log of a link that only reads and has no users: nothing is ever written.
     #[must_use]
     pub fn none(link: &str) -> Self {
-        Self { link: link.into(), file: None, refusals: Arc::default() }
+        Self { link: link.into(), file: None, refusals: refusals() }
     }
 
     /// Whether the next line can be written, as far as can be known.
@@ -104,15 +69,17 @@ impl Audit {
     /// Logs that something was refused. Of very many per second some are only counted; the next line states their
     /// number.
     pub fn refused(&self, user: &str, client: &str, what: &str, why: &str) {
-        let left_out = self.refusals.lock().unwrap_or_else(PoisonError::into_inner).take(Instant::now());
-        // A refused action need not be logged: the disk may be full.
-        let _ = match left_out {
-            None => Ok(()),
-            Some(0) => self.note(user, client, what, &format!("refused: {why}")),
-            Some(count) => {
-                self.note(user, client, what, &format!("refused: {why} ({count} refusals before it are not written)"))
-            }
+        let mut refusals = self.refusals.lock().unwrap_or_else(PoisonError::into_inner);
+        if !refusals.take(Instant::now()) {
+            return;
+        }
+        let left_out = match refusals.left_out() {
+            0 => String::new(),
+            count => format!(" ({count} refusals before it are not written)"),
         };
+        drop(refusals);
+        // A refused action need not be logged: the disk may be full.
+        let _ = self.note(user, client, what, &format!("refused: {why}{left_out}"));
     }
 
     /// Writes a line. A line that cannot be written is kept and retried before the next.
@@ -135,6 +102,10 @@ impl Audit {
         }
         written
     }
+}
+
+fn refusals() -> Arc<Mutex<Limit>> {
+    Arc::new(Mutex::new(Limit::new(REFUSALS, ONE_MORE)))
 }
 
 fn cut(text: &str, most: usize) -> &str {
@@ -185,21 +156,19 @@ mod tests {
     /// A client without rights that tries all day does not fill the disk, but is still counted.
     #[test]
     fn refusals_without_end_are_counted() {
-        let mut refusals = Refusals::default();
-        let begin = Instant::now();
-        let written = (0..10_000).filter(|_| refusals.take(begin).is_some()).count();
-        assert_eq!(written, REFUSALS as usize);
-        assert_eq!(refusals.take(begin + ONE_MORE / 2), None);
-        assert_eq!(refusals.take(begin + ONE_MORE), Some(10_000 - u64::from(REFUSALS) + 1));
-        assert_eq!(refusals.take(begin + ONE_MORE), None);
-        assert_eq!(refusals.take(begin + ONE_MORE * 1_000_000), Some(1));
-        assert_eq!(refusals.free, REFUSALS - 1, "no more than at first");
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("x.audit");
         let audit = Audit::open("page", &path).expect("a file");
         (0..2000).for_each(|_| audit.refused("-", "urn:client", "write MW10 = 1", "not allowed"));
-        let lines = std::fs::read_to_string(&path).expect("a file").lines().count();
+        // Some time later.
+        audit.refusals.lock().expect("free").take(Instant::now() + 10 * ONE_MORE);
+        audit.refused("-", "urn:client", "write MW10 = 1", "not allowed");
+        let text = std::fs::read_to_string(&path).expect("a file");
+        let lines = text.lines().count();
         assert!((REFUSALS as usize..2000).contains(&lines), "{lines}");
+        let counted = text.lines().last().and_then(|line| line.split_once(" refusals before it"));
+        let counted = counted.and_then(|(line, _)| line.rsplit_once('(')?.1.parse::<usize>().ok());
+        assert!(counted.is_some_and(|count| count > 1000), "{counted:?}");
     }
 
     /// A full disk: a line that could not be written is kept, and the log is not ready until it has been written.
@@ -207,7 +176,7 @@ mod tests {
     fn a_line_that_finds_no_place_is_not_lost() {
         let full = OpenOptions::new().append(true).open("/dev/full").expect("a device");
         let out = Out { file: full, left: Vec::new() };
-        let audit = Audit { link: "page".into(), file: Some(Arc::new(Mutex::new(out))), refusals: Arc::default() };
+        let audit = Audit { link: "page".into(), file: Some(Arc::new(Mutex::new(out))), refusals: refusals() };
         assert!(audit.ready().is_ok(), "nobody knows yet");
         assert!(audit.note("anna", "::1", "write MW10 = 1", "scan 7").is_err());
         assert!(audit.ready().is_err());

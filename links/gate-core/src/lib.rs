@@ -17,6 +17,8 @@ mod trouble;
 mod turns;
 mod users;
 
+pub use ob1_access::partner::network;
+
 pub use audit::Audit;
 pub use catalog::Catalog;
 pub use clock::{iso, unix_now};
@@ -25,5 +27,5 @@ pub use memory::Memory;
 pub use station::{Client, Link, Station, Watch, Who};
 pub use tls::Tls;
 pub use trouble::Trouble;
-pub use turns::{Source, network};
+pub use turns::Source;
 pub use users::{Login, LoginError, Users, UsersError, hash};

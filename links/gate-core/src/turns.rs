@@ -6,8 +6,10 @@
 //! A browser that has logged in before is known by a cookie and waits for nobody's wrong passwords but its own.
 
 use std::collections::BTreeMap;
-use std::net::{IpAddr, Ipv6Addr};
+use std::net::IpAddr;
 use std::time::Duration;
+
+use ob1_access::partner::network;
 
 /// The wait after a wrong password; after each further one it is twice as long,
 const FIRST: Duration = Duration::from_millis(250);
@@ -30,8 +32,8 @@ const WAITING: usize = 64;
 /// Where an attempt to log in comes from.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Source {
-    /// The address of the client.
-    pub address: IpAddr,
+    /// The address of the client, if it is known.
+    pub address: Option<IpAddr>,
     /// The text of [`Users::device`](crate::Users::device) that it brings.
     pub device: Option<String>,
 }
@@ -40,16 +42,13 @@ impl Source {
     /// A client that is known by its address alone.
     #[must_use]
     pub const fn address(address: IpAddr) -> Self {
-        Self { address, device: None }
+        Self { address: Some(address), device: None }
     }
-}
 
-/// The part of an address that its owner cannot choose: of IPv6 the network of 64 bits.
-#[must_use]
-pub fn network(address: IpAddr) -> IpAddr {
-    match address.to_canonical() {
-        IpAddr::V6(address) => IpAddr::V6(Ipv6Addr::from_bits(address.to_bits() >> 64 << 64)),
-        v4 @ IpAddr::V4(_) => v4,
+    /// A client of which nothing is known.
+    #[must_use]
+    pub const fn unknown() -> Self {
+        Self { address: None, device: None }
     }
 }
 
@@ -65,16 +64,17 @@ pub(crate) struct Keys {
 impl Keys {
     /// `device` is the number of a known browser.
     pub(crate) fn of(user: &str, source: &Source, device: Option<&str>) -> Self {
-        let share = network(source.address).to_string();
-        let Some(device) = device else {
-            return Self {
-                counted: vec![(format!("{user}\n{share}"), 0), (share.clone(), FREE_OF_ADDRESS)],
-                share,
-                known: false,
-            };
-        };
-        let key = format!("device\n{device}");
-        Self { counted: vec![(key.clone(), 0)], share: key, known: true }
+        let own = |key: String, known| Self { counted: vec![(key.clone(), 0)], share: key, known };
+        match (device, source.address) {
+            (Some(device), _) => own(format!("device\n{device}"), true),
+            // Whoever guesses for one name keeps no other waiting.
+            (None, None) => own(format!("{user}\n-"), false),
+            (None, Some(address)) => {
+                let share = network(address).to_string();
+                let counted = vec![(format!("{user}\n{share}"), 0), (share.clone(), FREE_OF_ADDRESS)];
+                Self { counted, share, known: false }
+            }
+        }
     }
 }
 

@@ -1,7 +1,6 @@
 //! Logins and rights: anonymous clients read, where that is allowed; users are those of the gate.
 
 use std::collections::HashMap;
-use std::net::IpAddr;
 
 use async_trait::async_trait;
 use ob1_access::Right;
@@ -64,14 +63,13 @@ impl AuthManager for Auth {
         password: &Password,
     ) -> Result<UserToken, Error> {
         let users = self.users.as_ref().ok_or_else(|| rejected("this link has no users"))?;
-        // The library does not tell the address of a client: all of them share one.
-        let client = endpoint.security_policy.clone();
-        let outcome = users.login(username, password.get(), &Source::address(IpAddr::from([0; 4]))).await;
+        // The library does not tell the address of a client.
+        let outcome = users.login(username, password.get(), &Source::unknown()).await;
         let login = outcome.map_err(|why| {
-            self.audit.refused(username, &client, "login", &why.to_string());
+            self.audit.refused(username, &endpoint.security_policy, "login", &why.to_string());
             rejected(why)
         })?;
-        let noted = self.audit.note(username, &client, "login", "done");
+        let noted = self.audit.note(username, &endpoint.security_policy, "login", "done");
         if login.right > Right::Read {
             noted.map_err(rejected)?;
         }

@@ -94,29 +94,6 @@ impl hyper::body::Body for Body {
     }
 }
 
-/// A body, and the request that it belongs to.
-struct Held(Body, #[expect(dead_code, reason = "its end is what counts")] Busy);
-
-impl hyper::body::Body for Held {
-    type Data = Bytes;
-    type Error = Infallible;
-
-    fn poll_frame(
-        mut self: Pin<&mut Self>,
-        context: &mut Context<'_>,
-    ) -> Poll<Option<Result<Frame<Bytes>, Infallible>>> {
-        Pin::new(&mut self.0).poll_frame(context)
-    }
-
-    fn size_hint(&self) -> hyper::body::SizeHint {
-        self.0.size_hint()
-    }
-
-    fn is_end_stream(&self) -> bool {
-        self.0.is_end_stream()
-    }
-}
-
 /// An open connection.
 struct Connection {
     /// The address, as far as its owner cannot choose it.
@@ -322,7 +299,13 @@ async fn connection<S: Site>(
                 Ok(call) => site.call(call).await,
                 Err(refused) => *refused,
             };
-            Ok::<_, Infallible>(guarded(reply).map(|body| Held(body, busy)))
+            // The request lasts as long as its body.
+            Ok::<_, Infallible>(guarded(reply).map(|body| {
+                body.map_err(move |never| {
+                    let _ = &busy;
+                    never
+                })
+            }))
         }
     });
     let served = http1::Builder::new()

@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 use std::net::{IpAddr, SocketAddr};
 
 use ob1_access::door::Ticket;
+use ob1_access::partner::network;
 use ob1_time::{Instant, Span};
 
 /// The wait after the first wrong password; each further one is twice as long.
@@ -36,7 +37,7 @@ struct Failures {
 /// A try that waits.
 #[derive(Debug)]
 struct Try {
-    address: String,
+    address: Option<IpAddr>,
     client: u32,
     ticket: Ticket,
     password: String,
@@ -46,17 +47,13 @@ struct Try {
 /// The tries of a link.
 #[derive(Debug, Default)]
 pub(crate) struct Logins {
-    addresses: BTreeMap<String, Failures>,
+    addresses: BTreeMap<Option<IpAddr>, Failures>,
     waiting: Vec<Try>,
 }
 
-/// Whose try it is: an address, of IPv6 the network, in which everybody has as many as he likes.
-fn address(partner: &str) -> String {
-    match partner.parse::<SocketAddr>().map(|partner| partner.ip().to_canonical()) {
-        Ok(IpAddr::V6(ip)) => ip.segments().iter().take(4).map(|part| format!("{part:x}:")).collect(),
-        Ok(IpAddr::V4(ip)) => ip.to_string(),
-        Err(_) => String::new(),
-    }
+/// Whose try it is; `None`: a partner without an address.
+fn address(partner: &str) -> Option<IpAddr> {
+    partner.parse::<SocketAddr>().ok().map(|partner| network(partner.ip()))
 }
 
 impl Logins {
@@ -86,7 +83,7 @@ impl Logins {
     pub(crate) fn failed(&mut self, partner: &str, now: Instant) {
         let address = address(partner);
         if self.addresses.len() >= ADDRESSES && !self.addresses.contains_key(&address) {
-            let quiet = self.addresses.iter().min_by_key(|(_, failures)| failures.last).map(|(name, _)| name.clone());
+            let quiet = self.addresses.iter().min_by_key(|(_, failures)| failures.last).map(|(name, _)| *name);
             quiet.map(|name| self.addresses.remove(&name));
         }
         let failures = self.addresses.entry(address).or_insert(Failures { count: 0, last: now });

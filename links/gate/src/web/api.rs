@@ -110,7 +110,7 @@ impl Page {
         let Some(Login { user, password }) = body(Some(&call.headers), &call.body) else { return wrong() };
         let address = call.peer.to_string();
         let device = sessions::device(&call.headers, &self.sessions.device_cookie());
-        let source = Source { address: call.peer, device };
+        let source = Source { address: Some(call.peer), device };
         let login = match users.login(&user, &password, &source).await {
             Ok(login) => login,
             Err(why) => {

@@ -78,6 +78,7 @@ pub(super) const TABLE: &[Row] = &[
         &[
             "ob1-access",
             "ob1-ir",
+            "ob1-log",
             "ob1-model",
             "argon2",
             "ring",

@@ -44,6 +44,25 @@ fn fc3_never_ends() {
     rig.sees_only("rk-live");
 }
 
+/// A CP that has started anew does not know what was sent before: the first order waits, as after one without reaction.
+#[test]
+fn an_order_after_a_new_synchronisation_waits() {
+    let run = |starts: u32, calls: usize| {
+        let mut rig = Rig::new(Protocol::Rk512);
+        for _ in 0..starts {
+            rig.call(4, &[(modem::ANL, 1)], &[(modem::ANL, 1)]);
+            rig.call(4, &[(modem::ANL, 1)], &[]);
+        }
+        (0..100).for_each(|_| rig.scan(&[]));
+        rig.feed();
+        (0..calls).for_each(|_| rig.fc3(2, 2, 0));
+        rig
+    };
+    run(1, 1200).sees_only("rk-live");
+    run(2, 1200).sees_nothing();
+    run(2, 2000).sees_only("rk-live");
+}
+
 #[test]
 fn fc3_says_done_and_nothing_came() {
     let mut rig = Rig::new(Protocol::Rk512);
