@@ -24,9 +24,12 @@ def decoded(payload):
     for metric in message.metrics:
         field = metric.WhichOneof("value")
         value = None if metric.is_null or field is None else getattr(metric, field)
-        width = {2: 16, 3: 32}.get(metric.datatype)
-        if width and isinstance(value, int) and value >= 1 << (width - 1):
-            value -= 1 << width  # a negative number
+        width = {1: 8, 2: 16, 3: 32}.get(metric.datatype)
+        if width and isinstance(value, int):
+            # Tahu's Python fills a negative number's own width, its Java 32 bits.
+            value &= (1 << width) - 1
+            if value >= 1 << (width - 1):
+                value -= 1 << width
         if isinstance(value, bytes):
             value = value.hex()
         metrics.append(
