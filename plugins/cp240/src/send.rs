@@ -184,11 +184,17 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     let anz = cx.get(send::ANZ)?;
     let bytes = match telegram_bytes(anz) {
         Ok(bytes) => bytes,
-        Err(refusal) => return end(cx, refusal == Refusal::TooLong).map(|()| Pafe::Ok),
+        Err(refusal) => {
+            module.state.tx.turn.leave(key);
+            return end(cx, refusal == Refusal::TooLong).map(|()| Pafe::Ok);
+        }
     };
     let db_len = cx.len(Area::Db(db));
     let pafe = Pafe::check(db_len, module.offset(cx, abd)?, bytes)?;
     module.tell_pafe(cx, Send::NUMBER, db, pafe)?;
+    if pafe != Pafe::Ok {
+        module.state.tx.turn.leave(key);
+    }
     // While the process of the CP is down, FC 9 is at work or another block has TX, FRG waits. Several FC 0 with data
     // blocks of their own take turns [S0 L2287].
     if pafe != Pafe::Ok || !module.info.present || module.is_closed(words) || !acquire(cx, &module, words, key, now)? {

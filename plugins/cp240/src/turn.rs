@@ -216,9 +216,7 @@ impl Turn {
             self.wait(key, now);
             return Take::No;
         }
-        if let Some(place) = self.waiting.iter().find(|place| place.key.get() == key.0) {
-            place.key.set(0);
-        }
+        self.forget(key);
         let over = claim.owner.get() != 0;
         claim.take(key, module, now);
         if over { Take::Over } else { Take::Yes }
@@ -229,6 +227,24 @@ impl Turn {
         let claim = &self.claim;
         let is_abandoned = now.saturating_sub(claim.seen.get()) >= GIVEN_UP_FOR_A_LOOK;
         (!claim.holds(module) || claim.is_of(key) || is_abandoned) && self.first(now).is_none_or(|first| first == key.0)
+    }
+
+    /// A block that has asked does so no longer, because its job has ended before it began or cannot begin: it keeps
+    /// nobody waiting. Returns whether it had the claim.
+    pub(crate) fn leave(&self, key: Key) -> bool {
+        self.forget(key);
+        let had = self.claim.is_of(key) && !self.claim.is_busy();
+        if had {
+            self.claim.release();
+        }
+        had
+    }
+
+    /// The place of this block is free.
+    fn forget(&self, key: Key) {
+        if let Some(place) = self.waiting.iter().find(|place| place.key.get() == key.0) {
+            place.key.set(0);
+        }
     }
 
     /// Everything is reset.

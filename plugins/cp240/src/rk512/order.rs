@@ -135,15 +135,21 @@ fn start<O: Order>(
     words: Words,
     now: u64,
 ) -> Result<Pafe, Abort> {
+    let key = wish.key(O::COMMAND);
     if wish.words == 0 {
         // Nothing to transfer: ended without error (ours).
+        leave(module, key);
         return cx.set(O::ANZW, DONE).map(|()| Pafe::Ok);
     }
     if !(1..=WORDS_MAX).contains(&wish.words) {
+        leave(module, key);
         return cx.set(O::ANZW, failed(TOO_LONG)).map(|()| Pafe::Ok);
     }
     let pafe = wish.check(cx)?;
     module.tell_pafe(cx, O::NUMBER, wish.local.0, pafe)?;
+    if pafe != Pafe::Ok {
+        leave(module, key);
+    }
     // A CP whose process is down, or that is not synchronised, accepts nothing: the order waits.
     if pafe != Pafe::Ok || !module.info.present || module.is_closed(words) {
         return Ok(pafe);
@@ -151,7 +157,7 @@ fn start<O: Order>(
     // "SEND/FETCH blocked" [S0 "Content and structure of the indicator word ANZW"].
     cx.set(O::ANZW, RUNNING)?;
     let (state, tx) = (&module.state.rk512, &module.state.tx);
-    match state.order.take(wish.key(O::COMMAND), &module.info, now) {
+    match state.order.take(key, &module.info, now) {
         Take::No => return Ok(Pafe::Ok),
         Take::Over if tx.turn.claim.is_of(TX_OWNER) && !tx.has_command(&module.info) => {
             // The order before has been given up in the middle: the CP discards it when `TX` is 0.
@@ -247,6 +253,13 @@ fn release(module: &Module<'_>) {
     module.state.rk512.order.claim.release();
     if module.state.tx.turn.claim.is_of(TX_OWNER) {
         module.state.tx.turn.claim.release();
+    }
+}
+
+/// An order that has waited for its turn does not begin: the others do not wait for it.
+fn leave(module: &Module<'_>, key: Key) {
+    if module.state.rk512.order.leave(key) {
+        module.state.tx.turn.leave(TX_OWNER);
     }
 }
 

@@ -74,3 +74,19 @@ fn the_owner_without_its_control_bits_begins_again_and_a_twin_waits() {
     assert_eq!(turn.take(A, &cp, 9 * MS), Take::No);
     assert_eq!(turn.take(A, &cp, 10 * MS), Take::Over, "nobody has called with the control bits in between");
 }
+
+/// An ANZ or a LANG that was changed while the block waited, or a data block that was deleted.
+#[test]
+fn who_ends_before_its_turn_keeps_nobody_waiting() {
+    let (turn, cp) = (Turn::default(), module(1));
+    turn.take(A, &cp, 0);
+    turn.claim.note(5);
+    assert_eq!(turn.take(B, &cp, MS), Take::No);
+    assert!(!turn.leave(A), "its job goes on");
+    assert!(turn.claim.holds(&cp));
+    assert!(!turn.leave(B));
+    turn.claim.release();
+    assert_eq!(turn.take(C, &cp, 2 * MS), Take::Yes, "B no longer asks");
+    assert!(turn.leave(C), "its job has not begun");
+    assert_eq!(turn.take(A, &cp, 3 * MS), Take::Yes);
+}
