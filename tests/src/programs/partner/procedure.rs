@@ -45,6 +45,8 @@ pub struct Procedure {
     pub took: Vec<Taken>,
     /// What it sends, or has sent.
     pub sent: Vec<Sent>,
+    /// When it has taken a character for STX, and agreed.
+    pub agreed: Vec<Instant>,
     /// When it has given up a telegram last: its NAK may cross an STX.
     pub gave_up: Option<Instant>,
     pace: Pace,
@@ -70,6 +72,7 @@ impl Procedure {
             manners,
             took: Vec::new(),
             sent: Vec::new(),
+            agreed: Vec::new(),
             gave_up: None,
             pace,
             random,
@@ -222,6 +225,7 @@ impl Procedure {
     fn called(&mut self, now: Instant) {
         self.idle(now);
         if self.agree(now).is_some() {
+            self.agreed.push(now);
             self.state = State::Receives(Vec::new());
             self.until = now + self.pace.zvz + self.pace.qvz * 2;
         }

@@ -41,6 +41,8 @@ pub struct Request {
     pub telegram: Vec<u8>,
     /// When it was put into the queue of the procedure.
     pub given: Instant,
+    /// Its place in what the procedure sends.
+    pub place: usize,
     /// The reaction that came: error number and data, and when.
     pub reaction: Option<(u8, Vec<u8>, Instant)>,
 }
@@ -191,9 +193,13 @@ impl Rk512 {
             order.unclear |= !told;
         }
         match telegram {
-            [0 | 0xFF, 0, 0, error, data @ ..] => {
+            [0, 0, 0, error, data @ ..] => {
+                // What the station refuses before it has the order is something else that it was sent. Nor does FFh
+                // answer it: that is for a next message [S0 L1728], and its orders have none.
+                let has = |place: usize| self.line.sent.get(place).is_some_and(|sent| sent.acknowledged.is_some());
                 if let Some(request) = self.requests.last_mut()
                     && request.reaction.is_none()
+                    && has(request.place)
                 {
                     request.reaction = Some((*error, data.to_vec(), now));
                     self.waits = false;
@@ -235,8 +241,9 @@ impl Device for Rk512 {
         }
         if !self.waits && !self.pending.is_empty() {
             let telegram = self.pending.remove(0);
+            let place = self.line.sent.len();
             self.line.send(telegram.clone());
-            self.requests.push(Request { telegram, given: now, reaction: None });
+            self.requests.push(Request { telegram, given: now, place, reaction: None });
             self.waits = true;
             self.give_up = now + Span::from_secs(6);
             again = true;
@@ -284,6 +291,26 @@ mod tests {
             }
         });
         rk.line.sent.iter().map(|sent| u8::from(sent.acknowledged.is_some())).collect()
+    }
+
+    /// The station refuses a telegram that is too short with 34h. That is no answer to an order which it does not have,
+    /// and FFh never is one.
+    #[test]
+    fn a_reaction_answers_an_order_that_is_there() {
+        let pace = Pace { char: MS / 10, qvz: 40 * MS, zvz: 20 * MS };
+        let line = Procedure::new(true, false, Manners::GOOD, pace, Random::new(1));
+        let mut rk = Rk512::new(line, Manners::GOOD, 100 * MS, Random::new(1));
+        let now = Instant::START + MS;
+        rk.request(vec![0, 0, b'E', b'D', 63, 0, 0, 2, 0xFF, 0xFF]);
+        rk.hear(now, &[], &mut Vec::new());
+        let mut is_answered = |acknowledged, reaction: &[u8]| {
+            rk.line.sent[0].acknowledged = acknowledged;
+            rk.telegram(now, reaction, true);
+            rk.requests[0].reaction.is_some()
+        };
+        assert!(!is_answered(None, &[0, 0, 0, 0x34]));
+        assert!(!is_answered(Some(now), &[0xFF, 0, 0, 0x34]));
+        assert!(is_answered(Some(now), &[0, 0, 0, 0x34]));
     }
 
     #[test]

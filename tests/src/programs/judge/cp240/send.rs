@@ -277,9 +277,14 @@ fn is_crossed(partner: &Partner240, order: &Order) -> bool {
 }
 
 /// On a bad line that was late, the partner has acknowledged an order before this one only now, and no DLE says which
-/// telegram it means: the CP waits for "a character other than DLE" [S0 L1633].
+/// telegram it means: the CP waits for "a character other than DLE" [S0 L1633]. Nor does it say whether it is for a
+/// telegram or for STX [S0 L1631]; what the partner takes for one may be 02h in the rest of a telegram before, or this
+/// one's check character, behind a NAK that was lost. Then it has agreed twice and does not have the telegram.
 fn is_taken_for(judge: &Bench240, order: &Order, partner: &Partner240) -> bool {
     let Partner240::Procedure(line, _) = partner else { return false };
+    if line.agreed.iter().filter(|at| **at >= order.given).count() > 1 {
+        return true;
+    }
     let is_before = |of: u32| judge.senders.iter().flat_map(|job| &job.past).any(|(number, _)| *number == of);
     let late = line.took.iter().filter(|taken| taken.at >= order.given);
     late.filter_map(|taken| number(&taken.data)).any(|of| of != order.number && is_before(of))

@@ -348,6 +348,24 @@ fn a_late_line_has_acknowledged_the_order_before() {
     run(true, true).sees("fc0-false-done");
 }
 
+/// One DLE is for its STX. That for another STX comes when the block is out.
+#[test]
+fn a_late_line_has_agreed_twice() {
+    let run = |agreed: usize, calm: bool| {
+        let mut rig = Rig::new(Protocol::P3964R);
+        rig.judge.seen.strict = if calm { Instant::START } else { Instant::NEVER };
+        rig.send();
+        if let Partner240::Procedure(line, _) = &mut rig.partner {
+            line.agreed = vec![rig.now; agreed];
+        }
+        rig.fc0(0, 0);
+        rig
+    };
+    run(2, false).sees_nothing();
+    run(1, false).sees_only("fc0-false-done");
+    run(2, true).sees_only("fc0-false-done");
+}
+
 /// FC 9 has cleared FRG together with the control bits: for the program the order is done.
 #[test]
 fn frg_vanishes() {
@@ -532,7 +550,8 @@ fn request(rig: &mut Rig, db: u8, error: u8) {
     let head = [0, 0, b'A', b'D', db, 0, 0, 2, 0xFF, 0xFF];
     let (now, telegram) = (rig.now, [&head[..], b"data"].concat());
     let Partner240::Rk512(rk, _) = &mut rig.partner else { return };
-    rk.requests.push(Request { telegram, given: now, reaction: Some((error, Vec::new(), now)) });
+    let place = rk.line.sent.len();
+    rk.requests.push(Request { telegram, given: now, place, reaction: Some((error, Vec::new(), now)) });
 }
 
 #[test]
