@@ -84,6 +84,13 @@ const FOUND: &[(&str, u64, &str)] = &[
     ("cp040", 105371, "the judge: the telegrams before it took their time, 7 bytes in a call"),
     ("cp341", 104044, "the partner: a late DLE in the middle of the next block, which the CP must repeat"),
     ("cp340", 104045, "as cp341 104044"),
+    (
+        "cp341",
+        423146,
+        "RK 512: a job of the partner that showed that our reaction had arrived was closed with that one",
+    ),
+    ("cp341", 410500, "the partner: it answered a reaction that had lost a 00h, in place of the order behind it"),
+    ("cp341", 429724, "the partner: a late DLE behind a block whose end the line had spoilt"),
 ];
 
 const SAME_START: &str =

@@ -373,8 +373,8 @@ impl Cp341 {
     /// Carries out the results of a protocol step.
     fn after(&mut self, now: Instant, collected: Collected, port: &mut dyn CpPort) {
         self.v24.switched(collected.rts, collected.dtr);
-        if let Some(outcome) = collected.answered {
-            self.answered(now, outcome, port);
+        if let Some((outcome, waited)) = collected.answered {
+            self.answered(now, outcome, waited, port);
         }
         let Some(outcome) = collected.ended else { return };
         let outcome = outcome.and_then(|len| self.misprint.take().map_or(Ok(len), Err));
@@ -402,9 +402,8 @@ impl Cp341 {
         self.begin(now, port);
     }
 
-    /// RK 512: the job of the partner is over.
-    fn answered(&mut self, now: Instant, outcome: Result<(), AnswerError>, port: &mut dyn CpPort) {
-        let waited = self.parts.asked.close();
+    /// RK 512: the job of the partner is over. `waited`: the block had not begun with it.
+    fn answered(&mut self, now: Instant, outcome: Result<(), AnswerError>, waited: bool, port: &mut dyn CpPort) {
         match outcome {
             Ok(()) => {
                 if self.receive.offered().is_some() {

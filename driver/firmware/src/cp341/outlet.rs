@@ -148,8 +148,8 @@ pub(crate) struct Collected {
     pub(crate) rts: Option<bool>,
     /// It has switched DTR.
     pub(crate) dtr: Option<bool>,
-    /// The job of the partner.
-    pub(crate) answered: Option<Result<(), AnswerError>>,
+    /// The job of the partner; true if it still waited for the block.
+    pub(crate) answered: Option<(Result<(), AnswerError>, bool)>,
 }
 
 /// Where the protocol puts its results during one step.
@@ -328,7 +328,8 @@ impl rk512::Owner for Outlet<'_> {
     }
 
     fn answered(&mut self, outcome: Result<(), AnswerError>) {
-        self.collected.answered = Some(outcome);
+        // Closed now: the partner's next job may show that it has our reaction, and begins in the same step.
+        self.collected.answered = Some((outcome, self.parts.asked.close()));
     }
 
     fn report(&mut self, event: rk512::Event) {

@@ -6,6 +6,7 @@ mod cp340;
 mod cp341;
 mod cp341_ascii;
 mod cp341_bench;
+mod cp341_rk512;
 mod cp341_signals;
 mod enocean;
 mod handshake;

@@ -335,6 +335,13 @@ impl Bench {
 
     /// P_RCV_RK takes the rest of it.
     pub(crate) fn finish(&mut self, length: usize) -> Vec<u8> {
+        let data = self.take(length);
+        assert!(self.ends());
+        data
+    }
+
+    /// P_RCV_RK takes the rest of it, and has not been told that this was all.
+    pub(crate) fn take(&mut self, length: usize) -> Vec<u8> {
         let mut data = Vec::new();
         while data.len() < length {
             let shown = self.port.shown[1];
@@ -344,10 +351,17 @@ impl Bench {
             let block = self.receive_block(4, piece + 1);
             self.step(CpInput::Channel(Channel::Receive, &block));
         }
-        assert_eq!(self.port.shown[1][0], DONE);
-        let block = self.receive_block(3, 0);
-        self.step(CpInput::Channel(Channel::Receive, &block));
         data
+    }
+
+    /// P_RCV_RK shows NDR, if the CP has told it that this was all.
+    pub(crate) fn ends(&mut self) -> bool {
+        let done = self.port.shown[1][0] == DONE;
+        if done {
+            let block = self.receive_block(3, 0);
+            self.step(CpInput::Channel(Channel::Receive, &block));
+        }
+        done
     }
 
     /// P_RCV_RK refuses the telegram on offer: R = 1.

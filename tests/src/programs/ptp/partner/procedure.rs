@@ -7,6 +7,7 @@ use ob1_line::sim::SplitMix64;
 use ob1_time::{Instant, Span};
 
 use super::{Event, Moods};
+use crate::programs::ptp::post::CHARACTER;
 
 const STX: u8 = 0x02;
 const ETX: u8 = 0x03;
@@ -284,8 +285,13 @@ impl Procedure {
 
     fn time(&mut self, now: Instant, out: &mut Vec<u8>, told: &mut Vec<Told>) {
         // Only the check character is still to come: a late DLE would end behind it, and the CP takes a DLE that comes
-        // then for the answer to this block [S0 L1633-L1634]. Nobody could know whether the partner has the block.
-        self.delayed.take_if(|(at, _)| *at <= now && matches!(self.state, State::In { end: true, .. }));
+        // then for the answer to this block [S0 L1633-L1634]. Nobody could know whether the partner has the block. A
+        // silence in the block may be its end, too, which the line has spoilt.
+        let ends = match self.state {
+            State::In { end, until, .. } => end || now + self.settings.zvz > until + 2 * CHARACTER,
+            _ => false,
+        };
+        self.delayed.take_if(|(at, _)| *at <= now && ends);
         if let Some((_, byte)) = self.delayed.take_if(|(at, _)| *at <= now) {
             out.push(byte);
             self.crossed |= matches!(self.state, State::In { .. });
@@ -403,20 +409,21 @@ mod tests {
         assert_eq!((told.len(), out.last()), (1, Some(&NAK)));
     }
 
-    /// Between the last two characters of a block its DLE would be the answer to a block that it has not checked.
+    /// Between the last two characters of a block its DLE would be the answer to a block that it has not checked; in a
+    /// silence, perhaps that to one whose end it has not seen.
     #[test]
     fn a_late_answer_is_dropped_at_the_end_of_the_next_block() {
-        for (place, said) in [(2, true), (3, false)] {
+        for (place, after, said) in [(2, 5, true), (3, 5, false), (2, 10, true), (2, 11, false)] {
             let mut partner = Procedure::new(SETTINGS, 1);
             let (mut out, mut told) = (Vec::new(), Vec::new());
             partner.hear(at(1), b"\x02", &Moods::GOOD, &mut out, &mut told);
-            partner.delayed = Some((at(5), DLE));
+            partner.delayed = Some((at(after), DLE));
             out.clear();
             let block = b"\x31\x10\x03\x22";
             partner.hear(at(4), &block[..place], &Moods::GOOD, &mut out, &mut told);
-            partner.hear(at(5), b"", &Moods::GOOD, &mut out, &mut told);
-            assert_eq!(out == [DLE], said, "after {place} characters");
-            partner.hear(at(6), &block[place..], &Moods::GOOD, &mut out, &mut told);
+            partner.hear(at(after), b"", &Moods::GOOD, &mut out, &mut told);
+            assert_eq!(out == [DLE], said, "after {place} characters, at {after} ms");
+            partner.hear(at(12), &block[place..], &Moods::GOOD, &mut out, &mut told);
             assert_eq!((out.last(), told.len()), (Some(&DLE), 1));
         }
     }

@@ -112,6 +112,9 @@ impl Rk512 {
     fn block(&mut self, now: Instant, block: &[u8], answered: bool, events: &mut Vec<Event>) {
         match block {
             [0 | 0xFF, 0, 0, code] => self.response(*code, events),
+            // A response that has lost a 00h, which 3964R does not see. It is no order, and only orders are answered [S0
+            // L1686-L1711]: an error number would be taken for the response to what the CP has sent behind it.
+            [] | [_] | [_, _] | [_, _, _] => {}
             [0, 0, b'A' | b'O', letter, ..] if block.len() >= 10 => {
                 let mut header = [0; 10];
                 header.copy_from_slice(&block[..10]);
@@ -245,5 +248,20 @@ mod tests {
         partner.hear(at(50), &[0x10], &Moods::GOOD, &mut out, &mut events);
         // The response of the reference, 4.9.
         assert_eq!(out[1..], [0, 0, 0, 0, 0x10, 3, 0x13]);
+    }
+
+    #[test]
+    fn what_is_too_short_for_an_order_is_not_answered() {
+        let ms = Span::from_millis;
+        let settings = Settings { qvz: ms(100), zvz: ms(100), is_high: false, attempts: 2 };
+        for (block, answers) in [(&[0, 0, 0][..], false), (&[0, 0, 0x42, 0x44], true)] {
+            let mut partner = Rk512::new(Procedure::new(settings, 1), 9);
+            let (mut out, mut events) = (Vec::new(), Vec::new());
+            let at = |n| Instant::START + ms(n);
+            partner.hear(at(1), &[2], &Moods::GOOD, &mut out, &mut events);
+            partner.hear(at(2), &wire(block), &Moods::GOOD, &mut out, &mut events);
+            partner.hear(at(40), &[], &Moods::GOOD, &mut out, &mut events);
+            assert_eq!(out.last() == Some(&2), answers);
+        }
     }
 }
