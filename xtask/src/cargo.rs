@@ -69,6 +69,8 @@ pub(crate) const TESTS: &[&str] = &["build", "--workspace", "--all-targets"];
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Profile {
     Debug,
+    /// Builds quickly.
+    Demo,
     Release,
 }
 
@@ -77,6 +79,7 @@ impl Profile {
     pub(crate) fn folder(self) -> Outcome<PathBuf> {
         Ok(target_dir()?.join(match self {
             Self::Debug => "debug",
+            Self::Demo => "demo",
             Self::Release => "release",
         }))
     }
@@ -85,6 +88,7 @@ impl Profile {
     pub(crate) fn flags(self) -> &'static [&'static str] {
         match self {
             Self::Debug => &[],
+            Self::Demo => &["--profile", "demo"],
             Self::Release => &["--release"],
         }
     }

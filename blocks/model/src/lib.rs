@@ -14,6 +14,7 @@ mod frame;
 mod interface;
 mod layout;
 mod meaning;
+pub mod moment;
 mod operating;
 mod s5time;
 mod types;

@@ -4,9 +4,9 @@ use ob1_model::{FaultKind, Interface, Layout, Section};
 
 use crate::copy::parameter_error;
 use crate::declare::Params;
-use crate::moment::Moment;
 use crate::text::Text;
 use crate::{AnyPointer, AnyType, Context, Done, Refused};
+use ob1_model::moment::Moment;
 
 /// A call of a standard block.
 pub(crate) struct Call<'a> {

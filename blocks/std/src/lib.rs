@@ -14,7 +14,6 @@ mod declare;
 mod handling;
 mod iec;
 mod known;
-pub mod moment;
 mod pid;
 mod row;
 pub mod services;

@@ -5,13 +5,14 @@ use std::collections::BTreeMap;
 use ob1_model::{Area, Layout, Section};
 use ob1_time::{Instant, Span};
 
-use crate::moment::{DAY_MS, Date, Moment};
 use crate::services::{
     Alarm, AlarmError, AlarmInfo, AlarmSource, CreateError, DataBlocks, DbInfo, DbRequest, DelayInterrupt, DeleteError,
     ErrorFilter, ImageError, Images, InUse, InterruptLocks, LoadError, MessageError, Messages, Meters, NoPlace, Placed,
     Rack, RunTimeMeter, RunTimes, Schedule, StartInfo, StatusError, SystemStatus, TimeOfDayInterrupt, WallClock,
 };
 use crate::{Context, Done, Interrupted, ModuleSize, Refused, StandardBlock, standard_block};
+use ob1_model::calendar::DAY_MS;
+use ob1_model::moment::{Date, Moment};
 
 /// A call of one block.
 pub(crate) struct Fake {

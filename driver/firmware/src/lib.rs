@@ -30,7 +30,7 @@ pub use diagnosis::{DiagnosticBytes, DiagnosticRecord};
 pub use leds::Leds;
 pub use ob1_params::LineSettings;
 pub use ob1_protocols::modbus_master_32::job::LONG_BIT;
-pub use ob1_protocols::{Instant, LineFault, LineInput, ModemLines, Span, Wire, cp341_events, trace};
+pub use ob1_protocols::{Instant, LineFault, LineInput, ModemLines, Span, Wire, trace};
 pub use ob1_words::cp240::Registers;
 pub use ob1_words::{Reason, Why};
 pub use port::{Cp, CpCounter, CpEvent, CpInput, CpPort, StartReason};

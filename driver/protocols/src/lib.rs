@@ -10,8 +10,7 @@
 //! * [`mbus`]: M-Bus master.
 //! * [`s3964`]: 3964 and 3964R.
 //! * [`modbus`]: Modbus RTU and ASCII, master and slave.
-//! * [`modbus_master_32`]: loadable driver of the CP 341, Modbus ASCII master with 32-bit registers; [`cp341_events`]:
-//!   the meaning of its event numbers.
+//! * [`modbus_master_32`]: loadable driver of the CP 341, Modbus ASCII master with 32-bit registers.
 //! * [`profibus`]: telegrams of PROFIBUS and the diagnosis of a DP slave.
 //! * [`rk512`]: RK 512 on top of either.
 //! * [`signals`]: automatic use of the RS 232C secondary signals.
@@ -21,7 +20,6 @@
 #![forbid(unsafe_code)]
 
 pub mod ascii;
-pub mod cp341_events;
 mod duplex;
 pub mod esp2;
 mod flow;

@@ -2,7 +2,8 @@
 
 use core::fmt;
 
-use crate::cp341_events;
+use ob1_words::cp341_events;
+
 use crate::machine::{Event, Phase, What};
 use crate::modbus::Failure;
 use crate::rk512;

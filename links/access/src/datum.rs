@@ -5,9 +5,10 @@
 
 use std::fmt;
 
+use ob1_model::calendar::DAY_MS;
 use ob1_model::calendar::{self, DAYS_TO_1990};
+use ob1_model::moment::Moment;
 use ob1_model::{Cell, DataType, GROUP_ENTRIES, Layout, Piece, Put, S5Time, WRITE_BYTES, Width};
-use ob1_std::moment::{DAY_MS, Moment};
 use serde_json::{Value, json};
 use thiserror::Error;
 

@@ -1,7 +1,7 @@
 //! The forms in which people read a value: according to its type, hexadecimal, binary, and the words of handling
 //! blocks.
 
-use ob1_protocols::cp341_events;
+use ob1_words::cp341_events;
 use serde_json::Value;
 
 /// How a value is shown.

@@ -13,7 +13,7 @@ pub(crate) struct Keys {
     /// Which certificates of clients are accepted: `listed` or `any`.
     #[serde(default)]
     pub(crate) trust: Trust,
-    /// Maximum of concurrent sessions.
+    /// Maximum of concurrent sessions that ask for something.
     pub(crate) clients: Option<usize>,
     /// Monitored items of all clients together.
     pub(crate) items: Option<usize>,
@@ -37,7 +37,7 @@ pub(crate) enum Trust {
 pub(crate) struct Settings {
     pub(crate) anonymous: bool,
     pub(crate) trust: Trust,
-    pub(crate) sessions: usize,
+    pub(crate) clients: usize,
     pub(crate) items: usize,
     pub(crate) allowed: Allowed,
     /// Whether a channel without security is offered: only on loopback.
@@ -64,7 +64,7 @@ impl Keys {
         Ok(Settings {
             anonymous,
             trust: self.trust,
-            sessions: within("clients", self.clients, limits::SESSIONS, 128)?,
+            clients: within("clients", self.clients, limits::CLIENTS, 128)?,
             items: within("items", self.items, limits::ITEMS, 100_000)?,
             allowed: Allowed::of(self.areas.as_deref(), self.blocks.as_deref())?,
             open: loopback,

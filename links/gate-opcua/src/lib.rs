@@ -17,6 +17,7 @@ mod nodes;
 mod pki;
 mod range;
 mod sample;
+mod seats;
 mod space;
 mod value;
 mod watched;
@@ -41,6 +42,7 @@ use crate::keys::{Keys, Settings};
 use crate::manager::Manager;
 use crate::monitor::Monitor;
 use crate::pki::Pki;
+use crate::seats::Seats;
 
 /// How often to check whether a server must be restarted.
 const LOOK: Duration = Duration::from_secs(1);
@@ -148,7 +150,7 @@ impl About {
             .host(host.clone())
             .port(address.port())
             .discovery_urls(vec![format!("opc.tcp://{host}:{}/", address.port())])
-            .limits(limits::limits(settings.sessions, settings.items))
+            .limits(limits::limits(settings.clients, settings.items))
             .subscription_poll_interval_ms(limits::POLL_MS)
             .max_session_timeout_ms(limits::SESSION_MS)
             .max_timeout_ms(limits::SESSION_MS as u32)
@@ -158,9 +160,12 @@ impl About {
             builder = builder.add_endpoint(name, endpoint);
         }
         let (station, auth) = (self.station.clone(), Arc::clone(&self.auth));
-        let (monitor, allowed) = (Arc::clone(monitor), settings.allowed.clone());
+        let (monitor, allowed, clients) = (Arc::clone(monitor), settings.allowed.clone(), settings.clients);
         let built = builder
-            .with_node_manager(move |context: ServerContext| Manager::new(station, auth, monitor, allowed, &context))
+            .with_node_manager(move |context: ServerContext| {
+                let seats = Seats::new(clients);
+                Manager::new(station, auth, (monitor, seats), allowed, &context)
+            })
             .build()?;
         *built.1.info().type_loaders.write() = bounded::loaders();
         Ok(built)

@@ -14,8 +14,11 @@ pub(crate) const LOOKS: u32 = 4;
 pub(crate) const POLL_MS: u64 = 1;
 /// New items that come within this time start together.
 pub(crate) const SETTLE: Duration = Duration::from_millis(20);
-/// Maximum of sessions, unless the link's key says otherwise.
-pub(crate) const SESSIONS: usize = 20;
+/// Maximum of sessions that ask for something, unless the link's key says otherwise.
+pub(crate) const CLIENTS: usize = 20;
+/// Maximum of sessions besides that were only created. The library keeps them for [`SESSION_MS`], and each request looks
+/// through them.
+pub(crate) const WAITING: usize = 2_000;
 /// Maximum of monitored items of all clients together, unless the link's key says otherwise.
 pub(crate) const ITEMS: usize = 20_000;
 /// Maximum of single values in an answer, mostly elements of arrays. More than this fits no message.
@@ -32,7 +35,7 @@ pub(crate) const RENEW_IDLE: usize = 10_000;
 pub(crate) const RENEW_ANYWAY: usize = 1_000_000;
 
 /// All limits of a server.
-pub(crate) fn limits(sessions: usize, items: usize) -> Limits {
+pub(crate) fn limits(clients: usize, items: usize) -> Limits {
     Limits {
         // An array of a data block has 65536 elements at most; a message holds one.
         max_array_length: 65_536,
@@ -44,7 +47,7 @@ pub(crate) fn limits(sessions: usize, items: usize) -> Limits {
         max_browse_continuation_points: 50,
         max_history_continuation_points: 1,
         max_query_continuation_points: 1,
-        max_sessions: sessions,
+        max_sessions: clients + WAITING,
         subscriptions: SubscriptionLimits {
             max_subscriptions_per_session: 10,
             // node-opcua keeps five for each subscription, and takes a refusal of one for an error.

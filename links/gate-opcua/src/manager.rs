@@ -28,6 +28,7 @@ use crate::monitor::Monitor;
 use crate::nodes::{NAMESPACE, NAMESPACE_URI, class, node_id, text};
 use crate::range::watchable;
 use crate::sample::{attribute_value, bad, in_part, refused, sample, stamped, status};
+use crate::seats::Seats;
 use crate::space::{METHODS, Node, ROOT, Sizes, Space};
 use crate::value::{attempt, datum, unfit, weight};
 
@@ -36,6 +37,7 @@ pub(crate) struct Manager {
     station: Station,
     auth: Arc<Auth>,
     monitor: Arc<Monitor>,
+    seats: Seats,
     allowed: Allowed,
     sizes: Sizes,
     /// The maximum right of the link.
@@ -58,7 +60,7 @@ impl Manager {
     pub(crate) fn new(
         station: Station,
         auth: Arc<Auth>,
-        monitor: Arc<Monitor>,
+        (monitor, seats): (Arc<Monitor>, Seats),
         allowed: Allowed,
         context: &ServerContext,
     ) -> Self {
@@ -73,7 +75,7 @@ impl Manager {
             counters: welcome.counters,
         };
         let ceiling = station.ceiling();
-        Self { station, auth, monitor, allowed, sizes, ceiling, turns: Semaphore::new(limits::CHANGES) }
+        Self { station, auth, monitor, seats, allowed, sizes, ceiling, turns: Semaphore::new(limits::CHANGES) }
     }
 
     fn space<'a>(&'a self, catalog: &'a Catalog) -> Space<'a> {
@@ -323,6 +325,7 @@ impl NodeManager for Manager {
     }
 
     async fn browse(&self, context: &RequestContext, nodes: &mut [BrowseNode]) -> Result<(), StatusCode> {
+        self.seats.sit(context)?;
         let catalog = self.catalog().await?;
         let space = self.space(&catalog);
         let type_tree = context.type_tree.read();
@@ -351,6 +354,7 @@ impl NodeManager for Manager {
         timestamps: TimestampsToReturn,
         nodes: &mut [&mut ReadNode],
     ) -> Result<(), StatusCode> {
+        self.seats.sit(context)?;
         let catalog = self.catalog().await?;
         let wanted: Vec<(usize, ParsedReadValueId)> =
             nodes.iter().enumerate().map(|(index, node)| (index, node.node().clone())).collect();
@@ -361,6 +365,7 @@ impl NodeManager for Manager {
     }
 
     async fn write(&self, context: &RequestContext, nodes: &mut [&mut WriteNode]) -> Result<(), StatusCode> {
+        self.seats.sit(context)?;
         let catalog = self.catalog().await?;
         let space = self.space(&catalog);
         let right = self.right(context);
@@ -390,6 +395,7 @@ impl NodeManager for Manager {
     }
 
     async fn call(&self, context: &RequestContext, calls: &mut [&mut MethodCall]) -> Result<(), StatusCode> {
+        self.seats.sit(context)?;
         for call in calls {
             let row = text(call.method_id()).and_then(|id| METHODS.iter().position(|(name, ..)| *name == id));
             let Some((_, command, _)) = row.and_then(|row| METHODS.get(row)) else {
@@ -423,6 +429,7 @@ impl NodeManager for Manager {
         context: &RequestContext,
         items: &mut [&mut CreateMonitoredItem],
     ) -> Result<(), StatusCode> {
+        self.seats.sit(context)?;
         let catalog = self.catalog().await?;
         let space = self.space(&catalog);
         let mut reads = Vec::new();

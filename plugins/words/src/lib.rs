@@ -15,6 +15,7 @@ pub mod channels;
 mod codes;
 pub mod cp040;
 pub mod cp240;
+pub mod cp341_events;
 pub mod cp342;
 mod leds;
 mod reason;

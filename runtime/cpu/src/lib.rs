@@ -70,6 +70,7 @@ pub use ob1_model::{
 };
 pub use ob1_std::DP_DIAGNOSIS;
 pub use ob1_std::services::StatusError;
+pub use ob1_time::{Clock, Still};
 pub use ports::*;
 pub use retentive::Why;
 pub use settings::{CyclicInterrupt, DataRange, Family, Missed, MissedCycle, Retentive, RetentiveData, TimeOfDay};

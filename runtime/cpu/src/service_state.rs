@@ -1,6 +1,6 @@
 //! What the services of the standard blocks keep: masks, locks, interrupts by time, meters, signals of messages.
 
-use ob1_std::moment::Moment;
+use ob1_model::moment::Moment;
 use ob1_std::services::{
     Alarm, AlarmError, DelayInterrupt, ErrorFilter, InUse, InterruptLocks, RunTimeMeter, TimeOfDayInterrupt,
 };

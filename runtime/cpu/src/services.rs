@@ -3,7 +3,7 @@
 //!
 //! The rules of masks and locks are in `ob1-std`; here they are asked at the right places and turned into due times.
 
-use ob1_std::moment::Moment;
+use ob1_model::moment::Moment;
 use ob1_std::services::{
     AlarmInfo, AlarmSource, CreateError, DataBlocks, DbInfo, DbRequest, DelayInterrupt, DeleteError, ErrorFilter,
     ImageError, Images, InterruptLocks, LoadError, Meters, NoPlace, Period, Placed, Rack, RunTimeMeter, Schedule,

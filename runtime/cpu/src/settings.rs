@@ -1,6 +1,6 @@
 //! What can be set about a CPU besides its sizes: family, interrupts by time, missed deadlines, what is retentive.
 
-use ob1_std::moment::Moment;
+use ob1_model::moment::Moment;
 use ob1_std::services::Period;
 use ob1_time::Span;
 

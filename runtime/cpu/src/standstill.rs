@@ -3,7 +3,7 @@
 //! answered.
 
 use ob1_model::Event;
-use ob1_std::moment::Moment;
+use ob1_model::moment::Moment;
 use ob1_std::services::WallClock as _;
 use ob1_time::{Instant, Span};
 

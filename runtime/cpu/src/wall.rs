@@ -3,7 +3,7 @@
 //! It shows what DATE_AND_TIME can show. Whatever it is set to and however long it runs, it stays inside: it stands
 //! still at the last moment of 2089, and a time before the first moment of 1990 is shown as that.
 
-use ob1_std::moment::Moment;
+use ob1_model::moment::Moment;
 use ob1_time::{Instant, Span};
 
 const NANOS_PER_MS: u64 = Span::MILLISECOND.nanos();
@@ -60,7 +60,7 @@ pub fn date_and_time(nanos: u64) -> [u8; 8] {
 
 #[cfg(test)]
 mod tests {
-    use ob1_std::moment::DAY_MS;
+    use ob1_model::calendar::DAY_MS;
 
     use super::*;
 

@@ -1,7 +1,7 @@
 //! `ob1 diag`: the diagnostic buffers of a running station, the CPU's and those of its CPs, with text and remedy.
 
 use clap::Args;
-use ob1_std::moment::Moment;
+use ob1_model::moment::Moment;
 use serde::Serialize;
 
 use crate::exit::Exit;

@@ -1,7 +1,6 @@
 //! The real clock: CLOCK_MONOTONIC, counted from the start of the runtime.
 
-use ob1_cpu::Clock;
-use ob1_time::{Instant, Span};
+use ob1_time::{Clock, Instant, Span};
 use rustix::io::Errno;
 use rustix::thread::{ClockId as SleepClock, clock_nanosleep_absolute};
 use rustix::time::{ClockId, Timespec, clock_gettime};

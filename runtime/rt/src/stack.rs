@@ -25,7 +25,7 @@ pub fn spawn<T: Send + 'static>(name: &str, body: impl FnOnce() -> T + Send + 's
     spawn_with_stack(name, THREAD_STACK_BYTES, body)
 }
 
-/// The same with a stack of at least `bytes`: the scan thread's, as the CPU says ([`ob1_cpu::Cpu::stack_bytes`]). Only
+/// The same with a stack of at least `bytes`: the scan thread's, as the CPU says (`Cpu::stack_bytes`). Only
 /// what is used of it takes memory.
 ///
 /// # Errors

@@ -3,8 +3,8 @@
 use ob1_backplane::{DriverState, Ends, Monitor, Reason, Why};
 use ob1_host::module::line_gone;
 use ob1_params::CpKind;
-use ob1_protocols::cp341_events;
 use ob1_time::Instant;
+use ob1_words::cp341_events;
 
 use crate::access::protocol::ReasonStatus;
 

@@ -257,7 +257,7 @@ fn times(d: &Distribution) -> Times {
 impl From<BufferEntry> for CpEntry {
     fn from(entry: BufferEntry) -> Self {
         // Shared memory can hold any number.
-        let row = ob1_protocols::cp341_events::row(entry.number);
+        let row = ob1_words::cp341_events::row(entry.number);
         Self {
             time_ms: entry.time_ms,
             unix_ns: 0,

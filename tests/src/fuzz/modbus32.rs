@@ -6,8 +6,9 @@ use ob1_protocols::modbus_master_32::reply::evaluate;
 use ob1_protocols::modbus_master_32::{
     DESTINATION_BYTES, Driver, FRAME_CHARACTERS, Input, Order, Owner, Parameters, Signals, TELEGRAM_BYTES, Wiring,
 };
-use ob1_protocols::{LineFault, LineInput, MS, ModemLines, SECOND, Wire, cp341_events};
+use ob1_protocols::{LineFault, LineInput, MS, ModemLines, SECOND, Wire};
 use ob1_time::{Instant, Span};
+use ob1_words::cp341_events;
 
 #[derive(Default)]
 struct Cpu {

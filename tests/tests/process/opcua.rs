@@ -400,6 +400,23 @@ fn items_of_a_client_that_is_gone_do_not_stay() {
     assert_eq!(station.interrupt().code(), Some(0));
 }
 
+/// One more than `clients` gets nothing until somebody leaves; who never asks has no place.
+#[test]
+fn places_are_for_those_who_ask() {
+    let site = Site::new();
+    let (station, port) = opcua(&site, "ua-places", "clients = 1\n");
+    let read = json!({ "op": "read", "ids": ["MW20"] });
+    let silent = connected(&site, port, &[]);
+    let mut first = connected(&site, port, &[]);
+    assert_eq!(first.done(&read)["values"], json!([0]));
+    let mut second = connected(&site, port, &[]);
+    assert!(second.ask(&read).to_string().contains("BadTooManySessions"), "{}", second.ask(&read));
+    drop((silent, first));
+    station.until("the place is free", |_| (second.ask(&read)["values"] == json!([0])).then_some(()));
+    drop(second);
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
 /// Noise, incomplete messages, huge ones, and too many requests: refused, and other clients continue.
 #[test]
 fn hostile_input_changes_nothing() {

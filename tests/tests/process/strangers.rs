@@ -131,6 +131,17 @@ fn honest() {
         under("her name, her address, OPC UA", &|_, _| guess(&Visitor::at(page), "anna"), &|| {
             drop(connected(&site, scada, &["--user", "anna", "--password", "anna-secret"]));
         });
+        // More than the link has places for, and none is ever activated.
+        let create = |_: u64, number: u64| {
+            let Ok(mut client) = OpcUa::open(opcua, Duration::from_secs(5)) else { return };
+            if number < 1_500 {
+                let _: Result<CreateSessionResponse, OpcUaError> = client.call(&client.create_session(opcua));
+            }
+        };
+        under("sessions that are never activated", &create, &|| {
+            let mut client = connected(&site, scada, &["--user", "anna", "--password", "anna-secret"]);
+            let _ = client.done(&json!({ "op": "read", "ids": ["MW20"] }));
+        });
         // Held for a moment, or until the gate closes them.
         let hold = |_: u64, _: u64| {
             let mut all: Vec<_> = (0..3).filter_map(|_| Visitor::at(page).connect()).collect();

@@ -14,7 +14,7 @@ mod station;
 mod table;
 
 use std::fs;
-use std::io::Write;
+use std::io::{IsTerminal as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
@@ -29,6 +29,8 @@ use station::Station;
 const EXAMPLE: &str = "examples/two-stations";
 /// Maximum time until the first telegram, and until the stations are idle at the end. Normally both are short.
 const PATIENCE: Duration = Duration::from_secs(20);
+/// Time between two lines of a log.
+const TOLD: Duration = Duration::from_secs(5);
 /// Time between two checks.
 const LOOK: Duration = Duration::from_millis(500);
 
@@ -45,17 +47,9 @@ struct Wish {
 /// If it cannot be built, a station ends unexpectedly, no telegram is transferred, or one was wrong or lost.
 pub(crate) fn run(args: &[String]) -> Outcome {
     let wish = parse(args)?;
-    shell::run(&mut cargo(&[
-        "build",
-        "--release",
-        "--package",
-        "ob1",
-        "--package",
-        "ob1-cp",
-        "--package",
-        "ob1-cp240",
-    ]))?;
-    let binaries = Profile::Release.folder()?;
+    let packages = ["build", "--package", "ob1", "--package", "ob1-cp", "--package", "ob1-cp240"];
+    shell::run(cargo(&packages).args(Profile::Demo.flags()))?;
+    let binaries = Profile::Demo.folder()?;
     let folder = stage(wish.dirty)?;
     let mut a = Station::start("A", &folder, "station-a.toml", &binaries, wish.time + 3 * PATIENCE)?;
     let mut b = Station::start("B", &folder, "station-b.toml", &binaries, wish.time + 3 * PATIENCE)?;
@@ -116,7 +110,7 @@ const LINES: [(&str, &str); 2] =
 
 /// Copies the example, so that the source tree is not changed; returns the folder.
 fn stage(dirty: bool) -> Outcome<PathBuf> {
-    let folder = cargo::target_dir()?.join("demo");
+    let folder = cargo::target_dir()?.join("demo-stations");
     let failed = |path: &Path, why: std::io::Error| step(format!("{}: {why}", path.display()));
     if folder.exists() {
         fs::remove_dir_all(&folder).map_err(|why| failed(&folder, why))?;
@@ -143,10 +137,11 @@ fn stage(dirty: bool) -> Outcome<PathBuf> {
     Ok(folder)
 }
 
-/// Shows a live line until the time has elapsed.
+/// Shows a live line until the time has elapsed; where nobody sees it move, a line now and then.
 fn watch(a: &mut Station, b: &mut Station, time: Duration) -> Outcome {
     let start = Instant::now();
     let mut flowing = false;
+    let (moves, mut told) = (std::io::stdout().is_terminal(), Duration::ZERO);
     while start.elapsed() < time {
         sleep(LOOK.min(time));
         a.is_alive()?;
@@ -154,13 +149,21 @@ fn watch(a: &mut Station, b: &mut Station, time: Duration) -> Outcome {
         let looks = (a.ledger(&LedgerA::OPERANDS).map(LedgerA::from), b.ledger(&LedgerB::OPERANDS).map(LedgerB::from));
         let (Ok(ledger_a), Ok(ledger_b)) = looks else { continue };
         flowing |= ledger_a.good > 0;
-        print!("\r{:>5.1} s   {}", start.elapsed().as_secs_f64(), table::live(&ledger_a, &ledger_b));
-        let _ = std::io::stdout().flush();
+        let line = format!("{:>5.1} s   {}", start.elapsed().as_secs_f64(), table::live(&ledger_a, &ledger_b));
+        if moves {
+            print!("\r{line}");
+            let _ = std::io::stdout().flush();
+        } else if start.elapsed() >= told {
+            println!("{line}");
+            told += TOLD;
+        }
         if !flowing && start.elapsed() > PATIENCE {
             return Err(step(format!("no telegram came back within {} s\n{}{}", PATIENCE.as_secs(), a.log(), b.log())));
         }
     }
-    println!();
+    if moves {
+        println!();
+    }
     Ok(())
 }
 

@@ -59,7 +59,7 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     shell::run(cargo(&["build"]).args(parts.flags()).args(profile.flags()))?;
     let book = match profile {
         Profile::Release => book::build()?,
-        Profile::Debug => cargo::root().join("docs"),
+        Profile::Debug | Profile::Demo => cargo::root().join("docs"),
     };
     let made = make(&site, &parts, &book)?;
     for file in [&made.debian, &made.archive] {

@@ -2,7 +2,8 @@
 
 use ob1_time::Instant;
 
-use crate::moment::{DAY_MS, Date, Moment};
+use ob1_model::calendar::DAY_MS;
+use ob1_model::moment::{Date, Moment};
 
 /// How often a time-of-day interrupt comes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,7 +1,7 @@
 //! Services that the CPU provides in its own way.
 
-use crate::moment::Moment;
 use crate::services::{DelayInterrupt, RunTimeMeter, TimeOfDayInterrupt};
+use ob1_model::moment::Moment;
 
 /// The CPU's clock of date and time.
 pub trait WallClock {

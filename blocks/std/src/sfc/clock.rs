@@ -4,10 +4,10 @@
 use crate::Done;
 use crate::call::Call;
 use crate::declare::params;
-use crate::moment::{Moment, MomentError};
 use crate::row::Row;
 use crate::services::RunTimeMeter;
 use crate::ticks::time_tick;
+use ob1_model::moment::{Moment, MomentError};
 
 params!(SetClk { Input { PDT: DT } Return { RET_VAL: INT } });
 params!(ReadClk { Return { RET_VAL: INT } Output { CDT: DT } });

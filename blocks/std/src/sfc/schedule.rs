@@ -6,9 +6,9 @@ use ob1_time::Span;
 use crate::Done;
 use crate::call::Call;
 use crate::declare::{Params, params};
-use crate::moment::Moment;
 use crate::row::Row;
 use crate::services::{Period, Schedule};
+use ob1_model::moment::Moment;
 
 params!(SetTint { Input { OB_NR: INT, SDT: DT, PERIOD: WORD } Return { RET_VAL: INT } });
 params!(Ob { Input { OB_NR: INT } Return { RET_VAL: INT } });

@@ -1,6 +1,6 @@
 //! Event numbers of the driver, class and number as in STATUS. [S4 "7.3 Table of Errors / Events"]
 //!
-//! Their meanings and remedies are in [`cp341_events`](crate::cp341_events).
+//! Their meanings and remedies are in [`cp341_events`](ob1_words::cp341_events).
 
 /// Invalid parameters: the interface could not be parametrised. [reference 3.4]
 pub const PARAMETERS: u16 = 0x020F;

@@ -1,8 +1,8 @@
 //! The table of event numbers: in order, complete for the machines' events, and the same as the page in docs.
 
-use ob1_protocols::cp341_events::{Origin, class, row, rows};
 use ob1_protocols::modbus_master_32::number;
 use ob1_protocols::rk512::Refusal;
+use ob1_words::cp341_events::{Origin, class, row, rows};
 
 use crate::cp341_events_page;
 

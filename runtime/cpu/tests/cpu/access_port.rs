@@ -4,8 +4,8 @@ use ob1_cpu::{
     Answer, Ask, Cell, CellError, Command, Cpu, CpuConfig, OperatingState, Request, ShortText, TimeOfDay, Width,
 };
 use ob1_ir::{AccuOp, NumberFormat, Op};
+use ob1_model::moment::Moment;
 use ob1_model::{Area, Event, Interface};
-use ob1_std::moment::Moment;
 use ob1_std::services::Period;
 use ob1_time::Span;
 

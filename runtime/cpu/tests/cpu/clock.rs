@@ -3,8 +3,8 @@
 
 use ob1_cpu::{Ask, Cpu, CpuConfig, Family, OperatingState, Request, TimeOfDay, Width, system_blocks};
 use ob1_ir::{AccuOp, Arg, CodeBlock, NumberFormat, Op};
+use ob1_model::moment::Moment;
 use ob1_model::{BlockId, BlockKind, Interface};
-use ob1_std::moment::Moment;
 use ob1_std::services::Period;
 use ob1_time::Span;
 

@@ -12,8 +12,8 @@ use ob1_cpu::{
     NativeContext, NativeError, OperatingState, PLUGIN_STACK_BYTES, TimeOfDay,
 };
 use ob1_ir::{Arg, Call, CallMode, Op, Target};
+use ob1_model::moment::Moment;
 use ob1_model::{BlockId, BlockKind, FaultKind, Interface};
-use ob1_std::moment::Moment;
 use ob1_std::services::Period;
 use ob1_time::Instant;
 

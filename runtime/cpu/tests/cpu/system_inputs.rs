@@ -5,8 +5,9 @@
 
 use ob1_cpu::{Cell, Command, Cpu, CpuConfig, CyclicInterrupt, OperatingState, TimeOfDay};
 use ob1_ir::{Arg, Call, CallMode, Number, Op, Place, Target, Width};
+use ob1_model::calendar::DAY_MS;
+use ob1_model::moment::Moment;
 use ob1_model::{BitAddr, DataType, Interface, Layout};
-use ob1_std::moment::{DAY_MS, Moment};
 use ob1_std::services::Period;
 use ob1_std::{StandardBlock, standard_blocks};
 use ob1_time::{Instant, Span};

@@ -130,7 +130,7 @@ fn quoted_events_have_the_texts_of_the_program() {
                     continue;
                 };
                 let Ok(number) = u16::from_str_radix(number, 16) else { continue };
-                let (known, remedy) = match ob1_protocols::cp341_events::row(number) {
+                let (known, remedy) = match ob1_words::cp341_events::row(number) {
                     Some(row) => (row.text, row.remedy),
                     None => (ob1_model::Event(number).text(), ob1_model::Event(number).remedy()),
                 };

@@ -3,7 +3,8 @@
 use std::collections::BTreeSet;
 
 use ob1_cpu::{CyclicInterrupt, Missed, TimeOfDay};
-use ob1_std::moment::{DAY_MS, Date, Moment};
+use ob1_model::calendar::DAY_MS;
+use ob1_model::moment::{Date, Moment};
 use ob1_std::services::Period;
 use ob1_time::Span;
 

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use ob1_protocols::cp341_events::{CLASSES, Row, rows};
+use ob1_words::cp341_events::{CLASSES, Row, rows};
 
 const HEAD: &str = "\
 # Event numbers of the CP 341 and the CP 340
@@ -15,7 +15,7 @@ The last column tells why a number does not occur here: *fact only* (the state c
 module* (CP 440, CP 441, Modbus slave), *hardware fault* (of the module or its firmware). It is empty for those that do.
 
 This page is printed by `cargo run -p ob1-protocols --example cp341_events` from the table in
-`driver/protocols/src/cp341_events`; a test holds the two together.
+`plugins/words/src/cp341_events`; a test holds the two together.
 ";
 
 /// The page.

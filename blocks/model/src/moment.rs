@@ -2,10 +2,8 @@
 
 use std::fmt;
 
-use ob1_model::bcd::from_bcd;
-use ob1_model::calendar::{self, DAYS_TO_1990};
-
-pub use ob1_model::calendar::DAY_MS;
+use crate::bcd::from_bcd;
+use crate::calendar::{self, DAY_MS, DAYS_TO_1990};
 
 /// A point in time that DATE_AND_TIME can show: 1990-01-01 to 2089-12-31, to the millisecond.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
