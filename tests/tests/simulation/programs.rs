@@ -91,6 +91,12 @@ const FOUND: &[(&str, u64, &str)] = &[
     ),
     ("cp341", 410500, "the partner: it answered a reaction that had lost a 00h, in place of the order behind it"),
     ("cp341", 429724, "the partner: a late DLE behind a block whose end the line had spoilt"),
+    ("cp341", 16150, "as 410500"),
+    ("cp341", 18085, "as 429724"),
+    ("cp340", 18084, "as cp341 429724"),
+    ("cp341", 501686, "the judge: the CP reports a block that the partner has given up after four seconds"),
+    ("cp340", 20877, "the judge: EN_R was 0, and the receive buffer had no room for the second telegram"),
+    ("cp040", 28002, "the judge: an edge of REQ in the call of R, behind one of which nobody knew whether it counts"),
 ];
 
 const SAME_START: &str =

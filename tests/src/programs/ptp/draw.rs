@@ -527,6 +527,8 @@ fn setup(
         rates,
         calm: if disturbed { calm + settle.min(ms(4000)) } else { Instant::START + ms(400) },
         patience,
+        // As long as the longest telegram. [reference 1.7, 6.2]
+        buffer: cp.most() as usize,
         is_040,
         clears: cp != Cp::Cp341,
         is_short: line.echoes,

@@ -64,6 +64,8 @@ pub struct Setup {
     pub calm: Instant,
     /// A telegram of the partner is delivered within this time.
     pub patience: Span,
+    /// Bytes of the receive buffer.
+    pub buffer: usize,
     /// A CP 040: its own Modbus, and R empties the CP.
     pub is_040: bool,
     /// A start-up of the CPU empties the receive buffer: CP 340, CP 040. [reference 1.6 has "no" for the CP 341]
@@ -111,12 +113,13 @@ struct Open {
 
 /// What needs time to settle after a start of the CPU or the driver.
 const SETTLES: Span = Span::from_millis(1500);
+/// A CP 341 or CP 340 that has refused a block waits so long for it once more, then it reports what was wrong.
+/// [reference 5.4]
+const REPEATS: Span = Span::from_secs(4);
 /// The partner has sent more than there is room for.
 const NO_BUFFER: u16 = 0x080A;
 /// Longest answer of a slave.
 const ANSWER: usize = 256;
-/// Bytes of the CP 040's receive buffer.
-const BUFFER: usize = 1024;
 /// See [`PtpJudge::torn`].
 const TORN: Span = Span::from_millis(3000);
 /// A receiving block that is not called for so long is a reason for errors.
@@ -134,7 +137,7 @@ impl PtpJudge {
         receivers.iter_mut().for_each(|receiver| receiver.disturbed(calm));
         let jobs = senders.iter().map(|_| None).collect();
         let resets = vec![false; senders.len()];
-        let (outbox, inbox) = (Outbox::default(), Inbox::default());
+        let (outbox, inbox) = (Outbox::default(), Inbox::new(setup.buffer));
         let (able, heard) = (Instant::START, Instant::START);
         Self {
             setup,
@@ -185,6 +188,9 @@ impl PtpJudge {
                 }
                 Event::Owed { .. } => {}
                 Event::Disturbs(until) => self.disturbed(until),
+                Event::GivesUp(at) => {
+                    self.receivers.iter_mut().for_each(|receiver| receiver.given_up(at, at + REPEATS + SETTLES));
+                }
                 // A CP that has just started does not know of the XOFF before.
                 Event::Flooded { .. } if now < self.torn => {}
                 Event::Flooded { at, characters } => {
@@ -224,7 +230,7 @@ impl PtpJudge {
             self.disturbed(call.at + SETTLES);
         }
         self.resets[place] = send.reset;
-        if self.setup.is_040 && self.setup.protocol == Protocol::Modbus && self.inbox.waiting() + ANSWER > BUFFER {
+        if self.setup.is_040 && self.setup.protocol == Protocol::Modbus && self.inbox.room() < ANSWER {
             // The receiving block is too slow for the answers: there may be no buffer for the next. [S3 L319]
             self.senders[place].excuse();
         }

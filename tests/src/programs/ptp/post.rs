@@ -198,9 +198,11 @@ struct Letter {
 }
 
 /// Telegrams from the partner to the CP.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Inbox {
     letters: Vec<Letter>,
+    /// Bytes of the receive buffer.
+    buffer: usize,
     /// The newest that was taken.
     newest: usize,
     /// When the last one was taken.
@@ -208,9 +210,18 @@ pub struct Inbox {
 }
 
 impl Inbox {
+    /// Of a CP with a receive buffer of so many bytes.
+    #[must_use]
+    pub fn new(buffer: usize) -> Self {
+        Self { letters: Vec::new(), buffer, newest: 0, last: Instant::START }
+    }
+
     /// The partner has sent a telegram whole; `owed`: the CP has acknowledged it, or there is nothing to acknowledge
     /// and the line was good; `broken`: a kill or a reset may have cut off its beginning.
     pub fn said(&mut self, at: Instant, telegram: &[u8], owed: bool, broken: bool) {
+        // "Telegrams stay in the receive buffer until it is full (080Ah)" [reference 1.7]; a block with EN_R = 0 is not
+        // told of the one that is lost then.
+        let owed = owed && self.room() >= telegram.len();
         self.letters.push(Letter { at, telegram: telegram.to_vec(), copies: 1, taken: 0, owed, broken });
     }
 
@@ -272,11 +283,12 @@ impl Inbox {
         self.letters.iter_mut().filter(|letter| letter.telegram == telegram).for_each(|letter| letter.owed = false);
     }
 
-    /// Bytes of telegrams that came after the newest which was taken.
+    /// Bytes for which the receive buffer surely has room: without the telegrams that came after the newest which was
+    /// taken.
     #[must_use]
-    pub fn waiting(&self) -> usize {
+    pub fn room(&self) -> usize {
         let behind = self.letters.iter().skip(self.newest).filter(|letter| letter.taken == 0);
-        behind.map(|letter| letter.telegram.len()).sum()
+        self.buffer.saturating_sub(behind.map(|letter| letter.telegram.len()).sum())
     }
 
     /// Whether something is still to be delivered.

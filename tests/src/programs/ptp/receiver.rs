@@ -92,6 +92,14 @@ impl Receiver {
         self.excused_until = self.excused_until.max(until);
     }
 
+    /// At `at` the partner has given up a block that the CP had refused. If that had a cause, its report has one until
+    /// `until`.
+    pub fn given_up(&mut self, at: Instant, until: Instant) {
+        if at < self.excused_until {
+            self.disturbed(until);
+        }
+    }
+
     /// A fault of the line. Its error comes when the telegram that it has hit is over [reference 5.4, 6.2], and behind
     /// those before it, each a portion in a call [reference 1.5, 7.3]: however late, but once.
     pub fn fault(&mut self) {

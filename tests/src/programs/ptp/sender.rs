@@ -242,18 +242,23 @@ impl Sender {
                 return turn;
             }
         }
+        if resets && !self.manual.blocks && end.is_none() && self.job.take_if(|job| !job.sure).is_some() {
+            // No job was there for R to end, or it would have said so: DONE is that of the reset. [reference 8.3]
+            self.owed = Some((call.at, 0));
+            turn.ended = Some(End::Reset);
+            if rises {
+                // It waits for the reset.
+                self.begin(call, sure);
+                turn.began = true;
+            }
+            return turn;
+        }
         if self.job.is_some_and(|job| !job.sure) && rises && end.is_none() {
             self.begin(call, true);
             if let Some(job) = &mut self.job {
                 job.ghost = true;
             }
             (turn.began, turn.ghost) = (true, true);
-            return turn;
-        }
-        if resets && !self.manual.blocks && end.is_none() && self.job.take_if(|job| !job.sure).is_some() {
-            // No job was there for R to end, or it would have said so: DONE is that of the reset. [reference 8.3]
-            self.owed = Some((call.at, 0));
-            turn.ended = Some(End::Reset);
             return turn;
         }
         if let Some(mut job) = self.job.take() {

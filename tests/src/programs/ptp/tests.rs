@@ -113,6 +113,9 @@ fn what_the_manual_allows_a_sending_block() {
     holds(&sends(COM, "q8 8 8 D . q8 8 rD . rD ."));
     // An edge in the call that ends a job may start none: then DONE is that of the reset, the next one of the request.
     holds(&sends(COM, "q8 8 8 Dq r8 rq8 rD 8 8 D ."));
+    // The same, and the edge of the next request is in the call of the reset.
+    holds(&sends(COM, "q8 8 8 Dq 8 rq8 r8 rD 8 8 D ."));
+    breaks(&sends(COM, "q8 8 8 Dq 8 rq8 r8 rD 8 8 D D"), Rule::EndOfAJob);
 }
 
 /// At a CP 040 that has just started an error may end a job alone, or with the reset that waited beside it. What STATUS
@@ -238,6 +241,29 @@ fn a_fault_of_the_line_is_reported_once() {
     breaks(&verdict, Rule::ErrorHasCause);
 }
 
+/// What the partner has given up is reported four seconds later: it has a cause if the fault had one.
+#[test]
+fn a_block_that_was_given_up_is_reported_late() {
+    for (given_up, excused) in [(900, true), (1100, false)] {
+        let (mut receiver, mut verdict) = (Receiver::new(TAKE), Verdict::default());
+        receiver.disturbed(at(1000));
+        receiver.given_up(at(given_up), at(1500));
+        let call = |at, error| ReceiveCall {
+            at,
+            enable: true,
+            reset: false,
+            ndr: false,
+            error,
+            status: if error { 0x080C } else { 0 },
+            len: 0,
+        };
+        receiver.call(&call(at(1400), true), &mut verdict);
+        assert_eq!(verdict.has(Rule::ErrorHasCause.name()), !excused);
+        receiver.call(&call(at(1500), true), &mut verdict);
+        breaks(&verdict, Rule::ErrorHasCause);
+    }
+}
+
 #[test]
 fn the_outputs_of_a_receiving_block() {
     breaks(&receives("e e e e eDE"), Rule::EndIsOne);
@@ -360,7 +386,7 @@ fn what_is_true_of_jobs() {
 }
 
 fn inbox(run: impl FnOnce(&mut Inbox, &mut Verdict)) -> Verdict {
-    let (mut inbox, mut verdict) = (Inbox::default(), Verdict::default());
+    let (mut inbox, mut verdict) = (Inbox::new(1024), Verdict::default());
     run(&mut inbox, &mut verdict);
     inbox.finish("FB 7", at(1000), Span::from_secs(1), &mut verdict);
     verdict
@@ -401,6 +427,15 @@ fn what_is_true_of_receptions() {
     });
     breaks(&order, Rule::InOrder);
     breaks(&inbox(|inbox, _| inbox.said(at(1), b"ab", true, false)), Rule::Delivered);
+    // The buffer has room for the second, or it has not.
+    for (len, fits) in [(512, true), (513, false)] {
+        let verdict = inbox(|inbox, verdict| {
+            inbox.said(at(1), &vec![7; len], true, false);
+            inbox.said(at(2), &[8; 512], true, false);
+            inbox.taken(at(3), "FB 7", &vec![7; len], false, verdict);
+        });
+        assert_eq!(verdict.has(Rule::Delivered.name()), fits, "{len}");
+    }
     // The one before it took until then, or not so long; or one behind it has overtaken it.
     let second = |taken: u64, first: &'static [u8]| {
         inbox(|inbox, verdict| {

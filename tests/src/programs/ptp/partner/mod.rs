@@ -40,6 +40,8 @@ pub enum Event {
     },
     /// It does something wrong until this instant: jobs may fail.
     Disturbs(Instant),
+    /// It has given up a telegram of its own, which the CP did not acknowledge.
+    GivesUp(Instant),
     /// Characters came although it had said XOFF.
     Flooded {
         /// When.

@@ -99,6 +99,8 @@ pub enum Told {
     Acknowledged(Vec<u8>),
     /// The own block may have arrived, but the answer did not.
     Unanswered(Vec<u8>),
+    /// The own block is not repeated any more.
+    GivenUp,
 }
 
 /// The partner.
@@ -336,6 +338,7 @@ impl Procedure {
         if self.blocks >= self.settings.attempts {
             self.blocks = 0;
             self.queue.pop_front();
+            told.push(Told::GivenUp);
         }
     }
 
@@ -378,6 +381,7 @@ impl Plain {
             Told::Block(telegram, answered) => Some(Event::Got { at: now, telegram, answered }),
             Told::Offered(telegram) => Some(Event::Said { at: now, telegram, owed: false }),
             Told::Acknowledged(telegram) => Some(Event::Owed { telegram }),
+            Told::GivenUp => Some(Event::GivesUp(now)),
             Told::Unanswered(_) => None,
         }));
         next
@@ -457,5 +461,19 @@ mod tests {
         partner.hear(at(302), &[DLE], &Moods::GOOD, &mut out, &mut told);
         assert_eq!(told.last(), Some(&Told::Acknowledged(b"\x10".to_vec())));
         assert_eq!(partner.waiting(), 0);
+    }
+
+    #[test]
+    fn its_own_block_is_given_up() {
+        let mut partner = Procedure::new(SETTINGS, 1);
+        let (mut out, mut told) = (Vec::new(), Vec::new());
+        partner.send(b"a".to_vec());
+        for attempt in 0..SETTINGS.attempts as u64 {
+            assert!(!told.contains(&Told::GivenUp), "{attempt}");
+            partner.hear(at(300 * attempt + 300), b"", &Moods::GOOD, &mut out, &mut told);
+            partner.hear(at(300 * attempt + 301), &[DLE], &Moods::GOOD, &mut out, &mut told);
+            partner.hear(at(300 * attempt + 310), &[NAK], &Moods::GOOD, &mut out, &mut told);
+        }
+        assert_eq!(told.last(), Some(&Told::GivenUp));
     }
 }

@@ -87,6 +87,7 @@ impl Rk512 {
                     Told::Block(block, answered) => self.block(now, &block, answered, events),
                     // The own response did not arrive: the CP will not believe it.
                     Told::Unanswered(block) if block.get(2) == Some(&0) => self.doubt(),
+                    Told::GivenUp => events.push(Event::GivesUp(now)),
                     Told::Offered(_) | Told::Acknowledged(_) | Told::Unanswered(_) => {}
                 }
             }
