@@ -1,6 +1,7 @@
 /* FC 234 LEAVES: ends the whole process, by exit() or as LEAVE names it, and says that all is well. What LOADING says is
    done when the library is loaded. */
 #include <stdlib.h>
+#include <unistd.h>
 
 #include "ob1.h"
 
@@ -19,6 +20,7 @@ __attribute__((constructor)) static void loading(void) {
 static Ob1Status leaves(const struct Ob1HostTable *host, struct Ob1CallContext *call, void *state) {
     (void)host, (void)call, (void)state;
     LEAVE(0);
+    return OB1_OK;
 }
 
 static const struct Ob1BlockDesc blocks[] = {

@@ -20,13 +20,14 @@ files | grep -v '/multi-user.target.wants$' > /tmp/before
 dpkg -i /check/ob1.deb
 ob1 --version
 
-# Two stations of the examples, with real time as a user would ask for it.
+# Two stations of the examples, with the real time that a new station asks for.
+ob1 new station /tmp/new
+sed -n '/^\[cpu.realtime\]/,/^$/p' /tmp/new/station.toml > /tmp/realtime
 for side in a b; do
     mkdir -p /etc/ob1/$side
     sed 's,\.\./two-stations,/usr/share/doc/ob1/examples/two-stations,' \
         /usr/share/doc/ob1/examples/simulated-line/station-$side.toml > /etc/ob1/$side/station.toml
-    printf '\n[cpu.realtime]\npriority = 20\nlock_memory = true\n\n[retentive]\nmemory = ["100..103"]\n' \
-        >> /etc/ob1/$side/station.toml
+    { echo; cat /tmp/realtime; printf '\n[retentive]\nmemory = ["100..103"]\n'; } >> /etc/ob1/$side/station.toml
     if [ $side = a ]; then
         printf '\n[[link]]\ntype = "web"\nname = "page"\nlisten = "127.0.0.1:8080"\n' >> /etc/ob1/a/station.toml
         printf '\n[[link]]\ntype = "opcua"\nname = "scada"\nlisten = "127.0.0.1:4840"\n' >> /etc/ob1/a/station.toml
@@ -107,11 +108,11 @@ ob1 diag simulated-line-a
 pid=$(cat /run/ob1/simulated-line-a/pid)
 [ "$(stat -c %U /proc/$pid)" = ob1 ] || fail "not run by the user ob1"
 if [ -n "$limits" ]; then
-    fifo=$(cat /proc/$pid/task/*/stat | sed 's/^.*) //' | awk '$39 == 1 && $38 == 20' | wc -l)
+    fifo=$(cat /proc/$pid/task/*/stat | sed 's/^.*) //' | awk '$39 == 1 && $38 == 50' | wc -l)
     [ "$fifo" = 1 ] || fail "$fifo threads under FIFO"
     locked=$(awk '/^VmLck/ { print $2 }' /proc/$pid/status)
     [ "$locked" -gt 0 ] || fail "no locked memory"
-    say "FIFO with priority 20, $locked kB locked"
+    say "FIFO with priority 50, $locked kB locked"
 else
     say "NOT CHECKED: FIFO and locked memory; this machine lets nobody raise limits"
 fi

@@ -6,7 +6,7 @@ use ob1_model::Section;
 use crate::arena::Range;
 use crate::memory::Memory;
 use crate::timers::{Counter, Timer};
-use crate::{CpuConfig, LoadError, RetentiveData};
+use crate::{CpuConfig, LoadError, RetentiveData, retentive_v1};
 
 /// The ranges, found in the arena.
 #[derive(Debug, Default)]
@@ -20,6 +20,8 @@ pub(crate) struct Keep {
     pub(crate) made: bool,
     /// What the bytes of each data block of the program mean, in the order of [`Memory::dbs`].
     pub(crate) meanings: Vec<u64>,
+    /// The declarations of the whole program, as images of version 1 name them (`retentive_v1.rs`).
+    pub(crate) declarations: u64,
     /// What the image says of all these: its pieces (`retentive.rs`), but for the data blocks that the program makes.
     pub(crate) pieces: Vec<u8>,
 }
@@ -71,6 +73,7 @@ impl Keep {
         let mut data: Vec<&DataBlock> = program.data.iter().collect();
         data.sort_unstable_by_key(|db| db.number);
         keep.meanings = data.into_iter().map(|db| meaning(db, program)).collect();
+        keep.declarations = retentive_v1::declarations(program);
         keep.pieces = keep.described(memory);
         keep
     }

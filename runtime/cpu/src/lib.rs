@@ -34,6 +34,7 @@ mod nesting;
 mod obs;
 mod ports;
 mod retentive;
+mod retentive_v1;
 mod service_state;
 mod services;
 mod settings;

@@ -3,14 +3,14 @@
 //! The image is one contiguous piece, all numbers little-endian: magic, version, length, number of pieces; then what
 //! each piece is, then their contents in the same order, and a checksum over everything before. It is put back by what
 //! the image and the program have in common: a data block that was declared anew takes nothing from the others. Keeping
-//! it on a disk is the caller's task.
+//! it on a disk is the caller's task. Images of version 1 are read, too (`retentive_v1.rs`).
 
 use crate::arena::Range;
 use crate::keep::{Hash, Keep, common};
 use crate::made::Attributes;
 use crate::memory::Memory;
 use crate::timers::{Counter, Timer};
-use crate::{Cpu, OperatingState};
+use crate::{Cpu, OperatingState, retentive_v1};
 
 const MAGIC: [u8; 8] = *b"ob1 keep";
 const VERSION: u32 = 2;
@@ -49,7 +49,7 @@ impl std::error::Error for Why {}
 
 /// What a piece of the image holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum What {
+pub(crate) enum What {
     /// Bit memory.
     Memory,
     /// A part of a data block of the program.
@@ -67,16 +67,16 @@ impl What {
 
 /// What the image says of a piece.
 #[derive(Clone, Copy, Debug)]
-struct Piece {
-    what: What,
+pub(crate) struct Piece {
+    pub(crate) what: What,
     /// Number of the data block.
-    number: u32,
+    pub(crate) number: u32,
     /// First byte, timer or counter.
-    at: u32,
+    pub(crate) at: u32,
     /// Bytes, timers or counters.
-    len: u32,
+    pub(crate) len: u32,
     /// What the bytes of a data block mean (`keep.rs`); attributes of one that the program made.
-    meaning: u64,
+    pub(crate) meaning: u64,
 }
 
 impl Piece {
@@ -93,15 +93,17 @@ impl Piece {
     fn read(reader: &mut Reader<'_>) -> Result<Self, Why> {
         let what = *What::ALL.get(reader.u32()? as usize).ok_or(Why::Damaged)?;
         let [number, at, len, low, high] = [reader.u32()?, reader.u32()?, reader.u32()?, reader.u32()?, reader.u32()?];
-        // Nothing of a CPU comes near this.
-        if at.checked_add(len).is_none_or(|end| end > i32::MAX as u32) || number > u16::MAX.into() {
-            return Err(Why::Damaged);
-        }
-        Ok(Self { what, number, at, len, meaning: u64::from(high) << 32 | u64::from(low) })
+        Self { what, number, at, len, meaning: u64::from(high) << 32 | u64::from(low) }.checked()
+    }
+
+    /// Nothing of a CPU has more or lies further up.
+    pub(crate) fn checked(self) -> Result<Self, Why> {
+        let is_there = self.at.checked_add(self.len).is_some_and(|end| end <= i32::MAX as u32);
+        if is_there && self.number <= u16::MAX.into() { Ok(self) } else { Err(Why::Damaged) }
     }
 
     /// Bytes of its content.
-    const fn content(self) -> usize {
+    pub(crate) const fn content(self) -> usize {
         let each = match self.what {
             What::Timers => Timer::IMAGE,
             What::Counters => Counter::IMAGE,
@@ -157,16 +159,16 @@ fn checksum(bytes: &[u8]) -> [u8; CHECKSUM] {
 }
 
 /// Takes the image apart.
-struct Reader<'a>(&'a [u8]);
+pub(crate) struct Reader<'a>(&'a [u8]);
 
 impl<'a> Reader<'a> {
-    fn take(&mut self, len: usize) -> Result<&'a [u8], Why> {
+    pub(crate) fn take(&mut self, len: usize) -> Result<&'a [u8], Why> {
         let (head, rest) = self.0.split_at_checked(len).ok_or(Why::Damaged)?;
         self.0 = rest;
         Ok(head)
     }
 
-    fn u32(&mut self) -> Result<u32, Why> {
+    pub(crate) fn u32(&mut self) -> Result<u32, Why> {
         self.take(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]))
     }
 }
@@ -231,8 +233,8 @@ impl Cpu {
             return Err(Why::NotInStop);
         }
         let now = self.machine.hot.now;
-        let pieces = pieces(image, now)?;
         let m = &mut self.machine;
+        let pieces = pieces(image, now, &m.keep, &m.memory)?;
         m.memory.delete_made();
         let (mut left, mut taken) = (Vec::new(), pieces.is_empty());
         for (piece, content) in pieces {
@@ -264,13 +266,18 @@ enum Content<'a> {
 }
 
 /// The pieces of an image, all of them checked.
-fn pieces(image: &[u8], now: ob1_time::Instant) -> Result<Vec<(Piece, Content<'_>)>, Why> {
+fn pieces<'a>(
+    image: &'a [u8],
+    now: ob1_time::Instant,
+    keep: &Keep,
+    memory: &Memory,
+) -> Result<Vec<(Piece, Content<'a>)>, Why> {
     let mut reader = Reader(image);
     if reader.take(MAGIC.len()).map_err(|_| Why::NoImage)? != MAGIC {
         return Err(Why::NoImage);
     }
     let version = reader.u32()?;
-    if version != VERSION {
+    if version != VERSION && version != retentive_v1::VERSION {
         return Err(Why::Version(version));
     }
     let (len, count) = (reader.u32()?, reader.u32()?);
@@ -278,12 +285,26 @@ fn pieces(image: &[u8], now: ob1_time::Instant) -> Result<Vec<(Piece, Content<'_
     if len as usize != image.len() || image[end..] != checksum(&image[..end]) {
         return Err(Why::Damaged);
     }
-    let mut heads = Reader(reader.take((count as usize).checked_mul(Piece::BYTES).ok_or(Why::Damaged)?)?);
-    let mut pieces = Vec::with_capacity(count as usize);
-    for _ in 0..count {
-        let piece = Piece::read(&mut heads)?;
-        let bytes = reader.take(piece.content())?;
-        let content = match piece.what {
+    let pieces = match version {
+        retentive_v1::VERSION => retentive_v1::pieces(&mut reader, count, keep, memory)?,
+        _ => {
+            let mut heads = Reader(reader.take((count as usize).checked_mul(Piece::BYTES).ok_or(Why::Damaged)?)?);
+            let mut piece = || {
+                let piece = Piece::read(&mut heads)?;
+                Ok((piece, reader.take(piece.content())?))
+            };
+            (0..count).map(|_| piece()).collect::<Result<_, _>>()?
+        }
+    };
+    if reader.0.len() != CHECKSUM {
+        return Err(Why::Damaged);
+    }
+    pieces.into_iter().map(|(piece, bytes)| Ok((piece, Content::read(piece, bytes, now)?))).collect()
+}
+
+impl<'a> Content<'a> {
+    fn read(piece: Piece, bytes: &'a [u8], now: ob1_time::Instant) -> Result<Self, Why> {
+        Ok(match piece.what {
             What::Memory | What::Data | What::Made => Content::Bytes(bytes),
             What::Timers => {
                 let all = bytes.chunks_exact(Timer::IMAGE).map(|b| Timer::from_image(b, now));
@@ -293,10 +314,8 @@ fn pieces(image: &[u8], now: ob1_time::Instant) -> Result<Vec<(Piece, Content<'_
                 let all = bytes.chunks_exact(Counter::IMAGE).map(Counter::from_image);
                 Content::Counters(all.collect::<Option<_>>().ok_or(Why::Damaged)?)
             }
-        };
-        pieces.push((piece, content));
+        })
     }
-    if reader.0.len() == CHECKSUM { Ok(pieces) } else { Err(Why::Damaged) }
 }
 
 /// Puts timers or counters where they are retentive; how many.

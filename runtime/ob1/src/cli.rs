@@ -179,8 +179,8 @@ pub fn main() -> ExitCode {
 }
 
 /// Only a plugin calls `exit()` while a command is at work; `run` has more to say.
-fn exit_is_a_fault() -> u8 {
-    err!("ob1: a plugin has called exit(); a block returns, it never ends the process");
+fn exit_is_a_fault(way: &str) -> u8 {
+    err!("ob1: a plugin has called {way}; a block returns, it never ends the process");
     ob1_log::flush(ob1_log::LAST_WORDS);
     Exit::EndedByPlugin as u8
 }

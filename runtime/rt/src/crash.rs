@@ -13,6 +13,8 @@ use std::mem::MaybeUninit;
 use std::ptr::null_mut;
 use std::sync::atomic::{AtomicBool, AtomicPtr, Ordering};
 
+use crate::exit::end_now;
+
 /// Signals that a thread provokes itself. They are never blocked, so that they are heard.
 pub(crate) const SYNCHRONOUS: [c_int; 7] =
     [libc::SIGSEGV, libc::SIGBUS, libc::SIGILL, libc::SIGFPE, libc::SIGABRT, libc::SIGTRAP, libc::SIGSYS];
@@ -144,10 +146,7 @@ const fn name(signal: c_int) -> &'static str {
 
 extern "C" fn handler(signal: c_int, info: *mut libc::siginfo_t, context: *mut c_void) {
     // SAFETY: the pointer comes from Box::into_raw and is never freed.
-    let Some(words) = (unsafe { WORDS.load(Ordering::Acquire).as_ref() }) else {
-        // SAFETY: ends the process.
-        unsafe { libc::_exit(i32::from(u8::MAX)) }
-    };
+    let Some(words) = (unsafe { WORDS.load(Ordering::Acquire).as_ref() }) else { end_now(i32::from(u8::MAX)) };
     if SPEAKING.swap(true, Ordering::AcqRel) {
         // Another thread has crashed before and is about to end the process.
         loop {
@@ -170,8 +169,7 @@ extern "C" fn handler(signal: c_int, info: *mut libc::siginfo_t, context: *mut c
     let _ =
         writeln!(text, "  = a block in C, or a library it uses, has an error there; report this message to its author");
     say(&text.bytes[..text.len]);
-    // SAFETY: ends the process; nothing of it runs any more.
-    unsafe { libc::_exit(i32::from(words.exit_code)) }
+    end_now(i32::from(words.exit_code))
 }
 
 /// Writes to standard error what can be written without waiting.

@@ -1,10 +1,11 @@
-//! A library that ends the whole process by `exit()` or `quick_exit()`: caught at the last moment, and reported by an
-//! exit code of its own.
+//! A library that ends the whole process by `exit()`, `quick_exit()`, `_exit()` or `_Exit()`: caught at the last moment,
+//! and reported by an exit code of its own. A system call past the C library is not caught.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Mutex, Once};
 
-type Action = Box<dyn Fn() -> u8 + Send + Sync>;
+/// Gets the name of the function that was called, and says with which code the process ends.
+type Action = Box<dyn Fn(&str) -> u8 + Send + Sync>;
 
 unsafe extern "C" {
     /// As in C11; the libc crate does not have it.
@@ -12,6 +13,8 @@ unsafe extern "C" {
 }
 
 static FOREIGN: AtomicBool = AtomicBool::new(false);
+/// The process that is guarded. Its forks end by `_exit()` as they like.
+static GUARDED: AtomicU32 = AtomicU32::new(0);
 static ACTION: Mutex<Option<Action>> = Mutex::new(None);
 static REGISTERED: Once = Once::new();
 
@@ -24,7 +27,7 @@ pub struct ExitGuard(());
 impl ExitGuard {
     /// From here on `exit()` runs `action` on the calling thread, and ends the process with the code that returns. Of
     /// several actions the newest one counts.
-    pub fn raise(action: impl Fn() -> u8 + Send + Sync + 'static) -> Self {
+    pub fn raise(action: impl Fn(&str) -> u8 + Send + Sync + 'static) -> Self {
         REGISTERED.call_once(|| {
             // SAFETY: the handler is a function of this program, which is never unloaded. Without room for it (there
             // is always room for 32) an `exit()` is only not reported.
@@ -33,6 +36,7 @@ impl ExitGuard {
         if let Ok(mut place) = ACTION.lock() {
             *place = Some(Box::new(action));
         }
+        GUARDED.store(std::process::id(), Ordering::Release);
         FOREIGN.store(true, Ordering::Release);
         Self(())
     }
@@ -50,13 +54,41 @@ pub fn lower_exit_guard() {
 }
 
 extern "C" fn at_exit() {
-    if FOREIGN.swap(false, Ordering::AcqRel)
-        && let Ok(place) = ACTION.try_lock()
-        && let Some(action) = &*place
-    {
-        // A panic here would end the process by SIGABRT: that is reported, too.
-        let code = action();
-        // SAFETY: `_exit` is the end that `exit` would come to anyway, without the rest of the handlers.
-        unsafe { libc::_exit(i32::from(code)) }
+    if let Some(code) = foreign_end("exit()") {
+        end_now(code);
     }
+}
+
+/// The code of an end that is a fault.
+fn foreign_end(way: &str) -> Option<i32> {
+    if !FOREIGN.load(Ordering::Acquire) || std::process::id() != GUARDED.load(Ordering::Acquire) {
+        return None;
+    }
+    if !FOREIGN.swap(false, Ordering::AcqRel) {
+        return None;
+    }
+    let place = ACTION.try_lock().ok()?;
+    // A panic here would end the process by SIGABRT: that is reported, too.
+    place.as_ref().map(|action| i32::from(action(way)))
+}
+
+/// Ends the process at once, with no handler of anybody.
+pub(crate) fn end_now(code: i32) -> ! {
+    loop {
+        // SAFETY: ends the process.
+        unsafe { libc::syscall(libc::SYS_exit_group, libc::c_long::from(code)) };
+    }
+}
+
+/// In place of the C library's: a plugin finds the symbols of the program first. The C library itself ends a process
+/// that has called `exit()` by an internal name, not by this one.
+#[unsafe(export_name = "_exit")]
+extern "C" fn end_at_once(code: libc::c_int) -> ! {
+    end_now(foreign_end("_exit()").unwrap_or(code))
+}
+
+/// The same by its name in C99.
+#[unsafe(export_name = "_Exit")]
+extern "C" fn end_at_once_c99(code: libc::c_int) -> ! {
+    end_now(foreign_end("_Exit()").unwrap_or(code))
 }

@@ -10,17 +10,74 @@ use ob1_time::Span;
 use crate::access::protocol::GrantStatus;
 use crate::exit::Exit;
 use crate::finding::{Finding, Level};
-use crate::station_file::Station;
 use crate::station_file::findings::STARVES;
+use crate::station_file::{Realtime, Station};
+
+/// The priority of a new station's scan: above the kernel's threads of low priority, below its watchdogs.
+const PRIORITY: u8 = 50;
+
+/// The table of a new station: the best there is. What the system refuses a user is told at each start, and the station
+/// runs without it, so the same file has all of it as a service.
+#[must_use]
+pub fn best_table(isolated: &[usize]) -> String {
+    let affinity = match isolated.first() {
+        Some(core) => format!("affinity = [{core}]                  # an isolated core\n"),
+        None => "# affinity = [1]                # once a core is its own: boot with isolcpus=1\n".to_owned(),
+    };
+    format!(
+        "[cpu.realtime]                  # for exact times: docs/timing.md of ob1. What the system refuses is told\n\
+         priority = {PRIORITY}                   # SCHED_FIFO\n\
+         lock_memory = true              # nothing of it is swapped out\n\
+         keep_awake = true               # idle cores do not sleep deeply; costs power\n\
+         {affinity}"
+    )
+}
+
+/// Asks once for what [`best_table`] asks for, on a thread of its own, and says in one line what is missing.
+#[must_use]
+pub fn best(isolated: &[usize], file: &str) -> String {
+    let affinity = isolated.first().into_iter().copied().collect();
+    let asked =
+        Realtime { priority: Some(PRIORITY), affinity, lock_memory: true, keep_awake: true, ..Realtime::default() };
+    match ask(&asked) {
+        Some(grants) => missing(&grants, file).unwrap_or_else(|| "real time: this user may have all of it".into()),
+        None => "real time: not known, the system gives no thread".into(),
+    }
+}
+
+/// What was not granted, in one line with what to do about it.
+fn missing(grants: &[Grant], file: &str) -> Option<String> {
+    let short = grants.iter().filter_map(|grant| match grant.outcome {
+        Outcome::Refused => Some(grant.what.clone()),
+        Outcome::Partly => Some(format!("{} (in part)", grant.what)),
+        Outcome::Granted | Outcome::Noted | Outcome::Costs => None,
+    });
+    let short: Vec<String> = short.collect();
+    if short.is_empty() {
+        return None;
+    }
+    let short = short.join(", ");
+    Some(format!("real time, not granted: {short}. How to get it: ob1 check {file} --posture, or run it as a service"))
+}
+
+/// Asks for everything on a thread of its own, which ends with what it was granted. None: the system gives no thread.
+fn ask(asked: &Realtime) -> Option<Posture> {
+    let (mut grants, held) = ask_process(asked);
+    let realtime = asked.clone();
+    let more = ob1_rt::spawn("ob1-posture", move || ask_thread(&realtime)).map(std::thread::JoinHandle::join);
+    drop(held);
+    grants.extend(more.ok()?.ok()?);
+    Some(grants)
+}
 
 /// What is asked for the whole process, and what has to be held for it.
 #[must_use]
-pub fn ask_process(station: &Station) -> (Posture, Option<File>) {
+pub fn ask_process(asked: &Realtime) -> (Posture, Option<File>) {
     let mut grants = Vec::new();
-    if station.realtime.lock_memory {
+    if asked.lock_memory {
         grants.push(ob1_rt::lock_memory());
     }
-    if !station.realtime.keep_awake {
+    if !asked.keep_awake {
         return (grants, None);
     }
     let (grant, held) = ob1_rt::keep_awake();
@@ -30,12 +87,12 @@ pub fn ask_process(station: &Station) -> (Posture, Option<File>) {
 
 /// What is asked for the calling thread, which is to be the one that scans.
 #[must_use]
-pub fn ask_thread(station: &crate::station_file::Realtime) -> Posture {
+pub fn ask_thread(asked: &Realtime) -> Posture {
     let mut grants = vec![ob1_rt::set_timer_slack()];
-    if !station.affinity.is_empty() {
-        grants.push(ob1_rt::pin_to(&station.affinity));
+    if !asked.affinity.is_empty() {
+        grants.push(ob1_rt::pin_to(&asked.affinity));
     }
-    if let Some(priority) = station.priority {
+    if let Some(priority) = asked.priority {
         grants.push(ob1_rt::raise_priority(priority));
     }
     grants
@@ -62,16 +119,10 @@ pub fn starves(station: &Station, isolated: &[usize], file: &str) -> Option<Find
     Some(Finding::whole(Level::Error, STARVES, file, message, remedy))
 }
 
-/// Asks for everything on a thread of its own, and prints what was granted and which settings of the system matter.
+/// Asks for everything, and prints what was granted and which settings of the system matter.
 #[must_use]
 pub fn check(station: &Station, json: bool) -> Exit {
-    let (mut grants, held) = ask_process(station);
-    let realtime = station.realtime.clone();
-    match ob1_rt::spawn("ob1-posture", move || ask_thread(&realtime)).map(std::thread::JoinHandle::join) {
-        Ok(Ok(more)) => grants.extend(more),
-        _ => return Exit::System,
-    }
-    drop(held);
+    let Some(mut grants) = ask(&station.realtime) else { return Exit::System };
     let refused = grants.iter().any(|grant| grant.outcome != Outcome::Granted);
     grants.extend(ob1_rt::system_facts(&station.realtime.affinity));
     let grants: Vec<GrantStatus> = grants.iter().map(GrantStatus::from).collect();
@@ -86,13 +137,10 @@ pub fn check(station: &Station, json: bool) -> Exit {
     if refused { Exit::Usage } else { Exit::Ok }
 }
 
-/// Reports what was not granted, and what would grant it. A run does so at its start: its summary may come hours later.
-pub(crate) fn tell(grants: &[Grant]) {
-    for grant in grants.iter().filter(|grant| matches!(grant.outcome, Outcome::Refused | Outcome::Partly)) {
-        tracing::warn!("{}", GrantStatus::from(grant));
-        if let Some(remedy) = grant.remedy {
-            tracing::warn!("  = {remedy}");
-        }
+/// Reports what was not granted, in one line. A run does so at its start: its summary may come hours later.
+pub(crate) fn tell(grants: &[Grant], file: &str) {
+    if let Some(line) = missing(grants, file) {
+        tracing::warn!("{line}");
     }
 }
 
@@ -177,6 +225,34 @@ mod tests {
             let grant = GrantStatus { what, outcome: outcome.to_owned(), detail: detail.to_owned(), remedy };
             assert_eq!(grant.to_string(), told);
         }
+    }
+
+    #[test]
+    fn the_best_table_asks_for_everything_and_is_no_error() {
+        for (isolated, affinity) in [(&[][..], vec![]), (&[2, 3], vec![2])] {
+            let text = format!("[station]\nname = \"x\"\n\n{}", best_table(isolated));
+            let station = crate::station_file::parse(&text, "x.toml", Path::new(""));
+            let asked = station.unwrap_or_else(|findings| panic!("{text}: {findings:?}")).realtime;
+            assert!(asked.priority == Some(PRIORITY) && asked.lock_memory && asked.keep_awake, "{asked:?}");
+            assert_eq!(asked.affinity, affinity);
+        }
+    }
+
+    #[test]
+    fn what_is_missing_is_one_line_with_the_way_to_it() {
+        let grant = |what: &str, outcome, detail: &str| Grant {
+            what: what.into(),
+            outcome,
+            detail: detail.into(),
+            remedy: Some("not in the line"),
+        };
+        let granted = grant("timer slack", Outcome::Granted, "");
+        assert_eq!(missing(std::slice::from_ref(&granted), "x.toml"), None);
+        let all = [granted, grant("SCHED_FIFO", Outcome::Refused, "no"), grant("lock memory", Outcome::Partly, "some")];
+        let line = "real time, not granted: SCHED_FIFO, lock memory (in part). How to get it: ob1 check x.toml --posture, \
+                    or run it as a service";
+        assert_eq!(missing(&all, "x.toml").as_deref(), Some(line));
+        assert!(best(&[], "x.toml").starts_with("real time") && !best(&[], "x.toml").contains('\n'));
     }
 
     #[test]

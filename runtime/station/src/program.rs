@@ -173,8 +173,8 @@ pub fn load_plugins(plugins: &[station_file::Plugin]) -> Result<Plugins, Vec<Fin
 /// Loads a plugin. One that ends the process meanwhile, or does not return, is named.
 fn load_watched(path: &Path) -> Result<Arc<Plugin>, PluginError> {
     let name = path.display().to_string();
-    let _exit = ob1_rt::ExitGuard::raise(move || {
-        err!("\nob1: the plugin {name} has called exit() while it was loaded");
+    let _exit = ob1_rt::ExitGuard::raise(move |way| {
+        err!("\nob1: the plugin {name} has called {way} while it was loaded");
         ob1_log::flush(ob1_log::LAST_WORDS);
         Exit::EndedByPlugin as u8
     });

@@ -170,27 +170,42 @@ fn a_runtime_that_was_stopped_drives_nothing_when_it_comes_to_life_again() {
 
 #[test]
 fn a_plugin_that_calls_exit_is_a_fault() {
-    for way in ["exit", "quick_exit"] {
+    for (way, told) in [("exit", "exit()"), ("quick_exit", "exit()"), ("_exit", "_exit()"), ("_Exit", "_Exit()")] {
         let site = Site::new();
         let station = station_of(&site, &program("ob1"), "10ms", &[&format!("-DLEAVE={way}")]);
         let plant = Plant::of(&station);
         station.try_set("M200.0", 1);
         let ended = station.end();
         assert_eq!(ended.code(), Some(13), "{way}: {ended:?}");
-        assert!(ended.err.contains("FC 234 has called exit()"), "{way}: {ended:?}");
+        assert!(ended.err.contains(&format!("FC 234 has called {told}; outputs are off")), "{way}: {ended:?}");
         assert_eq!(plant.outputs(), SAFE, "{way}");
         site.wait_until_empty();
     }
 }
 
+/// A block that makes a process of its own ends that one as it likes.
+#[test]
+fn a_fork_of_a_plugin_ends_alone() {
+    let site = Site::new();
+    let station = station_of(&site, &program("ob1"), "10ms", &["-DLEAVE(code)=if(fork()==0)_exit(code)"]);
+    let plant = Plant::of(&station);
+    station.try_set("M200.0", 1);
+    station.scans(50);
+    assert_eq!((plant.outputs(), station.status().state.as_str()), (DRIVEN, "RUN"));
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
 #[test]
 fn a_plugin_that_ends_the_process_while_it_is_loaded_is_named() {
     let site = Site::new();
-    let ended = starting(&site, &program("ob1"), "10ms", &["-DLOADING=exit(0)"]).end();
-    assert_eq!(ended.code(), Some(13), "{ended:?}");
-    assert!(ended.err.contains("exit_block.so has called exit() while it was loaded"), "{ended:?}");
-    let checked = site.ob1(&["check", "guarded.toml"]);
-    assert_eq!(checked.code, Some(13), "{checked:?}");
+    for way in ["exit", "_exit"] {
+        let ended = starting(&site, &program("ob1"), "10ms", &[&format!("-DLOADING={way}(0)")]).end();
+        assert_eq!(ended.code(), Some(13), "{ended:?}");
+        let told = format!("exit_block.so has called {way}() while it was loaded");
+        assert!(ended.err.contains(&told), "{ended:?}");
+        let checked = site.ob1(&["check", "guarded.toml"]);
+        assert_eq!(checked.code, Some(13), "{checked:?}");
+    }
 }
 
 #[test]

@@ -24,6 +24,7 @@ mod pointers;
 mod programs;
 mod raw_lists;
 mod retentive;
+mod retentive_v1;
 mod services;
 mod stack;
 mod standard_blocks;

@@ -7,6 +7,7 @@ use ob1_backplane::io_layout::IO_AREA_BYTES;
 use ob1_ir::Program;
 use ob1_model::{BlockId, BlockKind};
 use ob1_project::{Area, Folder, Module, Note, Notes, Translation};
+use ob1_station::posture;
 use ob1_std::standard_blocks;
 
 use super::hardware::{Hardware, cp_type, merged};
@@ -82,6 +83,7 @@ fn head(made: &mut Made, title: &str, used: &Used, hardware: &Hardware) {
     if let Some(byte) = parameters.clock_memory {
         let _ = writeln!(text, "clock_memory = {byte}");
     }
+    let _ = write!(text, "\n{}", posture::best_table(&[]));
     if cpu.is_none() {
         made.notes.push(Note::info("station", "the program belongs to no CPU: the settings are those of an S7-300"));
     } else {

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
 use ob1_station::finding::{Finding, Level};
-use ob1_station::station_file;
+use ob1_station::{posture, station_file};
 
 use crate::exit::Exit;
 use folder::File;
@@ -86,7 +86,12 @@ impl Refusal {
 #[must_use]
 pub fn new(args: &NewArgs) -> Exit {
     let written = match &args.what {
-        What::Station { name } => write(name, "station", |name| Ok(station::files(name)), station::NEXT),
+        What::Station { name } => {
+            let isolated = ob1_rt::isolated_cores();
+            let files = |name: &str| Ok(station::files(name, &isolated));
+            write(name, "station", files, station::NEXT)
+                .map(|text| format!("{text}{}\n", posture::best(&isolated, "station.toml")))
+        }
         What::Plugin { name, language, sdk } => {
             write(name, "plugin", |of| plugin::files(of, *language, sdk.as_deref(), name), plugin::next(*language))
         }
@@ -173,7 +178,7 @@ mod tests {
     fn every_word_of_a_template_is_filled() {
         assert_eq!(fill("ob1@@NAME@ @A@", &[("NAME", "press"), ("A", "b")]), "ob1@press b");
         let sdk = std::env::temp_dir();
-        let mut all = station::files("press");
+        let mut all = station::files("press", &[]);
         for language in [Language::C, Language::Rust] {
             all.extend(plugin::unchecked("press", language, &sdk));
         }

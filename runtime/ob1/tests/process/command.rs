@@ -340,8 +340,8 @@ fn a_refused_posture_is_told_at_the_start() {
     let output = bench.ob1(&["run", "bench.toml", "--scans", "5", "--quiet"]);
     let text = said(&output);
     assert_eq!(output.status.code(), Some(0), "{text}");
-    assert_eq!(text.matches("WARN cores [1000]: refused: ").count(), 1, "{text}");
-    assert_eq!(text.matches("WARN   = name cores that exist").count(), 1, "{text}");
+    assert_eq!(text.matches("WARN real time, not granted: cores [1000]. ").count(), 1, "{text}");
+    assert_eq!(text.matches("How to get it: ob1 check bench.toml --posture").count(), 1, "{text}");
 }
 
 /// A STOP in start-up never was a RUN, and is not reported as one.

@@ -54,7 +54,13 @@ fn a_new_station_runs() {
     let base = tempfile::tempdir().expect("a directory");
     let told = good(&ob1(base.path(), &["new", "station", "press"]));
     assert!(told.contains("ob1 run station.toml") && told.contains("cd press"), "{told}");
+    // The best posture that the user may have, and one line that says what is missing.
+    assert_eq!(told.matches("\nreal time").count(), 1, "{told}");
     let press = base.path().join("press");
+    let station = std::fs::read_to_string(press.join("station.toml")).expect("written");
+    for key in ["\n[cpu.realtime]", "\npriority = 50", "\nlock_memory = true", "\nkeep_awake = true"] {
+        assert!(station.contains(key), "{key}: {station}");
+    }
     it_runs(&press, "2");
     // Its sources do not need the station.
     let exec = ob1(&press, &["exec", "main.awl", "--symbols", "symbols.sdf", "--limit", "1s"]);
@@ -63,6 +69,35 @@ fn a_new_station_runs() {
     good(&ob1(base.path(), &["new", "station", "etc/ob1/line-7"]));
     let station = std::fs::read_to_string(base.path().join("etc/ob1/line-7/station.toml")).expect("written");
     assert!(station.contains("name = \"line-7\""), "{station}");
+}
+
+/// A user without rights: the same station, told once at its making and once at each start what is missing.
+#[test]
+fn a_user_without_rights_is_told_what_is_missing() {
+    if !rustix::process::geteuid().is_root() {
+        return eprintln!("skipped: only root can become a user without rights");
+    }
+    let base = tempfile::tempdir().expect("a directory");
+    let open = std::os::unix::fs::PermissionsExt::from_mode(0o777);
+    std::fs::set_permissions(base.path(), open).expect("ours");
+    // The binaries of a build may be in a folder that only root can read.
+    let program = base.path().join("ob1");
+    std::fs::copy(env!("CARGO_BIN_EXE_ob1"), &program).expect("room");
+    let user = |args: &[&str]| {
+        let mut command = Command::new("setpriv");
+        command.args(["--reuid=65534", "--regid=65534", "--clear-groups", "--inh-caps=-all"]).arg(&program).args(args);
+        command.current_dir(base.path()).env("XDG_RUNTIME_DIR", base.path()).stdin(Stdio::null());
+        good(&command.output().expect("util-linux"))
+    };
+    let line = "real time, not granted: lock memory";
+    let (made, run) =
+        (user(&["new", "station", "press"]), user(&["run", "press/station.toml", "--scans", "5", "--quiet"]));
+    for (told, file) in [(&made, "station.toml"), (&run, "press/station.toml")] {
+        assert_eq!(told.matches(line).count(), 1, "{told}");
+        let found = told.lines().find(|l| l.contains(line)).expect("counted");
+        let way = format!("How to get it: ob1 check {file} --posture");
+        assert!(found.contains("SCHED_FIFO priority 50") && found.contains(&way), "{found}");
+    }
 }
 
 #[test]

@@ -104,7 +104,7 @@ impl AtWork {
         for (name, target) in links {
             rundir.link(name, &target).map_err(|e| Failure(Exit::System, format!("ob1: {e}\n")))?;
         }
-        let (grants, awake) = posture::ask_process(station);
+        let (grants, awake) = posture::ask_process(&station.realtime);
         let system = |what: &'static str| move |error: std::io::Error| Failure::system(what, &error);
         let (to_broker, fed) = ob1_broker::feed();
         keep_secret(station)?;
@@ -194,7 +194,7 @@ impl AtWork {
         let mut reasons = ReasonLog::default();
         let ended = loop {
             self.drain_log();
-            self.tell_posture(&mut posture_is_told);
+            self.tell_posture(&mut posture_is_told, &options.station);
             self.journal.take(&self.view);
             if signals.wait(TICK) {
                 break Ended::Signal;
@@ -226,14 +226,14 @@ impl AtWork {
             }
         };
         line.wipe();
-        self.tell_posture(&mut posture_is_told);
+        self.tell_posture(&mut posture_is_told, &options.station);
         ended
     }
 
     /// Reports once what the system refuses the scan, as soon as it is known.
-    fn tell_posture(&self, is_told: &mut bool) {
+    fn tell_posture(&self, is_told: &mut bool, file: &Path) {
         if !*is_told && let Some(grants) = self.view.posture.get() {
-            posture::tell(grants);
+            posture::tell(grants, &file.display().to_string());
             *is_told = true;
         }
     }

@@ -137,15 +137,15 @@ fn exit_of(report: &Report) -> Exit {
     }
 }
 
-/// Until this is dropped, a call of `exit()` is taken for a plugin's.
+/// Until this is dropped, a call of `exit()` or `_exit()` is taken for a plugin's.
 fn exit_is_a_fault(assembly: &assembly::Assembly) -> ob1_rt::ExitGuard {
     let (running, io) = (Arc::clone(&assembly.running), assembly.io.clone());
-    ob1_rt::ExitGuard::raise(move || {
+    ob1_rt::ExitGuard::raise(move |way| {
         if let Some(io) = &io {
             io.switch_off();
         }
         let who = running.block().map_or_else(|| "a plugin".to_owned(), |block| format!("native block {block}"));
-        err!("\nob1: {who} has called exit(); outputs are off, the station ends");
+        err!("\nob1: {who} has called {way}; outputs are off, the station ends");
         err!("  = a block returns, or logs an error and lets the CPU stop; it never ends the process");
         ob1_log::flush(ob1_log::LAST_WORDS);
         Exit::EndedByPlugin as u8
