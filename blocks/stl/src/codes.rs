@@ -150,6 +150,8 @@ codes! {
         "Name the set: --mnemonics de or --mnemonics en (in the station file: mnemonics = ...). SE is on-delay in German, extended pulse in international mnemonics.";
     OPTIMIZED = "S0318", Error, "An address into an optimised block.",
         "Use the names of its components, or clear the block's attribute S7_Optimized_Access.";
+    NO_NUMBER = "S0319", Error, "More blocks of a kind have a name and no number than there are numbers.",
+        "A program has at most 65,535 blocks of a kind: divide it, or leave out what nothing calls.";
     // Constants
     CONSTANT = "S0401", Error, "A constant is not well formed or out of range.",
         "Constants: 5, L#5, W#16#FF, 2#0101, 1.5, S5T#2S, T#2S, C#7, 'A', D#1994-3-15, TOD#12:30:0, P#M 3.0.";

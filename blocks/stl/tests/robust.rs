@@ -199,6 +199,17 @@ fn work_of_symbol_tables_grows_linearly() {
     }
 }
 
+/// More names than numbers: said once, not for each of them and each call.
+#[test]
+fn names_without_a_number_are_one_error() {
+    let mut text: String = (0..65_540).map(|i| format!("FUNCTION \"b{i}\" : VOID\nBEGIN\nEND_FUNCTION\n")).collect();
+    text += "ORGANIZATION_BLOCK OB 1\nBEGIN\nCALL \"b65530\";\nCALL \"b9\";\nEND_ORGANIZATION_BLOCK\n";
+    let output = compile(&[Source::new("a", text.into_bytes())], &Library::new(), &Options::default());
+    let errors: Vec<&str> = output.diagnostics.iter().map(|d| d.code).collect();
+    assert_eq!(errors, ["S0319"], "{:?}", output.diagnostics.first());
+    assert_eq!(output.numbers.len(), 65_535);
+}
+
 /// Every file of `tests/corpus`, as a source in each set of mnemonics and as a symbol table of each form: the fuzzer's
 /// starting points, and what it has found.
 #[test]
@@ -291,6 +302,8 @@ fn forms(n: usize) -> Vec<(&'static str, String)> {
         ("open calls", ob("CALL FC 9 (ADR := 0\n".repeat(n))),
         ("editor calls", ob("CALL FC 9\nADR:=0\nANL:=M 1.0\n".repeat(n))),
         ("locals", format!("FUNCTION FC 50 : VOID\nVAR_TEMP\n{locals}END_VAR\nBEGIN\n{uses}END_FUNCTION\n")),
+        ("statements in one line", ob("L MW 10; T MW 12; ".repeat(n))),
+        ("names of blocks", numbered(&|i| format!("FUNCTION \"b{i}\" : VOID\nBEGIN\nL 1;\nEND_FUNCTION\n"))),
         ("blocks", numbered(&|i| format!("FUNCTION FC {} : VOID\nBEGIN\nL 1;\nEND_FUNCTION\n", 100 + i))),
         (
             "data",

@@ -115,7 +115,7 @@ impl Timer {
                     return self.start(now, time);
                 }
                 if rising {
-                    // Reset, not only stopped: the value is 0 while the RLO is 1.
+                    // Reset, not only stopped: the value is 0 while the RLO is 1 (decided in tests/cpu/timers.rs).
                     self.running = false;
                     self.rest = 0;
                     self.latched = true;

@@ -15,6 +15,8 @@ use crate::station_file::findings::{NOT_KEPT, UNREADABLE, VALUE, of_toml};
 /// What the first line of the file begins with; the checksum of the other lines follows. Without that line there is
 /// none: the file was made or changed by hand.
 const SUM: &str = "# checksum ";
+/// Numbers that a note names; the file has them all.
+const NAMED: usize = 20;
 
 fn sum_of(text: &str) -> String {
     format!("{:016x}", files::checksum(text.bytes()))
@@ -98,7 +100,10 @@ pub fn note(given: &[Numbered], path: Option<&Path>) -> String {
     if given.is_empty() {
         return String::new();
     }
-    let list: Vec<String> = given.iter().map(|one| format!("\"{}\" = {}", one.name, one.id)).collect();
+    let mut list: Vec<String> = given.iter().take(NAMED).map(|one| format!("\"{}\" = {}", one.name, one.id)).collect();
+    if given.len() > NAMED {
+        list.push(format!("and {} more", given.len() - NAMED));
+    }
     let kept = path.map_or_else(String::new, |path| format!("; kept in {}", path.display()));
     let blocks = if given.len() == 1 { "1 block has".to_owned() } else { format!("{} blocks have", given.len()) };
     format!("note: {blocks} a name and no number, and got one: {}{kept}\n", list.join(", "))
@@ -108,6 +113,14 @@ pub fn note(given: &[Numbered], path: Option<&Path>) -> String {
 mod tests {
     use super::*;
     use ob1_model::{BlockId, BlockKind};
+
+    #[test]
+    fn a_note_names_the_first_numbers() {
+        let given = |n: u16| (0..n).map(|i| Numbered { name: format!("B{i}"), id: BlockId::new(BlockKind::Fc, i) });
+        let of = |n: u16| note(&given(n).collect::<Vec<_>>(), Some(Path::new("x.numbers")));
+        assert!(of(20).ends_with("\"B19\" = FC 19; kept in x.numbers\n"), "{}", of(20));
+        assert!(of(50_000).ends_with("\"B19\" = FC 19, and 49980 more; kept in x.numbers\n"), "{}", of(50_000));
+    }
 
     #[test]
     fn numbers_are_kept_and_only_added_to() {

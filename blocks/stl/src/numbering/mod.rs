@@ -27,6 +27,14 @@ const FIRST: u16 = 1000;
 /// The numbers of a kind of block that are mentioned somewhere.
 type Mentioned = BTreeMap<BlockWord, BTreeSet<u16>>;
 
+/// A name without a number: as it is written first, what it names, and where.
+struct Wanted {
+    name: String,
+    word: BlockWord,
+    file: usize,
+    span: Span,
+}
+
 impl Elaborator<'_> {
     /// Makes a symbol of each name that has no number: those the user has fixed, those of before, and new ones. Gives
     /// the ones that were given.
@@ -46,13 +54,20 @@ impl Elaborator<'_> {
             mentioned.entry(BlockWord::of(id.kind)).or_default().insert(id.number);
         }
         let mut next: BTreeMap<BlockWord, u16> = BTreeMap::new();
+        let mut without_number = BTreeSet::new();
         let mut given = Vec::new();
-        for (key, (name, word)) in wanted {
+        for (key, Wanted { name, word, file, span }) in wanted {
             self.sink.steps += 1;
             let before = kept.get(&key).filter(|id| BlockWord::of(id.kind) == word).map(|id| id.number);
             let Some(number) =
                 before.or_else(|| free(mentioned.entry(word).or_default(), next.entry(word).or_insert(FIRST)))
             else {
+                // Said once for each kind: what has no number is not there, and nothing else is said of it.
+                if without_number.insert(word) {
+                    let message = format!("there is no number left for \"{name}\" and those after it");
+                    self.sink.report(file, span, &codes::NO_NUMBER, message);
+                }
+                self.world.symbols.insert(key, Symbolic::Nameless);
                 continue;
             };
             self.world.symbols.insert(key, Symbolic::Block(word, number));
@@ -63,8 +78,8 @@ impl Elaborator<'_> {
         given
     }
 
-    /// The names without a number, in capitals, as written, and what they name.
-    fn wanted(&mut self) -> BTreeMap<String, (String, BlockWord)> {
+    /// The names without a number, by their capitals.
+    fn wanted(&mut self) -> BTreeMap<String, Wanted> {
         let mut wanted = BTreeMap::new();
         for block in self.blocks {
             let (NameRef::Symbol(name) | NameRef::Bare(name)) = &block.name else { continue };
@@ -82,7 +97,8 @@ impl Elaborator<'_> {
                 Frame::Db => BlockWord::Db,
                 Frame::Udt => BlockWord::Udt,
             };
-            wanted.entry(key).or_insert_with(|| (name.clone(), word));
+            let (file, span) = (block.file, block.span);
+            wanted.entry(key).or_insert_with(|| Wanted { name: name.clone(), word, file, span });
         }
         // Instance data blocks that only a call names.
         for block in self.blocks {
@@ -98,7 +114,9 @@ impl Elaborator<'_> {
                 let name = unquote(file.of(*symbol));
                 let key = name.to_uppercase();
                 if !self.world.symbols.contains_key(&key) {
-                    wanted.entry(key).or_insert_with(|| (name.to_owned(), BlockWord::Db));
+                    let (file, span) = (block.file, symbol.span);
+                    let word = BlockWord::Db;
+                    wanted.entry(key).or_insert_with(|| Wanted { name: name.to_owned(), word, file, span });
                 }
             }
         }

@@ -158,6 +158,20 @@ fn off_delay() {
     });
 }
 
+/// `SA` with the RLO from 0 to 1 while the time runs. STEP 7's manuals for ladder and for statements do not say the same:
+/// reset, or stopped; and both are one statement in machine code (SA T). **Decided**: the timer is reset, as the ladder
+/// manual says of S_OFFDT and of the coil SF. What a program can see of it is `L T` and `LC T` alone, while the RLO stays
+/// 1: 0 here, the time that was left if it stopped (as awlsim has it). The output is 1 in both readings, and the next edge
+/// to 0 begins the whole time. A rest that does not run would mislead who shows it as the time that is left.
+#[test]
+fn an_off_delay_that_begins_again_while_it_runs_is_reset() {
+    on_each_engine(|| {
+        let runs = [(10, S, true, 0), (20, 0, true, 10), (60, 0, true, 6)];
+        let again = [(70, S, true, 0), (300, S, true, 0), (310, 0, true, 10), (400, 0, true, 1), (410, 0, false, 0)];
+        play(TimerKind::OffDelay, &[&runs[..], &again].concat());
+    });
+}
+
 #[test]
 fn enable_starts_again_without_an_edge_of_the_start() {
     on_each_engine(|| {
