@@ -45,7 +45,10 @@ const MARGIN: Span = Span::from_millis(150);
 
 /// Until a CP whose process was killed works again.
 const RESTART: Span = Span::from_millis(700);
-/// A block that is no longer called loses what it has begun after this time.
+/// A block that is no longer called may lose its turn to another one after this time, and its job ends with an error
+/// (docs/cp240-blocks.md).
+const HELD: Span = Span::from_secs(2);
+/// It certainly has lost what it has begun after this time.
 const GIVEN_UP: Span = Span::from_millis(2_100);
 /// After the last fault of the line both sides may still wait for something that was lost.
 const RECOVERY: Span = Span::from_millis(700);
@@ -305,7 +308,10 @@ impl Judge<Partner240> for Bench240 {
                 self.seen.empty = true;
             }
             Deed::Stop | Deed::Line(LineFault::Gone) => self.seen.breaks(now, Instant::NEVER),
-            Deed::Kill => self.seen.breaks(now, now + RESTART),
+            Deed::Kill => {
+                self.seen.breaks(now, now + RESTART);
+                self.synchron.killed();
+            }
             Deed::Line(LineFault::Back) => self.seen.mends(now, MARGIN),
             Deed::Line(_) | Deed::Write(..) | Deed::Partner(_) => {}
         }

@@ -54,8 +54,15 @@ pub(super) fn called(judge: &mut Bench240, call: &Call, verdict: &mut Verdict) {
 #[derive(Debug, Default)]
 pub(super) struct Synchron {
     since: Option<Patience>,
-    /// It was synchronised before.
+    /// It was synchronised before, or the process that began it has died.
     again: bool,
+}
+
+impl Synchron {
+    /// The next synchronisation is with a process that follows another one (docs/cp240-blocks.md).
+    pub(super) fn killed(&mut self) {
+        self.again = true;
+    }
 }
 
 /// A call of FC 9.

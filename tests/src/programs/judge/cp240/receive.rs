@@ -27,8 +27,9 @@ pub(super) struct Reception {
     ready: u64,
     /// For each telegram of the partner: the calls when its acknowledgement was seen.
     acknowledged: Vec<Option<u64>>,
-    /// PAFE of the last call, and when a telegram was under way.
+    /// PAFE of the last call, and when that was.
     pafe: u32,
+    called: Option<Instant>,
 }
 
 /// A call.
@@ -49,8 +50,9 @@ pub(super) fn called(judge: &mut Bench240, call: &Call, cpu: &Cpu, partner: &Par
     if after[PAFE] > 3 || bytes > 0 && after[PAFE] == 1 {
         verdict.broken("fc1-pafe", now, format!("PAFE is {}: DB {db} of {bytes} bytes [S0 L1001]", after[PAFE]));
     }
-    // The cause has not gone: the block is as it was, and the telegram stays in the CP.
-    let since = judge.seen.last_break().saturating_add(super::MARGIN) > now;
+    // The cause has not gone: the block is as it was, and the telegram stays in the CP, unless it was reset since then.
+    let previous = reception.called.replace(now).unwrap_or(now);
+    let since = judge.seen.last_break().saturating_add(super::MARGIN) > previous;
     if before[PAFE] == 2 && after[PAFE] == 0 && reception.pafe == 2 && after[EMFR] == 0 && !since {
         verdict.broken("fc1-pafe", now, format!("PAFE 2 is taken back, DB {db} still has {bytes} bytes [S0 L999]"));
     }

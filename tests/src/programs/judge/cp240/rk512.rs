@@ -142,7 +142,7 @@ pub(super) fn called(
     let Some(order) = &mut job.order else { return };
     order.changed |= order.lang != lang || order.site != call.site;
     // Another has taken its turn (docs/cp240-blocks.md).
-    order.excused |= now - order.patience.last >= Span::from_secs(2);
+    order.excused |= now - order.patience.last >= super::HELD;
     order.patience.called(now);
     if judge.seen.last_break() >= order.patience.begun() {
         order.patience = Patience::new(now);

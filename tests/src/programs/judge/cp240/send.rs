@@ -2,8 +2,8 @@
 
 use ob1_time::{Instant, Span};
 
-use super::{Bench240, Patience, RECOVERY, SELDOM, line_time};
-use crate::programs::cp240::{Partner240, Protocol};
+use super::{Bench240, HELD, Patience, RECOVERY, SELDOM, line_time};
+use crate::programs::cp240::{Partner240, Protocol, Role};
 use crate::programs::judge::Verdict;
 use crate::programs::partner::{Manners, Taken, number, telegram};
 use crate::programs::record::Call;
@@ -48,6 +48,8 @@ struct Order {
     /// ANZ or the data block was changed while it ran.
     changed: bool,
     pafe: bool,
+    /// It was not called for so long that FC 8 may have taken its turn.
+    rested: bool,
     patience: Patience,
     late: bool,
 }
@@ -116,10 +118,12 @@ pub(super) fn called(
         most: anz,
         changed: false,
         pafe: false,
+        rested: false,
         patience: Patience::new(now),
         late: false,
     });
     let _ = site;
+    order.rested |= now - order.patience.last >= HELD && judge.facts.roles.contains(&Role::Modem);
     order.changed |= order.anz != anz || order.site != call.site;
     order.anz = order.anz.min(anz);
     order.most = order.most.max(anz);
@@ -181,7 +185,6 @@ fn others(judge: &Bench240, index: usize, now: Instant, partner: &Partner240) ->
 }
 
 fn first_site(judge: &Bench240, index: usize) -> usize {
-    use crate::programs::cp240::Role;
     judge.facts.roles.iter().position(|role| *role == Role::Send(index)).unwrap_or(0)
 }
 
@@ -251,7 +254,7 @@ fn ended(
         let alone = facts.senders.len() == 1;
         if good && alone && exact && facts.protocol.acknowledges() && whole && told {
             verdict.broken("fc0-false-error", now, format!("{label}: an error, but the partner has acknowledged it"));
-        } else if good && alone && is_good(partner) && !is_crossed(partner, order) {
+        } else if good && alone && !order.rested && is_good(partner) && !is_crossed(partner, order) {
             verdict.broken("fc0-no-reason", now, format!("{label}: an error, with a good partner and line"));
         }
     } else {

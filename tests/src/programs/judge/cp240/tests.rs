@@ -398,6 +398,21 @@ fn fc0_fails_for_no_reason() {
     rig.sees_nothing();
 }
 
+/// FC 8 has asked while FC 0 was not called, and has its turn after two seconds.
+#[test]
+fn fc0_fails_after_a_rest() {
+    for (rest, modem, finds) in [(SECOND * 2, true, false), (SECOND * 2, false, true), (SECOND, true, true)] {
+        let mut rig = Rig::new(Protocol::P3964R);
+        if !modem {
+            rig.judge.facts.roles[3] = Role::Consume;
+        }
+        rig.send();
+        rig.now += rest;
+        rig.fc0(0, 1);
+        if finds { rig.sees_only("fc0-no-reason") } else { rig.sees_nothing() }
+    }
+}
+
 /// Its STX was crossed by the NAK with which the partner gives up a telegram that the CP has no room for.
 #[test]
 fn fc0_fails_by_the_nak_of_a_partner_that_gives_up() {
@@ -506,10 +521,18 @@ fn fc1_overwrites_what_was_not_taken() {
 
 #[test]
 fn pafe_is_taken_back_while_its_cause_stands() {
-    let mut rig = Rig::new(Protocol::P3964R);
-    rig.call(2, &[], &[(receive::PAFE, 2)]);
-    rig.call(2, &[(receive::PAFE, 2)], &[]);
-    rig.sees_only("fc1-pafe");
+    // A RESET has taken the telegram, however long ago: this is the first call after it.
+    for (reset, pause) in [(false, 0), (false, 200), (true, 200)] {
+        let mut rig = Rig::new(Protocol::P3964R);
+        rig.call(2, &[], &[(receive::PAFE, 2)]);
+        (0..100).for_each(|_| rig.scan(&[]));
+        if reset {
+            rig.call(4, &[(modem::RESET, 1)], &[]);
+        }
+        (0..pause).for_each(|_| rig.scan(&[]));
+        rig.call(2, &[(receive::PAFE, 2)], &[]);
+        if reset { rig.sees_nothing() } else { rig.sees_only("fc1-pafe") }
+    }
     let mut rig = Rig::new(Protocol::Rk512);
     let running = (fc4::ANZW, 2);
     rig.call(6, &[], &[running, (fc4::PAFE, 2)]);

@@ -47,8 +47,12 @@ fn fc3_never_ends() {
 /// A CP that has started anew does not know what was sent before: the first order waits, as after one without reaction.
 #[test]
 fn an_order_after_a_new_synchronisation_waits() {
-    let run = |starts: u32, calls: usize| {
+    let run = |starts: u32, killed: bool, calls: usize| {
         let mut rig = Rig::new(Protocol::Rk512);
+        if killed {
+            rig.judge.deed(rig.now, &Deed::Kill);
+            (0..400).for_each(|_| rig.scan(&[]));
+        }
         for _ in 0..starts {
             rig.call(4, &[(modem::ANL, 1)], &[(modem::ANL, 1)]);
             rig.call(4, &[(modem::ANL, 1)], &[]);
@@ -58,9 +62,11 @@ fn an_order_after_a_new_synchronisation_waits() {
         (0..calls).for_each(|_| rig.fc3(2, 2, 0));
         rig
     };
-    run(1, 1200).sees_only("rk-live");
-    run(2, 1200).sees_nothing();
-    run(2, 2000).sees_only("rk-live");
+    run(1, false, 1200).sees_only("rk-live");
+    for (starts, killed) in [(2, false), (1, true)] {
+        run(starts, killed, 1200).sees_nothing();
+        run(starts, killed, 2000).sees_only("rk-live");
+    }
 }
 
 #[test]
