@@ -1,8 +1,9 @@
 //! A library that ends the whole process by `exit()`, `quick_exit()`, `_exit()` or `_Exit()`: caught at the last moment,
 //! and reported by an exit code of its own. A system call past the C library is not caught.
 
+use std::io;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::sync::{Mutex, Once};
+use std::sync::{Arc, Mutex, Once};
 
 /// Gets the name of the function that was called, and says with which code the process ends.
 type Action = Box<dyn Fn(&str) -> u8 + Send + Sync>;
@@ -72,8 +73,22 @@ fn foreign_end(way: &str) -> Option<i32> {
     place.as_ref().map(|action| i32::from(action(way)))
 }
 
+/// While `armed`, this signal ends the process at once with this exit code: nobody takes it for a plugin's end.
+///
+/// # Errors
+/// The system takes no handler for the signal.
+pub fn end_at_signal(signal: i32, code: i32, armed: Arc<AtomicBool>) -> io::Result<()> {
+    let end = move || {
+        if armed.load(Ordering::SeqCst) {
+            end_now(code);
+        }
+    };
+    // SAFETY: the handler reads an atomic and ends the process; both are allowed there.
+    unsafe { signal_hook::low_level::register(signal, end) }.map(|_| ())
+}
+
 /// Ends the process at once, with no handler of anybody.
-pub(crate) fn end_now(code: i32) -> ! {
+pub fn end_now(code: i32) -> ! {
     loop {
         // SAFETY: ends the process.
         unsafe { libc::syscall(libc::SYS_exit_group, libc::c_long::from(code)) };
