@@ -16,8 +16,8 @@ pub(crate) const POLL_MS: u64 = 1;
 pub(crate) const SETTLE: Duration = Duration::from_millis(20);
 /// Maximum of sessions that ask for something, unless the link's key says otherwise.
 pub(crate) const CLIENTS: usize = 20;
-/// Maximum of sessions besides that were only created. The library keeps them for [`SESSION_MS`], and each request looks
-/// through them.
+/// Maximum of sessions besides that were only created. The library keeps them for [`SESSION_MS`], and each request
+/// looks through them.
 pub(crate) const WAITING: usize = 2_000;
 /// Maximum of monitored items of all clients together, unless the link's key says otherwise.
 pub(crate) const ITEMS: usize = 20_000;

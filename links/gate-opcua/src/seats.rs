@@ -1,6 +1,6 @@
-//! The places of a link, of which its key `clients` tells the number. Who has logged in takes one with the first request
-//! to the station, and keeps it until the session ends. A session that was only created has none: the library holds
-//! [`crate::limits::WAITING`] of those, so that who creates some and never logs in keeps nobody out.
+//! The places of a link, of which its key `clients` tells the number. Who has logged in takes one with the first
+//! request to the station, and keeps it until the session ends. A session that was only created has none: the library
+//! holds [`crate::limits::WAITING`] of those, so that who creates some and never logs in keeps nobody out.
 
 use std::collections::HashMap;
 use std::sync::Arc;

@@ -113,8 +113,8 @@ impl Rk512 {
     fn block(&mut self, now: Instant, block: &[u8], answered: bool, events: &mut Vec<Event>) {
         match block {
             [0 | 0xFF, 0, 0, code] => self.response(*code, events),
-            // A response that has lost a 00h, which 3964R does not see. It is no order, and only orders are answered [S0
-            // L1686-L1711]: an error number would be taken for the response to what the CP has sent behind it.
+            // A response that has lost a 00h, which 3964R does not see. It is no order, and only orders are answered
+            // [S0 L1686-L1711]: an error number would be taken for the response to what the CP has sent behind it.
             [] | [_] | [_, _] | [_, _, _] => {}
             [0, 0, b'A' | b'O', letter, ..] if block.len() >= 10 => {
                 let mut header = [0; 10];
@@ -122,10 +122,13 @@ impl Rk512 {
                 let words = usize::from(u16::from_be_bytes([block[6], block[7]]));
                 let _ = letter;
                 let (data, bytes) = (block[10..].to_vec(), 2 * words);
-                // 3964R does not see that a 00h was lost. [reference 4.10]
+                // 3964R does not see that a 00h was lost. [reference 4.10] If its answer was spoilt too, the CP repeats
+                // the block, and nothing would tell a refusal of the first from that of the second. [S0 L1686-L1711]
                 if data.len() != bytes.min(PORTION) {
                     self.taking = None;
-                    self.procedure.send(vec![0, 0, 0, 0x34]);
+                    if answered {
+                        self.procedure.send(vec![0, 0, 0, 0x34]);
+                    }
                     return;
                 }
                 self.taking = Some(Taking { header, data, bytes, answered, unsure: !answered });
