@@ -96,6 +96,7 @@ const FOUND: &[(&str, u64, &str)] = &[
         "RK 512: a job of the partner that showed that our reaction had arrived was closed with that one",
     ),
     ("cp341", 29430, "the partner: it refused a block without a 00h, whose repetition it then took"),
+    ("cp341", 41370, "the partner: it took the next block for the repetition of one with the same end"),
     ("cp341", 410500, "the partner: it answered a reaction that had lost a 00h, in place of the order behind it"),
     ("cp341", 429724, "the partner: a late DLE behind a block whose end the line had spoilt"),
     ("cp341", 16150, "as 410500"),

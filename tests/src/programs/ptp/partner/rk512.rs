@@ -87,6 +87,10 @@ impl Rk512 {
                     Told::Block(block, answered) => self.block(now, &block, answered, events),
                     // The own response did not arrive: the CP will not believe it.
                     Told::Unanswered(block) if block.get(2) == Some(&0) => self.doubt(),
+                    // A CP that has the response goes on with the next block, and the data repeat themselves.
+                    Told::Acknowledged(block) if block.get(2) == Some(&0) => {
+                        self.taking.iter_mut().for_each(|taking| taking.unsure = false);
+                    }
                     Told::GivenUp => events.push(Event::GivesUp(now)),
                     Told::Offered(_) | Told::Acknowledged(_) | Told::Unanswered(_) => {}
                 }
