@@ -1,10 +1,10 @@
 //! Images of version 1: read, not written any more.
 //!
-//! Magic, version, length and number of data blocks made by the program as in version 2 (`retentive.rs`). Then a checksum
-//! over the declarations of the whole program; the retentive ranges of bit memory, of all data blocks as they lay one
-//! behind the other, of timers and of counters, each a list with its length; number, length and attributes of each made
-//! data block; and the contents in this order. Only a program with the same declarations can say where its data blocks
-//! lay.
+//! Magic, version, length and number of data blocks made by the program as in version 2 (`retentive.rs`). Then a
+//! checksum over the declarations of the whole program; the retentive ranges of bit memory, of all data blocks as
+//! they lay one behind the other, of timers and of counters, each a list with its length; number, length and
+//! attributes of each made data block; and the contents in this order. Only a program with the same declarations
+//! can say where its data blocks lay.
 
 use std::fmt::Write as _;
 

@@ -1,5 +1,5 @@
-//! A library that ends the whole process by `exit()`, `quick_exit()`, `_exit()` or `_Exit()`: caught at the last moment,
-//! and reported by an exit code of its own. A system call past the C library is not caught.
+//! A library that ends the whole process by `exit()`, `quick_exit()`, `_exit()` or `_Exit()`: caught at the last
+//! moment, and reported by an exit code of its own. A system call past the C library is not caught.
 
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Mutex, Once};

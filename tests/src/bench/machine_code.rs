@@ -186,8 +186,8 @@ pub fn take_over() -> Result<Figure, Failure> {
     })
 }
 
-/// The execution time of a scan on the native engine, beside one reading of as much memory as its machine code has: each
-/// statement is executed once, so a core has to fetch all of it from wherever it lies.
+/// The execution time of a scan on the native engine, beside one reading of as much memory as its machine code has:
+/// each statement is executed once, so a core has to fetch all of it from wherever it lies.
 ///
 /// # Errors
 /// If the generated program is refused.

@@ -54,8 +54,8 @@ fn config() -> CpuConfig {
     CpuConfig { retentive, db_pool_bytes: 16, ..CpuConfig::default() }
 }
 
-/// Written by the last commit with that version: M 0.0 set, timer 1 at 96 s of 100 s, counters 2 and 3, values in DB 10,
-/// in the instance DB 11, and in DB 100, which the program had made.
+/// Written by the last commit with that version: M 0.0 set, timer 1 at 96 s of 100 s, counters 2 and 3, values in
+/// DB 10, in the instance DB 11, and in DB 100, which the program had made.
 const IMAGE: &str = "\
 6F6231206B656570010000009800000001000000E0E5735AE5D06AAF010000000000000008000000010000000000000010000000\
 01000000010000000100000001000000020000000200000064000000080000000000000001000000050607081111000022000000\

@@ -158,11 +158,12 @@ fn off_delay() {
     });
 }
 
-/// `SA` with the RLO from 0 to 1 while the time runs. STEP 7's manuals for ladder and for statements do not say the same:
-/// reset, or stopped; and both are one statement in machine code (SA T). **Decided**: the timer is reset, as the ladder
-/// manual says of S_OFFDT and of the coil SF. What a program can see of it is `L T` and `LC T` alone, while the RLO stays
-/// 1: 0 here, the time that was left if it stopped (as awlsim has it). The output is 1 in both readings, and the next edge
-/// to 0 begins the whole time. A rest that does not run would mislead who shows it as the time that is left.
+/// `SA` with the RLO from 0 to 1 while the time runs. STEP 7's manuals for ladder and for statements do not say the
+/// same: reset, or stopped; and both are one statement in machine code (SA T). **Decided**: the timer is reset, as
+/// the ladder manual says of S_OFFDT and of the coil SF. What a program can see of it is `L T` and `LC T` alone,
+/// while the RLO stays 1: 0 here, the time that was left if it stopped (as awlsim has it). The output is 1 in both
+/// readings, and the next edge to 0 begins the whole time. A rest that does not run would mislead who shows it as
+/// the time that is left.
 #[test]
 fn an_off_delay_that_begins_again_while_it_runs_is_reset() {
     on_each_engine(|| {
