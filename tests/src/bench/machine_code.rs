@@ -1,6 +1,7 @@
 //! The native engine: compile time and code size for a large program; what the change of the engine costs the scan; and
 //! the execution time of a scan of 10,000 statements on both engines.
 
+use std::hint::black_box;
 use std::time::Instant;
 
 use ob1_cpu::engine::{Factory, PLAIN, Plan, REFERENCE};
@@ -27,8 +28,12 @@ const LINEAR: f64 = 6.0;
 /// Statements of a scan whose time is measured, and scans.
 const SCAN: usize = 10_000;
 const SCANS: usize = 20_000;
-/// Ratio of the 99th percentiles of the native and the reference engine.
-const TIMES: f64 = 3.0;
+/// A scan of machine code beside one reading of as much memory: share of the scans, what it is, and the aim.
+const SHARES: [(f64, &str, (&str, f64)); 3] = [
+    (0.5, "median of a scan, 10,000 statements", ("<= 3 x", 3.0)),
+    (0.99, "p99 of it", ("<= 4 x", 4.0)),
+    (0.999, "p99.9 of it", ("", f64::INFINITY)),
+];
 /// Changes of the engine.
 const CHANGES: usize = 1001;
 
@@ -181,46 +186,54 @@ pub fn take_over() -> Result<Figure, Failure> {
     })
 }
 
-/// The 99th and 99.9th percentile of the execution time of a scan on the native engine, compared with the reference
-/// engine.
+/// The execution time of a scan on the native engine, beside one reading of as much memory as its machine code has:
+/// each statement is executed once, so a core has to fetch all of it from wherever it lies.
 ///
 /// # Errors
 /// If the generated program is refused.
 pub fn scan() -> Result<Vec<Figure>, Failure> {
     let mut cpus = [cpu(SCAN, REFERENCE)?, cpu(SCAN, &AtLoad(Tier::Optimised))?];
-    let mut times = [Vec::with_capacity(SCANS), Vec::with_capacity(SCANS)];
+    let compiler = Compiler::new(Target::Host, Tier::Optimised).map_err(|error| error.to_string())?;
+    let code = vec![1_u64; compiler.image(cpus[1].plan()).len().div_ceil(8)];
     let mut clock = ob1_rt::MonotonicClock::start();
     for cpu in &mut cpus {
         cpu.request(Command::Run);
         cpu.cycle(&mut clock);
         running(cpu)?;
     }
-    // In turns, so that a disturbance of the machine affects both.
+    let [reference, native] = &mut cpus;
+    // In turns, so that a disturbance of the machine affects all.
+    let mut times = [const { Vec::new() }; 3];
     for _ in 0..SCANS {
-        for (cpu, times) in cpus.iter_mut().zip(&mut times) {
-            let began = Instant::now();
-            cpu.cycle(&mut clock);
-            times.push(began.elapsed().as_nanos() as f64);
-        }
+        times[0].push(timed(|| _ = reference.cycle(&mut clock)));
+        times[1].push(timed(|| _ = native.cycle(&mut clock)));
+        times[2].push(timed(|| _ = black_box(code.iter().fold(0, |sum: u64, word| sum.wrapping_add(*word)))));
     }
     cpus.iter().try_for_each(running)?;
-    let at = |times: &mut Vec<f64>, share: f64| {
+    for times in &mut times {
         times.sort_by(f64::total_cmp);
-        times[((times.len() - 1) as f64 * share) as usize]
-    };
-    let [mut reference, mut native] = times;
-    let mut figures = Vec::new();
-    for (share, what) in [(0.99, "p99 of a scan, 10,000 statements"), (0.999, "p99.9 of it")] {
-        let (one, two) = (at(&mut reference, share), at(&mut native, share));
-        let met = one / two >= TIMES;
-        let aim = if share < 0.995 { (">= 3 x faster", met) } else { ("", true) };
-        figures.push(Figure {
-            what: what.into(),
-            value: two,
-            unit: "ns",
-            floor: Some(("on the reference engine", one)),
-            aim,
-        });
     }
+    let at = |times: &[f64], share: f64| times[((times.len() - 1) as f64 * share) as usize];
+    let [reference, native, fetch] = &times;
+    let mut figures = Vec::new();
+    for (share, what, (aim, most)) in SHARES {
+        let (value, floor) = (at(native, share), at(fetch, share));
+        let met = value <= most * floor;
+        let floor = Some(("one reading of as much memory", floor));
+        figures.push(Figure { what: what.into(), value, unit: "ns", floor, aim: (aim, met) });
+    }
+    figures.push(Figure {
+        what: "the same on the reference engine, median".into(),
+        value: at(reference, 0.5),
+        unit: "ns",
+        floor: Some(("on the native engine", at(native, 0.5))),
+        aim: ("", true),
+    });
     Ok(figures)
+}
+
+fn timed(work: impl FnOnce()) -> f64 {
+    let began = Instant::now();
+    work();
+    began.elapsed().as_nanos() as f64
 }
