@@ -1,8 +1,9 @@
 //! A library that ends the whole process by `exit()`, `quick_exit()`, `_exit()` or `_Exit()`: caught at the last
 //! moment, and reported by an exit code of its own. A system call past the C library is not caught.
 
+use std::io;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::sync::{Mutex, Once};
+use std::sync::{Arc, Mutex, Once};
 
 /// Gets the name of the function that was called, and says with which code the process ends.
 type Action = Box<dyn Fn(&str) -> u8 + Send + Sync>;
@@ -72,16 +73,31 @@ fn foreign_end(way: &str) -> Option<i32> {
     place.as_ref().map(|action| i32::from(action(way)))
 }
 
-/// Ends the process at once, with no handler of anybody.
-pub(crate) fn end_now(code: i32) -> ! {
+/// Ends the process at once, with no handler of anybody, and not as a fault.
+pub fn end_now(code: i32) -> ! {
     loop {
         // SAFETY: ends the process.
         unsafe { libc::syscall(libc::SYS_exit_group, libc::c_long::from(code)) };
     }
 }
 
+/// From here on `signal` ends the process at once with this code, if it finds `armed` set.
+///
+/// # Errors
+/// What the system says.
+pub fn end_at_signal(signal: i32, code: i32, armed: Arc<AtomicBool>) -> io::Result<()> {
+    let end = move || {
+        if armed.load(Ordering::SeqCst) {
+            end_now(code);
+        }
+    };
+    // SAFETY: reads an atomic and makes one system call, as a handler of a signal may.
+    unsafe { signal_hook::low_level::register(signal, end) }.map(drop)
+}
+
 /// In place of the C library's: a plugin finds the symbols of the program first. The C library itself ends a process
-/// that has called `exit()` by an internal name, not by this one.
+/// that has called `exit()` by an internal name, not by this one. What is linked into the program finds it as well: there
+/// [`end_now`] is meant.
 #[unsafe(export_name = "_exit")]
 extern "C" fn end_at_once(code: libc::c_int) -> ! {
     end_now(foreign_end("_exit()").unwrap_or(code))

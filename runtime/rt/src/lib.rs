@@ -30,7 +30,7 @@ pub use clock::MonotonicClock;
 pub use confine::{Confinement, Network, Refusal, close_inherited, confine, keep_inherited};
 pub use continued::Continued;
 pub use crash::{LastWords, Place, take_handler_stack};
-pub use exit::{ExitGuard, lower_exit_guard};
+pub use exit::{ExitGuard, end_at_signal, end_now, lower_exit_guard};
 pub use fence::{ALLOWED_SYSTEM_CALLS, FenceError, fence_scan};
 pub use file_limit::survive_file_limit;
 pub use posture::{Grant, Outcome, Posture, lock_memory, may_lock_all, pin_to, raise_priority, set_timer_slack};

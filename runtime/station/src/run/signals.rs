@@ -34,7 +34,7 @@ impl Signals {
         for signal in [SIGINT, SIGTERM] {
             let armed = Arc::new(AtomicBool::new(false));
             // In this order: the first signal finds it unarmed.
-            signal_hook::flag::register_conditional_shutdown(signal, SECOND_SIGNAL, Arc::clone(&armed))?;
+            ob1_rt::end_at_signal(signal, SECOND_SIGNAL, Arc::clone(&armed))?;
             signal_hook::flag::register(signal, armed)?;
             signal_hook::low_level::pipe::register(signal, sender.try_clone()?)?;
         }
@@ -81,7 +81,7 @@ impl Signals {
                     err!("ob1: ended by a signal before the station was started");
                     ob1_log::flush(ob1_log::LAST_WORDS);
                     // Without the handlers of libraries: a plugin that is just being loaded holds their lock.
-                    signal_hook::low_level::exit(SECOND_SIGNAL);
+                    ob1_rt::end_now(SECOND_SIGNAL);
                 }
             }
         });
