@@ -96,8 +96,8 @@ pub fn end_at_signal(signal: i32, code: i32, armed: Arc<AtomicBool>) -> io::Resu
 }
 
 /// In place of the C library's: a plugin finds the symbols of the program first. The C library itself ends a process
-/// that has called `exit()` by an internal name, not by this one. What is linked into the program finds it as well: there
-/// [`end_now`] is meant.
+/// that has called `exit()` by an internal name, not by this one. What is linked into the program finds it as well:
+/// there [`end_now`] is meant.
 #[unsafe(export_name = "_exit")]
 extern "C" fn end_at_once(code: libc::c_int) -> ! {
     end_now(foreign_end("_exit()").unwrap_or(code))
