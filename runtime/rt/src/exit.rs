@@ -73,21 +73,7 @@ fn foreign_end(way: &str) -> Option<i32> {
     place.as_ref().map(|action| i32::from(action(way)))
 }
 
-/// While `armed`, this signal ends the process at once with this exit code: nobody takes it for a plugin's end.
-///
-/// # Errors
-/// The system takes no handler for the signal.
-pub fn end_at_signal(signal: i32, code: i32, armed: Arc<AtomicBool>) -> io::Result<()> {
-    let end = move || {
-        if armed.load(Ordering::SeqCst) {
-            end_now(code);
-        }
-    };
-    // SAFETY: the handler reads an atomic and ends the process; both are allowed there.
-    unsafe { signal_hook::low_level::register(signal, end) }.map(|_| ())
-}
-
-/// Ends the process at once, with no handler of anybody.
+/// Ends the process at once, with no handler of anybody, and not as a fault.
 pub fn end_now(code: i32) -> ! {
     loop {
         // SAFETY: ends the process.
@@ -95,8 +81,23 @@ pub fn end_now(code: i32) -> ! {
     }
 }
 
+/// From here on `signal` ends the process at once with this code, if it finds `armed` set.
+///
+/// # Errors
+/// What the system says.
+pub fn end_at_signal(signal: i32, code: i32, armed: Arc<AtomicBool>) -> io::Result<()> {
+    let end = move || {
+        if armed.load(Ordering::SeqCst) {
+            end_now(code);
+        }
+    };
+    // SAFETY: reads an atomic and makes one system call, as a handler of a signal may.
+    unsafe { signal_hook::low_level::register(signal, end) }.map(drop)
+}
+
 /// In place of the C library's: a plugin finds the symbols of the program first. The C library itself ends a process
-/// that has called `exit()` by an internal name, not by this one.
+/// that has called `exit()` by an internal name, not by this one. What is linked into the program finds it as well:
+/// there [`end_now`] is meant.
 #[unsafe(export_name = "_exit")]
 extern "C" fn end_at_once(code: libc::c_int) -> ! {
     end_now(foreign_end("_exit()").unwrap_or(code))

@@ -183,6 +183,27 @@ fn a_plugin_that_calls_exit_is_a_fault() {
     }
 }
 
+/// A signal that is repeated is no fault of a plugin's.
+#[test]
+fn a_second_signal_ends_a_run_that_cannot_end_in_order() {
+    let site = Site::new();
+    let loops = "-DLEAVE(code)=for(volatile int i=code;;)i=i";
+    let station = station_of(&site, &program("ob1"), "10ms", &[loops]);
+    let plant = Plant::of(&station);
+    station.try_set("M200.0", 1);
+    let mut signals = 1;
+    station.process.signal(Signal::TERM);
+    while !station.process.ends_within(std::time::Duration::from_millis(100)) {
+        station.process.signal(Signal::TERM);
+        signals += 1;
+    }
+    let ended = station.end();
+    assert_eq!(ended.code(), Some(130), "{ended:?}");
+    assert!(signals > 1 && !ended.err.contains("_exit"), "{ended:?}");
+    plant.until_safe();
+    site.wait_until_empty();
+}
+
 /// A block that makes a process of its own ends that one as it likes.
 #[test]
 fn a_fork_of_a_plugin_ends_alone() {
