@@ -1,12 +1,12 @@
 //! A call in progress: parameters by name, typed.
 
+use ob1_model::moment::Moment;
 use ob1_model::{FaultKind, Interface, Layout, Section};
 
 use crate::copy::parameter_error;
 use crate::declare::Params;
 use crate::text::Text;
 use crate::{AnyPointer, AnyType, Context, Done, Refused};
-use ob1_model::moment::Moment;
 
 /// A call of a standard block.
 pub(crate) struct Call<'a> {

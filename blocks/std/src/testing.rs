@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use ob1_model::calendar::DAY_MS;
+use ob1_model::moment::{Date, Moment};
 use ob1_model::{Area, Layout, Section};
 use ob1_time::{Instant, Span};
 
@@ -11,8 +13,6 @@ use crate::services::{
     Rack, RunTimeMeter, RunTimes, Schedule, StartInfo, StatusError, SystemStatus, TimeOfDayInterrupt, WallClock,
 };
 use crate::{Context, Done, Interrupted, ModuleSize, Refused, StandardBlock, standard_block};
-use ob1_model::calendar::DAY_MS;
-use ob1_model::moment::{Date, Moment};
 
 /// A call of one block.
 pub(crate) struct Fake {

@@ -23,7 +23,7 @@ const PAIRS: usize = 50;
 /// Parameters of a pair are 23; an even number.
 const PARAMS: usize = 24;
 /// The most a pair may take, as text and as a multiple of [`BarePair`].
-const PAIR_AIM: (&str, f64) = ("<= 3 x", 3.0);
+const PAIR_AIM: (&str, f64) = ("<= 2.5 x", 2.5);
 
 /// One `FC 0` and one `FC 1`, called as in the manual, with nothing to do.
 const PAIR: &str = "

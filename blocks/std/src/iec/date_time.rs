@@ -5,14 +5,14 @@
 
 use std::cmp::Ordering;
 
+use ob1_model::calendar::DAY_MS;
+use ob1_model::moment::Moment;
 use ob1_model::{BlockKind::Fc, S5Time};
 
 use crate::Done;
 use crate::call::Call;
 use crate::declare::{Params, params};
 use crate::row::{Origin, Row};
-use ob1_model::calendar::DAY_MS;
-use ob1_model::moment::Moment;
 
 params!(AddSub { Input { T: DT, D: TIME } Return { RET_VAL: DT } });
 params!(Difference { Input { DT1: DT, DT2: DT } Return { RET_VAL: TIME } });

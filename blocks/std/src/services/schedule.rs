@@ -1,9 +1,8 @@
 //! Interrupts by time: OB 10 to 17 at a time of day (SFC 28 to 31), OB 20 to 23 after a delay (SFC 32 to 34).
 
-use ob1_time::Instant;
-
 use ob1_model::calendar::DAY_MS;
 use ob1_model::moment::{Date, Moment};
+use ob1_time::Instant;
 
 /// How often a time-of-day interrupt comes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

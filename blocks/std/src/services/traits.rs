@@ -1,7 +1,8 @@
 //! Services that the CPU provides in its own way.
 
-use crate::services::{DelayInterrupt, RunTimeMeter, TimeOfDayInterrupt};
 use ob1_model::moment::Moment;
+
+use crate::services::{DelayInterrupt, RunTimeMeter, TimeOfDayInterrupt};
 
 /// The CPU's clock of date and time.
 pub trait WallClock {

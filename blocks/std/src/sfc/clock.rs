@@ -1,13 +1,14 @@
 //! SFC 0 SET_CLK, SFC 1 READ_CLK, SFC 100 SET_CLKS, SFC 2 to 4 and SFC 101: run-time meters, SFC 64 TIME_TCK.
 //! ["Handling the System Clock", "Handling Run-Time Meters"]
 
+use ob1_model::moment::{Moment, MomentError};
+
 use crate::Done;
 use crate::call::Call;
 use crate::declare::params;
 use crate::row::Row;
 use crate::services::RunTimeMeter;
 use crate::ticks::time_tick;
-use ob1_model::moment::{Moment, MomentError};
 
 params!(SetClk { Input { PDT: DT } Return { RET_VAL: INT } });
 params!(ReadClk { Return { RET_VAL: INT } Output { CDT: DT } });

@@ -1,6 +1,7 @@
 //! SFC 28 to 31: time-of-day interrupts; SFC 32 to 34: time-delay interrupts.
 //! ["Handling Time-of-Day Interrupts", "Handling Time-Delay Interrupts"]
 
+use ob1_model::moment::Moment;
 use ob1_time::Span;
 
 use crate::Done;
@@ -8,7 +9,6 @@ use crate::call::Call;
 use crate::declare::{Params, params};
 use crate::row::Row;
 use crate::services::{Period, Schedule};
-use ob1_model::moment::Moment;
 
 params!(SetTint { Input { OB_NR: INT, SDT: DT, PERIOD: WORD } Return { RET_VAL: INT } });
 params!(Ob { Input { OB_NR: INT } Return { RET_VAL: INT } });

@@ -136,14 +136,15 @@ fn start<O: Order>(
     now: u64,
 ) -> Result<Pafe, Abort> {
     let key = wish.key(O::COMMAND);
-    if wish.words == 0 {
+    let ended = match wish.words {
         // Nothing to transfer: ended without error (ours).
+        0 => Some(DONE),
+        1..=WORDS_MAX => None,
+        _ => Some(failed(TOO_LONG)),
+    };
+    if let Some(anzw) = ended {
         leave(module, key);
-        return cx.set(O::ANZW, DONE).map(|()| Pafe::Ok);
-    }
-    if !(1..=WORDS_MAX).contains(&wish.words) {
-        leave(module, key);
-        return cx.set(O::ANZW, failed(TOO_LONG)).map(|()| Pafe::Ok);
+        return cx.set(O::ANZW, anzw).map(|()| Pafe::Ok);
     }
     let pafe = wish.check(cx)?;
     module.tell_pafe(cx, O::NUMBER, wish.local.0, pafe)?;
