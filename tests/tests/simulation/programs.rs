@@ -103,6 +103,14 @@ const FOUND: &[(&str, u64, &str)] = &[
     ("cp341", 18085, "as 429724"),
     ("cp340", 18084, "as cp341 429724"),
     ("cp341", 501686, "the judge: the CP reports a block that the partner has given up after four seconds"),
+    ("cp341", 48579, "the judge: the bytes of a job that ran, taken for those of one that was refused meanwhile"),
+    ("cp341", 58473, "as 48579"),
+    ("cp341", 63859, "as 48579"),
+    (
+        "cp341",
+        66156,
+        "the judge: after a start-up either of two edges may be the FETCH that runs, and it held one only",
+    ),
     ("cp340", 20877, "the judge: EN_R was 0, and the receive buffer had no room for the second telegram"),
     ("cp040", 28002, "the judge: an edge of REQ in the call of R, behind one of which nobody knew whether it counts"),
 ];

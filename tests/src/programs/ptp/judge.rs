@@ -106,6 +106,14 @@ struct Open {
     /// Telegrams taken when it began.
     telegrams: u64,
     reads: bool,
+    data: Data,
+    /// Those of the job before it, where that may be the one that runs.
+    before: Option<Data>,
+}
+
+/// Where the data of a job lie.
+#[derive(Clone, Copy, Debug)]
+struct Data {
     db: u32,
     dbb: usize,
     len: usize,
@@ -259,13 +267,15 @@ impl PtpJudge {
         // The job before may be the one that runs, with the data that stand there now.
         if ghost
             && let Some(old) = self.jobs[place]
-            && let Some(telegram) = self.telegram(place, old.len as i32, old.db, old.dbb, values.mark(), cpu)
+            && let Some(telegram) =
+                self.telegram(place, old.data.len as i32, old.data.db, old.data.dbb, values.mark(), cpu)
         {
             self.outbox.also(number, telegram.bytes);
         }
         let reads = reads && !ghost;
-        let len = usize::try_from(send.len).unwrap_or(0);
-        self.jobs[place] = Some(Open { number, telegrams: self.telegrams, reads, db, dbb, len });
+        let data = Data { db, dbb, len: usize::try_from(send.len).unwrap_or(0) };
+        let before = self.jobs[place].filter(|_| ghost).map(|old| old.data);
+        self.jobs[place] = Some(Open { number, telegrams: self.telegrams, reads, data, before });
         if let Some(end) = at_once {
             self.ended(place, call.at, end, cpu, verdict);
         }
@@ -275,7 +285,7 @@ impl PtpJudge {
     /// that starts jobs in a reset changes those of the one that waits.
     fn waiting(&mut self, place: usize, mark: u32, cpu: &Cpu) {
         let Some(open) = self.jobs[place].filter(|_| self.setup.is_040) else { return };
-        if let Some(telegram) = self.telegram(place, open.len as i32, open.db, open.dbb, mark, cpu) {
+        if let Some(telegram) = self.telegram(place, open.data.len as i32, open.data.db, open.data.dbb, mark, cpu) {
             self.outbox.also(open.number, telegram.bytes);
         }
     }
@@ -324,7 +334,8 @@ impl PtpJudge {
             });
         }
         if self.setup.fetch {
-            let right = end != End::Done || self.fetched(&open, cpu);
+            let places = [Some(open.data), open.before];
+            let right = end != End::Done || places.iter().flatten().any(|data| self.fetched(data, cpu));
             verdict.must(right, at, Rule::DoneArrived, || format!("{block}: a FETCH is DONE with other data"));
             return;
         }
@@ -333,9 +344,9 @@ impl PtpJudge {
         self.outbox.ended(at, open.number, end, number, verdict);
     }
 
-    fn fetched(&self, open: &Open, cpu: &Cpu) -> bool {
-        let data = u16::try_from(open.db).ok().and_then(|db| cpu.data_block(db));
-        let data = data.and_then(|data| data.get(open.dbb..open.dbb + open.len)).unwrap_or(&[]);
+    fn fetched(&self, to: &Data, cpu: &Cpu) -> bool {
+        let data = u16::try_from(to.db).ok().and_then(|db| cpu.data_block(db));
+        let data = data.and_then(|data| data.get(to.dbb..to.dbb + to.len)).unwrap_or(&[]);
         (0..).zip(data).all(|(at, byte)| *byte == partner::rk512::memory(self.setup.r_no, at))
     }
 

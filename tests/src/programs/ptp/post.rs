@@ -149,18 +149,18 @@ impl Outbox {
         (self.jobs[done].arrived, self.jobs[done].last) = (1, last);
     }
 
-    /// A job was refused, and the same bytes have arrived: they may be those of a job before it that ended with an
-    /// error when they were on the line already.
+    /// A job was refused, and the same bytes have arrived: they may be those of a job before it that still runs, or that
+    /// ended with an error when they were on the line already.
     fn give_back(&mut self, refused: usize) {
         let (before, from) = self.jobs.split_at_mut(refused);
         let is_same = |job: &&mut Job| {
             job.arrived == 0
-                && job.over
-                && job.spoilt
+                && (!job.over || job.spoilt)
                 && job.telegrams.iter().any(|own| from[0].telegrams.contains(own))
         };
         if let Some(other) = before.iter_mut().rev().find(is_same) {
             (other.arrived, from[0].arrived) = (1, 0);
+            other.last = std::mem::replace(&mut from[0].last, Instant::NEVER);
         }
     }
 

@@ -377,6 +377,19 @@ fn what_is_true_of_jobs() {
         });
         assert_eq!(verdict.has(Rule::RefusedIsNotSent.name()), other != telegram());
     }
+    // The same bytes of a job that still runs.
+    for other in [telegram(), Some(b"cd".to_vec())] {
+        let verdict = outbox(|outbox, verdict| {
+            let runs = outbox.began(at(1), "FB 8", other.clone());
+            let refused = outbox.began(at(2), "FB 8", telegram());
+            outbox.arrived(at(3), b"ab", true, false, verdict);
+            outbox.ended(at(4), refused, End::Error(0x0522), Some(Number::Refused), verdict);
+            outbox.ended(at(5), runs, End::Done, None, verdict);
+        });
+        for rule in [Rule::RefusedIsNotSent, Rule::DoneArrived] {
+            assert_eq!(verdict.has(rule.name()), other != telegram(), "{}", rule.name());
+        }
+    }
     let later = outbox(|outbox, verdict| {
         let job = outbox.began(at(1), "FB 8", telegram());
         outbox.ended(at(3), job, End::Error(0x050E), Some(Number::Refused), verdict);
