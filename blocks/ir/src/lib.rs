@@ -6,6 +6,7 @@
 
 mod access;
 mod call;
+pub mod compose;
 mod file;
 mod layout_text;
 mod notation;

@@ -6,6 +6,7 @@
 
 use std::collections::BTreeMap;
 
+use ob1_ir::compose::{KEPT, Placing};
 use ob1_ir::{
     AddressRegister, Arg, Call, CallMode, CodeBlock, DbRegister, Notation, Number, Op, Operand, Place, Stmt, Target,
     Width,
@@ -151,7 +152,7 @@ fn targets(code: &[u8], items: &[Item]) -> Result<BTreeMap<u32, Vec<u32>>, Mc7Er
 }
 
 /// Stands for a place in the local data that is not known yet: beyond every address a statement can name.
-const LATER: BitAddr = BitAddr::byte_addr(0x1_0000);
+const LATER: BitAddr = BitAddr::byte_addr(KEPT);
 
 /// The statements on their way to operations.
 struct Lowering<'l, 'b, 'c> {
@@ -222,8 +223,7 @@ impl Lowering<'_, '_, '_> {
         let frame = rest.get(1..length.checked_sub(1)?)?;
         let Mc7Op::Build(kind) = rest.first()?.op else { return None };
         let own = fold::Caller { block: self.block, order: &self.order };
-        let call = fold::call(kind, frame, &own, self.callees)?;
-        Some((vec![Op::Call(Box::new(call))], length))
+        fold::call(kind, frame, &own, self.callees).map(|ops| (ops, length))
     }
 
     /// `AUF DB 10; L DBW 2` is `L DB10.DBW 2`.
@@ -435,6 +435,11 @@ impl Lowering<'_, '_, '_> {
         let end = place_copies(&mut code, own);
         if end > own && end > BitAddr::MAX_BYTE {
             return Err(Mc7Error::at(Problem::LocalData, 0, &[]));
+        }
+        // What one call uses alone lies behind that.
+        let place = Placing { kept: own, shared: end };
+        for stmt in &mut code {
+            stmt.op = place.op(std::mem::replace(&mut stmt.op, Op::Nop), false);
         }
         interface.temp_bytes = declared.max(CodeBlock::local_bytes(&code));
         let block = CodeBlock { id: self.block.id, name: self.block.name.clone(), interface, code, source: 0 };

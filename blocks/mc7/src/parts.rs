@@ -44,3 +44,14 @@ pub(crate) fn component_at(ty: &DataType, offset: u32, bits: u32) -> Option<&Dat
         _ => (offset == 0 && ty.elementary_bits() == Some(bits)).then_some(ty),
     }
 }
+
+/// True when something that is `wanted` begins so many bits into a type.
+pub(crate) fn begins(ty: &DataType, offset: u32, wanted: &dyn Fn(&DataType) -> bool) -> bool {
+    let inner = match ty {
+        _ if offset == 0 && wanted(ty) => return true,
+        DataType::Struct(fields) => Layout::field_at(fields, offset).map(|(field, into)| (&field.ty, into)),
+        DataType::Array(dims, element) => Layout::element_at(dims, element, offset).map(|(_, into)| (&**element, into)),
+        _ => None,
+    };
+    inner.is_some_and(|(ty, into)| begins(ty, into, wanted))
+}

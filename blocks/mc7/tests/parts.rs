@@ -4,12 +4,14 @@ mod common;
 
 use std::collections::BTreeMap;
 
-use ob1_ir::{Arg, Call, CallMode, Notation, Op, Operand, Place, Target, Width};
+use ob1_ir::{Arg, Call, CallMode, CodeBlock, Notation, Op, Operand, Place, Target, Width};
 use ob1_mc7::{
     BlockFoot, BlockHead, BlockImage, CompiledInterface, EntryType, InterfaceKind, MachineBlock, Segments, Stamp,
-    decode,
+    Written, decode, encode,
 };
-use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Interface, Param, Section};
+use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Dimension, Interface, Param, Section};
+use ob1_stl::print::{Declared, Heading, Listing, Printer};
+use ob1_stl::{Library, Mnemonics, Options, Source, compile};
 
 fn bytes(hex: &str) -> Vec<u8> {
     let digits: String = hex.chars().filter(|c| !c.is_whitespace()).collect();
@@ -295,4 +297,48 @@ fn a_multi_instance() {
         ],
     };
     assert_eq!(got, Ok(Op::Call(Box::new(call)).to_string()));
+}
+
+/// BLKMOV between two variables of the own instance, as STEP 7 compiles it: each ANY lies in the local data, with DINO
+/// and AR2 in it. [reference MC7 7.2]
+#[test]
+fn pointers_into_the_own_instance() {
+    use DataType::{Any, Array, Byte, Int};
+    use Section::{Input, Output, Return, Static, Temp};
+    let bytes_10 = || Array(vec![Dimension { low: 0, high: 9 }], Box::new(Byte));
+    let own =
+        interface(true, &[("n", Static, Int), ("a", Static, bytes_10()), ("b", Static, bytes_10()), ("r", Temp, Int)]);
+    let callee = interface(false, &[("SRCBLK", Input, Any), ("RET_VAL", Return, Int), ("DSTBLK", Output, Any)]);
+    let (fb, sfc) = (BlockId::new(BlockKind::Fb, 1), BlockId::new(BlockKind::Sfc, 20));
+    let code = "1007 41600002 FE6F0004
+                30071002 7E660008 3003000A 7E66000A FB4D 7E66000C FE0A0010 FE0D FE6B0004 7E67000E
+                30071002 7E660012 3003000A 7E660014 FB4D 7E660016 FE0A0060 FE0D FE6B0004 7E670018
+                FB740014 700B0008 87000040 87000000 87000090 FE6B0004 1008 6500";
+    let known = |id: BlockId| (id == sfc).then_some(&callee);
+    let segments = Segments::default();
+    let read = |code: &[u8]| {
+        let block = MachineBlock { id: fb, multi_instance: true, ..block(&own, code, &segments) };
+        decode(&block, &known).expect("machine code").block
+    };
+    let found = read(&bytes(code));
+    let text = Printer::new(Mnemonics::German, &known)
+        .block(&found, &Heading::default(), &Declared::default(), &Listing::default())
+        .expect("text");
+    let call = "CALL SFC 20 (\n        SRCBLK := #a,\n        RET_VAL := #r,\n        DSTBLK := #b);";
+    assert!(text.contains(call), "{text}");
+    let mut library = Library::new();
+    library.insert(sfc, "called", callee.clone());
+    let output = compile(&[Source::new("printed", text)], &library, &Options::default());
+    let same = |a: &CodeBlock, b: &CodeBlock| a.code.iter().map(|s| &s.op).eq(b.code.iter().map(|s| &s.op));
+    let compiled = output.program.blocks.first().expect("a block");
+    assert!(same(compiled, &found) && compiled.interface.temp_bytes == found.interface.temp_bytes, "{compiled:?}");
+    // Our own machine code for it says the same, and is printed in the same way.
+    let written = Written { multi_instance: true, notations: Default::default() };
+    let encoded = encode(&found, &written, &known).expect("machine code");
+    assert!(same(&read(&encoded.code), &found));
+    // No variable that begins there has this type, or this length.
+    for (right, other) in [("30071002", "30071004"), ("3003000A", "3003000B"), ("FE0A0060", "FE0A0068")] {
+        let found = read(&bytes(&code.replacen(right, other, 1)));
+        assert!(found.code.iter().any(|s| s.op.to_string().starts_with("UC SFC 20")), "{other}");
+    }
 }

@@ -1,5 +1,6 @@
 //! Constants: as written, and as the bits a cell of a given type stores.
 
+use ob1_ir::compose::ANY_TYPES;
 use ob1_model::bcd::to_bcd;
 use ob1_model::{Area, BitAddr, DataType, Layout, S5Time};
 
@@ -110,30 +111,6 @@ pub(crate) fn any_of_number(code: u8, number: u16) -> Vec<u8> {
     let [high, low] = number.to_be_bytes();
     vec![0x10, code, 0, 1, 0, 0, code, 0, high, low]
 }
-
-/// The type codes of an ANY [STL reference, "Format of the Parameter Type ANY"].
-pub(crate) const ANY_TYPES: [(&str, u8); 20] = [
-    ("BOOL", 0x01),
-    ("BYTE", 0x02),
-    ("CHAR", 0x03),
-    ("WORD", 0x04),
-    ("INT", 0x05),
-    ("DWORD", 0x06),
-    ("DINT", 0x07),
-    ("REAL", 0x08),
-    ("DATE", 0x09),
-    ("TIME_OF_DAY", 0x0A),
-    ("TOD", 0x0A),
-    ("TIME", 0x0B),
-    ("S5TIME", 0x0C),
-    ("DATE_AND_TIME", 0x0E),
-    ("DT", 0x0E),
-    ("STRING", 0x13),
-    ("COUNTER", 0x1C),
-    ("TIMER", 0x1D),
-    ("NIL", 0x00),
-    ("VOID", 0x00),
-];
 
 /// Parses a number without sign, or a constant with prefix. The error is the sentence to report.
 pub(crate) fn parse(text: &str, negative: bool) -> Result<Constant, String> {

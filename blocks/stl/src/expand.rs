@@ -9,9 +9,8 @@
 
 use std::collections::BTreeMap;
 
-use ob1_ir::{
-    AccuOp, AddressRegister, Arg, Convert, DbRegister, Number, NumberFormat, Op, Operand, Place, Stmt, Width, WordLogic,
-};
+use ob1_ir::compose::{KEPT, Placing, SHARED, local};
+use ob1_ir::{AccuOp, AddressRegister, Convert, DbRegister, Number, NumberFormat, Op, Operand, Place, Stmt, Width};
 use ob1_model::{Area, BitAddr};
 
 use crate::constant::ToParam;
@@ -43,12 +42,6 @@ impl Around {
         self.before.is_empty() && self.after.is_empty() && self.reached.is_none() && !self.points
     }
 }
-
-/// Where hidden local data lies until it is known how much the block itself uses: beyond every address a source can
-/// write.
-const KEPT: u32 = 0x1_0000;
-/// The same for what one statement uses alone.
-const SHARED: u32 = 0x2_0000;
 
 /// The hidden local data of a block.
 #[derive(Debug, Default)]
@@ -82,10 +75,6 @@ impl Hidden {
     }
 }
 
-fn local(width: Width, byte: u32) -> Operand {
-    Operand { width, place: Place::Fixed(Area::Local, BitAddr::byte_addr(byte)) }
-}
-
 fn instance(width: Width, at: BitAddr, byte: u32) -> Operand {
     Operand { width, place: Place::Instance(BitAddr(at.0 + byte * 8)) }
 }
@@ -96,52 +85,6 @@ pub(crate) fn open(pointer: BitAddr) -> [Op; 2] {
         Op::OpenDb(DbRegister::Db, Number::Instance(pointer)),
         Op::LoadArFrom(AddressRegister::Ar1, instance(Width::DWord, pointer, 2)),
     ]
-}
-
-/// Where a POINTER or ANY that is composed at run time points.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Pointee {
-    /// An address in the instance.
-    Instance(BitAddr),
-    /// An offset beyond what the POINTER at the first address names.
-    Through(BitAddr, BitAddr),
-}
-
-/// Puts a POINTER (6 bytes) together at a place; with a type and count an ANY (10 bytes). `place` gives the operand of
-/// a width so many bytes into it.
-pub(crate) fn pointer(
-    place: &dyn Fn(Width, u32) -> Operand,
-    to: Pointee,
-    any: Option<(u8, u16)>,
-    before: &mut Vec<Op>,
-) {
-    let mut at = 0;
-    if let Some((code, count)) = any {
-        before.push(Op::LoadConst(0x1000_0000 | (u32::from(code) << 16) | u32::from(count)));
-        before.push(Op::Transfer(place(Width::DWord, at)));
-        at += 4;
-    }
-    match to {
-        Pointee::Instance(offset) => {
-            before.push(Op::LoadDbNumber(DbRegister::Di));
-            before.push(Op::Transfer(place(Width::Word, at)));
-            // AR2 holds where the instance begins, with the area DI; a pointer that is passed on names the data block
-            // itself.
-            before.push(Op::TransferAr(AddressRegister::Ar2));
-            before.push(Op::DWordLogic(WordLogic::And, Some(0x00FF_FFFF)));
-            before.push(Op::AddConst { format: NumberFormat::DInt, value: offset.0 as i32 });
-            before.push(Op::DWordLogic(WordLogic::Or, Some(u32::from(Area::Db.pointer_code()) << 24)));
-        }
-        Pointee::Through(pointer, offset) => {
-            before.push(Op::Load(instance(Width::Word, pointer, 0)));
-            before.push(Op::Transfer(place(Width::Word, at)));
-            before.push(Op::Load(instance(Width::DWord, pointer, 2)));
-            if offset.0 > 0 {
-                before.push(Op::AddConst { format: NumberFormat::DInt, value: offset.0 as i32 });
-            }
-        }
-    }
-    before.push(Op::Transfer(place(Width::DWord, at + 2)));
 }
 
 /// The instance of a function block that is called.
@@ -162,11 +105,6 @@ impl Callee {
         };
         Operand { width, place }
     }
-}
-
-/// An operand in the hidden local data.
-pub(crate) fn hidden_operand(width: Width, byte: u32) -> Operand {
-    local(width, byte)
 }
 
 /// Loads AR1 for an element whose index is known at run time only. Everything else is kept, except the DB register if
@@ -330,58 +268,5 @@ fn aim(op: &mut Op, place: impl Fn(u32) -> u32) {
             *otherwise = place(*otherwise);
         }
         _ => {}
-    }
-}
-
-/// The final places of the two parts of the hidden local data.
-struct Placing {
-    kept: u32,
-    shared: u32,
-}
-
-impl Placing {
-    fn byte(&self, byte: u32) -> u32 {
-        match byte {
-            SHARED.. => byte - SHARED + self.shared,
-            KEPT.. => byte - KEPT + self.kept,
-            _ => byte,
-        }
-    }
-
-    fn operand(&self, operand: Operand) -> Operand {
-        match operand.place {
-            Place::Fixed(Area::Local, at) => {
-                let at = BitAddr::new(self.byte(at.byte()), at.bit());
-                Operand { place: Place::Fixed(Area::Local, at), ..operand }
-            }
-            _ => operand,
-        }
-    }
-
-    fn op(&self, op: Op, points: bool) -> Op {
-        let bits = |v: u32| (v & 0xFF00_0000) | (self.byte((v & 0x00FF_FFFF) / 8) * 8);
-        match op {
-            Op::Load(o) => Op::Load(self.operand(o)),
-            Op::Transfer(o) => Op::Transfer(self.operand(o)),
-            Op::LoadArFrom(r, o) => Op::LoadArFrom(r, self.operand(o)),
-            Op::TransferArTo(r, o) => Op::TransferArTo(r, self.operand(o)),
-            Op::LoadParamPointer { index, at: Some(at) } => {
-                Op::LoadParamPointer { index, at: Some(BitAddr::byte_addr(self.byte(at.byte()))) }
-            }
-            Op::LoadParamCopy { index, bytes, at } => {
-                Op::LoadParamCopy { index, bytes, at: BitAddr::byte_addr(self.byte(at.byte())) }
-            }
-            Op::LoadConst(v) if points => Op::LoadConst(bits(v)),
-            Op::LoadArConst(r, v) if points => Op::LoadArConst(r, bits(v)),
-            Op::Call(mut call) => {
-                for arg in &mut call.args {
-                    if let Arg::Operand(o) = arg {
-                        *o = self.operand(*o);
-                    }
-                }
-                Op::Call(call)
-            }
-            other => other,
-        }
     }
 }

@@ -1,5 +1,6 @@
 //! Actual parameters with a fixed address, a number or a constant, as the formals take them.
 
+use ob1_ir::compose::any_length;
 use ob1_ir::{Arg, Number, Operand, Place, Width};
 use ob1_model::{Area, DataType, Param};
 
@@ -129,26 +130,6 @@ fn pointer_to(ty: &DataType, operand: Operand, actual: Option<&DataType>) -> Opt
     };
     let pointer = PointerConstant { area: Some(area), at, db, any: Some(any_length(operand, actual)), own: None };
     Some(Arg::Bytes(if *ty == DataType::Any { pointer.any_bytes() } else { pointer.pointer_bytes() }.into()))
-}
-
-/// Type code and number of elements of an ANY to an operand; composed variables count in bytes.
-pub(crate) fn any_length(operand: Operand, actual: Option<&DataType>) -> (u8, u16) {
-    use crate::constant::ANY_TYPES;
-    if let Some(code) = actual
-        .filter(|ty| ty.elementary_bits().is_some())
-        .and_then(|ty| ANY_TYPES.iter().find(|(name, _)| *name == ty.name()))
-    {
-        return (code.1, 1);
-    }
-    if let Some(ty) = actual {
-        return (2, (ob1_model::Layout::bits(ty) / 8).min(u32::from(u16::MAX)) as u16);
-    }
-    match operand.width {
-        Width::Bit => (1, 1),
-        Width::Byte => (2, 1),
-        Width::Word => (4, 1),
-        Width::DWord => (6, 1),
-    }
 }
 
 /// True for types that mean the same bytes: names and start values do not count, the length of a STRING neither.

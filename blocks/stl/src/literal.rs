@@ -1,11 +1,12 @@
 //! Constants in operands: signs, byte lists, and what `P#` points to.
 
+use ob1_ir::compose::{ANY_TYPES, any_length};
 use ob1_ir::{Number, Operand, Place, Width};
 use ob1_model::{Area, BitAddr, DataType};
 
 use crate::address::bit_address;
 use crate::codes;
-use crate::constant::{self, ANY_TYPES, Constant, PointerConstant, ToParam};
+use crate::constant::{self, Constant, PointerConstant, ToParam};
 use crate::identifiers::{BlockWord, Identifier};
 use crate::operand::Resolver;
 use crate::parser::{split_digits, unquote};
@@ -157,7 +158,7 @@ impl Resolver<'_> {
             self.refuse_optimized(reader, db, span)?;
         }
         let any = self.any_length(reader, span)?;
-        let own = crate::fit::any_length(operand, ty);
+        let own = any_length(operand, ty);
         Some(PointerConstant { area: Some(area), at, db, any, own: Some(own) })
     }
 

@@ -1,12 +1,13 @@
 //! Actual parameters that have no fixed address: instance data for POINTER and ANY, and what the POINTER of a function
 //! block's composed in/out leads to.
 
+use ob1_ir::compose::{self, Pointee, any_length};
 use ob1_ir::{Arg, Op, Operand, Place, Width};
 use ob1_model::{Area, BitAddr, DataType, Param, Section};
 
 use crate::codes;
-use crate::expand::{self, Pointee};
-use crate::fit::{any_length, same_layout};
+use crate::expand;
+use crate::fit::same_layout;
 use crate::lower::Lowerer;
 use crate::token::Span;
 use crate::type_words::with_article;
@@ -82,13 +83,13 @@ impl Lowerer<'_, '_> {
         if let (true, Some(callee)) = (by_pointer && !typed, self.around.callee) {
             // The parameter itself stays open: its POINTER is written before the call.
             let place = |width, byte: u32| callee.operand(width, BitAddr(formal.at.0 + byte * 8));
-            expand::pointer(&place, to, None, &mut self.around.before);
+            compose::pointer(&place, to, None, &mut self.around.before);
             return Some(Reached::Arg(Arg::Open));
         }
         let any = (formal.ty == DataType::Any).then(|| any_length(operand, ty));
         let start = self.hidden.take(if any.is_some() { 10 } else { 6 });
-        let place = |width, byte| expand::hidden_operand(width, start + byte);
-        expand::pointer(&place, to, any, &mut self.around.before);
+        let place = |width, byte| compose::local(width, start + byte);
+        compose::pointer(&place, to, any, &mut self.around.before);
         Some(Reached::Arg(hidden_operand(Width::Byte, start, 0)))
     }
 
@@ -115,7 +116,7 @@ impl Lowerer<'_, '_> {
             return None;
         }
         let hidden_at = self.hidden.take(operand.width.bytes());
-        let here = expand::hidden_operand(operand.width, hidden_at);
+        let here = compose::local(operand.width, hidden_at);
         let mut move_it = |out: bool, ops: &mut Vec<Op>| {
             let element = expand::index(&mut self.hidden, operand, through, terms, ops);
             ops.push(Op::Load(if out { here } else { element.operand }));

@@ -1,5 +1,6 @@
 //! `CALL` of a function or system function: pointers to the actuals follow the `UC`.
 
+use ob1_ir::compose::{Handed, SHARED};
 use ob1_ir::{AddressRegister, Arg, Call, CallMode, DbRegister, Number, Op, Operand, Place, Target, Width};
 use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Param};
 
@@ -12,8 +13,8 @@ use crate::block::{Callees, list_order};
 use crate::parts;
 use crate::statement::{Mc7Op, Uncond};
 
-/// The call between the `BLD`.
-pub(super) fn call(kind: BlockKind, ops: &[&Mc7Op], caller: &Caller<'_, '_>, callees: &Callees<'_>) -> Option<Call> {
+/// The call between the `BLD`, behind what hands over pointers into the own instance.
+pub(super) fn call(kind: BlockKind, ops: &[&Mc7Op], caller: &Caller<'_, '_>, callees: &Callees<'_>) -> Option<Vec<Op>> {
     let own = caller.block.interface.declared_temps();
     let mut cursor = Cursor::new(ops);
     let rlo = cursor.save_rlo()?;
@@ -38,7 +39,7 @@ pub(super) fn call(kind: BlockKind, ops: &[&Mc7Op], caller: &Caller<'_, '_>, cal
     if order.len() != list.len() {
         return None;
     }
-    let mut copies = Copies { puts, taken };
+    let mut copies = Copies { puts, taken, handed: Vec::new() };
     let mut args: Vec<Option<Arg>> = vec![None; order.len()];
     let formals: Vec<&Param> = callee.formals().collect();
     for (formal, pointer) in order.iter().zip(list) {
@@ -46,7 +47,9 @@ pub(super) fn call(kind: BlockKind, ops: &[&Mc7Op], caller: &Caller<'_, '_>, cal
         *args.get_mut(usize::from(*formal))? = Some(arg);
     }
     let args = args.into_iter().collect::<Option<Vec<Arg>>>()?;
-    copies.all_used().then_some(Call { mode: CallMode::Call, target: Target::Block(id), instance: None, args })
+    let call = Call { mode: CallMode::Call, target: Target::Block(id), instance: None, args };
+    let before = copies.handed.iter().flat_map(Handed::ops);
+    copies.all_used().then(|| before.chain([Op::Call(Box::new(call))]).collect())
 }
 
 /// What a data block opened just before makes of an operand; own variables by AR2.
@@ -151,7 +154,7 @@ fn argument(formal: &Param, pointer: u32, copies: &mut Copies, caller: &Caller<'
         return None;
     }
     let Some(width) = formal_width(formal) else {
-        return composed(formal, area, at, &mut copies.puts, caller);
+        return composed(formal, area, at, copies, caller);
     };
     if width != Width::Bit && at.bit() != 0 {
         return None;
@@ -167,7 +170,8 @@ fn argument(formal: &Param, pointer: u32, copies: &mut Copies, caller: &Caller<'
 }
 
 /// The actual of a composed formal: its POINTER or ANY lies in the local data.
-fn composed(formal: &Param, area: Area, at: BitAddr, puts: &mut [Put], caller: &Caller<'_, '_>) -> Option<Arg> {
+fn composed(formal: &Param, area: Area, at: BitAddr, copies: &mut Copies, caller: &Caller<'_, '_>) -> Option<Arg> {
+    let Copies { puts, handed, .. } = copies;
     let own = matches!(formal.ty, DataType::Any | DataType::Pointer);
     let count = handed_bytes(&formal.ty);
     if area != Area::PreviousLocal || at.bit() != 0 {
@@ -179,19 +183,36 @@ fn composed(formal: &Param, area: Area, at: BitAddr, puts: &mut [Put], caller: &
         let operand = Operand { width: Width::Byte, place: Place::Fixed(Area::Local, at) };
         return (own && local_holds(&formal.ty, at)).then_some(Arg::Operand(operand));
     }
-    let number = puts.iter().position(|p| p.at == at && p.source == Source::InstanceNumber);
+    // An ANY begins with type and count.
+    let pointer = BitAddr(at.0 + (count - 6) * 8);
+    let number = puts.iter().position(|p| p.at == pointer && p.source == Source::InstanceNumber);
     if let Some(number) = number {
         let instance = |p: &Put| matches!(p.source, Source::InstancePointer(_)).then_some(p.at.0);
-        let pointer = puts.iter().position(|p| instance(p) == Some(at.0 + 16))?;
+        let pointer = puts.iter().position(|p| instance(p) == Some(pointer.0 + 16))?;
         let Source::InstancePointer(offset) = puts.get(pointer)?.source else { return None };
         let (param, into) = caller.block.interface.in_instance(offset)?;
-        // Where an ANY or POINTER is wanted the source may have had any of several things.
-        if own || into != 0 || param.ty != formal.ty || !caller.block.multi_instance {
+        if !caller.block.multi_instance {
             return None;
         }
         puts.get_mut(number)?.used = true;
         puts.get_mut(pointer)?.used = true;
-        return Some(Arg::Operand(Operand { width: Width::Byte, place: Place::Instance(offset) }));
+        if own {
+            let any = match *bytes(puts, at, count - 6)? {
+                [0x10, code, high, low] => Some((code, u16::from_be_bytes([high, low]))),
+                [] => None,
+                _ => return None,
+            };
+            let byte = SHARED + handed.iter().map(|one| if one.any.is_some() { 10 } else { 6 }).sum::<u32>();
+            let one = Handed { byte, any, to: offset };
+            let named = !param.is_pointer() && !param.name.is_empty();
+            if !named || !parts::begins(&param.ty, into, &|ty| one.fits(ty)) {
+                return None;
+            }
+            handed.push(one);
+            return Some(one.arg());
+        }
+        let same = into == 0 && param.ty == formal.ty;
+        return same.then_some(Arg::Operand(Operand { width: Width::Byte, place: Place::Instance(offset) }));
     }
     let bytes = bytes(puts, at, count)?;
     if own { Some(Arg::Bytes(bytes.into())) } else { pointed(&bytes).map(Arg::Operand) }

@@ -71,7 +71,7 @@ pub(super) fn call(
     }
     let id = BlockId::new(kind, *number);
     let callee = callees(id)?;
-    let mut copies = Copies { puts, taken };
+    let mut copies = Copies { puts, taken, handed: Vec::new() };
     let mut args = Vec::new();
     for formal in callee.formals() {
         args.push(argument(formal, start, &mut copies, caller)?);

@@ -11,7 +11,7 @@ mod function;
 mod instance;
 mod values;
 
-use ob1_ir::Call;
+use ob1_ir::Op;
 
 use crate::block::{Callees, Item};
 use crate::statement::Mc7Op;
@@ -21,13 +21,14 @@ pub(crate) use component::{Base, component};
 pub(crate) use frame::{FRAMES, Frame, frame_length};
 pub(crate) use instance::INSTANCE_START;
 
-/// The call a frame stands for. `None`: it does not fold.
-pub(crate) fn call(open: u8, frame: &[Item], caller: &Caller<'_, '_>, callees: &Callees<'_>) -> Option<Call> {
+/// The call a frame stands for, with what our compiler puts before it. `None`: it does not fold.
+pub(crate) fn call(open: u8, frame: &[Item], caller: &Caller<'_, '_>, callees: &Callees<'_>) -> Option<Vec<Op>> {
     let (_, kind) = FRAMES.iter().find(|(number, _)| *number == open)?;
     let ops: Vec<&Mc7Op> = frame.iter().map(|item| &item.op).collect();
-    match kind {
-        Frame::Function(kind) => function::call(*kind, &ops, caller, callees),
+    let call = match kind {
+        Frame::Function(kind) => return function::call(*kind, &ops, caller, callees),
         Frame::DataBlock(kind) => instance::call(*kind, false, &ops, caller, callees),
         Frame::Multi(kind) => instance::call(*kind, true, &ops, caller, callees),
-    }
+    };
+    call.map(|call| vec![Op::Call(Box::new(call))])
 }

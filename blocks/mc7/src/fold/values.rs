@@ -1,5 +1,6 @@
 //! Values on their way into and out of a frame.
 
+use ob1_ir::compose::Handed;
 use ob1_ir::{AddressRegister, BitTest, DbRegister, Logic, Op, Operand, Place, Width};
 use ob1_model::{Area, BitAddr, DataType, Layout, Param};
 
@@ -41,6 +42,8 @@ pub(super) struct Taken {
 pub(super) struct Copies {
     pub(super) puts: Vec<Put>,
     pub(super) taken: Vec<Taken>,
+    /// POINTER and ANY to variables of the own instance, in the order of the list.
+    pub(super) handed: Vec<Handed>,
 }
 
 impl Copies {

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use ob1_ir::compose::Handed;
 use ob1_ir::{Arg, Call, CallMode, CodeBlock, Number, Operand, Place, Target, Width};
 use ob1_model::{Area, BitAddr, BlockId, DataType, Interface, Param, Section};
 
@@ -14,8 +15,8 @@ use crate::mnemonics::Shape;
 use crate::tia;
 
 impl Printer<'_> {
-    /// A call with its actual parameters. The error says what cannot be said.
-    pub(super) fn call(&self, block: &CodeBlock, call: &Call) -> Result<String, String> {
+    /// A call with its actual parameters; `handed`: what was put together for it. The error says what cannot be said.
+    pub(super) fn call(&self, block: &CodeBlock, call: &Call, handed: &[Handed]) -> Result<String, String> {
         let mode = call.mode;
         let mut out = self.mnemonic(&|shape| matches!(shape, Shape::Call(m) if *m == mode)).to_owned();
         let interface = &block.interface;
@@ -46,7 +47,7 @@ impl Printer<'_> {
             None => {}
         }
         match mode {
-            CallMode::Call => self.actuals(block, call, &mut out)?,
+            CallMode::Call => self.actuals(block, call, handed, &mut out)?,
             _ => self.list(call, &mut out)?,
         }
         Ok(out)
@@ -68,11 +69,12 @@ impl Printer<'_> {
         Ok(())
     }
 
-    fn actuals(&self, block: &CodeBlock, call: &Call, out: &mut String) -> Result<(), String> {
+    fn actuals(&self, block: &CodeBlock, call: &Call, handed: &[Handed], out: &mut String) -> Result<(), String> {
         let (Target::Block(id) | Target::Local(id, _)) = call.target else { return Ok(()) };
         let callee = (self.callees)(id).ok_or_else(|| format!("a call of {id}, whose parameters are not known"))?;
-        let mut first = true;
+        let (mut first, mut named) = (true, 0);
         for (formal, arg) in callee.formals().zip(&call.args) {
+            let one = handed.iter().find(|one| *arg == one.arg());
             let text = match arg {
                 Arg::Open => continue,
                 Arg::Const(bits) => elementary(&formal.ty, *bits),
@@ -83,7 +85,13 @@ impl Printer<'_> {
                     DataType::Any | DataType::Pointer => self.pointer_bytes(bytes),
                     ref ty => constant(ty, bytes),
                 },
-                Arg::Operand(operand) => self.actual(&block.interface, formal, *operand, id),
+                Arg::Operand(operand) => match one {
+                    Some(one) => {
+                        named += 1;
+                        of_instance(&block.interface, one.to, &|ty| one.fits(ty))
+                    }
+                    None => self.actual(&block.interface, formal, *operand, id),
+                },
                 Arg::Number(number) => self.actual_number(&block.interface, formal, *number),
                 Arg::Raw(_) => None,
             };
@@ -95,7 +103,7 @@ impl Printer<'_> {
         if !first {
             out.push(')');
         }
-        Ok(())
+        if named == handed.len() { Ok(()) } else { Err("a pointer that it does not take".to_owned()) }
     }
 
     /// An operand as actual parameter.

@@ -3,10 +3,11 @@
 use std::fmt::Write as _;
 
 use ob1_ir::Notation;
+use ob1_ir::compose::ANY_TYPES;
 use ob1_model::{Area, BitAddr, DataType, Layout, S5Time};
 
 use super::printer::Printer;
-use crate::constant::{ANY_TYPES, any_of_number};
+use crate::constant::any_of_number;
 use crate::identifiers::Identifier;
 use crate::time;
 

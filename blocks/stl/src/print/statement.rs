@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
+use ob1_ir::compose::Handed;
 use ob1_ir::{
     AddressRegister, BitTest, CodeBlock, DbRegister, Jump, Number, NumberFormat, Op, Operand, Place, StatusBit, Width,
 };
@@ -71,10 +72,10 @@ impl Lines<'_, '_> {
         for line in self.listing.before.get(&(at as u32)).into_iter().flatten() {
             let _ = writeln!(self.out, "// {}", one_line(line));
         }
-        let (text, used) = match (self.through(at), self.pointed(at)) {
-            (Some(text), _) => (text, 3),
-            (None, Some(text)) => (text, 7),
-            (None, None) => (self.text(at)?, 1),
+        let several = self.through(at).map(|text| (text, 3)).or_else(|| self.pointed(at).map(|text| (text, 7)));
+        let (text, used) = match several.or_else(|| self.handed(at)) {
+            Some(several) => several,
+            None => (self.text(at)?, 1),
         };
         let label = self.labels.get(&(at as u32)).map(|name| format!("{name}:"));
         let _ = write!(self.out, "{:<6}{text};", label.unwrap_or_default());
@@ -125,6 +126,26 @@ impl Lines<'_, '_> {
         Some(format!("{} {}", self.mnemonic(&load.op), self.operand(at + 3, &pointer.op)?))
     }
 
+    /// A `CALL` to which a POINTER or ANY to a variable of the own instance is handed: what puts them together stands
+    /// before it. Gives how many operations that is.
+    fn handed(&self, at: usize) -> Option<(String, usize)> {
+        let (code, mut handed, mut next) = (&self.block.code, Vec::new(), at);
+        while let Some(one) = Handed::at(code.get(next..)?) {
+            if one.byte < self.block.interface.declared_temps() {
+                return None;
+            }
+            next += one.ops().len();
+            handed.push(one);
+        }
+        let last = code.get(next).filter(|last| code.get(at).is_some_and(|first| first.network == last.network))?;
+        let inside = (at + 1..=next).any(|i| self.labels.contains_key(&(i as u32)));
+        let Op::Call(call) = &last.op else { return None };
+        if handed.is_empty() || inside {
+            return None;
+        }
+        Some((self.printer.call(self.block, call, &handed).ok()?, next + 1 - at))
+    }
+
     fn mnemonic(&self, op: &Op) -> &'static str {
         self.printer.mnemonic(&|shape| has_shape(shape, op))
     }
@@ -134,7 +155,7 @@ impl Lines<'_, '_> {
         let Some(stmt) = self.block.code.get(at) else { return Ok(String::new()) };
         let op = &stmt.op;
         if let Op::Call(call) = op {
-            return self.printer.call(self.block, call).map_err(|what| self.wrong(at, what));
+            return self.printer.call(self.block, call, &[]).map_err(|what| self.wrong(at, what));
         }
         let mnemonic = self.mnemonic(op);
         if mnemonic.is_empty() {
