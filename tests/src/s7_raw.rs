@@ -104,6 +104,21 @@ impl Raw {
         self.frame()?.get(5).copied().ok_or_else(|| ErrorKind::InvalidData.into())
     }
 
+    /// Gives a password of eight characters at most. The error number of the answer; 0: it is right.
+    ///
+    /// # Errors
+    /// If the connection is lost.
+    pub fn password(&mut self, password: &str) -> std::io::Result<u16> {
+        let bytes = ob1_s7::wire::encode_password(password).ok_or(ErrorKind::InvalidInput)?;
+        let mut ask = vec![3, 0, 0, 37, 2, 0xF0, 0x80, 0x32, 7, 0, 0, 0, 1, 0, 8, 0, 12];
+        ask.extend_from_slice(&[0, 1, 0x12, 4, 0x11, 0x45, 1, 0, 0xFF, 9, 0, 8]);
+        ask.extend_from_slice(&bytes);
+        self.0.write_all(&ask)?;
+        let frame = self.frame()?;
+        let error = frame.get(27..29).and_then(|error| error.try_into().ok());
+        error.map(u16::from_be_bytes).ok_or_else(|| ErrorKind::InvalidData.into())
+    }
+
     /// The next frame.
     ///
     /// # Errors

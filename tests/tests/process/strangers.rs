@@ -9,6 +9,7 @@ use std::thread::{Scope, scope};
 use std::time::{Duration, Instant};
 
 use ob1_tests::opcua::{OpcUa, OpcUaError};
+use ob1_tests::s7_raw::Raw;
 use ob1_tests::siege::Span;
 use opcua_types::CreateSessionResponse;
 use serde_json::json;
@@ -69,6 +70,13 @@ fn log_in(visitor: &Visitor, user: &str, password: &str) -> Option<u16> {
     visitor.raw(request.as_bytes()).map(|answer| answer.status)
 }
 
+/// A try with a password at an S7 link, from its connection on; `None`: the connection was refused or has ended.
+fn unlock(port: u16, password: &str) -> Option<u16> {
+    let mut raw = Raw::open(port).ok()?;
+    raw.0.set_read_timeout(Some(PATIENCE)).ok()?;
+    raw.password(password).ok()
+}
+
 /// The address of an attacker, which nobody else has.
 fn address(number: u64) -> Ipv4Addr {
     Ipv4Addr::from_bits(0x7F01_0000 + (number % 60_000) as u32)
@@ -79,16 +87,18 @@ fn address(number: u64) -> Ipv4Addr {
 fn honest() {
     let site = Site::new();
     users(&site);
-    let (page, scada) = (free_port(), free_port());
+    let [page, scada, panel] = [(); 3].map(|()| free_port());
     let links = format!(
         "[[link]]\ntype = \"web\"\nname = \"web\"\nlisten = \"127.0.0.1:{page}\"\nrights = \"operate\"\nusers = \
          \"gate.users\"\n\n[[link]]\ntype = \"opcua\"\nname = \"scada\"\nlisten = \"127.0.0.1:{scada}\"\nrights = \
-         \"operate\"\nusers = \"gate.users\"\ntrust = \"any\"\n"
+         \"operate\"\nusers = \"gate.users\"\ntrust = \"any\"\n\n[[link]]\ntype = \"s7\"\nname = \"panel\"\nlisten = \
+         \"127.0.0.1:{panel}\"\npassword = \"secret\"\npassword_rights = \"operate\"\n"
     );
     let station = station(&site, "st-honest", &links);
     let opcua = SocketAddr::from(([127, 0, 0, 1], scada));
     station.until("the page is served", |_| Visitor::at(page).try_get("/api/session"));
     station.until("clients are served", |_| OpcUa::open(opcua, Duration::from_secs(1)).ok());
+    station.until("panels are served", |_| Raw::open(panel).ok());
     let anna = || drop(Visitor::as_user(page, "anna", "anna-secret"));
     let span = Span::of(1);
     // Times of the honest ones under an attack.
@@ -158,6 +168,19 @@ fn honest() {
         // A user with the least right logs in more often than there are sessions.
         let bert = |_: u64, _: u64| drop(Visitor::as_user(page, "bert", "bert-secret"));
         under("logins of somebody else", &bert, &anna);
+        // All of them at the address of the engineer, and more than there are places.
+        let engineer = || {
+            let tries = (0..10_000).find_map(|_| unlock(panel, "secret"));
+            assert_eq!(tries, Some(0));
+        };
+        let guess_pin = |_: u64, number: u64| _ = unlock(panel, &format!("pin{number}"));
+        under("S7 passwords, her address", &guess_pin, &engineer);
+        let silent = |_: u64, _: u64| {
+            let Ok(mut raw) = Raw::open(panel) else { return };
+            let _ = raw.0.set_read_timeout(Some(Duration::from_millis(300)));
+            let _ = raw.frame();
+        };
+        under("S7 connections that ask for nothing", &silent, &engineer);
         let operator = Visitor::as_user(page, "anna", "anna-secret");
         let times = if span.is_campaign() { 130 } else { 20 };
         (0..times).for_each(|_| drop(Visitor::as_user(page, "bert", "bert-secret")));
@@ -172,7 +195,7 @@ fn honest() {
 fn logs() {
     let site = Site::new();
     users(&site);
-    let [page, figures, scada] = [(); 3].map(|()| free_port());
+    let [page, figures, scada, panel] = [(); 4].map(|()| free_port());
     let link = |kind: &str, port: u16| {
         format!(
             "[[link]]\ntype = \"{kind}\"\nname = \"{kind}\"\nlisten = \"127.0.0.1:{port}\"\nusers = \"gate.users\"\n\n"
@@ -184,13 +207,18 @@ fn logs() {
          [\"MW20\"]\ncommands = [\"MW20\"]\n",
         broker.port
     );
-    let links = link("web", page) + &link("metrics", figures) + &link("opcua", scada) + &mqtt;
+    let s7 = format!(
+        "\n[[link]]\ntype = \"s7\"\nname = \"panel\"\nlisten = \"127.0.0.1:{panel}\"\npassword = \
+         \"secret\"\npassword_rights = \"operate\"\n"
+    );
+    let links = link("web", page) + &link("metrics", figures) + &link("opcua", scada) + &mqtt + &s7;
     let station = station(&site, "st-logs", &links);
     let mut listener = Listener::start(&site, broker.port, "ob1/st-logs/online");
     listener.until("online", |said| (said["payload"] == true).then_some(()));
     let opcua = SocketAddr::from(([127, 0, 0, 1], scada));
     station.until("the page is served", |_| Visitor::at(page).try_get("/api/session"));
     station.until("clients are served", |_| OpcUa::open(opcua, Duration::from_secs(1)).ok());
+    station.until("panels are served", |_| Raw::open(panel).ok());
     let span = Span::of(1);
     let seconds = if span.is_campaign() { 10 } else { 2 };
     let lines = || station.said().lines().count();
@@ -245,6 +273,15 @@ fn logs() {
             let mut listener = said.lock().expect("free");
             listener.say(&json!({ "topic": format!("ob1/st-logs/{topic}/set"), "payload": "wrong" }));
         });
+        under("S7 connections", many, &|_, _| drop(Raw::open(panel)));
+        under("S7 noise", many, &|_, number| {
+            let Ok(mut stream) = TcpStream::connect(("127.0.0.1", panel)) else { return };
+            let _ = stream.write_all(&number.to_le_bytes().repeat(20));
+            let _ = stream.shutdown(Shutdown::Write);
+            let _ = stream.read(&mut [0; 64]);
+        });
+        // Each takes its turn, so there are fewer.
+        under("S7 passwords", ATTACKERS, &|_, number| _ = unlock(panel, &format!("pin{number}")));
         under("sessions", many, &|_, _| {
             let Ok(mut client) = OpcUa::open(opcua, Duration::from_secs(5)) else { return };
             let _: Result<CreateSessionResponse, OpcUaError> = client.call(&client.create_session(opcua));
