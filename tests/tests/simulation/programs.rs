@@ -112,6 +112,12 @@ const FOUND: &[(&str, u64, &str)] = &[
         "the judge: after a start-up either of two edges may be the FETCH that runs, and it held one only",
     ),
     ("cp340", 20877, "the judge: EN_R was 0, and the receive buffer had no room for the second telegram"),
+    (
+        "cp040",
+        37826,
+        "the judge: after a start-up with a reset and a job in one call it took the DONE of the job for the reset's",
+    ),
+    ("cp040", 48184, "as 37826"),
     ("cp040", 28002, "the judge: an edge of REQ in the call of R, behind one of which nobody knew whether it counts"),
 ];
 

@@ -128,6 +128,8 @@ pub struct Sender {
     owed: Option<(Instant, u32)>,
     /// An error has ended the job, or a start-up has come: whether the reset still runs, the next call shows.
     settles: bool,
+    /// A job began in that very call: whether DONE is the job's or that of the reset, nobody knows.
+    either: bool,
     /// Errors have a cause until then.
     excused_until: Instant,
     /// The first call after a start-up: whether REQ has risen cannot be known.
@@ -142,8 +144,8 @@ impl Sender {
     #[must_use]
     pub fn new(manual: Manual) -> Self {
         let excused_until = Instant::START;
-        let (job, owed, settles) = (None, None, false);
-        Self { manual, req: false, reset: false, job, owed, settles, excused_until, is_restart: false }
+        let (job, owed, settles, either) = (None, None, false, false);
+        Self { manual, req: false, reset: false, job, owed, settles, either, excused_until, is_restart: false }
     }
 
     /// Whether a job runs.
@@ -216,7 +218,9 @@ impl Sender {
             _ => None,
         };
         let mut end = end;
-        if !self.manual.blocks && self.owed.is_some() && end == Some(End::Done) {
+        self.either &= self.owed.is_some() && !resets;
+        let of_either = self.either && self.job.is_some();
+        if !self.manual.blocks && self.owed.is_some() && end == Some(End::Done) && !of_either {
             // The reset itself has ended; a job may have begun meanwhile. [reference 8.3]
             (self.owed, end) = (None, None);
         }
@@ -225,6 +229,9 @@ impl Sender {
         let settles = std::mem::take(&mut self.settles);
         if settles && end.is_none() && call.status != self.manual.busy {
             self.owed = None;
+        }
+        if settles && end.is_none() && rises && self.job.is_none() && self.owed.is_some() {
+            (self.either, turn.ghost) = (true, true);
         }
         let failed = matches!(end, Some(End::Error(_))) && call.at < self.excused_until;
         if !self.manual.blocks && !resets && self.owed.is_some() && failed {

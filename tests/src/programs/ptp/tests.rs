@@ -145,6 +145,11 @@ fn one_error_for_a_job_and_a_reset() {
     };
     holds(&restarts("8 L 8 D ."));
     breaks(&restarts("8 L . D"), Rule::EndOfAJob);
+    // The next call begins a job, so its STATUS tells nothing: DONE is that of the job, or first that of the reset.
+    for calls in ["rq8 r8 rL q8 8 8 D .", "rq8 r8 rL q8 8 8 D 8 D ."] {
+        holds(&starts(calls));
+    }
+    breaks(&starts("rq8 r8 rL q8 8 8 D D D"), Rule::EndOfAJob);
 }
 
 #[test]
