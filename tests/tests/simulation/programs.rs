@@ -118,6 +118,7 @@ const FOUND: &[(&str, u64, &str)] = &[
         "the judge: after a start-up with a reset and a job in one call it took the DONE of the job for the reset's",
     ),
     ("cp040", 48184, "as 37826"),
+    ("cp040", 75203, "the judge: an edge of REQ while R is on may be that of a job which waits for the reset"),
     ("cp040", 28002, "the judge: an edge of REQ in the call of R, behind one of which nobody knew whether it counts"),
 ];
 

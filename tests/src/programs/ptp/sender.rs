@@ -268,6 +268,17 @@ impl Sender {
             (turn.began, turn.ghost) = (true, true);
             return turn;
         }
+        if let Some(since) = self.job.and_then(|job| job.aborting)
+            && rises
+            && !self.manual.blocks
+            && end.is_none()
+        {
+            // The next job may wait for the reset, or begin only with an edge behind it. [reference 8.3]
+            self.owed = Some((since, 0));
+            (turn.ended, turn.began) = (Some(End::Reset), true);
+            self.begin(call, false);
+            return turn;
+        }
         if let Some(mut job) = self.job.take() {
             if blocked || resets {
                 job.aborting = job.aborting.or(Some(call.at));

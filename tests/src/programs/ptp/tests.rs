@@ -116,6 +116,10 @@ fn what_the_manual_allows_a_sending_block() {
     // The same, and the edge of the next request is in the call of the reset.
     holds(&sends(COM, "q8 8 8 Dq 8 rq8 r8 rD 8 8 D ."));
     breaks(&sends(COM, "q8 8 8 Dq 8 rq8 r8 rD 8 8 D D"), Rule::EndOfAJob);
+    // An edge while R is on may be that of a job which waits for the reset.
+    holds(&sends(COM, "q8 8 r8 rq8 rD 8 8 D ."));
+    holds(&sends(COM, "q8 8 r8 rq8 rD . . q8 8 8 D"));
+    breaks(&sends(COM, "q8 8 r8 rq8 rD 8 8 D D"), Rule::EndOfAJob);
 }
 
 /// At a CP 040 that has just started an error may end a job alone, or with the reset that waited beside it. What STATUS
