@@ -9,6 +9,7 @@ use clap::{Args, Parser, Subcommand};
 use crate::bus::{self, BusArgs};
 use crate::check::{self, CheckArgs};
 use crate::diag::{self, DiagArgs};
+use crate::diff::{self, DiffArgs};
 use crate::exec::{self, ExecArgs};
 use crate::exit::{self, Exit};
 use crate::import::{self, CompareArgs, DownloadArgs, ImportArgs, UploadArgs};
@@ -75,6 +76,7 @@ enum Command {
     Upload(UploadArgs),
     Download(DownloadArgs),
     Compare(CompareArgs),
+    Diff(DiffArgs),
     New(NewArgs),
     Get(GetArgs),
     Set(SetArgs),
@@ -194,6 +196,7 @@ impl Command {
             Command::Upload(args) => return import::upload(&args).into(),
             Command::Download(args) => return import::download(&args).into(),
             Command::Compare(args) => return import::compare(&args).into(),
+            Command::Diff(args) => return diff::diff(&args).into(),
             Command::Run(args) => run::run(&run::Options {
                 station: args.station,
                 time: args.time,

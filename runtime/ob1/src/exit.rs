@@ -23,6 +23,7 @@ Exit codes:
   yet, 2 nothing could be read or written.
   download: 0 everything was loaded, 1 blocks were refused, 2 nothing could be loaded.
   compare: 0 the same program, 1 another one, 2 nothing could be read.
+  diff: 0 the same program, 1 another one, 2 one of them cannot be read.
   soak: 0 pass (compare: not worse), 1 a budget is broken (compare: worse), 2 inconclusive, or it could not be measured.
   With --fence-scan a forbidden system call ends the process by SIGSYS (shells show 159).";
 
@@ -97,6 +98,18 @@ pub enum ImportExit {
     Nothing = 2,
 }
 
+/// How `ob1 diff` ends: as `diff` does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum DiffExit {
+    /// The same program.
+    Same = 0,
+    /// Another one.
+    Other = 1,
+    /// One of them cannot be read.
+    Nothing = 2,
+}
+
 /// How `ob1 soak` ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
@@ -118,7 +131,7 @@ macro_rules! number_is_code {
         }
     )*};
 }
-number_is_code!(TestExit, ImportExit, SoakExit);
+number_is_code!(TestExit, ImportExit, DiffExit, SoakExit);
 
 #[cfg(test)]
 mod tests {
@@ -127,7 +140,7 @@ mod tests {
     /// The commands whose codes mean something else.
     #[test]
     fn the_table_has_every_command_with_codes_of_its_own() {
-        for command in ["exec", "test", "import", "upload", "download", "compare", "soak"] {
+        for command in ["exec", "test", "import", "upload", "download", "compare", "diff", "soak"] {
             let mut heads = TABLE.lines().filter_map(|line| Some(line.split_once(" 0 ")?.0));
             assert!(heads.any(|head| head.contains(command)), "{command}");
         }

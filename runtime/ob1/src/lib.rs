@@ -11,6 +11,7 @@ pub mod bus;
 pub mod check;
 pub mod cli;
 pub mod diag;
+pub mod diff;
 pub mod exec;
 pub mod exit;
 pub mod import;

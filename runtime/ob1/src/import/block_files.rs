@@ -13,6 +13,13 @@ pub(super) const UPLOADED: &str = "uploaded";
 /// Blocks by name, as they came.
 pub(super) type Blocks = BTreeMap<String, Vec<u8>>;
 
+/// Whether this is a block in machine code, or a folder of them.
+pub(crate) fn is_machine_code(path: &Path) -> bool {
+    let is = |path: &Path| path.extension().is_some_and(|end| end.eq_ignore_ascii_case("mc7"));
+    let of_folder = || std::fs::read_dir(path).into_iter().flatten().flatten();
+    is(path) || path.join(UPLOADED).is_dir() || of_folder().any(|entry| is(&entry.path()))
+}
+
 /// The blocks of files and folders, by their names.
 pub(super) fn collect(paths: &[PathBuf]) -> Result<Blocks, String> {
     let mut blocks = Blocks::new();

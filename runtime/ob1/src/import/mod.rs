@@ -14,12 +14,13 @@ mod upload;
 mod used;
 mod wire;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
+use ob1_ir::{Program, Symbol};
 use ob1_mc7::CompiledInterface;
 use ob1_model::{BlockId, BlockKind};
-use ob1_project::{Choice, Folder, Project, Root, Translation, Tree, Wanted, translate};
+use ob1_project::{Choice, CodePage, FileSource, Folder, Notes, Project, Root, Translation, Tree, Wanted, translate};
 use ob1_stl::Library;
 use ob1_stl::print::{Declared, Heading, Listing, Printer};
 use serde_json::json;
@@ -29,6 +30,10 @@ use profibus::GsdFiles;
 
 pub use download::{DownloadArgs, download};
 pub use upload::{CompareArgs, UploadArgs, compare, upload};
+
+pub(crate) use block_files::is_machine_code;
+pub(crate) use upload::{program_of_blocks, program_of_cpu};
+pub(crate) use wire::{CpuArgs, Unit};
 
 /// Make a station of a STEP 7 project
 ///
@@ -90,43 +95,68 @@ pub fn import(args: &ImportArgs) -> ImportExit {
     }
 }
 
-fn run(args: &ImportArgs) -> Result<ImportExit, String> {
-    let source = disk::open(&args.project)?;
-    let tree = Tree::new(&*source);
+/// The projects at a place, and the titles of their programs.
+fn projects(path: &Path, source: &dyn FileSource, tree: &Tree<'_>) -> Result<(Vec<Project>, Vec<String>), String> {
     let mut roots = tree.roots();
     // A .s7p stands for its own folder, whatever projects lie below it.
-    if disk::is_project_file(&args.project) && roots.iter().any(|root| root.folder.is_empty()) {
+    if disk::is_project_file(path) && roots.iter().any(|root| root.folder.is_empty()) {
         roots.retain(|root| root.folder.is_empty());
     }
     if roots.is_empty() {
         let other = |path: String| disk::other(&path).map(|what| format!("; {path} is {what}"));
         return Err(format!(
             "{}: there is no STEP 7 project in it (no .s7p, no .s7l, no ombstx/offline){}",
-            args.project.display(),
+            path.display(),
             source.paths().into_iter().find_map(other).unwrap_or_default()
         ));
     }
-    let mut projects: Vec<Project> = roots.iter().map(|root: &Root| Project::read(&tree, root)).collect();
+    let mut projects: Vec<Project> = roots.iter().map(|root: &Root| Project::read(tree, root)).collect();
     tell_apart(&mut projects, &roots);
-    let titles: Vec<String> =
-        projects.iter().flat_map(|p| p.choices().into_iter().map(|c| title(p, c, projects.len()))).collect();
+    let titles = projects.iter().flat_map(|p| p.choices().into_iter().map(|c| title(p, c, projects.len()))).collect();
+    Ok((projects, titles))
+}
+
+/// The program of a project, and what it calls.
+///
+/// # Errors
+/// Why there is none, or which of several must be named.
+pub(crate) fn program_of_project(path: &Path, name: Option<&str>) -> Result<(Program, Library), String> {
+    let source = disk::open(path)?;
+    let tree = Tree::new(&*source);
+    let (projects, titles) = projects(path, &*source, &tree)?;
+    let taken = take(name, &tree, projects, &titles)?;
+    let rows = taken.project.symbols(&tree, taken.choice, &mut Notes::new());
+    let (_, library, translation) = translated(&taken.folder, taken.project.page, output::symbol_table(&rows).1)?;
+    Ok((translation.program, library))
+}
+
+/// A folder as a program: what is replaced, what the program may call, and itself.
+fn translated(
+    folder: &Folder,
+    page: CodePage,
+    symbols: Vec<Symbol>,
+) -> Result<(replace::Replaced, Library, Translation), String> {
+    let replaced = replace::find(folder);
+    let library = replaced.library()?;
+    let mnemonics = ob1_stl::Mnemonics::International;
+    let wanted = Wanted { page, library: &library, replaced: &replaced.ids(), symbols, mnemonics };
+    let translation = translate(folder, &wanted);
+    Ok((replaced, library, translation))
+}
+
+fn run(args: &ImportArgs) -> Result<ImportExit, String> {
+    let source = disk::open(&args.project)?;
+    let tree = Tree::new(&*source);
+    let (projects, titles) = projects(&args.project, &*source, &tree)?;
     if args.list {
         return Ok(list(args, &tree, &projects, &titles));
     }
     let taken = take(args.program.as_deref(), &tree, projects, &titles)?;
-    let replaced = replace::find(&taken.folder);
-    let (library, modules) = (replaced.library()?, hardware::of_choice(&taken.project, taken.choice));
+    let modules = hardware::of_choice(&taken.project, taken.choice);
     let mut notes = taken.project.notes.clone();
     let rows = taken.project.symbols(&tree, taken.choice, &mut notes);
     let symbols = output::symbol_table(&rows);
-    let wanted = Wanted {
-        page: taken.project.page,
-        library: &library,
-        replaced: &replaced.ids(),
-        symbols: symbols.1,
-        mnemonics: ob1_stl::Mnemonics::International,
-    };
-    let translation = translate(&taken.folder, &wanted);
+    let (replaced, library, translation) = translated(&taken.folder, taken.project.page, symbols.1)?;
     if let Some(block) = &args.listing {
         return listing(block, &taken.folder, &translation, &library);
     }

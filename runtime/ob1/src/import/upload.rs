@@ -4,16 +4,18 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use ob1_ir::Program;
 use ob1_mc7::BlockImage;
-use ob1_project::{CodePage, Folder, Note, Notes, Wanted, translate};
+use ob1_project::{CodePage, Folder, Note, Notes};
 use ob1_s7::client::jobs::Device;
 use ob1_s7::wire::BlockType;
+use ob1_stl::Library;
 
 use super::block_files::{Blocks, UPLOADED, collect};
 use super::hardware::Hardware;
 use super::profibus::GsdFiles;
 use super::wire::{CpuArgs, Socket, connect};
-use super::{exit, outcome, output, replace, report, station};
+use super::{exit, outcome, output, report, station, translated};
 use crate::exit::ImportExit;
 
 /// The types of blocks a program is made of.
@@ -77,16 +79,7 @@ fn run(args: &UploadArgs) -> Result<ImportExit, String> {
         let why = refused.values().chain(folder.damaged.values()).next().map_or("it has no blocks", String::as_str);
         return Err(format!("{}: nothing could be read: {why}", args.cpu.host));
     }
-    let replaced = replace::find(&folder);
-    let library = replaced.library()?;
-    let wanted = Wanted {
-        page: CodePage::of_number(PAGE).ok_or("there is no code page 1252")?,
-        library: &library,
-        replaced: &replaced.ids(),
-        symbols: Vec::new(),
-        mnemonics: ob1_stl::Mnemonics::International,
-    };
-    let mut translation = translate(&folder, &wanted);
+    let (replaced, _, mut translation) = translated(&folder, page()?, Vec::new())?;
     translation.blocks += refused.len();
     translation.left_out.extend(refused);
     let title = format!("CPU {}", args.cpu.host);
@@ -100,6 +93,37 @@ fn run(args: &UploadArgs) -> Result<ImportExit, String> {
         says!("{}", report::summary(&title, &translation, &args.out, &written.errors));
     }
     Ok(exit(&translation, &written))
+}
+
+/// The code page of the texts in uploaded blocks.
+fn page() -> Result<CodePage, String> {
+    Ok(CodePage::of_number(PAGE).ok_or("there is no code page 1252")?)
+}
+
+/// The program that uploaded blocks make, and what it calls.
+fn program_of(blocks: Blocks) -> Result<(Program, Library), String> {
+    let (_, library, translation) = translated(&Folder::of_upload(blocks), page()?, Vec::new())?;
+    Ok((translation.program, library))
+}
+
+/// The program of a CPU on the network, and what it calls.
+///
+/// # Errors
+/// Why it cannot be read, the first block that it does not give.
+pub(crate) fn program_of_cpu(cpu: &CpuArgs) -> Result<(Program, Library), String> {
+    let (blocks, refused) = read(&mut connect(cpu)?)?;
+    match refused.into_iter().next() {
+        Some((block, why)) => Err(format!("{}: {block}: {why}", cpu.host)),
+        None => program_of(blocks),
+    }
+}
+
+/// The program of blocks in machine code, and what it calls.
+///
+/// # Errors
+/// Why they cannot be read.
+pub(crate) fn program_of_blocks(path: &Path) -> Result<(Program, Library), String> {
+    program_of(collect(&[path.to_owned()])?)
 }
 
 /// Which CPU it is, and what its clock says.

@@ -18,6 +18,13 @@ const PATIENCE: Duration = Duration::from_secs(5);
 pub(crate) struct CpuArgs {
     /// The CPU: its name or address, HOST or HOST:PORT
     pub(crate) host: String,
+    #[command(flatten)]
+    pub(crate) unit: Unit,
+}
+
+/// Where it is in its station, and what it asks for.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct Unit {
     /// The rack of the CPU
     #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=7))]
     pub(crate) rack: u8,
@@ -84,9 +91,9 @@ pub(super) fn connect(cpu: &CpuArgs) -> Result<Device<Socket>, String> {
     let stream = stream?;
     let timeouts = stream.set_read_timeout(Some(PATIENCE)).and_then(|()| stream.set_write_timeout(Some(PATIENCE)));
     timeouts.and_then(|()| stream.set_nodelay(true)).map_err(|error| format!("{with_port}: {error}"))?;
-    let client = Client::call(Place { rack: cpu.rack, slot: cpu.slot });
+    let client = Client::call(Place { rack: cpu.unit.rack, slot: cpu.unit.slot });
     let mut device = Device::connect(client, Socket { stream, name: with_port }).map_err(|error| error.0)?;
-    if let Some(password) = &cpu.password {
+    if let Some(password) = &cpu.unit.password {
         let given = device.login(password).map_err(|error| error.0)?;
         given.map_err(|why| format!("the password: {why}"))?;
     }

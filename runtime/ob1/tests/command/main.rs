@@ -2,6 +2,7 @@
 
 mod as_they_come;
 mod book;
+mod difference;
 mod documents;
 mod exec_command;
 mod first_day;

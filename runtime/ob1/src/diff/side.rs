@@ -1,0 +1,92 @@
+//! One of the two programs, from wherever it is.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use ob1_ir::Program;
+use ob1_model::{BlockId, Interface};
+use ob1_station::finding::{Finding, Level};
+use ob1_station::program::{self, LoadFailure};
+use ob1_station::sources::Sources;
+use ob1_station::{program_files, station_file};
+use ob1_stl::print::Printer;
+use ob1_stl::{Library, Mnemonics};
+
+use super::blocks::{Text, nameless, texts};
+use crate::import::{self, CpuArgs, Unit};
+
+/// What stands before the name of a CPU on the network.
+const CPU: &str = "cpu:";
+/// The station file of a folder.
+const STATION: &str = "station.toml";
+
+/// See [the module](self).
+pub(super) struct Side {
+    pub(super) title: String,
+    program: Program,
+    library: Library,
+}
+
+impl Side {
+    /// # Errors
+    /// Why it cannot be read.
+    pub(super) fn read(path: &Path, program: Option<&str>, unit: &Unit) -> Result<Self, String> {
+        let title = path.display().to_string();
+        let (program, library) = if let Some(host) = title.strip_prefix(CPU) {
+            import::program_of_cpu(&CpuArgs { host: host.to_owned(), unit: unit.clone() })?
+        } else if station_file::is_station_file(path) {
+            station(path)?
+        } else if path.join(STATION).is_file() {
+            station(&path.join(STATION))?
+        } else if import::is_machine_code(path) {
+            import::program_of_blocks(path)?
+        } else if program_files::is_known(path) {
+            sources(path)?
+        } else {
+            match import::program_of_project(path, program) {
+                // A folder of sources is no project.
+                Err(_) if path.is_dir() && !program_files::expand(&[path.to_owned()], &[]).0.is_empty() => {
+                    sources(path)?
+                }
+                project => project?,
+            }
+        };
+        Ok(Self { title, program, library })
+    }
+
+    /// Its blocks as text; only `wanted`, if there are any.
+    pub(super) fn texts(&self, wanted: &[BlockId]) -> BTreeMap<BlockId, Text> {
+        let own = self.program.blocks.iter().map(|block| (block.id, &block.interface));
+        let bare: BTreeMap<BlockId, Interface> = own.clone().map(|(id, interface)| (id, nameless(interface))).collect();
+        let own: BTreeMap<BlockId, &Interface> = own.collect();
+        let library = |id: BlockId| self.library.get(id).map(|block| &block.interface);
+        let shown = |id: BlockId| own.get(&id).copied().or_else(|| library(id));
+        let meant = |id: BlockId| bare.get(&id).or_else(|| library(id));
+        let symbols = self.program.symbols.iter().map(|symbol| (symbol.address.clone(), symbol.name.clone())).collect();
+        let shown = Printer::new(Mnemonics::International, &shown).with_symbols(&symbols);
+        let meant = Printer::new(Mnemonics::International, &meant);
+        let texts = texts(&self.program, &shown, &meant).into_iter();
+        texts.filter(|text| wanted.is_empty() || wanted.contains(&text.id)).map(|text| (text.id, text)).collect()
+    }
+}
+
+fn station(path: &Path) -> Result<(Program, Library), String> {
+    let station = station_file::load(path).map_err(|findings| told(&findings))?;
+    let loaded = program::load(&station).map_err(|failure| match failure {
+        LoadFailure::Plugin(findings) | LoadFailure::Rejected(findings) => told(&findings),
+    })?;
+    let library = program::library(&loaded.plugins, &loaded.standard).map_err(|findings| told(&findings))?;
+    Ok((loaded.program, library))
+}
+
+fn sources(path: &Path) -> Result<(Program, Library), String> {
+    let library = program::library(&[], &[]).map_err(|findings| told(&findings))?;
+    let wanted = Sources { files: vec![path.to_owned()], ..Sources::default() };
+    let compiled = program::compile(&wanted, &library).map_err(|findings| told(&findings))?;
+    let library = program::library(&[], &program::in_use(&compiled.program, &[], &compiled.demanded));
+    Ok((compiled.program, library.map_err(|findings| told(&findings))?))
+}
+
+fn told(findings: &[Finding]) -> String {
+    findings.iter().filter(|finding| finding.level == Level::Error).map(ToString::to_string).collect()
+}
