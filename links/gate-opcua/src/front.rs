@@ -63,6 +63,16 @@ struct Line {
 }
 
 impl Line {
+    fn new(open: bool) -> Self {
+        Self {
+            talk: Mutex::new(Talk::new(open)),
+            stuck: AtomicBool::new(false),
+            answered: Notify::new(),
+            end: Notify::new(),
+            why: Mutex::new(None),
+        }
+    }
+
     fn refuse(&self, why: StatusCode) {
         self.why.lock().get_or_insert(why);
         self.end.notify_one();
@@ -113,13 +123,7 @@ impl Front {
                     Ok((client, from)) => {
                         let number = lines.next;
                         lines.next += 1;
-                        let line = Arc::new(Line {
-                            talk: Mutex::new(Talk::new(front.open)),
-                            stuck: AtomicBool::new(false),
-                            answered: Notify::new(),
-                            end: Notify::new(),
-                            why: Mutex::new(None),
-                        });
+                        let line = Arc::new(Line::new(front.open));
                         lines.all.insert(number, Arc::clone(&line));
                         let front = Arc::clone(&front);
                         tasks.spawn(async move {
@@ -253,5 +257,83 @@ async fn down(line: &Line, mut server: Reader<'_>, mut client: OwnedWriteHalf) {
         line.stuck.store(true, Ordering::Relaxed);
         gone = gone || client.write_all(chunk).await.is_err();
         line.stuck.store(false, Ordering::Relaxed);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(channel: u32, unanswered: i32) -> Arc<Line> {
+        let line = Line::new(true);
+        {
+            let mut talk = line.talk.lock();
+            (talk.channel, talk.unanswered) = (channel, unanswered);
+        }
+        Arc::new(line)
+    }
+
+    /// The channels of the connections that end when there may be so many that nobody uses, one after the other.
+    fn end(lines: &mut Lines, most: usize, used: &[u32]) -> Vec<u32> {
+        let mut ended = Vec::new();
+        for _ in 0..9 {
+            lines.thin(most, || used.iter().copied().collect());
+            lines.all.retain(|_, line| {
+                let goes = line.why.lock().is_some();
+                ended.extend(goes.then(|| line.talk.lock().channel));
+                !goes
+            });
+        }
+        ended
+    }
+
+    fn lines(all: &[Arc<Line>]) -> Lines {
+        Lines { next: 9, all: (0..).zip(all.iter().cloned()).collect() }
+    }
+
+    #[test]
+    fn the_oldest_connection_that_nobody_uses_goes() {
+        let all = [1, 2, 3, 4, 5].map(|channel| line(channel, 0));
+        assert!(end(&mut lines(&all), 5, &[]).is_empty());
+        let all = [1, 2, 3, 4, 5].map(|channel| line(channel, 0));
+        assert_eq!(end(&mut lines(&all), 2, &[1, 3]), [2]);
+        let all = [1, 2, 3, 4, 5].map(|channel| line(channel, 0));
+        assert_eq!(end(&mut lines(&all), 0, &[1, 3]), [2, 4, 5], "those in use stay");
+    }
+
+    #[test]
+    fn who_waits_for_an_answer_goes_last_unless_he_does_not_take_it() {
+        let all = [line(1, 1), line(2, 0), line(3, 1), line(4, 2), line(5, 0)];
+        all[2].stuck.store(true, Ordering::Relaxed);
+        assert_eq!(end(&mut lines(&all), 0, &[]), [2, 3, 5, 1, 4]);
+    }
+
+    #[tokio::test]
+    async fn chunks_come_whole_however_they_are_torn() {
+        let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
+        let chunk =
+            |number: u8, size: usize| [&b"MSGF"[..], &(size as u32).to_le_bytes(), &vec![number; size - 8]].concat();
+        let all: Vec<_> = [(1, 8), (2, 9), (3, 65_535), (4, 20), (5, 40_000)].map(|(n, size)| chunk(n, size)).into();
+        for step in [1, 7, 4096, 200_000] {
+            let (sent, address) = (all.concat(), listener.local_addr().expect("an address"));
+            let sends = async {
+                let mut stream = TcpStream::connect(address).await.expect("a connection");
+                for part in sent.chunks(step) {
+                    stream.write_all(part).await.expect("sent");
+                }
+                stream.write_all(b"MSGF\xFF\xFF").await.expect("sent");
+            };
+            let reads = async {
+                let (stream, _) = listener.accept().await.expect("a client");
+                let (from, _to) = stream.into_split();
+                let (mut reader, mut read) = (Reader::new(&from), Vec::new());
+                while let Some(chunk) = reader.next().await.expect("chunks") {
+                    read.push(chunk.to_vec());
+                }
+                read
+            };
+            let ((), read) = tokio::join!(sends, reads);
+            assert!(read == all, "{step}: {}", read.len());
+        }
     }
 }
