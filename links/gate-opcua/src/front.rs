@@ -94,7 +94,8 @@ impl Lines {
             return;
         }
         let used = used();
-        let idle: Vec<_> = self.all.values().filter(|line| !used.contains(&line.talk.lock().channel)).collect();
+        let idles = |line: &Line| line.why.lock().is_none() && !used.contains(&line.talk.lock().channel);
+        let idle: Vec<_> = self.all.values().filter(|line| idles(line)).collect();
         if idle.len() > most {
             let waits = |line: &Line| line.talk.lock().unanswered > 0 && !line.stuck.load(Ordering::Relaxed);
             let oldest = idle.iter().find(|line| !waits(line)).or(idle.first());
@@ -110,7 +111,10 @@ impl Front {
         let info = Arc::clone(self.handle.info());
         // The library tells clients the port it listens on, which it notes once, at its start.
         while info.port.load(Ordering::Relaxed) == 0 {
-            sleep(AGAIN).await;
+            tokio::select! {
+                _ = &mut over => return,
+                () = sleep(AGAIN) => {}
+            }
         }
         info.port.store(outer, Ordering::Relaxed);
         let (mut lines, mut tasks) = (Lines::default(), JoinSet::new());

@@ -1,18 +1,19 @@
 //! Ends sessions whose connection has ended ([`crate::front`]).
 //!
-//! The library has no call for that; it only removes, by itself, sessions whose time is over. So a session that is to
-//! end changes its content with one whose time is over, and the library removes it. The latter come from here: this is
-//! a client too, and creates sessions that last some milliseconds.
+//! This is a client of the library too. It closes those of anonymous clients, with their subscriptions. One that was
+//! never activated can only be closed over the channel it was created on, which is gone, and the library has no other
+//! call for it; it only removes, by itself, sessions whose time is over. So such a session changes its content with one
+//! whose time is over, and the library removes it. The latter come from here, and last some milliseconds.
 
 use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use opcua_server::ServerHandle;
 use opcua_types::{
-    BinaryEncodable, ByteString, ContextOwned, CreateSessionRequest, MessageInfo, MessageSecurityMode, NodeId,
-    OpenSecureChannelRequest, SecurityTokenRequestType, UAString,
+    BinaryEncodable, ByteString, CloseSessionRequest, ContextOwned, CreateSessionRequest, MessageInfo,
+    MessageSecurityMode, NodeId, OpenSecureChannelRequest, RequestHeader, SecurityTokenRequestType, UAString,
 };
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
@@ -28,6 +29,8 @@ const TOGETHER: usize = 256;
 const LIFE_MS: f64 = 20.0;
 /// Time between two looks whether the library has removed the sessions.
 const LOOK: Duration = Duration::from_millis(5);
+/// Within this time the library has removed a session whose time is over.
+const REMOVED: Duration = Duration::from_secs(1);
 /// Time for an answer of the library, and to the next try when there was none.
 const PATIENCE: Duration = Duration::from_secs(5);
 
@@ -39,23 +42,40 @@ pub(crate) async fn see_off(handle: ServerHandle, inner: SocketAddr, url: String
     let (mut over, mut soon) = (Vec::from_iter(find(&NodeId::null())), Vec::new());
     let (mut tokens, mut client) = (Vec::new(), None);
     while ended.recv_many(&mut tokens, TOGETHER).await > 0 {
-        let mut leaving: Vec<_> = tokens.drain(..).filter_map(|token| find(&token)).collect();
-        leaving.retain(|session| session.read().user_token().is_none_or(is_anonymous));
+        let mut leaving = Vec::new();
+        for token in tokens.drain(..) {
+            let Some(session) = find(&token) else { continue };
+            let user = session.read().user_token().cloned();
+            match user {
+                None => leaving.push(session),
+                Some(user) if is_anonymous(&user) => {
+                    let closed = timeout(PATIENCE, close(&mut client, inner, &url, token)).await;
+                    if !matches!(closed, Ok(Ok(()))) {
+                        client = None;
+                    }
+                }
+                Some(_) => {}
+            }
+        }
         while !leaving.is_empty() {
-            over.extend(soon.extract_if(.., |session| Arc::strong_count(session) == 1));
+            over.extend(
+                soon.extract_if(.., |(_, session)| Arc::strong_count(session) == 1).map(|(_, session)| session),
+            );
+            // Something else may still hold it.
+            soon.retain(|(since, _): &(Instant, _)| since.elapsed() < REMOVED);
             let mut changed = false;
             while let Some(gone) = leaving.pop_if(|_| !over.is_empty())
                 && let Some(other) = over.pop()
             {
                 std::mem::swap(&mut *gone.write(), &mut *other.write());
-                soon.push(gone);
+                soon.push((Instant::now(), gone));
                 changed = true;
             }
             // The library looks whose time is over when a session is created.
             let missing = leaving.len().saturating_sub(soon.len()).max(usize::from(changed));
             let made = timeout(PATIENCE, create(&mut client, inner, &url, missing)).await;
             match made.unwrap_or(Err(io::ErrorKind::TimedOut.into())) {
-                Ok(made) => soon.extend(made.iter().filter_map(find)),
+                Ok(made) => soon.extend(made.iter().filter_map(find).map(|session| (Instant::now(), session))),
                 Err(why) => {
                     client = None;
                     tracing::warn!("sessions without a user last a minute: {why}");
@@ -87,10 +107,7 @@ async fn create(client: &mut Option<Client>, inner: SocketAddr, url: &str, count
     if count == 0 {
         return Ok(Vec::new());
     }
-    let client = match client {
-        Some(client) => client,
-        None => client.insert(Client::open(inner, url).await?),
-    };
+    let client = Client::get(client, inner, url).await?;
     let request = CreateSessionRequest {
         endpoint_url: UAString::from(url),
         session_name: UAString::from("front"),
@@ -104,7 +121,23 @@ async fn create(client: &mut Option<Client>, inner: SocketAddr, url: &str, count
     Ok(std::mem::take(&mut client.talk.sessions))
 }
 
+/// Closes an activated session, with its subscriptions; that may be done over any channel.
+async fn close(client: &mut Option<Client>, inner: SocketAddr, url: &str, token: NodeId) -> io::Result<()> {
+    let client = Client::get(client, inner, url).await?;
+    let request_header = RequestHeader { authentication_token: token, ..RequestHeader::default() };
+    client.send(&CloseSessionRequest { request_header, delete_subscriptions: true }).await?;
+    client.answer().await
+}
+
 impl Client {
+    /// The client, connected.
+    async fn get<'a>(client: &'a mut Option<Self>, inner: SocketAddr, url: &str) -> io::Result<&'a mut Self> {
+        match client {
+            Some(client) => Ok(client),
+            None => Ok(client.insert(Self::open(inner, url).await?)),
+        }
+    }
+
     async fn open(inner: SocketAddr, url: &str) -> io::Result<Self> {
         let mut stream = TcpStream::connect(inner).await?;
         stream.set_nodelay(true)?;
