@@ -63,6 +63,8 @@ pub(crate) async fn see_off(handle: ServerHandle, inner: SocketAddr, url: String
             );
             // Something else may still hold it.
             soon.retain(|(since, _): &(Instant, _)| since.elapsed() < REMOVED);
+            // Its password may have been right in the meantime.
+            leaving.retain(|session| session.read().user_token().is_none());
             let mut changed = false;
             while let Some(gone) = leaving.pop_if(|_| !over.is_empty())
                 && let Some(other) = over.pop()

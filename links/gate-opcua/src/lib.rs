@@ -193,7 +193,8 @@ struct Sockets {
     url: String,
 }
 
-/// A server with its front, in a thread and a runtime of its own: when it ends, all its memory is freed, whatever its clients do.
+/// A server with its front, in a thread and a runtime of its own: when it ends, all its memory is freed, whatever its
+/// clients do.
 struct Running {
     ended: oneshot::Receiver<Result<(), String>>,
     /// Dropping it ends the server at once.
@@ -230,9 +231,10 @@ impl Running {
                     served
                 };
                 tokio::spawn(leave::see_off(handle, at, url, left));
+                // The front ends after the server, with the last words of it.
+                let both = async { tokio::join!(served, front.run(over)).0 };
                 tokio::select! {
-                    // The front ends after the server, with the last words of it.
-                    (served, ()) = async { tokio::join!(served, front.run(over)) } => served.map_err(std::io::Error::other),
+                    ended = both => ended.map_err(std::io::Error::other),
                     _ = let_go => Ok(()),
                 }
             });

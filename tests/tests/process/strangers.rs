@@ -151,7 +151,7 @@ fn honest() {
         // Noise ends the connection: nobody can close the session over it any more.
         let broken = |_: u64, number: u64| {
             let Ok(mut client) = OpcUa::open(opcua, patience) else { return };
-            while create(&mut client) && number % 3 == 0 {}
+            while create(&mut client) && number.is_multiple_of(3) {}
             let noise = client.framed(false, &number.to_le_bytes());
             let _ = client.raw(&noise);
             let _ = create(&mut client);
@@ -171,7 +171,7 @@ fn honest() {
         let held = Mutex::new(VecDeque::new());
         let keep = |_: u64, number: u64| {
             let Ok(mut client) = OpcUa::open(opcua, patience) else { return };
-            while create(&mut client) && number % 2 == 0 {}
+            while create(&mut client) && number.is_multiple_of(2) {}
             let mut held = held.lock().expect("free");
             held.push_back(client);
             held.truncate(3000);
