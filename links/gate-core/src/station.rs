@@ -53,6 +53,8 @@ pub struct Link {
     pub station: Station,
     /// Its sockets: bound, listening, non-blocking.
     pub listeners: Vec<TcpListener>,
+    /// For each of them one that only this process connects to, for a link that needs it.
+    pub inner: Vec<TcpListener>,
     /// Its users, if any.
     pub users: Option<Users>,
     /// Its certificate, if any.

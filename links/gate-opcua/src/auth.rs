@@ -16,6 +16,11 @@ const ANONYMOUS: &str = "ANONYMOUS";
 /// Maximum of users remembered with their rights; the file has fewer.
 const REMEMBERED: usize = 10_000;
 
+/// Whether this is an anonymous client.
+pub(crate) fn is_anonymous(token: &UserToken) -> bool {
+    token.0 == ANONYMOUS
+}
+
 /// See [the module](self).
 pub(crate) struct Auth {
     users: Option<Users>,
@@ -32,7 +37,7 @@ impl Auth {
 
     /// The present right of a session: a user removed from the file has none.
     pub(crate) fn right(&self, token: &UserToken) -> Right {
-        if token.0 == ANONYMOUS {
+        if is_anonymous(token) {
             return Right::Read;
         }
         let known = self.known.lock().get(&token.0).copied();
@@ -42,7 +47,7 @@ impl Auth {
 
     /// The name for the audit log.
     pub(crate) fn user(&self, token: &UserToken) -> String {
-        if token.0 == ANONYMOUS { "-".to_owned() } else { token.0.clone() }
+        if is_anonymous(token) { "-".to_owned() } else { token.0.clone() }
     }
 }
 

@@ -8,8 +8,11 @@ mod attributes;
 mod auth;
 mod beat;
 mod bounded;
+mod chunks;
 mod events;
+mod front;
 mod keys;
+mod leave;
 mod limits;
 mod manager;
 mod monitor;
@@ -34,10 +37,11 @@ use opcua_crypto::SecurityPolicy;
 use opcua_server::node_manager::ServerContext;
 use opcua_server::{ANONYMOUS_USER_TOKEN_ID, Server, ServerBuilder, ServerEndpoint, ServerHandle};
 use opcua_types::{BuildInfo, DateTime, MessageSecurityMode, VariableId, Variant};
-use tokio::sync::oneshot;
+use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinSet;
 
 use crate::auth::Auth;
+use crate::front::Front;
 use crate::keys::{Keys, Settings};
 use crate::manager::Manager;
 use crate::monitor::Monitor;
@@ -62,7 +66,7 @@ const HELPERS: usize = 2;
 /// # Errors
 /// The error in the link's keys, its files or its sockets.
 pub async fn serve(link: Link) -> Result<(), String> {
-    let Link { station, listeners, users, state, memory, .. } = link;
+    let Link { station, listeners, inner, users, state, memory, .. } = link;
     let keys: Keys = serde_json::from_value(station.keys().clone()).map_err(|error| error.to_string())?;
     let addresses = listeners.iter().map(TcpListener::local_addr).collect::<Result<Vec<_>, _>>();
     let addresses = addresses.map_err(|error| error.to_string())?;
@@ -80,9 +84,12 @@ pub async fn serve(link: Link) -> Result<(), String> {
     let auth = Arc::new(Auth::new(users, settings.anonymous, station.audit().clone()));
     let about = Arc::new(About { station, settings, auth, pki, memory, name, uri });
     let mut servers = JoinSet::new();
-    for (listener, address) in listeners.into_iter().zip(addresses) {
+    if inner.len() < listeners.len() {
+        return Err("it has no sockets for its front".to_owned());
+    }
+    for ((listener, inner), address) in listeners.into_iter().zip(inner).zip(addresses) {
         let about = Arc::clone(&about);
-        servers.spawn(async move { about.keep(&listener, address).await });
+        servers.spawn(async move { about.keep(&listener, &inner, address).await });
     }
     while let Some(ended) = servers.join_next().await {
         ended.map_err(|error| error.to_string())??;
@@ -105,12 +112,15 @@ impl About {
     /// Keeps a server running at a socket until the station is gone. The library never frees all of a deleted item, so
     /// the server is restarted after many deletions. It is also restarted when memory runs short, whatever uses it,
     /// when the clock is set back, and when a task has panicked.
-    async fn keep(&self, listener: &TcpListener, address: SocketAddr) -> Result<(), String> {
+    async fn keep(&self, listener: &TcpListener, inner: &TcpListener, address: SocketAddr) -> Result<(), String> {
         loop {
             let monitor = Arc::new(Monitor::new(self.settings.items, heartbeat(&self.settings.allowed)));
-            let (server, handle) = self.server(address, &monitor)?;
-            let socket = listener.try_clone().map_err(|error| format!("{address}: {error}"))?;
-            let mut running = Running::begin(server, &handle, socket, Arc::clone(&monitor))?;
+            let seats = Arc::new(Seats::new(self.settings.clients));
+            let (server, handle) = self.server(address, &monitor, &seats)?;
+            let socket = |socket: &TcpListener| socket.try_clone().map_err(|error| format!("{address}: {error}"));
+            let sockets = Sockets { outer: socket(listener)?, inner: socket(inner)?, url: url(address) };
+            let front = (sockets, seats, self.settings.open);
+            let mut running = Running::begin(server, &handle, front, Arc::clone(&monitor))?;
             let why = tokio::select! {
                 () = monitor.gone() => None,
                 () = worn(&monitor, &handle, &self.pki) => Some("many items have been deleted"),
@@ -127,7 +137,12 @@ impl About {
         }
     }
 
-    fn server(&self, address: SocketAddr, monitor: &Arc<Monitor>) -> Result<(Server, ServerHandle), String> {
+    fn server(
+        &self,
+        address: SocketAddr,
+        monitor: &Arc<Monitor>,
+        seats: &Arc<Seats>,
+    ) -> Result<(Server, ServerHandle), String> {
         let settings = &self.settings;
         let host = host(address.ip(), opcua_crypto::hostname().ok());
         let mut builder = ServerBuilder::new()
@@ -147,9 +162,9 @@ impl About {
             .private_key_path(&self.pki.key)
             .trust_client_certs(settings.trust == keys::Trust::Any)
             .check_cert_time(true)
-            .host(host.clone())
+            .host(host)
             .port(address.port())
-            .discovery_urls(vec![format!("opc.tcp://{host}:{}/", address.port())])
+            .discovery_urls(vec![url(address)])
             .limits(limits::limits(settings.clients, settings.items))
             .subscription_poll_interval_ms(limits::POLL_MS)
             .max_session_timeout_ms(limits::SESSION_MS)
@@ -160,10 +175,9 @@ impl About {
             builder = builder.add_endpoint(name, endpoint);
         }
         let (station, auth) = (self.station.clone(), Arc::clone(&self.auth));
-        let (monitor, allowed, clients) = (Arc::clone(monitor), settings.allowed.clone(), settings.clients);
+        let (monitor, allowed, seats) = (Arc::clone(monitor), settings.allowed.clone(), Arc::clone(seats));
         let built = builder
             .with_node_manager(move |context: ServerContext| {
-                let seats = Seats::new(clients);
                 Manager::new(station, auth, (monitor, seats), allowed, &context)
             })
             .build()?;
@@ -172,7 +186,15 @@ impl About {
     }
 }
 
-/// A server in a thread and a runtime of its own: when it ends, all its memory is freed, whatever its clients do.
+/// The sockets of a server: where clients connect, and where the library listens; and the address for clients.
+struct Sockets {
+    outer: TcpListener,
+    inner: TcpListener,
+    url: String,
+}
+
+/// A server with its front, in a thread and a runtime of its own: when it ends, all its memory is freed, whatever its
+/// clients do.
 struct Running {
     ended: oneshot::Receiver<Result<(), String>>,
     /// Dropping it ends the server at once.
@@ -183,12 +205,12 @@ impl Running {
     fn begin(
         server: Server,
         handle: &ServerHandle,
-        socket: TcpListener,
+        (sockets, seats, open): (Sockets, Arc<Seats>, bool),
         monitor: Arc<Monitor>,
     ) -> Result<Self, String> {
         let (to, ended) = oneshot::channel();
         let (hold, let_go) = oneshot::channel::<()>();
-        let subscriptions = Arc::clone(handle.subscriptions());
+        let (subscriptions, handle) = (Arc::clone(handle.subscriptions()), handle.clone());
         let run = move || {
             let runtime = tokio::runtime::Builder::new_current_thread()
                 .enable_all()
@@ -196,11 +218,23 @@ impl Running {
                 .thread_name("ob1-gate-helper")
                 .build()?;
             let ended = runtime.block_on(async {
-                let socket = tokio::net::TcpListener::from_std(socket)?;
+                let Sockets { outer, inner, url } = sockets;
+                let (at, inner) = (inner.local_addr()?, tokio::net::TcpListener::from_std(inner)?);
+                let listener = tokio::net::TcpListener::from_std(outer)?;
+                let (leaves, left) = mpsc::channel(limits::WAITING);
+                let front = Front { listener, inner: at, open, seats, handle: handle.clone(), ended: leaves };
+                let (ended, over) = oneshot::channel::<()>();
                 let intervals = || monitor.intervals(&subscriptions);
-                let served = beat::conduct(server.run_with(socket), monitor.pace(), intervals);
+                let served = async {
+                    let served = beat::conduct(server.run_with(inner), monitor.pace(), intervals).await;
+                    drop(ended);
+                    served
+                };
+                tokio::spawn(leave::see_off(handle, at, url, left));
+                // The front ends after the server, with the last words of it.
+                let both = async { tokio::join!(served, front.run(over)).0 };
                 tokio::select! {
-                    ended = served => ended.map_err(std::io::Error::other),
+                    ended = both => ended.map_err(std::io::Error::other),
                     _ = let_go => Ok(()),
                 }
             });
@@ -233,6 +267,11 @@ fn host(address: IpAddr, machine: Option<String>) -> String {
         IpAddr::V4(address) => address.to_string(),
         IpAddr::V6(address) => format!("[{address}]"),
     }
+}
+
+/// The address that a server tells its clients.
+fn url(address: SocketAddr) -> String {
+    format!("opc.tcp://{}:{}/", host(address.ip(), opcua_crypto::hostname().ok()), address.port())
 }
 
 /// A byte of the first area that the link may read.

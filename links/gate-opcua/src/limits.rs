@@ -16,9 +16,13 @@ pub(crate) const POLL_MS: u64 = 1;
 pub(crate) const SETTLE: Duration = Duration::from_millis(20);
 /// Maximum of sessions that ask for something, unless the link's key says otherwise.
 pub(crate) const CLIENTS: usize = 20;
-/// Maximum of sessions besides that were only created. The library keeps them for [`SESSION_MS`], and each request
-/// looks through them.
+/// Maximum of sessions besides that were only created. Without security there are four on each of [`IDLE`] connections
+/// and on those in use, and those that are about to end ([`crate::leave`]): the rest is for sessions over secured
+/// channels, which the library keeps for [`SESSION_MS`]. Each request looks through them.
 pub(crate) const WAITING: usize = 2_000;
+/// Maximum of connections that nobody uses: without a session of a user or of a client that has a place. They have
+/// [`crate::chunks::SESSIONS`] sessions each at most, if they have no security.
+pub(crate) const IDLE: usize = 250;
 /// Maximum of monitored items of all clients together, unless the link's key says otherwise.
 pub(crate) const ITEMS: usize = 20_000;
 /// Maximum of single values in an answer, mostly elements of arrays. More than this fits no message.

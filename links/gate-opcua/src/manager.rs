@@ -37,7 +37,7 @@ pub(crate) struct Manager {
     station: Station,
     auth: Arc<Auth>,
     monitor: Arc<Monitor>,
-    seats: Seats,
+    seats: Arc<Seats>,
     allowed: Allowed,
     sizes: Sizes,
     /// The maximum right of the link.
@@ -60,7 +60,7 @@ impl Manager {
     pub(crate) fn new(
         station: Station,
         auth: Arc<Auth>,
-        (monitor, seats): (Arc<Monitor>, Seats),
+        (monitor, seats): (Arc<Monitor>, Arc<Seats>),
         allowed: Allowed,
         context: &ServerContext,
     ) -> Self {
@@ -294,7 +294,9 @@ impl NodeManager for Manager {
         "station"
     }
 
-    fn namespaces_for_user(&self, _context: &RequestContext) -> Vec<NamespaceMetadata> {
+    /// The library asks when a session is activated, before it answers.
+    fn namespaces_for_user(&self, context: &RequestContext) -> Vec<NamespaceMetadata> {
+        self.seats.activated(context);
         vec![NamespaceMetadata {
             namespace_uri: NAMESPACE_URI.to_owned(),
             is_namespace_subset: Some(false),

@@ -1,6 +1,6 @@
 //! Before the first thread: the doors with the broker's first messages, the needed files, and the fences.
 
-use std::net::TcpListener;
+use std::net::{Ipv4Addr, TcpListener};
 use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
 
@@ -9,11 +9,14 @@ use ob1_access::door::{Door, DoorError, Welcome};
 use ob1_gate_core::{Audit, Memory, Tls, Users};
 use ob1_rt::{Confinement, Network};
 use rustix::event::{PollFd, PollFlags, poll};
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use serde_json::Value;
 use tracing::{error, warn};
 
 /// Maximum data, in bytes.
 const MEMORY: u64 = 1 << 30;
+/// Descriptors: a client of OPC UA takes three.
+const DESCRIPTORS: u64 = 4096;
 /// The gate is restarted by itself, the runtime is not: when memory runs out, the gate is killed first.
 const OOM_SCORE: i16 = 600;
 
@@ -23,6 +26,8 @@ pub(crate) struct Ready {
     pub(crate) door: Door,
     pub(crate) ceiling: Right,
     pub(crate) listeners: Vec<TcpListener>,
+    /// For each of them one that only this process connects to, for a link with a front.
+    pub(crate) inner: Vec<TcpListener>,
     pub(crate) users: Option<Users>,
     pub(crate) tls: Option<Tls>,
     pub(crate) audit: Audit,
@@ -68,10 +73,12 @@ pub(crate) fn links(doors: Vec<Door>) -> Result<(Vec<Ready>, Memory), String> {
             wanted.readable.push(reports);
         }
         wanted.folders.extend(link.state.clone());
+        wanted.ports.extend(link.inner.iter().filter_map(|inner| Some(inner.local_addr().ok()?.port())));
         if link.kind == "mqtt" {
             wanted.network = Network::Name;
         }
     }
+    more_descriptors();
     let refused = ob1_rt::confine(&wanted);
     refused.iter().for_each(|(what, why)| warn!("not confined, {what}: {why}"));
     // Without fences an intruder must gain as little as possible.
@@ -85,6 +92,15 @@ pub(crate) fn links(doors: Vec<Door>) -> Result<(Vec<Ready>, Memory), String> {
         }
     }
     Ok((links, memory))
+}
+
+/// Raises the limit of descriptors to [`DESCRIPTORS`], or as far as it goes.
+fn more_descriptors() {
+    let limit = getrlimit(Resource::Nofile);
+    let wanted = limit.maximum.map_or(DESCRIPTORS, |most| most.min(DESCRIPTORS));
+    if limit.current.is_some_and(|current| current < wanted) {
+        let _ = setrlimit(Resource::Nofile, Rlimit { current: Some(wanted), ..limit });
+    }
 }
 
 fn keys(door: &Door) -> Result<Value, String> {
@@ -107,12 +123,23 @@ fn link(mut door: Door) -> Result<Ready, String> {
             error!("{why}: this link is not served, the others are; correct it and start the station again");
             let (ceiling, audit) = (Right::Read, Audit::none(&welcome.link));
             let (kind, listeners) = (String::new(), Vec::new());
-            return Ok(Ready { kind, ceiling, door, listeners, users: None, tls: None, audit, state: None });
+            let (inner, users, tls, state) = (Vec::new(), None, None, None);
+            return Ok(Ready { kind, ceiling, door, listeners, inner, users, tls, audit, state });
         }
     };
-    let listeners = listeners.into_iter().map(TcpListener::from).collect();
+    let listeners: Vec<_> = listeners.into_iter().map(TcpListener::from).collect();
     let kind = keys.get("type").and_then(Value::as_str).unwrap_or_default().to_owned();
-    Ok(Ready { kind, ceiling: welcome.rights, door, listeners, users, tls, audit, state })
+    let fronts = if kind == "opcua" { listeners.len() } else { 0 };
+    let inner = (0..fronts).map(|_| inner()).collect::<Result<_, _>>();
+    let inner = inner.map_err(|why| format!("link \"{}\": its inner port: {why}", welcome.link))?;
+    Ok(Ready { kind, ceiling: welcome.rights, door, listeners, inner, users, tls, audit, state })
+}
+
+/// A port on loopback for the library behind a front.
+fn inner() -> std::io::Result<TcpListener> {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
+    listener.set_nonblocking(true)?;
+    Ok(listener)
 }
 
 /// What a link needs.

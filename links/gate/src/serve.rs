@@ -48,7 +48,7 @@ async fn all(links: Vec<Ready>, memory: Memory) -> Result<(), String> {
     let mut last = JoinSet::new();
     let mut held = Vec::new();
     for ready in links {
-        let Ready { kind, door, ceiling, listeners, users, tls, audit, state } = ready;
+        let Ready { kind, door, ceiling, listeners, inner, users, tls, audit, state } = ready;
         let (station, pump) = Station::new(door, ceiling, audit).map_err(|error| error.to_string())?;
         doors.spawn(pump);
         tokio::task::spawn_local(renew(users.clone(), tls.clone()));
@@ -63,7 +63,7 @@ async fn all(links: Vec<Ready>, memory: Memory) -> Result<(), String> {
             continue;
         };
         info!(link = name, kind, "serving");
-        let served = serve(Link { station, listeners, users, tls, state, memory: memory.clone() });
+        let served = serve(Link { station, listeners, inner, users, tls, state, memory: memory.clone() });
         let told = async move {
             if let Err(why) = served.await {
                 error!("link \"{name}\": {why}");

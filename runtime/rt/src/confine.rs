@@ -9,7 +9,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use landlock::{
-    ABI, Access as _, AccessFs, AccessNet, BitFlags, CompatLevel, Compatible as _, PathBeneath, PathFd,
+    ABI, Access as _, AccessFs, AccessNet, BitFlags, CompatLevel, Compatible as _, NetPort, PathBeneath, PathFd,
     RestrictionStatus, Ruleset, RulesetAttr as _, RulesetCreated, RulesetCreatedAttr as _, RulesetStatus, Scope,
 };
 use rustix::process::{Resource, Rlimit, setrlimit};
@@ -55,6 +55,9 @@ pub struct Confinement {
     pub processes: bool,
     /// IP.
     pub network: Network,
+    /// Ports to which it may connect even without a network: its own on loopback. A kernel whose landlock has no rules
+    /// for TCP allows all.
+    pub ports: Vec<u16>,
     /// Most data it may have, in bytes; 0: any.
     pub memory: u64,
     /// How readily the kernel ends it when memory runs out: -1000 (never) to 1000 (first).
@@ -142,6 +145,9 @@ fn ruleset(wanted: &Confinement) -> Result<RulesetCreated, landlock::RulesetErro
         asked = asked.handle_access(AccessNet::from_all(LANDLOCK))?;
     }
     let mut rules = asked.create()?;
+    for &port in wanted.ports.iter().filter(|_| wanted.network == Network::None) {
+        rules = rules.add_rule(NetPort::new(port, AccessNet::ConnectTcp))?;
+    }
     let use_devices = AccessFs::ReadFile | AccessFs::WriteFile | AccessFs::ReadDir | AccessFs::IoctlDev;
     let read = AccessFs::ReadFile | AccessFs::ReadDir;
     let mut places: Vec<(&Path, BitFlags<AccessFs>)> = Vec::new();
@@ -329,19 +335,20 @@ fn rules(wanted: &Confinement) -> Result<Rules, String> {
     let quiet = typed.map(|request| condition(1, Op::Ne, request)).into_iter().collect::<Result<Vec<_>, _>>()?;
     rules.insert(libc::SYS_ioctl, vec![rule(quiet)?]);
     rules.insert(libc::SYS_socketpair, vec![socket(libc::AF_UNIX, None)?]);
-    let sockets = sockets(wanted.network).iter().map(|&(family, kind)| socket(family, kind));
+    let sockets = sockets(wanted).iter().map(|&(family, kind)| socket(family, kind));
     rules.insert(libc::SYS_socket, sockets.collect::<Result<_, _>>()?);
     Ok(rules)
 }
 
 /// The families of sockets, and the one kind of each if not all are allowed.
-const fn sockets(network: Network) -> &'static [(i32, Option<i32>)] {
+const fn sockets(wanted: &Confinement) -> &'static [(i32, Option<i32>)] {
     // Landlock has no rule about connecting to a Unix socket. The control socket of a station and those of the system's
     // services are streams; what lines and listeners to them use has packets.
     const LOCAL: (i32, Option<i32>) = (libc::AF_UNIX, Some(libc::SOCK_SEQPACKET));
     const TCP: Option<i32> = Some(libc::SOCK_STREAM);
-    match network {
-        Network::None => &[LOCAL],
+    match wanted.network {
+        Network::None if wanted.ports.is_empty() => &[LOCAL],
+        Network::None => &[LOCAL, (libc::AF_INET, TCP)],
         Network::Address => &[LOCAL, (libc::AF_INET, TCP), (libc::AF_INET6, TCP)],
         // The name service uses UDP and streams, and asks which addresses this machine has.
         Network::Name => {
@@ -381,10 +388,11 @@ mod tests {
     #[test]
     fn the_rules_can_be_made_for_every_kind_of_child() {
         for network in [Network::None, Network::Address, Network::Name] {
-            let rules = rules(&Confinement { network, ..Confinement::default() }).expect("rules");
+            let wanted = Confinement { network, ..Confinement::default() };
+            let rules = rules(&wanted).expect("rules");
             let families = rules.get(&libc::SYS_socket).map_or(0, Vec::len);
             assert_eq!(families, 1 + 2 * usize::from(network != Network::None) + usize::from(network == Network::Name));
-            let streams = sockets(network).contains(&(libc::AF_UNIX, None));
+            let streams = sockets(&wanted).contains(&(libc::AF_UNIX, None));
             assert_eq!(streams, network == Network::Name, "only the name service may be behind a stream");
             for forbidden in [libc::SYS_execve, libc::SYS_ptrace, libc::SYS_mount, libc::SYS_bpf, libc::SYS_unshare] {
                 assert!(!rules.contains_key(&forbidden));

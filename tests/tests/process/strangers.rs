@@ -1,6 +1,7 @@
 //! Strangers at the links of a station: what they cannot take from those who know their password, and how little they
 //! can make it write. Short here; long runs with `cargo xtask siege honest logs --minutes 2`.
 
+use std::collections::VecDeque;
 use std::io::{Read as _, Write as _};
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpStream};
 use std::sync::Mutex;
@@ -141,17 +142,52 @@ fn honest() {
         under("her name, her address, OPC UA", &|_, _| guess(&Visitor::at(page), "anna"), &|| {
             drop(connected(&site, scada, &["--user", "anna", "--password", "anna-secret"]));
         });
-        // More than the link has places for, and none is ever activated.
-        let create = |_: u64, number: u64| {
-            let Ok(mut client) = OpcUa::open(opcua, Duration::from_secs(5)) else { return };
-            if number < 1_500 {
-                let _: Result<CreateSessionResponse, OpcUaError> = client.call(&client.create_session(opcua));
-            }
-        };
-        under("sessions that are never activated", &create, &|| {
+        // A user of the link, also after minutes of what strangers do with sessions and channels.
+        let by_opcua = || {
             let mut client = connected(&site, scada, &["--user", "anna", "--password", "anna-secret"]);
             let _ = client.done(&json!({ "op": "read", "ids": ["MW20"] }));
-        });
+        };
+        let patience = Duration::from_secs(5);
+        let create = |client: &mut OpcUa| {
+            let created: Result<CreateSessionResponse, OpcUaError> = client.call(&client.create_session(opcua));
+            created.is_ok()
+        };
+        // As many on each connection as there may be, and one more.
+        let many = |_: u64, _: u64| {
+            let Ok(mut client) = OpcUa::open(opcua, patience) else { return };
+            while create(&mut client) {}
+        };
+        under("sessions that are never activated", &many, &by_opcua);
+        // Noise ends the connection: nobody can close the session over it any more.
+        let broken = |_: u64, number: u64| {
+            let Ok(mut client) = OpcUa::open(opcua, patience) else { return };
+            while create(&mut client) && number.is_multiple_of(3) {}
+            let noise = client.framed(false, &number.to_le_bytes());
+            let _ = client.raw(&noise);
+            let _ = create(&mut client);
+        };
+        under("sessions on connections that break", &broken, &by_opcua);
+        let gone = |_: u64, _: u64| drop(OpcUa::connect(opcua, patience));
+        under("anonymous sessions", &gone, &by_opcua);
+        // They ask for something, so they have places.
+        let places = |_: u64, _: u64| {
+            let all: Vec<_> = (0..4).filter_map(|_| OpcUa::connect(opcua, patience).ok()).collect();
+            for mut client in all {
+                let _ =
+                    client.subscribe(1000.0).and_then(|number| client.monitor(number, &["MW20".to_owned()], 1000.0));
+            }
+        };
+        under("anonymous clients", &places, &by_opcua);
+        let held = Mutex::new(VecDeque::new());
+        let keep = |_: u64, number: u64| {
+            let Ok(mut client) = OpcUa::open(opcua, patience) else { return };
+            while create(&mut client) && number.is_multiple_of(2) {}
+            let mut held = held.lock().expect("free");
+            held.push_back(client);
+            held.truncate(3000);
+        };
+        under("connections that stay", &keep, &by_opcua);
+        drop(held);
         // Held for a moment, or until the gate closes them.
         let hold = |_: u64, _: u64| {
             let mut all: Vec<_> = (0..3).filter_map(|_| Visitor::at(page).connect()).collect();

@@ -94,6 +94,7 @@ pub(super) const TABLE: &[Row] = &[
             "async-opcua-types",
             "async-trait",
             "parking_lot",
+            "rustix",
             "serde",
             "serde_json",
             "tokio",
