@@ -19,6 +19,7 @@ pub mod new;
 pub mod remote;
 pub mod soak;
 pub mod statistics;
+pub mod status;
 pub mod testing;
 pub mod top;
 pub mod trace;

@@ -175,7 +175,14 @@ mod tests {
             Ask::Stage { id: BlockId::new(BlockKind::Fc, 5), bytes: [1, 2, 3].into() },
             Ask::Link,
             Ask::Delete(vec![BlockId::new(BlockKind::Ob, 35)]),
-            Ask::Pass(PassOrder { block: BlockId::new(BlockKind::Fb, 20), from: None, db: 7, first: 3, count: 4, wait: 5 }),
+            Ask::Pass(PassOrder {
+                block: BlockId::new(BlockKind::Fb, 20),
+                from: None,
+                db: 7,
+                first: 3,
+                count: 4,
+                wait: 5,
+            }),
         ];
         let mut to = vec![
             ToBroker::Beat,
