@@ -1,8 +1,8 @@
 //! Program status: jobs that watch one pass through a block.
 //!
-//! A job is armed at the cycle control point, and taken from there when its pass was made; in between, the engine runs
-//! its block with the probe ([`crate::engine::Engine::watch`]), and everything else as always. A job comes as a box with
-//! room for its answer and goes back in it, so that the scan allocates nothing.
+//! A job is armed at the cycle control point, and goes back from there when its pass was made; in between, the engine
+//! runs its block with the probe ([`crate::engine::Engine::watch`]), and everything else as always. A job comes as a
+//! box with room for its answer, so that the scan allocates nothing.
 
 use ob1_model::{BlockKind, PASS_JOBS, PASS_STATEMENTS, Pass, PassEnd, PassLine, PassOrder};
 use ob1_time::{Instant, Span};

@@ -271,14 +271,16 @@ pub(crate) fn compare_watched(seed: u64, scans: u32, others: &[&dyn Factory]) ->
             passes += u64::from(job.pass().end == PassEnd::Whole);
         }
         let block = |random: &mut Random| {
-            let (kind, number) = random.of(&[BLOCKS, &[(BlockKind::Ob, 1), (BlockKind::Ob, 35)]].concat());
+            let (kind, number) =
+                random.of(&[BLOCKS, &[(BlockKind::Ob, 1), (BlockKind::Ob, 1), (BlockKind::Ob, 35)]].concat());
             BlockId::new(kind, number)
         };
         for id in 0..PASS_JOBS as u64 {
-            let from = random.one_in(4).then(|| block(&mut random));
-            let db = random.of(&[0, 0, 0, 21, 22]);
+            // The second one has conditions that are met now and then.
+            let from = (id == 1 && random.one_in(2)).then(|| block(&mut random));
+            let db = if id == 1 { random.of(&[0, 21, 22]) } else { 0 };
             let (block, first) = (block(&mut random), random.next(4));
-            let order = PassOrder { block, from, db, first, count: 512, wait: 1_000_000_000 };
+            let order = PassOrder { block, from, db, first, count: 512, wait: 350_000_000 };
             link.pass(PassJob::new(u64::from(scan) * 10 + id, order)).expect("room");
         }
     })?;
