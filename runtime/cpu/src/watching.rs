@@ -312,9 +312,9 @@ impl Cpu {
             }
             match job.stage {
                 Stage::Waiting if now >= *rest => {
-                    let code = |id| self.blocks.plan.blocks.iter().position(|block| block.id == id).map(|at| at as u32);
-                    job.block = code(job.order.block);
-                    job.from = job.order.from.filter(|from| from.kind != BlockKind::Ob).and_then(code);
+                    job.block = self.blocks.code(job.order.block);
+                    let from = job.order.from.filter(|from| from.kind != BlockKind::Ob);
+                    job.from = from.and_then(|from| self.blocks.code(from));
                     let Some(block) = job.block.and_then(|at| self.blocks.plan.blocks.get(at as usize)) else {
                         job.ended(PassEnd::NoBlock);
                         continue;
