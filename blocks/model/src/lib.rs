@@ -31,6 +31,6 @@ pub use interface::{Interface, Param, Section};
 pub use layout::{Component, Layout, align_to};
 pub use meaning::StateChange;
 pub use operating::{Command, OperatingState};
-pub use pass::{PASS_JOBS, PASS_STATEMENTS, Pass, PassEnd, PassLine, PassOrder};
+pub use pass::{PASS_JOBS, PASS_STATEMENTS, PASS_WAIT, Pass, PassEnd, PassLine, PassOrder};
 pub use s5time::{S5Time, TimerKind};
 pub use types::{DataType, Dimension, Field};

@@ -6,6 +6,8 @@ use crate::BlockId;
 pub const PASS_STATEMENTS: usize = 512;
 /// Jobs at one time in a CPU.
 pub const PASS_JOBS: usize = 2;
+/// The longest time a pass is waited for, in nanoseconds.
+pub const PASS_WAIT: u64 = 60_000_000_000;
 
 /// A job: watch one pass through a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,7 +22,7 @@ pub struct PassOrder {
     pub first: u32,
     /// At most [`PASS_STATEMENTS`].
     pub count: u32,
-    /// How long the pass is waited for, in nanoseconds.
+    /// How long the pass is waited for, in nanoseconds; at most [`PASS_WAIT`].
     pub wait: u64,
 }
 

@@ -12,6 +12,7 @@ use ob1_access::door::{
 use ob1_backplane::{SegmentError, WindowHead, WindowReader, WindowWriter};
 use ob1_cpu::{Cpu, Frame, Group, Link, Listing, Mark, PassJob, Piece, Returned, TooMuch, Window};
 use ob1_log::Limit;
+use ob1_model::PASS_WAIT;
 use ob1_time::{Instant, Span};
 
 use crate::client::{Clients, Job};
@@ -260,7 +261,7 @@ impl Joint {
                     (ticket, None, full.then_some(Job::List(ticket, list, index)))
                 }
                 Job::Pass(ticket, order) => {
-                    give_up = give_up.saturating_add(Span::from_nanos(order.wait));
+                    give_up = give_up.saturating_add(Span::from_nanos(order.wait.min(PASS_WAIT)));
                     let full = self.link.pass(PassJob::new(number, order)).is_err();
                     (ticket, None, full.then_some(Job::Pass(ticket, order)))
                 }

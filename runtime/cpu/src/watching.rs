@@ -4,7 +4,7 @@
 //! runs its block with the probe ([`crate::engine::Engine::watch`]), and everything else as always. A job comes as a
 //! box with room for its answer, so that the scan allocates nothing.
 
-use ob1_model::{BlockKind, PASS_JOBS, PASS_STATEMENTS, Pass, PassEnd, PassLine, PassOrder};
+use ob1_model::{BlockKind, PASS_JOBS, PASS_STATEMENTS, PASS_WAIT, Pass, PassEnd, PassLine, PassOrder};
 use ob1_time::{Instant, Span};
 
 use crate::engine::{Caller, Regs, Watched};
@@ -65,7 +65,7 @@ impl PassJob {
     #[must_use]
     pub fn new(id: u64, order: PassOrder) -> Self {
         let count = order.count.min(PASS_STATEMENTS as u32);
-        let order = PassOrder { count, ..order };
+        let order = PassOrder { count, wait: order.wait.min(PASS_WAIT), ..order };
         let pass = Pass { lines: vec![PassLine::default(); count as usize], ..Pass::default() };
         Self {
             id,

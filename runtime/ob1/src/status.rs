@@ -262,10 +262,10 @@ FB 20 \"Press\" in OB 1, called by OB 1, press.awl:3, 1.500 s
  line                          RLO STA ACCU1     ACCU2     AR1       AR2       DB    DI    STW       times
    10       U     #start;        1   1 00007FFF  00000000  00000000  00000000  10    0     000000110        1
    11 // never
-   12       L     7;               -
+   12       L     7;             -
 ";
         assert_eq!(text(&pass), expected);
         let cut = PassStatus { cut: "cut: there".into(), ..pass };
-        assert!(text(&cut).contains("cut: there\n") && text(&cut).ends_with("L     7;               ?\n"));
+        assert!(text(&cut).contains("cut: there\n") && text(&cut).ends_with("L     7;             ?\n"));
     }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::UNIX_EPOCH;
 
 use ob1_ir::{CodeBlock, Program};
-use ob1_model::{BlockId, PASS_STATEMENTS, Pass, PassEnd, PassLine, PassOrder};
+use ob1_model::{BlockId, PASS_STATEMENTS, PASS_WAIT, Pass, PassEnd, PassLine, PassOrder};
 use ob1_stl::print::{Listing, Printer};
 use ob1_stl::{Mnemonics, Source};
 use serde::{Deserialize, Serialize};
@@ -13,9 +13,6 @@ use serde::{Deserialize, Serialize};
 use crate::block_name::parse_block;
 use crate::files;
 use crate::known::KnownProgram;
-
-/// The longest time a pass is waited for.
-const LONGEST_WAIT: u64 = 60_000;
 
 /// Which pass is wanted.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
@@ -157,7 +154,7 @@ pub(super) fn order(known: &KnownProgram, wanted: &PassWanted) -> Result<PassOrd
         db: wanted.db.unwrap_or(0),
         first: first as u32,
         count: count.min(PASS_STATEMENTS) as u32,
-        wait: wanted.wait_ms.min(LONGEST_WAIT) * 1_000_000,
+        wait: wanted.wait_ms.saturating_mul(1_000_000).min(PASS_WAIT),
     })
 }
 
