@@ -16,6 +16,7 @@ mod layout;
 mod meaning;
 pub mod moment;
 mod operating;
+mod pass;
 mod s5time;
 mod types;
 
@@ -30,5 +31,6 @@ pub use interface::{Interface, Param, Section};
 pub use layout::{Component, Layout, align_to};
 pub use meaning::StateChange;
 pub use operating::{Command, OperatingState};
+pub use pass::{PASS_JOBS, PASS_STATEMENTS, PASS_WAIT, Pass, PassEnd, PassLine, PassOrder};
 pub use s5time::{S5Time, TimerKind};
 pub use types::{DataType, Dimension, Field};

@@ -326,6 +326,11 @@ impl Broker {
                 client.take(Job::List(asker.ticket, id, index))?;
                 return Ok(None);
             }
+            Ask::Pass(order) => {
+                may_touch(order.block, &joint.config)?;
+                client.take(Job::Pass(asker.ticket, order))?;
+                return Ok(None);
+            }
             Ask::Blocks => return Ok(Some(Answer::Blocks(self.facts.blocks()))),
             Ask::Block(id) => {
                 may_touch(id, &joint.config)?;

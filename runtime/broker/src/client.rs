@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 
 use ob1_access::door::{OUTSTANDING, Refusal, Refused, STAGED_BYTES, Ticket};
 use ob1_access::{Put, Right};
-use ob1_model::BlockId;
+use ob1_model::{BlockId, PassOrder};
 use ob1_time::Instant;
 
 use crate::LinkConfig;
@@ -17,6 +17,7 @@ const CLIENTS: usize = 4096;
 pub(crate) enum Job {
     Group(Ticket, Vec<Put>),
     List(Ticket, u16, u16),
+    Pass(Ticket, PassOrder),
 }
 
 /// One client.

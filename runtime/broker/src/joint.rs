@@ -10,8 +10,9 @@ use ob1_access::door::{
     Answer, Connection as LinkConnection, News, PART_BYTES, Refusal, Refused, Ticket, ToLink, VERSION, Welcome,
 };
 use ob1_backplane::{SegmentError, WindowHead, WindowReader, WindowWriter};
-use ob1_cpu::{Cpu, Frame, Group, Link, Listing, Mark, Piece, Returned, TooMuch, Window};
+use ob1_cpu::{Cpu, Frame, Group, Link, Listing, Mark, PassJob, Piece, Returned, TooMuch, Window};
 use ob1_log::Limit;
+use ob1_model::PASS_WAIT;
 use ob1_time::{Instant, Span};
 
 use crate::client::{Clients, Job};
@@ -64,6 +65,8 @@ struct Out {
     ticket: Ticket,
     /// Of a group: the place of each of its entries in that of the client. Inputs that a module feeds are missing.
     places: Option<Vec<u32>>,
+    /// It waits for a pass through a block, which the scan must be told when nobody waits any more.
+    pass: bool,
     give_up: Instant,
 }
 
@@ -90,6 +93,8 @@ pub(crate) struct Joint {
     generation: u64,
     number: u64,
     out: BTreeMap<u64, Out>,
+    /// Passes nobody waits for any more.
+    no_passes: Vec<u64>,
     /// How much of what its partners do is recorded.
     pub(crate) records: Limit,
 }
@@ -115,6 +120,7 @@ impl Joint {
             generation: 0,
             number: 0,
             out: BTreeMap::new(),
+            no_passes: Vec::new(),
             records: Limit::new(RECORDS, RECORD),
         }))
     }
@@ -168,7 +174,7 @@ impl Joint {
         self.connection = None;
         self.clients.clear();
         self.connections.clear();
-        self.out.clear();
+        self.forget(|_| true);
         (self.up, self.events_after, self.awaited, self.postponed) = (false, None, None, None);
         self.generation = self.link.generation().max(self.generation) + 1;
         self.postponed = Some((self.generation, Vec::new()));
@@ -237,6 +243,8 @@ impl Joint {
         while let Some((client, job)) = self.clients.next() {
             self.number += 1;
             let number = self.number;
+            let mut give_up = give_up;
+            let pass = matches!(job, Job::Pass(..));
             let (ticket, places, full) = match job {
                 Job::Group(ticket, puts) => {
                     let (mut places, mut left) = (Vec::with_capacity(puts.len()), Vec::with_capacity(puts.len()));
@@ -252,12 +260,17 @@ impl Joint {
                     let full = self.link.list(Listing::new(number, list, index)).is_err();
                     (ticket, None, full.then_some(Job::List(ticket, list, index)))
                 }
+                Job::Pass(ticket, order) => {
+                    give_up = give_up.saturating_add(Span::from_nanos(order.wait.min(PASS_WAIT)));
+                    let full = self.link.pass(PassJob::new(number, order)).is_err();
+                    (ticket, None, full.then_some(Job::Pass(ticket, order)))
+                }
             };
             if let Some(job) = full {
                 self.clients.put_back(client, job);
                 return;
             }
-            self.out.insert(number, Out { client, ticket, places, give_up });
+            self.out.insert(number, Out { client, ticket, places, pass, give_up });
             if let Some(client) = self.clients.known(client) {
                 client.out += 1;
             }
@@ -284,8 +297,24 @@ impl Joint {
                     };
                     self.answer(out.client, out.ticket, answer);
                 }
+                Returned::Pass(job) => {
+                    let Some(out) = self.done(job.id()) else { continue };
+                    self.answer(out.client, out.ticket, Answer::Pass(job.into_pass()));
+                }
             }
         }
+    }
+
+    /// Drops what is under way for these clients. The scan is told of passes, so that their places are free again.
+    fn forget(&mut self, gone: impl Fn(u32) -> bool) {
+        let no_passes = &mut self.no_passes;
+        self.out.retain(|number, out| {
+            let stays = !gone(out.client);
+            if !stays && out.pass {
+                no_passes.push(*number);
+            }
+            stays
+        });
     }
 
     fn done(&mut self, number: u64) -> Option<Out> {
@@ -299,7 +328,7 @@ impl Joint {
     /// A client is gone: its answers are dropped.
     pub(crate) fn client_gone(&mut self, number: u32) {
         self.clients.gone(number);
-        self.out.retain(|_, out| out.client != number);
+        self.forget(|client| client == number);
     }
 
     /// Everything that can be done now, in the broker's watched time.
@@ -312,6 +341,12 @@ impl Joint {
         {
             self.awaited = None;
             self.say(&ToLink::Watching(generation));
+        }
+        while let Some(number) = self.no_passes.pop() {
+            if self.link.no_pass(number).is_err() {
+                self.no_passes.push(number);
+                break;
+            }
         }
         self.hand_over(facts, now.saturating_add(answer_time));
         let silent: Vec<u64> = self.out.iter().filter(|(_, out)| now >= out.give_up).map(|(n, _)| *n).collect();

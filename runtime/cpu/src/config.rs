@@ -55,6 +55,8 @@ pub struct CpuConfig {
     pub ob_start_info: bool,
     /// When OB 85 is called for a part of the process image that is not transferred.
     pub image_errors: ImageErrors,
+    /// By how many percent of a cycle a job of program status may make a scan longer, 0 to 1000.
+    pub test_load: u16,
     /// Items of the access port served in one scan, at least 1.
     pub port_items_per_scan: u32,
     /// Items the access port's rings hold, at least 1.
@@ -101,6 +103,7 @@ impl Default for CpuConfig {
             date_at_start: 0,
             ob_start_info: true,
             image_errors: ImageErrors::None,
+            test_load: 10,
             port_items_per_scan: 64,
             port_capacity: 256,
             peripheral_from_image: false,

@@ -35,6 +35,14 @@ impl Blocks {
     pub(crate) fn find(&self, id: BlockId) -> Option<Callee> {
         self.plan.signatures.find(id).map(|signature| signature.callee)
     }
+
+    /// The block of statements of this id, by its index in the plan.
+    pub(crate) fn code(&self, id: BlockId) -> Option<u32> {
+        match self.find(id) {
+            Some(Callee::Code(block)) => Some(block),
+            _ => None,
+        }
+    }
 }
 
 /// A run of an organization block: the machine, the blocks and the clock. The functions that engines may use are in

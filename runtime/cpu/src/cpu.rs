@@ -98,6 +98,7 @@ impl Cpu {
         if !Arc::ptr_eq(engine.plan(), &self.blocks.plan) {
             return Err(engine);
         }
+        self.disarm();
         Ok(std::mem::replace(&mut self.blocks.engine, engine))
     }
 

@@ -43,7 +43,7 @@ impl Cpu {
             // After a start-up the first cycle begins now: OB 100 is not part of it.
             OperatingState::Run => self.run_cycle(now, clock),
             _ => {
-                self.exchange.serve(&mut self.machine, self.state);
+                self.serve_exchange();
                 self.stop_cycle(clock)
             }
         }
@@ -120,13 +120,20 @@ impl Cpu {
     /// The exchange with the links, timed in its own account.
     fn serve_links(&mut self, clock: &mut dyn Clock) {
         if self.exchange.is_idle() {
-            self.exchange.serve(&mut self.machine, self.state);
+            self.serve_exchange();
             return;
         }
         let began = clock.now();
-        self.exchange.serve(&mut self.machine, self.state);
+        self.serve_exchange();
         let took = clock.now().since(began);
         self.machine.trace.exchanged(took);
+    }
+
+    fn serve_exchange(&mut self) {
+        self.exchange.serve(&mut self.machine, self.state);
+        if self.machine.watching.is_busy() {
+            self.passes();
+        }
     }
 
     /// Interrupts that come while the minimum cycle time is waited for.

@@ -8,12 +8,13 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use ob1_model::{Cell, CellError, Frame, GROUP_ENTRIES, Head, Piece, Put, WRITE_BYTES, Width, fits_a_share};
+use ob1_model::{Cell, CellError, Frame, GROUP_ENTRIES, Head, PASS_JOBS, Piece, Put, WRITE_BYTES, Width, fits_a_share};
 use ob1_std::services::{StatusError, SystemStatus as _};
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use crate::cells;
 use crate::machine::Machine;
+use crate::watching::PassJob;
 use crate::{Mark, OperatingState, Window};
 
 /// Most links of a CPU.
@@ -298,12 +299,16 @@ enum Order {
     Watch(Box<Watch>),
     Group(Box<Group>),
     List(Box<Listing>),
+    Pass(Box<PassJob>),
+    /// Nobody waits for the pass with this number any more.
+    NoPass(u64),
 }
 
 /// From the CPU.
 enum Back {
     Group(Box<Group>),
     List(Box<Listing>),
+    Pass(Box<PassJob>),
     /// A replaced watch, to be freed.
     OldWatch(#[expect(dead_code, reason = "it comes back to be freed")] Box<Watch>),
 }
@@ -315,6 +320,8 @@ pub enum Returned {
     Group(Box<Group>),
     /// A list.
     List(Box<Listing>),
+    /// A pass through a block, or why there is none.
+    Pass(Box<PassJob>),
 }
 
 /// A link's end. It belongs to one thread.
@@ -379,12 +386,29 @@ impl Link {
         self.orders.push(Order::List(Box::new(listing))).map_err(|_| TooMuch::UnderWay)
     }
 
+    /// Asks for a pass through a block; it comes back with [`Link::take`].
+    ///
+    /// # Errors
+    /// Too much is under way.
+    pub fn pass(&mut self, job: PassJob) -> Result<(), TooMuch> {
+        self.orders.push(Order::Pass(Box::new(job))).map_err(|_| TooMuch::UnderWay)
+    }
+
+    /// Nobody waits for this pass any more; what there is of it comes back all the same.
+    ///
+    /// # Errors
+    /// Too much is under way.
+    pub fn no_pass(&mut self, id: u64) -> Result<(), TooMuch> {
+        self.orders.push(Order::NoPass(id)).map_err(|_| TooMuch::UnderWay)
+    }
+
     /// The next thing that has come back.
     pub fn take(&mut self) -> Option<Returned> {
         loop {
             match self.back.pop().ok()? {
                 Back::Group(group) => return Some(Returned::Group(group)),
                 Back::List(listing) => return Some(Returned::List(listing)),
+                Back::Pass(job) => return Some(Returned::Pass(job)),
                 Back::OldWatch(_) => {}
             }
         }
@@ -399,6 +423,8 @@ impl Link {
 
 /// The CPU's end of a link.
 struct End {
+    /// Its place among all.
+    place: usize,
     orders: Consumer<Order>,
     back: Producer<Back>,
     window: Box<dyn Window>,
@@ -424,9 +450,10 @@ impl Exchange {
             return None;
         }
         let (to_cpu, orders) = RingBuffer::new(RING);
-        // Room for all orders, and for the watch that each may replace.
-        let (back, from_cpu) = RingBuffer::new(2 * RING);
-        self.ends.push(End { orders, back, window, watch: None, landed: [const { None }; GROUPS] });
+        // Room for all orders, for the watch that each may replace, and for the jobs that stay with the CPU.
+        let (back, from_cpu) = RingBuffer::new(2 * RING + PASS_JOBS);
+        let place = self.ends.len();
+        self.ends.push(End { place, orders, back, window, watch: None, landed: [const { None }; GROUPS] });
         Some(Link { orders: to_cpu, back: from_cpu, generation: 0 })
     }
 
@@ -443,6 +470,13 @@ impl Exchange {
         for end in &mut self.ends {
             end.snapshot(m, self.scan, state);
             end.answers(self.scan);
+        }
+    }
+
+    /// A job has ended.
+    pub(crate) fn give_back(&mut self, job: Box<PassJob>) {
+        if let Some(end) = self.ends.get_mut(job.link) {
+            let _ = end.back.push(Back::Pass(job));
         }
     }
 
@@ -496,6 +530,13 @@ impl End {
                     listed = true;
                     let _ = self.back.push(Back::List(listing));
                 }
+                Ok(Order::Pass(mut job)) => {
+                    job.link = self.place;
+                    if let Some(job) = m.watching.take(job, m.hot.now) {
+                        let _ = self.back.push(Back::Pass(job));
+                    }
+                }
+                Ok(Order::NoPass(id)) => m.watching.forget(self.place, id),
                 Err(_) => return false,
             }
         }

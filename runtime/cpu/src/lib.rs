@@ -47,6 +47,7 @@ mod szl_outside;
 mod szl_record;
 mod timers;
 mod wall;
+mod watching;
 mod whereabouts;
 
 pub use access_port::{AccessClient, Answer, Ask, Request, Response};
@@ -78,6 +79,7 @@ pub use settings::{CyclicInterrupt, DataRange, Family, Missed, MissedCycle, Rete
 pub use successor::{NotNow, Successor};
 pub use system::{standard_block, system_blocks};
 pub use wall::date_and_time;
+pub use watching::PassJob;
 pub use whereabouts::Whereabouts;
 
 use context::Context;

@@ -24,6 +24,7 @@ use crate::service_state::ServiceState;
 use crate::standstill::Standstill;
 use crate::timers::{Counter, Timer};
 use crate::wall::Wall;
+use crate::watching::Watching;
 use crate::{
     Cpu, CpuConfig, DiagBuffer, LoadError, MOST_STACK_BYTES, Memory, Module, ModuleSlot, Modules, NativeBlock, Natives,
     ObInfo,
@@ -220,6 +221,7 @@ impl Cpu {
             substitute: None,
             at: None,
             tape: None,
+            watching: Watching::default(),
             config,
         };
         Ok(Cpu::assemble(machine, blocks, client, reader))
@@ -240,6 +242,7 @@ fn check_config(config: &CpuConfig, errors: &mut Vec<LoadError>) {
     check("local_bytes", u64::from(config.local_bytes), 1 << 20);
     check("nesting_depth", u64::from(config.nesting_depth), 64);
     check("db_pool_bytes", u64::from(config.db_pool_bytes), 64 << 20);
+    check("test_load", u64::from(config.test_load), 1000);
     check("port_capacity", config.port_capacity as u64, 65_536);
     if let Some(byte) = config.clock_memory {
         check("clock_memory", u64::from(byte), u64::from(config.memory_bytes).saturating_sub(1));

@@ -17,6 +17,7 @@ use crate::service_state::ServiceState;
 use crate::standstill::Standstill;
 use crate::timers::{Counter, Timer};
 use crate::wall::Wall;
+use crate::watching::Watching;
 use crate::whereabouts::Whereabouts;
 use crate::{Command, CpuConfig, DiagBuffer, DiagEntry, IoError, Memory, Modules, ObInfo, OperatingState, ShortText};
 
@@ -131,6 +132,8 @@ pub(crate) struct Machine {
     pub(crate) at: Option<Caller>,
     /// While two engines are compared: what comes from outside, recorded or played back.
     pub(crate) tape: Option<Box<Tape>>,
+    /// Program status.
+    pub(crate) watching: Watching,
 }
 
 impl Machine {

@@ -92,6 +92,7 @@ impl Cpu {
         if self.state != OperatingState::Stop && !next.data_only {
             return Err(NotNow);
         }
+        self.disarm();
         let m = &mut self.machine;
         let prepared = match &mut next.what {
             What::Values(values) => {

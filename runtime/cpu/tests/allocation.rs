@@ -7,9 +7,11 @@ use std::alloc::System;
 use common::rack::TestModule;
 use common::window::Looker;
 use common::*;
-use ob1_cpu::{Ask, Cell, Cpu, CpuConfig, CyclicInterrupt, Module, ModuleSlot, Piece, Request, system_blocks};
+use ob1_cpu::{
+    Ask, Cell, Cpu, CpuConfig, CyclicInterrupt, Module, ModuleSlot, PassJob, Piece, Request, Returned, system_blocks,
+};
 use ob1_ir::{AccuOp, Arg, CallMode, Number, NumberFormat, Op, Width};
-use ob1_model::{Area, BlockId, BlockKind, DataType, Interface, Section, TimerKind};
+use ob1_model::{Area, BlockId, BlockKind, DataType, Interface, PassEnd, PassOrder, Section, TimerKind};
 use ob1_time::Span;
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 
@@ -79,4 +81,46 @@ fn ten_thousand_cycles_allocate_nothing() {
     assert_eq!(bench.cpu.state(), ob1_cpu::OperatingState::Run);
     let runs = [35, 40].map(|ob| bench.ob_figures(ob).runs);
     assert!(runs.iter().all(|runs| *runs >= 10_000), "{runs:?}");
+}
+
+/// Nor while jobs of program status are armed: what they need comes with them.
+#[test]
+fn a_watched_scan_allocates_nothing() {
+    let sub = block(fc(1), Interface::default(), vec![c(30), transfer(mw(10)), load(mw(10)), Op::Loop(1)]);
+    let small = block(fc(2), Interface::default(), vec![load(mw(10)), transfer(mw(12))]);
+    let uc = |block| uc(CallMode::Unconditional, block);
+    let program = program(vec![ob1(vec![uc(fc(1)), uc(fc(2))]), sub, small], Vec::new());
+    on_each_engine(|| {
+        let cpu = Cpu::new(CpuConfig::default(), &program, Vec::new(), Vec::new(), common::engine()).expect("loads");
+        // It records everything anew in each scan.
+        if cpu.engine() == "both" {
+            return;
+        }
+        let mut bench = Bench::with(cpu);
+        let mut link = Looker::of(&mut bench.cpu).expect("the first");
+        bench.run();
+        let mut round = || {
+            let mut seen = 0;
+            for block in [fc(1), fc(2), ob(1), fc(9)].repeat(50) {
+                let order = PassOrder { block, from: None, db: 0, first: 0, count: 9, wait: 50_000_000 };
+                link.link.pass(PassJob::new(1, order)).expect("room");
+                link.link.pass(PassJob::new(2, PassOrder { from: Some(ob(1)), ..order })).expect("room");
+                let region = Region::new(ALLOCATOR);
+                for _ in 0..4 {
+                    bench.clock.now += 30 * MS;
+                    bench.cycle();
+                }
+                let change = region.change();
+                if (change.allocations, change.reallocations, change.deallocations) != (0, 0, 0) {
+                    return None;
+                }
+                while let Some(back) = link.link.take() {
+                    seen += u32::from(matches!(back, Returned::Pass(job) if job.pass().end == PassEnd::Whole));
+                }
+            }
+            Some(seen)
+        };
+        let seen = (0..5).find_map(|_| round()).expect("each of five rounds allocated");
+        assert!(seen > 100, "{seen} passes");
+    });
 }

@@ -1,5 +1,6 @@
 //! Random programs on the reference engine and on the native one:
-//! `cargo run --release -p ob1-native --example compare -- PROGRAMS [FIRST SEED]`
+//! `cargo run --release -p ob1-native --example compare -- PROGRAMS [FIRST SEED] [watched]`; `watched`: with jobs of
+//! program status on the other CPU.
 #![allow(clippy::disallowed_methods, clippy::print_stdout, reason = "a tool for a desk")]
 
 #[path = "../tests/random/mod.rs"]
@@ -12,13 +13,18 @@ fn main() {
     let mut numbers = std::env::args().skip(1).filter_map(|arg| arg.parse::<u64>().ok());
     let (programs, first) = (numbers.next().unwrap_or(1000), numbers.next().unwrap_or(1 << 32));
     let (mut loaded, mut differ) = (0u64, 0u64);
+    let watched = std::env::args().any(|arg| arg == "watched");
     for seed in first..first + programs {
         let engines: &[&dyn Factory] = match seed % 5 {
             0 | 1 => &[&AtLoad(Tier::Optimised)],
             2 | 3 => &[&AtLoad(Tier::Fast)],
             _ => &[&AtLoad(Tier::Fast), &random::Mixed, &AtLoad(Tier::Optimised)],
         };
-        match random::compare(seed, 6, engines) {
+        let compared = match watched {
+            false => random::compare(seed, 6, engines),
+            true => random::compare_watched(seed).map(|(runs, _)| runs),
+        };
+        match compared {
             Ok(runs) => loaded += u64::from(runs),
             Err(difference) => {
                 differ += 1;

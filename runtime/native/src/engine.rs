@@ -4,7 +4,7 @@ use std::os::fd::BorrowedFd;
 use std::sync::Arc;
 
 use ob1_cpu::Abort;
-use ob1_cpu::engine::{Context, Engine, Entry, Factory, Plan};
+use ob1_cpu::engine::{Context, Engine, Entry, Factory, Plan, Slow, Watched};
 
 use crate::code::CodeMemory;
 use crate::compile::{Compiler, Target};
@@ -141,10 +141,18 @@ impl Engine for Native {
             Ok(regs) => regs,
             Err(fault) => return cx.no_room(block, fault),
         };
-        self.code.run(block, &mut regs, cx)?;
+        self.code.run(block, None, &mut regs, cx)?;
         let hot = cx.hot();
         (hot.local_top, hot.depth) = (local_top, depth);
         Ok(())
+    }
+
+    fn watch(&self, watched: &Watched) {
+        self.code.watch(watched);
+    }
+
+    fn watching(&self) -> Slow {
+        Slow { weighs: true, contained: self.code.any_contains_watched() }
     }
 }
 

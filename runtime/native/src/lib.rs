@@ -21,6 +21,7 @@ mod signature;
 mod tier;
 mod translate;
 mod unsaved;
+mod watched;
 mod yardstick;
 
 pub use code::{memory_file, seal};

@@ -1,17 +1,19 @@
 //! The code of a plan as it runs: what compiled code and the reference hand each other, and the helpers that compiled
 //! code calls.
 
+use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 use ob1_cpu::Abort;
-use ob1_cpu::engine::{Callee, Caller, Context, Hot, Plan, Prepared, Regs, Timer};
+use ob1_cpu::engine::{Callee, Caller, Context, Hot, Plan, Prepared, Regs, Timer, Watched};
 use ob1_ir::Op;
 use ob1_model::TimerKind;
 
 use crate::code::CodeMemory;
 use crate::frame::{Frame, frames};
 use crate::image::{Compiled, Resume};
+use crate::watched::Containing;
 
 /// A helper of compiled code: this run, and two numbers.
 pub(crate) type Helper = extern "C" fn(*mut Run, u32, u32) -> i32;
@@ -24,6 +26,9 @@ pub(crate) struct Code {
     pub(crate) plan: Arc<Plan>,
     pub(crate) functions: Vec<Compiled>,
     entries: Entries,
+    /// What of a watched block is in the code of others.
+    containing: Containing,
+    pub(crate) watched: Cell<Watched>,
     /// Calls that need nothing but their frame: by block, then by statement.
     frames: Vec<Box<[Option<Frame>]>>,
     pub(crate) memory: Option<CodeMemory>,
@@ -31,13 +36,11 @@ pub(crate) struct Code {
     pub(crate) optimised: usize,
 }
 
-/// Where the code of each block begins; null where there is none.
-struct Entries(Box<[*const u8]>);
+/// Where the code of each block begins; null where there is none, and while the block is watched.
+struct Entries(Box<[Cell<*const u8>]>);
 
 // SAFETY: addresses in a mapping that is read and executed only, which lives as long as they do.
 unsafe impl Send for Entries {}
-// SAFETY: as above.
-unsafe impl Sync for Entries {}
 
 impl Code {
     pub(crate) fn new(
@@ -46,9 +49,59 @@ impl Code {
         memory: Option<CodeMemory>,
         optimised: usize,
     ) -> Self {
-        let address = |function: &Compiled| function.at.zip(memory.as_ref()).and_then(|(at, memory)| memory.at(at));
-        let entries = functions.iter().map(|function| address(function).unwrap_or(std::ptr::null())).collect();
-        Self { plan: Arc::clone(plan), functions, entries: Entries(entries), frames: frames(plan), memory, optimised }
+        let entries = functions.iter().map(|_| Cell::new(std::ptr::null())).collect();
+        let code = Self {
+            plan: Arc::clone(plan),
+            functions,
+            entries: Entries(entries),
+            containing: Containing::of(plan),
+            watched: Cell::default(),
+            frames: frames(plan),
+            memory,
+            optimised,
+        };
+        (0..code.functions.len() as u32).for_each(|block| code.enter_by(block, true));
+        code
+    }
+
+    /// Where the code of a block lies, watched or not.
+    fn address(&self, block: u32) -> *const u8 {
+        let at = self.functions.get(block as usize).and_then(|function| function.at);
+        at.zip(self.memory.as_ref()).and_then(|(at, memory)| memory.at(at)).unwrap_or(std::ptr::null())
+    }
+
+    /// Whether a block is entered by its machine code.
+    fn enter_by(&self, block: u32, code: bool) {
+        if let Some(entry) = self.entries.0.get(block as usize) {
+            entry.set(if code { self.address(block) } else { std::ptr::null() });
+        }
+    }
+
+    /// These blocks are watched from now on, no others: neither their own code is entered nor any they are a part of.
+    pub(crate) fn watch(&self, watched: &Watched) {
+        let before = self.watched.replace(*watched);
+        for (set, code) in [(&before, true), (watched, false)] {
+            for block in
+                set.all().chain(set.blocks.into_iter().flatten().flat_map(|block| self.containing.of_block(block)))
+            {
+                self.enter_by(block, code);
+            }
+        }
+    }
+
+    /// The code of this block contains that of a watched one.
+    pub(crate) fn contains_watched(&self, block: u32) -> bool {
+        self.watched.get().blocks.into_iter().flatten().any(|watched| self.containing.has(watched, block))
+    }
+
+    /// The code of any block contains that of a watched one.
+    pub(crate) fn any_contains_watched(&self) -> bool {
+        self.watched
+            .get()
+            .blocks
+            .into_iter()
+            .flatten()
+            .any(|watched| self.containing.of_block(watched).next().is_some())
     }
 
     /// The frame of a call that needs nothing else.
@@ -58,17 +111,42 @@ impl Code {
 
     /// The code of a block.
     fn entry(&self, block: u32) -> Option<Entry> {
-        let address = self.entries.0.get(block as usize).copied().filter(|address| !address.is_null())?;
+        self.entry_at(self.entries.0.get(block as usize)?.get())
+    }
+
+    /// The same of a block that is watched.
+    pub(crate) fn watched_entry(&self, block: u32) -> Option<Entry> {
+        self.entry_at(self.address(block))
+    }
+
+    fn entry_at(&self, address: *const u8) -> Option<Entry> {
+        if address.is_null() {
+            return None;
+        }
         // SAFETY: the address is that of a function that `Compiler` has made with this signature for this processor, in
         // memory that nobody can change.
         Some(unsafe { std::mem::transmute::<*const u8, Entry>(address) })
     }
 
     /// Runs a block whose registers and local data are in place.
-    pub(crate) fn run(&self, block: u32, r: &mut Regs, cx: &mut Context<'_>) -> Result<(), Abort> {
-        let Some(entry) = self.entry(block) else {
-            return interpret(self, block, 0, &[], r, cx).map(|_| ());
-        };
+    pub(crate) fn run(
+        &self,
+        block: u32,
+        caller: Option<Caller>,
+        r: &mut Regs,
+        cx: &mut Context<'_>,
+    ) -> Result<(), Abort> {
+        match self.entry(block) {
+            Some(entry) => self.run_code(entry, r, cx),
+            None if self.watched.get() == Watched::default() => {
+                interpret::<false>(self, block, 0, 0, &[], r, cx).map(|_| ())
+            }
+            None => crate::watched::run(self, block, caller, r, cx),
+        }
+    }
+
+    /// Runs its machine code.
+    pub(crate) fn run_code(&self, entry: Entry, r: &mut Regs, cx: &mut Context<'_>) -> Result<(), Abort> {
         let mut run = Run::new(*r, self, cx);
         // SAFETY: `run` outlives the call; its pointers are valid as long as `cx` is borrowed.
         let answer = unsafe { entry(&raw mut run) };
@@ -125,7 +203,7 @@ impl Run {
             time_left,
             cpu: std::ptr::from_mut(cx).cast(),
             code,
-            entries: code.entries.0.as_ptr(),
+            entries: code.entries.0.as_ptr().cast(),
             panicked: false,
         }
     }
@@ -255,7 +333,7 @@ fn make_call(code: &Code, block: u32, statement: u32, r: &mut Regs, cx: &mut Con
                     return cx.fault_at(at, fault, r).map(|()| FAILED);
                 }
             };
-            code.run(next, r, cx)?;
+            code.run(next, Some(at), r, cx)?;
             cx.finish(call, &saved, tops, r)
         }
     };
@@ -270,19 +348,21 @@ fn make_call(code: &Code, block: u32, statement: u32, r: &mut Regs, cx: &mut Con
 extern "C" fn leave(run: *mut Run, block: u32, statement: u32) -> i32 {
     guarded(run, |parts| {
         let resume = &parts.code.functions[block as usize].made.resume;
-        interpret(parts.code, block, statement, resume, parts.regs, parts.cx)
+        interpret::<false>(parts.code, block, 0, statement, resume, parts.regs, parts.cx)
     })
 }
 
 /// The same up to the end of the block.
 extern "C" fn whole(run: *mut Run, block: u32, statement: u32) -> i32 {
-    guarded(run, |parts| interpret(parts.code, block, statement, &[], parts.regs, parts.cx))
+    guarded(run, |parts| interpret::<false>(parts.code, block, 0, statement, &[], parts.regs, parts.cx))
 }
 
-/// The reference executes the statements of a block from `from` on, up to one of `resume` or the end.
-pub(crate) fn interpret(
+/// The reference executes the statements of a block from `from` on, up to one of `resume` or the end. `PROBED`: it is
+/// the watched run of this number.
+pub(crate) fn interpret<const PROBED: bool>(
     code: &Code,
     block: u32,
+    run: u32,
     from: u32,
     resume: &[Resume],
     r: &mut Regs,
@@ -296,6 +376,9 @@ pub(crate) fn interpret(
             return Ok(resume[i].1 as i32);
         }
         first = false;
+        if PROBED {
+            cx.next_statement(run, pc as u32, r);
+        }
         cx.hot().pending += 1;
         let Some(stmt) = body.stmts.get(pc) else { return Ok(ENDED) };
         let at = Caller { block, statement: pc as u32 };

@@ -35,3 +35,17 @@ fn random_programs_do_the_same_compiled_fast() {
 fn random_programs_do_the_same_while_engines_change() {
     campaign(PROGRAMS * 4 / 5, PROGRAMS / 5, &[&AtLoad(Tier::Fast), &Mixed, &AtLoad(Tier::Optimised)]);
 }
+
+/// Watching one block or another changes nothing, and passes are seen: on the reference engine, on machine code, and
+/// while engines change. A campaign: the example above with `watched` behind its numbers.
+#[test]
+fn random_programs_do_the_same_watched() {
+    let mut passes = 0;
+    for seed in 0..PROGRAMS {
+        match random::compare_watched(seed) {
+            Ok((_, seen)) => passes += seen,
+            Err(difference) => panic!("{difference}"),
+        }
+    }
+    assert!(passes > PROGRAMS / 2, "only {passes} passes in {PROGRAMS} programs");
+}

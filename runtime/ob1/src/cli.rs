@@ -16,6 +16,7 @@ use crate::import::{self, CompareArgs, DownloadArgs, ImportArgs, UploadArgs};
 use crate::new::{self, NewArgs};
 use crate::remote::{self, CtlArgs, GetArgs, SetArgs};
 use crate::soak::{self, SoakArgs};
+use crate::status::{self, StatusArgs};
 use crate::testing::{self, TestArgs};
 use crate::top::{self, TopArgs};
 use crate::trace::{self, TraceArgs};
@@ -36,6 +37,7 @@ Examples:
   ob1 set press.toml M1.0=1 DB10.DBW20=16#1234     new values
   ob1 ctl press.toml stop                          to STOP
   ob1 diag press.toml                              diagnostic buffers of CPU and CPs, with remedies
+  ob1 status press.toml FB 20                      its statements while they run: RLO, STA, accumulators
   ob1 trace press.toml                             every telegram on its lines
   ob1 top press.toml                               live: scans, CPs, telegrams, diagnostic buffer, variables
   ob1 soak press.toml --for 8h --budget wake.p99.9=200us,missed=0   hours of scans, one verdict
@@ -82,6 +84,7 @@ enum Command {
     Set(SetArgs),
     Ctl(CtlArgs),
     Diag(DiagArgs),
+    Status(StatusArgs),
     Trace(TraceArgs),
     Top(TopArgs),
     Soak(Box<SoakArgs>),
@@ -216,6 +219,7 @@ impl Command {
             Command::Set(args) => remote::set(&args),
             Command::Ctl(args) => remote::ctl(&args),
             Command::Diag(args) => diag::diag(&args),
+            Command::Status(args) => status::status(&args),
             Command::Trace(args) => trace::trace(&args),
             Command::Top(args) => top::top(&args),
             Command::Soak(args) => return soak::soak(&args).into(),

@@ -10,7 +10,8 @@ Exit codes:
   2  station file, source or program rejected
   3  the CPU went to STOP because of a fault
   4  a plugin is missing, damaged or built for another interface
-  5  the station runs already (run), or does not run (get, set, ctl, diag, top, trace, bus watch)
+  5  the station runs already (run), or does not run (get, set, ctl, diag, status, top, trace,
+     bus watch)
   6  the operating system refused what the station needs
   7  a native block did not return; outputs are off
   8  the running station refused a request, or did not answer

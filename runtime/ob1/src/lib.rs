@@ -20,6 +20,7 @@ pub mod new;
 pub mod remote;
 pub mod soak;
 pub mod statistics;
+pub mod status;
 pub mod testing;
 pub mod top;
 pub mod trace;

@@ -25,6 +25,7 @@ mod opcua;
 mod peer;
 mod privileges;
 mod profibus;
+mod program_status;
 mod refusals;
 mod remote_io;
 mod rk512;

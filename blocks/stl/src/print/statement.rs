@@ -16,6 +16,24 @@ use crate::identifiers::{Identifier, RELATIONS};
 use crate::mnemonics::Shape;
 
 impl Printer<'_> {
+    /// The statements of a block one by one, without headings and labels' columns: the index of the first operation of
+    /// each, and its text.
+    ///
+    /// # Errors
+    /// As of [`Printer::statements`].
+    pub fn lines(&self, block: &CodeBlock, listing: &Listing) -> Result<Vec<(usize, String)>, Unprintable> {
+        let labels = labels(block, &listing.labels);
+        let mut lines = Lines { printer: *self, block, listing, labels, out: String::new(), network: 0 };
+        let (mut at, mut all) = (0, Vec::new());
+        while at < block.code.len() {
+            lines.out.clear();
+            let used = lines.statement(at)?;
+            all.push((at, lines.out.lines().last().unwrap_or_default().to_owned()));
+            at += used;
+        }
+        Ok(all)
+    }
+
     /// The statements of a block, each network with its heading, each line ended.
     ///
     /// # Errors

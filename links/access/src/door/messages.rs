@@ -1,12 +1,12 @@
 //! The messages between a link and the broker: one message per packet, in the order they were sent.
 
-use ob1_model::{BlockId, CellError, Command, OperatingState as State, Piece, Put};
+use ob1_model::{BlockId, CellError, Command, OperatingState as State, Pass, PassOrder, Piece, Put};
 use serde::{Deserialize, Serialize};
 
 use crate::Right;
 
 /// Version of these messages. Both ends come from one build, and check it.
-pub const VERSION: u16 = 5;
+pub const VERSION: u16 = 6;
 /// The longest message either way, in bytes.
 pub const MESSAGE_BYTES: usize = 160 * 1024;
 /// The longest part of a document.
@@ -69,6 +69,8 @@ pub enum Ask {
     Link,
     /// Removes these blocks from the program, together (operate). [`Answer::Done`] means that it has taken effect.
     Delete(Vec<BlockId>),
+    /// One pass through a block, watched statement by statement. The answer comes when it was made.
+    Pass(PassOrder),
 }
 
 /// A document about the whole station. All but the program are JSON objects as on the control socket (docs/access.md).
@@ -124,6 +126,8 @@ pub enum Answer {
         /// The bytes.
         bytes: Box<[u8]>,
     },
+    /// What was seen.
+    Pass(Pass),
 }
 
 /// Why a request was refused.

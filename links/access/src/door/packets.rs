@@ -1,6 +1,9 @@
 //! The messages as packets.
 
-use ob1_model::{Area, BlockId, BlockKind, Cell, CellError, Command, OperatingState as State, Piece, Put, Width};
+use ob1_model::{
+    Area, BlockId, BlockKind, Cell, CellError, Command, OperatingState as State, Pass, PassEnd, PassLine, PassOrder,
+    Piece, Put, Width,
+};
 
 use super::messages::{
     Answer, Ask, BlockFact, Connection, Diagnosis, Document, Event, News, Refusal, Refused, ToBroker, ToLink, Welcome,
@@ -65,13 +68,18 @@ wire!(enum Ask {
     0 => Login(password), 1 => Logout, 2 => Command(command), 3 => Clock, 4 => SetClock(clock), 5 => Szl { id, index },
     6 => Diagnostics(count), 7 => Modules, 8 => Blocks, 9 => Block(id), 10 => Events { after }, 11 => NoEvents,
     12 => Document(which), 13 => Stage { id, bytes }, 14 => Link, 15 => Delete(ids),
+    16 => Pass(order),
 });
 wire!(enum Document { 0 => Program, 1 => Status, 2 => Timing, 3 => Buffers, 4 => Links });
 wire!(enum Answer {
     0 => Done, 1 => Clock(clock), 2 => Szl { record, bytes }, 3 => NoSzl(code), 4 => Diagnostics(entries),
     5 => Modules { state, present }, 6 => Blocks(blocks), 7 => Block(block), 8 => Refused(why),
-    9 => Document { last, bytes },
+    9 => Document { last, bytes }, 10 => Pass(pass),
 });
+wire!(struct PassOrder { block, from, db, first, count, wait });
+wire!(struct PassLine { times, status, accus, addresses, blocks });
+wire!(enum PassEnd { 0 => Whole, 1 => Stopped, 2 => NotCalled, 3 => NoBlock, 4 => Full, 5 => TooLong });
+wire!(struct Pass { end, cut, statements, ob, caller, time, lines });
 wire!(enum Refusal {
     0 => Cell(error), 1 => Right, 2 => Password, 3 => NotThere, 4 => Full, 5 => Silent,
     6 => InRun, 7 => Block, 8 => Room,
@@ -167,6 +175,14 @@ mod tests {
             Ask::Stage { id: BlockId::new(BlockKind::Fc, 5), bytes: [1, 2, 3].into() },
             Ask::Link,
             Ask::Delete(vec![BlockId::new(BlockKind::Ob, 35)]),
+            Ask::Pass(PassOrder {
+                block: BlockId::new(BlockKind::Fb, 20),
+                from: None,
+                db: 7,
+                first: 3,
+                count: 4,
+                wait: 5,
+            }),
         ];
         let mut to = vec![
             ToBroker::Beat,
@@ -192,6 +208,12 @@ mod tests {
                 name: "main".into(),
             }]),
             Answer::Refused(Refusal::Cell(CellError::NoDb)),
+            Answer::Pass(Pass {
+                end: PassEnd::Whole,
+                caller: Some((BlockId::new(BlockKind::Ob, 1), 4)),
+                lines: vec![PassLine::default(), PassLine { times: 2, accus: [1, 2], ..PassLine::default() }],
+                ..Pass::default()
+            }),
         ];
         let mut from = vec![
             ToLink::Welcome(welcome),

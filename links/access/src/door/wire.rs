@@ -84,6 +84,25 @@ impl Wire for Box<[u8]> {
     }
 }
 
+impl<T: Wire> Wire for [T; 2] {
+    fn put(&self, out: &mut Vec<u8>) {
+        self.iter().for_each(|item| item.put(out));
+    }
+    fn get(bytes: &mut &[u8]) -> Option<Self> {
+        Some([T::get(bytes)?, T::get(bytes)?])
+    }
+}
+
+impl<A: Wire, B: Wire> Wire for (A, B) {
+    fn put(&self, out: &mut Vec<u8>) {
+        self.0.put(out);
+        self.1.put(out);
+    }
+    fn get(bytes: &mut &[u8]) -> Option<Self> {
+        Some((A::get(bytes)?, B::get(bytes)?))
+    }
+}
+
 impl Wire for [u8; 8] {
     fn put(&self, out: &mut Vec<u8>) {
         out.extend_from_slice(self);

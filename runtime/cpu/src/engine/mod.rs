@@ -44,6 +44,7 @@ mod jump;
 mod operand;
 mod plan;
 mod pointer_list;
+mod probe;
 mod reference;
 mod regs;
 mod shift;
@@ -71,6 +72,7 @@ pub use plan::{
     InstanceOf, InstanceOut, List, Op, OutTarget, Plan, RefArg, Scan, Signature, Signatures,
 };
 pub(crate) use plan::{Constants, Lowering, collect, lower, writes_param};
+pub use probe::{Entered, Slow, Watched};
 pub use reference::{ACCOUNTING, PLAIN, REFERENCE};
 pub(crate) use regs::Interrupted;
 pub use regs::{BR, CC0, CC1, FC, OR, OS, OV, RLO, Regs, STA, with_cc};
@@ -108,6 +110,16 @@ pub trait Engine: Send {
     /// # Errors
     /// The CPU goes to STOP.
     fn call(&self, block: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<(), Abort>;
+
+    /// Program status: from now on these blocks are run with [`Context::entered`], [`Context::next_statement`],
+    /// [`Context::pass_ends`] and [`Context::leave`], until it is said otherwise. Between two runs only; nothing is
+    /// allocated. An engine that cannot do it leaves it.
+    fn watch(&self, _watched: &Watched) {}
+
+    /// What that costs here.
+    fn watching(&self) -> Slow {
+        Slow::default()
+    }
 }
 
 /// What makes engines.

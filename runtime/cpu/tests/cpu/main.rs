@@ -20,6 +20,7 @@ mod interrupts;
 mod modules;
 mod natives;
 mod parameters;
+mod passes;
 mod pointers;
 mod programs;
 mod raw_lists;

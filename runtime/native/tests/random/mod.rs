@@ -6,13 +6,17 @@ mod edges;
 mod maker;
 
 use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
 
 use ob1_cpu::engine::{Engine, Factory, Plan, REFERENCE};
 use ob1_cpu::{
-    Cell, Clock, Command, Cpu, CpuConfig, CyclicInterrupt, Family, ObFigures, OperatingState, system_blocks,
+    Cell, Clock, Command, Cpu, CpuConfig, CyclicInterrupt, Family, Mark, ObFigures, OperatingState, PassJob, Returned,
+    Window, system_blocks,
 };
 use ob1_ir::{AddressRegister, CodeBlock, DataBlock, DataKind, Op, Operand, Place, Program, Stmt, Width};
-use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Interface, Layout, Param, Section};
+use ob1_model::{
+    Area, BitAddr, BlockId, BlockKind, DataType, Interface, Layout, PASS_JOBS, Param, PassEnd, PassOrder, Section,
+};
 use ob1_native::{AtLoad, Compiler, Native, Target, Tier};
 use ob1_time::{Instant, Span};
 
@@ -241,15 +245,72 @@ impl Factory for Mixed {
 /// # Errors
 /// The first difference, with the program.
 pub(crate) fn compare(seed: u64, scans: u32, others: &[&dyn Factory]) -> Result<bool, String> {
+    compared(seed, scans, others, false, &mut |_, _| {})
+}
+
+/// Nothing looks through it.
+struct NoWindow;
+
+impl Window for NoWindow {
+    fn put(&mut self, _: Mark, _: &mut dyn FnMut(&[AtomicU64])) {}
+}
+
+/// The same with jobs on the other CPU that watch one block or another: watching changes nothing. The answer is how
+/// many passes were seen.
+///
+/// # Errors
+/// As of [`compare`].
+pub(crate) fn compare_watched(seed: u64) -> Result<(bool, u64), String> {
+    let others: &[&dyn Factory] = match seed % 8 {
+        0..=5 => &[REFERENCE],
+        6 => &[&AtLoad(Tier::Fast)],
+        _ => &[&AtLoad(Tier::Optimised), &Mixed, REFERENCE],
+    };
+    let (mut link, mut passes, mut random) = (None, 0, Random::new(!seed));
+    let ran = compared(seed, 10, others, true, &mut |cpu, scan| {
+        let link = match &mut link {
+            Some(link) => link,
+            none => none.insert(cpu.link(Box::new(NoWindow)).expect("the first")),
+        };
+        while let Some(Returned::Pass(job)) = link.take() {
+            passes += u64::from(job.pass().end == PassEnd::Whole);
+        }
+        let block = |random: &mut Random| {
+            let (kind, number) =
+                random.of(&[BLOCKS, &[(BlockKind::Ob, 1), (BlockKind::Ob, 1), (BlockKind::Ob, 35)]].concat());
+            BlockId::new(kind, number)
+        };
+        for id in 0..PASS_JOBS as u64 {
+            // The second one has conditions that are met now and then.
+            let from = (id == 1 && random.one_in(2)).then(|| block(&mut random));
+            let db = if id == 1 { random.of(&[0, 21, 22]) } else { 0 };
+            let (block, first) = (block(&mut random), random.next(4));
+            let order = PassOrder { block, from, db, first, count: 512, wait: 350_000_000 };
+            link.pass(PassJob::new(u64::from(scan) * 10 + id, order)).expect("room");
+        }
+    })?;
+    Ok((ran, passes))
+}
+
+fn compared(
+    seed: u64,
+    scans: u32,
+    others: &[&dyn Factory],
+    watched: bool,
+    before_scan: &mut dyn FnMut(&mut Cpu, u32),
+) -> Result<bool, String> {
     let mut random = Random::new(seed);
     let (program, config) = program(&mut random);
     let load = |factory| Cpu::new(config.clone(), &program, system_blocks(), Vec::new(), factory);
     let Ok(mut one) = load(REFERENCE) else { return Ok(false) };
     let mut two = load(others[0]).map_err(|why| format!("seed {seed}: does not load: {why:?}"))?;
+    // With jobs: time enough for the next one.
+    let pause = if watched { 103 * MS } else { 7 * MS };
     let mut clocks = [Charged(Instant::START), Charged(Instant::START)];
     one.request(Command::Run);
     two.request(Command::Run);
     for scan in 0..scans {
+        before_scan(&mut two, scan);
         let (end, other_end) = (one.cycle(&mut clocks[0]), two.cycle(&mut clocks[1]));
         let (left, right) = (seen(&mut one, &program, clocks[0].0), seen(&mut two, &program, clocks[1].0));
         if left != right || end.next_deadline != other_end.next_deadline {
@@ -270,7 +331,7 @@ pub(crate) fn compare(seed: u64, scans: u32, others: &[&dyn Factory]) -> Result<
             break;
         }
         for clock in &mut clocks {
-            clock.0 += 7 * MS;
+            clock.0 += pause;
         }
         if others.len() > 1 {
             let next = others[(scan as usize + 1) % others.len()].engine(two.plan())?;

@@ -139,6 +139,12 @@ impl Control {
         Pending { client, give_up: self.broker_gives_up(), work }
     }
 
+    /// The same for an answer that may take so much longer.
+    pub(super) fn ask_for(&mut self, client: u32, ask: Ask, longer: Span) -> Pending {
+        let pending = self.ask(client, ask);
+        Pending { give_up: pending.give_up.saturating_add(longer), ..pending }
+    }
+
     /// The broker gives up first, and says so.
     fn broker_gives_up(&self) -> Instant {
         self.watched.time().saturating_add(self.answer_time.times(2))

@@ -5,5 +5,6 @@ pub mod client;
 mod clients;
 mod control;
 pub(crate) mod facts;
+pub mod pass;
 pub mod protocol;
 pub mod server;

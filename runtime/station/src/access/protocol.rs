@@ -8,6 +8,7 @@ use ob1_model::Command;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::pass::{PassStatus, PassWanted};
 use crate::timing::{Recorder, Timing};
 
 /// Longest line accepted, in bytes.
@@ -66,6 +67,8 @@ pub enum Op {
     Buses,
     /// The links with their connections.
     Links,
+    /// Program status: one pass through a block.
+    Pass(PassWanted),
 }
 
 fn default_count() -> u32 {
@@ -126,6 +129,9 @@ pub struct Response {
     /// Answer to `links`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub links: Option<Vec<LinkStatus>>,
+    /// Answer to `pass`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pass: Option<Box<PassStatus>>,
 }
 
 /// A link.
@@ -162,6 +168,7 @@ impl Response {
             recorder: None,
             buses: None,
             links: None,
+            pass: None,
         }
     }
 

@@ -6,18 +6,22 @@ use std::os::fd::OwnedFd;
 use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::net::UnixListener;
 use std::path::Path;
+use std::sync::Arc;
 
 use ob1_access::door::{Answer, Ask, Command, Diagnosis, Document, Door, Refusal};
 use ob1_access::{Item, Put, value};
 use ob1_cpu::Family;
+use ob1_model::PassOrder;
 use ob1_rt::SideThread;
 use ob1_time::{Instant, Span};
 use serde_json::Value;
 
 use super::clients::Clients;
 use super::control::{Control, Outcome, Pending};
+use super::pass;
 use super::protocol::{CellValue, Diagnostic, LINE_BYTES, Op, Request, Response};
 use crate::bus_view::BusView;
+use crate::known::KnownProgram;
 use crate::view::{StationView, event_number};
 
 /// How long the CPU may take to answer, beyond two cycles. It answers once a cycle; this is for one that hangs.
@@ -70,6 +74,7 @@ enum Then {
     Status,
     Links,
     Diagnostics(u32),
+    Pass(Arc<KnownProgram>, PassOrder),
 }
 
 impl Serving {
@@ -165,6 +170,11 @@ impl Serving {
                 let ask = Ask::Diagnostics(count.min(u32::from(u16::MAX)) as u16);
                 return Ok(Begun::UnderWay(self.control.ask(client, ask), Then::Diagnostics(count)));
             }
+            Op::Pass(wanted) => {
+                let order = pass::order(&known, &wanted)?;
+                let pending = self.control.ask_for(client, Ask::Pass(order), Span::from_nanos(order.wait));
+                return Ok(Begun::UnderWay(pending, Then::Pass(known, order)));
+            }
             Op::ResetStatistics => self.view.timings.reset(),
             Op::Timing { histograms } => response.timing = Some(Box::new(self.view.timings.snapshot(histograms))),
             Op::Buses => response.buses = Some(self.view.buses.iter().map(BusView::status).collect()),
@@ -190,6 +200,10 @@ impl Serving {
             }
             (Then::Links, Outcome::Answer(Answer::Document { bytes, .. })) => {
                 response.links = serde_json::from_slice(&bytes).ok();
+            }
+            (Then::Pass(known, order), Outcome::Answer(Answer::Pass(pass))) => {
+                let started = self.view.unix_at(Instant::START);
+                response.pass = Some(Box::new(pass::status(&known, &order, &pass, started)?));
             }
             (Then::Diagnostics(count), Outcome::Answer(answer)) => {
                 let entries = if let Answer::Diagnostics(entries) = answer { entries } else { Vec::new() };

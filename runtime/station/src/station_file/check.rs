@@ -89,6 +89,7 @@ fn cpu(f: &mut Findings<'_>, table: &CpuTable) -> CpuConfig {
         missed: missed(f, table.missed.as_ref()),
         watchdog: time(f, table.watchdog.as_ref(), d.watchdog),
         image_errors: choice(f, "image_errors", table.image_errors.as_ref(), &IMAGE_ERRORS).unwrap_or(d.image_errors),
+        test_load: number(f, "test_load", table.test_load.as_ref(), 0..=1000, d.test_load),
         clock_memory: table
             .clock_memory
             .as_ref()

@@ -162,6 +162,7 @@ pub(super) struct CpuTable {
     pub(super) engine: Option<Placed<String>>,
     pub(super) clock_memory: Option<Placed<i64>>,
     pub(super) image_errors: Option<Placed<String>>,
+    pub(super) test_load: Option<Placed<i64>>,
     pub(super) db_pool_bytes: Option<Placed<i64>>,
     #[serde(default)]
     pub(super) cyclic: Vec<CyclicTable>,

@@ -16,7 +16,7 @@ use ob1_arena::Arena;
 use ob1_model::Event;
 
 use super::plan::Plan;
-use super::{Engine, Entry, Factory, REFERENCE};
+use super::{Engine, Entry, Factory, REFERENCE, Watched};
 use crate::Abort;
 use crate::context::Context;
 use difference::Difference;
@@ -63,6 +63,11 @@ impl Engine for Two {
 
     fn plan(&self) -> &Arc<Plan> {
         self.reference.plan()
+    }
+
+    /// The run that counts is that of the reference.
+    fn watch(&self, watched: &Watched) {
+        self.reference.watch(watched);
     }
 
     fn call(&self, block: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<(), Abort> {

@@ -1,6 +1,6 @@
 //! From the intermediate code to the pre-decoded form, at load.
 
-use ob1_ir::{AccuOp, BitTest, CodeBlock, Logic, Number, NumberFormat, Op as Ir, Operand, Place};
+use ob1_ir::{AccuOp, BitTest, CodeBlock, Logic, Number, NumberFormat, Op as Ir, Operand, Place, Stmt};
 use ob1_model::{Area, BitAddr, BlockKind};
 
 use super::lower_call::lower_call;
@@ -52,8 +52,18 @@ pub(crate) fn lower(block: &CodeBlock, l: &Lowering<'_>, errors: &mut Vec<LoadEr
         stmts: block.code.clone().into_boxed_slice(),
         local_len: local_bytes(block),
         calls: calls.into_boxed_slice(),
+        loops: loops(&block.code),
         lists: lists.into_boxed_slice(),
     }
+}
+
+/// Whether a jump leads back.
+fn loops(stmts: &[Stmt]) -> bool {
+    (0u32..).zip(stmts).any(|(at, stmt)| match &stmt.op {
+        Ir::Jump(_, to) | Ir::Loop(to) => *to <= at,
+        Ir::JumpList { targets, otherwise } => *otherwise <= at || targets.iter().any(|to| *to <= at),
+        _ => false,
+    })
 }
 
 /// Indices fit: a block has at most 2^32 statements because jump targets are that wide (verified).

@@ -70,6 +70,8 @@ pub struct Block {
     pub local_len: u32,
     /// Calls, by the index in [`Op::Call`] and [`Op::CallNative`].
     pub calls: Box<[Call]>,
+    /// A jump leads back: a run may execute more statements than there are.
+    pub loops: bool,
     /// Targets of `SPL`, the last one for numbers beyond the list.
     pub lists: Box<[Box<[u32]>]>,
 }

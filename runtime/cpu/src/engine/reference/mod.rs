@@ -5,10 +5,11 @@ mod bytes;
 mod frames;
 mod run;
 
+use std::cell::Cell;
 use std::sync::Arc;
 
 use super::plan::{Block, Op, Plan};
-use super::{Engine, Entry, Factory};
+use super::{Engine, Entered, Entry, Factory, Watched};
 use crate::Abort;
 use crate::context::Context;
 use frames::{Frame, Frames};
@@ -56,11 +57,17 @@ struct Reference<const ACCOUNTS: bool> {
     /// The blocks without short forms, when it runs those.
     plain: Option<Box<[Block]>>,
     frames: Frames,
+    /// A job is armed.
+    watches: Cell<bool>,
+    /// While a job is armed: for each frame, what its caller was entered with.
+    entered: Box<[Cell<Option<Entered>>]>,
 }
 
 impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
     fn new(plan: &Arc<Plan>, plain: Option<Box<[Block]>>) -> Self {
-        Self { plan: Arc::clone(plan), plain, frames: Frames::new(plan.frames) }
+        let entered = std::iter::repeat_with(Cell::default).take(plan.frames).collect();
+        let watches = Cell::new(false);
+        Self { plan: Arc::clone(plan), plain, frames: Frames::new(plan.frames), watches, entered }
     }
 
     fn blocks(&self) -> &[Block] {
@@ -79,9 +86,16 @@ impl<const ACCOUNTS: bool> Engine for Reference<ACCOUNTS> {
 
     fn call(&self, block: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<(), Abort> {
         let floor = self.frames.top();
-        let ran = self.run(block, entry, cx);
+        let ran = match self.watches.get() {
+            false => self.run::<false>(block, entry, cx),
+            true => self.run::<true>(block, entry, cx),
+        };
         // Drops the frames of blocks that an abort has left.
         self.frames.cut(floor);
         ran
+    }
+
+    fn watch(&self, watched: &Watched) {
+        self.watches.set(*watched != Watched::default());
     }
 }

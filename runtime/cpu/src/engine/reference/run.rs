@@ -22,8 +22,13 @@ fn scan_bit(scan: Scan, bit: bool, r: &mut Regs) {
 
 impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
     /// Runs `block` until it ends. The registers live in this function; nested blocks of statements run in the same
-    /// loop, native blocks and organization blocks for faults are called out of it.
-    pub(super) fn run(&self, block: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<(), Abort> {
+    /// loop, native blocks and organization blocks for faults are called out of it. `WATCHES`: a job is armed.
+    pub(super) fn run<const WATCHES: bool>(
+        &self,
+        block: u32,
+        entry: &Entry,
+        cx: &mut Context<'_>,
+    ) -> Result<(), Abort> {
         let runtime = cx.blocks;
         let blocks = self.blocks();
         let floor = self.frames.top();
@@ -167,7 +172,19 @@ impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
             }};
         }
 
+        // Enters a block for the jobs there are.
+        macro_rules! entered {
+            ($caller:expr) => {{
+                let run = cx.new_run();
+                cx.entered(current, $caller, run, false, &r)
+            }};
+        }
+        let mut watched = if WATCHES { Some(entered!(None)) } else { None };
+
         loop {
+            if WATCHES && let Some(watched) = &watched {
+                cx.next_statement(watched.run(), pc as u32, &r);
+            }
             let op = code.ops[pc];
             pc += 1;
             match op {
@@ -341,6 +358,9 @@ impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
                             let instance = !matches!(call.instance, InstanceOf::None);
                             match call::enter(instance, &entry, called.local_len, &mut r, cx.machine) {
                                 Ok(saved) => {
+                                    if WATCHES {
+                                        self.entered[self.frames.top()].set(watched);
+                                    }
                                     self.frames.push(Frame { block: current, pc: pc as u32, call: index, tops, saved });
                                 }
                                 Err(fault) => {
@@ -348,10 +368,14 @@ impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
                                     fail!(fault);
                                 }
                             }
+                            let caller = here!();
                             code = called;
                             current = next;
                             pc = 0;
                             from = 0;
+                            if WATCHES {
+                                watched = Some(entered!(Some(caller)));
+                            }
                         }
                         Ok(Prepared::Ready(Callee::Native(native), entry)) => {
                             native!(cx.run_native(native, here!(), call, &entry, tops, &mut r));
@@ -363,10 +387,17 @@ impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
                 }
                 Op::End | Op::EndIf => {
                     count!();
+                    if WATCHES && let Some(watched) = &watched {
+                        cx.pass_ends(watched.run(), &r);
+                        cx.leave(watched);
+                    }
                     if self.frames.top() == floor {
                         break;
                     }
                     let Some(frame) = self.frames.pop() else { break };
+                    if WATCHES {
+                        watched = self.entered[self.frames.top()].get();
+                    }
                     current = frame.block;
                     code = &blocks[current as usize];
                     pc = frame.pc as usize;

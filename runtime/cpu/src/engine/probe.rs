@@ -1,0 +1,94 @@
+//! The probe: what an engine does while a block is watched. The engine without jobs has no code for it: each run loop
+//! is a function of `WATCHES`, and the one with `false` knows nothing of this.
+
+use ob1_model::PASS_JOBS;
+
+use super::Caller;
+use super::regs::Regs;
+use crate::Context;
+use crate::watching::Entering;
+
+/// The blocks that jobs are about, by their index in [`super::Plan::blocks`]; none: no job is armed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Watched {
+    /// Blocks that are watched.
+    pub blocks: [Option<u32>; PASS_JOBS],
+    /// Blocks of which it must be known whether a watched one was called in them.
+    pub callers: [Option<u32>; PASS_JOBS],
+}
+
+impl Watched {
+    /// All of them.
+    pub fn all(&self) -> impl Iterator<Item = u32> {
+        self.blocks.into_iter().chain(self.callers).flatten()
+    }
+}
+
+/// What watching costs in an engine.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Slow {
+    /// A watched pass takes much longer than another: it is weighed before.
+    pub weighs: bool,
+    /// A watched block is part of others' machine code: these run without it while a job is armed.
+    pub contained: bool,
+}
+
+/// A run of a block while there are jobs.
+#[derive(Clone, Copy, Debug)]
+pub struct Entered {
+    entering: Entering,
+    /// It must run statement by statement, with [`Context::next_statement`] before each.
+    pub probed: bool,
+    statements: u64,
+}
+
+impl Entered {
+    /// The number of the run.
+    #[must_use]
+    pub const fn run(&self) -> u32 {
+        self.entering.run
+    }
+}
+
+impl Context<'_> {
+    /// A number for a run of a block.
+    #[must_use]
+    pub fn new_run(&mut self) -> u32 {
+        self.machine.watching.new_run()
+    }
+
+    /// While there are jobs: a block is entered, its registers in place. `contains`: a watched block is a part of its
+    /// machine code. Every entering has its [`Context::leave`], unless the run is aborted.
+    #[must_use]
+    pub fn entered(&mut self, block: u32, caller: Option<Caller>, run: u32, contains: bool, r: &Regs) -> Entered {
+        let entering = Entering { block, caller, run, contains };
+        let called_by = caller.and_then(|caller| self.blocks.plan.blocks.get(caller.block as usize));
+        let probed = self.machine.enter_watched(&entering, called_by.map(|block| block.id), r);
+        Entered { entering, probed, statements: self.statements() }
+    }
+
+    /// It is left.
+    pub fn leave(&mut self, entered: &Entered) {
+        let inside = self.statements() - entered.statements;
+        let block = self.blocks.plan.blocks.get(entered.entering.block as usize);
+        // Without loops its own are no more than it has, whatever it calls.
+        let own = block.filter(|block| !block.loops).map_or(inside, |block| block.ops.len() as u64);
+        self.machine.leave_watched(&entered.entering, own);
+    }
+
+    /// The statement of a probed run that comes now.
+    #[inline]
+    pub fn next_statement(&mut self, run: u32, statement: u32, r: &Regs) {
+        self.machine.watching.step(run, statement, r);
+    }
+
+    /// A probed run has come to its block's end; the registers are those that the end finds.
+    pub fn pass_ends(&mut self, run: u32, r: &Regs) {
+        let now = self.machine.hot.now;
+        self.machine.watching.end(run, r, now);
+    }
+
+    fn statements(&self) -> u64 {
+        self.machine.statements + u64::from(self.machine.hot.pending)
+    }
+}
