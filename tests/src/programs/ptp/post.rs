@@ -149,8 +149,8 @@ impl Outbox {
         (self.jobs[done].arrived, self.jobs[done].last) = (1, last);
     }
 
-    /// A job was refused, and the same bytes have arrived: they may be those of a job before it that still runs, or that
-    /// ended with an error when they were on the line already.
+    /// A job was refused, and the same bytes have arrived: they may be those of a job before it that still runs, or
+    /// that ended with an error when they were on the line already.
     fn give_back(&mut self, refused: usize) {
         let (before, from) = self.jobs.split_at_mut(refused);
         let is_same = |job: &&mut Job| {
