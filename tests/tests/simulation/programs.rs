@@ -120,6 +120,7 @@ const FOUND: &[(&str, u64, &str)] = &[
     ("cp040", 48184, "as 37826"),
     ("cp040", 75203, "the judge: an edge of REQ while R is on may be that of a job which waits for the reset"),
     ("cp040", 89889, "as 75203"),
+    ("cp040", 15506, "the judge, after the mend of 37826: the DONE of the reset for that of the job"),
     ("cp040", 28002, "the judge: an edge of REQ in the call of R, behind one of which nobody knew whether it counts"),
 ];
 

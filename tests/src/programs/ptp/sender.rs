@@ -128,7 +128,7 @@ pub struct Sender {
     owed: Option<(Instant, u32)>,
     /// An error has ended the job, or a start-up has come: whether the reset still runs, the next call shows.
     settles: bool,
-    /// A job began in that very call: whether DONE is the job's or that of the reset, nobody knows.
+    /// A job began in that very call: whether DONE is that of the reset or ends the job, nobody knows.
     either: bool,
     /// Errors have a cause until then.
     excused_until: Instant,
@@ -219,8 +219,10 @@ impl Sender {
         };
         let mut end = end;
         self.either &= self.owed.is_some() && !resets;
-        let of_either = self.either && self.job.is_some();
-        if !self.manual.blocks && self.owed.is_some() && end == Some(End::Done) && !of_either {
+        if !self.manual.blocks && self.owed.is_some() && end == Some(End::Done) {
+            if let Some(job) = self.job.as_mut().filter(|_| self.either) {
+                job.sure = false;
+            }
             // The reset itself has ended; a job may have begun meanwhile. [reference 8.3]
             (self.owed, end) = (None, None);
         }
