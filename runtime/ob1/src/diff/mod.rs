@@ -16,8 +16,8 @@ use side::Side;
 
 /// Show what differs between two programs
 ///
-/// A program is a station file or its folder, a STEP 7 project (folder, .s7p, .s7l, .zip), a folder of .mc7, sources, or
-/// cpu:HOST for a CPU on the network. Blocks are compared by what they mean: names, comments and time stamps do not
+/// A program is a station file or its folder, a STEP 7 project (folder, .s7p, .s7l, .zip), a folder of .mc7, sources,
+/// or cpu:HOST for a CPU on the network. Blocks are compared by what they mean: names, comments and time stamps do not
 /// count; declarations, start values and statements do.
 #[derive(Clone, Debug, Args)]
 #[command(

@@ -252,6 +252,7 @@ pub(super) const TABLE: &[Row] = &[
             "rustix",
             "serde",
             "serde_json",
+            "similar",
             "thiserror",
             "toml",
         ],
