@@ -23,8 +23,7 @@ Exit codes:
   import, upload: 0 the whole program came over, 1 blocks were left out or the station does not start
   yet, 2 nothing could be read or written.
   download: 0 everything was loaded, 1 blocks were refused, 2 nothing could be loaded.
-  compare: 0 the same program, 1 another one, 2 nothing could be read.
-  diff: 0 the same program, 1 another one, 2 one of them cannot be read.
+  compare, diff: 0 the same program, 1 another one, 2 one of them cannot be read.
   soak: 0 pass (compare: not worse), 1 a budget is broken (compare: worse), 2 inconclusive, or it could not be measured.
   With --fence-scan a forbidden system call ends the process by SIGSYS (shells show 159).";
 
@@ -99,7 +98,7 @@ pub enum ImportExit {
     Nothing = 2,
 }
 
-/// How `ob1 diff` ends: as `diff` does.
+/// How `ob1 diff` and `ob1 compare` end: as `diff` does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum DiffExit {

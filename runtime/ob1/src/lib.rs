@@ -16,6 +16,7 @@ pub mod exec;
 pub mod exit;
 pub mod import;
 pub mod language;
+mod live_text;
 pub mod new;
 pub mod remote;
 pub mod soak;

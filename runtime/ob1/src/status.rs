@@ -3,7 +3,7 @@
 
 use std::fmt::Write as _;
 use std::io::{self, IsTerminal as _};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use clap::Args;
 use ob1_station::access::client::{AccessError, Client};
@@ -11,10 +11,9 @@ use ob1_station::access::pass::{LineStatus, PassStatus, PassWanted, Registers};
 use ob1_station::access::protocol::Op;
 use ob1_station::{out, station_file};
 use ob1_time::Span;
-use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
-use ratatui::widgets::Paragraph;
 
 use crate::exit::Exit;
+use crate::live_text;
 
 /// Time between two passes of the live view; the station makes no more than ten a second.
 const EVERY: Duration = Duration::from_millis(250);
@@ -105,10 +104,12 @@ fn show(args: &StatusArgs) -> Result<Exit, AccessError> {
     // What is wrong with the question is told before there is a screen.
     let mut pass = ask(&mut client, args)?;
     if live {
-        let mut terminal = ratatui::try_init()?;
-        let done = screen(args, &mut client, pass, &mut terminal);
-        ratatui::restore();
-        return done.map(|()| Exit::Ok);
+        let next = || match ask(&mut client, args) {
+            Err(AccessError::Io(_)) => Ok(None),
+            pass => pass.map(|pass| Some(shown(args, &pass))),
+        };
+        live_text::show(EVERY, shown(args, &pass), next)?;
+        return Ok(Exit::Ok);
     }
     loop {
         if args.json {
@@ -131,46 +132,9 @@ fn show(args: &StatusArgs) -> Result<Exit, AccessError> {
     }
 }
 
-fn screen(
-    args: &StatusArgs,
-    client: &mut Client,
-    mut pass: PassStatus,
-    terminal: &mut ratatui::DefaultTerminal,
-) -> Result<(), AccessError> {
-    let mut top = 0u16;
-    loop {
-        let at = Instant::now();
-        let shown = match not_called(args, &pass) {
-            Some(why) => format!("{why}\n\nq quit"),
-            None => format!("{}\nq quit   up, down", text(&pass)),
-        };
-        let last = shown.lines().count().min(usize::from(u16::MAX)) as u16;
-        loop {
-            let height = terminal.size()?.height;
-            top = top.min(last.saturating_sub(height));
-            terminal
-                .draw(|frame| frame.render_widget(Paragraph::new(shown.as_str()).scroll((top, 0)), frame.area()))?;
-            let left = EVERY.saturating_sub(at.elapsed());
-            if !event::poll(left)? {
-                break;
-            }
-            let Event::Key(key) = event::read()? else { continue };
-            match key.code {
-                _ if key.kind == KeyEventKind::Release => {}
-                KeyCode::Char('q') | KeyCode::Esc => return Ok(()),
-                KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => return Ok(()),
-                KeyCode::Up => top = top.saturating_sub(1),
-                KeyCode::Down => top = top.saturating_add(1),
-                KeyCode::PageUp => top = top.saturating_sub(height / 2),
-                KeyCode::PageDown => top = top.saturating_add(height / 2),
-                _ => {}
-            }
-        }
-        pass = match ask(client, args) {
-            Err(AccessError::Io(_)) => return Ok(()),
-            pass => pass?,
-        };
-    }
+/// A pass as the live view shows it.
+fn shown(args: &StatusArgs, pass: &PassStatus) -> String {
+    not_called(args, pass).unwrap_or_else(|| text(pass))
 }
 
 /// A pass as a table.
@@ -187,8 +151,8 @@ fn text(pass: &PassStatus) -> String {
     if pass.outcome == "stopped" {
         out.push_str("the CPU went to STOP in this pass: what ran until then\n");
     }
-    for line in [&pass.cut].into_iter().filter(|cut| !cut.is_empty()) {
-        let _ = writeln!(out, "{line}");
+    if !pass.cut.is_empty() {
+        let _ = writeln!(out, "{}", pass.cut);
     }
     if pass.file.is_empty() {
         out.push_str("without its source (none, or changed since it was loaded): as it is printed\n");

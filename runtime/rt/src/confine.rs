@@ -392,6 +392,9 @@ mod tests {
             let rules = rules(&wanted).expect("rules");
             let families = rules.get(&libc::SYS_socket).map_or(0, Vec::len);
             assert_eq!(families, 1 + 2 * usize::from(network != Network::None) + usize::from(network == Network::Name));
+            // A port of its own is reached by TCP; who has a network needs nothing more for it.
+            let own = sockets(&Confinement { network, ports: vec![4840], ..Confinement::default() });
+            assert_eq!(own.len(), families.max(2));
             let streams = sockets(&wanted).contains(&(libc::AF_UNIX, None));
             assert_eq!(streams, network == Network::Name, "only the name service may be behind a stream");
             for forbidden in [libc::SYS_execve, libc::SYS_ptrace, libc::SYS_mount, libc::SYS_bpf, libc::SYS_unshare] {

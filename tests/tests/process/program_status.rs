@@ -97,6 +97,8 @@ fn each_line_of_the_source_with_what_is_behind_it() {
         site.write("p.awl", &SOURCE.replace("three rounds", "3 rounds"));
         let said = site.ob1(&["status", "status", "FB 20", "--once"]).fine();
         assert!(said.contains("without its source") && said.contains("LOOP"), "{said}");
+        let said = site.ob1(&["status", "status", "FC 6", "--once"]).fine();
+        assert!(said.contains("CALL FB 20, DB 21 ( start := M 0.0);"), "a call is one line: {said}");
         assert_eq!(running.interrupt().code(), Some(0));
         assert_eq!(site.ob1(&["status", "status", "FB 20"]).code, Some(5));
     }

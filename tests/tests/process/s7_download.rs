@@ -167,6 +167,11 @@ fn the_program_of_a_station_goes_into_another() {
     site.write("other.toml", "[station]\nname = \"other\"\n\n[program]\nsources = [\"other.awl\"]\n");
     let host = format!("127.0.0.1:{port}");
     assert_eq!(site.ob1(&["compare", &host, "other.toml"]).code, Some(1));
+    // A value that has changed in the CPU makes no other program.
+    site.ob1(&["set", "s7-target", "DB10.DBW0=7"]).fine();
+    let cpu = format!("cpu:{host}");
+    let same = site.ob1(&["diff", "station.toml", &cpu]);
+    assert_eq!(same.code, Some(0), "{}", same.out);
     let in_run = site.ob1(&["download", &host, "other.toml"]);
     assert_eq!(in_run.code, Some(2), "{}", in_run.err);
     assert!(in_run.err.contains("--stop"), "{}", in_run.err);
@@ -181,6 +186,9 @@ fn the_program_of_a_station_goes_into_another() {
         "{}",
         compared.out
     );
+    let more = site.ob1(&["diff", "other.toml", &cpu]);
+    assert_eq!(more.code, Some(1));
+    assert!(more.out.contains("\n+ DB 10\n1 block is different, 3 the same"), "{}", more.out);
     assert_eq!(site.ob1(&["upload", &host, "--out", "copy"]).code, Some(0));
     assert_eq!(site.ob1(&["compare", &host, "copy"]).code, Some(0));
     assert_eq!(station.interrupt().code(), Some(0));

@@ -26,9 +26,11 @@ impl Printer<'_> {
         let mut lines = Lines { printer: *self, block, listing, labels, out: String::new(), network: 0 };
         let (mut at, mut all) = (0, Vec::new());
         while at < block.code.len() {
+            lines.networks(block.code.get(at).map_or(0, |stmt| stmt.network));
             lines.out.clear();
             let used = lines.statement(at)?;
-            all.push((at, lines.out.lines().last().unwrap_or_default().to_owned()));
+            // A call with parameters has several lines.
+            all.push((at, lines.out.trim_end().replace("\n        ", " ")));
             at += used;
         }
         Ok(all)

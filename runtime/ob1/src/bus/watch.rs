@@ -2,18 +2,17 @@
 //! elsewhere.
 
 use std::io::{self, IsTerminal as _};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use clap::Args;
 use ob1_station::access::client::{AccessError, Client};
 use ob1_station::access::protocol::{BusStatus, Op};
 use ob1_station::{out, station_file};
 use ob1_time::Span;
-use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
-use ratatui::widgets::Paragraph;
 
 use super::text::text;
 use crate::exit::Exit;
+use crate::live_text;
 
 #[derive(Clone, Debug, Args)]
 #[command(
@@ -90,10 +89,7 @@ fn watch(args: &WatchArgs) -> Result<Exit, AccessError> {
     if plain {
         return lines(args, &mut client, &mut looks);
     }
-    let mut terminal = ratatui::try_init()?;
-    let done = screen(args, &mut client, &mut looks, &mut terminal);
-    ratatui::restore();
-    done.map(|()| Exit::Ok)
+    screen(args, &mut client, &mut looks).map(|()| Exit::Ok)
 }
 
 /// Whether there is a next look; the end of the station is the end of this.
@@ -128,31 +124,11 @@ fn lines(args: &WatchArgs, client: &mut Client, looks: &mut Looks) -> Result<Exi
     }
 }
 
-fn screen(
-    args: &WatchArgs,
-    client: &mut Client,
-    looks: &mut Looks,
-    terminal: &mut ratatui::DefaultTerminal,
-) -> Result<(), AccessError> {
-    let mut count = 1;
-    loop {
-        let mut shown = looks.text(None);
-        shown.push_str("\nq quit");
-        terminal.draw(|frame| frame.render_widget(Paragraph::new(shown.as_str()), frame.area()))?;
-        let left = Duration::from(args.every).saturating_sub(looks.at.elapsed());
-        if event::poll(left)? {
-            if let Event::Key(key) = event::read()?
-                && key.kind != KeyEventKind::Release
-                && (matches!(key.code, KeyCode::Char('q') | KeyCode::Esc)
-                    || key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL))
-            {
-                return Ok(());
-            }
-            continue;
-        }
-        if args.count.is_some_and(|wanted| count >= wanted) || !next(args, client, looks)? {
-            return Ok(());
-        }
+fn screen(args: &WatchArgs, client: &mut Client, looks: &mut Looks) -> Result<(), AccessError> {
+    let (first, mut count) = (looks.text(None), 1);
+    live_text::show(args.every.into(), first, || {
+        let goes_on = args.count.is_none_or(|wanted| count < wanted) && next(args, client, looks)?;
         count += 1;
-    }
+        Ok(goes_on.then(|| looks.text(None)))
+    })
 }

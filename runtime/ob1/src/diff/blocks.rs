@@ -42,6 +42,15 @@ impl Text {
         self.name.as_ref().map_or_else(|| self.id.to_string(), |name| format!("{} \"{name}\"", self.id))
     }
 
+    /// A data block's declarations alone; another block whole.
+    pub(super) fn without_values(mut self) -> Self {
+        if self.id.kind == BlockKind::Db {
+            let values = self.lines.iter().position(|line| line.meant == "BEGIN");
+            self.lines.truncate(values.unwrap_or(self.lines.len()));
+        }
+        self
+    }
+
     pub(super) fn is_same(&self, other: &Self) -> bool {
         self.lines.iter().map(|line| &line.meant).eq(other.lines.iter().map(|line| &line.meant))
     }

@@ -67,7 +67,7 @@ fn run(args: &DiffArgs) -> Result<DiffExit, String> {
     let sides = args.programs.iter().map(read).collect::<Result<Vec<_>, _>>()?;
     match (sides.as_slice(), args.text) {
         ([one], true) => {
-            one.texts(&args.blocks).values().flat_map(|text| &text.lines).for_each(|line| say!("{}", line.shown));
+            one.texts(&args.blocks, true).values().flat_map(|text| &text.lines).for_each(|line| say!("{}", line.shown));
             Ok(DiffExit::Same)
         }
         ([old, new], false) => Ok(compare(args, old, new)),
@@ -77,7 +77,9 @@ fn run(args: &DiffArgs) -> Result<DiffExit, String> {
 }
 
 fn compare(args: &DiffArgs, old: &Side, new: &Side) -> DiffExit {
-    let (before, after) = (old.texts(&args.blocks), new.texts(&args.blocks));
+    // What is in the data blocks of a CPU changes as long as it runs.
+    let values = !old.runs && !new.runs;
+    let (before, after) = (old.texts(&args.blocks, values), new.texts(&args.blocks, values));
     let (mut same, mut gone, mut added, mut changed) = (0, Vec::new(), Vec::new(), Vec::new());
     for id in before.keys().chain(after.keys()).collect::<BTreeSet<_>>() {
         match (before.get(id), after.get(id)) {

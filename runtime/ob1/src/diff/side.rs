@@ -23,6 +23,8 @@ const STATION: &str = "station.toml";
 /// See [the module](self).
 pub(super) struct Side {
     pub(super) title: String,
+    /// A CPU: its data blocks have their present values.
+    pub(super) runs: bool,
     program: Program,
     library: Library,
 }
@@ -32,7 +34,9 @@ impl Side {
     /// Why it cannot be read.
     pub(super) fn read(path: &Path, program: Option<&str>, unit: &Unit) -> Result<Self, String> {
         let title = path.display().to_string();
-        let (program, library) = if let Some(host) = title.strip_prefix(CPU) {
+        let host = title.strip_prefix(CPU);
+        let runs = host.is_some();
+        let (program, library) = if let Some(host) = host {
             import::program_of_cpu(&CpuArgs { host: host.to_owned(), unit: unit.clone() })?
         } else if station_file::is_station_file(path) {
             station(path)?
@@ -51,11 +55,11 @@ impl Side {
                 project => project?,
             }
         };
-        Ok(Self { title, program, library })
+        Ok(Self { title, runs, program, library })
     }
 
-    /// Its blocks as text; only `wanted`, if there are any.
-    pub(super) fn texts(&self, wanted: &[BlockId]) -> BTreeMap<BlockId, Text> {
+    /// Its blocks as text; only `wanted`, if there are any. `values`: those of data blocks, too.
+    pub(super) fn texts(&self, wanted: &[BlockId], values: bool) -> BTreeMap<BlockId, Text> {
         let own = self.program.blocks.iter().map(|block| (block.id, &block.interface));
         let bare: BTreeMap<BlockId, Interface> = own.clone().map(|(id, interface)| (id, nameless(interface))).collect();
         let own: BTreeMap<BlockId, &Interface> = own.collect();
@@ -66,7 +70,8 @@ impl Side {
         let shown = Printer::new(Mnemonics::International, &shown).with_symbols(&symbols);
         let meant = Printer::new(Mnemonics::International, &meant);
         let texts = texts(&self.program, &shown, &meant).into_iter();
-        texts.filter(|text| wanted.is_empty() || wanted.contains(&text.id)).map(|text| (text.id, text)).collect()
+        let texts = texts.filter(|text| wanted.is_empty() || wanted.contains(&text.id));
+        texts.map(|text| (text.id, if values { text } else { text.without_values() })).collect()
     }
 }
 

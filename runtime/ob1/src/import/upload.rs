@@ -16,7 +16,7 @@ use super::hardware::Hardware;
 use super::profibus::GsdFiles;
 use super::wire::{CpuArgs, Socket, connect};
 use super::{exit, outcome, output, report, station, translated};
-use crate::exit::ImportExit;
+use crate::exit::{DiffExit, ImportExit};
 
 /// The types of blocks a program is made of.
 const TYPES: [BlockType; 4] = [BlockType::Ob, BlockType::Fb, BlockType::Fc, BlockType::Db];
@@ -179,14 +179,14 @@ fn keep(out: &Path, blocks: &Blocks) -> Result<Vec<String>, String> {
 
 /// Compares; prints what there is to print.
 #[must_use]
-pub fn compare(args: &CompareArgs) -> ImportExit {
+pub fn compare(args: &CompareArgs) -> DiffExit {
     held_against(args).unwrap_or_else(|text| {
         err!("ob1: {text}");
-        ImportExit::Nothing
+        DiffExit::Nothing
     })
 }
 
-fn held_against(args: &CompareArgs) -> Result<ImportExit, String> {
+fn held_against(args: &CompareArgs) -> Result<DiffExit, String> {
     let kept = collect(std::slice::from_ref(&args.folder))?;
     let (there, _) = read(&mut connect(&args.cpu)?)?;
     let names: BTreeSet<&String> = kept.keys().chain(there.keys()).collect();
@@ -202,7 +202,7 @@ fn held_against(args: &CompareArgs) -> Result<ImportExit, String> {
         other += 1;
     }
     say!("{} blocks in the CPU, differences from {}: {other}", there.len(), args.folder.display());
-    Ok(if other == 0 { ImportExit::Whole } else { ImportExit::Incomplete })
+    Ok(if other == 0 { DiffExit::Same } else { DiffExit::Other })
 }
 
 /// The values of a data block change as long as the CPU runs.
