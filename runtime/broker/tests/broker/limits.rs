@@ -198,17 +198,17 @@ fn who_guesses_waits_longer_and_longer_and_is_recorded() {
         door.partner(client, format!("10.0.0.5:{client}"));
         let (is_right, wait) = login(&mut station, &mut door, client, "guess");
         assert!(!is_right);
-        let least = [0, 250, 500, 1000, 2000][(client as usize - 1).min(4)];
+        let least = [0, 250, 500, 1000, 2000, 2250][(client as usize - 1).min(5)];
         assert!((least..least + 10).contains(&wait), "{client}: {wait}");
     }
-    assert!(station.time - begin > 390_000 * MS, "200 tries take six minutes and a half");
+    assert!(station.time - begin > 440_000 * MS, "200 tries take more than seven minutes");
     door.partner(300, "10.0.0.6:1".to_owned());
     assert!(matches!(login(&mut station, &mut door, 300, "secret"), (true, 0..10)));
     door.partner(301, "10.0.0.5:999".to_owned());
-    assert!(matches!(login(&mut station, &mut door, 301, "secret"), (true, 2000..2010)), "at the same address");
+    assert!(matches!(login(&mut station, &mut door, 301, "secret"), (true, 2250..2260)), "at the same address");
     let records = std::mem::take(&mut *station.records.lock().expect("not poisoned"));
     assert_eq!(records[0], "panel, 10.0.0.5:1: password: wrong");
-    assert!((90..110).contains(&records.len()), "{}", records.len());
+    assert!((100..140).contains(&records.len()), "{}", records.len());
     let left_out =
         |line: &String| line.split_once(" (").and_then(|(_, rest)| rest.split(' ').next()?.parse::<usize>().ok());
     let left_out: usize = records.iter().filter_map(left_out).sum();
