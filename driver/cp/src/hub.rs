@@ -13,11 +13,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time;
 
 use ob1_backplane::{Counter, CpSide, DriverState};
-use ob1_child::doorbell_closed;
 use ob1_cp::HEARTBEAT;
 use ob1_line::hub::{Hub, Partner};
 use ob1_line::sim::{Bursts, BusConfig, FaultRates};
 use ob1_line::{Instant, Span};
+use ob1_process::doorbell_closed;
 use rustix::event::{PollFd, PollFlags};
 use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
@@ -164,7 +164,7 @@ fn wait(hub: Option<&Hub>, timeout: Span) -> io::Result<bool> {
     if let Some(hub) = hub {
         hub.poll_fds(&mut fds);
     }
-    ob1_child::wait(&mut fds, timeout)?;
+    ob1_process::wait(&mut fds, timeout)?;
     Ok(fds.first().is_some_and(|fd| !fd.revents().is_empty()))
 }
 

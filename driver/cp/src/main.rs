@@ -16,7 +16,7 @@ use std::time::Duration;
 
 use clap::Parser;
 use ob1_backplane::{CpSide, Segment};
-use ob1_child::fence;
+use ob1_process::fence;
 use tracing::{error, info};
 
 use process::{Ended, Process};
@@ -73,7 +73,7 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> ExitCode {
     // Before anything is opened, and before there is a thread.
     let fenced = fence::raise();
-    ob1_child::start_log();
+    ob1_process::start_log();
     // Of the highest level: a filter that lets only warnings through keeps the name before them.
     let _span = tracing::error_span!("cp", name = arguments.name).entered();
 
@@ -84,10 +84,10 @@ fn run(arguments: &Arguments) -> ExitCode {
         return ExitCode::from(u8::from(!fence::self_test()));
     }
 
-    let terminate = ob1_child::signals();
+    let terminate = ob1_process::signals();
     let path = arguments.segment.as_deref().unwrap_or(Path::new(""));
     let segment =
-        match ob1_child::handed_over().into_iter().next().map_or_else(|| Segment::open(path), Segment::received) {
+        match ob1_process::handed_over().into_iter().next().map_or_else(|| Segment::open(path), Segment::received) {
             Ok(segment) => CpSide::attach(&segment),
             Err(error) => Err(error),
         };

@@ -5,11 +5,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{self, Duration};
 
 use ob1_backplane::CpSide;
-use ob1_child::doorbell_closed;
 use ob1_cp::{Change, CpPump, HEARTBEAT, Presence};
-use ob1_firmware::trace::record::Kind;
 use ob1_firmware::{Instant, LineFault, LineInput, ModemLines, Span};
 use ob1_line::{ECHOES, LineEvent, PollFds, RealLine, SILENT};
+use ob1_process::doorbell_closed;
+use ob1_serial::record::Kind;
 use rustix::event::{PollFd, PollFlags};
 use rustix::io::Errno;
 use tracing::{info, warn};
@@ -165,7 +165,7 @@ impl Process {
         fds.extend(line.into_entries());
         let lines = fds.len();
         fds.extend(self.port.tap.fd(self.now()).map(|fd| PollFd::from_borrowed_fd(fd, PollFlags::IN)));
-        ob1_child::wait(&mut fds, timeout)?;
+        ob1_process::wait(&mut fds, timeout)?;
         Ok(Ready {
             doorbell: fds.first().is_some_and(|fd| !fd.revents().is_empty()),
             line: fds.iter().take(lines).skip(1).any(|fd| !fd.revents().is_empty()),

@@ -1,10 +1,10 @@
 //! The process's line: a real one, once the configuration has named it, and the log.
 
-use ob1_child::tap::Tap;
 use ob1_cp::{CpType, LinePort, Refused};
-use ob1_firmware::trace::record::Kind;
 use ob1_firmware::{CpEvent, Instant, LineSettings, Span};
 use ob1_line::RealLine;
+use ob1_process::tap::Tap;
+use ob1_serial::record::Kind;
 use tracing::{debug, info, trace, warn};
 
 use crate::config::Config;

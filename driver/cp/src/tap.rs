@@ -2,11 +2,11 @@
 
 use std::time::SystemTime;
 
-use ob1_child::tap::Tap;
 use ob1_cp::CpType;
-use ob1_firmware::trace::record::Kind;
 use ob1_firmware::{CpEvent, Instant, LONG_BIT};
 use ob1_params::Protocol341;
+use ob1_process::tap::Tap;
+use ob1_serial::record::Kind;
 use ob1_words::cp341_events;
 use serde_json::json;
 

@@ -2,11 +2,11 @@
 
 use std::io;
 
-use ob1_child::tap::Tap;
 use ob1_coupler::{Image, Input, LineConfig, LineFault, LineInput, MasterInput, State};
 use ob1_io::Master;
 use ob1_line::{ECHOES, Instant, LineEvent, LineSettings, LineSpec, Parity, RealLine, SILENT};
-use ob1_protocols::trace::record::Kind;
+use ob1_process::tap::Tap;
+use ob1_serial::record::Kind;
 use serde_json::json;
 use tracing::{info, warn};
 

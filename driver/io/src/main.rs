@@ -15,8 +15,8 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use ob1_backplane::{BusMemory, BusSize, CpSide, Segment, SegmentError};
-use ob1_child::fence;
 use ob1_coupler::BusConfig;
+use ob1_process::fence;
 use tracing::{error, info};
 
 use process::Process;
@@ -75,7 +75,7 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments, fenced: &Result<Vec<(&'static str, String)>, String>) -> ExitCode {
-    ob1_child::start_log();
+    ob1_process::start_log();
     // Of the highest level: a filter that lets only warnings through keeps the name before them.
     let _span = tracing::error_span!("io", name = arguments.name).entered();
     if !fence::tell(fenced) {
@@ -91,7 +91,7 @@ fn run(arguments: &Arguments, fenced: &Result<Vec<(&'static str, String)>, Strin
             }
         };
     }
-    let terminate = ob1_child::signals();
+    let terminate = ob1_process::signals();
     let Some(size) = BusSize::new(bus.stations().count(), bus.input_bytes, bus.output_bytes) else {
         error!("the bus has more couplers or bytes than an image carries");
         return ExitCode::from(2);
@@ -120,7 +120,7 @@ fn run(arguments: &Arguments, fenced: &Result<Vec<(&'static str, String)>, Strin
 
 /// The descriptors handed over: the segment, then the image of the bus.
 fn ends() -> Result<(CpSide, BusMemory), SegmentError> {
-    let mut descriptors = ob1_child::handed_over().into_iter();
+    let mut descriptors = ob1_process::handed_over().into_iter();
     let (Some(segment), Some(memory)) = (descriptors.next(), descriptors.next()) else {
         return Err(SegmentError::NotSealed);
     };

@@ -82,7 +82,7 @@ impl Process {
             let timeout = if more || !asleep { Span::ZERO } else { self.deadline().since(self.now()) };
             let ready = self.wait(timeout, true)?;
             self.pump.segment.awake();
-            if self.terminate.load(Ordering::Relaxed) || ready && ob1_child::doorbell_closed()? {
+            if self.terminate.load(Ordering::Relaxed) || ready && ob1_process::doorbell_closed()? {
                 return self.end();
             }
         }
@@ -139,7 +139,7 @@ impl Process {
                 owners.push((n, true));
             }
         }
-        ob1_child::wait(&mut fds, timeout)?;
+        ob1_process::wait(&mut fds, timeout)?;
         let rung = doorbell && fds.first().is_some_and(|fd| !fd.revents().is_empty());
         let ready: Vec<bool> = fds.iter().skip(usize::from(doorbell)).map(|fd| !fd.revents().is_empty()).collect();
         drop(fds);

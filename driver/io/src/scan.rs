@@ -69,7 +69,7 @@ fn wait(real: &mut RealLine, deadline: Instant, now: Instant) -> io::Result<()> 
         let mut fds = PollFds::default();
         real.poll_fds(&mut fds);
         let mut fds: Vec<_> = fds.into_entries().collect();
-        ob1_child::wait(&mut fds, until.since(now))?;
+        ob1_process::wait(&mut fds, until.since(now))?;
         fds.iter().any(|fd| !fd.revents().is_empty())
     };
     if ready {

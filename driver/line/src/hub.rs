@@ -13,11 +13,11 @@ use rustix::event::{PollFd, PollFlags};
 
 use crate::line::{Instant, LineEvent, LineFault, LineInput, PollFds, Span};
 use crate::real::RealLine;
-use crate::seqpacket::{Channel, Listener, MESSAGE_MAX, Sent};
 use crate::settings::LineSettings;
 use crate::sim::{BusConfig, BusEvent, Frame, Participant, SimBus};
 use crate::spec::LineSpec;
 use crate::wire::{FromHub, ToHub};
+use ob1_socket::seqpacket::{Channel, Listener, MESSAGE_MAX, Sent};
 
 /// A further participant of the line.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]

@@ -16,7 +16,6 @@ mod line;
 mod link;
 mod parmrk;
 mod real;
-pub mod seqpacket;
 mod settings;
 pub mod sim;
 mod spec;

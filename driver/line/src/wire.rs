@@ -1,5 +1,5 @@
 //! The messages between a CP and the hub of a simulated line, each one message of a
-//! [`Channel`](crate::seqpacket::Channel).
+//! [`Channel`](ob1_socket::seqpacket::Channel).
 //!
 //! | first byte | from | then |
 //! |---|---|---|

@@ -240,7 +240,7 @@ fn a_cable_reports_its_modem_lines_before_anybody_has_switched_them() {
 
 #[test]
 fn who_writes_without_end_waits_and_the_line_holds_no_more_than_it_must() {
-    use ob1_line::seqpacket::{Channel, MESSAGE_MAX, Sent};
+    use ob1_socket::seqpacket::{Channel, MESSAGE_MAX, Sent};
     let world = World::new(BusConfig::new(false), &Partner::None, &[]);
     let mut hub = world.hub.expect("made");
     let flooder = Channel::connect(&world.path).expect("the line listens");

@@ -7,9 +7,10 @@ use ob1_access::door::{
     Answer, Ask, Document, Door, Event, MESSAGE_BYTES, News, Refusal, State, ToBroker, ToLink, VERSION, Welcome, What,
 };
 use ob1_access::{Cell, Piece, Put, Right, Width};
-use ob1_backplane::{WindowHead, WindowWriter, handover};
+use ob1_backplane::{WindowHead, WindowWriter};
 use ob1_gate_core::{Audit, Client, Station, Trouble, Who};
 use ob1_model::Area;
+use ob1_socket::handover;
 use tokio::io::unix::AsyncFd;
 
 const AGE: Duration = Duration::from_secs(60);

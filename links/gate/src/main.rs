@@ -114,7 +114,7 @@ fn signals() {
 
 fn run(name: &str) -> ExitCode {
     // Before anything is opened, and before there is a thread.
-    ob1_rt::close_inherited();
+    ob1_process::close_inherited();
     // The runtime has said what is wrong with OB1_LOG.
     let _ = ob1_log::subscribe("info", ob1_log::Lines::Sparing);
     // Of the highest level: a filter that lets only warnings through keeps the name before them.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use ob1_access::Right;
 use ob1_access::door::{Door, DoorError, Welcome};
 use ob1_gate_core::{Audit, Memory, Tls, Users};
-use ob1_rt::{Confinement, Network};
+use ob1_process::{Confinement, Network};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use serde_json::Value;
@@ -79,7 +79,7 @@ pub(crate) fn links(doors: Vec<Door>) -> Result<(Vec<Ready>, Memory), String> {
         }
     }
     more_descriptors();
-    let refused = ob1_rt::confine(&wanted);
+    let refused = ob1_process::confine(&wanted);
     refused.iter().for_each(|(what, why)| warn!("not confined, {what}: {why}"));
     // Without fences an intruder must gain as little as possible.
     if refused.iter().any(|(what, _)| matches!(*what, "landlock" | "seccomp" | "no new privileges")) {

@@ -529,10 +529,10 @@ const fn ty(kind: BlockKind) -> BlockType {
 #[cfg(test)]
 mod tests {
     use ob1_access::door::Refused;
-    use ob1_backplane::handover;
     use ob1_s7::iso::Place;
     use ob1_s7::server::{Put, Settings};
     use ob1_s7::wire::{Area, DataType};
+    use ob1_socket::handover;
 
     use super::*;
 

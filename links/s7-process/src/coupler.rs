@@ -7,7 +7,6 @@ use std::time::Instant;
 
 use ob1_access::door::{Connection, News};
 use ob1_backplane::CpSide;
-use ob1_protocols::trace::record::Kind;
 use ob1_s7::coupling::ConnectionKind;
 use ob1_s7::iso::{Call, Transport, Tsap};
 use ob1_s7::server::Settings;
@@ -15,6 +14,7 @@ use ob1_s7::tap::Tapped;
 use ob1_s7_process::asks::Surroundings;
 use ob1_s7_process::config::ConnectionKeys;
 use ob1_s7_process::cp::{Cp, Network, Received, is_of};
+use ob1_serial::record::Kind;
 use rustix::event::{PollFd, PollFlags};
 use rustix::io::Errno;
 use rustix::net::{AddressFamily, SocketFlags, SocketType, acceptfrom_with, connect, ipproto, socket_with, sockopt};

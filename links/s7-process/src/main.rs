@@ -14,15 +14,12 @@ mod tap;
 
 use std::os::fd::{AsFd, OwnedFd};
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use clap::Parser;
 use ob1_access::door::{Door, DoorError};
-use ob1_backplane::{CpSide, Segment, handover};
-use ob1_rt::{Confinement, Network};
+use ob1_backplane::{CpSide, Segment};
+use ob1_process::{Confinement, Network};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use tracing::{error, info, warn};
 
 use coupler::Coupler;
@@ -73,30 +70,19 @@ fn main() -> ExitCode {
 
 fn run(arguments: &Arguments) -> ExitCode {
     // Before anything is opened, and before there is a thread. Sockets to listen on come through the door.
-    ob1_rt::close_inherited();
-    let refused = ob1_rt::confine(&Confinement {
+    ob1_process::close_inherited();
+    let refused = ob1_process::confine(&Confinement {
         network: if arguments.cp { Network::Address } else { Network::None },
         memory: MEMORY,
         oom_score: OOM_SCORE,
         ..Confinement::default()
     });
-    // Without the thread the log is written at once.
-    let _ = ob1_log::start();
-    ob1_log::tell_panics();
-    // The runtime has said what is wrong with OB1_LOG.
-    let _ = ob1_log::subscribe("info", ob1_log::Lines::Sparing);
+    ob1_process::start_log();
     // Of the highest level: a filter that lets only warnings through keeps the name before them.
     let _span = tracing::error_span!("s7", name = arguments.name).entered();
     refused.iter().for_each(|(what, why)| warn!("not confined, {what}: {why}"));
 
-    // Ctrl-C on a terminal reaches the whole group; the runtime is asked, and it ends us by closing the door.
-    let ignored = Arc::new(AtomicBool::new(false));
-    let terminate = Arc::new(AtomicBool::new(false));
-    for (signal, flag) in [(SIGINT, &ignored), (SIGHUP, &ignored), (SIGTERM, &terminate)] {
-        if let Err(error) = signal_hook::flag::register(signal, Arc::clone(flag)) {
-            error!("signal {signal}: {error}");
-        }
-    }
+    let terminate = ob1_process::signals();
     let ends =
         if arguments.cp { back_plane() } else { Ok((rustix::stdio::stdin().as_fd().try_clone_to_owned(), None)) };
     let (door, coupler) = match ends {
@@ -130,8 +116,7 @@ fn run(arguments: &Arguments) -> ExitCode {
 
 /// The door and the back plane, handed over by the runtime.
 fn back_plane() -> Result<(std::io::Result<OwnedFd>, Option<Coupler>), String> {
-    let handed = handover::receive(rustix::stdio::stdout(), &mut [0]).map_err(|error| error.to_string())?;
-    let mut descriptors = handed.map(|(_, descriptors)| descriptors).unwrap_or_default().into_iter();
+    let mut descriptors = ob1_process::handed_over().into_iter();
     let (Some(segment), Some(door)) = (descriptors.next(), descriptors.next()) else {
         return Err("the runtime has not handed over a segment and a door".into());
     };

@@ -5,10 +5,10 @@ use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
 
 use ob1_access::door::{self, News};
-use ob1_protocols::trace::record::Kind;
 use ob1_s7::iso::{Call, Refusal, Resource, Transport};
 use ob1_s7::server::{Connection, CpuEvent, End};
 use ob1_s7::tap::Tapped;
+use ob1_serial::record::Kind;
 
 use crate::slots::Occupant;
 use crate::tap::Shared;

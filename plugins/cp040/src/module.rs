@@ -1,7 +1,7 @@
 //! The module as the blocks see it, and one call of each direction.
 
 use ob1_sdk::{Abort, Area, Cx, Instance, Refused};
-use ob1_slio::{ACKNOWLEDGE_SHIFT, IDLE, IO_BYTES, Piece, ReceiveJob, ReceiveStep, SendJob, SendStep, Take};
+use ob1_words::slio::{ACKNOWLEDGE_SHIFT, IDLE, IO_BYTES, Piece, ReceiveJob, ReceiveStep, SendJob, SendStep, Take};
 
 use crate::state::CpState;
 use crate::status;

@@ -2,7 +2,7 @@
 
 use std::cell::Cell;
 
-use ob1_slio::{ReceiveJob, SendJob};
+use ob1_words::slio::{ReceiveJob, SendJob};
 
 use crate::order::PATIENCE_MS;
 use crate::status;

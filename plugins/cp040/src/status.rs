@@ -1,6 +1,6 @@
 //! STATUS of the three blocks. [reference 8.4]
 
-use ob1_slio::Failure;
+use ob1_words::slio::Failure;
 
 /// No error.
 pub(crate) const NONE: u16 = 0x0000;

@@ -5,7 +5,7 @@ use std::io;
 use std::os::fd::{AsFd as _, BorrowedFd, OwnedFd};
 
 use ob1_access::door::{MESSAGE_BYTES, ToBroker, ToLink};
-use ob1_backplane::handover;
+use ob1_socket::handover;
 use ob1_time::{Instant, Span};
 
 /// Packets that may wait for a link to take them; with more it is dropped.

@@ -1,7 +1,7 @@
 //! The fenced operating-system calls of the runtime: the clock and the sleep to a deadline, locking memory, scheduling
 //! of the scan thread, its stack, the threads beside it, the reservation its memory lies in, what the kernel says about
-//! it, when it was continued after a stop, what a process that crashes still does, the limit of files, the system-call
-//! fence, what a child denies itself, and the user it all runs as.
+//! it, when it was continued after a stop, what a process that crashes still does, the limit of files, and the
+//! system-call fence.
 //!
 //! Everything asked of the system answers with what was granted, what was refused and what would grant it ([`Grant`]);
 //! nothing here fails a run because a privilege is missing.
@@ -11,7 +11,6 @@
 #![allow(unsafe_code)]
 
 mod clock;
-mod confine;
 mod continued;
 mod crash;
 mod exit;
@@ -24,10 +23,8 @@ mod side_thread;
 mod stack;
 mod system;
 mod usage;
-mod user;
 
 pub use clock::MonotonicClock;
-pub use confine::{Confinement, Network, Refusal, close_inherited, confine, keep_inherited};
 pub use continued::Continued;
 pub use crash::{LastWords, Place, take_handler_stack};
 pub use exit::{ExitGuard, end_at_signal, end_now, lower_exit_guard};
@@ -42,4 +39,3 @@ pub use stack::{
 };
 pub use system::{isolated_cores, keep_awake, system_facts};
 pub use usage::{Memory, ProcessState, ThreadLook, ThreadTimes, memory, process_state, thread_id};
-pub use user::User;

@@ -162,7 +162,7 @@ mod tests {
     fn a_raised_thread_passes_nothing_on() {
         let inherited = on_a_thread(|| {
             let grant = raise_priority(1);
-            let child = crate::spawn("ob1-child", || {
+            let child = crate::spawn("ob1-process", || {
                 // SAFETY: asks for the policy of the calling thread.
                 unsafe { libc::sched_getscheduler(0) }
             });

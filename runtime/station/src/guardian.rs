@@ -11,10 +11,11 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use ob1_backplane::{GuardPage, handover};
+use ob1_backplane::GuardPage;
 use ob1_host::driver::kept_environment;
 use ob1_host::supervisor::{Exit, Report, Times};
 use ob1_rt::SideThread;
+use ob1_socket::handover;
 use ob1_time::Span;
 use rustix::process::{PidfdFlags, getpid, pidfd_open};
 

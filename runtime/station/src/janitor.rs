@@ -12,8 +12,9 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use ob1_backplane::{GuardPage, Guardian, handover, io_layout::IO_AREA_BYTES};
-use ob1_rt::{Confinement, Network};
+use ob1_backplane::{GuardPage, Guardian, io_layout::IO_AREA_BYTES};
+use ob1_process::{Confinement, Network};
+use ob1_socket::handover;
 use ob1_time::Span;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::time::Timespec;
@@ -72,7 +73,7 @@ enum Ward {
 
 /// The janitor's whole life.
 pub fn run(rundir: &Path, published: &[PathBuf], patience: Patience) {
-    ob1_rt::close_inherited();
+    ob1_process::close_inherited();
     // It ends after the runtime, not before: a shutdown sends SIGTERM to all.
     for signal in [SIGTERM, SIGINT, SIGHUP] {
         let _ = signal_hook::flag::register(signal, Arc::new(AtomicBool::new(false)));
@@ -89,7 +90,7 @@ pub fn run(rundir: &Path, published: &[PathBuf], patience: Patience) {
 fn confine(rundir: &Path, published: &[PathBuf]) {
     let folders = [Some(rundir), rundir.parent()].into_iter().flatten();
     let links = published.iter().filter_map(|path| path.parent());
-    let _refused = ob1_rt::confine(&Confinement {
+    let _refused = ob1_process::confine(&Confinement {
         folders: folders.map(Path::to_owned).collect(),
         links: links.map(Path::to_owned).collect(),
         devices: true,

@@ -9,11 +9,11 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use ob1_access::door::Door;
-use ob1_backplane::handover;
 use ob1_broker::{Beats, Handle};
 use ob1_host::driver::kept_environment;
 use ob1_host::supervisor::{Exit, Report, Times};
 use ob1_rt::SideThread;
+use ob1_socket::handover;
 
 use crate::kept_process::{Charge, Kept, keep};
 

@@ -85,7 +85,7 @@ fn prepared_for(uid: u32) -> PathBuf {
 }
 
 /// For root, before it becomes that user: a directory for its stations. Without it there is the one in `/tmp`.
-pub fn prepare_for(user: &ob1_rt::User) {
+pub fn prepare_for(user: &ob1_process::User) {
     let path = prepared_for(user.uid);
     if DirBuilder::new().mode(0o700).create(&path).is_ok() {
         let _ = std::os::unix::fs::lchown(&path, Some(user.uid), Some(user.gid));

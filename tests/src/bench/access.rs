@@ -5,9 +5,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use ob1_access::door::{Door, Reading};
 use ob1_access::{Cell, Piece, Right};
-use ob1_backplane::handover;
 use ob1_broker::{Broker, LinkConfig, feed};
 use ob1_cpu::{Command, Cpu, CpuConfig};
+use ob1_socket::handover;
 use ob1_stl::{Library, Options, Source};
 use ob1_time::Instant;
 

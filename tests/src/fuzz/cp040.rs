@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use ob1_firmware::{
     Cp as _, Cp040, CpCounter, CpEvent, CpInput, CpPort, IO_BYTES, Leds, LineFault, LineInput, LineSettings, Wire,
 };
-use ob1_slio::{ReceiveJob, ReceiveStep, SendJob, SendStep};
 use ob1_time::{Instant, Span};
+use ob1_words::slio::{ReceiveJob, ReceiveStep, SendJob, SendStep};
 
 const MS: Span = Span::MILLISECOND;
 

@@ -144,7 +144,7 @@ fn buses_links_and_the_compiler_have_the_least_that_they_need() {
         assert_least(name, pid, data, oom);
     }
     assert_eq!(station.interrupt().code(), Some(0));
-    let (ours, theirs) = ob1_backplane::handover::pair().expect("a socket");
+    let (ours, theirs) = ob1_socket::handover::pair().expect("a socket");
     let mut command = site.command(program("ob1"));
     command.arg("compile-blocks").env_clear().stdin(theirs);
     let mut compiler = command.spawn().expect("it starts");

@@ -44,6 +44,7 @@ struct Guard {
 const GUARDS: &[Guard] = &[
     guard("edges", edges::direct),
     guard("unused", edges::unused),
+    guard("floors", edges::floors),
     guard("reach", edges::reach),
     guard("no-alloc", purity::no_std_without_alloc),
     guard("fences", fences::check),

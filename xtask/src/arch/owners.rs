@@ -7,12 +7,12 @@ use super::Finding;
 use super::tree::{File, Tree};
 
 /// The crate of the words, and the crates that must not define them again.
-const WORDS: &str = "plugins/words/src";
+const WORDS: &str = "backplane/words/src";
 const BOTH_SIDES: &[&str] = &[
     "driver/firmware/src",
     "links/s7/src",
     "links/s7-process/src",
-    "plugins/backplane/src",
+    "backplane/segment/src",
     "plugins/cp040/src",
     "plugins/cp240/src",
     "plugins/cp340/src",
@@ -22,7 +22,6 @@ const BOTH_SIDES: &[&str] = &[
     "plugins/mbus/src",
     "runtime/host/src/bus",
     "plugins/ptp/src",
-    "plugins/slio/src",
 ];
 
 /// The table of module types.
@@ -35,7 +34,7 @@ const TYPES_COUNT: &[&str] = &["driver", "links", "runtime"];
 const VERIFIER: &str = "blocks/ir/src/verify.rs";
 
 /// The crate of instants and durations.
-const TIME: &str = "runtime/time/src";
+const TIME: &str = "base/time/src";
 
 /// Type names that are not times: the number of a request, a set of registers.
 const NO_TIMES: &[&str] = &["Ticket", "Set"];
@@ -172,7 +171,7 @@ mod tests {
     #[test]
     fn a_wire_constant_of_ones_own_is_found() {
         let tree = Tree::of(&[
-            ("plugins/words/src/cp240.rs", "pub const BLOCK_BYTES: usize = 12;\npub const FAILED: u16 = 0x2000;\n"),
+            ("backplane/words/src/cp240.rs", "pub const BLOCK_BYTES: usize = 12;\npub const FAILED: u16 = 0x2000;\n"),
             ("plugins/cp240/src/a.rs", "pub(crate) const BLOCK_BYTES: u16 = 12;\nconst FAILED: u16 = 0x1E0F;\n"),
             ("driver/firmware/src/a.rs", "const BLOCK_BYTES: u16 = cp240::BLOCK_BYTES as u16;\n"),
             ("driver/firmware/src/b.rs", "// const FAILED: u16 = 0x2000;\npub const FAILED: u16 = 0x2000;\n"),
@@ -212,11 +211,11 @@ mod tests {
     #[test]
     fn a_time_that_is_a_bare_number_is_found() {
         let tree = Tree::of(&[
-            ("runtime/time/src/span.rs", "type Nanos = u64;\n"),
-            ("driver/serial/src/lib.rs", "// pub type Nanos = u64;\npub type Nanos = u64;\n"),
+            ("base/time/src/span.rs", "type Nanos = u64;\n"),
+            ("base/serial/src/lib.rs", "// pub type Nanos = u64;\npub type Nanos = u64;\n"),
             ("runtime/rt/src/a.rs", "pub(crate) type Millis = u32;\npub type Ticket = u64;\ntype Pair = (u64, u64);\n"),
             ("links/gate/src/a.rs", "impl Iterator for A {\n    type Item = u64;\n}\n"),
         ]);
-        assert_eq!(places(&time(&tree)), ["driver/serial/src/lib.rs:2", "runtime/rt/src/a.rs:1"]);
+        assert_eq!(places(&time(&tree)), ["base/serial/src/lib.rs:2", "runtime/rt/src/a.rs:1"]);
     }
 }

@@ -7,8 +7,8 @@ use super::tree::{File, Tree};
 /// Crates that are `no_std` and do not use `alloc`.
 const NO_ALLOC: &[(&str, &str)] = &[
     ("driver/protocols", "invariant 1"),
-    ("driver/serial", "invariant 1"),
-    ("runtime/time", "invariant 1"),
+    ("base/serial", "invariant 1"),
+    ("base/time", "invariant 1"),
     ("plugins/abi", "invariant 9"),
 ];
 
@@ -38,7 +38,8 @@ pub(super) fn no_std_without_alloc(tree: &Tree) -> Vec<Finding> {
 
 /// Crates with unsafe code; each block has a SAFETY comment (checked by clippy).
 const UNSAFE_CRATES: &[&str] = &[
-    "plugins/backplane",
+    "backplane/segment",
+    "base/process",
     "plugins/sdk",
     "runtime/arena",
     "runtime/rt",
@@ -88,7 +89,7 @@ const PLUGIN_CRATES: &[&str] = &[
     "plugins/cp342",
     "plugins/cp343",
     "plugins/ptp",
-    "plugins/slio",
+    "backplane/words",
     "plugins/sdk",
     "examples",
 ];
@@ -164,8 +165,8 @@ mod tests {
     use super::*;
 
     const ABI: (&str, &str) = ("plugins/abi/src/lib.rs", "#![no_std]\n");
-    const SERIAL: (&str, &str) = ("driver/serial/src/lib.rs", "#![no_std]\n");
-    const TIME: (&str, &str) = ("runtime/time/src/lib.rs", "#![no_std]\n");
+    const SERIAL: (&str, &str) = ("base/serial/src/lib.rs", "#![no_std]\n");
+    const TIME: (&str, &str) = ("base/time/src/lib.rs", "#![no_std]\n");
 
     #[test]
     fn no_std_is_demanded_and_alloc_refused() {
@@ -186,7 +187,7 @@ mod tests {
     #[test]
     fn unsafe_stays_behind_its_fence() {
         let tree = Tree::of(&[
-            ("plugins/backplane/src/a.rs", "#![allow(unsafe_code)]\nunsafe { x() }"),
+            ("backplane/segment/src/a.rs", "#![allow(unsafe_code)]\nunsafe { x() }"),
             ("runtime/cpu/src/a.rs", "// unsafe\nlet a = \"unsafe\";\nunsafe { x() }"),
             ("driver/firmware/src/a.rs", "#[allow(unsafe_code)]\nfn a() {}"),
             ("plugins/cp240/src/a.rs", "#[unsafe(no_mangle)]\nfn a() {}"),

@@ -9,8 +9,21 @@ use super::page::{Page, Placed};
 /// The table of contents.
 pub(super) const SUMMARY: &str = "docs/SUMMARY.md";
 /// Paths below these folders that are written as code must exist.
-const FOLDERS: [&str; 10] =
-    ["blocks/", "runtime/", "plugins/", "driver/", "docs/", "examples/", "tests/", "include/", "xtask/", "fuzz/"];
+const FOLDERS: [&str; 13] = [
+    "base/",
+    "backplane/",
+    "blocks/",
+    "plugins/",
+    "driver/",
+    "links/",
+    "runtime/",
+    "docs/",
+    "examples/",
+    "tests/",
+    "include/",
+    "xtask/",
+    "fuzz/",
+];
 
 /// The checkout: Markdown files by path from its root, and all files that git knows or would add.
 #[derive(Debug, Default)]

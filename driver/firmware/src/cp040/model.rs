@@ -4,7 +4,7 @@
 use std::collections::VecDeque;
 
 use ob1_protocols::SendError;
-use ob1_slio::{ReceiveJob, ReceiveStep, SendJob, SendStep};
+use ob1_words::slio::{ReceiveJob, ReceiveStep, SendJob, SendStep};
 use proptest::prelude::*;
 
 use super::exchange::{Exchange, Step};

@@ -9,7 +9,7 @@ use ob1_firmware::{
     LineSettings, Reason, Span, Troubles, Why, Wire,
 };
 use ob1_params::{Cp040 as Parameters, Value};
-use ob1_slio::{Failure, ReceiveJob, ReceiveStep, Received, SendJob, SendStep};
+use ob1_words::slio::{Failure, ReceiveJob, ReceiveStep, Received, SendJob, SendStep};
 
 const MS: Span = Span::MILLISECOND;
 

@@ -9,9 +9,9 @@ use rustix::event::PollFlags;
 
 use super::{Link, Opened, Passage};
 use crate::line::{Instant, ModemLines, PollFds, Span};
-use crate::seqpacket::{Channel, MESSAGE_MAX, Sent};
 use crate::settings::{LineSettings, Warning};
 use crate::wire::{FromHub, ToHub};
+use ob1_socket::seqpacket::{Channel, MESSAGE_MAX, Sent};
 
 /// Time between two attempts to find a hub that is being started, in nanoseconds.
 const LOOK: Span = Span::from_millis(20);

@@ -9,7 +9,6 @@ mod meaning;
 mod modbus;
 mod profibus;
 mod reader;
-pub mod record;
 
 pub use meaning::{Meaning, Modbus, Names};
 pub use reader::{Reader, Unit};

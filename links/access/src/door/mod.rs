@@ -37,8 +37,9 @@ use std::io;
 use std::os::fd::{AsFd as _, BorrowedFd, OwnedFd};
 use std::sync::atomic::Ordering;
 
-use ob1_backplane::{SegmentError, WindowReader, handover};
+use ob1_backplane::{SegmentError, WindowReader};
 use ob1_model::{GROUP_ENTRIES, Piece, Put, WRITE_BYTES};
+use ob1_socket::handover;
 use thiserror::Error;
 
 pub use messages::{

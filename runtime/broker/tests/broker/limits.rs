@@ -8,9 +8,9 @@ use ob1_access::door::{
     ToBroker, ToLink, What,
 };
 use ob1_access::{Cell, Piece, Put, Right, Width};
-use ob1_backplane::handover;
 use ob1_broker::LinkConfig;
 use ob1_model::{BlockId, BlockKind, Command};
+use ob1_socket::handover;
 
 use crate::station::{MS, Station, bytes, link, memory, word};
 

@@ -7,10 +7,10 @@ use ob1_access::door::{
     Answer, Ask, BlockFact, Diagnosis, Document, Door, Event, News, NotYet, Reading, Refusal, Refused, State,
 };
 use ob1_access::{Cell, Piece, Put, Right, Width};
-use ob1_backplane::handover;
 use ob1_broker::{Broker, Change, Changed, DriverState, Facts, Feed, LinkConfig, LinkState, feed};
 use ob1_cpu::{Clock, Cpu, CpuConfig, DiagEntry, system_blocks};
 use ob1_model::{Area, BlockId, BlockKind};
+use ob1_socket::handover;
 use ob1_stl::{Library, Options, Source, compile};
 use ob1_time::{Instant, Span};
 

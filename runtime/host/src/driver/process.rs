@@ -9,8 +9,9 @@ use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::Arc;
 
-use ob1_backplane::{Segment, handover};
+use ob1_backplane::Segment;
 use ob1_rt::{ProcessState, process_state};
+use ob1_socket::handover;
 use ob1_time::Span;
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
 

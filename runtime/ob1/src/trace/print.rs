@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use ob1_protocols::Instant;
-use ob1_protocols::trace::record::{Kind, Record};
 use ob1_protocols::trace::{Unit, Way};
+use ob1_serial::record::{Kind, Record};
 use ob1_stl::printable;
 use ob1_trace::{Cp, remark, shown};
 

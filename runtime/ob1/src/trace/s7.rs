@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::net::Ipv4Addr;
 
 use ob1_protocols::trace::Way;
-use ob1_protocols::trace::record::{Kind, Record};
 use ob1_s7::codes::Code;
 use ob1_s7::tap::Tapped;
 use ob1_s7::wire::{Kind as Telegram, Pdu, UserData, function};
+use ob1_serial::record::{Kind, Record};
 use ob1_station::station_file::ISO_PORT;
 use serde_json::Value;
 

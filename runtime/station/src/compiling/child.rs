@@ -7,9 +7,9 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::os::fd::{AsFd, BorrowedFd};
 
-use ob1_backplane::handover;
 use ob1_native::{Compiler, Image, Order, Target, Tier, fingerprint, hottest, is_large, memory_file, seal};
-use ob1_rt::Confinement;
+use ob1_process::Confinement;
+use ob1_socket::handover;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::Signal;
 
@@ -27,13 +27,14 @@ const NICE: i32 = 19;
 /// # Errors
 /// Why there is no code, for the exit code and the log.
 pub fn run() -> Result<(), String> {
-    ob1_rt::close_inherited();
+    ob1_process::close_inherited();
     // Without the runtime its work is of no use.
     let _ = rustix::process::set_parent_process_death_signal(Some(Signal::KILL));
     let _ = rustix::process::nice(NICE);
     // Once confined it can make no more files.
     let files = [(); FILES].map(|()| memory_file());
-    let _refused = ob1_rt::confine(&Confinement { memory: MEMORY, oom_score: OOM_SCORE, ..Confinement::default() });
+    let _refused =
+        ob1_process::confine(&Confinement { memory: MEMORY, oom_score: OOM_SCORE, ..Confinement::default() });
     serve(rustix::stdio::stdin(), files)
 }
 

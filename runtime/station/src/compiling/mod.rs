@@ -18,12 +18,12 @@ use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::time::Duration;
 
-use ob1_backplane::handover;
 use ob1_cpu::Cpu;
 use ob1_cpu::engine::{Engine, Plan};
 use ob1_host::driver::kept_environment;
 use ob1_native::{Native, Order, fingerprint, is_large, memory_file};
 use ob1_rt::SideThread;
+use ob1_socket::handover;
 use rtrb::{Consumer, Producer, RingBuffer};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::time::Timespec;

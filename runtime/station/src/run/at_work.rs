@@ -9,11 +9,11 @@ use std::time::Duration;
 
 use ob1_access::door::Door;
 use ob1_access::{Allowed, Right};
-use ob1_backplane::handover;
 use ob1_broker::{Broker, FeedEnd, Handle, LinkConfig, RunningBroker};
 use ob1_cpu::{Attention, Cpu, LogReader, OperatingState, Running};
 use ob1_host::driver::{HandOver, RunningFleet};
 use ob1_rt::MonotonicClock;
+use ob1_socket::handover;
 use ob1_time::Span;
 
 use super::console::LiveLine;

@@ -50,7 +50,7 @@ pub fn run(options: &Options) -> Exit {
 
 fn try_run(options: &Options) -> Result<Exit, Failure> {
     // A driver of somebody else does not close what it inherits; this process keeps what it was given.
-    ob1_rt::keep_inherited();
+    ob1_process::keep_inherited();
     // Before there is a thread.
     if let Some(name) = station_file::user_of(&options.station) {
         become_user(&name)?;
@@ -116,7 +116,7 @@ fn no_report(path: &Path, error: &std::io::Error) -> Failure {
 
 /// The runtime of a station with `[station] user` gives up what root has.
 fn become_user(name: &str) -> Result<(), Failure> {
-    let user = ob1_rt::User::find(name).and_then(|user| {
+    let user = ob1_process::User::find(name).and_then(|user| {
         if user.is_us() {
             return Ok(());
         }

@@ -6,13 +6,14 @@ use std::os::fd::OwnedFd;
 use std::time::{self, Duration};
 
 use ob1_access::door::{Door, News, Reading};
-use ob1_backplane::{CpSide, Segment, handover};
+use ob1_backplane::{CpSide, Segment};
 use ob1_broker::Broker;
 use ob1_line::sim::SplitMix64;
 use ob1_s7::server::Connection;
 use ob1_s7_process::asks::Surroundings;
 use ob1_s7_process::config::Config;
 use ob1_s7_process::cp::{Cp, Received};
+use ob1_socket::handover;
 use ob1_tests::sim::life::{Life, Turn};
 use ob1_time::{Instant, Span};
 

@@ -8,7 +8,7 @@ mod table;
 use super::Finding;
 use super::mask::has_word;
 use super::tree::{File, Tree};
-use table::{NO_WAY, TABLE};
+use table::{FLOORS, NO_WAY, TABLE};
 
 /// The only member without a row.
 const SEES_ALL: &str = "ob1-tests";
@@ -67,6 +67,23 @@ pub(super) fn unused(tree: &Tree) -> Vec<Finding> {
     findings
 }
 
+/// Every arrow between the rooms goes down. What stands on all of them (tests, examples, tools) has no floor.
+pub(super) fn floors(tree: &Tree) -> Vec<Finding> {
+    let floor = |name: &str| {
+        let room = tree.graph.crates.get(name)?.folder.split('/').next()?;
+        FLOORS.iter().position(|known| *known == room)
+    };
+    let mut findings = Vec::new();
+    for (name, node) in &tree.graph.crates {
+        let Some(own) = floor(name) else { continue };
+        for need in node.needs.iter().filter(|need| floor(need).is_some_and(|below| below > own)) {
+            let what = format!("{name} -> {need} goes up: from {} to {}", FLOORS[own], tree.graph.crates[need].folder);
+            findings.push(Finding { place: format!("{}/Cargo.toml", node.folder), rule: "invariant 2", what });
+        }
+    }
+    findings
+}
+
 /// Looks for forbidden indirect dependencies.
 pub(super) fn reach(tree: &Tree) -> Vec<Finding> {
     let mut findings = Vec::new();
@@ -111,6 +128,26 @@ mod tests {
         assert_eq!(findings.len(), 1);
         assert_eq!(findings[0].rule, "invariant 2");
         assert!(findings[0].what.contains("ob1-cpu -> ob1-backplane"), "{}", findings[0]);
+    }
+
+    #[test]
+    fn an_arrow_that_goes_up_is_named() {
+        let mut tree = Tree::of(&[]);
+        for (name, folder, needs) in [
+            ("ob1-time", "base/time", &["ob1-cpu"][..]),
+            ("ob1-cpu", "runtime/cpu", &["ob1-access", "ob1-arena", "libc"]),
+            ("ob1-arena", "runtime/arena", &[]),
+            ("ob1-access", "links/access", &[]),
+            ("ob1-tests", "tests", &["ob1-cpu"]),
+            ("libc", "", &[]),
+        ] {
+            let node = tree.graph.crates.entry(name.to_owned()).or_default();
+            node.folder = folder.to_owned();
+            node.needs = needs.iter().map(|need| (*need).to_owned()).collect();
+        }
+        let findings = floors(&tree);
+        assert_eq!(findings.len(), 1);
+        assert_eq!(findings[0].what, "ob1-time -> ob1-cpu goes up: from base to runtime/cpu");
     }
 
     #[test]

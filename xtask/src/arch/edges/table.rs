@@ -35,7 +35,17 @@ pub(super) const TABLE: &[Row] = &[
     row(
         "ob1-access",
         "invariant 2",
-        &["ob1-backplane", "ob1-ir", "ob1-model", "ob1-words", "serde", "serde_json", "strsim", "thiserror"],
+        &[
+            "ob1-backplane",
+            "ob1-ir",
+            "ob1-model",
+            "ob1-socket",
+            "ob1-words",
+            "serde",
+            "serde_json",
+            "strsim",
+            "thiserror",
+        ],
     ),
     // The interface of a CP 343, and ANY pointers.
     row("ob1-s7", "invariant 1", &["ob1-words"]),
@@ -49,15 +59,14 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-backplane",
             "ob1-log",
             "ob1-model",
-            // The records of a trace.
-            "ob1-protocols",
-            "ob1-rt",
+            "ob1-process",
             "ob1-s7",
+            // The records of a trace.
+            "ob1-serial",
             "clap",
             "rustix",
             "serde",
             "serde_json",
-            "signal-hook",
             "tracing",
         ],
     ),
@@ -117,9 +126,10 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-ir",
             "ob1-log",
             "ob1-model",
-            // The records of a driver's tap.
+            "ob1-process",
+            // What the records of a driver's tap say.
             "ob1-protocols",
-            "ob1-rt",
+            "ob1-serial",
             "ob1-stl",
             "ob1-trace",
             "clap",
@@ -145,6 +155,7 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-log",
             "ob1-model",
             "ob1-rt",
+            "ob1-socket",
             "ob1-time",
             "rtrb",
             "rustix",
@@ -154,7 +165,7 @@ pub(super) const TABLE: &[Row] = &[
     row(
         "ob1-rt",
         "invariant 4",
-        &["ob1-arena", "ob1-time", "landlock", "libc", "rustix", "seccompiler", "signal-hook", "thiserror"],
+        &["ob1-arena", "ob1-time", "libc", "rustix", "seccompiler", "signal-hook", "thiserror"],
     ),
     row(
         "ob1-host",
@@ -170,6 +181,7 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-coupler",
             // Information of the system about a driver's process.
             "ob1-rt",
+            "ob1-socket",
             "ob1-time",
             "libloading",
             "rtrb",
@@ -192,7 +204,9 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-arena",
             "ob1-cpu",
             "ob1-native",
+            "ob1-process",
             "ob1-rt",
+            "ob1-socket",
             "ob1-time",
             "ob1-log",
             "ob1-access",
@@ -241,6 +255,7 @@ pub(super) const TABLE: &[Row] = &[
             "ob1-params",
             // `ob1 trace` reads the traffic on a line.
             "ob1-protocols",
+            "ob1-serial",
             "ob1-trace",
             // `ob1 upload` is a client of S7 communication.
             "ob1-s7",
@@ -263,8 +278,7 @@ pub(super) const TABLE: &[Row] = &[
     row("ob1-words", "invariant 9", &[]),
     row("ob1-backplane", "invariant 7", &["ob1-words", "loom", "memmap2", "rustix", "thiserror"]),
     row("ob1-cp240", "invariant 9", &["ob1-sdk", "ob1-words"]),
-    row("ob1-cp040", "invariant 9", &["ob1-sdk", "ob1-slio"]),
-    row("ob1-slio", "invariant 9", &["ob1-words"]),
+    row("ob1-cp040", "invariant 9", &["ob1-sdk", "ob1-words"]),
     row("ob1-cp341", "invariant 9", &["ob1-ptp", "ob1-sdk", "ob1-words"]),
     row("ob1-any", "invariant 9", &["ob1-sdk", "ob1-words"]),
     row("ob1-cp342", "invariant 9", &["ob1-any", "ob1-sdk", "ob1-words"]),
@@ -287,22 +301,24 @@ pub(super) const TABLE: &[Row] = &[
     // The configuration of a bus is sent from the runtime to its process, so it needs serde; both ends choose JSON.
     row("ob1-coupler", "invariant 11", &["ob1-protocols", "serde"]),
     // Reads the records of a tap: for the tools and for the page.
-    row("ob1-trace", "invariant 11", &["ob1-params", "ob1-protocols", "serde_json"]),
+    row("ob1-trace", "invariant 11", &["ob1-params", "ob1-protocols", "ob1-serial", "serde_json"]),
     // PROFIBUS: the stack, and the files that describe a slave.
     row("ob1-dp", "invariant 11", &["ob1-coupler", "ob1-protocols", "gsd-parser", "profirust"]),
     // The printer prints S7 values: needs the calendar of DATE.
     row("ob1-firmware", "invariant 1", &["ob1-model", "ob1-params", "ob1-protocols", "ob1-words"]),
-    row("ob1-line", "invariant 4", &["ob1-serial", "rustix", "serialport", "thiserror"]),
+    row("ob1-line", "invariant 4", &["ob1-serial", "ob1-socket", "rustix", "serialport", "thiserror"]),
+    row("ob1-socket", "invariant 4", &["rustix"]),
     row(
-        "ob1-child",
+        "ob1-process",
         "invariant 4",
         &[
-            "ob1-backplane",
-            "ob1-line",
             "ob1-log",
-            "ob1-protocols",
-            "ob1-rt",
+            "ob1-serial",
+            "ob1-socket",
+            "landlock",
+            "libc",
             "rustix",
+            "seccompiler",
             "serde",
             "serde_json",
             "signal-hook",
@@ -313,8 +329,9 @@ pub(super) const TABLE: &[Row] = &[
         "ob1-cp",
         "invariant 4",
         &[
-            "ob1-child",
             "ob1-params",
+            "ob1-process",
+            "ob1-serial",
             "ob1-firmware",
             "ob1-line",
             "ob1-backplane",
@@ -332,13 +349,13 @@ pub(super) const TABLE: &[Row] = &[
         "ob1-io",
         "invariant 4",
         &[
-            "ob1-child",
+            "ob1-process",
             "ob1-coupler",
             "ob1-dp",
             "ob1-line",
             "ob1-backplane",
             "ob1-log",
-            "ob1-protocols",
+            "ob1-serial",
             "clap",
             // The lines of a GPIO chip: the character device of the kernel.
             "gpiocdev",
@@ -349,6 +366,9 @@ pub(super) const TABLE: &[Row] = &[
     ),
     row("xtask", "tools", &["fastrand", "pulldown-cmark", "serde_json"]),
 ];
+
+/// The rooms of the house, from the lowest floor up: a crate needs only crates of its own floor and of those below.
+pub(super) const FLOORS: &[&str] = &["base", "backplane", "blocks", "plugins", "driver", "links", "runtime"];
 
 /// No crate of the first list may depend on a crate of the second list, not even indirectly through external crates.
 pub(super) const NO_WAY: &[(&str, &[&str], &[&str])] = &[
@@ -438,7 +458,6 @@ pub(super) const NO_WAY: &[(&str, &[&str], &[&str])] = &[
             "ob1-example-rust-ob1",
             "ob1-panicking-plugin",
             "ob1-sdk",
-            "ob1-slio",
             "ob1-abi",
         ],
         &["libc", "rustix", "ob1-backplane", "ob1-cpu", "ob1-model", "parking_lot", "tracing"],

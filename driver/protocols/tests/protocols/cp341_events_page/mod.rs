@@ -15,7 +15,7 @@ The last column tells why a number does not occur here: *fact only* (the state c
 module* (CP 440, CP 441, Modbus slave), *hardware fault* (of the module or its firmware). It is empty for those that do.
 
 This page is printed by `cargo run -p ob1-protocols --example cp341_events` from the table in
-`plugins/words/src/cp341_events`; a test holds the two together.
+`backplane/words/src/cp341_events`; a test holds the two together.
 ";
 
 /// The page.

@@ -1,0 +1,6 @@
+//! Unix sockets between the processes of a station: [`handover`] passes descriptors to a child, [`seqpacket`] carries
+//! messages between equals. Neither ever waits.
+#![forbid(unsafe_code)]
+
+pub mod handover;
+pub mod seqpacket;
