@@ -20,6 +20,11 @@ pub trait Clock {
     /// A block waits inside the scan (SFC 47) until `deadline`, or until something is due before. A virtual clock moves
     /// there. A real one has nothing to do: its time runs by itself, and a scan does not sleep.
     fn wait(&mut self, _deadline: Instant) {}
+
+    /// The program stands still (HOLD): sleeps until `deadline`.
+    fn rest(&mut self, deadline: Instant) {
+        self.wait(deadline);
+    }
 }
 
 /// A clock that stands still: for scans whose result has nothing to do with time.

@@ -231,6 +231,12 @@ impl Event {
     pub const RUN: Event = Event(0x4302);
     /// STOP requested by an operator (`ob1 ctl stop`, end of a run).
     pub const STOP_OPERATOR: Event = Event(0x4304);
+    /// RUN to HOLD.
+    pub const HOLD: Event = Event(0x4305);
+    /// HOLD to RUN.
+    pub const HOLD_LEFT: Event = Event(0x4306);
+    /// HOLD to STOP.
+    pub const HOLD_STOPPED: Event = Event(0x430A);
     /// Memory reset by an operator.
     pub const MEMORY_RESET: Event = Event(0x4307);
     /// STOP by SFC 46.
@@ -331,10 +337,13 @@ impl Event {
     pub const PARTNER: Event = Event(0xF501);
 
     /// Every event with a name that is not a fault.
-    pub const ALL: [Event; 52] = [
+    pub const ALL: [Event; 55] = [
         Event::STARTUP,
         Event::RUN,
         Event::STOP_OPERATOR,
+        Event::HOLD,
+        Event::HOLD_LEFT,
+        Event::HOLD_STOPPED,
         Event::MEMORY_RESET,
         Event::STOP_PROGRAM,
         Event::STOP_PROGRAMMING_ERROR,
@@ -393,6 +402,9 @@ impl Event {
             0x4301 => "mode transition from STOP to STARTUP",
             0x4302 => "mode transition from STARTUP to RUN",
             0x4304 => "STOP by operator",
+            0x4305 => "breakpoint reached, HOLD",
+            0x4306 => "breakpoint left",
+            0x430A => "HOLD left to STOP",
             0x4307 => "memory reset by operator",
             0x4543 => "STOP by the program (SFC 46)",
             0x4562 => "STOP by programming error, OB 121 not loaded or not possible",

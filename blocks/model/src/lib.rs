@@ -9,6 +9,7 @@ mod block;
 pub mod calendar;
 mod cell;
 pub mod cells;
+mod debug;
 mod fault;
 mod frame;
 mod interface;
@@ -23,6 +24,7 @@ mod types;
 pub use address::{Area, BitAddr};
 pub use block::{BlockId, BlockKind, is_organization_block};
 pub use cell::{Cell, CellError, Piece, Width};
+pub use debug::{BREAKPOINTS, Breakpoint, DebugAnswer, DebugEnd, DebugOrder, HELD_LOCAL, Held, HeldBlock, Resume};
 pub use fault::{Access, Event, Fault, FaultKind, Site};
 pub use frame::{
     FRAME_WORDS, Frame, GROUP_ENTRIES, Head, Put, Run, WATCH_BYTES, WATCH_LINES, WRITE_BYTES, fits_a_share,

@@ -9,6 +9,8 @@ pub enum StateChange {
     Startup,
     /// To RUN.
     Run,
+    /// To HOLD.
+    Hold,
     /// To STOP, by command.
     Stop,
     /// To STOP, because of a fault.
@@ -21,8 +23,9 @@ impl Event {
     pub const fn state_change(self) -> Option<StateChange> {
         Some(match self {
             Event::STARTUP => StateChange::Startup,
-            Event::RUN => StateChange::Run,
-            Event::STOP_OPERATOR | Event::MEMORY_RESET => StateChange::Stop,
+            Event::RUN | Event::HOLD_LEFT => StateChange::Run,
+            Event::HOLD => StateChange::Hold,
+            Event::STOP_OPERATOR | Event::HOLD_STOPPED | Event::MEMORY_RESET => StateChange::Stop,
             Event::STOP_PROGRAM
             | Event::STOP_PROGRAMMING_ERROR
             | Event::STOP_ACCESS_ERROR
@@ -214,9 +217,12 @@ mod tests {
     use super::*;
 
     /// Events that report something good, or a command.
-    const NOTHING_TO_DO: [Event; 15] = [
+    const NOTHING_TO_DO: [Event; 18] = [
         Event::STARTUP,
         Event::RUN,
+        Event::HOLD,
+        Event::HOLD_LEFT,
+        Event::HOLD_STOPPED,
         Event::STOP_OPERATOR,
         Event::MEMORY_RESET,
         Event::PLUGIN_ENTRY,

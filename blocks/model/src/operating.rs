@@ -10,20 +10,24 @@ pub enum OperatingState {
     Startup,
     /// The cycle runs.
     Run,
+    /// The program stands still at a breakpoint, and its time with it; outputs are in their safe state. Access port and
+    /// links are served.
+    Hold,
 }
 
 impl OperatingState {
-    /// `STOP`, `STARTUP`, `RUN`.
+    /// `STOP`, `STARTUP`, `RUN`, `HOLD`.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Stop => "STOP",
             Self::Startup => "STARTUP",
             Self::Run => "RUN",
+            Self::Hold => "HOLD",
         }
     }
 
-    /// As a number: 0 STOP, 1 STARTUP, 2 RUN.
+    /// As a number: 0 STOP, 1 STARTUP, 2 RUN, 3 HOLD.
     #[must_use]
     pub const fn number(self) -> u8 {
         self as u8
@@ -35,6 +39,7 @@ impl OperatingState {
         match number {
             0 => Self::Stop,
             1 => Self::Startup,
+            3 => Self::Hold,
             _ => Self::Run,
         }
     }

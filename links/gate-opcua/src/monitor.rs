@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use ob1_access::door::{Cover, Reading, State};
+use ob1_access::door::{Cover, Reading};
 use ob1_access::{Piece, Typed};
 use ob1_gate_core::{Station, Trouble, Watch};
 use ob1_model::OperatingState;
@@ -196,13 +196,8 @@ impl Monitor {
         if !(0..reading.len()).any(|index| reading.piece(index).is_ok()) {
             return;
         }
-        let state = match reading.state {
-            State::Stop => 0,
-            State::Startup => 1,
-            State::Run => 2,
-        };
         self.scan.store(reading.scan, Ordering::Relaxed);
-        self.state.store(state, Ordering::Relaxed);
+        self.state.store(reading.state.number().into(), Ordering::Relaxed);
     }
 
     /// Watches a value for an item. The item's queue is shortened if there is no room for it.

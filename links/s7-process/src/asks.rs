@@ -497,9 +497,11 @@ fn answered(answer: &Answer, rights: Option<Rights>) -> Reply {
             Refusal::Room => Code::BLOCK_SIZE,
             Refusal::Cell(_) | Refusal::Full | Refusal::Silent => Code::NOT_NOW,
         }),
-        Answer::Diagnostics(_) | Answer::Modules { .. } | Answer::Document { .. } | Answer::Pass(_) => {
-            Reply::Refused(Code::SERVICE)
-        }
+        Answer::Diagnostics(_)
+        | Answer::Modules { .. }
+        | Answer::Document { .. }
+        | Answer::Pass(_)
+        | Answer::Debug(_) => Reply::Refused(Code::SERVICE),
     }
 }
 

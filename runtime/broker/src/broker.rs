@@ -10,7 +10,7 @@ use ob1_access::Cell;
 use ob1_access::door::{Answer, Ask, Document, MESSAGE_BYTES, News, Refusal, Refused, State, ToBroker, ToLink, What};
 use ob1_backplane::WindowReader;
 use ob1_cpu::{Answer as PortAnswer, Ask as PortAsk, Command, Cpu, DIAG_ENTRIES, DIAG_STOPS, ShortText};
-use ob1_model::{BlockId, BlockKind, Event, StateChange};
+use ob1_model::{BlockId, BlockKind, DebugOrder, Event, StateChange};
 use ob1_time::{Instant, Span, WatchedTime};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
@@ -331,6 +331,22 @@ impl Broker {
                 client.take(Job::Pass(asker.ticket, order))?;
                 return Ok(None);
             }
+            Ask::Debug(order) => {
+                client.may_operate()?;
+                if let DebugOrder::Breakpoints(list) = &order {
+                    list.iter().try_for_each(|breakpoint| may_touch(breakpoint.block, &joint.config))?;
+                }
+                let mine = |index: usize| (index == asker.link).then_some(asker.client);
+                if self.joints.iter().enumerate().any(|(index, joint)| joint.is_debugged(mine(index))) {
+                    return Err(Refusal::Full);
+                }
+                self.record(asker.link, asker.client, word(&order), "taken", now);
+                let joint = self.joints.get_mut(asker.link).ok_or(Refusal::NotThere)?;
+                joint.debugs(asker.client, &order);
+                let client = joint.clients.of(asker.client, &joint.config).ok_or(Refusal::Full)?;
+                client.take(Job::Debug(asker.ticket, order))?;
+                return Ok(None);
+            }
             Ask::Blocks => return Ok(Some(Answer::Blocks(self.facts.blocks()))),
             Ask::Block(id) => {
                 may_touch(id, &joint.config)?;
@@ -460,6 +476,7 @@ impl Broker {
                 Some(StateChange::Startup) => State::Startup,
                 Some(StateChange::Run) => State::Run,
                 Some(StateChange::Stop | StateChange::Fault) => State::Stop,
+                Some(StateChange::Hold) => State::Hold,
                 None => continue,
             };
             self.events.push(entry.time, What::State(state));
@@ -509,4 +526,14 @@ fn may_touch(id: BlockId, config: &LinkConfig) -> Result<(), Refusal> {
     let is_data = id.kind == BlockKind::Db;
     let allowed = if is_data { config.allowed.has(Cell::Db(id.number, 0)) } else { config.allowed.has_program() };
     if allowed { Ok(()) } else { Err(Refusal::Right) }
+}
+
+/// What is asked about breakpoints, in a word for the record.
+const fn word(order: &DebugOrder) -> &'static str {
+    match order {
+        DebugOrder::Breakpoints(_) => "breakpoints",
+        DebugOrder::Hold { resume: None, .. } => "wait for HOLD",
+        DebugOrder::Hold { .. } => "leave HOLD",
+        DebugOrder::End => "no breakpoints",
+    }
 }

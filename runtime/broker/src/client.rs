@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 
 use ob1_access::door::{OUTSTANDING, Refusal, Refused, STAGED_BYTES, Ticket};
 use ob1_access::{Put, Right};
-use ob1_model::{BlockId, PassOrder};
+use ob1_model::{BlockId, DebugOrder, PassOrder};
 use ob1_time::Instant;
 
 use crate::LinkConfig;
@@ -18,6 +18,7 @@ pub(crate) enum Job {
     Group(Ticket, Vec<Put>),
     List(Ticket, u16, u16),
     Pass(Ticket, PassOrder),
+    Debug(Ticket, DebugOrder),
 }
 
 /// One client.

@@ -1,6 +1,6 @@
 //! Diagnostic entries on their way out of the scan.
 
-use ob1_cpu::{Cpu, DIAG_ENTRIES, DIAG_STOPS, DiagEntry};
+use ob1_cpu::{DIAG_ENTRIES, DIAG_STOPS, DiagBuffer, DiagEntry};
 use rtrb::{Consumer, Producer, RingBuffer};
 
 /// Entries under way. They are fetched every few milliseconds; what does not fit stays in the CPU's buffer until then.
@@ -25,11 +25,11 @@ pub fn feed() -> (Feed, FeedEnd) {
 }
 
 impl Feed {
-    /// After each cycle: hands over what is new. The number of the newest entry.
-    pub fn follow(&mut self, cpu: &Cpu) -> u64 {
-        let newest = cpu.diagnostic(0).map_or(0, |entry| entry.number);
+    /// After each cycle, and in HOLD: hands over what is new. The number of the newest entry.
+    pub fn follow(&mut self, buffer: &DiagBuffer) -> u64 {
+        let newest = buffer.get(0).map_or(0, |entry| entry.number);
         while self.sent < newest {
-            let Some(entry) = oldest_after(cpu, self.sent, newest) else { break };
+            let Some(entry) = oldest_after(buffer, self.sent, newest) else { break };
             if self.entries.push(*entry).is_err() {
                 break;
             }
@@ -41,13 +41,13 @@ impl Feed {
 
 /// The oldest entry after number `sent` that the CPU still has. A flood in one cycle may have washed out the ones that
 /// follow; the STOPs among them, and what led to them, are kept longer.
-fn oldest_after(cpu: &Cpu, sent: u64, newest: u64) -> Option<&DiagEntry> {
+fn oldest_after(buffer: &DiagBuffer, sent: u64, newest: u64) -> Option<&DiagEntry> {
     let back = (newest - sent - 1) as usize;
     if back < DIAG_ENTRIES {
-        return cpu.diagnostic(back);
+        return buffer.get(back);
     }
-    let kept = (DIAG_ENTRIES..DIAG_ENTRIES + DIAG_STOPS).rev().filter_map(|back| cpu.diagnostic(back));
-    kept.into_iter().find(|entry| entry.number > sent).or_else(|| cpu.diagnostic(DIAG_ENTRIES - 1))
+    let kept = (DIAG_ENTRIES..DIAG_ENTRIES + DIAG_STOPS).rev().filter_map(|back| buffer.get(back));
+    kept.into_iter().find(|entry| entry.number > sent).or_else(|| buffer.get(DIAG_ENTRIES - 1))
 }
 
 impl FeedEnd {
@@ -59,7 +59,7 @@ impl FeedEnd {
 
 #[cfg(test)]
 mod tests {
-    use ob1_cpu::{Clock, Command, CpuConfig};
+    use ob1_cpu::{Clock, Command, Cpu, CpuConfig};
     use ob1_model::Event;
     use ob1_time::Instant;
 
@@ -85,14 +85,14 @@ mod tests {
             cpu.cycle(&mut Still);
         };
         change(&mut cpu, Command::Run);
-        let started = feed.follow(&cpu);
+        let started = feed.follow(cpu.diagnostic_buffer());
         assert_eq!(std::iter::from_fn(|| end.take()).last().map(|entry| entry.number), Some(started));
         // To STOP; then, before anybody looks, more than the buffer holds.
         change(&mut cpu, Command::Stop);
         for _ in 0..3 * DIAG_ENTRIES {
             cpu.diagnose(Event::SEGMENT_GARBAGE, 0, "");
         }
-        let newest = feed.follow(&cpu);
+        let newest = feed.follow(cpu.diagnostic_buffer());
         let seen: Vec<_> = std::iter::from_fn(|| end.take()).map(|entry| (entry.number, entry.event)).collect();
         assert_eq!(seen.first(), Some(&(started + 1, Event::STOP_OPERATOR)));
         let rest: Vec<u64> = seen.iter().skip(1).map(|(number, _)| *number).collect();

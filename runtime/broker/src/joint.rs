@@ -10,9 +10,9 @@ use ob1_access::door::{
     Answer, Connection as LinkConnection, News, PART_BYTES, Refusal, Refused, Ticket, ToLink, VERSION, Welcome,
 };
 use ob1_backplane::{SegmentError, WindowHead, WindowReader, WindowWriter};
-use ob1_cpu::{Cpu, Frame, Group, Link, Listing, Mark, PassJob, Piece, Returned, TooMuch, Window};
+use ob1_cpu::{Cpu, DebugJob, Frame, Group, Link, Listing, Mark, PassJob, Piece, Returned, TooMuch, Window};
 use ob1_log::Limit;
-use ob1_model::PASS_WAIT;
+use ob1_model::{DebugOrder, PASS_WAIT};
 use ob1_time::{Instant, Span};
 
 use crate::client::{Clients, Job};
@@ -95,6 +95,10 @@ pub(crate) struct Joint {
     out: BTreeMap<u64, Out>,
     /// Passes nobody waits for any more.
     no_passes: Vec<u64>,
+    /// The client that sets breakpoints.
+    debugger: Option<u32>,
+    /// It is gone, and the CPU does not know yet.
+    debugger_gone: bool,
     /// How much of what its partners do is recorded.
     pub(crate) records: Limit,
 }
@@ -121,6 +125,8 @@ impl Joint {
             number: 0,
             out: BTreeMap::new(),
             no_passes: Vec::new(),
+            debugger: None,
+            debugger_gone: false,
             records: Limit::new(RECORDS, RECORD),
         }))
     }
@@ -265,6 +271,13 @@ impl Joint {
                     let full = self.link.pass(PassJob::new(number, order)).is_err();
                     (ticket, None, full.then_some(Job::Pass(ticket, order)))
                 }
+                Job::Debug(ticket, order) => {
+                    if let DebugOrder::Hold { wait, .. } = order {
+                        give_up = give_up.saturating_add(Span::from_nanos(wait.min(PASS_WAIT)));
+                    }
+                    let full = self.link.debug(DebugJob::new(number, order.clone())).is_err();
+                    (ticket, None, full.then_some(Job::Debug(ticket, order)))
+                }
             };
             if let Some(job) = full {
                 self.clients.put_back(client, job);
@@ -301,12 +314,20 @@ impl Joint {
                     let Some(out) = self.done(job.id()) else { continue };
                     self.answer(out.client, out.ticket, Answer::Pass(job.into_pass()));
                 }
+                Returned::Debug(job) => {
+                    let Some(out) = self.done(job.id()) else { continue };
+                    self.answer(out.client, out.ticket, Answer::Debug(job.into_answer()));
+                }
             }
         }
     }
 
     /// Drops what is under way for these clients. The scan is told of passes, so that their places are free again.
     fn forget(&mut self, gone: impl Fn(u32) -> bool) {
+        // Without its owner a CPU in HOLD goes to STOP.
+        if self.debugger.take_if(|client| gone(*client)).is_some() {
+            self.debugger_gone = true;
+        }
         let no_passes = &mut self.no_passes;
         self.out.retain(|number, out| {
             let stays = !gone(out.client);
@@ -323,6 +344,16 @@ impl Joint {
             client.out = client.out.saturating_sub(1);
         }
         Some(out)
+    }
+
+    /// This client sets breakpoints from now on, unless another does.
+    pub(crate) fn debugs(&mut self, client: u32, order: &DebugOrder) {
+        self.debugger = (*order != DebugOrder::End).then_some(client);
+    }
+
+    /// Whether somebody else than this client sets breakpoints.
+    pub(crate) fn is_debugged(&self, but: Option<u32>) -> bool {
+        self.debugger_gone || self.debugger.is_some() && self.debugger != but
     }
 
     /// A client is gone: its answers are dropped.
@@ -347,6 +378,10 @@ impl Joint {
                 self.no_passes.push(number);
                 break;
             }
+        }
+        if self.debugger_gone {
+            self.number += 1;
+            self.debugger_gone = self.link.debug(DebugJob::new(self.number, DebugOrder::End)).is_err();
         }
         self.hand_over(facts, now.saturating_add(answer_time));
         let silent: Vec<u64> = self.out.iter().filter(|(_, out)| now >= out.give_up).map(|(n, _)| *n).collect();

@@ -6,6 +6,7 @@ use ob1_model::{BlockId, BlockKind, Event, Site};
 use ob1_time::{Instant, Span};
 
 use crate::engine::{Callee, Engine, Plan};
+use crate::exchange::Exchange;
 use crate::machine::{Attention, Machine};
 use crate::natives::{Native, Running};
 use crate::{Abort, Clock, ShortText};
@@ -51,6 +52,7 @@ pub struct Context<'a> {
     pub(crate) machine: &'a mut Machine,
     pub(crate) blocks: &'a Blocks,
     pub(crate) clock: &'a mut dyn Clock,
+    pub(crate) exchange: &'a mut Exchange,
 }
 
 impl std::fmt::Debug for Context<'_> {
@@ -67,7 +69,7 @@ impl Context<'_> {
         let before = machine.hot.now;
         machine.statements += pending;
         self.clock.executed(pending);
-        machine.hot.now = machine.hot.now.max(self.clock.now());
+        machine.hot.now = machine.hot.now.max(machine.time(self.clock));
         if pending >= FEWEST_STATEMENTS {
             machine.pace = (machine.hot.now - before).times(1024) / pending;
         }
@@ -119,7 +121,8 @@ impl Context<'_> {
         let deadline = self.machine.hot.now.saturating_add(time);
         while self.machine.hot.now < deadline {
             let watchdog = self.machine.watchdog.expires.unwrap_or(deadline);
-            self.clock.wait(deadline.min(watchdog).min(self.machine.interrupts.next_due()));
+            let due = deadline.min(watchdog).min(self.machine.interrupts.next_due());
+            self.clock.wait(due.saturating_add(self.machine.held));
             self.attend()?;
         }
         Ok(())

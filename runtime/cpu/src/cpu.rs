@@ -149,6 +149,12 @@ impl Cpu {
         self.machine.diag.iter()
     }
 
+    /// The same as it is kept.
+    #[must_use]
+    pub const fn diagnostic_buffer(&self) -> &crate::DiagBuffer {
+        &self.machine.diag
+    }
+
     /// A diagnostic entry, counted back from the newest (0).
     #[must_use]
     pub fn diagnostic(&self, back: usize) -> Option<&DiagEntry> {

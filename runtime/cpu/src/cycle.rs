@@ -28,7 +28,12 @@ impl Cpu {
     /// ([`CycleEnd::whole`] is false then). In STOP only access port, exchange and modules are served. The caller
     /// sleeps until the deadline it is given.
     pub fn cycle(&mut self, clock: &mut dyn Clock) -> CycleEnd {
-        self.machine.hot.now = self.machine.hot.now.max(clock.now());
+        let end = self.serve_and_run(clock);
+        CycleEnd { next_deadline: end.next_deadline.saturating_add(self.machine.held), ..end }
+    }
+
+    fn serve_and_run(&mut self, clock: &mut dyn Clock) -> CycleEnd {
+        self.machine.hot.now = self.machine.hot.now.max(self.machine.time(clock));
         self.machine.memory.reuse_deleted();
         self.machine.serve_port(&self.blocks, self.state);
         if self.machine.attention.take_halt() {
@@ -64,7 +69,7 @@ impl Cpu {
         self.machine.cycle_start = start;
         self.serve_links(clock);
         self.watch(start);
-        self.machine.modules.begin_scan(start);
+        self.machine.modules.begin_scan(self.machine.real());
         let mut outputs_from = None;
         let ran = self.module_events(clock).and_then(|()| {
             self.clock_memory();
@@ -86,8 +91,8 @@ impl Cpu {
         }
         let m = &mut self.machine;
         if !stopped {
-            m.modules.end_scan(m.hot.now);
-            m.hot.now = m.hot.now.max(clock.now());
+            m.modules.end_scan(m.real());
+            m.hot.now = m.hot.now.max(m.time(clock));
         }
         let (due, overran, missed) = m.next_cycle(planned, stopped);
         self.due = due;
@@ -131,7 +136,10 @@ impl Cpu {
 
     fn serve_exchange(&mut self) {
         self.exchange.serve(&mut self.machine, self.state);
-        if self.machine.watching.is_busy() {
+        if self.machine.debugging.is_busy() {
+            self.breakpoints();
+        }
+        if self.machine.watching.is_busy() || self.machine.debugging.is_changing() {
             self.passes();
         }
     }
@@ -154,7 +162,7 @@ impl Cpu {
         }
         // Rings the doorbells for what an interrupt has written to modules.
         let m = &mut self.machine;
-        m.modules.end_scan(m.hot.now);
+        m.modules.end_scan(m.real());
         m.trace.between(m.hot.now);
         m.account_interrupts();
         CycleEnd { next_deadline: self.next_deadline(), state: self.state, whole: false, late: false }
@@ -173,7 +181,7 @@ impl Cpu {
     }
 
     pub(crate) fn context<'a>(&'a mut self, clock: &'a mut dyn Clock) -> Context<'a> {
-        Context { machine: &mut self.machine, blocks: &self.blocks, clock }
+        Context { machine: &mut self.machine, blocks: &self.blocks, clock, exchange: &mut self.exchange }
     }
 
     fn input_image(&mut self, clock: &mut dyn Clock) -> Result<(), Abort> {
@@ -241,7 +249,7 @@ impl Cpu {
     /// Serves access port and modules while the program stands still.
     pub(crate) fn stop_cycle(&mut self, clock: &mut dyn Clock) -> CycleEnd {
         let now = self.machine.hot.now;
-        self.machine.modules.begin_scan(now);
+        self.machine.modules.begin_scan(self.machine.real());
         // No organization block runs in STOP: this cannot abort.
         let _ = self.module_events(clock);
         let m = &mut self.machine;
@@ -249,7 +257,7 @@ impl Cpu {
             // A module that does not answer reads as 0; in STOP that is not an error.
             let _ = m.modules.read_image(index, &mut m.memory);
         }
-        m.modules.end_scan(now);
+        m.modules.end_scan(m.real());
         self.due = now.saturating_add(STOP_CYCLE);
         CycleEnd { next_deadline: self.due, state: self.state, whole: true, late: false }
     }

@@ -116,9 +116,9 @@ struct Dated {
     wall: Wall,
 }
 
-/// The ring.
+/// The diagnostic buffer: a ring, and what led to the last STOPs.
 #[derive(Debug)]
-pub(crate) struct DiagBuffer {
+pub struct DiagBuffer {
     entries: Box<[Dated]>,
     written: u64,
     /// Places of their own for STOPs, in ascending order of their numbers; `stops` of them are in use.
@@ -163,7 +163,8 @@ impl DiagBuffer {
     }
 
     /// The `back`th entry, 0 the newest: first those of the ring, then what is kept of those that are gone from it.
-    pub(crate) fn get(&self, back: usize) -> Option<&DiagEntry> {
+    #[must_use]
+    pub fn get(&self, back: usize) -> Option<&DiagEntry> {
         self.dated(back).map(|dated| &dated.entry)
     }
 

@@ -13,6 +13,7 @@ use ob1_std::services::{StatusError, SystemStatus as _};
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use crate::cells;
+use crate::holding::DebugJob;
 use crate::machine::Machine;
 use crate::watching::PassJob;
 use crate::{Mark, OperatingState, Window};
@@ -300,6 +301,7 @@ enum Order {
     Group(Box<Group>),
     List(Box<Listing>),
     Pass(Box<PassJob>),
+    Debug(Box<DebugJob>),
     /// Nobody waits for the pass with this number any more.
     NoPass(u64),
 }
@@ -309,6 +311,7 @@ enum Back {
     Group(Box<Group>),
     List(Box<Listing>),
     Pass(Box<PassJob>),
+    Debug(Box<DebugJob>),
     /// A replaced watch, to be freed.
     OldWatch(#[expect(dead_code, reason = "it comes back to be freed")] Box<Watch>),
 }
@@ -322,6 +325,8 @@ pub enum Returned {
     List(Box<Listing>),
     /// A pass through a block, or why there is none.
     Pass(Box<PassJob>),
+    /// Breakpoints are set, or the CPU holds.
+    Debug(Box<DebugJob>),
 }
 
 /// A link's end. It belongs to one thread.
@@ -402,6 +407,14 @@ impl Link {
         self.orders.push(Order::NoPass(id)).map_err(|_| TooMuch::UnderWay)
     }
 
+    /// Sets breakpoints, or waits for a hold; it comes back with [`Link::take`].
+    ///
+    /// # Errors
+    /// Too much is under way.
+    pub fn debug(&mut self, job: DebugJob) -> Result<(), TooMuch> {
+        self.orders.push(Order::Debug(Box::new(job))).map_err(|_| TooMuch::UnderWay)
+    }
+
     /// The next thing that has come back.
     pub fn take(&mut self) -> Option<Returned> {
         loop {
@@ -409,6 +422,7 @@ impl Link {
                 Back::Group(group) => return Some(Returned::Group(group)),
                 Back::List(listing) => return Some(Returned::List(listing)),
                 Back::Pass(job) => return Some(Returned::Pass(job)),
+                Back::Debug(job) => return Some(Returned::Debug(job)),
                 Back::OldWatch(_) => {}
             }
         }
@@ -480,6 +494,13 @@ impl Exchange {
         }
     }
 
+    /// An order about breakpoints is done.
+    pub(crate) fn give_back_debug(&mut self, job: Box<DebugJob>) {
+        if let Some(end) = self.ends.get_mut(job.link) {
+            let _ = end.back.push(Back::Debug(job));
+        }
+    }
+
     /// One group of each link in turn, until there is none or the bytes of this scan are used up.
     fn writes(&mut self, m: &mut Machine, state: OperatingState) {
         let (mut left, links) = (WRITE_BYTES, self.ends.len().max(1));
@@ -536,6 +557,12 @@ impl End {
                         let _ = self.back.push(Back::Pass(job));
                     }
                 }
+                Ok(Order::Debug(mut job)) => {
+                    job.link = self.place;
+                    if let Some(job) = m.debugging.take(job) {
+                        let _ = self.back.push(Back::Debug(job));
+                    }
+                }
                 Ok(Order::NoPass(id)) => m.watching.forget(self.place, id),
                 Err(_) => return false,
             }
@@ -544,7 +571,7 @@ impl End {
 
     fn snapshot(&mut self, m: &mut Machine, scan: u64, state: OperatingState) {
         let Some(watch) = self.watch.as_deref().filter(|watch| !watch.steps.is_empty()) else { return };
-        let mark = Mark { generation: watch.generation, scan, time: m.hot.now, state };
+        let mark = Mark { generation: watch.generation, scan, time: m.real(), state };
         self.window.put(mark, &mut |words| watch.fill(m, words));
     }
 

@@ -19,6 +19,7 @@ pub mod engine;
 mod error;
 mod events;
 mod exchange;
+mod holding;
 mod interrupts;
 mod keep;
 mod load;
@@ -57,10 +58,11 @@ pub use accounts::{
 };
 pub use config::{BusPlace, CpuConfig, CycleEnd, ImageErrors, MOST_STACK_BYTES, ModuleSlot};
 pub use cpu::Cpu;
-pub use diag::{DIAG_ENTRIES, DIAG_STOPS, DIAG_TEXT, DiagEntry, ShortText};
+pub use diag::{DIAG_ENTRIES, DIAG_STOPS, DIAG_TEXT, DiagBuffer, DiagEntry, ShortText};
 pub use error::LoadError;
 pub use events::InterruptError;
 pub use exchange::{Group, LINKS, LIST_BYTES, Link, Listing, Returned, TooMuch};
+pub use holding::{DebugJob, Follower};
 pub use load::Surroundings;
 pub use log::{LOG_TEXT, LogLine, LogReader};
 pub use machine::Attention;
@@ -83,6 +85,5 @@ pub use watching::PassJob;
 pub use whereabouts::Whereabouts;
 
 use context::Context;
-use diag::DiagBuffer;
 use memory::Memory;
 use modules::{IoError, Modules};

@@ -9,6 +9,7 @@ use ob1_time::{Instant, Span};
 use crate::access_port::AccessPort;
 use crate::accounts::Trace;
 use crate::engine::{Caller, Hot, Interrupted, Tape};
+use crate::holding::{Debugging, Follower};
 use crate::interrupts::{Diagnoses, Interrupts};
 use crate::keep::Keep;
 use crate::log::{LogLine, LogWriter};
@@ -134,6 +135,11 @@ pub(crate) struct Machine {
     pub(crate) tape: Option<Box<Tape>>,
     /// Program status.
     pub(crate) watching: Watching,
+    /// Breakpoints.
+    pub(crate) debugging: Debugging,
+    /// How long it has been in HOLD: by so much its time is behind.
+    pub(crate) held: Span,
+    pub(crate) followers: Vec<Follower>,
 }
 
 impl Machine {
@@ -192,11 +198,23 @@ impl Machine {
 
     /// Enters an event into the diagnostic buffer, with its statement if it has one.
     pub(crate) fn enter(&mut self, event: Event, site: Option<Site>, data: u32, text: ShortText) {
-        self.diag.push(DiagEntry { site, ..DiagEntry::new(self.hot.now, event, data, text) }, self.wall);
+        self.enter_with(event, site, [0; 2], (data, text));
+    }
+
+    /// The same with ACCU1 and ACCU2.
+    pub(crate) fn enter_with(
+        &mut self,
+        event: Event,
+        site: Option<Site>,
+        accus: [u32; 2],
+        (data, text): (u32, ShortText),
+    ) {
+        let entry = DiagEntry { site, accus, ..DiagEntry::new(self.real(), event, data, text) };
+        self.diag.push(entry, self.wall.outside(self.held));
     }
 
     /// Copies a log line into the ring.
     pub(crate) fn log(&mut self, level: u8, text: &str) {
-        self.log.write(LogLine::new(self.hot.now, level, text));
+        self.log.write(LogLine::new(self.real(), level, text));
     }
 }

@@ -126,6 +126,13 @@ impl Modules {
         }
     }
 
+    /// Output modules show their safe state, and again what they were given.
+    pub(crate) fn output_disable(&mut self, on: bool) {
+        for plugged in &mut self.list {
+            plugged.module.output_disable(on);
+        }
+    }
+
     /// One module's part of the process image of the inputs. A module that does not answer decides what the image gets.
     pub(crate) fn read_image(&mut self, index: usize, memory: &mut Memory) -> Result<(), ModuleError> {
         let image = memory.inputs;

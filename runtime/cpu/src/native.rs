@@ -47,9 +47,9 @@ fn run(native: &Native, entry: &Entry, cx: &mut Context<'_>) -> Result<bool, Abo
 fn timed(native: &Native, account: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<bool, Abort> {
     let inside = cx.machine.inside;
     let outer = std::mem::take(&mut cx.machine.trace.nested);
-    let began = cx.clock.now();
+    let began = cx.machine.time(cx.clock);
     let result = run(native, entry, cx);
-    let whole = cx.clock.now().since(began);
+    let whole = cx.machine.time(cx.clock).since(began);
     let machine = &mut *cx.machine;
     let nested = machine.inside.saturating_sub(inside).saturating_add(machine.trace.nested);
     machine.trace.nested = outer.saturating_add(whole);

@@ -111,6 +111,9 @@ pub trait Module: Send {
     fn end_scan(&mut self, now: Instant);
     /// The CPU went to RUN (true: parameters are sent again) or to STOP (the CPU writes zeros itself).
     fn cpu_state(&mut self, run: bool);
+    /// HOLD begins (true): until it ends outputs are in their safe state, and keep what was and is written for then. A
+    /// CP, whose registers are no outputs, does nothing.
+    fn output_disable(&mut self, _on: bool) {}
     /// The next event, if any.
     fn poll_event(&mut self) -> Option<ModuleEvent>;
     /// State for programs and tools.

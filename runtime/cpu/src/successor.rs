@@ -103,6 +103,7 @@ impl Cpu {
             }
             What::Program(prepared) => prepared,
         };
+        m.debugging.forget();
         m.memory.reuse_deleted();
         prepared.memory.take_values(&m.memory, &next.fresh);
         std::mem::swap(&mut m.memory, &mut prepared.memory);

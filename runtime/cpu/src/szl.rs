@@ -204,8 +204,11 @@ impl Machine {
             // RUN flashes at 2 Hz in the start-up.
             let (on, blink) = match led {
                 0x0001 => (fault, 0),
-                0x0004 => (state != OperatingState::Stop, u8::from(state == OperatingState::Startup)),
-                0x0005 => (state == OperatingState::Stop, 0),
+                0x0004 => {
+                    let flashes = matches!(state, OperatingState::Startup | OperatingState::Hold);
+                    (state != OperatingState::Stop, u8::from(flashes))
+                }
+                0x0005 => (matches!(state, OperatingState::Stop | OperatingState::Hold), 0),
                 _ => (false, 0),
             };
             each(&Record::<4>::new().word(led).put(&[u8::from(on), blink]).bytes);
@@ -279,6 +282,7 @@ impl Machine {
             OperatingState::Stop => (self.last_stop(), 0x03, 0x08),
             OperatingState::Startup => (0x4301, 0x06, 0x04),
             OperatingState::Run => (0x4302, 0x08, 0x06),
+            OperatingState::Hold => (ob1_model::Event::HOLD.0, 0x0A, 0x08),
         };
         let before = if only_now { 0 } else { before };
         // Request of the start-up, and its OB10x_STRT_INFO except the first byte.

@@ -33,6 +33,16 @@ impl Wall {
         self.moment(now).to_bytes()
     }
 
+    /// The CPU's time has stood still for so long; the date has not.
+    pub(crate) fn goes_on(&mut self, passed: Span) {
+        self.at_zero += i128::from(passed.nanos());
+    }
+
+    /// The same for times outside, by which the CPU's time is behind by so much.
+    pub(crate) fn outside(self, behind: Span) -> Self {
+        Self { at_zero: self.at_zero - i128::from(behind.nanos()) }
+    }
+
     /// Sets it: at `now` it shows `moment`.
     pub(crate) fn set(&mut self, moment: Moment, now: Instant) {
         self.at_zero = nanos(moment) - i128::from(now.nanos());

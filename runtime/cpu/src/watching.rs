@@ -343,7 +343,9 @@ impl Cpu {
                 self.exchange.give_back(job);
             }
         }
-        let wanted = self.machine.watching.wanted();
+        let mut wanted = self.machine.watching.wanted();
+        wanted.every = self.machine.debugging.is_armed();
+        self.machine.debugging.every = wanted.every;
         if wanted != self.machine.watching.watched {
             self.machine.watching.watched = wanted;
             self.blocks.engine.watch(&wanted);
@@ -353,6 +355,7 @@ impl Cpu {
     /// Before another engine or another program takes over: no job is armed. Each waits for the next cycle control
     /// point.
     pub(crate) fn disarm(&mut self) {
+        self.machine.debugging.every = false;
         let watching = &mut self.machine.watching;
         if std::mem::take(&mut watching.watched) == Watched::default() {
             return;

@@ -80,6 +80,12 @@ impl Code {
     /// These blocks are watched from now on, no others: neither their own code is entered nor any they are a part of.
     pub(crate) fn watch(&self, watched: &Watched) {
         let before = self.watched.replace(*watched);
+        if before.every || watched.every {
+            (0..self.entries.0.len() as u32).for_each(|block| self.enter_by(block, !watched.every));
+        }
+        if watched.every {
+            return;
+        }
         for (set, code) in [(&before, true), (watched, false)] {
             for block in
                 set.all().chain(set.blocks.into_iter().flatten().flat_map(|block| self.containing.of_block(block)))
@@ -377,7 +383,7 @@ pub(crate) fn interpret<const PROBED: bool>(
         }
         first = false;
         if PROBED {
-            cx.next_statement(run, pc as u32, r);
+            cx.next_statement(run, pc as u32, r)?;
         }
         cx.hot().pending += 1;
         let Some(stmt) = body.stmts.get(pc) else { return Ok(ENDED) };

@@ -8,6 +8,7 @@ use clap::{Args, Parser, Subcommand};
 
 use crate::bus::{self, BusArgs};
 use crate::check::{self, CheckArgs};
+use crate::debug::{self, DebugArgs};
 use crate::diag::{self, DiagArgs};
 use crate::diff::{self, DiffArgs};
 use crate::exec::{self, ExecArgs};
@@ -85,6 +86,7 @@ enum Command {
     Ctl(CtlArgs),
     Diag(DiagArgs),
     Status(StatusArgs),
+    Debug(DebugArgs),
     Trace(TraceArgs),
     Top(TopArgs),
     Soak(Box<SoakArgs>),
@@ -220,6 +222,7 @@ impl Command {
             Command::Ctl(args) => remote::ctl(&args),
             Command::Diag(args) => diag::diag(&args),
             Command::Status(args) => status::status(&args),
+            Command::Debug(args) => debug::debug(&args),
             Command::Trace(args) => trace::trace(&args),
             Command::Top(args) => top::top(&args),
             Command::Soak(args) => return soak::soak(&args).into(),

@@ -10,6 +10,7 @@ extern crate ob1_station;
 pub mod bus;
 pub mod check;
 pub mod cli;
+pub mod debug;
 pub mod diag;
 pub mod diff;
 pub mod exec;

@@ -48,6 +48,10 @@ impl Clock for MonotonicClock {
     }
 
     fn executed(&mut self, _statements: u64) {}
+
+    fn rest(&mut self, deadline: Instant) {
+        self.sleep_until(deadline);
+    }
 }
 
 /// CLOCK_MONOTONIC, through the vDSO: no system call.

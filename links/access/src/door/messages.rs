@@ -1,6 +1,8 @@
 //! The messages between a link and the broker: one message per packet, in the order they were sent.
 
-use ob1_model::{BlockId, CellError, Command, OperatingState as State, Pass, PassOrder, Piece, Put};
+use ob1_model::{
+    BlockId, CellError, Command, DebugAnswer, DebugOrder, OperatingState as State, Pass, PassOrder, Piece, Put,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::Right;
@@ -71,6 +73,8 @@ pub enum Ask {
     Delete(Vec<BlockId>),
     /// One pass through a block, watched statement by statement. The answer comes when it was made.
     Pass(PassOrder),
+    /// Breakpoints and single step (operate). One client at a time; if it goes, a CPU in HOLD goes to STOP.
+    Debug(DebugOrder),
 }
 
 /// A document about the whole station. All but the program are JSON objects as on the control socket (docs/access.md).
@@ -128,6 +132,8 @@ pub enum Answer {
     },
     /// What was seen.
     Pass(Pass),
+    /// How an order about breakpoints has ended.
+    Debug(DebugAnswer),
 }
 
 /// Why a request was refused.

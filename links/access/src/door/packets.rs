@@ -1,8 +1,8 @@
 //! The messages as packets.
 
 use ob1_model::{
-    Area, BlockId, BlockKind, Cell, CellError, Command, OperatingState as State, Pass, PassEnd, PassLine, PassOrder,
-    Piece, Put, Width,
+    Area, BlockId, BlockKind, Breakpoint, Cell, CellError, Command, DebugAnswer, DebugEnd, DebugOrder, Held, HeldBlock,
+    OperatingState as State, Pass, PassEnd, PassLine, PassOrder, Piece, Put, Resume, Width,
 };
 
 use super::messages::{
@@ -61,21 +61,28 @@ impl Wire for BlockId {
 wire!(enum Width { 0 => Bit, 1 => Byte, 2 => Word, 3 => DWord });
 wire!(enum Piece { 0 => Bytes { at, len }, 1 => Value(cell, width) });
 wire!(enum Put { 0 => Value(cell, width, value), 1 => Bytes(cell, bytes) });
-wire!(enum State { 0 => Stop, 1 => Startup, 2 => Run });
+wire!(enum State { 0 => Stop, 1 => Startup, 2 => Run, 3 => Hold });
 wire!(enum Right { 0 => Read, 1 => Write, 2 => Operate });
 wire!(enum Command { 0 => Run, 1 => Stop, 2 => Warm, 3 => Cold, 4 => Hot, 5 => Reset });
 wire!(enum Ask {
     0 => Login(password), 1 => Logout, 2 => Command(command), 3 => Clock, 4 => SetClock(clock), 5 => Szl { id, index },
     6 => Diagnostics(count), 7 => Modules, 8 => Blocks, 9 => Block(id), 10 => Events { after }, 11 => NoEvents,
     12 => Document(which), 13 => Stage { id, bytes }, 14 => Link, 15 => Delete(ids),
-    16 => Pass(order),
+    16 => Pass(order), 17 => Debug(order),
 });
 wire!(enum Document { 0 => Program, 1 => Status, 2 => Timing, 3 => Buffers, 4 => Links });
 wire!(enum Answer {
     0 => Done, 1 => Clock(clock), 2 => Szl { record, bytes }, 3 => NoSzl(code), 4 => Diagnostics(entries),
     5 => Modules { state, present }, 6 => Blocks(blocks), 7 => Block(block), 8 => Refused(why),
-    9 => Document { last, bytes }, 10 => Pass(pass),
+    9 => Document { last, bytes }, 10 => Pass(pass), 11 => Debug(answer),
 });
+wire!(struct Breakpoint { block, statement });
+wire!(enum Resume { 0 => Run, 1 => Into, 2 => Over, 3 => Out });
+wire!(enum DebugOrder { 0 => Breakpoints(list), 1 => Hold { resume, wait }, 2 => End });
+wire!(struct HeldBlock { block, statement, blocks, ob });
+wire!(struct Held { stack, status, accus, addresses, local });
+wire!(enum DebugEnd { 0 => Done, 1 => Held, 2 => Runs, 3 => Stopped, 4 => NoStatement(index) });
+wire!(struct DebugAnswer { end, held });
 wire!(struct PassOrder { block, from, db, first, count, wait });
 wire!(struct PassLine { times, status, accus, addresses, blocks });
 wire!(enum PassEnd { 0 => Whole, 1 => Stopped, 2 => NotCalled, 3 => NoBlock, 4 => Full, 5 => TooLong });

@@ -84,12 +84,13 @@ impl Wire for Box<[u8]> {
     }
 }
 
-impl<T: Wire> Wire for [T; 2] {
+impl<T: Wire, const N: usize> Wire for [T; N] {
     fn put(&self, out: &mut Vec<u8>) {
         self.iter().for_each(|item| item.put(out));
     }
     fn get(bytes: &mut &[u8]) -> Option<Self> {
-        Some([T::get(bytes)?, T::get(bytes)?])
+        let items: Option<Vec<T>> = (0..N).map(|_| T::get(bytes)).collect();
+        items?.try_into().ok()
     }
 }
 
@@ -100,17 +101,6 @@ impl<A: Wire, B: Wire> Wire for (A, B) {
     }
     fn get(bytes: &mut &[u8]) -> Option<Self> {
         Some((A::get(bytes)?, B::get(bytes)?))
-    }
-}
-
-impl Wire for [u8; 8] {
-    fn put(&self, out: &mut Vec<u8>) {
-        out.extend_from_slice(self);
-    }
-    fn get(bytes: &mut &[u8]) -> Option<Self> {
-        let (eight, rest) = bytes.split_first_chunk()?;
-        *bytes = rest;
-        Some(*eight)
     }
 }
 

@@ -298,6 +298,7 @@ fn rest(page: &mut Page, told: &Told, counts: &Counts) {
         let change = Event(*event).state_change().map_or("", |change| match change {
             ob1_model::StateChange::Startup => "startup",
             ob1_model::StateChange::Run => "run",
+            ob1_model::StateChange::Hold => "hold",
             ob1_model::StateChange::Stop => "stop",
             ob1_model::StateChange::Fault => "fault",
         });

@@ -266,6 +266,7 @@ fn change(entry: &Diagnosis) -> Option<&'static str> {
     Event(entry.event).state_change().map(|change| match change {
         StateChange::Startup => "startup",
         StateChange::Run => "run",
+        StateChange::Hold => "hold",
         StateChange::Stop => "stop",
         StateChange::Fault => "fault",
     })

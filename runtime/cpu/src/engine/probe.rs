@@ -5,8 +5,8 @@ use ob1_model::PASS_JOBS;
 
 use super::Caller;
 use super::regs::Regs;
-use crate::Context;
 use crate::watching::Entering;
+use crate::{Abort, Context};
 
 /// The blocks that jobs are about, by their index in [`super::Plan::blocks`]; none: no job is armed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -15,6 +15,8 @@ pub struct Watched {
     pub blocks: [Option<u32>; PASS_JOBS],
     /// Blocks of which it must be known whether a watched one was called in them.
     pub callers: [Option<u32>; PASS_JOBS],
+    /// Every block runs statement by statement: there are breakpoints.
+    pub every: bool,
 }
 
 impl Watched {
@@ -63,7 +65,9 @@ impl Context<'_> {
     pub fn entered(&mut self, block: u32, caller: Option<Caller>, run: u32, contains: bool, r: &Regs) -> Entered {
         let entering = Entering { block, caller, run, contains };
         let called_by = caller.and_then(|caller| self.blocks.plan.blocks.get(caller.block as usize));
-        let probed = self.machine.enter_watched(&entering, called_by.map(|block| block.id), r);
+        let watched = self.machine.enter_watched(&entering, called_by.map(|block| block.id), r);
+        let ob = self.machine.ob.number;
+        let probed = self.machine.debugging.entered(&entering, ob, r) || watched;
         Entered { entering, probed, statements: self.statements() }
     }
 
@@ -74,17 +78,22 @@ impl Context<'_> {
         // Without loops its own are no more than it has, whatever it calls.
         let own = block.filter(|block| !block.loops).map_or(inside, |block| block.ops.len() as u64);
         self.machine.leave_watched(&entered.entering, own);
+        self.machine.debugging.left(entered.run());
     }
 
-    /// The statement of a probed run that comes now.
+    /// The statement of a probed run that comes now. The CPU holds before it, if that is wanted.
+    ///
+    /// # Errors
+    /// It has gone from HOLD to STOP.
     #[inline]
-    pub fn next_statement(&mut self, run: u32, statement: u32, r: &Regs) {
+    pub fn next_statement(&mut self, run: u32, statement: u32, r: &Regs) -> Result<(), Abort> {
         self.machine.watching.step(run, statement, r);
+        self.may_hold(run, statement, r)
     }
 
     /// A probed run has come to its block's end; the registers are those that the end finds.
     pub fn pass_ends(&mut self, run: u32, r: &Regs) {
-        let now = self.machine.hot.now;
+        let now = self.machine.real();
         self.machine.watching.end(run, r, now);
     }
 

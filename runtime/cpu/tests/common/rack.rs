@@ -14,6 +14,8 @@ pub struct Seen {
     pub writes: Vec<(u16, Vec<u8>)>,
     pub states: Vec<bool>,
     pub scans: u32,
+    /// Its outputs were disabled and enabled.
+    pub disabled: Vec<bool>,
     pub absent: bool,
     pub events: Vec<ModuleEvent>,
     /// Its own diagnostic buffer, newest first; empty: it has none.
@@ -66,6 +68,9 @@ impl Module for TestModule {
         })
     }
     fn end_scan(&mut self, _now: Instant) {}
+    fn output_disable(&mut self, on: bool) {
+        self.look(|s| s.disabled.push(on));
+    }
     fn cpu_state(&mut self, run: bool) {
         self.look(|s| s.states.push(run));
     }

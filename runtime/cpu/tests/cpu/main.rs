@@ -15,6 +15,7 @@ mod engines;
 mod exchange;
 mod faults;
 mod forms;
+mod holding;
 mod instructions;
 mod interrupts;
 mod modules;

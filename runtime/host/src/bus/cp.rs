@@ -330,6 +330,12 @@ impl Module for DpCp {
         }
     }
 
+    fn output_disable(&mut self, on: bool) {
+        if let Ok(mut shared) = self.shared.try_lock() {
+            shared.output_disable(on);
+        }
+    }
+
     fn cpu_state(&mut self, run: bool) {
         // A program that starts has not sent anything yet, and is in charge of the mode again.
         self.send.fill(0);

@@ -161,6 +161,13 @@ impl Shared {
         }
     }
 
+    /// HOLD: the couplers are told that nobody drives the outputs; those stay as they are for later.
+    fn output_disable(&mut self, on: bool) {
+        self.run = !on;
+        self.publish();
+        self.bell = true;
+    }
+
     /// The CPU went to RUN, or to STOP.
     fn cpu_state(&mut self, run: bool) {
         self.run = run;
@@ -274,6 +281,14 @@ impl Module for BusModule {
             && let Ok(mut shared) = self.shared.try_lock()
         {
             shared.end(now);
+        }
+    }
+
+    fn output_disable(&mut self, on: bool) {
+        if self.leads
+            && let Ok(mut shared) = self.shared.try_lock()
+        {
+            shared.output_disable(on);
         }
     }
 

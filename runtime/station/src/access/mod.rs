@@ -4,6 +4,7 @@
 pub mod client;
 mod clients;
 mod control;
+pub mod debug;
 pub(crate) mod facts;
 pub mod pass;
 pub mod protocol;

@@ -110,11 +110,11 @@ impl From<&PassLine> for Registers {
     }
 }
 
-fn code(program: &Program, id: BlockId) -> Option<&CodeBlock> {
+pub(super) fn code(program: &Program, id: BlockId) -> Option<&CodeBlock> {
     program.blocks.iter().find(|block| block.id == id)
 }
 
-fn named(known: &KnownProgram, text: &str) -> Result<BlockId, String> {
+pub(super) fn named(known: &KnownProgram, text: &str) -> Result<BlockId, String> {
     let by_name = || known.blocks.iter().find(|fact| !fact.name.is_empty() && fact.name.eq_ignore_ascii_case(text));
     let id = parse_block(text).or_else(|| by_name().map(|fact| fact.id));
     let id = id.ok_or_else(|| {
@@ -181,14 +181,7 @@ pub(super) fn status(known: &KnownProgram, order: &PassOrder, pass: &Pass, start
     if pass.end != PassEnd::NotCalled && pass.statements as usize != block.code.len() + 1 {
         return Err(changed(id));
     }
-    let caller = pass.caller.map_or_else(String::new, |(caller, statement)| {
-        let line =
-            code(&known.program, caller).and_then(|code| code.code.get(statement as usize)).map(|stmt| stmt.line);
-        match known.places.file(caller).zip(line.filter(|line| *line > 0)) {
-            Some((file, line)) => format!("{caller}, {file}:{line}"),
-            None => caller.to_string(),
-        }
-    });
+    let caller = pass.caller.map_or_else(String::new, |(caller, statement)| place(known, caller, statement));
     let text = known.places.file(id).and_then(|file| source(file, started));
     let mut cut = Vec::new();
     if pass.cut > 0 {
@@ -215,6 +208,15 @@ pub(super) fn status(known: &KnownProgram, order: &PassOrder, pass: &Pass, start
         file: if text.is_some() { known.places.file(id).unwrap_or_default().to_owned() } else { String::new() },
         lines,
     })
+}
+
+/// A statement: `FC 6, press.awl:14`.
+pub(super) fn place(known: &KnownProgram, id: BlockId, statement: u32) -> String {
+    let line = code(&known.program, id).and_then(|code| code.code.get(statement as usize)).map(|stmt| stmt.line);
+    match known.places.file(id).zip(line.filter(|line| *line > 0)) {
+        Some((file, line)) => format!("{id}, {file}:{line}"),
+        None => id.to_string(),
+    }
 }
 
 fn changed(id: BlockId) -> String {

@@ -8,6 +8,7 @@ use ob1_model::Command;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::debug::{DebugStatus, DebugWanted};
 use super::pass::{PassStatus, PassWanted};
 use crate::timing::{Recorder, Timing};
 
@@ -69,6 +70,8 @@ pub enum Op {
     Links,
     /// Program status: one pass through a block.
     Pass(PassWanted),
+    /// Breakpoints and single step.
+    Debug(DebugWanted),
 }
 
 fn default_count() -> u32 {
@@ -132,6 +135,9 @@ pub struct Response {
     /// Answer to `pass`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pass: Option<Box<PassStatus>>,
+    /// Answer to `debug`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub debug: Option<Box<DebugStatus>>,
 }
 
 /// A link.
@@ -169,6 +175,7 @@ impl Response {
             buses: None,
             links: None,
             pass: None,
+            debug: None,
         }
     }
 

@@ -11,15 +11,15 @@ use std::sync::Arc;
 use ob1_access::door::{Answer, Ask, Command, Diagnosis, Document, Door, Refusal};
 use ob1_access::{Item, Put, value};
 use ob1_cpu::Family;
-use ob1_model::PassOrder;
+use ob1_model::{DebugOrder, PassOrder};
 use ob1_rt::SideThread;
 use ob1_time::{Instant, Span};
 use serde_json::Value;
 
 use super::clients::Clients;
 use super::control::{Control, Outcome, Pending};
-use super::pass;
 use super::protocol::{CellValue, Diagnostic, LINE_BYTES, Op, Request, Response};
+use super::{debug, pass};
 use crate::bus_view::BusView;
 use crate::known::KnownProgram;
 use crate::view::{StationView, event_number};
@@ -75,6 +75,7 @@ enum Then {
     Links,
     Diagnostics(u32),
     Pass(Arc<KnownProgram>, PassOrder),
+    Debug(Arc<KnownProgram>, DebugOrder),
 }
 
 impl Serving {
@@ -175,6 +176,12 @@ impl Serving {
                 let pending = self.control.ask_for(client, Ask::Pass(order), Span::from_nanos(order.wait));
                 return Ok(Begun::UnderWay(pending, Then::Pass(known, order)));
             }
+            Op::Debug(wanted) => {
+                let order = debug::order(&known, &wanted)?;
+                let wait = if let DebugOrder::Hold { wait, .. } = order { wait } else { 0 };
+                let pending = self.control.ask_for(client, Ask::Debug(order.clone()), Span::from_nanos(wait));
+                return Ok(Begun::UnderWay(pending, Then::Debug(known, order)));
+            }
             Op::ResetStatistics => self.view.timings.reset(),
             Op::Timing { histograms } => response.timing = Some(Box::new(self.view.timings.snapshot(histograms))),
             Op::Buses => response.buses = Some(self.view.buses.iter().map(BusView::status).collect()),
@@ -204,6 +211,9 @@ impl Serving {
             (Then::Pass(known, order), Outcome::Answer(Answer::Pass(pass))) => {
                 let started = self.view.unix_at(Instant::START);
                 response.pass = Some(Box::new(pass::status(&known, &order, &pass, started)?));
+            }
+            (Then::Debug(known, order), Outcome::Answer(Answer::Debug(answer))) => {
+                response.debug = Some(Box::new(debug::status(&known, &order, answer)?));
             }
             (Then::Diagnostics(count), Outcome::Answer(answer)) => {
                 let entries = if let Answer::Diagnostics(entries) = answer { entries } else { Vec::new() };

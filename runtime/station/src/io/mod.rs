@@ -109,7 +109,18 @@ impl ProcessIo {
             shared.image.set_safe(outputs_at, &config.substitute);
         }
         let (shared, substitute) = (Arc::clone(&self.shared), config.substitute.clone());
-        Some(Box::new(IoModule { shared, inputs_at, inputs, outputs_at, outputs, leads, substitute, run: false }))
+        Some(Box::new(IoModule {
+            shared,
+            inputs_at,
+            inputs,
+            outputs_at,
+            outputs,
+            leads,
+            substitute,
+            run: false,
+            disabled: false,
+            driven: vec![0; usize::from(outputs)],
+        }))
     }
 
     /// Sets all outputs to their safe state for good. For the monitor, when the scan has hung: it does not wait for the
@@ -133,6 +144,10 @@ struct IoModule {
     /// What its outputs are while the CPU does not drive them; nothing: 0.
     substitute: Vec<u8>,
     run: bool,
+    /// HOLD: the outputs are in their safe state.
+    disabled: bool,
+    /// What the CPU has given them.
+    driven: Vec<u8>,
 }
 
 impl IoModule {
@@ -171,8 +186,12 @@ impl Module for IoModule {
         if !self.run && !self.substitute.is_empty() {
             return Ok(());
         }
+        if let Some(driven) = self.driven.get_mut(usize::from(at)..usize::from(at) + from.len()) {
+            driven.copy_from_slice(from);
+        }
         if let Ok(mut shared) = self.shared.try_lock()
             && !shared.off
+            && !self.disabled
         {
             shared.image.write_outputs(self.outputs_at + usize::from(at), from);
         }
@@ -190,8 +209,24 @@ impl Module for IoModule {
         }
     }
 
+    fn output_disable(&mut self, on: bool) {
+        self.disabled = on;
+        let Ok(mut shared) = self.shared.try_lock() else { return };
+        if shared.off {
+            return;
+        }
+        if !on {
+            shared.image.write_outputs(self.outputs_at, &self.driven);
+            return;
+        }
+        let substitute = self.substitute.iter().copied().chain(std::iter::repeat(0));
+        for (at, byte) in (self.outputs_at..).zip(substitute.take(usize::from(self.outputs))) {
+            shared.image.write_outputs(at, &[byte]);
+        }
+    }
+
     fn cpu_state(&mut self, run: bool) {
-        self.run = run;
+        (self.run, self.disabled) = (run, false);
         if let (false, Ok(mut shared)) = (run, self.shared.try_lock())
             && !shared.off
         {

@@ -136,6 +136,7 @@ impl AtWork {
         last_words::prepare(io.clone(), Arc::clone(&running), Arc::clone(&whereabouts)).map_err(system("signals"))?;
         let compiling = compile.map(|request| Compiling::start(request, cpu.plan(), &view.engine)).transpose();
         let (compiling, successors) = compiling.map_err(system("the thread that compiles"))?.unzip();
+        cpu.follow(scan.follower([to_run, to_broker]));
         let thread = Scan {
             cpu,
             clock,
@@ -147,7 +148,6 @@ impl AtWork {
             fence: options.fence,
             retentive,
             late,
-            feeds: [to_run, to_broker],
             guard: io.as_ref().map(|io| io.guard().clone()),
             successors,
             newcomers,

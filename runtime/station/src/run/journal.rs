@@ -78,6 +78,7 @@ fn tell(change: StateChange, entry: &DiagEntry, cause: Option<&DiagEntry>, view:
     match change {
         StateChange::Startup => tracing::info!("STARTUP: {text}"),
         StateChange::Run => tracing::info!("RUN: {text}"),
+        StateChange::Hold => tracing::info!("HOLD: {text}"),
         StateChange::Stop => tracing::info!("STOP: {text}"),
         StateChange::Fault => {
             tracing::error!("STOP: {text}");

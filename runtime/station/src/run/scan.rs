@@ -11,7 +11,7 @@ use std::thread::JoinHandle;
 
 use ob1_backplane::GuardPage;
 use ob1_broker::Feed;
-use ob1_cpu::{Clock, Command, Cpu, OperatingState};
+use ob1_cpu::{Clock, Command, Cpu, Follower, OperatingState};
 use ob1_rt::{Grant, MonotonicClock};
 use ob1_time::{Instant, Span};
 
@@ -98,6 +98,20 @@ impl ScanState {
         self.limit_reached.load(Ordering::Acquire)
     }
 
+    /// Hands diagnostic entries over by these feeds. In HOLD, where no cycle ends, it keeps the state and the sign of
+    /// life up to date besides.
+    pub(super) fn follower(self: &Arc<Self>, mut feeds: [Feed; 2]) -> Follower {
+        let shared = Arc::clone(self);
+        Box::new(move |state, buffer| {
+            let newest = feeds.each_mut().map(|feed| feed.follow(buffer));
+            shared.entries.store(newest[0], Ordering::Relaxed);
+            if state == OperatingState::Hold {
+                shared.cycles.fetch_add(1, Ordering::Relaxed);
+                shared.state.store(state.number(), Ordering::Release);
+            }
+        })
+    }
+
     /// Ends the thread after its cycle; a fenced one stays asleep instead.
     pub(super) fn finish(&self) {
         self.finish.store(true, Ordering::Release);
@@ -124,6 +138,10 @@ impl Clock for LivingClock {
     fn executed(&mut self, statements: u64) {
         self.clock.executed(statements);
     }
+
+    fn rest(&mut self, deadline: Instant) {
+        self.clock.rest(deadline);
+    }
 }
 
 /// What the scan thread is started with.
@@ -141,8 +159,6 @@ pub(super) struct Scan {
     pub(super) retentive: Option<ScanEnd>,
     /// Hands late scans over to be explained.
     pub(super) late: LateSender,
-    /// Hand diagnostic entries over to be reported: to the run, to the broker.
-    pub(super) feeds: [Feed; 2],
     /// Where the guardian looks for signs of life.
     pub(super) guard: Option<GuardPage>,
     /// Engines that take over between two cycles.
@@ -217,8 +233,7 @@ impl Scan {
             if let Some(retentive) = &mut self.retentive {
                 retentive.after_cycle(&mut self.cpu);
             }
-            let newest = self.feeds.each_mut().map(|feed| feed.follow(&self.cpu));
-            shared.entries.store(newest[0], Ordering::Relaxed);
+            self.cpu.tell();
             if end.state == OperatingState::Stop {
                 for (index, present) in shared.present.iter().enumerate() {
                     let answers = self.cpu.module(index).is_some_and(|(_, status)| status.present);

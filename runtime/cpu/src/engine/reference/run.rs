@@ -183,7 +183,7 @@ impl<const ACCOUNTS: bool> Reference<ACCOUNTS> {
 
         loop {
             if WATCHES && let Some(watched) = &watched {
-                cx.next_statement(watched.run(), pc as u32, &r);
+                cx.next_statement(watched.run(), pc as u32, &r)?;
             }
             let op = code.ops[pc];
             pc += 1;

@@ -1,0 +1,100 @@
+//! Breakpoints and single step: what is asked of a CPU, and what it shows while it holds.
+
+use crate::BlockId;
+
+/// Breakpoints at one time in a CPU.
+pub const BREAKPOINTS: usize = 4;
+/// Bytes of local data that a hold shows at most.
+pub const HELD_LOCAL: usize = 256;
+
+/// A statement before which the CPU goes to HOLD.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Breakpoint {
+    /// The block.
+    pub block: BlockId,
+    /// Its statement, from 0.
+    pub statement: u32,
+}
+
+/// How a CPU in HOLD goes on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Resume {
+    /// To the next breakpoint.
+    Run,
+    /// One statement, into a block that it calls.
+    Into,
+    /// One statement; a block that it calls runs to its end.
+    Over,
+    /// To the statement after the call of the running block.
+    Out,
+}
+
+/// What is asked.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum DebugOrder {
+    /// These breakpoints from now on, no others; at most [`BREAKPOINTS`].
+    Breakpoints(Vec<Breakpoint>),
+    /// The answer comes when the CPU holds, or after `wait` nanoseconds. A CPU in HOLD goes on before, if `resume` says
+    /// how; without it the answer comes at once.
+    Hold {
+        /// How it goes on.
+        resume: Option<Resume>,
+        /// At most [`crate::PASS_WAIT`].
+        wait: u64,
+    },
+    /// No breakpoints any more. A CPU in HOLD goes to STOP.
+    End,
+}
+
+/// A block that runs, or has called another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct HeldBlock {
+    /// The block.
+    pub block: BlockId,
+    /// Its statement, from 0: the next of the innermost, of the others the call.
+    pub statement: u32,
+    /// DB and DI register: of the innermost now, of the others when they were entered. 0: none is open.
+    pub blocks: [u16; 2],
+    /// The organization block it runs in.
+    pub ob: u16,
+}
+
+/// Where a CPU holds.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Held {
+    /// The blocks under way, the innermost first.
+    pub stack: Vec<HeldBlock>,
+    /// The status word: from bit 0 /FC, RLO, STA, OR, OS, OV, CC0, CC1, BR.
+    pub status: u16,
+    /// ACCU1 to ACCU4.
+    pub accus: [u32; 4],
+    /// AR1 and AR2.
+    pub addresses: [u32; 2],
+    /// Local data of the innermost block, the first [`HELD_LOCAL`] bytes.
+    pub local: Vec<u8>,
+}
+
+/// How an order has ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DebugEnd {
+    /// It is done.
+    Done,
+    /// The CPU holds.
+    Held,
+    /// It does not.
+    #[default]
+    Runs,
+    /// It is in STOP.
+    Stopped,
+    /// The program has no such block of statements, or the block no such statement: this entry of the list.
+    NoStatement(u8),
+}
+
+/// The answer.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct DebugAnswer {
+    /// How the order has ended.
+    pub end: DebugEnd,
+    /// Where it holds; of [`DebugEnd::Held`] alone.
+    pub held: Held,
+}
