@@ -11,7 +11,7 @@ function duration(ns) {
   return `${days > 0 ? `${days} d ` : ""}${hours} h ${minutes} min ${seconds % 60} s`;
 }
 
-const words = { RUN: "running", STOP: "stopped", STARTUP: "starting" };
+const words = { RUN: "running", STOP: "stopped", STARTUP: "starting", HOLD: "held" };
 
 /** Why the machine stands: in words, first of all. */
 function reason(card, now, why) {

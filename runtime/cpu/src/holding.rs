@@ -320,7 +320,7 @@ impl Context<'_> {
         }
         machine.modules.output_disable(true);
         machine.debugging.step = None;
-        let mut last = self.clock.now();
+        let (before, mut last) = (machine.held, self.clock.now());
         let told = loop {
             machine.serve_port(blocks, OperatingState::Hold);
             let halt = machine.attention.take_halt();
@@ -370,8 +370,10 @@ impl Context<'_> {
         if !machine.debugging.steps {
             machine.enter_with(Event::HOLD_LEFT, site, accus, (0, ShortText::default()));
         }
-        // Times of day that have passed meanwhile are due.
-        machine.reschedule();
+        if machine.held > before {
+            // Times of day that have passed meanwhile are due.
+            machine.reschedule();
+        }
         Ok(())
     }
 }

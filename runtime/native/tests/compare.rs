@@ -36,6 +36,20 @@ fn random_programs_do_the_same_while_engines_change() {
     campaign(PROGRAMS * 4 / 5, PROGRAMS / 5, &[&AtLoad(Tier::Fast), &Mixed, &AtLoad(Tier::Optimised)]);
 }
 
+/// Breakpoints and steps change nothing but the time, on every engine and while engines change. A campaign: the example
+/// above with `held` behind its numbers.
+#[test]
+fn random_programs_do_the_same_held() {
+    let (mut holds, programs) = (0, PROGRAMS / 4);
+    for seed in 0..programs {
+        match random::compare_held(seed) {
+            Ok((_, seen)) => holds += seen,
+            Err(difference) => panic!("{difference}"),
+        }
+    }
+    assert!(holds > 4 * programs, "only {holds} holds in {programs} programs");
+}
+
 /// Watching one block or another changes nothing, and passes are seen: on the reference engine, on machine code, and
 /// while engines change. A campaign: the example above with `watched` behind its numbers.
 #[test]

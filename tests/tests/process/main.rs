@@ -7,6 +7,7 @@ mod browser;
 mod compare;
 mod cp341;
 mod cp343;
+mod debugging;
 mod diag;
 mod engine;
 mod enocean;

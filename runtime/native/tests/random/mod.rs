@@ -5,17 +5,20 @@
 mod edges;
 mod maker;
 
+use std::cell::RefCell;
+use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 
 use ob1_cpu::engine::{Engine, Factory, Plan, REFERENCE};
 use ob1_cpu::{
-    Cell, Clock, Command, Cpu, CpuConfig, CyclicInterrupt, Family, Mark, ObFigures, OperatingState, PassJob, Returned,
-    Window, system_blocks,
+    Cell, Clock, Command, Cpu, CpuConfig, CyclicInterrupt, DebugJob, DiagEntry, Family, Link, Mark, ObFigures,
+    OperatingState, PassJob, Returned, Window, system_blocks,
 };
 use ob1_ir::{AddressRegister, CodeBlock, DataBlock, DataKind, Op, Operand, Place, Program, Stmt, Width};
 use ob1_model::{
-    Area, BitAddr, BlockId, BlockKind, DataType, Interface, Layout, PASS_JOBS, Param, PassEnd, PassOrder, Section,
+    Area, BREAKPOINTS, BitAddr, BlockId, BlockKind, Breakpoint, DataType, DebugEnd, DebugOrder, Event, Interface,
+    Layout, PASS_JOBS, PASS_WAIT, Param, PassEnd, PassOrder, Resume, Section,
 };
 use ob1_native::{AtLoad, Compiler, Native, Target, Tier};
 use ob1_time::{Instant, Span};
@@ -27,7 +30,38 @@ const MS: Span = Span::MILLISECOND;
 const STATEMENT: Span = Span::from_nanos(100);
 
 /// Time that statements take.
-struct Charged(Instant);
+struct Charged(Instant, Rc<RefCell<Device>>);
+
+/// A programming device at a CPU: at each hold it goes on, by steps drawn at random. No time passes meanwhile, so that
+/// the CPU must show what one without breakpoints shows.
+#[derive(Default)]
+struct Device {
+    link: Option<Link>,
+    random: Option<Random>,
+    holds: u64,
+    /// Holds that are left, before the breakpoints go.
+    left: u32,
+}
+
+impl Device {
+    fn serve(&mut self) {
+        let (Some(link), Some(random)) = (&mut self.link, &mut self.random) else { return };
+        while let Some(returned) = link.take() {
+            let Returned::Debug(job) = returned else { continue };
+            if job.into_answer().end != DebugEnd::Held {
+                continue;
+            }
+            (self.holds, self.left) = (self.holds + 1, self.left.saturating_sub(1));
+            let mut resume = random.of(&[Resume::Run, Resume::Into, Resume::Into, Resume::Over, Resume::Out]);
+            if self.left == 0 {
+                link.debug(DebugJob::new(2, DebugOrder::Breakpoints(Vec::new()))).expect("room");
+                resume = Resume::Run;
+            }
+            let order = DebugOrder::Hold { resume: Some(resume), wait: PASS_WAIT };
+            link.debug(DebugJob::new(3, order)).expect("room");
+        }
+    }
+}
 
 impl Clock for Charged {
     fn now(&mut self) -> Instant {
@@ -41,6 +75,9 @@ impl Clock for Charged {
     }
     fn wait(&mut self, deadline: Instant) {
         self.0 = self.0.max(deadline);
+    }
+    fn rest(&mut self, _deadline: Instant) {
+        self.1.borrow_mut().serve();
     }
 }
 
@@ -198,7 +235,7 @@ pub(crate) fn program(r: &mut Random) -> (Program, CpuConfig) {
 }
 
 /// What a user can see of a CPU.
-fn seen(cpu: &mut Cpu, program: &Program, now: Instant) -> Vec<String> {
+fn seen(cpu: &mut Cpu, program: &Program, now: Instant, beside: Beside) -> Vec<String> {
     let mut list = vec![
         format!("{:?} at {now}", cpu.state()),
         format!("{} statements", cpu.statistics().statements),
@@ -213,7 +250,13 @@ fn seen(cpu: &mut Cpu, program: &Program, now: Instant) -> Vec<String> {
         let words = (0..16).map(|i| cpu.read(Cell::Area(area, i * 32), Width::DWord)).collect::<Vec<_>>();
         list.push(format!("{area:?}: {words:X?}"));
     }
-    list.extend(cpu.diagnostics().map(|entry| format!("{entry:?}")));
+    if beside == Beside::Breakpoints {
+        // Its holds stand between them, and have pushed others out.
+        let others = cpu.diagnostics().filter(|entry| !matches!(entry.event, Event::HOLD | Event::HOLD_LEFT)).take(5);
+        list.extend(others.map(|entry| format!("{:?}", DiagEntry { number: 0, ..*entry })));
+    } else {
+        list.extend(cpu.diagnostics().map(|entry| format!("{entry:?}")));
+    }
     list.extend(cpu.accounts().figures().obs.iter().map(|figures| {
         let ObFigures { ob, priority, runs, overruns, execution, lateness } = figures;
         let (execution, lateness) = (execution.distribution(), lateness.distribution());
@@ -245,7 +288,7 @@ impl Factory for Mixed {
 /// # Errors
 /// The first difference, with the program.
 pub(crate) fn compare(seed: u64, scans: u32, others: &[&dyn Factory]) -> Result<bool, String> {
-    compared(seed, scans, others, false, &mut |_, _| {})
+    compared(seed, scans, others, Beside::Nothing, &mut |_, _, _| {})
 }
 
 /// Nothing looks through it.
@@ -267,7 +310,7 @@ pub(crate) fn compare_watched(seed: u64) -> Result<(bool, u64), String> {
         _ => &[&AtLoad(Tier::Optimised), &Mixed, REFERENCE],
     };
     let (mut link, mut passes, mut random) = (None, 0, Random::new(!seed));
-    let ran = compared(seed, 10, others, true, &mut |cpu, scan| {
+    let ran = compared(seed, 10, others, Beside::Passes, &mut |cpu, scan, _| {
         let link = match &mut link {
             Some(link) => link,
             none => none.insert(cpu.link(Box::new(NoWindow)).expect("the first")),
@@ -292,12 +335,52 @@ pub(crate) fn compare_watched(seed: u64) -> Result<(bool, u64), String> {
     Ok((ran, passes))
 }
 
+/// The same with breakpoints and steps on the other CPU: but for the time it takes, HOLD changes nothing. The answer is
+/// how often it held.
+///
+/// # Errors
+/// As of [`compare`].
+pub(crate) fn compare_held(seed: u64) -> Result<(bool, u64), String> {
+    let others: &[&dyn Factory] = match seed % 8 {
+        0..=3 => &[REFERENCE],
+        4..=6 => &[&AtLoad(Tier::Fast)],
+        _ => &[&AtLoad(Tier::Optimised), &Mixed, REFERENCE],
+    };
+    let (mut random, mut holds) = (Random::new(!seed), 0);
+    let ran = compared(seed, 6, others, Beside::Breakpoints, &mut |cpu, _, device| {
+        let mut device = device.borrow_mut();
+        device.serve();
+        let Device { link, random: own, left, .. } = &mut *device;
+        own.get_or_insert_with(|| Random::new(seed.rotate_left(32)));
+        let link = link.get_or_insert_with(|| cpu.link(Box::new(NoWindow)).expect("the first"));
+        *left = 30;
+        let count = 1 + random.next(BREAKPOINTS as u32);
+        let list = (0..count).map(|_| {
+            let blocks = [BLOCKS, &[(BlockKind::Ob, 1), (BlockKind::Ob, 1), (BlockKind::Ob, 35)]].concat();
+            let (kind, number) = random.of(&blocks);
+            Breakpoint { block: BlockId::new(kind, number), statement: random.next(6) }
+        });
+        link.debug(DebugJob::new(1, DebugOrder::Breakpoints(list.collect()))).expect("room");
+        link.debug(DebugJob::new(1, DebugOrder::Hold { resume: None, wait: PASS_WAIT })).expect("room");
+        holds = device.holds;
+    })?;
+    Ok((ran, holds))
+}
+
+/// What happens on the other CPU besides.
+#[derive(Clone, Copy, PartialEq)]
+enum Beside {
+    Nothing,
+    Passes,
+    Breakpoints,
+}
+
 fn compared(
     seed: u64,
     scans: u32,
     others: &[&dyn Factory],
-    watched: bool,
-    before_scan: &mut dyn FnMut(&mut Cpu, u32),
+    beside: Beside,
+    before_scan: &mut dyn FnMut(&mut Cpu, u32, &Rc<RefCell<Device>>),
 ) -> Result<bool, String> {
     let mut random = Random::new(seed);
     let (program, config) = program(&mut random);
@@ -305,14 +388,15 @@ fn compared(
     let Ok(mut one) = load(REFERENCE) else { return Ok(false) };
     let mut two = load(others[0]).map_err(|why| format!("seed {seed}: does not load: {why:?}"))?;
     // With jobs: time enough for the next one.
-    let pause = if watched { 103 * MS } else { 7 * MS };
-    let mut clocks = [Charged(Instant::START), Charged(Instant::START)];
+    let pause = if beside == Beside::Passes { 103 * MS } else { 7 * MS };
+    let mut clocks = [(); 2].map(|()| Charged(Instant::START, Rc::default()));
     one.request(Command::Run);
     two.request(Command::Run);
     for scan in 0..scans {
-        before_scan(&mut two, scan);
+        before_scan(&mut two, scan, &clocks[1].1);
         let (end, other_end) = (one.cycle(&mut clocks[0]), two.cycle(&mut clocks[1]));
-        let (left, right) = (seen(&mut one, &program, clocks[0].0), seen(&mut two, &program, clocks[1].0));
+        let (left, right) =
+            (seen(&mut one, &program, clocks[0].0, beside), seen(&mut two, &program, clocks[1].0, beside));
         if left != right || end.next_deadline != other_end.next_deadline {
             let short = |line: &String| line.chars().take(400).collect::<String>();
             let differ = left.iter().zip(&right).filter(|(a, b)| a != b);
