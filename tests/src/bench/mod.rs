@@ -20,6 +20,7 @@ pub mod s7;
 pub mod scan;
 pub mod stl;
 pub mod wake;
+pub mod watch;
 
 use std::borrow::Cow;
 use std::time::{Duration, Instant};
