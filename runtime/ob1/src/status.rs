@@ -79,8 +79,9 @@ pub fn status(args: &StatusArgs) -> Exit {
     })
 }
 
-fn ask(client: &mut Client, args: &StatusArgs) -> Result<PassStatus, AccessError> {
-    let pass = client.ask(Op::Pass(args.wanted()))?.pass;
+/// One pass.
+pub(crate) fn ask(client: &mut Client, wanted: PassWanted) -> Result<PassStatus, AccessError> {
+    let pass = client.ask(Op::Pass(wanted))?.pass;
     pass.map(|pass| *pass).ok_or_else(|| AccessError::Refused("the station knows no program status".to_owned()))
 }
 
@@ -102,9 +103,9 @@ fn show(args: &StatusArgs) -> Result<Exit, AccessError> {
     let mut client = Client::to_station(&args.station)?;
     let live = !args.once && !args.json && io::stdout().is_terminal() && io::stdin().is_terminal();
     // What is wrong with the question is told before there is a screen.
-    let mut pass = ask(&mut client, args)?;
+    let mut pass = ask(&mut client, args.wanted())?;
     if live {
-        let next = || match ask(&mut client, args) {
+        let next = || match ask(&mut client, args.wanted()) {
             Err(AccessError::Io(_)) => Ok(None),
             pass => pass.map(|pass| Some(shown(args, &pass))),
         };
@@ -125,7 +126,7 @@ fn show(args: &StatusArgs) -> Result<Exit, AccessError> {
             return Ok(Exit::Ok);
         }
         std::thread::sleep(EVERY);
-        pass = match ask(&mut client, args) {
+        pass = match ask(&mut client, args.wanted()) {
             Err(AccessError::Io(_)) => return Ok(Exit::Ok),
             pass => pass?,
         };
@@ -138,7 +139,7 @@ fn shown(args: &StatusArgs, pass: &PassStatus) -> String {
 }
 
 /// A pass as a table.
-fn text(pass: &PassStatus) -> String {
+pub(crate) fn text(pass: &PassStatus) -> String {
     let mut out = pass.block.clone();
     if !pass.name.is_empty() && pass.name != pass.block {
         let _ = write!(out, " \"{}\"", pass.name);

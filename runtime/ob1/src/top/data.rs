@@ -38,11 +38,13 @@ pub(super) struct Data {
     before: Option<Look>,
     /// Lines about what went over the CPs' lines, newest last.
     pub(super) telegrams: VecDeque<String>,
+    /// The statements of a block, as they ran.
+    pub(super) program: String,
 }
 
 impl Data {
     pub(super) fn new(first: Look) -> Self {
-        Self { now: first, before: None, telegrams: VecDeque::new() }
+        Self { now: first, before: None, telegrams: VecDeque::new(), program: String::new() }
     }
 
     /// The next round of answers.

@@ -22,17 +22,19 @@ pub(super) enum Tab {
     Variables,
     Buses,
     Connections,
+    Program,
 }
 
 impl Tab {
     /// In their order, with their names.
-    pub(super) const ALL: [(Self, &'static str); 6] = [
+    pub(super) const ALL: [(Self, &'static str); 7] = [
         (Self::Scan, "1 Scan"),
         (Self::Cps, "2 CPs"),
         (Self::Diagnostics, "3 Diagnostics"),
         (Self::Variables, "4 Variables"),
         (Self::Buses, "5 Buses"),
         (Self::Connections, "6 Connections"),
+        (Self::Program, "7 Program"),
     ];
 
     fn next(self) -> Self {
@@ -42,7 +44,8 @@ impl Tab {
             Self::Diagnostics => Self::Variables,
             Self::Variables => Self::Buses,
             Self::Buses => Self::Connections,
-            Self::Connections => Self::Scan,
+            Self::Connections => Self::Program,
+            Self::Program => Self::Scan,
         }
     }
 }
@@ -55,6 +58,8 @@ pub(super) enum Entry {
     None,
     /// The name of a cell to watch.
     Name(String),
+    /// The block whose statements are shown.
+    Block(String),
     /// A new value for a cell.
     Value {
         /// The cell.
@@ -72,6 +77,8 @@ pub(super) enum Act {
     Quit,
     /// One more line in the variable table.
     Watch(String),
+    /// The statements of this block are shown.
+    Block(String),
     /// The line of the variable table is removed.
     Forget(usize),
     /// A cell gets a value: confirmed.
@@ -95,14 +102,8 @@ impl Keys {
     pub(super) fn press(&mut self, key: Key, cells: &[String]) -> Act {
         match std::mem::take(&mut self.entry) {
             Entry::None => self.command(key, cells),
-            Entry::Name(text) => match typed(text, key) {
-                Typed::More(text) => {
-                    self.entry = Entry::Name(text);
-                    Act::Nothing
-                }
-                Typed::Done(text) if !text.trim().is_empty() => Act::Watch(text),
-                Typed::Done(_) | Typed::Dropped => Act::Nothing,
-            },
+            Entry::Name(text) => self.named(typed(text, key), Entry::Name, Act::Watch),
+            Entry::Block(text) => self.named(typed(text, key), Entry::Block, Act::Block),
             Entry::Value { cell, text } => {
                 match typed(text, key) {
                     Typed::More(text) => self.entry = Entry::Value { cell, text },
@@ -119,14 +120,25 @@ impl Keys {
         }
     }
 
+    /// A name, once it has been typed.
+    fn named(&mut self, typed: Typed, entry: fn(String) -> Entry, act: fn(String) -> Act) -> Act {
+        match typed {
+            Typed::More(text) => self.entry = entry(text),
+            Typed::Done(text) if !text.trim().is_empty() => return act(text.trim().to_owned()),
+            Typed::Done(_) | Typed::Dropped => {}
+        }
+        Act::Nothing
+    }
+
     fn command(&mut self, key: Key, cells: &[String]) -> Act {
         let last = cells.len().saturating_sub(1);
         match key {
             Key::Char('q') | Key::Escape => return Act::Quit,
             Key::Tab => self.tab = self.tab.next(),
-            Key::Char(digit @ '1'..='6') => {
+            Key::Char(digit @ '1'..='7') => {
                 self.tab = Tab::ALL.get(digit as usize - '1' as usize).map_or(self.tab, |(tab, _)| *tab);
             }
+            Key::Char('b') if self.tab == Tab::Program => self.entry = Entry::Block(String::new()),
             _ if self.tab != Tab::Variables => {}
             Key::Up => self.line = self.line.saturating_sub(1),
             Key::Down => self.line = (self.line + 1).min(last),
@@ -150,10 +162,12 @@ impl Keys {
     pub(super) fn prompt(&self) -> String {
         match &self.entry {
             Entry::None if self.tab == Tab::Variables => {
-                "q quit  1-6 or Tab another page  Up/Down choose  a add  d drop  m modify".into()
+                "q quit  1-7 or Tab another page  Up/Down choose  a add  d drop  m modify".into()
             }
-            Entry::None => "q quit  1-6 or Tab another page".into(),
+            Entry::None if self.tab == Tab::Program => "q quit  1-7 or Tab another page  b block".into(),
+            Entry::None => "q quit  1-7 or Tab another page".into(),
             Entry::Name(text) => format!("watch (NAME, NAME:hex, NAME:bin, NAME:anzw, NAME:status): {text}_"),
+            Entry::Block(text) => format!("block (OB 1, FC 5, FB 20, or its name): {text}_"),
             Entry::Value { cell, text } => format!("new value of {cell}: {text}_"),
             Entry::Confirm { cell, value } => {
                 format!("write {cell} = {value} into the running CPU?  y: yes, any other key: no")
@@ -225,6 +239,7 @@ mod tests {
             (Key::Tab, Tab::Variables),
             (Key::Tab, Tab::Buses),
             (Key::Tab, Tab::Connections),
+            (Key::Tab, Tab::Program),
             (Key::Tab, Tab::Scan),
             (Key::Char('5'), Tab::Buses),
             (Key::Char('6'), Tab::Connections),
@@ -239,6 +254,8 @@ mod tests {
         );
         state.press(Key::Down, &cells);
         assert_eq!((state.press(Key::Char('d'), &cells), state.line), (Act::Forget(1), 0));
+        assert_eq!(play(&mut state, &keys("7bFB 20\n"), &cells), Act::Block("FB 20".into()));
+        state.press(Key::Char('4'), &cells);
         // What is typed are no commands.
         assert_eq!(play(&mut state, &keys("aq1"), &cells), Act::Nothing);
         assert_eq!(state.press(Key::Escape, &cells), Act::Nothing);

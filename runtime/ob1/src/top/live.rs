@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
 
 use super::data::Data;
-use super::keys::{Act, Key, Keys};
+use super::keys::{Act, Key, Keys, Tab};
 use super::source::Source;
 use super::watch::Watched;
 use super::{TopArgs, TopError, plain, screen};
@@ -61,7 +61,7 @@ fn watch_keys(
     terminal: &mut ratatui::DefaultTerminal,
 ) -> Result<(), TopError> {
     let mut keys = Keys::default();
-    let mut note = String::new();
+    let (mut note, mut block) = (String::new(), String::new());
     let (mut looked, mut looks) = (Instant::now(), 1);
     loop {
         data.heard(&source.telegrams());
@@ -77,6 +77,7 @@ fn watch_keys(
             match keys.press(key, &cells) {
                 Act::Nothing => continue,
                 Act::Quit => return Ok(()),
+                Act::Block(text) => block = text,
                 Act::Watch(text) => watch.push(Watched::parse(&text)),
                 Act::Forget(line) => drop(watch.remove(line)),
                 Act::Write { cell, value } => {
@@ -90,8 +91,15 @@ fn watch_keys(
         } else if args.count.is_some_and(|count| looks >= count) {
             return Ok(());
         }
-        match source.look(&watch) {
-            Ok(look) => data.update(look),
+        let shown = match keys.tab {
+            Tab::Program if !block.is_empty() => source.program(&block),
+            _ => Ok(String::new()),
+        };
+        match shown.and_then(|program| Ok((program, source.look(&watch)?))) {
+            Ok((program, look)) => {
+                data.program = program;
+                data.update(look);
+            }
             Err(AccessError::Io(_)) => return Ok(()),
             Err(error) => return Err(error.into()),
         }

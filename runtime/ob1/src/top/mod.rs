@@ -24,7 +24,8 @@ use ob1_station::station_file;
 /// Show a running station, live
 ///
 /// Pages for the scan (times, histograms, late scans), the CPs (LEDs, orders, telegrams), the diagnostic buffer, a
-/// variable table, in which values can be modified after a confirmation, and the buses. Without a terminal, or with
+/// variable table, in which values can be modified after a confirmation, the buses, the links, and the statements of a
+/// block while they run. Without a terminal, or with
 /// --plain, it prints text. It does not disturb the scan.
 #[derive(Debug, Args)]
 #[command(

@@ -37,6 +37,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, data: &Data, keys: &Keys, note: &str) 
         Tab::Variables => variables(frame, page, data, keys.line),
         Tab::Buses => buses(frame, page, data),
         Tab::Connections => connections(frame, page, data),
+        Tab::Program => program(frame, page, data),
     }
     let last = if note.is_empty() { keys.prompt() } else { note.to_owned() };
     frame.render_widget(Paragraph::new(last).style(Style::new().add_modifier(Modifier::REVERSED)), prompt);
@@ -112,6 +113,11 @@ fn connections(frame: &mut Frame<'_>, area: Rect, data: &Data) {
     frame.render_widget(Paragraph::new(text).block(titled("links and their connections")), area);
 }
 
+fn program(frame: &mut Frame<'_>, area: Rect, data: &Data) {
+    let text = if data.program.is_empty() { "no block is watched: b names one" } else { &data.program };
+    frame.render_widget(Paragraph::new(text).block(titled("statements of a block, as they ran")), area);
+}
+
 fn variables(frame: &mut Frame<'_>, area: Rect, data: &Data, chosen: usize) {
     let values = plain::values(data);
     let chosen = chosen.min(values.len().saturating_sub(1));
@@ -144,6 +150,7 @@ mod tests {
         let mut data = Data::new(look(10, 10_000));
         data.update(look(12, 12_000));
         data.heard("  0.5  cp > telegram ABC\n");
+        data.program = "FB 20 in OB 1, 0.5 s\n".to_owned();
         let mut keys = Keys::default();
         for (key, parts) in [
             ('1', &["press  RUN", "execution, newest look", "FC 0 SEND", "2000", "kernel"][..]),
@@ -151,6 +158,7 @@ mod tests {
             ('3', &["4302h: RUN"]),
             ('6', &["panel", "10.0.0.7:50000", "PDU  480", "page             down"]),
             ('4', &["16#0102", "there is no DB 99", "m modify"]),
+            ('7', &["FB 20 in OB 1", "b block"]),
             ('5', &["field  dp  process 77", "E 0: 1234", "configuration fault"]),
         ] {
             keys.press(Key::Char(key), &[]);

@@ -4,12 +4,16 @@ use std::collections::BTreeMap;
 
 use super::data::Look;
 use super::watch::Watched;
+use crate::status;
 use crate::trace::{Printer, Taps};
 use ob1_station::access::client::{AccessError, Client};
+use ob1_station::access::pass::PassWanted;
 use ob1_station::access::protocol::{CellValue, Op, Response};
 
 /// Entries of each diagnostic buffer that are shown.
 const DIAGNOSTICS: u32 = 100;
+/// How long a pass through a block is waited for.
+const PASS_MS: u64 = 300;
 
 /// A running station that is watched.
 pub(super) struct Source {
@@ -60,6 +64,19 @@ impl Source {
     pub(super) fn write(&mut self, cell: &str, value: &str) -> Result<(), AccessError> {
         let items = BTreeMap::from([(cell.to_owned(), value.into())]);
         self.client.ask(Op::Set { items }).map(drop)
+    }
+
+    /// One pass through a block as text, or why there is none.
+    pub(super) fn program(&mut self, block: &str) -> Result<String, AccessError> {
+        match status::ask(
+            &mut self.client,
+            PassWanted { block: block.to_owned(), wait_ms: PASS_MS, ..PassWanted::default() },
+        ) {
+            Ok(pass) if pass.outcome == "not called" => Ok(format!("{} is not called", pass.block)),
+            Ok(pass) => Ok(status::text(&pass)),
+            Err(AccessError::Refused(why)) => Ok(why),
+            Err(error) => Err(error),
+        }
     }
 
     /// What has gone over the lines since the last time. A driver that was killed takes its tap with it: the next one
