@@ -293,7 +293,9 @@ fn blocks_are_listed_and_described() {
     assert_eq!(desk.service(3, 2, b"0X")[0][20..22], [0xD2, 0x01]);
     let info = desk.service(3, 3, b"0A00009A").remove(0);
     let block = block(BlockType::Db, 9, &[9; 4]);
-    assert_eq!(info[26..32], [b'0', b'A', 0, 74, 0, 0x22]);
+    assert_eq!(info[26..32], [1, 0, 0, 74, 0x22, 0]);
+    assert_eq!(desk.service(3, 3, b"0D00001B")[0][26..32], [1, 0, 0, 74, 0x42, 0x30], "a part of the CPU");
+    assert_eq!(desk.service(3, 2, b"0D")[0][26..], [0, 1, 0x42, 1]);
     assert_eq!((&info[32..68], &info[68..]), (&block[..36], &block[40..]));
     assert_eq!(desk.service(3, 3, b"0A00008A")[0][20..22], [0xD2, 0x09]);
 }
@@ -302,7 +304,7 @@ fn blocks_are_listed_and_described() {
 fn the_clock_is_read_and_set() {
     let mut desk = desk();
     let time = desk.service(7, 1, &[]).remove(0);
-    assert_eq!(time[22..], [0xFF, 9, 0, 10, 0, 0x20, 0x26, 0x11, 0x22, 0x12, 0x30, 0x15, 0x25, 0x01]);
+    assert_eq!(time[22..], [0xFF, 9, 0, 10, 0, 0x19, 0x26, 0x11, 0x22, 0x12, 0x30, 0x15, 0x25, 0x01]);
     let set = [0, 0x19, 0x25, 0x01, 0x02, 0x03, 0x04, 0x05, 0x60, 0x75];
     assert_eq!(desk.service(7, 2, &set)[0][20..], [0, 0, 0x0A, 0, 0, 0]);
     let expected = DateTime { year: 2025, month: 1, day: 2, hour: 3, minute: 4, second: 5, ms: 607 };
@@ -463,12 +465,58 @@ fn messages_go_to_those_who_want_them() {
     desk.connection.event(&CpuEvent::Diagnosis(entry));
     desk.connection.event(&CpuEvent::Mode(2));
     let messages = desk.answers();
-    assert_eq!((messages[0][15], messages[0][16], &messages[0][26..]), (4, 3, &entry[..]));
-    assert_eq!((messages[1][15], messages[1][16]), (0, 2));
+    // The short form, and one without data: nobody reads others.
+    assert_eq!(messages[0][4..22], [0, 0, 0, 8, 0, 24, 0, 1, 0x12, 4, 0x11, 4, 3, 0, 0xFF, 9, 0, 20]);
+    assert_eq!(messages[0][22..], entry);
+    assert_eq!(messages[1][4..], [0, 0, 0, 8, 0, 0, 1, 0, 0x10, 0x10, 0, 0, 2, 0]);
+    desk.connection.event(&CpuEvent::Mode(1));
+    assert!(desk.answers().is_empty(), "only that RUN is reached");
     // Entries of the user are a kind of their own.
     desk.connection.event(&CpuEvent::Diagnosis([0xA1; 20]));
     assert!(desk.answers().is_empty());
-    assert_eq!(desk.service(4, 2, &[0x80, 0])[0][20..22], [0xD4, 0x05]);
+    // With alarms, and off again: the kind comes back. There are none.
+    for (events, kind) in [(0x81, 9), (0x80, 8)] {
+        let name = [&[events, 0][..], b"HmiRtm  ", &[kind, 0]].concat();
+        assert_eq!(desk.service(4, 2, &name)[0][17..], [1, 0, 0, 0, 0, 0xFF, 9, 0, 5, 2, 0, kind, 1, 0]);
+        assert_eq!(desk.connection.wants_events(), events == 0x81);
+    }
+    let query = [0, 1, 0x12, 8, 0x1A, 0, 1, 0x34, 0, 0, 0, 4];
+    assert_eq!(desk.service(4, 0x13, &query)[0][22..], [0xFF, 9, 0, 6, 0, 1, 0x0A, 0, 0, 0]);
+}
+
+/// A restart is answered before anything of it is told.
+#[test]
+fn messages_wait_for_the_answer_of_what_they_are_about() {
+    let mut desk = Desk::with(Rights::Operate);
+    desk.service(4, 2, &[0x03, 0]);
+    let stop = job(7, b"\x29\0\0\0\0\0\x09P_PROGRAM", &[]);
+    let frame = [&[3, 0, 0, stop.len() as u8 + 7, 2, 0xF0, 0x80][..], &stop].concat();
+    desk.connection.receive(&frame);
+    desk.connection.event(&CpuEvent::Mode(0));
+    assert!(desk.answers().is_empty(), "the CPU has not answered");
+    desk.serve();
+    let answers = desk.answers();
+    assert_eq!(answers.iter().map(|telegram| telegram[1]).collect::<Vec<u8>>(), [3, 7]);
+}
+
+/// Of a list with 0F only the header comes, with the records that there are.
+#[test]
+fn a_list_can_be_asked_for_its_header_only() {
+    let mut desk = desk();
+    let whole = desk.service(4, 1, &[0, 0x11, 0, 0]).remove(0);
+    let head = desk.service(4, 1, &[0x0F, 0x11, 0, 0]).remove(0);
+    assert_eq!((&head[26..28], head.len()), (&[0x0F, 0x11][..], 34));
+    assert_eq!(head[28..34], whole[28..34]);
+}
+
+#[test]
+fn an_upload_of_what_is_not_there_is_refused_as_a_whole() {
+    let mut desk = desk();
+    for (name, code) in [(b"_0800000A", [0xD2, 0x0C]), (b"_0800035A", [0xD2, 0x09]), (b"_0A00777A", [0xD2, 0x09])] {
+        let start = [&[0x1D, 0, 0, 0, 0, 0, 0, 0, 9][..], name].concat();
+        let answer = desk.job(&start, &[]);
+        assert_eq!((answer[1], &answer[6..]), (2, &[0, 0, 0, 0, code[0], code[1]][..]));
+    }
 }
 
 /// A partner that waits for something is not silent, also while the values are under way.
