@@ -511,7 +511,7 @@ fn kind(ty: BlockType) -> Option<BlockKind> {
         BlockType::Sfc => BlockKind::Sfc,
         BlockType::Fb => BlockKind::Fb,
         BlockType::Sfb => BlockKind::Sfb,
-        BlockType::Sdb => return None,
+        BlockType::Sdb => BlockKind::Sdb,
     })
 }
 
@@ -523,6 +523,7 @@ const fn ty(kind: BlockKind) -> BlockType {
         BlockKind::Sfc => BlockType::Sfc,
         BlockKind::Fb => BlockType::Fb,
         BlockKind::Sfb => BlockType::Sfb,
+        BlockKind::Sdb => BlockType::Sdb,
     }
 }
 

@@ -469,6 +469,7 @@ pub(crate) const fn block_code(kind: BlockKind) -> u8 {
     match kind {
         BlockKind::Ob => 0x88,
         BlockKind::Db => 0x8A,
+        BlockKind::Sdb => 0x8B,
         BlockKind::Fc | BlockKind::Sfc => 0x8C,
         BlockKind::Fb | BlockKind::Sfb => 0x8E,
     }

@@ -50,6 +50,7 @@ impl Changes {
     fn told(&self, sources: &Program, around: &Surroundings) -> Vec<Download> {
         let what = |id: BlockId, change: &Option<Vec<u8>>| match change {
             None => "deleted",
+            Some(_) if id.kind == BlockKind::Sdb => "not used",
             Some(_) if around.has(id) => "not used",
             Some(_) if has(sources, id) => "changed",
             Some(_) => "new",
@@ -73,11 +74,24 @@ impl Changes {
             let image = change.as_ref().filter(|_| !around.has(*id))?;
             Some((*id, image.clone()))
         };
+        let mut known = KnownProgram::new(Arc::clone(program), Arc::clone(library));
+        known.add_system_data(self.system_data());
         KnownProgram {
             downloads: self.told(sources, around),
             images: self.0.iter().filter_map(used).collect(),
-            ..KnownProgram::new(Arc::clone(program), Arc::clone(library))
+            ..known
         }
+    }
+
+    /// The system data blocks that have come. The station file says what the hardware is: they are kept, not used.
+    fn system_data(&self) -> impl Iterator<Item = (BlockId, &[u8])> {
+        let is_one = |(id, _): &(&BlockId, &Option<Vec<u8>>)| id.kind == BlockKind::Sdb;
+        self.0.iter().filter(is_one).filter_map(|(id, change)| Some((*id, change.as_deref()?)))
+    }
+
+    /// Whether there is such a block: in the program, or of system data.
+    pub(super) fn has(&self, program: &Program, id: BlockId) -> bool {
+        has(program, id) || id.kind == BlockKind::Sdb && self.0.contains_key(&id)
     }
 
     /// The program of the sources with the changes.
@@ -91,7 +105,7 @@ impl Changes {
         // Data blocks last: they do not move the sources of the others.
         let is_data = |(id, _): &(&BlockId, &Option<Vec<u8>>)| id.kind == BlockKind::Db;
         let (data, code): (Vec<_>, Vec<_>) = self.0.iter().partition(is_data);
-        for (id, change) in code.into_iter().chain(data) {
+        for (id, change) in code.into_iter().chain(data).filter(|(id, _)| id.kind != BlockKind::Sdb) {
             let Some(bytes) = change else {
                 remove(&mut program, *id);
                 continue;
@@ -129,6 +143,17 @@ impl Changes {
         }
         if refused.is_empty() { Ok(program) } else { Err(refused) }
     }
+}
+
+/// Whether these bytes are a system data block of this number.
+pub(super) fn is_system_data(number: u16, bytes: &[u8]) -> bool {
+    let head = bytes.first_chunk::<{ ob1_mc7::HEAD_BYTES }>();
+    head.is_some_and(|head| {
+        let [_, _, _, _, _, kind, a, b, c, d, e, f, ..] = *head;
+        kind == BlockHead::kind_byte(BlockKind::Sdb)
+            && u16::from_be_bytes([a, b]) == number
+            && u32::from_be_bytes([c, d, e, f]) as usize == bytes.len()
+    })
 }
 
 /// The block in these bytes, if it has the expected kind and number.
