@@ -44,7 +44,7 @@ impl Stamp {
 }
 
 /// The head of a block.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BlockHead {
     /// Byte 2; 1 wherever it was seen.
     pub version: u8,

@@ -182,7 +182,7 @@ impl Machine {
         (all, all - self.memory.pool.len + self.memory.taken_of_pool())
     }
 
-    /// The work memory; load memory (integrated, plugged in, the most that can be plugged in) and backup: there is none.
+    /// The work memory; load memory (integrated, plugged in, the most of it) and backup: there is none.
     fn memory_areas(&self, index: Option<u16>, each: Each<'_>) -> Length {
         let (all, used) = self.work_memory();
         chosen(&[1, 2, 3, 4, 5], index, &mut |index| {

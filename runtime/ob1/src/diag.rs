@@ -78,8 +78,9 @@ pub fn diag(args: &DiagArgs) -> Exit {
 /// The system data blocks that were downloaded. A station that does not tell its status has none to tell.
 fn system_data(station: &str) -> Vec<String> {
     let status = ask(station, Op::Status).ok().and_then(|response| response.status);
-    let names = status.into_iter().flat_map(|status| status.downloads).map(|one| one.block);
-    names.filter(|name| name.starts_with(BlockKind::Sdb.name())).collect()
+    let all = status.into_iter().flat_map(|status| status.downloads);
+    let kept = all.filter(|one| one.block.starts_with(BlockKind::Sdb.name()) && one.what != "deleted");
+    kept.map(|one| one.block).collect()
 }
 
 /// A moment by the wall clock, UTC.

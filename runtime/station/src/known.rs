@@ -93,9 +93,9 @@ impl KnownProgram {
         }
     }
 
-    /// Adds the system data blocks.
-    pub fn add_system_data<'b>(&mut self, blocks: impl Iterator<Item = (BlockId, &'b [u8])>) {
-        for (id, bytes) in blocks {
+    /// Lists the system data blocks among the images.
+    pub fn add_system_data(&mut self) {
+        for (&id, bytes) in self.images.iter().filter(|(id, _)| id.kind == BlockKind::Sdb) {
             let language = bytes.get(LANGUAGE_AT).copied().unwrap_or(0);
             self.blocks.push(BlockFact { id, bytes: bytes.len() as u32, language, name: String::new() });
             self.sums[0] = self.sums[0].rotate_left(1) ^ folded(bytes);

@@ -427,9 +427,10 @@ fn a_hardware_download_ends_well() {
         (station, device)
     };
     let numbers = [0, 1, 2, 1000];
+    let given = vec![0, 1, 2, 3, 4, 7];
     let protection = |device: &mut Device<Socket>| device.szl(0x0132, 4).expect("a wire").expect("a list").1;
     let (station, mut device) = start();
-    assert_eq!(device.blocks(BlockType::Sdb).expect("a wire"), Ok(Vec::new()));
+    assert_eq!(device.blocks(BlockType::Sdb).expect("a wire"), Ok(given));
     let before = protection(&mut device);
     device.download(BlockType::Sdb, 0, &system_data(0, 7)).expect("a wire").expect("it is put aside");
     let in_run = device.link(&[(BlockType::Sdb, 0)]).expect("a wire");
@@ -444,9 +445,10 @@ fn a_hardware_download_ends_well() {
             assert_eq!(device.link(&[(BlockType::Sdb, number)]).expect("a wire"), Ok(()));
         }
     }
-    assert_eq!(device.control(b"\x02\x000B01000B0B00002B", b"_DELE").expect("a wire"), Ok(()));
-    let twice = device.control(b"\x01\x000B01000B", b"_DELE").expect("a wire");
-    assert_eq!(twice, Err(Refused::Job(Code::NO_BLOCK)));
+    let gone = b"\x05\x000B01000B0B00002B0B00003B0B00004B0B00007B";
+    for _ in 0..2 {
+        assert_eq!(device.control(gone, b"_DELE").expect("a wire"), Ok(()));
+    }
     assert_eq!(device.control(b"", b"P_PROGRAM").expect("a wire"), Ok(()));
     let there = |device: &mut Device<Socket>| {
         assert_eq!(device.blocks(BlockType::Sdb).expect("a wire"), Ok(vec![0, 1]));

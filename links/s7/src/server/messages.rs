@@ -19,6 +19,8 @@ const KIND_AT: usize = 10;
 const NO_ALARMS: [u8; 6] = [0x00, 0x01, 0x0A, 0x00, 0x00, 0x00];
 /// The operating state during a warm restart. A 315-2 does not tell it, only that RUN is reached.
 const WARM: u8 = 1;
+/// The class of entries that only this software makes (who has changed what): no panel has words for them.
+const OURS: u8 = 0xF;
 /// Event classes A and B of the diagnostic buffer are the user's own.
 const USER_CLASSES: [u8; 2] = [0xA, 0xB];
 
@@ -35,7 +37,7 @@ impl Subscribed {
             CpuEvent::Mode(mode) if self.0 & MODE != 0 && *mode != WARM => Some(UserData::mode(*mode)),
             CpuEvent::Diagnosis(entry) => {
                 let kind = if USER_CLASSES.contains(&(entry[0] >> 4)) { USER } else { SYSTEM };
-                (self.0 & kind != 0).then(|| message(entry.as_slice()).write(0))
+                (self.0 & kind != 0 && entry[0] >> 4 != OURS).then(|| message(entry.as_slice()).write(0))
             }
             CpuEvent::Mode(_) => None,
         }

@@ -209,8 +209,7 @@ impl<'b> UserData<'b> {
             None if data.is_empty() => (ItemCode::NO_OBJECT, data),
             None => return None,
         };
-        // The short form is a job, and one client omits its mark; or it is a message of the group CPU, which nobody sends
-        // to us.
+        // The short form is a job, and one client omits its mark; or a message of the group CPU, which we do not get.
         let telegram = if length == SHORT { Telegram::Job } else { Telegram::of(group >> 4)? };
         // In a job the long form itself means that the next part is requested.
         let more = if telegram == Telegram::Job { length == LONG } else { last != 0 };

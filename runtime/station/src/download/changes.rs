@@ -38,7 +38,7 @@ impl Changes {
     pub fn forget_same(&mut self, sources: &Program, library: &Library) {
         let known = |id: BlockId| library.get(id).map(|block| &block.interface);
         self.0.retain(|id, change| match change {
-            None => has(sources, *id),
+            None => has(sources, *id) || is_given(*id),
             Some(bytes) => {
                 let ours = ob1_mc7::image(sources, *id, &known);
                 ours.zip(BlockImage::read(bytes).ok()).is_none_or(|(ours, (theirs, _))| !same(&ours, &theirs))
@@ -75,23 +75,12 @@ impl Changes {
             Some((*id, image.clone()))
         };
         let mut known = KnownProgram::new(Arc::clone(program), Arc::clone(library));
-        known.add_system_data(self.system_data());
-        KnownProgram {
-            downloads: self.told(sources, around),
-            images: self.0.iter().filter_map(used).collect(),
-            ..known
-        }
-    }
-
-    /// The system data blocks that have come. The station file says what the hardware is: they are kept, not used.
-    fn system_data(&self) -> impl Iterator<Item = (BlockId, &[u8])> {
-        let is_one = |(id, _): &(&BlockId, &Option<Vec<u8>>)| id.kind == BlockKind::Sdb;
-        self.0.iter().filter(is_one).filter_map(|(id, change)| Some((*id, change.as_deref()?)))
-    }
-
-    /// Whether there is such a block: in the program, or of system data.
-    pub(super) fn has(&self, program: &Program, id: BlockId) -> bool {
-        has(program, id) || id.kind == BlockKind::Sdb && self.0.contains_key(&id)
+        let given = GIVEN.map(|number| BlockId::new(BlockKind::Sdb, number));
+        let given = given.into_iter().filter(|id| !self.0.contains_key(id)).map(|id| (id, without_content(id.number)));
+        known.images = given.chain(self.0.iter().filter_map(used)).collect();
+        known.downloads = self.told(sources, around);
+        known.add_system_data();
+        known
     }
 
     /// The program of the sources with the changes.
@@ -143,6 +132,21 @@ impl Changes {
         }
         if refused.is_empty() { Ok(program) } else { Err(refused) }
     }
+}
+
+/// The system data blocks that every S7-300 has, and clients look for. The station file says what the hardware is, so
+/// there is nothing in them, and what comes in their place is kept and not used.
+const GIVEN: [u16; 6] = [0, 1, 2, 3, 4, 7];
+
+fn is_given(id: BlockId) -> bool {
+    id.kind == BlockKind::Sdb && GIVEN.contains(&id.number)
+}
+
+fn without_content(number: u16) -> Vec<u8> {
+    let kind = BlockHead::kind_byte(BlockKind::Sdb);
+    let head = BlockHead { version: 3, attribute: 2, language: 7, kind, number, ..BlockHead::default() };
+    let (code, interface, segments, foot) = Default::default();
+    BlockImage { head, code, interface, segments, foot }.bytes().unwrap_or_default()
 }
 
 /// Whether these bytes are a system data block of this number.

@@ -22,7 +22,7 @@ use ob1_model::{BlockId, BlockKind};
 use ob1_stl::Library;
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use super::changes::{Changes, block, is_system_data};
+use super::changes::{Changes, block, has, is_system_data};
 use super::file;
 use crate::compiling::{Compiling, Giver, Request, Successors};
 use crate::engine::{EngineChoice, InUse};
@@ -276,7 +276,8 @@ impl Work {
             }
             Change::Delete(ids) => {
                 for id in ids {
-                    if !with.changes.has(&with.now, id) {
+                    // System data that is gone already: nothing is left to do.
+                    if !is_system(&id) && !has(&with.now, id) {
                         return Err(Refused::new(Refusal::NotThere, format!("there is no {id} to delete")));
                     }
                     changes.delete(id);

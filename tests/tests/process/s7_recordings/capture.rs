@@ -20,6 +20,9 @@ pub(super) struct Telegram {
 /// One connection.
 pub(super) type Conversation = Vec<Telegram>;
 
+/// Sender and receiver: address and port.
+type Ends = (Vec<u8>, Vec<u8>);
+
 /// A direction of a connection: what has come and is not whole yet.
 #[derive(Default)]
 struct Half {
@@ -38,10 +41,10 @@ fn long(bytes: &[u8], at: usize) -> Option<u32> {
 
 /// The connections of a file in the order of their first telegrams.
 pub(super) fn conversations(file: &[u8]) -> Vec<Conversation> {
-    let mut halves: BTreeMap<(Vec<u8>, Vec<u8>), Half> = BTreeMap::new();
-    let mut found: Vec<((Vec<u8>, Vec<u8>), Conversation)> = Vec::new();
+    let mut halves: BTreeMap<Ends, Half> = BTreeMap::new();
+    let mut found: Vec<(Ends, Conversation)> = Vec::new();
     for packet in packets(file).unwrap_or_default() {
-        let Some((from, to, sequence, payload)) = segment(&packet) else { continue };
+        let Some(((from, to), sequence, payload)) = segment(&packet) else { continue };
         let to_cpu = to.ends_with(&ISO.to_be_bytes());
         if !to_cpu && !from.ends_with(&ISO.to_be_bytes()) {
             continue;
@@ -97,7 +100,7 @@ impl Half {
 }
 
 /// Sender and receiver (address and port), sequence number and content of a TCP segment over IPv4 in an Ethernet frame.
-fn segment(frame: &[u8]) -> Option<(Vec<u8>, Vec<u8>, u32, &[u8])> {
+fn segment(frame: &[u8]) -> Option<(Ends, u32, &[u8])> {
     let mut at = 12;
     while word(frame, at)? == 0x8100 {
         at += 4;
@@ -110,7 +113,7 @@ fn segment(frame: &[u8]) -> Option<(Vec<u8>, Vec<u8>, u32, &[u8])> {
     let tcp = ip.get(usize::from(ip[0] & 0x0F) * 4..)?;
     let payload = tcp.get(usize::from(*tcp.get(12)? >> 4) * 4..)?;
     let end = |address: usize, port: usize| [&ip[address..address + 4], &tcp[port..port + 2]].concat();
-    (!payload.is_empty()).then(|| (end(12, 0), end(16, 2), long(tcp, 4).unwrap_or(0), payload))
+    (!payload.is_empty()).then(|| ((end(12, 0), end(16, 2)), long(tcp, 4).unwrap_or(0), payload))
 }
 
 /// The frames of a file of either form and byte order.
