@@ -44,7 +44,7 @@ impl Stamp {
 }
 
 /// The head of a block.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BlockHead {
     /// Byte 2; 1 wherever it was seen.
     pub version: u8,
@@ -93,6 +93,7 @@ impl BlockHead {
         match kind {
             BlockKind::Ob => 0x08,
             BlockKind::Db => 0x0A,
+            BlockKind::Sdb => 0x0B,
             BlockKind::Fc => 0x0C,
             BlockKind::Sfc => 0x0D,
             BlockKind::Fb => 0x0E,

@@ -12,6 +12,9 @@ use crate::head::{BlockFoot, BlockHead, BlockImage, Stamp};
 
 /// Attribute of a block that is linked.
 const LINKED: u8 = 0x01;
+/// Attribute of a block whose code nobody sees, and the code that it shows: the end of the block.
+const KNOW_HOW: u8 = 0x08;
+const BE: [u8; 2] = [0x65, 0x00];
 /// Languages.
 const STL: u8 = 1;
 const DB: u8 = 5;
@@ -19,7 +22,8 @@ const DB: u8 = 5;
 const VERSION: u8 = 1;
 
 /// The block of this name; `None` where the program does not have it, or no machine code can be made of it. A data
-/// block has its load values. `known` gives the interfaces of the blocks that are called and are not in the program.
+/// block has its load values. `known` gives the interfaces of the blocks that are called and are not in the program; of
+/// one of the CPU there is an image, too, with nothing in it but its declarations.
 #[must_use]
 pub fn image<'c>(
     program: &'c Program,
@@ -31,7 +35,22 @@ pub fn image<'c>(
         let data = program.data.iter().find(|data| data.number == id.number)?;
         return data_image(program, data, &callees);
     }
+    if id.kind.is_system() {
+        return system_image(id, known(id)?);
+    }
     code_image(program, find(program, id)?, &callees)
+}
+
+/// A block of the CPU: what it does is not machine code.
+fn system_image(id: BlockId, interface: &Interface) -> Option<BlockImage> {
+    let interface = CompiledInterface::of(id.number, interface, &BTreeMap::new(), &|_| None).ok()?;
+    Some(BlockImage {
+        head: BlockHead { attribute: LINKED | KNOW_HOW, ..head(id, STL) },
+        code: BE.to_vec(),
+        interface: interface.bytes().ok()?,
+        segments: Vec::new(),
+        foot: foot(None),
+    })
 }
 
 /// The compiled form of the declarations of a block of statements; `known` as for [`image`].

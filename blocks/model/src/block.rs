@@ -18,6 +18,8 @@ pub enum BlockKind {
     Sfc,
     /// Data block.
     Db,
+    /// System data block: parameters of a CPU and its modules. A station keeps those that come, and uses none.
+    Sdb,
 }
 
 impl BlockKind {
@@ -31,6 +33,7 @@ impl BlockKind {
             BlockKind::Sfb => "SFB",
             BlockKind::Sfc => "SFC",
             BlockKind::Db => "DB",
+            BlockKind::Sdb => "SDB",
         }
     }
 
@@ -62,6 +65,7 @@ impl BlockKind {
             3 => BlockKind::Sfb,
             4 => BlockKind::Sfc,
             5 => BlockKind::Db,
+            6 => BlockKind::Sdb,
             _ => return None,
         })
     }

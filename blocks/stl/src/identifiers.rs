@@ -114,7 +114,7 @@ impl BlockWord {
         })
     }
 
-    /// The word of a kind of block.
+    /// The word of a kind of block. No source names system data.
     pub(crate) const fn of(kind: BlockKind) -> Self {
         match kind {
             BlockKind::Ob => BlockWord::Ob,
@@ -122,7 +122,7 @@ impl BlockWord {
             BlockKind::Fb => BlockWord::Fb,
             BlockKind::Sfc => BlockWord::Sfc,
             BlockKind::Sfb => BlockWord::Sfb,
-            BlockKind::Db => BlockWord::Db,
+            BlockKind::Db | BlockKind::Sdb => BlockWord::Db,
         }
     }
 

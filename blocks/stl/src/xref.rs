@@ -414,7 +414,7 @@ fn pointed(bytes: &[u8]) -> Option<(Operand, u32)> {
 
 const fn class_of(kind: BlockKind) -> u8 {
     match kind {
-        BlockKind::Db => 30,
+        BlockKind::Db | BlockKind::Sdb => 30,
         BlockKind::Ob => 33,
         BlockKind::Fb => 34,
         BlockKind::Fc => 35,

@@ -513,7 +513,7 @@ fn kind(ty: BlockType) -> Option<BlockKind> {
         BlockType::Sfc => BlockKind::Sfc,
         BlockType::Fb => BlockKind::Fb,
         BlockType::Sfb => BlockKind::Sfb,
-        BlockType::Sdb => return None,
+        BlockType::Sdb => BlockKind::Sdb,
     })
 }
 
@@ -525,6 +525,7 @@ const fn ty(kind: BlockKind) -> BlockType {
         BlockKind::Sfc => BlockType::Sfc,
         BlockKind::Fb => BlockType::Fb,
         BlockKind::Sfb => BlockType::Sfb,
+        BlockKind::Sdb => BlockType::Sdb,
     }
 }
 

@@ -104,7 +104,7 @@ pub(crate) fn puts(put: &server::Put) -> Result<Vec<Put>, ItemCode> {
     elements
         .map(|(bytes, index)| {
             let value = match address.area {
-                Area::Counters => from_bcd(number(bytes)).ok_or(ItemCode::INCONSISTENT)?,
+                Area::Counters => from_bcd(number(bytes)).ok_or(NO_VALUE)?,
                 _ => number(bytes),
             };
             Ok(Put::Value(element(address, width, index), width, value))
@@ -128,12 +128,15 @@ fn from_bcd(word: u32) -> Option<u32> {
     is_count.then(|| digits.iter().fold(0, |count, digit| count * 10 + digit))
 }
 
+/// What is no time or no count is refused so. [recorded from a 315-2]
+const NO_VALUE: ItemCode = ItemCode::NOT_ALLOWED;
+
 /// The code with which a CPU refuses to read or write an item.
 pub(crate) fn code(refusal: Refusal) -> ItemCode {
     match refusal {
         Refusal::Cell(CellError::Outside | CellError::NoTimer) => ItemCode::ADDRESS,
         Refusal::Cell(CellError::NoDb | CellError::NoEntry) | Refusal::NotThere => ItemCode::NO_OBJECT,
-        Refusal::Cell(CellError::Value) => ItemCode::INCONSISTENT,
+        Refusal::Cell(CellError::Value) => NO_VALUE,
         Refusal::Cell(CellError::ReadOnly) | Refusal::Right | Refusal::Password => ItemCode::NOT_ALLOWED,
         Refusal::InRun | Refusal::Block | Refusal::Room => ItemCode::NOT_ALLOWED,
         Refusal::Cell(CellError::NoModule) | Refusal::Full | Refusal::Silent => ItemCode::HARDWARE,
@@ -182,8 +185,8 @@ mod tests {
         let counters = address(Area::Counters, 3, DataType::Counter, 2);
         let expected = [(3, 999), (4, 12)].map(|(n, value)| Put::Value(Cell::Counter(n), Width::Word, value));
         assert_eq!(put(counters, &[0x09, 0x99, 0x00, 0x12]), Ok(expected.to_vec()));
-        assert_eq!(put(counters, &[0x09, 0x9A, 0, 0]), Err(ItemCode::INCONSISTENT));
-        assert_eq!(put(counters, &[0x19, 0x99, 0, 0]), Err(ItemCode::INCONSISTENT));
+        assert_eq!(put(counters, &[0x09, 0x9A, 0, 0]), Err(NO_VALUE));
+        assert_eq!(put(counters, &[0x19, 0x99, 0, 0]), Err(NO_VALUE));
     }
 
     #[test]

@@ -72,6 +72,8 @@ codes! {
     SYNTAX = 0xD202 "syntax error in the parameters of the function";
     /// The block does not exist.
     NO_BLOCK = 0xD209 "the block is not there";
+    /// Organization blocks of this number do not exist.
+    NO_OB = 0xD20C "no CPU has such an organization block";
     /// There is no block, or no further one.
     NO_MORE_BLOCKS = 0xD20E "there is no (further) block";
     /// The block is too large.

@@ -5,7 +5,7 @@ mod common;
 use common::{CALL, Desk, block, item, items, job, service};
 use ob1_s7::Rights;
 use ob1_s7::iso::Refusal;
-use ob1_s7::server::{CpuEvent, End, Settings};
+use ob1_s7::server::{End, Settings};
 use ob1_s7::wire::{BlockType, DateTime, encode_password};
 
 fn desk() -> Desk {
@@ -293,7 +293,9 @@ fn blocks_are_listed_and_described() {
     assert_eq!(desk.service(3, 2, b"0X")[0][20..22], [0xD2, 0x01]);
     let info = desk.service(3, 3, b"0A00009A").remove(0);
     let block = block(BlockType::Db, 9, &[9; 4]);
-    assert_eq!(info[26..32], [b'0', b'A', 0, 74, 0, 0x22]);
+    assert_eq!(info[26..32], [1, 0, 0, 74, 0x22, 0]);
+    assert_eq!(desk.service(3, 3, b"0D00001B")[0][26..32], [1, 0, 0, 74, 0x42, 0x30], "a part of the CPU");
+    assert_eq!(desk.service(3, 2, b"0D")[0][26..], [0, 1, 0x42, 1]);
     assert_eq!((&info[32..68], &info[68..]), (&block[..36], &block[40..]));
     assert_eq!(desk.service(3, 3, b"0A00008A")[0][20..22], [0xD2, 0x09]);
 }
@@ -302,7 +304,7 @@ fn blocks_are_listed_and_described() {
 fn the_clock_is_read_and_set() {
     let mut desk = desk();
     let time = desk.service(7, 1, &[]).remove(0);
-    assert_eq!(time[22..], [0xFF, 9, 0, 10, 0, 0x20, 0x26, 0x11, 0x22, 0x12, 0x30, 0x15, 0x25, 0x01]);
+    assert_eq!(time[22..], [0xFF, 9, 0, 10, 0, 0x19, 0x26, 0x11, 0x22, 0x12, 0x30, 0x15, 0x25, 0x01]);
     let set = [0, 0x19, 0x25, 0x01, 0x02, 0x03, 0x04, 0x05, 0x60, 0x75];
     assert_eq!(desk.service(7, 2, &set)[0][20..], [0, 0, 0x0A, 0, 0, 0]);
     let expected = DateTime { year: 2025, month: 1, day: 2, hour: 3, minute: 4, second: 5, ms: 607 };
@@ -450,25 +452,6 @@ fn cyclic_data_come_by_themselves() {
         assert_eq!(desk.service(2, 1, &wanted)[0][20..22], [0, 0]);
     }
     assert_eq!(desk.service(2, 1, &wanted)[0][20..22], [0xD8, 0x05]);
-}
-
-#[test]
-fn messages_go_to_those_who_want_them() {
-    let mut desk = desk();
-    let entry = [0x43, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20];
-    desk.connection.event(&CpuEvent::Diagnosis(entry));
-    assert!(desk.answers().is_empty());
-    let name = [&[0x03, 0][..], b"PANEL_01"].concat();
-    assert_eq!(desk.service(4, 2, &name)[0][22..], [0xFF, 9, 0, 2, 2, 0]);
-    desk.connection.event(&CpuEvent::Diagnosis(entry));
-    desk.connection.event(&CpuEvent::Mode(2));
-    let messages = desk.answers();
-    assert_eq!((messages[0][15], messages[0][16], &messages[0][26..]), (4, 3, &entry[..]));
-    assert_eq!((messages[1][15], messages[1][16]), (0, 2));
-    // Entries of the user are a kind of their own.
-    desk.connection.event(&CpuEvent::Diagnosis([0xA1; 20]));
-    assert!(desk.answers().is_empty());
-    assert_eq!(desk.service(4, 2, &[0x80, 0])[0][20..22], [0xD4, 0x05]);
 }
 
 /// A partner that waits for something is not silent, also while the values are under way.

@@ -62,6 +62,10 @@ pub trait Facts: Send {
     fn blocks(&self) -> Vec<BlockFact>;
     /// One of them as a block folder has it.
     fn block(&self, id: BlockId) -> Option<Box<[u8]>>;
+    /// Checksums of the system data and of the program.
+    fn checksums(&self) -> [u32; 2] {
+        [0; 2]
+    }
     /// A document. `state` and which modules answer are asked of the CPU for [`Document::Status`] only; `links` are
     /// all links.
     fn document(&self, which: Document, state: State, present: &[bool], links: &[LinkState]) -> Box<[u8]>;

@@ -10,7 +10,7 @@ use ob1_access::door::{
     Answer, Connection as LinkConnection, News, PART_BYTES, Refusal, Refused, Ticket, ToLink, VERSION, Welcome,
 };
 use ob1_backplane::{SegmentError, WindowHead, WindowReader, WindowWriter};
-use ob1_cpu::{Cpu, DebugJob, Frame, Group, Link, Listing, Mark, PassJob, Piece, Returned, TooMuch, Window};
+use ob1_cpu::{Cpu, DebugJob, Frame, Group, Link, Listing, Mark, PassJob, Piece, Returned, SUMS_AT, TooMuch, Window};
 use ob1_log::Limit;
 use ob1_model::{DebugOrder, PASS_WAIT};
 use ob1_time::{Instant, Span};
@@ -291,7 +291,7 @@ impl Joint {
     }
 
     /// What the scan has given back.
-    fn take_back(&mut self) {
+    fn take_back(&mut self, facts: &dyn Facts) {
         while let Some(returned) = self.link.take() {
             match returned {
                 Returned::Group(group) => {
@@ -305,7 +305,13 @@ impl Joint {
                 Returned::List(listing) => {
                     let Some(out) = self.done(listing.id()) else { continue };
                     let answer = match listing.found() {
-                        Ok((record, bytes)) => Answer::Szl { record, bytes: bytes.into() },
+                        Ok((record, bytes)) => {
+                            let mut bytes: Box<[u8]> = bytes.into();
+                            if listing.tells_protection() {
+                                put_checksums(&mut bytes, facts.checksums());
+                            }
+                            Answer::Szl { record, bytes }
+                        }
                         Err(error) => Answer::NoSzl(error.code()),
                     };
                     self.answer(out.client, out.ticket, answer);
@@ -366,7 +372,7 @@ impl Joint {
     pub(crate) fn step(&mut self, facts: &dyn Facts, now: Instant, answer_time: Span) {
         self.watch_postponed();
         // First what has come back: a write's answer never overtakes its snapshot.
-        self.take_back();
+        self.take_back(facts);
         if let Some(generation) = self.awaited
             && self.window.newest().is_some_and(|head| head.generation >= generation)
         {
@@ -395,4 +401,10 @@ impl Joint {
             }
         }
     }
+}
+
+/// The CPU does not know these: programming devices see by them that the program has changed.
+fn put_checksums(record: &mut [u8], sums: [u32; 2]) {
+    let places = record.get_mut(SUMS_AT..).unwrap_or_default().as_chunks_mut::<4>().0;
+    places.iter_mut().zip(sums).for_each(|(place, sum)| *place = sum.to_be_bytes());
 }

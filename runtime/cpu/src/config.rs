@@ -55,6 +55,10 @@ pub struct CpuConfig {
     pub ob_start_info: bool,
     /// When OB 85 is called for a part of the process image that is not transferred.
     pub image_errors: ImageErrors,
+    /// Order number that status lists tell, 20 characters at most; empty: the name of this software.
+    pub order: String,
+    /// Serial number that they tell, 24 characters at most.
+    pub serial: String,
     /// By how many percent of a cycle a job of program status may make a scan longer, 0 to 1000.
     pub test_load: u16,
     /// Items of the access port served in one scan, at least 1.
@@ -103,6 +107,8 @@ impl Default for CpuConfig {
             date_at_start: 0,
             ob_start_info: true,
             image_errors: ImageErrors::None,
+            order: String::new(),
+            serial: "0".to_owned(),
             test_load: 10,
             port_items_per_scan: 64,
             port_capacity: 256,

@@ -20,6 +20,8 @@ use crate::{Mark, OperatingState, Window};
 
 /// Most links of a CPU.
 pub const LINKS: usize = 8;
+/// Where the record of the protection (list 0132 index 4) has its two checksums.
+pub const SUMS_AT: usize = 16;
 /// Bytes of a system status list that a link can be given.
 pub const LIST_BYTES: usize = 8 * 1024;
 
@@ -150,6 +152,12 @@ impl Listing {
     /// What SFC 51 would answer.
     pub fn found(&self) -> Result<(u16, &[u8]), StatusError> {
         self.found.map(|record| (record, self.bytes.as_slice()))
+    }
+
+    /// Whether it is the record of the protection, which has room for checksums at [`SUMS_AT`].
+    #[must_use]
+    pub const fn tells_protection(&self) -> bool {
+        matches!((self.list, self.index), (0x0132 | 0x0232, 4) | (0x0232, 0))
     }
 
     /// Whether all of it is there; otherwise it is cut after [`LIST_BYTES`].

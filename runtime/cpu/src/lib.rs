@@ -61,7 +61,7 @@ pub use cpu::Cpu;
 pub use diag::{DIAG_ENTRIES, DIAG_STOPS, DIAG_TEXT, DiagBuffer, DiagEntry, ShortText};
 pub use error::LoadError;
 pub use events::InterruptError;
-pub use exchange::{Group, LINKS, LIST_BYTES, Link, Listing, Returned, TooMuch};
+pub use exchange::{Group, LINKS, LIST_BYTES, Link, Listing, Returned, SUMS_AT, TooMuch};
 pub use holding::{DebugJob, Follower};
 pub use load::Surroundings;
 pub use log::{LOG_TEXT, LogLine, LogReader};

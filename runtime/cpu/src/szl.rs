@@ -15,14 +15,26 @@ use crate::szl_record::{Each, Length, Record};
 use crate::wall::Wall;
 use crate::{DiagEntry, Family, ModuleEntry, OperatingState};
 
-/// The lists there are, for list 0000h.
-const LISTS: [u16; 36] = [
-    0x0000, 0x0011, 0x0111, 0x0012, 0x0112, 0x0013, 0x0113, 0x0014, 0x0015, 0x0115, 0x0019, 0x0119, 0x001C, 0x011C,
-    0x0222, 0x0025, 0x0131, 0x0132, 0x0232, 0x0124, 0x0424, 0x0074, 0x0174, 0x0091, 0x0A91, 0x0C91, 0x0D91, 0x0092,
-    0x0292, 0x0692, 0x00A0, 0x01A0, 0x00B1, 0x00B2, 0x00B3, 0xC0A0,
+/// The lists there are, for list 0000h: those of an S7-300 with a PROFINET interface, because programming devices offer
+/// what they find here. [`szl_outside::empty`] has those that are always empty.
+const LISTS: [u16; 112] = [
+    0x0000, 0x0F00, 0x0002, 0x0011, 0x0111, 0x0F11, 0x0012, 0x0112, 0x0F12, 0x0013, 0x0113, 0x0014, 0x0F14, 0x0015,
+    0x0115, 0x0017, 0x0117, 0x0F17, 0x0018, 0x0118, 0x0F18, 0x0019, 0x0F19, 0x001A, 0x0F1A, 0x001B, 0x0F1B, 0x001C,
+    0x011C, 0x0F1C, 0x0021, 0x0A21, 0x0F21, 0x0222, 0x0023, 0x0F23, 0x0024, 0x0124, 0x0424, 0x0524, 0x0025, 0x0125,
+    0x0225, 0x0F25, 0x0131, 0x0132, 0x0232, 0x0036, 0x0136, 0x0F36, 0x0037, 0x0137, 0x0F37, 0x0038, 0x0138, 0x0238,
+    0x0F38, 0x0139, 0x003A, 0x0F3A, 0x0074, 0x0174, 0x0F74, 0x0591, 0x0A91, 0x0C91, 0x0D91, 0x0092, 0x0292, 0x0692,
+    0x0F92, 0x0094, 0x0194, 0x0294, 0x0694, 0x0794, 0x0F94, 0x0095, 0x0195, 0x0F95, 0x0696, 0x0C96, 0x0C97, 0x0D97,
+    0x019A, 0x029A, 0x0F9A, 0x0C9B, 0x009C, 0x019C, 0x029C, 0x039C, 0x0F9C, 0x00A0, 0x01A0, 0x0FA0, 0x00B1, 0x00B2,
+    0x00B3, 0x00B4, 0x01B5, 0x02B5, 0x03B5, 0x04B5, 0x05B5, 0x06B5, 0x07B5, 0x08B5, 0x01B6, 0x02B6, 0x03B6, 0x04B6,
 ];
-/// LEDs of list xy74: SF, RUN, STOP, FRCE.
-const LEDS: [u16; 4] = [0x0001, 0x0004, 0x0005, 0x0006];
+/// LEDs of list xy74: SF, RUN, STOP, FRCE, BUS1F, BUS2F, MAINT.
+const LEDS: [u16; 7] = [0x0001, 0x0004, 0x0005, 0x0006, 0x000B, 0x000C, 0x0015];
+/// Entries of the diagnostic buffer that an S7-300 shows in RUN. ["Programming with STEP 7": 10 unless set otherwise]
+const SHOWN_IN_RUN: usize = 10;
+/// The logical address of the CPU itself, and its type, in the lists of modules.
+const OWN_ADDRESS: u16 = 0x7FFF;
+const OWN_TYPE: u16 = 0x00C0;
+const SLOT_OF_CPU: u16 = 2;
 /// Organization blocks of list 0222, and those SFC 78 knows, besides the interrupts.
 const OTHER_OBS: [u16; 14] = [1, 80, 81, 82, 83, 84, 85, 86, 87, 88, 100, 101, 102, 121];
 /// Bytes of a diagnostic data record 1, at most.
@@ -39,23 +51,30 @@ impl SystemStatus for Machine {
             0x0015 | 0x0115 => self.block_types((id == 0x0115).then_some(index), each),
             0x0019 | 0x0074 => self.leds(None, each),
             0x0119 | 0x0174 => self.leds(Some(index), each),
+            0x001A => self.memories(each),
+            0x001B => self.memory_parts(each),
             0x001C | 0x011C => self.components((id == 0x011C).then_some(index), each),
             0x0222 => self.interrupt_status(index, each),
             0x0025 => szl_outside::partitions(),
             0x0131 => szl_outside::capabilities(index, each),
-            0x0132 | 0x0232 => szl_outside::communication(id, index, each),
+            0x0132 | 0x0232 => szl_outside::communication(id, index, self.wall.bytes(self.hot.now), each),
             0x0092 | 0x0292 | 0x0692 => szl_outside::racks(&self.modules, id, index, each),
-            0x0124 => self.operating_state(false, each),
-            0x0424 => self.operating_state(true, each),
-            0x0091 | 0x0A91 | 0x0D91 => self.module_status(None, each),
+            0x0024 | 0x0124 => self.operating_state(false, each),
+            0x0424 | 0x0524 => self.operating_state(true, each),
+            0x0091 | 0x0A91 => self.module_status(None, each),
+            0x0D91 if index == 0 => self.rack_status(each),
+            0x0D91 => self.module_status(None, each),
             0x0C91 => self.module_status(Some(index), each),
+            0x00A0 if self.config.family == Family::S7_300 && self.state_shown() != OperatingState::Stop => {
+                self.diagnostic_buffer(SHOWN_IN_RUN, each)
+            }
             0x00A0 => self.diagnostic_buffer(usize::MAX, each),
             0x01A0 => self.diagnostic_buffer(usize::from(index), each),
             0x00B1 => diagnostic_record(self.addressed(index)?, 0, each),
             0x00B2 => diagnostic_record(self.slotted(index)?, 1, each),
             0x00B3 => diagnostic_record(self.addressed(index)?, 1, each),
             0xC0A0 => self.buffer_of_cp(index, each),
-            _ => Err(StatusError::Id),
+            _ => szl_outside::empty(id),
         }
     }
 
@@ -105,17 +124,21 @@ impl Machine {
         }
     }
 
-    /// Order number (20 characters), type, version of module, hardware and firmware.
+    /// The order number: that of the station file, or the name.
+    fn order(&self) -> &str {
+        if self.config.order.is_empty() { self.name() } else { &self.config.order }
+    }
+
+    /// Order number (20 characters), type, version: of the module, the basic hardware, the firmware, the boot loader.
     fn identification(&self, index: Option<u16>, each: Each<'_>) -> Length {
         let [major, minor, patch] = version();
-        chosen(&[1, 6, 7], index, &mut |index| {
-            let record =
-                Record::<28>::new().word(index).text(if index == 7 { "" } else { self.name() }, 20, b' ').word(0);
-            let record = match index {
-                7 => record.put(&[b'V', major, minor, patch]),
-                _ => record.word(1).word(0),
+        chosen(&[0x01, 0x06, 0x07, 0x81], index, &mut |index| {
+            let (text, ty, version) = match index {
+                0x07 => ("", OWN_TYPE, [b'V', major, minor, patch]),
+                0x81 => ("Boot Loader", 0, [b'A', major, minor, patch]),
+                _ => (self.order(), OWN_TYPE, [0, 1, 0, 1]),
             };
-            each(&record.bytes);
+            each(&Record::<28>::new().word(index).text(text, 20, b' ').word(ty).put(&version).bytes);
         })?;
         Ok(28)
     }
@@ -129,7 +152,8 @@ impl Machine {
         let groups: [(u16, &[u16]); 4] = [
             (0x0000, &[0x0002]),
             (0x0100, &[0x0101, 0x0105]),
-            (0x0200, if large { &[0x0202] } else { &[0x0205] }),
+            // An S7-300 has the warm restart only, and says nothing here.
+            (0x0200, if large { &[0x0202] } else { &[] }),
             (
                 0x0300,
                 &[
@@ -141,6 +165,9 @@ impl Machine {
         if group.is_some_and(|group| groups.iter().all(|(id, _)| *id != group)) {
             return Err(StatusError::Index);
         }
+        if !large && group == Some(0x0200) {
+            return Ok(0);
+        }
         for (_, list) in groups.into_iter().filter(|(id, _)| group.is_none_or(|group| group == *id)) {
             for word in list.iter().filter(|word| **word != 0x0305 || self.config.accumulators == 4) {
                 each(&word.to_be_bytes());
@@ -149,15 +176,53 @@ impl Machine {
         Ok(2)
     }
 
-    /// The work memory: all data blocks, and the room for those the program makes.
-    fn memory_areas(&self, index: Option<u16>, each: Each<'_>) -> Length {
+    /// Bytes of all data blocks and of the room for those the program makes, and those in use.
+    fn work_memory(&self) -> (u32, u32) {
         let all = self.memory.bytes.len() as u32;
-        let used = all - self.memory.pool.len + self.memory.taken_of_pool();
-        chosen(&[1], index, &mut |index| {
-            let record = Record::<36>::new().word(index).word(1).long(all).word(0b1_0001).word(0);
-            each(&record.long(all).long(used).long(all - used).bytes);
+        (all, all - self.memory.pool.len + self.memory.taken_of_pool())
+    }
+
+    /// The work memory; load memory (integrated, plugged in, the most of it) and backup: there is none.
+    fn memory_areas(&self, index: Option<u16>, each: Each<'_>) -> Length {
+        let (all, used) = self.work_memory();
+        chosen(&[1, 2, 3, 4, 5], index, &mut |index| {
+            let record = Record::<36>::new().word(index);
+            let record = match index {
+                1 => record.word(1).long(all).word(0b1_0001).word(0).long(all).long(used).long(all - used),
+                2 => record.word(1),
+                _ => record.word(2).long(0).word(0b10),
+            };
+            each(&record.bytes);
         })?;
         Ok(36)
+    }
+
+    /// The memories of list 001A: load, work and retentive memory with size and most. The layout is that of the
+    /// recordings named in docs/s7-link.md.
+    fn memories(&self, each: Each<'_>) -> Length {
+        let (all, _) = self.work_memory();
+        let kept = self.config.memory_bytes;
+        for (kind, form, size) in [(0x0901, 0x0105, all), (0x1201, 0x0002, all), (0x1801, 0x0002, kept)] {
+            each(&Record::<12>::new().word(kind).word(form).long(size).long(size).bytes);
+        }
+        Ok(12)
+    }
+
+    /// What of these memories is used, and what is free.
+    fn memory_parts(&self, each: Each<'_>) -> Length {
+        let (all, used) = self.work_memory();
+        let memory = &self.config.retentive.memory;
+        let kept: u32 = memory.iter().map(|range| range.end.saturating_sub(range.start)).sum();
+        let rest = self.config.memory_bytes.saturating_sub(kept);
+        for (kind, load, parts) in
+            [(0x0900, 2, [used, all - used]), (0x1200, 0, [used, all - used]), (0x1800, 0, [kept, rest])]
+        {
+            for (free, bytes) in [0x0000, 0x0070].into_iter().zip(parts) {
+                let record = Record::<20>::new().word(kind).word(free).word(load).long(0).word(0);
+                each(&record.long(bytes).bytes);
+            }
+        }
+        Ok(20)
     }
 
     /// Process images, bit memory, timers, counters, peripheral area, local data: how many, and how many are retentive.
@@ -199,6 +264,7 @@ impl Machine {
 
     fn leds(&self, index: Option<u16>, each: Each<'_>) -> Length {
         let fault = self.modules.list.iter().any(|plugged| plugged.lost || !plugged.module.status().present);
+        let bus_fault = self.modules.list.iter().any(|plugged| plugged.slot.bus.is_some() && plugged.lost);
         let state = self.state_shown();
         chosen(&LEDS, index, &mut |led| {
             // RUN flashes at 2 Hz in the start-up.
@@ -209,6 +275,9 @@ impl Machine {
                     (state != OperatingState::Stop, u8::from(flashes))
                 }
                 0x0005 => (matches!(state, OperatingState::Stop | OperatingState::Hold), 0),
+                // A bus is at fault when one of its stations is.
+                0x000B => (bus_fault, 0),
+                // Force, a second bus, maintenance.
                 _ => (false, 0),
             };
             each(&Record::<4>::new().word(led).put(&[u8::from(on), blink]).bytes);
@@ -237,7 +306,7 @@ impl Machine {
                 1 | 2 => (self.name(), 24),
                 3 => ("", 32),
                 4 => ("ob1", 26),
-                5 => ("0", 24),
+                5 => (self.config.serial.as_str(), 24),
                 7 => (self.name(), 32),
                 _ => ("", 32),
             };
@@ -293,10 +362,16 @@ impl Machine {
         Ok(20)
     }
 
-    /// Rack and slot, address, expected and actual type, state, area and width.
+    /// The module at an address, or all.
     fn module_status(&self, address: Option<u16>, each: Each<'_>) -> Length {
-        let base = |plugged: &Plugged| plugged.slot.input_address.min(plugged.slot.output_address);
         let wanted = |plugged: &Plugged| address.is_none_or(|a| plugged.has(u32::from(a & 0x7FFF), a & 0x8000 != 0));
+        let found = self.modules_where(&wanted, each);
+        if found || address.is_none() { Ok(16) } else { Err(StatusError::Index) }
+    }
+
+    /// Rack and slot, address, expected and actual type, state, area and width. True: there is one.
+    fn modules_where(&self, wanted: &dyn Fn(&Plugged) -> bool, each: Each<'_>) -> bool {
+        let base = |plugged: &Plugged| plugged.slot.input_address.min(plugged.slot.output_address);
         let mut found = false;
         for (place, plugged) in self.modules.list.iter().enumerate().filter(|(_, plugged)| wanted(plugged)) {
             found = true;
@@ -311,7 +386,15 @@ impl Machine {
             let record = Record::<16>::new().word(adr1).word(slot << 8).word(base(plugged) as u16);
             each(&record.word(0).word(0).word(0).word(state).word(area << 4 | 1).bytes);
         }
-        if found || address.is_none() { Ok(16) } else { Err(StatusError::Index) }
+        found
+    }
+
+    /// Rack 0: the CPU itself, then its modules.
+    fn rack_status(&self, each: Each<'_>) -> Length {
+        let record = Record::<16>::new().word(0).word(SLOT_OF_CPU << 8).word(OWN_ADDRESS);
+        each(&record.word(OWN_TYPE).word(OWN_TYPE).word(0).word(0xB402).word(0x0011).bytes);
+        self.modules_where(&|plugged| plugged.slot.bus.is_none(), each);
+        Ok(16)
     }
 
     /// The newest entries first: event, block type, number, block and line as OB 121 has them, date and time.
@@ -390,6 +473,7 @@ pub(crate) const fn block_code(kind: BlockKind) -> u8 {
     match kind {
         BlockKind::Ob => 0x88,
         BlockKind::Db => 0x8A,
+        BlockKind::Sdb => 0x8B,
         BlockKind::Fc | BlockKind::Sfc => 0x8C,
         BlockKind::Fb | BlockKind::Sfb => 0x8E,
     }

@@ -1,6 +1,7 @@
 //! `ob1 diag`: the diagnostic buffers of a running station, the CPU's and those of its CPs, with text and remedy.
 
 use clap::Args;
+use ob1_model::BlockKind;
 use ob1_model::moment::Moment;
 use serde::Serialize;
 
@@ -14,7 +15,8 @@ use ob1_station::wall_clock;
 /// The buffer of the CPU, and those of its CPs (of a CP 240 and a CP 040 a list that the module itself does not have):
 /// newest entry first, each with its date and time of day (UTC), its time since the start of the runtime, its number,
 /// what it means, where (block, line, file) and, in the line below, what helps. Above the entries of a CP stands what
-/// it waits for or what has failed. The buffer of a CP outlives its driver.
+/// it waits for or what has failed. The buffer of a CP outlives its driver. Below, the system data blocks that a
+/// programming device has loaded: none of them is used.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 diag press.toml\n  ob1 diag press cp --count 5\n  ob1 diag press 272 --json\n\n\
@@ -63,7 +65,22 @@ pub fn diag(args: &DiagArgs) -> Exit {
         return print_json(&Buffers { cpu, cps: &cps });
     }
     says!("{}", text(cpu, &cps));
+    let kept = if cpu.is_some() { system_data(&args.station) } else { Vec::new() };
+    if !kept.is_empty() {
+        say!(
+            "{}: kept for programming devices, nothing of it is used: the station file says what there is",
+            kept.join(", ")
+        );
+    }
     Exit::Ok
+}
+
+/// The system data blocks that were downloaded. A station that does not tell its status has none to tell.
+fn system_data(station: &str) -> Vec<String> {
+    let status = ask(station, Op::Status).ok().and_then(|response| response.status);
+    let all = status.into_iter().flat_map(|status| status.downloads);
+    let kept = all.filter(|one| one.block.starts_with(BlockKind::Sdb.name()) && one.what != "deleted");
+    kept.map(|one| one.block).collect()
 }
 
 /// A moment by the wall clock, UTC.

@@ -12,10 +12,13 @@ use ob1_stl::Library;
 use parking_lot::RwLock;
 
 use crate::access::protocol::Download;
+use crate::files;
 
 /// The language of a block as its head has it. [the list of block types of S7 communication]
 const STL: u8 = 1;
 const DATA: u8 = 5;
+/// Where the language is in the head of a block.
+const LANGUAGE_AT: usize = 4;
 
 /// The source files of a program's blocks.
 #[derive(Debug, Default)]
@@ -69,6 +72,8 @@ pub struct KnownProgram {
     pub images: BTreeMap<BlockId, Vec<u8>>,
     /// Why that will be lost when the station ends.
     pub not_kept: Option<String>,
+    /// Checksums of system data and of the program, each of 32 bits: another program has others.
+    pub sums: [u32; 2],
 }
 
 impl KnownProgram {
@@ -78,7 +83,8 @@ impl KnownProgram {
         Self {
             names: Names::new(&program),
             places: Places::new(&program),
-            blocks: blocks(&program),
+            blocks: blocks(&program, &library),
+            sums: [0, folded(ob1_ir::write(&program).as_bytes())],
             program,
             library,
             downloads: Vec::new(),
@@ -86,6 +92,20 @@ impl KnownProgram {
             not_kept: None,
         }
     }
+
+    /// Lists the system data blocks among the images.
+    pub fn add_system_data(&mut self) {
+        for (&id, bytes) in self.images.iter().filter(|(id, _)| id.kind == BlockKind::Sdb) {
+            let language = bytes.get(LANGUAGE_AT).copied().unwrap_or(0);
+            self.blocks.push(BlockFact { id, bytes: bytes.len() as u32, language, name: String::new() });
+            self.sums[0] = self.sums[0].rotate_left(1) ^ folded(bytes);
+        }
+    }
+}
+
+fn folded(bytes: &[u8]) -> u32 {
+    let sum = files::checksum(bytes.iter().copied());
+    (sum >> 32) as u32 ^ sum as u32
 }
 
 /// The program that runs, as others see it. A download sets another one.
@@ -105,8 +125,10 @@ impl Known {
     }
 }
 
-/// The blocks of a program, in ascending order.
-fn blocks(program: &Program) -> Vec<BlockFact> {
+/// The blocks of a program and those of the CPU, in ascending order.
+fn blocks(program: &Program, library: &Library) -> Vec<BlockFact> {
+    let own = library.iter().filter(|(id, _)| id.kind.is_system());
+    let own = own.map(|(id, block)| BlockFact { id, bytes: 0, language: STL, name: block.name.clone() });
     let code = program.blocks.iter().map(|block| BlockFact {
         id: block.id,
         bytes: 0,
@@ -119,7 +141,7 @@ fn blocks(program: &Program) -> Vec<BlockFact> {
         language: DATA,
         name: block.name.clone().unwrap_or_default(),
     });
-    let mut all: Vec<BlockFact> = code.chain(data).collect();
+    let mut all: Vec<BlockFact> = code.chain(data).chain(own).collect();
     all.sort_by_key(|fact| fact.id);
     all
 }

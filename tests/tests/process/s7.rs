@@ -122,7 +122,7 @@ fn a_programming_device_sees_lists_blocks_and_the_clock() {
     for name in SNAP7 {
         let mut client = Client::start(&site, name, port);
         let list = client.done(&json!({ "op": "szl", "id": 0x0011, "index": 0 }));
-        assert_eq!((list["record"].as_u64(), list["count"].as_u64()), (Some(28), Some(3)), "{name}");
+        assert_eq!((list["record"].as_u64(), list["count"].as_u64()), (Some(28), Some(4)), "{name}");
         assert_eq!(hex(&list)[2..12], *b"ob1 S7-300", "{name}");
         for (id, index, record) in [
             (0x001C, 0, 34),

@@ -2,12 +2,16 @@
 
 use ob1_ir::Program;
 use ob1_model::{BlockId, BlockKind};
+use ob1_s7::client::jobs::{Device, Refused};
+use ob1_s7::codes::Code;
+use ob1_s7::wire::BlockType;
 use ob1_stl::{Library, Options, Source};
 use serde_json::{Value, json};
 
 use crate::common::s7::{Client, free_port, station};
 use crate::common::site::Site;
 use crate::common::station::Running;
+use crate::load_siege::{Socket, connect};
 
 /// Clients that load and delete blocks. python-snap7's pure client loads only data blocks and never links them, and its
 /// delete is not a telegram of the protocol.
@@ -394,4 +398,76 @@ fn machine_code_follows_a_download() {
     let ended = station.interrupt();
     assert_eq!(ended.code(), Some(0));
     assert!(!ended.err.contains("continues without it"), "{}", ended.err);
+}
+
+/// System data as its head tells it: type, number, length, and a byte to know it by.
+fn system_data(number: u16, mark: u8) -> Vec<u8> {
+    let mut block = vec![0x70, 0x70, 3, 2, 7, 0x0B];
+    block.extend_from_slice(&number.to_be_bytes());
+    block.extend_from_slice(&600_u32.to_be_bytes());
+    block.resize(600, mark);
+    block
+}
+
+/// What STEP 7 and TIA do with the hardware of a project: STOP, the old blocks deleted, each new one loaded and linked,
+/// restart. They find it again afterwards, also after a restart of the station, and `ob1 diag` says that nothing of it
+/// is used.
+#[test]
+fn a_hardware_download_ends_well() {
+    let site = Site::new();
+    let state = "[station]\nname = \"s7-hardware\"\nstate = \"state\"\n";
+    let start = || {
+        let port = free_port();
+        site.write("plant.awl", &crate::common::station::counting("", ""));
+        let link =
+            format!("[[link]]\ntype = \"s7\"\nname = \"desk\"\nlisten = \"127.0.0.1:{port}\"\nrights = \"operate\"\n");
+        site.write("station.toml", &format!("{state}\n[program]\nsources = [\"plant.awl\"]\n\n{link}"));
+        let station = site.run("station.toml").until_run();
+        let device = station.until("the link listens", |_| connect(port));
+        (station, device)
+    };
+    let numbers = [0, 1, 2, 1000];
+    let given = vec![0, 1, 2, 3, 4, 7];
+    let protection = |device: &mut Device<Socket>| device.szl(0x0132, 4).expect("a wire").expect("a list").1;
+    let (station, mut device) = start();
+    assert_eq!(device.blocks(BlockType::Sdb).expect("a wire"), Ok(given));
+    let before = protection(&mut device);
+    device.download(BlockType::Sdb, 0, &system_data(0, 7)).expect("a wire").expect("it is put aside");
+    let in_run = device.link(&[(BlockType::Sdb, 0)]).expect("a wire");
+    assert_eq!(in_run, Err(Refused::Job(Code::COORDINATION)), "not in RUN");
+    assert_eq!(device.stop().expect("a wire"), Ok(()));
+    for mark in [7, 9] {
+        for number in numbers {
+            device
+                .download(BlockType::Sdb, number, &system_data(number, mark))
+                .expect("a wire")
+                .expect("it is put aside");
+            assert_eq!(device.link(&[(BlockType::Sdb, number)]).expect("a wire"), Ok(()));
+        }
+    }
+    let gone = b"\x05\x000B01000B0B00002B0B00003B0B00004B0B00007B";
+    for _ in 0..2 {
+        assert_eq!(device.control(gone, b"_DELE").expect("a wire"), Ok(()));
+    }
+    assert_eq!(device.control(b"", b"P_PROGRAM").expect("a wire"), Ok(()));
+    let there = |device: &mut Device<Socket>| {
+        assert_eq!(device.blocks(BlockType::Sdb).expect("a wire"), Ok(vec![0, 1]));
+        assert_eq!(device.upload(BlockType::Sdb, 1).expect("a wire"), Ok(system_data(1, 9)));
+        assert_eq!(device.upload(BlockType::Sdb, 2).expect("a wire"), Err(Refused::Job(Code::NO_BLOCK)));
+    };
+    there(&mut device);
+    // The first checksum is that of the hardware, the second that of the program.
+    let after = protection(&mut device);
+    assert_eq!((before[16..20] == after[16..20], before[20..24] == after[20..24]), (false, true), "{after:02X?}");
+    let said = site.ob1(&["diag", "s7-hardware"]);
+    assert!(said.out.contains("SDB 0, SDB 1: kept for programming devices, nothing of it is used"), "{}", said.out);
+    // The blocks of the CPU itself.
+    let functions = device.blocks(BlockType::Sfc).expect("a wire").expect("a list");
+    assert!([0, 1, 14, 20, 51].iter().all(|number| functions.contains(number)), "{functions:?}");
+    drop(device);
+    assert_eq!(station.interrupt().code(), Some(0));
+    let (station, mut device) = start();
+    there(&mut device);
+    drop(device);
+    assert_eq!(station.interrupt().code(), Some(0));
 }

@@ -1,10 +1,13 @@
 //! Services of a programming device: dispatch.
 
-use super::long::{done, refused};
+use super::long::{SERVICE_NUMBER, answer, done, refused};
 use super::service::Service;
 use super::{Connection, CpuEvent, Reply, Step, Then, cyclic, test_jobs};
 use crate::codes::Code;
 use crate::wire::{Group, Pdu, Telegram, UserData, sub};
+
+/// Most jobs and messages that wait for the end of a change of the operating state.
+const HELD: usize = 64;
 
 impl Connection {
     pub(super) fn user_data(&mut self, pdu: &Pdu<'_>) -> Step {
@@ -26,6 +29,7 @@ impl Connection {
         match (group, sub) {
             (Group::Cpu, sub::SZL) => self.szl(pdu.reference, &service),
             (Group::Cpu, sub::MESSAGES) => self.subscribe(pdu.reference, &service),
+            (Group::Cpu, sub::ALARM_QUERY) => Self::query_alarms(pdu.reference, &service),
             (Group::Blocks, _) => self.lists(pdu.reference, &service),
             (Group::Clock, _) => self.clock(pdu.reference, &service),
             (Group::Security, _) => self.security(pdu.reference, &service),
@@ -66,16 +70,12 @@ impl Connection {
                 _ => no(Group::Blocks, sub::BLOCK_INFO, Code::NO_BLOCK),
             },
             Service::Clock { sub } => match reply {
-                Reply::Clock(time) => {
-                    let bytes = time.bytes();
-                    let job = UserData::job(Group::Clock, sub, &bytes);
-                    vec![UserData { telegram: Telegram::Answer, ..job }.write(reference)]
-                }
+                Reply::Clock(time) => vec![answer(reference, Group::Clock, sub, &time.bytes())],
                 Reply::Refused(why) => no(Group::Clock, sub, why),
                 _ => no(Group::Clock, sub, Code::NOT_NOW),
             },
             Service::SetClock { sub } => match reply {
-                Reply::Done => vec![done(reference, Group::Clock, sub, 0)],
+                Reply::Done => vec![done(reference, Group::Clock, sub, SERVICE_NUMBER)],
                 Reply::Refused(why) => no(Group::Clock, sub, why),
                 _ => no(Group::Clock, sub, Code::NOT_NOW),
             },
@@ -91,7 +91,12 @@ impl Connection {
 
     /// An event in the CPU: sends a message if the partner has subscribed to it.
     pub fn event(&mut self, event: &CpuEvent) {
-        if let Some(telegram) = self.subscribed.message(event) {
+        let Some(telegram) = self.subscribed.message(event) else { return };
+        // A change of the operating state is answered before it is told.
+        let changes = self.queue.iter().any(|job| matches!(job.then, Some(Then::Control(_))));
+        if changes && self.queue.len() < HELD {
+            self.enqueue(0, Step::Answer(telegram));
+        } else {
             self.message(&telegram);
         }
     }

@@ -1,8 +1,8 @@
 //! Status lists, lists of blocks, clock and passwords.
 
-use super::long::{ENTRY, MOST, done, refused};
+use super::long::{ENTRY, MOST, SERVICE_NUMBER, done, refused};
 use super::service::Service;
-use super::{Ask, Connection, End, Listed, Reply, Step};
+use super::{Ask, Connection, End, Listed, Reply, Step, test_functions};
 use crate::Rights;
 use crate::codes::Code;
 use crate::wire::{
@@ -11,8 +11,6 @@ use crate::wire::{
 
 /// Number of wrong passwords after which a connection is closed.
 const PASSWORDS: u8 = 3;
-/// Flags of a block in a list: linked.
-const LINKED: u8 = 0x22;
 /// List of the protection of the CPU, and the index of its record.
 const PROTECTION: [u16; 2] = [0x0132, 0x0232];
 const PROTECTION_INDEX: u16 = 4;
@@ -23,6 +21,16 @@ const LEVEL_AT: usize = 6;
 const CAPABILITIES: u16 = 0x0131;
 const GENERAL_INDEX: u16 = 1;
 const PDU_AT: usize = 2;
+/// The index of its record of test functions, and the offset of their bits in it.
+const TESTS_INDEX: u16 = 2;
+const TESTS_AT: usize = 2;
+/// The extract of a list that stands for "header only".
+const HEADER_ONLY: u16 = 0x0F00;
+/// The list of the operating state.
+const STATE: u16 = 0x0424;
+/// The header of the list of connections, and the places that it tells though nothing is in them. [recorded]
+const CONNECTIONS: u16 = 0x0F3A;
+const PLACES: u16 = 8;
 
 impl Connection {
     pub(super) fn szl(&mut self, reference: u16, service: &UserData<'_>) -> Step {
@@ -30,15 +38,23 @@ impl Connection {
             return self.refuse_service(reference, service, Code::NO_INFORMATION);
         };
         let (id, index) = (u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d]));
-        Self::later(Ask::Szl { id, index }, Service::Szl { id, index })
+        let asked = if id & HEADER_ONLY == HEADER_ONLY { id & !HEADER_ONLY } else { id };
+        Self::later(Ask::Szl { id: asked, index }, Service::Szl { id, index })
     }
 
     pub(super) fn szl_answer(&mut self, reference: u16, id: u16, index: u16, record: u16, bytes: &[u8]) -> Vec<u8> {
         let mut out = Vec::with_capacity(8 + bytes.len());
-        let count = bytes.len().checked_div(usize::from(record)).unwrap_or(0);
-        for word in [id, index, record, count as u16] {
+        let header_only = id & HEADER_ONLY == HEADER_ONLY;
+        let count = match bytes.len().checked_div(usize::from(record)).unwrap_or(0) {
+            0 if id == CONNECTIONS => PLACES,
+            count => count as u16,
+        };
+        // There is one record whatever is asked, and the answer says so.
+        let index = if id == STATE { 0 } else { index };
+        for word in [id, index, record, count] {
             out.extend_from_slice(&word.to_be_bytes());
         }
+        let bytes = if header_only { &[] } else { bytes };
         out.extend_from_slice(bytes.get(..MOST).unwrap_or(bytes));
         // Of the record: a client may ask for index 0.
         let told = out.get(8..).and_then(|record| record.first_chunk()).copied().map(u16::from_be_bytes);
@@ -48,6 +64,12 @@ impl Connection {
             if let Some(place) = out.get_mut(8 + PDU_AT..12 + PDU_AT) {
                 place.copy_from_slice(&[a, b, c, d]);
             }
+        }
+        if id == CAPABILITIES
+            && told == Some(TESTS_INDEX)
+            && let Some(place) = out.get_mut(8 + TESTS_AT..8 + TESTS_AT + 3)
+        {
+            place.copy_from_slice(&test_functions::bits());
         }
         // The level in force is that of this connection: 1 all, 2 no changes of program and operating state.
         if PROTECTION.contains(&id) && told == Some(PROTECTION_INDEX) {
@@ -104,7 +126,7 @@ impl Connection {
         let mut out = Vec::with_capacity(of_type.len() * ENTRY);
         for block in of_type {
             out.extend_from_slice(&block.number.to_be_bytes());
-            out.extend_from_slice(&[LINKED, block.language]);
+            out.extend_from_slice(&[block.ty.flags(), block.language]);
         }
         let pdu = self.pdu_bytes();
         self.long.first(reference, Group::Blocks, sub::BLOCK_LIST, out, pdu)
@@ -155,7 +177,7 @@ impl Connection {
         if let Reply::Rights(rights) = reply {
             self.rights = *rights;
             self.wrong_passwords = 0;
-            return done(reference, Group::Security, sub, 0);
+            return done(reference, Group::Security, sub, SERVICE_NUMBER);
         }
         self.counts.errors += 1;
         let why = if let Reply::Refused(why) = reply { *why } else { Code::PASSWORD };

@@ -4,7 +4,7 @@
 use super::{Ask, Connection, Loaded, Reply, Step, Then, is_loadable};
 use crate::Rights;
 use crate::codes::Code;
-use crate::wire::{ANSWER_HEAD, BlockInfo, BlockName, FileSystem, Kind, Pdu, function, write};
+use crate::wire::{ANSWER_HEAD, BlockInfo, BlockName, BlockType, FileSystem, Kind, Pdu, function, write};
 
 /// Uploads of a connection at the same time.
 const UPLOADS: usize = 2;
@@ -74,23 +74,35 @@ fn upload_id(pdu: &Pdu<'_>) -> Option<u32> {
     pdu.parameters.get(ID_AT..)?.first_chunk::<4>().map(|id| u32::from_be_bytes(*id))
 }
 
+/// Whether a CPU can have this organization block.
+const fn is_ob(number: u16) -> bool {
+    matches!(number, 1 | 10..=17 | 20..=23 | 30..=38 | 40..=47 | 55..=57 | 60..=65 | 70..=73 | 80..=88 | 90)
+        || matches!(number, 100..=102 | 121 | 122)
+}
+
 impl Connection {
     pub(super) fn start_upload(&mut self, pdu: &Pdu<'_>) -> Step {
         let refused = match name(pdu) {
             None => Code::BLOCK_NAME,
             // A block that is not linked yet is visible only to those who load it.
             Some(name) if name.place == FileSystem::Passive => Code::NO_BLOCK,
+            Some(name) if name.ty == BlockType::Ob && !is_ob(name.number) => Code::NO_OB,
             Some(name) => return Step::Ask(Ask::Block { ty: name.ty, number: name.number }, Then::Upload),
         };
-        Step::Answer(self.refuse_function(pdu.reference, function::START_UPLOAD, refused))
+        self.refuse_job(pdu.reference, refused)
     }
 
     pub(super) fn upload_answer(&mut self, reference: u16, reply: Reply) -> Vec<u8> {
-        let bytes = match reply {
-            Reply::Block(bytes) if bytes.len() <= BLOCK => bytes,
-            Reply::Refused(why) => return self.refuse_function(reference, function::START_UPLOAD, why),
-            _ => return self.refuse_function(reference, function::START_UPLOAD, Code::SERVICE),
+        let why = match reply {
+            Reply::Block(bytes) if bytes.len() <= BLOCK => return self.begin_upload(reference, bytes),
+            Reply::Refused(why) => why,
+            _ => Code::SERVICE,
         };
+        self.counts.errors += 1;
+        write(Kind::Ack, reference, why, &[], &[])
+    }
+
+    fn begin_upload(&mut self, reference: u16, bytes: Vec<u8>) -> Vec<u8> {
         // The partner has forgotten the oldest one.
         if self.loads.uploads.len() >= UPLOADS {
             self.loads.uploads.remove(0);

@@ -14,6 +14,7 @@ mod long;
 mod messages;
 mod partner;
 mod service;
+mod test_functions;
 mod test_jobs;
 mod var;
 
@@ -357,5 +358,5 @@ impl Connection {
 
 /// The blocks that can be loaded and deleted.
 const fn is_loadable(ty: BlockType) -> bool {
-    matches!(ty, BlockType::Ob | BlockType::Db | BlockType::Fc | BlockType::Fb)
+    !ty.is_system()
 }

@@ -1,5 +1,9 @@
 //! Names of blocks on the wire (`_0A00001P`), and their entries in lists.
 
+/// Flags of a block in lists and block infos: linked into the program, and a part of the CPU.
+const LINKED: u8 = 0x22;
+const IN_CPU: u8 = 0x42;
+
 /// Types of blocks a CPU lists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[expect(missing_docs, reason = "the names say it")]
@@ -42,6 +46,18 @@ impl BlockType {
     pub fn of_head(byte: u8) -> Option<Self> {
         let digit = char::from_digit(u32::from(byte), 16)?;
         Self::of(digit as u8)
+    }
+
+    /// Whether it is a block of the CPU itself.
+    #[must_use]
+    pub const fn is_system(self) -> bool {
+        matches!(self, Self::Sfc | Self::Sfb)
+    }
+
+    /// Its flags in a list of blocks.
+    #[must_use]
+    pub const fn flags(self) -> u8 {
+        if self.is_system() { IN_CPU } else { LINKED }
     }
 
     /// The usual name.
@@ -166,9 +182,9 @@ impl BlockInfo {
     /// The answer's data.
     #[must_use]
     pub fn bytes(&self) -> Vec<u8> {
-        let mut out = vec![b'0', self.ty.letter()];
-        // The length of the rest, and its version.
-        out.extend_from_slice(&[0, (INFO_BYTES - 4) as u8, 0, 0x22]);
+        // One block; the length of the rest; its flags and origin.
+        let origin = if self.ty.is_system() { 0x30 } else { 0 };
+        let mut out = vec![1, 0, 0, (INFO_BYTES - 4) as u8, self.ty.flags(), origin];
         out.extend_from_slice(&self.head);
         out.extend_from_slice(&self.foot);
         out
@@ -177,10 +193,10 @@ impl BlockInfo {
     /// From the answer's data.
     #[must_use]
     pub fn read(data: &[u8]) -> Option<Self> {
-        let (&[zero, letter, ..], rest) = data.split_first_chunk::<6>()?;
+        let (_, rest) = data.split_first_chunk::<6>()?;
         let (head, rest) = rest.split_first_chunk::<HEAD>()?;
         let foot = rest.first_chunk::<HEAD>()?;
-        Some(Self { ty: BlockType::of(letter).filter(|_| zero == b'0')?, head: *head, foot: *foot })
+        Some(Self { ty: BlockType::of_head(head[5])?, head: *head, foot: *foot })
     }
 }
 

@@ -3,6 +3,9 @@
 /// Bytes of a date and time on the wire.
 pub const CLOCK_BYTES: usize = 10;
 
+/// The byte that should be the century.
+const CENTURY: u8 = 0x19;
+
 /// A date and time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct DateTime {
@@ -60,11 +63,11 @@ impl DateTime {
         time.exists().then_some(time)
     }
 
-    /// The ten bytes on the wire: a reserved one, the century as BCD, a `DATE_AND_TIME`.
+    /// The ten bytes on the wire: a reserved one, 19h in any year (as a CPU has it), a `DATE_AND_TIME`.
     #[must_use]
     pub fn bytes(&self) -> [u8; CLOCK_BYTES] {
         let [a, b, c, d, e, f, g, h] = self.date_and_time();
-        [0, bcd((self.year / 100) as u8), a, b, c, d, e, f, g, h]
+        [0, CENTURY, a, b, c, d, e, f, g, h]
     }
 
     /// From the bytes on the wire. The century is ignored: clients send 19h in any year.
@@ -106,7 +109,7 @@ mod tests {
     fn clocks_go_both_ways() {
         let time = DateTime { year: 2026, month: 11, day: 22, hour: 16, minute: 5, second: 9, ms: 987 };
         // A Sunday.
-        assert_eq!(time.bytes(), [0, 0x20, 0x26, 0x11, 0x22, 0x16, 0x05, 0x09, 0x98, 0x71]);
+        assert_eq!(time.bytes(), [0, 0x19, 0x26, 0x11, 0x22, 0x16, 0x05, 0x09, 0x98, 0x71]);
         assert_eq!(DateTime::read(&time.bytes()), Some(time));
         // A Saturday, and the last day of the range, a Saturday as well.
         assert_eq!(DateTime { year: 2000, month: 1, day: 1, ..time }.bytes()[9] & 15, 7);

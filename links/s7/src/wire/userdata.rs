@@ -16,6 +16,9 @@ const SHORT: u8 = 4;
 const LONG: u8 = 8;
 const METHOD_SHORT: u8 = 0x11;
 const METHOD_LONG: u8 = 0x12;
+/// Parameters of a change of the operating state, which is between the last two. [seen from a 315-2 and an IM151-8; the
+/// first byte is how PLC4X knows it]
+const MODE: [u8; 6] = [0x01, 0x00, 0x10, 0x10, 0x00, 0x00];
 
 /// Services of each group.
 #[expect(missing_docs, reason = "the names say it")]
@@ -35,6 +38,7 @@ pub mod sub {
     pub const SZL: u8 = 0x01;
     pub const MESSAGES: u8 = 0x02;
     pub const DIAGNOSIS: u8 = 0x03;
+    pub const ALARM_QUERY: u8 = 0x13;
     pub const PASSWORD: u8 = 0x01;
     pub const NO_PASSWORD: u8 = 0x02;
     pub const CLOCK: u8 = 0x01;
@@ -205,7 +209,7 @@ impl<'b> UserData<'b> {
             None if data.is_empty() => (ItemCode::NO_OBJECT, data),
             None => return None,
         };
-        // The short form is a job; one client omits its mark.
+        // The short form is a job, and one client omits its mark; or a message of the group CPU, which we do not get.
         let telegram = if length == SHORT { Telegram::Job } else { Telegram::of(group >> 4)? };
         // In a job the long form itself means that the next part is requested.
         let more = if telegram == Telegram::Job { length == LONG } else { last != 0 };
@@ -222,11 +226,22 @@ impl<'b> UserData<'b> {
         })
     }
 
+    /// The message that the operating state has changed. It has no data part at all.
+    #[must_use]
+    pub fn mode(mode: u8) -> Vec<u8> {
+        write(Kind::UserData, 0, Code::DONE, &[&MODE[..], &[mode, 0]].concat(), &[])
+    }
+
     /// The telegram.
     #[must_use]
     pub fn write(&self, reference: u16) -> Vec<u8> {
         let group = self.telegram.nibble() << 4 | self.group.nibble();
-        let short = self.telegram == Telegram::Job && !self.more;
+        // A message of the group CPU is short, too: otherwise its data would not be where clients look for it.
+        let short = match self.telegram {
+            Telegram::Job => !self.more,
+            Telegram::Message => self.group == Group::Cpu,
+            Telegram::Answer => false,
+        };
         let [high, low] = self.error.0.to_be_bytes();
         let mut parameters = HEAD.to_vec();
         parameters.extend_from_slice(&[
@@ -259,12 +274,20 @@ mod tests {
         let next = UserData { more: true, sequence: 5, ..UserData::job(Group::Cpu, sub::SZL, &[]) };
         let answer = UserData { telegram: Telegram::Answer, unit: 3, more: true, ..job };
         let refused = UserData { error: Code::NO_LIST, code: ItemCode::NO_OBJECT, data: &[], more: false, ..answer };
-        let message = UserData { telegram: Telegram::Message, group: Group::Mode, ..job };
+        let message = UserData { telegram: Telegram::Message, group: Group::Cyclic, ..job };
         for service in [job, next, answer, refused, message] {
             let bytes = service.write(7);
             let pdu = Pdu::read(&bytes).expect("whole");
             assert_eq!(UserData::read(pdu.parameters, pdu.data), Some(service));
         }
+    }
+
+    #[test]
+    fn messages_of_the_cpu_are_short() {
+        let message = UserData { telegram: Telegram::Message, ..UserData::job(Group::Cpu, sub::DIAGNOSIS, &[0x43, 4]) };
+        let sent = [0x32, 7, 0, 0, 0, 0, 0, 8, 0, 6, 0, 1, 0x12, 4, 0x11, 0x04, 3, 0, 0xFF, 9, 0, 2, 0x43, 4];
+        assert_eq!(message.write(0), sent);
+        assert_eq!(UserData::mode(2), [0x32, 7, 0, 0, 0, 0, 0, 8, 0, 0, 1, 0, 0x10, 0x10, 0, 0, 2, 0]);
     }
 
     #[test]

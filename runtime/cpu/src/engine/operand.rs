@@ -251,7 +251,7 @@ pub(crate) fn missing(kind: BlockKind, number: u16) -> Fault {
         BlockKind::Fb => FaultKind::FbNotLoaded,
         BlockKind::Sfc => FaultKind::SfcNotLoaded,
         BlockKind::Sfb => FaultKind::SfbNotLoaded,
-        BlockKind::Db => FaultKind::DbNotLoaded,
+        BlockKind::Db | BlockKind::Sdb => FaultKind::DbNotLoaded,
         BlockKind::Fc | BlockKind::Ob => FaultKind::FcNotLoaded,
     };
     Fault::new(fault, u32::from(number))

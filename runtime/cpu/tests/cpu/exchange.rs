@@ -301,7 +301,11 @@ fn lists() {
         assert!(listing.id() == 7 && listing.is_whole());
         listing.found().map(|(record, bytes)| (record, bytes.to_vec()))
     };
-    let leds = |run: u8, stop: u8| Ok((4, vec![0, 1, 0, 0, 0, 4, run, 0, 0, 5, stop, 0, 0, 6, 0, 0]));
+    let leds = |run: u8, stop: u8| {
+        let led = |(number, on)| [0, number, on, 0];
+        let all = [(1, 0), (4, run), (5, stop), (6, 0), (0x0B, 0), (0x0C, 0), (0x15, 0)];
+        Ok((4, all.map(led).concat()))
+    };
     assert_eq!(list(&mut bench, 0x0019, 0), leds(1, 0));
     assert_eq!([0x0424, 0x0124].map(|id| list(&mut bench, id, 0).map(|(_, bytes)| bytes[3])), [Ok(0x08), Ok(0x68)]);
     assert_eq!(list(&mut bench, 0x0999, 0), Err(StatusError::Id));

@@ -124,6 +124,10 @@ impl Facts for StationFacts {
         image.bytes().ok().map(Into::into)
     }
 
+    fn checksums(&self) -> [u32; 2] {
+        self.view.known.get().sums
+    }
+
     fn document(&self, which: Document, state: State, present: &[bool], links: &[LinkState]) -> Box<[u8]> {
         let text = match which {
             Document::Program => Ok(Some(ob1_ir::write(&self.view.known.get().program))),

@@ -38,7 +38,7 @@ impl Changes {
     pub fn forget_same(&mut self, sources: &Program, library: &Library) {
         let known = |id: BlockId| library.get(id).map(|block| &block.interface);
         self.0.retain(|id, change| match change {
-            None => has(sources, *id),
+            None => has(sources, *id) || is_given(*id),
             Some(bytes) => {
                 let ours = ob1_mc7::image(sources, *id, &known);
                 ours.zip(BlockImage::read(bytes).ok()).is_none_or(|(ours, (theirs, _))| !same(&ours, &theirs))
@@ -50,6 +50,7 @@ impl Changes {
     fn told(&self, sources: &Program, around: &Surroundings) -> Vec<Download> {
         let what = |id: BlockId, change: &Option<Vec<u8>>| match change {
             None => "deleted",
+            Some(_) if id.kind == BlockKind::Sdb => "not used",
             Some(_) if around.has(id) => "not used",
             Some(_) if has(sources, id) => "changed",
             Some(_) => "new",
@@ -73,11 +74,13 @@ impl Changes {
             let image = change.as_ref().filter(|_| !around.has(*id))?;
             Some((*id, image.clone()))
         };
-        KnownProgram {
-            downloads: self.told(sources, around),
-            images: self.0.iter().filter_map(used).collect(),
-            ..KnownProgram::new(Arc::clone(program), Arc::clone(library))
-        }
+        let mut known = KnownProgram::new(Arc::clone(program), Arc::clone(library));
+        let given = GIVEN.map(|number| BlockId::new(BlockKind::Sdb, number));
+        let given = given.into_iter().filter(|id| !self.0.contains_key(id)).map(|id| (id, without_content(id.number)));
+        known.images = given.chain(self.0.iter().filter_map(used)).collect();
+        known.downloads = self.told(sources, around);
+        known.add_system_data();
+        known
     }
 
     /// The program of the sources with the changes.
@@ -91,7 +94,7 @@ impl Changes {
         // Data blocks last: they do not move the sources of the others.
         let is_data = |(id, _): &(&BlockId, &Option<Vec<u8>>)| id.kind == BlockKind::Db;
         let (data, code): (Vec<_>, Vec<_>) = self.0.iter().partition(is_data);
-        for (id, change) in code.into_iter().chain(data) {
+        for (id, change) in code.into_iter().chain(data).filter(|(id, _)| id.kind != BlockKind::Sdb) {
             let Some(bytes) = change else {
                 remove(&mut program, *id);
                 continue;
@@ -129,6 +132,32 @@ impl Changes {
         }
         if refused.is_empty() { Ok(program) } else { Err(refused) }
     }
+}
+
+/// The system data blocks that every S7-300 has, and clients look for. The station file says what the hardware is, so
+/// there is nothing in them, and what comes in their place is kept and not used.
+const GIVEN: [u16; 6] = [0, 1, 2, 3, 4, 7];
+
+fn is_given(id: BlockId) -> bool {
+    id.kind == BlockKind::Sdb && GIVEN.contains(&id.number)
+}
+
+fn without_content(number: u16) -> Vec<u8> {
+    let kind = BlockHead::kind_byte(BlockKind::Sdb);
+    let head = BlockHead { version: 3, attribute: 2, language: 7, kind, number, ..BlockHead::default() };
+    let (code, interface, segments, foot) = Default::default();
+    BlockImage { head, code, interface, segments, foot }.bytes().unwrap_or_default()
+}
+
+/// Whether these bytes are a system data block of this number.
+pub(super) fn is_system_data(number: u16, bytes: &[u8]) -> bool {
+    let head = bytes.first_chunk::<{ ob1_mc7::HEAD_BYTES }>();
+    head.is_some_and(|head| {
+        let [_, _, _, _, _, kind, a, b, c, d, e, f, ..] = *head;
+        kind == BlockHead::kind_byte(BlockKind::Sdb)
+            && u16::from_be_bytes([a, b]) == number
+            && u32::from_be_bytes([c, d, e, f]) as usize == bytes.len()
+    })
 }
 
 /// The block in these bytes, if it has the expected kind and number.

@@ -22,7 +22,7 @@ use ob1_model::{BlockId, BlockKind};
 use ob1_stl::Library;
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use super::changes::{Changes, block, has};
+use super::changes::{Changes, block, has, is_system_data};
 use super::file;
 use crate::compiling::{Compiling, Giver, Request, Successors};
 use crate::engine::{EngineChoice, InUse};
@@ -198,7 +198,7 @@ impl Refused {
     }
 
     fn in_run() -> Self {
-        Self::new(Refusal::InRun, "statements cannot be changed in RUN")
+        Self::new(Refusal::InRun, "statements and system data cannot be changed in RUN")
     }
 }
 
@@ -250,9 +250,18 @@ impl Work {
         let with = &self.with;
         let mut changes = with.changes.clone();
         let (mut fresh, mut told) = (Vec::new(), Vec::new());
+        let is_system = |id: &BlockId| id.kind == BlockKind::Sdb;
         match change {
             Change::Link(blocks) => {
                 for (id, bytes) in blocks {
+                    if is_system(&id) {
+                        if !is_system_data(id.number, &bytes) {
+                            return Err(Refused::new(Refusal::Block, format!("{id}: its head names another block")));
+                        }
+                        changes.put(id, bytes.into_vec());
+                        told.push(id);
+                        continue;
+                    }
                     block(id, &bytes).map_err(|why| Refused::new(Refusal::Block, format!("{id}: {why}")))?;
                     if id.kind == BlockKind::Ob && !is_ever_run(id.number) {
                         return Err(Refused::new(
@@ -267,7 +276,8 @@ impl Work {
             }
             Change::Delete(ids) => {
                 for id in ids {
-                    if !has(&with.now, id) {
+                    // System data that is gone already: nothing is left to do.
+                    if !is_system(&id) && !has(&with.now, id) {
                         return Err(Refused::new(Refusal::NotThere, format!("there is no {id} to delete")));
                     }
                     changes.delete(id);
@@ -275,8 +285,16 @@ impl Work {
                 }
             }
         }
+        if told.iter().any(is_system) && (self.runs)() {
+            return Err(Refused::in_run());
+        }
         // A block that is as in the sources is the sources' again, with everything that machine code does not hold.
         changes.forget_same(&with.sources, &with.library);
+        if told.iter().all(is_system) {
+            self.with.changes = changes;
+            self.keep(&told);
+            return Ok(());
+        }
         let next = changes.apply(&with.sources, &with.library, &with.around);
         let next = next.map_err(|whys| Refused::new(Refusal::Block, whys.join("; ")))?;
         let successor = self.load(&next, fresh)?;
@@ -290,6 +308,13 @@ impl Work {
         }
         let with = &mut self.with;
         (with.changes, with.now) = (changes, next);
+        self.keep(&told);
+        Ok(())
+    }
+
+    /// Keeps the changes, and shows others what there is now.
+    fn keep(&self, told: &[BlockId]) {
+        let with = &self.with;
         let kept = with.path.as_ref().map_or_else(
             || Err("there is no folder for it: [station] state".to_owned()),
             |path| file::write(path, &with.changes).map_err(|error| format!("{}: {error}", path.display())),
@@ -301,7 +326,6 @@ impl Work {
         }
         let known = with.changes.known(&with.now, (&with.sources, &with.around), &with.library);
         with.known.set(KnownProgram { not_kept: kept.err(), ..known });
-        Ok(())
     }
 
     fn load(&self, next: &Program, fresh: Vec<u16>) -> Result<Successor, Refused> {

@@ -90,6 +90,8 @@ fn cpu(f: &mut Findings<'_>, table: &CpuTable) -> CpuConfig {
         watchdog: time(f, table.watchdog.as_ref(), d.watchdog),
         image_errors: choice(f, "image_errors", table.image_errors.as_ref(), &IMAGE_ERRORS).unwrap_or(d.image_errors),
         test_load: number(f, "test_load", table.test_load.as_ref(), 0..=1000, d.test_load),
+        order: told(f, "order", table.order.as_ref(), 20, d.order),
+        serial: told(f, "serial", table.serial.as_ref(), 24, d.serial),
         clock_memory: table
             .clock_memory
             .as_ref()
@@ -116,6 +118,17 @@ fn cpu(f: &mut Findings<'_>, table: &CpuTable) -> CpuConfig {
         );
     }
     config
+}
+
+/// A text that programming devices read: letters they can show, and not longer than its place.
+fn told(f: &mut Findings<'_>, key: &str, value: Option<&Placed<String>>, most: usize, default: String) -> String {
+    let Some(value) = value else { return default };
+    let text = value.get_ref();
+    if text.is_empty() || text.len() > most || !text.bytes().all(|byte| (b' '..=b'~').contains(&byte)) {
+        let message = format!("{key} = \"{text}\" is not a number that a programming device can show");
+        f.error(VALUE, value.span(), message, format!("1 to {most} letters, digits and signs"));
+    }
+    text.clone()
 }
 
 /// When OB 85 is called for a part of the process image that is not transferred.

@@ -163,6 +163,8 @@ pub(super) struct CpuTable {
     pub(super) clock_memory: Option<Placed<i64>>,
     pub(super) image_errors: Option<Placed<String>>,
     pub(super) test_load: Option<Placed<i64>>,
+    pub(super) order: Option<Placed<String>>,
+    pub(super) serial: Option<Placed<String>>,
     pub(super) db_pool_bytes: Option<Placed<i64>>,
     #[serde(default)]
     pub(super) cyclic: Vec<CyclicTable>,
