@@ -1,6 +1,6 @@
 //! Addresses of S7 communication and cells of the CPU.
 
-use ob1_access::door::{Reading, Refusal};
+use ob1_access::door::Refusal;
 use ob1_model::{Area as Place, Cell, CellError, Piece, Put, Width};
 use ob1_s7::codes::ItemCode;
 use ob1_s7::server;
@@ -58,10 +58,12 @@ pub(crate) fn pieces(addresses: &[Address]) -> Vec<Piece> {
     pieces
 }
 
-/// The values of all addresses, from the reading of their pieces.
-pub(crate) fn values(addresses: &[Address], reading: &Reading) -> Vec<Result<Vec<u8>, ItemCode>> {
-    let mut next = 0..reading.len();
-    let mut piece = || next.next().map_or(Err(Refusal::NotThere), |index| reading.piece(index)).map_err(code);
+/// The values of all addresses, from what their pieces have given, one after the other.
+pub(crate) fn values<'p>(
+    addresses: &[Address],
+    next: &mut dyn FnMut() -> Result<&'p [u8], Refusal>,
+) -> Vec<Result<Vec<u8>, ItemCode>> {
+    let mut piece = || next().map_err(code);
     let mut of = |address: &Address| {
         let Some((_, count)) = single(address) else {
             let bytes = piece()?;

@@ -2,7 +2,7 @@
 
 use std::os::fd::OwnedFd;
 
-use ob1_access::door::{BlockFact, Connection, Diagnosis, Document, Refusal, State};
+use ob1_access::door::{Addresses, BlockFact, Connection, Diagnosis, Document, Refusal, State};
 use ob1_access::{Allowed, Put, Right};
 use ob1_cpu::DiagEntry;
 use ob1_model::BlockId;
@@ -62,6 +62,10 @@ pub trait Facts: Send {
     fn blocks(&self) -> Vec<BlockFact>;
     /// One of them as a block folder has it.
     fn block(&self, id: BlockId) -> Option<Box<[u8]>>;
+    /// What lies at these addresses of its machine code; `None` where it has none.
+    fn addresses(&self, _id: BlockId, _wanted: &[u16]) -> Option<Addresses> {
+        None
+    }
     /// A document. `state` and which modules answer are asked of the CPU for [`Document::Status`] only; `links` are
     /// all links.
     fn document(&self, which: Document, state: State, present: &[bool], links: &[LinkState]) -> Box<[u8]>;

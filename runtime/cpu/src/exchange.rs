@@ -8,12 +8,15 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use ob1_model::{Cell, CellError, Frame, GROUP_ENTRIES, Head, PASS_JOBS, Piece, Put, WRITE_BYTES, Width, fits_a_share};
+use ob1_model::{
+    Cell, CellError, Frame, GROUP_ENTRIES, Head, PASS_JOBS, POINT_JOBS, Piece, Put, WRITE_BYTES, Width, fits_a_share,
+};
 use ob1_std::services::{StatusError, SystemStatus as _};
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use crate::cells;
 use crate::machine::Machine;
+use crate::points::PointJob;
 use crate::watching::PassJob;
 use crate::{Mark, OperatingState, Window};
 
@@ -102,15 +105,7 @@ impl Group {
                 if matches!(put.cell(), Cell::Peripheral(_)) != modules {
                     continue;
                 }
-                let written = match put {
-                    Put::Value(cell, width, value) => cells::write(m, *cell, *width, *value),
-                    Put::Bytes(cell, bytes) => cells::place(m, *cell, bytes.len() as u32, true).map(|place| {
-                        if let Some(to) = m.memory.bytes.get_mut(place) {
-                            to.copy_from_slice(bytes);
-                        }
-                    }),
-                };
-                if let Err(error) = written {
+                if let Err(error) = cells::put(m, put) {
                     self.refused = Some((index, error));
                     return;
                 }
@@ -300,8 +295,9 @@ enum Order {
     Group(Box<Group>),
     List(Box<Listing>),
     Pass(Box<PassJob>),
-    /// Nobody waits for the pass with this number any more.
-    NoPass(u64),
+    Point(Box<PointJob>),
+    /// Nobody waits for the job with this number any more.
+    Forget(u64),
 }
 
 /// From the CPU.
@@ -309,6 +305,7 @@ enum Back {
     Group(Box<Group>),
     List(Box<Listing>),
     Pass(Box<PassJob>),
+    Point(Box<PointJob>),
     /// A replaced watch, to be freed.
     OldWatch(#[expect(dead_code, reason = "it comes back to be freed")] Box<Watch>),
 }
@@ -322,6 +319,8 @@ pub enum Returned {
     List(Box<Listing>),
     /// A pass through a block, or why there is none.
     Pass(Box<PassJob>),
+    /// What was read and written at a point of the cycle.
+    Point(Box<PointJob>),
 }
 
 /// A link's end. It belongs to one thread.
@@ -394,12 +393,20 @@ impl Link {
         self.orders.push(Order::Pass(Box::new(job))).map_err(|_| TooMuch::UnderWay)
     }
 
-    /// Nobody waits for this pass any more; what there is of it comes back all the same.
+    /// Asks for something at a point of the cycle; it comes back with [`Link::take`].
     ///
     /// # Errors
     /// Too much is under way.
-    pub fn no_pass(&mut self, id: u64) -> Result<(), TooMuch> {
-        self.orders.push(Order::NoPass(id)).map_err(|_| TooMuch::UnderWay)
+    pub fn point(&mut self, job: PointJob) -> Result<(), TooMuch> {
+        self.orders.push(Order::Point(Box::new(job))).map_err(|_| TooMuch::UnderWay)
+    }
+
+    /// Nobody waits for this pass or point any more; what there is of it comes back all the same.
+    ///
+    /// # Errors
+    /// Too much is under way.
+    pub fn forget(&mut self, id: u64) -> Result<(), TooMuch> {
+        self.orders.push(Order::Forget(id)).map_err(|_| TooMuch::UnderWay)
     }
 
     /// The next thing that has come back.
@@ -409,6 +416,7 @@ impl Link {
                 Back::Group(group) => return Some(Returned::Group(group)),
                 Back::List(listing) => return Some(Returned::List(listing)),
                 Back::Pass(job) => return Some(Returned::Pass(job)),
+                Back::Point(job) => return Some(Returned::Point(job)),
                 Back::OldWatch(_) => {}
             }
         }
@@ -451,7 +459,7 @@ impl Exchange {
         }
         let (to_cpu, orders) = RingBuffer::new(RING);
         // Room for all orders, for the watch that each may replace, and for the jobs that stay with the CPU.
-        let (back, from_cpu) = RingBuffer::new(2 * RING + PASS_JOBS);
+        let (back, from_cpu) = RingBuffer::new(2 * RING + PASS_JOBS + POINT_JOBS);
         let place = self.ends.len();
         self.ends.push(End { place, orders, back, window, watch: None, landed: [const { None }; GROUPS] });
         Some(Link { orders: to_cpu, back: from_cpu, generation: 0 })
@@ -477,6 +485,13 @@ impl Exchange {
     pub(crate) fn give_back(&mut self, job: Box<PassJob>) {
         if let Some(end) = self.ends.get_mut(job.link) {
             let _ = end.back.push(Back::Pass(job));
+        }
+    }
+
+    /// Its point has come.
+    pub(crate) fn give_back_point(&mut self, job: Box<PointJob>) {
+        if let Some(end) = self.ends.get_mut(job.link) {
+            let _ = end.back.push(Back::Point(job));
         }
     }
 
@@ -536,7 +551,18 @@ impl End {
                         let _ = self.back.push(Back::Pass(job));
                     }
                 }
-                Ok(Order::NoPass(id)) => m.watching.forget(self.place, id),
+                Ok(Order::Point(mut job)) => {
+                    job.link = self.place;
+                    if let Some(job) = m.points.take(job) {
+                        let _ = self.back.push(Back::Point(job));
+                    }
+                }
+                Ok(Order::Forget(id)) => {
+                    m.watching.forget(self.place, id);
+                    if let Some(job) = m.points.forget(self.place, id) {
+                        let _ = self.back.push(Back::Point(job));
+                    }
+                }
                 Err(_) => return false,
             }
         }

@@ -32,6 +32,7 @@ mod native;
 mod natives;
 mod nesting;
 mod obs;
+mod points;
 mod ports;
 mod retentive;
 mod retentive_v1;
@@ -73,6 +74,7 @@ pub use ob1_model::{
 pub use ob1_std::DP_DIAGNOSIS;
 pub use ob1_std::services::StatusError;
 pub use ob1_time::{Clock, Still};
+pub use points::PointJob;
 pub use ports::*;
 pub use retentive::Why;
 pub use settings::{CyclicInterrupt, DataRange, Family, Missed, MissedCycle, Retentive, RetentiveData, TimeOfDay};

@@ -20,6 +20,7 @@ use crate::machine::{Attention, Machine, Watchdog};
 use crate::natives::Native;
 use crate::nesting::Nesting;
 use crate::obs::ObRecords;
+use crate::points::Points;
 use crate::service_state::ServiceState;
 use crate::standstill::Standstill;
 use crate::timers::{Counter, Timer};
@@ -222,6 +223,7 @@ impl Cpu {
             at: None,
             tape: None,
             watching: Watching::default(),
+            points: Points::default(),
             config,
         };
         Ok(Cpu::assemble(machine, blocks, client, reader))

@@ -13,6 +13,7 @@ use crate::interrupts::{Diagnoses, Interrupts};
 use crate::keep::Keep;
 use crate::log::{LogLine, LogWriter};
 use crate::obs::ObRecords;
+use crate::points::Points;
 use crate::service_state::ServiceState;
 use crate::standstill::Standstill;
 use crate::timers::{Counter, Timer};
@@ -134,6 +135,8 @@ pub(crate) struct Machine {
     pub(crate) tape: Option<Box<Tape>>,
     /// Program status.
     pub(crate) watching: Watching,
+    /// Variable tables.
+    pub(crate) points: Points,
 }
 
 impl Machine {

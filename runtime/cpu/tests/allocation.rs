@@ -102,7 +102,7 @@ fn a_watched_scan_allocates_nothing() {
         let mut round = || {
             let mut seen = 0;
             for block in [fc(1), fc(2), ob(1), fc(9)].repeat(50) {
-                let order = PassOrder { block, from: None, db: 0, first: 0, count: 9, wait: 50_000_000 };
+                let order = PassOrder { block, from: None, db: 0, first: 0, count: 9, wait: 50_000_000, before: true };
                 link.link.pass(PassJob::new(1, order)).expect("room");
                 link.link.pass(PassJob::new(2, PassOrder { from: Some(ob(1)), ..order })).expect("room");
                 let region = Region::new(ALLOCATOR);

@@ -42,8 +42,8 @@ use ob1_model::{GROUP_ENTRIES, Piece, Put, WRITE_BYTES};
 use thiserror::Error;
 
 pub use messages::{
-    Answer, Ask, BlockFact, Connection, Diagnosis, Document, Event, MESSAGE_BYTES, News, OUTSTANDING, PART_BYTES,
-    Refusal, Refused, STAGED_BYTES, Ticket, ToBroker, ToLink, VERSION, Welcome, What,
+    ARMED, Addresses, Answer, Ask, BlockFact, Connection, Diagnosis, Document, Event, MESSAGE_BYTES, News, OUTSTANDING,
+    PART_BYTES, Refusal, Refused, STAGED_BYTES, Ticket, ToBroker, ToLink, VERSION, Welcome, What,
 };
 pub use ob1_model::{Command, OperatingState as State};
 use ranges::Ranges;

@@ -22,6 +22,7 @@ mod natives;
 mod parameters;
 mod passes;
 mod pointers;
+mod points;
 mod programs;
 mod raw_lists;
 mod retentive;

@@ -38,7 +38,7 @@ pub(super) const TABLE: &[Row] = &[
         &["ob1-backplane", "ob1-ir", "ob1-model", "ob1-words", "serde", "serde_json", "strsim", "thiserror"],
     ),
     // The interface of a CP 343, and ANY pointers.
-    row("ob1-s7", "invariant 1", &["ob1-words"]),
+    row("ob1-s7", "invariant 1", &["ob1-model", "ob1-words"]),
     // It owns the sockets and reaches the CPU through the broker.
     row(
         "ob1-s7-process",
