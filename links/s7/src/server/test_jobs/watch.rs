@@ -122,19 +122,23 @@ impl Watch {
             return Err(Code::TEST_ADDRESS);
         }
         self.places = places;
-        Ok(())
+        // More than one job can watch: what lies behind would seem not to have run.
+        if self.order().count as usize > PASS_STATEMENTS { Err(Code::TEST_ADDRESS) } else { Ok(()) }
     }
 
     fn statements(&self) -> impl Iterator<Item = CodeAddress> {
         self.places.found.iter().flatten().copied()
     }
 
+    /// The statements of the lines, and that of the start if it is not too far off.
     pub(super) fn order(&self) -> PassOrder {
-        let first = self.statements().map(|one| one.statement).min().unwrap_or(0);
-        let last = self.statements().map(|one| one.statement).max().unwrap_or(0);
-        let count = (last - first + 1).min(PASS_STATEMENTS as u32);
+        let start = self.statements().next().map_or(0, |one| one.statement);
+        let lines = || self.statements().skip(1).map(|one| one.statement);
+        let last = lines().max().unwrap_or(start);
+        let is_far = last.saturating_sub(start) as usize >= PASS_STATEMENTS;
+        let first = lines().min().map_or(start, |first| if is_far { first } else { first.min(start) });
         let (block, from, db) = (self.block, self.from, self.db);
-        PassOrder { block, from, db, first, count, wait: WAIT, before: true }
+        PassOrder { block, from, db, first, count: last.max(first) - first + 1, wait: WAIT, before: true }
     }
 
     pub(super) fn seen(&self, pass: &Pass) -> Seen {
@@ -150,7 +154,7 @@ impl Watch {
         };
         let first = self.order().first;
         let of =
-            |list: &[PassLine], statement: u32| list.get((statement - first) as usize).copied().unwrap_or_default();
+            |list: &[PassLine], statement: u32| list.get(statement.wrapping_sub(first) as usize).copied().unwrap_or_default();
         let mut statements = self.statements();
         let mut data = self.start.to_be_bytes().to_vec();
         let before = statements.next().map(|one| of(&pass.before, one.statement)).unwrap_or_default();
