@@ -153,8 +153,9 @@ impl Watch {
             PassEnd::Whole => Code::DONE,
         };
         let first = self.order().first;
-        let of =
-            |list: &[PassLine], statement: u32| list.get(statement.wrapping_sub(first) as usize).copied().unwrap_or_default();
+        let of = |list: &[PassLine], statement: u32| {
+            list.get(statement.wrapping_sub(first) as usize).copied().unwrap_or_default()
+        };
         let mut statements = self.statements();
         let mut data = self.start.to_be_bytes().to_vec();
         let before = statements.next().map(|one| of(&pass.before, one.statement)).unwrap_or_default();
