@@ -12,7 +12,7 @@ use ob1_s7::MAX_PDU;
 use ob1_s7::Rights;
 use ob1_s7::codes::{Code, ItemCode};
 use ob1_s7::server::{Ask, CodePlaces, Control, Listed, Loaded, Reply, Request};
-use ob1_s7::wire::{Address, BlockType, DateTime, values_mut};
+use ob1_s7::wire::{Address, DateTime, values_mut};
 
 use crate::armed::Armed;
 use crate::cells;
@@ -242,7 +242,7 @@ fn begin(id: u64, ask: Ask, turn: &mut Turn<'_, '_>) -> Option<Doing> {
         Ask::Load(blocks) => return Load { id, ticket: 0, left: blocks.into() }.send(turn),
         Ask::Delete(blocks) => {
             let ids: Option<Vec<BlockId>> =
-                blocks.iter().map(|(ty, number)| Some(BlockId::new(kind(*ty)?, *number))).collect();
+                blocks.iter().map(|(ty, number)| Some(BlockId::new(cells::kind(*ty)?, *number))).collect();
             match ids {
                 Some(ids) => Question::Delete(ids),
                 None => {
@@ -261,7 +261,7 @@ fn begin(id: u64, ask: Ask, turn: &mut Turn<'_, '_>) -> Option<Doing> {
         // They never come here.
         Ask::At { .. } | Ask::Pass(_) | Ask::Forget(_) => return None,
         Ask::Blocks => Question::Blocks,
-        Ask::Block { ty, number } => match kind(ty) {
+        Ask::Block { ty, number } => match cells::kind(ty) {
             Some(BlockKind::Db) => {
                 let ticket = turn.around.door.ask(turn.client, Question::Block(BlockId::new(BlockKind::Db, number)));
                 return Some(Doing::Data { id, ticket, number });
@@ -407,7 +407,7 @@ impl Load {
             let ticket = turn.around.door.ask(turn.client, Question::Link);
             return Some(Doing::Question { id: self.id, ticket, rights: None });
         };
-        let Some(kind) = kind(block.ty) else {
+        let Some(kind) = cells::kind(block.ty) else {
             (turn.reply)(self.id, Reply::Refused(Code::BLOCK_NUMBER));
             return None;
         };
@@ -514,7 +514,7 @@ fn answered(answer: &Answer, rights: Option<Rights>) -> Reply {
         Answer::NoSzl(_) => Reply::Refused(Code::NOT_NOW),
         Answer::Blocks(facts) => {
             let listed = |fact: &ob1_access::door::BlockFact| Listed {
-                ty: ty(fact.id.kind),
+                ty: cells::ty(fact.id.kind),
                 number: fact.id.number,
                 language: fact.language,
             };
@@ -538,29 +538,6 @@ fn answered(answer: &Answer, rights: Option<Rights>) -> Reply {
         | Answer::Document { .. }
         | Answer::Pass(_)
         | Answer::Point(_) => Reply::Refused(Code::SERVICE),
-    }
-}
-
-fn kind(ty: BlockType) -> Option<BlockKind> {
-    Some(match ty {
-        BlockType::Ob => BlockKind::Ob,
-        BlockType::Db => BlockKind::Db,
-        BlockType::Fc => BlockKind::Fc,
-        BlockType::Sfc => BlockKind::Sfc,
-        BlockType::Fb => BlockKind::Fb,
-        BlockType::Sfb => BlockKind::Sfb,
-        BlockType::Sdb => return None,
-    })
-}
-
-const fn ty(kind: BlockKind) -> BlockType {
-    match kind {
-        BlockKind::Ob => BlockType::Ob,
-        BlockKind::Db => BlockType::Db,
-        BlockKind::Fc => BlockType::Fc,
-        BlockKind::Sfc => BlockType::Sfc,
-        BlockKind::Fb => BlockType::Fb,
-        BlockKind::Sfb => BlockType::Sfb,
     }
 }
 

@@ -1,10 +1,10 @@
-//! Addresses of S7 communication and cells of the CPU.
+//! Addresses of S7 communication and cells of the CPU, kinds of blocks.
 
 use ob1_access::door::Refusal;
-use ob1_model::{Area as Place, Cell, CellError, Piece, Put, Width};
+use ob1_model::{Area as Place, BlockKind, Cell, CellError, Piece, Put, Width};
 use ob1_s7::codes::ItemCode;
 use ob1_s7::server;
-use ob1_s7::wire::{Address, Area, DataType};
+use ob1_s7::wire::{Address, Area, BlockType, DataType};
 
 /// The first cell of an address.
 fn cell(address: &Address) -> Cell {
@@ -139,6 +139,31 @@ pub(crate) fn code(refusal: Refusal) -> ItemCode {
         Refusal::Cell(CellError::ReadOnly) | Refusal::Right | Refusal::Password => ItemCode::NOT_ALLOWED,
         Refusal::InRun | Refusal::Block | Refusal::Room => ItemCode::NOT_ALLOWED,
         Refusal::Cell(CellError::NoModule) | Refusal::Full | Refusal::Silent => ItemCode::HARDWARE,
+    }
+}
+
+/// The kind of block of the program.
+pub(crate) fn kind(ty: BlockType) -> Option<BlockKind> {
+    Some(match ty {
+        BlockType::Ob => BlockKind::Ob,
+        BlockType::Db => BlockKind::Db,
+        BlockType::Fc => BlockKind::Fc,
+        BlockType::Sfc => BlockKind::Sfc,
+        BlockType::Fb => BlockKind::Fb,
+        BlockType::Sfb => BlockKind::Sfb,
+        BlockType::Sdb => return None,
+    })
+}
+
+/// The type of a kind of block.
+pub(crate) const fn ty(kind: BlockKind) -> BlockType {
+    match kind {
+        BlockKind::Ob => BlockType::Ob,
+        BlockKind::Db => BlockType::Db,
+        BlockKind::Fc => BlockType::Fc,
+        BlockKind::Sfc => BlockType::Sfc,
+        BlockKind::Fb => BlockType::Fb,
+        BlockKind::Sfb => BlockType::Sfb,
     }
 }
 

@@ -109,8 +109,8 @@ impl Connection {
         Ok(Self::later(Ask::Read(wanted), Service::Cyclic { first: true, job: id, sub, slots }))
     }
 
-    /// Time passes: requests the values of the cyclic jobs that are due, and what the CPU had no room for. `now_ms` is any clock in milliseconds that
-    /// never goes back.
+    /// Time passes: requests the values of the cyclic jobs that are due, and what the CPU had no room for. `now_ms` is
+    /// any clock in milliseconds that never goes back.
     pub fn tick(&mut self, now_ms: u64) {
         self.tests_tick(now_ms);
         let mut due = Vec::new();
