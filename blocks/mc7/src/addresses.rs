@@ -3,7 +3,10 @@
 use ob1_ir::{DbRegister, Number, Op};
 use ob1_model::CodeAddress;
 
-use crate::statement::{Mc7Op, Statement};
+use crate::statement::{Mc7Op, Statement, Uncond};
+
+/// Bytes in front of a list of pointers: the jump over it, and its length.
+const LIST_HEAD: usize = 4;
 
 /// The statements of machine code, in order. `offsets`: where each statement of the block begins, as [`crate::encode`]
 /// and [`crate::decode`] give them. What the compiler made of one statement is all of that one; the final `BE` without
@@ -20,6 +23,11 @@ pub fn addresses(code: &[u8], offsets: &[u32]) -> Vec<CodeAddress> {
         let opens = matches!(op, Mc7Op::Plain(Op::OpenDb(DbRegister::Db | DbRegister::Di, Number::Fixed(_))));
         all.push(CodeAddress { at: at as u32, statement, opens });
         at += length;
+        // The jump over the pointers: programming devices ask there what a call has left.
+        if let Mc7Op::Call(Uncond { list: Some(list), .. }) = op {
+            let jump = at - LIST_HEAD - 4 * list.len();
+            all.push(CodeAddress { at: jump as u32, statement, opens: false });
+        }
     }
     // `L DB10.DBW 2` is `AUF DB 10; L DBW 2`. Alone, `AUF` is a statement like others; in the frame of a call it is a
     // part of that.

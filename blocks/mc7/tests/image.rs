@@ -120,7 +120,15 @@ fn every_address_is_of_a_statement() {
     let at = |id: BlockId| {
         let (code, offsets) = code_of(&program, id, &|_| None).expect("code");
         assert_eq!(image(&program, id, &|_| None).map(|image| image.code), Some(code.clone()), "as it goes up");
-        let found = addresses(&code, &offsets);
+        let (jumps, found): (Vec<_>, Vec<_>) =
+            addresses(&code, &offsets).into_iter().partition(|one| code[one.at as usize..].starts_with(&[0x70, 0x0B]));
+        let calls = found.iter().filter(|one| code[one.at as usize..].starts_with(&[0x3D, 5, 0x70, 0x0B]));
+        let behind: Vec<_> = calls.map(|call| (call.at + 2, call.statement)).collect();
+        assert_eq!(
+            jumps.iter().map(|one| (one.at, one.statement)).collect::<Vec<_>>(),
+            behind,
+            "the jump over the list"
+        );
         let length = |at: u32| Statement::read(&code[at as usize..]).expect("a statement").1 as u32;
         let ends: Vec<u32> = found.iter().map(|one| one.at + length(one.at)).collect();
         assert_eq!(found.iter().skip(1).map(|one| one.at).collect::<Vec<_>>(), ends[..ends.len() - 1], "{id}");
