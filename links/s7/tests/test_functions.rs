@@ -227,6 +227,12 @@ fn values_are_modified_at_their_trigger() {
         let expected = if round == 0 { vec![push(8, 1, 2, &[0, 1, 0xFF, 0])] } else { vec![] };
         assert_eq!((told(&desk.answers()), desk.cpu.memory[100]), (expected, 9));
     }
+    // Disabled, enabled.
+    assert_eq!(told(&desk.test(0x0D, &about(0x0D, 8, 1))), [answer(0x0D, 2)]);
+    assert!(desk.armed.is_empty());
+    assert_eq!(told(&desk.test(0x0D, &about(0x0D, 8, 1))), [refused(0x0D, 2, 0xD0A5)]);
+    assert_eq!(told(&desk.test(0x0E, &about(0x0E, 8, 1))), [answer(0x0E, 2)]);
+    assert_eq!(desk.armed.len(), 2, "the writes, and a result");
     assert_eq!(told(&desk.test(0x0F, &about(0x0F, 8, 1))), [answer(0x0F, 1)]);
     assert!(desk.armed.is_empty());
 }

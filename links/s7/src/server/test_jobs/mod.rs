@@ -281,13 +281,8 @@ impl Connection {
     }
 
     fn begin(&mut self, id: u8) {
-        match self.tests.find(id).map(|job| job.begin) {
-            Some(Begin::AtOnce) => self.arm(id),
-            Some(Begin::Permanent) => {
-                self.stay(id);
-                self.arm(id);
-            }
-            Some(Begin::WhenEnabled) | None => {}
+        if self.tests.find(id).is_some_and(|job| job.begin != Begin::WhenEnabled) {
+            self.arm(id);
         }
     }
 
@@ -306,6 +301,9 @@ impl Connection {
 
     /// Asks the CPU for the next result, unless it is asked already.
     fn arm(&mut self, id: u8) {
+        if self.tests.find(id).is_some_and(|job| job.begin == Begin::Permanent && job.stays.is_none()) {
+            self.stay(id);
+        }
         let Some(job) = self.tests.find(id).filter(|job| job.asked.is_none()) else { return };
         (job.again, job.fired) = (false, false);
         let at = |access| match job.trigger {
@@ -342,9 +340,13 @@ impl Connection {
         if std::mem::take(&mut job.again) {
             return Ok(Step::Answer(self.test_done(reference, sub::TEST_DISABLE)));
         }
-        let asked = job.asked.ok_or(Code::TEST_JOB)?;
+        let (asked, stays) = (job.asked, job.stays);
+        let last = asked.or(stays).ok_or(Code::TEST_JOB)?;
         job.fired = false;
-        Ok(Self::later(Ask::Forget(asked), Service::Test(Ending::Disabled { job: id })))
+        if let (Some(_), Some(stays)) = (asked, stays) {
+            self.ask_aside(Ask::Forget(stays), Then::Service(Service::Test(Ending::Nothing)));
+        }
+        Ok(Self::later(Ask::Forget(last), Service::Test(Ending::Disabled { job: id })))
     }
 
     fn delete(&mut self, reference: u16, id: u8) -> Step {
@@ -542,9 +544,6 @@ impl Connection {
             self.tests.again_ms = None;
             let ids: Vec<u8> = self.tests.jobs.iter().filter(|job| job.again).map(|job| job.id).collect();
             for id in ids {
-                if self.tests.find(id).is_some_and(|job| job.begin == Begin::Permanent && job.stays.is_none()) {
-                    self.stay(id);
-                }
                 self.arm(id);
             }
         }
