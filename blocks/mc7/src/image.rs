@@ -7,7 +7,7 @@ use ob1_model::{BlockId, BlockKind, Component, DataType, Interface, Layout, Para
 
 use crate::block::Callees;
 use crate::compiled::{CompiledInterface, InterfaceKind};
-use crate::encode::{Written, encode};
+use crate::encode::{Encoded, Written, encode};
 use crate::head::{BlockFoot, BlockHead, BlockImage, Stamp};
 
 /// Attribute of a block that is linked.
@@ -51,6 +51,18 @@ fn system_image(id: BlockId, interface: &Interface) -> Option<BlockImage> {
         segments: Vec::new(),
         foot: foot(None),
     })
+}
+
+/// The machine code of a block of statements as [`image`] has it, and where each of its statements begins there.
+#[must_use]
+pub fn code_of<'c>(
+    program: &'c Program,
+    id: BlockId,
+    known: &(dyn Fn(BlockId) -> Option<&'c Interface> + 'c),
+) -> Option<(Vec<u8>, Vec<u32>)> {
+    let callees = |id| find(program, id).map(|block| &block.interface).or_else(|| known(id));
+    let encoded = encoded(find(program, id)?, &callees)?;
+    Some((encoded.code, encoded.offsets))
 }
 
 /// The compiled form of the declarations of a block of statements; `known` as for [`image`].
@@ -111,10 +123,14 @@ fn compiled(program: &Program, block: &CodeBlock, callees: &Callees<'_>) -> Opti
     .ok()
 }
 
-fn code_image(program: &Program, block: &CodeBlock, callees: &Callees<'_>) -> Option<BlockImage> {
+fn encoded(block: &CodeBlock, callees: &Callees<'_>) -> Option<Encoded> {
     // The instance of a function block may lie anywhere in a data block.
     let written = Written { multi_instance: block.id.kind.has_instance(), ..Written::default() };
-    let encoded = encode(block, &written, callees).ok()?;
+    encode(block, &written, callees).ok()
+}
+
+fn code_image(program: &Program, block: &CodeBlock, callees: &Callees<'_>) -> Option<BlockImage> {
+    let encoded = encoded(block, callees)?;
     let interface = compiled(program, block, callees)?;
     let head = BlockHead { local_bytes: u16::try_from(encoded.local_bytes).ok()?, ..head(block.id, STL) };
     Some(BlockImage {

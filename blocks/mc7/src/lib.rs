@@ -7,6 +7,7 @@
 //!
 //! Everything here is pure, and none of it panics, whatever the bytes. Source of the facts: docs/mc7.md.
 
+mod addresses;
 mod block;
 mod bytes;
 mod compiled;
@@ -23,6 +24,7 @@ mod segments;
 mod statement;
 mod text;
 
+pub use addresses::addresses;
 pub use block::{MachineBlock, list_order};
 pub use compiled::{CompiledInterface, Entry, EntryType, InterfaceKind};
 pub use declared::Blocks;
@@ -30,6 +32,6 @@ pub use decode::{Decoded, decode, notation};
 pub use encode::{Encoded, Written, encode};
 pub use error::{Mc7Error, Problem};
 pub use head::{BlockFoot, BlockHead, BlockImage, HEAD_BYTES, Stamp};
-pub use image::{declarations, image};
+pub use image::{code_of, declarations, image};
 pub use segments::Segments;
 pub use statement::{ConstForm, Mc7Op, NoStatement, Statement, Uncond};

@@ -1,7 +1,9 @@
 //! A program's blocks as a CPU holds them: what goes up is what was loaded.
 
 use ob1_ir::{CodeBlock, Program};
-use ob1_mc7::{BlockImage, CompiledInterface, InterfaceKind, MachineBlock, Segments, decode, image};
+use ob1_mc7::{
+    BlockImage, CompiledInterface, InterfaceKind, MachineBlock, Segments, Statement, addresses, code_of, decode, image,
+};
 use ob1_model::{BlockId, BlockKind, DataType, Interface, Param, Section};
 
 const SOURCE: &str = r#"
@@ -109,6 +111,37 @@ fn every_block_has_an_image_that_says_what_the_program_says() {
         let ops = |block: &CodeBlock| block.code.iter().map(|stmt| stmt.op.to_string()).collect::<Vec<_>>();
         assert_eq!(ops(&decoded.block), ops(block), "{}", block.id);
     }
+}
+
+/// Each statement of the machine code is of one of the block, in their order; from the encoder and from the decoder.
+#[test]
+fn every_address_is_of_a_statement() {
+    let program = program();
+    let at = |id: BlockId| {
+        let (code, offsets) = code_of(&program, id, &|_| None).expect("code");
+        assert_eq!(image(&program, id, &|_| None).map(|image| image.code), Some(code.clone()), "as it goes up");
+        let (jumps, found): (Vec<_>, Vec<_>) =
+            addresses(&code, &offsets).into_iter().partition(|one| code[one.at as usize..].starts_with(&[0x70, 0x0B]));
+        let calls = found.iter().filter(|one| code[one.at as usize..].starts_with(&[0x3D, 5, 0x70, 0x0B]));
+        let behind: Vec<_> = calls.map(|call| (call.at + 2, call.statement)).collect();
+        assert_eq!(
+            jumps.iter().map(|one| (one.at, one.statement)).collect::<Vec<_>>(),
+            behind,
+            "the jump over the list"
+        );
+        let length = |at: u32| Statement::read(&code[at as usize..]).expect("a statement").1 as u32;
+        let ends: Vec<u32> = found.iter().map(|one| one.at + length(one.at)).collect();
+        assert_eq!(found.iter().skip(1).map(|one| one.at).collect::<Vec<_>>(), ends[..ends.len() - 1], "{id}");
+        assert!(found.is_sorted_by_key(|one| one.statement), "{id}");
+        found.iter().map(|one| (one.at, one.statement, one.opens)).collect::<Vec<_>>()
+    };
+    // L #a; T MW 10; AUF DB 10 and L DBW 2; T MW 12; BE.
+    let function = [(0, 0, false), (4, 1, false), (6, 2, true), (8, 2, false), (12, 3, false), (14, 4, false)];
+    assert_eq!(at(BlockId::new(BlockKind::Fc, 5)), function);
+    let main = at(BlockId::new(BlockKind::Ob, 1));
+    let calls = main.chunk_by(|one, next| one.1 == next.1).map(<[_]>::len).collect::<Vec<_>>();
+    assert!(calls.len() == 3 && calls[0] > 3 && calls[1] > 5 && calls[2] == 1, "two calls and the end: {main:?}");
+    assert!(main.iter().all(|(_, _, opens)| !opens), "a frame is one statement: {main:?}");
 }
 
 #[test]

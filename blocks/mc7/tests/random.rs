@@ -5,7 +5,7 @@ mod common;
 use std::collections::BTreeMap;
 
 use ob1_ir::{CodeBlock, Program};
-use ob1_mc7::{MachineBlock, Written, decode, encode};
+use ob1_mc7::{MachineBlock, Written, addresses, decode, encode};
 use ob1_model::{BlockId, Interface};
 use ob1_stl::print::{Declared, Heading, Listing, Printer};
 use ob1_stl::{Library, Mnemonics, Options, Source, compile};
@@ -58,6 +58,9 @@ fn through_machine_code(block: &CodeBlock, callees: &BTreeMap<BlockId, Interface
     };
     let decoded = decode(&machine, &known).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(decoded.offsets.len(), decoded.block.code.len());
+    // Program status finds the same statements, whoever made the code.
+    let of = |offsets| addresses(&encoded.code, offsets);
+    assert_eq!(of(&encoded.offsets), of(&decoded.offsets));
     assert_eq!(encoded.segments.networks.iter().map(|n| usize::from(*n)).sum::<usize>() + 2, encoded.code.len());
     bare(&decoded.block)
 }

@@ -18,6 +18,7 @@ mod meaning;
 pub mod moment;
 mod operating;
 mod pass;
+mod point;
 mod s5time;
 mod types;
 
@@ -33,6 +34,7 @@ pub use interface::{Interface, Param, Section};
 pub use layout::{Component, Layout, align_to};
 pub use meaning::StateChange;
 pub use operating::{Command, OperatingState};
-pub use pass::{PASS_JOBS, PASS_STATEMENTS, PASS_WAIT, Pass, PassEnd, PassLine, PassOrder};
+pub use pass::{CodeAddress, PASS_JOBS, PASS_STATEMENTS, PASS_WAIT, Pass, PassEnd, PassLine, PassOrder};
+pub use point::{POINT_JOBS, Point, PointItem, PointOrder, TEST_FUNCTIONS};
 pub use s5time::{S5Time, TimerKind};
 pub use types::{DataType, Dimension, Field};

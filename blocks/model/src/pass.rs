@@ -24,6 +24,8 @@ pub struct PassOrder {
     pub count: u32,
     /// How long the pass is waited for, in nanoseconds; at most [`PASS_WAIT`].
     pub wait: u64,
+    /// The registers in front of each statement are wanted too: [`Pass::before`].
+    pub before: bool,
 }
 
 /// The registers behind a statement, at its last execution in the pass.
@@ -77,4 +79,17 @@ pub struct Pass {
     pub time: u64,
     /// The watched statements, from [`PassOrder::first`] on.
     pub lines: Vec<PassLine>,
+    /// The registers in front of each of them, if they were wanted.
+    pub before: Vec<PassLine>,
+}
+
+/// A statement of the machine code that an upload gives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CodeAddress {
+    /// Where it begins, in bytes.
+    pub at: u32,
+    /// The statement of the block that it is of, from 0; the one behind the last is the end.
+    pub statement: u32,
+    /// It opens the data block for this statement, which is another one in machine code: nothing else changes.
+    pub opens: bool,
 }

@@ -11,9 +11,10 @@ use ob1_model::{BlockId, BlockKind, Cell, GROUP_ENTRIES, Piece, Put, WRITE_BYTES
 use ob1_s7::MAX_PDU;
 use ob1_s7::Rights;
 use ob1_s7::codes::{Code, ItemCode};
-use ob1_s7::server::{Ask, Control, Listed, Loaded, Reply, Request};
-use ob1_s7::wire::{Address, BlockType, DateTime, values_mut};
+use ob1_s7::server::{Ask, CodePlaces, Control, Listed, Loaded, Reply, Request};
+use ob1_s7::wire::{Address, DateTime, values_mut};
 
+use crate::armed::Armed;
 use crate::cells;
 use crate::config::Config;
 
@@ -44,6 +45,8 @@ const RUN: u8 = 0x08;
 pub struct Asks {
     waiting: VecDeque<Request>,
     doing: Vec<Doing>,
+    /// What waits for its trigger, beside the others.
+    armed: Vec<Armed>,
 }
 
 /// A running request.
@@ -161,8 +164,20 @@ impl Asks {
             if !may_begin {
                 return;
             }
-            if let Some(Request { id, ask }) = self.waiting.pop_front() {
-                self.doing.extend(begin(id, ask, turn));
+            let (client, door) = (turn.client, &mut *turn.around.door);
+            match self.waiting.pop_front() {
+                Some(Request { id, ask: Ask::At { point, stays, access } }) => {
+                    self.armed.push(Armed::at((id, client), point, stays, access, door));
+                }
+                Some(Request { id, ask: Ask::Pass(order) }) => self.armed.push(Armed::pass((id, client), order, door)),
+                Some(Request { id, ask: Ask::Forget(of) }) => {
+                    match self.armed.iter_mut().find(|armed| armed.id == of) {
+                        Some(armed) => armed.forget((id, client), door),
+                        None => (turn.reply)(id, Reply::Done),
+                    }
+                }
+                Some(Request { id, ask }) => self.doing.extend(begin(id, ask, turn)),
+                None => {}
             }
         }
     }
@@ -173,6 +188,13 @@ impl Asks {
             News::Written { ticket, .. } | News::Answer { ticket, .. } => *ticket,
             News::Watching | News::Event(_) => return,
         };
+        if let (Some(index), News::Answer { answer, .. }) =
+            (self.armed.iter().position(|armed| armed.ticket == came), news)
+        {
+            let armed = self.armed.swap_remove(index);
+            reply(armed.id, armed.reply(answer).unwrap_or_else(|| answered(answer, None)));
+            armed.forgets.iter().for_each(|id| reply(*id, Reply::Done));
+        }
         let Some(index) = self.doing.iter().position(|doing| doing.waits_for(came)) else { return };
         let doing = self.doing.swap_remove(index);
         self.doing.extend(doing.came(news, &mut Turn { client, around, reply }));
@@ -219,28 +241,24 @@ fn begin(id: u64, ask: Ask, turn: &mut Turn<'_, '_>) -> Option<Doing> {
         }
         Ask::Load(blocks) => return Load { id, ticket: 0, left: blocks.into() }.send(turn),
         Ask::Delete(blocks) => {
-            let ids: Option<Vec<BlockId>> =
-                blocks.iter().map(|(ty, number)| Some(BlockId::new(kind(*ty)?, *number))).collect();
-            match ids {
-                Some(ids) => Question::Delete(ids),
-                None => {
-                    (turn.reply)(id, Reply::Refused(Code::NO_BLOCK));
-                    return None;
-                }
-            }
+            Question::Delete(blocks.iter().map(|(ty, number)| BlockId::new(cells::kind(*ty), *number)).collect())
         }
         Ask::Szl { id, index } => Question::Szl { id, index },
+        Ask::Code { block, wanted } => Question::Addresses { block, wanted },
+        Ask::Blink => {
+            tracing::info!("a programming device wants to see this CPU: its LED would flash");
+            (turn.reply)(id, Reply::Done);
+            return None;
+        }
+        // They never come here.
+        Ask::At { .. } | Ask::Pass(_) | Ask::Forget(_) => return None,
         Ask::Blocks => Question::Blocks,
-        Ask::Block { ty, number } => match kind(ty) {
-            Some(BlockKind::Db) => {
+        Ask::Block { ty, number } => match cells::kind(ty) {
+            BlockKind::Db => {
                 let ticket = turn.around.door.ask(turn.client, Question::Block(BlockId::new(BlockKind::Db, number)));
                 return Some(Doing::Data { id, ticket, number });
             }
-            Some(kind) => Question::Block(BlockId::new(kind, number)),
-            None => {
-                (turn.reply)(id, Reply::Refused(Code::NO_BLOCK));
-                return None;
-            }
+            kind => Question::Block(BlockId::new(kind, number)),
         },
         Ask::Clock => Question::Clock,
         Ask::SetClock(time) => Question::SetClock(time.date_and_time()),
@@ -277,7 +295,10 @@ impl Doing {
             Doing::Read { id, addresses, pieces, until, .. } => {
                 let refused = match turn.around.door.read(&pieces, turn.around.reading) {
                     Ok(()) => {
-                        (turn.reply)(id, Reply::Values(cells::values(&addresses, turn.around.reading)));
+                        let reading = &*turn.around.reading;
+                        let mut next = 0..reading.len();
+                        let mut pieces = || next.next().map_or(Err(Refusal::NotThere), |index| reading.piece(index));
+                        (turn.reply)(id, Reply::Values(cells::values(&addresses, &mut pieces)));
                         return None;
                     }
                     Err(why @ (NotYet::Coming | NotYet::Busy)) if turn.around.now < until => {
@@ -374,11 +395,7 @@ impl Load {
             let ticket = turn.around.door.ask(turn.client, Question::Link);
             return Some(Doing::Question { id: self.id, ticket, rights: None });
         };
-        let Some(kind) = kind(block.ty) else {
-            (turn.reply)(self.id, Reply::Refused(Code::BLOCK_NUMBER));
-            return None;
-        };
-        let id = BlockId::new(kind, block.number);
+        let id = BlockId::new(cells::kind(block.ty), block.number);
         self.ticket = turn.around.door.ask(turn.client, Question::Stage { id, bytes: block.bytes.into() });
         Some(Doing::Load(self))
     }
@@ -481,7 +498,7 @@ fn answered(answer: &Answer, rights: Option<Rights>) -> Reply {
         Answer::NoSzl(_) => Reply::Refused(Code::NOT_NOW),
         Answer::Blocks(facts) => {
             let listed = |fact: &ob1_access::door::BlockFact| Listed {
-                ty: ty(fact.id.kind),
+                ty: cells::ty(fact.id.kind),
                 number: fact.id.number,
                 language: fact.language,
             };
@@ -497,35 +514,15 @@ fn answered(answer: &Answer, rights: Option<Rights>) -> Reply {
             Refusal::Room => Code::BLOCK_SIZE,
             Refusal::Cell(_) | Refusal::Full | Refusal::Silent => Code::NOT_NOW,
         }),
+        Answer::Addresses(found) => {
+            Reply::Code(CodePlaces { code: found.code, statements: found.statements, found: found.found.clone() })
+        }
         Answer::Diagnostics(_)
         | Answer::Modules { .. }
         | Answer::Document { .. }
         | Answer::Pass(_)
+        | Answer::Point(_)
         | Answer::Debug(_) => Reply::Refused(Code::SERVICE),
-    }
-}
-
-fn kind(ty: BlockType) -> Option<BlockKind> {
-    Some(match ty {
-        BlockType::Ob => BlockKind::Ob,
-        BlockType::Db => BlockKind::Db,
-        BlockType::Fc => BlockKind::Fc,
-        BlockType::Sfc => BlockKind::Sfc,
-        BlockType::Fb => BlockKind::Fb,
-        BlockType::Sfb => BlockKind::Sfb,
-        BlockType::Sdb => BlockKind::Sdb,
-    })
-}
-
-const fn ty(kind: BlockKind) -> BlockType {
-    match kind {
-        BlockKind::Ob => BlockType::Ob,
-        BlockKind::Db => BlockType::Db,
-        BlockKind::Fc => BlockType::Fc,
-        BlockKind::Sfc => BlockType::Sfc,
-        BlockKind::Fb => BlockType::Fb,
-        BlockKind::Sfb => BlockType::Sfb,
-        BlockKind::Sdb => BlockType::Sdb,
     }
 }
 

@@ -1,10 +1,10 @@
-//! Addresses of S7 communication and cells of the CPU.
+//! Addresses of S7 communication and cells of the CPU, kinds of blocks.
 
-use ob1_access::door::{Reading, Refusal};
-use ob1_model::{Area as Place, Cell, CellError, Piece, Put, Width};
+use ob1_access::door::Refusal;
+use ob1_model::{Area as Place, BlockKind, Cell, CellError, Piece, Put, Width};
 use ob1_s7::codes::ItemCode;
 use ob1_s7::server;
-use ob1_s7::wire::{Address, Area, DataType};
+use ob1_s7::wire::{Address, Area, BlockType, DataType};
 
 /// The first cell of an address.
 fn cell(address: &Address) -> Cell {
@@ -58,10 +58,12 @@ pub(crate) fn pieces(addresses: &[Address]) -> Vec<Piece> {
     pieces
 }
 
-/// The values of all addresses, from the reading of their pieces.
-pub(crate) fn values(addresses: &[Address], reading: &Reading) -> Vec<Result<Vec<u8>, ItemCode>> {
-    let mut next = 0..reading.len();
-    let mut piece = || next.next().map_or(Err(Refusal::NotThere), |index| reading.piece(index)).map_err(code);
+/// The values of all addresses, from what their pieces have given, one after the other.
+pub(crate) fn values<'p>(
+    addresses: &[Address],
+    next: &mut dyn FnMut() -> Result<&'p [u8], Refusal>,
+) -> Vec<Result<Vec<u8>, ItemCode>> {
+    let mut piece = || next().map_err(code);
     let mut of = |address: &Address| {
         let Some((_, count)) = single(address) else {
             let bytes = piece()?;
@@ -140,6 +142,32 @@ pub(crate) fn code(refusal: Refusal) -> ItemCode {
         Refusal::Cell(CellError::ReadOnly) | Refusal::Right | Refusal::Password => ItemCode::NOT_ALLOWED,
         Refusal::InRun | Refusal::Block | Refusal::Room => ItemCode::NOT_ALLOWED,
         Refusal::Cell(CellError::NoModule) | Refusal::Full | Refusal::Silent => ItemCode::HARDWARE,
+    }
+}
+
+/// The kind of block of the program.
+pub(crate) const fn kind(ty: BlockType) -> BlockKind {
+    match ty {
+        BlockType::Ob => BlockKind::Ob,
+        BlockType::Db => BlockKind::Db,
+        BlockType::Fc => BlockKind::Fc,
+        BlockType::Sfc => BlockKind::Sfc,
+        BlockType::Fb => BlockKind::Fb,
+        BlockType::Sfb => BlockKind::Sfb,
+        BlockType::Sdb => BlockKind::Sdb,
+    }
+}
+
+/// The type of a kind of block.
+pub(crate) const fn ty(kind: BlockKind) -> BlockType {
+    match kind {
+        BlockKind::Ob => BlockType::Ob,
+        BlockKind::Db => BlockType::Db,
+        BlockKind::Fc => BlockType::Fc,
+        BlockKind::Sfc => BlockType::Sfc,
+        BlockKind::Fb => BlockType::Fb,
+        BlockKind::Sfb => BlockType::Sfb,
+        BlockKind::Sdb => BlockType::Sdb,
     }
 }
 

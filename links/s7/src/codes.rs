@@ -114,16 +114,60 @@ codes! {
     CYCLIC_FULL = 0xD805 "no further cyclic job is possible";
     /// Not a date and time.
     CLOCK = 0xDC01 "not a date and time";
+    /// Not the number of a test job.
+    TEST_NUMBER = 0xD001 "not the number of a test job";
+    /// A variant of a test function that does not exist.
+    TEST_VARIANT = 0xD002 "wrong variant of a test function";
+    /// The test function is not served.
+    TEST_FUNCTION = 0xD003 "the test function is not supported";
+    /// A test job cannot begin like this.
+    TEST_STATE = 0xD004 "wrong state at the set-up of a test job";
+    /// A test job cannot end like this.
+    TEST_END = 0xD005 "wrong end of a test job";
+    /// A wrong disconnect ID.
+    TEST_DISCONNECT = 0xD006 "wrong disconnect ID";
+    /// Not this number of result buffers.
+    TEST_BUFFERS = 0xD007 "wrong number of result buffers";
+    /// Not each trigger.
+    TEST_RATE = 0xD008 "wrong scan rate";
+    /// Not this number of executions.
+    TEST_TIMES = 0xD009 "wrong number of executions";
+    /// Not a trigger of this test function.
+    TEST_TRIGGER = 0xD00A "the trigger is not possible";
+    /// The block of a block status does not exist.
+    TEST_NO_BLOCK = 0xD011 "the block does not exist";
+    /// No statement begins at an address of a block status.
+    TEST_ADDRESS = 0xD012 "no statement begins at this address of the block";
+    /// A wrong number of the trigger.
+    TEST_TRIGGER_NUMBER = 0xD017 "wrong number of a trigger";
+    /// A wrong call environment.
+    TEST_PATH = 0xD025 "the call environment is not possible";
+    /// The request has no lengths.
+    TEST_PROTOCOL = 0xD031 "the request of a test function is cut off";
+    /// The result does not have this length.
+    TEST_RESULT = 0xD032 "wrong length of the result";
+    /// The request does not have the lengths in front of it.
+    TEST_LENGTH = 0xD033 "wrong length of a test job";
     /// Wrong parameters of a test function.
     TEST_SYNTAX = 0xD03F "wrong parameters of a test function";
+    /// There is no job of this function and number.
+    TEST_NO_JOB = 0xD043 "there is no job of this function and number";
     /// Wrong data of a test function.
     TEST_DATA = 0xD05F "wrong data of a test function";
     /// No room for a test job.
     TEST_FULL = 0xD062 "no further test job is possible";
+    /// There are no stacks while the CPU runs.
+    TEST_NOT_IN_RUN = 0xD081 "not in this operating state";
     /// The protection level does not allow the test function.
     TEST_PROTECTED = 0xD0A1 "the protection level does not allow it";
-    /// No such test job.
-    TEST_JOB = 0xD0A5 "there is no such test job";
+    /// No such test job, or it is not enabled.
+    TEST_JOB = 0xD0A5 "there is no such test job, or it is not enabled";
+    /// The CPU went to STOP in the pass; what ran until then is told.
+    TEST_STOPPED = 0xD0C2 "the CPU went to STOP";
+    /// The watched block has been changed or deleted.
+    TEST_CHANGED = 0xD0C8 "the watched block has been changed";
+    /// The permissible load of the cycle cuts what is told.
+    TEST_CUT = 0xD0CC "cut: the cycle would take too long";
 }
 
 impl std::fmt::Display for Code {

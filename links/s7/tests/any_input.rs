@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{CALL, Desk, ModelCpu, block, item, items, job, service};
+use common::{CALL, Desk, ModelCpu, block, item, items, job, service, test_data, test_words};
 use ob1_s7::Rights;
 use ob1_s7::server::{Connection, Settings};
 use ob1_s7::wire::BlockType;
@@ -74,8 +74,24 @@ fn any_message() -> impl Strategy<Value = Vec<u8>> {
         .prop_map(|(group, sub, data)| service(group, sub, &data));
     let modify = (0u16..256, any::<u8>()).prop_map(|(at, value)| {
         let [high, low] = at.to_be_bytes();
-        service(1, 8, &[0, 0, 0, 14, 0, 1, 1, 1, 0, 0, high, low, 0, 9, 0, 1, value, 0])
+        let data = [0, 1, 1, 1, 0, 0, high, low, 0, 9, 0, 1, value, 0];
+        service(1, 8, &test_data(test_words(0, 1, 4, 0), &[], &data))
     });
+    let tests = (0u8..0x18, 0u16..3, 0u16..2, prop::sample::select(vec![0u16, 0x0200, 0x0300, 0x0600]), 0u8..9)
+        .prop_map(|(function, begin, end, trigger, number)| {
+            let (words, more): (_, &[u8]) = match function {
+                2 => (test_words(begin, end, 8, trigger), &[]),
+                8 => (test_words(begin, end, 4, trigger), &[]),
+                _ => (test_words(begin, end, 30, trigger), &[0, 12, 0, 7, 0, 0, 0, 10]),
+            };
+            let data = match function {
+                2 => vec![0, 1, 2, 1, 0, 0, 0, 4],
+                8 => vec![0, 1, 1, 1, 0, 0, 0, 4, 0, 9, 0, 1, 0x55, 0],
+                0x0D..=0x0F | 0x11 => vec![2 + begin as u8 * 6, number],
+                _ => vec![0, 1, 0, 7, 0, 0, 0, 3],
+            };
+            service(1, function, &test_data(words, more, &data))
+        });
     prop_oneof![
         list.prop_map(|list| job(2, &items(4, &list), &[])),
         writes,
@@ -84,6 +100,7 @@ fn any_message() -> impl Strategy<Value = Vec<u8>> {
         loads,
         services,
         modify,
+        tests,
         (any::<u8>(), data).prop_map(|(function, rest)| job(7, &[&[function][..], &rest].concat(), &[])),
     ]
 }

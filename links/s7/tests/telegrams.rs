@@ -481,37 +481,6 @@ fn a_partner_waits_for_messages_values_and_answers() {
 }
 
 #[test]
-fn a_variable_table_reads_and_modifies() {
-    let mut desk = desk();
-    let head = |data: &[u8]| [&[0, 20, 0, data.len() as u8][..], &[0; 20], data].concat();
-    // MB 4 three times, M 7.2, DB9.DBW 0, T 3, DB8.DBB 0.
-    let wanted = head(&[
-        0, 5, 0x01, 3, 0, 0, 0, 4, 0x00, 2, 0, 0, 0, 7, 0x72, 1, 0, 9, 0, 0, 0x54, 1, 0, 0, 0, 3, 0x71, 1, 0, 8, 0, 0,
-    ]);
-    let answers = desk.service(1, 2, &wanted);
-    assert_eq!((answers.len(), answers[0][15], &answers[0][20..]), (2, 0x81, &[0, 0, 0x0A, 0, 0, 0][..]));
-    let values = [
-        &[0, 5, 0xFF, 9, 0, 3, 4, 5, 6, 0, 0xFF, 9, 0, 1, 1, 0, 0xFF, 9, 0, 2, 0x90, 0x91][..],
-        &[0xFF, 9, 0, 2, 0x20, 3, 0x0A, 0, 0, 0],
-    ]
-    .concat();
-    assert_eq!((answers[1][15], answers[1][16]), (0x01, 2));
-    assert_eq!(answers[1][26..], [&[0, 4, 0, values.len() as u8, 1, 0, 0, 1][..], &values].concat());
-    // Requested again, listed, deleted.
-    let job = |function| head(&[function, answers[0][17]]);
-    assert_eq!(desk.service(1, 0x0E, &job(2))[1][26..], answers[1][26..]);
-    assert_eq!(desk.service(1, 0x10, &head(&[]))[0][26 + 8..], [2, answers[0][17], 0, 0]);
-    assert_eq!(desk.service(1, 0x0F, &job(2))[0][20..22], [0, 0]);
-    assert_eq!(desk.service(1, 0x0F, &job(2))[0][20..22], [0xD0, 0xA5]);
-    let modify = head(&[0, 2, 0x01, 1, 0, 0, 0, 4, 0x71, 1, 0, 8, 0, 0, 0, 9, 0, 1, 0x77, 0, 0, 9, 0, 1, 0x77, 0]);
-    assert_eq!(desk.service(1, 8, &modify)[1][34..], [0, 2, 0xFF, 0x0A]);
-    assert_eq!(desk.cpu.memory[4], 0x77);
-    let mut reader = Desk::with(Rights::Read);
-    assert_eq!(reader.service(1, 8, &modify)[0][20..22], [0xD0, 0xA1]);
-    assert_eq!(reader.service(1, 9, &modify)[0][20..22], [0x81, 0x04]);
-}
-
-#[test]
 fn a_place_that_is_not_ours_is_refused() {
     let mut desk = Desk::new(Settings::default());
     desk.connection.receive(&CALL);

@@ -10,7 +10,7 @@ use ob1_access::Cell;
 use ob1_access::door::{Answer, Ask, Document, MESSAGE_BYTES, News, Refusal, Refused, State, ToBroker, ToLink, What};
 use ob1_backplane::WindowReader;
 use ob1_cpu::{Answer as PortAnswer, Ask as PortAsk, Command, Cpu, DIAG_ENTRIES, DIAG_STOPS, ShortText};
-use ob1_model::{BlockId, BlockKind, DebugOrder, Event, StateChange};
+use ob1_model::{BlockId, BlockKind, DebugOrder, Event, PointItem, StateChange};
 use ob1_time::{Instant, Span, WatchedTime};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
@@ -123,7 +123,9 @@ impl Broker {
     /// Waits until a link says something, `wake` can be read, or it is time to look at the scan.
     pub(crate) fn wait(&mut self, wake: &OwnedFd) {
         let busy = !self.port.is_idle() || !self.changes.is_empty() || self.joints.iter().any(|joint| !joint.is_idle());
-        self.looks = if busy { self.looks.saturating_add(1) } else { 0 };
+        // What waits for long must not delay what was asked now.
+        let fresh = self.joints.iter_mut().fold(false, |any, joint| any | std::mem::take(&mut joint.fresh));
+        self.looks = if busy && !fresh { self.looks.saturating_add(1) } else { 0 };
         let time = if busy && self.looks < PATIENT_LOOKS { LOOK } else { IDLE_LOOK };
         let timeout = Timespec { tv_sec: 0, tv_nsec: time.nanos() as i64 };
         let mut fds = vec![PollFd::new(wake, PollFlags::IN)];
@@ -346,6 +348,33 @@ impl Broker {
                 let client = joint.clients.of(asker.client, &joint.config).ok_or(Refusal::Full)?;
                 client.take(Job::Debug(asker.ticket, order))?;
                 return Ok(None);
+            }
+            Ask::Point(order) => {
+                if order.stays || order.items.iter().any(|item| matches!(item, PointItem::Write(_))) {
+                    client.may_operate()?;
+                }
+                let bytes: usize = order
+                    .items
+                    .iter()
+                    .map(|item| match item {
+                        PointItem::Read(piece) => piece.len() as usize,
+                        PointItem::Write(put) => put.bytes(),
+                    })
+                    .sum();
+                if order.items.len() > ob1_cpu::GROUP_ENTRIES || bytes > ob1_cpu::WRITE_BYTES {
+                    return Err(Refusal::Full);
+                }
+                client.take(Job::Point(asker.ticket, order))?;
+                return Ok(None);
+            }
+            Ask::Forget(ticket) => {
+                joint.forget_armed(asker.client, ticket);
+                return Ok(Some(Answer::Done));
+            }
+            Ask::Addresses { block, wanted } => {
+                may_touch(block, &joint.config)?;
+                let found = self.facts.addresses(block, &wanted).ok_or(Refusal::NotThere)?;
+                return Ok(Some(Answer::Addresses(found)));
             }
             Ask::Blocks => return Ok(Some(Answer::Blocks(self.facts.blocks()))),
             Ask::Block(id) => {

@@ -2,9 +2,9 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use ob1_access::door::{OUTSTANDING, Refusal, Refused, STAGED_BYTES, Ticket};
+use ob1_access::door::{ARMED, OUTSTANDING, Refusal, Refused, STAGED_BYTES, Ticket};
 use ob1_access::{Put, Right};
-use ob1_model::{BlockId, DebugOrder, PassOrder};
+use ob1_model::{BlockId, DebugOrder, PassOrder, PointOrder};
 use ob1_time::Instant;
 
 use crate::LinkConfig;
@@ -19,6 +19,14 @@ pub(crate) enum Job {
     List(Ticket, u16, u16),
     Pass(Ticket, PassOrder),
     Debug(Ticket, DebugOrder),
+    Point(Ticket, PointOrder),
+}
+
+impl Job {
+    /// It may wait for long: it does not count as the others do.
+    const fn is_armed(&self) -> bool {
+        matches!(self, Self::Pass(..) | Self::Point(..))
+    }
 }
 
 /// One client.
@@ -28,6 +36,8 @@ pub(crate) struct Client {
     jobs: VecDeque<Job>,
     /// Handed over, not answered.
     pub(crate) out: usize,
+    /// Passes and points handed over, not answered.
+    pub(crate) armed: usize,
     /// Address and port, where its link knows them.
     pub(crate) partner: String,
     /// Blocks that wait to be linked.
@@ -53,6 +63,7 @@ impl Clients {
             right: config.rights,
             jobs: VecDeque::new(),
             out: 0,
+            armed: 0,
             partner: String::new(),
             staged: Vec::new(),
         };
@@ -134,16 +145,28 @@ impl Clients {
 impl Client {
     /// Takes a job, unless too much of this client is under way.
     pub(crate) fn take(&mut self, job: Job) -> Result<(), Refusal> {
-        if self.jobs.len() + self.out >= OUTSTANDING {
+        let waiting = |armed| self.jobs.iter().filter(|job| job.is_armed() == armed).count();
+        let is_full = match job.is_armed() {
+            true => waiting(true) + self.armed >= ARMED,
+            false => waiting(false) + self.out >= OUTSTANDING,
+        };
+        if is_full {
             return Err(Refusal::Full);
         }
         self.jobs.push_back(job);
         Ok(())
     }
 
+    /// Takes back an armed job that waits for its turn; true: it was there.
+    pub(crate) fn forget(&mut self, forgotten: Ticket) -> bool {
+        let before = self.jobs.len();
+        self.jobs.retain(|job| !matches!(job, Job::Pass(ticket, _) | Job::Point(ticket, _) if *ticket == forgotten));
+        self.jobs.len() < before
+    }
+
     /// Counts something that is under way elsewhere.
     pub(crate) fn count(&mut self) -> Result<(), Refusal> {
-        if self.jobs.len() + self.out >= OUTSTANDING {
+        if self.jobs.iter().filter(|job| !job.is_armed()).count() + self.out >= OUTSTANDING {
             return Err(Refusal::Full);
         }
         self.out += 1;

@@ -2,7 +2,7 @@
 
 use std::os::fd::OwnedFd;
 
-use ob1_access::door::{BlockFact, Connection, Diagnosis, Document, Refusal, State};
+use ob1_access::door::{Addresses, BlockFact, Connection, Diagnosis, Document, Refusal, State};
 use ob1_access::{Allowed, Put, Right};
 use ob1_cpu::DiagEntry;
 use ob1_model::BlockId;
@@ -65,6 +65,11 @@ pub trait Facts: Send {
     /// Checksums of the system data and of the program.
     fn checksums(&self) -> [u32; 2] {
         [0; 2]
+    }
+
+    /// What lies at these addresses of its machine code; `None` where it has none.
+    fn addresses(&self, _id: BlockId, _wanted: &[u16]) -> Option<Addresses> {
+        None
     }
     /// A document. `state` and which modules answer are asked of the CPU for [`Document::Status`] only; `links` are
     /// all links.

@@ -10,9 +10,11 @@ use ob1_access::door::{
     Answer, Connection as LinkConnection, News, PART_BYTES, Refusal, Refused, Ticket, ToLink, VERSION, Welcome,
 };
 use ob1_backplane::{SegmentError, WindowHead, WindowReader, WindowWriter};
-use ob1_cpu::{Cpu, DebugJob, Frame, Group, Link, Listing, Mark, PassJob, Piece, Returned, SUMS_AT, TooMuch, Window};
+use ob1_cpu::{
+    Cpu, DebugJob, Frame, Group, Link, Listing, Mark, PassJob, Piece, PointJob, Returned, SUMS_AT, TooMuch, Window,
+};
 use ob1_log::Limit;
-use ob1_model::{DebugOrder, PASS_WAIT};
+use ob1_model::{DebugOrder, PASS_WAIT, Pass, Point, PointItem, PointOrder};
 use ob1_time::{Instant, Span};
 
 use crate::client::{Clients, Job};
@@ -63,11 +65,37 @@ const _: () = assert!(ob1_model::FRAME_WORDS <= ob1_backplane::WINDOW_WORDS);
 struct Out {
     client: u32,
     ticket: Ticket,
-    /// Of a group: the place of each of its entries in that of the client. Inputs that a module feeds are missing.
-    places: Option<Vec<u32>>,
-    /// It waits for a pass through a block, which the scan must be told when nobody waits any more.
-    pass: bool,
+    kind: Kind,
+    /// It stays, or waits for a STOP: nobody looks for its answer all the time.
+    slow: bool,
     give_up: Instant,
+}
+
+/// What it is.
+#[derive(Clone, Debug)]
+enum Kind {
+    /// The place of each entry in the group of the client. Inputs that a module feeds are missing.
+    Group(Vec<u32>),
+    List,
+    Pass,
+    Debug,
+    /// For each item of the client: whether it is allowed. The others were not handed over.
+    Point(Vec<bool>),
+}
+
+impl Kind {
+    /// The scan must be told when nobody waits for it any more.
+    const fn is_armed(&self) -> bool {
+        matches!(self, Self::Pass | Self::Point(_))
+    }
+}
+
+/// The cell of an item.
+const fn cell(item: &PointItem) -> ob1_access::Cell {
+    match item {
+        PointItem::Read(Piece::Bytes { at: cell, .. } | Piece::Value(cell, _)) => *cell,
+        PointItem::Write(put) => put.cell(),
+    }
 }
 
 /// See above.
@@ -93,12 +121,14 @@ pub(crate) struct Joint {
     generation: u64,
     number: u64,
     out: BTreeMap<u64, Out>,
-    /// Passes nobody waits for any more.
-    no_passes: Vec<u64>,
     /// The client that sets breakpoints.
     debugger: Option<u32>,
     /// It is gone, and the CPU does not know yet.
     debugger_gone: bool,
+    /// Passes and points nobody waits for any more.
+    forgotten: Vec<u64>,
+    /// Something was handed over since the last wait.
+    pub(crate) fresh: bool,
     /// How much of what its partners do is recorded.
     pub(crate) records: Limit,
 }
@@ -124,9 +154,10 @@ impl Joint {
             generation: 0,
             number: 0,
             out: BTreeMap::new(),
-            no_passes: Vec::new(),
             debugger: None,
             debugger_gone: false,
+            forgotten: Vec::new(),
+            fresh: false,
             records: Limit::new(RECORDS, RECORD),
         }))
     }
@@ -138,7 +169,10 @@ impl Joint {
 
     /// Whether something is under way that the scan has to answer.
     pub(crate) fn is_idle(&self) -> bool {
-        self.out.is_empty() && self.awaited.is_none() && self.postponed.is_none() && !self.clients.wait()
+        self.out.values().all(|out| out.slow)
+            && self.awaited.is_none()
+            && self.postponed.is_none()
+            && !self.clients.wait()
     }
 
     /// A process has connected: it is welcomed, and everything of the one before is dropped.
@@ -250,8 +284,8 @@ impl Joint {
             self.number += 1;
             let number = self.number;
             let mut give_up = give_up;
-            let pass = matches!(job, Job::Pass(..));
-            let (ticket, places, full) = match job {
+            let mut slow = false;
+            let (ticket, kind, full) = match job {
                 Job::Group(ticket, puts) => {
                     let (mut places, mut left) = (Vec::with_capacity(puts.len()), Vec::with_capacity(puts.len()));
                     for (place, put) in (0..).zip(&puts).filter(|(_, put)| !facts.take_input(put)) {
@@ -260,32 +294,43 @@ impl Joint {
                     }
                     // The sender has been held to the bounds of a group.
                     let Ok(group) = Group::new(number, left) else { continue };
-                    (ticket, Some(places), self.link.write(group).is_err().then_some(Job::Group(ticket, puts)))
+                    (ticket, Kind::Group(places), self.link.write(group).is_err().then_some(Job::Group(ticket, puts)))
                 }
                 Job::List(ticket, list, index) => {
                     let full = self.link.list(Listing::new(number, list, index)).is_err();
-                    (ticket, None, full.then_some(Job::List(ticket, list, index)))
+                    (ticket, Kind::List, full.then_some(Job::List(ticket, list, index)))
                 }
                 Job::Pass(ticket, order) => {
                     give_up = give_up.saturating_add(Span::from_nanos(order.wait.min(PASS_WAIT)));
                     let full = self.link.pass(PassJob::new(number, order)).is_err();
-                    (ticket, None, full.then_some(Job::Pass(ticket, order)))
+                    (ticket, Kind::Pass, full.then_some(Job::Pass(ticket, order)))
+                }
+                Job::Point(ticket, order) => {
+                    let allowed: Vec<bool> =
+                        order.items.iter().map(|item| self.config.allowed.has(cell(item))).collect();
+                    let items = order.items.iter().zip(&allowed).filter(|(_, allowed)| **allowed);
+                    let items = items.map(|(item, _)| item.clone()).collect();
+                    (give_up, slow) = (Instant::NEVER, order.stays || order.point == Point::Stop);
+                    let full = self.link.point(PointJob::new(number, PointOrder { items, ..order })).is_err();
+                    (ticket, Kind::Point(allowed), full.then_some(Job::Point(ticket, order)))
                 }
                 Job::Debug(ticket, order) => {
                     if let DebugOrder::Hold { wait, .. } = order {
                         give_up = give_up.saturating_add(Span::from_nanos(wait.min(PASS_WAIT)));
                     }
                     let full = self.link.debug(DebugJob::new(number, order.clone())).is_err();
-                    (ticket, None, full.then_some(Job::Debug(ticket, order)))
+                    (ticket, Kind::Debug, full.then_some(Job::Debug(ticket, order)))
                 }
             };
             if let Some(job) = full {
                 self.clients.put_back(client, job);
                 return;
             }
-            self.out.insert(number, Out { client, ticket, places, pass, give_up });
+            self.fresh = true;
+            let armed = kind.is_armed();
+            self.out.insert(number, Out { client, ticket, kind, slow, give_up });
             if let Some(client) = self.clients.known(client) {
-                client.out += 1;
+                *(if armed { &mut client.armed } else { &mut client.out }) += 1;
             }
         }
     }
@@ -297,7 +342,7 @@ impl Joint {
                 Returned::Group(group) => {
                     let Some(out) = self.done(group.id()) else { continue };
                     let outcome = group.outcome().map(|()| group.scan()).map_err(|(entry, error)| {
-                        let place = out.places.as_ref().and_then(|places| places.get(entry));
+                        let place = if let Kind::Group(places) = &out.kind { places.get(entry) } else { None };
                         Refused { entry: place.copied().unwrap_or(0), why: Refusal::Cell(error) }
                     });
                     self.written(out.client, out.ticket, outcome);
@@ -324,21 +369,47 @@ impl Joint {
                     let Some(out) = self.done(job.id()) else { continue };
                     self.answer(out.client, out.ticket, Answer::Debug(job.into_answer()));
                 }
+                Returned::Point(job) => {
+                    let Some(out) = self.done(job.id()) else { continue };
+                    let Kind::Point(allowed) = &out.kind else { continue };
+                    let mut outcomes = job.outcomes();
+                    let mut of = |allowed: &bool| match allowed {
+                        true => Some(outcomes.next()?.map(Into::into).map_err(Refusal::Cell)),
+                        false => Some(Err(Refusal::Right)),
+                    };
+                    // Forgotten before its point came: it has no outcomes.
+                    let all: Option<Vec<_>> = allowed.iter().map(&mut of).collect();
+                    let answer = match job.is_full() {
+                        true => Answer::Refused(Refusal::Full),
+                        false => Answer::Point(all.unwrap_or_default()),
+                    };
+                    self.answer(out.client, out.ticket, answer);
+                }
             }
         }
     }
 
-    /// Drops what is under way for these clients. The scan is told of passes, so that their places are free again.
+    /// A client wants this pass or point no more; it is answered with what there is of it.
+    pub(crate) fn forget_armed(&mut self, client: u32, ticket: Ticket) {
+        let out = self.out.iter().find(|(_, out)| (out.client, out.ticket) == (client, ticket) && out.kind.is_armed());
+        self.forgotten.extend(out.map(|(number, _)| *number));
+        if self.clients.known(client).is_some_and(|client| client.forget(ticket)) {
+            self.answer(client, ticket, Answer::Pass(Pass::default()));
+        }
+    }
+
+    /// Drops what is under way for these clients. The scan is told of passes and points, so that their places are free
+    /// again.
     fn forget(&mut self, gone: impl Fn(u32) -> bool) {
         // Without its owner a CPU in HOLD goes to STOP.
         if self.debugger.take_if(|client| gone(*client)).is_some() {
             self.debugger_gone = true;
         }
-        let no_passes = &mut self.no_passes;
+        let forgotten = &mut self.forgotten;
         self.out.retain(|number, out| {
             let stays = !gone(out.client);
-            if !stays && out.pass {
-                no_passes.push(*number);
+            if !stays && out.kind.is_armed() {
+                forgotten.push(*number);
             }
             stays
         });
@@ -347,7 +418,8 @@ impl Joint {
     fn done(&mut self, number: u64) -> Option<Out> {
         let out = self.out.remove(&number)?;
         if let Some(client) = self.clients.known(out.client) {
-            client.out = client.out.saturating_sub(1);
+            let count = if out.kind.is_armed() { &mut client.armed } else { &mut client.out };
+            *count = count.saturating_sub(1);
         }
         Some(out)
     }
@@ -379,9 +451,9 @@ impl Joint {
             self.awaited = None;
             self.say(&ToLink::Watching(generation));
         }
-        while let Some(number) = self.no_passes.pop() {
-            if self.link.no_pass(number).is_err() {
-                self.no_passes.push(number);
+        while let Some(number) = self.forgotten.pop() {
+            if self.link.forget(number).is_err() {
+                self.forgotten.push(number);
                 break;
             }
         }
@@ -393,7 +465,7 @@ impl Joint {
         let silent: Vec<u64> = self.out.iter().filter(|(_, out)| now >= out.give_up).map(|(n, _)| *n).collect();
         for number in silent {
             match self.done(number) {
-                Some(out) if out.places.is_some() => {
+                Some(out) if matches!(out.kind, Kind::Group(_)) => {
                     self.written(out.client, out.ticket, Err(Refused { entry: 0, why: Refusal::Silent }));
                 }
                 Some(out) => self.answer(out.client, out.ticket, Answer::Refused(Refusal::Silent)),

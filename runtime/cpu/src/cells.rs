@@ -1,6 +1,6 @@
 //! Cells of the access port in the memory of the CPU.
 
-use ob1_model::{Area, S5Time};
+use ob1_model::{Area, Put, S5Time};
 
 use crate::arena::{ArenaBit, Range};
 use crate::machine::Machine;
@@ -126,5 +126,17 @@ pub(crate) fn write(m: &mut Machine, cell: Cell, width: Width, value: u32) -> Re
             m.io_write(at / 8, &value.to_be_bytes()[4 - len..]).map_err(|_| CellError::NoModule)
         }
         _ => Err(CellError::ReadOnly),
+    }
+}
+
+/// Writes what is to be put, all of it or nothing.
+pub(crate) fn put(m: &mut Machine, put: &Put) -> Result<(), CellError> {
+    match put {
+        Put::Value(cell, width, value) => write(m, *cell, *width, *value),
+        Put::Bytes(cell, bytes) => place(m, *cell, bytes.len() as u32, true).map(|place| {
+            if let Some(to) = m.memory.bytes.get_mut(place) {
+                to.copy_from_slice(bytes);
+            }
+        }),
     }
 }

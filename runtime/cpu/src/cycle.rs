@@ -1,6 +1,6 @@
 //! Cycle control: one cycle in RUN, the interrupts between two cycles, the round in STOP.
 
-use ob1_model::Event;
+use ob1_model::{Event, Point};
 use ob1_time::{Instant, Span};
 
 use crate::accounts::Ended;
@@ -74,6 +74,7 @@ impl Cpu {
         let ran = self.module_events(clock).and_then(|()| {
             self.clock_memory();
             self.input_image(clock)?;
+            self.point(Point::Start);
             if self.machine.interrupts.wants(self.machine.hot.now) {
                 self.context(clock).attend()?;
             }
@@ -81,6 +82,7 @@ impl Cpu {
             // An overlong cycle is also noticed at its end, in case the last stretch had no safe point.
             self.context(clock).attend()?;
             outputs_from = Some(self.machine.hot.now);
+            self.point(Point::End);
             self.output_image(clock)
         });
         self.machine.watchdog.expires = None;
@@ -142,6 +144,7 @@ impl Cpu {
         if self.machine.watching.is_busy() || self.machine.debugging.is_changing() {
             self.passes();
         }
+        self.point(Point::Now);
     }
 
     /// Interrupts that come while the minimum cycle time is waited for.
@@ -257,6 +260,9 @@ impl Cpu {
             // A module that does not answer reads as 0; in STOP that is not an error.
             let _ = m.modules.read_image(index, &mut m.memory);
         }
+        self.point(Point::Start);
+        self.point(Point::End);
+        let m = &mut self.machine;
         m.modules.end_scan(m.real());
         self.due = now.saturating_add(STOP_CYCLE);
         CycleEnd { next_deadline: self.due, state: self.state, whole: true, late: false }

@@ -8,178 +8,24 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use ob1_model::{Cell, CellError, Frame, GROUP_ENTRIES, Head, PASS_JOBS, Piece, Put, WRITE_BYTES, Width, fits_a_share};
-use ob1_std::services::{StatusError, SystemStatus as _};
+use ob1_model::{Cell, Frame, Head, PASS_JOBS, POINT_JOBS, Piece, WRITE_BYTES, Width, fits_a_share};
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use crate::cells;
 use crate::holding::DebugJob;
 use crate::machine::Machine;
+use crate::orders::{Group, Listing, TooMuch};
+use crate::points::PointJob;
 use crate::watching::PassJob;
 use crate::{Mark, OperatingState, Window};
 
 /// Most links of a CPU.
 pub const LINKS: usize = 8;
-/// Where the record of the protection (list 0132 index 4) has its two checksums.
-pub const SUMS_AT: usize = 16;
-/// Bytes of a system status list that a link can be given.
-pub const LIST_BYTES: usize = 8 * 1024;
 
 /// Orders and groups of one link that can be under way.
 const RING: usize = 32;
 /// Groups of a link that one cycle control point takes.
 const GROUPS: usize = 8;
-
-/// Writes that land together, or not at all.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Group {
-    id: u64,
-    puts: Box<[Put]>,
-    bytes: usize,
-    scan: u64,
-    /// The first entry that could not be written, and why.
-    refused: Option<(usize, CellError)>,
-}
-
-/// Why a group or a watch is refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TooMuch {
-    /// More than [`GROUP_ENTRIES`] or [`WRITE_BYTES`].
-    Group,
-    /// More than a link's share: [`ob1_model::WATCH_BYTES`] or [`ob1_model::WATCH_LINES`].
-    Watch,
-    /// Too many are under way already.
-    UnderWay,
-}
-
-impl Group {
-    /// A group of these writes, with the link's own number.
-    ///
-    /// # Errors
-    /// [`TooMuch::Group`].
-    pub fn new(id: u64, puts: Vec<Put>) -> Result<Self, TooMuch> {
-        let bytes = puts.iter().map(Put::bytes).sum();
-        if puts.len() > GROUP_ENTRIES || bytes > WRITE_BYTES {
-            return Err(TooMuch::Group);
-        }
-        Ok(Self { id, puts: puts.into(), bytes, scan: 0, refused: None })
-    }
-
-    /// The number it was given.
-    #[must_use]
-    pub const fn id(&self) -> u64 {
-        self.id
-    }
-
-    /// The cycle control point at which it landed; the snapshot of that number contains it.
-    #[must_use]
-    pub const fn scan(&self) -> u64 {
-        self.scan
-    }
-
-    /// What became of it. `Err` names the first entry that could not be written; no entry was written then. Only if a
-    /// module did not take its bytes, modules before it have taken theirs.
-    ///
-    /// # Errors
-    /// The first entry that was refused, and why.
-    pub const fn outcome(&self) -> Result<(), (usize, CellError)> {
-        match self.refused {
-            None => Ok(()),
-            Some(refused) => Err(refused),
-        }
-    }
-
-    /// All or nothing, except for what modules take before one refuses.
-    fn land(&mut self, m: &mut Machine) {
-        let check = |put: &Put| match put {
-            Put::Value(cell, width, value) => cells::check(m, *cell, *width, *value),
-            Put::Bytes(cell, bytes) => cells::place(m, *cell, bytes.len() as u32, true).map(|_| ()),
-        };
-        self.refused = self.puts.iter().enumerate().find_map(|(index, put)| Some((index, check(put).err()?)));
-        if self.refused.is_some() {
-            return;
-        }
-        // Modules first: whether one takes a value shows only at the write, and nothing else is written if it does not.
-        for modules in [true, false] {
-            for (index, put) in self.puts.iter().enumerate() {
-                if matches!(put.cell(), Cell::Peripheral(_)) != modules {
-                    continue;
-                }
-                let written = match put {
-                    Put::Value(cell, width, value) => cells::write(m, *cell, *width, *value),
-                    Put::Bytes(cell, bytes) => cells::place(m, *cell, bytes.len() as u32, true).map(|place| {
-                        if let Some(to) = m.memory.bytes.get_mut(place) {
-                            to.copy_from_slice(bytes);
-                        }
-                    }),
-                };
-                if let Err(error) = written {
-                    self.refused = Some((index, error));
-                    return;
-                }
-            }
-        }
-    }
-}
-
-/// A system status list that a link asks for, as SFC 51 reads it.
-#[derive(Debug)]
-pub struct Listing {
-    id: u64,
-    list: u16,
-    index: u16,
-    bytes: Vec<u8>,
-    found: Result<u16, StatusError>,
-    whole: bool,
-}
-
-impl Listing {
-    /// A request for a list and index, with the link's own number.
-    #[must_use]
-    pub fn new(id: u64, list: u16, index: u16) -> Self {
-        Self { id, list, index, bytes: Vec::with_capacity(LIST_BYTES), found: Err(StatusError::NotNow), whole: true }
-    }
-
-    /// The number it was given.
-    #[must_use]
-    pub const fn id(&self) -> u64 {
-        self.id
-    }
-
-    /// Length of a record, and the records; or why there are none.
-    ///
-    /// # Errors
-    /// What SFC 51 would answer.
-    pub fn found(&self) -> Result<(u16, &[u8]), StatusError> {
-        self.found.map(|record| (record, self.bytes.as_slice()))
-    }
-
-    /// Whether it is the record of the protection, which has room for checksums at [`SUMS_AT`].
-    #[must_use]
-    pub const fn tells_protection(&self) -> bool {
-        matches!((self.list, self.index), (0x0132 | 0x0232, 4) | (0x0232, 0))
-    }
-
-    /// Whether all of it is there; otherwise it is cut after [`LIST_BYTES`].
-    #[must_use]
-    pub const fn is_whole(&self) -> bool {
-        self.whole
-    }
-
-    fn ask(&mut self, m: &mut Machine, state: OperatingState) {
-        let (bytes, whole) = (&mut self.bytes, &mut self.whole);
-        // Lists are made for a running program; a link sees STOP too.
-        m.seen_from_outside = Some(state);
-        self.found = m.list(self.list, self.index, &mut |record| {
-            if *whole && bytes.len() + record.len() <= bytes.capacity() {
-                bytes.extend_from_slice(record);
-            } else {
-                *whole = false;
-            }
-        });
-        m.seen_from_outside = None;
-    }
-}
 
 /// What a link watches, as the scan copies it.
 #[derive(Debug)]
@@ -310,8 +156,9 @@ enum Order {
     List(Box<Listing>),
     Pass(Box<PassJob>),
     Debug(Box<DebugJob>),
-    /// Nobody waits for the pass with this number any more.
-    NoPass(u64),
+    Point(Box<PointJob>),
+    /// Nobody waits for the job with this number any more.
+    Forget(u64),
 }
 
 /// From the CPU.
@@ -320,6 +167,7 @@ enum Back {
     List(Box<Listing>),
     Pass(Box<PassJob>),
     Debug(Box<DebugJob>),
+    Point(Box<PointJob>),
     /// A replaced watch, to be freed.
     OldWatch(#[expect(dead_code, reason = "it comes back to be freed")] Box<Watch>),
 }
@@ -335,6 +183,8 @@ pub enum Returned {
     Pass(Box<PassJob>),
     /// Breakpoints are set, or the CPU holds.
     Debug(Box<DebugJob>),
+    /// What was read and written at a point of the cycle.
+    Point(Box<PointJob>),
 }
 
 /// A link's end. It belongs to one thread.
@@ -407,12 +257,20 @@ impl Link {
         self.orders.push(Order::Pass(Box::new(job))).map_err(|_| TooMuch::UnderWay)
     }
 
-    /// Nobody waits for this pass any more; what there is of it comes back all the same.
+    /// Asks for something at a point of the cycle; it comes back with [`Link::take`].
     ///
     /// # Errors
     /// Too much is under way.
-    pub fn no_pass(&mut self, id: u64) -> Result<(), TooMuch> {
-        self.orders.push(Order::NoPass(id)).map_err(|_| TooMuch::UnderWay)
+    pub fn point(&mut self, job: PointJob) -> Result<(), TooMuch> {
+        self.orders.push(Order::Point(Box::new(job))).map_err(|_| TooMuch::UnderWay)
+    }
+
+    /// Nobody waits for this pass or point any more; what there is of it comes back all the same.
+    ///
+    /// # Errors
+    /// Too much is under way.
+    pub fn forget(&mut self, id: u64) -> Result<(), TooMuch> {
+        self.orders.push(Order::Forget(id)).map_err(|_| TooMuch::UnderWay)
     }
 
     /// Sets breakpoints, or waits for a hold; it comes back with [`Link::take`].
@@ -431,6 +289,7 @@ impl Link {
                 Back::List(listing) => return Some(Returned::List(listing)),
                 Back::Pass(job) => return Some(Returned::Pass(job)),
                 Back::Debug(job) => return Some(Returned::Debug(job)),
+                Back::Point(job) => return Some(Returned::Point(job)),
                 Back::OldWatch(_) => {}
             }
         }
@@ -473,7 +332,7 @@ impl Exchange {
         }
         let (to_cpu, orders) = RingBuffer::new(RING);
         // Room for all orders, for the watch that each may replace, and for the jobs that stay with the CPU.
-        let (back, from_cpu) = RingBuffer::new(2 * RING + PASS_JOBS);
+        let (back, from_cpu) = RingBuffer::new(2 * RING + PASS_JOBS + POINT_JOBS);
         let place = self.ends.len();
         self.ends.push(End { place, orders, back, window, watch: None, landed: [const { None }; GROUPS] });
         Some(Link { orders: to_cpu, back: from_cpu, generation: 0 })
@@ -506,6 +365,13 @@ impl Exchange {
     pub(crate) fn give_back_debug(&mut self, job: Box<DebugJob>) {
         if let Some(end) = self.ends.get_mut(job.link) {
             let _ = end.back.push(Back::Debug(job));
+        }
+    }
+
+    /// Its point has come.
+    pub(crate) fn give_back_point(&mut self, job: Box<PointJob>) {
+        if let Some(end) = self.ends.get_mut(job.link) {
+            let _ = end.back.push(Back::Point(job));
         }
     }
 
@@ -571,7 +437,18 @@ impl End {
                         let _ = self.back.push(Back::Debug(job));
                     }
                 }
-                Ok(Order::NoPass(id)) => m.watching.forget(self.place, id),
+                Ok(Order::Point(mut job)) => {
+                    job.link = self.place;
+                    if let Some(job) = m.points.take(job) {
+                        let _ = self.back.push(Back::Point(job));
+                    }
+                }
+                Ok(Order::Forget(id)) => {
+                    m.watching.forget(self.place, id);
+                    if let Some(job) = m.points.forget(self.place, id) {
+                        let _ = self.back.push(Back::Point(job));
+                    }
+                }
                 Err(_) => return false,
             }
         }

@@ -21,6 +21,7 @@ use crate::machine::{Attention, Machine, Watchdog};
 use crate::natives::Native;
 use crate::nesting::Nesting;
 use crate::obs::ObRecords;
+use crate::points::Points;
 use crate::service_state::ServiceState;
 use crate::standstill::Standstill;
 use crate::timers::{Counter, Timer};
@@ -226,6 +227,7 @@ impl Cpu {
             debugging: Debugging::new(),
             held: Span::ZERO,
             followers: Vec::new(),
+            points: Points::default(),
             config,
         };
         Ok(Cpu::assemble(machine, blocks, client, reader))

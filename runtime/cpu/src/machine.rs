@@ -14,6 +14,7 @@ use crate::interrupts::{Diagnoses, Interrupts};
 use crate::keep::Keep;
 use crate::log::{LogLine, LogWriter};
 use crate::obs::ObRecords;
+use crate::points::Points;
 use crate::service_state::ServiceState;
 use crate::standstill::Standstill;
 use crate::timers::{Counter, Timer};
@@ -140,6 +141,8 @@ pub(crate) struct Machine {
     /// How long it has been in HOLD: by so much its time is behind.
     pub(crate) held: Span,
     pub(crate) followers: Vec<Follower>,
+    /// Variable tables.
+    pub(crate) points: Points,
 }
 
 impl Machine {

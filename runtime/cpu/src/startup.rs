@@ -1,6 +1,6 @@
 //! Operating states: what a command does, the three kinds of start-up, STOP, memory reset.
 
-use ob1_model::Event;
+use ob1_model::{Event, Point};
 use ob1_time::Span;
 
 use crate::interrupts::Diagnoses;
@@ -186,6 +186,7 @@ impl Cpu {
 
     /// The program stands still, every output is 0.
     pub(crate) fn enter_stop(&mut self) {
+        self.point(Point::Stop);
         self.state = OperatingState::Stop;
         self.last_start = None;
         self.stop_event = self.machine.diag.get(0).map_or(0, |entry| entry.event.0);

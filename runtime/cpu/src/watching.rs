@@ -66,7 +66,9 @@ impl PassJob {
     pub fn new(id: u64, order: PassOrder) -> Self {
         let count = order.count.min(PASS_STATEMENTS as u32);
         let order = PassOrder { count, wait: order.wait.min(PASS_WAIT), ..order };
-        let pass = Pass { lines: vec![PassLine::default(); count as usize], ..Pass::default() };
+        let lines = vec![PassLine::default(); count as usize];
+        let before = if order.before { lines.clone() } else { Vec::new() };
+        let pass = Pass { lines, before, ..Pass::default() };
         Self {
             id,
             order,
@@ -118,21 +120,32 @@ impl PassJob {
     /// The pass under way begins and ends here; `at`: the statement that comes next.
     fn record(&mut self, next: u32, r: &Regs) {
         let statement = std::mem::replace(&mut self.last, next);
+        let place = |statement: u32| statement.wrapping_sub(self.order.first) as usize;
+        if self.pass.cut == 0
+            && let Some(line) = self.pass.before.get_mut(place(next))
+        {
+            *line = seen(line.times, r);
+        }
         if statement == NONE || self.pass.cut != 0 {
             return;
         }
         self.ran += 1;
-        let Some(line) = self.pass.lines.get_mut(statement.wrapping_sub(self.order.first) as usize) else { return };
-        *line = PassLine {
-            times: line.times.saturating_add(1),
-            status: r.status_word() as u16,
-            accus: [r.a1, r.a2],
-            addresses: [r.ar1, r.ar2],
-            blocks: [r.db.number, r.di.number],
-        };
+        let Some(line) = self.pass.lines.get_mut(place(statement)) else { return };
+        *line = seen(line.times, r);
         if self.ran >= self.limit {
             self.pass.cut = self.ran;
         }
+    }
+}
+
+/// The registers once more.
+fn seen(times: u32, r: &Regs) -> PassLine {
+    PassLine {
+        times: times.saturating_add(1),
+        status: r.status_word() as u16,
+        accus: [r.a1, r.a2],
+        addresses: [r.ar1, r.ar2],
+        blocks: [r.db.number, r.di.number],
     }
 }
 

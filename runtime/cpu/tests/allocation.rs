@@ -8,10 +8,13 @@ use common::rack::TestModule;
 use common::window::Looker;
 use common::*;
 use ob1_cpu::{
-    Ask, Cell, Cpu, CpuConfig, CyclicInterrupt, Module, ModuleSlot, PassJob, Piece, Request, Returned, system_blocks,
+    Ask, Cell, Cpu, CpuConfig, CyclicInterrupt, Module, ModuleSlot, PassJob, Piece, PointJob, Put, Request, Returned,
+    system_blocks,
 };
 use ob1_ir::{AccuOp, Arg, CallMode, Number, NumberFormat, Op, Width};
-use ob1_model::{Area, BlockId, BlockKind, DataType, Interface, PassEnd, PassOrder, Section, TimerKind};
+use ob1_model::{
+    Area, BlockId, BlockKind, DataType, Interface, PassEnd, PassOrder, Point, PointItem, PointOrder, Section, TimerKind,
+};
 use ob1_time::Span;
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 
@@ -83,6 +86,14 @@ fn ten_thousand_cycles_allocate_nothing() {
     assert!(runs.iter().all(|runs| *runs >= 10_000), "{runs:?}");
 }
 
+/// A variable table: two values, and one of a data block that is not there.
+fn table() -> PointOrder {
+    let read = |at, len| PointItem::Read(Piece::Bytes { at, len });
+    let memory = Cell::Area(Area::Memory, 0);
+    let write = PointItem::Write(Put::Value(memory, ob1_cpu::Width::Word, 7));
+    PointOrder { point: Point::Start, stays: false, items: vec![write, read(memory, 40), read(Cell::Db(99, 0), 40)] }
+}
+
 /// Nor while jobs of program status are armed: what they need comes with them.
 #[test]
 fn a_watched_scan_allocates_nothing() {
@@ -102,9 +113,10 @@ fn a_watched_scan_allocates_nothing() {
         let mut round = || {
             let mut seen = 0;
             for block in [fc(1), fc(2), ob(1), fc(9)].repeat(50) {
-                let order = PassOrder { block, from: None, db: 0, first: 0, count: 9, wait: 50_000_000 };
+                let order = PassOrder { block, from: None, db: 0, first: 0, count: 9, wait: 50_000_000, before: true };
                 link.link.pass(PassJob::new(1, order)).expect("room");
                 link.link.pass(PassJob::new(2, PassOrder { from: Some(ob(1)), ..order })).expect("room");
+                link.link.point(PointJob::new(3, table())).expect("room");
                 let region = Region::new(ALLOCATOR);
                 for _ in 0..4 {
                     bench.clock.now += 30 * MS;
@@ -115,6 +127,9 @@ fn a_watched_scan_allocates_nothing() {
                     return None;
                 }
                 while let Some(back) = link.link.take() {
+                    if let Returned::Point(job) = &back {
+                        assert_eq!(job.outcomes().filter(Result::is_ok).count(), 2);
+                    }
                     seen += u32::from(matches!(back, Returned::Pass(job) if job.pass().end == PassEnd::Whole));
                 }
             }

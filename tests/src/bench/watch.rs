@@ -66,7 +66,8 @@ impl Bench {
             // The CPU makes no more than ten passes a second for each.
             while watches && under_way < PASS_JOBS {
                 let wait = Span::from_secs(1).nanos();
-                let order = PassOrder { block: self.block, from: None, db: 0, first: 0, count: LINES, wait };
+                let order =
+                    PassOrder { block: self.block, from: None, db: 0, first: 0, count: LINES, wait, before: false };
                 self.link.pass(PassJob::new(1, order)).map_err(|why| format!("{why:?}"))?;
                 under_way += 1;
             }

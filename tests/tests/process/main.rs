@@ -35,6 +35,7 @@ mod s7_400;
 mod s7_download;
 mod s7_recordings;
 mod s7_siege;
+mod s7_status;
 mod s7_tshark;
 mod scan;
 mod serial_devices;

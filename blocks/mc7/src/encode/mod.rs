@@ -32,6 +32,8 @@ pub struct Written {
 pub struct Encoded {
     /// The code with its final `BE`.
     pub code: Vec<u8>,
+    /// For each statement of the block, the offset in the code where it begins.
+    pub offsets: Vec<u32>,
     /// The segment table.
     pub segments: Segments,
     /// Bytes of local data: the block's own and what the frames of its calls use.
@@ -74,7 +76,10 @@ pub fn encode<'c>(block: &CodeBlock, written: &Written, callees: &Callees<'c>) -
     }
     let local_bytes = encoder.most.next_multiple_of(2);
     let pieces = encoder.pieces;
-    finish(block, &pieces, &starts).map(|(code, segments)| Encoded { code, segments, local_bytes })
+    let (code, segments, places) = finish(block, &pieces, &starts)?;
+    let end = code.len().saturating_sub(2);
+    let offsets = starts.iter().map(|first| places.get(*first).copied().unwrap_or(end) as u32).collect();
+    Ok(Encoded { code, offsets, segments, local_bytes })
 }
 
 /// A statement on its way: jumps still know the statement they lead to.
@@ -86,8 +91,8 @@ struct Piece {
     from: u32,
 }
 
-/// Distances, bytes, networks.
-fn finish(block: &CodeBlock, pieces: &[Piece], starts: &[usize]) -> Result<(Vec<u8>, Segments), Mc7Error> {
+/// Distances, bytes, networks, and the offset of each piece.
+fn finish(block: &CodeBlock, pieces: &[Piece], starts: &[usize]) -> Result<(Vec<u8>, Segments, Vec<usize>), Mc7Error> {
     let wrong = |piece: &Piece, what: &str| {
         let problem = Problem::NoCode(what.to_owned());
         Mc7Error { problem, block: Some(block.id), offset: piece.from as usize, bytes: Vec::new() }
@@ -132,7 +137,7 @@ fn finish(block: &CodeBlock, pieces: &[Piece], starts: &[usize]) -> Result<(Vec<
         segments.networks.push(0);
     }
     code.extend_from_slice(&[0x65, 0x00]);
-    Ok((code, segments))
+    Ok((code, segments, offsets))
 }
 
 /// The form of a constant in its notation; `None` where the value is too wide for it.

@@ -1,14 +1,15 @@
 //! The messages between a link and the broker: one message per packet, in the order they were sent.
 
 use ob1_model::{
-    BlockId, CellError, Command, DebugAnswer, DebugOrder, OperatingState as State, Pass, PassOrder, Piece, Put,
+    BlockId, CellError, CodeAddress, Command, DebugAnswer, DebugOrder, OperatingState as State, Pass, PassOrder, Piece,
+    PointOrder, Put,
 };
 use serde::{Deserialize, Serialize};
 
 use crate::Right;
 
 /// Version of these messages. Both ends come from one build, and check it.
-pub const VERSION: u16 = 6;
+pub const VERSION: u16 = 7;
 /// The longest message either way, in bytes.
 pub const MESSAGE_BYTES: usize = 160 * 1024;
 /// The longest part of a document.
@@ -17,6 +18,8 @@ pub const PART_BYTES: usize = 128 * 1024;
 pub const STAGED_BYTES: usize = 1024 * 1024;
 /// Maximum of unanswered groups and questions per client.
 pub const OUTSTANDING: usize = 8;
+/// Maximum of unanswered passes and points per client: they may wait for long, and do not count as the others do.
+pub const ARMED: usize = 32;
 
 /// Returned with the answer.
 pub type Ticket = u64;
@@ -75,6 +78,29 @@ pub enum Ask {
     Pass(PassOrder),
     /// Breakpoints and single step (operate). One client at a time; if it goes, a CPU in HOLD goes to STOP.
     Debug(DebugOrder),
+    /// Cells read and written at one point of a cycle (operate, if any is written). The answer comes when it was done,
+    /// of an order that stays when it is forgotten.
+    Point(PointOrder),
+    /// The pass or point with this ticket is wanted no more; it is answered all the same, with what there is of it.
+    Forget(Ticket),
+    /// What lies at these addresses of a block's machine code.
+    Addresses {
+        /// The block.
+        block: BlockId,
+        /// Bytes from the begin of its code.
+        wanted: Vec<u16>,
+    },
+}
+
+/// Places in the machine code of a block.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Addresses {
+    /// A number of the code: another one, if the block has been changed.
+    pub code: u64,
+    /// The statements of the block, its end included.
+    pub statements: u32,
+    /// For each address: the statement that begins there.
+    pub found: Vec<Option<CodeAddress>>,
 }
 
 /// A document about the whole station. All but the program are JSON objects as on the control socket (docs/access.md).
@@ -134,6 +160,10 @@ pub enum Answer {
     Pass(Pass),
     /// How an order about breakpoints has ended.
     Debug(DebugAnswer),
+    /// For each item the bytes read; empty if the order was forgotten before its point came.
+    Point(Vec<Result<Box<[u8]>, Refusal>>),
+    /// Places in machine code.
+    Addresses(Addresses),
 }
 
 /// Why a request was refused.

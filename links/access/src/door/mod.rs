@@ -43,8 +43,8 @@ use ob1_socket::handover;
 use thiserror::Error;
 
 pub use messages::{
-    Answer, Ask, BlockFact, Connection, Diagnosis, Document, Event, MESSAGE_BYTES, News, OUTSTANDING, PART_BYTES,
-    Refusal, Refused, STAGED_BYTES, Ticket, ToBroker, ToLink, VERSION, Welcome, What,
+    ARMED, Addresses, Answer, Ask, BlockFact, Connection, Diagnosis, Document, Event, MESSAGE_BYTES, News, OUTSTANDING,
+    PART_BYTES, Refusal, Refused, STAGED_BYTES, Ticket, ToBroker, ToLink, VERSION, Welcome, What,
 };
 pub use ob1_model::{Command, OperatingState as State};
 use ranges::Ranges;

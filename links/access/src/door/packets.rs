@@ -1,13 +1,14 @@
 //! The messages as packets.
 
 use ob1_model::{
-    Area, BlockId, BlockKind, Breakpoint, Cell, CellError, Command, DebugAnswer, DebugEnd, DebugOrder, Held, HeldBlock,
-    OperatingState as State, Pass, PassEnd, PassLine, PassOrder, Piece, Put, Resume, Width,
+    Area, BlockId, BlockKind, Breakpoint, Cell, CellError, CodeAddress, Command, DebugAnswer, DebugEnd, DebugOrder,
+    Held, HeldBlock, OperatingState as State, Pass, PassEnd, PassLine, PassOrder, Piece, Point, PointItem, PointOrder,
+    Put, Resume, Width,
 };
 
 use super::messages::{
-    Answer, Ask, BlockFact, Connection, Diagnosis, Document, Event, News, Refusal, Refused, ToBroker, ToLink, Welcome,
-    What,
+    Addresses, Answer, Ask, BlockFact, Connection, Diagnosis, Document, Event, News, Refusal, Refused, ToBroker,
+    ToLink, Welcome, What,
 };
 use super::wire::{Wire, wire};
 use crate::Right;
@@ -68,13 +69,13 @@ wire!(enum Ask {
     0 => Login(password), 1 => Logout, 2 => Command(command), 3 => Clock, 4 => SetClock(clock), 5 => Szl { id, index },
     6 => Diagnostics(count), 7 => Modules, 8 => Blocks, 9 => Block(id), 10 => Events { after }, 11 => NoEvents,
     12 => Document(which), 13 => Stage { id, bytes }, 14 => Link, 15 => Delete(ids),
-    16 => Pass(order), 17 => Debug(order),
+    16 => Pass(order), 17 => Point(order), 18 => Forget(ticket), 19 => Addresses { block, wanted }, 20 => Debug(order),
 });
 wire!(enum Document { 0 => Program, 1 => Status, 2 => Timing, 3 => Buffers, 4 => Links });
 wire!(enum Answer {
     0 => Done, 1 => Clock(clock), 2 => Szl { record, bytes }, 3 => NoSzl(code), 4 => Diagnostics(entries),
     5 => Modules { state, present }, 6 => Blocks(blocks), 7 => Block(block), 8 => Refused(why),
-    9 => Document { last, bytes }, 10 => Pass(pass), 11 => Debug(answer),
+    9 => Document { last, bytes }, 10 => Pass(pass), 11 => Point(outcomes), 12 => Addresses(found), 13 => Debug(answer),
 });
 wire!(struct Breakpoint { block, statement });
 wire!(enum Resume { 0 => Run, 1 => Into, 2 => Over, 3 => Out });
@@ -83,10 +84,15 @@ wire!(struct HeldBlock { block, statement, blocks, ob });
 wire!(struct Held { stack, status, accus, addresses, local });
 wire!(enum DebugEnd { 0 => Done, 1 => Held, 2 => Runs, 3 => Stopped, 4 => NoStatement(index) });
 wire!(struct DebugAnswer { end, held });
-wire!(struct PassOrder { block, from, db, first, count, wait });
+wire!(struct PassOrder { block, from, db, first, count, wait, before });
 wire!(struct PassLine { times, status, accus, addresses, blocks });
 wire!(enum PassEnd { 0 => Whole, 1 => Stopped, 2 => NotCalled, 3 => NoBlock, 4 => Full, 5 => TooLong });
-wire!(struct Pass { end, cut, statements, ob, caller, time, lines });
+wire!(struct Pass { end, cut, statements, ob, caller, time, lines, before });
+wire!(struct CodeAddress { at, statement, opens });
+wire!(enum Point { 0 => Now, 1 => Start, 2 => End, 3 => Stop });
+wire!(enum PointItem { 0 => Read(piece), 1 => Write(put) });
+wire!(struct PointOrder { point, stays, items });
+wire!(struct Addresses { code, statements, found });
 wire!(enum Refusal {
     0 => Cell(error), 1 => Right, 2 => Password, 3 => NotThere, 4 => Full, 5 => Silent,
     6 => InRun, 7 => Block, 8 => Room,
@@ -189,7 +195,18 @@ mod tests {
                 first: 3,
                 count: 4,
                 wait: 5,
+                before: true,
             }),
+            Ask::Point(PointOrder {
+                point: Point::Start,
+                stays: true,
+                items: vec![
+                    PointItem::Read(Piece::Bytes { at, len: 4 }),
+                    PointItem::Write(Put::Value(at, Width::Byte, 3)),
+                ],
+            }),
+            Ask::Forget(4),
+            Ask::Addresses { block: BlockId::new(BlockKind::Fc, 5), wanted: vec![0, 4] },
         ];
         let mut to = vec![
             ToBroker::Beat,
@@ -220,6 +237,12 @@ mod tests {
                 caller: Some((BlockId::new(BlockKind::Ob, 1), 4)),
                 lines: vec![PassLine::default(), PassLine { times: 2, accus: [1, 2], ..PassLine::default() }],
                 ..Pass::default()
+            }),
+            Answer::Point(vec![Ok([1, 2].into()), Err(Refusal::Right)]),
+            Answer::Addresses(Addresses {
+                code: 1,
+                statements: 2,
+                found: vec![None, Some(CodeAddress { at: 4, statement: 1, opens: true })],
             }),
         ];
         let mut from = vec![

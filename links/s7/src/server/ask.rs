@@ -1,5 +1,7 @@
 //! Requests of a connection to the CPU, and the replies.
 
+use ob1_model::{BlockId, CodeAddress, Pass, PassOrder, Point};
+
 use crate::Rights;
 use crate::codes::{Code, ItemCode};
 use crate::wire::{Address, BlockType, DateTime};
@@ -50,6 +52,60 @@ pub enum Ask {
     Login(String),
     /// The password is no longer valid. [`Reply::Rights`].
     Logout,
+    /// Values read or written at a point of the cycle, beside the other requests. [`Reply::Values`],
+    /// [`Reply::Written`], or [`Reply::Forgotten`].
+    At {
+        /// The point.
+        point: Point,
+        /// At each such point, without a reply until it is forgotten.
+        stays: bool,
+        /// What.
+        access: Access,
+    },
+    /// One pass through a block, likewise beside the others. [`Reply::Pass`].
+    Pass(PassOrder),
+    /// The request with this number is not wanted any more: it has its reply before this one. [`Reply::Done`].
+    Forget(u64),
+    /// What lies at these addresses of the machine code of a block. [`Reply::Code`].
+    Code {
+        /// The block.
+        block: BlockId,
+        /// Bytes from the begin of its code.
+        wanted: Vec<u16>,
+    },
+    /// The partner wants to see which CPU it is. [`Reply::Done`].
+    Blink,
+}
+
+/// An access at a point of the cycle.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// These values.
+    Read(Vec<Address>),
+    /// These are new.
+    Write(Vec<Put>),
+}
+
+impl Access {
+    /// Nothing is accessed.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        match self {
+            Self::Read(addresses) => addresses.is_empty(),
+            Self::Write(puts) => puts.is_empty(),
+        }
+    }
+}
+
+/// Places in the machine code of a block.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct CodePlaces {
+    /// A number of the code: another one, if the block has been changed.
+    pub code: u64,
+    /// The statements of the block, its end included.
+    pub statements: u32,
+    /// For each address the statement that begins there.
+    pub found: Vec<Option<CodeAddress>>,
 }
 
 /// One value to write.
@@ -122,6 +178,12 @@ pub enum Reply {
     Clock(DateTime),
     /// The rights of the connection from now on.
     Rights(Rights),
+    /// A pass.
+    Pass(Pass),
+    /// Places in machine code.
+    Code(CodePlaces),
+    /// Its point has not come.
+    Forgotten,
     /// Not done, for this reason.
     Refused(Code),
     /// Not done, because the CPU is in this state already.

@@ -109,9 +109,10 @@ impl Connection {
         Ok(Self::later(Ask::Read(wanted), Service::Cyclic { first: true, job: id, sub, slots }))
     }
 
-    /// Time passes: requests the values of the cyclic jobs that are due. `now_ms` is any clock in milliseconds that
-    /// never goes back.
+    /// Time passes: requests the values of the cyclic jobs that are due, and what the CPU had no room for. `now_ms` is
+    /// any clock in milliseconds that never goes back.
     pub fn tick(&mut self, now_ms: u64) {
+        self.tests_tick(now_ms);
         let mut due = Vec::new();
         for job in &mut self.cyclic.jobs {
             let at = *job.due_ms.get_or_insert(now_ms + job.every_ms);
@@ -131,13 +132,14 @@ impl Connection {
     /// When [`Connection::tick`] has something to do; `None`: never.
     #[must_use]
     pub fn next_tick(&self) -> Option<u64> {
-        self.cyclic.jobs.iter().filter(|job| !job.under_way).map(|job| job.due_ms.unwrap_or(0)).min()
+        let cyclic = self.cyclic.jobs.iter().filter(|job| !job.under_way).map(|job| job.due_ms.unwrap_or(0));
+        cyclic.chain(self.tests.next_tick()).min()
     }
 
     /// Whether the partner waits for something: an answer, messages, or cyclic data. Then its silence means nothing.
     #[must_use]
     pub fn waits(&self) -> bool {
-        !self.queue.is_empty() || self.wants_events() || !self.cyclic.jobs.is_empty()
+        !self.queue.is_empty() || self.wants_events() || !self.cyclic.jobs.is_empty() || self.tests.wait()
     }
 
     /// Values of a cyclic job have come. False: they need not be sent, because they have not changed or the job is

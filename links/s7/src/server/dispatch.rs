@@ -2,7 +2,7 @@
 
 use super::long::{SERVICE_NUMBER, answer, done, refused};
 use super::service::Service;
-use super::{Connection, CpuEvent, Reply, Step, Then, cyclic, test_jobs};
+use super::{Connection, CpuEvent, Reply, Step, Then, cyclic};
 use crate::codes::Code;
 use crate::wire::{Group, Pdu, Telegram, UserData, sub};
 
@@ -84,8 +84,8 @@ impl Connection {
                 let telegram = cyclic::telegram(reference, first, job, sub, &slots, reply);
                 if self.cyclic_came(job, &telegram) || first { vec![telegram] } else { Vec::new() }
             }
-            Service::Status { first, job, slots } => test_jobs::status_telegrams(reference, first, job, &slots, reply),
-            Service::Modify { job, slots } => test_jobs::modify_telegrams(reference, job, &slots, reply),
+            // Answered where the request is known.
+            Service::Test(_) => Vec::new(),
         }
     }
 

@@ -20,7 +20,7 @@ mod var;
 
 use std::collections::VecDeque;
 
-pub use ask::{Ask, Control, CpuEvent, Listed, Loaded, Put, Reply, Request};
+pub use ask::{Access, Ask, CodePlaces, Control, CpuEvent, Listed, Loaded, Put, Reply, Request};
 
 use crate::iso::{Broken, Call, Event, Refusal, Transport};
 use crate::wire::{BlockType, MAX_TELEGRAM};
@@ -209,16 +209,16 @@ impl Connection {
     pub fn reply(&mut self, id: u64, reply: Reply) {
         if let Some(then) = self.queue.iter_mut().find(|job| job.id == id).and_then(|job| job.then.take()) {
             let reference = self.queue.iter().find(|job| job.id == id).map_or(0, |job| job.reference);
-            let answer = self.finish(reference, then, reply);
+            let answer = self.finish(reference, id, then, reply);
             if let Some(job) = self.queue.iter_mut().find(|job| job.id == id) {
-                job.answer = answer;
+                job.answer.extend(answer);
             }
             self.flush();
             self.advance();
         } else if let Some(index) = self.aside.iter().position(|job| job.id == id) {
             let job = self.aside.swap_remove(index);
             if let Some(then) = job.then {
-                for telegram in self.finish(job.reference, then, reply) {
+                for telegram in self.finish(job.reference, id, then, reply) {
                     self.message(&telegram);
                 }
             }
@@ -321,9 +321,10 @@ impl Connection {
     }
 
     /// A request besides the jobs of the partner.
-    fn ask_aside(&mut self, ask: Ask, then: Then) {
+    fn ask_aside(&mut self, ask: Ask, then: Then) -> u64 {
         let id = self.ask(ask);
         self.aside.push(Job { id, reference: 0, then: Some(then), answer: Vec::new() });
+        id
     }
 
     /// Sends the answers that are ready, in the order of the jobs.
@@ -345,12 +346,13 @@ impl Connection {
     }
 
     /// Builds the answer from a reply.
-    fn finish(&mut self, reference: u16, then: Then, reply: Reply) -> Vec<Vec<u8>> {
+    fn finish(&mut self, reference: u16, request: u64, then: Then, reply: Reply) -> Vec<Vec<u8>> {
         match then {
             Then::Read(slots) => vec![var::read_answer(reference, &slots, reply)],
             Then::Write(slots) => vec![var::write_answer(reference, &slots, reply)],
             Then::Control(function) => vec![self.control_answer(reference, function, &reply)],
             Then::Upload => vec![self.upload_answer(reference, reply)],
+            Then::Service(service::Service::Test(ending)) => self.test_came(reference, request, ending, reply),
             Then::Service(service) => self.service_answer(reference, service, reply),
         }
     }

@@ -1,5 +1,6 @@
 //! Services of a programming device that wait for the CPU.
 
+use super::test_jobs::Ending;
 use super::var::Slot;
 use crate::wire::BlockType;
 
@@ -29,15 +30,6 @@ pub(super) enum Service {
         sub: u8,
         slots: Vec<Slot>,
     },
-    /// Variable status: answer and message.
-    Status {
-        first: bool,
-        job: u8,
-        slots: Vec<Slot>,
-    },
-    /// Variables were modified.
-    Modify {
-        job: u8,
-        slots: Vec<Slot>,
-    },
+    /// Test functions.
+    Test(Ending),
 }

@@ -23,11 +23,19 @@ const MODE: [u8; 6] = [0x01, 0x00, 0x10, 0x10, 0x00, 0x00];
 /// Services of each group.
 #[expect(missing_docs, reason = "the names say it")]
 pub mod sub {
+    pub const TEST_OLD_BLOCK: u8 = 0x01;
     pub const TEST_STATUS: u8 = 0x02;
+    pub const TEST_ISTACK: u8 = 0x03;
+    pub const TEST_BSTACK: u8 = 0x04;
+    pub const TEST_LSTACK: u8 = 0x05;
     pub const TEST_MODIFY: u8 = 0x08;
+    pub const TEST_DISABLE: u8 = 0x0D;
     pub const TEST_ENABLE: u8 = 0x0E;
     pub const TEST_DELETE: u8 = 0x0F;
     pub const TEST_LIST: u8 = 0x10;
+    pub const TEST_READ: u8 = 0x11;
+    pub const TEST_REPLACE: u8 = 0x12;
+    pub const TEST_BLOCK: u8 = 0x13;
     pub const TEST_BLINK: u8 = 0x16;
     pub const CYCLIC: u8 = 0x01;
     pub const CYCLIC_DELETE: u8 = 0x04;

@@ -4,9 +4,10 @@
 
 use std::collections::BTreeMap;
 
+use ob1_model::{BlockId, Pass, Point};
 use ob1_s7::Rights;
 use ob1_s7::codes::{Code, ItemCode};
-use ob1_s7::server::{Ask, Connection, Control, Listed, Reply, Settings};
+use ob1_s7::server::{Access, Ask, CodePlaces, Connection, Control, Listed, Reply, Request, Settings};
 use ob1_s7::wire::{Address, Area, BlockType, DataType, DateTime};
 
 /// A CPU in memory.
@@ -25,6 +26,8 @@ pub(crate) struct ModelCpu {
     pub(crate) password: Option<String>,
     /// How often something has changed, whatever it was.
     pub(crate) changes: u32,
+    /// What lies in the machine code of blocks: for each address the statement.
+    pub(crate) code: BTreeMap<BlockId, CodePlaces>,
 }
 
 /// A block with header and footer around this code.
@@ -63,6 +66,7 @@ impl Default for ModelCpu {
             runs: true,
             password: None,
             changes: 0,
+            code: BTreeMap::new(),
         }
     }
 }
@@ -185,6 +189,16 @@ impl ModelCpu {
                 }
             }
             Ask::Logout => Reply::Rights(Rights::Read),
+            Ask::At { access: Access::Read(addresses), .. } => self.serve(Ask::Read(addresses)),
+            Ask::At { access: Access::Write(puts), .. } => self.serve(Ask::Write(puts)),
+            Ask::Code { block, wanted } => {
+                let Some(code) = self.code.get(&block) else { return Reply::Refused(Code::NO_BLOCK) };
+                let at = |at: &u16| code.found.iter().flatten().find(|one| one.at == u32::from(*at)).copied();
+                Reply::Code(CodePlaces { found: wanted.iter().map(at).collect(), ..code.clone() })
+            }
+            // A block that nobody calls.
+            Ask::Pass(_) => Reply::Pass(Pass::default()),
+            Ask::Forget(_) | Ask::Blink => Reply::Done,
         }
     }
 
@@ -199,13 +213,15 @@ impl ModelCpu {
 pub(crate) struct Desk {
     pub(crate) cpu: ModelCpu,
     pub(crate) connection: Connection,
+    /// What waits for a point of the cycle, or for a pass.
+    pub(crate) armed: Vec<Request>,
 }
 
 pub(crate) const CALL: [u8; 22] = [3, 0, 0, 22, 17, 0xE0, 0, 0, 0, 1, 0, 0xC0, 1, 10, 0xC1, 2, 1, 0, 0xC2, 2, 1, 2];
 
 impl Desk {
     pub(crate) fn new(settings: Settings) -> Self {
-        Self { cpu: ModelCpu::default(), connection: Connection::new(settings) }
+        Self { cpu: ModelCpu::default(), connection: Connection::new(settings), armed: Vec::new() }
     }
 
     /// Connected, and set up with this PDU.
@@ -235,9 +251,60 @@ impl Desk {
                 self.connection.accept();
             }
             let Some(request) = self.connection.next_ask() else { return };
+            match &request.ask {
+                Ask::At { point: Point::Now, stays: false, .. } => {}
+                Ask::At { .. } | Ask::Pass(_) => {
+                    self.armed.push(request);
+                    continue;
+                }
+                Ask::Forget(id) => {
+                    if let Some(index) = self.armed.iter().position(|armed| armed.id == *id) {
+                        self.armed.remove(index);
+                        self.connection.reply(*id, Reply::Forgotten);
+                    }
+                }
+                _ => {}
+            }
             let reply = self.cpu.serve(request.ask);
             self.connection.reply(request.id, reply);
         }
+    }
+
+    /// The cycle comes to a point: what waits for it is done.
+    pub(crate) fn point(&mut self, now: Point) {
+        for request in std::mem::take(&mut self.armed) {
+            let Ask::At { point, stays, .. } = &request.ask else {
+                self.armed.push(request);
+                continue;
+            };
+            if *point != now {
+                self.armed.push(request);
+                continue;
+            }
+            if *stays {
+                self.armed.push(request.clone());
+                self.cpu.serve(request.ask);
+                continue;
+            }
+            let reply = self.cpu.serve(request.ask);
+            self.connection.reply(request.id, reply);
+        }
+        self.serve();
+    }
+
+    /// The pass that is waited for was this one.
+    pub(crate) fn pass(&mut self, pass: Pass) {
+        let index =
+            self.armed.iter().position(|armed| matches!(armed.ask, Ask::Pass(_))).expect("a pass is waited for");
+        let request = self.armed.remove(index);
+        self.connection.reply(request.id, Reply::Pass(pass));
+        self.serve();
+    }
+
+    /// A test function, in the long form that programming devices send; its answers and messages.
+    pub(crate) fn test(&mut self, function: u8, data: &[u8]) -> Vec<Vec<u8>> {
+        self.send(&test_service(function, data));
+        self.answers()
     }
 
     /// The output as messages without TPKT and COTP.
@@ -257,11 +324,17 @@ impl Desk {
 
     /// A message in a frame of its own.
     pub(crate) fn send(&mut self, message: &[u8]) {
+        self.send_only(message);
+        self.serve();
+    }
+
+    /// The CPU does not serve it yet.
+    pub(crate) fn send_only(&mut self, message: &[u8]) {
         let mut frame = vec![3, 0];
         frame.extend_from_slice(&(message.len() as u16 + 7).to_be_bytes());
         frame.extend_from_slice(&[2, 0xF0, 0x80]);
         frame.extend_from_slice(message);
-        self.give(&frame);
+        self.connection.receive(&frame);
     }
 
     /// A job and its one answer.
@@ -295,6 +368,30 @@ pub(crate) fn service(group: u8, sub: u8, data: &[u8]) -> Vec<u8> {
     let mut all = if data.is_empty() { vec![0x0A, 0, 0, 0] } else { vec![0xFF, 9, 0, data.len() as u8] };
     all.extend_from_slice(data);
     let mut bytes = job(5, &[0, 1, 0x12, 4, 0x11, 0x40 | group, sub, 0], &all);
+    bytes[1] = 7;
+    bytes
+}
+
+/// The data of a test function: the words of its parameters, what follows them, data.
+pub(crate) fn test_data(words: [u16; 10], more: &[u8], data: &[u8]) -> Vec<u8> {
+    let mut bytes = (20 + more.len() as u16).to_be_bytes().to_vec();
+    bytes.extend_from_slice(&(data.len() as u16).to_be_bytes());
+    bytes.extend(words.iter().flat_map(|word| word.to_be_bytes()));
+    bytes.extend_from_slice(more);
+    bytes.extend_from_slice(data);
+    bytes
+}
+
+/// Words of the parameters: begin, end, length of a result, trigger.
+pub(crate) const fn test_words(begin: u16, end: u16, result: u16, trigger: u16) -> [u16; 10] {
+    [0, begin, end, result, 1, 1, 1, 1, 1, trigger]
+}
+
+/// A test function as bytes.
+pub(crate) fn test_service(function: u8, data: &[u8]) -> Vec<u8> {
+    let mut all = if data.is_empty() { vec![0x0A, 0, 0, 0] } else { vec![0xFF, 9, 0, data.len() as u8] };
+    all.extend_from_slice(data);
+    let mut bytes = job(5, &[0, 1, 0x12, 8, 0x12, 0x41, function, 0, 0, 0, 0, 0], &all);
     bytes[1] = 7;
     bytes
 }

@@ -2,6 +2,7 @@
 
 mod events;
 mod limits;
+mod points;
 mod requests;
 mod rights;
 mod station;

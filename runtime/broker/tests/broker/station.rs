@@ -168,7 +168,7 @@ impl Station {
     pub(crate) fn cycle(&mut self) {
         self.time += MS;
         self.cpu.cycle(&mut Time(self.time));
-        self.feed.follow(&self.cpu);
+        self.feed.follow(self.cpu.diagnostic_buffer());
         self.broker.step(self.time);
     }
 

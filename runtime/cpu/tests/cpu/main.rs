@@ -23,6 +23,7 @@ mod natives;
 mod parameters;
 mod passes;
 mod pointers;
+mod points;
 mod programs;
 mod raw_lists;
 mod retentive;

@@ -16,7 +16,7 @@ const OS: u16 = 1 << 4;
 const CC0: u16 = 1 << 6;
 
 fn order(block: BlockId) -> PassOrder {
-    PassOrder { block, from: None, db: 0, first: 0, count: 512, wait: Span::from_secs(2).nanos() }
+    PassOrder { block, from: None, db: 0, first: 0, count: 512, wait: Span::from_secs(2).nanos(), before: false }
 }
 
 /// Runs cycles until the job comes back.
@@ -98,6 +98,13 @@ fn a_line_of_a_loop_shows_its_last_execution_and_no_line_an_old_value() {
         // A window of it.
         let few = pass(bench, looker, PassOrder { first: 6, count: 2, ..order(fc(5)) });
         assert_eq!(few.lines.iter().map(|line| line.times).collect::<Vec<_>>(), [3, 1]);
+        // The registers in front: `L 7` was jumped over, behind it is what the jump found.
+        let both = pass(bench, looker, PassOrder { before: true, ..order(fc(5)) });
+        let before = |at: usize| (both.before[at].accus[0], both.before[at].times);
+        assert_eq!(
+            [before(1), before(3), before(9), before(10)],
+            [(1, 3), (both.lines[2].accus[0], 3), (0, 0), (0, 1)]
+        );
     });
 }
 
@@ -155,13 +162,13 @@ fn what_cannot_be_watched_is_told() {
         bench.cycle();
         let Some(Returned::Pass(full)) = looker.link.take() else { panic!("one too many") };
         assert_eq!((full.id(), full.pass().end), (PASS_JOBS as u64, PassEnd::Full));
-        looker.link.no_pass(0).expect("room");
+        looker.link.forget(0).expect("room");
         bench.cycle();
         let Some(Returned::Pass(gone)) = looker.link.take() else { panic!("given up") };
         assert_eq!(gone.id(), 0);
         let place = pass(bench, looker, order(common::ob(1)));
         assert_eq!(place.end, PassEnd::Whole, "its place is free again");
-        looker.link.no_pass(1).expect("room");
+        looker.link.forget(1).expect("room");
         bench.cycle();
         // The CPU goes to STOP in the pass: what ran until then is there.
         bench.set(0, Width::Word, 1);

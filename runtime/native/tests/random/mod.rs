@@ -328,7 +328,7 @@ pub(crate) fn compare_watched(seed: u64) -> Result<(bool, u64), String> {
             let from = (id == 1 && random.one_in(2)).then(|| block(&mut random));
             let db = if id == 1 { random.of(&[0, 21, 22]) } else { 0 };
             let (block, first) = (block(&mut random), random.next(4));
-            let order = PassOrder { block, from, db, first, count: 512, wait: 350_000_000 };
+            let order = PassOrder { block, from, db, first, count: 512, wait: 350_000_000, before: true };
             link.pass(PassJob::new(u64::from(scan) * 10 + id, order)).expect("room");
         }
     })?;

@@ -1,5 +1,6 @@
 //! What the broker needs to know of the station.
 
+use std::cell::RefCell;
 use std::fs::OpenOptions;
 use std::io::Write as _;
 use std::os::unix::fs::OpenOptionsExt as _;
@@ -7,16 +8,19 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use ob1_access::audit;
-use ob1_access::door::{BlockFact, Diagnosis, Document, State};
+use ob1_access::door::{Addresses, BlockFact, Diagnosis, Document, State};
 use ob1_access::{Cell, Put, Width};
 use ob1_broker::{Change, Changed, DriverState, Facts, LinkState};
 use ob1_cpu::{DIAG_ENTRIES, DiagEntry, Family};
 use ob1_host::driver;
-use ob1_model::BlockId;
+use ob1_mc7::{BlockImage, MachineBlock, Segments, addresses, decode};
+use ob1_model::{BlockId, CodeAddress};
 use ob1_time::Span;
 
 use crate::access::protocol::LinkStatus;
 use crate::download::Loader;
+use crate::files;
+use crate::known::KnownProgram;
 use crate::station_file::Station;
 use crate::view::StationView;
 use crate::wall_clock::unix_now;
@@ -34,6 +38,60 @@ pub(crate) struct StationFacts {
     audits: Vec<(String, PathBuf)>,
     /// It could not be written last time.
     audit_fails: bool,
+    /// The machine code of blocks that are watched, newest last.
+    codes: RefCell<Vec<Code>>,
+}
+
+/// Blocks whose machine code is remembered: as many as can be watched.
+const CODES: usize = ob1_model::PASS_JOBS;
+
+/// The machine code of a block.
+struct Code {
+    id: BlockId,
+    /// In this program.
+    known: Arc<KnownProgram>,
+    checksum: u64,
+    statements: u32,
+    addresses: Vec<CodeAddress>,
+}
+
+impl Code {
+    /// As an upload gives it.
+    fn of(known: Arc<KnownProgram>, id: BlockId) -> Option<Self> {
+        let block = known.program.blocks.iter().find(|block| block.id == id)?;
+        let of_program = |id| known.program.blocks.iter().find(|block| block.id == id).map(|block| &block.interface);
+        let callee = |id| of_program(id).or_else(|| known.library.get(id).map(|block| &block.interface));
+        let (code, offsets) = match known.images.get(&id) {
+            None => ob1_mc7::code_of(&known.program, id, &callee)?,
+            Some(image) => {
+                let (image, _) = BlockImage::read(image).ok()?;
+                let machine = MachineBlock {
+                    id,
+                    name: None,
+                    interface: &block.interface,
+                    code: &image.code,
+                    segments: &Segments::read(&image.segments).ok()?,
+                    multi_instance: image.head.version != 0,
+                    local_bytes: image.head.local_bytes.into(),
+                };
+                let decoded = decode(&machine, &callee).ok()?;
+                // Other statements than those that run would be told wrong.
+                let same = decoded.block.code.len() == block.code.len();
+                (image.code.clone(), same.then_some(decoded.offsets)?)
+            }
+        };
+        let (checksum, statements) = (files::checksum(code.iter().copied()), block.code.len() as u32 + 1);
+        let addresses = addresses(&code, &offsets);
+        Some(Self { id, known, checksum, statements, addresses })
+    }
+
+    fn find(&self, wanted: &[u16]) -> Addresses {
+        let one = |at: &u16| {
+            let found = self.addresses.binary_search_by_key(&u32::from(*at), |address| address.at);
+            found.ok().and_then(|index| self.addresses.get(index)).copied()
+        };
+        Addresses { code: self.checksum, statements: self.statements, found: wanted.iter().map(one).collect() }
+    }
 }
 
 impl StationFacts {
@@ -49,6 +107,7 @@ impl StationFacts {
             loader,
             audits: station.links.iter().filter_map(|link| Some((link.name.clone(), link.audit.clone()?))).collect(),
             audit_fails: false,
+            codes: RefCell::default(),
         }
     }
 }
@@ -126,6 +185,22 @@ impl Facts for StationFacts {
 
     fn checksums(&self) -> [u32; 2] {
         self.view.known.get().sums
+    }
+
+    fn addresses(&self, id: BlockId, wanted: &[u16]) -> Option<Addresses> {
+        let known = self.view.known.get();
+        let mut codes = self.codes.borrow_mut();
+        let is_it = |code: &Code| code.id == id && Arc::ptr_eq(&code.known, &known);
+        if let Some(code) = codes.iter().find(|code| is_it(code)) {
+            return Some(code.find(wanted));
+        }
+        let code = Code::of(known, id)?;
+        let found = code.find(wanted);
+        if codes.len() == CODES {
+            codes.remove(0);
+        }
+        codes.push(code);
+        Some(found)
     }
 
     fn document(&self, which: Document, state: State, present: &[bool], links: &[LinkState]) -> Box<[u8]> {

@@ -155,6 +155,7 @@ pub(super) fn order(known: &KnownProgram, wanted: &PassWanted) -> Result<PassOrd
         first: first as u32,
         count: count.min(PASS_STATEMENTS) as u32,
         wait: wanted.wait_ms.saturating_mul(1_000_000).min(PASS_WAIT),
+        before: false,
     })
 }
 

@@ -48,7 +48,7 @@ pub(super) const TABLE: &[Row] = &[
         ],
     ),
     // The interface of a CP 343, and ANY pointers.
-    row("ob1-s7", "invariant 1", &["ob1-words"]),
+    row("ob1-s7", "invariant 1", &["ob1-model", "ob1-words"]),
     // It owns the sockets and reaches the CPU through the broker.
     row(
         "ob1-s7-process",

@@ -1,0 +1,555 @@
+//! Test functions: variable tables and block status of a programming device.
+//!
+//! A job is set up once and enabled for each result. What it asks the CPU for waits there for its trigger, beside the
+//! requests of the connection; the result is a message. Stacks, forcing and breakpoints are not served.
+
+mod setup;
+mod table;
+mod watch;
+
+use ob1_model::{Point, TEST_FUNCTIONS};
+
+use self::setup::{Begin, LENGTHS, Setup, Trigger, parts};
+use self::watch::{Seen, Watch};
+use super::service::Service;
+use super::var::{Slot, addresses};
+use super::{Access, Ask, Connection, Job, Put, Reply, Step, Then};
+use crate::Rights;
+use crate::codes::Code;
+use crate::wire::{Group, Telegram, USERDATA_HEAD, UserData, sub};
+
+/// Jobs of a connection.
+const JOBS: usize = 8;
+/// Bytes of the parameters of a message.
+const MESSAGE: usize = 4;
+/// The list of the operating state; in its record the state is the low half of this byte.
+const OPERATING_STATE: u16 = 0x0424;
+const STATE_AT: usize = 3;
+const STOP: u8 = 0x04;
+/// Time to the next attempt when the CPU had no room for a job.
+const AGAIN_MS: u64 = 50;
+
+#[derive(Debug)]
+enum What {
+    Status(Vec<Slot>),
+    Modify(Vec<Slot>, Vec<Put>),
+    Block(Box<Watch>),
+}
+
+#[derive(Debug)]
+struct TestJob {
+    id: u8,
+    function: u8,
+    /// The request that has set it up.
+    request: Vec<u8>,
+    begin: Begin,
+    once: bool,
+    trigger: Trigger,
+    what: What,
+    /// What the CPU has been asked for: it is armed until that comes.
+    asked: Option<u64>,
+    /// What the CPU writes at each trigger.
+    stays: Option<u64>,
+    /// Its result has come since it was to be disabled.
+    fired: bool,
+    /// It is being deleted.
+    goes: bool,
+    /// There was no room: it is armed again.
+    again: bool,
+}
+
+/// The test jobs of a connection.
+#[derive(Debug, Default)]
+pub(super) struct TestJobs {
+    jobs: Vec<TestJob>,
+    again_ms: Option<u64>,
+}
+
+/// How a service ends that has waited for the CPU.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Ending {
+    /// A block status was set up: what lies at its addresses.
+    SetUp {
+        job: u8,
+        service: u8,
+    },
+    /// The addresses again, before a pass.
+    Places {
+        job: u8,
+    },
+    /// The result of a job.
+    Result {
+        job: u8,
+    },
+    /// A job was to be disabled, or deleted.
+    Disabled {
+        job: u8,
+    },
+    Deleted {
+        job: u8,
+    },
+    /// A stack is asked for: there are none while the CPU runs.
+    Stack {
+        service: u8,
+    },
+    Blinks,
+    /// Nothing more to do.
+    Nothing,
+}
+
+impl Ending {
+    /// Results of this job come before the answer.
+    const fn is_after(self, id: u8) -> bool {
+        matches!(self, Self::Disabled { job } | Self::Deleted { job } if job == id)
+    }
+}
+
+/// Lengths and parameters in front of what a message or a list tells.
+fn message(class: u8, data: &[u8]) -> Vec<u8> {
+    let mut bytes = vec![0, MESSAGE as u8];
+    bytes.extend_from_slice(&(data.len() as u16).to_be_bytes());
+    bytes.extend_from_slice(&[0x01, 0x00, 0x00, class]);
+    bytes.extend_from_slice(data);
+    bytes
+}
+
+/// The result of a job.
+fn result(function: u8, job: u8, class: u8, code: Code, data: &[u8]) -> Vec<u8> {
+    let bytes = if data.is_empty() { Vec::new() } else { message(class, data) };
+    let push = UserData::job(Group::Test, function, &bytes);
+    UserData { telegram: Telegram::Message, sequence: job, error: code, ..push }.write(0)
+}
+
+fn answer(reference: u16, function: u8, sequence: u8, code: Code, data: &[u8]) -> Vec<u8> {
+    let telegram =
+        UserData { telegram: Telegram::Answer, sequence, error: code, ..UserData::job(Group::Test, function, data) };
+    telegram.write(reference)
+}
+
+/// Function and number of the job a service is about; in front of them `0F` has a word.
+fn named(service: &UserData<'_>) -> Result<(u8, u8), Code> {
+    let (_, data) = parts(service.data)?;
+    match data {
+        [function, number] | [_, _, function, number] => match *number {
+            0 => Err(Code::TEST_NUMBER),
+            number => Ok((*function, number)),
+        },
+        _ => Err(Code::TEST_DATA),
+    }
+}
+
+impl TestJobs {
+    fn find(&mut self, id: u8) -> Option<&mut TestJob> {
+        self.jobs.iter_mut().find(|job| job.id == id)
+    }
+
+    /// The lowest free number: each service is a job too while it is served.
+    fn free(&self) -> u8 {
+        (1..=u8::MAX).find(|id| self.jobs.iter().all(|job| job.id != *id)).unwrap_or(u8::MAX)
+    }
+
+    pub(super) const fn next_tick(&self) -> Option<u64> {
+        self.again_ms
+    }
+
+    /// Whether the partner waits for a result.
+    pub(super) fn wait(&self) -> bool {
+        self.jobs.iter().any(|job| job.asked.is_some() || job.again)
+    }
+}
+
+impl Connection {
+    pub(super) fn test(&mut self, reference: u16, service: &UserData<'_>) -> Step {
+        let made = match service.sub {
+            _ if !TEST_FUNCTIONS.contains(&service.sub) => self.not_served(service),
+            sub::TEST_STATUS | sub::TEST_MODIFY | sub::TEST_BLOCK | sub::TEST_OLD_BLOCK => {
+                let id = self.tests.free();
+                self.set_up(reference, service.sub, service.sub, id, service.data)
+            }
+            sub::TEST_ENABLE => self.job_of(service).map(|id| {
+                self.arm(id);
+                Step::Answer(self.test_done(reference, service.sub))
+            }),
+            sub::TEST_DISABLE => self.job_of(service).and_then(|id| self.disable(reference, id)),
+            sub::TEST_DELETE => self.job_of(service).map(|id| self.delete(reference, id)),
+            sub::TEST_LIST => Ok(Step::Answer(self.job_list(reference))),
+            sub::TEST_READ => self.read_job(reference, service),
+            sub::TEST_REPLACE => self.replace(reference, service),
+            _ => Ok(Self::later(Ask::Blink, Service::Test(Ending::Blinks))),
+        };
+        made.unwrap_or_else(|why| Step::Answer(self.test_refused(reference, service.sub, why)))
+    }
+
+    fn test_refused(&mut self, reference: u16, function: u8, why: Code) -> Vec<u8> {
+        self.counts.errors += 1;
+        answer(reference, function, self.tests.free(), why, &[])
+    }
+
+    fn test_done(&self, reference: u16, function: u8) -> Vec<u8> {
+        answer(reference, function, self.tests.free(), Code::DONE, &[])
+    }
+
+    /// Stacks are there in STOP only.
+    fn not_served(&self, service: &UserData<'_>) -> Result<Step, Code> {
+        match service.sub {
+            sub::TEST_ISTACK | sub::TEST_BSTACK | sub::TEST_LSTACK => {
+                let ask = Ask::Szl { id: OPERATING_STATE, index: 0 };
+                Ok(Self::later(ask, Service::Test(Ending::Stack { service: service.sub })))
+            }
+            _ => Err(Code::TEST_FUNCTION),
+        }
+    }
+
+    /// The job a service names.
+    fn job_of(&self, service: &UserData<'_>) -> Result<u8, Code> {
+        let (function, number) = named(service)?;
+        let is_it = |job: &&TestJob| (job.function, job.id) == (function, number) && !job.goes;
+        self.tests.jobs.iter().find(is_it).map(|job| job.id).ok_or(Code::TEST_JOB)
+    }
+
+    /// Sets a job up, or another one in its place.
+    fn set_up(&mut self, reference: u16, service: u8, function: u8, id: u8, request: &[u8]) -> Result<Step, Code> {
+        let setup = Setup::read(function, request)?;
+        let (what, length) = match (function, setup.trigger) {
+            (sub::TEST_STATUS, _) => {
+                let (slots, length) = table::status(setup.data)?;
+                (What::Status(slots), length)
+            }
+            (sub::TEST_MODIFY, _) if !self.may(Rights::Operate) => return Err(Code::TEST_PROTECTED),
+            (sub::TEST_MODIFY, _) => {
+                let (slots, puts, length) = table::modify(setup.data)?;
+                (What::Modify(slots, puts), length)
+            }
+            (_, trigger) => {
+                let called = trigger == Trigger::Code { called: true };
+                let (watch, length) = Watch::read(function, &setup, called)?;
+                (What::Block(Box::new(watch)), length)
+            }
+        };
+        let is_table = !matches!(what, What::Block(_));
+        if is_table && !setup.more.is_empty() {
+            return Err(Code::TEST_SYNTAX);
+        }
+        // A client reserves as much as the result has, or more for lines that may not come.
+        if setup.result != length && (is_table || setup.result < length) {
+            return Err(Code::TEST_RESULT);
+        }
+        if USERDATA_HEAD + LENGTHS + MESSAGE + length > self.pdu_bytes() {
+            return Err(Code::PDU_SIZE);
+        }
+        let mut job = TestJob {
+            id,
+            function,
+            request: request.to_vec(),
+            begin: setup.begin,
+            once: setup.once,
+            trigger: setup.trigger,
+            what,
+            asked: None,
+            stays: None,
+            fired: false,
+            goes: false,
+            again: false,
+        };
+        let later = if let What::Block(watch) = &job.what {
+            let ask = Ask::Code { block: watch.block(), wanted: watch.wanted() };
+            // It cannot be enabled before its addresses are known.
+            job.goes = true;
+            Some(Self::later(ask, Service::Test(Ending::SetUp { job: id, service })))
+        } else {
+            None
+        };
+        let is_full = self.tests.jobs.len() >= JOBS;
+        match self.tests.find(id) {
+            Some(old) => {
+                let old = std::mem::replace(old, job);
+                self.forget(&old);
+            }
+            None if is_full => return Err(Code::TEST_FULL),
+            None => self.tests.jobs.push(job),
+        }
+        Ok(later.unwrap_or_else(|| {
+            self.begin(id);
+            Step::Answer(self.set_up_answer(reference, service, id))
+        }))
+    }
+
+    /// The answer to a set-up has the number of the job.
+    fn set_up_answer(&self, reference: u16, service: u8, id: u8) -> Vec<u8> {
+        let number = if service == sub::TEST_REPLACE { self.tests.free() } else { id };
+        answer(reference, service, number, Code::DONE, &[])
+    }
+
+    fn begin(&mut self, id: u8) {
+        if self.tests.find(id).is_some_and(|job| job.begin != Begin::WhenEnabled) {
+            self.arm(id);
+        }
+    }
+
+    /// What a permanent job writes at each trigger.
+    fn stay(&mut self, id: u8) {
+        let Some(TestJob { what: What::Modify(_, puts), trigger: Trigger::Point(point), .. }) = self.tests.find(id)
+        else {
+            return;
+        };
+        let ask = Ask::At { point: *point, stays: true, access: Access::Write(puts.clone()) };
+        let asked = self.ask_aside(ask, Then::Service(Service::Test(Ending::Result { job: id })));
+        if let Some(job) = self.tests.find(id) {
+            job.stays = Some(asked);
+        }
+    }
+
+    /// Asks the CPU for the next result, unless it is asked already.
+    fn arm(&mut self, id: u8) {
+        if self.tests.find(id).is_some_and(|job| job.begin == Begin::Permanent && job.stays.is_none()) {
+            self.stay(id);
+        }
+        let Some(job) = self.tests.find(id).filter(|job| job.asked.is_none()) else { return };
+        (job.again, job.fired) = (false, false);
+        let at = |access| match job.trigger {
+            Trigger::Point(point) => Ask::At { point, stays: false, access },
+            Trigger::Code { .. } => Ask::At { point: Point::Now, stays: false, access },
+        };
+        let (ask, ending) = match &job.what {
+            What::Status(slots) => (at(Access::Read(addresses(slots))), Ending::Result { job: id }),
+            What::Modify(_, puts) => (at(Access::Write(puts.clone())), Ending::Result { job: id }),
+            What::Block(watch) => {
+                (Ask::Code { block: watch.block(), wanted: watch.wanted() }, Ending::Places { job: id })
+            }
+        };
+        self.armed(id, ask, ending);
+    }
+
+    fn armed(&mut self, id: u8, ask: Ask, ending: Ending) {
+        let asked = self.ask_aside(ask, Then::Service(Service::Test(ending)));
+        if let Some(job) = self.tests.find(id) {
+            job.asked = Some(asked);
+        }
+    }
+
+    /// What a job has asked for is not wanted any more.
+    fn forget(&mut self, job: &TestJob) {
+        for asked in [job.asked, job.stays].into_iter().flatten() {
+            self.ask_aside(Ask::Forget(asked), Then::Service(Service::Test(Ending::Nothing)));
+        }
+    }
+
+    /// A job that has given its result is not armed. What is under way still comes, before the answer.
+    fn disable(&mut self, reference: u16, id: u8) -> Result<Step, Code> {
+        let job = self.tests.find(id).ok_or(Code::TEST_JOB)?;
+        if std::mem::take(&mut job.again) {
+            return Ok(Step::Answer(self.test_done(reference, sub::TEST_DISABLE)));
+        }
+        let (asked, stays) = (job.asked, job.stays);
+        let last = asked.or(stays).ok_or(Code::TEST_JOB)?;
+        job.fired = false;
+        if let (Some(_), Some(stays)) = (asked, stays) {
+            self.ask_aside(Ask::Forget(stays), Then::Service(Service::Test(Ending::Nothing)));
+        }
+        Ok(Self::later(Ask::Forget(last), Service::Test(Ending::Disabled { job: id })))
+    }
+
+    fn delete(&mut self, reference: u16, id: u8) -> Step {
+        let Some(job) = self.tests.find(id) else { return Step::Silence };
+        job.goes = true;
+        let (asked, stays) = (job.asked, job.stays);
+        match (asked, stays) {
+            (None, None) => {
+                self.tests.jobs.retain(|job| job.id != id);
+                Step::Answer(self.test_done(reference, sub::TEST_DELETE))
+            }
+            (Some(first), Some(last)) => {
+                self.ask_aside(Ask::Forget(first), Then::Service(Service::Test(Ending::Nothing)));
+                Self::later(Ask::Forget(last), Service::Test(Ending::Deleted { job: id }))
+            }
+            (Some(asked), None) | (None, Some(asked)) => {
+                Self::later(Ask::Forget(asked), Service::Test(Ending::Deleted { job: id }))
+            }
+        }
+    }
+
+    /// For each job its function, its number, and whether it is armed; this service too is a job.
+    fn job_list(&self, reference: u16) -> Vec<u8> {
+        let own = self.tests.free();
+        let state = |job: &TestJob| u8::from(job.asked.is_some() || job.stays.is_some());
+        let jobs = self.tests.jobs.iter().map(|job| [job.function, job.id, 0, state(job)]);
+        let all: Vec<u8> = jobs.chain([[sub::TEST_LIST, own, 0, 0]]).flatten().collect();
+        answer(reference, sub::TEST_LIST, own, Code::DONE, &message(1, &all))
+    }
+
+    fn read_job(&self, reference: u16, service: &UserData<'_>) -> Result<Step, Code> {
+        let id = self.known_job(named(service)?)?;
+        let request = self.tests.jobs.iter().find(|job| job.id == id).map_or(&[][..], |job| &job.request);
+        Ok(Step::Answer(answer(reference, sub::TEST_READ, self.tests.free(), Code::DONE, request)))
+    }
+
+    fn known_job(&self, (function, number): (u8, u8)) -> Result<u8, Code> {
+        let known = self.tests.jobs.iter().any(|job| (job.function, job.id) == (function, number) && !job.goes);
+        if known { Ok(number) } else { Err(Code::TEST_NO_JOB) }
+    }
+
+    /// `0000`, function and number, then the new request.
+    fn replace(&mut self, reference: u16, service: &UserData<'_>) -> Result<Step, Code> {
+        let (_, data) = parts(service.data)?;
+        let (&[_, _, function, number], request) = data.split_first_chunk::<4>().ok_or(Code::TEST_DATA)?;
+        let id = self.known_job((function, number))?;
+        self.set_up(reference, sub::TEST_REPLACE, function, id, request)
+    }
+
+    /// A service of the test functions has waited for the CPU. `request`: what it has asked.
+    pub(super) fn test_came(&mut self, reference: u16, request: u64, ending: Ending, reply: Reply) -> Vec<Vec<u8>> {
+        match ending {
+            Ending::Nothing => Vec::new(),
+            Ending::Blinks => vec![self.test_done(reference, sub::TEST_BLINK)],
+            Ending::Stack { service } => {
+                let state = if let Reply::Szl { bytes, .. } = reply { bytes.get(STATE_AT).copied() } else { None };
+                let stopped = state.is_some_and(|state| state & 0x0F == STOP);
+                let why = if stopped { Code::TEST_FUNCTION } else { Code::TEST_NOT_IN_RUN };
+                vec![self.test_refused(reference, service, why)]
+            }
+            Ending::SetUp { job, service } => vec![match self.places_came(job, reply, true) {
+                Ok(()) => {
+                    let answer = self.set_up_answer(reference, service, job);
+                    self.begin(job);
+                    answer
+                }
+                Err(why) => {
+                    self.tests.jobs.retain(|other| other.id != job);
+                    self.test_refused(reference, service, why)
+                }
+            }],
+            Ending::Places { job } => {
+                self.places_again(job, request, reply);
+                Vec::new()
+            }
+            Ending::Result { job } => {
+                self.result_came(job, request, reply);
+                Vec::new()
+            }
+            Ending::Disabled { job } => {
+                let fired = self.tests.find(job).is_none_or(|job| job.fired);
+                vec![match fired {
+                    true => self.test_refused(reference, sub::TEST_DISABLE, Code::TEST_JOB),
+                    false => self.test_done(reference, sub::TEST_DISABLE),
+                }]
+            }
+            Ending::Deleted { job } => {
+                self.tests.jobs.retain(|other| other.id != job);
+                vec![self.test_done(reference, sub::TEST_DELETE)]
+            }
+        }
+    }
+
+    /// What lies at the addresses of a block status.
+    fn places_came(&mut self, id: u8, reply: Reply, is_first: bool) -> Result<(), Code> {
+        let job = self.tests.find(id).ok_or(Code::TEST_JOB)?;
+        let What::Block(watch) = &mut job.what else { return Err(Code::TEST_JOB) };
+        match reply {
+            Reply::Code(places) => {
+                watch.found(places)?;
+                if is_first {
+                    job.goes = false;
+                }
+                Ok(())
+            }
+            Reply::Refused(Code::PROTECTED) => Err(Code::TEST_PROTECTED),
+            _ if is_first => Err(Code::TEST_NO_BLOCK),
+            _ => Err(Code::TEST_CHANGED),
+        }
+    }
+
+    fn places_again(&mut self, id: u8, request: u64, reply: Reply) {
+        let Some(job) = self.tests.find(id).filter(|job| job.asked == Some(request)) else { return };
+        job.asked = None;
+        if job.goes {
+            return;
+        }
+        if let Err(why) = self.places_came(id, reply, false) {
+            return self.ends(id, why);
+        }
+        if let Some(TestJob { what: What::Block(watch), .. }) = self.tests.find(id) {
+            let order = watch.order();
+            self.armed(id, Ask::Pass(order), Ending::Result { job: id });
+        }
+    }
+
+    /// The job is over: its last message says why.
+    fn ends(&mut self, id: u8, why: Code) {
+        let Some(index) = self.tests.jobs.iter().position(|job| job.id == id) else { return };
+        let job = self.tests.jobs.remove(index);
+        self.push_result(&result(job.function, id, job.trigger.class(), why, &[]), id);
+    }
+
+    fn result_came(&mut self, id: u8, request: u64, reply: Reply) {
+        let Some(job) = self.tests.find(id) else { return };
+        let no_room = reply == Reply::Refused(Code::NOT_NOW);
+        if job.stays == Some(request) {
+            job.stays = None;
+            job.again |= no_room;
+            return;
+        }
+        if job.asked != Some(request) {
+            return;
+        }
+        job.asked = None;
+        let wanted = !job.goes && !self.is_ending(id);
+        let Some(job) = self.tests.find(id) else { return };
+        let seen = match (&job.what, reply) {
+            (_, Reply::Forgotten) => Seen::Waits,
+            (What::Block(watch), Reply::Pass(pass)) => watch.seen(&pass),
+            _ if no_room => Seen::Later,
+            (What::Status(slots), reply) => Seen::Result(Code::DONE, table::seen(slots, reply)),
+            (What::Modify(slots, _), reply) => Seen::Result(Code::DONE, table::modified(slots, reply)),
+            (What::Block(_), _) => Seen::Later,
+        };
+        match seen {
+            Seen::Result(code, data) => {
+                job.fired = true;
+                let push = result(job.function, id, job.trigger.class(), code, &data);
+                let gone = job.once && !job.goes;
+                if gone {
+                    self.tests.jobs.retain(|job| job.id != id);
+                }
+                self.push_result(&push, id);
+            }
+            Seen::Ends(why) => self.ends(id, why),
+            Seen::Waits if wanted => self.arm(id),
+            Seen::Later if wanted => job.again = true,
+            Seen::Waits | Seen::Later => {}
+        }
+    }
+
+    /// The partner has disabled or deleted the job, and waits for the answer.
+    fn is_ending(&self, id: u8) -> bool {
+        self.queue.iter().any(|job| is_ending(job, id))
+    }
+
+    /// Sends a result: behind the answers that are not out yet, but before that of the service which ends the job.
+    fn push_result(&mut self, telegram: &[u8], id: u8) {
+        if let Some(job) = self.queue.iter_mut().find(|job| is_ending(job, id)) {
+            job.answer.push(telegram.to_vec());
+        } else if self.queue.is_empty() {
+            self.message(telegram);
+        } else {
+            self.queue.push_back(Job { id: self.next, reference: 0, then: None, answer: vec![telegram.to_vec()] });
+            self.next += 1;
+        }
+    }
+
+    /// Jobs for which there was no room are armed again.
+    pub(super) fn tests_tick(&mut self, now_ms: u64) {
+        if !self.tests.jobs.iter().any(|job| job.again) {
+            self.tests.again_ms = None;
+        } else if now_ms >= *self.tests.again_ms.get_or_insert(now_ms + AGAIN_MS) {
+            self.tests.again_ms = None;
+            let ids: Vec<u8> = self.tests.jobs.iter().filter(|job| job.again).map(|job| job.id).collect();
+            for id in ids {
+                self.arm(id);
+            }
+        }
+    }
+}
+
+fn is_ending(job: &Job, id: u8) -> bool {
+    matches!(&job.then, Some(Then::Service(Service::Test(ending))) if ending.is_after(id))
+}
