@@ -4,7 +4,8 @@ mod common;
 
 use common::{Desk, job};
 use ob1_s7::Rights;
-use ob1_s7::server::CpuEvent;
+use ob1_s7::server::{CpuEvent, Settings};
+use ob1_s7::wire::encode_password;
 
 fn desk() -> Desk {
     Desk::with(Rights::Operate)
@@ -75,4 +76,18 @@ fn an_upload_of_what_is_not_there_is_refused_as_a_whole() {
         let answer = desk.job(&start, &[]);
         assert_eq!((answer[1], &answer[6..]), (2, &[0, 0, 0, 0, code[0], code[1]][..]));
     }
+}
+
+/// The level that a password lifts, and that in force for this connection.
+#[test]
+fn the_levels_of_protection_are_those_of_the_connection() {
+    let levels = |desk: &mut Desk| desk.service(4, 1, &[2, 0x32, 0, 4]).remove(0)[38..42].to_vec();
+    for (rights, expected) in [(Rights::Read, [0, 0, 0, 2]), (Rights::Operate, [0, 0, 0, 1])] {
+        assert_eq!(levels(&mut Desk::with(rights)), expected);
+    }
+    let mut desk = Desk::open(Settings { has_password: true, ..Settings::default() }, 480);
+    desk.cpu.password = Some("secret".into());
+    assert_eq!(levels(&mut desk), [0, 2, 0, 2]);
+    desk.service(5, 1, &encode_password("secret").expect("short"));
+    assert_eq!(levels(&mut desk), [0, 2, 0, 1]);
 }

@@ -14,7 +14,8 @@ const PASSWORDS: u8 = 3;
 /// List of the protection of the CPU, and the index of its record.
 const PROTECTION: [u16; 2] = [0x0132, 0x0232];
 const PROTECTION_INDEX: u16 = 4;
-/// Offset in the record of the level in force, a word.
+/// Offsets in the record of the level that a password lifts (0: there is none) and of that in force, words.
+const SET_AT: usize = 4;
 const LEVEL_AT: usize = 6;
 /// List of communication capabilities, the index of its general record, and in it the offset of the PDU and the
 /// connections, words.
@@ -73,9 +74,12 @@ impl Connection {
         }
         // The level in force is that of this connection: 1 all, 2 no changes of program and operating state.
         if PROTECTION.contains(&id) && told == Some(PROTECTION_INDEX) {
-            let level: u16 = if self.may(Rights::Operate) { 1 } else { 2 };
-            if let Some(place) = out.get_mut(8 + LEVEL_AT..10 + LEVEL_AT) {
-                place.copy_from_slice(&level.to_be_bytes());
+            let level = |rights| if rights >= Rights::Operate { 1_u16 } else { 2 };
+            let set = if self.settings.has_password { level(self.settings.rights) } else { 0 };
+            if let Some(place) = out.get_mut(8 + SET_AT..10 + LEVEL_AT) {
+                let [a, b] = set.to_be_bytes();
+                let [c, d] = level(self.rights).to_be_bytes();
+                place.copy_from_slice(&[a, b, c, d]);
             }
         }
         let pdu = self.pdu_bytes();
