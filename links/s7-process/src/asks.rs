@@ -495,6 +495,7 @@ fn answered(answer: &Answer, rights: Option<Rights>) -> Reply {
             Refusal::InRun => Code::COORDINATION,
             Refusal::Block => Code::BLOCK,
             Refusal::Room => Code::BLOCK_SIZE,
+            Refusal::Watched => Code::WATCHED,
             Refusal::Cell(_) | Refusal::Full | Refusal::Silent => Code::NOT_NOW,
         }),
         Answer::Diagnostics(_) | Answer::Modules { .. } | Answer::Document { .. } | Answer::Pass(_) => {

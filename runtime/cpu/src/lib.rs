@@ -7,6 +7,7 @@
 mod access_port;
 mod accounts;
 mod arena;
+mod carry;
 mod cells;
 mod config;
 mod context;
@@ -55,6 +56,7 @@ pub use accounts::{
     Accounts, AccountsConfig, BlockFigures, Distribution, Figures, Flags, Flight, Histogram, ObFigures, ScanRecord,
     ScanStatistics, Sums,
 };
+pub use carry::lost_values;
 pub use config::{BusPlace, CpuConfig, CycleEnd, ImageErrors, MOST_STACK_BYTES, ModuleSlot};
 pub use cpu::Cpu;
 pub use diag::{DIAG_ENTRIES, DIAG_STOPS, DIAG_TEXT, DiagEntry, ShortText};
@@ -76,7 +78,7 @@ pub use ob1_time::{Clock, Still};
 pub use ports::*;
 pub use retentive::Why;
 pub use settings::{CyclicInterrupt, DataRange, Family, Missed, MissedCycle, Retentive, RetentiveData, TimeOfDay};
-pub use successor::{NotNow, Successor};
+pub use successor::{Successor, Watches};
 pub use system::{standard_block, system_blocks};
 pub use wall::date_and_time;
 pub use watching::PassJob;

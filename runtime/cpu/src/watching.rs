@@ -4,7 +4,7 @@
 //! runs its block with the probe ([`crate::engine::Engine::watch`]), and everything else as always. A job comes as a
 //! box with room for its answer, so that the scan allocates nothing.
 
-use ob1_model::{BlockKind, PASS_JOBS, PASS_STATEMENTS, PASS_WAIT, Pass, PassEnd, PassLine, PassOrder};
+use ob1_model::{BlockId, BlockKind, PASS_JOBS, PASS_STATEMENTS, PASS_WAIT, Pass, PassEnd, PassLine, PassOrder};
 use ob1_time::{Instant, Span};
 
 use crate::engine::{Caller, Regs, Watched};
@@ -18,6 +18,8 @@ const LEAST_LOAD: Span = Span::from_micros(100);
 /// What a statement of a watched pass is reckoned to take longer, at most: run by the reference in place of machine
 /// code, and recorded.
 const STATEMENT: Span = Span::from_nanos(100);
+/// How long a block counts as watched after a pass: whoever watches it live asks four times a second.
+const RECENT: Span = Span::from_millis(500);
 /// No statement.
 const NONE: u32 = u32::MAX;
 
@@ -144,6 +146,8 @@ pub(crate) struct Watching {
     runs: [u32; PASS_JOBS],
     /// For each place: when the next job of it may be armed.
     rest: [Instant; PASS_JOBS],
+    /// For each place: the block of its last job, and until when it counts as watched.
+    recent: [(Option<BlockId>, Instant); PASS_JOBS],
     /// What the engine has been told.
     watched: Watched,
     /// The newest number of a run of a block.
@@ -165,6 +169,12 @@ impl Watching {
         job.since = now;
         *place = Some(job);
         None
+    }
+
+    /// Whether a job is about this block, or was about it a moment ago: whoever watches it asks again and again.
+    pub(crate) fn watches(&self, block: BlockId, now: Instant) -> bool {
+        let jobs = self.jobs.iter().flatten().any(|job| job.order.block == block);
+        jobs || self.recent.iter().any(|(was, until)| *was == Some(block) && now < *until)
     }
 
     /// Nobody waits for this job any more: it goes back at once.
@@ -234,7 +244,7 @@ pub(crate) struct Entering {
 
 impl Machine {
     /// A block is entered: whether this run must be without machine code.
-    pub(crate) fn enter_watched(&mut self, entering: &Entering, caller: Option<ob1_model::BlockId>, r: &Regs) -> bool {
+    pub(crate) fn enter_watched(&mut self, entering: &Entering, caller: Option<BlockId>, r: &Regs) -> bool {
         let ob = self.ob.number;
         let mut probed = false;
         let Watching { jobs, runs, .. } = &mut self.watching;
@@ -338,8 +348,10 @@ impl Cpu {
                 job.ended(PassEnd::NotCalled);
             }
         }
-        for place in &mut self.machine.watching.jobs {
+        let Watching { jobs, recent, .. } = &mut self.machine.watching;
+        for (place, recent) in jobs.iter_mut().zip(recent) {
             if let Some(job) = place.take_if(|job| job.stage == Stage::Done) {
+                *recent = (Some(job.order.block), now.saturating_add(RECENT));
                 self.exchange.give_back(job);
             }
         }

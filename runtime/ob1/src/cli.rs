@@ -13,6 +13,7 @@ use crate::diff::{self, DiffArgs};
 use crate::exec::{self, ExecArgs};
 use crate::exit::{self, Exit};
 use crate::import::{self, CompareArgs, DownloadArgs, ImportArgs, UploadArgs};
+use crate::load::{self, LoadArgs};
 use crate::new::{self, NewArgs};
 use crate::remote::{self, CtlArgs, GetArgs, SetArgs};
 use crate::soak::{self, SoakArgs};
@@ -38,6 +39,7 @@ Examples:
   ob1 ctl press.toml stop                          to STOP
   ob1 diag press.toml                              diagnostic buffers of CPU and CPs, with remedies
   ob1 status press.toml FB 20                      its statements while they run: RLO, STA, accumulators
+  ob1 load press.toml                              its sources as they are now, without a STOP
   ob1 trace press.toml                             every telegram on its lines
   ob1 top press.toml                               live: scans, CPs, telegrams, diagnostic buffer, variables
   ob1 soak press.toml --for 8h --budget wake.p99.9=200us,missed=0   hours of scans, one verdict
@@ -79,6 +81,7 @@ enum Command {
     Download(DownloadArgs),
     Compare(CompareArgs),
     Diff(DiffArgs),
+    Load(LoadArgs),
     New(NewArgs),
     Get(GetArgs),
     Set(SetArgs),
@@ -214,6 +217,7 @@ impl Command {
             Command::Bus(args) => bus::run(&args),
             Command::Check(args) => check::check(&args),
             Command::Xref(args) => xref::xref(&args),
+            Command::Load(args) => load::load(&args),
             Command::New(args) => new::new(&args),
             Command::Get(args) => remote::get(args),
             Command::Set(args) => remote::set(&args),

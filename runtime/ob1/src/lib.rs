@@ -17,6 +17,7 @@ pub mod exit;
 pub mod import;
 pub mod language;
 mod live_text;
+pub mod load;
 pub mod new;
 pub mod remote;
 pub mod soak;

@@ -18,6 +18,7 @@ use crate::bus_view::BusView;
 use crate::drivers::state_text;
 use crate::engine::InUse;
 use crate::io::Panel;
+use crate::download::Loads;
 use crate::known::Known;
 use crate::reason;
 use crate::retentive::health::Health;
@@ -46,6 +47,8 @@ pub struct StationView {
     pub panel: Option<Panel>,
     /// What the operating system granted; set by the scan thread when it has asked.
     pub posture: Arc<OnceLock<Vec<Grant>>>,
+    /// Where changes of the program are ordered, once the station is at work.
+    pub loads: Arc<OnceLock<Loads>>,
     /// State of the writing of retentive memory, where the station file wants it.
     pub retentive: Option<Health>,
     /// The clock of this runtime.

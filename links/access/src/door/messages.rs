@@ -151,6 +151,8 @@ pub enum Refusal {
     Block,
     /// There is no room for it.
     Room,
+    /// A job of program status watches a block that would change.
+    Watched,
 }
 
 impl std::fmt::Display for Refusal {
@@ -166,6 +168,7 @@ impl std::fmt::Display for Refusal {
             Refusal::InRun => f.write_str("not while the CPU is in RUN: send it to STOP first"),
             Refusal::Block => f.write_str("the CPU cannot use this block, or not together with the others"),
             Refusal::Room => f.write_str("there is no room for it"),
+            Refusal::Watched => f.write_str("program status watches a block that would change: end it first"),
             Refusal::Silent => f.write_str("the CPU does not answer: its scan hangs, or its cycle is very long"),
         }
     }

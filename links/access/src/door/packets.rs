@@ -82,7 +82,7 @@ wire!(enum PassEnd { 0 => Whole, 1 => Stopped, 2 => NotCalled, 3 => NoBlock, 4 =
 wire!(struct Pass { end, cut, statements, ob, caller, time, lines });
 wire!(enum Refusal {
     0 => Cell(error), 1 => Right, 2 => Password, 3 => NotThere, 4 => Full, 5 => Silent,
-    6 => InRun, 7 => Block, 8 => Room,
+    6 => InRun, 7 => Block, 8 => Room, 9 => Watched,
 });
 wire!(struct Refused { entry, why });
 wire!(struct Diagnosis { number, time, wall, event, block, line, data, text, place, because, remedy });

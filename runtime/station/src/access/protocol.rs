@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::pass::{PassStatus, PassWanted};
+use crate::download::{LoadOrder, LoadStatus};
 use crate::timing::{Recorder, Timing};
 
 /// Longest line accepted, in bytes.
@@ -69,6 +70,8 @@ pub enum Op {
     Links,
     /// Program status: one pass through a block.
     Pass(PassWanted),
+    /// Changes the program to what its sources say now, or back.
+    Load(LoadOrder),
 }
 
 fn default_count() -> u32 {
@@ -132,6 +135,9 @@ pub struct Response {
     /// Answer to `pass`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pass: Option<Box<PassStatus>>,
+    /// Answer to `load`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub load: Option<Box<LoadStatus>>,
 }
 
 /// A link.
@@ -169,6 +175,7 @@ impl Response {
             buses: None,
             links: None,
             pass: None,
+            load: None,
         }
     }
 

@@ -75,6 +75,7 @@ enum Then {
     Links,
     Diagnostics(u32),
     Pass(Arc<KnownProgram>, PassOrder),
+    Load,
 }
 
 impl Serving {
@@ -175,6 +176,11 @@ impl Serving {
                 let pending = self.control.ask_for(client, Ask::Pass(order), Span::from_nanos(order.wait));
                 return Ok(Begun::UnderWay(pending, Then::Pass(known, order)));
             }
+            Op::Load(order) => {
+                let told = self.view.loads.get().and_then(|loads| loads.load(order));
+                let told = told.ok_or("the station ends, or has not started yet")?;
+                return Ok(Begun::UnderWay(self.control.load(client, told), Then::Load));
+            }
             Op::ResetStatistics => self.view.timings.reset(),
             Op::Timing { histograms } => response.timing = Some(Box::new(self.view.timings.snapshot(histograms))),
             Op::Buses => response.buses = Some(self.view.buses.iter().map(BusView::status).collect()),
@@ -201,6 +207,7 @@ impl Serving {
             (Then::Links, Outcome::Answer(Answer::Document { bytes, .. })) => {
                 response.links = serde_json::from_slice(&bytes).ok();
             }
+            (Then::Load, Outcome::Loaded(told)) => response.load = Some(Box::new(told)),
             (Then::Pass(known, order), Outcome::Answer(Answer::Pass(pass))) => {
                 let started = self.view.unix_at(Instant::START);
                 response.pass = Some(Box::new(pass::status(&known, &order, &pass, started)?));

@@ -59,8 +59,8 @@ pub struct Assembly {
     pub running: Arc<Running>,
     /// What is to be compiled in a process of its own, if the station file leaves the choice of the engine to us.
     pub compile: Option<Request>,
-    /// Where blocks can be downloaded: what that takes.
-    pub download: Option<Downloading>,
+    /// What it takes to change the program.
+    pub download: Downloading,
 }
 
 /// Why a station cannot be assembled.
@@ -264,12 +264,13 @@ pub fn assemble(
     let known = Known::default();
     let in_use = Arc::new(InUse::default());
     known.set(changes.known(&now, (&sources, &around), &library));
-    let download = station.downloads.as_ref().map(|folder| Downloading {
+    let download = Downloading {
         around,
         sources,
         now,
         changes,
-        path: Some(download::path(folder, &station.name)),
+        path: station.downloads.as_ref().map(|folder| download::path(folder, &station.name)),
+        station: None,
         library,
         known: known.clone(),
         engine: station.engine,
@@ -277,7 +278,7 @@ pub fn assemble(
         compile: compile.clone(),
         stack: cpu.stack_bytes(),
         cycles: station.cpu.min_cycle.times(2).into(),
-    });
+    };
     let view = StationView {
         name: station.name.clone(),
         family: station.cpu.family,
@@ -288,6 +289,7 @@ pub fn assemble(
         buses: building.buses.into_iter().map(|bus| bus.view).collect(),
         panel: building.io.as_ref().and_then(|io| Some(Panel::new(io.field()?, &station.modules))),
         posture: Arc::new(OnceLock::new()),
+        loads: Arc::new(OnceLock::new()),
         retentive: station.retentive.as_ref().map(|_| Health::default()),
         clock,
         timings: Timings::new(cpu.accounts(), &rules, clock),

@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use ob1_access::door::Refusal;
 use ob1_broker::{Change, Changed};
 use ob1_cpu::engine::Plan;
-use ob1_cpu::{Cpu, LoadError, NotNow, Successor, Surroundings};
+use ob1_cpu::{Cpu, LoadError, Successor, Surroundings, Watches, lost_values};
 use ob1_ir::Program;
 use ob1_model::{BlockId, BlockKind};
 use ob1_stl::Library;
@@ -24,9 +24,12 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::changes::{Changes, block, has};
 use super::file;
+use super::order::{LoadOrder, LoadStatus, Loading, Loads};
 use crate::compiling::{Compiling, Giver, Request, Successors};
 use crate::engine::{EngineChoice, InUse};
+use crate::finding::{Finding, Level};
 use crate::known::{Known, KnownProgram};
+use crate::{program, station_file};
 
 /// Programs under way to the scan.
 const UNDER_WAY: usize = 2;
@@ -48,7 +51,7 @@ struct OnItsWay {
     /// Where its machine code will come from; after it took over, the same of the program before.
     engines: Option<Successors>,
     state: Arc<AtomicU8>,
-    outcome: Result<(), NotNow>,
+    outcome: Result<(), Watches>,
 }
 
 /// The scan's end.
@@ -95,6 +98,8 @@ pub struct Downloading {
     pub changes: Changes,
     /// Where that is kept; none: it is lost at the end.
     pub path: Option<PathBuf>,
+    /// The file of the station, which names its sources; none: they are not read again.
+    pub station: Option<PathBuf>,
     /// The blocks that are not of the program.
     pub library: Arc<Library>,
     /// What others see of the program.
@@ -120,14 +125,21 @@ impl std::fmt::Debug for Downloading {
 /// The thread at work: changes go in, their outcomes come out. Dropping it ends the thread.
 #[derive(Debug)]
 pub(crate) struct Loader {
-    orders: Option<Sender<(u64, Change)>>,
+    orders: Sender<Order>,
     done: Receiver<Changed>,
     thread: Option<JoinHandle<()>>,
 }
 
+/// What the thread is to do.
+pub(super) enum Order {
+    Change(u64, Change),
+    Load(Loading),
+    End,
+}
+
 impl Drop for Loader {
     fn drop(&mut self) {
-        drop(self.orders.take());
+        let _ = self.orders.send(Order::End);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
@@ -137,7 +149,12 @@ impl Drop for Loader {
 impl Loader {
     /// Hands a change over.
     pub(crate) fn change(&self, number: u64, change: Change) -> bool {
-        self.orders.as_ref().is_some_and(|orders| orders.send((number, change)).is_ok())
+        self.orders.send(Order::Change(number, change)).is_ok()
+    }
+
+    /// Where others order loads.
+    pub(crate) fn loads(&self) -> Loads {
+        Loads::new(self.orders.clone())
     }
 
     /// The outcome of a change, if one has ended.
@@ -154,19 +171,25 @@ impl Downloading {
     pub(crate) fn start(self, runs: impl Fn() -> bool + Send + 'static) -> std::io::Result<(Loader, Newcomers)> {
         let (to_scan, come) = RingBuffer::new(UNDER_WAY);
         let (gone, from_scan) = RingBuffer::new(UNDER_WAY + 1);
-        let (orders, taken) = mpsc::channel::<(u64, Change)>();
+        let (orders, taken) = mpsc::channel();
         let (tell, done) = mpsc::channel();
         let thread = ob1_rt::spawn("ob1-download", move || {
             let runs = Box::new(runs);
-            let mut work = Work { with: self, to_scan, from_scan, runs, wanted: None, compiling: None };
+            let mut work =
+                Work { with: self, to_scan, from_scan, runs, wanted: None, compiling: None, before: None };
             loop {
                 let (number, change) = match work.next(&taken) {
-                    Ok(order) => order,
+                    Ok(Order::Change(number, change)) => (number, change),
+                    Ok(Order::Load(loading)) => {
+                        // Whoever asked may be gone.
+                        let _ = loading.tell.send(work.reload(&loading.order));
+                        continue;
+                    }
                     Err(RecvTimeoutError::Timeout) => {
                         work.compile();
                         continue;
                     }
-                    Err(RecvTimeoutError::Disconnected) => return,
+                    Ok(Order::End) | Err(RecvTimeoutError::Disconnected) => return,
                 };
                 let outcome = work.change(change).map_err(|why| {
                     tracing::warn!("a download was refused: {}", why.text);
@@ -177,7 +200,7 @@ impl Downloading {
                 }
             }
         })?;
-        Ok((Loader { orders: Some(orders), done, thread: Some(thread) }, Newcomers { come, gone, held: None }))
+        Ok((Loader { orders, done, thread: Some(thread) }, Newcomers { come, gone, held: None }))
     }
 }
 
@@ -196,10 +219,6 @@ impl Refused {
     fn new(why: Refusal, text: impl Into<String>) -> Self {
         Self { why, text: text.into() }
     }
-
-    fn in_run() -> Self {
-        Self::new(Refusal::InRun, "statements cannot be changed in RUN")
-    }
 }
 
 struct Work {
@@ -211,11 +230,13 @@ struct Work {
     wanted: Option<(Arc<Plan>, Giver)>,
     /// Where it is being made.
     compiling: Option<Compiling>,
+    /// The program before the last change.
+    before: Option<Arc<Program>>,
 }
 
 impl Work {
-    /// The next change; a timeout when it is time to compile.
-    fn next(&self, orders: &Receiver<(u64, Change)>) -> Result<(u64, Change), RecvTimeoutError> {
+    /// The next order; a timeout when it is time to compile.
+    fn next(&self, orders: &Receiver<Order>) -> Result<Order, RecvTimeoutError> {
         match self.wanted {
             Some(_) => orders.recv_timeout(QUIET),
             None => orders.recv().map_err(|_| RecvTimeoutError::Disconnected),
@@ -233,20 +254,8 @@ impl Work {
         }
     }
 
-    /// Makes a change. A change of statements that fails in RUN is refused because of RUN, whatever else is wrong: STOP
-    /// is the first remedy, and in STOP other blocks may mend the rest.
+    /// Makes a change.
     fn change(&mut self, change: Change) -> Result<(), Refused> {
-        let is_data = |id: &BlockId| id.kind == BlockKind::Db;
-        let data_only = match &change {
-            Change::Link(blocks) => blocks.iter().all(|(id, _)| is_data(id)),
-            Change::Delete(ids) => ids.iter().all(is_data),
-        };
-        let in_run = !data_only && (self.runs)();
-        let told = |why: Refused| if in_run && why.why != Refusal::Silent { Refused::in_run() } else { why };
-        self.make(change).map_err(told)
-    }
-
-    fn make(&mut self, change: Change) -> Result<(), Refused> {
         let with = &self.with;
         let mut changes = with.changes.clone();
         let (mut fresh, mut told) = (Vec::new(), Vec::new());
@@ -279,8 +288,67 @@ impl Work {
         changes.forget_same(&with.sources, &with.library);
         let next = changes.apply(&with.sources, &with.library, &with.around);
         let next = next.map_err(|whys| Refused::new(Refusal::Block, whys.join("; ")))?;
+        self.take(Arc::new(next), fresh)?;
+        self.with.changes = changes;
+        let list: Vec<String> = told.iter().map(BlockId::to_string).collect();
+        tracing::info!("downloaded or deleted: {}", list.join(", "));
+        self.keep();
+        Ok(())
+    }
+
+    /// The sources as they are now, or the program before the last change.
+    ///
+    /// What is loaded from the sources needs no file: it is what the next start finds. So the file of what was
+    /// downloaded goes first, and nobody finds it beside sources that it does not belong to.
+    fn reload(&mut self, order: &LoadOrder) -> Result<LoadStatus, String> {
+        let next = if order.back {
+            self.before.clone().ok_or("there is no version before this one\n  = the program has not been changed yet")?
+        } else {
+            Arc::new(self.read_sources()?)
+        };
+        let with = &self.with;
+        let told = LoadStatus::new(&with.now, &next, lost_values(&with.now, &next), order.texts.then_some(&*with.library));
+        if order.check || told.changed.is_empty() {
+            return Ok(told);
+        }
+        if order.expect.as_ref().is_some_and(|expect| *expect != told.fingerprint) {
+            return Err("the sources have changed since the difference was shown\n  = load again".to_owned());
+        }
+        let changes =
+            if order.back { Changes::between(&with.sources, &next, &with.library) } else { Changes::default() };
+        if let Some(path) = with.path.as_ref().filter(|_| !order.back) {
+            file::write(path, &changes).map_err(|error| format!("{}: {error}", path.display()))?;
+        }
+        if let Err(refused) = self.take(Arc::clone(&next), Vec::new()) {
+            self.keep();
+            return Err(refused.text);
+        }
+        self.with.changes = changes;
+        if !order.back {
+            self.with.sources = next;
+        }
+        let list: Vec<&str> = told.changed.iter().map(|change| change.block.as_str()).collect();
+        let what = if order.back { "back to the version before" } else { "loaded from the sources" };
+        tracing::info!("{what}: {}", list.join(", "));
+        self.keep();
+        let not_kept = self.with.known.get().not_kept.clone().filter(|_| order.back);
+        Ok(LoadStatus { loaded: true, not_kept, ..told })
+    }
+
+    /// The program that the station's sources give now.
+    fn read_sources(&self) -> Result<Program, String> {
+        let path = self.with.station.as_ref().ok_or("this station has no sources")?;
+        let told = |findings: Vec<Finding>| {
+            let errors = findings.iter().filter(|finding| finding.level == Level::Error);
+            errors.map(ToString::to_string).collect::<String>().trim_end().to_owned()
+        };
+        let station = station_file::load(path).map_err(told)?;
+        Ok(program::compile(&station.program, &self.with.library).map_err(told)?.program)
+    }
+
+    /// Has the scan take a program.
+    fn take(&mut self, next: Arc<Program>, fresh: Vec<u16>) -> Result<(), Refused> {
         let successor = self.load(&next, fresh)?;
-        let next = Arc::new(next);
         // If only values change, the machine code stays right.
         let plan = successor.plan().filter(|_| self.with.compile.is_some()).cloned();
         let (giver, engines) = plan.as_ref().map(|_| Giver::pair()).unzip();
@@ -288,20 +356,25 @@ impl Work {
         if let Some(wanted) = plan.zip(giver) {
             self.wanted = Some(wanted);
         }
-        let with = &mut self.with;
-        (with.changes, with.now) = (changes, next);
+        self.before = Some(std::mem::replace(&mut self.with.now, next));
+        Ok(())
+    }
+
+    /// Writes down how the program differs from its sources, and tells others of it.
+    fn keep(&self) {
+        let with = &self.with;
         let kept = with.path.as_ref().map_or_else(
-            || Err("there is no folder for it: [station] state".to_owned()),
+            || {
+                let lost = || Err("there is no folder for it: [station] state".to_owned());
+                if with.changes.is_empty() { Ok(()) } else { lost() }
+            },
             |path| file::write(path, &with.changes).map_err(|error| format!("{}: {error}", path.display())),
         );
-        let list: Vec<String> = told.iter().map(BlockId::to_string).collect();
-        tracing::info!("downloaded or deleted: {}", list.join(", "));
         if let Err(why) = &kept {
-            tracing::error!("the downloaded blocks are lost when the station ends: {why}");
+            tracing::error!("the changed blocks are lost when the station ends: {why}");
         }
         let known = with.changes.known(&with.now, (&with.sources, &with.around), &with.library);
         with.known.set(KnownProgram { not_kept: kept.err(), ..known });
-        Ok(())
     }
 
     fn load(&self, next: &Program, fresh: Vec<u16>) -> Result<Successor, Refused> {
@@ -343,7 +416,13 @@ impl Work {
         loop {
             while let Ok(back) = self.from_scan.pop() {
                 if Arc::ptr_eq(&back.state, &state) {
-                    return back.outcome.map_err(|NotNow| Refused::in_run());
+                    return back.outcome.map_err(|Watches(block)| {
+                        let text = format!(
+                            "{block} is being watched (ob1 status, or program status of an engineering tool)\n  = end \
+                             that first"
+                        );
+                        Refused::new(Refusal::Watched, text)
+                    });
                 }
             }
             if self.from_scan.is_abandoned() {
@@ -419,6 +498,7 @@ mod tests {
             sources,
             changes: Changes::default(),
             path: None,
+            station: None,
             library: Arc::new(Library::new()),
             known: Known::default(),
             engine,
@@ -433,29 +513,34 @@ mod tests {
         (cpu, loader, newcomers, runs)
     }
 
-    /// The operating state comes first: STOP is the remedy, and only there does the rest matter.
+    /// In RUN as in STOP: what does not fit is refused for what it is.
     #[test]
-    fn statements_are_not_changed_in_run_whatever_else_is_wrong() {
-        let calling = "FUNCTION FC 7 : VOID\nBEGIN\nNOP 0;\nEND_FUNCTION\n\
+    fn statements_are_changed_in_run_and_what_does_not_fit_is_refused() {
+        let calling = "FUNCTION FC 7 : VOID\nBEGIN\nL MW 2;\n+ 1;\nT MW 2;\nEND_FUNCTION\n\
                        ORGANIZATION_BLOCK OB 1\nBEGIN\nCALL FC 7;\nEND_ORGANIZATION_BLOCK\n";
         let (mut cpu, loader, mut newcomers, runs) = started(calling);
         let mut engines = None;
         let mut outcome = |cpu: &mut Cpu, change| changed((cpu, &mut engines), (&loader, &mut newcomers), change).1;
         let (fc, db) = (|number| BlockId::new(BlockKind::Fc, number), BlockId::new(BlockKind::Db, 5));
         let broken = |id| Change::Link(vec![(id, vec![0xFF_u8; 80].into())]);
-        assert_eq!(outcome(&mut cpu, Change::Delete(vec![fc(7)])), Err(Refusal::Block));
-        assert_eq!(outcome(&mut cpu, Change::Delete(vec![fc(8)])), Err(Refusal::NotThere));
-        assert_eq!(outcome(&mut cpu, broken(fc(9))), Err(Refusal::Block));
-        cpu.request(Command::Run);
-        cpu.cycle(&mut Still);
-        runs.store(true, Ordering::Relaxed);
-        for change in [Change::Delete(vec![fc(7)]), Change::Delete(vec![db, fc(8)]), broken(fc(9))] {
-            assert_eq!(outcome(&mut cpu, change), Err(Refusal::InRun));
+        for in_run in [false, true] {
+            if in_run {
+                cpu.request(Command::Run);
+                cpu.cycle(&mut Still);
+                runs.store(true, Ordering::Relaxed);
+            }
+            assert_eq!(outcome(&mut cpu, Change::Delete(vec![fc(7)])), Err(Refusal::Block), "OB 1 calls it");
+            assert_eq!(outcome(&mut cpu, Change::Delete(vec![fc(8)])), Err(Refusal::NotThere));
+            assert_eq!(outcome(&mut cpu, broken(fc(9))), Err(Refusal::Block));
+            assert_eq!(outcome(&mut cpu, Change::Delete(vec![db])), Err(Refusal::NotThere));
+            assert_eq!(outcome(&mut cpu, link(DB, db)), Ok(()));
+            assert_eq!(outcome(&mut cpu, Change::Delete(vec![db])), Ok(()));
         }
-        assert_eq!(outcome(&mut cpu, Change::Delete(vec![db])), Err(Refusal::NotThere));
-        assert_eq!(outcome(&mut cpu, broken(db)), Err(Refusal::Block));
-        assert_eq!(outcome(&mut cpu, link(DB, db)), Ok(()));
-        assert_eq!(outcome(&mut cpu, Change::Delete(vec![db])), Ok(()));
+        let by_ten = calling.replace("+ 1", "+ 10");
+        assert_eq!(outcome(&mut cpu, link(&by_ten, fc(7))), Ok(()));
+        let before = cpu.bit_memory()[3];
+        cpu.cycle(&mut Still);
+        assert_eq!((cpu.bit_memory()[3].wrapping_sub(before), cpu.state()), (10, ob1_cpu::OperatingState::Run));
     }
 
     /// So many leave no room on the stack for machine code: the reference engine runs them, in RUN too.
