@@ -77,8 +77,7 @@ fn is_laid_out_so(before: &DataBlock, next: &DataBlock) -> bool {
     };
     let (old, new) = (&before.components, &next.components);
     let unknown = old.is_empty() || new.is_empty();
-    before.bytes.len() == next.bytes.len()
-        && (unknown || old.len() == new.len() && old.iter().zip(new).all(same))
+    before.bytes.len() == next.bytes.len() && (unknown || old.len() == new.len() && old.iter().zip(new).all(same))
 }
 
 /// The values that are lost where `next` follows `before`: `DB 5.level: gone`.

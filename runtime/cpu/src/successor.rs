@@ -236,7 +236,8 @@ mod tests {
     #[test]
     fn components_of_the_same_name_and_type_keep_their_values() {
         let db = |body: &str| program(&format!("DATA_BLOCK DB 7\nSTRUCT\n{body}\nEND_STRUCT\nBEGIN\nEND_DATA_BLOCK\n"));
-        let one = db("a : INT;\nb : BOOL;\nc : BOOL;\ns : STRUCT\nx : REAL;\ny : INT;\nEND_STRUCT;\ngone : INT;\nt : INT;");
+        let one =
+            db("a : INT;\nb : BOOL;\nc : BOOL;\ns : STRUCT\nx : REAL;\ny : INT;\nEND_STRUCT;\ngone : INT;\nt : INT;");
         let two = db("n : BOOL := TRUE;\nC : BOOL;\nb : BOOL;\nt : WORD := W#16#5;\n\
                       s : STRUCT\nz : INT := 9;\nx : REAL;\nEND_STRUCT;\na : INT;");
         let (mut cpu, around) = cpu(&one);

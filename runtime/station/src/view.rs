@@ -15,10 +15,10 @@ use crate::access::protocol::{
     CpBuffer, CpEntry, Diagnostic, DriverStatus, GrantStatus, MemoryStatus, ModuleStatus, ReasonStatus, Status, Times,
 };
 use crate::bus_view::BusView;
+use crate::download::Loads;
 use crate::drivers::state_text;
 use crate::engine::InUse;
 use crate::io::Panel;
-use crate::download::Loads;
 use crate::known::Known;
 use crate::reason;
 use crate::retentive::health::Health;

@@ -18,11 +18,11 @@ use crate::common::site::Site;
 use crate::common::station::{Running, counting};
 
 /// A socket whose station may be gone at any time.
-struct Socket(TcpStream);
+pub(super) struct Socket(TcpStream);
 
 /// It is gone.
 #[derive(Debug)]
-struct Gone;
+pub(super) struct Gone;
 
 impl From<Failure> for Gone {
     fn from(_: Failure) -> Self {
@@ -45,7 +45,7 @@ impl Wire for Socket {
     }
 }
 
-fn connect(port: u16) -> Option<Device<Socket>> {
+pub(super) fn connect(port: u16) -> Option<Device<Socket>> {
     let stream = TcpStream::connect(("127.0.0.1", port)).ok()?;
     Device::connect(Client::call(Place { rack: 0, slot: 2 }), Socket(stream)).ok()
 }

@@ -175,8 +175,7 @@ impl Downloading {
         let (tell, done) = mpsc::channel();
         let thread = ob1_rt::spawn("ob1-download", move || {
             let runs = Box::new(runs);
-            let mut work =
-                Work { with: self, to_scan, from_scan, runs, wanted: None, compiling: None, before: None };
+            let mut work = Work { with: self, to_scan, from_scan, runs, wanted: None, compiling: None, before: None };
             loop {
                 let (number, change) = match work.next(&taken) {
                     Ok(Order::Change(number, change)) => (number, change),
@@ -302,12 +301,15 @@ impl Work {
     /// downloaded goes first, and nobody finds it beside sources that it does not belong to.
     fn reload(&mut self, order: &LoadOrder) -> Result<LoadStatus, String> {
         let next = if order.back {
-            self.before.clone().ok_or("there is no version before this one\n  = the program has not been changed yet")?
+            self.before
+                .clone()
+                .ok_or("there is no version before this one\n  = the program has not been changed yet")?
         } else {
             Arc::new(self.read_sources()?)
         };
         let with = &self.with;
-        let told = LoadStatus::new(&with.now, &next, lost_values(&with.now, &next), order.texts.then_some(&*with.library));
+        let told =
+            LoadStatus::new(&with.now, &next, lost_values(&with.now, &next), order.texts.then_some(&*with.library));
         if order.check || told.changed.is_empty() {
             return Ok(told);
         }
