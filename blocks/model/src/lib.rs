@@ -10,6 +10,7 @@ pub mod calendar;
 mod cell;
 pub mod cells;
 mod fault;
+mod force;
 mod frame;
 mod interface;
 mod layout;
@@ -24,6 +25,7 @@ pub use address::{Area, BitAddr};
 pub use block::{BlockId, BlockKind, is_organization_block};
 pub use cell::{Cell, CellError, Piece, Width};
 pub use fault::{Access, Event, Fault, FaultKind, Site};
+pub use force::{FORCED_300, FORCED_400, Forced, ForcedArea};
 pub use frame::{
     FRAME_WORDS, Frame, GROUP_ENTRIES, Head, Put, Run, WATCH_BYTES, WATCH_LINES, WRITE_BYTES, fits_a_share,
 };

@@ -498,9 +498,11 @@ fn answered(answer: &Answer, rights: Option<Rights>) -> Reply {
             Refusal::Watched => Code::WATCHED,
             Refusal::Cell(_) | Refusal::Full | Refusal::Silent => Code::NOT_NOW,
         }),
-        Answer::Diagnostics(_) | Answer::Modules { .. } | Answer::Document { .. } | Answer::Pass(_) => {
-            Reply::Refused(Code::SERVICE)
-        }
+        Answer::Diagnostics(_)
+        | Answer::Modules { .. }
+        | Answer::Document { .. }
+        | Answer::Pass(_)
+        | Answer::Forced(_) => Reply::Refused(Code::SERVICE),
     }
 }
 

@@ -31,6 +31,9 @@ impl Cpu {
         self.machine.hot.now = self.machine.hot.now.max(clock.now());
         self.machine.memory.reuse_deleted();
         self.machine.serve_port(&self.blocks, self.state);
+        if self.machine.forces_all() != self.machine.watching.forced() {
+            self.arm();
+        }
         if self.machine.attention.take_halt() {
             self.machine.wanted = Some(Command::Stop);
         }
@@ -182,15 +185,18 @@ impl Cpu {
             let error = m.modules.read_image(index, &mut m.memory).err();
             self.image_transferred(index, false, error, clock)?;
         }
+        self.machine.hold();
         Ok(())
     }
 
     fn output_image(&mut self, clock: &mut dyn Clock) -> Result<(), Abort> {
+        self.machine.hold();
         for index in 0..self.machine.modules.list.len() {
             let m = &mut self.machine;
             let error = m.modules.write_image(index, &m.memory).err();
             self.image_transferred(index, true, error, clock)?;
         }
+        self.machine.hold();
         Ok(())
     }
 
@@ -249,6 +255,7 @@ impl Cpu {
             // A module that does not answer reads as 0; in STOP that is not an error.
             let _ = m.modules.read_image(index, &mut m.memory);
         }
+        m.hold();
         m.modules.end_scan(now);
         self.due = now.saturating_add(STOP_CYCLE);
         CycleEnd { next_deadline: self.due, state: self.state, whole: true, late: false }

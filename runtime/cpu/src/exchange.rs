@@ -517,6 +517,7 @@ impl End {
                 Ok(Order::Group(mut group)) => {
                     *left -= group.bytes;
                     group.land(m);
+                    m.hold();
                     self.landed[place] = Some(group);
                     return true;
                 }

@@ -13,6 +13,7 @@ use crate::engine::{
     Callee, Constants, Engine, Executed, Factory, Hot, Lowering, Plan, Signature, Signatures, collect, lower,
     writes_param,
 };
+use crate::force::Force;
 use crate::interrupts::{Diagnoses, Interrupts};
 use crate::keep::Keep;
 use crate::log::LogWriter;
@@ -222,6 +223,7 @@ impl Cpu {
             at: None,
             tape: None,
             watching: Watching::default(),
+            force: Force::default(),
             config,
         };
         Ok(Cpu::assemble(machine, blocks, client, reader))

@@ -111,6 +111,7 @@ impl Cpu {
                 for (number, bytes) in values {
                     m.memory.set_db(*number, bytes);
                 }
+                self.arm();
                 return Ok(());
             }
             What::Program(prepared) => prepared,
@@ -132,6 +133,7 @@ impl Cpu {
             // What a hot restart would continue from belongs to the program before.
             self.has_run &= self.state != OperatingState::Stop;
         }
+        self.arm();
         Ok(())
     }
 }

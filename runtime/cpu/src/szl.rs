@@ -206,7 +206,7 @@ impl Machine {
                 0x0001 => (fault, 0),
                 0x0004 => (state != OperatingState::Stop, u8::from(state == OperatingState::Startup)),
                 0x0005 => (state == OperatingState::Stop, 0),
-                _ => (false, 0),
+                _ => (self.force.is_on(), 0),
             };
             each(&Record::<4>::new().word(led).put(&[u8::from(on), blink]).bytes);
         })?;

@@ -189,9 +189,14 @@ impl Watching {
         self.run
     }
 
+    /// The engine has been told that values are forced.
+    pub(crate) fn forced(&self) -> bool {
+        self.watched.forced
+    }
+
     /// What the engine is to be told.
-    fn wanted(&self) -> Watched {
-        let mut watched = Watched::default();
+    fn wanted(&self, forced: bool) -> Watched {
+        let mut watched = Watched { forced, ..Watched::default() };
         for (place, job) in self.jobs.iter().enumerate() {
             let Some(job) = job.as_ref().filter(|job| matches!(job.stage, Stage::Weighing | Stage::Armed)) else {
                 continue;
@@ -355,7 +360,12 @@ impl Cpu {
                 self.exchange.give_back(job);
             }
         }
-        let wanted = self.machine.watching.wanted();
+        self.arm();
+    }
+
+    /// Tells the engine what is watched, and whether values are forced.
+    pub(crate) fn arm(&mut self) {
+        let wanted = self.machine.watching.wanted(self.machine.forces_all());
         if wanted != self.machine.watching.watched {
             self.machine.watching.watched = wanted;
             self.blocks.engine.watch(&wanted);

@@ -80,6 +80,12 @@ impl Code {
     /// These blocks are watched from now on, no others: neither their own code is entered nor any they are a part of.
     pub(crate) fn watch(&self, watched: &Watched) {
         let before = self.watched.replace(*watched);
+        if before.forced || watched.forced {
+            (0..self.functions.len() as u32).for_each(|block| self.enter_by(block, !watched.forced));
+        }
+        if watched.forced {
+            return;
+        }
         for (set, code) in [(&before, true), (watched, false)] {
             for block in
                 set.all().chain(set.blocks.into_iter().flatten().flat_map(|block| self.containing.of_block(block)))

@@ -12,6 +12,7 @@ use crate::diag::{self, DiagArgs};
 use crate::diff::{self, DiffArgs};
 use crate::exec::{self, ExecArgs};
 use crate::exit::{self, Exit};
+use crate::force::{self, ForceArgs};
 use crate::import::{self, CompareArgs, DownloadArgs, ImportArgs, UploadArgs};
 use crate::load::{self, LoadArgs};
 use crate::new::{self, NewArgs};
@@ -36,6 +37,7 @@ Examples:
   ob1 test                                         the tests of this folder and below
   ob1 get press.toml M1.0 DB10.DBW20               values from the running station
   ob1 set press.toml M1.0=1 DB10.DBW20=16#1234     new values
+  ob1 force press.toml E0.0=1                      a value that stands against the program
   ob1 ctl press.toml stop                          to STOP
   ob1 diag press.toml                              diagnostic buffers of CPU and CPs, with remedies
   ob1 status press.toml FB 20                      its statements while they run: RLO, STA, accumulators
@@ -85,6 +87,7 @@ enum Command {
     New(NewArgs),
     Get(GetArgs),
     Set(SetArgs),
+    Force(ForceArgs),
     Ctl(CtlArgs),
     Diag(DiagArgs),
     Status(StatusArgs),
@@ -221,6 +224,7 @@ impl Command {
             Command::New(args) => new::new(&args),
             Command::Get(args) => remote::get(args),
             Command::Set(args) => remote::set(&args),
+            Command::Force(args) => force::force(&args),
             Command::Ctl(args) => remote::ctl(&args),
             Command::Diag(args) => diag::diag(&args),
             Command::Status(args) => status::status(&args),

@@ -14,6 +14,7 @@ pub mod diag;
 pub mod diff;
 pub mod exec;
 pub mod exit;
+pub mod force;
 pub mod import;
 pub mod language;
 mod live_text;

@@ -1,6 +1,6 @@
 //! The messages between a link and the broker: one message per packet, in the order they were sent.
 
-use ob1_model::{BlockId, CellError, Command, OperatingState as State, Pass, PassOrder, Piece, Put};
+use ob1_model::{BlockId, CellError, Command, Forced, OperatingState as State, Pass, PassOrder, Piece, Put};
 use serde::{Deserialize, Serialize};
 
 use crate::Right;
@@ -71,6 +71,10 @@ pub enum Ask {
     Delete(Vec<BlockId>),
     /// One pass through a block, watched statement by statement. The answer comes when it was made.
     Pass(PassOrder),
+    /// Forces these cells in place of those before (operate); none: it ends forcing. All of them, or none is.
+    Force(Vec<Forced>),
+    /// What is forced.
+    Forced,
 }
 
 /// A document about the whole station. All but the program are JSON objects as on the control socket (docs/access.md).
@@ -128,6 +132,8 @@ pub enum Answer {
     },
     /// What was seen.
     Pass(Pass),
+    /// The forced cells.
+    Forced(Vec<Forced>),
 }
 
 /// Why a request was refused.

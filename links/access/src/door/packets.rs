@@ -1,8 +1,8 @@
 //! The messages as packets.
 
 use ob1_model::{
-    Area, BlockId, BlockKind, Cell, CellError, Command, OperatingState as State, Pass, PassEnd, PassLine, PassOrder,
-    Piece, Put, Width,
+    Area, BlockId, BlockKind, Cell, CellError, Command, Forced, ForcedArea, OperatingState as State, Pass, PassEnd,
+    PassLine, PassOrder, Piece, Put, Width,
 };
 
 use super::messages::{
@@ -68,14 +68,16 @@ wire!(enum Ask {
     0 => Login(password), 1 => Logout, 2 => Command(command), 3 => Clock, 4 => SetClock(clock), 5 => Szl { id, index },
     6 => Diagnostics(count), 7 => Modules, 8 => Blocks, 9 => Block(id), 10 => Events { after }, 11 => NoEvents,
     12 => Document(which), 13 => Stage { id, bytes }, 14 => Link, 15 => Delete(ids),
-    16 => Pass(order),
+    16 => Pass(order), 17 => Force(cells), 18 => Forced,
 });
 wire!(enum Document { 0 => Program, 1 => Status, 2 => Timing, 3 => Buffers, 4 => Links });
 wire!(enum Answer {
     0 => Done, 1 => Clock(clock), 2 => Szl { record, bytes }, 3 => NoSzl(code), 4 => Diagnostics(entries),
     5 => Modules { state, present }, 6 => Blocks(blocks), 7 => Block(block), 8 => Refused(why),
-    9 => Document { last, bytes }, 10 => Pass(pass),
+    9 => Document { last, bytes }, 10 => Pass(pass), 11 => Forced(cells),
 });
+wire!(enum ForcedArea { 0 => Input, 1 => Output, 2 => Memory, 3 => PeripheralInput, 4 => PeripheralOutput });
+wire!(struct Forced { area, bit, width, value });
 wire!(struct PassOrder { block, from, db, first, count, wait });
 wire!(struct PassLine { times, status, accus, addresses, blocks });
 wire!(enum PassEnd { 0 => Whole, 1 => Stopped, 2 => NotCalled, 3 => NoBlock, 4 => Full, 5 => TooLong });
@@ -175,6 +177,8 @@ mod tests {
             Ask::Stage { id: BlockId::new(BlockKind::Fc, 5), bytes: [1, 2, 3].into() },
             Ask::Link,
             Ask::Delete(vec![BlockId::new(BlockKind::Ob, 35)]),
+            Ask::Force(vec![Forced::parse("QW4=16#1234").expect("a cell"); 2]),
+            Ask::Forced,
             Ask::Pass(PassOrder {
                 block: BlockId::new(BlockKind::Fb, 20),
                 from: None,
@@ -208,6 +212,7 @@ mod tests {
                 name: "main".into(),
             }]),
             Answer::Refused(Refusal::Cell(CellError::NoDb)),
+            Answer::Forced(vec![Forced::parse("I0.3=1").expect("a cell")]),
             Answer::Pass(Pass {
                 end: PassEnd::Whole,
                 caller: Some((BlockId::new(BlockKind::Ob, 1), 4)),

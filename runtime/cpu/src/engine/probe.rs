@@ -15,6 +15,8 @@ pub struct Watched {
     pub blocks: [Option<u32>; PASS_JOBS],
     /// Blocks of which it must be known whether a watched one was called in them.
     pub callers: [Option<u32>; PASS_JOBS],
+    /// Values are forced: every block is run statement by statement.
+    pub forced: bool,
 }
 
 impl Watched {
@@ -64,11 +66,15 @@ impl Context<'_> {
         let entering = Entering { block, caller, run, contains };
         let called_by = caller.and_then(|caller| self.blocks.plan.blocks.get(caller.block as usize));
         let probed = self.machine.enter_watched(&entering, called_by.map(|block| block.id), r);
+        let probed = probed || self.machine.watching.forced();
         Entered { entering, probed, statements: self.statements() }
     }
 
     /// It is left.
     pub fn leave(&mut self, entered: &Entered) {
+        if self.machine.watching.forced() {
+            self.machine.hold();
+        }
         let inside = self.statements() - entered.statements;
         let block = self.blocks.plan.blocks.get(entered.entering.block as usize);
         // Without loops its own are no more than it has, whatever it calls.
@@ -79,6 +85,9 @@ impl Context<'_> {
     /// The statement of a probed run that comes now.
     #[inline]
     pub fn next_statement(&mut self, run: u32, statement: u32, r: &Regs) {
+        if self.machine.watching.forced() {
+            self.machine.hold();
+        }
         self.machine.watching.step(run, statement, r);
     }
 

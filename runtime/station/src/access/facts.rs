@@ -12,7 +12,7 @@ use ob1_access::{Cell, Put, Width};
 use ob1_broker::{Change, Changed, DriverState, Facts, LinkState};
 use ob1_cpu::{DIAG_ENTRIES, DiagEntry, Family};
 use ob1_host::driver;
-use ob1_model::BlockId;
+use ob1_model::{BlockId, Forced};
 use ob1_time::Span;
 
 use crate::access::protocol::LinkStatus;
@@ -158,6 +158,14 @@ impl Facts for StationFacts {
 
     fn changed(&mut self) -> Option<Changed> {
         self.loader.changed()
+    }
+
+    fn force(&mut self, cells: Vec<Forced>) {
+        self.view.forces.set(cells);
+    }
+
+    fn forced(&self) -> Vec<Forced> {
+        self.view.forces.now()
     }
 
     fn take_input(&self, put: &Put) -> bool {

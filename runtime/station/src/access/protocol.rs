@@ -70,6 +70,15 @@ pub enum Op {
     Links,
     /// Program status: one pass through a block.
     Pass(PassWanted),
+    /// Tells what is forced, after these cells were added.
+    Force {
+        /// By name.
+        #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+        items: BTreeMap<String, Value>,
+        /// First ends forcing.
+        #[serde(default)]
+        off: bool,
+    },
     /// Changes the program to what its sources say now, or back.
     Load(LoadOrder),
 }
@@ -135,6 +144,9 @@ pub struct Response {
     /// Answer to `pass`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pass: Option<Box<PassStatus>>,
+    /// Answer to `force`: `QW4=16#00FF`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub forced: Option<Vec<String>>,
     /// Answer to `load`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub load: Option<Box<LoadStatus>>,
@@ -175,6 +187,7 @@ impl Response {
             buses: None,
             links: None,
             pass: None,
+            forced: None,
             load: None,
         }
     }
@@ -314,6 +327,9 @@ pub struct Status {
     /// Log lines of the runtime that nobody got: its stderr was full, slow or gone.
     #[serde(default)]
     pub log_lost: u64,
+    /// What is forced: `QW4=16#00FF`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub forced: Vec<String>,
     /// Blocks that were downloaded or deleted and differ from the sources.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub downloads: Vec<Download>,

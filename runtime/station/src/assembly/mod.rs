@@ -25,6 +25,7 @@ use crate::download::{self, Changes, Downloading};
 use crate::drivers::{DriverSettings, find_program};
 use crate::engine::{EngineChoice, InUse};
 use crate::fence;
+use crate::forced::{self, Forces};
 use crate::io::{Panel, ProcessIo, Stimulus};
 use crate::known::Known;
 use crate::missing_blocks::Unserved;
@@ -259,8 +260,9 @@ pub fn assemble(
     let (now, changes) = restored(station, &sources, &library, &around);
     let compiles = station.engine == EngineChoice::Auto;
     let compile = compiles.then(|| Request::new(&config, Arc::clone(&now), &natives));
-    let cpu =
+    let mut cpu =
         load_cpu(config, (loaded, &now), natives, building.modules, station.engine).map_err(AssemblyError::Load)?;
+    let forces = forces(station, &mut cpu);
     let known = Known::default();
     let in_use = Arc::new(InUse::default());
     known.set(changes.known(&now, (&sources, &around), &library));
@@ -289,6 +291,7 @@ pub fn assemble(
         buses: building.buses.into_iter().map(|bus| bus.view).collect(),
         panel: building.io.as_ref().and_then(|io| Some(Panel::new(io.field()?, &station.modules))),
         posture: Arc::new(OnceLock::new()),
+        forces,
         loads: Arc::new(OnceLock::new()),
         retentive: station.retentive.as_ref().map(|_| Health::default()),
         clock,
@@ -306,6 +309,20 @@ pub fn assemble(
         compile,
         download,
     })
+}
+
+/// Forces what was forced when the station ended.
+fn forces(station: &Station, cpu: &mut Cpu) -> Forces {
+    let path = forced::path(&station.state, &station.name);
+    let cells = forced::read(&path).unwrap_or_else(|why| {
+        tracing::error!("{}: nothing is forced: {why}", path.display());
+        Vec::new()
+    });
+    let count = cpu.force(&cells);
+    if !cells.is_empty() {
+        tracing::warn!("forced as before: {count} of {} cells ({})", cells.len(), path.display());
+    }
+    Forces::new(path, cells, cpu.forced())
 }
 
 /// The program of the sources with what was downloaded, or without it if that is not possible.

@@ -198,6 +198,7 @@ impl AtWork {
             self.drain_log();
             self.tell_posture(&mut posture_is_told, &options.station);
             self.journal.take(&self.view);
+            self.view.forces.tend();
             if signals.wait(TICK) {
                 break Ended::Signal;
             }

@@ -10,6 +10,7 @@ mod question;
 mod state;
 mod tape;
 
+use std::cell::Cell;
 use std::sync::Arc;
 
 use ob1_arena::Arena;
@@ -39,7 +40,7 @@ impl std::fmt::Debug for Both {
 
 impl Factory for Both {
     fn engine(&self, plan: &Arc<Plan>) -> Result<Box<dyn Engine>, String> {
-        Ok(Box::new(Two { reference: REFERENCE.engine(plan)?, other: self.0.engine(plan)? }))
+        Ok(Box::new(Two { reference: REFERENCE.engine(plan)?, other: self.0.engine(plan)?, forced: Cell::new(false) }))
     }
 
     fn arena(&self, bytes: usize) -> Arena {
@@ -54,6 +55,7 @@ impl Factory for Both {
 struct Two {
     reference: Box<dyn Engine>,
     other: Box<dyn Engine>,
+    forced: Cell<bool>,
 }
 
 impl Engine for Two {
@@ -68,9 +70,14 @@ impl Engine for Two {
     /// The run that counts is that of the reference.
     fn watch(&self, watched: &Watched) {
         self.reference.watch(watched);
+        self.forced.set(watched.forced);
     }
 
     fn call(&self, block: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<(), Abort> {
+        // Forced values are no engine's.
+        if self.forced.get() {
+            return self.reference.call(block, entry, cx);
+        }
         let before = State::of(cx.machine);
         cx.machine.tape = Some(Box::new(Tape::recording(&before)));
         let ran = self.reference.call(block, entry, cx);
