@@ -196,6 +196,7 @@ impl Cpu {
             let error = m.modules.write_image(index, &m.memory).err();
             self.image_transferred(index, true, error, clock)?;
         }
+        self.machine.drive_forced();
         self.machine.hold();
         Ok(())
     }

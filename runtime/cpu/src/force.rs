@@ -127,6 +127,21 @@ impl Machine {
         }
     }
 
+    /// Peripheral outputs have their forced values though nobody writes them.
+    pub(crate) fn drive_forced(&mut self) {
+        if !self.forces_all() {
+            return;
+        }
+        for at in 0..self.force.held.count {
+            let cell = self.force.held.cells.get(at).copied().filter(|cell| cell.area == ForcedArea::PeripheralOutput);
+            let Some(cell) = cell else { continue };
+            let value = cell.value.to_be_bytes();
+            let bytes = value.get(4 - usize::from(cell.width.bits() / 8)..).unwrap_or_default();
+            // A module that does not answer is told of elsewhere.
+            let _ = self.modules.write(cell.bit / 8, bytes);
+        }
+    }
+
     /// Peripheral bytes were read.
     #[inline]
     pub(crate) fn cover_read(&self, address: u32, bytes: &mut [u8]) {
@@ -185,6 +200,7 @@ impl Machine {
         if self.force.staged.count >= if large { FORCED_400 } else { FORCED_300 }
             || bits < 32 && cell.value >> bits != 0
             || bits > 1 && cell.bit % 8 != 0
+            || bits == 1 && matches!(cell.area, ForcedArea::PeripheralInput | ForcedArea::PeripheralOutput)
         {
             return Err(CellError::Value);
         }

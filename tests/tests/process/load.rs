@@ -176,3 +176,37 @@ fn change_kill() {
     println!("{kills} kills around {changes} changes: old or new, never mixed");
     assert_eq!(station.interrupt().code(), Some(0));
 }
+
+/// Forced from the command line; the station keeps it through its death, and a memory reset ends it.
+#[test]
+fn what_is_forced_outlasts_the_station() {
+    let site = Site::new();
+    site.write("p.awl", "ORGANIZATION_BLOCK OB 1\nBEGIN\nL EB 0;\nT AB 0;\nL EB 1;\nT MB 1;\nEND_ORGANIZATION_BLOCK\n");
+    site.write(
+        "force.toml",
+        "[station]\nname = \"force\"\n[cpu]\nmin_cycle = \"2ms\"\n[program]\nsources = [\"p.awl\"]\n\
+         [[module]]\ntype = \"do\"\nname = \"lamps\"\naddress = 0\n[[module]]\ntype = \"di\"\nname = \"keys\"\naddress = 0\n",
+    );
+    let station = site.run("force.toml").until_run();
+    assert_eq!(site.ob1(&["force", "force.toml"]).fine(), "nothing is forced\n");
+    assert_eq!(site.ob1(&["force", "force", "E0.0=1"]).fine(), "I0.0=1\n");
+    assert_eq!(site.ob1(&["force", "force", "AB1=16#5A", "EB1=7"]).fine(), "I0.0=1\nQB1=16#5A\nIB1=16#07\n");
+    station.until("the program sees it", |station| (station.cells(&["AB 0", "MB 1"]) == [1, 7]).then_some(()));
+    for wrong in ["M0.0=1", "PEW0=1", "DB1.DBW0=1"] {
+        let refused = site.ob1(&["force", "force", wrong]);
+        assert_eq!(refused.code, Some(8), "{wrong}: {}", refused.err);
+    }
+    assert_eq!(station.status().forced, ["I0.0=1", "QB1=16#5A", "IB1=16#07"]);
+    let said = site.ob1(&["ctl", "force", "status"]).fine();
+    assert!(said.contains("FRCE, forced: I0.0=1, QB1=16#5A, IB1=16#07\n"), "{said}");
+    station.kill();
+
+    let station = site.run("force.toml").until_run();
+    station.until("the program sees it", |station| (station.cells(&["AB 0", "MB 1"]) == [1, 7]).then_some(()));
+    assert_eq!(site.ob1(&["force", "force", "--off", "E0.1=1"]).fine(), "I0.1=1\n");
+    station.until("the program sees it", |station| (station.cells(&["AB 0", "MB 1"]) == [2, 0]).then_some(()));
+    site.ob1(&["ctl", "force", "reset"]).fine();
+    station.until("a memory reset ends it", |station| station.status().forced.is_empty().then_some(()));
+    station.until("and the file is gone", |_| (!site.path(".force.forced").exists()).then_some(()));
+    assert_eq!(station.interrupt().code(), Some(0));
+}
