@@ -185,7 +185,7 @@ fn what_is_forced_outlasts_the_station() {
     site.write(
         "force.toml",
         "[station]\nname = \"force\"\n[cpu]\nmin_cycle = \"2ms\"\n[program]\nsources = [\"p.awl\"]\n\
-         [[module]]\ntype = \"do\"\nname = \"lamps\"\naddress = 0\n[[module]]\ntype = \"di\"\nname = \"keys\"\naddress = 0\n",
+         [[module]]\ntype = \"do\"\nname = \"lamps\"\naddress = 0\nbytes = 2\n[[module]]\ntype = \"di\"\nname = \"keys\"\naddress = 0\nbytes = 2\n",
     );
     let station = site.run("force.toml").until_run();
     assert_eq!(site.ob1(&["force", "force.toml"]).fine(), "nothing is forced\n");
