@@ -199,7 +199,7 @@ impl Machine {
         let bits = cell.width.bits();
         if self.force.staged.count >= if large { FORCED_400 } else { FORCED_300 }
             || bits < 32 && cell.value >> bits != 0
-            || bits > 1 && cell.bit % 8 != 0
+            || bits > 1 && !cell.bit.is_multiple_of(8)
             || bits == 1 && matches!(cell.area, ForcedArea::PeripheralInput | ForcedArea::PeripheralOutput)
         {
             return Err(CellError::Value);
