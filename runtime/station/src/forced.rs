@@ -11,8 +11,9 @@ use parking_lot::Mutex;
 
 use crate::files;
 
-/// The first line; the number of cells follows.
-const HEAD: &str = "ob1 force ";
+/// The first line and the last one: between them a line for each cell.
+const HEAD: &str = "ob1 force 1";
+const END: &str = "end";
 
 /// See [the module](self).
 #[derive(Clone, Debug)]
@@ -41,10 +42,12 @@ pub fn read(path: &Path) -> Result<Vec<Forced>, String> {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
         text => text.map_err(|error| error.to_string())?,
     };
-    let mut lines = text.lines();
-    let count = lines.next().and_then(|head| head.strip_prefix(HEAD)?.parse().ok());
-    let cells: Option<Vec<Forced>> = lines.map(Forced::parse).collect();
-    cells.filter(|cells| Some(cells.len()) == count).ok_or_else(|| "it is damaged".to_owned())
+    let lines: Vec<&str> = text.lines().collect();
+    match lines.as_slice() {
+        [HEAD, cells @ .., END] => cells.iter().map(|line| Forced::parse(line)).collect::<Option<_>>(),
+        _ => None,
+    }
+    .ok_or_else(|| "it is damaged".to_owned())
 }
 
 impl Forces {
@@ -90,7 +93,7 @@ impl Forces {
                 _ => files::sync_folder_of(path),
             }
         } else {
-            files::replace(path, format!("{HEAD}{}\n{}\n", list.len(), list.join("\n")).as_bytes())
+            files::replace(path, format!("{HEAD}\n{}\n{END}\n", list.join("\n")).as_bytes())
         };
         if let Err(why) = written {
             tracing::error!("{}: what is forced is not kept: {why}", path.display());
@@ -115,7 +118,7 @@ mod tests {
         forces.tend();
         assert_eq!((forces.now(), read(&path)), (cells.clone(), Ok(cells)));
         let whole = std::fs::read_to_string(&path).expect("it is there");
-        std::fs::write(&path, &whole[..whole.len() - 4]).expect("writable");
+        std::fs::write(&path, &whole[..whole.len() - 2]).expect("writable");
         assert_eq!(read(&path), Err("it is damaged".to_owned()));
         count.store(0, Ordering::Relaxed);
         assert_eq!(forces.now(), []);
