@@ -4,7 +4,7 @@ use std::fmt;
 
 use crate::Width;
 
-/// Most forced cells of an S7-300. [S7-300 installation manual, table 10-1: 10 for a CPU 31x]
+/// Most forced cells of an S7-300. (S7-300 installation manual, table 10-1)
 pub const FORCED_300: usize = 10;
 /// Most forced cells of an S7-400; a CPU 412 to 417 has 64 to 512.
 pub const FORCED_400: usize = 256;

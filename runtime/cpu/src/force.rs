@@ -4,7 +4,7 @@
 //! and again after it; in between the program can overwrite them, and peripheral access passes them by. On an S7-400
 //! bit memory and peripheral cells, too; every read sees the value, and no write has an effect: engines run the blocks
 //! statement by statement then, and the value is set before each of them ([`crate::engine::Watched::forced`]).
-//! [S7-300 installation manual, table 10-1; Programming with STEP 7, 20.8.3]
+//! (S7-300 installation manual, table 10-1; Programming with STEP 7, 20.8.3)
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};

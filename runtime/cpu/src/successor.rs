@@ -44,7 +44,8 @@ pub struct Watches(pub BlockId);
 
 impl Surroundings {
     /// What `next` needs to follow `before`. The data blocks in `fresh` begin with their load values even if they
-    /// existed before; others keep the components of the same name and type. `stack` is [`Cpu::stack_bytes`] of the CPU that is to take it.
+    /// existed before; others keep the components of the same name and type. `stack` is [`Cpu::stack_bytes`] of the CPU
+    /// that is to take it.
     ///
     /// # Errors
     /// Everything that is wrong with the program.

@@ -12,8 +12,8 @@ use crate::remote::assignment;
 ///
 /// As on the rack. Family 300: up to ten inputs and outputs of the process image, set after the inputs are read and
 /// before the outputs are written; within its scan the program can overwrite them. Family 400: up to 256, bit memory
-/// and peripheral cells, too; every read sees the value and no write has an effect. Forced values outlast commands, STOP,
-/// restarts and power failures; --off or a memory reset ends them. Without a cell it shows what is forced.
+/// and peripheral cells, too; every read sees the value and no write has an effect. Forced values outlast commands,
+/// STOP, restarts and power failures; --off or a memory reset ends them. Without a cell it shows what is forced.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 force press.toml E0.0=1 QW4=16#00FF\n  ob1 force press\n  ob1 force press --off\n\nExit codes: 0 done, \

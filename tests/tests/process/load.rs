@@ -1,7 +1,6 @@
 //! `ob1 load`: the program follows its sources in RUN, values stay, and back; around it the station is killed.
 
 use std::process::Stdio;
-use std::time::Duration;
 
 use ob1_line::sim::SplitMix64;
 use ob1_model::{BlockId, BlockKind};
@@ -100,8 +99,7 @@ fn the_program_follows_its_sources_in_run_and_goes_back() {
     });
     watching.kill().and_then(|()| watching.wait()).expect("it ends");
     assert_eq!(mark(&station), [2, 2]);
-    std::thread::sleep(Duration::from_millis(600));
-    assert_eq!(load(&site, &["--yes"]).code, Some(0));
+    station.until("nobody watches it", |_| (load(&site, &["--yes"]).code == Some(0)).then_some(()));
     assert_eq!((mark(&station), station.cell("DB10.level")), ([3, 3], 77));
     assert_eq!(station.interrupt().code(), Some(0));
     let station = site.run("load.toml").until_run();
@@ -158,12 +156,13 @@ fn change_kill() {
                 }
                 u64::from(matches!(device.link(&[(BlockType::Fc, 5), (BlockType::Fc, 6)]), Ok(Ok(()))))
             });
-            // The other half of the kills comes after the change has begun for sure.
             let looks = random.below(if kill % 2 == 0 { 120 } else { 12 });
             for _ in 0..looks {
                 let [five, six] = mark(&station);
                 assert_eq!(five, six, "kill {kill}: a scan with half a change");
-                std::thread::sleep(Duration::from_micros(random.below(4000)));
+                for _ in 0..random.below(200_000) {
+                    std::hint::spin_loop();
+                }
             }
             let ended = station.kill();
             changes += changing.join().expect("changes are taken");
