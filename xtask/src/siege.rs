@@ -17,6 +17,7 @@ const SIEGES: &[Siege] = &[
     siege("bus_dp", "process::profibus", Long::Rounds(200)),
     siege("socket", "process::siege", Long::Rounds(100_000)),
     siege("load_kill", "process::load_siege", Long::Rounds(1_000)),
+    siege("change_kill", "process::load", Long::Rounds(1_000)),
     siege("s7_kill", "process::s7_siege", Long::Rounds(100)),
     siege("s7_sessions", "process::s7_siege", Long::Rounds(1_000_000)),
     siege("s7_torn", "process::s7_siege", Long::Rounds(10_000_000)),

@@ -34,6 +34,15 @@ pub struct CodeBlock {
 }
 
 impl CodeBlock {
+    /// The same statements and declarations: names and lines of the source do not count.
+    #[must_use]
+    pub fn means(&self, other: &Self) -> bool {
+        self.id == other.id
+            && self.interface == other.interface
+            && self.code.len() == other.code.len()
+            && self.code.iter().zip(&other.code).all(|(one, two)| (&one.op, one.network) == (&two.op, two.network))
+    }
+
     /// Bytes of local data, an even number, that absolute operands (`L 10.0`, `LW 20`) and the pointers behind a
     /// `UC` or `CC` (`P#V 20.0`) reach into. What such a pointer leads to is at most an ANY.
     #[must_use]

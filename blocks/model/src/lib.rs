@@ -11,6 +11,7 @@ mod cell;
 pub mod cells;
 mod debug;
 mod fault;
+mod force;
 mod frame;
 mod interface;
 mod layout;
@@ -27,6 +28,7 @@ pub use block::{BlockId, BlockKind, is_organization_block};
 pub use cell::{Cell, CellError, Piece, Width};
 pub use debug::{BREAKPOINTS, Breakpoint, DebugAnswer, DebugEnd, DebugOrder, HELD_LOCAL, Held, HeldBlock, Resume};
 pub use fault::{Access, Event, Fault, FaultKind, Site};
+pub use force::{FORCED_300, FORCED_400, Forced, ForcedArea};
 pub use frame::{
     FRAME_WORDS, Frame, GROUP_ENTRIES, Head, Put, Run, WATCH_BYTES, WATCH_LINES, WRITE_BYTES, fits_a_share,
 };

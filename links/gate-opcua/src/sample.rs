@@ -65,7 +65,7 @@ pub(crate) fn refused(refusal: Refusal) -> StatusCode {
         Refusal::Right | Refusal::Password => StatusCode::BadUserAccessDenied,
         Refusal::NotThere => StatusCode::BadNotFound,
         Refusal::Full => StatusCode::BadTooManyOperations,
-        Refusal::InRun | Refusal::Block | Refusal::Room => StatusCode::BadInvalidState,
+        Refusal::InRun | Refusal::Block | Refusal::Room | Refusal::Watched => StatusCode::BadInvalidState,
         Refusal::Silent => StatusCode::BadTimeout,
     }
 }

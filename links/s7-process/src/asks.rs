@@ -512,6 +512,7 @@ fn answered(answer: &Answer, rights: Option<Rights>) -> Reply {
             Refusal::InRun => Code::COORDINATION,
             Refusal::Block => Code::BLOCK,
             Refusal::Room => Code::BLOCK_SIZE,
+            Refusal::Watched => Code::WATCHED,
             Refusal::Cell(_) | Refusal::Full | Refusal::Silent => Code::NOT_NOW,
         }),
         Answer::Addresses(found) => {
@@ -521,6 +522,7 @@ fn answered(answer: &Answer, rights: Option<Rights>) -> Reply {
         | Answer::Modules { .. }
         | Answer::Document { .. }
         | Answer::Pass(_)
+        | Answer::Forced(_)
         | Answer::Point(_)
         | Answer::Debug(_) => Reply::Refused(Code::SERVICE),
     }

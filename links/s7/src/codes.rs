@@ -84,6 +84,8 @@ codes! {
     BLOCK = 0xD219 "the block is not machine code, or it calls a block that is missing";
     /// Not while the CPU is in this operating state.
     COORDINATION = 0xD240 "not possible in this operating state";
+    /// A job of program status is about the block.
+    WATCHED = 0xD2A2 "program status watches the block";
     /// The protection level does not allow it.
     PROTECTED = 0xD241 "the protection level does not allow it: a password, or a right of the link, is missing";
     /// No status list of this ID.

@@ -9,8 +9,8 @@ use std::time::{self, Duration};
 use ob1_access::Cell;
 use ob1_access::door::{Answer, Ask, Document, MESSAGE_BYTES, News, Refusal, Refused, State, ToBroker, ToLink, What};
 use ob1_backplane::WindowReader;
-use ob1_cpu::{Answer as PortAnswer, Ask as PortAsk, Command, Cpu, DIAG_ENTRIES, DIAG_STOPS, ShortText};
-use ob1_model::{BlockId, BlockKind, DebugOrder, Event, PointItem, StateChange};
+use ob1_cpu::{Answer as PortAnswer, Ask as PortAsk, Command, Cpu, DIAG_ENTRIES, DIAG_STOPS, ForceStep, ShortText};
+use ob1_model::{Area, BlockId, BlockKind, DebugOrder, Event, Forced, ForcedArea, PointItem, StateChange};
 use ob1_time::{Instant, Span, WatchedTime};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
@@ -51,6 +51,8 @@ pub struct Broker {
     drivers: Vec<DriverState>,
     /// Changes of the program under way, and who waits for them.
     changes: BTreeMap<u64, Asker>,
+    /// Cells that are about to be forced.
+    forcing: Vec<(Asker, Vec<Forced>)>,
     change: u64,
     answer_time: Span,
     /// The CPU's time to answer is measured with it.
@@ -88,6 +90,7 @@ impl Broker {
             facts,
             joints,
             changes: BTreeMap::new(),
+            forcing: Vec::new(),
             change: 0,
             events: Stream::default(),
             looks: 0,
@@ -150,8 +153,20 @@ impl Broker {
         while let Some((asker, answers)) = self.port.answered(watched) {
             let answer = match answers {
                 Ok(answers) if asker.document => self.status(&answers),
-                Ok(answers) => self.told(&answers),
-                Err(silent) => silent,
+                Ok(answers) => {
+                    let told = self.told(&answers);
+                    let whose = self.forcing.iter().position(|(whose, _)| *whose == asker);
+                    if let Some((_, cells)) = whose.map(|at| self.forcing.remove(at))
+                        && told == Answer::Done
+                    {
+                        self.facts.force(cells);
+                    }
+                    told
+                }
+                Err(silent) => {
+                    self.forcing.retain(|(whose, _)| *whose != asker);
+                    silent
+                }
             };
             if let Some(joint) = self.joints.get_mut(asker.link) {
                 if let Some(client) = joint.clients.known(asker.client) {
@@ -315,6 +330,7 @@ impl Broker {
         let joint = self.joints.get_mut(asker.link).ok_or(Refusal::NotThere)?;
         let waits = joint.waits();
         let client = joint.clients.of(asker.client, &joint.config).ok_or(Refusal::Full)?;
+        let mut forces = None;
         let asks: Vec<PortAsk> = match ask {
             Ask::Login(password) => {
                 joint.clients.login((asker.client, asker.ticket), password, &joint.config, now)?;
@@ -375,6 +391,20 @@ impl Broker {
                 may_touch(block, &joint.config)?;
                 let found = self.facts.addresses(block, &wanted).ok_or(Refusal::NotThere)?;
                 return Ok(Some(Answer::Addresses(found)));
+            }
+            Ask::Forced => return Ok(Some(Answer::Forced(self.facts.forced()))),
+            Ask::Force(cells) => {
+                client.may_operate()?;
+                cells.iter().try_for_each(|cell| may_force(cell, &joint.config))?;
+                let told: Vec<String> = cells.iter().map(ToString::to_string).collect();
+                let what =
+                    if told.is_empty() { "end forcing".to_owned() } else { format!("force {}", told.join(", ")) };
+                self.record(asker.link, asker.client, &what, "taken", now);
+                let adds = cells.iter().map(|cell| PortAsk::Force(ForceStep::Add(*cell)));
+                let first = [PortAsk::Force(ForceStep::New)].into_iter();
+                let asks = first.chain(adds).chain([PortAsk::Force(ForceStep::Take)]).collect();
+                forces = Some(cells);
+                asks
             }
             Ask::Blocks => return Ok(Some(Answer::Blocks(self.facts.blocks()))),
             Ask::Block(id) => {
@@ -442,6 +472,7 @@ impl Broker {
         };
         let joint = self.joints.get_mut(asker.link).ok_or(Refusal::NotThere)?;
         joint.clients.of(asker.client, &joint.config).ok_or(Refusal::Full)?.count()?;
+        self.forcing.extend(forces.map(|cells| (asker, cells)));
         self.port.ask(asker, asks, self.watched.time().saturating_add(self.answer_time));
         Ok(None)
     }
@@ -479,6 +510,14 @@ impl Broker {
     fn told(&self, answers: &[PortAnswer]) -> Answer {
         match answers {
             [PortAnswer::Done] => Answer::Done,
+            // Cells that are forced: all are taken, or the first that is not says why.
+            [PortAnswer::Done, PortAnswer::Done | PortAnswer::Refused(_), ..] => {
+                let refused = answers.iter().find_map(|answer| match answer {
+                    PortAnswer::Refused(error) => Some(Answer::Refused(Refusal::Cell(*error))),
+                    _ => None,
+                });
+                refused.unwrap_or(Answer::Done)
+            }
             [PortAnswer::Clock(clock)] => Answer::Clock(*clock),
             [PortAnswer::State(state), modules @ ..] => {
                 let present = |answer: &PortAnswer| matches!(answer, PortAnswer::Module(module) if module.present);
@@ -548,6 +587,17 @@ fn list(ids: impl Iterator<Item = BlockId>) -> String {
         let _ = write!(text, "{}{id}", if text.is_empty() { "" } else { ", " });
     }
     text
+}
+
+/// A cell may be forced if its area may be written.
+fn may_force(cell: &Forced, config: &LinkConfig) -> Result<(), Refusal> {
+    let at = match cell.area {
+        ForcedArea::Input => Cell::Area(Area::Input, cell.bit),
+        ForcedArea::Output => Cell::Area(Area::Output, cell.bit),
+        ForcedArea::Memory => Cell::Area(Area::Memory, cell.bit),
+        ForcedArea::PeripheralInput | ForcedArea::PeripheralOutput => Cell::Peripheral(cell.bit),
+    };
+    if config.allowed.has(at) { Ok(()) } else { Err(Refusal::Right) }
 }
 
 /// A data block may be seen or changed if its values may be, a block of statements if the program may be.

@@ -5,7 +5,7 @@ use std::os::fd::OwnedFd;
 use ob1_access::door::{Addresses, BlockFact, Connection, Diagnosis, Document, Refusal, State};
 use ob1_access::{Allowed, Put, Right};
 use ob1_cpu::DiagEntry;
-use ob1_model::BlockId;
+use ob1_model::{BlockId, Forced};
 use ob1_time::Span;
 
 /// A driver, and whether it is up.
@@ -83,6 +83,12 @@ pub trait Facts: Send {
     }
     /// A partner of a link has given a wrong password, or changes something: for the audit log.
     fn record(&mut self, _link: &str, _partner: &str, _what: &str, _outcome: &str) {}
+    /// The CPU forces these cells from now on: they are kept.
+    fn force(&mut self, _cells: Vec<Forced>) {}
+    /// The cells that are forced.
+    fn forced(&self) -> Vec<Forced> {
+        Vec::new()
+    }
     /// The next change that has ended.
     fn changed(&mut self) -> Option<Changed> {
         None

@@ -11,7 +11,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 use ob1_model::Event;
 
-use crate::{Command, DiagEntry, InterruptError, ModuleStatus, OperatingState, ShortText};
+use crate::{Command, DiagEntry, ForceStep, InterruptError, ModuleStatus, OperatingState, ShortText};
 
 /// What a client asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,6 +39,8 @@ pub enum Ask {
     SetClock([u8; 8]),
     /// An entry for the diagnostic buffer about what comes over this port.
     Note(Event, ShortText),
+    /// A step of setting what is forced.
+    Force(ForceStep),
 }
 
 /// What the CPU answers.

@@ -99,7 +99,9 @@ impl Cpu {
             return Err(engine);
         }
         self.disarm();
-        Ok(std::mem::replace(&mut self.blocks.engine, engine))
+        let before = std::mem::replace(&mut self.blocks.engine, engine);
+        self.arm();
+        Ok(before)
     }
 
     /// Which native block runs, for a monitor.
@@ -225,7 +227,9 @@ impl Cpu {
     /// # Errors
     /// The cell does not exist, cannot be written, or does not hold the value.
     pub fn write(&mut self, cell: Cell, width: Width, value: u32) -> Result<(), CellError> {
-        cells::write(&mut self.machine, cell, width, value)
+        cells::write(&mut self.machine, cell, width, value)?;
+        self.machine.put_forced();
+        Ok(())
     }
 
     /// Bytes of bit memory, for dumps.

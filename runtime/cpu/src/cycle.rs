@@ -36,6 +36,9 @@ impl Cpu {
         self.machine.hot.now = self.machine.hot.now.max(self.machine.time(clock));
         self.machine.memory.reuse_deleted();
         self.machine.serve_port(&self.blocks, self.state);
+        if self.machine.forces_all() != self.machine.watching.forced() {
+            self.arm();
+        }
         if self.machine.attention.take_halt() {
             self.machine.wanted = Some(Command::Stop);
         }
@@ -193,15 +196,19 @@ impl Cpu {
             let error = m.modules.read_image(index, &mut m.memory).err();
             self.image_transferred(index, false, error, clock)?;
         }
+        self.machine.put_forced();
         Ok(())
     }
 
     fn output_image(&mut self, clock: &mut dyn Clock) -> Result<(), Abort> {
+        self.machine.put_forced();
         for index in 0..self.machine.modules.list.len() {
             let m = &mut self.machine;
             let error = m.modules.write_image(index, &m.memory).err();
             self.image_transferred(index, true, error, clock)?;
         }
+        self.machine.drive_forced();
+        self.machine.put_forced();
         Ok(())
     }
 
@@ -263,6 +270,7 @@ impl Cpu {
         self.point(Point::Start);
         self.point(Point::End);
         let m = &mut self.machine;
+        m.put_forced();
         m.modules.end_scan(m.real());
         self.due = now.saturating_add(STOP_CYCLE);
         CycleEnd { next_deadline: self.due, state: self.state, whole: true, late: false }

@@ -412,6 +412,7 @@ impl End {
                 Ok(Order::Group(mut group)) => {
                     *left -= group.bytes;
                     group.land(m);
+                    m.put_forced();
                     self.landed[place] = Some(group);
                     return true;
                 }

@@ -152,11 +152,20 @@ impl Interrupts {
         }
     }
 
-    /// Another program: these organization blocks are loaded now.
-    pub(crate) fn loaded(&mut self, loaded: impl Fn(u16) -> bool) {
-        for (ob, cyclic) in (30..).zip(&mut self.cyclic) {
+    /// Another program: these organization blocks are loaded now. In RUN the intervals of new ones begin, and those
+    /// that are gone are no longer due.
+    pub(crate) fn loaded(&mut self, now: Instant, loaded: impl Fn(u16) -> bool) {
+        for ((ob, cyclic), due) in (30..).zip(&mut self.cyclic).zip(&mut self.due[CYCLIC..]) {
+            let begins = loaded(ob) && !cyclic.loaded && self.active;
             cyclic.loaded = loaded(ob);
+            if begins {
+                *due = now.saturating_add(cyclic.period).saturating_add(cyclic.phase);
+            }
         }
+        for slot in (10..=38).filter(|ob| !loaded(*ob)).filter_map(slot_of) {
+            self.withdraw(slot);
+        }
+        self.settle();
     }
 
     /// Interval and phase of a cyclic interrupt.

@@ -7,6 +7,7 @@
 mod access_port;
 mod accounts;
 mod arena;
+mod carry;
 mod cells;
 mod config;
 mod context;
@@ -19,6 +20,7 @@ pub mod engine;
 mod error;
 mod events;
 mod exchange;
+mod force;
 mod holding;
 mod interrupts;
 mod keep;
@@ -58,12 +60,14 @@ pub use accounts::{
     Accounts, AccountsConfig, BlockFigures, Distribution, Figures, Flags, Flight, Histogram, ObFigures, ScanRecord,
     ScanStatistics, Sums,
 };
+pub use carry::lost_values;
 pub use config::{BusPlace, CpuConfig, CycleEnd, ImageErrors, MOST_STACK_BYTES, ModuleSlot};
 pub use cpu::Cpu;
 pub use diag::{DIAG_ENTRIES, DIAG_STOPS, DIAG_TEXT, DiagBuffer, DiagEntry, ShortText};
 pub use error::LoadError;
 pub use events::InterruptError;
 pub use exchange::{LINKS, Link, Returned};
+pub use force::ForceStep;
 pub use holding::{DebugJob, Follower};
 pub use load::Surroundings;
 pub use log::{LOG_TEXT, LogLine, LogReader};
@@ -82,7 +86,7 @@ pub use points::PointJob;
 pub use ports::*;
 pub use retentive::Why;
 pub use settings::{CyclicInterrupt, DataRange, Family, Missed, MissedCycle, Retentive, RetentiveData, TimeOfDay};
-pub use successor::{NotNow, Successor};
+pub use successor::{Successor, Watches};
 pub use system::{standard_block, system_blocks};
 pub use wall::date_and_time;
 pub use watching::PassJob;

@@ -13,6 +13,7 @@ use crate::engine::{
     Callee, Constants, Engine, Executed, Factory, Hot, Lowering, Plan, Signature, Signatures, collect, lower,
     writes_param,
 };
+use crate::force::Force;
 use crate::holding::Debugging;
 use crate::interrupts::{Diagnoses, Interrupts};
 use crate::keep::Keep;
@@ -228,6 +229,7 @@ impl Cpu {
             held: Span::ZERO,
             followers: Vec::new(),
             points: Points::default(),
+            force: Force::default(),
             config,
         };
         Ok(Cpu::assemble(machine, blocks, client, reader))

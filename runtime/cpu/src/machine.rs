@@ -9,6 +9,7 @@ use ob1_time::{Instant, Span};
 use crate::access_port::AccessPort;
 use crate::accounts::Trace;
 use crate::engine::{Caller, Hot, Interrupted, Tape};
+use crate::force::Force;
 use crate::holding::{Debugging, Follower};
 use crate::interrupts::{Diagnoses, Interrupts};
 use crate::keep::Keep;
@@ -143,6 +144,8 @@ pub(crate) struct Machine {
     pub(crate) followers: Vec<Follower>,
     /// Variable tables.
     pub(crate) points: Points,
+    /// Values that the operator holds.
+    pub(crate) force: Force,
 }
 
 impl Machine {
@@ -165,10 +168,12 @@ impl Machine {
             into.copy_from_slice(&self.memory.bytes[at..at + into.len()]);
             return Ok(());
         }
-        match self.tape.take() {
+        let read = match self.tape.take() {
             None => self.modules.read(address, into),
             Some(tape) => self.read_on_tape(tape, address, into),
-        }
+        };
+        self.cover_read(address, into);
+        read
     }
 
     /// Whether there are these peripheral outputs. Whether their module takes a value shows only at the write.
@@ -187,6 +192,8 @@ impl Machine {
             self.memory.bytes[at..at + from.len()].copy_from_slice(from);
             return Ok(());
         }
+        let mut room = [0; _];
+        let from = self.cover_write(address, from, &mut room).unwrap_or(from);
         match self.tape.take() {
             None => self.modules.write(address, from)?,
             Some(tape) => self.write_on_tape(tape, address, from)?,

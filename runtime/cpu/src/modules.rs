@@ -96,7 +96,12 @@ impl Modules {
 
     /// Whether a module has these peripheral outputs.
     pub(crate) fn has_outputs(&self, address: u32, bytes: usize) -> bool {
-        self.list.iter().any(|plugged| plugged.offset(address, bytes, true).is_some())
+        self.has(address, bytes, true)
+    }
+
+    /// Whether a module has these peripheral bytes.
+    pub(crate) fn has(&self, address: u32, bytes: usize, outputs: bool) -> bool {
+        self.list.iter().any(|plugged| plugged.offset(address, bytes, outputs).is_some())
     }
 
     /// The module whose registers begin at exactly this logical address.

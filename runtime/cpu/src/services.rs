@@ -149,6 +149,7 @@ impl Images for Machine {
                 result = result.and(Err(ImageError::Access(self.modules.list[index].slot.input_address as u16)));
             }
         }
+        self.put_forced();
         result
     }
     fn update_outputs(&mut self, partition: u8) -> Result<(), ImageError> {
@@ -156,6 +157,7 @@ impl Images for Machine {
             return Err(ImageError::NotConfigured);
         }
         let mut result = Ok(());
+        self.put_forced();
         for index in 0..self.modules.list.len() {
             if self.modules.write_image(index, &self.memory).is_err() {
                 result = result.and(Err(ImageError::Access(self.modules.list[index].slot.output_address as u16)));

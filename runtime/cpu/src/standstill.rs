@@ -113,6 +113,10 @@ impl Machine {
                 self.enter(event, None, 0, text);
                 Answer::Done
             }
+            Ask::Force(step) => {
+                self.force_step(step)?;
+                Answer::Done
+            }
             Ask::Module(index) => Answer::Module(self.modules.status(index as usize).ok_or(CellError::NoModule)?),
         })
     }

@@ -82,6 +82,7 @@ impl Cpu {
                     self.enter_stop();
                 }
                 self.clear(true);
+                self.machine.force.clear();
                 self.has_run = false;
                 self.diagnose(Event::MEMORY_RESET, 0, "");
             }
@@ -136,6 +137,7 @@ impl Cpu {
             self.clear(kind == Start::Cold);
         }
         self.unwind();
+        self.machine.put_forced();
         self.machine.set_times_of_day();
         // Time stood still for the timers that are left.
         let m = &mut self.machine;

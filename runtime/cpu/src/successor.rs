@@ -5,11 +5,12 @@
 
 use std::sync::Arc;
 
-use ob1_ir::{DataBlock, Program};
+use ob1_ir::{CodeBlock, DataBlock, Program};
+use ob1_model::BlockId;
 
+use crate::carry::Carry;
 use crate::engine::{Factory, Plan};
 use crate::load::{Prepared, Surroundings};
-use crate::memory::Memory;
 use crate::{Cpu, LoadError, OperatingState};
 
 /// A program that takes over, or new values for data blocks of the one that runs.
@@ -17,8 +18,12 @@ pub struct Successor {
     what: What,
     /// Data blocks that begin with their load values, in ascending order.
     fresh: Vec<u16>,
-    /// Only data blocks have changed: it can take over in RUN.
+    /// What data blocks of another layout keep.
+    carry: Carry,
+    /// Only data blocks have changed.
     data_only: bool,
+    /// Blocks of statements that are other ones, or gone.
+    changed: Vec<BlockId>,
 }
 
 enum What {
@@ -33,13 +38,14 @@ impl std::fmt::Debug for Successor {
     }
 }
 
-/// The program cannot take over: its statements have changed, and the CPU is not in STOP.
+/// The program cannot take over: a job of program status watches this block, which changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct NotNow;
+pub struct Watches(pub BlockId);
 
 impl Surroundings {
     /// What `next` needs to follow `before`. The data blocks in `fresh` begin with their load values even if they
-    /// existed before; `stack` is [`Cpu::stack_bytes`] of the CPU that is to take it.
+    /// existed before; others keep the components of the same name and type. `stack` is [`Cpu::stack_bytes`] of the CPU
+    /// that is to take it.
     ///
     /// # Errors
     /// Everything that is wrong with the program.
@@ -56,7 +62,8 @@ impl Surroundings {
         let stays = |old: &DataBlock, new: &DataBlock| {
             let same = (old.number, &old.kind, old.read_only, old.non_retain, &old.components)
                 == (new.number, &new.kind, new.read_only, new.non_retain, &new.components);
-            same && old.bytes.len() == new.bytes.len()
+            let is_fresh = || fresh.binary_search(&new.number).is_ok();
+            same && old.bytes.len() == new.bytes.len() && (old.bytes == new.bytes || is_fresh())
         };
         let all_stay = before.data.len() == next.data.len()
             && before.data.iter().all(|old| next.data.iter().any(|new| stays(old, new)));
@@ -64,9 +71,14 @@ impl Surroundings {
             let values = next.data.iter().filter(|db| fresh.binary_search(&db.number).is_ok());
             What::Values(values.map(|db| (db.number, db.bytes.clone())).collect())
         } else {
-            What::Program(Box::new(self.prepare(next, engine, stack)?))
+            let mut prepared = self.prepare(next, engine, stack)?;
+            prepared.memory.touch();
+            What::Program(Box::new(prepared))
         };
-        Ok(Successor { what, fresh, data_only })
+        let (carry, _) = Carry::new(before, next, &fresh);
+        let same = |old: &CodeBlock| next.blocks.iter().any(|new| new.means(old));
+        let changed = before.blocks.iter().filter(|old| !data_only && !same(old)).map(|old| old.id).collect();
+        Ok(Successor { what, fresh, carry, data_only, changed })
     }
 }
 
@@ -82,15 +94,16 @@ impl Successor {
 }
 
 impl Cpu {
-    /// The program of `next` takes over, between two calls of [`Cpu::cycle`]. Areas, timers and counters keep their
-    /// values, and so do data blocks of the same number and length that are not fresh. Afterwards `next` holds the old
-    /// program.
+    /// The program of `next` takes over, between two calls of [`Cpu::cycle`], in any operating state. Areas, timers and
+    /// counters keep their values, and so do the components of data blocks that are not fresh. Afterwards `next` holds
+    /// the old program.
     ///
     /// # Errors
-    /// [`NotNow`]; nothing has changed then.
-    pub fn succeed(&mut self, next: &mut Successor) -> Result<(), NotNow> {
-        if self.state != OperatingState::Stop && !next.data_only {
-            return Err(NotNow);
+    /// [`Watches`]; nothing has changed then.
+    pub fn succeed(&mut self, next: &mut Successor) -> Result<(), Watches> {
+        let now = self.machine.hot.now;
+        if let Some(block) = next.changed.iter().find(|block| self.machine.watching.watches(**block, now)) {
+            return Err(Watches(*block));
         }
         self.disarm();
         let m = &mut self.machine;
@@ -99,13 +112,14 @@ impl Cpu {
                 for (number, bytes) in values {
                     m.memory.set_db(*number, bytes);
                 }
+                self.arm();
                 return Ok(());
             }
             What::Program(prepared) => prepared,
         };
         m.debugging.forget();
         m.memory.reuse_deleted();
-        prepared.memory.take_values(&m.memory, &next.fresh);
+        prepared.memory.take_values(&m.memory, &next.fresh, &next.carry);
         std::mem::swap(&mut m.memory, &mut prepared.memory);
         std::mem::swap(&mut m.keep, &mut prepared.keep);
         if next.data_only {
@@ -113,33 +127,16 @@ impl Cpu {
         }
         std::mem::swap(&mut self.blocks.plan, &mut prepared.plan);
         std::mem::swap(&mut self.blocks.engine, &mut prepared.engine);
-        m.tape = None;
+        (m.tape, m.at) = (None, None);
         if !next.data_only {
             let blocks = &self.blocks;
             m.services.loaded(|ob| blocks.ob(ob).is_some());
-            m.interrupts.loaded(|ob| blocks.ob(ob).is_some());
+            m.interrupts.loaded(now, |ob| blocks.ob(ob).is_some());
             // What a hot restart would continue from belongs to the program before.
-            self.has_run = false;
+            self.has_run &= self.state != OperatingState::Stop;
         }
+        self.arm();
         Ok(())
-    }
-}
-
-impl Memory {
-    /// The values of the areas and of those data blocks that are the same.
-    fn take_values(&mut self, before: &Self, fresh: &[u16]) {
-        let areas = [(self.inputs, before.inputs), (self.outputs, before.outputs), (self.memory, before.memory)];
-        for (to, from) in areas {
-            self.bytes[to.bytes()].copy_from_slice(&before.bytes[from.bytes()]);
-        }
-        for index in 0..self.program_dbs {
-            let db = self.dbs[index];
-            let same = before.program_db(db.number).filter(|was| was.len == db.len);
-            let Some(was) = same.filter(|_| fresh.binary_search(&db.number).is_err()) else { continue };
-            self.bytes[db.range().bytes()].copy_from_slice(&before.bytes[was.range().bytes()]);
-            self.take_load_values(before, db.number);
-        }
-        self.adopt_made(before);
     }
 }
 
@@ -187,25 +184,108 @@ mod tests {
         let (mut cpu, around) = cpu(&one);
         assert_eq!(word(&cpu, 1), Some(2));
         let mut next = around.successor((&one, &ten), vec![2], REFERENCE, cpu.stack_bytes()).expect("it loads");
-        assert_eq!(cpu.succeed(&mut next), Err(NotNow));
-        cpu.cycle(&mut Still);
-        assert_eq!(word(&cpu, 1), Some(3), "the program before goes on");
         cpu.request(Command::Stop);
         cpu.cycle(&mut Still);
         cpu.write(Cell::Db(2, 0), Width::Word, 77).expect("it is there");
         assert_eq!(cpu.succeed(&mut next), Ok(()));
-        assert_eq!((word(&cpu, 1), word(&cpu, 2)), (Some(3), Some(2)), "DB 2 is fresh");
-        assert_eq!(cpu.read(Cell::Area(Area::Memory, 16), Width::Word), Ok(3));
+        assert_eq!((word(&cpu, 1), word(&cpu, 2)), (Some(2), Some(2)), "DB 2 is fresh");
+        assert_eq!(cpu.read(Cell::Area(Area::Memory, 16), Width::Word), Ok(2));
         cpu.request(Command::Run);
         cpu.cycle(&mut Still);
-        assert_eq!(word(&cpu, 1), Some(13));
+        assert_eq!(word(&cpu, 1), Some(12));
         // And back again, with the old program.
         cpu.request(Command::Stop);
         cpu.cycle(&mut Still);
         assert_eq!(cpu.succeed(&mut next), Ok(()));
         cpu.request(Command::Run);
         cpu.cycle(&mut Still);
-        assert_eq!(word(&cpu, 1), Some(14));
+        assert_eq!(word(&cpu, 1), Some(13));
+        // In RUN they take over as well, and the CPU stays there.
+        assert_eq!(cpu.succeed(&mut next), Ok(()));
+        cpu.cycle(&mut Still);
+        assert_eq!((word(&cpu, 1), cpu.state()), (Some(23), OperatingState::Run));
+    }
+
+    #[test]
+    fn a_cyclic_interrupt_that_comes_in_run_begins_its_interval_and_one_that_goes_is_due_no_more() {
+        struct Ticks(ob1_time::Instant);
+        impl crate::Clock for Ticks {
+            fn now(&mut self) -> ob1_time::Instant {
+                self.0
+            }
+            fn executed(&mut self, _statements: u64) {}
+        }
+        let without = adding("1");
+        let text = "ORGANIZATION_BLOCK OB 35\nBEGIN\nL MW 6;\n+ 1;\nT MW 6;\nEND_ORGANIZATION_BLOCK\n";
+        let mut with = without.clone();
+        with.blocks.extend(program(text).blocks);
+        let (mut cpu, around) = cpu(&without);
+        let mut next = around.successor((&without, &with), vec![], REFERENCE, cpu.stack_bytes()).expect("it loads");
+        let mut clock = Ticks(ob1_time::Instant::START);
+        let mut run = |cpu: &mut Cpu, ms| {
+            for _ in 0..ms {
+                clock.0 = clock.0.saturating_add(ob1_time::Span::MILLISECOND);
+                cpu.cycle(&mut clock);
+            }
+            cpu.read(Cell::Area(Area::Memory, 48), Width::Word)
+        };
+        assert_eq!(run(&mut cpu, 250), Ok(0));
+        assert_eq!(cpu.succeed(&mut next), Ok(()));
+        assert_eq!(run(&mut cpu, 250), Ok(2), "every 100 ms");
+        assert_eq!(cpu.succeed(&mut next), Ok(()));
+        assert_eq!(run(&mut cpu, 250), Ok(2));
+        assert_eq!(cpu.state(), OperatingState::Run);
+    }
+
+    #[test]
+    fn components_of_the_same_name_and_type_keep_their_values() {
+        let db = |body: &str| program(&format!("DATA_BLOCK DB 7\nSTRUCT\n{body}\nEND_STRUCT\nBEGIN\nEND_DATA_BLOCK\n"));
+        let one =
+            db("a : INT;\nb : BOOL;\nc : BOOL;\ns : STRUCT\nx : REAL;\ny : INT;\nEND_STRUCT;\ngone : INT;\nt : INT;");
+        let two = db("n : BOOL := TRUE;\nC : BOOL;\nb : BOOL;\nt : WORD := W#16#5;\n\
+                      s : STRUCT\nz : INT := 9;\nx : REAL;\nEND_STRUCT;\na : INT;");
+        let (mut cpu, around) = cpu(&one);
+        let number = |path: &str, program: &Program| {
+            ob1_model::Component::find(&program.data[0].components, path).expect(path).at.0
+        };
+        for (path, width, value) in
+            [("a", Width::Word, 12), ("c", Width::Bit, 1), ("s.x", Width::DWord, 0x4048_F5C3), ("t", Width::Word, 3)]
+        {
+            cpu.write(Cell::Db(7, number(path, &one)), width, value).expect("it is there");
+        }
+        let lost = ["DB 7.s.y: gone", "DB 7.gone: gone", "DB 7.t: of another type"];
+        assert_eq!(crate::lost_values(&one, &two), lost);
+        let mut next = around.successor((&one, &two), vec![], REFERENCE, cpu.stack_bytes()).expect("it loads");
+        assert_eq!(cpu.succeed(&mut next), Ok(()));
+        for (path, width, value) in [
+            ("a", Width::Word, 12),
+            ("n", Width::Bit, 1),
+            ("b", Width::Bit, 0),
+            ("C", Width::Bit, 1),
+            ("s.x", Width::DWord, 0x4048_F5C3),
+            ("s.z", Width::Word, 9),
+            ("t", Width::Word, 5),
+        ] {
+            assert_eq!(cpu.read(Cell::Db(7, number(path, &two)), width), Ok(value), "{path}");
+        }
+    }
+
+    /// Other start values are those of the next cold restart; the values stay.
+    #[test]
+    fn other_start_values_leave_the_values() {
+        let one = adding("1");
+        let mut other = one.clone();
+        other.data[1].bytes = vec![0, 9];
+        let (mut cpu, around) = cpu(&one);
+        cpu.write(Cell::Db(2, 0), Width::Word, 77).expect("it is there");
+        let mut next = around.successor((&one, &other), vec![], REFERENCE, cpu.stack_bytes()).expect("it loads");
+        assert_eq!(cpu.succeed(&mut next), Ok(()));
+        assert_eq!(word(&cpu, 2), Some(77));
+        cpu.request(Command::Stop);
+        cpu.cycle(&mut Still);
+        cpu.request(Command::Cold);
+        cpu.cycle(&mut Still);
+        assert_eq!(word(&cpu, 2), Some(9));
     }
 
     #[test]

@@ -277,7 +277,8 @@ impl Machine {
                 0x0005 => (matches!(state, OperatingState::Stop | OperatingState::Hold), 0),
                 // A bus is at fault when one of its stations is.
                 0x000B => (bus_fault, 0),
-                // Force, a second bus, maintenance.
+                0x0006 => (self.force.is_on(), 0),
+                // A second bus, maintenance.
                 _ => (false, 0),
             };
             each(&Record::<4>::new().word(led).put(&[u8::from(on), blink]).bytes);

@@ -4,7 +4,7 @@
 //! runs its block with the probe ([`crate::engine::Engine::watch`]), and everything else as always. A job comes as a
 //! box with room for its answer, so that the scan allocates nothing.
 
-use ob1_model::{BlockKind, PASS_JOBS, PASS_STATEMENTS, PASS_WAIT, Pass, PassEnd, PassLine, PassOrder};
+use ob1_model::{BlockId, BlockKind, PASS_JOBS, PASS_STATEMENTS, PASS_WAIT, Pass, PassEnd, PassLine, PassOrder};
 use ob1_time::{Instant, Span};
 
 use crate::engine::{Caller, Regs, Watched};
@@ -18,6 +18,8 @@ const LEAST_LOAD: Span = Span::from_micros(100);
 /// What a statement of a watched pass is reckoned to take longer, at most: run by the reference in place of machine
 /// code, and recorded.
 const STATEMENT: Span = Span::from_nanos(100);
+/// How long a block counts as watched after a pass: whoever watches it live asks four times a second.
+const RECENT: Span = Span::from_millis(500);
 /// No statement.
 const NONE: u32 = u32::MAX;
 
@@ -157,10 +159,14 @@ pub(crate) struct Watching {
     runs: [u32; PASS_JOBS],
     /// For each place: when the next job of it may be armed.
     rest: [Instant; PASS_JOBS],
+    /// For each place: the block of its last job, and until when it counts as watched.
+    recent: [(Option<BlockId>, Instant); PASS_JOBS],
     /// What the engine has been told.
     watched: Watched,
     /// The newest number of a run of a block.
     run: u32,
+    /// Values are forced in all memory: as the engine has been told.
+    forced: bool,
 }
 
 impl Watching {
@@ -180,6 +186,12 @@ impl Watching {
         None
     }
 
+    /// Whether a job is about this block, or was about it a moment ago: whoever watches it asks again and again.
+    pub(crate) fn watches(&self, block: BlockId, now: Instant) -> bool {
+        let jobs = self.jobs.iter().flatten().any(|job| job.order.block == block);
+        jobs || self.recent.iter().any(|(was, until)| *was == Some(block) && now < *until)
+    }
+
     /// Nobody waits for this job any more: it goes back at once.
     pub(crate) fn forget(&mut self, link: usize, id: u64) {
         let jobs = self.jobs.iter_mut().flatten();
@@ -190,6 +202,11 @@ impl Watching {
     pub(crate) fn new_run(&mut self) -> u32 {
         self.run = self.run.wrapping_add(1).max(1);
         self.run
+    }
+
+    /// The engine has been told that values are forced.
+    pub(crate) fn forced(&self) -> bool {
+        self.forced
     }
 
     /// What the engine is to be told.
@@ -247,7 +264,7 @@ pub(crate) struct Entering {
 
 impl Machine {
     /// A block is entered: whether this run must be without machine code.
-    pub(crate) fn enter_watched(&mut self, entering: &Entering, caller: Option<ob1_model::BlockId>, r: &Regs) -> bool {
+    pub(crate) fn enter_watched(&mut self, entering: &Entering, caller: Option<BlockId>, r: &Regs) -> bool {
         let ob = self.ob.number;
         let mut probed = false;
         let Watching { jobs, runs, .. } = &mut self.watching;
@@ -351,14 +368,22 @@ impl Cpu {
                 job.ended(PassEnd::NotCalled);
             }
         }
-        for place in &mut self.machine.watching.jobs {
+        let Watching { jobs, recent, .. } = &mut self.machine.watching;
+        for (place, recent) in jobs.iter_mut().zip(recent) {
             if let Some(job) = place.take_if(|job| job.stage == Stage::Done) {
+                *recent = (Some(job.order.block), now.saturating_add(RECENT));
                 self.exchange.give_back(job);
             }
         }
+        self.arm();
+    }
+
+    /// Tells the engine what is watched, and whether every block must run statement by statement.
+    pub(crate) fn arm(&mut self) {
         let mut wanted = self.machine.watching.wanted();
-        wanted.every = self.machine.debugging.is_armed();
-        self.machine.debugging.every = wanted.every;
+        self.machine.debugging.every = self.machine.debugging.is_armed();
+        self.machine.watching.forced = self.machine.forces_all();
+        wanted.every = self.machine.debugging.every || self.machine.watching.forced;
         if wanted != self.machine.watching.watched {
             self.machine.watching.watched = wanted;
             self.blocks.engine.watch(&wanted);

@@ -13,7 +13,9 @@ use crate::diag::{self, DiagArgs};
 use crate::diff::{self, DiffArgs};
 use crate::exec::{self, ExecArgs};
 use crate::exit::{self, Exit};
+use crate::force::{self, ForceArgs};
 use crate::import::{self, CompareArgs, DownloadArgs, ImportArgs, UploadArgs};
+use crate::load::{self, LoadArgs};
 use crate::new::{self, NewArgs};
 use crate::remote::{self, CtlArgs, GetArgs, SetArgs};
 use crate::soak::{self, SoakArgs};
@@ -36,9 +38,11 @@ Examples:
   ob1 test                                         the tests of this folder and below
   ob1 get press.toml M1.0 DB10.DBW20               values from the running station
   ob1 set press.toml M1.0=1 DB10.DBW20=16#1234     new values
+  ob1 force press.toml E0.0=1                      a value that stands against the program
   ob1 ctl press.toml stop                          to STOP
   ob1 diag press.toml                              diagnostic buffers of CPU and CPs, with remedies
   ob1 status press.toml FB 20                      its statements while they run: RLO, STA, accumulators
+  ob1 load press.toml                              its sources as they are now, without a STOP
   ob1 trace press.toml                             every telegram on its lines
   ob1 top press.toml                               live: scans, CPs, telegrams, diagnostic buffer, variables
   ob1 soak press.toml --for 8h --budget wake.p99.9=200us,missed=0   hours of scans, one verdict
@@ -80,9 +84,11 @@ enum Command {
     Download(DownloadArgs),
     Compare(CompareArgs),
     Diff(DiffArgs),
+    Load(LoadArgs),
     New(NewArgs),
     Get(GetArgs),
     Set(SetArgs),
+    Force(ForceArgs),
     Ctl(CtlArgs),
     Diag(DiagArgs),
     Status(StatusArgs),
@@ -216,9 +222,11 @@ impl Command {
             Command::Bus(args) => bus::run(&args),
             Command::Check(args) => check::check(&args),
             Command::Xref(args) => xref::xref(&args),
+            Command::Load(args) => load::load(&args),
             Command::New(args) => new::new(&args),
             Command::Get(args) => remote::get(args),
             Command::Set(args) => remote::set(&args),
+            Command::Force(args) => force::force(&args),
             Command::Ctl(args) => remote::ctl(&args),
             Command::Diag(args) => diag::diag(&args),
             Command::Status(args) => status::status(&args),

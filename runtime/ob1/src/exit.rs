@@ -22,6 +22,7 @@ Exit codes:
   test: 0 passed, 1 a test failed, 2 a test file or program cannot be used.
   import, upload: 0 the whole program came over, 1 blocks were left out or the station does not start
   yet, 2 nothing could be read or written.
+  load: 0 loaded, or with --check a difference; 1 nothing to load.
   download: 0 everything was loaded, 1 blocks were refused, 2 nothing could be loaded.
   compare, diff: 0 the same program, 1 another one, 2 one of them cannot be read.
   soak: 0 pass (compare: not worse), 1 a budget is broken (compare: worse), 2 inconclusive, or it could not be measured.
@@ -140,7 +141,7 @@ mod tests {
     /// The commands whose codes mean something else.
     #[test]
     fn the_table_has_every_command_with_codes_of_its_own() {
-        for command in ["exec", "test", "import", "upload", "download", "compare", "diff", "soak"] {
+        for command in ["exec", "test", "import", "upload", "load", "download", "compare", "diff", "soak"] {
             let mut heads = TABLE.lines().filter_map(|line| Some(line.split_once(" 0 ")?.0));
             assert!(heads.any(|head| head.contains(command)), "{command}");
         }

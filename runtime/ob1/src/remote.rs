@@ -44,7 +44,7 @@ pub struct SetArgs {
     pub items: Vec<(String, String)>,
 }
 
-fn assignment(text: &str) -> Result<(String, String), String> {
+pub(crate) fn assignment(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
         Some((name, value)) if !name.trim().is_empty() => Ok((name.trim().to_owned(), value.trim().to_owned())),
         _ => Err("not an assignment; write NAME=VALUE, such as M1.0=1".to_owned()),
@@ -240,6 +240,9 @@ fn print_status(status: &Status) {
     }
     if let Some(retentive) = &status.retentive {
         say!("{}", retentive_text(retentive));
+    }
+    if !status.forced.is_empty() {
+        say!("FRCE, forced: {}", status.forced.join(", "));
     }
     if !status.downloads.is_empty() {
         let list: Vec<String> = status.downloads.iter().map(|one| format!("{} {}", one.block, one.what)).collect();

@@ -21,6 +21,7 @@ pub mod exit;
 pub mod fence;
 pub mod files;
 pub mod finding;
+pub mod forced;
 pub mod guardian;
 mod handling_check;
 pub mod io;

@@ -15,8 +15,10 @@ use crate::access::protocol::{
     CpBuffer, CpEntry, Diagnostic, DriverStatus, GrantStatus, MemoryStatus, ModuleStatus, ReasonStatus, Status, Times,
 };
 use crate::bus_view::BusView;
+use crate::download::Loads;
 use crate::drivers::state_text;
 use crate::engine::InUse;
+use crate::forced::Forces;
 use crate::io::Panel;
 use crate::known::Known;
 use crate::reason;
@@ -46,6 +48,10 @@ pub struct StationView {
     pub panel: Option<Panel>,
     /// What the operating system granted; set by the scan thread when it has asked.
     pub posture: Arc<OnceLock<Vec<Grant>>>,
+    /// What is forced.
+    pub forces: Forces,
+    /// Where changes of the program are ordered, once the station is at work.
+    pub loads: Arc<OnceLock<Loads>>,
     /// State of the writing of retentive memory, where the station file wants it.
     pub retentive: Option<Health>,
     /// The clock of this runtime.
@@ -231,6 +237,7 @@ impl StationView {
                 threads: memory.threads,
             },
             log_lost: ob1_log::lost(),
+            forced: self.forces.now().iter().map(ToString::to_string).collect(),
             downloads: known.downloads.clone(),
             downloads_not_kept: known.not_kept.clone(),
         }

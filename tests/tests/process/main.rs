@@ -17,6 +17,7 @@ mod gate_siege;
 mod guardian;
 mod import;
 mod kill;
+mod load;
 mod load_siege;
 mod mbus;
 mod modbus;

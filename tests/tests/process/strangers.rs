@@ -295,7 +295,7 @@ fn logs() {
         round += 1;
         under("a wrong host", many, Some("not a name of the station"), &|_, _| get(page, "Host: evil.example\r\n"));
         under("a wrong origin", many, Some("another page"), &|_, _| {
-            get(figures, "Host: localhost\r\nOrigin: http://evil.example\r\n")
+            get(figures, "Host: localhost\r\nOrigin: http://evil.example\r\n");
         });
         under("connections", many, LIBRARY, &|_, _| drop(OpcUa::open(opcua, Duration::from_secs(5))));
         under("noise", many, LIBRARY, &|_, number| {

@@ -1,8 +1,8 @@
 //! The messages between a link and the broker: one message per packet, in the order they were sent.
 
 use ob1_model::{
-    BlockId, CellError, CodeAddress, Command, DebugAnswer, DebugOrder, OperatingState as State, Pass, PassOrder, Piece,
-    PointOrder, Put,
+    BlockId, CellError, CodeAddress, Command, DebugAnswer, DebugOrder, Forced, OperatingState as State, Pass,
+    PassOrder, Piece, PointOrder, Put,
 };
 use serde::{Deserialize, Serialize};
 
@@ -76,6 +76,10 @@ pub enum Ask {
     Delete(Vec<BlockId>),
     /// One pass through a block, watched statement by statement. The answer comes when it was made.
     Pass(PassOrder),
+    /// Forces these cells in place of those before (operate); none: it ends forcing. All of them, or none is.
+    Force(Vec<Forced>),
+    /// What is forced.
+    Forced,
     /// Breakpoints and single step (operate). One client at a time; if it goes, a CPU in HOLD goes to STOP.
     Debug(DebugOrder),
     /// Cells read and written at one point of a cycle (operate, if any is written). The answer comes when it was done,
@@ -158,6 +162,8 @@ pub enum Answer {
     },
     /// What was seen.
     Pass(Pass),
+    /// The forced cells.
+    Forced(Vec<Forced>),
     /// How an order about breakpoints has ended.
     Debug(DebugAnswer),
     /// For each item the bytes read; empty if the order was forgotten before its point came.
@@ -187,6 +193,8 @@ pub enum Refusal {
     Block,
     /// There is no room for it.
     Room,
+    /// A job of program status watches a block that would change.
+    Watched,
 }
 
 impl std::fmt::Display for Refusal {
@@ -202,6 +210,7 @@ impl std::fmt::Display for Refusal {
             Refusal::InRun => f.write_str("not while the CPU is in RUN: send it to STOP first"),
             Refusal::Block => f.write_str("the CPU cannot use this block, or not together with the others"),
             Refusal::Room => f.write_str("there is no room for it"),
+            Refusal::Watched => f.write_str("program status watches a block that would change: end it first"),
             Refusal::Silent => f.write_str("the CPU does not answer: its scan hangs, or its cycle is very long"),
         }
     }

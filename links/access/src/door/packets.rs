@@ -2,8 +2,8 @@
 
 use ob1_model::{
     Area, BlockId, BlockKind, Breakpoint, Cell, CellError, CodeAddress, Command, DebugAnswer, DebugEnd, DebugOrder,
-    Held, HeldBlock, OperatingState as State, Pass, PassEnd, PassLine, PassOrder, Piece, Point, PointItem, PointOrder,
-    Put, Resume, Width,
+    Forced, ForcedArea, Held, HeldBlock, OperatingState as State, Pass, PassEnd, PassLine, PassOrder, Piece, Point,
+    PointItem, PointOrder, Put, Resume, Width,
 };
 
 use super::messages::{
@@ -70,12 +70,14 @@ wire!(enum Ask {
     6 => Diagnostics(count), 7 => Modules, 8 => Blocks, 9 => Block(id), 10 => Events { after }, 11 => NoEvents,
     12 => Document(which), 13 => Stage { id, bytes }, 14 => Link, 15 => Delete(ids),
     16 => Pass(order), 17 => Point(order), 18 => Forget(ticket), 19 => Addresses { block, wanted }, 20 => Debug(order),
+    21 => Force(cells), 22 => Forced,
 });
 wire!(enum Document { 0 => Program, 1 => Status, 2 => Timing, 3 => Buffers, 4 => Links });
 wire!(enum Answer {
     0 => Done, 1 => Clock(clock), 2 => Szl { record, bytes }, 3 => NoSzl(code), 4 => Diagnostics(entries),
     5 => Modules { state, present }, 6 => Blocks(blocks), 7 => Block(block), 8 => Refused(why),
     9 => Document { last, bytes }, 10 => Pass(pass), 11 => Point(outcomes), 12 => Addresses(found), 13 => Debug(answer),
+    14 => Forced(cells),
 });
 wire!(struct Breakpoint { block, statement });
 wire!(enum Resume { 0 => Run, 1 => Into, 2 => Over, 3 => Out });
@@ -85,6 +87,8 @@ wire!(struct Held { stack, status, accus, addresses, local });
 wire!(enum DebugEnd { 0 => Done, 1 => Held, 2 => Runs, 3 => Stopped, 4 => NoStatement(index) });
 wire!(struct DebugAnswer { end, held });
 wire!(struct PassOrder { block, from, db, first, count, wait, before });
+wire!(enum ForcedArea { 0 => Input, 1 => Output, 2 => Memory, 3 => PeripheralInput, 4 => PeripheralOutput });
+wire!(struct Forced { area, bit, width, value });
 wire!(struct PassLine { times, status, accus, addresses, blocks });
 wire!(enum PassEnd { 0 => Whole, 1 => Stopped, 2 => NotCalled, 3 => NoBlock, 4 => Full, 5 => TooLong });
 wire!(struct Pass { end, cut, statements, ob, caller, time, lines, before });
@@ -95,7 +99,7 @@ wire!(struct PointOrder { point, stays, items });
 wire!(struct Addresses { code, statements, found });
 wire!(enum Refusal {
     0 => Cell(error), 1 => Right, 2 => Password, 3 => NotThere, 4 => Full, 5 => Silent,
-    6 => InRun, 7 => Block, 8 => Room,
+    6 => InRun, 7 => Block, 8 => Room, 9 => Watched,
 });
 wire!(struct Refused { entry, why });
 wire!(struct Diagnosis { number, time, wall, event, block, line, data, text, place, because, remedy });
@@ -188,6 +192,8 @@ mod tests {
             Ask::Stage { id: BlockId::new(BlockKind::Fc, 5), bytes: [1, 2, 3].into() },
             Ask::Link,
             Ask::Delete(vec![BlockId::new(BlockKind::Ob, 35)]),
+            Ask::Force(vec![Forced::parse("QW4=16#1234").expect("a cell"); 2]),
+            Ask::Forced,
             Ask::Pass(PassOrder {
                 block: BlockId::new(BlockKind::Fb, 20),
                 from: None,
@@ -232,6 +238,7 @@ mod tests {
                 name: "main".into(),
             }]),
             Answer::Refused(Refusal::Cell(CellError::NoDb)),
+            Answer::Forced(vec![Forced::parse("I0.3=1").expect("a cell")]),
             Answer::Pass(Pass {
                 end: PassEnd::Whole,
                 caller: Some((BlockId::new(BlockKind::Ob, 1), 4)),

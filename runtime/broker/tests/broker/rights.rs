@@ -3,15 +3,22 @@
 use ob1_access::door::{Answer, Ask, Command, Refusal, Refused};
 use ob1_access::{Allowed, Cell, Piece, Put, Right, Width};
 use ob1_broker::LinkConfig;
-use ob1_model::{Area, BlockId, BlockKind};
+use ob1_model::{Area, BlockId, BlockKind, Forced};
 
 use crate::station::{Station, bytes, link, memory, word};
 
 /// Each right, and each limit of it: what is not allowed is refused and changes nothing.
 #[test]
 fn rights() {
-    let operates =
-        [Ask::Command(Command::Stop), Ask::Command(Command::Cold), Ask::Command(Command::Reset), Ask::SetClock([0; 8])];
+    let force = |text| Ask::Force(vec![Forced::parse(text).expect("a cell")]);
+    let operates = [
+        force("I0.0=1"),
+        Ask::Force(Vec::new()),
+        Ask::Command(Command::Stop),
+        Ask::Command(Command::Cold),
+        Ask::Command(Command::Reset),
+        Ask::SetClock([0; 8]),
+    ];
     for right in [Right::Read, Right::Write, Right::Operate] {
         let mut station = Station::new(vec![link("panel", right)]);
         let mut door = station.open(0);
@@ -43,6 +50,8 @@ fn areas_and_blocks() {
     let allowed = Allowed::of(Some(&texts(&["M", "DB"])), Some(&texts(&["DB8"]))).expect("right");
     let mut station = Station::new(vec![LinkConfig { allowed, ..link("panel", Right::Operate) }]);
     let mut door = station.open(0);
+    let output = Ask::Force(Forced::parse("QB0=1").into_iter().collect());
+    assert_eq!(station.ask(&mut door, 1, output), Answer::Refused(Refusal::Right));
     let pieces = [
         bytes(memory(0), 2),
         bytes(Cell::Db(7, 0), 2),

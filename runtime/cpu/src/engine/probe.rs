@@ -15,7 +15,7 @@ pub struct Watched {
     pub blocks: [Option<u32>; PASS_JOBS],
     /// Blocks of which it must be known whether a watched one was called in them.
     pub callers: [Option<u32>; PASS_JOBS],
-    /// Every block runs statement by statement: there are breakpoints.
+    /// Every block runs statement by statement: there are breakpoints, or values are forced.
     pub every: bool,
 }
 
@@ -67,12 +67,15 @@ impl Context<'_> {
         let called_by = caller.and_then(|caller| self.blocks.plan.blocks.get(caller.block as usize));
         let watched = self.machine.enter_watched(&entering, called_by.map(|block| block.id), r);
         let ob = self.machine.ob.number;
-        let probed = self.machine.debugging.entered(&entering, ob, r) || watched;
+        let probed = self.machine.debugging.entered(&entering, ob, r) || watched || self.machine.watching.forced();
         Entered { entering, probed, statements: self.statements() }
     }
 
     /// It is left.
     pub fn leave(&mut self, entered: &Entered) {
+        if self.machine.watching.forced() {
+            self.machine.put_forced();
+        }
         let inside = self.statements() - entered.statements;
         let block = self.blocks.plan.blocks.get(entered.entering.block as usize);
         // Without loops its own are no more than it has, whatever it calls.
@@ -87,6 +90,9 @@ impl Context<'_> {
     /// It has gone from HOLD to STOP.
     #[inline]
     pub fn next_statement(&mut self, run: u32, statement: u32, r: &Regs) -> Result<(), Abort> {
+        if self.machine.watching.forced() {
+            self.machine.put_forced();
+        }
         self.machine.watching.step(run, statement, r);
         self.may_hold(run, statement, r)
     }

@@ -14,6 +14,7 @@ mod edges;
 mod engines;
 mod exchange;
 mod faults;
+mod force;
 mod forms;
 mod holding;
 mod instructions;

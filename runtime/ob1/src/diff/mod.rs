@@ -7,6 +7,9 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use clap::Args;
+use ob1_ir::Program;
+use ob1_model::BlockId;
+use ob1_stl::Library;
 use serde_json::{Value, json};
 
 use crate::exit::DiffExit;
@@ -70,16 +73,34 @@ fn run(args: &DiffArgs) -> Result<DiffExit, String> {
             one.texts(&args.blocks, true).values().flat_map(|text| &text.lines).for_each(|line| say!("{}", line.shown));
             Ok(DiffExit::Same)
         }
-        ([old, new], false) => Ok(compare(args, old, new)),
+        ([old, new], false) => {
+            Ok(compare(&Wanted { blocks: &args.blocks, brief: args.brief, json: args.json }, old, new))
+        }
         (_, true) => Err("--text takes one program".to_owned()),
         (_, false) => Err("two programs are compared; --text prints one".to_owned()),
     }
 }
 
-fn compare(args: &DiffArgs, old: &Side, new: &Side) -> DiffExit {
+/// Prints what differs between two programs that call the blocks of this library.
+pub(crate) fn show_between((old, new): (Program, Program), library: &Library, titles: [&str; 2]) {
+    let [before, after] = titles.map(str::to_owned);
+    let old = Side { title: before, runs: false, program: old, library: library.clone() };
+    let new = Side { title: after, runs: false, program: new, library: library.clone() };
+    let _ = compare(&Wanted::default(), &old, &new);
+}
+
+/// How a difference is told.
+#[derive(Clone, Copy, Debug, Default)]
+struct Wanted<'a> {
+    blocks: &'a [BlockId],
+    brief: bool,
+    json: bool,
+}
+
+fn compare(args: &Wanted<'_>, old: &Side, new: &Side) -> DiffExit {
     // What is in the data blocks of a CPU changes as long as it runs.
     let values = !old.runs && !new.runs;
-    let (before, after) = (old.texts(&args.blocks, values), new.texts(&args.blocks, values));
+    let (before, after) = (old.texts(args.blocks, values), new.texts(args.blocks, values));
     let (mut same, mut gone, mut added, mut changed) = (0, Vec::new(), Vec::new(), Vec::new());
     for id in before.keys().chain(after.keys()).collect::<BTreeSet<_>>() {
         match (before.get(id), after.get(id)) {

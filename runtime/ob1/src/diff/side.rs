@@ -25,8 +25,8 @@ pub(super) struct Side {
     pub(super) title: String,
     /// A CPU: its data blocks have their present values.
     pub(super) runs: bool,
-    program: Program,
-    library: Library,
+    pub(super) program: Program,
+    pub(super) library: Library,
 }
 
 impl Side {

@@ -5,6 +5,7 @@
 //! that one copy.
 
 use std::collections::VecDeque;
+use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::{self, Duration};
 
 use ob1_access::door::{Answer, Ask, Door, News, NotYet, Reading, Refusal, Refused, Ticket};
@@ -13,6 +14,8 @@ use ob1_cpu::GROUP_ENTRIES;
 use ob1_time::{Instant, Span, WatchedTime};
 use rustix::event::{PollFd, PollFlags};
 
+use crate::download::LoadStatus;
+
 /// Pause between two readings of the window, while a snapshot is waited for.
 const LOOK: Duration = Duration::from_micros(200);
 /// Longest pause between two looks while a request is under way; of a longer gap only twice as much counts as silence
@@ -20,6 +23,8 @@ const LOOK: Duration = Duration::from_micros(200);
 const PULSE: Duration = Duration::from_millis(100);
 /// How often cells are released that are no longer asked for.
 const TICK: Duration = Duration::from_secs(1);
+/// Longest wait for a program to be compiled and taken over.
+const LOAD_TIME: Span = Span::from_secs(55);
 
 /// A cell and how much of it.
 pub(super) type Wanted = (Cell, Width);
@@ -47,6 +52,7 @@ enum Work {
         group: Option<(Ticket, usize)>,
     },
     Ask(Ticket),
+    Load(Receiver<Result<LoadStatus, String>>),
 }
 
 /// How a request ended.
@@ -56,6 +62,7 @@ pub(super) enum Outcome {
     /// The error names the entry. A read after this sees what was written.
     Written(Result<(), (usize, Refusal)>),
     Answer(Answer),
+    Loaded(LoadStatus),
 }
 
 impl Pending {
@@ -145,6 +152,11 @@ impl Control {
         Pending { give_up: pending.give_up.saturating_add(longer), ..pending }
     }
 
+    /// Waits for a load.
+    pub(super) fn load(&self, client: u32, told: Receiver<Result<LoadStatus, String>>) -> Pending {
+        Pending { client, give_up: self.watched.time().saturating_add(LOAD_TIME), work: Work::Load(told) }
+    }
+
     /// The broker gives up first, and says so.
     fn broker_gives_up(&self) -> Instant {
         self.watched.time().saturating_add(self.answer_time.times(2))
@@ -167,6 +179,11 @@ impl Control {
             Work::Read { wanted, values, part, seen } => self.go_on_reading(wanted, values, part, seen, may_read),
             Work::Write { rest, before, group } => self.go_on_writing(client, rest, before, group),
             Work::Ask(asked) => self.answer(*asked),
+            Work::Load(told) => match told.try_recv() {
+                Ok(told) => Some(told.map(Outcome::Loaded)),
+                Err(TryRecvError::Empty) => None,
+                Err(TryRecvError::Disconnected) => Some(Err("the station ends".into())),
+            },
         };
         ended.or_else(|| is_late.then(|| Err(Refusal::Silent.to_string())))
     }

@@ -14,7 +14,7 @@ use ob1_broker::{Change, Changed, DriverState, Facts, LinkState};
 use ob1_cpu::{DIAG_ENTRIES, DiagEntry, Family};
 use ob1_host::driver;
 use ob1_mc7::{BlockImage, MachineBlock, Segments, addresses, decode};
-use ob1_model::{BlockId, CodeAddress};
+use ob1_model::{BlockId, CodeAddress, Forced};
 use ob1_time::Span;
 
 use crate::access::protocol::LinkStatus;
@@ -32,8 +32,9 @@ pub(crate) struct StationFacts {
     timers_and_counters: [u16; 2],
     min_cycle: Span,
     drivers: Vec<(String, Arc<driver::DriverStatus>)>,
-    /// Where blocks can be downloaded.
-    loader: Option<Loader>,
+    loader: Loader,
+    /// Links can download blocks.
+    downloads: bool,
     /// Links, and the audit log of each.
     audits: Vec<(String, PathBuf)>,
     /// It could not be written last time.
@@ -95,7 +96,7 @@ impl Code {
 }
 
 impl StationFacts {
-    pub(crate) fn new(view: StationView, station: &Station, loader: Option<Loader>) -> Self {
+    pub(crate) fn new(view: StationView, station: &Station, loader: Loader) -> Self {
         let cpu = &station.cpu;
         let driver = |module: &crate::view::ModuleView| Some((module.name.clone(), module.driver.clone()?));
         Self {
@@ -105,6 +106,7 @@ impl StationFacts {
             timers_and_counters: [cpu.timers, cpu.counters],
             min_cycle: cpu.min_cycle,
             loader,
+            downloads: station.downloads.is_some(),
             audits: station.links.iter().filter_map(|link| Some((link.name.clone(), link.audit.clone()?))).collect(),
             audit_fails: false,
             codes: RefCell::default(),
@@ -216,7 +218,7 @@ impl Facts for StationFacts {
     }
 
     fn change(&mut self, number: u64, change: Change) -> bool {
-        self.loader.as_ref().is_some_and(|loader| loader.change(number, change))
+        self.downloads && self.loader.change(number, change)
     }
 
     fn record(&mut self, link: &str, partner: &str, what: &str, outcome: &str) {
@@ -234,7 +236,15 @@ impl Facts for StationFacts {
     }
 
     fn changed(&mut self) -> Option<Changed> {
-        self.loader.as_ref().and_then(Loader::changed)
+        self.loader.changed()
+    }
+
+    fn force(&mut self, cells: Vec<Forced>) {
+        self.view.forces.set(cells);
+    }
+
+    fn forced(&self) -> Vec<Forced> {
+        self.view.forces.now()
     }
 
     fn take_input(&self, put: &Put) -> bool {

@@ -10,6 +10,7 @@ use serde_json::Value;
 
 use super::debug::{DebugStatus, DebugWanted};
 use super::pass::{PassStatus, PassWanted};
+use crate::download::{LoadOrder, LoadStatus};
 use crate::timing::{Recorder, Timing};
 
 /// Longest line accepted, in bytes.
@@ -72,6 +73,17 @@ pub enum Op {
     Pass(PassWanted),
     /// Breakpoints and single step.
     Debug(DebugWanted),
+    /// Tells what is forced, after these cells were added.
+    Force {
+        /// By name.
+        #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+        items: BTreeMap<String, Value>,
+        /// First ends forcing.
+        #[serde(default)]
+        off: bool,
+    },
+    /// Changes the program to what its sources say now, or back.
+    Load(LoadOrder),
 }
 
 fn default_count() -> u32 {
@@ -138,6 +150,12 @@ pub struct Response {
     /// Answer to `debug`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub debug: Option<Box<DebugStatus>>,
+    /// Answer to `force`: `QW4=16#00FF`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub forced: Option<Vec<String>>,
+    /// Answer to `load`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub load: Option<Box<LoadStatus>>,
 }
 
 /// A link.
@@ -176,6 +194,8 @@ impl Response {
             links: None,
             pass: None,
             debug: None,
+            forced: None,
+            load: None,
         }
     }
 
@@ -314,6 +334,9 @@ pub struct Status {
     /// Log lines of the runtime that nobody got: its stderr was full, slow or gone.
     #[serde(default)]
     pub log_lost: u64,
+    /// What is forced: `QW4=16#00FF`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub forced: Vec<String>,
     /// Blocks that were downloaded or deleted and differ from the sources.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub downloads: Vec<Download>,

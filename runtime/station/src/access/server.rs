@@ -11,7 +11,7 @@ use std::sync::Arc;
 use ob1_access::door::{Answer, Ask, Command, Diagnosis, Document, Door, Refusal};
 use ob1_access::{Item, Put, value};
 use ob1_cpu::Family;
-use ob1_model::{DebugOrder, PassOrder};
+use ob1_model::{Area, Cell, DebugOrder, Forced, ForcedArea, PassOrder};
 use ob1_rt::SideThread;
 use ob1_time::{Instant, Span};
 use serde_json::Value;
@@ -76,6 +76,8 @@ enum Then {
     Diagnostics(u32),
     Pass(Arc<KnownProgram>, PassOrder),
     Debug(Arc<KnownProgram>, DebugOrder),
+    Load,
+    Force,
 }
 
 impl Serving {
@@ -182,6 +184,24 @@ impl Serving {
                 let pending = self.control.ask_for(client, Ask::Debug(order.clone()), Span::from_nanos(wait));
                 return Ok(Begun::UnderWay(pending, Then::Debug(known, order)));
             }
+            Op::Force { items, off } => {
+                let mut cells = if off { Vec::new() } else { self.view.forces.now() };
+                if items.is_empty() && !off {
+                    response.forced = Some(cells.iter().map(ToString::to_string).collect());
+                    return Ok(Begun::Answered(Box::new(response)));
+                }
+                for (name, value) in items {
+                    let cell = forced(&known, &name, &value)?;
+                    cells.retain(|other| (other.area, other.bit, other.width) != (cell.area, cell.bit, cell.width));
+                    cells.push(cell);
+                }
+                return Ok(Begun::UnderWay(self.control.ask(client, Ask::Force(cells)), Then::Force));
+            }
+            Op::Load(order) => {
+                let told = self.view.loads.get().and_then(|loads| loads.load(order));
+                let told = told.ok_or("the station ends, or has not started yet")?;
+                return Ok(Begun::UnderWay(self.control.load(client, told), Then::Load));
+            }
             Op::ResetStatistics => self.view.timings.reset(),
             Op::Timing { histograms } => response.timing = Some(Box::new(self.view.timings.snapshot(histograms))),
             Op::Buses => response.buses = Some(self.view.buses.iter().map(BusView::status).collect()),
@@ -208,6 +228,10 @@ impl Serving {
             (Then::Links, Outcome::Answer(Answer::Document { bytes, .. })) => {
                 response.links = serde_json::from_slice(&bytes).ok();
             }
+            (Then::Force, Outcome::Answer(_)) => {
+                response.forced = Some(self.view.forces.now().iter().map(ToString::to_string).collect());
+            }
+            (Then::Load, Outcome::Loaded(told)) => response.load = Some(Box::new(told)),
             (Then::Pass(known, order), Outcome::Answer(Answer::Pass(pass))) => {
                 let started = self.view.unix_at(Instant::START);
                 response.pass = Some(Box::new(pass::status(&known, &order, &pass, started)?));
@@ -243,6 +267,26 @@ impl Serving {
 enum Begun {
     Answered(Box<Response>),
     UnderWay(Pending, Then),
+}
+
+/// A cell to be forced, and its value.
+fn forced(known: &KnownProgram, name: &str, value: &Value) -> Result<Forced, String> {
+    let item = known.names.parse(name)?;
+    // Peripheral cells by their names only: nothing else says whether inputs or outputs are meant.
+    let area = match item.cell {
+        Cell::Area(Area::Input, _) => ForcedArea::Input,
+        Cell::Area(Area::Output, _) => ForcedArea::Output,
+        Cell::Area(Area::Memory, _) => ForcedArea::Memory,
+        Cell::Peripheral(_) => Forced::named(name)
+            .map(|cell| cell.area)
+            .ok_or_else(|| format!("{name}: write PIW 256 for peripheral inputs, PQW 256 for outputs"))?,
+        _ => {
+            return Err(format!(
+                "{name} cannot be forced\n  = inputs and outputs can; with family = 400 bit memory and peripheral cells, too"
+            ));
+        }
+    };
+    Ok(Forced { area, bit: item.cell.bit(), width: item.width, value: value::from_json(&item, value)? })
 }
 
 fn cell_value(item: &Item, value: Result<u32, Refusal>) -> Result<CellValue, String> {

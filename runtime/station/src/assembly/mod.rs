@@ -25,6 +25,7 @@ use crate::download::{self, Changes, Downloading};
 use crate::drivers::{DriverSettings, find_program};
 use crate::engine::{EngineChoice, InUse};
 use crate::fence;
+use crate::forced::{self, Forces};
 use crate::io::{Panel, ProcessIo, Stimulus};
 use crate::known::Known;
 use crate::missing_blocks::Unserved;
@@ -59,8 +60,8 @@ pub struct Assembly {
     pub running: Arc<Running>,
     /// What is to be compiled in a process of its own, if the station file leaves the choice of the engine to us.
     pub compile: Option<Request>,
-    /// Where blocks can be downloaded: what that takes.
-    pub download: Option<Downloading>,
+    /// What it takes to change the program.
+    pub download: Downloading,
 }
 
 /// Why a station cannot be assembled.
@@ -259,17 +260,19 @@ pub fn assemble(
     let (now, changes) = restored(station, &sources, &library, &around);
     let compiles = station.engine == EngineChoice::Auto;
     let compile = compiles.then(|| Request::new(&config, Arc::clone(&now), &natives));
-    let cpu =
+    let mut cpu =
         load_cpu(config, (loaded, &now), natives, building.modules, station.engine).map_err(AssemblyError::Load)?;
+    let forces = forces(station, &mut cpu);
     let known = Known::default();
     let in_use = Arc::new(InUse::default());
     known.set(changes.known(&now, (&sources, &around), &library));
-    let download = station.downloads.as_ref().map(|folder| Downloading {
+    let download = Downloading {
         around,
         sources,
         now,
         changes,
-        path: Some(download::path(folder, &station.name)),
+        path: station.downloads.as_ref().map(|folder| download::path(folder, &station.name)),
+        station: None,
         library,
         known: known.clone(),
         engine: station.engine,
@@ -277,7 +280,7 @@ pub fn assemble(
         compile: compile.clone(),
         stack: cpu.stack_bytes(),
         cycles: station.cpu.min_cycle.times(2).into(),
-    });
+    };
     let view = StationView {
         name: station.name.clone(),
         family: station.cpu.family,
@@ -288,6 +291,8 @@ pub fn assemble(
         buses: building.buses.into_iter().map(|bus| bus.view).collect(),
         panel: building.io.as_ref().and_then(|io| Some(Panel::new(io.field()?, &station.modules))),
         posture: Arc::new(OnceLock::new()),
+        forces,
+        loads: Arc::new(OnceLock::new()),
         retentive: station.retentive.as_ref().map(|_| Health::default()),
         clock,
         timings: Timings::new(cpu.accounts(), &rules, clock),
@@ -304,6 +309,20 @@ pub fn assemble(
         compile,
         download,
     })
+}
+
+/// Forces what was forced when the station ended.
+fn forces(station: &Station, cpu: &mut Cpu) -> Forces {
+    let path = forced::path(&station.state, &station.name);
+    let cells = forced::read(&path).unwrap_or_else(|why| {
+        tracing::error!("{}: nothing is forced: {why}", path.display());
+        Vec::new()
+    });
+    let count = cpu.force(&cells);
+    if !cells.is_empty() {
+        tracing::warn!("forced as before: {count} of {} cells ({})", cells.len(), path.display());
+    }
+    Forces::new(path, cells, cpu.forced())
 }
 
 /// The program of the sources with what was downloaded, or without it if that is not possible.

@@ -10,6 +10,7 @@ use ob1_model::{BlockId, BlockKind, Interface};
 use ob1_project::Image;
 use ob1_stl::Library;
 
+use super::order::differing;
 use crate::access::protocol::Download;
 use crate::known::KnownProgram;
 
@@ -32,6 +33,29 @@ impl Changes {
     /// Notes a block that was deleted.
     pub fn delete(&mut self, id: BlockId) {
         self.0.insert(id, None);
+    }
+
+    /// The system data among them, which no source has.
+    #[must_use]
+    pub fn system_data(&self) -> Self {
+        let system = self.0.iter().filter(|(id, _)| id.kind == BlockKind::Sdb);
+        Self(system.map(|(id, bytes)| (*id, bytes.clone())).collect())
+    }
+
+    /// What turns the sources into this program. A block without machine code is left as in the sources.
+    #[must_use]
+    pub fn between(sources: &Program, program: &Program, library: &Library) -> Self {
+        let known = |id: BlockId| library.get(id).map(|block| &block.interface);
+        let mut changes = Self::default();
+        for (id, _) in differing(sources, program) {
+            let image = ob1_mc7::image(program, id, &known).and_then(|image| image.bytes().ok());
+            match (has(program, id), image) {
+                (false, _) => changes.delete(id),
+                (true, Some(bytes)) => changes.put(id, bytes),
+                (true, None) => tracing::warn!("{id} has no machine code: the next start takes it from the sources"),
+            }
+        }
+        changes
     }
 
     /// Forgets changes that leave a block as it is in the sources.

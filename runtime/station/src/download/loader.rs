@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use ob1_access::door::Refusal;
 use ob1_broker::{Change, Changed};
 use ob1_cpu::engine::Plan;
-use ob1_cpu::{Cpu, LoadError, NotNow, Successor, Surroundings};
+use ob1_cpu::{Cpu, LoadError, Successor, Surroundings, Watches, lost_values};
 use ob1_ir::Program;
 use ob1_model::{BlockId, BlockKind};
 use ob1_stl::Library;
@@ -24,9 +24,12 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::changes::{Changes, block, has, is_system_data};
 use super::file;
+use super::order::{LoadOrder, LoadStatus, Loading, Loads};
 use crate::compiling::{Compiling, Giver, Request, Successors};
 use crate::engine::{EngineChoice, InUse};
+use crate::finding::{Finding, Level};
 use crate::known::{Known, KnownProgram};
+use crate::{program, station_file};
 
 /// Programs under way to the scan.
 const UNDER_WAY: usize = 2;
@@ -48,7 +51,7 @@ struct OnItsWay {
     /// Where its machine code will come from; after it took over, the same of the program before.
     engines: Option<Successors>,
     state: Arc<AtomicU8>,
-    outcome: Result<(), NotNow>,
+    outcome: Result<(), Watches>,
 }
 
 /// The scan's end.
@@ -95,6 +98,8 @@ pub struct Downloading {
     pub changes: Changes,
     /// Where that is kept; none: it is lost at the end.
     pub path: Option<PathBuf>,
+    /// The file of the station, which names its sources; none: they are not read again.
+    pub station: Option<PathBuf>,
     /// The blocks that are not of the program.
     pub library: Arc<Library>,
     /// What others see of the program.
@@ -120,14 +125,21 @@ impl std::fmt::Debug for Downloading {
 /// The thread at work: changes go in, their outcomes come out. Dropping it ends the thread.
 #[derive(Debug)]
 pub(crate) struct Loader {
-    orders: Option<Sender<(u64, Change)>>,
+    orders: Sender<Order>,
     done: Receiver<Changed>,
     thread: Option<JoinHandle<()>>,
 }
 
+/// What the thread is to do.
+pub(super) enum Order {
+    Change(u64, Change),
+    Load(Loading),
+    End,
+}
+
 impl Drop for Loader {
     fn drop(&mut self) {
-        drop(self.orders.take());
+        let _ = self.orders.send(Order::End);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
@@ -137,7 +149,12 @@ impl Drop for Loader {
 impl Loader {
     /// Hands a change over.
     pub(crate) fn change(&self, number: u64, change: Change) -> bool {
-        self.orders.as_ref().is_some_and(|orders| orders.send((number, change)).is_ok())
+        self.orders.send(Order::Change(number, change)).is_ok()
+    }
+
+    /// Where others order loads.
+    pub(crate) fn loads(&self) -> Loads {
+        Loads::new(self.orders.clone())
     }
 
     /// The outcome of a change, if one has ended.
@@ -154,19 +171,24 @@ impl Downloading {
     pub(crate) fn start(self, runs: impl Fn() -> bool + Send + 'static) -> std::io::Result<(Loader, Newcomers)> {
         let (to_scan, come) = RingBuffer::new(UNDER_WAY);
         let (gone, from_scan) = RingBuffer::new(UNDER_WAY + 1);
-        let (orders, taken) = mpsc::channel::<(u64, Change)>();
+        let (orders, taken) = mpsc::channel();
         let (tell, done) = mpsc::channel();
         let thread = ob1_rt::spawn("ob1-download", move || {
             let runs = Box::new(runs);
-            let mut work = Work { with: self, to_scan, from_scan, runs, wanted: None, compiling: None };
+            let mut work = Work { with: self, to_scan, from_scan, runs, wanted: None, compiling: None, before: None };
             loop {
                 let (number, change) = match work.next(&taken) {
-                    Ok(order) => order,
+                    Ok(Order::Change(number, change)) => (number, change),
+                    Ok(Order::Load(loading)) => {
+                        // Whoever asked may be gone.
+                        let _ = loading.tell.send(work.reload(&loading.order));
+                        continue;
+                    }
                     Err(RecvTimeoutError::Timeout) => {
                         work.compile();
                         continue;
                     }
-                    Err(RecvTimeoutError::Disconnected) => return,
+                    Ok(Order::End) | Err(RecvTimeoutError::Disconnected) => return,
                 };
                 let outcome = work.change(change).map_err(|why| {
                     tracing::warn!("a download was refused: {}", why.text);
@@ -177,7 +199,7 @@ impl Downloading {
                 }
             }
         })?;
-        Ok((Loader { orders: Some(orders), done, thread: Some(thread) }, Newcomers { come, gone, held: None }))
+        Ok((Loader { orders, done, thread: Some(thread) }, Newcomers { come, gone, held: None }))
     }
 }
 
@@ -196,10 +218,6 @@ impl Refused {
     fn new(why: Refusal, text: impl Into<String>) -> Self {
         Self { why, text: text.into() }
     }
-
-    fn in_run() -> Self {
-        Self::new(Refusal::InRun, "statements and system data cannot be changed in RUN")
-    }
 }
 
 struct Work {
@@ -211,11 +229,13 @@ struct Work {
     wanted: Option<(Arc<Plan>, Giver)>,
     /// Where it is being made.
     compiling: Option<Compiling>,
+    /// The program before the last change.
+    before: Option<Arc<Program>>,
 }
 
 impl Work {
-    /// The next change; a timeout when it is time to compile.
-    fn next(&self, orders: &Receiver<(u64, Change)>) -> Result<(u64, Change), RecvTimeoutError> {
+    /// The next order; a timeout when it is time to compile.
+    fn next(&self, orders: &Receiver<Order>) -> Result<Order, RecvTimeoutError> {
         match self.wanted {
             Some(_) => orders.recv_timeout(QUIET),
             None => orders.recv().map_err(|_| RecvTimeoutError::Disconnected),
@@ -233,20 +253,8 @@ impl Work {
         }
     }
 
-    /// Makes a change. A change of statements that fails in RUN is refused because of RUN, whatever else is wrong: STOP
-    /// is the first remedy, and in STOP other blocks may mend the rest.
+    /// Makes a change.
     fn change(&mut self, change: Change) -> Result<(), Refused> {
-        let is_data = |id: &BlockId| id.kind == BlockKind::Db;
-        let data_only = match &change {
-            Change::Link(blocks) => blocks.iter().all(|(id, _)| is_data(id)),
-            Change::Delete(ids) => ids.iter().all(is_data),
-        };
-        let in_run = !data_only && (self.runs)();
-        let told = |why: Refused| if in_run && why.why != Refusal::Silent { Refused::in_run() } else { why };
-        self.make(change).map_err(told)
-    }
-
-    fn make(&mut self, change: Change) -> Result<(), Refused> {
         let with = &self.with;
         let mut changes = with.changes.clone();
         let (mut fresh, mut told) = (Vec::new(), Vec::new());
@@ -286,19 +294,84 @@ impl Work {
             }
         }
         if told.iter().any(is_system) && (self.runs)() {
-            return Err(Refused::in_run());
+            return Err(Refused::new(Refusal::InRun, "system data cannot be changed in RUN"));
         }
         // A block that is as in the sources is the sources' again, with everything that machine code does not hold.
         changes.forget_same(&with.sources, &with.library);
+        let list: Vec<String> = told.iter().map(BlockId::to_string).collect();
         if told.iter().all(is_system) {
             self.with.changes = changes;
-            self.keep(&told);
+            tracing::info!("downloaded or deleted: {}", list.join(", "));
+            self.keep();
             return Ok(());
         }
         let next = changes.apply(&with.sources, &with.library, &with.around);
         let next = next.map_err(|whys| Refused::new(Refusal::Block, whys.join("; ")))?;
+        self.take(Arc::new(next), fresh)?;
+        self.with.changes = changes;
+        tracing::info!("downloaded or deleted: {}", list.join(", "));
+        self.keep();
+        Ok(())
+    }
+
+    /// The sources as they are now, or the program before the last change.
+    ///
+    /// What is loaded from the sources needs no file: it is what the next start finds. So the file of what was
+    /// downloaded goes first, and nobody finds it beside sources that it does not belong to.
+    fn reload(&mut self, order: &LoadOrder) -> Result<LoadStatus, String> {
+        let next = if order.back {
+            self.before
+                .clone()
+                .ok_or("there is no version before this one\n  = the program has not been changed yet")?
+        } else {
+            Arc::new(self.read_sources()?)
+        };
+        let with = &self.with;
+        let told =
+            LoadStatus::new(&with.now, &next, lost_values(&with.now, &next), order.texts.then_some(&*with.library));
+        if order.check || told.changed.is_empty() {
+            return Ok(told);
+        }
+        if order.expect.as_ref().is_some_and(|expect| *expect != told.fingerprint) {
+            return Err("the sources have changed since the difference was shown\n  = load again".to_owned());
+        }
+        let mut changes = with.changes.system_data();
+        if order.back {
+            changes.0.extend(Changes::between(&with.sources, &next, &with.library).0);
+        }
+        if let Some(path) = with.path.as_ref().filter(|_| !order.back) {
+            file::write(path, &changes).map_err(|error| format!("{}: {error}", path.display()))?;
+        }
+        if let Err(refused) = self.take(Arc::clone(&next), Vec::new()) {
+            self.keep();
+            return Err(refused.text);
+        }
+        self.with.changes = changes;
+        if !order.back {
+            self.with.sources = next;
+        }
+        let list: Vec<&str> = told.changed.iter().map(|change| change.block.as_str()).collect();
+        let what = if order.back { "back to the version before" } else { "loaded from the sources" };
+        tracing::info!("{what}: {}", list.join(", "));
+        self.keep();
+        let not_kept = self.with.known.get().not_kept.clone().filter(|_| order.back);
+        Ok(LoadStatus { loaded: true, not_kept, ..told })
+    }
+
+    /// The program that the station's sources give now.
+    fn read_sources(&self) -> Result<Program, String> {
+        let path = self.with.station.as_ref().ok_or("this station has no sources")?;
+        let told = |findings: Vec<Finding>| {
+            let errors = findings.iter().filter(|finding| finding.level == Level::Error);
+            errors.map(ToString::to_string).collect::<String>().trim_end().to_owned()
+        };
+        let station = station_file::load(path).map_err(told)?;
+        Ok(program::compile(&station.program, &self.with.library).map_err(told)?.program)
+    }
+
+    /// Has the scan take a program.
+    fn take(&mut self, next: Arc<Program>, fresh: Vec<u16>) -> Result<(), Refused> {
         let successor = self.load(&next, fresh)?;
-        let next = Arc::new(next);
         // If only values change, the machine code stays right.
         let plan = successor.plan().filter(|_| self.with.compile.is_some()).cloned();
         let (giver, engines) = plan.as_ref().map(|_| Giver::pair()).unzip();
@@ -306,23 +379,22 @@ impl Work {
         if let Some(wanted) = plan.zip(giver) {
             self.wanted = Some(wanted);
         }
-        let with = &mut self.with;
-        (with.changes, with.now) = (changes, next);
-        self.keep(&told);
+        self.before = Some(std::mem::replace(&mut self.with.now, next));
         Ok(())
     }
 
-    /// Keeps the changes, and shows others what there is now.
-    fn keep(&self, told: &[BlockId]) {
+    /// Writes down how the program differs from its sources, and tells others of it.
+    fn keep(&self) {
         let with = &self.with;
         let kept = with.path.as_ref().map_or_else(
-            || Err("there is no folder for it: [station] state".to_owned()),
+            || {
+                let lost = || Err("there is no folder for it: [station] state".to_owned());
+                if with.changes.is_empty() { Ok(()) } else { lost() }
+            },
             |path| file::write(path, &with.changes).map_err(|error| format!("{}: {error}", path.display())),
         );
-        let list: Vec<String> = told.iter().map(BlockId::to_string).collect();
-        tracing::info!("downloaded or deleted: {}", list.join(", "));
         if let Err(why) = &kept {
-            tracing::error!("the downloaded blocks are lost when the station ends: {why}");
+            tracing::error!("the changed blocks are lost when the station ends: {why}");
         }
         let known = with.changes.known(&with.now, (&with.sources, &with.around), &with.library);
         with.known.set(KnownProgram { not_kept: kept.err(), ..known });
@@ -367,7 +439,13 @@ impl Work {
         loop {
             while let Ok(back) = self.from_scan.pop() {
                 if Arc::ptr_eq(&back.state, &state) {
-                    return back.outcome.map_err(|NotNow| Refused::in_run());
+                    return back.outcome.map_err(|Watches(block)| {
+                        let text = format!(
+                            "{block} is being watched (ob1 status, or program status of an engineering tool)\n  = end \
+                             that first"
+                        );
+                        Refused::new(Refusal::Watched, text)
+                    });
                 }
             }
             if self.from_scan.is_abandoned() {
@@ -385,160 +463,5 @@ impl Work {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use ob1_cpu::{Command, CpuConfig, Natives, Still};
-    use std::sync::atomic::AtomicBool;
-
-    fn program(text: &str) -> Program {
-        let source = ob1_stl::Source::new("p.awl", text);
-        let output = ob1_stl::compile(&[source], &Library::new(), &ob1_stl::Options::default());
-        assert!(output.is_good(), "{:#?}", output.diagnostics);
-        output.program
-    }
-
-    const DB: &str = "DATA_BLOCK DB 5\nSTRUCT\n a : INT;\nEND_STRUCT\nBEGIN\nEND_DATA_BLOCK\n";
-
-    fn adding(number: u16) -> String {
-        format!("ORGANIZATION_BLOCK OB 1\nBEGIN\nL MW 2;\n+ {number};\nT MW 2;\nEND_ORGANIZATION_BLOCK\n")
-    }
-
-    /// Hands a change over and cycles until the loader has answered: the engines that took over, and the outcome.
-    fn changed(
-        (cpu, engines): (&mut Cpu, &mut Option<Successors>),
-        (loader, newcomers): (&Loader, &mut Newcomers),
-        change: Change,
-    ) -> (Vec<&'static str>, Result<(), Refusal>) {
-        assert!(loader.change(1, change));
-        let mut names = Vec::new();
-        loop {
-            cpu.cycle(&mut Still);
-            names.extend(newcomers.take_over(cpu, engines));
-            if let Some((number, outcome)) = loader.changed() {
-                assert_eq!(number, 1);
-                return (names, outcome);
-            }
-            std::thread::yield_now();
-        }
-    }
-
-    /// The machine code of a block of a text, to be linked.
-    fn link(text: &str, id: BlockId) -> Change {
-        let image = ob1_mc7::image(&program(text), id, &|_| None).expect("machine code");
-        Change::Link(vec![(id, image.bytes().expect("short").into())])
-    }
-
-    /// A CPU in STOP with this program, and its loader. The flag says that it runs.
-    fn started(text: &str) -> (Cpu, Loader, Newcomers, Arc<AtomicBool>) {
-        let sources = Arc::new(program(text));
-        let config = CpuConfig { spare_obs: 4, ..CpuConfig::default() };
-        let natives = Natives::from(ob1_cpu::system_blocks());
-        let around = Surroundings::new(&config, &natives);
-        let compile = Some(Request::new(&config, Arc::clone(&sources), &natives));
-        let engine = EngineChoice::Auto;
-        let cpu = Cpu::new(config, &sources, natives, Vec::new(), engine.factory()).expect("it loads");
-        let downloading = Downloading {
-            around,
-            now: Arc::clone(&sources),
-            sources,
-            changes: Changes::default(),
-            path: None,
-            library: Arc::new(Library::new()),
-            known: Known::default(),
-            engine,
-            in_use: Arc::default(),
-            compile,
-            stack: cpu.stack_bytes(),
-            cycles: Duration::ZERO,
-        };
-        let runs = Arc::new(AtomicBool::new(false));
-        let in_run = Arc::clone(&runs);
-        let (loader, newcomers) = downloading.start(move || in_run.load(Ordering::Relaxed)).expect("a thread");
-        (cpu, loader, newcomers, runs)
-    }
-
-    /// The operating state comes first: STOP is the remedy, and only there does the rest matter.
-    #[test]
-    fn statements_are_not_changed_in_run_whatever_else_is_wrong() {
-        let calling = "FUNCTION FC 7 : VOID\nBEGIN\nNOP 0;\nEND_FUNCTION\n\
-                       ORGANIZATION_BLOCK OB 1\nBEGIN\nCALL FC 7;\nEND_ORGANIZATION_BLOCK\n";
-        let (mut cpu, loader, mut newcomers, runs) = started(calling);
-        let mut engines = None;
-        let mut outcome = |cpu: &mut Cpu, change| changed((cpu, &mut engines), (&loader, &mut newcomers), change).1;
-        let (fc, db) = (|number| BlockId::new(BlockKind::Fc, number), BlockId::new(BlockKind::Db, 5));
-        let broken = |id| Change::Link(vec![(id, vec![0xFF_u8; 80].into())]);
-        assert_eq!(outcome(&mut cpu, Change::Delete(vec![fc(7)])), Err(Refusal::Block));
-        assert_eq!(outcome(&mut cpu, Change::Delete(vec![fc(8)])), Err(Refusal::NotThere));
-        assert_eq!(outcome(&mut cpu, broken(fc(9))), Err(Refusal::Block));
-        cpu.request(Command::Run);
-        cpu.cycle(&mut Still);
-        runs.store(true, Ordering::Relaxed);
-        for change in [Change::Delete(vec![fc(7)]), Change::Delete(vec![db, fc(8)]), broken(fc(9))] {
-            assert_eq!(outcome(&mut cpu, change), Err(Refusal::InRun));
-        }
-        assert_eq!(outcome(&mut cpu, Change::Delete(vec![db])), Err(Refusal::NotThere));
-        assert_eq!(outcome(&mut cpu, broken(db)), Err(Refusal::Block));
-        assert_eq!(outcome(&mut cpu, link(DB, db)), Ok(()));
-        assert_eq!(outcome(&mut cpu, Change::Delete(vec![db])), Ok(()));
-    }
-
-    /// So many leave no room on the stack for machine code: the reference engine runs them, in RUN too.
-    #[test]
-    fn data_blocks_are_taken_beside_many_organization_blocks() {
-        let (mut cpu, loader, mut newcomers, runs) = started(&adding(1));
-        let mut engines = None;
-        let mut outcome = |cpu: &mut Cpu, change| changed((cpu, &mut engines), (&loader, &mut newcomers), change).1;
-        let all = (30..=38).chain(40..=43).map(|number| {
-            let text = format!("ORGANIZATION_BLOCK OB {number}\nBEGIN\nNOP 0;\nEND_ORGANIZATION_BLOCK\n");
-            let Change::Link(blocks) = link(&text, BlockId::new(BlockKind::Ob, number)) else { panic!("a block") };
-            blocks
-        });
-        assert_eq!(outcome(&mut cpu, Change::Link(all.flatten().collect())), Ok(()));
-        cpu.request(Command::Run);
-        cpu.cycle(&mut Still);
-        runs.store(true, Ordering::Relaxed);
-        assert_eq!(outcome(&mut cpu, link(DB, BlockId::new(BlockKind::Db, 5))), Ok(()));
-    }
-
-    #[test]
-    fn organization_blocks_that_nothing_runs_are_refused() {
-        let (mut cpu, loader, mut newcomers, _) = started(&adding(1));
-        let mut engines = None;
-        let image = |number| {
-            let Change::Link(blocks) = link(&adding(1), BlockId::new(BlockKind::Ob, 1)) else { panic!("a block") };
-            let (_, bytes) = blocks.into_iter().next().expect("one");
-            let (mut block, _) = ob1_mc7::BlockImage::read(&bytes).expect("its machine code");
-            block.head.number = number;
-            Change::Link(vec![(BlockId::new(BlockKind::Ob, number), block.bytes().expect("short").into())])
-        };
-        for (number, outcome) in
-            [(0, Err(Refusal::Block)), (2, Err(Refusal::Block)), (35, Ok(())), (u16::MAX, Err(Refusal::Block))]
-        {
-            let change = image(number);
-            let answer = changed((&mut cpu, &mut engines), (&loader, &mut newcomers), change).1;
-            assert_eq!(answer, outcome, "OB {number}");
-        }
-    }
-
-    #[test]
-    fn no_client_waits_for_machine_code_in_stop_and_the_scan_has_it_in_run() {
-        let (mut cpu, loader, mut newcomers, runs) = started(&adding(1));
-        let mut engines = None;
-        let ob1 = BlockId::new(BlockKind::Ob, 1);
-        let mut load = |cpu: &mut Cpu, engines: &mut Option<Successors>, text: &str, id| {
-            let (names, outcome) = changed((cpu, engines), (&loader, &mut newcomers), link(text, id));
-            assert_eq!(outcome, Ok(()));
-            names
-        };
-        assert_eq!(load(&mut cpu, &mut engines, &adding(10), ob1), ["reference"]);
-        assert!(engines.is_some(), "machine code for it can come");
-        cpu.request(Command::Run);
-        cpu.cycle(&mut Still);
-        assert_eq!(cpu.bit_memory()[2..4], [0, 10]);
-        runs.store(true, Ordering::Relaxed);
-        let db = BlockId::new(BlockKind::Db, 5);
-        assert_eq!(load(&mut cpu, &mut engines, DB, db), [ob1_native::NAME_FAST]);
-        // Other values of a block that stays: the code stays, too.
-        assert_eq!(load(&mut cpu, &mut engines, DB, db), [ob1_native::NAME_FAST]);
-    }
-}
+#[path = "loader_tests.rs"]
+mod tests;

@@ -7,11 +7,13 @@
 mod changes;
 mod file;
 mod loader;
+mod order;
 
 pub use changes::Changes;
 pub use file::{read, write};
 pub(crate) use loader::Loader;
 pub use loader::{Downloading, Newcomers};
+pub use order::{LoadOrder, LoadStatus, Loads};
 
 use std::path::{Path, PathBuf};
 

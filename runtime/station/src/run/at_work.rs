@@ -31,6 +31,7 @@ use crate::access::facts::StationFacts;
 use crate::access::server::Server;
 use crate::assembly::{self, Assembly};
 use crate::compiling::Compiling;
+use crate::download::Downloading;
 use crate::drivers::find_program;
 use crate::exit::Exit;
 use crate::guardian::Guardian;
@@ -114,9 +115,10 @@ impl AtWork {
             let scan = Arc::clone(&scan);
             move || scan.state() != OperatingState::Stop
         };
-        let download = download.map(|download| download.start(runs)).transpose();
-        let download = download.map_err(system("the thread for downloads"))?;
-        let (loader, newcomers) = download.unzip();
+        let path = std::path::absolute(&options.station).ok();
+        let download = Downloading { station: path, ..download }.start(runs);
+        let (loader, newcomers) = download.map_err(system("the thread for downloads"))?;
+        let _ = view.loads.set(loader.loads());
         let facts = StationFacts::new(view.clone(), station, loader);
         let (broker, door, links) = open_doors(station, &mut cpu, fed, facts, clock, (listeners, &rundir.socket()))
             .map_err(system("the broker"))?;
@@ -150,7 +152,7 @@ impl AtWork {
             late,
             guard: io.as_ref().map(|io| io.guard().clone()),
             successors,
-            newcomers,
+            newcomers: Some(newcomers),
             engine: Arc::clone(&view.engine),
         }
         .start()
@@ -196,6 +198,7 @@ impl AtWork {
             self.drain_log();
             self.tell_posture(&mut posture_is_told, &options.station);
             self.journal.take(&self.view);
+            self.view.forces.tend();
             if signals.wait(TICK) {
                 break Ended::Signal;
             }

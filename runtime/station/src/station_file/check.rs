@@ -46,6 +46,7 @@ pub(super) fn check(
         cpu,
         engine: choice(f, "engine", file.cpu.engine.as_ref(), &EngineChoice::WORDS).unwrap_or_default(),
         retentive,
+        state: retentive::folder_of(&file.station, folder),
         downloads,
         realtime: realtime(f, &file.cpu),
         program: Sources {

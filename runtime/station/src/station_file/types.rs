@@ -38,6 +38,8 @@ pub struct Station {
     pub plugins: Vec<Plugin>,
     /// Where retentive memory is written; none: it does not outlast the runtime.
     pub retentive: Option<RetentiveFile>,
+    /// Where it keeps what outlasts it.
+    pub state: PathBuf,
     /// Where blocks are kept that were downloaded; none: no link may change the program.
     pub downloads: Option<PathBuf>,
     /// Modules, in the order of the file.

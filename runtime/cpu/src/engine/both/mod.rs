@@ -55,7 +55,7 @@ impl Factory for Both {
 struct Two {
     reference: Box<dyn Engine>,
     other: Box<dyn Engine>,
-    /// There are breakpoints: what happens in HOLD could not be played back.
+    /// There are breakpoints or forced values: what happens meanwhile could not be played back.
     alone: Cell<bool>,
 }
 
