@@ -5,23 +5,23 @@
 
 mod setup;
 mod table;
+mod telegrams;
 mod watch;
 
 use ob1_model::{Point, TEST_FUNCTIONS};
 
 use self::setup::{Begin, LENGTHS, Setup, Trigger, parts};
+use self::telegrams::{MESSAGE, answer, message, named, result};
 use self::watch::{Seen, Watch};
 use super::service::Service;
 use super::var::{Slot, addresses};
 use super::{Access, Ask, Connection, Job, Put, Reply, Step, Then};
 use crate::Rights;
 use crate::codes::Code;
-use crate::wire::{Group, Telegram, USERDATA_HEAD, UserData, sub};
+use crate::wire::{USERDATA_HEAD, UserData, sub};
 
 /// Jobs of a connection.
 const JOBS: usize = 8;
-/// Bytes of the parameters of a message.
-const MESSAGE: usize = 4;
 /// The list of the operating state; in its record the state is the low half of this byte.
 const OPERATING_STATE: u16 = 0x0424;
 const STATE_AT: usize = 3;
@@ -105,40 +105,6 @@ impl Ending {
     /// Results of this job come before the answer.
     const fn is_after(self, id: u8) -> bool {
         matches!(self, Self::Disabled { job } | Self::Deleted { job } if job == id)
-    }
-}
-
-/// Lengths and parameters in front of what a message or a list tells.
-fn message(class: u8, data: &[u8]) -> Vec<u8> {
-    let mut bytes = vec![0, MESSAGE as u8];
-    bytes.extend_from_slice(&(data.len() as u16).to_be_bytes());
-    bytes.extend_from_slice(&[0x01, 0x00, 0x00, class]);
-    bytes.extend_from_slice(data);
-    bytes
-}
-
-/// The result of a job.
-fn result(function: u8, job: u8, class: u8, code: Code, data: &[u8]) -> Vec<u8> {
-    let bytes = if data.is_empty() { Vec::new() } else { message(class, data) };
-    let push = UserData::job(Group::Test, function, &bytes);
-    UserData { telegram: Telegram::Message, sequence: job, error: code, ..push }.write(0)
-}
-
-fn answer(reference: u16, function: u8, sequence: u8, code: Code, data: &[u8]) -> Vec<u8> {
-    let telegram =
-        UserData { telegram: Telegram::Answer, sequence, error: code, ..UserData::job(Group::Test, function, data) };
-    telegram.write(reference)
-}
-
-/// Function and number of the job a service is about; in front of them `0F` has a word.
-fn named(service: &UserData<'_>) -> Result<(u8, u8), Code> {
-    let (_, data) = parts(service.data)?;
-    match data {
-        [function, number] | [_, _, function, number] => match *number {
-            0 => Err(Code::TEST_NUMBER),
-            number => Ok((*function, number)),
-        },
-        _ => Err(Code::TEST_DATA),
     }
 }
 
